@@ -1,0 +1,123 @@
+//! The workspace in voxels.
+
+use crate::Vec3;
+
+/// The cubic voxel grid over the workspace.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grid {
+    /// Voxels along each side.
+    pub resolution: usize,
+    /// Length of a side of the workspace, in metres.
+    pub size_m: f32,
+    /// Height of the table's top above the workspace's origin, in metres.
+    pub table_z_m: f32,
+}
+
+/// Why a grid cannot be.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum GridError {
+    /// The grid's values do not fill it.
+    #[error("a grid of {resolution}^3 voxels needs {expected} values, got {got}")]
+    Length {
+        /// Voxels along a side.
+        resolution: usize,
+        /// `resolution`³.
+        expected: usize,
+        /// How many there were.
+        got: usize,
+    },
+}
+
+impl Grid {
+    /// The paper's and VGN's grid: 40³ voxels of 7.5 mm, the table at 0.05 m.
+    pub const PAPER: Self = Self { resolution: 40, size_m: 0.30, table_z_m: 0.05 };
+
+    /// Side of a voxel, in metres.
+    #[must_use]
+    pub fn voxel_size_m(&self) -> f32 {
+        self.size_m / self.resolution as f32
+    }
+
+    /// Centre of voxel `(i, j, k)` in the workspace, in metres.
+    #[must_use]
+    pub fn centre_m(&self, [i, j, k]: [usize; 3]) -> Vec3 {
+        (Vec3::new(i as f32, j as f32, k as f32) + 0.5) * self.voxel_size_m()
+    }
+
+    /// The voxel that holds a point of the workspace, or `None` outside.
+    #[must_use]
+    pub fn voxel_at(&self, point_m: Vec3) -> Option<[usize; 3]> {
+        let mut index = [0; 3];
+        for (slot, coordinate) in index.iter_mut().zip(point_m.to_array()) {
+            let voxel = (coordinate / self.voxel_size_m()).floor();
+            if !(voxel >= 0.0 && voxel < self.resolution as f32) {
+                return None;
+            }
+            *slot = voxel as usize;
+        }
+        Some(index)
+    }
+
+    /// Number of voxels.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.resolution.pow(3)
+    }
+
+    /// Whether the grid has no voxels.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.resolution == 0
+    }
+
+    /// Where voxel `(i, j, k)` stands in a flat array: x slowest, z fastest.
+    #[must_use]
+    pub fn flat(&self, [i, j, k]: [usize; 3]) -> usize {
+        (i * self.resolution + j) * self.resolution + k
+    }
+}
+
+/// A TSDF over a grid, in VGN's value convention: `(tsdf + 1) / 2` where the voxel was observed and
+/// −0.98 < tsdf < 0.98, else 0. Flat, x slowest, z fastest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VoxelGrid {
+    /// The grid the values lie on.
+    pub grid: Grid,
+    /// `grid.len()` values in [0, 1).
+    pub values: Vec<f32>,
+}
+
+impl VoxelGrid {
+    /// Values on a grid.
+    ///
+    /// # Errors
+    /// [`GridError::Length`] unless there is one value a voxel.
+    pub fn new(grid: Grid, values: Vec<f32>) -> Result<Self, GridError> {
+        if values.len() == grid.len() {
+            Ok(Self { grid, values })
+        } else {
+            Err(GridError::Length { resolution: grid.resolution, expected: grid.len(), got: values.len() })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_voxels_centre_lies_in_that_voxel() {
+        let grid = Grid::PAPER;
+        for index in [[0, 0, 0], [39, 39, 39], [3, 17, 25]] {
+            assert_eq!(grid.voxel_at(grid.centre_m(index)), Some(index));
+        }
+    }
+
+    #[test]
+    fn points_outside_have_no_voxel() {
+        let grid = Grid::PAPER;
+        for point in [Vec3::splat(-1e-6), Vec3::new(0.1, 0.1, 0.3001), Vec3::new(f32::NAN, 0.1, 0.1)] {
+            assert_eq!(grid.voxel_at(point), None, "{point}");
+        }
+    }
+}

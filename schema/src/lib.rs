@@ -1,0 +1,40 @@
+//! What a record means: grasps, outcomes, grids, cameras, the gripper; their units, frames and seeds.
+//!
+//! Every other crate speaks in these types. Nothing here does IO, and nothing here can fail except a constructor
+//! that checks an invariant.
+//!
+//! # Frames
+//!
+//! - **workspace**: a cube, origin at a lower corner, z up; the table's top is at [`Grid::table_z_m`].
+//! - **grid**: the workspace in voxels; voxel `(i, j, k)` has its centre at `(i + ½, j + ½, k + ½) · voxel_size_m`.
+//! - **camera**: x right, y down, z forward.
+//! - **object**: origin at the centre of the object's bounding box, axes along the shape's own ([`Solid`]).
+//! - **grasp**: origin midway between the two finger tips, at their ends; +z approach, +y closing, x = y × z.
+//!   A half turn about z is the same grasp.
+//!
+//! A transform is named `target_from_source`: `workspace_from_grasp * p_grasp = p_workspace`. Quaternions are xyzw.
+//! SI units throughout; a name carries its unit (`width_m`, `tilt_rad`).
+
+mod camera;
+mod grasp;
+mod grid;
+mod gripper;
+mod outcome;
+mod pose;
+mod procedure;
+mod record;
+mod rule;
+mod seed;
+mod solid;
+
+pub use camera::{Camera, DepthImage, Intrinsics, View};
+pub use grasp::{Grasp, VoxelGrasp};
+pub use grid::{Grid, GridError, VoxelGrid};
+pub use gripper::{Gripper, GripperError, HandBox};
+pub use outcome::{HitKind, Outcome};
+pub use pose::{Pose, Quat, Vec3, axis_angle, pose_from_parts};
+pub use procedure::Procedure;
+pub use record::{AttemptRecord, ObjectRecord, SceneRecord, SceneRejections, SceneRows};
+pub use rule::{Axis, Rule};
+pub use seed::{Purpose, Stream};
+pub use solid::{FACETS, Plane, ShapeKind, Solid, SolidError};

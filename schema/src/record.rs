@@ -1,0 +1,105 @@
+//! The rows of a dataset: scenes, objects, attempts.
+
+use crate::{Axis, HitKind, Outcome, Pose, Rule, Solid, View};
+
+/// Scenes that were built and thrown away before this one came to rest, by reason.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct SceneRejections {
+    /// The objects did not come to rest in time.
+    pub unsettled: u32,
+    /// Every object fell off the table or out of the workspace.
+    pub empty: u32,
+    /// The engine gave a pose that is no number, or shot an object away.
+    pub unstable: u32,
+}
+
+/// A row of the `scenes` table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneRecord {
+    /// Number of the scene in the dataset, from 0; unique.
+    pub scene_id: u64,
+    /// Objects dropped.
+    pub dropped_count: u32,
+    /// Objects in the settled scene; at most `dropped_count`, since some fall off.
+    pub object_count: u32,
+    /// Attempts executed.
+    pub attempt_count: u32,
+    /// Simulated time until the scene came to rest, in seconds.
+    pub settle_time_s: f32,
+    /// Scenes thrown away before this one.
+    pub rejections: SceneRejections,
+    /// Camera poses from which the TSDF was made.
+    pub views: Vec<View>,
+    /// The TSDF in VGN's value convention ([`crate::VoxelGrid`]); flat, x slowest, z fastest; resolution³ values.
+    pub tsdf: Vec<f32>,
+}
+
+/// A row of the `objects` table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectRecord {
+    /// The scene.
+    pub scene_id: u64,
+    /// Number of the object in its scene, from 0.
+    pub object_id: u32,
+    /// Shape and size.
+    pub solid: Solid,
+    /// Mass in kilograms.
+    pub mass_kg: f32,
+    /// Coulomb friction coefficient.
+    pub friction: f32,
+    /// Pose at rest.
+    pub workspace_from_object: Pose,
+}
+
+/// A row of the `attempts` table: a candidate drawn by a rule, executed once.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttemptRecord {
+    /// The scene.
+    pub scene_id: u64,
+    /// Number of the attempt in its scene, from 0.
+    pub attempt_id: u32,
+    /// The target, by its number in the scene.
+    pub object_id: u32,
+    /// Row of Appendix A.
+    pub rule: Rule,
+    /// Object axis along which the hand closes, before the turn.
+    pub closing: Axis,
+    /// Drawn rotation about the grasp's y axis (Appendix A: r_y).
+    pub tilt_rad: f32,
+    /// Drawn rotation about the grasp's x axis (r_x); 0 for rules without.
+    pub turn_rad: f32,
+    /// Drawn offset along the grasp's z axis, from the object's centre (d_z), in metres.
+    pub depth_m: f32,
+    /// Drawn offset along the grasp's x axis (d_x), in metres; 0 for rules without.
+    pub slide_m: f32,
+    /// The grasp.
+    pub workspace_from_grasp: Pose,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// What was hit, for the outcomes that hit something.
+    pub hit: Option<HitKind>,
+    /// Which object was hit, where it was an object.
+    pub hit_object_id: Option<u32>,
+    /// Opening between the fingers' inner faces in metres: at the end of the hold if the object was held, else when
+    /// the fingers stopped closing; `None` if they never closed.
+    pub width_m: Option<f32>,
+}
+
+impl AttemptRecord {
+    /// 1 if the object was held, else 0.
+    #[must_use]
+    pub fn label(&self) -> u8 {
+        self.outcome.label()
+    }
+}
+
+/// All rows of one scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneRows {
+    /// The scene.
+    pub scene: SceneRecord,
+    /// Its objects, by `object_id`.
+    pub objects: Vec<ObjectRecord>,
+    /// Its attempts, by `attempt_id`.
+    pub attempts: Vec<AttemptRecord>,
+}

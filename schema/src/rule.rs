@@ -1,0 +1,107 @@
+//! The rows of the paper's Appendix A, by name. Their laws stand in the generator, beside the code that draws from them.
+
+use crate::{ShapeKind, Vec3};
+
+/// An axis of the object frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Axis {
+    /// x.
+    X,
+    /// y.
+    Y,
+    /// z.
+    Z,
+}
+
+impl Axis {
+    /// The three axes.
+    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
+
+    /// The name in shards.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::X => "x",
+            Self::Y => "y",
+            Self::Z => "z",
+        }
+    }
+
+    /// The axis with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|axis| axis.name() == name)
+    }
+
+    /// Unit vector.
+    #[must_use]
+    pub fn unit(self) -> Vec3 {
+        match self {
+            Self::X => Vec3::X,
+            Self::Y => Vec3::Y,
+            Self::Z => Vec3::Z,
+        }
+    }
+
+    /// The component of `v` along this axis.
+    #[must_use]
+    pub fn of(self, v: Vec3) -> f32 {
+        self.unit().dot(v)
+    }
+}
+
+/// A row of Appendix A: a shape and the object axis along which it is approached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Rule {
+    /// The shape.
+    pub shape: ShapeKind,
+    /// The object axis of the approach.
+    pub approach: Axis,
+}
+
+impl Rule {
+    /// The twelve rows.
+    #[must_use]
+    pub fn all() -> [Self; 12] {
+        core::array::from_fn(|i| Self { shape: ShapeKind::ALL[i / 3], approach: Axis::ALL[i % 3] })
+    }
+
+    /// The name in shards and reports, such as `tri_prism_x`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        const NAMES: [&str; 12] = [
+            "cuboid_x",
+            "cuboid_y",
+            "cuboid_z",
+            "cylinder_x",
+            "cylinder_y",
+            "cylinder_z",
+            "tri_prism_x",
+            "tri_prism_y",
+            "tri_prism_z",
+            "half_cylinder_x",
+            "half_cylinder_y",
+            "half_cylinder_z",
+        ];
+        NAMES[self.shape as usize * 3 + self.approach as usize]
+    }
+
+    /// The rule with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::all().into_iter().find(|rule| rule.name() == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_say_shape_and_axis_and_lead_back() {
+        for rule in Rule::all() {
+            assert_eq!(rule.name(), format!("{}_{}", rule.shape.name(), rule.approach.name()));
+            assert_eq!(Rule::from_name(rule.name()), Some(rule));
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! The four primitive shapes of the paper (Fig. 2).
+//!
+//! Each is a convex polygon pushed along an axis, and is wholly given by its kind and its extents, which is what a
+//! shard stores. Round outlines have [`FACETS`] flat sides a full turn, *everywhere*: in physics, in the rays that make
+//! the depth images, in the collision tests and in the cross-check. (A true cylinder slipped in rapier's grip where its
+//! faceted hull held; and rays must see what the physics feels.)
+
+use crate::Vec3;
+
+/// Flat sides of a full turn of a round outline. Divisible by four, so that the extents are those of the true circle.
+pub const FACETS: usize = 24;
+
+/// Kind of a primitive shape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ShapeKind {
+    /// A box.
+    Cuboid,
+    /// A cylinder, its axis along z.
+    Cylinder,
+    /// A triangular prism, extruded along x; in y–z an isosceles triangle, its base at −z, its apex at y = 0, +z.
+    TriPrism,
+    /// Half a cylinder, extruded along x; its flat face at −z, its round one towards +z.
+    HalfCylinder,
+}
+
+impl ShapeKind {
+    /// Every kind, in the order of the paper's Fig. 2.
+    pub const ALL: [Self; 4] = [Self::Cuboid, Self::Cylinder, Self::TriPrism, Self::HalfCylinder];
+
+    /// The name in shards, configs and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cuboid => "cuboid",
+            Self::Cylinder => "cylinder",
+            Self::TriPrism => "tri_prism",
+            Self::HalfCylinder => "half_cylinder",
+        }
+    }
+
+    /// The kind with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+/// A primitive shape with its size. The object frame's origin is the centre of its bounding box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Solid {
+    /// Which of the four.
+    pub kind: ShapeKind,
+    /// Full lengths of the bounding box along the object's axes, in metres. Invariants, kept by [`Solid::new`]: finite
+    /// and positive; x = y for a cylinder; y = 2 z for a half-cylinder.
+    pub extents_m: Vec3,
+}
+
+/// Why a solid cannot be.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum SolidError {
+    /// An extent is zero, negative or not a number.
+    #[error("extents must be finite and above 0 m, got {0}")]
+    Extents(Vec3),
+    /// A round shape's extents do not belong to a circle.
+    #[error("a {0} must have a circular outline, got extents {1}")]
+    NotRound(&'static str, Vec3),
+}
+
+/// A half-space `normal · p ≤ offset_m` of a convex solid, in the object frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// Outward unit normal.
+    pub normal: Vec3,
+    /// Distance of the plane from the origin along `normal`, in metres.
+    pub offset_m: f32,
+}
+
+impl Solid {
+    /// A solid from its kind and bounding box.
+    ///
+    /// # Errors
+    /// [`SolidError`] if an extent is not positive or a round shape is not round (to 1e-5 relative).
+    pub fn new(kind: ShapeKind, extents_m: Vec3) -> Result<Self, SolidError> {
+        if !extents_m.to_array().iter().all(|e| e.is_finite() && *e > 0.0) {
+            return Err(SolidError::Extents(extents_m));
+        }
+        let same = |a: f32, b: f32| (a - b).abs() <= 1e-5 * a.max(b);
+        let round = match kind {
+            ShapeKind::Cuboid | ShapeKind::TriPrism => true,
+            ShapeKind::Cylinder => same(extents_m.x, extents_m.y),
+            ShapeKind::HalfCylinder => same(extents_m.y, 2.0 * extents_m.z),
+        };
+        if round { Ok(Self { kind, extents_m }) } else { Err(SolidError::NotRound(kind.name(), extents_m)) }
+    }
+
+    /// The outline in the plane across the extrusion axis, counter-clockwise seen against that axis.
+    ///
+    /// Coordinates are (y, z) for shapes extruded along x and (x, y) for the cylinder, which is extruded along z.
+    fn outline(&self) -> Vec<[f32; 2]> {
+        let e = self.extents_m * 0.5;
+        let arc = |sides: usize, turn: f32, first: usize, last: usize| {
+            (first..=last).map(move |side| {
+                let (sin, cos) = libm::sincosf(turn * side as f32 / sides as f32);
+                [cos, sin]
+            })
+        };
+        match self.kind {
+            ShapeKind::Cuboid => vec![[-e.y, -e.z], [e.y, -e.z], [e.y, e.z], [-e.y, e.z]],
+            ShapeKind::TriPrism => vec![[-e.y, -e.z], [e.y, -e.z], [0.0, e.z]],
+            ShapeKind::Cylinder => {
+                arc(FACETS, core::f32::consts::TAU, 0, FACETS - 1).map(|[c, s]| [e.x * c, e.y * s]).collect()
+            }
+            ShapeKind::HalfCylinder => arc(FACETS / 2, core::f32::consts::PI, 0, FACETS / 2)
+                .map(|[c, s]| [e.y * c, 2.0 * e.z * s - e.z])
+                .collect(),
+        }
+    }
+
+    /// Lifts a point of the outline to the object frame, at `along_m` on the extrusion axis.
+    fn lift(&self, [u, v]: [f32; 2], along_m: f32) -> Vec3 {
+        match self.kind {
+            ShapeKind::Cylinder => Vec3::new(u, v, along_m),
+            _ => Vec3::new(along_m, u, v),
+        }
+    }
+
+    fn half_length_m(&self) -> f32 {
+        0.5 * match self.kind {
+            ShapeKind::Cylinder => self.extents_m.z,
+            _ => self.extents_m.x,
+        }
+    }
+
+    /// The corners, in the object frame, metres: first the outline at the lower end of the extrusion axis, then at the
+    /// upper.
+    #[must_use]
+    pub fn vertices_m(&self) -> Vec<Vec3> {
+        let (outline, half) = (self.outline(), self.half_length_m());
+        [-half, half].into_iter().flat_map(|along| outline.iter().map(move |p| self.lift(*p, along))).collect()
+    }
+
+    /// The faces as half-spaces, in the object frame: the sides in the outline's order, then the two ends.
+    #[must_use]
+    pub fn planes(&self) -> Vec<Plane> {
+        let (outline, half) = (self.outline(), self.half_length_m());
+        let mut planes: Vec<Plane> = (0..outline.len())
+            .map(|i| {
+                let (a, b) = (outline[i], outline[(i + 1) % outline.len()]);
+                let normal = self.lift([b[1] - a[1], a[0] - b[0]], 0.0).normalize();
+                Plane { normal, offset_m: normal.dot(self.lift(a, 0.0)) }
+            })
+            .collect();
+        let axis = self.lift([0.0, 0.0], 1.0);
+        planes.push(Plane { normal: -axis, offset_m: half });
+        planes.push(Plane { normal: axis, offset_m: half });
+        planes
+    }
+
+    /// Volume of the faceted solid, in cubic metres.
+    #[must_use]
+    pub fn volume_m3(&self) -> f32 {
+        let outline = self.outline();
+        let twice_area: f32 = (0..outline.len())
+            .map(|i| {
+                let (a, b) = (outline[i], outline[(i + 1) % outline.len()]);
+                a[0] * b[1] - a[1] * b[0]
+            })
+            .sum();
+        twice_area * self.half_length_m()
+    }
+
+    /// Radius of the ball about the object frame's origin that holds the solid, in metres.
+    #[must_use]
+    pub fn bounding_radius_m(&self) -> f32 {
+        0.5 * self.extents_m.length()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn samples() -> [Solid; 4] {
+        [
+            Solid::new(ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.07)).unwrap(),
+            Solid::new(ShapeKind::Cylinder, Vec3::new(0.04, 0.04, 0.09)).unwrap(),
+            Solid::new(ShapeKind::TriPrism, Vec3::new(0.08, 0.05, 0.04)).unwrap(),
+            Solid::new(ShapeKind::HalfCylinder, Vec3::new(0.08, 0.06, 0.03)).unwrap(),
+        ]
+    }
+
+    #[test]
+    fn vertices_span_the_extents_and_are_centred() {
+        for solid in samples() {
+            let vertices = solid.vertices_m();
+            let low = vertices.iter().copied().reduce(Vec3::min).unwrap();
+            let high = vertices.iter().copied().reduce(Vec3::max).unwrap();
+            assert!((high - low - solid.extents_m).length() < 1e-6, "{solid:?}: {low} {high}");
+            assert!((high + low).length() < 1e-6, "{solid:?}: {low} {high}");
+        }
+    }
+
+    #[test]
+    fn every_vertex_lies_within_every_plane_and_on_at_least_three() {
+        for solid in samples() {
+            let planes = solid.planes();
+            for vertex in solid.vertices_m() {
+                let gaps: Vec<f32> = planes.iter().map(|p| p.normal.dot(vertex) - p.offset_m).collect();
+                assert!(gaps.iter().all(|g| *g < 1e-6), "{solid:?} {vertex}: {gaps:?}");
+                assert!(gaps.iter().filter(|g| g.abs() < 1e-6).count() >= 3, "{solid:?} {vertex}: {gaps:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn volumes_are_those_of_the_textbook() {
+        let [cuboid, cylinder, prism, half] = samples();
+        let circle =
+            |radius: f64| 0.5 * FACETS as f64 * radius * radius * libm::sin(core::f64::consts::TAU / FACETS as f64);
+        for (solid, expected) in [
+            (cuboid, 0.03 * 0.05 * 0.07),
+            (cylinder, circle(0.02) * 0.09),
+            (prism, 0.5 * 0.08 * 0.05 * 0.04),
+            (half, 0.5 * circle(0.03) * 0.08),
+        ] {
+            let volume = f64::from(solid.volume_m3());
+            assert!((volume / expected - 1.0).abs() < 1e-5, "{solid:?}: {volume} against {expected}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_round_or_not_positive_is_refused() {
+        assert!(Solid::new(ShapeKind::Cylinder, Vec3::new(0.04, 0.05, 0.09)).is_err());
+        assert!(Solid::new(ShapeKind::HalfCylinder, Vec3::new(0.04, 0.05, 0.05)).is_err());
+        assert!(Solid::new(ShapeKind::Cuboid, Vec3::new(0.04, 0.0, 0.05)).is_err());
+        assert!(Solid::new(ShapeKind::Cuboid, Vec3::new(0.04, f32::NAN, 0.05)).is_err());
+    }
+}
