@@ -1,1 +1,15 @@
-//! placeholder
+//! What the robot sees: cameras, depth with a sensor's faults, and the truncated signed distance field (TSDF) made of it.
+//!
+//! Training data, planning and experiments all come through here, so a network is never shown a grid that was made in
+//! another way than those it learned from. A view is drawn ([`draw_views`]) and becomes a camera ([`camera_at`]); what
+//! the camera saw, spoiled by [`add_depth_noise`] if the config asks for it, is fused into a [`Tsdf`], which leaves as
+//! a [`schema::VoxelGrid`]. Depth comes in through a closure from pixel to metres, so this crate knows neither the
+//! simulator nor a camera driver.
+
+mod noise;
+mod tsdf;
+mod views;
+
+pub use noise::{DepthNoise, DexNoise, add_depth_noise};
+pub use tsdf::{TRUNCATION_VOXELS, Tsdf};
+pub use views::{ViewLaw, camera_at, draw_views};

@@ -1,0 +1,45 @@
+//! One 640 × 480 view onto 40³ voxels: `cargo bench -p perception`.
+
+use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at};
+use schema::{Camera, DepthImage, Grid, Intrinsics, Purpose, Stream, Vec3, View};
+
+fn main() {
+    divan::main();
+}
+
+/// An oblique look at a bare table.
+fn table_view() -> (Camera, DepthImage) {
+    let view = View { radius_m: 0.6, polar_rad: 0.5, azimuth_rad: 0.7 };
+    let camera = camera_at(&view, &Grid::PAPER, Intrinsics::VGN);
+    let pose = camera.workspace_from_camera;
+    let depth_m = (0..480 * 640)
+        .map(|p| {
+            let fall = (pose.rotation * camera.intrinsics.ray([p % 640, p / 640])).dot(Vec3::Z);
+            (Grid::PAPER.table_z_m - pose.translation.z) / fall
+        })
+        .collect();
+    (camera, DepthImage { width_px: 640, height_px: 480, depth_m })
+}
+
+#[divan::bench]
+fn integrate_one_view(bencher: divan::Bencher<'_, '_>) {
+    let (camera, image) = table_view();
+    let mut tsdf = Tsdf::new(Grid::PAPER, TRUNCATION_VOXELS);
+    bencher.bench_local(|| tsdf.integrate(divan::black_box(&camera), |pixel| image.at(pixel)));
+}
+
+#[divan::bench]
+fn to_voxels(bencher: divan::Bencher<'_, '_>) {
+    let (camera, image) = table_view();
+    let mut tsdf = Tsdf::new(Grid::PAPER, TRUNCATION_VOXELS);
+    tsdf.integrate(&camera, |pixel| image.at(pixel));
+    bencher.bench_local(|| tsdf.to_voxels());
+}
+
+#[divan::bench]
+fn dex_noise(bencher: divan::Bencher<'_, '_>) {
+    let (_, mut image) = table_view();
+    let dex = DepthNoise::Dex(DexNoise { smooth_rate: 1.0, ..DexNoise::GIGA });
+    let mut stream = Stream::new(0, 0, Purpose::DepthNoise, 0);
+    bencher.bench_local(|| add_depth_noise(&mut image, &dex, &mut stream));
+}

@@ -1,0 +1,213 @@
+//! Where the cameras stand: on a sphere about the middle of the workspace's floor, all looking at it.
+
+use schema::{Camera, Grid, Intrinsics, Quat, Stream, Vec3, View, axis_angle, pose_from_parts};
+
+/// From which views a scene is seen: how many, how far away, how oblique. The azimuth is always U(0, 2π).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewLaw {
+    /// Fewest views of a scene.
+    pub count_min: usize,
+    /// Most views of a scene; the count is uniform.
+    pub count_max: usize,
+    /// Shortest distance from the middle of the floor, in sides of the workspace.
+    pub radius_sizes_min: f32,
+    /// Longest distance; the distance is uniform.
+    pub radius_sizes_max: f32,
+    /// Smallest angle from the vertical.
+    pub polar_rad_min: f32,
+    /// Largest angle from the vertical; the angle is uniform.
+    pub polar_rad_max: f32,
+}
+
+impl ViewLaw {
+    /// VGN's law (`generate_data.py`): 1 to 6 views, radius U(1.6, 2.4) sides, polar angle U(0, π/4).
+    pub const VGN: Self = Self {
+        count_min: 1,
+        count_max: 6,
+        radius_sizes_min: 1.6,
+        radius_sizes_max: 2.4,
+        polar_rad_min: 0.0,
+        polar_rad_max: core::f32::consts::FRAC_PI_4,
+    };
+
+    /// What is wrong with the values, one line each, as `field must …, got …`; empty if nothing is.
+    ///
+    /// The camera has to stay outside the workspace and above its floor: from radius 1 on, no corner of the cube lies
+    /// behind it.
+    #[must_use]
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        if self.count_min < 1 {
+            problems.push(format!("count_min must be at least 1, got {}", self.count_min));
+        }
+        if self.count_max < self.count_min {
+            problems.push(format!("count_max must be at least count_min = {}, got {}", self.count_min, self.count_max));
+        }
+        let ranges = [
+            ("radius_sizes", self.radius_sizes_min, self.radius_sizes_max, 1.0, 100.0),
+            ("polar_rad", self.polar_rad_min, self.polar_rad_max, 0.0, core::f32::consts::FRAC_PI_2),
+        ];
+        for (name, low, high, least, most) in ranges {
+            for (value, end) in [(low, "min"), (high, "max")] {
+                if !(least..=most).contains(&value) {
+                    problems.push(format!("{name}_{end} must be between {least} and {most}, got {value}"));
+                }
+            }
+            if low > high {
+                problems.push(format!("{name}_max must be at least {name}_min = {low}, got {high}"));
+            }
+        }
+        problems
+    }
+}
+
+/// Draws the views of a scene: their count, then radius, polar angle and azimuth of each.
+///
+/// # Panics
+/// If `law.count_min > law.count_max`; [`ViewLaw::problems`] tells beforehand.
+#[must_use]
+pub fn draw_views(law: &ViewLaw, grid: &Grid, stream: &mut Stream) -> Vec<View> {
+    assert!(law.count_min <= law.count_max, "no count between {} and {}", law.count_min, law.count_max);
+    let count = law.count_min + stream.index(law.count_max - law.count_min + 1);
+    (0..count)
+        .map(|_| View {
+            radius_m: grid.size_m * stream.uniform(law.radius_sizes_min, law.radius_sizes_max),
+            polar_rad: stream.uniform(law.polar_rad_min, law.polar_rad_max),
+            azimuth_rad: stream.uniform(0.0, core::f32::consts::TAU),
+        })
+        .collect()
+}
+
+/// The camera of a view: on the sphere about the middle of the workspace's floor, (size/2, size/2, 0), looking at it,
+/// image up towards workspace up (VGN: `camera_on_sphere`).
+///
+/// VGN builds the pose from a look-at that divides zero by zero straight above the target. Here it is three turns:
+/// a camera that looks straight down, tilted by the polar angle about y, turned by the azimuth about z. They give the
+/// same poses, and at the pole the limit along the azimuth.
+#[must_use]
+pub fn camera_at(view: &View, grid: &Grid, intrinsics: Intrinsics) -> Camera {
+    // Straight down: camera x along workspace y, camera y along workspace x, camera z along −z.
+    let down = Quat::from_xyzw(core::f32::consts::FRAC_1_SQRT_2, core::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0);
+    let onto_sphere = axis_angle(Vec3::Z, view.azimuth_rad) * axis_angle(Vec3::Y, view.polar_rad);
+    let target = Vec3::new(0.5 * grid.size_m, 0.5 * grid.size_m, 0.0);
+    let eye = target + onto_sphere * Vec3::Z * view.radius_m;
+    Camera { intrinsics, workspace_from_camera: pose_from_parts(onto_sphere * down, eye) }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use schema::Purpose;
+
+    use super::*;
+
+    /// VGN's `camera_on_sphere` as it is written there, in f64: eye, right, down, forward.
+    fn look_at(view: &View, grid: &Grid) -> [[f64; 3]; 4] {
+        let (r, theta, phi) = (f64::from(view.radius_m), f64::from(view.polar_rad), f64::from(view.azimuth_rad));
+        let offset =
+            [r * libm::sin(theta) * libm::cos(phi), r * libm::sin(theta) * libm::sin(phi), r * libm::cos(theta)];
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let unit = |a: [f64; 3]| a.map(|x| x / (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt());
+        let forward = unit(offset.map(|x| -x));
+        let right = unit(cross(forward, [0.0, 0.0, 1.0]));
+        let up = cross(right, forward);
+        let half = 0.5 * f64::from(grid.size_m);
+        [[offset[0] + half, offset[1] + half, offset[2]], right, up.map(|x| -x), forward]
+    }
+
+    fn assert_near(got: Vec3, expected: [f64; 3], what: &str) {
+        for (g, e) in got.to_array().into_iter().zip(expected) {
+            assert!((f64::from(g) - e).abs() < 1e-5, "{what}: {got} against {expected:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_pose_is_that_of_vgns_look_at(
+            radius_m in 0.3_f32..1.0, polar_rad in 0.01_f32..1.5, azimuth_rad in 0.0_f32..core::f32::consts::TAU,
+        ) {
+            let (view, grid) = (View { radius_m, polar_rad, azimuth_rad }, Grid::PAPER);
+            let pose = camera_at(&view, &grid, Intrinsics::VGN).workspace_from_camera;
+            let [eye, right, down, forward] = look_at(&view, &grid);
+            assert_near(pose.translation, eye, "eye");
+            assert_near(pose.rotation * Vec3::X, right, "right");
+            assert_near(pose.rotation * Vec3::Y, down, "down");
+            assert_near(pose.rotation * Vec3::Z, forward, "forward");
+        }
+
+        #[test]
+        fn the_optical_axis_meets_the_middle_of_the_floor(
+            radius_m in 0.3_f32..1.0, polar_rad in 0.0_f32..1.5, azimuth_rad in 0.0_f32..core::f32::consts::TAU,
+        ) {
+            let (view, grid) = (View { radius_m, polar_rad, azimuth_rad }, Grid::PAPER);
+            let camera = camera_at(&view, &grid, Intrinsics::VGN);
+            let middle = camera.workspace_from_camera * (Vec3::Z * radius_m);
+            assert_near(middle, [0.15, 0.15, 0.0], "middle");
+            let seen = camera.workspace_from_camera.inverse() * Vec3::new(0.15, 0.15, 0.0);
+            prop_assert_eq!(camera.intrinsics.project(seen), Some([320, 240]));
+            // Up in the workspace is up in the image, or nothing at all from straight above.
+            let above = camera.workspace_from_camera.inverse() * Vec3::new(0.15, 0.15, 0.05);
+            prop_assert!(above.y <= 1e-6, "{}", above);
+        }
+    }
+
+    #[test]
+    fn straight_above_is_the_limit_along_the_azimuth() {
+        for step in 0..16 {
+            let azimuth_rad = step as f32 * 0.4;
+            let pose = |polar_rad| {
+                let view = View { radius_m: 0.6, polar_rad, azimuth_rad };
+                camera_at(&view, &Grid::PAPER, Intrinsics::VGN).workspace_from_camera
+            };
+            let (at, near) = (pose(0.0), pose(1e-4));
+            assert!(at.is_finite());
+            assert!((at.rotation.length() - 1.0).abs() < 1e-6);
+            for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                assert!((at.rotation * axis - near.rotation * axis).length() < 2e-4, "azimuth {azimuth_rad}");
+            }
+        }
+    }
+
+    #[test]
+    fn drawn_views_fill_the_laws_ranges_and_stay_inside() {
+        let (law, grid) = (ViewLaw::VGN, Grid::PAPER);
+        let mut counts = [0_u32; 7];
+        let mut views = Vec::new();
+        for scene in 0..3_000 {
+            let drawn = draw_views(&law, &grid, &mut Stream::new(5, scene, Purpose::Views, 0));
+            counts[drawn.len()] += 1;
+            views.extend(drawn);
+        }
+        assert_eq!(counts[0], 0);
+        assert!(counts[1..].iter().all(|c| (430..570).contains(c)), "{counts:?}");
+        let check = |name, low: f32, high: f32, value: fn(&View) -> f32| {
+            let values = || views.iter().map(value);
+            assert!(values().all(|v| v >= low && v <= high), "{name} leaves {low}..{high}");
+            let (mean, width) = (values().sum::<f32>() / views.len() as f32, high - low);
+            assert!((mean - 0.5 * (low + high)).abs() < 0.02 * width, "{name} has mean {mean}");
+            assert!(values().fold(high, f32::min) < low + 0.01 * width, "{name} never comes near {low}");
+            assert!(values().fold(low, f32::max) > high - 0.01 * width, "{name} never comes near {high}");
+        };
+        check("radius", 0.48, 0.72, |v| v.radius_m);
+        check("polar", 0.0, core::f32::consts::FRAC_PI_4, |v| v.polar_rad);
+        check("azimuth", 0.0, core::f32::consts::TAU, |v| v.azimuth_rad);
+    }
+
+    #[test]
+    fn a_law_that_cannot_be_names_every_fault() {
+        assert_eq!(ViewLaw::VGN.problems(), Vec::<String>::new());
+        let law = ViewLaw {
+            count_min: 0,
+            count_max: 3,
+            radius_sizes_min: 2.0,
+            radius_sizes_max: 1.5,
+            polar_rad_min: -0.1,
+            polar_rad_max: f32::NAN,
+        };
+        let problems = law.problems();
+        assert_eq!(problems.len(), 4, "{problems:?}");
+        assert_eq!(problems[1], "radius_sizes_max must be at least radius_sizes_min = 2, got 1.5");
+    }
+}
