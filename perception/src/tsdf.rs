@@ -6,7 +6,7 @@
 //! cannot know what is there. Views are averaged. This is Open3D's `UniformTSDFVolume` (Curless & Levoy 1996), which
 //! VGN used, so that its published weights work on our grids.
 
-use schema::{Camera, Grid, VoxelGrid};
+use schema::{Camera, Grid, Intrinsics, Pose, Vec3, VoxelGrid};
 
 /// VGN's truncation: 4 voxels (`TSDFVolume.sdf_trunc`), 30 mm on the paper's grid.
 pub const TRUNCATION_VOXELS: f32 = 4.0;
@@ -49,27 +49,14 @@ impl Tsdf {
     /// pixel asked for instead, which gives the very same field as rendering the image first. Only pixels onto which
     /// some voxel's centre falls are asked for, some of them more than once.
     pub fn integrate(&mut self, camera: &Camera, mut depth_at: impl FnMut([usize; 2]) -> Option<f32>) {
-        let lens = camera.intrinsics;
-        let camera_from_workspace = camera.workspace_from_camera.inverse();
-        let step = camera_from_workspace.rotation * schema::Vec3::new(0.0, 0.0, self.grid.voxel_size_m());
-        let per_truncation = 1.0 / self.truncation_m;
         let side = self.grid.resolution;
+        let mut column = Column::new(camera, &self.grid);
         for i in 0..side {
             for j in 0..side {
-                let first = camera_from_workspace * self.grid.centre_m([i, j, 0]);
-                let column = self.grid.flat([i, j, 0]);
-                for k in 0..side {
-                    let voxel = first + step * k as f32;
-                    let Some(pixel) = lens.project(voxel) else { continue };
-                    let Some(depth) = depth_at(pixel) else { continue };
-                    let distance_m = (depth - voxel.z) * lens.ray(pixel).length();
-                    if distance_m > -self.truncation_m {
-                        let distance = (distance_m * per_truncation).min(1.0);
-                        let (mean, weight) = (&mut self.mean[column + k], &mut self.weight[column + k]);
-                        *mean = (*mean * *weight + distance) / (*weight + 1.0);
-                        *weight += 1.0;
-                    }
-                }
+                column.project(i, j);
+                column.look_up(&mut depth_at);
+                let flat = self.grid.flat([i, j, 0]);
+                column.fuse(self.truncation_m, &mut self.mean[flat..flat + side], &mut self.weight[flat..flat + side]);
             }
         }
     }
@@ -89,5 +76,100 @@ impl Tsdf {
             if weight > 0.0 && mean > -STORED_MAX && mean < STORED_MAX { (mean + 1.0) * 0.5 } else { 0.0 }
         };
         VoxelGrid { grid: self.grid, values: self.mean.iter().zip(&self.weight).map(stored).collect() }
+    }
+}
+
+/// A column of voxels, along workspace z, on its way through one view. It goes in three passes, of which the first and
+/// the last have no branches and no calls, so that the compiler makes them four voxels wide; only the depths are looked
+/// up one by one. (On one core a view of the paper's grid took 1.0 ms voxel by voxel; it takes 0.32 ms like this. Most of
+/// the pixels are asked for once: 46,000 different ones for 62,000 voxels seen, so remembering them gains nothing.)
+struct Column {
+    lens: Intrinsics,
+    grid: Grid,
+    camera_from_workspace: Pose,
+    /// From one voxel to the next, in the camera frame, metres.
+    step_m: Vec3,
+    /// Squares of the pixels' rays' x by u, and y by v.
+    ray_x2: Vec<f32>,
+    ray_y2: Vec<f32>,
+    /// Pixel coordinates, half a pixel added, so that the pixel is their whole part; NaN behind the camera.
+    u: Vec<f32>,
+    v: Vec<f32>,
+    /// Depth of the voxels' centres, in metres.
+    z_m: Vec<f32>,
+    /// Seen depth in metres; NaN where nothing was seen.
+    depth_m: Vec<f32>,
+    /// Square of the length of the pixel's ray: of distance per depth.
+    ray2: Vec<f32>,
+}
+
+impl Column {
+    fn new(camera: &Camera, grid: &Grid) -> Self {
+        let lens = camera.intrinsics;
+        let square = |x: f32| x * x;
+        let camera_from_workspace = camera.workspace_from_camera.inverse();
+        let blank = vec![0.0; grid.resolution];
+        Self {
+            lens,
+            grid: *grid,
+            camera_from_workspace,
+            step_m: camera_from_workspace.rotation * Vec3::new(0.0, 0.0, grid.voxel_size_m()),
+            ray_x2: (0..lens.width_px).map(|u| square(lens.ray([u, 0]).x)).collect(),
+            ray_y2: (0..lens.height_px).map(|v| square(lens.ray([0, v]).y)).collect(),
+            u: blank.clone(),
+            v: blank.clone(),
+            z_m: blank.clone(),
+            depth_m: blank.clone(),
+            ray2: blank,
+        }
+    }
+
+    /// Where the voxels of column (i, j) fall in the image; the arithmetic of [`Intrinsics::project`].
+    fn project(&mut self, i: usize, j: usize) {
+        let (lens, step_m) = (self.lens, self.step_m);
+        let first_m = self.camera_from_workspace * self.grid.centre_m([i, j, 0]);
+        let slots = self.u.iter_mut().zip(&mut self.v).zip(&mut self.z_m);
+        for (k, ((u, v), z_m)) in slots.enumerate() {
+            let voxel_m = first_m + step_m * (k as u32 as f32);
+            let ahead = if voxel_m.z > 0.0 { 0.5 } else { f32::NAN };
+            *u = voxel_m.x * lens.fx_px / voxel_m.z + lens.cx_px + ahead;
+            *v = voxel_m.y * lens.fy_px / voxel_m.z + lens.cy_px + 0.5;
+            *z_m = voxel_m.z;
+        }
+    }
+
+    /// What was seen there.
+    fn look_up(&mut self, depth_at: &mut impl FnMut([usize; 2]) -> Option<f32>) {
+        let (width, height) = (self.lens.width_px as f32, self.lens.height_px as f32);
+        let slots = self.depth_m.iter_mut().zip(&mut self.ray2);
+        for ((u, v), (depth_m, ray2)) in self.u.iter().zip(&self.v).zip(slots) {
+            *depth_m = f32::NAN;
+            // False for NaN, which is where voxels behind the camera fall.
+            if *u >= 0.0 && *v >= 0.0 && *u < width && *v < height {
+                let pixel = [*u as u32 as usize, *v as u32 as usize];
+                *ray2 = self.ray_x2[pixel[0]] + self.ray_y2[pixel[1]] + 1.0;
+                if let Some(seen_m) = depth_at(pixel) {
+                    *depth_m = seen_m;
+                }
+            }
+        }
+    }
+
+    /// Takes the view into the running means.
+    fn fuse(&self, truncation_m: f32, mean: &mut [f32], weight: &mut [f32]) {
+        let per_truncation = 1.0 / truncation_m;
+        let side = mean.len();
+        // Equal lengths, said once, leave no bounds check in the loop.
+        let (depth_m, z_m, ray2) = (&self.depth_m[..side], &self.z_m[..side], &self.ray2[..side]);
+        let weight = &mut weight[..side];
+        for k in 0..side {
+            let distance_m = (depth_m[k] - z_m[k]) * ray2[k].sqrt();
+            // 0 for NaN, which stands for "nothing was seen".
+            let near = f32::from(u8::from(distance_m > -truncation_m));
+            let distance = (distance_m * per_truncation).min(1.0);
+            let fused = (mean[k] * weight[k] + distance) / (weight[k] + 1.0);
+            mean[k] = if near > 0.0 { fused } else { mean[k] };
+            weight[k] += near;
+        }
     }
 }
