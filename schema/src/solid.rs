@@ -156,6 +156,20 @@ impl Solid {
         planes
     }
 
+    /// The directions of the edges, not normalised, in the object frame: those of the outline, then the extrusion axis.
+    #[must_use]
+    pub fn edges_m(&self) -> Vec<Vec3> {
+        let outline = self.outline();
+        let mut edges: Vec<Vec3> = (0..outline.len())
+            .map(|i| {
+                let (a, b) = (outline[i], outline[(i + 1) % outline.len()]);
+                self.lift([b[0] - a[0], b[1] - a[1]], 0.0)
+            })
+            .collect();
+        edges.push(self.lift([0.0, 0.0], 2.0 * self.half_length_m()));
+        edges
+    }
+
     /// Volume of the faceted solid, in cubic metres.
     #[must_use]
     pub fn volume_m3(&self) -> f32 {

@@ -1,1 +1,27 @@
-//! placeholder
+//! The world: objects that fall and stack, a hand that grasps them, and what a depth camera sees of them.
+//!
+//! This is the only crate that knows rapier. Its world frame *is* the workspace: z up, metres, kilograms, seconds,
+//! gravity set explicitly. The three things it does:
+//!
+//! - [`settle`] drops objects into a temporary box until they rest and gives their poses: a [`Scene`].
+//! - [`AttemptWorld::execute`] lets a free-floating parallel jaw try one grasp in that scene and says how it ended.
+//! - [`SceneRays`] casts the rays of a depth camera at the very same faceted shapes that the physics feels.
+//!
+//! Every result is a pure function of its arguments: worlds are rebuilt from poses, never carried over, and nothing
+//! runs in parallel inside a world.
+
+mod attempt;
+mod depth;
+mod engine;
+mod faceted;
+mod gate;
+mod hand;
+mod scene;
+mod settle;
+
+pub use attempt::{AttemptWorld, Execution};
+pub use depth::SceneRays;
+pub use engine::Physics;
+pub use gate::{Gate, Hit};
+pub use scene::{Scene, SceneObject};
+pub use settle::{Drop, SettleLaw, Settled, Unsettled, settle};

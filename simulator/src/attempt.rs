@@ -1,0 +1,191 @@
+//! One execution of a grasp: the label's contract.
+//!
+//! 1. The geometric gate ([`Gate`]) plays pre-grasp and approach: a straight way needs no time steps.
+//! 2. The open hand is put at the grasp and closes until both fingers stand still, or the jaws meet.
+//! 3. It retreats, smoothly, pressing with its finger force, and holds still.
+//! 4. The outcome is the first that applies: `pregrasp_collision`, `approach_collision`, `empty`, `slipped`,
+//!    `hit_other`, `held`.
+
+use rapier3d::prelude::{ColliderHandle, PhysicsPipeline, RigidBodyHandle};
+use schema::{Gripper, Outcome, Pose, Procedure, Vec3};
+
+use crate::Scene;
+use crate::engine::{Physics, World};
+use crate::gate::{Gate, Hit, lowest_z_m};
+use crate::hand::Hand;
+
+/// Fingers slower than this stand still …
+const STOPPED_SPEED_M_S: f32 = 0.002;
+/// … if they have for this long.
+const STOPPED_TIME_S: f32 = 0.025;
+
+/// How an execution ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Execution {
+    /// The outcome.
+    pub outcome: Outcome,
+    /// What was hit, for outcomes that hit something.
+    pub hit: Option<Hit>,
+    /// Opening in metres, at the end of the hold or when the fingers stopped; `None` if they never closed.
+    pub width_m: Option<f32>,
+}
+
+/// A scene made ready for attempts: each runs in a fresh copy of it.
+pub struct AttemptWorld<'a> {
+    physics: &'a Physics,
+    gripper: &'a Gripper,
+    procedure: &'a Procedure,
+    table_z_m: f32,
+    gate: Gate,
+    template: World,
+    bodies: Vec<RigidBodyHandle>,
+}
+
+impl<'a> AttemptWorld<'a> {
+    /// Makes a scene ready. The world is built from the scene's poses alone, so that stored rows give the same attempts.
+    #[must_use]
+    pub fn new(physics: &'a Physics, gripper: &'a Gripper, procedure: &'a Procedure, scene: &Scene) -> Self {
+        let mut template = World::with_table(physics, scene.table_z_m);
+        let bodies = scene
+            .objects
+            .iter()
+            .map(|o| template.add_object(&o.solid, o.mass_kg, o.friction, o.workspace_from_object))
+            .collect();
+        let gate = Gate::new(scene, gripper, procedure);
+        Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, template, bodies }
+    }
+
+    /// Tries one grasp of object `target`.
+    ///
+    /// # Panics
+    /// If the scene has no object `target`.
+    #[must_use]
+    pub fn execute(&self, workspace_from_grasp: &Pose, target: usize) -> Execution {
+        if let Some((outcome, hit)) = self.gate.blocked(workspace_from_grasp, target) {
+            return Execution { outcome, hit: Some(hit), width_m: None };
+        }
+        Run::start(self, *workspace_from_grasp, target).finish()
+    }
+}
+
+/// An attempt under way.
+struct Run<'a> {
+    setup: &'a AttemptWorld<'a>,
+    world: World,
+    pipeline: PhysicsPipeline,
+    hand: Hand,
+    workspace_from_grasp: Pose,
+    target: usize,
+    target_collider: ColliderHandle,
+}
+
+impl<'a> Run<'a> {
+    fn start(setup: &'a AttemptWorld<'a>, workspace_from_grasp: Pose, target: usize) -> Self {
+        let mut world = setup.template.clone();
+        let hand = Hand::insert(&mut world, setup.gripper, workspace_from_grasp);
+        let target_collider = world.bodies[setup.bodies[target]].colliders()[0];
+        let pipeline = PhysicsPipeline::new();
+        Self { setup, world, pipeline, hand, workspace_from_grasp, target, target_collider }
+    }
+
+    fn finish(mut self) -> Execution {
+        let before = self.positions();
+        let width_m = self.close();
+        if width_m <= self.setup.procedure.empty_width_m {
+            return Execution { outcome: Outcome::Empty, hit: None, width_m: Some(width_m) };
+        }
+        let closed = self.positions();
+        let pushed = self.pushed(&before, &closed);
+        let held = self.retreat_and_hold(closed[self.target]);
+        if !held {
+            return Execution { outcome: Outcome::Slipped, hit: None, width_m: Some(width_m) };
+        }
+        let width_m = Some(self.hand.width_m(&self.world));
+        match pushed.or_else(|| self.raised(&before)) {
+            Some(hit) => Execution { outcome: Outcome::HitOther, hit: Some(hit), width_m },
+            None => Execution { outcome: Outcome::Held, hit: None, width_m },
+        }
+    }
+
+    /// Closes until both fingers stand still; gives the opening.
+    fn close(&mut self) -> f32 {
+        let physics = self.setup.physics;
+        let wanted = physics.steps(STOPPED_TIME_S);
+        let slow = STOPPED_SPEED_M_S * physics.dt_s();
+        let mut last = self.hand.closed_m(&self.world);
+        let mut stopped = 0;
+        for _ in 0..physics.steps(self.setup.procedure.close_time_s_max) {
+            self.world.step(&mut self.pipeline);
+            let now = self.hand.closed_m(&self.world);
+            let still = now.iter().zip(&last).all(|(a, b)| (a - b).abs() < slow);
+            stopped = if still { stopped + 1 } else { 0 };
+            last = now;
+            if stopped >= wanted || self.hand.width_m(&self.world) <= self.setup.procedure.empty_width_m {
+                break;
+            }
+        }
+        self.hand.width_m(&self.world)
+    }
+
+    /// Moves the hand out and holds; whether the target came along and is still gripped.
+    fn retreat_and_hold(&mut self, target_start_m: Vec3) -> bool {
+        let (physics, procedure) = (self.setup.physics, self.setup.procedure);
+        let direction = retreat_direction(&self.workspace_from_grasp, procedure.retreat_cone_rad);
+        let retreat_steps = physics.steps(procedure.retreat_distance_m / procedure.retreat_speed_m_s);
+        let [left, right] = self.hand.closed_m(&self.world);
+        for step in 1..=retreat_steps + physics.steps(procedure.hold_time_s) {
+            let share = (step as f32 / retreat_steps as f32).min(1.0);
+            // Smoothstep: the hand starts and stops without a jolt.
+            let distance = procedure.retreat_distance_m * share * share * (3.0 - 2.0 * share);
+            let mut pose = self.workspace_from_grasp;
+            pose.translation += direction * distance;
+            self.hand.press(&mut self.world, left - right);
+            self.hand.move_to(&mut self.world, pose);
+            self.world.step(&mut self.pipeline);
+            if self.hand.width_m(&self.world) <= procedure.empty_width_m {
+                return false;
+            }
+        }
+        let travel = (self.positions()[self.target] - target_start_m).dot(direction);
+        travel >= procedure.held_travel_share_min * procedure.retreat_distance_m
+            && self.hand.grips(&self.world, self.target_collider)
+    }
+
+    /// What the closing hand drove: another object, or the table, if a finger ended
+    /// within half the clearance of it (the gate has kept the open hand a whole clearance away).
+    fn pushed(&self, before: &[Vec3], after: &[Vec3]) -> Option<Hit> {
+        let limit = self.setup.procedure.other_push_m_max;
+        if let Some(id) = self.others().find(|id| (after[*id] - before[*id]).length() > limit) {
+            return Some(Hit::object(id, self.target));
+        }
+        let closed = self.hand.closed_m(&self.world);
+        let fingers = self.setup.gripper.fingers(self.setup.gripper.opening_m_max);
+        let low = fingers.iter().zip(closed).zip([1.0, -1.0]).any(|((finger, closed_m), inward)| {
+            let moved = schema::HandBox { centre_m: finger.centre_m + Vec3::Y * (inward * closed_m), ..*finger };
+            lowest_z_m(&moved, &self.workspace_from_grasp) < self.setup.table_z_m + 0.5 * self.setup.gripper.clearance_m
+        });
+        low.then_some(Hit::TABLE)
+    }
+
+    /// Which other object was raised while lifting.
+    fn raised(&self, before: &[Vec3]) -> Option<Hit> {
+        let now = self.positions();
+        let limit = self.setup.procedure.other_lift_m_max;
+        self.others().find(|id| now[*id].z - before[*id].z > limit).map(|id| Hit::object(id, self.target))
+    }
+
+    fn others(&self) -> impl Iterator<Item = usize> {
+        let target = self.target;
+        (0..self.setup.bodies.len()).filter(move |id| *id != target)
+    }
+
+    fn positions(&self) -> Vec<Vec3> {
+        self.setup.bodies.iter().map(|body| self.world.pose(*body).translation).collect()
+    }
+}
+
+/// Where the hand goes with its catch: back along the approach if that is within `cone_rad` of straight down, else up.
+fn retreat_direction(workspace_from_grasp: &Pose, cone_rad: f32) -> Vec3 {
+    let approach = workspace_from_grasp.rotation * Vec3::Z;
+    if -approach.z >= libm::cosf(cone_rad) { -approach } else { Vec3::Z }
+}

@@ -1,0 +1,263 @@
+//! The geometric gate: does the open hand reach the grasp without touching anything?
+//!
+//! The approach is a straight line along the grasp's z axis, and the hand is made of boxes along the grasp's axes; so
+//! what a box sweeps is a longer box, and the test is exact, without time steps. The boxes are first grown by the
+//! gripper's clearance: whatever comes nearer than that counts as touched, in every engine that repeats an attempt.
+
+use schema::{Gripper, HandBox, HitKind, Outcome, Pose, Procedure, Vec3};
+
+use crate::Scene;
+
+/// What was hit first: the target, then another object, then the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Hit {
+    /// What it was.
+    pub kind: HitKind,
+    /// Which object.
+    pub object_id: Option<usize>,
+}
+
+impl Hit {
+    /// The table.
+    pub(crate) const TABLE: Self = Self { kind: HitKind::Table, object_id: None };
+
+    /// An object, the target or another.
+    pub(crate) fn object(object_id: usize, target: usize) -> Self {
+        let kind = if object_id == target { HitKind::Target } else { HitKind::Other };
+        Self { kind, object_id: Some(object_id) }
+    }
+}
+
+/// A scene and a hand, made ready for the test.
+#[derive(Clone)]
+pub struct Gate {
+    table_z_m: f32,
+    obstacles: Vec<Obstacle>,
+    pregrasp: [HandBox; 3],
+    approach: [HandBox; 3],
+}
+
+#[derive(Clone)]
+struct Obstacle {
+    corners_m: Vec<Vec3>,
+    /// Directions of the faces' normals, one of each opposite pair, then of the edges, in the object frame.
+    normals: Vec<Vec3>,
+    edges: Vec<Vec3>,
+    workspace_from_object: Pose,
+    radius_m: f32,
+}
+
+impl Gate {
+    /// Makes scene and hand ready.
+    #[must_use]
+    pub fn new(scene: &Scene, gripper: &Gripper, procedure: &Procedure) -> Self {
+        let obstacles = scene
+            .objects
+            .iter()
+            .map(|object| Obstacle {
+                corners_m: object.solid.vertices_m(),
+                normals: distinct(object.solid.planes().iter().map(|plane| plane.normal)),
+                edges: distinct(object.solid.edges_m().into_iter().map(Vec3::normalize)),
+                workspace_from_object: object.workspace_from_object,
+                radius_m: object.solid.bounding_radius_m(),
+            })
+            .collect();
+        let back = Vec3::new(0.0, 0.0, procedure.pregrasp_distance_m);
+        let hand = gripper.open_hand();
+        let pregrasp = hand.map(|b| HandBox { centre_m: b.centre_m - back, ..b }.grown(gripper.clearance_m));
+        let approach = hand.map(|b| b.swept_back(procedure.pregrasp_distance_m).grown(gripper.clearance_m));
+        Self { table_z_m: scene.table_z_m, obstacles, pregrasp, approach }
+    }
+
+    /// The collision that keeps the hand from the grasp, if there is one.
+    #[must_use]
+    pub fn blocked(&self, workspace_from_grasp: &Pose, target: usize) -> Option<(Outcome, Hit)> {
+        let hit = |boxes: &[HandBox; 3]| self.first_hit(boxes, workspace_from_grasp, target);
+        let approach = hit(&self.approach)?;
+        // The sweep holds the pre-grasp hand, so only a blocked sweep needs the second look.
+        Some(match hit(&self.pregrasp) {
+            Some(pregrasp) => (Outcome::PregraspCollision, pregrasp),
+            None => (Outcome::ApproachCollision, approach),
+        })
+    }
+
+    fn first_hit(&self, boxes: &[HandBox; 3], workspace_from_grasp: &Pose, target: usize) -> Option<Hit> {
+        let touches = |id: &usize| self.touches(&self.obstacles[*id], boxes, workspace_from_grasp);
+        let others = (0..self.obstacles.len()).filter(|id| *id != target);
+        if let Some(id) = core::iter::once(target).chain(others).find(touches) {
+            return Some(Hit::object(id, target));
+        }
+        let low = boxes.iter().map(|b| lowest_z_m(b, workspace_from_grasp)).fold(f32::INFINITY, f32::min);
+        (low < self.table_z_m).then_some(Hit::TABLE)
+    }
+
+    fn touches(&self, obstacle: &Obstacle, boxes: &[HandBox; 3], workspace_from_grasp: &Pose) -> bool {
+        let grasp_from_object = workspace_from_grasp.inverse() * obstacle.workspace_from_object;
+        let near = |b: &HandBox| {
+            let outside = ((grasp_from_object.translation - b.centre_m).abs() - b.half_m).max(Vec3::ZERO);
+            outside.length_squared() <= obstacle.radius_m * obstacle.radius_m
+        };
+        if !boxes.iter().any(near) {
+            return false;
+        }
+        let corners: Vec<Vec3> = obstacle.corners_m.iter().map(|c| grasp_from_object.transform_point(*c)).collect();
+        let turned = |axes: &[Vec3]| -> Vec<Vec3> { axes.iter().map(|a| grasp_from_object.rotation * *a).collect() };
+        let (normals, edges) = (turned(&obstacle.normals), turned(&obstacle.edges));
+        boxes.iter().any(|b| near(b) && overlaps(b, &corners, &normals, &edges))
+    }
+}
+
+/// Whether a box and a convex solid overlap, by separating axes: the box's axes, the solid's normals, and the products of
+/// their edges. All in the box's axes.
+///
+/// (parry's own test runs GJK, which took a faceted cylinder half a millimetre away for a touching one.)
+fn overlaps(hand_box: &HandBox, corners: &[Vec3], normals: &[Vec3], edges: &[Vec3]) -> bool {
+    let parted = |axis: Vec3| {
+        let (low, high) = corners.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), corner| {
+            let x = axis.dot(*corner - hand_box.centre_m);
+            (low.min(x), high.max(x))
+        });
+        let reach = axis.abs().dot(hand_box.half_m);
+        low > reach || high < -reach
+    };
+    let axes = [Vec3::X, Vec3::Y, Vec3::Z];
+    let crossed = axes.iter().flat_map(|a| edges.iter().map(|e| a.cross(*e)));
+    // Parallel edges give no axis of their own.
+    let useful = crossed.filter(|axis| axis.length_squared() > 1e-6);
+    !axes.into_iter().chain(normals.iter().copied()).chain(useful).any(parted)
+}
+
+/// The directions among `axes`, without their opposites and repetitions.
+fn distinct(axes: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
+    let mut kept: Vec<Vec3> = Vec::new();
+    for axis in axes {
+        if !kept.iter().any(|k| k.cross(axis).length_squared() < 1e-8) {
+            kept.push(axis);
+        }
+    }
+    kept
+}
+
+/// Height of the lowest corner of a hand box.
+pub(crate) fn lowest_z_m(hand_box: &HandBox, workspace_from_grasp: &Pose) -> f32 {
+    let centre = workspace_from_grasp.transform_point(hand_box.centre_m);
+    let rotation = workspace_from_grasp.rotation;
+    let reach = [Vec3::X, Vec3::Y, Vec3::Z]
+        .into_iter()
+        .map(|axis| (rotation * axis).z.abs() * axis.dot(hand_box.half_m))
+        .sum::<f32>();
+    centre.z - reach
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Purpose, ShapeKind, Solid, Stream};
+
+    use super::*;
+    use crate::SceneObject;
+
+    type V = [f64; 3];
+
+    fn dot(a: V, b: V) -> f64 {
+        a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    }
+
+    fn cross(a: V, b: V) -> V {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    }
+
+    fn points(vertices: &[Vec3], pose: &Pose) -> Vec<V> {
+        vertices.iter().map(|v| pose.transform_point(*v).to_array().map(f64::from)).collect()
+    }
+
+    /// Width of the widest gap between two convex point sets along any axis that could part them (negative: overlap).
+    /// The slow, obvious way: in double precision, every difference of two corners is taken for an edge.
+    fn widest_gap(a: &[V], b: &[V]) -> f64 {
+        let edges = |p: &[V]| -> Vec<V> {
+            let all = p
+                .iter()
+                .enumerate()
+                .flat_map(|(i, u)| p[i + 1..].iter().map(move |v| [v[0] - u[0], v[1] - u[1], v[2] - u[2]]));
+            let mut unique: Vec<V> = Vec::new();
+            for e in all {
+                let length = dot(e, e).sqrt();
+                let e = e.map(|c| c / length);
+                if !unique.iter().any(|u| dot(cross(*u, e), cross(*u, e)) < 1e-10) {
+                    unique.push(e);
+                }
+            }
+            unique
+        };
+        let (ea, eb) = (edges(a), edges(b));
+        let pairs = |x: &[V], y: &[V]| -> Vec<V> { x.iter().flat_map(|u| y.iter().map(|v| cross(*u, *v))).collect() };
+        let mut axes = pairs(&ea, &eb);
+        axes.extend(pairs(&ea, &ea));
+        axes.extend(pairs(&eb, &eb));
+        let mut widest = f64::NEG_INFINITY;
+        for axis in axes {
+            let length = dot(axis, axis).sqrt();
+            if length < 1e-9 {
+                continue;
+            }
+            let span = |p: &[V]| {
+                p.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+                    let x = dot(*v, axis) / length;
+                    (low.min(x), high.max(x))
+                })
+            };
+            let ((a_low, a_high), (b_low, b_high)) = (span(a), span(b));
+            widest = widest.max(b_low - a_high).max(a_low - b_high);
+        }
+        widest
+    }
+
+    #[test]
+    fn the_gate_agrees_with_separating_axes_in_double_precision() {
+        let gripper = Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap();
+        let mut stream = Stream::new(5, 0, Purpose::Candidates, 0);
+        let (mut touching, mut clear) = (0, 0);
+        for case in 0..400 {
+            let kind = ShapeKind::ALL[case % 4];
+            let extents = match kind {
+                ShapeKind::Cylinder => Vec3::new(0.04, 0.04, 0.07),
+                ShapeKind::HalfCylinder => Vec3::new(0.06, 0.06, 0.03),
+                _ => Vec3::new(0.03, 0.05, 0.07),
+            };
+            let solid = Solid::new(kind, extents).unwrap();
+            let pose = Pose::from_parts(stream.point(Vec3::splat(-0.07), Vec3::splat(0.07)), stream.rotation());
+            let finger = gripper.open_hand()[case % 3].swept_back(0.05);
+            let object = SceneObject { solid, mass_kg: 0.1, friction: 1.0, workspace_from_object: pose };
+            let scene = Scene { table_z_m: -1.0, objects: vec![object] };
+            let procedure = test_procedure();
+            let gate = Gate::new(&scene, &gripper, &procedure);
+            let got = gate.touches(&gate.obstacles[0], &[finger; 3], &Pose::IDENTITY);
+            let corners: Vec<Vec3> = (0..8)
+                .map(|c| {
+                    let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };
+                    finger.centre_m + finger.half_m * Vec3::new(sign(0), sign(1), sign(2))
+                })
+                .collect();
+            let gap = widest_gap(&points(&corners, &Pose::IDENTITY), &points(&solid.vertices_m(), &pose));
+            if gap.abs() > 2e-6 {
+                assert_eq!(got, gap < 0.0, "case {case} {kind:?}: gap {gap}");
+            }
+            if got { touching += 1 } else { clear += 1 }
+        }
+        assert!(touching > 50 && clear > 50, "{touching} touch, {clear} are clear");
+    }
+
+    fn test_procedure() -> Procedure {
+        Procedure {
+            pregrasp_distance_m: 0.05,
+            retreat_distance_m: 0.10,
+            retreat_cone_rad: 1.0,
+            retreat_speed_m_s: 0.2,
+            close_time_s_max: 1.0,
+            hold_time_s: 0.25,
+            empty_width_m: 0.002,
+            held_travel_share_min: 0.5,
+            other_push_m_max: 0.01,
+            other_lift_m_max: 0.01,
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! A scene at rest.
+
+use schema::{ObjectRecord, Pose, Solid};
+
+/// An object at rest in the workspace.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneObject {
+    /// Shape and size.
+    pub solid: Solid,
+    /// Mass in kilograms.
+    pub mass_kg: f32,
+    /// Coulomb friction coefficient.
+    pub friction: f32,
+    /// Where it rests.
+    pub workspace_from_object: Pose,
+}
+
+/// Objects on a table, at rest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// Height of the table's top, in metres.
+    pub table_z_m: f32,
+    /// The objects.
+    pub objects: Vec<SceneObject>,
+}
+
+impl Scene {
+    /// The scene that a dataset's rows describe: what was executed can be executed again from what was stored.
+    #[must_use]
+    pub fn from_records(table_z_m: f32, records: &[ObjectRecord]) -> Self {
+        let objects = records
+            .iter()
+            .map(|r| SceneObject {
+                solid: r.solid,
+                mass_kg: r.mass_kg,
+                friction: r.friction,
+                workspace_from_object: r.workspace_from_object,
+            })
+            .collect();
+        Self { table_z_m, objects }
+    }
+}

@@ -1,0 +1,154 @@
+//! Dropping objects until they rest (paper 2.3, Fig. 2).
+//!
+//! One object after the other falls into a box without a lid; when the last one rests the box is taken away, and the
+//! pile comes to rest once more. What has left the workspace by then is not part of the scene.
+
+use rapier3d::prelude::*;
+use schema::{Grid, Pose, Solid, Vec3};
+
+use crate::engine::{Physics, World};
+use crate::{Scene, SceneObject};
+
+/// An object about to fall.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drop {
+    /// Shape and size.
+    pub solid: Solid,
+    /// Mass in kilograms.
+    pub mass_kg: f32,
+    /// Coulomb friction coefficient.
+    pub friction: f32,
+    /// Where it is let go.
+    pub workspace_from_object: Pose,
+}
+
+/// When a pile counts as resting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SettleLaw {
+    /// No object moves faster than this.
+    pub linear_speed_m_s_max: f32,
+    /// No object turns faster than this.
+    pub angular_speed_rad_s_max: f32,
+    /// For this long.
+    pub rest_time_s: f32,
+    /// An object that does not rest by then makes the scene fail.
+    pub time_s_max: f32,
+}
+
+/// A scene that came to rest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settled {
+    /// The objects that stayed in the workspace.
+    pub scene: Scene,
+    /// Simulated time, in seconds.
+    pub settle_time_s: f32,
+}
+
+/// Why a scene was thrown away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unsettled {
+    /// Something still moved at the time limit.
+    Moving,
+    /// Nothing stayed in the workspace.
+    Empty,
+    /// A pose is no number, or an object was shot through the table or out of sight.
+    Unstable,
+}
+
+/// Thickness and height of the temporary walls, in metres: high enough for what is dropped from 0.2 m.
+const WALL_THICKNESS_M: f32 = 0.1;
+const WALL_HEIGHT_M: f32 = 0.4;
+/// An object this far from the workspace's middle, or this deep in the table, was shot away by the engine.
+const ESCAPE_DISTANCE_M: f32 = 2.0;
+const SUNK_DEPTH_M: f32 = 0.01;
+
+/// Drops `drops` one by one into a box over the workspace and waits until they rest.
+///
+/// # Errors
+/// [`Unsettled`] says why the scene is no scene; the caller draws another.
+pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -> Result<Settled, Unsettled> {
+    let mut world = World::with_table(physics, grid.table_z_m);
+    let mut pipeline = PhysicsPipeline::new();
+    let walls = add_walls(&mut world, physics, grid);
+    let mut bodies = Vec::with_capacity(drops.len());
+    let mut steps = 0;
+    for drop in drops {
+        bodies.push(world.add_object(&drop.solid, drop.mass_kg, drop.friction, drop.workspace_from_object));
+        steps += rest(&mut world, &mut pipeline, physics, law, &bodies)?;
+    }
+    for wall in walls {
+        world.remove_fixed(wall);
+    }
+    steps += rest(&mut world, &mut pipeline, physics, law, &bodies)?;
+
+    let mut objects = Vec::with_capacity(drops.len());
+    for (drop, body) in drops.iter().zip(&bodies) {
+        let workspace_from_object = world.pose(*body);
+        if !is_sane(&workspace_from_object, &drop.solid, grid) {
+            return Err(Unsettled::Unstable);
+        }
+        if is_over_workspace(workspace_from_object.translation, grid) {
+            objects.push(SceneObject {
+                solid: drop.solid,
+                mass_kg: drop.mass_kg,
+                friction: drop.friction,
+                workspace_from_object,
+            });
+        }
+    }
+    if objects.is_empty() {
+        return Err(Unsettled::Empty);
+    }
+    let scene = Scene { table_z_m: grid.table_z_m, objects };
+    Ok(Settled { scene, settle_time_s: steps as f32 * physics.dt_s() })
+}
+
+fn add_walls(world: &mut World, physics: &Physics, grid: &Grid) -> [ColliderHandle; 4] {
+    let middle = 0.5 * grid.size_m;
+    let out = middle + 0.5 * WALL_THICKNESS_M;
+    let centre_z = grid.table_z_m + 0.5 * WALL_HEIGHT_M;
+    let long = middle + WALL_THICKNESS_M;
+    [(out, 0.0), (-out, 0.0), (0.0, out), (0.0, -out)].map(|(x, y)| {
+        let half = if y == 0.0 { [0.5 * WALL_THICKNESS_M, long] } else { [long, 0.5 * WALL_THICKNESS_M] };
+        let wall = ColliderBuilder::cuboid(half[0], half[1], 0.5 * WALL_HEIGHT_M).translation(Vec3::new(
+            middle + x,
+            middle + y,
+            centre_z,
+        ));
+        world.add_fixed(wall, physics.table_friction)
+    })
+}
+
+/// Steps until every body rests; gives the number of steps.
+fn rest(
+    world: &mut World,
+    pipeline: &mut PhysicsPipeline,
+    physics: &Physics,
+    law: &SettleLaw,
+    bodies: &[RigidBodyHandle],
+) -> Result<usize, Unsettled> {
+    let (wanted, limit) = (physics.steps(law.rest_time_s), physics.steps(law.time_s_max));
+    let mut resting = 0;
+    for step in 1..=limit {
+        world.step(pipeline);
+        let still = bodies.iter().all(|body| {
+            let body = &world.bodies[*body];
+            body.linvel().length() <= law.linear_speed_m_s_max && body.angvel().length() <= law.angular_speed_rad_s_max
+        });
+        resting = if still { resting + 1 } else { 0 };
+        if resting >= wanted {
+            return Ok(step);
+        }
+    }
+    Err(Unsettled::Moving)
+}
+
+fn is_sane(pose: &Pose, solid: &Solid, grid: &Grid) -> bool {
+    let middle = Vec3::splat(0.5 * grid.size_m);
+    let lowest = solid.vertices_m().into_iter().map(|v| pose.transform_point(v).z).fold(f32::INFINITY, f32::min);
+    (pose.translation - middle).length() < ESCAPE_DISTANCE_M && lowest > grid.table_z_m - SUNK_DEPTH_M
+}
+
+fn is_over_workspace(point: Vec3, grid: &Grid) -> bool {
+    [point.x, point.y].iter().all(|c| (0.0..grid.size_m).contains(c))
+}
