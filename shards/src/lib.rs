@@ -1,1 +1,81 @@
-//! placeholder
+//! How the records of a dataset lie on disk: three Parquet tables, their manifest, and the way a shard appears whole
+//! or not at all. The only crate that knows Parquet.
+//!
+//! # A dataset's folder
+//!
+//! ```text
+//! README.md                                  dataset card, made by finalize
+//! meta/info.json                             what the dataset is: written first; its SHA-256 is the dataset's id
+//! meta/shards/00003.json                     marker: written last; the shard counts iff it is there
+//! meta/manifest.json                         every marker and their sum: there iff the dataset is complete
+//! attempts/shard-00003-of-00064.parquet      one row an attempt
+//! scenes/shard-00003-of-00064.parquet        one row a scene, with its TSDF
+//! objects/shard-00003-of-00064.parquet       one row an object
+//! ```
+//!
+//! # Writing and reading
+//!
+//! ```
+//! # let dir = tempfile::tempdir().unwrap();
+//! # let dir = dir.path();
+//! let mut info = shards::synthetic::info(7, 2, 60, 10);
+//! info.grid.resolution = 8;
+//! shards::begin_dataset(dir, &info)?;
+//! for shard in 0..info.shard_count {
+//!     if shards::is_committed(dir, &info, shard)? {
+//!         continue; // written by an earlier run
+//!     }
+//!     let mut writer = shards::ShardWriter::create(dir, &info, shard)?;
+//!     for scene in info.scenes_of(shard) {
+//!         writer.push(&shards::synthetic::scene_rows(scene, info.seed, &info))?;
+//!     }
+//!     writer.commit()?;
+//! }
+//! assert!(matches!(shards::finalize(dir)?, shards::Finalized::Complete(_)));
+//!
+//! let dataset = shards::Dataset::open(dir)?;
+//! let attempts = dataset.read_attempts(0)?;
+//! assert_eq!(attempts.len(), 30);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! A shard's bytes are a pure function of its rows: no clock, no host name, no library version. Every error has an
+//! [`ExitCode`].
+
+mod begin;
+mod card;
+mod check;
+mod column;
+mod dataset;
+mod decode;
+mod encode;
+mod exit;
+mod finalize;
+mod info;
+pub mod layout;
+mod report;
+mod report_text;
+mod seal;
+mod store;
+mod summary;
+pub mod synthetic;
+mod table_reader;
+mod table_writer;
+mod text;
+mod version;
+mod writer;
+
+pub use begin::{BeginError, begin_dataset};
+pub use check::{POSITION_M_MAX, QUATERNION_TOLERANCE, RowError, VIEWS_MAX, WIDTH_TOLERANCE_M};
+pub use column::{Column, Kind, Table};
+pub use dataset::{Dataset, ReadError, Scenes};
+pub use exit::ExitCode;
+pub use finalize::{FinalizeError, Finalized, finalize};
+pub use info::{ATTEMPTS_MAX, DatasetInfo, InfoError, RESOLUTION_MAX, SHARDS_MAX};
+pub use report::{Bin, Group, OutcomeGroup, Report, TableSize, report};
+pub use seal::SealError;
+pub use store::StoreError;
+pub use summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, Tally};
+pub use table_writer::TableError;
+pub use version::{FormatVersion, UnreadableVersion};
+pub use writer::{SCENES_PER_ROW_GROUP, ShardWriter, WriteError, is_committed};

@@ -1,0 +1,213 @@
+//! What must hold for a row. Checked before rows are written and again after they are read, so that neither a
+//! defect of the generator nor one of the reader passes as data.
+
+use schema::{AttemptRecord, Gripper, HitKind, ObjectRecord, Outcome, Pose, SceneRecord, SceneRows, View};
+
+use crate::DatasetInfo;
+
+/// A row that cannot be.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct RowError(pub String);
+
+/// A quaternion's length may differ from 1 by this.
+pub const QUATERNION_TOLERANCE: f32 = 1e-4;
+/// Positions lie within this distance of the workspace's origin, in metres.
+pub const POSITION_M_MAX: f32 = 10.0;
+/// An opening may pass the ends of its range by this, in metres: fingers and objects give a little.
+pub const WIDTH_TOLERANCE_M: f32 = 0.002;
+/// Most camera poses of a scene.
+pub const VIEWS_MAX: usize = 256;
+/// Observed TSDF values lie in this range: (±0.98 + 1) / 2, and a little for rounding.
+const TSDF: (f32, f32) = (0.0099, 0.9901);
+
+type Checked = Result<(), RowError>;
+
+fn must(holds: bool, message: impl FnOnce() -> String) -> Checked {
+    if holds { Ok(()) } else { Err(RowError(message())) }
+}
+
+fn within(name: &str, value: f32, low: f32, high: f32) -> Checked {
+    must(value >= low && value <= high, || format!("{name} must be between {low} and {high}, got {value}"))
+}
+
+fn pose(name: &str, pose: &Pose) -> Checked {
+    for (axis, value) in ["x_m", "y_m", "z_m"].into_iter().zip(pose.translation.to_array()) {
+        within(&format!("{name} {axis}"), value, -POSITION_M_MAX, POSITION_M_MAX)?;
+    }
+    let length = pose.rotation.length();
+    must((length - 1.0).abs() <= QUATERNION_TOLERANCE, || {
+        format!("{name} quaternion must have length 1 within {QUATERNION_TOLERANCE}, got {length}")
+    })
+}
+
+fn view(view: &View) -> Checked {
+    within("view radius_m", view.radius_m, f32::MIN_POSITIVE, POSITION_M_MAX)?;
+    within("view polar_rad", view.polar_rad, 0.0, core::f32::consts::PI)?;
+    within("view azimuth_rad", view.azimuth_rad, -core::f32::consts::TAU, core::f32::consts::TAU)
+}
+
+/// Checks a scene's own row, without its grid.
+///
+/// # Errors
+/// [`RowError`] with the rule, the value and the limit.
+pub(crate) fn scene_head(scene: &SceneRecord, info: &DatasetInfo) -> Checked {
+    let expected = info.attempts_of_scene(scene.scene_id);
+    must(scene.scene_id < info.scene_count, || {
+        format!("scene_id must be below {}, got {}", info.scene_count, scene.scene_id)
+    })?;
+    must(scene.attempt_count == expected, || format!("attempt_count must be {expected}, got {}", scene.attempt_count))?;
+    must((1..=scene.dropped_count).contains(&scene.object_count), || {
+        format!("object_count must be between 1 and dropped_count {}, got {}", scene.dropped_count, scene.object_count)
+    })?;
+    within("settle_time_s", scene.settle_time_s, 0.0, 1e6)?;
+    must((1..=VIEWS_MAX).contains(&scene.views.len()), || {
+        format!("a scene must have between 1 and {VIEWS_MAX} views, got {}", scene.views.len())
+    })?;
+    scene.views.iter().try_for_each(view)
+}
+
+/// Checks a scene's grid.
+///
+/// # Errors
+/// [`RowError`] with the rule, the value and the limit.
+pub(crate) fn tsdf(values: &[f32], info: &DatasetInfo) -> Checked {
+    must(values.len() == info.grid.len(), || {
+        format!("tsdf must have {} values, got {}", info.grid.len(), values.len())
+    })?;
+    let (low, high) = TSDF;
+    let bad = values.iter().position(|v| !(*v == 0.0 || (*v >= low && *v <= high)));
+    must(bad.is_none(), || {
+        let at = bad.unwrap_or_default();
+        format!("tsdf must be 0 or between {low} and {high}, got {} at value {at}", values[at])
+    })
+}
+
+/// Checks an object by itself.
+///
+/// # Errors
+/// [`RowError`] with the rule, the value and the limit.
+pub(crate) fn object(object: &ObjectRecord) -> Checked {
+    let name = format!("object {}", object.object_id);
+    schema::Solid::new(object.solid.kind, object.solid.extents_m).map_err(|e| RowError(format!("{name} {e}")))?;
+    within(&format!("{name} size"), object.solid.extents_m.max_element(), 0.0, POSITION_M_MAX)?;
+    within(&format!("{name} mass_kg"), object.mass_kg, f32::MIN_POSITIVE, 1e4)?;
+    within(&format!("{name} friction"), object.friction, 0.0, 100.0)?;
+    pose(&name, &object.workspace_from_object)
+}
+
+/// Checks an attempt by itself.
+///
+/// # Errors
+/// [`RowError`] with the rule, the value and the limit.
+pub(crate) fn attempt(attempt: &AttemptRecord, gripper: &Gripper) -> Checked {
+    let name = format!("attempt {}", attempt.attempt_id);
+    let turn = core::f32::consts::TAU;
+    within(&format!("{name} tilt_rad"), attempt.tilt_rad, -turn, turn)?;
+    within(&format!("{name} turn_rad"), attempt.turn_rad, -turn, turn)?;
+    within(&format!("{name} depth_m"), attempt.depth_m, -POSITION_M_MAX, POSITION_M_MAX)?;
+    within(&format!("{name} slide_m"), attempt.slide_m, -POSITION_M_MAX, POSITION_M_MAX)?;
+    must(attempt.rule.approach != attempt.closing, || {
+        format!("{name} must close across its approach, got {} for both", attempt.closing.name())
+    })?;
+    pose(&name, &attempt.workspace_from_grasp)?;
+    width(&name, attempt, gripper)?;
+    hit(&name, attempt)
+}
+
+fn width(name: &str, attempt: &AttemptRecord, gripper: &Gripper) -> Checked {
+    let outcome = attempt.outcome;
+    match (outcome, attempt.width_m) {
+        (Outcome::PregraspCollision | Outcome::ApproachCollision, Some(width)) => {
+            Err(RowError(format!("{name} width_m must be absent for {}, got {width}", outcome.name())))
+        }
+        (Outcome::Held | Outcome::Slipped | Outcome::Empty, None) => {
+            Err(RowError(format!("{name} width_m must be there for {}", outcome.name())))
+        }
+        (_, Some(width)) => {
+            within(&format!("{name} width_m"), width, -WIDTH_TOLERANCE_M, gripper.opening_m_max + WIDTH_TOLERANCE_M)
+        }
+        (_, None) => Ok(()),
+    }
+}
+
+fn hit(name: &str, attempt: &AttemptRecord) -> Checked {
+    let AttemptRecord { outcome, hit, hit_object_id, object_id, .. } = *attempt;
+    let collides = matches!(outcome, Outcome::PregraspCollision | Outcome::ApproachCollision | Outcome::HitOther);
+    must(hit.is_some() == collides, || {
+        format!("{name} hit must be {} for {}", if collides { "there" } else { "absent" }, outcome.name())
+    })?;
+    must(!(outcome == Outcome::HitOther && hit == Some(HitKind::Target)), || {
+        format!("{name} hit must be other or table for hit_other, got target")
+    })?;
+    let fits = match hit {
+        None | Some(HitKind::Table) => hit_object_id.is_none(),
+        Some(HitKind::Target) => hit_object_id == Some(object_id),
+        Some(HitKind::Other) => hit_object_id.is_some_and(|id| id != object_id),
+    };
+    must(fits, || {
+        let what = hit.map_or("nothing", HitKind::name);
+        format!("{name} hit_object_id does not fit: hit {what}, target {object_id}, got {hit_object_id:?}")
+    })
+}
+
+/// Checks all rows of a scene, each by itself and with one another.
+///
+/// # Errors
+/// [`RowError`] with the rule, the value and the limit.
+pub(crate) fn scene_rows(rows: &SceneRows, info: &DatasetInfo) -> Checked {
+    scene_head(&rows.scene, info)?;
+    tsdf(&rows.scene.tsdf, info)?;
+    links(&rows.scene, &rows.objects, &rows.attempts)?;
+    rows.objects.iter().try_for_each(object)?;
+    rows.attempts.iter().try_for_each(|a| attempt(a, &info.gripper))
+}
+
+/// Checks the keys among the rows of one scene: ids count up from 0, attempts point at objects of their shape.
+///
+/// # Errors
+/// [`RowError`] with the rule, the value and the limit.
+pub(crate) fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
+    count("object_count", scene.object_count, objects.len())?;
+    count("attempt_count", scene.attempt_count, attempts.len())?;
+    for (expected, object) in (0_u32..).zip(objects) {
+        ids("object", (scene.scene_id, expected), (object.scene_id, object.object_id))?;
+    }
+    for (expected, attempt) in (0_u32..).zip(attempts) {
+        ids("attempt", (scene.scene_id, expected), (attempt.scene_id, attempt.attempt_id))?;
+        let target = objects.get(attempt.object_id as usize).ok_or_else(|| {
+            RowError(format!("attempt {expected} has no target: object {} of {}", attempt.object_id, objects.len()))
+        })?;
+        must(target.solid.kind == attempt.rule.shape, || {
+            let (rule, shape) = (attempt.rule.name(), target.solid.kind.name());
+            format!("attempt {expected} has rule {rule} for a {shape}")
+        })?;
+        must(attempt.hit_object_id.is_none_or(|id| (id as usize) < objects.len()), || {
+            format!(
+                "attempt {expected} hit an object that is not there: {:?} of {}",
+                attempt.hit_object_id,
+                objects.len()
+            )
+        })?;
+    }
+    Ok(())
+}
+
+fn count(name: &str, said: u32, found: usize) -> Checked {
+    must(said as usize == found, || format!("{name} must be the number of rows, {found}, got {said}"))
+}
+
+fn ids(table: &str, expected: (u64, u32), got: (u64, u32)) -> Checked {
+    must(expected == got, || {
+        format!(
+            "{table} ids must count up: expected scene {} number {}, got {} {}",
+            expected.0, expected.1, got.0, got.1
+        )
+    })
+}
+
+/// Whether a stored volume is that of the solid, to 0.1 %.
+pub(crate) fn is_volume(stored_m3: f32, object: &ObjectRecord) -> bool {
+    let exact = object.solid.volume_m3();
+    (stored_m3 - exact).abs() <= 1e-3 * exact
+}

@@ -1,0 +1,83 @@
+//! Sealed JSON: a pretty-printed object whose last key, `seal`, is the SHA-256 of the text without it. A manifest of
+//! 64 checksums is only as good as its own; one flipped digit in a row count must not pass.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
+
+/// Why a sealed text is refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SealError {
+    /// There is no seal at the end.
+    #[error("it does not end with its seal; it was cut off or edited")]
+    Missing,
+    /// The seal does not belong to the text.
+    #[error("its seal does not fit; it was edited or damaged")]
+    Broken,
+    /// Sealed, but not what it should be.
+    #[error("not understood: {0}")]
+    Parse(String),
+}
+
+const HEAD: &str = ",\n  \"seal\": \"";
+const TAIL: &str = "\"\n}\n";
+
+/// SHA-256 in lower-case hex.
+pub(crate) fn sha256_hex(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+/// Bytes in lower-case hex.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    use std::fmt::Write as _;
+    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}"); // writing to a String cannot fail
+        text
+    })
+}
+
+/// The sealed text of a struct with at least one field.
+pub(crate) fn seal(value: &impl Serialize) -> String {
+    let text = crate::info::pretty(value);
+    let body = text.strip_suffix("\n}\n").unwrap_or(&text);
+    format!("{body}{HEAD}{}{TAIL}", sha256_hex(body.as_bytes()))
+}
+
+/// What a sealed text holds.
+///
+/// # Errors
+/// [`SealError`] unless the text is exactly what [`seal`] wrote.
+pub(crate) fn unseal<T: DeserializeOwned>(text: &str) -> Result<T, SealError> {
+    let rest = text.strip_suffix(TAIL).ok_or(SealError::Missing)?;
+    let (body, digest) = rest.rsplit_once(HEAD).ok_or(SealError::Missing)?;
+    if sha256_hex(body.as_bytes()) != digest {
+        return Err(SealError::Broken);
+    }
+    serde_json::from_str(&format!("{body}\n}}")).map_err(|e| SealError::Parse(e.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    struct Sample {
+        rows: u32,
+        name: String,
+    }
+
+    #[test]
+    fn every_edit_breaks_the_seal() {
+        let sample = Sample { rows: 17, name: "x".to_owned() };
+        let text = seal(&sample);
+        assert_eq!(unseal::<Sample>(&text).unwrap(), sample);
+        for position in 0..text.len() {
+            let mut bytes = text.clone().into_bytes();
+            bytes[position] ^= 1;
+            let edited = String::from_utf8(bytes).unwrap();
+            assert!(unseal::<Sample>(&edited).is_err(), "byte {position}: {edited}");
+            assert!(unseal::<Sample>(&text[..position]).is_err(), "cut at {position}");
+        }
+    }
+}

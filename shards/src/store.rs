@@ -1,0 +1,393 @@
+//! The only place that publishes anything on disk.
+//!
+//! A file is written under a staging name in its own folder (`.name#0.tmp`, which neither readers nor globs match),
+//! flushed to the disk, renamed, and the folder flushed. So a name that readers know holds a whole file or nothing.
+//! A writer holds a lock on its staging file; what a killed writer left behind carries no lock and is removed by the
+//! next one, while two live writers of the same shard (schedulers do that) never share a file.
+
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use sha2::{Digest, Sha256};
+
+use crate::ExitCode;
+
+/// The disk did not do what it was asked. Running again may help.
+#[derive(Debug, thiserror::Error)]
+#[error("failed to {action}: {source}: {}", .path.display())]
+pub struct StoreError {
+    /// What was tried.
+    pub action: &'static str,
+    /// On which path.
+    pub path: PathBuf,
+    /// What the system said.
+    pub source: io::Error,
+}
+
+impl StoreError {
+    /// [`ExitCode::TryAgain`].
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        ExitCode::TryAgain
+    }
+}
+
+fn failed(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> StoreError {
+    let path = path.to_owned();
+    move |source| StoreError { action, path, source }
+}
+
+/// A folder in which files are published.
+#[derive(Debug, Clone)]
+pub(crate) struct Store {
+    root: PathBuf,
+    fault: Fault,
+}
+
+/// Lets tests fail the n-th operation. Outside of tests there is none.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Fault(Option<Arc<AtomicU64>>);
+
+impl Fault {
+    /// Lets `operations` pass and fails every one after.
+    #[cfg(test)]
+    pub(crate) fn after(operations: u64) -> Self {
+        Self(Some(Arc::new(AtomicU64::new(operations))))
+    }
+
+    fn check(&self) -> io::Result<()> {
+        let Some(left) = &self.0 else { return Ok(()) };
+        match left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)) {
+            Ok(_) => Ok(()),
+            Err(_) => Err(io::ErrorKind::StorageFull.into()),
+        }
+    }
+}
+
+/// What came of publishing a file that must not be there yet.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Published {
+    /// It is there now.
+    New,
+    /// It was there already, with these bytes.
+    Existing(Vec<u8>),
+}
+
+/// Most live writers of one file.
+const WRITERS_MAX: u32 = 64;
+/// Largest file of `meta/` that is read.
+const META_BYTES_MAX: u64 = 1 << 30;
+
+impl Store {
+    pub(crate) fn new(root: &Path) -> Self {
+        Self { root: root.to_owned(), fault: Fault::default() }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn faulty(root: &Path, fault: Fault) -> Self {
+        Self { root: root.to_owned(), fault }
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.root.join(name)
+    }
+
+    /// The size of a file in bytes, `None` if there is none.
+    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
+        let path = self.path(name);
+        match fs::metadata(&path) {
+            Ok(metadata) if metadata.is_file() => Ok(Some(metadata.len())),
+            Ok(_) => Ok(None),
+            Err(e) if is_absent(&e) => Ok(None),
+            Err(e) => Err(failed("look at a file", &path)(e)),
+        }
+    }
+
+    /// The bytes of a small file, `None` if there is none.
+    pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        let path = self.path(name);
+        let file = match File::open(&path) {
+            Ok(file) => file,
+            Err(e) if is_absent(&e) => return Ok(None),
+            Err(e) => return Err(failed("open a file", &path)(e)),
+        };
+        let mut bytes = Vec::new();
+        file.take(META_BYTES_MAX).read_to_end(&mut bytes).map_err(failed("read a file", &path))?;
+        Ok(Some(bytes))
+    }
+
+    /// Begins a file that will be called `name`.
+    pub(crate) fn stage(&self, name: &str) -> Result<Staged, StoreError> {
+        let target = self.path(name);
+        let folder = target.parent().unwrap_or(&self.root).to_owned();
+        self.create_folder(&folder)?;
+        let (staging, file) = self.open_staging(&folder, &target)?;
+        Ok(Staged { file, staging, target, hash: Sha256::new(), bytes: 0, fault: self.fault.clone(), published: false })
+    }
+
+    /// Publishes a small file in place of what may be there.
+    pub(crate) fn publish(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        self.stage_bytes(name, bytes)?.publish()
+    }
+
+    /// Publishes a small file unless there is one.
+    pub(crate) fn publish_new(&self, name: &str, bytes: &[u8]) -> Result<Published, StoreError> {
+        if let Some(existing) = self.read(name)? {
+            return Ok(Published::Existing(existing));
+        }
+        if self.stage_bytes(name, bytes)?.publish_new()? {
+            return Ok(Published::New);
+        }
+        self.read(name).map(|existing| Published::Existing(existing.unwrap_or_default()))
+    }
+
+    fn stage_bytes(&self, name: &str, bytes: &[u8]) -> Result<Ready, StoreError> {
+        let mut staged = self.stage(name)?;
+        let path = staged.target.clone();
+        staged.write_all(bytes).map_err(failed("write a file", &path))?;
+        staged.finish()
+    }
+
+    /// Removes what killed writers left in a folder.
+    pub(crate) fn sweep(&self, folder: &str) -> Result<(), StoreError> {
+        let folder = self.path(folder);
+        let entries = match fs::read_dir(&folder) {
+            Ok(entries) => entries,
+            Err(e) if is_absent(&e) => return Ok(()),
+            Err(e) => return Err(failed("list a folder", &folder)(e)),
+        };
+        for entry in entries {
+            let path = entry.map_err(failed("list a folder", &folder))?.path();
+            if path.file_name().is_some_and(|name| is_staging(&name.to_string_lossy())) {
+                remove_if_dead(&path);
+            }
+        }
+        Ok(())
+    }
+
+    /// Creates a folder and what is above it, each flushed into its parent.
+    pub(crate) fn create_folder(&self, folder: &Path) -> Result<(), StoreError> {
+        if folder.is_dir() {
+            return Ok(());
+        }
+        if let Some(parent) = folder.parent().filter(|p| !p.as_os_str().is_empty()) {
+            self.create_folder(parent)?;
+        }
+        self.fault.check().map_err(failed("create a folder", folder))?;
+        match fs::create_dir(folder) {
+            Ok(()) => {}
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists && folder.is_dir() => {}
+            Err(e) => return Err(failed("create a folder", folder)(e)),
+        }
+        sync_folder(folder.parent())
+    }
+
+    fn open_staging(&self, folder: &Path, target: &Path) -> Result<(PathBuf, File), StoreError> {
+        let name = target.file_name().unwrap_or_default().to_string_lossy();
+        let mut attempt = 0;
+        while attempt < WRITERS_MAX {
+            let path = folder.join(format!(".{name}#{attempt}.tmp"));
+            self.fault.check().map_err(failed("create a file", target))?;
+            match OpenOptions::new().write(true).create_new(true).open(&path) {
+                Ok(file) if is_mine(&file, &path) => return Ok((path, file)),
+                Ok(_) => attempt += 1,
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
+                    if !remove_if_dead(&path) {
+                        attempt += 1;
+                    }
+                }
+                Err(e) => return Err(failed("create a file", target)(e)),
+            }
+        }
+        Err(failed("find a staging name", target)(io::ErrorKind::ResourceBusy.into()))
+    }
+}
+
+/// A file being written. Dropped before it is published, it leaves nothing behind.
+#[derive(Debug)]
+pub(crate) struct Staged {
+    file: File,
+    staging: PathBuf,
+    target: PathBuf,
+    hash: Sha256,
+    bytes: u64,
+    fault: Fault,
+    published: bool,
+}
+
+impl Write for Staged {
+    fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
+        self.fault.check()?;
+        let written = self.file.write(buffer)?;
+        self.hash.update(&buffer[..written]);
+        self.bytes += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Staged {
+    /// The file, whole and flushed to the disk, still under its staging name.
+    pub(crate) fn finish(self) -> Result<Ready, StoreError> {
+        self.fault.check().and_then(|()| self.file.sync_all()).map_err(failed("flush a file", &self.target))?;
+        Ok(Ready { sha256: crate::seal::hex(&self.hash.clone().finalize()), staged: self })
+    }
+}
+
+impl Drop for Staged {
+    fn drop(&mut self) {
+        if !self.published {
+            let _ = fs::remove_file(&self.staging); // a leftover counts for nothing; the next writer removes it
+        }
+    }
+}
+
+/// A written file that waits for its name.
+#[derive(Debug)]
+pub(crate) struct Ready {
+    staged: Staged,
+    /// Its SHA-256 in hex.
+    pub(crate) sha256: String,
+}
+
+impl Ready {
+    /// Its size.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.staged.bytes
+    }
+
+    /// Gives the file its name, in place of what may be there.
+    pub(crate) fn publish(mut self) -> Result<(), StoreError> {
+        let target = self.staged.target.clone();
+        let rename = self.staged.fault.check().and_then(|()| fs::rename(&self.staged.staging, &target));
+        rename.map_err(failed("publish a file", &target))?;
+        self.staged.published = true;
+        sync_folder(target.parent())
+    }
+
+    /// Gives the file its name unless it is taken; whether it did.
+    fn publish_new(self) -> Result<bool, StoreError> {
+        let target = self.staged.target.clone();
+        match self.staged.fault.check().and_then(|()| fs::hard_link(&self.staged.staging, &target)) {
+            Ok(()) => sync_folder(target.parent()).map(|()| true),
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
+            Err(e) if e.kind() == io::ErrorKind::StorageFull => Err(failed("publish a file", &target)(e)),
+            // No hard links here (exFAT, many network mounts): the race that is left is between equal files.
+            Err(_) if target.exists() => Ok(false),
+            Err(_) => self.publish().map(|()| true),
+        }
+    }
+}
+
+/// Whether a name is that of a file being written, or left behind by a killed writer.
+pub(crate) fn is_staging(name: &str) -> bool {
+    name.starts_with('.') && name.contains('#') && name.ends_with(".tmp")
+}
+
+fn is_absent(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
+}
+
+/// Locks a fresh staging file; false if a sweeper was faster. Where there are no locks the file counts as ours.
+fn is_mine(file: &File, path: &Path) -> bool {
+    match file.try_lock() {
+        Ok(()) => is_same_file(file, path),
+        Err(TryLockError::WouldBlock) => false,
+        Err(TryLockError::Error(_)) => true,
+    }
+}
+
+/// Removes a staging file if its writer is dead. Where there are no locks nobody is known to be dead.
+fn remove_if_dead(path: &Path) -> bool {
+    let Ok(file) = OpenOptions::new().write(true).open(path) else { return !path.exists() };
+    file.try_lock().is_ok() && is_same_file(&file, path) && fs::remove_file(path).is_ok()
+}
+
+#[cfg(unix)]
+fn is_same_file(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let number = |m: &fs::Metadata| (m.dev(), m.ino());
+    matches!((file.metadata(), fs::metadata(path)), (Ok(a), Ok(b)) if number(&a) == number(&b))
+}
+
+#[cfg(not(unix))]
+fn is_same_file(_: &File, path: &Path) -> bool {
+    path.exists()
+}
+
+fn sync_folder(folder: Option<&Path>) -> Result<(), StoreError> {
+    let Some(folder) = folder.filter(|f| cfg!(unix) && !f.as_os_str().is_empty()) else { return Ok(()) };
+    File::open(folder).and_then(|f| f.sync_all()).map_err(failed("flush a folder", folder))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> =
+            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_dropped_file_leaves_nothing_and_a_published_one_only_itself() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::new(folder.path());
+        drop(store.stage("a/x").unwrap());
+        assert!(names(&folder.path().join("a")).is_empty());
+        store.publish("a/x", b"one").unwrap();
+        store.publish("a/x", b"two").unwrap();
+        assert_eq!(store.publish_new("a/x", b"three").unwrap(), Published::Existing(b"two".to_vec()));
+        assert_eq!(store.publish_new("a/y", b"new").unwrap(), Published::New);
+        assert_eq!(names(&folder.path().join("a")), ["x", "y"]);
+    }
+
+    #[test]
+    fn live_writers_do_not_meet_and_dead_ones_are_swept() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::new(folder.path());
+        let dead = folder.path().join(".x#0.tmp");
+        fs::write(&dead, b"left by a killed writer").unwrap();
+        let mut first = store.stage("x").unwrap();
+        let second = store.stage("x").unwrap();
+        assert_eq!(first.staging, dead, "the leftover's name is free again");
+        assert_ne!(first.staging, second.staging);
+        store.sweep("").unwrap();
+        first.write_all(b"alive").unwrap();
+        first.finish().unwrap().publish().unwrap();
+        assert_eq!(store.read("x").unwrap().unwrap(), b"alive");
+        drop(second);
+        fs::write(&dead, b"left again").unwrap();
+        store.sweep("").unwrap();
+        assert_eq!(names(folder.path()), ["x"]);
+    }
+
+    #[test]
+    fn whichever_operation_fails_no_half_file_appears() {
+        for operations in 0..32 {
+            let folder = tempfile::tempdir().unwrap();
+            let store = Store::faulty(folder.path(), Fault::after(operations));
+            let result = store.publish_new("a/b/x", b"whole");
+            let found = Store::new(folder.path()).read("a/b/x").unwrap();
+            match result {
+                Ok(published) => {
+                    assert_eq!((published, found.as_deref()), (Published::New, Some(&b"whole"[..])));
+                    return;
+                }
+                Err(e) => {
+                    assert_eq!(e.exit_code(), ExitCode::TryAgain);
+                    assert!(found.is_none(), "after {operations} operations");
+                }
+            }
+        }
+        panic!("publishing a file takes fewer than 32 operations");
+    }
+}

@@ -1,0 +1,65 @@
+//! Numbers as people read them.
+
+use crate::Tally;
+
+/// `1234567` as `1,234,567`.
+pub(crate) fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::with_capacity(digits.len() * 4 / 3);
+    for (place, digit) in digits.chars().enumerate() {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// `0.1234` as `12.3 %`.
+pub(crate) fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+/// Positives to negatives, such as `1 : 2.9`.
+pub(crate) fn ratio(labels: Tally) -> String {
+    match labels.positives {
+        0 => format!("0 : {}", grouped(labels.negatives())),
+        positives => format!("1 : {:.2}", labels.negatives() as f64 / positives as f64),
+    }
+}
+
+/// `12345678` as `11.8 MiB`.
+pub(crate) fn bytes(bytes: u64) -> String {
+    let mut value = bytes as f64;
+    for unit in ["B", "KiB", "MiB", "GiB"] {
+        if value < 1024.0 {
+            let digits = usize::from(unit != "B");
+            return format!("{value:.digits$} {unit}");
+        }
+        value /= 1024.0;
+    }
+    format!("{value:.1} TiB")
+}
+
+/// A bar of at most `width` characters, in eighths of one.
+pub(crate) fn bar(share: f64, width: usize) -> String {
+    const EIGHTHS: [&str; 8] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉"];
+    let eighths = (share.clamp(0.0, 1.0) * width as f64 * 8.0).round() as usize; // at most 8 · width
+    format!("{}{}", "█".repeat(eighths / 8), EIGHTHS[eighths % 8])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!([0, 999, 1_000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
+        assert_eq!([12, 2_048, 12_345_678].map(bytes), ["12 B", "2.0 KiB", "11.8 MiB"]);
+        assert_eq!(ratio(Tally { attempts: 40, positives: 10 }), "1 : 3.00");
+        assert_eq!(ratio(Tally { attempts: 40, positives: 0 }), "0 : 40");
+        assert_eq!(bar(0.5, 4), "██");
+        assert_eq!(bar(0.03, 4), "▏");
+        assert_eq!(bar(f64::NAN, 4), "");
+    }
+}

@@ -1,0 +1,64 @@
+//! The version of the format on disk.
+
+use serde::{Deserialize, Serialize};
+
+/// Version of a dataset's format. It grows when a reader of the version before would fail or misunderstand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct FormatVersion(u32);
+
+/// A dataset in a format that this program does not read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("format_version must be between {} and {}, got {got}; {hint}", .oldest.0, .newest.0, hint = if .got > .newest { "read it with a newer graspmill" } else { "no graspmill wrote that" }, got = .got.0)]
+pub struct UnreadableVersion {
+    /// What the dataset says.
+    pub got: FormatVersion,
+    /// Oldest that can be read.
+    pub oldest: FormatVersion,
+    /// Newest that can be read.
+    pub newest: FormatVersion,
+}
+
+impl FormatVersion {
+    /// The version that this program writes.
+    pub const CURRENT: Self = Self(1);
+    /// The oldest version that this program reads.
+    pub const OLDEST: Self = Self(1);
+
+    /// A version by its number, as found in a file.
+    #[must_use]
+    pub const fn new(number: u32) -> Self {
+        Self(number)
+    }
+
+    /// The number.
+    #[must_use]
+    pub const fn number(self) -> u32 {
+        self.0
+    }
+
+    /// Whether this program can read the version.
+    ///
+    /// # Errors
+    /// [`UnreadableVersion`] if it is older or newer than what is known here.
+    pub fn check_readable(self) -> Result<(), UnreadableVersion> {
+        if (Self::OLDEST..=Self::CURRENT).contains(&self) {
+            Ok(())
+        } else {
+            Err(UnreadableVersion { got: self, oldest: Self::OLDEST, newest: Self::CURRENT })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_from_the_future_and_from_nowhere_are_refused() {
+        assert!(FormatVersion::CURRENT.check_readable().is_ok());
+        let future = FormatVersion::new(FormatVersion::CURRENT.number() + 1).check_readable().unwrap_err().to_string();
+        assert_eq!(future, "format_version must be between 1 and 1, got 2; read it with a newer graspmill");
+        assert!(FormatVersion::new(0).check_readable().is_err());
+    }
+}

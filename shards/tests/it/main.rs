@@ -1,0 +1,5 @@
+//! Tests of the crate from outside: what is written is read, what is damaged is found, what is killed can go on.
+#![expect(clippy::unwrap_used, reason = "what a test cannot unwrap has failed it")]
+
+mod round_trip;
+mod sample;

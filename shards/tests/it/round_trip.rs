@@ -1,0 +1,69 @@
+//! What is written is read again, and the same rows make the same bytes.
+
+use crate::sample;
+
+use proptest::prelude::*;
+use schema::SceneRows;
+use shards::{Dataset, DatasetInfo};
+
+fn read_back(dir: &std::path::Path, info: &DatasetInfo) {
+    let dataset = Dataset::open(dir).unwrap();
+    assert_eq!(dataset.info(), info);
+    for shard in 0..info.shard_count {
+        let written = sample::rows(info, shard);
+        let all = |of: fn(&SceneRows) -> usize| written.iter().map(of).sum::<usize>();
+        let attempts = dataset.read_attempts(shard).unwrap();
+        assert_eq!(attempts.len(), all(|rows| rows.attempts.len()));
+        assert!(attempts.iter().eq(written.iter().flat_map(|rows| &rows.attempts)));
+        let objects = dataset.read_objects(shard).unwrap();
+        assert!(objects.iter().eq(written.iter().flat_map(|rows| &rows.objects)));
+        let scenes: Vec<_> = dataset.scenes(shard).unwrap().map(Result::unwrap).collect();
+        assert!(scenes.iter().eq(written.iter().map(|rows| &rows.scene)));
+        let heads: Vec<_> = dataset.scene_heads(shard).unwrap().map(Result::unwrap).collect();
+        assert!(heads.iter().map(|s| (&s.views, s.object_count)).eq(scenes.iter().map(|s| (&s.views, s.object_count))));
+        assert!(heads.iter().all(|s| s.tsdf.is_empty()));
+        for rows in written {
+            assert_eq!(dataset.read_scene(rows.scene.scene_id).unwrap(), rows);
+        }
+    }
+    assert!(dataset.read_attempts(info.shard_count).is_err());
+    assert!(dataset.read_scene(info.scene_count).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn every_row_comes_back_as_it_was(seed: u64, shards in 1_u32..4, attempts in 40_u64..120, per_scene in 1_u32..13) {
+        let dir = tempfile::tempdir().unwrap();
+        let mut info = sample::sized(seed, 1, attempts, per_scene);
+        info.shard_count = shards.min(info.scene_count as u32);
+        info.grid.resolution = 4;
+        sample::write(dir.path(), &info);
+        read_back(dir.path(), &info);
+    }
+}
+
+#[test]
+fn a_shard_of_several_row_groups_comes_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut info = sample::sized(5, 1, 2 * 600 - 1, 2);
+    info.grid.resolution = 2;
+    sample::write(dir.path(), &info);
+    read_back(dir.path(), &info);
+}
+
+#[test]
+fn the_same_rows_make_the_same_bytes() {
+    let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let info = sample::info(11);
+    sample::write(one.path(), &info);
+    shards::begin_dataset(two.path(), &info).unwrap();
+    for shard in (0..info.shard_count).rev() {
+        sample::write_shard(two.path(), &info, shard);
+        sample::write_shard(two.path(), &info, shard); // once more, over itself
+    }
+    shards::finalize(two.path()).unwrap();
+    shards::finalize(two.path()).unwrap();
+    assert_eq!(sample::files(one.path()), sample::files(two.path()));
+}
