@@ -1,0 +1,98 @@
+#!/usr/bin/env bash
+# Everything that must pass before a change goes in. Usage: scripts/test.sh [--rust-only]
+#
+# Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless --rust-only. Nothing
+# is installed but Python packages, in .venv/. Every step runs even if an earlier one failed, unless it stands on it;
+# the table at the end says which did, and after how many seconds. Exit code: 0 if all passed, 1 if a step failed,
+# 2 if the arguments are wrong.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+rust_only=no
+case "${1-}" in
+    '') ;;
+    --rust-only) rust_only=yes ;;
+    *) echo "usage: scripts/test.sh [--rust-only]" >&2; exit 2 ;;
+esac
+
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+log="$scratch/log"
+table="$scratch/table"
+touch "$log" "$table"
+failed=0
+declare -A passed=()
+
+# step NAME NEEDED_STEPS COMMAND...
+step() {
+    local name=$1 needs=$2 start=$SECONDS result=ok need
+    shift 2
+    for need in $needs; do
+        if [[ -z "${passed[$need]-}" ]]; then
+            printf '%-10s %-7s %5s\n' "$name" skipped - >>"$table"
+            failed=1
+            return
+        fi
+    done
+    printf '\n==> %s: %s\n' "$name" "$*"
+    if "$@" 2>&1 | tee -a "$log"; then
+        passed[$name]=yes
+    else
+        result=FAILED
+        failed=1
+    fi
+    printf '%-10s %-7s %4ds\n' "$name" "$result" $((SECONDS - start)) | tee -a "$table"
+}
+
+docs() {
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+}
+
+# The venv is made again when the requirements change, and kept otherwise.
+venv() {
+    local stamp=.venv/requirements.txt
+    if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
+        echo "python3 has no venv module; on Debian and Ubuntu: apt-get install python3-venv" >&2
+        return 1
+    fi
+    if cmp -s scripts/requirements.txt "$stamp"; then
+        return 0
+    fi
+    rm -rf .venv \
+        && python3 -m venv .venv \
+        && .venv/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements.txt \
+        && cp scripts/requirements.txt "$stamp"
+}
+
+dataset() {
+    "${CARGO_TARGET_DIR:-target}/debug/generator" --config configs/generate/demo.toml --shards 2 --attempts 240 \
+        --out "$scratch/dataset"
+}
+
+readers() {
+    GRASPMILL_DATASET="$scratch/dataset" .venv/bin/python -m pytest -p no:cacheprovider tests/python
+}
+
+# One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds them.
+# (`cargo run -p generator` alone would select other features of shared dependencies and build them again.)
+step fmt '' cargo fmt --all --check
+step build '' cargo build --workspace --bins --tests
+step test build cargo test --workspace --no-fail-fast
+step clippy '' cargo clippy --workspace --all-targets -- -D warnings
+step docs '' docs
+if [[ $rust_only == no ]]; then
+    step venv '' venv
+    step dataset build dataset
+    step readers 'venv dataset' readers
+fi
+
+# Rust: "test result: ok. 5 passed; 1 failed; ..."; pytest: "3 passed, 1 failed in 2.10s" in any order.
+count() {
+    grep -aE '^test result: |^=* ?[0-9]+ (passed|failed|error|skipped|deselected|xfailed|xpassed|warning).* in [0-9.]+s' "$log" \
+        | grep -aoE "[0-9]+ ($1)" | awk '{ sum += $1 } END { print sum + 0 }'
+}
+
+printf '\nstep       result   time\n'
+cat "$table"
+printf '%d passed, %d failed in %ds\n' "$(count passed)" "$(count 'failed|errors?')" "$SECONDS"
+exit "$failed"
