@@ -1,1 +1,46 @@
-//! placeholder
+//! Training of the volumetric grasp network on Graspmill datasets: from shards to a checkpoint.
+//!
+//! # The map
+//!
+//! - [`network`] is the network as inference evaluates it, on the whole volume; [`layers`] its shape as a table;
+//!   [`upsampling`] its ×2 stages; [`loss`] the paper's Eq. 1–5.
+//! - [`step`] is the same function evaluated for training, at one voxel a sample: [`receptive_field`] says which part
+//!   of the decoder that voxel needs, [`columns`] and [`matrices`] turn convolutions into products, [`batch`] cuts a
+//!   batch into parts that run on different threads.
+//! - [`data`] makes samples of shards, [`split`] holds some out, [`order`] shuffles the rest.
+//! - [`mod@fit`] is the recipe, [`adam`] its optimiser, [`metrics`] what it counts, [`run_folder`], [`checkpoint`] and
+//!   [`progress`] what it leaves behind; [`mod@evaluate`] looks at the result.
+//!
+//! # Determinism
+//!
+//! On the CPU, weights are a pure function of (code, dataset, configuration, machine's instruction set). A batch is cut
+//! into parts by its contents alone, each part runs on one thread's worth of order, and gradients are added in the order
+//! of parts; so neither the number of threads nor being stopped and resumed changes a bit.
+//!
+//! # Where later work goes
+//!
+//! Augmentation (VGN's quarter turns and shifts) belongs between [`data::GraspDataset::batch`] and [`step::step`], drawn
+//! from a `schema::Stream` of (seed, epoch); class weights belong in [`loss::sample_losses`]; a schedule in
+//! [`adam::Adam`]; other devices where `Device::flex()` stands in [`mod@fit`].
+
+pub mod adam;
+pub mod batch;
+pub mod checkpoint;
+pub mod columns;
+pub mod config;
+pub mod data;
+pub mod evaluate;
+pub mod fit;
+pub mod layers;
+pub mod loss;
+pub mod matrices;
+pub mod metrics;
+pub mod network;
+pub mod order;
+pub mod progress;
+mod publish;
+pub mod receptive_field;
+pub mod run_folder;
+pub mod split;
+pub mod step;
+pub mod upsampling;

@@ -1,0 +1,40 @@
+//! Milliseconds of a training step, forward and backward, at the paper's batch of 48.
+
+use std::sync::Arc;
+
+use burn::tensor::Device;
+use schema::{Purpose, Quat, Stream};
+use trainer::batch::{Batch, Sample};
+use trainer::loss::Target;
+use trainer::network::initial_vector;
+use trainer::step::{evaluate, step};
+use trainer::upsampling::Upsampling;
+
+fn main() {
+    divan::main();
+}
+
+/// A batch of 48 samples from some scenes.
+fn batch(scenes: usize) -> Batch {
+    let mut draw = Stream::new(0, 0, Purpose::Views, 0);
+    let grids = (0..scenes).map(|_| (0..64_000).map(|_| draw.uniform(0.0, 1.0)).collect::<Vec<f32>>());
+    let grids: Vec<Arc<[f32]>> = grids.map(Arc::from).collect();
+    let samples = (0..48).map(|at| Sample {
+        grid: at * scenes / 48,
+        voxel: [draw.index(40), draw.index(40), draw.index(40)],
+        target: Target { label: (at % 4 == 0).into(), rotation: Quat::IDENTITY, width_voxels: 5.0 },
+    });
+    Batch { samples: samples.collect(), grids }
+}
+
+#[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
+fn train(bencher: divan::Bencher<'_, '_>, scenes: usize) {
+    let (vector, batch) = (initial_vector(1, &Device::flex()), batch(scenes));
+    bencher.bench_local(|| step(&vector, &batch, Upsampling::Linear));
+}
+
+#[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
+fn test(bencher: divan::Bencher<'_, '_>, scenes: usize) {
+    let (vector, batch) = (initial_vector(1, &Device::flex()), batch(scenes));
+    bencher.bench_local(|| evaluate(&vector, &batch, Upsampling::Linear));
+}

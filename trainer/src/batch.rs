@@ -1,0 +1,103 @@
+//! A batch: samples, and the grids that they look at, each once.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::loss::Target;
+
+/// One supervised voxel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Which of the batch's grids.
+    pub grid: usize,
+    /// The voxel that holds the grasp's origin: x, y, z, below 40.
+    pub voxel: [usize; 3],
+    /// What the attempt there showed.
+    pub target: Target,
+}
+
+/// Samples in the order of their grids.
+#[derive(Debug, Clone, Default)]
+pub struct Batch {
+    /// TSDFs, 40³ values each, x slowest.
+    pub grids: Vec<Arc<[f32]>>,
+    /// Samples; `grid` never falls from one to the next.
+    pub samples: Vec<Sample>,
+}
+
+/// Most grids in a part of a batch. Parts run on different threads and their gathered inputs (10 MB a grid) live at the
+/// same time, so this bounds memory; it does not depend on the thread count, so neither do results.
+const PART_GRIDS_MAX: usize = 4;
+/// Most samples in a part of a batch.
+const PART_SAMPLES_MAX: usize = 12;
+
+impl Batch {
+    /// Cuts the batch into parts, a pure function of the batch. A scene's samples stay together where they fit, so that
+    /// its grid is encoded once.
+    #[must_use]
+    pub fn parts(&self) -> Vec<Range<usize>> {
+        let mut parts = Vec::new();
+        let (mut start, mut grids) = (0, 0);
+        for (at, sample) in self.samples.iter().enumerate() {
+            let new_grid = at == start || self.samples[at - 1].grid != sample.grid;
+            if at > start && (at - start == PART_SAMPLES_MAX || (new_grid && grids == PART_GRIDS_MAX)) {
+                parts.push(start..at);
+                (start, grids) = (at, 1);
+            } else {
+                grids += usize::from(new_grid);
+            }
+        }
+        if start < self.samples.len() {
+            parts.push(start..self.samples.len());
+        }
+        parts
+    }
+
+    /// The grids that some successive samples look at, each once, and for each sample the number of its grid among them.
+    #[must_use]
+    pub fn grids_of(&self, part: Range<usize>) -> (Vec<&[f32]>, Vec<usize>) {
+        let (mut grids, mut numbers, mut last) = (Vec::new(), Vec::new(), None);
+        for sample in &self.samples[part] {
+            if last != Some(sample.grid) {
+                grids.push(&*self.grids[sample.grid]);
+                last = Some(sample.grid);
+            }
+            numbers.push(grids.len() - 1);
+        }
+        (grids, numbers)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use schema::Quat;
+
+    fn batch(grid_of_sample: &[usize]) -> Batch {
+        let target = Target { label: 0, rotation: Quat::IDENTITY, width_voxels: 0.0 };
+        let samples = grid_of_sample.iter().map(|grid| Sample { grid: *grid, voxel: [0; 3], target }).collect();
+        let count = grid_of_sample.last().map_or(0, |last| last + 1);
+        Batch { grids: (0..count).map(|grid| Arc::from([grid as f32])).collect(), samples }
+    }
+
+    proptest! {
+        #[test]
+        fn parts_tile_the_batch_within_their_limits(steps in prop::collection::vec(0_usize..2, 0..100)) {
+            let grids: Vec<usize> = steps.iter().scan(0, |grid, step| { *grid += step; Some(*grid) }).collect();
+            let batch = batch(&grids);
+            let mut end = 0;
+            for part in batch.parts() {
+                prop_assert_eq!(part.start, end);
+                prop_assert!(!part.is_empty() && part.len() <= PART_SAMPLES_MAX);
+                let (own, numbers) = batch.grids_of(part.clone());
+                prop_assert!(own.len() <= PART_GRIDS_MAX);
+                for (sample, number) in batch.samples[part.clone()].iter().zip(numbers) {
+                    prop_assert_eq!(own[number][0], sample.grid as f32);
+                }
+                end = part.end;
+            }
+            prop_assert_eq!(end, batch.samples.len());
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Checkpoints: safetensors files with VGN's parameter names.
+//!
+//! `best.safetensors` holds the weights alone, so PyTorch loads it with `strict=True`. `last.safetensors` holds the
+//! optimiser's moments as well (`adam.first.<name>`, `adam.second.<name>`) and, in its header, everything that training
+//! needs to go on as if it had never stopped. Each file tells alone how it was made: config, dataset, versions.
+
+mod header;
+
+use std::path::{Path, PathBuf};
+
+use burn::tensor::{Device, Tensor, TensorData};
+use safetensors::tensor::{Dtype, TensorView};
+use safetensors::{SafeTensorError, SafeTensors};
+use shards::ExitCode;
+
+use crate::adam::Moments;
+use crate::layers::{parameter_count, parameter_slots};
+use crate::progress::Progress;
+use crate::publish::publish;
+use crate::upsampling::Upsampling;
+
+use header::HeaderProblem;
+
+pub use header::{ARCHITECTURE, FORMAT_VERSION};
+
+/// A network's parameters and where they come from.
+#[derive(Debug, Clone)]
+pub struct Checkpoint {
+    /// All parameters ([`crate::layers::parameter_slots`]).
+    pub vector: Tensor<1>,
+    /// How the decoder doubles its grids.
+    pub upsampling: Upsampling,
+    /// The recipe, as TOML.
+    pub config: String,
+    /// Id of the dataset it was trained on: SHA-256 of its `meta/info.json`.
+    pub dataset_id: String,
+    /// How far training had come.
+    pub progress: Progress,
+    /// Adam's memory; only in `last`, and there from the first step on.
+    pub moments: Option<Moments>,
+}
+
+/// Why a checkpoint cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// There is none.
+    #[error("no checkpoint here: {}", .0.display())]
+    Missing(PathBuf),
+    /// The disk refused.
+    #[error("failed to {action} a checkpoint: {source}: {}", .path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not a safetensors file, or cut off.
+    #[error("damaged checkpoint: {source}: {}", .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What the parser said.
+        source: SafeTensorError,
+    },
+    /// The header is not one of this crate, or of an unknown version.
+    #[error("{problem}: {}", .path.display())]
+    Header {
+        /// What is wrong.
+        problem: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// The tensors are not this network's.
+    #[error("a checkpoint of another architecture: {}: {}", .problems.join("; "), .path.display())]
+    Architecture {
+        /// What differs, at most a few.
+        problems: Vec<String>,
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+impl CheckpointError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Missing(_) | Self::Architecture { .. } => ExitCode::Config,
+            Self::Io { .. } => ExitCode::TryAgain,
+            Self::Damaged { .. } | Self::Header { .. } => ExitCode::Data,
+        }
+    }
+}
+
+/// Most differences that are told.
+const PROBLEMS_MAX: usize = 4;
+const MOMENTS: [&str; 2] = ["adam.first.", "adam.second."];
+
+/// Writes a checkpoint; the file appears whole or not at all.
+///
+/// # Errors
+/// [`CheckpointError::Io`].
+pub fn save(checkpoint: &Checkpoint, path: &Path) -> Result<(), CheckpointError> {
+    let mut vectors = vec![("", checkpoint.vector.clone())];
+    if let Some(moments) = &checkpoint.moments {
+        vectors.extend([(MOMENTS[0], moments.first.clone()), (MOMENTS[1], moments.second.clone())]);
+    }
+    let vectors: Vec<(&str, Vec<u8>)> = vectors.into_iter().map(|(prefix, vector)| (prefix, bytes(vector))).collect();
+    let slots = parameter_slots();
+    let named = vectors.iter().flat_map(|(prefix, bytes)| {
+        slots.iter().map(move |slot| (format!("{prefix}{}", slot.name), slot, &bytes[4 * slot.start..][..4 * slot.len]))
+    });
+    let views: Result<Vec<(String, TensorView<'_>)>, SafeTensorError> =
+        named.map(|(name, slot, data)| Ok((name, TensorView::new(Dtype::F32, slot.shape.clone(), data)?))).collect();
+    let file = views
+        .and_then(|views| safetensors::serialize(views, Some(header::write(checkpoint))))
+        .map_err(|source| CheckpointError::Damaged { path: path.to_owned(), source })?;
+    publish(path, &file).map_err(|source| CheckpointError::Io { action: "write", path: path.to_owned(), source })
+}
+
+/// Reads a checkpoint.
+///
+/// # Errors
+/// [`CheckpointError`] if there is none, it is damaged, or it is not of this network.
+pub fn read(path: &Path, device: &Device) -> Result<Checkpoint, CheckpointError> {
+    let file = std::fs::read(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => CheckpointError::Missing(path.to_owned()),
+        _ => CheckpointError::Io { action: "read", path: path.to_owned(), source },
+    })?;
+    let damaged = |source| CheckpointError::Damaged { path: path.to_owned(), source };
+    let (_, metadata) = SafeTensors::read_metadata(&file).map_err(damaged)?;
+    let tensors = SafeTensors::deserialize(&file).map_err(damaged)?;
+    let other = |problems| CheckpointError::Architecture { problems, path: path.to_owned() };
+    let parameters = vector(&tensors, "", device).map_err(other)?;
+    let header = header::read(metadata.metadata().as_ref()).map_err(|problem| match problem {
+        HeaderProblem::Architecture(problem) => other(vec![problem]),
+        HeaderProblem::Other(problem) => CheckpointError::Header { problem, path: path.to_owned() },
+    })?;
+    let moments = match header.adam_steps {
+        0 => None,
+        steps => {
+            let part = |prefix| vector(&tensors, prefix, device).map_err(other);
+            Some(Moments { steps, first: part(MOMENTS[0])?, second: part(MOMENTS[1])? })
+        }
+    };
+    Ok(Checkpoint {
+        vector: parameters,
+        upsampling: header.upsampling,
+        config: header.config,
+        dataset_id: header.dataset_id,
+        progress: header.progress,
+        moments,
+    })
+}
+
+/// The flat vector of the tensors whose names begin with `prefix`, or what differs from this network's.
+fn vector(tensors: &SafeTensors<'_>, prefix: &str, device: &Device) -> Result<Tensor<1>, Vec<String>> {
+    let mut values: Vec<f32> = Vec::with_capacity(parameter_count());
+    let mut problems = Vec::new();
+    for slot in parameter_slots() {
+        let name = format!("{prefix}{}", slot.name);
+        match tensors.tensor(&name) {
+            Ok(view) if view.dtype() == Dtype::F32 && view.shape() == slot.shape => {
+                values.extend(view.data().as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)));
+            }
+            Ok(view) => problems.push(format!(
+                "{name} must be {:?} of shape {:?}, got {:?} of shape {:?}",
+                Dtype::F32,
+                slot.shape,
+                view.dtype(),
+                view.shape()
+            )),
+            Err(_) => problems.push(format!("{name} is missing")),
+        }
+    }
+    problems.truncate(PROBLEMS_MAX);
+    if problems.is_empty() {
+        Ok(Tensor::from_data(TensorData::new(values, [parameter_count()]), device))
+    } else {
+        Err(problems)
+    }
+}
+
+fn bytes(vector: Tensor<1>) -> Vec<u8> {
+    vector.into_data().iter::<f32>().flat_map(f32::to_le_bytes).collect()
+}

@@ -1,0 +1,97 @@
+//! What a checkpoint says about itself: one JSON text under one key of the safetensors header. (One key, because the
+//! format's writer puts several in the order of a hash map, and equal runs should make equal files.)
+
+use serde::{Deserialize, Serialize};
+
+use super::Checkpoint;
+use crate::progress::{Progress, ProgressJson};
+use crate::upsampling::Upsampling;
+
+/// Version of the checkpoint's layout.
+pub const FORMAT_VERSION: u32 = 1;
+/// The network of this crate, as checkpoints name it.
+pub const ARCHITECTURE: &str = "vgn-conv-40";
+
+const KEY: &str = "graspmill";
+const MADE_BY: &str = concat!("graspmill trainer ", env!("CARGO_PKG_VERSION"));
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HeaderJson {
+    format_version: u32,
+    architecture: String,
+    upsampling: String,
+    dataset_id: String,
+    config: String,
+    progress: ProgressJson,
+    adam_steps: usize,
+    made_by: String,
+}
+
+/// Only what tells whether the rest can be understood.
+#[derive(Deserialize)]
+struct HeadJson {
+    format_version: u32,
+    architecture: String,
+}
+
+/// What a header holds.
+pub(super) struct Header {
+    pub(super) upsampling: Upsampling,
+    pub(super) dataset_id: String,
+    pub(super) config: String,
+    pub(super) progress: Progress,
+    pub(super) adam_steps: usize,
+}
+
+/// Why a header is refused.
+pub(super) enum HeaderProblem {
+    /// Another network.
+    Architecture(String),
+    /// Anything else.
+    Other(String),
+}
+
+#[expect(clippy::disallowed_types, reason = "safetensors takes a HashMap; with one entry there is no order to leak")]
+type Metadata = std::collections::HashMap<String, String>;
+
+pub(super) fn write(checkpoint: &Checkpoint) -> Metadata {
+    let json = HeaderJson {
+        format_version: FORMAT_VERSION,
+        architecture: ARCHITECTURE.to_owned(),
+        upsampling: checkpoint.upsampling.name().to_owned(),
+        dataset_id: checkpoint.dataset_id.clone(),
+        config: checkpoint.config.clone(),
+        progress: ProgressJson::from(&checkpoint.progress),
+        adam_steps: checkpoint.moments.as_ref().map_or(0, |moments| moments.steps),
+        made_by: MADE_BY.to_owned(),
+    };
+    let text = serde_json::to_string(&json).unwrap_or_default(); // texts and numbers under fixed keys: cannot fail
+    Metadata::from([(KEY.to_owned(), text)])
+}
+
+pub(super) fn read(metadata: Option<&Metadata>) -> Result<Header, HeaderProblem> {
+    let other = HeaderProblem::Other;
+    let text = metadata.and_then(|metadata| metadata.get(KEY)).ok_or_else(|| {
+        other(format!("weights without the {KEY:?} header that tells how they were made: not a checkpoint of trainer"))
+    })?;
+    let damaged = |e: serde_json::Error| other(format!("damaged {KEY:?} header: {e}"));
+    let head: HeadJson = serde_json::from_str(text).map_err(damaged)?;
+    if head.architecture != ARCHITECTURE {
+        let problem = format!("architecture must be {ARCHITECTURE:?}, got {:?}", head.architecture);
+        return Err(HeaderProblem::Architecture(problem));
+    }
+    if head.format_version != FORMAT_VERSION {
+        let problem = format!("checkpoint format must be {FORMAT_VERSION}, got {}", head.format_version);
+        return Err(other(problem));
+    }
+    let json: HeaderJson = serde_json::from_str(text).map_err(damaged)?;
+    let upsampling = Upsampling::from_name(&json.upsampling);
+    Ok(Header {
+        upsampling: upsampling.ok_or_else(|| other(format!("unknown upsampling {:?}", json.upsampling)))?,
+        dataset_id: json.dataset_id,
+        config: json.config,
+        progress: Progress::from(json.progress),
+        adam_steps: json.adam_steps,
+    })
+}

@@ -1,0 +1,11 @@
+//! Training samples from a dataset's shards: attempts in memory, grids in a spool file.
+
+mod grids;
+mod item;
+mod load;
+mod loader;
+
+pub use grids::{Grids, SpoolError};
+pub use item::{GraspDataset, GraspItem};
+pub use load::{LoadError, load};
+pub use loader::for_each_batch;

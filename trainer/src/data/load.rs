@@ -1,0 +1,104 @@
+//! From shards to samples.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rayon::prelude::*;
+use schema::{AttemptRecord, Grasp, Grid};
+use shards::{Dataset, ExitCode, ReadError};
+
+use super::grids::{Grids, SpoolError};
+use super::item::{GraspDataset, Record};
+use crate::receptive_field::RESOLUTION;
+
+/// Why a dataset cannot be loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// There is no dataset, or it is incomplete, damaged or of an unknown version.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The grid is not the network's.
+    #[error("the network takes grids of {RESOLUTION}^3 voxels, the dataset has {0}^3")]
+    Resolution(usize),
+    /// Too many scenes for the samples' four-byte scene numbers.
+    #[error("at most 4294967295 scenes can be trained on, the dataset has {0}")]
+    Scenes(u64),
+    /// The decoded grids cannot be kept.
+    #[error(transparent)]
+    Spool(#[from] SpoolError),
+    /// A signal came while loading.
+    #[error("stopped by a signal while reading the dataset")]
+    Stopped,
+}
+
+impl LoadError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Read(error) => error.exit_code(),
+            Self::Resolution(_) | Self::Scenes(_) => ExitCode::Config,
+            Self::Spool(error) => error.exit_code(),
+            Self::Stopped => ExitCode::TryAgain,
+        }
+    }
+}
+
+/// Reads every attempt and decodes every grid once, into a file in `folder`; shards in parallel. Files are checked
+/// against the manifest's checksums on the way. `scene_done` is called once a scene, from any thread.
+///
+/// # Errors
+/// [`LoadError`]; the first in the order of shards.
+pub fn load(
+    dataset: &Dataset,
+    folder: &Path,
+    stop: &AtomicBool,
+    scene_done: &(dyn Fn() + Sync),
+) -> Result<GraspDataset, LoadError> {
+    let info = dataset.info();
+    if info.grid.resolution != RESOLUTION {
+        return Err(LoadError::Resolution(info.grid.resolution));
+    }
+    let scenes = u32::try_from(info.scene_count).map_err(|_| LoadError::Scenes(info.scene_count))?;
+    let grids = Grids::create(folder, scenes as usize)?;
+    let shards: Vec<Vec<Record>> = (0..info.shard_count)
+        .into_par_iter()
+        .map(|shard| {
+            for scene in dataset.scenes(shard)? {
+                let scene = scene?;
+                grids.write(scene.scene_id as usize, &scene.tsdf)?;
+                scene_done();
+                if stop.load(Ordering::Relaxed) {
+                    return Err(LoadError::Stopped);
+                }
+            }
+            let attempts = dataset.read_attempts(shard)?;
+            Ok(attempts.iter().filter_map(|attempt| record(attempt, &info.grid)).collect())
+        })
+        .collect::<Vec<Result<_, LoadError>>>()
+        .into_iter()
+        .collect::<Result<_, _>>()?;
+    let records = shards.concat();
+    let outside = info.attempt_count - records.len() as u64;
+    Ok(GraspDataset { records, grids, outside })
+}
+
+/// The sample of an attempt, or `None` if its grasp's origin lies outside the grid.
+fn record(attempt: &AttemptRecord, grid: &Grid) -> Option<Record> {
+    let label = attempt.label();
+    let grasp = Grasp {
+        workspace_from_grasp: attempt.workspace_from_grasp,
+        // Only a held object's width is a target.
+        width_m: attempt.width_m.filter(|_| label == 1).unwrap_or(0.0),
+    };
+    let voxels = grasp.to_voxels(grid)?;
+    Some(Record {
+        scene: attempt.scene_id as u32,
+        attempt: attempt.attempt_id,
+        voxel: voxels.index.map(|index| index as u8),
+        shape: attempt.rule.shape,
+        label,
+        rotation: voxels.rotation.to_array(),
+        width_voxels: voxels.width_voxels,
+    })
+}

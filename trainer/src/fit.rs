@@ -1,0 +1,321 @@
+//! Training, top to bottom: the paper's recipe (section 2.3).
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use burn::tensor::{Device, Tensor};
+use burn_dataset::Dataset as _;
+use serde::Serialize;
+use shards::{Dataset, ExitCode};
+
+use crate::adam::Adam;
+use crate::checkpoint::Checkpoint;
+use crate::config::{Config, SplitBy};
+use crate::data::{GraspDataset, LoadError, SpoolError, for_each_batch, load};
+use crate::metrics::{Summary, Tally};
+use crate::network::initial_vector;
+use crate::order::epoch_order;
+use crate::progress::Progress;
+use crate::run_folder::{RunError, RunFolder};
+use crate::split::{EmptySplit, Split, split};
+use crate::step::{evaluate, step};
+use crate::upsampling::Upsampling;
+
+/// Why training ended before its time.
+#[derive(Debug, thiserror::Error)]
+pub enum FitError {
+    /// The dataset cannot be loaded.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// The run's folder cannot be used.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// There is nothing to train or test on.
+    #[error(transparent)]
+    Split(#[from] EmptySplit),
+    /// The decoded grids cannot be read.
+    #[error(transparent)]
+    Spool(#[from] SpoolError),
+    /// The loss is no number any more.
+    #[error("the loss is no finite number at step {step}: training.learning_rate is too high")]
+    Diverged {
+        /// Step.
+        step: u64,
+    },
+}
+
+impl FitError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Load(error) => error.exit_code(),
+            Self::Run(error) => error.exit_code(),
+            Self::Spool(error) => error.exit_code(),
+            Self::Split(_) | Self::Diverged { .. } => ExitCode::Config,
+        }
+    }
+}
+
+/// How training ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// After the last epoch.
+    Done,
+    /// By a signal; the checkpoint is written.
+    Stopped,
+}
+
+/// What happens, for whoever watches.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// The dataset is open; its grids are about to be decoded.
+    Loading(&'a Dataset),
+    /// A scene is decoded. Comes from any thread.
+    SceneLoaded,
+    /// Training begins, or goes on.
+    Begun(&'a Beginning),
+    /// A batch is done.
+    Step {
+        /// Samples in it.
+        samples: usize,
+        /// Its mean loss, Eq. 5.
+        loss: f64,
+    },
+    /// An epoch is done.
+    Epoch(&'a EpochReport),
+}
+
+/// What is known when training begins.
+#[derive(Debug, Clone)]
+pub struct Beginning {
+    /// Attempts that are no samples, for their grasp lies outside the grid.
+    pub outside: u64,
+    /// Samples that train.
+    pub train: usize,
+    /// Held-out attempts.
+    pub test_attempts: usize,
+    /// Samples of held-out scenes.
+    pub test_scenes: usize,
+    /// Share of successes among all samples.
+    pub positive_share: f64,
+    /// Where training goes on; zero for a new run.
+    pub progress: Progress,
+}
+
+/// An epoch in numbers; a line of `metrics.jsonl`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EpochReport {
+    /// Number of the epoch, from 1.
+    pub epoch: u32,
+    /// Steps done in all.
+    pub step: u64,
+    /// Over the training samples, as they were visited.
+    pub train: Summary,
+    /// Over held-out attempts of known scenes, after the epoch.
+    pub test_attempts: Summary,
+    /// Over held-out scenes, after the epoch.
+    pub test_scenes: Summary,
+    /// Which of the two chooses the best checkpoint.
+    pub split_by: SplitBy,
+    /// Whether this epoch's weights are the best so far.
+    pub is_best: bool,
+    /// Seconds since this process began the epoch.
+    pub seconds: f64,
+}
+
+impl EpochReport {
+    /// The summary of the test set that counts.
+    #[must_use]
+    pub fn test(&self) -> &Summary {
+        match self.split_by {
+            SplitBy::Attempt => &self.test_attempts,
+            SplitBy::Scene => &self.test_scenes,
+        }
+    }
+}
+
+/// Samples per batch when testing: no gradients, so there is room for more.
+const TEST_BATCH: usize = 192;
+
+/// Weights, optimiser and progress: all that changes.
+struct State {
+    vector: Tensor<1>,
+    adam: Adam,
+    progress: Progress,
+}
+
+/// Trains the network on a dataset, in a folder that keeps checkpoints and metrics.
+///
+/// On the CPU the result is a pure function of dataset and configuration: neither the number of threads nor being
+/// stopped and resumed, at any batch, changes a bit of it.
+///
+/// # Errors
+/// [`FitError`].
+pub fn fit(
+    data: &Path,
+    config: &Config,
+    run: &Path,
+    resume: bool,
+    stop: &AtomicBool,
+    observe: &(dyn Fn(Event<'_>) + Sync),
+) -> Result<Ending, FitError> {
+    let device = Device::flex();
+    let dataset = Dataset::open(data).map_err(LoadError::from)?;
+    let dataset_id = dataset.info().dataset_id();
+    let folder = RunFolder::open(run, config, resume)?;
+    let mut state = match folder.last(&dataset_id, &device)? {
+        Some(checkpoint) => resumed(checkpoint, config),
+        None => begun(config, &device),
+    };
+
+    observe(Event::Loading(&dataset));
+    let samples = match load(&dataset, folder.path(), stop, &|| observe(Event::SceneLoaded)) {
+        Err(LoadError::Stopped) => return Ok(Ending::Stopped),
+        loaded => loaded?,
+    };
+    let split = split(&samples.ids(), config.seed, &config.split)?;
+    observe(Event::Begun(&beginning(&samples, &split, &state.progress)));
+
+    let save = |state: &State| folder.save_last(&checkpoint(state, config, &dataset_id));
+    let mut metrics = folder.metrics()?;
+    metrics.truncate(state.progress.epoch as usize);
+    while state.progress.epoch < config.epochs {
+        let began = Instant::now();
+        let trained = train_epoch(&mut state, &samples, &split.train, config, stop, observe, &save)?;
+        let tested = match trained {
+            ControlFlow::Continue(()) => test_epoch(&state, &samples, &split, config.upsampling, stop)?,
+            ControlFlow::Break(()) => None,
+        };
+        let Some([test_attempts, test_scenes]) = tested else {
+            save(&state)?;
+            return Ok(Ending::Stopped);
+        };
+        let mut report = EpochReport {
+            epoch: state.progress.epoch + 1,
+            step: state.progress.step,
+            train: state.progress.tally.summary(),
+            test_attempts: test_attempts.summary(),
+            test_scenes: test_scenes.summary(),
+            split_by: config.split.by,
+            is_best: false,
+            seconds: began.elapsed().as_secs_f64(),
+        };
+        report.is_best = report.test().accuracy > state.progress.best_accuracy;
+        let best_accuracy = if report.is_best { report.test().accuracy } else { state.progress.best_accuracy };
+        let (epoch, step) = (report.epoch, report.step);
+        state.progress = Progress { epoch, batch: 0, step, tally: Tally::default(), best_accuracy };
+        if report.is_best {
+            folder.save_best(&checkpoint(&state, config, &dataset_id))?;
+        }
+        metrics.truncate(report.epoch as usize - 1);
+        metrics.push(serde_json::to_string(&report).unwrap_or_default()); // numbers under fixed keys: cannot fail
+        folder.write_metrics(&metrics)?;
+        save(&state)?;
+        observe(Event::Epoch(&report));
+    }
+    Ok(Ending::Done)
+}
+
+/// The rest of an epoch; `Break` if a signal stopped it.
+fn train_epoch(
+    state: &mut State,
+    samples: &GraspDataset,
+    train: &[usize],
+    config: &Config,
+    stop: &AtomicBool,
+    observe: &(dyn Fn(Event<'_>) + Sync),
+    save: &dyn Fn(&State) -> Result<(), RunError>,
+) -> Result<ControlFlow<()>, FitError> {
+    let order = epoch_order(train, |at| samples.scene(at), config.samples_per_scene, config.seed, state.progress.epoch);
+    let done = (state.progress.batch as usize * config.batch).min(order.len());
+    let mut outcome = Ok(ControlFlow::Continue(()));
+    for_each_batch(samples, &order[done..], config.batch, |batch| {
+        if stop.load(Ordering::Relaxed) {
+            outcome = Ok(ControlFlow::Break(()));
+            return ControlFlow::Break(());
+        }
+        let result = step(&state.vector, &batch, config.upsampling);
+        state.vector = state.adam.step(state.vector.clone(), result.gradient);
+        state.progress.tally.add(&result.samples);
+        state.progress.batch += 1;
+        state.progress.step += 1;
+
+        let count = result.samples.len();
+        let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / count as f64;
+        if !loss.is_finite() {
+            outcome = Err(FitError::Diverged { step: state.progress.step });
+            return ControlFlow::Break(());
+        }
+        observe(Event::Step { samples: count, loss });
+        let every = u64::from(config.checkpoint_every_steps);
+        if every > 0
+            && state.progress.step.is_multiple_of(every)
+            && let Err(error) = save(state)
+        {
+            outcome = Err(error.into());
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    })?;
+    outcome
+}
+
+/// Both test sets after an epoch; `None` if a signal stopped it.
+fn test_epoch(
+    state: &State,
+    samples: &GraspDataset,
+    split: &Split,
+    mode: Upsampling,
+    stop: &AtomicBool,
+) -> Result<Option<[Tally; 2]>, SpoolError> {
+    let mut tallies = [Tally::default(); 2];
+    for (tally, set) in tallies.iter_mut().zip([&split.test_attempts, &split.test_scenes]) {
+        for_each_batch(samples, set, TEST_BATCH, |batch| {
+            tally.add(&evaluate(&state.vector, &batch, mode));
+            if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })?;
+    }
+    Ok((!stop.load(Ordering::Relaxed)).then_some(tallies))
+}
+
+fn begun(config: &Config, device: &Device) -> State {
+    State {
+        vector: initial_vector(config.seed, device),
+        adam: Adam::new(config.learning_rate),
+        progress: Progress::default(),
+    }
+}
+
+fn resumed(checkpoint: Checkpoint, config: &Config) -> State {
+    let adam = match checkpoint.moments {
+        Some(moments) => Adam::resume(config.learning_rate, moments),
+        None => Adam::new(config.learning_rate),
+    };
+    State { vector: checkpoint.vector, adam, progress: checkpoint.progress }
+}
+
+fn checkpoint(state: &State, config: &Config, dataset_id: &str) -> Checkpoint {
+    Checkpoint {
+        vector: state.vector.clone(),
+        upsampling: config.upsampling,
+        config: config.to_toml(),
+        dataset_id: dataset_id.to_owned(),
+        progress: state.progress,
+        moments: state.adam.moments(),
+    }
+}
+
+fn beginning(samples: &GraspDataset, split: &Split, progress: &Progress) -> Beginning {
+    let positives = (0..samples.len()).filter(|at| samples.label(*at) == 1).count();
+    Beginning {
+        outside: samples.outside_count(),
+        train: split.train.len(),
+        test_attempts: split.test_attempts.len(),
+        test_scenes: split.test_scenes.len(),
+        positive_share: positives as f64 / samples.len() as f64,
+        progress: *progress,
+    }
+}

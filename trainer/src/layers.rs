@@ -1,0 +1,118 @@
+//! The nine convolutions of the network as a table (paper Fig. 1; VGN, `networks.py`), and the flat vector in which
+//! all of their parameters live when an optimiser or a file looks at them.
+
+/// A 3-D convolution with a cubic kernel, padded by half the kernel with zeros.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LayerShape {
+    /// Path of the module in VGN's PyTorch class; `.weight` and `.bias` follow.
+    pub name: &'static str,
+    /// Channels in.
+    pub channels_in: usize,
+    /// Channels out.
+    pub channels_out: usize,
+    /// Side of the kernel.
+    pub kernel: usize,
+    /// Step between outputs, in inputs.
+    pub stride: usize,
+}
+
+const fn layer(
+    name: &'static str,
+    channels_in: usize,
+    channels_out: usize,
+    kernel: usize,
+    stride: usize,
+) -> LayerShape {
+    LayerShape { name, channels_in, channels_out, kernel, stride }
+}
+
+/// All layers, in the order in which their parameters stand in the flat vector.
+pub const LAYERS: [LayerShape; 9] = [
+    layer("encoder.conv1", 1, 16, 5, 2),
+    layer("encoder.conv2", 16, 32, 3, 2),
+    layer("encoder.conv3", 32, 64, 3, 2),
+    layer("decoder.conv1", 64, 64, 3, 1),
+    layer("decoder.conv2", 64, 32, 3, 1),
+    layer("decoder.conv3", 32, 16, 5, 1),
+    layer("conv_qual", 16, 1, 5, 1),
+    layer("conv_rot", 16, 4, 5, 1),
+    layer("conv_width", 16, 1, 5, 1),
+];
+
+impl LayerShape {
+    /// Inputs of one output: kernel³ · channels in.
+    #[must_use]
+    pub const fn fan_in(&self) -> usize {
+        self.kernel.pow(3) * self.channels_in
+    }
+
+    /// Zeros added at each side.
+    #[must_use]
+    pub const fn padding(&self) -> usize {
+        self.kernel / 2
+    }
+
+    /// Shape of the weight as PyTorch and Burn have it: `[out, in, k, k, k]`.
+    #[must_use]
+    pub const fn weight_shape(&self) -> [usize; 5] {
+        [self.channels_out, self.channels_in, self.kernel, self.kernel, self.kernel]
+    }
+
+    /// Number of weights.
+    #[must_use]
+    pub const fn weight_count(&self) -> usize {
+        self.fan_in() * self.channels_out
+    }
+}
+
+/// One named parameter in the flat vector.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ParameterSlot {
+    /// VGN's name, such as `encoder.conv1.weight`.
+    pub name: String,
+    /// Shape, `[out, in, k, k, k]` or `[out]`.
+    pub shape: Vec<usize>,
+    /// Where its values begin.
+    pub start: usize,
+    /// How many they are.
+    pub len: usize,
+}
+
+/// Every parameter with its place in the flat vector: for each layer its weight, then its bias.
+#[must_use]
+pub fn parameter_slots() -> Vec<ParameterSlot> {
+    let mut start = 0;
+    let mut slots = Vec::with_capacity(2 * LAYERS.len());
+    for layer in LAYERS {
+        for (part, shape) in [("weight", layer.weight_shape().to_vec()), ("bias", vec![layer.channels_out])] {
+            let len = shape.iter().product();
+            slots.push(ParameterSlot { name: format!("{}.{part}", layer.name), shape, start, len });
+            start += len;
+        }
+    }
+    slots
+}
+
+/// Number of trainable parameters: 313,510 for the paper's network.
+#[must_use]
+pub fn parameter_count() -> usize {
+    LAYERS.iter().map(|layer| layer.weight_count() + layer.channels_out).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_tile_the_vector() {
+        let slots = parameter_slots();
+        assert_eq!(slots.len(), 18);
+        let mut end = 0;
+        for slot in &slots {
+            assert_eq!(slot.start, end, "{}", slot.name);
+            end += slot.len;
+        }
+        assert_eq!(end, parameter_count());
+        assert_eq!(end, 2_016 + 13_856 + 55_360 + 110_656 + 55_328 + 64_016 + 2_001 + 8_004 + 2_001);
+    }
+}

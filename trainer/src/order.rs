@@ -1,0 +1,67 @@
+//! The order of training samples in an epoch: a pure function of (seed, epoch).
+
+use std::ops::Range;
+
+use schema::{Purpose, Stream};
+
+/// The training samples in the order in which an epoch visits them.
+///
+/// Each scene's samples are shuffled and cut into groups of `samples_per_scene`; then the groups are shuffled. With 1
+/// this is a plain shuffle of all samples.
+///
+/// `scene_of` gives the scene of a sample; `samples` must be sorted by scene.
+#[must_use]
+pub fn epoch_order(
+    samples: &[usize],
+    scene_of: impl Fn(usize) -> u64,
+    samples_per_scene: usize,
+    seed: u64,
+    epoch: u32,
+) -> Vec<usize> {
+    let mut stream = Stream::new(seed, u64::from(epoch), Purpose::Shuffle, 0);
+    let mut shuffled = samples.to_vec();
+    let mut groups: Vec<Range<usize>> = Vec::new();
+    let mut start = 0;
+    while start < shuffled.len() {
+        let scene = scene_of(shuffled[start]);
+        let len = shuffled[start..].iter().take_while(|sample| scene_of(**sample) == scene).count();
+        stream.shuffle(&mut shuffled[start..start + len]);
+        groups.extend(
+            (start..start + len)
+                .step_by(samples_per_scene)
+                .map(|first| first..(first + samples_per_scene).min(start + len)),
+        );
+        start += len;
+    }
+    stream.shuffle(&mut groups);
+    groups.into_iter().flat_map(|group| shuffled[group].to_vec()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn order(samples_per_scene: usize, epoch: u32) -> Vec<usize> {
+        let samples: Vec<usize> = (0..600).collect();
+        epoch_order(&samples, |sample| (sample / 60) as u64, samples_per_scene, 5, epoch)
+    }
+
+    #[test]
+    fn every_sample_comes_once_and_every_epoch_otherwise() {
+        for samples_per_scene in [1, 7] {
+            let mut first = order(samples_per_scene, 0);
+            assert_eq!(first, order(samples_per_scene, 0));
+            assert_ne!(first, order(samples_per_scene, 1));
+            first.sort_unstable();
+            assert_eq!(first, (0..600).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn groups_stay_together() {
+        let order = order(6, 2);
+        for group in order.chunks(6) {
+            assert!(group.iter().all(|sample| sample / 60 == group[0] / 60), "{group:?}");
+        }
+    }
+}

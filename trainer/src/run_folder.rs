@@ -1,0 +1,237 @@
+//! The folder of a run: who may write there, and what lies where.
+//!
+//! ```text
+//! config.toml          the recipe, every key written out; written first
+//! last.safetensors     weights, optimiser, progress: what --resume continues from
+//! best.safetensors     weights of the best epoch so far
+//! metrics.jsonl        one line an epoch
+//! ```
+
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use burn::tensor::Device;
+use shards::ExitCode;
+
+use crate::checkpoint::{self, Checkpoint, CheckpointError};
+use crate::config::Config;
+use crate::publish::publish;
+
+/// A run's folder, locked against other writers while this value lives.
+#[derive(Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    _lock: File,
+}
+
+/// Why a run cannot begin or go on in a folder.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// There is a run already.
+    #[error("the folder holds a run already, --resume continues it: {}", .0.display())]
+    Occupied(PathBuf),
+    /// There is something that is no run.
+    #[error("the folder holds {entry:?} and no run, give an empty or a new one: {}", .path.display())]
+    Foreign {
+        /// The first thing found.
+        entry: String,
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Another process trains there.
+    #[error("another process trains in this folder: {}", .0.display())]
+    Busy(PathBuf),
+    /// The recipe is another one.
+    #[error("the run was begun with another configuration, which differs in {}: {}", .keys.join(", "), .path.display())]
+    OtherConfig {
+        /// Keys, each with what was and what is.
+        keys: Vec<String>,
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The dataset is another one.
+    #[error("the run was begun on another dataset, {was}, not {is}: {}", .path.display())]
+    OtherDataset {
+        /// Id of the dataset that the run was begun on.
+        was: String,
+        /// Id of the dataset given now.
+        is: String,
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The checkpoint cannot be read or written.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// The disk refused.
+    #[error("failed to {action}: {source}: {}", .path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+impl RunError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Occupied(_) | Self::Foreign { .. } | Self::OtherConfig { .. } | Self::OtherDataset { .. } => {
+                ExitCode::Config
+            }
+            Self::Busy(_) | Self::Io { .. } => ExitCode::TryAgain,
+            Self::Checkpoint(error) => error.exit_code(),
+        }
+    }
+}
+
+const CONFIG: &str = "config.toml";
+const LAST: &str = "last.safetensors";
+const BEST: &str = "best.safetensors";
+const METRICS: &str = "metrics.jsonl";
+const LOCK: &str = ".lock";
+
+impl RunFolder {
+    /// Takes a folder for a run. A new or empty one is begun; one that holds a run of this recipe is continued if
+    /// `resume`; anything else is refused and left alone. (Epochs may differ: they say when to stop, not how.)
+    ///
+    /// # Errors
+    /// [`RunError`].
+    pub fn open(path: &Path, config: &Config, resume: bool) -> Result<Self, RunError> {
+        let io = |action| move |source| RunError::Io { action, path: path.to_owned(), source };
+        match first_entry(path).map_err(io("read the run's folder"))? {
+            Some(_) if path.join(CONFIG).exists() && !resume => return Err(RunError::Occupied(path.to_owned())),
+            Some(_) if path.join(CONFIG).exists() => check_config(path, config)?,
+            Some(entry) => return Err(RunError::Foreign { entry, path: path.to_owned() }),
+            None => {}
+        }
+        fs::create_dir_all(path).map_err(io("make the run's folder"))?;
+        let lock = File::options().create(true).append(true).open(path.join(LOCK));
+        let lock = lock.map_err(io("make the run's lock"))?;
+        match lock.try_lock() {
+            Err(TryLockError::WouldBlock) => return Err(RunError::Busy(path.to_owned())),
+            Ok(()) | Err(TryLockError::Error(_)) => {} // where there are no locks, trust the user
+        }
+        let folder = Self { path: path.to_owned(), _lock: lock };
+        folder.publish(CONFIG, config.to_toml().as_bytes())?;
+        Ok(folder)
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The checkpoint to continue from, or `None` if the run has none yet.
+    ///
+    /// # Errors
+    /// [`RunError`] if it is damaged or was trained on another dataset.
+    pub fn last(&self, dataset_id: &str, device: &Device) -> Result<Option<Checkpoint>, RunError> {
+        let found = match checkpoint::read(&self.path.join(LAST), device) {
+            Err(CheckpointError::Missing(_)) => return Ok(None),
+            found => found?,
+        };
+        if found.dataset_id != dataset_id {
+            let (was, is) = (found.dataset_id, dataset_id.to_owned());
+            return Err(RunError::OtherDataset { was, is, path: self.path.clone() });
+        }
+        Ok(Some(found))
+    }
+
+    /// Writes the checkpoint to continue from.
+    ///
+    /// # Errors
+    /// [`RunError::Checkpoint`].
+    pub fn save_last(&self, checkpoint: &Checkpoint) -> Result<(), RunError> {
+        Ok(checkpoint::save(checkpoint, &self.path.join(LAST))?)
+    }
+
+    /// Writes the weights of the best epoch.
+    ///
+    /// # Errors
+    /// [`RunError::Checkpoint`].
+    pub fn save_best(&self, checkpoint: &Checkpoint) -> Result<(), RunError> {
+        let weights = Checkpoint { moments: None, ..checkpoint.clone() };
+        Ok(checkpoint::save(&weights, &self.path.join(BEST))?)
+    }
+
+    /// The lines of `metrics.jsonl`; none if there is no such file.
+    ///
+    /// # Errors
+    /// [`RunError::Io`].
+    pub fn metrics(&self) -> Result<Vec<String>, RunError> {
+        let path = self.path.join(METRICS);
+        match fs::read_to_string(&path) {
+            Ok(text) => Ok(text.lines().map(str::to_owned).collect()),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
+            Err(source) => Err(RunError::Io { action: "read the metrics", path, source }),
+        }
+    }
+
+    /// Writes `metrics.jsonl` anew, so that it never ends in half a line.
+    ///
+    /// # Errors
+    /// [`RunError::Io`].
+    pub fn write_metrics(&self, lines: &[String]) -> Result<(), RunError> {
+        let text: String = lines.iter().flat_map(|line| [line.as_str(), "\n"]).collect();
+        self.publish(METRICS, text.as_bytes())
+    }
+
+    fn publish(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
+        let path = self.path.join(name);
+        publish(&path, bytes).map_err(|source| RunError::Io { action: "write a file of the run", path, source })
+    }
+}
+
+/// The path of a run's checkpoint by the name that users give: `best` or `last`.
+#[must_use]
+pub fn checkpoint_path(run: &Path, name: &str) -> PathBuf {
+    run.join(format!("{name}.safetensors"))
+}
+
+/// Any entry of a folder but our lock and our half-written files; `None` if there is no folder.
+fn first_entry(path: &Path) -> io::Result<Option<String>> {
+    let entries = match fs::read_dir(path) {
+        Ok(entries) => entries,
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(e) => return Err(e),
+    };
+    let mut names = Vec::new();
+    for entry in entries {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        if name != LOCK && !name.ends_with(".tmp") {
+            names.push(name);
+        }
+    }
+    Ok(names.into_iter().min())
+}
+
+fn check_config(path: &Path, config: &Config) -> Result<(), RunError> {
+    let file = path.join(CONFIG);
+    let io = |source| RunError::Io { action: "read the run's configuration", path: file.clone(), source };
+    let table = |text: &str| text.parse::<toml::Table>().unwrap_or_default();
+    let was = flatten(&table(&fs::read_to_string(&file).map_err(io)?), "");
+    let is = flatten(&table(&config.to_toml()), "");
+    let keys: Vec<String> = is
+        .iter()
+        .filter(|(key, _)| key != "training.epochs")
+        .filter_map(|(key, value)| {
+            let before = was.iter().find(|(other, _)| other == key).map_or("nothing", |(_, value)| value);
+            (before != value).then(|| format!("{key} ({before} then, {value} now)"))
+        })
+        .collect();
+    if keys.is_empty() { Ok(()) } else { Err(RunError::OtherConfig { keys, path: path.to_owned() }) }
+}
+
+fn flatten(table: &toml::Table, prefix: &str) -> Vec<(String, String)> {
+    let rows = table.iter().map(|(key, value)| match value {
+        toml::Value::Table(inner) => flatten(inner, &format!("{prefix}{key}.")),
+        value => vec![(format!("{prefix}{key}"), value.to_string())],
+    });
+    rows.collect::<Vec<_>>().concat()
+}

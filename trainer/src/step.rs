@@ -1,0 +1,220 @@
+//! The network evaluated at one voxel a sample, its loss and its gradient.
+//!
+//! The encoder and the first decoder convolution (5³) run densely, once a grid; the rest of the decoder and the heads
+//! run on the voxel's receptive field only. Every convolution is a gather of rows and a matrix product; every doubling
+//! a small matrix product along each axis. Equal to [`crate::network::Network::forward`] at that voxel, loss and
+//! gradients, which the tests hold to 1e-4.
+
+use std::ops::Range;
+
+use burn::tensor::activation::relu;
+use burn::tensor::{Device, Int, Tensor};
+use rayon::prelude::*;
+
+use crate::batch::Batch;
+use crate::columns::{FIRST_ROWS, first_columns, padded_rows, valid_rows};
+use crate::layers::LAYERS;
+use crate::loss::{Prediction, SampleLosses, Targets, normalise, sample_losses};
+use crate::matrices::Matrices;
+use crate::receptive_field::{COARSEST, PatchSizes, double_patches, doublings};
+use crate::upsampling::Upsampling;
+
+/// What one sample gave: its losses and the network's verdict.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampleResult {
+    /// Eq. 5.
+    pub total: f32,
+    /// Eq. 2.
+    pub quality: f32,
+    /// Eq. 3 and 4; 0 for failures.
+    pub rotation: f32,
+    /// Squared error of the width in voxels; 0 for failures.
+    pub width: f32,
+    /// Logit of the predicted grasp quality: a success is predicted where it is above 0.
+    pub quality_logit: f32,
+    /// The true label.
+    pub label: u8,
+}
+
+/// The mean loss's gradient over a batch, and what each sample gave, in the batch's order.
+#[derive(Debug, Clone)]
+pub struct StepResult {
+    /// Gradient in the order of the flat parameter vector.
+    pub gradient: Tensor<1>,
+    /// One a sample.
+    pub samples: Vec<SampleResult>,
+}
+
+/// Loss and gradient of a batch. Parts of the batch run in parallel; their gradients are added in order, so the result
+/// does not depend on the number of threads.
+///
+/// Shapes: `vector` as [`crate::layers::parameter_slots`] lays it out.
+#[must_use]
+pub fn step(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
+    let matrices = Matrices::from_vector(vector);
+    let weight = 1.0 / batch.samples.len() as f32;
+    let parts: Vec<(Matrices, Vec<SampleResult>)> =
+        batch.parts().into_par_iter().map(|part| part_gradient(&matrices, batch, part, mode, weight)).collect();
+    let (mut sum, mut samples) = (None, Vec::with_capacity(batch.samples.len()));
+    for (gradient, results) in parts {
+        samples.extend(results);
+        sum = Some(match sum {
+            None => gradient,
+            Some(before) => add(before, gradient),
+        });
+    }
+    let gradient = sum.map_or_else(|| vector.zeros_like(), Matrices::into_vector);
+    StepResult { gradient, samples }
+}
+
+/// Losses and verdicts of a batch, without a gradient.
+#[must_use]
+pub fn evaluate(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Vec<SampleResult> {
+    let matrices = Matrices::from_vector(vector);
+    let parts: Vec<Vec<SampleResult>> = batch
+        .parts()
+        .into_par_iter()
+        .map(|part| {
+            let (prediction, losses) = part_losses(&matrices, batch, part.clone(), mode);
+            collect(batch, part, prediction, losses)
+        })
+        .collect();
+    parts.concat()
+}
+
+fn part_gradient(
+    matrices: &Matrices,
+    batch: &Batch,
+    part: Range<usize>,
+    mode: Upsampling,
+    weight: f32,
+) -> (Matrices, Vec<SampleResult>) {
+    let leaves = matrices.leaves();
+    let (prediction, losses) = part_losses(&leaves, batch, part.clone(), mode);
+    let mut gradients = (losses.total.clone().sum() * weight).backward();
+    let gradient = Matrices {
+        weights: leaves
+            .weights
+            .iter()
+            .map(|w| w.grad_remove(&mut gradients).unwrap_or_else(|| w.zeros_like().inner()))
+            .collect(),
+        biases: leaves
+            .biases
+            .iter()
+            .map(|b| b.grad_remove(&mut gradients).unwrap_or_else(|| b.zeros_like().inner()))
+            .collect(),
+    };
+    (gradient, collect(batch, part, prediction, losses))
+}
+
+fn add(a: Matrices, b: Matrices) -> Matrices {
+    Matrices {
+        weights: a.weights.into_iter().zip(b.weights).map(|(a, b)| a + b).collect(),
+        biases: a.biases.into_iter().zip(b.biases).map(|(a, b)| a + b).collect(),
+    }
+}
+
+fn part_losses(matrices: &Matrices, batch: &Batch, part: Range<usize>, mode: Upsampling) -> (Prediction, SampleLosses) {
+    let device = matrices.biases[0].device().inner();
+    let targets: Vec<_> = batch.samples[part.clone()].iter().map(|sample| sample.target).collect();
+    let voxels: Vec<_> = batch.samples[part.clone()].iter().map(|sample| sample.voxel).collect();
+    let (grids, grid_of_sample) = batch.grids_of(part);
+    let prediction = predict(matrices, &grids, &grid_of_sample, &voxels, mode, &device);
+    let losses = sample_losses(&prediction, &Targets::new(&targets, &device));
+    (prediction, losses)
+}
+
+/// The network at one voxel a sample.
+///
+/// `grids` hold 40³ values each; sample i looks at grid `grid_of_sample[i]` and is asked about `voxels[i]`.
+#[must_use]
+pub fn predict(
+    matrices: &Matrices,
+    grids: &[&[f32]],
+    grid_of_sample: &[usize],
+    voxels: &[[usize; 3]],
+    mode: Upsampling,
+    device: &Device,
+) -> Prediction {
+    let coarse = encode(matrices, grids, device);
+    let (samples, sizes) = (voxels.len(), PatchSizes::new(mode));
+    let coarse = coarse.reshape([grids.len(), COARSEST.pow(3) * 64]);
+    let coarse = if grids.len() == samples {
+        coarse
+    } else {
+        let numbers: Vec<i64> = grid_of_sample.iter().map(|grid| *grid as i64).collect();
+        coarse.select(0, Tensor::<1, Int>::from_data(numbers.as_slice(), device))
+    };
+    let [x, y, z] = doublings(voxels, mode, device);
+    let patches = coarse.reshape([samples, COARSEST, COARSEST, COARSEST, 64]);
+    let patches = double_patches(patches, [x.to_10, y.to_10, z.to_10]);
+    let patches = convolve_patches(matrices, 4, patches, sizes.conv2_out, device);
+    let patches = double_patches(patches, [x.to_20, y.to_20, z.to_20]);
+    let patches = convolve_patches(matrices, 5, patches, sizes.conv3_out, device);
+    let patches = double_patches(patches, [x.to_40, y.to_40, z.to_40]);
+    heads(matrices, patches.reshape([samples, LAYERS[6].fan_in()]))
+}
+
+/// Encoder and the first decoder convolution: `[grids · 5³, 64]`.
+fn encode(matrices: &Matrices, grids: &[&[f32]], device: &Device) -> Tensor<2> {
+    let count = grids.len();
+    let first = Tensor::cat(vec![matrices.weights[0].clone(), matrices.biases[0].clone().unsqueeze()], 0);
+    // [count · 20³ + 1, 16], the last row zero.
+    let x = relu(first_columns(grids, device).matmul(first));
+    debug_assert_eq!(x.dims()[0], count * FIRST_ROWS + 1);
+    let x = product(matrices, 1, x, padded_rows(count, 20, 3, 2, device));
+    let x = product(matrices, 2, with_zero_row(x), padded_rows(count, 10, 3, 2, device));
+    product(matrices, 3, with_zero_row(x), padded_rows(count, 5, 3, 1, device))
+}
+
+fn with_zero_row(x: Tensor<2>) -> Tensor<2> {
+    let zero = Tensor::zeros([1, x.dims()[1]], &x.device().inner());
+    Tensor::cat(vec![x, zero], 0)
+}
+
+/// A convolution and its ReLU: gathers the rows of its inputs and multiplies.
+fn product(matrices: &Matrices, layer: usize, x: Tensor<2>, rows: Tensor<1, Int>) -> Tensor<2> {
+    let fan_in = LAYERS[layer].fan_in();
+    let outputs = rows.dims()[0] * LAYERS[layer].channels_in / fan_in;
+    let gathered = x.select(0, rows).reshape([outputs, fan_in]);
+    relu(gathered.matmul(matrices.weights[layer].clone()) + matrices.biases[layer].clone().unsqueeze())
+}
+
+/// Shapes: `[b, n, n, n, in]` to `[b, m, m, m, out]`.
+fn convolve_patches(matrices: &Matrices, layer: usize, patches: Tensor<5>, m: usize, device: &Device) -> Tensor<5> {
+    let [batch, n, _, _, channels] = patches.dims();
+    let rows = valid_rows(batch, n, LAYERS[layer].kernel, device);
+    let x = product(matrices, layer, patches.reshape([batch * n.pow(3), channels]), rows);
+    x.reshape([batch, m, m, m, LAYERS[layer].channels_out])
+}
+
+/// The three heads on rows of 5³ · 16 inputs.
+fn heads(matrices: &Matrices, rows: Tensor<2>) -> Prediction {
+    let weights = Tensor::cat(matrices.weights[6..].to_vec(), 1);
+    let biases = Tensor::cat(matrices.biases[6..].to_vec(), 0);
+    let out = rows.matmul(weights) + biases.unsqueeze();
+    let column = |at: usize| out.clone().slice([0..out.dims()[0], at..at + 1]).squeeze_dim::<1>(1);
+    Prediction {
+        quality_logit: column(0),
+        rotation: normalise(out.clone().slice([0..out.dims()[0], 1..5]), 1),
+        width_voxels: column(5),
+    }
+}
+
+fn collect(batch: &Batch, part: Range<usize>, prediction: Prediction, losses: SampleLosses) -> Vec<SampleResult> {
+    let values = |tensor: Tensor<1>| tensor.inner().into_data().iter::<f32>().collect::<Vec<_>>();
+    let (total, quality) = (values(losses.total), values(losses.quality));
+    let (rotation, width) = (values(losses.rotation), values(losses.width));
+    let logits = values(prediction.quality_logit);
+    let samples = batch.samples[part].iter().enumerate();
+    samples
+        .map(|(at, sample)| SampleResult {
+            total: total[at],
+            quality: quality[at],
+            rotation: rotation[at],
+            width: width[at],
+            quality_logit: logits[at],
+            label: sample.target.label,
+        })
+        .collect()
+}

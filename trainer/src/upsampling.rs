@@ -1,0 +1,161 @@
+//! ×2 upsampling, linear or nearest, written as a small matrix along each axis.
+//!
+//! Burn's `interpolate` takes 4-D tensors only; and a matrix is what both the dense network and the receptive field
+//! can share: the latter simply keeps the rows and columns that it needs.
+
+use burn::tensor::{Device, Tensor, TensorData};
+
+/// How values are made between voxels when a grid is doubled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Upsampling {
+    /// Trilinear, half-pixel centres (`align_corners=False`): what the paper says.
+    Linear,
+    /// Each value eight times: what VGN's code does.
+    Nearest,
+}
+
+impl Upsampling {
+    /// Both, in the order of the configuration's documentation.
+    pub const ALL: [Self; 2] = [Self::Linear, Self::Nearest];
+
+    /// The name in configs and checkpoints.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Nearest => "nearest",
+        }
+    }
+
+    /// The mode with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|mode| mode.name() == name)
+    }
+
+    /// The coarse positions, with their weights, of which fine position `fine` of `2 * coarse_len` is made.
+    ///
+    /// Linear: the source coordinate is `fine / 2 − 1/4`, held at 0 below and at the last position above, as PyTorch
+    /// does; so the two weights are ¼ and ¾ inside and fall on one position at the ends.
+    #[must_use]
+    pub fn taps(self, fine: usize, coarse_len: usize) -> [(usize, f32); 2] {
+        match self {
+            Self::Nearest => [(fine / 2, 1.0), (fine / 2, 0.0)],
+            Self::Linear if fine == 0 => [(0, 1.0), (0, 0.0)],
+            Self::Linear => {
+                let low = (fine - 1) / 2;
+                let high = (low + 1).min(coarse_len - 1);
+                let weight_high = if fine.is_multiple_of(2) { 0.75 } else { 0.25 };
+                [(low, 1.0 - weight_high), (high, weight_high)]
+            }
+        }
+    }
+
+    /// First coarse position, in or out of the volume, that fine positions from `fine` on are made of.
+    #[must_use]
+    pub const fn first_coarse(self, fine: isize) -> isize {
+        match self {
+            Self::Linear => (fine - 1).div_euclid(2),
+            Self::Nearest => fine.div_euclid(2),
+        }
+    }
+
+    /// Most coarse positions that `fine_len` successive fine positions are made of, whatever the first one.
+    #[must_use]
+    pub const fn coarse_len(self, fine_len: usize) -> usize {
+        match self {
+            Self::Linear => fine_len / 2 + 2,
+            Self::Nearest => fine_len / 2 + 1,
+        }
+    }
+
+    /// Rows `fine_start..fine_start + fine_len`, columns `coarse_start..coarse_start + coarse_len` of the doubling
+    /// matrix of an axis with `axis_len` coarse positions, row by row. Rows outside the volume are zero, which is how
+    /// zero padding enters; columns outside it are too, so nothing that stands there counts.
+    #[must_use]
+    pub fn window(
+        self,
+        axis_len: usize,
+        (fine_start, fine_len): (isize, usize),
+        (coarse_start, coarse_len): (isize, usize),
+    ) -> Vec<f32> {
+        let mut matrix = vec![0.0; fine_len * coarse_len];
+        for row in 0..fine_len {
+            let fine = fine_start + row as isize;
+            if fine < 0 || fine >= 2 * axis_len as isize {
+                continue;
+            }
+            for (coarse, weight) in self.taps(fine as usize, axis_len) {
+                if weight > 0.0 {
+                    let column = coarse as isize - coarse_start;
+                    debug_assert!((0..coarse_len as isize).contains(&column), "the window misses a tap");
+                    matrix[row * coarse_len + column as usize] += weight;
+                }
+            }
+        }
+        matrix
+    }
+}
+
+/// Doubles the three last axes of `[batch, channels, n, n, n]`.
+///
+/// Shapes: in `[b, c, n, n, n]`, out `[b, c, 2n, 2n, 2n]`.
+#[must_use]
+pub fn double(input: Tensor<5>, mode: Upsampling) -> Tensor<5> {
+    let [batch, channels, n, _, _] = input.dims();
+    let matrix = doubling_matrix(mode, n, &input.device());
+    let rows = input.reshape([batch * channels * n * n, n]).matmul(matrix.clone().transpose());
+    let columns = matrix.clone().unsqueeze::<3>().matmul(rows.reshape([batch * channels * n, n, 2 * n]));
+    let planes = matrix.unsqueeze::<3>().matmul(columns.reshape([batch * channels, n, 4 * n * n]));
+    planes.reshape([batch, channels, 2 * n, 2 * n, 2 * n])
+}
+
+fn doubling_matrix(mode: Upsampling, n: usize, device: &Device) -> Tensor<2> {
+    Tensor::from_data(TensorData::new(mode.window(n, (0, 2 * n), (0, n)), [2 * n, n]), device)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn linear_taps_are_those_of_half_pixel_centres() {
+        for (fine, expected) in [
+            (0, [(0, 1.0), (0, 0.0)]),
+            (1, [(0, 0.75), (1, 0.25)]),
+            (2, [(0, 0.25), (1, 0.75)]),
+            (8, [(3, 0.25), (4, 0.75)]),
+            (9, [(4, 0.75), (4, 0.25)]),
+        ] {
+            assert_eq!(Upsampling::Linear.taps(fine, 5), expected, "fine position {fine}");
+        }
+    }
+
+    #[test]
+    fn a_window_of_the_stated_length_always_holds_every_tap() {
+        for mode in Upsampling::ALL {
+            for fine_len in 1..10 {
+                for fine_start in -9..29_isize {
+                    let (start, len) = (mode.first_coarse(fine_start), mode.coarse_len(fine_len));
+                    let matrix = mode.window(10, (fine_start, fine_len), (start, len));
+                    for row in 0..fine_len {
+                        let inside = (0..20).contains(&(fine_start + row as isize));
+                        let sum: f32 = matrix[row * len..(row + 1) * len].iter().sum();
+                        assert_eq!(sum, if inside { 1.0 } else { 0.0 }, "{mode:?} {fine_start}+{row}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nearest_doubling_repeats_each_value_eight_times() {
+        let input = Tensor::<1>::from_data(TensorData::new((0..8).map(|v| v as f32).collect(), [8]), &Device::flex());
+        let output = double(input.reshape([1, 1, 2, 2, 2]), Upsampling::Nearest);
+        let values = output.into_data().try_to_vec::<f32>().unwrap();
+        for (at, value) in values.iter().enumerate() {
+            let (x, y, z) = (at / 16, at / 4 % 4, at % 4);
+            assert_eq!(*value, (x / 2 * 4 + y / 2 * 2 + z / 2) as f32);
+        }
+    }
+}

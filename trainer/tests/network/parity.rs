@@ -1,0 +1,132 @@
+//! Network, loss, gradients and ten steps of Adam against PyTorch, by the goldens of `scripts/golden_torch.py`.
+
+use std::sync::Arc;
+
+use crate::formula::{grid, noise, parameters, relative_error};
+use burn::tensor::{Device, Tensor, TensorData};
+use safetensors::SafeTensors;
+use schema::Quat;
+use trainer::adam::Adam;
+use trainer::batch::{Batch, Sample};
+use trainer::layers::parameter_slots;
+use trainer::loss::{Target, quality};
+use trainer::network::Network;
+use trainer::step::step;
+use trainer::upsampling::Upsampling;
+
+const TOLERANCE: f64 = 1e-4;
+const GRIDS: u32 = 3;
+
+struct Golden(Vec<u8>);
+
+impl Golden {
+    fn read(mode: Upsampling) -> Self {
+        let path = format!("{}/tests/golden/{}.safetensors", env!("CARGO_MANIFEST_DIR"), mode.name());
+        Self(std::fs::read(path).unwrap())
+    }
+
+    fn bytes<const N: usize>(&self, name: &str) -> Vec<[u8; N]> {
+        let file = SafeTensors::deserialize(&self.0).unwrap();
+        file.tensor(name).unwrap().data().chunks_exact(N).map(|chunk| chunk.try_into().unwrap()).collect()
+    }
+
+    fn floats(&self, name: &str) -> Vec<f32> {
+        self.bytes(name).into_iter().map(f32::from_le_bytes).collect()
+    }
+
+    fn indices(&self, name: &str) -> Vec<usize> {
+        self.bytes(name).into_iter().map(|bytes| i64::from_le_bytes(bytes) as usize).collect()
+    }
+
+    fn batch(&self) -> Batch {
+        let (grids, voxels) = (self.indices("targets.grid"), self.indices("targets.voxel"));
+        let (labels, rotations) = (self.indices("targets.label"), self.floats("targets.rotation"));
+        let widths = self.floats("targets.width");
+        let samples = (0..labels.len()).map(|at| Sample {
+            grid: grids[at],
+            voxel: voxels[3 * at..][..3].try_into().unwrap(),
+            target: Target {
+                label: labels[at] as u8,
+                rotation: Quat::from_slice(&rotations[4 * at..]),
+                width_voxels: widths[at],
+            },
+        });
+        Batch { grids: (0..GRIDS).map(|number| Arc::from(grid(number))).collect(), samples: samples.collect() }
+    }
+
+    /// Compares the entries that the script sampled, and the norm of the whole.
+    fn check(&self, name: &str, values: &[f32], seed: u32) -> f64 {
+        let entries: Vec<f32> =
+            noise(64, seed).into_iter().map(|draw| values[(draw * values.len() as f64) as usize]).collect();
+        let norm = values.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>().sqrt() as f32;
+        let error = relative_error(&entries, &self.floats(name))
+            .max(relative_error(&[norm], &self.floats(&format!("{name}.norm"))));
+        assert!(error <= TOLERANCE, "{name}: relative error {error:e}");
+        error
+    }
+
+    fn check_parameters(&self, kind: &str, vector: Tensor<1>, seed: u32) -> f64 {
+        let values = vector.into_data().try_to_vec::<f32>().unwrap();
+        let errors = parameter_slots().into_iter().enumerate().map(|(number, slot)| {
+            let part = &values[slot.start..slot.start + slot.len];
+            self.check(&format!("{kind}.{}", slot.name), part, seed + number as u32)
+        });
+        errors.fold(0.0, f64::max)
+    }
+}
+
+fn floats<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor.into_data().try_to_vec().unwrap()
+}
+
+#[test]
+fn the_dense_forward_is_pytorchs() {
+    let device = Device::flex();
+    for mode in Upsampling::ALL {
+        let golden = Golden::read(mode);
+        let grids: Vec<f32> = (0..GRIDS).flat_map(grid).collect();
+        let tsdf = Tensor::from_data(TensorData::new(grids, [GRIDS as usize, 1, 40, 40, 40]), &device);
+        let output = Network::from_vector(parameters(&device), mode).forward(tsdf);
+        let count = output.quality_logit.shape().num_elements();
+        let error = golden
+            .check("forward.quality", &floats(quality(output.quality_logit.reshape([count]))), 400)
+            .max(golden.check("forward.rotation", &floats(output.rotation), 401))
+            .max(golden.check("forward.width", &floats(output.width_voxels), 402));
+        println!("{mode:?}: worst relative error of the forward {error:e}");
+    }
+}
+
+#[test]
+fn losses_gradients_and_ten_adam_steps_are_pytorchs() {
+    let device = Device::flex();
+    for mode in Upsampling::ALL {
+        let golden = Golden::read(mode);
+        let (mut vector, batch) = (parameters(&device), golden.batch());
+        let mut adam = Adam::new(3e-4);
+        for (number, expected) in golden.floats("adam.losses").into_iter().enumerate() {
+            let result = step(&vector, &batch, mode);
+            let loss = result.samples.iter().map(|sample| sample.total).sum::<f32>() / batch.samples.len() as f32;
+            let error = relative_error(&[loss], &[expected]);
+            assert!(error <= TOLERANCE, "{mode:?}, step {number}: loss {loss} against {expected}");
+            if number == 0 {
+                let losses = |of: fn(&trainer::step::SampleResult) -> f32| result.samples.iter().map(of).collect();
+                for (name, losses) in [
+                    ("total", losses(|s| s.total)),
+                    ("quality", losses(|s| s.quality)),
+                    ("rotation", losses(|s| s.rotation)),
+                    ("width", losses(|s| s.width)),
+                ] {
+                    let losses: Vec<f32> = losses;
+                    let error = relative_error(&losses, &golden.floats(&format!("loss.{name}")));
+                    assert!(error <= TOLERANCE, "{mode:?}: {name} losses off by {error:e}");
+                    println!("{mode:?}: {name} losses: relative error {error:e}");
+                }
+                let error = golden.check_parameters("gradient", result.gradient.clone(), 500);
+                println!("{mode:?}: worst relative error of a gradient {error:e}");
+            }
+            vector = adam.step(vector, result.gradient);
+        }
+        let error = golden.check_parameters("adam", vector, 600);
+        println!("{mode:?}: worst relative error of a parameter after ten steps {error:e}");
+    }
+}

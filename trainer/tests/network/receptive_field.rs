@@ -1,0 +1,109 @@
+//! The receptive-field step against the dense network: same loss, same gradient of every parameter, wherever the voxel.
+
+use std::sync::Arc;
+
+use crate::formula::{grid, noise, parameters, relative_error};
+use burn::tensor::{Device, Tensor, TensorData};
+use schema::Quat;
+use trainer::batch::{Batch, Sample};
+use trainer::layers::parameter_slots;
+use trainer::loss::{Prediction, Target, Targets, sample_losses};
+use trainer::network::Network;
+use trainer::step::step;
+use trainer::upsampling::Upsampling;
+
+const TOLERANCE: f64 = 1e-4;
+
+/// Positive and negative targets at some voxels of one grid.
+fn batch(voxels: &[[usize; 3]]) -> Batch {
+    let draws = noise(6 * voxels.len(), 700);
+    let samples = voxels.iter().zip(draws.chunks(6)).enumerate().map(|(at, (voxel, draw))| {
+        let part = |number: usize| 2.0 * draw[number] as f32 - 1.0;
+        let rotation = Quat::from_xyzw(part(0), part(1), part(2), part(3)).normalize();
+        let target = Target { label: u8::from(at % 3 != 1), rotation, width_voxels: 5.0 + 4.0 * part(4) };
+        Sample { grid: 0, voxel: *voxel, target }
+    });
+    Batch { grids: vec![Arc::from(grid(0))], samples: samples.collect() }
+}
+
+/// Per-sample losses and the gradient of their mean, by the dense network and Burn's own convolutions.
+fn dense(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> (Vec<f32>, Vec<f32>) {
+    let device = vector.device();
+    let network = Network::from_vector(vector.clone().autodiff(), mode);
+    let tsdf = TensorData::new(batch.grids[0].to_vec(), [1, 1, 40, 40, 40]);
+    let output = network.forward(Tensor::<5>::from_data(tsdf, &device).autodiff());
+    let at = |map: &Tensor<5>, [x, y, z]: [usize; 3]| {
+        let channels = map.dims()[1];
+        map.clone().slice([0..1, 0..channels, x..x + 1, y..y + 1, z..z + 1]).reshape([1, channels])
+    };
+    let rows = |map: &Tensor<5>| Tensor::cat(batch.samples.iter().map(|s| at(map, s.voxel)).collect(), 0);
+    let prediction = Prediction {
+        quality_logit: rows(&output.quality_logit).squeeze_dim(1),
+        rotation: rows(&output.rotation),
+        width_voxels: rows(&output.width_voxels).squeeze_dim(1),
+    };
+    let targets: Vec<Target> = batch.samples.iter().map(|sample| sample.target).collect();
+    let losses = sample_losses(&prediction, &Targets::new(&targets, &device));
+    let gradients = losses.total.clone().mean().backward();
+    let mut gradient = Vec::new();
+    for conv in network.convs() {
+        gradient.extend(conv.weight.val().grad(&gradients).unwrap().into_data().try_to_vec::<f32>().unwrap());
+        gradient.extend(conv.bias.val().grad(&gradients).unwrap().into_data().try_to_vec::<f32>().unwrap());
+    }
+    (losses.total.inner().into_data().try_to_vec().unwrap(), gradient)
+}
+
+/// Holds each voxel's loss, and the gradient of their mean, to the dense network's.
+fn check(voxels: &[[usize; 3]]) {
+    let device = Device::flex();
+    for mode in Upsampling::ALL {
+        let (vector, batch) = (parameters(&device), batch(voxels));
+        let (dense_losses, dense_gradient) = dense(&vector, &batch, mode);
+        let result = step(&vector, &batch, mode);
+        for ((sample, expected), voxel) in result.samples.iter().zip(&dense_losses).zip(voxels) {
+            let error = f64::from((sample.total - expected).abs() / expected.abs());
+            assert!(error <= TOLERANCE, "{mode:?}, voxel {voxel:?}: loss {} against {expected}", sample.total);
+        }
+        let gradient = result.gradient.into_data().try_to_vec::<f32>().unwrap();
+        let mut worst = 0.0_f64;
+        for slot in parameter_slots() {
+            let range = slot.start..slot.start + slot.len;
+            let error = relative_error(&gradient[range.clone()], &dense_gradient[range]);
+            assert!(error <= TOLERANCE, "{mode:?}, voxels {voxels:?}: gradient of {} off by {error:e}", slot.name);
+            worst = worst.max(error);
+        }
+        println!("{mode:?}: worst relative error of a parameter's gradient {worst:e}");
+    }
+}
+
+/// Voxels of which each coordinate is one of three.
+fn crossed(coordinates: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+    (0..27).map(move |at| [coordinates[at / 9], coordinates[at / 3 % 3], coordinates[at % 3]])
+}
+
+#[test]
+fn at_all_eight_corners() {
+    let corners: Vec<_> = crossed([0, 20, 39]).filter(|voxel| !voxel.contains(&20)).collect();
+    assert_eq!(corners.len(), 8);
+    check(&corners);
+}
+
+#[test]
+fn at_every_edge_and_face() {
+    let rest: Vec<_> = crossed([0, 17, 39]).filter(|voxel| voxel.contains(&17)).collect();
+    assert_eq!(rest.len(), 12 + 6 + 1);
+    check(&rest);
+}
+
+#[test]
+fn inside_and_one_to_three_voxels_from_the_border() {
+    let voxels: Vec<_> = crossed([1, 20, 37]).chain(crossed([2, 13, 38])).chain(crossed([3, 26, 36])).collect();
+    check(&voxels);
+}
+
+/// The voxel alone, so that no other one can hide an error.
+#[test]
+fn a_corner_alone_and_an_odd_place_alone() {
+    check(&[[39, 0, 39]]);
+    check(&[[11, 38, 25]]);
+}

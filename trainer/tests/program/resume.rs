@@ -1,0 +1,92 @@
+//! Stopped at any batch and resumed, on one thread or two: the same bits.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::fixture::{trainer, write_config, write_dataset};
+use trainer::config::Config;
+use trainer::fit::{Ending, Event, fit};
+
+/// The metrics without the time that they took.
+fn metrics(run: &Path) -> Vec<serde_json::Value> {
+    let text = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
+    text.lines()
+        .map(|line| {
+            let mut value: serde_json::Value = serde_json::from_str(line).unwrap();
+            value.as_object_mut().unwrap().remove("seconds");
+            value
+        })
+        .collect()
+}
+
+fn check_same_run(a: &Path, b: &Path) {
+    assert_eq!(metrics(a), metrics(b));
+    for file in ["last.safetensors", "best.safetensors", "config.toml"] {
+        assert!(fs::read(a.join(file)).unwrap() == fs::read(b.join(file)).unwrap(), "{file} differs");
+    }
+}
+
+#[test]
+fn stopped_anywhere_and_resumed_is_as_if_never_stopped() {
+    let dir = tempfile::tempdir().unwrap();
+    let (data, whole, cut) = (dir.path().join("data"), dir.path().join("whole"), dir.path().join("cut"));
+    write_dataset(&data, 5, 2, 10, 12);
+    let config = Config::read(&write_config(dir.path(), 2, 24)).unwrap();
+    let ending = fit(&data, &config, &whole, false, &AtomicBool::new(false), &|_| {}).unwrap();
+    assert_eq!(ending, Ending::Done);
+
+    // 96 samples train: 4 steps an epoch. Stop after 1 and 4 (the epoch's last) and 2 more.
+    for steps in [1, 3, 2] {
+        let (stop, seen) = (AtomicBool::new(false), AtomicUsize::new(0));
+        let ending = fit(&data, &config, &cut, true, &stop, &|event| {
+            if matches!(event, Event::Step { .. }) && seen.fetch_add(1, Ordering::Relaxed) + 1 == steps {
+                stop.store(true, Ordering::Relaxed);
+            }
+        });
+        assert_eq!(ending.unwrap(), Ending::Stopped);
+    }
+    let ending = fit(&data, &config, &cut, true, &AtomicBool::new(false), &|_| {}).unwrap();
+    assert_eq!(ending, Ending::Done);
+    check_same_run(&whole, &cut);
+}
+
+#[test]
+fn one_thread_and_two_make_the_same_weights_and_a_signal_is_obeyed() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    write_dataset(&data, 6, 2, 10, 12);
+    let config = write_config(dir.path(), 3, 24);
+    let run = |name: &str| dir.path().join(name);
+    let args = |run: &str, threads: &str| {
+        let path = |p: &Path| p.to_str().unwrap().to_owned();
+        let parts =
+            ["fit", "--data", &path(&data), "--config", &path(&config), "--run", run, "--threads", threads, "--resume"];
+        parts.map(str::to_owned)
+    };
+    let (one, two) = (run("one"), run("two"));
+    let output = Command::new(env!("CARGO_BIN_EXE_trainer")).args(args(one.to_str().unwrap(), "1")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+
+    // The second run is stopped by SIGTERM after its first epoch, then resumed.
+    let mut child = Command::new(env!("CARGO_BIN_EXE_trainer"))
+        .args(args(two.to_str().unwrap(), "2"))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    while !two.join("metrics.jsonl").exists() && began.elapsed() < Duration::from_secs(120) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(75));
+    let again = args(two.to_str().unwrap(), "2");
+    let output = trainer(&again.each_ref().map(String::as_str));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    check_same_run(&one, &two);
+    let left: Vec<_> = fs::read_dir(&two).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert!(left.iter().all(|name| !name.to_string_lossy().ends_with(".tmp")), "{left:?}");
+}
