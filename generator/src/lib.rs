@@ -1,1 +1,22 @@
-//! placeholder
+//! Grasp datasets: config → random stacked scenes → candidates by the rules of Appendix A → attempts in physics → shards.
+//!
+//! The rules and their laws stand in [`law_of`], one row of the paper's Appendix A each; [`make_scene`] turns a scene's
+//! number into its rows, as a pure function of config and seed; [`generate`] does so for all scenes of the shards asked
+//! for, on all cores, and commits a shard when it is whole.
+
+mod build;
+mod candidates;
+mod config;
+mod objects;
+mod raw;
+mod rules;
+mod run;
+
+
+pub use build::{NoScene, make_scene};
+pub use candidates::{Candidate, draw_candidate, draw_candidates};
+pub use config::{Config, ConfigError, ObjectLaw, Overrides};
+pub use objects::draw_drops;
+pub use rules::{Law, Tilt, law_of};
+pub use run::{Event, GenerateError, Report, attempts_of, generate};
+

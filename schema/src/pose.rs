@@ -6,6 +6,8 @@ pub type Pose = glamx::Pose3;
 pub type Vec3 = glamx::Vec3;
 /// A unit quaternion, stored and written x, y, z, w.
 pub type Quat = glamx::Quat;
+/// A 3×3 matrix, by columns.
+pub type Mat3 = glamx::Mat3;
 
 /// A rotation of `angle_rad` about a unit `axis`, through `libm` so that every machine gives the same bits.
 #[must_use]

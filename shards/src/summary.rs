@@ -140,7 +140,8 @@ impl Counts {
         self.rules.entry(attempt.rule.name().to_owned()).or_default().count(attempt);
     }
 
-    fn add(&mut self, other: &Self) {
+    /// Adds the counts of other rows.
+    pub fn add(&mut self, other: &Self) {
         self.scenes += other.scenes;
         self.objects += other.objects;
         self.labels.add(other.labels);

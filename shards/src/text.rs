@@ -3,7 +3,8 @@
 use crate::Tally;
 
 /// `1234567` as `1,234,567`.
-pub(crate) fn grouped(number: u64) -> String {
+#[must_use]
+pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::with_capacity(digits.len() * 4 / 3);
     for (place, digit) in digits.chars().enumerate() {
@@ -16,12 +17,14 @@ pub(crate) fn grouped(number: u64) -> String {
 }
 
 /// `0.1234` as `12.3 %`.
-pub(crate) fn percent(share: f64) -> String {
+#[must_use]
+pub fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
 /// Positives to negatives, such as `1 : 2.9`.
-pub(crate) fn ratio(labels: Tally) -> String {
+#[must_use]
+pub fn ratio(labels: Tally) -> String {
     match labels.positives {
         0 => format!("0 : {}", grouped(labels.negatives())),
         positives => format!("1 : {:.2}", labels.negatives() as f64 / positives as f64),
@@ -29,7 +32,8 @@ pub(crate) fn ratio(labels: Tally) -> String {
 }
 
 /// `12345678` as `11.8 MiB`.
-pub(crate) fn bytes(bytes: u64) -> String {
+#[must_use]
+pub fn bytes(bytes: u64) -> String {
     let mut value = bytes as f64;
     for unit in ["B", "KiB", "MiB", "GiB"] {
         if value < 1024.0 {
@@ -42,7 +46,8 @@ pub(crate) fn bytes(bytes: u64) -> String {
 }
 
 /// A bar of at most `width` characters, in eighths of one.
-pub(crate) fn bar(share: f64, width: usize) -> String {
+#[must_use]
+pub fn bar(share: f64, width: usize) -> String {
     const EIGHTHS: [&str; 8] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉"];
     let eighths = (share.clamp(0.0, 1.0) * width as f64 * 8.0).round() as usize; // at most 8 · width
     format!("{}{}", "█".repeat(eighths / 8), EIGHTHS[eighths % 8])

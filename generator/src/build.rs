@@ -1,0 +1,127 @@
+//! A scene's rows from its number: objects, rest, views, TSDF, candidates, attempts.
+
+use perception::{Tsdf, camera_at, draw_views};
+use schema::{
+    AttemptRecord, ObjectRecord, Purpose, SceneRecord, SceneRejections, SceneRows, Stream, View, VoxelGrid,
+};
+use simulator::{AttemptWorld, Execution, Scene, SceneRays, Settled, Unsettled, settle};
+
+use crate::candidates::{Candidate, draw_candidates};
+use crate::config::Config;
+use crate::objects::draw_drops;
+
+/// A scene that could not be built: every try was rejected.
+#[derive(Debug, thiserror::Error, Clone, Copy, PartialEq, Eq)]
+#[error(
+    "scene {scene_id} was rejected {tries} times ({} unsettled, {} empty, {} unstable); \
+     the limit is settle.tries_max = {tries}",
+    .rejections.unsettled, .rejections.empty, .rejections.unstable
+)]
+pub struct NoScene {
+    /// The scene.
+    pub scene_id: u64,
+    /// Tries.
+    pub tries: u32,
+    /// Why each failed.
+    pub rejections: SceneRejections,
+}
+
+/// Makes the rows of scene `scene_id` with `attempt_count` attempts: a pure function of its arguments.
+///
+/// # Errors
+/// [`NoScene`] if no try came to rest.
+pub fn make_scene(config: &Config, scene_id: u64, attempt_count: u32) -> Result<SceneRows, NoScene> {
+    let (settled, dropped_count, rejections) = settled_scene(config, scene_id)?;
+    let scene = settled.scene;
+    let objects = object_records(scene_id, &scene);
+    // What is executed is what is stored: the attempts see the scene through its rows.
+    let scene = Scene::from_records(config.grid.table_z_m, &objects);
+
+    let mut views_stream = Stream::new(config.seed, scene_id, Purpose::Views, 0);
+    let views = draw_views(&config.views, &config.grid, &mut views_stream);
+    let tsdf = observe(config, &scene, &views).values;
+
+    let mut candidates_stream = Stream::new(config.seed, scene_id, Purpose::Candidates, 0);
+    let candidates = draw_candidates(&scene, attempt_count as usize, &mut candidates_stream);
+    let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
+    let attempts = candidates
+        .iter()
+        .zip(0..)
+        .map(|(candidate, attempt_id)| {
+            let execution = world.execute(&candidate.workspace_from_grasp, candidate.object_id);
+            attempt_record(scene_id, attempt_id, candidate, &execution)
+        })
+        .collect();
+
+    let scene = SceneRecord {
+        scene_id,
+        dropped_count,
+        object_count: objects.len() as u32,
+        attempt_count,
+        settle_time_s: settled.settle_time_s,
+        rejections,
+        views,
+        tsdf,
+    };
+    Ok(SceneRows { scene, objects, attempts })
+}
+
+fn settled_scene(config: &Config, scene_id: u64) -> Result<(Settled, u32, SceneRejections), NoScene> {
+    let mut rejections = SceneRejections::default();
+    for attempt in 0..config.tries_max {
+        let drops = draw_drops(&config.objects, &config.grid, config.seed, scene_id, attempt);
+        match settle(&config.physics, &config.settle, &config.grid, &drops) {
+            Ok(settled) => return Ok((settled, drops.len() as u32, rejections)),
+            Err(Unsettled::Moving) => rejections.unsettled += 1,
+            Err(Unsettled::Empty) => rejections.empty += 1,
+            Err(Unsettled::Unstable) => rejections.unstable += 1,
+        }
+    }
+    Err(NoScene { scene_id, tries: config.tries_max, rejections })
+}
+
+/// The TSDF of a scene from its views: a ray is cast for each pixel that a voxel falls on, no more.
+fn observe(config: &Config, scene: &Scene, views: &[View]) -> VoxelGrid {
+    let rays = SceneRays::new(scene);
+    let mut tsdf = Tsdf::new(config.grid, config.truncation_voxels);
+    for view in views {
+        let camera = camera_at(view, &config.grid, config.intrinsics);
+        tsdf.integrate(&camera, |pixel| rays.depth_at(&camera, pixel));
+    }
+    tsdf.to_voxels()
+}
+
+fn object_records(scene_id: u64, scene: &Scene) -> Vec<ObjectRecord> {
+    scene
+        .objects
+        .iter()
+        .zip(0..)
+        .map(|(object, object_id)| ObjectRecord {
+            scene_id,
+            object_id,
+            solid: object.solid,
+            mass_kg: object.mass_kg,
+            friction: object.friction,
+            workspace_from_object: object.workspace_from_object,
+        })
+        .collect()
+}
+
+fn attempt_record(scene_id: u64, attempt_id: u32, candidate: &Candidate, execution: &Execution) -> AttemptRecord {
+    AttemptRecord {
+        scene_id,
+        attempt_id,
+        object_id: candidate.object_id as u32,
+        rule: candidate.rule,
+        closing: candidate.closing,
+        tilt_rad: candidate.tilt_rad,
+        turn_rad: candidate.turn_rad,
+        depth_m: candidate.depth_m,
+        slide_m: candidate.slide_m,
+        workspace_from_grasp: candidate.workspace_from_grasp,
+        outcome: execution.outcome,
+        hit: execution.hit.map(|hit| hit.kind),
+        hit_object_id: execution.hit.and_then(|hit| hit.object_id).map(|id| id as u32),
+        width_m: execution.width_m,
+    }
+}

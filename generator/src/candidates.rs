@@ -1,0 +1,199 @@
+//! Candidates: grasps drawn by the rules, not yet executed.
+
+use schema::{Axis, Mat3, Pose, Quat, Rule, Stream, Vec3, axis_angle};
+use simulator::{Scene, SceneObject};
+
+use crate::rules::{SLIDE_SHARE, TIP_DEPTH_M, Tilt, law_of};
+
+/// A grasp to be tried, with everything that was drawn for it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// The target, by its number in the scene.
+    pub object_id: usize,
+    /// Row of Appendix A.
+    pub rule: Rule,
+    /// Object axis along which the hand closes, before the turn.
+    pub closing: Axis,
+    /// r_y.
+    pub tilt_rad: f32,
+    /// r_x; 0 for rules without.
+    pub turn_rad: f32,
+    /// d_z.
+    pub depth_m: f32,
+    /// d_x; 0 for rules without.
+    pub slide_m: f32,
+    /// The grasp.
+    pub workspace_from_grasp: Pose,
+}
+
+/// Draws `count` candidates, spread evenly over the scene's objects, and over each object's three rules.
+///
+/// # Panics
+/// If the scene has no objects.
+#[must_use]
+pub fn draw_candidates(scene: &Scene, count: usize, stream: &mut Stream) -> Vec<Candidate> {
+    let objects = scene.objects.len();
+    assert!(objects > 0, "a scene without objects has no candidates");
+    (0..count)
+        .map(|attempt| {
+            let (object_id, round) = (attempt % objects, attempt / objects);
+            draw_candidate(&scene.objects[object_id], object_id, Axis::ALL[round % 3], stream)
+        })
+        .collect()
+}
+
+/// Draws one candidate for an object, approached along one of its axes. Takes the same number of draws for every rule.
+#[must_use]
+pub fn draw_candidate(object: &SceneObject, object_id: usize, approach: Axis, stream: &mut Stream) -> Candidate {
+    let rule = Rule { shape: object.solid.kind, approach };
+    let law = law_of(rule);
+    let closing = law.closing[stream.index(law.closing.len())];
+    let (tilt, turn) = (stream.normal(0.0, 1.0), stream.uniform(0.0, 1.0));
+    let (tip, slide) = (stream.uniform(TIP_DEPTH_M[0], TIP_DEPTH_M[1]), stream.normal(0.0, 1.0));
+    let tilt_rad = match law.tilt {
+        Tilt::Normal { std_rad } => std_rad * tilt,
+        Tilt::Uniform { max_rad } => max_rad * (2.0 * turn - 1.0), // such a rule does not turn: one uniform draw serves either
+    };
+    let turn_rad = if law.turns { core::f32::consts::TAU * turn } else { 0.0 };
+    let object_from_base = base_frame(&object.workspace_from_object.rotation, approach, closing);
+    let across = third(approach, closing);
+    let depth_m = tip - 0.5 * approach.of(object.solid.extents_m);
+    let slide_m = if law.slides { SLIDE_SHARE * across.of(object.solid.extents_m) * slide } else { 0.0 };
+    let workspace_from_grasp = place(object, object_from_base, turn_rad, tilt_rad, depth_m, slide_m);
+    Candidate { object_id, rule, closing, tilt_rad, turn_rad, depth_m, slide_m, workspace_from_grasp }
+}
+
+fn third(a: Axis, b: Axis) -> Axis {
+    Axis::ALL.into_iter().find(|axis| *axis != a && *axis != b).unwrap_or(a)
+}
+
+/// The rule's frame before any draw: z along the approach axis, pointing down in the workspace; y along the closing axis.
+fn base_frame(workspace_from_object: &Quat, approach: Axis, closing: Axis) -> Quat {
+    let points_up = (*workspace_from_object * approach.unit()).z > 0.0;
+    let z = if points_up { -approach.unit() } else { approach.unit() };
+    let y = closing.unit();
+    Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z))
+}
+
+fn place(object: &SceneObject, base: Quat, turn_rad: f32, tilt_rad: f32, depth_m: f32, slide_m: f32) -> Pose {
+    let rotation = (object.workspace_from_object.rotation
+        * base
+        * axis_angle(Vec3::X, turn_rad)
+        * axis_angle(Vec3::Y, tilt_rad))
+    .normalize();
+    let offset = rotation * Vec3::new(slide_m, 0.0, depth_m);
+    Pose::from_parts(object.workspace_from_object.translation + offset, rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Purpose, ShapeKind, Solid};
+
+    use super::*;
+
+    fn object(kind: ShapeKind, rotation: Quat) -> SceneObject {
+        let extents = match kind {
+            ShapeKind::Cylinder => Vec3::new(0.04, 0.04, 0.07),
+            ShapeKind::HalfCylinder => Vec3::new(0.07, 0.06, 0.03),
+            _ => Vec3::new(0.03, 0.05, 0.07),
+        };
+        SceneObject {
+            solid: Solid::new(kind, extents).unwrap(),
+            mass_kg: 0.1,
+            friction: 1.0,
+            workspace_from_object: Pose::from_parts(Vec3::new(0.1, 0.2, 0.08), rotation),
+        }
+    }
+
+    fn draws(kind: ShapeKind, approach: Axis, count: usize) -> Vec<Candidate> {
+        let mut stream = Stream::new(3, 1, Purpose::Candidates, 0);
+        (0..count)
+            .map(|_| {
+                let object = object(kind, stream.rotation());
+                draw_candidate(&object, 0, approach, &mut stream)
+            })
+            .collect()
+    }
+
+    fn std(values: impl Iterator<Item = f32> + Clone) -> f32 {
+        let n = values.clone().count() as f32;
+        (values.map(|v| v * v).sum::<f32>() / n).sqrt()
+    }
+
+    /// Every row of Appendix A, held against the printed laws, independently of the law table.
+    #[test]
+    fn draws_follow_the_printed_laws() {
+        const PI: f32 = core::f32::consts::PI;
+        // shape, axis, normal tilt std (or None: uniform ±π/2), turns, l_z, slide stds allowed
+        let rows: &[(ShapeKind, Axis, Option<f32>, bool, f32, bool)] = &[
+            (ShapeKind::Cuboid, Axis::X, Some(PI / 18.0), false, 0.03, true),
+            (ShapeKind::Cuboid, Axis::Y, Some(PI / 18.0), false, 0.05, true),
+            (ShapeKind::Cuboid, Axis::Z, Some(PI / 18.0), false, 0.07, true),
+            (ShapeKind::Cylinder, Axis::X, Some(PI / 18.0), true, 0.04, true),
+            (ShapeKind::Cylinder, Axis::Y, Some(PI / 18.0), true, 0.04, true),
+            (ShapeKind::Cylinder, Axis::Z, Some(PI / 18.0), false, 0.07, true),
+            (ShapeKind::TriPrism, Axis::X, Some(PI / 27.0), false, 0.03, false),
+            (ShapeKind::TriPrism, Axis::Y, Some(PI / 18.0), false, 0.05, true),
+            (ShapeKind::TriPrism, Axis::Z, Some(PI / 18.0), false, 0.07, true),
+            (ShapeKind::HalfCylinder, Axis::X, Some(PI / 24.0), false, 0.07, false),
+            (ShapeKind::HalfCylinder, Axis::Y, None, false, 0.06, false),
+            (ShapeKind::HalfCylinder, Axis::Z, None, false, 0.03, false),
+        ];
+        for (kind, axis, tilt_std, turns, l_z, slides) in rows {
+            let drawn = draws(*kind, *axis, 20_000);
+            let context = format!("{} {}", kind.name(), axis.name());
+            let tilts = drawn.iter().map(|c| c.tilt_rad);
+            match tilt_std {
+                Some(expected) => assert!((std(tilts) / expected - 1.0).abs() < 0.03, "{context}"),
+                None => {
+                    assert!((std(tilts.clone()) / (PI / 12.0_f32.sqrt()) - 1.0).abs() < 0.03, "{context}");
+                    assert!(tilts.clone().all(|t| t.abs() <= PI / 2.0), "{context}");
+                }
+            }
+            let turned = drawn.iter().filter(|c| c.turn_rad > PI).count();
+            assert_eq!(turned > 9_000 && turned < 11_000, *turns, "{context}: {turned} turned by more than π");
+            for c in &drawn {
+                let tip = c.depth_m + 0.5 * l_z;
+                assert!((0.015 - 1e-6..0.035 + 1e-6).contains(&tip), "{context}: {c:?}");
+            }
+            let across = |c: &Candidate| third(*axis, c.closing).of(object(*kind, Quat::IDENTITY).solid.extents_m);
+            let slide = std(drawn.iter().map(|c| c.slide_m / (across(c) / 6.0)));
+            assert!((slide - if *slides { 1.0 } else { 0.0 }).abs() < 0.03, "{context}: {slide}");
+        }
+    }
+
+    #[test]
+    fn the_untilted_approach_points_down() {
+        for kind in ShapeKind::ALL {
+            for axis in Axis::ALL {
+                for candidate in draws(kind, axis, 200) {
+                    // Undo turn and tilt, which may point it anywhere.
+                    let undo = axis_angle(Vec3::Y, -candidate.tilt_rad).normalize();
+                    let untilted = candidate.workspace_from_grasp.rotation * undo * axis_angle(Vec3::X, -candidate.turn_rad);
+                    assert!((untilted * Vec3::Z).z <= 1e-5, "{kind:?} {axis:?} {candidate:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn offsets_are_along_the_grasps_own_axes() {
+        for candidate in draws(ShapeKind::Cuboid, Axis::Z, 100) {
+            let centre = candidate.workspace_from_grasp.inverse_transform_point(Vec3::new(0.1, 0.2, 0.08));
+            let expected = -Vec3::new(candidate.slide_m, 0.0, candidate.depth_m);
+            assert!((centre - expected).length() < 1e-6, "{candidate:?}: centre seen at {centre}");
+        }
+    }
+
+    #[test]
+    fn attempts_are_spread_evenly_over_objects_and_rules() {
+        let scene = Scene {
+            table_z_m: 0.05,
+            objects: vec![object(ShapeKind::Cuboid, Quat::IDENTITY), object(ShapeKind::Cylinder, Quat::IDENTITY)],
+        };
+        let drawn = draw_candidates(&scene, 60, &mut Stream::new(1, 1, Purpose::Candidates, 0));
+        for rule in Rule::all().iter().take(6) {
+            assert_eq!(drawn.iter().filter(|c| c.rule == *rule).count(), 10, "{}", rule.name());
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Which objects fall, and from where (paper 2.3: random models, "arbitrarily scaled and rotated").
+
+use schema::{Grid, Pose, Purpose, ShapeKind, Solid, Stream, Vec3};
+use simulator::Drop;
+
+use crate::config::ObjectLaw;
+
+/// Draws the objects of a scene and how each is let go. `attempt` counts the tries at this scene, from 0.
+#[must_use]
+pub fn draw_drops(law: &ObjectLaw, grid: &Grid, seed: u64, scene_id: u64, attempt: u32) -> Vec<Drop> {
+    let mut objects = Stream::new(seed, scene_id, Purpose::Objects, attempt);
+    let mut drops = Stream::new(seed, scene_id, Purpose::Drops, attempt);
+    let count = draw_count(law, &mut objects);
+    (0..count)
+        .map(|_| {
+            let solid = draw_solid(law, &mut objects);
+            let density_kg_m3 = objects.uniform(law.density_kg_m3[0], law.density_kg_m3[1]);
+            Drop {
+                solid,
+                mass_kg: density_kg_m3 * solid.volume_m3(),
+                friction: objects.uniform(law.friction[0], law.friction[1]),
+                workspace_from_object: draw_release(law, grid, &solid, &mut drops),
+            }
+        })
+        .collect()
+}
+
+fn draw_count(law: &ObjectLaw, stream: &mut Stream) -> usize {
+    let total: f64 = law.counts.iter().map(|(_, weight)| f64::from(*weight)).sum();
+    let mut left = stream.unit() * total;
+    for (count, weight) in &law.counts {
+        left -= f64::from(*weight);
+        if left < 0.0 {
+            return *count;
+        }
+    }
+    law.counts.last().map_or(1, |(count, _)| *count)
+}
+
+/// A shape whose free extents are uniform. Takes the same number of draws for every shape.
+fn draw_solid(law: &ObjectLaw, stream: &mut Stream) -> Solid {
+    let kind = law.shapes[stream.index(law.shapes.len())];
+    let size = stream.point(Vec3::splat(law.size_m[0]), Vec3::splat(law.size_m[1]));
+    let extents_m = match kind {
+        ShapeKind::Cuboid | ShapeKind::TriPrism => size,
+        ShapeKind::Cylinder => Vec3::new(size.x, size.x, size.z),
+        ShapeKind::HalfCylinder => Vec3::new(size.x, size.y, 0.5 * size.y),
+    };
+    Solid::new(kind, extents_m).expect("the config's sizes are above 0")
+}
+
+/// Anywhere over the workspace where the object's bounding ball clears the walls, in any orientation.
+fn draw_release(law: &ObjectLaw, grid: &Grid, solid: &Solid, stream: &mut Stream) -> Pose {
+    let middle = 0.5 * grid.size_m;
+    let reach = (middle - solid.bounding_radius_m()).max(0.0);
+    let at = Vec3::new(
+        middle + stream.uniform(-reach, reach),
+        middle + stream.uniform(-reach, reach),
+        grid.table_z_m + law.drop_height_m,
+    );
+    Pose::from_parts(at, stream.rotation())
+}

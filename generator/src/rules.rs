@@ -1,0 +1,93 @@
+//! Appendix A of the paper: for every shape and approach axis, which offsets a grasp is drawn with.
+//!
+//! The grasp frame at first: z along the object's approach axis, pointing downwards; y (closing) along another object
+//! axis; x = y × z. Then, in this order: a turn about x, a tilt about y, an offset d_z along z, an offset d_x along x.
+//! Lengths l_z and l_x are the object's extents along the axes that z and x lie on. Offsets are from the object's centre.
+
+use schema::{Axis, Rule, ShapeKind};
+
+const PI: f32 = core::f32::consts::PI;
+
+/// The law of a rotation about the grasp's y axis (r_y).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tilt {
+    /// N(0, std²).
+    Normal {
+        /// Standard deviation.
+        std_rad: f32,
+    },
+    /// U(−max, max).
+    Uniform {
+        /// Largest tilt.
+        max_rad: f32,
+    },
+}
+
+/// A row of Appendix A.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Law {
+    /// The object axes along which the hand may close; one is drawn.
+    pub closing: &'static [Axis],
+    /// r_y.
+    pub tilt: Tilt,
+    /// Whether the grasp is turned about its x axis by U(0, 2π) (r_x).
+    pub turns: bool,
+    /// Whether it slides along its x axis by N(0, (l_x/6)²) (d_x).
+    pub slides: bool,
+}
+
+/// d_z ~ U(0.015 − l_z/2, 0.035 − l_z/2) in every row: the finger tips end this far behind the near face.
+pub(crate) const TIP_DEPTH_M: [f32; 2] = [0.015, 0.035];
+/// d_x ~ N(0, (l_x/6)²) where it is drawn.
+pub(crate) const SLIDE_SHARE: f32 = 1.0 / 6.0;
+
+const CUBOID_TILT: Tilt = Tilt::Normal { std_rad: PI / 18.0 };
+
+/// The law of a rule.
+///
+/// Appendix A does not say along which axis the hand closes. Both axes across the approach are drawn where both are
+/// normals of opposite faces, or no better one exists (the ends of prism and half-cylinder); the extrusion axis where
+/// its two ends are the only parallel faces (prism and half-cylinder from the side); and the cylinder's other radial
+/// axis, since there the grasp's x is the cylinder's own axis (its r_x turns about it).
+#[must_use]
+pub fn law_of(rule: Rule) -> Law {
+    use Axis::{X, Y, Z};
+    match (rule.shape, rule.approach) {
+        // Cuboid, X Y Z: r_y ~ N(0, π/18), d_z, d_x.
+        (ShapeKind::Cuboid, X) => Law { closing: &[Y, Z], tilt: CUBOID_TILT, turns: false, slides: true },
+        (ShapeKind::Cuboid, Y) => Law { closing: &[X, Z], tilt: CUBOID_TILT, turns: false, slides: true },
+        (ShapeKind::Cuboid, Z) => Law { closing: &[X, Y], tilt: CUBOID_TILT, turns: false, slides: true },
+        // Cylinder, X Y: r_x ~ U(0, 2π), r_y ~ N(0, π/18), d_z, d_x.
+        (ShapeKind::Cylinder, X) => Law { closing: &[Y], tilt: CUBOID_TILT, turns: true, slides: true },
+        (ShapeKind::Cylinder, Y) => Law { closing: &[X], tilt: CUBOID_TILT, turns: true, slides: true },
+        // Cylinder, Z: same as cuboid.
+        (ShapeKind::Cylinder, Z) => Law { closing: &[X, Y], tilt: CUBOID_TILT, turns: false, slides: true },
+        // Tri-prism, X: r_y ~ N(0, π/27), d_z.
+        (ShapeKind::TriPrism, X) => {
+            Law { closing: &[Y, Z], tilt: Tilt::Normal { std_rad: PI / 27.0 }, turns: false, slides: false }
+        }
+        // Tri-prism, Y Z: same as cuboid.
+        (ShapeKind::TriPrism, Y | Z) => Law { closing: &[X], tilt: CUBOID_TILT, turns: false, slides: true },
+        // Hemicylinder, X: r_y ~ N(0, π/24), d_z.
+        (ShapeKind::HalfCylinder, X) => {
+            Law { closing: &[Y, Z], tilt: Tilt::Normal { std_rad: PI / 24.0 }, turns: false, slides: false }
+        }
+        // Hemicylinder, Y Z: r_y ~ U(−π/2, π/2), d_z.
+        (ShapeKind::HalfCylinder, Y | Z) => {
+            Law { closing: &[X], tilt: Tilt::Uniform { max_rad: PI / 2.0 }, turns: false, slides: false }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hand_never_closes_along_its_approach() {
+        for rule in Rule::all() {
+            let law = law_of(rule);
+            assert!(!law.closing.is_empty() && !law.closing.contains(&rule.approach), "{}", rule.name());
+        }
+    }
+}
