@@ -66,8 +66,9 @@ pub fn begin_dataset(dir: &Path, info: &DatasetInfo) -> Result<(), BeginError> {
     }
     let store = Store::new(dir);
     let text = info.to_json();
-    if store.size(layout::INFO)?.is_none()
-        && let Some(entry) = first_foreign_entry(dir)?
+    // In this order: another process may begin the same dataset just now, and it publishes the info first.
+    if let Some(entry) = first_foreign_entry(dir)?
+        && store.size(layout::INFO)?.is_none()
     {
         return Err(BeginError::NotEmpty { dir: dir.to_owned(), entry });
     }

@@ -110,6 +110,17 @@ impl Dataset {
     /// [`ReadError`] if there is no dataset, it is incomplete, of an unknown version, or damaged as far as that can be
     /// seen without reading the shards.
     pub fn open(dir: &Path) -> Result<Self, ReadError> {
+        let dataset = Self::open_with_any_files(dir)?;
+        for shard in 0..dataset.shard_count() {
+            for table in Table::ALL {
+                dataset.check_size(shard, table)?;
+            }
+        }
+        Ok(dataset)
+    }
+
+    /// Opens a dataset without a look at its shards, so that each can be told what is wrong with it.
+    pub(crate) fn open_with_any_files(dir: &Path) -> Result<Self, ReadError> {
         let store = Store::new(dir);
         let (info, dataset_id) = read_info(&store, dir)?;
         let bytes = store.read(layout::MANIFEST)?.ok_or_else(|| ReadError::Incomplete(dir.to_owned()))?;
@@ -121,13 +132,7 @@ impl Dataset {
             return Err(ReadError::Manifest { problems, path });
         }
         let is_checked = manifest.shards.iter().map(|_| Default::default()).collect();
-        let dataset = Self { dir: dir.to_owned(), store, info, manifest, is_checked };
-        for shard in 0..dataset.shard_count() {
-            for table in Table::ALL {
-                dataset.check_size(shard, table)?;
-            }
-        }
-        Ok(dataset)
+        Ok(Self { dir: dir.to_owned(), store, info, manifest, is_checked })
     }
 
     /// The folder.
@@ -244,6 +249,11 @@ impl Dataset {
         let rows = SceneRows { scene: scene.ok_or_else(missing)?, objects, attempts };
         self.check(shard, Table::Attempts, || check::scene_rows(&rows, &self.info))?;
         Ok(rows)
+    }
+
+    /// A file of `meta/`, `None` if there is none.
+    pub(crate) fn read_meta(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        self.store.read(name)
     }
 
     fn known(&self, shard: u32) -> Result<std::ops::Range<u64>, ReadError> {

@@ -2,6 +2,7 @@
 
 use std::fmt::{self, Display, Formatter, Write as _};
 
+use crate::Tally;
 use crate::report::{Bin, Group, OutcomeGroup, Report};
 use crate::text::{bar, bytes, grouped, percent, ratio};
 
@@ -27,42 +28,38 @@ impl Display for Report {
         groups(f, "objects in scene", &self.object_counts)?;
         outcomes(f, &self.outcomes, labels.attempts)?;
         let millimetres = |edge: f64| format!("{:.0}", edge * 1000.0);
-        histogram(f, "opening width, mm (hand closed)", &self.width_m, millimetres)?;
-        histogram(f, "approach, degrees from straight down", &self.approach_deg, |edge| format!("{edge:.0}"))?;
+        histogram(f, "width, mm, if closed", &self.width_m, millimetres)?;
+        histogram(f, "degrees off vertical", &self.approach_deg, |edge| format!("{edge:.0}"))?;
         rejections(f, self)?;
         sizes(f, self)
     }
 }
 
+/// The head of a block: every block has the same columns, and says what its bars are.
+fn head(f: &mut Formatter<'_>, title: &str, bars: &str) -> fmt::Result {
+    writeln!(f, "\n{title:<22}{:>10}{:>10}{:>9}  {bars}", "attempts", "positive", "share")
+}
+
+fn row(f: &mut Formatter<'_>, name: &str, tally: Tally, length: f64) -> fmt::Result {
+    let share = if tally.attempts == 0 { "-".to_owned() } else { percent(tally.positive_share()) };
+    let (attempts, positives) = (grouped(tally.attempts), grouped(tally.positives));
+    line(f, format_args!("  {name:<20}{attempts:>10}{positives:>10}{share:>9}  {}", bar(length, BAR)))
+}
+
 fn groups(f: &mut Formatter<'_>, title: &str, groups: &[Group]) -> fmt::Result {
-    writeln!(f, "\n{title:<20}{:>10}{:>10}{:>9}  positive share", "attempts", "positive", "share")?;
-    for group in groups {
-        let share = group.tally().positive_share();
-        line(
-            f,
-            format_args!(
-                "  {:<18}{:>10}{:>10}{:>9}  {}",
-                group.name,
-                grouped(group.attempts),
-                grouped(group.positives),
-                percent(share),
-                bar(share, BAR)
-            ),
-        )?;
-    }
-    Ok(())
+    head(f, title, "positive share")?;
+    groups.iter().try_for_each(|group| row(f, &group.name, group.tally(), group.tally().positive_share()))
 }
 
 fn outcomes(f: &mut Formatter<'_>, outcomes: &[OutcomeGroup], attempts: u64) -> fmt::Result {
-    writeln!(f, "\n{:<20}{:>10}{:>9}            of all attempts", "outcome", "attempts", "share")?;
+    writeln!(f, "\n{:<22}{:>10}{:>19}  share of all attempts", "outcome", "attempts", "share")?;
+    let share = |count: u64| count as f64 / attempts.max(1) as f64;
     for group in outcomes {
-        let share = group.attempts as f64 / attempts.max(1) as f64;
-        let (count, percent) = (grouped(group.attempts), percent(share));
-        line(f, format_args!("  {:<18}{count:>10}{percent:>9}            {}", group.outcome, bar(share, BAR)))?;
+        let (count, percent) = (grouped(group.attempts), percent(share(group.attempts)));
+        line(f, format_args!("  {:<20}{count:>10}{percent:>19}  {}", group.outcome, bar(share(group.attempts), BAR)))?;
         for (hit, count) in &group.hits {
-            let name = format!("with {hit}");
-            let of_all = *count as f64 / attempts.max(1) as f64;
-            line(f, format_args!("    {name:<16}{:>10}{:>9}", grouped(*count), self::percent(of_all)))?;
+            let (name, percent) = (format!("with {hit}"), self::percent(share(*count)));
+            line(f, format_args!("    {name:<18}{:>10}{percent:>19}", grouped(*count)))?;
         }
     }
     Ok(())
@@ -70,13 +67,11 @@ fn outcomes(f: &mut Formatter<'_>, outcomes: &[OutcomeGroup], attempts: u64) -> 
 
 fn histogram(f: &mut Formatter<'_>, title: &str, bins: &[Bin], edge: impl Fn(f64) -> String) -> fmt::Result {
     let most = bins.iter().map(|b| b.attempts).max().unwrap_or_default().max(1);
-    writeln!(f, "\n{title:<40}{:>9}  attempts", "positive")?;
+    head(f, title, "attempts")?;
     for bin in bins {
-        let range = format!("{} to {}", edge(bin.low), edge(bin.high));
-        let tally = crate::Tally { attempts: bin.attempts, positives: bin.positives };
-        let share = if bin.attempts == 0 { "-".to_owned() } else { percent(tally.positive_share()) };
-        let length = bar(bin.attempts as f64 / most as f64, BAR);
-        line(f, format_args!("  {range:<18}{:>10}{:>19}  {length}", grouped(bin.attempts), share))?;
+        let range = format!("{:>3} to {:>3}", edge(bin.low), edge(bin.high));
+        let tally = Tally { attempts: bin.attempts, positives: bin.positives };
+        row(f, &range, tally, bin.attempts as f64 / most as f64)?;
     }
     Ok(())
 }
@@ -103,11 +98,11 @@ fn rejections(f: &mut Formatter<'_>, report: &Report) -> fmt::Result {
 }
 
 fn sizes(f: &mut Formatter<'_>, report: &Report) -> fmt::Result {
-    writeln!(f, "\n{:<20}{:>10}{:>12}{:>12}{:>14}", "table", "rows", "on disk", "B/scene", "B/attempt")?;
+    writeln!(f, "\n{:<22}{:>10}{:>12}{:>12}{:>14}", "table", "rows", "on disk", "B/scene", "B/attempt")?;
     for table in &report.tables {
         writeln!(
             f,
-            "  {:<18}{:>10}{:>12}{:>12}{:>14.1}",
+            "  {:<20}{:>10}{:>12}{:>12}{:>14.1}",
             table.table,
             grouped(table.rows),
             bytes(table.bytes),

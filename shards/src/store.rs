@@ -8,8 +8,8 @@
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use sha2::{Digest, Sha256};
 
@@ -125,7 +125,16 @@ impl Store {
         let folder = target.parent().unwrap_or(&self.root).to_owned();
         self.create_folder(&folder)?;
         let (staging, file) = self.open_staging(&folder, &target)?;
-        Ok(Staged { file, staging, target, hash: Sha256::new(), bytes: 0, fault: self.fault.clone(), published: false })
+        Ok(Staged {
+            file,
+            staging,
+            target,
+            hash: Sha256::new(),
+            bytes: 0,
+            fault: self.fault.clone(),
+            trouble: Trouble::default(),
+            published: false,
+        })
     }
 
     /// Publishes a small file in place of what may be there.
@@ -215,13 +224,28 @@ pub(crate) struct Staged {
     hash: Sha256,
     bytes: u64,
     fault: Fault,
+    trouble: Trouble,
     published: bool,
+}
+
+/// The first thing that went wrong while writing a file. Libraries between a writer and its file turn errors of the
+/// disk into texts; this is where the error itself is kept.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Trouble(Arc<OnceLock<(PathBuf, io::ErrorKind, String)>>);
+
+impl Trouble {
+    /// The error of the disk, if there was one.
+    pub(crate) fn error(&self) -> Option<StoreError> {
+        let (path, kind, text) = self.0.get()?;
+        Some(failed("write a file", path)(io::Error::new(*kind, text.clone())))
+    }
 }
 
 impl Write for Staged {
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
-        self.fault.check()?;
-        let written = self.file.write(buffer)?;
+        let written = self.fault.check().and_then(|()| self.file.write(buffer)).inspect_err(|e| {
+            let _ = self.trouble.0.set((self.target.clone(), e.kind(), e.to_string())); // the first one is kept
+        })?;
         self.hash.update(&buffer[..written]);
         self.bytes += written as u64;
         Ok(written)
@@ -233,6 +257,11 @@ impl Write for Staged {
 }
 
 impl Staged {
+    /// Where errors of the disk are kept.
+    pub(crate) fn trouble(&self) -> Trouble {
+        self.trouble.clone()
+    }
+
     /// The file, whole and flushed to the disk, still under its staging name.
     pub(crate) fn finish(self) -> Result<Ready, StoreError> {
         self.fault.check().and_then(|()| self.file.sync_all()).map_err(failed("flush a file", &self.target))?;

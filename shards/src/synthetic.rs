@@ -185,7 +185,7 @@ fn judge(
     let down = -(grasp.rotation * Vec3::Z).z;
     let tip_m = grasp.translation.z - info.grid.table_z_m;
     match draw.unit() {
-        _ if tip_m < 0.005 || (down < 0.5 && tip_m < 0.04) => (Outcome::PregraspCollision, Some(HitKind::Table)),
+        _ if tip_m < 0.005 || (down < 0.5 && tip_m < 0.02) => (Outcome::PregraspCollision, Some(HitKind::Table)),
         _ if breadth_m > info.gripper.opening_m_max - 0.015 => (Outcome::ApproachCollision, Some(HitKind::Target)),
         luck if has_other && luck < 0.2 => (Outcome::PregraspCollision, Some(HitKind::Other)),
         luck if has_other && luck < 0.25 => (Outcome::HitOther, Some(HitKind::Other)),

@@ -82,9 +82,7 @@ impl WriteError {
             Self::NoSuchShard { .. } => ExitCode::Config,
             Self::Row { .. } | Self::Order { .. } => ExitCode::Internal,
             Self::Store(error) => error.exit_code(),
-            Self::Table { source: TableError::Store(_) | TableError::Write { is_io: true, .. }, .. } => {
-                ExitCode::TryAgain
-            }
+            Self::Table { source: TableError::Store(error), .. } => error.exit_code(),
             Self::Table { .. } => ExitCode::Internal,
             Self::NotReproduced { .. } => ExitCode::Data,
         }
@@ -179,7 +177,7 @@ impl ShardWriter {
 
     fn write_batch(&mut self, ends_row_group: bool) -> Result<(), TableError> {
         let made = |table, batch: Result<_, arrow::error::ArrowError>| {
-            batch.map_err(|e| TableError::Write { table, message: e.to_string(), is_io: false })
+            batch.map_err(|e| TableError::Write { table, message: e.to_string() })
         };
         if !self.grids.1.is_empty() {
             self.attempts.0.write(&made(Table::Attempts, encode::attempts(&self.attempts.1))?)?;
@@ -267,4 +265,48 @@ pub(crate) fn committed(
         }
     }
     Ok(Some(summary))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Fault;
+    use crate::{begin_dataset, synthetic};
+
+    fn info() -> DatasetInfo {
+        let mut info = synthetic::info(9, 2, 70, 5);
+        info.grid.resolution = 4;
+        info
+    }
+
+    fn write(store: Store, info: &DatasetInfo) -> Result<ShardSummary, WriteError> {
+        let mut writer = ShardWriter::create_in(store, info, 1)?;
+        for scene in info.scenes_of(1) {
+            writer.push(&synthetic::scene_rows(scene, info.seed, info))?;
+        }
+        writer.commit()
+    }
+
+    #[test]
+    fn whichever_operation_fails_the_shard_does_not_count_and_can_be_written_again() {
+        let info = info();
+        let whole = tempfile::tempdir().unwrap();
+        begin_dataset(whole.path(), &info).unwrap();
+        let expected = write(Store::new(whole.path()), &info).unwrap();
+        for operations in 0..10_000 {
+            let dir = tempfile::tempdir().unwrap();
+            begin_dataset(dir.path(), &info).unwrap();
+            let result = write(Store::faulty(dir.path(), Fault::after(operations)), &info);
+            if let Ok(summary) = result {
+                assert_eq!(summary, expected);
+                assert!(operations > 10, "a shard takes more than {operations} operations");
+                return;
+            }
+            assert_eq!(result.unwrap_err().exit_code(), ExitCode::TryAgain, "after {operations} operations");
+            assert!(!is_committed(dir.path(), &info, 1).unwrap(), "after {operations} operations");
+            assert_eq!(write(Store::new(dir.path()), &info).unwrap(), expected);
+            assert!(is_committed(dir.path(), &info, 1).unwrap());
+        }
+        panic!("a shard takes fewer than 10,000 operations");
+    }
 }

@@ -1,5 +1,11 @@
 //! Tests of the crate from outside: what is written is read, what is damaged is found, what is killed can go on.
 #![expect(clippy::unwrap_used, reason = "what a test cannot unwrap has failed it")]
 
+mod commit;
+mod damage;
+mod disk_full;
+mod golden;
+mod killed;
+mod program;
 mod round_trip;
 mod sample;

@@ -1,0 +1,27 @@
+//! Writes a made-up dataset, for readers' tests: `cargo run -p shards --example synthesize -- DIR [ATTEMPTS] [SHARDS]`.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use shards::{ShardWriter, begin_dataset, finalize, is_committed, synthetic};
+
+fn main() -> Result<()> {
+    let mut args = std::env::args().skip(1);
+    let dir = PathBuf::from(args.next().context("usage: synthesize DIR [ATTEMPTS] [SHARDS]")?);
+    let attempts = args.next().map_or(Ok(2_400), |a| a.parse()).context("ATTEMPTS must be a whole number")?;
+    let shards = args.next().map_or(Ok(4), |a| a.parse()).context("SHARDS must be a whole number")?;
+    let info = synthetic::info(42, shards, attempts, 60);
+    begin_dataset(&dir, &info)?;
+    for shard in 0..info.shard_count {
+        if is_committed(&dir, &info, shard)? {
+            continue;
+        }
+        let mut writer = ShardWriter::create(&dir, &info, shard)?;
+        for scene in info.scenes_of(shard) {
+            writer.push(&synthetic::scene_rows(scene, info.seed, &info))?;
+        }
+        writer.commit()?;
+    }
+    finalize(&dir)?;
+    Ok(())
+}

@@ -1,0 +1,123 @@
+//! The program `shards`: looks at datasets, changes nothing.
+
+use std::io::{self, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use clap::{Parser, Subcommand};
+use shards::{Dataset, ExitCode, Inspection, ReadError, Verified};
+
+const EXAMPLES: &str = "\
+Examples:
+  shards verify data/demo               read and check everything
+  shards report data/demo               statistics with bars
+  shards report data/demo --json        the same for programs
+  shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid";
+
+/// Verify, report on and inspect a dataset of grasp attempts. Nothing is ever changed.
+#[derive(Debug, Parser)]
+#[command(name = "shards", version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Check every checksum, row, key and count; exit 65 and name what is wrong.
+    #[command(after_help = "\
+To mend a damaged shard, delete the named file and run the generator again with the same config, seed and shards: it
+makes that shard anew, byte for byte, and leaves the others alone.")]
+    Verify {
+        /// The dataset's folder.
+        dir: PathBuf,
+    },
+    /// Count attempts: positives by shape, rule and objects in the scene; outcomes, widths, angles, sizes.
+    Report {
+        /// The dataset's folder.
+        dir: PathBuf,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Show one scene: objects, cameras, attempts, two cuts through its voxel grid.
+    Inspect {
+        /// The dataset's folder.
+        dir: PathBuf,
+        /// The scene's number, from 0.
+        #[arg(long)]
+        scene: u64,
+    },
+}
+
+fn main() -> std::process::ExitCode {
+    let cli = Cli::parse();
+    let code = match run(&cli.command) {
+        Ok(code) => code,
+        Err(error) if is_broken_pipe(&error) => ExitCode::Ok, // whoever read our output had enough
+        Err(error) => {
+            let _ = writeln!(io::stderr(), "error: {error:#}"); // nowhere left to complain
+            exit_code(&error)
+        }
+    };
+    code.into()
+}
+
+fn run(command: &Command) -> Result<ExitCode> {
+    match command {
+        Command::Verify { dir } => verify(dir),
+        Command::Report { dir, json } => {
+            let report = shards::report(&Dataset::open(dir)?)?;
+            if *json { print(report.to_json()) } else { print(report) }
+        }
+        Command::Inspect { dir, scene } => {
+            let dataset = Dataset::open(dir)?;
+            let rows = dataset.read_scene(*scene)?;
+            print(Inspection { info: dataset.info(), rows: &rows })
+        }
+    }
+}
+
+fn verify(dir: &Path) -> Result<ExitCode> {
+    let mut stderr = io::stderr();
+    let shows_progress = stderr.is_terminal();
+    let verified = shards::verify(dir, |shard| {
+        if shows_progress {
+            let _ = write!(stderr, "\rshard {shard} read "); // a sign of life, worth no failure
+        }
+    })?;
+    if shows_progress {
+        let _ = write!(stderr, "\r\x1b[K");
+    }
+    let Verified { counts, bytes, problems, more } = &verified;
+    let mut out = io::stdout().lock();
+    for problem in problems {
+        writeln!(out, "{problem}")?;
+    }
+    if *more > 0 {
+        writeln!(out, "and {more} more")?;
+    }
+    let (attempts, objects, scenes) = (counts.labels.attempts, counts.objects, counts.scenes);
+    writeln!(out, "{attempts} attempts, {objects} objects, {scenes} scenes, {bytes} bytes read and checked")?;
+    if verified.is_ok() {
+        writeln!(out, "ok")?;
+        return Ok(ExitCode::Ok);
+    }
+    writeln!(out, "NOT ok: {} problems", problems.len() as u64 + more)?;
+    Ok(ExitCode::Data)
+}
+
+fn print(text: impl std::fmt::Display) -> Result<ExitCode> {
+    write!(io::stdout().lock(), "{text}").context("failed to print")?;
+    Ok(ExitCode::Ok)
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.root_cause().downcast_ref::<io::Error>().is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
+}
+
+fn exit_code(error: &anyhow::Error) -> ExitCode {
+    let read = error.downcast_ref::<ReadError>().map(ReadError::exit_code);
+    let io = || error.root_cause().downcast_ref::<io::Error>().map(|_| ExitCode::TryAgain);
+    read.or_else(io).unwrap_or(ExitCode::Internal)
+}
