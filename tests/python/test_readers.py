@@ -1,0 +1,163 @@
+"""A dataset opens in the readers that people have, with no code of ours.
+
+    GRASPMILL_DATASET=path/to/dataset python -m pytest tests/python
+
+Everything that is expected comes from the dataset's own manifest and info, so any dataset will do.
+"""
+
+import json
+import os
+import re
+from pathlib import Path
+
+os.environ["HF_HUB_OFFLINE"] = "1"  # before datasets is imported: nothing here may ask the network
+
+import datasets
+import duckdb
+import numpy as np
+import polars as pl
+import pyarrow as pa
+import pyarrow.dataset as pads
+import pyarrow.parquet as pq
+import pytest
+
+TABLES = ["attempts", "scenes", "objects"]
+SNIPPETS = Path(__file__).parents[2] / "docs" / "reading.md"
+
+if "GRASPMILL_DATASET" not in os.environ:
+    pytest.exit("set GRASPMILL_DATASET to the folder of a dataset", returncode=4)
+DATASET = Path(os.environ["GRASPMILL_DATASET"]).resolve()
+INFO = json.loads((DATASET / "meta/info.json").read_text())
+MANIFEST = json.loads((DATASET / "meta/manifest.json").read_text())
+TOTALS = MANIFEST["totals"]
+ROWS = {"attempts": TOTALS["labels"]["attempts"], "scenes": TOTALS["scenes"], "objects": TOTALS["objects"]}
+SIDE = INFO["grid"]["resolution"]
+
+
+def glob(table):
+    return str(DATASET / table / "*.parquet")
+
+
+@pytest.fixture(scope="module")
+def hugging_face(tmp_path_factory):
+    cache = str(tmp_path_factory.mktemp("cache"))
+    return {table: datasets.load_dataset(str(DATASET), table, split="train", cache_dir=cache) for table in TABLES}
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_every_reader_counts_the_same_rows(table, hugging_face):
+    assert pads.dataset(DATASET / table, format="parquet").count_rows() == ROWS[table]
+    assert duckdb.sql(f"SELECT count(*) FROM '{glob(table)}'").fetchall()[0][0] == ROWS[table]
+    assert pl.scan_parquet(glob(table)).select(pl.len()).collect().item() == ROWS[table]
+    assert hugging_face[table].num_rows == ROWS[table]
+
+
+def test_labels_are_balanced_the_same_in_every_reader(hugging_face):
+    labels = TOTALS["labels"]
+    expected = {0: labels["attempts"] - labels["positives"], 1: labels["positives"]}
+    expected = {label: count for label, count in expected.items() if count}
+
+    counts = pads.dataset(DATASET / "attempts", format="parquet").to_table()["label"].value_counts().to_pylist()
+    assert {row["values"]: row["counts"] for row in counts} == expected
+    assert dict(duckdb.sql(f"SELECT label, count(*) FROM '{glob('attempts')}' GROUP BY label").fetchall()) == expected
+    grouped = pl.scan_parquet(glob("attempts")).group_by("label").len().collect()
+    assert dict(grouped.iter_rows()) == expected
+    values, counts = np.unique(hugging_face["attempts"]["label"], return_counts=True)
+    assert dict(zip(values.tolist(), counts.tolist())) == expected
+
+
+def test_outcomes_are_names_everywhere(hugging_face):
+    expected = {name: count for name, count in TOTALS["outcomes"].items() if count}
+    counts = pads.dataset(DATASET / "attempts", format="parquet").to_table()["outcome"].value_counts().to_pylist()
+    assert {row["values"]: row["counts"] for row in counts} == expected
+    found = duckdb.sql(f"SELECT outcome, count(*) FROM '{glob('attempts')}' GROUP BY outcome").fetchall()
+    assert dict(found) == expected
+    grouped = pl.scan_parquet(glob("attempts")).group_by(pl.col("outcome").cast(pl.String)).len().collect()
+    assert dict(grouped.iter_rows()) == expected
+    values, counts = np.unique(hugging_face["attempts"]["outcome"], return_counts=True)
+    assert dict(zip(values.tolist(), counts.tolist())) == expected
+
+
+def test_column_types_of_attempts(hugging_face):
+    names = "dictionary<values=string, indices=int32, ordered=0>"
+    expected = {  # column: in pyarrow, in DuckDB, in polars, in datasets
+        "scene_id": ("int64", "BIGINT", pl.Int64, "int64"),
+        "attempt_id": ("int32", "INTEGER", pl.Int32, "int32"),
+        "rule": (names, "VARCHAR", pl.Categorical, "string"),
+        "outcome": (names, "VARCHAR", pl.Categorical, "string"),
+        "hit": (names, "VARCHAR", pl.Categorical, "string"),
+        "hit_object_id": ("int32", "INTEGER", pl.Int32, "int32"),
+        "width_m": ("float", "FLOAT", pl.Float32, "float32"),
+        "qw": ("float", "FLOAT", pl.Float32, "float32"),
+        "label": ("uint8", "UTINYINT", pl.UInt8, "uint8"),
+    }
+    arrow = pads.dataset(DATASET / "attempts", format="parquet").schema
+    duck = {row[0]: row[1] for row in duckdb.sql(f"DESCRIBE SELECT * FROM '{glob('attempts')}'").fetchall()}
+    polars = pl.scan_parquet(glob("attempts")).collect_schema()
+    features = hugging_face["attempts"].features
+    found = {name: (str(arrow.field(name).type), duck[name], polars[name], features[name].dtype) for name in expected}
+    assert found == expected
+
+
+def test_the_grid_has_its_shape_in_every_reader(hugging_face):
+    schema = pq.read_schema(next((DATASET / "scenes").glob("*.parquet")))
+    nested, shape = schema.field("tsdf").type, []
+    while pa.types.is_fixed_size_list(nested):
+        shape.append(nested.list_size)
+        nested = nested.value_type
+    assert shape == [SIDE] * 3 and nested == pa.float32()
+    assert pl.scan_parquet(glob("scenes")).collect_schema()["tsdf"] == pl.Array(pl.Float32, (SIDE, SIDE, SIDE))
+
+    table = pads.dataset(DATASET / "scenes", format="parquet").to_table(filter=pads.field("scene_id") == 0)
+    by_arrow = np.array(table["tsdf"][0].as_py(), dtype=np.float32)
+    assert by_arrow.shape == (SIDE, SIDE, SIDE)
+    assert ((by_arrow == 0) | ((by_arrow > 0.0099) & (by_arrow < 0.9901))).all() and (by_arrow > 0).any()
+    row = duckdb.sql(f"SELECT tsdf FROM '{glob('scenes')}' WHERE scene_id = 0").fetchall()[0]
+    np.testing.assert_array_equal(np.array(row[0], dtype=np.float32), by_arrow)
+    frame = pl.scan_parquet(glob("scenes")).filter(pl.col("scene_id") == 0).collect()
+    np.testing.assert_array_equal(frame["tsdf"].to_numpy()[0], by_arrow)
+    by_datasets = hugging_face["scenes"].with_format("numpy")[0]
+    assert by_datasets["scene_id"] == 0
+    np.testing.assert_array_equal(by_datasets["tsdf"], by_arrow)
+
+
+def test_keys_lead_from_table_to_table():
+    orphans = duckdb.sql(f"""
+        SELECT count(*) FROM '{glob("attempts")}' a
+        ANTI JOIN '{glob("objects")}' o USING (scene_id, object_id)
+    """).fetchall()[0][0]
+    assert orphans == 0
+    wrong_shape = duckdb.sql(f"""
+        SELECT count(*) FROM '{glob("attempts")}' a JOIN '{glob("objects")}' o USING (scene_id, object_id)
+        WHERE a.shape != o.shape OR a.label != (a.outcome = 'held')::INT
+    """).fetchall()[0][0]
+    assert wrong_shape == 0
+    off = duckdb.sql(f"""
+        SELECT max(abs(qx*qx + qy*qy + qz*qz + qw*qw - 1)) FROM '{glob("attempts")}'
+    """).fetchall()[0][0]
+    assert off < 1e-3
+
+
+def test_columns_say_what_they_mean():
+    for table in TABLES:
+        for field in pq.read_schema(next((DATASET / table).glob("*.parquet"))):
+            assert field.metadata[b"description"], field.name
+
+
+def test_the_card_offers_attempts_first():
+    assert datasets.get_dataset_default_config_name(str(DATASET)) == "attempts"
+    assert sorted(datasets.get_dataset_config_names(str(DATASET))) == sorted(TABLES)
+
+
+@pytest.mark.parametrize("page", [SNIPPETS, DATASET / "README.md"], ids=["docs", "card"])
+def test_the_snippets_work(page, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(datasets.config, "HF_DATASETS_CACHE", tmp_path)
+    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    assert len(blocks) >= 6
+    code = "\n".join(blocks)
+    code, count = re.subn(r'^dataset = ".*"$', f"dataset = {str(DATASET)!r}", code, flags=re.MULTILINE)
+    assert count == 1, "the page names its dataset once"
+    exec(compile(code, str(page), "exec"), {"__name__": "snippets"})
+    printed = capsys.readouterr().out
+    assert f"({SIDE}, {SIDE}, {SIDE}) grid," in printed
+    assert f"{ROWS['attempts']} attempts," in printed
