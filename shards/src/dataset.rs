@@ -6,77 +6,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use arrow::array::RecordBatch;
-use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
+use schema::{AttemptRecord, ObjectRecord, SceneRows};
 
 use crate::check::{self, RowError};
 use crate::store::{Store, StoreError};
 use crate::summary::Manifest;
 use crate::table_reader::{Batches, Part, hash};
-use crate::{DatasetInfo, ExitCode, InfoError, SCENES_PER_ROW_GROUP, Table, decode, layout, seal};
-
-/// Why a dataset, or a part of it, cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadError {
-    /// There is no dataset.
-    #[error("no dataset here, there is no {}: {}", layout::INFO, .0.display())]
-    NotADataset(PathBuf),
-    /// The dataset has no manifest yet.
-    #[error("the dataset is not complete, there is no {}: run the missing shards and finalize: {}", layout::MANIFEST, .0.display())]
-    Incomplete(PathBuf),
-    /// The info is damaged, or of an unknown version.
-    #[error("{source}: {}", .path.display())]
-    Info {
-        /// What is wrong.
-        source: InfoError,
-        /// The file.
-        path: PathBuf,
-    },
-    /// The manifest is damaged, or belongs to another info.
-    #[error("{}: {}", .problems.join("; "), .path.display())]
-    Manifest {
-        /// What is wrong.
-        problems: Vec<String>,
-        /// The file.
-        path: PathBuf,
-    },
-    /// A file of a shard is missing, or not the one that was written.
-    #[error("shard {shard}: {message}: {}", .path.display())]
-    File {
-        /// The shard.
-        shard: u32,
-        /// What is wrong.
-        message: String,
-        /// The file.
-        path: PathBuf,
-    },
-    /// There is no such shard or scene.
-    #[error("{what} must be below {limit}, got {got}")]
-    OutOfRange {
-        /// `shard` or `scene`.
-        what: &'static str,
-        /// How many there are.
-        limit: u64,
-        /// What was asked for.
-        got: u64,
-    },
-    /// The disk refused.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-}
-
-impl ReadError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::NotADataset(_) | Self::OutOfRange { .. } => ExitCode::Config,
-            Self::Incomplete(_) => ExitCode::Incomplete,
-            Self::Info { source, .. } => source.exit_code(),
-            Self::Manifest { .. } | Self::File { .. } => ExitCode::Data,
-            Self::Store(error) => error.exit_code(),
-        }
-    }
-}
+use crate::{DatasetInfo, InfoError, ReadError, SCENES_PER_ROW_GROUP, Scenes, Table, decode, layout, seal};
 
 /// A complete dataset on disk. Cheap to hold: rows are read when asked for.
 #[derive(Debug)]
@@ -222,9 +158,7 @@ impl Dataset {
     fn scenes_with(&self, shard: u32, without: Option<&'static str>) -> Result<Scenes<'_>, ReadError> {
         let part = Part { batch_rows: BATCH_SCENES, without, ..Part::default() };
         let batches = self.batches(shard, Table::Scenes, part)?;
-        let ids = self.known(shard)?;
-        let buffer = Vec::new().into_iter();
-        Ok(Scenes { dataset: self, shard, batches, ids, has_grids: without.is_none(), is_over: false, buffer })
+        Ok(Scenes::new(self, shard, batches, without.is_none()))
     }
 
     /// All rows of one scene. Reads one row group of the small tables and a few pages of the grids.
@@ -314,7 +248,7 @@ impl Dataset {
         self.store.path(&layout::table_file(table, shard, self.info.shard_count))
     }
 
-    fn wrong(&self, shard: u32, table: Table, message: String) -> ReadError {
+    pub(crate) fn wrong(&self, shard: u32, table: Table, message: String) -> ReadError {
         ReadError::File { shard, message, path: self.path(shard, table) }
     }
 
@@ -345,65 +279,4 @@ fn object_ids(rows: &[ObjectRecord], scenes: std::ops::Range<u64>, expected: u64
         count += 1;
     }
     if next == scenes.end { Ok(()) } else { wrong(format!("scene {next} has no objects")) }
-}
-
-/// The scenes of a shard, decoded a few at a time.
-pub struct Scenes<'a> {
-    dataset: &'a Dataset,
-    shard: u32,
-    batches: Batches,
-    /// Scene ids that are still to come.
-    ids: std::ops::Range<u64>,
-    has_grids: bool,
-    is_over: bool,
-    buffer: std::vec::IntoIter<SceneRecord>,
-}
-
-impl std::fmt::Debug for Scenes<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Scenes").field("shard", &self.shard).field("ids", &self.ids).finish_non_exhaustive()
-    }
-}
-
-impl Scenes<'_> {
-    fn advance(&mut self) -> Result<Option<SceneRecord>, String> {
-        loop {
-            if let Some(scene) = self.buffer.next() {
-                return self.checked(scene).map(Some);
-            }
-            match self.batches.next() {
-                Some(batch) => self.buffer = decode::scenes(&batch?).map_err(|e| e.to_string())?.into_iter(),
-                None if self.ids.is_empty() => return Ok(None),
-                None => return Err(format!("scene {} is missing", self.ids.start)),
-            }
-        }
-    }
-
-    fn checked(&mut self, scene: SceneRecord) -> Result<SceneRecord, String> {
-        let expected = self.ids.next();
-        if expected != Some(scene.scene_id) {
-            return Err(format!("scene ids must count up: expected {expected:?}, got {}", scene.scene_id));
-        }
-        let info = &self.dataset.info;
-        let in_scene = |e: RowError| format!("scene {}: {e}", scene.scene_id);
-        check::scene_head(&scene, info).map_err(in_scene)?;
-        if self.has_grids {
-            check::tsdf(&scene.tsdf, info).map_err(in_scene)?;
-        }
-        Ok(scene)
-    }
-}
-
-impl Iterator for Scenes<'_> {
-    type Item = Result<SceneRecord, ReadError>;
-
-    /// The next scene; after an error there is none.
-    fn next(&mut self) -> Option<Self::Item> {
-        if self.is_over {
-            return None;
-        }
-        let advanced = self.advance();
-        self.is_over = !matches!(advanced, Ok(Some(_)));
-        advanced.map_err(|message| self.dataset.wrong(self.shard, Table::Scenes, message)).transpose()
-    }
 }

@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use crate::dataset::{ReadError, read_info};
+use crate::dataset::read_info;
 use crate::store::{Store, StoreError};
 use crate::summary::Manifest;
 use crate::writer::committed;
-use crate::{ExitCode, Table, card, layout, seal};
+use crate::{ExitCode, ReadError, Table, card, layout, seal};
 
 /// What came of it.
 #[derive(Debug, Clone, PartialEq)]

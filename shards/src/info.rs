@@ -204,6 +204,7 @@ impl DatasetInfo {
     }
 }
 
+// These texts are part of the file and so of every dataset's id: a word changed here makes other datasets.
 const ABOUT: &str = "A Graspmill dataset: simulated parallel-jaw grasp attempts on random stacked scenes. This file \
                      was written before the first row; its SHA-256 is the dataset's id.";
 const UNITS: &str = "SI: metres, kilograms, seconds, radians, newtons. A name carries its unit (width_m, tilt_rad).";

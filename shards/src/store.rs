@@ -8,12 +8,11 @@
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
-
-use sha2::{Digest, Sha256};
 
 use crate::ExitCode;
+use crate::staged::{Ready, Staged};
 
 /// The disk did not do what it was asked. Running again may help.
 #[derive(Debug, thiserror::Error)]
@@ -35,7 +34,7 @@ impl StoreError {
     }
 }
 
-fn failed(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> StoreError {
+pub(crate) fn failed(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> StoreError {
     let path = path.to_owned();
     move |source| StoreError { action, path, source }
 }
@@ -58,7 +57,7 @@ impl Fault {
         Self(Some(Arc::new(AtomicU64::new(operations))))
     }
 
-    fn check(&self) -> io::Result<()> {
+    pub(crate) fn check(&self) -> io::Result<()> {
         let Some(left) = &self.0 else { return Ok(()) };
         match left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)) {
             Ok(_) => Ok(()),
@@ -125,16 +124,7 @@ impl Store {
         let folder = target.parent().unwrap_or(&self.root).to_owned();
         self.create_folder(&folder)?;
         let (staging, file) = self.open_staging(&folder, &target)?;
-        Ok(Staged {
-            file,
-            staging,
-            target,
-            hash: Sha256::new(),
-            bytes: 0,
-            fault: self.fault.clone(),
-            trouble: Trouble::default(),
-            published: false,
-        })
+        Ok(Staged::new(file, staging, target, self.fault.clone()))
     }
 
     /// Publishes a small file in place of what may be there.
@@ -155,7 +145,7 @@ impl Store {
 
     fn stage_bytes(&self, name: &str, bytes: &[u8]) -> Result<Ready, StoreError> {
         let mut staged = self.stage(name)?;
-        let path = staged.target.clone();
+        let path = staged.target();
         staged.write_all(bytes).map_err(failed("write a file", &path))?;
         staged.finish()
     }
@@ -215,105 +205,6 @@ impl Store {
     }
 }
 
-/// A file being written. Dropped before it is published, it leaves nothing behind.
-#[derive(Debug)]
-pub(crate) struct Staged {
-    file: File,
-    staging: PathBuf,
-    target: PathBuf,
-    hash: Sha256,
-    bytes: u64,
-    fault: Fault,
-    trouble: Trouble,
-    published: bool,
-}
-
-/// The first thing that went wrong while writing a file. Libraries between a writer and its file turn errors of the
-/// disk into texts; this is where the error itself is kept.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Trouble(Arc<OnceLock<(PathBuf, io::ErrorKind, String)>>);
-
-impl Trouble {
-    /// The error of the disk, if there was one.
-    pub(crate) fn error(&self) -> Option<StoreError> {
-        let (path, kind, text) = self.0.get()?;
-        Some(failed("write a file", path)(io::Error::new(*kind, text.clone())))
-    }
-}
-
-impl Write for Staged {
-    fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
-        let written = self.fault.check().and_then(|()| self.file.write(buffer)).inspect_err(|e| {
-            let _ = self.trouble.0.set((self.target.clone(), e.kind(), e.to_string())); // the first one is kept
-        })?;
-        self.hash.update(&buffer[..written]);
-        self.bytes += written as u64;
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
-    }
-}
-
-impl Staged {
-    /// Where errors of the disk are kept.
-    pub(crate) fn trouble(&self) -> Trouble {
-        self.trouble.clone()
-    }
-
-    /// The file, whole and flushed to the disk, still under its staging name.
-    pub(crate) fn finish(self) -> Result<Ready, StoreError> {
-        self.fault.check().and_then(|()| self.file.sync_all()).map_err(failed("flush a file", &self.target))?;
-        Ok(Ready { sha256: crate::seal::hex(&self.hash.clone().finalize()), staged: self })
-    }
-}
-
-impl Drop for Staged {
-    fn drop(&mut self) {
-        if !self.published {
-            let _ = fs::remove_file(&self.staging); // a leftover counts for nothing; the next writer removes it
-        }
-    }
-}
-
-/// A written file that waits for its name.
-#[derive(Debug)]
-pub(crate) struct Ready {
-    staged: Staged,
-    /// Its SHA-256 in hex.
-    pub(crate) sha256: String,
-}
-
-impl Ready {
-    /// Its size.
-    pub(crate) fn bytes(&self) -> u64 {
-        self.staged.bytes
-    }
-
-    /// Gives the file its name, in place of what may be there.
-    pub(crate) fn publish(mut self) -> Result<(), StoreError> {
-        let target = self.staged.target.clone();
-        let rename = self.staged.fault.check().and_then(|()| fs::rename(&self.staged.staging, &target));
-        rename.map_err(failed("publish a file", &target))?;
-        self.staged.published = true;
-        sync_folder(target.parent())
-    }
-
-    /// Gives the file its name unless it is taken; whether it did.
-    fn publish_new(self) -> Result<bool, StoreError> {
-        let target = self.staged.target.clone();
-        match self.staged.fault.check().and_then(|()| fs::hard_link(&self.staged.staging, &target)) {
-            Ok(()) => sync_folder(target.parent()).map(|()| true),
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
-            Err(e) if e.kind() == io::ErrorKind::StorageFull => Err(failed("publish a file", &target)(e)),
-            // No hard links here (exFAT, many network mounts): the race that is left is between equal files.
-            Err(_) if target.exists() => Ok(false),
-            Err(_) => self.publish().map(|()| true),
-        }
-    }
-}
-
 /// Whether a name is that of a file being written, or left behind by a killed writer.
 pub(crate) fn is_staging(name: &str) -> bool {
     name.starts_with('.') && name.contains('#') && name.ends_with(".tmp")
@@ -350,7 +241,7 @@ fn is_same_file(_: &File, path: &Path) -> bool {
     path.exists()
 }
 
-fn sync_folder(folder: Option<&Path>) -> Result<(), StoreError> {
+pub(crate) fn sync_folder(folder: Option<&Path>) -> Result<(), StoreError> {
     let Some(folder) = folder.filter(|f| cfg!(unix) && !f.as_os_str().is_empty()) else { return Ok(()) };
     File::open(folder).and_then(|f| f.sync_all()).map_err(failed("flush a folder", folder))
 }
