@@ -1,9 +1,7 @@
 //! A scene's rows from its number: objects, rest, views, TSDF, candidates, attempts.
 
 use perception::{Tsdf, camera_at, draw_views};
-use schema::{
-    AttemptRecord, ObjectRecord, Purpose, SceneRecord, SceneRejections, SceneRows, Stream, View, VoxelGrid,
-};
+use schema::{AttemptRecord, ObjectRecord, Purpose, SceneRecord, SceneRejections, SceneRows, Stream, View, VoxelGrid};
 use simulator::{AttemptWorld, Execution, Scene, SceneRays, Settled, Unsettled, settle};
 
 use crate::candidates::{Candidate, draw_candidates};

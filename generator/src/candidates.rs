@@ -76,11 +76,9 @@ fn base_frame(workspace_from_object: &Quat, approach: Axis, closing: Axis) -> Qu
 }
 
 fn place(object: &SceneObject, base: Quat, turn_rad: f32, tilt_rad: f32, depth_m: f32, slide_m: f32) -> Pose {
-    let rotation = (object.workspace_from_object.rotation
-        * base
-        * axis_angle(Vec3::X, turn_rad)
-        * axis_angle(Vec3::Y, tilt_rad))
-    .normalize();
+    let rotation =
+        (object.workspace_from_object.rotation * base * axis_angle(Vec3::X, turn_rad) * axis_angle(Vec3::Y, tilt_rad))
+            .normalize();
     let offset = rotation * Vec3::new(slide_m, 0.0, depth_m);
     Pose::from_parts(object.workspace_from_object.translation + offset, rotation)
 }
@@ -169,7 +167,8 @@ mod tests {
                 for candidate in draws(kind, axis, 200) {
                     // Undo turn and tilt, which may point it anywhere.
                     let undo = axis_angle(Vec3::Y, -candidate.tilt_rad).normalize();
-                    let untilted = candidate.workspace_from_grasp.rotation * undo * axis_angle(Vec3::X, -candidate.turn_rad);
+                    let untilted =
+                        candidate.workspace_from_grasp.rotation * undo * axis_angle(Vec3::X, -candidate.turn_rad);
                     assert!((untilted * Vec3::Z).z <= 1e-5, "{kind:?} {axis:?} {candidate:?}");
                 }
             }

@@ -12,8 +12,7 @@ use crate::raw::RawConfig;
 
 /// The default config and the built-in hand, in the binary, so that it runs anywhere.
 const PAPER: &str = include_str!("../../configs/generate/paper.toml");
-const GRIPPERS: [(&str, &str); 1] =
-    [("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml"))];
+const GRIPPERS: [(&str, &str); 1] = [("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml"))];
 
 /// Which objects are dropped.
 #[derive(Debug, Clone, PartialEq)]
@@ -134,12 +133,7 @@ impl Config {
     ///
     /// # Errors
     /// [`ConfigError`] names everything that is wrong.
-    pub fn from_toml(
-        text: &str,
-        file: &str,
-        folder: Option<&Path>,
-        overrides: Overrides,
-    ) -> Result<Self, ConfigError> {
+    pub fn from_toml(text: &str, file: &str, folder: Option<&Path>, overrides: Overrides) -> Result<Self, ConfigError> {
         let parse = |text: &str| {
             text.parse::<toml::Table>()
                 .map_err(|e| ConfigError::Parse { file: file.to_owned(), message: e.to_string().trim().to_owned() })
@@ -148,9 +142,10 @@ impl Config {
         let reference = parse(PAPER)?;
         let mut problems = keys_unlike(&given, &reference);
         let sound = toml::Value::Table(sound_parts(given, &reference));
-        let raw: RawConfig = sound
-            .try_into()
-            .map_err(|e: toml::de::Error| ConfigError::Parse { file: file.to_owned(), message: e.message().to_owned() })?;
+        let raw: RawConfig = sound.try_into().map_err(|e: toml::de::Error| ConfigError::Parse {
+            file: file.to_owned(),
+            message: e.message().to_owned(),
+        })?;
         let config = Self::from_raw(raw, folder, overrides, &mut problems);
         match config {
             Some(config) if problems.is_empty() => Ok(config),
@@ -185,6 +180,7 @@ impl Config {
         check.real("grid.size_m", raw.grid.size_m, 0.05, 3.0);
         check.real("grid.table_z_m", raw.grid.table_z_m, 0.0, 0.5 * raw.grid.size_m.max(0.0));
         let objects = check.objects(&raw);
+        check.real("settle.damping_1_s", raw.settle.damping_1_s, 0.0, 20.0);
         check.real("settle.linear_speed_m_s_max", raw.settle.linear_speed_m_s_max, 1e-4, 1.0);
         check.real("settle.angular_speed_rad_s_max", raw.settle.angular_speed_rad_s_max, 1e-3, 10.0);
         check.real("settle.rest_time_s", raw.settle.rest_time_s, 0.01, 10.0);
@@ -217,6 +213,7 @@ impl Config {
             },
             objects,
             settle: SettleLaw {
+                damping_1_s: raw.settle.damping_1_s,
                 linear_speed_m_s_max: raw.settle.linear_speed_m_s_max,
                 angular_speed_rad_s_max: raw.settle.angular_speed_rad_s_max,
                 rest_time_s: raw.settle.rest_time_s,
@@ -277,6 +274,7 @@ impl Config {
                 "drop_height_m": objects.drop_height_m,
             },
             "settle": {
+                "damping_1_s": self.settle.damping_1_s,
                 "linear_speed_m_s_max": self.settle.linear_speed_m_s_max,
                 "angular_speed_rad_s_max": self.settle.angular_speed_rad_s_max,
                 "rest_time_s": self.settle.rest_time_s,
@@ -433,7 +431,8 @@ impl Check<'_> {
             Some((_, text)) => Ok((*text).to_owned()),
             None if name.ends_with(".toml") => {
                 let path = folder.unwrap_or(Path::new("")).join(name);
-                std::fs::read_to_string(&path).map_err(|e| format!("failed to read the gripper: {e}: {}", path.display()))
+                std::fs::read_to_string(&path)
+                    .map_err(|e| format!("failed to read the gripper: {e}: {}", path.display()))
             }
             None => Err(format!(
                 "gripper must be a path that ends in .toml or one of {}, got {name}",

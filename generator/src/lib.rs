@@ -12,11 +12,9 @@ mod raw;
 mod rules;
 mod run;
 
-
 pub use build::{NoScene, make_scene};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ConfigError, ObjectLaw, Overrides};
 pub use objects::draw_drops;
 pub use rules::{Law, Tilt, law_of};
 pub use run::{Event, GenerateError, Report, attempts_of, generate};
-

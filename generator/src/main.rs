@@ -22,11 +22,12 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .with_env_filter(tracing_subscriber::EnvFilter::from_env("GRASPMILL_LOG"))
         .init();
-    run(&arguments).unwrap_or_else(|error| {
-        complain(&format!("error: {error:#}"));
-        exit_code_of(&error)
-    })
-    .into()
+    run(&arguments)
+        .unwrap_or_else(|error| {
+            complain(&format!("error: {error:#}"));
+            exit_code_of(&error)
+        })
+        .into()
 }
 
 /// The one place where errors become exit codes.
@@ -92,9 +93,8 @@ fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
 }
 
 fn progress_bar(attempts: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template(
-        "{bar:32} {human_pos}/{human_len} attempts · {per_sec} · {msg} · {eta} left",
-    );
+    let style =
+        ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} attempts · {per_sec} · {msg} · {eta} left");
     let bar = ProgressBar::new(attempts);
     // Without a terminal indicatif draws nothing.
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))

@@ -19,7 +19,11 @@ pub(crate) fn render(report: &Report, dir: &Path, elapsed_s: f64) -> String {
     write_counts(&mut text, counts);
     if made > 0 {
         let rate = made as f64 / elapsed_s;
-        line(&mut text, "speed", &format!("{} attempts/s ({} in {elapsed_s:.1} s)", grouped(rate as u64), grouped(made)));
+        line(
+            &mut text,
+            "speed",
+            &format!("{} attempts/s ({} in {elapsed_s:.1} s)", grouped(rate as u64), grouped(made)),
+        );
     }
     let shown = dir.display();
     text += "\n";

@@ -25,6 +25,9 @@ pub struct Drop {
 /// When a pile counts as resting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SettleLaw {
+    /// Falling and rolling lose speed at this rate (1/s): it stands for rolling resistance, without which a cylinder on
+    /// its side rolls on for ever. Only while settling; attempts are undamped.
+    pub damping_1_s: f32,
     /// No object moves faster than this.
     pub linear_speed_m_s_max: f32,
     /// No object turns faster than this.
@@ -73,7 +76,10 @@ pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -
     let mut bodies = Vec::with_capacity(drops.len());
     let mut steps = 0;
     for drop in drops {
-        bodies.push(world.add_object(&drop.solid, drop.mass_kg, drop.friction, drop.workspace_from_object));
+        let body = world.add_object(&drop.solid, drop.mass_kg, drop.friction, drop.workspace_from_object);
+        world.bodies[body].set_linear_damping(law.damping_1_s);
+        world.bodies[body].set_angular_damping(law.damping_1_s);
+        bodies.push(body);
         steps += rest(&mut world, &mut pipeline, physics, law, &bodies)?;
     }
     for wall in walls {

@@ -6,8 +6,13 @@ use schema::{Grid, Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, ax
 use simulator::{AttemptWorld, Drop, Execution, Physics, Scene, SceneObject, SettleLaw, settle};
 
 const PI: f32 = core::f32::consts::PI;
-const LAW: SettleLaw =
-    SettleLaw { linear_speed_m_s_max: 0.005, angular_speed_rad_s_max: 0.05, rest_time_s: 0.1, time_s_max: 4.0 };
+const LAW: SettleLaw = SettleLaw {
+    damping_1_s: 2.0,
+    linear_speed_m_s_max: 0.005,
+    angular_speed_rad_s_max: 0.05,
+    rest_time_s: 0.1,
+    time_s_max: 4.0,
+};
 
 fn gripper() -> Gripper {
     Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
