@@ -15,6 +15,7 @@ use shards::ExitCode;
 
 use crate::adam::Moments;
 use crate::layers::{parameter_count, parameter_slots};
+use crate::network::Network;
 use crate::progress::Progress;
 use crate::publish::publish;
 use crate::upsampling::Upsampling;
@@ -38,6 +39,14 @@ pub struct Checkpoint {
     pub progress: Progress,
     /// Adam's memory; only in `last`, and there from the first step on.
     pub moments: Option<Moments>,
+}
+
+impl Checkpoint {
+    /// The network, to be evaluated on whole volumes.
+    #[must_use]
+    pub fn network(&self) -> Network {
+        Network::from_vector(self.vector.clone(), self.upsampling)
+    }
 }
 
 /// Why a checkpoint cannot be read or written.
@@ -185,4 +194,39 @@ fn vector(tensors: &SafeTensors<'_>, prefix: &str, device: &Device) -> Result<Te
 
 fn bytes(vector: Tensor<1>) -> Vec<u8> {
     vector.into_data().iter::<f32>().flat_map(f32::to_le_bytes).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::initial_vector;
+
+    fn floats(tensor: Tensor<1>) -> Vec<f32> {
+        tensor.into_data().try_to_vec().unwrap()
+    }
+
+    #[test]
+    fn a_checkpoint_comes_back_and_equal_ones_make_equal_files() {
+        let (folder, device) = (tempfile::tempdir().unwrap(), Device::flex());
+        let moment = |seed| initial_vector(seed, &device);
+        let checkpoint = Checkpoint {
+            vector: initial_vector(1, &device),
+            upsampling: Upsampling::Nearest,
+            config: "seed = 1".to_owned(),
+            dataset_id: "abc".to_owned(),
+            progress: Progress { epoch: 2, batch: 3, step: 45, best_accuracy: Some(0.1 + 0.2), ..Progress::default() },
+            moments: Some(Moments { steps: 45, first: moment(2), second: moment(3) }),
+        };
+        let path = |name: &str| folder.path().join(name);
+        save(&checkpoint, &path("a")).unwrap();
+        let back = read(&path("a"), &device).unwrap();
+        save(&back, &path("b")).unwrap();
+        assert!(std::fs::read(path("a")).unwrap() == std::fs::read(path("b")).unwrap());
+        assert_eq!((back.upsampling, back.progress), (checkpoint.upsampling, checkpoint.progress));
+        assert_eq!((back.config, back.dataset_id), (checkpoint.config, checkpoint.dataset_id));
+        let (moments, expected) = (back.moments.unwrap(), checkpoint.moments.unwrap());
+        assert_eq!(moments.steps, expected.steps);
+        assert_eq!(floats(moments.second), floats(expected.second));
+        assert_eq!(floats(back.vector), floats(checkpoint.vector));
+    }
 }

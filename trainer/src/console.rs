@@ -1,7 +1,7 @@
 //! What people see while training and after.
 #![expect(clippy::print_stderr, reason = "progress and failures go to standard error")]
 
-use std::fmt::Write as _;
+use std::io::Write as _;
 use std::sync::Mutex;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
@@ -14,6 +14,7 @@ use trainer::metrics::Summary;
 pub(crate) struct Screen {
     config: Config,
     bar: Mutex<ProgressBar>,
+    last: Mutex<Option<EpochReport>>,
 }
 
 /// Steps after which the first estimate is printed.
@@ -21,7 +22,7 @@ const ESTIMATE_AFTER_STEPS: u64 = 20;
 
 impl Screen {
     pub(crate) fn new(config: &Config) -> Self {
-        Self { config: config.clone(), bar: Mutex::new(ProgressBar::hidden()) }
+        Self { config: config.clone(), bar: Mutex::new(ProgressBar::hidden()), last: Mutex::new(None) }
     }
 
     fn bar(&self) -> ProgressBar {
@@ -35,8 +36,20 @@ impl Screen {
         }
     }
 
+    /// Clears the bar and, if an epoch was done, tells how well it ended.
     pub(crate) fn end(&self) {
         self.bar().finish_and_clear();
+        let last = self.last.lock().ok().and_then(|last| last.clone());
+        let Some(report) = last else { return };
+        print(&format!("\nafter epoch {}:", report.epoch));
+        for (name, summary) in [("test attempts", &report.test_attempts), ("test scenes", &report.test_scenes)] {
+            let (low, high) = summary.accuracy_95;
+            let (accuracy, baseline) = (share(summary.accuracy), share(summary.baseline_accuracy));
+            let samples = summary.samples;
+            print(&format!(
+                "{name:<14}accuracy {accuracy} (95 %: {low:.3} to {high:.3}; {samples} samples), always \"failure\" {baseline}"
+            ));
+        }
     }
 
     pub(crate) fn show(&self, event: &Event<'_>) {
@@ -57,33 +70,48 @@ impl Screen {
                     self.line(&format!("estimate  {} to go", HumanDuration(bar.eta())));
                 }
             }
-            Event::Epoch(report) => self.line(&epoch_line(report, self.config.epochs)),
+            Event::Epoch(report) => {
+                self.line(&epoch_line(report, self.config.epochs));
+                if let Ok(mut last) = self.last.lock() {
+                    *last = Some((*report).clone());
+                }
+            }
         }
     }
 
     fn begin(&self, beginning: &Beginning) {
-        let Beginning { outside, train, test_attempts, test_scenes, positive_share, progress } = beginning;
-        let (this, other) = match self.config.split.by {
-            SplitBy::Attempt => ("test attempts choose the best epoch", "test scenes are beside it"),
-            SplitBy::Scene => ("test scenes choose the best epoch", "test attempts are beside it"),
-        };
-        let left = u64::from(self.config.epochs.saturating_sub(progress.epoch)) * *train as u64;
+        let Beginning { outside, train, test_attempts, test_scenes, progress } = beginning;
+        let sets = [train, test_attempts, test_scenes];
+        let left = u64::from(self.config.epochs.saturating_sub(progress.epoch)) * train.samples as u64;
         let done = u64::from(progress.batch) * self.config.batch as u64;
         self.replace(bar(left.saturating_sub(done), "{bar:30} {percent}% {msg}, {per_sec}, {eta} to go"));
-        self.line(&format!("samples   {train} train, {test_attempts} test attempts, {test_scenes} of test scenes"));
+        let [training, attempts, scenes] = sets.map(|set| set.samples);
+        self.line(&format!("samples   {training} train, {attempts} test attempts, {scenes} of test scenes"));
         self.line(&format!("          {outside} attempts lie outside the grid and are left out"));
-        self.line(&format!("          {:.1} % successes; {this}, {other}", 100.0 * positive_share));
+        let chooser = match self.config.split.by {
+            SplitBy::Attempt => "test attempts",
+            SplitBy::Scene => "test scenes",
+        };
+        self.line(&format!("          * marks the best epoch so far by {chooser}"));
         if progress.step > 0 {
             self.line(&format!("resumed   after epoch {}, step {}", progress.epoch, progress.step));
         }
-        self.line("");
-        self.line(&header());
+        let columns = format!("{:<26}", "loss    acc   prec  rec");
+        self.line(&format!("\n{:<15}  {:<26}{:<26}{:<26}", "", "train", "test attempts", "test scenes"));
+        self.line(&format!("{:<15}  {}", "epoch", columns.repeat(3)));
+        let baselines = sets.map(|set| format!("        {:<18.3}", set.baseline_accuracy())).concat();
+        self.line(&format!("always failure   {baselines}"));
     }
 
-    /// Prints above the bar, to standard output if there is no bar to keep clear of.
+    /// Prints above the bar.
     fn line(&self, text: &str) {
-        self.bar().suspend(|| println!("{text}"));
+        self.bar().suspend(|| print(text));
     }
+}
+
+/// A line to standard output. Training must not end because nobody reads any more, so a closed pipe is ignored.
+fn print(text: &str) {
+    let _ = writeln!(std::io::stdout(), "{}", text.trim_end_matches(' '));
 }
 
 fn bar(len: u64, template: &str) -> ProgressBar {
@@ -91,30 +119,16 @@ fn bar(len: u64, template: &str) -> ProgressBar {
     ProgressBar::new(len).with_style(style)
 }
 
-fn header() -> String {
-    let columns = "loss    acc   prec  rec";
-    format!(
-        "epoch   | train  {columns} | test attempts {columns} (always \"failure\") | test scenes {columns} (always \"failure\")"
-    )
-}
-
 fn epoch_line(report: &EpochReport, epochs: u32) -> String {
-    let star = if report.is_best { " *best" } else { "" };
-    format!(
-        "{:>3}/{epochs:<3} | train  {} | test attempts {} ({}) | test scenes {} ({}) | {:.0} s{star}",
-        report.epoch,
-        numbers(&report.train),
-        numbers(&report.test_attempts),
-        share(report.test_attempts.baseline_accuracy),
-        numbers(&report.test_scenes),
-        share(report.test_scenes.baseline_accuracy),
-        report.seconds,
-    )
+    let sets = [&report.train, &report.test_attempts, &report.test_scenes].map(numbers).concat();
+    let place = format!("{}/{epochs}", report.epoch);
+    let star = if report.is_best { "*" } else { "" };
+    format!("{place:<7} {:>5.0} s  {sets}{star}", report.seconds)
 }
 
 fn numbers(summary: &Summary) -> String {
     let Summary { loss, accuracy, precision, recall, .. } = summary;
-    format!("{loss:.4} {} {} {}", share(*accuracy), share(*precision), share(*recall))
+    format!("{loss:.4}  {} {} {}  ", share(*accuracy), share(*precision), share(*recall))
 }
 
 fn share(share: Option<f64>) -> String {
@@ -156,14 +170,13 @@ pub(crate) fn evaluation(evaluation: &Evaluation) -> String {
     text
 }
 
-/// An error with its causes, on standard error.
+/// An error on standard error, with those of its causes that its message does not tell already.
 pub(crate) fn failure(error: &anyhow::Error) {
-    let mut text = format!("error: {error}");
-    for cause in error.chain().skip(1) {
-        let cause = cause.to_string();
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
         if !text.contains(&cause) {
-            let _ = write!(text, ": {cause}"); // writing to a String cannot fail
+            text = format!("{text}: {cause}");
         }
     }
-    eprintln!("{text}");
+    eprintln!("error: {text}");
 }

@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use burn::tensor::{Device, Tensor};
-use burn_dataset::Dataset as _;
 use serde::Serialize;
 use shards::{Dataset, ExitCode};
 
@@ -88,19 +87,38 @@ pub enum Event<'a> {
     Epoch(&'a EpochReport),
 }
 
+/// Labels of a set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LabelCount {
+    /// Samples.
+    pub samples: usize,
+    /// Successes among them.
+    pub held: usize,
+}
+
+impl LabelCount {
+    fn of(samples: &GraspDataset, set: &[usize]) -> Self {
+        Self { samples: set.len(), held: set.iter().filter(|at| samples.label(**at) == 1).count() }
+    }
+
+    /// The accuracy of always answering "failure"; 1 without samples.
+    #[must_use]
+    pub fn baseline_accuracy(&self) -> f64 {
+        1.0 - self.held as f64 / self.samples.max(1) as f64
+    }
+}
+
 /// What is known when training begins.
 #[derive(Debug, Clone)]
 pub struct Beginning {
     /// Attempts that are no samples, for their grasp lies outside the grid.
     pub outside: u64,
-    /// Samples that train.
-    pub train: usize,
-    /// Held-out attempts.
-    pub test_attempts: usize,
-    /// Samples of held-out scenes.
-    pub test_scenes: usize,
-    /// Share of successes among all samples.
-    pub positive_share: f64,
+    /// Labels of the samples that train.
+    pub train: LabelCount,
+    /// Labels of held-out attempts.
+    pub test_attempts: LabelCount,
+    /// Labels in held-out scenes.
+    pub test_scenes: LabelCount,
     /// Where training goes on; zero for a new run.
     pub progress: Progress,
 }
@@ -309,13 +327,11 @@ fn checkpoint(state: &State, config: &Config, dataset_id: &str) -> Checkpoint {
 }
 
 fn beginning(samples: &GraspDataset, split: &Split, progress: &Progress) -> Beginning {
-    let positives = (0..samples.len()).filter(|at| samples.label(*at) == 1).count();
     Beginning {
         outside: samples.outside_count(),
-        train: split.train.len(),
-        test_attempts: split.test_attempts.len(),
-        test_scenes: split.test_scenes.len(),
-        positive_share: positives as f64 / samples.len() as f64,
+        train: LabelCount::of(samples, &split.train),
+        test_attempts: LabelCount::of(samples, &split.test_attempts),
+        test_scenes: LabelCount::of(samples, &split.test_scenes),
         progress: *progress,
     }
 }

@@ -1,5 +1,5 @@
 //! The program on small datasets: it learns, it resumes, it refuses.
-#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking, and tells what it measured")]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod bad_input;
 mod fixture;
