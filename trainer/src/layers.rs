@@ -93,7 +93,7 @@ pub fn parameter_slots() -> Vec<ParameterSlot> {
     slots
 }
 
-/// Number of trainable parameters: 313,510 for the paper's network.
+/// Number of trainable parameters: 313,238 for the paper's network.
 #[must_use]
 pub fn parameter_count() -> usize {
     LAYERS.iter().map(|layer| layer.weight_count() + layer.channels_out).sum()

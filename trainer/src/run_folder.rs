@@ -103,11 +103,14 @@ impl RunFolder {
     /// [`RunError`].
     pub fn open(path: &Path, config: &Config, resume: bool) -> Result<Self, RunError> {
         let io = |action| move |source| RunError::Io { action, path: path.to_owned(), source };
+        let has_results = [LAST, BEST, METRICS].iter().any(|name| path.join(name).exists());
         match first_entry(path).map_err(io("read the run's folder"))? {
-            Some(_) if path.join(CONFIG).exists() && !resume => return Err(RunError::Occupied(path.to_owned())),
-            Some(_) if path.join(CONFIG).exists() => check_config(path, config)?,
-            Some(entry) => return Err(RunError::Foreign { entry, path: path.to_owned() }),
-            None => {}
+            Some(entry) if !path.join(CONFIG).exists() => {
+                return Err(RunError::Foreign { entry, path: path.to_owned() });
+            }
+            Some(_) if has_results && !resume => return Err(RunError::Occupied(path.to_owned())),
+            Some(_) if has_results => check_config(path, config)?,
+            _ => {} // nothing there, or a run that ended before its first checkpoint
         }
         fs::create_dir_all(path).map_err(io("make the run's folder"))?;
         let lock = File::options().create(true).append(true).open(path.join(LOCK));
