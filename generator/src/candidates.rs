@@ -123,7 +123,8 @@ mod tests {
     fn draws_follow_the_printed_laws() {
         const PI: f32 = core::f32::consts::PI;
         // shape, axis, normal tilt std (or None: uniform ±π/2), turns, l_z, slide stds allowed
-        let rows: &[(ShapeKind, Axis, Option<f32>, bool, f32, bool)] = &[
+        type Row = (ShapeKind, Axis, Option<f32>, bool, f32, bool);
+        let rows: &[Row] = &[
             (ShapeKind::Cuboid, Axis::X, Some(PI / 18.0), false, 0.03, true),
             (ShapeKind::Cuboid, Axis::Y, Some(PI / 18.0), false, 0.05, true),
             (ShapeKind::Cuboid, Axis::Z, Some(PI / 18.0), false, 0.07, true),

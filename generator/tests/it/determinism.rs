@@ -1,0 +1,83 @@
+//! A shard is a pure function of code, config, seed and shard id: not of threads, order, interruption or restart.
+
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use crate::{check_ok, files, generator, run, small_config, workshop};
+
+fn assert_same(a: &Path, b: &Path) {
+    let (a, b) = (files(a), files(b));
+    let names = |files: &[(std::path::PathBuf, Vec<u8>)]| files.iter().map(|f| f.0.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&a), names(&b));
+    for ((name, left), (_, right)) in a.iter().zip(&b) {
+        assert!(left == right, "{} differs", name.display());
+    }
+}
+
+#[test]
+fn one_thread_two_threads_and_shards_in_any_order_give_the_same_bytes() {
+    let dir = workshop(&small_config());
+    check_ok(&run(&dir, "one", &["--threads", "1"]));
+    check_ok(&run(&dir, "two", &["--threads", "2"]));
+    for index in ["2", "0-1"] {
+        check_ok(&run(&dir, "apart", &["--shard-index", index]));
+    }
+    assert!(files(&dir.path().join("one")).len() >= 9 + 3 + 3, "three tables, markers, info, manifest, card");
+    assert_same(&dir.path().join("one"), &dir.path().join("two"));
+    assert_same(&dir.path().join("one"), &dir.path().join("apart"));
+}
+
+/// Kills the generator by `signal` once its first shard is there, and runs it again.
+fn killed_and_resumed(signal: &str) {
+    let dir = workshop(&small_config().replace("attempts = 70", "attempts = 1_200"));
+    check_ok(&run(&dir, "whole", &[]));
+    let mut child = generator(&dir, "killed", &["--threads", "1"]).spawn().unwrap();
+    let marker = dir.path().join("killed/meta/shards/00000.json");
+    let began = Instant::now();
+    while !marker.exists() {
+        assert!(began.elapsed() < Duration::from_secs(120), "no shard came");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    let status = child.wait().unwrap();
+    if signal == "-TERM" {
+        assert_eq!(status.code(), Some(75), "a stopped run says: run again");
+    }
+    assert!(!dir.path().join("killed/meta/manifest.json").exists(), "the run was killed too late to show anything");
+    check_ok(&run(&dir, "killed", &[]));
+    assert_same(&dir.path().join("whole"), &dir.path().join("killed"));
+}
+
+#[test]
+fn a_killed_run_continues_to_the_same_bytes() {
+    killed_and_resumed("-KILL");
+}
+
+#[test]
+fn a_stopped_run_continues_to_the_same_bytes() {
+    killed_and_resumed("-TERM");
+}
+
+#[test]
+fn a_complete_dataset_is_left_alone() {
+    let dir = workshop(&small_config());
+    check_ok(&run(&dir, "ds", &[]));
+    let before = files(&dir.path().join("ds"));
+    assert!(check_ok(&run(&dir, "ds", &[])).contains("complete already"));
+    assert!(before == files(&dir.path().join("ds")));
+}
+
+/// The digest of the small dataset's attempts. It changes when scenes, rules, physics or the format do: then say so in
+/// CHANGELOG.md and raise the version, since old and new shards must not be mixed.
+const GOLDEN: &str = "7ed6f768ca4331efd92f0e26efdbeff33aa05249265967566f2ca5eae9e2bb7e";
+
+#[test]
+#[cfg(target_arch = "x86_64")]
+fn the_small_dataset_has_its_golden_digest() {
+    let dir = workshop(&small_config());
+    check_ok(&run(&dir, "ds", &[]));
+    let digest = Command::new("sha256sum").arg(dir.path().join("ds/attempts/shard-00001-of-00003.parquet")).output();
+    let digest = String::from_utf8(digest.unwrap().stdout).unwrap();
+    assert_eq!(digest.split_whitespace().next(), Some(GOLDEN));
+}

@@ -1,0 +1,61 @@
+//! The `generator` binary, run as a user runs it: the same bytes however it runs, and one clear message for bad input.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+mod bad_input;
+mod determinism;
+mod labels;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+/// The paper's config at a size for tests: six scenes of twelve attempts on a coarse grid, in three shards.
+fn small_config() -> String {
+    include_str!("../../../configs/generate/paper.toml")
+        .replace("shards = 64", "shards = 3")
+        .replace("attempts = 200_000", "attempts = 70")
+        .replace("attempts_per_scene = 60", "attempts_per_scene = 12")
+        .replace("resolution = 40 ", "resolution = 16 ")
+        .replace("counts = [1, 6] ", "counts = [1, 2] ")
+}
+
+/// A folder with `config.toml`, and room for datasets.
+fn workshop(config: &str) -> TempDir {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("config.toml"), config).unwrap();
+    dir
+}
+
+fn generator(dir: &TempDir, out: &str, flags: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_generator"));
+    command.current_dir(dir.path()).args(["--config", "config.toml", "--out", out]).args(flags);
+    command
+}
+
+fn run(dir: &TempDir, out: &str, flags: &[&str]) -> Output {
+    generator(dir, out, flags).output().unwrap()
+}
+
+fn check_ok(output: &Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Every file below a folder, by path, with its bytes.
+fn files(root: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                found.push((path.strip_prefix(root).unwrap().to_owned(), std::fs::read(&path).unwrap()));
+            }
+        }
+    }
+    found.sort();
+    found
+}
