@@ -1,0 +1,97 @@
+//! What a scene costs: settling, rays, the gate, an attempt that holds. `cargo bench -p simulator`.
+
+use divan::Bencher;
+use schema::{Grid, Gripper, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
+use simulator::{AttemptWorld, Drop, Gate, Physics, Scene, SceneRays, SettleLaw, settle};
+
+const PI: f32 = core::f32::consts::PI;
+
+fn main() {
+    divan::main();
+}
+
+fn drops(count: usize) -> Vec<Drop> {
+    (0..count)
+        .map(|i| {
+            let kind = ShapeKind::ALL[i % 4];
+            let extents_m = match kind {
+                ShapeKind::Cylinder => Vec3::new(0.04, 0.04, 0.06),
+                ShapeKind::HalfCylinder => Vec3::new(0.05, 0.06, 0.03),
+                _ => Vec3::new(0.04, 0.05, 0.06),
+            };
+            let at = Vec3::new(0.1 + 0.05 * (i % 3) as f32, 0.1 + 0.05 * (i / 3) as f32, 0.25);
+            Drop {
+                solid: Solid::new(kind, extents_m).expect("a solid"),
+                mass_kg: 0.1,
+                friction: 1.0,
+                workspace_from_object: Pose::from_parts(at, axis_angle(Vec3::X, 0.3 * i as f32)),
+            }
+        })
+        .collect()
+}
+
+fn settled(count: usize) -> Scene {
+    let law = SettleLaw {
+        damping_1_s: 2.0,
+        linear_speed_m_s_max: 0.005,
+        angular_speed_rad_s_max: 0.05,
+        rest_time_s: 0.1,
+        time_s_max: 4.0,
+    };
+    settle(&Physics::FAITHFUL, &law, &Grid::PAPER, &drops(count)).expect("the pile comes to rest").scene
+}
+
+fn gripper() -> Gripper {
+    Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).expect("the shipped gripper")
+}
+
+const PROCEDURE: Procedure = Procedure {
+    pregrasp_distance_m: 0.05,
+    retreat_distance_m: 0.10,
+    retreat_cone_rad: PI / 3.0,
+    retreat_speed_m_s: 0.2,
+    close_time_s_max: 1.0,
+    hold_time_s: 0.25,
+    empty_width_m: 0.002,
+    held_travel_share_min: 0.5,
+    other_push_m_max: 0.01,
+    other_lift_m_max: 0.01,
+};
+
+/// A grasp of the first object from straight above, closing across its shorter side.
+fn grasp(scene: &Scene) -> Pose {
+    let at = scene.objects[0].workspace_from_object.translation;
+    Pose::from_parts(at, axis_angle(Vec3::X, PI))
+}
+
+#[divan::bench(args = [1, 3, 5])]
+fn settle_a_scene(count: usize) -> Scene {
+    settled(count)
+}
+
+#[divan::bench]
+fn cast_ten_thousand_rays(bencher: Bencher) {
+    let rays = SceneRays::new(&settled(5));
+    let eye = Vec3::new(0.3, -0.2, 0.6);
+    bencher.bench_local(|| {
+        (0..10_000)
+            .filter_map(|i| rays.cast(eye, Vec3::new(0.003 * (i % 100) as f32, 0.003 * (i / 100) as f32, 0.05) - eye))
+            .sum::<f32>()
+    });
+}
+
+#[divan::bench]
+fn judge_an_approach(bencher: Bencher) {
+    let scene = settled(5);
+    let gate = Gate::new(&scene, &gripper(), &PROCEDURE);
+    let grasp = grasp(&scene);
+    bencher.bench_local(|| gate.blocked(divan::black_box(&grasp), 0));
+}
+
+#[divan::bench(args = [1, 5])]
+fn execute_a_grasp(bencher: Bencher, count: usize) {
+    let (scene, gripper) = (settled(count), gripper());
+    let world = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &PROCEDURE, &scene);
+    let grasp = grasp(&scene);
+    bencher.bench_local(|| world.execute(divan::black_box(&grasp), 0));
+}
