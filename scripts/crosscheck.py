@@ -1,0 +1,14 @@
+#!/usr/bin/env python3
+"""Repeats a dataset's grasp attempts in another physics engine and compares the labels.
+
+    python scripts/crosscheck.py DATASET [--scenes N] [--engine pybullet|mujoco|all] [--ceiling] [--report F.md] [--json F.json]
+
+Reads only the shards and meta/info.json. What was found this way is in docs/label-parity.md.
+"""
+
+import sys
+
+from crosscheck.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,175 @@
+"""One attempt in another engine, step by step as simulator/src/attempt.rs has it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from .contract import (
+    STOPPED_SPEED_M_S,
+    STOPPED_TIME_S,
+    Attempt,
+    Environment,
+    Execution,
+    Gripper,
+    Procedure,
+    Scene,
+    lowest_z_m,
+    retreat_direction,
+    smoothstep,
+    steps,
+)
+from .pose import Pose
+
+# Speed of the simulated approach (mode "own approach").
+APPROACH_SPEED_M_S = 0.1
+
+
+class Engine(Protocol):
+    """A physics engine with a scene and a hand in it. The palm goes where it is told, the fingers feel forces."""
+
+    name: str
+    step_rate_hz: float
+
+    def load(self, scene: Scene, gripper: Gripper, environment: Environment) -> None:
+        """Takes a scene over; nothing moves yet."""
+
+    def begin(self, workspace_from_grasp: Pose, retreat: np.ndarray) -> None:
+        """The scene as stored, with the open hand at a grasp; it will be able to move along `retreat` (3,)."""
+
+    def place(self, workspace_from_grasp: Pose) -> None:
+        """Puts the open hand elsewhere, without touching anything."""
+
+    def step(self) -> None:
+        """Advances by one step; the fingers close until `press` is called first, unless `hold_open` was."""
+
+    def hold_open(self, is_open: bool) -> None:
+        """Keeps the fingers where they are while the hand approaches."""
+
+    def closed_m(self) -> tuple[float, float]:
+        """How far the fingers (−y, +y) have closed."""
+
+    def press(self, asymmetry_at_contact_m: float) -> None:
+        """Presses with the finger force in the next step and keeps the fingers' asymmetry."""
+
+    def move_to(self, distance_m: float) -> None:
+        """Where the palm is to be at the end of the next step, along the retreat."""
+
+    def positions_m(self) -> np.ndarray:
+        """Origins of the objects (n, 3)."""
+
+    def quats_xyzw(self) -> np.ndarray:
+        """Orientations of the objects (n, 4)."""
+
+    def grips(self, target: int) -> bool:
+        """Whether both fingers press on an object."""
+
+    def sunk_m(self, target: int) -> float:
+        """Deepest overlap of a finger with an object."""
+
+    def nearest(self, target: int, reach_m: float) -> str | None:
+        """What the hand comes nearer to than `reach_m`: target, other, table; None if nothing."""
+
+
+class Runner:
+    """Executes attempts of one loaded scene in an engine."""
+
+    def __init__(self, engine: Engine, scene: Scene, gripper: Gripper, procedure: Procedure, environment: Environment):
+        self._engine, self._scene = engine, scene
+        self._gripper, self._procedure, self._environment = gripper, procedure, environment
+        engine.load(scene, gripper, environment)
+
+    def from_closing(
+        self, attempt: Attempt, pose: Pose, watch: Callable[[str], None] | None = None
+    ) -> Execution:
+        """Puts the hand at the grasp, closes, retreats, holds."""
+        self._engine.begin(pose, retreat_direction(pose, self._procedure.retreat_cone_rad))
+        return self._close_and_lift(attempt, pose, watch or (lambda stage: None))
+
+    def own_approach(self, attempt: Attempt, pose: Pose) -> Execution:
+        """The same, after an approach that is simulated and judged by the engine's own distances."""
+        procedure, engine, reach = self._procedure, self._engine, self._gripper.clearance_m
+        approach = pose.rotation[:, 2]
+        start = pose.moved(-approach * procedure.pregrasp_distance_m)
+        engine.begin(start, retreat_direction(pose, procedure.retreat_cone_rad))
+        if hit := engine.nearest(attempt.target, reach):
+            return Execution("pregrasp_collision", hit)
+        count = steps(procedure.pregrasp_distance_m / APPROACH_SPEED_M_S, engine.step_rate_hz)
+        engine.hold_open(True)
+        for step in range(1, count + 1):
+            engine.place(start.moved(approach * procedure.pregrasp_distance_m * step / count))
+            engine.step()
+            if hit := engine.nearest(attempt.target, reach):
+                return Execution("approach_collision", hit)
+        engine.hold_open(False)
+        return self._close_and_lift(attempt, pose, lambda stage: None)
+
+    def _close_and_lift(self, attempt: Attempt, pose: Pose, watch: Callable[[str], None]) -> Execution:
+        engine, procedure = self._engine, self._procedure
+        before = engine.positions_m()
+        watch("open")
+        width = self._close()
+        watch("closed")
+        if width <= procedure.empty_width_m:
+            return Execution("empty", None, width)
+        closed, sunk = engine.positions_m(), engine.sunk_m(attempt.target)
+        pushed = self._pushed(attempt, pose, before, closed)
+        held, travel = self._retreat_and_hold(attempt.target, pose, closed[attempt.target])
+        watch("end")
+        if not held:
+            return Execution("slipped", None, width, travel, sunk)
+        width = self._width_m()
+        hit = pushed or self._raised(attempt, before)
+        return Execution("hit_other" if hit else "held", hit, width, travel, sunk)
+
+    def _width_m(self) -> float:
+        return max(self._gripper.opening_m_max - sum(self._engine.closed_m()), 0.0)
+
+    def _close(self) -> float:
+        """Closes until both fingers stand still; gives the opening in metres."""
+        engine, rate = self._engine, self._engine.step_rate_hz
+        wanted, slow = steps(STOPPED_TIME_S, rate), STOPPED_SPEED_M_S / rate
+        last, stopped = engine.closed_m(), 0
+        for _ in range(steps(self._procedure.close_time_s_max, rate)):
+            engine.step()
+            now = engine.closed_m()
+            stopped = stopped + 1 if all(abs(a - b) < slow for a, b in zip(now, last)) else 0
+            last = now
+            if stopped >= wanted or self._width_m() <= self._procedure.empty_width_m:
+                break
+        return self._width_m()
+
+    def _retreat_and_hold(self, target: int, pose: Pose, start_m: np.ndarray) -> tuple[bool, float]:
+        """Whether the target came along and is still gripped, and how far it came."""
+        engine, procedure, rate = self._engine, self._procedure, self._engine.step_rate_hz
+        distance = procedure.retreat_distance_m
+        direction = retreat_direction(pose, procedure.retreat_cone_rad)
+        moving = steps(distance / procedure.retreat_speed_m_s, rate)
+        left, right = engine.closed_m()
+        for step in range(1, moving + steps(procedure.hold_time_s, rate) + 1):
+            engine.press(left - right)
+            engine.move_to(distance * smoothstep(step / moving))
+            engine.step()
+            if self._width_m() <= procedure.empty_width_m:
+                return False, float((engine.positions_m()[target] - start_m) @ direction)
+        travel = float((engine.positions_m()[target] - start_m) @ direction)
+        return travel >= procedure.held_travel_share_min * distance and engine.grips(target), travel
+
+    def _pushed(self, attempt: Attempt, pose: Pose, before: np.ndarray, after: np.ndarray) -> str | None:
+        """What the closing hand drove: another object, or the table, within half the clearance of a finger."""
+        moved = np.linalg.norm(after - before, axis=1)
+        moved[attempt.target] = 0.0
+        if (moved > self._procedure.other_push_m_max).any():
+            return "other"
+        fingers = self._gripper.fingers(self._gripper.opening_m_max)
+        limit = self._environment.table_z_m + self._gripper.clearance_m / 2
+        inward = [np.array([0.0, side * closed, 0.0]) for side, closed in zip((1, -1), self._engine.closed_m())]
+        low = [lowest_z_m(box.shifted(offset), pose) < limit for box, offset in zip(fingers, inward)]
+        return "table" if any(low) else None
+
+    def _raised(self, attempt: Attempt, before: np.ndarray) -> str | None:
+        raised = (self._engine.positions_m() - before)[:, 2]
+        raised[attempt.target] = 0.0
+        return "other" if (raised > self._procedure.other_lift_m_max).any() else None

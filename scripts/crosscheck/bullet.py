@@ -1,0 +1,240 @@
+"""PyBullet as the second opinion.
+
+What has to be undone so that it simulates the same world: its hulls are 1 mm larger than their vertices on every side
+(the collision margin), bodies are damped, and a hand that is moved by resetting its pose has no velocity to drag an object
+by friction. Here hulls are shrunk by a margin of 0.1 mm that Bullet adds again, damping is 0, and the palm is the link of
+a prismatic joint along the retreat, driven with unlimited force.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pybullet
+
+from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M, Environment, Gripper, HandBox, Scene, SceneObject
+from .pose import Pose
+from .solid import Solid
+
+PALM, LEFT, RIGHT = 0, 1, 2
+# Palm and its drive: so heavy and strong that nothing it meets moves it.
+PALM_MASS_KG = 10.0
+PALM_FORCE_N = 1e5
+TABLE_HALF_M = (1.5, 1.5, 0.5)
+NO_TURN = [0.0, 0.0, 0.0, 1.0]
+
+
+@dataclass(frozen=True)
+class BulletOptions:
+    """Settings that may matter. `backwards` adds the objects in reverse order."""
+
+    step_rate_hz: float = 240.0
+    solver_iterations: int = 200
+    margin_m: float = 1e-4
+    backwards: bool = False
+
+
+class Bullet:
+    """A PyBullet world in DIRECT mode; see `crosscheck.attempt.Engine`."""
+
+    name = "pybullet"
+
+    def __init__(self, options: BulletOptions = BulletOptions()):
+        self.options = options
+        self.step_rate_hz = options.step_rate_hz
+        self.client = pybullet.connect(pybullet.DIRECT)
+
+    def close(self) -> None:
+        """Lets the world go."""
+        pybullet.disconnect(physicsClientId=self.client)
+
+    def load(self, scene: Scene, gripper: Gripper, environment: Environment) -> None:
+        """Takes a scene over."""
+        self._scene, self._gripper, self._environment = scene, gripper, environment
+        self._centroids = [o.solid.centroid_m for o in scene.objects]
+
+    def begin(self, workspace_from_grasp: Pose | None, retreat: np.ndarray | None) -> None:
+        """A fresh world, built from the stored rows; without a hand if there is no pose."""
+        c, options = self.client, self.options
+        pybullet.resetSimulation(physicsClientId=c)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=1 / options.step_rate_hz, numSolverIterations=options.solver_iterations, physicsClientId=c
+        )
+        pybullet.setGravity(0, 0, -self._environment.gravity_m_s2, physicsClientId=c)
+        self._table = self._add_table()
+        order = range(len(self._scene.objects))
+        added = {i: self._add_object(self._scene.objects[i]) for i in (reversed(order) if options.backwards else order)}
+        self.bodies = [added[i] for i in order]
+        self._hand = None
+        if workspace_from_grasp is not None:
+            self._add_hand(workspace_from_grasp, retreat)
+
+    def _add_table(self) -> int:
+        shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=TABLE_HALF_M, physicsClientId=self.client)
+        centre = [0, 0, self._environment.table_z_m - TABLE_HALF_M[2]]
+        table = pybullet.createMultiBody(0, shape, basePosition=centre, physicsClientId=self.client)
+        self._surface(table, -1, self._environment.table_friction)
+        return table
+
+    def _surface(self, body: int, link: int, friction: float, **more: object) -> None:
+        pybullet.changeDynamics(
+            body, link, lateralFriction=friction, rollingFriction=0, spinningFriction=0, restitution=0,
+            linearDamping=0, angularDamping=0, jointDamping=0, physicsClientId=self.client, **more,
+        )  # fmt: skip
+
+    def _add_object(self, scene_object: SceneObject) -> int:
+        c, solid, pose = self.client, scene_object.solid, scene_object.workspace_from_object
+        margin = self.options.margin_m
+        hull = pybullet.createCollisionShape(
+            pybullet.GEOM_MESH, vertices=(shrunk(solid, margin) - solid.centroid_m).tolist(), physicsClientId=c
+        )
+        body = pybullet.createMultiBody(
+            scene_object.mass_kg, hull, basePosition=pose.apply(solid.centroid_m), baseOrientation=pose.quat_xyzw,
+            physicsClientId=c,
+        )  # fmt: skip
+        inertia = solid.inertia_kg_m2(scene_object.mass_kg)
+        self._surface(body, -1, scene_object.friction, collisionMargin=margin, localInertiaDiagonal=inertia)
+        return body
+
+    def _add_hand(self, workspace_from_grasp: Pose, retreat: np.ndarray) -> None:
+        c, gripper, pose = self.client, self._gripper, workspace_from_grasp
+        boxes = [gripper.palm(), *gripper.fingers(gripper.opening_m_max)]
+        shapes = [
+            pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=box.half_m, physicsClientId=c) for box in boxes
+        ]
+        centres = [box.centre_m for box in boxes]
+        # Link frames sit at the boxes' centres; the fingers' are given from the palm's.
+        frames = [centres[0], centres[1] - centres[0], centres[2] - centres[0]]
+        self._hand = pybullet.createMultiBody(
+            0, basePosition=pose.position_m, baseOrientation=pose.quat_xyzw,
+            linkMasses=[PALM_MASS_KG, gripper.finger_mass_kg, gripper.finger_mass_kg],
+            linkCollisionShapeIndices=shapes, linkVisualShapeIndices=[-1] * 3,
+            linkPositions=frames, linkOrientations=[NO_TURN] * 3,
+            linkInertialFramePositions=[[0, 0, 0]] * 3, linkInertialFrameOrientations=[NO_TURN] * 3,
+            linkParentIndices=[0, 1, 1], linkJointTypes=[pybullet.JOINT_PRISMATIC] * 3,
+            linkJointAxis=[pose.rotation.T @ retreat, [0, 1, 0], [0, -1, 0]], physicsClientId=c,
+        )  # fmt: skip
+        self._surface(self._hand, PALM, gripper.friction)
+        for finger in (LEFT, RIGHT):
+            self._surface(
+                self._hand, finger, gripper.friction, jointLowerLimit=0.0, jointUpperLimit=gripper.opening_m_max / 2
+            )
+        # The hand is held by a robot that makes up for the fingers' weight.
+        self._lift = (pose.rotation.T @ [0, 0, gripper.finger_mass_kg * self._environment.gravity_m_s2]).tolist()
+        self._drive_palm(0.0)
+        self._drive_fingers(gripper.closing_speed_m_s, gripper.finger_force_n)
+
+    def _drive_palm(self, velocity_m_s: float) -> None:
+        pybullet.setJointMotorControl2(
+            self._hand, PALM, pybullet.VELOCITY_CONTROL, targetVelocity=velocity_m_s, force=PALM_FORCE_N,
+            physicsClientId=self.client,
+        )  # fmt: skip
+
+    def _drive_fingers(self, velocity_m_s: float, force_n: float) -> None:
+        for finger in (LEFT, RIGHT):
+            pybullet.setJointMotorControl2(
+                self._hand, finger, pybullet.VELOCITY_CONTROL, targetVelocity=velocity_m_s, force=force_n,
+                physicsClientId=self.client,
+            )  # fmt: skip
+
+    def place(self, workspace_from_grasp: Pose) -> None:
+        """Puts the hand's root elsewhere."""
+        pybullet.resetBasePositionAndOrientation(
+            self._hand, workspace_from_grasp.position_m, workspace_from_grasp.quat_xyzw, physicsClientId=self.client
+        )
+
+    def hold_open(self, is_open: bool) -> None:
+        """Fingers stand still, or close."""
+        self._drive_fingers(0.0 if is_open else self._gripper.closing_speed_m_s, self._gripper.finger_force_n)
+
+    def step(self) -> None:
+        """One step."""
+        if self._hand is not None:
+            for finger in (LEFT, RIGHT):
+                pybullet.applyExternalForce(
+                    self._hand, finger, self._lift, [0, 0, 0], pybullet.LINK_FRAME, physicsClientId=self.client
+                )
+        pybullet.stepSimulation(physicsClientId=self.client)
+
+    def closed_m(self) -> tuple[float, float]:
+        """How far the fingers have closed."""
+        left, right = pybullet.getJointStates(self._hand, [LEFT, RIGHT], physicsClientId=self.client)
+        return left[0], right[0]
+
+    def press(self, asymmetry_at_contact_m: float) -> None:
+        """Finger force, gear spring and damper, as forces on the joints."""
+        left, right = pybullet.getJointStates(self._hand, [LEFT, RIGHT], physicsClientId=self.client)
+        spring = GEAR_STIFFNESS_N_M * (left[0] - right[0] - asymmetry_at_contact_m) / 2
+        for finger, state, sign in ((LEFT, left, 1.0), (RIGHT, right, -1.0)):
+            force = self._gripper.finger_force_n - sign * spring - GEAR_DAMPING_N_S_M * state[1]
+            pybullet.setJointMotorControl2(
+                self._hand, finger, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=self.client
+            )
+            pybullet.setJointMotorControl2(
+                self._hand, finger, pybullet.TORQUE_CONTROL, force=force, physicsClientId=self.client
+            )
+
+    def move_to(self, distance_m: float) -> None:
+        """The speed that brings the palm there in one step."""
+        now = pybullet.getJointState(self._hand, PALM, physicsClientId=self.client)[0]
+        self._drive_palm((distance_m - now) * self.step_rate_hz)
+
+    def positions_m(self) -> np.ndarray:
+        """Origins of the objects' frames (n, 3)."""
+        poses = [self._pose(body) for body in self.bodies]
+        return np.stack([pose.apply(-centroid) for pose, centroid in zip(poses, self._centroids)])
+
+    def quats_xyzw(self) -> np.ndarray:
+        """Orientations of the objects (n, 4)."""
+        return np.stack([self._pose(body).quat_xyzw for body in self.bodies])
+
+    def _pose(self, body: int) -> Pose:
+        position, quat = pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)
+        return Pose(np.array(position), np.array(quat))
+
+    def grips(self, target: int) -> bool:
+        """Whether both fingers press on an object."""
+        body = self.bodies[target]
+        return all(
+            any(point[9] > 0 for point in pybullet.getContactPoints(body, self._hand, -1, finger, physicsClientId=self.client))
+            for finger in (LEFT, RIGHT)
+        )  # fmt: skip
+
+    @property
+    def table_z_m(self) -> float:
+        """Height of the table's top."""
+        return self._environment.table_z_m
+
+    def hand_boxes(self) -> list[tuple[HandBox, np.ndarray, np.ndarray]]:
+        """The hand's boxes with centre (3,) and orientation (4,) in the workspace, for pictures."""
+        boxes = [self._gripper.palm(), *self._gripper.fingers(self._gripper.opening_m_max)]
+        links = pybullet.getLinkStates(self._hand, [PALM, LEFT, RIGHT], physicsClientId=self.client)
+        return [(box, np.array(link[0]), np.array(link[1])) for box, link in zip(boxes, links)]
+
+    def sunk_m(self, target: int) -> float:
+        """Deepest overlap of a finger with an object."""
+        points = pybullet.getContactPoints(self.bodies[target], self._hand, physicsClientId=self.client)
+        return max([0.0, *(-point[8] for point in points if point[4] != PALM)])
+
+    def nearest(self, target: int, reach_m: float) -> str | None:
+        """What the hand comes nearer to than `reach_m`, by Bullet's own distance query."""
+        others = [body for i, body in enumerate(self.bodies) if i != target]
+        for name, bodies in (("target", [self.bodies[target]]), ("other", others), ("table", [self._table])):
+            for body in bodies:
+                points = pybullet.getClosestPoints(self._hand, body, reach_m, physicsClientId=self.client)
+                if any(point[8] <= reach_m for point in points):
+                    return name
+        return None
+
+
+def shrunk(solid: Solid, margin_m: float) -> np.ndarray:
+    """Corners (2 n, 3) of a solid whose faces all lie `margin_m` further in."""
+    outline = solid.outline_m
+    sides = np.roll(outline, -1, axis=0) - outline
+    inward = np.stack([-sides[:, 1], sides[:, 0]], axis=1) / np.linalg.norm(sides, axis=1, keepdims=True)
+    before = np.roll(inward, 1, axis=0)
+    # The corner moves along the mean of its two sides' inward normals.
+    offset = (before + inward) / (1 + np.einsum("ni,ni->n", before, inward))[:, None]
+    moved, half = outline + margin_m * offset, solid.half_length_m - margin_m
+    return np.concatenate([solid.lift(moved, sign * half) for sign in (-1, 1)])

@@ -1,0 +1,40 @@
+"""How well an engine agrees with itself: what no other engine can be asked to exceed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import engines
+from .agreement import Agreement
+from .compare import Rows, compare_passes
+from .dataset import Dataset
+from .passes import Pass, displaced, same_gate
+
+JITTERS_M = (1e-4, 5e-4)
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """An engine against itself under one change."""
+
+    change: str
+    overall: Agreement
+    closing: Agreement
+    sunk_m_p99: float
+
+
+def measure(dataset: Dataset, rows: Rows, name: str, base: Pass, seed: int) -> list[Ceiling]:
+    """The engine's pass `base` against passes with displaced grasps and other settings."""
+    changes = [(f"grasps displaced by {1e3 * j:g} mm", {}, displaced(j, seed)) for j in JITTERS_M]
+    changes += [(change, options, None) for change, options in engines.variants(name)]
+    found = []
+    for change, options, jitter in changes:
+        engine = engines.make(name, **options)
+        other = same_gate(change, dataset, engine, jitter)
+        engine.close()
+        sunk = [e.sunk_m for e in other.executions if np.isfinite(e.sunk_m)]
+        deep = float(np.percentile(sunk, 99)) if sunk else float("nan")
+        found.append(Ceiling(change, *compare_passes(rows, base, other, seed), deep))
+    return found

@@ -1,0 +1,142 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections import Counter
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from . import ceiling, dataset, engines, passes
+from .compare import Rows, compare, compare_gate, compare_passes, rows_of
+from .report import EngineReport, Report, as_json, markdown, terminal
+
+OK, DATA, CONFIG = 0, 65, 78
+
+EPILOG = """\
+examples:
+  python scripts/crosscheck.py data/grasps --scenes 50
+  python scripts/crosscheck.py data/grasps --engine all --ceiling --report runs/parity.md --json runs/parity.json
+
+exit codes:
+   0  done (whatever the agreement)
+   2  wrong command line
+  65  the dataset is damaged or of an unknown version
+  78  no dataset there, or an engine's package is not installed
+"""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs the cross-check; gives the exit code."""
+    args = _parser().parse_args(arguments)
+    try:
+        data = dataset.read(args.dataset, args.scenes)
+        report = run(data, _chosen(args.engine), args.seed, args.ceiling, _command(arguments))
+    except dataset.NoDataset as error:
+        return _fail(CONFIG, str(error))
+    except dataset.DamagedDataset as error:
+        return _fail(DATA, str(error))
+    except ModuleNotFoundError as error:
+        return _fail(CONFIG, f"{error}; pip install -r scripts/requirements.txt")
+    if args.report:
+        if args.pictures:
+            _add_pictures(report, args.report, args.pictures)
+        args.report.parent.mkdir(parents=True, exist_ok=True)
+        args.report.write_text(markdown(report))
+    if args.json:
+        args.json.parent.mkdir(parents=True, exist_ok=True)
+        args.json.write_text(json.dumps(as_json(report), indent=1) + "\n")
+    print(terminal(report))
+    return OK
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="crosscheck.py", description="Repeat a dataset's grasp attempts in another physics engine and compare the labels.",
+        epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("dataset", type=Path, help="folder of the dataset")
+    parser.add_argument("--scenes", type=_positive, metavar="N", help="only the first N scenes [default: all]")
+    parser.add_argument("--engine", choices=[*engines.ENGINES, "all"], default="pybullet", help="[default: pybullet]")
+    parser.add_argument("--ceiling", action="store_true", help="also compare the engine with itself")
+    parser.add_argument("--report", type=Path, metavar="F.md", help="write a report, pictures in a folder beside it")
+    parser.add_argument("--pictures", type=int, default=24, metavar="N", help="at most N pictures [default: 24]")
+    parser.add_argument("--json", type=Path, metavar="F.json", help="write everything as JSON")
+    parser.add_argument("--seed", type=int, default=1, help="of bootstrap and displacements [default: 1]")
+    return parser
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return value
+
+
+def _chosen(engine: str) -> list[str]:
+    return list(engines.ENGINES) if engine == "all" else [engine]
+
+
+def _command(arguments: list[str] | None) -> str:
+    return " ".join(["python scripts/crosscheck.py", *(sys.argv[1:] if arguments is None else arguments)])
+
+
+def _fail(code: int, message: str) -> int:
+    print(f"crosscheck: {message}", file=sys.stderr)
+    return code
+
+
+def run(data: dataset.Dataset, names: list[str], seed: int, with_ceiling: bool, command: str = "") -> Report:
+    """All passes of all engines, compared."""
+    rows = rows_of(data)
+    report = Report(command, data, rows, compare_gate(rows, passes.gate_pass(data)), {})
+    for name in names:
+        report.engines[name] = _examine(data, rows, name, seed, with_ceiling)
+    if len(names) > 1:
+        _add_third(report, rows, seed)
+    return report
+
+
+def _examine(data: dataset.Dataset, rows: Rows, name: str, seed: int, with_ceiling: bool) -> EngineReport:
+    engine = engines.make(name)
+    drift = passes.drift(data, engine)
+    same = passes.same_gate(f"{name}, same gate", data, engine)
+    own = passes.own_approach(f"{name}, own approach", data, engine)
+    engine.close()
+    found = EngineReport(
+        engines.describe(name), same, own, compare(rows, same, seed), compare(rows, own, seed), drift
+    )
+    if with_ceiling:
+        found.ceiling = ceiling.measure(data, rows, name, same, seed)
+    return found
+
+
+def _add_third(report: Report, rows: Rows, seed: int) -> None:
+    for name, found in report.engines.items():
+        report.third.append((f"ours, {name}", found.same.overall, found.same.closing))
+    for a, b in combinations(report.engines, 2):
+        both = compare_passes(rows, report.engines[a].same_gate, report.engines[b].same_gate, seed)
+        report.third.append((f"{a}, {b}", *both))
+    series = {"ours": rows.labels, **{name: found.same_gate.labels for name, found in report.engines.items()}}
+    patterns = Counter(zip(*(labels.tolist() for labels in series.values())))
+    for pattern, count in sorted(patterns.items()):
+        report.patterns[", ".join(f"{name} {label}" for name, label in zip(series, pattern))] = count
+
+
+def _add_pictures(report: Report, path: Path, most: int) -> None:
+    from .pictures import draw
+
+    folder = path.with_suffix("")
+    folder.mkdir(parents=True, exist_ok=True)
+    scenes = {scene.scene_id: scene for scene in report.dataset.scenes}
+    labels = report.rows.labels
+    differing = np.flatnonzero(np.any([f.same_gate.labels != labels for f in report.engines.values()], axis=0))
+    for i in differing[:most].tolist():
+        attempt, scene_id = report.rows.attempts[i], int(report.rows.scenes[i])
+        name = f"scene-{scene_id:05d}-attempt-{attempt.attempt_id:02d}.png"
+        draw(report.dataset, scenes[scene_id], attempt, folder / name)
+        report.pictures[i] = Path(folder.name) / name

@@ -1,0 +1,177 @@
+"""The label's contract: the hand, the procedure, the outcomes. Numbers come from the dataset's meta/info.json."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, cos
+
+import numpy as np
+
+from .pose import Pose
+from .solid import Solid
+
+OUTCOMES = ("pregrasp_collision", "approach_collision", "empty", "slipped", "hit_other", "held")
+BLOCKED = OUTCOMES[:2]
+
+# Fingers slower than this stand still, if they have for this long.
+STOPPED_SPEED_M_S = 0.002
+STOPPED_TIME_S = 0.025
+# The gear that ties the fingers to each other while they press.
+GEAR_STIFFNESS_N_M = 2_000.0
+GEAR_DAMPING_N_S_M = 20.0
+
+
+@dataclass(frozen=True)
+class HandBox:
+    """A box of the hand along the grasp frame's axes: `centre_m` (3,), `half_m` (3,)."""
+
+    centre_m: np.ndarray
+    half_m: np.ndarray
+
+    def swept_back(self, distance_m: float) -> HandBox:
+        """What the box passes on a straight approach of that length along +z."""
+        shift = np.array([0.0, 0.0, distance_m / 2])
+        return HandBox(self.centre_m - shift, self.half_m + shift)
+
+    def shifted(self, offset_m: np.ndarray) -> HandBox:
+        """The box moved by `offset_m` (3,)."""
+        return HandBox(self.centre_m + offset_m, self.half_m)
+
+    def grown(self, margin_m: float) -> HandBox:
+        """The box larger by `margin_m` on every side."""
+        return HandBox(self.centre_m, self.half_m + margin_m)
+
+
+@dataclass(frozen=True)
+class Gripper:
+    """A parallel jaw of three boxes; fields as in the gripper file."""
+
+    name: str
+    opening_m_max: float
+    finger_length_m: float
+    finger_width_m: float
+    finger_thickness_m: float
+    palm_length_m: float
+    palm_width_m: float
+    palm_breadth_m: float
+    finger_mass_kg: float
+    finger_force_n: float
+    closing_speed_m_s: float
+    friction: float
+    clearance_m: float
+
+    def fingers(self, width_m: float) -> tuple[HandBox, HandBox]:
+        """The finger at −y, then the one at +y, inner faces `width_m` apart."""
+        half = np.array([self.finger_width_m, self.finger_thickness_m, self.finger_length_m]) / 2
+        left, right = (np.array([0.0, side * (width_m / 2 + half[1]), -half[2]]) for side in (-1, 1))
+        return HandBox(left, half), HandBox(right, half)
+
+    def palm(self) -> HandBox:
+        """The palm, behind the fingers."""
+        half = np.array([self.palm_width_m, self.palm_breadth_m, self.palm_length_m]) / 2
+        return HandBox(np.array([0.0, 0.0, -self.finger_length_m - half[2]]), half)
+
+    def open_hand(self) -> list[HandBox]:
+        """Both fingers and the palm, wide open."""
+        return [*self.fingers(self.opening_m_max), self.palm()]
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """How an attempt is executed and judged; fields as in meta/info.json."""
+
+    pregrasp_distance_m: float
+    retreat_distance_m: float
+    retreat_cone_rad: float
+    retreat_speed_m_s: float
+    close_time_s_max: float
+    hold_time_s: float
+    empty_width_m: float
+    held_travel_share_min: float
+    other_push_m_max: float
+    other_lift_m_max: float
+
+
+@dataclass(frozen=True)
+class Environment:
+    """What surrounds the objects."""
+
+    table_z_m: float
+    table_friction: float
+    gravity_m_s2: float
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """An object at rest."""
+
+    solid: Solid
+    mass_kg: float
+    friction: float
+    workspace_from_object: Pose
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A stored attempt. `width_m` is NaN where the hand never closed."""
+
+    attempt_id: int
+    target: int
+    shape: str
+    rule: str
+    workspace_from_grasp: Pose
+    outcome: str
+    hit: str | None
+    width_m: float
+
+    @property
+    def approach_angle_rad(self) -> float:
+        """Angle of the approach axis from straight down."""
+        return float(np.arccos(np.clip(-self.workspace_from_grasp.rotation[2, 2], -1.0, 1.0)))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Objects on a table, and the attempts on them."""
+
+    scene_id: int
+    objects: list[SceneObject]
+    attempts: list[Attempt]
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How an attempt ended. `hit` is target, other or table; `width_m` is NaN if the hand never closed.
+
+    `travel_m`: how far the target came along the retreat. `sunk_m`: deepest overlap of a finger with the target after
+    closing.
+    """
+
+    outcome: str
+    hit: str | None = None
+    width_m: float = float("nan")
+    travel_m: float = float("nan")
+    sunk_m: float = float("nan")
+
+
+def steps(time_s: float, step_rate_hz: float) -> int:
+    """Steps that last at least `time_s` (a thousandth of a step is forgiven: the file holds single precision)."""
+    return ceil(time_s * step_rate_hz - 1e-3)
+
+
+def smoothstep(share: float) -> float:
+    """From 0 to 1 without a jolt at either end."""
+    share = min(share, 1.0)
+    return share * share * (3 - 2 * share)
+
+
+def retreat_direction(workspace_from_grasp: Pose, cone_rad: float) -> np.ndarray:
+    """Unit vector (3,): back along the approach if that is within `cone_rad` of straight down, else up."""
+    approach = workspace_from_grasp.rotation[:, 2]
+    return -approach if -approach[2] >= cos(cone_rad) else np.array([0.0, 0.0, 1.0])
+
+
+def lowest_z_m(box: HandBox, workspace_from_grasp: Pose) -> float:
+    """Height of a hand box's lowest corner."""
+    centre = workspace_from_grasp.apply(box.centre_m)
+    return float(centre[2] - np.abs(workspace_from_grasp.rotation[2]) @ box.half_m)

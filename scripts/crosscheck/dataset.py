@@ -1,0 +1,136 @@
+"""Reads a dataset: meta/info.json and the Parquet shards, with pyarrow and nothing of the generator's."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.dataset as pads
+
+from .contract import OUTCOMES, Attempt, Environment, Gripper, Procedure, Scene, SceneObject
+from .pose import Pose
+from .solid import Solid
+
+FORMAT_VERSION = 1
+POSE = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
+OBJECT_COLUMNS = ["scene_id", "object_id", "shape", "size_x_m", "size_y_m", "size_z_m", "mass_kg", "friction", *POSE]
+ATTEMPT_COLUMNS = ["scene_id", "attempt_id", "object_id", "shape", "rule", *POSE, "outcome", "hit", "width_m"]
+
+
+class NoDataset(Exception):
+    """There is no dataset here, or one that this program does not know."""
+
+
+class DamagedDataset(Exception):
+    """The dataset's files contradict each other or cannot be read."""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """The scenes to repeat, and how attempts were executed."""
+
+    name: str
+    seed: int
+    gripper: Gripper
+    procedure: Procedure
+    environment: Environment
+    step_rate_hz: float
+    scenes: list[Scene]
+    scene_count: int
+
+
+def read(folder: Path, scene_count: int | None) -> Dataset:
+    """The dataset's first `scene_count` scenes (all if None)."""
+    info = _read_info(folder)
+    try:
+        physics = info["config"]["physics"]
+        environment = Environment(info["grid"]["table_z_m"], physics["table_friction"], physics["gravity_m_s2"])
+        gripper, procedure = _build(Gripper, info["gripper"]), _build(Procedure, info["procedure"])
+        total, seed, rate = int(info["scene_count"]), int(info["seed"]), float(physics["step_rate_hz"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise DamagedDataset(f"meta/info.json: {error!r}") from error
+    scenes = _read_scenes(folder, total if scene_count is None else min(scene_count, total))
+    return Dataset(folder.resolve().name, seed, gripper, procedure, environment, rate, scenes, total)
+
+
+def _read_info(folder: Path) -> dict:
+    path = folder / "meta" / "info.json"
+    if not path.is_file():
+        raise NoDataset(f"{folder} holds no dataset: {path} is missing")
+    try:
+        info = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise DamagedDataset(f"{path}: {error}") from error
+    version = info.get("format_version") if isinstance(info, dict) else None
+    if version != FORMAT_VERSION:
+        raise DamagedDataset(f"{path}: format version {version}, this program reads {FORMAT_VERSION}")
+    return info
+
+
+def _build(kind: type, values: dict):
+    """A dataclass from the keys that it names; a missing key is an error, a new one is not."""
+    return kind(**{field.name: values[field.name] for field in fields(kind)})
+
+
+def _read_scenes(folder: Path, count: int) -> list[Scene]:
+    objects, attempts = defaultdict(list), defaultdict(list)
+    for row in _rows(folder, "objects", OBJECT_COLUMNS, count):
+        objects[row["scene_id"]].append(row)
+    for row in _rows(folder, "attempts", ATTEMPT_COLUMNS, count):
+        attempts[row["scene_id"]].append(row)
+    missing = [scene for scene in range(count) if scene not in objects or scene not in attempts]
+    if missing:
+        raise DamagedDataset(f"{len(missing)} of {count} scenes have no objects or no attempts, first {missing[0]}")
+    return [_scene(scene, objects[scene], attempts[scene]) for scene in range(count)]
+
+
+def _rows(folder: Path, table: str, columns: list[str], count: int) -> list[dict]:
+    try:
+        source = pads.dataset(folder / table, format="parquet")
+        rows = source.to_table(columns=columns, filter=pads.field("scene_id") < count).to_pylist()
+    except (OSError, KeyError, pa.ArrowException) as error:
+        raise DamagedDataset(f"{folder / table}: {error}") from error
+    return rows
+
+
+def _scene(scene_id: int, objects: list[dict], attempts: list[dict]) -> Scene:
+    try:
+        objects = sorted(objects, key=lambda row: row["object_id"])
+        if [row["object_id"] for row in objects] != list(range(len(objects))):
+            raise ValueError("object ids are not 0, 1, …")
+        made = [_object(row) for row in objects]
+        tried = [_attempt(row, len(made)) for row in sorted(attempts, key=lambda row: row["attempt_id"])]
+    except (ValueError, TypeError) as error:
+        raise DamagedDataset(f"scene {scene_id}: {error}") from error
+    return Scene(scene_id, made, tried)
+
+
+def _pose(row: dict) -> Pose:
+    position = np.array([row[key] for key in POSE[:3]], dtype=float)
+    quat = np.array([row[key] for key in POSE[3:]], dtype=float)
+    length = np.linalg.norm(quat)
+    if not np.isfinite(position).all() or not abs(length - 1) < 1e-3:
+        raise ValueError(f"no pose: {position} {quat}")
+    return Pose(position, quat / length)
+
+
+def _object(row: dict) -> SceneObject:
+    solid = Solid(row["shape"], (row["size_x_m"], row["size_y_m"], row["size_z_m"]))
+    if not (row["mass_kg"] > 0 and row["friction"] >= 0):
+        raise ValueError(f"mass {row['mass_kg']} kg, friction {row['friction']}")
+    return SceneObject(solid, row["mass_kg"], row["friction"], _pose(row))
+
+
+def _attempt(row: dict, object_count: int) -> Attempt:
+    if row["outcome"] not in OUTCOMES:
+        raise ValueError(f"unknown outcome {row['outcome']!r}")
+    if not 0 <= row["object_id"] < object_count:
+        raise ValueError(f"attempt {row['attempt_id']} aims at object {row['object_id']} of {object_count}")
+    width = float("nan") if row["width_m"] is None else row["width_m"]
+    return Attempt(
+        row["attempt_id"], row["object_id"], row["shape"], row["rule"], _pose(row), row["outcome"], row["hit"], width
+    )

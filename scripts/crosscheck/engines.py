@@ -1,0 +1,37 @@
+"""The engines by name. An engine's package is imported only when it is asked for."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+from .attempt import Engine
+
+ENGINES = ("pybullet", "mujoco")
+
+
+def make(name: str, **options: object) -> Engine:
+    """An engine; `options` are fields of its options."""
+    if name == "pybullet":
+        from .bullet import Bullet, BulletOptions
+
+        return Bullet(BulletOptions(**options))
+    from .mujoco_engine import Mujoco, MujocoOptions
+
+    return Mujoco(MujocoOptions(**options))
+
+
+def describe(name: str) -> dict:
+    """Engine, version and settings, for the report."""
+    engine = make(name)
+    settings = dict(vars(engine.options))
+    engine.close()
+    return {"engine": name, "version": version(name), "settings": settings}
+
+
+def variants(name: str) -> list[tuple[str, dict]]:
+    """What an engine is compared with to find its own noise: a name, and the options that differ."""
+    rate = make(name).step_rate_hz
+    found = [("objects added in reverse order", {"backwards": True}), (f"{2 * rate:.0f} Hz", {"step_rate_hz": 2 * rate})]
+    if name == "pybullet":
+        found.append(("50 solver iterations (its default)", {"solver_iterations": 50}))
+    return found

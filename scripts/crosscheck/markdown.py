@@ -1,0 +1,44 @@
+"""Small pieces of Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from .agreement import Agreement
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """A table, first column to the left, the others to the right."""
+    head = list(head)
+    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
+    return "".join("| " + " | ".join(str(cell) for cell in line) + " |\n" for line in lines) + "\n"
+
+
+def percent(share: float) -> str:
+    """A share with two decimals."""
+    return f"{100 * share:.2f} %" if np.isfinite(share) else "–"
+
+
+def kappa(value: float) -> str:
+    """Three decimals, or a dash where kappa says nothing."""
+    return f"{value:.3f}" if np.isfinite(value) else "–"
+
+
+def interval(a: Agreement) -> str:
+    """Kappa with its interval."""
+    return f"{kappa(a.kappa)} [{kappa(a.low)}, {kappa(a.high)}]"
+
+
+def millimetres(value_m: float) -> str:
+    """Metres as millimetres."""
+    return f"{1e3 * value_m:.3f}" if np.isfinite(value_m) else "–"
+
+
+AGREEMENT_HEAD = ["attempts", "disagree", "agreement", "κ [95 %]"]
+
+
+def agreement_cells(a: Agreement) -> list[str]:
+    """Cells for `AGREEMENT_HEAD`."""
+    return [f"{a.count:,}", f"{a.disagreeing:,}", percent(a.share), interval(a)]

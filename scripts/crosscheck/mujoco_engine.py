@@ -1,0 +1,217 @@
+"""MuJoCo as the third opinion.
+
+Set up for hard contacts: elliptic cones, friction as stiff as the normal direction, a slip-removing pass, and pairs with
+the product of both frictions (MuJoCo would take the larger). The palm is a body of a ton on a slide along the retreat,
+whose position and speed are written before every step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from xml.sax.saxutils import quoteattr
+
+import mujoco
+import numpy as np
+
+from .contract import GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M, Environment, Gripper, HandBox, Scene
+from .pose import Pose
+
+FINGERS = ("left", "right")
+PALM_MASS_KG = 1000.0
+TABLE_HALF_M = (1.5, 1.5, 0.5)
+
+
+@dataclass(frozen=True)
+class MujocoOptions:
+    """Settings that may matter. `contact_time_s` is the time constant of a contact's spring, at least two steps."""
+
+    step_rate_hz: float = 480.0
+    contact_time_s: float = 1 / 240
+    impedance: float = 0.99
+    friction_stiffness: float = 10.0
+    noslip_iterations: int = 10
+    backwards: bool = False
+
+
+class Mujoco:
+    """A MuJoCo world; see `crosscheck.attempt.Engine`."""
+
+    name = "mujoco"
+
+    def __init__(self, options: MujocoOptions = MujocoOptions()):
+        self.options = options
+        self.step_rate_hz = options.step_rate_hz
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    def load(self, scene: Scene, gripper: Gripper, environment: Environment) -> None:
+        """Compiles a scene and a hand."""
+        self._gripper, self._count = gripper, len(scene.objects)
+        self._model = mujoco.MjModel.from_xml_string(_model_xml(scene, gripper, environment, self.options))
+        self._data = mujoco.MjData(self._model)
+        model = self._model
+        self._bodies = [model.body(f"object{i}").id for i in range(self._count)]
+        self._geoms = [model.geom(f"object{i}").id for i in range(self._count)]
+        self._finger_geoms = [model.geom(name).id for name in FINGERS]
+        self._hand_geoms = [*self._finger_geoms, model.geom("palm").id]
+        self._table_geom = model.geom("table").id
+        self._slides = {name: model.joint(name).qposadr[0] for name in (*FINGERS, "palm")}
+        self._speeds = {name: model.joint(name).dofadr[0] for name in (*FINGERS, "palm")}
+
+    def begin(self, workspace_from_grasp: Pose | None, retreat: np.ndarray | None) -> None:
+        """The scene as stored; a hand that is not wanted is put out of the way."""
+        mujoco.mj_resetData(self._model, self._data)
+        pose = workspace_from_grasp or Pose(np.array([0.0, 0.0, 5.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+        self._model.jnt_axis[self._model.joint("palm").id] = pose.rotation.T @ (np.eye(3)[2] if retreat is None else retreat)
+        self._distance_m = 0.0
+        self.place(pose)
+        self.hold_open(False)
+
+    def place(self, workspace_from_grasp: Pose) -> None:
+        """Moves the hand's root."""
+        root = self._model.body("root").id
+        self._model.body_pos[root] = workspace_from_grasp.position_m
+        self._model.body_quat[root] = np.roll(workspace_from_grasp.quat_xyzw, 1)
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def hold_open(self, is_open: bool) -> None:
+        """Fingers stand still, or close: full force when stopped, no force at full speed."""
+        speed, force = self._gripper.closing_speed_m_s, self._gripper.finger_force_n
+        self._actuate([0.0, 0.0] if is_open else [force, force], force / speed, force)
+
+    def _actuate(self, forces_n: list[float], damping_n_s_m: float, limit_n: float) -> None:
+        self._data.ctrl[:] = forces_n
+        self._model.actuator_biasprm[:, 2] = -damping_n_s_m
+        self._model.actuator_forcerange[:] = (-limit_n, limit_n)
+
+    def step(self) -> None:
+        """One step; the palm ends where it was told."""
+        data, rate = self._data, self.step_rate_hz
+        now = data.qpos[self._slides["palm"]]
+        data.qvel[self._speeds["palm"]] = (self._distance_m - now) * rate
+        mujoco.mj_step(self._model, data)
+        data.qpos[self._slides["palm"]] = self._distance_m
+
+    def closed_m(self) -> tuple[float, float]:
+        """How far the fingers have closed."""
+        left, right = (float(self._data.qpos[self._slides[name]]) for name in FINGERS)
+        return left, right
+
+    def press(self, asymmetry_at_contact_m: float) -> None:
+        """Finger force and gear spring; the damper is the actuators' bias."""
+        left, right = self.closed_m()
+        spring = GEAR_STIFFNESS_N_M * (left - right - asymmetry_at_contact_m) / 2
+        force = self._gripper.finger_force_n
+        self._actuate([force - spring, force + spring], GEAR_DAMPING_N_S_M, 100 * force)
+
+    def move_to(self, distance_m: float) -> None:
+        """Where the palm ends the next step."""
+        self._distance_m = distance_m
+
+    def positions_m(self) -> np.ndarray:
+        """Origins of the objects' frames (n, 3)."""
+        mujoco.mj_kinematics(self._model, self._data)
+        return self._data.xpos[self._bodies].copy()
+
+    def quats_xyzw(self) -> np.ndarray:
+        """Orientations of the objects (n, 4)."""
+        mujoco.mj_kinematics(self._model, self._data)
+        return np.roll(self._data.xquat[self._bodies], -1, axis=1)
+
+    def grips(self, target: int) -> bool:
+        """Whether both fingers press on an object."""
+        return all(any(self._normal_force_n(c) > 0 for c in self._contacts(finger, target)) for finger in self._finger_geoms)
+
+    def sunk_m(self, target: int) -> float:
+        """Deepest overlap of a finger with an object."""
+        return max([0.0, *(-self._data.contact[c].dist for f in self._finger_geoms for c in self._contacts(f, target))])
+
+    def _contacts(self, finger: int, target: int) -> list[int]:
+        pair = {finger, self._geoms[target]}
+        return [c for c in range(self._data.ncon) if {*self._data.contact[c].geom} == pair]
+
+    def _normal_force_n(self, contact: int) -> float:
+        force = np.zeros(6)
+        mujoco.mj_contactForce(self._model, self._data, contact, force)
+        return float(force[0])
+
+    def nearest(self, target: int, reach_m: float) -> str | None:
+        """What the hand comes nearer to than `reach_m`, by MuJoCo's own distance query."""
+        mujoco.mj_kinematics(self._model, self._data)
+        others = [geom for i, geom in enumerate(self._geoms) if i != target]
+        for name, geoms in (("target", [self._geoms[target]]), ("other", others), ("table", [self._table_geom])):
+            if any(self._distance(hand, geom, reach_m) <= reach_m for hand in self._hand_geoms for geom in geoms):
+                return name
+        return None
+
+    def _distance(self, a: int, b: int, reach_m: float) -> float:
+        return mujoco.mj_geomDistance(self._model, self._data, a, b, 2 * reach_m + 1e-3, None)
+
+
+def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options: MujocoOptions) -> str:
+    """The model; element and attribute names are MuJoCo's."""
+    indices = range(len(scene.objects))
+    order = list(reversed(indices)) if options.backwards else list(indices)
+    frictions = {f"object{i}": scene.objects[i].friction for i in indices}
+    hand = dict.fromkeys(("palm", *FINGERS), gripper.friction)
+    pairs = [(a, b, frictions[a] * frictions[b]) for a, b in combinations(frictions, 2)]
+    pairs += [(a, "table", frictions[a] * environment.table_friction) for a in frictions]
+    pairs += [(a, b, frictions[a] * hand[b]) for a in frictions for b in hand]
+    pairs += [(finger, "table", gripper.friction * environment.table_friction) for finger in FINGERS]
+    meshes = "".join(
+        _tag("mesh", name=f"object{i}", vertex=scene.objects[i].solid.vertices_m.ravel()) for i in indices
+    )
+    table = _tag("geom", name="table", type="box", size=TABLE_HALF_M, pos=(0, 0, environment.table_z_m - TABLE_HALF_M[2]))
+    option = _tag(
+        "option", timestep=1 / options.step_rate_hz, gravity=(0, 0, -environment.gravity_m_s2), cone="elliptic",
+        integrator="implicitfast", impratio=options.friction_stiffness, noslip_iterations=options.noslip_iterations,
+    )  # fmt: skip
+    shared = {"solref": (options.contact_time_s, 1), "solimp": (options.impedance, options.impedance, 1e-4)}
+    contacts = "".join(
+        _tag("pair", geom1=a, geom2=b, condim=3, friction=(mu, mu, 0, 0, 0), **shared) for a, b, mu in pairs
+    )
+    motors = "".join(
+        _tag("general", joint=name, gainprm=1, biastype="affine", biasprm=(0, 0, -1), forcelimited="true", forcerange=(-1, 1))
+        for name in FINGERS
+    )  # fmt: skip
+    bodies = "".join(_object_xml(i, scene) for i in order)
+    return (
+        f"<mujoco>{option}<default><geom contype='0' conaffinity='0'/></default><asset>{meshes}</asset>"
+        f"<worldbody>{table}{bodies}{_hand_xml(gripper)}</worldbody>"
+        f"<contact>{contacts}</contact><actuator>{motors}</actuator></mujoco>"
+    )
+
+
+def _object_xml(index: int, scene: Scene) -> str:
+    o, name = scene.objects[index], f"object{index}"
+    inertial = _tag("inertial", pos=o.solid.centroid_m, mass=o.mass_kg, diaginertia=o.solid.inertia_kg_m2(o.mass_kg))
+    pose = o.workspace_from_object
+    inside = f"<freejoint/>{inertial}{_tag('geom', name=name, type='mesh', mesh=name)}"
+    return _tag("body", inside, name=name, pos=pose.position_m, quat=np.roll(pose.quat_xyzw, 1))
+
+
+def _hand_xml(gripper: Gripper) -> str:
+    def part(name: str, box: HandBox, axis: tuple, mass_kg: float, inside: str = "", **joint: object) -> str:
+        slide = _tag("joint", name=name, type="slide", axis=axis, **joint)
+        inertial = _tag("inertial", pos=box.centre_m, mass=mass_kg, diaginertia=(mass_kg * 1e-3,) * 3)
+        geom = _tag("geom", name=name, type="box", size=box.half_m, pos=box.centre_m)
+        return _tag("body", slide + inertial + geom + inside, name=name, gravcomp=1)
+
+    limits = {"limited": "true", "range": (0, gripper.opening_m_max / 2)}
+    fingers = "".join(
+        part(name, box, (0, inward, 0), gripper.finger_mass_kg, **limits)
+        for name, box, inward in zip(FINGERS, gripper.fingers(gripper.opening_m_max), (1, -1))
+    )
+    return _tag("body", part("palm", gripper.palm(), (0, 0, 1), PALM_MASS_KG, fingers), name="root")
+
+
+def _tag(kind: str, inside: str = "", **attributes: object) -> str:
+    def text(value: object) -> str:
+        if isinstance(value, str):
+            return value
+        return " ".join(f"{x:.12g}" for x in np.atleast_1d(value))
+
+    shown = " ".join(f"{key}={quoteattr(text(value))}" for key, value in attributes.items())
+    return f"<{kind} {shown}>{inside}</{kind}>"
