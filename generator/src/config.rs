@@ -469,6 +469,7 @@ mod tests {
         assert_eq!(config.grid, Grid::PAPER);
         assert_eq!(config.intrinsics, Intrinsics::VGN);
         assert_eq!(config.physics, Physics::FAITHFUL);
+        assert_eq!(config.procedure, Procedure::PAPER);
     }
 
     #[test]

@@ -27,3 +27,19 @@ pub struct Procedure {
     /// Another object may be raised this far while the hand lifts.
     pub other_lift_m_max: f32,
 }
+
+impl Procedure {
+    /// The procedure of `configs/generate/paper.toml`.
+    pub const PAPER: Self = Self {
+        pregrasp_distance_m: 0.05,
+        retreat_distance_m: 0.10,
+        retreat_cone_rad: core::f32::consts::FRAC_PI_3,
+        retreat_speed_m_s: 0.2,
+        close_time_s_max: 1.0,
+        hold_time_s: 0.25,
+        empty_width_m: 0.002,
+        held_travel_share_min: 0.5,
+        other_push_m_max: 0.01,
+        other_lift_m_max: 0.01,
+    };
+}

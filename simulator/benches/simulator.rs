@@ -4,8 +4,6 @@ use divan::Bencher;
 use schema::{Grid, Gripper, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
 use simulator::{AttemptWorld, Drop, Gate, Physics, Scene, SceneRays, SettleLaw, settle};
 
-const PI: f32 = core::f32::consts::PI;
-
 fn main() {
     divan::main();
 }
@@ -45,23 +43,10 @@ fn gripper() -> Gripper {
     Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).expect("the shipped gripper")
 }
 
-const PROCEDURE: Procedure = Procedure {
-    pregrasp_distance_m: 0.05,
-    retreat_distance_m: 0.10,
-    retreat_cone_rad: PI / 3.0,
-    retreat_speed_m_s: 0.2,
-    close_time_s_max: 1.0,
-    hold_time_s: 0.25,
-    empty_width_m: 0.002,
-    held_travel_share_min: 0.5,
-    other_push_m_max: 0.01,
-    other_lift_m_max: 0.01,
-};
-
 /// A grasp of the first object from straight above, closing across its shorter side.
 fn grasp(scene: &Scene) -> Pose {
     let at = scene.objects[0].workspace_from_object.translation;
-    Pose::from_parts(at, axis_angle(Vec3::X, PI))
+    Pose::from_parts(at, axis_angle(Vec3::X, core::f32::consts::PI))
 }
 
 #[divan::bench(args = [1, 3, 5])]
@@ -83,7 +68,7 @@ fn cast_ten_thousand_rays(bencher: Bencher) {
 #[divan::bench]
 fn judge_an_approach(bencher: Bencher) {
     let scene = settled(5);
-    let gate = Gate::new(&scene, &gripper(), &PROCEDURE);
+    let gate = Gate::new(&scene, &gripper(), &Procedure::PAPER);
     let grasp = grasp(&scene);
     bencher.bench_local(|| gate.blocked(divan::black_box(&grasp), 0));
 }
@@ -91,7 +76,7 @@ fn judge_an_approach(bencher: Bencher) {
 #[divan::bench(args = [1, 5])]
 fn execute_a_grasp(bencher: Bencher, count: usize) {
     let (scene, gripper) = (settled(count), gripper());
-    let world = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &PROCEDURE, &scene);
+    let world = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &Procedure::PAPER, &scene);
     let grasp = grasp(&scene);
     bencher.bench_local(|| world.execute(divan::black_box(&grasp), 0));
 }

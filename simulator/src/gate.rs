@@ -228,8 +228,7 @@ mod tests {
             let finger = gripper.open_hand()[case % 3].swept_back(0.05);
             let object = SceneObject { solid, mass_kg: 0.1, friction: 1.0, workspace_from_object: pose };
             let scene = Scene { table_z_m: -1.0, objects: vec![object] };
-            let procedure = test_procedure();
-            let gate = Gate::new(&scene, &gripper, &procedure);
+            let gate = Gate::new(&scene, &gripper, &Procedure::PAPER);
             let got = gate.touches(&gate.obstacles[0], &[finger; 3], &Pose::IDENTITY);
             let corners: Vec<Vec3> = (0..8)
                 .map(|c| {
@@ -244,20 +243,5 @@ mod tests {
             if got { touching += 1 } else { clear += 1 }
         }
         assert!(touching > 50 && clear > 50, "{touching} touch, {clear} are clear");
-    }
-
-    fn test_procedure() -> Procedure {
-        Procedure {
-            pregrasp_distance_m: 0.05,
-            retreat_distance_m: 0.10,
-            retreat_cone_rad: 1.0,
-            retreat_speed_m_s: 0.2,
-            close_time_s_max: 1.0,
-            hold_time_s: 0.25,
-            empty_width_m: 0.002,
-            held_travel_share_min: 0.5,
-            other_push_m_max: 0.01,
-            other_lift_m_max: 0.01,
-        }
     }
 }

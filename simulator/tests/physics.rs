@@ -18,21 +18,6 @@ fn gripper() -> Gripper {
     Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
 }
 
-fn procedure() -> Procedure {
-    Procedure {
-        pregrasp_distance_m: 0.05,
-        retreat_distance_m: 0.10,
-        retreat_cone_rad: PI / 3.0,
-        retreat_speed_m_s: 0.2,
-        close_time_s_max: 1.0,
-        hold_time_s: 0.25,
-        empty_width_m: 0.002,
-        held_travel_share_min: 0.5,
-        other_push_m_max: 0.01,
-        other_lift_m_max: 0.01,
-    }
-}
-
 fn object(kind: ShapeKind, extents_m: [f32; 3], mass_kg: f32, friction: f32) -> Drop {
     let solid = Solid::new(kind, Vec3::from_array(extents_m)).unwrap();
     let at = Vec3::new(0.15, 0.15, 0.05 + 0.5 * extents_m[2] + 0.0005);
@@ -55,7 +40,7 @@ fn attempt(drop: Drop, grasp: Pose, procedure: &Procedure) -> Execution {
 
 #[test]
 fn a_gripped_block_is_lifted_and_stays_for_two_seconds() {
-    let procedure = Procedure { hold_time_s: 2.0, ..procedure() };
+    let procedure = Procedure { hold_time_s: 2.0, ..Procedure::PAPER };
     for mass_kg in [0.02, 0.2, 0.5] {
         let end = attempt(object(ShapeKind::Cuboid, [0.04, 0.04, 0.05], mass_kg, 1.0), from_above(0.07), &procedure);
         assert_eq!(end.outcome, Outcome::Held, "{mass_kg} kg");
@@ -77,14 +62,14 @@ fn every_shape_is_held_by_a_good_grasp() {
         let turn = axis_angle(Vec3::Z, if closing_along_x { PI / 2.0 } else { 0.0 });
         let mut grasp = from_above(tip_z);
         grasp.rotation = turn * grasp.rotation;
-        let end = attempt(object(kind, extents, 0.1, 1.0), grasp, &procedure());
+        let end = attempt(object(kind, extents, 0.1, 1.0), grasp, &Procedure::PAPER);
         assert_eq!(end.outcome, Outcome::Held, "{kind:?}: {end:?}");
     }
 }
 
 #[test]
 fn a_frictionless_block_slips() {
-    let end = attempt(object(ShapeKind::Cuboid, [0.04, 0.04, 0.05], 0.2, 0.0), from_above(0.07), &procedure());
+    let end = attempt(object(ShapeKind::Cuboid, [0.04, 0.04, 0.05], 0.2, 0.0), from_above(0.07), &Procedure::PAPER);
     assert_eq!(end.outcome, Outcome::Slipped);
 }
 
@@ -92,7 +77,7 @@ fn a_frictionless_block_slips() {
 fn a_block_is_held_as_coulomb_says_and_no_longer() {
     // Two fingers of 20 N hold m g = 2 µ F: with µ = 0.1, 0.408 kg.
     for (mass_kg, expected) in [(0.30, Outcome::Held), (0.55, Outcome::Slipped)] {
-        let procedure = Procedure { hold_time_s: 0.5, ..procedure() };
+        let procedure = Procedure { hold_time_s: 0.5, ..Procedure::PAPER };
         let end = attempt(object(ShapeKind::Cuboid, [0.04, 0.04, 0.05], mass_kg, 0.1), from_above(0.07), &procedure);
         assert_eq!(end.outcome, expected, "{mass_kg} kg");
     }
@@ -100,7 +85,7 @@ fn a_block_is_held_as_coulomb_says_and_no_longer() {
 
 #[test]
 fn a_block_wider_than_the_opening_collides() {
-    let end = attempt(object(ShapeKind::Cuboid, [0.04, 0.082, 0.05], 0.2, 1.0), from_above(0.07), &procedure());
+    let end = attempt(object(ShapeKind::Cuboid, [0.04, 0.082, 0.05], 0.2, 1.0), from_above(0.07), &Procedure::PAPER);
     assert_eq!(end.outcome, Outcome::ApproachCollision);
     assert_eq!(end.hit.unwrap().kind, schema::HitKind::Target);
 }
@@ -109,11 +94,11 @@ fn a_block_wider_than_the_opening_collides() {
 fn a_hand_in_the_table_collides_and_a_hand_beside_the_object_closes_on_nothing() {
     let block = || object(ShapeKind::Cuboid, [0.04, 0.04, 0.05], 0.2, 1.0);
     let flat = object(ShapeKind::Cuboid, [0.04, 0.04, 0.03], 0.2, 1.0);
-    let end = attempt(flat, from_above(0.045), &procedure());
+    let end = attempt(flat, from_above(0.045), &Procedure::PAPER);
     assert_eq!((end.outcome, end.hit.unwrap().kind), (Outcome::ApproachCollision, schema::HitKind::Table));
     let mut beside = from_above(0.07);
     beside.translation.x += 0.08;
-    assert_eq!(attempt(block(), beside, &procedure()).outcome, Outcome::Empty);
+    assert_eq!(attempt(block(), beside, &Procedure::PAPER).outcome, Outcome::Empty);
 }
 
 #[test]
@@ -141,7 +126,8 @@ fn thin_and_light_objects_do_not_explode() {
 
 #[test]
 fn the_same_attempt_ends_the_same_to_the_bit() {
-    let run = || attempt(object(ShapeKind::Cylinder, [0.04, 0.04, 0.06], 0.1, 1.0), from_above(0.08), &procedure());
+    let run =
+        || attempt(object(ShapeKind::Cylinder, [0.04, 0.04, 0.06], 0.1, 1.0), from_above(0.08), &Procedure::PAPER);
     assert_eq!(run(), run());
 }
 
@@ -167,7 +153,7 @@ fn what_lies_on_top_of_the_target_and_rides_along_is_hit_other() {
             },
         ],
     };
-    let (gripper, procedure) = (gripper(), procedure());
+    let (gripper, procedure) = (gripper(), Procedure::PAPER);
     let end = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &procedure, &scene).execute(&from_above(0.085), 0);
     assert_eq!(end.outcome, Outcome::HitOther, "{end:?}");
     assert_eq!(end.hit.unwrap().object_id, Some(1));
