@@ -17,12 +17,13 @@ JITTERS_M = (1e-4, 5e-4)
 
 @dataclass(frozen=True)
 class Ceiling:
-    """An engine against itself under one change."""
+    """An engine against itself under one change; `flipped` (n,): whose label the change turns."""
 
     change: str
     overall: Agreement
     closing: Agreement
     sunk_m_p99: float
+    flipped: np.ndarray
 
 
 def measure(dataset: Dataset, rows: Rows, name: str, base: Pass, seed: int) -> list[Ceiling]:
@@ -36,5 +37,5 @@ def measure(dataset: Dataset, rows: Rows, name: str, base: Pass, seed: int) -> l
         engine.close()
         sunk = [e.sunk_m for e in other.executions if np.isfinite(e.sunk_m)]
         deep = float(np.percentile(sunk, 99)) if sunk else float("nan")
-        found.append(Ceiling(change, *compare_passes(rows, base, other, seed), deep))
+        found.append(Ceiling(change, *compare_passes(rows, base, other, seed), deep, base.labels != other.labels))
     return found

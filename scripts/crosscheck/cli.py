@@ -36,12 +36,18 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         data = dataset.read(args.dataset, args.scenes)
         report = run(data, _chosen(args.engine), args.seed, args.ceiling, _command(arguments))
+        _write(report, args)
     except dataset.NoDataset as error:
         return _fail(CONFIG, str(error))
     except dataset.DamagedDataset as error:
         return _fail(DATA, str(error))
     except ModuleNotFoundError as error:
         return _fail(CONFIG, f"{error}; pip install -r scripts/requirements.txt")
+    print(terminal(report))
+    return OK
+
+
+def _write(report: Report, args: argparse.Namespace) -> None:
     if args.report:
         if args.pictures:
             _add_pictures(report, args.report, args.pictures)
@@ -50,8 +56,6 @@ def main(arguments: list[str] | None = None) -> int:
     if args.json:
         args.json.parent.mkdir(parents=True, exist_ok=True)
         args.json.write_text(json.dumps(as_json(report), indent=1) + "\n")
-    print(terminal(report))
-    return OK
 
 
 def _parser() -> argparse.ArgumentParser:

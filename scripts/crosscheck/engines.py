@@ -34,4 +34,7 @@ def variants(name: str) -> list[tuple[str, dict]]:
     found = [("objects added in reverse order", {"backwards": True}), (f"{2 * rate:.0f} Hz", {"step_rate_hz": 2 * rate})]
     if name == "pybullet":
         found.append(("50 solver iterations (its default)", {"solver_iterations": 50}))
+    if name == "mujoco":
+        stiff = {"step_rate_hz": 2000.0, "contact_time_s": 1e-3, "impedance": 0.999}
+        found.append(("2000 Hz, much stiffer contacts", stiff))
     return found

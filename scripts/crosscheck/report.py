@@ -141,7 +141,9 @@ def _disagreements(report: Report) -> str:
         i for i, label in enumerate(report.rows.labels)
         if any(report.engines[name].same_gate.labels[i] != label for name in names)
     ]  # fmt: skip
-    head = ["scene/attempt", "rule", "tilt from vertical", "ours", *names, "opening ours [mm]"]
+    head = ["scene/attempt", "rule", "from vertical", "ours", *names, "opening ours [mm]"]
+    flips = {name: _flips(report.engines[name]) for name in names if report.engines[name].ceiling}
+    head += [f"changes that flip {name}" for name in flips]
     lines = []
     for i in differing:
         attempt = report.rows.attempts[i]
@@ -149,12 +151,32 @@ def _disagreements(report: Report) -> str:
         shown = f"[{key}]({report.pictures[i]})" if i in report.pictures else key
         theirs = [report.engines[name].same_gate.executions[i].outcome for name in names]
         angle = f"{np.degrees(attempt.approach_angle_rad):.0f}°"
-        lines.append([shown, attempt.rule, angle, attempt.outcome, *theirs, millimetres(attempt.width_m)])
-    text = f"## Attempts whose labels differ, same gate ({len(differing):,})\n\n" + table(head, lines)
+        turned = [f"{count[i]} of {len(report.engines[name].ceiling)}" for name, count in flips.items()]
+        lines.append([shown, attempt.rule, angle, attempt.outcome, *theirs, millimetres(attempt.width_m), *turned])
+    text = f"## Attempts whose labels differ, same gate ({len(differing):,})\n\n" + _flip_summary(report) + table(head, lines)
     for i, path in report.pictures.items():
         attempt = report.rows.attempts[i]
         text += f"![scene {report.rows.scenes[i]}, attempt {attempt.attempt_id}, ours {attempt.outcome}]({path})\n\n"
     return text
+
+
+def _flips(found: EngineReport) -> np.ndarray:
+    """How many changes turn each label (n,) of an engine against itself."""
+    return np.sum([c.flipped for c in found.ceiling], axis=0)
+
+
+def _flip_summary(report: Report) -> str:
+    lines = []
+    for name, found in report.engines.items():
+        if not found.ceiling:
+            continue
+        differ, unsure = found.same_gate.labels != report.rows.labels, _flips(found) > 0
+        lines.append(
+            f"Of the {int(differ.sum()):,} attempts on which {name} differs from us, it differs from itself under one of the "
+            f"{len(found.ceiling)} changes above on {int((differ & unsure).sum()):,}; of the other {int((~differ).sum()):,}, on "
+            f"{int((~differ & unsure).sum()):,}.\n\n"
+        )
+    return "".join(lines)
 
 
 def as_json(report: Report) -> dict:
@@ -182,7 +204,8 @@ def _engine_json(found: EngineReport) -> dict:
         "same_gate": _comparison_json(found.same),
         "own_approach": _comparison_json(found.own),
         "ceiling": [
-            {"change": c.change, "overall": c.overall.as_json(), "closing": c.closing.as_json(), "sunk_m_p99": _finite(c.sunk_m_p99)}
+            {"change": c.change, "overall": c.overall.as_json(), "closing": c.closing.as_json(), "sunk_m_p99": _finite(c.sunk_m_p99),
+             "flipped": int(c.flipped.sum())}
             for c in found.ceiling
         ],
     }  # fmt: skip
@@ -215,7 +238,11 @@ def _disagreement_json(report: Report) -> list[dict]:
             continue
         attempt = report.rows.attempts[i]
         where = {"scene_id": int(report.rows.scenes[i]), "attempt_id": attempt.attempt_id, "rule": attempt.rule}
-        found.append({**where, "ours": attempt.outcome, **{mode: e.outcome for mode, e in modes.items()}})
+        flips = {
+            f"{name} changes": [c.change for c in engine.ceiling if c.flipped[i]]
+            for name, engine in report.engines.items() if engine.ceiling
+        }  # fmt: skip
+        found.append({**where, **flips, "ours": attempt.outcome, **{mode: e.outcome for mode, e in modes.items()}})
     return found
 
 

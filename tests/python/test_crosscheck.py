@@ -30,6 +30,7 @@ from crosscheck.contract import (
     smoothstep,
     steps,
 )
+from crosscheck.coulomb import lag_m
 from crosscheck.pose import Pose, quat_from_vector
 from crosscheck.solid import FACETS, Solid
 
@@ -183,6 +184,24 @@ def test_two_fingers_of_20_n_hold_what_coulomb_says(name, mass_kg, friction, out
     engine.close()
     assert ended.outcome == outcome
     assert ended.width_m == pytest.approx(0.04, abs=3e-4)
+
+
+def test_the_closed_form_of_sliding_is_its_integral():
+    time, mass_kg = np.linspace(0, 0.5, 100_001), 3.6
+    hand = 0.1 * (3 * (time / 0.5) ** 2 - 2 * (time / 0.5) ** 3)
+    body = np.minimum(hand, 0.5 * (40.0 / mass_kg - 9.81) * time**2)
+    caught = int(np.argmax(np.gradient(hand, time)[1:] < (40.0 / mass_kg - 9.81) * time[1:]))
+    lag = lag_m(mass_kg, 1.0, 20.0, PROCEDURE, 9.81)
+    assert lag == pytest.approx((hand - body)[caught], abs=1e-5) and 0.009 < lag < 0.010
+    assert lag_m(3.2, 1.0, 20.0, PROCEDURE, 9.81) == 0.0 and np.isinf(lag_m(4.1, 1.0, 20.0, PROCEDURE, 9.81))
+
+
+@pytest.mark.parametrize("name, tolerance_m", [("mujoco", 0.001), ("pybullet", 0.005)])
+def test_a_body_that_is_too_heavy_slides_as_far_as_the_closed_form_says(name, tolerance_m):
+    engine, one = engines.make(name), scene(0.06, 3.6, tip_m=0.03)
+    ended = Runner(engine, one, GRIPPER, PROCEDURE, TABLE).from_closing(one.attempts[0], one.attempts[0].workspace_from_grasp)
+    engine.close()
+    assert 0.1 - ended.travel_m == pytest.approx(lag_m(3.6, 1.0, 20.0, PROCEDURE, 9.81), abs=tolerance_m)
 
 
 @pytest.mark.parametrize("name", engines.ENGINES)
