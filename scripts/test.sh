@@ -65,7 +65,7 @@ venv() {
 }
 
 dataset() {
-    "${CARGO_TARGET_DIR:-target}/debug/generator" --config configs/generate/demo.toml --shards 2 --attempts 240 \
+    "${CARGO_TARGET_DIR:-target}/debug/generator" --config configs/generate/demo.toml --shards 2 --attempts 600 \
         --out "$scratch/dataset"
 }
 
