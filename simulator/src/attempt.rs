@@ -9,10 +9,10 @@
 use rapier3d::prelude::{ColliderHandle, PhysicsPipeline, RigidBodyHandle};
 use schema::{Gripper, Outcome, Pose, Procedure, Vec3};
 
-use crate::Scene;
-use crate::engine::{Physics, World};
+use crate::engine::{Physics, Thing, World};
 use crate::gate::{Gate, Hit, lowest_z_m};
 use crate::hand::Hand;
+use crate::{Scene, SceneObject};
 
 /// Fingers slower than this stand still …
 const STOPPED_SPEED_M_S: f32 = 0.002;
@@ -37,22 +37,17 @@ pub struct AttemptWorld<'a> {
     procedure: &'a Procedure,
     table_z_m: f32,
     gate: Gate,
-    template: World,
-    bodies: Vec<RigidBodyHandle>,
+    things: Vec<(Thing, Pose)>,
 }
 
 impl<'a> AttemptWorld<'a> {
     /// Makes a scene ready. The world is built from the scene's poses alone, so that stored rows give the same attempts.
     #[must_use]
     pub fn new(physics: &'a Physics, gripper: &'a Gripper, procedure: &'a Procedure, scene: &Scene) -> Self {
-        let mut template = World::with_table(physics, scene.table_z_m);
-        let bodies = scene
-            .objects
-            .iter()
-            .map(|o| template.add_object(&o.solid, o.mass_kg, o.friction, o.workspace_from_object))
-            .collect();
+        let thing = |o: &SceneObject| (Thing::new(&o.solid, o.mass_kg, o.friction), o.workspace_from_object);
+        let things = scene.objects.iter().map(thing).collect();
         let gate = Gate::new(scene, gripper, procedure);
-        Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, template, bodies }
+        Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, things }
     }
 
     /// Tries one grasp of object `target`.
@@ -74,6 +69,9 @@ struct Run<'a> {
     world: World,
     pipeline: PhysicsPipeline,
     hand: Hand,
+    bodies: Vec<RigidBodyHandle>,
+    /// Up, in the world.
+    up: Vec3,
     workspace_from_grasp: Pose,
     target: usize,
     target_collider: ColliderHandle,
@@ -81,11 +79,16 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn start(setup: &'a AttemptWorld<'a>, workspace_from_grasp: Pose, target: usize) -> Self {
-        let mut world = setup.template.clone();
-        let hand = Hand::insert(&mut world, setup.gripper, workspace_from_grasp);
-        let target_collider = world.bodies[setup.bodies[target]].colliders()[0];
+        let grasp_from_workspace = workspace_from_grasp.inverse();
+        let down = grasp_from_workspace.rotation * -Vec3::Z;
+        let mut world = World::new(setup.physics, down * setup.physics.gravity_m_s2);
+        world.add_table(&grasp_from_workspace, setup.table_z_m, setup.physics.table_friction);
+        let bodies: Vec<RigidBodyHandle> =
+            setup.things.iter().map(|(thing, pose)| world.add_object(thing, grasp_from_workspace * *pose)).collect();
+        let hand = Hand::insert(&mut world, setup.gripper);
+        let target_collider = world.bodies[bodies[target]].colliders()[0];
         let pipeline = PhysicsPipeline::new();
-        Self { setup, world, pipeline, hand, workspace_from_grasp, target, target_collider }
+        Self { setup, world, pipeline, hand, bodies, up: -down, workspace_from_grasp, target, target_collider }
     }
 
     fn finish(mut self) -> Execution {
@@ -130,17 +133,15 @@ impl<'a> Run<'a> {
     /// Moves the hand out and holds; whether the target came along and is still gripped.
     fn retreat_and_hold(&mut self, target_start_m: Vec3) -> bool {
         let (physics, procedure) = (self.setup.physics, self.setup.procedure);
-        let direction = retreat_direction(&self.workspace_from_grasp, procedure.retreat_cone_rad);
+        let direction = self.retreat_direction();
         let retreat_steps = physics.steps(procedure.retreat_distance_m / procedure.retreat_speed_m_s);
         let [left, right] = self.hand.closed_m(&self.world);
         for step in 1..=retreat_steps + physics.steps(procedure.hold_time_s) {
             let share = (step as f32 / retreat_steps as f32).min(1.0);
             // Smoothstep: the hand starts and stops without a jolt.
             let distance = procedure.retreat_distance_m * share * share * (3.0 - 2.0 * share);
-            let mut pose = self.workspace_from_grasp;
-            pose.translation += direction * distance;
             self.hand.press(&mut self.world, left - right);
-            self.hand.move_to(&mut self.world, pose);
+            self.hand.move_to(&mut self.world, direction * distance);
             self.world.step(&mut self.pipeline);
             if self.hand.width_m(&self.world) <= procedure.empty_width_m {
                 return false;
@@ -171,21 +172,57 @@ impl<'a> Run<'a> {
     fn raised(&self, before: &[Vec3]) -> Option<Hit> {
         let now = self.positions();
         let limit = self.setup.procedure.other_lift_m_max;
-        self.others().find(|id| now[*id].z - before[*id].z > limit).map(|id| Hit::object(id, self.target))
+        self.others().find(|id| (now[*id] - before[*id]).dot(self.up) > limit).map(|id| Hit::object(id, self.target))
     }
 
     fn others(&self) -> impl Iterator<Item = usize> {
         let target = self.target;
-        (0..self.setup.bodies.len()).filter(move |id| *id != target)
+        (0..self.bodies.len()).filter(move |id| *id != target)
     }
 
     fn positions(&self) -> Vec<Vec3> {
-        self.setup.bodies.iter().map(|body| self.world.pose(*body).translation).collect()
+        self.bodies.iter().map(|body| self.world.pose(*body).translation).collect()
+    }
+
+    /// Where the hand goes with its catch: back along the approach if that is near enough to straight down, else up.
+    fn retreat_direction(&self) -> Vec3 {
+        let back = -Vec3::Z;
+        if back.dot(self.up) >= libm::cosf(self.setup.procedure.retreat_cone_rad) { back } else { self.up }
     }
 }
 
-/// Where the hand goes with its catch: back along the approach if that is within `cone_rad` of straight down, else up.
-fn retreat_direction(workspace_from_grasp: &Pose, cone_rad: f32) -> Vec3 {
-    let approach = workspace_from_grasp.rotation * Vec3::Z;
-    if -approach.z >= libm::cosf(cone_rad) { -approach } else { Vec3::Z }
+#[cfg(test)]
+mod tests {
+    use schema::{Quat, ShapeKind, Solid, axis_angle};
+
+    use super::*;
+
+    /// How far a block of `mass_kg` has fallen behind the hand at the end of lift and hold, in metres.
+    fn lag_m(mass_kg: f32, hold_time_s: f32) -> f32 {
+        let gripper = Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap();
+        let procedure = Procedure { hold_time_s, ..Procedure::PAPER };
+        let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.04, 0.04, 0.06)).unwrap();
+        let at = Vec3::new(0.15, 0.15, 0.08);
+        let workspace_from_object = Pose::from_parts(at, Quat::IDENTITY);
+        let block = SceneObject { solid, mass_kg, friction: 1.0, workspace_from_object };
+        let scene = Scene { table_z_m: 0.05, objects: vec![block] };
+        let setup = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &procedure, &scene);
+        let mut run = Run::start(&setup, Pose::from_parts(at, axis_angle(Vec3::X, core::f32::consts::PI)), 0);
+        run.close();
+        let start_m = run.positions()[0];
+        run.retreat_and_hold(start_m);
+        procedure.retreat_distance_m - (run.positions()[0] - start_m).dot(run.up)
+    }
+
+    /// Two fingers of 20 N with friction 1 accelerate 3.6 kg by at most c = 40 N / 3.6 kg − g, and the lift asks for
+    /// A = 6 d / T² at first: the block slides d·(1 − c/A)³ until it is as fast as the hand, then rests in the jaws.
+    #[test]
+    fn a_heavy_block_slides_as_far_as_coulomb_says_and_does_not_creep() {
+        let wanted = 6.0 * 0.1 / (0.5 * 0.5);
+        let expected_m = 0.1 * (1.0_f32 - (40.0 / 3.6 - 9.81) / wanted).powi(3);
+        let (lifted_m, held_m) = (lag_m(3.6, 0.0), lag_m(3.6, 1.0));
+        assert!((lifted_m - expected_m).abs() < 0.003, "{lifted_m} m, by the closed form {expected_m} m");
+        assert!((held_m - lifted_m).abs() < 5e-5, "crept {} m in a second", held_m - lifted_m);
+        assert!(lag_m(0.5, 1.0).abs() < 5e-5);
+    }
 }

@@ -139,7 +139,7 @@ mod tests {
     }
 
     fn triangles_of(solid: &Solid) -> TriMesh {
-        let shape = shape_of(solid);
+        let shape = shape_of(solid, 1.0);
         let (vertices, indices) = match shape.as_cuboid() {
             Some(cuboid) => cuboid.to_trimesh(),
             None => ConvexPolyhedron::from_convex_hull(&solid.vertices_m()).unwrap().to_trimesh(),

@@ -59,11 +59,17 @@ impl Physics {
             contact_recycling: false,
             friction_in_bias_pass: true,
             friction_model: FrictionModel::Coulomb,
-            length_unit: LENGTH_UNIT_M,
+            length_unit: LENGTH_UNIT_M * UNITS_PER_M,
             ..IntegrationParameters::default()
         }
     }
 }
+
+/// The engine's unit of length: inside, a metre is 64 units (a power of two, so that conversion rounds nothing). In
+/// metres parry takes the edges of small faces for parallel, whatever their angle: its clipping compares products of
+/// squared lengths with a fixed 1e-7, below which all edges under 2 cm fall. A finger's edge across a facet then got one
+/// contact point instead of two, and what it held swung about that point.
+pub(crate) const UNITS_PER_M: f32 = 64.0;
 
 /// rapier's idea of a typical size. It scales the slop (0.5 %) and the reach of speculative contacts (2 %): 0.5 mm and
 /// 2 mm here, for objects of a few centimetres.
@@ -73,8 +79,23 @@ const LENGTH_UNIT_M: f32 = 0.1;
 /// contact (see `faceted`), and an upright cylinder topples.
 const TABLE_HALF_M: schema::Vec3 = schema::Vec3::new(1.5, 1.5, 0.5);
 
-/// All of rapier's state, cloneable: a template world is built once a scene and copied for every attempt.
-#[derive(Clone)]
+/// An object as the engine knows it, ready to be put into worlds.
+pub(crate) struct Thing {
+    shape: SharedShape,
+    mass_properties: MassProperties,
+    friction: f32,
+}
+
+impl Thing {
+    pub(crate) fn new(solid: &Solid, mass_kg: f32, friction: f32) -> Self {
+        let shape = shape_of(solid, UNITS_PER_M);
+        let mut mass_properties = shape.mass_properties(1.0);
+        mass_properties.set_mass(mass_kg, true);
+        Self { shape, mass_properties, friction }
+    }
+}
+
+/// All of rapier's state.
 pub(crate) struct World {
     gravity: Vector,
     parameters: IntegrationParameters,
@@ -90,10 +111,10 @@ pub(crate) struct World {
 }
 
 impl World {
-    /// An empty world: gravity along −z, nothing in it.
-    pub(crate) fn new(physics: &Physics) -> Self {
+    /// An empty world.
+    pub(crate) fn new(physics: &Physics, gravity_m_s2: Vector) -> Self {
         Self {
-            gravity: Vector::new(0.0, 0.0, -physics.gravity_m_s2),
+            gravity: gravity_m_s2 * UNITS_PER_M,
             parameters: physics.integration(),
             islands: IslandManager::new(),
             broad_phase: DefaultBroadPhase::new(),
@@ -107,30 +128,24 @@ impl World {
         }
     }
 
-    /// A world with a table whose top is at `table_z_m`.
-    pub(crate) fn with_table(physics: &Physics, table_z_m: f32) -> Self {
-        let mut world = Self::new(physics);
-        let half = TABLE_HALF_M;
-        let centre = Vector::new(0.0, 0.0, table_z_m - half.z);
-        world.add_fixed(ColliderBuilder::cuboid(half.x, half.y, half.z).translation(centre), physics.table_friction);
-        world
+    /// Adds a table whose top is at `table_z_m` in the workspace.
+    pub(crate) fn add_table(&mut self, world_from_workspace: &Pose, table_z_m: f32, friction: f32) {
+        let centre = Pose::from_parts(Vector::new(0.0, 0.0, table_z_m - TABLE_HALF_M.z), Rotation::IDENTITY);
+        self.add_fixed_box(*world_from_workspace * centre, TABLE_HALF_M, friction);
     }
 
-    /// Adds something that never moves.
-    pub(crate) fn add_fixed(&mut self, collider: ColliderBuilder, friction: f32) -> ColliderHandle {
+    /// Adds a box that never moves.
+    pub(crate) fn add_fixed_box(&mut self, pose: Pose, half_m: Vector, friction: f32) -> ColliderHandle {
+        let half = half_m * UNITS_PER_M;
+        let collider = ColliderBuilder::cuboid(half.x, half.y, half.z).position(in_units(pose));
         self.colliders.insert(surface(collider, friction))
     }
 
     /// Adds a free object at rest.
-    pub(crate) fn add_object(
-        &mut self,
-        solid: &Solid,
-        mass_kg: f32,
-        friction: f32,
-        workspace_from_object: Pose,
-    ) -> RigidBodyHandle {
-        let body = self.bodies.insert(RigidBodyBuilder::dynamic().pose(workspace_from_object).can_sleep(false));
-        self.add_part(body, ColliderBuilder::new(shape_of(solid)).mass(mass_kg), friction);
+    pub(crate) fn add_object(&mut self, thing: &Thing, world_from_object: Pose) -> RigidBodyHandle {
+        let body = self.bodies.insert(RigidBodyBuilder::dynamic().pose(in_units(world_from_object)).can_sleep(false));
+        let collider = ColliderBuilder::new(thing.shape.clone()).mass_properties(thing.mass_properties);
+        self.add_part(body, collider, thing.friction);
         body
     }
 
@@ -168,15 +183,33 @@ impl World {
         );
     }
 
+    /// Steps a second.
+    pub(crate) fn step_rate_hz(&self) -> f32 {
+        1.0 / self.parameters.dt
+    }
+
     /// Where a body's frame is.
     pub(crate) fn pose(&self, body: RigidBodyHandle) -> Pose {
-        *self.bodies[body].position()
+        let pose = self.bodies[body].position();
+        Pose::from_parts(pose.translation / UNITS_PER_M, pose.rotation)
+    }
+
+    /// Speed of a body's centre of mass in m/s, and how fast it turns in rad/s.
+    pub(crate) fn speeds(&self, body: RigidBodyHandle) -> [f32; 2] {
+        let body = &self.bodies[body];
+        [body.linvel().length() / UNITS_PER_M, body.angvel().length()]
     }
 
     /// Force with which two colliders press on each other in the last step, in newtons.
     pub(crate) fn contact_force_n(&self, a: ColliderHandle, b: ColliderHandle) -> f32 {
-        self.narrow_phase.contact_pair(a, b).map_or(0.0, |pair| pair.total_impulse_magnitude() / self.parameters.dt)
+        self.narrow_phase
+            .contact_pair(a, b)
+            .map_or(0.0, |pair| pair.total_impulse_magnitude() / (self.parameters.dt * UNITS_PER_M))
     }
+}
+
+fn in_units(pose: Pose) -> Pose {
+    Pose::from_parts(pose.translation * UNITS_PER_M, pose.rotation)
 }
 
 fn surface(collider: ColliderBuilder, friction: f32) -> ColliderBuilder {

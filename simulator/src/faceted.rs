@@ -13,17 +13,17 @@ use parry3d::shape::{
     ConvexPolyhedron, FeatureId, PackedFeatureId, PolygonalFeature, PolygonalFeatureMap, Shape, ShapeType, SharedShape,
     SupportMap, TypedShape,
 };
-use schema::{Plane, Pose, ShapeKind, Solid};
+use schema::{Pose, ShapeKind, Solid};
 
 /// A face touched nearer to its middle than this share of its radius is described by its standing choice of corners.
 const RIM_SHARE: f32 = 0.25;
 
-/// The collision shape of a solid.
-pub(crate) fn shape_of(solid: &Solid) -> SharedShape {
-    let half = solid.extents_m * 0.5;
+/// The collision shape of a solid, in units of which `units_per_m` make a metre.
+pub(crate) fn shape_of(solid: &Solid, units_per_m: f32) -> SharedShape {
+    let half = solid.extents_m * (0.5 * units_per_m);
     match solid.kind {
         ShapeKind::Cuboid => SharedShape::cuboid(half.x, half.y, half.z),
-        _ => SharedShape::new(Faceted::new(solid)),
+        _ => SharedShape::new(Faceted::new(solid, units_per_m)),
     }
 }
 
@@ -33,18 +33,19 @@ pub(crate) fn shape_of(solid: &Solid) -> SharedShape {
 struct Faceted {
     hull: ConvexPolyhedron,
     corners: Vec<Vector>,
-    planes: Vec<Plane>,
-    end_radius_m: f32,
+    normals: Vec<Vector>,
+    end_radius: f32,
 }
 
 impl Faceted {
-    fn new(solid: &Solid) -> Self {
-        let corners = solid.vertices_m();
+    fn new(solid: &Solid, units_per_m: f32) -> Self {
+        let corners: Vec<Vector> = solid.vertices_m().into_iter().map(|c| c * units_per_m).collect();
         let hull = ConvexPolyhedron::from_convex_hull(&corners).expect("a checked solid has a convex hull");
         let ring = &corners[..corners.len() / 2];
         let middle = middle_of(ring);
-        let end_radius_m = ring.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
-        Self { hull, planes: solid.planes(), corners, end_radius_m }
+        let end_radius = ring.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
+        let normals = solid.planes().into_iter().map(|plane| plane.normal).collect();
+        Self { hull, corners, normals, end_radius }
     }
 
     fn sides(&self) -> usize {
@@ -68,15 +69,15 @@ impl Faceted {
         let middle = middle_of(ring);
         let first = hint
             .map(|hint| hint - middle)
-            .filter(|off| off.length() > RIM_SHARE * self.end_radius_m)
+            .filter(|off| off.length() > RIM_SHARE * self.end_radius)
             .map_or(0, |off| nearest_along(ring, middle, off));
         (core::array::from_fn(|i| start + (first + (i * n + 2) / 4) % n), 4)
     }
 
     fn describe(&self, dir: Vector, hint: Option<Vector>, out: &mut PolygonalFeature) {
         let n = self.sides();
-        let face = (0..self.planes.len())
-            .reduce(|best, f| if self.planes[f].normal.dot(dir) > self.planes[best].normal.dot(dir) { f } else { best })
+        let face = (0..self.normals.len())
+            .reduce(|best, f| if self.normals[f].dot(dir) > self.normals[best].dot(dir) { f } else { best })
             .unwrap_or(0);
         let (corners, count) =
             if face < n { (self.side_corners(face), 4) } else { self.end_corners(face == n + 1, hint) };
@@ -195,7 +196,7 @@ mod tests {
     #[test]
     fn the_end_of_a_cylinder_is_described_by_corners_all_round() {
         let solid = Solid::new(ShapeKind::Cylinder, Vec3::new(0.04, 0.04, 0.06)).unwrap();
-        let shape = Faceted::new(&solid);
+        let shape = Faceted::new(&solid, 1.0);
         let mut feature = PolygonalFeature::default();
         for hint in [None, Some(Vec3::new(0.0, 0.019, -0.03)), Some(Vec3::new(-0.01, -0.012, -0.03))] {
             shape.describe(-Vec3::Z, hint, &mut feature);
@@ -213,7 +214,7 @@ mod tests {
     #[test]
     fn a_side_is_its_own_four_corners() {
         let solid = Solid::new(ShapeKind::HalfCylinder, Vec3::new(0.08, 0.06, 0.03)).unwrap();
-        let shape = Faceted::new(&solid);
+        let shape = Faceted::new(&solid, 1.0);
         let mut feature = PolygonalFeature::default();
         for plane in solid.planes() {
             shape.describe(plane.normal, None, &mut feature);

@@ -1,17 +1,20 @@
-//! The hand in the world: a kinematic palm and two fingers on motorised prismatic joints.
+//! The hand in the world: a kinematic palm and two fingers that slide along the grasp's y.
 //!
-//! The palm goes where it is told, like a robot's flange; the fingers feel forces. While closing, each is driven at
-//! constant speed with at most its finger force. Once they have stopped, the drive presses with exactly that force and
-//! ties the fingers to each other as a gear would, so that the pair does not drift sideways under the object's weight:
+//! The palm goes where it is told, like a robot's flange. A finger is rigid but for its one direction of closing: along
+//! the others it has no inverse mass and moves with the palm. (On a prismatic joint it has to be held sideways by the
+//! joint's rows, and a solver that goes row by row does that badly when a light finger carries a heavy object: objects
+//! crept out of the jaws.) While closing, each finger is driven at constant speed with at most its finger force. Once both
+//! have stopped, the drive presses with exactly that force and ties the fingers to each other as a gear would, so that
+//! the pair does not drift sideways under the object's weight:
 //!
 //! force on a finger = F − k·(asymmetry − asymmetry at contact)/2 − d·speed
 //!
 //! where asymmetry is how much further this finger has closed than the other.
 
 use rapier3d::prelude::*;
-use schema::{Gripper, HandBox, Pose, Vec3};
+use schema::{Gripper, HandBox, Vec3};
 
-use crate::engine::World;
+use crate::engine::{UNITS_PER_M, World};
 
 /// Stiffness and damping of the gear between the fingers. Stiff enough that 3 N of weight shifts a grip by less than a
 /// millimetre; soft and damped enough that an explicit integrator at 240 Hz can do the same.
@@ -34,40 +37,47 @@ struct Finger {
     joint: ImpulseJointHandle,
     /// Direction of closing along the grasp's y.
     inward: f32,
-    open_y_m: f32,
+    open_m: Vec3,
 }
 
 impl Hand {
-    /// Puts the open hand at a grasp.
-    pub(crate) fn insert(world: &mut World, gripper: &Gripper, workspace_from_grasp: Pose) -> Self {
-        let palm = world.bodies.insert(RigidBodyBuilder::kinematic_position_based().pose(workspace_from_grasp));
-        let boxed = |b: HandBox| ColliderBuilder::cuboid(b.half_m.x, b.half_m.y, b.half_m.z);
+    /// Puts the open hand at the world's origin.
+    pub(crate) fn insert(world: &mut World, gripper: &Gripper) -> Self {
+        let palm = world.bodies.insert(RigidBodyBuilder::kinematic_position_based());
+        let boxed = |b: HandBox| {
+            let half = b.half_m * UNITS_PER_M;
+            ColliderBuilder::cuboid(half.x, half.y, half.z)
+        };
         let palm_box = gripper.palm();
-        world.add_part(palm, boxed(palm_box).translation(palm_box.centre_m), gripper.friction);
+        world.add_part(palm, boxed(palm_box).translation(palm_box.centre_m * UNITS_PER_M), gripper.friction);
         let [left, right] = gripper.fingers(gripper.opening_m_max);
         let fingers = [(left, 1.0), (right, -1.0)].map(|(finger, inward)| {
-            let pose = workspace_from_grasp * Pose::from_parts(finger.centre_m, schema::Quat::IDENTITY);
-            let body = world.bodies.insert(RigidBodyBuilder::dynamic().pose(pose).gravity_scale(0.0).can_sleep(false));
+            let body = RigidBodyBuilder::dynamic()
+                .translation(finger.centre_m * UNITS_PER_M)
+                .gravity_scale(0.0)
+                .locked_axes(LockedAxes::all() - LockedAxes::TRANSLATION_LOCKED_Y)
+                .can_sleep(false);
+            let body = world.bodies.insert(body);
             let collider = world.add_part(body, boxed(finger).mass(gripper.finger_mass_kg), gripper.friction);
-            let joint = PrismaticJointBuilder::new(Vec3::Y * inward)
-                .local_anchor1(finger.centre_m)
-                .limits([0.0, 0.5 * gripper.opening_m_max])
-                .motor_max_force(gripper.finger_force_n)
-                .motor_velocity(gripper.closing_speed_m_s, DRIVE_GAIN)
+            let axis = Vec3::Y * inward;
+            let joint = GenericJointBuilder::new(JointAxesMask::empty())
+                .local_axis1(axis)
+                .local_axis2(axis)
+                .local_anchor1(finger.centre_m * UNITS_PER_M)
+                .limits(JointAxis::LinX, [0.0, 0.5 * gripper.opening_m_max * UNITS_PER_M])
+                .motor_max_force(JointAxis::LinX, gripper.finger_force_n * UNITS_PER_M)
+                .motor_velocity(JointAxis::LinX, gripper.closing_speed_m_s * UNITS_PER_M, DRIVE_GAIN)
                 .contacts_enabled(false);
             let joint = world.joints.insert(palm, body, joint, true);
-            Finger { body, collider, joint, inward, open_y_m: finger.centre_m.y }
+            Finger { body, collider, joint, inward, open_m: finger.centre_m }
         });
         Self { palm, fingers, opening_m_max: gripper.opening_m_max, force_n: gripper.finger_force_n }
     }
 
     /// How far each finger has closed, in metres.
     pub(crate) fn closed_m(&self, world: &World) -> [f32; 2] {
-        let grasp_from_workspace = world.pose(self.palm).inverse();
-        self.fingers.each_ref().map(|finger| {
-            let y = grasp_from_workspace.transform_point(world.pose(finger.body).translation).y;
-            (y - finger.open_y_m) * finger.inward
-        })
+        let palm_y_m = world.pose(self.palm).translation.y;
+        self.fingers.each_ref().map(|f| (world.pose(f.body).translation.y - palm_y_m - f.open_m.y) * f.inward)
     }
 
     /// Opening between the inner faces, in metres.
@@ -87,14 +97,20 @@ impl Hand {
             joint
                 .data
                 .set_motor_model(JointAxis::LinX, MotorModel::ForceBased)
-                .set_motor(JointAxis::LinX, target, 0.0, GEAR_STIFFNESS_N_M, GEAR_DAMPING_N_S_M)
-                .set_motor_max_force(JointAxis::LinX, 3.0 * self.force_n);
+                .set_motor(JointAxis::LinX, target * UNITS_PER_M, 0.0, GEAR_STIFFNESS_N_M, GEAR_DAMPING_N_S_M)
+                .set_motor_max_force(JointAxis::LinX, 3.0 * self.force_n * UNITS_PER_M);
         }
     }
 
-    /// Tells the palm where to be at the end of the next step.
-    pub(crate) fn move_to(&self, world: &mut World, workspace_from_grasp: Pose) {
-        world.bodies[self.palm].set_next_kinematic_position(workspace_from_grasp);
+    /// Tells the hand where to be at the end of the next step. Along their locked axes the fingers go with the palm.
+    pub(crate) fn move_to(&self, world: &mut World, position_m: Vec3) {
+        world.bodies[self.palm].set_next_kinematic_translation(position_m * UNITS_PER_M);
+        let step_rate_hz = world.step_rate_hz();
+        for finger in &self.fingers {
+            let body = &mut world.bodies[finger.body];
+            let sideways = ((position_m + finger.open_m) * UNITS_PER_M - body.translation()) * step_rate_hz;
+            body.set_linvel(Vec3::new(sideways.x, body.linvel().y, sideways.z), true);
+        }
     }
 
     /// Whether both fingers press on a collider.

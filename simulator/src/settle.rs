@@ -6,7 +6,7 @@
 use rapier3d::prelude::*;
 use schema::{Grid, Pose, Solid, Vec3};
 
-use crate::engine::{Physics, World};
+use crate::engine::{Physics, Thing, World};
 use crate::{Scene, SceneObject};
 
 /// An object about to fall.
@@ -70,13 +70,15 @@ const SUNK_DEPTH_M: f32 = 0.01;
 /// # Errors
 /// [`Unsettled`] says why the scene is no scene; the caller draws another.
 pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -> Result<Settled, Unsettled> {
-    let mut world = World::with_table(physics, grid.table_z_m);
+    let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
+    world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
     let mut pipeline = PhysicsPipeline::new();
     let walls = add_walls(&mut world, physics, grid);
     let mut bodies = Vec::with_capacity(drops.len());
     let mut steps = 0;
     for drop in drops {
-        let body = world.add_object(&drop.solid, drop.mass_kg, drop.friction, drop.workspace_from_object);
+        let thing = Thing::new(&drop.solid, drop.mass_kg, drop.friction);
+        let body = world.add_object(&thing, drop.workspace_from_object);
         world.bodies[body].set_linear_damping(law.damping_1_s);
         world.bodies[body].set_angular_damping(law.damping_1_s);
         bodies.push(body);
@@ -116,12 +118,8 @@ fn add_walls(world: &mut World, physics: &Physics, grid: &Grid) -> [ColliderHand
     let long = middle + WALL_THICKNESS_M;
     [(out, 0.0), (-out, 0.0), (0.0, out), (0.0, -out)].map(|(x, y)| {
         let half = if y == 0.0 { [0.5 * WALL_THICKNESS_M, long] } else { [long, 0.5 * WALL_THICKNESS_M] };
-        let wall = ColliderBuilder::cuboid(half[0], half[1], 0.5 * WALL_HEIGHT_M).translation(Vec3::new(
-            middle + x,
-            middle + y,
-            centre_z,
-        ));
-        world.add_fixed(wall, physics.table_friction)
+        let pose = Pose::from_parts(Vec3::new(middle + x, middle + y, centre_z), schema::Quat::IDENTITY);
+        world.add_fixed_box(pose, Vec3::new(half[0], half[1], 0.5 * WALL_HEIGHT_M), physics.table_friction)
     })
 }
 
@@ -138,8 +136,8 @@ fn rest(
     for step in 1..=limit {
         world.step(pipeline);
         let still = bodies.iter().all(|body| {
-            let body = &world.bodies[*body];
-            body.linvel().length() <= law.linear_speed_m_s_max && body.angvel().length() <= law.angular_speed_rad_s_max
+            let [linear_m_s, angular_rad_s] = world.speeds(*body);
+            linear_m_s <= law.linear_speed_m_s_max && angular_rad_s <= law.angular_speed_rad_s_max
         });
         resting = if still { resting + 1 } else { 0 };
         if resting >= wanted {

@@ -67,6 +67,21 @@ fn every_shape_is_held_by_a_good_grasp() {
     }
 }
 
+/// The side edge of a finger on a standing cylinder touches along a line. With a contact at one end of it only, the
+/// cylinder swings about that point and out of the jaws.
+#[test]
+fn a_cylinder_is_held_between_the_edges_of_the_fingers() {
+    for offset_m in [0.011, 0.012, 0.013, 0.014] {
+        let mut grasp = from_above(0.07);
+        grasp.translation.x += offset_m;
+        // Leaning back, so that the weight pulls about the line of contact.
+        grasp.rotation = axis_angle(Vec3::Y, 0.16) * grasp.rotation;
+        let cylinder = object(ShapeKind::Cylinder, [0.0385, 0.0385, 0.0585], 0.05, 1.0);
+        let end = attempt(cylinder, grasp, &Procedure::PAPER);
+        assert_eq!(end.outcome, Outcome::Held, "{offset_m} m: {end:?}");
+    }
+}
+
 #[test]
 fn a_frictionless_block_slips() {
     let end = attempt(object(ShapeKind::Cuboid, [0.04, 0.04, 0.05], 0.2, 0.0), from_above(0.07), &Procedure::PAPER);
