@@ -84,7 +84,8 @@ fn observe(config: &Config, scene: &Scene, views: &[View]) -> VoxelGrid {
     let mut tsdf = Tsdf::new(config.grid, config.truncation_voxels);
     for view in views {
         let camera = camera_at(view, &config.grid, config.intrinsics);
-        tsdf.integrate(&camera, |pixel| rays.depth_at(&camera, pixel));
+        let seen = rays.seen_from(&camera);
+        tsdf.integrate(&camera, |pixel| seen.depth_at(pixel));
     }
     tsdf.to_voxels()
 }

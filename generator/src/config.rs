@@ -236,6 +236,7 @@ impl Config {
                 contact_frequency_hz: raw.physics.contact_frequency_hz,
                 gravity_m_s2: raw.physics.gravity_m_s2,
                 table_friction: raw.physics.table_friction,
+                shortcuts: raw.physics.shortcuts,
             },
             procedure: raw.procedure,
         })
@@ -299,6 +300,7 @@ impl Config {
                 "contact_frequency_hz": self.physics.contact_frequency_hz,
                 "gravity_m_s2": self.physics.gravity_m_s2,
                 "table_friction": self.physics.table_friction,
+                "shortcuts": self.physics.shortcuts,
             },
         })
     }
@@ -468,7 +470,7 @@ mod tests {
         assert_eq!(info.scene_count, 3334);
         assert_eq!(config.grid, Grid::PAPER);
         assert_eq!(config.intrinsics, Intrinsics::VGN);
-        assert_eq!(config.physics, Physics::FAITHFUL);
+        assert_eq!(config.physics, Physics::STANDARD);
         assert_eq!(config.procedure, Procedure::PAPER);
     }
 

@@ -73,4 +73,5 @@ pub(crate) struct RawPhysics {
     pub contact_frequency_hz: f32,
     pub gravity_m_s2: f32,
     pub table_friction: f32,
+    pub shortcuts: bool,
 }

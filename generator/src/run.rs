@@ -1,7 +1,9 @@
-//! Generating shards: scenes in parallel, rows in order, a shard committed when it is whole.
+//! Generating shards: scenes in parallel, rows in order, a shard committed when it is whole. Rows are encoded on a thread
+//! of their own, so that the others go on simulating.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use rayon::prelude::*;
 use schema::SceneRows;
@@ -13,8 +15,9 @@ use shards::{
 use crate::build::{NoScene, make_scene};
 use crate::config::Config;
 
-/// Scenes that are built at once, and so held in memory: enough to keep the cores busy, a quarter of a megabyte each.
-const SCENES_AT_ONCE: usize = 64;
+/// Scenes that are built at once, of one shard or several: enough that the cores do not wait for each other's last scene
+/// often. A quarter of a megabyte each; three batches are in memory at most (built, waiting, written).
+const SCENES_AT_ONCE: usize = 128;
 
 /// What happens while shards are generated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,64 +113,84 @@ pub fn generate(
         return Err(GenerateError::NoSuchShard { index, shard_count: info.shard_count });
     }
     begin_dataset(dir, &info)?;
-    let mut made = Counts::zero();
-    let mut is_stopped = false;
+    let mut missing = Vec::new();
     for shard in wanted.iter().copied() {
         if is_committed(dir, &info, shard)? {
             on_event(Event::Skipped { shard, attempts: attempts_of(&info, shard) });
-            continue;
+        } else {
+            missing.push(shard);
         }
-        match write_shard(config, &info, dir, shard, stop, on_event)? {
-            Some(counts) => made.add(&counts),
-            None => {
-                is_stopped = true;
-                break;
-            }
-        }
-        on_event(Event::Committed { shard });
     }
+    let (made, is_stopped) = std::thread::scope(|scope| {
+        let (send, receive) = sync_channel(1);
+        let writer = scope.spawn(|| write_shards(dir, &info, receive, on_event));
+        let is_stopped = build_scenes(config, &info, &missing, stop, on_event, &send);
+        drop(send);
+        let made = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        Ok::<_, GenerateError>((made, is_stopped?))
+    })?;
     Ok(Report { made, is_stopped, dataset: finalize(dir)? })
+}
+
+/// Builds the scenes of `shards` in parallel and sends them on in order, each with its shard; whether it was stopped. Ends
+/// early too when nobody listens any more.
+fn build_scenes(
+    config: &Config,
+    info: &DatasetInfo,
+    shards: &[u32],
+    stop: &AtomicBool,
+    on_event: &(dyn Fn(Event) + Sync),
+    send: &SyncSender<Vec<(u32, SceneRows)>>,
+) -> Result<bool, GenerateError> {
+    let scenes: Vec<(u32, u64)> =
+        shards.iter().flat_map(|shard| info.scenes_of(*shard).map(|scene_id| (*shard, scene_id))).collect();
+    for batch in scenes.chunks(SCENES_AT_ONCE) {
+        let build = |(shard, scene_id): &(u32, u64)| {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            let rows = make_scene(config, *scene_id, info.attempts_of_scene(*scene_id))?;
+            let positives = rows.attempts.iter().map(|a| u64::from(a.label())).sum();
+            on_event(Event::Scene { attempts: rows.attempts.len() as u64, positives });
+            Ok(Some((*shard, rows)))
+        };
+        let built: Result<Vec<Option<_>>, NoScene> = batch.par_iter().with_max_len(1).map(build).collect();
+        let built: Option<Vec<_>> = built?.into_iter().collect();
+        let Some(built) = built else { return Ok(true) };
+        if send.send(built).is_err() {
+            break;
+        }
+    }
+    Ok(false)
+}
+
+/// Writes scenes as they come, and commits a shard when it has all of its scenes; one that stays without is dropped.
+fn write_shards(
+    dir: &Path,
+    info: &DatasetInfo,
+    receive: Receiver<Vec<(u32, SceneRows)>>,
+    on_event: &(dyn Fn(Event) + Sync),
+) -> Result<Counts, GenerateError> {
+    let mut made = Counts::zero();
+    let mut open: Option<(u64, ShardWriter)> = None;
+    for (shard, rows) in receive.into_iter().flatten() {
+        let (missing, mut writer) = match open.take() {
+            Some(open) => open,
+            None => (info.scenes_of(shard).count() as u64, ShardWriter::create(dir, info, shard)?),
+        };
+        writer.push(&rows)?;
+        if missing > 1 {
+            open = Some((missing - 1, writer));
+        } else {
+            made.add(&writer.commit()?.counts);
+            on_event(Event::Committed { shard });
+        }
+    }
+    Ok(made)
 }
 
 /// Attempts of a shard.
 #[must_use]
 pub fn attempts_of(info: &DatasetInfo, shard: u32) -> u64 {
     info.scenes_of(shard).map(|scene| u64::from(info.attempts_of_scene(scene))).sum()
-}
-
-/// Writes one shard; `None` if stopped.
-fn write_shard(
-    config: &Config,
-    info: &DatasetInfo,
-    dir: &Path,
-    shard: u32,
-    stop: &AtomicBool,
-    on_event: &(dyn Fn(Event) + Sync),
-) -> Result<Option<Counts>, GenerateError> {
-    let mut writer = ShardWriter::create(dir, info, shard)?;
-    let scene_ids: Vec<u64> = info.scenes_of(shard).collect();
-    for ids in scene_ids.chunks(SCENES_AT_ONCE) {
-        let built: Vec<Option<Result<SceneRows, NoScene>>> = ids
-            .par_iter()
-            .with_max_len(1)
-            .map(|scene_id| {
-                if stop.load(Ordering::Relaxed) {
-                    return None;
-                }
-                let rows = make_scene(config, *scene_id, info.attempts_of_scene(*scene_id));
-                if let Ok(rows) = &rows {
-                    let positives = rows.attempts.iter().map(|a| u64::from(a.label())).sum();
-                    on_event(Event::Scene { attempts: rows.attempts.len() as u64, positives });
-                }
-                Some(rows)
-            })
-            .collect();
-        for rows in built {
-            match rows {
-                Some(rows) => writer.push(&rows?)?,
-                None => return Ok(None),
-            }
-        }
-    }
-    Ok(Some(writer.commit()?.counts))
 }

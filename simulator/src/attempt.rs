@@ -12,6 +12,7 @@ use schema::{Gripper, Outcome, Pose, Procedure, Vec3};
 use crate::engine::{Physics, Thing, World};
 use crate::gate::{Gate, Hit, lowest_z_m};
 use crate::hand::Hand;
+use crate::shortcuts::{FreeClosing, LiftWatch};
 use crate::{Scene, SceneObject};
 
 /// Fingers slower than this stand still …
@@ -32,11 +33,11 @@ pub struct Execution {
 
 /// A scene made ready for attempts: each runs in a fresh copy of it.
 pub struct AttemptWorld<'a> {
-    physics: &'a Physics,
-    gripper: &'a Gripper,
-    procedure: &'a Procedure,
-    table_z_m: f32,
-    gate: Gate,
+    pub(crate) physics: &'a Physics,
+    pub(crate) gripper: &'a Gripper,
+    pub(crate) procedure: &'a Procedure,
+    pub(crate) table_z_m: f32,
+    pub(crate) gate: Gate,
     things: Vec<(Thing, Pose)>,
 }
 
@@ -52,6 +53,10 @@ impl<'a> AttemptWorld<'a> {
 
     /// Tries one grasp of object `target`.
     ///
+    /// With [`Physics::shortcuts`], what decides nothing is left out: objects stand still until they are touched, the
+    /// fingers start where they first come near something, jaws with nothing between them are not simulated, and the lift
+    /// ends when the target rides along and nothing lies ahead.
+    ///
     /// # Panics
     /// If the scene has no object `target`.
     #[must_use]
@@ -59,36 +64,61 @@ impl<'a> AttemptWorld<'a> {
         if let Some((outcome, hit)) = self.gate.blocked(workspace_from_grasp, target) {
             return Execution { outcome, hit: Some(hit), width_m: None };
         }
-        Run::start(self, *workspace_from_grasp, target).finish()
+        let mut skipped_steps = 0;
+        if self.physics.shortcuts {
+            match self.free_closing(workspace_from_grasp) {
+                FreeClosing::Empty { width_m } => {
+                    return Execution { outcome: Outcome::Empty, hit: None, width_m: Some(width_m) };
+                }
+                FreeClosing::Steps(steps) => skipped_steps = steps,
+            }
+        }
+        Run::start(self, *workspace_from_grasp, target, skipped_steps).finish()
     }
 }
 
 /// An attempt under way.
-struct Run<'a> {
-    setup: &'a AttemptWorld<'a>,
-    world: World,
+pub(crate) struct Run<'a> {
+    pub(crate) setup: &'a AttemptWorld<'a>,
+    pub(crate) world: World,
     pipeline: PhysicsPipeline,
-    hand: Hand,
-    bodies: Vec<RigidBodyHandle>,
+    pub(crate) hand: Hand,
+    pub(crate) bodies: Vec<RigidBodyHandle>,
+    /// Steps of closing that were left out.
+    skipped_steps: usize,
     /// Up, in the world.
     up: Vec3,
     workspace_from_grasp: Pose,
-    target: usize,
-    target_collider: ColliderHandle,
+    pub(crate) target: usize,
+    pub(crate) target_collider: ColliderHandle,
 }
 
 impl<'a> Run<'a> {
-    fn start(setup: &'a AttemptWorld<'a>, workspace_from_grasp: Pose, target: usize) -> Self {
+    fn start(setup: &'a AttemptWorld<'a>, workspace_from_grasp: Pose, target: usize, skipped_steps: usize) -> Self {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let down = grasp_from_workspace.rotation * -Vec3::Z;
         let mut world = World::new(setup.physics, down * setup.physics.gravity_m_s2);
         world.add_table(&grasp_from_workspace, setup.table_z_m, setup.physics.table_friction);
-        let bodies: Vec<RigidBodyHandle> =
-            setup.things.iter().map(|(thing, pose)| world.add_object(thing, grasp_from_workspace * *pose)).collect();
-        let hand = Hand::insert(&mut world, setup.gripper);
+        let add = |(thing, workspace_from_object): &(Thing, Pose)| {
+            let pose = grasp_from_workspace * *workspace_from_object;
+            if setup.physics.shortcuts { world.add_resting_object(thing, pose) } else { world.add_object(thing, pose) }
+        };
+        let bodies: Vec<RigidBodyHandle> = setup.things.iter().map(add).collect();
+        let hand = Hand::insert(&mut world, setup.gripper, skipped_steps as f32 * setup.closing_step_m());
         let target_collider = world.bodies[bodies[target]].colliders()[0];
         let pipeline = PhysicsPipeline::new();
-        Self { setup, world, pipeline, hand, bodies, up: -down, workspace_from_grasp, target, target_collider }
+        Self {
+            setup,
+            world,
+            pipeline,
+            hand,
+            bodies,
+            skipped_steps,
+            up: -down,
+            workspace_from_grasp,
+            target,
+            target_collider,
+        }
     }
 
     fn finish(mut self) -> Execution {
@@ -117,7 +147,7 @@ impl<'a> Run<'a> {
         let slow = STOPPED_SPEED_M_S * physics.dt_s();
         let mut last = self.hand.closed_m(&self.world);
         let mut stopped = 0;
-        for _ in 0..physics.steps(self.setup.procedure.close_time_s_max) {
+        for _ in self.skipped_steps..physics.steps(self.setup.procedure.close_time_s_max) {
             self.world.step(&mut self.pipeline);
             let now = self.hand.closed_m(&self.world);
             let still = now.iter().zip(&last).all(|(a, b)| (a - b).abs() < slow);
@@ -136,6 +166,8 @@ impl<'a> Run<'a> {
         let direction = self.retreat_direction();
         let retreat_steps = physics.steps(procedure.retreat_distance_m / procedure.retreat_speed_m_s);
         let [left, right] = self.hand.closed_m(&self.world);
+        let mut watch = LiftWatch::new(physics);
+        let mut last_m = 0.0;
         for step in 1..=retreat_steps + physics.steps(procedure.hold_time_s) {
             let share = (step as f32 / retreat_steps as f32).min(1.0);
             // Smoothstep: the hand starts and stops without a jolt.
@@ -146,6 +178,15 @@ impl<'a> Run<'a> {
             if self.hand.width_m(&self.world) <= procedure.empty_width_m {
                 return false;
             }
+            // The lift asks for less from its middle on, and for more again when it holds still.
+            if physics.shortcuts && (share <= 0.5 || share >= 1.0) {
+                let velocity_m_s = direction * ((distance - last_m) * physics.step_rate_hz);
+                let rest_m = direction * (procedure.retreat_distance_m - distance);
+                if watch.is_decided(self, velocity_m_s, rest_m) {
+                    return true;
+                }
+            }
+            last_m = distance;
         }
         let travel = (self.positions()[self.target] - target_start_m).dot(direction);
         travel >= procedure.held_travel_share_min * procedure.retreat_distance_m
@@ -175,7 +216,7 @@ impl<'a> Run<'a> {
         self.others().find(|id| (now[*id] - before[*id]).dot(self.up) > limit).map(|id| Hit::object(id, self.target))
     }
 
-    fn others(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn others(&self) -> impl Iterator<Item = usize> {
         let target = self.target;
         (0..self.bodies.len()).filter(move |id| *id != target)
     }
@@ -207,7 +248,7 @@ mod tests {
         let block = SceneObject { solid, mass_kg, friction: 1.0, workspace_from_object };
         let scene = Scene { table_z_m: 0.05, objects: vec![block] };
         let setup = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &procedure, &scene);
-        let mut run = Run::start(&setup, Pose::from_parts(at, axis_angle(Vec3::X, core::f32::consts::PI)), 0);
+        let mut run = Run::start(&setup, Pose::from_parts(at, axis_angle(Vec3::X, core::f32::consts::PI)), 0, 0);
         run.close();
         let start_m = run.positions()[0];
         run.retreat_and_hold(start_m);

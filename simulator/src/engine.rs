@@ -7,6 +7,7 @@
 use rapier3d::prelude::*;
 use schema::{Pose, Solid};
 
+use crate::SettleLaw;
 use crate::faceted::shape_of;
 
 /// How the engine is run. Stored with every dataset.
@@ -22,16 +23,22 @@ pub struct Physics {
     pub gravity_m_s2: f32,
     /// Friction coefficient of table and walls.
     pub table_friction: f32,
+    /// Whether an attempt leaves out what decides nothing: see [`crate::AttemptWorld::execute`].
+    pub shortcuts: bool,
 }
 
 impl Physics {
-    /// The settings whose labels another engine confirms.
+    /// The settings whose labels another engine confirms, with shortcuts.
+    pub const STANDARD: Self = Self { shortcuts: true, ..Self::FAITHFUL };
+
+    /// The settings whose labels another engine confirms; every attempt is simulated from its beginning to its end.
     pub const FAITHFUL: Self = Self {
         step_rate_hz: 240.0,
         solver_iterations: 8,
         contact_frequency_hz: 480.0,
         gravity_m_s2: 9.81,
         table_friction: 1.0,
+        shortcuts: false,
     };
 
     /// Length of a step, in seconds.
@@ -141,9 +148,35 @@ impl World {
         self.colliders.insert(surface(collider, friction))
     }
 
-    /// Adds a free object at rest.
+    /// Adds a free object.
     pub(crate) fn add_object(&mut self, thing: &Thing, world_from_object: Pose) -> RigidBodyHandle {
-        let body = self.bodies.insert(RigidBodyBuilder::dynamic().pose(in_units(world_from_object)).can_sleep(false));
+        let body = RigidBodyBuilder::dynamic().pose(in_units(world_from_object)).can_sleep(false);
+        self.add_body(thing, body.build())
+    }
+
+    /// Lets a body lose speed, and fall asleep when it rests, by the law of settling.
+    pub(crate) fn let_settle(&mut self, body: RigidBodyHandle, law: &SettleLaw, velocity_m_s: Vector) {
+        let body = &mut self.bodies[body];
+        body.set_linear_damping(law.damping_1_s);
+        body.set_angular_damping(law.damping_1_s);
+        body.set_linvel(velocity_m_s * UNITS_PER_M, true);
+        let activation = body.activation_mut();
+        activation.normalized_linear_threshold = law.linear_speed_m_s_max / LENGTH_UNIT_M;
+        activation.angular_threshold = law.angular_speed_rad_s_max;
+        activation.time_until_sleep = law.rest_time_s;
+    }
+
+    /// Adds a free object that stands still until something touches it.
+    pub(crate) fn add_resting_object(&mut self, thing: &Thing, world_from_object: Pose) -> RigidBodyHandle {
+        let mut body = RigidBodyBuilder::dynamic().pose(in_units(world_from_object)).build();
+        // Once awake, it stays awake.
+        body.activation_mut().time_until_sleep = f32::MAX;
+        body.sleep();
+        self.add_body(thing, body)
+    }
+
+    fn add_body(&mut self, thing: &Thing, body: RigidBody) -> RigidBodyHandle {
+        let body = self.bodies.insert(body);
         let collider = ColliderBuilder::new(thing.shape.clone()).mass_properties(thing.mass_properties);
         self.add_part(body, collider, thing.friction);
         body
@@ -194,10 +227,23 @@ impl World {
         Pose::from_parts(pose.translation / UNITS_PER_M, pose.rotation)
     }
 
-    /// Speed of a body's centre of mass in m/s, and how fast it turns in rad/s.
-    pub(crate) fn speeds(&self, body: RigidBodyHandle) -> [f32; 2] {
+    /// Velocity of a body's centre of mass in m/s, and its angular velocity in rad/s.
+    pub(crate) fn velocities(&self, body: RigidBodyHandle) -> [Vector; 2] {
         let body = &self.bodies[body];
-        [body.linvel().length() / UNITS_PER_M, body.angvel().length()]
+        [body.linvel() / UNITS_PER_M, body.angvel()]
+    }
+
+    /// Whether a body has not been touched yet.
+    pub(crate) fn is_asleep(&self, body: RigidBodyHandle) -> bool {
+        self.bodies[body].is_sleeping()
+    }
+
+    /// Whether anything but `others` pressed on a collider in the last step.
+    pub(crate) fn is_touched_except_by(&self, collider: ColliderHandle, others: &[ColliderHandle]) -> bool {
+        self.narrow_phase.contact_pairs_with(collider).any(|pair| {
+            let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
+            !others.contains(&other) && pair.total_impulse_magnitude() > 0.0
+        })
     }
 
     /// Force with which two colliders press on each other in the last step, in newtons.

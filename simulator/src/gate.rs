@@ -7,6 +7,7 @@
 use schema::{Gripper, HandBox, HitKind, Outcome, Pose, Procedure, Vec3};
 
 use crate::Scene;
+use crate::hull::{Hull, Placed};
 
 /// What was hit first: the target, then another object, then the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,36 +33,16 @@ impl Hit {
 #[derive(Clone)]
 pub struct Gate {
     table_z_m: f32,
-    obstacles: Vec<Obstacle>,
+    obstacles: Vec<(Hull, Pose)>,
     pregrasp: [HandBox; 3],
     approach: [HandBox; 3],
-}
-
-#[derive(Clone)]
-struct Obstacle {
-    corners_m: Vec<Vec3>,
-    /// Directions of the faces' normals, one of each opposite pair, then of the edges, in the object frame.
-    normals: Vec<Vec3>,
-    edges: Vec<Vec3>,
-    workspace_from_object: Pose,
-    radius_m: f32,
 }
 
 impl Gate {
     /// Makes scene and hand ready.
     #[must_use]
     pub fn new(scene: &Scene, gripper: &Gripper, procedure: &Procedure) -> Self {
-        let obstacles = scene
-            .objects
-            .iter()
-            .map(|object| Obstacle {
-                corners_m: object.solid.vertices_m(),
-                normals: distinct(object.solid.planes().iter().map(|plane| plane.normal)),
-                edges: distinct(object.solid.edges_m().into_iter().map(Vec3::normalize)),
-                workspace_from_object: object.workspace_from_object,
-                radius_m: object.solid.bounding_radius_m(),
-            })
-            .collect();
+        let obstacles = scene.objects.iter().map(|o| (Hull::new(&o.solid), o.workspace_from_object)).collect();
         let back = Vec3::new(0.0, 0.0, procedure.pregrasp_distance_m);
         let hand = gripper.open_hand();
         let pregrasp = hand.map(|b| HandBox { centre_m: b.centre_m - back, ..b }.grown(gripper.clearance_m));
@@ -81,8 +62,23 @@ impl Gate {
         })
     }
 
+    /// The scene's objects in the frame of a grasp.
+    pub(crate) fn placed(&self, workspace_from_grasp: &Pose) -> Vec<Placed> {
+        let grasp_from_workspace = workspace_from_grasp.inverse();
+        self.obstacles.iter().map(|(hull, pose)| hull.placed(&(grasp_from_workspace * *pose))).collect()
+    }
+
+    /// The hull of an object.
+    pub(crate) fn hull(&self, object_id: usize) -> &Hull {
+        &self.obstacles[object_id].0
+    }
+
     fn first_hit(&self, boxes: &[HandBox; 3], workspace_from_grasp: &Pose, target: usize) -> Option<Hit> {
-        let touches = |id: &usize| self.touches(&self.obstacles[*id], boxes, workspace_from_grasp);
+        let grasp_from_workspace = workspace_from_grasp.inverse();
+        let touches = |id: &usize| {
+            let (hull, workspace_from_object) = &self.obstacles[*id];
+            touches(hull, &(grasp_from_workspace * *workspace_from_object), boxes)
+        };
         let others = (0..self.obstacles.len()).filter(|id| *id != target);
         if let Some(id) = core::iter::once(target).chain(others).find(touches) {
             return Some(Hit::object(id, target));
@@ -90,52 +86,36 @@ impl Gate {
         let low = boxes.iter().map(|b| lowest_z_m(b, workspace_from_grasp)).fold(f32::INFINITY, f32::min);
         (low < self.table_z_m).then_some(Hit::TABLE)
     }
+}
 
-    fn touches(&self, obstacle: &Obstacle, boxes: &[HandBox; 3], workspace_from_grasp: &Pose) -> bool {
-        let grasp_from_object = workspace_from_grasp.inverse() * obstacle.workspace_from_object;
-        let near = |b: &HandBox| {
-            let outside = ((grasp_from_object.translation - b.centre_m).abs() - b.half_m).max(Vec3::ZERO);
-            outside.length_squared() <= obstacle.radius_m * obstacle.radius_m
-        };
-        if !boxes.iter().any(near) {
-            return false;
-        }
-        let corners: Vec<Vec3> = obstacle.corners_m.iter().map(|c| grasp_from_object.transform_point(*c)).collect();
-        let turned = |axes: &[Vec3]| -> Vec<Vec3> { axes.iter().map(|a| grasp_from_object.rotation * *a).collect() };
-        let (normals, edges) = (turned(&obstacle.normals), turned(&obstacle.edges));
-        boxes.iter().any(|b| near(b) && overlaps(b, &corners, &normals, &edges))
+fn touches(hull: &Hull, grasp_from_object: &Pose, boxes: &[HandBox; 3]) -> bool {
+    let near = |b: &HandBox| {
+        let outside = ((grasp_from_object.translation - b.centre_m).abs() - b.half_m).max(Vec3::ZERO);
+        outside.length_squared() <= hull.radius_m * hull.radius_m
+    };
+    if !boxes.iter().any(near) {
+        return false;
     }
+    let placed = hull.placed(grasp_from_object);
+    let edges: Vec<Vec3> = hull.edges.iter().map(|e| grasp_from_object.rotation * *e).collect();
+    boxes.iter().any(|b| near(b) && overlaps(b, &placed, &edges))
 }
 
 /// Whether a box and a convex solid overlap, by separating axes: the box's axes, the solid's normals, and the products of
 /// their edges. All in the box's axes.
 ///
 /// (parry's own test runs GJK, which took a faceted cylinder half a millimetre away for a touching one.)
-fn overlaps(hand_box: &HandBox, corners: &[Vec3], normals: &[Vec3], edges: &[Vec3]) -> bool {
+fn overlaps(hand_box: &HandBox, hull: &Placed, edges: &[Vec3]) -> bool {
     let parted = |axis: Vec3| {
-        let (low, high) = corners.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), corner| {
-            let x = axis.dot(*corner - hand_box.centre_m);
-            (low.min(x), high.max(x))
-        });
-        let reach = axis.abs().dot(hand_box.half_m);
-        low > reach || high < -reach
+        let [low, high] = hull.span(axis);
+        let (middle, reach) = (axis.dot(hand_box.centre_m), axis.abs().dot(hand_box.half_m));
+        low - middle > reach || high - middle < -reach
     };
     let axes = [Vec3::X, Vec3::Y, Vec3::Z];
     let crossed = axes.iter().flat_map(|a| edges.iter().map(|e| a.cross(*e)));
     // Parallel edges give no axis of their own.
     let useful = crossed.filter(|axis| axis.length_squared() > 1e-6);
-    !axes.into_iter().chain(normals.iter().copied()).chain(useful).any(parted)
-}
-
-/// The directions among `axes`, without their opposites and repetitions.
-fn distinct(axes: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
-    let mut kept: Vec<Vec3> = Vec::new();
-    for axis in axes {
-        if !kept.iter().any(|k| k.cross(axis).length_squared() < 1e-8) {
-            kept.push(axis);
-        }
-    }
-    kept
+    !axes.into_iter().chain(hull.normals.iter().copied()).chain(useful).any(parted)
 }
 
 /// Height of the lowest corner of a hand box.
@@ -229,7 +209,8 @@ mod tests {
             let object = SceneObject { solid, mass_kg: 0.1, friction: 1.0, workspace_from_object: pose };
             let scene = Scene { table_z_m: -1.0, objects: vec![object] };
             let gate = Gate::new(&scene, &gripper, &Procedure::PAPER);
-            let got = gate.touches(&gate.obstacles[0], &[finger; 3], &Pose::IDENTITY);
+            let (hull, pose_of_hull) = &gate.obstacles[0];
+            let got = touches(hull, pose_of_hull, &[finger; 3]);
             let corners: Vec<Vec3> = (0..8)
                 .map(|c| {
                     let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };

@@ -26,6 +26,7 @@ const DRIVE_GAIN: f32 = 1e5;
 /// A hand in a world.
 pub(crate) struct Hand {
     palm: RigidBodyHandle,
+    palm_collider: ColliderHandle,
     fingers: [Finger; 2],
     opening_m_max: f32,
     force_n: f32,
@@ -41,25 +42,28 @@ struct Finger {
 }
 
 impl Hand {
-    /// Puts the open hand at the world's origin.
-    pub(crate) fn insert(world: &mut World, gripper: &Gripper) -> Self {
+    /// Puts the hand at the world's origin, its fingers closed by `closed_m` each, and closing if that is above 0.
+    pub(crate) fn insert(world: &mut World, gripper: &Gripper, closed_m: f32) -> Self {
         let palm = world.bodies.insert(RigidBodyBuilder::kinematic_position_based());
         let boxed = |b: HandBox| {
             let half = b.half_m * UNITS_PER_M;
             ColliderBuilder::cuboid(half.x, half.y, half.z)
         };
         let palm_box = gripper.palm();
-        world.add_part(palm, boxed(palm_box).translation(palm_box.centre_m * UNITS_PER_M), gripper.friction);
+        let palm_collider =
+            world.add_part(palm, boxed(palm_box).translation(palm_box.centre_m * UNITS_PER_M), gripper.friction);
         let [left, right] = gripper.fingers(gripper.opening_m_max);
         let fingers = [(left, 1.0), (right, -1.0)].map(|(finger, inward)| {
+            let speed_m_s = if closed_m > 0.0 { gripper.closing_speed_m_s } else { 0.0 };
+            let axis = Vec3::Y * inward;
             let body = RigidBodyBuilder::dynamic()
-                .translation(finger.centre_m * UNITS_PER_M)
+                .translation((finger.centre_m + axis * closed_m) * UNITS_PER_M)
+                .linvel(axis * speed_m_s * UNITS_PER_M)
                 .gravity_scale(0.0)
                 .locked_axes(LockedAxes::all() - LockedAxes::TRANSLATION_LOCKED_Y)
                 .can_sleep(false);
             let body = world.bodies.insert(body);
             let collider = world.add_part(body, boxed(finger).mass(gripper.finger_mass_kg), gripper.friction);
-            let axis = Vec3::Y * inward;
             let joint = GenericJointBuilder::new(JointAxesMask::empty())
                 .local_axis1(axis)
                 .local_axis2(axis)
@@ -71,7 +75,7 @@ impl Hand {
             let joint = world.joints.insert(palm, body, joint, true);
             Finger { body, collider, joint, inward, open_m: finger.centre_m }
         });
-        Self { palm, fingers, opening_m_max: gripper.opening_m_max, force_n: gripper.finger_force_n }
+        Self { palm, palm_collider, fingers, opening_m_max: gripper.opening_m_max, force_n: gripper.finger_force_n }
     }
 
     /// How far each finger has closed, in metres.
@@ -116,5 +120,21 @@ impl Hand {
     /// Whether both fingers press on a collider.
     pub(crate) fn grips(&self, world: &World, collider: ColliderHandle) -> bool {
         self.fingers.iter().all(|finger| world.contact_force_n(finger.collider, collider) > 0.0)
+    }
+
+    /// Its boxes as when it is open and at the origin, and by how much each has moved since.
+    pub(crate) fn boxes(&self, world: &World, gripper: &Gripper) -> [(HandBox, Vec3); 3] {
+        let [left, right] = gripper.fingers(gripper.opening_m_max);
+        let moved = |finger: &Finger| world.pose(finger.body).translation - finger.open_m;
+        [
+            (left, moved(&self.fingers[0])),
+            (right, moved(&self.fingers[1])),
+            (gripper.palm(), world.pose(self.palm).translation),
+        ]
+    }
+
+    /// Its colliders.
+    pub(crate) fn colliders(&self) -> [ColliderHandle; 3] {
+        [self.fingers[0].collider, self.fingers[1].collider, self.palm_collider]
     }
 }

@@ -16,11 +16,13 @@ mod engine;
 mod faceted;
 mod gate;
 mod hand;
+mod hull;
 mod scene;
 mod settle;
+mod shortcuts;
 
 pub use attempt::{AttemptWorld, Execution};
-pub use depth::SceneRays;
+pub use depth::{SceneRays, ViewRays};
 pub use engine::Physics;
 pub use gate::{Gate, Hit};
 pub use scene::{Scene, SceneObject};

@@ -1,7 +1,8 @@
 //! Dropping objects until they rest (paper 2.3, Fig. 2).
 //!
 //! One object after the other falls into a box without a lid; when the last one rests the box is taken away, and the
-//! pile comes to rest once more. What has left the workspace by then is not part of the scene.
+//! pile comes to rest once more. A fall is simulated from where it comes near something, and what rests is left alone
+//! until something touches it. What has left the workspace by then is not part of the scene.
 
 use rapier3d::prelude::*;
 use schema::{Grid, Pose, Solid, Vec3};
@@ -58,6 +59,8 @@ pub enum Unsettled {
     Unstable,
 }
 
+/// A falling object is simulated from this far above what it may hit.
+const NEAR_M: f32 = 0.005;
 /// Thickness and height of the temporary walls, in metres: high enough for what is dropped from 0.2 m.
 const WALL_THICKNESS_M: f32 = 0.1;
 const WALL_HEIGHT_M: f32 = 0.4;
@@ -76,13 +79,15 @@ pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -
     let walls = add_walls(&mut world, physics, grid);
     let mut bodies = Vec::with_capacity(drops.len());
     let mut steps = 0;
-    for drop in drops {
-        let thing = Thing::new(&drop.solid, drop.mass_kg, drop.friction);
-        let body = world.add_object(&thing, drop.workspace_from_object);
-        world.bodies[body].set_linear_damping(law.damping_1_s);
-        world.bodies[body].set_angular_damping(law.damping_1_s);
+    for (drop, solid_corners_m) in drops.iter().zip(drops.iter().map(|drop| drop.solid.vertices_m())) {
+        let low_z_m = lowest_z_m(&solid_corners_m, &drop.workspace_from_object);
+        let fall = Fall::until_near(physics, law, low_z_m - top_z_m(&world, &bodies, drops, grid));
+        let mut pose = drop.workspace_from_object;
+        pose.translation.z -= fall.way_m;
+        let body = world.add_object(&Thing::new(&drop.solid, drop.mass_kg, drop.friction), pose);
+        world.let_settle(body, law, -Vec3::Z * fall.speed_m_s);
         bodies.push(body);
-        steps += rest(&mut world, &mut pipeline, physics, law, &bodies)?;
+        steps += fall.steps + rest(&mut world, &mut pipeline, physics, law, &bodies)?;
     }
     for wall in walls {
         world.remove_fixed(wall);
@@ -111,6 +116,42 @@ pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -
     Ok(Settled { scene, settle_time_s: steps as f32 * physics.dt_s() })
 }
 
+/// A fall through empty air.
+struct Fall {
+    steps: usize,
+    way_m: f32,
+    speed_m_s: f32,
+}
+
+impl Fall {
+    /// The part of a fall of `height_m` in which nothing is near.
+    fn until_near(physics: &Physics, law: &SettleLaw, height_m: f32) -> Self {
+        let (dt_s, mut fall) = (physics.dt_s(), Self { steps: 0, way_m: 0.0, speed_m_s: 0.0 });
+        loop {
+            let speed_m_s = (fall.speed_m_s + physics.gravity_m_s2 * dt_s) / (1.0 + law.damping_1_s * dt_s);
+            let way_m = fall.way_m + speed_m_s * dt_s;
+            if way_m + NEAR_M > height_m {
+                return fall;
+            }
+            fall = Self { steps: fall.steps + 1, way_m, speed_m_s };
+        }
+    }
+}
+
+/// Height of the lowest of some corners.
+fn lowest_z_m(corners_m: &[Vec3], pose: &Pose) -> f32 {
+    corners_m.iter().map(|corner| pose.transform_point(*corner).z).fold(f32::INFINITY, f32::min)
+}
+
+/// Height of the highest corner of what has been dropped, or of the table.
+fn top_z_m(world: &World, bodies: &[RigidBodyHandle], drops: &[Drop], grid: &Grid) -> f32 {
+    let corner_z_m = bodies.iter().zip(drops).flat_map(|(body, drop)| {
+        let pose = world.pose(*body);
+        drop.solid.vertices_m().into_iter().map(move |corner| pose.transform_point(corner).z)
+    });
+    corner_z_m.fold(grid.table_z_m, f32::max)
+}
+
 fn add_walls(world: &mut World, physics: &Physics, grid: &Grid) -> [ColliderHandle; 4] {
     let middle = 0.5 * grid.size_m;
     let out = middle + 0.5 * WALL_THICKNESS_M;
@@ -136,7 +177,7 @@ fn rest(
     for step in 1..=limit {
         world.step(pipeline);
         let still = bodies.iter().all(|body| {
-            let [linear_m_s, angular_rad_s] = world.speeds(*body);
+            let [linear_m_s, angular_rad_s] = world.velocities(*body).map(Vec3::length);
             linear_m_s <= law.linear_speed_m_s_max && angular_rad_s <= law.angular_speed_rad_s_max
         });
         resting = if still { resting + 1 } else { 0 };
@@ -149,7 +190,7 @@ fn rest(
 
 fn is_sane(pose: &Pose, solid: &Solid, grid: &Grid) -> bool {
     let middle = Vec3::splat(0.5 * grid.size_m);
-    let lowest = solid.vertices_m().into_iter().map(|v| pose.transform_point(v).z).fold(f32::INFINITY, f32::min);
+    let lowest = lowest_z_m(&solid.vertices_m(), pose);
     (pose.translation - middle).length() < ESCAPE_DISTANCE_M && lowest > grid.table_z_m - SUNK_DEPTH_M
 }
 

@@ -1,0 +1,123 @@
+//! Convex solids as points and axes, for questions that need no time steps.
+
+use schema::{HandBox, Pose, Solid, Vec3};
+
+/// A convex solid in its own frame.
+#[derive(Debug, Clone)]
+pub(crate) struct Hull {
+    corners_m: Vec<Vec3>,
+    /// Directions of the faces' normals, then of the edges, one of each opposite pair.
+    normals: Vec<Vec3>,
+    pub(crate) edges: Vec<Vec3>,
+    pub(crate) radius_m: f32,
+}
+
+/// A convex solid somewhere: its corners, and the normals of its faces, one of each opposite pair.
+#[derive(Debug, Clone)]
+pub(crate) struct Placed {
+    pub(crate) centre_m: Vec3,
+    pub(crate) radius_m: f32,
+    pub(crate) corners_m: Vec<Vec3>,
+    pub(crate) normals: Vec<Vec3>,
+}
+
+impl Hull {
+    pub(crate) fn new(solid: &Solid) -> Self {
+        Self {
+            corners_m: solid.vertices_m(),
+            normals: distinct(solid.planes().iter().map(|plane| plane.normal)),
+            edges: distinct(solid.edges_m().into_iter().map(Vec3::normalize)),
+            radius_m: solid.bounding_radius_m(),
+        }
+    }
+
+    pub(crate) fn placed(&self, pose: &Pose) -> Placed {
+        Placed {
+            centre_m: pose.translation,
+            radius_m: self.radius_m,
+            corners_m: self.corners_m.iter().map(|c| pose.transform_point(*c)).collect(),
+            normals: self.normals.iter().map(|n| pose.rotation * *n).collect(),
+        }
+    }
+}
+
+impl Placed {
+    /// A box along the axes, moved by `offset_m`.
+    pub(crate) fn from_box(hand_box: &HandBox, offset_m: Vec3) -> Self {
+        let centre_m = hand_box.centre_m + offset_m;
+        let sign = |corner: usize, bit: usize| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
+        let corner = |c: usize| centre_m + hand_box.half_m * Vec3::new(sign(c, 0), sign(c, 1), sign(c, 2));
+        Self {
+            centre_m,
+            radius_m: hand_box.half_m.length(),
+            corners_m: (0..8).map(corner).collect(),
+            normals: vec![Vec3::X, Vec3::Y, Vec3::Z],
+        }
+    }
+
+    /// The interval that the solid covers along an axis.
+    pub(crate) fn span(&self, axis: Vec3) -> [f32; 2] {
+        self.corners_m.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], corner| {
+            let x = axis.dot(*corner);
+            [low.min(x), high.max(x)]
+        })
+    }
+
+    /// How far `self` can go along the unit vector `direction` before it meets `other`: infinite if it never does. Looks
+    /// along the faces' normals only, so that two solids near each other's edges meet too early rather than too late.
+    pub(crate) fn free_way_m(&self, other: &Self, direction: Vec3) -> f32 {
+        let (mut entry, mut exit) = (f32::NEG_INFINITY, f32::INFINITY);
+        let apart = other.centre_m - self.centre_m;
+        let across = apart - direction * apart.dot(direction);
+        for axis in self.normals.iter().chain(&other.normals).copied().chain(across.try_normalize()) {
+            let ([a_low, a_high], [b_low, b_high]) = (self.span(axis), other.span(axis));
+            let speed = axis.dot(direction);
+            let (gap_before, gap_after) = (b_low - a_high, b_high - a_low);
+            if speed.abs() < 1e-6 {
+                if gap_before > 0.0 || gap_after < 0.0 {
+                    return f32::INFINITY;
+                }
+                continue;
+            }
+            let (first, last) = (gap_before / speed, gap_after / speed);
+            entry = entry.max(first.min(last));
+            exit = exit.min(first.max(last));
+        }
+        if entry > exit || exit < 0.0 { f32::INFINITY } else { entry.max(0.0) }
+    }
+}
+
+/// The directions among `axes`, without their opposites and repetitions.
+fn distinct(axes: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
+    let mut kept: Vec<Vec3> = Vec::new();
+    for axis in axes {
+        if !kept.iter().any(|k| k.cross(axis).length_squared() < 1e-8) {
+            kept.push(axis);
+        }
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::ShapeKind;
+
+    use super::*;
+
+    #[test]
+    fn a_box_meets_a_box_after_the_gap_between_them_or_never() {
+        let solid = Solid::new(ShapeKind::Cuboid, Vec3::splat(0.02)).unwrap();
+        let other = Hull::new(&solid).placed(&Pose::from_translation(Vec3::new(0.0, 0.1, 0.0)));
+        let way = |y_m: f32, x_m: f32, direction: Vec3| {
+            let mover = HandBox { centre_m: Vec3::ZERO, half_m: Vec3::splat(0.01) };
+            Placed::from_box(&mover, Vec3::new(x_m, y_m, 0.0)).free_way_m(&other, direction)
+        };
+        assert!((way(0.0, 0.0, Vec3::Y) - 0.08).abs() < 1e-6);
+        assert!((way(0.0, 0.019, Vec3::Y) - 0.08).abs() < 1e-6);
+        assert_eq!(way(0.0, 0.021, Vec3::Y), f32::INFINITY, "it passes beside");
+        assert_eq!(way(0.0, 0.0, -Vec3::Y), f32::INFINITY, "it goes away");
+        assert_eq!(way(0.095, 0.0, Vec3::Z), 0.0, "they overlap already");
+        let slanted = way(0.0, 0.06, Vec3::new(-0.6, 0.8, 0.0));
+        assert!((slanted - 0.1).abs() < 1e-6, "{slanted}");
+    }
+}

@@ -1,0 +1,125 @@
+//! What an attempt may leave out, because it decides nothing.
+//!
+//! None of this changes what a label means: with [`Physics::shortcuts`] off, everything is simulated, and
+//! `generator bench` counts how often that ends differently.
+
+use schema::Vec3;
+
+use crate::attempt::{AttemptWorld, Run};
+use crate::engine::Physics;
+use crate::gate::lowest_z_m;
+use crate::hull::Placed;
+
+/// Fingers are simulated from this far before they touch something.
+const NEAR_M: f32 = 0.0005;
+/// An object rides along if it moves no faster than this against the hand, for [`STEADY_TIME_S`]; others rest if they move
+/// no faster than this.
+const STEADY_SPEED_M_S: f32 = 0.001;
+const STEADY_TURN_RAD_S: f32 = 0.05;
+const STEADY_TIME_S: f32 = 0.025;
+/// Nothing may lie this near the way that hand and target have still to go.
+const WAY_CLEAR_M: f32 = 0.001;
+
+/// How far the open hand closes before anything happens.
+pub(crate) enum FreeClosing {
+    /// Until the jaws meet: nothing lies between them.
+    Empty {
+        /// Opening when the attempt ends.
+        width_m: f32,
+    },
+    /// So many steps.
+    Steps(usize),
+}
+
+impl AttemptWorld<'_> {
+    /// How far a free finger closes in a step.
+    pub(crate) fn closing_step_m(&self) -> f32 {
+        self.gripper.closing_speed_m_s * self.physics.dt_s()
+    }
+
+    /// The closing of a hand among objects at rest, until it comes near one.
+    pub(crate) fn free_closing(&self, workspace_from_grasp: &schema::Pose) -> FreeClosing {
+        let (gripper, step_m) = (self.gripper, self.closing_step_m());
+        let near_m = NEAR_M + 2.0 * step_m;
+        let objects = self.gate.placed(workspace_from_grasp);
+        let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
+        let fingers = gripper.fingers(gripper.opening_m_max).into_iter().zip([Vec3::Y, -Vec3::Y]);
+        let free_m = fingers
+            .map(|(finger, inward)| {
+                let grown = Placed::from_box(&finger.grown(near_m), Vec3::ZERO);
+                let to_objects = objects.iter().map(|o| grown.free_way_m(o, inward)).fold(f32::INFINITY, f32::min);
+                let sinking = -inward.dot(up);
+                let above_m = lowest_z_m(&finger, workspace_from_grasp) - near_m - self.table_z_m;
+                let to_table = if sinking > 0.0 { (above_m / sinking).max(0.0) } else { f32::INFINITY };
+                to_objects.min(to_table)
+            })
+            .fold(f32::INFINITY, f32::min);
+        let way_m = gripper.opening_m_max - self.procedure.empty_width_m;
+        let steps_to_meet = (0.5 * way_m / step_m).ceil();
+        if free_m >= steps_to_meet * step_m
+            && steps_to_meet as usize <= self.physics.steps(self.procedure.close_time_s_max)
+        {
+            return FreeClosing::Empty { width_m: (gripper.opening_m_max - 2.0 * steps_to_meet * step_m).max(0.0) };
+        }
+        FreeClosing::Steps((free_m.min(0.5 * way_m) / step_m) as usize)
+    }
+}
+
+/// Watches a lift for the moment from which nothing can change its end.
+pub(crate) struct LiftWatch {
+    wanted_steps: usize,
+    steady_steps: usize,
+}
+
+impl LiftWatch {
+    pub(crate) fn new(physics: &Physics) -> Self {
+        Self { wanted_steps: physics.steps(STEADY_TIME_S), steady_steps: 0 }
+    }
+
+    /// Whether the target is held for good: it rides along between the fingers and touches nothing else, everything else
+    /// is at rest, and nothing lies on the `rest_m` that hand and target have still to go.
+    pub(crate) fn is_decided(&mut self, run: &Run<'_>, velocity_m_s: Vec3, rest_m: Vec3) -> bool {
+        self.steady_steps = if run.rides_along(velocity_m_s) { self.steady_steps + 1 } else { 0 };
+        if self.steady_steps < self.wanted_steps || !run.others_rest() {
+            return false;
+        }
+        // A way that is not free now is looked at again when this much more of it has been gone.
+        self.steady_steps = 0;
+        run.way_is_free(rest_m)
+    }
+}
+
+impl Run<'_> {
+    fn rides_along(&self, velocity_m_s: Vec3) -> bool {
+        let [linear_m_s, angular_rad_s] = self.world.velocities(self.bodies[self.target]);
+        (linear_m_s - velocity_m_s).length() <= STEADY_SPEED_M_S
+            && angular_rad_s.length() <= STEADY_TURN_RAD_S
+            && self.hand.grips(&self.world, self.target_collider)
+            && !self.world.is_touched_except_by(self.target_collider, &self.hand.colliders())
+    }
+
+    fn others_rest(&self) -> bool {
+        self.others().map(|id| self.bodies[id]).all(|body| {
+            let [linear_m_s, angular_rad_s] = self.world.velocities(body);
+            self.world.is_asleep(body)
+                || (linear_m_s.length() <= STEADY_SPEED_M_S && angular_rad_s.length() <= STEADY_TURN_RAD_S)
+        })
+    }
+
+    fn way_is_free(&self, rest_m: Vec3) -> bool {
+        let length_m = rest_m.length();
+        let Some(direction) = rest_m.try_normalize() else { return true };
+        let placed = |id: usize| self.setup.gate.hull(id).placed(&self.world.pose(self.bodies[id]));
+        let mut movers = vec![placed(self.target)];
+        movers.extend(self.hand.boxes(&self.world, self.setup.gripper).map(|(b, at)| Placed::from_box(&b, at)));
+        self.others().all(|id| {
+            let other = placed(id);
+            movers.iter().all(|mover| {
+                let apart = other.centre_m - mover.centre_m;
+                let passed = apart - direction * apart.dot(direction).clamp(0.0, length_m);
+                passed.length() > mover.radius_m + other.radius_m
+                    || mover.free_way_m(&other, direction) > length_m + WAY_CLEAR_M
+            })
+        })
+    }
+}
