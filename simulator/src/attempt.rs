@@ -178,11 +178,11 @@ impl<'a> Run<'a> {
             if self.hand.width_m(&self.world) <= procedure.empty_width_m {
                 return false;
             }
-            // The lift asks for less from its middle on, and for more again when it holds still.
-            if physics.shortcuts && (share <= 0.5 || share >= 1.0) {
+            if physics.shortcuts {
                 let velocity_m_s = direction * ((distance - last_m) * physics.step_rate_hz);
                 let rest_m = direction * (procedure.retreat_distance_m - distance);
-                if watch.is_decided(self, velocity_m_s, rest_m) {
+                let is_slowing = share > 0.5 && share < 1.0;
+                if watch.is_decided(self, velocity_m_s, rest_m, is_slowing) {
                     return true;
                 }
             }

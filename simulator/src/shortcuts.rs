@@ -69,18 +69,26 @@ impl AttemptWorld<'_> {
 pub(crate) struct LiftWatch {
     wanted_steps: usize,
     steady_steps: usize,
+    is_proven: bool,
 }
 
 impl LiftWatch {
     pub(crate) fn new(physics: &Physics) -> Self {
-        Self { wanted_steps: physics.steps(STEADY_TIME_S), steady_steps: 0 }
+        Self { wanted_steps: physics.steps(STEADY_TIME_S), steady_steps: 0, is_proven: false }
     }
 
     /// Whether the target is held for good: it rides along between the fingers and touches nothing else, everything else
     /// is at rest, and nothing lies on the `rest_m` that hand and target have still to go.
-    pub(crate) fn is_decided(&mut self, run: &Run<'_>, velocity_m_s: Vec3, rest_m: Vec3) -> bool {
+    ///
+    /// A hand that slows down asks for less than it does in the end; so the target must have ridden along while it
+    /// did not (`is_slowing`).
+    pub(crate) fn is_decided(&mut self, run: &Run<'_>, velocity_m_s: Vec3, rest_m: Vec3, is_slowing: bool) -> bool {
         self.steady_steps = if run.rides_along(velocity_m_s) { self.steady_steps + 1 } else { 0 };
-        if self.steady_steps < self.wanted_steps || !run.others_rest() {
+        if self.steady_steps < self.wanted_steps {
+            return false;
+        }
+        self.is_proven |= !is_slowing;
+        if !self.is_proven || !run.others_rest() {
             return false;
         }
         // A way that is not free now is looked at again when this much more of it has been gone.
