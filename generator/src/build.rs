@@ -1,7 +1,12 @@
 //! A scene's rows from its number: objects, rest, views, TSDF, candidates, attempts.
 
+use std::mem::replace;
+use std::time::{Duration, Instant};
+
 use perception::{Tsdf, camera_at, draw_views};
-use schema::{AttemptRecord, ObjectRecord, Purpose, SceneRecord, SceneRejections, SceneRows, Stream, View, VoxelGrid};
+use schema::{
+    AttemptRecord, ObjectRecord, Outcome, Purpose, SceneRecord, SceneRejections, SceneRows, Stream, View, VoxelGrid,
+};
 use simulator::{AttemptWorld, Execution, Scene, SceneRays, Settled, Unsettled, settle};
 
 use crate::candidates::{Candidate, draw_candidates};
@@ -24,32 +29,69 @@ pub struct NoScene {
     pub rejections: SceneRejections,
 }
 
+/// A part of the work on a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Dropping objects until they rest.
+    Settle,
+    /// Depth and TSDF of this many views.
+    Observe {
+        /// How many.
+        views: usize,
+    },
+    /// Drawing candidates, and making the scene ready for attempts.
+    Prepare,
+    /// One attempt.
+    Attempt {
+        /// How it ended.
+        outcome: Outcome,
+        /// Steps that were simulated.
+        steps: usize,
+    },
+}
+
 /// Makes the rows of scene `scene_id` with `attempt_count` attempts: a pure function of its arguments.
 ///
 /// # Errors
 /// [`NoScene`] if no try came to rest.
 pub fn make_scene(config: &Config, scene_id: u64, attempt_count: u32) -> Result<SceneRows, NoScene> {
+    make_scene_timed(config, scene_id, attempt_count, &mut |_, _| {})
+}
+
+/// As [`make_scene`]; tells how long each stage took.
+///
+/// # Errors
+/// [`NoScene`] if no try came to rest.
+pub fn make_scene_timed(
+    config: &Config,
+    scene_id: u64,
+    attempt_count: u32,
+    on_stage: &mut dyn FnMut(Stage, Duration),
+) -> Result<SceneRows, NoScene> {
+    let mut began = Instant::now();
+    let mut ended = |stage: Stage| on_stage(stage, replace(&mut began, Instant::now()).elapsed());
     let (settled, dropped_count, rejections) = settled_scene(config, scene_id)?;
-    let scene = settled.scene;
-    let objects = object_records(scene_id, &scene);
+    ended(Stage::Settle);
+
+    let objects = object_records(scene_id, &settled.scene);
     // What is executed is what is stored: the attempts see the scene through its rows.
     let scene = Scene::from_records(config.grid.table_z_m, &objects);
-
     let mut views_stream = Stream::new(config.seed, scene_id, Purpose::Views, 0);
     let views = draw_views(&config.views, &config.grid, &mut views_stream);
     let tsdf = observe(config, &scene, &views).values;
+    ended(Stage::Observe { views: views.len() });
 
     let mut candidates_stream = Stream::new(config.seed, scene_id, Purpose::Candidates, 0);
     let candidates = draw_candidates(&scene, attempt_count as usize, &mut candidates_stream);
     let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
-    let attempts = candidates
-        .iter()
-        .zip(0..)
-        .map(|(candidate, attempt_id)| {
-            let execution = world.execute(&candidate.workspace_from_grasp, candidate.object_id);
-            attempt_record(scene_id, attempt_id, candidate, &execution)
-        })
-        .collect();
+    ended(Stage::Prepare);
+
+    let mut execute = |(candidate, attempt_id): (&Candidate, u32)| {
+        let execution = world.execute(&candidate.workspace_from_grasp, candidate.object_id);
+        ended(Stage::Attempt { outcome: execution.outcome, steps: execution.steps });
+        attempt_record(scene_id, attempt_id, candidate, &execution)
+    };
+    let attempts = candidates.iter().zip(0..).map(&mut execute).collect();
 
     let scene = SceneRecord {
         scene_id,

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::Parser;
+use clap::{Parser, Subcommand};
 
 /// Generate a grasp dataset: random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards.
 ///
@@ -12,7 +12,11 @@ use clap::Parser;
 /// run. A dataset is a pure function of the config, the seed and this program's version.
 #[derive(Debug, Parser)]
 #[command(name = "generator", version, after_help = EXAMPLES)]
+#[command(subcommand_negates_reqs = true, args_conflicts_with_subcommands = true, subcommand_value_name = "COMMAND")]
 pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+
     /// Number of shards; part of the dataset's identity [default: the config's]
     #[arg(long, value_name = "N")]
     pub shards: Option<u64>,
@@ -38,8 +42,61 @@ pub(crate) struct Arguments {
     pub config: Option<PathBuf>,
 
     /// Folder of the dataset; made if missing
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(long, value_name = "DIR", required = true)]
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Measure what generating costs, stage by stage, and what its shortcuts change
+    Bench(BenchArguments),
+    /// Execute a dataset's attempts again, from its rows alone: do they end as stored?
+    Repeat(RepeatArguments),
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct RepeatArguments {
+    /// Folder of the dataset
+    pub dataset: PathBuf,
+
+    /// Only the first N scenes [default: all]
+    #[arg(long, value_name = "N")]
+    pub scenes: Option<u64>,
+
+    /// Threads [default: one a core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=4096))]
+    pub threads: Option<u64>,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct BenchArguments {
+    /// Attempts of every run
+    #[arg(long, value_name = "N", default_value_t = 12_000)]
+    pub attempts: u64,
+
+    /// Attempts that are executed again by slower settings; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 3_000)]
+    pub repeat: u64,
+
+    /// Seed of every random draw [default: the config's]
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+
+    /// Threads of the widest run [default: one a core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=4096))]
+    pub threads: Option<u64>,
+
+    /// Config file [default: the built-in configs/generate/paper.toml]
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+
+    /// Write the report as Markdown too
+    #[arg(long, value_name = "FILE")]
+    pub markdown: Option<PathBuf>,
+
+    /// Write everything as JSON
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
 }
 
 const EXAMPLES: &str = "\
@@ -48,12 +105,13 @@ Examples:
   generator --config my.toml --shards 4 --attempts 2400 --out small
   generator --shards 64 --shard-index 3 --out grasps    one shard, as a cluster job does
   shards verify grasps && shards report grasps
+  generator bench --markdown bench.md                   what an attempt costs on this machine
 
 Exit codes:
    0  done
    1  internal error
    2  wrong command line
-  65  a shard came out differently from an earlier run
+  65  a shard or an attempt came out differently from an earlier run, or a dataset is damaged
   75  I/O trouble or stopped by a signal: run again
   78  wrong configuration, or the folder holds something else
 

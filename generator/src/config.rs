@@ -8,11 +8,14 @@ use serde_json::{Value, json};
 use shards::{DatasetInfo, ExitCode, FormatVersion};
 use simulator::{Physics, SettleLaw};
 
-use crate::raw::RawConfig;
+use crate::raw::{RawConfig, RawPhysics};
 
 /// The default config and the built-in hand, in the binary, so that it runs anywhere.
 const PAPER: &str = include_str!("../../configs/generate/paper.toml");
 const GRIPPERS: [(&str, &str); 1] = [("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml"))];
+
+/// The engine, as datasets name it.
+const ENGINE: &str = "rapier3d 0.36.1";
 
 /// Which objects are dropped.
 #[derive(Debug, Clone, PartialEq)]
@@ -230,14 +233,7 @@ impl Config {
                 cy_px: 0.5 * height_px as f32,
             },
             truncation_voxels: raw.tsdf.truncation_voxels,
-            physics: Physics {
-                step_rate_hz: raw.physics.step_rate_hz,
-                solver_iterations: raw.physics.solver_iterations as usize,
-                contact_frequency_hz: raw.physics.contact_frequency_hz,
-                gravity_m_s2: raw.physics.gravity_m_s2,
-                table_friction: raw.physics.table_friction,
-                shortcuts: raw.physics.shortcuts,
-            },
+            physics: raw.physics.into(),
             procedure: raw.procedure,
         })
     }
@@ -294,7 +290,7 @@ impl Config {
             },
             "tsdf": { "truncation_voxels": self.truncation_voxels },
             "physics": {
-                "engine": "rapier3d 0.36.1",
+                "engine": ENGINE,
                 "step_rate_hz": self.physics.step_rate_hz,
                 "solver_iterations": self.physics.solver_iterations,
                 "contact_frequency_hz": self.physics.contact_frequency_hz,
@@ -304,6 +300,15 @@ impl Config {
             },
         })
     }
+}
+
+/// The engine's settings from a dataset's laws, as [`Config::dataset_info`] writes them.
+pub(crate) fn physics_of(laws: &Value) -> Result<Physics, String> {
+    let physics = &laws["physics"];
+    if physics["engine"] != ENGINE {
+        return Err(format!("the engine must be {ENGINE:?}, got {}", physics["engine"]));
+    }
+    serde_json::from_value::<RawPhysics>(physics.clone()).map(Physics::from).map_err(|e| e.to_string())
 }
 
 /// The given table without what the reference does not have, and with the reference's values where it has none of the

@@ -4,17 +4,21 @@
 //! number into its rows, as a pure function of config and seed; [`generate`] does so for all scenes of the shards asked
 //! for, on all cores, and commits a shard when it is whole.
 
+mod bench;
 mod build;
 mod candidates;
 mod config;
 mod objects;
 mod raw;
+mod repeat;
 mod rules;
 mod run;
 
-pub use build::{NoScene, make_scene};
+pub use bench::{Agreement, BenchReport, BenchSize, OutcomeCost, RunCost, StageCost, bench};
+pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ConfigError, ObjectLaw, Overrides};
 pub use objects::draw_drops;
+pub use repeat::{Difference, RepeatError, Repeated, repeat};
 pub use rules::{Law, Tilt, law_of};
 pub use run::{Event, GenerateError, Report, attempts_of, generate};

@@ -1,20 +1,25 @@
 //! `generator`: writes grasp datasets.
 
 use std::io::Write;
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use clap::Parser;
-use generator::{Config, ConfigError, Event, GenerateError, Overrides, attempts_of, generate};
+use generator::{
+    BenchSize, Config, ConfigError, Event, GenerateError, Overrides, RepeatError, attempts_of, bench, generate, repeat,
+};
 use indicatif::{ProgressBar, ProgressStyle};
+use shards::Dataset;
 
+mod bench_text;
 mod cli;
 mod table;
 
-use cli::Arguments;
+use cli::{Arguments, BenchArguments, Command, RepeatArguments};
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
@@ -22,7 +27,12 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .with_env_filter(tracing_subscriber::EnvFilter::from_env("GRASPMILL_LOG"))
         .init();
-    run(&arguments)
+    let ended = match &arguments.command {
+        Some(Command::Bench(bench)) => run_bench(bench),
+        Some(Command::Repeat(repeat)) => run_repeat(repeat),
+        None => run(&arguments),
+    };
+    ended
         .unwrap_or_else(|error| {
             complain(&format!("error: {error:#}"));
             exit_code_of(&error)
@@ -32,10 +42,10 @@ fn main() -> ExitCode {
 
 /// The one place where errors become exit codes.
 fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
-    match error.downcast_ref::<ConfigError>() {
-        Some(error) => error.exit_code(),
-        None => error.downcast_ref().map_or(shards::ExitCode::Internal, GenerateError::exit_code),
-    }
+    let config = error.downcast_ref().map(ConfigError::exit_code);
+    let generate = error.downcast_ref().map(GenerateError::exit_code);
+    let repeat = error.downcast_ref().map(RepeatError::exit_code);
+    config.or(generate).or(repeat).unwrap_or(shards::ExitCode::Internal)
 }
 
 /// Says something to the person; a closed stderr is no reason to fail.
@@ -43,15 +53,70 @@ fn complain(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
+/// Datasets of the bench go to a temporary folder, which is removed.
+fn run_bench(arguments: &BenchArguments) -> anyhow::Result<shards::ExitCode> {
+    let shards = Some(arguments.attempts.div_ceil(3_000).max(1));
+    let overrides = Overrides { seed: arguments.seed, shards, attempts: Some(arguments.attempts) };
+    let config = Config::load(arguments.config.as_deref(), overrides)?;
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = arguments.threads.map_or_else(|| Ok(cores()), usize::try_from)?;
+    let size = BenchSize { threads, repeated_attempts: arguments.repeat };
+    let scratch = tempfile::tempdir().context("failed to make a temporary folder")?;
+    let spinner = ProgressBar::new_spinner();
+    spinner.enable_steady_tick(Duration::from_millis(200));
+    let report = bench(&config, size, scratch.path(), &|phase| spinner.set_message(phase.to_owned()))?;
+    spinner.finish_and_clear();
+    let command = std::env::args().skip(1).fold("generator".to_owned(), |line, word| line + " " + &word);
+    let text = bench_text::markdown(&report, &command);
+    let write = |path: &Path, text: &str| {
+        std::fs::write(path, text).with_context(|| format!("failed to write {}", path.display()))
+    };
+    if let Some(path) = &arguments.markdown {
+        write(path, &text)?;
+    }
+    if let Some(path) = &arguments.json {
+        write(path, &(serde_json::to_string_pretty(&report)? + "\n"))?;
+    }
+    let _ = write!(std::io::stdout().lock(), "{text}");
+    Ok(shards::ExitCode::Ok)
+}
+
+/// Differences shown at most.
+const DIFFERENCES_SHOWN: usize = 20;
+
+fn run_repeat(arguments: &RepeatArguments) -> anyhow::Result<shards::ExitCode> {
+    start_threads(arguments.threads)?;
+    let dataset = Dataset::open(&arguments.dataset).map_err(RepeatError::from)?;
+    let began = Instant::now();
+    let repeated = repeat(&dataset, arguments.scenes.unwrap_or(u64::MAX))?;
+    let rate = repeated.attempts as f64 / began.elapsed().as_secs_f64();
+    let mut text = format!(
+        "{} attempts executed again at {rate:.0}/s: {} end otherwise than stored\n",
+        repeated.attempts,
+        repeated.different.len()
+    );
+    for one in repeated.different.iter().take(DIFFERENCES_SHOWN) {
+        let (stored, now) = (one.stored.name(), one.now.name());
+        text += &format!("scene {}, attempt {}: stored {stored}, now {now}\n", one.scene_id, one.attempt_id);
+    }
+    let _ = write!(std::io::stdout().lock(), "{text}");
+    Ok(if repeated.different.is_empty() { shards::ExitCode::Ok } else { shards::ExitCode::Data })
+}
+
+fn start_threads(threads: Option<u64>) -> anyhow::Result<()> {
+    let threads = usize::try_from(threads.unwrap_or(0))?;
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("failed to start threads")
+}
+
 fn run(arguments: &Arguments) -> anyhow::Result<shards::ExitCode> {
+    let out = arguments.out.as_deref().context("--out is missing")?;
     let overrides = Overrides { seed: arguments.seed, shards: arguments.shards, attempts: arguments.attempts };
     let config = Config::load(arguments.config.as_deref(), overrides)?;
     let wanted: Vec<u32> = match &arguments.shard_index {
         Some(indices) => indices.0.iter().copied().collect(),
         None => (0..config.shard_count).collect(),
     };
-    let threads = usize::try_from(arguments.threads.unwrap_or(0))?;
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("failed to start threads")?;
+    start_threads(arguments.threads)?;
     let stop = stop_on_signals()?;
 
     let info = config.dataset_info();
@@ -59,7 +124,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<shards::ExitCode> {
     let bar = progress_bar(in_range.map(|shard| attempts_of(&info, *shard)).sum());
     let (made, held) = (AtomicU64::new(0), AtomicU64::new(0));
     let started = Instant::now();
-    let report = generate(&config, &arguments.out, &wanted, &stop, &|event| match event {
+    let report = generate(&config, out, &wanted, &stop, &|event| match event {
         Event::Skipped { shard, attempts } => {
             tracing::info!(shard, "skipped: an earlier run committed it");
             bar.dec_length(attempts);
@@ -73,7 +138,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<shards::ExitCode> {
         Event::Committed { shard } => tracing::info!(shard, "committed"),
     })?;
     bar.finish_and_clear();
-    let text = table::render(&report, &arguments.out, started.elapsed().as_secs_f64());
+    let text = table::render(&report, out, started.elapsed().as_secs_f64());
     let _ = write!(std::io::stdout().lock(), "{text}");
     Ok(if report.is_stopped { shards::ExitCode::TryAgain } else { shards::ExitCode::Ok })
 }

@@ -1,6 +1,7 @@
 //! The config file as it is written. Nothing after [`crate::Config`] sees these types.
 
 use serde::Deserialize;
+use simulator::Physics;
 
 #[derive(Debug, Deserialize)]
 pub(crate) struct RawConfig {
@@ -74,4 +75,17 @@ pub(crate) struct RawPhysics {
     pub gravity_m_s2: f32,
     pub table_friction: f32,
     pub shortcuts: bool,
+}
+
+impl From<RawPhysics> for Physics {
+    fn from(raw: RawPhysics) -> Self {
+        Self {
+            step_rate_hz: raw.step_rate_hz,
+            solver_iterations: raw.solver_iterations as usize,
+            contact_frequency_hz: raw.contact_frequency_hz,
+            gravity_m_s2: raw.gravity_m_s2,
+            table_friction: raw.table_friction,
+            shortcuts: raw.shortcuts,
+        }
+    }
 }

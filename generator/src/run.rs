@@ -72,6 +72,9 @@ pub enum GenerateError {
     /// The dataset could not be completed.
     #[error(transparent)]
     Finalize(#[from] FinalizeError),
+    /// Threads could not be started.
+    #[error("failed to start threads: {0}")]
+    Threads(String),
     /// There is no such shard.
     #[error("shard index must be below the number of shards, {shard_count}, got {index}")]
     NoSuchShard {
@@ -89,6 +92,7 @@ impl GenerateError {
         match self {
             Self::Begin(error) => error.exit_code(),
             Self::Scene(_) | Self::NoSuchShard { .. } => ExitCode::Config,
+            Self::Threads(_) => ExitCode::TryAgain,
             Self::Write(error) => error.exit_code(),
             Self::Store(error) => error.exit_code(),
             Self::Finalize(error) => error.exit_code(),

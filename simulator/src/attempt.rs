@@ -29,6 +29,8 @@ pub struct Execution {
     pub hit: Option<Hit>,
     /// Opening in metres, at the end of the hold or when the fingers stopped; `None` if they never closed.
     pub width_m: Option<f32>,
+    /// Steps that were simulated.
+    pub steps: usize,
 }
 
 /// A scene made ready for attempts: each runs in a fresh copy of it.
@@ -62,13 +64,13 @@ impl<'a> AttemptWorld<'a> {
     #[must_use]
     pub fn execute(&self, workspace_from_grasp: &Pose, target: usize) -> Execution {
         if let Some((outcome, hit)) = self.gate.blocked(workspace_from_grasp, target) {
-            return Execution { outcome, hit: Some(hit), width_m: None };
+            return Execution { outcome, hit: Some(hit), width_m: None, steps: 0 };
         }
         let mut skipped_steps = 0;
         if self.physics.shortcuts {
             match self.free_closing(workspace_from_grasp) {
                 FreeClosing::Empty { width_m } => {
-                    return Execution { outcome: Outcome::Empty, hit: None, width_m: Some(width_m) };
+                    return Execution { outcome: Outcome::Empty, hit: None, width_m: Some(width_m), steps: 0 };
                 }
                 FreeClosing::Steps(steps) => skipped_steps = steps,
             }
@@ -86,6 +88,7 @@ pub(crate) struct Run<'a> {
     pub(crate) bodies: Vec<RigidBodyHandle>,
     /// Steps of closing that were left out.
     skipped_steps: usize,
+    steps: usize,
     /// Up, in the world.
     up: Vec3,
     workspace_from_grasp: Pose,
@@ -114,6 +117,7 @@ impl<'a> Run<'a> {
             hand,
             bodies,
             skipped_steps,
+            steps: 0,
             up: -down,
             workspace_from_grasp,
             target,
@@ -125,19 +129,28 @@ impl<'a> Run<'a> {
         let before = self.positions();
         let width_m = self.close();
         if width_m <= self.setup.procedure.empty_width_m {
-            return Execution { outcome: Outcome::Empty, hit: None, width_m: Some(width_m) };
+            return self.ended(Outcome::Empty, None, width_m);
         }
         let closed = self.positions();
         let pushed = self.pushed(&before, &closed);
         let held = self.retreat_and_hold(closed[self.target]);
         if !held {
-            return Execution { outcome: Outcome::Slipped, hit: None, width_m: Some(width_m) };
+            return self.ended(Outcome::Slipped, None, width_m);
         }
-        let width_m = Some(self.hand.width_m(&self.world));
+        let width_m = self.hand.width_m(&self.world);
         match pushed.or_else(|| self.raised(&before)) {
-            Some(hit) => Execution { outcome: Outcome::HitOther, hit: Some(hit), width_m },
-            None => Execution { outcome: Outcome::Held, hit: None, width_m },
+            Some(hit) => self.ended(Outcome::HitOther, Some(hit), width_m),
+            None => self.ended(Outcome::Held, None, width_m),
         }
+    }
+
+    fn ended(&self, outcome: Outcome, hit: Option<Hit>, width_m: f32) -> Execution {
+        Execution { outcome, hit, width_m: Some(width_m), steps: self.steps }
+    }
+
+    fn step(&mut self) {
+        self.world.step(&mut self.pipeline);
+        self.steps += 1;
     }
 
     /// Closes until both fingers stand still; gives the opening.
@@ -148,7 +161,7 @@ impl<'a> Run<'a> {
         let mut last = self.hand.closed_m(&self.world);
         let mut stopped = 0;
         for _ in self.skipped_steps..physics.steps(self.setup.procedure.close_time_s_max) {
-            self.world.step(&mut self.pipeline);
+            self.step();
             let now = self.hand.closed_m(&self.world);
             let still = now.iter().zip(&last).all(|(a, b)| (a - b).abs() < slow);
             stopped = if still { stopped + 1 } else { 0 };
@@ -174,7 +187,7 @@ impl<'a> Run<'a> {
             let distance = procedure.retreat_distance_m * share * share * (3.0 - 2.0 * share);
             self.hand.press(&mut self.world, left - right);
             self.hand.move_to(&mut self.world, direction * distance);
-            self.world.step(&mut self.pipeline);
+            self.step();
             if self.hand.width_m(&self.world) <= procedure.empty_width_m {
                 return false;
             }

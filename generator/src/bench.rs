@@ -1,0 +1,271 @@
+//! What generating costs, stage by stage, and what its shortcuts change.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+use schema::{Outcome, SceneRows};
+use serde::Serialize;
+use shards::{Finalized, ShardWriter, Table, begin_dataset};
+use simulator::{AttemptWorld, Physics, Scene};
+
+use crate::build::{Stage, make_scene, make_scene_timed};
+use crate::config::Config;
+use crate::run::{GenerateError, generate};
+
+/// How much is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BenchSize {
+    /// Threads of the widest run.
+    pub threads: usize,
+    /// Attempts that are executed again by slower settings; 0 for none.
+    pub repeated_attempts: u64,
+}
+
+/// Everything that was measured.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BenchReport {
+    /// This program's version.
+    pub version: String,
+    /// Processor, as the system names it.
+    pub processor: String,
+    /// Attempts of each run, and of the stages.
+    pub attempts: u64,
+    /// Whole runs, from nothing to committed shards: with one thread, then with all.
+    pub runs: Vec<RunCost>,
+    /// Stages, on one thread.
+    pub stages: Vec<StageCost>,
+    /// Attempts by outcome, on one thread.
+    pub outcomes: Vec<OutcomeCost>,
+    /// Mean time of a simulated step, in seconds.
+    pub step_s: f64,
+    /// Bytes of the shards.
+    pub bytes: u64,
+    /// The most memory the process has held so far, in bytes, where the system tells.
+    pub memory_bytes: Option<u64>,
+    /// The same attempts by slower settings.
+    pub agreements: Vec<Agreement>,
+}
+
+/// A whole run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RunCost {
+    /// Threads that simulate; one more encodes.
+    pub threads: usize,
+    /// Wall time, in seconds.
+    pub wall_s: f64,
+    /// Processor time of all threads, in seconds, where the system tells.
+    pub cpu_s: Option<f64>,
+}
+
+/// A stage.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StageCost {
+    /// Its name.
+    pub name: &'static str,
+    /// How often it ran.
+    pub count: u64,
+    /// In all, in seconds.
+    pub total_s: f64,
+}
+
+/// Attempts that ended the same way.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OutcomeCost {
+    /// How they ended.
+    pub outcome: &'static str,
+    /// How many.
+    pub count: u64,
+    /// Steps that were simulated.
+    pub steps: u64,
+    /// In all, in seconds.
+    pub total_s: f64,
+}
+
+/// The same attempts of the same scenes by other settings.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Agreement {
+    /// The other settings.
+    pub settings: String,
+    /// Attempts.
+    pub attempts: u64,
+    /// How many have the same label.
+    pub same_label: u64,
+    /// How many end the same.
+    pub same_outcome: u64,
+    /// Positives by the config's settings, and by the others.
+    pub positives: [u64; 2],
+    /// Time of the attempts by the config's settings and by the others, in seconds on one thread.
+    pub total_s: [f64; 2],
+}
+
+/// Measures `config` at its own number of attempts; datasets go to folders below `scratch`.
+///
+/// # Errors
+/// As [`generate`].
+pub fn bench(
+    config: &Config,
+    size: BenchSize,
+    scratch: &Path,
+    on_phase: &dyn Fn(&str),
+) -> Result<BenchReport, GenerateError> {
+    let mut widths = vec![1, size.threads];
+    widths.dedup();
+    let mut runs = Vec::new();
+    let mut bytes = 0;
+    for threads in widths {
+        on_phase(&format!("whole runs: {threads} threads"));
+        let (cost, made) = whole_run(config, threads, &scratch.join(format!("threads-{threads}")))?;
+        runs.push(cost);
+        bytes = made;
+    }
+    on_phase("stages");
+    let (stages, outcomes) = stages(config, &scratch.join("stages"))?;
+    let (steps, simulated_s) = outcomes.iter().fold((0, 0.0), |(steps, time_s), cost| match cost.steps {
+        0 => (steps, time_s),
+        more => (steps + more, time_s + cost.total_s),
+    });
+    let memory_bytes = peak_memory_bytes();
+    let mut agreements = Vec::new();
+    if size.repeated_attempts > 0 {
+        let faithful = Physics { shortcuts: false, ..config.physics };
+        for (settings, physics) in [
+            ("everything simulated".to_owned(), faithful),
+            (
+                format!("everything simulated at {} Hz", 2.0 * faithful.step_rate_hz),
+                Physics { step_rate_hz: 2.0 * faithful.step_rate_hz, ..faithful },
+            ),
+        ] {
+            on_phase(&format!("attempts again: {settings}"));
+            agreements.push(agreement(config, size, settings, physics)?);
+        }
+    }
+    Ok(BenchReport {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        processor: processor(),
+        attempts: config.attempt_count,
+        runs,
+        stages,
+        outcomes,
+        step_s: simulated_s / f64::from(u32::try_from(steps.max(1)).unwrap_or(u32::MAX)),
+        bytes,
+        memory_bytes,
+        agreements,
+    })
+}
+
+fn pool(threads: usize) -> Result<rayon::ThreadPool, GenerateError> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| GenerateError::Threads(e.to_string()))
+}
+
+fn whole_run(config: &Config, threads: usize, dir: &Path) -> Result<(RunCost, u64), GenerateError> {
+    let shards: Vec<u32> = (0..config.shard_count).collect();
+    let pool = pool(threads)?;
+    let (began, cpu_began_s) = (Instant::now(), cpu_time_s());
+    let report = pool.install(|| generate(config, dir, &shards, &AtomicBool::new(false), &|_| {}))?;
+    let wall_s = began.elapsed().as_secs_f64();
+    let cpu_s = cpu_time_s().zip(cpu_began_s).map(|(now, before)| now - before);
+    let bytes = match &report.dataset {
+        Finalized::Complete(manifest) => Table::ALL.into_iter().map(|table| manifest.bytes(table)).sum(),
+        Finalized::Incomplete { .. } => 0,
+    };
+    Ok((RunCost { threads, wall_s, cpu_s }, bytes))
+}
+
+/// The stages of every scene, one scene after the other on this thread.
+fn stages(config: &Config, dir: &Path) -> Result<(Vec<StageCost>, Vec<OutcomeCost>), GenerateError> {
+    let info = config.dataset_info();
+    begin_dataset(dir, &info)?;
+    let names = ["settle", "depth and TSDF, a view", "prepare a scene", "gate", "physics", "Parquet, a scene"];
+    let mut stages = names.map(|name| StageCost { name, count: 0, total_s: 0.0 });
+    let mut outcomes =
+        Outcome::ALL.map(|outcome| OutcomeCost { outcome: outcome.name(), count: 0, steps: 0, total_s: 0.0 });
+    for shard in 0..info.shard_count {
+        let mut writer = ShardWriter::create(dir, &info, shard)?;
+        for scene_id in info.scenes_of(shard) {
+            let mut add = |stage: Stage, time: Duration| {
+                let (slot, count) = match stage {
+                    Stage::Settle => (0, 1),
+                    Stage::Observe { views } => (1, views as u64),
+                    Stage::Prepare => (2, 1),
+                    Stage::Attempt { outcome, steps } => {
+                        if let Some(cost) = outcomes.iter_mut().find(|cost| cost.outcome == outcome.name()) {
+                            cost.count += 1;
+                            cost.steps += steps as u64;
+                            cost.total_s += time.as_secs_f64();
+                        }
+                        (if steps == 0 { 3 } else { 4 }, 1)
+                    }
+                };
+                stages[slot].count += count;
+                stages[slot].total_s += time.as_secs_f64();
+            };
+            let rows = make_scene_timed(config, scene_id, info.attempts_of_scene(scene_id), &mut add)?;
+            let began = Instant::now();
+            writer.push(&rows)?;
+            stages[5].count += 1;
+            stages[5].total_s += began.elapsed().as_secs_f64();
+        }
+        let began = Instant::now();
+        writer.commit()?;
+        stages[5].total_s += began.elapsed().as_secs_f64();
+    }
+    Ok((stages.to_vec(), outcomes.to_vec()))
+}
+
+/// The attempts of the first scenes by the config's settings and by `physics`.
+fn agreement(config: &Config, size: BenchSize, settings: String, physics: Physics) -> Result<Agreement, GenerateError> {
+    let info = config.dataset_info();
+    let scenes = size.repeated_attempts.div_ceil(u64::from(info.attempts_per_scene)).min(info.scene_count);
+    let compare = |scene_id: u64| {
+        let rows = make_scene(config, scene_id, info.attempts_of_scene(scene_id))?;
+        Ok::<_, GenerateError>((repeat(config, &config.physics, &rows), repeat(config, &physics, &rows)))
+    };
+    let mut found =
+        Agreement { settings, attempts: 0, same_label: 0, same_outcome: 0, positives: [0; 2], total_s: [0.0; 2] };
+    let pairs: Result<Vec<_>, _> = pool(size.threads)?.install(|| (0..scenes).into_par_iter().map(compare).collect());
+    for ((ours, our_time), (theirs, their_time)) in pairs? {
+        found.attempts += ours.len() as u64;
+        for (a, b) in ours.iter().zip(&theirs) {
+            found.same_label += u64::from(a.label() == b.label());
+            found.same_outcome += u64::from(a == b);
+            found.positives[0] += u64::from(a.label());
+            found.positives[1] += u64::from(b.label());
+        }
+        found.total_s[0] += our_time.as_secs_f64();
+        found.total_s[1] += their_time.as_secs_f64();
+    }
+    Ok(found)
+}
+
+fn repeat(config: &Config, physics: &Physics, rows: &SceneRows) -> (Vec<Outcome>, Duration) {
+    let began = Instant::now();
+    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects);
+    let world = AttemptWorld::new(physics, &config.gripper, &config.procedure, &scene);
+    let attempts = rows.attempts.iter();
+    let outcomes = attempts.map(|a| world.execute(&a.workspace_from_grasp, a.object_id as usize).outcome).collect();
+    (outcomes, began.elapsed())
+}
+
+/// Processor time of this process, user and system (Linux: `/proc/self/stat`, in hundredths of a second).
+fn cpu_time_s() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The second field, the command's name, is in parentheses and may hold anything.
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = |field: usize| fields.get(field)?.parse::<f64>().ok();
+    Some((ticks(11)? + ticks(12)?) / 100.0)
+}
+
+/// The most memory that this process has held (Linux: `VmHWM`).
+fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.split_whitespace().next()?.parse::<u64>().ok()? * 1024)
+}
+
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
+}

@@ -1,0 +1,105 @@
+//! Executing a dataset's attempts again: what is stored should be what this program gives.
+
+use rayon::prelude::*;
+use schema::Outcome;
+use shards::{Dataset, ExitCode, ReadError};
+use simulator::{AttemptWorld, Physics, Scene};
+
+use crate::config::physics_of;
+
+/// What came of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Repeated {
+    /// Attempts that were executed.
+    pub attempts: u64,
+    /// Those that ended otherwise than stored, or with another opening.
+    pub different: Vec<Difference>,
+}
+
+/// An attempt that ends otherwise than its row says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Difference {
+    /// The scene.
+    pub scene_id: u64,
+    /// The attempt.
+    pub attempt_id: u32,
+    /// The stored outcome.
+    pub stored: Outcome,
+    /// The outcome now.
+    pub now: Outcome,
+}
+
+/// Why attempts could not be executed again.
+#[derive(Debug, thiserror::Error)]
+pub enum RepeatError {
+    /// The dataset cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The dataset does not say how the engine was run.
+    #[error("meta/info.json has no engine settings that this program knows: {0}")]
+    Physics(String),
+}
+
+impl RepeatError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Read(error) => error.exit_code(),
+            Self::Physics(_) => ExitCode::Data,
+        }
+    }
+}
+
+/// Executes the attempts of the first `scene_count` scenes again, from their rows alone.
+///
+/// # Errors
+/// [`RepeatError`] if the dataset cannot be read or was not made by this engine.
+pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, RepeatError> {
+    let physics = physics_of(&dataset.info().config).map_err(RepeatError::Physics)?;
+    let mut repeated = Repeated { attempts: 0, different: Vec::new() };
+    for shard in 0..dataset.shard_count() {
+        let ids = dataset.info().scenes_of(shard);
+        let ids = ids.start..ids.end.min(scene_count);
+        if ids.is_empty() {
+            break;
+        }
+        let (objects, attempts) = (dataset.read_objects(shard)?, dataset.read_attempts(shard)?);
+        let found: Vec<Repeated> = ids
+            .into_par_iter()
+            .map(|scene_id| {
+                // Rows are sorted by scene.
+                let objects = &objects[range_of(&objects, scene_id, |row| row.scene_id)];
+                let attempts = &attempts[range_of(&attempts, scene_id, |row| row.scene_id)];
+                repeat_scene(dataset, &physics, objects, attempts)
+            })
+            .collect();
+        for one in found {
+            repeated.attempts += one.attempts;
+            repeated.different.extend(one.different);
+        }
+    }
+    Ok(repeated)
+}
+
+fn range_of<T>(rows: &[T], scene_id: u64, of: impl Fn(&T) -> u64) -> std::ops::Range<usize> {
+    rows.partition_point(|row| of(row) < scene_id)..rows.partition_point(|row| of(row) <= scene_id)
+}
+
+fn repeat_scene(
+    dataset: &Dataset,
+    physics: &Physics,
+    objects: &[schema::ObjectRecord],
+    attempts: &[schema::AttemptRecord],
+) -> Repeated {
+    let info = dataset.info();
+    let scene = Scene::from_records(info.grid.table_z_m, objects);
+    let world = AttemptWorld::new(physics, &info.gripper, &info.procedure, &scene);
+    let again = |row: &schema::AttemptRecord| {
+        let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);
+        let is_same = now.outcome == row.outcome && now.width_m == row.width_m;
+        let (scene_id, attempt_id) = (row.scene_id, row.attempt_id);
+        (!is_same).then_some(Difference { scene_id, attempt_id, stored: row.outcome, now: now.outcome })
+    };
+    Repeated { attempts: attempts.len() as u64, different: attempts.iter().filter_map(again).collect() }
+}
