@@ -129,11 +129,12 @@ pub fn bench(
     let memory_bytes = peak_memory_bytes();
     let mut agreements = Vec::new();
     if size.repeated_attempts > 0 {
-        let faithful = Physics { shortcuts: false, ..config.physics };
+        let solver_iterations = config.physics.solver_iterations.max(Physics::FAITHFUL.solver_iterations);
+        let faithful = Physics { solver_iterations, shortcuts: false, ..config.physics };
         for (settings, physics) in [
-            ("everything simulated".to_owned(), faithful),
+            (format!("everything simulated, {solver_iterations} iterations"), faithful),
             (
-                format!("everything simulated at {} Hz", 2.0 * faithful.step_rate_hz),
+                format!("everything simulated, {solver_iterations} iterations at {} Hz", 2.0 * faithful.step_rate_hz),
                 Physics { step_rate_hz: 2.0 * faithful.step_rate_hz, ..faithful },
             ),
         ] {

@@ -183,6 +183,7 @@ impl Config {
         check.real("grid.size_m", raw.grid.size_m, 0.05, 3.0);
         check.real("grid.table_z_m", raw.grid.table_z_m, 0.0, 0.5 * raw.grid.size_m.max(0.0));
         let objects = check.objects(&raw);
+        check.whole("settle.solver_iterations", raw.settle.solver_iterations, 1, 1_000);
         check.real("settle.damping_1_s", raw.settle.damping_1_s, 0.0, 20.0);
         check.real("settle.linear_speed_m_s_max", raw.settle.linear_speed_m_s_max, 1e-4, 1.0);
         check.real("settle.angular_speed_rad_s_max", raw.settle.angular_speed_rad_s_max, 1e-3, 10.0);
@@ -216,6 +217,7 @@ impl Config {
             },
             objects,
             settle: SettleLaw {
+                solver_iterations: raw.settle.solver_iterations as usize,
                 damping_1_s: raw.settle.damping_1_s,
                 linear_speed_m_s_max: raw.settle.linear_speed_m_s_max,
                 angular_speed_rad_s_max: raw.settle.angular_speed_rad_s_max,
@@ -271,6 +273,7 @@ impl Config {
                 "drop_height_m": objects.drop_height_m,
             },
             "settle": {
+                "solver_iterations": self.settle.solver_iterations,
                 "damping_1_s": self.settle.damping_1_s,
                 "linear_speed_m_s_max": self.settle.linear_speed_m_s_max,
                 "angular_speed_rad_s_max": self.settle.angular_speed_rad_s_max,

@@ -40,6 +40,7 @@ pub(crate) struct RawObjects {
 
 #[derive(Debug, Deserialize)]
 pub(crate) struct RawSettle {
+    pub solver_iterations: u64,
     pub damping_1_s: f32,
     pub linear_speed_m_s_max: f32,
     pub angular_speed_rad_s_max: f32,

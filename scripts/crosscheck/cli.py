@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import ceiling, dataset, engines, passes
+from . import ceiling, dataset, engines, ours, passes
 from .compare import Rows, compare, compare_gate, compare_passes, rows_of
 from .report import EngineReport, Report, as_json, markdown, terminal
 
@@ -36,11 +36,15 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         data = dataset.read(args.dataset, args.scenes)
         report = run(data, _chosen(args.engine), args.seed, args.ceiling, _command(arguments))
+        if args.generator:
+            report.ours = ours.clocked(args.generator, args.dataset, len(data.scenes), len(report.rows.attempts))
         _write(report, args)
     except dataset.NoDataset as error:
         return _fail(CONFIG, str(error))
     except dataset.DamagedDataset as error:
         return _fail(DATA, str(error))
+    except ours.GeneratorFailed as error:
+        return _fail(CONFIG, str(error))
     except ModuleNotFoundError as error:
         return _fail(CONFIG, f"{error}; pip install -r scripts/requirements.txt")
     print(terminal(report))
@@ -69,6 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--ceiling", action="store_true", help="also compare the engine with itself")
     parser.add_argument("--report", type=Path, metavar="F.md", help="write a report, pictures in a folder beside it")
     parser.add_argument("--pictures", type=int, default=24, metavar="N", help="at most N pictures [default: 24]")
+    parser.add_argument("--generator", type=Path, metavar="BIN", help="also time this generator on the same attempts")
     parser.add_argument("--json", type=Path, metavar="F.json", help="write everything as JSON")
     parser.add_argument("--seed", type=int, default=1, help="of bootstrap and displacements [default: 1]")
     return parser

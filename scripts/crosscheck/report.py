@@ -13,6 +13,7 @@ from .compare import Comparison, Rows
 from .contract import OUTCOMES
 from .dataset import Dataset
 from .markdown import AGREEMENT_HEAD, agreement_cells, interval, kappa, millimetres, percent, table
+from .ours import Clocked
 from .passes import Drift, Pass
 
 
@@ -41,6 +42,7 @@ class Report:
     third: list[tuple[str, Agreement, Agreement]] = field(default_factory=list)
     patterns: dict[str, int] = field(default_factory=dict)
     pictures: dict[int, Path] = field(default_factory=dict)
+    ours: Clocked | None = None
 
 
 def markdown(report: Report) -> str:
@@ -54,6 +56,7 @@ def markdown(report: Report) -> str:
         "passed or attributed otherwise than stored.\n\n",
         "## Agreement\n\n",
         _summary(report),
+        _speed(report),
     ]
     for name, found in report.engines.items():
         parts.append(_engine(name, found))
@@ -75,6 +78,18 @@ def _summary(report: Report) -> str:
         "that reach it in both.\n\n"
     )
     return note + table(["", *AGREEMENT_HEAD, "same outcome"], rows)
+
+
+def _speed(report: Report) -> str:
+    """Attempts a second on one core, and how many times faster ours are."""
+    if not report.ours:
+        return ""
+    ours = report.ours.attempts_per_s
+    rows = [["ours, program start and reading included", f"{ours:,.0f}", ""]]
+    for name, found in report.engines.items():
+        for mode, c in (("its own approach", found.own), ("the geometric gate", found.same)):
+            rows.append([f"{name}, {mode}", f"{c.attempts_per_s:,.0f}", f"{ours / c.attempts_per_s:.1f}"])
+    return "## Speed, one core\n\n" + table(["the same attempts", "attempts/s", "ours is faster, times"], rows)
 
 
 def _engine(name: str, found: EngineReport) -> str:
@@ -189,6 +204,7 @@ def as_json(report: Report) -> dict:
         "attempts": len(report.rows.attempts),
         "held": int(report.rows.labels.sum()),
         "gate_differences": len(report.gate_differences),
+        "ours_attempts_per_s": report.ours.attempts_per_s if report.ours else None,
         "engines": {name: _engine_json(found) for name, found in report.engines.items()},
         "pairs": {pair: {"overall": a.as_json(), "closing": c.as_json()} for pair, a, c in report.third},
         "patterns": report.patterns,
@@ -264,4 +280,6 @@ def terminal(report: Report) -> str:
             f"{name:<32} {found.same.attempts_per_s:,.0f} attempts/s with our gate, "
             f"{found.own.attempts_per_s:,.0f} attempts/s with its own approach, one core"
         )
+    if report.ours:
+        lines.append(f"{'ours':<32} {report.ours.attempts_per_s:,.0f} attempts/s, one core, start and reading included")
     return "\n".join(lines)

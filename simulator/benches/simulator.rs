@@ -30,6 +30,7 @@ fn drops(count: usize) -> Vec<Drop> {
 
 fn settled(count: usize) -> Scene {
     let law = SettleLaw {
+        solver_iterations: 8,
         damping_1_s: 2.0,
         linear_speed_m_s_max: 0.005,
         angular_speed_rad_s_max: 0.05,

@@ -26,6 +26,8 @@ pub struct Drop {
 /// When a pile counts as resting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SettleLaw {
+    /// Solver iterations a step, in place of [`Physics::solver_iterations`]: with 4, one pile in ten never rests.
+    pub solver_iterations: usize,
     /// Falling and rolling lose speed at this rate (1/s): it stands for rolling resistance, without which a cylinder on
     /// its side rolls on for ever. Only while settling; attempts are undamped.
     pub damping_1_s: f32,
@@ -73,6 +75,7 @@ const SUNK_DEPTH_M: f32 = 0.01;
 /// # Errors
 /// [`Unsettled`] says why the scene is no scene; the caller draws another.
 pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -> Result<Settled, Unsettled> {
+    let physics = &Physics { solver_iterations: law.solver_iterations, ..*physics };
     let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
     world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
     let mut pipeline = PhysicsPipeline::new();
