@@ -65,12 +65,14 @@ venv() {
 }
 
 dataset() {
-    "${CARGO_TARGET_DIR:-target}/debug/generator" --config configs/generate/demo.toml --shards 2 --attempts 600 \
-        --out "$scratch/dataset"
+    local generator="${CARGO_TARGET_DIR:-target}/debug/generator"
+    "$generator" --config configs/generate/demo.toml --shards 2 --attempts 600 --out "$scratch/dataset" \
+        && "$generator" repeat "$scratch/dataset" \
+        && "$generator" --config scripts/crosscheck/coulomb.toml --out "$scratch/coulomb"
 }
 
 readers() {
-    GRASPMILL_DATASET="$scratch/dataset" .venv/bin/python -m pytest -p no:cacheprovider tests/python
+    GRASPMILL_DATASET="$scratch/dataset" GRASPMILL_COULOMB="$scratch/coulomb" .venv/bin/python -m pytest -p no:cacheprovider tests/python
 }
 
 # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds them.

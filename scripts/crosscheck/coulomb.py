@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from . import dataset, engines
-from .attempt import Runner
+from .attempt import Engine, Runner
 from .contract import Attempt, Environment, Gripper, Procedure, Scene, retreat_direction
 
 TILT_RAD_MAX = np.radians(4)
@@ -68,14 +68,8 @@ def predict(scene: Scene, attempt: Attempt, gripper: Gripper, procedure: Procedu
     return Lift(needed / (2 * friction * gripper.finger_force_n), lag, "held" if lag < limit else "slipped")
 
 
-def main() -> int:
-    """Prints the agreement of a dataset, or of an engine that repeats it, with the closed form."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("dataset", type=Path)
-    parser.add_argument("--engine", choices=engines.ENGINES)
-    args = parser.parse_args()
-    data = dataset.read(args.dataset, None)
-    engine = engines.make(args.engine) if args.engine else None
+def compare(data: dataset.Dataset, engine: Engine | None) -> list[tuple[Lift, str]]:
+    """Straight lifts near the limit, with their outcome: as stored, or repeated by an engine."""
     pairs = []
     for scene in data.scenes:
         runner = Runner(engine, scene, data.gripper, data.procedure, data.environment) if engine else None
@@ -85,6 +79,16 @@ def main() -> int:
                 continue
             found = runner.from_closing(attempt, attempt.workspace_from_grasp).outcome if runner else attempt.outcome
             pairs.append((lift, found))
+    return pairs
+
+
+def main() -> int:
+    """Prints the agreement of a dataset, or of an engine that repeats it, with the closed form."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("--engine", choices=engines.ENGINES)
+    args = parser.parse_args()
+    pairs = compare(dataset.read(args.dataset, None), engines.make(args.engine) if args.engine else None)
     wrong = [(lift, found) for lift, found in pairs if lift.outcome != found]
     print(f"{len(pairs)} straight lifts with a load of {LOAD_RANGE[0]} to {LOAD_RANGE[1]}: {len(pairs) - len(wrong)} as Coulomb says")
     for lift, found in sorted(wrong, key=lambda pair: pair[0].load):

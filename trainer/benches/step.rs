@@ -7,7 +7,7 @@ use schema::{Purpose, Quat, Stream};
 use trainer::batch::{Batch, Sample};
 use trainer::loss::Target;
 use trainer::network::initial_vector;
-use trainer::step::{evaluate, step};
+use trainer::step::{evaluate, step, step_by_graph};
 use trainer::upsampling::Upsampling;
 
 fn main() {
@@ -31,6 +31,12 @@ fn batch(scenes: usize) -> Batch {
 fn train(bencher: divan::Bencher<'_, '_>, scenes: usize) {
     let (vector, batch) = (initial_vector(1, &Device::flex()), batch(scenes));
     bencher.bench_local(|| step(&vector, &batch, Upsampling::Linear));
+}
+
+#[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
+fn train_by_graph(bencher: divan::Bencher<'_, '_>, scenes: usize) {
+    let (vector, batch) = (initial_vector(1, &Device::flex()), batch(scenes));
+    bencher.bench_local(|| step_by_graph(&vector, &batch, Upsampling::Linear));
 }
 
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]

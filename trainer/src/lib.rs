@@ -31,6 +31,7 @@ pub mod config;
 pub mod data;
 pub mod evaluate;
 pub mod fit;
+mod host;
 pub mod layers;
 pub mod loss;
 pub mod matrices;

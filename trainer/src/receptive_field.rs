@@ -84,7 +84,7 @@ pub fn doublings(voxels: &[[usize; 3]], mode: Upsampling, device: &Device) -> [A
 }
 
 /// The three matrices of one voxel coordinate, coarsest first, row by row.
-fn axis_windows(coordinate: usize, mode: Upsampling) -> [Vec<f32>; 3] {
+pub(crate) fn axis_windows(coordinate: usize, mode: Upsampling) -> [Vec<f32>; 3] {
     let sizes = PatchSizes::new(mode);
     let heads_start = coordinate as isize - LAYERS[6].padding() as isize;
     let conv3_out_start = mode.first_coarse(heads_start);

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use crate::batch::Batch;
 use crate::columns::{FIRST_ROWS, first_columns, padded_rows, valid_rows};
+use crate::host;
 use crate::layers::LAYERS;
 use crate::loss::{Prediction, SampleLosses, Targets, normalise, sample_losses};
 use crate::matrices::Matrices;
@@ -46,11 +47,25 @@ pub struct StepResult {
 }
 
 /// Loss and gradient of a batch. Parts of the batch run in parallel; their gradients are added in order, so the result
-/// does not depend on the number of threads.
+/// does not depend on the number of threads. On the host both ways are written out; elsewhere see [`step_by_graph`].
 ///
 /// Shapes: `vector` as [`crate::layers::parameter_slots`] lays it out.
 #[must_use]
 pub fn step(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
+    let part_gradient = if vector.device() == Device::flex() { part_by_hand } else { part_by_graph };
+    sum_of_parts(vector, batch, mode, part_gradient)
+}
+
+/// As [`step`], with the way back found by automatic differentiation: for devices other than the host, and to hold
+/// [`step`] against.
+#[must_use]
+pub fn step_by_graph(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
+    sum_of_parts(vector, batch, mode, part_by_graph)
+}
+
+type PartGradient = fn(&Matrices, &Batch, Range<usize>, Upsampling, f32) -> (Matrices, Vec<SampleResult>);
+
+fn sum_of_parts(vector: &Tensor<1>, batch: &Batch, mode: Upsampling, part_gradient: PartGradient) -> StepResult {
     let matrices = Matrices::from_vector(vector);
     let weight = 1.0 / batch.samples.len() as f32;
     let parts: Vec<(Matrices, Vec<SampleResult>)> =
@@ -82,7 +97,22 @@ pub fn evaluate(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Vec<Samp
     parts.concat()
 }
 
-fn part_gradient(
+fn part_by_hand(
+    matrices: &Matrices,
+    batch: &Batch,
+    part: Range<usize>,
+    mode: Upsampling,
+    weight: f32,
+) -> (Matrices, Vec<SampleResult>) {
+    let targets: Vec<_> = batch.samples[part.clone()].iter().map(|sample| sample.target).collect();
+    let voxels: Vec<_> = batch.samples[part.clone()].iter().map(|sample| sample.voxel).collect();
+    let (grids, grid_of_sample) = batch.grids_of(part.clone());
+    let looks = host::Part { grids: &grids, grid_of_sample: &grid_of_sample, voxels: &voxels, targets: &targets };
+    let (gradient, prediction, losses) = host::part_gradient(matrices, &looks, mode, weight);
+    (gradient, collect(batch, part, prediction, losses))
+}
+
+fn part_by_graph(
     matrices: &Matrices,
     batch: &Batch,
     part: Range<usize>,
@@ -192,7 +222,11 @@ fn convolve_patches(matrices: &Matrices, layer: usize, patches: Tensor<5>, m: us
 fn heads(matrices: &Matrices, rows: Tensor<2>) -> Prediction {
     let weights = Tensor::cat(matrices.weights[6..].to_vec(), 1);
     let biases = Tensor::cat(matrices.biases[6..].to_vec(), 0);
-    let out = rows.matmul(weights) + biases.unsqueeze();
+    prediction_of(&(rows.matmul(weights) + biases.unsqueeze()))
+}
+
+/// What the six outputs of the heads say, `[b, 6]`.
+pub(crate) fn prediction_of(out: &Tensor<2>) -> Prediction {
     let column = |at: usize| out.clone().slice([0..out.dims()[0], at..at + 1]).squeeze_dim::<1>(1);
     Prediction {
         quality_logit: column(0),
