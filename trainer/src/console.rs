@@ -5,6 +5,7 @@ use std::io::Write as _;
 use std::sync::Mutex;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use trainer::bench::BenchReport;
 use trainer::config::{Config, SplitBy};
 use trainer::evaluate::{Evaluation, TestSet};
 use trainer::fit::{Beginning, EpochReport, Event};
@@ -179,4 +180,42 @@ pub(crate) fn failure(error: &anyhow::Error) {
         }
     }
     eprintln!("error: {text}");
+}
+
+/// Says what is being measured.
+pub(crate) fn phase(name: &str) {
+    print(&format!("measuring {name}"));
+}
+
+/// What `trainer bench` measured, as Markdown.
+pub(crate) fn bench(report: &BenchReport) -> String {
+    let rate = |seconds: f64| report.step_mac / seconds;
+    let row = |name: &str, seconds: f64, mac_per_s: Option<f64>| {
+        let samples = report.batch as f64 / seconds;
+        let mac = mac_per_s.map_or((String::new(), String::new()), |mac| {
+            (format!("{:.1}", mac / 1e9), format!("{:.0} %", 100.0 * mac / report.matmul_mac_per_s))
+        });
+        format!("| {name} | {:.1} | {samples:.0} | {} | {} |\n", 1e3 * seconds, mac.0, mac.1)
+    };
+    let mut text = format!(
+        "graspmill {}, {} threads; products of matrices: {:.1} GMAC/s.\n\n\
+         | batch of {} | ms | samples/s | GMAC/s | of the products' rate |\n|---|---:|---:|---:|---:|\n",
+        report.version,
+        report.threads,
+        report.matmul_mac_per_s / 1e9,
+        report.batch
+    );
+    text += &row("training step, each sample of another scene", report.step_s, Some(rate(report.step_s)));
+    text += &row("training step, six samples a scene", report.step_of_few_scenes_s, None);
+    text += &row(
+        "the same as the first, differentiated automatically",
+        report.step_by_graph_s,
+        Some(rate(report.step_by_graph_s)),
+    );
+    text += &row("test step, each sample of another scene", report.test_s, None);
+    if let Some(read_s) = report.read_s {
+        text += &row("reading alone", read_s, None);
+    }
+    let memory = report.memory_bytes.map_or("unknown".to_owned(), shards::text::bytes);
+    text + &format!("\nDense network, one grid: {:.1} ms. Memory at most {memory}.\n", 1e3 * report.dense_forward_s)
 }

@@ -25,6 +25,7 @@
 
 pub mod adam;
 pub mod batch;
+pub mod bench;
 pub mod checkpoint;
 pub mod columns;
 pub mod config;

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use trainer::bench::bench;
 use trainer::config::Config;
 use trainer::evaluate::{EvaluateError, TestSet, evaluate};
 use trainer::fit::{Ending, FitError, fit};
@@ -31,6 +32,25 @@ enum Command {
     /// Accuracy, precision and recall of a checkpoint.
     #[command(after_help = shards::ExitCode::HELP)]
     Evaluate(EvaluateArgs),
+    /// What a training step costs on this machine.
+    #[command(after_help = shards::ExitCode::HELP)]
+    Bench(BenchArgs),
+}
+
+#[derive(Args)]
+struct BenchArgs {
+    /// Samples of a batch.
+    #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u16).range(1..=4096))]
+    batch: u16,
+    /// A dataset, to measure reading too.
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Threads; all cores by default.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Args)]
@@ -122,6 +142,7 @@ fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Fit(args) => run_fit(&args),
         Command::Evaluate(args) => run_evaluate(&args),
+        Command::Bench(args) => run_bench(&args),
     };
     match outcome {
         Ok(code) => code.into(),
@@ -172,6 +193,18 @@ fn run_evaluate(args: &EvaluateArgs) -> Result<shards::ExitCode, Failure> {
         println!("{}", serde_json::to_string_pretty(&evaluation).context("failed to write JSON")?);
     } else {
         print!("{}", console::evaluation(&evaluation));
+    }
+    Ok(shards::ExitCode::Ok)
+}
+
+fn run_bench(args: &BenchArgs) -> Result<shards::ExitCode, Failure> {
+    set_threads(args.threads)?;
+    let scratch = std::env::temp_dir();
+    let report = bench(args.batch.into(), args.data.as_deref(), &scratch, &console::phase)?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&report).context("failed to write JSON")?);
+    } else {
+        print!("{}", console::bench(&report));
     }
     Ok(shards::ExitCode::Ok)
 }

@@ -1,0 +1,175 @@
+//! What training costs on this machine.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use schema::{Purpose, Quat, Stream};
+use serde::Serialize;
+use shards::Dataset;
+
+use crate::batch::{Batch, Sample};
+use crate::data::{for_each_batch, load};
+use crate::fit::FitError;
+use crate::layers::LAYERS;
+use crate::loss::Target;
+use crate::network::{Network, initial_vector};
+use crate::receptive_field::{PatchSizes, RESOLUTION};
+use crate::step::{evaluate, step, step_by_graph};
+use crate::upsampling::Upsampling;
+
+/// Side of the square matrices whose product tells the machine's rate.
+const MATRIX: usize = 1024;
+/// Times everything is done; the median counts.
+const TIMES: usize = 9;
+
+/// Everything that was measured; times in seconds, medians.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BenchReport {
+    /// This program's version.
+    pub version: &'static str,
+    /// Samples of a batch.
+    pub batch: usize,
+    /// Threads.
+    pub threads: usize,
+    /// Products of `f32` matrices, in multiply-adds a second.
+    pub matmul_mac_per_s: f64,
+    /// Multiply-adds of a training step in which every sample has its own scene.
+    pub step_mac: f64,
+    /// A training step, every sample of another scene.
+    pub step_s: f64,
+    /// A training step, six samples a scene.
+    pub step_of_few_scenes_s: f64,
+    /// A training step by automatic differentiation, every sample of another scene.
+    pub step_by_graph_s: f64,
+    /// A step without a gradient.
+    pub test_s: f64,
+    /// The dense network on one grid.
+    pub dense_forward_s: f64,
+    /// Reading a batch, without training: `None` without a dataset.
+    pub read_s: Option<f64>,
+    /// The most memory the process has held, in bytes, where the system tells.
+    pub memory_bytes: Option<u64>,
+}
+
+/// Measures at the given batch size; with a dataset also how fast batches are read.
+///
+/// # Errors
+/// [`FitError`] if the dataset cannot be read.
+pub fn bench(
+    samples: usize,
+    data: Option<&Path>,
+    scratch: &Path,
+    on_phase: &dyn Fn(&str),
+) -> Result<BenchReport, FitError> {
+    let (device, mode) = (Device::flex(), Upsampling::Linear);
+    let vector = initial_vector(1, &device);
+    on_phase("matrix products");
+    let square = || Tensor::<2>::from_data(TensorData::new(vec![0.5_f32; MATRIX * MATRIX], [MATRIX; 2]), &device);
+    let (a, b) = (square(), square());
+    let product_s = median_s(|| drop(a.clone().matmul(b.clone()).into_data()));
+    on_phase("training steps");
+    let (many, few) = (batch(samples, samples), batch(samples, samples.div_ceil(6)));
+    let step_s = median_s(|| drop(step(&vector, &many, mode).gradient.into_data()));
+    let step_of_few_scenes_s = median_s(|| drop(step(&vector, &few, mode).gradient.into_data()));
+    let step_by_graph_s = median_s(|| drop(step_by_graph(&vector, &many, mode).gradient.into_data()));
+    let test_s = median_s(|| drop(evaluate(&vector, &many, mode)));
+    let memory_bytes = peak_memory_bytes();
+    on_phase("the dense network");
+    let network = Network::from_vector(vector.clone(), mode);
+    let grid = many.grids[0].to_vec();
+    let dense_forward_s = median_s(|| {
+        let grid = TensorData::new(grid.clone(), [1, 1, RESOLUTION, RESOLUTION, RESOLUTION]);
+        drop(network.forward(Tensor::from_data(grid, &device)).quality_logit.into_data());
+    });
+    on_phase("reading");
+    let read_s = data.map(|data| read_s(data, scratch, samples)).transpose()?;
+    Ok(BenchReport {
+        version: env!("CARGO_PKG_VERSION"),
+        batch: samples,
+        threads: rayon::current_num_threads(),
+        matmul_mac_per_s: (MATRIX as f64).powi(3) / product_s,
+        step_mac: samples as f64 * training_mac(mode),
+        step_s,
+        step_of_few_scenes_s,
+        step_by_graph_s,
+        test_s,
+        dense_forward_s,
+        read_s,
+        memory_bytes,
+    })
+}
+
+/// Multiply-adds of the matrix products of one sample with a scene of its own: forwards, and twice as many backwards, but
+/// for the first layer, of whose input nobody asks the gradient.
+fn training_mac(mode: Upsampling) -> f64 {
+    let sizes = PatchSizes::new(mode);
+    let sides = [20, 10, 5, 5, sizes.conv2_out, sizes.conv3_out, 1, 1, 1];
+    let macs = LAYERS.iter().zip(sides).map(|(layer, side)| (side.pow(3) * layer.weight_count()) as f64);
+    macs.enumerate().map(|(number, mac)| if number == 0 { 2.0 * mac } else { 3.0 * mac }).sum()
+}
+
+/// Samples in noise, from so many scenes.
+fn batch(samples: usize, scenes: usize) -> Batch {
+    let mut draw = Stream::new(0, 0, Purpose::Views, 0);
+    let grids = (0..scenes).map(|_| (0..RESOLUTION.pow(3)).map(|_| draw.uniform(0.0, 1.0)).collect::<Vec<f32>>());
+    let grids: Vec<Arc<[f32]>> = grids.map(Arc::from).collect();
+    let samples = (0..samples).map(|at| Sample {
+        grid: at * scenes / samples,
+        voxel: [draw.index(RESOLUTION), draw.index(RESOLUTION), draw.index(RESOLUTION)],
+        target: Target { label: (at % 4 == 0).into(), rotation: Quat::IDENTITY, width_voxels: 5.0 },
+    });
+    Batch { samples: samples.collect(), grids }
+}
+
+/// Seconds a batch when nothing is done with it.
+fn read_s(data: &Path, scratch: &Path, batch: usize) -> Result<f64, FitError> {
+    let dataset = Dataset::open(data).map_err(crate::data::LoadError::from)?;
+    let samples = load(&dataset, scratch, &AtomicBool::new(false), &|| {})?;
+    // Every sample of another scene as far as there are scenes: what costs most to read.
+    let all = samples.ids().len();
+    let stride = (all / batch.max(1)).max(1);
+    let order: Vec<usize> = (0..all).map(|at| at * stride % all).collect();
+    let (began, mut batches) = (Instant::now(), 0);
+    for_each_batch(&samples, &order, batch, |_| {
+        batches += 1;
+        ControlFlow::Continue(())
+    })?;
+    Ok(began.elapsed().as_secs_f64() / f64::from(batches.max(1)))
+}
+
+/// Median time of doing something, after doing it once.
+fn median_s(mut work: impl FnMut()) -> f64 {
+    work();
+    let mut times: Vec<f64> = (0..TIMES)
+        .map(|_| {
+            let began = Instant::now();
+            work();
+            began.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[TIMES / 2]
+}
+
+/// The most memory that this process has held (Linux: `VmHWM`).
+fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.split_whitespace().next()?.parse::<u64>().ok()? * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand, linear: encoder 16.0, 13.824, 6.912, then 13.824, 11.943936, 4.096 and 0.012 million forwards.
+    #[test]
+    fn the_arithmetic_of_a_step_is_counted() {
+        let forward = 13.824 + 6.912 + 13.824 + 11.943_936 + 4.096 + 0.012;
+        assert!((training_mac(Upsampling::Linear) / 1e6 - (3.0 * forward + 2.0 * 16.0)).abs() < 1e-9);
+    }
+}
