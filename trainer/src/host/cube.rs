@@ -131,9 +131,8 @@ mod tests {
             cube.scatter(&rows, &mut counts);
             let total: f32 = rows.iter().sum();
             assert_eq!(counts.iter().sum::<f32>(), total);
-            let taken = |i: usize| rows_with(&cube, i);
-            for i in 0..cube.len() {
-                assert_eq!(counts[i], taken(i), "{cube:?} {i}");
+            for (i, count) in counts.into_iter().enumerate() {
+                assert_eq!(count, rows_with(&cube, i), "{cube:?} {i}");
             }
         }
     }
