@@ -21,6 +21,11 @@ mod table;
 
 use cli::{Arguments, BenchArguments, Command, RepeatArguments};
 
+/// A world is built and dropped for every attempt: two threads make 3 to 12 % more attempts with this allocator than with the
+/// system's.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     tracing_subscriber::fmt()

@@ -184,7 +184,7 @@ pub(crate) fn failure(error: &anyhow::Error) {
 
 /// Says what is being measured.
 pub(crate) fn phase(name: &str) {
-    print(&format!("measuring {name}"));
+    eprintln!("measuring {name}");
 }
 
 /// What `trainer bench` measured, as Markdown.

@@ -16,6 +16,11 @@ use trainer::evaluate::{EvaluateError, TestSet, evaluate};
 use trainer::fit::{Ending, FitError, fit};
 use trainer::run_folder::checkpoint_path;
 
+/// The system's allocator gives every megabyte that a step frees back to the kernel and takes it again: 150 ms a step of
+/// eight scenes; 75 ms with this one.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// Trains the volumetric grasp network on a Graspmill dataset.
 #[derive(Parser)]
 #[command(version, after_help = shards::ExitCode::HELP)]

@@ -42,13 +42,29 @@ impl Cube {
         self.n.pow(3) * self.channels
     }
 
-    /// Copies the inputs of every output into its row. `rows` is zero before.
-    pub(crate) fn gather(&self, cube: &[f32], rows: &mut [f32]) {
-        for (output, row) in rows.chunks_exact_mut(self.row_len()).enumerate() {
-            self.for_runs(output, |run| {
-                row[run.row..run.row + run.len].copy_from_slice(&cube[run.cube..run.cube + run.len]);
-            });
+    /// The rows of every output, one cube after the other.
+    pub(crate) fn gather(&self, cubes: &[f32]) -> Vec<f32> {
+        let len = cubes.len() / self.len() * self.outputs().pow(3) * self.row_len();
+        if self.padding == 0 {
+            // Every row is whole, and its runs come in order: nothing has to be zero before.
+            let mut rows = Vec::with_capacity(len);
+            for cube in cubes.chunks_exact(self.len()) {
+                for output in 0..self.outputs().pow(3) {
+                    self.for_runs(output, |run| rows.extend_from_slice(&cube[run.cube..run.cube + run.len]));
+                }
+            }
+            return rows;
         }
+        let mut rows = vec![0.0; len];
+        let rows_of_cubes = rows.chunks_exact_mut(self.outputs().pow(3) * self.row_len());
+        for (cube, rows) in cubes.chunks_exact(self.len()).zip(rows_of_cubes) {
+            for (output, row) in rows.chunks_exact_mut(self.row_len()).enumerate() {
+                self.for_runs(output, |run| {
+                    row[run.row..run.row + run.len].copy_from_slice(&cube[run.cube..run.cube + run.len]);
+                });
+            }
+        }
+        rows
     }
 
     /// Adds every row to the inputs that it was gathered from.
@@ -122,12 +138,11 @@ mod tests {
         {
             let cube = Cube { n, channels, kernel, stride, padding };
             let values: Vec<f32> = (0..cube.len()).map(|i| i as f32 + 1.0).collect();
-            let mut rows = vec![0.0; cube.outputs().pow(3) * cube.row_len()];
-            cube.gather(&values, &mut rows);
+            let rows = cube.gather(&values);
             assert_eq!(rows, gathered_slowly(&cube, &values), "{cube:?}");
             // Each value comes back as often as it was taken.
             let mut counts = vec![0.0; cube.len()];
-            cube.gather(&vec![1.0; cube.len()], &mut rows);
+            let rows = cube.gather(&vec![1.0; cube.len()]);
             cube.scatter(&rows, &mut counts);
             let total: f32 = rows.iter().sum();
             assert_eq!(counts.iter().sum::<f32>(), total);

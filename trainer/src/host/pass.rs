@@ -46,7 +46,7 @@ pub(crate) fn part_gradient(
     };
 
     // Grids, whole.
-    let grids = part.grids.iter().flat_map(|grid| grid.iter().copied()).collect::<Vec<f32>>();
+    let grids = part.grids.concat();
     let encoder = [cube(0, RESOLUTION, 2), cube(1, 20, 1), cube(2, 10, 1), cube(3, COARSEST, 1)];
     let mut layers: Vec<Layer> = Vec::with_capacity(6);
     for (number, cube) in encoder.into_iter().enumerate() {
@@ -63,8 +63,9 @@ pub(crate) fn part_gradient(
         .collect();
     let coarse_len = COARSEST.pow(3) * LAYERS[3].channels_out;
     let coarse = |sample: usize| &layers[3].output[part.grid_of_sample[sample] * coarse_len..][..coarse_len];
-    let doubled: Vec<f32> =
-        doublings.iter().enumerate().flat_map(|(s, d)| d[0].double(LAYERS[3].channels_out, coarse(s))).collect();
+    let doubled: Vec<Vec<f32>> =
+        doublings.iter().enumerate().map(|(s, d)| d[0].double(LAYERS[3].channels_out, coarse(s))).collect();
+    let doubled = doubled.concat();
     let conv2 = forward(matrices, 4, cube(4, sizes.conv2_in, 0), &doubled, &device);
     let conv3_input = double_all(&doublings, 1, LAYERS[4].channels_out, &conv2.output);
     let conv3 = forward(matrices, 5, cube(5, sizes.conv3_in, 0), &conv3_input, &device);
@@ -108,12 +109,7 @@ pub(crate) fn part_gradient(
 }
 
 fn forward(matrices: &Matrices, number: usize, cube: Cube, input: &[f32], device: &Device) -> Layer {
-    let (cubes, rows_len) = (input.len() / cube.len(), cube.outputs().pow(3) * cube.row_len());
-    let mut rows = vec![0.0; cubes * rows_len];
-    for (values, rows) in input.chunks_exact(cube.len()).zip(rows.chunks_exact_mut(rows_len)) {
-        cube.gather(values, rows);
-    }
-    let rows = matrix(rows, cube.row_len(), device);
+    let rows = matrix(cube.gather(input), cube.row_len(), device);
     let mut output = values(rows.clone().matmul(matrices.weights[number].clone()));
     let bias = values(matrices.biases[number].clone());
     for row in output.chunks_exact_mut(bias.len()) {
@@ -121,17 +117,19 @@ fn forward(matrices: &Matrices, number: usize, cube: Cube, input: &[f32], device
             *value = (*value + bias).max(0.0);
         }
     }
-    Layer { cube, cubes, rows, output }
+    Layer { cube, cubes: input.len() / cube.len(), rows, output }
 }
 
 fn double_all(doublings: &[[Doubling; 3]], level: usize, channels: usize, patches: &[f32]) -> Vec<f32> {
     let patches = patches.chunks_exact(patches.len() / doublings.len());
-    patches.zip(doublings).flat_map(|(patch, doubling)| doubling[level].double(channels, patch)).collect()
+    let doubled = patches.zip(doublings).map(|(patch, doubling)| doubling[level].double(channels, patch));
+    doubled.collect::<Vec<_>>().concat()
 }
 
 fn halve_all(doublings: &[[Doubling; 3]], level: usize, channels: usize, patches: &[f32]) -> Vec<f32> {
     let patches = patches.chunks_exact(patches.len() / doublings.len());
-    patches.zip(doublings).flat_map(|(patch, doubling)| doubling[level].halve(channels, patch)).collect()
+    let halved = patches.zip(doublings).map(|(patch, doubling)| doubling[level].halve(channels, patch));
+    halved.collect::<Vec<_>>().concat()
 }
 
 /// Gradients of the parameters, as far as the way back has come.
@@ -157,9 +155,7 @@ impl Backward<'_> {
     /// The gradients of a layer's parameters; gives that of its output before ReLU, `[rows, channels out]`.
     fn parameters(&mut self, number: usize, layer: &Layer, mut gradient: Vec<f32>, device: &Device) -> Tensor<2> {
         for (gradient, output) in gradient.iter_mut().zip(&layer.output) {
-            if *output <= 0.0 {
-                *gradient = 0.0;
-            }
+            *gradient = if *output > 0.0 { *gradient } else { 0.0 };
         }
         let channels = LAYERS[number].channels_out;
         let mut bias = vec![0.0; channels];
