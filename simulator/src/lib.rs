@@ -1,7 +1,7 @@
 //! The world: objects that fall and stack, a hand that grasps them, and what a depth camera sees of them.
 //!
-//! This is the only crate that knows rapier. Its world frame *is* the workspace: z up, metres, kilograms, seconds,
-//! gravity set explicitly. The three things it does:
+//! This is the only crate that knows rapier. What goes in and comes out is in the workspace: z up, metres, kilograms,
+//! seconds, gravity set explicitly. The three things it does:
 //!
 //! - [`settle`] drops objects into a temporary box until they rest and gives their poses: a [`Scene`].
 //! - [`AttemptWorld::execute`] lets a free-floating parallel jaw try one grasp in that scene and says how it ended.
