@@ -27,7 +27,8 @@ class Clocked:
 
 def clocked(generator: Path, dataset: Path, scenes: int, attempts: int) -> Clocked:
     """Times `generator repeat`; raises GeneratorFailed unless every attempt ends as stored."""
-    command = [generator, "repeat", dataset, "--scenes", str(scenes), "--threads", "1"]
+    # Resolved, for a bare name would be looked up in PATH.
+    command = [generator.resolve(), "repeat", dataset, "--scenes", str(scenes), "--threads", "1"]
     start = perf_counter()
     try:
         done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)

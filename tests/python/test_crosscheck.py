@@ -270,8 +270,9 @@ def test_stored_lifts_near_the_friction_limit_end_as_coulomb_says():
     assert right >= 0.9 * len(pairs), f"{right} of {len(pairs)}"
 
 
-def test_the_generator_is_timed_and_its_failure_told(small, tmp_path):
-    program = tmp_path / "generator"
+def test_the_generator_is_timed_and_its_failure_told(small, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # a bare name in the current folder is that file, not one in PATH
+    program = Path("generator")
     program.write_text("#!/bin/sh\nexit $1\n")
     program.chmod(0o755)
     assert cli.main([os.environ["GRASPMILL_DATASET"], "--scenes", "1", "--engine", "mujoco", "--generator", str(program)]) == 78
