@@ -149,7 +149,7 @@ pub fn bench(
         runs,
         stages,
         outcomes,
-        step_s: simulated_s / f64::from(u32::try_from(steps.max(1)).unwrap_or(u32::MAX)),
+        step_s: simulated_s / steps.max(1) as f64,
         bytes,
         memory_bytes,
         agreements,

@@ -82,8 +82,8 @@ pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -
     let walls = add_walls(&mut world, physics, grid);
     let mut bodies = Vec::with_capacity(drops.len());
     let mut steps = 0;
-    for (drop, solid_corners_m) in drops.iter().zip(drops.iter().map(|drop| drop.solid.vertices_m())) {
-        let low_z_m = lowest_z_m(&solid_corners_m, &drop.workspace_from_object);
+    for drop in drops {
+        let low_z_m = lowest_z_m(&drop.solid.vertices_m(), &drop.workspace_from_object);
         let fall = Fall::until_near(physics, law, low_z_m - top_z_m(&world, &bodies, drops, grid));
         let mut pose = drop.workspace_from_object;
         pose.translation.z -= fall.way_m;

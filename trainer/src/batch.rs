@@ -25,6 +25,19 @@ pub struct Batch {
     pub samples: Vec<Sample>,
 }
 
+/// What some successive samples of a batch look at.
+#[derive(Debug, Clone)]
+pub struct Looks<'a> {
+    /// Their grids, each once.
+    pub grids: Vec<&'a [f32]>,
+    /// For each sample the number of its grid.
+    pub grid_of_sample: Vec<usize>,
+    /// For each sample its voxel.
+    pub voxels: Vec<[usize; 3]>,
+    /// For each sample its target.
+    pub targets: Vec<Target>,
+}
+
 /// Most grids in a part of a batch. Parts run on different threads and their gathered inputs (10 MB a grid) live at the
 /// same time, so this bounds memory; it does not depend on the thread count, so neither do results.
 const PART_GRIDS_MAX: usize = 2;
@@ -51,6 +64,19 @@ impl Batch {
             parts.push(start..self.samples.len());
         }
         parts
+    }
+
+    /// What some successive samples look at.
+    #[must_use]
+    pub fn looks(&self, part: Range<usize>) -> Looks<'_> {
+        let samples = &self.samples[part.clone()];
+        let (grids, grid_of_sample) = self.grids_of(part);
+        Looks {
+            grids,
+            grid_of_sample,
+            voxels: samples.iter().map(|sample| sample.voxel).collect(),
+            targets: samples.iter().map(|sample| sample.target).collect(),
+        }
     }
 
     /// The grids that some successive samples look at, each once, and for each sample the number of its grid among them.

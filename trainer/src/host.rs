@@ -9,4 +9,4 @@ mod cube;
 mod doubling;
 mod pass;
 
-pub(crate) use pass::{Part, part_gradient};
+pub(crate) use pass::part_gradient;

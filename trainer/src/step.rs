@@ -104,11 +104,7 @@ fn part_by_hand(
     mode: Upsampling,
     weight: f32,
 ) -> (Matrices, Vec<SampleResult>) {
-    let targets: Vec<_> = batch.samples[part.clone()].iter().map(|sample| sample.target).collect();
-    let voxels: Vec<_> = batch.samples[part.clone()].iter().map(|sample| sample.voxel).collect();
-    let (grids, grid_of_sample) = batch.grids_of(part.clone());
-    let looks = host::Part { grids: &grids, grid_of_sample: &grid_of_sample, voxels: &voxels, targets: &targets };
-    let (gradient, prediction, losses) = host::part_gradient(matrices, &looks, mode, weight);
+    let (gradient, prediction, losses) = host::part_gradient(matrices, &batch.looks(part.clone()), mode, weight);
     (gradient, collect(batch, part, prediction, losses))
 }
 
@@ -146,11 +142,9 @@ fn add(a: Matrices, b: Matrices) -> Matrices {
 
 fn part_losses(matrices: &Matrices, batch: &Batch, part: Range<usize>, mode: Upsampling) -> (Prediction, SampleLosses) {
     let device = matrices.biases[0].device().inner();
-    let targets: Vec<_> = batch.samples[part.clone()].iter().map(|sample| sample.target).collect();
-    let voxels: Vec<_> = batch.samples[part.clone()].iter().map(|sample| sample.voxel).collect();
-    let (grids, grid_of_sample) = batch.grids_of(part);
-    let prediction = predict(matrices, &grids, &grid_of_sample, &voxels, mode, &device);
-    let losses = sample_losses(&prediction, &Targets::new(&targets, &device));
+    let looks = batch.looks(part);
+    let prediction = predict(matrices, &looks.grids, &looks.grid_of_sample, &looks.voxels, mode, &device);
+    let losses = sample_losses(&prediction, &Targets::new(&looks.targets, &device));
     (prediction, losses)
 }
 

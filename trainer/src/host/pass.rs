@@ -4,20 +4,13 @@ use burn::tensor::{Device, Tensor, TensorData};
 
 use super::cube::Cube;
 use super::doubling::Doubling;
+use crate::batch::Looks;
 use crate::layers::LAYERS;
-use crate::loss::{Prediction, SampleLosses, Target, Targets, sample_losses};
+use crate::loss::{Prediction, SampleLosses, Targets, sample_losses};
 use crate::matrices::Matrices;
 use crate::receptive_field::{COARSEST, PatchSizes, RESOLUTION};
 use crate::step::prediction_of;
 use crate::upsampling::Upsampling;
-
-/// What a part of a batch looks at: its grids (40³ values each), and for each sample its grid, voxel and target.
-pub(crate) struct Part<'a> {
-    pub grids: &'a [&'a [f32]],
-    pub grid_of_sample: &'a [usize],
-    pub voxels: &'a [[usize; 3]],
-    pub targets: &'a [Target],
-}
 
 /// Gathered rows and what came of them, kept for the way back.
 struct Layer {
@@ -31,7 +24,7 @@ struct Layer {
 /// Gradient of `weight` times the sum of a part's losses, with the prediction and the losses.
 pub(crate) fn part_gradient(
     matrices: &Matrices,
-    part: &Part<'_>,
+    part: &Looks<'_>,
     mode: Upsampling,
     weight: f32,
 ) -> (Matrices, Prediction, SampleLosses) {
@@ -78,7 +71,7 @@ pub(crate) fn part_gradient(
     let out = heads_rows.clone().matmul(head_weights.clone()) + head_biases.unsqueeze();
     let leaf = out.autodiff().require_grad();
     let prediction = prediction_of(&leaf);
-    let losses = sample_losses(&prediction, &Targets::new(part.targets, &device));
+    let losses = sample_losses(&prediction, &Targets::new(&part.targets, &device));
     let mut gradients = (losses.total.clone().sum() * weight).backward();
     let d_out = leaf.grad_remove(&mut gradients).unwrap_or_else(|| leaf.zeros_like().inner());
 
