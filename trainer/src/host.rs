@@ -1,12 +1,14 @@
-//! The training step on the host, forwards and backwards by hand.
+//! The network on the host: the training step, forwards and backwards by hand, and the dense network.
 //!
-//! It computes what an automatic differentiation of [`crate::step::predict`] does, in the same matrix products; but rows are
-//! gathered by copying runs of memory instead of by lists of indices, scattered back by adding the same runs, and doubled
-//! by the two taps that a doubling has instead of by matrices. The loss stays where it is defined, in [`crate::loss`],
-//! and gives the gradient at the heads. Tests hold both ways, and PyTorch, against each other.
+//! It computes what [`crate::step::predict`] and its automatic differentiation do. But nothing is gathered: a convolution
+//! reads its inputs where they lie ([`tile`], [`conv`]), and a doubling takes the two taps that it has instead of a matrix.
+//! The loss stays where it is defined, in [`crate::loss`], and gives the gradient at the heads. Tests hold all ways, and
+//! PyTorch, against each other.
 
-mod cube;
+mod conv;
 mod doubling;
+mod parameters;
 mod pass;
+mod tile;
 
-pub(crate) use pass::part_gradient;
+pub(crate) use pass::Host;

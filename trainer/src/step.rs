@@ -5,15 +5,13 @@
 //! a small matrix product along each axis. Equal to [`crate::network::Network::forward`] at that voxel, loss and
 //! gradients, which the tests hold to 1e-4.
 
-use std::ops::Range;
-
 use burn::tensor::activation::relu;
-use burn::tensor::{Device, Int, Tensor};
+use burn::tensor::{Device, Int, Tensor, TensorData};
 use rayon::prelude::*;
 
-use crate::batch::Batch;
+use crate::batch::{Batch, Looks};
 use crate::columns::{FIRST_ROWS, first_columns, padded_rows, valid_rows};
-use crate::host;
+use crate::host::Host;
 use crate::layers::LAYERS;
 use crate::loss::{Prediction, SampleLosses, Targets, normalise, sample_losses};
 use crate::matrices::Matrices;
@@ -52,24 +50,22 @@ pub struct StepResult {
 /// Shapes: `vector` as [`crate::layers::parameter_slots`] lays it out.
 #[must_use]
 pub fn step(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
-    let part_gradient = if vector.device() == Device::flex() { part_by_hand } else { part_by_graph };
-    sum_of_parts(vector, batch, mode, part_gradient)
+    if !on_host(vector) {
+        return step_by_graph(vector, batch, mode);
+    }
+    let (gradient, samples) = Host::new(&values(vector), mode).step(batch);
+    let count = gradient.len();
+    StepResult { gradient: Tensor::from_data(TensorData::new(gradient, [count]), &vector.device()), samples }
 }
 
 /// As [`step`], with the way back found by automatic differentiation: for devices other than the host, and to hold
 /// [`step`] against.
 #[must_use]
 pub fn step_by_graph(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
-    sum_of_parts(vector, batch, mode, part_by_graph)
-}
-
-type PartGradient = fn(&Matrices, &Batch, Range<usize>, Upsampling, f32) -> (Matrices, Vec<SampleResult>);
-
-fn sum_of_parts(vector: &Tensor<1>, batch: &Batch, mode: Upsampling, part_gradient: PartGradient) -> StepResult {
     let matrices = Matrices::from_vector(vector);
     let weight = 1.0 / batch.samples.len() as f32;
     let parts: Vec<(Matrices, Vec<SampleResult>)> =
-        batch.parts().into_par_iter().map(|part| part_gradient(&matrices, batch, part, mode, weight)).collect();
+        batch.parts().into_par_iter().map(|part| part_by_graph(&matrices, &batch.looks(part), mode, weight)).collect();
     let (mut sum, mut samples) = (None, Vec::with_capacity(batch.samples.len()));
     for (gradient, results) in parts {
         samples.extend(results);
@@ -85,38 +81,38 @@ fn sum_of_parts(vector: &Tensor<1>, batch: &Batch, mode: Upsampling, part_gradie
 /// Losses and verdicts of a batch, without a gradient.
 #[must_use]
 pub fn evaluate(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Vec<SampleResult> {
+    if on_host(vector) {
+        return Host::new(&values(vector), mode).evaluate(batch);
+    }
     let matrices = Matrices::from_vector(vector);
     let parts: Vec<Vec<SampleResult>> = batch
         .parts()
         .into_par_iter()
         .map(|part| {
-            let (prediction, losses) = part_losses(&matrices, batch, part.clone(), mode);
-            collect(batch, part, prediction, losses)
+            let looks = batch.looks(part);
+            let (prediction, losses) = part_losses(&matrices, &looks, mode);
+            results(&looks, prediction, losses)
         })
         .collect();
     parts.concat()
 }
 
-fn part_by_hand(
-    matrices: &Matrices,
-    batch: &Batch,
-    part: Range<usize>,
-    mode: Upsampling,
-    weight: f32,
-) -> (Matrices, Vec<SampleResult>) {
-    let (gradient, prediction, losses) = host::part_gradient(matrices, &batch.looks(part.clone()), mode, weight);
-    (gradient, collect(batch, part, prediction, losses))
+fn on_host(vector: &Tensor<1>) -> bool {
+    vector.device() == Device::flex()
+}
+
+fn values(vector: &Tensor<1>) -> Vec<f32> {
+    vector.to_data().iter::<f32>().collect()
 }
 
 fn part_by_graph(
     matrices: &Matrices,
-    batch: &Batch,
-    part: Range<usize>,
+    part: &Looks<'_>,
     mode: Upsampling,
     weight: f32,
 ) -> (Matrices, Vec<SampleResult>) {
     let leaves = matrices.leaves();
-    let (prediction, losses) = part_losses(&leaves, batch, part.clone(), mode);
+    let (prediction, losses) = part_losses(&leaves, part, mode);
     let mut gradients = (losses.total.clone().sum() * weight).backward();
     let gradient = Matrices {
         weights: leaves
@@ -130,7 +126,7 @@ fn part_by_graph(
             .map(|b| b.grad_remove(&mut gradients).unwrap_or_else(|| b.zeros_like().inner()))
             .collect(),
     };
-    (gradient, collect(batch, part, prediction, losses))
+    (gradient, results(part, prediction, losses))
 }
 
 fn add(a: Matrices, b: Matrices) -> Matrices {
@@ -140,11 +136,10 @@ fn add(a: Matrices, b: Matrices) -> Matrices {
     }
 }
 
-fn part_losses(matrices: &Matrices, batch: &Batch, part: Range<usize>, mode: Upsampling) -> (Prediction, SampleLosses) {
+fn part_losses(matrices: &Matrices, part: &Looks<'_>, mode: Upsampling) -> (Prediction, SampleLosses) {
     let device = matrices.biases[0].device().inner();
-    let looks = batch.looks(part);
-    let prediction = predict(matrices, &looks.grids, &looks.grid_of_sample, &looks.voxels, mode, &device);
-    let losses = sample_losses(&prediction, &Targets::new(&looks.targets, &device));
+    let prediction = predict(matrices, &part.grids, &part.grid_of_sample, &part.voxels, mode, &device);
+    let losses = sample_losses(&prediction, &Targets::new(&part.targets, &device));
     (prediction, losses)
 }
 
@@ -229,20 +224,21 @@ pub(crate) fn prediction_of(out: &Tensor<2>) -> Prediction {
     }
 }
 
-fn collect(batch: &Batch, part: Range<usize>, prediction: Prediction, losses: SampleLosses) -> Vec<SampleResult> {
+/// What each sample of a part gave.
+pub(crate) fn results(part: &Looks<'_>, prediction: Prediction, losses: SampleLosses) -> Vec<SampleResult> {
     let values = |tensor: Tensor<1>| tensor.inner().into_data().iter::<f32>().collect::<Vec<_>>();
     let (total, quality) = (values(losses.total), values(losses.quality));
     let (rotation, width) = (values(losses.rotation), values(losses.width));
     let logits = values(prediction.quality_logit);
-    let samples = batch.samples[part].iter().enumerate();
+    let samples = part.targets.iter().enumerate();
     samples
-        .map(|(at, sample)| SampleResult {
+        .map(|(at, target)| SampleResult {
             total: total[at],
             quality: quality[at],
             rotation: rotation[at],
             width: width[at],
             quality_logit: logits[at],
-            label: sample.target.label,
+            label: target.label,
         })
         .collect()
 }

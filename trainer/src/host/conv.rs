@@ -1,0 +1,252 @@
+//! A convolution over cubes of positions, as the places in memory that its three products need.
+//!
+//! A cube of side `n` holds the channels of each position, x slowest, channels fastest, in `n + 2 · padding` positions a
+//! side of which the outer ones are zero. Those zeros are the convolution's padding; gradients that come to lie there are
+//! never looked at.
+
+use super::tile::{self, Backward, Forward, LANES, Weights};
+use crate::layers::LayerShape;
+
+/// Side and padding of a cube in memory.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Side {
+    /// Positions along a side that hold values.
+    pub n: usize,
+    /// Zeros before and after them.
+    pub padding: usize,
+}
+
+impl Side {
+    /// Positions along a side in memory.
+    pub(crate) const fn whole(self) -> usize {
+        self.n + 2 * self.padding
+    }
+
+    /// Where position (x, y, z) of the values lies, in positions.
+    pub(crate) const fn place(self, [x, y, z]: [usize; 3]) -> usize {
+        let (whole, padding) = (self.whole(), self.padding);
+        ((x + padding) * whole + y + padding) * whole + z + padding
+    }
+}
+
+/// One layer's convolution, from a cube to a cube.
+#[derive(Debug, Clone)]
+pub(crate) struct Conv {
+    /// Values of an input cube, and of an output cube.
+    inputs_len: usize,
+    outputs_len: usize,
+    /// Columns of the products: channels out, padded to a multiple of [`LANES`].
+    columns: usize,
+    /// For each output position, where its inputs begin and where its columns go.
+    rows: Vec<usize>,
+    places: Vec<usize>,
+    /// Where the runs of kernel (x, y) lie from a row's beginning, and how long they are.
+    taps: Vec<usize>,
+    run: usize,
+}
+
+impl Conv {
+    /// The convolution of a layer whose input, padding and all, is `input`. It has an output wherever the kernel fits;
+    /// `output_padding` zeros are left around them.
+    pub(crate) fn new(layer: LayerShape, input: Side, output_padding: usize) -> Self {
+        let (channels, side) = (layer.channels_in, input.whole());
+        let output = Side { n: (side - layer.kernel) / layer.stride + 1, padding: output_padding };
+        let columns = layer.channels_out.next_multiple_of(LANES);
+        let positions: Vec<[usize; 3]> = positions(output.n).collect();
+        let row = |[x, y, z]: &[usize; 3]| ((x * side + y) * side + z) * layer.stride * channels;
+        Self {
+            inputs_len: side.pow(3) * channels,
+            outputs_len: output.whole().pow(3) * columns,
+            columns,
+            rows: positions.iter().map(row).collect(),
+            places: positions.iter().map(|position| output.place(*position) * columns).collect(),
+            taps: (0..layer.kernel.pow(2))
+                .map(|tap| (tap / layer.kernel * side + tap % layer.kernel) * side * channels)
+                .collect(),
+            run: layer.kernel * channels,
+        }
+    }
+
+    /// A product of `count` rows that lie one after the other, as they are.
+    pub(crate) fn of_rows(count: usize, run: usize, columns: usize) -> Self {
+        Self {
+            inputs_len: count * run,
+            outputs_len: count * columns,
+            columns,
+            rows: (0..count).map(|row| row * run).collect(),
+            places: (0..count).map(|row| row * columns).collect(),
+            taps: vec![0],
+            run,
+        }
+    }
+
+    /// Output cubes, one for each input cube. `weights` are `[taps, run, columns]`, `bias` is `[columns]`.
+    pub(crate) fn forward(&self, weights: &[f32], bias: &[f32], relu: bool, inputs: &[f32]) -> Vec<f32> {
+        let mut outputs = vec![0.0; inputs.len() / self.inputs_len * self.outputs_len];
+        for (inputs, outputs) in inputs.chunks_exact(self.inputs_len).zip(outputs.chunks_exact_mut(self.outputs_len)) {
+            let (rows, places, taps, run) = (&self.rows, &self.places, &self.taps, self.run);
+            tile::run(Forward { inputs, rows, taps, run, weights, start: bias, relu, places, outputs });
+        }
+        outputs
+    }
+
+    /// From gradients as output cubes hold them to `[rows, columns]`; 0 where ReLU cut the output off.
+    pub(crate) fn through_relu(&self, outputs: &[f32], d_outputs: &[f32]) -> Vec<f32> {
+        let mut gradients = Vec::with_capacity(outputs.len() / self.outputs_len * self.rows.len() * self.columns);
+        for (outputs, d_outputs) in outputs.chunks_exact(self.outputs_len).zip(d_outputs.chunks_exact(self.outputs_len))
+        {
+            for place in &self.places {
+                let (output, gradient) = (&outputs[*place..][..self.columns], &d_outputs[*place..][..self.columns]);
+                gradients.extend(output.iter().zip(gradient).map(|(o, d)| if *o > 0.0 { *d } else { 0.0 }));
+            }
+        }
+        gradients
+    }
+
+    /// Adds the gradients of weights, `[taps, run, columns]`, and bias; `gradients` are `[cubes · rows, columns]`.
+    pub(crate) fn add_parameters(&self, inputs: &[f32], gradients: &[f32], d_weights: &mut [f32], d_bias: &mut [f32]) {
+        for row in gradients.chunks_exact(self.columns) {
+            for (sum, gradient) in d_bias.iter_mut().zip(row) {
+                *sum += gradient;
+            }
+        }
+        for (inputs, gradients) in self.by_cube(inputs, gradients) {
+            let (rows, taps, run) = (&self.rows, &self.taps, self.run);
+            tile::run(Weights { inputs, rows, taps, run, gradients, d_weights });
+        }
+    }
+
+    /// The gradient of the input cubes; `weights` are `[taps, columns, run]`. A run must fill whole vectors, which those
+    /// of the first layer, whose inputs' gradient nobody wants, do not.
+    pub(crate) fn d_inputs(&self, weights: &[f32], gradients: &[f32]) -> Vec<f32> {
+        debug_assert!(self.run.is_multiple_of(LANES), "a run of {}", self.run);
+        let cubes = gradients.len() / (self.rows.len() * self.columns);
+        let mut d_inputs = vec![0.0; cubes * self.inputs_len];
+        let of_cubes = gradients.chunks_exact(self.rows.len() * self.columns);
+        for (d_inputs, gradients) in d_inputs.chunks_exact_mut(self.inputs_len).zip(of_cubes) {
+            let (rows, taps, run) = (&self.rows, &self.taps, self.run);
+            tile::run(Backward { gradients, rows, taps, run, weights, d_inputs });
+        }
+        d_inputs
+    }
+
+    fn by_cube<'a>(&self, inputs: &'a [f32], gradients: &'a [f32]) -> impl Iterator<Item = (&'a [f32], &'a [f32])> {
+        inputs.chunks_exact(self.inputs_len).zip(gradients.chunks_exact(self.rows.len() * self.columns))
+    }
+}
+
+/// The positions of a cube of side `n`, x slowest.
+pub(crate) fn positions(n: usize) -> impl Iterator<Item = [usize; 3]> {
+    (0..n.pow(3)).map(move |at| [at / (n * n), at / n % n, at % n])
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Purpose, Stream};
+
+    use super::*;
+
+    struct Case {
+        layer: LayerShape,
+        input: Side,
+        output_padding: usize,
+    }
+
+    fn cases() -> impl Iterator<Item = Case> {
+        let case = |[channels_in, channels_out, kernel, stride]: [usize; 4],
+                    [n, padding, output_padding]: [usize; 3]| {
+            let layer = LayerShape { name: "", channels_in, channels_out, kernel, stride };
+            Case { layer, input: Side { n, padding }, output_padding }
+        };
+        [
+            case([1, 16, 5, 2], [8, 2, 1]),
+            case([16, 32, 3, 2], [6, 1, 0]),
+            case([32, 64, 3, 1], [4, 1, 2]),
+            case([16, 48, 3, 1], [5, 0, 0]),
+            case([32, 16, 5, 1], [7, 0, 0]),
+            case([64, 80, 3, 1], [3, 0, 1]),
+        ]
+        .into_iter()
+    }
+
+    /// Every product of an input, a weight and an output's gradient, from the definition of a convolution: calls `visit`
+    /// with the three places.
+    fn for_products(case: &Case, mut visit: impl FnMut(usize, usize, usize)) {
+        let Case { layer, input, output_padding } = case;
+        let (side, channels) = (input.whole(), layer.channels_in);
+        let output = Side { n: (side - layer.kernel) / layer.stride + 1, padding: *output_padding };
+        for at in positions(output.n) {
+            for (tap, place) in positions(layer.kernel).enumerate() {
+                let [x, y, z] = [0, 1, 2].map(|axis| at[axis] * layer.stride + place[axis]);
+                for channel in 0..channels {
+                    let from = ((x * side + y) * side + z) * channels + channel;
+                    for column in 0..layer.channels_out {
+                        let weight = (tap * channels + channel) * layer.channels_out + column;
+                        visit(from, weight, output.place(at) * layer.channels_out + column);
+                    }
+                }
+            }
+        }
+    }
+
+    fn assert_close(ours: &[f32], slow: &[f64], what: &str) {
+        assert_eq!(ours.len(), slow.len());
+        for (at, (ours, slow)) in ours.iter().zip(slow).enumerate() {
+            assert!((f64::from(*ours) - slow).abs() < 1e-4, "{what} {at}: {ours} against {slow}");
+        }
+    }
+
+    #[test]
+    fn the_three_products_are_those_of_a_convolution() {
+        let mut stream = Stream::new(6, 0, Purpose::Views, 0);
+        for case in cases() {
+            let conv = Conv::new(case.layer, case.input, case.output_padding);
+            let mut draw = |count: usize| -> Vec<f32> { (0..count).map(|_| stream.uniform(-0.5, 0.5)).collect() };
+            let inputs = draw(2 * conv.inputs_len);
+            let (weights, bias) = (draw(case.layer.weight_count()), draw(case.layer.channels_out));
+            let outputs = conv.forward(&weights, &bias, true, &inputs);
+            let d_outputs = draw(outputs.len());
+            let gradients = conv.through_relu(&outputs, &d_outputs);
+            let transposed: Vec<f32> = (0..weights.len())
+                .map(|at| {
+                    let (run, columns) = (conv.run, conv.columns);
+                    let (tap, column, place) = (at / (run * columns), at / run % columns, at % run);
+                    weights[(tap * run + place) * columns + column]
+                })
+                .collect();
+            let (mut d_weights, mut d_bias) = (vec![0.0; weights.len()], vec![0.0; bias.len()]);
+            conv.add_parameters(&inputs, &gradients, &mut d_weights, &mut d_bias);
+
+            let mut slow_outputs = vec![0.0; outputs.len()];
+            for cube in 0..2 {
+                for place in &conv.places {
+                    let sums = &mut slow_outputs[cube * conv.outputs_len + place..][..conv.columns];
+                    sums.iter_mut().zip(&bias).for_each(|(sum, bias)| *sum = f64::from(*bias));
+                }
+                for_products(&case, |from, weight, to| {
+                    let input = inputs[cube * conv.inputs_len + from];
+                    slow_outputs[cube * conv.outputs_len + to] += f64::from(input) * f64::from(weights[weight]);
+                });
+            }
+            let masked: Vec<f64> =
+                slow_outputs.iter().zip(&d_outputs).map(|(o, d)| if *o > 0.0 { f64::from(*d) } else { 0.0 }).collect();
+            slow_outputs.iter_mut().for_each(|output| *output = output.max(0.0));
+            assert_close(&outputs, &slow_outputs, "output");
+            let (mut slow_weights, mut slow_inputs) = (vec![0.0; weights.len()], vec![0.0; inputs.len()]);
+            for cube in 0..2 {
+                for_products(&case, |from, weight, to| {
+                    let gradient = masked[cube * conv.outputs_len + to];
+                    slow_weights[weight] += gradient * f64::from(inputs[cube * conv.inputs_len + from]);
+                    slow_inputs[cube * conv.inputs_len + from] += gradient * f64::from(weights[weight]);
+                });
+            }
+            let slow_bias: Vec<f64> =
+                (0..bias.len()).map(|column| masked.iter().skip(column).step_by(conv.columns).sum()).collect();
+            assert_close(&d_weights, &slow_weights, "weight");
+            assert_close(&d_bias, &slow_bias, "bias");
+            if conv.run.is_multiple_of(LANES) {
+                assert_close(&conv.d_inputs(&transposed, &gradients), &slow_inputs, "input");
+            }
+        }
+    }
+}
