@@ -11,6 +11,7 @@ use schema::{Purpose, Quat, Stream};
 use serde::Serialize;
 use shards::Dataset;
 
+use crate::DenseNetwork;
 use crate::batch::{Batch, Sample};
 use crate::data::{for_each_batch, load};
 use crate::fit::FitError;
@@ -47,8 +48,12 @@ pub struct BenchReport {
     pub step_by_graph_s: f64,
     /// A step without a gradient.
     pub test_s: f64,
-    /// The dense network on one grid.
-    pub dense_forward_s: f64,
+    /// The dense network for inference on one grid.
+    pub dense_s: f64,
+    /// The same on one thread.
+    pub dense_one_thread_s: f64,
+    /// The dense network by Burn's convolutions.
+    pub dense_by_graph_s: f64,
     /// Reading a batch, without training: `None` without a dataset.
     pub read_s: Option<f64>,
     /// The most memory the process has held, in bytes, where the system tells.
@@ -79,10 +84,16 @@ pub fn bench(
     let test_s = median_s(|| drop(evaluate(&vector, &many, mode)));
     let memory_bytes = peak_memory_bytes();
     on_phase("the dense network");
+    let grid = &many.grids[0];
+    let dense = DenseNetwork::new(&vector.to_data().iter::<f32>().collect::<Vec<_>>(), mode);
+    let dense_s = median_s(|| drop(dense.infer(grid)));
+    // Where the system gives no thread more, this one has to do.
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let infer = || median_s(|| drop(dense.infer(grid)));
+    let dense_one_thread_s = alone.map_or_else(|_| infer(), |alone| alone.install(infer));
     let network = Network::from_vector(vector.clone(), mode);
-    let grid = many.grids[0].to_vec();
-    let dense_forward_s = median_s(|| {
-        let grid = TensorData::new(grid.clone(), [1, 1, RESOLUTION, RESOLUTION, RESOLUTION]);
+    let dense_by_graph_s = median_s(|| {
+        let grid = TensorData::new(grid.to_vec(), [1, 1, RESOLUTION, RESOLUTION, RESOLUTION]);
         drop(network.forward(Tensor::from_data(grid, &device)).quality_logit.into_data());
     });
     on_phase("reading");
@@ -97,7 +108,9 @@ pub fn bench(
         step_of_few_scenes_s,
         step_by_graph_s,
         test_s,
-        dense_forward_s,
+        dense_s,
+        dense_one_thread_s,
+        dense_by_graph_s,
         read_s,
         memory_bytes,
     })

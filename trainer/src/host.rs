@@ -6,9 +6,12 @@
 //! PyTorch, against each other.
 
 mod conv;
+mod dense;
 mod doubling;
+mod folded;
 mod parameters;
 mod pass;
 mod tile;
 
+pub use dense::{DenseGrids, DenseNetwork};
 pub(crate) use pass::Host;

@@ -2,8 +2,8 @@
 //!
 //! # The map
 //!
-//! - [`network`] is the network as inference evaluates it, on the whole volume; [`layers`] its shape as a table;
-//!   [`upsampling`] its ×2 stages; [`loss`] the paper's Eq. 1–5.
+//! - [`network`] is the network on the whole volume, as plainly as Burn lets one write it; [`layers`] its shape as a table;
+//!   [`upsampling`] its ×2 stages; [`loss`] the paper's Eq. 1–5. [`DenseNetwork`] is the same for inference, quicker.
 //! - [`step`] is the same function evaluated for training, at one voxel a sample: [`receptive_field`] says which part
 //!   of the decoder that voxel needs, [`columns`] and [`matrices`] turn convolutions into products, [`batch`] cuts a
 //!   batch into parts that run on different threads.
@@ -46,3 +46,5 @@ pub mod run_folder;
 pub mod split;
 pub mod step;
 pub mod upsampling;
+
+pub use host::{DenseGrids, DenseNetwork};

@@ -4,6 +4,8 @@
 //! side of which the outer ones are zero. Those zeros are the convolution's padding; gradients that come to lie there are
 //! never looked at.
 
+use rayon::prelude::*;
+
 use super::tile::{self, Backward, Forward, LANES, Weights};
 use crate::layers::LayerShape;
 
@@ -43,6 +45,15 @@ pub(crate) struct Conv {
     /// Where the runs of kernel (x, y) lie from a row's beginning, and how long they are.
     taps: Vec<usize>,
     run: usize,
+    plane: Plane,
+}
+
+/// The outputs of one x: how many they are, and how far those of the next x read and write.
+#[derive(Debug, Clone, Copy)]
+struct Plane {
+    rows: usize,
+    row_step: usize,
+    place_step: usize,
 }
 
 impl Conv {
@@ -64,6 +75,11 @@ impl Conv {
                 .map(|tap| (tap / layer.kernel * side + tap % layer.kernel) * side * channels)
                 .collect(),
             run: layer.kernel * channels,
+            plane: Plane {
+                rows: output.n.pow(2),
+                row_step: side * side * layer.stride * channels,
+                place_step: output.whole().pow(2) * columns,
+            },
         }
     }
 
@@ -77,6 +93,7 @@ impl Conv {
             places: (0..count).map(|row| row * columns).collect(),
             taps: vec![0],
             run,
+            plane: Plane { rows: 1, row_step: run, place_step: columns },
         }
     }
 
@@ -88,6 +105,22 @@ impl Conv {
             tile::run(Forward { inputs, rows, taps, run, weights, start: bias, relu, places, outputs });
         }
         outputs
+    }
+
+    /// As [`Self::forward`] with ReLU, for one cube and on all threads: each does whole planes of outputs.
+    pub(crate) fn forward_by_planes(&self, weights: &[f32], bias: &[f32], input: &[f32]) -> Vec<f32> {
+        let mut output = vec![0.0; self.outputs_len];
+        let Plane { rows, row_step, place_step } = self.plane;
+        // What a plane reads and writes lies as in the first one, but for an offset.
+        let first = self.places[0] / place_step * place_step;
+        let places: Vec<usize> = self.places[..rows].iter().map(|place| place - first).collect();
+        let planes = output[first..].par_chunks_exact_mut(place_step).take(self.rows.len() / rows);
+        planes.enumerate().for_each(|(x, outputs)| {
+            let (inputs, taps, run) = (&input[x * row_step..], &self.taps, self.run);
+            let (rows, places) = (&self.rows[..rows], &places);
+            tile::run(Forward { inputs, rows, taps, run, weights, start: bias, relu: true, places, outputs });
+        });
+        output
     }
 
     /// From gradients as output cubes hold them to `[rows, columns]`; 0 where ReLU cut the output off.
@@ -205,6 +238,10 @@ mod tests {
             let inputs = draw(2 * conv.inputs_len);
             let (weights, bias) = (draw(case.layer.weight_count()), draw(case.layer.channels_out));
             let outputs = conv.forward(&weights, &bias, true, &inputs);
+            assert_eq!(
+                conv.forward_by_planes(&weights, &bias, &inputs[..conv.inputs_len]),
+                outputs[..conv.outputs_len]
+            );
             let d_outputs = draw(outputs.len());
             let gradients = conv.through_relu(&outputs, &d_outputs);
             let transposed: Vec<f32> = (0..weights.len())

@@ -69,6 +69,12 @@ impl Doubling {
         core::array::from_fn(|level| Self(core::array::from_fn(|axis| Axis::new(&windows[axis][level], coarse[level]))))
     }
 
+    /// The doubling of a whole volume of `n` positions a side, with so many zeros around what comes out.
+    pub(crate) fn of_volume(n: usize, padding: usize, mode: Upsampling) -> Self {
+        let matrix = mode.window(n, (-(padding as isize), 2 * (n + padding)), (0, n));
+        Self(core::array::from_fn(|_| Axis::new(&matrix, n)))
+    }
+
     /// Shapes: `[n, n, n, channels]` to `[m, m, m, channels]`.
     pub(crate) fn double(&self, channels: usize, patch: &[f32]) -> Vec<f32> {
         let [x, y, z] = &self.0;

@@ -1,6 +1,7 @@
 //! The network held to PyTorch, and the receptive-field step held to the dense network.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking, and tells what it measured")]
 
+mod dense;
 mod formula;
 mod parity;
 mod receptive_field;
