@@ -30,6 +30,7 @@ pub mod checkpoint;
 pub mod columns;
 pub mod config;
 pub mod data;
+pub mod device;
 pub mod evaluate;
 pub mod fit;
 mod host;

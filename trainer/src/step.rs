@@ -5,6 +5,8 @@
 //! a small matrix product along each axis. Equal to [`crate::network::Network::forward`] at that voxel, loss and
 //! gradients, which the tests hold to 1e-4.
 
+use std::ops::Range;
+
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use rayon::prelude::*;
@@ -64,8 +66,10 @@ pub fn step(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
 pub fn step_by_graph(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
     let matrices = Matrices::from_vector(vector);
     let weight = 1.0 / batch.samples.len() as f32;
-    let parts: Vec<(Matrices, Vec<SampleResult>)> =
-        batch.parts().into_par_iter().map(|part| part_by_graph(&matrices, &batch.looks(part), mode, weight)).collect();
+    let parts: Vec<(Matrices, Vec<SampleResult>)> = parts(vector, batch)
+        .into_par_iter()
+        .map(|part| part_by_graph(&matrices, &batch.looks(part), mode, weight))
+        .collect();
     let (mut sum, mut samples) = (None, Vec::with_capacity(batch.samples.len()));
     for (gradient, results) in parts {
         samples.extend(results);
@@ -85,8 +89,7 @@ pub fn evaluate(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Vec<Samp
         return Host::new(&values(vector), mode).evaluate(batch);
     }
     let matrices = Matrices::from_vector(vector);
-    let parts: Vec<Vec<SampleResult>> = batch
-        .parts()
+    let parts: Vec<Vec<SampleResult>> = parts(vector, batch)
         .into_par_iter()
         .map(|part| {
             let looks = batch.looks(part);
@@ -99,6 +102,12 @@ pub fn evaluate(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Vec<Samp
 
 fn on_host(vector: &Tensor<1>) -> bool {
     vector.device() == Device::flex()
+}
+
+/// The host's threads take a part each; a device is kept busy by the whole batch at once.
+#[expect(clippy::single_range_in_vec_init, reason = "one part, which is a range")]
+fn parts(vector: &Tensor<1>, batch: &Batch) -> Vec<Range<usize>> {
+    if on_host(vector) { batch.parts() } else { vec![0..batch.samples.len()] }
 }
 
 fn values(vector: &Tensor<1>) -> Vec<f32> {

@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking, and tells what it measured")]
 
 mod dense;
+mod devices;
 mod formula;
 mod parity;
 mod receptive_field;

@@ -1,0 +1,143 @@
+//! What computes: the host, or a device that the program was built for.
+//!
+//! The host needs nothing. Others are cargo features of this crate, off by default because they compile for minutes:
+//! `cuda` (an NVIDIA driver with NVRTC when it runs) and `wgpu` (Vulkan, Metal or DirectX). This is the one place that
+//! knows them.
+
+use std::str::FromStr;
+
+use burn::tensor::Device;
+use shards::ExitCode;
+
+/// A device as users name it: `cpu`, `cuda`, `cuda:1`, `wgpu`, `wgpu:0`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DeviceName {
+    /// The host, by this crate's own products. The only one whose results are the same to the bit in every run.
+    #[default]
+    Cpu,
+    /// An NVIDIA card, by its number.
+    Cuda(usize),
+    /// A graphics adapter of Vulkan, Metal or DirectX, by its number.
+    Wgpu(usize),
+}
+
+/// Why there is no such device.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum DeviceError {
+    /// Not a name of one.
+    #[error("a device is cpu, cuda, cuda:N, wgpu or wgpu:N, not {0:?}")]
+    Unknown(String),
+    /// The program was built without it.
+    #[error(
+        "this program was built without {feature}: cargo build --release -p trainer --features {feature} makes one that has it"
+    )]
+    NotBuilt {
+        /// The cargo feature.
+        feature: &'static str,
+    },
+    /// The machine has none of that number.
+    #[error("there is no device {name}: {} found", match found { 0 => "none was".to_owned(), 1 => "one was".to_owned(), n => format!("{n} were") })]
+    Absent {
+        /// Its name.
+        name: DeviceName,
+        /// How many of its kind there are.
+        found: usize,
+    },
+}
+
+impl DeviceError {
+    /// [`ExitCode::Config`]: another command or another machine is needed.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        ExitCode::Config
+    }
+}
+
+impl std::fmt::Display for DeviceName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Cpu => write!(f, "cpu"),
+            Self::Cuda(number) => write!(f, "cuda:{number}"),
+            Self::Wgpu(number) => write!(f, "wgpu:{number}"),
+        }
+    }
+}
+
+impl FromStr for DeviceName {
+    type Err = DeviceError;
+
+    fn from_str(text: &str) -> Result<Self, DeviceError> {
+        let unknown = || DeviceError::Unknown(text.to_owned());
+        let (kind, number) = match text.split_once(':') {
+            Some((kind, number)) => (kind, Some(number.parse().map_err(|_| unknown())?)),
+            None => (text, None),
+        };
+        match (kind, number) {
+            ("cpu", None) => Ok(Self::Cpu),
+            ("cuda", number) => Ok(Self::Cuda(number.unwrap_or(0))),
+            ("wgpu", number) => Ok(Self::Wgpu(number.unwrap_or(0))),
+            _ => Err(unknown()),
+        }
+    }
+}
+
+impl DeviceName {
+    /// The device itself.
+    ///
+    /// # Errors
+    /// [`DeviceError`] if the program was built without it or the machine has none.
+    pub fn open(self) -> Result<Device, DeviceError> {
+        match self {
+            Self::Cpu => Ok(Device::flex()),
+            Self::Cuda(number) => self.listed(cuda(), "cuda", number),
+            Self::Wgpu(number) => self.listed(wgpu(), "wgpu", number),
+        }
+    }
+
+    fn listed(self, devices: Option<Vec<Device>>, feature: &'static str, number: usize) -> Result<Device, DeviceError> {
+        let devices = devices.ok_or(DeviceError::NotBuilt { feature })?;
+        devices.get(number).cloned().ok_or(DeviceError::Absent { name: self, found: devices.len() })
+    }
+}
+
+/// All NVIDIA cards; `None` if the program was built without CUDA.
+fn cuda() -> Option<Vec<Device>> {
+    #[cfg(feature = "cuda")]
+    return Some(Device::enumerate(burn::tensor::DeviceType::Cuda).to_vec());
+    #[cfg(not(feature = "cuda"))]
+    None
+}
+
+/// All graphics adapters; `None` if the program was built without them.
+fn wgpu() -> Option<Vec<Device>> {
+    #[cfg(feature = "wgpu")]
+    return Some(Device::enumerate(burn::tensor::DeviceType::Wgpu).to_vec());
+    #[cfg(not(feature = "wgpu"))]
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_and_written() {
+        for (text, name) in [("cpu", DeviceName::Cpu), ("cuda:1", DeviceName::Cuda(1)), ("wgpu:0", DeviceName::Wgpu(0))]
+        {
+            assert_eq!(text.parse(), Ok(name));
+            assert_eq!(name.to_string(), text);
+        }
+        assert_eq!("cuda".parse(), Ok(DeviceName::Cuda(0)));
+        for text in ["", "gpu", "cuda:", "cuda:x", "cpu:0", "wgpu:-1"] {
+            assert_eq!(text.parse::<DeviceName>(), Err(DeviceError::Unknown(text.to_owned())), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn a_device_that_is_not_there_is_told_with_what_to_do() {
+        assert_eq!(DeviceName::Cpu.open(), Ok(Device::flex()));
+        let error = DeviceName::Cuda(4096).open().unwrap_err();
+        let expected = if cfg!(feature = "cuda") { "there is no device cuda:4096" } else { "--features cuda" };
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+}

@@ -1,0 +1,50 @@
+//! The step and the dense network on every device that the program was built for, against the host.
+
+use burn::tensor::{Device, Tensor};
+use schema::Quat;
+use trainer::batch::{Batch, Sample};
+use trainer::device::DeviceName;
+use trainer::loss::Target;
+use trainer::step::{evaluate, step};
+use trainer::upsampling::Upsampling;
+
+use crate::formula::{grid, parameters, relative_error};
+
+/// Two grids, six samples.
+fn batch() -> Batch {
+    let voxels = [[0, 0, 0], [20, 11, 33], [39, 39, 39], [5, 30, 17], [12, 0, 39], [21, 22, 23]];
+    let target = |at: usize| Target { label: u8::from(at.is_multiple_of(2)), rotation: Quat::IDENTITY, width_voxels: 6.0 };
+    let sample = |(at, voxel): (usize, &[usize; 3])| Sample { grid: at / 3, voxel: *voxel, target: target(at) };
+    Batch { grids: vec![grid(0).into(), grid(1).into()], samples: voxels.iter().enumerate().map(sample).collect() }
+}
+
+fn check(name: DeviceName) {
+    let device = match name.open() {
+        Ok(device) => device,
+        Err(reason) => return println!("skipped: {reason}"),
+    };
+    let (host, batch) = (parameters(&Device::flex()), batch());
+    let there: Tensor<1> = parameters(&device);
+    let values = |tensor: Tensor<1>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
+    for mode in Upsampling::ALL {
+        let (ours, theirs) = (step(&host, &batch, mode), step(&there, &batch, mode));
+        let error = relative_error(&values(theirs.gradient), &values(ours.gradient));
+        println!("{name}, {mode:?}: gradient off by {error:e}");
+        assert!(error < 1e-4, "{name}, {mode:?}: gradient off by {error:e}");
+        let tests = evaluate(&there, &batch, mode);
+        for ((a, b), test) in ours.samples.iter().zip(&theirs.samples).zip(&tests) {
+            assert!((a.total - b.total).abs() < 1e-4 * a.total.abs().max(1.0), "{name}: loss {} {}", a.total, b.total);
+            assert!((a.total - test.total).abs() < 1e-4 * a.total.abs().max(1.0), "{name}: {} {}", a.total, test.total);
+        }
+    }
+}
+
+#[test]
+fn cuda_computes_what_the_host_does() {
+    check(DeviceName::Cuda(0));
+}
+
+#[test]
+fn wgpu_computes_what_the_host_does() {
+    check(DeviceName::Wgpu(0));
+}
