@@ -12,10 +12,12 @@ use shards::{Dataset, ExitCode};
 use crate::adam::Adam;
 use crate::checkpoint::Checkpoint;
 use crate::config::{Config, SplitBy};
-use crate::data::{GraspDataset, LoadError, SpoolError, for_each_batch, load};
+use crate::data::{GraspDataset, LoadError, SpoolError, Treatment, for_each_batch, for_each_training_batch, load};
+use crate::loss::ClassWeights;
 use crate::metrics::{Summary, Tally};
 use crate::network::initial_vector;
 use crate::order::epoch_order;
+use crate::patience::epochs_without_better;
 use crate::progress::Progress;
 use crate::run_folder::{RunError, RunFolder};
 use crate::split::{EmptySplit, Split, split};
@@ -61,7 +63,7 @@ impl FitError {
 /// How training ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
-    /// After the last epoch.
+    /// After the last epoch, or early for want of a better one.
     Done,
     /// By a signal; the checkpoint is written.
     Stopped,
@@ -85,6 +87,8 @@ pub enum Event<'a> {
     },
     /// An epoch is done.
     Epoch(&'a EpochReport),
+    /// Training ends early: none of the last so many epochs was better than the best before.
+    NoBetter(u32),
 }
 
 /// Labels of a set.
@@ -130,7 +134,9 @@ pub struct EpochReport {
     pub epoch: u32,
     /// Steps done in all.
     pub step: u64,
-    /// Over the training samples, as they were visited.
+    /// Adam's step size at the epoch's last step.
+    pub learning_rate: f64,
+    /// Over the training samples, as they were visited: turned, shifted and weighted as the recipe says.
     pub train: Summary,
     /// Over held-out attempts of known scenes, after the epoch.
     pub test_attempts: Summary,
@@ -200,9 +206,15 @@ pub fn fit(
     let save = |state: &State| folder.save_last(&checkpoint(state, config, &dataset_id));
     let mut metrics = folder.metrics()?;
     metrics.truncate(state.progress.epoch as usize);
+    let lesson = Lesson::new(&samples, &split.train, config);
     while state.progress.epoch < config.epochs {
+        let without_better = epochs_without_better(&metrics);
+        if config.patience_epochs > 0 && without_better >= config.patience_epochs {
+            observe(Event::NoBetter(without_better));
+            break;
+        }
         let began = Instant::now();
-        let trained = train_epoch(&mut state, &samples, &split.train, config, stop, observe, &save)?;
+        let trained = train_epoch(&mut state, &samples, &lesson, config, stop, observe, &save)?;
         let tested = match trained {
             ControlFlow::Continue(()) => test_epoch(&state, &samples, &split, config.upsampling, stop)?,
             ControlFlow::Break(()) => None,
@@ -214,6 +226,7 @@ pub fn fit(
         let mut report = EpochReport {
             epoch: state.progress.epoch + 1,
             step: state.progress.step,
+            learning_rate: lesson.learning_rate(state.progress.step.saturating_sub(1), config),
             train: state.progress.tally.summary(),
             test_attempts: test_attempts.summary(),
             test_scenes: test_scenes.summary(),
@@ -237,24 +250,49 @@ pub fn fit(
     Ok(Ending::Done)
 }
 
+/// What trains, and how.
+struct Lesson<'a> {
+    train: &'a [usize],
+    weights: ClassWeights,
+    /// Steps of an epoch.
+    steps: u64,
+}
+
+impl<'a> Lesson<'a> {
+    fn new(samples: &GraspDataset, train: &'a [usize], config: &Config) -> Self {
+        let LabelCount { samples, held } = LabelCount::of(samples, train);
+        let weights = ClassWeights::new(config.positive_weight, held, samples);
+        Self { train, weights, steps: train.len().div_ceil(config.batch) as u64 }
+    }
+
+    /// Adam's step size at a step, counted from 0 over all epochs.
+    fn learning_rate(&self, step: u64, config: &Config) -> f64 {
+        config.schedule.learning_rate(config.learning_rate, step, u64::from(config.epochs) * self.steps)
+    }
+}
+
 /// The rest of an epoch; `Break` if a signal stopped it.
 fn train_epoch(
     state: &mut State,
     samples: &GraspDataset,
-    train: &[usize],
+    lesson: &Lesson<'_>,
     config: &Config,
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
     save: &dyn Fn(&State) -> Result<(), RunError>,
 ) -> Result<ControlFlow<()>, FitError> {
-    let order = epoch_order(train, |at| samples.scene(at), config.samples_per_scene, config.seed, state.progress.epoch);
+    let Config { seed, augmentation, samples_per_scene, .. } = *config;
+    let epoch = state.progress.epoch;
+    let order = epoch_order(lesson.train, |at| samples.scene(at), samples_per_scene, seed, epoch);
+    let treatment = Treatment { seed, epoch, augmentation, weights: lesson.weights };
     let done = (state.progress.batch as usize * config.batch).min(order.len());
     let mut outcome = Ok(ControlFlow::Continue(()));
-    for_each_batch(samples, &order[done..], config.batch, |batch| {
+    for_each_training_batch(samples, &order[done..], config.batch, &treatment, |batch| {
         if stop.load(Ordering::Relaxed) {
             outcome = Ok(ControlFlow::Break(()));
             return ControlFlow::Break(());
         }
+        state.adam.set_learning_rate(lesson.learning_rate(state.progress.step, config));
         let result = step(&state.vector, &batch, config.upsampling);
         state.vector = state.adam.step(state.vector.clone(), result.gradient);
         state.progress.tally.add(&result.samples);
