@@ -12,12 +12,13 @@
 //! - [`mod@fit`] is the recipe, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early end, [`metrics`]
 //!   what it counts, [`run_folder`], [`checkpoint`] and
 //!   [`progress`] what it leaves behind; [`mod@evaluate`] looks at the result.
+//! - [`ranks`] lets several processes share every batch.
 //!
 //! # Determinism
 //!
 //! On the CPU, weights are a pure function of (code, dataset, configuration, machine's instruction set). A batch is cut
 //! into parts by its contents alone, each part runs on one thread's worth of order, and gradients are added in the order
-//! of parts; so neither the number of threads nor being stopped and resumed changes a bit.
+//! of parts; so neither the number of threads, nor that of processes, nor being stopped and resumed changes a bit.
 //!
 //! # Where later work goes
 //!
@@ -43,6 +44,7 @@ pub mod order;
 pub mod patience;
 pub mod progress;
 mod publish;
+pub mod ranks;
 pub mod receptive_field;
 pub mod run_folder;
 pub mod schedule;

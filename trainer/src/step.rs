@@ -52,8 +52,7 @@ pub struct StepResult {
 /// Shapes: `vector` as [`crate::layers::parameter_slots`] lays it out.
 #[must_use]
 pub fn step(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
-    let part_gradient = if vector.device() == Device::flex() { part_by_hand } else { part_by_graph };
-    sum_of_parts(vector, batch, mode, part_gradient)
+    sum_of_parts(vector, batch, mode, part_gradient_on(vector))
 }
 
 /// As [`step`], with the way back found by automatic differentiation: for devices other than the host, and to hold
@@ -65,11 +64,31 @@ pub fn step_by_graph(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Ste
 
 type PartGradient = fn(&Matrices, &Batch, Range<usize>, Upsampling, f32) -> (Matrices, Vec<SampleResult>);
 
-fn sum_of_parts(vector: &Tensor<1>, batch: &Batch, mode: Upsampling, part_gradient: PartGradient) -> StepResult {
+/// What some parts of a batch give to the batch's gradient, one by one: their sum in order over all parts is [`step`]'s.
+#[must_use]
+pub fn steps_of_parts(vector: &Tensor<1>, batch: &Batch, parts: &[Range<usize>], mode: Upsampling) -> Vec<StepResult> {
+    let parts = gradients_of(vector, batch, parts, mode, part_gradient_on(vector));
+    parts.into_iter().map(|(gradient, samples)| StepResult { gradient: gradient.into_vector(), samples }).collect()
+}
+
+fn part_gradient_on(vector: &Tensor<1>) -> PartGradient {
+    if vector.device() == Device::flex() { part_by_hand } else { part_by_graph }
+}
+
+fn gradients_of(
+    vector: &Tensor<1>,
+    batch: &Batch,
+    parts: &[Range<usize>],
+    mode: Upsampling,
+    part_gradient: PartGradient,
+) -> Vec<(Matrices, Vec<SampleResult>)> {
     let matrices = Matrices::from_vector(vector);
     let weight = 1.0 / batch.samples.len() as f32;
-    let parts: Vec<(Matrices, Vec<SampleResult>)> =
-        batch.parts().into_par_iter().map(|part| part_gradient(&matrices, batch, part, mode, weight)).collect();
+    parts.par_iter().map(|part| part_gradient(&matrices, batch, part.clone(), mode, weight)).collect()
+}
+
+fn sum_of_parts(vector: &Tensor<1>, batch: &Batch, mode: Upsampling, part_gradient: PartGradient) -> StepResult {
+    let parts = gradients_of(vector, batch, &batch.parts(), mode, part_gradient);
     let (mut sum, mut samples) = (None, Vec::with_capacity(batch.samples.len()));
     for (gradient, results) in parts {
         samples.extend(results);
@@ -85,13 +104,23 @@ fn sum_of_parts(vector: &Tensor<1>, batch: &Batch, mode: Upsampling, part_gradie
 /// Losses and verdicts of a batch, without a gradient.
 #[must_use]
 pub fn evaluate(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Vec<SampleResult> {
+    evaluate_parts(vector, batch, &batch.parts(), mode)
+}
+
+/// As [`evaluate`], for some parts of a batch.
+#[must_use]
+pub fn evaluate_parts(
+    vector: &Tensor<1>,
+    batch: &Batch,
+    parts: &[Range<usize>],
+    mode: Upsampling,
+) -> Vec<SampleResult> {
     let matrices = Matrices::from_vector(vector);
-    let parts: Vec<Vec<SampleResult>> = batch
-        .parts()
-        .into_par_iter()
+    let parts: Vec<Vec<SampleResult>> = parts
+        .par_iter()
         .map(|part| {
             let (prediction, losses) = part_losses(&matrices, batch, part.clone(), mode);
-            collect(batch, part, prediction, losses)
+            collect(batch, part.clone(), prediction, losses)
         })
         .collect();
     parts.concat()
