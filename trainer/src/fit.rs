@@ -239,7 +239,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
     let mut team = match job.place {
         None => Team::alone(),
         Some(place) => {
-            let mut team = Team::join(place, &task(config, &dataset_id))?;
+            let mut team = Team::join(place, &task(config, &dataset_id), stop)?;
             let told = team
                 .tell(checkpoint::encode(&checkpoint(&state, config, &dataset_id), job.run).map_err(RunError::from)?)?;
             state = resumed(checkpoint::decode(&told, job.run, &device).map_err(RunError::from)?, config);
@@ -259,7 +259,11 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
         let began = Instant::now();
         let trained = train_epoch(&mut state, &mut team, &lesson, stop, observe, &save)?;
         let tested = match trained {
-            ControlFlow::Continue(()) => test_epoch(&state, &mut team, &samples, &split, config.upsampling, stop)?,
+            ControlFlow::Continue(()) => {
+                let tested = test_epoch(&state, &mut team, &samples, &split, config.upsampling, stop);
+                // The epoch's training is not lost with a rank.
+                tested.or_else(|error| save(&state).map_err(FitError::from).and(Err(error)))?
+            }
             ControlFlow::Break(()) => None,
         };
         let Some([test_attempts, test_scenes]) = tested else {

@@ -53,6 +53,9 @@ pub enum RanksError {
         /// What the system said last.
         source: std::io::Error,
     },
+    /// A signal came first.
+    #[error("stopped by a signal while waiting for the other ranks")]
+    Stopped,
     /// A rank does something else.
     #[error("rank {rank} cannot take part: {why}")]
     Unlike {
@@ -77,7 +80,7 @@ impl RanksError {
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Unlike { .. } => ExitCode::Config,
-            Self::Listen { .. } | Self::Absent { .. } | Self::Unreached { .. } | Self::Lost { .. } => {
+            Self::Listen { .. } | Self::Absent { .. } | Self::Unreached { .. } | Self::Stopped | Self::Lost { .. } => {
                 ExitCode::TryAgain
             }
         }

@@ -2,7 +2,7 @@
 
 use std::io::{self, Read, Write};
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Longest frame: a checkpoint with moments (4 MB) and a run's metrics fit many times.
 const FRAME_MAX: u64 = 1 << 28;
@@ -30,35 +30,29 @@ impl Link {
         self.stream.set_write_timeout(Some(timeout))
     }
 
-    /// The next connection to a listener before a deadline; `None` after it.
-    pub(super) fn accept(listener: &TcpListener, deadline: Instant, timeout: Duration) -> io::Result<Option<Self>> {
+    /// The connection that waits at a listener; after a pause `None`, if there is none.
+    pub(super) fn accept(listener: &TcpListener, timeout: Duration) -> io::Result<Option<Self>> {
         listener.set_nonblocking(true)?;
-        loop {
-            match listener.accept() {
-                Ok((stream, _)) => return Self::new(stream, timeout).map(Some),
-                Err(e) if e.kind() == io::ErrorKind::WouldBlock && Instant::now() < deadline => {
-                    std::thread::sleep(PAUSE);
-                }
-                Err(e) if e.kind() == io::ErrorKind::WouldBlock => return Ok(None),
-                Err(e) => return Err(e),
+        match listener.accept() {
+            Ok((stream, _)) => Self::new(stream, timeout).map(Some),
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock => {
+                std::thread::sleep(PAUSE);
+                Ok(None)
             }
+            Err(e) => Err(e),
         }
     }
 
-    /// A connection to an address where somebody may only begin to listen.
+    /// A connection to an address where somebody may only begin to listen: one attempt, and a pause if it fails.
     pub(super) fn connect(address: &str, timeout: Duration) -> io::Result<Self> {
-        let deadline = Instant::now() + timeout;
-        loop {
-            let attempt = address.to_socket_addrs().and_then(|mut found| {
-                let nowhere = || io::Error::new(io::ErrorKind::NotFound, "the name has no address");
-                TcpStream::connect_timeout(&found.next().ok_or_else(nowhere)?, timeout)
-            });
-            match attempt {
-                Ok(stream) => return Self::new(stream, timeout),
-                Err(e) if Instant::now() >= deadline => return Err(e),
-                Err(_) => std::thread::sleep(PAUSE),
-            }
+        let nowhere = || io::Error::new(io::ErrorKind::NotFound, "the name has no address");
+        let stream = address
+            .to_socket_addrs()
+            .and_then(|mut found| TcpStream::connect_timeout(&found.next().ok_or_else(nowhere)?, timeout));
+        if stream.is_err() {
+            std::thread::sleep(PAUSE);
         }
+        Self::new(stream?, timeout)
     }
 
     pub(super) fn send(&mut self, bytes: &[u8]) -> io::Result<()> {

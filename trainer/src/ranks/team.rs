@@ -47,13 +47,18 @@ impl Team {
         Self { rank: 0, ranks: 1, links: Vec::new(), stopping: false }
     }
 
-    /// Joins the others. `task` says what this rank is about to do: it must be the same at all.
+    /// Joins the others, unless `stop` is set first. `task` says what this rank is about to do: it must be the same at
+    /// all.
     ///
     /// # Errors
     /// [`RanksError`] if they do not all come in time, or do something else.
-    pub fn join(place: &Place, task: &str) -> Result<Self, RanksError> {
+    pub fn join(place: &Place, task: &str, stop: &AtomicBool) -> Result<Self, RanksError> {
         let timeout = Duration::from_secs(place.timeout_s);
-        let links = if place.rank == 0 { gather(place, task, timeout)? } else { vec![enter(place, task, timeout)?] };
+        let links = if place.rank == 0 {
+            gather(place, task, timeout, stop)?
+        } else {
+            vec![enter(place, task, timeout, stop)?]
+        };
         Ok(Self { rank: place.rank, ranks: place.ranks, links, stopping: false })
     }
 
@@ -169,17 +174,22 @@ impl Team {
 }
 
 /// Rank 0 waits for all others.
-fn gather(place: &Place, task: &str, timeout: Duration) -> Result<Vec<Link>, RanksError> {
+fn gather(place: &Place, task: &str, timeout: Duration, stop: &AtomicBool) -> Result<Vec<Link>, RanksError> {
     let deadline = Instant::now() + timeout;
     let listen = |source| RanksError::Listen { address: place.address.clone(), source };
     let listener = TcpListener::bind(&place.address).map_err(listen)?;
     let mut links: Vec<Option<Link>> = (1..place.ranks).map(|_| None).collect();
     while links.iter().any(Option::is_none) {
-        let Some(mut link) = Link::accept(&listener, deadline, timeout.min(HELLO_WAIT)).map_err(listen)? else {
+        if stop.load(Ordering::Relaxed) {
+            return Err(RanksError::Stopped);
+        }
+        if Instant::now() >= deadline {
             let missing = links.iter().filter(|link| link.is_none()).count();
             let (ranks, seconds, address) = (place.ranks, place.timeout_s, place.address.clone());
             return Err(RanksError::Absent { missing, ranks, seconds, address });
-        };
+        }
+        let accepted = Link::accept(&listener, timeout.min(HELLO_WAIT)).map_err(listen)?;
+        let Some(mut link) = accepted else { continue };
         let Ok(bytes) = link.receive() else { continue }; // a stranger
         let Some((rank, ranks, its_task)) = hello(&bytes) else { continue };
         let why = if ranks != place.ranks {
@@ -204,12 +214,19 @@ fn gather(place: &Place, task: &str, timeout: Duration) -> Result<Vec<Link>, Ran
 }
 
 /// Another rank goes to rank 0.
-fn enter(place: &Place, task: &str, timeout: Duration) -> Result<Link, RanksError> {
-    let mut link = Link::connect(&place.address, timeout).map_err(|source| RanksError::Unreached {
-        address: place.address.clone(),
-        seconds: place.timeout_s,
-        source,
-    })?;
+fn enter(place: &Place, task: &str, timeout: Duration, stop: &AtomicBool) -> Result<Link, RanksError> {
+    let deadline = Instant::now() + timeout;
+    let mut link = loop {
+        match Link::connect(&place.address, timeout) {
+            Ok(link) => break link,
+            Err(_) if stop.load(Ordering::Relaxed) => return Err(RanksError::Stopped),
+            Err(source) if Instant::now() >= deadline => {
+                let (address, seconds) = (place.address.clone(), place.timeout_s);
+                return Err(RanksError::Unreached { address, seconds, source });
+            }
+            Err(_) => {} // rank 0 may not listen yet
+        }
+    };
     let numbers = [place.rank, place.ranks].map(|number| (number as u64).to_le_bytes());
     send(&mut link, 0, &[&HELLO[..], &numbers.concat(), task.as_bytes()].concat())?;
     let why = receive(&mut link, 0)?;
@@ -331,7 +348,7 @@ mod tests {
             .map(|rank| {
                 std::thread::spawn(move || {
                     let place = Place { rank, ranks: 3, address: format!("127.0.0.1:{port}"), timeout_s: 60 };
-                    let mut team = Team::join(&place, "test").unwrap();
+                    let mut team = Team::join(&place, "test", &AtomicBool::new(false)).unwrap();
                     assert_eq!(team.tell(vec![rank as u8; 3]).unwrap(), [0; 3]);
                     let sum = team.exchange(parts(rank), &AtomicBool::new(false)).unwrap();
                     assert!(!team.must_stop(&AtomicBool::new(true)), "not before all know");

@@ -116,6 +116,16 @@ fn ranks_that_are_unlike_or_absent_are_told() {
         [&args.iter().map(String::as_str).collect::<Vec<_>>()[..], &["--master", &place.master]].concat();
     check_fails(&args, 75, &["1 of 2 ranks did not join within 1 s", &place.master]);
 
+    let run = place.run("stopped");
+    let waiting = place.rank(&run, 0, 2, &[]);
+    let began = Instant::now();
+    while !run.join("config.toml").exists() && began.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Command::new("kill").args(["-TERM", &waiting.id().to_string()]).status().unwrap();
+    assert_eq!(ended(waiting).0, Some(75));
+    assert!(began.elapsed() < Duration::from_secs(100), "it does not wait for others any more");
+
     let run = place.run("unlike");
     let first = place.rank(&run, 0, 2, &[]);
     let second = place.rank(&run, 1, 2, &["--epochs", "2"]);
