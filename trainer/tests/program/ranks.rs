@@ -87,7 +87,7 @@ fn two_and_three_processes_make_the_bits_of_one() {
 
 #[test]
 fn a_signal_to_one_stops_all_and_a_lost_rank_ends_all_and_the_run_goes_on() {
-    let place = Place::new(40);
+    let place = Place::new(16);
     let (whole, run) = (place.run("whole"), place.run("run"));
     for (signal, codes) in [("-TERM", [75, 75]), ("-KILL", [75, -1])] {
         let before = if run.join("metrics.jsonl").exists() { metrics(&run).len() } else { 0 };
