@@ -30,6 +30,8 @@ pub enum Purpose {
     Shuffle = 7,
     /// Initial network weights.
     Weights = 8,
+    /// Turns and shifts of training scenes (the try carries the epoch).
+    Augmentation = 9,
 }
 
 /// A reproducible stream of random numbers.

@@ -25,7 +25,12 @@ fn batch(scenes: usize) -> Batch {
     let samples = (0..48).map(|at| Sample {
         grid: at * scenes / 48,
         voxel: [draw.index(40), draw.index(40), draw.index(40)],
-        target: Target { label: (at % 4 == 0).into(), rotation: Quat::IDENTITY, width_voxels: 5.0 },
+        target: Target {
+            label: (at % 4 == 0).into(),
+            rotation: Quat::IDENTITY,
+            width_voxels: 5.0,
+            quality_weight: 1.0,
+        },
     });
     Batch { samples: samples.collect(), grids }
 }

@@ -44,6 +44,11 @@ impl Adam {
         Self { state: Some(AdamState::new(momentum)), ..Self::new(learning_rate) }
     }
 
+    /// Changes the size of the steps to come.
+    pub fn set_learning_rate(&mut self, learning_rate: f64) {
+        self.learning_rate = learning_rate;
+    }
+
     /// Moves the parameters against the gradient.
     #[must_use]
     pub fn step(&mut self, vector: Tensor<1>, gradient: Tensor<1>) -> Tensor<1> {

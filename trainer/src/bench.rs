@@ -133,7 +133,12 @@ fn batch(samples: usize, scenes: usize) -> Batch {
     let samples = (0..samples).map(|at| Sample {
         grid: at * scenes / samples,
         voxel: [draw.index(RESOLUTION), draw.index(RESOLUTION), draw.index(RESOLUTION)],
-        target: Target { label: (at % 4 == 0).into(), rotation: Quat::IDENTITY, width_voxels: 5.0 },
+        target: Target {
+            label: (at % 4 == 0).into(),
+            rotation: Quat::IDENTITY,
+            width_voxels: 5.0,
+            quality_weight: 1.0,
+        },
     });
     Batch { samples: samples.collect(), grids }
 }

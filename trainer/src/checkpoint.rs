@@ -112,6 +112,12 @@ const MOMENTS: [&str; 2] = ["adam.first.", "adam.second."];
 /// # Errors
 /// [`CheckpointError::Io`].
 pub fn save(checkpoint: &Checkpoint, path: &Path) -> Result<(), CheckpointError> {
+    let file = encode(checkpoint, path)?;
+    publish(path, &file).map_err(|source| CheckpointError::Io { action: "write", path: path.to_owned(), source })
+}
+
+/// The bytes of a checkpoint's file; `path` is for messages.
+pub(crate) fn encode(checkpoint: &Checkpoint, path: &Path) -> Result<Vec<u8>, CheckpointError> {
     let mut vectors = vec![("", checkpoint.vector.clone())];
     if let Some(moments) = &checkpoint.moments {
         vectors.extend([(MOMENTS[0], moments.first.clone()), (MOMENTS[1], moments.second.clone())]);
@@ -123,10 +129,9 @@ pub fn save(checkpoint: &Checkpoint, path: &Path) -> Result<(), CheckpointError>
     });
     let views: Result<Vec<(String, TensorView<'_>)>, SafeTensorError> =
         named.map(|(name, slot, data)| Ok((name, TensorView::new(Dtype::F32, slot.shape.clone(), data)?))).collect();
-    let file = views
+    views
         .and_then(|views| safetensors::serialize(views, Some(header::write(checkpoint))))
-        .map_err(|source| CheckpointError::Damaged { path: path.to_owned(), source })?;
-    publish(path, &file).map_err(|source| CheckpointError::Io { action: "write", path: path.to_owned(), source })
+        .map_err(|source| CheckpointError::Damaged { path: path.to_owned(), source })
 }
 
 /// Reads a checkpoint.
@@ -138,9 +143,14 @@ pub fn read(path: &Path, device: &Device) -> Result<Checkpoint, CheckpointError>
         std::io::ErrorKind::NotFound => CheckpointError::Missing(path.to_owned()),
         _ => CheckpointError::Io { action: "read", path: path.to_owned(), source },
     })?;
+    decode(&file, path, device)
+}
+
+/// The checkpoint of a file's bytes; `path` is for messages.
+pub(crate) fn decode(file: &[u8], path: &Path, device: &Device) -> Result<Checkpoint, CheckpointError> {
     let damaged = |source| CheckpointError::Damaged { path: path.to_owned(), source };
-    let (_, metadata) = SafeTensors::read_metadata(&file).map_err(damaged)?;
-    let tensors = SafeTensors::deserialize(&file).map_err(damaged)?;
+    let (_, metadata) = SafeTensors::read_metadata(file).map_err(damaged)?;
+    let tensors = SafeTensors::deserialize(file).map_err(damaged)?;
     let other = |problems| CheckpointError::Architecture { problems, path: path.to_owned() };
     let parameters = vector(&tensors, "", device).map_err(other)?;
     let header = header::read(metadata.metadata().as_ref()).map_err(|problem| match problem {

@@ -1,5 +1,8 @@
 //! The training recipe as a file. `RawConfig` is what TOML holds; [`Config`] is what the rest of the crate sees. All
 //! problems are reported at once, each with its key.
+//!
+//! What goes beyond the paper (`[augmentation]`, `training.schedule`, `training.positive_weight`,
+//! `training.patience_epochs`) may be left out and then is off: recipes and checkpoints from before these keys stay good.
 
 mod raw;
 
@@ -7,6 +10,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::augmentation::Augmentation;
+use crate::schedule::Schedule;
 use crate::upsampling::Upsampling;
 
 pub use raw::RawConfig;
@@ -22,11 +27,19 @@ pub struct Config {
     pub epochs: u32,
     /// Samples a step.
     pub batch: usize,
-    /// Adam's step size.
+    /// Adam's step size; the first step's where the schedule changes it.
     pub learning_rate: f64,
+    /// How the step size changes.
+    pub schedule: Schedule,
+    /// How much more a held attempt's quality loss counts than a failed one's; 1 is the paper's.
+    pub positive_weight: f64,
+    /// Epochs without a better test accuracy after which training ends; 0 for never.
+    pub patience_epochs: u32,
     /// Samples of one scene that stay together in the order of an epoch: 1 is a plain shuffle; more share the encoder's
     /// work and make batches less mixed.
     pub samples_per_scene: usize,
+    /// How training scenes are turned and shifted.
+    pub augmentation: Augmentation,
     /// Which samples test.
     pub split: SplitConfig,
     /// Steps between checkpoints within an epoch; 0 for one at the end of each epoch only.

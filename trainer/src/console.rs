@@ -71,6 +71,10 @@ impl Screen {
                     self.line(&format!("estimate  {} to go", HumanDuration(bar.eta())));
                 }
             }
+            Event::NoBetter(epochs) => {
+                let plural = if *epochs == 1 { "" } else { "s" };
+                self.line(&format!("ended early: no better test accuracy in {epochs} epoch{plural}"));
+            }
             Event::Epoch(report) => {
                 self.line(&epoch_line(report, self.config.epochs));
                 if let Ok(mut last) = self.last.lock() {

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use burn::tensor::{Device, Tensor};
@@ -10,16 +10,18 @@ use serde::Serialize;
 use shards::{Dataset, ExitCode};
 
 use crate::adam::Adam;
-use crate::checkpoint::Checkpoint;
+use crate::checkpoint::{self, Checkpoint};
 use crate::config::{Config, SplitBy};
-use crate::data::{GraspDataset, LoadError, SpoolError, for_each_batch, load};
+use crate::data::{GraspDataset, LoadError, SpoolError, Treatment, for_each_batch, for_each_training_batch, load};
+use crate::loss::ClassWeights;
 use crate::metrics::{Summary, Tally};
 use crate::network::initial_vector;
 use crate::order::epoch_order;
+use crate::patience::epochs_without_better;
 use crate::progress::Progress;
+use crate::ranks::{Place, RanksError, Team};
 use crate::run_folder::{RunError, RunFolder};
 use crate::split::{EmptySplit, Split, split};
-use crate::step::{evaluate, step};
 use crate::upsampling::Upsampling;
 
 /// Why training ended before its time.
@@ -37,6 +39,9 @@ pub enum FitError {
     /// The decoded grids cannot be read.
     #[error(transparent)]
     Spool(#[from] SpoolError),
+    /// The other ranks are not there, or not any more.
+    #[error(transparent)]
+    Ranks(#[from] RanksError),
     /// The loss is no number any more.
     #[error("the loss is no finite number at step {step}: training.learning_rate is too high")]
     Diverged {
@@ -53,6 +58,7 @@ impl FitError {
             Self::Load(error) => error.exit_code(),
             Self::Run(error) => error.exit_code(),
             Self::Spool(error) => error.exit_code(),
+            Self::Ranks(error) => error.exit_code(),
             Self::Split(_) | Self::Diverged { .. } => ExitCode::Config,
         }
     }
@@ -61,7 +67,7 @@ impl FitError {
 /// How training ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
-    /// After the last epoch.
+    /// After the last epoch, or early for want of a better one.
     Done,
     /// By a signal; the checkpoint is written.
     Stopped,
@@ -85,6 +91,8 @@ pub enum Event<'a> {
     },
     /// An epoch is done.
     Epoch(&'a EpochReport),
+    /// Training ends early: none of the last so many epochs was better than the best before.
+    NoBetter(u32),
 }
 
 /// Labels of a set.
@@ -130,7 +138,9 @@ pub struct EpochReport {
     pub epoch: u32,
     /// Steps done in all.
     pub step: u64,
-    /// Over the training samples, as they were visited.
+    /// Adam's step size at the epoch's last step.
+    pub learning_rate: f64,
+    /// Over the training samples, as they were visited: turned, shifted and weighted as the recipe says.
     pub train: Summary,
     /// Over held-out attempts of known scenes, after the epoch.
     pub test_attempts: Summary,
@@ -165,10 +175,22 @@ struct State {
     progress: Progress,
 }
 
-/// Trains the network on a dataset, in a folder that keeps checkpoints and metrics.
-///
-/// On the CPU the result is a pure function of dataset and configuration: neither the number of threads nor being
-/// stopped and resumed, at any batch, changes a bit of it.
+/// What is to be trained, and where.
+#[derive(Debug, Clone, Copy)]
+pub struct Job<'a> {
+    /// The dataset's folder.
+    pub data: &'a Path,
+    /// The recipe.
+    pub config: &'a Config,
+    /// The run's folder; only rank 0 uses it.
+    pub run: &'a Path,
+    /// Whether a run that is there goes on.
+    pub resume: bool,
+    /// Which of several processes this is; `None` for a process alone.
+    pub place: Option<&'a Place>,
+}
+
+/// [`fit_job`] in a process alone.
 ///
 /// # Errors
 /// [`FitError`].
@@ -180,31 +202,68 @@ pub fn fit(
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
 ) -> Result<Ending, FitError> {
-    let device = Device::flex();
-    let dataset = Dataset::open(data).map_err(LoadError::from)?;
+    fit_job(&Job { data, config, run, resume, place: None }, stop, observe)
+}
+
+/// Trains the network on a dataset, in a folder that keeps checkpoints and metrics.
+///
+/// On the CPU the result is a pure function of dataset and configuration: neither the number of threads nor being
+/// stopped and resumed, at any batch, changes a bit of it, nor does the number of ranks.
+///
+/// # Errors
+/// [`FitError`].
+pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync)) -> Result<Ending, FitError> {
+    let (config, device) = (job.config, Device::flex());
+    let dataset = Dataset::open(job.data).map_err(LoadError::from)?;
     let dataset_id = dataset.info().dataset_id();
-    let folder = RunFolder::open(run, config, resume)?;
-    let mut state = match folder.last(&dataset_id, &device)? {
+    let keeps_folder = job.place.is_none_or(|place| place.rank == 0);
+    let folder = if keeps_folder { Some(RunFolder::open(job.run, config, job.resume)?) } else { None };
+    let last = folder.as_ref().map(|folder| folder.last(&dataset_id, &device)).transpose()?.flatten();
+    let mut state = match last {
         Some(checkpoint) => resumed(checkpoint, config),
         None => begun(config, &device),
     };
 
     observe(Event::Loading(&dataset));
-    let samples = match load(&dataset, folder.path(), stop, &|| observe(Event::SceneLoaded)) {
+    let scratch = folder.as_ref().map_or_else(std::env::temp_dir, |folder| folder.path().to_owned());
+    let samples = match load(&dataset, &scratch, stop, &|| observe(Event::SceneLoaded)) {
         Err(LoadError::Stopped) => return Ok(Ending::Stopped),
         loaded => loaded?,
     };
     let split = split(&samples.ids(), config.seed, &config.split)?;
-    observe(Event::Begun(&beginning(&samples, &split, &state.progress)));
-
-    let save = |state: &State| folder.save_last(&checkpoint(state, config, &dataset_id));
-    let mut metrics = folder.metrics()?;
+    let save = |state: &State| {
+        folder.as_ref().map_or(Ok(()), |folder| folder.save_last(&checkpoint(state, config, &dataset_id)))
+    };
+    let mut metrics = folder.as_ref().map(RunFolder::metrics).transpose()?.unwrap_or_default();
     metrics.truncate(state.progress.epoch as usize);
+    let mut team = match job.place {
+        None => Team::alone(),
+        Some(place) => {
+            let mut team = Team::join(place, &task(config, &dataset_id), stop)?;
+            let told = team
+                .tell(checkpoint::encode(&checkpoint(&state, config, &dataset_id), job.run).map_err(RunError::from)?)?;
+            state = resumed(checkpoint::decode(&told, job.run, &device).map_err(RunError::from)?, config);
+            let told = team.tell(metrics.join("\n").into_bytes())?;
+            metrics = String::from_utf8_lossy(&told).lines().map(str::to_owned).collect();
+            team
+        }
+    };
+    observe(Event::Begun(&beginning(&samples, &split, &state.progress)));
+    let lesson = Lesson::new(&samples, &split.train, config);
     while state.progress.epoch < config.epochs {
+        let without_better = epochs_without_better(&metrics);
+        if config.patience_epochs > 0 && without_better >= config.patience_epochs {
+            observe(Event::NoBetter(without_better));
+            break;
+        }
         let began = Instant::now();
-        let trained = train_epoch(&mut state, &samples, &split.train, config, stop, observe, &save)?;
+        let trained = train_epoch(&mut state, &mut team, &lesson, stop, observe, &save)?;
         let tested = match trained {
-            ControlFlow::Continue(()) => test_epoch(&state, &samples, &split, config.upsampling, stop)?,
+            ControlFlow::Continue(()) => {
+                let tested = test_epoch(&state, &mut team, &samples, &split, config.upsampling, stop);
+                // The epoch's training is not lost with a rank.
+                tested.or_else(|error| save(&state).map_err(FitError::from).and(Err(error)))?
+            }
             ControlFlow::Break(()) => None,
         };
         let Some([test_attempts, test_scenes]) = tested else {
@@ -214,6 +273,7 @@ pub fn fit(
         let mut report = EpochReport {
             epoch: state.progress.epoch + 1,
             step: state.progress.step,
+            learning_rate: lesson.learning_rate(state.progress.step.saturating_sub(1)),
             train: state.progress.tally.summary(),
             test_attempts: test_attempts.summary(),
             test_scenes: test_scenes.summary(),
@@ -225,37 +285,74 @@ pub fn fit(
         let best_accuracy = if report.is_best { report.test().accuracy } else { state.progress.best_accuracy };
         let (epoch, step) = (report.epoch, report.step);
         state.progress = Progress { epoch, batch: 0, step, tally: Tally::default(), best_accuracy };
-        if report.is_best {
+        if report.is_best
+            && let Some(folder) = &folder
+        {
             folder.save_best(&checkpoint(&state, config, &dataset_id))?;
         }
         metrics.truncate(report.epoch as usize - 1);
         metrics.push(serde_json::to_string(&report).unwrap_or_default()); // numbers under fixed keys: cannot fail
-        folder.write_metrics(&metrics)?;
+        folder.as_ref().map_or(Ok(()), |folder| folder.write_metrics(&metrics))?;
         save(&state)?;
         observe(Event::Epoch(&report));
     }
     Ok(Ending::Done)
 }
 
+/// What trains, and how.
+struct Lesson<'a> {
+    samples: &'a GraspDataset,
+    config: &'a Config,
+    train: &'a [usize],
+    weights: ClassWeights,
+    /// Steps of an epoch.
+    steps: u64,
+}
+
+impl<'a> Lesson<'a> {
+    fn new(samples: &'a GraspDataset, train: &'a [usize], config: &'a Config) -> Self {
+        let count = LabelCount::of(samples, train);
+        let weights = ClassWeights::new(config.positive_weight, count.held, count.samples);
+        Self { samples, config, train, weights, steps: train.len().div_ceil(config.batch) as u64 }
+    }
+
+    /// Adam's step size at a step, counted from 0 over all epochs.
+    fn learning_rate(&self, step: u64) -> f64 {
+        let config = self.config;
+        config.schedule.learning_rate(config.learning_rate, step, u64::from(config.epochs) * self.steps)
+    }
+}
+
 /// The rest of an epoch; `Break` if a signal stopped it.
 fn train_epoch(
     state: &mut State,
-    samples: &GraspDataset,
-    train: &[usize],
-    config: &Config,
+    team: &mut Team,
+    lesson: &Lesson<'_>,
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
     save: &dyn Fn(&State) -> Result<(), RunError>,
 ) -> Result<ControlFlow<()>, FitError> {
-    let order = epoch_order(train, |at| samples.scene(at), config.samples_per_scene, config.seed, state.progress.epoch);
+    let Lesson { samples, config, .. } = *lesson;
+    let Config { seed, augmentation, samples_per_scene, .. } = *config;
+    let epoch = state.progress.epoch;
+    let order = epoch_order(lesson.train, |at| samples.scene(at), samples_per_scene, seed, epoch);
+    let treatment = Treatment { seed, epoch, augmentation, weights: lesson.weights };
     let done = (state.progress.batch as usize * config.batch).min(order.len());
     let mut outcome = Ok(ControlFlow::Continue(()));
-    for_each_batch(samples, &order[done..], config.batch, |batch| {
-        if stop.load(Ordering::Relaxed) {
+    for_each_training_batch(samples, &order[done..], config.batch, &treatment, |batch| {
+        if team.must_stop(stop) {
             outcome = Ok(ControlFlow::Break(()));
             return ControlFlow::Break(());
         }
-        let result = step(&state.vector, &batch, config.upsampling);
+        state.adam.set_learning_rate(lesson.learning_rate(state.progress.step));
+        let result = match team.step(&state.vector, &batch, config.upsampling, stop) {
+            Ok(result) => result,
+            Err(error) => {
+                // The state is that of the last whole step.
+                outcome = save(state).map_err(FitError::from).and(Err(error.into()));
+                return ControlFlow::Break(());
+            }
+        };
         state.vector = state.adam.step(state.vector.clone(), result.gradient);
         state.progress.tally.add(&result.samples);
         state.progress.batch += 1;
@@ -284,19 +381,27 @@ fn train_epoch(
 /// Both test sets after an epoch; `None` if a signal stopped it.
 fn test_epoch(
     state: &State,
+    team: &mut Team,
     samples: &GraspDataset,
     split: &Split,
     mode: Upsampling,
     stop: &AtomicBool,
-) -> Result<Option<[Tally; 2]>, SpoolError> {
-    let mut tallies = [Tally::default(); 2];
+) -> Result<Option<[Tally; 2]>, FitError> {
+    let (mut tallies, mut outcome) = ([Tally::default(); 2], Ok(()));
     for (tally, set) in tallies.iter_mut().zip([&split.test_attempts, &split.test_scenes]) {
         for_each_batch(samples, set, TEST_BATCH, |batch| {
-            tally.add(&evaluate(&state.vector, &batch, mode));
-            if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            match team.evaluate(&state.vector, &batch, mode, stop) {
+                Ok(results) => tally.add(&results),
+                Err(error) => outcome = Err(error),
+            }
+            if outcome.is_err() || team.must_stop(stop) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })?;
+        if outcome.is_err() || team.must_stop(stop) {
+            break;
+        }
     }
-    Ok((!stop.load(Ordering::Relaxed)).then_some(tallies))
+    outcome?;
+    Ok((!team.must_stop(stop)).then_some(tallies))
 }
 
 fn begun(config: &Config, device: &Device) -> State {
@@ -313,6 +418,11 @@ fn resumed(checkpoint: Checkpoint, config: &Config) -> State {
         None => Adam::new(config.learning_rate),
     };
     State { vector: checkpoint.vector, adam, progress: checkpoint.progress }
+}
+
+/// What all ranks must be about to do.
+fn task(config: &Config, dataset_id: &str) -> String {
+    format!("{}\n{dataset_id}\n{}", env!("CARGO_PKG_VERSION"), config.to_toml())
 }
 
 fn checkpoint(state: &State, config: &Config, dataset_id: &str) -> Checkpoint {

@@ -7,23 +7,25 @@
 //! - [`step`] is the same function evaluated for training, at one voxel a sample: [`receptive_field`] says which part
 //!   of the decoder that voxel needs, [`columns`] and [`matrices`] turn convolutions into products, [`batch`] cuts a
 //!   batch into parts that run on different threads.
-//! - [`data`] makes samples of shards, [`split`] holds some out, [`order`] shuffles the rest.
-//! - [`mod@fit`] is the recipe, [`adam`] its optimiser, [`metrics`] what it counts, [`run_folder`], [`checkpoint`] and
+//! - [`data`] makes samples of shards, [`split`] holds some out, [`order`] shuffles the rest, [`augmentation`] turns and
+//!   shifts their scenes.
+//! - [`mod@fit`] is the recipe, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early end, [`metrics`]
+//!   what it counts, [`run_folder`], [`checkpoint`] and
 //!   [`progress`] what it leaves behind; [`mod@evaluate`] looks at the result.
+//! - [`ranks`] lets several processes share every batch.
 //!
 //! # Determinism
 //!
 //! On the CPU, weights are a pure function of (code, dataset, configuration, machine's instruction set). A batch is cut
 //! into parts by its contents alone, each part runs on one thread's worth of order, and gradients are added in the order
-//! of parts; so neither the number of threads nor being stopped and resumed changes a bit.
+//! of parts; so neither the number of threads, nor that of processes, nor being stopped and resumed changes a bit.
 //!
 //! # Where later work goes
 //!
-//! Augmentation (VGN's quarter turns and shifts) belongs between [`data::GraspDataset::batch`] and [`step::step`], drawn
-//! from a `schema::Stream` of (seed, epoch); class weights belong in [`loss::sample_losses`]; a schedule in
-//! [`adam::Adam`]; other devices where `Device::flex()` stands in [`mod@fit`].
+//! Other devices belong where `Device::flex()` stands in [`mod@fit`].
 
 pub mod adam;
+pub mod augmentation;
 pub mod batch;
 pub mod bench;
 pub mod checkpoint;
@@ -40,10 +42,13 @@ pub mod matrices;
 pub mod metrics;
 pub mod network;
 pub mod order;
+pub mod patience;
 pub mod progress;
 mod publish;
+pub mod ranks;
 pub mod receptive_field;
 pub mod run_folder;
+pub mod schedule;
 pub mod split;
 pub mod step;
 pub mod upsampling;

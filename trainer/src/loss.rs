@@ -6,6 +6,8 @@
 //! - Eq. 3, 4: `L_r = min(1 − |r̂·r|, 1 − |r̂·r_π|)`, r_π the same grasp turned by half a turn about its approach;
 //! - width: `L_w = (ŵ − w)²`, widths in voxels;
 //! - Eq. 1, 5: `L = L_q + y (L_r + k L_w)` with k = 0.01, averaged over the batch.
+//!
+//! Beyond the paper, a sample's L_q can have a weight ([`ClassWeights`]); the paper's is 1 for all.
 
 use burn::tensor::activation::{relu, sigmoid};
 use burn::tensor::{Device, Tensor, TensorData};
@@ -34,6 +36,38 @@ pub struct Target {
     pub rotation: Quat,
     /// Opening width in voxels; counts only where `label` is 1.
     pub width_voxels: f32,
+    /// Weight of Eq. 2 for this sample; 1 in the paper and whenever the network is tested.
+    pub quality_weight: f32,
+}
+
+/// Weights of the quality loss (Eq. 2) by label. Their mean over the training samples is 1, so that quality keeps its
+/// place beside rotation and width whatever the weight of a positive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClassWeights {
+    /// Of a sample whose object was held.
+    pub positive: f32,
+    /// Of a failure.
+    pub negative: f32,
+}
+
+impl ClassWeights {
+    /// The paper's: none.
+    pub const EQUAL: Self = Self { positive: 1.0, negative: 1.0 };
+
+    /// A positive counts `positive_weight` times as much as a negative, where `positives` of `samples` are positive.
+    /// (1 − share) / share makes both classes count alike.
+    #[must_use]
+    pub fn new(positive_weight: f64, positives: usize, samples: usize) -> Self {
+        let share = positives as f64 / samples.max(1) as f64;
+        let mean = share * positive_weight + (1.0 - share);
+        Self { positive: (positive_weight / mean) as f32, negative: (1.0 / mean) as f32 }
+    }
+
+    /// The weight of a sample with that label.
+    #[must_use]
+    pub fn of(&self, label: u8) -> f32 {
+        if label == 1 { self.positive } else { self.negative }
+    }
 }
 
 /// Targets of a batch on a device.
@@ -47,6 +81,8 @@ pub struct Targets {
     pub rotation_turned: Tensor<2>,
     /// In voxels, `[b]`.
     pub width_voxels: Tensor<1>,
+    /// Weight of Eq. 2, `[b]`.
+    pub quality_weight: Tensor<1>,
 }
 
 /// The loss of each sample and its parts, all `[b]`. `rotation` and `width` are 0 where the label is.
@@ -54,7 +90,7 @@ pub struct Targets {
 pub struct SampleLosses {
     /// L, Eq. 5.
     pub total: Tensor<1>,
-    /// L_q, Eq. 2.
+    /// L_q, Eq. 2, times the sample's weight.
     pub quality: Tensor<1>,
     /// y · L_r, Eq. 3 and 4.
     pub rotation: Tensor<1>,
@@ -85,6 +121,7 @@ impl Targets {
             rotation: rotations(&|rotation| rotation),
             rotation_turned: rotations(&half_turn),
             width_voxels: column(&|target| if target.label == 1 { target.width_voxels } else { 0.0 }),
+            quality_weight: column(&|target| target.quality_weight),
         }
     }
 }
@@ -96,6 +133,7 @@ pub fn sample_losses(prediction: &Prediction, targets: &Targets) -> SampleLosses
     let logit = prediction.quality_logit.clone();
     // −y ln σ(z) − (1 − y) ln(1 − σ(z)) = max(z, 0) − z y + ln(1 + e^−|z|)
     let quality = relu(logit.clone()) - logit.clone() * label() + logit.abs().neg().exp().log1p();
+    let quality = quality * targets.quality_weight.clone(); // times 1 changes no bit
     let apart = |rotation: &Tensor<2>| {
         let dot = (prediction.rotation.clone() * rotation.clone()).sum_dim(1).squeeze_dim::<1>(1);
         dot.abs().neg() + 1.0
@@ -139,7 +177,7 @@ mod tests {
     #[test]
     fn a_half_turn_and_the_quaternions_sign_cost_nothing() {
         let rotation = axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
-        let target = Target { label: 1, rotation, width_voxels: 5.0 };
+        let target = Target { label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0 };
         for same in [rotation, -rotation, half_turn(rotation), -half_turn(rotation)] {
             let [_, _, apart, width] = losses(0.0, same, 7.0, target);
             assert!(apart.abs() < 1e-6, "{same}: {apart}");
@@ -149,7 +187,7 @@ mod tests {
 
     #[test]
     fn failures_teach_the_quality_only() {
-        let target = Target { label: 0, rotation: Quat::IDENTITY, width_voxels: f32::NAN };
+        let target = Target { label: 0, rotation: Quat::IDENTITY, width_voxels: f32::NAN, quality_weight: 1.0 };
         let [total, quality, rotation, width] = losses(0.0, axis_angle(Vec3::X, 1.0), 9.0, target);
         assert_eq!([rotation, width], [0.0, 0.0]);
         assert_eq!(total, quality);
@@ -158,8 +196,40 @@ mod tests {
 
     #[test]
     fn the_loss_stays_finite_for_sure_predictions() {
-        let sure_and_wrong = Target { label: 0, rotation: Quat::IDENTITY, width_voxels: 0.0 };
+        let sure_and_wrong = Target { label: 0, rotation: Quat::IDENTITY, width_voxels: 0.0, quality_weight: 1.0 };
         let [_, quality, _, _] = losses(200.0, Quat::IDENTITY, 0.0, sure_and_wrong);
         assert!((quality - 200.0).abs() < 1e-3, "{quality}");
+    }
+
+    /// Closed form: d(w L_q)/dz = w (σ(z) − y), and the mean weight over the training samples is 1.
+    #[test]
+    fn a_positives_weight_scales_its_quality_loss_and_gradient() {
+        let weights = ClassWeights::new(3.0, 25, 100);
+        assert_eq!(weights, ClassWeights { positive: 2.0, negative: 2.0 / 3.0 });
+        assert!((0.25 * weights.positive + 0.75 * weights.negative - 1.0).abs() < 1e-6);
+        assert_eq!(ClassWeights::new(1.0, 31, 97), ClassWeights::EQUAL);
+        let device = Device::flex();
+        for (label, logit) in [(0_u8, -1.3_f32), (0, 0.4), (1, -1.3), (1, 0.4)] {
+            let weight = weights.of(label);
+            let target = Target { label, rotation: Quat::IDENTITY, width_voxels: 5.0, quality_weight: weight };
+            let unweighted = Target { quality_weight: 1.0, ..target };
+            let turned = axis_angle(Vec3::X, 0.7);
+            let [total, quality, rotation, width] = losses(logit, turned, 7.0, target);
+            let [_, quality_1, rotation_1, width_1] = losses(logit, turned, 7.0, unweighted);
+            assert_eq!([rotation, width], [rotation_1, width_1]);
+            assert!((quality - weight * quality_1).abs() < 1e-6);
+            assert!((total - (quality + rotation + WIDTH_WEIGHT * width)).abs() < 1e-6);
+
+            let leaf = Tensor::<1>::from_data([logit], &device).autodiff().require_grad();
+            let prediction = Prediction {
+                quality_logit: leaf.clone(),
+                rotation: Tensor::from_data([turned.to_array()], &device).autodiff(),
+                width_voxels: Tensor::from_data([7.0], &device).autodiff(),
+            };
+            let gradients = sample_losses(&prediction, &Targets::new(&[target], &device)).total.sum().backward();
+            let gradient = leaf.grad(&gradients).unwrap().into_scalar::<f32>();
+            let expected = weight * (1.0 / (1.0 + libm::expf(-logit)) - f32::from(label));
+            assert!((gradient - expected).abs() < 1e-6, "{label} {logit}: {gradient} against {expected}");
+        }
     }
 }

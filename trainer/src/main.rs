@@ -13,7 +13,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use trainer::bench::bench;
 use trainer::config::Config;
 use trainer::evaluate::{EvaluateError, TestSet, evaluate};
-use trainer::fit::{Ending, FitError, fit};
+use trainer::fit::{Ending, Event, FitError, Job, fit_job};
+use trainer::ranks::{Flags, Place, PlaceError};
 use trainer::run_folder::checkpoint_path;
 
 /// The system's allocator gives every megabyte that a step frees back to the kernel and takes it again: 150 ms a step of
@@ -78,6 +79,25 @@ struct FitArgs {
     /// Threads; all cores by default. Does not change the result.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    #[command(flatten)]
+    ranks: RanksArgs,
+}
+
+/// Several processes that share every batch and end with the same bits as one.
+#[derive(Args)]
+struct RanksArgs {
+    /// How many processes train together; "auto" asks the variables of torchrun, Slurm or Open MPI.
+    #[arg(long, value_name = "auto|N")]
+    ranks: Option<String>,
+    /// Which of them this is, from 0; rank 0 keeps the run's folder.
+    #[arg(long)]
+    rank: Option<usize>,
+    /// Where rank 0 listens; by default MASTER_ADDR:MASTER_PORT or 127.0.0.1:29500. Use a network that you trust.
+    #[arg(long, value_name = "HOST:PORT")]
+    master: Option<String>,
+    /// Seconds that ranks wait for each other.
+    #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u64).range(1..=86_400))]
+    ranks_timeout_s: u64,
 }
 
 #[derive(Args)]
@@ -130,6 +150,12 @@ impl From<FitError> for Failure {
     }
 }
 
+impl From<PlaceError> for Failure {
+    fn from(error: PlaceError) -> Self {
+        Self(error.into(), shards::ExitCode::Config)
+    }
+}
+
 impl From<EvaluateError> for Failure {
     fn from(error: EvaluateError) -> Self {
         let code = error.exit_code();
@@ -161,10 +187,22 @@ fn main() -> ExitCode {
 fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
     let mut config = Config::read(&args.config).map_err(|error| Failure(error.into(), shards::ExitCode::Config))?;
     config.epochs = args.epochs.unwrap_or(config.epochs);
+    let RanksArgs { ranks, rank, master, ranks_timeout_s } = &args.ranks;
+    let flags = Flags { ranks: ranks.clone(), rank: *rank, master: master.clone(), timeout_s: *ranks_timeout_s };
+    let place = Place::find(&flags, &|name| std::env::var(name).ok())?;
     set_threads(args.threads)?;
     let stop = stop_on_signals()?;
+    let (data, run) = (args.data.as_path(), args.run.as_path());
+    let job = Job { data, config: &config, run, resume: args.resume, place: place.as_ref() };
+    if place.as_ref().is_some_and(|place| place.rank > 0) {
+        // Rank 0 tells people how it goes.
+        return Ok(match fit_job(&job, &stop, &|_: Event<'_>| {})? {
+            Ending::Done => shards::ExitCode::Ok,
+            Ending::Stopped => shards::ExitCode::TryAgain,
+        });
+    }
     let screen = console::Screen::new(&config);
-    let ending = fit(&args.data, &config, &args.run, args.resume, &stop, &|event| screen.show(&event))?;
+    let ending = fit_job(&job, &stop, &|event| screen.show(&event))?;
     screen.end();
     let run = args.run.display();
     Ok(match ending {

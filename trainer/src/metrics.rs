@@ -119,7 +119,8 @@ impl Tally {
 }
 
 /// A set's losses and ratios. Losses are means over all samples, so that
-/// `loss = loss_quality + loss_rotation + 0.01 · loss_width` (rotation and width are 0 for failures).
+/// `loss = loss_quality + loss_rotation + 0.01 · loss_width` (rotation and width are 0 for failures). While training,
+/// quality losses have the recipe's weights; in tests all count alike.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Summary {
     /// Samples.

@@ -17,12 +17,20 @@ use shards::ExitCode;
 use crate::checkpoint::{self, Checkpoint, CheckpointError};
 use crate::config::Config;
 use crate::publish::publish;
+use crate::schedule::Schedule;
 
 /// A run's folder, locked against other writers while this value lives.
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
-    _lock: File,
+    lock: File,
+}
+
+/// Closing the file would not do: a child that another thread is just starting holds it open a moment longer.
+impl Drop for RunFolder {
+    fn drop(&mut self) {
+        let _ = self.lock.unlock();
+    }
 }
 
 /// Why a run cannot begin or go on in a folder.
@@ -97,7 +105,8 @@ const LOCK: &str = ".lock";
 
 impl RunFolder {
     /// Takes a folder for a run. A new or empty one is begun; one that holds a run of this recipe is continued if
-    /// `resume`; anything else is refused and left alone. (Epochs may differ: they say when to stop, not how.)
+    /// `resume`; anything else is refused and left alone. (Epochs and patience may differ: they say when to stop, not
+    /// how. Under a cosine schedule the number of epochs says how, and may not.)
     ///
     /// # Errors
     /// [`RunError`].
@@ -119,7 +128,7 @@ impl RunFolder {
             Err(TryLockError::WouldBlock) => return Err(RunError::Busy(path.to_owned())),
             Ok(()) | Err(TryLockError::Error(_)) => {} // where there are no locks, trust the user
         }
-        let folder = Self { path: path.to_owned(), _lock: lock };
+        let folder = Self { path: path.to_owned(), lock };
         folder.publish(CONFIG, config.to_toml().as_bytes())?;
         Ok(folder)
     }
@@ -218,14 +227,19 @@ fn check_config(path: &Path, config: &Config) -> Result<(), RunError> {
     let file = path.join(CONFIG);
     let io = |source| RunError::Io { action: "read the run's configuration", path: file.clone(), source };
     let table = |text: &str| text.parse::<toml::Table>().unwrap_or_default();
-    let was = flatten(&table(&fs::read_to_string(&file).map_err(io)?), "");
+    let text = fs::read_to_string(&file).map_err(io)?;
+    // Read and written again: a recipe from before a key says what leaving the key out means.
+    let text = Config::parse(&text, &file).map_or(text, |config| config.to_toml());
+    let was = flatten(&table(&text), "");
     let is = flatten(&table(&config.to_toml()), "");
+    let epochs_shape_steps = config.schedule == Schedule::Cosine;
     let keys: Vec<String> = is
         .iter()
-        .filter(|(key, _)| key != "training.epochs")
+        .filter(|(key, _)| key != "training.patience_epochs" && (key != "training.epochs" || epochs_shape_steps))
         .filter_map(|(key, value)| {
             let before = was.iter().find(|(other, _)| other == key).map_or("nothing", |(_, value)| value);
-            (before != value).then(|| format!("{key} ({before} then, {value} now)"))
+            let why = if key == "training.epochs" { ": a cosine schedule depends on it" } else { "" };
+            (before != value).then(|| format!("{key} ({before} then, {value} now{why})"))
         })
         .collect();
     if keys.is_empty() { Ok(()) } else { Err(RunError::OtherConfig { keys, path: path.to_owned() }) }

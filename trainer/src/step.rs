@@ -56,22 +56,15 @@ pub fn step(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
         return step_by_graph(vector, batch, mode);
     }
     let (gradient, samples) = Host::new(&values(vector), mode).step(batch);
-    let count = gradient.len();
-    StepResult { gradient: Tensor::from_data(TensorData::new(gradient, [count]), &vector.device()), samples }
+    StepResult { gradient: tensor(gradient, &vector.device()), samples }
 }
 
 /// As [`step`], with the way back found by automatic differentiation: for devices other than the host, and to hold
 /// [`step`] against.
 #[must_use]
 pub fn step_by_graph(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
-    let matrices = Matrices::from_vector(vector);
-    let weight = 1.0 / batch.samples.len() as f32;
-    let parts: Vec<(Matrices, Vec<SampleResult>)> = parts(vector, batch)
-        .into_par_iter()
-        .map(|part| part_by_graph(&matrices, &batch.looks(part), mode, weight))
-        .collect();
     let (mut sum, mut samples) = (None, Vec::with_capacity(batch.samples.len()));
-    for (gradient, results) in parts {
+    for (gradient, results) in gradients_by_graph(vector, batch, &parts(vector, batch), mode) {
         samples.extend(results);
         sum = Some(match sum {
             None => gradient,
@@ -82,17 +75,54 @@ pub fn step_by_graph(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Ste
     StepResult { gradient, samples }
 }
 
+/// What some parts of a batch give to the batch's gradient, one by one: their sum in order over all parts is [`step`]'s.
+#[must_use]
+pub fn steps_of_parts(vector: &Tensor<1>, batch: &Batch, parts: &[Range<usize>], mode: Upsampling) -> Vec<StepResult> {
+    let device = vector.device();
+    if on_host(vector) {
+        let steps = Host::new(&values(vector), mode).steps_of_parts(batch, parts);
+        return steps
+            .into_iter()
+            .map(|(gradient, samples)| StepResult { gradient: tensor(gradient, &device), samples })
+            .collect();
+    }
+    let steps = gradients_by_graph(vector, batch, parts, mode);
+    steps.into_iter().map(|(gradient, samples)| StepResult { gradient: gradient.into_vector(), samples }).collect()
+}
+
+fn gradients_by_graph(
+    vector: &Tensor<1>,
+    batch: &Batch,
+    parts: &[Range<usize>],
+    mode: Upsampling,
+) -> Vec<(Matrices, Vec<SampleResult>)> {
+    let matrices = Matrices::from_vector(vector);
+    let weight = 1.0 / batch.samples.len() as f32;
+    parts.par_iter().map(|part| part_by_graph(&matrices, &batch.looks(part.clone()), mode, weight)).collect()
+}
+
 /// Losses and verdicts of a batch, without a gradient.
 #[must_use]
 pub fn evaluate(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Vec<SampleResult> {
+    evaluate_parts(vector, batch, &parts(vector, batch), mode)
+}
+
+/// As [`evaluate`], for some parts of a batch.
+#[must_use]
+pub fn evaluate_parts(
+    vector: &Tensor<1>,
+    batch: &Batch,
+    parts: &[Range<usize>],
+    mode: Upsampling,
+) -> Vec<SampleResult> {
     if on_host(vector) {
-        return Host::new(&values(vector), mode).evaluate(batch);
+        return Host::new(&values(vector), mode).evaluate(batch, parts);
     }
     let matrices = Matrices::from_vector(vector);
-    let parts: Vec<Vec<SampleResult>> = parts(vector, batch)
-        .into_par_iter()
+    let parts: Vec<Vec<SampleResult>> = parts
+        .par_iter()
         .map(|part| {
-            let looks = batch.looks(part);
+            let looks = batch.looks(part.clone());
             let (prediction, losses) = part_losses(&matrices, &looks, mode);
             results(&looks, prediction, losses)
         })
@@ -112,6 +142,11 @@ fn parts(vector: &Tensor<1>, batch: &Batch) -> Vec<Range<usize>> {
 
 fn values(vector: &Tensor<1>) -> Vec<f32> {
     vector.to_data().iter::<f32>().collect()
+}
+
+fn tensor(values: Vec<f32>, device: &Device) -> Tensor<1> {
+    let count = values.len();
+    Tensor::from_data(TensorData::new(values, [count]), device)
 }
 
 fn part_by_graph(

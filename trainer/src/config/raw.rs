@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use super::{Config, SplitBy, SplitConfig};
+use crate::augmentation::Augmentation;
+use crate::receptive_field::RESOLUTION;
+use crate::schedule::Schedule;
 use crate::upsampling::Upsampling;
 
 /// The file's keys.
@@ -13,6 +16,7 @@ pub struct RawConfig {
     seed: u64,
     network: RawNetwork,
     training: RawTraining,
+    augmentation: RawAugmentation,
     split: RawSplit,
     checkpoint: RawCheckpoint,
 }
@@ -29,7 +33,17 @@ struct RawTraining {
     epochs: u32,
     batch: usize,
     learning_rate: f64,
+    schedule: String,
+    positive_weight: f64,
+    patience_epochs: u32,
     samples_per_scene: usize,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawAugmentation {
+    quarter_turns: bool,
+    shift_z_voxels_max: usize,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -49,6 +63,7 @@ struct RawCheckpoint {
 impl From<&Config> for RawConfig {
     fn from(config: &Config) -> Self {
         let SplitConfig { by, test_share, other_share } = config.split;
+        let Augmentation { quarter_turns, shift_z_voxels_max } = config.augmentation;
         Self {
             seed: config.seed,
             network: RawNetwork { upsampling: config.upsampling.name().to_owned() },
@@ -56,8 +71,12 @@ impl From<&Config> for RawConfig {
                 epochs: config.epochs,
                 batch: config.batch,
                 learning_rate: config.learning_rate,
+                schedule: config.schedule.name().to_owned(),
+                positive_weight: config.positive_weight,
+                patience_epochs: config.patience_epochs,
                 samples_per_scene: config.samples_per_scene,
             },
+            augmentation: RawAugmentation { quarter_turns, shift_z_voxels_max },
             split: RawSplit { by, test_share, other_share },
             checkpoint: RawCheckpoint { every_steps: config.checkpoint_every_steps },
         }
@@ -74,14 +93,38 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn value(&mut self, key: &'static str) -> Option<&Value> {
         self.known.push(key);
+        let found = self.find(key);
+        if found.is_none() {
+            self.problems.push(format!("{key} is missing"));
+        }
+        self.find(key)
+    }
+
+    fn find(&self, key: &str) -> Option<&Value> {
         let found = key.split('.').try_fold(None, |at: Option<&Value>, part| {
             let table = at.map_or(Some(self.table), Value::as_table)?;
             table.get(part).map(Some)
         });
-        if found.flatten().is_none() {
-            self.problems.push(format!("{key} is missing"));
-        }
         found.flatten()
+    }
+
+    /// A key that may be left out: what `read` gives if it is there, else `off`.
+    fn optional<T>(&mut self, key: &'static str, off: T, read: impl FnOnce(&mut Self, &'static str) -> T) -> T {
+        if self.find(key).is_some() {
+            read(self, key)
+        } else {
+            self.known.push(key);
+            off
+        }
+    }
+
+    /// True or false; false where there is a problem.
+    fn flag(&mut self, key: &'static str) -> bool {
+        let Some(value) = self.value(key).cloned() else { return false };
+        value.as_bool().unwrap_or_else(|| {
+            self.problems.push(format!("{key} must be true or false, got {value}"));
+            false
+        })
     }
 
     /// A whole number between two limits; the lower limit where there is a problem.
@@ -138,13 +181,25 @@ impl Reader<'_> {
 pub(super) fn check(table: &Table) -> Result<Config, Vec<String>> {
     let mut reader = Reader { table, known: Vec::new(), problems: Vec::new() };
     let modes = Upsampling::ALL.map(|mode| (mode.name(), mode));
+    let schedules = Schedule::ALL.map(|schedule| (schedule.name(), schedule));
     let config = Config {
         seed: reader.whole("seed", 0, i64::MAX).unsigned_abs(),
         upsampling: reader.word("network.upsampling", &modes),
         epochs: reader.whole("training.epochs", 1, 10_000) as u32,
         batch: reader.whole("training.batch", 1, 4096) as usize,
         learning_rate: reader.number("training.learning_rate", 0.0, 1.0),
+        schedule: reader.optional("training.schedule", Schedule::Constant, |reader, key| reader.word(key, &schedules)),
+        positive_weight: reader
+            .optional("training.positive_weight", 1.0, |reader, key| reader.number(key, 0.0, 1000.0)),
+        patience_epochs: reader.optional("training.patience_epochs", 0, |reader, key| reader.whole(key, 0, 10_000))
+            as u32,
         samples_per_scene: reader.whole("training.samples_per_scene", 1, 4096) as usize,
+        augmentation: Augmentation {
+            quarter_turns: reader.optional("augmentation.quarter_turns", false, Reader::flag),
+            shift_z_voxels_max: reader.optional("augmentation.shift_z_voxels_max", 0, |reader, key| {
+                reader.whole(key, 0, RESOLUTION as i64 - 1)
+            }) as usize,
+        },
         split: SplitConfig {
             by: reader.word("split.by", &[("attempt", SplitBy::Attempt), ("scene", SplitBy::Scene)]),
             test_share: reader.number("split.test_share", 0.0, 0.45),
@@ -171,6 +226,43 @@ mod tests {
         assert_eq!((config.epochs, config.batch, config.learning_rate), (30, 48, 3e-4));
         assert_eq!(config.split.by, SplitBy::Attempt);
         assert_eq!(Config::parse(&config.to_toml(), Path::new("again")).unwrap(), config);
+    }
+
+    /// A recipe, and a checkpoint's, from before the keys that may be left out.
+    const OLD: &str = "seed = 1\n\n[network]\nupsampling = \"linear\"\n\n[training]\nepochs = 30\nbatch = 48\n\
+                       learning_rate = 0.0003\nsamples_per_scene = 1\n\n[split]\nby = \"attempt\"\ntest_share = 0.1\n\
+                       other_share = 0.03\n\n[checkpoint]\nevery_steps = 500\n";
+
+    #[test]
+    fn what_goes_beyond_the_paper_may_be_left_out_and_is_off() {
+        let config = Config::parse(OLD, Path::new("old.toml")).unwrap();
+        assert_eq!(config, Config::parse(GOOD, Path::new("paper.toml")).unwrap());
+        assert_eq!(config.augmentation, Augmentation::OFF);
+        assert_eq!((config.schedule, config.positive_weight, config.patience_epochs), (Schedule::Constant, 1.0, 0));
+    }
+
+    #[test]
+    fn what_goes_beyond_the_paper_is_checked_too() {
+        let text = OLD.replace(
+            "[split]",
+            "schedule = \"linear\"\npositive_weight = 0.0\npatience_epochs = -1\n\
+                   [augmentation]\nquarter_turns = 1\nshift_z_voxels_max = 40\nflips = true\n[split]",
+        );
+        let Err(ConfigError::Invalid { problems, .. }) = Config::parse(&text, Path::new("x")) else {
+            panic!("must be refused");
+        };
+        let all = problems.join("\n");
+        for problem in [
+            "training.schedule must be \"constant\" or \"cosine\", got \"linear\"",
+            "training.positive_weight must be a number above 0 and at most 1000",
+            "training.patience_epochs must be",
+            "augmentation.quarter_turns must be true or false, got 1",
+            "augmentation.shift_z_voxels_max must be a whole number between 0 and 39, got 40",
+            "augmentation.flips is unknown",
+        ] {
+            assert!(all.contains(problem), "{problem} is not in\n{all}");
+        }
+        assert_eq!(problems.len(), 6, "{all}");
     }
 
     #[test]

@@ -1,13 +1,15 @@
 //! The samples as a `burn-dataset`, and batches of them.
 
+use core::ops::RangeInclusive;
 use std::sync::Arc;
 
 use burn_dataset::Dataset;
 use schema::{Quat, ShapeKind};
 
 use super::grids::{Grids, SpoolError};
+use crate::augmentation::{Augmentation, Motion};
 use crate::batch::{Batch, Sample};
-use crate::loss::Target;
+use crate::loss::{ClassWeights, Target};
 
 /// A training sample with its grid.
 #[derive(Debug, Clone)]
@@ -18,6 +20,19 @@ pub struct GraspItem {
     pub voxel: [usize; 3],
     /// What the attempt showed.
     pub target: Target,
+}
+
+/// What training does to samples and testing does not.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Treatment {
+    /// The run's seed.
+    pub seed: u64,
+    /// The epoch, from 0.
+    pub epoch: u32,
+    /// How scenes are turned and shifted.
+    pub augmentation: Augmentation,
+    /// How much successes and failures count.
+    pub weights: ClassWeights,
 }
 
 /// A sample without its grid, 40 bytes: what is held in memory for every attempt.
@@ -95,11 +110,53 @@ impl GraspDataset {
         }
         Ok(batch)
     }
+
+    /// A batch of samples as training sees them: a pure function of the samples and the treatment.
+    ///
+    /// # Errors
+    /// As [`Self::batch`].
+    pub fn training_batch(&self, samples: &[usize], treatment: &Treatment) -> Result<Batch, SpoolError> {
+        let Treatment { seed, epoch, augmentation, weights } = *treatment;
+        let mut batch = self.batch(samples)?;
+        for sample in &mut batch.samples {
+            sample.target.quality_weight = weights.of(sample.target.label);
+        }
+        if augmentation != Augmentation::OFF {
+            let mut scenes: Vec<u32> = samples.iter().map(|sample| self.records[*sample].scene).collect();
+            scenes.sort_unstable();
+            scenes.dedup(); // in the order of the batch's grids
+            let draw = |scene: &u32| augmentation.draw(seed, epoch, u64::from(*scene), self.heights(*scene));
+            let motions: Vec<Motion> = scenes.iter().map(draw).collect();
+            for (grid, motion) in batch.grids.iter_mut().zip(&motions) {
+                *grid = motion.grid(grid);
+            }
+            for sample in &mut batch.samples {
+                let motion = motions[sample.grid];
+                sample.voxel = motion.voxel(sample.voxel);
+                sample.target.rotation = motion.rotation(sample.target.rotation);
+            }
+        }
+        Ok(batch)
+    }
+
+    /// Between which heights, in voxels, a scene's samples lie.
+    fn heights(&self, scene: u32) -> RangeInclusive<usize> {
+        let start = self.records.partition_point(|record| record.scene < scene);
+        let own = self.records[start..].iter().take_while(|record| record.scene == scene);
+        let (low, high) =
+            own.fold((u8::MAX, 0), |(low, high), record| (low.min(record.voxel[2]), high.max(record.voxel[2])));
+        usize::from(low)..=usize::from(high)
+    }
 }
 
 impl Record {
     fn target(&self) -> Target {
-        Target { label: self.label, rotation: Quat::from_array(self.rotation), width_voxels: self.width_voxels }
+        Target {
+            label: self.label,
+            rotation: Quat::from_array(self.rotation),
+            width_voxels: self.width_voxels,
+            quality_weight: 1.0,
+        }
     }
 }
 
@@ -112,5 +169,63 @@ impl Dataset<GraspItem, SpoolError> for GraspDataset {
 
     fn len(&self) -> usize {
         self.records.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn dataset(folder: &std::path::Path) -> GraspDataset {
+        let grids = Grids::create(folder, 3).unwrap();
+        let mut records = Vec::new();
+        for scene in 0..3_u32 {
+            let values: Vec<f32> = (0..64_000).map(|at| (at + scene) as f32 / 64_000.0).collect();
+            grids.write(scene as usize, &values).unwrap();
+            records.extend((0..4_u32).map(|attempt| Record {
+                scene,
+                attempt,
+                voxel: [3, 30, 8 + 3 * attempt as u8],
+                shape: ShapeKind::ALL[0],
+                label: u8::from(attempt == 0),
+                rotation: [0.0, 0.6, 0.0, 0.8],
+                width_voxels: 5.0,
+            }));
+        }
+        GraspDataset { records, grids, outside: 0 }
+    }
+
+    #[test]
+    fn without_augmentation_and_weights_training_sees_the_dataset() {
+        let folder = tempfile::tempdir().unwrap();
+        let dataset = dataset(folder.path());
+        let off = Treatment { seed: 1, epoch: 2, augmentation: Augmentation::OFF, weights: ClassWeights::EQUAL };
+        let (plain, treated) = (dataset.batch(&[7, 2, 5]).unwrap(), dataset.training_batch(&[7, 2, 5], &off).unwrap());
+        assert_eq!((&plain.grids, &plain.samples), (&treated.grids, &treated.samples));
+    }
+
+    #[test]
+    fn a_scenes_samples_move_with_its_grid_whatever_batch_they_are_in() {
+        let folder = tempfile::tempdir().unwrap();
+        let dataset = dataset(folder.path());
+        let augmentation = Augmentation { quarter_turns: true, shift_z_voxels_max: 30 };
+        let weights = ClassWeights::new(3.0, 3, 12);
+        let mut moved = 0;
+        for epoch in 0..20 {
+            let treatment = Treatment { seed: 1, epoch, augmentation, weights };
+            let all = dataset.training_batch(&(0..12).collect::<Vec<_>>(), &treatment).unwrap();
+            for number in 0..12 {
+                let [alone, plain] =
+                    [dataset.training_batch(&[number], &treatment).unwrap(), dataset.batch(&[number]).unwrap()];
+                let (one, was) = (alone.samples[0], plain.samples[0]);
+                assert_eq!(one, Sample { grid: 0, ..all.samples[number] });
+                assert_eq!(alone.grids[0], all.grids[all.samples[number].grid]);
+                assert_eq!(one.target.quality_weight, weights.of(was.target.label));
+                let value = |batch: &Batch, [i, j, k]: [usize; 3]| batch.grids[0][(i * 40 + j) * 40 + k];
+                assert_eq!(value(&alone, one.voxel), value(&plain, was.voxel));
+                moved += usize::from(one.voxel != was.voxel);
+            }
+        }
+        assert!(moved > 200, "{moved}");
     }
 }

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::mpsc::sync_channel;
 
 use super::grids::SpoolError;
-use super::item::GraspDataset;
+use super::item::{GraspDataset, Treatment};
 use crate::batch::Batch;
 
 /// Batches that are read ahead.
@@ -19,13 +19,35 @@ pub fn for_each_batch(
     dataset: &GraspDataset,
     samples: &[usize],
     batch: usize,
+    visit: impl FnMut(Batch) -> ControlFlow<()>,
+) -> Result<(), SpoolError> {
+    read_ahead(samples.chunks(batch), |numbers| dataset.batch(numbers), visit)
+}
+
+/// As [`for_each_batch`], with the samples as training sees them; turned and shifted on the reading thread.
+///
+/// # Errors
+/// As [`for_each_batch`].
+pub fn for_each_training_batch(
+    dataset: &GraspDataset,
+    samples: &[usize],
+    batch: usize,
+    treatment: &Treatment,
+    visit: impl FnMut(Batch) -> ControlFlow<()>,
+) -> Result<(), SpoolError> {
+    read_ahead(samples.chunks(batch), |numbers| dataset.training_batch(numbers, treatment), visit)
+}
+
+fn read_ahead<'a>(
+    batches: impl Iterator<Item = &'a [usize]> + Send,
+    read: impl Fn(&[usize]) -> Result<Batch, SpoolError> + Send,
     mut visit: impl FnMut(Batch) -> ControlFlow<()>,
 ) -> Result<(), SpoolError> {
     std::thread::scope(|scope| {
         let (sender, receiver) = sync_channel(AHEAD);
         scope.spawn(move || {
-            for numbers in samples.chunks(batch) {
-                if sender.send(dataset.batch(numbers)).is_err() {
+            for numbers in batches {
+                if sender.send(read(numbers)).is_err() {
                     return; // the visitor broke off
                 }
             }

@@ -1,5 +1,7 @@
 //! One part of a batch, forwards and backwards.
 
+use std::ops::Range;
+
 use burn::tensor::{Device, Tensor, TensorData};
 use rayon::prelude::*;
 
@@ -54,41 +56,52 @@ impl Host {
 
     /// Gradient of the batch's mean loss, and what each sample gave.
     pub(crate) fn step(&self, batch: &Batch) -> (Vec<f32>, Vec<SampleResult>) {
+        let mut parts = self.passes(batch, &batch.parts()).into_iter();
+        let Some((mut sum, mut samples)) = parts.next() else {
+            return (Parameters::zeros().to_vector(), Vec::new());
+        };
+        let (others, results): (Vec<Parameters>, Vec<Vec<SampleResult>>) = parts.unzip();
+        let chunk = sum.values().len().div_ceil(64);
+        sum.values_mut().par_chunks_mut(chunk).enumerate().for_each(|(number, sum)| {
+            for other in &others {
+                add(sum, &other.values()[number * chunk..][..sum.len()]);
+            }
+        });
+        samples.extend(results.into_iter().flatten());
+        (sum.to_vector(), samples)
+    }
+
+    /// What some parts of a batch give to [`Self::step`], one by one.
+    pub(crate) fn steps_of_parts(&self, batch: &Batch, parts: &[Range<usize>]) -> Vec<(Vec<f32>, Vec<SampleResult>)> {
+        let passes = self.passes(batch, parts);
+        passes.into_iter().map(|(gradient, results)| (gradient.to_vector(), results)).collect()
+    }
+
+    fn passes(&self, batch: &Batch, parts: &[Range<usize>]) -> Vec<(Parameters, Vec<SampleResult>)> {
         let weight = 1.0 / batch.samples.len() as f32;
         let transposed: Vec<Vec<f32>> = (0..STAGES)
             .into_par_iter()
             .map(|stage| if stage == 0 { Vec::new() } else { self.parameters.transposed(stage) })
             .collect();
-        let parts: Vec<(Parameters, Vec<SampleResult>)> = batch
-            .parts()
-            .into_par_iter()
-            .map(|part| {
-                let looks = batch.looks(part);
-                let seen = self.forward(&looks);
-                let (prediction, losses, d_heads) = loss_gradient(&seen.heads, &looks, weight);
-                (self.backward(&transposed, &looks, &seen, &d_heads), results(&looks, prediction, losses))
-            })
-            .collect();
-        let mut sum = Parameters::zeros();
-        let chunk = sum.values().len().div_ceil(64);
-        sum.values_mut().par_chunks_mut(chunk).enumerate().for_each(|(number, sum)| {
-            for (part, _) in &parts {
-                add(sum, &part.values()[number * chunk..][..sum.len()]);
-            }
-        });
-        (sum.to_vector(), parts.into_iter().flat_map(|(_, results)| results).collect())
+        let pass = |part: &Range<usize>| {
+            let looks = batch.looks(part.clone());
+            let seen = self.forward(&looks);
+            let (prediction, losses, d_heads) = loss_gradient(&seen.heads, &looks, weight);
+            (self.backward(&transposed, &looks, &seen, &d_heads), results(&looks, prediction, losses))
+        };
+        parts.par_iter().map(pass).collect()
     }
 
-    /// What each sample gives.
-    pub(crate) fn evaluate(&self, batch: &Batch) -> Vec<SampleResult> {
-        let parts = batch.parts().into_par_iter().map(|part| {
-            let looks = batch.looks(part);
+    /// What each sample of some parts of a batch gives.
+    pub(crate) fn evaluate(&self, batch: &Batch, parts: &[Range<usize>]) -> Vec<SampleResult> {
+        let evaluated = parts.par_iter().map(|part| {
+            let looks = batch.looks(part.clone());
             let device = Device::flex();
             let prediction = prediction_of(&heads_tensor(&self.forward(&looks).heads, &device));
             let losses = sample_losses(&prediction, &Targets::new(&looks.targets, &device));
             results(&looks, prediction, losses)
         });
-        parts.collect::<Vec<_>>().concat()
+        evaluated.collect::<Vec<_>>().concat()
     }
 
     fn forward(&self, part: &Looks<'_>) -> Activations {

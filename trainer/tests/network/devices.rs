@@ -13,7 +13,12 @@ use crate::formula::{grid, parameters, relative_error};
 /// Two grids, six samples.
 fn batch() -> Batch {
     let voxels = [[0, 0, 0], [20, 11, 33], [39, 39, 39], [5, 30, 17], [12, 0, 39], [21, 22, 23]];
-    let target = |at: usize| Target { label: u8::from(at.is_multiple_of(2)), rotation: Quat::IDENTITY, width_voxels: 6.0 };
+    let target = |at: usize| Target {
+        label: u8::from(at.is_multiple_of(2)),
+        rotation: Quat::IDENTITY,
+        width_voxels: 6.0,
+        quality_weight: 1.0,
+    };
     let sample = |(at, voxel): (usize, &[usize; 3])| Sample { grid: at / 3, voxel: *voxel, target: target(at) };
     Batch { grids: vec![grid(0).into(), grid(1).into()], samples: voxels.iter().enumerate().map(sample).collect() }
 }

@@ -49,6 +49,7 @@ impl Golden {
                 label: labels[at] as u8,
                 rotation: Quat::from_slice(&rotations[4 * at..]),
                 width_voxels: widths[at],
+                quality_weight: 1.0,
             },
         });
         Batch { grids: (0..GRIDS).map(|number| Arc::from(grid(number))).collect(), samples: samples.collect() }

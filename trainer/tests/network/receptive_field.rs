@@ -20,7 +20,8 @@ fn batch(voxels: &[[usize; 3]]) -> Batch {
     let samples = voxels.iter().zip(draws.chunks(6)).enumerate().map(|(at, (voxel, draw))| {
         let part = |number: usize| 2.0 * draw[number] as f32 - 1.0;
         let rotation = Quat::from_xyzw(part(0), part(1), part(2), part(3)).normalize();
-        let target = Target { label: u8::from(at % 3 != 1), rotation, width_voxels: 5.0 + 4.0 * part(4) };
+        let (width_voxels, quality_weight) = (5.0 + 4.0 * part(4), [1.0, 0.7, 1.9][at % 3]);
+        let target = Target { label: u8::from(at % 3 != 1), rotation, width_voxels, quality_weight };
         Sample { grid: 0, voxel: *voxel, target }
     });
     Batch { grids: vec![Arc::from(grid(0))], samples: samples.collect() }

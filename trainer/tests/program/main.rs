@@ -4,4 +4,6 @@
 mod bad_input;
 mod fixture;
 mod learning;
+mod ranks;
+mod recipe;
 mod resume;

@@ -11,7 +11,7 @@ use trainer::config::Config;
 use trainer::fit::{Ending, Event, fit};
 
 /// The metrics without the time that they took.
-fn metrics(run: &Path) -> Vec<serde_json::Value> {
+pub(crate) fn metrics(run: &Path) -> Vec<serde_json::Value> {
     let text = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
     text.lines()
         .map(|line| {
@@ -22,7 +22,7 @@ fn metrics(run: &Path) -> Vec<serde_json::Value> {
         .collect()
 }
 
-fn check_same_run(a: &Path, b: &Path) {
+pub(crate) fn check_same_run(a: &Path, b: &Path) {
     assert_eq!(metrics(a), metrics(b));
     for file in ["last.safetensors", "best.safetensors", "config.toml"] {
         assert!(fs::read(a.join(file)).unwrap() == fs::read(b.join(file)).unwrap(), "{file} differs");
