@@ -129,6 +129,11 @@ pub fn save(checkpoint: &Checkpoint, path: &Path) -> Result<(), CheckpointError>
     publish(path, &file).map_err(|source| CheckpointError::Io { action: "write", path: path.to_owned(), source })
 }
 
+/// Whether bytes are a safetensors file with a checkpoint's header, whatever the header says.
+pub(crate) fn has_header(file: &[u8]) -> bool {
+    SafeTensors::read_metadata(file).is_ok_and(|(_, metadata)| header::is_in(metadata.metadata().as_ref()))
+}
+
 /// Reads a checkpoint.
 ///
 /// # Errors

@@ -10,6 +10,7 @@
 //! - [`data`] makes samples of shards, [`split`] holds some out, [`order`] shuffles the rest.
 //! - [`mod@fit`] is the recipe, [`adam`] its optimiser, [`metrics`] what it counts, [`run_folder`], [`checkpoint`] and
 //!   [`progress`] what it leaves behind; [`mod@evaluate`] looks at the result.
+//! - [`interchange`] takes weights from other programs and gives them to others.
 //!
 //! # Determinism
 //!
@@ -33,6 +34,7 @@ pub mod data;
 pub mod evaluate;
 pub mod fit;
 mod host;
+pub mod interchange;
 pub mod layers;
 pub mod loss;
 pub mod matrices;

@@ -4,3 +4,4 @@
 mod formula;
 mod parity;
 mod receptive_field;
+mod state_dicts;

@@ -3,5 +3,6 @@
 
 mod bad_input;
 mod fixture;
+mod interchange;
 mod learning;
 mod resume;
