@@ -134,6 +134,11 @@ pub(crate) fn encode(checkpoint: &Checkpoint, path: &Path) -> Result<Vec<u8>, Ch
         .map_err(|source| CheckpointError::Damaged { path: path.to_owned(), source })
 }
 
+/// Whether bytes are a safetensors file with a checkpoint's header, whatever the header says.
+pub(crate) fn has_header(file: &[u8]) -> bool {
+    SafeTensors::read_metadata(file).is_ok_and(|(_, metadata)| header::is_in(metadata.metadata().as_ref()))
+}
+
 /// Reads a checkpoint.
 ///
 /// # Errors

@@ -13,6 +13,7 @@
 //!   what it counts, [`run_folder`], [`checkpoint`] and
 //!   [`progress`] what it leaves behind; [`mod@evaluate`] looks at the result.
 //! - [`ranks`] lets several processes share every batch.
+//! - [`interchange`] takes weights from other programs and gives them to others.
 //!
 //! # Determinism
 //!
@@ -36,6 +37,7 @@ pub mod device;
 pub mod evaluate;
 pub mod fit;
 mod host;
+pub mod interchange;
 pub mod layers;
 pub mod loss;
 pub mod matrices;

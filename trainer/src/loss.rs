@@ -144,11 +144,14 @@ pub fn sample_losses(prediction: &Prediction, targets: &Targets) -> SampleLosses
     SampleLosses { total, quality, rotation, width }
 }
 
+/// Least square of a norm that is divided by.
+pub const NORM_SQUARED_MIN: f32 = 1e-24;
+
 /// Divides by the Euclidean norm along an axis, held above 1e-12 (PyTorch's `F.normalize`). The square is held, not its
 /// root, whose slope at 0 is infinite.
 #[must_use]
 pub fn normalise<const D: usize>(vectors: Tensor<D>, axis: usize) -> Tensor<D> {
-    let norm = vectors.clone().square().sum_dim(axis).clamp_min(1e-24).sqrt();
+    let norm = vectors.clone().square().sum_dim(axis).clamp_min(NORM_SQUARED_MIN).sqrt();
     vectors / norm
 }
 

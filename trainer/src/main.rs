@@ -2,6 +2,7 @@
 #![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
 
 mod console;
+mod convert;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -10,10 +11,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use convert::{ExportArgs, ImportArgs};
 use trainer::bench::bench;
 use trainer::config::Config;
 use trainer::evaluate::{EvaluateError, TestSet, evaluate};
 use trainer::fit::{Ending, Event, FitError, Job, fit_job};
+use trainer::interchange::InterchangeError;
 use trainer::ranks::{Flags, Place, PlaceError};
 use trainer::run_folder::checkpoint_path;
 
@@ -41,6 +44,12 @@ enum Command {
     /// What a training step costs on this machine.
     #[command(after_help = shards::ExitCode::HELP)]
     Bench(BenchArgs),
+    /// Make a checkpoint of weights that PyTorch or another program wrote.
+    #[command(after_help = format!("{}\n\n{}", convert::IMPORT_EXAMPLES, shards::ExitCode::HELP))]
+    Import(ImportArgs),
+    /// Write a checkpoint's weights for PyTorch or an ONNX runtime.
+    #[command(after_help = format!("{}\n\n{}", convert::EXPORT_EXAMPLES, shards::ExitCode::HELP))]
+    Export(ExportArgs),
 }
 
 #[derive(Args)]
@@ -163,6 +172,13 @@ impl From<EvaluateError> for Failure {
     }
 }
 
+impl From<InterchangeError> for Failure {
+    fn from(error: InterchangeError) -> Self {
+        let code = error.exit_code();
+        Self(error.into(), code)
+    }
+}
+
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
         Self(error, shards::ExitCode::Internal)
@@ -174,6 +190,8 @@ fn main() -> ExitCode {
         Command::Fit(args) => run_fit(&args),
         Command::Evaluate(args) => run_evaluate(&args),
         Command::Bench(args) => run_bench(&args),
+        Command::Import(args) => convert::run_import(&args).map_err(Failure::from),
+        Command::Export(args) => convert::run_export(&args).map_err(Failure::from),
     };
     match outcome {
         Ok(code) => code.into(),

@@ -70,6 +70,10 @@ pub(super) fn write(checkpoint: &Checkpoint) -> Metadata {
     Metadata::from([(KEY.to_owned(), text)])
 }
 
+pub(super) fn is_in(metadata: Option<&Metadata>) -> bool {
+    metadata.is_some_and(|metadata| metadata.contains_key(KEY))
+}
+
 pub(super) fn read(metadata: Option<&Metadata>) -> Result<Header, HeaderProblem> {
     let other = HeaderProblem::Other;
     let text = metadata.and_then(|metadata| metadata.get(KEY)).ok_or_else(|| {

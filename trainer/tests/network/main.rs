@@ -6,3 +6,4 @@ mod devices;
 mod formula;
 mod parity;
 mod receptive_field;
+mod state_dicts;

@@ -3,6 +3,7 @@
 
 mod bad_input;
 mod fixture;
+mod interchange;
 mod learning;
 mod ranks;
 mod recipe;

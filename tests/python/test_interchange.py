@@ -1,0 +1,210 @@
+"""What `trainer export` writes, in the programs that people have: onnxruntime, safetensors, PyTorch where it is installed.
+
+    python -m pytest tests/python/test_interchange.py      # GRASPMILL_TRAINER=path/to/trainer, or target/debug/trainer
+
+Weights, grids and expected outputs are those of scripts/golden_torch.py, so PyTorch's values are known without PyTorch.
+"""
+
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+from safetensors import safe_open
+from safetensors.numpy import load_file, save_file
+
+ROOT = Path(__file__).parents[2]
+TRAINER = Path(os.environ.get("GRASPMILL_TRAINER", ROOT / "target" / "debug" / "trainer")).resolve()
+GOLDEN = ROOT / "trainer" / "tests" / "golden"
+STATE_DICTS = ROOT / "trainer" / "tests" / "state_dicts"
+MODES = ["linear", "nearest"]
+OUTPUTS = {"quality": 1, "rotation": 4, "width": 1}
+# name, channels in and out, side of the kernel, stride
+LAYERS = [
+    ("encoder.conv1", 1, 16, 5, 2),
+    ("encoder.conv2", 16, 32, 3, 2),
+    ("encoder.conv3", 32, 64, 3, 2),
+    ("decoder.conv1", 64, 64, 3, 1),
+    ("decoder.conv2", 64, 32, 3, 1),
+    ("decoder.conv3", 32, 16, 5, 1),
+    ("conv_qual", 16, 1, 5, 1),
+    ("conv_rot", 16, 4, 5, 1),
+    ("conv_width", 16, 1, 5, 1),
+]
+
+
+def noise(count, seed):
+    """golden_torch.py's numbers in [0, 1)."""
+    with np.errstate(over="ignore"):
+        x = np.arange(count, dtype=np.uint32) + np.uint32(seed * 0x9E3779B9 & 0xFFFFFFFF)
+        x ^= x >> np.uint32(16)
+        x *= np.uint32(0x7FEB352D)
+        x ^= x >> np.uint32(15)
+        x *= np.uint32(0x846CA68B)
+        x ^= x >> np.uint32(16)
+    return (x >> np.uint32(8)).astype(np.float64) / 2**24
+
+
+def weights():
+    """golden_torch.py's weights under VGN's names."""
+    made = {}
+    for number, (name, c_in, c_out, k, _) in enumerate(LAYERS):
+        bound = np.sqrt(6.0 / (k**3 * c_in))
+        for part, shape in (("weight", (c_out, c_in, k, k, k)), ("bias", (c_out,))):
+            values = (2.0 * noise(int(np.prod(shape)), 2 * number + (part == "bias")) - 1.0) * bound
+            made[f"{name}.{part}"] = values.astype(np.float32).reshape(shape)
+    return made
+
+
+def grids():
+    values = [np.where(noise(40**3, 200 + n) < 0.25, noise(40**3, 100 + n), 0.0) for n in range(3)]
+    return np.stack(values).astype(np.float32).reshape(3, 1, 40, 40, 40)
+
+
+def trainer(*args):
+    done = subprocess.run([str(word) for word in (TRAINER, *args)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{args}: {done.returncode}: {done.stderr}"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Golden weights, imported and exported both ways in both modes."""
+    if not TRAINER.exists():
+        pytest.fail(f"no trainer at {TRAINER}: cargo build, or set GRASPMILL_TRAINER")
+    place = tmp_path_factory.mktemp("interchange")
+    save_file(weights(), place / "weights.safetensors")
+    for mode in MODES:
+        checkpoint = place / mode / "best.safetensors"
+        trainer("import", place / "weights.safetensors", "--upsampling", mode, "--out", checkpoint)
+        for format in ("safetensors", "onnx"):
+            trainer("export", checkpoint, "--format", format, "--out", place / f"{mode}.{format}")
+    return place
+
+
+def session(path):
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 3
+    return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_onnxruntime_gives_what_pytorch_gives(folder, mode):
+    golden = load_file(GOLDEN / f"{mode}.safetensors")
+    volumes = session(folder / f"{mode}.onnx").run(list(OUTPUTS), {"tsdf": grids()})
+    for number, (name, volume) in enumerate(zip(OUTPUTS, volumes)):
+        flat, expected = volume.reshape(-1), golden[f"forward.{name}"]
+        at = (noise(len(expected), 400 + number) * flat.size).astype(np.int64)
+        print(f"{mode} {name}: max |difference| {np.abs(flat[at] - expected).max():.2e}")
+        np.testing.assert_allclose(flat[at], expected, rtol=0, atol=1e-4)
+        np.testing.assert_allclose(np.linalg.norm(flat.astype(np.float64)), golden[f"forward.{name}.norm"][0], rtol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(volumes[1], axis=1), 1.0, atol=1e-5)
+    assert 0.0 <= volumes[0].min() and volumes[0].max() <= 1.0
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_an_onnx_model_says_what_it_takes_and_where_it_comes_from(folder, mode):
+    model = session(folder / f"{mode}.onnx")
+    [tsdf] = model.get_inputs()
+    assert (tsdf.name, tsdf.type, tsdf.shape) == ("tsdf", "tensor(float)", ["batch", 1, 40, 40, 40])
+    shapes = {output.name: output.shape for output in model.get_outputs()}
+    assert shapes == {name: ["batch", channels, 40, 40, 40] for name, channels in OUTPUTS.items()}
+    properties = model.get_modelmeta().custom_metadata_map
+    assert properties["upsampling"] == mode and properties["dataset_id"].startswith("unknown")
+    one, three = (model.run(None, {"tsdf": grids()[:count]}) for count in (1, 3))
+    for alone, together in zip(one, three):
+        np.testing.assert_allclose(alone[0], together[0], rtol=0, atol=1e-5)
+
+
+def test_a_zero_rotation_is_not_divided_by_zero(folder, tmp_path):
+    dead = {name: np.zeros_like(values) for name, values in weights().items()}
+    save_file(dead, tmp_path / "dead.safetensors")
+    trainer("import", tmp_path / "dead.safetensors", "--out", tmp_path / "checkpoint")
+    trainer("export", tmp_path / "checkpoint", "--format", "onnx", "--out", tmp_path / "dead.onnx")
+    quality, rotation, width = session(tmp_path / "dead.onnx").run(list(OUTPUTS), {"tsdf": grids()[:1]})
+    assert (quality == 0.5).all() and (rotation == 0.0).all() and (width == 0.0).all()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_safetensors_come_out_as_they_went_in(folder, mode):
+    expected, read = weights(), load_file(folder / f"{mode}.safetensors")
+    assert read.keys() == expected.keys()
+    for name, values in expected.items():
+        np.testing.assert_array_equal(read[name], values, err_msg=name)
+    with safe_open(folder / f"{mode}.safetensors", "numpy") as file:
+        assert list(file.metadata()) == ["graspmill"]
+
+
+# From here on with PyTorch, which scripts/test.sh does not install; scripts/requirements-golden.txt does.
+
+
+def conv_net(torch, mode):
+    """The layout of VGN's ConvNet, with both ways to double grids."""
+
+    def conv(c_in, c_out, k, stride):
+        return torch.nn.Conv3d(c_in, c_out, k, stride=stride, padding=k // 2)
+
+    class Part(torch.nn.Module):
+        def __init__(self, layers):
+            super().__init__()
+            for number, layer in enumerate(layers, start=1):
+                setattr(self, f"conv{number}", conv(*layer))
+
+    class ConvNet(torch.nn.Module):
+        def __init__(self):
+            super().__init__()
+            shapes = [layer[1:] for layer in LAYERS]
+            self.encoder, self.decoder = Part(shapes[:3]), Part(shapes[3:6])
+            self.conv_qual, self.conv_rot, self.conv_width = (conv(*shape) for shape in shapes[6:])
+
+        def forward(self, x):
+            functional = torch.nn.functional
+            how = {"mode": "trilinear", "align_corners": False} if mode == "linear" else {"mode": "nearest"}
+            for layer in (self.encoder.conv1, self.encoder.conv2, self.encoder.conv3):
+                x = functional.relu(layer(x))
+            for layer, side in ((self.decoder.conv1, 10), (self.decoder.conv2, 20), (self.decoder.conv3, 40)):
+                x = functional.interpolate(functional.relu(layer(x)), (side, side, side), **how)
+            return torch.sigmoid(self.conv_qual(x)), functional.normalize(self.conv_rot(x), dim=1), self.conv_width(x)
+
+    return ConvNet().eval()
+
+
+@pytest.fixture
+def torch():
+    return pytest.importorskip("torch", reason="PyTorch is not installed: scripts/requirements-golden.txt has it")
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_pytorch_loads_strictly_and_onnxruntime_agrees_everywhere(folder, mode, torch):
+    safetensors_torch = pytest.importorskip("safetensors.torch")
+    ours, original = conv_net(torch, mode), conv_net(torch, mode)
+    ours.load_state_dict(safetensors_torch.load_file(folder / f"{mode}.safetensors"), strict=True)
+    original.load_state_dict({name: torch.from_numpy(values) for name, values in weights().items()}, strict=True)
+    with torch.no_grad():
+        expected = [volume.numpy() for volume in original(torch.from_numpy(grids()))]
+        loaded = [volume.numpy() for volume in ours(torch.from_numpy(grids()))]
+    run = session(folder / f"{mode}.onnx").run(list(OUTPUTS), {"tsdf": grids()})
+    for name, torch_volume, our_volume, onnx_volume in zip(OUTPUTS, expected, loaded, run):
+        apart = [np.abs(volume - torch_volume).max() for volume in (our_volume, onnx_volume)]
+        print(f"{mode} {name}: max |difference| of all voxels: exported weights {apart[0]:.2e}, ONNX {apart[1]:.2e}")
+        assert apart[0] <= 1e-5 and apart[1] <= 1e-4, name
+
+
+@pytest.mark.parametrize("zipped", [True, False])
+def test_what_pytorch_saves_comes_back_bit_by_bit(tmp_path, zipped, torch):
+    net = conv_net(torch, "nearest")
+    torch.save(net.state_dict(), tmp_path / "net.pth", _use_new_zipfile_serialization=zipped)
+    trainer("import", tmp_path / "net.pth", "--out", tmp_path / "checkpoint.safetensors")
+    read = load_file(tmp_path / "checkpoint.safetensors")
+    assert read.keys() == net.state_dict().keys()
+    for name, tensor in net.state_dict().items():
+        np.testing.assert_array_equal(read[name].view(np.uint32), tensor.numpy().view(np.uint32), err_msg=name)
+
+
+@pytest.mark.parametrize("name", ["zip", "legacy"])
+def test_the_stored_state_dicts_are_what_pytorch_reads(tmp_path, name, torch):
+    trainer("import", STATE_DICTS / f"{name}.pth", "--out", tmp_path / "checkpoint.safetensors")
+    read = load_file(tmp_path / "checkpoint.safetensors")
+    for key, tensor in torch.load(STATE_DICTS / f"{name}.pth", weights_only=True).items():
+        np.testing.assert_array_equal(read[key], tensor.numpy(), err_msg=key)

@@ -1,0 +1,104 @@
+//! `trainer import` and `trainer export`.
+#![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
+
+use std::path::PathBuf;
+
+use burn::tensor::Device;
+use clap::{Args, ValueEnum};
+use trainer::interchange::{InterchangeError, Target, export, import};
+use trainer::upsampling::Upsampling;
+
+pub(crate) const IMPORT_EXAMPLES: &str = "\
+Examples:
+  trainer import vgn_conv.pth --out runs/vgn/best.safetensors
+  trainer evaluate --run runs/vgn --data grasps --split all
+  trainer import weights.safetensors --upsampling linear --out runs/linear/best.safetensors
+
+Read are safetensors and what torch.save writes of a state dict, new (zip) or before PyTorch 1.6
+(pickles), alone or under \"state_dict\", \"model_state_dict\" or \"model\". Nothing in a file is run.
+\"module.\" before the names is taken off; float64, float16 and bfloat16 become float32.";
+
+pub(crate) const EXPORT_EXAMPLES: &str = "\
+Examples:
+  trainer export runs/paper/best.safetensors --format onnx --out vgn.onnx
+  trainer export runs/paper/best.safetensors --format safetensors --out vgn.safetensors
+
+safetensors: the 18 tensors of VGN's ConvNet; in PyTorch,
+  net.load_state_dict(safetensors.torch.load_file(FILE), strict=True)
+onnx: input tsdf [batch, 1, 40, 40, 40]; outputs quality (0 to 1), rotation (unit quaternion
+  x, y, z, w) and width (voxels)";
+
+#[derive(Args)]
+pub(crate) struct ImportArgs {
+    /// A state dict of VGN's network: .pth, .pt or .safetensors.
+    file: PathBuf,
+    /// The checkpoint to write; `evaluate --run FOLDER` reads FOLDER/best.safetensors.
+    #[arg(long)]
+    out: PathBuf,
+    /// How the network doubles its grids, which a state dict does not say. VGN's code: nearest.
+    #[arg(long, value_enum, default_value_t = UpsamplingArg::Nearest)]
+    upsampling: UpsamplingArg,
+    /// Replace the file that is there.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Args)]
+pub(crate) struct ExportArgs {
+    /// A checkpoint of trainer, such as RUN/best.safetensors.
+    checkpoint: PathBuf,
+    /// What to write.
+    #[arg(long, value_enum)]
+    format: FormatArg,
+    /// The file to write.
+    #[arg(long)]
+    out: PathBuf,
+    /// Replace the file that is there.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum UpsamplingArg {
+    /// Each value eight times, as VGN's code does.
+    Nearest,
+    /// Trilinear, as the paper says.
+    Linear,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum FormatArg {
+    /// The weights under VGN's names.
+    Safetensors,
+    /// The whole network.
+    Onnx,
+}
+
+pub(crate) fn run_import(args: &ImportArgs) -> Result<shards::ExitCode, InterchangeError> {
+    let upsampling = match args.upsampling {
+        UpsamplingArg::Nearest => Upsampling::Nearest,
+        UpsamplingArg::Linear => Upsampling::Linear,
+    };
+    let imported = import(&args.file, &args.out, upsampling, args.force, &Device::flex())?;
+    println!("read        {}: {}", imported.source.name(), args.file.display());
+    if !imported.prefix.is_empty() {
+        println!("names       {:?} before each was taken off", imported.prefix);
+    }
+    if !imported.converted_from.is_empty() {
+        println!("numbers     {} converted to float32", imported.converted_from.join(" and "));
+    }
+    println!("upsampling  {}: a state dict does not say; --upsampling changes it", upsampling.name());
+    println!("checkpoint  {}", args.out.display());
+    Ok(shards::ExitCode::Ok)
+}
+
+pub(crate) fn run_export(args: &ExportArgs) -> Result<shards::ExitCode, InterchangeError> {
+    let target = match args.format {
+        FormatArg::Safetensors => Target::Safetensors,
+        FormatArg::Onnx => Target::Onnx,
+    };
+    let checkpoint = export(&args.checkpoint, &args.out, target, args.force, &Device::flex())?;
+    println!("upsampling  {}", checkpoint.upsampling.name());
+    println!("written     {}", args.out.display());
+    Ok(shards::ExitCode::Ok)
+}

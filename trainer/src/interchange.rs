@@ -1,0 +1,289 @@
+//! Weights from and to other programs: PyTorch's state dicts and safetensors in, safetensors and ONNX out.
+//!
+//! What comes in was written by others, so it is read as such: nothing in a file is run (`pickle.rs`), nothing is larger in
+//! memory than in the file, every loop ends, and whatever is wrong is told.
+
+mod cursor;
+mod element;
+mod onnx;
+mod pickle;
+mod problem;
+mod protobuf;
+mod pth;
+mod state_dict;
+#[cfg(test)]
+mod tests;
+mod zip;
+
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
+
+use burn::tensor::{Device, Tensor, TensorData};
+use safetensors::{Dtype, SafeTensors};
+use sha2::{Digest as _, Sha256};
+use shards::ExitCode;
+
+use crate::checkpoint::{self, Checkpoint, CheckpointError};
+use crate::progress::Progress;
+use crate::publish::publish;
+use crate::upsampling::Upsampling;
+
+use element::Element;
+use problem::Problem;
+use state_dict::{Parameters, StoredTensor};
+
+/// Largest file that is read: the weights have 1.25 MB, fifty times that is no state dict of theirs.
+const FILE_LEN_MAX: u64 = 64 << 20;
+/// Stands in place of a dataset's id, which is a SHA-256 and so never this.
+pub const IMPORTED: &str = "unknown (imported weights)";
+
+/// A file that weights come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// `torch.save` since PyTorch 1.6.
+    TorchZip,
+    /// `torch.save` before.
+    TorchLegacy,
+    /// safetensors.
+    Safetensors,
+}
+
+impl Source {
+    /// For people.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::TorchZip => "PyTorch (zip)",
+            Self::TorchLegacy => "PyTorch before 1.6 (pickles)",
+            Self::Safetensors => "safetensors",
+        }
+    }
+}
+
+/// A file that weights go to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Target {
+    /// The 18 tensors under VGN's names, and our header: a checkpoint without the optimiser's moments.
+    Safetensors,
+    /// The whole network, dense, with the sigmoid and the normalisation.
+    Onnx,
+}
+
+/// What was imported.
+#[derive(Debug, Clone)]
+pub struct Imported {
+    /// The weights; its recipe and dataset say where they come from.
+    pub checkpoint: Checkpoint,
+    /// What the file was.
+    pub source: Source,
+    /// What stood before every name and was taken off, such as `module.`.
+    pub prefix: String,
+    /// Kinds of numbers that were converted to float32.
+    pub converted_from: Vec<&'static str>,
+}
+
+/// Why weights cannot be imported or exported.
+#[derive(Debug, thiserror::Error)]
+pub enum InterchangeError {
+    /// The checkpoint cannot be read or written, or the weights are another network's.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// There is none.
+    #[error("no file here: {}", .0.display())]
+    Missing(PathBuf),
+    /// The disk refused.
+    #[error("failed to {action}: {source}: {}", .path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Something is there already.
+    #[error("there is a file already: --force replaces it: {}", .0.display())]
+    Exists(PathBuf),
+    /// Not these weights.
+    #[error("the network's weights have 1.25 MB; a file of more than 64 MiB is not read: {}", .0.display())]
+    TooLarge(PathBuf),
+    /// Cut off, or contradicting itself.
+    #[error("damaged weights: {problem}: {}", .path.display())]
+    Damaged {
+        /// What is wrong.
+        problem: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// Nothing that is read here; the message says what to do.
+    #[error("not a state dict that can be read: {problem}: {}", .path.display())]
+    Unsupported {
+        /// What it is instead.
+        problem: String,
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+impl InterchangeError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Checkpoint(error) => error.exit_code(),
+            Self::Missing(_) | Self::Exists(_) | Self::TooLarge(_) | Self::Unsupported { .. } => ExitCode::Config,
+            Self::Io { .. } => ExitCode::TryAgain,
+            Self::Damaged { .. } => ExitCode::Data,
+        }
+    }
+
+    fn of(problem: Problem, path: &Path) -> Self {
+        let path = path.to_owned();
+        match problem {
+            Problem::Damaged(problem) => Self::Damaged { problem, path },
+            Problem::Unsupported(problem) => Self::Unsupported { problem, path },
+            Problem::Architecture(problems) => CheckpointError::Architecture { problems, path }.into(),
+        }
+    }
+}
+
+/// Reads weights of VGN's network that another program wrote and makes a checkpoint of them. `force` replaces `out`.
+///
+/// A state dict does not say how the decoder doubles its grids, so `upsampling` does.
+///
+/// # Errors
+/// [`InterchangeError`]; then nothing is written.
+pub fn import(
+    file: &Path,
+    out: &Path,
+    upsampling: Upsampling,
+    force: bool,
+    device: &Device,
+) -> Result<Imported, InterchangeError> {
+    let bytes = read_bounded(file)?;
+    let (source, parameters) = read_weights(&bytes).map_err(|problem| InterchangeError::of(problem, file))?;
+    let Parameters { values, prefix, converted_from } = parameters;
+    let count = values.len();
+    let checkpoint = Checkpoint {
+        vector: Tensor::from_data(TensorData::new(values, [count]), device),
+        upsampling,
+        config: provenance(file.file_name().unwrap_or_default(), source, &bytes),
+        dataset_id: IMPORTED.to_owned(),
+        progress: Progress::default(),
+        moments: None,
+    };
+    prepare(out, force)?;
+    checkpoint::save(&checkpoint, out)?;
+    Ok(Imported { checkpoint, source, prefix, converted_from })
+}
+
+/// Writes a checkpoint's weights for other programs and gives the checkpoint. `force` replaces `out`.
+///
+/// # Errors
+/// [`InterchangeError`]; then nothing is written.
+pub fn export(
+    file: &Path,
+    out: &Path,
+    target: Target,
+    force: bool,
+    device: &Device,
+) -> Result<Checkpoint, InterchangeError> {
+    let checkpoint = Checkpoint { moments: None, ..checkpoint::read(file, device)? };
+    prepare(out, force)?;
+    match target {
+        Target::Safetensors => checkpoint::save(&checkpoint, out)?,
+        Target::Onnx => publish(out, &onnx::model(&checkpoint)).map_err(|source| io_error("write", out, source))?,
+    }
+    Ok(checkpoint)
+}
+
+/// Where imported weights come from, in the place of the recipe that would make them.
+fn provenance(name: &OsStr, source: Source, bytes: &[u8]) -> String {
+    let sha256: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+    let mut imported = toml::Table::new();
+    for (key, value) in [("file", name.to_string_lossy().as_ref()), ("format", source.name()), ("sha256", &sha256)] {
+        imported.insert(key.to_owned(), value.into());
+    }
+    let mut table = toml::Table::new();
+    table.insert("imported".to_owned(), imported.into());
+    format!("# Weights of another program; the recipe that made them is not known.\n{table}")
+}
+
+/// The weights in a file's bytes, whatever kind of file it is.
+fn read_weights(bytes: &[u8]) -> Result<(Source, Parameters), Problem> {
+    let (source, tensors) = if bytes.starts_with(zip::SIGNATURE) {
+        (Source::TorchZip, pth::read_zip(bytes)?)
+    } else if pth::is_legacy(bytes) {
+        (Source::TorchLegacy, pth::read_legacy(bytes)?)
+    } else if bytes.get(8) == Some(&b'{') {
+        (Source::Safetensors, read_safetensors(bytes)?)
+    } else {
+        return problem::unsupported(what_else(bytes));
+    };
+    Ok((source, state_dict::parameters(&tensors)?))
+}
+
+fn what_else(bytes: &[u8]) -> &'static str {
+    const TAR_AT: usize = 257;
+    if bytes.get(TAR_AT..).is_some_and(|rest| rest.starts_with(b"ustar")) {
+        "a tar file, as PyTorch before 0.2 wrote them; to convert, in PyTorch: torch.save(torch.load(FILE, \
+         map_location=\"cpu\"), NEW)"
+    } else if bytes.first() == Some(&0x80) {
+        "a pickle, but not one of torch.save; to convert, in PyTorch: torch.save(model.state_dict(), NEW)"
+    } else {
+        "neither torch.save nor safetensors wrote it"
+    }
+}
+
+fn read_safetensors(bytes: &[u8]) -> Result<BTreeMap<String, StoredTensor<'_>>, Problem> {
+    let damaged = |error: safetensors::SafeTensorError| Problem::Damaged(error.to_string());
+    if checkpoint::has_header(bytes) {
+        return problem::unsupported("it is a checkpoint of trainer already, which needs no import");
+    }
+    let mut tensors = BTreeMap::new();
+    for (name, view) in SafeTensors::deserialize(bytes).map_err(damaged)?.tensors() {
+        let element = match view.dtype() {
+            Dtype::F64 => Element::Float64,
+            Dtype::F32 => Element::Float32,
+            Dtype::F16 => Element::Float16,
+            Dtype::BF16 => Element::BFloat16,
+            other => {
+                let name = problem::shown(&name);
+                return Err(Problem::Architecture(vec![format!("{name} must be float32, got {other:?}")]));
+            }
+        };
+        tensors.insert(name, StoredTensor::contiguous(element, view.data(), view.shape().to_vec())?);
+    }
+    Ok(tensors)
+}
+
+fn read_bounded(path: &Path) -> Result<Vec<u8>, InterchangeError> {
+    let failed = |source: io::Error| match source.kind() {
+        io::ErrorKind::NotFound => InterchangeError::Missing(path.to_owned()),
+        _ => io_error("read", path, source),
+    };
+    let mut bytes = Vec::new();
+    File::open(path).and_then(|file| file.take(FILE_LEN_MAX + 1).read_to_end(&mut bytes)).map_err(failed)?;
+    if bytes.len() as u64 > FILE_LEN_MAX {
+        return Err(InterchangeError::TooLarge(path.to_owned()));
+    }
+    Ok(bytes)
+}
+
+/// Makes the folder of a file that will be written, unless something is in its place.
+fn prepare(out: &Path, force: bool) -> Result<(), InterchangeError> {
+    if !force && out.symlink_metadata().is_ok() {
+        return Err(InterchangeError::Exists(out.to_owned()));
+    }
+    match out.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        Some(folder) => fs::create_dir_all(folder).map_err(|source| io_error("make a folder", folder, source)),
+        None => Ok(()),
+    }
+}
+
+fn io_error(action: &'static str, path: &Path, source: io::Error) -> InterchangeError {
+    InterchangeError::Io { action, path: path.to_owned(), source }
+}

@@ -1,0 +1,412 @@
+//! Reads the pickles that `torch.save` writes, and runs nothing.
+//!
+//! A pickle is a program for a stack machine (Python's `Lib/pickletools.py` lists the opcodes). Two of them, `REDUCE` and
+//! `BUILD`, call what the file names, so that a hostile file calls what it likes. Here a name is looked up in
+//! [`Known`], nothing else can be named, and "calling" one of those few makes an [`Object`] of our own. Objects live in one
+//! list and refer to each other by number: a file that refers to itself makes a circle that nobody walks.
+//!
+//! Protocols 2 to 5, of which `torch.save` writes 2 unless told otherwise.
+
+mod objects;
+
+use std::collections::BTreeMap;
+
+use super::cursor::Cursor;
+use super::problem::{NAME_LEN_MAX, Problem, damaged, shown, unsupported};
+use super::state_dict::AXES_MAX;
+
+use objects::{Id, Known};
+pub(super) use objects::{Object, Pickle, StorageRef, TensorRef};
+
+/// Objects made and places of the stack filled, in all. A checkpoint with an optimiser's state takes some thousands.
+const WORK_MAX: usize = 4_000_000;
+
+/// Reads the pickle at the cursor, which ends behind it.
+pub(super) fn read<'a>(bytes: &mut Cursor<'a>) -> Result<Pickle<'a>, Problem> {
+    let mut machine = Machine::default();
+    loop {
+        let opcode = bytes.u8()?;
+        if opcode == b'.' {
+            let root = machine.pop()?;
+            return Ok(Pickle { objects: machine.objects, root });
+        }
+        machine.run(opcode, bytes)?;
+    }
+}
+
+#[derive(Default)]
+struct Machine<'a> {
+    objects: Vec<Object<'a>>,
+    stack: Vec<Id>,
+    /// Heights of the stack at `MARK`s that are open.
+    marks: Vec<usize>,
+    memo: BTreeMap<u32, Id>,
+    work: usize,
+}
+
+impl<'a> Machine<'a> {
+    fn run(&mut self, opcode: u8, bytes: &mut Cursor<'a>) -> Result<(), Problem> {
+        match opcode {
+            // Framing.
+            0x80 => match bytes.u8()? {
+                0..=5 => Ok(()),
+                protocol => unsupported(format!("pickle protocol {protocol}, at most 5 is known")),
+            },
+            0x95 => bytes.u64().map(|_| ()), // FRAME
+            // The stack.
+            b'(' => self.spend(1).map(|()| self.marks.push(self.stack.len())),
+            b'0' => self.pop().map(|_| ()),
+            b'1' => self.pop_to_mark().map(|_| ()),
+            b'2' => self.top().and_then(|id| self.push_id(id)),
+            // The memo.
+            b'q' => bytes.u8().and_then(|at| self.remember(at.into())),
+            b'r' => bytes.u32().and_then(|at| self.remember(at)),
+            0x94 => self.remember(self.memo.len() as u32),
+            b'h' => bytes.u8().and_then(|at| self.recall(at.into())),
+            b'j' => bytes.u32().and_then(|at| self.recall(at)),
+            // Constants.
+            b'N' => self.push(Object::Nothing),
+            0x88 | 0x89 => self.push(Object::Nothing), // NEWTRUE, NEWFALSE: nobody asks which
+            b'G' => bytes.take(8).and_then(|_| self.push(Object::Nothing)), // BINFLOAT: nobody asks
+            b'J' => bytes.u32().and_then(|value| self.push(Object::Int((value as i32).into()))),
+            b'K' => bytes.u8().and_then(|value| self.push(Object::Int(value.into()))),
+            b'M' => bytes.u16().and_then(|value| self.push(Object::Int(value.into()))),
+            0x8a => bytes.u8().and_then(|len| bytes.take(len.into())).and_then(|long| self.push_long(long)),
+            0x8b => bytes.u32().and_then(|len| bytes.take_long(len.into())).and_then(|long| self.push_long(long)),
+            b'X' | b'T' => {
+                bytes.u32().and_then(|len| bytes.take_long(len.into())).and_then(|text| self.push_text(text))
+            }
+            0x8c | b'U' => bytes.u8().and_then(|len| bytes.take(len.into())).and_then(|text| self.push_text(text)),
+            0x8d => bytes.u64().and_then(|len| bytes.take_long(len)).and_then(|text| self.push_text(text)),
+            b'B' => bytes.u32().and_then(|len| bytes.take_long(len.into())).and_then(|_| self.push(Object::Nothing)),
+            b'C' => bytes.u8().and_then(|len| bytes.take(len.into())).and_then(|_| self.push(Object::Nothing)),
+            // Tuples, lists, sets, dictionaries.
+            b')' => self.push(Object::Sequence(Vec::new())),
+            0x85..=0x87 => self.tuple_of((opcode - 0x84).into()),
+            b't' | b'l' => self.pop_to_mark().and_then(|items| self.push(Object::Sequence(items))),
+            b']' | 0x8f => self.push(Object::Sequence(Vec::new())),
+            b'a' => self.pop().and_then(|item| self.append(&[item])),
+            b'e' | 0x90 => self.pop_to_mark().and_then(|items| self.append(&items)),
+            b'}' => self.push(Object::Dict(Vec::new())),
+            b'd' => {
+                let items = self.pop_to_mark()?;
+                self.push(Object::Dict(Vec::new()))?;
+                self.set_items(&items)
+            }
+            b's' => {
+                let (value, key) = (self.pop()?, self.pop()?);
+                self.set_items(&[key, value])
+            }
+            b'u' => self.pop_to_mark().and_then(|items| self.set_items(&items)),
+            // Names, and what is done with them.
+            b'c' => {
+                let (module, name) = (bytes.line()?, bytes.line()?);
+                self.push_known(utf8(module)?, utf8(name)?)
+            }
+            0x93 => {
+                let (name, module) = (self.pop()?, self.pop()?);
+                let (module, name) = (self.text(module)?, self.text(name)?);
+                self.push_known(module, name)
+            }
+            b'R' => self.reduce(),
+            b'b' => self.build(),
+            b'Q' => self.persistent(),
+            _ => unsupported(format!(
+                "opcode 0x{opcode:02x} in a pickle, which no state dict needs (a whole model, or pickle protocol 0?): \
+                 in PyTorch, torch.save(model.state_dict(), FILE)"
+            )),
+        }
+    }
+
+    fn spend(&mut self, work: usize) -> Result<(), Problem> {
+        self.work = self.work.saturating_add(work);
+        if self.work > WORK_MAX {
+            return unsupported(format!("a pickle of more than {WORK_MAX} objects is no state dict of this network"));
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, object: Object<'a>) -> Result<(), Problem> {
+        self.objects.push(object);
+        self.push_id(self.objects.len() - 1)
+    }
+
+    fn push_id(&mut self, id: Id) -> Result<(), Problem> {
+        self.spend(1)?;
+        self.stack.push(id);
+        Ok(())
+    }
+
+    /// Takes the uppermost object; what lies below an open mark is out of reach.
+    fn pop(&mut self) -> Result<Id, Problem> {
+        let id = self.top()?;
+        self.stack.pop();
+        Ok(id)
+    }
+
+    fn top(&self) -> Result<Id, Problem> {
+        let bottom = self.marks.last().copied().unwrap_or(0);
+        match self.stack.last() {
+            Some(id) if self.stack.len() > bottom => Ok(*id),
+            _ => damaged("a pickle takes more from its stack than it put there"),
+        }
+    }
+
+    fn pop_to_mark(&mut self) -> Result<Vec<Id>, Problem> {
+        match self.marks.pop() {
+            Some(height) => Ok(self.stack.split_off(height)),
+            None => damaged("a pickle goes back to a mark that is not there"),
+        }
+    }
+
+    fn remember(&mut self, at: u32) -> Result<(), Problem> {
+        self.spend(1)?;
+        self.memo.insert(at, self.top()?);
+        Ok(())
+    }
+
+    fn recall(&mut self, at: u32) -> Result<(), Problem> {
+        match self.memo.get(&at) {
+            Some(id) => self.push_id(*id),
+            None => damaged(format!("a pickle refers to its memo {at}, which is empty")),
+        }
+    }
+
+    /// A little-endian two's complement number of any length; longer ones than 16 bytes are in no state dict.
+    fn push_long(&mut self, long: &[u8]) -> Result<(), Problem> {
+        let mut wide = [if long.last().is_some_and(|byte| *byte >= 0x80) { 0xFF } else { 0 }; 16];
+        match wide.get_mut(..long.len()) {
+            Some(low) => low.copy_from_slice(long),
+            None => return unsupported(format!("an integer of {} bytes", long.len())),
+        }
+        self.push(Object::Int(i128::from_le_bytes(wide)))
+    }
+
+    fn push_text(&mut self, text: &'a [u8]) -> Result<(), Problem> {
+        utf8(text).and_then(|text| self.push(Object::Text(text)))
+    }
+
+    fn push_known(&mut self, module: &str, name: &str) -> Result<(), Problem> {
+        match Known::named(module, name) {
+            Some(known) => self.push(Object::Known(known)),
+            None => unsupported(format!(
+                "it names {}.{}, which no state dict needs (a whole model, or more than weights?) and which is not run \
+                 here: in PyTorch, torch.save(model.state_dict(), FILE)",
+                shown(module),
+                shown(name)
+            )),
+        }
+    }
+
+    fn tuple_of(&mut self, count: usize) -> Result<(), Problem> {
+        let mut items = (0..count).map(|_| self.pop()).collect::<Result<Vec<Id>, Problem>>()?;
+        items.reverse();
+        self.push(Object::Sequence(items))
+    }
+
+    fn append(&mut self, items: &[Id]) -> Result<(), Problem> {
+        let id = self.top()?;
+        match &mut self.objects[id] {
+            Object::Sequence(all) => all.extend(items),
+            _ => return damaged("a pickle appends to what is no list"),
+        }
+        Ok(())
+    }
+
+    /// Sets keys of the uppermost dictionary; `items` are keys and values in turn.
+    fn set_items(&mut self, items: &[Id]) -> Result<(), Problem> {
+        let id = self.top()?;
+        let (pairs, []) = items.as_chunks::<2>() else { return damaged("a pickle sets a key without a value") };
+        match &mut self.objects[id] {
+            Object::Dict(all) => all.extend(pairs.iter().map(|[key, value]| (*key, *value))),
+            _ => return damaged("a pickle sets keys of what is no dictionary"),
+        }
+        Ok(())
+    }
+
+    /// `_metadata` of an `OrderedDict`, or what else was hung on it: passed over.
+    fn build(&mut self) -> Result<(), Problem> {
+        self.pop()?;
+        match self.objects[self.top()?] {
+            Object::Dict(_) => Ok(()),
+            _ => unsupported("a pickle sets attributes of what is no dictionary, which no state dict needs"),
+        }
+    }
+
+    /// Puts a known thing made of its arguments in their place.
+    fn reduce(&mut self) -> Result<(), Problem> {
+        let (arguments, callable) = (self.pop()?, self.pop()?);
+        let Object::Known(known) = self.objects[callable] else { return damaged("a pickle calls what has no name") };
+        let count = self.sequence(arguments)?.len();
+        self.spend(count)?;
+        let arguments = self.sequence(arguments)?.to_vec();
+        match (known, arguments.as_slice()) {
+            (Known::OrderedDict, []) => self.push(Object::Dict(Vec::new())),
+            (Known::OrderedDict, [pairs]) => self.dict_of_pairs(*pairs),
+            (Known::Size, [sizes]) => self.push_id(*sizes),
+            (Known::Parameter, [data, ..]) => self.push_id(*data),
+            (Known::Tensor, [storage, offset, shape, strides, ..]) => {
+                let Object::Storage(storage) = self.objects[*storage] else {
+                    return damaged("a tensor without a storage");
+                };
+                let tensor = TensorRef {
+                    storage,
+                    offset: self.size(*offset)?,
+                    shape: self.sizes(*shape)?,
+                    strides: self.sizes(*strides)?,
+                };
+                self.push(Object::Tensor(tensor))
+            }
+            _ => damaged(format!("a pickle calls {} with {} arguments", known.name(), arguments.len())),
+        }
+    }
+
+    /// Python 2's way to write an `OrderedDict`.
+    fn dict_of_pairs(&mut self, pairs: Id) -> Result<(), Problem> {
+        let count = self.sequence(pairs)?.len();
+        self.spend(count)?;
+        let mut all = Vec::with_capacity(count);
+        for pair in self.sequence(pairs)? {
+            let [key, value] = self.sequence(*pair)? else { return damaged("a pair of more or less than two") };
+            all.push((*key, *value));
+        }
+        self.push(Object::Dict(all))
+    }
+
+    /// `('storage', class, key, location, length[, view])`, PyTorch's reference to numbers that stand elsewhere.
+    fn persistent(&mut self) -> Result<(), Problem> {
+        let id = self.pop()?;
+        let parts = self.sequence(id)?;
+        let kind = parts.first().map(|kind| self.text(*kind)).transpose()?;
+        match (kind, parts) {
+            (Some("storage"), [_, class, key, _, len, view @ ..]) => {
+                let Object::Known(Known::Storage(element)) = self.objects[*class] else {
+                    return damaged("a storage without a class");
+                };
+                if view.iter().any(|view| !matches!(self.objects[*view], Object::Nothing)) {
+                    return unsupported(
+                        "it holds views of storages, as PyTorch before 0.4 wrote them; to convert, in PyTorch: \
+                         torch.save(torch.load(FILE, map_location=\"cpu\"), NEW)",
+                    );
+                }
+                let (key, len) = (self.text(*key)?, self.size(*len)?);
+                if key.len() > NAME_LEN_MAX {
+                    return damaged(format!("a storage's key of {} bytes", key.len()));
+                }
+                self.push(Object::Storage(StorageRef { element, key, len }))
+            }
+            (Some("module"), _) => unsupported(
+                "it holds a whole model with its code, which is not run here: in PyTorch, \
+                 torch.save(model.state_dict(), FILE)",
+            ),
+            _ => damaged("a reference to something outside the pickle that is no storage"),
+        }
+    }
+
+    fn sequence(&self, id: Id) -> Result<&[Id], Problem> {
+        match &self.objects[id] {
+            Object::Sequence(items) => Ok(items),
+            _ => damaged("something else where a pickle needs a tuple"),
+        }
+    }
+
+    fn text(&self, id: Id) -> Result<&'a str, Problem> {
+        match self.objects[id] {
+            Object::Text(text) => Ok(text),
+            _ => damaged("something else where a pickle needs a text"),
+        }
+    }
+
+    fn size(&self, id: Id) -> Result<usize, Problem> {
+        match self.objects[id] {
+            Object::Int(value) => usize::try_from(value).or_else(|_| damaged(format!("a size of {value}"))),
+            _ => damaged("something else where a pickle needs a size"),
+        }
+    }
+
+    fn sizes(&self, id: Id) -> Result<Vec<usize>, Problem> {
+        match self.sequence(id)? {
+            ids if ids.len() <= AXES_MAX => ids.iter().map(|id| self.size(*id)).collect(),
+            ids => damaged(format!("a tensor of {} axes", ids.len())),
+        }
+    }
+}
+
+fn utf8(text: &[u8]) -> Result<&str, Problem> {
+    std::str::from_utf8(text).or_else(|_| damaged("a text in a pickle is not UTF-8"))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn read_all(bytes: &[u8]) -> Result<Pickle<'_>, Problem> {
+        read(&mut Cursor::new(bytes))
+    }
+
+    #[test]
+    fn what_a_file_names_is_not_run_but_told() {
+        for bytes in
+            [&b"\x80\x02cposix\nsystem\nX\x02\x00\x00\x00id\x85R."[..], b"\x80\x04\x8c\x05posix\x8c\x06system\x93."]
+        {
+            let Err(Problem::Unsupported(problem)) = read_all(bytes) else { panic!("{bytes:?} must be refused") };
+            assert!(problem.contains("names posix.system,"), "{problem}");
+        }
+    }
+
+    #[test]
+    fn a_circle_and_a_doubling_list_end() {
+        let circle = b"\x80\x02]q\x00h\x00a.";
+        let pickle = read_all(circle).unwrap();
+        assert!(matches!(&pickle.objects[pickle.root], Object::Sequence(items) if items == &[pickle.root]));
+        // Each round appends a list to two new ones: "billion laughs".
+        let mut laughs = b"\x80\x02]".to_vec();
+        laughs.extend(b"q\x00](h\x00h\x00e".repeat(100_000));
+        laughs.push(b'.');
+        assert!(read_all(&laughs).is_ok());
+        let mut endless = b"\x80\x02N".to_vec();
+        endless.extend(vec![b'2'; WORK_MAX]);
+        assert!(matches!(read_all(&endless), Err(Problem::Unsupported(_))));
+    }
+
+    #[test]
+    fn lengths_that_lie_cost_nothing() {
+        for bytes in
+            [&b"X\xff\xff\xff\xff"[..], b"\x8d\xff\xff\xff\xff\xff\xff\xff\xff", b"\x8b\xff\xff\xff\x7f", b"\x8a\xff"]
+        {
+            assert!(matches!(read_all(bytes), Err(Problem::Damaged(_))), "{bytes:?}");
+        }
+    }
+
+    #[test]
+    fn long_integers_have_their_sign() {
+        for (bytes, value) in
+            [(&b"\x8a\x00."[..], 0), (b"\x8a\x01\xff.", -1), (b"\x8a\x02\xff\x00.", 255), (b"J\xfe\xff\xff\xff.", -2)]
+        {
+            let pickle = read_all(bytes).unwrap();
+            assert!(matches!(pickle.objects[pickle.root], Object::Int(read) if read == value), "{value}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_end(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
+            let _ = read_all(&bytes);
+        }
+
+        /// Random programs of known opcodes get further than random bytes.
+        #[test]
+        fn any_opcodes_end(opcodes in proptest::collection::vec(0_usize..32, 0..200)) {
+            const OPCODES: [&[u8]; 32] = [
+                b"(", b"0", b"1", b"2", b"q\x00", b"q\x01", b"h\x00", b"h\x01", b"\x94", b"N", b"K\x02", b"J\xff\xff\xff\xff",
+                b"U\x07storage", b"U\x011", b")", b"\x85", b"\x86", b"\x87", b"t", b"]", b"a", b"e", b"}", b"s", b"u", b"d",
+                b"ccollections\nOrderedDict\n", b"ctorch\nFloatStorage\n", b"ctorch._utils\n_rebuild_tensor_v2\n", b"R", b"b", b"Q",
+            ];
+            let mut bytes: Vec<u8> = opcodes.iter().flat_map(|opcode| OPCODES[*opcode]).copied().collect();
+            bytes.push(b'.');
+            let _ = read_all(&bytes);
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! Files inside a zip archive that are stored as they are, which is how PyTorch stores them.
+//!
+//! PKWARE's APPNOTE.TXT 6.3.10: the end record (4.3.16) and its 64-bit form (4.3.14, 4.3.15), the central directory
+//! (4.3.12), local headers (4.3.7). Compressed entries are refused, so nothing here is larger than the file.
+
+use std::collections::BTreeMap;
+
+use super::cursor::Cursor;
+use super::problem::{Problem, damaged, shown, unsupported};
+
+/// What every zip file with something in it begins with.
+pub(super) const SIGNATURE: &[u8] = b"PK\x03\x04";
+
+const END_SIGNATURE: &[u8] = b"PK\x05\x06";
+const END_LEN: usize = 22;
+const COMMENT_LEN_MAX: usize = 0xFFFF;
+const END_64_SIGNATURE: &[u8] = b"PK\x06\x06";
+const LOCATOR_64_SIGNATURE: &[u8] = b"PK\x06\x07";
+const LOCATOR_64_LEN: usize = 20;
+const ENTRY_SIGNATURE: &[u8] = b"PK\x01\x02";
+const LOCAL_LEN: usize = 30;
+const EXTRA_64: u16 = 1;
+/// Stands where a number does not fit into 32 bits and is told in 64 elsewhere.
+const ELSEWHERE: u32 = u32::MAX;
+
+/// The entries of an archive by name.
+pub(super) struct Archive<'a> {
+    bytes: &'a [u8],
+    entries: BTreeMap<&'a str, Entry>,
+}
+
+struct Entry {
+    header_at: u64,
+    len: u64,
+    crc32: u32,
+}
+
+impl<'a> Archive<'a> {
+    /// Reads the directory of an archive.
+    pub(super) fn open(bytes: &'a [u8]) -> Result<Self, Problem> {
+        let (at, len) = directory(bytes)?;
+        let mut rest = Cursor::new(slice(bytes, at, len)?);
+        let (mut entries, mut read, mut total) = (BTreeMap::new(), 0_u64, 0_u64);
+        while read < len {
+            let (name, entry, entry_len) = entry(&mut rest)?;
+            read += entry_len;
+            // Entries that lie over each other would be much to read in a small file.
+            total = total.saturating_add(entry.len);
+            if total > bytes.len() as u64 {
+                return damaged("the zip's entries are larger than the file");
+            }
+            if entries.insert(name, entry).is_some() {
+                return damaged(format!("{} is in the zip twice", shown(name)));
+            }
+        }
+        Ok(Self { bytes, entries })
+    }
+
+    pub(super) fn names(&self) -> impl Iterator<Item = &'a str> {
+        self.entries.keys().copied()
+    }
+
+    /// The contents of an entry, held against its checksum.
+    pub(super) fn read(&self, name: &str) -> Result<&'a [u8], Problem> {
+        let Some(entry) = self.entries.get(name) else { return damaged(format!("{} is missing", shown(name))) };
+        let mut header = Cursor::new(slice(self.bytes, entry.header_at, LOCAL_LEN as u64)?);
+        if header.take(4)? != SIGNATURE {
+            return damaged(format!("the zip's directory points beside {}", shown(name)));
+        }
+        header.take(22)?; // version, flags, method, time, date, checksum, lengths: the directory has them
+        let names_len = u64::from(header.u16()?) + u64::from(header.u16()?);
+        let contents = slice(self.bytes, entry.header_at + LOCAL_LEN as u64 + names_len, entry.len)?;
+        if crc32(contents) != entry.crc32 {
+            return damaged(format!("the checksum of {} differs", shown(name)));
+        }
+        Ok(contents)
+    }
+}
+
+fn slice(bytes: &[u8], at: u64, len: u64) -> Result<&[u8], Problem> {
+    let mut cursor = Cursor::new(bytes);
+    cursor.take_long(at)?;
+    cursor.take_long(len)
+}
+
+/// Where the central directory is, and its length.
+fn directory(bytes: &[u8]) -> Result<(u64, u64), Problem> {
+    let first = bytes.len().saturating_sub(END_LEN + COMMENT_LEN_MAX);
+    let found = bytes[first..].windows(END_LEN).rposition(|window| window.starts_with(END_SIGNATURE));
+    let Some(end_at) = found.map(|at| first + at) else { return damaged("a zip that is cut off") };
+    let mut end = Cursor::new(&bytes[end_at + 12..]);
+    let (len, at) = (end.u32()?, end.u32()?);
+    let locator =
+        end_at.checked_sub(LOCATOR_64_LEN).and_then(|at| bytes[at..end_at].strip_prefix(LOCATOR_64_SIGNATURE));
+    match locator {
+        Some(locator) if len == ELSEWHERE || at == ELSEWHERE => {
+            let mut locator = Cursor::new(locator);
+            locator.u32()?; // disk
+            let mut end = Cursor::new(slice(bytes, locator.u64()?, 56)?);
+            if end.take(4)? != END_64_SIGNATURE {
+                return damaged("the zip's locator points beside its end record");
+            }
+            end.take(36)?; // length, versions, disks, counts
+            let len = end.u64()?;
+            Ok((end.u64()?, len))
+        }
+        _ => Ok((at.into(), len.into())),
+    }
+}
+
+/// One entry of the central directory, and its length there.
+fn entry<'a>(directory: &mut Cursor<'a>) -> Result<(&'a str, Entry, u64), Problem> {
+    if directory.take(4)? != ENTRY_SIGNATURE {
+        return damaged("the zip's directory is damaged");
+    }
+    directory.take(4)?; // versions
+    let (flags, method) = (directory.u16()?, directory.u16()?);
+    directory.take(4)?; // time, date
+    let (crc32, packed_len, len) = (directory.u32()?, directory.u32()?, directory.u32()?);
+    let (name_len, extra_len, comment_len) = (directory.u16()?, directory.u16()?, directory.u16()?);
+    directory.take(8)?; // disk, attributes
+    let header_at = directory.u32()?;
+    let name = directory.take(name_len.into())?;
+    let extra = directory.take(extra_len.into())?;
+    directory.take(comment_len.into())?;
+    let Ok(name) = std::str::from_utf8(name) else { return damaged("a name in the zip is not UTF-8") };
+    if flags & 1 != 0 {
+        return unsupported("an encrypted zip");
+    }
+    if method != 0 {
+        return unsupported(format!(
+            "{} is compressed, which torch.save never does: unpack it and pack it again with zip -0",
+            shown(name)
+        ));
+    }
+    let (len, packed_len, header_at) = wide([len, packed_len, header_at], extra)?;
+    if len != packed_len {
+        return damaged(format!("{} has two lengths, {len} and {packed_len}", shown(name)));
+    }
+    let entry_len = 46 + u64::from(name_len) + u64::from(extra_len) + u64::from(comment_len);
+    Ok((name, Entry { header_at, len, crc32 }, entry_len))
+}
+
+/// Length, packed length and place of an entry; those that do not fit into 32 bits stand in the extra field 1.
+fn wide(narrow: [u32; 3], extra: &[u8]) -> Result<(u64, u64, u64), Problem> {
+    let mut wide = narrow.map(u64::from);
+    if narrow.contains(&ELSEWHERE) {
+        let mut fields = Cursor::new(extra);
+        let mut field = loop {
+            let (id, len) = (fields.u16()?, fields.u16()?);
+            let field = fields.take(len.into())?;
+            if id == EXTRA_64 {
+                break Cursor::new(field);
+            }
+        };
+        for (narrow, wide) in narrow.into_iter().zip(&mut wide) {
+            if narrow == ELSEWHERE {
+                *wide = field.u64()?;
+            }
+        }
+    }
+    Ok((wide[0], wide[1], wide[2]))
+}
+
+/// The checksum of zip, PNG and Ethernet: polynomial 0xEDB88320, reflected.
+pub(super) fn crc32(bytes: &[u8]) -> u32 {
+    let mut table = [0_u32; 256];
+    for (byte, slot) in (0_u32..).zip(&mut table) {
+        *slot = (0..8).fold(byte, |crc, _| (crc >> 1) ^ (0xEDB8_8320 & 0_u32.wrapping_sub(crc & 1)));
+    }
+    !bytes.iter().fold(u32::MAX, |crc, byte| (crc >> 8) ^ table[((crc ^ u32::from(*byte)) & 0xFF) as usize])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_checksum_is_that_of_the_catalogue() {
+        assert_eq!(crc32(b"123456789"), 0xCBF4_3926);
+        assert_eq!(crc32(b""), 0);
+    }
+}
