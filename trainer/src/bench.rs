@@ -60,7 +60,7 @@ pub struct BenchReport {
     pub memory_bytes: Option<u64>,
 }
 
-/// Measures at the given batch size; with a dataset also how fast batches are read.
+/// Measures at the given batch size on a device; with a dataset also how fast batches are read.
 ///
 /// # Errors
 /// [`FitError`] if the dataset cannot be read.
@@ -68,12 +68,13 @@ pub fn bench(
     samples: usize,
     data: Option<&Path>,
     scratch: &Path,
+    device: &Device,
     on_phase: &dyn Fn(&str),
 ) -> Result<BenchReport, FitError> {
-    let (device, mode) = (Device::flex(), Upsampling::Linear);
-    let vector = initial_vector(1, &device);
+    let mode = Upsampling::Linear;
+    let vector = initial_vector(1, device);
     on_phase("matrix products");
-    let square = || Tensor::<2>::from_data(TensorData::new(vec![0.5_f32; MATRIX * MATRIX], [MATRIX; 2]), &device);
+    let square = || Tensor::<2>::from_data(TensorData::new(vec![0.5_f32; MATRIX * MATRIX], [MATRIX; 2]), device);
     let (a, b) = (square(), square());
     let product_s = median_s(|| drop(a.clone().matmul(b.clone()).into_data()));
     on_phase("training steps");
@@ -94,7 +95,7 @@ pub fn bench(
     let network = Network::from_vector(vector.clone(), mode);
     let dense_by_graph_s = median_s(|| {
         let grid = TensorData::new(grid.to_vec(), [1, 1, RESOLUTION, RESOLUTION, RESOLUTION]);
-        drop(network.forward(Tensor::from_data(grid, &device)).quality_logit.into_data());
+        drop(network.forward(Tensor::from_data(grid, device)).quality_logit.into_data());
     });
     on_phase("reading");
     let read_s = data.map(|data| read_s(data, scratch, samples)).transpose()?;

@@ -188,9 +188,11 @@ pub struct Job<'a> {
     pub resume: bool,
     /// Which of several processes this is; `None` for a process alone.
     pub place: Option<&'a Place>,
+    /// What computes.
+    pub device: &'a Device,
 }
 
-/// [`fit_job`] in a process alone.
+/// [`fit_job`] in a process alone, on the host.
 ///
 /// # Errors
 /// [`FitError`].
@@ -202,7 +204,7 @@ pub fn fit(
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
 ) -> Result<Ending, FitError> {
-    fit_job(&Job { data, config, run, resume, place: None }, stop, observe)
+    fit_job(&Job { data, config, run, resume, place: None, device: &Device::flex() }, stop, observe)
 }
 
 /// Trains the network on a dataset, in a folder that keeps checkpoints and metrics.
@@ -213,15 +215,15 @@ pub fn fit(
 /// # Errors
 /// [`FitError`].
 pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync)) -> Result<Ending, FitError> {
-    let (config, device) = (job.config, Device::flex());
+    let (config, device) = (job.config, job.device);
     let dataset = Dataset::open(job.data).map_err(LoadError::from)?;
     let dataset_id = dataset.info().dataset_id();
     let keeps_folder = job.place.is_none_or(|place| place.rank == 0);
     let folder = if keeps_folder { Some(RunFolder::open(job.run, config, job.resume)?) } else { None };
-    let last = folder.as_ref().map(|folder| folder.last(&dataset_id, &device)).transpose()?.flatten();
+    let last = folder.as_ref().map(|folder| folder.last(&dataset_id, device)).transpose()?.flatten();
     let mut state = match last {
         Some(checkpoint) => resumed(checkpoint, config),
-        None => begun(config, &device),
+        None => begun(config, device),
     };
 
     observe(Event::Loading(&dataset));
@@ -242,7 +244,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
             let mut team = Team::join(place, &task(config, &dataset_id), stop)?;
             let told = team
                 .tell(checkpoint::encode(&checkpoint(&state, config, &dataset_id), job.run).map_err(RunError::from)?)?;
-            state = resumed(checkpoint::decode(&told, job.run, &device).map_err(RunError::from)?, config);
+            state = resumed(checkpoint::decode(&told, job.run, device).map_err(RunError::from)?, config);
             let told = team.tell(metrics.join("\n").into_bytes())?;
             metrics = String::from_utf8_lossy(&told).lines().map(str::to_owned).collect();
             team

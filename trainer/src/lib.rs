@@ -20,10 +20,7 @@
 //! On the CPU, weights are a pure function of (code, dataset, configuration, machine's instruction set). A batch is cut
 //! into parts by its contents alone, each part runs on one thread's worth of order, and gradients are added in the order
 //! of parts; so neither the number of threads, nor that of processes, nor being stopped and resumed changes a bit.
-//!
-//! # Where later work goes
-//!
-//! Other devices belong where `Device::flex()` stands in [`mod@fit`].
+//! [`device`] names what else can compute; there the way back is found by automatic differentiation.
 
 pub mod adam;
 pub mod augmentation;

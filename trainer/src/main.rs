@@ -14,6 +14,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use convert::{ExportArgs, ImportArgs};
 use trainer::bench::bench;
 use trainer::config::Config;
+use trainer::device::{DeviceError, DeviceName};
 use trainer::evaluate::{EvaluateError, TestSet, evaluate};
 use trainer::fit::{Ending, Event, FitError, Job, fit_job};
 use trainer::interchange::InterchangeError;
@@ -63,6 +64,9 @@ struct BenchArgs {
     /// Threads; all cores by default.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// What computes: cpu, cuda, cuda:N, wgpu or wgpu:N, as far as the program was built for it.
+    #[arg(long, default_value_t)]
+    device: DeviceName,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -88,6 +92,10 @@ struct FitArgs {
     /// Threads; all cores by default. Does not change the result.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// What computes: cpu, cuda, cuda:N, wgpu or wgpu:N, as far as the program was built for it. Only the CPU gives the same
+    /// bits in every run.
+    #[arg(long, default_value_t)]
+    device: DeviceName,
     #[command(flatten)]
     ranks: RanksArgs,
 }
@@ -179,6 +187,13 @@ impl From<InterchangeError> for Failure {
     }
 }
 
+impl From<DeviceError> for Failure {
+    fn from(error: DeviceError) -> Self {
+        let code = error.exit_code();
+        Self(error.into(), code)
+    }
+}
+
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
         Self(error, shards::ExitCode::Internal)
@@ -210,8 +225,8 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
     let place = Place::find(&flags, &|name| std::env::var(name).ok())?;
     set_threads(args.threads)?;
     let stop = stop_on_signals()?;
-    let (data, run) = (args.data.as_path(), args.run.as_path());
-    let job = Job { data, config: &config, run, resume: args.resume, place: place.as_ref() };
+    let (data, run, device) = (args.data.as_path(), args.run.as_path(), args.device.open()?);
+    let job = Job { data, config: &config, run, resume: args.resume, place: place.as_ref(), device: &device };
     if place.as_ref().is_some_and(|place| place.rank > 0) {
         // Rank 0 tells people how it goes.
         return Ok(match fit_job(&job, &stop, &|_: Event<'_>| {})? {
@@ -261,7 +276,8 @@ fn run_evaluate(args: &EvaluateArgs) -> Result<shards::ExitCode, Failure> {
 fn run_bench(args: &BenchArgs) -> Result<shards::ExitCode, Failure> {
     set_threads(args.threads)?;
     let scratch = std::env::temp_dir();
-    let report = bench(args.batch.into(), args.data.as_deref(), &scratch, &console::phase)?;
+    let device = args.device.open()?;
+    let report = bench(args.batch.into(), args.data.as_deref(), &scratch, &device, &console::phase)?;
     if args.json {
         println!("{}", serde_json::to_string_pretty(&report).context("failed to write JSON")?);
     } else {
