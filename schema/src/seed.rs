@@ -30,6 +30,8 @@ pub enum Purpose {
     Shuffle = 7,
     /// Initial network weights.
     Weights = 8,
+    /// Which scenes a bootstrap draws (the try carries the draw).
+    Bootstrap = 12,
 }
 
 /// A reproducible stream of random numbers.

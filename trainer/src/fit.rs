@@ -21,6 +21,7 @@ use crate::run_folder::{RunError, RunFolder};
 use crate::split::{EmptySplit, Split, split};
 use crate::step::{evaluate, step};
 use crate::upsampling::Upsampling;
+use crate::watch::Watch;
 
 /// Why training ended before its time.
 #[derive(Debug, thiserror::Error)]
@@ -78,6 +79,8 @@ pub enum Event<'a> {
     Begun(&'a Beginning),
     /// A batch is done.
     Step {
+        /// Number of the step in the run, from 1.
+        step: u64,
         /// Samples in it.
         samples: usize,
         /// Its mean loss, Eq. 5.
@@ -184,6 +187,11 @@ pub fn fit(
     let dataset = Dataset::open(data).map_err(LoadError::from)?;
     let dataset_id = dataset.info().dataset_id();
     let folder = RunFolder::open(run, config, resume)?;
+    let watch = Watch::new(folder.path(), config.checkpoint_every_steps);
+    let observe: &(dyn Fn(Event<'_>) + Sync) = &|event| {
+        watch.see(&event);
+        observe(event);
+    };
     let mut state = match folder.last(&dataset_id, &device)? {
         Some(checkpoint) => resumed(checkpoint, config),
         None => begun(config, &device),
@@ -267,7 +275,7 @@ fn train_epoch(
             outcome = Err(FitError::Diverged { step: state.progress.step });
             return ControlFlow::Break(());
         }
-        observe(Event::Step { samples: count, loss });
+        observe(Event::Step { step: state.progress.step, samples: count, loss });
         let every = u64::from(config.checkpoint_every_steps);
         if every > 0
             && state.progress.step.is_multiple_of(every)

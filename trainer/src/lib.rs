@@ -9,7 +9,8 @@
 //!   batch into parts that run on different threads.
 //! - [`data`] makes samples of shards, [`split`] holds some out, [`order`] shuffles the rest.
 //! - [`mod@fit`] is the recipe, [`adam`] its optimiser, [`metrics`] what it counts, [`run_folder`], [`checkpoint`] and
-//!   [`progress`] what it leaves behind; [`mod@evaluate`] looks at the result.
+//!   [`progress`] what it leaves behind, [`curves`] and TensorBoard's events what people watch meanwhile;
+//!   [`mod@evaluate`] looks at the result, [`scores`] at its qualities, [`evaluate::report`] writes it down.
 //!
 //! # Determinism
 //!
@@ -29,8 +30,10 @@ pub mod bench;
 pub mod checkpoint;
 pub mod columns;
 pub mod config;
+pub mod curves;
 pub mod data;
 pub mod evaluate;
+mod figure;
 pub mod fit;
 mod host;
 pub mod layers;
@@ -43,6 +46,9 @@ pub mod progress;
 mod publish;
 pub mod receptive_field;
 pub mod run_folder;
+pub mod scores;
 pub mod split;
 pub mod step;
+mod tensorboard;
 pub mod upsampling;
+mod watch;
