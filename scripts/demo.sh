@@ -36,7 +36,7 @@ cat <<END
 dataset     $data
             (open it in DuckDB, polars, pyarrow or datasets: docs/reading.md; its card: $data/README.md)
 run         $run
-            (metrics.jsonl; checkpoints as safetensors)
+            (loss.png, accuracy.png, tensorboard/, metrics.jsonl; checkpoints as safetensors)
 
 next:
   $bin/shards inspect $data --scene 0

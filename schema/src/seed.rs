@@ -32,6 +32,8 @@ pub enum Purpose {
     Weights = 8,
     /// Turns and shifts of training scenes (the try carries the epoch).
     Augmentation = 9,
+    /// Which scenes a bootstrap draws (the try carries the draw).
+    Bootstrap = 12,
 }
 
 /// A reproducible stream of random numbers.

@@ -7,9 +7,10 @@ use std::sync::Mutex;
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use trainer::bench::BenchReport;
 use trainer::config::{Config, SplitBy};
-use trainer::evaluate::{Evaluation, TestSet};
+use trainer::evaluate::Evaluation;
 use trainer::fit::{Beginning, EpochReport, Event};
 use trainer::metrics::Summary;
+use trainer::scores::{BINS, Spread};
 
 /// Progress bars and the table of epochs.
 pub(crate) struct Screen {
@@ -63,7 +64,7 @@ impl Screen {
             }
             Event::SceneLoaded => self.bar().inc(1),
             Event::Begun(beginning) => self.begin(beginning),
-            Event::Step { samples, loss } => {
+            Event::Step { samples, loss, .. } => {
                 let bar = self.bar();
                 bar.inc(*samples as u64);
                 bar.set_message(format!("loss {loss:.3}"));
@@ -140,39 +141,65 @@ fn share(share: Option<f64>) -> String {
     share.map_or_else(|| "  -  ".to_owned(), |share| format!("{share:.3}"))
 }
 
-/// The report of `trainer evaluate`.
+/// The results of `trainer evaluate`.
 pub(crate) fn evaluation(evaluation: &Evaluation) -> String {
-    let Evaluation { epoch, step, split, all, by_shape } = evaluation;
-    let set = match split {
-        TestSet::TestAttempts => "held-out attempts of scenes that trained",
-        TestSet::TestScenes => "held-out scenes",
-        TestSet::All => "all samples",
-    };
+    let Evaluation { epoch, step, split, all, .. } = evaluation;
     let counts = all.confusion;
-    let (low, high) = all.accuracy_95;
     let mut text = String::new();
     let mut line = |line: String| {
         text.push_str(&line);
         text.push('\n');
     };
     line(format!("checkpoint         epoch {epoch}, step {step}"));
-    line(format!("set                {set}: {} samples", all.samples));
+    line(format!(
+        "set                {}: {} samples of {} scenes",
+        split.description(),
+        all.samples,
+        evaluation.scenes
+    ));
     line(format!("loss               {:.4}", all.loss));
-    line(format!("accuracy           {} (95 %: {low:.3} to {high:.3})", share(all.accuracy)));
+    line(format!("accuracy           {} (95 %: {})", share(all.accuracy), range(Some(all.accuracy_95))));
+    line(format!("  scenes drawn     95 %: {}", range(evaluation.accuracy_95_by_scene)));
     line(format!("  always \"failure\" {}", share(all.baseline_accuracy)));
     line(format!("precision          {}", share(all.precision)));
     line(format!("recall             {}", share(all.recall)));
+    line(format!("average precision  {}", share(evaluation.ranking.average_precision)));
+    line(format!("area under ROC     {}", share(evaluation.ranking.roc_auc)));
+    let calibration = &evaluation.calibration;
+    line(format!("calibration error  {:.3}, Brier {:.3}", calibration.expected_error, calibration.brier));
+    line(format!("rotation error     {}", spread(evaluation.errors.rotation_deg, "°")));
+    line(format!("width error        {}", spread(evaluation.errors.width_mm, " mm")));
     line(String::new());
     line("                   predicted held  predicted failed".to_owned());
     line(format!("held               {:>14}  {:>16}", counts.true_positive, counts.false_negative));
     line(format!("failed             {:>14}  {:>16}", counts.false_positive, counts.true_negative));
     line(String::new());
     line("shape           samples  accuracy  always \"failure\"".to_owned());
-    for (shape, summary) in by_shape {
+    for (shape, summary) in &evaluation.by_shape {
         let (accuracy, baseline) = (share(summary.accuracy), share(summary.baseline_accuracy));
         line(format!("{shape:<14} {:>8}  {accuracy:>8}  {baseline:>16}", summary.samples));
     }
+    line(String::new());
+    line("quality     samples  predicted  observed".to_owned());
+    for bin in &calibration.bins {
+        let (from, to) = (bin.from, bin.from + 1.0 / BINS as f64);
+        let (predicted, observed) = (share(bin.predicted), share(bin.observed));
+        line(format!("{from:.1} to {to:.1} {:>8}  {predicted:>9}  {observed:>8}", bin.samples));
+    }
     text
+}
+
+fn range(range: Option<(f64, f64)>) -> String {
+    range.map_or_else(|| "-".to_owned(), |(low, high)| format!("{low:.3} to {high:.3}"))
+}
+
+fn spread(spread: Option<Spread>, unit: &str) -> String {
+    spread.map_or_else(
+        || "-".to_owned(),
+        |Spread { mean, median, p90 }| {
+            format!("mean {mean:.1}{unit}, median {median:.1}{unit}, nine of ten below {p90:.1}{unit} (held attempts)")
+        },
+    )
 }
 
 /// An error on standard error, with those of its causes that its message does not tell already.

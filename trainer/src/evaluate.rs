@@ -1,4 +1,7 @@
-//! A checkpoint against a dataset: accuracy, precision, recall, confusion, and accuracy by shape.
+//! A checkpoint against a dataset: accuracy, precision, recall and confusion, by shape and by rule too; precision–recall
+//! and calibration; errors of the grasps.
+
+pub mod report;
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -14,8 +17,11 @@ use crate::checkpoint::{self, CheckpointError};
 use crate::config::{Config, ConfigError};
 use crate::data::{GraspDataset, LoadError, SpoolError, for_each_batch, load};
 use crate::metrics::{Summary, Tally};
+use crate::scores::{
+    Calibration, GraspErrors, Ranking, Score, Spread, calibration, interval_by_scene, ranking, rotation_error_deg,
+};
 use crate::split::{EmptySplit, split};
-use crate::step::evaluate as evaluate_batch;
+use crate::step::{SampleResult, evaluate as evaluate_batch};
 use crate::upsampling::Upsampling;
 
 /// Which samples are looked at.
@@ -28,6 +34,18 @@ pub enum TestSet {
     TestScenes,
     /// Every sample: for a dataset that the network was not trained on.
     All,
+}
+
+impl TestSet {
+    /// What it holds, in words.
+    #[must_use]
+    pub fn description(self) -> &'static str {
+        match self {
+            Self::TestAttempts => "held-out attempts of scenes that trained",
+            Self::TestScenes => "held-out scenes",
+            Self::All => "all samples",
+        }
+    }
 }
 
 /// Why a checkpoint cannot be evaluated.
@@ -84,12 +102,28 @@ pub struct Evaluation {
     pub epoch: u32,
     /// Steps that the checkpoint has seen.
     pub step: u64,
+    /// Id of the dataset that the network was trained on.
+    pub trained_on: String,
+    /// Id of the dataset here.
+    pub dataset_id: String,
     /// The set.
     pub split: TestSet,
+    /// Scenes that the set's samples look at.
+    pub scenes: usize,
     /// Over the whole set.
     pub all: Summary,
+    /// 95 % interval of its accuracy when scenes are what was drawn; `None` for fewer than two.
+    pub accuracy_95_by_scene: Option<(f64, f64)>,
+    /// Precision–recall and the areas.
+    pub ranking: Ranking,
+    /// Predicted against observed shares.
+    pub calibration: Calibration,
+    /// Errors of orientation and width.
+    pub errors: GraspErrors,
     /// By the shape that was aimed at, names as in the shards.
     pub by_shape: BTreeMap<&'static str, Summary>,
+    /// By the rule of Appendix A: the shape, and the object's axis of the approach.
+    pub by_rule: BTreeMap<&'static str, Summary>,
 }
 
 /// Evaluates a checkpoint on a set of a dataset. `scratch` is a folder with room for the decoded grids.
@@ -123,35 +157,72 @@ pub fn evaluate(
     if chosen.is_empty() {
         return Err(EvaluateError::NoSamples);
     }
-    let (all, by_shape) = tally(&checkpoint.vector, &samples, &chosen, checkpoint.upsampling)?;
+    let results = results(&checkpoint.vector, &samples, &chosen, checkpoint.upsampling)?;
+    let found = || chosen.iter().copied().zip(&results);
+    let scores: Vec<Score> = results.iter().map(score).collect();
+    let scenes: Vec<(u64, u64)> = tallies(found().map(|(at, result)| (samples.scene(at), result)))
+        .into_values()
+        .map(|tally| (tally.confusion.true_positive + tally.confusion.true_negative, tally.confusion.count()))
+        .collect();
+    let summaries = |tallies: BTreeMap<&'static str, Tally>| {
+        tallies.into_iter().map(|(name, tally)| (name, tally.summary())).collect()
+    };
+    let mut all = Tally::default();
+    all.add(&results);
     Ok(Evaluation {
         epoch: checkpoint.progress.epoch,
         step: checkpoint.progress.step,
+        trained_on: checkpoint.dataset_id,
+        dataset_id,
         split: set,
+        scenes: scenes.len(),
         all: all.summary(),
-        by_shape: by_shape.into_iter().map(|(shape, tally)| (shape, tally.summary())).collect(),
+        accuracy_95_by_scene: interval_by_scene(&scenes),
+        ranking: ranking(&scores),
+        calibration: calibration(&scores),
+        errors: errors(&results, dataset.info().grid.voxel_size_m()),
+        by_shape: summaries(tallies(found().map(|(at, result)| (samples.rule(at).shape.name(), result)))),
+        by_rule: summaries(tallies(found().map(|(at, result)| (samples.rule(at).name(), result)))),
     })
 }
 
 /// Samples per batch.
 const BATCH: usize = 192;
 
-fn tally(
+/// What the network says of samples, in their order.
+fn results(
     vector: &Tensor<1>,
     samples: &GraspDataset,
     set: &[usize],
     mode: Upsampling,
-) -> Result<(Tally, BTreeMap<&'static str, Tally>), SpoolError> {
-    let (mut all, mut by_shape, mut at) = (Tally::default(), BTreeMap::<_, Tally>::new(), 0);
+) -> Result<Vec<SampleResult>, SpoolError> {
+    debug_assert!(set.is_sorted(), "a batch sorts its samples");
+    let mut results = Vec::with_capacity(set.len());
     for_each_batch(samples, set, BATCH, |batch| {
-        let results = evaluate_batch(vector, &batch, mode);
-        all.add(&results);
-        // `set` ascends, so its batches keep its order.
-        for result in &results {
-            by_shape.entry(samples.shape(set[at]).name()).or_default().add(std::slice::from_ref(result));
-            at += 1;
-        }
+        results.extend(evaluate_batch(vector, &batch, mode));
         ControlFlow::Continue(())
     })?;
-    Ok((all, by_shape))
+    Ok(results)
+}
+
+fn score(result: &SampleResult) -> Score {
+    Score { logit: result.quality_logit, held: result.label == 1 }
+}
+
+fn tallies<'a, K: Ord>(results: impl Iterator<Item = (K, &'a SampleResult)>) -> BTreeMap<K, Tally> {
+    let mut tallies = BTreeMap::<K, Tally>::new();
+    for (key, result) in results {
+        tallies.entry(key).or_default().add(std::slice::from_ref(result));
+    }
+    tallies
+}
+
+fn errors(results: &[SampleResult], voxel_size_m: f32) -> GraspErrors {
+    let held = || results.iter().filter(|result| result.label == 1);
+    let width_mm = |result: &SampleResult| 1e3 * f64::from(voxel_size_m) * f64::from(result.width).sqrt();
+    GraspErrors {
+        samples: held().count(),
+        rotation_deg: Spread::of(held().map(|result| rotation_error_deg(result.rotation)).collect()),
+        width_mm: Spread::of(held().map(width_mm).collect()),
+    }
 }

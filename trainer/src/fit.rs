@@ -23,6 +23,7 @@ use crate::ranks::{Place, RanksError, Team};
 use crate::run_folder::{RunError, RunFolder};
 use crate::split::{EmptySplit, Split, split};
 use crate::upsampling::Upsampling;
+use crate::watch::Watch;
 
 /// Why training ended before its time.
 #[derive(Debug, thiserror::Error)]
@@ -84,6 +85,8 @@ pub enum Event<'a> {
     Begun(&'a Beginning),
     /// A batch is done.
     Step {
+        /// Number of the step in the run, from 1.
+        step: u64,
         /// Samples in it.
         samples: usize,
         /// Its mean loss, Eq. 5.
@@ -220,6 +223,13 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
     let dataset_id = dataset.info().dataset_id();
     let keeps_folder = job.place.is_none_or(|place| place.rank == 0);
     let folder = if keeps_folder { Some(RunFolder::open(job.run, config, job.resume)?) } else { None };
+    let watch = folder.as_ref().map(|folder| Watch::new(folder.path(), config.checkpoint_every_steps));
+    let observe: &(dyn Fn(Event<'_>) + Sync) = &|event| {
+        if let Some(watch) = &watch {
+            watch.see(&event);
+        }
+        observe(event);
+    };
     let last = folder.as_ref().map(|folder| folder.last(&dataset_id, device)).transpose()?.flatten();
     let mut state = match last {
         Some(checkpoint) => resumed(checkpoint, config),
@@ -366,7 +376,7 @@ fn train_epoch(
             outcome = Err(FitError::Diverged { step: state.progress.step });
             return ControlFlow::Break(());
         }
-        observe(Event::Step { samples: count, loss });
+        observe(Event::Step { step: state.progress.step, samples: count, loss });
         let every = u64::from(config.checkpoint_every_steps);
         if every > 0
             && state.progress.step.is_multiple_of(every)

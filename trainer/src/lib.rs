@@ -10,8 +10,9 @@
 //! - [`data`] makes samples of shards, [`split`] holds some out, [`order`] shuffles the rest, [`augmentation`] turns and
 //!   shifts their scenes.
 //! - [`mod@fit`] is the recipe, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early end, [`metrics`]
-//!   what it counts, [`run_folder`], [`checkpoint`] and
-//!   [`progress`] what it leaves behind; [`mod@evaluate`] looks at the result.
+//!   what it counts, [`run_folder`], [`checkpoint`] and [`progress`] what it leaves behind, [`curves`] and TensorBoard's
+//!   events what people watch meanwhile.
+//! - [`mod@evaluate`] looks at the result, [`scores`] at its qualities, [`evaluate::report`] writes it down.
 //! - [`ranks`] lets several processes share every batch.
 //! - [`interchange`] takes weights from other programs and gives them to others.
 //!
@@ -29,9 +30,11 @@ pub mod bench;
 pub mod checkpoint;
 pub mod columns;
 pub mod config;
+pub mod curves;
 pub mod data;
 pub mod device;
 pub mod evaluate;
+mod figure;
 pub mod fit;
 mod host;
 pub mod interchange;
@@ -48,8 +51,11 @@ pub mod ranks;
 pub mod receptive_field;
 pub mod run_folder;
 pub mod schedule;
+pub mod scores;
 pub mod split;
 pub mod step;
+mod tensorboard;
 pub mod upsampling;
+mod watch;
 
 pub use host::{DenseGrids, DenseNetwork};

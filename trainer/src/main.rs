@@ -4,7 +4,7 @@
 mod console;
 mod convert;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,7 +14,9 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use convert::{ExportArgs, ImportArgs};
 use trainer::bench::bench;
 use trainer::config::Config;
+use trainer::curves::{CurvesError, draw_curves};
 use trainer::device::{DeviceError, DeviceName};
+use trainer::evaluate::report::{ReportError, write_report};
 use trainer::evaluate::{EvaluateError, TestSet, evaluate};
 use trainer::fit::{Ending, Event, FitError, Job, fit_job};
 use trainer::interchange::InterchangeError;
@@ -39,9 +41,12 @@ enum Command {
     /// Train, or go on training.
     #[command(after_help = shards::ExitCode::HELP)]
     Fit(FitArgs),
-    /// Accuracy, precision and recall of a checkpoint.
+    /// What a checkpoint is worth on a dataset: accuracy, precision–recall, calibration, errors of the grasps.
     #[command(after_help = shards::ExitCode::HELP)]
     Evaluate(EvaluateArgs),
+    /// Draw a run's curves again from its metrics.jsonl: loss.svg, loss.png, accuracy.svg, accuracy.png.
+    #[command(after_help = shards::ExitCode::HELP)]
+    Curves(CurvesArgs),
     /// What a training step costs on this machine.
     #[command(after_help = shards::ExitCode::HELP)]
     Bench(BenchArgs),
@@ -80,7 +85,8 @@ struct FitArgs {
     /// The recipe.
     #[arg(long, default_value = "configs/train/paper.toml")]
     config: PathBuf,
-    /// The run's folder: checkpoints, metrics, and while training 256 kB a scene of decoded grids.
+    /// The run's folder: checkpoints, metrics, curves (loss.svg, accuracy.svg, PNG too), events for TensorBoard
+    /// (tensorboard/), and while training 256 kB a scene of decoded grids.
     #[arg(long)]
     run: PathBuf,
     /// Go on from the run's last checkpoint, or begin if there is none.
@@ -118,13 +124,23 @@ struct RanksArgs {
 }
 
 #[derive(Args)]
-struct EvaluateArgs {
+struct CurvesArgs {
     /// The run's folder.
     #[arg(long)]
     run: PathBuf,
+}
+
+#[derive(Args)]
+struct EvaluateArgs {
+    /// The run's folder.
+    #[arg(long, required_unless_present = "model")]
+    run: Option<PathBuf>,
     /// Which of its checkpoints.
     #[arg(long, value_enum, default_value_t = Which::Best)]
     checkpoint: Which,
+    /// A checkpoint's file, in place of a run's.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "checkpoint"])]
+    model: Option<PathBuf>,
     /// The dataset's folder.
     #[arg(long)]
     data: PathBuf,
@@ -134,6 +150,9 @@ struct EvaluateArgs {
     /// Print JSON.
     #[arg(long)]
     json: bool,
+    /// A folder for evaluation.md, evaluation.json, and pictures of precision–recall and calibration (SVG and PNG).
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
     /// Threads; all cores by default.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -160,37 +179,22 @@ enum SplitArg {
 /// A failure with the code to end with.
 struct Failure(anyhow::Error, shards::ExitCode);
 
-impl From<FitError> for Failure {
-    fn from(error: FitError) -> Self {
-        let code = error.exit_code();
-        Self(error.into(), code)
-    }
+macro_rules! fail_with_their_own_code {
+    ($($error:ty),+) => {$(
+        impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                let code = error.exit_code();
+                Self(error.into(), code)
+            }
+        }
+    )+};
 }
+
+fail_with_their_own_code!(FitError, EvaluateError, InterchangeError, DeviceError, CurvesError, ReportError);
 
 impl From<PlaceError> for Failure {
     fn from(error: PlaceError) -> Self {
         Self(error.into(), shards::ExitCode::Config)
-    }
-}
-
-impl From<EvaluateError> for Failure {
-    fn from(error: EvaluateError) -> Self {
-        let code = error.exit_code();
-        Self(error.into(), code)
-    }
-}
-
-impl From<InterchangeError> for Failure {
-    fn from(error: InterchangeError) -> Self {
-        let code = error.exit_code();
-        Self(error.into(), code)
-    }
-}
-
-impl From<DeviceError> for Failure {
-    fn from(error: DeviceError) -> Self {
-        let code = error.exit_code();
-        Self(error.into(), code)
     }
 }
 
@@ -201,9 +205,14 @@ impl From<anyhow::Error> for Failure {
 }
 
 fn main() -> ExitCode {
-    let outcome = match Cli::parse().command {
+    let command = Cli::parse().command;
+    let level = tracing_subscriber::filter::LevelFilter::WARN.into();
+    let filter = tracing_subscriber::EnvFilter::builder().with_default_directive(level).with_env_var("GRASPMILL_LOG");
+    tracing_subscriber::fmt().with_writer(std::io::stderr).with_env_filter(filter.from_env_lossy()).init();
+    let outcome = match command {
         Command::Fit(args) => run_fit(&args),
         Command::Evaluate(args) => run_evaluate(&args),
+        Command::Curves(args) => run_curves(&args),
         Command::Bench(args) => run_bench(&args),
         Command::Import(args) => convert::run_import(&args).map_err(Failure::from),
         Command::Export(args) => convert::run_export(&args).map_err(Failure::from),
@@ -241,7 +250,8 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
     Ok(match ending {
         Ending::Done => {
             println!("\nbest weights  {}", checkpoint_path(&args.run, "best").display());
-            println!("metrics       {run}/metrics.jsonl");
+            println!("metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg");
+            println!("TensorBoard   tensorboard --logdir {run}/tensorboard");
             println!("next          trainer evaluate --run {run} --data {}", args.data.display());
             shards::ExitCode::Ok
         }
@@ -263,12 +273,25 @@ fn run_evaluate(args: &EvaluateArgs) -> Result<shards::ExitCode, Failure> {
         Which::Best => "best",
         Which::Last => "last",
     };
-    let path = checkpoint_path(&args.run, name);
+    let path = match (&args.model, &args.run) {
+        (Some(model), _) => model.clone(),
+        (None, run) => checkpoint_path(run.as_deref().unwrap_or(Path::new(".")), name), // clap asks for one of the two
+    };
     let evaluation = evaluate(&path, &args.data, set, &std::env::temp_dir(), &AtomicBool::new(false), &|| {})?;
+    if let Some(folder) = &args.report {
+        write_report(&evaluation, folder)?;
+    }
     if args.json {
         println!("{}", serde_json::to_string_pretty(&evaluation).context("failed to write JSON")?);
     } else {
         print!("{}", console::evaluation(&evaluation));
+    }
+    Ok(shards::ExitCode::Ok)
+}
+
+fn run_curves(args: &CurvesArgs) -> Result<shards::ExitCode, Failure> {
+    for path in draw_curves(&args.run)? {
+        println!("{}", path.display());
     }
     Ok(shards::ExitCode::Ok)
 }

@@ -5,6 +5,9 @@
 //! last.safetensors     weights, optimiser, progress: what --resume continues from
 //! best.safetensors     weights of the best epoch so far
 //! metrics.jsonl        one line an epoch
+//! loss.svg, .png       the losses by epoch, drawn from metrics.jsonl
+//! accuracy.svg, .png   the accuracies by epoch, drawn from metrics.jsonl
+//! tensorboard/         the same numbers, and the loss of steps, as TensorBoard's events
 //! ```
 
 use std::fs::{self, File, TryLockError};
@@ -100,7 +103,7 @@ impl RunError {
 const CONFIG: &str = "config.toml";
 const LAST: &str = "last.safetensors";
 const BEST: &str = "best.safetensors";
-const METRICS: &str = "metrics.jsonl";
+pub(crate) const METRICS: &str = "metrics.jsonl";
 const LOCK: &str = ".lock";
 
 impl RunFolder {

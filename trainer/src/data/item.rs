@@ -4,7 +4,7 @@ use core::ops::RangeInclusive;
 use std::sync::Arc;
 
 use burn_dataset::Dataset;
-use schema::{Quat, ShapeKind};
+use schema::{Quat, Rule};
 
 use super::grids::{Grids, SpoolError};
 use crate::augmentation::{Augmentation, Motion};
@@ -41,7 +41,7 @@ pub(super) struct Record {
     pub(super) scene: u32,
     pub(super) attempt: u32,
     pub(super) voxel: [u8; 3],
-    pub(super) shape: ShapeKind,
+    pub(super) rule: Rule,
     pub(super) label: u8,
     pub(super) rotation: [f32; 4],
     pub(super) width_voxels: f32,
@@ -75,10 +75,10 @@ impl GraspDataset {
         self.records.iter().map(|record| (u64::from(record.scene), record.attempt)).collect()
     }
 
-    /// The shape that a sample's attempt was aimed at.
+    /// The rule by which a sample's attempt was drawn: the shape that it was aimed at, and along which of its axes.
     #[must_use]
-    pub fn shape(&self, sample: usize) -> ShapeKind {
-        self.records[sample].shape
+    pub fn rule(&self, sample: usize) -> Rule {
+        self.records[sample].rule
     }
 
     /// 1 if the sample's attempt held its object, else 0.
@@ -186,7 +186,7 @@ mod tests {
                 scene,
                 attempt,
                 voxel: [3, 30, 8 + 3 * attempt as u8],
-                shape: ShapeKind::ALL[0],
+                rule: schema::Rule::all()[0],
                 label: u8::from(attempt == 0),
                 rotation: [0.0, 0.6, 0.0, 0.8],
                 width_voxels: 5.0,

@@ -96,7 +96,7 @@ fn record(attempt: &AttemptRecord, grid: &Grid) -> Option<Record> {
         scene: attempt.scene_id as u32,
         attempt: attempt.attempt_id,
         voxel: voxels.index.map(|index| index as u8),
-        shape: attempt.rule.shape,
+        rule: attempt.rule,
         label,
         rotation: voxels.rotation.to_array(),
         width_voxels: voxels.width_voxels,

@@ -8,3 +8,4 @@ mod learning;
 mod ranks;
 mod recipe;
 mod resume;
+mod watching;

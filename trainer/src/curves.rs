@@ -1,0 +1,209 @@
+//! The curves of a run: loss (the paper's Fig. 3) and accuracy (Fig. 4) by epoch, as SVG and PNG. They are drawn from
+//! `metrics.jsonl` alone, so a run that was stopped and resumed has the very pictures of one that was not.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use shards::ExitCode;
+
+pub use crate::figure::FigureError;
+use crate::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
+use crate::publish::publish;
+use crate::run_folder::METRICS;
+
+/// Why curves cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum CurvesError {
+    /// No epoch is done yet, or this is no run.
+    #[error("no metrics here, a run has them after its first epoch: {}", .0.display())]
+    Missing(PathBuf),
+    /// A line of the metrics is no epoch.
+    #[error("damaged metrics in line {line}: {source}: {}", .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Number of the line, from 1.
+        line: usize,
+        /// What the parser said.
+        source: serde_json::Error,
+    },
+    /// The library failed.
+    #[error(transparent)]
+    Figure(#[from] FigureError),
+    /// The disk refused.
+    #[error("failed to {action}: {source}: {}", .path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+impl CurvesError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Missing(_) => ExitCode::Config,
+            Self::Damaged { .. } => ExitCode::Data,
+            Self::Figure(_) => ExitCode::Internal,
+            Self::Io { .. } => ExitCode::TryAgain,
+        }
+    }
+}
+
+/// What the curves show of a line of `metrics.jsonl`.
+#[derive(Debug, Clone, Deserialize)]
+struct Epoch {
+    epoch: u32,
+    train: Set,
+    test_attempts: Set,
+    test_scenes: Set,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct Set {
+    loss: Option<f64>,
+    accuracy: Option<f64>,
+    baseline_accuracy: Option<f64>,
+}
+
+/// Draws `loss.svg`, `loss.png`, `accuracy.svg` and `accuracy.png` in a run's folder, in place of what is there, and
+/// gives their paths. Nothing but `metrics.jsonl` is read.
+///
+/// # Errors
+/// [`CurvesError`].
+pub fn draw_curves(run: &Path) -> Result<Vec<PathBuf>, CurvesError> {
+    let epochs = read(&run.join(METRICS))?;
+    let mut written = Vec::new();
+    for (name, figure) in [("loss", loss(&epochs)), ("accuracy", accuracy(&epochs))] {
+        for (ending, bytes) in [("svg", figure.svg()?.into_bytes()), ("png", figure.png()?)] {
+            let path = run.join(format!("{name}.{ending}"));
+            publish(&path, &bytes).map_err(|source| CurvesError::Io {
+                action: "write a picture",
+                path: path.clone(),
+                source,
+            })?;
+            written.push(path);
+        }
+    }
+    Ok(written)
+}
+
+fn read(path: &Path) -> Result<Vec<Epoch>, CurvesError> {
+    let text = match fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Err(CurvesError::Missing(path.to_owned())),
+        Err(source) => return Err(CurvesError::Io { action: "read the metrics", path: path.to_owned(), source }),
+    };
+    let lines = text.lines().enumerate().map(|(at, line)| {
+        serde_json::from_str(line).map_err(|source| CurvesError::Damaged {
+            path: path.to_owned(),
+            line: at + 1,
+            source,
+        })
+    });
+    let epochs: Vec<Epoch> = lines.collect::<Result<_, _>>()?;
+    if epochs.is_empty() { Err(CurvesError::Missing(path.to_owned())) } else { Ok(epochs) }
+}
+
+fn loss(epochs: &[Epoch]) -> Figure {
+    figure(epochs, "Loss by epoch", "loss (Eq. 5, mean of the samples)", |set| set.loss, Vec::new())
+}
+
+fn accuracy(epochs: &[Epoch]) -> Figure {
+    // Each test set has its baseline, in its colour; one grey entry in the legend says what the dashes are.
+    let baseline = |colour, set: fn(&Epoch) -> &Set| {
+        Line::new("", colour, Stroke::Dashed, points(epochs, set, |set| set.baseline_accuracy))
+    };
+    let baselines = vec![
+        Line::new("always \"failure\"", GREY, Stroke::Dashed, Vec::new()),
+        baseline(ORANGE, |epoch| &epoch.test_attempts),
+        baseline(GREEN, |epoch| &epoch.test_scenes),
+    ];
+    let title = "Accuracy by epoch";
+    figure(epochs, title, "accuracy (Eq. 6, share of right predictions)", |set| set.accuracy, baselines)
+}
+
+fn figure(epochs: &[Epoch], title: &str, label: &str, value: fn(&Set) -> Option<f64>, more: Vec<Line>) -> Figure {
+    let stroke = if epochs.len() <= 60 { Stroke::Dotted } else { Stroke::Solid };
+    let mut lines = vec![
+        Line::new("train", BLUE, stroke, points(epochs, |epoch| &epoch.train, value)),
+        Line::new("test attempts", ORANGE, stroke, points(epochs, |epoch| &epoch.test_attempts, value)),
+        Line::new("test scenes", GREEN, stroke, points(epochs, |epoch| &epoch.test_scenes, value)),
+    ];
+    lines.extend(more);
+    let values = || lines.iter().flat_map(|line| &line.points).map(|point| point.1);
+    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+    let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
+    let last = epochs.last().map_or(1, |epoch| epoch.epoch);
+    Figure { title: title.to_owned(), x: Scale::whole("epoch", last), y: Scale::around(label, low, high), lines }
+}
+
+fn points(epochs: &[Epoch], set: fn(&Epoch) -> &Set, value: fn(&Set) -> Option<f64>) -> Vec<(f64, f64)> {
+    let points = epochs.iter().filter_map(|epoch| Some((f64::from(epoch.epoch), value(set(epoch))?)));
+    points.filter(|(_, y)| y.is_finite()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(epoch: u32) -> String {
+        let set = |loss: f64| {
+            format!(
+                "{{\"loss\": {loss}, \"accuracy\": {}, \"baseline_accuracy\": 0.74, \"more\": 1}}",
+                1.0 - loss / 2.0
+            )
+        };
+        let fall = 1.0 / f64::from(epoch);
+        let [a, b, c] = [0.2 + 0.5 * fall, 0.3 + 0.45 * fall, 0.35 + 0.4 * fall].map(set);
+        format!("{{\"epoch\": {epoch}, \"train\": {a}, \"test_attempts\": {b}, \"test_scenes\": {c}, \"later\": []}}\n")
+    }
+
+    #[test]
+    fn curves_are_drawn_again_from_the_metrics_alone() {
+        let run = tempfile::tempdir().unwrap();
+        fs::write(run.path().join(METRICS), (1..=30).map(line).collect::<String>()).unwrap();
+        let written = draw_curves(run.path()).unwrap();
+        let before: Vec<Vec<u8>> = written.iter().map(|path| fs::read(path).unwrap()).collect();
+        assert_eq!(written.len(), 4);
+        for path in &written {
+            fs::remove_file(path).unwrap();
+        }
+        draw_curves(run.path()).unwrap();
+        for (path, before) in written.iter().zip(before) {
+            assert!(fs::read(path).unwrap() == before, "{} differs", path.display());
+        }
+        let svg = fs::read_to_string(run.path().join("accuracy.svg")).unwrap();
+        for words in ["train", "test attempts", "test scenes", "always", "epoch", "accuracy"] {
+            assert!(svg.contains(words), "{words}");
+        }
+    }
+
+    #[test]
+    fn one_epoch_and_sets_without_samples_can_be_drawn() {
+        let nothing = "{\"loss\": 0.0, \"accuracy\": null, \"baseline_accuracy\": null}";
+        let text =
+            format!("{{\"epoch\":1,\"train\":{nothing},\"test_attempts\":{nothing},\"test_scenes\":{nothing}}}\n");
+        let run = tempfile::tempdir().unwrap();
+        fs::write(run.path().join(METRICS), text).unwrap();
+        draw_curves(run.path()).unwrap();
+    }
+
+    #[test]
+    fn no_metrics_and_damaged_metrics_are_told() {
+        let run = tempfile::tempdir().unwrap();
+        let error = draw_curves(run.path()).unwrap_err();
+        assert_eq!(error.exit_code(), ExitCode::Config);
+        fs::write(run.path().join(METRICS), line(1) + "{\"epoch\": 2").unwrap();
+        let error = draw_curves(run.path()).unwrap_err();
+        assert!(error.to_string().contains("line 2"), "{error}");
+        assert_eq!(error.exit_code(), ExitCode::Data);
+    }
+}

@@ -1,0 +1,359 @@
+//! Figures: lines in axes, as SVG and as PNG. A figure's bytes are a pure function of what it shows, for its text is set
+//! with the font in `trainer/fonts`, not with the system's.
+
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
+use plotters::style::register_font;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// A figure.
+#[derive(Debug, Clone)]
+pub(crate) struct Figure {
+    /// The line above all.
+    pub(crate) title: String,
+    /// The horizontal axis.
+    pub(crate) x: Scale,
+    /// The vertical axis.
+    pub(crate) y: Scale,
+    /// What is shown; named lines stand in the legend, in this order.
+    pub(crate) lines: Vec<Line>,
+}
+
+/// An axis: what it measures, in which unit, from its first mark to its last.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Scale {
+    label: String,
+    marks: Vec<f64>,
+    decimals: usize,
+}
+
+/// A line.
+#[derive(Debug, Clone)]
+pub(crate) struct Line {
+    /// Its name in the legend; empty for none.
+    pub(crate) name: String,
+    /// Its colour.
+    pub(crate) colour: RGBColor,
+    /// How it is drawn.
+    pub(crate) stroke: Stroke,
+    /// Its points.
+    pub(crate) points: Vec<(f64, f64)>,
+    /// Upright intervals: x, low, high.
+    pub(crate) intervals: Vec<(f64, f64, f64)>,
+}
+
+/// How a line is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Stroke {
+    /// Through.
+    Solid,
+    /// Through, with a dot at each point.
+    Dotted,
+    /// In dashes.
+    Dashed,
+}
+
+/// Colours that stay apart for the colour-blind and in grey (Okabe and Ito, 2008).
+pub(crate) const BLUE: RGBColor = RGBColor(0, 114, 178);
+pub(crate) const ORANGE: RGBColor = RGBColor(213, 94, 0);
+pub(crate) const GREEN: RGBColor = RGBColor(0, 158, 115);
+pub(crate) const GREY: RGBColor = RGBColor(90, 90, 90);
+
+/// Why a figure cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+#[error("failed to draw {title:?}: {reason}")]
+pub struct FigureError {
+    title: String,
+    reason: String,
+}
+
+const WIDTH: u32 = 800;
+const HEIGHT: u32 = 500;
+/// A PNG is drawn this many times as large …
+const PNG_SCALE: u32 = 3;
+/// … and each of its pixels is the mean of a square of that many: the drawing itself has hard edges.
+const PNG_MEAN_OF: u32 = 2;
+
+/// How the font is called in an SVG: as those call it who have it, then one of the same widths, then any.
+const FONT: &str = "DejaVu Sans, Verdana, sans-serif";
+const FONT_BYTES: &[u8] = include_bytes!("../fonts/DejaVuSans.ttf");
+
+impl Line {
+    /// A line without intervals.
+    pub(crate) fn new(name: &str, colour: RGBColor, stroke: Stroke, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.to_owned(), colour, stroke, points, intervals: Vec::new() }
+    }
+}
+
+impl Scale {
+    /// From a round number at or below `low` to one at or above `high`, with up to about eight marks.
+    pub(crate) fn around(label: &str, low: f64, high: f64) -> Self {
+        let width = (high - low).max(1e-6);
+        let exponent = libm::log10(width / 7.0).floor();
+        let power = 10.0_f64.powi(exponent as i32);
+        let factor = [1.0, 2.0, 5.0].into_iter().find(|factor| factor * power * 7.0 >= width * (1.0 - 1e-9));
+        let step = factor.unwrap_or(10.0) * power;
+        let (first, last) = ((low / step + 1e-9).floor(), (high / step - 1e-9).ceil());
+        let count = (last - first).max(1.0) as usize;
+        let marks = (0..=count).map(|at| (first + at as f64) * step).collect();
+        let decimals = if step >= 1.0 { 0 } else { (-libm::log10(step) - 1e-9).ceil() as usize };
+        Self { label: label.to_owned(), marks, decimals }
+    }
+
+    /// From 1 to `last`, at least 2, with marks at 1 and at whole multiples.
+    pub(crate) fn whole(label: &str, last: u32) -> Self {
+        let last = last.max(2);
+        let step = (0..9).flat_map(|power| [1, 2, 5].map(|factor| factor * 10_u32.pow(power)));
+        let step = step.into_iter().find(|step| last / step <= 10).unwrap_or(last);
+        let inner = (1..last).filter(|at| *at == 1 || (at.is_multiple_of(step) && last - at > step / 2));
+        let marks = inner.chain([last]).map(f64::from).collect();
+        Self { label: label.to_owned(), marks, decimals: 0 }
+    }
+
+    fn text(&self, value: f64) -> String {
+        format!("{value:.*}", self.decimals)
+    }
+}
+
+impl Ranged for Scale {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.marks[0]..self.marks[self.marks.len() - 1]
+    }
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        RangedCoordf64::from(self.range()).map(value, limit)
+    }
+
+    fn key_points<H: KeyPointHint>(&self, hint: H) -> Vec<f64> {
+        if hint.weight().allow_light_points() { Vec::new() } else { self.marks.clone() }
+    }
+}
+
+impl ValueFormatter<f64> for Scale {
+    fn format_ext(&self, value: &f64) -> String {
+        self.text(*value)
+    }
+}
+
+impl Figure {
+    /// The figure as SVG.
+    ///
+    /// # Errors
+    /// [`FigureError`] if the library fails.
+    pub(crate) fn svg(&self) -> Result<String, FigureError> {
+        let mut text = String::new();
+        {
+            let root = SVGBackend::with_string(&mut text, (WIDTH, HEIGHT)).into_drawing_area();
+            self.draw(&root, 1).map_err(|e| self.failed(&e))?;
+            root.present().map_err(|e| self.failed(&e))?;
+        }
+        if !text.ends_with('\n') {
+            text.push('\n');
+        }
+        Ok(text)
+    }
+
+    /// The figure as PNG, 1200 × 750 pixels.
+    ///
+    /// # Errors
+    /// [`FigureError`] if a library fails.
+    pub(crate) fn png(&self) -> Result<Vec<u8>, FigureError> {
+        let (width, height) = (WIDTH * PNG_SCALE, HEIGHT * PNG_SCALE);
+        let mut large = vec![0; (3 * width * height) as usize];
+        {
+            let root = BitMapBackend::with_buffer(&mut large, (width, height)).into_drawing_area();
+            self.draw(&root, PNG_SCALE as i32).map_err(|e| self.failed(&e))?;
+            root.present().map_err(|e| self.failed(&e))?;
+        }
+        let pixels = means(&large, width as usize, PNG_MEAN_OF as usize);
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width / PNG_MEAN_OF, height / PNG_MEAN_OF);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        let written = encoder.write_header().and_then(|mut writer| {
+            writer.write_image_data(&pixels)?;
+            writer.finish()
+        });
+        written.map_err(|e| self.failed(&e))?;
+        Ok(bytes)
+    }
+
+    fn failed(&self, reason: &dyn std::fmt::Display) -> FigureError {
+        FigureError { title: self.title.clone(), reason: reason.to_string() }
+    }
+
+    /// Draws on an area of `scale` times the size.
+    fn draw<B: DrawingBackend>(
+        &self,
+        root: &DrawingArea<B, Shift>,
+        scale: i32,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        // A font that is part of the program and cannot be read leaves text out, and a test would say so.
+        let _ = register_font(FONT, FontStyle::Normal, FONT_BYTES);
+        let text = |size: i32| TextStyle::from((FONT, size * scale).into_font()).color(&BLACK);
+        root.fill(&WHITE)?;
+        let (top, below) = root.split_vertically(40 * scale);
+        let (legend, below) = below.split_vertically(24 * scale);
+        let title = text(19).pos(Pos::new(HPos::Left, VPos::Center));
+        top.draw(&Text::new(self.title.clone(), (16 * scale, 22 * scale), title))?;
+        self.draw_legend(&legend, scale, &text(14))?;
+
+        let mut chart = ChartBuilder::on(&below)
+            .margin_top(10 * scale)
+            .margin_right(24 * scale)
+            .margin_bottom(8 * scale)
+            .margin_left(8 * scale)
+            .x_label_area_size(48 * scale)
+            .y_label_area_size(64 * scale)
+            .build_cartesian_2d(self.x.clone(), self.y.clone())?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(RGBColor(225, 225, 225).stroke_width(scale as u32))
+            .axis_style(GREY.stroke_width(scale as u32))
+            .x_desc(&self.x.label)
+            .y_desc(&self.y.label)
+            .label_style(text(13))
+            .axis_desc_style(text(14))
+            .set_all_tick_mark_size(4 * scale)
+            .draw()?;
+        // The first line is drawn last: what matters most is on top.
+        for line in self.lines.iter().rev() {
+            let stroke = line.colour.stroke_width(2 * scale as u32);
+            match line.stroke {
+                Stroke::Dashed => {
+                    let points = line.points.iter().copied();
+                    chart.draw_series(DashedLineSeries::new(points, 7 * scale, 5 * scale, stroke))?;
+                }
+                Stroke::Solid | Stroke::Dotted => {
+                    chart.draw_series(LineSeries::new(line.points.iter().copied(), stroke))?;
+                }
+            }
+            if line.stroke == Stroke::Dotted {
+                let dots = line.points.iter().map(|point| Circle::new(*point, 3 * scale, line.colour.filled()));
+                chart.draw_series(dots)?;
+            }
+            for (x, low, high) in &line.intervals {
+                let upright = PathElement::new(vec![(*x, *low), (*x, *high)], line.colour.stroke_width(scale as u32));
+                chart.draw_series([upright])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Names beside pieces of their lines, side by side.
+    fn draw_legend<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+        scale: i32,
+        text: &TextStyle<'_>,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let (mut x, y) = (16 * scale, 11 * scale);
+        for line in self.lines.iter().filter(|line| !line.name.is_empty()) {
+            let stroke = line.colour.stroke_width(2 * scale as u32);
+            let pieces = match line.stroke {
+                Stroke::Dashed => vec![(0, 8), (12, 20), (24, 28)],
+                Stroke::Solid | Stroke::Dotted => vec![(0, 28)],
+            };
+            for (from, to) in pieces {
+                area.draw(&PathElement::new([(x + from * scale, y), (x + to * scale, y)], stroke))?;
+            }
+            if line.stroke == Stroke::Dotted {
+                area.draw(&Circle::new((x + 14 * scale, y), 3 * scale, line.colour.filled()))?;
+            }
+            x += 34 * scale;
+            let style = text.clone().pos(Pos::new(HPos::Left, VPos::Center));
+            area.draw(&Text::new(line.name.clone(), (x, y), style))?;
+            x += area.estimate_text_size(&line.name, text)?.0 as i32 + 22 * scale;
+        }
+        Ok(())
+    }
+}
+
+/// A picture, three bytes a pixel, `side` times smaller in both directions.
+fn means(large: &[u8], width: usize, side: usize) -> Vec<u8> {
+    let small_width = width / side;
+    let small_height = large.len() / (3 * width * side);
+    let mut small = Vec::with_capacity(3 * small_width * small_height);
+    for row in 0..small_height {
+        for column in 0..small_width {
+            for channel in 0..3 {
+                let square = (0..side * side).map(|at| {
+                    let (y, x) = (row * side + at / side, column * side + at % side);
+                    usize::from(large[3 * (y * width + x) + channel])
+                });
+                small.push((square.sum::<usize>() / (side * side)) as u8);
+            }
+        }
+    }
+    small
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn figure() -> Figure {
+        let line = |name: &str, colour, stroke, y: f64| {
+            Line::new(name, colour, stroke, vec![(1.0, y), (2.0, y + 0.1), (5.0, y + 0.2)])
+        };
+        Figure {
+            title: "A title".to_owned(),
+            x: Scale::whole("epoch", 5),
+            y: Scale::around("share", 0.31, 0.87),
+            lines: vec![line("one", BLUE, Stroke::Dotted, 0.4), line("two & <three>", GREY, Stroke::Dashed, 0.6)],
+        }
+    }
+
+    #[test]
+    fn marks_are_round_numbers_that_hold_the_values() {
+        for (low, high) in [(0.31, 0.87), (0.0, 1.0), (0.2, 0.2), (3.0, 1234.5), (0.6931, 0.6932), (-3.0, 2.0)] {
+            let scale = Scale::around("", low, high);
+            let range = scale.range();
+            assert!(range.start <= low && range.end >= high, "{low} {high}: {range:?}");
+            assert!((2..=10).contains(&scale.marks.len()), "{low} {high}: {:?}", scale.marks);
+            let texts: std::collections::BTreeSet<String> = scale.marks.iter().map(|mark| scale.text(*mark)).collect();
+            assert_eq!(texts.len(), scale.marks.len(), "{texts:?}");
+        }
+        assert_eq!(Scale::around("", 0.0, 1.0).marks.len(), 6);
+        assert_eq!(Scale::whole("", 1).marks, [1.0, 2.0]);
+        assert_eq!(Scale::whole("", 7).marks, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        assert_eq!(Scale::whole("", 30).marks, [1.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0]);
+        assert_eq!(*Scale::whole("", 101).marks.last().unwrap(), 101.0);
+    }
+
+    #[test]
+    fn an_svg_holds_its_words_as_text_that_xml_allows() {
+        let svg = figure().svg().unwrap();
+        for words in ["A title", "epoch", "share", "one", "two &amp; &lt;three&gt;", "0.4"] {
+            assert!(svg.contains(words), "{words} is not in {svg}");
+        }
+        assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
+        assert_eq!(svg, figure().svg().unwrap());
+    }
+
+    #[test]
+    fn a_png_has_its_size_its_colours_and_its_text() {
+        let bytes = figure().png().unwrap();
+        assert_eq!(bytes, figure().png().unwrap());
+        let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!((info.width, info.height), (1200, 750));
+        let pixels = pixels.as_chunks::<3>().0;
+        assert!(pixels.contains(&[0, 114, 178]));
+        // The title's letters: without a font there would be none.
+        assert!(pixels[..1200 * 60].iter().filter(|pixel| **pixel == [0; 3]).count() > 100);
+    }
+
+    #[test]
+    fn means_are_those_of_squares() {
+        let large = [[0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9], [0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9]];
+        assert_eq!(means(large.as_flattened(), 4, 2), [2, 10, 20, 8, 8, 8]);
+    }
+}

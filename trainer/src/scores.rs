@@ -1,0 +1,333 @@
+//! What the predicted qualities of a set are worth, beyond right or wrong at ½: order (precision–recall, ROC), honesty
+//! (calibration), errors of the grasps themselves, and how sure all that is when samples of a scene go together.
+
+use schema::{Purpose, Stream};
+use serde::Serialize;
+
+use crate::metrics::Confusion;
+
+/// A prediction and what happened.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Score {
+    /// Logit of the predicted quality.
+    pub logit: f32,
+    /// Whether the attempt held its object.
+    pub held: bool,
+}
+
+impl Score {
+    /// The predicted quality, a probability.
+    #[must_use]
+    pub fn quality(&self) -> f64 {
+        1.0 / (1.0 + libm::exp(-f64::from(self.logit)))
+    }
+}
+
+/// How well qualities order attempts.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ranking {
+    /// Σ (Rₙ − Rₙ₋₁) Pₙ over falling thresholds; `None` if nothing held.
+    pub average_precision: Option<f64>,
+    /// Area under the ROC curve: the chance that a held grasp scores above a failed one, a tie counting half; `None`
+    /// unless there are both.
+    pub roc_auc: Option<f64>,
+    /// Precision and recall by falling threshold, at most [`POINTS_MAX`]; none if nothing held.
+    pub precision_recall: Vec<OperatingPoint>,
+}
+
+/// Precision and recall when a success is predicted from a quality on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct OperatingPoint {
+    /// The least quality that is called a success.
+    pub threshold: f64,
+    /// Held among those.
+    pub precision: f64,
+    /// Those among held.
+    pub recall: f64,
+}
+
+/// Most points of a precision–recall curve that are kept.
+pub const POINTS_MAX: usize = 200;
+
+/// The ranking of scores in any order.
+#[must_use]
+pub fn ranking(scores: &[Score]) -> Ranking {
+    let mut sorted = scores.to_vec();
+    sorted.sort_by(|a, b| b.logit.total_cmp(&a.logit));
+    let positives = sorted.iter().filter(|score| score.held).count();
+    let negatives = sorted.len() - positives;
+    let (mut held, mut failed) = (0_usize, 0_usize);
+    let (mut points, mut precision_sum, mut wins) = (Vec::new(), 0.0, 0.0);
+    for tied in sorted.chunk_by(|a, b| a.logit == b.logit) {
+        let held_here = tied.iter().filter(|score| score.held).count();
+        let failed_here = tied.len() - held_here;
+        wins += failed_here as f64 * (held as f64 + held_here as f64 / 2.0);
+        held += held_here;
+        failed += failed_here;
+        let precision = held as f64 / (held + failed) as f64;
+        precision_sum += held_here as f64 * precision;
+        let recall = held as f64 / positives.max(1) as f64;
+        points.push(OperatingPoint { threshold: tied[0].quality(), precision, recall });
+    }
+    Ranking {
+        average_precision: (positives > 0).then(|| precision_sum / positives as f64),
+        roc_auc: (positives > 0 && negatives > 0).then(|| wins / (positives as f64 * negatives as f64)),
+        precision_recall: if positives > 0 { thinned(&points) } else { Vec::new() },
+    }
+}
+
+/// The first, the last, and others at equal distances between them.
+fn thinned(points: &[OperatingPoint]) -> Vec<OperatingPoint> {
+    if points.len() <= POINTS_MAX {
+        return points.to_vec();
+    }
+    (0..POINTS_MAX).map(|at| points[at * (points.len() - 1) / (POINTS_MAX - 1)]).collect()
+}
+
+/// How far qualities are the probabilities that they claim to be.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Calibration {
+    /// Mean distance of predicted and observed shares of the bins, weighted by samples.
+    pub expected_error: f64,
+    /// Mean squared distance of quality and outcome (Brier's score).
+    pub brier: f64,
+    /// [`BINS`] equally wide bins of quality, from 0 to 1.
+    pub bins: Vec<Bin>,
+}
+
+/// Samples whose quality lies in a bin.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Bin {
+    /// The least quality of the bin; the next bin's is its end.
+    pub from: f64,
+    /// Samples.
+    pub samples: u64,
+    /// Their mean quality; `None` without samples.
+    pub predicted: Option<f64>,
+    /// The share that held; `None` without samples.
+    pub observed: Option<f64>,
+    /// Wilson's 95 % interval of that share; (0, 1) without samples.
+    pub observed_95: (f64, f64),
+}
+
+/// Bins of a calibration.
+pub const BINS: usize = 10;
+
+/// The calibration of scores.
+#[must_use]
+pub fn calibration(scores: &[Score]) -> Calibration {
+    let mut sums = [(0_u64, 0_u64, 0.0_f64); BINS];
+    let mut squares = 0.0;
+    for score in scores {
+        let quality = score.quality();
+        let (samples, held, sum) = &mut sums[((quality * BINS as f64) as usize).min(BINS - 1)];
+        *samples += 1;
+        *held += u64::from(score.held);
+        *sum += quality;
+        squares += (quality - f64::from(u8::from(score.held))).powi(2);
+    }
+    let whole = scores.len().max(1) as f64;
+    let bins = sums.iter().enumerate().map(|(at, (samples, held, sum))| {
+        let share = |part: f64| (*samples > 0).then(|| part / *samples as f64);
+        // Right and wrong are held and failed here: the interval of a share is the same.
+        let counts = Confusion { true_positive: *held, false_positive: samples - held, ..Confusion::default() };
+        Bin {
+            from: at as f64 / BINS as f64,
+            samples: *samples,
+            predicted: share(*sum),
+            observed: share(*held as f64),
+            observed_95: counts.interval(),
+        }
+    });
+    Calibration {
+        expected_error: sums.iter().map(|(_, held, sum)| (sum - *held as f64).abs()).sum::<f64>() / whole,
+        brier: squares / whole,
+        bins: bins.collect(),
+    }
+}
+
+/// Errors of the predicted grasps, over attempts that held: a failed one has no right grasp.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GraspErrors {
+    /// Held attempts.
+    pub samples: usize,
+    /// Angle between predicted and true orientation, or the true one after half a turn about its approach: degrees.
+    pub rotation_deg: Option<Spread>,
+    /// Distance of predicted and true opening: millimetres.
+    pub width_mm: Option<Spread>,
+}
+
+/// Some errors in short.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Spread {
+    /// Mean.
+    pub mean: f64,
+    /// Half are smaller.
+    pub median: f64,
+    /// Nine of ten are smaller.
+    pub p90: f64,
+}
+
+impl Spread {
+    /// Of values in any order, quantiles linear between neighbours; `None` without values.
+    #[must_use]
+    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+        if values.is_empty() {
+            return None;
+        }
+        values.sort_by(f64::total_cmp);
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        Some(Self { mean, median: quantile(&values, 0.5), p90: quantile(&values, 0.9) })
+    }
+}
+
+/// A quantile of ascending values, linear between neighbours.
+fn quantile(ascending: &[f64], share: f64) -> f64 {
+    let place = share * (ascending.len() - 1) as f64;
+    let below = place as usize;
+    let above = (below + 1).min(ascending.len() - 1);
+    ascending[below] + (place - below as f64) * (ascending[above] - ascending[below])
+}
+
+/// The angle of a rotation loss `1 − |r̂·r|` (Eq. 3), in degrees.
+#[must_use]
+pub fn rotation_error_deg(loss: f32) -> f64 {
+    2.0 * libm::acos((1.0 - f64::from(loss)).clamp(0.0, 1.0)).to_degrees()
+}
+
+/// Draws of the bootstrap.
+const DRAWS: u32 = 1000;
+
+/// The 95 % interval of the accuracy when scenes, not samples, are what was drawn: samples of a scene look at one grid,
+/// so they are right and wrong together. Scenes are drawn with replacement, as many as there are, [`DRAWS`] times.
+/// `scenes` holds right predictions and samples of each. `None` for fewer than two scenes.
+#[must_use]
+pub fn interval_by_scene(scenes: &[(u64, u64)]) -> Option<(f64, f64)> {
+    if scenes.len() < 2 {
+        return None;
+    }
+    let mut accuracies: Vec<f64> = (0..DRAWS)
+        .map(|draw| {
+            let mut stream = Stream::new(0, 0, Purpose::Bootstrap, draw);
+            let (right, samples) = (0..scenes.len()).fold((0, 0), |(right, samples), _| {
+                let scene = scenes[stream.index(scenes.len())];
+                (right + scene.0, samples + scene.1)
+            });
+            right as f64 / samples.max(1) as f64
+        })
+        .collect();
+    accuracies.sort_by(f64::total_cmp);
+    Some((quantile(&accuracies, 0.025), quantile(&accuracies, 0.975)))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn scores(values: &[(f32, bool)]) -> Vec<Score> {
+        values.iter().map(|(logit, held)| Score { logit: *logit, held: *held }).collect()
+    }
+
+    /// With scores 0.1, 0.4, 0.35, 0.8 and labels 0, 0, 1, 1 scikit-learn 1.9.1 gives 0.8333 and 0.75.
+    #[test]
+    fn average_precision_and_area_are_scikit_learns() {
+        let ranking = ranking(&scores(&[(0.1, false), (0.4, false), (0.35, true), (0.8, true)]));
+        assert!((ranking.average_precision.unwrap() - 0.833_333_333).abs() < 1e-9);
+        assert_eq!(ranking.roc_auc, Some(0.75));
+        let pairs: Vec<(f64, f64)> = ranking.precision_recall.iter().map(|at| (at.precision, at.recall)).collect();
+        assert_eq!(pairs, [(1.0, 0.5), (0.5, 0.5), (2.0 / 3.0, 1.0), (0.5, 1.0)]);
+    }
+
+    #[test]
+    fn one_sided_sets_have_no_area() {
+        let held = ranking(&scores(&[(0.0, true), (1.0, true)]));
+        assert_eq!((held.average_precision, held.roc_auc), (Some(1.0), None));
+        let failed = ranking(&scores(&[(0.0, false)]));
+        assert_eq!((failed.average_precision, failed.roc_auc, failed.precision_recall.len()), (None, None, 0));
+        assert_eq!(ranking(&[]).roc_auc, None);
+    }
+
+    #[test]
+    fn long_curves_are_thinned_and_keep_their_ends() {
+        let many: Vec<Score> =
+            (0..5000).map(|at| Score { logit: at as f32 / 500.0 - 5.0, held: at % 3 == 0 }).collect();
+        let points = ranking(&many).precision_recall;
+        assert_eq!(points.len(), POINTS_MAX);
+        assert_eq!(points[POINTS_MAX - 1].recall, 1.0);
+        assert!(points.is_sorted_by(|a, b| a.threshold > b.threshold && a.recall <= b.recall));
+    }
+
+    #[test]
+    fn calibration_is_that_of_the_definition() {
+        // Qualities ½ (bin 5), and nearly 1 (the last bin) though the logit is far beyond any other.
+        let found = calibration(&scores(&[(0.0, true), (0.0, false), (0.0, false), (800.0, true)]));
+        assert_eq!(found.bins[5].samples, 3);
+        assert_eq!(found.bins[5].predicted, Some(0.5));
+        assert!((found.bins[5].observed.unwrap() - 1.0 / 3.0).abs() < 1e-12);
+        assert_eq!((found.bins[9].samples, found.bins[9].observed), (1, Some(1.0)));
+        assert_eq!((found.bins[0].predicted, found.bins[0].observed_95), (None, (0.0, 1.0)));
+        assert!((found.brier - 3.0 * 0.25 / 4.0).abs() < 1e-12);
+        assert!((found.expected_error - 0.75 * (0.5 - 1.0 / 3.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn quantiles_lie_between_neighbours_and_angles_are_those_of_the_loss() {
+        let spread = Spread::of(vec![4.0, 1.0, 3.0, 2.0]).unwrap();
+        assert_eq!((spread.mean, spread.median), (2.5, 2.5));
+        assert!((spread.p90 - 3.7).abs() < 1e-12);
+        assert_eq!(Spread::of(Vec::new()), None);
+        assert!((rotation_error_deg(1.0 - core::f32::consts::FRAC_1_SQRT_2) - 90.0).abs() < 1e-4);
+        assert_eq!(rotation_error_deg(0.0), 0.0);
+        assert_eq!(rotation_error_deg(-1e-7), 0.0);
+    }
+
+    /// Where each scene has one sample the bootstrap is the binomial's; where samples of a scene go together it is as
+    /// wide as the count of scenes says, √10 times wider for ten samples a scene.
+    #[test]
+    fn the_interval_by_scene_is_as_wide_as_scenes_are_few() {
+        let apart: Vec<(u64, u64)> = (0..400).map(|at| (u64::from(at % 5 > 0), 1)).collect();
+        let together: Vec<(u64, u64)> = (0..40).map(|at| (10 * u64::from(at % 5 > 0), 10)).collect();
+        let (low, high) = interval_by_scene(&apart).unwrap();
+        let width = 2.0 * 1.96 * (0.8_f64 * 0.2 / 400.0).sqrt();
+        assert!((high - low - width).abs() < 0.1 * width, "{low} {high}");
+        assert!((low + high - 1.6).abs() < 0.01, "{low} {high}");
+        let (few_low, few_high) = interval_by_scene(&together).unwrap();
+        let ratio = (few_high - few_low) / (high - low);
+        assert!((ratio - 10.0_f64.sqrt()).abs() < 0.4, "{ratio}");
+        assert_eq!(interval_by_scene(&together), Some((few_low, few_high)));
+        assert_eq!(interval_by_scene(&[(3, 4)]), None);
+    }
+
+    proptest! {
+        /// Counted pair by pair and threshold by threshold.
+        #[test]
+        fn ranking_is_what_counting_finds(values in prop::collection::vec((-3_i8..4, any::<bool>()), 1..60)) {
+            let all: Vec<Score> = values.iter().map(|(l, held)| Score { logit: f32::from(*l), held: *held }).collect();
+            let found = ranking(&all);
+            let (held, failed): (Vec<Score>, Vec<Score>) = all.iter().partition(|score| score.held);
+            let pairs = held.iter().flat_map(|a| failed.iter().map(move |b| (a.logit, b.logit)));
+            let wins: f64 = pairs.map(|(a, b)| if a > b { 1.0 } else if a == b { 0.5 } else { 0.0 }).sum();
+            if let Some(area) = found.roc_auc {
+                prop_assert!((area - wins / (held.len() * failed.len()) as f64).abs() < 1e-12);
+            } else {
+                prop_assert!(held.is_empty() || failed.is_empty());
+            }
+            let (mut sum, mut before) = (0.0, 0);
+            for threshold in (-3_i8..4).rev().map(f32::from) {
+                let hits = held.iter().filter(|score| score.logit >= threshold).count();
+                let misses = failed.iter().filter(|score| score.logit >= threshold).count();
+                if hits > before {
+                    sum += (hits - before) as f64 * hits as f64 / (hits + misses) as f64;
+                }
+                before = hits;
+            }
+            if let Some(average) = found.average_precision {
+                prop_assert!((average - sum / held.len() as f64).abs() < 1e-12);
+            } else {
+                prop_assert!(held.is_empty());
+            }
+        }
+    }
+}

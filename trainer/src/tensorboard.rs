@@ -1,0 +1,209 @@
+//! What TensorBoard shows of a run: scalars in event files, under `tensorboard/` in the run's folder.
+//!
+//! Each set is a run of its own to TensorBoard (`train`, `test_attempts`, `test_scenes`) with the same tags, so that one
+//! chart shows all three; the horizontal axis is the step. An event file is named by the step after which it begins and
+//! ends where the next checkpoint is due, so whoever goes on from a checkpoint drops whole files to drop what was seen
+//! after it: TensorBoard keeps every point that it finds, and a step that was done twice would have two. Event files
+//! hold the time, so their bytes are not those of another run; their scalars are.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use syntaxdot_summary::SummaryWriter;
+
+use crate::fit::EpochReport;
+use crate::metrics::Summary;
+
+/// The folder in a run's folder.
+pub(crate) const FOLDER: &str = "tensorboard";
+
+/// Steps between two points of the loss of steps.
+const EVERY_STEPS: u64 = 10;
+
+const SETS: [&str; 3] = ["train", "test_attempts", "test_scenes"];
+const TRAIN: usize = 0;
+
+/// The event files of a run that is being trained.
+pub(crate) struct Events {
+    folder: PathBuf,
+    checkpoint_every_steps: u64,
+    /// The step after which the next files begin.
+    first: u64,
+    writers: [Option<SummaryWriter<File>>; 3],
+}
+
+impl Events {
+    /// Goes on after `step`; events of later steps are dropped.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(crate) fn begin(folder: &Path, checkpoint_every_steps: u32, step: u64) -> io::Result<Self> {
+        for set in SETS {
+            drop_later(&folder.join(set), step)?;
+        }
+        let checkpoint_every_steps = checkpoint_every_steps.into();
+        Ok(Self { folder: folder.to_owned(), checkpoint_every_steps, first: step, writers: [None, None, None] })
+    }
+
+    /// Keeps the loss of a step of training.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(crate) fn step(&mut self, step: u64, loss: f64) -> io::Result<()> {
+        if step.is_multiple_of(EVERY_STEPS) {
+            self.scalar(TRAIN, "loss/step", step, loss)?;
+        }
+        if self.checkpoint_every_steps > 0 && step.is_multiple_of(self.checkpoint_every_steps) {
+            self.begin_files_after(step);
+        }
+        Ok(())
+    }
+
+    /// Keeps an epoch's losses and ratios, those that there are.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(crate) fn epoch(&mut self, report: &EpochReport) -> io::Result<()> {
+        for (set, summary) in [&report.train, &report.test_attempts, &report.test_scenes].into_iter().enumerate() {
+            for (tag, value) in scalars(summary) {
+                if let Some(value) = value {
+                    self.scalar(set, tag, report.step, value)?;
+                }
+            }
+        }
+        self.begin_files_after(report.step);
+        Ok(())
+    }
+
+    fn begin_files_after(&mut self, step: u64) {
+        self.first = step;
+        self.writers = [None, None, None];
+    }
+
+    fn scalar(&mut self, set: usize, tag: &str, step: u64, value: f64) -> io::Result<()> {
+        let slot = &mut self.writers[set];
+        let writer = if let Some(writer) = slot {
+            writer
+        } else {
+            let folder = self.folder.join(SETS[set]);
+            fs::create_dir_all(&folder)?;
+            slot.insert(SummaryWriter::new(File::create(folder.join(file_name(self.first)))?)?)
+        };
+        writer.write_scalar(tag, step.cast_signed(), value as f32)
+    }
+}
+
+/// Tags and values of an epoch.
+fn scalars(summary: &Summary) -> [(&'static str, Option<f64>); 7] {
+    [
+        ("loss/epoch", Some(summary.loss)),
+        ("loss/quality", Some(summary.loss_quality)),
+        ("loss/rotation", Some(summary.loss_rotation)),
+        ("loss/width", Some(summary.loss_width)),
+        ("metrics/accuracy", summary.accuracy),
+        ("metrics/precision", summary.precision),
+        ("metrics/recall", summary.recall),
+    ]
+}
+
+/// TensorBoard takes a file for events by `tfevents` in its name and reads a folder's files in the order of their names.
+fn file_name(first: u64) -> String {
+    format!("events.out.tfevents.{first:010}.graspmill")
+}
+
+fn first_of(name: &str) -> Option<u64> {
+    name.strip_prefix("events.out.tfevents.")?.strip_suffix(".graspmill")?.parse().ok()
+}
+
+/// Removes files of events after a step; what others put there stays.
+fn drop_later(folder: &Path, step: u64) -> io::Result<()> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(e) => return Err(e),
+    };
+    for entry in entries {
+        let entry = entry?;
+        if first_of(&entry.file_name().to_string_lossy()).is_some_and(|first| first >= step) {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// CRC-32C, bit by bit, masked as TFRecord does.
+    fn masked_crc(bytes: &[u8]) -> u32 {
+        let crc = bytes.iter().fold(!0_u32, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0x82f6_3b78 * (crc & 1)))
+        });
+        (!crc).rotate_right(15).wrapping_add(0xa282_ead8)
+    }
+
+    /// Records of a file: length, its checksum, bytes, their checksum.
+    fn records(mut bytes: &[u8]) -> Vec<Vec<u8>> {
+        let mut records = Vec::new();
+        while !bytes.is_empty() {
+            let (length, rest) = bytes.split_at(8);
+            let (length_crc, rest) = rest.split_at(4);
+            let (record, rest) = rest.split_at(u64::from_le_bytes(length.try_into().unwrap()) as usize);
+            let (record_crc, rest) = rest.split_at(4);
+            assert_eq!(length_crc, masked_crc(length).to_le_bytes());
+            assert_eq!(record_crc, masked_crc(record).to_le_bytes());
+            records.push(record.to_vec());
+            bytes = rest;
+        }
+        records
+    }
+
+    fn names(folder: &Path) -> Vec<u64> {
+        let mut firsts: Vec<u64> = fs::read_dir(folder)
+            .unwrap()
+            .filter_map(|entry| first_of(&entry.unwrap().file_name().to_string_lossy()))
+            .collect();
+        firsts.sort_unstable();
+        firsts
+    }
+
+    #[test]
+    fn records_are_framed_as_tensorboard_reads_them() {
+        assert_eq!(masked_crc(b"123456789"), 0xe306_9283_u32.rotate_right(15).wrapping_add(0xa282_ead8));
+        let folder = tempfile::tempdir().unwrap();
+        let mut events = Events::begin(folder.path(), 0, 0).unwrap();
+        for step in 1..=20 {
+            events.step(step, 0.5).unwrap();
+        }
+        let records = records(&fs::read(folder.path().join("train").join(file_name(0))).unwrap());
+        assert_eq!(records.len(), 3);
+        assert!(records[0].ends_with(b"brain.Event:2"));
+        // Field 2 of an event is the step; a value holds its tag and, as field 2, the number.
+        assert_eq!(records[2][9..11], [0x10, 20]);
+        assert!(records[2].windows(9).any(|bytes| bytes == b"loss/step"));
+        assert!(records[2].ends_with(&0.5_f32.to_le_bytes()));
+    }
+
+    #[test]
+    fn who_goes_on_from_a_checkpoint_drops_what_came_after_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let train = folder.path().join("train");
+        let mut events = Events::begin(folder.path(), 20, 0).unwrap();
+        for step in 1..=70 {
+            events.step(step, 1.0).unwrap();
+        }
+        drop(events);
+        assert_eq!(names(&train), [0, 20, 40, 60]);
+        fs::write(train.join("notes.txt"), "mine").unwrap();
+        let mut events = Events::begin(folder.path(), 20, 40).unwrap();
+        assert_eq!(names(&train), [0, 20]);
+        events.step(50, 1.0).unwrap();
+        assert_eq!(names(&train), [0, 20, 40]);
+        assert_eq!(records(&fs::read(train.join(file_name(40))).unwrap()).len(), 2);
+        Events::begin(folder.path(), 20, 0).unwrap();
+        assert_eq!(names(&train), [0_u64; 0]);
+        assert!(train.join("notes.txt").exists());
+    }
+}

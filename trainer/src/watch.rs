@@ -1,0 +1,60 @@
+//! What a run leaves for those who watch it: curves after each epoch, TensorBoard's events on the way. Training does not
+//! hang on it: what fails is warned of, and training goes on.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use crate::curves::draw_curves;
+use crate::fit::Event;
+use crate::tensorboard::{Events, FOLDER};
+
+/// A watched run.
+pub(crate) struct Watch {
+    run: PathBuf,
+    checkpoint_every_steps: u32,
+    /// None before training begins, and after a failure.
+    events: Mutex<Option<Events>>,
+}
+
+impl Watch {
+    pub(crate) fn new(run: &Path, checkpoint_every_steps: u32) -> Self {
+        Self { run: run.to_owned(), checkpoint_every_steps, events: Mutex::new(None) }
+    }
+
+    /// Takes note of what happens.
+    pub(crate) fn see(&self, event: &Event<'_>) {
+        match event {
+            Event::Loading(_) | Event::SceneLoaded | Event::NoBetter(_) => {}
+            Event::Begun(beginning) => {
+                let folder = self.run.join(FOLDER);
+                let begun = Events::begin(&folder, self.checkpoint_every_steps, beginning.progress.step);
+                *self.events.lock().unwrap_or_else(PoisonError::into_inner) = warned(begun);
+            }
+            Event::Step { step, loss, .. } => self.keep(|events| events.step(*step, *loss)),
+            Event::Epoch(report) => {
+                self.keep(|events| events.epoch(report));
+                if let Err(error) = draw_curves(&self.run) {
+                    tracing::warn!("the curves are not drawn: {error}");
+                }
+            }
+        }
+    }
+
+    fn keep(&self, write: impl FnOnce(&mut Events) -> std::io::Result<()>) {
+        let mut events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
+        let written = events.as_mut().map_or(Ok(()), write);
+        if warned(written).is_none() {
+            *events = None;
+        }
+    }
+}
+
+fn warned<T>(outcome: std::io::Result<T>) -> Option<T> {
+    match outcome {
+        Ok(value) => Some(value),
+        Err(error) => {
+            tracing::warn!("no more events for TensorBoard: {error}");
+            None
+        }
+    }
+}
