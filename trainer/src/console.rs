@@ -147,7 +147,7 @@ pub(crate) fn evaluation(evaluation: &Evaluation) -> String {
     let counts = all.confusion;
     let mut text = String::new();
     let mut line = |line: String| {
-        text.push_str(&line);
+        text.push_str(line.trim_end());
         text.push('\n');
     };
     line(format!("checkpoint         epoch {epoch}, step {step}"));
