@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use burn::tensor::{Device, Tensor};
 use serde::Serialize;
-use shards::{Dataset, ExitCode};
+use shards::{Dataset, ExitCode, Location};
 
 use crate::adam::Adam;
 use crate::checkpoint::Checkpoint;
@@ -173,7 +173,7 @@ struct State {
 /// # Errors
 /// [`FitError`].
 pub fn fit(
-    data: &Path,
+    data: impl Into<Location>,
     config: &Config,
     run: &Path,
     resume: bool,

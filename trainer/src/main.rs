@@ -9,7 +9,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use shards::Location;
 use trainer::bench::bench;
 use trainer::config::Config;
 use trainer::evaluate::{EvaluateError, TestSet, evaluate};
@@ -32,10 +34,10 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Train, or go on training.
-    #[command(after_help = shards::ExitCode::HELP)]
+    #[command(after_help = format!("{}\n\n{}", Location::HELP, shards::ExitCode::HELP))]
     Fit(FitArgs),
     /// Accuracy, precision and recall of a checkpoint.
-    #[command(after_help = shards::ExitCode::HELP)]
+    #[command(after_help = format!("{}\n\n{}", Location::HELP, shards::ExitCode::HELP))]
     Evaluate(EvaluateArgs),
     /// What a training step costs on this machine.
     #[command(after_help = shards::ExitCode::HELP)]
@@ -47,9 +49,9 @@ struct BenchArgs {
     /// Samples of a batch.
     #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u16).range(1..=4096))]
     batch: u16,
-    /// A dataset, to measure reading too.
-    #[arg(long)]
-    data: Option<PathBuf>,
+    /// A dataset's folder or URL, to measure reading too.
+    #[arg(long, value_parser = OsStringValueParser::new().try_map(Location::parse))]
+    data: Option<Location>,
     /// Threads; all cores by default.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -60,9 +62,9 @@ struct BenchArgs {
 
 #[derive(Args)]
 struct FitArgs {
-    /// The dataset's folder.
-    #[arg(long)]
-    data: PathBuf,
+    /// The dataset's folder or URL.
+    #[arg(long, value_parser = OsStringValueParser::new().try_map(Location::parse))]
+    data: Location,
     /// The recipe.
     #[arg(long, default_value = "configs/train/paper.toml")]
     config: PathBuf,
@@ -88,9 +90,9 @@ struct EvaluateArgs {
     /// Which of its checkpoints.
     #[arg(long, value_enum, default_value_t = Which::Best)]
     checkpoint: Which,
-    /// The dataset's folder.
-    #[arg(long)]
-    data: PathBuf,
+    /// The dataset's folder or URL.
+    #[arg(long, value_parser = OsStringValueParser::new().try_map(Location::parse))]
+    data: Location,
     /// Which samples.
     #[arg(long, value_enum, default_value_t = SplitArg::TestAttempts)]
     split: SplitArg,
@@ -171,7 +173,7 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
         Ending::Done => {
             println!("\nbest weights  {}", checkpoint_path(&args.run, "best").display());
             println!("metrics       {run}/metrics.jsonl");
-            println!("next          trainer evaluate --run {run} --data {}", args.data.display());
+            println!("next          trainer evaluate --run {run} --data {}", args.data);
             shards::ExitCode::Ok
         }
         Ending::Stopped => {
@@ -205,7 +207,7 @@ fn run_evaluate(args: &EvaluateArgs) -> Result<shards::ExitCode, Failure> {
 fn run_bench(args: &BenchArgs) -> Result<shards::ExitCode, Failure> {
     set_threads(args.threads)?;
     let scratch = std::env::temp_dir();
-    let report = bench(args.batch.into(), args.data.as_deref(), &scratch, &console::phase)?;
+    let report = bench(args.batch.into(), args.data.as_ref(), &scratch, &console::phase)?;
     if args.json {
         println!("{}", serde_json::to_string_pretty(&report).context("failed to write JSON")?);
     } else {
