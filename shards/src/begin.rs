@@ -103,7 +103,7 @@ fn names(dir: &Path) -> Result<Vec<String>, StoreError> {
             entries.map(|entry| entry.map(|e| e.file_name().to_string_lossy().into_owned())).collect()
         }),
     };
-    listed.map_err(|source| StoreError { action: "list a folder", path: dir.to_owned(), source })
+    listed.map_err(|source| StoreError { action: "list a folder", at: dir.into(), source })
 }
 
 fn differences(existing: &[u8], asked: &str) -> Vec<String> {

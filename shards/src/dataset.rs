@@ -2,23 +2,23 @@
 //! and each row after.
 
 use std::fs::File;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use arrow::array::RecordBatch;
 use schema::{AttemptRecord, ObjectRecord, SceneRows};
 
 use crate::check::{self, RowError};
-use crate::store::{Store, StoreError};
+use crate::source::{Source, Unread, size_problem};
+use crate::store::{Listing, StoreError};
 use crate::summary::Manifest;
-use crate::table_reader::{Batches, Part, hash};
-use crate::{DatasetInfo, InfoError, ReadError, SCENES_PER_ROW_GROUP, Scenes, Table, decode, layout, seal};
+use crate::table_reader::{Batches, Part};
+use crate::{DatasetInfo, InfoError, Location, ReadError, SCENES_PER_ROW_GROUP, Scenes, Table, decode, layout, seal};
 
-/// A complete dataset on disk. Cheap to hold: rows are read when asked for.
+/// A complete dataset, on disk or in an object store. Cheap to hold: rows are read when asked for.
 #[derive(Debug)]
 pub struct Dataset {
-    dir: PathBuf,
-    store: Store,
+    location: Location,
+    source: Source,
     info: DatasetInfo,
     manifest: Manifest,
     /// Whether a file's checksum was found right, by shard, in the order of [`Table::ALL`].
@@ -31,50 +31,69 @@ const BATCH_ROWS: usize = 8192;
 const BATCH_SCENES: usize = 8;
 
 /// Reads and checks `meta/info.json`; the info and the dataset's id.
-pub(crate) fn read_info(store: &Store, dir: &Path) -> Result<(DatasetInfo, String), ReadError> {
-    let bytes = store.read(layout::INFO)?.ok_or_else(|| ReadError::NotADataset(dir.to_owned()))?;
-    let wrong = |source| ReadError::Info { source, path: store.path(layout::INFO) };
+pub(crate) fn read_info(source: &Source, at: &Location) -> Result<(DatasetInfo, String), ReadError> {
+    let bytes = source.read(layout::INFO)?.ok_or_else(|| ReadError::NotADataset(at.clone()))?;
+    let wrong = |error| ReadError::Info { source: error, at: source.location(layout::INFO) };
     let text = std::str::from_utf8(&bytes).map_err(|e| wrong(InfoError::Parse(e.to_string())))?;
     let info = DatasetInfo::from_json(text).map_err(wrong)?;
     Ok((info, seal::sha256_hex(&bytes)))
 }
 
 impl Dataset {
-    /// Opens a dataset. Reads only `meta/`, and looks at the size of every file.
+    /// Opens a dataset. Reads only `meta/`, and looks at the size of every file; behind a web server, which does not
+    /// list, a size is seen when the file is read.
     ///
     /// # Errors
     /// [`ReadError`] if there is no dataset, it is incomplete, of an unknown version, or damaged as far as that can be
     /// seen without reading the shards.
-    pub fn open(dir: &Path) -> Result<Self, ReadError> {
-        let dataset = Self::open_with_any_files(dir)?;
-        for shard in 0..dataset.shard_count() {
-            for table in Table::ALL {
-                dataset.check_size(shard, table)?;
-            }
-        }
+    pub fn open(at: impl Into<Location>) -> Result<Self, ReadError> {
+        let dataset = Self::open_with_any_files(&at.into())?;
+        dataset.look_at_sizes()?;
         Ok(dataset)
     }
 
-    /// Opens a dataset without a look at its shards, so that each can be told what is wrong with it.
-    pub(crate) fn open_with_any_files(dir: &Path) -> Result<Self, ReadError> {
-        let store = Store::new(dir);
-        let (info, dataset_id) = read_info(&store, dir)?;
-        let bytes = store.read(layout::MANIFEST)?.ok_or_else(|| ReadError::Incomplete(dir.to_owned()))?;
-        let path = store.path(layout::MANIFEST);
-        let manifest: Manifest = seal::unseal(&String::from_utf8_lossy(&bytes))
-            .map_err(|e| ReadError::Manifest { problems: vec![e.to_string()], path: path.clone() })?;
-        let problems = manifest.problems(&info, &dataset_id);
-        if !problems.is_empty() {
-            return Err(ReadError::Manifest { problems, path });
+    pub(crate) fn look_at_sizes(&self) -> Result<(), ReadError> {
+        let mut listings = Vec::new();
+        for table in Table::ALL {
+            listings.push((table, self.list(table)?));
         }
-        let is_checked = manifest.shards.iter().map(|_| Default::default()).collect();
-        Ok(Self { dir: dir.to_owned(), store, info, manifest, is_checked })
+        for shard in 0..self.shard_count() {
+            for (table, listing) in &listings {
+                let Some(listing) = listing else { continue };
+                let expected = self.manifest.shards[shard as usize].file(*table);
+                let name = expected.path.rsplit('/').next().unwrap_or_default();
+                let found = listing.get(name).copied().flatten();
+                if let Some(problem) = size_problem(expected, found) {
+                    return Err(self.wrong(shard, *table, problem));
+                }
+            }
+        }
+        Ok(())
     }
 
-    /// The folder.
+    /// Opens a dataset without a look at its shards, so that each can be told what is wrong with it.
+    pub(crate) fn open_with_any_files(at: &Location) -> Result<Self, ReadError> {
+        Self::of_source(Source::open(at)?, at)
+    }
+
+    pub(crate) fn of_source(source: Source, at: &Location) -> Result<Self, ReadError> {
+        let (info, dataset_id) = read_info(&source, at)?;
+        let bytes = source.read(layout::MANIFEST)?.ok_or_else(|| ReadError::Incomplete(at.clone()))?;
+        let wrong = |problems| ReadError::Manifest { problems, at: source.location(layout::MANIFEST) };
+        let manifest: Manifest =
+            seal::unseal(&String::from_utf8_lossy(&bytes)).map_err(|e| wrong(vec![e.to_string()]))?;
+        let problems = manifest.problems(&info, &dataset_id);
+        if !problems.is_empty() {
+            return Err(wrong(problems));
+        }
+        let is_checked = manifest.shards.iter().map(|_| Default::default()).collect();
+        Ok(Self { location: at.clone(), source, info, manifest, is_checked })
+    }
+
+    /// Where it lies.
     #[must_use]
-    pub fn dir(&self) -> &Path {
-        &self.dir
+    pub fn location(&self) -> &Location {
+        &self.location
     }
 
     /// What the dataset is.
@@ -95,8 +114,8 @@ impl Dataset {
         self.info.shard_count
     }
 
-    /// Compares size and SHA-256 of the shard's three files with the manifest. Each file is read once in the life of
-    /// this value; the reading functions do it by themselves.
+    /// Compares size and SHA-256 of the shard's three files with the manifest. On a disk each file is read once in the
+    /// life of this value; the reading functions do it by themselves.
     ///
     /// # Errors
     /// [`ReadError::File`] for the first file that differs.
@@ -187,7 +206,12 @@ impl Dataset {
 
     /// A file of `meta/`, `None` if there is none.
     pub(crate) fn read_meta(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        self.store.read(name)
+        self.source.read(name)
+    }
+
+    /// What lies in a table's folder, `None` where that cannot be asked.
+    pub(crate) fn list(&self, table: Table) -> Result<Option<Listing>, StoreError> {
+        self.source.list(table.name())
     }
 
     fn known(&self, shard: u32) -> Result<std::ops::Range<u64>, ReadError> {
@@ -218,38 +242,19 @@ impl Dataset {
         Batches::open(file, table, self.info.grid.resolution, part).map_err(|m| self.wrong(shard, table, m))
     }
 
-    /// Opens a file, and the first time compares its checksum.
+    /// Opens a file whose size and checksum are right.
     fn open_file(&self, shard: u32, table: Table) -> Result<File, ReadError> {
-        let path = self.check_size(shard, table)?;
-        let io = |action, source| StoreError { action, path: path.clone(), source };
-        let mut file = File::open(&path).map_err(|e| io("open a file", e))?;
+        let expected = self.manifest.shards[shard as usize].file(table);
         let is_checked = &self.is_checked[shard as usize][table as usize];
-        if !is_checked.load(Ordering::Acquire) {
-            let expected = &self.manifest.shards[shard as usize].file(table).sha256;
-            let found = hash(&mut file).map_err(|e| io("read a file", e))?;
-            if found != *expected {
-                return Err(self.wrong(shard, table, format!("sha256 must be {expected}, got {found}")));
-            }
-            is_checked.store(true, Ordering::Release);
-        }
-        Ok(file)
-    }
-
-    fn check_size(&self, shard: u32, table: Table) -> Result<PathBuf, ReadError> {
-        let file = self.manifest.shards[shard as usize].file(table);
-        match self.store.size(&file.path)? {
-            Some(bytes) if bytes == file.bytes => Ok(self.path(shard, table)),
-            Some(bytes) => Err(self.wrong(shard, table, format!("size must be {} bytes, got {bytes}", file.bytes))),
-            None => Err(self.wrong(shard, table, "the file is missing".to_owned())),
-        }
-    }
-
-    fn path(&self, shard: u32, table: Table) -> PathBuf {
-        self.store.path(&layout::table_file(table, shard, self.info.shard_count))
+        self.source.open_file(expected, is_checked).map_err(|unread| match unread {
+            Unread::Wrong(message) => self.wrong(shard, table, message),
+            Unread::Store(error) => ReadError::Store(error),
+        })
     }
 
     pub(crate) fn wrong(&self, shard: u32, table: Table, message: String) -> ReadError {
-        ReadError::File { shard, message, path: self.path(shard, table) }
+        let name = layout::table_file(table, shard, self.info.shard_count);
+        ReadError::File { shard, message, at: self.source.location(&name) }
     }
 
     fn check(&self, shard: u32, table: Table, rule: impl FnOnce() -> Result<(), RowError>) -> Result<(), ReadError> {

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use crate::dataset::read_info;
+use crate::source::Source;
 use crate::store::{Store, StoreError};
 use crate::summary::Manifest;
 use crate::writer::committed;
@@ -49,7 +50,7 @@ impl FinalizeError {
 /// [`FinalizeError`] if there is no dataset, its info is damaged, or the disk refuses.
 pub fn finalize(dir: &Path) -> Result<Finalized, FinalizeError> {
     let store = Store::new(dir);
-    let (info, dataset_id) = read_info(&store, dir)?;
+    let (info, dataset_id) = read_info(&Source::Folder(store.clone()), &dir.into())?;
     let mut shards = Vec::new();
     let mut missing = Vec::new();
     for shard in 0..info.shard_count {

@@ -1,5 +1,5 @@
 //! How the records of a dataset lie on disk: three Parquet tables, their manifest, and the way a shard appears whole
-//! or not at all. The only crate that knows Parquet.
+//! or not at all. The only crate that knows Parquet, and the only one that talks to object stores.
 //!
 //! # A dataset's folder
 //!
@@ -56,11 +56,14 @@ mod hostile;
 mod info;
 mod inspect;
 pub mod layout;
+mod location;
 mod read_error;
+mod remote;
 mod report;
 mod report_text;
 mod scenes;
 mod seal;
+mod source;
 mod staged;
 mod store;
 mod summary;
@@ -80,6 +83,7 @@ pub use exit::ExitCode;
 pub use finalize::{FinalizeError, Finalized, finalize};
 pub use info::{ATTEMPTS_MAX, DatasetInfo, InfoError, RESOLUTION_MAX, SHARDS_MAX};
 pub use inspect::Inspection;
+pub use location::{Location, LocationError};
 pub use read_error::ReadError;
 pub use report::{Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use scenes::Scenes;

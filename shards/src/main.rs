@@ -1,22 +1,23 @@
 //! The program `shards`: looks at datasets, changes nothing.
 
 use std::io::{self, IsTerminal, Write};
-use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Parser, Subcommand};
-use shards::{Dataset, ExitCode, Inspection, ReadError, Verified};
+use shards::{Dataset, ExitCode, Inspection, Location, ReadError, Verified};
 
 const EXAMPLES: &str = "\
 Examples:
   shards verify data/demo               read and check everything
   shards report data/demo               statistics with bars
   shards report data/demo --json        the same for programs
-  shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid";
+  shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid
+  shards verify s3://bucket/demo        the same in an object store";
 
 /// Verify, report on and inspect a dataset of grasp attempts. Nothing is ever changed.
 #[derive(Debug, Parser)]
-#[command(name = "shards", version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
+#[command(name = "shards", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -29,21 +30,24 @@ enum Command {
 To mend a damaged shard, delete the named file and run the generator again with the same config, seed and shards: it
 makes that shard anew, byte for byte, and leaves the others alone.")]
     Verify {
-        /// The dataset's folder.
-        dir: PathBuf,
+        /// The dataset's folder or URL.
+        #[arg(value_parser = OsStringValueParser::new().try_map(Location::parse))]
+        dataset: Location,
     },
     /// Count attempts: positives by shape, rule and objects in the scene; outcomes, widths, angles, sizes.
     Report {
-        /// The dataset's folder.
-        dir: PathBuf,
+        /// The dataset's folder or URL.
+        #[arg(value_parser = OsStringValueParser::new().try_map(Location::parse))]
+        dataset: Location,
         /// Print JSON.
         #[arg(long)]
         json: bool,
     },
     /// Show one scene: objects, cameras, attempts, two cuts through its voxel grid.
     Inspect {
-        /// The dataset's folder.
-        dir: PathBuf,
+        /// The dataset's folder or URL.
+        #[arg(value_parser = OsStringValueParser::new().try_map(Location::parse))]
+        dataset: Location,
         /// The scene's number, from 0.
         #[arg(long)]
         scene: u64,
@@ -56,7 +60,7 @@ fn main() -> std::process::ExitCode {
         Ok(code) => code,
         Err(error) if is_broken_pipe(&error) => ExitCode::Ok, // whoever read our output had enough
         Err(error) => {
-            let _ = writeln!(io::stderr(), "error: {error:#}"); // nowhere left to complain
+            let _ = writeln!(io::stderr(), "error: {}", told(&error)); // nowhere left to complain
             exit_code(&error)
         }
     };
@@ -65,23 +69,23 @@ fn main() -> std::process::ExitCode {
 
 fn run(command: &Command) -> Result<ExitCode> {
     match command {
-        Command::Verify { dir } => verify(dir),
-        Command::Report { dir, json } => {
-            let report = shards::report(&Dataset::open(dir)?)?;
+        Command::Verify { dataset } => verify(dataset),
+        Command::Report { dataset, json } => {
+            let report = shards::report(&Dataset::open(dataset)?)?;
             if *json { print(report.to_json()) } else { print(report) }
         }
-        Command::Inspect { dir, scene } => {
-            let dataset = Dataset::open(dir)?;
+        Command::Inspect { dataset, scene } => {
+            let dataset = Dataset::open(dataset)?;
             let rows = dataset.read_scene(*scene)?;
             print(Inspection { info: dataset.info(), rows: &rows })
         }
     }
 }
 
-fn verify(dir: &Path) -> Result<ExitCode> {
+fn verify(dataset: &Location) -> Result<ExitCode> {
     let mut stderr = io::stderr();
     let shows_progress = stderr.is_terminal();
-    let verified = shards::verify(dir, |shard| {
+    let verified = shards::verify(dataset, |shard| {
         if shows_progress {
             let _ = write!(stderr, "\rshard {shard} read "); // a sign of life, worth no failure
         }
@@ -110,6 +114,15 @@ fn verify(dir: &Path) -> Result<ExitCode> {
 fn print(text: impl std::fmt::Display) -> Result<ExitCode> {
     write!(io::stdout().lock(), "{text}").context("failed to print")?;
     Ok(ExitCode::Ok)
+}
+
+/// An error with those of its causes that its message does not tell already.
+fn told(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match text.as_str() {
+        "" => cause,
+        _ if text.contains(&cause) => text,
+        _ => format!("{text}: {cause}"),
+    })
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {

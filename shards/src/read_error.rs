@@ -1,43 +1,41 @@
 //! Why a dataset cannot be read.
 
-use std::path::PathBuf;
-
-use crate::{ExitCode, InfoError, StoreError, layout};
+use crate::{ExitCode, InfoError, Location, StoreError, layout};
 
 /// Why a dataset, or a part of it, cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// There is no dataset.
-    #[error("no dataset here, there is no {}: {}", layout::INFO, .0.display())]
-    NotADataset(PathBuf),
+    #[error("no dataset here, there is no {}: {}", layout::INFO, .0)]
+    NotADataset(Location),
     /// The dataset has no manifest yet.
-    #[error("the dataset is not complete, there is no {}: run the missing shards and finalize: {}", layout::MANIFEST, .0.display())]
-    Incomplete(PathBuf),
+    #[error("the dataset is not complete, there is no {}: run the missing shards and finalize: {}", layout::MANIFEST, .0)]
+    Incomplete(Location),
     /// The info is damaged, or of an unknown version.
-    #[error("{source}: {}", .path.display())]
+    #[error("{source}: {at}")]
     Info {
         /// What is wrong.
         source: InfoError,
         /// The file.
-        path: PathBuf,
+        at: Location,
     },
     /// The manifest is damaged, or belongs to another info.
-    #[error("{}: {}", .problems.join("; "), .path.display())]
+    #[error("{}: {at}", .problems.join("; "))]
     Manifest {
         /// What is wrong.
         problems: Vec<String>,
         /// The file.
-        path: PathBuf,
+        at: Location,
     },
     /// A file of a shard is missing, or not the one that was written.
-    #[error("shard {shard}: {message}: {}", .path.display())]
+    #[error("shard {shard}: {message}: {at}")]
     File {
         /// The shard.
         shard: u32,
         /// What is wrong.
         message: String,
         /// The file.
-        path: PathBuf,
+        at: Location,
     },
     /// There is no such shard or scene.
     #[error("{what} must be below {limit}, got {got}")]
@@ -49,7 +47,7 @@ pub enum ReadError {
         /// What was asked for.
         got: u64,
     },
-    /// The disk refused.
+    /// The disk, or the object store, refused.
     #[error(transparent)]
     Store(#[from] StoreError),
 }

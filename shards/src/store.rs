@@ -5,38 +5,44 @@
 //! A writer holds a lock on its staging file; what a killed writer left behind carries no lock and is removed by the
 //! next one, while two live writers of the same shard (schedulers do that) never share a file.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::ExitCode;
 use crate::staged::{Ready, Staged};
+use crate::{ExitCode, Location};
 
-/// The disk did not do what it was asked. Running again may help.
+/// The disk, or the object store, did not do what it was asked.
 #[derive(Debug, thiserror::Error)]
-#[error("failed to {action}: {source}: {}", .path.display())]
+#[error("failed to {action}: {source}: {at}")]
 pub struct StoreError {
     /// What was tried.
     pub action: &'static str,
-    /// On which path.
-    pub path: PathBuf,
+    /// On what.
+    pub at: Location,
     /// What the system said.
     pub source: io::Error,
 }
 
 impl StoreError {
-    /// [`ExitCode::TryAgain`].
+    /// [`ExitCode::TryAgain`], or [`ExitCode::Config`] if an object store will say the same again: wrong credentials,
+    /// no such bucket.
     #[must_use]
     pub fn exit_code(&self) -> ExitCode {
-        ExitCode::TryAgain
+        use io::ErrorKind::{FileTooLarge, InvalidInput, PermissionDenied};
+        match (&self.at, self.source.kind()) {
+            (Location::Url(_), FileTooLarge | InvalidInput | PermissionDenied) => ExitCode::Config,
+            _ => ExitCode::TryAgain,
+        }
     }
 }
 
 pub(crate) fn failed(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> StoreError {
-    let path = path.to_owned();
-    move |source| StoreError { action, path, source }
+    let at = path.into();
+    move |source| StoreError { action, at, source }
 }
 
 /// A folder in which files are published.
@@ -75,10 +81,13 @@ pub(crate) enum Published {
     Existing(Vec<u8>),
 }
 
+/// What lies in a folder: names, and the sizes of those that are files.
+pub(crate) type Listing = BTreeMap<String, Option<u64>>;
+
 /// Most live writers of one file.
 const WRITERS_MAX: u32 = 64;
 /// Largest file of `meta/` that is read.
-const META_BYTES_MAX: u64 = 1 << 30;
+pub(crate) const META_BYTES_MAX: u64 = 1 << 30;
 
 impl Store {
     pub(crate) fn new(root: &Path) -> Self {
@@ -103,6 +112,28 @@ impl Store {
             Err(e) if is_absent(&e) => Ok(None),
             Err(e) => Err(failed("look at a file", &path)(e)),
         }
+    }
+
+    /// Opens a file to read it.
+    pub(crate) fn open(&self, name: &str) -> Result<File, StoreError> {
+        let path = self.path(name);
+        File::open(&path).map_err(failed("open a file", &path))
+    }
+
+    /// What lies in a folder; nothing if there is none.
+    pub(crate) fn list(&self, folder: &str) -> Result<Listing, StoreError> {
+        let folder = self.path(folder);
+        let listed = match fs::read_dir(&folder) {
+            Err(e) if is_absent(&e) => return Ok(Listing::new()),
+            listed => listed.and_then(|entries| {
+                let entry = |entry: fs::DirEntry| {
+                    let size = fs::metadata(entry.path()).ok().filter(fs::Metadata::is_file).map(|m| m.len());
+                    (entry.file_name().to_string_lossy().into_owned(), size)
+                };
+                entries.map(|found| found.map(entry)).collect()
+            }),
+        };
+        listed.map_err(failed("list a folder", &folder))
     }
 
     /// The bytes of a small file, `None` if there is none.

@@ -1,16 +1,14 @@
 //! Checking all of a dataset: every byte, every row, every key, and that nothing lies beside it which a glob would
 //! take for data.
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
 
 use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 
 use crate::check;
 use crate::store::is_staging;
 use crate::summary::{Counts, ShardSummary};
-use crate::{Dataset, ReadError, Table, layout, seal};
+use crate::{Dataset, Location, ReadError, Table, layout, seal};
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,17 +37,20 @@ pub const PROBLEMS_MAX: usize = 50;
 /// Reads everything and compares it with everything else. `progress` hears of each finished shard.
 ///
 /// # Errors
-/// [`ReadError`] if there is no complete dataset, or its info or manifest is damaged, so that nothing else can be told.
-pub fn verify(dir: &Path, mut progress: impl FnMut(u32)) -> Result<Verified, ReadError> {
-    let dataset = Dataset::open_with_any_files(dir)?;
+/// [`ReadError`] if there is no complete dataset, or its info or manifest is damaged, so that nothing else can be told;
+/// also if an object store does not answer any more.
+pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, ReadError> {
+    let dataset = Dataset::open_with_any_files(&at.into())?;
     let bytes = Table::ALL.into_iter().map(|table| dataset.manifest().bytes(table)).sum();
     let mut found = Verified { counts: Counts::zero(), bytes, problems: Vec::new(), more: 0 };
     for table in Table::ALL {
-        found.tell(strangers(&dataset, table));
+        let strangers = found.keep(strangers(&dataset, table))?;
+        found.tell(strangers.unwrap_or_default());
     }
     for shard in 0..dataset.shard_count() {
-        found.tell(marker(&dataset, shard).err());
-        if let Some(counts) = rows(&dataset, shard, &mut found) {
+        let marker = found.keep(marker(&dataset, shard))?;
+        found.tell(marker.flatten());
+        if let Some(counts) = rows(&dataset, shard, &mut found)? {
             found.counts.add(&counts);
         }
         progress(shard);
@@ -68,55 +69,56 @@ impl Verified {
         }
     }
 
-    fn keep<T>(&mut self, result: Result<T, ReadError>) -> Option<T> {
-        result.map_err(|e| self.tell([e.to_string()])).ok()
+    /// Tells what is wrong and goes on, but for an object store's refusal, which would come again and again.
+    fn keep<T>(&mut self, result: Result<T, ReadError>) -> Result<Option<T>, ReadError> {
+        match result {
+            Err(ReadError::Store(error)) if matches!(error.at, Location::Url(_)) => Err(error.into()),
+            Err(error) => {
+                self.tell([error.to_string()]);
+                Ok(None)
+            }
+            Ok(value) => Ok(Some(value)),
+        }
     }
 }
 
 /// Files in a table's folder that the manifest does not know.
-fn strangers(dataset: &Dataset, table: Table) -> Vec<String> {
-    let folder = dataset.dir().join(table.name());
-    let Ok(entries) = fs::read_dir(&folder) else { return Vec::new() }; // missing files are told shard by shard
+fn strangers(dataset: &Dataset, table: Table) -> Result<Vec<String>, ReadError> {
+    let listing = dataset.list(table)?.unwrap_or_default(); // missing files are told shard by shard
     let shards = dataset.manifest().shards.iter();
-    let known: Vec<&str> = shards.map(|s| s.file(table).path.as_str()).collect();
-    let mut strangers: Vec<String> = entries
-        .flatten()
-        .map(|entry| entry.file_name().to_string_lossy().into_owned())
-        .filter(|name| !is_staging(name) && !known.contains(&format!("{}/{name}", table.name()).as_str()))
-        .map(|name| format!("{}/{name} is not in the manifest, and readers may take it for data", table.name()))
-        .collect();
-    strangers.sort();
-    strangers
+    let known: BTreeSet<&str> = shards.map(|s| s.file(table).path.as_str()).collect();
+    let names = listing.into_keys().filter(|name| !is_staging(name)).map(|name| format!("{}/{name}", table.name()));
+    let strangers = names.filter(|name| !known.contains(name.as_str()));
+    Ok(strangers.map(|name| format!("{name} is not in the manifest, and readers may take it for data")).collect())
 }
 
-/// The marker must be there and say what the manifest says.
-fn marker(dataset: &Dataset, shard: u32) -> Result<(), String> {
+/// What is wrong with a marker: it must be there and say what the manifest says.
+fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, ReadError> {
     let name = layout::marker(shard);
-    let wrong = |message: String| format!("shard {shard}: {message}: {}", dataset.dir().join(&name).display());
-    let bytes = dataset.read_meta(&name).map_err(|e| e.to_string())?;
-    let bytes = bytes.ok_or_else(|| wrong("the marker is missing".to_owned()))?;
-    let marker: ShardSummary = seal::unseal(&String::from_utf8_lossy(&bytes)).map_err(|e| wrong(e.to_string()))?;
-    if marker == dataset.manifest().shards[shard as usize] {
-        Ok(())
-    } else {
-        Err(wrong("the marker must say what the manifest says".to_owned()))
+    let at = dataset.location().join(&name);
+    let wrong = |message: &str| Ok(Some(format!("shard {shard}: {message}: {at}")));
+    let Some(bytes) = dataset.read_meta(&name)? else { return wrong("the marker is missing") };
+    match seal::unseal::<ShardSummary>(&String::from_utf8_lossy(&bytes)) {
+        Err(e) => wrong(&e.to_string()),
+        Ok(marker) if marker == dataset.manifest().shards[shard as usize] => Ok(None),
+        Ok(_) => wrong("the marker must say what the manifest says"),
     }
 }
 
 /// Reads a shard's three tables, each by itself, then one with another. What was counted, unless a table is damaged.
-fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Option<Counts> {
-    let attempts = found.keep(dataset.read_attempts(shard));
-    let objects = found.keep(dataset.read_objects(shard));
+fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Result<Option<Counts>, ReadError> {
+    let attempts = found.keep(dataset.read_attempts(shard))?;
+    let objects = found.keep(dataset.read_objects(shard))?;
     let scenes = dataset.scenes(shard).and_then(|scenes| {
         scenes.map(|scene| scene.map(|scene| SceneRecord { tsdf: Vec::new(), ..scene })).collect::<Result<Vec<_>, _>>()
     });
-    let scenes = found.keep(scenes);
-    let (Some(attempts), Some(objects), Some(scenes)) = (attempts, objects, scenes) else { return None };
+    let scenes = found.keep(scenes)?;
+    let (Some(attempts), Some(objects), Some(scenes)) = (attempts, objects, scenes) else { return Ok(None) };
     let counts = link(shard, scenes, objects, attempts, found);
     if counts != dataset.manifest().shards[shard as usize].counts {
         found.tell([format!("shard {shard}: the counts of the manifest must be those of the rows")]);
     }
-    Some(counts)
+    Ok(Some(counts))
 }
 
 /// Follows the keys among the tables of a shard, and counts.

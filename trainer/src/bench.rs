@@ -9,7 +9,7 @@ use std::time::Instant;
 use burn::tensor::{Device, Tensor, TensorData};
 use schema::{Purpose, Quat, Stream};
 use serde::Serialize;
-use shards::Dataset;
+use shards::{Dataset, Location};
 
 use crate::DenseNetwork;
 use crate::batch::{Batch, Sample};
@@ -66,7 +66,7 @@ pub struct BenchReport {
 /// [`FitError`] if the dataset cannot be read.
 pub fn bench(
     samples: usize,
-    data: Option<&Path>,
+    data: Option<&Location>,
     scratch: &Path,
     device: &Device,
     on_phase: &dyn Fn(&str),
@@ -145,7 +145,7 @@ fn batch(samples: usize, scenes: usize) -> Batch {
 }
 
 /// Seconds a batch when nothing is done with it.
-fn read_s(data: &Path, scratch: &Path, batch: usize) -> Result<f64, FitError> {
+fn read_s(data: &Location, scratch: &Path, batch: usize) -> Result<f64, FitError> {
     let dataset = Dataset::open(data).map_err(crate::data::LoadError::from)?;
     let samples = load(&dataset, scratch, &AtomicBool::new(false), &|| {})?;
     // Every sample of another scene as far as there are scenes: what costs most to read.

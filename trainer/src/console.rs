@@ -60,7 +60,7 @@ impl Screen {
                 let info = dataset.info();
                 self.replace(bar(info.scene_count, "reading scenes {bar:30} {pos}/{len} {eta}"));
                 let (attempts, scenes) = (info.attempt_count, info.scene_count);
-                self.line(&format!("dataset   {attempts} attempts in {scenes} scenes, {}", dataset.dir().display()));
+                self.line(&format!("dataset   {attempts} attempts in {scenes} scenes, {}", dataset.location()));
             }
             Event::SceneLoaded => self.bar().inc(1),
             Event::Begun(beginning) => self.begin(beginning),

@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use burn::tensor::{Device, Tensor};
 use burn_dataset::Dataset as _;
 use serde::Serialize;
-use shards::{Dataset, ExitCode};
+use shards::{Dataset, ExitCode, Location};
 
 use crate::checkpoint::{self, CheckpointError};
 use crate::config::{Config, ConfigError};
@@ -132,7 +132,7 @@ pub struct Evaluation {
 /// [`EvaluateError`].
 pub fn evaluate(
     checkpoint: &Path,
-    data: &Path,
+    data: impl Into<Location>,
     set: TestSet,
     scratch: &Path,
     stop: &AtomicBool,

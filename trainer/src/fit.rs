@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use burn::tensor::{Device, Tensor};
 use serde::Serialize;
-use shards::{Dataset, ExitCode};
+use shards::{Dataset, ExitCode, Location};
 
 use crate::adam::Adam;
 use crate::checkpoint::{self, Checkpoint};
@@ -181,8 +181,8 @@ struct State {
 /// What is to be trained, and where.
 #[derive(Debug, Clone, Copy)]
 pub struct Job<'a> {
-    /// The dataset's folder.
-    pub data: &'a Path,
+    /// Where the dataset lies.
+    pub data: &'a Location,
     /// The recipe.
     pub config: &'a Config,
     /// The run's folder; only rank 0 uses it.
@@ -200,14 +200,14 @@ pub struct Job<'a> {
 /// # Errors
 /// [`FitError`].
 pub fn fit(
-    data: &Path,
+    data: impl Into<Location>,
     config: &Config,
     run: &Path,
     resume: bool,
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
 ) -> Result<Ending, FitError> {
-    fit_job(&Job { data, config, run, resume, place: None, device: &Device::flex() }, stop, observe)
+    fit_job(&Job { data: &data.into(), config, run, resume, place: None, device: &Device::flex() }, stop, observe)
 }
 
 /// Trains the network on a dataset, in a folder that keeps checkpoints and metrics.
@@ -219,7 +219,7 @@ pub fn fit(
 /// [`FitError`].
 pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync)) -> Result<Ending, FitError> {
     let (config, device) = (job.config, job.device);
-    let dataset = Dataset::open(job.data).map_err(LoadError::from)?;
+    let dataset = Dataset::open(job.data.clone()).map_err(LoadError::from)?;
     let dataset_id = dataset.info().dataset_id();
     let keeps_folder = job.place.is_none_or(|place| place.rank == 0);
     let folder = if keeps_folder { Some(RunFolder::open(job.run, config, job.resume)?) } else { None };

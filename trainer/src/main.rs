@@ -10,8 +10,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use convert::{ExportArgs, ImportArgs};
+use shards::Location;
 use trainer::bench::bench;
 use trainer::config::Config;
 use trainer::curves::{CurvesError, draw_curves};
@@ -39,10 +41,10 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Train, or go on training.
-    #[command(after_help = shards::ExitCode::HELP)]
+    #[command(after_help = format!("{}\n\n{}", Location::HELP, shards::ExitCode::HELP))]
     Fit(FitArgs),
     /// What a checkpoint is worth on a dataset: accuracy, precision–recall, calibration, errors of the grasps.
-    #[command(after_help = shards::ExitCode::HELP)]
+    #[command(after_help = format!("{}\n\n{}", Location::HELP, shards::ExitCode::HELP))]
     Evaluate(EvaluateArgs),
     /// Draw a run's curves again from its metrics.jsonl: loss.svg, loss.png, accuracy.svg, accuracy.png.
     #[command(after_help = shards::ExitCode::HELP)]
@@ -63,9 +65,9 @@ struct BenchArgs {
     /// Samples of a batch.
     #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u16).range(1..=4096))]
     batch: u16,
-    /// A dataset, to measure reading too.
-    #[arg(long)]
-    data: Option<PathBuf>,
+    /// A dataset's folder or URL, to measure reading too.
+    #[arg(long, value_parser = OsStringValueParser::new().try_map(Location::parse))]
+    data: Option<Location>,
     /// Threads; all cores by default.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -79,9 +81,9 @@ struct BenchArgs {
 
 #[derive(Args)]
 struct FitArgs {
-    /// The dataset's folder.
-    #[arg(long)]
-    data: PathBuf,
+    /// The dataset's folder or URL.
+    #[arg(long, value_parser = OsStringValueParser::new().try_map(Location::parse))]
+    data: Location,
     /// The recipe.
     #[arg(long, default_value = "configs/train/paper.toml")]
     config: PathBuf,
@@ -141,9 +143,9 @@ struct EvaluateArgs {
     /// A checkpoint's file, in place of a run's.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "checkpoint"])]
     model: Option<PathBuf>,
-    /// The dataset's folder.
-    #[arg(long)]
-    data: PathBuf,
+    /// The dataset's folder or URL.
+    #[arg(long, value_parser = OsStringValueParser::new().try_map(Location::parse))]
+    data: Location,
     /// Which samples.
     #[arg(long, value_enum, default_value_t = SplitArg::TestAttempts)]
     split: SplitArg,
@@ -234,7 +236,7 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
     let place = Place::find(&flags, &|name| std::env::var(name).ok())?;
     set_threads(args.threads)?;
     let stop = stop_on_signals()?;
-    let (data, run, device) = (args.data.as_path(), args.run.as_path(), args.device.open()?);
+    let (data, run, device) = (&args.data, args.run.as_path(), args.device.open()?);
     let job = Job { data, config: &config, run, resume: args.resume, place: place.as_ref(), device: &device };
     if place.as_ref().is_some_and(|place| place.rank > 0) {
         // Rank 0 tells people how it goes.
@@ -252,7 +254,7 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
             println!("\nbest weights  {}", checkpoint_path(&args.run, "best").display());
             println!("metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg");
             println!("TensorBoard   tensorboard --logdir {run}/tensorboard");
-            println!("next          trainer evaluate --run {run} --data {}", args.data.display());
+            println!("next          trainer evaluate --run {run} --data {}", args.data);
             shards::ExitCode::Ok
         }
         Ending::Stopped => {
@@ -300,7 +302,7 @@ fn run_bench(args: &BenchArgs) -> Result<shards::ExitCode, Failure> {
     set_threads(args.threads)?;
     let scratch = std::env::temp_dir();
     let device = args.device.open()?;
-    let report = bench(args.batch.into(), args.data.as_deref(), &scratch, &device, &console::phase)?;
+    let report = bench(args.batch.into(), args.data.as_ref(), &scratch, &device, &console::phase)?;
     if args.json {
         println!("{}", serde_json::to_string_pretty(&report).context("failed to write JSON")?);
     } else {

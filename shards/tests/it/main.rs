@@ -7,5 +7,6 @@ mod disk_full;
 mod golden;
 mod killed;
 mod program;
+mod remote;
 mod round_trip;
 mod sample;

@@ -1,7 +1,7 @@
 //! From shards to samples.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use rayon::prelude::*;
 use schema::{AttemptRecord, Grasp, Grid};
@@ -44,8 +44,9 @@ impl LoadError {
     }
 }
 
-/// Reads every attempt and decodes every grid once, into a file in `folder`; shards in parallel. Files are checked
-/// against the manifest's checksums on the way. `scene_done` is called once a scene, from any thread.
+/// Reads every attempt and decodes every grid once, into a file in `folder`; shards in parallel, those after a failed
+/// one no more. Files are checked against the manifest's checksums on the way. `scene_done` is called once a scene,
+/// from any thread.
 ///
 /// # Errors
 /// [`LoadError`]; the first in the order of shards.
@@ -61,19 +62,17 @@ pub fn load(
     }
     let scenes = u32::try_from(info.scene_count).map_err(|_| LoadError::Scenes(info.scene_count))?;
     let grids = Grids::create(folder, scenes as usize)?;
+    let failed = AtomicU32::new(u32::MAX); // the lowest shard that failed
     let shards: Vec<Vec<Record>> = (0..info.shard_count)
         .into_par_iter()
         .map(|shard| {
-            for scene in dataset.scenes(shard)? {
-                let scene = scene?;
-                grids.write(scene.scene_id as usize, &scene.tsdf)?;
-                scene_done();
-                if stop.load(Ordering::Relaxed) {
-                    return Err(LoadError::Stopped);
-                }
+            if failed.load(Ordering::Relaxed) < shard {
+                return Err(LoadError::Stopped); // comes after the failure, so nobody hears of it
             }
-            let attempts = dataset.read_attempts(shard)?;
-            Ok(attempts.iter().filter_map(|attempt| record(attempt, &info.grid)).collect())
+            let records = load_shard(dataset, shard, &grids, stop, scene_done);
+            records.inspect_err(|_| {
+                failed.fetch_min(shard, Ordering::Relaxed);
+            })
         })
         .collect::<Vec<Result<_, LoadError>>>()
         .into_iter()
@@ -81,6 +80,26 @@ pub fn load(
     let records = shards.concat();
     let outside = info.attempt_count - records.len() as u64;
     Ok(GraspDataset { records, grids, outside })
+}
+
+/// The samples of a shard, whose grids go to the file.
+fn load_shard(
+    dataset: &Dataset,
+    shard: u32,
+    grids: &Grids,
+    stop: &AtomicBool,
+    scene_done: &(dyn Fn() + Sync),
+) -> Result<Vec<Record>, LoadError> {
+    for scene in dataset.scenes(shard)? {
+        let scene = scene?;
+        grids.write(scene.scene_id as usize, &scene.tsdf)?;
+        scene_done();
+        if stop.load(Ordering::Relaxed) {
+            return Err(LoadError::Stopped);
+        }
+    }
+    let attempts = dataset.read_attempts(shard)?;
+    Ok(attempts.iter().filter_map(|attempt| record(attempt, &dataset.info().grid)).collect())
 }
 
 /// The sample of an attempt, or `None` if its grasp's origin lies outside the grid.
