@@ -199,7 +199,7 @@ pub fn rotation_error_deg(loss: f32) -> f64 {
 const DRAWS: u32 = 1000;
 
 /// The 95 % interval of the accuracy when scenes, not samples, are what was drawn: samples of a scene look at one grid,
-/// so they are right and wrong together. Scenes are drawn with replacement, as many as there are, [`DRAWS`] times.
+/// so they are right and wrong together. Scenes are drawn with replacement, as many as there are, 1,000 times.
 /// `scenes` holds right predictions and samples of each. `None` for fewer than two scenes.
 #[must_use]
 pub fn interval_by_scene(scenes: &[(u64, u64)]) -> Option<(f64, f64)> {
