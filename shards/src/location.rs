@@ -26,9 +26,9 @@ const SCHEMES: [&str; 9] = ["s3", "s3a", "gs", "az", "azure", "abfs", "abfss", "
 impl Location {
     /// A line on URLs, for `--help`.
     pub const HELP: &str = "\
-A dataset lies in a folder or behind a URL: s3://bucket/prefix, gs://bucket/prefix, az://container/prefix,
-https://host/path, file:///path. Endpoints and credentials come from the environment: AWS_ENDPOINT_URL, AWS_ALLOW_HTTP,
-AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, AWS_SKIP_SIGNATURE, GOOGLE_SERVICE_ACCOUNT,
+A dataset lies in a folder or behind a URL: s3://bucket/prefix, gs://bucket/prefix, az://container/prefix, \
+https://host/path, file:///path. Endpoints and credentials come from the environment: AWS_ENDPOINT_URL, AWS_ALLOW_HTTP, \
+AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, AWS_SKIP_SIGNATURE, GOOGLE_SERVICE_ACCOUNT, \
 AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. Shards pass through TMPDIR on their way.";
 
     /// A path, or a URL if there is a `://` behind a scheme.

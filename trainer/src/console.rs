@@ -8,7 +8,7 @@ use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use trainer::bench::BenchReport;
 use trainer::config::{Config, SplitBy};
 use trainer::evaluate::Evaluation;
-use trainer::fit::{Beginning, EpochReport, Event};
+use trainer::events::{Beginning, EpochReport, Event};
 use trainer::metrics::Summary;
 use trainer::scores::{BINS, Spread};
 

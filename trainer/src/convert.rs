@@ -10,9 +10,9 @@ use trainer::upsampling::Upsampling;
 
 pub(crate) const IMPORT_EXAMPLES: &str = "\
 Examples:
-  trainer import vgn_conv.pth --out runs/vgn/best.safetensors
-  trainer evaluate --run runs/vgn --data grasps --split all
-  trainer import weights.safetensors --upsampling linear --out runs/linear/best.safetensors
+  trainer import vgn_conv.pth --out vgn.safetensors
+  trainer evaluate --model vgn.safetensors --data grasps --split all
+  trainer import weights.safetensors --upsampling linear --out linear.safetensors
 
 Read are safetensors and what torch.save writes of a state dict, new (zip) or before PyTorch 1.6
 (pickles), alone or under \"state_dict\", \"model_state_dict\" or \"model\". Nothing in a file is run.
@@ -32,7 +32,7 @@ onnx: input tsdf [batch, 1, 40, 40, 40]; outputs quality (0 to 1), rotation (uni
 pub(crate) struct ImportArgs {
     /// A state dict of VGN's network: .pth, .pt or .safetensors.
     file: PathBuf,
-    /// The checkpoint to write; `evaluate --run FOLDER` reads FOLDER/best.safetensors.
+    /// The checkpoint to write, for `evaluate --model`.
     #[arg(long)]
     out: PathBuf,
     /// How the network doubles its grids, which a state dict does not say. VGN's code: nearest.

@@ -6,15 +6,15 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use burn::tensor::{Device, Tensor};
-use serde::Serialize;
 use shards::{Dataset, ExitCode, Location};
 
 use crate::adam::Adam;
 use crate::checkpoint::{self, Checkpoint};
-use crate::config::{Config, SplitBy};
+use crate::config::Config;
 use crate::data::{GraspDataset, LoadError, SpoolError, Treatment, for_each_batch, for_each_training_batch, load};
+use crate::events::{Beginning, EpochReport, Event, LabelCount};
 use crate::loss::ClassWeights;
-use crate::metrics::{Summary, Tally};
+use crate::metrics::Tally;
 use crate::network::initial_vector;
 use crate::order::epoch_order;
 use crate::patience::epochs_without_better;
@@ -72,100 +72,6 @@ pub enum Ending {
     Done,
     /// By a signal; the checkpoint is written.
     Stopped,
-}
-
-/// What happens, for whoever watches.
-#[derive(Debug)]
-pub enum Event<'a> {
-    /// The dataset is open; its grids are about to be decoded.
-    Loading(&'a Dataset),
-    /// A scene is decoded. Comes from any thread.
-    SceneLoaded,
-    /// Training begins, or goes on.
-    Begun(&'a Beginning),
-    /// A batch is done.
-    Step {
-        /// Number of the step in the run, from 1.
-        step: u64,
-        /// Samples in it.
-        samples: usize,
-        /// Its mean loss, Eq. 5.
-        loss: f64,
-    },
-    /// An epoch is done.
-    Epoch(&'a EpochReport),
-    /// Training ends early: none of the last so many epochs was better than the best before.
-    NoBetter(u32),
-}
-
-/// Labels of a set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LabelCount {
-    /// Samples.
-    pub samples: usize,
-    /// Successes among them.
-    pub held: usize,
-}
-
-impl LabelCount {
-    fn of(samples: &GraspDataset, set: &[usize]) -> Self {
-        Self { samples: set.len(), held: set.iter().filter(|at| samples.label(**at) == 1).count() }
-    }
-
-    /// The accuracy of always answering "failure"; 1 without samples.
-    #[must_use]
-    pub fn baseline_accuracy(&self) -> f64 {
-        1.0 - self.held as f64 / self.samples.max(1) as f64
-    }
-}
-
-/// What is known when training begins.
-#[derive(Debug, Clone)]
-pub struct Beginning {
-    /// Attempts that are no samples, for their grasp lies outside the grid.
-    pub outside: u64,
-    /// Labels of the samples that train.
-    pub train: LabelCount,
-    /// Labels of held-out attempts.
-    pub test_attempts: LabelCount,
-    /// Labels in held-out scenes.
-    pub test_scenes: LabelCount,
-    /// Where training goes on; zero for a new run.
-    pub progress: Progress,
-}
-
-/// An epoch in numbers; a line of `metrics.jsonl`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct EpochReport {
-    /// Number of the epoch, from 1.
-    pub epoch: u32,
-    /// Steps done in all.
-    pub step: u64,
-    /// Adam's step size at the epoch's last step.
-    pub learning_rate: f64,
-    /// Over the training samples, as they were visited: turned, shifted and weighted as the recipe says.
-    pub train: Summary,
-    /// Over held-out attempts of known scenes, after the epoch.
-    pub test_attempts: Summary,
-    /// Over held-out scenes, after the epoch.
-    pub test_scenes: Summary,
-    /// Which of the two chooses the best checkpoint.
-    pub split_by: SplitBy,
-    /// Whether this epoch's weights are the best so far.
-    pub is_best: bool,
-    /// Seconds since this process began the epoch.
-    pub seconds: f64,
-}
-
-impl EpochReport {
-    /// The summary of the test set that counts.
-    #[must_use]
-    pub fn test(&self) -> &Summary {
-        match self.split_by {
-            SplitBy::Attempt => &self.test_attempts,
-            SplitBy::Scene => &self.test_scenes,
-        }
-    }
 }
 
 /// Samples per batch when testing: no gradients, so there is room for more.
@@ -260,7 +166,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
             team
         }
     };
-    observe(Event::Begun(&beginning(&samples, &split, &state.progress)));
+    observe(Event::Begun(&Beginning::of(&samples, &split, &state.progress)));
     let lesson = Lesson::new(&samples, &split.train, config);
     while state.progress.epoch < config.epochs {
         let without_better = epochs_without_better(&metrics);
@@ -445,15 +351,5 @@ fn checkpoint(state: &State, config: &Config, dataset_id: &str) -> Checkpoint {
         dataset_id: dataset_id.to_owned(),
         progress: state.progress,
         moments: state.adam.moments(),
-    }
-}
-
-fn beginning(samples: &GraspDataset, split: &Split, progress: &Progress) -> Beginning {
-    Beginning {
-        outside: samples.outside_count(),
-        train: LabelCount::of(samples, &split.train),
-        test_attempts: LabelCount::of(samples, &split.test_attempts),
-        test_scenes: LabelCount::of(samples, &split.test_scenes),
-        progress: *progress,
     }
 }

@@ -10,7 +10,7 @@
 //! - [`data`] makes samples of shards, [`split`] holds some out, [`order`] shuffles the rest, [`augmentation`] turns and
 //!   shifts their scenes.
 //! - [`mod@fit`] is the recipe, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early end, [`metrics`]
-//!   what it counts, [`run_folder`], [`checkpoint`] and [`progress`] what it leaves behind, [`curves`] and TensorBoard's
+//!   what it counts, [`events`] what it tells, [`run_folder`], [`checkpoint`] and [`progress`] what it leaves behind, [`curves`] and TensorBoard's
 //!   events what people watch meanwhile.
 //! - [`mod@evaluate`] looks at the result, [`scores`] at its qualities, [`evaluate::report`] writes it down.
 //! - [`ranks`] lets several processes share every batch.
@@ -34,6 +34,7 @@ pub mod curves;
 pub mod data;
 pub mod device;
 pub mod evaluate;
+pub mod events;
 mod figure;
 pub mod fit;
 mod host;

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use syntaxdot_summary::SummaryWriter;
 
-use crate::fit::EpochReport;
+use crate::events::EpochReport;
 use crate::metrics::Summary;
 
 /// The folder in a run's folder.

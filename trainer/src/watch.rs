@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use crate::curves::draw_curves;
-use crate::fit::Event;
+use crate::events::Event;
 use crate::tensorboard::{Events, FOLDER};
 
 /// A watched run.

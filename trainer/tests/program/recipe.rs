@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use crate::fixture::{check_fails, trainer, write_config, write_dataset};
 use crate::resume::{check_same_run, metrics};
 use trainer::config::Config;
-use trainer::fit::{Ending, Event, fit};
+use trainer::events::Event;
+use trainer::fit::{Ending, fit};
 
 struct Place {
     dir: tempfile::TempDir,

@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 
 use crate::fixture::{trainer, write_config, write_dataset};
 use trainer::config::Config;
-use trainer::fit::{Ending, Event, fit};
+use trainer::events::Event;
+use trainer::fit::{Ending, fit};
 
 /// The metrics without the time that they took.
 pub(crate) fn metrics(run: &Path) -> Vec<serde_json::Value> {
