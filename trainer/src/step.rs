@@ -1,9 +1,11 @@
 //! The network evaluated at one voxel a sample, its loss and its gradient.
 //!
 //! The encoder and the first decoder convolution (5³) run densely, once a grid; the rest of the decoder and the heads
-//! run on the voxel's receptive field only. Every convolution is a gather of rows and a matrix product; every doubling
-//! a small matrix product along each axis. Equal to [`crate::network::Network::forward`] at that voxel, loss and
-//! gradients, which the tests hold to 1e-4.
+//! run on the voxel's receptive field only. Equal to [`crate::network::Network::forward`] at that voxel, loss and gradients,
+//! which the tests hold to 1e-4.
+//!
+//! The host has products of its own (`host`). What stands here is for other devices: every convolution is a gather of rows
+//! and a matrix product, every doubling a small matrix product along each axis.
 
 use std::ops::Range;
 
