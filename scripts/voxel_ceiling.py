@@ -5,7 +5,7 @@
 
 The network answers per voxel; a label also depends on from where the hand came. Where attempts share a voxel of a scene,
 the data show how much: if a voxel's attempts hold with probability p, two of them disagree with probability 2 p (1 - p),
-which pairs of attempts estimate without bias. No answer per voxel errs less often than min(p, 1 - p), which lies between
+which pairs of attempts estimate without bias as far as a voxel's attempts are drawn independently. No answer per voxel errs less often than min(p, 1 - p), which lies between
 p (1 - p) and 2 p (1 - p): so the best accuracy on these attempts lies between 1 - d and 1 - d / 2, with d the share of
 pairs that disagree. The interval of d draws scenes (bootstrap, 1,000 times).
 """
@@ -37,8 +37,10 @@ def ceiling(table: pl.DataFrame, draws: int = 1000) -> dict:
     disagreeing = n * 2 * k * (n - k) / (n * (n - 1))  # attempts, times the share of their voxel's pairs that disagree
     sums = pl.DataFrame({"scene": shared["scene_id"], "n": n, "d": disagreeing}).group_by("scene").sum().sort("scene")
     per_scene = sums.select("n", "d").to_numpy()
-    picks = np.random.default_rng(0).integers(len(per_scene), size=(draws, len(per_scene)))
-    drawn = np.array([per_scene[pick].sum(axis=0) for pick in picks])
+    if not len(per_scene):
+        raise SystemExit("no two attempts share a voxel of a scene: nothing can be said")
+    random = np.random.default_rng(0)
+    drawn = np.array([per_scene[random.integers(len(per_scene), size=len(per_scene))].sum(axis=0) for _ in range(draws)])
     share = disagreeing.sum() / n.sum()
     return {
         "attempts": int(table["n"].sum()),

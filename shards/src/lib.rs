@@ -42,6 +42,7 @@
 //! A shard's bytes are a pure function of its rows: no clock, no host name, no library version. Every error has an
 //! [`ExitCode`].
 
+mod argument;
 mod begin;
 mod card;
 mod check;
@@ -75,6 +76,7 @@ mod verify;
 mod version;
 mod writer;
 
+pub use argument::LocationParser;
 pub use begin::{BeginError, begin_dataset};
 pub use check::{POSITION_M_MAX, QUATERNION_TOLERANCE, RowError, VIEWS_MAX, WIDTH_TOLERANCE_M};
 pub use column::{Column, Kind, Table};

@@ -51,6 +51,9 @@ AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. Shards pass thr
             Ok(url) => url,
             Err(e) => return wrong(format!("not a URL: {e}")),
         };
+        if url.query().is_some() || url.fragment().is_some() {
+            return wrong("the URL must have neither ? nor #: the dataset's files lie below it".to_owned());
+        }
         if url.scheme() == "file" {
             return match url.to_file_path() {
                 Ok(path) => Ok(Self::Path(path)),
@@ -64,11 +67,9 @@ AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. Shards pass thr
         if url.host_str().unwrap_or_default().is_empty() {
             return wrong(format!("the URL must be {}://bucket/prefix", url.scheme()));
         }
-        if url.password().is_some() {
+        // `abfss://container@account` is no credential; a name before a web server may be a token.
+        if url.password().is_some() || (url.scheme().starts_with("http") && !url.username().is_empty()) {
             return wrong("credentials must be in the environment, not in the URL".to_owned());
-        }
-        if url.query().is_some() || url.fragment().is_some() {
-            return wrong("the URL must have neither ? nor #: the dataset's files lie below it".to_owned());
         }
         Ok(Self::Url(Box::new(url)))
     }

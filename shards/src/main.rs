@@ -3,9 +3,8 @@
 use std::io::{self, IsTerminal, Write};
 
 use anyhow::{Context, Result};
-use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Parser, Subcommand};
-use shards::{Dataset, ExitCode, Inspection, Location, ReadError, Verified};
+use shards::{Dataset, ExitCode, Inspection, Location, LocationParser, ReadError, Verified};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -31,13 +30,13 @@ To mend a damaged shard, delete the named file and run the generator again with 
 makes that shard anew, byte for byte, and leaves the others alone.")]
     Verify {
         /// The dataset's folder or URL.
-        #[arg(value_parser = OsStringValueParser::new().try_map(Location::parse))]
+        #[arg(value_parser = LocationParser)]
         dataset: Location,
     },
     /// Count attempts: positives by shape, rule and objects in the scene; outcomes, widths, angles, sizes.
     Report {
         /// The dataset's folder or URL.
-        #[arg(value_parser = OsStringValueParser::new().try_map(Location::parse))]
+        #[arg(value_parser = LocationParser)]
         dataset: Location,
         /// Print JSON.
         #[arg(long)]
@@ -46,7 +45,7 @@ makes that shard anew, byte for byte, and leaves the others alone.")]
     /// Show one scene: objects, cameras, attempts, two cuts through its voxel grid.
     Inspect {
         /// The dataset's folder or URL.
-        #[arg(value_parser = OsStringValueParser::new().try_map(Location::parse))]
+        #[arg(value_parser = LocationParser)]
         dataset: Location,
         /// The scene's number, from 0.
         #[arg(long)]
@@ -93,7 +92,7 @@ fn verify(dataset: &Location) -> Result<ExitCode> {
     if shows_progress {
         let _ = write!(stderr, "\r\x1b[K");
     }
-    let Verified { counts, bytes, problems, more } = &verified;
+    let Verified { counts, bytes, problems, more, listed } = &verified;
     let mut out = io::stdout().lock();
     for problem in problems {
         writeln!(out, "{problem}")?;
@@ -103,6 +102,9 @@ fn verify(dataset: &Location) -> Result<ExitCode> {
     }
     let (attempts, objects, scenes) = (counts.labels.attempts, counts.objects, counts.scenes);
     writeln!(out, "{attempts} attempts, {objects} objects, {scenes} scenes, {bytes} bytes read and checked")?;
+    if !listed {
+        writeln!(out, "the store does not list what it holds: files beside the dataset's were not looked for")?;
+    }
     if verified.is_ok() {
         writeln!(out, "ok")?;
         return Ok(ExitCode::Ok);

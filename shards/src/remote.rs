@@ -265,7 +265,7 @@ fn explain(error: &Error) -> io::Error {
         (io::ErrorKind::PermissionDenied, "the store refused: wrong credentials, or no right to read there")
     } else if is("NoSuchBucket") {
         (io::ErrorKind::InvalidInput, "there is no such bucket")
-    } else if is("non-2xx status code: 4")
+    } else if (is("non-2xx status code: 4") && !is("status code: 429") && !is("status code: 408"))
         || is("incorrectly configured region")
         || !matches!(error, Error::Generic { .. })
     {
@@ -369,6 +369,8 @@ mod tests {
         for (text, kind, part) in [
             ("Error performing PUT http://169.254.169.254/latest/api/token", io::ErrorKind::InvalidInput, "AWS_SKIP"),
             ("Server returned non-2xx status code: 400 Bad Request", io::ErrorKind::InvalidInput, "cannot do this"),
+            ("Server returned non-2xx status code: 429 Too Many Requests", io::ErrorKind::Other, "429"),
+            ("Server returned non-2xx status code: 408 Request Timeout", io::ErrorKind::Other, "408"),
             ("Server returned non-2xx status code: 503 Slow Down", io::ErrorKind::Other, "503"),
             ("connection refused", io::ErrorKind::Other, "connection refused"),
         ] {

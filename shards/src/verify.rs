@@ -21,6 +21,8 @@ pub struct Verified {
     pub problems: Vec<String>,
     /// Problems beyond these.
     pub more: u64,
+    /// Whether the store told what lies there. A web server does not, so files beside the dataset's were not looked for.
+    pub listed: bool,
 }
 
 impl Verified {
@@ -42,13 +44,15 @@ pub const PROBLEMS_MAX: usize = 50;
 pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, ReadError> {
     let dataset = Dataset::open_with_any_files(&at.into())?;
     let bytes = Table::ALL.into_iter().map(|table| dataset.manifest().bytes(table)).sum();
-    let mut found = Verified { counts: Counts::zero(), bytes, problems: Vec::new(), more: 0 };
+    let mut found = Verified { counts: Counts::zero(), bytes, problems: Vec::new(), more: 0, listed: true };
     for table in Table::ALL {
-        let strangers = found.keep(strangers(&dataset, table))?;
-        found.tell(strangers.unwrap_or_default());
+        match found.keep(&dataset, strangers(&dataset, table))? {
+            Some(None) => found.listed = false,
+            strangers => found.tell(strangers.flatten().unwrap_or_default()),
+        }
     }
     for shard in 0..dataset.shard_count() {
-        let marker = found.keep(marker(&dataset, shard))?;
+        let marker = found.keep(&dataset, marker(&dataset, shard))?;
         found.tell(marker.flatten());
         if let Some(counts) = rows(&dataset, shard, &mut found)? {
             found.counts.add(&counts);
@@ -69,10 +73,11 @@ impl Verified {
         }
     }
 
-    /// Tells what is wrong and goes on, but for an object store's refusal, which would come again and again.
-    fn keep<T>(&mut self, result: Result<T, ReadError>) -> Result<Option<T>, ReadError> {
+    /// Tells what is wrong and goes on; but what hinders reading from an object store (its refusal, a full scratch folder)
+    /// would come again and again.
+    fn keep<T>(&mut self, dataset: &Dataset, result: Result<T, ReadError>) -> Result<Option<T>, ReadError> {
         match result {
-            Err(ReadError::Store(error)) if matches!(error.at, Location::Url(_)) => Err(error.into()),
+            Err(ReadError::Store(error)) if matches!(dataset.location(), Location::Url(_)) => Err(error.into()),
             Err(error) => {
                 self.tell([error.to_string()]);
                 Ok(None)
@@ -82,14 +87,15 @@ impl Verified {
     }
 }
 
-/// Files in a table's folder that the manifest does not know.
-fn strangers(dataset: &Dataset, table: Table) -> Result<Vec<String>, ReadError> {
-    let listing = dataset.list(table)?.unwrap_or_default(); // missing files are told shard by shard
+/// Files in a table's folder that the manifest does not know; `None` if the store does not list.
+fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, ReadError> {
+    let Some(listing) = dataset.list(table)? else { return Ok(None) }; // missing files are told shard by shard
     let shards = dataset.manifest().shards.iter();
     let known: BTreeSet<&str> = shards.map(|s| s.file(table).path.as_str()).collect();
     let names = listing.into_keys().filter(|name| !is_staging(name)).map(|name| format!("{}/{name}", table.name()));
     let strangers = names.filter(|name| !known.contains(name.as_str()));
-    Ok(strangers.map(|name| format!("{name} is not in the manifest, and readers may take it for data")).collect())
+    let told = strangers.map(|name| format!("{name} is not in the manifest, and readers may take it for data"));
+    Ok(Some(told.collect()))
 }
 
 /// What is wrong with a marker: it must be there and say what the manifest says.
@@ -107,12 +113,12 @@ fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, ReadError> {
 
 /// Reads a shard's three tables, each by itself, then one with another. What was counted, unless a table is damaged.
 fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Result<Option<Counts>, ReadError> {
-    let attempts = found.keep(dataset.read_attempts(shard))?;
-    let objects = found.keep(dataset.read_objects(shard))?;
+    let attempts = found.keep(dataset, dataset.read_attempts(shard))?;
+    let objects = found.keep(dataset, dataset.read_objects(shard))?;
     let scenes = dataset.scenes(shard).and_then(|scenes| {
         scenes.map(|scene| scene.map(|scene| SceneRecord { tsdf: Vec::new(), ..scene })).collect::<Result<Vec<_>, _>>()
     });
-    let scenes = found.keep(scenes)?;
+    let scenes = found.keep(dataset, scenes)?;
     let (Some(attempts), Some(objects), Some(scenes)) = (attempts, objects, scenes) else { return Ok(None) };
     let counts = link(shard, scenes, objects, attempts, found);
     if counts != dataset.manifest().shards[shard as usize].counts {

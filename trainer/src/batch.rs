@@ -38,8 +38,8 @@ pub struct Looks<'a> {
     pub targets: Vec<Target>,
 }
 
-/// Most grids in a part of a batch. Parts run on different threads and their gathered inputs (10 MB a grid) live at the
-/// same time, so this bounds memory; it does not depend on the thread count, so neither do results.
+/// Most grids in a part of a batch. Parts run on different threads, so this bounds memory; it does not depend on the
+/// thread count, so neither do results.
 const PART_GRIDS_MAX: usize = 2;
 /// Most samples in a part of a batch.
 const PART_SAMPLES_MAX: usize = 12;

@@ -116,7 +116,7 @@ impl Screen {
 }
 
 /// A line to standard output. Training must not end because nobody reads any more, so a closed pipe is ignored.
-fn print(text: &str) {
+pub(crate) fn print(text: &str) {
     let _ = writeln!(std::io::stdout(), "{}", text.trim_end_matches(' '));
 }
 

@@ -1,5 +1,4 @@
 //! `trainer import` and `trainer export`.
-#![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
 
 use std::path::PathBuf;
 
@@ -80,15 +79,18 @@ pub(crate) fn run_import(args: &ImportArgs) -> Result<shards::ExitCode, Intercha
         UpsamplingArg::Linear => Upsampling::Linear,
     };
     let imported = import(&args.file, &args.out, upsampling, args.force, &Device::flex())?;
-    println!("read        {}: {}", imported.source.name(), args.file.display());
+    crate::console::print(&format!("read        {}: {}", imported.source.name(), args.file.display()));
     if !imported.prefix.is_empty() {
-        println!("names       {:?} before each was taken off", imported.prefix);
+        crate::console::print(&format!("names       {:?} before each was taken off", imported.prefix));
     }
     if !imported.converted_from.is_empty() {
-        println!("numbers     {} converted to float32", imported.converted_from.join(" and "));
+        crate::console::print(&format!("numbers     {} converted to float32", imported.converted_from.join(" and ")));
     }
-    println!("upsampling  {}: a state dict does not say; --upsampling changes it", upsampling.name());
-    println!("checkpoint  {}", args.out.display());
+    crate::console::print(&format!(
+        "upsampling  {}: a state dict does not say; --upsampling changes it",
+        upsampling.name()
+    ));
+    crate::console::print(&format!("checkpoint  {}", args.out.display()));
     Ok(shards::ExitCode::Ok)
 }
 
@@ -98,7 +100,7 @@ pub(crate) fn run_export(args: &ExportArgs) -> Result<shards::ExitCode, Intercha
         FormatArg::Onnx => Target::Onnx,
     };
     let checkpoint = export(&args.checkpoint, &args.out, target, args.force, &Device::flex())?;
-    println!("upsampling  {}", checkpoint.upsampling.name());
-    println!("written     {}", args.out.display());
+    crate::console::print(&format!("upsampling  {}", checkpoint.upsampling.name()));
+    crate::console::print(&format!("written     {}", args.out.display()));
     Ok(shards::ExitCode::Ok)
 }

@@ -44,7 +44,7 @@ pub enum FitError {
     #[error(transparent)]
     Ranks(#[from] RanksError),
     /// The loss is no number any more.
-    #[error("the loss is no finite number at step {step}: training.learning_rate is too high")]
+    #[error("the loss or its gradient is no finite number at step {step}: training.learning_rate is too high")]
     Diverged {
         /// Step.
         step: u64,
@@ -137,6 +137,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
         observe(event);
     };
     let last = folder.as_ref().map(|folder| folder.last(&dataset_id, device)).transpose()?.flatten();
+    folder.as_ref().map_or(Ok(()), |folder| folder.write_config(config))?;
     let mut state = match last {
         Some(checkpoint) => resumed(checkpoint, config),
         None => begun(config, device),
@@ -157,7 +158,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
     let mut team = match job.place {
         None => Team::alone(),
         Some(place) => {
-            let mut team = Team::join(place, &task(config, &dataset_id), stop)?;
+            let mut team = Team::join(place, &task(config, &dataset_id, device), stop)?;
             let told = team
                 .tell(checkpoint::encode(&checkpoint(&state, config, &dataset_id), job.run).map_err(RunError::from)?)?;
             state = resumed(checkpoint::decode(&told, job.run, device).map_err(RunError::from)?, config);
@@ -271,17 +272,17 @@ fn train_epoch(
                 return ControlFlow::Break(());
             }
         };
+        let count = result.samples.len();
+        let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / count as f64;
+        // Before the step is taken: no checkpoint holds what cannot go on.
+        if !loss.is_finite() || !result.gradient.clone().abs().sum().into_scalar::<f32>().is_finite() {
+            outcome = Err(FitError::Diverged { step: state.progress.step + 1 });
+            return ControlFlow::Break(());
+        }
         state.vector = state.adam.step(state.vector.clone(), result.gradient);
         state.progress.tally.add(&result.samples);
         state.progress.batch += 1;
         state.progress.step += 1;
-
-        let count = result.samples.len();
-        let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / count as f64;
-        if !loss.is_finite() {
-            outcome = Err(FitError::Diverged { step: state.progress.step });
-            return ControlFlow::Break(());
-        }
         observe(Event::Step { step: state.progress.step, samples: count, loss });
         let every = u64::from(config.checkpoint_every_steps);
         if every > 0
@@ -339,8 +340,9 @@ fn resumed(checkpoint: Checkpoint, config: &Config) -> State {
 }
 
 /// What all ranks must be about to do.
-fn task(config: &Config, dataset_id: &str) -> String {
-    format!("{}\n{dataset_id}\n{}", env!("CARGO_PKG_VERSION"), config.to_toml())
+fn task(config: &Config, dataset_id: &str, device: &Device) -> String {
+    let computes = format!("{device:?} {}", std::env::consts::ARCH);
+    format!("{}\n{dataset_id}\n{computes}\n{}", env!("CARGO_PKG_VERSION"), config.to_toml())
 }
 
 fn checkpoint(state: &State, config: &Config, dataset_id: &str) -> Checkpoint {

@@ -1,7 +1,7 @@
 //! Weights from and to other programs: PyTorch's state dicts and safetensors in, safetensors and ONNX out.
 //!
-//! What comes in was written by others, so it is read as such: nothing in a file is run (`pickle.rs`), nothing is larger in
-//! memory than in the file, every loop ends, and whatever is wrong is told.
+//! What comes in was written by others, so it is read as such: nothing in a file is run (`pickle.rs`), files and
+//! what is made of them are bounded (64 MiB, a million objects), every loop ends, and whatever is wrong is told.
 
 mod cursor;
 mod element;

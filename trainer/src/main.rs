@@ -1,5 +1,4 @@
 //! The `trainer` program: arguments in, library calls, text out.
-#![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
 
 mod console;
 mod convert;
@@ -10,10 +9,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
-use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use convert::{ExportArgs, ImportArgs};
-use shards::Location;
+use shards::{Location, LocationParser};
 use trainer::bench::bench;
 use trainer::config::Config;
 use trainer::curves::{CurvesError, draw_curves};
@@ -67,7 +65,7 @@ struct BenchArgs {
     #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u16).range(1..=4096))]
     batch: u16,
     /// A dataset's folder or URL, to measure reading too.
-    #[arg(long, value_parser = OsStringValueParser::new().try_map(Location::parse))]
+    #[arg(long, value_parser = LocationParser)]
     data: Option<Location>,
     /// Threads; all cores by default.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -83,7 +81,7 @@ struct BenchArgs {
 #[derive(Args)]
 struct FitArgs {
     /// The dataset's folder or URL.
-    #[arg(long, value_parser = OsStringValueParser::new().try_map(Location::parse))]
+    #[arg(long, value_parser = LocationParser)]
     data: Location,
     /// The recipe.
     #[arg(long, default_value = "configs/train/paper.toml")]
@@ -145,7 +143,7 @@ struct EvaluateArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "checkpoint"])]
     model: Option<PathBuf>,
     /// The dataset's folder or URL.
-    #[arg(long, value_parser = OsStringValueParser::new().try_map(Location::parse))]
+    #[arg(long, value_parser = LocationParser)]
     data: Location,
     /// Which samples.
     #[arg(long, value_enum, default_value_t = SplitArg::TestAttempts)]
@@ -252,14 +250,14 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
     let run = args.run.display();
     Ok(match ending {
         Ending::Done => {
-            println!("\nbest weights  {}", checkpoint_path(&args.run, "best").display());
-            println!("metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg");
-            println!("TensorBoard   tensorboard --logdir {run}/tensorboard");
-            println!("next          trainer evaluate --run {run} --data {}", args.data);
+            console::print(&format!("\nbest weights  {}", checkpoint_path(&args.run, "best").display()));
+            console::print(&format!("metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg"));
+            console::print(&format!("TensorBoard   tensorboard --logdir {run}/tensorboard"));
+            console::print(&format!("next          trainer evaluate --run {run} --data {}", args.data));
             shards::ExitCode::Ok
         }
         Ending::Stopped => {
-            println!("\nstopped by a signal; to go on exactly where it was, the same command with --resume");
+            console::print("\nstopped by a signal; to go on exactly where it was, the same command with --resume");
             shards::ExitCode::TryAgain
         }
     })
@@ -281,20 +279,20 @@ fn run_evaluate(args: &EvaluateArgs) -> Result<shards::ExitCode, Failure> {
         (None, run) => checkpoint_path(run.as_deref().unwrap_or(Path::new(".")), name), // clap asks for one of the two
     };
     let evaluation = evaluate(&path, &args.data, set, &std::env::temp_dir(), &AtomicBool::new(false), &|| {})?;
+    if args.json {
+        console::print(&serde_json::to_string_pretty(&evaluation).context("failed to write JSON")?);
+    } else {
+        console::print(console::evaluation(&evaluation).trim_end());
+    }
     if let Some(folder) = &args.report {
         write_report(&evaluation, folder)?;
-    }
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&evaluation).context("failed to write JSON")?);
-    } else {
-        print!("{}", console::evaluation(&evaluation));
     }
     Ok(shards::ExitCode::Ok)
 }
 
 fn run_curves(args: &CurvesArgs) -> Result<shards::ExitCode, Failure> {
     for path in draw_curves(&args.run)? {
-        println!("{}", path.display());
+        console::print(&format!("{}", path.display()));
     }
     Ok(shards::ExitCode::Ok)
 }
@@ -305,9 +303,9 @@ fn run_bench(args: &BenchArgs) -> Result<shards::ExitCode, Failure> {
     let device = args.device.open()?;
     let report = bench(args.batch.into(), args.data.as_ref(), &scratch, &device, &console::phase)?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&report).context("failed to write JSON")?);
+        console::print(&serde_json::to_string_pretty(&report).context("failed to write JSON")?);
     } else {
-        print!("{}", console::bench(&report));
+        console::print(console::bench(&report).trim_end());
     }
     Ok(shards::ExitCode::Ok)
 }

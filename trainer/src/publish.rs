@@ -1,6 +1,6 @@
 //! Files that appear whole or not at all: written under a temporary name, flushed, renamed, the folder flushed.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -10,21 +10,26 @@ use std::path::Path;
 /// What the system says; the old file is then untouched.
 pub(crate) fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut staging = path.as_os_str().to_owned();
-    staging.push(".tmp");
-    let staging = Path::new(&staging);
-    let written = File::create(staging)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| fs::rename(staging, path));
-    if written.is_err() {
-        let _ = fs::remove_file(staging); // the first error is the one to tell
-    }
-    written?;
+    // A name that nobody has: two writers of one path do not share it, and no file of the user's is in its way.
+    let mut staging = staging().tempfile_in(folder)?;
+    staging.write_all(bytes)?;
+    staging.as_file().sync_all()?;
+    staging.persist(path)?;
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
+}
+
+fn staging() -> tempfile::Builder<'static, 'static> {
+    let mut staging = tempfile::Builder::new();
+    staging.prefix(".").suffix(".tmp");
+    #[cfg(unix)] // as any file is made; what is temporary is its owner's alone by default
+    staging.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    staging
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

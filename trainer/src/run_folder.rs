@@ -117,9 +117,7 @@ impl RunFolder {
         let io = |action| move |source| RunError::Io { action, path: path.to_owned(), source };
         let has_results = [LAST, BEST, METRICS].iter().any(|name| path.join(name).exists());
         match first_entry(path).map_err(io("read the run's folder"))? {
-            Some(entry) if !path.join(CONFIG).exists() => {
-                return Err(RunError::Foreign { entry, path: path.to_owned() });
-            }
+            Some(entry) if !has_recipe(path) => return Err(RunError::Foreign { entry, path: path.to_owned() }),
             Some(_) if has_results && !resume => return Err(RunError::Occupied(path.to_owned())),
             Some(_) if has_results => check_config(path, config)?,
             _ => {} // nothing there, or a run that ended before its first checkpoint
@@ -131,9 +129,15 @@ impl RunFolder {
             Err(TryLockError::WouldBlock) => return Err(RunError::Busy(path.to_owned())),
             Ok(()) | Err(TryLockError::Error(_)) => {} // where there are no locks, trust the user
         }
-        let folder = Self { path: path.to_owned(), lock };
-        folder.publish(CONFIG, config.to_toml().as_bytes())?;
-        Ok(folder)
+        Ok(Self { path: path.to_owned(), lock })
+    }
+
+    /// Writes the recipe. Only after [`Self::last`], which may refuse: what is refused changes nothing.
+    ///
+    /// # Errors
+    /// [`RunError::Io`].
+    pub fn write_config(&self, config: &Config) -> Result<(), RunError> {
+        self.publish(CONFIG, config.to_toml().as_bytes())
     }
 
     /// The folder.
@@ -224,6 +228,11 @@ fn first_entry(path: &Path) -> io::Result<Option<String>> {
         }
     }
     Ok(names.into_iter().min())
+}
+
+/// Whether the folder's `config.toml` is a recipe: other programs have files of that name too.
+fn has_recipe(path: &Path) -> bool {
+    Config::read(&path.join(CONFIG)).is_ok()
 }
 
 fn check_config(path: &Path, config: &Config) -> Result<(), RunError> {

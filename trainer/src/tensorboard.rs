@@ -1,9 +1,9 @@
 //! What TensorBoard shows of a run: scalars in event files, under `tensorboard/` in the run's folder.
 //!
 //! Each set is a run of its own to TensorBoard (`train`, `test_attempts`, `test_scenes`) with the same tags, so that one
-//! chart shows all three; the horizontal axis is the step. An event file is named by the step after which it begins and
-//! ends where the next checkpoint is due, so whoever goes on from a checkpoint drops whole files to drop what was seen
-//! after it: TensorBoard keeps every point that it finds, and a step that was done twice would have two. Event files
+//! chart shows all three; the horizontal axis is the step. An event file is named by the step and the number of whole epochs
+//! after which it begins and ends where the next checkpoint is due, so whoever goes on from a checkpoint drops whole files to
+//! drop what was seen after it: TensorBoard keeps every point that it finds, and a step that was done twice would have two. Event files
 //! hold the time, so their bytes are not those of another run; their scalars are.
 
 use std::fs::{self, File};
@@ -24,26 +24,29 @@ const EVERY_STEPS: u64 = 10;
 const SETS: [&str; 3] = ["train", "test_attempts", "test_scenes"];
 const TRAIN: usize = 0;
 
+/// Where a run has come to: steps, and whole epochs. An epoch is done some time after its last step.
+type Place = (u64, u32);
+
 /// The event files of a run that is being trained.
 pub(crate) struct Events {
     folder: PathBuf,
     checkpoint_every_steps: u64,
-    /// The step after which the next files begin.
-    first: u64,
+    /// After what the next files begin.
+    first: Place,
     writers: [Option<SummaryWriter<File>>; 3],
 }
 
 impl Events {
-    /// Goes on after `step`; events of later steps are dropped.
+    /// Goes on from there; what was seen later is dropped.
     ///
     /// # Errors
     /// What the system says.
-    pub(crate) fn begin(folder: &Path, checkpoint_every_steps: u32, step: u64) -> io::Result<Self> {
+    pub(crate) fn begin(folder: &Path, checkpoint_every_steps: u32, first: Place) -> io::Result<Self> {
         for set in SETS {
-            drop_later(&folder.join(set), step)?;
+            drop_later(&folder.join(set), first)?;
         }
         let checkpoint_every_steps = checkpoint_every_steps.into();
-        Ok(Self { folder: folder.to_owned(), checkpoint_every_steps, first: step, writers: [None, None, None] })
+        Ok(Self { folder: folder.to_owned(), checkpoint_every_steps, first, writers: [None, None, None] })
     }
 
     /// Keeps the loss of a step of training.
@@ -55,7 +58,7 @@ impl Events {
             self.scalar(TRAIN, "loss/step", step, loss)?;
         }
         if self.checkpoint_every_steps > 0 && step.is_multiple_of(self.checkpoint_every_steps) {
-            self.begin_files_after(step);
+            self.begin_files_after((step, self.first.1));
         }
         Ok(())
     }
@@ -72,12 +75,12 @@ impl Events {
                 }
             }
         }
-        self.begin_files_after(report.step);
+        self.begin_files_after((report.step, report.epoch));
         Ok(())
     }
 
-    fn begin_files_after(&mut self, step: u64) {
-        self.first = step;
+    fn begin_files_after(&mut self, place: Place) {
+        self.first = place;
         self.writers = [None, None, None];
     }
 
@@ -108,16 +111,17 @@ fn scalars(summary: &Summary) -> [(&'static str, Option<f64>); 7] {
 }
 
 /// TensorBoard takes a file for events by `tfevents` in its name and reads a folder's files in the order of their names.
-fn file_name(first: u64) -> String {
-    format!("events.out.tfevents.{first:010}.graspmill")
+fn file_name((step, epochs): Place) -> String {
+    format!("events.out.tfevents.{step:010}-{epochs:05}.graspmill")
 }
 
-fn first_of(name: &str) -> Option<u64> {
-    name.strip_prefix("events.out.tfevents.")?.strip_suffix(".graspmill")?.parse().ok()
+fn first_of(name: &str) -> Option<Place> {
+    let (step, epochs) = name.strip_prefix("events.out.tfevents.")?.strip_suffix(".graspmill")?.split_once('-')?;
+    Some((step.parse().ok()?, epochs.parse().ok()?))
 }
 
-/// Removes files of events after a step; what others put there stays.
-fn drop_later(folder: &Path, step: u64) -> io::Result<()> {
+/// Removes files that begin there or later; what others put there stays.
+fn drop_later(folder: &Path, place: Place) -> io::Result<()> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
@@ -125,7 +129,7 @@ fn drop_later(folder: &Path, step: u64) -> io::Result<()> {
     };
     for entry in entries {
         let entry = entry?;
-        if first_of(&entry.file_name().to_string_lossy()).is_some_and(|first| first >= step) {
+        if first_of(&entry.file_name().to_string_lossy()).is_some_and(|first| first >= place) {
             fs::remove_file(entry.path())?;
         }
     }
@@ -160,8 +164,8 @@ mod tests {
         records
     }
 
-    fn names(folder: &Path) -> Vec<u64> {
-        let mut firsts: Vec<u64> = fs::read_dir(folder)
+    fn names(folder: &Path) -> Vec<Place> {
+        let mut firsts: Vec<Place> = fs::read_dir(folder)
             .unwrap()
             .filter_map(|entry| first_of(&entry.unwrap().file_name().to_string_lossy()))
             .collect();
@@ -173,11 +177,11 @@ mod tests {
     fn records_are_framed_as_tensorboard_reads_them() {
         assert_eq!(masked_crc(b"123456789"), 0xe306_9283_u32.rotate_right(15).wrapping_add(0xa282_ead8));
         let folder = tempfile::tempdir().unwrap();
-        let mut events = Events::begin(folder.path(), 0, 0).unwrap();
+        let mut events = Events::begin(folder.path(), 0, (0, 0)).unwrap();
         for step in 1..=20 {
             events.step(step, 0.5).unwrap();
         }
-        let records = records(&fs::read(folder.path().join("train").join(file_name(0))).unwrap());
+        let records = records(&fs::read(folder.path().join("train").join(file_name((0, 0)))).unwrap());
         assert_eq!(records.len(), 3);
         assert!(records[0].ends_with(b"brain.Event:2"));
         // Field 2 of an event is the step; a value holds its tag and, as field 2, the number.
@@ -190,20 +194,59 @@ mod tests {
     fn who_goes_on_from_a_checkpoint_drops_what_came_after_it() {
         let folder = tempfile::tempdir().unwrap();
         let train = folder.path().join("train");
-        let mut events = Events::begin(folder.path(), 20, 0).unwrap();
+        let mut events = Events::begin(folder.path(), 20, (0, 0)).unwrap();
         for step in 1..=70 {
             events.step(step, 1.0).unwrap();
         }
         drop(events);
-        assert_eq!(names(&train), [0, 20, 40, 60]);
+        assert_eq!(names(&train), [(0, 0), (20, 0), (40, 0), (60, 0)]);
         fs::write(train.join("notes.txt"), "mine").unwrap();
-        let mut events = Events::begin(folder.path(), 20, 40).unwrap();
-        assert_eq!(names(&train), [0, 20]);
+        let mut events = Events::begin(folder.path(), 20, (40, 0)).unwrap();
+        assert_eq!(names(&train), [(0, 0), (20, 0)]);
         events.step(50, 1.0).unwrap();
-        assert_eq!(names(&train), [0, 20, 40]);
-        assert_eq!(records(&fs::read(train.join(file_name(40))).unwrap()).len(), 2);
-        Events::begin(folder.path(), 20, 0).unwrap();
-        assert_eq!(names(&train), [0_u64; 0]);
+        assert_eq!(names(&train), [(0, 0), (20, 0), (40, 0)]);
+        assert_eq!(records(&fs::read(train.join(file_name((40, 0)))).unwrap()).len(), 2);
+        Events::begin(folder.path(), 20, (0, 0)).unwrap();
+        assert_eq!(names(&train), []);
         assert!(train.join("notes.txt").exists());
+    }
+
+    /// Epochs of 40 steps and a checkpoint every 20: an epoch's numbers come after the step at which a checkpoint lies.
+    #[test]
+    fn an_epoch_is_kept_whatever_comes_after_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let train = folder.path().join("train");
+        let summary = crate::metrics::Tally::default().summary();
+        let report = EpochReport {
+            epoch: 1,
+            step: 40,
+            learning_rate: 1.0,
+            train: summary,
+            test_attempts: summary,
+            test_scenes: summary,
+            split_by: crate::config::SplitBy::Attempt,
+            is_best: false,
+            seconds: 0.0,
+        };
+        let epochs_kept = || {
+            let files = names(&train).into_iter().map(|place| fs::read(train.join(file_name(place))).unwrap());
+            files.filter(|file| file.windows(10).any(|bytes| bytes == b"loss/epoch")).count()
+        };
+        let mut events = Events::begin(folder.path(), 20, (0, 0)).unwrap();
+        for step in 1..=40 {
+            events.step(step, 1.0).unwrap();
+        }
+        events.epoch(&report).unwrap();
+        events.step(50, 1.0).unwrap();
+        assert_eq!(epochs_kept(), 1);
+        // Stopped after the epoch: it stays. Stopped before its end: it is done again.
+        let mut events = Events::begin(folder.path(), 20, (40, 1)).unwrap();
+        events.step(50, 1.0).unwrap();
+        assert_eq!((epochs_kept(), names(&train)), (1, vec![(0, 0), (20, 0), (40, 0), (40, 1)]));
+        let mut events = Events::begin(folder.path(), 20, (40, 0)).unwrap();
+        assert_eq!(epochs_kept(), 0);
+        events.epoch(&report).unwrap();
+        events.step(50, 1.0).unwrap();
+        assert_eq!((epochs_kept(), names(&train)), (1, vec![(0, 0), (20, 0), (40, 0), (40, 1)]));
     }
 }

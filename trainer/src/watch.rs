@@ -27,7 +27,11 @@ impl Watch {
             Event::Loading(_) | Event::SceneLoaded | Event::NoBetter(_) => {}
             Event::Begun(beginning) => {
                 let folder = self.run.join(FOLDER);
-                let begun = Events::begin(&folder, self.checkpoint_every_steps, beginning.progress.step);
+                let begun = Events::begin(
+                    &folder,
+                    self.checkpoint_every_steps,
+                    (beginning.progress.step, beginning.progress.epoch),
+                );
                 *self.events.lock().unwrap_or_else(PoisonError::into_inner) = warned(begun);
             }
             Event::Step { step, loss, .. } => self.keep(|events| events.step(*step, *loss)),

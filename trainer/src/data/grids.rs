@@ -2,10 +2,10 @@
 //!
 //! Parquet is for keeping and sharing; a shuffled epoch wants any grid at any time. So each grid is decoded once, when
 //! training begins, into a file of raw floats (256 kB a scene, in the run's folder), and read from there; the system's
-//! page cache keeps what fits. Memory in use does not grow with the dataset. The file has no name once it is open, so
-//! nothing is left behind however the program ends.
+//! page cache keeps what fits; in memory there are some 40 bytes an attempt. The file has no name, so nothing is left behind
+//! however the program ends.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -25,7 +25,7 @@ pub struct SpoolError {
     pub action: &'static str,
     /// Size of the whole file.
     pub bytes: u64,
-    /// The file.
+    /// Its folder.
     pub path: PathBuf,
     /// What the system said.
     pub source: io::Error,
@@ -53,12 +53,10 @@ impl Grids {
     /// # Errors
     /// [`SpoolError`] if the file cannot be made.
     pub fn create(folder: &Path, count: usize) -> Result<Self, SpoolError> {
-        let path = folder.join(format!(".grids-{}.tmp", std::process::id()));
+        let path = folder.to_owned();
         let bytes = (count * BYTES) as u64;
-        let opened = File::options().read(true).write(true).create(true).truncate(true).open(&path);
-        let file = opened.map_err(|source| SpoolError { action: "make", bytes, path: path.clone(), source })?;
-        // Where the system refuses to unlink an open file, dropping the value does it.
-        let _ = fs::remove_file(&path);
+        let made = tempfile::tempfile_in(folder);
+        let file = made.map_err(|source| SpoolError { action: "make", bytes, path: path.clone(), source })?;
         Ok(Self { file: Mutex::new(file), path, count })
     }
 
@@ -118,14 +116,10 @@ impl Grids {
     }
 }
 
-impl Drop for Grids {
-    fn drop(&mut self) {
-        let _ = fs::remove_file(&self.path);
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

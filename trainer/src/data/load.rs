@@ -90,6 +90,9 @@ fn load_shard(
     stop: &AtomicBool,
     scene_done: &(dyn Fn() + Sync),
 ) -> Result<Vec<Record>, LoadError> {
+    if stop.load(Ordering::Relaxed) {
+        return Err(LoadError::Stopped);
+    }
     for scene in dataset.scenes(shard)? {
         let scene = scene?;
         grids.write(scene.scene_id as usize, &scene.tsdf)?;

@@ -11,10 +11,12 @@ use super::parameters::{HEAD_COLUMNS, HEADS, Parameters};
 use super::pass::padded_grids;
 use super::tile::{self, Forward};
 use crate::layers::LAYERS;
+use crate::loss::NORM_SQUARED_MIN;
 use crate::receptive_field::{COARSEST, RESOLUTION};
 use crate::upsampling::Upsampling;
 
-/// The network, made ready for inference: several times as fast as [`crate::network::Network`], which it equals to 1e-5.
+/// The network, made ready for inference: several times as fast as [`crate::network::Network`], which it equals to
+/// 1e-5 of the largest value (quaternions where the four outputs nearly vanish to 1e-3).
 /// Making one costs about as much as using it.
 #[derive(Debug, Clone)]
 pub struct DenseNetwork {
@@ -158,7 +160,7 @@ fn assembled(planes: &[Vec<f32>]) -> DenseGrids {
                 grids.quality_logit[voxel] = logit;
                 grids.width_voxels[voxel] = width;
                 // As `crate::loss::normalise`.
-                let norm = rotation.iter().map(|part| part * part).sum::<f32>().max(1e-24).sqrt();
+                let norm = rotation.iter().map(|part| part * part).sum::<f32>().max(NORM_SQUARED_MIN).sqrt();
                 for (axis, part) in rotation.iter().enumerate() {
                     grids.rotation[axis * voxels + voxel] = part / norm;
                 }

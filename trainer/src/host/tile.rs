@@ -102,12 +102,13 @@ impl Forward<'_> {
                 }
             }
         }
-        let least = simd.splat_f32s(if self.relu { 0.0 } else { f32::NEG_INFINITY });
+        let zero = simd.splat_f32s(0.0);
         for t in 0..T {
             let outputs = &mut self.outputs[places[t] + first * S::F32_LANES..][..R * S::F32_LANES];
             let outputs = &mut S::as_mut_simd_f32s(outputs).0[..R];
             for r in 0..R {
-                outputs[r] = simd.max_f32s(sums[t][r], least);
+                // In this order, what is no number stays none, and training notices.
+                outputs[r] = if self.relu { simd.max_f32s(zero, sums[t][r]) } else { sums[t][r] };
             }
         }
     }

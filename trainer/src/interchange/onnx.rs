@@ -1,7 +1,7 @@
 //! The network as an ONNX model: [`crate::network::Network::forward`] and the sigmoid, node by node.
 //!
-//! Operators as of opset 13 (onnx/docs/Operators.md), messages and their field numbers from onnx/onnx.proto, IR version 7,
-//! which came with that opset: whatever reads ONNX 1.8 (November 2020) or later reads it.
+//! Operators as of opset 13 (onnx/docs/Operators.md), messages and their field numbers from onnx/onnx.proto, IR version 7:
+//! whatever reads ONNX 1.8 (November 2020) or later reads it.
 
 use super::protobuf::Message;
 use crate::checkpoint::{ARCHITECTURE, Checkpoint};

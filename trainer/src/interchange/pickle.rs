@@ -19,7 +19,7 @@ use objects::{Id, Known};
 pub(super) use objects::{Object, Pickle, StorageRef, TensorRef};
 
 /// Objects made and places of the stack filled, in all. A checkpoint with an optimiser's state takes some thousands.
-const WORK_MAX: usize = 4_000_000;
+const WORK_MAX: usize = 1_000_000;
 
 /// Reads the pickle at the cursor, which ends behind it.
 pub(super) fn read<'a>(bytes: &mut Cursor<'a>) -> Result<Pickle<'a>, Problem> {

@@ -15,6 +15,9 @@ pub(super) struct Link {
     stream: TcpStream,
 }
 
+/// Longest single attempt to connect; there are more of them until the deadline.
+const CONNECT_WAIT: Duration = Duration::from_secs(5);
+
 impl Link {
     fn new(stream: TcpStream, timeout: Duration) -> io::Result<Self> {
         stream.set_nonblocking(false)?;
@@ -46,9 +49,13 @@ impl Link {
     /// A connection to an address where somebody may only begin to listen: one attempt, and a pause if it fails.
     pub(super) fn connect(address: &str, timeout: Duration) -> io::Result<Self> {
         let nowhere = || io::Error::new(io::ErrorKind::NotFound, "the name has no address");
-        let stream = address
-            .to_socket_addrs()
-            .and_then(|mut found| TcpStream::connect_timeout(&found.next().ok_or_else(nowhere)?, timeout));
+        let mut stream = Err(nowhere());
+        for at in address.to_socket_addrs()? {
+            stream = TcpStream::connect_timeout(&at, timeout.min(CONNECT_WAIT));
+            if stream.is_ok() {
+                break;
+            }
+        }
         if stream.is_err() {
             std::thread::sleep(PAUSE);
         }

@@ -3,6 +3,8 @@
 /// Where rank 0 listens if nobody says: this machine, at torchrun's port.
 const ADDRESS: &str = "127.0.0.1";
 const PORT: &str = "29500";
+/// Most ranks.
+const RANKS_MAX: usize = 1024;
 
 /// A process among those that train together.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -61,12 +63,19 @@ impl Place {
                 (Err(_), _) => return error(format!("--ranks must be auto or a number, got {ranks:?}")),
             },
         };
+        if !(1..=RANKS_MAX).contains(&ranks) {
+            return error(format!("the number of ranks must be between 1 and {RANKS_MAX}, got {ranks}"));
+        }
         if rank >= ranks {
             return error(format!("the rank must be below the number of ranks, {ranks}, got {rank}"));
         }
         let address = flags.master.clone().unwrap_or_else(|| {
             let part = |name, default: &str| variable(name).unwrap_or_else(|| default.to_owned());
-            format!("{}:{}", part("MASTER_ADDR", ADDRESS), part("MASTER_PORT", PORT))
+            let port = part("MASTER_PORT", PORT);
+            // torchrun says so when it listens at that port itself; the next one is then ours.
+            let is_taken = variable("TORCHELASTIC_USE_AGENT_STORE").is_some_and(|value| value == "True");
+            let next = port.parse::<u16>().ok().and_then(|port| port.checked_add(1)).filter(|_| is_taken);
+            format!("{}:{}", part("MASTER_ADDR", ADDRESS), next.map_or(port, |port| port.to_string()))
         });
         Ok(Some(Self { rank, ranks, address, timeout_s: flags.timeout_s.max(1) }))
     }
@@ -127,6 +136,8 @@ mod tests {
         let loopback = "127.0.0.1:29500";
         assert_eq!(find([None, None, None], &TORCHRUN), Ok(None));
         assert_eq!(find(AUTO, &TORCHRUN), place(1, 4, "node7:1234"));
+        let agent = [&TORCHRUN[..], &[("TORCHELASTIC_USE_AGENT_STORE", "True")]].concat();
+        assert_eq!(find(AUTO, &agent), place(1, 4, "node7:1235"));
         assert_eq!(find([Some("2"), Some("0"), Some("here:9")], &TORCHRUN), place(0, 2, "here:9"));
         assert_eq!(find([Some("auto"), None, Some("here:9")], &TORCHRUN), place(1, 4, "here:9"));
         assert_eq!(find(AUTO, &[("SLURM_PROCID", "3"), ("SLURM_NTASKS", "8")]), place(3, 8, loopback));
@@ -148,6 +159,7 @@ mod tests {
                 &[("RANK", "1"), ("WORLD_SIZE", "4"), ("SLURM_PROCID", "0"), ("SLURM_NTASKS", "1")],
                 "torchrun says rank 1 of 4, Slurm says rank 0 of 1: give --rank and --ranks",
             ),
+            ([Some("99999999999"), Some("0"), None], &[], "must be between 1 and 1024, got 99999999999"),
             ([Some("2"), None, None], &[], "--ranks 2 needs --rank"),
             ([None, Some("0"), None], &[], "--rank needs --ranks"),
             ([Some("auto"), Some("0"), None], &[], "takes no --rank"),

@@ -1,6 +1,6 @@
 //! Steps and tests that ranks do together.
 
-use std::net::TcpListener;
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, ToSocketAddrs};
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -177,7 +177,10 @@ impl Team {
 fn gather(place: &Place, task: &str, timeout: Duration, stop: &AtomicBool) -> Result<Vec<Link>, RanksError> {
     let deadline = Instant::now() + timeout;
     let listen = |source| RanksError::Listen { address: place.address.clone(), source };
-    let listener = TcpListener::bind(&place.address).map_err(listen)?;
+    if place.ranks == 1 {
+        return Ok(Vec::new());
+    }
+    let listener = TcpListener::bind(&listening(&place.address)[..]).map_err(listen)?;
     let mut links: Vec<Option<Link>> = (1..place.ranks).map(|_| None).collect();
     while links.iter().any(Option::is_none) {
         if stop.load(Ordering::Relaxed) {
@@ -188,8 +191,8 @@ fn gather(place: &Place, task: &str, timeout: Duration, stop: &AtomicBool) -> Re
             let (ranks, seconds, address) = (place.ranks, place.timeout_s, place.address.clone());
             return Err(RanksError::Absent { missing, ranks, seconds, address });
         }
-        let accepted = Link::accept(&listener, timeout.min(HELLO_WAIT)).map_err(listen)?;
-        let Some(mut link) = accepted else { continue };
+        // Who gives up while being accepted is no reason to end.
+        let Ok(Some(mut link)) = Link::accept(&listener, timeout.min(HELLO_WAIT)) else { continue };
         let Ok(bytes) = link.receive() else { continue }; // a stranger
         let Some((rank, ranks, its_task)) = hello(&bytes) else { continue };
         let why = if ranks != place.ranks {
@@ -211,6 +214,18 @@ fn gather(place: &Place, task: &str, timeout: Duration, stop: &AtomicBool) -> Re
         }
     }
     Ok(links.into_iter().flatten().collect())
+}
+
+/// Where rank 0 listens: on loopback only if it is told so by number or as `localhost`; else at the port of every
+/// interface, for a machine's own name often stands for loopback in its `/etc/hosts`.
+fn listening(address: &str) -> Vec<SocketAddr> {
+    let port = address.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
+    let is_loopback = |at: &SocketAddr| at.ip().is_loopback();
+    let literal = address.parse::<SocketAddr>().is_ok_and(|at| is_loopback(&at)) || address.starts_with("localhost:");
+    match port {
+        Some(port) if !literal => vec![(Ipv6Addr::UNSPECIFIED, port).into(), (Ipv4Addr::UNSPECIFIED, port).into()],
+        _ => address.to_socket_addrs().map(Iterator::collect).unwrap_or_default(),
+    }
 }
 
 /// Another rank goes to rank 0.

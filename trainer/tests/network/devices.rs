@@ -1,11 +1,12 @@
-//! The step and the dense network on every device that the program was built for, against the host.
+//! The step as other devices do it, against the host's: on the host itself, and on every device that the program was built
+//! for.
 
 use burn::tensor::{Device, Tensor};
 use schema::Quat;
 use trainer::batch::{Batch, Sample};
 use trainer::device::DeviceName;
 use trainer::loss::Target;
-use trainer::step::{evaluate, step};
+use trainer::step::{evaluate, step, step_by_graph, steps_of_parts};
 use trainer::upsampling::Upsampling;
 
 use crate::formula::{grid, parameters, relative_error};
@@ -42,6 +43,39 @@ fn check(name: DeviceName) {
             assert!((a.total - test.total).abs() < 1e-4 * a.total.abs().max(1.0), "{name}: {} {}", a.total, test.total);
         }
     }
+}
+
+#[test]
+fn automatic_differentiation_finds_what_is_written_out() {
+    let (vector, batch) = (parameters(&Device::flex()), batch());
+    let values = |tensor: Tensor<1>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
+    for mode in Upsampling::ALL {
+        let (ours, graph) = (step(&vector, &batch, mode), step_by_graph(&vector, &batch, mode));
+        let error = relative_error(&values(graph.gradient), &values(ours.gradient));
+        assert!(error < 1e-5, "{mode:?}: gradient off by {error:e}");
+        for (a, b) in ours.samples.iter().zip(&graph.samples) {
+            assert!((a.total - b.total).abs() < 1e-5 * a.total.abs().max(1.0), "{mode:?}: {} {}", a.total, b.total);
+        }
+    }
+}
+
+#[test]
+fn parts_of_a_step_add_up_to_it_to_the_bit() {
+    let vector = parameters(&Device::flex());
+    let grids = (0..5).map(|number| grid(number).into()).collect();
+    let of_two = batch();
+    let samples = (0..15).map(|at| Sample { grid: at / 3, ..of_two.samples[at % 6] }).collect();
+    let batch = Batch { grids, samples };
+    let parts = batch.parts();
+    assert!(parts.len() > 2, "{parts:?}");
+    let values = |tensor: Tensor<1>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
+    let whole = step(&vector, &batch, Upsampling::Linear);
+    let steps = steps_of_parts(&vector, &batch, &parts, Upsampling::Linear);
+    let samples: Vec<_> = steps.iter().flat_map(|step| step.samples.clone()).collect();
+    assert_eq!(samples, whole.samples);
+    let gradients = steps.into_iter().map(|step| values(step.gradient));
+    let sum = gradients.reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a + b).collect()).unwrap();
+    assert!(sum == values(whole.gradient));
 }
 
 #[test]

@@ -155,6 +155,28 @@ fn a_folder_with_something_else_is_78() {
     }
 }
 
+/// Other programs have a `config.toml` too.
+#[test]
+fn a_folder_with_someone_elses_config_is_left_alone() {
+    let place = Place::new();
+    fs::create_dir(&place.run).unwrap();
+    let file = place.run.join("config.toml");
+    fs::write(&file, "[site]\ntitle = \"mine\"\n").unwrap();
+    check_fails(&place.fit(&[]), 78, &["config.toml", "no run"]);
+    assert_eq!(fs::read_to_string(&file).unwrap(), "[site]\ntitle = \"mine\"\n");
+}
+
+#[test]
+fn a_secret_in_a_url_is_not_repeated() {
+    let place = Place::new();
+    for data in ["https://me:hunter2@host/set", "https://hunter2@host/set", "https://host/set?sig=hunter2"] {
+        let output = crate::fixture::trainer(&["fit", "--data", data, "--run", text(&place.run)]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains("--data") && !said.contains("hunter2"), "{said}");
+    }
+}
+
 #[test]
 fn a_run_that_cannot_be_written_is_75() {
     let mut place = Place::new();
