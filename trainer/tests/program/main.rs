@@ -5,6 +5,7 @@ mod bad_input;
 mod fixture;
 mod interchange;
 mod learning;
+mod models;
 mod ranks;
 mod recipe;
 mod resume;

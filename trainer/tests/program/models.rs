@@ -1,0 +1,34 @@
+//! The networks that are shipped are those of their card, and run.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use crate::fixture::{trainer, write_dataset};
+
+fn models() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
+    let files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    files.filter(|path| path.extension().is_some_and(|extension| extension == "safetensors")).collect()
+}
+
+#[test]
+fn each_has_its_checksum_in_the_card_and_can_be_evaluated() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    write_dataset(&data, 7, 1, 2, 6);
+    let models = models();
+    assert!(!models.is_empty());
+    for model in models {
+        let digest = Sha256::digest(fs::read(&model).unwrap());
+        let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        let card = fs::read_to_string(model.with_file_name("README.md")).unwrap();
+        assert!(card.contains(&digest), "{digest} is not in the card: {}", model.display());
+        let (model, data) = (model.to_str().unwrap(), data.to_str().unwrap());
+        let output = trainer(&["evaluate", "--model", model, "--data", data, "--split", "all", "--json"]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(card.contains(found["trained_on"].as_str().unwrap()), "the card must name the dataset");
+    }
+}
