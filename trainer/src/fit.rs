@@ -187,6 +187,8 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
         };
         let Some([test_attempts, test_scenes]) = tested else {
             save(&state)?;
+            // The others end only now: a launcher that sees one end may kill the rest, and the checkpoint with it.
+            let _ = team.tell(Vec::new());
             return Ok(Ending::Stopped);
         };
         let mut report = EpochReport {
