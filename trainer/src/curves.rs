@@ -51,6 +51,7 @@ impl CurvesError {
         match self {
             Self::Missing(_) => ExitCode::Config,
             Self::Damaged { .. } => ExitCode::Data,
+            Self::Io { source, .. } if source.kind() == io::ErrorKind::InvalidData => ExitCode::Data, // no UTF-8
             Self::Figure(_) => ExitCode::Internal,
             Self::Io { .. } => ExitCode::TryAgain,
         }
@@ -205,5 +206,7 @@ mod tests {
         let error = draw_curves(run.path()).unwrap_err();
         assert!(error.to_string().contains("line 2"), "{error}");
         assert_eq!(error.exit_code(), ExitCode::Data);
+        fs::write(run.path().join(METRICS), b"\xff\xfe").unwrap();
+        assert_eq!(draw_curves(run.path()).unwrap_err().exit_code(), ExitCode::Data);
     }
 }

@@ -94,6 +94,7 @@ impl RunError {
             Self::Occupied(_) | Self::Foreign { .. } | Self::OtherConfig { .. } | Self::OtherDataset { .. } => {
                 ExitCode::Config
             }
+            Self::Io { source, .. } if source.kind() == io::ErrorKind::InvalidData => ExitCode::Data, // no UTF-8
             Self::Busy(_) | Self::Io { .. } => ExitCode::TryAgain,
             Self::Checkpoint(error) => error.exit_code(),
         }
