@@ -66,7 +66,7 @@ pub fn step(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
 #[must_use]
 pub fn step_by_graph(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
     let (mut sum, mut samples) = (None, Vec::with_capacity(batch.samples.len()));
-    for (gradient, results) in gradients_by_graph(vector, batch, &parts(vector, batch), mode) {
+    for (gradient, results) in gradients_by_graph(vector, batch, &batch.parts(), mode) {
         samples.extend(results);
         sum = Some(match sum {
             None => gradient,
@@ -106,7 +106,7 @@ fn gradients_by_graph(
 /// Losses and verdicts of a batch, without a gradient.
 #[must_use]
 pub fn evaluate(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Vec<SampleResult> {
-    evaluate_parts(vector, batch, &parts(vector, batch), mode)
+    evaluate_parts(vector, batch, &batch.parts(), mode)
 }
 
 /// As [`evaluate`], for some parts of a batch.
@@ -134,12 +134,6 @@ pub fn evaluate_parts(
 
 fn on_host(vector: &Tensor<1>) -> bool {
     vector.device() == Device::flex()
-}
-
-/// The host's threads take a part each; a device is kept busy by the whole batch at once.
-#[expect(clippy::single_range_in_vec_init, reason = "one part, which is a range")]
-fn parts(vector: &Tensor<1>, batch: &Batch) -> Vec<Range<usize>> {
-    if on_host(vector) { batch.parts() } else { vec![0..batch.samples.len()] }
 }
 
 fn values(vector: &Tensor<1>) -> Vec<f32> {

@@ -11,8 +11,8 @@ use trainer::upsampling::Upsampling;
 
 use crate::formula::{grid, parameters, relative_error};
 
-/// Two grids, six samples.
-fn batch() -> Batch {
+/// Grids with three samples each.
+fn batch(grids: usize) -> Batch {
     let voxels = [[0, 0, 0], [20, 11, 33], [39, 39, 39], [5, 30, 17], [12, 0, 39], [21, 22, 23]];
     let target = |at: usize| Target {
         label: u8::from(at.is_multiple_of(2)),
@@ -20,8 +20,11 @@ fn batch() -> Batch {
         width_voxels: 6.0,
         quality_weight: 1.0,
     };
-    let sample = |(at, voxel): (usize, &[usize; 3])| Sample { grid: at / 3, voxel: *voxel, target: target(at) };
-    Batch { grids: vec![grid(0).into(), grid(1).into()], samples: voxels.iter().enumerate().map(sample).collect() }
+    let sample = |at: usize| Sample { grid: at / 3, voxel: voxels[at % voxels.len()], target: target(at) };
+    Batch {
+        grids: (0..grids).map(|number| grid(number as u32).into()).collect(),
+        samples: (0..3 * grids).map(sample).collect(),
+    }
 }
 
 fn check(name: DeviceName) {
@@ -29,7 +32,7 @@ fn check(name: DeviceName) {
         Ok(device) => device,
         Err(reason) => return println!("skipped: {reason}"),
     };
-    let (host, batch) = (parameters(&Device::flex()), batch());
+    let (host, batch) = (parameters(&Device::flex()), batch(10));
     let there: Tensor<1> = parameters(&device);
     let values = |tensor: Tensor<1>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
     for mode in Upsampling::ALL {
@@ -47,7 +50,7 @@ fn check(name: DeviceName) {
 
 #[test]
 fn automatic_differentiation_finds_what_is_written_out() {
-    let (vector, batch) = (parameters(&Device::flex()), batch());
+    let (vector, batch) = (parameters(&Device::flex()), batch(2));
     let values = |tensor: Tensor<1>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
     for mode in Upsampling::ALL {
         let (ours, graph) = (step(&vector, &batch, mode), step_by_graph(&vector, &batch, mode));
@@ -62,10 +65,7 @@ fn automatic_differentiation_finds_what_is_written_out() {
 #[test]
 fn parts_of_a_step_add_up_to_it_to_the_bit() {
     let vector = parameters(&Device::flex());
-    let grids = (0..5).map(|number| grid(number).into()).collect();
-    let of_two = batch();
-    let samples = (0..15).map(|at| Sample { grid: at / 3, ..of_two.samples[at % 6] }).collect();
-    let batch = Batch { grids, samples };
+    let batch = batch(5);
     let parts = batch.parts();
     assert!(parts.len() > 2, "{parts:?}");
     let values = |tensor: Tensor<1>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
