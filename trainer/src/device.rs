@@ -4,8 +4,8 @@
 //! `cuda` (an NVIDIA driver with NVRTC when it runs; Burn's backend downloads an LLVM bundle when it is built) and `wgpu`
 //! (Vulkan, Metal or DirectX). This is the one place that knows them.
 //!
-//! A batch goes to a device in the host's parts ([`crate::batch::Batch::parts`]). Whole batches would keep it busier, but ten
-//! grids at once gave wrong gradients on Vulkan (lavapipe, Burn 0.22.1: off by 0.38, relatively), where two give them to 1e-6.
+//! A batch goes to a device in the host's parts ([`crate::batch::Batch::parts`]). Whole batches would keep it busier; that is
+//! not tried yet.
 
 use std::str::FromStr;
 

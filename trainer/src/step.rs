@@ -235,8 +235,24 @@ fn with_zero_row(x: Tensor<2>) -> Tensor<2> {
 fn product(matrices: &Matrices, layer: usize, x: Tensor<2>, rows: Tensor<1, Int>) -> Tensor<2> {
     let fan_in = LAYERS[layer].fan_in();
     let outputs = rows.dims()[0] * LAYERS[layer].channels_in / fan_in;
-    let gathered = x.select(0, rows).reshape([outputs, fan_in]);
+    let gathered = gather(x, rows).reshape([outputs, fan_in]);
     relu(gathered.matmul(matrices.weights[layer].clone()) + matrices.biases[layer].clone().unsqueeze())
+}
+
+/// Most rows that are gathered at once. Graphics cards count at most 65,535 groups of work in a dimension, and gathering more
+/// rows gave wrong gradients there (Burn 0.22.1 on Vulkan), without an error.
+const ROWS_MAX: usize = 32_768;
+
+fn gather(x: Tensor<2>, rows: Tensor<1, Int>) -> Tensor<2> {
+    let count = rows.dims()[0];
+    if count <= ROWS_MAX {
+        return x.select(0, rows);
+    }
+    let pieces = (0..count).step_by(ROWS_MAX).map(|start| {
+        let end = (start + ROWS_MAX).min(count);
+        x.clone().select(0, rows.clone().slice(start..end))
+    });
+    Tensor::cat(pieces.collect(), 0)
 }
 
 /// Shapes: `[b, n, n, n, in]` to `[b, m, m, m, out]`.

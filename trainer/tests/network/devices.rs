@@ -11,7 +11,7 @@ use trainer::upsampling::Upsampling;
 
 use crate::formula::{grid, parameters, relative_error};
 
-/// Grids with three samples each.
+/// Grids with six samples each: parts as large as they come.
 fn batch(grids: usize) -> Batch {
     let voxels = [[0, 0, 0], [20, 11, 33], [39, 39, 39], [5, 30, 17], [12, 0, 39], [21, 22, 23]];
     let target = |at: usize| Target {
@@ -20,10 +20,10 @@ fn batch(grids: usize) -> Batch {
         width_voxels: 6.0,
         quality_weight: 1.0,
     };
-    let sample = |at: usize| Sample { grid: at / 3, voxel: voxels[at % voxels.len()], target: target(at) };
+    let sample = |at: usize| Sample { grid: at / 6, voxel: voxels[at % voxels.len()], target: target(at) };
     Batch {
         grids: (0..grids).map(|number| grid(number as u32).into()).collect(),
-        samples: (0..3 * grids).map(sample).collect(),
+        samples: (0..6 * grids).map(sample).collect(),
     }
 }
 
