@@ -98,7 +98,7 @@ pub fn valid_rows(patches: usize, n: usize, kernel: usize, device: &Device) -> T
 }
 
 /// The positions of a cube of side `n`, x slowest.
-fn positions(n: usize) -> impl Iterator<Item = [usize; 3]> {
+pub(crate) fn positions(n: usize) -> impl Iterator<Item = [usize; 3]> {
     (0..n.pow(3)).map(move |at| [at / (n * n), at / n % n, at % n])
 }
 

@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::tile::{self, Backward, Forward, LANES, Weights};
+use crate::columns::positions;
 use crate::layers::LayerShape;
 
 /// Side and padding of a cube in memory.
@@ -71,9 +72,7 @@ impl Conv {
             columns,
             rows: positions.iter().map(row).collect(),
             places: positions.iter().map(|position| output.place(*position) * columns).collect(),
-            taps: (0..layer.kernel.pow(2))
-                .map(|tap| (tap / layer.kernel * side + tap % layer.kernel) * side * channels)
-                .collect(),
+            taps: taps(layer.kernel, input, channels),
             run: layer.kernel * channels,
             plane: Plane {
                 rows: output.n.pow(2),
@@ -143,7 +142,8 @@ impl Conv {
                 *sum += gradient;
             }
         }
-        for (inputs, gradients) in self.by_cube(inputs, gradients) {
+        let of_cubes = gradients.chunks_exact(self.rows.len() * self.columns);
+        for (inputs, gradients) in inputs.chunks_exact(self.inputs_len).zip(of_cubes) {
             let (rows, taps, run) = (&self.rows, &self.taps, self.run);
             tile::run(Weights { inputs, rows, taps, run, gradients, d_weights });
         }
@@ -162,15 +162,12 @@ impl Conv {
         }
         d_inputs
     }
-
-    fn by_cube<'a>(&self, inputs: &'a [f32], gradients: &'a [f32]) -> impl Iterator<Item = (&'a [f32], &'a [f32])> {
-        inputs.chunks_exact(self.inputs_len).zip(gradients.chunks_exact(self.rows.len() * self.columns))
-    }
 }
 
-/// The positions of a cube of side `n`, x slowest.
-pub(crate) fn positions(n: usize) -> impl Iterator<Item = [usize; 3]> {
-    (0..n.pow(3)).map(move |at| [at / (n * n), at / n % n, at % n])
+/// How far the run of each tap (kernel x, y) lies from the first one's, in values.
+pub(super) fn taps(kernel: usize, input: Side, channels: usize) -> Vec<usize> {
+    let side = input.whole();
+    (0..kernel.pow(2)).map(|tap| (tap / kernel * side + tap % kernel) * side * channels).collect()
 }
 
 #[cfg(test)]

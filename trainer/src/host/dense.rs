@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::conv::{Conv, Side};
+use super::conv::{Conv, Side, taps};
 use super::doubling::Doubling;
 use super::folded::{COLUMNS, FoldedHeads, KERNEL, PHASES};
 use super::parameters::{HEAD_COLUMNS, HEADS, Parameters};
@@ -24,6 +24,8 @@ pub struct DenseNetwork {
     convs: [Conv; HEADS],
     doublings: [Doubling; 2],
     heads: FoldedHeads,
+    /// Where the runs of the heads' kernel (x, y) lie from a cell's inputs.
+    head_taps: Vec<usize>,
     groups: Vec<Group>,
 }
 
@@ -71,6 +73,7 @@ impl DenseNetwork {
                 conv(5, n20, LAST.padding)
             }],
             doublings: [(n5, 4), (n10, 5)].map(|(n, next)| Doubling::of_volume(n, LAYERS[next].padding(), mode)),
+            head_taps: taps(KERNEL, LAST, LAYERS[HEADS].channels_in),
             groups: groups(),
             parameters,
         }
@@ -98,16 +101,14 @@ impl DenseNetwork {
 
     /// The heads of the coarse cells with x = `plane`: `[y, z, COLUMNS]`.
     fn heads_of_plane(&self, inputs: &[f32], plane: usize) -> Vec<f32> {
-        let (side, run) = (LAST.whole(), KERNEL * LAYERS[HEADS].channels_in);
-        let channels = LAYERS[HEADS].channels_in;
-        let taps: Vec<usize> =
-            (0..KERNEL.pow(2)).map(|tap| (tap / KERNEL * side + tap % KERNEL) * side * channels).collect();
-        let inputs = &inputs[plane * side * side * channels..];
+        let (channels, taps) = (LAYERS[HEADS].channels_in, &self.head_taps[..]);
+        let run = KERNEL * channels;
+        let inputs = &inputs[plane * LAST.whole().pow(2) * channels..];
         let mut outputs = vec![0.0; LAST.n.pow(2) * COLUMNS];
         for Group { classes: [y, z], rows, places } in &self.groups {
             let weights = self.heads.weights([FoldedHeads::class(plane, LAST.n), *y, *z]);
             let (start, outputs) = (self.heads.bias(), &mut outputs[..]);
-            tile::run(Forward { inputs, rows, taps: &taps, run, weights, start, relu: false, places, outputs });
+            tile::run(Forward { inputs, rows, taps, run, weights, start, relu: false, places, outputs });
         }
         outputs
     }

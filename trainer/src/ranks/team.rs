@@ -62,12 +62,6 @@ impl Team {
         Ok(Self { rank: place.rank, ranks: place.ranks, links, stopping: false })
     }
 
-    /// Whether this rank keeps the run's folder and talks to people.
-    #[must_use]
-    pub fn is_first(&self) -> bool {
-        self.rank == 0
-    }
-
     /// What rank 0 says, at every rank.
     ///
     /// # Errors
