@@ -16,19 +16,9 @@ from pathlib import Path
 import numpy as np
 import torch
 import torch.nn.functional as F
+from golden_formula import LAYERS, noise
 from safetensors.numpy import save_file
 
-LAYERS = [
-    ("encoder.conv1", 1, 16, 5, 2),
-    ("encoder.conv2", 16, 32, 3, 2),
-    ("encoder.conv3", 32, 64, 3, 2),
-    ("decoder.conv1", 64, 64, 3, 1),
-    ("decoder.conv2", 64, 32, 3, 1),
-    ("decoder.conv3", 32, 16, 5, 1),
-    ("conv_qual", 16, 1, 5, 1),
-    ("conv_rot", 16, 4, 5, 1),
-    ("conv_width", 16, 1, 5, 1),
-]
 GRIDS = 3
 ENTRIES = 64
 STEPS = 10
@@ -41,18 +31,6 @@ VOXELS = [
     (2, (20, 20, 20)), (2, (11, 26, 33)), (2, (25, 12, 9)), (2, (16, 37, 3)),
 ]
 LABELS = [1, 0, 1, 1, 0, 1, 0, 1, 1, 0, 1, 0]
-
-
-def noise(count: int, seed: int) -> np.ndarray:
-    """`count` numbers in [0, 1), multiples of 2^-24: Wellons' lowbias32 hash of position + seed * 0x9E3779B9."""
-    with np.errstate(over="ignore"):
-        x = np.arange(count, dtype=np.uint32) + np.uint32(seed * 0x9E3779B9 & 0xFFFFFFFF)
-        x ^= x >> np.uint32(16)
-        x *= np.uint32(0x7FEB352D)
-        x ^= x >> np.uint32(15)
-        x *= np.uint32(0x846CA68B)
-        x ^= x >> np.uint32(16)
-    return (x >> np.uint32(8)).astype(np.float64) / 2**24
 
 
 def parameters() -> dict[str, torch.Tensor]:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from golden_torch import LAYERS, noise
+from golden_formula import LAYERS, noise
 
 NUMBERS = 2048
 OFFSET = 11

@@ -7,6 +7,7 @@ Weights, grids and expected outputs are those of scripts/golden_torch.py, so PyT
 
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,35 +17,14 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
+from golden_formula import LAYERS, noise  # noqa: E402
+
 TRAINER = Path(os.environ.get("GRASPMILL_TRAINER", ROOT / "target" / "debug" / "trainer")).resolve()
 GOLDEN = ROOT / "trainer" / "tests" / "golden"
 STATE_DICTS = ROOT / "trainer" / "tests" / "state_dicts"
 MODES = ["linear", "nearest"]
 OUTPUTS = {"quality": 1, "rotation": 4, "width": 1}
-# name, channels in and out, side of the kernel, stride
-LAYERS = [
-    ("encoder.conv1", 1, 16, 5, 2),
-    ("encoder.conv2", 16, 32, 3, 2),
-    ("encoder.conv3", 32, 64, 3, 2),
-    ("decoder.conv1", 64, 64, 3, 1),
-    ("decoder.conv2", 64, 32, 3, 1),
-    ("decoder.conv3", 32, 16, 5, 1),
-    ("conv_qual", 16, 1, 5, 1),
-    ("conv_rot", 16, 4, 5, 1),
-    ("conv_width", 16, 1, 5, 1),
-]
-
-
-def noise(count, seed):
-    """golden_torch.py's numbers in [0, 1)."""
-    with np.errstate(over="ignore"):
-        x = np.arange(count, dtype=np.uint32) + np.uint32(seed * 0x9E3779B9 & 0xFFFFFFFF)
-        x ^= x >> np.uint32(16)
-        x *= np.uint32(0x7FEB352D)
-        x ^= x >> np.uint32(15)
-        x *= np.uint32(0x846CA68B)
-        x ^= x >> np.uint32(16)
-    return (x >> np.uint32(8)).astype(np.float64) / 2**24
 
 
 def weights():
