@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use schema::{Outcome, SceneRows};
 use serde::Serialize;
-use shards::{Finalized, ShardWriter, Table, begin_dataset};
+use shards::{Draft, Finalized, Table};
 use simulator::{AttemptWorld, Physics, Scene};
 
 use crate::build::{Stage, make_scene, make_scene_timed};
@@ -168,8 +168,8 @@ fn whole_run(config: &Config, threads: usize, dir: &Path) -> Result<(RunCost, u6
     let wall_s = began.elapsed().as_secs_f64();
     let cpu_s = cpu_time_s().zip(cpu_began_s).map(|(now, before)| now - before);
     let bytes = match &report.dataset {
-        Finalized::Complete(manifest) => Table::ALL.into_iter().map(|table| manifest.bytes(table)).sum(),
-        Finalized::Incomplete { .. } => 0,
+        Some(Finalized::Complete(manifest)) => Table::ALL.into_iter().map(|table| manifest.bytes(table)).sum(),
+        Some(Finalized::Incomplete { .. }) | None => 0,
     };
     Ok((RunCost { threads, wall_s, cpu_s }, bytes))
 }
@@ -177,13 +177,13 @@ fn whole_run(config: &Config, threads: usize, dir: &Path) -> Result<(RunCost, u6
 /// The stages of every scene, one scene after the other on this thread.
 fn stages(config: &Config, dir: &Path) -> Result<(Vec<StageCost>, Vec<OutcomeCost>), GenerateError> {
     let info = config.dataset_info();
-    begin_dataset(dir, &info)?;
+    let draft = Draft::begin(dir, &info)?;
     let names = ["settle", "depth and TSDF, a view", "prepare a scene", "gate", "physics", "Parquet, a scene"];
     let mut stages = names.map(|name| StageCost { name, count: 0, total_s: 0.0 });
     let mut outcomes =
         Outcome::ALL.map(|outcome| OutcomeCost { outcome: outcome.name(), count: 0, steps: 0, total_s: 0.0 });
     for shard in 0..info.shard_count {
-        let mut writer = ShardWriter::create(dir, &info, shard)?;
+        let mut writer = draft.shard(shard)?;
         for scene_id in info.scenes_of(shard) {
             let mut add = |stage: Stage, time: Duration| {
                 let (slot, count) = match stage {

@@ -1,17 +1,18 @@
 //! The command line.
 
-use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::{Parser, Subcommand};
+use shards::{Location, LocationParser};
+
+use crate::assignment::{ShardIndices, Task};
 
 /// Generate a grasp dataset: random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards.
 ///
 /// Running the same command again continues: committed shards are skipped, and the bytes are those of an uninterrupted
 /// run. A dataset is a pure function of the config, the seed and this program's version.
 #[derive(Debug, Parser)]
-#[command(name = "generator", version, after_help = EXAMPLES)]
+#[command(name = "generator", version, after_help = format!("{EXAMPLES}\n\n{ENVIRONMENT}\n\n{}", Location::HELP))]
 #[command(subcommand_negates_reqs = true, args_conflicts_with_subcommands = true, subcommand_value_name = "COMMAND")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -21,9 +22,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N")]
     pub shards: Option<u64>,
 
-    /// Only these shards: one, several, or ranges, such as 3 or 0,4,8-11
+    /// Only these shards: one, several, or ranges, such as 3 or 0,4,8-11 [default: the scheduler's index, see below, or all]
     #[arg(long, value_name = "LIST")]
     pub shard_index: Option<ShardIndices>,
+
+    /// Only every T-th shard, from t on: t, t+T, t+2T, ..., where arrays are short
+    #[arg(long, value_name = "t/T", conflicts_with = "shard_index")]
+    pub task: Option<Task>,
 
     /// Attempts in the whole dataset [default: the config's]
     #[arg(long, value_name = "N")]
@@ -41,9 +46,9 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
 
-    /// Folder of the dataset; made if missing
-    #[arg(long, value_name = "DIR", required = true)]
-    pub out: Option<PathBuf>,
+    /// Folder or URL of the dataset; made if missing
+    #[arg(long, value_name = "DIR|URL", required = true, value_parser = LocationParser)]
+    pub out: Option<Location>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -52,12 +57,54 @@ pub(crate) enum Command {
     Bench(BenchArguments),
     /// Execute a dataset's attempts again, from its rows alone: do they end as stored?
     Repeat(RepeatArguments),
+    /// Print the shards that are not there, as 0-2,5: what --shard-index and schedulers' arrays take
+    Missing(MissingArguments),
+    /// Complete a dataset whose shards are all there; exit 69 and name those that are not
+    ///
+    /// Anyone may do this, at any time, any number of times.
+    Finalize(DatasetArgument),
+    /// Remove what killed writers left behind
+    Gc(GcArguments),
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct DatasetArgument {
+    /// Folder or URL of the dataset
+    #[arg(value_parser = LocationParser)]
+    pub dataset: Location,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct MissingArguments {
+    /// Folder or URL of the dataset
+    #[arg(value_parser = LocationParser)]
+    pub dataset: Location,
+
+    /// Print tasks instead: the t of --task t/T that have a missing shard
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u32).range(1..))]
+    pub tasks: Option<u32>,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct GcArguments {
+    /// Folder or URL of the dataset
+    #[arg(value_parser = LocationParser)]
+    pub dataset: Location,
+
+    /// Count, remove nothing
+    #[arg(long)]
+    pub dry_run: bool,
+
+    /// Also what live writers may be writing (where a file system has no locks, dead ones cannot be told from them)
+    #[arg(long, conflicts_with = "dry_run")]
+    pub all: bool,
 }
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct RepeatArguments {
-    /// Folder of the dataset
-    pub dataset: PathBuf,
+    /// Folder or URL of the dataset
+    #[arg(value_parser = LocationParser)]
+    pub dataset: Location,
 
     /// Only the first N scenes [default: all]
     #[arg(long, value_name = "N")]
@@ -105,6 +152,9 @@ Examples:
   generator --config my.toml --shards 4 --attempts 2400 --out small
   generator --shards 64 --shard-index 3 --out grasps    one shard, as a cluster job does
   shards verify grasps && shards report grasps
+  generator --shards 5000 --task 3/100 --out s3://bucket/grasps
+  generator missing grasps                              what is left to make
+  generator finalize grasps                             complete it, when all is there
   generator bench --markdown bench.md                   what an attempt costs on this machine
 
 Exit codes:
@@ -112,55 +162,13 @@ Exit codes:
    1  internal error
    2  wrong command line
   65  a shard or an attempt came out differently from an earlier run, or a dataset is damaged
+  69  dataset incomplete (finalize)
   75  I/O trouble or stopped by a signal: run again
   78  wrong configuration, or the folder holds something else
 
 GRASPMILL_LOG=info shows which shards are skipped and committed.";
 
-/// Shard indices from text such as `0,4,8-11`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct ShardIndices(pub BTreeSet<u32>);
-
-/// The most shards a range may name.
-const INDICES_MAX: u32 = 100_000;
-
-impl FromStr for ShardIndices {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let number = |part: &str| part.trim().parse::<u32>().map_err(|_| format!("`{part}` is no shard index"));
-        let mut indices = BTreeSet::new();
-        for part in text.split(',') {
-            let (first, last) = match part.split_once('-') {
-                Some((first, last)) => (number(first)?, number(last)?),
-                None => (number(part)?, number(part)?),
-            };
-            if first > last {
-                return Err(format!("the range `{part}` is empty"));
-            }
-            if last >= INDICES_MAX {
-                return Err(format!("a shard index must be below {INDICES_MAX}, got {last}"));
-            }
-            indices.extend(first..=last);
-        }
-        Ok(Self(indices))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn parse(text: &str) -> Result<Vec<u32>, String> {
-        text.parse::<ShardIndices>().map(|indices| indices.0.into_iter().collect())
-    }
-
-    #[test]
-    fn indices_come_alone_in_lists_and_in_ranges() {
-        assert_eq!(parse("3"), Ok(vec![3]));
-        assert_eq!(parse("0,4, 8-10,9"), Ok(vec![0, 4, 8, 9, 10]));
-        for bad in ["", "x", "3-1", "1,,2", "-1", "0-4294967295"] {
-            assert!(parse(bad).is_err(), "{bad}");
-        }
-    }
-}
+const ENVIRONMENT: &str = "\
+Without --shard-index and --task the index is that of SHARD_INDEX, SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX or \
+AWS_BATCH_JOB_ARRAY_INDEX, if one is set; two that disagree are an error. The number of shards is never taken from the \
+environment: it is part of what the dataset is.";

@@ -21,4 +21,4 @@ pub use config::{Config, ConfigError, ObjectLaw, Overrides};
 pub use objects::draw_drops;
 pub use repeat::{Difference, RepeatError, Repeated, repeat};
 pub use rules::{Law, Tilt, law_of};
-pub use run::{Event, GenerateError, Report, attempts_of, generate};
+pub use run::{Event, GenerateError, LOOK_SHARDS_MAX, Report, attempts_of, generate};

@@ -1,6 +1,6 @@
 //! `generator`: writes grasp datasets.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -13,13 +13,15 @@ use generator::{
     BenchSize, Config, ConfigError, Event, GenerateError, Overrides, RepeatError, attempts_of, bench, generate, repeat,
 };
 use indicatif::{ProgressBar, ProgressStyle};
-use shards::Dataset;
+use shards::{Dataset, Draft, FinalizeError, Finalized, ReadError, StoreError, Sweep, Swept};
 
+mod assignment;
 mod bench_text;
 mod cli;
 mod table;
 
-use cli::{Arguments, BenchArguments, Command, RepeatArguments};
+use assignment::{Assignment, AssignmentError, index_list};
+use cli::{Arguments, BenchArguments, Command, DatasetArgument, GcArguments, MissingArguments, RepeatArguments};
 
 /// A world is built and dropped for every attempt: two threads make 3 to 12 % more attempts with this allocator than with the
 /// system's.
@@ -30,16 +32,23 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_env_filter(tracing_subscriber::EnvFilter::from_env("GRASPMILL_LOG"))
         .init();
+    if let Err(error) = shards::writes_fail_at_the_file_size_limit() {
+        tracing::warn!(%error, "a write beyond the file-size limit will end this program");
+    }
     let ended = match &arguments.command {
         Some(Command::Bench(bench)) => run_bench(bench),
         Some(Command::Repeat(repeat)) => run_repeat(repeat),
+        Some(Command::Missing(missing)) => run_missing(missing),
+        Some(Command::Finalize(finalize)) => run_finalize(finalize),
+        Some(Command::Gc(gc)) => run_gc(gc),
         None => run(&arguments),
     };
     ended
         .unwrap_or_else(|error| {
-            complain(&format!("error: {error:#}"));
+            complain(&format!("error: {}", shards::text::told(error.as_ref())));
             exit_code_of(&error)
         })
         .into()
@@ -50,7 +59,12 @@ fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
     let config = error.downcast_ref().map(ConfigError::exit_code);
     let generate = error.downcast_ref().map(GenerateError::exit_code);
     let repeat = error.downcast_ref().map(RepeatError::exit_code);
-    config.or(generate).or(repeat).unwrap_or(shards::ExitCode::Internal)
+    let read = error.downcast_ref().map(ReadError::exit_code);
+    let store = error.downcast_ref().map(StoreError::exit_code);
+    let finalize = error.downcast_ref().map(FinalizeError::exit_code);
+    let assignment = error.downcast_ref::<AssignmentError>().map(|_| shards::ExitCode::Config);
+    let codes = [config, generate, repeat, read, store, finalize, assignment];
+    codes.into_iter().flatten().next().unwrap_or(shards::ExitCode::Internal)
 }
 
 /// Says something to the person; a closed stderr is no reason to fail.
@@ -108,25 +122,62 @@ fn run_repeat(arguments: &RepeatArguments) -> anyhow::Result<shards::ExitCode> {
     Ok(if repeated.different.is_empty() { shards::ExitCode::Ok } else { shards::ExitCode::Data })
 }
 
+fn run_missing(arguments: &MissingArguments) -> anyhow::Result<shards::ExitCode> {
+    let mut missing = Draft::open(&arguments.dataset)?.missing()?;
+    if let Some(tasks) = arguments.tasks {
+        missing.iter_mut().for_each(|shard| *shard %= tasks);
+        missing.sort_unstable();
+        missing.dedup();
+    }
+    if !missing.is_empty() {
+        let _ = writeln!(std::io::stdout().lock(), "{}", index_list(&missing));
+    }
+    Ok(shards::ExitCode::Ok)
+}
+
+fn run_finalize(arguments: &DatasetArgument) -> anyhow::Result<shards::ExitCode> {
+    let state = Draft::open(&arguments.dataset)?.finalize()?;
+    let _ = write!(std::io::stdout().lock(), "{}", table::state(&state, &arguments.dataset));
+    Ok(match state {
+        Finalized::Complete(_) => shards::ExitCode::Ok,
+        Finalized::Incomplete { .. } => shards::ExitCode::Incomplete,
+    })
+}
+
+fn run_gc(arguments: &GcArguments) -> anyhow::Result<shards::ExitCode> {
+    let (sweep, done) = match arguments {
+        GcArguments { dry_run: true, .. } => (Sweep::Look, "to remove"),
+        GcArguments { all: true, .. } => (Sweep::All, "removed"),
+        GcArguments { .. } => (Sweep::Dead, "removed"),
+    };
+    let Swept { files, bytes, kept } = Draft::open(&arguments.dataset)?.sweep(sweep)?;
+    let mut text = format!("{files} files of killed writers {done}, {}\n", shards::text::bytes(bytes));
+    if kept > 0 {
+        text += &format!("{kept} files are being written, or may be, and stay (--all removes them)\n");
+    }
+    let _ = write!(std::io::stdout().lock(), "{text}");
+    Ok(shards::ExitCode::Ok)
+}
+
 fn start_threads(threads: Option<u64>) -> anyhow::Result<()> {
     let threads = usize::try_from(threads.unwrap_or(0))?;
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("failed to start threads")
 }
 
 fn run(arguments: &Arguments) -> anyhow::Result<shards::ExitCode> {
-    let out = arguments.out.as_deref().context("--out is missing")?;
+    let out = arguments.out.as_ref().context("--out is missing")?;
     let overrides = Overrides { seed: arguments.seed, shards: arguments.shards, attempts: arguments.attempts };
     let config = Config::load(arguments.config.as_deref(), overrides)?;
-    let wanted: Vec<u32> = match &arguments.shard_index {
-        Some(indices) => indices.0.iter().copied().collect(),
-        None => (0..config.shard_count).collect(),
-    };
+    let assignment = Assignment::new(arguments.shard_index.as_ref(), arguments.task, |name| std::env::var_os(name))?;
+    let wanted = assignment.shards(config.shard_count)?;
+    if let Some(variable) = assignment.variable() {
+        complain(&format!("shard {} of {}, as {variable} says", index_list(&wanted), config.shard_count));
+    }
     start_threads(arguments.threads)?;
     let stop = stop_on_signals()?;
 
     let info = config.dataset_info();
-    let in_range = wanted.iter().filter(|shard| **shard < info.shard_count);
-    let bar = progress_bar(in_range.map(|shard| attempts_of(&info, *shard)).sum());
+    let bar = progress_bar(wanted.iter().map(|shard| attempts_of(&info, *shard)).sum());
     let (made, held) = (AtomicU64::new(0), AtomicU64::new(0));
     let started = Instant::now();
     let report = generate(&config, out, &wanted, &stop, &|event| match event {

@@ -1,15 +1,14 @@
 //! Generating shards: scenes in parallel, rows in order, a shard committed when it is whole. Rows are encoded on a thread
 //! of their own, so that the others go on simulating.
 
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use rayon::prelude::*;
 use schema::SceneRows;
 use shards::{
-    BeginError, Counts, DatasetInfo, ExitCode, FinalizeError, Finalized, ShardWriter, StoreError, WriteError,
-    begin_dataset, finalize, is_committed,
+    BeginError, Counts, DatasetInfo, Draft, ExitCode, FinalizeError, Finalized, Location, ShardWriter, StoreError,
+    WriteError,
 };
 
 use crate::build::{NoScene, make_scene};
@@ -18,6 +17,10 @@ use crate::config::Config;
 /// Scenes that are built at once, of one shard or several: enough that the cores do not wait for each other's last scene
 /// often. A quarter of a megabyte each; three batches are in memory at most (built, waiting, written).
 const SCENES_AT_ONCE: usize = 128;
+
+/// A process that makes a part of a dataset's shards looks at the others, and completes the dataset if it can, up to so many
+/// of them: beyond, thousands of processes would look at thousands of markers each.
+pub const LOOK_SHARDS_MAX: u32 = 1_000;
 
 /// What happens while shards are generated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,8 +53,8 @@ pub struct Report {
     pub made: Counts,
     /// Whether the run was stopped before its shards were done.
     pub is_stopped: bool,
-    /// The state of the whole dataset.
-    pub dataset: Finalized,
+    /// The state of the whole dataset; `None` if that was not looked at (see [`LOOK_SHARDS_MAX`]).
+    pub dataset: Option<Finalized>,
 }
 
 /// Why a run failed.
@@ -100,14 +103,14 @@ impl GenerateError {
     }
 }
 
-/// Generates the shards `wanted` of a dataset into `dir`, skipping those that are there, and completes the dataset if it
-/// can. When `stop` is set the run ends soon; a shard that is not whole by then is dropped.
+/// Generates the shards `wanted` of a dataset, skipping those that are there, and completes the dataset if it can. When
+/// `stop` is set the run ends soon; a shard that is not whole by then is dropped.
 ///
 /// # Errors
 /// [`GenerateError`]; what was committed before stays.
 pub fn generate(
     config: &Config,
-    dir: &Path,
+    at: impl Into<Location>,
     wanted: &[u32],
     stop: &AtomicBool,
     on_event: &(dyn Fn(Event) + Sync),
@@ -116,24 +119,33 @@ pub fn generate(
     if let Some(index) = wanted.iter().copied().find(|index| *index >= info.shard_count) {
         return Err(GenerateError::NoSuchShard { index, shard_count: info.shard_count });
     }
-    begin_dataset(dir, &info)?;
-    let mut missing = Vec::new();
-    for shard in wanted.iter().copied() {
-        if is_committed(dir, &info, shard)? {
-            on_event(Event::Skipped { shard, attempts: attempts_of(&info, shard) });
-        } else {
-            missing.push(shard);
-        }
+    let draft = Draft::begin(at, &info)?;
+    let is_all = wanted.len() == info.shard_count as usize;
+    let missing = if is_all { draft.missing()? } else { missing_of(&draft, wanted)? };
+    for shard in wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_err()) {
+        on_event(Event::Skipped { shard, attempts: attempts_of(&info, shard) });
     }
     let (made, is_stopped) = std::thread::scope(|scope| {
         let (send, receive) = sync_channel(1);
-        let writer = scope.spawn(|| write_shards(dir, &info, receive, on_event));
+        let writer = scope.spawn(|| write_shards(&draft, receive, on_event));
         let is_stopped = build_scenes(config, &info, &missing, stop, on_event, &send);
         drop(send);
         let made = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
         Ok::<_, GenerateError>((made, is_stopped?))
     })?;
-    Ok(Report { made, is_stopped, dataset: finalize(dir)? })
+    let looks = is_all || info.shard_count <= LOOK_SHARDS_MAX;
+    Ok(Report { made, is_stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
+}
+
+fn missing_of(draft: &Draft, wanted: &[u32]) -> Result<Vec<u32>, StoreError> {
+    let is_missing = |shard: &u32| Ok(if draft.is_committed(*shard)? { None } else { Some(*shard) });
+    wanted.iter().filter_map(|shard| is_missing(shard).transpose()).collect()
+}
+
+/// Completes the dataset, after a quick look at whether that can be.
+fn complete(draft: &Draft) -> Result<Finalized, GenerateError> {
+    let missing = draft.unmarked()?;
+    Ok(if missing.is_empty() { draft.finalize()? } else { Finalized::Incomplete { missing } })
 }
 
 /// Builds the scenes of `shards` in parallel and sends them on in order, each with its shard; whether it was stopped. Ends
@@ -170,8 +182,7 @@ fn build_scenes(
 
 /// Writes scenes as they come, and commits a shard when it has all of its scenes; one that stays without is dropped.
 fn write_shards(
-    dir: &Path,
-    info: &DatasetInfo,
+    draft: &Draft,
     receive: Receiver<Vec<(u32, SceneRows)>>,
     on_event: &(dyn Fn(Event) + Sync),
 ) -> Result<Counts, GenerateError> {
@@ -180,7 +191,7 @@ fn write_shards(
     for (shard, rows) in receive.into_iter().flatten() {
         let (missing, mut writer) = match open.take() {
             Some(open) => open,
-            None => (info.scenes_of(shard).count() as u64, ShardWriter::create(dir, info, shard)?),
+            None => (draft.info().scenes_of(shard).count() as u64, draft.shard(shard)?),
         };
         writer.push(&rows)?;
         if missing > 1 {

@@ -1,20 +1,21 @@
 //! What a run made, as text for the person who started it.
 
 use std::fmt::Write;
-use std::path::Path;
 
 use generator::Report;
 use schema::Outcome;
 use shards::text::{bar, grouped, percent, ratio};
-use shards::{Counts, Finalized};
+use shards::{Counts, Finalized, Location};
+
+use crate::assignment::index_list;
 
 /// The table at the end of a run: the whole dataset's numbers if it is complete, else this run's; then what to do next.
-pub(crate) fn render(report: &Report, dir: &Path, elapsed_s: f64) -> String {
+pub(crate) fn render(report: &Report, at: &Location, elapsed_s: f64) -> String {
     let mut text = String::new();
     let made = report.made.labels.attempts;
     let counts = match &report.dataset {
-        Finalized::Complete(manifest) => &manifest.totals,
-        Finalized::Incomplete { .. } => &report.made,
+        Some(Finalized::Complete(manifest)) => &manifest.totals,
+        Some(Finalized::Incomplete { .. }) | None => &report.made,
     };
     write_counts(&mut text, counts);
     if made > 0 {
@@ -25,19 +26,34 @@ pub(crate) fn render(report: &Report, dir: &Path, elapsed_s: f64) -> String {
             &format!("{} attempts/s ({} in {elapsed_s:.1} s)", grouped(rate as u64), grouped(made)),
         );
     }
-    let shown = dir.display();
     text += "\n";
     text += &match &report.dataset {
-        Finalized::Complete(_) if made == 0 => format!("complete already: {shown}\n"),
-        Finalized::Complete(_) => format!("complete: {shown}\nnext: shards verify {shown} && shards report {shown}\n"),
-        Finalized::Incomplete { missing } if report.is_stopped => {
-            format!("stopped: {} shards are missing; run the same command again to continue\n", missing.len())
-        }
-        Finalized::Incomplete { missing } => {
-            format!("not complete yet: {} shards are missing: {}\n", missing.len(), index_list(missing))
-        }
+        Some(Finalized::Complete(_)) if made == 0 => format!("complete already: {at}\n"),
+        _ if report.is_stopped => "stopped: run the same command again to continue\n".to_owned(),
+        Some(state) => next(state, at),
+        None => format!("next, when all shards are there: generator finalize {at}\n"),
     };
     text
+}
+
+/// What a finaliser found.
+pub(crate) fn state(state: &Finalized, at: &Location) -> String {
+    let mut text = String::new();
+    if let Finalized::Complete(manifest) = state {
+        write_counts(&mut text, &manifest.totals);
+        text += "\n";
+    }
+    text + &next(state, at)
+}
+
+fn next(state: &Finalized, at: &Location) -> String {
+    match state {
+        Finalized::Complete(_) => format!("complete: {at}\nnext: shards verify {at} && shards report {at}\n"),
+        Finalized::Incomplete { missing } => {
+            let are = if missing.len() == 1 { "shard is" } else { "shards are" };
+            format!("not complete yet: {} {are} missing: {}\n", missing.len(), index_list(missing))
+        }
+    }
 }
 
 fn write_counts(text: &mut String, counts: &Counts) {
@@ -57,29 +73,4 @@ fn write_counts(text: &mut String, counts: &Counts) {
 
 fn line(text: &mut String, name: &str, value: &str) {
     let _ = writeln!(text, "{name:<20}{value}");
-}
-
-/// Indices as `--shard-index` takes them.
-fn index_list(indices: &[u32]) -> String {
-    let mut parts: Vec<(u32, u32)> = Vec::new();
-    for index in indices {
-        match parts.last_mut() {
-            Some((_, last)) if *last + 1 == *index => *last = *index,
-            _ => parts.push((*index, *index)),
-        }
-    }
-    let shown = |(first, last): &(u32, u32)| {
-        if first == last { first.to_string() } else { format!("{first}-{last}") }
-    };
-    parts.iter().map(shown).collect::<Vec<_>>().join(",")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lists_of_indices_are_folded_into_ranges() {
-        assert_eq!(index_list(&[0, 1, 2, 5, 7, 8]), "0-2,5,7-8");
-    }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use schema::SceneRows;
-use shards::{Dataset, DatasetInfo, ShardWriter, begin_dataset, finalize, synthetic};
+use shards::{Dataset, DatasetInfo, Draft, synthetic};
 
 fn main() {
     divan::main();
@@ -16,8 +16,8 @@ fn rows() -> (DatasetInfo, Vec<SceneRows>) {
 }
 
 fn write(dir: &Path, info: &DatasetInfo, scenes: &[SceneRows]) {
-    begin_dataset(dir, info).expect("an empty folder");
-    let mut writer = ShardWriter::create(dir, info, 0).expect("a shard");
+    let draft = Draft::begin(dir, info).expect("an empty folder");
+    let mut writer = draft.shard(0).expect("a shard");
     for rows in scenes {
         writer.push(rows).expect("sound rows");
     }
@@ -39,7 +39,7 @@ fn read_a_shard(bencher: divan::Bencher<'_, '_>) {
     let (info, scenes) = rows();
     let dir = tempfile::tempdir().expect("a temporary folder");
     write(dir.path(), &info, &scenes);
-    finalize(dir.path()).expect("a complete dataset");
+    Draft::open(dir.path()).expect("a draft").finalize().expect("a complete dataset");
     bencher.bench_local(|| {
         let dataset = Dataset::open(dir.path()).expect("a dataset");
         dataset.scenes(0).expect("a shard").map(|scene| scene.expect("a scene").tsdf.len()).sum::<usize>()

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use shards::{ShardWriter, begin_dataset, finalize, is_committed, synthetic};
+use shards::{Draft, synthetic};
 
 fn main() -> Result<()> {
     let mut args = std::env::args().skip(1);
@@ -11,17 +11,17 @@ fn main() -> Result<()> {
     let attempts = args.next().map_or(Ok(2_400), |a| a.parse()).context("ATTEMPTS must be a whole number")?;
     let shards = args.next().map_or(Ok(4), |a| a.parse()).context("SHARDS must be a whole number")?;
     let info = synthetic::info(42, shards, attempts, 60);
-    begin_dataset(&dir, &info)?;
+    let draft = Draft::begin(&dir, &info)?;
     for shard in 0..info.shard_count {
-        if is_committed(&dir, &info, shard)? {
+        if draft.is_committed(shard)? {
             continue;
         }
-        let mut writer = ShardWriter::create(&dir, &info, shard)?;
+        let mut writer = draft.shard(shard)?;
         for scene in info.scenes_of(shard) {
             writer.push(&synthetic::scene_rows(scene, info.seed, &info))?;
         }
         writer.commit()?;
     }
-    finalize(&dir)?;
+    draft.finalize()?;
     Ok(())
 }

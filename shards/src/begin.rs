@@ -1,12 +1,12 @@
-//! Beginning a dataset: its folder either becomes this dataset, is this dataset already, or is left alone.
+//! Beginning a dataset: its place either becomes this dataset, is this dataset already, or is left alone.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde_json::Value;
 
-use crate::store::{Published, Store, StoreError, is_staging};
-use crate::{DatasetInfo, ExitCode, Table, layout};
+use crate::storage::{Published, Storage};
+use crate::store::{StoreError, is_staging};
+use crate::{DatasetInfo, Draft, ExitCode, Location, Table, layout};
 
 /// Why a dataset cannot begin in a folder.
 #[derive(Debug, thiserror::Error)]
@@ -14,22 +14,22 @@ pub enum BeginError {
     /// The info is out of range.
     #[error("{}", .0.join("; "))]
     Range(Vec<String>),
-    /// The folder holds something that is no dataset.
-    #[error("the folder holds {entry:?} and no {info}: give an empty or a new one: {}", .dir.display(), info = layout::INFO)]
+    /// The place holds something that is no dataset.
+    #[error("it holds {entry:?} and no {info}: give an empty or a new place: {at}", info = layout::INFO)]
     NotEmpty {
-        /// The folder.
-        dir: PathBuf,
+        /// The place.
+        at: Location,
         /// The first thing found.
         entry: String,
     },
     /// What should be a folder is none.
     #[error("the dataset must go to a folder, got a file: {}", .0.display())]
     NotAFolder(PathBuf),
-    /// The folder holds another dataset.
-    #[error("the folder holds another dataset, which differs in {}: {}", .differences.join(", "), .dir.display())]
+    /// The place holds another dataset.
+    #[error("it holds another dataset, which differs in {}: {at}", .differences.join(", "))]
     Other {
-        /// The folder.
-        dir: PathBuf,
+        /// The place.
+        at: Location,
         /// The first keys that differ, each with what is there and what was asked for.
         differences: Vec<String>,
     },
@@ -52,58 +52,54 @@ impl BeginError {
 /// Most differences that are told.
 const DIFFERENCES_MAX: usize = 4;
 
-/// Makes the folders and publishes `meta/info.json`, or finds that they are there with equal contents.
-///
-/// # Errors
-/// [`BeginError`] if the info is out of range, the folder holds another dataset or anything else, or the disk refuses.
-pub fn begin_dataset(dir: &Path, info: &DatasetInfo) -> Result<(), BeginError> {
-    let problems = info.problems();
-    if !problems.is_empty() {
-        return Err(BeginError::Range(problems));
+impl Draft {
+    /// Publishes `meta/info.json`, or finds that it is there with equal contents.
+    ///
+    /// # Errors
+    /// [`BeginError`] if the info is out of range, the place holds another dataset or anything else, or the disk refuses.
+    pub fn begin(at: impl Into<Location>, info: &DatasetInfo) -> Result<Self, BeginError> {
+        let problems = info.problems();
+        if !problems.is_empty() {
+            return Err(BeginError::Range(problems));
+        }
+        Self::begin_in(Storage::open_to_write(&at.into())?, info)
     }
-    if dir.exists() && !dir.is_dir() {
-        return Err(BeginError::NotAFolder(dir.to_owned()));
+
+    pub(crate) fn begin_in(storage: Storage, info: &DatasetInfo) -> Result<Self, BeginError> {
+        let at = storage.location("");
+        if let Some(dir) = storage.folder().filter(|dir| dir.exists() && !dir.is_dir()) {
+            return Err(BeginError::NotAFolder(dir.to_owned()));
+        }
+        let text = info.to_json();
+        // In this order: another process may begin the same dataset just now, and it publishes the info first.
+        if let Some(entry) = first_foreign_entry(&storage)?
+            && storage.size(layout::INFO)?.is_none()
+        {
+            return Err(BeginError::NotEmpty { at, entry });
+        }
+        if let Published::Existing(existing) = storage.publish_new(layout::INFO, text.as_bytes())?
+            && existing != text.as_bytes()
+        {
+            let differences = differences(&existing, &text);
+            return Err(BeginError::Other { at, differences });
+        }
+        for folder in Table::ALL.map(Table::name).into_iter().chain(["meta/shards"]) {
+            storage.create_folder(folder)?;
+        }
+        Ok(Self { storage, info: info.clone(), dataset_id: info.dataset_id() })
     }
-    let store = Store::new(dir);
-    let text = info.to_json();
-    // In this order: another process may begin the same dataset just now, and it publishes the info first.
-    if let Some(entry) = first_foreign_entry(dir)?
-        && store.size(layout::INFO)?.is_none()
-    {
-        return Err(BeginError::NotEmpty { dir: dir.to_owned(), entry });
-    }
-    if let Published::Existing(existing) = store.publish_new(layout::INFO, text.as_bytes())?
-        && existing != text.as_bytes()
-    {
-        let differences = differences(&existing, &text);
-        return Err(BeginError::Other { dir: dir.to_owned(), differences });
-    }
-    for folder in Table::ALL.map(Table::name).into_iter().chain(["meta/shards"]) {
-        store.create_folder(&store.path(folder))?;
-    }
-    Ok(())
 }
 
-/// The first entry of a folder that a dataset killed at its very beginning would not have left. Hidden files and
+/// The first entry of a place that a dataset killed at its very beginning would not have left. Hidden files and
 /// `lost+found` are nobody's.
-fn first_foreign_entry(dir: &Path) -> Result<Option<String>, StoreError> {
-    let mut foreign: Vec<String> = names(dir)?;
-    foreign.retain(|name| !name.starts_with('.') && name != "lost+found" && name != "meta");
-    let mut in_meta = names(&dir.join("meta"))?;
-    in_meta.retain(|name| !is_staging(name));
-    foreign.extend(in_meta.into_iter().map(|name| format!("meta/{name}")));
-    foreign.sort();
-    Ok(foreign.into_iter().next())
-}
-
-fn names(dir: &Path) -> Result<Vec<String>, StoreError> {
-    let listed = match fs::read_dir(dir) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        listed => listed.and_then(|entries| {
-            entries.map(|entry| entry.map(|e| e.file_name().to_string_lossy().into_owned())).collect()
-        }),
+fn first_foreign_entry(storage: &Storage) -> Result<Option<String>, StoreError> {
+    let names = |folder: &str| {
+        let listed = storage.list(folder)?.unwrap_or_default(); // a store that does not list is trusted
+        Ok::<_, StoreError>(listed.into_keys())
     };
-    listed.map_err(|source| StoreError { action: "list a folder", at: dir.into(), source })
+    let is_foreign = |name: &String| !name.starts_with('.') && name != "lost+found" && name != "meta";
+    let in_meta = names("meta")?.filter(|name| !is_staging(name)).map(|name| format!("meta/{name}"));
+    Ok(names("")?.filter(is_foreign).chain(in_meta).min())
 }
 
 fn differences(existing: &[u8], asked: &str) -> Vec<String> {
@@ -142,19 +138,27 @@ fn compare(path: &str, existing: &Value, asked: &Value, found: &mut Vec<String>)
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::path::Path;
+
     use super::*;
     use crate::synthetic;
+
+    fn names(dir: &Path) -> Vec<String> {
+        let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().to_string_lossy().into_owned();
+        fs::read_dir(dir).unwrap().map(name).collect()
+    }
 
     #[test]
     fn the_same_dataset_may_begin_again_and_another_may_not() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("new/folder");
         let info = synthetic::info(7, 2, 24, 6);
-        begin_dataset(&out, &info).unwrap();
-        begin_dataset(&out, &info).unwrap();
+        Draft::begin(&out, &info).unwrap();
+        Draft::begin(&out, &info).unwrap();
         let mut other = synthetic::info(8, 2, 24, 6);
         other.gripper.friction = 0.5;
-        let error = begin_dataset(&out, &other).unwrap_err();
+        let error = Draft::begin(&out, &other).unwrap_err();
         assert_eq!(error.exit_code(), ExitCode::Config);
         let message = error.to_string();
         assert!(
@@ -167,10 +171,10 @@ mod tests {
     fn a_folder_of_someone_else_is_left_alone() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join("thesis.tex"), "do not lose").unwrap();
-        let error = begin_dataset(dir.path(), &synthetic::info(7, 2, 24, 6)).unwrap_err();
+        let error = Draft::begin(dir.path(), &synthetic::info(7, 2, 24, 6)).unwrap_err();
         assert_eq!(error.exit_code(), ExitCode::Config);
         assert!(error.to_string().contains("thesis.tex"), "{error}");
-        assert_eq!(names(dir.path()).unwrap(), ["thesis.tex"]);
+        assert_eq!(names(dir.path()), ["thesis.tex"]);
     }
 
     #[test]
@@ -179,8 +183,8 @@ mod tests {
         fs::create_dir(dir.path().join("meta")).unwrap();
         fs::write(dir.path().join("meta/.info.json#0.tmp"), "{").unwrap();
         fs::write(dir.path().join(".gitkeep"), "").unwrap();
-        begin_dataset(dir.path(), &synthetic::info(7, 2, 24, 6)).unwrap();
-        assert_eq!(names(&dir.path().join("meta")).unwrap().len(), 2, "info.json and shards/");
+        Draft::begin(dir.path(), &synthetic::info(7, 2, 24, 6)).unwrap();
+        assert_eq!(names(&dir.path().join("meta")).len(), 2, "info.json and shards/");
     }
 
     #[test]
@@ -188,7 +192,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("file");
         fs::write(&file, "").unwrap();
-        let error = begin_dataset(&file, &synthetic::info(7, 2, 24, 6)).unwrap_err();
+        let error = Draft::begin(&file, &synthetic::info(7, 2, 24, 6)).unwrap_err();
         assert_eq!(error.exit_code(), ExitCode::Config);
     }
 }

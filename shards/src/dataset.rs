@@ -8,7 +8,7 @@ use arrow::array::RecordBatch;
 use schema::{AttemptRecord, ObjectRecord, SceneRows};
 
 use crate::check::{self, RowError};
-use crate::source::{Source, Unread, size_problem};
+use crate::storage::{Storage, Unread, size_problem};
 use crate::store::{Listing, StoreError};
 use crate::summary::Manifest;
 use crate::table_reader::{Batches, Part};
@@ -18,7 +18,7 @@ use crate::{DatasetInfo, InfoError, Location, ReadError, SCENES_PER_ROW_GROUP, S
 #[derive(Debug)]
 pub struct Dataset {
     location: Location,
-    source: Source,
+    storage: Storage,
     info: DatasetInfo,
     manifest: Manifest,
     /// Whether a file's checksum was found right, by shard, in the order of [`Table::ALL`].
@@ -31,9 +31,9 @@ const BATCH_ROWS: usize = 8192;
 const BATCH_SCENES: usize = 8;
 
 /// Reads and checks `meta/info.json`; the info and the dataset's id.
-pub(crate) fn read_info(source: &Source, at: &Location) -> Result<(DatasetInfo, String), ReadError> {
-    let bytes = source.read(layout::INFO)?.ok_or_else(|| ReadError::NotADataset(at.clone()))?;
-    let wrong = |error| ReadError::Info { source: error, at: source.location(layout::INFO) };
+pub(crate) fn read_info(storage: &Storage, at: &Location) -> Result<(DatasetInfo, String), ReadError> {
+    let bytes = storage.read(layout::INFO)?.ok_or_else(|| ReadError::NotADataset(at.clone()))?;
+    let wrong = |error| ReadError::Info { source: error, at: storage.location(layout::INFO) };
     let text = std::str::from_utf8(&bytes).map_err(|e| wrong(InfoError::Parse(e.to_string())))?;
     let info = DatasetInfo::from_json(text).map_err(wrong)?;
     Ok((info, seal::sha256_hex(&bytes)))
@@ -73,13 +73,13 @@ impl Dataset {
 
     /// Opens a dataset without a look at its shards, so that each can be told what is wrong with it.
     pub(crate) fn open_with_any_files(at: &Location) -> Result<Self, ReadError> {
-        Self::of_source(Source::open(at)?, at)
+        Self::of_storage(Storage::open(at)?, at)
     }
 
-    pub(crate) fn of_source(source: Source, at: &Location) -> Result<Self, ReadError> {
-        let (info, dataset_id) = read_info(&source, at)?;
-        let bytes = source.read(layout::MANIFEST)?.ok_or_else(|| ReadError::Incomplete(at.clone()))?;
-        let wrong = |problems| ReadError::Manifest { problems, at: source.location(layout::MANIFEST) };
+    pub(crate) fn of_storage(storage: Storage, at: &Location) -> Result<Self, ReadError> {
+        let (info, dataset_id) = read_info(&storage, at)?;
+        let bytes = storage.read(layout::MANIFEST)?.ok_or_else(|| ReadError::Incomplete(at.clone()))?;
+        let wrong = |problems| ReadError::Manifest { problems, at: storage.location(layout::MANIFEST) };
         let manifest: Manifest =
             seal::unseal(&String::from_utf8_lossy(&bytes)).map_err(|e| wrong(vec![e.to_string()]))?;
         let problems = manifest.problems(&info, &dataset_id);
@@ -87,7 +87,7 @@ impl Dataset {
             return Err(wrong(problems));
         }
         let is_checked = manifest.shards.iter().map(|_| Default::default()).collect();
-        Ok(Self { location: at.clone(), source, info, manifest, is_checked })
+        Ok(Self { location: at.clone(), storage, info, manifest, is_checked })
     }
 
     /// Where it lies.
@@ -206,12 +206,12 @@ impl Dataset {
 
     /// A file of `meta/`, `None` if there is none.
     pub(crate) fn read_meta(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        self.source.read(name)
+        self.storage.read(name)
     }
 
     /// What lies in a table's folder, `None` where that cannot be asked.
     pub(crate) fn list(&self, table: Table) -> Result<Option<Listing>, StoreError> {
-        self.source.list(table.name())
+        self.storage.list(table.name())
     }
 
     fn known(&self, shard: u32) -> Result<std::ops::Range<u64>, ReadError> {
@@ -246,7 +246,7 @@ impl Dataset {
     fn open_file(&self, shard: u32, table: Table) -> Result<File, ReadError> {
         let expected = self.manifest.shards[shard as usize].file(table);
         let is_checked = &self.is_checked[shard as usize][table as usize];
-        self.source.open_file(expected, is_checked).map_err(|unread| match unread {
+        self.storage.open_file(expected, is_checked).map_err(|unread| match unread {
             Unread::Wrong(message) => self.wrong(shard, table, message),
             Unread::Store(error) => ReadError::Store(error),
         })
@@ -254,7 +254,7 @@ impl Dataset {
 
     pub(crate) fn wrong(&self, shard: u32, table: Table, message: String) -> ReadError {
         let name = layout::table_file(table, shard, self.info.shard_count);
-        ReadError::File { shard, message, at: self.source.location(&name) }
+        ReadError::File { shard, message, at: self.storage.location(&name) }
     }
 
     fn check(&self, shard: u32, table: Table, rule: impl FnOnce() -> Result<(), RowError>) -> Result<(), ReadError> {

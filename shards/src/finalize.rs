@@ -1,14 +1,10 @@
-//! Completing a dataset: when every shard has its marker, the manifest and the dataset card are written. Anyone may
-//! do this, at any time, any number of times: the bytes are always the same.
+//! Completing a dataset: when every shard has its marker, the manifest, the dataset card and the success mark are written.
+//! Anyone may do this, at any time, any number of times: the bytes are always the same.
 
-use std::path::Path;
-
-use crate::dataset::read_info;
-use crate::source::Source;
-use crate::store::{Store, StoreError};
-use crate::summary::Manifest;
-use crate::writer::committed;
-use crate::{ExitCode, ReadError, Table, card, layout, seal};
+use crate::storage::{Published, size_problem};
+use crate::store::{Listing, StoreError, Sweep};
+use crate::summary::{Manifest, ShardSummary};
+use crate::{Draft, ExitCode, Table, card, layout, seal};
 
 /// What came of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,12 +21,21 @@ pub enum Finalized {
 /// Why a dataset cannot be completed.
 #[derive(Debug, thiserror::Error)]
 pub enum FinalizeError {
-    /// There is no dataset, or its info is damaged.
-    #[error(transparent)]
-    Read(#[from] ReadError),
     /// The disk refused.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// There is a manifest, and it says something else.
+    #[error(
+        "{} is there, sealed, and not what the markers make it, SHA-256 {before} there and {now} now: was a shard made \
+         again by another program? If so, delete it and finalize again",
+        layout::MANIFEST
+    )]
+    NotReproduced {
+        /// SHA-256 of the manifest that is there.
+        before: String,
+        /// SHA-256 of the new one.
+        now: String,
+    },
 }
 
 impl FinalizeError {
@@ -38,36 +43,102 @@ impl FinalizeError {
     #[must_use]
     pub fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Read(error) => error.exit_code(),
             Self::Store(error) => error.exit_code(),
+            Self::NotReproduced { .. } => ExitCode::Data,
         }
     }
 }
 
-/// Writes `meta/manifest.json` and `README.md` if every shard is there.
-///
-/// # Errors
-/// [`FinalizeError`] if there is no dataset, its info is damaged, or the disk refuses.
-pub fn finalize(dir: &Path) -> Result<Finalized, FinalizeError> {
-    let store = Store::new(dir);
-    let (info, dataset_id) = read_info(&Source::Folder(store.clone()), &dir.into())?;
-    let mut shards = Vec::new();
-    let mut missing = Vec::new();
-    for shard in 0..info.shard_count {
-        match committed(&store, &info, &dataset_id, shard)? {
-            Some(summary) => shards.push(summary),
-            None => missing.push(shard),
+impl Draft {
+    /// The shards that are not there, in order: without a marker of this dataset, or without files of the sizes that the
+    /// marker says.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the disk refuses.
+    pub fn missing(&self) -> Result<Vec<u32>, StoreError> {
+        self.committed(|_| ())
+    }
+
+    /// The shards without a marker, in order: a quick look, for one who will look closer.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the disk refuses.
+    pub fn unmarked(&self) -> Result<Vec<u32>, StoreError> {
+        let Some(markers) = self.storage.list("meta/shards")? else { return self.missing() };
+        let has_marker = |shard: &u32| markers.contains_key(file_name(&layout::marker(*shard)));
+        Ok((0..self.info.shard_count).filter(|shard| !has_marker(shard)).collect())
+    }
+
+    /// Hands on what every committed shard's marker says, in order; the numbers of the others.
+    fn committed(&self, mut take: impl FnMut(ShardSummary)) -> Result<Vec<u32>, StoreError> {
+        let mut listings = Vec::new();
+        for table in Table::ALL {
+            listings.push((table, self.storage.list(table.name())?));
         }
+        let mut missing = Vec::new();
+        let mut unlisted = Vec::new();
+        let mut next = 0;
+        let names = (0..self.info.shard_count).map(layout::marker);
+        self.storage.read_each(names, |marker| {
+            let shard = next;
+            next += 1;
+            match marker.and_then(|bytes| self.summary(shard, &bytes)) {
+                Some(summary) if is_there(&summary, &listings) => {
+                    if listings.iter().any(|(_, listing)| listing.is_none()) {
+                        unlisted.push(shard);
+                    }
+                    take(summary);
+                }
+                _ => missing.push(shard),
+            }
+        })?;
+        for shard in unlisted {
+            if !self.is_committed(shard)? {
+                missing.push(shard);
+            }
+        }
+        missing.sort_unstable();
+        Ok(missing)
     }
-    if !missing.is_empty() {
-        return Ok(Finalized::Incomplete { missing });
+
+    /// Writes `meta/manifest.json`, `README.md` and `_SUCCESS` if every shard is there. What is there already stays: a
+    /// card that somebody wrote on, and a manifest, which must be the same.
+    ///
+    /// # Errors
+    /// [`FinalizeError`] if the disk refuses, or there is a manifest that says something else.
+    pub fn finalize(&self) -> Result<Finalized, FinalizeError> {
+        let mut shards = Vec::new();
+        let missing = self.committed(|summary| shards.push(summary))?;
+        if !missing.is_empty() {
+            return Ok(Finalized::Incomplete { missing });
+        }
+        let manifest = Manifest::new(&self.info, self.dataset_id.clone(), shards);
+        self.storage.publish_new(layout::CARD, card::card(&self.info, &manifest).as_bytes())?;
+        let text = seal::seal(&manifest);
+        if let Published::Existing(before) = self.storage.publish_new(layout::MANIFEST, text.as_bytes())?
+            && before != text.as_bytes()
+        {
+            if seal::unseal::<Manifest>(&String::from_utf8_lossy(&before)).is_ok() {
+                let (before, now) = (seal::sha256_hex(&before), seal::sha256_hex(text.as_bytes()));
+                return Err(FinalizeError::NotReproduced { before, now });
+            }
+            self.storage.publish(layout::MANIFEST, text.as_bytes())?; // in place of a damaged one
+        }
+        self.storage.publish_new(layout::SUCCESS, b"")?;
+        self.sweep(Sweep::Dead)?;
+        Ok(Finalized::Complete(manifest))
     }
-    let mut manifest = Manifest::new(&info, shards);
-    manifest.dataset_id = dataset_id;
-    store.publish(layout::CARD, card::card(&info, &manifest).as_bytes())?;
-    store.publish(layout::MANIFEST, seal::seal(&manifest).as_bytes())?;
-    for folder in Table::ALL.map(Table::name).into_iter().chain(["meta", "meta/shards", ""]) {
-        store.sweep(folder)?;
-    }
-    Ok(Finalized::Complete(manifest))
+}
+
+/// Whether a shard's files are listed with the sizes that its marker says. What is not listed at all passes.
+fn is_there(summary: &ShardSummary, listings: &[(Table, Option<Listing>)]) -> bool {
+    listings.iter().all(|(table, listing)| {
+        let file = summary.file(*table);
+        let found = |listing: &Listing| listing.get(file_name(&file.path)).copied().flatten();
+        listing.as_ref().is_none_or(|listing| size_problem(file, found(listing)).is_none())
+    })
+}
+
+fn file_name(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or_default()
 }

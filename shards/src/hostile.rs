@@ -6,18 +6,18 @@ use std::path::Path;
 
 use schema::{Purpose, Stream};
 
-use crate::{Finalized, Manifest, ShardWriter, Table, begin_dataset, finalize, layout, seal, synthetic, verify};
+use crate::{Draft, Finalized, Manifest, Table, layout, seal, synthetic, verify};
 
 fn write(dir: &Path) -> Manifest {
     let mut info = synthetic::info(5, 1, 40, 8);
     info.grid.resolution = 4;
-    begin_dataset(dir, &info).unwrap();
-    let mut writer = ShardWriter::create(dir, &info, 0).unwrap();
+    let draft = Draft::begin(dir, &info).unwrap();
+    let mut writer = draft.shard(0).unwrap();
     for scene in info.scenes_of(0) {
         writer.push(&synthetic::scene_rows(scene, info.seed, &info)).unwrap();
     }
     writer.commit().unwrap();
-    let Finalized::Complete(manifest) = finalize(dir).unwrap() else { panic!("complete") };
+    let Finalized::Complete(manifest) = draft.finalize().unwrap() else { panic!("complete") };
     manifest
 }
 

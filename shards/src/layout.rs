@@ -9,6 +9,9 @@ pub const MANIFEST: &str = "meta/manifest.json";
 /// The dataset card.
 pub const CARD: &str = "README.md";
 
+/// Empty, and there iff the dataset is complete: written last, for those who look for nothing else.
+pub const SUCCESS: &str = "_SUCCESS";
+
 /// A shard's file of a table, such as `attempts/shard-00003-of-00064.parquet`.
 #[must_use]
 pub fn table_file(table: Table, shard: u32, shard_count: u32) -> String {

@@ -8,6 +8,7 @@
 //! meta/info.json                             what the dataset is: written first; its SHA-256 is the dataset's id
 //! meta/shards/00003.json                     marker: written last; the shard counts iff it is there
 //! meta/manifest.json                         every marker and their sum: there iff the dataset is complete
+//! _SUCCESS                                   empty: made after the manifest
 //! attempts/shard-00003-of-00064.parquet      one row an attempt
 //! scenes/shard-00003-of-00064.parquet        one row a scene, with its TSDF
 //! objects/shard-00003-of-00064.parquet       one row an object
@@ -20,18 +21,18 @@
 //! # let dir = dir.path();
 //! let mut info = shards::synthetic::info(7, 2, 60, 10);
 //! info.grid.resolution = 8;
-//! shards::begin_dataset(dir, &info)?;
+//! let draft = shards::Draft::begin(dir, &info)?;
 //! for shard in 0..info.shard_count {
-//!     if shards::is_committed(dir, &info, shard)? {
+//!     if draft.is_committed(shard)? {
 //!         continue; // written by an earlier run
 //!     }
-//!     let mut writer = shards::ShardWriter::create(dir, &info, shard)?;
+//!     let mut writer = draft.shard(shard)?;
 //!     for scene in info.scenes_of(shard) {
 //!         writer.push(&shards::synthetic::scene_rows(scene, info.seed, &info))?;
 //!     }
 //!     writer.commit()?;
 //! }
-//! assert!(matches!(shards::finalize(dir)?, shards::Finalized::Complete(_)));
+//! assert!(matches!(draft.finalize()?, shards::Finalized::Complete(_)));
 //!
 //! let dataset = shards::Dataset::open(dir)?;
 //! let attempts = dataset.read_attempts(0)?;
@@ -49,14 +50,17 @@ mod check;
 mod column;
 mod dataset;
 mod decode;
+mod draft;
 mod encode;
 mod exit;
+mod fault;
 mod finalize;
 #[cfg(test)]
 mod hostile;
 mod info;
 mod inspect;
 pub mod layout;
+mod limits;
 mod location;
 mod read_error;
 mod remote;
@@ -64,8 +68,8 @@ mod report;
 mod report_text;
 mod scenes;
 mod seal;
-mod source;
 mod staged;
+mod storage;
 mod store;
 mod summary;
 pub mod synthetic;
@@ -77,22 +81,24 @@ mod version;
 mod writer;
 
 pub use argument::LocationParser;
-pub use begin::{BeginError, begin_dataset};
+pub use begin::BeginError;
 pub use check::{POSITION_M_MAX, QUATERNION_TOLERANCE, RowError, VIEWS_MAX, WIDTH_TOLERANCE_M};
 pub use column::{Column, Kind, Table};
 pub use dataset::Dataset;
+pub use draft::Draft;
 pub use exit::ExitCode;
-pub use finalize::{FinalizeError, Finalized, finalize};
+pub use finalize::{FinalizeError, Finalized};
 pub use info::{ATTEMPTS_MAX, DatasetInfo, InfoError, RESOLUTION_MAX, SHARDS_MAX};
 pub use inspect::Inspection;
+pub use limits::writes_fail_at_the_file_size_limit;
 pub use location::{Location, LocationError};
 pub use read_error::ReadError;
 pub use report::{Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use scenes::Scenes;
 pub use seal::SealError;
-pub use store::StoreError;
+pub use store::{StoreError, Sweep, Swept};
 pub use summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, Tally};
 pub use table_writer::TableError;
 pub use verify::{PROBLEMS_MAX, Verified, verify};
 pub use version::{FormatVersion, UnreadableVersion};
-pub use writer::{SCENES_PER_ROW_GROUP, ShardWriter, WriteError, is_committed};
+pub use writer::{SCENES_PER_ROW_GROUP, ShardWriter, WriteError};

@@ -4,7 +4,7 @@ use std::io::{self, IsTerminal, Write};
 
 use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
-use shards::{Dataset, ExitCode, Inspection, Location, LocationParser, ReadError, Verified};
+use shards::{Dataset, ExitCode, Inspection, Location, LocationParser, ReadError, Verified, text};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -59,7 +59,7 @@ fn main() -> std::process::ExitCode {
         Ok(code) => code,
         Err(error) if is_broken_pipe(&error) => ExitCode::Ok, // whoever read our output had enough
         Err(error) => {
-            let _ = writeln!(io::stderr(), "error: {}", told(&error)); // nowhere left to complain
+            let _ = writeln!(io::stderr(), "error: {}", text::told(error.as_ref())); // nowhere left to complain
             exit_code(&error)
         }
     };
@@ -116,15 +116,6 @@ fn verify(dataset: &Location) -> Result<ExitCode> {
 fn print(text: impl std::fmt::Display) -> Result<ExitCode> {
     write!(io::stdout().lock(), "{text}").context("failed to print")?;
     Ok(ExitCode::Ok)
-}
-
-/// An error with those of its causes that its message does not tell already.
-fn told(error: &anyhow::Error) -> String {
-    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match text.as_str() {
-        "" => cause,
-        _ if text.contains(&cause) => text,
-        _ => format!("{text}: {cause}"),
-    })
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {

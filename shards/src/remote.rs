@@ -1,46 +1,58 @@
-//! The only file that talks to a network: object stores, read. Asynchronous inside, plain calls outside.
+//! Object stores and web servers: the only room that talks to a network. Asynchronous inside, plain calls outside.
 //!
-//! Nothing hangs: connecting takes at most 5 s, a silence 20 s, a request is tried again at most 8 times and not after
-//! 60 s, and a file must come at 50 kB/s. Nothing is held: a file goes to a scratch file piece by piece.
+//! Nothing hangs: connecting takes at most 5 s, a silence while reading 20 s, a reader's request is tried again 8 times and
+//! not after 60 s, a writer's for 30 s, and a file must come or go at 50 kB/s. What is read goes to a scratch file piece by piece; what is
+//! written goes up in one piece, so that it is there whole or not at all.
+
+mod connect;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::future::Future;
 use std::io::{self, Seek, Write};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use futures_util::StreamExt;
-use object_store::aws::AmazonS3Builder;
-use object_store::azure::MicrosoftAzureBuilder;
-use object_store::gcp::GoogleCloudStorageBuilder;
-use object_store::http::HttpBuilder;
 use object_store::path::Path;
-use object_store::{
-    BackoffConfig, ClientConfigKey, ClientOptions, Error, ObjectStore, ObjectStoreExt, ObjectStoreScheme, RetryConfig,
-};
+use object_store::{Error, GetResult, ObjectStore, ObjectStoreExt, PutMode, PutPayload};
 use sha2::{Digest, Sha256};
 use tokio::runtime::{Builder, Runtime};
-use url::{Position, Url};
+use url::Url;
 
 use crate::Location;
+use crate::fault::Fault;
 use crate::store::{Listing, META_BYTES_MAX, StoreError};
+use connect::{connect, explain, is_absent, too_large};
 
-/// Longest silence of a server, while connecting and after.
-const CONNECT: Duration = Duration::from_secs(5);
-const SILENCE: Duration = Duration::from_secs(20);
-/// Most times that a request is repeated, and until when.
-const RETRIES_MAX: usize = 8;
-const RETRY_UNTIL: Duration = Duration::from_secs(60);
-/// What any request may take, and the slowest that a file may come.
+/// What any request may take, and the slowest that a file may come or go.
 const REQUEST: Duration = Duration::from_secs(120);
 const BYTES_PER_S_MIN: u64 = 50_000;
 /// Largest file that is fetched.
 const FETCH_BYTES_MAX: u64 = 8 << 30;
+/// Largest object that is put. Stores take 5 GB in one piece.
+pub(crate) const OBJECT_BYTES_MAX: u64 = 4 << 30;
+/// Times that an object is put if the answer is lost, and how long to wait between; not if it took longer than that.
+const PUTS_MAX: u32 = 3;
+const PUT_PAUSE: Duration = Duration::from_millis(250);
+const PUTS_UNTIL: Duration = Duration::from_secs(25);
+/// Small files that are asked for at once.
+const READS_AT_ONCE: usize = 64;
 /// Threads that move bytes between sockets and memory.
 const NETWORK_THREADS: usize = 2;
 
-/// A dataset's place in an object store. Writing to one belongs here too, when there is any.
+/// How long a silent server is waited for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Patience {
+    /// Not long.
+    Reader,
+    /// As long as an object takes to go up.
+    Writer,
+}
+
+/// A dataset's place in an object store.
 pub(crate) struct Remote {
     url: Url,
     prefix: Path,
@@ -48,6 +60,7 @@ pub(crate) struct Remote {
     /// Whether the store tells what lies below a prefix; web servers do not.
     lists: bool,
     runtime: Runtime,
+    fault: Fault,
 }
 
 impl std::fmt::Debug for Remote {
@@ -69,12 +82,16 @@ pub(crate) enum Fetched {
 }
 
 impl Remote {
-    /// Gets ready to read; asks nobody yet.
-    pub(crate) fn open(url: &Url) -> Result<Self, StoreError> {
+    /// Gets ready; asks nobody yet.
+    pub(crate) fn open(url: &Url, patience: Patience) -> Result<Self, StoreError> {
         let failed = |source| StoreError { action: "use the object store", at: place(url), source };
         // Nobody was asked yet, so whatever is wrong stays wrong.
         let wrong = |e| failed(io::Error::new(io::ErrorKind::InvalidInput, explain(&e).to_string()));
-        let (store, prefix, lists) = connect(url).map_err(wrong)?;
+        let (store, prefix, lists) = connect(url, patience).map_err(wrong)?;
+        if patience == Patience::Writer && !lists {
+            let text = "a web server takes no datasets: give a folder or an s3://, gs:// or az:// URL";
+            return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, text)));
+        }
         Self::new(url, store, prefix, lists)
     }
 
@@ -82,28 +99,68 @@ impl Remote {
     pub(crate) fn new(url: &Url, store: Arc<dyn ObjectStore>, prefix: Path, lists: bool) -> Result<Self, StoreError> {
         let runtime = Builder::new_multi_thread().worker_threads(NETWORK_THREADS).enable_all().build();
         let failed = |source| StoreError { action: "start threads for", at: place(url), source };
-        Ok(Self { url: url.clone(), prefix, store, lists, runtime: runtime.map_err(failed)? })
+        let runtime = runtime.map_err(failed)?;
+        Ok(Self { url: url.clone(), prefix, store, lists, runtime, fault: Fault::default() })
+    }
+
+    #[cfg(test)]
+    fn with_fault(self, fault: Fault) -> Self {
+        Self { fault, ..self }
     }
 
     pub(crate) fn location(&self, name: &str) -> Location {
-        place(&self.url).join(name)
+        if name.is_empty() { place(&self.url) } else { place(&self.url).join(name) }
     }
 
     /// The bytes of a small file, `None` if there is none.
     pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        let failed = |source| StoreError { action: "read a file", at: self.location(name), source };
-        let path = self.path(name);
+        self.runtime.block_on(self.small(name))
+    }
+
+    /// Reads small files, many at once, and hands each on, in order.
+    pub(crate) fn read_each(
+        &self,
+        names: impl Iterator<Item = String>,
+        mut take: impl FnMut(Option<Vec<u8>>),
+    ) -> Result<(), StoreError> {
+        let read = |name: String| async move { self.small(&name).await };
+        self.runtime.block_on(async {
+            let mut files = futures_util::stream::iter(names).map(read).buffered(READS_AT_ONCE);
+            while let Some(file) = files.next().await {
+                take(file?);
+            }
+            Ok(())
+        })
+    }
+
+    async fn small(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let read = async {
-            let found = match self.store.get(&path).await {
-                Err(error) if is_absent(&error) => return Ok(None),
-                found => found.map_err(|e| explain(&e))?,
-            };
+            let Some(found) = self.get(name).await? else { return Ok(None) };
             if found.meta.size > META_BYTES_MAX {
                 return Err(too_large(found.meta.size, META_BYTES_MAX));
             }
             Ok(Some(found.bytes().await.map_err(|e| explain(&e))?.to_vec()))
         };
-        self.within(REQUEST, read).map_err(failed)
+        within(REQUEST, read).await.map_err(self.failed("read a file", name))
+    }
+
+    async fn get(&self, name: &str) -> io::Result<Option<GetResult>> {
+        match self.store.get(&self.path(name)).await {
+            Err(error) if is_absent(&error) => Ok(None),
+            found => found.map(Some).map_err(|e| explain(&e)),
+        }
+    }
+
+    /// The size of a file in bytes, `None` if there is none.
+    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
+        let path = self.path(name);
+        let asked = async {
+            match self.store.head(&path).await {
+                Err(error) if is_absent(&error) => Ok(None),
+                found => found.map(|meta| Some(meta.size)).map_err(|e| explain(&e)),
+            }
+        };
+        self.runtime.block_on(within(REQUEST, asked)).map_err(self.failed("look at a file", name))
     }
 
     /// What lies in a folder; `None` where that cannot be asked.
@@ -111,16 +168,15 @@ impl Remote {
         if !self.lists {
             return Ok(None);
         }
-        let failed = |source| StoreError { action: "list a folder", at: self.location(folder), source };
-        let path = self.path(folder);
-        let listed = self.within(REQUEST, async {
+        let path = if folder.is_empty() { self.prefix.clone() } else { self.path(folder) };
+        let listed = self.runtime.block_on(within(REQUEST, async {
             match self.store.list_with_delimiter(Some(&path)).await {
                 Err(Error::PermissionDenied { .. } | Error::NotImplemented { .. }) => Ok(None),
                 listed => listed.map(Some).map_err(|e| explain(&e)),
             }
-        });
+        }));
         let name = |path: &Path| path.filename().unwrap_or_default().to_owned();
-        Ok(listed.map_err(failed)?.map(|listed| {
+        Ok(listed.map_err(self.failed("list a folder", folder))?.map(|listed| {
             // Some tools put an empty object in place of the folder itself.
             let files = listed.objects.iter().filter(|object| object.location != path);
             let files = files.map(|object| (name(&object.location), Some(object.size)));
@@ -131,7 +187,7 @@ impl Remote {
 
     /// Fetches a file that should have this size.
     pub(crate) fn fetch(&self, name: &str, bytes: u64) -> Result<Fetched, StoreError> {
-        let failed = |source| StoreError { action: "fetch a file", at: self.location(name), source };
+        let failed = self.failed("fetch a file", name);
         let scratch = |source| StoreError {
             action: "keep a fetched file among temporary files",
             at: Location::Path(std::env::temp_dir()),
@@ -141,12 +197,9 @@ impl Remote {
             return Err(failed(too_large(bytes, FETCH_BYTES_MAX)));
         }
         let mut file = tempfile::tempfile().map_err(scratch)?;
-        let (path, mut hash) = (self.path(name), Sha256::new());
+        let mut hash = Sha256::new();
         let fetch = async {
-            let found = match self.store.get(&path).await {
-                Err(error) if is_absent(&error) => return Ok(Ok(Fetched::Missing)),
-                found => found.map_err(|e| explain(&e))?,
-            };
+            let Some(found) = self.get(name).await? else { return Ok(Ok(Fetched::Missing)) };
             if found.meta.size != bytes {
                 return Ok(Ok(Fetched::OtherSize(found.meta.size)));
             }
@@ -165,19 +218,64 @@ impl Remote {
             let sha256 = crate::seal::hex(&hash.finalize());
             Ok(file.rewind().map(|()| Fetched::Whole(file, sha256)))
         };
-        self.within(REQUEST + Duration::from_secs(bytes / BYTES_PER_S_MIN), fetch).map_err(failed)?.map_err(scratch)
+        self.runtime.block_on(within(time_for(bytes), fetch)).map_err(failed)?.map_err(scratch)
+    }
+
+    /// The SHA-256 of a file in hex, `None` if there is none.
+    pub(crate) fn digest(&self, name: &str) -> Result<Option<String>, StoreError> {
+        let read = async {
+            let Some(found) = self.get(name).await? else { return Ok(None) };
+            let (mut pieces, mut hash) = (found.into_stream(), Sha256::new());
+            while let Some(piece) = pieces.next().await {
+                hash.update(piece.map_err(|e| explain(&e))?);
+            }
+            Ok(Some(crate::seal::hex(&hash.finalize())))
+        };
+        self.runtime.block_on(within(time_for(OBJECT_BYTES_MAX), read)).map_err(self.failed("read a file", name))
+    }
+
+    /// Puts an object in place of what may be there.
+    pub(crate) fn put(&self, name: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
+        let limit = time_for(bytes.len() as u64);
+        let put = async { self.put_once(name, bytes.into(), PutMode::Overwrite).await.map_err(|e| explain(&e)) };
+        self.runtime.block_on(within(limit, put)).map_err(self.failed("write a file", name))
+    }
+
+    /// Puts an object unless there is one; whether it did. If an answer is lost the object is put again: it is there then,
+    /// or comes to be.
+    pub(crate) fn put_new(&self, name: &str, bytes: Vec<u8>) -> Result<bool, StoreError> {
+        let (limit, payload) = (time_for(bytes.len() as u64), PutPayload::from(bytes));
+        let put = async {
+            let (mut puts, began) = (1, Instant::now());
+            loop {
+                match self.put_once(name, payload.clone(), PutMode::Create).await {
+                    Ok(()) => return Ok(true),
+                    Err(Error::AlreadyExists { .. }) => return Ok(false),
+                    Err(Error::Generic { .. }) if puts < PUTS_MAX && began.elapsed() < PUTS_UNTIL => {
+                        tokio::time::sleep(PUT_PAUSE).await;
+                    }
+                    Err(error) => return Err(explain(&error)),
+                }
+                puts += 1;
+            }
+        };
+        self.runtime.block_on(within(limit, put)).map_err(self.failed("publish a file", name))
+    }
+
+    async fn put_once(&self, name: &str, payload: PutPayload, mode: PutMode) -> Result<(), Error> {
+        let planned = |e: io::Error| Error::Generic { store: "test", source: Box::new(e) };
+        self.fault.check().map_err(planned)?;
+        self.store.put_opts(&self.path(name), payload, mode.into()).await?;
+        self.fault.check_answer().map_err(planned)
     }
 
     fn path(&self, name: &str) -> Path {
         name.split('/').fold(self.prefix.clone(), |path, part| path.join(part))
     }
 
-    /// Waits for something, but not for ever.
-    fn within<T>(&self, limit: Duration, work: impl Future<Output = io::Result<T>>) -> io::Result<T> {
-        self.runtime.block_on(async {
-            let late = |_| io::Error::new(io::ErrorKind::TimedOut, format!("not done after {} s", limit.as_secs()));
-            tokio::time::timeout(limit, work).await.map_err(late)?
-        })
+    fn failed(&self, action: &'static str, name: &str) -> impl FnOnce(io::Error) -> StoreError {
+        let at = self.location(name);
+        move |source| StoreError { action, at, source }
     }
 }
 
@@ -185,197 +283,13 @@ fn place(url: &Url) -> Location {
     Location::Url(Box::new(url.clone()))
 }
 
-/// The store behind a URL, the path in it, and whether it lists. Settings come from the environment.
-fn connect(url: &Url) -> Result<(Arc<dyn ObjectStore>, Path, bool), Error> {
-    // reqwest is built without a choice of its own; whoever chose before us is welcome.
-    let _ = rustls::crypto::ring::default_provider().install_default();
-    let (scheme, prefix) = ObjectStoreScheme::parse(url)?;
-    let retry = RetryConfig {
-        backoff: BackoffConfig { max_backoff: CONNECT, ..BackoffConfig::default() },
-        max_retries: RETRIES_MAX,
-        retry_timeout: RETRY_UNTIL,
-    };
-    let store: Arc<dyn ObjectStore> = match scheme {
-        ObjectStoreScheme::AmazonS3 => {
-            let builder = AmazonS3Builder::from_env().with_url(url.as_str()).with_retry(retry);
-            Arc::new(builder.with_client_options(options("AWS_")).build()?)
-        }
-        ObjectStoreScheme::GoogleCloudStorage => {
-            let builder = GoogleCloudStorageBuilder::from_env().with_url(url.as_str()).with_retry(retry);
-            Arc::new(builder.with_client_options(options("GOOGLE_")).build()?)
-        }
-        ObjectStoreScheme::MicrosoftAzure => {
-            let builder = MicrosoftAzureBuilder::from_env().with_url(url.as_str()).with_retry(retry);
-            Arc::new(builder.with_client_options(options("AZURE_")).build()?)
-        }
-        _ => {
-            let builder = HttpBuilder::new().with_url(&url[..Position::BeforePath]).with_retry(retry);
-            let options = options("HTTP_").with_allow_http(url.scheme() == "http");
-            return Ok((Arc::new(builder.with_client_options(options).build()?), prefix, false));
-        }
-    };
-    Ok((store, prefix, true))
+/// The longest that so many bytes may take.
+fn time_for(bytes: u64) -> Duration {
+    REQUEST + Duration::from_secs(bytes / BYTES_PER_S_MIN)
 }
 
-/// How to talk, with what the environment says instead, such as `AWS_ALLOW_HTTP` or `AWS_READ_TIMEOUT`.
-fn options(prefix: &str) -> ClientOptions {
-    let options = ClientOptions::new()
-        .with_connect_timeout(CONNECT)
-        .with_read_timeout(SILENCE)
-        .with_timeout_disabled()
-        .with_user_agent(object_store::HeaderValue::from_static(concat!("graspmill/", env!("CARGO_PKG_VERSION"))));
-    let variables = std::env::vars_os().filter_map(|(key, value)| {
-        let key = key.to_str()?.strip_prefix(prefix)?.to_ascii_lowercase();
-        Some((key.parse::<ClientConfigKey>().ok()?, value.into_string().ok()?))
-    });
-    variables.fold(options, |options, (key, value)| options.with_config(key, value))
-}
-
-/// No such object; a bucket that is not there is another matter.
-fn is_absent(error: &Error) -> bool {
-    matches!(error, Error::NotFound { .. }) && !error.to_string().contains("NoSuchBucket")
-}
-
-fn too_large(bytes: u64, limit: u64) -> io::Error {
-    io::Error::new(io::ErrorKind::FileTooLarge, format!("at most {limit} bytes are read at once, got {bytes}"))
-}
-
-/// What a store said, whether trying again may help ([`StoreError::exit_code`] looks at the kind), and what to do.
-fn explain(error: &Error) -> io::Error {
-    let mut text = error.to_string();
-    let mut cause = std::error::Error::source(error);
-    while let Some(inner) = cause {
-        if !text.contains(&inner.to_string()) {
-            text = format!("{text}: {inner}");
-        }
-        cause = inner.source();
-    }
-    let is = |part: &str| text.contains(part);
-    let (kind, advice) = if is("169.254.169.254") || is("metadata.google.internal") {
-        (
-            io::ErrorKind::InvalidInput,
-            "no credentials, neither in the environment nor from this machine's metadata service; for a bucket that \
-             everyone may read set AWS_SKIP_SIGNATURE=true or GOOGLE_SKIP_SIGNATURE=true or AZURE_SKIP_SIGNATURE=true",
-        )
-    } else if is("No CA certificates") {
-        (io::ErrorKind::InvalidInput, "install this system's ca-certificates, or set SSL_CERT_FILE")
-    } else if is("URL scheme is not allowed") {
-        (io::ErrorKind::InvalidInput, "to talk to it without TLS set AWS_ALLOW_HTTP=true")
-    } else if matches!(error, Error::PermissionDenied { .. } | Error::Unauthenticated { .. }) {
-        (io::ErrorKind::PermissionDenied, "the store refused: wrong credentials, or no right to read there")
-    } else if is("NoSuchBucket") {
-        (io::ErrorKind::InvalidInput, "there is no such bucket")
-    } else if (is("non-2xx status code: 4") && !is("status code: 429") && !is("status code: 408"))
-        || is("incorrectly configured region")
-        || !matches!(error, Error::Generic { .. })
-    {
-        (io::ErrorKind::InvalidInput, "the store cannot do this")
-    } else {
-        return io::Error::other(text);
-    };
-    io::Error::new(kind, format!("{advice} ({text})"))
-}
-
-#[cfg(test)]
-mod tests {
-    use std::path::Path as FilePath;
-
-    use object_store::memory::InMemory;
-
-    use super::*;
-    use crate::source::Source;
-    use crate::{Dataset, ExitCode, ReadError, ShardWriter, begin_dataset, finalize, synthetic};
-
-    /// A bucket with a dataset of 2 shards under a prefix.
-    fn bucket() -> (Arc<InMemory>, Vec<schema::AttemptRecord>) {
-        let dir = tempfile::tempdir().unwrap();
-        let mut info = synthetic::info(5, 2, 40, 8);
-        info.grid.resolution = 4;
-        begin_dataset(dir.path(), &info).unwrap();
-        for shard in 0..2 {
-            let mut writer = ShardWriter::create(dir.path(), &info, shard).unwrap();
-            for scene in info.scenes_of(shard) {
-                writer.push(&synthetic::scene_rows(scene, info.seed, &info)).unwrap();
-            }
-            writer.commit().unwrap();
-        }
-        finalize(dir.path()).unwrap();
-        let store = Arc::new(InMemory::new());
-        let runtime = Builder::new_current_thread().build().unwrap();
-        upload(dir.path(), dir.path(), &mut |name, bytes| {
-            let path = Path::from(format!("sets/one/{name}"));
-            runtime.block_on(store.put(&path, bytes.into())).unwrap();
-        });
-        (store, Dataset::open(dir.path()).unwrap().read_attempts(1).unwrap())
-    }
-
-    fn upload(root: &FilePath, folder: &FilePath, put: &mut dyn FnMut(&str, Vec<u8>)) {
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                upload(root, &path, put);
-            } else {
-                put(path.strip_prefix(root).unwrap().to_str().unwrap(), std::fs::read(&path).unwrap());
-            }
-        }
-    }
-
-    fn open(store: &Arc<InMemory>, prefix: &str) -> Result<Dataset, ReadError> {
-        let url = Url::parse(&format!("s3://bucket/{prefix}")).unwrap();
-        let remote = Remote::new(&url, Arc::clone(store) as _, Path::from(prefix), true)?;
-        let dataset = Dataset::of_source(Source::Remote(remote), &place(&url))?;
-        dataset.look_at_sizes()?;
-        Ok(dataset)
-    }
-
-    const FILE: &str = "attempts/shard-00001-of-00002.parquet";
-
-    #[test]
-    fn what_is_in_a_bucket_is_read() {
-        let (store, attempts) = bucket();
-        let dataset = open(&store, "sets/one").unwrap();
-        assert_eq!(dataset.read_attempts(1).unwrap(), attempts);
-        assert_eq!(dataset.list(crate::Table::Scenes).unwrap().unwrap().len(), 2);
-        assert_eq!(open(&store, "sets/two").unwrap_err().exit_code(), ExitCode::Config);
-    }
-
-    #[test]
-    fn sizes_are_seen_when_it_is_opened_and_checksums_when_it_is_read() {
-        let (store, _) = bucket();
-        let path = Path::from(format!("sets/one/{FILE}"));
-        let runtime = Builder::new_current_thread().build().unwrap();
-        let put = |bytes: Vec<u8>| runtime.block_on(store.put(&path, bytes.into())).map(drop).unwrap();
-        let whole = runtime.block_on(async { store.get(&path).await.unwrap().bytes().await.unwrap().to_vec() });
-        let mut flipped = whole.clone();
-        flipped[20] ^= 4;
-        put(flipped);
-        let told = open(&store, "sets/one").unwrap().read_attempts(1).unwrap_err();
-        let (code, told) = (told.exit_code(), told.to_string());
-        assert!(
-            code == ExitCode::Data && told.starts_with("shard 1: sha256 must be ") && told.ends_with(FILE),
-            "{told}"
-        );
-        put(whole[..9].to_vec());
-        let told = open(&store, "sets/one").unwrap_err().to_string();
-        assert!(told.starts_with("shard 1: size must be ") && told.ends_with(FILE), "{told}");
-        runtime.block_on(store.delete(&path)).unwrap();
-        let told = open(&store, "sets/one").unwrap_err().to_string();
-        assert!(told.starts_with("shard 1: the file is missing: ") && told.ends_with(FILE), "{told}");
-    }
-
-    #[test]
-    fn what_to_do_about_an_error_is_told() {
-        let said = |text: &str| explain(&Error::Generic { store: "S3", source: text.to_owned().into() });
-        for (text, kind, part) in [
-            ("Error performing PUT http://169.254.169.254/latest/api/token", io::ErrorKind::InvalidInput, "AWS_SKIP"),
-            ("Server returned non-2xx status code: 400 Bad Request", io::ErrorKind::InvalidInput, "cannot do this"),
-            ("Server returned non-2xx status code: 429 Too Many Requests", io::ErrorKind::Other, "429"),
-            ("Server returned non-2xx status code: 408 Request Timeout", io::ErrorKind::Other, "408"),
-            ("Server returned non-2xx status code: 503 Slow Down", io::ErrorKind::Other, "503"),
-            ("connection refused", io::ErrorKind::Other, "connection refused"),
-        ] {
-            let error = said(text);
-            assert!(error.kind() == kind && error.to_string().contains(part), "{error}");
-        }
-    }
+/// Waits for something, but not for ever.
+async fn within<T>(limit: Duration, work: impl Future<Output = io::Result<T>>) -> io::Result<T> {
+    let late = |_| io::Error::new(io::ErrorKind::TimedOut, format!("not done after {} s", limit.as_secs()));
+    tokio::time::timeout(limit, work).await.map_err(late)?
 }

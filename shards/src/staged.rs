@@ -1,4 +1,4 @@
-//! A file on its way to the disk: written under its staging name, then whole, then published.
+//! A file on its way: written under its staging name or in memory, then whole, then published.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -7,38 +7,67 @@ use std::sync::{Arc, OnceLock};
 
 use sha2::{Digest, Sha256};
 
-use crate::store::{Fault, StoreError, failed, sync_folder};
+use crate::Location;
+use crate::fault::Fault;
+use crate::remote::{OBJECT_BYTES_MAX, Remote};
+use crate::store::{StoreError, failed, sync_folder};
 
 /// A file being written. Dropped before it is published, it leaves nothing behind.
 #[derive(Debug)]
 pub(crate) struct Staged {
-    file: File,
-    pub(crate) staging: PathBuf,
-    target: PathBuf,
+    body: Body,
     hash: Sha256,
     bytes: u64,
-    fault: Fault,
     trouble: Trouble,
+}
+
+/// Where the bytes are kept until they are whole.
+#[derive(Debug)]
+enum Body {
+    /// In the folder that the file goes to.
+    File(StagingFile),
+    /// In memory: a store takes an object in one piece, or not at all.
+    Object { remote: Arc<Remote>, name: String, bytes: Vec<u8> },
+}
+
+/// A file under its staging name, which is gone when this is dropped.
+#[derive(Debug)]
+struct StagingFile {
+    file: File,
+    staging: PathBuf,
+    target: PathBuf,
+    fault: Fault,
     published: bool,
 }
 
 /// The first thing that went wrong while writing a file. Libraries between a writer and its file turn errors of the
 /// disk into texts; this is where the error itself is kept.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Trouble(Arc<OnceLock<(PathBuf, io::ErrorKind, String)>>);
+#[derive(Debug, Clone)]
+pub(crate) struct Trouble {
+    at: Location,
+    first: Arc<OnceLock<(io::ErrorKind, String)>>,
+}
 
 impl Trouble {
     /// The error of the disk, if there was one.
     pub(crate) fn error(&self) -> Option<StoreError> {
-        let (path, kind, text) = self.0.get()?;
-        Some(failed("write a file", path)(io::Error::new(*kind, text.clone())))
+        let (kind, text) = self.first.get()?;
+        Some(self.told(io::Error::new(*kind, text.clone())))
+    }
+
+    fn told(&self, source: io::Error) -> StoreError {
+        StoreError { action: "write a file", at: self.at.clone(), source }
     }
 }
 
 impl Write for Staged {
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
-        let written = self.fault.check().and_then(|()| self.file.write(buffer)).inspect_err(|e| {
-            let _ = self.trouble.0.set((self.target.clone(), e.kind(), e.to_string())); // the first one is kept
+        let result = match &mut self.body {
+            Body::File(staged) => staged.fault.check().and_then(|()| staged.file.write(buffer)),
+            Body::Object { bytes, .. } => keep(bytes, buffer),
+        };
+        let written = result.inspect_err(|e| {
+            let _ = self.trouble.first.set((e.kind(), e.to_string())); // the first one is kept
         })?;
         self.hash.update(&buffer[..written]);
         self.bytes += written as u64;
@@ -46,28 +75,43 @@ impl Write for Staged {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
+        match &mut self.body {
+            Body::File(staged) => staged.file.flush(),
+            Body::Object { .. } => Ok(()),
+        }
     }
+}
+
+fn keep(bytes: &mut Vec<u8>, more: &[u8]) -> io::Result<usize> {
+    if (bytes.len() + more.len()) as u64 > OBJECT_BYTES_MAX {
+        let text = format!("an object must have at most {OBJECT_BYTES_MAX} bytes: give the dataset more shards");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, text));
+    }
+    bytes.extend_from_slice(more);
+    Ok(more.len())
 }
 
 impl Staged {
     /// An empty file that will be called `target`.
-    pub(crate) fn new(file: File, staging: PathBuf, target: PathBuf, fault: Fault) -> Self {
-        Self {
-            file,
-            staging,
-            target,
-            hash: Sha256::new(),
-            bytes: 0,
-            fault,
-            trouble: Trouble::default(),
-            published: false,
-        }
+    pub(crate) fn file(file: File, staging: PathBuf, target: PathBuf, fault: Fault) -> Self {
+        let at = Location::Path(target.clone());
+        Self::new(Body::File(StagingFile { file, staging, target, fault, published: false }), at)
     }
 
-    /// Where it will be.
-    pub(crate) fn target(&self) -> PathBuf {
-        self.target.clone()
+    /// An empty object that will be called `name`.
+    pub(crate) fn object(remote: &Arc<Remote>, name: &str) -> Self {
+        let body = Body::Object { remote: Arc::clone(remote), name: name.to_owned(), bytes: Vec::new() };
+        Self::new(body, remote.location(name))
+    }
+
+    fn new(body: Body, at: Location) -> Self {
+        let trouble = Trouble { at, first: Arc::default() };
+        Self { body, hash: Sha256::new(), bytes: 0, trouble }
+    }
+
+    /// Writes all of a small file.
+    pub(crate) fn put(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
+        self.write_all(bytes).map_err(|e| self.trouble.told(e))
     }
 
     /// Where errors of the disk are kept.
@@ -75,14 +119,24 @@ impl Staged {
         self.trouble.clone()
     }
 
-    /// The file, whole and flushed to the disk, still under its staging name.
+    #[cfg(test)]
+    pub(crate) fn staging(&self) -> PathBuf {
+        match &self.body {
+            Body::File(staged) => staged.staging.clone(),
+            Body::Object { .. } => PathBuf::new(),
+        }
+    }
+
+    /// The file, whole and flushed to the disk, still without its name.
     pub(crate) fn finish(self) -> Result<Ready, StoreError> {
-        self.fault.check().and_then(|()| self.file.sync_all()).map_err(failed("flush a file", &self.target))?;
-        Ok(Ready { sha256: crate::seal::hex(&self.hash.clone().finalize()), staged: self })
+        if let Body::File(StagingFile { file, target, fault, .. }) = &self.body {
+            fault.check().and_then(|()| file.sync_all()).map_err(failed("flush a file", target))?;
+        }
+        Ok(Ready { body: self.body, bytes: self.bytes, sha256: crate::seal::hex(&self.hash.finalize()) })
     }
 }
 
-impl Drop for Staged {
+impl Drop for StagingFile {
     fn drop(&mut self) {
         if !self.published {
             let _ = fs::remove_file(&self.staging); // a leftover counts for nothing; the next writer removes it
@@ -93,35 +147,47 @@ impl Drop for Staged {
 /// A written file that waits for its name.
 #[derive(Debug)]
 pub(crate) struct Ready {
-    staged: Staged,
+    body: Body,
+    /// Its size.
+    pub(crate) bytes: u64,
     /// Its SHA-256 in hex.
     pub(crate) sha256: String,
 }
 
 impl Ready {
-    /// Its size.
-    pub(crate) fn bytes(&self) -> u64 {
-        self.staged.bytes
-    }
-
     /// Gives the file its name, in place of what may be there.
-    pub(crate) fn publish(mut self) -> Result<(), StoreError> {
-        let target = self.staged.target.clone();
-        let rename = self.staged.fault.check().and_then(|()| fs::rename(&self.staged.staging, &target));
-        rename.map_err(failed("publish a file", &target))?;
-        self.staged.published = true;
-        sync_folder(target.parent())
+    pub(crate) fn publish(self) -> Result<(), StoreError> {
+        match self.body {
+            Body::File(staged) => staged.publish(),
+            Body::Object { remote, name, bytes } => remote.put(&name, bytes),
+        }
     }
 
     /// Gives the file its name unless it is taken; whether it did.
     pub(crate) fn publish_new(self) -> Result<bool, StoreError> {
-        let target = self.staged.target.clone();
-        match self.staged.fault.check().and_then(|()| fs::hard_link(&self.staged.staging, &target)) {
-            Ok(()) => sync_folder(target.parent()).map(|()| true),
+        match self.body {
+            Body::File(staged) => staged.publish_new(),
+            Body::Object { remote, name, bytes } => remote.put_new(&name, bytes),
+        }
+    }
+}
+
+impl StagingFile {
+    fn publish(mut self) -> Result<(), StoreError> {
+        let rename = self.fault.check().and_then(|()| fs::rename(&self.staging, &self.target));
+        rename.map_err(failed("publish a file", &self.target))?;
+        self.published = true;
+        sync_folder(self.target.parent())
+    }
+
+    fn publish_new(self) -> Result<bool, StoreError> {
+        match self.fault.check().and_then(|()| fs::hard_link(&self.staging, &self.target)) {
+            Ok(()) => sync_folder(self.target.parent()).map(|()| true),
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
-            Err(e) if e.kind() == io::ErrorKind::StorageFull => Err(failed("publish a file", &target)(e)),
-            // No hard links here (exFAT, many network mounts): the race that is left is between equal files.
-            Err(_) if target.exists() => Ok(false),
+            Err(e) if e.kind() == io::ErrorKind::StorageFull => Err(failed("publish a file", &self.target)(e)),
+            // No hard links here (exFAT, many network mounts), or the answer got lost (NFS): the race that is left is
+            // between equal files.
+            Err(_) if self.target.exists() => Ok(false),
             Err(_) => self.publish().map(|()| true),
         }
     }

@@ -7,12 +7,11 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::staged::{Ready, Staged};
+use crate::fault::Fault;
+use crate::staged::Staged;
 use crate::{ExitCode, Location};
 
 /// The disk, or the object store, did not do what it was asked.
@@ -52,33 +51,26 @@ pub(crate) struct Store {
     fault: Fault,
 }
 
-/// Lets tests fail the n-th operation. Outside of tests there is none.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Fault(Option<Arc<AtomicU64>>);
-
-impl Fault {
-    /// Lets `operations` pass and fails every one after.
-    #[cfg(test)]
-    pub(crate) fn after(operations: u64) -> Self {
-        Self(Some(Arc::new(AtomicU64::new(operations))))
-    }
-
-    pub(crate) fn check(&self) -> io::Result<()> {
-        let Some(left) = &self.0 else { return Ok(()) };
-        match left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)) {
-            Ok(_) => Ok(()),
-            Err(_) => Err(io::ErrorKind::StorageFull.into()),
-        }
-    }
+/// Which leftovers to remove.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sweep {
+    /// None: count those of dead writers.
+    Look,
+    /// Those of dead writers. Where a file system has no locks, nobody is known to be dead.
+    Dead,
+    /// All of them. A writer that is alive fails then, and says that it should be run again.
+    All,
 }
 
-/// What came of publishing a file that must not be there yet.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Published {
-    /// It is there now.
-    New,
-    /// It was there already, with these bytes.
-    Existing(Vec<u8>),
+/// What was found of killed writers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Swept {
+    /// Files removed, or to be removed.
+    pub files: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Files that were left: somebody writes them, or may do so.
+    pub kept: u64,
 }
 
 /// What lies in a folder: names, and the sizes of those that are files.
@@ -97,6 +89,10 @@ impl Store {
     #[cfg(test)]
     pub(crate) fn faulty(root: &Path, fault: Fault) -> Self {
         Self { root: root.to_owned(), fault }
+    }
+
+    pub(crate) fn root(&self) -> &Path {
+        &self.root
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {
@@ -155,44 +151,26 @@ impl Store {
         let folder = target.parent().unwrap_or(&self.root).to_owned();
         self.create_folder(&folder)?;
         let (staging, file) = self.open_staging(&folder, &target)?;
-        Ok(Staged::new(file, staging, target, self.fault.clone()))
-    }
-
-    /// Publishes a small file in place of what may be there.
-    pub(crate) fn publish(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
-        self.stage_bytes(name, bytes)?.publish()
-    }
-
-    /// Publishes a small file unless there is one.
-    pub(crate) fn publish_new(&self, name: &str, bytes: &[u8]) -> Result<Published, StoreError> {
-        if let Some(existing) = self.read(name)? {
-            return Ok(Published::Existing(existing));
-        }
-        if self.stage_bytes(name, bytes)?.publish_new()? {
-            return Ok(Published::New);
-        }
-        self.read(name).map(|existing| Published::Existing(existing.unwrap_or_default()))
-    }
-
-    fn stage_bytes(&self, name: &str, bytes: &[u8]) -> Result<Ready, StoreError> {
-        let mut staged = self.stage(name)?;
-        let path = staged.target();
-        staged.write_all(bytes).map_err(failed("write a file", &path))?;
-        staged.finish()
+        Ok(Staged::file(file, staging, target, self.fault.clone()))
     }
 
     /// Removes what killed writers left in a folder.
-    pub(crate) fn sweep(&self, folder: &str) -> Result<(), StoreError> {
-        let folder = self.path(folder);
-        let entries = match fs::read_dir(&folder) {
-            Ok(entries) => entries,
-            Err(e) if is_absent(&e) => return Ok(()),
-            Err(e) => return Err(failed("list a folder", &folder)(e)),
-        };
-        for entry in entries {
-            let path = entry.map_err(failed("list a folder", &folder))?.path();
-            if path.file_name().is_some_and(|name| is_staging(&name.to_string_lossy())) {
-                remove_if_dead(&path);
+    pub(crate) fn sweep(&self, folder: &str, sweep: Sweep, swept: &mut Swept) -> Result<(), StoreError> {
+        for (name, bytes) in self.list(folder)? {
+            if !is_staging(&name) {
+                continue;
+            }
+            let path = self.path(folder).join(&name);
+            let is_gone = match sweep {
+                Sweep::Look => dead(&path).is_some(),
+                Sweep::Dead => remove_if_dead(&path),
+                Sweep::All => fs::remove_file(&path).is_ok(),
+            };
+            if is_gone {
+                swept.files += 1;
+                swept.bytes += bytes.unwrap_or_default();
+            } else {
+                swept.kept += 1;
             }
         }
         Ok(())
@@ -256,8 +234,16 @@ fn is_mine(file: &File, path: &Path) -> bool {
 
 /// Removes a staging file if its writer is dead. Where there are no locks nobody is known to be dead.
 fn remove_if_dead(path: &Path) -> bool {
-    let Ok(file) = OpenOptions::new().write(true).open(path) else { return !path.exists() };
-    file.try_lock().is_ok() && is_same_file(&file, path) && fs::remove_file(path).is_ok()
+    match dead(path) {
+        Some(_locked) => fs::remove_file(path).is_ok(),
+        None => !path.exists(),
+    }
+}
+
+/// The file of a dead writer, locked.
+fn dead(path: &Path) -> Option<File> {
+    let file = OpenOptions::new().write(true).open(path).ok()?;
+    (file.try_lock().is_ok() && is_same_file(&file, path)).then_some(file)
 }
 
 #[cfg(unix)]
@@ -288,17 +274,22 @@ mod tests {
         names
     }
 
+    fn publish(store: &Store, name: &str, bytes: &[u8]) {
+        let mut staged = store.stage(name).unwrap();
+        staged.put(bytes).unwrap();
+        staged.finish().unwrap().publish().unwrap();
+    }
+
     #[test]
     fn a_dropped_file_leaves_nothing_and_a_published_one_only_itself() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::new(folder.path());
         drop(store.stage("a/x").unwrap());
         assert!(names(&folder.path().join("a")).is_empty());
-        store.publish("a/x", b"one").unwrap();
-        store.publish("a/x", b"two").unwrap();
-        assert_eq!(store.publish_new("a/x", b"three").unwrap(), Published::Existing(b"two".to_vec()));
-        assert_eq!(store.publish_new("a/y", b"new").unwrap(), Published::New);
-        assert_eq!(names(&folder.path().join("a")), ["x", "y"]);
+        publish(&store, "a/x", b"one");
+        publish(&store, "a/x", b"two");
+        assert_eq!(store.read("a/x").unwrap().unwrap(), b"two");
+        assert_eq!(names(&folder.path().join("a")), ["x"]);
     }
 
     #[test]
@@ -307,38 +298,24 @@ mod tests {
         let store = Store::new(folder.path());
         let dead = folder.path().join(".x#0.tmp");
         fs::write(&dead, b"left by a killed writer").unwrap();
-        let mut first = store.stage("x").unwrap();
+        let first = store.stage("x").unwrap();
         let second = store.stage("x").unwrap();
-        assert_eq!(first.staging, dead, "the leftover's name is free again");
-        assert_ne!(first.staging, second.staging);
-        store.sweep("").unwrap();
-        first.write_all(b"alive").unwrap();
-        first.finish().unwrap().publish().unwrap();
-        assert_eq!(store.read("x").unwrap().unwrap(), b"alive");
-        drop(second);
+        assert_eq!(first.staging(), dead, "the leftover's name is free again");
+        assert_ne!(first.staging(), second.staging());
+        let sweep = |which| {
+            let mut swept = Swept::default();
+            store.sweep("", which, &mut swept).unwrap();
+            swept
+        };
+        assert_eq!(sweep(Sweep::Dead), Swept { files: 0, bytes: 0, kept: 2 });
+        drop((first, second));
         fs::write(&dead, b"left again").unwrap();
-        store.sweep("").unwrap();
-        assert_eq!(names(folder.path()), ["x"]);
-    }
-
-    #[test]
-    fn whichever_operation_fails_no_half_file_appears() {
-        for operations in 0..32 {
-            let folder = tempfile::tempdir().unwrap();
-            let store = Store::faulty(folder.path(), Fault::after(operations));
-            let result = store.publish_new("a/b/x", b"whole");
-            let found = Store::new(folder.path()).read("a/b/x").unwrap();
-            match result {
-                Ok(published) => {
-                    assert_eq!((published, found.as_deref()), (Published::New, Some(&b"whole"[..])));
-                    return;
-                }
-                Err(e) => {
-                    assert_eq!(e.exit_code(), ExitCode::TryAgain);
-                    assert!(found.is_none(), "after {operations} operations");
-                }
-            }
-        }
-        panic!("publishing a file takes fewer than 32 operations");
+        assert_eq!(sweep(Sweep::Look), Swept { files: 1, bytes: 10, kept: 0 });
+        assert_eq!(names(folder.path()).len(), 1);
+        assert_eq!(sweep(Sweep::Dead), Swept { files: 1, bytes: 10, kept: 0 });
+        assert!(names(folder.path()).is_empty());
+        let alive = store.stage("x").unwrap();
+        assert_eq!(sweep(Sweep::All).files, 1);
+        assert_eq!(alive.finish().unwrap().publish().unwrap_err().exit_code(), ExitCode::TryAgain);
     }
 }

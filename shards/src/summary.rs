@@ -241,12 +241,9 @@ pub struct Manifest {
 impl Manifest {
     /// The manifest of these shards.
     #[must_use]
-    pub fn new(info: &DatasetInfo, shards: Vec<ShardSummary>) -> Self {
-        let totals = shards.iter().fold(Counts::zero(), |mut sum, shard| {
-            sum.add(&shard.counts);
-            sum
-        });
-        Self { format_version: info.format_version, dataset_id: info.dataset_id(), totals, shards }
+    pub fn new(info: &DatasetInfo, dataset_id: String, shards: Vec<ShardSummary>) -> Self {
+        let totals = totals(&shards);
+        Self { format_version: info.format_version, dataset_id, totals, shards }
     }
 
     /// Bytes of a table over all shards.
@@ -277,9 +274,16 @@ impl Manifest {
             problems
                 .extend(shard.problems(info, dataset_id).into_iter().map(|p| format!("shard {}: {p}", shard.shard)));
         }
-        if Self::new(info, self.shards.clone()).totals != self.totals {
+        if totals(&self.shards) != self.totals {
             problems.push("totals must be the sum of the shards".to_owned());
         }
         problems
     }
+}
+
+fn totals(shards: &[ShardSummary]) -> Counts {
+    shards.iter().fold(Counts::zero(), |mut sum, shard| {
+        sum.add(&shard.counts);
+        sum
+    })
 }

@@ -16,7 +16,8 @@ use parquet::schema::types::ColumnPath;
 
 use crate::column::{Kind, float_leaves};
 use crate::staged::{Ready, Staged, Trouble};
-use crate::store::{Store, StoreError};
+use crate::storage::Storage;
+use crate::store::StoreError;
 use crate::summary::FileSummary;
 use crate::{FormatVersion, Table, layout};
 
@@ -50,13 +51,13 @@ pub(crate) struct TableWriter {
 
 impl TableWriter {
     pub(crate) fn create(
-        store: &Store,
+        storage: &Storage,
         table: Table,
         [shard, shard_count]: [u32; 2],
         resolution: usize,
     ) -> Result<Self, TableError> {
         let name = layout::table_file(table, shard, shard_count);
-        let staged = store.stage(&name)?;
+        let staged = storage.stage(&name)?;
         let trouble = staged.trouble();
         let parquet = ArrowWriter::try_new(staged, table.arrow_schema(resolution), Some(properties(table)?))
             .map_err(|e| broken(table, &trouble, &e))?;
@@ -78,7 +79,7 @@ impl TableWriter {
         let staged = self.parquet.into_inner().map_err(|e| broken(self.table, &self.trouble, &e))?;
         let ready = staged.finish()?;
         let summary =
-            FileSummary { path: self.name, bytes: ready.bytes(), rows: self.rows, sha256: ready.sha256.clone() };
+            FileSummary { path: self.name, bytes: ready.bytes, rows: self.rows, sha256: ready.sha256.clone() };
         Ok((ready, summary))
     }
 }

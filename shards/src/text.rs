@@ -1,5 +1,7 @@
 //! Numbers as people read them.
 
+use std::error::Error;
+
 use crate::Tally;
 
 /// `1234567` as `1,234,567`.
@@ -43,6 +45,21 @@ pub fn bytes(bytes: u64) -> String {
         value /= 1024.0;
     }
     format!("{value:.1} TiB")
+}
+
+/// An error, and those of its causes that its message does not tell already.
+#[must_use]
+pub fn told(error: &(dyn Error + 'static)) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(inner) = cause {
+        let more = inner.to_string();
+        if !text.contains(&more) {
+            text = format!("{text}: {more}");
+        }
+        cause = inner.source();
+    }
+    text
 }
 
 /// A bar of at most `width` characters, in eighths of one.

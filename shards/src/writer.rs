@@ -1,13 +1,14 @@
 //! Writing a shard: scenes in order, a few at a time, into three files that appear together or not at all.
 
 use std::ops::Range;
-use std::path::Path;
 
 use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 
 use crate::check::{self, RowError};
-use crate::store::{Published, Store, StoreError};
-use crate::summary::{Counts, ShardSummary};
+use crate::staged::Ready;
+use crate::storage::{Published, Storage};
+use crate::store::StoreError;
+use crate::summary::{Counts, FileSummary, ShardSummary};
 use crate::table_writer::{TableError, TableWriter};
 use crate::{DatasetInfo, ExitCode, Table, encode, layout, seal};
 
@@ -62,12 +63,15 @@ pub enum WriteError {
     },
     /// The shard was written before, with other bytes.
     #[error(
-        "shard {shard} came out differently from before, {before} then and {now} now: is the code or the machine another?"
+        "shard {shard} came out differently from before, {file} has SHA-256 {before} there and {now} now: is the code or \
+         the machine another? If the file is damaged, delete it and run again"
     )]
     NotReproduced {
         /// The shard.
         shard: u32,
-        /// SHA-256 of the marker that is there.
+        /// The file, or the marker.
+        file: String,
+        /// SHA-256 of what is there.
         before: String,
         /// SHA-256 of the new one.
         now: String,
@@ -92,7 +96,8 @@ impl WriteError {
 /// Writes one shard. Dropped before [`ShardWriter::commit`], it leaves nothing that counts.
 pub struct ShardWriter {
     info: DatasetInfo,
-    store: Store,
+    dataset_id: String,
+    storage: Storage,
     shard: u32,
     scenes: Range<u64>,
     next: u64,
@@ -109,20 +114,17 @@ impl std::fmt::Debug for ShardWriter {
 }
 
 impl ShardWriter {
-    /// Begins a shard of the dataset in `dir`, which [`crate::begin_dataset`] has made.
-    ///
-    /// # Errors
-    /// [`WriteError`] if there is no such shard or the disk refuses.
-    pub fn create(dir: &Path, info: &DatasetInfo, shard: u32) -> Result<Self, WriteError> {
-        Self::create_in(Store::new(dir), info, shard)
-    }
-
-    pub(crate) fn create_in(store: Store, info: &DatasetInfo, shard: u32) -> Result<Self, WriteError> {
+    pub(crate) fn create(
+        storage: Storage,
+        info: &DatasetInfo,
+        dataset_id: &str,
+        shard: u32,
+    ) -> Result<Self, WriteError> {
         if shard >= info.shard_count {
             return Err(WriteError::NoSuchShard { shard, shard_count: info.shard_count });
         }
         let open = |table| {
-            TableWriter::create(&store, table, [shard, info.shard_count], info.grid.resolution)
+            TableWriter::create(&storage, table, [shard, info.shard_count], info.grid.resolution)
                 .map_err(|source| WriteError::Table { shard, source })
         };
         let scenes = info.scenes_of(shard);
@@ -131,7 +133,8 @@ impl ShardWriter {
             objects: (open(Table::Objects)?, Vec::new()),
             grids: (open(Table::Scenes)?, Vec::new()),
             info: info.clone(),
-            store,
+            dataset_id: dataset_id.to_owned(),
+            storage,
             shard,
             next: scenes.start,
             scenes,
@@ -196,10 +199,11 @@ impl ShardWriter {
         Ok(())
     }
 
-    /// Ends the shard: the three files get their names, then the marker is written, which makes the shard count.
+    /// Ends the shard: the three files get their names, then the marker is written, which makes the shard count. What is
+    /// there already is compared, not replaced: two writers of one shard write the same.
     ///
     /// # Errors
-    /// [`WriteError`] if scenes are missing, the disk refuses, or the shard was committed before with other bytes.
+    /// [`WriteError`] if scenes are missing, the disk refuses, or the shard was written before with other bytes.
     pub fn commit(mut self) -> Result<ShardSummary, WriteError> {
         if self.next != self.scenes.end {
             return Err(self.out_of_order("the end".to_owned()));
@@ -210,68 +214,64 @@ impl ShardWriter {
         let (attempts_file, attempts) = self.attempts.0.finish().map_err(in_shard)?;
         let (objects_file, objects) = self.objects.0.finish().map_err(in_shard)?;
         let (scenes_file, scenes) = self.grids.0.finish().map_err(in_shard)?;
-        let dataset_id = self.info.dataset_id();
-        let summary = ShardSummary { dataset_id, shard, attempts, scenes, objects, counts: self.counts };
+        let summary =
+            ShardSummary { dataset_id: self.dataset_id, shard, attempts, scenes, objects, counts: self.counts };
         let marker = layout::marker(shard);
         let text = seal::seal(&summary);
-        if let Some(before) = self.store.read(&marker)? {
-            compare(shard, &before, &text)?;
+        // A marker that says what we say proves our bytes: what else is there is damaged.
+        let is_proven = match self.storage.read(&marker)? {
+            Some(before) => compare(shard, &marker, &before, &text)?,
+            None => false,
+        };
+        for (file, table) in
+            [(attempts_file, Table::Attempts), (objects_file, Table::Objects), (scenes_file, Table::Scenes)]
+        {
+            match is_proven {
+                true => file.publish()?,
+                false => publish_new(&self.storage, shard, file, summary.file(table))?,
+            }
         }
-        for file in [attempts_file, objects_file, scenes_file] {
-            file.publish()?;
-        }
-        if let Published::Existing(before) = self.store.publish_new(&marker, text.as_bytes())? {
-            compare(shard, &before, &text)?;
-            self.store.publish(&marker, text.as_bytes())?; // in place of a damaged one
+        if let Published::Existing(before) = self.storage.publish_new(&marker, text.as_bytes())?
+            && !compare(shard, &marker, &before, &text)?
+        {
+            self.storage.publish(&marker, text.as_bytes())?; // in place of a damaged one
         }
         Ok(summary)
     }
 }
 
-/// A marker that is there already must say the same, unless it is damaged and says nothing.
-fn compare(shard: u32, before: &[u8], now: &str) -> Result<(), WriteError> {
-    let is_damaged = || seal::unseal::<ShardSummary>(&String::from_utf8_lossy(before)).is_err();
-    if before == now.as_bytes() || is_damaged() {
+/// Publishes a file, or finds that the same is there.
+fn publish_new(storage: &Storage, shard: u32, file: Ready, summary: &FileSummary) -> Result<(), WriteError> {
+    if file.publish_new()? {
         return Ok(());
     }
+    let before = storage.digest(&summary.path)?.ok_or_else(|| storage.vanished(&summary.path))?;
+    if before == summary.sha256 {
+        return Ok(());
+    }
+    Err(WriteError::NotReproduced { shard, file: summary.path.clone(), before, now: summary.sha256.clone() })
+}
+
+/// Whether a marker that is there says the same; not if it is damaged and says nothing.
+fn compare(shard: u32, marker: &str, before: &[u8], now: &str) -> Result<bool, WriteError> {
+    if before == now.as_bytes() {
+        return Ok(true);
+    }
+    if seal::unseal::<ShardSummary>(&String::from_utf8_lossy(before)).is_err() {
+        return Ok(false);
+    }
     let (before, now) = (seal::sha256_hex(before), seal::sha256_hex(now.as_bytes()));
-    Err(WriteError::NotReproduced { shard, before, now })
-}
-
-/// Whether a shard is there: its marker, of this dataset, and files of the sizes that the marker says.
-///
-/// # Errors
-/// [`StoreError`] if the disk refuses.
-pub fn is_committed(dir: &Path, info: &DatasetInfo, shard: u32) -> Result<bool, StoreError> {
-    Ok(committed(&Store::new(dir), info, &info.dataset_id(), shard)?.is_some())
-}
-
-/// The marker of a committed shard.
-pub(crate) fn committed(
-    store: &Store,
-    info: &DatasetInfo,
-    dataset_id: &str,
-    shard: u32,
-) -> Result<Option<ShardSummary>, StoreError> {
-    let Some(bytes) = store.read(&layout::marker(shard))? else { return Ok(None) };
-    let Ok(summary) = seal::unseal::<ShardSummary>(&String::from_utf8_lossy(&bytes)) else { return Ok(None) };
-    if summary.shard != shard || !summary.problems(info, dataset_id).is_empty() {
-        return Ok(None);
-    }
-    for table in Table::ALL {
-        let file = summary.file(table);
-        if store.size(&file.path)? != Some(file.bytes) {
-            return Ok(None);
-        }
-    }
-    Ok(Some(summary))
+    Err(WriteError::NotReproduced { shard, file: marker.to_owned(), before, now })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Fault;
-    use crate::{begin_dataset, synthetic};
+    use crate::fault::{Fault, Kind};
+    use crate::store::Store;
+    use crate::{Draft, synthetic};
+    use std::path::Path;
+    use std::process::{Command, Stdio};
 
     fn info() -> DatasetInfo {
         let mut info = synthetic::info(9, 2, 70, 5);
@@ -279,34 +279,93 @@ mod tests {
         info
     }
 
-    fn write(store: Store, info: &DatasetInfo) -> Result<ShardSummary, WriteError> {
-        let mut writer = ShardWriter::create_in(store, info, 1)?;
-        for scene in info.scenes_of(1) {
-            writer.push(&synthetic::scene_rows(scene, info.seed, info))?;
+    fn write(dir: &Path, fault: Fault) -> Result<ShardSummary, WriteError> {
+        Draft::begin(dir, &info()).unwrap();
+        let draft = Draft::begin_in(Storage::Folder(Store::faulty(dir, fault)), &info()).unwrap();
+        let mut writer = draft.shard(1)?;
+        for scene in draft.info.scenes_of(1) {
+            writer.push(&synthetic::scene_rows(scene, draft.info.seed, &draft.info))?;
         }
         writer.commit()
     }
 
+    fn is_committed(dir: &Path) -> bool {
+        Draft::open(dir).unwrap().is_committed(1).unwrap()
+    }
+
     #[test]
     fn whichever_operation_fails_the_shard_does_not_count_and_can_be_written_again() {
-        let info = info();
         let whole = tempfile::tempdir().unwrap();
-        begin_dataset(whole.path(), &info).unwrap();
-        let expected = write(Store::new(whole.path()), &info).unwrap();
+        let expected = write(whole.path(), Fault::default()).unwrap();
         for operations in 0..10_000 {
             let dir = tempfile::tempdir().unwrap();
-            begin_dataset(dir.path(), &info).unwrap();
-            let result = write(Store::faulty(dir.path(), Fault::after(operations)), &info);
+            let result = write(dir.path(), Fault::after(operations, Kind::Fail));
             if let Ok(summary) = result {
                 assert_eq!(summary, expected);
                 assert!(operations > 10, "a shard takes more than {operations} operations");
                 return;
             }
             assert_eq!(result.unwrap_err().exit_code(), ExitCode::TryAgain, "after {operations} operations");
-            assert!(!is_committed(dir.path(), &info, 1).unwrap(), "after {operations} operations");
-            assert_eq!(write(Store::new(dir.path()), &info).unwrap(), expected);
-            assert!(is_committed(dir.path(), &info, 1).unwrap());
+            assert!(!is_committed(dir.path()), "after {operations} operations");
+            assert_eq!(write(dir.path(), Fault::default()).unwrap(), expected);
+            assert!(is_committed(dir.path()));
         }
         panic!("a shard takes fewer than 10,000 operations");
+    }
+
+    const KILLED_DIR: &str = "SHARDS_TEST_KILLED_AT_DIR";
+    const KILLED_AT: &str = "SHARDS_TEST_KILLED_AT";
+
+    /// Not a test by itself: the writer that is killed.
+    #[test]
+    fn killed_child() {
+        if let (Ok(dir), Ok(at)) = (std::env::var(KILLED_DIR), std::env::var(KILLED_AT)) {
+            let fault = Fault::after(at.parse().unwrap(), Kind::Kill);
+            write(Path::new(&dir), fault).unwrap();
+        }
+    }
+
+    #[test]
+    fn whichever_operation_it_is_killed_at_the_next_writer_ends_with_the_same_bytes() {
+        let whole = tempfile::tempdir().unwrap();
+        let expected = write(whole.path(), Fault::default()).unwrap();
+        for operations in 0..10_000 {
+            let dir = tempfile::tempdir().unwrap();
+            let killed = Command::new(std::env::current_exe().unwrap())
+                .args(["--exact", "writer::tests::killed_child"])
+                .env(KILLED_DIR, dir.path())
+                .env(KILLED_AT, operations.to_string())
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .status()
+                .unwrap();
+            if killed.success() {
+                assert!(operations > 10 && is_committed(dir.path()), "killed {operations} times");
+                return;
+            }
+            assert!(!is_committed(dir.path()), "killed at {operations}");
+            assert_eq!(write(dir.path(), Fault::default()).unwrap(), expected);
+            assert!(is_committed(dir.path()));
+        }
+        panic!("a shard takes fewer than 10,000 operations");
+    }
+
+    #[test]
+    fn a_file_without_a_marker_is_compared_and_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(layout::table_file(Table::Objects, 1, 2));
+        write(dir.path(), Fault::default()).unwrap();
+        std::fs::remove_file(dir.path().join(layout::marker(1))).unwrap();
+        write(dir.path(), Fault::default()).unwrap();
+        std::fs::remove_file(dir.path().join(layout::marker(1))).unwrap();
+        std::fs::write(&path, "of another writer").unwrap();
+        let error = write(dir.path(), Fault::default()).unwrap_err();
+        assert_eq!(error.exit_code(), ExitCode::Data);
+        let there = seal::sha256_hex(b"of another writer");
+        assert!(
+            error.to_string().contains(&format!("objects/shard-00001-of-00002.parquet has SHA-256 {there}")),
+            "{error}"
+        );
+        assert_eq!(std::fs::read(&path).unwrap(), b"of another writer");
     }
 }

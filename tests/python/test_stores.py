@@ -16,6 +16,7 @@ import socket
 import subprocess
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,8 @@ def start(folder, port):
         "filer.localSocket": folder / "f.sock",
         "s3": "true",
         "s3.port": port,
+        "s3.port.iceberg": 0,
+        "s3.port.lance": 0,
         "s3.config": folder / "s3.json",
         "s3.localSocket": folder / "s.sock",
     }
@@ -90,12 +93,15 @@ def store(port):
     )
 
 
+def free_port():
+    bases = (random.randrange(20_000, 30_000) for _ in range(100))
+    return next(base for base in bases if all(is_free(base + i + grpc) for i in range(4) for grpc in (0, 10_000)))
+
+
 @pytest.fixture(scope="module")
 def port(tmp_path_factory):
     """The port of a server that holds the dataset."""
-    folder = tmp_path_factory.mktemp("s3")
-    bases = (random.randrange(20_000, 30_000) for _ in range(100))
-    port = next(base for base in bases if all(is_free(base + i + grpc) for i in range(4) for grpc in (0, 10_000)))
+    folder, port = tmp_path_factory.mktemp("s3"), free_port()
     server, reason = start(folder, port)
     if server is None:
         pytest.skip(reason)
@@ -109,7 +115,7 @@ def port(tmp_path_factory):
 
 
 def environment(port, **more):
-    foreign = ("aws_", "azure_", "http_", "https_", "all_proxy")
+    foreign = ("aws_", "azure_", "http_", "https_", "all_proxy", "slurm_", "shard_index", "job_completion_index")
     kept = {key: value for key, value in os.environ.items() if not key.lower().startswith(foreign)}
     mine = {
         "AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}",
@@ -206,6 +212,108 @@ def test_wrong_settings_are_78(port):
         ended = run("shards", "verify", url, env=environment(port, **more))
         assert ended.returncode == 78 and text in ended.stderr, ended
     assert run("shards", "verify", "ftp://somewhere/set").returncode == 2
+
+
+def generate(out, env, *more):
+    # As the dataset at hand was made, so that its bytes are what must come out.
+    recipe = ["--config", ROOT / "configs/generate/demo.toml", "--shards", 2, "--attempts", 600]
+    return run("generator", *recipe, "--out", out, *more, env=env)
+
+
+def objects(port, prefix):
+    """Every object below a prefix, with its bytes."""
+    files = [entry for entry in store(port).get_file_info(fs.FileSelector(prefix, allow_not_found=True, recursive=True)) if entry.is_file]
+    read = {entry.path.removeprefix(f"{prefix}/"): store(port).open_input_stream(entry.path).read() for entry in files}
+    return {name: bytes for name, bytes in read.items() if name}
+
+
+def files(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_what_is_generated_into_it_is_what_a_folder_gets(port):
+    env, url = environment(port), "s3://grasps/made"
+    ended = generate(url, env, "--shard-index", 1)
+    assert ended.returncode == 0, ended.stderr
+    assert run("generator", "missing", url, env=env).stdout == "0\n"
+    ended = run("generator", "finalize", url, env=env)
+    assert (ended.returncode, "1 shard is missing: 0" in ended.stdout) == (69, True), ended
+    ended = generate(url, env)
+    assert (ended.returncode, f"complete: {url}" in ended.stdout) == (0, True), ended
+    assert objects(port, "grasps/made") == files(DATASET)
+    assert run("shards", "verify", url, env=env).returncode == 0
+    assert run("generator", "gc", url, env=env).stdout.startswith("0 files")
+    again = generate(url, env)
+    assert (again.returncode, f"complete already: {url}" in again.stdout) == (0, True), again
+    other = generate(url, env, "--seed", 99)
+    assert (other.returncode, "seed" in other.stderr) == (78, True), other
+    assert objects(port, "grasps/made") == files(DATASET)
+
+
+def test_writers_at_once_do_no_harm(port):
+    env, url = environment(port), "s3://grasps/crowd"
+    with ThreadPoolExecutor(4) as pool:
+        ended = list(pool.map(lambda _: generate(url, env, "--threads", 1), range(4)))
+    assert [one.returncode for one in ended] == [0] * 4, [one.stderr for one in ended]
+    assert objects(port, "grasps/crowd") == files(DATASET)
+
+
+def test_the_server_dies_while_it_is_written_and_read(tmp_path):
+    """Killed twice: once it comes back in time and the run goes on, once it does not and the run says 75."""
+    port, url = free_port(), "s3://grasps/made"
+    server, reason = start(tmp_path, port)
+    if server is None:
+        pytest.skip(reason)
+
+    def kill():
+        server.kill()
+        server.wait()
+
+    try:
+        store(port).create_dir("grasps")
+        env = environment(port)
+        with ThreadPoolExecutor(1) as pool:
+            first = pool.submit(generate, url, env, "--shard-index", 0)
+            wait_for(lambda: objects(port, "grasps/made").get("meta/info.json"))
+            kill()
+            time.sleep(1)
+            server, reason = start(tmp_path, port)
+            assert server is not None, reason
+            assert first.result().returncode == 0, first.result().stderr
+            assert run("generator", "missing", url, env=env).stdout == "1\n"
+
+            second = pool.submit(generate, url, env, "--threads", 1)
+            time.sleep(0.2)
+            kill()
+            assert second.result().returncode == 75, second.result()
+            assert "s3://grasps/made/" in second.result().stderr
+        server, reason = start(tmp_path, port)
+        assert server is not None, reason
+        ended = generate(url, env)
+        assert (ended.returncode, f"complete: {url}" in ended.stdout) == (0, True), ended
+        assert objects(port, "grasps/made") == files(DATASET)
+
+        with ThreadPoolExecutor(1) as pool:
+            training = pool.submit(fit, url, tmp_path / "run", env)
+            time.sleep(0.5)
+            kill()
+            time.sleep(1)
+            server, reason = start(tmp_path, port)
+            assert server is not None, reason
+            ended = training.result()
+        if ended.returncode == 75:
+            ended = fit(url, tmp_path / "run", env)
+        assert ended.returncode == 0, ended.stderr
+        assert run("shards", "verify", url, env=env).returncode == 0
+    finally:
+        kill()
+
+
+def wait_for(condition, limit_s=START_S):
+    until = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < until, "it did not come"
+        time.sleep(0.02)
 
 
 def test_no_server_is_75_in_time(tmp_path):

@@ -3,6 +3,7 @@
 mod console;
 mod convert;
 
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -209,7 +210,14 @@ fn main() -> ExitCode {
     let command = Cli::parse().command;
     let level = tracing_subscriber::filter::LevelFilter::WARN.into();
     let filter = tracing_subscriber::EnvFilter::builder().with_default_directive(level).with_env_var("GRASPMILL_LOG");
-    tracing_subscriber::fmt().with_writer(std::io::stderr).with_env_filter(filter.from_env_lossy()).init();
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_env_filter(filter.from_env_lossy())
+        .init();
+    if let Err(error) = shards::writes_fail_at_the_file_size_limit() {
+        tracing::warn!(%error, "a write beyond the file-size limit will end this program");
+    }
     let outcome = match command {
         Command::Fit(args) => run_fit(&args),
         Command::Evaluate(args) => run_evaluate(&args),

@@ -51,10 +51,10 @@ fn attempts_executed_again_end_as_stored_and_a_lie_is_found() {
     // A dataset in which one attempt that holds is said to slip.
     let config = Config::from_toml(&small_config(), "small", None, Overrides::default()).unwrap();
     let (info, lying) = (config.dataset_info(), dir.path().join("lying"));
-    shards::begin_dataset(&lying, &info).unwrap();
+    let draft = shards::Draft::begin(&lying, &info).unwrap();
     let mut has_lied = false;
     for shard in 0..info.shard_count {
-        let mut writer = shards::ShardWriter::create(&lying, &info, shard).unwrap();
+        let mut writer = draft.shard(shard).unwrap();
         for scene_id in info.scenes_of(shard) {
             let mut rows = make_scene(&config, scene_id, info.attempts_of_scene(scene_id)).unwrap();
             if let Some(held) = rows.attempts.iter_mut().find(|a| !has_lied && a.outcome == Outcome::Held) {
@@ -65,7 +65,7 @@ fn attempts_executed_again_end_as_stored_and_a_lie_is_found() {
         }
         writer.commit().unwrap();
     }
-    shards::finalize(&lying).unwrap();
+    draft.finalize().unwrap();
     let found = program(&["repeat", "lying"], dir.path());
     assert_eq!(found.status.code(), Some(65), "{found:?}");
     let text = String::from_utf8_lossy(&found.stdout);

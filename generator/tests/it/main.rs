@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 mod bad_input;
+mod cluster;
 mod commands;
 mod determinism;
 mod labels;
@@ -31,7 +32,15 @@ fn workshop(config: &str) -> TempDir {
 fn generator(dir: &TempDir, out: &str, flags: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_generator"));
     command.current_dir(dir.path()).args(["--config", "config.toml", "--out", out]).args(flags);
+    without_index(&mut command);
     command
+}
+
+/// These tests may run as a task of a scheduler.
+fn without_index(command: &mut Command) {
+    for name in ["SHARD_INDEX", "SLURM_ARRAY_TASK_ID", "JOB_COMPLETION_INDEX", "AWS_BATCH_JOB_ARRAY_INDEX"] {
+        command.env_remove(name);
+    }
 }
 
 fn run(dir: &TempDir, out: &str, flags: &[&str]) -> Output {

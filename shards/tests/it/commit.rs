@@ -3,7 +3,7 @@
 use std::fs;
 
 use schema::{HitKind, Outcome, Quat, SceneRows, pose_from_parts};
-use shards::{Dataset, ExitCode, Finalized, ShardWriter, begin_dataset, finalize, is_committed, layout};
+use shards::{Dataset, Draft, ExitCode, FinalizeError, Finalized, layout};
 
 use crate::sample;
 
@@ -11,36 +11,36 @@ use crate::sample;
 fn a_shard_counts_when_its_marker_and_files_are_there() {
     let dir = tempfile::tempdir().unwrap();
     let info = sample::info(1);
-    begin_dataset(dir.path(), &info).unwrap();
-    assert!(!is_committed(dir.path(), &info, 1).unwrap());
-    sample::write_shard(dir.path(), &info, 1);
-    assert!(is_committed(dir.path(), &info, 1).unwrap());
-    assert_eq!(finalize(dir.path()).unwrap(), Finalized::Incomplete { missing: vec![0] });
+    let draft = Draft::begin(dir.path(), &info).unwrap();
+    assert!(!draft.is_committed(1).unwrap());
+    sample::write_shard(&draft, 1);
+    assert!(draft.is_committed(1).unwrap());
+    assert_eq!(draft.finalize().unwrap(), Finalized::Incomplete { missing: vec![0] });
     let error = Dataset::open(dir.path()).unwrap_err();
     assert_eq!(error.exit_code(), ExitCode::Incomplete, "{error}");
-    assert!(!is_committed(dir.path(), &sample::info(2), 1).unwrap(), "another seed is another dataset");
+    assert!(Draft::begin(dir.path(), &sample::info(2)).is_err(), "another seed is another dataset");
 
     let file = dir.path().join(layout::table_file(shards::Table::Objects, 1, 2));
     let whole = fs::read(&file).unwrap();
     fs::write(&file, &whole[1..]).unwrap();
-    assert!(!is_committed(dir.path(), &info, 1).unwrap(), "a file of another size does not count");
-    sample::write_shard(dir.path(), &info, 1);
+    assert!(!draft.is_committed(1).unwrap(), "a file of another size does not count");
+    sample::write_shard(&draft, 1);
     assert_eq!(fs::read(&file).unwrap(), whole, "writing it again mends it");
 
     fs::write(dir.path().join(layout::marker(1)), "{").unwrap();
-    assert!(!is_committed(dir.path(), &info, 1).unwrap());
-    sample::write_shard(dir.path(), &info, 1);
-    assert!(is_committed(dir.path(), &info, 1).unwrap(), "a broken marker is replaced");
+    assert!(!draft.is_committed(1).unwrap());
+    sample::write_shard(&draft, 1);
+    assert!(draft.is_committed(1).unwrap(), "a broken marker is replaced");
 }
 
 #[test]
 fn a_shard_that_comes_out_differently_is_refused_and_the_first_one_kept() {
     let dir = tempfile::tempdir().unwrap();
     let info = sample::info(1);
-    begin_dataset(dir.path(), &info).unwrap();
-    sample::write_shard(dir.path(), &info, 0);
+    let draft = Draft::begin(dir.path(), &info).unwrap();
+    sample::write_shard(&draft, 0);
     let before = sample::files(dir.path());
-    let mut writer = ShardWriter::create(dir.path(), &info, 0).unwrap();
+    let mut writer = draft.shard(0).unwrap();
     for mut rows in sample::rows(&info, 0) {
         rows.scene.settle_time_s += 1e-3;
         writer.push(&rows).unwrap();
@@ -52,12 +52,59 @@ fn a_shard_that_comes_out_differently_is_refused_and_the_first_one_kept() {
 }
 
 #[test]
+fn completing_again_keeps_what_is_there_and_mends_what_is_damaged() {
+    let dir = tempfile::tempdir().unwrap();
+    let info = sample::info(1);
+    sample::write(dir.path(), &info);
+    let before = sample::files(dir.path());
+    let draft = Draft::open(dir.path()).unwrap();
+    let path = |name: &str| dir.path().join(name);
+    for name in [layout::MANIFEST, layout::CARD, layout::SUCCESS] {
+        fs::remove_file(path(name)).unwrap();
+    }
+    draft.finalize().unwrap();
+    assert_eq!(sample::files(dir.path()), before);
+    fs::write(path(layout::MANIFEST), "{").unwrap();
+    draft.finalize().unwrap();
+    assert_eq!(sample::files(dir.path()), before, "a damaged manifest is written again");
+
+    fs::write(path(layout::CARD), "my own words").unwrap();
+    draft.finalize().unwrap();
+    assert_eq!(fs::read_to_string(path(layout::CARD)).unwrap(), "my own words");
+
+    let other = tempfile::tempdir().unwrap();
+    sample::write(other.path(), &sample::info(2));
+    fs::copy(other.path().join(layout::MANIFEST), path(layout::MANIFEST)).unwrap();
+    let error = draft.finalize().unwrap_err();
+    assert!(matches!(error, FinalizeError::NotReproduced { .. }), "{error}");
+    assert_eq!(error.exit_code(), ExitCode::Data);
+}
+
+#[test]
+fn what_is_missing_is_told_and_leftovers_are_swept() {
+    let dir = tempfile::tempdir().unwrap();
+    let info = sample::sized(1, 4, 60, 6);
+    let draft = Draft::begin(dir.path(), &info).unwrap();
+    for shard in [1, 3] {
+        sample::write_shard(&draft, shard);
+    }
+    assert_eq!((draft.missing().unwrap(), draft.unmarked().unwrap()), (vec![0, 2], vec![0, 2]));
+    fs::write(dir.path().join(layout::table_file(shards::Table::Scenes, 3, 4)), "short").unwrap();
+    assert_eq!((draft.missing().unwrap(), draft.unmarked().unwrap()), (vec![0, 2, 3], vec![0, 2]));
+
+    fs::write(dir.path().join("objects/.shard#0.tmp"), "left").unwrap();
+    assert_eq!(draft.sweep(shards::Sweep::Look).unwrap().files, 1);
+    assert_eq!(draft.sweep(shards::Sweep::Dead).unwrap().bytes, 4);
+    assert_eq!(draft.sweep(shards::Sweep::All).unwrap().files, 0);
+}
+
+#[test]
 fn a_writer_that_stops_leaves_nothing_that_counts() {
     let dir = tempfile::tempdir().unwrap();
     let info = sample::info(1);
-    begin_dataset(dir.path(), &info).unwrap();
+    let draft = Draft::begin(dir.path(), &info).unwrap();
     let before = sample::files(dir.path());
-    let mut writer = ShardWriter::create(dir.path(), &info, 0).unwrap();
+    let mut writer = draft.shard(0).unwrap();
     writer.push(&sample::rows(&info, 0)[0]).unwrap();
     let error = writer.commit().unwrap_err();
     assert_eq!(error.to_string(), "shard 0 must go on with scene 1 of 0..5, got the end");
@@ -68,10 +115,10 @@ fn a_writer_that_stops_leaves_nothing_that_counts() {
 fn scenes_out_of_order_and_shards_out_of_range_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let info = sample::info(1);
-    begin_dataset(dir.path(), &info).unwrap();
-    let error = ShardWriter::create(dir.path(), &info, 2).unwrap_err();
+    let draft = Draft::begin(dir.path(), &info).unwrap();
+    let error = draft.shard(2).unwrap_err();
     assert_eq!((error.to_string().as_str(), error.exit_code()), ("shard must be below 2, got 2", ExitCode::Config));
-    let mut writer = ShardWriter::create(dir.path(), &info, 1).unwrap();
+    let mut writer = draft.shard(1).unwrap();
     let rows = sample::rows(&info, 1);
     let error = writer.push(&rows[1]).unwrap_err();
     assert_eq!(error.to_string(), "shard 1 must go on with scene 5 of 5..10, got scene 6");
@@ -83,10 +130,10 @@ fn scenes_out_of_order_and_shards_out_of_range_are_refused() {
 fn check_refused(edit: impl FnOnce(&mut SceneRows), rule: &str) {
     let dir = tempfile::tempdir().unwrap();
     let info = sample::info(1);
-    begin_dataset(dir.path(), &info).unwrap();
+    let draft = Draft::begin(dir.path(), &info).unwrap();
     let mut rows = sample::rows(&info, 0).remove(0);
     edit(&mut rows);
-    let error = ShardWriter::create(dir.path(), &info, 0).unwrap().push(&rows).unwrap_err();
+    let error = draft.shard(0).unwrap().push(&rows).unwrap_err();
     assert_eq!(error.exit_code(), ExitCode::Internal);
     let message = error.to_string();
     assert!(message.starts_with("shard 0, scene 0: ") && message.contains(rule), "{message} does not name {rule}");

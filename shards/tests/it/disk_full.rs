@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use shards::{DatasetInfo, ExitCode, ShardWriter, WriteError, begin_dataset, is_committed};
+use shards::{Draft, ExitCode, WriteError};
 
 use crate::sample;
 
@@ -33,9 +33,9 @@ fn mount(dir: &Path, options: &str) -> bool {
     command.status().is_ok_and(|status| status.success())
 }
 
-fn write(dir: &Path, info: &DatasetInfo, shard: u32) -> Result<(), WriteError> {
-    let mut writer = ShardWriter::create(dir, info, shard)?;
-    for rows in sample::rows(info, shard) {
+fn write(draft: &Draft, shard: u32) -> Result<(), WriteError> {
+    let mut writer = draft.shard(shard)?;
+    for rows in sample::rows(draft.info(), shard) {
         writer.push(&rows)?;
     }
     writer.commit().map(drop)
@@ -50,17 +50,17 @@ fn a_full_disk_loses_nothing() {
     let mut info = sample::sized(2, 4, 400, 10);
     info.grid.resolution = 16;
     let dir = disk.0.path();
-    begin_dataset(dir, &info).unwrap();
-    let (full, error) = (0..4).find_map(|shard| write(dir, &info, shard).err().map(|e| (shard, e))).unwrap();
+    let draft = Draft::begin(dir, &info).unwrap();
+    let (full, error) = (0..4).find_map(|shard| write(&draft, shard).err().map(|e| (shard, e))).unwrap();
     assert_eq!(error.exit_code(), ExitCode::TryAgain, "{error}");
     assert!(full > 0, "the first shard fits");
     for shard in 0..4 {
-        assert_eq!(is_committed(dir, &info, shard).unwrap(), shard < full);
+        assert_eq!(draft.is_committed(shard).unwrap(), shard < full);
     }
     disk.grow(4096);
     for shard in full..4 {
-        write(dir, &info, shard).unwrap();
+        write(&draft, shard).unwrap();
     }
-    shards::finalize(dir).unwrap();
+    draft.finalize().unwrap();
     assert!(shards::verify(dir, |_| ()).unwrap().is_ok());
 }

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use shards::{Dataset, FormatVersion, ShardWriter, begin_dataset, finalize, verify};
+use shards::{Dataset, Draft, FormatVersion, verify};
 
 use crate::sample;
 
@@ -32,15 +32,15 @@ fn the_rows_of_format_1_make_the_bytes_of_format_1() {
     let dataset = Dataset::open(&golden()).unwrap();
     let dir = tempfile::tempdir().unwrap();
     let info = dataset.info();
-    begin_dataset(dir.path(), info).unwrap();
+    let draft = Draft::begin(dir.path(), info).unwrap();
     for shard in 0..info.shard_count {
-        let mut writer = ShardWriter::create(dir.path(), info, shard).unwrap();
+        let mut writer = draft.shard(shard).unwrap();
         for scene in info.scenes_of(shard) {
             writer.push(&dataset.read_scene(scene).unwrap()).unwrap();
         }
         writer.commit().unwrap();
     }
-    finalize(dir.path()).unwrap();
+    draft.finalize().unwrap();
     let data = |dir: &Path| sample::files(dir).into_iter().filter(|(path, _)| path != Path::new("README.md"));
     for (made, golden) in data(dir.path()).zip(data(&golden())) {
         assert_eq!(made.0, golden.0);

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use shards::{DatasetInfo, Finalized, begin_dataset, finalize, is_committed};
+use shards::{DatasetInfo, Draft, Finalized};
 
 use crate::sample;
 
@@ -14,14 +14,12 @@ fn info() -> DatasetInfo {
     sample::sized(6, 8, 400, 5)
 }
 
-fn write_what_is_missing(dir: &Path) {
-    let info = info();
-    begin_dataset(dir, &info).unwrap();
-    for shard in 0..info.shard_count {
-        if !is_committed(dir, &info, shard).unwrap() {
-            sample::write_shard(dir, &info, shard);
-        }
+fn write_what_is_missing(dir: &Path) -> Draft {
+    let draft = Draft::begin(dir, &info()).unwrap();
+    for shard in draft.missing().unwrap() {
+        sample::write_shard(&draft, shard);
     }
+    draft
 }
 
 /// Not a test by itself: the program that is killed.
@@ -35,8 +33,7 @@ fn child() {
 #[test]
 fn killed_writers_leave_what_the_next_one_completes() {
     let (whole, dir) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    write_what_is_missing(whole.path());
-    finalize(whole.path()).unwrap();
+    write_what_is_missing(whole.path()).finalize().unwrap();
     for round in 0..25 {
         let mut child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "killed::child"])
@@ -52,21 +49,20 @@ fn killed_writers_leave_what_the_next_one_completes() {
             let _ = std::fs::remove_file(dir.path().join(shards::layout::marker(round as u32 % 8)));
         }
     }
-    write_what_is_missing(dir.path());
-    assert!(matches!(finalize(dir.path()).unwrap(), Finalized::Complete(_)));
+    let draft = write_what_is_missing(dir.path());
+    assert!(matches!(draft.finalize().unwrap(), Finalized::Complete(_)));
     assert_eq!(sample::files(dir.path()), sample::files(whole.path()));
 }
 
 #[test]
 fn writers_of_the_same_shards_at_the_same_time_agree() {
     let (whole, dir) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    write_what_is_missing(whole.path());
-    finalize(whole.path()).unwrap();
+    write_what_is_missing(whole.path()).finalize().unwrap();
     std::thread::scope(|scope| {
         for _ in 0..4 {
             scope.spawn(|| write_what_is_missing(dir.path()));
         }
     });
-    finalize(dir.path()).unwrap();
+    Draft::open(dir.path()).unwrap().finalize().unwrap();
     assert_eq!(sample::files(dir.path()), sample::files(whole.path()));
 }

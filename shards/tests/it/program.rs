@@ -77,7 +77,7 @@ fn every_way_to_fail_has_its_code() {
     assert_eq!(shards(&["verify"]).status.code(), Some(2));
     assert_eq!(shards(&["frobnicate"]).status.code(), Some(2));
     let begun = dir.path().join("begun");
-    shards::begin_dataset(&begun, &sample::info(1)).unwrap();
+    shards::Draft::begin(&begun, &sample::info(1)).unwrap();
     let output = shards(&["verify", text(&begun)]);
     assert_eq!(output.status.code(), Some(69));
     let told = String::from_utf8(output.stderr).unwrap();

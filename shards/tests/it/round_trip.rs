@@ -58,12 +58,12 @@ fn the_same_rows_make_the_same_bytes() {
     let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let info = sample::info(11);
     sample::write(one.path(), &info);
-    shards::begin_dataset(two.path(), &info).unwrap();
+    let draft = shards::Draft::begin(two.path(), &info).unwrap();
     for shard in (0..info.shard_count).rev() {
-        sample::write_shard(two.path(), &info, shard);
-        sample::write_shard(two.path(), &info, shard); // once more, over itself
+        sample::write_shard(&draft, shard);
+        sample::write_shard(&draft, shard); // once more, over itself
     }
-    shards::finalize(two.path()).unwrap();
-    shards::finalize(two.path()).unwrap();
+    draft.finalize().unwrap();
+    draft.finalize().unwrap();
     assert_eq!(sample::files(one.path()), sample::files(two.path()));
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use schema::SceneRows;
-use shards::{DatasetInfo, Finalized, ShardSummary, ShardWriter, begin_dataset, finalize, synthetic};
+use shards::{DatasetInfo, Draft, Finalized, ShardSummary, synthetic};
 
 /// 2 shards, 10 scenes, 58 attempts, 8³ voxels.
 pub(crate) fn info(seed: u64) -> DatasetInfo {
@@ -23,9 +23,9 @@ pub(crate) fn rows(info: &DatasetInfo, shard: u32) -> Vec<SceneRows> {
 }
 
 /// Writes one shard.
-pub(crate) fn write_shard(dir: &Path, info: &DatasetInfo, shard: u32) -> ShardSummary {
-    let mut writer = ShardWriter::create(dir, info, shard).unwrap();
-    for rows in rows(info, shard) {
+pub(crate) fn write_shard(draft: &Draft, shard: u32) -> ShardSummary {
+    let mut writer = draft.shard(shard).unwrap();
+    for rows in rows(draft.info(), shard) {
         writer.push(&rows).unwrap();
     }
     writer.commit().unwrap()
@@ -33,11 +33,11 @@ pub(crate) fn write_shard(dir: &Path, info: &DatasetInfo, shard: u32) -> ShardSu
 
 /// Writes a whole dataset.
 pub(crate) fn write(dir: &Path, info: &DatasetInfo) {
-    begin_dataset(dir, info).unwrap();
+    let draft = Draft::begin(dir, info).unwrap();
     for shard in 0..info.shard_count {
-        write_shard(dir, info, shard);
+        write_shard(&draft, shard);
     }
-    assert!(matches!(finalize(dir).unwrap(), Finalized::Complete(_)));
+    assert!(matches!(draft.finalize().unwrap(), Finalized::Complete(_)));
 }
 
 /// Every file under a folder, with its bytes, in order.

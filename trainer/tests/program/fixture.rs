@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use schema::{Outcome, Purpose, SceneRows, Stream, Vec3};
-use shards::{DatasetInfo, Finalized, ShardWriter, begin_dataset, finalize, synthetic};
+use shards::{DatasetInfo, Draft, Finalized, synthetic};
 
 const N: usize = 40;
 const TABLE_VOXELS: f32 = 6.0;
@@ -12,15 +12,15 @@ const TABLE_VOXELS: f32 = 6.0;
 /// Writes a dataset and gives its info.
 pub(crate) fn write_dataset(dir: &Path, seed: u64, shards: u32, scenes: u64, attempts_per_scene: u32) -> DatasetInfo {
     let info = synthetic::info(seed, shards, scenes * u64::from(attempts_per_scene), attempts_per_scene);
-    begin_dataset(dir, &info).unwrap();
+    let draft = Draft::begin(dir, &info).unwrap();
     for shard in 0..shards {
-        let mut writer = ShardWriter::create(dir, &info, shard).unwrap();
+        let mut writer = draft.shard(shard).unwrap();
         for scene in info.scenes_of(shard) {
             writer.push(&scene_rows(scene, &info)).unwrap();
         }
         writer.commit().unwrap();
     }
-    assert!(matches!(finalize(dir).unwrap(), Finalized::Complete(_)));
+    assert!(matches!(draft.finalize().unwrap(), Finalized::Complete(_)));
     info
 }
 

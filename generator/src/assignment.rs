@@ -1,0 +1,232 @@
+//! Which shards are this process's: as it was told, or as the scheduler's environment says. Schedulers give an index and no
+//! more; how many shards there are belongs to the dataset, and no variable is asked for it.
+
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::str::FromStr;
+
+/// Variables that hold the index of a task: our own, Slurm's arrays, Kubernetes' Indexed Jobs, AWS Batch's arrays.
+pub(crate) const VARIABLES: [&str; 4] =
+    ["SHARD_INDEX", "SLURM_ARRAY_TASK_ID", "JOB_COMPLETION_INDEX", "AWS_BATCH_JOB_ARRAY_INDEX"];
+
+/// The shards of a process.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Assignment {
+    /// All.
+    All,
+    /// These, and who said so.
+    Shards(BTreeSet<u32>, &'static str),
+    /// Every T-th.
+    Task(Task),
+}
+
+/// Task `t` of `T`: the shards t, t + T, t + 2T, ...
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Task {
+    task: u32,
+    tasks: u32,
+}
+
+/// Shard indices from text such as `0,4,8-11`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct ShardIndices(pub BTreeSet<u32>);
+
+/// An environment or an index that cannot be.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum AssignmentError {
+    /// A variable holds no index.
+    #[error(
+        "{variable} must be a shard index, a whole number from 0, got {value:?}; --shard-index or --task goes before it"
+    )]
+    NoIndex { variable: &'static str, value: String },
+    /// Two variables say different things.
+    #[error("{} disagree: unset all but one, or give --shard-index or --task", .0.join(" and "))]
+    Disagree(Vec<String>),
+    /// There is no such shard.
+    #[error("shard index must be below the number of shards, {shard_count}, got {index} from {source_name}")]
+    NoSuchShard { index: u32, shard_count: u32, source_name: &'static str },
+}
+
+impl Assignment {
+    /// What the flags say, else what the environment says, else all.
+    pub(crate) fn new(
+        indices: Option<&ShardIndices>,
+        task: Option<Task>,
+        variable: impl Fn(&str) -> Option<OsString>,
+    ) -> Result<Self, AssignmentError> {
+        if let Some(task) = task {
+            return Ok(Self::Task(task));
+        }
+        if let Some(ShardIndices(indices)) = indices {
+            return Ok(Self::Shards(indices.clone(), "--shard-index"));
+        }
+        let mut found = Vec::new();
+        for name in VARIABLES {
+            let Some(value) = variable(name) else { continue };
+            let value = value.to_string_lossy().into_owned();
+            let index = value.parse::<u32>().map_err(|_| AssignmentError::NoIndex { variable: name, value })?;
+            found.push((index, name));
+        }
+        match found.first() {
+            None => Ok(Self::All),
+            Some(first) if found.iter().all(|other| other.0 == first.0) => {
+                Ok(Self::Shards(BTreeSet::from([first.0]), first.1))
+            }
+            Some(_) => {
+                Err(AssignmentError::Disagree(found.iter().map(|(index, name)| format!("{name}={index}")).collect()))
+            }
+        }
+    }
+
+    /// The shards, in order, of a dataset of so many.
+    pub(crate) fn shards(&self, shard_count: u32) -> Result<Vec<u32>, AssignmentError> {
+        match self {
+            Self::All => Ok((0..shard_count).collect()),
+            Self::Task(Task { task, tasks }) => Ok((*task..shard_count).step_by(*tasks as usize).collect()),
+            Self::Shards(indices, source_name) => match indices.last() {
+                Some(index) if *index >= shard_count => {
+                    Err(AssignmentError::NoSuchShard { index: *index, shard_count, source_name })
+                }
+                _ => Ok(indices.iter().copied().collect()),
+            },
+        }
+    }
+
+    /// The variable that was followed.
+    pub(crate) fn variable(&self) -> Option<&'static str> {
+        match self {
+            Self::Shards(_, name) if VARIABLES.contains(name) => Some(name),
+            _ => None,
+        }
+    }
+}
+
+/// The most shards a range may name.
+const INDICES_MAX: u32 = shards::SHARDS_MAX;
+
+impl FromStr for ShardIndices {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |part: &str| part.trim().parse::<u32>().map_err(|_| format!("`{part}` is no shard index"));
+        let mut indices = BTreeSet::new();
+        for part in text.split(',') {
+            let (first, last) = match part.split_once('-') {
+                Some((first, last)) => (number(first)?, number(last)?),
+                None => (number(part)?, number(part)?),
+            };
+            if first > last {
+                return Err(format!("the range `{part}` is empty"));
+            }
+            if last >= INDICES_MAX {
+                return Err(format!("a shard index must be below {INDICES_MAX}, got {last}"));
+            }
+            indices.extend(first..=last);
+        }
+        Ok(Self(indices))
+    }
+}
+
+impl FromStr for Task {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parsed = text.split_once('/').and_then(|(task, tasks)| Some((task.parse().ok()?, tasks.parse().ok()?)));
+        match parsed {
+            Some((task, tasks)) if task < tasks => Ok(Self { task, tasks }),
+            Some((task, tasks)) => {
+                Err(format!("a task's number must be below the number of tasks, {tasks}, got {task}"))
+            }
+            None => Err("must be a task's number and how many there are, such as 3/100".to_owned()),
+        }
+    }
+}
+
+/// Indices as `--shard-index` and schedulers' arrays take them: `0-2,5`.
+pub(crate) fn index_list(indices: &[u32]) -> String {
+    let mut parts: Vec<(u32, u32)> = Vec::new();
+    for index in indices {
+        match parts.last_mut() {
+            Some((_, last)) if *last + 1 == *index => *last = *index,
+            _ => parts.push((*index, *index)),
+        }
+    }
+    let shown = |(first, last): &(u32, u32)| {
+        if first == last { first.to_string() } else { format!("{first}-{last}") }
+    };
+    parts.iter().map(shown).collect::<Vec<_>>().join(",")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Vec<u32>, String> {
+        text.parse::<ShardIndices>().map(|indices| indices.0.into_iter().collect())
+    }
+
+    fn assigned(flags: (Option<&str>, Option<&str>), variables: &[(&str, &str)]) -> Result<Vec<u32>, String> {
+        let indices = flags.0.map(|text| text.parse().unwrap());
+        let task = flags.1.map(|text| text.parse().unwrap());
+        let variable = |name: &str| variables.iter().find(|v| v.0 == name).map(|v| OsString::from(v.1));
+        let assignment = Assignment::new(indices.as_ref(), task, variable).map_err(|e| e.to_string())?;
+        assignment.shards(10).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn indices_come_alone_in_lists_and_in_ranges() {
+        assert_eq!(parse("3"), Ok(vec![3]));
+        assert_eq!(parse("0,4, 8-10,9"), Ok(vec![0, 4, 8, 9, 10]));
+        for bad in ["", "x", "3-1", "1,,2", "-1", "0-4294967295"] {
+            assert!(parse(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn lists_of_indices_are_folded_into_ranges() {
+        assert_eq!(index_list(&[0, 1, 2, 5, 7, 8]), "0-2,5,7-8");
+        assert_eq!(index_list(&[]), "");
+    }
+
+    #[test]
+    fn flags_go_before_the_environment_and_without_either_all_is_made() {
+        let array = [("SLURM_ARRAY_TASK_ID", "4"), ("SLURM_ARRAY_TASK_COUNT", "2")];
+        assert_eq!(assigned((None, None), &[]), Ok((0..10).collect()));
+        assert_eq!(assigned((None, None), &array), Ok(vec![4]));
+        assert_eq!(assigned((Some("1-2"), None), &array), Ok(vec![1, 2]));
+        assert_eq!(assigned((None, Some("4/100")), &array), Ok(vec![4]));
+        for name in VARIABLES {
+            assert_eq!(assigned((None, None), &[(name, "9")]), Ok(vec![9]), "{name}");
+        }
+        assert_eq!(assigned((None, None), &[("SHARD_INDEX", "3"), ("JOB_COMPLETION_INDEX", "3")]), Ok(vec![3]));
+    }
+
+    #[test]
+    fn tasks_share_the_shards_out() {
+        let of = |task: &str| assigned((None, Some(task)), &[]).unwrap();
+        assert_eq!(of("1/4"), [1, 5, 9]);
+        let mut all: Vec<u32> = ["0/3", "1/3", "2/3"].into_iter().flat_map(of).collect();
+        all.sort_unstable();
+        assert_eq!(all, (0..10).collect::<Vec<_>>());
+        assert!(of("11/12").is_empty());
+        for bad in ["3", "3/3", "4/3", "-1/3", "0/0", "x/3", "1/"] {
+            assert!(bad.parse::<Task>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_told_with_its_names() {
+        let error = |variables: &[_]| assigned((None, None), variables).unwrap_err();
+        let told = error(&[("SHARD_INDEX", "3"), ("JOB_COMPLETION_INDEX", "4"), ("AWS_BATCH_JOB_ARRAY_INDEX", "4")]);
+        assert!(
+            told.starts_with("SHARD_INDEX=3 and JOB_COMPLETION_INDEX=4 and AWS_BATCH_JOB_ARRAY_INDEX=4 disagree"),
+            "{told}"
+        );
+        for value in ["", "-1", "3.0", "all", "99999999999"] {
+            let told = error(&[("SHARD_INDEX", value)]);
+            assert!(told.starts_with("SHARD_INDEX must be a shard index") && told.contains(value), "{told}");
+        }
+        let told = error(&[("SLURM_ARRAY_TASK_ID", "10")]);
+        assert_eq!(told, "shard index must be below the number of shards, 10, got 10 from SLURM_ARRAY_TASK_ID");
+    }
+}
