@@ -1,0 +1,90 @@
+#!/usr/bin/env python3
+"""Makes the missing shards of a dataset on a Ray cluster, one task a shard, and completes it. docs/cluster.md says more.
+
+    python scripts/cluster/ray_generate.py --shards 64 --out s3://bucket/grasps --attempts 200000
+
+`--out` must be one place for all nodes: a shared folder or a URL. `generator` must be installed on every node, in the same
+version. What this script does not know (--attempts, --seed, --config, ...) goes to the generator as it stands.
+
+Ends with the generator's exit codes: 0 complete, 65 or 78 when a shard ended so (the others are cancelled), 69 when
+shards are missing, 75 when a shard did not come in all its tries. Running it again makes what is missing.
+"""
+
+import argparse
+import subprocess
+import sys
+
+import ray
+
+TRY_AGAIN, CONFIG = 75, 78
+RETRIES_MAX = 4
+
+
+class TryAgain(Exception):
+    """The outside world failed, or a signal ended the generator."""
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.allow_abbrev = False  # what is not here is the generator's
+    parser.add_argument("--out", required=True, help="folder that all nodes see, or URL")
+    parser.add_argument("--shards", required=True, type=int, help="shards of the whole dataset")
+    parser.add_argument("--generator", default="generator", help="the program, on every node [generator]")
+    parser.add_argument("--cpus", default=1, type=int, help="cores and threads of a task [1]")
+    parser.add_argument("--address", default="auto", help="of the Ray cluster [auto: the one of this node]")
+    return parser.parse_known_args()
+
+
+@ray.remote(max_retries=RETRIES_MAX, retry_exceptions=[TryAgain])
+def make_shard(command, shard):
+    """The shard, how the generator ended and what it said. Ray retries when this raises `TryAgain` or its worker dies;
+    should the dead worker's generator run on, there are two writers of the same bytes, which is harmless."""
+    try:
+        ended = subprocess.run([*command, "--shard-index", str(shard)], capture_output=True, text=True)
+    except FileNotFoundError as error:
+        return shard, CONFIG, str(error)
+    if ended.returncode < 0 or ended.returncode == TRY_AGAIN:
+        raise TryAgain(f"shard {shard} ended with {ended.returncode}: {ended.stderr[-500:]}")
+    return shard, ended.returncode, ended.stderr[-500:]
+
+
+def missing(generator, out, shards):
+    """The shards to make: those that `generator missing` prints, all if there is no dataset yet."""
+    listed = subprocess.run([generator, "missing", out], stdout=subprocess.PIPE, text=True)
+    if listed.returncode == CONFIG:
+        return list(range(shards))
+    listed.check_returncode()
+    ranges = [part.split("-") for part in listed.stdout.strip().split(",") if part]
+    return [shard for ends in ranges for shard in range(int(ends[0]), int(ends[-1]) + 1)]
+
+
+def make(command, shards, cpus):
+    """0 when all shards are made, else the exit code of the first that cannot be."""
+    task = make_shard.options(num_cpus=cpus)
+    waiting = [task.remote(command, shard) for shard in shards]
+    while waiting:
+        [done], waiting = ray.wait(waiting)
+        try:
+            shard, code, said = ray.get(done)
+        except (TryAgain, ray.exceptions.RayError) as error:
+            shard, code, said = None, TRY_AGAIN, str(error)
+        if code != 0:
+            print(f"shard {shard} ended with {code}: {said}" if shard is not None else said, file=sys.stderr)
+            for other in waiting:
+                ray.cancel(other)
+            return code
+        print(f"shard {shard} is made, {len(waiting)} to go", flush=True)
+    return 0
+
+
+def main():
+    mine, more = arguments()
+    ray.init(address=mine.address)
+    sizes = ["--shards", str(mine.shards), "--threads", str(mine.cpus)]
+    command = [mine.generator, *sizes, "--out", mine.out, *more]
+    code = make(command, missing(mine.generator, mine.out, mine.shards), mine.cpus)
+    return code or subprocess.run([mine.generator, "finalize", mine.out]).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
