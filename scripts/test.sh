@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Everything that must pass before a change goes in. Usage: scripts/test.sh [--rust-only]
 #
-# Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless --rust-only. Nothing
-# is installed but Python packages, in .venv/. Every step runs even if an earlier one failed, unless it stands on it;
+# Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless --rust-only. Python
+# packages are installed in .venv/; as root on Debian or Ubuntu, a Slurm, strace and faketime are installed, too, and
+# elsewhere the tests that need them are skipped and say so. Every step runs even if an earlier one failed, unless it stands on it;
 # the table at the end says which did, and after how many seconds. Exit code: 0 if all passed, 1 if a step failed,
 # 2 if the arguments are wrong.
 set -euo pipefail
@@ -64,6 +65,26 @@ venv() {
         && cp scripts/requirements.txt "$stamp"
 }
 
+# A Slurm to run on, and what disturbs programs. Without them the tests that need them are skipped.
+engines() {
+    local missing=()
+    local PATH="$PATH:/usr/sbin"
+    command -v slurmctld >/dev/null || missing+=(slurm-wlm)
+    command -v munged >/dev/null || missing+=(munge)
+    command -v strace >/dev/null || missing+=(strace)
+    command -v faketime >/dev/null || missing+=(faketime)
+    if ((${#missing[@]} == 0)); then
+        return 0
+    fi
+    if ((EUID != 0)) || ! command -v apt-get >/dev/null; then
+        echo "not installed, and their tests are skipped: ${missing[*]} (that takes root on Debian or Ubuntu)"
+        return 0
+    fi
+    export DEBIAN_FRONTEND=noninteractive
+    { apt-get update -qq && apt-get install -y -qq --no-install-recommends "${missing[@]}"; } >/dev/null \
+        || echo "could not be installed, and their tests are skipped: ${missing[*]}"
+}
+
 dataset() {
     local generator="${CARGO_TARGET_DIR:-target}/debug/generator"
     "$generator" --config configs/generate/demo.toml --shards 2 --attempts 600 --out "$scratch/dataset" \
@@ -73,7 +94,7 @@ dataset() {
 
 readers() {
     GRASPMILL_DATASET="$scratch/dataset" GRASPMILL_COULOMB="$scratch/coulomb" \
-        GRASPMILL_TRAINER="${CARGO_TARGET_DIR:-target}/debug/trainer" .venv/bin/python -m pytest -p no:cacheprovider tests/python
+        GRASPMILL_TRAINER="${CARGO_TARGET_DIR:-target}/debug/trainer" .venv/bin/python -m pytest -rs -p no:cacheprovider tests/python
 }
 
 # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds them.
@@ -84,6 +105,7 @@ step test build cargo test --workspace --no-fail-fast
 step clippy '' cargo clippy --workspace --all-targets -- -D warnings
 step docs '' docs
 if [[ $rust_only == no ]]; then
+    step engines '' engines
     step venv '' venv
     step dataset build dataset
     step readers 'venv dataset' readers

@@ -80,8 +80,7 @@ impl Dataset {
         let (info, dataset_id) = read_info(&storage, at)?;
         let bytes = storage.read(layout::MANIFEST)?.ok_or_else(|| ReadError::Incomplete(at.clone()))?;
         let wrong = |problems| ReadError::Manifest { problems, at: storage.location(layout::MANIFEST) };
-        let manifest: Manifest =
-            seal::unseal(&String::from_utf8_lossy(&bytes)).map_err(|e| wrong(vec![e.to_string()]))?;
+        let manifest: Manifest = seal::unseal(bytes).map_err(|e| wrong(vec![e.to_string()]))?;
         let problems = manifest.problems(&info, &dataset_id);
         if !problems.is_empty() {
             return Err(wrong(problems));

@@ -54,7 +54,7 @@ impl Draft {
     /// [`StoreError`] if the disk refuses.
     pub fn is_committed(&self, shard: u32) -> Result<bool, StoreError> {
         let marker = self.storage.read(&layout::marker(shard))?;
-        let Some(summary) = marker.and_then(|bytes| self.summary(shard, &bytes)) else { return Ok(false) };
+        let Some(summary) = marker.and_then(|bytes| self.summary(shard, bytes)) else { return Ok(false) };
         for table in Table::ALL {
             let file = summary.file(table);
             if self.storage.size(&file.path)? != Some(file.bytes) {
@@ -65,8 +65,8 @@ impl Draft {
     }
 
     /// What a marker says, unless it is damaged or not this shard's.
-    pub(crate) fn summary(&self, shard: u32, marker: &[u8]) -> Option<ShardSummary> {
-        let summary = seal::unseal::<ShardSummary>(&String::from_utf8_lossy(marker)).ok()?;
+    pub(crate) fn summary(&self, shard: u32, marker: Vec<u8>) -> Option<ShardSummary> {
+        let summary = seal::unseal::<ShardSummary>(marker).ok()?;
         (summary.shard == shard && summary.problems(&self.info, &self.dataset_id).is_empty()).then_some(summary)
     }
 

@@ -82,7 +82,7 @@ impl Draft {
         self.storage.read_each(names, |marker| {
             let shard = next;
             next += 1;
-            match marker.and_then(|bytes| self.summary(shard, &bytes)) {
+            match marker.and_then(|bytes| self.summary(shard, bytes)) {
                 Some(summary) if is_there(&summary, &listings) => {
                     if listings.iter().any(|(_, listing)| listing.is_none()) {
                         unlisted.push(shard);
@@ -118,7 +118,7 @@ impl Draft {
         if let Published::Existing(before) = self.storage.publish_new(layout::MANIFEST, text.as_bytes())?
             && before != text.as_bytes()
         {
-            if seal::unseal::<Manifest>(&String::from_utf8_lossy(&before)).is_ok() {
+            if seal::unseal::<Manifest>(before.clone()).is_ok() {
                 let (before, now) = (seal::sha256_hex(&before), seal::sha256_hex(text.as_bytes()));
                 return Err(FinalizeError::NotReproduced { before, now });
             }

@@ -62,6 +62,7 @@ mod inspect;
 pub mod layout;
 mod limits;
 mod location;
+mod pretend;
 mod read_error;
 mod remote;
 mod report;
@@ -92,6 +93,7 @@ pub use info::{ATTEMPTS_MAX, DatasetInfo, InfoError, RESOLUTION_MAX, SHARDS_MAX}
 pub use inspect::Inspection;
 pub use limits::writes_fail_at_the_file_size_limit;
 pub use location::{Location, LocationError};
+pub use pretend::pretend_shard;
 pub use read_error::ReadError;
 pub use report::{Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use scenes::Scenes;

@@ -104,7 +104,7 @@ fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, ReadError> {
     let at = dataset.location().join(&name);
     let wrong = |message: &str| Ok(Some(format!("shard {shard}: {message}: {at}")));
     let Some(bytes) = dataset.read_meta(&name)? else { return wrong("the marker is missing") };
-    match seal::unseal::<ShardSummary>(&String::from_utf8_lossy(&bytes)) {
+    match seal::unseal::<ShardSummary>(bytes) {
         Err(e) => wrong(&e.to_string()),
         Ok(marker) if marker == dataset.manifest().shards[shard as usize] => Ok(None),
         Ok(_) => wrong("the marker must say what the manifest says"),

@@ -257,7 +257,7 @@ fn compare(shard: u32, marker: &str, before: &[u8], now: &str) -> Result<bool, W
     if before == now.as_bytes() {
         return Ok(true);
     }
-    if seal::unseal::<ShardSummary>(&String::from_utf8_lossy(before)).is_err() {
+    if seal::unseal::<ShardSummary>(before.to_vec()).is_err() {
         return Ok(false);
     }
     let (before, now) = (seal::sha256_hex(before), seal::sha256_hex(now.as_bytes()));
