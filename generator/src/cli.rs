@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
-use shards::{Location, LocationParser};
+use shards::{ExitCode, Location, LocationParser};
 
 use crate::assignment::{ShardIndices, Task};
 
@@ -12,7 +12,7 @@ use crate::assignment::{ShardIndices, Task};
 /// Running the same command again continues: committed shards are skipped, and the bytes are those of an uninterrupted
 /// run. A dataset is a pure function of the config, the seed and this program's version.
 #[derive(Debug, Parser)]
-#[command(name = "generator", version, after_help = format!("{EXAMPLES}\n\n{ENVIRONMENT}\n\n{}", Location::HELP))]
+#[command(name = "generator", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{ENVIRONMENT}\n\n{}", ExitCode::HELP, Location::HELP))]
 #[command(subcommand_negates_reqs = true, args_conflicts_with_subcommands = true, subcommand_value_name = "COMMAND")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -157,18 +157,9 @@ Examples:
   generator finalize grasps                             complete it, when all is there
   generator bench --markdown bench.md                   what an attempt costs on this machine
 
-Exit codes:
-   0  done
-   1  internal error
-   2  wrong command line
-  65  a shard or an attempt came out differently from an earlier run, or a dataset is damaged
-  69  dataset incomplete (finalize)
-  75  I/O trouble or stopped by a signal: run again
-  78  wrong configuration, or the folder holds something else
-
 GRASPMILL_LOG=info shows which shards are skipped and committed.";
 
 const ENVIRONMENT: &str = "\
 Without --shard-index and --task the index is that of SHARD_INDEX, SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX or \
-AWS_BATCH_JOB_ARRAY_INDEX, if one is set; two that disagree are an error. The number of shards is never taken from the \
+AWS_BATCH_JOB_ARRAY_INDEX, if one is set; two that disagree are an error. (--task 0/1 makes all shards wherever it runs.) The number of shards is never taken from the \
 environment: it is part of what the dataset is.";

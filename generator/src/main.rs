@@ -3,8 +3,7 @@
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -171,10 +170,12 @@ fn run(arguments: &Arguments) -> anyhow::Result<shards::ExitCode> {
     let assignment = Assignment::new(arguments.shard_index.as_ref(), arguments.task, |name| std::env::var_os(name))?;
     let wanted = assignment.shards(config.shard_count)?;
     if let Some(variable) = assignment.variable() {
-        complain(&format!("shard {} of {}, as {variable} says", index_list(&wanted), config.shard_count));
+        let (shard, of) = (index_list(&wanted), config.shard_count);
+        complain(&format!("shard {shard} of {of}, as {variable} says (--task 0/1 makes all)"));
     }
     start_threads(arguments.threads)?;
-    let stop = stop_on_signals()?;
+    let told = || complain("stopping after the scenes under way; again to stop at once");
+    let stop = shards::stop_on_signals(told).context("failed to listen for signals")?;
 
     let info = config.dataset_info();
     let bar = progress_bar(wanted.iter().map(|shard| attempts_of(&info, *shard)).sum());
@@ -196,21 +197,11 @@ fn run(arguments: &Arguments) -> anyhow::Result<shards::ExitCode> {
     bar.finish_and_clear();
     let text = table::render(&report, out, started.elapsed().as_secs_f64());
     let _ = write!(std::io::stdout().lock(), "{text}");
-    Ok(if report.is_stopped { shards::ExitCode::TryAgain } else { shards::ExitCode::Ok })
-}
-
-/// A flag that SIGINT and SIGTERM raise; the second signal ends the process at once, which loses nothing committed.
-fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(shards::ExitCode::TryAgain.code().into());
-        }
-        complain("stopping after the scenes under way; again to stop at once");
+    Ok(match report.dataset {
+        _ if report.is_stopped => shards::ExitCode::TryAgain,
+        Some(Finalized::Incomplete { .. }) if wanted.len() == info.shard_count as usize => shards::ExitCode::Incomplete,
+        _ => shards::ExitCode::Ok,
     })
-    .context("failed to listen for signals")?;
-    Ok(stop)
 }
 
 fn progress_bar(attempts: u64) -> ProgressBar {

@@ -22,6 +22,9 @@ const SCENES_AT_ONCE: usize = 128;
 /// of them: beyond, thousands of processes would look at thousands of markers each.
 pub const LOOK_SHARDS_MAX: u32 = 1_000;
 
+/// Shards that are asked for one by one, each of which takes four requests to a store, one after the other.
+const ASKED_ONE_BY_ONE_MAX: usize = 32;
+
 /// What happens while shards are generated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
@@ -121,7 +124,7 @@ pub fn generate(
     }
     let draft = Draft::begin(at, &info)?;
     let is_all = wanted.len() == info.shard_count as usize;
-    let missing = if is_all { draft.missing()? } else { missing_of(&draft, wanted)? };
+    let missing = missing_of(&draft, wanted)?;
     for shard in wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_err()) {
         on_event(Event::Skipped { shard, attempts: attempts_of(&info, shard) });
     }
@@ -137,7 +140,12 @@ pub fn generate(
     Ok(Report { made, is_stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
 }
 
+/// Asks for each, or, if there are many, for all at once.
 fn missing_of(draft: &Draft, wanted: &[u32]) -> Result<Vec<u32>, StoreError> {
+    if wanted.len() > ASKED_ONE_BY_ONE_MAX {
+        let missing = draft.missing()?;
+        return Ok(wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_ok()).collect());
+    }
     let is_missing = |shard: &u32| Ok(if draft.is_committed(*shard)? { None } else { Some(*shard) });
     wanted.iter().filter_map(|shard| is_missing(shard).transpose()).collect()
 }

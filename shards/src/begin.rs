@@ -33,6 +33,12 @@ pub enum BeginError {
         /// The first keys that differ, each with what is there and what was asked for.
         differences: Vec<String>,
     },
+    /// The place holds a dataset whose info is damaged.
+    #[error("not a dataset's info; it is damaged: {at}")]
+    Damaged {
+        /// The info.
+        at: Location,
+    },
     /// The disk refused.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -44,6 +50,7 @@ impl BeginError {
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Range(_) | Self::NotEmpty { .. } | Self::NotAFolder(_) | Self::Other { .. } => ExitCode::Config,
+            Self::Damaged { .. } => ExitCode::Data,
             Self::Store(error) => error.exit_code(),
         }
     }
@@ -67,7 +74,7 @@ impl Draft {
 
     pub(crate) fn begin_in(storage: Storage, info: &DatasetInfo) -> Result<Self, BeginError> {
         let at = storage.location("");
-        if let Some(dir) = storage.folder().filter(|dir| dir.exists() && !dir.is_dir()) {
+        if let Some(dir) = storage.folder().filter(|dir| dir.is_file()) {
             return Err(BeginError::NotAFolder(dir.to_owned()));
         }
         let text = info.to_json();
@@ -77,15 +84,20 @@ impl Draft {
         {
             return Err(BeginError::NotEmpty { at, entry });
         }
-        if let Published::Existing(existing) = storage.publish_new(layout::INFO, text.as_bytes())?
-            && existing != text.as_bytes()
-        {
-            let differences = differences(&existing, &text);
-            return Err(BeginError::Other { at, differences });
+        match storage.publish_new(layout::INFO, text.as_bytes())? {
+            Published::New => storage.check_creates_once(layout::INFO, text.as_bytes())?,
+            Published::Existing(existing) if existing == text.as_bytes() => {}
+            Published::Existing(existing) => {
+                return Err(match differences(&existing, &text) {
+                    Some(differences) => BeginError::Other { at, differences },
+                    None => BeginError::Damaged { at: storage.location(layout::INFO) },
+                });
+            }
         }
         for folder in Table::ALL.map(Table::name).into_iter().chain(["meta/shards"]) {
             storage.create_folder(folder)?;
         }
+        storage.flush(&["meta", ""])?;
         Ok(Self { storage, info: info.clone(), dataset_id: info.dataset_id() })
     }
 }
@@ -93,19 +105,15 @@ impl Draft {
 /// The first entry of a place that a dataset killed at its very beginning would not have left. Hidden files and
 /// `lost+found` are nobody's.
 fn first_foreign_entry(storage: &Storage) -> Result<Option<String>, StoreError> {
-    let names = |folder: &str| {
-        let listed = storage.list(folder)?.unwrap_or_default(); // a store that does not list is trusted
-        Ok::<_, StoreError>(listed.into_keys())
-    };
     let is_foreign = |name: &String| !name.starts_with('.') && name != "lost+found" && name != "meta";
-    let in_meta = names("meta")?.filter(|name| !is_staging(name)).map(|name| format!("meta/{name}"));
-    Ok(names("")?.filter(is_foreign).chain(in_meta).min())
+    let in_meta =
+        storage.names("meta")?.into_iter().filter(|name| !is_staging(name)).map(|name| format!("meta/{name}"));
+    Ok(storage.names("")?.into_iter().filter(is_foreign).chain(in_meta).min())
 }
 
-fn differences(existing: &[u8], asked: &str) -> Vec<String> {
-    let Ok(existing) = serde_json::from_slice::<Value>(existing) else {
-        return vec![format!("that its {} is damaged", layout::INFO)];
-    };
+/// What differs; `None` if what is there is damaged.
+fn differences(existing: &[u8], asked: &str) -> Option<Vec<String>> {
+    let existing = serde_json::from_slice::<Value>(existing).ok()?;
     let asked = serde_json::from_str(asked).unwrap_or_default();
     let mut found = Vec::new();
     compare("", &existing, &asked, &mut found);
@@ -117,7 +125,7 @@ fn differences(existing: &[u8], asked: &str) -> Vec<String> {
     if more > 0 {
         found.push(format!("{more} more"));
     }
-    found
+    Some(found)
 }
 
 fn compare(path: &str, existing: &Value, asked: &Value, found: &mut Vec<String>) {
@@ -181,10 +189,14 @@ mod tests {
     fn what_a_killed_beginning_leaves_is_taken_over() {
         let dir = tempfile::tempdir().unwrap();
         fs::create_dir(dir.path().join("meta")).unwrap();
-        fs::write(dir.path().join("meta/.info.json#0.tmp"), "{").unwrap();
+        fs::write(dir.path().join("meta/.info.json#host-1-a.tmp"), "{").unwrap();
         fs::write(dir.path().join(".gitkeep"), "").unwrap();
         Draft::begin(dir.path(), &synthetic::info(7, 2, 24, 6)).unwrap();
-        assert_eq!(names(&dir.path().join("meta")).len(), 2, "info.json and shards/");
+        assert_eq!(
+            names(&dir.path().join("meta")).iter().filter(|name| !is_staging(name)).count(),
+            2,
+            "info.json, shards/"
+        );
     }
 
     #[test]

@@ -70,15 +70,21 @@ impl Draft {
         (summary.shard == shard && summary.problems(&self.info, &self.dataset_id).is_empty()).then_some(summary)
     }
 
-    /// Removes what killed writers left. In an object store they leave nothing: an object is put whole.
+    /// Removes what killed writers left. In an object store they leave nothing: an object is put whole. When the dataset is
+    /// complete nobody needs what is left, so that [`Sweep::Dead`] means [`Sweep::All`].
     ///
     /// # Errors
     /// [`StoreError`] if the disk refuses.
     pub fn sweep(&self, sweep: Sweep) -> Result<Swept, StoreError> {
+        let is_complete = || Ok::<_, StoreError>(self.storage.size(layout::MANIFEST)?.is_some());
+        let sweep = if sweep == Sweep::Dead && is_complete()? { Sweep::All } else { sweep };
         let mut swept = Swept::default();
-        for folder in Table::ALL.map(Table::name).into_iter().chain(["meta", "meta/shards", ""]) {
+        for folder in FOLDERS {
             self.storage.sweep(folder, sweep, &mut swept)?;
         }
         Ok(swept)
     }
 }
+
+/// A dataset's folders, those above last.
+pub(crate) const FOLDERS: [&str; 6] = ["attempts", "scenes", "objects", "meta/shards", "meta", ""];

@@ -1,6 +1,9 @@
 //! Completing a dataset: when every shard has its marker, the manifest, the dataset card and the success mark are written.
 //! Anyone may do this, at any time, any number of times: the bytes are always the same.
 
+use std::collections::BTreeSet;
+
+use crate::draft::FOLDERS;
 use crate::storage::{Published, size_problem};
 use crate::store::{Listing, StoreError, Sweep};
 use crate::summary::{Manifest, ShardSummary};
@@ -27,8 +30,10 @@ pub enum FinalizeError {
     /// There is a manifest, and it says something else.
     #[error(
         "{} is there, sealed, and not what the markers make it, SHA-256 {before} there and {now} now: was a shard made \
-         again by another program? If so, delete it and finalize again",
-        layout::MANIFEST
+         again by another program? If so, delete it, {} and {}, and finalize again",
+        layout::MANIFEST,
+        layout::CARD,
+        layout::SUCCESS
     )]
     NotReproduced {
         /// SHA-256 of the manifest that is there.
@@ -64,8 +69,8 @@ impl Draft {
     /// # Errors
     /// [`StoreError`] if the disk refuses.
     pub fn unmarked(&self) -> Result<Vec<u32>, StoreError> {
-        let Some(markers) = self.storage.list("meta/shards")? else { return self.missing() };
-        let has_marker = |shard: &u32| markers.contains_key(file_name(&layout::marker(*shard)));
+        let markers: BTreeSet<String> = self.storage.names("meta/shards")?.into_iter().collect();
+        let has_marker = |shard: &u32| markers.contains(file_name(&layout::marker(*shard)));
         Ok((0..self.info.shard_count).filter(|shard| !has_marker(shard)).collect())
     }
 
@@ -73,26 +78,26 @@ impl Draft {
     fn committed(&self, mut take: impl FnMut(ShardSummary)) -> Result<Vec<u32>, StoreError> {
         let mut listings = Vec::new();
         for table in Table::ALL {
-            listings.push((table, self.storage.list(table.name())?));
+            listings.push((table, self.storage.must_list(table.name())?));
         }
-        let mut missing = Vec::new();
-        let mut unlisted = Vec::new();
+        let (mut missing, mut doubtful) = (Vec::new(), Vec::new());
         let mut next = 0;
         let names = (0..self.info.shard_count).map(layout::marker);
         self.storage.read_each(names, |marker| {
             let shard = next;
             next += 1;
             match marker.and_then(|bytes| self.summary(shard, bytes)) {
-                Some(summary) if is_there(&summary, &listings) => {
-                    if listings.iter().any(|(_, listing)| listing.is_none()) {
-                        unlisted.push(shard);
+                Some(summary) => {
+                    if !is_listed(&summary, &listings) {
+                        doubtful.push(shard);
                     }
                     take(summary);
                 }
-                _ => missing.push(shard),
+                None => missing.push(shard),
             }
         })?;
-        for shard in unlisted {
+        for shard in doubtful {
+            // It may have been committed after we listed.
             if !self.is_committed(shard)? {
                 missing.push(shard);
             }
@@ -112,6 +117,8 @@ impl Draft {
         if !missing.is_empty() {
             return Ok(Finalized::Incomplete { missing });
         }
+        // Whoever made these files may have been killed before they were flushed.
+        self.storage.flush(&FOLDERS)?;
         let manifest = Manifest::new(&self.info, self.dataset_id.clone(), shards);
         self.storage.publish_new(layout::CARD, card::card(&self.info, &manifest).as_bytes())?;
         let text = seal::seal(&manifest);
@@ -125,17 +132,19 @@ impl Draft {
             self.storage.publish(layout::MANIFEST, text.as_bytes())?; // in place of a damaged one
         }
         self.storage.publish_new(layout::SUCCESS, b"")?;
-        self.sweep(Sweep::Dead)?;
+        // The dataset is complete whatever comes of this. Writers that are still at it find that all is there.
+        if let Err(error) = self.sweep(Sweep::All) {
+            tracing::warn!(%error, "what killed writers left was not removed");
+        }
         Ok(Finalized::Complete(manifest))
     }
 }
 
-/// Whether a shard's files are listed with the sizes that its marker says. What is not listed at all passes.
-fn is_there(summary: &ShardSummary, listings: &[(Table, Option<Listing>)]) -> bool {
+/// Whether a shard's files are listed with the sizes that its marker says.
+fn is_listed(summary: &ShardSummary, listings: &[(Table, Listing)]) -> bool {
     listings.iter().all(|(table, listing)| {
         let file = summary.file(*table);
-        let found = |listing: &Listing| listing.get(file_name(&file.path)).copied().flatten();
-        listing.as_ref().is_none_or(|listing| size_problem(file, found(listing)).is_none())
+        size_problem(file, listing.get(file_name(&file.path)).copied().flatten()).is_none()
     })
 }
 

@@ -38,6 +38,9 @@ AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. Shards pass thr
     /// files cannot have: a query, or a password, which belongs in the environment.
     pub fn parse(text: impl AsRef<OsStr>) -> Result<Self, LocationError> {
         let text = text.as_ref();
+        if text.is_empty() {
+            return Err(LocationError("a place must not be empty: is a variable unset?".to_owned()));
+        }
         let path = || Ok(Self::Path(PathBuf::from(text)));
         let Some(written) = text.to_str() else { return path() };
         let Some((scheme, _)) = written.split_once("://") else { return path() };
@@ -129,7 +132,7 @@ mod tests {
 
     #[test]
     fn paths_and_urls_are_told_apart() {
-        for path in ["data/demo", "/data/demo", "s3:bucket", "a b/://c", "-x://y", ""] {
+        for path in ["data/demo", "/data/demo", "s3:bucket", "a b/://c", "-x://y"] {
             assert_eq!(shown(path), format!("path {path}"));
         }
         assert_eq!(shown("file:///data/a%20b"), "path /data/a b");
@@ -144,6 +147,7 @@ mod tests {
     #[test]
     fn what_is_no_place_is_refused() {
         for (text, part) in [
+            ("", "must not be empty"),
             ("ftp://host/x", "must be file, s3, s3a, gs"),
             ("s3:///x", "must be s3://bucket/prefix"),
             ("s3://", "must be s3://bucket/prefix"),

@@ -92,7 +92,7 @@ fn verify(dataset: &Location) -> Result<ExitCode> {
     if shows_progress {
         let _ = write!(stderr, "\r\x1b[K");
     }
-    let Verified { counts, bytes, problems, more, listed } = &verified;
+    let Verified { counts, bytes, problems, more, listed, .. } = &verified;
     let mut out = io::stdout().lock();
     for problem in problems {
         writeln!(out, "{problem}")?;
@@ -110,7 +110,7 @@ fn verify(dataset: &Location) -> Result<ExitCode> {
         return Ok(ExitCode::Ok);
     }
     writeln!(out, "NOT ok: {} problems", problems.len() as u64 + more)?;
-    Ok(ExitCode::Data)
+    Ok(verified.exit_code())
 }
 
 fn print(text: impl std::fmt::Display) -> Result<ExitCode> {

@@ -1,7 +1,7 @@
 //! Object stores and web servers: the only room that talks to a network. Asynchronous inside, plain calls outside.
 //!
-//! Nothing hangs: connecting takes at most 5 s, a silence while reading 20 s, a reader's request is tried again 8 times and
-//! not after 60 s, a writer's for 30 s, and a file must come or go at 50 kB/s. What is read goes to a scratch file piece by piece; what is
+//! Nothing hangs: connecting takes at most 5 s, a silence while reading 20 s, an answer to anything two minutes, a reader's
+//! request is tried again 8 times and not after 60 s, a writer's for 30 s, and a file must come or go at 50 kB/s. What is read goes to a scratch file piece by piece; what is
 //! written goes up in one piece, so that it is there whole or not at all.
 
 mod connect;
@@ -13,7 +13,7 @@ use std::fs::File;
 use std::future::Future;
 use std::io::{self, Seek, Write};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use futures_util::StreamExt;
 use object_store::path::Path;
@@ -25,7 +25,7 @@ use url::Url;
 use crate::Location;
 use crate::fault::Fault;
 use crate::store::{Listing, META_BYTES_MAX, StoreError};
-use connect::{connect, explain, is_absent, too_large};
+use connect::{connect, explain, is_absent, is_refused, is_unreachable, too_large};
 
 /// What any request may take, and the slowest that a file may come or go.
 const REQUEST: Duration = Duration::from_secs(120);
@@ -34,10 +34,11 @@ const BYTES_PER_S_MIN: u64 = 50_000;
 const FETCH_BYTES_MAX: u64 = 8 << 30;
 /// Largest object that is put. Stores take 5 GB in one piece.
 pub(crate) const OBJECT_BYTES_MAX: u64 = 4 << 30;
-/// Times that an object is put if the answer is lost, and how long to wait between; not if it took longer than that.
+/// What listing a folder of a hundred thousand files may take.
+const LISTING: Duration = Duration::from_secs(900);
+/// Times that an object is put if the answer is lost or the store is busy, and how long to wait between.
 const PUTS_MAX: u32 = 3;
 const PUT_PAUSE: Duration = Duration::from_millis(250);
-const PUTS_UNTIL: Duration = Duration::from_secs(25);
 /// Small files that are asked for at once.
 const READS_AT_ONCE: usize = 64;
 /// Threads that move bytes between sockets and memory.
@@ -136,23 +137,33 @@ impl Remote {
     async fn small(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let read = async {
             let Some(found) = self.get(name).await? else { return Ok(None) };
-            if found.meta.size > META_BYTES_MAX {
-                return Err(too_large(found.meta.size, META_BYTES_MAX));
+            let bytes = found.meta.size;
+            if bytes > META_BYTES_MAX {
+                return Err(too_large(bytes, META_BYTES_MAX));
             }
-            Ok(Some(found.bytes().await.map_err(|e| explain(&e))?.to_vec()))
+            let body = async { found.bytes().await.map_err(|e| explain(&e)) };
+            Ok(Some(within(time_for(bytes), body).await?.to_vec()))
         };
-        within(REQUEST, read).await.map_err(self.failed("read a file", name))
+        read.await.map_err(self.failed("read a file", name))
     }
 
     async fn get(&self, name: &str) -> io::Result<Option<GetResult>> {
-        match self.store.get(&self.path(name)).await {
-            Err(error) if is_absent(&error) => Ok(None),
-            found => found.map(Some).map_err(|e| explain(&e)),
-        }
+        let path = self.path(name);
+        let asked = async {
+            match self.store.get(&path).await {
+                Err(error) if is_absent(&error) => Ok(None),
+                found => found.map(Some).map_err(|e| explain(&e)),
+            }
+        };
+        within(REQUEST, asked).await
     }
 
     /// The size of a file in bytes, `None` if there is none.
     pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
+        self.runtime.block_on(self.head(name)).map_err(self.failed("look at a file", name))
+    }
+
+    async fn head(&self, name: &str) -> io::Result<Option<u64>> {
         let path = self.path(name);
         let asked = async {
             match self.store.head(&path).await {
@@ -160,7 +171,7 @@ impl Remote {
                 found => found.map(|meta| Some(meta.size)).map_err(|e| explain(&e)),
             }
         };
-        self.runtime.block_on(within(REQUEST, asked)).map_err(self.failed("look at a file", name))
+        within(REQUEST, asked).await
     }
 
     /// What lies in a folder; `None` where that cannot be asked.
@@ -169,9 +180,9 @@ impl Remote {
             return Ok(None);
         }
         let path = if folder.is_empty() { self.prefix.clone() } else { self.path(folder) };
-        let listed = self.runtime.block_on(within(REQUEST, async {
+        let listed = self.runtime.block_on(within(LISTING, async {
             match self.store.list_with_delimiter(Some(&path)).await {
-                Err(Error::PermissionDenied { .. } | Error::NotImplemented { .. }) => Ok(None),
+                Err(error) if is_refused(&error) || matches!(error, Error::NotImplemented { .. }) => Ok(None),
                 listed => listed.map(Some).map_err(|e| explain(&e)),
             }
         }));
@@ -225,41 +236,57 @@ impl Remote {
     pub(crate) fn digest(&self, name: &str) -> Result<Option<String>, StoreError> {
         let read = async {
             let Some(found) = self.get(name).await? else { return Ok(None) };
+            let limit = time_for(found.meta.size);
             let (mut pieces, mut hash) = (found.into_stream(), Sha256::new());
-            while let Some(piece) = pieces.next().await {
-                hash.update(piece.map_err(|e| explain(&e))?);
-            }
+            let body = async {
+                while let Some(piece) = pieces.next().await {
+                    hash.update(piece.map_err(|e| explain(&e))?);
+                }
+                Ok(())
+            };
+            within(limit, body).await?;
             Ok(Some(crate::seal::hex(&hash.finalize())))
         };
-        self.runtime.block_on(within(time_for(OBJECT_BYTES_MAX), read)).map_err(self.failed("read a file", name))
+        self.runtime.block_on(read).map_err(self.failed("read a file", name))
     }
 
     /// Puts an object in place of what may be there.
     pub(crate) fn put(&self, name: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
-        let limit = time_for(bytes.len() as u64);
-        let put = async { self.put_once(name, bytes.into(), PutMode::Overwrite).await.map_err(|e| explain(&e)) };
-        self.runtime.block_on(within(limit, put)).map_err(self.failed("write a file", name))
+        let put = self.put_again(name, bytes.into(), PutMode::Overwrite);
+        self.runtime.block_on(put).map(drop).map_err(self.failed("write a file", name))
     }
 
-    /// Puts an object unless there is one; whether it did. If an answer is lost the object is put again: it is there then,
-    /// or comes to be.
+    /// Puts an object unless there is one; whether it did.
     pub(crate) fn put_new(&self, name: &str, bytes: Vec<u8>) -> Result<bool, StoreError> {
-        let (limit, payload) = (time_for(bytes.len() as u64), PutPayload::from(bytes));
-        let put = async {
-            let (mut puts, began) = (1, Instant::now());
-            loop {
-                match self.put_once(name, payload.clone(), PutMode::Create).await {
-                    Ok(()) => return Ok(true),
-                    Err(Error::AlreadyExists { .. }) => return Ok(false),
-                    Err(Error::Generic { .. }) if puts < PUTS_MAX && began.elapsed() < PUTS_UNTIL => {
-                        tokio::time::sleep(PUT_PAUSE).await;
-                    }
-                    Err(error) => return Err(explain(&error)),
-                }
-                puts += 1;
+        let put = self.put_again(name, bytes.into(), PutMode::Create);
+        self.runtime.block_on(put).map_err(self.failed("publish a file", name))
+    }
+
+    /// Puts an object, several times if the answer is lost or the store is busy: it is there then, or comes to be. Whether it
+    /// was put, and not there already.
+    async fn put_again(&self, name: &str, payload: PutPayload, mode: PutMode) -> io::Result<bool> {
+        let limit = time_for(payload.content_length() as u64);
+        let mut puts = 1;
+        loop {
+            let error = match tokio::time::timeout(limit, self.put_once(name, payload.clone(), mode.clone())).await {
+                Ok(Ok(())) => return Ok(true),
+                // Some stores also say so while another writer is putting it, who may fail yet.
+                Ok(Err(error @ Error::AlreadyExists { .. })) => match self.head(name).await? {
+                    Some(_) if mode == PutMode::Create => return Ok(false),
+                    _ => explain(&error),
+                },
+                // Nobody was there for as long as the client tries, which was long.
+                Ok(Err(error)) if is_unreachable(&error) => return Err(explain(&error)),
+                Ok(Err(error)) => explain(&error),
+                Err(_) => late(limit),
+            };
+            if puts >= PUTS_MAX || matches!(error.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::PermissionDenied)
+            {
+                return Err(error);
             }
-        };
-        self.runtime.block_on(within(limit, put)).map_err(self.failed("publish a file", name))
+            puts += 1;
+            tokio::time::sleep(PUT_PAUSE).await;
+        }
     }
 
     async fn put_once(&self, name: &str, payload: PutPayload, mode: PutMode) -> Result<(), Error> {
@@ -290,6 +317,9 @@ fn time_for(bytes: u64) -> Duration {
 
 /// Waits for something, but not for ever.
 async fn within<T>(limit: Duration, work: impl Future<Output = io::Result<T>>) -> io::Result<T> {
-    let late = |_| io::Error::new(io::ErrorKind::TimedOut, format!("not done after {} s", limit.as_secs()));
-    tokio::time::timeout(limit, work).await.map_err(late)?
+    tokio::time::timeout(limit, work).await.map_err(|_| late(limit))?
+}
+
+fn late(limit: Duration) -> io::Error {
+    io::Error::new(io::ErrorKind::TimedOut, format!("not done after {} s", limit.as_secs()))
 }

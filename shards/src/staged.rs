@@ -1,11 +1,12 @@
 //! A file on its way: written under its staging name or in memory, then whole, then published.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 use sha2::{Digest, Sha256};
+use tempfile::TempPath;
 
 use crate::Location;
 use crate::fault::Fault;
@@ -34,10 +35,9 @@ enum Body {
 #[derive(Debug)]
 struct StagingFile {
     file: File,
-    staging: PathBuf,
+    staging: TempPath,
     target: PathBuf,
     fault: Fault,
-    published: bool,
 }
 
 /// The first thing that went wrong while writing a file. Libraries between a writer and its file turn errors of the
@@ -93,9 +93,9 @@ fn keep(bytes: &mut Vec<u8>, more: &[u8]) -> io::Result<usize> {
 
 impl Staged {
     /// An empty file that will be called `target`.
-    pub(crate) fn file(file: File, staging: PathBuf, target: PathBuf, fault: Fault) -> Self {
+    pub(crate) fn file(file: File, staging: TempPath, target: PathBuf, fault: Fault) -> Self {
         let at = Location::Path(target.clone());
-        Self::new(Body::File(StagingFile { file, staging, target, fault, published: false }), at)
+        Self::new(Body::File(StagingFile { file, staging, target, fault }), at)
     }
 
     /// An empty object that will be called `name`.
@@ -122,7 +122,7 @@ impl Staged {
     #[cfg(test)]
     pub(crate) fn staging(&self) -> PathBuf {
         match &self.body {
-            Body::File(staged) => staged.staging.clone(),
+            Body::File(staged) => staged.staging.to_path_buf(),
             Body::Object { .. } => PathBuf::new(),
         }
     }
@@ -133,14 +133,6 @@ impl Staged {
             fault.check().and_then(|()| file.sync_all()).map_err(failed("flush a file", target))?;
         }
         Ok(Ready { body: self.body, bytes: self.bytes, sha256: crate::seal::hex(&self.hash.finalize()) })
-    }
-}
-
-impl Drop for StagingFile {
-    fn drop(&mut self) {
-        if !self.published {
-            let _ = fs::remove_file(&self.staging); // a leftover counts for nothing; the next writer removes it
-        }
     }
 }
 
@@ -173,22 +165,33 @@ impl Ready {
 }
 
 impl StagingFile {
-    fn publish(mut self) -> Result<(), StoreError> {
-        let rename = self.fault.check().and_then(|()| fs::rename(&self.staging, &self.target));
-        rename.map_err(failed("publish a file", &self.target))?;
-        self.published = true;
-        sync_folder(self.target.parent())
+    fn publish(self) -> Result<(), StoreError> {
+        let Self { staging, target, fault, .. } = self;
+        let renamed = fault.check().and_then(|()| staging.persist(&target).map_err(|e| e.error));
+        renamed.map_err(failed("publish a file", &target))?;
+        sync_folder(target.parent(), &fault)
     }
 
     fn publish_new(self) -> Result<bool, StoreError> {
-        match self.fault.check().and_then(|()| fs::hard_link(&self.staging, &self.target)) {
-            Ok(()) => sync_folder(self.target.parent()).map(|()| true),
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
-            Err(e) if e.kind() == io::ErrorKind::StorageFull => Err(failed("publish a file", &self.target)(e)),
-            // No hard links here (exFAT, many network mounts), or the answer got lost (NFS): the race that is left is
-            // between equal files.
-            Err(_) if self.target.exists() => Ok(false),
-            Err(_) => self.publish().map(|()| true),
+        use io::ErrorKind::{PermissionDenied, TooManyLinks, Unsupported};
+        let Self { file, staging, target, fault } = self;
+        let named = match fault.check() {
+            Ok(()) => staging.persist_noclobber(&target).map_err(|e| (e.error, Some(e.path))),
+            Err(error) => Err((error, None)),
+        };
+        let Err((error, staging)) = named else { return sync_folder(target.parent(), &fault).map(|()| true) };
+        // A name that is taken says so, or the answer got lost (NFS), or a sweeper was here: who made the file may have been
+        // killed before it was flushed.
+        if target.try_exists().map_err(failed("look at a file", &target))? {
+            return sync_folder(target.parent(), &fault).map(|()| false);
+        }
+        match (error.kind(), staging) {
+            // No way to take a free name only (exFAT, some network mounts): the race that is left is told by the checks of
+            // the dataset's id, and otherwise between equal files.
+            (PermissionDenied | TooManyLinks | Unsupported, Some(staging)) => {
+                Self { file, staging, target, fault }.publish().map(|()| true)
+            }
+            _ => Err(failed("publish a file", &target)(error)),
         }
     }
 }

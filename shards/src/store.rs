@@ -1,12 +1,12 @@
 //! The only place that publishes anything on disk.
 //!
-//! A file is written under a staging name in its own folder (`.name#0.tmp`, which neither readers nor globs match),
-//! flushed to the disk, renamed, and the folder flushed. So a name that readers know holds a whole file or nothing.
-//! A writer holds a lock on its staging file; what a killed writer left behind carries no lock and is removed by the
-//! next one, while two live writers of the same shard (schedulers do that) never share a file.
+//! A file is written under a staging name in its own folder (`.name#host-….tmp`, which neither readers nor globs match),
+//! flushed to the disk, given its name if nobody has it, and the folder flushed. So a name that readers know holds a whole
+//! file or nothing. A staging name is its writer's alone and never used again; what a killed writer left behind stays until
+//! somebody sweeps. The lock on a staging file only tells a sweeper on the same host that its writer lives.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -27,13 +27,14 @@ pub struct StoreError {
 }
 
 impl StoreError {
-    /// [`ExitCode::TryAgain`], or [`ExitCode::Config`] if an object store will say the same again: wrong credentials,
-    /// no such bucket.
+    /// [`ExitCode::TryAgain`], or [`ExitCode::Config`] if the same will be said again: wrong credentials, no such bucket, a
+    /// file where a folder should be.
     #[must_use]
     pub fn exit_code(&self) -> ExitCode {
-        use io::ErrorKind::{FileTooLarge, InvalidInput, PermissionDenied};
+        use io::ErrorKind::{FileTooLarge, InvalidInput, NotADirectory, PermissionDenied};
         match (&self.at, self.source.kind()) {
             (Location::Url(_), FileTooLarge | InvalidInput | PermissionDenied) => ExitCode::Config,
+            (Location::Path(_), NotADirectory) => ExitCode::Config,
             _ => ExitCode::TryAgain,
         }
     }
@@ -56,7 +57,7 @@ pub(crate) struct Store {
 pub enum Sweep {
     /// None: count those of dead writers.
     Look,
-    /// Those of dead writers. Where a file system has no locks, nobody is known to be dead.
+    /// Those of dead writers: of this host, and locked by nobody.
     Dead,
     /// All of them. A writer that is alive fails then, and says that it should be run again.
     All,
@@ -76,8 +77,6 @@ pub struct Swept {
 /// What lies in a folder: names, and the sizes of those that are files.
 pub(crate) type Listing = BTreeMap<String, Option<u64>>;
 
-/// Most live writers of one file.
-const WRITERS_MAX: u32 = 64;
 /// Largest file of `meta/` that is read.
 pub(crate) const META_BYTES_MAX: u64 = 1 << 30;
 
@@ -118,15 +117,20 @@ impl Store {
 
     /// What lies in a folder; nothing if there is none.
     pub(crate) fn list(&self, folder: &str) -> Result<Listing, StoreError> {
+        let size = |name: String| match self.size(&format!("{folder}/{name}")) {
+            Ok(size) => Ok((name, size)),
+            Err(error) => Err(error),
+        };
+        self.names(folder)?.into_iter().map(size).collect()
+    }
+
+    /// The names in a folder, in any order; none if there is no folder.
+    pub(crate) fn names(&self, folder: &str) -> Result<Vec<String>, StoreError> {
         let folder = self.path(folder);
         let listed = match fs::read_dir(&folder) {
-            Err(e) if is_absent(&e) => return Ok(Listing::new()),
+            Err(e) if is_absent(&e) => return Ok(Vec::new()),
             listed => listed.and_then(|entries| {
-                let entry = |entry: fs::DirEntry| {
-                    let size = fs::metadata(entry.path()).ok().filter(fs::Metadata::is_file).map(|m| m.len());
-                    (entry.file_name().to_string_lossy().into_owned(), size)
-                };
-                entries.map(|found| found.map(entry)).collect()
+                entries.map(|entry| entry.map(|e| e.file_name().to_string_lossy().into_owned())).collect()
             }),
         };
         listed.map_err(failed("list a folder", &folder))
@@ -148,29 +152,35 @@ impl Store {
     /// Begins a file that will be called `name`.
     pub(crate) fn stage(&self, name: &str) -> Result<Staged, StoreError> {
         let target = self.path(name);
-        let folder = target.parent().unwrap_or(&self.root).to_owned();
-        self.create_folder(&folder)?;
-        let (staging, file) = self.open_staging(&folder, &target)?;
+        let folder = target.parent().unwrap_or(&self.root);
+        self.create_folder(folder)?;
+        self.fault.check().map_err(failed("create a file", &target))?;
+        let file_name = target.file_name().unwrap_or_default().to_string_lossy();
+        let staging = tempfile::Builder::new()
+            .prefix(&format!(".{file_name}#{}-{}-", host(), std::process::id()))
+            .suffix(STAGING_END)
+            .make_in(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
+            .map_err(failed("create a file", &target))?;
+        let (file, staging) = staging.into_parts();
+        let _ = file.try_lock(); // without locks nobody is known to be dead, and nothing else changes
         Ok(Staged::file(file, staging, target, self.fault.clone()))
     }
 
     /// Removes what killed writers left in a folder.
     pub(crate) fn sweep(&self, folder: &str, sweep: Sweep, swept: &mut Swept) -> Result<(), StoreError> {
-        for (name, bytes) in self.list(folder)? {
-            if !is_staging(&name) {
-                continue;
-            }
+        for name in self.names(folder)?.into_iter().filter(|name| is_staging(name)) {
             let path = self.path(folder).join(&name);
+            let bytes = fs::metadata(&path).map_or(0, |metadata| metadata.len());
             let is_gone = match sweep {
-                Sweep::Look => dead(&path).is_some(),
-                Sweep::Dead => remove_if_dead(&path),
+                Sweep::Look => dead(&path, &name).is_some(),
+                Sweep::Dead => dead(&path, &name).is_some_and(|_locked| fs::remove_file(&path).is_ok()),
                 Sweep::All => fs::remove_file(&path).is_ok(),
             };
             if is_gone {
                 swept.files += 1;
-                swept.bytes += bytes.unwrap_or_default();
+                swept.bytes += bytes;
             } else {
-                swept.kept += 1;
+                swept.kept += u64::from(path.exists()); // its writer may have ended just now
             }
         }
         Ok(())
@@ -188,79 +198,57 @@ impl Store {
         match fs::create_dir(folder) {
             Ok(()) => {}
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists && folder.is_dir() => {}
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
+                return Err(failed("create a folder", folder)(io::ErrorKind::NotADirectory.into()));
+            }
             Err(e) => return Err(failed("create a folder", folder)(e)),
         }
-        sync_folder(folder.parent())
+        sync_folder(folder.parent(), &self.fault)
     }
 
-    fn open_staging(&self, folder: &Path, target: &Path) -> Result<(PathBuf, File), StoreError> {
-        let name = target.file_name().unwrap_or_default().to_string_lossy();
-        let mut attempt = 0;
-        while attempt < WRITERS_MAX {
-            let path = folder.join(format!(".{name}#{attempt}.tmp"));
-            self.fault.check().map_err(failed("create a file", target))?;
-            match OpenOptions::new().write(true).create_new(true).open(&path) {
-                Ok(file) if is_mine(&file, &path) => return Ok((path, file)),
-                Ok(_) => attempt += 1,
-                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
-                    if !remove_if_dead(&path) {
-                        attempt += 1;
-                    }
-                }
-                Err(e) => return Err(failed("create a file", target)(e)),
-            }
-        }
-        Err(failed("find a staging name", target)(io::ErrorKind::ResourceBusy.into()))
+    /// Flushes a folder, so that the names in it outlive a power cut: whoever made them may have been killed before.
+    pub(crate) fn flush(&self, folder: &Path) -> Result<(), StoreError> {
+        sync_folder(Some(folder), &self.fault)
     }
 }
 
+/// How staging names end.
+const STAGING_END: &str = ".tmp";
+
 /// Whether a name is that of a file being written, or left behind by a killed writer.
 pub(crate) fn is_staging(name: &str) -> bool {
-    name.starts_with('.') && name.contains('#') && name.ends_with(".tmp")
+    name.starts_with('.') && name.contains('#') && name.ends_with(STAGING_END)
 }
 
 fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
 }
 
-/// Locks a fresh staging file; false if a sweeper was faster. Where there are no locks the file counts as ours.
-fn is_mine(file: &File, path: &Path) -> bool {
-    match file.try_lock() {
-        Ok(()) => is_same_file(file, path),
-        Err(TryLockError::WouldBlock) => false,
-        Err(TryLockError::Error(_)) => true,
-    }
-}
-
-/// Removes a staging file if its writer is dead. Where there are no locks nobody is known to be dead.
-fn remove_if_dead(path: &Path) -> bool {
-    match dead(path) {
-        Some(_locked) => fs::remove_file(path).is_ok(),
-        None => !path.exists(),
-    }
-}
-
-/// The file of a dead writer, locked.
-fn dead(path: &Path) -> Option<File> {
+/// The file of a dead writer, locked: one of this host, for locks need not be seen from another.
+fn dead(path: &Path, name: &str) -> Option<File> {
+    let (_, writer) = name.rsplit_once('#')?;
     let file = OpenOptions::new().write(true).open(path).ok()?;
-    (file.try_lock().is_ok() && is_same_file(&file, path)).then_some(file)
+    let is_ours = writer.strip_prefix(&host()).is_some_and(|rest| rest.starts_with('-'));
+    (is_ours && file.try_lock().is_ok()).then_some(file)
 }
 
-#[cfg(unix)]
-fn is_same_file(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let number = |m: &fs::Metadata| (m.dev(), m.ino());
-    matches!((file.metadata(), fs::metadata(path)), (Ok(a), Ok(b)) if number(&a) == number(&b))
+/// This machine's name, as far as names of files take it.
+fn host() -> String {
+    let told = fs::read_to_string("/proc/sys/kernel/hostname").or_else(|_| std::env::var("HOSTNAME"));
+    let mut name = told.unwrap_or_default();
+    name.retain(|c| c.is_ascii_alphanumeric() || c == '.' || c == '_');
+    if name.is_empty() { "host".to_owned() } else { name }
 }
 
-#[cfg(not(unix))]
-fn is_same_file(_: &File, path: &Path) -> bool {
-    path.exists()
-}
-
-pub(crate) fn sync_folder(folder: Option<&Path>) -> Result<(), StoreError> {
-    let Some(folder) = folder.filter(|f| cfg!(unix) && !f.as_os_str().is_empty()) else { return Ok(()) };
-    File::open(folder).and_then(|f| f.sync_all()).map_err(failed("flush a folder", folder))
+/// Flushes a folder. Some network mounts have no such thing, and say so.
+pub(crate) fn sync_folder(folder: Option<&Path>, fault: &Fault) -> Result<(), StoreError> {
+    use io::ErrorKind::{InvalidInput, Unsupported};
+    let Some(folder) = folder.filter(|_| cfg!(unix)) else { return Ok(()) };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    match fault.check().and_then(|()| File::open(folder)).and_then(|f| f.sync_all()) {
+        Err(e) if !matches!(e.kind(), InvalidInput | Unsupported) => Err(failed("flush a folder", folder)(e)),
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -296,11 +284,7 @@ mod tests {
     fn live_writers_do_not_meet_and_dead_ones_are_swept() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::new(folder.path());
-        let dead = folder.path().join(".x#0.tmp");
-        fs::write(&dead, b"left by a killed writer").unwrap();
-        let first = store.stage("x").unwrap();
-        let second = store.stage("x").unwrap();
-        assert_eq!(first.staging(), dead, "the leftover's name is free again");
+        let (first, second) = (store.stage("x").unwrap(), store.stage("x").unwrap());
         assert_ne!(first.staging(), second.staging());
         let sweep = |which| {
             let mut swept = Swept::default();
@@ -308,14 +292,44 @@ mod tests {
             swept
         };
         assert_eq!(sweep(Sweep::Dead), Swept { files: 0, bytes: 0, kept: 2 });
+        let (left, elsewhere) = (first.staging(), folder.path().join(".x#elsewhere-1-abc.tmp"));
         drop((first, second));
-        fs::write(&dead, b"left again").unwrap();
-        assert_eq!(sweep(Sweep::Look), Swept { files: 1, bytes: 10, kept: 0 });
-        assert_eq!(names(folder.path()).len(), 1);
-        assert_eq!(sweep(Sweep::Dead), Swept { files: 1, bytes: 10, kept: 0 });
-        assert!(names(folder.path()).is_empty());
+        fs::write(left, b"left again").unwrap();
+        fs::write(&elsewhere, b"who knows?").unwrap();
+        assert_eq!(sweep(Sweep::Look), Swept { files: 1, bytes: 10, kept: 1 });
+        assert_eq!(names(folder.path()).len(), 2);
+        assert_eq!(sweep(Sweep::Dead), Swept { files: 1, bytes: 10, kept: 1 });
+        assert_eq!(sweep(Sweep::All), Swept { files: 1, bytes: 10, kept: 0 });
         let alive = store.stage("x").unwrap();
         assert_eq!(sweep(Sweep::All).files, 1);
         assert_eq!(alive.finish().unwrap().publish().unwrap_err().exit_code(), ExitCode::TryAgain);
+    }
+
+    #[test]
+    fn a_swept_writer_finds_the_file_that_another_made_and_takes_no_other_for_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::new(folder.path());
+        let mut swept = store.stage("x").unwrap();
+        swept.put(b"whole").unwrap();
+        store.sweep("", Sweep::All, &mut Swept::default()).unwrap();
+        let unfinished = store.stage("x").unwrap();
+        assert_eq!(swept.finish().unwrap().publish_new().unwrap_err().exit_code(), ExitCode::TryAgain);
+        assert_eq!(store.read("x").unwrap(), None);
+        let mut late = store.stage("x").unwrap();
+        late.put(b"whole").unwrap();
+        publish(&store, "x", b"whole");
+        store.sweep("", Sweep::All, &mut Swept::default()).unwrap();
+        assert!(!late.finish().unwrap().publish_new().unwrap(), "it is there");
+        assert_eq!(store.read("x").unwrap().unwrap(), b"whole");
+        drop(unfinished);
+    }
+
+    #[test]
+    fn a_file_in_place_of_a_folder_is_no_matter_of_time() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("file"), b"").unwrap();
+        for name in ["file/x", "file/a/x"] {
+            assert_eq!(Store::new(folder.path()).stage(name).unwrap_err().exit_code(), ExitCode::Config, "{name}");
+        }
     }
 }

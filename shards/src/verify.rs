@@ -8,7 +8,7 @@ use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 use crate::check;
 use crate::store::is_staging;
 use crate::summary::{Counts, ShardSummary};
-use crate::{Dataset, Location, ReadError, Table, layout, seal};
+use crate::{Dataset, ExitCode, Location, ReadError, Table, layout, seal};
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +21,8 @@ pub struct Verified {
     pub problems: Vec<String>,
     /// Problems beyond these.
     pub more: u64,
+    /// Problems that were trouble of the disk, and say nothing of the dataset.
+    pub unread: u64,
     /// Whether the store told what lies there. A web server does not, so files beside the dataset's were not looked for.
     pub listed: bool,
 }
@@ -30,6 +32,16 @@ impl Verified {
     #[must_use]
     pub fn is_ok(&self) -> bool {
         self.problems.is_empty()
+    }
+
+    /// [`ExitCode::Data`] if something is wrong; [`ExitCode::TryAgain`] if all that is wrong is that it could not be read.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self.problems.len() as u64 + self.more {
+            0 => ExitCode::Ok,
+            problems if problems == self.unread => ExitCode::TryAgain,
+            _ => ExitCode::Data,
+        }
     }
 }
 
@@ -44,7 +56,7 @@ pub const PROBLEMS_MAX: usize = 50;
 pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, ReadError> {
     let dataset = Dataset::open_with_any_files(&at.into())?;
     let bytes = Table::ALL.into_iter().map(|table| dataset.manifest().bytes(table)).sum();
-    let mut found = Verified { counts: Counts::zero(), bytes, problems: Vec::new(), more: 0, listed: true };
+    let mut found = Verified { counts: Counts::zero(), bytes, problems: Vec::new(), more: 0, unread: 0, listed: true };
     for table in Table::ALL {
         match found.keep(&dataset, strangers(&dataset, table))? {
             Some(None) => found.listed = false,
@@ -79,6 +91,7 @@ impl Verified {
         match result {
             Err(ReadError::Store(error)) if matches!(dataset.location(), Location::Url(_)) => Err(error.into()),
             Err(error) => {
+                self.unread += u64::from(matches!(error, ReadError::Store(_)));
                 self.tell([error.to_string()]);
                 Ok(None)
             }

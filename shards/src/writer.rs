@@ -10,7 +10,7 @@ use crate::storage::{Published, Storage};
 use crate::store::StoreError;
 use crate::summary::{Counts, FileSummary, ShardSummary};
 use crate::table_writer::{TableError, TableWriter};
-use crate::{DatasetInfo, ExitCode, Table, encode, layout, seal};
+use crate::{DatasetInfo, ExitCode, Location, Table, encode, layout, seal};
 
 /// Scenes of a row group, in every table: row group `k` of each holds the same scenes.
 pub const SCENES_PER_ROW_GROUP: u64 = 256;
@@ -61,6 +61,12 @@ pub enum WriteError {
         /// What happened.
         source: TableError,
     },
+    /// While a shard was being made, its dataset went away, and perhaps another came.
+    #[error("the dataset that this shard belongs to is gone, or another is in its place: {at}")]
+    Replaced {
+        /// The place.
+        at: Location,
+    },
     /// The shard was written before, with other bytes.
     #[error(
         "shard {shard} came out differently from before, {file} has SHA-256 {before} there and {now} now: is the code or \
@@ -83,7 +89,7 @@ impl WriteError {
     #[must_use]
     pub fn exit_code(&self) -> ExitCode {
         match self {
-            Self::NoSuchShard { .. } => ExitCode::Config,
+            Self::NoSuchShard { .. } | Self::Replaced { .. } => ExitCode::Config,
             Self::Row { .. } | Self::Order { .. } => ExitCode::Internal,
             Self::Store(error) => error.exit_code(),
             Self::Table { source: TableError::Store(error), .. } => error.exit_code(),
@@ -223,14 +229,13 @@ impl ShardWriter {
             Some(before) => compare(shard, &marker, &before, &text)?,
             None => false,
         };
-        for (file, table) in
-            [(attempts_file, Table::Attempts), (objects_file, Table::Objects), (scenes_file, Table::Scenes)]
-        {
-            match is_proven {
-                true => file.publish()?,
-                false => publish_new(&self.storage, shard, file, summary.file(table))?,
-            }
+        // The folder may have been emptied and another dataset begun in it while we worked.
+        check_identity(&self.storage, &summary.dataset_id)?;
+        let files = [(attempts_file, Table::Attempts), (objects_file, Table::Objects), (scenes_file, Table::Scenes)];
+        for (file, table) in files {
+            publish(&self.storage, shard, file, summary.file(table), is_proven)?;
         }
+        check_identity(&self.storage, &summary.dataset_id)?;
         if let Published::Existing(before) = self.storage.publish_new(&marker, text.as_bytes())?
             && !compare(shard, &marker, &before, &text)?
         {
@@ -240,8 +245,25 @@ impl ShardWriter {
     }
 }
 
-/// Publishes a file, or finds that the same is there.
-fn publish_new(storage: &Storage, shard: u32, file: Ready, summary: &FileSummary) -> Result<(), WriteError> {
+fn check_identity(storage: &Storage, dataset_id: &str) -> Result<(), WriteError> {
+    match storage.read(layout::INFO)? {
+        Some(info) if seal::sha256_hex(&info) == dataset_id => Ok(()),
+        _ => Err(WriteError::Replaced { at: storage.location("") }),
+    }
+}
+
+/// Publishes a file, or finds that the same is there. Another is replaced only if ours is proven to be right.
+fn publish(
+    storage: &Storage,
+    shard: u32,
+    file: Ready,
+    summary: &FileSummary,
+    is_proven: bool,
+) -> Result<(), WriteError> {
+    let before = if is_proven { storage.digest(&summary.path)? } else { None };
+    if before.is_some_and(|before| before != summary.sha256) {
+        return Ok(file.publish()?);
+    }
     if file.publish_new()? {
         return Ok(());
     }
@@ -280,8 +302,8 @@ mod tests {
     }
 
     fn write(dir: &Path, fault: Fault) -> Result<ShardSummary, WriteError> {
-        Draft::begin(dir, &info()).unwrap();
-        let draft = Draft::begin_in(Storage::Folder(Store::faulty(dir, fault)), &info()).unwrap();
+        let draft = Draft::begin(dir, &info()).unwrap();
+        let draft = Draft { storage: Storage::Folder(Store::faulty(dir, fault)), ..draft };
         let mut writer = draft.shard(1)?;
         for scene in draft.info.scenes_of(1) {
             writer.push(&synthetic::scene_rows(scene, draft.info.seed, &draft.info))?;
@@ -291,6 +313,19 @@ mod tests {
 
     fn is_committed(dir: &Path) -> bool {
         Draft::open(dir).unwrap().is_committed(1).unwrap()
+    }
+
+    /// A shard counts only if it is whole, whenever its writer stopped.
+    fn check_stopped(dir: &Path, expected: &ShardSummary, when: u64) {
+        let storage = Storage::Folder(Store::new(dir));
+        for file in Table::ALL.map(|table| expected.file(table)) {
+            let found = storage.digest(&file.path).unwrap();
+            assert!(found.is_none_or(|found| found == file.sha256), "half a file after {when} operations");
+        }
+        let marker = storage.read(&layout::marker(1)).unwrap();
+        assert_eq!(is_committed(dir), marker.is_some(), "after {when} operations");
+        assert_eq!(&write(dir, Fault::default()).unwrap(), expected);
+        assert!(is_committed(dir));
     }
 
     #[test]
@@ -306,9 +341,7 @@ mod tests {
                 return;
             }
             assert_eq!(result.unwrap_err().exit_code(), ExitCode::TryAgain, "after {operations} operations");
-            assert!(!is_committed(dir.path()), "after {operations} operations");
-            assert_eq!(write(dir.path(), Fault::default()).unwrap(), expected);
-            assert!(is_committed(dir.path()));
+            check_stopped(dir.path(), &expected, operations);
         }
         panic!("a shard takes fewer than 10,000 operations");
     }
@@ -343,9 +376,7 @@ mod tests {
                 assert!(operations > 10 && is_committed(dir.path()), "killed {operations} times");
                 return;
             }
-            assert!(!is_committed(dir.path()), "killed at {operations}");
-            assert_eq!(write(dir.path(), Fault::default()).unwrap(), expected);
-            assert!(is_committed(dir.path()));
+            check_stopped(dir.path(), &expected, operations);
         }
         panic!("a shard takes fewer than 10,000 operations");
     }

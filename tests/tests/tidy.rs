@@ -27,8 +27,9 @@ fn rust_files() -> Vec<SourceFile> {
 }
 
 fn is_text(path: &str) -> bool {
-    let endings = [".rs", ".toml", ".md", ".sh", ".py", ".txt", ".yml", ".yaml", ".cff"];
-    let names = ["LICENSE-MIT", "LICENSE-APACHE", ".ci/run", ".gitignore", ".gitattributes"];
+    let endings = [".rs", ".toml", ".md", ".sh", ".py", ".txt", ".yml", ".yaml", ".cff", ".sbatch"];
+    let names =
+        ["LICENSE-MIT", "LICENSE-APACHE", ".ci/run", ".gitignore", ".gitattributes", "scripts/cluster/Containerfile"];
     endings.iter().any(|ending| path.ends_with(ending)) || names.contains(&path)
 }
 

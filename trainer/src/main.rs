@@ -6,8 +6,7 @@ mod convert;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -242,7 +241,7 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
     let flags = Flags { ranks: ranks.clone(), rank: *rank, master: master.clone(), timeout_s: *ranks_timeout_s };
     let place = Place::find(&flags, &|name| std::env::var(name).ok())?;
     set_threads(args.threads)?;
-    let stop = stop_on_signals()?;
+    let stop = shards::stop_on_signals(|| ()).context("failed to listen for signals")?;
     let (data, run, device) = (&args.data, args.run.as_path(), args.device.open()?);
     let job = Job { data, config: &config, run, resume: args.resume, place: place.as_ref(), device: &device };
     if place.as_ref().is_some_and(|place| place.rank > 0) {
@@ -322,17 +321,4 @@ fn set_threads(threads: Option<u16>) -> anyhow::Result<()> {
     let Some(threads) = threads else { return Ok(()) };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
     pool.build_global().context("failed to start the threads")
-}
-
-/// The first signal asks for a checkpoint; the second ends the program at once.
-fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    let handler = move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(shards::ExitCode::TryAgain.code().into());
-        }
-    };
-    ctrlc::set_handler(handler).context("failed to listen for signals")?;
-    Ok(stop)
 }

@@ -80,6 +80,18 @@ pub(super) fn is_absent(error: &Error) -> bool {
     matches!(error, Error::NotFound { .. }) && !error.to_string().contains("NoSuchBucket")
 }
 
+/// The store does not let us. Listings tell their status as text only.
+pub(super) fn is_refused(error: &Error) -> bool {
+    let text = error.to_string();
+    matches!(error, Error::PermissionDenied { .. } | Error::Unauthenticated { .. })
+        || ["status code: 401", "status code: 403"].into_iter().any(|status| text.contains(status))
+}
+
+/// Nobody listens there.
+pub(super) fn is_unreachable(error: &Error) -> bool {
+    crate::text::told(error).contains("client error (Connect)")
+}
+
 pub(super) fn too_large(bytes: u64, limit: u64) -> io::Error {
     io::Error::new(io::ErrorKind::FileTooLarge, format!("at most {limit} bytes are read at once, got {bytes}"))
 }
@@ -88,7 +100,13 @@ pub(super) fn too_large(bytes: u64, limit: u64) -> io::Error {
 pub(super) fn explain(error: &Error) -> io::Error {
     let text = crate::text::told(error);
     let is = |part: &str| text.contains(part);
-    let (kind, advice) = if is("169.254.169.254") || is("metadata.google.internal") {
+    let passes = ["RequestTimeout", "IncompleteBody", "OperationAborted", "ConditionalRequestConflict", "SlowDown"]
+        .into_iter()
+        .chain(["status code: 408", "status code: 409", "status code: 429"])
+        .any(is);
+    let (kind, advice) = if passes || matches!(error, Error::AlreadyExists { .. } | Error::Precondition { .. }) {
+        return io::Error::other(text);
+    } else if (is("169.254.169.254") || is("metadata.google.internal")) && !is("status code: 5") {
         (
             io::ErrorKind::InvalidInput,
             "no credentials, neither in the environment nor from this machine's metadata service; for a bucket that \
@@ -98,14 +116,11 @@ pub(super) fn explain(error: &Error) -> io::Error {
         (io::ErrorKind::InvalidInput, "install this system's ca-certificates, or set SSL_CERT_FILE")
     } else if is("URL scheme is not allowed") {
         (io::ErrorKind::InvalidInput, "to talk to it without TLS set AWS_ALLOW_HTTP=true")
-    } else if matches!(error, Error::PermissionDenied { .. } | Error::Unauthenticated { .. }) {
+    } else if is_refused(error) {
         (io::ErrorKind::PermissionDenied, "the store refused: wrong credentials, or no right to do this there")
     } else if is("NoSuchBucket") {
         (io::ErrorKind::InvalidInput, "there is no such bucket")
-    } else if (is("non-2xx status code: 4") && !is("status code: 429") && !is("status code: 408"))
-        || is("incorrectly configured region")
-        || !matches!(error, Error::Generic { .. })
-    {
+    } else if is("status code: 4") || is("incorrectly configured region") || !matches!(error, Error::Generic { .. }) {
         (io::ErrorKind::InvalidInput, "the store cannot do this")
     } else {
         return io::Error::other(text);
@@ -127,6 +142,9 @@ mod tests {
             ("Server returned non-2xx status code: 408 Request Timeout", io::ErrorKind::Other, "408"),
             ("Server returned non-2xx status code: 503 Slow Down", io::ErrorKind::Other, "503"),
             ("connection refused", io::ErrorKind::Other, "connection refused"),
+            ("status code: 400 Bad Request: RequestTimeout", io::ErrorKind::Other, "RequestTimeout"),
+            ("status code: 409 Conflict: ConditionalRequestConflict", io::ErrorKind::Other, "409"),
+            ("status code: 403 Forbidden", io::ErrorKind::PermissionDenied, "wrong credentials"),
         ] {
             let error = said(text);
             assert!(error.kind() == kind && error.to_string().contains(part), "{error}");

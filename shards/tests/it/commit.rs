@@ -92,10 +92,50 @@ fn what_is_missing_is_told_and_leftovers_are_swept() {
     fs::write(dir.path().join(layout::table_file(shards::Table::Scenes, 3, 4)), "short").unwrap();
     assert_eq!((draft.missing().unwrap(), draft.unmarked().unwrap()), (vec![0, 2, 3], vec![0, 2]));
 
-    fs::write(dir.path().join("objects/.shard#0.tmp"), "left").unwrap();
-    assert_eq!(draft.sweep(shards::Sweep::Look).unwrap().files, 1);
-    assert_eq!(draft.sweep(shards::Sweep::Dead).unwrap().bytes, 4);
-    assert_eq!(draft.sweep(shards::Sweep::All).unwrap().files, 0);
+    fs::write(dir.path().join("objects/.shard#elsewhere-1-a.tmp"), "left").unwrap();
+    assert_eq!(draft.sweep(shards::Sweep::Dead).unwrap().kept, 1);
+    assert_eq!(draft.sweep(shards::Sweep::All).unwrap().bytes, 4);
+}
+
+#[test]
+fn a_writer_whose_dataset_was_replaced_leaves_the_new_one_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let old = Draft::begin(dir.path(), &sample::info(1)).unwrap();
+    let mut writer = old.shard(0).unwrap();
+    for rows in sample::rows(old.info(), 0) {
+        writer.push(&rows).unwrap();
+    }
+    for name in ["attempts", "scenes", "objects", "meta"] {
+        fs::remove_dir_all(dir.path().join(name)).unwrap();
+    }
+    Draft::begin(dir.path(), &sample::info(2)).unwrap();
+    let before = sample::files(dir.path());
+    let error = writer.commit().unwrap_err();
+    assert_eq!(error.exit_code(), ExitCode::Config, "{error}");
+    assert_eq!(sample::files(dir.path()), before);
+}
+
+#[test]
+fn a_shard_that_is_there_is_not_written_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let draft = Draft::begin(dir.path(), &sample::info(1)).unwrap();
+    sample::write_shard(&draft, 0);
+    let time = |table| fs::metadata(dir.path().join(layout::table_file(table, 0, 2))).unwrap().modified().unwrap();
+    let damaged = dir.path().join(layout::table_file(shards::Table::Objects, 0, 2));
+    let (whole, before) = (fs::read(&damaged).unwrap(), time(shards::Table::Attempts));
+    fs::write(&damaged, "damaged").unwrap();
+    sample::write_shard(&draft, 0);
+    assert_eq!(fs::read(&damaged).unwrap(), whole, "what is damaged is mended");
+    assert_eq!(time(shards::Table::Attempts), before, "what is right stays");
+}
+
+#[test]
+fn a_damaged_info_is_damage_and_no_other_dataset() {
+    let dir = tempfile::tempdir().unwrap();
+    Draft::begin(dir.path(), &sample::info(1)).unwrap();
+    fs::write(dir.path().join(layout::INFO), "{").unwrap();
+    assert_eq!(Draft::begin(dir.path(), &sample::info(1)).unwrap_err().exit_code(), ExitCode::Data);
+    assert_eq!(Draft::open(dir.path()).unwrap_err().exit_code(), ExitCode::Data);
 }
 
 #[test]

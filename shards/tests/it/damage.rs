@@ -158,7 +158,7 @@ fn swapped_files_and_files_of_another_dataset_are_found() {
 fn a_stray_file_that_globs_would_read_is_found() {
     let dir = tempfile::tempdir().unwrap();
     sample::write(dir.path(), &sample::info(3));
-    fs::write(dir.path().join("attempts/.hidden#0.tmp"), "left by a killed writer").unwrap();
+    fs::write(dir.path().join("attempts/.hidden#host-1-a.tmp"), "left by a killed writer").unwrap();
     assert_eq!(verified(dir.path()), ExitCode::Ok);
     fs::write(dir.path().join("attempts/copy.parquet"), "mine").unwrap();
     let found = verify(dir.path(), |_| ()).unwrap();

@@ -1,0 +1,51 @@
+//! What a program sets up before it writes: how signals reach it.
+
+use std::io;
+use std::process::exit;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::ExitCode;
+
+/// Signals that come so soon after another are the same one: a scheduler signals a job's script and its processes, and the
+/// script passes its own on.
+const ONE_SIGNAL: Duration = Duration::from_secs(1);
+
+/// A flag that SIGINT, SIGTERM and SIGHUP raise, after `on_first`. A second signal ends the process at once, with
+/// [`ExitCode::TryAgain`]: nothing committed is lost. Call it once, when a program starts.
+///
+/// # Errors
+/// If the system refuses.
+pub fn stop_on_signals(on_first: impl Fn() + Send + 'static) -> io::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    let mut first: Option<Instant> = None;
+    let handler = move || match first {
+        None => {
+            first = Some(Instant::now());
+            flag.store(true, Ordering::Relaxed);
+            on_first();
+        }
+        Some(first) if first.elapsed() < ONE_SIGNAL => {}
+        Some(_) => exit(ExitCode::TryAgain.code().into()),
+    };
+    ctrlc::set_handler(handler).map_err(io::Error::other)?;
+    Ok(stop)
+}
+
+/// Makes a write beyond the file-size limit (`ulimit -f`) fail like one to a full disk, where it would end the program by
+/// a signal. Call it once, when a program starts.
+///
+/// # Errors
+/// If the system refuses.
+#[cfg(unix)]
+pub fn writes_fail_at_the_file_size_limit() -> io::Result<()> {
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).map(drop)
+}
+
+/// Elsewhere there is no such signal.
+#[cfg(not(unix))]
+pub fn writes_fail_at_the_file_size_limit() -> io::Result<()> {
+    Ok(())
+}
