@@ -1,7 +1,7 @@
 //! Object stores and web servers: the only room that talks to a network. Asynchronous inside, plain calls outside.
 //!
 //! Nothing hangs: connecting takes at most 5 s, a silence while reading 20 s, an answer to anything two minutes, a reader's
-//! request is tried again 8 times and not after 60 s, a writer's for 30 s, and a file must come or go at 50 kB/s. What is read goes to a scratch file piece by piece; what is
+//! request is tried again for 10 s, a writer's for 30 s, and a file must come or go at 50 kB/s. What is read goes to a scratch file piece by piece; what is
 //! written goes up in one piece, so that it is there whole or not at all.
 
 mod connect;

@@ -6,7 +6,7 @@
 //! somebody sweeps. The lock on a staging file only tells a sweeper on the same host that its writer lives.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -154,16 +154,21 @@ impl Store {
         let target = self.path(name);
         let folder = target.parent().unwrap_or(&self.root);
         self.create_folder(folder)?;
-        self.fault.check().map_err(failed("create a file", &target))?;
-        let file_name = target.file_name().unwrap_or_default().to_string_lossy();
-        let staging = tempfile::Builder::new()
-            .prefix(&format!(".{file_name}#{}-{}-", host(), std::process::id()))
-            .suffix(STAGING_END)
-            .make_in(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
-            .map_err(failed("create a file", &target))?;
-        let (file, staging) = staging.into_parts();
-        let _ = file.try_lock(); // without locks nobody is known to be dead, and nothing else changes
-        Ok(Staged::file(file, staging, target, self.fault.clone()))
+        let prefix = target.file_name().unwrap_or_default().to_string_lossy();
+        let prefix = format!(".{prefix}#{}-{}-", host(), std::process::id());
+        for _ in 0..STAGINGS_MAX {
+            self.fault.check().map_err(failed("create a file", &target))?;
+            let staging = tempfile::Builder::new()
+                .prefix(&prefix)
+                .suffix(STAGING_END)
+                .make_in(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
+                .map_err(failed("create a file", &target))?;
+            let (file, staging) = staging.into_parts();
+            if is_mine(&file, &staging) {
+                return Ok(Staged::file(file, staging, target, self.fault.clone()));
+            }
+        }
+        Err(failed("keep a new file from being swept", &target)(io::ErrorKind::ResourceBusy.into()))
     }
 
     /// Removes what killed writers left in a folder.
@@ -212,6 +217,8 @@ impl Store {
     }
 }
 
+/// Times that a new file may be taken by a sweeper before it is locked.
+const STAGINGS_MAX: u32 = 64;
 /// How staging names end.
 const STAGING_END: &str = ".tmp";
 
@@ -222,6 +229,15 @@ pub(crate) fn is_staging(name: &str) -> bool {
 
 fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
+}
+
+/// Locks a new staging file; false if a sweeper was faster. Where there are no locks it counts as ours.
+fn is_mine(file: &File, path: &Path) -> bool {
+    match file.try_lock() {
+        Ok(()) => path.exists(),
+        Err(TryLockError::WouldBlock) => false,
+        Err(TryLockError::Error(_)) => true,
+    }
 }
 
 /// The file of a dead writer, locked: one of this host, for locks need not be seen from another.

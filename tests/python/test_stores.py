@@ -12,6 +12,7 @@ import json
 import os
 import random
 import shutil
+import signal
 import socket
 import subprocess
 import threading
@@ -214,10 +215,12 @@ def test_wrong_settings_are_78(port):
     assert run("shards", "verify", "ftp://somewhere/set").returncode == 2
 
 
+# As the dataset at hand was made, so that its bytes are what must come out.
+RECIPE = ["--config", ROOT / "configs/generate/demo.toml", "--shards", 2, "--attempts", 600]
+
+
 def generate(out, env, *more):
-    # As the dataset at hand was made, so that its bytes are what must come out.
-    recipe = ["--config", ROOT / "configs/generate/demo.toml", "--shards", 2, "--attempts", 600]
-    return run("generator", *recipe, "--out", out, *more, env=env)
+    return run("generator", *RECIPE, "--out", out, *more, env=env)
 
 
 def objects(port, prefix):
@@ -258,6 +261,23 @@ def test_writers_at_once_do_no_harm(port):
     assert objects(port, "grasps/crowd") == files(DATASET)
 
 
+def test_killed_writers_leave_nothing_that_the_next_one_minds(port):
+    env, url, dice = environment(port), "s3://grasps/killed", random.Random(6)
+    command = [PROGRAMS / "generator", *RECIPE, "--threads", 1, "--out", url]
+    kills = 0
+    while kills < 8:
+        writer = subprocess.Popen(list(map(str, command)), env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        time.sleep(dice.uniform(0, 1))
+        writer.kill()
+        if writer.wait() == 0:  # it was done: once more, without a marker
+            store(port).delete_file(f"grasps/killed/meta/shards/0000{kills % 2}.json")
+        else:
+            kills += 1
+    ended = generate(url, env)
+    assert ended.returncode == 0, ended.stderr
+    assert objects(port, "grasps/killed") == files(DATASET)
+
+
 def test_the_server_dies_while_it_is_written_and_read(tmp_path):
     """Killed twice: once it comes back in time and the run goes on, once it does not and the run says 75."""
     port, url = free_port(), "s3://grasps/made"
@@ -282,11 +302,14 @@ def test_the_server_dies_while_it_is_written_and_read(tmp_path):
             assert first.result().returncode == 0, first.result().stderr
             assert run("generator", "missing", url, env=env).stdout == "1\n"
 
-            second = pool.submit(generate, url, env, "--threads", 1)
-            time.sleep(0.2)
+            command = list(map(str, [PROGRAMS / "generator", *RECIPE, "--threads", 1, "--out", url]))
+            second = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True)
+            time.sleep(0.1)
+            second.send_signal(signal.SIGSTOP)  # so that it is not done before the server is gone
             kill()
-            assert second.result().returncode == 75, second.result()
-            assert "s3://grasps/made/" in second.result().stderr
+            second.send_signal(signal.SIGCONT)
+            said = second.communicate(timeout=FAIL_S)[1]
+            assert second.returncode == 75 and "s3://grasps/made/" in said, said
         server, reason = start(tmp_path, port)
         assert server is not None, reason
         ended = generate(url, env)
@@ -304,6 +327,7 @@ def test_the_server_dies_while_it_is_written_and_read(tmp_path):
         if ended.returncode == 75:
             ended = fit(url, tmp_path / "run", env)
         assert ended.returncode == 0, ended.stderr
+        wait_for(lambda: run("shards", "verify", url, env=env).returncode != 75)  # it is still coming up
         assert run("shards", "verify", url, env=env).returncode == 0
     finally:
         kill()

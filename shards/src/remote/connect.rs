@@ -17,24 +17,23 @@ use super::Patience;
 /// Longest silence of a server, while connecting and after.
 const CONNECT: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(20);
-/// Until when a request is repeated, and how often. Pauses grow from a tenth of a second to [`CONNECT`]: eight are over in
-/// two seconds if nobody listens, and a writer has work to lose.
-const RETRY_READING: Duration = Duration::from_secs(60);
+/// Until when a request is repeated: as long as a server takes to start again, and longer by a writer, who has work to lose.
+/// Pauses grow from a tenth of a second to [`CONNECT`].
+const RETRY_READING: Duration = Duration::from_secs(10);
 const RETRY_WRITING: Duration = Duration::from_secs(30);
-const RETRIES_READING_MAX: usize = 8;
-const RETRIES_WRITING_MAX: usize = 1_000;
+const RETRIES_MAX: usize = 1_000;
 
 /// The store behind a URL, the path in it, and whether it lists. Settings come from the environment.
 pub(super) fn connect(url: &Url, patience: Patience) -> Result<(Arc<dyn ObjectStore>, Path, bool), Error> {
     // reqwest is built without a choice of its own; whoever chose before us is welcome.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let (scheme, prefix) = ObjectStoreScheme::parse(url)?;
-    let (max_retries, retry_timeout) = match patience {
-        Patience::Reader => (RETRIES_READING_MAX, RETRY_READING),
-        Patience::Writer => (RETRIES_WRITING_MAX, RETRY_WRITING),
+    let retry_timeout = match patience {
+        Patience::Reader => RETRY_READING,
+        Patience::Writer => RETRY_WRITING,
     };
     let backoff = BackoffConfig { max_backoff: CONNECT, ..BackoffConfig::default() };
-    let retry = RetryConfig { backoff, max_retries, retry_timeout };
+    let retry = RetryConfig { backoff, max_retries: RETRIES_MAX, retry_timeout };
     let store: Arc<dyn ObjectStore> = match scheme {
         ObjectStoreScheme::AmazonS3 => {
             let builder = AmazonS3Builder::from_env().with_url(url.as_str()).with_retry(retry);

@@ -1,0 +1,292 @@
+"""What scripts/cluster promises holds on a real Slurm: whatever is killed, datasets and training end the same.
+
+    GRASPMILL_DATASET=path/to/dataset python -m pytest -s tests/python/test_slurm.py
+
+The cluster is on loopback (slurm.py); where there is no Slurm, the tests are skipped and say why.
+"""
+
+import contextlib
+import json
+import os
+import random
+import signal
+import subprocess
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+import slurm
+
+ROOT = Path(__file__).parents[2]
+PROGRAMS = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve() / "debug"
+DATASET = Path(os.environ["GRASPMILL_DATASET"]).resolve()
+SEED = int(os.environ.get("GRASPMILL_CHAOS_SEED", random.randrange(1_000_000)))
+SCRIPTS = ROOT / "scripts/cluster"
+DEMO = ROOT / "configs/generate/demo.toml"
+QUICK = ROOT / "configs/train/quick.toml"
+
+SHARDS = 16
+ATTEMPTS = SHARDS * 1_200  # a shard in one to four seconds of a core
+KILLS = 20  # processes killed
+STOPS = 4  # processes asked to stop
+LOSSES = 4  # nodes lost
+SILENT_S = (6, 12)  # how long; after 5 Slurm starts their tasks elsewhere
+CHAOS_S = 240  # all rounds
+ROUND_S = 40  # tasks that are not over by then are left to the next round
+PROGRAM_S = 90
+EPOCHS = 6
+
+pytestmark = pytest.mark.skipif(slurm.available() != "", reason=slurm.available())
+
+
+def run(program, *args):
+    command = [PROGRAMS / program, *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PROGRAM_S)
+
+
+def generate_at_once(out, *size):
+    ended = run("generator", "--config", DEMO, *size, "--out", out)
+    assert ended.returncode == 0, ended.stderr
+
+
+def missing(out, *more):
+    ended = run("generator", "missing", out, *more)
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout.strip()
+
+
+def generate(cluster, out, array, shards, *size, **more):
+    """Submits the script as a user does, but for the little that these nodes have."""
+    script = ["--cpus-per-task=1", f"--array={array}", SCRIPTS / "generate.sbatch", *size]
+    settings = {"OUT": out, "SHARDS": shards, "CONFIG": DEMO, "GENERATOR": PROGRAMS / "generator", **more}
+    return cluster.submit(*script, cwd=out.parent, **settings)
+
+
+def train(cluster, folder, *options, **settings):
+    script = ["--cpus-per-task=1", SCRIPTS / "train.sbatch", *options]
+    return cluster.submit(*script, cwd=folder, **{"DATA": DATASET, "CONFIG": QUICK, "RUN": folder / "run", **settings})
+
+
+def files(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def assert_same(made, wanted):
+    made, wanted = files(made), files(wanted)
+    assert sorted(made) == sorted(wanted)
+    assert [name for name in made if made[name] != wanted[name]] == []
+
+
+def log_of(folder, job="*"):
+    """What a job or all have said so far, every task and every start of it."""
+    return "".join(path.read_text() for path in sorted(folder.glob(f"*-{job}[._]*")))
+
+
+def starts(folder, job="*"):
+    return log_of(folder, job).count(", node n")
+
+
+def metrics(folder):
+    """The epochs, without what the clock says."""
+    path = folder / "metrics.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    return [{key: value for key, value in line.items() if key != "seconds"} for line in lines]
+
+
+SUSPENDED = "T"
+
+
+class Chaos:
+    """Blows at a cluster, until none is left."""
+
+    def __init__(self, cluster, work_s):
+        """Blows are dealt within about the time that the work takes when it is left alone."""
+        self.cluster = cluster
+        self.dice = random.Random(SEED)
+        self.left = ["kill"] * KILLS + ["stop"] * STOPS + ["lose"] * LOSSES
+        self.dice.shuffle(self.left)
+        self.every_s = work_s / len(self.left)
+        self.dealt = Counter()
+        self.lost = {}  # nodes, and when their tasks go on
+
+    def run(self, job):
+        """Strikes until the job is over; what Slurm has not brought to its end in time is cancelled."""
+        ends = time.monotonic() + ROUND_S
+        while not self.cluster.is_over(job) and time.monotonic() < ends:
+            time.sleep(self.dice.expovariate(1 / self.every_s))
+            self.strike()
+            self.heal(time.monotonic())
+        self.cluster.call("scancel", job, check=False)
+
+    def strike(self):
+        if not self.left:
+            return
+        blow = self.left[-1]
+        if self.lose_node() if blow == "lose" else self.hit_generator(blow):
+            self.dealt[self.left.pop()] += 1
+
+    def hit_generator(self, blow):
+        """Whether there was one: what can be suspended was alive."""
+        known = [pid for name in self.cluster.nodes if name not in self.lost for pid in self.tasks(name)]
+        if not known:
+            return False
+        pid = self.dice.choice(known)
+        slurm.send(pid, signal.SIGSTOP)
+        while slurm.state_of(pid) in "RSD":
+            time.sleep(0.001)
+        was_alive = slurm.state_of(pid) == SUSPENDED
+        slurm.send(pid, signal.SIGKILL if blow == "kill" else signal.SIGTERM)
+        slurm.send(pid, signal.SIGCONT)
+        return was_alive
+
+    def lose_node(self):
+        """A busy node falls silent. Slurm starts its tasks elsewhere, and then they go on: shards have two writers."""
+        busy = [name for name in self.cluster.nodes if name not in self.lost and self.tasks(name)]
+        if not busy:
+            return False
+        name = self.dice.choice(busy)
+        self.cluster.kill_node(name)
+        for pid in self.tasks(name):
+            slurm.send(pid, signal.SIGSTOP)
+        self.cluster.call("scontrol", "update", f"NodeName={name}", "State=DOWN", "Reason=lost")
+        self.lost[name] = time.monotonic() + self.dice.uniform(*SILENT_S)
+        return True
+
+    def tasks(self, node):
+        return self.cluster.processes("generator", SLURMD_NODENAME=node)
+
+    def heal(self, now):
+        """Whether no node is lost any more. One returns when its old tasks have ended: Slurm would end them."""
+        for name in [name for name, back in self.lost.items() if back <= now]:
+            for pid in self.tasks(name):
+                self.dealt["wake"] += slurm.state_of(pid) == SUSPENDED
+                slurm.send(pid, signal.SIGCONT)
+            if not self.tasks(name):
+                del self.lost[name]
+                self.cluster.start_node(name)
+        return not self.lost
+
+
+def test_a_dataset_outlives_the_loss_of_processes_and_nodes(tmp_path):
+    print(f"\nGRASPMILL_CHAOS_SEED={SEED}")
+    out, size = tmp_path / "grasps", ["--attempts", ATTEMPTS]
+    began = time.monotonic()
+    generate_at_once(tmp_path / "at_once", "--shards", SHARDS, *size)
+    work_s = time.monotonic() - began
+    array, rounds = f"0-{SHARDS - 1}", 0
+    with slurm.cluster(nodes=4, cpus=2) as cluster:
+        chaos = Chaos(cluster, work_s)
+        while array and time.monotonic() < began + CHAOS_S:
+            chaos.run(generate(cluster, out, array, SHARDS, *size))
+            array, rounds = missing(out), rounds + 1
+        cluster.until(lambda: chaos.heal(float("inf")), PROGRAM_S, "lost tasks do not end")
+    ended = run("generator", "finalize", out)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    begun, made = starts(tmp_path), log_of(tmp_path).count("attempts/s")
+    seconds = f"{time.monotonic() - began:.0f} s, undisturbed {work_s:.0f} s"
+    print(f"{dict(chaos.dealt)}: {begun} starts, {made} ends, {rounds} rounds, {seconds}")
+    assert chaos.dealt["kill"] >= 10 and chaos.dealt["wake"] >= 1 and begun > SHARDS and rounds > 1
+    assert run("generator", "gc", out).returncode == 0
+    assert_same(out, tmp_path / "at_once")
+
+
+def test_few_tasks_make_many_shards(tmp_path):
+    out, size = tmp_path / "grasps", ["--attempts", 480]
+    with slurm.cluster(nodes=2, cpus=2) as cluster:
+        cluster.wait(generate(cluster, out, 1, 8, *size, TASKS=3), seconds=60)
+        assert (missing(out), missing(out, "--tasks", 3)) == ("0,2-3,5-6", "0,2")
+        job = generate(cluster, out, missing(out, "--tasks", 3), 8, *size, TASKS=3)
+        finalize = f"{PROGRAMS / 'generator'} finalize {out}"
+        last = cluster.submit(f"--dependency=afterany:{job}", "--wrap", finalize, cwd=tmp_path)
+        cluster.wait(last, seconds=60)
+        assert set(cluster.states(last).values()) == {"COMPLETED"}, log_of(tmp_path, job)
+    assert missing(out) == ""
+    generate_at_once(tmp_path / "at_once", "--shards", 8, *size)
+    assert_same(out, tmp_path / "at_once")
+
+
+def warn(cluster, job):
+    """As --signal does before the time limit: nobody is told but the script."""
+    cluster.call("scancel", "--signal=TERM", "--batch", job)
+
+
+def test_a_task_stops_before_its_time_limit_and_starts_again(tmp_path):
+    with slurm.cluster(nodes=1, cpus=1) as cluster:
+        job = generate(cluster, tmp_path / "grasps", 0, 1, "--attempts", 60_000)
+        cluster.until((tmp_path / "grasps/meta/info.json").exists, PROGRAM_S, "the generator does not begin")
+        warn(cluster, f"{job}_0")
+        cluster.until(lambda: starts(tmp_path, job) == 2, PROGRAM_S, "the task does not start again")
+    assert log_of(tmp_path, job).count("stopping after the scenes under way") == 1
+
+
+def requeue(cluster, job):
+    cluster.call("scontrol", "requeue", job)
+
+
+def preempt(cluster, _):
+    everywhere = ["--partition=urgent", "--exclusive", f"--nodes={len(cluster.nodes)}"]
+    cluster.submit(*everywhere, "--wrap=true", cwd=cluster.folder)
+
+
+def interrupt(cluster, job, how):
+    """Suspends the trainer until it is told to stop, so that it does not end before, however fast it is."""
+    (trainer,) = cluster.processes("trainer")
+    slurm.send(trainer, signal.SIGSTOP)
+    how(cluster, job)
+    cluster.until(lambda: is_told(trainer), PROGRAM_S, "the trainer is not told to stop")
+    slurm.send(trainer, signal.SIGCONT)
+    cluster.until(lambda: not slurm.is_alive(trainer), PROGRAM_S, "the trainer does not stop")
+
+
+def is_told(pid):
+    """Whether a SIGTERM waits for it or has ended it."""
+    with contextlib.suppress(OSError):
+        rows = dict(row.split(":", 1) for row in Path(f"/proc/{pid}/status").read_text().splitlines())
+        return not slurm.is_alive(pid) or int(rows["ShdPnd"], 16) >> (signal.SIGTERM - 1) & 1 == 1
+    return True
+
+
+def test_training_goes_on_after_requeue_preemption_and_time_limit(tmp_path):
+    made, calm = tmp_path / "run", tmp_path / "calm"
+    with slurm.cluster(nodes=2, cpus=1, requeue_exit=None) as cluster:
+        job = train(cluster, tmp_path, "--epochs", EPOCHS, TRAINER=PROGRAMS / "trainer")
+        for start, how in enumerate([requeue, preempt, warn], 1):
+            done = len(metrics(made))
+            cluster.until(lambda: len(metrics(made)) > done, PROGRAM_S, f"start {start} makes no epoch")
+            assert starts(tmp_path, job) == start
+            interrupt(cluster, job, how)
+        cluster.wait(job, seconds=PROGRAM_S)
+        log = log_of(tmp_path, job)
+        assert cluster.states(job) == {job: "COMPLETED"}, log
+    assert (log.count("stopped by a signal"), log.count("resumed "), starts(tmp_path, job)) == (3, 3, 4), log
+    ended = run("trainer", "fit", "--data", DATASET, "--config", QUICK, "--epochs", EPOCHS, "--run", calm)
+    assert ended.returncode == 0, ended.stderr
+    assert len(metrics(calm)) == EPOCHS and metrics(made) == metrics(calm)
+    for name in ("best.safetensors", "last.safetensors"):
+        assert (made / name).read_bytes() == (calm / name).read_bytes(), name
+
+
+STUB = """#!/bin/bash
+[[ $CODE ]] && exit "$CODE"
+trap "sleep 1; exit 75" TERM
+echo waiting
+sleep 20 &
+wait
+"""
+
+
+def test_training_is_not_started_for_ever(tmp_path):
+    trainer = tmp_path / "trainer"
+    trainer.write_text(STUB)
+    trainer.chmod(0o755)
+    with slurm.cluster(nodes=3, cpus=1, requeue_exit=None) as cluster:
+        damaged = train(cluster, tmp_path, TRAINER=trainer, CODE=65)
+        in_trouble = train(cluster, tmp_path, TRAINER=trainer, CODE=75, RESTARTS_MAX=1)
+        cancelled = train(cluster, tmp_path, TRAINER=trainer, CODE="")
+        cluster.until(lambda: "waiting" in log_of(tmp_path, cancelled), PROGRAM_S, "no trainer")
+        cluster.call("scancel", cancelled)
+        expected = {damaged: (1, "FAILED"), in_trouble: (2, "FAILED"), cancelled: (1, "CANCELLED")}
+        for job in expected:
+            cluster.wait(job, seconds=60)
+        assert {job: (starts(tmp_path, job), cluster.states(job)[job]) for job in expected} == expected
