@@ -125,6 +125,9 @@ pub fn generate(
     let draft = Draft::begin(at, &info)?;
     let is_all = wanted.len() == info.shard_count as usize;
     let missing = missing_of(&draft, wanted)?;
+    if missing.len() < wanted.len() {
+        draft.flush()?; // whoever made the others may have been killed before
+    }
     for shard in wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_err()) {
         on_event(Event::Skipped { shard, attempts: attempts_of(&info, shard) });
     }
@@ -140,9 +143,9 @@ pub fn generate(
     Ok(Report { made, is_stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
 }
 
-/// Asks for each, or, if there are many, for all at once.
+/// Asks for each, or, if that are many of all, for all at once.
 fn missing_of(draft: &Draft, wanted: &[u32]) -> Result<Vec<u32>, StoreError> {
-    if wanted.len() > ASKED_ONE_BY_ONE_MAX {
+    if wanted.len() > ASKED_ONE_BY_ONE_MAX && 4 * wanted.len() >= draft.info().shard_count as usize {
         let missing = draft.missing()?;
         return Ok(wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_ok()).collect());
     }

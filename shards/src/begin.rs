@@ -85,14 +85,13 @@ impl Draft {
             return Err(BeginError::NotEmpty { at, entry });
         }
         match storage.publish_new(layout::INFO, text.as_bytes())? {
-            Published::New => storage.check_creates_once(layout::INFO, text.as_bytes())?,
-            Published::Existing(existing) if existing == text.as_bytes() => {}
-            Published::Existing(existing) => {
+            Published::Existing(existing) if existing != text.as_bytes() => {
                 return Err(match differences(&existing, &text) {
                     Some(differences) => BeginError::Other { at, differences },
                     None => BeginError::Damaged { at: storage.location(layout::INFO) },
                 });
             }
+            Published::New | Published::Existing(_) => storage.check_creates_once(layout::INFO, text.as_bytes())?,
         }
         for folder in Table::ALL.map(Table::name).into_iter().chain(["meta/shards"]) {
             storage.create_folder(folder)?;

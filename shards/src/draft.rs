@@ -70,17 +70,33 @@ impl Draft {
         (summary.shard == shard && summary.problems(&self.info, &self.dataset_id).is_empty()).then_some(summary)
     }
 
-    /// Removes what killed writers left. In an object store they leave nothing: an object is put whole. When the dataset is
-    /// complete nobody needs what is left, so that [`Sweep::Dead`] means [`Sweep::All`].
+    /// Makes sure that all names in the dataset's folders outlive a power cut.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the disk refuses.
+    pub fn flush(&self) -> Result<(), StoreError> {
+        self.storage.flush(&FOLDERS)
+    }
+
+    /// Whether this dataset is still the one in its place.
+    pub(crate) fn is_in_place(&self) -> Result<bool, StoreError> {
+        self.storage.holds(&self.dataset_id)
+    }
+
+    /// Removes what killed writers left. In an object store they leave nothing: an object is put whole. When all shards are
+    /// there nobody needs what is left, so that [`Sweep::Dead`] removes all.
     ///
     /// # Errors
     /// [`StoreError`] if the disk refuses.
     pub fn sweep(&self, sweep: Sweep) -> Result<Swept, StoreError> {
-        let is_complete = || Ok::<_, StoreError>(self.storage.size(layout::MANIFEST)?.is_some());
-        let sweep = if sweep == Sweep::Dead && is_complete()? { Sweep::All } else { sweep };
+        let is_needed = sweep != Sweep::All && !self.missing()?.is_empty();
+        self.sweep_folders(sweep, is_needed)
+    }
+
+    pub(crate) fn sweep_folders(&self, sweep: Sweep, is_needed: bool) -> Result<Swept, StoreError> {
         let mut swept = Swept::default();
         for folder in FOLDERS {
-            self.storage.sweep(folder, sweep, &mut swept)?;
+            self.storage.sweep(folder, sweep, is_needed, &mut swept)?;
         }
         Ok(swept)
     }

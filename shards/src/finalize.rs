@@ -3,11 +3,10 @@
 
 use std::collections::BTreeSet;
 
-use crate::draft::FOLDERS;
 use crate::storage::{Published, size_problem};
 use crate::store::{Listing, StoreError, Sweep};
 use crate::summary::{Manifest, ShardSummary};
-use crate::{Draft, ExitCode, Table, card, layout, seal};
+use crate::{Draft, ExitCode, Location, Table, card, layout, seal};
 
 /// What came of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +26,12 @@ pub enum FinalizeError {
     /// The disk refused.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// While it was being completed, the dataset went away, and perhaps another came.
+    #[error("the dataset is gone, or another is in its place: {at}")]
+    Replaced {
+        /// The place.
+        at: Location,
+    },
     /// There is a manifest, and it says something else.
     #[error(
         "{} is there, sealed, and not what the markers make it, SHA-256 {before} there and {now} now: was a shard made \
@@ -49,6 +54,7 @@ impl FinalizeError {
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Store(error) => error.exit_code(),
+            Self::Replaced { .. } => ExitCode::Config,
             Self::NotReproduced { .. } => ExitCode::Data,
         }
     }
@@ -76,10 +82,7 @@ impl Draft {
 
     /// Hands on what every committed shard's marker says, in order; the numbers of the others.
     fn committed(&self, mut take: impl FnMut(ShardSummary)) -> Result<Vec<u32>, StoreError> {
-        let mut listings = Vec::new();
-        for table in Table::ALL {
-            listings.push((table, self.storage.must_list(table.name())?));
-        }
+        let listings = self.listings()?;
         let (mut missing, mut doubtful) = (Vec::new(), Vec::new());
         let mut next = 0;
         let names = (0..self.info.shard_count).map(layout::marker);
@@ -89,21 +92,29 @@ impl Draft {
             match marker.and_then(|bytes| self.summary(shard, bytes)) {
                 Some(summary) => {
                     if !is_listed(&summary, &listings) {
-                        doubtful.push(shard);
+                        doubtful.push(summary.clone());
                     }
                     take(summary);
                 }
                 None => missing.push(shard),
             }
         })?;
-        for shard in doubtful {
-            // It may have been committed after we listed.
-            if !self.is_committed(shard)? {
-                missing.push(shard);
-            }
+        if !doubtful.is_empty() {
+            // They may have been committed after we listed.
+            let listings = self.listings()?;
+            doubtful.retain(|summary| !is_listed(summary, &listings));
+            missing.extend(doubtful.iter().map(|summary| summary.shard));
+            missing.sort_unstable();
         }
-        missing.sort_unstable();
         Ok(missing)
+    }
+
+    fn listings(&self) -> Result<Vec<(Table, Listing)>, StoreError> {
+        Table::ALL.into_iter().map(|table| Ok((table, self.storage.must_list(table.name())?))).collect()
+    }
+
+    fn check_in_place(&self) -> Result<(), FinalizeError> {
+        if self.is_in_place()? { Ok(()) } else { Err(FinalizeError::Replaced { at: self.location() }) }
     }
 
     /// Writes `meta/manifest.json`, `README.md` and `_SUCCESS` if every shard is there. What is there already stays: a
@@ -118,10 +129,12 @@ impl Draft {
             return Ok(Finalized::Incomplete { missing });
         }
         // Whoever made these files may have been killed before they were flushed.
-        self.storage.flush(&FOLDERS)?;
+        self.flush()?;
         let manifest = Manifest::new(&self.info, self.dataset_id.clone(), shards);
+        self.check_in_place()?;
         self.storage.publish_new(layout::CARD, card::card(&self.info, &manifest).as_bytes())?;
         let text = seal::seal(&manifest);
+        self.check_in_place()?;
         if let Published::Existing(before) = self.storage.publish_new(layout::MANIFEST, text.as_bytes())?
             && before != text.as_bytes()
         {
@@ -133,7 +146,7 @@ impl Draft {
         }
         self.storage.publish_new(layout::SUCCESS, b"")?;
         // The dataset is complete whatever comes of this. Writers that are still at it find that all is there.
-        if let Err(error) = self.sweep(Sweep::All) {
+        if let Err(error) = self.sweep_folders(Sweep::Dead, false) {
             tracing::warn!(%error, "what killed writers left was not removed");
         }
         Ok(Finalized::Complete(manifest))

@@ -1,7 +1,7 @@
 //! Object stores and web servers: the only room that talks to a network. Asynchronous inside, plain calls outside.
 //!
-//! Nothing hangs: connecting takes at most 5 s, a silence while reading 20 s, an answer to anything two minutes, a reader's
-//! request is tried again for 10 s, a writer's for 30 s, and a file must come or go at 50 kB/s. What is read goes to a scratch file piece by piece; what is
+//! Nothing hangs: connecting takes at most 5 s, a silence while reading 20 s, an answer 40 s, thrice, a reader's
+//! request is tried again 24 times and not after 60 s, a writer's for 30 s, and a file must come or go at 50 kB/s. What is read goes to a scratch file piece by piece; what is
 //! written goes up in one piece, so that it is there whole or not at all.
 
 mod connect;
@@ -34,11 +34,15 @@ const BYTES_PER_S_MIN: u64 = 50_000;
 const FETCH_BYTES_MAX: u64 = 8 << 30;
 /// Largest object that is put. Stores take 5 GB in one piece.
 pub(crate) const OBJECT_BYTES_MAX: u64 = 4 << 30;
-/// What listing a folder of a hundred thousand files may take.
-const LISTING: Duration = Duration::from_secs(900);
+/// What an answer may take before it is asked for again, how often, and the same for a listing of a hundred thousand files.
+const ANSWER: Duration = Duration::from_secs(40);
+const ASKS_MAX: u32 = 3;
+const LISTING: Duration = Duration::from_secs(300);
 /// Times that an object is put if the answer is lost or the store is busy, and how long to wait between.
 const PUTS_MAX: u32 = 3;
 const PUT_PAUSE: Duration = Duration::from_millis(250);
+/// How long another writer is waited for, who is putting the same object or has given up.
+const CONFLICT: Duration = Duration::from_secs(30);
 /// Small files that are asked for at once.
 const READS_AT_ONCE: usize = 64;
 /// Threads that move bytes between sockets and memory.
@@ -149,13 +153,13 @@ impl Remote {
 
     async fn get(&self, name: &str) -> io::Result<Option<GetResult>> {
         let path = self.path(name);
-        let asked = async {
+        let ask = || async {
             match self.store.get(&path).await {
                 Err(error) if is_absent(&error) => Ok(None),
                 found => found.map(Some).map_err(|e| explain(&e)),
             }
         };
-        within(REQUEST, asked).await
+        asked(ANSWER, ask).await
     }
 
     /// The size of a file in bytes, `None` if there is none.
@@ -165,13 +169,13 @@ impl Remote {
 
     async fn head(&self, name: &str) -> io::Result<Option<u64>> {
         let path = self.path(name);
-        let asked = async {
+        let ask = || async {
             match self.store.head(&path).await {
                 Err(error) if is_absent(&error) => Ok(None),
                 found => found.map(|meta| Some(meta.size)).map_err(|e| explain(&e)),
             }
         };
-        within(REQUEST, asked).await
+        asked(ANSWER, ask).await
     }
 
     /// What lies in a folder; `None` where that cannot be asked.
@@ -180,7 +184,7 @@ impl Remote {
             return Ok(None);
         }
         let path = if folder.is_empty() { self.prefix.clone() } else { self.path(folder) };
-        let listed = self.runtime.block_on(within(LISTING, async {
+        let listed = self.runtime.block_on(asked(LISTING, || async {
             match self.store.list_with_delimiter(Some(&path)).await {
                 Err(error) if is_refused(&error) || matches!(error, Error::NotImplemented { .. }) => Ok(None),
                 listed => listed.map(Some).map_err(|e| explain(&e)),
@@ -266,13 +270,18 @@ impl Remote {
     /// was put, and not there already.
     async fn put_again(&self, name: &str, payload: PutPayload, mode: PutMode) -> io::Result<bool> {
         let limit = time_for(payload.content_length() as u64);
-        let mut puts = 1;
+        let (mut puts, mut pause, mut waited) = (1, PUT_PAUSE, Duration::ZERO);
         loop {
             let error = match tokio::time::timeout(limit, self.put_once(name, payload.clone(), mode.clone())).await {
                 Ok(Ok(())) => return Ok(true),
                 // Some stores also say so while another writer is putting it, who may fail yet.
                 Ok(Err(error @ Error::AlreadyExists { .. })) => match self.head(name).await? {
                     Some(_) if mode == PutMode::Create => return Ok(false),
+                    _ if waited < CONFLICT => {
+                        tokio::time::sleep(pause).await;
+                        (waited, pause) = (waited + pause, 2 * pause);
+                        continue;
+                    }
                     _ => explain(&error),
                 },
                 // Nobody was there for as long as the client tries, which was long.
@@ -318,6 +327,16 @@ fn time_for(bytes: u64) -> Duration {
 /// Waits for something, but not for ever.
 async fn within<T>(limit: Duration, work: impl Future<Output = io::Result<T>>) -> io::Result<T> {
     tokio::time::timeout(limit, work).await.map_err(|_| late(limit))?
+}
+
+/// Asks, and again if no answer comes.
+async fn asked<T, F: Future<Output = io::Result<T>>>(limit: Duration, ask: impl Fn() -> F) -> io::Result<T> {
+    for _ in 1..ASKS_MAX {
+        if let Ok(answer) = tokio::time::timeout(limit, ask()).await {
+            return answer;
+        }
+    }
+    within(limit, ask()).await
 }
 
 fn late(limit: Duration) -> io::Error {

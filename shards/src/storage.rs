@@ -6,12 +6,12 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::Location;
 use crate::remote::{Fetched, Patience, Remote};
 use crate::staged::{Ready, Staged};
 use crate::store::{Listing, Store, StoreError, Sweep, Swept};
 use crate::summary::FileSummary;
 use crate::table_reader::hash;
+use crate::{Location, layout};
 
 /// Where files are read from and written to.
 #[derive(Debug, Clone)]
@@ -164,6 +164,10 @@ impl Storage {
     /// Publishes a small file unless there is one.
     pub(crate) fn publish_new(&self, name: &str, bytes: &[u8]) -> Result<Published, StoreError> {
         if let Some(existing) = self.read(name)? {
+            // Whoever made it may have been killed before it was flushed.
+            if let (Self::Folder(store), Some(folder)) = (self, Path::new(name).parent()) {
+                store.flush(&store.root().join(folder))?;
+            }
             return Ok(Published::Existing(existing));
         }
         if self.stage_bytes(name, bytes)?.publish_new()? {
@@ -208,11 +212,17 @@ impl Storage {
         }
     }
 
-    /// Makes sure that the names in some folders, and those of the folders themselves, outlive a power cut.
+    /// Makes sure that the names in some folders, and those of all folders above, outlive a power cut.
     pub(crate) fn flush(&self, folders: &[&str]) -> Result<(), StoreError> {
         let Self::Folder(store) = self else { return Ok(()) };
         folders.iter().try_for_each(|folder| store.flush(&store.path(folder)))?;
-        store.root().parent().map_or(Ok(()), |above| store.flush(above))
+        store.root().ancestors().skip(1).try_for_each(|above| store.flush(above))
+    }
+
+    /// Whether the dataset of this id lies here.
+    pub(crate) fn holds(&self, dataset_id: &str) -> Result<bool, StoreError> {
+        let info = self.read(layout::INFO)?;
+        Ok(info.is_some_and(|info| crate::seal::sha256_hex(&info) == dataset_id))
     }
 
     /// Whether a small object that is there is put once more: a store must refuse that.
@@ -235,9 +245,15 @@ impl Storage {
     }
 
     /// Removes what killed writers left in a folder; in an object store they leave nothing.
-    pub(crate) fn sweep(&self, folder: &str, sweep: Sweep, swept: &mut Swept) -> Result<(), StoreError> {
+    pub(crate) fn sweep(
+        &self,
+        folder: &str,
+        sweep: Sweep,
+        is_needed: bool,
+        swept: &mut Swept,
+    ) -> Result<(), StoreError> {
         match self {
-            Self::Folder(store) => store.sweep(folder, sweep, swept),
+            Self::Folder(store) => store.sweep(folder, sweep, is_needed, swept),
             Self::Remote(_) => Ok(()),
         }
     }

@@ -171,16 +171,21 @@ impl Store {
         Err(failed("keep a new file from being swept", &target)(io::ErrorKind::ResourceBusy.into()))
     }
 
-    /// Removes what killed writers left in a folder.
-    pub(crate) fn sweep(&self, folder: &str, sweep: Sweep, swept: &mut Swept) -> Result<(), StoreError> {
+    /// Removes what killed writers left in a folder. What is not needed is of dead writers, whosever it is.
+    pub(crate) fn sweep(
+        &self,
+        folder: &str,
+        sweep: Sweep,
+        is_needed: bool,
+        swept: &mut Swept,
+    ) -> Result<(), StoreError> {
         for name in self.names(folder)?.into_iter().filter(|name| is_staging(name)) {
             let path = self.path(folder).join(&name);
             let bytes = fs::metadata(&path).map_or(0, |metadata| metadata.len());
-            let is_gone = match sweep {
-                Sweep::Look => dead(&path, &name).is_some(),
-                Sweep::Dead => dead(&path, &name).is_some_and(|_locked| fs::remove_file(&path).is_ok()),
-                Sweep::All => fs::remove_file(&path).is_ok(),
-            };
+            let locked = if is_needed && sweep != Sweep::All { dead(&path, &name) } else { None };
+            let is_dead = locked.is_some() || !is_needed || sweep == Sweep::All;
+            let is_gone = is_dead && (sweep == Sweep::Look || fs::remove_file(&path).is_ok());
+            drop(locked);
             if is_gone {
                 swept.files += 1;
                 swept.bytes += bytes;
@@ -256,13 +261,16 @@ fn host() -> String {
     if name.is_empty() { "host".to_owned() } else { name }
 }
 
-/// Flushes a folder. Some network mounts have no such thing, and say so.
+/// Flushes a folder. Some network mounts have no such thing, and say so; a folder that we may not read, such as one above
+/// users' folders, is somebody else's.
 pub(crate) fn sync_folder(folder: Option<&Path>, fault: &Fault) -> Result<(), StoreError> {
-    use io::ErrorKind::{InvalidInput, Unsupported};
+    use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
     let Some(folder) = folder.filter(|_| cfg!(unix)) else { return Ok(()) };
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     match fault.check().and_then(|()| File::open(folder)).and_then(|f| f.sync_all()) {
-        Err(e) if !matches!(e.kind(), InvalidInput | Unsupported) => Err(failed("flush a folder", folder)(e)),
+        Err(e) if !matches!(e.kind(), InvalidInput | PermissionDenied | Unsupported) => {
+            Err(failed("flush a folder", folder)(e))
+        }
         _ => Ok(()),
     }
 }
@@ -304,7 +312,7 @@ mod tests {
         assert_ne!(first.staging(), second.staging());
         let sweep = |which| {
             let mut swept = Swept::default();
-            store.sweep("", which, &mut swept).unwrap();
+            store.sweep("", which, true, &mut swept).unwrap();
             swept
         };
         assert_eq!(sweep(Sweep::Dead), Swept { files: 0, bytes: 0, kept: 2 });
@@ -327,14 +335,14 @@ mod tests {
         let store = Store::new(folder.path());
         let mut swept = store.stage("x").unwrap();
         swept.put(b"whole").unwrap();
-        store.sweep("", Sweep::All, &mut Swept::default()).unwrap();
+        store.sweep("", Sweep::All, true, &mut Swept::default()).unwrap();
         let unfinished = store.stage("x").unwrap();
         assert_eq!(swept.finish().unwrap().publish_new().unwrap_err().exit_code(), ExitCode::TryAgain);
         assert_eq!(store.read("x").unwrap(), None);
         let mut late = store.stage("x").unwrap();
         late.put(b"whole").unwrap();
         publish(&store, "x", b"whole");
-        store.sweep("", Sweep::All, &mut Swept::default()).unwrap();
+        store.sweep("", Sweep::All, true, &mut Swept::default()).unwrap();
         assert!(!late.finish().unwrap().publish_new().unwrap(), "it is there");
         assert_eq!(store.read("x").unwrap().unwrap(), b"whole");
         drop(unfinished);

@@ -224,13 +224,13 @@ impl ShardWriter {
             ShardSummary { dataset_id: self.dataset_id, shard, attempts, scenes, objects, counts: self.counts };
         let marker = layout::marker(shard);
         let text = seal::seal(&summary);
+        // The folder may have been emptied and another dataset begun in it while we worked.
+        check_identity(&self.storage, &summary.dataset_id)?;
         // A marker that says what we say proves our bytes: what else is there is damaged.
         let is_proven = match self.storage.read(&marker)? {
             Some(before) => compare(shard, &marker, &before, &text)?,
             None => false,
         };
-        // The folder may have been emptied and another dataset begun in it while we worked.
-        check_identity(&self.storage, &summary.dataset_id)?;
         let files = [(attempts_file, Table::Attempts), (objects_file, Table::Objects), (scenes_file, Table::Scenes)];
         for (file, table) in files {
             publish(&self.storage, shard, file, summary.file(table), is_proven)?;
@@ -246,10 +246,7 @@ impl ShardWriter {
 }
 
 fn check_identity(storage: &Storage, dataset_id: &str) -> Result<(), WriteError> {
-    match storage.read(layout::INFO)? {
-        Some(info) if seal::sha256_hex(&info) == dataset_id => Ok(()),
-        _ => Err(WriteError::Replaced { at: storage.location("") }),
-    }
+    if storage.holds(dataset_id)? { Ok(()) } else { Err(WriteError::Replaced { at: storage.location("") }) }
 }
 
 /// Publishes a file, or finds that the same is there. Another is replaced only if ours is proven to be right.

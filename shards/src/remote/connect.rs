@@ -19,21 +19,22 @@ const CONNECT: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(20);
 /// Until when a request is repeated: as long as a server takes to start again, and longer by a writer, who has work to lose.
 /// Pauses grow from a tenth of a second to [`CONNECT`].
-const RETRY_READING: Duration = Duration::from_secs(10);
+const RETRY_READING: Duration = Duration::from_secs(60); // more than SILENCE, or a silence would be the end
 const RETRY_WRITING: Duration = Duration::from_secs(30);
-const RETRIES_MAX: usize = 1_000;
+const RETRIES_READING_MAX: usize = 24;
+const RETRIES_WRITING_MAX: usize = 1_000;
 
 /// The store behind a URL, the path in it, and whether it lists. Settings come from the environment.
 pub(super) fn connect(url: &Url, patience: Patience) -> Result<(Arc<dyn ObjectStore>, Path, bool), Error> {
     // reqwest is built without a choice of its own; whoever chose before us is welcome.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let (scheme, prefix) = ObjectStoreScheme::parse(url)?;
-    let retry_timeout = match patience {
-        Patience::Reader => RETRY_READING,
-        Patience::Writer => RETRY_WRITING,
+    let (max_retries, retry_timeout) = match patience {
+        Patience::Reader => (RETRIES_READING_MAX, RETRY_READING),
+        Patience::Writer => (RETRIES_WRITING_MAX, RETRY_WRITING),
     };
     let backoff = BackoffConfig { max_backoff: CONNECT, ..BackoffConfig::default() };
-    let retry = RetryConfig { backoff, max_retries: RETRIES_MAX, retry_timeout };
+    let retry = RetryConfig { backoff, max_retries, retry_timeout };
     let store: Arc<dyn ObjectStore> = match scheme {
         ObjectStoreScheme::AmazonS3 => {
             let builder = AmazonS3Builder::from_env().with_url(url.as_str()).with_retry(retry);
@@ -81,9 +82,15 @@ pub(super) fn is_absent(error: &Error) -> bool {
 
 /// The store does not let us. Listings tell their status as text only.
 pub(super) fn is_refused(error: &Error) -> bool {
-    let text = error.to_string();
     matches!(error, Error::PermissionDenied { .. } | Error::Unauthenticated { .. })
-        || ["status code: 401", "status code: 403"].into_iter().any(|status| text.contains(status))
+        || matches!(status(&error.to_string()), Some((401 | 403, _)))
+}
+
+/// The status that a server answered with, and what it said to it. The first is its own: what it said, and names of
+/// objects, may hold the same words.
+fn status(text: &str) -> Option<(u16, &str)> {
+    let (_, rest) = text.split_once("status code: ")?;
+    Some((rest.get(..3)?.parse().ok()?, rest))
 }
 
 /// Nobody listens there.
@@ -99,13 +106,19 @@ pub(super) fn too_large(bytes: u64, limit: u64) -> io::Error {
 pub(super) fn explain(error: &Error) -> io::Error {
     let text = crate::text::told(error);
     let is = |part: &str| text.contains(part);
-    let passes = ["RequestTimeout", "IncompleteBody", "OperationAborted", "ConditionalRequestConflict", "SlowDown"]
-        .into_iter()
-        .chain(["status code: 408", "status code: 409", "status code: 429"])
-        .any(is);
+    let (status, said) = status(&text).unwrap_or((0, ""));
+    let passes = match status {
+        400..=499 => {
+            let words =
+                ["RequestTimeout", "IncompleteBody", "OperationAborted", "ConditionalRequestConflict", "SlowDown"];
+            matches!(status, 408 | 409 | 429) || words.into_iter().any(|word| said.contains(word))
+        }
+        501 => false,
+        _ => status >= 500,
+    };
     let (kind, advice) = if passes || matches!(error, Error::AlreadyExists { .. } | Error::Precondition { .. }) {
         return io::Error::other(text);
-    } else if (is("169.254.169.254") || is("metadata.google.internal")) && !is("status code: 5") {
+    } else if is("169.254.169.254") || is("metadata.google.internal") {
         (
             io::ErrorKind::InvalidInput,
             "no credentials, neither in the environment nor from this machine's metadata service; for a bucket that \
@@ -119,7 +132,7 @@ pub(super) fn explain(error: &Error) -> io::Error {
         (io::ErrorKind::PermissionDenied, "the store refused: wrong credentials, or no right to do this there")
     } else if is("NoSuchBucket") {
         (io::ErrorKind::InvalidInput, "there is no such bucket")
-    } else if is("status code: 4") || is("incorrectly configured region") || !matches!(error, Error::Generic { .. }) {
+    } else if status >= 400 || is("incorrectly configured region") || !matches!(error, Error::Generic { .. }) {
         (io::ErrorKind::InvalidInput, "the store cannot do this")
     } else {
         return io::Error::other(text);
@@ -144,6 +157,9 @@ mod tests {
             ("status code: 400 Bad Request: RequestTimeout", io::ErrorKind::Other, "RequestTimeout"),
             ("status code: 409 Conflict: ConditionalRequestConflict", io::ErrorKind::Other, "409"),
             ("status code: 403 Forbidden", io::ErrorKind::PermissionDenied, "wrong credentials"),
+            ("SlowDown/x: status code: 403 Forbidden", io::ErrorKind::PermissionDenied, "wrong credentials"),
+            ("status code: 500 Internal: status code: 403, request id", io::ErrorKind::Other, "500"),
+            ("status code: 501 Not Implemented", io::ErrorKind::InvalidInput, "cannot do this"),
         ] {
             let error = said(text);
             assert!(error.kind() == kind && error.to_string().contains(part), "{error}");

@@ -93,7 +93,7 @@ fn what_is_missing_is_told_and_leftovers_are_swept() {
     assert_eq!((draft.missing().unwrap(), draft.unmarked().unwrap()), (vec![0, 2, 3], vec![0, 2]));
 
     fs::write(dir.path().join("objects/.shard#elsewhere-1-a.tmp"), "left").unwrap();
-    assert_eq!(draft.sweep(shards::Sweep::Dead).unwrap().kept, 1);
+    assert_eq!(draft.sweep(shards::Sweep::Dead).unwrap().kept, 1, "shards are missing, and who knows what it is");
     assert_eq!(draft.sweep(shards::Sweep::All).unwrap().bytes, 4);
 }
 
