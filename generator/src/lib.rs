@@ -8,6 +8,8 @@ mod bench;
 mod build;
 mod candidates;
 mod config;
+#[cfg(any(test, fuzzing))]
+pub mod fuzzing;
 mod objects;
 mod raw;
 mod repeat;

@@ -11,7 +11,7 @@ use crate::check::{self, RowError};
 use crate::storage::{Storage, Unread, size_problem};
 use crate::store::{Listing, StoreError};
 use crate::summary::Manifest;
-use crate::table_reader::{Batches, Part};
+use crate::table_reader::{Batches, Expected, Part};
 use crate::{DatasetInfo, InfoError, Location, ReadError, SCENES_PER_ROW_GROUP, Scenes, Table, decode, layout, seal};
 
 /// A complete dataset, on disk or in an object store. Cheap to hold: rows are read when asked for.
@@ -93,6 +93,19 @@ impl Dataset {
     #[must_use]
     pub fn location(&self) -> &Location {
         &self.location
+    }
+
+    /// Its id: the SHA-256 of its `meta/info.json` in hex.
+    #[must_use]
+    pub fn id(&self) -> &str {
+        &self.manifest.dataset_id
+    }
+
+    /// Whether an id is this dataset's. Up to 0.2 the trainer took that of the info as it came back from reading, when
+    /// numbers of its config may differ in their last digit; checkpoints of that time are still good.
+    #[must_use]
+    pub fn has_id(&self, id: &str) -> bool {
+        id == self.id() || id == self.info.dataset_id()
     }
 
     /// What the dataset is.
@@ -238,7 +251,9 @@ impl Dataset {
     fn batches(&self, shard: u32, table: Table, part: Part) -> Result<Batches, ReadError> {
         self.known(shard)?;
         let file = self.open_file(shard, table)?;
-        Batches::open(file, table, self.info.grid.resolution, part).map_err(|m| self.wrong(shard, table, m))
+        let rows = self.manifest.shards[shard as usize].file(table).rows;
+        let expected = Expected { table, resolution: self.info.grid.resolution, rows };
+        Batches::open(file, expected, part).map_err(|m| self.wrong(shard, table, m))
     }
 
     /// Opens a file whose size and checksum are right.

@@ -94,9 +94,14 @@ impl DatasetInfo {
     /// Attempts of a scene: [`Self::attempts_per_scene`], the last scene takes the remainder.
     #[must_use]
     pub fn attempts_of_scene(&self, scene_id: u64) -> u32 {
-        let before = scene_id.saturating_mul(u64::from(self.attempts_per_scene));
-        let left = self.attempt_count.saturating_sub(before);
+        let left = self.attempt_count - self.attempts_before(scene_id);
         left.min(u64::from(self.attempts_per_scene)) as u32 // at most a u32
+    }
+
+    /// Attempts of all scenes before one.
+    #[must_use]
+    pub fn attempts_before(&self, scene_id: u64) -> u64 {
+        scene_id.saturating_mul(u64::from(self.attempts_per_scene)).min(self.attempt_count)
     }
 
     /// What is out of range, one message each.
@@ -197,7 +202,8 @@ impl DatasetInfo {
         if problems.is_empty() { Ok(info) } else { Err(InfoError::Range(problems)) }
     }
 
-    /// The dataset's id: SHA-256 of [`Self::to_json`], in hex.
+    /// The id of a dataset that is begun with this info: SHA-256 of [`Self::to_json`], in hex. Of a dataset that is
+    /// there the id is [`crate::Dataset::id`]: numbers of an info that was read may differ in their last digit.
     #[must_use]
     pub fn dataset_id(&self) -> String {
         crate::seal::sha256_hex(self.to_json().as_bytes())

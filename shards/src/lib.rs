@@ -55,6 +55,10 @@ mod encode;
 mod exit;
 mod fault;
 mod finalize;
+mod footer;
+mod frame;
+#[cfg(any(test, fuzzing))]
+pub mod fuzzing;
 #[cfg(test)]
 mod hostile;
 mod info;
@@ -77,6 +81,7 @@ pub mod synthetic;
 mod table_reader;
 mod table_writer;
 pub mod text;
+mod thrift;
 mod verify;
 mod version;
 mod writer;

@@ -7,6 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::{DatasetInfo, FormatVersion, Table};
 
+/// Most bytes of a file, so that sums over all shards are numbers.
+const FILE_BYTES_MAX: u64 = 1 << 44;
+
+/// A sum of numbers that somebody wrote; what is too large for a number stays the largest.
+fn sum(numbers: impl IntoIterator<Item = u64>) -> u64 {
+    numbers.into_iter().fold(0, u64::saturating_add)
+}
+
 /// A file of a shard.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -51,8 +59,8 @@ impl Tally {
     }
 
     fn add(&mut self, other: Self) {
-        self.attempts += other.attempts;
-        self.positives += other.positives;
+        self.attempts = self.attempts.saturating_add(other.attempts);
+        self.positives = self.positives.saturating_add(other.positives);
     }
 }
 
@@ -72,7 +80,13 @@ impl RejectionCounts {
     /// All of them.
     #[must_use]
     pub fn total(&self) -> u64 {
-        self.unsettled + self.empty + self.unstable
+        sum([self.unsettled, self.empty, self.unstable])
+    }
+
+    fn add(&mut self, other: Self) {
+        self.unsettled = self.unsettled.saturating_add(other.unsettled);
+        self.empty = self.empty.saturating_add(other.empty);
+        self.unstable = self.unstable.saturating_add(other.unstable);
     }
 
     pub(crate) fn count(&mut self, rejections: SceneRejections) {
@@ -142,18 +156,17 @@ impl Counts {
 
     /// Adds the counts of other rows.
     pub fn add(&mut self, other: &Self) {
-        self.scenes += other.scenes;
-        self.objects += other.objects;
+        self.scenes = self.scenes.saturating_add(other.scenes);
+        self.objects = self.objects.saturating_add(other.objects);
         self.labels.add(other.labels);
         for (name, count) in &other.outcomes {
-            *self.outcomes.entry(name.clone()).or_default() += count;
+            let sum = self.outcomes.entry(name.clone()).or_default();
+            *sum = sum.saturating_add(*count);
         }
         for (name, tally) in &other.rules {
             self.rules.entry(name.clone()).or_default().add(*tally);
         }
-        self.rejections.unsettled += other.rejections.unsettled;
-        self.rejections.empty += other.rejections.empty;
-        self.rejections.unstable += other.rejections.unstable;
+        self.rejections.add(other.rejections);
     }
 }
 
@@ -205,7 +218,7 @@ impl ShardSummary {
             must_be("path", path, self.file(table).path.clone());
         }
         let scenes = info.scenes_of(self.shard);
-        let attempts: u64 = scenes.clone().map(|s| u64::from(info.attempts_of_scene(s))).sum();
+        let attempts = info.attempts_before(scenes.end) - info.attempts_before(scenes.start);
         let count = scenes.end - scenes.start;
         for (name, expected, got) in [
             ("rows of scenes", count, self.scenes.rows),
@@ -213,11 +226,20 @@ impl ShardSummary {
             ("scenes", self.scenes.rows, self.counts.scenes),
             ("objects", self.objects.rows, self.counts.objects),
             ("attempts", self.attempts.rows, self.counts.labels.attempts),
-            ("sum of outcomes", self.attempts.rows, self.counts.outcomes.values().sum()),
-            ("sum of rules", self.attempts.rows, self.counts.rules.values().map(|t| t.attempts).sum()),
+            ("sum of outcomes", self.attempts.rows, sum(self.counts.outcomes.values().copied())),
+            ("sum of rules", self.attempts.rows, sum(self.counts.rules.values().map(|t| t.attempts))),
             ("positives", self.counts.outcome(Outcome::Held), self.counts.labels.positives),
         ] {
             must_be(name, expected.to_string(), got.to_string());
+        }
+        for FileSummary { path, bytes, rows, .. } in Table::ALL.map(|table| self.file(table)) {
+            if *bytes > FILE_BYTES_MAX {
+                problems.push(format!("bytes of {path} must be at most {FILE_BYTES_MAX}, got {bytes}"));
+            }
+            // A row takes some bytes; a file with more rows than bytes would unfold to any size.
+            if rows > bytes {
+                problems.push(format!("rows of {path} must be at most its {bytes} bytes, got {rows}"));
+            }
         }
         problems
     }
@@ -249,7 +271,7 @@ impl Manifest {
     /// Bytes of a table over all shards.
     #[must_use]
     pub fn bytes(&self, table: Table) -> u64 {
-        self.shards.iter().map(|s| s.file(table).bytes).sum()
+        sum(self.shards.iter().map(|s| s.file(table).bytes))
     }
 
     /// What does not fit the dataset or itself, one message each.

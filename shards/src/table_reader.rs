@@ -1,19 +1,25 @@
-//! Reading a Parquet file as if it were hostile. parquet-rs checks much but not all, and may panic on bytes that no
-//! writer wrote; so bytes reach it only after their checksum was right, its schema is compared before a row is read,
-//! and its panics are caught and become errors.
+//! Reading a Parquet file as if it were hostile. Bytes reach the decoder only after their checksum was right; the
+//! file's frame is looked at first ([`crate::frame`]), since parquet-rs takes much of it on trust; and should the
+//! decoder panic even so, that becomes an error.
 
+use std::cell::Cell;
 use std::fs::File;
 use std::io::{Read, Seek};
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
+use std::sync::{Arc, Once};
 
 use arrow::array::RecordBatch;
-use arrow::datatypes::Schema;
 use parquet::arrow::ProjectionMask;
-use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
-use parquet::file::metadata::PageIndexPolicy;
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+};
 use sha2::{Digest, Sha256};
 
 use crate::Table;
+use crate::frame::Frame;
+
+/// Begins an error that was a panic.
+pub(crate) const PANICKED: &str = "the Parquet decoder panicked: ";
 
 /// Which rows, and which columns, of a file.
 #[derive(Debug, Clone, Copy, Default)]
@@ -30,29 +36,42 @@ pub(crate) struct Part {
     pub(crate) batch_rows: usize,
 }
 
+/// What a table's file must be.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Expected {
+    /// The table.
+    pub(crate) table: Table,
+    /// Voxels along a side of a grid.
+    pub(crate) resolution: usize,
+    /// Rows in all.
+    pub(crate) rows: u64,
+}
+
 /// Batches of a file, each decoded when asked for.
 pub(crate) struct Batches(ParquetRecordBatchReader);
 
 impl Batches {
     /// Opens a file whose checksum was right.
-    pub(crate) fn open(file: File, table: Table, resolution: usize, part: Part) -> Result<Self, String> {
+    pub(crate) fn open(file: File, expected: Expected, part: Part) -> Result<Self, String> {
         guard(|| {
-            let options = ArrowReaderOptions::new().with_page_index_policy(PageIndexPolicy::Optional);
-            let mut builder = ParquetRecordBatchReaderBuilder::try_new_with_options(file, options).map_err(text)?;
-            compare_schemas(&table.arrow_schema(resolution), builder.schema())?;
-            if let Some(left_out) = part.without {
-                let kept = table.columns().iter().enumerate().filter(|(_, c)| c.name != left_out).map(|(i, _)| i);
-                let mask = ProjectionMask::roots(builder.parquet_schema(), kept);
-                builder = builder.with_projection(mask);
-            }
-            if let Some(row_group) = part.row_group {
-                let count = builder.metadata().num_row_groups();
-                if row_group >= count {
-                    return Err(format!("row group {row_group} must be below {count}"));
+            let frame = Frame::read(&file, expected)?;
+            let groups = match part.row_group {
+                Some(group) if group >= frame.groups() => {
+                    return Err(format!("row group {group} must be below {}", frame.groups()));
                 }
-                builder = builder.with_row_groups(vec![row_group]);
-            }
-            builder = builder.with_batch_size(part.batch_rows).with_offset(part.offset);
+                Some(group) => group..group + 1,
+                None => 0..frame.groups(),
+            };
+            let columns = expected.table.columns().iter().enumerate();
+            let kept: Vec<usize> =
+                columns.filter(|(_, c)| Some(c.name) != part.without).map(|(column, _)| column).collect();
+            let metadata = frame.check_pages(groups.clone(), &kept, part.row_group.is_some())?;
+            let options = ArrowReaderOptions::new().with_schema(expected.table.arrow_schema(expected.resolution));
+            let metadata = ArrowReaderMetadata::try_new(Arc::new(metadata), options).map_err(text)?;
+            let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata);
+            let mask = ProjectionMask::roots(builder.parquet_schema(), kept);
+            let builder = builder.with_projection(mask).with_row_groups(groups.collect());
+            let mut builder = builder.with_batch_size(part.batch_rows).with_offset(part.offset);
             if let Some(limit) = part.limit {
                 builder = builder.with_limit(limit);
             }
@@ -83,32 +102,29 @@ pub(crate) fn hash(file: &mut File) -> std::io::Result<String> {
     }
 }
 
+/// Turns a panic of the decoder into an error, and says nothing of it on stderr. `frame` leaves it values to panic on:
+/// a run of more than ten bytes' length, say, which only decompressing shows.
 fn guard<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err("the Parquet decoder panicked".to_owned()))
+    static QUIET_HOOK: Once = Once::new();
+    thread_local!(static IS_GUARDED: Cell<bool> = const { Cell::new(false) });
+    QUIET_HOOK.call_once(|| {
+        let hook = take_hook();
+        set_hook(Box::new(move |panic| {
+            if !IS_GUARDED.get() {
+                hook(panic);
+            }
+        }));
+    });
+    IS_GUARDED.set(true);
+    let caught = catch_unwind(AssertUnwindSafe(read));
+    IS_GUARDED.set(false);
+    caught.unwrap_or_else(|payload| {
+        let text = payload.downcast_ref::<&str>().copied();
+        let text = text.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
+        Err(format!("{PANICKED}{}", text.unwrap_or("no reason")))
+    })
 }
 
 fn text(error: impl std::fmt::Display) -> String {
     error.to_string()
-}
-
-/// Names, types and nullability must be those of the table; descriptions may differ.
-fn compare_schemas(expected: &Schema, found: &Schema) -> Result<(), String> {
-    let names = |schema: &Schema| schema.fields().iter().map(|f| f.name().clone()).collect::<Vec<_>>();
-    if names(expected) != names(found) {
-        return Err(format!("columns must be {:?}, got {:?}", names(expected), names(found)));
-    }
-    for (a, b) in expected.fields().iter().zip(found.fields()) {
-        if a.data_type() != b.data_type() || a.is_nullable() != b.is_nullable() {
-            let null = |nullable| if nullable { " or null" } else { "" };
-            return Err(format!(
-                "column {} must be {}{}, got {}{}",
-                a.name(),
-                a.data_type(),
-                null(a.is_nullable()),
-                b.data_type(),
-                null(b.is_nullable())
-            ));
-        }
-    }
-    Ok(())
 }

@@ -141,9 +141,11 @@ pub fn evaluate(
     let path = checkpoint;
     let checkpoint = checkpoint::read(path, &Device::flex())?;
     let dataset = Dataset::open(data).map_err(LoadError::from)?;
-    let dataset_id = dataset.info().dataset_id();
-    if set != TestSet::All && dataset_id != checkpoint.dataset_id {
-        return Err(EvaluateError::OtherDataset { was: checkpoint.dataset_id, is: dataset_id });
+    let dataset_id = dataset.id().to_owned();
+    let is_the_same = dataset.has_id(&checkpoint.dataset_id);
+    let trained_on = if is_the_same { dataset_id.clone() } else { checkpoint.dataset_id };
+    if set != TestSet::All && !is_the_same {
+        return Err(EvaluateError::OtherDataset { was: trained_on, is: dataset_id });
     }
     let samples = load(&dataset, scratch, stop, scene_done)?;
     let chosen = match set {
@@ -172,7 +174,7 @@ pub fn evaluate(
     Ok(Evaluation {
         epoch: checkpoint.progress.epoch,
         step: checkpoint.progress.step,
-        trained_on: checkpoint.dataset_id,
+        trained_on,
         dataset_id,
         split: set,
         scenes: scenes.len(),

@@ -126,7 +126,7 @@ pub fn fit(
 pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync)) -> Result<Ending, FitError> {
     let (config, device) = (job.config, job.device);
     let dataset = Dataset::open(job.data.clone()).map_err(LoadError::from)?;
-    let dataset_id = dataset.info().dataset_id();
+    let dataset_id = dataset.id();
     let keeps_folder = job.place.is_none_or(|place| place.rank == 0);
     let folder = if keeps_folder { Some(RunFolder::open(job.run, config, job.resume)?) } else { None };
     let watch = folder.as_ref().map(|folder| Watch::new(folder.path(), config.checkpoint_every_steps));
@@ -136,7 +136,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
         }
         observe(event);
     };
-    let last = folder.as_ref().map(|folder| folder.last(&dataset_id, device)).transpose()?.flatten();
+    let last = folder.as_ref().map(|folder| folder.last(&dataset, device)).transpose()?.flatten();
     folder.as_ref().map_or(Ok(()), |folder| folder.write_config(config))?;
     let mut state = match last {
         Some(checkpoint) => resumed(checkpoint, config),
@@ -151,16 +151,16 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
     };
     let split = split(&samples.ids(), config.seed, &config.split)?;
     let save = |state: &State| {
-        folder.as_ref().map_or(Ok(()), |folder| folder.save_last(&checkpoint(state, config, &dataset_id)))
+        folder.as_ref().map_or(Ok(()), |folder| folder.save_last(&checkpoint(state, config, dataset_id)))
     };
     let mut metrics = folder.as_ref().map(RunFolder::metrics).transpose()?.unwrap_or_default();
     metrics.truncate(state.progress.epoch as usize);
     let mut team = match job.place {
         None => Team::alone(),
         Some(place) => {
-            let mut team = Team::join(place, &task(config, &dataset_id, device), stop)?;
+            let mut team = Team::join(place, &task(config, dataset_id, device), stop)?;
             let told = team
-                .tell(checkpoint::encode(&checkpoint(&state, config, &dataset_id), job.run).map_err(RunError::from)?)?;
+                .tell(checkpoint::encode(&checkpoint(&state, config, dataset_id), job.run).map_err(RunError::from)?)?;
             state = resumed(checkpoint::decode(&told, job.run, device).map_err(RunError::from)?, config);
             let told = team.tell(metrics.join("\n").into_bytes())?;
             metrics = String::from_utf8_lossy(&told).lines().map(str::to_owned).collect();
@@ -209,7 +209,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
         if report.is_best
             && let Some(folder) = &folder
         {
-            folder.save_best(&checkpoint(&state, config, &dataset_id))?;
+            folder.save_best(&checkpoint(&state, config, dataset_id))?;
         }
         metrics.truncate(report.epoch as usize - 1);
         metrics.push(serde_json::to_string(&report).unwrap_or_default()); // numbers under fixed keys: cannot fail

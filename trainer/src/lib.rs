@@ -37,6 +37,8 @@ pub mod evaluate;
 pub mod events;
 mod figure;
 pub mod fit;
+#[cfg(any(test, fuzzing))]
+pub mod fuzzing;
 mod host;
 pub mod interchange;
 pub mod layers;

@@ -15,7 +15,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use shards::ExitCode;
+use shards::{Dataset, ExitCode};
 
 use crate::checkpoint::{self, Checkpoint, CheckpointError};
 use crate::config::Config;
@@ -151,13 +151,13 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`RunError`] if it is damaged or was trained on another dataset.
-    pub fn last(&self, dataset_id: &str, device: &Device) -> Result<Option<Checkpoint>, RunError> {
+    pub fn last(&self, dataset: &Dataset, device: &Device) -> Result<Option<Checkpoint>, RunError> {
         let found = match checkpoint::read(&self.path.join(LAST), device) {
             Err(CheckpointError::Missing(_)) => return Ok(None),
             found => found?,
         };
-        if found.dataset_id != dataset_id {
-            let (was, is) = (found.dataset_id, dataset_id.to_owned());
+        if !dataset.has_id(&found.dataset_id) {
+            let (was, is) = (found.dataset_id, dataset.id().to_owned());
             return Err(RunError::OtherDataset { was, is, path: self.path.clone() });
         }
         Ok(Some(found))

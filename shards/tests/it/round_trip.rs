@@ -54,6 +54,19 @@ fn a_shard_of_several_row_groups_comes_back() {
 }
 
 #[test]
+fn a_dataset_is_named_by_its_infos_bytes_whatever_its_numbers_become_when_they_are_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut info = sample::info(11);
+    info.config = (1..1000_u16).map(|i| f64::from(f32::from(i) / 1000.0)).collect();
+    sample::write(dir.path(), &info);
+    let dataset = Dataset::open(dir.path()).unwrap();
+    assert_eq!(dataset.id(), info.dataset_id());
+    let read = dataset.info().dataset_id();
+    assert_ne!(dataset.id(), read, "serde_json reads exactly; `Dataset::has_id` is not needed for new datasets");
+    assert!(dataset.has_id(dataset.id()) && dataset.has_id(&read) && !dataset.has_id("another"));
+}
+
+#[test]
 fn the_same_rows_make_the_same_bytes() {
     let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let info = sample::info(11);

@@ -1,0 +1,76 @@
+//! What the fuzz target `generator_config` calls, and a test that replays its seeds and past findings. Whatever the bytes
+//! are, this returns, and a config that is accepted makes a dataset that can be read.
+
+use schema::Gripper;
+use shards::DatasetInfo;
+use simulator::Physics;
+
+use crate::config::physics_of;
+use crate::{Config, Overrides};
+
+/// The text of a config, a NUL, the text of a gripper's file.
+///
+/// # Errors
+/// What is wrong with the texts.
+///
+/// # Panics
+/// If a config is accepted whose dataset would be refused.
+pub fn config(data: &[u8]) -> Result<(), String> {
+    let mut parts = data.split(|byte| *byte == 0).map(String::from_utf8_lossy);
+    let mut next = || parts.next().unwrap_or_default();
+    let config = Config::from_toml(&next(), "fuzzed", None, Overrides::default()).map_err(|e| e.to_string());
+    let gripper = Gripper::from_toml(&next()).map_err(|e| e.to_string());
+    let infos: Vec<DatasetInfo> = config.iter().map(Config::dataset_info).collect();
+    let with_gripper =
+        infos.iter().zip(&gripper).map(|(info, gripper)| DatasetInfo { gripper: gripper.clone(), ..info.clone() });
+    for info in infos.iter().cloned().chain(with_gripper) {
+        let back = DatasetInfo::from_json(&info.to_json()).map_err(|e| e.to_string());
+        assert_eq!(back.map(as_used), Ok(as_used(info)), "an accepted config makes what can be read");
+    }
+    config.and(gripper).map(drop)
+}
+
+/// An info, and of its laws, whose numbers may change in their last digit when they are read, what [`crate::repeat`]
+/// takes from them.
+fn as_used(info: DatasetInfo) -> (DatasetInfo, Result<Physics, String>) {
+    let physics = physics_of(&info.config);
+    (DatasetInfo { config: serde_json::Value::Null, ..info }, physics)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use super::*;
+
+    const CONFIGS: [(&str, &str); 3] = [
+        ("paper", include_str!("../../configs/generate/paper.toml")),
+        ("demo", include_str!("../../configs/generate/demo.toml")),
+        ("coulomb", include_str!("../../scripts/crosscheck/coulomb.toml")),
+    ];
+
+    /// Seeds named `whole-…` are accepted.
+    #[test]
+    fn seeds_and_past_findings_of_the_config_are_survived() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds/generator_config");
+        let mut names: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        for name in names {
+            let result = config(&fs::read(folder.join(&name)).unwrap());
+            let name = name.to_string_lossy();
+            assert_eq!(result.is_ok(), name.starts_with("whole-"), "{name}: {result:?}");
+        }
+    }
+
+    /// Writes the seeds again: `cargo test --workspace write_the_seeds -- --ignored`.
+    #[test]
+    #[ignore = "writes fuzz/seeds"]
+    fn write_the_seeds() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds/generator_config");
+        let gripper = include_str!("../../configs/grippers/parallel_jaw_80.toml");
+        for (name, text) in CONFIGS {
+            fs::write(folder.join(format!("whole-{name}")), format!("{text}\0{gripper}")).unwrap();
+        }
+    }
+}
