@@ -44,11 +44,8 @@ mod tests {
 
     use super::*;
 
-    const CONFIGS: [(&str, &str); 3] = [
-        ("paper", include_str!("../../configs/generate/paper.toml")),
-        ("demo", include_str!("../../configs/generate/demo.toml")),
-        ("coulomb", include_str!("../../scripts/crosscheck/coulomb.toml")),
-    ];
+    const CONFIGS: [&str; 3] =
+        ["configs/generate/paper.toml", "configs/generate/demo.toml", "scripts/crosscheck/coulomb.toml"];
 
     /// Seeds named `whole-…` are accepted.
     #[test]
@@ -68,8 +65,10 @@ mod tests {
     #[ignore = "writes fuzz/seeds"]
     fn write_the_seeds() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds/generator_config");
-        let gripper = include_str!("../../configs/grippers/parallel_jaw_80.toml");
-        for (name, text) in CONFIGS {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let gripper = fs::read_to_string(root.join("configs/grippers/parallel_jaw_80.toml")).unwrap();
+        for path in CONFIGS.map(|path| root.join(path)) {
+            let (name, text) = (path.file_stem().unwrap().to_string_lossy(), fs::read_to_string(&path).unwrap());
             fs::write(folder.join(format!("whole-{name}")), format!("{text}\0{gripper}")).unwrap();
         }
     }
