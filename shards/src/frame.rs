@@ -37,9 +37,9 @@ const FOOTER_MAX: u64 = 16 << 20;
 /// Longest header of a page.
 const HEADER_MAX: u64 = 1024;
 /// Most bytes that a page's values may take on the average, and bytes beyond these: levels and lengths of runs.
-const VALUE_MAX: u64 = 9;
-const NAME_MAX: u64 = 64;
-const PAGE_SLACK: u64 = 1024;
+const VALUE_MAX: i64 = 9;
+const NAME_MAX: i64 = 64;
+const PAGE_SLACK: i64 = 1024;
 
 // Numbers of parquet.thrift. Dictionaries' indices have one of two, before and after version 2 of the format.
 const DATA_PAGE: i64 = 0;
@@ -50,6 +50,7 @@ const RLE: i64 = 3;
 const RLE_DICTIONARY: i64 = 8;
 const BYTE_STREAM_SPLIT: i64 = 9;
 const ENCODINGS: [i64; 4] = [PLAIN, PLAIN_DICTIONARY, RLE_DICTIONARY, BYTE_STREAM_SPLIT];
+const NAME_ENCODINGS: [i64; 2] = [PLAIN_DICTIONARY, RLE_DICTIONARY];
 const DICTIONARY_ENCODINGS: [i64; 2] = [PLAIN, PLAIN_DICTIONARY];
 
 /// A file whose footer is in order.
@@ -221,7 +222,7 @@ impl<'a> Frame<'a> {
                 must(dictionary == Some(false), || "a dictionary is in the wrong place".to_owned())?;
                 dictionary = Some(true);
             } else {
-                let uses_dictionary = [PLAIN_DICTIONARY, RLE_DICTIONARY].contains(&header.encoding);
+                let uses_dictionary = NAME_ENCODINGS.contains(&header.encoding);
                 must(dictionary.unwrap_or(!uses_dictionary), || "the dictionary is missing".to_owned())?;
                 must(header.values > 0, || "a page is empty".to_owned())?;
                 pages.push(Page { offset: at as i64, size, first_value: values });
@@ -315,13 +316,28 @@ impl Header {
 
     /// Its size, with the page, if it fits what is left of the column chunk.
     fn check(&self, chunk: &ColumnChunkMetaData, left: u64) -> Checked<i32> {
-        let encodings = if self.is_dictionary { &DICTIONARY_ENCODINGS[..] } else { &ENCODINGS };
+        // Names always have a dictionary; without one the decoder may go beyond their page when it skips some.
+        let is_names = chunk.column_type() == Type::BYTE_ARRAY;
+        let encodings = match (self.is_dictionary, is_names) {
+            (true, _) => &DICTIONARY_ENCODINGS[..],
+            (false, true) => &NAME_ENCODINGS,
+            (false, false) => &ENCODINGS,
+        };
         must(encodings.contains(&self.encoding) && self.is_run_length, || {
             format!("a page's encoding cannot be {}", self.encoding)
         })?;
-        let value_max = if chunk.column_type() == Type::BYTE_ARRAY { NAME_MAX } else { VALUE_MAX };
-        let plain_max = (value_max as i64).saturating_mul(self.values).saturating_add(PAGE_SLACK as i64);
-        must((0..=plain_max).contains(&self.plain), || {
+        // A dictionary has neither levels nor runs; an empty one has no bytes at all, or the decoder divides by 0.
+        let value_max = if is_names { NAME_MAX } else { VALUE_MAX };
+        let slack = if self.is_dictionary { 0 } else { PAGE_SLACK };
+        let most = value_max.saturating_mul(self.values).saturating_add(slack);
+        // Values that are always there and stand by themselves have a size.
+        let column = chunk.column_descr();
+        let is_exact = !is_names
+            && (column.max_def_level(), column.max_rep_level()) == (0, 0)
+            && (self.is_dictionary || !NAME_ENCODINGS.contains(&self.encoding));
+        let width = if chunk.column_type() == Type::INT64 { 8 } else { 4 };
+        let sizes = if is_exact { [width * self.values.clamp(0, most); 2] } else { [0, most] };
+        must((sizes[0]..=sizes[1]).contains(&self.plain), || {
             format!("a page of {} values cannot have {} bytes", self.values, self.plain)
         })?;
         let is_bare = chunk.compression() == Compression::UNCOMPRESSED;
