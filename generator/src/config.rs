@@ -12,7 +12,6 @@ use crate::raw::{RawConfig, RawPhysics};
 
 /// The default config and the built-in hand, in the binary, so that it runs anywhere.
 const PAPER: &str = include_str!("../../configs/generate/paper.toml");
-const GRIPPERS: [(&str, &str); 1] = [("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml"))];
 
 /// The engine, as datasets name it.
 const ENGINE: &str = "rapier3d 0.36.1";
@@ -437,7 +436,7 @@ impl Check<'_> {
     }
 
     fn gripper(&mut self, name: &str, folder: Option<&Path>) -> Option<Gripper> {
-        let text = match GRIPPERS.iter().find(|(built_in, _)| *built_in == name) {
+        let text = match Gripper::BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
             Some((_, text)) => Ok((*text).to_owned()),
             None if name.ends_with(".toml") => {
                 let path = folder.unwrap_or(Path::new("")).join(name);
@@ -446,7 +445,7 @@ impl Check<'_> {
             }
             None => Err(format!(
                 "gripper must be a path that ends in .toml or one of {}, got {name}",
-                GRIPPERS.map(|(name, _)| name).join(", ")
+                Gripper::BUILT_IN.map(|(name, _)| name).join(", ")
             )),
         };
         match text.and_then(|text| Gripper::from_toml(&text).map_err(|e| format!("{e}: {name}"))) {

@@ -60,6 +60,10 @@ pub enum GripperError {
 }
 
 impl Gripper {
+    /// Names and files of the hands that need no file.
+    pub const BUILT_IN: [(&'static str, &'static str); 1] =
+        [("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml"))];
+
     /// A gripper from the text of its TOML file.
     ///
     /// # Errors
@@ -136,7 +140,7 @@ impl HandBox {
 mod tests {
     use super::*;
 
-    const PAPER: &str = include_str!("../../configs/grippers/parallel_jaw_80.toml");
+    const PAPER: &str = Gripper::BUILT_IN[0].1;
 
     #[test]
     fn the_shipped_gripper_is_the_designs() {

@@ -34,6 +34,10 @@ pub enum Purpose {
     Augmentation = 9,
     /// Which scenes a bootstrap draws (the try carries the draw).
     Bootstrap = 12,
+    /// Samples of points in the search for a plane.
+    Plane = 13,
+    /// The order of grasps that are ranked by chance.
+    Ranking = 14,
 }
 
 /// A reproducible stream of random numbers.

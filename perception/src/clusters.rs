@@ -1,0 +1,190 @@
+//! DBSCAN: clusters are what dense neighbourhoods connect (Ester, Kriegel, Sander & Xu 1996; the paper's section 2.4).
+
+use rayon::prelude::*;
+use schema::Vec3;
+
+use crate::cells::Cells;
+
+/// When points form a cluster.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClusterLaw {
+    /// Neighbours are at most this far away.
+    pub radius_m: f32,
+    /// A point with at least this many neighbours, itself among them, is a core point.
+    pub points_min: usize,
+    /// A cluster with fewer points than this is noise.
+    pub cluster_points_min: usize,
+}
+
+impl ClusterLaw {
+    /// The paper's: 0.02 m, 100 points, 500 points; meant for clouds of 2.5 mm ([`crate::surface_cloud`]).
+    pub const PAPER: Self = Self { radius_m: 0.02, points_min: 100, cluster_points_min: 500 };
+}
+
+/// The cluster of every point, numbered by their first core points; `None` is noise.
+///
+/// A point that is not dense itself but near a cluster belongs to the first cluster that reaches it, so the labels are those of
+/// scikit-learn's `DBSCAN(eps=radius_m, min_samples=points_min)`, but for clusters below `cluster_points_min`, which are
+/// taken for noise and leave no gap in the numbers. All points must be finite.
+#[must_use]
+pub fn clusters(points_m: &[Vec3], law: &ClusterLaw) -> Vec<Option<usize>> {
+    let cells = Cells::new(points_m, law.radius_m);
+    let is_core = core_points(points_m, &cells, law);
+    let mut growth = Growth::new(points_m, &cells, law.radius_m);
+    for first in 0..points_m.len() {
+        if is_core[first] && growth.labels[first].is_none() {
+            growth.grow(first, &is_core);
+        }
+    }
+    without_small(growth.labels, law.cluster_points_min)
+}
+
+fn core_points(points_m: &[Vec3], cells: &Cells, law: &ClusterLaw) -> Vec<bool> {
+    let reach = law.radius_m * law.radius_m;
+    let is_core = |point: &Vec3| {
+        let mut count = 0;
+        for cube in cells.around(*point) {
+            let near = |other: &&u32| (points_m[**other as usize] - *point).length_squared() <= reach;
+            count += cells.points(cube).iter().filter(near).count();
+            if count >= law.points_min {
+                return true;
+            }
+        }
+        false
+    };
+    points_m.par_iter().with_min_len(256).map(is_core).collect()
+}
+
+/// Clusters in the making.
+struct Growth<'a> {
+    points_m: &'a [Vec3],
+    cells: &'a Cells,
+    reach: f32,
+    /// Points of each cube that have no label yet. What is labelled is never asked for again, so looking for neighbours
+    /// costs less and less.
+    unlabelled: Vec<Vec<u32>>,
+    labels: Vec<Option<usize>>,
+    count: usize,
+}
+
+impl<'a> Growth<'a> {
+    fn new(points_m: &'a [Vec3], cells: &'a Cells, radius_m: f32) -> Self {
+        Self {
+            points_m,
+            cells,
+            reach: radius_m * radius_m,
+            unlabelled: (0..cells.len()).map(|cube| cells.points(cube).to_vec()).collect(),
+            labels: vec![None; points_m.len()],
+            count: 0,
+        }
+    }
+
+    /// Labels all that can be reached from a core point over core points.
+    fn grow(&mut self, first: usize, is_core: &[bool]) {
+        let label = Some(self.count);
+        self.count += 1;
+        let mut open = vec![first as u32];
+        while let Some(point) = open.pop() {
+            let from = self.points_m[point as usize];
+            for cube in self.cells.around(from) {
+                let (points_m, labels, reach) = (self.points_m, &mut self.labels, self.reach);
+                self.unlabelled[cube].retain(|&other| {
+                    let is_near = (points_m[other as usize] - from).length_squared() <= reach;
+                    if is_near {
+                        labels[other as usize] = label;
+                        if is_core[other as usize] {
+                            open.push(other);
+                        }
+                    }
+                    !is_near
+                });
+            }
+        }
+    }
+}
+
+fn without_small(mut labels: Vec<Option<usize>>, points_min: usize) -> Vec<Option<usize>> {
+    let count = labels.iter().flatten().max().map_or(0, |last| last + 1);
+    let mut sizes = vec![0; count];
+    for label in labels.iter().flatten() {
+        sizes[*label] += 1;
+    }
+    let mut next = 0;
+    let numbers: Vec<Option<usize>> = sizes
+        .into_iter()
+        .map(|size| {
+            (size >= points_min).then(|| {
+                next += 1;
+                next - 1
+            })
+        })
+        .collect();
+    for label in &mut labels {
+        *label = label.and_then(|old| numbers[old]);
+    }
+    labels
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// DBSCAN as it is defined, every pair looked at.
+    fn slow(points_m: &[Vec3], law: &ClusterLaw) -> Vec<Option<usize>> {
+        let near = |a: usize| -> Vec<usize> {
+            (0..points_m.len()).filter(|b| (points_m[a] - points_m[*b]).length_squared() <= law.radius_m.powi(2)).collect()
+        };
+        let neighbours: Vec<Vec<usize>> = (0..points_m.len()).map(near).collect();
+        let mut labels = vec![None; points_m.len()];
+        let mut count = 0;
+        for first in 0..points_m.len() {
+            if labels[first].is_some() || neighbours[first].len() < law.points_min {
+                continue;
+            }
+            let mut open = vec![first];
+            while let Some(point) = open.pop() {
+                if labels[point].is_none() {
+                    labels[point] = Some(count);
+                    if neighbours[point].len() >= law.points_min {
+                        open.extend(&neighbours[point]);
+                    }
+                }
+            }
+            count += 1;
+        }
+        without_small(labels, law.cluster_points_min)
+    }
+
+    proptest! {
+        #[test]
+        fn labels_are_those_of_the_definition(
+            lattice in prop::collection::vec((0..30_i32, 0..30_i32, 0..4_i32), 0..400),
+            points_min in 1..8_usize, cluster_points_min in 1..30_usize,
+        ) {
+            // Whole millimetres keep distances away from the radius of 2.1 mm.
+            let points: Vec<Vec3> =
+                lattice.iter().map(|(x, y, z)| Vec3::new(*x as f32, *y as f32, *z as f32) * 1e-3 - 0.01).collect();
+            let law = ClusterLaw { radius_m: 2.1e-3, points_min, cluster_points_min };
+            prop_assert_eq!(clusters(&points, &law), slow(&points, &law));
+        }
+    }
+
+    #[test]
+    fn nothing_has_no_clusters_and_one_place_may_be_one() {
+        let law = ClusterLaw { radius_m: 0.01, points_min: 3, cluster_points_min: 3 };
+        assert!(clusters(&[], &law).is_empty());
+        assert_eq!(clusters(&[Vec3::ONE; 3], &law), [Some(0); 3]);
+        assert_eq!(clusters(&[Vec3::ONE; 2], &law), [None; 2]);
+    }
+
+    #[test]
+    fn a_wide_cloud_needs_no_more_memory() {
+        let points: Vec<Vec3> = (0..300).map(|n| Vec3::splat((n / 3) as f32 * 1e4)).collect();
+        let law = ClusterLaw { radius_m: 0.01, points_min: 3, cluster_points_min: 1 };
+        let labels = clusters(&points, &law);
+        assert!(labels.iter().enumerate().all(|(n, label)| *label == Some(n / 3)));
+        assert!(Cells::new(&points, law.radius_m).len() < 130_usize.pow(3));
+    }
+}

@@ -1,0 +1,196 @@
+//! The plane under the objects, by RANSAC and least squares (Fischler & Bolles 1981; the paper's Eq. 7).
+
+use glamx::{DMat3, DSymmetricEigen3, DVec3};
+use schema::{Plane, Stream, Vec3};
+
+/// What counts as the plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlaneLaw {
+    /// Points nearer than this belong to it.
+    pub threshold_m: f32,
+    /// How many samples of three points are tried.
+    pub iterations: usize,
+    /// How many times at most the plane is fitted to its inliers.
+    pub refits_max: usize,
+    /// Largest angle between its normal and the workspace's z.
+    pub tilt_rad_max: f32,
+    /// Share of the cloud that must belong to it.
+    pub share_min: f32,
+}
+
+impl PlaneLaw {
+    /// The paper's threshold and iterations. A table is level to 0.3 rad and a twentieth of what is seen: the paper says
+    /// nothing of that, but the largest plane of a full workspace may be the side of a box.
+    pub const PAPER: Self =
+        Self { threshold_m: 0.01, iterations: 100, refits_max: 20, tilt_rad_max: 0.3, share_min: 0.05 };
+}
+
+/// A plane and the points that belong to it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundPlane {
+    /// Upwards: the normal's z is positive.
+    pub plane: Plane,
+    /// Numbers of the points nearer than the threshold, ascending.
+    pub inliers: Vec<usize>,
+    /// How many fits it took until the inliers settled; `refits_max` if they did not.
+    pub refits: usize,
+}
+
+/// The plane that most points belong to, or `None` if there is none that obeys the law.
+///
+/// Of the planes through three random points the one with the most inliers is taken and then fitted to its inliers, again and
+/// again until they stay the same.
+#[must_use]
+pub fn find_plane(points_m: &[Vec3], law: &PlaneLaw, stream: &mut Stream) -> Option<FoundPlane> {
+    if points_m.len() < 3 {
+        return None;
+    }
+    let steep = libm::cosf(law.tilt_rad_max);
+    let mut best: Option<(usize, Plane)> = None;
+    for _ in 0..law.iterations {
+        let [a, b, c] = core::array::from_fn(|_| points_m[stream.index(points_m.len())]);
+        let Some(plane) = through(a, b, c).filter(|plane| plane.normal.z >= steep) else { continue };
+        let count = points_m.iter().map(|point| u32::from(belongs(&plane, *point, law))).sum::<u32>() as usize;
+        if best.is_none_or(|(most, _)| count > most) {
+            best = Some((count, plane));
+        }
+    }
+    let found = settled(points_m, best?.1, law)?;
+    let enough = found.inliers.len() as f32 >= law.share_min * points_m.len() as f32;
+    (enough && found.plane.normal.z >= steep).then_some(found)
+}
+
+fn belongs(plane: &Plane, point_m: Vec3, law: &PlaneLaw) -> bool {
+    (plane.normal.dot(point_m) - plane.offset_m).abs() < law.threshold_m
+}
+
+fn inliers(points_m: &[Vec3], plane: &Plane, law: &PlaneLaw) -> Vec<usize> {
+    points_m.iter().enumerate().filter(|(_, point)| belongs(plane, **point, law)).map(|(at, _)| at).collect()
+}
+
+/// Fits the plane to its inliers until they stay the same.
+fn settled(points_m: &[Vec3], first: Plane, law: &PlaneLaw) -> Option<FoundPlane> {
+    let mut found = FoundPlane { inliers: inliers(points_m, &first, law), plane: first, refits: 0 };
+    while found.refits < law.refits_max {
+        let plane = fitted(points_m, &found.inliers)?;
+        let next = inliers(points_m, &plane, law);
+        let is_settled = next == found.inliers;
+        found = FoundPlane { plane, inliers: next, refits: found.refits + 1 };
+        if is_settled {
+            break;
+        }
+    }
+    Some(found)
+}
+
+/// The plane through three points, unless they lie on a line.
+fn through(a: Vec3, b: Vec3, c: Vec3) -> Option<Plane> {
+    let normal = (b - a).cross(c - a).try_normalize()?;
+    Some(upwards(normal, normal.dot(a)))
+}
+
+fn upwards(normal: Vec3, offset_m: f32) -> Plane {
+    if normal.z < 0.0 { Plane { normal: -normal, offset_m: -offset_m } } else { Plane { normal, offset_m } }
+}
+
+/// The plane with the least sum of squared distances: through the mean, normal along the direction of least spread.
+fn fitted(points_m: &[Vec3], members: &[usize]) -> Option<Plane> {
+    if members.len() < 3 {
+        return None;
+    }
+    let wide = |at: &usize| points_m[*at].as_dvec3();
+    let mean = members.iter().map(wide).sum::<DVec3>() / members.len() as f64;
+    let mut spread = DMat3::ZERO;
+    for off in members.iter().map(|at| wide(at) - mean) {
+        spread += DMat3::from_cols(off * off.x, off * off.y, off * off.z);
+    }
+    // Ascending: the first vector is that of the least spread.
+    let normal = DSymmetricEigen3::new(spread).eigenvectors.x_axis.try_normalize()?;
+    Some(upwards(normal.as_vec3(), normal.dot(mean) as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::Purpose;
+
+    use super::*;
+
+    fn stream(number: u64) -> Stream {
+        Stream::new(11, number, Purpose::Plane, 0)
+    }
+
+    /// A noisy level-ish plane and a crowd of points above it.
+    fn scene(number: u64, noise_m: f32) -> (Plane, Vec<Vec3>) {
+        let mut stream = stream(number);
+        let tilt = Vec3::new(stream.normal(0.0, 0.03), stream.normal(0.0, 0.03), 1.0).normalize();
+        let plane = Plane { normal: tilt, offset_m: 0.05 };
+        let mut points = Vec::new();
+        for _ in 0..3_000 {
+            let flat = stream.point(Vec3::ZERO, Vec3::new(0.3, 0.3, 0.0));
+            let z = (plane.offset_m - flat.dot(plane.normal)) / plane.normal.z;
+            points.push(flat + Vec3::new(0.0, 0.0, z) + plane.normal * stream.normal(0.0, noise_m));
+        }
+        for _ in 0..1_500 {
+            points.push(stream.point(Vec3::new(0.1, 0.1, 0.08), Vec3::new(0.2, 0.2, 0.15)));
+        }
+        (plane, points)
+    }
+
+    #[test]
+    fn a_plane_without_noise_is_found_to_rounding() {
+        let (plane, points) = scene(1, 0.0);
+        let found = find_plane(&points, &PlaneLaw::PAPER, &mut stream(2)).unwrap();
+        assert!((found.plane.normal - plane.normal).length() < 1e-5, "{:?}", found.plane);
+        assert!((found.plane.offset_m - plane.offset_m).abs() < 1e-6);
+        assert_eq!(found.inliers, (0..3_000).collect::<Vec<_>>());
+    }
+
+    /// The error of a least-squares plane over a 0.3 m square with n points of noise s: s/√n in height, s/(√n · 0.087 m) in tilt.
+    #[test]
+    fn noise_moves_it_no_farther_than_least_squares_must() {
+        for number in 0..20 {
+            let (plane, points) = scene(number, 0.002);
+            let found = find_plane(&points, &PlaneLaw::PAPER, &mut stream(100 + number)).unwrap();
+            let middle = Vec3::new(0.15, 0.15, 0.05);
+            let height = |p: &Plane| p.normal.dot(middle) - p.offset_m;
+            assert!((height(&found.plane) - height(&plane)).abs() < 4.0 * 0.002 / 3_000_f32.sqrt());
+            let tilt = (found.plane.normal - plane.normal).length();
+            assert!(tilt < 4.0 * 1.42 * 0.002 / (3_000_f32.sqrt() * 0.087), "scene {number}: tilt {tilt}");
+            assert!(found.refits < PlaneLaw::PAPER.refits_max);
+        }
+    }
+
+    #[test]
+    fn the_fit_is_the_least_squares_plane() {
+        // Heights over a lattice: the normal equations can be solved by hand, for z = ax + by + c with small slopes both
+        // kinds of least squares agree to the square of the slopes.
+        let heights = [0.0, 1e-5, -2e-5, 3e-5, 0.0, 1e-5, -1e-5, 2e-5, 0.0];
+        let points: Vec<Vec3> = (0..9).map(|n| Vec3::new((n / 3) as f32 - 1.0, (n % 3) as f32 - 1.0, heights[n])).collect();
+        let plane = fitted(&points, &(0..9).collect::<Vec<_>>()).unwrap();
+        let slope = |weight: &dyn Fn(usize) -> f32| (0..9).map(|n| weight(n) * heights[n]).sum::<f32>() / 6.0;
+        let (a, b) = (slope(&|n| (n / 3) as f32 - 1.0), slope(&|n| (n % 3) as f32 - 1.0));
+        assert!((plane.normal - Vec3::new(-a, -b, 1.0)).length() < 1e-9, "{:?} against {a}, {b}", plane.normal);
+        assert!((plane.offset_m - heights.iter().sum::<f32>() / 9.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_is_no_table_is_not_found() {
+        let mut stream = stream(5);
+        assert_eq!(find_plane(&[], &PlaneLaw::PAPER, &mut stream), None);
+        let line: Vec<Vec3> = (0..500).map(|n| Vec3::new(n as f32 * 1e-3, 0.0, 0.0)).collect();
+        assert_eq!(find_plane(&line, &PlaneLaw::PAPER, &mut stream), None);
+        let wall: Vec<Vec3> = (0..500).map(|_| stream.point(Vec3::ZERO, Vec3::new(0.3, 0.0, 0.3))).collect();
+        assert_eq!(find_plane(&wall, &PlaneLaw::PAPER, &mut stream), None);
+        let same = vec![Vec3::ONE; 50];
+        assert_eq!(find_plane(&same, &PlaneLaw::PAPER, &mut stream), None);
+        let cloud: Vec<Vec3> = (0..500).map(|_| stream.point(Vec3::ZERO, Vec3::splat(30.0))).collect();
+        assert_eq!(find_plane(&cloud, &PlaneLaw::PAPER, &mut stream), None);
+    }
+
+    #[test]
+    fn the_same_stream_finds_the_same_plane() {
+        let (_, points) = scene(3, 0.003);
+        let find = || find_plane(&points, &PlaneLaw::PAPER, &mut stream(9));
+        assert_eq!(find(), find());
+    }
+}
