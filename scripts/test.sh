@@ -94,7 +94,8 @@ dataset() {
 
 readers() {
     GRASPMILL_DATASET="$scratch/dataset" GRASPMILL_COULOMB="$scratch/coulomb" \
-        GRASPMILL_TRAINER="${CARGO_TARGET_DIR:-target}/debug/trainer" .venv/bin/python -m pytest -rs -p no:cacheprovider tests/python
+        GRASPMILL_TRAINER="${CARGO_TARGET_DIR:-target}/debug/trainer" \
+        GRASPMILL_PLANNER="${CARGO_TARGET_DIR:-target}/debug/planner" .venv/bin/python -m pytest -rs -p no:cacheprovider tests/python
 }
 
 # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds them.

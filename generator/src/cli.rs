@@ -57,6 +57,8 @@ pub(crate) enum Command {
     Bench(BenchArguments),
     /// Execute a dataset's attempts again, from its rows alone: do they end as stored?
     Repeat(RepeatArguments),
+    /// Write a stored scene's depth images, and the file with which planner plan reads them
+    Depth(DepthArguments),
     /// Print the shards that are not there, as 0-2,5: what --shard-index and schedulers' arrays take
     Missing(MissingArguments),
     /// Complete a dataset whose shards are all there; exit 69 and name those that are not
@@ -98,6 +100,25 @@ pub(crate) struct GcArguments {
     /// Also what live writers may be writing (where a file system has no locks, dead ones cannot be told from them)
     #[arg(long, conflicts_with = "dry_run")]
     pub all: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct DepthArguments {
+    /// Folder or URL of the dataset
+    #[arg(value_parser = LocationParser)]
+    pub dataset: Location,
+
+    /// Which scene
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub scene: u64,
+
+    /// From so many points evenly around the scene [default: the views of its TSDF]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=32))]
+    pub views: Option<u8>,
+
+    /// Folder for depth-0.png and so on (16 bit, 0.1 mm a unit) and views.toml
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
 }
 
 #[derive(Debug, clap::Args)]
@@ -155,6 +176,7 @@ Examples:
   generator --shards 5000 --task 3/100 --out s3://bucket/grasps
   generator missing grasps                              what is left to make
   generator finalize grasps                             complete it, when all is there
+  generator depth grasps --scene 7 --out scene-7 && planner plan --views scene-7/views.toml
   generator bench --markdown bench.md                   what an attempt costs on this machine
 
 GRASPMILL_LOG=info shows which shards are skipped and committed.";

@@ -8,6 +8,7 @@ mod bench;
 mod build;
 mod candidates;
 mod config;
+mod depth_images;
 #[cfg(any(test, fuzzing))]
 pub mod fuzzing;
 mod objects;
@@ -20,6 +21,7 @@ pub use bench::{Agreement, BenchReport, BenchSize, OutcomeCost, RunCost, StageCo
 pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ConfigError, ObjectLaw, Overrides};
+pub use depth_images::{DepthImagesError, Views, write_depth_images};
 pub use objects::draw_drops;
 pub use repeat::{Difference, RepeatError, Repeated, repeat};
 pub use rules::{Law, Tilt, law_of};

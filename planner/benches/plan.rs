@@ -1,0 +1,72 @@
+//! The parts of a plan on the demo: `cargo bench -p planner`. (`planner bench` times whole plans.)
+
+use perception::{clusters, find_plane, surface_cloud};
+use planner::config::Config;
+use planner::detect::detect;
+use planner::segment::segment;
+use planner::volume::fuse_views;
+use planner::{Observation, Planner, Wishes, demo, input};
+use schema::{Grid, Purpose, Stream, Vec3, VoxelGrid};
+
+fn main() {
+    divan::main();
+}
+
+fn views() -> Vec<planner::SeenView> {
+    match input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation {
+        Observation::Views(views) => views,
+        _ => Vec::new(),
+    }
+}
+
+fn field() -> VoxelGrid {
+    fuse_views(&views(), &Grid::PAPER).unwrap()
+}
+
+fn config() -> Config {
+    Config::built_in().unwrap()
+}
+
+#[divan::bench]
+fn tsdf_of_three_views(bencher: divan::Bencher<'_, '_>) {
+    let views = views();
+    bencher.bench_local(|| fuse_views(divan::black_box(&views), &Grid::PAPER));
+}
+
+#[divan::bench]
+fn cloud_of_tsdf(bencher: divan::Bencher<'_, '_>) {
+    let field = field();
+    bencher.bench_local(|| surface_cloud(divan::black_box(&field), 0.0025));
+}
+
+#[divan::bench]
+fn plane_of_cloud(bencher: divan::Bencher<'_, '_>) {
+    let (points, law) = (surface_cloud(&field(), 0.0025), config().plane);
+    bencher.bench_local(|| find_plane(&points, &law, &mut Stream::new(1, 0, Purpose::Plane, 0)));
+}
+
+#[divan::bench]
+fn clusters_of_what_is_left(bencher: divan::Bencher<'_, '_>) {
+    let points: Vec<Vec3> = surface_cloud(&field(), 0.0025).into_iter().filter(|p| p.z > 0.06).collect();
+    let law = config().clusters;
+    bencher.bench_local(|| clusters(divan::black_box(&points), &law));
+}
+
+#[divan::bench]
+fn plane_and_clusters(bencher: divan::Bencher<'_, '_>) {
+    let (points, config) = (surface_cloud(&field(), 0.0025), config());
+    bencher.with_inputs(|| points.clone()).bench_local_values(|points| segment(points, &config));
+}
+
+#[divan::bench]
+fn detections_of_volumes(bencher: divan::Bencher<'_, '_>) {
+    let (field, law) = (field(), config().detection);
+    let (quality, width): (Vec<f32>, Vec<f32>) = field.values.iter().map(|value| (0.5 + 0.5 * value, 5.0)).unzip();
+    bencher.bench_local(|| detect(&Grid::PAPER, &field.values, &quality, &width, &law));
+}
+
+#[divan::bench]
+fn whole_plan_of_tsdf(bencher: divan::Bencher<'_, '_>) {
+    let (planner, observation) = (Planner::built_in(config()).unwrap(), Observation::Tsdf(field()));
+    bencher.bench_local(|| planner.plan(&observation, &Wishes::default()));
+}

@@ -1,0 +1,229 @@
+//! A plan as JSON: what `planner plan` prints and `planner serve` answers.
+
+use schema::Pose;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::plan::{DroppedCandidate, Drop, Funnel, Plan, RankedGrasp};
+
+/// Version of the answer's layout.
+pub const FORMAT: &str = "graspmill-plan/1";
+
+/// A plan.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct Answer {
+    /// Layout of this document: `graspmill-plan/1`.
+    pub format: &'static str,
+    /// SHA-256 of the network's weights file.
+    pub model: String,
+    /// How the grasps are ranked: `paper`, `vgn-random` or `vgn-best`.
+    pub policy: &'static str,
+    /// The workspace.
+    pub grid: GridAnswer,
+    /// The grasps, best first.
+    pub grasps: Vec<GraspAnswer>,
+    /// Why there are no grasps; null if there are.
+    pub reason: Option<String>,
+    /// What the caller should know.
+    pub warnings: Vec<String>,
+    /// The objects, top-down.
+    pub objects: Vec<ObjectAnswer>,
+    /// The plane under the objects; null if none was found.
+    pub plane: Option<PlaneAnswer>,
+    /// How many candidates were left after each stage.
+    pub funnel: FunnelAnswer,
+    /// Candidates that were dropped and why; only if that was asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub dropped: Vec<DroppedAnswer>,
+}
+
+/// The workspace: a cube, its origin at a lower corner, z up.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct GridAnswer {
+    /// Its side, in metres.
+    pub size_m: f32,
+    /// Voxels along a side.
+    pub resolution: usize,
+}
+
+/// A rigid transform `target_from_source`.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct PoseAnswer {
+    /// Metres.
+    pub position_m: [f32; 3],
+    /// Unit quaternion x, y, z, w.
+    pub quaternion_xyzw: [f32; 4],
+}
+
+/// A grasp: +z approach, +y closing, origin midway between the finger tips' ends.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct GraspAnswer {
+    /// 1 is the best.
+    pub rank: usize,
+    /// The grasp in the workspace.
+    pub workspace_from_grasp: PoseAnswer,
+    /// The grasp in the robot's base frame; null if `base_from_workspace` was not given.
+    pub base_from_grasp: Option<PoseAnswer>,
+    /// Distance between the fingers' inner faces when they hold, in metres.
+    pub width_m: f32,
+    /// Grasp quality, smoothed, between 0 and 1.
+    pub quality: f32,
+    /// Index into `objects`; null if it belongs to none.
+    pub object: Option<usize>,
+    /// Eq. 8's ρ in metres: weighted distance to the object's centroid over quality; null without an object.
+    pub rho_m: Option<f32>,
+    /// The voxel it was found in: x, y, z.
+    pub voxel: [usize; 3],
+}
+
+/// A cluster of the surface cloud.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct ObjectAnswer {
+    /// Mean of its points in the workspace, in metres.
+    pub centroid_m: [f32; 3],
+    /// How many points it has.
+    pub point_count: usize,
+}
+
+/// A plane: normal · x = offset, in the workspace.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct PlaneAnswer {
+    /// Unit normal, upwards.
+    pub normal: [f32; 3],
+    /// Metres.
+    pub offset_m: f32,
+    /// Points of the cloud within the threshold.
+    pub inlier_count: usize,
+}
+
+/// How many candidates were left after each stage.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct FunnelAnswer {
+    /// Voxels of the grid.
+    pub voxels: usize,
+    /// Near enough to the surface.
+    pub near_surface: usize,
+    /// With a width within the limits.
+    pub width_within_limits: usize,
+    /// With a quality of ε or more.
+    pub quality_reached: usize,
+    /// Best within their suppression window.
+    pub detections: usize,
+    /// Whose hand hits nothing (all, if that was not checked).
+    pub collision_free: usize,
+    /// Given.
+    pub ranked: usize,
+}
+
+/// A candidate that was dropped.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct DroppedAnswer {
+    /// `far_from_surface`, `width`, `quality`, `suppressed`, `collision`, `no_object` or `beyond_limit`.
+    pub why: &'static str,
+    /// The same for people, with the numbers.
+    pub told: String,
+    /// Its pose in the workspace.
+    pub workspace_from_grasp: PoseAnswer,
+    /// Predicted width in metres.
+    pub width_m: f32,
+    /// Smoothed quality before any mask.
+    pub quality: f32,
+    /// The voxel it was found in: x, y, z.
+    pub voxel: [usize; 3],
+}
+
+impl Answer {
+    /// The plan as it is told; `model` is the SHA-256 of the weights.
+    #[must_use]
+    pub fn new(plan: &Plan, model: &str, policy: crate::Policy) -> Self {
+        let plane = plan.cloud.plane.as_ref().map(|found| PlaneAnswer {
+            normal: found.plane.normal.to_array(),
+            offset_m: found.plane.offset_m,
+            inlier_count: found.inliers.len(),
+        });
+        Self {
+            format: FORMAT,
+            model: model.to_owned(),
+            policy: policy.name(),
+            grid: GridAnswer { size_m: plan.grid.size_m, resolution: plan.grid.resolution },
+            grasps: plan.grasps.iter().enumerate().map(|(at, grasp)| grasp_answer(at + 1, grasp)).collect(),
+            reason: plan.reason.clone(),
+            warnings: plan.warnings.clone(),
+            objects: plan
+                .objects
+                .iter()
+                .map(|o| ObjectAnswer { centroid_m: o.centroid_m.to_array(), point_count: o.point_count })
+                .collect(),
+            plane,
+            funnel: funnel_answer(&plan.funnel),
+            dropped: plan.dropped.iter().map(dropped_answer).collect(),
+        }
+    }
+}
+
+impl PoseAnswer {
+    fn new(pose: &Pose) -> Self {
+        Self { position_m: pose.translation.to_array(), quaternion_xyzw: pose.rotation.to_array() }
+    }
+}
+
+fn grasp_answer(rank: usize, grasp: &RankedGrasp) -> GraspAnswer {
+    GraspAnswer {
+        rank,
+        workspace_from_grasp: PoseAnswer::new(&grasp.grasp.workspace_from_grasp),
+        base_from_grasp: grasp.base_from_grasp.as_ref().map(PoseAnswer::new),
+        width_m: grasp.grasp.width_m,
+        quality: grasp.quality,
+        object: grasp.object,
+        rho_m: grasp.rho_m,
+        voxel: grasp.voxel,
+    }
+}
+
+fn funnel_answer(funnel: &Funnel) -> FunnelAnswer {
+    let Funnel { voxels, near_surface, width_within_limits, quality_reached, detections, collision_free, ranked } =
+        *funnel;
+    FunnelAnswer { voxels, near_surface, width_within_limits, quality_reached, detections, collision_free, ranked }
+}
+
+fn dropped_answer(dropped: &DroppedCandidate) -> DroppedAnswer {
+    DroppedAnswer {
+        why: dropped.drop.name(),
+        told: dropped.drop.to_string(),
+        workspace_from_grasp: PoseAnswer::new(&dropped.grasp.workspace_from_grasp),
+        width_m: dropped.grasp.width_m,
+        quality: dropped.quality,
+        voxel: dropped.voxel,
+    }
+}
+
+impl Drop {
+    /// One word for programs.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::FarFromSurface => "far_from_surface",
+            Self::Width { .. } => "width",
+            Self::Quality => "quality",
+            Self::Suppressed => "suppressed",
+            Self::Collision { .. } => "collision",
+            Self::NoObject => "no_object",
+            Self::BeyondLimit => "beyond_limit",
+        }
+    }
+}
+
+impl std::fmt::Display for Drop {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::FarFromSurface => write!(f, "too far from any surface that was seen"),
+            Self::Width { width_voxels } => write!(f, "a width of {width_voxels:.2} voxels is outside the limits"),
+            Self::Quality => write!(f, "quality below the threshold"),
+            Self::Suppressed => write!(f, "a better grasp is near"),
+            Self::Collision { points } => write!(f, "the hand would pass through {points} points of the cloud"),
+            Self::NoObject => write!(f, "belongs to no object"),
+            Self::BeyondLimit => write!(f, "beyond the number of grasps asked for"),
+        }
+    }
+}
+

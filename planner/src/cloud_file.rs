@@ -1,0 +1,91 @@
+//! The segmented cloud as a PLY file, which every viewer of clouds opens.
+//!
+//! Besides its place a point has the tint it has in the picture and `label`: the object's number, −1 for noise, −2 for the
+//! plane.
+
+use crate::picture::tints;
+use crate::plan::{Plan, PointLabel};
+
+const HEADER: &str = "property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n\
+                      property uchar blue\nproperty int label\nend_header\n";
+
+/// Bytes a point takes.
+const POINT_BYTES: usize = 3 * 4 + 3 + 4;
+
+/// The cloud as binary, little-endian PLY; metres, in the workspace.
+#[must_use]
+pub fn write_ply(plan: &Plan) -> Vec<u8> {
+    let points = plan.cloud.points_m.iter().zip(&plan.cloud.labels);
+    let count = points.len();
+    let mut bytes = format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{HEADER}").into_bytes();
+    bytes.reserve(POINT_BYTES * count);
+    for (point_m, label) in points {
+        for coordinate in point_m.to_array() {
+            bytes.extend(coordinate.to_le_bytes());
+        }
+        bytes.extend(tints::of_label(*label));
+        bytes.extend(number(*label).to_le_bytes());
+    }
+    bytes
+}
+
+fn number(label: PointLabel) -> i32 {
+    match label {
+        PointLabel::Plane => -2,
+        PointLabel::Noise => -1,
+        PointLabel::Object(object) => i32::try_from(object).unwrap_or(i32::MAX),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ply_rs_bw::parser::Parser;
+    use ply_rs_bw::ply::{DefaultElement, Encoding, Property};
+    use schema::{Grid, Vec3};
+
+    use super::*;
+    use crate::plan::{Funnel, SegmentedCloud};
+
+    fn plan(points_m: Vec<Vec3>, labels: Vec<PointLabel>) -> Plan {
+        Plan {
+            grid: Grid::PAPER,
+            grasps: Vec::new(),
+            objects: Vec::new(),
+            cloud: SegmentedCloud { points_m, labels, plane: None },
+            funnel: Funnel::default(),
+            reason: None,
+            warnings: Vec::new(),
+            dropped: Vec::new(),
+            timings_ms: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn another_reader_finds_the_points_their_tints_and_their_labels() {
+        let points = vec![Vec3::new(0.1, 0.2, 0.05), Vec3::new(0.0, -0.3, 1e-3), Vec3::X, Vec3::Y];
+        let labels = vec![PointLabel::Plane, PointLabel::Noise, PointLabel::Object(0), PointLabel::Object(12)];
+        let bytes = write_ply(&plan(points.clone(), labels.clone()));
+        let ply = Parser::<DefaultElement>::new().read_ply(&mut bytes.as_slice()).unwrap();
+        assert_eq!(ply.header.encoding, Encoding::BinaryLittleEndian);
+        let vertices = &ply.payload["vertex"];
+        assert_eq!(vertices.len(), 4);
+        for (at, wanted) in [-2, -1, 0, 12].into_iter().enumerate() {
+            let vertex = &vertices[at];
+            for (name, coordinate) in ["x", "y", "z"].into_iter().zip(points[at].to_array()) {
+                assert_eq!(vertex[name], Property::Float(coordinate));
+            }
+            for (name, channel) in ["red", "green", "blue"].into_iter().zip(tints::of_label(labels[at])) {
+                assert_eq!(vertex[name], Property::UChar(channel));
+            }
+            assert_eq!(vertex["label"], Property::Int(wanted));
+        }
+    }
+
+    #[test]
+    fn an_empty_cloud_is_a_file_without_points() {
+        let bytes = write_ply(&plan(Vec::new(), Vec::new()));
+        let ply = Parser::<DefaultElement>::new().read_ply(&mut bytes.as_slice()).unwrap();
+        assert!(ply.payload["vertex"].is_empty());
+        assert!(bytes.ends_with(b"end_header\n"));
+    }
+}

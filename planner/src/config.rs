@@ -1,0 +1,422 @@
+//! The planner's settings as a file. Private `Raw…` types are what TOML holds; [`Config`] is what the rest sees. All problems
+//! are reported at once, each with its key.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use perception::{ClusterLaw, PlaneLaw};
+use schema::{Gripper, keys_unlike};
+use serde::Deserialize;
+
+/// The settings that come with the program, and the reference for what keys there are.
+pub const PAPER: &str = include_str!("../../configs/plan/paper.toml");
+
+/// Checked settings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Config {
+    /// Seed of what is drawn.
+    pub seed: u64,
+    /// The hand.
+    pub gripper: Gripper,
+    /// From the network's volumes to detections.
+    pub detection: DetectionLaw,
+    /// Distance between the points of the surface cloud.
+    pub pitch_m: f32,
+    /// What counts as the table.
+    pub plane: PlaneLaw,
+    /// What counts as an object.
+    pub clusters: ClusterLaw,
+    /// In which order grasps are given.
+    pub ranking: RankingLaw,
+    /// Which ways of the hand are free.
+    pub collision: CollisionLaw,
+}
+
+/// VGN's constants (its `detection.py`: `process`, `select`).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DetectionLaw {
+    /// Width of the Gaussian that smooths the quality.
+    pub gaussian_sigma_voxels: f32,
+    /// How many steps before the surface a grasp may lie.
+    pub surface_steps_max: usize,
+    /// Smallest width.
+    pub width_voxels_min: f32,
+    /// Largest width.
+    pub width_voxels_max: f32,
+    /// ε.
+    pub quality_min: f32,
+    /// Side of the cube in which only the best is kept.
+    pub suppression_window_voxels: usize,
+    /// Place of a grasp in its voxel, along each axis.
+    pub voxel_offset: f32,
+}
+
+/// How grasps are ranked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RankingLaw {
+    /// By what.
+    pub policy: Policy,
+    /// λ of Eq. 8 for x, y and z.
+    pub weights: [f32; 3],
+    /// Farthest that a grasp may be from the object it belongs to.
+    pub object_distance_m_max: f32,
+    /// What becomes of grasps that belong to no object.
+    pub without_object: WithoutObject,
+}
+
+/// An order of grasps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Policy {
+    /// Objects top-down, in each by Eq. 8.
+    Paper,
+    /// By chance, as VGN's simulation picks.
+    VgnRandom,
+    /// By quality.
+    VgnBest,
+}
+
+/// What becomes of grasps that belong to no object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WithoutObject {
+    /// They come after all others, by quality.
+    Last,
+    /// They are dropped.
+    Drop,
+}
+
+/// When a hand's way is not free.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CollisionLaw {
+    /// Whether to look at all.
+    pub check: bool,
+    /// How long the straight way is.
+    pub pregrasp_distance_m: f32,
+    /// Points that may be in the way.
+    pub points_max: usize,
+}
+
+/// Why settings are refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("failed to read the configuration: {source}: {}", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not TOML.
+    #[error("not TOML: {message}: {}", .path.display())]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// What the parser said.
+        message: String,
+    },
+    /// Keys that are unknown, missing or out of range, all of them.
+    #[error("{} problem{} in the configuration {}:\n  {}", .problems.len(), if .problems.len() == 1 { "" } else { "s" }, .path.display(), .problems.join("\n  "))]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// One message a problem, beginning with the key's path.
+        problems: Vec<String>,
+    },
+}
+
+impl Policy {
+    /// Every policy.
+    pub const ALL: [Self; 3] = [Self::Paper, Self::VgnRandom, Self::VgnBest];
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::VgnRandom => "vgn-random",
+            Self::VgnBest => "vgn-best",
+        }
+    }
+}
+
+impl FromStr for Policy {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let names = || Self::ALL.map(Self::name).join(", ");
+        let found = Self::ALL.into_iter().find(|policy| policy.name() == name);
+        found.ok_or_else(|| format!("policy must be one of {}, got {name}", names()))
+    }
+}
+
+#[derive(Deserialize)]
+struct Raw {
+    seed: u64,
+    gripper: String,
+    detection: RawDetection,
+    cloud: RawCloud,
+    plane: RawPlane,
+    clusters: RawClusters,
+    ranking: RawRanking,
+    collision: RawCollision,
+}
+
+#[derive(Deserialize)]
+struct RawDetection {
+    gaussian_sigma_voxels: f32,
+    surface_steps_max: usize,
+    width_voxels_min: f32,
+    width_voxels_max: f32,
+    quality_min: f32,
+    suppression_window_voxels: usize,
+    voxel_offset: f32,
+}
+
+#[derive(Deserialize)]
+struct RawCloud {
+    pitch_m: f32,
+}
+
+#[derive(Deserialize)]
+struct RawPlane {
+    threshold_m: f32,
+    iterations: usize,
+    refits_max: usize,
+    tilt_rad_max: f32,
+    share_min: f32,
+}
+
+#[derive(Deserialize)]
+struct RawClusters {
+    radius_m: f32,
+    points_min: usize,
+    cluster_points_min: usize,
+}
+
+#[derive(Deserialize)]
+struct RawRanking {
+    policy: String,
+    weights: Vec<f32>,
+    object_distance_m_max: f32,
+    without_object: String,
+}
+
+#[derive(Deserialize)]
+struct RawCollision {
+    check: bool,
+    pregrasp_distance_m: f32,
+    points_max: usize,
+}
+
+impl Config {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`ConfigError`]; [`ConfigError::Invalid`] names every unknown, missing and out-of-range key.
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// The settings that come with the program ([`PAPER`]).
+    ///
+    /// # Errors
+    /// None, as a test says; the type is that of [`Config::read`].
+    pub fn built_in() -> Result<Self, ConfigError> {
+        Self::parse(PAPER, Path::new("configs/plan/paper.toml"))
+    }
+
+    /// Checks the text of a file; `path` is for messages and for a gripper's path.
+    ///
+    /// # Errors
+    /// As [`Config::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        let syntax = |e: toml::de::Error| ConfigError::Syntax { path: path.to_owned(), message: e.to_string() };
+        let invalid = |problems| ConfigError::Invalid { path: path.to_owned(), problems };
+        let (table, reference): (toml::Table, toml::Table) =
+            (text.parse().map_err(syntax)?, PAPER.parse().map_err(syntax)?);
+        let problems = keys_unlike(&table, &reference);
+        if !problems.is_empty() {
+            return Err(invalid(problems));
+        }
+        // What is left are numbers that do not fit: negative counts.
+        let raw: Raw = table.try_into().map_err(|e: toml::de::Error| invalid(vec![e.message().to_owned()]))?;
+        checked(raw, path.parent()).map_err(invalid)
+    }
+}
+
+fn checked(raw: Raw, folder: Option<&Path>) -> Result<Config, Vec<String>> {
+    let mut problems = out_of_range(&raw);
+    let mut noted = |result: Result<(), String>| problems.extend(result.err());
+    let (mut policy, mut without_object, mut gripper) = (Policy::Paper, WithoutObject::Last, None);
+    noted(raw.ranking.policy.parse().map(|found| policy = found).map_err(|e| format!("ranking.{e}")));
+    noted(match raw.ranking.without_object.as_str() {
+        "last" => Ok(()),
+        "drop" => {
+            without_object = WithoutObject::Drop;
+            Ok(())
+        }
+        other => Err(format!("ranking.without_object must be last or drop, got {other}")),
+    });
+    noted(read_gripper(&raw.gripper, folder).map(|found| gripper = Some(found)));
+    let weights: Option<[f32; 3]> = raw.ranking.weights.as_slice().try_into().ok();
+    let legal = |weights: &[f32; 3]| weights.iter().all(|w| (0.0..=1e3).contains(w)) && weights.iter().any(|w| *w > 0.0);
+    noted(if weights.as_ref().is_some_and(legal) {
+        Ok(())
+    } else {
+        let got = &raw.ranking.weights;
+        Err(format!("ranking.weights must be three numbers between 0 and 1000, not all 0, got {got:?}"))
+    });
+    match (problems.is_empty(), gripper, weights) {
+        (true, Some(gripper), Some(weights)) => {
+            Ok(put_together(&raw, gripper, policy, RankingRest { weights, without_object }))
+        }
+        _ => Err(problems),
+    }
+}
+
+struct RankingRest {
+    weights: [f32; 3],
+    without_object: WithoutObject,
+}
+
+fn put_together(raw: &Raw, gripper: Gripper, policy: Policy, rest: RankingRest) -> Config {
+    let Raw { seed, detection, cloud, plane, clusters, ranking, collision, .. } = raw;
+    Config {
+        seed: *seed,
+        gripper,
+        detection: DetectionLaw {
+            gaussian_sigma_voxels: detection.gaussian_sigma_voxels,
+            surface_steps_max: detection.surface_steps_max,
+            width_voxels_min: detection.width_voxels_min,
+            width_voxels_max: detection.width_voxels_max,
+            quality_min: detection.quality_min,
+            suppression_window_voxels: detection.suppression_window_voxels,
+            voxel_offset: detection.voxel_offset,
+        },
+        pitch_m: cloud.pitch_m,
+        plane: PlaneLaw {
+            threshold_m: plane.threshold_m,
+            iterations: plane.iterations,
+            refits_max: plane.refits_max,
+            tilt_rad_max: plane.tilt_rad_max,
+            share_min: plane.share_min,
+        },
+        clusters: ClusterLaw {
+            radius_m: clusters.radius_m,
+            points_min: clusters.points_min,
+            cluster_points_min: clusters.cluster_points_min,
+        },
+        ranking: RankingLaw {
+            policy,
+            weights: rest.weights,
+            object_distance_m_max: ranking.object_distance_m_max,
+            without_object: rest.without_object,
+        },
+        collision: CollisionLaw {
+            check: collision.check,
+            pregrasp_distance_m: collision.pregrasp_distance_m,
+            points_max: collision.points_max,
+        },
+    }
+}
+
+fn out_of_range(raw: &Raw) -> Vec<String> {
+    let Raw { detection: d, cloud, plane, clusters, ranking, collision, .. } = raw;
+    let reals = [
+        ("detection.gaussian_sigma_voxels", d.gaussian_sigma_voxels, 0.0, 10.0),
+        ("detection.width_voxels_min", d.width_voxels_min, 0.0, 100.0),
+        ("detection.width_voxels_max", d.width_voxels_max, d.width_voxels_min, 100.0),
+        ("detection.quality_min", d.quality_min, 1e-6, 1.0),
+        ("detection.voxel_offset", d.voxel_offset, 0.0, 1.0),
+        ("cloud.pitch_m", cloud.pitch_m, 5e-4, 0.1),
+        ("plane.threshold_m", plane.threshold_m, 1e-4, 0.1),
+        ("plane.tilt_rad_max", plane.tilt_rad_max, 0.0, 1.57),
+        ("plane.share_min", plane.share_min, 0.0, 1.0),
+        ("clusters.radius_m", clusters.radius_m, 1e-4, 0.2),
+        ("ranking.object_distance_m_max", ranking.object_distance_m_max, 0.0, 10.0),
+        ("collision.pregrasp_distance_m", collision.pregrasp_distance_m, 0.0, 1.0),
+    ];
+    let wholes = [
+        ("detection.surface_steps_max", d.surface_steps_max, 0, 100),
+        ("detection.suppression_window_voxels", d.suppression_window_voxels, 1, 40),
+        ("plane.iterations", plane.iterations, 1, 100_000),
+        ("plane.refits_max", plane.refits_max, 0, 1_000),
+        ("clusters.points_min", clusters.points_min, 1, 1_000_000),
+        ("clusters.cluster_points_min", clusters.cluster_points_min, 1, 10_000_000),
+        ("collision.points_max", collision.points_max, 0, 1_000_000),
+    ];
+    let told = |key: &str, low: &dyn std::fmt::Display, high: &dyn std::fmt::Display, got: &dyn std::fmt::Display| {
+        format!("{key} must be between {low} and {high}, got {got}")
+    };
+    let real = reals.iter().filter(|(_, value, low, high)| !(low..=high).contains(&value));
+    let whole = wholes.iter().filter(|(_, value, low, high)| !(low..=high).contains(&value));
+    real.map(|(key, value, low, high)| told(key, low, high, value))
+        .chain(whole.map(|(key, value, low, high)| told(key, low, high, value)))
+        .collect()
+}
+
+fn read_gripper(name: &str, folder: Option<&Path>) -> Result<Gripper, String> {
+    let text = match Gripper::BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
+        Some((_, text)) => (*text).to_owned(),
+        None if name.ends_with(".toml") => {
+            let path = folder.unwrap_or(Path::new("")).join(name);
+            std::fs::read_to_string(&path)
+                .map_err(|e| format!("failed to read the gripper: {e}: {}", path.display()))?
+        }
+        None => {
+            let names = Gripper::BUILT_IN.map(|(name, _)| name).join(", ");
+            return Err(format!("gripper must be a path that ends in .toml or one of {names}, got {name}"));
+        }
+    };
+    Gripper::from_toml(&text).map_err(|e| format!("{e}: {name}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn problems(text: &str) -> Vec<String> {
+        match Config::parse(text, Path::new("test.toml")) {
+            Err(ConfigError::Invalid { problems, .. }) => problems,
+            other => panic!("expected problems, got {other:?}"),
+        }
+    }
+
+    #[test]
+    fn the_built_in_settings_are_the_papers() {
+        let config = Config::built_in().unwrap();
+        assert_eq!(config.plane, PlaneLaw::PAPER);
+        assert_eq!(config.clusters, ClusterLaw::PAPER);
+        assert_eq!(config.ranking.weights, [0.45, 0.45, 0.1]);
+        assert_eq!(config.ranking.policy, Policy::Paper);
+        assert_eq!(config.detection.quality_min, 0.9);
+        assert_eq!(config.gripper.opening_m_max, 0.08);
+    }
+
+    #[test]
+    fn all_that_is_wrong_is_told_at_once() {
+        let bad = PAPER
+            .replace("quality_min = 0.9", "quality_min = 1.5")
+            .replace("policy = \"paper\"", "policy = \"best\"")
+            .replace("weights = [0.45, 0.45, 0.1]", "weights = [0.5, nan]")
+            .replace("without_object = \"last\"", "without_object = \"first\"")
+            .replace("gripper = \"parallel_jaw_80\"", "gripper = \"three_fingers\"");
+        let problems = problems(&bad);
+        assert_eq!(problems.len(), 5, "{problems:?}");
+        assert_eq!(problems[0], "detection.quality_min must be between 0.000001 and 1, got 1.5");
+        assert_eq!(problems[1], "ranking.policy must be one of paper, vgn-random, vgn-best, got best");
+        assert!(problems[3].starts_with("gripper must be a path"), "{problems:?}");
+    }
+
+    #[test]
+    fn unknown_missing_and_misfit_keys_are_told() {
+        let unknown = problems(&PAPER.replace("[cloud]", "[cloud]\nsize = 3"));
+        assert_eq!(unknown, ["cloud.size is no key of this file"]);
+        let missing = problems(&PAPER.replace("pitch_m = 0.0025", ""));
+        assert!(missing[0].starts_with("cloud.pitch_m is missing"), "{missing:?}");
+        assert_eq!(problems(&PAPER.replace("points_max = 5", "points_max = -5")).len(), 1);
+        assert_eq!(problems(&PAPER.replace("width_voxels_max = 9.33", "width_voxels_max = 1.0")).len(), 1);
+    }
+}

@@ -1,0 +1,43 @@
+//! A scene that comes with the program: three depth images of objects on a table.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+
+use crate::input::{DataInput, InputError, RequestInput, SourceInput, parse_toml};
+
+const VIEWS: &[u8] = include_bytes!("../demo/views.toml");
+/// Names in it, and what lies there.
+const IMAGES: [(&str, &[u8]); 3] = [
+    ("depth-0.png", include_bytes!("../demo/depth-0.png")),
+    ("depth-1.png", include_bytes!("../demo/depth-1.png")),
+    ("depth-2.png", include_bytes!("../demo/depth-2.png")),
+];
+
+/// The request of `planner plan --demo`: what `planner plan --views planner/demo/views.toml` reads.
+///
+/// # Errors
+/// None, as a test says; the type is that of other requests.
+pub fn request() -> Result<RequestInput, InputError> {
+    let mut input: RequestInput = parse_toml(VIEWS)?;
+    for view in input.views.iter_mut().flatten() {
+        let found = IMAGES.iter().find(|(name, _)| matches!(&view.depth, SourceInput::Path(path) if path == name));
+        if let Some((_, bytes)) = found {
+            view.depth = SourceInput::Data(DataInput { data: STANDARD.encode(bytes) });
+        }
+    }
+    Ok(input)
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::Grid;
+
+    use super::*;
+    use crate::input::{assemble, from_file};
+
+    #[test]
+    fn the_demo_is_what_its_folder_says() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("demo/views.toml");
+        assert_eq!(assemble(&request().unwrap(), None, Grid::PAPER).unwrap(), from_file(&path, Grid::PAPER).unwrap());
+    }
+}

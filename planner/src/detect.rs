@@ -1,0 +1,310 @@
+//! From the network's volumes to detections: VGN's published procedure (`detection.py`: `process`, `select`), bit for bit
+//! what scipy makes of it.
+//!
+//! The quality is smoothed; what lies away from the seen surface, is too narrow or too wide, or is not good enough counts as
+//! 0; of what is left the best in every small cube are the detections. scipy sums each pass in double and stores it in
+//! single precision, and the borders are as it has them; so do we, because a tie decides.
+
+use schema::Grid;
+
+use crate::config::DetectionLaw;
+use crate::plan::Drop;
+
+/// A voxel in which a grasp was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Detection {
+    /// x, y, z.
+    pub voxel: [usize; 3],
+    /// Smoothed quality.
+    pub quality: f32,
+}
+
+/// A voxel in which none was.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Miss {
+    /// x, y, z.
+    pub voxel: [usize; 3],
+    /// Smoothed quality.
+    pub quality: f32,
+    /// Why not.
+    pub drop: Drop,
+}
+
+/// What became of every voxel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detected {
+    /// The detections, in the order of their voxels, x slowest.
+    pub found: Vec<Detection>,
+    /// Near enough to the surface.
+    pub near_surface: usize,
+    /// Of those, with a width within the limits.
+    pub width_within_limits: usize,
+    /// Of those, good enough.
+    pub quality_reached: usize,
+    /// Highest smoothed quality of voxels near the surface with a width within the limits; 0 if there are none.
+    pub quality_best: f32,
+    /// The smoothed quality, nothing taken out.
+    pub smoothed: Vec<f32>,
+    /// Why a voxel is out, before neighbours are compared.
+    out: Vec<Option<Drop>>,
+}
+
+/// Of what was not good enough, only what is this good is worth telling, in parts of ε.
+const TOLD_SHARE_OF_QUALITY_MIN: f32 = 0.5;
+
+/// Finds grasps: `tsdf`, `quality` and `width_voxels` have one value a voxel of `grid`, x slowest.
+///
+/// # Panics
+/// If they have not.
+#[must_use]
+pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], law: &DetectionLaw) -> Detected {
+    for values in [tsdf, quality, width_voxels] {
+        assert_eq!(values.len(), grid.len(), "one value a voxel");
+    }
+    let smoothed = smooth(quality, grid.resolution, law.gaussian_sigma_voxels);
+    let near = near_surface(tsdf, grid, law.surface_steps_max);
+    let mut detected = Detected {
+        found: Vec::new(),
+        near_surface: 0,
+        width_within_limits: 0,
+        quality_reached: 0,
+        quality_best: 0.0,
+        smoothed,
+        out: Vec::with_capacity(grid.len()),
+    };
+    for flat in 0..grid.len() {
+        let out = detected.judge(near[flat], width_voxels[flat], detected.smoothed[flat], law);
+        detected.out.push(out);
+    }
+    for flat in (0..grid.len()).filter(|flat| detected.out[*flat].is_none()) {
+        let voxel = unflat(grid, flat);
+        if !detected.is_suppressed(grid, voxel, law) {
+            detected.found.push(Detection { voxel, quality: detected.smoothed[flat] });
+        }
+    }
+    detected
+}
+
+impl Detected {
+    /// Whether a voxel is out, and counts how far it came.
+    fn judge(&mut self, is_near: bool, width_voxels: f32, quality: f32, law: &DetectionLaw) -> Option<Drop> {
+        if !is_near {
+            return Some(Drop::FarFromSurface);
+        }
+        self.near_surface += 1;
+        // As VGN compares: a width that is no number passes both comparisons there, and neither here.
+        if !(law.width_voxels_min..=law.width_voxels_max).contains(&width_voxels) {
+            return Some(Drop::Width { width_voxels });
+        }
+        self.width_within_limits += 1;
+        self.quality_best = self.quality_best.max(quality);
+        if quality < law.quality_min || quality.is_nan() {
+            return Some(Drop::Quality);
+        }
+        self.quality_reached += 1;
+        None
+    }
+
+    /// Whether something better that is not out lies in the cube around a voxel. A cube with an even side reaches farther
+    /// down than up (scipy: `maximum_filter`). Equals stay both.
+    fn is_suppressed(&self, grid: &Grid, voxel: [usize; 3], law: &DetectionLaw) -> bool {
+        let quality = self.smoothed[grid.flat(voxel)];
+        window(grid, voxel, law).any(|other| self.out[other].is_none() && self.smoothed[other] > quality)
+    }
+
+    /// The candidates that are no detections: what was good enough and had a better neighbour, and peaks of the smoothed
+    /// quality that were out before that. In the order of their voxels.
+    #[must_use]
+    pub fn misses(&self, grid: &Grid, law: &DetectionLaw) -> Vec<Miss> {
+        let miss = |flat: usize| {
+            let (voxel, quality) = (unflat(grid, flat), self.smoothed[flat]);
+            let drop = match self.out[flat] {
+                None => self.is_suppressed(grid, voxel, law).then_some(Drop::Suppressed),
+                Some(drop) => self.is_peak(grid, voxel, law).then_some(drop),
+            };
+            drop.map(|drop| Miss { voxel, quality, drop })
+        };
+        (0..grid.len()).filter_map(miss).collect()
+    }
+
+    fn is_peak(&self, grid: &Grid, voxel: [usize; 3], law: &DetectionLaw) -> bool {
+        let quality = self.smoothed[grid.flat(voxel)];
+        quality >= TOLD_SHARE_OF_QUALITY_MIN * law.quality_min
+            && window(grid, voxel, law).all(|other| self.smoothed[other] <= quality)
+    }
+}
+
+fn unflat(grid: &Grid, flat: usize) -> [usize; 3] {
+    let n = grid.resolution;
+    [flat / (n * n), flat / n % n, flat % n]
+}
+
+/// Flat numbers of the voxels in the suppression window about a voxel.
+fn window<'a>(grid: &'a Grid, voxel: [usize; 3], law: &DetectionLaw) -> impl Iterator<Item = usize> + 'a {
+    let side = law.suppression_window_voxels;
+    let [is, js, ks] = voxel.map(|at| {
+        at.saturating_sub(side / 2)..(at + side - side / 2).min(grid.resolution)
+    });
+    is.flat_map(move |i| {
+        let ks = ks.clone();
+        js.clone().flat_map(move |j| ks.clone().map(move |k| grid.flat([i, j, k])))
+    })
+}
+
+/// Which voxels are seen to be outside and near, or can be: those above ½, and what up to `steps` steps along the axes reach
+/// from there without entering what is seen to be inside (between 0.001 and ½).
+fn near_surface(tsdf: &[f32], grid: &Grid, steps: usize) -> Vec<bool> {
+    let n = grid.resolution;
+    let mut near: Vec<bool> = tsdf.iter().map(|value| *value > 0.5).collect();
+    let may_grow: Vec<bool> = tsdf.iter().map(|value| !(*value > 1e-3 && *value < 0.5)).collect();
+    for _ in 0..steps {
+        let before = near.clone();
+        for (flat, slot) in near.iter_mut().enumerate() {
+            if *slot || !may_grow[flat] {
+                continue;
+            }
+            let [i, j, k] = unflat(grid, flat);
+            *slot = (i > 0 && before[flat - n * n])
+                || (i + 1 < n && before[flat + n * n])
+                || (j > 0 && before[flat - n])
+                || (j + 1 < n && before[flat + n])
+                || (k > 0 && before[flat - 1])
+                || (k + 1 < n && before[flat + 1]);
+        }
+    }
+    near
+}
+
+/// Smooths a cube of `n`³ values by a Gaussian, the outermost values repeated outside (scipy: `gaussian_filter` with mode
+/// "nearest" and its truncation at four widths).
+fn smooth(values: &[f32], n: usize, sigma: f32) -> Vec<f32> {
+    let kernel = gaussian(f64::from(sigma));
+    if kernel.len() == 1 {
+        return values.to_vec();
+    }
+    let mut smoothed = values.to_vec();
+    for stride in [n * n, n, 1] {
+        smoothed = smooth_along(&smoothed, n, stride, &kernel);
+    }
+    smoothed
+}
+
+/// The right half of the kernel, its middle first.
+fn gaussian(sigma: f64) -> Vec<f64> {
+    let radius = (4.0 * sigma + 0.5) as usize;
+    let raw: Vec<f64> = (0..=radius).map(|x| libm::exp(-0.5 / (sigma * sigma) * (x * x) as f64)).collect();
+    let sum = raw[0] + 2.0 * raw[1..].iter().sum::<f64>();
+    if radius == 0 { vec![1.0] } else { raw.into_iter().map(|x| x / sum).collect() }
+}
+
+/// One pass, along the axis in which neighbours are `stride` apart: runs of `stride` values stay together.
+fn smooth_along(values: &[f32], n: usize, stride: usize, kernel: &[f64]) -> Vec<f32> {
+    let mut smoothed = vec![0.0; values.len()];
+    let mut sums = vec![0.0_f64; stride];
+    for (block, target) in values.chunks_exact(n * stride).zip(smoothed.chunks_exact_mut(n * stride)) {
+        let run = |at: usize| &block[at * stride..][..stride];
+        for at in 0..n {
+            for (sum, value) in sums.iter_mut().zip(run(at)) {
+                *sum = f64::from(*value) * kernel[0];
+            }
+            // The farthest first, as scipy adds.
+            for reach in (1..kernel.len()).rev() {
+                let (low, high) = (run(at.saturating_sub(reach)), run((at + reach).min(n - 1)));
+                for ((sum, low), high) in sums.iter_mut().zip(low).zip(high) {
+                    *sum += (f64::from(*low) + f64::from(*high)) * kernel[reach];
+                }
+            }
+            for (slot, sum) in target[at * stride..][..stride].iter_mut().zip(&sums) {
+                *slot = *sum as f32;
+            }
+        }
+    }
+    smoothed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+
+    const GRID: Grid = Grid::PAPER;
+
+    fn law() -> DetectionLaw {
+        Config::built_in().unwrap().detection
+    }
+
+    fn ball(middle: [usize; 3], radius: f32, value: f32) -> Vec<f32> {
+        let distance = |voxel: [usize; 3]| {
+            let square: f32 = (0..3).map(|axis| (voxel[axis] as f32 - middle[axis] as f32).powi(2)).sum();
+            square.sqrt()
+        };
+        (0..GRID.len()).map(|flat| if distance(unflat(&GRID, flat)) <= radius { value } else { 0.0 }).collect()
+    }
+
+    #[test]
+    fn smoothing_keeps_what_is_even_and_the_sum_of_what_is_not() {
+        let even = smooth(&vec![0.7; GRID.len()], 40, 1.0);
+        assert!(even.iter().all(|value| (value - 0.7).abs() < 1e-6));
+        let mut spike = vec![0.0; GRID.len()];
+        spike[GRID.flat([20, 12, 27])] = 1.0;
+        let smoothed = smooth(&spike, 40, 1.0);
+        let sum: f64 = smoothed.iter().map(|value| f64::from(*value)).sum();
+        assert!((sum - 1.0).abs() < 1e-6, "{sum}");
+        let along = |x: f64| libm::exp(-0.5 * x * x);
+        let total: f64 = (-4..=4).map(|x| along(f64::from(x))).sum();
+        let expected = along(1.0) * along(2.0) / total.powi(3);
+        assert!((f64::from(smoothed[GRID.flat([21, 12, 29])]) - expected).abs() < 1e-8);
+    }
+
+    #[test]
+    fn a_wide_hill_near_the_surface_is_one_detection_at_its_top() {
+        let mut quality = ball([20, 20, 12], 6.0, 0.95);
+        quality[GRID.flat([21, 20, 12])] = 1.0;
+        let tsdf = ball([20, 20, 12], 8.0, 0.6);
+        let width = vec![4.0; GRID.len()];
+        let detected = detect(&GRID, &tsdf, &quality, &width, &law());
+        let voxels: Vec<[usize; 3]> = detected.found.iter().map(|found| found.voxel).collect();
+        assert!(voxels.contains(&[21, 20, 12]), "{voxels:?}");
+        assert!(detected.quality_reached > 100 && detected.quality_best > 0.94);
+    }
+
+    #[test]
+    fn each_mask_takes_out_what_it_should() {
+        let quality = ball([20, 20, 12], 6.0, 0.95);
+        let near = ball([20, 20, 12], 8.0, 0.6);
+        let width = vec![4.0; GRID.len()];
+        let count = |tsdf: &[f32], quality: &[f32], width: &[f32]| detect(&GRID, tsdf, quality, width, &law()).found.len();
+        assert!(count(&near, &quality, &width) > 0);
+        assert_eq!(count(&vec![0.0; GRID.len()], &quality, &width), 0);
+        assert_eq!(count(&vec![0.3; GRID.len()], &quality, &width), 0);
+        assert_eq!(count(&near, &ball([20, 20, 12], 6.0, 0.85), &width), 0);
+        for wrong in [1.2, 9.5, f32::NAN] {
+            assert_eq!(count(&near, &quality, &vec![wrong; GRID.len()]), 0);
+        }
+        assert_eq!(count(&near, &vec![f32::NAN; GRID.len()], &width), 0);
+    }
+
+    #[test]
+    fn the_mask_grows_two_steps_into_the_unknown_and_none_into_the_inside() {
+        let mut tsdf = vec![0.0; GRID.len()];
+        tsdf[GRID.flat([20, 20, 20])] = 0.6;
+        tsdf[GRID.flat([20, 20, 19])] = 0.4;
+        let near = near_surface(&tsdf, &GRID, 2);
+        let is = |voxel: [usize; 3]| near[GRID.flat(voxel)];
+        assert!(is([20, 20, 22]) && is([21, 21, 20]) && is([20, 18, 20]));
+        assert!(!is([20, 20, 23]) && !is([21, 21, 21]) && !is([20, 20, 19]) && !is([20, 20, 18]));
+        // Round the inside voxel it takes three steps.
+        assert_eq!(near.iter().filter(|n| **n).count(), 25 - 2);
+    }
+
+    #[test]
+    fn what_is_dropped_is_told() {
+        let quality = ball([20, 20, 12], 6.0, 0.95);
+        let width = vec![12.0; GRID.len()];
+        let detected = detect(&GRID, &ball([20, 20, 12], 8.0, 0.6), &quality, &width, &law());
+        assert!(detected.found.is_empty());
+        let misses = detected.misses(&GRID, &law());
+        assert!(!misses.is_empty());
+        assert!(misses.iter().all(|miss| miss.drop == Drop::Width { width_voxels: 12.0 }), "{misses:?}");
+    }
+}

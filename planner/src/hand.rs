@@ -1,0 +1,133 @@
+//! The hand about a grasp: which of its two orientations is nearer to the wrist, and whether its way is free.
+
+use schema::{Gripper, HandBox, Pose, Quat, Vec3, pose_from_parts};
+
+use crate::config::CollisionLaw;
+
+/// A half turn about z: the same grasp, the other way round.
+const HALF_TURN: Quat = Quat::from_xyzw(0.0, 0.0, 1.0, 0.0);
+
+/// Of an orientation and its half turn the one that takes the smaller turn from the wrist's; itself if both are as far.
+#[must_use]
+pub fn nearer_half_turn(rotation: Quat, workspace_from_wrist: Quat) -> Quat {
+    let turned = rotation * HALF_TURN;
+    let nearness = |candidate: Quat| candidate.dot(workspace_from_wrist).abs();
+    if nearness(turned) > nearness(rotation) { turned } else { rotation }
+}
+
+/// Where the wrist is taken to be if nobody says: the hand straight down, its x along the workspace's (VGN turns its hand so
+/// that the camera on it looks forward).
+pub const WRIST_DOWN: Quat = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
+
+/// What the open hand passes on its way to a grasp.
+#[derive(Debug, Clone)]
+pub struct Sweep {
+    boxes: [HandBox; 3],
+    /// A ball about a point of the hand, in the grasp frame, that holds all boxes.
+    middle_m: Vec3,
+    radius_m: f32,
+}
+
+impl Sweep {
+    /// The way of the gripper, its clearance included: the sweep that decides the labels, too (`simulator`'s gate).
+    #[must_use]
+    pub fn new(gripper: &Gripper, law: &CollisionLaw) -> Self {
+        let boxes = gripper.open_hand().map(|b| b.swept_back(law.pregrasp_distance_m).grown(gripper.clearance_m));
+        let low = boxes.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
+        let high = boxes.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
+        Self { boxes, middle_m: 0.5 * (low + high), radius_m: 0.5 * (high - low).length() }
+    }
+
+    /// How many points lie in the way.
+    #[must_use]
+    pub fn points_hit(&self, workspace_from_grasp: &Pose, points_m: &[Vec3]) -> usize {
+        let middle_m = *workspace_from_grasp * self.middle_m;
+        let reach = self.radius_m * self.radius_m;
+        let grasp_from_workspace = workspace_from_grasp.inverse();
+        let is_hit = |point: &&Vec3| {
+            if (**point - middle_m).length_squared() > reach {
+                return false;
+            }
+            let local_m = grasp_from_workspace * **point;
+            self.boxes.iter().any(|b| (local_m - b.centre_m).abs().cmple(b.half_m).all())
+        };
+        points_m.iter().filter(is_hit).count()
+    }
+}
+
+/// The grasp's pose with the nearer of its two orientations.
+pub(crate) fn towards_wrist(workspace_from_grasp: &Pose, workspace_from_wrist: Quat) -> Pose {
+    let rotation = nearer_half_turn(workspace_from_grasp.rotation, workspace_from_wrist);
+    pose_from_parts(rotation, workspace_from_grasp.translation)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use schema::{Purpose, Stream, axis_angle};
+
+    use super::*;
+    use crate::config::Config;
+
+    fn rotations() -> impl Strategy<Value = Quat> {
+        any::<u64>().prop_map(|seed| Stream::new(seed, 0, Purpose::Candidates, 0).rotation())
+    }
+
+    proptest! {
+        #[test]
+        fn the_nearer_of_the_two_is_taken(rotation in rotations(), wrist in rotations()) {
+            let chosen = nearer_half_turn(rotation, wrist);
+            let other = chosen * HALF_TURN;
+            // Independent of the quaternions' signs: the turn's angle from the trace of its matrix.
+            let angle = |q: Quat| {
+                let m = schema::Mat3::from_quat(wrist.inverse() * q);
+                libm::acosf((0.5 * (m.x_axis.x + m.y_axis.y + m.z_axis.z - 1.0)).clamp(-1.0, 1.0))
+            };
+            prop_assert!(angle(chosen) <= angle(other) + 1e-3);
+            for axis in [Vec3::Y, Vec3::X] {
+                let (was, is) = (rotation * axis, chosen * axis);
+                prop_assert!((was - is).length() < 1e-5 || (was + is).length() < 1e-5);
+            }
+            prop_assert!((rotation * Vec3::Z - chosen * Vec3::Z).length() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_hand_that_looks_backwards_is_turned() {
+        let backwards = axis_angle(Vec3::Z, core::f32::consts::PI) * WRIST_DOWN;
+        assert!((nearer_half_turn(backwards, WRIST_DOWN) * Vec3::X - Vec3::X).length() < 1e-6);
+        assert_eq!(nearer_half_turn(WRIST_DOWN, WRIST_DOWN), WRIST_DOWN);
+    }
+
+    #[test]
+    fn points_are_hit_where_the_hand_passes_and_nowhere_else() {
+        let config = Config::built_in().unwrap();
+        let sweep = Sweep::new(&config.gripper, &config.collision);
+        let pose = pose_from_parts(WRIST_DOWN, Vec3::new(0.15, 0.15, 0.1));
+        let at = |local: [f32; 3]| sweep.points_hit(&pose, &[pose * Vec3::from_array(local)]);
+        let (opening, thickness) = (config.gripper.opening_m_max, config.gripper.finger_thickness_m);
+        let in_finger = 0.5 * (opening + thickness);
+        assert_eq!(at([0.0, 0.0, 0.0]), 0, "between the fingers");
+        assert_eq!(at([0.0, in_finger, -0.01]), 1, "in a finger");
+        assert_eq!(at([0.0, -in_finger, -0.01]), 1, "in the other");
+        assert_eq!(at([0.0, in_finger, 0.01]), 0, "below a finger");
+        assert_eq!(at([0.0, in_finger, -0.09]), 1, "where a finger passes");
+        assert_eq!(at([0.0, 0.0, -config.gripper.finger_length_m - 0.01]), 1, "in the palm");
+        assert_eq!(at([0.1, 0.0, -0.01]), 0, "beside the hand");
+    }
+
+    proptest! {
+        #[test]
+        fn the_ball_loses_no_point(rotation in rotations(), x in -0.2_f32..0.2, y in -0.2_f32..0.2, z in -0.3_f32..0.1) {
+            let config = Config::built_in().unwrap();
+            let sweep = Sweep::new(&config.gripper, &config.collision);
+            let pose = pose_from_parts(rotation, Vec3::new(0.1, 0.2, 0.1));
+            let local = Vec3::new(x, y, z);
+            let slow = sweep.boxes.iter().any(|b| (local - b.centre_m).abs().cmplt(b.half_m - 1e-5).all());
+            let not = sweep.boxes.iter().all(|b| (local - b.centre_m).abs().cmpgt(b.half_m + 1e-5).any());
+            let hits = sweep.points_hit(&pose, &[pose * local]);
+            prop_assert!(!slow || hits == 1);
+            prop_assert!(!not || hits == 0);
+        }
+    }
+}

@@ -1,0 +1,397 @@
+//! From a request's raw parts to an observation and wishes: files are read, cameras and poses checked, and each error
+//! gets the path of its key. Over HTTP nothing is read but the request itself.
+
+use std::path::Path;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use schema::{Camera, Grid, Pose, Vec3};
+
+use crate::input::camera::{IntrinsicsInput, intrinsics, orientation, point, pose};
+use crate::input::cloud::read_cloud;
+use crate::input::depth::{SIDE_PX_MAX, judge_depth, read_depth_within};
+use crate::input::error::{InputError, shown};
+use crate::input::file::read_file;
+use crate::input::request::{RequestInput, SourceInput, ViewInput};
+use crate::input::tsdf::read_tsdf;
+use crate::{Observation, Policy, SeenView, Wishes};
+
+/// Most views of a request.
+const VIEWS_MAX: usize = 32;
+/// Most pixels of all its depth images together: 32 of full HD, or four of the largest.
+const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
+/// Most eyes of a cloud.
+const EYES_MAX: usize = 1024;
+/// Most grasps one may ask for.
+const GRASPS_MAX: usize = 10_000;
+
+/// What is to be planned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    /// What was seen.
+    pub observation: Observation,
+    /// What is wanted.
+    pub wishes: Wishes,
+    /// What was strange about it, though not wrong.
+    pub warnings: Vec<String>,
+}
+
+/// Makes sense of a request; `folder` is where its paths begin, `None` if it may have none.
+///
+/// # Errors
+/// [`InputError`], naming the key.
+pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
+    let wishes = wishes(input)?;
+    let mut warnings = Vec::new();
+    let observation = match (&input.views, &input.tsdf, &input.cloud) {
+        (Some(views), None, None) => read_views(input, views, folder, &wishes, &mut warnings),
+        (None, Some(tsdf), None) => {
+            read_source(tsdf, folder, "tsdf", |bytes| read_tsdf(bytes, grid)).map(Observation::Tsdf)
+        }
+        (None, None, Some(cloud)) => cloud_with_eyes(input, cloud, folder, &mut warnings),
+        (views, tsdf, cloud) => {
+            let given = [views.is_some(), tsdf.is_some(), cloud.is_some()].into_iter().filter(|is| *is).count();
+            refuse(format!("a request must have exactly one of views, tsdf and cloud, got {given}"))
+        }
+    }?;
+    let is_out_of_place = |key: &str, with: &str| refuse(format!("{key} goes with {with}: {key}"));
+    if input.eyes_m.is_some() && input.cloud.is_none() {
+        return is_out_of_place("eyes_m", "cloud");
+    }
+    if input.intrinsics.is_some() && input.views.is_none() {
+        return is_out_of_place("intrinsics", "views");
+    }
+    Ok(Request { observation, wishes, warnings })
+}
+
+fn refuse<T>(what: String) -> Result<T, InputError> {
+    Err(InputError::Value(what))
+}
+
+/// What a request wants besides the grasps' places in the workspace.
+///
+/// # Errors
+/// [`InputError`], naming the key.
+pub fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
+    let base_from_workspace = input.base_from_workspace.as_ref().map(|input| pose(input, "base_from_workspace"));
+    let workspace_from_wrist =
+        input.workspace_from_wrist.as_ref().map(|input| orientation(input, "workspace_from_wrist"));
+    if let Some(got) = input.grasps_max.filter(|count| !(1..=GRASPS_MAX).contains(count)) {
+        return refuse(format!("must be between 1 and {GRASPS_MAX}, got {got}: grasps_max"));
+    }
+    Ok(Wishes {
+        base_from_workspace: base_from_workspace.transpose()?,
+        workspace_from_wrist: workspace_from_wrist.transpose()?,
+        policy: input.policy.as_deref().map(policy).transpose()?,
+        check_collisions: input.check_collisions,
+        grasps_max: input.grasps_max,
+        explain: input.explain.unwrap_or(false),
+    })
+}
+
+fn policy(name: &str) -> Result<Policy, InputError> {
+    let unknown =
+        |_| InputError::Value(format!("must be paper, vgn-random or vgn-best, got `{}`: policy", shown(name)));
+    name.parse().map_err(unknown)
+}
+
+/// The bytes of a source, read by `read`, with the key's path on every error.
+fn read_source<T>(
+    source: &SourceInput,
+    folder: Option<&Path>,
+    at: &str,
+    read: impl FnOnce(&[u8]) -> Result<T, InputError>,
+) -> Result<T, InputError> {
+    let bytes = match (source, folder) {
+        (SourceInput::Data(input), _) => STANDARD.decode(&input.data).map_err(|error| {
+            InputError::Value(format!("must be base64 of the standard alphabet, padded: {error}: {at}.data"))
+        })?,
+        (SourceInput::Path(path), Some(folder)) => read_file(&folder.join(path))?,
+        (SourceInput::Path(_), None) => {
+            return refuse(format!("over HTTP a file is {{ \"data\": \"<base64>\" }}, a path is refused: {at}"));
+        }
+    };
+    read(&bytes).map_err(|error| match source {
+        SourceInput::Path(path) => error.at(&shown(path)).at(at),
+        SourceInput::Data(_) => error.at(at),
+    })
+}
+
+fn read_views(
+    input: &RequestInput,
+    views: &[ViewInput],
+    folder: Option<&Path>,
+    wishes: &Wishes,
+    warnings: &mut Vec<String>,
+) -> Result<Observation, InputError> {
+    if !(1..=VIEWS_MAX).contains(&views.len()) {
+        return refuse(format!("must have 1 to {VIEWS_MAX} entries, got {}: views", views.len()));
+    }
+    let mut pixels_left = PIXELS_MAX;
+    let mut seen = Vec::with_capacity(views.len());
+    for (number, view) in views.iter().enumerate() {
+        let at = format!("views[{number}]");
+        let workspace_from_camera = camera_pose(view, wishes.base_from_workspace, &at)?;
+        let (view, odd) = read_view(view, input.intrinsics.as_ref(), workspace_from_camera, folder, &at, pixels_left)?;
+        warnings.extend(odd);
+        pixels_left -= view.image.depth_m.len();
+        seen.push(view);
+    }
+    Ok(Observation::Views(seen))
+}
+
+/// Where a view's camera is in the workspace.
+fn camera_pose(view: &ViewInput, base_from_workspace: Option<Pose>, at: &str) -> Result<Pose, InputError> {
+    match (&view.workspace_from_camera, &view.base_from_camera) {
+        (Some(input), None) => pose(input, &format!("{at}.workspace_from_camera")),
+        (None, Some(input)) => {
+            let at = format!("{at}.base_from_camera");
+            let Some(base_from_workspace) = base_from_workspace else {
+                return refuse(format!("needs the request's base_from_workspace: {at}"));
+            };
+            Ok(base_from_workspace.inverse() * pose(input, &at)?)
+        }
+        _ => refuse(format!("a view must have exactly one of workspace_from_camera and base_from_camera: {at}")),
+    }
+}
+
+/// A view, and what was odd about its image.
+fn read_view(
+    view: &ViewInput,
+    of_request: Option<&IntrinsicsInput>,
+    workspace_from_camera: Pose,
+    folder: Option<&Path>,
+    at: &str,
+    pixels_max: usize,
+) -> Result<(SeenView, Vec<String>), InputError> {
+    let place = if view.intrinsics.is_some() { format!("{at}.intrinsics") } else { "intrinsics".to_owned() };
+    let Some(lens) = view.intrinsics.as_ref().or(of_request) else {
+        return refuse(format!("neither the view nor the request has intrinsics: {at}"));
+    };
+    let depth_at = format!("{at}.depth");
+    let scale_m = view.depth_scale_m.map(|scale_m| scale_m as f32);
+    let (depth, odd) = read_source(&view.depth, folder, &depth_at, |bytes| {
+        let depth = read_depth_within(bytes, scale_m, pixels_max)?;
+        let odd = judge_depth(&depth)?;
+        Ok((depth, odd))
+    })?;
+    let size_px = [depth.image.width_px, depth.image.height_px];
+    let intrinsics = intrinsics(lens, size_px, &place)?;
+    let odd = odd.into_iter().map(|warning| format!("{warning}: {depth_at}")).collect();
+    Ok((SeenView { image: depth.image, camera: Camera { intrinsics, workspace_from_camera } }, odd))
+}
+
+fn cloud_with_eyes(
+    input: &RequestInput,
+    cloud: &SourceInput,
+    folder: Option<&Path>,
+    warnings: &mut Vec<String>,
+) -> Result<Observation, InputError> {
+    let eyes_m = input.eyes_m.as_deref().map(eyes).transpose()?;
+    let cloud = read_source(cloud, folder, "cloud", read_cloud)?;
+    if cloud.dropped > cloud.points_m.len() {
+        let (dropped, left) = (cloud.dropped, cloud.points_m.len());
+        warnings.push(format!("{dropped} points without finite coordinates were left out, {left} are left: cloud"));
+    }
+    let eyes_m = eyes_m.unwrap_or_else(|| cloud.eye_m.into_iter().collect());
+    Ok(Observation::Cloud { points_m: cloud.points_m, eyes_m })
+}
+
+fn eyes(rows: &[Vec<f64>]) -> Result<Vec<Vec3>, InputError> {
+    if rows.len() > EYES_MAX {
+        return refuse(format!("must have at most {EYES_MAX} entries, got {}: eyes_m", rows.len()));
+    }
+    rows.iter().enumerate().map(|(number, row)| point(row, &format!("eyes_m[{number}]"))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use schema::{Intrinsics, VoxelGrid};
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::input::depth::tests::png_of;
+    use crate::input::npy::write_npy_f32;
+    use crate::input::request::{from_file, from_json};
+
+    fn base64(bytes: &[u8]) -> Value {
+        json!({ "data": STANDARD.encode(bytes) })
+    }
+
+    fn png() -> Vec<u8> {
+        png_of(4, 3, &[600; 12])
+    }
+
+    fn lens() -> Value {
+        json!({ "fx_px": 5, "fy_px": 5, "cx_px": 2, "cy_px": 1.5 })
+    }
+
+    /// Shifted by 1 m along x.
+    fn shifted() -> Value {
+        json!([[1, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    }
+
+    fn request() -> Value {
+        json!({ "views": [{ "depth": base64(&png()), "intrinsics": lens(), "workspace_from_camera": shifted() }] })
+    }
+
+    fn read(request: &Value) -> Result<Request, InputError> {
+        from_json(request.to_string().as_bytes(), Grid::PAPER)
+    }
+
+    fn message(request: &Value) -> String {
+        read(request).unwrap_err().to_string()
+    }
+
+    fn views(request: &Request) -> &[SeenView] {
+        let Observation::Views(views) = &request.observation else { panic!("no views") };
+        views
+    }
+
+    #[test]
+    fn a_view_is_an_image_a_lens_and_a_pose() {
+        let read = read(&request()).unwrap();
+        let [view] = views(&read) else { panic!("one view") };
+        assert_eq!(view.image.depth_m, [0.6; 12]);
+        let lens = Intrinsics { width_px: 4, height_px: 3, fx_px: 5.0, fy_px: 5.0, cx_px: 2.0, cy_px: 1.5 };
+        assert_eq!(view.camera.intrinsics, lens);
+        assert_eq!(view.camera.workspace_from_camera.translation, Vec3::X);
+        assert_eq!(read.wishes, Wishes::default());
+        assert!(read.warnings.is_empty());
+    }
+
+    #[test]
+    fn a_camera_may_be_given_in_the_robots_base() {
+        let mut request = request();
+        let view = request["views"][0].as_object_mut().unwrap();
+        view.remove("intrinsics");
+        view.remove("workspace_from_camera");
+        view.insert("base_from_camera".to_owned(), json!({ "position_m": [1, 1, 2], "quaternion_xyzw": [0, 0, 0, 1] }));
+        request["intrinsics"] = lens();
+        assert!(message(&request).ends_with("needs the request's base_from_workspace: views[0].base_from_camera"));
+        // The workspace's x is the base's y, and it lies at (1, 0, 0): the camera is at (1, 0, 2) in it.
+        request["base_from_workspace"] = json!([[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
+        let read = read(&request).unwrap();
+        let at_m = views(&read)[0].camera.workspace_from_camera.translation;
+        assert!((at_m - Vec3::new(1.0, 0.0, 2.0)).length() < 1e-6, "{at_m}");
+        assert!(read.wishes.base_from_workspace.is_some());
+    }
+
+    #[test]
+    fn wishes_are_heard() {
+        let mut request = request();
+        request["policy"] = json!("vgn-best");
+        request["check_collisions"] = json!(false);
+        request["grasps_max"] = json!(7);
+        request["explain"] = json!(true);
+        request["workspace_from_wrist"] = json!({ "quaternion_xyzw": [1, 0, 0, 0] });
+        let wishes = read(&request).unwrap().wishes;
+        assert_eq!((wishes.policy, wishes.check_collisions), (Some(Policy::VgnBest), Some(false)));
+        assert_eq!((wishes.grasps_max, wishes.explain), (Some(7), true));
+        assert_eq!(wishes.workspace_from_wrist, Some(schema::Quat::from_xyzw(1.0, 0.0, 0.0, 0.0)));
+    }
+
+    #[test]
+    fn grids_and_clouds_are_taken_too() {
+        let grid = VoxelGrid::new(Grid::PAPER, vec![0.25; 64_000]).unwrap();
+        let request = json!({ "tsdf": base64(&write_npy_f32(&[1, 40, 40, 40], &grid.values)) });
+        assert_eq!(read(&request).unwrap().observation, Observation::Tsdf(grid));
+        let points = [0.1, 0.1, 0.1, f32::NAN, 0.0, 0.0, f32::NAN, 0.0, 0.0];
+        let request = json!({ "cloud": base64(&write_npy_f32(&[3, 3], &points)), "eyes_m": [[0, 0, 1], [0, 1, 1]] });
+        let read = read(&request).unwrap();
+        let (points_m, eyes_m) = (vec![Vec3::splat(0.1)], vec![Vec3::Z, Vec3::new(0.0, 1.0, 1.0)]);
+        assert_eq!(read.observation, Observation::Cloud { points_m, eyes_m });
+        assert_eq!(read.warnings, ["2 points without finite coordinates were left out, 1 are left: cloud"]);
+    }
+
+    #[test]
+    fn each_error_names_its_key() {
+        let with = |pointer: &str, value: Value| {
+            let mut request = request();
+            let (table, key) = pointer.rsplit_once('/').unwrap();
+            request.pointer_mut(table).unwrap()[key] = value;
+            message(&request)
+        };
+        let cases = [
+            ("/color", json!(1), "unknown field `color`"),
+            ("/views/0/color", json!(1), ": views[0]"),
+            ("/views/0/intrinsics", json!({ "fx_px": 1 }), "missing field `fy_px`: views[0].intrinsics"),
+            ("/views/0/depth", json!("depth.png"), "a path is refused: views[0].depth"),
+            ("/views/0/depth", json!({ "data": "?" }), ": views[0].depth.data"),
+            ("/views/0/depth", base64(b"GIF89a"), "got other bytes: views[0].depth"),
+            ("/views/0/depth", base64(&png_of(1, 1, &[0])), "no pixel has a depth: views[0].depth"),
+            ("/views/0/depth_scale_m", json!(5), "depth_scale_m must be between 1e-6 and 1, got 5: views[0].depth"),
+            ("/views/0/workspace_from_camera", json!([[1]]), ": views[0].workspace_from_camera"),
+            ("/views/0/workspace_from_camera", json!("up"), ": views[0].workspace_from_camera"),
+            (
+                "/views/0/base_from_camera",
+                shifted(),
+                "exactly one of workspace_from_camera and base_from_camera: views[0]",
+            ),
+            ("/views/0/workspace_from_camera", Value::Null, "exactly one of"),
+            ("/views/0/intrinsics", Value::Null, "has intrinsics: views[0]"),
+            ("/views", json!([]), "must have 1 to 32 entries, got 0: views"),
+            ("/views", json!("many"), ": views"),
+            ("/views", Value::Null, "exactly one of views, tsdf and cloud, got 0"),
+            ("/tsdf", base64(b""), "exactly one of views, tsdf and cloud, got 2"),
+            ("/eyes_m", json!([[0, 0, 0]]), "eyes_m goes with cloud"),
+            ("/policy", json!("best"), "must be paper, vgn-random or vgn-best, got `best`: policy"),
+            ("/grasps_max", json!(0), "must be between 1 and 10000, got 0: grasps_max"),
+            ("/grasps_max", json!(-1), ": grasps_max"),
+            ("/base_from_workspace", json!([[1]]), ": base_from_workspace"),
+            ("/workspace_from_wrist", json!({ "quaternion_xyzw": [0, 0, 1] }), ": workspace_from_wrist"),
+        ];
+        for (pointer, value, wanted) in cases {
+            let told = with(pointer, value);
+            assert!(told.contains(wanted), "{pointer}: {told}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_json_is_told_from_what_is_wrong() {
+        for text in ["", "{", "views", "{\"views\": [}", "\u{0}"] {
+            assert!(from_json(text.as_bytes(), Grid::PAPER).unwrap_err().is_syntax(), "{text}");
+        }
+        for text in ["[]", "7", "{}", "{\"views\": 7}"] {
+            assert!(!from_json(text.as_bytes(), Grid::PAPER).unwrap_err().is_syntax(), "{text}");
+        }
+    }
+
+    #[test]
+    fn files_in_both_languages_say_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("depth-0.png"), png()).unwrap();
+        let toml = "intrinsics = { fx_px = 5, fy_px = 5.0, cx_px = 2, cy_px = 1.5 }\n[[views]]\n\
+                    depth = \"depth-0.png\"\n\
+                    workspace_from_camera = [[1, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n";
+        let write = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            fs::write(&path, text).unwrap();
+            path
+        };
+        let wanted = read(&request()).unwrap();
+        assert_eq!(from_file(&write("request.toml", toml), Grid::PAPER).unwrap(), wanted);
+        let json = request().to_string();
+        assert_eq!(from_file(&write("request.json", &json), Grid::PAPER).unwrap(), wanted);
+        assert_eq!(from_file(&write("request", &json), Grid::PAPER).unwrap(), wanted, "by its first byte");
+        let said = |name: &str, text: &str| from_file(&write(name, text), Grid::PAPER).unwrap_err().to_string();
+        assert!(said("a.toml", &toml.replace("depth-0", "depth-1")).contains("no such file: "));
+        let unknown = said("b.toml", &toml.replace("depth =", "deep ="));
+        assert!(unknown.contains("views[0]") && unknown.ends_with("b.toml"), "{unknown}");
+        assert!(said("c.toml", &format!("{toml}depth_scale_m = nan\n")).contains("depth_scale_m must be between"));
+        assert!(said("d.toml", "views = [").starts_with("not TOML"));
+        assert!(
+            from_file(&folder.path().join("none.toml"), Grid::PAPER).unwrap_err().to_string().contains("no such file")
+        );
+    }
+
+    #[test]
+    fn a_request_has_at_most_32_views() {
+        let mut request = request();
+        let view = request["views"][0].clone();
+        request["views"] = Value::Array(vec![view; 33]);
+        assert!(message(&request).contains("1 to 32 entries, got 33: views"));
+    }
+}

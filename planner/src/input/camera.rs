@@ -1,0 +1,396 @@
+//! Cameras and poses as people write them down. A matrix is held against what a rigid transform is, with a tolerance
+//! for printed digits, and leaves as a unit quaternion: what is nearly a rotation becomes one, what is not is refused.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use schema::{Intrinsics, Pose, Quat, Vec3, pose_from_parts};
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use utoipa::openapi::RefOr;
+use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, OneOfBuilder, Schema};
+use utoipa::{PartialSchema, ToSchema};
+
+use crate::input::depth::SIDE_PX_MAX;
+use crate::input::error::InputError;
+
+/// By how much a rotation may miss being one: what three printed digits leave of it.
+const RIGID_TOLERANCE: f64 = 1e-3;
+const LAST_ROW_TOLERANCE: f64 = 1e-6;
+/// Robots' cells are smaller.
+const TRANSLATION_M_MAX: f64 = 100.0;
+
+/// A pinhole camera's lens, in pixels; pixel (0, 0) has its centre at u = 0, v = 0.
+#[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct IntrinsicsInput {
+    /// Pixels in a row; if given, it must be the image's.
+    pub width_px: Option<usize>,
+    /// Rows; if given, they must be the image's.
+    pub height_px: Option<usize>,
+    /// Focal length along u.
+    pub fx_px: f64,
+    /// Focal length along v.
+    pub fy_px: f64,
+    /// Principal point, u.
+    pub cx_px: f64,
+    /// Principal point, v.
+    pub cy_px: f64,
+}
+
+/// A rigid transform: four rows of four numbers, or a position and a quaternion.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PoseInput {
+    /// Rows of a homogeneous matrix.
+    Matrix(Vec<Vec<f64>>),
+    /// A position and a quaternion.
+    Parts(PosePartsInput),
+}
+
+/// A rigid transform as position and orientation.
+#[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PosePartsInput {
+    /// x, y, z in metres.
+    #[schema(schema_with = position_schema)]
+    pub position_m: Vec<f64>,
+    /// Unit quaternion x, y, z, w.
+    #[schema(schema_with = quaternion_schema)]
+    pub quaternion_xyzw: Vec<f64>,
+}
+
+/// An orientation.
+#[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OrientationInput {
+    /// Unit quaternion x, y, z, w.
+    #[schema(schema_with = quaternion_schema)]
+    pub quaternion_xyzw: Vec<f64>,
+}
+
+impl<'de> Deserialize<'de> for PoseInput {
+    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
+        source.deserialize_any(PoseVisitor)
+    }
+}
+
+/// Which of the two it is, is told by whether a list or a table begins, so errors speak of what was meant.
+struct PoseVisitor;
+
+impl<'de> Visitor<'de> for PoseVisitor {
+    type Value = PoseInput;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("four rows of four numbers, or { position_m, quaternion_xyzw }")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, rows: A) -> Result<PoseInput, A::Error> {
+        Vec::deserialize(SeqAccessDeserializer::new(rows)).map(PoseInput::Matrix)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, parts: A) -> Result<PoseInput, A::Error> {
+        PosePartsInput::deserialize(MapAccessDeserializer::new(parts)).map(PoseInput::Parts)
+    }
+}
+
+impl PartialSchema for PoseInput {
+    fn schema() -> RefOr<Schema> {
+        let rows = numbers(4, "A row.");
+        let matrix = list_of(rows.into(), 4, "Rows of a homogeneous matrix; translation in metres.");
+        OneOfBuilder::new().item(matrix).item(PosePartsInput::schema()).into()
+    }
+}
+
+impl ToSchema for PoseInput {
+    fn name() -> Cow<'static, str> {
+        Cow::Borrowed("PoseInput")
+    }
+}
+
+/// A position, for the API's description.
+pub(crate) fn position_schema() -> RefOr<Schema> {
+    numbers(3, "x, y, z in metres.").into()
+}
+
+fn quaternion_schema() -> RefOr<Schema> {
+    numbers(4, "Unit quaternion x, y, z, w.").into()
+}
+
+fn numbers(count: usize, what: &str) -> ArrayBuilder {
+    list_of(<f64 as PartialSchema>::schema(), count, what)
+}
+
+fn list_of(item: RefOr<Schema>, count: usize, what: &str) -> ArrayBuilder {
+    let items = ArrayItems::RefOrSchema(Box::new(item));
+    ArrayBuilder::new().items(items).min_items(Some(count)).max_items(Some(count)).description(Some(what))
+}
+
+/// The lens of a camera whose image has this size.
+///
+/// # Errors
+/// [`InputError::Value`] if a number is out of range or the sizes differ; `at` is the key's path.
+pub fn intrinsics(
+    input: &IntrinsicsInput,
+    [width_px, height_px]: [usize; 2],
+    at: &str,
+) -> Result<Intrinsics, InputError> {
+    let refuse = |what: String| Err(InputError::Value(format!("{what}: {at}")));
+    for (key, given, of_image) in [("width_px", input.width_px, width_px), ("height_px", input.height_px, height_px)] {
+        if let Some(given) = given.filter(|given| *given != of_image) {
+            return refuse(format!("{key} must be the image's {of_image}, got {given}"));
+        }
+        if !(1..=SIDE_PX_MAX).contains(&of_image) {
+            return refuse(format!("{key} must be between 1 and {SIDE_PX_MAX}, got {of_image}"));
+        }
+    }
+    for (key, focal_px) in [("fx_px", input.fx_px), ("fy_px", input.fy_px)] {
+        if !(focal_px > 1.0 && focal_px < 1e5) {
+            return refuse(format!("{key} must be between 1 and 100000, got {focal_px}"));
+        }
+    }
+    for (key, centre_px, size_px) in [("cx_px", input.cx_px, width_px), ("cy_px", input.cy_px, height_px)] {
+        let reach = 2.0 * size_px as f64;
+        if !(-reach..=reach).contains(&centre_px) {
+            return refuse(format!("{key} must be between -{reach} and {reach}, got {centre_px}"));
+        }
+    }
+    let [fx_px, fy_px, cx_px, cy_px] = [input.fx_px, input.fy_px, input.cx_px, input.cy_px].map(|px| px as f32);
+    Ok(Intrinsics { width_px, height_px, fx_px, fy_px, cx_px, cy_px })
+}
+
+/// The pose, with its rotation made exact.
+///
+/// # Errors
+/// [`InputError::Value`] if it is not a rigid transform or far away; `at` is the key's path.
+pub fn pose(input: &PoseInput, at: &str) -> Result<Pose, InputError> {
+    let (rotation, translation) = match input {
+        PoseInput::Matrix(rows) => from_matrix(rows),
+        PoseInput::Parts(parts) => from_parts(parts),
+    }
+    .map_err(|error| error.at(at))?;
+    if let Some(far) = translation.into_iter().find(|metres| !(-TRANSLATION_M_MAX..=TRANSLATION_M_MAX).contains(metres))
+    {
+        return Err(InputError::Value(format!(
+            "a translation must be at most {TRANSLATION_M_MAX} m, got {far}: are these millimetres?: {at}"
+        )));
+    }
+    Ok(pose_from_parts(rotation, Vec3::from_array(translation.map(|metres| metres as f32))))
+}
+
+/// The unit quaternion of four numbers that nearly are one.
+///
+/// # Errors
+/// [`InputError::Value`] if they are not; `at` is the key's path.
+pub fn orientation(input: &OrientationInput, at: &str) -> Result<Quat, InputError> {
+    unit_quaternion(&input.quaternion_xyzw).map_err(|error| error.at(at))
+}
+
+/// A point of three finite numbers.
+pub(crate) fn point(numbers: &[f64], at: &str) -> Result<Vec3, InputError> {
+    triple("a point", numbers)
+        .map(|xyz| Vec3::from_array(xyz.map(|metres| metres as f32)))
+        .map_err(|error| error.at(at))
+}
+
+fn refuse<T>(what: String) -> Result<T, InputError> {
+    Err(InputError::Value(what))
+}
+
+fn triple(what: &str, numbers: &[f64]) -> Result<[f64; 3], InputError> {
+    match <[f64; 3]>::try_from(numbers) {
+        Ok(xyz) if xyz.iter().all(|number| number.is_finite()) => Ok(xyz),
+        Ok(xyz) => refuse(format!("{what} must have finite numbers, got {xyz:?}")),
+        Err(_) => refuse(format!("{what} must have 3 numbers, got {}", numbers.len())),
+    }
+}
+
+fn from_parts(parts: &PosePartsInput) -> Result<(Quat, [f64; 3]), InputError> {
+    let position_m = triple("position_m", &parts.position_m)?;
+    Ok((unit_quaternion(&parts.quaternion_xyzw)?, position_m))
+}
+
+fn unit_quaternion(numbers: &[f64]) -> Result<Quat, InputError> {
+    let Ok(xyzw) = <[f64; 4]>::try_from(numbers) else {
+        return refuse(format!("quaternion_xyzw must have 4 numbers, got {}", numbers.len()));
+    };
+    let norm = xyzw.iter().map(|n| n * n).sum::<f64>().sqrt();
+    if !(1.0 - RIGID_TOLERANCE..=1.0 + RIGID_TOLERANCE).contains(&norm) {
+        return refuse(format!("quaternion_xyzw must have a length of 1 within {RIGID_TOLERANCE}, got {norm:.4}"));
+    }
+    Ok(normalised(xyzw))
+}
+
+fn normalised(xyzw: [f64; 4]) -> Quat {
+    let norm = xyzw.iter().map(|n| n * n).sum::<f64>().sqrt();
+    let [x, y, z, w] = xyzw.map(|n| (n / norm) as f32);
+    Quat::from_xyzw(x, y, z, w).normalize()
+}
+
+fn from_matrix(rows: &[Vec<f64>]) -> Result<(Quat, [f64; 3]), InputError> {
+    let mut matrix = [[0.0; 4]; 4];
+    if rows.len() != 4 || rows.iter().any(|row| row.len() != 4) {
+        let lengths: Vec<usize> = rows.iter().take(8).map(Vec::len).collect();
+        return refuse(format!("a matrix must have 4 rows of 4 numbers, got {} rows of {lengths:?}", rows.len()));
+    }
+    for (slots, row) in matrix.iter_mut().zip(rows) {
+        slots.copy_from_slice(row);
+    }
+    if matrix.iter().flatten().any(|number| !number.is_finite()) {
+        return refuse("a matrix must have finite numbers".to_owned());
+    }
+    let misses = |(got, wanted): (&f64, f64)| (got - wanted).abs() > LAST_ROW_TOLERANCE;
+    if matrix[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(misses) {
+        let hint = if matrix.iter().take(3).all(|row| row[3].abs() < LAST_ROW_TOLERANCE) {
+            ": is it transposed? rows come first"
+        } else {
+            ""
+        };
+        return refuse(format!("a matrix's last row must be 0 0 0 1, got {:?}{hint}", matrix[3]));
+    }
+    let rotation = [0, 1, 2].map(|row| [matrix[row][0], matrix[row][1], matrix[row][2]]);
+    check_rotation(&rotation)?;
+    Ok((normalised(quaternion_of(&rotation)), [matrix[0][3], matrix[1][3], matrix[2][3]]))
+}
+
+/// Whether three rows are a rotation's, told by its columns: their lengths, their angles, and which way they turn.
+fn check_rotation(rows: &[[f64; 3]; 3]) -> Result<(), InputError> {
+    let columns = [0, 1, 2].map(|column| rows.map(|row| row[column]));
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let lengths = columns.map(|column| dot(column, column).sqrt());
+    if lengths.iter().any(|length| (length - 1.0).abs() > RIGID_TOLERANCE) {
+        let [x, y, z] = lengths;
+        return refuse(format!("not a rigid transform: its columns have lengths {x:.3}, {y:.3}, {z:.3}"));
+    }
+    let [x, y, z] = columns;
+    let cosines = [dot(x, y), dot(y, z), dot(z, x)];
+    if cosines.iter().any(|cosine| cosine.abs() > RIGID_TOLERANCE) {
+        let [xy, yz, zx] = cosines;
+        let told = format!("the cosines between its columns are {xy:.3}, {yz:.3}, {zx:.3}, not 0");
+        return refuse(format!("not a rigid transform: {told}"));
+    }
+    let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+    if dot(cross, z) < 0.0 {
+        return refuse("not a rigid transform: the rotation's determinant is -1 (a reflection)".to_owned());
+    }
+    Ok(())
+}
+
+/// x, y, z, w of a rotation, by the largest of the four, which never divides by nearly 0 (Shepperd's way).
+fn quaternion_of(m: &[[f64; 3]; 3]) -> [f64; 4] {
+    let trace = m[0][0] + m[1][1] + m[2][2];
+    let squares = [m[0][0], m[1][1], m[2][2], trace].map(|s| 1.0 - trace + 2.0 * s);
+    let largest = (0..4).max_by(|a, b| squares[*a].total_cmp(&squares[*b])).unwrap_or(3);
+    let [xy, yz, zx] = [m[0][1] + m[1][0], m[1][2] + m[2][1], m[2][0] + m[0][2]];
+    let [wx, wy, wz] = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]];
+    match largest {
+        0 => [squares[0], xy, zx, wx],
+        1 => [xy, squares[1], yz, wy],
+        2 => [zx, yz, squares[2], wz],
+        _ => [wx, wy, wz, squares[3]],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::axis_angle;
+    use serde_json::json;
+
+    use super::*;
+
+    fn read(value: serde_json::Value) -> Result<Pose, InputError> {
+        let input: PoseInput = serde_json::from_value(value).map_err(|e| InputError::Value(e.to_string()))?;
+        pose(&input, "views[1].workspace_from_camera")
+    }
+
+    fn message(value: serde_json::Value) -> String {
+        read(value).unwrap_err().to_string()
+    }
+
+    /// The matrix that a pose is, by where it takes the axes: nothing here knows how quaternions are made of matrices.
+    fn matrix_of(pose: &Pose) -> Vec<Vec<f64>> {
+        let columns = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| pose.rotation * axis);
+        let row = |at: usize| {
+            let of = |v: Vec3| f64::from(v.to_array()[at]);
+            vec![of(columns[0]), of(columns[1]), of(columns[2]), of(pose.translation)]
+        };
+        vec![row(0), row(1), row(2), vec![0.0, 0.0, 0.0, 1.0]]
+    }
+
+    #[test]
+    fn a_pose_comes_back_from_its_matrix_whatever_its_rotation() {
+        let axes =
+            [Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(1.0, -2.0, 3.0).normalize(), Vec3::new(-1.0, 1.0, 0.1).normalize()];
+        for axis in axes {
+            for step in 0..25_u8 {
+                let rotation = axis_angle(axis, f32::from(step) * 0.25);
+                let wanted = pose_from_parts(rotation, Vec3::new(0.1, -0.2, 0.3));
+                let got = pose(&PoseInput::Matrix(matrix_of(&wanted)), "here").unwrap();
+                assert!((got.rotation.dot(wanted.rotation).abs() - 1.0).abs() < 1e-5, "{axis} {step}");
+                assert!((got.rotation.length() - 1.0).abs() < 1e-6);
+                assert_eq!(got.translation, wanted.translation);
+            }
+        }
+    }
+
+    #[test]
+    fn a_position_and_a_quaternion_are_a_pose_too() {
+        let got = read(json!({ "position_m": [1, 2, 3], "quaternion_xyzw": [0, 0, 0.7071, 0.7071] })).unwrap();
+        assert!((got * Vec3::X - Vec3::new(1.0, 3.0, 3.0)).length() < 1e-4, "a quarter turn about z");
+        assert!((got.rotation.length() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_is_not_rigid_is_refused_and_told_why() {
+        let reflected = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]);
+        let told =
+            "not a rigid transform: the rotation's determinant is -1 (a reflection): views[1].workspace_from_camera";
+        assert_eq!(message(reflected), told);
+        let scaled = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0.5, 0], [0, 0, 0, 1]]);
+        assert!(message(scaled).contains("lengths 1.000, 1.000, 0.500"));
+        let sheared = json!([[1, 0.6, 0, 0], [0, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
+        assert!(message(sheared).contains("cosines between its columns are 0.600, 0.000, 0.000"));
+        let transposed = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0.1, 0.2, 0.3, 1]]);
+        assert!(message(transposed).contains("is it transposed?"));
+        assert!(
+            message(json!([[1, 0, 0], [0, 1, 0], [0, 0, 1]])).contains("4 rows of 4 numbers, got 3 rows of [3, 3, 3]")
+        );
+        let far = json!([[1, 0, 0, 450.0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
+        assert!(message(far).contains("at most 100 m, got 450: are these millimetres?"));
+        let long = json!({ "position_m": [0, 0, 0], "quaternion_xyzw": [0, 0, 1, 1] });
+        assert!(message(long).contains("length of 1 within 0.001, got 1.4142: views[1]"));
+        let none = json!({ "position_m": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 0] });
+        assert!(message(none).contains("got 0.0000"));
+        assert!(
+            message(json!({ "position_m": [0, 0, 0], "quaternion": [0, 0, 0, 1] }))
+                .contains("unknown field `quaternion`")
+        );
+        assert!(message(json!("identity")).contains("four rows of four numbers, or { position_m"));
+        let nan = PoseInput::Matrix(vec![vec![f64::NAN; 4]; 4]);
+        assert!(pose(&nan, "here").unwrap_err().to_string().contains("finite"));
+    }
+
+    #[test]
+    fn lenses_are_checked() {
+        let good = IntrinsicsInput {
+            width_px: None,
+            height_px: Some(480),
+            fx_px: 540.0,
+            fy_px: 540.0,
+            cx_px: 320.0,
+            cy_px: 240.0,
+        };
+        assert_eq!(intrinsics(&good, [640, 480], "intrinsics").unwrap(), Intrinsics::VGN);
+        let said =
+            |input: &IntrinsicsInput| intrinsics(input, [640, 480], "views[0].intrinsics").unwrap_err().to_string();
+        let wide = IntrinsicsInput { width_px: Some(1280), ..good.clone() };
+        assert_eq!(said(&wide), "width_px must be the image's 640, got 1280: views[0].intrinsics");
+        for fx_px in [0.0, -540.0, 1e5, f64::NAN, f64::INFINITY] {
+            assert!(said(&IntrinsicsInput { fx_px, ..good.clone() }).starts_with("fx_px must be between 1 and 100000"));
+        }
+        assert!(
+            said(&IntrinsicsInput { cy_px: -961.0, ..good.clone() }).contains("cy_px must be between -960 and 960")
+        );
+        assert!(said(&IntrinsicsInput { cx_px: f64::NAN, ..good }).contains("cx_px"));
+    }
+}

@@ -1,0 +1,104 @@
+//! Point clouds from PLY, PCD and NumPy files, told apart by their first bytes. A file's header is held against its
+//! length before memory is taken for the points it promises.
+
+use schema::Vec3;
+
+use crate::input::error::InputError;
+use crate::input::{npy, pcd, ply};
+
+/// Most points of a cloud.
+pub const POINTS_MAX: usize = 20_000_000;
+
+/// A cloud and what became of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReadCloud {
+    /// Points, in the file's order and frame, in metres; all finite.
+    pub points_m: Vec<Vec3>,
+    /// Where the sensor stood, if the file says so.
+    pub eye_m: Option<Vec3>,
+    /// How many points were left out because a coordinate was not finite.
+    pub dropped: usize,
+}
+
+impl ReadCloud {
+    /// The finite ones of these points.
+    pub(crate) fn of(points_m: Vec<Vec3>, eye_m: Option<Vec3>) -> Self {
+        let (all, mut points_m) = (points_m.len(), points_m);
+        points_m.retain(|point| point.is_finite());
+        Self { dropped: all - points_m.len(), points_m, eye_m }
+    }
+}
+
+/// Reads a cloud.
+///
+/// # Errors
+/// [`InputError`] if the format is unknown, the bytes are damaged, or there are no coordinates or too many points.
+pub fn read_cloud(bytes: &[u8]) -> Result<ReadCloud, InputError> {
+    if npy::is_npy(bytes) {
+        read_array(bytes)
+    } else if ply::is_ply(bytes) {
+        ply::read_ply(bytes)
+    } else if pcd::is_pcd(bytes) {
+        pcd::read_pcd(bytes)
+    } else {
+        Err(InputError::Damaged("a cloud must be a PLY, PCD or NPY file, got other bytes".to_owned()))
+    }
+}
+
+/// Refuses a number of points that is too large, or larger than `bytes` can hold at `bytes_min` each.
+pub(crate) fn check_count(points: usize, bytes: usize, bytes_min: usize) -> Result<(), InputError> {
+    if points > POINTS_MAX {
+        return Err(InputError::Value(format!("a cloud must have at most {POINTS_MAX} points, got {points}")));
+    }
+    if points.saturating_mul(bytes_min) > bytes {
+        return Err(InputError::Damaged(format!("the cloud's {bytes} bytes of data cannot hold its {points} points")));
+    }
+    Ok(())
+}
+
+/// An array of points, one a row or, for an organised cloud, one a pixel; columns after the third are left.
+fn read_array(bytes: &[u8]) -> Result<ReadCloud, InputError> {
+    let (header, data) = npy::split(bytes)?;
+    let (points, columns) = match header.shape[..] {
+        [points, columns] if columns >= 3 => (points, columns),
+        [height, width, columns] if columns >= 3 => (height.saturating_mul(width), columns),
+        _ => {
+            let got = &header.shape;
+            return Err(InputError::Value(format!("a cloud must have the shape [N, 3] or [H, W, 3], got {got:?}")));
+        }
+    };
+    check_count(points, data.len(), columns)?;
+    let values = header.decode(data).values;
+    let points_m = values.chunks_exact(columns).map(|row| Vec3::new(row[0], row[1], row[2])).collect();
+    Ok(ReadCloud::of(points_m, None))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::npy::write_npy_f32;
+
+    #[test]
+    fn arrays_give_their_first_three_columns() {
+        let rows = [1.0, 2.0, 3.0, 9.0, 4.0, f32::NAN, 6.0, 9.0, 7.0, 8.0, 9.0, 9.0];
+        let wanted =
+            ReadCloud { points_m: vec![Vec3::new(1.0, 2.0, 3.0), Vec3::new(7.0, 8.0, 9.0)], eye_m: None, dropped: 1 };
+        assert_eq!(read_cloud(&write_npy_f32(&[3, 4], &rows)).unwrap(), wanted);
+        assert_eq!(read_cloud(&write_npy_f32(&[1, 3, 4], &rows)).unwrap(), wanted);
+    }
+
+    #[test]
+    fn other_shapes_and_formats_are_refused() {
+        let message = |bytes: &[u8]| read_cloud(bytes).unwrap_err().to_string();
+        assert!(message(&write_npy_f32(&[3], &[0.0; 3])).contains("[N, 3] or [H, W, 3], got [3]"));
+        assert!(message(&write_npy_f32(&[3, 2], &[0.0; 6])).contains("got [3, 2]"));
+        assert!(message(b"solid stl").contains("PLY, PCD or NPY"));
+    }
+
+    #[test]
+    fn too_many_points_are_refused() {
+        assert!(check_count(POINTS_MAX, usize::MAX, 12).is_ok());
+        assert!(matches!(check_count(POINTS_MAX + 1, usize::MAX, 12), Err(InputError::Value(_))));
+        assert!(matches!(check_count(10, 119, 12), Err(InputError::Damaged(_))));
+    }
+}

@@ -1,0 +1,372 @@
+//! Depth images from PNG, NumPy and OpenEXR files. The format is told by the first bytes, never by a name, and the size
+//! is read and bounded before a pixel is decoded. Whatever is not a finite number above 0 becomes 0, "nothing seen".
+
+use std::io::Cursor;
+
+use png::{BitDepth, ColorType, DecodingError};
+use schema::DepthImage;
+
+use crate::input::error::InputError;
+use crate::input::npy::NpyNumber;
+use crate::input::{exr_image, npy};
+
+/// Most pixels along a side of a depth image.
+pub const SIDE_PX_MAX: usize = 4096;
+/// Metres per unit of an image of whole numbers, unless the caller says otherwise: millimetres, what cameras deliver.
+const WHOLE_NUMBER_SCALE_M: f32 = 0.001;
+/// What `depth_scale_m` may be.
+const SCALE_M_MIN: f32 = 1e-6;
+const SCALE_M_MAX: f32 = 1.0;
+/// The median depth of anything on a table before a robot.
+const MEDIAN_M_MIN: f32 = 0.02;
+const MEDIAN_M_MAX: f32 = 20.0;
+/// A picture with fewer seen pixels than this deserves a word.
+const SEEN_SHARE_MIN: f64 = 0.1;
+/// What decoding a PNG may take besides its pixels: rows, mostly.
+const PNG_BYTES_MAX: usize = 4 << 20;
+/// Deflate makes at most this many bytes of one.
+const DEFLATE_RATIO_MAX: usize = 1032;
+
+/// A format of depth images.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DepthFormat {
+    /// Grey PNG of 16 bits.
+    Png,
+    /// NumPy array of two axes.
+    Npy,
+    /// `OpenEXR` with a depth channel.
+    Exr,
+}
+
+impl DepthFormat {
+    /// The format of a file that begins like this.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> Option<Self> {
+        if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+            Some(Self::Png)
+        } else if npy::is_npy(bytes) {
+            Some(Self::Npy)
+        } else {
+            bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]).then_some(Self::Exr)
+        }
+    }
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Png => "PNG",
+            Self::Npy => "NPY",
+            Self::Exr => "EXR",
+        }
+    }
+}
+
+/// A depth image and what was odd about it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReadDepth {
+    /// The image; 0 where nothing was seen.
+    pub image: DepthImage,
+    /// What it came as.
+    pub format: DepthFormat,
+    /// Metres per stored unit that were taken.
+    pub scale_m: f32,
+    /// Pixels that were not finite numbers.
+    pub not_finite: usize,
+    /// Pixels below 0.
+    pub negative: usize,
+}
+
+/// An image as stored, before its unit is applied.
+pub(crate) struct RawDepth {
+    pub(crate) width_px: usize,
+    pub(crate) height_px: usize,
+    pub(crate) values: Vec<f32>,
+    pub(crate) are_whole_numbers: bool,
+}
+
+/// Reads a depth image. `scale_m` is metres per stored unit; without it whole numbers are millimetres, others metres.
+///
+/// # Errors
+/// [`InputError`] if the format is unknown, the bytes are damaged, or the image is no depth image of at most
+/// [`SIDE_PX_MAX`] pixels a side.
+pub fn read_depth(bytes: &[u8], scale_m: Option<f32>) -> Result<ReadDepth, InputError> {
+    read_depth_within(bytes, scale_m, SIDE_PX_MAX * SIDE_PX_MAX)
+}
+
+/// The same, refusing an image of more than `pixels_max` pixels before it is decoded.
+pub(crate) fn read_depth_within(
+    bytes: &[u8],
+    scale_m: Option<f32>,
+    pixels_max: usize,
+) -> Result<ReadDepth, InputError> {
+    if let Some(scale_m) = scale_m.filter(|scale_m| !(SCALE_M_MIN..=SCALE_M_MAX).contains(scale_m)) {
+        return Err(value(format!("depth_scale_m must be between {SCALE_M_MIN:e} and {SCALE_M_MAX}, got {scale_m}")));
+    }
+    let unknown = || InputError::Damaged("a depth image must be a PNG, NPY or EXR file, got other bytes".to_owned());
+    let format = DepthFormat::of(bytes).ok_or_else(unknown)?;
+    let raw = match format {
+        DepthFormat::Png => read_png(bytes, pixels_max),
+        DepthFormat::Npy => read_array(bytes, pixels_max),
+        DepthFormat::Exr => exr_image::read_exr(bytes, pixels_max),
+    }?;
+    let by_default = if raw.are_whole_numbers { WHOLE_NUMBER_SCALE_M } else { 1.0 };
+    Ok(in_metres(raw, format, scale_m.unwrap_or(by_default)))
+}
+
+/// What is strange about an image that could be read, as warnings.
+///
+/// # Errors
+/// [`InputError::Value`] if nothing was seen, or the median depth cannot be that of a table before a robot, which
+/// mostly means that the unit is wrong.
+pub fn judge_depth(depth: &ReadDepth) -> Result<Vec<String>, InputError> {
+    let mut seen: Vec<f32> = depth.image.depth_m.iter().copied().filter(|depth_m| *depth_m > 0.0).collect();
+    let pixels = depth.image.depth_m.len();
+    if seen.is_empty() {
+        return Err(value(format!("no pixel has a depth{}", odd_pixels(depth))));
+    }
+    let middle = seen.len() / 2;
+    let median_m = *seen.select_nth_unstable_by(middle, f32::total_cmp).1;
+    if !(MEDIAN_M_MIN..=MEDIAN_M_MAX).contains(&median_m) {
+        let hint = scale_hint(depth.scale_m, median_m);
+        return Err(value(format!(
+            "the median depth must be between {MEDIAN_M_MIN} and {MEDIAN_M_MAX} m, got {median_m} m: {hint}"
+        )));
+    }
+    let mut warnings = Vec::new();
+    let seen_share = seen.len() as f64 / pixels as f64;
+    if seen_share < SEEN_SHARE_MIN {
+        warnings.push(format!("only {:.1} % of the pixels have a depth{}", 100.0 * seen_share, odd_pixels(depth)));
+    }
+    if depth.negative > 0 {
+        warnings.push(format!("{} pixels with a negative depth count as not seen", depth.negative));
+    }
+    Ok(warnings)
+}
+
+fn value(message: String) -> InputError {
+    InputError::Value(message)
+}
+
+fn odd_pixels(depth: &ReadDepth) -> String {
+    match (depth.not_finite, depth.negative) {
+        (0, 0) => String::new(),
+        (odd, negative) => format!(" ({odd} are not finite, {negative} negative)"),
+    }
+}
+
+/// What is likely to be wrong with a unit that gives such a median.
+fn scale_hint(scale_m: f32, median_m: f32) -> String {
+    let plausible = 0.05..=5.0;
+    if scale_m == 1.0 && plausible.contains(&(median_m * 0.001)) {
+        "are these millimetres? set depth_scale_m = 0.001".to_owned()
+    } else if plausible.contains(&(median_m / scale_m)) {
+        "are these metres? set depth_scale_m = 1".to_owned()
+    } else {
+        format!("check depth_scale_m, which is {scale_m}")
+    }
+}
+
+fn in_metres(raw: RawDepth, format: DepthFormat, scale_m: f32) -> ReadDepth {
+    let (mut not_finite, mut negative) = (0, 0);
+    let mut depth_m = raw.values;
+    for depth in &mut depth_m {
+        let scaled = *depth * scale_m;
+        not_finite += usize::from(!scaled.is_finite());
+        negative += usize::from(scaled.is_finite() && scaled < 0.0);
+        *depth = if scaled.is_finite() && scaled > 0.0 { scaled } else { 0.0 };
+    }
+    let image = DepthImage { width_px: raw.width_px, height_px: raw.height_px, depth_m };
+    ReadDepth { image, format, scale_m, not_finite, negative }
+}
+
+/// Whether an image of this size may be decoded at all.
+pub(crate) fn check_size(width_px: usize, height_px: usize, pixels_max: usize) -> Result<(), InputError> {
+    let sides = 1..=SIDE_PX_MAX;
+    if !sides.contains(&width_px) || !sides.contains(&height_px) {
+        return Err(value(format!(
+            "a depth image must have 1 to {SIDE_PX_MAX} pixels a side, got {width_px} x {height_px}"
+        )));
+    }
+    if width_px * height_px > pixels_max {
+        return Err(value(format!(
+            "the request's depth images have too many pixels: {pixels_max} are left for one of {width_px} x {height_px}"
+        )));
+    }
+    Ok(())
+}
+
+fn read_array(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
+    let (header, data) = npy::split(bytes)?;
+    let (height_px, width_px) = match header.shape[..] {
+        [height, width] | [height, width, 1] => (height, width),
+        _ => return Err(value(format!("a depth array must have the shape [H, W], got {:?}", header.shape))),
+    };
+    check_size(width_px, height_px, pixels_max)?;
+    if header.number == NpyNumber::U8 {
+        return Err(value("a depth array must not be of 8 bits: 256 depths are a coloured picture of them".to_owned()));
+    }
+    let are_whole_numbers = !matches!(header.number, NpyNumber::F32 | NpyNumber::F64);
+    Ok(RawDepth { width_px, height_px, values: header.decode(data).values, are_whole_numbers })
+}
+
+fn read_png(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: PNG_BYTES_MAX });
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
+    let header = decoder.read_header_info().map_err(damaged_png)?;
+    let (width_px, height_px) = (header.width as usize, header.height as usize);
+    check_grey(header.color_type, header.bit_depth)?;
+    check_size(width_px, height_px, pixels_max)?;
+    let size_bytes = 2 * width_px * height_px;
+    if size_bytes / DEFLATE_RATIO_MAX > bytes.len() {
+        return Err(InputError::Damaged(format!(
+            "a PNG of {} bytes cannot hold the {width_px} x {height_px} pixels of its header",
+            bytes.len()
+        )));
+    }
+    let mut reader = decoder.read_info().map_err(damaged_png)?;
+    let mut pixels = vec![0; size_bytes];
+    let frame = reader.next_frame(&mut pixels).map_err(damaged_png)?;
+    if (frame.width as usize, frame.height as usize) != (width_px, height_px) {
+        return Err(InputError::Damaged("a depth image must not be an animated PNG".to_owned()));
+    }
+    reader.finish().map_err(damaged_png)?;
+    let values = pixels.as_chunks::<2>().0.iter().map(|unit| f32::from(u16::from_be_bytes(*unit))).collect();
+    Ok(RawDepth { width_px, height_px, values, are_whole_numbers: true })
+}
+
+fn check_grey(color: ColorType, depth: BitDepth) -> Result<(), InputError> {
+    match (color, depth) {
+        (ColorType::Grayscale, BitDepth::Sixteen) => Ok(()),
+        (ColorType::Grayscale, depth) => Err(value(format!(
+            "a depth PNG must have 16 bits a pixel, got {}: fewer cannot tell millimetres apart",
+            depth as u8
+        ))),
+        (color, _) => {
+            Err(value(format!("a depth PNG must be grey, got {color:?}: is this the colour image, or a rendered one?")))
+        }
+    }
+}
+
+fn damaged_png(error: DecodingError) -> InputError {
+    match error {
+        DecodingError::IoError(_) => InputError::Damaged("the PNG ends too early".to_owned()),
+        DecodingError::LimitsExceeded => InputError::Damaged("the PNG takes too much memory".to_owned()),
+        error => InputError::Damaged(format!("not a whole PNG: {error}")),
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A grey PNG of 16 bits.
+    pub(crate) fn png_of(width: u32, height: u32, units: &[u16]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(ColorType::Grayscale);
+        encoder.set_depth(BitDepth::Sixteen);
+        let mut writer = encoder.write_header().unwrap();
+        let pixels: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+        writer.write_image_data(&pixels).unwrap();
+        writer.finish().unwrap();
+        bytes
+    }
+
+    fn message(result: Result<ReadDepth, InputError>) -> String {
+        result.unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_png_is_millimetres_row_by_row() {
+        let bytes = png_of(3, 2, &[0, 500, 1000, 65535, 1, 2]);
+        let read = read_depth(&bytes, None).unwrap();
+        assert_eq!((read.image.width_px, read.image.height_px, read.format), (3, 2, DepthFormat::Png));
+        assert_eq!(read.image.at([0, 0]), None);
+        assert_eq!(read.image.at([1, 0]), Some(0.5));
+        assert!((read.image.at([0, 1]).unwrap() - 65.535).abs() < 1e-4);
+        let scaled = read_depth(&bytes, Some(0.0002)).unwrap();
+        assert!((scaled.image.at([1, 0]).unwrap() - 0.1).abs() < 1e-6, "5000 units a metre, as TUM's datasets have");
+    }
+
+    #[test]
+    fn arrays_of_each_kind_are_read() {
+        let floats = npy::write_npy_f32(&[2, 2, 1], &[0.5, f32::NAN, -1.0, f32::INFINITY]);
+        let read = read_depth(&floats, None).unwrap();
+        assert_eq!(read.image.depth_m, [0.5, 0.0, 0.0, 0.0]);
+        assert_eq!((read.not_finite, read.negative, read.scale_m), (2, 1, 1.0));
+        let mut whole = b"\x93NUMPY\x01\x00\x3b\x00".to_vec();
+        whole.extend(format!("{:<59}", "{'descr': '<u2', 'fortran_order': True, 'shape': (1, 2)}").bytes());
+        whole.extend([0xf4, 0x01, 0xe8, 0x03]);
+        assert_eq!(read_depth(&whole, None).unwrap().image.depth_m, [0.5, 1.0]);
+    }
+
+    #[test]
+    fn what_is_no_depth_is_refused() {
+        let mut grey8 = Vec::new();
+        png::Encoder::new(&mut grey8, 1, 1).write_header().unwrap().write_image_data(&[7]).unwrap();
+        assert!(message(read_depth(&grey8, None)).contains("16 bits a pixel, got 8"));
+        let mut rgb = Vec::new();
+        let mut encoder = png::Encoder::new(&mut rgb, 1, 1);
+        encoder.set_color(ColorType::Rgb);
+        encoder.write_header().unwrap().write_image_data(&[7; 3]).unwrap();
+        assert!(message(read_depth(&rgb, None)).contains("must be grey, got Rgb"));
+        assert!(message(read_depth(b"GIF89a", None)).contains("PNG, NPY or EXR"));
+        assert!(message(read_depth(&npy::write_npy_f32(&[4], &[1.0; 4]), None)).contains("shape [H, W], got [4]"));
+        assert!(message(read_depth(&npy::write_npy_f32(&[0, 4], &[]), None)).contains("got 4 x 0"));
+        let good = png_of(1, 1, &[500]);
+        for scale_m in [5.0, 0.0, -1.0, f32::NAN] {
+            assert!(message(read_depth(&good, Some(scale_m))).contains("between 1e-6 and 1, got"), "{scale_m}");
+        }
+        assert!(message(read_depth_within(&png_of(2, 2, &[1; 4]), None, 3)).contains("too many pixels"));
+    }
+
+    #[test]
+    fn a_png_cut_anywhere_is_damaged() {
+        let whole = png_of(4, 4, &[700; 16]);
+        for end in 8..whole.len() {
+            assert!(matches!(read_depth(&whole[..end], None), Err(InputError::Damaged(_))), "cut at {end}");
+        }
+    }
+
+    #[test]
+    fn a_png_that_promises_too_much_is_refused_from_its_header() {
+        let promising = |side: u32| {
+            let mut bytes = png_of(1, 1, &[1]);
+            bytes[16..20].copy_from_slice(&side.to_be_bytes());
+            bytes[20..24].copy_from_slice(&side.to_be_bytes());
+            // The checksum of IHDR, made right by the slow way.
+            let mut crc = u32::MAX;
+            for byte in &bytes[12..29] {
+                crc ^= u32::from(*byte);
+                for _ in 0..8 {
+                    crc = (crc >> 1) ^ (0xedb8_8320 * (crc & 1));
+                }
+            }
+            bytes[29..33].copy_from_slice(&(!crc).to_be_bytes());
+            bytes
+        };
+        assert!(message(read_depth(&promising(4096), None)).contains("cannot hold the 4096 x 4096 pixels"));
+        assert!(message(read_depth(&promising(4097), None)).contains("1 to 4096 pixels a side"));
+        assert!(read_depth(&promising(0x7fff_ffff), None).is_err());
+    }
+
+    #[test]
+    fn absurd_depths_are_told_with_the_likely_unit() {
+        let judged = |values: &[f32], scale_m| {
+            let bytes = npy::write_npy_f32(&[1, values.len()], values);
+            judge_depth(&read_depth(&bytes, scale_m).unwrap())
+        };
+        let said = |values: &[f32], scale_m| judged(values, scale_m).unwrap_err().to_string();
+        assert!(judged(&[0.6, 0.7, 0.0], None).unwrap().is_empty());
+        assert!(said(&[0.0, f32::NAN, -1.0], None).contains("no pixel has a depth (1 are not finite, 1 negative)"));
+        assert!(said(&[612.0, 612.0], None).contains("got 612 m: are these millimetres? set depth_scale_m = 0.001"));
+        assert!(said(&[0.6, 0.6], Some(0.001)).contains("are these metres? set depth_scale_m = 1"));
+        assert!(said(&[1e6], None).contains("check depth_scale_m, which is 1"));
+        let mut hardly = vec![0.0; 100];
+        hardly[..2].copy_from_slice(&[0.5, -3.0]);
+        let warnings = judged(&hardly, None).unwrap();
+        assert!(warnings[0].contains("only 1.0 % of the pixels") && warnings[1].contains("1 pixels"), "{warnings:?}");
+    }
+}

@@ -1,0 +1,99 @@
+//! Why an input is refused. Bytes that are not what they claim to be are told apart from values that break a rule: the
+//! first are damage (exit code 65), the second somebody's choice (78).
+
+use std::path::PathBuf;
+
+use shards::{ExitCode, ReadError};
+
+/// Why an input is refused. Messages name the place: a key's path, a file, or both.
+#[derive(Debug, thiserror::Error)]
+pub enum InputError {
+    /// The request is not JSON, or not TOML.
+    #[error("{0}")]
+    Syntax(String),
+    /// Bytes are not of the format that they claim, or end too early.
+    #[error("{0}")]
+    Damaged(String),
+    /// A key, a shape or a value breaks a rule.
+    #[error("{0}")]
+    Value(String),
+    /// There is no such file.
+    #[error("no such file: {}", .0.display())]
+    Missing(PathBuf),
+    /// The disk refused.
+    #[error("failed to read {}: {source}", .path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The dataset that a row was to come from cannot be read.
+    #[error(transparent)]
+    Row(#[from] Box<ReadError>),
+}
+
+impl InputError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Syntax(_) | Self::Value(_) | Self::Missing(_) => ExitCode::Config,
+            Self::Damaged(_) => ExitCode::Data,
+            Self::Io { .. } => ExitCode::TryAgain,
+            Self::Row(error) => error.exit_code(),
+        }
+    }
+
+    /// Whether the request as a whole could not be parsed: over HTTP 400, when a parsed one that is refused is 422.
+    #[must_use]
+    pub fn is_syntax(&self) -> bool {
+        matches!(self, Self::Syntax(_))
+    }
+
+    /// Whether the outside world failed and trying again may help.
+    #[must_use]
+    pub fn is_io(&self) -> bool {
+        self.exit_code() == ExitCode::TryAgain
+    }
+
+    /// The same with the place at which it happened; errors that name a file already stay as they are.
+    #[must_use]
+    pub(crate) fn at(self, place: &str) -> Self {
+        match self {
+            Self::Syntax(message) => Self::Syntax(format!("{message}: {place}")),
+            Self::Damaged(message) => Self::Damaged(format!("{message}: {place}")),
+            Self::Value(message) => Self::Value(format!("{message}: {place}")),
+            named => named,
+        }
+    }
+}
+
+/// A stranger's text, safe to print: without control characters and not long.
+pub(crate) fn shown(text: &str) -> String {
+    const CHARS_MAX: usize = 240;
+    let short: String = text.chars().take(CHARS_MAX).flat_map(char::escape_debug).collect();
+    if text.chars().nth(CHARS_MAX).is_some() { format!("{short}…") } else { short }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_kind_has_its_code() {
+        let io = InputError::Io { path: "a".into(), source: std::io::Error::other("disk on fire") };
+        assert_eq!(io.exit_code(), ExitCode::TryAgain);
+        assert!(io.is_io() && !io.is_syntax());
+        assert_eq!(io.to_string(), "failed to read a: disk on fire");
+        assert_eq!(InputError::Damaged(String::new()).exit_code(), ExitCode::Data);
+        assert_eq!(InputError::Missing("a".into()).exit_code(), ExitCode::Config);
+        assert!(InputError::Syntax(String::new()).is_syntax());
+    }
+
+    #[test]
+    fn strangers_texts_are_cut_and_escaped() {
+        assert_eq!(shown("a\u{1b}[31m\n"), "a\\u{1b}[31m\\n");
+        assert_eq!(shown(&"x".repeat(1000)).chars().count(), 241);
+    }
+}

@@ -1,0 +1,208 @@
+//! Depth from `OpenEXR` files. The `exr` crate decodes them block by block; what it is handed is first held against
+//! what a depth image can be (one part, one level, few channels, no lossy compression), since its own limits are those
+//! of film. Should it panic nevertheless, that is the file's fault and not the program's end.
+
+use std::io::Cursor;
+use std::panic::catch_unwind;
+
+use exr::block::lines::LineRef;
+use exr::block::reader::ChunksReader;
+use exr::error::Error;
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{ChannelList, LevelMode, SampleType};
+use exr::meta::header::Header;
+use exr::prelude::{Compression, Vec2, f16};
+
+use crate::input::depth::{RawDepth, SIDE_PX_MAX, check_size};
+use crate::input::error::{InputError, shown};
+
+/// Colours, depth, and a few masks.
+const CHANNELS_MAX: usize = 8;
+/// A whole image of single precision, and as much as one tile of it may take.
+const BLOCK_BYTES_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
+/// Bytes of a file that each block takes at least: an entry in the offset table, its place, its length.
+const BLOCK_FILE_BYTES_MIN: usize = 16;
+
+/// Reads the depth channel: the only one, or that called `Z`, `depth`, `Y` or `R`, in this order.
+pub(crate) fn read_exr(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
+    let caught = catch_unwind(|| decode(bytes, pixels_max));
+    caught.unwrap_or_else(|_| Err(InputError::Damaged("the EXR's pixels cannot be decoded".to_owned())))
+}
+
+fn damaged(error: Error) -> InputError {
+    InputError::Damaged(format!("not a whole EXR that can be read: {}", shown(&error.to_string())))
+}
+
+fn decode(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
+    let reader = exr::block::read(Cursor::new(bytes), false).map_err(damaged)?;
+    let [header] = reader.headers() else {
+        return Err(InputError::Value(format!("a depth EXR must have one part, got {}", reader.headers().len())));
+    };
+    check_header(header, bytes.len(), pixels_max)?;
+    let channels = header.channels.clone();
+    let chosen = depth_channel(&channels)?;
+    let kind = channels.list[chosen].sample_type;
+    let Vec2(width_px, height_px) = header.layer_size;
+    let mut values = vec![0.0; width_px * height_px];
+    let mut filled = 0;
+    let mut blocks = reader.all_chunks(false).map_err(damaged)?.sequential_decompressor(false);
+    while let Some(block) = blocks.decompress_next_block() {
+        let block = block.map_err(damaged)?;
+        for line in block.lines(&channels).filter(|line| line.location.channel == chosen) {
+            filled += put_line(&line, kind, width_px, &mut values)?;
+        }
+    }
+    if filled == values.len() {
+        return Ok(RawDepth { width_px, height_px, values, are_whole_numbers: false });
+    }
+    Err(InputError::Damaged(format!("the EXR must have {} pixels, got {filled}", values.len())))
+}
+
+fn check_header(header: &Header, file_bytes: usize, pixels_max: usize) -> Result<(), InputError> {
+    let refuse = |what: String| Err(InputError::Value(what));
+    check_size(header.layer_size.0, header.layer_size.1, pixels_max)?;
+    if let BlockDescription::Tiles(tiles) = header.blocks {
+        let Vec2(width, height) = tiles.tile_size;
+        if tiles.level_mode != LevelMode::Singular || width > SIDE_PX_MAX || height > SIDE_PX_MAX {
+            return refuse(format!("a depth EXR must have one level and tiles of at most {SIDE_PX_MAX} pixels a side"));
+        }
+    }
+    if header.channels.list.len() > CHANNELS_MAX || header.channels.list.iter().any(|c| c.sampling != Vec2(1, 1)) {
+        return refuse(format!("a depth EXR must have at most {CHANNELS_MAX} channels, none of them subsampled"));
+    }
+    if header.max_block_byte_size() > BLOCK_BYTES_MAX {
+        return refuse(format!("a depth EXR must have blocks of at most {BLOCK_BYTES_MAX} bytes"));
+    }
+    let is_faithful = matches!(
+        header.compression,
+        Compression::Uncompressed
+            | Compression::RLE
+            | Compression::ZIP1
+            | Compression::ZIP16
+            | Compression::PIZ
+            | Compression::PXR24
+    );
+    if !is_faithful {
+        let lossless = "a depth EXR must be uncompressed, RLE, ZIP, PIZ or PXR24";
+        return refuse(format!("{lossless}, got {}, which spoils depth", header.compression));
+    }
+    if header.chunk_count.saturating_mul(BLOCK_FILE_BYTES_MIN) > file_bytes {
+        let blocks = header.chunk_count;
+        return Err(InputError::Damaged(format!("an EXR of {file_bytes} bytes cannot hold its {blocks} blocks")));
+    }
+    Ok(())
+}
+
+/// Which channel the depth is in; a layer's name before a dot does not matter.
+fn depth_channel(channels: &ChannelList) -> Result<usize, InputError> {
+    let names: Vec<String> = channels.list.iter().map(|channel| channel.name.to_string()).collect();
+    let last = |name: &str| name.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
+    let named = ["z", "depth", "y", "r"].iter().find_map(|wanted| names.iter().position(|name| last(name) == *wanted));
+    let only = (names.len() == 1).then_some(0);
+    named.or(only).ok_or_else(|| {
+        let got = shown(&names.join(", "));
+        InputError::Value(format!("a depth EXR must have one channel, or one called Z, depth, Y or R, got {got}"))
+    })
+}
+
+/// Puts a line of samples in its place; how many there were.
+fn put_line(line: &LineRef<'_>, kind: SampleType, width_px: usize, values: &mut [f32]) -> Result<usize, InputError> {
+    let Vec2(u, v) = line.location.position;
+    let count = line.location.sample_count;
+    let is_inside = line.location.level == Vec2(0, 0) && u + count <= width_px;
+    let first = v * width_px + u;
+    let row = values.get_mut(first..first + count).filter(|_| is_inside);
+    let row = row.ok_or_else(|| InputError::Damaged("a block of the EXR lies outside the image".to_owned()))?;
+    match kind {
+        SampleType::F32 => fill(row, line.value, f32::from_ne_bytes),
+        SampleType::F16 => fill(row, line.value, |bytes| f16::from_ne_bytes(bytes).to_f32()),
+        SampleType::U32 => fill(row, line.value, |bytes| u32::from_ne_bytes(bytes) as f32),
+    }
+    Ok(count)
+}
+
+fn fill<const N: usize>(row: &mut [f32], bytes: &[u8], convert: impl Fn([u8; N]) -> f32) {
+    for (value, bytes) in row.iter_mut().zip(bytes.as_chunks::<N>().0) {
+        *value = convert(*bytes);
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
+    use exr::meta::header::LayerAttributes;
+    use exr::prelude::{SmallVec, WritableImage};
+
+    use super::*;
+    use crate::input::depth::read_depth;
+
+    /// An EXR of 5 × 3 pixels with these channels.
+    pub(crate) fn exr_of(encoding: Encoding, channels: Vec<(&str, FlatSamples)>) -> Vec<u8> {
+        let channels: Vec<_> = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
+        let channels = AnyChannels::sort(SmallVec::from_vec(channels));
+        let layer = Layer::new((5, 3), LayerAttributes::named("seen"), encoding, channels);
+        let mut bytes = Cursor::new(Vec::new());
+        Image::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    fn ramp() -> Vec<f32> {
+        (0..15).map(|i: u16| 0.25 * f32::from(i)).collect()
+    }
+
+    #[test]
+    fn every_encoding_and_sample_type_gives_the_same_depths() {
+        let encodings =
+            [Encoding::UNCOMPRESSED, Encoding::FAST_LOSSLESS, Encoding::SMALL_LOSSLESS, Encoding::SMALL_FAST_LOSSLESS];
+        for encoding in encodings {
+            let half = ramp().iter().map(|depth| f16::from_f32(*depth)).collect();
+            for samples in [FlatSamples::F32(ramp()), FlatSamples::F16(half)] {
+                let read = read_depth(&exr_of(encoding, vec![("Z", samples)]), None).unwrap();
+                assert_eq!((read.image.width_px, read.image.height_px), (5, 3));
+                assert_eq!(read.image.depth_m, ramp(), "quarters are exact in both, {encoding:?}");
+            }
+        }
+        let whole = FlatSamples::U32((0..15).collect());
+        let read = read_depth(&exr_of(Encoding::SMALL_LOSSLESS, vec![("depth.V", whole)]), Some(0.25)).unwrap();
+        assert_eq!(read.image.depth_m, ramp());
+    }
+
+    #[test]
+    fn the_depth_channel_is_found_by_its_name() {
+        let other = || FlatSamples::F32(vec![9.0; 15]);
+        let mine = || FlatSamples::F32(ramp());
+        for (names, is_found) in
+            [(["A", "ViewLayer.Depth.Z"], true), (["A", "Depth"], true), (["G", "R"], true), (["G", "B"], false)]
+        {
+            let bytes = exr_of(Encoding::UNCOMPRESSED, vec![(names[0], other()), (names[1], mine())]);
+            match read_depth(&bytes, None) {
+                Ok(read) => assert!(is_found && read.image.depth_m == ramp(), "{names:?}"),
+                Err(error) => assert!(!is_found && error.to_string().contains("got B, G"), "{error}"),
+            }
+        }
+    }
+
+    #[test]
+    fn lossy_and_cut_files_are_refused() {
+        let lossy = Encoding { compression: Compression::B44, ..Encoding::UNCOMPRESSED };
+        let half = FlatSamples::F16(vec![f16::from_f32(1.0); 15]);
+        let message = read_depth(&exr_of(lossy, vec![("Z", half)]), None).unwrap_err().to_string();
+        assert!(message.contains("got b44 compression"), "{message}");
+        let whole = exr_of(Encoding::SMALL_LOSSLESS, vec![("Z", FlatSamples::F32(ramp()))]);
+        for end in 4..whole.len() {
+            assert!(matches!(read_depth(&whole[..end], None), Err(InputError::Damaged(_))), "cut at {end}");
+        }
+    }
+
+    #[test]
+    fn a_huge_data_window_is_refused_from_the_header() {
+        let mut bytes = exr_of(Encoding::UNCOMPRESSED, vec![("Z", FlatSamples::F32(ramp()))]);
+        let name = b"dataWindow\0box2i\0";
+        let at = bytes.windows(name.len()).position(|window| window == name).unwrap() + name.len() + 4;
+        for side in [4096, 1_000_000, i32::MAX - 1] {
+            bytes[at + 8..at + 12].copy_from_slice(&i32::to_le_bytes(side - 1));
+            bytes[at + 12..at + 16].copy_from_slice(&i32::to_le_bytes(side - 1));
+            assert!(read_depth(&bytes, None).is_err(), "{side}");
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Valid files of every format, damaged at random, thousands of times: whatever comes out, it is an answer and not a
+//! panic. The damage is drawn from a fixed sequence, so a failure can be repeated.
+
+use exr::image::{Encoding, FlatSamples};
+use schema::Grid;
+
+use crate::input::cloud::read_cloud;
+use crate::input::depth::{judge_depth, read_depth};
+use crate::input::npy::write_npy_f32;
+use crate::input::request::from_json;
+use crate::input::tsdf::read_tsdf;
+use crate::input::{depth, exr_image, pcd, ply};
+
+/// Numbers without order but the same each time (splitmix64).
+struct Draws(u64);
+
+impl Draws {
+    fn below(&mut self, limit: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((mixed ^ (mixed >> 31)) % limit.max(1) as u64) as usize
+    }
+
+    /// The file with one to four things wrong with it.
+    fn damaged(&mut self, whole: &[u8]) -> Vec<u8> {
+        let mut bytes = whole.to_vec();
+        for _ in 0..=self.below(4) {
+            let at = self.below(bytes.len());
+            match self.below(6) {
+                0 => bytes.truncate(at),
+                1 => bytes.insert(at, self.below(256) as u8),
+                2 if at < bytes.len() => bytes[at] ^= 1 << self.below(8),
+                3 if at < bytes.len() => bytes[at] = [0, 1, 0x7f, 0x80, 0xff, b'9'][self.below(6)],
+                4 if at + 4 <= bytes.len() => bytes[at..at + 4].fill(0xff),
+                _ => {
+                    let from = self.below(bytes.len());
+                    let piece = bytes[from..(from + 16).min(bytes.len())].to_vec();
+                    drop(bytes.splice(at..at, piece));
+                }
+            }
+        }
+        bytes
+    }
+}
+
+fn for_each_damage(whole: &[u8], times: u64, read: impl Fn(&[u8])) {
+    read(whole);
+    for number in 0..times {
+        read(&Draws(number).damaged(whole));
+    }
+}
+
+#[test]
+fn damaged_depth_images_are_answered() {
+    let samples = || FlatSamples::F32(vec![0.5; 15]);
+    let encodings = [Encoding::UNCOMPRESSED, Encoding::SMALL_LOSSLESS, Encoding::FAST_LOSSLESS];
+    let mut files: Vec<Vec<u8>> =
+        encodings.map(|encoding| exr_image::tests::exr_of(encoding, vec![("Z", samples())])).into();
+    files.push(depth::tests::png_of(8, 8, &(0..64).map(|i| 500 + i).collect::<Vec<_>>()));
+    files.push(write_npy_f32(&[2, 3], &[0.5; 6]));
+    for file in files {
+        for_each_damage(&file, 700, |bytes| {
+            let _ = read_depth(bytes, None).map(|depth| judge_depth(&depth));
+        });
+    }
+}
+
+#[test]
+fn damaged_clouds_and_grids_are_answered() {
+    let files = [
+        pcd::tests::binary(),
+        pcd::tests::compressed(),
+        ply::tests::binary("binary_little_endian", f32::to_le_bytes, f64::to_le_bytes),
+        ply::tests::binary("binary_big_endian", f32::to_be_bytes, f64::to_be_bytes),
+        b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n\
+          1 2 3\n"
+            .to_vec(),
+        write_npy_f32(&[4, 3], &[0.5; 12]),
+    ];
+    for file in files {
+        for_each_damage(&file, 2000, |bytes| {
+            let _ = read_cloud(bytes);
+        });
+    }
+    let small = Grid { resolution: 2, ..Grid::PAPER };
+    for_each_damage(&write_npy_f32(&[2; 3], &[0.5; 8]), 2000, |bytes| {
+        let _ = read_tsdf(bytes, small);
+    });
+}
+
+#[test]
+fn damaged_requests_are_answered() {
+    let request = br#"{ "views": [{ "depth": { "data": "iVBORw0KGgo=" }, "depth_scale_m": 0.001,
+        "intrinsics": { "fx_px": 540, "fy_px": 540, "cx_px": 320, "cy_px": 240 },
+        "workspace_from_camera": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }],
+        "base_from_workspace": { "position_m": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 1] },
+        "policy": "paper", "grasps_max": 10, "explain": true }"#;
+    for_each_damage(request, 5000, |bytes| {
+        let _ = from_json(bytes, Grid::PAPER);
+    });
+}

@@ -1,0 +1,192 @@
+//! The `planner` program: arguments in, library calls, text out.
+
+mod cli;
+mod console;
+
+use std::io::IsTerminal;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Parser;
+use cli::{BenchArguments, Cli, Command, PlanArguments, PlannerArguments, ServeArguments};
+use planner::answer::Answer;
+use planner::bench::bench;
+use planner::cloud_file::write_ply;
+use planner::input::{
+    InputError, OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput, assemble, from_file,
+    parse_file, read_row, wishes,
+};
+use planner::picture::{PictureError, draw};
+use planner::serve::{ServeError, ServeOptions, serve};
+use planner::{Config, Observation, PlanError, Planner, PlannerError, demo};
+use schema::Grid;
+
+/// Plans are made of many short-lived volumes; the system's allocator gives them back to the kernel each time.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
+fn main() -> ExitCode {
+    let command = Cli::parse().command;
+    let level = tracing_subscriber::filter::LevelFilter::WARN.into();
+    let filter = tracing_subscriber::EnvFilter::builder().with_default_directive(level).with_env_var("GRASPMILL_LOG");
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_env_filter(filter.from_env_lossy())
+        .init();
+    if let Err(error) = shards::writes_fail_at_the_file_size_limit() {
+        tracing::warn!(%error, "a write beyond the file-size limit will end this program");
+    }
+    let ended = match command {
+        Command::Plan(arguments) => run_plan(&arguments),
+        Command::Serve(arguments) => run_serve(&arguments),
+        Command::Bench(arguments) => run_bench(&arguments),
+    };
+    match ended {
+        Ok(()) => shards::ExitCode::Ok.into(),
+        Err(error) => {
+            console::complain(&format!("error: {}", shards::text::told(error.as_ref())));
+            exit_code_of(&error).into()
+        }
+    }
+}
+
+/// The one place where errors become exit codes.
+fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
+    let codes = [
+        error.downcast_ref().map(InputError::exit_code),
+        error.downcast_ref().map(PlanError::exit_code),
+        error.downcast_ref().map(PlannerError::exit_code),
+        error.downcast_ref().map(ServeError::exit_code),
+        error.downcast_ref::<PictureError>().map(|_| shards::ExitCode::Internal),
+        error.downcast_ref::<std::io::Error>().map(|_| shards::ExitCode::TryAgain),
+    ];
+    codes.into_iter().flatten().next().unwrap_or(shards::ExitCode::Internal)
+}
+
+fn made_planner(arguments: &PlannerArguments) -> anyhow::Result<Planner> {
+    if let Some(threads) = arguments.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
+        pool.build_global().context("failed to start the threads")?;
+    }
+    let config = arguments.config.as_deref().map_or_else(Config::built_in, Config::read).map_err(PlannerError::from)?;
+    Ok(match &arguments.model {
+        Some(model) => Planner::new(model, config)?,
+        None => Planner::built_in(config)?,
+    })
+}
+
+fn run_plan(arguments: &PlanArguments) -> anyhow::Result<()> {
+    let planner = made_planner(&arguments.planner)?;
+    let Request { observation, wishes, warnings } = request(arguments, *planner.grid())?;
+    let mut plan = planner.plan(&observation, &wishes)?;
+    plan.warnings.extend(warnings);
+    if let Some(path) = &arguments.picture {
+        write(path, &draw(&plan, planner.gripper(), &title(arguments))?)?;
+    }
+    if let Some(path) = &arguments.ply {
+        write(path, &write_ply(&plan))?;
+    }
+    let answer = Answer::new(&plan, planner.model_id(), planner.policy(&wishes));
+    let json = serde_json::to_string_pretty(&answer)? + "\n";
+    match &arguments.out {
+        Some(path) => write(path, json.as_bytes())?,
+        None => console::print(&json)?,
+    }
+    if !arguments.quiet {
+        console::complain(console::summary(&plan).trim_end());
+    }
+    Ok(())
+}
+
+fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("failed to write {}", path.display()))
+}
+
+/// What is to be planned: a file's request or one made of flags, which count more than the file.
+fn request(arguments: &PlanArguments, grid: Grid) -> anyhow::Result<Request> {
+    let mut input = match &arguments.views {
+        Some(path) => parse_file(path)?,
+        None if arguments.demo => demo::request()?,
+        None => RequestInput::default(),
+    };
+    add_flags(arguments, &mut input);
+    if let Some(dataset) = &arguments.dataset {
+        let observation = Observation::Tsdf(read_row(dataset, arguments.scene)?.voxels);
+        return Ok(Request { observation, wishes: wishes(&input)?, warnings: Vec::new() });
+    }
+    let folder = arguments.views.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+    Ok(assemble(&input, Some(folder), grid)?)
+}
+
+fn add_flags(arguments: &PlanArguments, input: &mut RequestInput) {
+    let source = |path: &PathBuf| SourceInput::Path(path.to_string_lossy().into_owned());
+    input.tsdf = arguments.tsdf.as_ref().map(source).or(input.tsdf.take());
+    input.cloud = arguments.cloud.as_ref().map(source).or(input.cloud.take());
+    if !arguments.eye.is_empty() {
+        input.eyes_m = Some(arguments.eye.iter().map(|eye| eye.to_vec()).collect());
+    }
+    if let Some(policy) = arguments.policy {
+        input.policy = Some(policy.name().to_owned());
+    }
+    input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
+    input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
+    input.explain = arguments.explain.then_some(true).or(input.explain);
+    if let Some([position_m @ .., qx, qy, qz, qw]) = arguments.base_from_workspace {
+        let (position_m, quaternion_xyzw) = (position_m.to_vec(), vec![qx, qy, qz, qw]);
+        input.base_from_workspace = Some(PoseInput::Parts(PosePartsInput { position_m, quaternion_xyzw }));
+    }
+    if let Some(quaternion_xyzw) = arguments.wrist {
+        input.workspace_from_wrist = Some(OrientationInput { quaternion_xyzw: quaternion_xyzw.to_vec() });
+    }
+}
+
+fn title(arguments: &PlanArguments) -> String {
+    let file = |path: &Path| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let paths = [&arguments.views, &arguments.tsdf, &arguments.cloud];
+    match (paths.into_iter().flatten().next(), &arguments.dataset) {
+        (Some(path), _) => file(path),
+        (None, Some(_)) => format!("scene {}", arguments.scene),
+        (None, None) => "demo".to_owned(),
+    }
+}
+
+fn run_serve(arguments: &ServeArguments) -> anyhow::Result<()> {
+    let planner = made_planner(&arguments.planner)?;
+    let options = ServeOptions {
+        address: SocketAddr::new(arguments.host, arguments.port),
+        body_bytes_max: usize::from(arguments.body_mib_max) << 20,
+        request_timeout: Duration::from_secs(arguments.timeout_s.into()),
+        concurrent_max: arguments.concurrent.into(),
+        queue_max: arguments.queue.into(),
+    };
+    let told = || console::complain("stopping when the plans under way are made; again to stop at once");
+    let stop = shards::stop_on_signals(told).context("failed to listen for signals")?;
+    if !arguments.host.is_loopback() {
+        console::complain("warning: not a loopback address, and there are no passwords: anyone who reaches it may use it");
+    }
+    serve(planner, &options, &stop, &|address| {
+        // A closed standard output is no reason not to serve.
+        let _ = console::print(&format!("listening on http://{address}\n"));
+    })?;
+    Ok(())
+}
+
+fn run_bench(arguments: &BenchArguments) -> anyhow::Result<()> {
+    let planner = made_planner(&arguments.planner)?;
+    let request = match &arguments.views {
+        Some(path) => from_file(path, *planner.grid())?,
+        None => assemble(&demo::request()?, None, *planner.grid())?,
+    };
+    let report = bench(&planner, &request.observation, arguments.plans as usize)?;
+    if arguments.json {
+        console::print(&(serde_json::to_string_pretty(&report)? + "\n"))?;
+    } else {
+        console::print(&console::bench(&report))?;
+    }
+    Ok(())
+}
+

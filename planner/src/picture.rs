@@ -1,0 +1,430 @@
+//! A plan as a picture for people: the segmented cloud and the ranked grasps, from the side and from above (PNG).
+//!
+//! Drawn in software at twice the size and averaged down; its bytes are a pure function of the plan, the gripper and the
+//! title, for text is set with the font in `trainer/fonts` and nothing runs on a graphics card.
+
+mod eye;
+mod layer;
+mod marks;
+mod surface;
+pub(crate) mod tints;
+mod words;
+
+use schema::{Gripper, Vec3};
+
+use self::eye::{Eye, Outlook, Seen};
+use self::layer::Layer;
+use self::marks::Easel;
+use self::tints::{BEST, COLLISION, INK, OTHER_DROP, Rgb, of_label, of_place};
+use self::words::{Page, Sample};
+use crate::plan::{Drop, Plan, PointLabel};
+
+/// Width of the picture, in pixels.
+pub const WIDTH_PX: usize = 1400;
+/// Its height.
+pub const HEIGHT_PX: usize = 760;
+
+/// Grasps that are drawn, from the best; more could not be told apart.
+const GRASPS_DRAWN_MAX: usize = 12;
+/// Of these, how many have their rank written beside them.
+const GRASPS_NUMBERED_MAX: usize = 5;
+/// Every pixel is the mean of a square of this side; all lengths below are in the large picture's pixels.
+const MEAN_OF: usize = 2;
+const LARGE: [usize; 2] = [WIDTH_PX * MEAN_OF, HEIGHT_PX * MEAN_OF];
+const PANEL: [usize; 2] = [1376, 1304];
+const PANEL_CORNERS: [[usize; 2]; 2] = [[16, 16], [1408, 16]];
+const CAPTION_Y: [i32; 3] = [1362, 1422, 1482];
+const CAPTION_X: i32 = 28;
+
+const VIEWS: [(&str, Outlook); 2] = [
+    ("from the side", Outlook { towards_eye: Vec3::new(0.42, -1.0, 0.72), up: Vec3::Z, sides_away: 4.5 }),
+    ("from above", Outlook { towards_eye: Vec3::Z, up: Vec3::Y, sides_away: 7.0 }),
+];
+
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// The drawing library failed.
+    #[error("failed to draw the picture: {0}")]
+    Drawing(String),
+    /// The PNG encoder failed.
+    #[error("failed to encode the picture: {0}")]
+    Encoding(#[from] png::EncodingError),
+}
+
+/// A word to be written over a panel.
+struct Word {
+    text: String,
+    at: (i32, i32),
+    size: i32,
+    colour: Rgb,
+}
+
+/// Draws a plan as a PNG of [`WIDTH_PX`] × [`HEIGHT_PX`].
+///
+/// # Errors
+/// [`PictureError`] if a library fails; no plan is at fault.
+pub fn draw(plan: &Plan, gripper: &Gripper, title: &str) -> Result<Vec<u8>, PictureError> {
+    let mut pixels = vec![255; 3 * LARGE[0] * LARGE[1]];
+    let panel = |which: usize| panel(plan, gripper, VIEWS[which].1);
+    let (side, above) = rayon::join(|| panel(0), || panel(1));
+    for ((sheet, _), corner) in [&side, &above].into_iter().zip(PANEL_CORNERS) {
+        copy(sheet, &mut pixels, corner);
+    }
+    let page = Page::new(&mut pixels, LARGE[0], LARGE[1]);
+    for (((_, words), corner), (view, _)) in [&side, &above].into_iter().zip(PANEL_CORNERS).zip(VIEWS) {
+        write_on_panel(&page, words, corner, view)?;
+    }
+    write_caption(&page, plan, title)?;
+    drop(page);
+    encode(&means(&pixels, LARGE[0], MEAN_OF))
+}
+
+/// The scene from one side, and what is to be written on it.
+fn panel(plan: &Plan, gripper: &Gripper, outlook: Outlook) -> (Layer, Vec<Word>) {
+    let [width, height] = PANEL;
+    let eye = Eye::new(&plan.grid, outlook, width, height);
+    let mut easel = Easel { sheet: Layer::new(width, height), scratch: Layer::new(width, height), eye };
+    surface::paint(&mut easel.sheet, &eye, &plan.cloud, &plan.grid);
+    let axes = easel.workspace(&plan.grid);
+    easel.dropped(&plan.dropped);
+    easel.centroids(&plan.objects);
+    let count = plan.grasps.len().min(GRASPS_DRAWN_MAX);
+    // The best is drawn last and so lies on top.
+    let mut stems: Vec<(usize, Seen)> = (0..count)
+        .rev()
+        .filter_map(|place| Some((place, easel.hand(&plan.grasps[place].grasp, gripper, place, count)?)))
+        .filter(|(place, _)| *place < GRASPS_NUMBERED_MAX)
+        .collect();
+    stems.reverse();
+    let mut words = numbers(&stems);
+    words.extend(axes.into_iter().map(|(name, seen)| Word {
+        text: name.to_owned(),
+        at: (seen.x as i32, seen.y as i32),
+        size: 30,
+        colour: INK,
+    }));
+    (easel.sheet, words)
+}
+
+/// Ranks beside the stems' ends, each where no better one's stands already.
+fn numbers(stems: &[(usize, Seen)]) -> Vec<Word> {
+    let mut words: Vec<Word> = Vec::new();
+    for (place, stem) in stems {
+        let size = if *place == 0 { 52 } else { 38 };
+        let colour = if *place == 0 { BEST.map(|value| value / 2) } else { INK };
+        let near = [(0, -1), (1, -1), (-1, -1), (1, 0), (-1, 0), (1, 1), (-1, 1), (0, 1)];
+        let offsets = [34, 68, 102].into_iter().flat_map(|step| near.map(|(dx, dy)| (dx * step, dy * step)));
+        let mut places = offsets.map(|(dx, dy)| (stem.x as i32 + dx, stem.y as i32 + dy));
+        let is_free = |at: &(i32, i32)| {
+            let inside = (30..PANEL[0] as i32 - 30).contains(&at.0) && (80..PANEL[1] as i32 - 30).contains(&at.1);
+            inside && words.iter().all(|word| (word.at.0 - at.0).abs() > 38 || (word.at.1 - at.1).abs() > 46)
+        };
+        if let Some(at) = places.find(is_free) {
+            words.push(Word { text: (place + 1).to_string(), at, size, colour });
+        }
+    }
+    words
+}
+
+fn write_on_panel(page: &Page<'_>, words: &[Word], corner: [usize; 2], view: &str) -> Result<(), PictureError> {
+    let [left, top] = corner.map(|value| value as i32);
+    page.frame((left, top), (left + PANEL[0] as i32 - 1, top + PANEL[1] as i32 - 1))?;
+    page.line(view, (left + 20, top + 34), 28, PANEL[0] as i32)?;
+    // The best one's number is written last, as its hand is.
+    for word in words.iter().rev() {
+        page.haloed(&word.text, (word.at.0 + left, word.at.1 + top), word.size, word.colour)?;
+    }
+    Ok(())
+}
+
+fn write_caption(page: &Page<'_>, plan: &Plan, title: &str) -> Result<(), PictureError> {
+    let width = LARGE[0] as i32 - 2 * CAPTION_X;
+    page.line(title, (CAPTION_X, CAPTION_Y[0]), 42, width)?;
+    let summary = plan.reason.as_ref().map_or_else(|| summary(plan), Clone::clone);
+    page.line(&summary, (CAPTION_X, CAPTION_Y[1]), 34, width)?;
+    let mut x = CAPTION_X;
+    for (sample, name) in legend(plan) {
+        x = page.sample(sample, (x, CAPTION_Y[2]))?;
+        x = page.line(name, (x + 14, CAPTION_Y[2]), 27, width)? + 46;
+    }
+    Ok(())
+}
+
+/// How many grasps there are and how good the best is.
+fn summary(plan: &Plan) -> String {
+    let count = |number: usize, what: &str| format!("{number} {what}{}", if number == 1 { "" } else { "s" });
+    let mut text = format!("{}, {}", count(plan.grasps.len(), "grasp"), count(plan.objects.len(), "object"));
+    if plan.grasps.len() > GRASPS_DRAWN_MAX {
+        text.push_str(&format!("; the best {GRASPS_DRAWN_MAX} are drawn"));
+    }
+    if let Some(best) = plan.grasps.first() {
+        let width_mm = 1000.0 * best.grasp.width_m;
+        text.push_str(&format!("; the best: quality {:.3}, width {width_mm:.0} mm", best.quality));
+        if let Some(rho_m) = best.rho_m {
+            text.push_str(&format!(", rho {:.1} mm", 1000.0 * rho_m));
+        }
+    }
+    text
+}
+
+/// What is in the picture, and how it is drawn.
+fn legend(plan: &Plan) -> Vec<(Sample, &'static str)> {
+    let is_collision = |drop: &Drop| matches!(drop, Drop::Collision { .. });
+    let dropped = |collisions: bool| plan.dropped.iter().any(|candidate| is_collision(&candidate.drop) == collisions);
+    let labelled = |label: PointLabel| plan.cloud.labels.contains(&label);
+    let entries = [
+        (!plan.grasps.is_empty(), Sample::Bar(10, BEST), "best grasp, its arrow the approach"),
+        (plan.grasps.len() > 1, Sample::Bar(5, of_place(1, 2)), "others: the lighter, the lower their rank"),
+        (!plan.objects.is_empty(), Sample::Ring(of_label(PointLabel::Object(0))), "object's centroid"),
+        (labelled(PointLabel::Plane), Sample::Square(of_label(PointLabel::Plane)), "plane"),
+        (labelled(PointLabel::Noise), Sample::Square(of_label(PointLabel::Noise)), "noise"),
+        (dropped(true), Sample::Dot(8, COLLISION), "dropped: would collide"),
+        (dropped(false), Sample::Dot(6, OTHER_DROP), "dropped: for another reason"),
+    ];
+    entries.into_iter().filter(|(is_there, ..)| *is_there).map(|(_, sample, name)| (sample, name)).collect()
+}
+
+fn copy(sheet: &Layer, pixels: &mut [u8], [left, top]: [usize; 2]) {
+    for (row, colours) in sheet.colour.chunks_exact(sheet.width).enumerate() {
+        let start = 3 * ((top + row) * LARGE[0] + left);
+        pixels[start..start + 3 * sheet.width].copy_from_slice(colours.as_flattened());
+    }
+}
+
+/// A picture, three bytes a pixel, `side` times smaller in both directions.
+fn means(large: &[u8], width: usize, side: usize) -> Vec<u8> {
+    let mut small = Vec::with_capacity(large.len() / (side * side));
+    let mut sums = vec![0_usize; 3 * (width / side)];
+    for rows in large.chunks_exact(3 * width * side) {
+        sums.fill(0);
+        for row in rows.chunks_exact(3 * width) {
+            for (sum, square) in sums.chunks_exact_mut(3).zip(row.chunks_exact(3 * side)) {
+                for pixel in square.chunks_exact(3) {
+                    sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += usize::from(*value));
+                }
+            }
+        }
+        small.extend(sums.iter().map(|sum| (sum / (side * side)) as u8));
+    }
+    small
+}
+
+fn encode(pixels: &[u8]) -> Result<Vec<u8>, PictureError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, WIDTH_PX as u32, HEIGHT_PX as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(pixels)?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Grasp, Grid, axis_angle, pose_from_parts};
+
+    use super::tints::lit;
+    use super::*;
+    use crate::plan::{DroppedCandidate, Funnel, RankedGrasp, SeenObject, SegmentedCloud};
+
+    fn gripper() -> Gripper {
+        Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
+    }
+
+    /// Points on the upper five faces of a box from `low` to `high`, 2.5 mm apart.
+    fn box_points(low: Vec3, high: Vec3) -> Vec<Vec3> {
+        let steps = |axis: usize| (((high[axis] - low[axis]) / 0.0025).round() as usize).max(1);
+        let mut points = Vec::new();
+        for (i, j, k) in
+            (0..=steps(0)).flat_map(|i| (0..=steps(1)).flat_map(move |j| (0..=steps(2)).map(move |k| (i, j, k))))
+        {
+            let on_side = i == 0 || j == 0 || i == steps(0) || j == steps(1);
+            if on_side || k == steps(2) {
+                points.push(low + Vec3::new(i as f32, j as f32, k as f32) * 0.0025);
+            }
+        }
+        points
+    }
+
+    fn grasp(x: f32, y: f32, z: f32, turn_rad: f32, width_m: f32, quality: f32, object: usize) -> RankedGrasp {
+        let down = axis_angle(Vec3::X, std::f32::consts::PI);
+        let pose = pose_from_parts(axis_angle(Vec3::Z, turn_rad) * down, Vec3::new(x, y, z));
+        RankedGrasp {
+            grasp: Grasp { workspace_from_grasp: pose, width_m },
+            base_from_grasp: None,
+            quality,
+            voxel: [0; 3],
+            object: Some(object),
+            rho_m: Some(0.031),
+        }
+    }
+
+    fn plan() -> Plan {
+        let boxes = [
+            (Vec3::new(0.05, 0.06, 0.05), Vec3::new(0.10, 0.10, 0.13)),
+            (Vec3::new(0.16, 0.05, 0.05), Vec3::new(0.24, 0.09, 0.09)),
+            (Vec3::new(0.10, 0.18, 0.05), Vec3::new(0.15, 0.25, 0.11)),
+        ];
+        let mut points_m = box_points(Vec3::new(0.0, 0.0, 0.05), Vec3::new(0.30, 0.30, 0.05));
+        let mut labels = vec![PointLabel::Plane; points_m.len()];
+        for (number, (low, high)) in boxes.into_iter().enumerate() {
+            points_m.extend(box_points(low, high));
+            labels.resize(points_m.len(), PointLabel::Object(number));
+        }
+        let objects = boxes.map(|(low, high)| SeenObject { centroid_m: (low + high) * 0.5, point_count: 2000 });
+        Plan {
+            grid: Grid::PAPER,
+            grasps: vec![
+                grasp(0.075, 0.08, 0.10, 0.0, 0.04, 0.98, 0),
+                grasp(0.20, 0.07, 0.06, 0.0, 0.04, 0.95, 1),
+                grasp(0.125, 0.215, 0.08, std::f32::consts::FRAC_PI_2, 0.05, 0.93, 2),
+            ],
+            objects: objects.to_vec(),
+            cloud: SegmentedCloud { points_m, labels, plane: None },
+            funnel: Funnel::default(),
+            reason: None,
+            warnings: Vec::new(),
+            dropped: Vec::new(),
+            timings_ms: Vec::new(),
+        }
+    }
+
+    fn empty() -> Plan {
+        Plan {
+            grasps: Vec::new(),
+            objects: Vec::new(),
+            cloud: SegmentedCloud { points_m: Vec::new(), labels: Vec::new(), plane: None },
+            reason: Some("nothing was seen inside the workspace".to_owned()),
+            ..plan()
+        }
+    }
+
+    fn decoded(bytes: &[u8]) -> Vec<Rgb> {
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!((info.width as usize, info.height as usize), (WIDTH_PX, HEIGHT_PX));
+        pixels.as_chunks::<3>().0.to_vec()
+    }
+
+    fn count(pixels: &[Rgb], wanted: impl Fn(&Rgb) -> bool) -> usize {
+        pixels.iter().filter(|pixel| wanted(pixel)).count()
+    }
+
+    fn near(pixel: Rgb, colour: Rgb, tolerance: u8) -> bool {
+        pixel.iter().zip(colour).all(|(a, b)| a.abs_diff(b) <= tolerance)
+    }
+
+    /// Where a point is in the picture, in another way: in doubles, by the angle of sight and a box fitted by hand.
+    fn pixel_of(view: usize, point: Vec3) -> [usize; 2] {
+        let doubles = |v: Vec3| v.to_array().map(f64::from);
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let unit = |a: [f64; 3]| a.map(|value| value / dot(a, a).sqrt());
+        let outlook = VIEWS[view].1;
+        let back = unit(doubles(outlook.towards_eye));
+        let right = unit(cross(doubles(outlook.up), back));
+        let up = cross(back, right);
+        let eye = back.map(|value| 0.15 + value * f64::from(outlook.sides_away) * 0.30);
+        let seen = |p: [f64; 3]| {
+            let d = [p[0] - eye[0], p[1] - eye[1], p[2] - eye[2]];
+            [dot(d, right) / -dot(d, back), -dot(d, up) / -dot(d, back)]
+        };
+        let corner = |at: usize| [0, 1, 2].map(|bit| if at >> bit & 1 == 1 { 0.30 } else { 0.0 });
+        let ends = |axis: usize| {
+            let values = (0..8).map(|at| seen(corner(at))[axis]);
+            [values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max)]
+        };
+        let panel = PANEL.map(|size| size as f64);
+        let focal = [0, 1].map(|axis| 0.92 * panel[axis] / (ends(axis)[1] - ends(axis)[0]));
+        let focal = focal[0].min(focal[1]);
+        [0, 1].map(|axis| {
+            let from_middle = seen(doubles(point))[axis] - 0.5 * (ends(axis)[0] + ends(axis)[1]);
+            let large = 0.5 * panel[axis] + from_middle * focal + PANEL_CORNERS[view][axis] as f64;
+            (large / MEAN_OF as f64) as usize
+        })
+    }
+
+    #[test]
+    fn objects_and_the_best_hand_are_where_they_belong() {
+        let bare = decoded(&draw(&Plan { grasps: Vec::new(), ..plan() }, &gripper(), "three boxes").unwrap());
+        let pixels = decoded(&draw(&plan(), &gripper(), "three boxes").unwrap());
+        let at = |pixels: &[Rgb], [x, y]: [usize; 2]| pixels[y * WIDTH_PX + x];
+        // Level faces are lit fully: they have their tint.
+        for (object, top) in
+            [(0, Vec3::new(0.057, 0.067, 0.13)), (1, Vec3::new(0.167, 0.057, 0.09)), (2, Vec3::new(0.143, 0.187, 0.11))]
+        {
+            let tint = of_label(PointLabel::Object(object));
+            assert!(near(at(&bare, pixel_of(1, top)), tint, 12), "{object}: {:?}", at(&bare, pixel_of(1, top)));
+        }
+        // The best hand's fingers stand at y = 0.08 ± 25 mm, from z = 0.10 up to 0.15; the nearer is seen from the side.
+        let finger = at(&pixels, pixel_of(0, Vec3::new(0.075, 0.05, 0.12)));
+        let shades = [0.92, 0.92 + 0.22, 0.92 - 0.22].map(|light| lit(BEST, light));
+        assert!(shades.iter().any(|shade| near(finger, *shade, 6)), "{finger:?}");
+        let greens = |pixels: &[Rgb]| count(pixels, |[r, g, b]| *g > 120 && *r < 40 && *b < 140);
+        assert!(greens(&pixels) > 400);
+        assert_eq!(greens(&bare), 0);
+    }
+
+    #[test]
+    fn without_grasps_the_reason_is_written() {
+        let told = decoded(&draw(&empty(), &gripper(), "nothing").unwrap());
+        let untold = decoded(&draw(&Plan { reason: Some(String::new()), ..empty() }, &gripper(), "nothing").unwrap());
+        let caption =
+            (CAPTION_Y[1] as usize / MEAN_OF - 14) * WIDTH_PX..(CAPTION_Y[1] as usize / MEAN_OF + 14) * WIDTH_PX;
+        let dark = |pixels: &[Rgb]| count(&pixels[caption.clone()], |pixel| pixel[1] < 100);
+        assert_eq!(dark(&untold), 0);
+        assert!(dark(&told) > 500, "{}", dark(&told));
+        assert_eq!(told[..caption.start], untold[..caption.start]);
+    }
+
+    #[test]
+    fn the_same_plan_gives_the_same_bytes_and_another_gives_others() {
+        let bytes = |plan: &Plan, title: &str| draw(plan, &gripper(), title).unwrap();
+        let first = bytes(&plan(), "title");
+        assert_eq!(first, bytes(&plan(), "title"));
+        assert_ne!(first, bytes(&plan(), "another"));
+        let mut moved = plan();
+        moved.grasps.swap(0, 1);
+        assert_ne!(first, bytes(&moved, "title"));
+    }
+
+    #[test]
+    fn dropped_candidates_are_dots_and_have_a_legend() {
+        let dropped = |drop: Drop| DroppedCandidate {
+            grasp: grasp(0.27, 0.27, 0.06, 0.0, 0.04, 0.9, 0).grasp,
+            quality: 0.9,
+            voxel: [0; 3],
+            drop,
+        };
+        for (drop, colour) in [(Drop::Collision { points: 7 }, COLLISION), (Drop::Suppressed, OTHER_DROP)] {
+            let pixels = decoded(&draw(&Plan { dropped: vec![dropped(drop)], ..plan() }, &gripper(), "").unwrap());
+            for view in [0, 1] {
+                let [x, y] = pixel_of(view, Vec3::new(0.27, 0.27, 0.06));
+                assert!(near(pixels[y * WIDTH_PX + x], colour, 2), "{view}: {:?}", pixels[y * WIDTH_PX + x]);
+            }
+            assert!(count(&pixels[WIDTH_PX * 670..], |pixel| *pixel == colour) > 20);
+        }
+    }
+
+    #[test]
+    fn nonsense_is_drawn_as_far_as_it_goes() {
+        let mut odd = plan();
+        odd.cloud.points_m[0] = Vec3::splat(f32::NAN);
+        odd.cloud.points_m[1] = Vec3::splat(1e30);
+        odd.grasps[0].grasp.workspace_from_grasp.translation = Vec3::splat(f32::NAN);
+        odd.grasps[1].grasp.width_m = f32::INFINITY;
+        let title = format!("{}\n\u{7}", "a title that is far too long ".repeat(50));
+        decoded(&draw(&odd, &gripper(), &title).unwrap());
+    }
+
+    #[test]
+    fn means_are_those_of_squares() {
+        let large = [[0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9], [0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9]];
+        assert_eq!(means(large.as_flattened(), 4, 2), [2, 10, 20, 8, 8, 8]);
+    }
+}

@@ -1,0 +1,99 @@
+//! Colours, of Okabe and Ito (2008): they stay apart for the colour-blind.
+//!
+//! Green is the best grasp's alone and vermilion the collisions', so no object has them. Other grasps fade from dark to
+//! light grey: printed without colour, the order can still be read.
+
+use crate::plan::PointLabel;
+
+/// Red, green, blue.
+pub(crate) type Rgb = [u8; 3];
+
+pub(super) const WHITE: Rgb = [255; 3];
+pub(super) const INK: Rgb = [34; 3];
+pub(super) const THIN_LINE: Rgb = [140; 3];
+pub(super) const BEST: Rgb = [0, 158, 115];
+pub(super) const COLLISION: Rgb = [213, 94, 0];
+pub(super) const OTHER_DROP: Rgb = [120; 3];
+
+const PLANE: Rgb = [226; 3];
+const NOISE: Rgb = [150; 3];
+/// Sky blue, purple, yellow, orange, blue; then the same, darker.
+const OBJECTS: [Rgb; 10] = [
+    [86, 180, 233],
+    [204, 121, 167],
+    [240, 228, 66],
+    [230, 159, 0],
+    [0, 114, 178],
+    [56, 118, 153],
+    [134, 79, 110],
+    [158, 150, 43],
+    [151, 104, 0],
+    [0, 75, 117],
+];
+
+/// What a point is painted with. After ten objects the tints begin again.
+pub(crate) const fn of_label(label: PointLabel) -> Rgb {
+    match label {
+        PointLabel::Plane => PLANE,
+        PointLabel::Noise => NOISE,
+        PointLabel::Object(object) => OBJECTS[object % OBJECTS.len()],
+    }
+}
+
+/// A grasp's colour by its place among the `count` that are drawn; 0 is the best.
+pub(super) fn of_place(place: usize, count: usize) -> Rgb {
+    if place == 0 {
+        return BEST;
+    }
+    let share = (place - 1) as f32 / (count.max(6) - 2) as f32;
+    [(60.0 + 105.0 * share.min(1.0)) as u8; 3]
+}
+
+/// Between `under` (0) and `over` (1).
+pub(super) fn mixed(under: Rgb, over: Rgb, share: f32) -> Rgb {
+    std::array::from_fn(|channel| {
+        let (from, to) = (f32::from(under[channel]), f32::from(over[channel]));
+        (from + (to - from) * share + 0.5) as u8
+    })
+}
+
+/// Lighter above 1, darker below; stops at white.
+pub(super) fn lit(colour: Rgb, light: f32) -> Rgb {
+    colour.map(|value| (f32::from(value) * light + 0.5).min(255.0) as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rec. 601: what a printer without colours makes of it.
+    fn grey([r, g, b]: Rgb) -> f32 {
+        0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)
+    }
+
+    #[test]
+    fn neighbouring_objects_differ_and_none_looks_like_a_grasp() {
+        for object in 0..10 {
+            let tint = of_label(PointLabel::Object(object));
+            assert_ne!(tint, of_label(PointLabel::Object(object + 1)));
+            assert!(![BEST, COLLISION, of_label(PointLabel::Plane), of_label(PointLabel::Noise)].contains(&tint));
+        }
+    }
+
+    #[test]
+    fn grasps_fade_with_their_rank() {
+        for count in [2, 3, 12] {
+            let greys: Vec<f32> = (1..count).map(|place| grey(of_place(place, count))).collect();
+            assert!(greys.is_sorted() && (greys[0] - 60.0).abs() < 0.01, "{greys:?}");
+            assert!(greys[greys.len() - 1] < 165.1);
+        }
+    }
+
+    #[test]
+    fn a_mixture_ends_in_what_it_is_made_of() {
+        assert_eq!(mixed([10, 20, 30], [110, 120, 130], 0.0), [10, 20, 30]);
+        assert_eq!(mixed([10, 20, 30], [110, 120, 130], 1.0), [110, 120, 130]);
+        assert_eq!(mixed([0; 3], [100; 3], 0.25), [25; 3]);
+        assert_eq!(lit([100, 200, 0], 2.0), [200, 255, 0]);
+    }
+}

@@ -1,0 +1,400 @@
+//! The whole way: volume, network, detections, objects, ranking.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use schema::{Grasp, Grid, Quat, Vec3, VoxelGrid, pose_from_parts};
+use sha2::{Digest as _, Sha256};
+use shards::ExitCode;
+use trainer::checkpoint::{self, CheckpointError};
+use trainer::{DenseGrids, DenseNetwork};
+
+use crate::config::{Config, ConfigError, Policy};
+use crate::detect::{Detected, detect};
+use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
+use crate::observation::{Observation, Wishes};
+use crate::plan::{Drop, DroppedCandidate, Funnel, Plan, RankedGrasp, SeenObject, SegmentedCloud};
+use crate::rank;
+use crate::segment::segment;
+use crate::volume::fuse;
+
+/// The network that comes with the program.
+const MODEL: &[u8] = include_bytes!("../../models/paper-200k.safetensors");
+/// Where it lies in the source tree; for messages.
+const MODEL_PATH: &str = "models/paper-200k.safetensors";
+
+/// A network and settings, ready to plan. Planning changes nothing in it.
+#[derive(Debug, Clone)]
+pub struct Planner {
+    network: DenseNetwork,
+    model_id: String,
+    config: Config,
+    grid: Grid,
+}
+
+/// Why a planner cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PlannerError {
+    /// The network's file.
+    #[error(transparent)]
+    Model(#[from] CheckpointError),
+    /// The network's file cannot be read.
+    #[error("failed to read the model: {source}: {}", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The settings.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+}
+
+impl PlannerError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Model(error) => error.exit_code(),
+            Self::Read { .. } | Self::Config(_) => ExitCode::Config,
+        }
+    }
+}
+
+/// Why nothing can be planned from an observation.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PlanError {
+    /// A TSDF on a grid that is not the network's.
+    #[error("the grid must have {}³ voxels in {} m, got {}³ in {} m: tsdf", .expected.resolution, .expected.size_m, .got.resolution, .got.size_m)]
+    Grid {
+        /// The network's.
+        expected: Grid,
+        /// The TSDF's.
+        got: Grid,
+    },
+    /// An image and a lens that do not belong together.
+    #[error("the depth image must have the lens's {} x {} pixels, got {} x {}: views[{view}]", .expected[0], .expected[1], .got[0], .got[1])]
+    Image {
+        /// Number of the view.
+        view: usize,
+        /// The image's width and height.
+        got: [usize; 2],
+        /// The lens's.
+        expected: [usize; 2],
+        /// How many depths there are.
+        values: usize,
+    },
+    /// An eye that cannot have seen the workspace.
+    #[error("an eye must be above the floor and at least {distance_m_min} m from the middle of the workspace's floor, got {}: eyes_m", .eye_m)]
+    Eye {
+        /// Where it is said to be.
+        eye_m: Vec3,
+        /// The least distance.
+        distance_m_min: f32,
+    },
+}
+
+impl PlanError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        ExitCode::Config
+    }
+}
+
+impl Planner {
+    /// A planner with the network of a checkpoint's file.
+    ///
+    /// # Errors
+    /// [`PlannerError`] if the file cannot be read or is no checkpoint of this network.
+    pub fn new(model: &Path, config: Config) -> Result<Self, PlannerError> {
+        let file = std::fs::read(model).map_err(|source| PlannerError::Read { path: model.to_owned(), source })?;
+        Self::from_bytes(&file, model, config)
+    }
+
+    /// A planner with the network that comes with the program (`models/`).
+    ///
+    /// # Errors
+    /// None, as a test says; the type is that of [`Planner::new`].
+    pub fn built_in(config: Config) -> Result<Self, PlannerError> {
+        Self::from_bytes(MODEL, Path::new(MODEL_PATH), config)
+    }
+
+    fn from_bytes(file: &[u8], path: &Path, config: Config) -> Result<Self, PlannerError> {
+        let network = checkpoint::from_bytes(file, path)?.dense();
+        let model_id = Sha256::digest(file).iter().map(|byte| format!("{byte:02x}")).collect();
+        Ok(Self { network, model_id, config, grid: Grid::PAPER })
+    }
+
+    /// SHA-256 of the network's file.
+    #[must_use]
+    pub fn model_id(&self) -> &str {
+        &self.model_id
+    }
+
+    /// The settings.
+    #[must_use]
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// The workspace.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// The hand.
+    #[must_use]
+    pub fn gripper(&self) -> &schema::Gripper {
+        &self.config.gripper
+    }
+
+    /// The policy that a plan with these wishes follows.
+    #[must_use]
+    pub fn policy(&self, wishes: &Wishes) -> Policy {
+        wishes.policy.unwrap_or(self.config.ranking.policy)
+    }
+
+    /// Plans grasps. An empty scene, or one without a good grasp, gives a plan without grasps that says why.
+    ///
+    /// # Errors
+    /// [`PlanError`] if the observation contradicts itself or the network.
+    pub fn plan(&self, observation: &Observation, wishes: &Wishes) -> Result<Plan, PlanError> {
+        let mut clock = Clock::start();
+        let volume = fuse(observation, &self.grid, self.config.pitch_m)?;
+        clock.lap("fuse");
+        let found = self.find(&volume.grid, volume.points_m);
+        clock.laps.extend(found.timings_ms.iter().copied());
+        clock.skip();
+        let mut plan = self.rank(found, wishes);
+        clock.lap("rank");
+        plan.warnings.splice(0..0, volume.warnings);
+        plan.timings_ms = clock.laps;
+        Ok(plan)
+    }
+
+    /// Detections and objects: the network on one side, the cloud on the other, at the same time.
+    fn find(&self, grid: &VoxelGrid, points_m: Vec<Vec3>) -> Found {
+        let network = || {
+            let mut clock = Clock::start();
+            let grids = self.network.infer(&grid.values);
+            clock.lap("network");
+            let quality: Vec<f32> = grids.quality_logit.iter().map(|logit| sigmoid(*logit)).collect();
+            let detected =
+                detect(&self.grid, &grid.values, &quality, &grids.width_voxels, &self.config.detection);
+            clock.lap("detect");
+            (grids, detected, clock.laps)
+        };
+        let objects = || {
+            let mut clock = Clock::start();
+            let segmented = segment(points_m, &self.config);
+            clock.lap("segment");
+            (segmented, clock.laps)
+        };
+        let ((grids, detected, mut timings_ms), ((cloud, objects), more)) = rayon::join(network, objects);
+        timings_ms.extend(more);
+        Found { grids, detected, cloud, objects, timings_ms }
+    }
+
+    fn rank(&self, found: Found, wishes: &Wishes) -> Plan {
+        let Found { grids, detected, cloud, objects, .. } = found;
+        let mut dropped = self.told(&detected, &grids, wishes);
+        let mut grasps: Vec<RankedGrasp> = detected
+            .found
+            .iter()
+            .map(|detection| RankedGrasp {
+                grasp: self.grasp_at(detection.voxel, &grids, wishes),
+                base_from_grasp: None,
+                quality: detection.quality,
+                voxel: detection.voxel,
+                object: None,
+                rho_m: None,
+            })
+            .collect();
+        let mut funnel = Funnel {
+            voxels: self.grid.len(),
+            near_surface: detected.near_surface,
+            width_within_limits: detected.width_within_limits,
+            quality_reached: detected.quality_reached,
+            detections: grasps.len(),
+            ..Funnel::default()
+        };
+        self.drop_colliding(&mut grasps, &cloud, wishes, &mut dropped);
+        funnel.collision_free = grasps.len();
+        let policy = self.policy(wishes);
+        rank::attribute(&mut grasps, &cloud, &objects, &self.config.ranking);
+        drop_where(&mut grasps, &mut dropped, |ranked| {
+            rank::is_left_out(ranked, policy, &self.config.ranking).then_some(Drop::NoObject)
+        });
+        rank::order(&mut grasps, policy, self.config.seed);
+        let beyond = grasps.split_off(grasps.len().min(wishes.grasps_max.unwrap_or(usize::MAX)));
+        dropped.extend(beyond.into_iter().map(|ranked| candidate(&ranked, Drop::BeyondLimit)));
+        for ranked in &mut grasps {
+            let pose = ranked.grasp.workspace_from_grasp;
+            ranked.base_from_grasp = wishes.base_from_workspace.map(|base_from_workspace| base_from_workspace * pose);
+        }
+        funnel.ranked = grasps.len();
+        dropped.sort_by(|a, b| b.quality.total_cmp(&a.quality));
+        let seen = Seen { cloud: &cloud, objects: &objects, detected: &detected, funnel: &funnel };
+        Plan {
+            grid: self.grid,
+            reason: grasps.is_empty().then(|| self.reason(&seen)),
+            warnings: warnings(&seen, policy),
+            dropped: if wishes.explain { dropped } else { Vec::new() },
+            grasps,
+            objects,
+            cloud,
+            funnel,
+            timings_ms: Vec::new(),
+        }
+    }
+
+    /// The grasp that the network predicts in a voxel, turned towards the wrist.
+    fn grasp_at(&self, voxel: [usize; 3], grids: &DenseGrids, wishes: &Wishes) -> Grasp {
+        let (flat, count) = (self.grid.flat(voxel), self.grid.len());
+        let [x, y, z, w] = [0, 1, 2, 3].map(|part| grids.rotation[part * count + flat]);
+        let rotation = Quat::from_xyzw(x, y, z, w).normalize();
+        let offset = self.config.detection.voxel_offset - 0.5;
+        let position_m = self.grid.centre_m(voxel) + Vec3::splat(offset * self.grid.voxel_size_m());
+        let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
+        Grasp {
+            workspace_from_grasp: towards_wrist(&pose_from_parts(rotation, position_m), wrist),
+            width_m: grids.width_voxels[flat] * self.grid.voxel_size_m(),
+        }
+    }
+
+    fn drop_colliding(
+        &self,
+        grasps: &mut Vec<RankedGrasp>,
+        cloud: &SegmentedCloud,
+        wishes: &Wishes,
+        dropped: &mut Vec<DroppedCandidate>,
+    ) {
+        let law = &self.config.collision;
+        if !wishes.check_collisions.unwrap_or(law.check) {
+            return;
+        }
+        let sweep = Sweep::new(&self.config.gripper, law);
+        drop_where(grasps, dropped, |ranked| {
+            let points = sweep.points_hit(&ranked.grasp.workspace_from_grasp, &cloud.points_m);
+            (points > law.points_max).then_some(Drop::Collision { points })
+        });
+    }
+
+    /// The candidates that were no detections, if somebody wants to know.
+    fn told(&self, detected: &Detected, grids: &DenseGrids, wishes: &Wishes) -> Vec<DroppedCandidate> {
+        if !wishes.explain {
+            return Vec::new();
+        }
+        let misses = detected.misses(&self.grid, &self.config.detection).into_iter();
+        misses
+            .map(|miss| DroppedCandidate {
+                grasp: self.grasp_at(miss.voxel, grids, wishes),
+                quality: miss.quality,
+                voxel: miss.voxel,
+                drop: miss.drop,
+            })
+            .collect()
+    }
+
+    /// Why there are no grasps: the first stage that nothing came through.
+    fn reason(&self, seen: &Seen<'_>) -> String {
+        let law = &self.config.detection;
+        let funnel = seen.funnel;
+        if seen.cloud.points_m.is_empty() {
+            "empty scene: no surface was seen in the workspace".to_owned()
+        } else if funnel.near_surface == 0 {
+            "no voxel in front of a surface was seen".to_owned()
+        } else if funnel.width_within_limits == 0 {
+            let (low, high) = (law.width_voxels_min, law.width_voxels_max);
+            format!("no grasp has a width between {low} and {high} voxels")
+        } else if funnel.quality_reached == 0 {
+            let best = seen.detected.quality_best;
+            format!("no grasp has a quality of {} or more: the best has {best:.3}", law.quality_min)
+        } else if funnel.collision_free == 0 {
+            format!("the hand's way is blocked for all {} detections", funnel.detections)
+        } else if seen.objects.is_empty() {
+            "no cluster of points is large enough for an object, and grasps without one are dropped".to_owned()
+        } else if funnel.ranked == 0 {
+            "no grasp belongs to an object, and others are dropped".to_owned()
+        } else {
+            String::new()
+        }
+    }
+}
+
+/// What a plan's texts speak of.
+struct Seen<'a> {
+    cloud: &'a SegmentedCloud,
+    objects: &'a [SeenObject],
+    detected: &'a Detected,
+    funnel: &'a Funnel,
+}
+
+struct Found {
+    grids: DenseGrids,
+    detected: Detected,
+    cloud: SegmentedCloud,
+    objects: Vec<SeenObject>,
+    timings_ms: Vec<(&'static str, f64)>,
+}
+
+fn warnings(seen: &Seen<'_>, policy: Policy) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if seen.cloud.points_m.is_empty() || policy != Policy::Paper {
+        return warnings;
+    }
+    if seen.cloud.plane.is_none() {
+        warnings.push("no plane was found: nothing was taken away before clustering".to_owned());
+    }
+    if seen.objects.is_empty() {
+        warnings.push("no cluster of points is large enough for an object: grasps are ranked by quality".to_owned());
+    }
+    warnings
+}
+
+fn candidate(ranked: &RankedGrasp, drop: Drop) -> DroppedCandidate {
+    DroppedCandidate { grasp: ranked.grasp, quality: ranked.quality, voxel: ranked.voxel, drop }
+}
+
+/// Moves grasps with a reason from one list to the other.
+fn drop_where(
+    grasps: &mut Vec<RankedGrasp>,
+    dropped: &mut Vec<DroppedCandidate>,
+    reason: impl Fn(&RankedGrasp) -> Option<Drop>,
+) {
+    grasps.retain(|ranked| match reason(ranked) {
+        Some(drop) => {
+            dropped.push(candidate(ranked, drop));
+            false
+        }
+        None => true,
+    });
+}
+
+fn sigmoid(logit: f32) -> f32 {
+    1.0 / (1.0 + libm::expf(-logit))
+}
+
+/// Times the stages.
+struct Clock {
+    since: Instant,
+    laps: Vec<(&'static str, f64)>,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self { since: Instant::now(), laps: Vec::new() }
+    }
+
+    fn lap(&mut self, stage: &'static str) {
+        self.laps.push((stage, self.since.elapsed().as_secs_f64() * 1e3));
+        self.skip();
+    }
+
+    fn skip(&mut self) {
+        self.since = Instant::now();
+    }
+}

@@ -1,0 +1,148 @@
+//! The order of grasps: Eq. 8 within objects, objects top-down; or as VGN picks.
+
+use core::cmp::Ordering;
+
+use schema::{Purpose, Stream, Vec3};
+
+use crate::config::{Policy, RankingLaw, WithoutObject};
+use crate::plan::{PointLabel, RankedGrasp, SeenObject, SegmentedCloud};
+
+/// Eq. 8: the distance to the object's centroid, weighted by axis, over the quality; in metres.
+#[must_use]
+pub fn rho_m(position_m: Vec3, centroid_m: Vec3, quality: f32, weights: [f32; 3]) -> f32 {
+    let off = position_m - centroid_m;
+    (Vec3::from_array(weights) * off * off).element_sum().sqrt() / quality
+}
+
+/// The object of the nearest of the objects' points, if that is at most `distance_m_max` away.
+#[must_use]
+pub fn object_at(position_m: Vec3, cloud: &SegmentedCloud, distance_m_max: f32) -> Option<usize> {
+    let mut nearest = (distance_m_max * distance_m_max, None);
+    for (point, label) in cloud.points_m.iter().zip(&cloud.labels) {
+        if let PointLabel::Object(object) = label {
+            let distance = (*point - position_m).length_squared();
+            if distance < nearest.0 || (nearest.1.is_none() && distance <= nearest.0) {
+                nearest = (distance, Some(*object));
+            }
+        }
+    }
+    nearest.1
+}
+
+/// Gives each grasp its object and ρ.
+pub(crate) fn attribute(grasps: &mut [RankedGrasp], cloud: &SegmentedCloud, objects: &[SeenObject], law: &RankingLaw) {
+    for ranked in grasps {
+        let position_m = ranked.grasp.workspace_from_grasp.translation;
+        ranked.object = object_at(position_m, cloud, law.object_distance_m_max);
+        ranked.rho_m =
+            ranked.object.map(|object| rho_m(position_m, objects[object].centroid_m, ranked.quality, law.weights));
+    }
+}
+
+/// Brings grasps into the policy's order, best first. Equals keep the order of their voxels.
+pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, seed: u64) {
+    match policy {
+        Policy::Paper => grasps.sort_by(|a, b| top_down(a, b).then(b.quality.total_cmp(&a.quality))),
+        Policy::VgnBest => grasps.sort_by(|a, b| b.quality.total_cmp(&a.quality)),
+        Policy::VgnRandom => Stream::new(seed, 0, Purpose::Ranking, 0).shuffle(grasps),
+    }
+}
+
+/// Objects are numbered top-down; what belongs to none comes last.
+fn top_down(a: &RankedGrasp, b: &RankedGrasp) -> Ordering {
+    let key = |ranked: &RankedGrasp| ranked.object.unwrap_or(usize::MAX);
+    let rho = |ranked: &RankedGrasp| ranked.rho_m.unwrap_or(f32::INFINITY);
+    key(a).cmp(&key(b)).then(rho(a).total_cmp(&rho(b)))
+}
+
+/// Whether a grasp without an object is left out: only the paper's order has no place for one.
+pub(crate) fn is_left_out(ranked: &RankedGrasp, policy: Policy, law: &RankingLaw) -> bool {
+    policy == Policy::Paper && ranked.object.is_none() && law.without_object == WithoutObject::Drop
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Grasp, Quat, pose_from_parts};
+
+    use super::*;
+    use crate::config::Config;
+
+    fn grasp(position_m: [f32; 3], quality: f32) -> RankedGrasp {
+        let workspace_from_grasp = pose_from_parts(Quat::IDENTITY, Vec3::from_array(position_m));
+        RankedGrasp {
+            grasp: Grasp { workspace_from_grasp, width_m: 0.04 },
+            base_from_grasp: None,
+            quality,
+            voxel: [0; 3],
+            object: None,
+            rho_m: None,
+        }
+    }
+
+    /// A low object at x = 0.1 and a high one at x = 0.2, each of two points.
+    fn scene() -> (SegmentedCloud, Vec<SeenObject>) {
+        let high = [Vec3::new(0.2, 0.1, 0.11), Vec3::new(0.2, 0.1, 0.13)];
+        let low = [Vec3::new(0.1, 0.1, 0.06), Vec3::new(0.1, 0.1, 0.08)];
+        let cloud = SegmentedCloud {
+            points_m: high.into_iter().chain(low).chain([Vec3::new(0.15, 0.1, 0.05)]).collect(),
+            labels: [0, 0, 1, 1].map(PointLabel::Object).into_iter().chain([PointLabel::Plane]).collect(),
+            plane: None,
+        };
+        let object = |centroid_m| SeenObject { centroid_m, point_count: 2 };
+        (cloud, vec![object(Vec3::new(0.2, 0.1, 0.12)), object(Vec3::new(0.1, 0.1, 0.07))])
+    }
+
+    #[test]
+    fn eq_8_by_hand() {
+        let rho = rho_m(Vec3::new(0.02, -0.01, 0.05), Vec3::ZERO, 0.95, [0.45, 0.45, 0.1]);
+        let by_hand = (0.45 * 0.0004 + 0.45 * 0.0001 + 0.1 * 0.0025_f64).sqrt() / 0.95;
+        assert!((f64::from(rho) - by_hand).abs() < 1e-8, "{rho} against {by_hand}");
+    }
+
+    #[test]
+    fn the_paper_takes_the_highest_object_first_and_its_middle() {
+        let (cloud, objects) = scene();
+        let law = Config::built_in().unwrap().ranking;
+        let mut grasps = vec![
+            grasp([0.1, 0.1, 0.07], 0.99),
+            grasp([0.2, 0.115, 0.12], 0.95),
+            grasp([0.3, 0.3, 0.3], 1.0),
+            grasp([0.2, 0.105, 0.12], 0.91),
+            grasp([0.25, 0.25, 0.3], 0.92),
+        ];
+        attribute(&mut grasps, &cloud, &objects, &law);
+        assert_eq!(grasps.iter().map(|g| g.object).collect::<Vec<_>>(), [Some(1), Some(0), None, Some(0), None]);
+        let qualities = |policy| {
+            let mut ordered = grasps.clone();
+            order(&mut ordered, policy, 1);
+            ordered.iter().map(|g| g.quality).collect::<Vec<_>>()
+        };
+        assert_eq!(qualities(Policy::Paper), [0.91, 0.95, 0.99, 1.0, 0.92]);
+        assert_eq!(qualities(Policy::VgnBest), [1.0, 0.99, 0.95, 0.92, 0.91]);
+        let mut by_chance = qualities(Policy::VgnRandom);
+        assert_eq!(by_chance, qualities(Policy::VgnRandom));
+        by_chance.sort_by(f32::total_cmp);
+        assert_eq!(by_chance, [0.91, 0.92, 0.95, 0.99, 1.0]);
+    }
+
+    #[test]
+    fn chance_puts_each_grasp_first_equally_often() {
+        let mut firsts = [0; 4];
+        for seed in 0..4_000 {
+            let mut grasps: Vec<RankedGrasp> = (0..4_u8).map(|n| grasp([0.0; 3], f32::from(n))).collect();
+            order(&mut grasps, Policy::VgnRandom, seed);
+            firsts[grasps[0].quality as usize] += 1;
+        }
+        assert!(firsts.iter().all(|count| (870..1130).contains(count)), "{firsts:?}");
+    }
+
+    #[test]
+    fn only_the_paper_leaves_out_what_belongs_to_nothing() {
+        let law = RankingLaw { without_object: WithoutObject::Drop, ..Config::built_in().unwrap().ranking };
+        let lost = grasp([0.0; 3], 0.95);
+        assert!(is_left_out(&lost, Policy::Paper, &law));
+        assert!(!is_left_out(&lost, Policy::VgnBest, &law));
+        assert!(!is_left_out(&RankedGrasp { object: Some(0), ..lost.clone() }, Policy::Paper, &law));
+        assert!(!is_left_out(&lost, Policy::Paper, &Config::built_in().unwrap().ranking));
+    }
+}

@@ -1,0 +1,283 @@
+//! The planner over HTTP, for robot stacks without Rust: `POST /v1/plan` takes what `planner plan` reads, and answers what
+//! it prints.
+//!
+//! Nothing a client sends may end or exhaust the service: bodies, waiting requests, connections and times are limited, and
+//! a panic costs one answer. Who may call it is not its matter: it knows neither TLS nor passwords, and belongs on loopback.
+
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use axum::Router;
+use axum::extract::{ConnectInfo, DefaultBodyLimit, Request, State};
+use axum::http::StatusCode;
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::Response;
+use axum::routing::{get, post};
+use tokio::net::TcpListener;
+use tokio::sync::{Semaphore, oneshot};
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::limit::RequestBodyLimitLayer;
+use tower_http::timeout::TimeoutLayer;
+
+use self::connection::{Gate, Traffic};
+use self::fault::{Fault, Limits};
+use self::metrics::Metrics;
+use self::planning::Planned;
+use crate::Planner;
+
+mod connection;
+mod fault;
+mod handlers;
+mod metrics;
+mod model;
+mod openapi;
+mod planning;
+#[cfg(test)]
+mod tests;
+
+pub use openapi::openapi_json;
+
+/// Connections that are open at once; who comes later waits in the system's queue.
+const CONNECTIONS_MAX: usize = 256;
+/// How long a connection may be silent between requests, and how long a request's head may take.
+const SILENCE_MAX: Duration = Duration::from_secs(10);
+/// How often the service looks whether it is to stop.
+const GLANCE: Duration = Duration::from_millis(100);
+/// What a stopping service grants its clients beyond the limit of a request, to take their answers.
+const FAREWELL: Duration = Duration::from_secs(2);
+
+/// Where the service listens and what it grants.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ServeOptions {
+    /// Address and port; port 0 is any that is free.
+    pub address: SocketAddr,
+    /// Largest body.
+    pub body_bytes_max: usize,
+    /// Time from a request's head to its answer.
+    pub request_timeout: Duration,
+    /// Plans that are made at once; at least one.
+    pub concurrent_max: usize,
+    /// Plans that wait, beyond those.
+    pub queue_max: usize,
+}
+
+/// Why there is no service.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The address is taken, or not ours.
+    #[error("failed to listen: {source}: {address}")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// There are no threads for it.
+    #[error("failed to start the service's threads: {source}")]
+    Threads {
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The loop that accepts connections is gone.
+    #[error("the service ended though nobody stopped it")]
+    Ended,
+}
+
+impl ServeError {
+    /// How a program ends with it.
+    #[must_use]
+    pub fn exit_code(&self) -> shards::ExitCode {
+        match self {
+            Self::Listen { source, .. } if source.kind() != io::ErrorKind::AddrInUse => shards::ExitCode::Config,
+            Self::Listen { .. } | Self::Threads { .. } => shards::ExitCode::TryAgain,
+            Self::Ended => shards::ExitCode::Internal,
+        }
+    }
+}
+
+type PlanBytes = dyn Fn(&[u8]) -> Result<Planned, Fault> + Send + Sync;
+
+/// What the handlers share.
+struct Shared {
+    plan: Box<PlanBytes>,
+    model_json: String,
+    limits: Limits,
+    metrics: Metrics,
+    stopping: AtomicBool,
+    /// Plans under way and waiting.
+    places: Arc<Semaphore>,
+    /// Plans under way.
+    turns: Arc<Semaphore>,
+}
+
+impl Shared {
+    fn new(plan: Box<PlanBytes>, model_json: String, options: &ServeOptions) -> Arc<Self> {
+        let turns = options.concurrent_max.clamp(1, 1 << 16);
+        let limits = Limits { body_bytes_max: options.body_bytes_max, request_timeout: options.request_timeout };
+        Arc::new(Self {
+            plan,
+            model_json,
+            limits,
+            metrics: Metrics::new(),
+            stopping: AtomicBool::new(false),
+            places: Arc::new(Semaphore::new(turns + options.queue_max.min(1 << 16))),
+            turns: Arc::new(Semaphore::new(turns)),
+        })
+    }
+
+    fn of_planner(planner: Planner, options: &ServeOptions) -> Arc<Self> {
+        // Strings and finite numbers always serialize.
+        let model_json = serde_json::to_string(&model::ModelAnswer::new(&planner)).unwrap_or_default();
+        Self::new(Box::new(move |body: &[u8]| planning::plan_bytes(&planner, body)), model_json, options)
+    }
+
+    fn plan_and_count(&self, body: &[u8]) -> Result<Planned, Fault> {
+        let started = Instant::now();
+        let planned = (self.plan)(body)?;
+        self.metrics.planned(started.elapsed().as_secs_f64(), planned.grasp_count);
+        Ok(planned)
+    }
+
+    fn turned_away(&self) -> Fault {
+        self.metrics.rejected.inc();
+        Fault::new(StatusCode::SERVICE_UNAVAILABLE, "too many plans wait already")
+    }
+}
+
+/// Serves until `stop` is raised; then requests under way are answered, and it ends. `on_listening` learns the address.
+///
+/// # Errors
+/// [`ServeError`], before it listens.
+pub fn serve(
+    planner: Planner,
+    options: &ServeOptions,
+    stop: &AtomicBool,
+    on_listening: &dyn Fn(SocketAddr),
+) -> Result<(), ServeError> {
+    serve_shared(&Shared::of_planner(planner, options), options, SILENCE_MAX, stop, on_listening)
+}
+
+/// The service without its listener, to be part of another. Time limits on connections are the listener's.
+#[must_use]
+pub fn router(planner: Planner, options: &ServeOptions) -> Router {
+    routes(&Shared::of_planner(planner, options))
+}
+
+fn routes(shared: &Arc<Shared>) -> Router {
+    let limits = shared.limits;
+    Router::new()
+        .route("/v1/plan", post(handlers::plan))
+        .route("/v1/model", get(handlers::model))
+        .route("/healthz", get(handlers::healthz))
+        .route("/readyz", get(handlers::readyz))
+        .route("/metrics", get(handlers::metrics))
+        .route("/openapi.json", get(handlers::openapi))
+        // From the inside out. axum's own limit, 2 MB, is off: the next layer's holds.
+        .layer(DefaultBodyLimit::disable())
+        .layer(RequestBodyLimitLayer::new(limits.body_bytes_max))
+        .layer(TimeoutLayer::with_status_code(StatusCode::GATEWAY_TIMEOUT, limits.request_timeout))
+        .layer(CatchPanicLayer::custom(fault::of_panic))
+        .layer(from_fn_with_state(Arc::clone(shared), observe))
+        .with_state(Arc::clone(shared))
+}
+
+/// Around every request: counts it, logs it, and sees that errors are JSON.
+async fn observe(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    let started = Instant::now();
+    let (method, path) = (request.method().clone(), request.uri().path().to_owned());
+    let traffic = request.extensions().get::<ConnectInfo<Traffic>>().map(|ConnectInfo(traffic)| traffic.clone());
+    let _under_way = UnderWay::new(Arc::clone(&shared), traffic.clone());
+    let response = fault::as_json(next.run(request).await, &shared.limits);
+    let status = response.status();
+    if let Some(traffic) = traffic {
+        traffic.set_linger(!status.is_success());
+    }
+    shared.metrics.answered(&path, status);
+    let ms = started.elapsed().as_secs_f64() * 1e3;
+    tracing::info!(method = cut(method.as_str()), path = cut(&path), status = status.as_u16(), ms, "answered");
+    response
+}
+
+/// The beginning of what may be kilobytes, for the log.
+fn cut(text: &str) -> &str {
+    &text[..text.floor_char_boundary(100)]
+}
+
+/// Counts a request as long as it lives, also if its client goes away and the answer is never made.
+struct UnderWay {
+    shared: Arc<Shared>,
+    traffic: Option<Traffic>,
+}
+
+impl UnderWay {
+    fn new(shared: Arc<Shared>, traffic: Option<Traffic>) -> Self {
+        shared.metrics.in_flight.inc();
+        if let Some(traffic) = &traffic {
+            traffic.began();
+        }
+        Self { shared, traffic }
+    }
+}
+
+impl Drop for UnderWay {
+    fn drop(&mut self) {
+        self.shared.metrics.in_flight.dec();
+        if let Some(traffic) = &self.traffic {
+            traffic.ended();
+        }
+    }
+}
+
+fn serve_shared(
+    shared: &Arc<Shared>,
+    options: &ServeOptions,
+    silence_max: Duration,
+    stop: &AtomicBool,
+    on_listening: &dyn Fn(SocketAddr),
+) -> Result<(), ServeError> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .thread_name("serve")
+        .enable_all()
+        .build()
+        .map_err(|source| ServeError::Threads { source })?;
+    let ended = runtime.block_on(listen(shared, options, silence_max, stop, on_listening));
+    // A plan that outlived its request is not waited for.
+    runtime.shutdown_background();
+    ended
+}
+
+async fn listen(
+    shared: &Arc<Shared>,
+    options: &ServeOptions,
+    silence_max: Duration,
+    stop: &AtomicBool,
+    on_listening: &dyn Fn(SocketAddr),
+) -> Result<(), ServeError> {
+    let refused = |source| ServeError::Listen { address: options.address, source };
+    let listener = TcpListener::bind(options.address).await.map_err(refused)?;
+    on_listening(listener.local_addr().map_err(refused)?);
+    let (told, telling) = oneshot::channel::<()>();
+    let service = routes(shared).into_make_service_with_connect_info::<Traffic>();
+    let server = axum::serve(Gate::new(listener, CONNECTIONS_MAX, silence_max), service)
+        // An error would mean that `told` is gone, and that is as good as a word.
+        .with_graceful_shutdown(async move { telling.await.unwrap_or_default() });
+    let mut server = tokio::spawn(server.into_future());
+    while !stop.load(Ordering::Relaxed) {
+        if server.is_finished() {
+            return Err(ServeError::Ended);
+        }
+        tokio::time::sleep(GLANCE).await;
+    }
+    shared.stopping.store(true, Ordering::Relaxed);
+    // Nobody listens if the server has just ended by itself: all the same now.
+    let _ = told.send(());
+    let patience = options.request_timeout.saturating_add(FAREWELL);
+    if tokio::time::timeout(patience, &mut server).await.is_err() {
+        tracing::warn!("some clients did not take their answers in time");
+    }
+    Ok(())
+}

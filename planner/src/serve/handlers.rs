@@ -1,0 +1,122 @@
+//! The endpoints. A plan is made on a thread of its own kind, so that health and metrics answer while all are busy.
+//!
+//! A request takes its place before its body is read: what waits bounds the memory.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use axum::body::Bytes;
+use axum::extract::{FromRequest, Request, State};
+use axum::http::{HeaderName, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+
+use super::Shared;
+use super::fault::{ErrorAnswer, Fault, Limits, is_json, json_header};
+use super::metrics::MEDIA_TYPE;
+use super::model::ModelAnswer;
+use super::planning::Planned;
+use crate::answer::Answer;
+use crate::input::RequestInput;
+
+const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
+
+/// Ranked grasps for what the robot saw. An empty list is an answer, too: `reason` says why.
+#[utoipa::path(
+    post,
+    path = "/v1/plan",
+    request_body = RequestInput,
+    responses(
+        (status = 200, description = "The plan", body = Answer, headers(
+            ("Server-Timing" = String, description = "how long each stage took, in milliseconds")
+        )),
+        (status = 400, description = "The body is not JSON, or did not come whole", body = ErrorAnswer),
+        (status = 413, description = "The body is too large", body = ErrorAnswer),
+        (status = 415, description = "The content type is not JSON", body = ErrorAnswer),
+        (status = 422, description = "A value is wrong", body = ErrorAnswer),
+        (status = 500, description = "A defect of the planner", body = ErrorAnswer),
+        (status = 503, description = "Too many requests wait, or the service is stopping", body = ErrorAnswer, headers(
+            ("Retry-After" = u32, description = "when to come back, in seconds")
+        )),
+        (status = 504, description = "Not done in time", body = ErrorAnswer)
+    )
+)]
+pub(super) async fn plan(State(shared): State<Arc<Shared>>, request: Request) -> Result<Response, Fault> {
+    if !is_json(request.headers()) {
+        let told = "the content type must be application/json";
+        return Err(Fault::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, told));
+    }
+    let place = Arc::clone(&shared.places).try_acquire_owned().map_err(|_| shared.turned_away())?;
+    let body = body_of(request, &shared.limits).await?;
+    let turn = Arc::clone(&shared.turns).acquire_owned().await.map_err(|_| stopping())?;
+    let working = Arc::clone(&shared);
+    let work = move || {
+        // Kept until the plan ends, even if nobody waits for it any more.
+        let _held = (place, turn);
+        working.plan_and_count(&body)
+    };
+    match tokio::task::spawn_blocking(work).await {
+        Ok(planned) => planned.map(plan_response),
+        Err(error) if error.is_panic() => {
+            tracing::error!("a plan panicked; the service goes on");
+            Err(Fault::internal())
+        }
+        Err(_) => Err(stopping()),
+    }
+}
+
+async fn body_of(request: Request, limits: &Limits) -> Result<Bytes, Fault> {
+    Bytes::from_request(request, &()).await.map_err(|rejection| match rejection.status() {
+        StatusCode::PAYLOAD_TOO_LARGE => limits.fault(StatusCode::PAYLOAD_TOO_LARGE),
+        _ => Fault::new(StatusCode::BAD_REQUEST, "the body did not come whole"),
+    })
+}
+
+fn plan_response(planned: Planned) -> Response {
+    (json_header(), [(SERVER_TIMING, planned.server_timing)], planned.body).into_response()
+}
+
+fn stopping() -> Fault {
+    Fault::new(StatusCode::SERVICE_UNAVAILABLE, "the service is stopping")
+}
+
+/// Which network and settings answer.
+#[utoipa::path(get, path = "/v1/model", responses((status = 200, description = "The planner", body = ModelAnswer)))]
+pub(super) async fn model(State(shared): State<Arc<Shared>>) -> Response {
+    (json_header(), shared.model_json.clone()).into_response()
+}
+
+/// Whether the process lives.
+#[utoipa::path(get, path = "/healthz", responses((status = 200, description = "ok", body = String)))]
+pub(super) async fn healthz() -> &'static str {
+    "ok"
+}
+
+/// Whether to send requests: the model is loaded before the service listens, so only a service that stops is not ready.
+#[utoipa::path(
+    get,
+    path = "/readyz",
+    responses(
+        (status = 200, description = "ready", body = String),
+        (status = 503, description = "The service is stopping", body = ErrorAnswer)
+    )
+)]
+pub(super) async fn readyz(State(shared): State<Arc<Shared>>) -> Result<&'static str, Fault> {
+    if shared.stopping.load(Ordering::Relaxed) { Err(stopping()) } else { Ok("ready") }
+}
+
+/// Counters and histograms for Prometheus.
+#[utoipa::path(
+    get,
+    path = "/metrics",
+    responses((status = 200, description = "OpenMetrics text", body = String, content_type = "application/openmetrics-text"))
+)]
+pub(super) async fn metrics(State(shared): State<Arc<Shared>>) -> Result<Response, Fault> {
+    let text = shared.metrics.text().map_err(|_| Fault::internal())?;
+    Ok(([(header::CONTENT_TYPE, MEDIA_TYPE)], text).into_response())
+}
+
+/// This description.
+#[utoipa::path(get, path = "/openapi.json", responses((status = 200, description = "OpenAPI 3.1", body = serde_json::Value)))]
+pub(super) async fn openapi() -> Response {
+    (json_header(), super::openapi_json()).into_response()
+}

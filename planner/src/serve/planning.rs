@@ -1,0 +1,66 @@
+//! From the bytes of a body to the bytes of an answer; the only place where the service meets the planner.
+
+use std::time::Instant;
+
+use axum::http::StatusCode;
+use shards::ExitCode;
+
+use super::fault::Fault;
+use crate::answer::Answer;
+use crate::{PlanError, Planner, input};
+
+/// A plan as it is sent.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Planned {
+    /// An [`Answer`] in JSON.
+    pub(super) body: Vec<u8>,
+    /// How long each stage took, as the header `Server-Timing` wants it.
+    pub(super) server_timing: String,
+    pub(super) grasp_count: usize,
+}
+
+/// Reads a request, plans, and writes the answer.
+pub(super) fn plan_bytes(planner: &Planner, body: &[u8]) -> Result<Planned, Fault> {
+    let started = Instant::now();
+    let request = input::from_json(body, *planner.grid()).map_err(|e| input_fault(e.is_syntax(), e.to_string()))?;
+    let parsed_ms = started.elapsed().as_secs_f64() * 1e3;
+    let plan = planner.plan(&request.observation, &request.wishes).map_err(|e| plan_fault(&e))?;
+    let policy = planner.policy(&request.wishes);
+    let mut answer = Answer::new(&plan, planner.model_id(), policy);
+    answer.warnings.extend(request.warnings);
+    Ok(Planned {
+        body: serde_json::to_vec(&answer).map_err(|_| Fault::internal())?,
+        server_timing: server_timing(std::iter::once(("parse", parsed_ms)).chain(plan.timings_ms.iter().copied())),
+        grasp_count: plan.grasps.len(),
+    })
+}
+
+/// What is no request at all is 400, a request with wrong values is 422.
+fn input_fault(is_syntax: bool, told: String) -> Fault {
+    Fault::new(if is_syntax { StatusCode::BAD_REQUEST } else { StatusCode::UNPROCESSABLE_ENTITY }, told)
+}
+
+fn plan_fault(error: &PlanError) -> Fault {
+    if error.exit_code() == ExitCode::Internal {
+        tracing::error!("{error}");
+        return Fault::internal();
+    }
+    Fault::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string())
+}
+
+fn server_timing<'a>(stages: impl Iterator<Item = (&'a str, f64)>) -> String {
+    // A metric's name is a token: letters, digits, `_` and `-` are safe.
+    let token = |name: &str| name.replace(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == '-'), "_");
+    stages.map(|(name, ms)| format!("{};dur={ms:.2}", token(name))).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn timings_are_a_header() {
+        let stages = [("parse", 1.234), ("surface cloud, again", 10.0)];
+        assert_eq!(server_timing(stages.into_iter()), "parse;dur=1.23, surface_cloud__again;dur=10.00");
+    }
+}

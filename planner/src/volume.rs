@@ -1,0 +1,165 @@
+//! From an observation to what planning reads: the grid for the network, the cloud for the objects.
+
+use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, surface_cloud, thinned, view_from};
+use schema::{Grid, Vec3, VoxelGrid};
+
+use crate::observation::{Observation, SeenView};
+use crate::planner::PlanError;
+
+/// What was seen, fused.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Volume {
+    /// TSDF in VGN's values.
+    pub grid: VoxelGrid,
+    /// Surface points in the workspace, at the config's pitch where they were seen as densely.
+    pub points_m: Vec<Vec3>,
+    /// What the caller should know.
+    pub warnings: Vec<String>,
+}
+
+/// Fuses an observation on `grid`; its cloud has a pitch of `pitch_m`.
+///
+/// # Errors
+/// [`PlanError::Grid`] for a TSDF on another grid, [`PlanError::Image`] for an image of another size than its lens says,
+/// [`PlanError::Eye`] for an eye from which the workspace cannot be seen.
+pub fn fuse(observation: &Observation, grid: &Grid, pitch_m: f32) -> Result<Volume, PlanError> {
+    match observation {
+        Observation::Views(views) => {
+            let grid = fuse_views(views, grid)?;
+            let points_m = surface_cloud(&grid, pitch_m);
+            Ok(Volume { grid, points_m, warnings: Vec::new() })
+        }
+        Observation::Tsdf(given) => {
+            if given.grid.resolution != grid.resolution || (given.grid.size_m - grid.size_m).abs() > 1e-6 {
+                return Err(PlanError::Grid { expected: *grid, got: given.grid });
+            }
+            Ok(Volume { grid: given.clone(), points_m: surface_cloud(given, pitch_m), warnings: Vec::new() })
+        }
+        Observation::Cloud { points_m, eyes_m } => fuse_cloud(points_m, eyes_m, grid, pitch_m),
+    }
+}
+
+/// The TSDF of depth images.
+///
+/// # Errors
+/// [`PlanError::Image`].
+pub fn fuse_views(views: &[SeenView], grid: &Grid) -> Result<VoxelGrid, PlanError> {
+    let mut tsdf = Tsdf::new(*grid, TRUNCATION_VOXELS);
+    for (number, SeenView { image, camera }) in views.iter().enumerate() {
+        let lens = camera.intrinsics;
+        let (got, expected) = ([image.width_px, image.height_px], [lens.width_px, lens.height_px]);
+        if got != expected || image.depth_m.len() != got[0] * got[1] {
+            return Err(PlanError::Image { view: number, got, expected, values: image.depth_m.len() });
+        }
+        tsdf.integrate(camera, |pixel| image.at(pixel).filter(|depth_m| depth_m.is_finite()));
+    }
+    Ok(tsdf.to_voxels())
+}
+
+/// Where the eye is if nobody says: straight above, at twice the workspace's size.
+fn above(grid: &Grid) -> Vec3 {
+    Vec3::new(0.5, 0.5, 2.0) * grid.size_m
+}
+
+/// A cloud whose points have more than this many times the pitch between them is too sparse.
+const SPARSE_PITCHES: f32 = 1.5;
+
+fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> Result<Volume, PlanError> {
+    let points_m = thinned(points_m, grid, pitch_m);
+    let mut warnings = Vec::new();
+    let spacing_m = spacing_m(&points_m, grid);
+    if spacing_m > SPARSE_PITCHES * pitch_m {
+        let (got, wanted) = (spacing_m * 1e3, pitch_m * 1e3);
+        warnings.push(format!(
+            "the cloud is sparse: its points are about {got:.1} mm apart, the clusters' numbers are meant for {wanted:.1} mm"
+        ));
+    }
+    if eyes_m.is_empty() {
+        warnings.push("nobody said where the cloud was seen from: taken as seen from straight above".to_owned());
+    }
+    let from_above = [above(grid)];
+    let eyes_m = if eyes_m.is_empty() { &from_above } else { eyes_m };
+    let mut tsdf = Tsdf::new(*grid, TRUNCATION_VOXELS);
+    for eye_m in eyes_m {
+        let view = view_from(*eye_m, grid).ok_or(PlanError::Eye { eye_m: *eye_m, distance_m_min: grid.size_m })?;
+        let (camera, image) = cloud_image(&points_m, &view, grid, spacing_m.max(pitch_m));
+        tsdf.integrate(&camera, |pixel| image.at(pixel));
+    }
+    Ok(Volume { grid: tsdf.to_voxels(), points_m, warnings })
+}
+
+/// About how far apart the points of a thinned cloud are: the side of the square that each has to itself, if the cloud is a
+/// surface. By how many voxels' faces they cover: of a level surface a voxel has one face.
+fn spacing_m(points_m: &[Vec3], grid: &Grid) -> f32 {
+    let mut voxels: Vec<[usize; 3]> = points_m.iter().filter_map(|point| grid.voxel_at(*point)).collect();
+    let count = voxels.len();
+    voxels.sort_unstable();
+    voxels.dedup();
+    if count == 0 { 0.0 } else { grid.voxel_size_m() * (voxels.len() as f32 / count as f32).sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use perception::camera_at;
+    use schema::{DepthImage, Intrinsics, View};
+
+    use super::*;
+
+    fn level(view: &View) -> SeenView {
+        let camera = camera_at(view, &Grid::PAPER, Intrinsics::VGN);
+        let pose = camera.workspace_from_camera;
+        let depth_at = |p: usize| {
+            let fall = (pose.rotation * camera.intrinsics.ray([p % 640, p / 640])).z;
+            (0.05 - pose.translation.z) / fall
+        };
+        let image = DepthImage { width_px: 640, height_px: 480, depth_m: (0..640 * 480).map(depth_at).collect() };
+        SeenView { image, camera }
+    }
+
+    #[test]
+    fn a_table_seen_is_a_table_in_the_cloud() {
+        let view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
+        let volume = fuse(&Observation::Views(vec![view.clone()]), &Grid::PAPER, 0.0025).unwrap();
+        assert!(volume.points_m.len() > 13_000, "{}", volume.points_m.len());
+        assert!(volume.points_m.iter().all(|point| (point.z - 0.05).abs() < 5e-4));
+        let again = fuse(&Observation::Tsdf(volume.grid.clone()), &Grid::PAPER, 0.0025).unwrap();
+        assert_eq!(again, volume);
+        let cloud = Observation::Cloud { points_m: volume.points_m.clone(), eyes_m: vec![Vec3::new(0.3, 0.3, 0.6)] };
+        let from_cloud = fuse(&cloud, &Grid::PAPER, 0.0025).unwrap();
+        assert_eq!(from_cloud.warnings, Vec::<String>::new());
+        let (level, field) = ([20, 20, 7], |volume: &Volume| volume.grid.values[Grid::PAPER.flat([20, 20, 7])]);
+        assert!((field(&from_cloud) - field(&volume)).abs() < 0.02, "at {level:?}");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let mut view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
+        view.image.width_px = 600;
+        let error = fuse(&Observation::Views(vec![view]), &Grid::PAPER, 0.0025).unwrap_err().to_string();
+        assert_eq!(error, "the depth image must have the lens's 640 x 480 pixels, got 600 x 480: views[0]");
+        let other = VoxelGrid::new(Grid { resolution: 4, ..Grid::PAPER }, vec![0.0; 64]).unwrap();
+        assert!(fuse(&Observation::Tsdf(other), &Grid::PAPER, 0.0025).is_err());
+        let inside = Observation::Cloud { points_m: Vec::new(), eyes_m: vec![Vec3::splat(0.1)] };
+        let error = fuse(&inside, &Grid::PAPER, 0.0025).unwrap_err().to_string();
+        assert!(error.contains("at least 0.3 m from the middle of the workspace's floor"), "{error}");
+    }
+
+    #[test]
+    fn depths_that_are_no_numbers_are_not_seen() {
+        let mut view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
+        for (n, depth) in view.image.depth_m.iter_mut().enumerate() {
+            *depth = [f32::NAN, f32::INFINITY, -1.0, 0.0][n % 4];
+        }
+        let volume = fuse(&Observation::Views(vec![view]), &Grid::PAPER, 0.0025).unwrap();
+        assert!(volume.points_m.is_empty() && volume.grid.values.iter().all(|value| *value == 0.0));
+    }
+
+    #[test]
+    fn a_sparse_cloud_is_told() {
+        let points_m = (0..900).map(|n| Vec3::new((n / 30) as f32 * 0.01, (n % 30) as f32 * 0.01, 0.0501)).collect();
+        let cloud = Observation::Cloud { points_m, eyes_m: Vec::new() };
+        let volume = fuse(&cloud, &Grid::PAPER, 0.0025).unwrap();
+        assert_eq!(volume.warnings.len(), 2, "{:?}", volume.warnings);
+        assert!(volume.warnings[0].starts_with("the cloud is sparse"));
+    }
+}

@@ -1,0 +1,119 @@
+#!/usr/bin/env python3
+"""Makes a Rerun recording of a plan, to be turned about in the Rerun viewer.
+
+    planner plan ... > plan.json
+    python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
+    rerun plan.rrd
+
+Needs rerun-sdk==0.36.3 (163 MB, which is why it is not among the requirements). Shown are the cloud by its labels, the
+objects' centroids, the workspace, the hand at each grasp (green is the best, the others fade to grey; labels give rank,
+quality and rho) and, if the plan tells of them, dropped candidates: vermilion would collide, grey have another reason.
+"""
+
+import argparse
+import json
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+GRIPPER = Path(__file__).parents[1] / "configs/grippers/parallel_jaw_80.toml"
+FORMAT = "graspmill-plan/1"
+PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "char": "i1", "int": "<i4", "uint": "<u4", "short": "<i2", "ushort": "<u2"}
+BEST, COLLISION, GREY, INK = (0, 158, 115), (213, 94, 0), (120, 120, 120), (34, 34, 34)
+
+
+def read_ply(path: Path) -> np.ndarray:
+    """The vertices of a binary, little-endian PLY without lists, one field a property."""
+    head, end, body = path.read_bytes().partition(b"end_header\n")
+    lines = [line.split() for line in head.decode("ascii", "replace").splitlines()]
+    if not end or ["format", "binary_little_endian", "1.0"] not in lines:
+        raise SystemExit(f"{path}: not a binary, little-endian PLY")
+    try:
+        count = next(int(line[2]) for line in lines if line[:2] == ["element", "vertex"])
+        fields = [(line[2], PLY_TYPES[line[1]]) for line in lines if line[:1] == ["property"]]
+        return np.frombuffer(body, dtype=fields, count=count)
+    except (StopIteration, KeyError, ValueError) as error:
+        raise SystemExit(f"{path}: not a cloud of plain points: {error!r}") from error
+
+
+def hand(gripper: dict, width_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Centres and half lengths (3, 3) of the fingers and the palm in the grasp frame."""
+    finger = np.array([gripper[f"finger_{part}_m"] for part in ("width", "thickness", "length")]) / 2
+    palm = np.array([gripper[f"palm_{part}_m"] for part in ("width", "breadth", "length")]) / 2
+    sideways = width_m / 2 + finger[1]
+    behind = -gripper["finger_length_m"] - palm[2]
+    centres = [[0, -sideways, -finger[2]], [0, sideways, -finger[2]], [0, 0, behind]]
+    return np.array(centres), np.array([finger, finger, palm])
+
+
+def grasp_label(grasp: dict) -> str:
+    rho = "" if grasp["rho_m"] is None else f", rho {1000 * grasp['rho_m']:.1f} mm"
+    return f"{grasp['rank']}: q {grasp['quality']:.3f}{rho}"
+
+
+def log_grasps(recording: rr.RecordingStream, grasps: list[dict], gripper: dict) -> None:
+    for place, grasp in enumerate(grasps):
+        entity = f"workspace/grasps/{grasp['rank']:03}"
+        pose = grasp["workspace_from_grasp"]
+        quaternion = rr.Quaternion(xyzw=pose["quaternion_xyzw"])
+        recording.log(entity, rr.Transform3D(translation=pose["position_m"], quaternion=quaternion), static=True)
+        colour = BEST if place == 0 else [60 + 105 * place // len(grasps)] * 3
+        centres, halves = hand(gripper, grasp["width_m"])
+        labels = ["", "", grasp_label(grasp)]
+        boxes = rr.Boxes3D(centers=centres, half_sizes=halves, colors=[colour] * 3, labels=labels, show_labels=place < 5)
+        recording.log(f"{entity}/hand", boxes, static=True)
+        stem = -gripper["finger_length_m"] - 1.5 * gripper["palm_length_m"]
+        arrow = rr.Arrows3D(origins=[[0, 0, stem]], vectors=[[0, 0, -stem]], colors=[colour])
+        recording.log(f"{entity}/approach", arrow, static=True)
+
+
+def log_dropped(recording: rr.RecordingStream, dropped: list[dict]) -> None:
+    places = [candidate["workspace_from_grasp"]["position_m"] for candidate in dropped]
+    colours = [COLLISION if candidate["why"] == "collision" else GREY for candidate in dropped]
+    points = rr.Points3D(places, colors=colours, radii=0.0015, labels=[c["told"] for c in dropped], show_labels=False)
+    recording.log("workspace/dropped", points, static=True)
+
+
+def record(plan: dict, cloud: np.ndarray, gripper: dict, size_m: float, out: Path) -> None:
+    """Writes the recording."""
+    recording = rr.RecordingStream("graspmill_plan", recording_id=plan["model"], send_properties=False)
+    recording.save(out)
+    recording.log("workspace", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    half = [size_m / 2] * 3
+    recording.log("workspace/box", rr.Boxes3D(centers=[half], half_sizes=[half], colors=[GREY]), static=True)
+    places = np.stack([cloud[axis] for axis in "xyz"], axis=1)
+    colours = np.stack([cloud[channel] for channel in ("red", "green", "blue")], axis=1)
+    recording.log("workspace/cloud", rr.Points3D(places, colors=colours, radii=0.00125), static=True)
+    centroids = [thing["centroid_m"] for thing in plan["objects"]]
+    names = [f"object {number}" for number in range(len(centroids))]
+    recording.log("workspace/centroids", rr.Points3D(centroids, colors=[INK], radii=0.004, labels=names), static=True)
+    log_grasps(recording, plan["grasps"], gripper)
+    if plan.get("dropped"):
+        log_dropped(recording, plan["dropped"])
+    notes = [note for note in [plan["reason"], *plan["warnings"]] if note]
+    if notes:
+        recording.log("notes", rr.TextDocument("\n\n".join(notes)), static=True)
+    recording.flush()
+    recording.disconnect()
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("plan", type=Path, help="what `planner plan` printed")
+    parser.add_argument("--cloud", type=Path, required=True, help="the segmented cloud (PLY)")
+    parser.add_argument("--out", type=Path, required=True, help="the recording (.rrd)")
+    parser.add_argument("--gripper", type=Path, default=GRIPPER)
+    parser.add_argument("--size-m", type=float, default=0.30, help="side of the workspace")
+    args = parser.parse_args()
+    plan = json.loads(args.plan.read_text())
+    if plan.get("format") != FORMAT:
+        raise SystemExit(f"{args.plan}: format must be {FORMAT}, got {plan.get('format')}")
+    record(plan, read_ply(args.cloud), tomllib.loads(args.gripper.read_text()), args.size_m, args.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
