@@ -11,6 +11,7 @@ quality and rho) and, if the plan tells of them, dropped candidates: vermilion w
 """
 
 import argparse
+import hashlib
 import json
 import sys
 import tomllib
@@ -77,12 +78,12 @@ def log_dropped(recording: rr.RecordingStream, dropped: list[dict]) -> None:
     recording.log("workspace/dropped", points, static=True)
 
 
-def record(plan: dict, cloud: np.ndarray, gripper: dict, size_m: float, out: Path) -> None:
+def record(plan: dict, cloud: np.ndarray, gripper: dict, recording_id: str, out: Path) -> None:
     """Writes the recording."""
-    recording = rr.RecordingStream("graspmill_plan", recording_id=plan["model"], send_properties=False)
+    recording = rr.RecordingStream("graspmill_plan", recording_id=recording_id, send_properties=False)
     recording.save(out)
     recording.log("workspace", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    half = [size_m / 2] * 3
+    half = [plan["grid"]["size_m"] / 2] * 3
     recording.log("workspace/box", rr.Boxes3D(centers=[half], half_sizes=[half], colors=[GREY]), static=True)
     places = np.stack([cloud[axis] for axis in "xyz"], axis=1)
     colours = np.stack([cloud[channel] for channel in ("red", "green", "blue")], axis=1)
@@ -105,13 +106,17 @@ def main() -> int:
     parser.add_argument("plan", type=Path, help="what `planner plan` printed")
     parser.add_argument("--cloud", type=Path, required=True, help="the segmented cloud (PLY)")
     parser.add_argument("--out", type=Path, required=True, help="the recording (.rrd)")
-    parser.add_argument("--gripper", type=Path, default=GRIPPER)
-    parser.add_argument("--size-m", type=float, default=0.30, help="side of the workspace")
+    parser.add_argument("--gripper", type=Path, default=GRIPPER, help="the hand's file, if it is not the paper's")
     args = parser.parse_args()
     plan = json.loads(args.plan.read_text())
+    gripper = tomllib.loads(args.gripper.read_text())
     if plan.get("format") != FORMAT:
         raise SystemExit(f"{args.plan}: format must be {FORMAT}, got {plan.get('format')}")
-    record(plan, read_ply(args.cloud), tomllib.loads(args.gripper.read_text()), args.size_m, args.out)
+    if plan["gripper"] != gripper["name"]:
+        raise SystemExit(f"the plan is for {plan['gripper']}, the hand is {gripper['name']}: --gripper")
+    # Recordings with the same id are one to the viewer.
+    recording_id = hashlib.sha256(args.plan.read_bytes() + args.cloud.read_bytes()).hexdigest()
+    record(plan, read_ply(args.cloud), gripper, recording_id, args.out)
     return 0
 
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use perception::camera_at;
@@ -138,11 +138,13 @@ fn add_view(text: &mut String, name: &str, camera: &Camera) {
 fn write_png(path: &Path, image: &DepthImage) -> io::Result<()> {
     let units = |depth_m: &f32| (depth_m / SCALE_M).round().clamp(0.0, f32::from(u16::MAX)) as u16;
     let bytes: Vec<u8> = image.depth_m.iter().flat_map(|depth_m| units(depth_m).to_be_bytes()).collect();
-    let mut encoder =
-        png::Encoder::new(BufWriter::new(File::create(path)?), image.width_px as u32, image.height_px as u32);
+    let mut file = BufWriter::new(File::create(path)?);
+    let mut encoder = png::Encoder::new(&mut file, image.width_px as u32, image.height_px as u32);
     encoder.set_color(png::ColorType::Grayscale);
     encoder.set_depth(png::BitDepth::Sixteen);
     encoder.set_compression(png::Compression::High);
-    encoder.write_header()?.write_image_data(&bytes)?;
-    Ok(())
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&bytes)?;
+    writer.finish()?;
+    file.flush()
 }

@@ -21,7 +21,9 @@ mod cli;
 mod table;
 
 use assignment::{Assignment, AssignmentError, index_list};
-use cli::{Arguments, BenchArguments, Command, DatasetArgument, DepthArguments, GcArguments, MissingArguments, RepeatArguments};
+use cli::{
+    Arguments, BenchArguments, Command, DatasetArgument, DepthArguments, GcArguments, MissingArguments, RepeatArguments,
+};
 
 /// A world is built and dropped for every attempt: two threads make 3 to 12 % more attempts with this allocator than with the
 /// system's.

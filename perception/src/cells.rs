@@ -66,9 +66,7 @@ impl Cells {
     pub(crate) fn around(&self, point_m: Vec3) -> impl Iterator<Item = usize> + '_ {
         let [is, js, ks] = {
             let cube = self.cube(point_m);
-            core::array::from_fn(|axis| {
-                cube[axis].saturating_sub(1)..=(cube[axis] + 1).min(self.counts[axis] - 1)
-            })
+            core::array::from_fn(|axis| cube[axis].saturating_sub(1)..=(cube[axis] + 1).min(self.counts[axis] - 1))
         };
         is.flat_map(move |i| {
             let ks = ks.clone();

@@ -24,7 +24,7 @@ impl ClusterLaw {
 /// The cluster of every point, numbered by their first core points; `None` is noise.
 ///
 /// A point that is not dense itself but near a cluster belongs to the first cluster that reaches it, so the labels are those of
-/// scikit-learn's `DBSCAN(eps=radius_m, min_samples=points_min)`, but for clusters below `cluster_points_min`, which are
+/// scikit-learn's `DBSCAN(eps=radius_m, min_samples=points_min)` (but for distances that round to the radius), and but for clusters below `cluster_points_min`, which are
 /// taken for noise and leave no gap in the numbers. All points must be finite.
 #[must_use]
 pub fn clusters(points_m: &[Vec3], law: &ClusterLaw) -> Vec<Option<usize>> {
@@ -134,7 +134,9 @@ mod tests {
     /// DBSCAN as it is defined, every pair looked at.
     fn slow(points_m: &[Vec3], law: &ClusterLaw) -> Vec<Option<usize>> {
         let near = |a: usize| -> Vec<usize> {
-            (0..points_m.len()).filter(|b| (points_m[a] - points_m[*b]).length_squared() <= law.radius_m.powi(2)).collect()
+            (0..points_m.len())
+                .filter(|b| (points_m[a] - points_m[*b]).length_squared() <= law.radius_m.powi(2))
+                .collect()
         };
         let neighbours: Vec<Vec<usize>> = (0..points_m.len()).map(near).collect();
         let mut labels = vec![None; points_m.len()];

@@ -19,10 +19,11 @@ pub struct PlaneLaw {
 }
 
 impl PlaneLaw {
-    /// The paper's threshold and iterations. A table is level to 0.3 rad and a twentieth of what is seen: the paper says
-    /// nothing of that, but the largest plane of a full workspace may be the side of a box.
+    /// The paper's threshold and iterations. A table is level to 0.3 rad and a fifth of what is seen: the paper says
+    /// nothing of that, but the largest plane of a full workspace may be the side of a box, and any slice of 20 mm is a
+    /// fifteenth of it.
     pub const PAPER: Self =
-        Self { threshold_m: 0.01, iterations: 100, refits_max: 20, tilt_rad_max: 0.3, share_min: 0.05 };
+        Self { threshold_m: 0.01, iterations: 100, refits_max: 20, tilt_rad_max: 0.3, share_min: 0.2 };
 }
 
 /// A plane and the points that belong to it.
@@ -165,7 +166,8 @@ mod tests {
         // Heights over a lattice: the normal equations can be solved by hand, for z = ax + by + c with small slopes both
         // kinds of least squares agree to the square of the slopes.
         let heights = [0.0, 1e-5, -2e-5, 3e-5, 0.0, 1e-5, -1e-5, 2e-5, 0.0];
-        let points: Vec<Vec3> = (0..9).map(|n| Vec3::new((n / 3) as f32 - 1.0, (n % 3) as f32 - 1.0, heights[n])).collect();
+        let points: Vec<Vec3> =
+            (0..9).map(|n| Vec3::new((n / 3) as f32 - 1.0, (n % 3) as f32 - 1.0, heights[n])).collect();
         let plane = fitted(&points, &(0..9).collect::<Vec<_>>()).unwrap();
         let slope = |weight: &dyn Fn(usize) -> f32| (0..9).map(|n| weight(n) * heights[n]).sum::<f32>() / 6.0;
         let (a, b) = (slope(&|n| (n / 3) as f32 - 1.0), slope(&|n| (n % 3) as f32 - 1.0));

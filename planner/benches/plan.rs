@@ -13,18 +13,21 @@ fn main() {
 }
 
 fn views() -> Vec<planner::SeenView> {
-    match input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation {
+    match input::assemble(&demo::request().expect("what comes with the program is sound"), None, Grid::PAPER)
+        .expect("sound")
+        .observation
+    {
         Observation::Views(views) => views,
         _ => Vec::new(),
     }
 }
 
 fn field() -> VoxelGrid {
-    fuse_views(&views(), &Grid::PAPER).unwrap()
+    fuse_views(&views(), &Grid::PAPER).expect("what comes with the program is sound")
 }
 
 fn config() -> Config {
-    Config::built_in().unwrap()
+    Config::built_in().expect("what comes with the program is sound")
 }
 
 #[divan::bench]
@@ -67,6 +70,7 @@ fn detections_of_volumes(bencher: divan::Bencher<'_, '_>) {
 
 #[divan::bench]
 fn whole_plan_of_tsdf(bencher: divan::Bencher<'_, '_>) {
-    let (planner, observation) = (Planner::built_in(config()).unwrap(), Observation::Tsdf(field()));
+    let (planner, observation) =
+        (Planner::built_in(config()).expect("what comes with the program is sound"), Observation::Tsdf(field()));
     bencher.bench_local(|| planner.plan(&observation, &Wishes::default()));
 }

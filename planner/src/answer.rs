@@ -1,10 +1,11 @@
 //! A plan as JSON: what `planner plan` prints and `planner serve` answers.
 
-use schema::Pose;
+use schema::{Grid, Pose};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::plan::{DroppedCandidate, Drop, Funnel, Plan, RankedGrasp};
+use crate::plan::{Drop, DroppedCandidate, Funnel, Plan, RankedGrasp};
+use crate::{Planner, Policy};
 
 /// Version of the answer's layout.
 pub const FORMAT: &str = "graspmill-plan/1";
@@ -18,6 +19,8 @@ pub struct Answer {
     pub model: String,
     /// How the grasps are ranked: `paper`, `vgn-random` or `vgn-best`.
     pub policy: &'static str,
+    /// Name of the hand.
+    pub gripper: String,
     /// The workspace.
     pub grid: GridAnswer,
     /// The grasps, best first.
@@ -31,9 +34,8 @@ pub struct Answer {
     /// The plane under the objects; null if none was found.
     pub plane: Option<PlaneAnswer>,
     /// How many candidates were left after each stage.
-    pub funnel: FunnelAnswer,
-    /// Candidates that were dropped and why; only if that was asked for.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub funnel: Funnel,
+    /// Candidates that were dropped and why, best first; empty unless that was asked for.
     pub dropped: Vec<DroppedAnswer>,
 }
 
@@ -44,6 +46,14 @@ pub struct GridAnswer {
     pub size_m: f32,
     /// Voxels along a side.
     pub resolution: usize,
+    /// Height of the table's top in the datasets that the network learned from, in metres.
+    pub table_z_m: f32,
+}
+
+impl GridAnswer {
+    pub(crate) fn new(grid: &Grid) -> Self {
+        Self { size_m: grid.size_m, resolution: grid.resolution, table_z_m: grid.table_z_m }
+    }
 }
 
 /// A rigid transform `target_from_source`.
@@ -96,25 +106,6 @@ pub struct PlaneAnswer {
     pub inlier_count: usize,
 }
 
-/// How many candidates were left after each stage.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-pub struct FunnelAnswer {
-    /// Voxels of the grid.
-    pub voxels: usize,
-    /// Near enough to the surface.
-    pub near_surface: usize,
-    /// With a width within the limits.
-    pub width_within_limits: usize,
-    /// With a quality of ε or more.
-    pub quality_reached: usize,
-    /// Best within their suppression window.
-    pub detections: usize,
-    /// Whose hand hits nothing (all, if that was not checked).
-    pub collision_free: usize,
-    /// Given.
-    pub ranked: usize,
-}
-
 /// A candidate that was dropped.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct DroppedAnswer {
@@ -133,9 +124,9 @@ pub struct DroppedAnswer {
 }
 
 impl Answer {
-    /// The plan as it is told; `model` is the SHA-256 of the weights.
+    /// A planner's plan as it is told.
     #[must_use]
-    pub fn new(plan: &Plan, model: &str, policy: crate::Policy) -> Self {
+    pub fn new(plan: &Plan, planner: &Planner, policy: Policy) -> Self {
         let plane = plan.cloud.plane.as_ref().map(|found| PlaneAnswer {
             normal: found.plane.normal.to_array(),
             offset_m: found.plane.offset_m,
@@ -143,9 +134,10 @@ impl Answer {
         });
         Self {
             format: FORMAT,
-            model: model.to_owned(),
+            model: planner.model_id().to_owned(),
             policy: policy.name(),
-            grid: GridAnswer { size_m: plan.grid.size_m, resolution: plan.grid.resolution },
+            gripper: planner.gripper().name.clone(),
+            grid: GridAnswer::new(&plan.grid),
             grasps: plan.grasps.iter().enumerate().map(|(at, grasp)| grasp_answer(at + 1, grasp)).collect(),
             reason: plan.reason.clone(),
             warnings: plan.warnings.clone(),
@@ -155,7 +147,7 @@ impl Answer {
                 .map(|o| ObjectAnswer { centroid_m: o.centroid_m.to_array(), point_count: o.point_count })
                 .collect(),
             plane,
-            funnel: funnel_answer(&plan.funnel),
+            funnel: plan.funnel,
             dropped: plan.dropped.iter().map(dropped_answer).collect(),
         }
     }
@@ -178,12 +170,6 @@ fn grasp_answer(rank: usize, grasp: &RankedGrasp) -> GraspAnswer {
         rho_m: grasp.rho_m,
         voxel: grasp.voxel,
     }
-}
-
-fn funnel_answer(funnel: &Funnel) -> FunnelAnswer {
-    let Funnel { voxels, near_surface, width_within_limits, quality_reached, detections, collision_free, ranked } =
-        *funnel;
-    FunnelAnswer { voxels, near_surface, width_within_limits, quality_reached, detections, collision_free, ranked }
 }
 
 fn dropped_answer(dropped: &DroppedCandidate) -> DroppedAnswer {
@@ -216,7 +202,7 @@ impl Drop {
 impl std::fmt::Display for Drop {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::FarFromSurface => write!(f, "too far from any surface that was seen"),
+            Self::FarFromSurface => write!(f, "far from any surface that was seen, or on its other side"),
             Self::Width { width_voxels } => write!(f, "a width of {width_voxels:.2} voxels is outside the limits"),
             Self::Quality => write!(f, "quality below the threshold"),
             Self::Suppressed => write!(f, "a better grasp is near"),
@@ -226,4 +212,3 @@ impl std::fmt::Display for Drop {
         }
     }
 }
-

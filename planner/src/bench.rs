@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::observation::{Observation, Wishes};
+use crate::observation::{Observation, SeenView, Wishes};
 use crate::planner::{PlanError, Planner};
 use crate::volume::fuse_views;
 
@@ -38,13 +38,12 @@ pub struct BenchReport {
     pub stages: Vec<StageTime>,
 }
 
-/// Plans `plans` times from the TSDF of `observation`'s depth images, after some plans that are not counted.
+/// Plans `plans` times from the TSDF of depth images, after some plans that are not counted.
 ///
 /// # Errors
-/// [`PlanError`] if the observation cannot be planned on.
-pub fn bench(planner: &Planner, observation: &Observation, plans: usize) -> Result<BenchReport, PlanError> {
+/// [`PlanError`] if they cannot be planned on.
+pub fn bench(planner: &Planner, views: &[SeenView], plans: usize) -> Result<BenchReport, PlanError> {
     const WARM_UP: usize = 5;
-    let views = if let Observation::Views(views) = observation { views.as_slice() } else { &[] };
     let (mut fusing, mut planning) = (Vec::new(), Vec::new());
     let mut by_stage: Vec<(&'static str, Vec<f64>)> = Vec::new();
     for number in 0..WARM_UP + plans {

@@ -194,7 +194,7 @@ A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x
   [[views]]
   depth = \"depth-0.png\"       # 16-bit PNG, NPY or EXR; beside this file
   depth_scale_m = 0.001       # metres a unit
-  workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [0.9, 0.0, 0.0, 0.436] }
+  workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [-0.954, 0.0, 0.0, 0.301] }
 Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. With base_from_workspace, views may
 have base_from_camera instead. tsdf or cloud (with eyes_m) may stand in place of views. The wishes policy, grasps_max,
-check_collisions, explain and workspace_from_wrist may be there, too; the command line's count more.";
+check_collisions, explain and workspace_from_wrist may be there, too; the command line's count more (a flag cannot switch off).";

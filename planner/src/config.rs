@@ -37,7 +37,9 @@ pub struct Config {
 pub struct DetectionLaw {
     /// Width of the Gaussian that smooths the quality.
     pub gaussian_sigma_voxels: f32,
-    /// How many steps before the surface a grasp may lie.
+    /// On which side of the seen surface a grasp's origin lies.
+    pub surface_side: Side,
+    /// How many steps beyond what was seen of that side it may lie.
     pub surface_steps_max: usize,
     /// Smallest width.
     pub width_voxels_min: f32,
@@ -49,6 +51,31 @@ pub struct DetectionLaw {
     pub suppression_window_voxels: usize,
     /// Place of a grasp in its voxel, along each axis.
     pub voxel_offset: f32,
+}
+
+/// A side of the seen surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// In front: where VGN's grasps have their origin, between the roots of the fingers.
+    Front,
+    /// Behind: where the paper's have theirs, between the tips.
+    Behind,
+    /// Either.
+    Both,
+}
+
+impl Side {
+    const ALL: [Self; 3] = [Self::Front, Self::Behind, Self::Both];
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Front => "front",
+            Self::Behind => "behind",
+            Self::Both => "both",
+        }
+    }
 }
 
 /// How grasps are ranked.
@@ -164,6 +191,7 @@ struct Raw {
 #[derive(Deserialize)]
 struct RawDetection {
     gaussian_sigma_voxels: f32,
+    surface_side: String,
     surface_steps_max: usize,
     width_voxels_min: f32,
     width_voxels_max: f32,
@@ -240,10 +268,27 @@ impl Config {
         if !problems.is_empty() {
             return Err(invalid(problems));
         }
-        // What is left are numbers that do not fit: negative counts.
+        let negative = negative_counts(&table, &reference, "");
+        if !negative.is_empty() {
+            return Err(invalid(negative));
+        }
         let raw: Raw = table.try_into().map_err(|e: toml::de::Error| invalid(vec![e.message().to_owned()]))?;
         checked(raw, path.parent()).map_err(invalid)
     }
+}
+
+/// Whole numbers below 0: there is no key for which one would do.
+fn negative_counts(table: &toml::Table, reference: &toml::Table, prefix: &str) -> Vec<String> {
+    let problem = |(key, value): (&String, &toml::Value)| match (value, reference.get(key)) {
+        (toml::Value::Table(inner), Some(toml::Value::Table(expected))) => {
+            negative_counts(inner, expected, &format!("{prefix}{key}."))
+        }
+        (toml::Value::Integer(got), Some(toml::Value::Integer(_))) if *got < 0 => {
+            vec![format!("{prefix}{key} must be at least 0, got {got}")]
+        }
+        _ => Vec::new(),
+    };
+    table.iter().flat_map(problem).collect()
 }
 
 fn checked(raw: Raw, folder: Option<&Path>) -> Result<Config, Vec<String>> {
@@ -251,6 +296,17 @@ fn checked(raw: Raw, folder: Option<&Path>) -> Result<Config, Vec<String>> {
     let mut noted = |result: Result<(), String>| problems.extend(result.err());
     let (mut policy, mut without_object, mut gripper) = (Policy::Paper, WithoutObject::Last, None);
     noted(raw.ranking.policy.parse().map(|found| policy = found).map_err(|e| format!("ranking.{e}")));
+    let mut side = Side::Behind;
+    noted(match Side::ALL.into_iter().find(|side| side.name() == raw.detection.surface_side) {
+        Some(found) => {
+            side = found;
+            Ok(())
+        }
+        None => {
+            let names = Side::ALL.map(Side::name).join(", ");
+            Err(format!("detection.surface_side must be one of {names}, got {}", raw.detection.surface_side))
+        }
+    });
     noted(match raw.ranking.without_object.as_str() {
         "last" => Ok(()),
         "drop" => {
@@ -261,7 +317,8 @@ fn checked(raw: Raw, folder: Option<&Path>) -> Result<Config, Vec<String>> {
     });
     noted(read_gripper(&raw.gripper, folder).map(|found| gripper = Some(found)));
     let weights: Option<[f32; 3]> = raw.ranking.weights.as_slice().try_into().ok();
-    let legal = |weights: &[f32; 3]| weights.iter().all(|w| (0.0..=1e3).contains(w)) && weights.iter().any(|w| *w > 0.0);
+    let legal =
+        |weights: &[f32; 3]| weights.iter().all(|w| (0.0..=1e3).contains(w)) && weights.iter().any(|w| *w > 0.0);
     noted(if weights.as_ref().is_some_and(legal) {
         Ok(())
     } else {
@@ -270,24 +327,28 @@ fn checked(raw: Raw, folder: Option<&Path>) -> Result<Config, Vec<String>> {
     });
     match (problems.is_empty(), gripper, weights) {
         (true, Some(gripper), Some(weights)) => {
-            Ok(put_together(&raw, gripper, policy, RankingRest { weights, without_object }))
+            Ok(put_together(&raw, gripper, Words { policy, side, weights, without_object }))
         }
         _ => Err(problems),
     }
 }
 
-struct RankingRest {
+/// What the file says in words, understood.
+struct Words {
+    policy: Policy,
+    side: Side,
     weights: [f32; 3],
     without_object: WithoutObject,
 }
 
-fn put_together(raw: &Raw, gripper: Gripper, policy: Policy, rest: RankingRest) -> Config {
+fn put_together(raw: &Raw, gripper: Gripper, words: Words) -> Config {
     let Raw { seed, detection, cloud, plane, clusters, ranking, collision, .. } = raw;
     Config {
         seed: *seed,
         gripper,
         detection: DetectionLaw {
             gaussian_sigma_voxels: detection.gaussian_sigma_voxels,
+            surface_side: words.side,
             surface_steps_max: detection.surface_steps_max,
             width_voxels_min: detection.width_voxels_min,
             width_voxels_max: detection.width_voxels_max,
@@ -309,10 +370,10 @@ fn put_together(raw: &Raw, gripper: Gripper, policy: Policy, rest: RankingRest) 
             cluster_points_min: clusters.cluster_points_min,
         },
         ranking: RankingLaw {
-            policy,
-            weights: rest.weights,
+            policy: words.policy,
+            weights: words.weights,
             object_distance_m_max: ranking.object_distance_m_max,
-            without_object: rest.without_object,
+            without_object: words.without_object,
         },
         collision: CollisionLaw {
             check: collision.check,
@@ -416,7 +477,10 @@ mod tests {
         assert_eq!(unknown, ["cloud.size is no key of this file"]);
         let missing = problems(&PAPER.replace("pitch_m = 0.0025", ""));
         assert!(missing[0].starts_with("cloud.pitch_m is missing"), "{missing:?}");
-        assert_eq!(problems(&PAPER.replace("points_max = 5", "points_max = -5")).len(), 1);
+        let negative = problems(&PAPER.replace("points_max = 5", "points_max = -5"));
+        assert_eq!(negative, ["collision.points_max must be at least 0, got -5"]);
+        let side = problems(&PAPER.replace("surface_side = \"behind\"", "surface_side = \"left\""));
+        assert_eq!(side, ["detection.surface_side must be one of front, behind, both, got left"]);
         assert_eq!(problems(&PAPER.replace("width_voxels_max = 9.33", "width_voxels_max = 1.0")).len(), 1);
     }
 }

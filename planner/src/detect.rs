@@ -1,13 +1,13 @@
 //! From the network's volumes to detections: VGN's published procedure (`detection.py`: `process`, `select`), bit for bit
-//! what scipy makes of it.
+//! what scipy makes of it where grasps lie in front of the surface, as VGN's do; the paper's lie behind it ([`Side`]).
 //!
-//! The quality is smoothed; what lies away from the seen surface, is too narrow or too wide, or is not good enough counts as
+//! The quality is smoothed; what lies away from the seen surface or on its other side, is too narrow or too wide, or is not good enough counts as
 //! 0; of what is left the best in every small cube are the detections. scipy sums each pass in double and stores it in
 //! single precision, and the borders are as it has them; so do we, because a tie decides.
 
 use schema::Grid;
 
-use crate::config::DetectionLaw;
+use crate::config::{DetectionLaw, Side};
 use crate::plan::Drop;
 
 /// A voxel in which a grasp was found.
@@ -62,7 +62,7 @@ pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], 
         assert_eq!(values.len(), grid.len(), "one value a voxel");
     }
     let smoothed = smooth(quality, grid.resolution, law.gaussian_sigma_voxels);
-    let near = near_surface(tsdf, grid, law.surface_steps_max);
+    let near = near_surface(tsdf, grid, law.surface_side, law.surface_steps_max);
     let mut detected = Detected {
         found: Vec::new(),
         near_surface: 0,
@@ -142,21 +142,26 @@ fn unflat(grid: &Grid, flat: usize) -> [usize; 3] {
 /// Flat numbers of the voxels in the suppression window about a voxel.
 fn window<'a>(grid: &'a Grid, voxel: [usize; 3], law: &DetectionLaw) -> impl Iterator<Item = usize> + 'a {
     let side = law.suppression_window_voxels;
-    let [is, js, ks] = voxel.map(|at| {
-        at.saturating_sub(side / 2)..(at + side - side / 2).min(grid.resolution)
-    });
+    let [is, js, ks] = voxel.map(|at| at.saturating_sub(side / 2)..(at + side - side / 2).min(grid.resolution));
     is.flat_map(move |i| {
         let ks = ks.clone();
         js.clone().flat_map(move |j| ks.clone().map(move |k| grid.flat([i, j, k])))
     })
 }
 
-/// Which voxels are seen to be outside and near, or can be: those above ½, and what up to `steps` steps along the axes reach
-/// from there without entering what is seen to be inside (between 0.001 and ½).
-fn near_surface(tsdf: &[f32], grid: &Grid, steps: usize) -> Vec<bool> {
+/// Which voxels may hold a grasp's origin: those that were seen on the right side of the surface (above ½ in front of it,
+/// between 0.001 and ½ behind), and what up to `steps` steps along the axes reach from there without crossing it.
+fn near_surface(tsdf: &[f32], grid: &Grid, side: Side, steps: usize) -> Vec<bool> {
     let n = grid.resolution;
-    let mut near: Vec<bool> = tsdf.iter().map(|value| *value > 0.5).collect();
-    let may_grow: Vec<bool> = tsdf.iter().map(|value| !(*value > 1e-3 && *value < 0.5)).collect();
+    let is_front = |value: f32| value > 0.5;
+    let is_behind = |value: f32| value > 1e-3 && value < 0.5;
+    let (is_right, is_wrong): (&dyn Fn(f32) -> bool, &dyn Fn(f32) -> bool) = match side {
+        Side::Front => (&is_front, &is_behind),
+        Side::Behind => (&is_behind, &is_front),
+        Side::Both => (&|value| value > 1e-3, &|_| false),
+    };
+    let mut near: Vec<bool> = tsdf.iter().map(|value| is_right(*value)).collect();
+    let may_grow: Vec<bool> = tsdf.iter().map(|value| !is_wrong(*value)).collect();
     for _ in 0..steps {
         let before = near.clone();
         for (flat, slot) in near.iter_mut().enumerate() {
@@ -230,7 +235,7 @@ mod tests {
     const GRID: Grid = Grid::PAPER;
 
     fn law() -> DetectionLaw {
-        Config::built_in().unwrap().detection
+        DetectionLaw { surface_side: Side::Front, ..Config::built_in().unwrap().detection }
     }
 
     fn ball(middle: [usize; 3], radius: f32, value: f32) -> Vec<f32> {
@@ -273,7 +278,8 @@ mod tests {
         let quality = ball([20, 20, 12], 6.0, 0.95);
         let near = ball([20, 20, 12], 8.0, 0.6);
         let width = vec![4.0; GRID.len()];
-        let count = |tsdf: &[f32], quality: &[f32], width: &[f32]| detect(&GRID, tsdf, quality, width, &law()).found.len();
+        let count =
+            |tsdf: &[f32], quality: &[f32], width: &[f32]| detect(&GRID, tsdf, quality, width, &law()).found.len();
         assert!(count(&near, &quality, &width) > 0);
         assert_eq!(count(&vec![0.0; GRID.len()], &quality, &width), 0);
         assert_eq!(count(&vec![0.3; GRID.len()], &quality, &width), 0);
@@ -289,12 +295,25 @@ mod tests {
         let mut tsdf = vec![0.0; GRID.len()];
         tsdf[GRID.flat([20, 20, 20])] = 0.6;
         tsdf[GRID.flat([20, 20, 19])] = 0.4;
-        let near = near_surface(&tsdf, &GRID, 2);
+        let near = near_surface(&tsdf, &GRID, Side::Front, 2);
         let is = |voxel: [usize; 3]| near[GRID.flat(voxel)];
         assert!(is([20, 20, 22]) && is([21, 21, 20]) && is([20, 18, 20]));
         assert!(!is([20, 20, 23]) && !is([21, 21, 21]) && !is([20, 20, 19]) && !is([20, 20, 18]));
         // Round the inside voxel it takes three steps.
         assert_eq!(near.iter().filter(|n| **n).count(), 25 - 2);
+    }
+
+    #[test]
+    fn the_other_sides_masks_are_what_they_say() {
+        let mut tsdf = vec![0.0; GRID.len()];
+        tsdf[GRID.flat([20, 20, 20])] = 0.6;
+        tsdf[GRID.flat([20, 20, 19])] = 0.4;
+        let count = |side: Side, steps: usize| near_surface(&tsdf, &GRID, side, steps).iter().filter(|n| **n).count();
+        assert_eq!([Side::Front, Side::Behind, Side::Both].map(|side| count(side, 0)), [1, 1, 2]);
+        assert!(near_surface(&tsdf, &GRID, Side::Behind, 2)[GRID.flat([20, 20, 17])]);
+        assert!(!near_surface(&tsdf, &GRID, Side::Behind, 2)[GRID.flat([20, 20, 20])]);
+        assert_eq!(count(Side::Behind, 2), count(Side::Front, 2));
+        assert!(near_surface(&tsdf, &GRID, Side::Both, 1)[GRID.flat([20, 20, 21])]);
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod depth;
 mod error;
 mod exr_image;
 mod file;
+mod lists;
 mod lzf;
 #[cfg(test)]
 mod mutations;
@@ -29,7 +30,7 @@ pub use depth::{DepthFormat, ReadDepth, SIDE_PX_MAX, judge_depth, read_depth};
 pub use error::InputError;
 pub use file::read_file;
 pub use npy::{Npy, NpyNumber, read_npy, write_npy_f32};
-pub use request::{DataInput, RequestInput, SourceInput, ViewInput, from_file, from_json, parse_file};
 pub(crate) use request::parse_toml;
+pub use request::{DataInput, RequestInput, SourceInput, ViewInput, from_file, from_json, parse_file};
 pub use row::{ReadRow, read_row};
 pub use tsdf::read_tsdf;

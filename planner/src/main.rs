@@ -90,7 +90,7 @@ fn run_plan(arguments: &PlanArguments) -> anyhow::Result<()> {
     if let Some(path) = &arguments.ply {
         write(path, &write_ply(&plan))?;
     }
-    let answer = Answer::new(&plan, planner.model_id(), planner.policy(&wishes));
+    let answer = Answer::new(&plan, &planner, planner.policy(&wishes));
     let json = serde_json::to_string_pretty(&answer)? + "\n";
     match &arguments.out {
         Some(path) => write(path, json.as_bytes())?,
@@ -119,7 +119,11 @@ fn request(arguments: &PlanArguments, grid: Grid) -> anyhow::Result<Request> {
         return Ok(Request { observation, wishes: wishes(&input)?, warnings: Vec::new() });
     }
     let folder = arguments.views.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-    Ok(assemble(&input, Some(folder), grid)?)
+    let request = assemble(&input, Some(folder), grid);
+    Ok(match &arguments.views {
+        Some(path) => request.map_err(|error| error.at(&path.display().to_string())),
+        None => request,
+    }?)
 }
 
 fn add_flags(arguments: &PlanArguments, input: &mut RequestInput) {
@@ -127,7 +131,7 @@ fn add_flags(arguments: &PlanArguments, input: &mut RequestInput) {
     input.tsdf = arguments.tsdf.as_ref().map(source).or(input.tsdf.take());
     input.cloud = arguments.cloud.as_ref().map(source).or(input.cloud.take());
     if !arguments.eye.is_empty() {
-        input.eyes_m = Some(arguments.eye.iter().map(|eye| eye.to_vec()).collect());
+        input.eyes_m = Some(arguments.eye.clone());
     }
     if let Some(policy) = arguments.policy {
         input.policy = Some(policy.name().to_owned());
@@ -135,12 +139,12 @@ fn add_flags(arguments: &PlanArguments, input: &mut RequestInput) {
     input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
     input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
     input.explain = arguments.explain.then_some(true).or(input.explain);
-    if let Some([position_m @ .., qx, qy, qz, qw]) = arguments.base_from_workspace {
-        let (position_m, quaternion_xyzw) = (position_m.to_vec(), vec![qx, qy, qz, qw]);
+    if let Some([x, y, z, quaternion_xyzw @ ..]) = arguments.base_from_workspace {
+        let position_m = [x, y, z];
         input.base_from_workspace = Some(PoseInput::Parts(PosePartsInput { position_m, quaternion_xyzw }));
     }
     if let Some(quaternion_xyzw) = arguments.wrist {
-        input.workspace_from_wrist = Some(OrientationInput { quaternion_xyzw: quaternion_xyzw.to_vec() });
+        input.workspace_from_wrist = Some(OrientationInput { quaternion_xyzw });
     }
 }
 
@@ -166,7 +170,9 @@ fn run_serve(arguments: &ServeArguments) -> anyhow::Result<()> {
     let told = || console::complain("stopping when the plans under way are made; again to stop at once");
     let stop = shards::stop_on_signals(told).context("failed to listen for signals")?;
     if !arguments.host.is_loopback() {
-        console::complain("warning: not a loopback address, and there are no passwords: anyone who reaches it may use it");
+        console::complain(
+            "warning: not a loopback address, and there are no passwords: anyone who reaches it may use it",
+        );
     }
     serve(planner, &options, &stop, &|address| {
         // A closed standard output is no reason not to serve.
@@ -181,7 +187,10 @@ fn run_bench(arguments: &BenchArguments) -> anyhow::Result<()> {
         Some(path) => from_file(path, *planner.grid())?,
         None => assemble(&demo::request()?, None, *planner.grid())?,
     };
-    let report = bench(&planner, &request.observation, arguments.plans as usize)?;
+    let Observation::Views(views) = &request.observation else {
+        return Err(InputError::Value("the bench needs depth images: --views".to_owned()).into());
+    };
+    let report = bench(&planner, views, arguments.plans as usize)?;
     if arguments.json {
         console::print(&(serde_json::to_string_pretty(&report)? + "\n"))?;
     } else {
@@ -189,4 +198,3 @@ fn run_bench(arguments: &BenchArguments) -> anyhow::Result<()> {
     }
     Ok(())
 }
-

@@ -2,6 +2,8 @@
 
 use perception::FoundPlane;
 use schema::{Grasp, Grid, Pose, Vec3};
+use serde::Serialize;
+use utoipa::ToSchema;
 
 /// A ranked grasp.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,7 +56,7 @@ pub struct SegmentedCloud {
 /// Why a candidate is not among the ranked grasps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drop {
-    /// Farther from the seen surface than the config allows.
+    /// Farther from the seen surface than the config allows, or on its other side.
     FarFromSurface,
     /// The predicted width is outside the limits.
     Width {
@@ -90,7 +92,7 @@ pub struct DroppedCandidate {
 }
 
 /// How many candidates were left after each stage.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, ToSchema)]
 pub struct Funnel {
     /// Voxels of the grid.
     pub voxels: usize,
@@ -125,7 +127,8 @@ pub struct Plan {
     pub reason: Option<String>,
     /// What the caller should know.
     pub warnings: Vec<String>,
-    /// Candidates that were dropped, if that was asked for, best first.
+    /// If that was asked for, the candidates that were dropped, best first: what was good enough and had a better neighbour,
+    /// collided, or was beyond a limit, and peaks of the smoothed quality, of half of ε or more, that were out before.
     pub dropped: Vec<DroppedCandidate>,
     /// How long each stage took, in milliseconds, in order.
     pub timings_ms: Vec<(&'static str, f64)>,

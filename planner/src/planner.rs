@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use schema::{Grasp, Grid, Quat, Vec3, VoxelGrid, pose_from_parts};
+use schema::{Grasp, Grid, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 use sha2::{Digest as _, Sha256};
 use shards::ExitCode;
 use trainer::checkpoint::{self, CheckpointError};
 use trainer::{DenseGrids, DenseNetwork};
 
-use crate::config::{Config, ConfigError, Policy};
+use crate::config::{Config, ConfigError, Policy, WithoutObject};
 use crate::detect::{Detected, detect};
 use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
 use crate::observation::{Observation, Wishes};
@@ -85,8 +85,16 @@ pub enum PlanError {
         /// How many depths there are.
         values: usize,
     },
+    /// Points everywhere instead of on surfaces.
+    #[error("a cloud must be a surface, of at most {points_max} points at the settings' pitch, got {points}: cloud")]
+    Solid {
+        /// Points after thinning.
+        points: usize,
+        /// Most.
+        points_max: usize,
+    },
     /// An eye that cannot have seen the workspace.
-    #[error("an eye must be above the floor and at least {distance_m_min} m from the middle of the workspace's floor, got {}: eyes_m", .eye_m)]
+    #[error("an eye must be above the floor and {distance_m_min} m to 1000 m from the middle of the workspace's floor, got {}: eyes_m or the cloud's viewpoint", .eye_m)]
     Eye {
         /// Where it is said to be.
         eye_m: Vec3,
@@ -182,8 +190,7 @@ impl Planner {
             let grids = self.network.infer(&grid.values);
             clock.lap("network");
             let quality: Vec<f32> = grids.quality_logit.iter().map(|logit| sigmoid(*logit)).collect();
-            let detected =
-                detect(&self.grid, &grid.values, &quality, &grids.width_voxels, &self.config.detection);
+            let detected = detect(&self.grid, &grid.values, &quality, &grids.width_voxels, &self.config.detection);
             clock.lap("detect");
             (grids, detected, clock.laps)
         };
@@ -195,11 +202,11 @@ impl Planner {
         };
         let ((grids, detected, mut timings_ms), ((cloud, objects), more)) = rayon::join(network, objects);
         timings_ms.extend(more);
-        Found { grids, detected, cloud, objects, timings_ms }
+        Found { scene: scene_number(grid), grids, detected, cloud, objects, timings_ms }
     }
 
     fn rank(&self, found: Found, wishes: &Wishes) -> Plan {
-        let Found { grids, detected, cloud, objects, .. } = found;
+        let Found { scene, grids, detected, cloud, objects, .. } = found;
         let mut dropped = self.told(&detected, &grids, wishes);
         let mut grasps: Vec<RankedGrasp> = detected
             .found
@@ -228,7 +235,7 @@ impl Planner {
         drop_where(&mut grasps, &mut dropped, |ranked| {
             rank::is_left_out(ranked, policy, &self.config.ranking).then_some(Drop::NoObject)
         });
-        rank::order(&mut grasps, policy, self.config.seed);
+        rank::order(&mut grasps, policy, Stream::new(self.config.seed, scene, Purpose::Ranking, 0));
         let beyond = grasps.split_off(grasps.len().min(wishes.grasps_max.unwrap_or(usize::MAX)));
         dropped.extend(beyond.into_iter().map(|ranked| candidate(&ranked, Drop::BeyondLimit)));
         for ranked in &mut grasps {
@@ -237,11 +244,12 @@ impl Planner {
         }
         funnel.ranked = grasps.len();
         dropped.sort_by(|a, b| b.quality.total_cmp(&a.quality));
-        let seen = Seen { cloud: &cloud, objects: &objects, detected: &detected, funnel: &funnel };
+        let grasps_max = wishes.grasps_max;
+        let seen = Seen { cloud: &cloud, objects: &objects, detected: &detected, funnel: &funnel, grasps_max };
         Plan {
             grid: self.grid,
             reason: grasps.is_empty().then(|| self.reason(&seen)),
-            warnings: warnings(&seen, policy),
+            warnings: self.warnings(&seen, policy),
             dropped: if wishes.explain { dropped } else { Vec::new() },
             grasps,
             objects,
@@ -303,25 +311,41 @@ impl Planner {
     fn reason(&self, seen: &Seen<'_>) -> String {
         let law = &self.config.detection;
         let funnel = seen.funnel;
-        if seen.cloud.points_m.is_empty() {
+        if seen.grasps_max == Some(0) {
+            "no grasps were asked for".to_owned()
+        } else if seen.cloud.points_m.is_empty() {
             "empty scene: no surface was seen in the workspace".to_owned()
         } else if funnel.near_surface == 0 {
-            "no voxel in front of a surface was seen".to_owned()
+            "no voxel on the grasps' side of a surface was seen".to_owned()
         } else if funnel.width_within_limits == 0 {
             let (low, high) = (law.width_voxels_min, law.width_voxels_max);
             format!("no grasp has a width between {low} and {high} voxels")
         } else if funnel.quality_reached == 0 {
-            let best = seen.detected.quality_best;
+            // Rounded down: 0.8997 is not 0.9.
+            let best = (seen.detected.quality_best * 1e3).floor() * 1e-3;
             format!("no grasp has a quality of {} or more: the best has {best:.3}", law.quality_min)
         } else if funnel.collision_free == 0 {
             format!("the hand's way is blocked for all {} detections", funnel.detections)
         } else if seen.objects.is_empty() {
             "no cluster of points is large enough for an object, and grasps without one are dropped".to_owned()
-        } else if funnel.ranked == 0 {
-            "no grasp belongs to an object, and others are dropped".to_owned()
         } else {
-            String::new()
+            "no grasp belongs to an object, and others are dropped".to_owned()
         }
+    }
+
+    fn warnings(&self, seen: &Seen<'_>, policy: Policy) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if seen.cloud.points_m.is_empty() || policy != Policy::Paper {
+            return warnings;
+        }
+        if seen.cloud.plane.is_none() {
+            warnings.push("no plane was found: nothing was taken away before clustering".to_owned());
+        }
+        if seen.objects.is_empty() && self.config.ranking.without_object == WithoutObject::Last {
+            warnings
+                .push("no cluster of points is large enough for an object: grasps are ranked by quality".to_owned());
+        }
+        warnings
     }
 }
 
@@ -331,28 +355,17 @@ struct Seen<'a> {
     objects: &'a [SeenObject],
     detected: &'a Detected,
     funnel: &'a Funnel,
+    grasps_max: Option<usize>,
 }
 
 struct Found {
+    /// A number that tells scenes apart.
+    scene: u64,
     grids: DenseGrids,
     detected: Detected,
     cloud: SegmentedCloud,
     objects: Vec<SeenObject>,
     timings_ms: Vec<(&'static str, f64)>,
-}
-
-fn warnings(seen: &Seen<'_>, policy: Policy) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if seen.cloud.points_m.is_empty() || policy != Policy::Paper {
-        return warnings;
-    }
-    if seen.cloud.plane.is_none() {
-        warnings.push("no plane was found: nothing was taken away before clustering".to_owned());
-    }
-    if seen.objects.is_empty() {
-        warnings.push("no cluster of points is large enough for an object: grasps are ranked by quality".to_owned());
-    }
-    warnings
 }
 
 fn candidate(ranked: &RankedGrasp, drop: Drop) -> DroppedCandidate {
@@ -372,6 +385,12 @@ fn drop_where(
         }
         None => true,
     });
+}
+
+/// FNV-1a over the grid's bits: chance takes other ways in other scenes, and the same way in the same.
+fn scene_number(grid: &VoxelGrid) -> u64 {
+    let bits = grid.values.iter().map(|value| u64::from(value.to_bits()));
+    bits.fold(0xcbf2_9ce4_8422_2325, |sum, bits| (sum ^ bits).wrapping_mul(0x100_0000_01b3))
 }
 
 fn sigmoid(logit: f32) -> f32 {

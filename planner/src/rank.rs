@@ -2,7 +2,7 @@
 
 use core::cmp::Ordering;
 
-use schema::{Purpose, Stream, Vec3};
+use schema::{Stream, Vec3};
 
 use crate::config::{Policy, RankingLaw, WithoutObject};
 use crate::plan::{PointLabel, RankedGrasp, SeenObject, SegmentedCloud};
@@ -40,11 +40,11 @@ pub(crate) fn attribute(grasps: &mut [RankedGrasp], cloud: &SegmentedCloud, obje
 }
 
 /// Brings grasps into the policy's order, best first. Equals keep the order of their voxels.
-pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, seed: u64) {
+pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, mut chance: Stream) {
     match policy {
         Policy::Paper => grasps.sort_by(|a, b| top_down(a, b).then(b.quality.total_cmp(&a.quality))),
         Policy::VgnBest => grasps.sort_by(|a, b| b.quality.total_cmp(&a.quality)),
-        Policy::VgnRandom => Stream::new(seed, 0, Purpose::Ranking, 0).shuffle(grasps),
+        Policy::VgnRandom => chance.shuffle(grasps),
     }
 }
 
@@ -62,7 +62,7 @@ pub(crate) fn is_left_out(ranked: &RankedGrasp, policy: Policy, law: &RankingLaw
 
 #[cfg(test)]
 mod tests {
-    use schema::{Grasp, Quat, pose_from_parts};
+    use schema::{Grasp, Purpose, Quat, pose_from_parts};
 
     use super::*;
     use crate::config::Config;
@@ -77,6 +77,10 @@ mod tests {
             object: None,
             rho_m: None,
         }
+    }
+
+    fn chance(scene: u64) -> Stream {
+        Stream::new(1, scene, Purpose::Ranking, 0)
     }
 
     /// A low object at x = 0.1 and a high one at x = 0.2, each of two points.
@@ -114,7 +118,7 @@ mod tests {
         assert_eq!(grasps.iter().map(|g| g.object).collect::<Vec<_>>(), [Some(1), Some(0), None, Some(0), None]);
         let qualities = |policy| {
             let mut ordered = grasps.clone();
-            order(&mut ordered, policy, 1);
+            order(&mut ordered, policy, chance(1));
             ordered.iter().map(|g| g.quality).collect::<Vec<_>>()
         };
         assert_eq!(qualities(Policy::Paper), [0.91, 0.95, 0.99, 1.0, 0.92]);
@@ -128,9 +132,9 @@ mod tests {
     #[test]
     fn chance_puts_each_grasp_first_equally_often() {
         let mut firsts = [0; 4];
-        for seed in 0..4_000 {
+        for scene in 0..4_000 {
             let mut grasps: Vec<RankedGrasp> = (0..4_u8).map(|n| grasp([0.0; 3], f32::from(n))).collect();
-            order(&mut grasps, Policy::VgnRandom, seed);
+            order(&mut grasps, Policy::VgnRandom, chance(scene));
             firsts[grasps[0].quality as usize] += 1;
         }
         assert!(firsts.iter().all(|count| (870..1130).contains(count)), "{firsts:?}");

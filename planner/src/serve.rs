@@ -161,7 +161,6 @@ pub fn serve(
 }
 
 /// The service without its listener, to be part of another. Time limits on connections are the listener's.
-#[must_use]
 pub fn router(planner: Planner, options: &ServeOptions) -> Router {
     routes(&Shared::of_planner(planner, options))
 }

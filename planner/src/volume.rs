@@ -21,7 +21,7 @@ pub struct Volume {
 ///
 /// # Errors
 /// [`PlanError::Grid`] for a TSDF on another grid, [`PlanError::Image`] for an image of another size than its lens says,
-/// [`PlanError::Eye`] for an eye from which the workspace cannot be seen.
+/// [`PlanError::Eye`] for an eye from which the workspace cannot be seen, [`PlanError::Solid`] for a cloud that is no surface.
 pub fn fuse(observation: &Observation, grid: &Grid, pitch_m: f32) -> Result<Volume, PlanError> {
     match observation {
         Observation::Views(views) => {
@@ -63,15 +63,21 @@ fn above(grid: &Grid) -> Vec3 {
 
 /// A cloud whose points have more than this many times the pitch between them is too sparse.
 const SPARSE_PITCHES: f32 = 1.5;
+/// Most points of a thinned cloud, at the paper's pitch about ten times what a full workspace has; solid blocks of points would
+/// take minutes to cluster.
+const THINNED_MAX: usize = 300_000;
 
 fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> Result<Volume, PlanError> {
+    let mut warnings: Vec<String> = outside(points_m, grid).into_iter().collect();
     let points_m = thinned(points_m, grid, pitch_m);
-    let mut warnings = Vec::new();
-    let spacing_m = spacing_m(&points_m, grid);
+    if points_m.len() > THINNED_MAX {
+        return Err(PlanError::Solid { points: points_m.len(), points_max: THINNED_MAX });
+    }
+    let (spacing_m, is_at_least) = spacing_m(&points_m, grid);
     if spacing_m > SPARSE_PITCHES * pitch_m {
-        let (got, wanted) = (spacing_m * 1e3, pitch_m * 1e3);
+        let (got, wanted, about) = (spacing_m * 1e3, pitch_m * 1e3, if is_at_least { "at least" } else { "about" });
         warnings.push(format!(
-            "the cloud is sparse: its points are about {got:.1} mm apart, the clusters' numbers are meant for {wanted:.1} mm"
+            "the cloud is sparse: its points are {about} {got:.1} mm apart, the clusters' numbers are meant for {wanted:.1} mm"
         ));
     }
     if eyes_m.is_empty() {
@@ -88,14 +94,34 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
     Ok(Volume { grid: tsdf.to_voxels(), points_m, warnings })
 }
 
+/// What to say of a cloud most of which lies outside the workspace.
+fn outside(points_m: &[Vec3], grid: &Grid) -> Option<String> {
+    let outside = points_m.iter().filter(|point| grid.voxel_at(**point).is_none()).count();
+    if 2 * outside <= points_m.len() {
+        return None;
+    }
+    let low = points_m.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
+    let high = points_m.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
+    let hint = if (high - low).max_element() > 10.0 { " (millimetres?)" } else { "" };
+    Some(format!(
+        "{outside} of {} points lie outside the workspace of 0 to {} m: they reach from {low} to {high}{hint}",
+        points_m.len(),
+        grid.size_m
+    ))
+}
+
 /// About how far apart the points of a thinned cloud are: the side of the square that each has to itself, if the cloud is a
-/// surface. By how many voxels' faces they cover: of a level surface a voxel has one face.
-fn spacing_m(points_m: &[Vec3], grid: &Grid) -> f32 {
+/// surface. By how many voxels' faces they cover: of a level surface a voxel has one face. If each voxel has but one point,
+/// they are at least so far apart.
+fn spacing_m(points_m: &[Vec3], grid: &Grid) -> (f32, bool) {
     let mut voxels: Vec<[usize; 3]> = points_m.iter().filter_map(|point| grid.voxel_at(*point)).collect();
     let count = voxels.len();
     voxels.sort_unstable();
     voxels.dedup();
-    if count == 0 { 0.0 } else { grid.voxel_size_m() * (voxels.len() as f32 / count as f32).sqrt() }
+    if count == 0 {
+        return (0.0, false);
+    }
+    (grid.voxel_size_m() * (voxels.len() as f32 / count as f32).sqrt(), 10 * voxels.len() > 9 * count)
 }
 
 #[cfg(test)]
@@ -141,7 +167,7 @@ mod tests {
         assert!(fuse(&Observation::Tsdf(other), &Grid::PAPER, 0.0025).is_err());
         let inside = Observation::Cloud { points_m: Vec::new(), eyes_m: vec![Vec3::splat(0.1)] };
         let error = fuse(&inside, &Grid::PAPER, 0.0025).unwrap_err().to_string();
-        assert!(error.contains("at least 0.3 m from the middle of the workspace's floor"), "{error}");
+        assert!(error.contains("0.3 m to 1000 m from the middle of the workspace's floor"), "{error}");
     }
 
     #[test]
@@ -160,6 +186,22 @@ mod tests {
         let cloud = Observation::Cloud { points_m, eyes_m: Vec::new() };
         let volume = fuse(&cloud, &Grid::PAPER, 0.0025).unwrap();
         assert_eq!(volume.warnings.len(), 2, "{:?}", volume.warnings);
-        assert!(volume.warnings[0].starts_with("the cloud is sparse"));
+        assert!(volume.warnings[0].starts_with("the cloud is sparse: its points are at least 7.5 mm apart"));
+    }
+
+    #[test]
+    fn clouds_of_other_units_and_blocks_are_told() {
+        let fused =
+            |points_m: Vec<Vec3>| fuse(&Observation::Cloud { points_m, eyes_m: Vec::new() }, &Grid::PAPER, 0.0025);
+        let millimetres =
+            fused((0..900).map(|n| Vec3::new((n / 30) as f32 * 10.0, (n % 30) as f32 * 10.0, 50.1)).collect());
+        let warning = &millimetres.unwrap().warnings[0];
+        assert!(
+            warning.starts_with("900 of 900 points lie outside") && warning.ends_with("(millimetres?)"),
+            "{warning}"
+        );
+        let block = (0..120 * 120 * 30).map(|n| Vec3::new((n / 3600) as f32, (n / 30 % 120) as f32, (n % 30) as f32));
+        let error = fused(block.map(|p| p * 0.0025 + 0.001).collect()).unwrap_err().to_string();
+        assert!(error.starts_with("a cloud must be a surface"), "{error}");
     }
 }

@@ -29,6 +29,8 @@ def made_up_plan():
         "format": "graspmill-plan/1",
         "model": "0" * 64,
         "policy": "paper",
+        "gripper": "parallel_jaw_80",
+        "grid": {"size_m": 0.3, "resolution": 40, "table_z_m": 0.05},
         "grasps": [
             {**common, "rank": 1, "workspace_from_grasp": pose(0.1, 0.1, 0.1), "quality": 0.98, "object": 0, "rho_m": 0.012},
             {**common, "rank": 2, "workspace_from_grasp": pose(0.2, 0.1, 0.1), "quality": 0.93, "object": None, "rho_m": None},

@@ -27,6 +27,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
 ROOT = Path(__file__).parents[2]
 PLANNER = Path(os.environ.get("GRASPMILL_PLANNER", ROOT / "target" / "debug" / "planner")).resolve()
@@ -143,6 +144,32 @@ def png(array):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
 
 
+def exr(array):
+    """An EXR of one channel, uncompressed; float32, or uint32 for whole numbers."""
+
+    def attribute(name, kind, value):
+        return f"{name}\0{kind}\0".encode() + struct.pack("<I", len(value)) + value
+
+    height, width = array.shape
+    sample = 0 if array.dtype == np.uint32 else 2
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    head = b"\x76\x2f\x31\x01\x02\0\0\0" + b"".join([
+        attribute("channels", "chlist", b"Z\0" + struct.pack("<iB3xii", sample, 0, 1, 1) + b"\0"),
+        attribute("compression", "compression", b"\0"),
+        attribute("dataWindow", "box2i", window),
+        attribute("displayWindow", "box2i", window),
+        attribute("lineOrder", "lineOrder", b"\0"),
+        attribute("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
+        attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0.0, 0.0)),
+        attribute("screenWindowWidth", "float", struct.pack("<f", 1.0)),
+    ]) + b"\0"  # fmt: skip
+    rows = array.astype(array.dtype.newbyteorder("<"))
+    lines = [struct.pack("<iI", y, 4 * width) + row.tobytes() for y, row in enumerate(rows)]
+    first = len(head) + 8 * height
+    places = (first + y * len(lines[0]) for y in range(height))
+    return head + b"".join(struct.pack("<Q", place) for place in places) + b"".join(lines)
+
+
 def seen(depth_m=None, width=64, height=48):
     """A camera 0.6 m above the workspace's middle that looks down on a bare table at 0.05 m."""
     depth_m = np.full((height, width), 0.55, np.float32) if depth_m is None else depth_m
@@ -198,6 +225,53 @@ def test_the_description_is_whole(service):
     assert {"200", "400", "413", "415", "422", "500", "503", "504"} <= answers.keys()
 
 
+def strict(value):
+    """A schema in which a key that it does not name is wrong."""
+    if isinstance(value, list):
+        return [strict(inner) for inner in value]
+    if not isinstance(value, dict):
+        return value
+    more = {"additionalProperties": False} if "properties" in value else {}
+    return more | {key: strict(inner) for key, inner in value.items()}
+
+
+def test_answers_are_what_the_description_says(service):
+    described = json.loads(service.ask("GET", "/openapi.json")[2])
+
+    def check(answer, path, method, status, answered=200):
+        """The schema's name, against which this answer was held."""
+        assert answered == status, answer
+        content = described["paths"][path][method]["responses"][str(status)]["content"]["application/json"]
+        # The references in it begin at the root, where the components are put.
+        whole = strict({"components": described["components"]} | content["schema"])
+        Draft202012Validator.check_schema(whole)
+        found = [f"{error.json_path}: {error.message}" for error in Draft202012Validator(whole).iter_errors(answer)]
+        assert not found, found
+        return content["schema"]["$ref"].rpartition("/")[2]
+
+    def planned(request):
+        status, _, body = service.plan(request)
+        answer = json.loads(body)
+        assert check(answer, "/v1/plan", "post", 200, status) == "Answer"
+        return answer
+
+    base = {"position_m": [1.0, 0.0, 0.0], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}
+    plain, explained = planned(demo_request()), planned(demo_request() | {"explain": True, "base_from_workspace": base})
+    assert plain["grasps"] and plain["objects"] and plain["plane"]
+    assert explained["dropped"] and explained["grasps"][0]["base_from_grasp"]
+    assert planned({"views": [seen()]})["reason"]
+    assert planned({"tsdf": file_of(npy(np.zeros((40, 40, 40), np.float32)))})["plane"] is None
+    status, _, body = service.ask("GET", "/v1/model")
+    assert check(json.loads(body), "/v1/model", "get", 200, status) == "ModelAnswer"
+    for request, status in [(b"[", 400), ({}, 422)]:
+        answered, _, body = service.plan(request)
+        assert check(json.loads(body), "/v1/plan", "post", status, answered) == "ErrorAnswer"
+    # The check itself can fail.
+    for wrong in (plain | {"more": 1}, {key: plain[key] for key in plain if key != "grid"}):
+        with pytest.raises(AssertionError):
+            check(wrong, "/v1/plan", "post", 200)
+
+
 def metrics(service):
     status, headers, body = service.ask("GET", "/metrics")
     assert status == 200 and headers["content-type"].startswith("application/openmetrics-text")
@@ -239,6 +313,23 @@ def test_nothing_to_grasp_is_an_answer(service):
     assert status == 200 and answer["grasps"] == [] and answer["reason"], answer
 
 
+def test_an_exr_is_planned_like_an_array(service):
+    view = seen()
+    depth_m = np.full((48, 64), 0.55, np.float32)
+    depth_m[10:30, 20:40] = 0.5
+    planned = []
+    for image in (npy(depth_m), exr(depth_m)):
+        status, _, body = service.plan({"views": [view | {"depth": file_of(image)}]})
+        assert status == 200, body
+        planned.append(body)
+    assert planned[0] == planned[1]
+    # Whole numbers are millimetres in both.
+    depth_mm = np.rint(depth_m * 1000)
+    images = exr(depth_mm.astype(np.uint32)), png(depth_mm.astype(np.uint16))
+    first, second = (service.plan({"views": [view | {"depth": file_of(image)}]}) for image in images)
+    assert first[0] == 200 and first[2] == second[2], (first, second)
+
+
 def test_errors_have_their_statuses(service):
     good = json.dumps({"views": [seen()]}).encode()
     table = [
@@ -250,6 +341,8 @@ def test_errors_have_their_statuses(service):
         (415, "POST", "/v1/plan", good, {"Content-Type": "text/plain"}),
         (400, "POST", "/v1/plan", good[:-1], JSON),
         (400, "POST", "/v1/plan", b"", JSON),
+        (400, "POST", "/v1/plan", b'{"policy": "\xff"}', JSON),
+        *((422, "POST", "/v1/plan", body, JSON) for body in (b"[]", b"7", b"{}", b'{"views": []}')),
         (413, "POST", "/v1/plan", b" " * (65 << 20), JSON),
         (422, "POST", "/v1/plan", good.replace(b'"fx_px": 80.0', b'"fx_px": 0.0'), JSON),
     ]
@@ -327,13 +420,7 @@ def cloud_bytes(chance):
 
 def image_bytes(chance):
     depth = np.full((48, 64), 0.55, np.float32)
-    return chance.choice([npy(depth), png((depth * 1000).astype(np.uint16)), exr_bytes()])
-
-
-def exr_bytes():
-    """The beginning of an EXR file: enough to be taken for one, and then to end."""
-    channel = b"Z\0\x02\0\0\0\0\0\0\0\x01\0\0\0\x01\0\0\0\0"
-    return b"\x76\x2f\x31\x01\x02\0\0\0channels\0chlist\0\x13\0\0\0" + channel + b"\0" * 40
+    return chance.choice([npy(depth), png((depth * 1000).astype(np.uint16)), exr(depth)])
 
 
 def random_bytes(chance):
@@ -395,6 +482,15 @@ def flipped_image(chance):
     for _ in range(chance.randrange(1, 8)):
         data[chance.randrange(min(len(data), 200))] = chance.randrange(256)
     return json.dumps({"views": [seen() | {"depth": file_of(bytes(data))}]}).encode(), False
+
+
+def flipped_exr(chance):
+    """In its header, its table of places, the heads of its lines, or its pixels."""
+    data = bytearray(exr(np.full((12, 16), 0.55, np.float32)))
+    for _ in range(chance.randrange(1, 8)):
+        data[chance.randrange(len(data))] = chance.choice([0, 1, 0x7F, 0x80, 0xFF, chance.randrange(256)])
+    view = seen(width=16, height=12) | {"depth": file_of(bytes(data))}
+    return json.dumps({"views": [view]}).encode(), False
 
 
 def cut_cloud(chance):
@@ -493,8 +589,8 @@ def several_sources(chance):
 
 BODIES = [
     random_bytes, cut_json, flipped_json, wrong_type, odd_number, deep, deep_inside, junk_image, cut_image,
-    flipped_image, cut_cloud, flipped_cloud, wrong_shape, absurd_depth, huge_promise, not_rigid, no_unit_quaternion,
-    bad_lens, unknown_or_missing_key, wrong_number_of_views, several_sources,
+    flipped_image, flipped_exr, cut_cloud, flipped_cloud, wrong_shape, absurd_depth, huge_promise, not_rigid,
+    no_unit_quaternion, bad_lens, unknown_or_missing_key, wrong_number_of_views, several_sources,
 ]  # fmt: skip
 
 
@@ -621,6 +717,37 @@ def test_a_thousand_malformed_requests_and_it_plans_as_before(service):
         assert time.monotonic() < until, "requests of clients that are gone are still counted as under way"
         time.sleep(0.1)
     assert "panicked" not in service.log.read_text()
+
+
+def test_long_lists_cost_no_memory(tmp_path):
+    """Lists of which each entry would take more memory than the bytes that ask for it."""
+
+    def many(before, entry, after):
+        return before + (entry + b",") * (18_000_000 // (len(entry) + 1)) + entry + after
+
+    attacks = {
+        "under an unknown key": (many(b'{"x":[', b"0", b"]}"), ": x"),
+        "empty eyes": (many(b'{"eyes_m":[', b"[]", b"]}"), ": eyes_m[0]"),
+        "many eyes": (many(b'{"eyes_m":[', b"[0,0,1]", b"]}"), "at most 32 entries, got 2250001: eyes_m"),
+        "a long eye": (many(b'{"eyes_m":[[', b"0", b"]]}"), "got 9000001: eyes_m[0]"),
+        "many views": (many(b'{"views":[', b'{"depth":""}', b"]}"), ": views"),
+        "a long matrix": (many(b'{"base_from_workspace":[', b"[0,0,0,0]", b"]}"), ": base_from_workspace"),
+        "a long quaternion": (many(b'{"workspace_from_wrist":{"quaternion_xyzw":[', b"0", b"]}}"), ".quaternion_xyzw"),
+        "no object": (many(b"[", b"0", b"]"), ""),
+        "deep": (b"[" * 10_000_000 + b"]" * 10_000_000, ""),
+        "a long key": (b'{"' + b"x" * 18_000_000 + b'":0}', "unknown field"),
+    }
+    with running(tmp_path) as service:
+        for name, (body, place) in attacks.items():
+            status, headers, told = service.plan(body)
+            assert status == 422, (name, status, told[:300])
+            assert place in check_error(status, headers, told) and len(told) < 2000, (name, told[:600])
+        with ThreadPoolExecutor(8) as pool:
+            answers = list(pool.map(service.plan, (body for body, _ in attacks.values())))
+        assert {status for status, _, _ in answers} == {422}
+        print(f"VmHWM {service.memory_kb('VmHWM')} kB")
+        assert service.memory_kb("VmHWM") < 1_000_000
+        assert service.plan({"views": [seen()]})[0] == 200
 
 
 # The ROS 2 node of docs/, with as much of ROS as it uses.
@@ -757,8 +884,21 @@ def one_demo_view():
     return depth_m.astype(np.float32), view.get("intrinsics", request.get("intrinsics")), view["workspace_from_camera"]
 
 
+@pytest.fixture(scope="module")
+def lenient(tmp_path_factory):
+    """A service that gives grasps for one view, too: one shows too little for the settings that people use."""
+    folder = tmp_path_factory.mktemp("lenient")
+    settings, count = re.subn(
+        r"^quality_min = .*$", "quality_min = 0.5", (ROOT / "configs/plan/paper.toml").read_text(), flags=re.MULTILINE
+    )
+    assert count == 1
+    (folder / "plan.toml").write_text(settings)
+    with running(folder, "--config", folder / "plan.toml") as service:
+        yield service
+
+
 @pytest.mark.parametrize("encoding", ["16UC1", "32FC1", "32FC1 big-endian"])
-def test_the_ros_node_publishes_what_the_service_answers(service, encoding, one_demo_view, monkeypatch):
+def test_the_ros_node_publishes_what_the_service_answers(lenient, encoding, one_demo_view, monkeypatch):
     depth_m, lens, pose = one_demo_view
     name = encoding.split()[0]
     if name == "16UC1":
@@ -766,10 +906,10 @@ def test_the_ros_node_publishes_what_the_service_answers(service, encoding, one_
     else:
         depth = depth_m.astype(">f4" if "big" in encoding else "<f4")
     view = {"depth": file_of(npy(depth)), "intrinsics": lens, "workspace_from_camera": pose}
-    status, _, body = service.plan({"views": [view]})
+    status, _, body = lenient.plan({"views": [view]})
     assert status == 200, body
     transform = (pose["position_m"], pose["quaternion_xyzw"])
-    [array], warnings = ros(depth, name, lens, transform, service, monkeypatch)
+    [array], warnings = ros(depth, name, lens, transform, lenient, monkeypatch)
     assert warnings == [] and array.header.frame_id == "workspace" and array.header.stamp == {"sec": 3}
     expected = [grasp["workspace_from_grasp"] for grasp in json.loads(body)["grasps"]]
     assert expected, "nothing was planned, so nothing is compared"

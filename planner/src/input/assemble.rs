@@ -17,11 +17,11 @@ use crate::input::tsdf::read_tsdf;
 use crate::{Observation, Policy, SeenView, Wishes};
 
 /// Most views of a request.
-const VIEWS_MAX: usize = 32;
+pub(crate) const VIEWS_MAX: usize = 32;
 /// Most pixels of all its depth images together: 32 of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
 /// Most eyes of a cloud.
-const EYES_MAX: usize = 1024;
+pub(crate) const EYES_MAX: usize = 32;
 /// Most grasps one may ask for.
 const GRASPS_MAX: usize = 10_000;
 
@@ -197,11 +197,11 @@ fn cloud_with_eyes(
     Ok(Observation::Cloud { points_m: cloud.points_m, eyes_m })
 }
 
-fn eyes(rows: &[Vec<f64>]) -> Result<Vec<Vec3>, InputError> {
+fn eyes(rows: &[[f64; 3]]) -> Result<Vec<Vec3>, InputError> {
     if rows.len() > EYES_MAX {
         return refuse(format!("must have at most {EYES_MAX} entries, got {}: eyes_m", rows.len()));
     }
-    rows.iter().enumerate().map(|(number, row)| point(row, &format!("eyes_m[{number}]"))).collect()
+    rows.iter().enumerate().map(|(number, row)| point(*row, &format!("eyes_m[{number}]"))).collect()
 }
 
 #[cfg(test)]
@@ -340,6 +340,8 @@ mod tests {
             ("/policy", json!("best"), "must be paper, vgn-random or vgn-best, got `best`: policy"),
             ("/grasps_max", json!(0), "must be between 1 and 10000, got 0: grasps_max"),
             ("/grasps_max", json!(-1), ": grasps_max"),
+            ("/eyes_m", json!([[0, 0, 1], [0, 0]]), "must have 3 numbers, got 2: eyes_m[1]"),
+            ("/views/0/intrinsics/fx_px", json!("wide"), ": views[0].intrinsics.fx_px"),
             ("/base_from_workspace", json!([[1]]), ": base_from_workspace"),
             ("/workspace_from_wrist", json!({ "quaternion_xyzw": [0, 0, 1] }), ": workspace_from_wrist"),
         ];
@@ -354,9 +356,13 @@ mod tests {
         for text in ["", "{", "views", "{\"views\": [}", "\u{0}"] {
             assert!(from_json(text.as_bytes(), Grid::PAPER).unwrap_err().is_syntax(), "{text}");
         }
-        for text in ["[]", "7", "{}", "{\"views\": 7}"] {
+        let no_lens = "{\"intrinsics\": [540, 480, 540, 540, 320, 240, 0, 0, 1]}";
+        let too_large = "{\"intrinsics\": {\"fx_px\": 1e999}}";
+        for text in ["[]", "7", "{}", "{\"views\": 7}", no_lens, too_large] {
             assert!(!from_json(text.as_bytes(), Grid::PAPER).unwrap_err().is_syntax(), "{text}");
         }
+        let no_text = from_json(b"{\"policy\": \"\xff\"}", Grid::PAPER).unwrap_err();
+        assert!(no_text.is_syntax() && no_text.to_string().contains("not UTF-8"), "{no_text}");
     }
 
     #[test]
@@ -392,6 +398,21 @@ mod tests {
         let mut request = request();
         let view = request["views"][0].clone();
         request["views"] = Value::Array(vec![view; 33]);
-        assert!(message(&request).contains("1 to 32 entries, got 33: views"));
+        assert_eq!(message(&request), "must have at most 32 entries, got 33: views");
+    }
+
+    #[test]
+    fn a_cloud_has_at_most_32_eyes_wherever_they_come_from() {
+        let cloud = base64(&write_npy_f32(&[1, 3], &[0.1; 3]));
+        let seen_from = |count: usize| json!({ "cloud": cloud, "eyes_m": vec![[0, 0, 1]; count] });
+        assert!(read(&seen_from(32)).is_ok());
+        assert_eq!(message(&seen_from(33)), "must have at most 32 entries, got 33: eyes_m");
+        let flags = RequestInput {
+            cloud: Some(SourceInput::Path("cloud.npy".to_owned())),
+            eyes_m: Some(vec![[0.0, 0.0, 1.0]; 33]),
+            ..RequestInput::default()
+        };
+        let told = assemble(&flags, Some(Path::new("")), Grid::PAPER).unwrap_err().to_string();
+        assert_eq!(told, "must have at most 32 entries, got 33: eyes_m");
     }
 }

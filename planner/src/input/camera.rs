@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use std::fmt;
 
 use schema::{Intrinsics, Pose, Quat, Vec3, pose_from_parts};
-use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, OneOfBuilder, Schema};
@@ -14,6 +14,7 @@ use utoipa::{PartialSchema, ToSchema};
 
 use crate::input::depth::SIDE_PX_MAX;
 use crate::input::error::InputError;
+use crate::input::lists::{Numbers, first_entries, numbers};
 
 /// By how much a rotation may miss being one: what three printed digits leave of it.
 const RIGID_TOLERANCE: f64 = 1e-3;
@@ -43,7 +44,7 @@ pub struct IntrinsicsInput {
 #[derive(Debug, Clone, PartialEq)]
 pub enum PoseInput {
     /// Rows of a homogeneous matrix.
-    Matrix(Vec<Vec<f64>>),
+    Matrix([[f64; 4]; 4]),
     /// A position and a quaternion.
     Parts(PosePartsInput),
 }
@@ -54,10 +55,12 @@ pub enum PoseInput {
 pub struct PosePartsInput {
     /// x, y, z in metres.
     #[schema(schema_with = position_schema)]
-    pub position_m: Vec<f64>,
+    #[serde(deserialize_with = "numbers")]
+    pub position_m: [f64; 3],
     /// Unit quaternion x, y, z, w.
     #[schema(schema_with = quaternion_schema)]
-    pub quaternion_xyzw: Vec<f64>,
+    #[serde(deserialize_with = "numbers")]
+    pub quaternion_xyzw: [f64; 4],
 }
 
 /// An orientation.
@@ -66,7 +69,8 @@ pub struct PosePartsInput {
 pub struct OrientationInput {
     /// Unit quaternion x, y, z, w.
     #[schema(schema_with = quaternion_schema)]
-    pub quaternion_xyzw: Vec<f64>,
+    #[serde(deserialize_with = "numbers")]
+    pub quaternion_xyzw: [f64; 4],
 }
 
 impl<'de> Deserialize<'de> for PoseInput {
@@ -86,7 +90,10 @@ impl<'de> Visitor<'de> for PoseVisitor {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, rows: A) -> Result<PoseInput, A::Error> {
-        Vec::deserialize(SeqAccessDeserializer::new(rows)).map(PoseInput::Matrix)
+        let (rows, count) = first_entries::<Numbers<4>, A>(rows, 4)?;
+        let wrong = || A::Error::custom(format!("a matrix must have 4 rows of 4 numbers, got {count} rows"));
+        let rows = <[Numbers<4>; 4]>::try_from(rows).ok().filter(|_| count == 4).ok_or_else(wrong)?;
+        Ok(PoseInput::Matrix(rows.map(|row| row.0)))
     }
 
     fn visit_map<A: MapAccess<'de>>(self, parts: A) -> Result<PoseInput, A::Error> {
@@ -96,7 +103,7 @@ impl<'de> Visitor<'de> for PoseVisitor {
 
 impl PartialSchema for PoseInput {
     fn schema() -> RefOr<Schema> {
-        let rows = numbers(4, "A row.");
+        let rows = numbers_schema(4, "A row.");
         let matrix = list_of(rows.into(), 4, "Rows of a homogeneous matrix; translation in metres.");
         OneOfBuilder::new().item(matrix).item(PosePartsInput::schema()).into()
     }
@@ -110,14 +117,14 @@ impl ToSchema for PoseInput {
 
 /// A position, for the API's description.
 pub(crate) fn position_schema() -> RefOr<Schema> {
-    numbers(3, "x, y, z in metres.").into()
+    numbers_schema(3, "x, y, z in metres.").into()
 }
 
 fn quaternion_schema() -> RefOr<Schema> {
-    numbers(4, "Unit quaternion x, y, z, w.").into()
+    numbers_schema(4, "Unit quaternion x, y, z, w.").into()
 }
 
-fn numbers(count: usize, what: &str) -> ArrayBuilder {
+fn numbers_schema(count: usize, what: &str) -> ArrayBuilder {
     list_of(<f64 as PartialSchema>::schema(), count, what)
 }
 
@@ -165,7 +172,7 @@ pub fn intrinsics(
 /// [`InputError::Value`] if it is not a rigid transform or far away; `at` is the key's path.
 pub fn pose(input: &PoseInput, at: &str) -> Result<Pose, InputError> {
     let (rotation, translation) = match input {
-        PoseInput::Matrix(rows) => from_matrix(rows),
+        PoseInput::Matrix(matrix) => from_matrix(matrix),
         PoseInput::Parts(parts) => from_parts(parts),
     }
     .map_err(|error| error.at(at))?;
@@ -183,37 +190,31 @@ pub fn pose(input: &PoseInput, at: &str) -> Result<Pose, InputError> {
 /// # Errors
 /// [`InputError::Value`] if they are not; `at` is the key's path.
 pub fn orientation(input: &OrientationInput, at: &str) -> Result<Quat, InputError> {
-    unit_quaternion(&input.quaternion_xyzw).map_err(|error| error.at(at))
+    unit_quaternion(input.quaternion_xyzw).map_err(|error| error.at(at))
 }
 
 /// A point of three finite numbers.
-pub(crate) fn point(numbers: &[f64], at: &str) -> Result<Vec3, InputError> {
-    triple("a point", numbers)
-        .map(|xyz| Vec3::from_array(xyz.map(|metres| metres as f32)))
-        .map_err(|error| error.at(at))
+pub(crate) fn point(xyz: [f64; 3], at: &str) -> Result<Vec3, InputError> {
+    finite("a point", xyz).map(|xyz| Vec3::from_array(xyz.map(|metres| metres as f32))).map_err(|error| error.at(at))
 }
 
 fn refuse<T>(what: String) -> Result<T, InputError> {
     Err(InputError::Value(what))
 }
 
-fn triple(what: &str, numbers: &[f64]) -> Result<[f64; 3], InputError> {
-    match <[f64; 3]>::try_from(numbers) {
-        Ok(xyz) if xyz.iter().all(|number| number.is_finite()) => Ok(xyz),
-        Ok(xyz) => refuse(format!("{what} must have finite numbers, got {xyz:?}")),
-        Err(_) => refuse(format!("{what} must have 3 numbers, got {}", numbers.len())),
+fn finite(what: &str, xyz: [f64; 3]) -> Result<[f64; 3], InputError> {
+    if xyz.iter().all(|number| number.is_finite()) {
+        return Ok(xyz);
     }
+    refuse(format!("{what} must have finite numbers, got {xyz:?}"))
 }
 
 fn from_parts(parts: &PosePartsInput) -> Result<(Quat, [f64; 3]), InputError> {
-    let position_m = triple("position_m", &parts.position_m)?;
-    Ok((unit_quaternion(&parts.quaternion_xyzw)?, position_m))
+    let position_m = finite("position_m", parts.position_m)?;
+    Ok((unit_quaternion(parts.quaternion_xyzw)?, position_m))
 }
 
-fn unit_quaternion(numbers: &[f64]) -> Result<Quat, InputError> {
-    let Ok(xyzw) = <[f64; 4]>::try_from(numbers) else {
-        return refuse(format!("quaternion_xyzw must have 4 numbers, got {}", numbers.len()));
-    };
+fn unit_quaternion(xyzw: [f64; 4]) -> Result<Quat, InputError> {
     let norm = xyzw.iter().map(|n| n * n).sum::<f64>().sqrt();
     if !(1.0 - RIGID_TOLERANCE..=1.0 + RIGID_TOLERANCE).contains(&norm) {
         return refuse(format!("quaternion_xyzw must have a length of 1 within {RIGID_TOLERANCE}, got {norm:.4}"));
@@ -227,15 +228,7 @@ fn normalised(xyzw: [f64; 4]) -> Quat {
     Quat::from_xyzw(x, y, z, w).normalize()
 }
 
-fn from_matrix(rows: &[Vec<f64>]) -> Result<(Quat, [f64; 3]), InputError> {
-    let mut matrix = [[0.0; 4]; 4];
-    if rows.len() != 4 || rows.iter().any(|row| row.len() != 4) {
-        let lengths: Vec<usize> = rows.iter().take(8).map(Vec::len).collect();
-        return refuse(format!("a matrix must have 4 rows of 4 numbers, got {} rows of {lengths:?}", rows.len()));
-    }
-    for (slots, row) in matrix.iter_mut().zip(rows) {
-        slots.copy_from_slice(row);
-    }
+fn from_matrix(matrix: &[[f64; 4]; 4]) -> Result<(Quat, [f64; 3]), InputError> {
     if matrix.iter().flatten().any(|number| !number.is_finite()) {
         return refuse("a matrix must have finite numbers".to_owned());
     }
@@ -308,13 +301,13 @@ mod tests {
     }
 
     /// The matrix that a pose is, by where it takes the axes: nothing here knows how quaternions are made of matrices.
-    fn matrix_of(pose: &Pose) -> Vec<Vec<f64>> {
+    fn matrix_of(pose: &Pose) -> [[f64; 4]; 4] {
         let columns = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| pose.rotation * axis);
         let row = |at: usize| {
             let of = |v: Vec3| f64::from(v.to_array()[at]);
-            vec![of(columns[0]), of(columns[1]), of(columns[2]), of(pose.translation)]
+            [of(columns[0]), of(columns[1]), of(columns[2]), of(pose.translation)]
         };
-        vec![row(0), row(1), row(2), vec![0.0, 0.0, 0.0, 1.0]]
+        [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
     }
 
     #[test]
@@ -335,7 +328,7 @@ mod tests {
 
     #[test]
     fn a_position_and_a_quaternion_are_a_pose_too() {
-        let got = read(json!({ "position_m": [1, 2, 3], "quaternion_xyzw": [0, 0, 0.7071, 0.7071] })).unwrap();
+        let got = read(json!({ "position_m": [1, 2, 3], "quaternion_xyzw": [0, 0, 0.7072, 0.7072] })).unwrap();
         assert!((got * Vec3::X - Vec3::new(1.0, 3.0, 3.0)).length() < 1e-4, "a quarter turn about z");
         assert!((got.rotation.length() - 1.0).abs() < 1e-6);
     }
@@ -352,9 +345,12 @@ mod tests {
         assert!(message(sheared).contains("cosines between its columns are 0.600, 0.000, 0.000"));
         let transposed = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0.1, 0.2, 0.3, 1]]);
         assert!(message(transposed).contains("is it transposed?"));
-        assert!(
-            message(json!([[1, 0, 0], [0, 1, 0], [0, 0, 1]])).contains("4 rows of 4 numbers, got 3 rows of [3, 3, 3]")
-        );
+        assert!(message(json!([[1, 0, 0], [0, 1, 0], [0, 0, 1]])).contains("must have 4 numbers, got 3"));
+        let rows = |count: usize| message(json!(vec![[1, 0, 0, 0]; count]));
+        assert!(rows(3).contains("a matrix must have 4 rows of 4 numbers, got 3 rows"));
+        assert!(rows(5).contains("got 5 rows") && rows(0).contains("got 0 rows"));
+        let short = json!({ "position_m": [0, 0], "quaternion_xyzw": [0, 0, 0, 1] });
+        assert!(message(short).contains("must have 3 numbers, got 2"));
         let far = json!([[1, 0, 0, 450.0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
         assert!(message(far).contains("at most 100 m, got 450: are these millimetres?"));
         let long = json!({ "position_m": [0, 0, 0], "quaternion_xyzw": [0, 0, 1, 1] });
@@ -366,7 +362,7 @@ mod tests {
                 .contains("unknown field `quaternion`")
         );
         assert!(message(json!("identity")).contains("four rows of four numbers, or { position_m"));
-        let nan = PoseInput::Matrix(vec![vec![f64::NAN; 4]; 4]);
+        let nan = PoseInput::Matrix([[f64::NAN; 4]; 4]);
         assert!(pose(&nan, "here").unwrap_err().to_string().contains("finite"));
     }
 

@@ -6,8 +6,8 @@ use schema::Vec3;
 use crate::input::error::InputError;
 use crate::input::{npy, pcd, ply};
 
-/// Most points of a cloud.
-pub const POINTS_MAX: usize = 20_000_000;
+/// Most points of a cloud, those that a compressed file unpacks to included: 16 depth images of 640 x 480.
+pub const POINTS_MAX: usize = 5_000_000;
 
 /// A cloud and what became of it.
 #[derive(Debug, Clone, PartialEq)]

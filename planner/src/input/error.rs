@@ -59,7 +59,7 @@ impl InputError {
 
     /// The same with the place at which it happened; errors that name a file already stay as they are.
     #[must_use]
-    pub(crate) fn at(self, place: &str) -> Self {
+    pub fn at(self, place: &str) -> Self {
         match self {
             Self::Syntax(message) => Self::Syntax(format!("{message}: {place}")),
             Self::Damaged(message) => Self::Damaged(format!("{message}: {place}")),

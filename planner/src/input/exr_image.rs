@@ -9,7 +9,7 @@ use exr::block::lines::LineRef;
 use exr::block::reader::ChunksReader;
 use exr::error::Error;
 use exr::meta::BlockDescription;
-use exr::meta::attribute::{ChannelList, LevelMode, SampleType};
+use exr::meta::attribute::{ChannelList, IntegerBounds, LevelMode, SampleType};
 use exr::meta::header::Header;
 use exr::prelude::{Compression, Vec2, f16};
 
@@ -53,7 +53,7 @@ fn decode(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
         }
     }
     if filled == values.len() {
-        return Ok(RawDepth { width_px, height_px, values, are_whole_numbers: false });
+        return Ok(RawDepth { width_px, height_px, values, are_whole_numbers: kind == SampleType::U32 });
     }
     Err(InputError::Damaged(format!("the EXR must have {} pixels, got {filled}", values.len())))
 }
@@ -61,6 +61,13 @@ fn decode(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
 fn check_header(header: &Header, file_bytes: usize, pixels_max: usize) -> Result<(), InputError> {
     let refuse = |what: String| Err(InputError::Value(what));
     check_size(header.layer_size.0, header.layer_size.1, pixels_max)?;
+    let (data, display) = (header.data_window(), header.shared_attributes.display_window);
+    if data != display {
+        let (wanted, got) = (corners(display), corners(data));
+        return refuse(format!(
+            "the data window must be the display window {wanted}, got {got}: a cropped image moves the principal point"
+        ));
+    }
     if let BlockDescription::Tiles(tiles) = header.blocks {
         let Vec2(width, height) = tiles.tile_size;
         if tiles.level_mode != LevelMode::Singular || width > SIDE_PX_MAX || height > SIDE_PX_MAX {
@@ -91,6 +98,13 @@ fn check_header(header: &Header, file_bytes: usize, pixels_max: usize) -> Result
         return Err(InputError::Damaged(format!("an EXR of {file_bytes} bytes cannot hold its {blocks} blocks")));
     }
     Ok(())
+}
+
+/// A window's first and last pixel.
+fn corners(window: IntegerBounds) -> String {
+    let Vec2(left, top) = window.position;
+    let last = |first: i32, count: usize| i64::from(first) + count as i64 - 1;
+    format!("({left},{top})-({},{})", last(left, window.size.0), last(top, window.size.1))
 }
 
 /// Which channel the depth is in; a layer's name before a dot does not matter.
@@ -194,15 +208,43 @@ pub(crate) mod tests {
         }
     }
 
+    /// Writes left, top, right, bottom over a window of the header.
+    fn put_window(bytes: &mut [u8], name: &str, corners: [i32; 4]) {
+        let name = format!("{name}\0box2i\0").into_bytes();
+        let at = bytes.windows(name.len()).position(|window| window == name).unwrap() + name.len() + 4;
+        bytes[at..at + 16].copy_from_slice(&corners.map(i32::to_le_bytes).concat());
+    }
+
+    #[test]
+    fn a_cropped_image_is_refused() {
+        let whole = exr_of(Encoding::UNCOMPRESSED, vec![("Z", FlatSamples::F32(ramp()))]);
+        let message = |window: &str, corners: [i32; 4]| {
+            let mut bytes = whole.clone();
+            put_window(&mut bytes, window, corners);
+            read_depth(&bytes, None).unwrap_err().to_string()
+        };
+        let told = "the data window must be the display window (0,0)-(639,479), got (0,0)-(4,2): a cropped image";
+        assert!(message("displayWindow", [0, 0, 639, 479]).starts_with(told));
+        assert!(message("displayWindow", [-1, 0, 3, 2]).contains("display window (-1,0)-(3,2), got (0,0)-(4,2)"));
+        assert!(message("dataWindow", [10, 20, 14, 22]).contains("got (10,20)-(14,22)"));
+    }
+
+    #[test]
+    fn whole_numbers_are_millimetres() {
+        let whole = FlatSamples::U32((600..615).collect());
+        let read = read_depth(&exr_of(Encoding::SMALL_LOSSLESS, vec![("Z", whole)]), None).unwrap();
+        assert_eq!(read.scale_m, 0.001);
+        assert!((read.image.depth_m[0] - 0.6).abs() < 1e-6, "{}", read.image.depth_m[0]);
+    }
+
     #[test]
     fn a_huge_data_window_is_refused_from_the_header() {
         let mut bytes = exr_of(Encoding::UNCOMPRESSED, vec![("Z", FlatSamples::F32(ramp()))]);
-        let name = b"dataWindow\0box2i\0";
-        let at = bytes.windows(name.len()).position(|window| window == name).unwrap() + name.len() + 4;
         for side in [4096, 1_000_000, i32::MAX - 1] {
-            bytes[at + 8..at + 12].copy_from_slice(&i32::to_le_bytes(side - 1));
-            bytes[at + 12..at + 16].copy_from_slice(&i32::to_le_bytes(side - 1));
-            assert!(read_depth(&bytes, None).is_err(), "{side}");
+            put_window(&mut bytes, "dataWindow", [0, 0, side - 1, side - 1]);
+            put_window(&mut bytes, "displayWindow", [0, 0, side - 1, side - 1]);
+            let told = read_depth(&bytes, None).unwrap_err().to_string();
+            assert!(!told.contains("display window"), "{side}: {told}");
         }
     }
 }

@@ -12,8 +12,8 @@ const HEADER_LINES_MAX: usize = 100;
 const HEADER_LINE_BYTES_MAX: usize = 4096;
 const FIELDS_MAX: usize = 64;
 const POINT_BYTES_MAX: usize = 4096;
-/// A compressed file may not become larger than this.
-const BYTES_MAX: usize = 512 << 20;
+/// A compressed file may not become larger than this: the most points of 53 bytes each.
+const BYTES_MAX: usize = 256 << 20;
 
 /// A field of a point.
 #[derive(Debug, Clone, PartialEq)]
@@ -310,7 +310,7 @@ pub(crate) mod tests {
         assert!(of("POINTS 3", "POINTS 4").contains("WIDTH times HEIGHT, 3, got 4"));
         assert!(of("WIDTH 3\nHEIGHT 1", "").contains("cannot hold its 3 points"));
         let many = "WIDTH 4294967295\nHEIGHT 4294967295\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 18446744065119617025";
-        assert!(of("WIDTH 3\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 3", many).contains("at most 20000000 points"));
+        assert!(of("WIDTH 3\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 3", many).contains("at most 5000000 points"));
         assert!(of("SIZE 4 4 4 1 8", "SIZE 4 4 4 1").contains("equally long"));
         assert!(of("SIZE 4 4 4 1 8", "SIZE 4 4 3 1 8").contains("SIZE must be"));
         assert!(of("COUNT 1 1 1 3 1", "COUNT 1 1 1 4096 1").contains("at most 4096 bytes"));

@@ -1,29 +1,31 @@
 //! The description of what a robot saw and wants, as it is written in a file (TOML or JSON) or sent over HTTP (JSON).
-//! These types are what the API's description shows; what they mean is `assemble.rs`'s business. A typed parser tells
-//! what is wrong but not where, so a request that fails it is looked through once more, key by key, to name the place.
+//! These types are what the API's description shows; what they mean is `assemble.rs`'s business. A request is read in one
+//! pass that keeps the path of the key it is at, for the message, and never more than the types below have room for.
 
 use std::fmt;
 use std::path::Path;
 
 use schema::Grid;
 use serde::de::value::MapAccessDeserializer;
-use serde::de::{DeserializeOwned, MapAccess, Visitor};
+use serde::de::{IgnoredAny, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
-use serde_json::Value;
+use serde_json::error::Category;
 use utoipa::ToSchema;
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, Schema};
 
-use crate::input::assemble::{Request, assemble};
+use crate::input::assemble::{EYES_MAX, Request, VIEWS_MAX, assemble};
 use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput, position_schema};
 use crate::input::error::{InputError, shown};
 use crate::input::file::read_file;
+use crate::input::lists::{Numbers, at_most};
 
 /// A request for a plan: exactly one of `views`, `tsdf` and `cloud`, and what the caller wishes.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RequestInput {
     /// Depth images with their cameras, 1 to 32.
+    #[serde(default, deserialize_with = "views")]
     pub views: Option<Vec<ViewInput>>,
     /// The lens of all views that name none.
     pub intrinsics: Option<IntrinsicsInput>,
@@ -33,9 +35,10 @@ pub struct RequestInput {
     /// A point cloud in the workspace frame instead: a PLY, PCD or NPY file, in metres.
     #[schema(value_type = Option<DataInput>)]
     pub cloud: Option<SourceInput>,
-    /// Where the sensors stood that saw the cloud; without it, a PCD file's viewpoint counts.
+    /// Where the sensors stood that saw the cloud, at most 32; without it, a PCD file's viewpoint counts.
     #[schema(schema_with = eyes_schema)]
-    pub eyes_m: Option<Vec<Vec<f64>>>,
+    #[serde(default, deserialize_with = "eyes")]
+    pub eyes_m: Option<Vec<[f64; 3]>>,
     /// The workspace in the robot's base frame: grasps are given there, too.
     pub base_from_workspace: Option<PoseInput>,
     /// The wrist's orientation now, in the workspace: of a grasp and its half turn the nearer one is given.
@@ -108,10 +111,34 @@ impl<'de> Visitor<'de> for SourceVisitor {
     }
 }
 
+struct Views(Vec<ViewInput>);
+
+impl<'de> Deserialize<'de> for Views {
+    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
+        at_most(source, VIEWS_MAX).map(Self)
+    }
+}
+
+fn views<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<ViewInput>>, D::Error> {
+    Ok(Option::<Views>::deserialize(source)?.map(|views| views.0))
+}
+
+struct Eyes(Vec<Numbers<3>>);
+
+impl<'de> Deserialize<'de> for Eyes {
+    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
+        at_most(source, EYES_MAX).map(Self)
+    }
+}
+
+fn eyes<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<[f64; 3]>>, D::Error> {
+    Ok(Option::<Eyes>::deserialize(source)?.map(|eyes| eyes.0.into_iter().map(|xyz| xyz.0).collect()))
+}
+
 fn eyes_schema() -> RefOr<Schema> {
     let what = "Where the sensors stood that saw the cloud, in metres; without it, a PCD file's viewpoint counts.";
     let items = ArrayItems::RefOrSchema(Box::new(position_schema()));
-    ArrayBuilder::new().items(items).description(Some(what)).into()
+    ArrayBuilder::new().items(items).max_items(Some(EYES_MAX)).description(Some(what)).into()
 }
 
 /// A request as a service gets it: no paths, since a service reads nobody's files.
@@ -150,89 +177,87 @@ fn is_json(path: &Path, bytes: &[u8]) -> bool {
 }
 
 fn parse_json(bytes: &[u8]) -> Result<RequestInput, InputError> {
-    serde_json::from_slice(bytes).map_err(|error| match serde_json::from_slice::<Value>(bytes) {
-        Ok(value) => unfit(&value, &error.to_string()),
-        Err(error) => InputError::Syntax(format!("not JSON: {}", shown(&error.to_string()))),
-    })
+    let text = std::str::from_utf8(bytes).map_err(|_| InputError::Syntax("not JSON: it is not UTF-8".to_owned()))?;
+    let mut source = serde_json::Deserializer::from_str(text);
+    let input = serde_path_to_error::deserialize(&mut source);
+    let input = input.map_err(|error| unfit_json(text, error.inner(), error.path()))?;
+    source.end().map_err(|error| not_json(&error))?;
+    Ok(input)
+}
+
+fn not_json(error: &serde_json::Error) -> InputError {
+    InputError::Syntax(format!("not JSON: {}", shown(&error.to_string())))
+}
+
+/// What is wrong with a text that is no request, and where.
+fn unfit_json(text: &str, error: &serde_json::Error, path: &serde_path_to_error::Path) -> InputError {
+    // A number beyond all bounds, or a list where a shorter one was due, is told as if it were no JSON. It is looked
+    // through once more, which takes no memory.
+    if error.classify() != Category::Data && serde_json::from_str::<IgnoredAny>(text).is_err() {
+        return not_json(error);
+    }
+    let told = error.to_string();
+    let position = format!(" at line {} column {}", error.line(), error.column());
+    unfit(told.strip_suffix(&position).unwrap_or(&told), path)
 }
 
 pub(crate) fn parse_toml(bytes: &[u8]) -> Result<RequestInput, InputError> {
-    let no_text = |_| InputError::Syntax("not TOML: it is not UTF-8".to_owned());
-    let text = std::str::from_utf8(bytes).map_err(no_text)?;
-    toml::from_str(text).map_err(|error| match toml::from_str::<toml::Table>(text) {
-        Ok(table) => unfit(&serde_json::to_value(table).unwrap_or_default(), error.message()),
-        Err(error) => InputError::Syntax(format!("not TOML: {}", shown(error.message()))),
-    })
+    let text = std::str::from_utf8(bytes).map_err(|_| InputError::Syntax("not TOML: it is not UTF-8".to_owned()))?;
+    let not_toml = |error: toml::de::Error| InputError::Syntax(format!("not TOML: {}", shown(error.message())));
+    let source = toml::Deserializer::parse(text).map_err(not_toml)?;
+    serde_path_to_error::deserialize(source).map_err(|error| unfit(error.inner().message(), error.path()))
 }
 
-/// What is wrong with a request that parses but does not fit, and where; `whole` if no part of it is to blame.
-fn unfit(value: &Value, whole: &str) -> InputError {
-    match wrong_part(value) {
-        Some((what, place)) => InputError::Value(format!("{}: {place}", shown(&what))),
-        None => InputError::Value(shown(whole)),
-    }
-}
-
-type Check = fn(&Value) -> Option<String>;
-
-fn check<T: DeserializeOwned>(value: &Value) -> Option<String> {
-    T::deserialize(value).err().map(|error| error.to_string())
-}
-
-const OF_REQUEST: [(&str, Check); 11] = [
-    ("views", check::<Option<Vec<Value>>>),
-    ("intrinsics", check::<Option<IntrinsicsInput>>),
-    ("tsdf", check::<Option<SourceInput>>),
-    ("cloud", check::<Option<SourceInput>>),
-    ("eyes_m", check::<Option<Vec<Vec<f64>>>>),
-    ("base_from_workspace", check::<Option<PoseInput>>),
-    ("workspace_from_wrist", check::<Option<OrientationInput>>),
-    ("policy", check::<Option<String>>),
-    ("check_collisions", check::<Option<bool>>),
-    ("grasps_max", check::<Option<usize>>),
-    ("explain", check::<Option<bool>>),
-];
-
-const OF_VIEW: [(&str, Check); 5] = [
-    ("depth", check::<SourceInput>),
-    ("depth_scale_m", check::<Option<f64>>),
-    ("intrinsics", check::<Option<IntrinsicsInput>>),
-    ("workspace_from_camera", check::<Option<PoseInput>>),
-    ("base_from_camera", check::<Option<PoseInput>>),
-];
-
-fn wrong_part(request: &Value) -> Option<(String, String)> {
-    let views = request.get("views").and_then(Value::as_array);
-    let wrong_view = views.into_iter().flatten().enumerate().find_map(|(at, view)| {
-        let whole = check::<ViewInput>(view)?;
-        let place = format!("views[{at}]");
-        Some(wrong_key(view, &format!("{place}."), &OF_VIEW).unwrap_or((whole, place)))
-    });
-    wrong_view.or_else(|| wrong_key(request, "", &OF_REQUEST))
-}
-
-fn wrong_key(table: &Value, prefix: &str, checks: &[(&str, Check)]) -> Option<(String, String)> {
-    checks.iter().find_map(|(key, check)| Some((check(table.get(key)?)?, format!("{prefix}{key}"))))
+/// The error of a key; a key may be a stranger's text, too.
+fn unfit(what: &str, path: &serde_path_to_error::Path) -> InputError {
+    let is_whole = path.iter().next().is_none();
+    let what = shown(what);
+    InputError::Value(if is_whole { what } else { format!("{what}: {}", shown(&path.to_string())) })
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
+    use serde_json::Value;
     use utoipa::PartialSchema;
 
     use super::*;
 
+    /// The keys of a type, as the parser lists them when it meets another.
+    fn keys_of<T: for<'de> Deserialize<'de>>() -> BTreeSet<String> {
+        let told = serde_json::from_str::<T>("{\"?\": 0}").err().unwrap().to_string();
+        let known = told.strip_prefix("unknown field `?`, expected one of ").unwrap();
+        known.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+    }
+
     #[test]
     fn the_apis_description_has_every_key_that_is_read() {
         let told = |schema: RefOr<Schema>| serde_json::to_value(schema).unwrap();
+        let keys = |schema: &Value| schema["properties"].as_object().unwrap().keys().cloned().collect::<BTreeSet<_>>();
         let (request, view) = (told(RequestInput::schema()), told(ViewInput::schema()));
-        assert_eq!(request["properties"].as_object().unwrap().len(), OF_REQUEST.len());
-        assert!(OF_REQUEST.iter().all(|(key, _)| request["properties"].get(key).is_some()), "{request}");
-        assert_eq!(view["properties"].as_object().unwrap().len(), OF_VIEW.len());
-        assert!(OF_VIEW.iter().all(|(key, _)| view["properties"].get(key).is_some()), "{view}");
+        assert_eq!(keys(&request), keys_of::<RequestInput>());
+        assert_eq!(keys(&view), keys_of::<ViewInput>());
+        assert_eq!(keys(&request).len(), 11);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
         let pose = told(PoseInput::schema());
         assert_eq!(pose["oneOf"][0]["items"]["maxItems"], 4, "{pose}");
         assert_eq!(pose["oneOf"][1]["properties"]["position_m"]["minItems"], 3, "{pose}");
+    }
+
+    #[test]
+    fn the_place_of_an_error_is_told_and_nothing_else_of_the_text() {
+        let message = |text: &str| parse_json(text.as_bytes()).unwrap_err().to_string();
+        let told = message("{\"views\": [{\"depth\": \"a\"},\n{\"depth\": {\"data\": 7}}]}");
+        assert_eq!(told, "invalid type: integer `7`, expected a string: views[1].depth.data");
+        assert!(message("7").starts_with("invalid type: integer `7`") && !message("7").contains("line"));
+        assert!(message("{\"views\": [").starts_with("not JSON: EOF") && message("{} {}").contains("line 1 column 4"));
+        assert_eq!(message("{\"intrinsics\": {\"fx_px\": 1e999}}"), "number out of range: intrinsics.fx_px");
+        let long = message(&format!("{{\"{}\": 0}}", "x".repeat(10_000)));
+        assert!(long.starts_with("unknown field `xxx") && long.len() < 1000, "{long}");
+        let toml =
+            parse_toml(b"[[views]]\ndepth = \"a\"\nworkspace_from_camera = [[1, 0, 0]]").unwrap_err().to_string();
+        assert_eq!(toml, "must have 4 numbers, got 3: views[0].workspace_from_camera[0]");
     }
 
     #[test]

@@ -32,7 +32,7 @@ const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
         (status = 400, description = "The body is not JSON, or did not come whole", body = ErrorAnswer),
         (status = 413, description = "The body is too large", body = ErrorAnswer),
         (status = 415, description = "The content type is not JSON", body = ErrorAnswer),
-        (status = 422, description = "A value is wrong", body = ErrorAnswer),
+        (status = 422, description = "The JSON is no request, or a value is wrong", body = ErrorAnswer),
         (status = 500, description = "A defect of the planner", body = ErrorAnswer),
         (status = 503, description = "Too many requests wait, or the service is stopping", body = ErrorAnswer, headers(
             ("Retry-After" = u32, description = "when to come back, in seconds")

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use utoipa::ToSchema;
 
 use crate::Planner;
+use crate::answer::GridAnswer;
 use crate::config::{Config, WithoutObject};
 
 /// The planner behind the service.
@@ -25,17 +26,6 @@ pub(crate) struct ModelAnswer {
     config: Value,
 }
 
-/// The workspace: a cube whose corner is the origin, z up.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
-pub(crate) struct GridAnswer {
-    /// Voxels along each side.
-    resolution: usize,
-    /// Length of a side in metres.
-    size_m: f32,
-    /// Height of the table's top above the origin, in metres.
-    table_z_m: f32,
-}
-
 impl ModelAnswer {
     pub(super) fn new(planner: &Planner) -> Self {
         let (grid, config) = (planner.grid(), planner.config());
@@ -44,7 +34,7 @@ impl ModelAnswer {
             model: planner.model_id().to_owned(),
             policy: config.ranking.policy.name(),
             gripper: planner.gripper().name.clone(),
-            grid: GridAnswer { resolution: grid.resolution, size_m: grid.size_m, table_z_m: grid.table_z_m },
+            grid: GridAnswer::new(grid),
             config: settings(config),
         }
     }
@@ -61,6 +51,7 @@ fn settings(config: &Config) -> Value {
         "gripper": gripper.name,
         "detection": {
             "gaussian_sigma_voxels": decimal(d.gaussian_sigma_voxels),
+            "surface_side": d.surface_side.name(),
             "surface_steps_max": d.surface_steps_max,
             "width_voxels_min": decimal(d.width_voxels_min),
             "width_voxels_max": decimal(d.width_voxels_max),

@@ -26,7 +26,7 @@ pub(super) fn plan_bytes(planner: &Planner, body: &[u8]) -> Result<Planned, Faul
     let parsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let plan = planner.plan(&request.observation, &request.wishes).map_err(|e| plan_fault(&e))?;
     let policy = planner.policy(&request.wishes);
-    let mut answer = Answer::new(&plan, planner.model_id(), policy);
+    let mut answer = Answer::new(&plan, planner, policy);
     answer.warnings.extend(request.warnings);
     Ok(Planned {
         body: serde_json::to_vec(&answer).map_err(|_| Fault::internal())?,
@@ -35,7 +35,7 @@ pub(super) fn plan_bytes(planner: &Planner, body: &[u8]) -> Result<Planned, Faul
     })
 }
 
-/// What is no request at all is 400, a request with wrong values is 422.
+/// What is not JSON is 400; JSON that is no request, or one with wrong values, is 422.
 fn input_fault(is_syntax: bool, told: String) -> Fault {
     Fault::new(if is_syntax { StatusCode::BAD_REQUEST } else { StatusCode::UNPROCESSABLE_ENTITY }, told)
 }

@@ -1,0 +1,130 @@
+//! The program as a user runs it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use planner::input::write_npy_f32;
+use serde_json::Value;
+
+fn run(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_planner")).args(arguments).output().unwrap()
+}
+
+fn plan(arguments: &[&str]) -> Value {
+    let output = run(&[&["plan"], arguments].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Runs and expects an exit code and words on stderr.
+fn refused(arguments: &[&str], code: i32, words: &str) {
+    let output = run(&[&["plan"], arguments].concat());
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
+    assert!(said.contains(words), "{arguments:?}: {said}");
+    assert!(output.stdout.is_empty() && !said.contains("panicked"), "{said}");
+}
+
+fn demo_folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("demo")
+}
+
+/// The demo's views file with one text replaced, beside its images.
+fn changed(folder: &Path, from: &str, to: &str) -> String {
+    for entry in fs::read_dir(demo_folder()).unwrap() {
+        let entry = entry.unwrap();
+        fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
+    }
+    let path = folder.join("views.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    assert!(text.contains(from), "{from}");
+    fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn the_demo_is_planned_drawn_and_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (json, png, ply) = (path("plan.json"), path("scene.png"), path("cloud.ply"));
+    let output = run(&["plan", "--demo", "--out", &json, "--picture", &png, "--ply", &ply]);
+    assert!(output.status.success() && output.stdout.is_empty());
+    let summary = String::from_utf8(output.stderr).unwrap();
+    assert!(summary.contains("rank  object  quality") && summary.contains("ms: fuse"), "{summary}");
+    let written: Value = serde_json::from_slice(&fs::read(json).unwrap()).unwrap();
+    let views = demo_folder().join("views.toml");
+    assert_eq!(written, plan(&["--views", views.to_str().unwrap(), "--threads", "1"]));
+    assert_eq!(written["grasps"][0]["rank"], 1);
+    assert!(fs::read(png).unwrap().starts_with(b"\x89PNG"));
+    assert!(fs::read(ply).unwrap().starts_with(b"ply\nformat binary_little_endian"));
+}
+
+#[test]
+fn flags_count_more_than_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let views = changed(folder.path(), "[intrinsics]", "policy = \"vgn-random\"\nexplain = true\n\n[intrinsics]");
+    assert_eq!(plan(&["--views", &views])["policy"], "vgn-random");
+    let told =
+        plan(&["--views", &views, "--policy", "vgn-best", "--grasps", "1", "--base-from-workspace", "1,0,0,0,0,0,1"]);
+    assert_eq!(told["policy"], "vgn-best");
+    assert_eq!(told["grasps"].as_array().unwrap().len(), 1);
+    assert!(!told["dropped"].as_array().unwrap().is_empty());
+    let x = |frame: &str| told["grasps"][0][frame]["position_m"][0].as_f64().unwrap();
+    assert!((x("base_from_grasp") - x("workspace_from_grasp") - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn a_tsdf_and_a_cloud_are_planned_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    fs::write(path("tsdf.npy"), write_npy_f32(&[1, 40, 40, 40], &vec![0.0; 64_000])).unwrap();
+    assert_eq!(plan(&["--tsdf", &path("tsdf.npy")])["reason"], "empty scene: no surface was seen in the workspace");
+    let table: Vec<f32> =
+        (0..14_400).flat_map(|n| [(n / 120) as f32 * 0.0025, (n % 120) as f32 * 0.0025, 0.05]).collect();
+    fs::write(path("cloud.npy"), write_npy_f32(&[14_400, 3], &table)).unwrap();
+    let told = plan(&["--cloud", &path("cloud.npy"), "--eye", "0.15,-0.4,0.5"]);
+    assert!((told["plane"]["offset_m"].as_f64().unwrap() - 0.05).abs() < 1e-4);
+    assert!(told["reason"].as_str().unwrap().starts_with("no grasp has a quality of 0.9 or more"), "{told}");
+}
+
+#[test]
+fn bad_input_is_named_with_its_place_and_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |from: &str, to: &str| changed(folder.path(), from, to);
+    refused(&["--views", "nowhere.toml"], 78, "no such file");
+    refused(&["--views", &at("fx_px = 540.0", "fx_px = 0.0")], 78, "fx_px");
+    refused(&["--views", &at("depth-1.png", "depth-9.png")], 78, "depth-9.png");
+    refused(&["--views", &at("position_m", "position")], 78, "workspace_from_camera");
+    refused(&["--views", &at("depth_scale_m = 0.0001", "depth_scale_m = 1.0")], 78, "depth_scale_m");
+    refused(&["--views", &at("height_px = 480", "height_px = 400")], 78, "height_px");
+    let rigid = "{ position_m = [0.45000002, 0.15, 0.51961523]";
+    let mirrored = "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]] # ";
+    refused(&["--views", &at(rigid, mirrored)], 78, "not a rigid transform");
+    fs::write(folder.path().join("half.png"), &fs::read(demo_folder().join("depth-0.png")).unwrap()[..3000]).unwrap();
+    refused(&["--views", &at("depth-0.png", "half.png")], 65, "views[0].depth");
+    let nan = folder.path().join("nan.npy");
+    fs::write(&nan, write_npy_f32(&[480, 640], &[f32::NAN; 480 * 640])).unwrap();
+    refused(&["--views", &at("depth-0.png", "nan.npy")], 78, "no pixel has a depth");
+    fs::write(&nan, write_npy_f32(&[40, 40, 40], &vec![f32::NAN; 64_000])).unwrap();
+    refused(&["--tsdf", nan.to_str().unwrap()], 78, "tsdf");
+    fs::write(&nan, write_npy_f32(&[39, 40, 40], &vec![0.5; 62_400])).unwrap();
+    refused(&["--tsdf", nan.to_str().unwrap()], 78, "[40, 40, 40]");
+    refused(&["--demo", "--wrist", "0,0,0,2"], 78, "workspace_from_wrist");
+    refused(&["--demo", "--wrist", "0,0,1"], 2, "4 numbers");
+    refused(&["--demo", "--views", "x"], 2, "cannot be used with");
+    refused(&[], 2, "required");
+    refused(&["--demo", "--model", "nowhere.safetensors"], 78, "nowhere.safetensors");
+    refused(&["--demo", "--config", "nowhere.toml"], 78, "nowhere.toml");
+    refused(&["--demo", "--out", "/nowhere/plan.json"], 75, "/nowhere/plan.json");
+    refused(&["--dataset", folder.path().to_str().unwrap()], 78, "");
+}
+
+#[test]
+fn a_bench_is_a_table_or_json() {
+    let table = run(&["bench", "--plans", "1"]);
+    assert!(String::from_utf8(table.stdout).unwrap().contains("TSDF -> ranked grasps"));
+    let json: Value = serde_json::from_slice(&run(&["bench", "--plans", "1", "--json"]).stdout).unwrap();
+    assert_eq!((&json["plans"], &json["views"]), (&1.into(), &3.into()));
+    assert!(json["plan"]["median_ms"].as_f64().unwrap() > 0.0);
+}

@@ -1,0 +1,223 @@
+//! Whole plans: on the demo, and on what there is nothing to plan on.
+
+use planner::plan::{Drop, Plan, PointLabel};
+use planner::rank::rho_m;
+use planner::{Config, Observation, Planner, Policy, Wishes, demo, input};
+use schema::{Grid, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
+
+const GRID: Grid = Grid::PAPER;
+
+fn planner() -> Planner {
+    Planner::built_in(Config::built_in().unwrap()).unwrap()
+}
+
+/// With a threshold that the shipped network's qualities reach in many places.
+fn generous() -> Planner {
+    let mut config = Config::built_in().unwrap();
+    config.detection.quality_min = 0.5;
+    Planner::built_in(config).unwrap()
+}
+
+fn seen() -> Observation {
+    input::assemble(&demo::request().unwrap(), None, GRID).unwrap().observation
+}
+
+fn plan_with(planner: &Planner, observation: &Observation, wishes: &Wishes) -> Plan {
+    planner.plan(observation, wishes).unwrap()
+}
+
+/// A TSDF of what lies at these signed distances (metres, positive outside).
+fn field(distance_m: impl Fn(Vec3) -> f32) -> Observation {
+    let index = |flat: usize| [flat / 1600, flat / 40 % 40, flat % 40];
+    let stored = |flat: usize| {
+        let tsdf = distance_m(GRID.centre_m(index(flat))) / 0.03;
+        if tsdf.abs() < 0.98 { (tsdf + 1.0) * 0.5 } else { 0.0 }
+    };
+    Observation::Tsdf(VoxelGrid::new(GRID, (0..GRID.len()).map(stored).collect()).unwrap())
+}
+
+#[test]
+fn the_demo_has_ranked_grasps_that_obey_the_rules() {
+    for planner in [planner(), generous()] {
+        let law = planner.config().detection;
+        let plan = plan_with(&planner, &seen(), &Wishes::default());
+        assert!(!plan.grasps.is_empty() && plan.reason.is_none());
+        assert_eq!(plan.funnel.ranked, plan.grasps.len());
+        assert_eq!(plan.funnel.detections, plan.funnel.collision_free);
+        for ranked in &plan.grasps {
+            let pose = ranked.grasp.workspace_from_grasp;
+            assert!(ranked.quality >= law.quality_min);
+            assert_eq!(GRID.voxel_at(pose.translation), Some(ranked.voxel));
+            let voxels = ranked.grasp.width_m / GRID.voxel_size_m();
+            assert!((law.width_voxels_min - 1e-4..=law.width_voxels_max + 1e-4).contains(&voxels));
+            // Of the two orientations the one nearer to the hand that looks straight down and forwards.
+            let down = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
+            let other = pose.rotation * Quat::from_xyzw(0.0, 0.0, 1.0, 0.0);
+            assert!(down.dot(pose.rotation).abs() >= down.dot(other).abs());
+            let Some(object) = ranked.object else { continue };
+            let expected = rho_m(pose.translation, plan.objects[object].centroid_m, ranked.quality, [0.45, 0.45, 0.1]);
+            assert_eq!(ranked.rho_m, Some(expected));
+        }
+        // Top-down, and by ρ within an object; without one last, by quality.
+        let keys: Vec<(usize, f32)> = plan
+            .grasps
+            .iter()
+            .map(|ranked| (ranked.object.unwrap_or(usize::MAX), ranked.rho_m.unwrap_or(-ranked.quality)))
+            .collect();
+        assert!(keys.is_sorted_by(|a, b| a.0 < b.0 || (a.0 == b.0 && a.1 <= b.1)), "{keys:?}");
+        assert!(plan.objects.is_sorted_by(|a, b| a.centroid_m.z >= b.centroid_m.z));
+    }
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let plan_on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut plan = pool.install(|| plan_with(&generous(), &seen(), &Wishes { explain: true, ..Wishes::default() }));
+        plan.timings_ms.clear();
+        plan
+    };
+    assert!(plan_on(1) == plan_on(3));
+}
+
+#[test]
+fn a_grasp_is_given_in_the_base_frame_and_towards_the_wrist() {
+    let mut stream = Stream::new(5, 0, Purpose::Candidates, 0);
+    let base_from_workspace = pose_from_parts(stream.rotation(), Vec3::new(0.4, -0.1, 0.2));
+    let plan = |wrist: Option<Quat>| {
+        let wishes =
+            Wishes { base_from_workspace: Some(base_from_workspace), workspace_from_wrist: wrist, ..Wishes::default() };
+        plan_with(&generous(), &seen(), &wishes)
+    };
+    let (forwards, backwards) = (plan(None), plan(Some(Quat::from_xyzw(0.0, 1.0, 0.0, 0.0))));
+    let mut turned = 0;
+    assert_eq!(forwards.grasps.len(), backwards.grasps.len());
+    for (a, b) in forwards.grasps.iter().zip(&backwards.grasps) {
+        let (pose, other) = (a.grasp.workspace_from_grasp, b.grasp.workspace_from_grasp);
+        let base = a.base_from_grasp.unwrap();
+        for tip in [Vec3::ZERO, Vec3::Y * 0.03, Vec3::Z * 0.1] {
+            assert!((base * tip - base_from_workspace * (pose * tip)).length() < 1e-6);
+        }
+        assert_eq!(a.voxel, b.voxel);
+        assert!((pose.rotation * Vec3::Z - other.rotation * Vec3::Z).length() < 1e-5);
+        turned += usize::from((pose.rotation * Vec3::X + other.rotation * Vec3::X).length() < 1e-5);
+    }
+    // The two wrists are half a turn apart, so each grasp is nearer to one of them.
+    assert_eq!(turned, forwards.grasps.len());
+}
+
+#[test]
+fn every_candidate_that_is_dropped_is_told_why() {
+    let mut config = generous().config().clone();
+    config.collision.points_max = 0;
+    config.gripper.opening_m_max = 0.06;
+    let planner = Planner::built_in(config).unwrap();
+    let wishes = Wishes { explain: true, check_collisions: Some(true), grasps_max: Some(2), ..Wishes::default() };
+    let plan = plan_with(&planner, &seen(), &wishes);
+    let silent = plan_with(&planner, &seen(), &Wishes { explain: false, ..wishes.clone() });
+    assert_eq!(plan.grasps, silent.grasps);
+    assert!(silent.dropped.is_empty());
+    let count = |is: fn(&Drop) -> bool| plan.dropped.iter().filter(|dropped| is(&dropped.drop)).count();
+    let colliding = count(|drop| matches!(drop, Drop::Collision { .. }));
+    assert_eq!(colliding, plan.funnel.detections - plan.funnel.collision_free);
+    assert_eq!(count(|drop| *drop == Drop::BeyondLimit), plan.funnel.collision_free - plan.grasps.len());
+    assert_eq!(count(|drop| *drop == Drop::Suppressed), plan.funnel.quality_reached - plan.funnel.detections);
+    assert!(colliding > 0 && plan.grasps.len() == 2);
+    // Independent of the sweep: no point of the cloud may lie deep inside the fingers of what is left.
+    let fingers = planner.gripper().fingers(planner.gripper().opening_m_max);
+    for ranked in &plan.grasps {
+        let grasp_from_workspace = ranked.grasp.workspace_from_grasp.inverse();
+        let deep = plan.cloud.points_m.iter().filter(|point| {
+            let local = grasp_from_workspace * **point;
+            fingers.iter().any(|f| (local - f.centre_m).abs().cmplt(f.half_m).all())
+        });
+        assert_eq!(deep.count(), 0);
+    }
+}
+
+#[test]
+fn policies_give_the_same_grasps_in_their_own_orders() {
+    let of = |policy| {
+        let wishes = Wishes { policy: Some(policy), ..Wishes::default() };
+        plan_with(&generous(), &seen(), &wishes).grasps
+    };
+    let sorted = |mut grasps: Vec<planner::plan::RankedGrasp>| {
+        grasps.sort_by_key(|ranked| ranked.voxel);
+        grasps
+    };
+    let [paper, random, best] = [Policy::Paper, Policy::VgnRandom, Policy::VgnBest].map(of);
+    assert!(paper.len() > 3 && paper != random && random != best);
+    assert!(best.is_sorted_by(|a, b| a.quality >= b.quality));
+    assert_eq!(sorted(paper.clone()), sorted(random));
+    assert_eq!(sorted(paper), sorted(best));
+}
+
+#[test]
+fn where_there_is_nothing_the_plan_says_so() {
+    let reason = |observation: &Observation| {
+        let plan = plan_with(&planner(), observation, &Wishes::default());
+        assert!(plan.grasps.is_empty());
+        plan.reason.unwrap()
+    };
+    let nothing = Observation::Tsdf(VoxelGrid::new(GRID, vec![0.0; GRID.len()]).unwrap());
+    assert_eq!(reason(&nothing), "empty scene: no surface was seen in the workspace");
+    assert_eq!(reason(&Observation::Views(Vec::new())), "empty scene: no surface was seen in the workspace");
+    let cloudless = Observation::Cloud { points_m: vec![Vec3::splat(5.0); 9], eyes_m: Vec::new() };
+    assert_eq!(reason(&cloudless), "empty scene: no surface was seen in the workspace");
+    let table = reason(&field(|p| p.z - 0.05));
+    assert!(table.starts_with("no grasp has a quality of 0.9 or more: the best has 0."), "{table}");
+}
+
+#[test]
+fn none_asked_for_is_a_reason_too() {
+    let plan = plan_with(&generous(), &seen(), &Wishes { grasps_max: Some(0), ..Wishes::default() });
+    assert_eq!(plan.reason.as_deref(), Some("no grasps were asked for"));
+}
+
+#[test]
+fn no_plane_and_no_cluster_are_told() {
+    // An upright board that hangs in the air.
+    let board = field(|p| ((p.x - 0.15).abs() - 0.015).max((p.y - 0.15).abs() - 0.04).max((p.z - 0.15).abs() - 0.12));
+    let floating = plan_with(&generous(), &board, &Wishes::default());
+    assert!(floating.cloud.plane.is_none());
+    assert!(floating.warnings[0].starts_with("no plane was found"), "{:?}", floating.warnings);
+    assert_eq!(floating.objects.len(), 1, "the board is an object all the same");
+    let table = plan_with(&planner(), &field(|p| p.z - 0.05), &Wishes::default());
+    assert!(table.warnings[0].starts_with("no cluster of points"), "{:?}", table.warnings);
+    assert!(table.cloud.labels.iter().all(|label| *label == PointLabel::Plane));
+}
+
+#[test]
+fn grasps_without_an_object_are_last_or_dropped() {
+    let with = |without_object: planner::config::WithoutObject| {
+        let mut config = Config::built_in().unwrap();
+        config.detection.quality_min = 0.5;
+        config.clusters.cluster_points_min = 1_000_000;
+        config.ranking.without_object = without_object;
+        plan_with(&Planner::built_in(config).unwrap(), &seen(), &Wishes { explain: true, ..Wishes::default() })
+    };
+    let last = with(planner::config::WithoutObject::Last);
+    assert!(!last.grasps.is_empty() && last.grasps.iter().all(|ranked| ranked.object.is_none()));
+    let dropped = with(planner::config::WithoutObject::Drop);
+    assert!(dropped.grasps.is_empty());
+    assert!(dropped.reason.unwrap().starts_with("no cluster of points is large enough"));
+    assert_eq!(dropped.dropped.iter().filter(|d| d.drop == Drop::NoObject).count(), last.grasps.len());
+}
+
+/// Walls of the workspace for a hand that is anywhere: every way is blocked.
+#[test]
+fn a_blocked_way_is_told() {
+    let planner = generous();
+    let Observation::Views(views) = seen() else { panic!("the demo has views") };
+    let grid = planner::volume::fuse_views(&views, &GRID).unwrap();
+    let mut config = planner.config().clone();
+    config.gripper.clearance_m = 0.02;
+    config.collision.points_max = 0;
+    config.gripper.finger_width_m = 0.2;
+    config.gripper.opening_m_max = 0.01;
+    let tight = Planner::built_in(config).unwrap();
+    let wishes = Wishes { check_collisions: Some(true), ..Wishes::default() };
+    let plan = plan_with(&tight, &Observation::Tsdf(grid), &wishes);
+    assert!(plan.grasps.is_empty());
+    assert!(plan.reason.unwrap().starts_with("the hand's way is blocked for all"));
+}
