@@ -8,8 +8,8 @@
     venv/bin/python scripts/bench_planning.py target/release/planner --views six/views.toml --dataset scenes
 
 PyTorch evaluates the paper's network, two threads; scipy finds the detections as VGN's published code does; Open3D, if it is
-installed, fuses the same depth images as VGN does. With --dataset every scene is planned both ways, with the weights of
-models/: the same voxels must be detected, but for qualities that differ by rounding from the threshold or from each other.
+installed, fuses the same depth images as VGN does. With --dataset every scene is planned both ways, on VGN's side of the
+surface, with the weights of models/: the same voxels must be detected, but for qualities that differ by rounding from the threshold or from each other.
 """
 
 import argparse
@@ -101,14 +101,19 @@ def both_ways(planner, weights, dataset):
     """Scenes, detections there, detections here, scenes that differ."""
     scenes = theirs = ours = 0
     different = []
+    settings = (ROOT / "configs" / "plan" / "paper.toml").read_text()
+    assert 'surface_side = "behind"' in settings
     with tempfile.TemporaryDirectory() as folder:
+        # VGN's side of the surface.
+        config = Path(folder) / "front.toml"
+        config.write_text(settings.replace('surface_side = "behind"', 'surface_side = "front"'))
         for scene, grid in enumerate(grids(dataset)):
             quality, _, width = (out.numpy()[0] for out in forward(weights, torch.from_numpy(grid)[None, None], "linear"))
             *_, good = process(quality[0], grid, width[0])
             wanted = {tuple(int(x) for x in voxel) for voxel in select(good)}
             path = Path(folder) / "tsdf.npy"
             np.save(path, grid)
-            command = [planner, "plan", "--tsdf", path, "--policy", "vgn-best", "--quiet"]
+            command = [planner, "plan", "--tsdf", path, "--config", config, "--policy", "vgn-best", "--quiet"]
             plan = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
             got = {tuple(grasp["voxel"]) for grasp in plan["grasps"]}
             scenes, theirs, ours = scenes + 1, theirs + len(wanted), ours + len(got)
