@@ -63,8 +63,8 @@ impl<'a> AttemptWorld<'a> {
     /// If the scene has no object `target`.
     #[must_use]
     pub fn execute(&self, workspace_from_grasp: &Pose, target: usize) -> Execution {
-        if let Some((outcome, hit)) = self.gate.blocked(workspace_from_grasp, target) {
-            return Execution { outcome, hit: Some(hit), width_m: None, steps: 0 };
+        if let Some(blocked) = self.blocked(workspace_from_grasp, target) {
+            return blocked;
         }
         let mut skipped_steps = 0;
         if self.physics.shortcuts {
@@ -75,7 +75,31 @@ impl<'a> AttemptWorld<'a> {
                 FreeClosing::Steps(steps) => skipped_steps = steps,
             }
         }
-        Run::start(self, *workspace_from_grasp, target, skipped_steps).finish()
+        Run::start(self, *workspace_from_grasp, target, skipped_steps, self.physics.shortcuts).finish()
+    }
+
+    /// Tries one grasp of object `target` as [`Self::execute`] does without shortcuts, and gives what it leaves behind:
+    /// where each object is, in the workspace, at the moment the attempt ends and the hand is taken away. What was still
+    /// held or falling then hangs in the air; [`crate::settle_again`] lets it come to rest.
+    ///
+    /// A hand that the gate stopped has touched nothing: the poses are the scene's, to the bit.
+    ///
+    /// # Panics
+    /// If the scene has no object `target`.
+    #[must_use]
+    pub fn execute_leaving(&self, workspace_from_grasp: &Pose, target: usize) -> (Execution, Vec<Pose>) {
+        if let Some(blocked) = self.blocked(workspace_from_grasp, target) {
+            return (blocked, self.things.iter().map(|(_, pose)| *pose).collect());
+        }
+        let mut run = Run::start(self, *workspace_from_grasp, target, 0, false);
+        let execution = run.finish();
+        (execution, run.workspace_poses())
+    }
+
+    /// The end of an attempt that the gate stops.
+    fn blocked(&self, workspace_from_grasp: &Pose, target: usize) -> Option<Execution> {
+        let (outcome, hit) = self.gate.blocked(workspace_from_grasp, target)?;
+        Some(Execution { outcome, hit: Some(hit), width_m: None, steps: 0 })
     }
 }
 
@@ -88,6 +112,8 @@ pub(crate) struct Run<'a> {
     pub(crate) bodies: Vec<RigidBodyHandle>,
     /// Steps of closing that were left out.
     skipped_steps: usize,
+    /// Whether what decides nothing is left out.
+    shortcuts: bool,
     steps: usize,
     /// Up, in the world.
     up: Vec3,
@@ -97,14 +123,20 @@ pub(crate) struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn start(setup: &'a AttemptWorld<'a>, workspace_from_grasp: Pose, target: usize, skipped_steps: usize) -> Self {
+    fn start(
+        setup: &'a AttemptWorld<'a>,
+        workspace_from_grasp: Pose,
+        target: usize,
+        skipped_steps: usize,
+        shortcuts: bool,
+    ) -> Self {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let down = grasp_from_workspace.rotation * -Vec3::Z;
         let mut world = World::new(setup.physics, down * setup.physics.gravity_m_s2);
         world.add_table(&grasp_from_workspace, setup.table_z_m, setup.physics.table_friction);
         let add = |(thing, workspace_from_object): &(Thing, Pose)| {
             let pose = grasp_from_workspace * *workspace_from_object;
-            if setup.physics.shortcuts { world.add_resting_object(thing, pose) } else { world.add_object(thing, pose) }
+            if shortcuts { world.add_resting_object(thing, pose) } else { world.add_object(thing, pose) }
         };
         let bodies: Vec<RigidBodyHandle> = setup.things.iter().map(add).collect();
         let hand = Hand::insert(&mut world, setup.gripper, skipped_steps as f32 * setup.closing_step_m());
@@ -117,6 +149,7 @@ impl<'a> Run<'a> {
             hand,
             bodies,
             skipped_steps,
+            shortcuts,
             steps: 0,
             up: -down,
             workspace_from_grasp,
@@ -125,7 +158,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn finish(mut self) -> Execution {
+    fn finish(&mut self) -> Execution {
         let before = self.positions();
         let width_m = self.close();
         if width_m <= self.setup.procedure.empty_width_m {
@@ -191,7 +224,7 @@ impl<'a> Run<'a> {
             if self.hand.width_m(&self.world) <= procedure.empty_width_m {
                 return false;
             }
-            if physics.shortcuts {
+            if self.shortcuts {
                 let velocity_m_s = direction * ((distance - last_m) * physics.step_rate_hz);
                 let rest_m = direction * (procedure.retreat_distance_m - distance);
                 let is_slowing = share > 0.5 && share < 1.0;
@@ -238,6 +271,15 @@ impl<'a> Run<'a> {
         self.bodies.iter().map(|body| self.world.pose(*body).translation).collect()
     }
 
+    /// Where the objects are now, in the workspace. (The world's frame is that of the hand at the grasp.)
+    fn workspace_poses(&self) -> Vec<Pose> {
+        let in_workspace = |body: &RigidBodyHandle| {
+            let pose = self.workspace_from_grasp * self.world.pose(*body);
+            Pose::from_parts(pose.translation, pose.rotation.normalize())
+        };
+        self.bodies.iter().map(in_workspace).collect()
+    }
+
     /// Where the hand goes with its catch: back along the approach if that is near enough to straight down, else up.
     fn retreat_direction(&self) -> Vec3 {
         let back = -Vec3::Z;
@@ -261,7 +303,7 @@ mod tests {
         let block = SceneObject { solid, mass_kg, friction: 1.0, workspace_from_object };
         let scene = Scene { table_z_m: 0.05, objects: vec![block] };
         let setup = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &procedure, &scene);
-        let mut run = Run::start(&setup, Pose::from_parts(at, axis_angle(Vec3::X, core::f32::consts::PI)), 0, 0);
+        let mut run = Run::start(&setup, Pose::from_parts(at, axis_angle(Vec3::X, core::f32::consts::PI)), 0, 0, false);
         run.close();
         let start_m = run.positions()[0];
         run.retreat_and_hold(start_m);

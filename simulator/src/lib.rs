@@ -26,4 +26,4 @@ pub use depth::{SceneRays, ViewRays};
 pub use engine::Physics;
 pub use gate::{Gate, Hit};
 pub use scene::{Scene, SceneObject};
-pub use settle::{Drop, SettleLaw, Settled, Unsettled, settle};
+pub use settle::{Drop, SettleLaw, Settled, Unsettled, settle, settle_again};

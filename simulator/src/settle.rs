@@ -119,6 +119,57 @@ pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -
     Ok(Settled { scene, settle_time_s: steps as f32 * physics.dt_s() })
 }
 
+/// Lets `objects` come to rest from where they are, without walls, as what an attempt has left behind. What comes to
+/// rest outside the workspace is left out, and what leaned on it rests once more; nothing may be left at all.
+///
+/// # Errors
+/// [`Unsettled::Moving`] or [`Unsettled::Unstable`]; an empty scene is a scene.
+pub fn settle_again(
+    physics: &Physics,
+    law: &SettleLaw,
+    grid: &Grid,
+    objects: &[SceneObject],
+) -> Result<Settled, Unsettled> {
+    let physics = &Physics { solver_iterations: law.solver_iterations, ..*physics };
+    let mut objects = objects.to_vec();
+    let mut steps = 0;
+    // Ends: every round but the last has fewer objects.
+    loop {
+        let count = objects.len();
+        steps += rest_from(physics, law, grid, &mut objects)?;
+        objects.retain(|object| is_over_workspace(object.workspace_from_object.translation, grid));
+        if objects.len() == count {
+            let scene = Scene { table_z_m: grid.table_z_m, objects };
+            return Ok(Settled { scene, settle_time_s: steps as f32 * physics.dt_s() });
+        }
+    }
+}
+
+/// Moves objects to where they come to rest on the bare table; gives the number of steps.
+fn rest_from(physics: &Physics, law: &SettleLaw, grid: &Grid, objects: &mut [SceneObject]) -> Result<usize, Unsettled> {
+    let sane = |object: &SceneObject| is_sane(&object.workspace_from_object, &object.solid, grid);
+    if !objects.iter().all(sane) {
+        return Err(Unsettled::Unstable);
+    }
+    if objects.is_empty() {
+        return Ok(0);
+    }
+    let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
+    world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
+    let mut bodies = Vec::with_capacity(objects.len());
+    for object in &*objects {
+        let thing = Thing::new(&object.solid, object.mass_kg, object.friction);
+        let body = world.add_object(&thing, object.workspace_from_object);
+        world.let_settle(body, law, Vec3::ZERO);
+        bodies.push(body);
+    }
+    let steps = rest(&mut world, &mut PhysicsPipeline::new(), physics, law, &bodies)?;
+    for (object, body) in objects.iter_mut().zip(&bodies) {
+        object.workspace_from_object = world.pose(*body);
+    }
+    if objects.iter().all(sane) { Ok(steps) } else { Err(Unsettled::Unstable) }
+}
+
 /// A fall through empty air.
 struct Fall {
     steps: usize,

@@ -1,0 +1,267 @@
+//! Packed scenes: taller than wide, upright, side by side on the table, as VGN's second kind of scene.
+//!
+//! Pure geometry and draws; the caller lets the result come to rest. An object that finds no place keeps its shape and
+//! is placed anew, and is given up after `tries_max` places. (VGN draws another object at each try, which favours the
+//! small ones, and stops after twelve tries in all, which leaves a part of its scenes short of objects.)
+
+use schema::{Grid, Pose, Quat, ShapeKind, Solid, Stream, Vec3, axis_angle};
+
+/// How far above the table an object is let go.
+const DROP_M: f32 = 0.0005;
+
+/// Which objects stand in a packed scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PackedLaw {
+    /// Shapes, drawn evenly.
+    pub shapes: Vec<ShapeKind>,
+    /// How many.
+    pub count: usize,
+    /// Free extents in the plane, uniform. Half-cylinders are half as deep as they are wide.
+    pub width_m: [f32; 2],
+    /// Height, uniform.
+    pub height_m: [f32; 2],
+    /// Density, uniform.
+    pub density_kg_m3: [f32; 2],
+    /// Friction coefficient, uniform.
+    pub friction: [f32; 2],
+    /// Objects have their centres at least this far inside the workspace.
+    pub margin_m: f32,
+    /// Their bounding rectangles are more than this apart.
+    pub gap_m: f32,
+    /// Places that are tried for an object.
+    pub tries_max: u32,
+}
+
+impl Default for PackedLaw {
+    /// Five household-sized things, their centres where VGN has them: in [0.08, 0.22] m of 0.30 m.
+    fn default() -> Self {
+        Self {
+            shapes: ShapeKind::ALL.to_vec(),
+            count: 5,
+            width_m: [0.03, 0.06],
+            height_m: [0.06, 0.14],
+            density_kg_m3: [200.0, 800.0],
+            friction: [0.8, 1.2],
+            margin_m: 0.08,
+            gap_m: 0.001,
+            tries_max: 1_000,
+        }
+    }
+}
+
+/// An object that stands almost on the table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placed {
+    /// Shape and size.
+    pub solid: Solid,
+    /// Mass in kilograms.
+    pub mass_kg: f32,
+    /// Coulomb friction coefficient.
+    pub friction: f32,
+    /// Where it stands.
+    pub workspace_from_object: Pose,
+}
+
+/// Draws the objects of a packed scene and their places; fewer than `law.count` where some found none.
+#[must_use]
+pub fn draw_packed(law: &PackedLaw, grid: &Grid, stream: &mut Stream) -> Vec<Placed> {
+    let mut placed = Vec::with_capacity(law.count);
+    let mut taken: Vec<Footprint> = Vec::with_capacity(law.count);
+    for _ in 0..law.count {
+        let solid = draw_solid(law, stream);
+        let density_kg_m3 = stream.uniform(law.density_kg_m3[0], law.density_kg_m3[1]);
+        let friction = stream.uniform(law.friction[0], law.friction[1]);
+        if let Some((workspace_from_object, footprint)) = find_place(law, grid, &solid, &taken, stream) {
+            let mass_kg = density_kg_m3 * solid.volume_m3();
+            placed.push(Placed { solid, mass_kg, friction, workspace_from_object });
+            taken.push(footprint);
+        }
+    }
+    placed
+}
+
+/// A shape whose free extents are uniform. Takes the same number of draws for every shape.
+fn draw_solid(law: &PackedLaw, stream: &mut Stream) -> Solid {
+    let kind = law.shapes[stream.index(law.shapes.len())];
+    let [a, b] = [(); 2].map(|()| stream.uniform(law.width_m[0], law.width_m[1]));
+    let height = stream.uniform(law.height_m[0], law.height_m[1]);
+    let extents_m = match kind {
+        ShapeKind::Cuboid => Vec3::new(a, b, height),
+        ShapeKind::Cylinder => Vec3::new(a, a, height),
+        ShapeKind::TriPrism => Vec3::new(height, a, b),
+        ShapeKind::HalfCylinder => Vec3::new(height, a, 0.5 * a),
+    };
+    Solid::new(kind, extents_m).expect("the law's extents are above 0")
+}
+
+/// The first of at most `tries_max` places where the object hits nothing.
+fn find_place(
+    law: &PackedLaw,
+    grid: &Grid,
+    solid: &Solid,
+    taken: &[Footprint],
+    stream: &mut Stream,
+) -> Option<(Pose, Footprint)> {
+    let stance = Stance::of(solid);
+    let z_m = grid.table_z_m + DROP_M + 0.5 * stance.height_m;
+    let [low, high] = [law.margin_m, grid.size_m - law.margin_m];
+    (0..law.tries_max).find_map(|_| {
+        let at = Vec3::new(stream.uniform(low, high), stream.uniform(low, high), z_m);
+        let yaw = axis_angle(Vec3::Z, stream.uniform(0.0, core::f32::consts::TAU));
+        let footprint = stance.footprint(at, yaw);
+        let is_free = footprint.is_inside(grid) && taken.iter().all(|other| footprint.is_apart(other, law.gap_m));
+        is_free.then(|| (Pose::from_parts(at, yaw * stance.upright_from_object), footprint))
+    })
+}
+
+/// How a shape stands: cuboid and cylinder on their z, what is extruded along x on its end.
+struct Stance {
+    upright_from_object: Quat,
+    /// Half sides of the footprint along x and y, before any yaw.
+    half_m: [f32; 2],
+    height_m: f32,
+}
+
+impl Stance {
+    fn of(solid: &Solid) -> Self {
+        let e = solid.extents_m;
+        match solid.kind {
+            ShapeKind::Cuboid | ShapeKind::Cylinder => {
+                Self { upright_from_object: Quat::IDENTITY, half_m: [0.5 * e.x, 0.5 * e.y], height_m: e.z }
+            }
+            // A quarter turn back about y: x points up, z along −x.
+            ShapeKind::TriPrism | ShapeKind::HalfCylinder => {
+                let half = core::f32::consts::FRAC_1_SQRT_2;
+                let upright_from_object = Quat::from_xyzw(0.0, -half, 0.0, half);
+                Self { upright_from_object, half_m: [0.5 * e.z, 0.5 * e.y], height_m: e.x }
+            }
+        }
+    }
+
+    fn footprint(&self, at: Vec3, yaw: Quat) -> Footprint {
+        Footprint { centre_m: at, half_m: [yaw * Vec3::X * self.half_m[0], yaw * Vec3::Y * self.half_m[1]] }
+    }
+}
+
+/// The rectangle that holds what an object covers of the table.
+struct Footprint {
+    centre_m: Vec3,
+    /// Half of each side, as a vector along it. All happens in the plane: heights never count.
+    half_m: [Vec3; 2],
+}
+
+impl Footprint {
+    fn reach_m(&self, axis: Vec3) -> f32 {
+        self.half_m.iter().map(|half| half.dot(axis).abs()).sum()
+    }
+
+    /// By separating axes: two rectangles are apart if they are along a side of one of them.
+    fn is_apart(&self, other: &Self, gap_m: f32) -> bool {
+        let between = other.centre_m - self.centre_m;
+        self.half_m.iter().chain(&other.half_m).any(|side| {
+            let axis = side.normalize();
+            between.dot(axis).abs() > self.reach_m(axis) + other.reach_m(axis) + gap_m
+        })
+    }
+
+    fn is_inside(&self, grid: &Grid) -> bool {
+        [Vec3::X, Vec3::Y].into_iter().all(|axis| {
+            let (middle, reach) = (self.centre_m.dot(axis), self.reach_m(axis));
+            middle - reach >= 0.0 && middle + reach <= grid.size_m
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::Purpose;
+
+    use super::*;
+
+    fn scene(law: &PackedLaw, number: u64) -> Vec<Placed> {
+        draw_packed(law, &Grid::PAPER, &mut Stream::new(3, number, Purpose::Objects, 0))
+    }
+
+    fn corners_m(object: &Placed) -> Vec<Vec3> {
+        object.solid.vertices_m().into_iter().map(|v| object.workspace_from_object.transform_point(v)).collect()
+    }
+
+    /// Whether a point of the workspace lies in the solid itself: nothing is known here of rectangles or of yaw.
+    fn holds(object: &Placed, point: Vec3) -> bool {
+        let local = object.workspace_from_object.inverse().transform_point(point);
+        object.solid.planes().iter().all(|plane| plane.normal.dot(local) <= plane.offset_m)
+    }
+
+    /// How many of 2 mm × 2 mm × 10 mm samples lie in each number of objects: none, one, more.
+    fn samples(objects: &[Placed]) -> [usize; 3] {
+        let mut counts = [0; 3];
+        for cell in 0..150 * 150 * 3 {
+            let [i, j, k] = [cell % 150, cell / 150 % 150, cell / 22_500].map(|n| n as f32);
+            let point = Vec3::new(0.001 + 0.002 * i, 0.001 + 0.002 * j, 0.055 + 0.01 * k);
+            counts[objects.iter().filter(|o| holds(o, point)).count().min(2)] += 1;
+        }
+        counts
+    }
+
+    #[test]
+    fn nothing_overlaps_and_the_sampling_would_see_it() {
+        for number in 0..25 {
+            let mut objects = scene(&PackedLaw::default(), number);
+            let [_, one, more] = samples(&objects);
+            assert!(one > 500 && more == 0, "scene {number}: {one} in one object, {more} in several");
+            let at = objects[0].workspace_from_object.translation;
+            objects[1].workspace_from_object.translation.x = at.x;
+            objects[1].workspace_from_object.translation.y = at.y;
+            assert!(samples(&objects)[2] > 0, "scene {number}: two objects in one place go unseen");
+        }
+    }
+
+    #[test]
+    fn all_stand_upright_on_the_table_and_inside_the_workspace() {
+        let law = PackedLaw::default();
+        let mut kinds = [0; 4];
+        for object in (0..100).flat_map(|number| scene(&law, number)) {
+            let corners = corners_m(&object);
+            let low = corners.iter().copied().reduce(Vec3::min).unwrap();
+            let high = corners.iter().copied().reduce(Vec3::max).unwrap();
+            assert!((low.z - 0.0505).abs() < 1e-6, "{object:?} stands at {}", low.z);
+            assert!(low.min_element() >= -1e-6 && high.max_element() <= 0.30 + 1e-6, "{object:?}: {low} {high}");
+            let at = object.workspace_from_object.translation;
+            assert!([at.x, at.y].iter().all(|c| (0.08..=0.22).contains(c)), "{object:?}");
+            // Every corner is at the bottom or at the top, and the height is the law's.
+            let (height, rise) = (high.z - low.z, |c: &Vec3| c.z - low.z);
+            assert!((0.06 - 1e-6..=0.14 + 1e-6).contains(&height), "{object:?} is {height} m high");
+            assert!(corners.iter().all(|c| rise(c) < 1e-6 || height - rise(c) < 1e-6), "{object:?} leans");
+            kinds[ShapeKind::ALL.iter().position(|kind| *kind == object.solid.kind).unwrap()] += 1;
+        }
+        assert!(kinds.iter().all(|count| *count > 80), "{kinds:?}");
+    }
+
+    #[test]
+    fn the_default_law_reaches_its_count() {
+        let law = PackedLaw::default();
+        let full = (0..2_000).filter(|number| scene(&law, *number).len() == law.count).count();
+        assert!(full > 1_980, "{full} of 2000");
+    }
+
+    #[test]
+    fn objects_without_a_place_are_given_up_after_tries_max() {
+        // Nothing stands a metre from the first object: 6 draws for each of 5 objects, 3 for the first one's place, 3
+        // for each of 7 tries of the 4 others.
+        let law = PackedLaw { gap_m: 1.0, tries_max: 7, ..PackedLaw::default() };
+        let mut stream = Stream::new(3, 0, Purpose::Objects, 0);
+        assert_eq!(draw_packed(&law, &Grid::PAPER, &mut stream).len(), 1);
+        let mut fresh = Stream::new(3, 0, Purpose::Objects, 0);
+        for _ in 0..6 * 5 + 3 + 3 * 7 * 4 {
+            fresh.bits();
+        }
+        assert_eq!(stream.bits(), fresh.bits());
+    }
+
+    #[test]
+    fn the_same_stream_gives_the_same_scene() {
+        let law = PackedLaw::default();
+        assert_eq!(scene(&law, 5), scene(&law, 5));
+        assert_ne!(scene(&law, 5), scene(&law, 6));
+    }
+}

@@ -1,0 +1,176 @@
+//! A whole experiment: rounds in parallel, a journal from which an interrupted run goes on, and the reports at the end.
+//!
+//! A round is one thread's: planning within it stays on that thread (a pool of its own), so that its times are those of one core and
+//! never hold another round's work.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufRead as _, BufReader, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use planner::Planner;
+use rayon::ThreadPoolBuilder;
+use shards::ExitCode;
+
+use crate::config::Config;
+use crate::round::{Round, RoundError, play};
+use crate::tables::Line;
+
+/// Why an experiment cannot be run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A round cannot be played.
+    #[error(transparent)]
+    Round(#[from] RoundError),
+    /// The disk refused.
+    #[error("failed to write: {source}: {}", .path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// There are no threads.
+    #[error("failed to start the threads: {0}")]
+    Threads(rayon::ThreadPoolBuildError),
+    /// A round ended in a defect of the program.
+    #[error("a round ended in a defect of the program")]
+    Panicked,
+    /// The folder holds another experiment.
+    #[error("the folder holds another experiment: its experiment.toml, network or program differs: {}", .0.display())]
+    Other(PathBuf),
+}
+
+impl RunError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Round(_) | Self::Other(_) => ExitCode::Config,
+            Self::Io { .. } | Self::Threads(_) => ExitCode::TryAgain,
+            Self::Panicked => ExitCode::Internal,
+        }
+    }
+}
+
+/// What the journal begins with: who wrote it.
+#[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Identity {
+    version: String,
+    model: String,
+    config: String,
+    seed: u64,
+}
+
+/// Plays all rounds that the journal in `folder` has not, in `threads` threads, `on_round` after each; gives the rounds in order, all of them unless `stop`
+/// was set.
+///
+/// # Errors
+/// [`RunError`].
+pub fn run(
+    config: &Config,
+    planner: &Planner,
+    threads: usize,
+    folder: &Path,
+    stop: &AtomicBool,
+    on_round: &(dyn Fn(&Round) + Sync),
+) -> Result<Vec<Round>, RunError> {
+    let path = folder.join("journal.jsonl");
+    let failed = |source| RunError::Io { path: path.clone(), source };
+    fs::create_dir_all(folder).map_err(failed)?;
+    let identity = Identity {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        model: planner.model_id().to_owned(),
+        config: config.text.clone(),
+        seed: config.seed,
+    };
+    let mut rounds = journal(&path, &identity)?;
+    rounds.retain(|round| round.record.round < config.rounds);
+    rounds.iter().for_each(on_round);
+    let played: Vec<u64> = rounds.iter().map(|round| round.record.round).collect();
+    let missing: Vec<u64> = (0..config.rounds).filter(|round| !played.contains(round)).collect();
+    let file = Mutex::new(OpenOptions::new().append(true).open(&path).map_err(failed)?);
+    let play_one = |round: &u64| -> Result<Option<Round>, RunError> {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let round = play(config, planner, *round)?;
+        append(&file, &Line::from(&round)).map_err(failed)?;
+        on_round(&round);
+        Ok(Some(round))
+    };
+    rounds.extend(in_threads(threads, &missing, &play_one)?);
+    rounds.sort_by_key(|round| round.record.round);
+    Ok(rounds)
+}
+
+/// Plays rounds in so many threads.
+fn in_threads(
+    threads: usize,
+    missing: &[u64],
+    play_one: &(dyn Fn(&u64) -> Result<Option<Round>, RunError> + Sync),
+) -> Result<Vec<Round>, RunError> {
+    let next = AtomicUsize::new(0);
+    let work = || -> Result<Vec<Round>, RunError> {
+        let pool = ThreadPoolBuilder::new().num_threads(1).build().map_err(RunError::Threads)?;
+        let mut played = Vec::new();
+        while let Some(round) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
+            match pool.install(|| play_one(round)) {
+                Ok(Some(round)) => played.push(round),
+                Ok(None) => break,
+                Err(error) => {
+                    // The others end after the rounds under way.
+                    next.store(missing.len(), Ordering::Relaxed);
+                    return Err(error);
+                }
+            }
+        }
+        Ok(played)
+    };
+    let all: Vec<Result<Vec<Round>, RunError>> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads.max(1)).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().map(|worker| worker.join().unwrap_or(Err(RunError::Panicked))).collect()
+    });
+    let mut rounds = Vec::new();
+    for played in all {
+        rounds.extend(played?);
+    }
+    Ok(rounds)
+}
+
+fn append(file: &Mutex<File>, line: &impl serde::Serialize) -> io::Result<()> {
+    let text = serde_json::to_string(line)? + "\n";
+    let mut file = file.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    file.write_all(text.as_bytes())
+}
+
+/// The rounds of the journal, which is begun if there is none. A last line that was cut off is taken away.
+fn journal(path: &Path, identity: &Identity) -> Result<Vec<Round>, RunError> {
+    let failed = |source| RunError::Io { path: path.to_owned(), source };
+    if !path.exists() {
+        let text = serde_json::to_string(identity).map_err(|e| failed(e.into()))? + "\n";
+        fs::write(path, text).map_err(failed)?;
+        return Ok(Vec::new());
+    }
+    let mut reader = BufReader::new(File::open(path).map_err(failed)?);
+    let (mut line, mut whole_bytes, mut rounds) = (String::new(), 0, Vec::new());
+    while reader.read_line(&mut line).map_err(failed)? > 0 && line.ends_with('\n') {
+        if whole_bytes == 0 {
+            if serde_json::from_str::<Identity>(&line).ok().as_ref() != Some(identity) {
+                return Err(RunError::Other(path.to_owned()));
+            }
+        } else {
+            let round = serde_json::from_str::<Line>(&line).ok().and_then(|line| line.round());
+            rounds.push(round.ok_or_else(|| RunError::Other(path.to_owned()))?);
+        }
+        whole_bytes += line.len() as u64;
+        line.clear();
+    }
+    if whole_bytes == 0 {
+        return Err(RunError::Other(path.to_owned()));
+    }
+    let file = OpenOptions::new().write(true).open(path).map_err(failed)?;
+    file.set_len(whole_bytes).map_err(failed)?;
+    Ok(rounds)
+}

@@ -1,0 +1,394 @@
+//! The numbers of an experiment, from its rows: rates with intervals, counts, times.
+//!
+//! Rounds are what was drawn, not attempts: those of a round share a scene, and fail together. So every interval is a
+//! percentile bootstrap over whole rounds, and attempts of a round that has no row yet (it was interrupted) are left out.
+
+use std::collections::BTreeMap;
+
+use schema::{Outcome, Purpose, ShapeKind, Stream};
+use serde::{Serialize, Serializer};
+
+use crate::record::{Ending, RoundRecord, TrialRecord};
+
+/// What an experiment found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Results {
+    /// Name of the protocol, without which none of the numbers means anything.
+    pub protocol: String,
+    /// Rounds.
+    pub rounds: u64,
+    /// Objects at the beginning of the rounds.
+    pub objects: u64,
+    /// Grasps that were executed.
+    pub attempts: u64,
+    /// Those that held.
+    pub held: u64,
+    /// Objects that were held and taken away.
+    pub removed: u64,
+    /// The rates.
+    pub rates: Rates,
+    /// Rounds by how they ended, of those endings that occurred.
+    #[serde(serialize_with = "by_ending")]
+    pub endings: Vec<(Ending, u64)>,
+    /// Attempts by how they ended, of those outcomes that occurred.
+    #[serde(serialize_with = "by_outcome")]
+    pub outcomes: Vec<(Outcome, u64)>,
+    /// Attempts by the shape that was to be held, of those shapes that were tried.
+    pub by_shape: Vec<ShapeResults>,
+    /// TSDF to ranked grasps; `None` without attempts.
+    pub plan_ms: Option<Percentiles>,
+    /// Rendering and fusing the views; `None` without attempts.
+    pub observe_ms: Option<Percentiles>,
+    /// Grasps a plan gave, over plans of which one was executed; `None` without attempts.
+    pub planned_per_trial_mean: Option<f64>,
+}
+
+/// The rates by which experiments are compared; `None` where there is nothing to divide by.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Rates {
+    /// Attempts that held, of all attempts: the grasp success rate, GSR.
+    pub success_rate: Option<Interval>,
+    /// Objects removed, of those at the beginning: "% cleared", GIGA's declutter rate, DR.
+    pub cleared_share: Option<Interval>,
+    /// Rounds that ended with no object left, of all rounds.
+    pub rounds_cleared_share: Option<Interval>,
+}
+
+/// A share and its 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Interval {
+    /// The share, from 0 to 1.
+    pub value: f64,
+    /// 2.5 % of the bootstrap's draws are below.
+    pub low: f64,
+    /// 2.5 % of the bootstrap's draws are above.
+    pub high: f64,
+}
+
+/// Attempts at a shape.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ShapeResults {
+    /// The shape.
+    #[serde(serialize_with = "shape_name")]
+    pub shape: ShapeKind,
+    /// Grasps that were executed.
+    pub attempts: u64,
+    /// Those that held.
+    pub held: u64,
+    /// Those of these.
+    pub success_rate: Option<Interval>,
+}
+
+/// Times in short, in the unit that the field's name says; each is a time that was measured (nearest rank).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Percentiles {
+    /// Half took no longer.
+    pub p50: f32,
+    /// Nine of ten took no longer.
+    pub p90: f32,
+    /// 99 of 100 took no longer.
+    pub p99: f32,
+}
+
+/// Draws of the bootstrap.
+pub const DRAWS: u32 = 2000;
+
+/// The numbers of an experiment. Rows may come in any order.
+#[must_use]
+pub fn results(protocol: &str, rounds: &[RoundRecord], trials: &[TrialRecord]) -> Results {
+    let rounds: BTreeMap<u64, &RoundRecord> = rounds.iter().map(|round| (round.round, round)).collect();
+    let trials: Vec<&TrialRecord> = trials.iter().filter(|trial| rounds.contains_key(&trial.round)).collect();
+    let attempts = held_by_round(&rounds, &trials, None);
+    let objects: Vec<(u64, u64)> = rounds.values().map(|round| objects_of(round)).collect();
+    let cleared: Vec<(u64, u64)> =
+        rounds.values().map(|round| (u64::from(round.ending == Ending::Cleared), 1)).collect();
+    let ((held, attempt_count), (removed, object_count)) = (sum(&attempts), sum(&objects));
+    let planned: u64 = trials.iter().map(|trial| u64::from(trial.planned_count)).sum();
+    Results {
+        protocol: protocol.to_owned(),
+        rounds: rounds.len() as u64,
+        objects: object_count,
+        attempts: attempt_count,
+        held,
+        removed,
+        rates: Rates {
+            success_rate: Interval::over(&attempts),
+            cleared_share: Interval::over(&objects),
+            rounds_cleared_share: Interval::over(&cleared),
+        },
+        endings: counts(rounds.values().map(|round| round.ending)),
+        outcomes: counts(trials.iter().map(|trial| trial.outcome)),
+        by_shape: by_shape(&rounds, &trials),
+        plan_ms: Percentiles::of(trials.iter().map(|trial| trial.plan_ms).collect()),
+        observe_ms: Percentiles::of(trials.iter().map(|trial| trial.observe_ms).collect()),
+        planned_per_trial_mean: quotient(planned, attempt_count),
+    }
+}
+
+fn by_shape(rounds: &BTreeMap<u64, &RoundRecord>, trials: &[&TrialRecord]) -> Vec<ShapeResults> {
+    let tried = counts(trials.iter().map(|trial| trial.shape));
+    let shapes = tried.into_iter().map(|(shape, attempts)| {
+        let pairs = held_by_round(rounds, trials, Some(shape));
+        ShapeResults { shape, attempts, held: sum(&pairs).0, success_rate: Interval::over(&pairs) }
+    });
+    shapes.collect()
+}
+
+/// Attempts that held and all attempts of each round, at one shape or at any.
+fn held_by_round(
+    rounds: &BTreeMap<u64, &RoundRecord>,
+    trials: &[&TrialRecord],
+    shape: Option<ShapeKind>,
+) -> Vec<(u64, u64)> {
+    let mut pairs: BTreeMap<u64, (u64, u64)> = rounds.keys().map(|round| (*round, (0, 0))).collect();
+    for trial in trials.iter().filter(|trial| shape.is_none_or(|shape| trial.shape == shape)) {
+        let pair = pairs.entry(trial.round).or_default();
+        pair.0 += u64::from(trial.outcome.label());
+        pair.1 += 1;
+    }
+    pairs.into_values().collect()
+}
+
+fn objects_of(round: &RoundRecord) -> (u64, u64) {
+    (u64::from(round.removed_count), u64::from(round.object_count))
+}
+
+/// How often each was found, in their own order.
+fn counts<T: Ord>(found: impl Iterator<Item = T>) -> Vec<(T, u64)> {
+    let mut counts = BTreeMap::new();
+    for one in found {
+        *counts.entry(one).or_insert(0) += 1;
+    }
+    counts.into_iter().collect()
+}
+
+fn sum(pairs: &[(u64, u64)]) -> (u64, u64) {
+    pairs.iter().fold((0, 0), |(part, whole), pair| (part + pair.0, whole + pair.1))
+}
+
+fn quotient(part: u64, whole: u64) -> Option<f64> {
+    (whole > 0).then(|| part as f64 / whole as f64)
+}
+
+impl Interval {
+    /// The share of all rounds together, from the part and the whole of each. Rounds are drawn with replacement, as many
+    /// as there are; a draw with nothing to divide by says nothing. Fewer than two rounds with something in them cannot
+    /// tell how much rounds differ: the interval is then all from 0 to 1. `None` if there is nothing to divide by.
+    fn over(rounds: &[(u64, u64)]) -> Option<Self> {
+        let (part, whole) = sum(rounds);
+        let value = quotient(part, whole)?;
+        if rounds.iter().filter(|(_, whole)| *whole > 0).count() < 2 {
+            return Some(Self { value, low: 0.0, high: 1.0 });
+        }
+        let mut drawn: Vec<f64> = (0..DRAWS).filter_map(|draw| drawn_share(rounds, draw)).collect();
+        drawn.sort_by(f64::total_cmp);
+        Some(Self { value, low: quantile(&drawn, 0.025)?, high: quantile(&drawn, 0.975)? })
+    }
+
+    /// Whether the interval has no width, as it has where every round ended alike. That is a limit of the bootstrap,
+    /// which cannot draw what it has not seen, and not certainty.
+    #[must_use]
+    pub fn is_point(&self) -> bool {
+        self.low >= self.high
+    }
+
+    /// Whether all of the interval is above all of another.
+    #[must_use]
+    pub fn is_above(&self, other: &Self) -> bool {
+        self.low > other.high
+    }
+}
+
+/// The share of as many rounds as there are, drawn with replacement.
+fn drawn_share(rounds: &[(u64, u64)], draw: u32) -> Option<f64> {
+    let mut stream = Stream::new(0, 0, Purpose::Bootstrap, draw);
+    let (part, whole) = (0..rounds.len()).fold((0, 0), |(part, whole), _| {
+        let round = rounds[stream.index(rounds.len())];
+        (part + round.0, whole + round.1)
+    });
+    quotient(part, whole)
+}
+
+/// A quantile of ascending values, linear between neighbours.
+fn quantile(ascending: &[f64], share: f64) -> Option<f64> {
+    let last = ascending.len().checked_sub(1)?;
+    let place = share * last as f64;
+    let below = place as usize;
+    let above = (below + 1).min(last);
+    Some(ascending[below] + (place - below as f64) * (ascending[above] - ascending[below]))
+}
+
+impl Percentiles {
+    /// Of times in any order; `None` if there are none. What is not a number was not measured.
+    fn of(mut times: Vec<f32>) -> Option<Self> {
+        times.retain(|time| time.is_finite());
+        times.sort_by(f32::total_cmp);
+        let at = |percent: usize| {
+            let rank = (percent * times.len()).div_ceil(100);
+            times.get(rank.checked_sub(1)?).copied()
+        };
+        Some(Self { p50: at(50)?, p90: at(90)?, p99: at(99)? })
+    }
+}
+
+fn by_ending<S: Serializer>(counts: &[(Ending, u64)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(counts.iter().map(|(ending, count)| (ending.name(), count)))
+}
+
+fn by_outcome<S: Serializer>(counts: &[(Outcome, u64)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(counts.iter().map(|(outcome, count)| (outcome.name(), count)))
+}
+
+fn shape_name<S: Serializer>(shape: &ShapeKind, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(shape.name())
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::Pose;
+
+    use super::*;
+
+    fn round(round: u64, object_count: u32, removed_count: u32, attempt_count: u32, ending: Ending) -> RoundRecord {
+        RoundRecord { round, object_count, removed_count, lost_count: 0, attempt_count, ending }
+    }
+
+    fn trial(round: u64, trial: u32, shape: ShapeKind, outcome: Outcome, plan_ms: f32) -> TrialRecord {
+        TrialRecord {
+            round,
+            trial,
+            object_count: 5,
+            planned_count: 10 + trial,
+            workspace_from_grasp: Pose::IDENTITY,
+            width_m: 0.05,
+            quality: 0.9,
+            rho_m: None,
+            shape,
+            outcome,
+            observe_ms: 2.0 * plan_ms,
+            plan_ms,
+        }
+    }
+
+    /// Three rounds: cleared, given up after a failure, and one without a grasp; and an attempt of a fourth, interrupted.
+    fn rows() -> (Vec<RoundRecord>, Vec<TrialRecord>) {
+        use Outcome::{Empty, Held, Slipped};
+        use ShapeKind::{Cuboid, Cylinder};
+        let rounds = vec![
+            round(0, 2, 2, 2, Ending::Cleared),
+            round(1, 3, 1, 3, Ending::Failures),
+            round(2, 3, 0, 0, Ending::NoGrasp),
+        ];
+        let trials = vec![
+            trial(0, 0, Cuboid, Held, 10.0),
+            trial(0, 1, Cylinder, Held, 11.0),
+            trial(1, 0, Cuboid, Held, 12.0),
+            trial(1, 1, Cuboid, Slipped, 13.0),
+            trial(1, 2, Cuboid, Empty, 14.0),
+            trial(3, 0, Cylinder, Held, 999.0),
+        ];
+        (rounds, trials)
+    }
+
+    fn value(interval: Option<Interval>) -> f64 {
+        interval.unwrap().value
+    }
+
+    #[test]
+    fn rates_and_counts_are_those_of_the_rows() {
+        let (rounds, trials) = rows();
+        let found = results("pile", &rounds, &trials);
+        assert_eq!((found.protocol.as_str(), found.rounds, found.objects, found.removed), ("pile", 3, 8, 3));
+        assert_eq!((found.attempts, found.held), (5, 3));
+        assert_eq!(value(found.rates.success_rate), 0.6);
+        assert_eq!(value(found.rates.cleared_share), 0.375);
+        assert_eq!(value(found.rates.rounds_cleared_share), 1.0 / 3.0);
+        assert_eq!(found.endings, [(Ending::Cleared, 1), (Ending::NoGrasp, 1), (Ending::Failures, 1)]);
+        assert_eq!(found.outcomes, [(Outcome::Empty, 1), (Outcome::Slipped, 1), (Outcome::Held, 3)]);
+        assert_eq!(found.planned_per_trial_mean, Some(10.8));
+        assert_eq!(found.plan_ms, Some(Percentiles { p50: 12.0, p90: 14.0, p99: 14.0 }));
+        assert_eq!(found.observe_ms, Some(Percentiles { p50: 24.0, p90: 28.0, p99: 28.0 }));
+        let shapes: Vec<(ShapeKind, u64, u64)> =
+            found.by_shape.iter().map(|shape| (shape.shape, shape.attempts, shape.held)).collect();
+        assert_eq!(shapes, [(ShapeKind::Cuboid, 4, 2), (ShapeKind::Cylinder, 1, 1)]);
+        assert_eq!(value(found.by_shape[0].success_rate), 0.5);
+    }
+
+    #[test]
+    fn intervals_hold_their_share_and_the_order_of_rows_is_nothing() {
+        let (mut rounds, mut trials) = rows();
+        let found = results("pile", &rounds, &trials);
+        let Rates { success_rate, cleared_share, rounds_cleared_share } = &found.rates;
+        for interval in [success_rate, cleared_share, rounds_cleared_share] {
+            let Interval { value, low, high } = interval.unwrap();
+            assert!(0.0 <= low && low < value && value < high && high <= 1.0, "{low} {value} {high}");
+        }
+        rounds.reverse();
+        trials.reverse();
+        assert_eq!(results("pile", &rounds, &trials), found);
+    }
+
+    #[test]
+    fn nothing_is_divided_by_nothing() {
+        let found = results("pile", &[], &[]);
+        assert_eq!(found.rates, Rates { success_rate: None, cleared_share: None, rounds_cleared_share: None });
+        assert_eq!((found.plan_ms, found.observe_ms, found.planned_per_trial_mean), (None, None, None));
+        assert!(found.endings.is_empty() && found.outcomes.is_empty() && found.by_shape.is_empty());
+        let no_grasp = [round(0, 5, 0, 0, Ending::NoGrasp), round(1, 5, 0, 0, Ending::NoGrasp)];
+        let rates = results("pile", &no_grasp, &[]).rates;
+        assert_eq!(rates.success_rate, None);
+        assert_eq!(rates.cleared_share, Some(Interval { value: 0.0, low: 0.0, high: 0.0 }));
+    }
+
+    /// Where each round has one attempt the bootstrap is the binomial's; where attempts of a round go together it is as
+    /// wide as the count of rounds says, √10 times wider for ten attempts a round.
+    #[test]
+    fn the_interval_is_as_wide_as_rounds_are_few() {
+        let apart: Vec<(u64, u64)> = (0..400).map(|at| (u64::from(at % 5 > 0), 1)).collect();
+        let together: Vec<(u64, u64)> = (0..40).map(|at| (10 * u64::from(at % 5 > 0), 10)).collect();
+        let Interval { value, low, high } = Interval::over(&apart).unwrap();
+        let width = 2.0 * 1.96 * (0.8_f64 * 0.2 / 400.0).sqrt();
+        assert_eq!(value, 0.8);
+        assert!((high - low - width).abs() < 0.1 * width, "{low} {high}");
+        assert!((low + high - 1.6).abs() < 0.01, "{low} {high}");
+        let few = Interval::over(&together).unwrap();
+        let ratio = (few.high - few.low) / (high - low);
+        assert!((ratio - 10.0_f64.sqrt()).abs() < 0.4, "{ratio}");
+        assert_eq!(Interval::over(&together), Some(few));
+    }
+
+    #[test]
+    fn one_round_cannot_tell_how_much_rounds_differ() {
+        let all = Some(Interval { value: 0.75, low: 0.0, high: 1.0 });
+        assert_eq!(Interval::over(&[(3, 4)]), all);
+        assert_eq!(Interval::over(&[(0, 0), (3, 4), (0, 0)]), all);
+        assert_eq!(Interval::over(&[(0, 0)]), None);
+    }
+
+    /// Half of the rounds have no attempt: draws that miss all others are left out, and the rest are shares.
+    #[test]
+    fn empty_rounds_are_drawn_but_never_divided_by() {
+        let Interval { value, low, high } = Interval::over(&[(0, 0), (1, 1), (0, 0), (0, 1)]).unwrap();
+        assert_eq!((value, low, high), (0.5, 0.0, 1.0));
+    }
+
+    #[test]
+    fn intervals_that_touch_are_not_apart() {
+        let interval = |low, high| Interval { value: low, low, high };
+        assert!(interval(0.6, 0.7).is_above(&interval(0.4, 0.5)));
+        assert!(!interval(0.4, 0.5).is_above(&interval(0.6, 0.7)));
+        assert!(!interval(0.5, 0.7).is_above(&interval(0.4, 0.5)));
+        assert!(interval(1.0, 1.0).is_point() && !interval(0.9, 1.0).is_point());
+    }
+
+    #[test]
+    fn percentiles_are_times_that_were_measured() {
+        let of = |times: &[f32]| Percentiles::of(times.to_vec());
+        assert_eq!(of(&[50.0, 15.0, 40.0, 20.0, 35.0]), Some(Percentiles { p50: 35.0, p90: 50.0, p99: 50.0 }));
+        let hundred: Vec<f32> = (1..=100_u16).rev().map(f32::from).collect();
+        assert_eq!(of(&hundred), Some(Percentiles { p50: 50.0, p90: 90.0, p99: 99.0 }));
+        assert_eq!(of(&[7.0, f32::NAN]), Some(Percentiles { p50: 7.0, p90: 7.0, p99: 7.0 }));
+        assert_eq!(of(&[]), None);
+        assert_eq!(of(&[f32::NAN]), None);
+    }
+}
