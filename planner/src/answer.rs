@@ -17,7 +17,7 @@ pub struct Answer {
     pub format: &'static str,
     /// SHA-256 of the network's weights file.
     pub model: String,
-    /// How the grasps are ranked: `paper`, `vgn-random` or `vgn-best`.
+    /// How the grasps are ranked: `paper`, `vgn-random`, `vgn-best` or `flattest`.
     pub policy: &'static str,
     /// Name of the hand.
     pub gripper: String,
@@ -82,6 +82,8 @@ pub struct GraspAnswer {
     pub object: Option<usize>,
     /// Eq. 8's ρ in metres: weighted distance to the object's centroid over quality; null without an object.
     pub rho_m: Option<f32>,
+    /// Points of the cloud at the finger that has fewer; null if hands were not refined.
+    pub support: Option<usize>,
     /// The voxel it was found in: x, y, z.
     pub voxel: [usize; 3],
 }
@@ -109,7 +111,7 @@ pub struct PlaneAnswer {
 /// A candidate that was dropped.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct DroppedAnswer {
-    /// `far_from_surface`, `width`, `quality`, `suppressed`, `collision`, `no_object` or `beyond_limit`.
+    /// `far_from_surface`, `width`, `quality`, `suppressed`, `collision`, `no_hand`, `no_object` or `beyond_limit`.
     pub why: &'static str,
     /// The same for people, with the numbers.
     pub told: String,
@@ -168,6 +170,7 @@ fn grasp_answer(rank: usize, grasp: &RankedGrasp) -> GraspAnswer {
         quality: grasp.quality,
         object: grasp.object,
         rho_m: grasp.rho_m,
+        support: grasp.support,
         voxel: grasp.voxel,
     }
 }
@@ -193,6 +196,7 @@ impl Drop {
             Self::Quality => "quality",
             Self::Suppressed => "suppressed",
             Self::Collision { .. } => "collision",
+            Self::NoHand => "no_hand",
             Self::NoObject => "no_object",
             Self::BeyondLimit => "beyond_limit",
         }
@@ -207,6 +211,7 @@ impl std::fmt::Display for Drop {
             Self::Quality => write!(f, "quality below the threshold"),
             Self::Suppressed => write!(f, "a better grasp is near"),
             Self::Collision { points } => write!(f, "the hand would pass through {points} points of the cloud"),
+            Self::NoHand => write!(f, "no hand about it closes on anything flat by a free way"),
             Self::NoObject => write!(f, "belongs to no object"),
             Self::BeyondLimit => write!(f, "beyond the number of grasps asked for"),
         }

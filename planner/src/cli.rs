@@ -75,7 +75,7 @@ pub(crate) struct PlanArguments {
     #[arg(long, value_name = "X,Y,Z", requires = "cloud", value_parser = numbers::<3>, allow_hyphen_values = true)]
     pub eye: Vec<[f64; 3]>,
 
-    /// How grasps are ranked: paper, vgn-random or vgn-best [default: the settings']
+    /// How grasps are ranked: paper, vgn-random, vgn-best or flattest [default: the settings']
     #[arg(long, value_name = "NAME")]
     pub policy: Option<Policy>,
 

@@ -8,6 +8,8 @@ use perception::{ClusterLaw, PlaneLaw};
 use schema::{Gripper, keys_unlike};
 use serde::Deserialize;
 
+use crate::refine::RefinementLaw;
+
 /// The settings that come with the program, and the reference for what keys there are.
 pub const PAPER: &str = include_str!("../../configs/plan/paper.toml");
 
@@ -30,6 +32,8 @@ pub struct Config {
     pub ranking: RankingLaw,
     /// Which ways of the hand are free.
     pub collision: CollisionLaw,
+    /// How hands are turned and shifted.
+    pub refinement: RefinementLaw,
 }
 
 /// VGN's constants (its `detection.py`: `process`, `select`).
@@ -100,6 +104,8 @@ pub enum Policy {
     VgnRandom,
     /// By quality.
     VgnBest,
+    /// By how flat the fingers would lie, times quality; needs the refinement.
+    Flattest,
 }
 
 /// What becomes of grasps that belong to no object.
@@ -118,6 +124,8 @@ pub struct CollisionLaw {
     pub check: bool,
     /// How long the straight way is.
     pub pregrasp_distance_m: f32,
+    /// How much wider than the hand and its clearance the way must be: clouds are smoother than what they show.
+    pub margin_m: f32,
     /// Points that may be in the way.
     pub points_max: usize,
 }
@@ -153,7 +161,7 @@ pub enum ConfigError {
 
 impl Policy {
     /// Every policy.
-    pub const ALL: [Self; 3] = [Self::Paper, Self::VgnRandom, Self::VgnBest];
+    pub const ALL: [Self; 4] = [Self::Paper, Self::VgnRandom, Self::VgnBest, Self::Flattest];
 
     /// Its name.
     #[must_use]
@@ -162,6 +170,7 @@ impl Policy {
             Self::Paper => "paper",
             Self::VgnRandom => "vgn-random",
             Self::VgnBest => "vgn-best",
+            Self::Flattest => "flattest",
         }
     }
 }
@@ -186,6 +195,7 @@ struct Raw {
     clusters: RawClusters,
     ranking: RawRanking,
     collision: RawCollision,
+    refinement: RawRefinement,
 }
 
 #[derive(Deserialize)]
@@ -233,7 +243,17 @@ struct RawRanking {
 struct RawCollision {
     check: bool,
     pregrasp_distance_m: f32,
+    margin_m: f32,
     points_max: usize,
+}
+
+#[derive(Deserialize)]
+struct RawRefinement {
+    turns: usize,
+    shifts: usize,
+    shift_m: f32,
+    flat_m: f32,
+    points_min: usize,
 }
 
 impl Config {
@@ -342,7 +362,7 @@ struct Words {
 }
 
 fn put_together(raw: &Raw, gripper: Gripper, words: Words) -> Config {
-    let Raw { seed, detection, cloud, plane, clusters, ranking, collision, .. } = raw;
+    let Raw { seed, detection, cloud, plane, clusters, ranking, collision, refinement, .. } = raw;
     Config {
         seed: *seed,
         gripper,
@@ -378,7 +398,15 @@ fn put_together(raw: &Raw, gripper: Gripper, words: Words) -> Config {
         collision: CollisionLaw {
             check: collision.check,
             pregrasp_distance_m: collision.pregrasp_distance_m,
+            margin_m: collision.margin_m,
             points_max: collision.points_max,
+        },
+        refinement: RefinementLaw {
+            turns: refinement.turns,
+            shifts: refinement.shifts,
+            shift_m: refinement.shift_m,
+            flat_m: refinement.flat_m,
+            points_min: refinement.points_min,
         },
     }
 }
@@ -398,6 +426,9 @@ fn out_of_range(raw: &Raw) -> Vec<String> {
         ("clusters.radius_m", clusters.radius_m, 1e-4, 0.2),
         ("ranking.object_distance_m_max", ranking.object_distance_m_max, 0.0, 10.0),
         ("collision.pregrasp_distance_m", collision.pregrasp_distance_m, 0.0, 1.0),
+        ("collision.margin_m", collision.margin_m, 0.0, 0.05),
+        ("refinement.shift_m", raw.refinement.shift_m, 0.0, 0.1),
+        ("refinement.flat_m", raw.refinement.flat_m, 1e-4, 0.05),
     ];
     let wholes = [
         ("detection.surface_steps_max", d.surface_steps_max, 0, 100),
@@ -407,6 +438,9 @@ fn out_of_range(raw: &Raw) -> Vec<String> {
         ("clusters.points_min", clusters.points_min, 1, 1_000_000),
         ("clusters.cluster_points_min", clusters.cluster_points_min, 1, 10_000_000),
         ("collision.points_max", collision.points_max, 0, 1_000_000),
+        ("refinement.turns", raw.refinement.turns, 0, 180),
+        ("refinement.shifts", raw.refinement.shifts, 1, 99),
+        ("refinement.points_min", raw.refinement.points_min, 1, 10_000),
     ];
     let told = |key: &str, low: &dyn std::fmt::Display, high: &dyn std::fmt::Display, got: &dyn std::fmt::Display| {
         format!("{key} must be between {low} and {high}, got {got}")
@@ -457,6 +491,15 @@ mod tests {
     }
 
     #[test]
+    fn the_refined_settings_are_sound() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/plan/refined.toml");
+        let refined = Config::read(&path).unwrap();
+        assert!(refined.refinement.turns > 0 && refined.collision.check);
+        assert_eq!(refined.ranking.policy, Policy::Flattest);
+        assert_eq!(Config::built_in().unwrap().refinement.turns, 0);
+    }
+
+    #[test]
     fn all_that_is_wrong_is_told_at_once() {
         let bad = PAPER
             .replace("quality_min = 0.9", "quality_min = 1.5")
@@ -467,7 +510,7 @@ mod tests {
         let problems = problems(&bad);
         assert_eq!(problems.len(), 5, "{problems:?}");
         assert_eq!(problems[0], "detection.quality_min must be between 0.000001 and 1, got 1.5");
-        assert_eq!(problems[1], "ranking.policy must be one of paper, vgn-random, vgn-best, got best");
+        assert_eq!(problems[1], "ranking.policy must be one of paper, vgn-random, vgn-best, flattest, got best");
         assert!(problems[3].starts_with("gripper must be a path"), "{problems:?}");
     }
 

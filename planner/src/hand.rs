@@ -32,26 +32,42 @@ impl Sweep {
     /// The way of the gripper, its clearance included: the sweep that decides the labels, too (`simulator`'s gate).
     #[must_use]
     pub fn new(gripper: &Gripper, law: &CollisionLaw) -> Self {
-        let boxes = gripper.open_hand().map(|b| b.swept_back(law.pregrasp_distance_m).grown(gripper.clearance_m));
+        let margin_m = gripper.clearance_m + law.margin_m;
+        let boxes = gripper.open_hand().map(|b| b.swept_back(law.pregrasp_distance_m).grown(margin_m));
         let low = boxes.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
         let high = boxes.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
         Self { boxes, middle_m: 0.5 * (low + high), radius_m: 0.5 * (high - low).length() }
     }
 
+    /// Farthest that anything of the way is from the grasp's origin.
+    #[must_use]
+    pub fn reach_m(&self) -> f32 {
+        self.middle_m.length() + self.radius_m
+    }
+
     /// How many points lie in the way.
     #[must_use]
     pub fn points_hit(&self, workspace_from_grasp: &Pose, points_m: &[Vec3]) -> usize {
+        self.hits(workspace_from_grasp, points_m).count()
+    }
+
+    /// Whether at most `points_max` points lie in the way; looks no farther than it must.
+    #[must_use]
+    pub fn is_free(&self, workspace_from_grasp: &Pose, points_m: &[Vec3], points_max: usize) -> bool {
+        self.hits(workspace_from_grasp, points_m).nth(points_max).is_none()
+    }
+
+    fn hits<'a>(&'a self, workspace_from_grasp: &Pose, points_m: &'a [Vec3]) -> impl Iterator<Item = &'a Vec3> + 'a {
         let middle_m = *workspace_from_grasp * self.middle_m;
         let reach = self.radius_m * self.radius_m;
         let grasp_from_workspace = workspace_from_grasp.inverse();
-        let is_hit = |point: &&Vec3| {
+        points_m.iter().filter(move |point| {
             if (**point - middle_m).length_squared() > reach {
                 return false;
             }
             let local_m = grasp_from_workspace * **point;
             self.boxes.iter().any(|b| (local_m - b.centre_m).abs().cmple(b.half_m).all())
-        };
-        points_m.iter().filter(is_hit).count()
+        })
     }
 }
 

@@ -5,7 +5,7 @@
 //! An [`Observation`] (depth images, a TSDF, a cloud) becomes a [`volume`]: the grid that the network reads and the surface as
 //! points. The network's volumes become detections ([`mod@detect`]); the points fall into table and objects ([`mod@segment`]); each
 //! detection gets its object and its place in the order ([`rank`]); [`hand`] turns it towards the wrist and looks whether
-//! the way there is free. [`Planner`] is the whole way and ends in a [`plan::Plan`], which [`answer`] tells as JSON,
+//! the way there is free, and [`refine`], beyond the paper, which way is better. [`Planner`] is the whole way and ends in a [`plan::Plan`], which [`answer`] tells as JSON,
 //! [`picture`] draws and [`cloud_file`] writes for other programs.
 //!
 //! [`input`] reads what others wrote, [`serve`] does it all over HTTP, [`mod@bench`] measures.
@@ -26,6 +26,7 @@ pub mod picture;
 pub mod plan;
 mod planner;
 pub mod rank;
+pub mod refine;
 pub mod segment;
 pub mod serve;
 pub mod volume;

@@ -258,6 +258,7 @@ mod tests {
             voxel: [0; 3],
             object: Some(object),
             rho_m: Some(0.031),
+            support: None,
         }
     }
 

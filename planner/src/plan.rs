@@ -20,6 +20,8 @@ pub struct RankedGrasp {
     pub object: Option<usize>,
     /// Eq. 8's ρ in metres, if it belongs to an object.
     pub rho_m: Option<f32>,
+    /// Points of the cloud at the finger that has fewer, if hands were refined.
+    pub support: Option<usize>,
 }
 
 /// A cluster of the cloud. Objects are numbered top-down: the one with the highest centroid is 0.
@@ -72,6 +74,8 @@ pub enum Drop {
         /// Points inside the swept hand.
         points: usize,
     },
+    /// No hand about it closes on anything flat by a free way.
+    NoHand,
     /// Belongs to no object, and the config drops such.
     NoObject,
     /// Beyond the number of grasps that was asked for.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use rayon::prelude::*;
 use schema::{Grasp, Grid, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 use sha2::{Digest as _, Sha256};
 use shards::ExitCode;
@@ -15,6 +16,7 @@ use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
 use crate::observation::{Observation, Wishes};
 use crate::plan::{Drop, DroppedCandidate, Funnel, Plan, RankedGrasp, SeenObject, SegmentedCloud};
 use crate::rank;
+use crate::refine::refined;
 use crate::segment::segment;
 use crate::volume::fuse;
 
@@ -218,6 +220,7 @@ impl Planner {
                 voxel: detection.voxel,
                 object: None,
                 rho_m: None,
+                support: None,
             })
             .collect();
         let mut funnel = Funnel {
@@ -228,6 +231,9 @@ impl Planner {
             detections: grasps.len(),
             ..Funnel::default()
         };
+        if self.config.refinement.turns > 0 {
+            self.refine(&mut grasps, &cloud, wishes, &mut dropped);
+        }
         self.drop_colliding(&mut grasps, &cloud, wishes, &mut dropped);
         funnel.collision_free = grasps.len();
         let policy = self.policy(wishes);
@@ -271,6 +277,35 @@ impl Planner {
             workspace_from_grasp: towards_wrist(&pose_from_parts(rotation, position_m), wrist),
             width_m: grids.width_voxels[flat] * self.grid.voxel_size_m(),
         }
+    }
+
+    /// Turns and shifts each hand until it closes on something flat; those that cannot are dropped.
+    fn refine(
+        &self,
+        grasps: &mut Vec<RankedGrasp>,
+        cloud: &SegmentedCloud,
+        wishes: &Wishes,
+        dropped: &mut Vec<DroppedCandidate>,
+    ) {
+        let Config { gripper, collision, refinement, .. } = &self.config;
+        let (sweep, wrist) = (Sweep::new(gripper, collision), wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN));
+        let hands: Vec<Option<(Grasp, usize)>> = grasps
+            .par_iter()
+            .map(|ranked| refined(&ranked.grasp, cloud, &sweep, gripper, refinement, collision.points_max))
+            .collect();
+        let mut hands = hands.into_iter();
+        grasps.retain_mut(|ranked| match hands.next().flatten() {
+            Some((grasp, support)) => {
+                ranked.support = Some(support);
+                let workspace_from_grasp = towards_wrist(&grasp.workspace_from_grasp, wrist);
+                ranked.grasp = Grasp { workspace_from_grasp, ..grasp };
+                true
+            }
+            None => {
+                dropped.push(candidate(ranked, Drop::NoHand));
+                false
+            }
+        });
     }
 
     fn drop_colliding(

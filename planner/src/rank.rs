@@ -44,8 +44,13 @@ pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, mut chance: Stre
     match policy {
         Policy::Paper => grasps.sort_by(|a, b| top_down(a, b).then(b.quality.total_cmp(&a.quality))),
         Policy::VgnBest => grasps.sort_by(|a, b| b.quality.total_cmp(&a.quality)),
+        Policy::Flattest => grasps.sort_by(|a, b| flatness(b).total_cmp(&flatness(a))),
         Policy::VgnRandom => chance.shuffle(grasps),
     }
+}
+
+fn flatness(ranked: &RankedGrasp) -> f32 {
+    ranked.quality * ranked.support.map_or(0.0, |support| support as f32)
 }
 
 /// Objects are numbered top-down; what belongs to none comes last.
@@ -76,6 +81,7 @@ mod tests {
             voxel: [0; 3],
             object: None,
             rho_m: None,
+            support: None,
         }
     }
 

@@ -43,7 +43,7 @@ pub struct RequestInput {
     pub base_from_workspace: Option<PoseInput>,
     /// The wrist's orientation now, in the workspace: of a grasp and its half turn the nearer one is given.
     pub workspace_from_wrist: Option<OrientationInput>,
-    /// How grasps are ranked: `paper`, `vgn-random` or `vgn-best`.
+    /// How grasps are ranked: `paper`, `vgn-random`, `vgn-best` or `flattest`.
     pub policy: Option<String>,
     /// Whether grasps whose hand would hit the cloud are dropped.
     pub check_collisions: Option<bool>,

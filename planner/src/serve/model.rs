@@ -41,7 +41,7 @@ impl ModelAnswer {
 }
 
 fn settings(config: &Config) -> Value {
-    let Config { seed, gripper, detection: d, pitch_m, plane, clusters, ranking, collision } = config;
+    let Config { seed, gripper, detection: d, pitch_m, plane, clusters, ranking, collision, refinement } = config;
     let without_object = match ranking.without_object {
         WithoutObject::Last => "last",
         WithoutObject::Drop => "drop",
@@ -78,9 +78,17 @@ fn settings(config: &Config) -> Value {
             "object_distance_m_max": decimal(ranking.object_distance_m_max),
             "without_object": without_object,
         },
+        "refinement": {
+            "turns": refinement.turns,
+            "shifts": refinement.shifts,
+            "shift_m": decimal(refinement.shift_m),
+            "flat_m": decimal(refinement.flat_m),
+            "points_min": refinement.points_min,
+        },
         "collision": {
             "check": collision.check,
             "pregrasp_distance_m": decimal(collision.pregrasp_distance_m),
+            "margin_m": decimal(collision.margin_m),
             "points_max": collision.points_max,
         },
     })

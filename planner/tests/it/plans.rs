@@ -153,6 +153,29 @@ fn policies_give_the_same_grasps_in_their_own_orders() {
 }
 
 #[test]
+fn refined_hands_close_on_something_by_a_free_way() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/plan/refined.toml");
+    let planner = Planner::built_in(Config::read(&path).unwrap()).unwrap();
+    let plan = plan_with(&planner, &seen(), &Wishes { explain: true, ..Wishes::default() });
+    assert!(plan.grasps.len() > 5, "{}", plan.grasps.len());
+    let flatness: Vec<f32> = plan.grasps.iter().map(|g| g.quality * g.support.unwrap() as f32).collect();
+    assert!(flatness.is_sorted_by(|a, b| a >= b), "{flatness:?}");
+    let fingers = |width_m: f32| planner.gripper().fingers(width_m);
+    for ranked in &plan.grasps {
+        let grasp_from_workspace = ranked.grasp.workspace_from_grasp.inverse();
+        let local: Vec<Vec3> = plan.cloud.points_m.iter().map(|p| grasp_from_workspace * *p).collect();
+        let inside = |boxes: [schema::HandBox; 2]| {
+            local.iter().filter(|p| boxes.iter().any(|b| (**p - b.centre_m).abs().cmple(b.half_m).all())).count()
+        };
+        assert_eq!(inside(fingers(planner.gripper().opening_m_max)), 0, "the open fingers touch nothing");
+        assert!(inside(fingers(ranked.grasp.width_m - 0.004)) >= 20, "closed by 2 mm more a side they would");
+        assert!(ranked.grasp.width_m < planner.gripper().opening_m_max);
+    }
+    let no_hand = plan.dropped.iter().filter(|dropped| dropped.drop == Drop::NoHand).count();
+    assert_eq!(no_hand + plan.grasps.len(), plan.funnel.detections);
+}
+
+#[test]
 fn where_there_is_nothing_the_plan_says_so() {
     let reason = |observation: &Observation| {
         let plan = plan_with(&planner(), observation, &Wishes::default());
