@@ -5,6 +5,7 @@
 //! small ones, and stops after twelve tries in all, which leaves a part of its scenes short of objects.)
 
 use schema::{Grid, Pose, Quat, ShapeKind, Solid, Stream, Vec3, axis_angle};
+use simulator::SceneObject;
 
 /// How far above the table an object is let go.
 const DROP_M: f32 = 0.0005;
@@ -49,22 +50,9 @@ impl Default for PackedLaw {
     }
 }
 
-/// An object that stands almost on the table.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Placed {
-    /// Shape and size.
-    pub solid: Solid,
-    /// Mass in kilograms.
-    pub mass_kg: f32,
-    /// Coulomb friction coefficient.
-    pub friction: f32,
-    /// Where it stands.
-    pub workspace_from_object: Pose,
-}
-
 /// Draws the objects of a packed scene and their places; fewer than `law.count` where some found none.
 #[must_use]
-pub fn draw_packed(law: &PackedLaw, grid: &Grid, stream: &mut Stream) -> Vec<Placed> {
+pub fn draw_packed(law: &PackedLaw, grid: &Grid, stream: &mut Stream) -> Vec<SceneObject> {
     let mut placed = Vec::with_capacity(law.count);
     let mut taken: Vec<Footprint> = Vec::with_capacity(law.count);
     for _ in 0..law.count {
@@ -73,7 +61,7 @@ pub fn draw_packed(law: &PackedLaw, grid: &Grid, stream: &mut Stream) -> Vec<Pla
         let friction = stream.uniform(law.friction[0], law.friction[1]);
         if let Some((workspace_from_object, footprint)) = find_place(law, grid, &solid, &taken, stream) {
             let mass_kg = density_kg_m3 * solid.volume_m3();
-            placed.push(Placed { solid, mass_kg, friction, workspace_from_object });
+            placed.push(SceneObject { solid, mass_kg, friction, workspace_from_object });
             taken.push(footprint);
         }
     }
@@ -178,22 +166,22 @@ mod tests {
 
     use super::*;
 
-    fn scene(law: &PackedLaw, number: u64) -> Vec<Placed> {
+    fn scene(law: &PackedLaw, number: u64) -> Vec<SceneObject> {
         draw_packed(law, &Grid::PAPER, &mut Stream::new(3, number, Purpose::Objects, 0))
     }
 
-    fn corners_m(object: &Placed) -> Vec<Vec3> {
+    fn corners_m(object: &SceneObject) -> Vec<Vec3> {
         object.solid.vertices_m().into_iter().map(|v| object.workspace_from_object.transform_point(v)).collect()
     }
 
     /// Whether a point of the workspace lies in the solid itself: nothing is known here of rectangles or of yaw.
-    fn holds(object: &Placed, point: Vec3) -> bool {
+    fn holds(object: &SceneObject, point: Vec3) -> bool {
         let local = object.workspace_from_object.inverse().transform_point(point);
         object.solid.planes().iter().all(|plane| plane.normal.dot(local) <= plane.offset_m)
     }
 
     /// How many of 2 mm × 2 mm × 10 mm samples lie in each number of objects: none, one, more.
-    fn samples(objects: &[Placed]) -> [usize; 3] {
+    fn samples(objects: &[SceneObject]) -> [usize; 3] {
         let mut counts = [0; 3];
         for cell in 0..150 * 150 * 3 {
             let [i, j, k] = [cell % 150, cell / 150 % 150, cell / 22_500].map(|n| n as f32);

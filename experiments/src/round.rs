@@ -197,15 +197,7 @@ fn first_scene(config: &Config, round: u64) -> Result<Scene, RoundError> {
             }
             Objects::Packed(packed) => {
                 let mut stream = Stream::new(config.seed, round, Purpose::Drops, tries);
-                let objects: Vec<SceneObject> = draw_packed(packed, grid, &mut stream)
-                    .into_iter()
-                    .map(|placed| SceneObject {
-                        solid: placed.solid,
-                        mass_kg: placed.mass_kg,
-                        friction: placed.friction,
-                        workspace_from_object: placed.workspace_from_object,
-                    })
-                    .collect();
+                let objects = draw_packed(packed, grid, &mut stream);
                 settle_again(physics, law, grid, &objects)
             }
         };

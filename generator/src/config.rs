@@ -436,19 +436,11 @@ impl Check<'_> {
     }
 
     fn gripper(&mut self, name: &str, folder: Option<&Path>) -> Option<Gripper> {
-        let text = match Gripper::BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
-            Some((_, text)) => Ok((*text).to_owned()),
-            None if name.ends_with(".toml") => {
-                let path = folder.unwrap_or(Path::new("")).join(name);
-                std::fs::read_to_string(&path)
-                    .map_err(|e| format!("failed to read the gripper: {e}: {}", path.display()))
-            }
-            None => Err(format!(
-                "gripper must be a path that ends in .toml or one of {}, got {name}",
-                Gripper::BUILT_IN.map(|(name, _)| name).join(", ")
-            )),
+        let read = |file: &str| {
+            let path = folder.unwrap_or(Path::new("")).join(file);
+            std::fs::read_to_string(&path).map_err(|e| format!("failed to read the gripper: {e}: {}", path.display()))
         };
-        match text.and_then(|text| Gripper::from_toml(&text).map_err(|e| format!("{e}: {name}"))) {
+        match Gripper::named(name, read) {
             Ok(gripper) => Some(gripper),
             Err(message) => {
                 self.0.push(message);

@@ -453,19 +453,10 @@ fn out_of_range(raw: &Raw) -> Vec<String> {
 }
 
 fn read_gripper(name: &str, folder: Option<&Path>) -> Result<Gripper, String> {
-    let text = match Gripper::BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
-        Some((_, text)) => (*text).to_owned(),
-        None if name.ends_with(".toml") => {
-            let path = folder.unwrap_or(Path::new("")).join(name);
-            std::fs::read_to_string(&path)
-                .map_err(|e| format!("failed to read the gripper: {e}: {}", path.display()))?
-        }
-        None => {
-            let names = Gripper::BUILT_IN.map(|(name, _)| name).join(", ");
-            return Err(format!("gripper must be a path that ends in .toml or one of {names}, got {name}"));
-        }
-    };
-    Gripper::from_toml(&text).map_err(|e| format!("{e}: {name}"))
+    Gripper::named(name, |file| {
+        let path = folder.unwrap_or(Path::new("")).join(file);
+        std::fs::read_to_string(&path).map_err(|e| format!("failed to read the gripper: {e}: {}", path.display()))
+    })
 }
 
 #[cfg(test)]

@@ -64,6 +64,22 @@ impl Gripper {
     pub const BUILT_IN: [(&'static str, &'static str); 1] =
         [("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml"))];
 
+    /// The built-in gripper of that name, or the one in the file that a name ending in `.toml` means; `read` gives that file's text.
+    ///
+    /// # Errors
+    /// For people: the name is neither, `read`'s message, or what is wrong with the file.
+    pub fn named(name: &str, read: impl FnOnce(&str) -> Result<String, String>) -> Result<Self, String> {
+        let text = match Self::BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
+            Some((_, text)) => (*text).to_owned(),
+            None if name.ends_with(".toml") => read(name)?,
+            None => {
+                let names = Self::BUILT_IN.map(|(name, _)| name).join(", ");
+                return Err(format!("gripper must be a path that ends in .toml or one of {names}, got {name}"));
+            }
+        };
+        Self::from_toml(&text).map_err(|e| format!("{e}: {name}"))
+    }
+
     /// A gripper from the text of its TOML file.
     ///
     /// # Errors
