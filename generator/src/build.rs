@@ -10,7 +10,8 @@ use schema::{
 use simulator::{AttemptWorld, Execution, Scene, SceneRays, Settled, Unsettled, settle};
 
 use crate::candidates::{Candidate, draw_candidates};
-use crate::config::Config;
+use crate::config::{Config, Sampler};
+use crate::normals::draw_along_normals;
 use crate::objects::draw_drops;
 
 /// A scene that could not be built: every try was rejected.
@@ -78,11 +79,16 @@ pub fn make_scene_timed(
     let scene = Scene::from_records(config.grid.table_z_m, &objects);
     let mut views_stream = Stream::new(config.seed, scene_id, Purpose::Views, 0);
     let views = draw_views(&config.views, &config.grid, &mut views_stream);
-    let tsdf = observe(config, &scene, &views).values;
+    let rays = SceneRays::new(&scene);
+    let tsdf = observe(config, &rays, &views).values;
     ended(Stage::Observe { views: views.len() });
 
     let mut candidates_stream = Stream::new(config.seed, scene_id, Purpose::Candidates, 0);
-    let candidates = draw_candidates(&scene, attempt_count as usize, &mut candidates_stream);
+    let count = attempt_count as usize;
+    let candidates = match config.sampler {
+        Sampler::Rules => draw_candidates(&scene, count, &mut candidates_stream),
+        Sampler::Vgn => draw_along_normals(config, &objects, &rays, &views, count, &mut candidates_stream),
+    };
     let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
     ended(Stage::Prepare);
 
@@ -121,8 +127,7 @@ fn settled_scene(config: &Config, scene_id: u64) -> Result<(Settled, u32, SceneR
 }
 
 /// The TSDF of a scene from its views: a ray is cast for each pixel that a voxel falls on, no more.
-fn observe(config: &Config, scene: &Scene, views: &[View]) -> VoxelGrid {
-    let rays = SceneRays::new(scene);
+fn observe(config: &Config, rays: &SceneRays, views: &[View]) -> VoxelGrid {
     let mut tsdf = Tsdf::new(config.grid, config.truncation_voxels);
     for view in views {
         let camera = camera_at(view, &config.grid, config.intrinsics);

@@ -10,15 +10,15 @@ use crate::rules::{SLIDE_SHARE, TIP_DEPTH_M, Tilt, law_of};
 pub struct Candidate {
     /// The target, by its number in the scene.
     pub object_id: usize,
-    /// Row of Appendix A.
+    /// Row of Appendix A, or the approach along the surface's normal.
     pub rule: Rule,
     /// Object axis along which the hand closes, before the turn.
-    pub closing: Axis,
+    pub closing: Option<Axis>,
     /// r_y.
     pub tilt_rad: f32,
-    /// r_x; 0 for rules without.
+    /// r_x; 0 for rules without. Along a normal: the yaw.
     pub turn_rad: f32,
-    /// d_z.
+    /// d_z. Along a normal: how far behind the surface the tips end.
     pub depth_m: f32,
     /// d_x; 0 for rules without.
     pub slide_m: f32,
@@ -45,8 +45,8 @@ pub fn draw_candidates(scene: &Scene, count: usize, stream: &mut Stream) -> Vec<
 /// Draws one candidate for an object, approached along one of its axes. Takes the same number of draws for every rule.
 #[must_use]
 pub fn draw_candidate(object: &SceneObject, object_id: usize, approach: Axis, stream: &mut Stream) -> Candidate {
-    let rule = Rule { shape: object.solid.kind, approach };
-    let law = law_of(rule);
+    let rule = Rule { shape: object.solid.kind, approach: Some(approach) };
+    let law = law_of(rule.shape, approach);
     let closing = law.closing[stream.index(law.closing.len())];
     let (tilt, turn) = (stream.normal(0.0, 1.0), stream.uniform(0.0, 1.0));
     let (tip, slide) = (stream.uniform(TIP_DEPTH_M[0], TIP_DEPTH_M[1]), stream.normal(0.0, 1.0));
@@ -60,7 +60,7 @@ pub fn draw_candidate(object: &SceneObject, object_id: usize, approach: Axis, st
     let depth_m = tip - 0.5 * approach.of(object.solid.extents_m);
     let slide_m = if law.slides { SLIDE_SHARE * across.of(object.solid.extents_m) * slide } else { 0.0 };
     let workspace_from_grasp = place(object, object_from_base, turn_rad, tilt_rad, depth_m, slide_m);
-    Candidate { object_id, rule, closing, tilt_rad, turn_rad, depth_m, slide_m, workspace_from_grasp }
+    Candidate { object_id, rule, closing: Some(closing), tilt_rad, turn_rad, depth_m, slide_m, workspace_from_grasp }
 }
 
 fn third(a: Axis, b: Axis) -> Axis {
@@ -155,7 +155,8 @@ mod tests {
                 let tip = c.depth_m + 0.5 * l_z;
                 assert!((0.015 - 1e-6..0.035 + 1e-6).contains(&tip), "{context}: {c:?}");
             }
-            let across = |c: &Candidate| third(*axis, c.closing).of(object(*kind, Quat::IDENTITY).solid.extents_m);
+            let across =
+                |c: &Candidate| third(*axis, c.closing.unwrap()).of(object(*kind, Quat::IDENTITY).solid.extents_m);
             let slide = std(drawn.iter().map(|c| c.slide_m / (across(c) / 6.0)));
             assert!((slide - if *slides { 1.0 } else { 0.0 }).abs() < 0.03, "{context}: {slide}");
         }

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use shards::{DatasetInfo, ExitCode, FormatVersion};
 use simulator::{Physics, SettleLaw};
 
+use crate::normals::YAWS;
 use crate::raw::{RawConfig, RawPhysics};
 
 /// The default config and the built-in hand, in the binary, so that it runs anywhere.
@@ -33,6 +34,28 @@ pub struct ObjectLaw {
     pub drop_height_m: f32,
 }
 
+/// How grasps are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sampler {
+    /// By the paper's rules (Appendix A).
+    Rules,
+    /// VGN's: a seen point of the surface, the hand along its normal, six yaws.
+    Vgn,
+}
+
+impl Sampler {
+    const ALL: [Self; 2] = [Self::Rules, Self::Vgn];
+
+    /// The name in configs and datasets.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rules => "rules",
+            Self::Vgn => "vgn",
+        }
+    }
+}
+
 /// Everything that decides the rows of a dataset.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
@@ -44,6 +67,8 @@ pub struct Config {
     pub attempt_count: u64,
     /// Attempts per scene; the last scene takes the remainder.
     pub attempts_per_scene: u32,
+    /// How grasps are drawn.
+    pub sampler: Sampler,
     /// The hand.
     pub gripper: Gripper,
     /// The workspace.
@@ -201,13 +226,23 @@ impl Config {
         check.real("physics.table_friction", raw.physics.table_friction, 0.0, 5.0);
         check.procedure(&raw.procedure);
         let gripper = check.gripper(&raw.gripper, folder);
-        let (objects, views, gripper) = (objects?, views?, gripper?);
+        let sampler = Sampler::ALL.into_iter().find(|sampler| sampler.name() == raw.sampler);
+        check.that(sampler.is_some(), || {
+            format!("sampler must be one of {}, got {}", Sampler::ALL.map(Sampler::name).join(", "), raw.sampler)
+        });
+        let parted = sampler == Some(Sampler::Vgn) && !raw.attempts_per_scene.is_multiple_of(YAWS as u64);
+        check.that(!parted, || {
+            let got = raw.attempts_per_scene;
+            format!("attempts_per_scene must be a multiple of the {YAWS} yaws at a point, got {got}")
+        });
+        let (objects, views, gripper, sampler) = (objects?, views?, gripper?, sampler?);
         let (width_px, height_px) = (raw.camera.width_px as usize, raw.camera.height_px as usize);
         Some(Self {
             seed: raw.seed,
             shard_count: u32::try_from(raw.shards).ok()?,
             attempt_count: raw.attempts,
             attempts_per_scene: u32::try_from(raw.attempts_per_scene).ok()?,
+            sampler,
             gripper,
             grid: Grid {
                 resolution: raw.grid.resolution as usize,
@@ -261,7 +296,7 @@ impl Config {
     fn laws(&self) -> Value {
         let (objects, views) = (&self.objects, &self.views);
         json!({
-            "sampler": "rules",
+            "sampler": self.sampler.name(),
             "objects": {
                 "shapes": objects.shapes.iter().map(|s| s.name()).collect::<Vec<_>>(),
                 "counts": objects.counts.iter().map(|(count, _)| count).collect::<Vec<_>>(),

@@ -11,6 +11,7 @@ mod config;
 mod depth_images;
 #[cfg(any(test, fuzzing))]
 pub mod fuzzing;
+mod normals;
 mod objects;
 mod raw;
 mod repeat;
@@ -20,7 +21,7 @@ mod run;
 pub use bench::{Agreement, BenchReport, BenchSize, OutcomeCost, RunCost, StageCost, bench};
 pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
-pub use config::{Config, ConfigError, ObjectLaw, Overrides};
+pub use config::{Config, ConfigError, ObjectLaw, Overrides, Sampler};
 pub use depth_images::{DepthImagesError, Views, write_depth_images};
 pub use objects::draw_drops;
 pub use repeat::{Difference, RepeatError, Repeated, repeat};

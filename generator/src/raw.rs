@@ -9,6 +9,7 @@ pub(crate) struct RawConfig {
     pub shards: u64,
     pub attempts: u64,
     pub attempts_per_scene: u64,
+    pub sampler: String,
     pub gripper: String,
     pub grid: RawGrid,
     pub objects: RawObjects,

@@ -55,6 +55,8 @@ pub struct DetectionLaw {
     pub suppression_window_voxels: usize,
     /// Place of a grasp in its voxel, along each axis.
     pub voxel_offset: f32,
+    /// How far behind the finger tips, along the approach, the network has a grasp's origin: 0 in our datasets, a finger's length in VGN's.
+    pub origin_behind_tips_m: f32,
 }
 
 /// A side of the seen surface.
@@ -208,6 +210,7 @@ struct RawDetection {
     quality_min: f32,
     suppression_window_voxels: usize,
     voxel_offset: f32,
+    origin_behind_tips_m: f32,
 }
 
 #[derive(Deserialize)]
@@ -375,6 +378,7 @@ fn put_together(raw: &Raw, gripper: Gripper, words: Words) -> Config {
             quality_min: detection.quality_min,
             suppression_window_voxels: detection.suppression_window_voxels,
             voxel_offset: detection.voxel_offset,
+            origin_behind_tips_m: detection.origin_behind_tips_m,
         },
         pitch_m: cloud.pitch_m,
         plane: PlaneLaw {
@@ -419,6 +423,7 @@ fn out_of_range(raw: &Raw) -> Vec<String> {
         ("detection.width_voxels_max", d.width_voxels_max, d.width_voxels_min, 100.0),
         ("detection.quality_min", d.quality_min, 1e-6, 1.0),
         ("detection.voxel_offset", d.voxel_offset, 0.0, 1.0),
+        ("detection.origin_behind_tips_m", d.origin_behind_tips_m, 0.0, 0.3),
         ("cloud.pitch_m", cloud.pitch_m, 5e-4, 0.1),
         ("plane.threshold_m", plane.threshold_m, 1e-4, 0.1),
         ("plane.tilt_rad_max", plane.tilt_rad_max, 0.0, 1.57),

@@ -271,7 +271,8 @@ impl Planner {
         let [x, y, z, w] = [0, 1, 2, 3].map(|part| grids.rotation[part * count + flat]);
         let rotation = Quat::from_xyzw(x, y, z, w).normalize();
         let offset = self.config.detection.voxel_offset - 0.5;
-        let position_m = self.grid.centre_m(voxel) + Vec3::splat(offset * self.grid.voxel_size_m());
+        let origin_m = self.grid.centre_m(voxel) + Vec3::splat(offset * self.grid.voxel_size_m());
+        let position_m = origin_m + rotation * Vec3::Z * self.config.detection.origin_behind_tips_m;
         let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
         Grasp {
             workspace_from_grasp: towards_wrist(&pose_from_parts(rotation, position_m), wrist),

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Vec3;
+use crate::{Pose, Vec3};
 
 /// A parallel-jaw gripper.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -135,6 +135,12 @@ impl Gripper {
         let [left, right] = self.fingers(self.opening_m_max);
         [left, right, self.palm()]
     }
+
+    /// The point midway between the roots of the fingers, where VGN has a grasp's origin, in the workspace.
+    #[must_use]
+    pub fn finger_roots_m(&self, workspace_from_grasp: &Pose) -> Vec3 {
+        workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, -self.finger_length_m))
+    }
 }
 
 impl HandBox {
@@ -166,6 +172,13 @@ mod tests {
         assert!((inner_gap - 0.08).abs() < 1e-6);
         assert!((left.centre_m.z + left.half_m.z).abs() < 1e-6, "finger tips end at z = 0");
         assert!((palm.centre_m.z + palm.half_m.z + 0.05).abs() < 1e-6, "the palm begins behind the fingers");
+    }
+
+    #[test]
+    fn the_roots_are_a_fingers_length_behind_the_tips() {
+        let gripper = Gripper::from_toml(PAPER).unwrap();
+        let down = Pose::from_parts(Vec3::new(0.1, 0.1, 0.1), crate::axis_angle(Vec3::X, core::f32::consts::PI));
+        assert!((gripper.finger_roots_m(&down) - Vec3::new(0.1, 0.1, 0.15)).length() < 1e-6);
     }
 
     #[test]

@@ -60,15 +60,15 @@ pub struct AttemptRecord {
     pub attempt_id: u32,
     /// The target, by its number in the scene.
     pub object_id: u32,
-    /// Row of Appendix A.
+    /// Row of Appendix A, or the approach along the surface's normal.
     pub rule: Rule,
-    /// Object axis along which the hand closes, before the turn.
-    pub closing: Axis,
+    /// Object axis along which the hand closes, before the turn; `None` if no axis of the object decides.
+    pub closing: Option<Axis>,
     /// Drawn rotation about the grasp's y axis (Appendix A: r_y).
     pub tilt_rad: f32,
-    /// Drawn rotation about the grasp's x axis (r_x); 0 for rules without.
+    /// Drawn rotation about the grasp's x axis (r_x); 0 for rules without. Along a normal: the yaw about the approach.
     pub turn_rad: f32,
-    /// Drawn offset along the grasp's z axis, from the object's centre (d_z), in metres.
+    /// Drawn offset along the grasp's z axis, from the object's centre (d_z), in metres. Along a normal: from the surface.
     pub depth_m: f32,
     /// Drawn offset along the grasp's x axis (d_x), in metres; 0 for rules without.
     pub slide_m: f32,

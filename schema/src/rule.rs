@@ -1,4 +1,5 @@
-//! The rows of the paper's Appendix A, by name. Their laws stand in the generator, beside the code that draws from them.
+//! The rules that grasps are drawn by, by name: the rows of the paper's Appendix A, and VGN's approach along the surface's normal. Their
+//! laws stand in the generator, beside the code that draws from them.
 
 use crate::{ShapeKind, Vec3};
 
@@ -50,26 +51,40 @@ impl Axis {
     }
 }
 
-/// A row of Appendix A: a shape and the object axis along which it is approached.
+/// A row of Appendix A: a shape and the object axis along which it is approached. Without an axis: the shape is approached along its
+/// surface's normal, as VGN's grasps are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Rule {
     /// The shape.
     pub shape: ShapeKind,
-    /// The object axis of the approach.
-    pub approach: Axis,
+    /// The object axis of the approach; `None` along the surface's normal.
+    pub approach: Option<Axis>,
 }
 
 impl Rule {
-    /// The twelve rows.
+    /// The twelve rows of Appendix A.
     #[must_use]
     pub fn all() -> [Self; 12] {
-        core::array::from_fn(|i| Self { shape: ShapeKind::ALL[i / 3], approach: Axis::ALL[i % 3] })
+        core::array::from_fn(|i| Self { shape: ShapeKind::ALL[i / 3], approach: Some(Axis::ALL[i % 3]) })
+    }
+
+    /// The four approaches along the surface's normal.
+    #[must_use]
+    pub fn along_normals() -> [Self; 4] {
+        ShapeKind::ALL.map(|shape| Self { shape, approach: None })
+    }
+
+    /// Place among all rules: [`Self::all`], then [`Self::along_normals`].
+    #[must_use]
+    pub fn index(self) -> usize {
+        let shape = self.shape as usize;
+        self.approach.map_or(12 + shape, |axis| 3 * shape + axis as usize)
     }
 
     /// The name in shards and reports, such as `tri_prism_x`.
     #[must_use]
     pub fn name(self) -> &'static str {
-        const NAMES: [&str; 12] = [
+        const NAMES: [&str; 16] = [
             "cuboid_x",
             "cuboid_y",
             "cuboid_z",
@@ -82,14 +97,18 @@ impl Rule {
             "half_cylinder_x",
             "half_cylinder_y",
             "half_cylinder_z",
+            "cuboid_normal",
+            "cylinder_normal",
+            "tri_prism_normal",
+            "half_cylinder_normal",
         ];
-        NAMES[self.shape as usize * 3 + self.approach as usize]
+        NAMES[self.index()]
     }
 
     /// The rule with this name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::all().into_iter().find(|rule| rule.name() == name)
+        Self::all().into_iter().chain(Self::along_normals()).find(|rule| rule.name() == name)
     }
 }
 
@@ -99,9 +118,10 @@ mod tests {
 
     #[test]
     fn names_say_shape_and_axis_and_lead_back() {
-        for rule in Rule::all() {
-            assert_eq!(rule.name(), format!("{}_{}", rule.shape.name(), rule.approach.name()));
-            assert_eq!(Rule::from_name(rule.name()), Some(rule));
+        for (place, rule) in Rule::all().into_iter().chain(Rule::along_normals()).enumerate() {
+            let approach = rule.approach.map_or("normal", Axis::name);
+            assert_eq!(rule.name(), format!("{}_{approach}", rule.shape.name()));
+            assert_eq!((Rule::from_name(rule.name()), rule.index()), (Some(rule), place));
         }
     }
 }

@@ -59,6 +59,13 @@ fn front_matter(manifest: &Manifest) -> String {
     text
 }
 
+/// What some columns mean where no axis of an object decides.
+const ALONG_NORMALS: &str = "
+Rules that end in `_normal` are VGN's: the hand comes along the normal of a seen surface point, and several attempts in a row
+share the point. There `approach_axis` and `closing_axis` are `normal`, `depth_m` is how far behind the surface the finger tips end, and
+`turn_rad` is the yaw about the approach.
+";
+
 fn statistics(text: &mut String, manifest: &Manifest) {
     let totals = &manifest.totals;
     let labels = totals.labels;
@@ -75,10 +82,14 @@ fn statistics(text: &mut String, manifest: &Manifest) {
         let _ = writeln!(text, "| `{}` | {} | {} |", outcome.name(), grouped(count), percent(share));
     }
     text.push_str("\n| rule | attempts | positive |\n|---|---:|---:|\n");
-    for rule in Rule::all() {
+    let along_normals = Rule::along_normals().into_iter().filter(|rule| totals.rule(*rule).attempts > 0);
+    for rule in Rule::all().into_iter().chain(along_normals) {
         let tally = totals.rule(rule);
         let share = percent(tally.positive_share());
         let _ = writeln!(text, "| `{}` | {} | {share} |", rule.name(), grouped(tally.attempts));
+    }
+    if Rule::along_normals().into_iter().any(|rule| totals.rule(rule).attempts > 0) {
+        text.push_str(ALONG_NORMALS);
     }
     text.push_str("\n| table | rows | bytes |\n|---|---:|---:|\n");
     for table in Table::ALL {

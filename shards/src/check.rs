@@ -1,7 +1,7 @@
 //! What must hold for a row. Checked before rows are written and again after they are read, so that neither a
 //! defect of the generator nor one of the reader passes as data.
 
-use schema::{AttemptRecord, Gripper, HitKind, ObjectRecord, Outcome, Pose, SceneRecord, SceneRows, View};
+use schema::{AttemptRecord, Axis, Gripper, HitKind, ObjectRecord, Outcome, Pose, SceneRecord, SceneRows, View};
 
 use crate::DatasetInfo;
 
@@ -107,8 +107,11 @@ pub(crate) fn attempt(attempt: &AttemptRecord, gripper: &Gripper) -> Checked {
     within(&format!("{name} turn_rad"), attempt.turn_rad, -turn, turn)?;
     within(&format!("{name} depth_m"), attempt.depth_m, -POSITION_M_MAX, POSITION_M_MAX)?;
     within(&format!("{name} slide_m"), attempt.slide_m, -POSITION_M_MAX, POSITION_M_MAX)?;
-    must(attempt.rule.approach != attempt.closing, || {
-        format!("{name} must close across its approach, got {} for both", attempt.closing.name())
+    must(attempt.rule.approach.is_some() == attempt.closing.is_some(), || {
+        format!("{name} must have an axis of closing if it has one of approach, and else none")
+    })?;
+    must(attempt.closing.is_none() || attempt.rule.approach != attempt.closing, || {
+        format!("{name} must close across its approach, got {} for both", attempt.closing.map_or("none", Axis::name))
     })?;
     pose(&name, &attempt.workspace_from_grasp)?;
     width(&name, attempt, gripper)?;

@@ -9,6 +9,7 @@ use schema::{
 };
 
 use crate::check::{RowError, is_volume};
+use crate::encode::NO_AXIS;
 
 type Decoded<T> = Result<T, RowError>;
 
@@ -17,8 +18,7 @@ pub(crate) fn attempts(batch: &RecordBatch) -> Decoded<Vec<AttemptRecord>> {
     let columns = Columns(batch);
     let (scene, attempt, object) = (columns.i64s("scene_id")?, columns.i32s("attempt_id")?, columns.i32s("object_id")?);
     let (shape, rule) = (columns.names("shape", ShapeKind::from_name)?, columns.names("rule", Rule::from_name)?);
-    let (approach, closing) =
-        (columns.names("approach_axis", Axis::from_name)?, columns.names("closing_axis", Axis::from_name)?);
+    let (approach, closing) = (columns.names("approach_axis", axis)?, columns.names("closing_axis", axis)?);
     let (tilt, turn) = (columns.f32s("tilt_rad")?, columns.f32s("turn_rad")?);
     let (depth, slide) = (columns.f32s("depth_m")?, columns.f32s("slide_m")?);
     let poses = columns.poses()?;
@@ -64,6 +64,11 @@ pub(crate) fn attempts(batch: &RecordBatch) -> Decoded<Vec<AttemptRecord>> {
             Ok(record)
         })
         .collect()
+}
+
+/// An axis, or that none decides.
+fn axis(name: &str) -> Option<Option<Axis>> {
+    if name == NO_AXIS { Some(None) } else { Axis::from_name(name).map(Some) }
 }
 
 /// The rows of an `objects` batch.

@@ -17,19 +17,27 @@ use crate::column::{element, view_fields, voxel_type};
 
 type Encoded<T> = Result<T, ArrowError>;
 
+/// In place of an axis, where no axis of the object decides: the surface's normal, or the yaw about it.
+pub(crate) const NO_AXIS: &str = "normal";
+
 /// The `attempts` table.
 pub(crate) fn attempts(rows: &[AttemptRecord]) -> Encoded<RecordBatch> {
-    let axis = |of: fn(&AttemptRecord) -> Axis| {
-        names(Axis::ALL.map(Axis::name).as_slice(), rows.iter().map(|r| Some(of(r) as usize)))
+    // Words that only grasps along normals need stand only where there are some: the others' bytes do not know of them.
+    let has_normals = rows.iter().any(|r| r.rule.approach.is_none());
+    let axis = |of: fn(&AttemptRecord) -> Option<Axis>| {
+        let mut vocabulary = Axis::ALL.map(Axis::name).to_vec();
+        vocabulary.extend(has_normals.then_some(NO_AXIS));
+        names(&vocabulary, rows.iter().map(|r| Some(of(r).map_or(Axis::ALL.len(), |axis| axis as usize))))
     };
     let shape_names = ShapeKind::ALL.map(ShapeKind::name);
-    let rule_names = Rule::all().map(Rule::name);
+    let mut rule_names = Rule::all().map(Rule::name).to_vec();
+    rule_names.extend(Rule::along_normals().map(Rule::name).into_iter().filter(|_| has_normals));
     let mut columns = vec![
         i64s(rows.iter().map(|r| r.scene_id))?,
         i32s(rows.iter().map(|r| r.attempt_id))?,
         i32s(rows.iter().map(|r| r.object_id))?,
         names(&shape_names, rows.iter().map(|r| Some(r.rule.shape as usize)))?,
-        names(&rule_names, rows.iter().map(|r| Some(rule_index(r.rule))))?,
+        names(&rule_names, rows.iter().map(|r| Some(r.rule.index())))?,
         axis(|r| r.rule.approach)?,
         axis(|r| r.closing)?,
         f32s(rows.iter().map(|r| r.tilt_rad)),
@@ -121,11 +129,6 @@ fn voxels(rows: &[SceneRecord], resolution: usize) -> Encoded<ArrayRef> {
         array = Arc::new(FixedSizeListArray::try_new(element(voxel_type(resolution, depth)), length, array, None)?);
     }
     Ok(array)
-}
-
-/// Place of a rule in [`Rule::all`].
-fn rule_index(rule: Rule) -> usize {
-    rule.shape as usize * Axis::ALL.len() + rule.approach as usize
 }
 
 fn names(vocabulary: &[&str], indices: impl Iterator<Item = Option<usize>>) -> Encoded<ArrayRef> {

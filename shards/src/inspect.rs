@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use schema::{AttemptRecord, Grid, HitKind, Pose, SceneRows, Vec3};
+use schema::{AttemptRecord, Axis, Grid, HitKind, Pose, SceneRows, Vec3};
 
 use crate::DatasetInfo;
 
@@ -83,7 +83,7 @@ fn attempts(f: &mut Formatter<'_>, rows: &SceneRows) -> fmt::Result {
             attempt.attempt_id,
             attempt.object_id,
             attempt.rule.name(),
-            attempt.closing.name(),
+            attempt.closing.map_or("-", Axis::name),
             Placed(&attempt.workspace_from_grasp),
             attempt.outcome.name(),
             hit(attempt)

@@ -4,6 +4,7 @@ mod grids;
 mod item;
 mod load;
 mod loader;
+mod points;
 
 pub use grids::{Grids, SpoolError};
 pub use item::{GraspDataset, GraspItem, Treatment};

@@ -58,6 +58,7 @@ fn settings(config: &Config) -> Value {
             "quality_min": decimal(d.quality_min),
             "suppression_window_voxels": d.suppression_window_voxels,
             "voxel_offset": decimal(d.voxel_offset),
+            "origin_behind_tips_m": decimal(d.origin_behind_tips_m),
         },
         "cloud": { "pitch_m": decimal(*pitch_m) },
         "plane": {

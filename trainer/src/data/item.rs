@@ -47,12 +47,12 @@ pub(super) struct Record {
     pub(super) width_voxels: f32,
 }
 
-/// All attempts of a dataset whose grasp lies in the grid, by scene and attempt.
+/// All samples of a dataset whose grasp lies in the grid, by scene and attempt: one an attempt by a rule, one a point of VGN's.
 #[derive(Debug)]
 pub struct GraspDataset {
     pub(super) records: Vec<Record>,
     pub(super) grids: Grids,
-    /// Attempts left out because their grasp's origin lies outside the grid.
+    /// Samples left out because their grasp's origin lies outside the grid.
     pub(super) outside: u64,
 }
 

@@ -9,6 +9,7 @@ use shards::{Dataset, ExitCode, ReadError};
 
 use super::grids::{Grids, SpoolError};
 use super::item::{GraspDataset, Record};
+use super::points::samples;
 use crate::receptive_field::RESOLUTION;
 
 /// Why a dataset cannot be loaded.
@@ -63,7 +64,7 @@ pub fn load(
     let scenes = u32::try_from(info.scene_count).map_err(|_| LoadError::Scenes(info.scene_count))?;
     let grids = Grids::create(folder, scenes as usize)?;
     let failed = AtomicU32::new(u32::MAX); // the lowest shard that failed
-    let shards: Vec<Vec<Record>> = (0..info.shard_count)
+    let shards: Vec<(Vec<Record>, u64)> = (0..info.shard_count)
         .into_par_iter()
         .map(|shard| {
             if failed.load(Ordering::Relaxed) < shard {
@@ -77,19 +78,19 @@ pub fn load(
         .collect::<Vec<Result<_, LoadError>>>()
         .into_iter()
         .collect::<Result<_, _>>()?;
-    let records = shards.concat();
-    let outside = info.attempt_count - records.len() as u64;
+    let outside = shards.iter().map(|(_, outside)| outside).sum();
+    let records = shards.into_iter().flat_map(|(records, _)| records).collect();
     Ok(GraspDataset { records, grids, outside })
 }
 
-/// The samples of a shard, whose grids go to the file.
+/// The samples of a shard, whose grids go to the file, and how many lie outside the grid.
 fn load_shard(
     dataset: &Dataset,
     shard: u32,
     grids: &Grids,
     stop: &AtomicBool,
     scene_done: &(dyn Fn() + Sync),
-) -> Result<Vec<Record>, LoadError> {
+) -> Result<(Vec<Record>, u64), LoadError> {
     if stop.load(Ordering::Relaxed) {
         return Err(LoadError::Stopped);
     }
@@ -101,11 +102,13 @@ fn load_shard(
             return Err(LoadError::Stopped);
         }
     }
-    let attempts = dataset.read_attempts(shard)?;
-    Ok(attempts.iter().filter_map(|attempt| record(attempt, &dataset.info().grid)).collect())
+    let samples = samples(&dataset.read_attempts(shard)?, &dataset.info().gripper);
+    let records: Vec<Record> = samples.iter().filter_map(|sample| record(sample, &dataset.info().grid)).collect();
+    let outside = samples.len() - records.len();
+    Ok((records, outside as u64))
 }
 
-/// The sample of an attempt, or `None` if its grasp's origin lies outside the grid.
+/// The sample that an attempt stands for, or `None` if its grasp's origin lies outside the grid.
 fn record(attempt: &AttemptRecord, grid: &Grid) -> Option<Record> {
     let label = attempt.label();
     let grasp = Grasp {

@@ -1,0 +1,235 @@
+//! VGN's grasps: a seen point of an object's surface, the hand along its normal, six yaws about it (`generate_data.py`).
+//!
+//! Two things of the published code are not copied. It tries yaws from 0 to π, both ends included, which are one grasp: here
+//! they are six different ones. And it draws points until one will do: here it takes the last after [`TRIES_MAX`].
+
+use perception::camera_at;
+use schema::{Camera, Mat3, ObjectRecord, Plane, Pose, Quat, Rule, Stream, Vec3, View, axis_angle, pose_from_parts};
+use simulator::{SceneRays, ViewRays};
+
+use crate::candidates::Candidate;
+use crate::config::Config;
+
+/// Orientations that are tried at a point, evenly over half a turn.
+pub(crate) const YAWS: usize = 6;
+/// Points that are drawn for one that will do.
+const TRIES_MAX: u32 = 1_000;
+/// VGN's ε: the finger tips end between this share of the finger's length before the surface and as far beyond a whole length behind.
+const DEPTH_SHARE: f32 = 0.1;
+/// The normal must not point down: its z is above this.
+const NORMAL_Z_MIN: f32 = -0.1;
+/// Points are at least this far above the table …
+const ABOVE_TABLE_M: f32 = 0.005;
+/// … and this share of the workspace's side inside it.
+const MARGIN_SIZES: f32 = 1.0 / 15.0;
+/// A point is seen if the camera's depth there is its own, to this.
+const SEEN_WITHIN_M: f32 = 0.003;
+
+/// A point of an object's surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Touch {
+    object_id: usize,
+    point_m: Vec3,
+    normal: Vec3,
+}
+
+/// Draws `count` candidates in a scene that is seen from `views`: [`YAWS`] in a row about each point (the last point's may be fewer).
+///
+/// # Panics
+/// If there are no objects.
+#[must_use]
+pub(crate) fn draw_along_normals(
+    config: &Config,
+    objects: &[ObjectRecord],
+    rays: &SceneRays,
+    views: &[View],
+    count: usize,
+    stream: &mut Stream,
+) -> Vec<Candidate> {
+    let seen = |view: &View| {
+        let camera = camera_at(view, &config.grid, config.intrinsics);
+        (camera, rays.seen_from(&camera))
+    };
+    let cameras: Vec<(Camera, ViewRays)> = views.iter().map(seen).collect();
+    let mut candidates = Vec::with_capacity(count.next_multiple_of(YAWS));
+    while candidates.len() < count {
+        let touch = draw_seen(config, objects, &cameras, stream);
+        let length_m = config.gripper.finger_length_m;
+        let depth_m = length_m * stream.uniform(-DEPTH_SHARE, 1.0 + DEPTH_SHARE);
+        let shape = objects[touch.object_id].solid.kind;
+        candidates.extend((0..YAWS).map(|yaw| {
+            let turn_rad = core::f32::consts::PI * yaw as f32 / YAWS as f32;
+            Candidate {
+                object_id: touch.object_id,
+                rule: Rule { shape, approach: None },
+                closing: None,
+                tilt_rad: 0.0,
+                turn_rad,
+                depth_m,
+                slide_m: 0.0,
+                workspace_from_grasp: hand_at(&touch, turn_rad, depth_m),
+            }
+        }));
+    }
+    candidates.truncate(count);
+    candidates
+}
+
+/// A surface point that a camera sees, that looks up and lies inside the workspace; after [`TRIES_MAX`] draws the last.
+fn draw_seen(config: &Config, objects: &[ObjectRecord], cameras: &[(Camera, ViewRays)], stream: &mut Stream) -> Touch {
+    let grid = &config.grid;
+    let inside = MARGIN_SIZES * grid.size_m..=(1.0 - MARGIN_SIZES) * grid.size_m;
+    let will_do = |touch: &Touch| {
+        let Touch { point_m, normal, .. } = touch;
+        normal.z > NORMAL_Z_MIN
+            && point_m.z > grid.table_z_m + ABOVE_TABLE_M
+            && inside.contains(&point_m.x)
+            && inside.contains(&point_m.y)
+            && cameras.iter().any(|(camera, rays)| sees(camera, rays, touch))
+    };
+    let top_of_first = Touch { object_id: 0, point_m: objects[0].workspace_from_object.translation, normal: Vec3::Z };
+    let mut last = top_of_first;
+    for _ in 0..TRIES_MAX {
+        if let Some(touch) = draw_touch(objects, stream) {
+            last = touch;
+            if will_do(&touch) {
+                break;
+            }
+        }
+    }
+    last
+}
+
+fn sees(camera: &Camera, rays: &ViewRays, Touch { point_m, normal, .. }: &Touch) -> bool {
+    // What lies just behind an edge has nearly the depth of what is seen there.
+    if (camera.workspace_from_camera.translation - *point_m).dot(*normal) <= 0.0 {
+        return false;
+    }
+    let local_m = camera.workspace_from_camera.inverse_transform_point(*point_m);
+    let depth_m = camera.intrinsics.project(local_m).and_then(|pixel| rays.depth_at(pixel));
+    depth_m.is_some_and(|depth_m| (depth_m - local_m.z).abs() < SEEN_WITHIN_M)
+}
+
+/// Where a random straight line enters an object, or `None` if it misses: lines that are uniform over all that meet a ball enter
+/// the convex solids in it uniformly over their surfaces (Crofton), so that no face has to be measured.
+fn draw_touch(objects: &[ObjectRecord], stream: &mut Stream) -> Option<Touch> {
+    let discs: Vec<f32> =
+        objects.iter().map(|o| o.solid.bounding_radius_m()).map(|radius_m| radius_m * radius_m).collect();
+    let mut left = stream.uniform(0.0, discs.iter().sum());
+    let object_id = discs.iter().position(|disc| {
+        left -= disc;
+        left < 0.0
+    });
+    let object_id = object_id.unwrap_or(objects.len() - 1);
+    let (rotation, radius_share) = (stream.rotation(), stream.uniform(0.0, 1.0).sqrt());
+    let around = axis_angle(Vec3::Z, stream.uniform(0.0, core::f32::consts::TAU));
+    let ObjectRecord { solid, workspace_from_object: pose, .. } = &objects[object_id];
+    let aside_m = rotation * around * Vec3::X * (radius_share * solid.bounding_radius_m());
+    let (local_m, normal) = entry(&solid.planes(), aside_m, rotation * Vec3::Z)?;
+    Some(Touch { object_id, point_m: pose.transform_point(local_m), normal: pose.rotation * normal })
+}
+
+/// Where the line through `at_m` along `direction` enters a convex solid, and the normal there.
+fn entry(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<(Vec3, Vec3)> {
+    let (mut enter, mut exit, mut face) = (f32::NEG_INFINITY, f32::INFINITY, None);
+    for plane in planes {
+        let (speed, gap_m) = (plane.normal.dot(direction), plane.offset_m - plane.normal.dot(at_m));
+        if speed < 0.0 {
+            if gap_m / speed > enter {
+                (enter, face) = (gap_m / speed, Some(plane.normal));
+            }
+        } else if speed > 0.0 {
+            exit = exit.min(gap_m / speed);
+        } else if gap_m < 0.0 {
+            return None;
+        }
+    }
+    face.filter(|_| enter < exit).map(|normal| (at_m + direction * enter, normal))
+}
+
+/// The hand along the inward normal, its tips `depth_m` behind the surface, turned by `yaw_rad` from where its x lies in the plane of the
+/// workspace's x (VGN: `sample_grasp_point`, `evaluate_grasp_point`).
+fn hand_at(touch: &Touch, yaw_rad: f32, depth_m: f32) -> Pose {
+    let z = -touch.normal;
+    let start = if z.x.abs() > 1.0 - 1e-4 { Vec3::Y } else { Vec3::X };
+    let y = z.cross(start).normalize();
+    let unturned = Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z));
+    let rotation = (unturned * axis_angle(Vec3::Z, yaw_rad)).normalize();
+    pose_from_parts(rotation, touch.point_m + z * depth_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Purpose, ShapeKind, Solid};
+    use simulator::Scene;
+
+    use super::*;
+    use crate::config::Overrides;
+
+    fn record(solid: Solid, at: Vec3, rotation: Quat) -> ObjectRecord {
+        let workspace_from_object = pose_from_parts(rotation, at);
+        ObjectRecord { scene_id: 0, object_id: 0, solid, mass_kg: 0.1, friction: 1.0, workspace_from_object }
+    }
+
+    /// Lines enter each face as often as its area says, and the point lies on that face.
+    #[test]
+    fn touches_are_uniform_over_the_surface() {
+        let mut stream = Stream::new(4, 0, Purpose::Candidates, 0);
+        let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.08)).unwrap();
+        let objects = [record(solid, Vec3::ZERO, Quat::IDENTITY)];
+        let touches: Vec<Touch> = (0..40_000).filter_map(|_| draw_touch(&objects, &mut stream)).collect();
+        let area = 2.0 * (0.03 * 0.05 + 0.05 * 0.08 + 0.08 * 0.03);
+        for (axis, face) in [(Vec3::X, 0.05 * 0.08), (Vec3::Y, 0.08 * 0.03), (Vec3::Z, 0.03 * 0.05)] {
+            for normal in [axis, -axis] {
+                let on: Vec<&Touch> = touches.iter().filter(|t| t.normal.dot(normal) > 0.99).collect();
+                let share = on.len() as f32 / touches.len() as f32;
+                assert!((share / (face / area) - 1.0).abs() < 0.06, "{normal}: {share} of {}", face / area);
+                let half = 0.5 * solid.extents_m.dot(axis);
+                assert!(on.iter().all(|t| (t.point_m.dot(normal) - half).abs() < 1e-6), "{normal}");
+                // Uniform on the face: as many in the middle half of each side as outside it.
+                let in_middle = |t: &&&Touch| {
+                    let share = (t.point_m / solid.extents_m).abs();
+                    [share.x, share.y, share.z].into_iter().filter(|s| *s < 0.25).count() == 2
+                };
+                let middle = on.iter().filter(in_middle).count() as f32 / on.len() as f32;
+                assert!((middle - 0.25).abs() < 0.035, "{normal}: {middle} in the middle quarter");
+            }
+        }
+    }
+
+    #[test]
+    fn a_points_six_hands_share_origin_and_approach_and_touch_what_a_camera_sees() {
+        let config = Config::load(None, Overrides::default()).unwrap();
+        let solid = Solid::new(ShapeKind::Cylinder, Vec3::new(0.05, 0.05, 0.07)).unwrap();
+        let objects = [
+            record(solid, Vec3::new(0.12, 0.15, 0.085), Quat::IDENTITY),
+            record(solid, Vec3::new(0.2, 0.15, 0.075), axis_angle(Vec3::Y, core::f32::consts::FRAC_PI_2)),
+        ];
+        let rays = SceneRays::new(&Scene::from_records(config.grid.table_z_m, &objects));
+        // From the side of small x, so that what looks to large x is hidden.
+        let views = [View { radius_m: 0.6, polar_rad: 1.0, azimuth_rad: core::f32::consts::PI }];
+        let mut stream = Stream::new(4, 1, Purpose::Candidates, 0);
+        let drawn = draw_along_normals(&config, &objects, &rays, &views, 602, &mut stream);
+        assert_eq!(drawn.len(), 602);
+        let camera = camera_at(&views[0], &config.grid, config.intrinsics);
+        for point in drawn.chunks(YAWS) {
+            let first = point[0].workspace_from_grasp;
+            let approach = first.rotation * Vec3::Z;
+            let surface_m = first.translation - approach * point[0].depth_m;
+            assert!(
+                (surface_m - camera.workspace_from_camera.translation).dot(approach) > 0.0,
+                "faces away: {approach}"
+            );
+            assert!((-0.005..=0.055).contains(&point[0].depth_m) && approach.z < 0.1);
+            for (yaw, candidate) in point.iter().enumerate() {
+                let pose = candidate.workspace_from_grasp;
+                assert_eq!((pose.translation, candidate.depth_m), (first.translation, point[0].depth_m));
+                assert!(((pose.rotation * Vec3::Z) - approach).length() < 1e-5);
+                let back = axis_angle(approach, -core::f32::consts::PI * yaw as f32 / 6.0);
+                assert!((back * pose.rotation * Vec3::Y - first.rotation * Vec3::Y).length() < 1e-5, "{yaw}");
+            }
+        }
+        let hit: Vec<usize> = drawn.iter().map(|c| c.object_id).collect();
+        assert!(hit.contains(&0) && hit.contains(&1));
+    }
+}

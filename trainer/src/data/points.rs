@@ -1,0 +1,124 @@
+//! Samples from attempts: an attempt by a rule is one; the attempts along one point's normal are one together, as VGN makes it.
+//!
+//! VGN (`generate_data.py`: `evaluate_grasp_point`) tries several yaws about a point's normal. The point is good if one of them held; its
+//! orientation and width are those in the middle of the widest run of yaws that held. The published code looks for that run between
+//! 0 and π; a half turn is the same grasp, so here the run goes round. VGN's grasps have their origin between the roots of the fingers,
+//! not between the tips, and so have these samples.
+
+use core::f32::consts::PI;
+
+use schema::{AttemptRecord, Gripper};
+
+/// Of each sample the attempt that stands for it, its grasp where the network is to find it.
+pub(super) fn samples(attempts: &[AttemptRecord], gripper: &Gripper) -> Vec<AttemptRecord> {
+    attempts.chunk_by(|a, b| is_along_normal(a) && share_point(a, b)).map(|about| stand_in(about, gripper)).collect()
+}
+
+fn is_along_normal(attempt: &AttemptRecord) -> bool {
+    attempt.rule.approach.is_none()
+}
+
+fn share_point(a: &AttemptRecord, b: &AttemptRecord) -> bool {
+    (a.scene_id, a.rule, a.workspace_from_grasp.translation) == (b.scene_id, b.rule, b.workspace_from_grasp.translation)
+}
+
+fn stand_in(about: &[AttemptRecord], gripper: &Gripper) -> AttemptRecord {
+    let mut chosen = about[widest_run(about).unwrap_or(0)].clone();
+    if is_along_normal(&chosen) {
+        chosen.workspace_from_grasp.translation = gripper.finger_roots_m(&chosen.workspace_from_grasp);
+    }
+    chosen
+}
+
+/// The middle of the most yaws in a row that held; of equals the first, of an even number the earlier. `None` if none held.
+fn widest_run(about: &[AttemptRecord]) -> Option<usize> {
+    let count = about.len();
+    let held = |at: usize| about[at % count].label() == 1;
+    let starts = (0..count).filter(|start| held(*start));
+    let length = |start: usize| {
+        let end = if goes_round(about) { start + count } else { count };
+        (start..end).take_while(|at| held(*at)).count()
+    };
+    let widest =
+        starts.map(|start| (length(start), start)).reduce(|best, run| if run.0 > best.0 { run } else { best })?;
+    Some((widest.1 + (widest.0 - 1) / 2) % count)
+}
+
+/// Whether the yaws divide a half turn evenly: the last point of a dataset may have lost some.
+fn goes_round(about: &[AttemptRecord]) -> bool {
+    let step_rad = PI / about.len() as f32;
+    about.iter().enumerate().all(|(yaw, attempt)| (attempt.turn_rad - yaw as f32 * step_rad).abs() < 1e-3)
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Axis, Outcome, Pose, Quat, Rule, ShapeKind, Vec3};
+
+    use super::*;
+
+    fn attempt(attempt_id: u32, approach: Option<Axis>, at_m: Vec3, turn_rad: f32, held: bool) -> AttemptRecord {
+        AttemptRecord {
+            scene_id: 3,
+            attempt_id,
+            object_id: 0,
+            rule: Rule { shape: ShapeKind::Cuboid, approach },
+            closing: approach.map(|_| Axis::Y),
+            tilt_rad: 0.0,
+            turn_rad,
+            depth_m: 0.02,
+            slide_m: 0.0,
+            workspace_from_grasp: Pose::from_parts(at_m, Quat::from_xyzw(1.0, 0.0, 0.0, 0.0)),
+            outcome: if held { Outcome::Held } else { Outcome::Slipped },
+            hit: None,
+            hit_object_id: None,
+            width_m: Some(0.04),
+        }
+    }
+
+    fn about(held: &str) -> Vec<AttemptRecord> {
+        let yaws = held.chars().zip(0_u32..);
+        yaws.map(|(h, yaw)| attempt(yaw, None, Vec3::splat(0.1), PI * yaw as f32 / 6.0, h == '1')).collect()
+    }
+
+    fn gripper() -> Gripper {
+        Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap()
+    }
+
+    /// Runs found by hand; "100011" goes round: 4, 5, 0.
+    #[test]
+    fn a_point_is_its_widest_run_of_yaws() {
+        for (held, middle) in [
+            ("000000", 0),
+            ("000100", 3),
+            ("011100", 2),
+            ("110000", 0),
+            ("100011", 5),
+            ("110110", 0),
+            ("111111", 2),
+            ("110111", 5),
+            ("01", 1),
+            ("11", 0),
+        ] {
+            let found = samples(&about(held), &gripper());
+            assert_eq!(found.len(), 1, "{held}");
+            assert_eq!(found[0].attempt_id, middle, "{held}");
+            assert_eq!(found[0].label(), u8::from(held.contains('1')), "{held}");
+            // The hand looks straight down, its fingers are 50 mm long.
+            let at = found[0].workspace_from_grasp.translation;
+            assert!((at - Vec3::new(0.1, 0.1, 0.15)).length() < 1e-6, "{held}: {at}");
+        }
+    }
+
+    #[test]
+    fn points_are_kept_apart_and_rules_are_left_alone() {
+        let mut rows = about("010000");
+        rows.extend(about("000010").into_iter().map(|mut row| {
+            row.workspace_from_grasp.translation.x += 0.01;
+            row
+        }));
+        rows.extend((0..3).map(|id| attempt(id, Some(Axis::Z), Vec3::splat(0.2), 0.0, id == 1)));
+        let found = samples(&rows, &gripper());
+        assert_eq!(found.iter().map(|row| row.attempt_id).collect::<Vec<_>>(), [1, 4, 0, 1, 2]);
+        assert!(found[2..].iter().all(|row| row.workspace_from_grasp.translation == Vec3::splat(0.2)));
+    }
+}
