@@ -20,7 +20,7 @@ mod views;
 
 pub use cloud_view::{cloud_image, view_from};
 pub use clusters::{ClusterLaw, clusters};
-pub use noise::{DepthNoise, DexNoise, add_depth_noise};
+pub use noise::{DepthNoise, DexNoise, StereoNoise, add_depth_noise};
 pub use plane::{FoundPlane, PlaneLaw, find_plane};
 pub use surface::{surface_cloud, thinned};
 pub use tsdf::{TRUNCATION_VOXELS, Tsdf};

@@ -208,7 +208,7 @@ class Bullet:
         """Whether both fingers press on an object."""
         body = self.bodies[target]
         return all(
-            any(point[9] > 0 for point in pybullet.getContactPoints(body, self._hand, -1, finger, physicsClientId=self.client))
+            any(point[9] > 0 for point in pybullet.getContactPoints(body, self._hand, linkIndexB=finger, physicsClientId=self.client))
             for finger in (LEFT, RIGHT)
         )  # fmt: skip
 

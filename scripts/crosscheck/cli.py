@@ -68,7 +68,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("dataset", type=Path, help="folder of the dataset")
-    parser.add_argument("--scenes", type=_positive, metavar="N", help="only the first N scenes [default: all]")
+    parser.add_argument("--scenes", type=positive, metavar="N", help="only the first N scenes [default: all]")
     parser.add_argument("--engine", choices=[*engines.ENGINES, "all"], default="pybullet", help="[default: pybullet]")
     parser.add_argument("--ceiling", action="store_true", help="also compare the engine with itself")
     parser.add_argument("--report", type=Path, metavar="F.md", help="write a report, pictures in a folder beside it")
@@ -79,7 +79,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _positive(text: str) -> int:
+def positive(text: str) -> int:
+    """A whole number above 0, for argparse."""
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError("must be at least 1")

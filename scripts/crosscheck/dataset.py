@@ -49,7 +49,7 @@ def read(folder: Path, scene_count: int | None) -> Dataset:
     try:
         physics = info["config"]["physics"]
         environment = Environment(info["grid"]["table_z_m"], physics["table_friction"], physics["gravity_m_s2"])
-        gripper, procedure = _build(Gripper, info["gripper"]), _build(Procedure, info["procedure"])
+        gripper, procedure = build(Gripper, info["gripper"]), build(Procedure, info["procedure"])
         total, seed, rate = int(info["scene_count"]), int(info["seed"]), float(physics["step_rate_hz"])
     except (KeyError, TypeError, ValueError) as error:
         raise DamagedDataset(f"meta/info.json: {error!r}") from error
@@ -71,7 +71,7 @@ def _read_info(folder: Path) -> dict:
     return info
 
 
-def _build(kind: type, values: dict):
+def build(kind: type, values: dict):
     """A dataclass from the keys that it names; a missing key is an error, a new one is not."""
     return kind(**{field.name: values[field.name] for field in fields(kind)})
 
@@ -109,7 +109,8 @@ def _scene(scene_id: int, objects: list[dict], attempts: list[dict]) -> Scene:
     return Scene(scene_id, made, tried)
 
 
-def _pose(row: dict) -> Pose:
+def pose_of(row: dict) -> Pose:
+    """A row's pose, its columns named as in `POSE`; raises ValueError if that is none."""
     position = np.array([row[key] for key in POSE[:3]], dtype=float)
     quat = np.array([row[key] for key in POSE[3:]], dtype=float)
     length = np.linalg.norm(quat)
@@ -122,7 +123,7 @@ def _object(row: dict) -> SceneObject:
     solid = Solid(row["shape"], (row["size_x_m"], row["size_y_m"], row["size_z_m"]))
     if not (row["mass_kg"] > 0 and row["friction"] >= 0):
         raise ValueError(f"mass {row['mass_kg']} kg, friction {row['friction']}")
-    return SceneObject(solid, row["mass_kg"], row["friction"], _pose(row))
+    return SceneObject(solid, row["mass_kg"], row["friction"], pose_of(row))
 
 
 def _attempt(row: dict, object_count: int) -> Attempt:
@@ -132,5 +133,5 @@ def _attempt(row: dict, object_count: int) -> Attempt:
         raise ValueError(f"attempt {row['attempt_id']} aims at object {row['object_id']} of {object_count}")
     width = float("nan") if row["width_m"] is None else row["width_m"]
     return Attempt(
-        row["attempt_id"], row["object_id"], row["shape"], row["rule"], _pose(row), row["outcome"], row["hit"], width
+        row["attempt_id"], row["object_id"], row["shape"], row["rule"], pose_of(row), row["outcome"], row["hit"], width
     )

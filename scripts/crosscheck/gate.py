@@ -67,9 +67,8 @@ def judge(scene: Scene, poses: list[Pose], gripper: Gripper, procedure: Procedur
 def _object_gaps(scene_object, rotations: np.ndarray, origins: np.ndarray, boxes: list[HandBox]) -> np.ndarray:
     pose = scene_object.workspace_from_object
     back = np.swapaxes(rotations, 1, 2)
-    return separation(
-        scene_object.solid, back @ pose.rotation, np.einsum("aij,aj->ai", back, pose.position_m - origins), boxes
-    )
+    turned, placed = back @ pose.rotation, np.einsum("aij,aj->ai", back, pose.position_m - origins)
+    return np.min([separation(part, turned, placed, boxes) for part in scene_object.solid.convexes], axis=0)
 
 
 def _table_gaps(rotations: np.ndarray, origins: np.ndarray, boxes: list[HandBox], table_z_m: float) -> np.ndarray:

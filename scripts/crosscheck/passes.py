@@ -88,14 +88,21 @@ def drift(dataset: Dataset, engine: Engine) -> Drift:
     """Lets every scene rest for half a second."""
     moved, turned = [], []
     for scene in _shown("drift", dataset):
-        engine.load(scene, dataset.gripper, dataset.environment)
-        engine.begin(None, None)
-        before, quats = engine.positions_m(), engine.quats_xyzw()
-        for _ in range(round(DRIFT_TIME_S * engine.step_rate_hz)):
-            engine.step()
-        moved += list(np.linalg.norm(engine.positions_m() - before, axis=1))
-        turned += [angle_between_rad(a, b) for a, b in zip(quats, engine.quats_xyzw())]
+        one = scene_drift(dataset, scene, engine)
+        moved += list(one.moved_m)
+        turned += list(one.turned_rad)
     return Drift(np.array(moved), np.array(turned))
+
+
+def scene_drift(dataset: Dataset, scene: Scene, engine: Engine) -> Drift:
+    """Lets one scene rest for half a second."""
+    engine.load(scene, dataset.gripper, dataset.environment)
+    engine.begin(None, None)
+    before, quats = engine.positions_m(), engine.quats_xyzw()
+    for _ in range(round(DRIFT_TIME_S * engine.step_rate_hz)):
+        engine.step()
+    moved = np.linalg.norm(engine.positions_m() - before, axis=1)
+    return Drift(moved, np.array([angle_between_rad(a, b) for a, b in zip(quats, engine.quats_xyzw())]))
 
 
 def displaced(distance_m: float, seed: int) -> Jitter:

@@ -47,6 +47,11 @@ class Solid:
         return np.stack([y * np.cos(turn), 2 * z * np.sin(turn) - z], axis=1)
 
     @property
+    def convexes(self) -> list[Solid]:
+        """The convex parts that the gate tests: the solid itself."""
+        return [self]
+
+    @property
     def half_length_m(self) -> float:
         """Half the length along the extrusion axis (z of a cylinder, x of every other shape)."""
         return self.extents_m[2 if self.kind == "cylinder" else 0] / 2

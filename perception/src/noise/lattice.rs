@@ -1,0 +1,96 @@
+//! Normal variates on a coarse lattice over an image, read bilinearly: noise that is smooth over a few pixels.
+
+use schema::{DepthImage, Stream};
+
+/// Independent N(0, std²) at lattice points, spread evenly over an image.
+pub(super) struct Lattice {
+    columns: usize,
+    rows: usize,
+    columns_per_px: f32,
+    rows_per_px: f32,
+    values: Vec<f32>,
+}
+
+impl Lattice {
+    /// Draws `columns` times `rows` values for an image of this size.
+    pub(super) fn draw(image: &DepthImage, [columns, rows]: [usize; 2], std: f32, stream: &mut Stream) -> Self {
+        Self {
+            columns,
+            rows,
+            columns_per_px: columns as f32 / image.width_px as f32,
+            rows_per_px: rows as f32 / image.height_px as f32,
+            values: (0..columns * rows).map(|_| stream.normal(0.0, std)).collect(),
+        }
+    }
+
+    /// The value at a pixel. Beyond the lattice's edges it is 0, as in the image resizing that GIGA calls
+    /// (`skimage.transform.resize`, `order=1`, `mode="constant"`).
+    pub(super) fn at(&self, u: usize, v: usize) -> f32 {
+        let [x, y] = self.place(u, v);
+        let (left, top) = (x.floor(), y.floor());
+        let (right_share, bottom_share) = (x - left, y - top);
+        let row = |y: f32| self.point(left, y) * (1.0 - right_share) + self.point(left + 1.0, y) * right_share;
+        row(top) * (1.0 - bottom_share) + row(top + 1.0) * bottom_share
+    }
+
+    /// The value at a pixel with the standard deviation of the lattice points, wherever the pixel lies.
+    ///
+    /// A weighted mean of independent values has Σw² of their variance: between four points a quarter of it. Dividing
+    /// by √Σw², over the points that exist, undoes that. There must be a point, and no more of them than pixels.
+    pub(super) fn even_at(&self, u: usize, v: usize) -> f32 {
+        let [x, y] = self.place(u, v);
+        self.at(u, v) / (squared_shares(x, self.columns) * squared_shares(y, self.rows)).sqrt()
+    }
+
+    /// Where a pixel lies, in lattice points.
+    fn place(&self, u: usize, v: usize) -> [f32; 2] {
+        [(u as f32 + 0.5) * self.columns_per_px - 0.5, (v as f32 + 0.5) * self.rows_per_px - 0.5]
+    }
+
+    fn point(&self, x: f32, y: f32) -> f32 {
+        let inside = x >= 0.0 && y >= 0.0 && x < self.columns as f32 && y < self.rows as f32;
+        if inside { self.values[y as usize * self.columns + x as usize] } else { 0.0 }
+    }
+}
+
+/// Sum of the squared shares of the points to both sides of `x`, out of `count` on an axis.
+fn squared_shares(x: f32, count: usize) -> f32 {
+    let share = x - x.floor();
+    let squared = |point: f32, share: f32| if (0.0..count as f32).contains(&point) { share * share } else { 0.0 };
+    squared(x.floor(), 1.0 - share) + squared(x.floor() + 1.0, share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::tests::{flat_image, moments, stream};
+
+    /// Corners, edges and every phase between the points. The variance of n normal variates is known to √(2 / n), as a
+    /// share; five times that for the worst of 108 pixels.
+    #[test]
+    fn even_values_have_one_variance_at_every_pixel() {
+        let (image, lattices) = (flat_image(12, 9, 1.0), 4000);
+        let mut stream = stream(1);
+        let mut values = vec![Vec::new(); 12 * 9];
+        for _ in 0..lattices {
+            let lattice = Lattice::draw(&image, [4, 3], 0.5, &mut stream);
+            for (pixel, values) in values.iter_mut().enumerate() {
+                values.push(f64::from(lattice.even_at(pixel % 12, pixel / 12)));
+            }
+        }
+        let count = f64::from(lattices);
+        for (pixel, values) in values.iter().enumerate() {
+            let (mean, variance) = moments(values);
+            assert!(mean.abs() < 5.0 * 0.5 / count.sqrt(), "mean {mean} at {pixel}");
+            assert!((variance / 0.25 - 1.0).abs() < 5.0 * (2.0 / count).sqrt(), "variance {variance} at {pixel}");
+        }
+    }
+
+    #[test]
+    fn a_lattice_of_one_point_is_that_value_everywhere() {
+        let lattice = Lattice::draw(&flat_image(3, 2, 1.0), [1, 1], 1.0, &mut stream(2));
+        for (u, v) in [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)] {
+            assert!((lattice.even_at(u, v) - lattice.values[0]).abs() < 1e-5, "{} at {u}, {v}", lattice.even_at(u, v));
+        }
+    }
+}

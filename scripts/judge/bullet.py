@@ -1,0 +1,80 @@
+"""The cross-check's PyBullet, for scenes with bodies of several parts as well.
+
+Such a body is a base without a shape, which has all of the mass, and one link without mass fixed to it for each part: PyBullet
+makes a shape of corners for a link, but none of several hulls. The base stands at the centre of mass and along the principal
+axes. PyBullet changes the collision margin of bases only, but a shape is shared by all that were made of it: each part's is
+first the base of a body of its own, where its margin is set.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pybullet
+from crosscheck.bullet import NO_TURN, Bullet
+from crosscheck.contract import SceneObject
+from crosscheck.pose import Pose, product
+
+from .compound import Compound, box_of
+from .hull import Hull
+
+
+class JudgeBullet(Bullet):
+    """A PyBullet world whose scenes may hold compounds; see `crosscheck.attempt.Engine`."""
+
+    def begin(self, workspace_from_grasp: Pose | None, retreat: np.ndarray | None) -> None:
+        """A fresh world."""
+        # Orientation of a compound's base in the object's frame, by body.
+        self._turns: dict[int, np.ndarray] = {}
+        super().begin(workspace_from_grasp, retreat)
+
+    def _add_object(self, scene_object: SceneObject) -> int:
+        if not isinstance(scene_object.solid, Compound):
+            return super()._add_object(scene_object)
+        c, compound, pose = self.client, scene_object.solid, scene_object.workspace_from_object
+        moments, base = compound.principal(scene_object.mass_kg)
+        parts = [self._part(part) for part in compound.convexes]
+        count = len(parts)
+        back = conjugate(base.quat_xyzw)
+        body = pybullet.createMultiBody(
+            scene_object.mass_kg, -1,
+            basePosition=pose.apply(base.position_m), baseOrientation=product(pose.quat_xyzw, base.quat_xyzw),
+            linkMasses=[0.0] * count, linkCollisionShapeIndices=[shape for shape, _ in parts],
+            linkVisualShapeIndices=[-1] * count,
+            linkPositions=[(at.position_m - base.position_m) @ base.rotation for _, at in parts],
+            linkOrientations=[product(back, at.quat_xyzw) for _, at in parts],
+            linkInertialFramePositions=[[0, 0, 0]] * count, linkInertialFrameOrientations=[NO_TURN] * count,
+            linkParentIndices=[0] * count, linkJointTypes=[pybullet.JOINT_FIXED] * count,
+            linkJointAxis=[[0, 0, 1]] * count, physicsClientId=c,
+        )  # fmt: skip
+        self._surface(body, -1, scene_object.friction, localInertiaDiagonal=moments)
+        for link in range(count):
+            self._surface(body, link, scene_object.friction)
+        self._turns[body] = base.quat_xyzw
+        return body
+
+    def _part(self, part: Hull) -> tuple[int, Pose]:
+        """A part's shape, and the frame that it is in: Bullet's box for a cuboid, else a hull, as for solids."""
+        c, margin = self.client, self.options.margin_m
+        box = box_of(part)
+        if box:
+            at, half = box
+            shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=c)
+        else:
+            at = Pose(part.centroid_m, np.array(NO_TURN))
+            corners = part.shrunk(margin) - at.position_m
+            shape = pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=c)
+        carrier = pybullet.createMultiBody(0, shape, physicsClientId=c)
+        pybullet.changeDynamics(carrier, -1, collisionMargin=margin, physicsClientId=c)
+        pybullet.removeBody(carrier, physicsClientId=c)
+        return shape, at
+
+    def _pose(self, body: int) -> Pose:
+        """Where an object's centre of mass is, and how its frame is turned."""
+        pose = super()._pose(body)
+        turn = self._turns.get(body)
+        return pose if turn is None else Pose(pose.position_m, product(pose.quat_xyzw, conjugate(turn)))
+
+
+def conjugate(quat_xyzw: np.ndarray) -> np.ndarray:
+    """The inverse of a unit quaternion (4,)."""
+    return quat_xyzw * np.array([-1.0, -1.0, -1.0, 1.0])

@@ -1,0 +1,148 @@
+"""Convex hulls of a few points, by trying every plane through three of them: slow, obvious, and exact where faces have many corners."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+POINTS_MAX = 256
+# Points within this share of the hull's size are on a plane; coordinates are rounded to single precision.
+PLANE_TOLERANCE = 1e-6
+# Triples looked at in one go, for memory's sake.
+CHUNK = 20_000
+
+
+@dataclass(frozen=True)
+class Hull:
+    """A convex polyhedron: corners (n, 3) and its faces' corners by number, counter-clockwise seen from outside."""
+
+    vertices_m: np.ndarray
+    faces: tuple[np.ndarray, ...]
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Outward unit normals (f, 3)."""
+        areas = np.array([_area_vector(self.vertices_m[face]) for face in self.faces])
+        return areas / np.linalg.norm(areas, axis=1, keepdims=True)
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """Unit directions (e, 3) of the edges, parallel ones once."""
+        rings = [self.vertices_m[face] for face in self.faces]
+        sides = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in rings])
+        return _distinct(sides / np.linalg.norm(sides, axis=1, keepdims=True))
+
+    @cached_property
+    def volume_m3(self) -> float:
+        """Volume, by the divergence theorem."""
+        return float(self._tetrahedra[1].sum())
+
+    @cached_property
+    def centroid_m(self) -> np.ndarray:
+        """Centre of mass (3,) of the uniform solid."""
+        corners, volumes = self._tetrahedra
+        return volumes @ corners.mean(axis=1) / self.volume_m3
+
+    @cached_property
+    def second_moments_m5(self) -> np.ndarray:
+        """Integral (3, 3) of the products of a point's coordinates over the solid, from its centroid."""
+        corners, volumes = self._tetrahedra
+        corners = corners - self.centroid_m
+        total = corners.sum(axis=1)
+        products = np.einsum("tci,tcj->tij", corners, corners) + np.einsum("ti,tj->tij", total, total)
+        return np.einsum("t,tij->ij", volumes, products) / 20
+
+    @cached_property
+    def _tetrahedra(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (t, 4, 3) and volumes (t,) of tetrahedra from the corners' middle to the triangles of the faces."""
+        triangles = np.array([[f[0], f[i], f[i + 1]] for f in self.faces for i in range(1, len(f) - 1)])
+        middle = np.broadcast_to(self.vertices_m.mean(axis=0), (len(triangles), 1, 3))
+        corners = np.concatenate([middle, self.vertices_m[triangles]], axis=1)
+        return corners, np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
+
+    def shrunk(self, margin_m: float) -> np.ndarray:
+        """Corners (n, 3) whose faces lie `margin_m` further in; only nearly so where more than three faces meet."""
+        moved = []
+        for number, corner in enumerate(self.vertices_m):
+            meeting = np.array([number in face for face in self.faces])
+            normals = self.normals[meeting]
+            moved.append(corner + np.linalg.lstsq(normals, np.full(len(normals), -margin_m), rcond=1e-3)[0])
+        return np.array(moved)
+
+
+def hull_of(points_m: Iterable[Iterable[float]]) -> Hull:
+    """The hull of points (n, 3); raises ValueError if they span no volume. Points within the hull are left out."""
+    points = np.array(points_m, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3 or not 4 <= len(points) <= POINTS_MAX or not np.isfinite(points).all():
+        raise ValueError(f"a hull needs 4 to {POINTS_MAX} finite points of 3 coordinates, got an array of shape {points.shape}")
+    tolerance = PLANE_TOLERANCE * (np.ptp(points, axis=0).max() + np.abs(points).max())
+    points = _apart(points, tolerance)
+    faces: list[np.ndarray] = []
+    for normal, offset, triple in _supporting_planes(points, tolerance):
+        if any(np.isin(triple, face).all() for face in faces):
+            continue
+        on_plane = np.flatnonzero(np.abs(points @ normal - offset) <= tolerance)
+        faces.append(on_plane[_turning(points[on_plane], normal)])
+    areas = np.array([_area_vector(points[face]) for face in faces]).reshape(-1, 3)
+    if len(faces) < 4 or np.linalg.norm(areas.sum(axis=0)) > 1e-3 * np.linalg.norm(areas, axis=1).sum():
+        raise ValueError("the points span no volume, or a hull that does not close")
+    used = np.unique(np.concatenate(faces))
+    return Hull(points[used], tuple(np.searchsorted(used, face) for face in faces))
+
+
+def _supporting_planes(points: np.ndarray, tolerance: float) -> list[tuple[np.ndarray, float, np.ndarray]]:
+    """Outward normal, offset and three points of every plane with all points on one side; the largest triangles first,
+    for theirs are the most exact."""
+    triples = np.array(list(combinations(range(len(points)), 3))).reshape(-1, 3)
+    kept = []
+    for start in range(0, len(triples), CHUNK):
+        some = triples[start : start + CHUNK]
+        a, b, c = (points[some[:, i]] for i in range(3))
+        cross = np.cross(b - a, c - a)
+        area = np.linalg.norm(cross, axis=1)
+        longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - a, c - b)], axis=0)
+        # Three points in a row lie on no particular plane.
+        some, a, cross, area = (x[area > 10 * tolerance * longest] for x in (some, a, cross, area))
+        normals = cross / area[:, None]
+        offsets = np.einsum("ti,ti->t", normals, a)
+        height = normals @ points.T - offsets[:, None]
+        for sign, is_outside in ((1.0, height.max(axis=1) <= tolerance), (-1.0, height.min(axis=1) >= -tolerance)):
+            kept += [(area[i], sign * normals[i], sign * offsets[i], some[i]) for i in np.flatnonzero(is_outside)]
+    kept.sort(key=lambda plane: (-plane[0], plane[3].tolist()))
+    return [plane[1:] for plane in kept]
+
+
+def _turning(corners: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The order (n,) of a face's corners, counter-clockwise about its normal."""
+    middle = corners.mean(axis=0)
+    across = corners[np.argmax(np.linalg.norm(corners - middle, axis=1))] - middle
+    angle = np.arctan2((corners - middle) @ np.cross(normal, across), (corners - middle) @ across)
+    return np.argsort(angle, kind="stable")
+
+
+def _area_vector(corners: np.ndarray) -> np.ndarray:
+    """Area times normal (3,) of a polygon (n, 3)."""
+    arms = corners - corners[0]
+    return np.cross(arms[:-1], arms[1:]).sum(axis=0) / 2
+
+
+def _apart(points: np.ndarray, tolerance: float) -> np.ndarray:
+    """The points without those that repeat an earlier one."""
+    kept: list[np.ndarray] = []
+    for point in points:
+        if all(np.linalg.norm(point - other) > tolerance for other in kept):
+            kept.append(point)
+    return np.array(kept)
+
+
+def _distinct(directions: np.ndarray) -> np.ndarray:
+    """Unit directions without repetitions and opposites."""
+    kept: list[np.ndarray] = []
+    for direction in directions:
+        if all(np.linalg.norm(np.cross(direction, other)) > 1e-4 for other in kept):
+            kept.append(direction)
+    return np.array(kept)
