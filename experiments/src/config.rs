@@ -1,13 +1,16 @@
 //! An experiment's file: which scenes, seen how, planned with what, and when a round ends. All problems are told at once.
+//!
+//! Any key can be set from outside the file, and any of the planner's (`plan.ranking.policy`), so that an ablation is a command.
 
 use std::path::{Path, PathBuf};
 
 use generator::Overrides;
-use perception::{DepthNoise, DexNoise};
+use perception::{DepthNoise, DexNoise, StereoNoise, camera_at};
 use planner::Planner;
-use schema::{View, keys_unlike};
+use schema::{Camera, View, keys_unlike};
 use serde::Deserialize;
 
+use crate::catalogue::{Catalogue, CatalogueError, Thing};
 use crate::packed::PackedLaw;
 
 /// The reference for what keys there are.
@@ -18,14 +21,16 @@ const REFERENCE: &str = include_str!("../../configs/experiment/pile.toml");
 pub struct Config {
     /// The protocol's name; every number carries it.
     pub protocol: String,
-    /// Seed of every scene.
-    pub seed: u64,
-    /// Rounds.
+    /// Seeds of the scenes; each has all rounds.
+    pub seeds: Vec<u64>,
+    /// Rounds of a seed.
     pub rounds: u64,
     /// How scenes are made, hands close and cameras see: a generator's config.
     pub scene: generator::Config,
     /// Which objects, and how they come to lie.
     pub objects: Objects,
+    /// Whether placements that the hand cannot span are drawn anew.
+    pub viable_only: bool,
     /// Where the cameras stand.
     pub views: Views,
     /// What is wrong with their depths.
@@ -36,7 +41,7 @@ pub struct Config {
     pub plan: planner::Config,
     /// The network's file; `None` for the one that comes with the program.
     pub model: Option<PathBuf>,
-    /// The file as it was read.
+    /// All that decides the rounds but network and seeds: the experiment, the planner's settings and the scenes', as resolved.
     pub text: String,
 }
 
@@ -50,9 +55,32 @@ pub enum Objects {
     },
     /// So many upright ones side by side.
     Packed(PackedLaw),
+    /// Objects of a catalogue, dropped one by one: round after round the next of these names.
+    Things(Vec<(String, Vec<Thing>)>),
 }
 
-/// Cameras evenly about the workspace, all looking at the middle of its floor.
+impl Objects {
+    /// What the scene of a round is called.
+    #[must_use]
+    pub fn group(&self, scene_id: u64) -> String {
+        match self {
+            Self::Pile { .. } => "pile".to_owned(),
+            Self::Packed(_) => "packed".to_owned(),
+            Self::Things(groups) => groups[scene_id as usize % groups.len()].0.clone(),
+        }
+    }
+
+    /// How many objects must be there once a scene is at rest: of named ones all.
+    #[must_use]
+    pub fn count_min(&self, scene_id: u64) -> usize {
+        match self {
+            Self::Pile { .. } | Self::Packed(_) => 1,
+            Self::Things(groups) => groups[scene_id as usize % groups.len()].1.len(),
+        }
+    }
+}
+
+/// Cameras evenly about the workspace, all looking at one point above the middle of its floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Views {
     /// How many.
@@ -63,6 +91,8 @@ pub struct Views {
     pub polar_rad: f32,
     /// Azimuth of the first.
     pub azimuth_rad: f32,
+    /// Height of the point, in metres.
+    pub target_z_m: f32,
 }
 
 /// When a round ends before the table is empty.
@@ -99,12 +129,15 @@ pub enum ConfigError {
     /// The planner's.
     #[error(transparent)]
     Plan(#[from] planner::ConfigError),
+    /// The objects.
+    #[error(transparent)]
+    Objects(#[from] CatalogueError),
 }
 
 #[derive(Deserialize)]
 struct Raw {
     protocol: String,
-    seed: u64,
+    seeds: Vec<u64>,
     rounds: u64,
     scene: String,
     plan: String,
@@ -119,6 +152,9 @@ struct Raw {
 struct RawObjects {
     kind: String,
     count: u64,
+    catalogue: String,
+    names: Vec<String>,
+    viable_only: bool,
 }
 
 #[derive(Deserialize)]
@@ -127,6 +163,7 @@ struct RawViews {
     radius_sizes: f32,
     polar_rad: f32,
     azimuth_rad: f32,
+    target_z_m: f32,
 }
 
 #[derive(Deserialize)]
@@ -142,65 +179,78 @@ struct RawStop {
 }
 
 impl Config {
-    /// Reads a file; paths in it are taken from its folder.
+    /// Reads a file; paths in it are taken from its folder. `set` are keys and values (TOML) in place of the file's.
     ///
     /// # Errors
     /// [`ConfigError`].
-    pub fn read(path: &Path) -> Result<Self, ConfigError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-        Self::parse(&text, path)
+    pub fn read(path: &Path, set: &[(String, String)]) -> Result<Self, ConfigError> {
+        Self::parse(&text_of(path)?, path, set)
     }
 
     /// Checks the text of a file.
     ///
     /// # Errors
     /// As [`Config::read`].
-    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+    pub fn parse(text: &str, path: &Path, set: &[(String, String)]) -> Result<Self, ConfigError> {
         let invalid = |problems| ConfigError::Invalid { path: path.to_owned(), problems };
-        let syntax = |e: toml::de::Error| invalid(vec![e.message().to_owned()]);
-        let table: toml::Table = text.parse().map_err(syntax)?;
+        let syntax = |e: toml::de::Error| invalid(vec![e.to_string().trim().to_owned()]);
+        let mut table: toml::Table = text.parse().map_err(syntax)?;
+        let (of_plan, own): (Vec<_>, Vec<_>) = set.iter().partition(|(key, _)| key.starts_with("plan."));
+        own.into_iter().try_for_each(|(key, value)| put(&mut table, key, value)).map_err(|e| invalid(vec![e]))?;
         let unlike = keys_unlike(&table, &REFERENCE.parse().map_err(syntax)?);
         if !unlike.is_empty() {
             return Err(invalid(unlike));
         }
+        let resolved = table.to_string();
         let raw: Raw = table.try_into().map_err(syntax)?;
-        let problems = problems(&raw);
-        if !problems.is_empty() {
-            return Err(invalid(problems));
-        }
+        let mut problems = problems(&raw);
         let folder = path.parent().unwrap_or(Path::new(""));
         let file = |name: &str, built_in: &str| (name != built_in).then(|| folder.join(name));
         let scene = generator::Config::load(file(&raw.scene, "paper").as_deref(), Overrides::default())?;
-        let plan = match file(&raw.plan, "paper") {
-            Some(path) => planner::Config::read(&path)?,
-            None => planner::Config::built_in()?,
-        };
+        let plan_path = file(&raw.plan, "paper");
+        let plan_text = plan_path.as_deref().map_or(Ok(planner::config::PAPER.to_owned()), text_of)?;
+        let mut plan_table: toml::Table = plan_text.parse().map_err(syntax)?;
+        let mut of_plan = of_plan.into_iter().map(|(key, value)| (key.trim_start_matches("plan."), value));
+        of_plan.try_for_each(|(key, value)| put(&mut plan_table, key, value)).map_err(|e| invalid(vec![e]))?;
+        let plan_text = plan_table.to_string();
+        let plan =
+            planner::Config::parse(&plan_text, plan_path.as_deref().unwrap_or(Path::new("configs/plan/paper.toml")))?;
+        let catalogue = Catalogue::read(file(&raw.objects.catalogue, "everyday").as_deref());
+        let objects = objects(&raw.objects, catalogue, &mut problems)?;
+        if !problems.is_empty() {
+            return Err(invalid(problems));
+        }
         Ok(Self {
-            objects: match raw.objects.kind.as_str() {
-                "packed" => Objects::Packed(PackedLaw { count: raw.objects.count as usize, ..PackedLaw::default() }),
-                _ => Objects::Pile { count: raw.objects.count as usize },
-            },
+            objects,
+            viable_only: raw.objects.viable_only,
             views: Views {
                 count: raw.views.count as usize,
                 radius_sizes: raw.views.radius_sizes,
                 polar_rad: raw.views.polar_rad,
                 azimuth_rad: raw.views.azimuth_rad,
+                target_z_m: raw.views.target_z_m,
             },
             noise: match raw.noise.kind.as_str() {
                 "gaussian" => DepthNoise::Gaussian { std_m: raw.noise.std_m },
                 "dex" => DepthNoise::Dex(DexNoise::GIGA),
+                "d435" => DepthNoise::Stereo(StereoNoise { focal_px: scene.intrinsics.fx_px, ..StereoNoise::D435 }),
                 _ => DepthNoise::None,
             },
             stop: StopLaw { failures_max: raw.stop.failures_max as u32, attempts_max: raw.stop.attempts_max as u32 },
             model: file(&raw.model, "built-in"),
+            text: format!("{resolved}\n# Planner\n{plan_text}\n# Scenes: {}\n", scene.dataset_info().config),
             protocol: raw.protocol,
-            seed: raw.seed,
+            seeds: raw.seeds,
             rounds: raw.rounds,
             scene,
             plan,
-            text: text.to_owned(),
         })
+    }
+
+    /// Rounds of all seeds.
+    #[must_use]
+    pub fn round_count(&self) -> u64 {
+        self.rounds * self.seeds.len() as u64
     }
 
     /// The planner of the experiment.
@@ -214,24 +264,77 @@ impl Config {
         }
     }
 
-    /// Where the cameras stand.
+    /// The cameras.
     #[must_use]
-    pub fn views(&self) -> Vec<View> {
-        let Views { count, radius_sizes, polar_rad, azimuth_rad } = self.views;
+    pub fn cameras(&self) -> Vec<Camera> {
+        let Views { count, radius_sizes, polar_rad, azimuth_rad, target_z_m } = self.views;
         let turn = |number: usize| core::f32::consts::TAU * number as f32 / count as f32;
-        (0..count)
-            .map(|number| View {
-                radius_m: radius_sizes * self.scene.grid.size_m,
-                polar_rad,
-                azimuth_rad: azimuth_rad + turn(number),
-            })
-            .collect()
+        let radius_m = radius_sizes * self.scene.grid.size_m;
+        let camera = |number: usize| {
+            let view = View { radius_m, polar_rad, azimuth_rad: azimuth_rad + turn(number) };
+            let mut camera = camera_at(&view, &self.scene.grid, self.scene.intrinsics);
+            camera.workspace_from_camera.translation.z += target_z_m;
+            camera
+        };
+        (0..count).map(camera).collect()
     }
+}
+
+fn text_of(path: &Path) -> Result<String, ConfigError> {
+    std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })
+}
+
+/// Puts a value, as TOML or as plain text, in the place of a key such as `views.count`.
+fn put(table: &mut toml::Table, key: &str, value: &str) -> Result<(), String> {
+    let parsed = format!("value = {value}").parse::<toml::Table>().ok().and_then(|mut one| one.remove("value"));
+    let value = parsed.unwrap_or_else(|| toml::Value::String(value.to_owned()));
+    let mut parts: Vec<&str> = key.split('.').collect();
+    let last = parts.pop().unwrap_or_default();
+    let mut place = table;
+    for part in parts {
+        place =
+            place.get_mut(part).and_then(toml::Value::as_table_mut).ok_or_else(|| format!("there is no key {key}"))?;
+    }
+    let slot = place.get_mut(last).ok_or_else(|| format!("there is no key {key}"))?;
+    *slot = match (&*slot, value) {
+        (toml::Value::Float(_), toml::Value::Integer(whole)) => toml::Value::Float(whole as f64),
+        (_, value) => value,
+    };
+    Ok(())
+}
+
+/// What lies on the tables.
+fn objects(
+    raw: &RawObjects,
+    catalogue: Result<Catalogue, CatalogueError>,
+    problems: &mut Vec<String>,
+) -> Result<Objects, ConfigError> {
+    let count = raw.count as usize;
+    if raw.names.is_empty() != (raw.kind != "things") {
+        problems.push("objects.names must be there for objects.kind \"things\", and not for the others".to_owned());
+    }
+    Ok(match raw.kind.as_str() {
+        "packed" => Objects::Packed(PackedLaw { count, ..PackedLaw::default() }),
+        "things" => {
+            let catalogue = catalogue?;
+            let mut groups = Vec::new();
+            for name in &raw.names {
+                match catalogue.named(name) {
+                    Some(things) => groups.push((name.clone(), things.into_iter().cloned().collect())),
+                    None => problems
+                        .push(format!("objects.names must be among {}, got {name}", catalogue.names().join(", "))),
+                }
+            }
+            Objects::Things(groups)
+        }
+        _ => Objects::Pile { count },
+    })
 }
 
 fn problems(raw: &Raw) -> Vec<String> {
     let wholes = [
         ("rounds", raw.rounds, 1, 1_000_000),
+        ("number of seeds", raw.seeds.len() as u64, 1, 1_000),
         ("objects.count", raw.objects.count, 1, 20),
         ("views.count", raw.views.count, 1, 32),
         ("stop.failures_max", raw.stop.failures_max, 1, 1_000),
@@ -241,11 +344,12 @@ fn problems(raw: &Raw) -> Vec<String> {
         ("views.radius_sizes", raw.views.radius_sizes, 1.0, 100.0),
         ("views.polar_rad", raw.views.polar_rad, 0.0, core::f32::consts::FRAC_PI_2),
         ("views.azimuth_rad", raw.views.azimuth_rad, -10.0, 10.0),
+        ("views.target_z_m", raw.views.target_z_m, 0.0, 1.0),
         ("noise.std_m", raw.noise.std_m, 0.0, 1.0),
     ];
     let words: [(&str, &str, &[&str]); 2] = [
-        ("objects.kind", &raw.objects.kind, &["pile", "packed"]),
-        ("noise.kind", &raw.noise.kind, &["none", "gaussian", "dex"]),
+        ("objects.kind", &raw.objects.kind, &["pile", "packed", "things"]),
+        ("noise.kind", &raw.noise.kind, &["none", "gaussian", "d435", "dex"]),
     ];
     let whole = wholes.iter().filter(|(_, value, low, high)| !(low..=high).contains(&value));
     let real = reals.iter().filter(|(_, value, low, high)| !(low..=high).contains(&value));

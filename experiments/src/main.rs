@@ -9,11 +9,11 @@ use anyhow::Context;
 use clap::{Args, Parser, Subcommand};
 use experiments::config::{Config, ConfigError};
 use experiments::record::{RoundRecord, TrialRecord};
-use experiments::report::{About, json, markdown, svg};
+use experiments::report::{About, comparison, json, markdown, read, svg};
 use experiments::round::Round;
 use experiments::run::{RunError, run};
 use experiments::statistics::results;
-use experiments::tables::{rounds_table, trials_table};
+use experiments::tables::{bodies, conditions, objects_table, rounds_table, trials_table};
 use indicatif::{ProgressBar, ProgressStyle};
 use planner::PlannerError;
 
@@ -31,9 +31,12 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run an experiment, or go on with it: rounds.parquet, attempts.parquet, report.md, report.json, report.svg
+    /// Run an experiment, or go on with it: rounds.parquet, attempts.parquet, objects.parquet, report.md, report.json, report.svg
     #[command(after_help = shards::ExitCode::HELP)]
     Run(RunArguments),
+    /// Set experiments that were run side by side, in a table and a figure
+    #[command(after_help = shards::ExitCode::HELP)]
+    Compare(CompareArguments),
 }
 
 #[derive(Debug, Args)]
@@ -45,11 +48,15 @@ struct RunArguments {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 
-    /// Rounds [default: the config's]
+    /// A key of the experiment or, as plan.KEY, of the planner's settings, in place of the file's; may be given again
+    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
+    set: Vec<(String, String)>,
+
+    /// Rounds of a seed [default: the config's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     rounds: Option<u64>,
 
-    /// Seed of the scenes [default: the config's]
+    /// The one seed of the scenes [default: the config's]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
 
@@ -58,15 +65,34 @@ struct RunArguments {
     threads: Option<u16>,
 }
 
+#[derive(Debug, Args)]
+struct CompareArguments {
+    /// Folders of experiments that were run
+    #[arg(required = true)]
+    folders: Vec<PathBuf>,
+
+    /// Where the figure goes
+    #[arg(long, value_name = "SVG")]
+    figure: Option<PathBuf>,
+}
+
+/// `views.count=3` in two.
+fn assignment(text: &str) -> Result<(String, String), String> {
+    let parts = text.split_once('=').ok_or_else(|| format!("must be KEY=VALUE, got {text}"))?;
+    Ok((parts.0.trim().to_owned(), parts.1.trim().to_owned()))
+}
+
 const EXAMPLES: &str = "\
 Examples:
   experiments run configs/experiment/pile.toml --out runs/pile
   experiments run configs/experiment/packed.toml --rounds 20 --out runs/packed
+  experiments run configs/experiment/pile.toml --set views.count=3 --set plan.ranking.policy=vgn-best --set protocol='pile, 3 views' --out runs/three
+  experiments compare runs/pile runs/three --figure compared.svg
 
 Stop it and run the same command again: it goes on where it was.";
 
 fn main() -> ExitCode {
-    let Command::Run(arguments) = Cli::parse().command;
+    let command = Cli::parse().command;
     let level = tracing_subscriber::filter::LevelFilter::WARN.into();
     let filter = tracing_subscriber::EnvFilter::builder().with_default_directive(level).with_env_var("GRASPMILL_LOG");
     tracing_subscriber::fmt()
@@ -74,7 +100,11 @@ fn main() -> ExitCode {
         .with_ansi(std::io::stderr().is_terminal())
         .with_env_filter(filter.from_env_lossy())
         .init();
-    match run_experiment(&arguments) {
+    let done = match &command {
+        Command::Run(arguments) => run_experiment(arguments),
+        Command::Compare(arguments) => compare(arguments),
+    };
+    match done {
         Ok(code) => code.into(),
         Err(error) => {
             let _ = writeln!(std::io::stderr(), "error: {}", shards::text::told(error.as_ref()));
@@ -90,14 +120,15 @@ fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
         error.downcast_ref().map(RunError::exit_code),
         error.downcast_ref().map(PlannerError::exit_code),
         error.downcast_ref::<std::io::Error>().map(|_| shards::ExitCode::TryAgain),
+        error.downcast_ref::<serde_json::Error>().map(|_| shards::ExitCode::Data),
     ];
     codes.into_iter().flatten().next().unwrap_or(shards::ExitCode::Internal)
 }
 
 fn run_experiment(arguments: &RunArguments) -> anyhow::Result<shards::ExitCode> {
-    let mut config = Config::read(&arguments.config)?;
+    let mut config = Config::read(&arguments.config, &arguments.set)?;
     config.rounds = arguments.rounds.unwrap_or(config.rounds);
-    config.seed = arguments.seed.unwrap_or(config.seed);
+    config.seeds = arguments.seed.map_or(config.seeds, |seed| vec![seed]);
     let planner = config.planner()?;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = arguments.threads.map_or_else(cores, usize::from);
@@ -105,7 +136,7 @@ fn run_experiment(arguments: &RunArguments) -> anyhow::Result<shards::ExitCode> 
         let _ = writeln!(std::io::stderr(), "stopping after the rounds under way; again to stop at once");
     };
     let stop = shards::stop_on_signals(told).context("failed to listen for signals")?;
-    let bar = progress_bar(config.rounds);
+    let bar = progress_bar(config.round_count());
     let counts = Mutex::new((0_u64, 0_u64));
     let on_round = |round: &Round| {
         let mut counts = counts.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -116,11 +147,25 @@ fn run_experiment(arguments: &RunArguments) -> anyhow::Result<shards::ExitCode> 
     };
     let rounds = run(&config, &planner, threads, &arguments.out, &stop, &on_round)?;
     bar.finish_and_clear();
-    let is_whole = rounds.len() as u64 == config.rounds;
+    let is_whole = rounds.len() as u64 == config.round_count();
     if is_whole {
         write_reports(&config, planner.model_id(), rounds, &arguments.out)?;
     }
     Ok(if is_whole { shards::ExitCode::Ok } else { shards::ExitCode::TryAgain })
+}
+
+fn compare(arguments: &CompareArguments) -> anyhow::Result<shards::ExitCode> {
+    let one = |folder: &PathBuf| {
+        let path = folder.join("report.json");
+        let text = std::fs::read_to_string(&path).with_context(|| format!("failed to read {}", path.display()))?;
+        read(&text).with_context(|| format!("not an experiment's report: {}", path.display()))
+    };
+    let results = arguments.folders.iter().map(one).collect::<anyhow::Result<Vec<_>>>()?;
+    if let Some(path) = &arguments.figure {
+        std::fs::write(path, svg(&results)?).with_context(|| format!("failed to write {}", path.display()))?;
+    }
+    let _ = write!(std::io::stdout().lock(), "{}", comparison(&results));
+    Ok(shards::ExitCode::Ok)
 }
 
 fn write_reports(config: &Config, model_id: &str, rounds: Vec<Round>, folder: &Path) -> anyhow::Result<()> {
@@ -140,6 +185,9 @@ fn write_reports(config: &Config, model_id: &str, rounds: Vec<Round>, folder: &P
     };
     write("rounds.parquet", &rounds_table(&records)?)?;
     write("attempts.parquet", &trials_table(&trials)?)?;
+    write("objects.parquet", &objects_table(&trials)?)?;
+    write("bodies.json", bodies(config).as_bytes())?;
+    write("run.json", conditions(config).as_bytes())?;
     write("report.json", json(&results, &about).as_bytes())?;
     write("report.svg", svg(std::slice::from_ref(&results))?.as_bytes())?;
     let text = markdown(&results, &about);

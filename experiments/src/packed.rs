@@ -61,7 +61,7 @@ pub fn draw_packed(law: &PackedLaw, grid: &Grid, stream: &mut Stream) -> Vec<Sce
         let friction = stream.uniform(law.friction[0], law.friction[1]);
         if let Some((workspace_from_object, footprint)) = find_place(law, grid, &solid, &taken, stream) {
             let mass_kg = density_kg_m3 * solid.volume_m3();
-            placed.push(SceneObject { solid, mass_kg, friction, workspace_from_object });
+            placed.push(SceneObject { body: solid.into(), mass_kg, friction, workspace_from_object });
             taken.push(footprint);
         }
     }
@@ -170,14 +170,18 @@ mod tests {
         draw_packed(law, &Grid::PAPER, &mut Stream::new(3, number, Purpose::Objects, 0))
     }
 
+    fn solid_of(object: &SceneObject) -> Solid {
+        object.body.as_solid().unwrap()
+    }
+
     fn corners_m(object: &SceneObject) -> Vec<Vec3> {
-        object.solid.vertices_m().into_iter().map(|v| object.workspace_from_object.transform_point(v)).collect()
+        object.body.vertices_m().into_iter().map(|v| object.workspace_from_object.transform_point(v)).collect()
     }
 
     /// Whether a point of the workspace lies in the solid itself: nothing is known here of rectangles or of yaw.
     fn holds(object: &SceneObject, point: Vec3) -> bool {
         let local = object.workspace_from_object.inverse().transform_point(point);
-        object.solid.planes().iter().all(|plane| plane.normal.dot(local) <= plane.offset_m)
+        solid_of(object).planes().iter().all(|plane| plane.normal.dot(local) <= plane.offset_m)
     }
 
     /// How many of 2 mm × 2 mm × 10 mm samples lie in each number of objects: none, one, more.
@@ -220,7 +224,7 @@ mod tests {
             let (height, rise) = (high.z - low.z, |c: &Vec3| c.z - low.z);
             assert!((0.06 - 1e-6..=0.14 + 1e-6).contains(&height), "{object:?} is {height} m high");
             assert!(corners.iter().all(|c| rise(c) < 1e-6 || height - rise(c) < 1e-6), "{object:?} leans");
-            kinds[ShapeKind::ALL.iter().position(|kind| *kind == object.solid.kind).unwrap()] += 1;
+            kinds[ShapeKind::ALL.iter().position(|kind| *kind == solid_of(&object).kind).unwrap()] += 1;
         }
         assert!(kinds.iter().all(|count| *count > 80), "{kinds:?}");
     }

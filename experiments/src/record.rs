@@ -1,6 +1,7 @@
 //! What an experiment writes down: one row a round, one row an attempt.
 
-use schema::{Outcome, Pose, ShapeKind};
+use schema::{HitKind, Outcome, Pose, Vec3};
+use simulator::SceneObject;
 
 /// How a round ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -37,8 +38,16 @@ impl Ending {
 /// A round: one scene, cleared as far as it goes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoundRecord {
-    /// Number of the round; with the experiment's seed it names the scene.
+    /// Number of the round among those of all seeds.
     pub round: u64,
+    /// The seed.
+    pub seed: u64,
+    /// Number of the scene; with the seed it names it.
+    pub scene_id: u64,
+    /// What kind of scene it is.
+    pub group: String,
+    /// Placements that were drawn anew because the hand cannot span the object.
+    pub unviable_count: u32,
     /// Objects at the beginning.
     pub object_count: u32,
     /// Objects that were held and taken away.
@@ -70,12 +79,51 @@ pub struct TrialRecord {
     pub quality: f32,
     /// Eq. 8's ρ, if it belongs to a cluster.
     pub rho_m: Option<f32>,
-    /// Shape of the object nearest to the grasp, which was to be held.
-    pub shape: ShapeKind,
+    /// The object nearest to the grasp, which was to be held, by its number in `objects`.
+    pub target_id: u32,
+    /// What lay on the table before it.
+    pub objects: Vec<TrialObject>,
     /// How it ended.
     pub outcome: Outcome,
-    /// Rendering and fusing the views.
+    /// What was hit, for outcomes that hit something.
+    pub hit: Option<HitKind>,
+    /// Rendering the views.
     pub observe_ms: f32,
-    /// TSDF to ranked grasps.
+    /// Depth images to ranked grasps.
     pub plan_ms: f32,
+}
+
+impl TrialRecord {
+    /// Name of what was to be held: the kind of solid, or a catalogue's name.
+    #[must_use]
+    pub fn target(&self) -> &str {
+        self.objects.get(self.target_id as usize).map_or("", |object| &object.body)
+    }
+}
+
+/// An object on the table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrialObject {
+    /// Name of its body.
+    pub body: String,
+    /// Bounding box along its axes.
+    pub size_m: Vec3,
+    /// Mass.
+    pub mass_kg: f32,
+    /// Coulomb friction coefficient.
+    pub friction: f32,
+    /// Where it lay.
+    pub workspace_from_object: Pose,
+}
+
+impl From<&SceneObject> for TrialObject {
+    fn from(object: &SceneObject) -> Self {
+        Self {
+            body: object.body.name().to_owned(),
+            size_m: object.body.extents_m(),
+            mass_kg: object.mass_kg,
+            friction: object.friction,
+            workspace_from_object: object.workspace_from_object,
+        }
+    }
 }

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 pub use figure::{FigureError, svg};
 
-use crate::statistics::{DRAWS, Interval, Percentiles, Results};
+use crate::statistics::{DRAWS, GroupResults, Interval, Percentiles, Rates, Results};
 
 /// Where results come from: what it takes to find them again.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -46,23 +46,44 @@ pub fn json(results: &Results, about: &About) -> String {
     serde_json::to_string_pretty(&Page { results, about }).unwrap_or_default() + "\n" // numbers and names: cannot fail
 }
 
+/// The results in a JSON that [`json`] wrote.
+///
+/// # Errors
+/// If it is another text.
+pub fn read(text: &str) -> Result<Results, serde_json::Error> {
+    #[derive(serde::Deserialize)]
+    struct Read {
+        results: Results,
+    }
+    serde_json::from_str::<Read>(text).map(|read| read.results)
+}
+
 /// The results as a page.
 #[must_use]
 pub fn markdown(results: &Results, about: &About) -> String {
     let protocol = cell(&results.protocol);
     let mut text = format!("# Experiment {protocol}\n\n{HEADLINE}{}\n{}", headline(results), legend());
-    let by_shape = results.by_shape.iter().map(|shape| shape.success_rate);
-    if is_any_point(headline_rates(results).into_iter().chain(by_shape)) {
+    let by_target = results.by_target.iter().map(|target| target.success_rate);
+    let groups = results.by_group.iter().chain(&results.by_seed).flat_map(|group| group_rates(&group.rates));
+    if is_any_point(headline_rates(results).into_iter().chain(by_target).chain(groups)) {
         text += POINT_NOTE;
     }
     let (observe, planned) = (times(results.observe_ms), mean(results.planned_per_trial_mean));
-    let times = format!("Rendering and fusing the views took {observe} ms (p50 / p90 / p99)");
+    let times = format!("Rendering the views took {observe} ms (p50 / p90 / p99)");
     let _ = write!(text, "\n{protocol}: {} of {} attempts held, ", results.held, results.attempts);
     let _ = writeln!(text, "{} of {} objects were removed.", results.removed, results.objects);
     let _ = writeln!(text, "{times}; a plan gave {planned} grasps on average.");
     let _ = write!(text, "\n## Failures by outcome, {protocol}\n\n{}", failures(results));
     let _ = write!(text, "\n## Endings of rounds, {protocol}\n\n{}", endings(results));
-    let _ = write!(text, "\n## By shape, {protocol}\n\n{}", shapes(results));
+    for (title, groups) in [("By scene", &results.by_group), ("By seed", &results.by_seed)] {
+        if groups.len() > 1 {
+            let _ = write!(text, "\n## {title}, {protocol}\n\n{}", group_table(groups));
+        }
+    }
+    if results.by_seed.len() > 1 {
+        let _ = writeln!(text, "\n{}", over_seeds(&results.by_seed));
+    }
+    let _ = write!(text, "\n## By what was to be held, {protocol}\n\n{}", targets(results));
     let _ = write!(text, "\n## How {protocol} was run\n\n{}", origin(about));
     text
 }
@@ -75,11 +96,34 @@ pub fn comparison(results: &[Results]) -> String {
     if is_any_point(results.iter().flat_map(headline_rates)) {
         text += POINT_NOTE;
     }
+    text += &side_by_side(results);
     let apart = apart(results);
     if apart.is_empty() {
         text += "\nNo GSR interval is above another.\n";
     } else {
         let _ = write!(text, "\nGSR intervals that do not overlap:\n\n{apart}");
+    }
+    text
+}
+
+/// For each kind of scene a row, for each experiment its attempts and rate: the form of the paper's Table 4. Nothing if no kind of scene is in
+/// all of them, or only one is.
+fn side_by_side(results: &[Results]) -> String {
+    let Some((first, others)) = results.split_first() else { return String::new() };
+    let in_all = |group: &&GroupResults| others.iter().all(|r| r.by_group.iter().any(|g| g.name == group.name));
+    let names: Vec<&str> = first.by_group.iter().filter(in_all).map(|group| group.name.as_str()).collect();
+    if names.len() < 2 || others.is_empty() {
+        return String::new();
+    }
+    let protocols: String =
+        results.iter().map(|r| format!(" {0}: held of attempts | GSR (95 %) |", cell(&r.protocol))).collect();
+    let mut text = format!("\n| scene |{protocols}\n|---|{}\n", "---:|---:|".repeat(results.len()));
+    for name in names {
+        let _ = write!(text, "| {} |", cell(name));
+        for group in results.iter().filter_map(|r| r.by_group.iter().find(|group| group.name == name)) {
+            let _ = write!(text, " {} of {} | {} |", group.held, group.attempts, share(group.rates.success_rate));
+        }
+        text.push('\n');
     }
     text
 }
@@ -150,14 +194,47 @@ fn endings(results: &Results) -> String {
     text
 }
 
-fn shapes(results: &Results) -> String {
-    if results.by_shape.is_empty() {
+fn group_rates(rates: &Rates) -> [Option<Interval>; 2] {
+    [rates.success_rate, rates.cleared_share]
+}
+
+/// A row each; placements that were drawn anew have a column if there are any.
+fn group_table(groups: &[GroupResults]) -> String {
+    let has_unviable = groups.iter().any(|group| group.unviable > 0);
+    let (head, line) = if has_unviable { (" not viable |", "---:|") } else { ("", "") };
+    let mut text = format!(
+        "| what | rounds |{head} objects | attempts | held | GSR (95 %) | % cleared (95 %) |\n|---|---:|{line}---:|---:|---:|---:|---:|\n"
+    );
+    for group in groups {
+        let unviable = if has_unviable { format!(" {} |", group.unviable) } else { String::new() };
+        let rates = group_rates(&group.rates).map(share).join(" | ");
+        let (name, GroupResults { rounds, objects, attempts, held, .. }) = (cell(&group.name), group);
+        let _ = writeln!(text, "| {name} | {rounds} |{unviable} {objects} | {attempts} | {held} | {rates} |");
+    }
+    text
+}
+
+/// Mean and standard deviation over seeds, as GIGA tells its rates.
+fn over_seeds(seeds: &[GroupResults]) -> String {
+    let told = |rate: fn(&Rates) -> Option<Interval>| {
+        let rates: Vec<f64> =
+            seeds.iter().filter_map(|seed| rate(&seed.rates)).map(|rate| 100.0 * rate.value).collect();
+        let mean = rates.iter().sum::<f64>() / rates.len() as f64;
+        let variance = rates.iter().map(|rate| (rate - mean) * (rate - mean)).sum::<f64>() / rates.len() as f64;
+        if rates.is_empty() { "–".to_owned() } else { format!("{mean:.1} ± {:.1} %", variance.sqrt()) }
+    };
+    let (success, cleared) = (told(|rates| rates.success_rate), told(|rates| rates.cleared_share));
+    format!("Mean and standard deviation over {} seeds: GSR {success}, % cleared {cleared}.", seeds.len())
+}
+
+fn targets(results: &Results) -> String {
+    if results.by_target.is_empty() {
         return "None.\n".to_owned();
     }
-    let mut text = "| shape | attempts | held | GSR (95 %) |\n|---|---:|---:|---:|\n".to_owned();
-    for shape in &results.by_shape {
-        let (name, rate) = (shape.shape.name(), share(shape.success_rate));
-        let _ = writeln!(text, "| {name} | {} | {} | {rate} |", shape.attempts, shape.held);
+    let mut text = "| object | attempts | held | GSR (95 %) |\n|---|---:|---:|---:|\n".to_owned();
+    for target in &results.by_target {
+        let (name, rate) = (cell(&target.name), share(target.success_rate));
+        let _ = writeln!(text, "| {name} | {} | {} | {rate} |", target.attempts, target.held);
     }
     text
 }
@@ -202,14 +279,21 @@ fn mean(value: Option<f64>) -> String {
 
 #[cfg(test)]
 mod tests {
-    use schema::ShapeKind;
-
     use super::*;
     use crate::record::Ending;
-    use crate::statistics::{Rates, ShapeResults, results};
+    use crate::statistics::{TargetResults, results};
 
     fn interval(value: f64, low: f64, high: f64) -> Option<Interval> {
         Some(Interval { value, low, high })
+    }
+
+    fn group(name: &str, held: u64, unviable: u64) -> GroupResults {
+        let rates = Rates {
+            success_rate: interval(0.5, 0.25, 0.75),
+            cleared_share: interval(0.75, 0.5, 1.0),
+            rounds_cleared_share: None,
+        };
+        GroupResults { name: name.to_owned(), rounds: 2, unviable, objects: 4, attempts: 5, held, rates }
     }
 
     /// Made by hand, so that the text does not depend on how intervals are drawn.
@@ -228,15 +312,17 @@ mod tests {
             },
             endings: vec![(Ending::Cleared, 2), (Ending::Failures, 2)],
             outcomes: vec![(Outcome::Empty, 1), (Outcome::Slipped, 3), (Outcome::Held, 6)],
-            by_shape: vec![
-                ShapeResults {
-                    shape: ShapeKind::Cuboid,
+            by_group: vec![group("hard", 2, 1), group("easy", 2, 0)],
+            by_seed: Vec::new(),
+            by_target: vec![
+                TargetResults {
+                    name: "cuboid".to_owned(),
                     attempts: 8,
                     held: 4,
                     success_rate: interval(0.5, 0.25, 0.687),
                 },
-                ShapeResults {
-                    shape: ShapeKind::Cylinder,
+                TargetResults {
+                    name: "cylinder".to_owned(),
                     attempts: 2,
                     held: 2,
                     success_rate: interval(1.0, 1.0, 1.0),
@@ -268,7 +354,7 @@ GSR, the grasp success rate: attempts that held, of all attempts. % cleared, als
 An interval without width means that all rounds ended alike, not that the rate is certain.
 
 pile: 6 of 10 attempts held, 6 of 8 objects were removed.
-Rendering and fusing the views took 50.0 / 60.0 / 70.5 ms (p50 / p90 / p99); a plan gave 12.5 grasps on average.
+Rendering the views took 50.0 / 60.0 / 70.5 ms (p50 / p90 / p99); a plan gave 12.5 grasps on average.
 
 ## Failures by outcome, pile
 
@@ -284,9 +370,16 @@ Rendering and fusing the views took 50.0 / 60.0 / 70.5 ms (p50 / p90 / p99); a p
 | cleared | 2 | 50.0 % |
 | failures | 2 | 50.0 % |
 
-## By shape, pile
+## By scene, pile
 
-| shape | attempts | held | GSR (95 %) |
+| what | rounds | not viable | objects | attempts | held | GSR (95 %) | % cleared (95 %) |
+|---|---:|---:|---:|---:|---:|---:|---:|
+| hard | 2 | 1 | 4 | 5 | 2 | 50.0 % (25.0 to 75.0) | 75.0 % (50.0 to 100.0) |
+| easy | 2 | 0 | 4 | 5 | 2 | 50.0 % (25.0 to 75.0) | 75.0 % (50.0 to 100.0) |
+
+## By what was to be held, pile
+
+| object | attempts | held | GSR (95 %) |
 |---|---:|---:|---:|
 | cuboid | 8 | 4 | 50.0 % (25.0 to 68.7) |
 | cylinder | 2 | 2 | 100.0 % (100.0 to 100.0) |
@@ -334,17 +427,17 @@ name = "```"
         };
         assert_eq!(keys(""), ["about", "results"]);
         assert_eq!(keys("/about"), ["command", "config", "model_id", "versions"]);
-        let wanted = "attempts by_shape endings held objects observe_ms outcomes plan_ms planned_per_trial_mean protocol \
+        let wanted = "attempts by_group by_seed by_target endings held objects observe_ms outcomes plan_ms planned_per_trial_mean protocol \
                       rates removed rounds";
         assert_eq!(keys("/results").join(" "), wanted);
         assert_eq!(keys("/results/rates"), ["cleared_share", "rounds_cleared_share", "success_rate"]);
         assert_eq!(keys("/results/endings"), ["cleared", "failures"]);
         assert_eq!(read["results"]["outcomes"]["slipped"], 3);
         assert_eq!(read["results"]["rates"]["success_rate"]["low"], 0.412);
-        assert_eq!(read["results"]["by_shape"][0]["shape"], "cuboid");
+        assert_eq!(read["results"]["by_target"][0]["name"], "cuboid");
         assert_eq!(read["results"]["plan_ms"]["p50"], 20.5);
         assert_eq!(read["about"]["config"], about().config);
-        let order = ["\"protocol\"", "\"rates\"", "\"by_shape\"", "\"about\""].map(|key| text.find(key).unwrap());
+        let order = ["\"protocol\"", "\"rates\"", "\"by_target\"", "\"about\""].map(|key| text.find(key).unwrap());
         assert!(order.is_sorted() && text.ends_with("}\n"), "{text}");
     }
 
@@ -365,6 +458,29 @@ name = "```"
         best.rates.success_rate = interval(0.9, 0.75, 0.97);
         let end = "\nNo GSR interval is above another.\n";
         assert!(comparison(&[best, touching]).ends_with(end));
+    }
+
+    #[test]
+    fn experiments_on_the_same_scenes_stand_side_by_side() {
+        let text = comparison(&[small("ours"), small("vgn")]);
+        assert!(
+            text.contains("| scene | ours: held of attempts | GSR (95 %) | vgn: held of attempts | GSR (95 %) |"),
+            "{text}"
+        );
+        let row = "| hard | 2 of 5 | 50.0 % (25.0 to 75.0) | 2 of 5 | 50.0 % (25.0 to 75.0) |";
+        assert!(text.contains(row), "{text}");
+        let other = Results { by_group: vec![group("alone", 1, 0)], ..small("other") };
+        assert!(!comparison(&[small("ours"), other]).contains("| scene |"));
+    }
+
+    #[test]
+    fn seeds_are_told_by_mean_and_deviation() {
+        let mut seeds = vec![group("seed 0", 1, 0), group("seed 1", 1, 0)];
+        seeds[1].rates.success_rate = interval(0.7, 0.5, 0.9);
+        let told = "Mean and standard deviation over 2 seeds: GSR 60.0 ± 10.0 %, % cleared 75.0 ± 0.0 %.";
+        assert_eq!(over_seeds(&seeds), told);
+        let page = markdown(&Results { by_seed: seeds, ..small("pile") }, &about());
+        assert!(page.contains("## By seed, pile") && page.contains(told), "{page}");
     }
 
     #[test]

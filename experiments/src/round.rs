@@ -6,15 +6,14 @@
 
 use std::time::Instant;
 
-use generator::draw_drops;
-use perception::{Tsdf, add_depth_noise, camera_at};
-use planner::{Observation, PlanError, Planner, Wishes};
-use schema::{Outcome, Pose, Purpose, Stream, Vec3, View, VoxelGrid};
-use simulator::{AttemptWorld, Drop, Scene, SceneObject, SceneRays, settle, settle_again};
+use perception::add_depth_noise;
+use planner::{Observation, PlanError, Planner, SeenView, Wishes};
+use schema::{Camera, Outcome, Pose, Purpose, Stream, Vec3};
+use simulator::{AttemptWorld, Scene, SceneObject, SceneRays, settle_again};
 
-use crate::config::{Config, Objects};
-use crate::packed::draw_packed;
-use crate::record::{Ending, RoundRecord, TrialRecord};
+use crate::config::Config;
+use crate::record::{Ending, RoundRecord, TrialObject, TrialRecord};
+use crate::start::{Start, start};
 
 /// A round's rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,17 +45,20 @@ pub enum RoundError {
     },
 }
 
-/// Plays round number `round`: a pure function of its arguments, but for the times in its rows.
+/// Plays round number `round` of all seeds' rounds: a pure function of its arguments, but for the times in its rows.
 ///
 /// # Errors
 /// [`RoundError`].
 pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, RoundError> {
-    let mut scene = first_scene(config, round)?;
+    let (seed, scene_id) = (config.seeds[(round / config.rounds) as usize], round % config.rounds);
+    let began = start(config, seed, scene_id);
+    let Start { mut scene, group, unviable_count } =
+        began.ok_or(RoundError::NoScene { round, tries: config.scene.tries_max })?;
     let object_count = scene.objects.len() as u32;
     let (mut removed_count, mut failures, mut trials) = (0, 0, Vec::new());
     // Grasps of the plan that were tried on this very scene.
     let mut tried = 0;
-    let views = config.views();
+    let cameras = config.cameras();
     let ending = loop {
         if scene.objects.is_empty() {
             break Ending::Cleared;
@@ -67,8 +69,13 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
         if trials.len() >= config.stop.attempts_max as usize {
             break Ending::AttemptsMax;
         }
-        let Some((trial, left)) =
-            try_once(config, planner, &views, &scene, Place { round, trial: trials.len() as u32, tried })?
+        let Some((trial, left)) = try_once(
+            config,
+            planner,
+            &cameras,
+            &scene,
+            Place { round, seed, scene_id, trial: trials.len() as u32, tried },
+        )?
         else {
             break Ending::NoGrasp;
         };
@@ -88,6 +95,10 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
     let left_count = if ending == Ending::Cleared { 0 } else { scene.objects.len() as u32 };
     let record = RoundRecord {
         round,
+        seed,
+        scene_id,
+        group,
+        unviable_count,
         object_count,
         removed_count,
         lost_count: (object_count - removed_count).saturating_sub(left_count),
@@ -101,6 +112,8 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
 #[derive(Clone, Copy)]
 struct Place {
     round: u64,
+    seed: u64,
+    scene_id: u64,
     trial: u32,
     tried: usize,
 }
@@ -109,19 +122,20 @@ struct Place {
 fn try_once(
     config: &Config,
     planner: &Planner,
-    views: &[View],
+    cameras: &[Camera],
     scene: &Scene,
-    Place { round, trial, tried }: Place,
+    place: Place,
 ) -> Result<Option<(TrialRecord, Vec<SceneObject>)>, RoundError> {
+    let Place { round, trial, .. } = place;
     let began = Instant::now();
-    let volume = observe(config, views, scene, round, trial);
+    let views = observe(config, cameras, scene, place);
     let observe_ms = milliseconds(began);
     let began = Instant::now();
     let plan = planner
-        .plan(&Observation::Tsdf(volume), &Wishes::default())
+        .plan(&Observation::Views(views), &Wishes::default())
         .map_err(|source| RoundError::Plan { round, source })?;
     let plan_ms = milliseconds(began);
-    let Some(best) = plan.grasps.get(tried) else { return Ok(None) };
+    let Some(best) = plan.grasps.get(place.tried) else { return Ok(None) };
     let pose = best.grasp.workspace_from_grasp;
     let target = nearest(scene, pose.translation);
     let world = AttemptWorld::new(&config.scene.physics, &config.scene.gripper, &config.scene.procedure, scene);
@@ -135,8 +149,10 @@ fn try_once(
         width_m: best.grasp.width_m,
         quality: best.quality,
         rho_m: best.rho_m,
-        shape: scene.objects[target].solid.kind,
+        target_id: target as u32,
+        objects: scene.objects.iter().map(TrialObject::from).collect(),
         outcome: execution.outcome,
+        hit: execution.hit.map(|hit| hit.kind),
         observe_ms,
         plan_ms,
     };
@@ -156,56 +172,20 @@ fn moved(scene: &Scene, poses: &[Pose], gone: Option<usize>) -> Vec<SceneObject>
 
 /// The object that a grasp is meant for: the one whose surface is nearest to its origin.
 fn nearest(scene: &Scene, point_m: Vec3) -> usize {
-    let distance_m = |object: &SceneObject| {
-        let local = object.workspace_from_object.inverse() * point_m;
-        // How far outside the farthest of the solid's planes; negative inside.
-        object.solid.planes().iter().map(|p| p.normal.dot(local) - p.offset_m).fold(f32::NEG_INFINITY, f32::max)
-    };
-    let distances = scene.objects.iter().map(distance_m).enumerate();
+    let outside_m =
+        |object: &SceneObject| object.body.distance_outside_m(object.workspace_from_object.inverse() * point_m);
+    let distances = scene.objects.iter().map(outside_m).enumerate();
     distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(id, _)| id)
 }
 
-/// What the cameras see, fused.
-fn observe(config: &Config, views: &[View], scene: &Scene, round: u64, trial: u32) -> VoxelGrid {
-    let (grid, rays) = (config.scene.grid, SceneRays::new(scene));
-    let mut noise = Stream::new(config.seed, round, Purpose::DepthNoise, trial);
-    let mut tsdf = Tsdf::new(grid, config.scene.truncation_voxels);
-    for view in views {
-        let camera = camera_at(view, &grid, config.scene.intrinsics);
-        if config.noise == perception::DepthNoise::None {
-            let seen = rays.seen_from(&camera);
-            tsdf.integrate(&camera, |pixel| seen.depth_at(pixel));
-        } else {
-            let mut image = rays.render(&camera);
-            add_depth_noise(&mut image, &config.noise, &mut noise);
-            tsdf.integrate(&camera, |pixel| image.at(pixel));
-        }
-    }
-    tsdf.to_voxels()
-}
-
-/// The scene of a round, at rest.
-fn first_scene(config: &Config, round: u64) -> Result<Scene, RoundError> {
-    let generator::Config { physics, settle: law, grid, tries_max, .. } = &config.scene;
-    for tries in 0..*tries_max {
-        let settled = match &config.objects {
-            Objects::Pile { count } => {
-                let mut objects = config.scene.objects.clone();
-                objects.counts = vec![(*count, 1.0)];
-                let drops: Vec<Drop> = draw_drops(&objects, grid, config.seed, round, tries);
-                settle(physics, law, grid, &drops)
-            }
-            Objects::Packed(packed) => {
-                let mut stream = Stream::new(config.seed, round, Purpose::Drops, tries);
-                let objects = draw_packed(packed, grid, &mut stream);
-                settle_again(physics, law, grid, &objects)
-            }
-        };
-        if let Ok(settled) = settled
-            && !settled.scene.objects.is_empty()
-        {
-            return Ok(settled.scene);
-        }
-    }
-    Err(RoundError::NoScene { round, tries: *tries_max })
+/// What the cameras see.
+fn observe(config: &Config, cameras: &[Camera], scene: &Scene, place: Place) -> Vec<SeenView> {
+    let rays = SceneRays::new(scene);
+    let mut noise = Stream::new(place.seed, place.scene_id, Purpose::DepthNoise, place.trial);
+    let seen = |camera: &Camera| {
+        let mut image = rays.render(camera);
+        add_depth_noise(&mut image, &config.noise, &mut noise);
+        SeenView { image, camera: *camera }
+    };
+    cameras.iter().map(seen).collect()
 }

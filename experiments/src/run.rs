@@ -60,7 +60,8 @@ struct Identity {
     version: String,
     model: String,
     config: String,
-    seed: u64,
+    seeds: Vec<u64>,
+    rounds: u64,
 }
 
 /// Plays all rounds that the journal in `folder` has not, in `threads` threads, `on_round` after each; gives the rounds in order, all of them unless `stop`
@@ -83,13 +84,15 @@ pub fn run(
         version: env!("CARGO_PKG_VERSION").to_owned(),
         model: planner.model_id().to_owned(),
         config: config.text.clone(),
-        seed: config.seed,
+        seeds: config.seeds.clone(),
+        // The rounds of one seed can be made more or fewer; those of several are numbered through.
+        rounds: if config.seeds.len() > 1 { config.rounds } else { 0 },
     };
     let mut rounds = journal(&path, &identity)?;
-    rounds.retain(|round| round.record.round < config.rounds);
+    rounds.retain(|round| round.record.round < config.round_count());
     rounds.iter().for_each(on_round);
     let played: Vec<u64> = rounds.iter().map(|round| round.record.round).collect();
-    let missing: Vec<u64> = (0..config.rounds).filter(|round| !played.contains(round)).collect();
+    let missing: Vec<u64> = (0..config.round_count()).filter(|round| !played.contains(round)).collect();
     let file = Mutex::new(OpenOptions::new().append(true).open(&path).map_err(failed)?);
     let play_one = |round: &u64| -> Result<Option<Round>, RunError> {
         if stop.load(Ordering::Relaxed) {

@@ -5,13 +5,14 @@
 
 use std::collections::BTreeMap;
 
-use schema::{Outcome, Purpose, ShapeKind, Stream};
-use serde::{Serialize, Serializer};
+use schema::{Outcome, Purpose, Stream};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::record::{Ending, RoundRecord, TrialRecord};
 
 /// What an experiment found.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Results {
     /// Name of the protocol, without which none of the numbers means anything.
     pub protocol: String,
@@ -28,23 +29,27 @@ pub struct Results {
     /// The rates.
     pub rates: Rates,
     /// Rounds by how they ended, of those endings that occurred.
-    #[serde(serialize_with = "by_ending")]
+    #[serde(serialize_with = "by_ending", deserialize_with = "endings")]
     pub endings: Vec<(Ending, u64)>,
     /// Attempts by how they ended, of those outcomes that occurred.
-    #[serde(serialize_with = "by_outcome")]
+    #[serde(serialize_with = "by_outcome", deserialize_with = "outcomes")]
     pub outcomes: Vec<(Outcome, u64)>,
-    /// Attempts by the shape that was to be held, of those shapes that were tried.
-    pub by_shape: Vec<ShapeResults>,
-    /// TSDF to ranked grasps; `None` without attempts.
+    /// Rounds by the kind of scene.
+    pub by_group: Vec<GroupResults>,
+    /// Rounds by seed, if there are several.
+    pub by_seed: Vec<GroupResults>,
+    /// Attempts by what was to be held.
+    pub by_target: Vec<TargetResults>,
+    /// Depth images to ranked grasps; `None` without attempts.
     pub plan_ms: Option<Percentiles>,
-    /// Rendering and fusing the views; `None` without attempts.
+    /// Rendering the views; `None` without attempts.
     pub observe_ms: Option<Percentiles>,
     /// Grasps a plan gave, over plans of which one was executed; `None` without attempts.
     pub planned_per_trial_mean: Option<f64>,
 }
 
 /// The rates by which experiments are compared; `None` where there is nothing to divide by.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Rates {
     /// Attempts that held, of all attempts: the grasp success rate, GSR.
     pub success_rate: Option<Interval>,
@@ -55,7 +60,7 @@ pub struct Rates {
 }
 
 /// A share and its 95 % interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// The share, from 0 to 1.
     pub value: f64,
@@ -65,12 +70,30 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// Attempts at a shape.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ShapeResults {
-    /// The shape.
-    #[serde(serialize_with = "shape_name")]
-    pub shape: ShapeKind,
+/// Rounds of one kind.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroupResults {
+    /// What they have in common.
+    pub name: String,
+    /// Rounds.
+    pub rounds: u64,
+    /// Placements that were drawn anew because the hand cannot span the object.
+    pub unviable: u64,
+    /// Objects at the beginning.
+    pub objects: u64,
+    /// Grasps that were executed.
+    pub attempts: u64,
+    /// Those that held.
+    pub held: u64,
+    /// The rates.
+    pub rates: Rates,
+}
+
+/// Attempts at one kind of object.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TargetResults {
+    /// Its name.
+    pub name: String,
     /// Grasps that were executed.
     pub attempts: u64,
     /// Those that held.
@@ -80,7 +103,7 @@ pub struct ShapeResults {
 }
 
 /// Times in short, in the unit that the field's name says; each is a time that was measured (nearest rank).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Percentiles {
     /// Half took no longer.
     pub p50: f32,
@@ -98,11 +121,10 @@ pub const DRAWS: u32 = 2000;
 pub fn results(protocol: &str, rounds: &[RoundRecord], trials: &[TrialRecord]) -> Results {
     let rounds: BTreeMap<u64, &RoundRecord> = rounds.iter().map(|round| (round.round, round)).collect();
     let trials: Vec<&TrialRecord> = trials.iter().filter(|trial| rounds.contains_key(&trial.round)).collect();
-    let attempts = held_by_round(&rounds, &trials, None);
-    let objects: Vec<(u64, u64)> = rounds.values().map(|round| objects_of(round)).collect();
-    let cleared: Vec<(u64, u64)> =
-        rounds.values().map(|round| (u64::from(round.ending == Ending::Cleared), 1)).collect();
-    let ((held, attempt_count), (removed, object_count)) = (sum(&attempts), sum(&objects));
+    let GroupResults { objects: object_count, attempts: attempt_count, held, rates, .. } =
+        group(String::new(), &rounds, &trials);
+    let removed = rounds.values().map(|round| u64::from(round.removed_count)).sum();
+    let seeds = by(&rounds, &trials, |round| format!("seed {}", round.seed));
     let planned: u64 = trials.iter().map(|trial| u64::from(trial.planned_count)).sum();
     Results {
         protocol: protocol.to_owned(),
@@ -111,40 +133,67 @@ pub fn results(protocol: &str, rounds: &[RoundRecord], trials: &[TrialRecord]) -
         attempts: attempt_count,
         held,
         removed,
-        rates: Rates {
-            success_rate: Interval::over(&attempts),
-            cleared_share: Interval::over(&objects),
-            rounds_cleared_share: Interval::over(&cleared),
-        },
+        rates,
         endings: counts(rounds.values().map(|round| round.ending)),
         outcomes: counts(trials.iter().map(|trial| trial.outcome)),
-        by_shape: by_shape(&rounds, &trials),
+        by_group: by(&rounds, &trials, |round| round.group.clone()),
+        by_seed: if seeds.len() > 1 { seeds } else { Vec::new() },
+        by_target: by_target(&rounds, &trials),
         plan_ms: Percentiles::of(trials.iter().map(|trial| trial.plan_ms).collect()),
         observe_ms: Percentiles::of(trials.iter().map(|trial| trial.observe_ms).collect()),
         planned_per_trial_mean: quotient(planned, attempt_count),
     }
 }
 
-fn by_shape(rounds: &BTreeMap<u64, &RoundRecord>, trials: &[&TrialRecord]) -> Vec<ShapeResults> {
-    let tried = counts(trials.iter().map(|trial| trial.shape));
-    let shapes = tried.into_iter().map(|(shape, attempts)| {
-        let pairs = held_by_round(rounds, trials, Some(shape));
-        ShapeResults { shape, attempts, held: sum(&pairs).0, success_rate: Interval::over(&pairs) }
-    });
-    shapes.collect()
+type Rounds<'a> = BTreeMap<u64, &'a RoundRecord>;
+
+/// The rounds that have the same name, for each name, in the names' order.
+fn by(rounds: &Rounds<'_>, trials: &[&TrialRecord], name: impl Fn(&RoundRecord) -> String) -> Vec<GroupResults> {
+    let mut groups: BTreeMap<String, Rounds<'_>> = BTreeMap::new();
+    for (number, round) in rounds {
+        groups.entry(name(round)).or_default().insert(*number, round);
+    }
+    groups.into_iter().map(|(name, rounds)| group(name, &rounds, trials)).collect()
 }
 
-/// Attempts that held and all attempts of each round, at one shape or at any.
-fn held_by_round(
-    rounds: &BTreeMap<u64, &RoundRecord>,
-    trials: &[&TrialRecord],
-    shape: Option<ShapeKind>,
-) -> Vec<(u64, u64)> {
+fn group(name: String, rounds: &Rounds<'_>, trials: &[&TrialRecord]) -> GroupResults {
+    let attempts = held_by_round(rounds, trials, None);
+    let objects: Vec<(u64, u64)> = rounds.values().map(|round| objects_of(round)).collect();
+    let cleared: Vec<(u64, u64)> =
+        rounds.values().map(|round| (u64::from(round.ending == Ending::Cleared), 1)).collect();
+    let (held, attempt_count) = sum(&attempts);
+    GroupResults {
+        name,
+        rounds: rounds.len() as u64,
+        unviable: rounds.values().map(|round| u64::from(round.unviable_count)).sum(),
+        objects: sum(&objects).1,
+        attempts: attempt_count,
+        held,
+        rates: Rates {
+            success_rate: Interval::over(&attempts),
+            cleared_share: Interval::over(&objects),
+            rounds_cleared_share: Interval::over(&cleared),
+        },
+    }
+}
+
+fn by_target(rounds: &Rounds<'_>, trials: &[&TrialRecord]) -> Vec<TargetResults> {
+    let tried = counts(trials.iter().map(|trial| trial.target()));
+    let targets = tried.into_iter().map(|(name, attempts)| {
+        let pairs = held_by_round(rounds, trials, Some(name));
+        TargetResults { name: name.to_owned(), attempts, held: sum(&pairs).0, success_rate: Interval::over(&pairs) }
+    });
+    targets.collect()
+}
+
+/// Attempts that held and all attempts of each round, at one kind of object or at any.
+fn held_by_round(rounds: &Rounds<'_>, trials: &[&TrialRecord], target: Option<&str>) -> Vec<(u64, u64)> {
     let mut pairs: BTreeMap<u64, (u64, u64)> = rounds.keys().map(|round| (*round, (0, 0))).collect();
-    for trial in trials.iter().filter(|trial| shape.is_none_or(|shape| trial.shape == shape)) {
-        let pair = pairs.entry(trial.round).or_default();
-        pair.0 += u64::from(trial.outcome.label());
-        pair.1 += 1;
+    for trial in trials.iter().filter(|trial| target.is_none_or(|target| trial.target() == target)) {
+        if let Some(pair) = pairs.get_mut(&trial.round) {
+            pair.0 += u64::from(trial.outcome.label());
+            pair.1 += 1;
+        }
     }
     pairs.into_values().collect()
 }
@@ -239,8 +288,25 @@ fn by_outcome<S: Serializer>(counts: &[(Outcome, u64)], serializer: S) -> Result
     serializer.collect_map(counts.iter().map(|(outcome, count)| (outcome.name(), count)))
 }
 
-fn shape_name<S: Serializer>(shape: &ShapeKind, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(shape.name())
+fn endings<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<(Ending, u64)>, D::Error> {
+    named(deserializer, |name| Ending::ALL.into_iter().find(|ending| ending.name() == name))
+}
+
+fn outcomes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<(Outcome, u64)>, D::Error> {
+    named(deserializer, |name| Outcome::ALL.into_iter().find(|outcome| outcome.name() == name))
+}
+
+fn named<'de, D: Deserializer<'de>, T: Ord>(
+    deserializer: D,
+    meant: impl Fn(&str) -> Option<T>,
+) -> Result<Vec<(T, u64)>, D::Error> {
+    let counts = BTreeMap::<String, u64>::deserialize(deserializer)?;
+    let one = |(name, count): (String, u64)| {
+        meant(&name).map(|what| (what, count)).ok_or_else(|| D::Error::custom(format!("{name} is not known")))
+    };
+    let mut counts = counts.into_iter().map(one).collect::<Result<Vec<_>, _>>()?;
+    counts.sort_by(|a, b| a.0.cmp(&b.0));
+    Ok(counts)
 }
 
 #[cfg(test)]
@@ -248,12 +314,31 @@ mod tests {
     use schema::Pose;
 
     use super::*;
+    use crate::record::TrialObject;
 
     fn round(round: u64, object_count: u32, removed_count: u32, attempt_count: u32, ending: Ending) -> RoundRecord {
-        RoundRecord { round, object_count, removed_count, lost_count: 0, attempt_count, ending }
+        RoundRecord {
+            round,
+            seed: round % 2,
+            scene_id: round / 2,
+            group: if round == 0 { "first" } else { "others" }.to_owned(),
+            unviable_count: 1,
+            object_count,
+            removed_count,
+            lost_count: 0,
+            attempt_count,
+            ending,
+        }
     }
 
-    fn trial(round: u64, trial: u32, shape: ShapeKind, outcome: Outcome, plan_ms: f32) -> TrialRecord {
+    fn trial(round: u64, trial: u32, target: &str, outcome: Outcome, plan_ms: f32) -> TrialRecord {
+        let object = |body: &str| TrialObject {
+            body: body.to_owned(),
+            size_m: schema::Vec3::splat(0.05),
+            mass_kg: 0.1,
+            friction: 1.0,
+            workspace_from_object: Pose::IDENTITY,
+        };
         TrialRecord {
             round,
             trial,
@@ -263,8 +348,10 @@ mod tests {
             width_m: 0.05,
             quality: 0.9,
             rho_m: None,
-            shape,
+            target_id: 1,
+            objects: vec![object("another"), object(target)],
             outcome,
+            hit: None,
             observe_ms: 2.0 * plan_ms,
             plan_ms,
         }
@@ -273,19 +360,19 @@ mod tests {
     /// Three rounds: cleared, given up after a failure, and one without a grasp; and an attempt of a fourth, interrupted.
     fn rows() -> (Vec<RoundRecord>, Vec<TrialRecord>) {
         use Outcome::{Empty, Held, Slipped};
-        use ShapeKind::{Cuboid, Cylinder};
+        let (cuboid, cylinder) = ("cuboid", "cylinder");
         let rounds = vec![
             round(0, 2, 2, 2, Ending::Cleared),
             round(1, 3, 1, 3, Ending::Failures),
             round(2, 3, 0, 0, Ending::NoGrasp),
         ];
         let trials = vec![
-            trial(0, 0, Cuboid, Held, 10.0),
-            trial(0, 1, Cylinder, Held, 11.0),
-            trial(1, 0, Cuboid, Held, 12.0),
-            trial(1, 1, Cuboid, Slipped, 13.0),
-            trial(1, 2, Cuboid, Empty, 14.0),
-            trial(3, 0, Cylinder, Held, 999.0),
+            trial(0, 0, cuboid, Held, 10.0),
+            trial(0, 1, cylinder, Held, 11.0),
+            trial(1, 0, cuboid, Held, 12.0),
+            trial(1, 1, cuboid, Slipped, 13.0),
+            trial(1, 2, cuboid, Empty, 14.0),
+            trial(3, 0, cylinder, Held, 999.0),
         ];
         (rounds, trials)
     }
@@ -308,10 +395,30 @@ mod tests {
         assert_eq!(found.planned_per_trial_mean, Some(10.8));
         assert_eq!(found.plan_ms, Some(Percentiles { p50: 12.0, p90: 14.0, p99: 14.0 }));
         assert_eq!(found.observe_ms, Some(Percentiles { p50: 24.0, p90: 28.0, p99: 28.0 }));
-        let shapes: Vec<(ShapeKind, u64, u64)> =
-            found.by_shape.iter().map(|shape| (shape.shape, shape.attempts, shape.held)).collect();
-        assert_eq!(shapes, [(ShapeKind::Cuboid, 4, 2), (ShapeKind::Cylinder, 1, 1)]);
-        assert_eq!(value(found.by_shape[0].success_rate), 0.5);
+        let targets: Vec<(&str, u64, u64)> =
+            found.by_target.iter().map(|target| (target.name.as_str(), target.attempts, target.held)).collect();
+        assert_eq!(targets, [("cuboid", 4, 2), ("cylinder", 1, 1)]);
+        assert_eq!(value(found.by_target[0].success_rate), 0.5);
+        let told = |groups: &[GroupResults]| -> Vec<(String, [u64; 5])> {
+            groups.iter().map(|g| (g.name.clone(), [g.rounds, g.unviable, g.objects, g.attempts, g.held])).collect()
+        };
+        assert_eq!(
+            told(&found.by_group),
+            [("first".to_owned(), [1, 1, 2, 2, 2]), ("others".to_owned(), [2, 2, 6, 3, 1])]
+        );
+        assert_eq!(
+            told(&found.by_seed),
+            [("seed 0".to_owned(), [2, 2, 5, 2, 2]), ("seed 1".to_owned(), [1, 1, 3, 3, 1])]
+        );
+    }
+
+    #[test]
+    fn results_come_back_from_their_json() {
+        let (rounds, trials) = rows();
+        let found = results("pile", &rounds, &trials);
+        let text = serde_json::to_string(&found).unwrap();
+        assert_eq!(serde_json::from_str::<Results>(&text).unwrap(), found);
+        assert!(serde_json::from_str::<Results>(&text.replace("\"held\":3", "\"hold\":3")).is_err());
     }
 
     #[test]
@@ -333,7 +440,7 @@ mod tests {
         let found = results("pile", &[], &[]);
         assert_eq!(found.rates, Rates { success_rate: None, cleared_share: None, rounds_cleared_share: None });
         assert_eq!((found.plan_ms, found.observe_ms, found.planned_per_trial_mean), (None, None, None));
-        assert!(found.endings.is_empty() && found.outcomes.is_empty() && found.by_shape.is_empty());
+        assert!(found.endings.is_empty() && found.outcomes.is_empty() && found.by_target.is_empty());
         let no_grasp = [round(0, 5, 0, 0, Ending::NoGrasp), round(1, 5, 0, 0, Ending::NoGrasp)];
         let rates = results("pile", &no_grasp, &[]).rates;
         assert_eq!(rates.success_rate, None);

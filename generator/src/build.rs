@@ -86,7 +86,7 @@ pub fn make_scene_timed(
     let mut candidates_stream = Stream::new(config.seed, scene_id, Purpose::Candidates, 0);
     let count = attempt_count as usize;
     let candidates = match config.sampler {
-        Sampler::Rules => draw_candidates(&scene, count, &mut candidates_stream),
+        Sampler::Rules => draw_candidates(&objects, count, &mut candidates_stream),
         Sampler::Vgn => draw_along_normals(config, &objects, &rays, &views, count, &mut candidates_stream),
     };
     let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
@@ -145,7 +145,7 @@ fn object_records(scene_id: u64, scene: &Scene) -> Vec<ObjectRecord> {
         .map(|(object, object_id)| ObjectRecord {
             scene_id,
             object_id,
-            solid: object.solid,
+            solid: object.body.as_solid().expect("what draw_drops let fall is a solid"),
             mass_kg: object.mass_kg,
             friction: object.friction,
             workspace_from_object: object.workspace_from_object,

@@ -1,7 +1,6 @@
 //! Candidates: grasps drawn by the rules, not yet executed.
 
-use schema::{Axis, Mat3, Pose, Quat, Rule, Stream, Vec3, axis_angle};
-use simulator::{Scene, SceneObject};
+use schema::{Axis, Mat3, ObjectRecord, Pose, Quat, Rule, Stream, Vec3, axis_angle};
 
 use crate::rules::{SLIDE_SHARE, TIP_DEPTH_M, Tilt, law_of};
 
@@ -26,25 +25,24 @@ pub struct Candidate {
     pub workspace_from_grasp: Pose,
 }
 
-/// Draws `count` candidates, spread evenly over the scene's objects, and over each object's three rules.
+/// Draws `count` candidates, spread evenly over a scene's objects, and over each object's three rules.
 ///
 /// # Panics
-/// If the scene has no objects.
+/// If there are no objects.
 #[must_use]
-pub fn draw_candidates(scene: &Scene, count: usize, stream: &mut Stream) -> Vec<Candidate> {
-    let objects = scene.objects.len();
-    assert!(objects > 0, "a scene without objects has no candidates");
+pub fn draw_candidates(objects: &[ObjectRecord], count: usize, stream: &mut Stream) -> Vec<Candidate> {
+    assert!(!objects.is_empty(), "a scene without objects has no candidates");
     (0..count)
         .map(|attempt| {
-            let (object_id, round) = (attempt % objects, attempt / objects);
-            draw_candidate(&scene.objects[object_id], object_id, Axis::ALL[round % 3], stream)
+            let (object_id, round) = (attempt % objects.len(), attempt / objects.len());
+            draw_candidate(&objects[object_id], object_id, Axis::ALL[round % 3], stream)
         })
         .collect()
 }
 
 /// Draws one candidate for an object, approached along one of its axes. Takes the same number of draws for every rule.
 #[must_use]
-pub fn draw_candidate(object: &SceneObject, object_id: usize, approach: Axis, stream: &mut Stream) -> Candidate {
+pub fn draw_candidate(object: &ObjectRecord, object_id: usize, approach: Axis, stream: &mut Stream) -> Candidate {
     let rule = Rule { shape: object.solid.kind, approach: Some(approach) };
     let law = law_of(rule.shape, approach);
     let closing = law.closing[stream.index(law.closing.len())];
@@ -75,7 +73,7 @@ fn base_frame(workspace_from_object: &Quat, approach: Axis, closing: Axis) -> Qu
     Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z))
 }
 
-fn place(object: &SceneObject, base: Quat, turn_rad: f32, tilt_rad: f32, depth_m: f32, slide_m: f32) -> Pose {
+fn place(object: &ObjectRecord, base: Quat, turn_rad: f32, tilt_rad: f32, depth_m: f32, slide_m: f32) -> Pose {
     let rotation =
         (object.workspace_from_object.rotation * base * axis_angle(Vec3::X, turn_rad) * axis_angle(Vec3::Y, tilt_rad))
             .normalize();
@@ -89,13 +87,15 @@ mod tests {
 
     use super::*;
 
-    fn object(kind: ShapeKind, rotation: Quat) -> SceneObject {
+    fn object(kind: ShapeKind, rotation: Quat) -> ObjectRecord {
         let extents = match kind {
             ShapeKind::Cylinder => Vec3::new(0.04, 0.04, 0.07),
             ShapeKind::HalfCylinder => Vec3::new(0.07, 0.06, 0.03),
             _ => Vec3::new(0.03, 0.05, 0.07),
         };
-        SceneObject {
+        ObjectRecord {
+            scene_id: 1,
+            object_id: 0,
             solid: Solid::new(kind, extents).unwrap(),
             mass_kg: 0.1,
             friction: 1.0,
@@ -188,11 +188,8 @@ mod tests {
 
     #[test]
     fn attempts_are_spread_evenly_over_objects_and_rules() {
-        let scene = Scene {
-            table_z_m: 0.05,
-            objects: vec![object(ShapeKind::Cuboid, Quat::IDENTITY), object(ShapeKind::Cylinder, Quat::IDENTITY)],
-        };
-        let drawn = draw_candidates(&scene, 60, &mut Stream::new(1, 1, Purpose::Candidates, 0));
+        let objects = [ShapeKind::Cuboid, ShapeKind::Cylinder].map(|kind| object(kind, Quat::IDENTITY));
+        let drawn = draw_candidates(&objects, 60, &mut Stream::new(1, 1, Purpose::Candidates, 0));
         for rule in Rule::all().iter().take(6) {
             assert_eq!(drawn.iter().filter(|c| c.rule == *rule).count(), 10, "{}", rule.name());
         }

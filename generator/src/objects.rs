@@ -16,7 +16,7 @@ pub fn draw_drops(law: &ObjectLaw, grid: &Grid, seed: u64, scene_id: u64, attemp
             let solid = draw_solid(law, &mut objects);
             let density_kg_m3 = objects.uniform(law.density_kg_m3[0], law.density_kg_m3[1]);
             Drop {
-                solid,
+                body: solid.into(),
                 mass_kg: density_kg_m3 * solid.volume_m3(),
                 friction: objects.uniform(law.friction[0], law.friction[1]),
                 workspace_from_object: draw_release(law, grid, &solid, &mut drops),

@@ -6,13 +6,14 @@
 //! a [`schema::VoxelGrid`]. Depth comes in through a closure from pixel to metres, so this crate knows neither the
 //! simulator nor a camera driver.
 //!
-//! For planning, the surface of a field becomes a cloud ([`surface_cloud`]), the table is found in it ([`find_plane`]), and
+//! For planning, the surface of a field becomes a cloud ([`surface_cloud`], [`normals`]), the table is found in it ([`find_plane`]), and
 //! what is left falls into objects ([`clusters`]).
 
 mod cells;
 mod cloud_view;
 mod clusters;
 mod noise;
+mod normals;
 mod plane;
 mod surface;
 mod tsdf;
@@ -21,6 +22,7 @@ mod views;
 pub use cloud_view::{cloud_image, view_from};
 pub use clusters::{ClusterLaw, clusters};
 pub use noise::{DepthNoise, DexNoise, StereoNoise, add_depth_noise};
+pub use normals::normals;
 pub use plane::{FoundPlane, PlaneLaw, find_plane};
 pub use surface::{surface_cloud, thinned};
 pub use tsdf::{TRUNCATION_VOXELS, Tsdf};

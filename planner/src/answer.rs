@@ -82,8 +82,8 @@ pub struct GraspAnswer {
     pub object: Option<usize>,
     /// Eq. 8's ρ in metres: weighted distance to the object's centroid over quality; null without an object.
     pub rho_m: Option<f32>,
-    /// Points of the cloud at the finger that has fewer; null if hands were not refined.
-    pub support: Option<usize>,
+    /// Points of the cloud on which the finger lies flat that has fewer, less the farther off the middle; null if hands were not refined.
+    pub support: Option<f32>,
     /// The voxel it was found in: x, y, z.
     pub voxel: [usize; 3],
 }

@@ -22,8 +22,8 @@ pub struct Config {
     pub gripper: Gripper,
     /// From the network's volumes to detections.
     pub detection: DetectionLaw,
-    /// Distance between the points of the surface cloud.
-    pub pitch_m: f32,
+    /// The surface cloud.
+    pub cloud: CloudLaw,
     /// What counts as the table.
     pub plane: PlaneLaw,
     /// What counts as an object.
@@ -34,6 +34,15 @@ pub struct Config {
     pub collision: CollisionLaw,
     /// How hands are turned and shifted.
     pub refinement: RefinementLaw,
+}
+
+/// How the surface becomes points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CloudLaw {
+    /// Voxels along a side of the grid that depth images are fused on for it, beside the network's.
+    pub resolution: usize,
+    /// Distance between its points.
+    pub pitch_m: f32,
 }
 
 /// VGN's constants (its `detection.py`: `process`, `select`).
@@ -215,6 +224,7 @@ struct RawDetection {
 
 #[derive(Deserialize)]
 struct RawCloud {
+    resolution: usize,
     pitch_m: f32,
 }
 
@@ -253,9 +263,13 @@ struct RawCollision {
 #[derive(Deserialize)]
 struct RawRefinement {
     turns: usize,
-    shifts: usize,
-    shift_m: f32,
+    tilts: usize,
+    tilt_rad: f32,
+    depths: usize,
+    depth_m: f32,
     flat_m: f32,
+    normal_rad_max: f32,
+    arm_m: f32,
     points_min: usize,
 }
 
@@ -380,7 +394,7 @@ fn put_together(raw: &Raw, gripper: Gripper, words: Words) -> Config {
             voxel_offset: detection.voxel_offset,
             origin_behind_tips_m: detection.origin_behind_tips_m,
         },
-        pitch_m: cloud.pitch_m,
+        cloud: CloudLaw { resolution: cloud.resolution, pitch_m: cloud.pitch_m },
         plane: PlaneLaw {
             threshold_m: plane.threshold_m,
             iterations: plane.iterations,
@@ -407,9 +421,13 @@ fn put_together(raw: &Raw, gripper: Gripper, words: Words) -> Config {
         },
         refinement: RefinementLaw {
             turns: refinement.turns,
-            shifts: refinement.shifts,
-            shift_m: refinement.shift_m,
+            tilts: refinement.tilts,
+            tilt_rad: refinement.tilt_rad,
+            depths: refinement.depths,
+            depth_m: refinement.depth_m,
             flat_m: refinement.flat_m,
+            normal_rad_max: refinement.normal_rad_max,
+            arm_m: refinement.arm_m,
             points_min: refinement.points_min,
         },
     }
@@ -432,10 +450,14 @@ fn out_of_range(raw: &Raw) -> Vec<String> {
         ("ranking.object_distance_m_max", ranking.object_distance_m_max, 0.0, 10.0),
         ("collision.pregrasp_distance_m", collision.pregrasp_distance_m, 0.0, 1.0),
         ("collision.margin_m", collision.margin_m, 0.0, 0.05),
-        ("refinement.shift_m", raw.refinement.shift_m, 0.0, 0.1),
+        ("refinement.tilt_rad", raw.refinement.tilt_rad, 0.0, 1.2),
+        ("refinement.depth_m", raw.refinement.depth_m, 1e-4, 0.1),
         ("refinement.flat_m", raw.refinement.flat_m, 1e-4, 0.05),
+        ("refinement.normal_rad_max", raw.refinement.normal_rad_max, 0.0, 1.5),
+        ("refinement.arm_m", raw.refinement.arm_m, 1e-3, 10.0),
     ];
     let wholes = [
+        ("cloud.resolution", cloud.resolution, 8, 200),
         ("detection.surface_steps_max", d.surface_steps_max, 0, 100),
         ("detection.suppression_window_voxels", d.suppression_window_voxels, 1, 40),
         ("plane.iterations", plane.iterations, 1, 100_000),
@@ -444,7 +466,8 @@ fn out_of_range(raw: &Raw) -> Vec<String> {
         ("clusters.cluster_points_min", clusters.cluster_points_min, 1, 10_000_000),
         ("collision.points_max", collision.points_max, 0, 1_000_000),
         ("refinement.turns", raw.refinement.turns, 0, 180),
-        ("refinement.shifts", raw.refinement.shifts, 1, 99),
+        ("refinement.tilts", raw.refinement.tilts, 0, 24),
+        ("refinement.depths", raw.refinement.depths, 1, 50),
         ("refinement.points_min", raw.refinement.points_min, 1, 10_000),
     ];
     let told = |key: &str, low: &dyn std::fmt::Display, high: &dyn std::fmt::Display, got: &dyn std::fmt::Display| {

@@ -20,8 +20,8 @@ pub struct RankedGrasp {
     pub object: Option<usize>,
     /// Eq. 8's ρ in metres, if it belongs to an object.
     pub rho_m: Option<f32>,
-    /// Points of the cloud at the finger that has fewer, if hands were refined.
-    pub support: Option<usize>,
+    /// Points of the cloud on which the finger lies flat that has fewer, less the farther off the middle; if hands were refined.
+    pub support: Option<f32>,
 }
 
 /// A cluster of the cloud. Objects are numbered top-down: the one with the highest centroid is 0.

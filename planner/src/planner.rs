@@ -1,5 +1,6 @@
 //! The whole way: volume, network, detections, objects, ranking.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -10,13 +11,13 @@ use shards::ExitCode;
 use trainer::checkpoint::{self, CheckpointError};
 use trainer::{DenseGrids, DenseNetwork};
 
-use crate::config::{Config, ConfigError, Policy, WithoutObject};
+use crate::config::{CloudLaw, Config, ConfigError, Policy, WithoutObject};
 use crate::detect::{Detected, detect};
 use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
 use crate::observation::{Observation, Wishes};
 use crate::plan::{Drop, DroppedCandidate, Funnel, Plan, RankedGrasp, SeenObject, SegmentedCloud};
 use crate::rank;
-use crate::refine::refined;
+use crate::refine::{Hand, Searched};
 use crate::segment::segment;
 use crate::volume::fuse;
 
@@ -113,6 +114,16 @@ impl PlanError {
     }
 }
 
+/// How deep a hand goes is the cloud's to say, so of detections above each other only the best is worth looking at.
+fn keep_best_of_columns(grasps: &mut Vec<RankedGrasp>, dropped: &mut Vec<DroppedCandidate>) {
+    grasps.sort_by(|a, b| b.quality.total_cmp(&a.quality));
+    let mut seen = BTreeSet::new();
+    drop_where(grasps, dropped, |ranked| {
+        let [x, y, _] = ranked.voxel;
+        (!seen.insert([x, y])).then_some(Drop::Suppressed)
+    });
+}
+
 impl Planner {
     /// A planner with the network of a checkpoint's file.
     ///
@@ -173,12 +184,16 @@ impl Planner {
     /// [`PlanError`] if the observation contradicts itself or the network.
     pub fn plan(&self, observation: &Observation, wishes: &Wishes) -> Result<Plan, PlanError> {
         let mut clock = Clock::start();
-        let volume = fuse(observation, &self.grid, self.config.pitch_m)?;
+        let volume = fuse(observation, &self.grid, self.config.cloud)?;
         clock.lap("fuse");
+        let is_refined = self.config.refinement.turns > 0;
+        let field = volume.fine.as_ref().unwrap_or(&volume.grid);
+        let normals = if is_refined { perception::normals(field, &volume.points_m) } else { Vec::new() };
+        clock.lap("normals");
         let found = self.find(&volume.grid, volume.points_m);
         clock.laps.extend(found.timings_ms.iter().copied());
         clock.skip();
-        let mut plan = self.rank(found, wishes);
+        let mut plan = self.rank(found, &normals, wishes);
         clock.lap("rank");
         plan.warnings.splice(0..0, volume.warnings);
         plan.timings_ms = clock.laps;
@@ -207,7 +222,7 @@ impl Planner {
         Found { scene: scene_number(grid), grids, detected, cloud, objects, timings_ms }
     }
 
-    fn rank(&self, found: Found, wishes: &Wishes) -> Plan {
+    fn rank(&self, found: Found, normals: &[Vec3], wishes: &Wishes) -> Plan {
         let Found { scene, grids, detected, cloud, objects, .. } = found;
         let mut dropped = self.told(&detected, &grids, wishes);
         let mut grasps: Vec<RankedGrasp> = detected
@@ -232,7 +247,7 @@ impl Planner {
             ..Funnel::default()
         };
         if self.config.refinement.turns > 0 {
-            self.refine(&mut grasps, &cloud, wishes, &mut dropped);
+            self.refine(&mut grasps, (&cloud, normals), wishes, &mut dropped);
         }
         self.drop_colliding(&mut grasps, &cloud, wishes, &mut dropped);
         funnel.collision_free = grasps.len();
@@ -280,23 +295,23 @@ impl Planner {
         }
     }
 
-    /// Turns and shifts each hand until it closes on something flat; those that cannot are dropped.
+    /// Looks for each hand again on the cloud; those that close on nothing are dropped.
     fn refine(
         &self,
         grasps: &mut Vec<RankedGrasp>,
-        cloud: &SegmentedCloud,
+        (cloud, normals): (&SegmentedCloud, &[Vec3]),
         wishes: &Wishes,
         dropped: &mut Vec<DroppedCandidate>,
     ) {
-        let Config { gripper, collision, refinement, .. } = &self.config;
-        let (sweep, wrist) = (Sweep::new(gripper, collision), wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN));
-        let hands: Vec<Option<(Grasp, usize)>> = grasps
-            .par_iter()
-            .map(|ranked| refined(&ranked.grasp, cloud, &sweep, gripper, refinement, collision.points_max))
-            .collect();
+        let Config { gripper, collision, refinement, cloud: CloudLaw { pitch_m, .. }, .. } = &self.config;
+        let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
+        keep_best_of_columns(grasps, dropped);
+        let searched = Searched::new((cloud, normals), *pitch_m, gripper, refinement, collision);
+        let hands: Vec<Option<Hand>> =
+            grasps.par_iter().map(|ranked| searched.hand_at(ranked.grasp.workspace_from_grasp.translation)).collect();
         let mut hands = hands.into_iter();
         grasps.retain_mut(|ranked| match hands.next().flatten() {
-            Some((grasp, support)) => {
+            Some(Hand { grasp, support }) => {
                 ranked.support = Some(support);
                 let workspace_from_grasp = towards_wrist(&grasp.workspace_from_grasp, wrist);
                 ranked.grasp = Grasp { workspace_from_grasp, ..grasp };
@@ -412,7 +427,7 @@ fn candidate(ranked: &RankedGrasp, drop: Drop) -> DroppedCandidate {
 fn drop_where(
     grasps: &mut Vec<RankedGrasp>,
     dropped: &mut Vec<DroppedCandidate>,
-    reason: impl Fn(&RankedGrasp) -> Option<Drop>,
+    mut reason: impl FnMut(&RankedGrasp) -> Option<Drop>,
 ) {
     grasps.retain(|ranked| match reason(ranked) {
         Some(drop) => {

@@ -1,142 +1,414 @@
-//! Beyond the paper: a detection's hand turned and shifted until its fingers close on faces of the cloud.
+//! Beyond the paper: the network says where, the cloud says how.
 //!
-//! Several hands fit most voxels (a box can be closed on along either side), and a network that answers with one orientation
-//! answers with their mean, which fits none. So about the detection's origin hands are tried that approach as predicted or straight
-//! down, turned in even steps; of those whose way is free the one whose fingers would lie flattest on what they close on is taken. Flat
-//! means: many points of the cloud within a few millimetres of each finger's touch.
+//! A box can be closed on along either of its sides, and a network that answers with one orientation answers with their mean. So a
+//! detection's place and quality are kept, and its hand is looked for again on the cloud: from several directions, in several turns, at
+//! several depths, that whose fingers lie flattest by a way that is free.
+//!
+//! Seen along a straight approach a cloud is a map of heights: a hand comes to a place if nothing under its fingers, or under its palm a
+//! finger's length behind them, stands higher. So a way costs some hundred look-ups, whatever the cloud. Where nothing was seen the table is
+//! taken to go on.
 
-use schema::{Grasp, Gripper, Pose, Quat, Vec3, axis_angle, pose_from_parts};
+use rayon::prelude::*;
+use schema::{Grasp, Gripper, Plane, Quat, Vec3, axis_angle, pose_from_parts};
 
-use crate::hand::{Sweep, WRIST_DOWN};
+use crate::config::CollisionLaw;
+use crate::hand::WRIST_DOWN;
 use crate::plan::SegmentedCloud;
 
-/// How hands are tried.
+/// What is nearer to the table than this is the table, not something to close on.
+const TABLE_M: f32 = 0.004;
+/// Points are looked up in cells of this side.
+const CELL_M: f32 = 0.01;
+/// The middle of what is held is looked for so far beside the fingers.
+const MIDDLE_M: f32 = 0.05;
+
+/// How hands are looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RefinementLaw {
-    /// Turns that are tried, evenly over half a turn; 0 for no refinement.
+    /// Turns about the approach, evenly over half a turn; 0 for no refinement.
     pub turns: usize,
-    /// How many places along the approach are tried; odd, so that the predicted one is among them.
-    pub shifts: usize,
-    /// Distance between them.
-    pub shift_m: f32,
-    /// How deep a point may lie behind the touch to count for it.
+    /// Approaches beside the vertical one, evenly around it.
+    pub tilts: usize,
+    /// Their angle from the vertical.
+    pub tilt_rad: f32,
+    /// Depths that are tried: the finger tips end so many steps behind the nearest point between them.
+    pub depths: usize,
+    /// A step.
+    pub depth_m: f32,
+    /// How deep a point may lie behind the touch to count for it …
     pub flat_m: f32,
+    /// … and how far its normal may be from the closing.
+    pub normal_rad_max: f32,
+    /// A hand counts half if the middle of what it closes on is so far beside its fingers.
+    pub arm_m: f32,
     /// Fewest points at each finger.
     pub points_min: usize,
 }
 
-/// A hand that is tried.
-struct Trial {
-    grasp: Grasp,
-    /// Points at the finger that has fewer.
+/// A hand that closes on something.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hand {
+    /// Pose and width.
+    pub grasp: Grasp,
+    /// Points at the finger that has fewer, less the farther off the middle.
+    pub support: f32,
+}
+
+/// A cloud made ready for hands from all directions.
+pub struct Searched<'a> {
+    gripper: &'a Gripper,
+    law: &'a RefinementLaw,
+    /// How much wider than the hand its way must be.
+    margin_m: f32,
+    /// Cosine of the farthest that a normal may be from the closing.
+    normal_cos_min: f32,
+    seen: Vec<Seen>,
+}
+
+impl<'a> Searched<'a> {
+    /// Turns the cloud and its normals to every approach. `pitch_m` is the distance between its points.
+    #[must_use]
+    pub fn new(
+        cloud: (&SegmentedCloud, &[Vec3]),
+        pitch_m: f32,
+        gripper: &'a Gripper,
+        law: &'a RefinementLaw,
+        collision: &CollisionLaw,
+    ) -> Self {
+        let seen = approaches(law).into_par_iter().map(|approach| Seen::new(cloud, pitch_m, approach)).collect();
+        let margin_m = gripper.clearance_m + collision.margin_m;
+        Self { gripper, law, margin_m, normal_cos_min: libm::cosf(law.normal_rad_max), seen }
+    }
+
+    /// The flattest hand about a place, or `None` if no way is free or nothing flat is between the fingers. Of equals the first: the
+    /// vertical approach comes before the others.
+    #[must_use]
+    pub fn hand_at(&self, origin_m: Vec3) -> Option<Hand> {
+        let hands = self.seen.iter().flat_map(|seen| self.hands_along(seen, origin_m));
+        hands.reduce(|best, hand| if hand.support > best.support { hand } else { best })
+    }
+
+    fn hands_along(&self, seen: &Seen, origin_m: Vec3) -> Vec<Hand> {
+        let origin = seen.approach.inverse() * origin_m;
+        let half_y_m = 0.5 * self.gripper.opening_m_max;
+        let around = seen.things.within(origin, libm::hypotf(MIDDLE_M, half_y_m));
+        let reach_m = libm::hypotf(0.5 * self.gripper.finger_width_m, half_y_m);
+        let near: Vec<Point> = around.iter().copied().filter(|p| p.is_within(reach_m)).collect();
+        if near.len() < 2 * self.law.points_min {
+            return Vec::new();
+        }
+        let turn = |step: usize| axis_angle(Vec3::Z, core::f32::consts::PI * step as f32 / self.law.turns as f32);
+        let mut hands: Vec<Hand> = Vec::new();
+        for turn in (0..self.law.turns).map(turn) {
+            let best = hands.last().map_or(0.0, |hand| hand.support);
+            hands.extend(self.turned(seen, origin, turn, [&near, &around], best));
+        }
+        hands
+    }
+
+    /// The flattest hand at one turn that is flatter than `support_min`; of the points those that may be between the fingers, and
+    /// those that tell what is beside them.
+    fn turned(
+        &self,
+        seen: &Seen,
+        origin: Vec3,
+        turn: Quat,
+        [near, around]: [&[Point]; 2],
+        support_min: f32,
+    ) -> Option<Hand> {
+        let (gripper, law) = (self.gripper, self.law);
+        let (half_x_m, half_y_m, back) = (0.5 * gripper.finger_width_m, 0.5 * gripper.opening_m_max, turn.inverse());
+        let is_between = |p: &Point| p.at.x.abs() < half_x_m && p.at.y.abs() < half_y_m;
+        let between: Vec<Point> = near.iter().map(|p| p.turned(back)).filter(is_between).collect();
+        // No finger can lie on more than what faces it.
+        let facing = |side: f32| between.iter().filter(|p| side * p.normal.y > self.normal_cos_min).count();
+        let support_max = facing(-1.0).min(facing(1.0));
+        if support_max < law.points_min || support_max as f32 <= support_min {
+            return None;
+        }
+        let nearest_z_m = between.iter().map(|p| p.at.z).fold(f32::INFINITY, f32::min);
+        let mut best: Option<Hand> = None;
+        for depth in 1..=law.depths {
+            let tips_z_m = nearest_z_m + law.depth_m * depth as f32;
+            let Some(touch) = self.touch(&between, tips_z_m) else { continue };
+            let support_min = best.map_or(support_min, |hand| hand.support);
+            if touch.support as f32 <= support_min {
+                continue;
+            }
+            let support = touch.support as f32 / (1.0 + square(arm_m(around, back, &touch) / law.arm_m));
+            if support <= support_min {
+                continue;
+            }
+            let at = origin + turn * Vec3::new(0.0, 0.5 * (touch.low_m + touch.high_m), 0.0);
+            let tips = Vec3::new(at.x, at.y, origin.z + tips_z_m);
+            // Deeper is blocked as well.
+            if !self.is_free(seen, tips, turn) {
+                break;
+            }
+            let workspace_from_grasp = pose_from_parts(seen.approach * turn, seen.approach * tips);
+            best = Some(Hand { grasp: Grasp { workspace_from_grasp, width_m: touch.high_m - touch.low_m }, support });
+        }
+        best
+    }
+
+    /// Where fingers touch those of the points between them that are not beyond their tips.
+    fn touch(&self, between: &[Point], tips_z_m: f32) -> Option<Touch> {
+        let (gripper, law) = (self.gripper, self.law);
+        let beside = || between.iter().filter(|p| p.at.z < tips_z_m);
+        let mut y_m: Vec<f32> = beside().map(|p| p.at.y).collect();
+        if y_m.len() < 2 * law.points_min {
+            return None;
+        }
+        // A few stray points must not hold a finger.
+        let (stray, last) = (law.points_min / 4, y_m.len() - 1);
+        let low_m = *y_m.select_nth_unstable_by(stray, f32::total_cmp).1;
+        let high_m = *y_m.select_nth_unstable_by(last - stray, f32::total_cmp).1;
+        if high_m - low_m > gripper.opening_m_max - 2.0 * gripper.clearance_m {
+            return None;
+        }
+        let low = beside().filter(|p| p.at.y < low_m + law.flat_m && -p.normal.y > self.normal_cos_min).count();
+        let high = beside().filter(|p| p.at.y > high_m - law.flat_m && p.normal.y > self.normal_cos_min).count();
+        let support = low.min(high);
+        (support >= law.points_min).then_some(Touch { low_m, high_m, support })
+    }
+
+    /// Whether the open hand comes to `tips` (in the approach's frame) without passing through a point.
+    fn is_free(&self, seen: &Seen, tips: Vec3, turn: Quat) -> bool {
+        let (gripper, margin_m) = (self.gripper, self.margin_m);
+        let under = |centre_y_m: f32, half_m: [f32; 2], z_m: f32, map: &Heights| {
+            let half_m = half_m.map(|half| half + margin_m);
+            let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]];
+            let above_table = corners.into_iter().all(|[x, y]| {
+                let corner = Vec3::new(x * half_m[0], centre_y_m + y * half_m[1], z_m + margin_m - tips.z);
+                seen.is_above_table(tips + turn * corner)
+            });
+            above_table && map.is_lower(tips, turn, centre_y_m, half_m, z_m + margin_m)
+        };
+        let beside_m = 0.5 * (gripper.opening_m_max + gripper.finger_thickness_m);
+        let finger = [0.5 * gripper.finger_width_m, 0.5 * gripper.finger_thickness_m];
+        let palm = [0.5 * gripper.palm_width_m, 0.5 * gripper.palm_breadth_m];
+        under(beside_m, finger, tips.z, &seen.fine)
+            && under(-beside_m, finger, tips.z, &seen.fine)
+            && under(0.0, palm, tips.z - gripper.finger_length_m, &seen.coarse)
+    }
+}
+
+struct Touch {
+    low_m: f32,
+    high_m: f32,
     support: usize,
 }
 
-/// The best hand about a detection and how many points support it, or `None` if no way is free or nothing flat is between the
-/// fingers. At most `points_max` points may be in the way.
-#[must_use]
-pub fn refined(
-    grasp: &Grasp,
-    cloud: &SegmentedCloud,
-    sweep: &Sweep,
-    gripper: &Gripper,
-    law: &RefinementLaw,
-    points_max: usize,
-) -> Option<(Grasp, usize)> {
-    let origin_m = grasp.workspace_from_grasp.translation;
-    let within = |reach_m: f32, points_m: &[Vec3]| -> Vec<Vec3> {
-        points_m.iter().copied().filter(|p| (*p - origin_m).length_squared() < reach_m * reach_m).collect()
+/// How far the middle of what lies between the touches is beside the fingers, as far as [`MIDDLE_M`] tells.
+fn arm_m(around: &[Point], back: Quat, touch: &Touch) -> f32 {
+    let turned = around.iter().map(|p| back * p.at);
+    let held = turned.filter(|at| touch.low_m <= at.y && at.y <= touch.high_m);
+    let (sum, count) = held.fold((0.0, 0), |(sum, count), at| (sum + at.x, count + 1));
+    sum / count.max(1) as f32
+}
+
+fn square(x: f32) -> f32 {
+    x * x
+}
+
+/// The vertical approach, and those around it.
+fn approaches(law: &RefinementLaw) -> Vec<Quat> {
+    let tilted = |number: usize| {
+        let azimuth_rad = core::f32::consts::TAU * number as f32 / law.tilts as f32;
+        let around = axis_angle(Vec3::Z, azimuth_rad);
+        (around * axis_angle(Vec3::X, law.tilt_rad) * around.inverse() * WRIST_DOWN).normalize()
     };
-    let farthest_shift_m = 0.5 * law.shifts as f32 * law.shift_m;
-    let around = within(sweep.reach_m() + gripper.opening_m_max + farthest_shift_m, &cloud.points_m);
-    let near = within(gripper.finger_length_m + 0.5 * gripper.opening_m_max + farthest_shift_m, &around);
-    let turn = |step: usize| axis_angle(Vec3::Z, core::f32::consts::PI * step as f32 / law.turns as f32);
-    let mut trials: Vec<Trial> = [grasp.workspace_from_grasp.rotation, WRIST_DOWN]
-        .into_iter()
-        .flat_map(|approach| (0..law.turns).map(move |step| approach * turn(step)))
-        .flat_map(|rotation| closed_on(origin_m, rotation, &near, gripper, law))
-        .collect();
-    // Stable: of equals the first, whose approach is the predicted one.
-    trials.sort_by_key(|trial| core::cmp::Reverse(trial.support));
-    let is_free = |trial: &Trial| sweep.is_free(&trial.grasp.workspace_from_grasp, &around, points_max);
-    trials.into_iter().find(is_free).map(|trial| (trial.grasp, trial.support))
+    core::iter::once(WRIST_DOWN).chain((0..law.tilts).map(tilted)).collect()
 }
 
-/// The hands with this orientation, at each place along the approach, shifted along the closing so that what lies between the fingers is
-/// in their middle.
-fn closed_on(origin_m: Vec3, rotation: Quat, near: &[Vec3], gripper: &Gripper, law: &RefinementLaw) -> Vec<Trial> {
-    let grasp_from_workspace = pose_from_parts(rotation, origin_m).inverse();
-    let (half_x_m, half_y_m) = (0.5 * gripper.finger_width_m, 0.5 * gripper.opening_m_max);
-    let is_between = |p: &Vec3| p.x.abs() < half_x_m && p.y.abs() < half_y_m;
-    let between: Vec<Vec3> = near.iter().map(|point| grasp_from_workspace * *point).filter(is_between).collect();
-    let shift_m = |step: usize| law.shift_m * (step as f32 - 0.5 * (law.shifts - 1) as f32);
-    let at = |step: usize| closed_at(origin_m, rotation, &between, shift_m(step), gripper, law);
-    (0..law.shifts).filter_map(at).collect()
+/// A point of the surface and its normal.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    at: Vec3,
+    normal: Vec3,
 }
 
-/// The hand `shift_m` farther along its approach; `between` are the points between its fingers, in the unshifted frame.
-fn closed_at(
-    origin_m: Vec3,
-    rotation: Quat,
-    between: &[Vec3],
-    shift_m: f32,
-    gripper: &Gripper,
-    law: &RefinementLaw,
-) -> Option<Trial> {
-    let is_beside = |p: &&Vec3| p.z < shift_m && p.z > shift_m - gripper.finger_length_m;
-    let mut y_m: Vec<f32> = between.iter().filter(is_beside).map(|p| p.y).collect();
-    if y_m.len() < 2 * law.points_min {
-        return None;
+impl Point {
+    fn turned(&self, turn: Quat) -> Self {
+        Self { at: turn * self.at, normal: turn * self.normal }
     }
-    y_m.sort_by(f32::total_cmp);
-    // A few stray points must not hold a finger.
-    let stray = law.points_min / 4;
-    let (low_m, high_m) = (y_m[stray], y_m[y_m.len() - 1 - stray]);
-    let width_m = high_m - low_m;
-    if width_m > gripper.opening_m_max - 2.0 * gripper.clearance_m {
-        return None;
+
+    /// Whether it is so near to the line along the approach through the origin.
+    fn is_within(&self, reach_m: f32) -> bool {
+        square(self.at.x) + square(self.at.y) < square(reach_m)
     }
-    let low = y_m.iter().filter(|y| **y < low_m + law.flat_m).count();
-    let high = y_m.iter().filter(|y| **y > high_m - law.flat_m).count();
-    let support = low.min(high);
-    let position_m = origin_m + rotation * Vec3::new(0.0, 0.5 * (low_m + high_m), shift_m);
-    let workspace_from_grasp: Pose = pose_from_parts(rotation, position_m);
-    (support >= law.points_min).then_some(Trial { grasp: Grasp { workspace_from_grasp, width_m }, support })
+}
+
+/// Points by square cells across an approach.
+struct Things {
+    low_m: Vec3,
+    rows: usize,
+    columns: usize,
+    /// Where each cell's points begin; one more entry than cells.
+    starts: Vec<usize>,
+    points: Vec<Point>,
+}
+
+impl Things {
+    fn new(points: Vec<Point>) -> Self {
+        let low_m = points.iter().fold(Vec3::INFINITY, |low, p| low.min(p.at));
+        let high_m = points.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(p.at));
+        let [rows, columns] = [high_m.x - low_m.x, high_m.y - low_m.y].map(|m| (m.max(0.0) / CELL_M) as usize + 1);
+        let cell = |p: &Point| {
+            let [row, column] = [p.at.x - low_m.x, p.at.y - low_m.y].map(|m| (m / CELL_M) as usize);
+            row * columns + column
+        };
+        let mut starts = vec![0; rows * columns + 1];
+        points.iter().for_each(|p| starts[cell(p) + 1] += 1);
+        for at in 1..starts.len() {
+            starts[at] += starts[at - 1];
+        }
+        let mut sorted = points;
+        sorted.sort_by_cached_key(cell);
+        Self { low_m, rows, columns, starts, points: sorted }
+    }
+
+    /// The points near the line along the approach through `origin`, as seen from there.
+    fn within(&self, origin: Vec3, reach_m: f32) -> Vec<Point> {
+        let first = |at: f32| ((at - reach_m).max(0.0) / CELL_M) as usize;
+        let end = |at: f32, count: usize| (((at + reach_m).max(0.0) / CELL_M) as usize + 1).min(count);
+        let at = origin - self.low_m;
+        let (from, to) = (first(at.y).min(self.columns), end(at.y, self.columns));
+        let rows = first(at.x)..end(at.x, self.rows);
+        let cells = rows.filter(|_| from < to).flat_map(|row| {
+            let row = row * self.columns;
+            &self.points[self.starts[row + from]..self.starts[row + to]]
+        });
+        cells.map(|p| Point { at: p.at - origin, ..*p }).filter(|p| p.is_within(reach_m)).collect()
+    }
+}
+
+/// A cloud as it is seen along an approach.
+struct Seen {
+    /// The workspace from the frame whose z is the approach.
+    approach: Quat,
+    /// What is not the table, in that frame.
+    things: Things,
+    table: Option<Plane>,
+    fine: Heights,
+    coarse: Heights,
+}
+
+impl Seen {
+    fn new((cloud, normals): (&SegmentedCloud, &[Vec3]), pitch_m: f32, approach: Quat) -> Self {
+        let back = approach.inverse();
+        let points_m: Vec<Vec3> = cloud.points_m.iter().map(|point| back * *point).collect();
+        let (fine, coarse) = (Heights::new(&points_m, pitch_m), Heights::new(&points_m, 2.0 * pitch_m));
+        let turned = |plane: &Plane| Plane { normal: back * plane.normal, offset_m: plane.offset_m };
+        let table = cloud.plane.as_ref().map(|found| turned(&found.plane));
+        let points = points_m.into_iter().zip(normals).map(|(at, normal)| Point { at, normal: back * *normal });
+        let is_thing = |p: &Point| table.is_none_or(|plane| plane.normal.dot(p.at) > plane.offset_m + TABLE_M);
+        Self { approach, things: Things::new(points.filter(is_thing).collect()), table, fine, coarse }
+    }
+
+    /// Whether a point lies above the table, if there is one.
+    fn is_above_table(&self, point: Vec3) -> bool {
+        self.table.is_none_or(|plane| plane.normal.dot(point) > plane.offset_m)
+    }
+}
+
+/// For each square cell across an approach how near its nearest point is.
+struct Heights {
+    cell_m: f32,
+    low_m: Vec3,
+    columns: usize,
+    nearest_z_m: Vec<f32>,
+}
+
+impl Heights {
+    fn new(points_m: &[Vec3], cell_m: f32) -> Self {
+        let low_m = points_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+        let high_m = points_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+        let cells = |low: f32, high: f32| if low <= high { ((high - low) / cell_m) as usize + 1 } else { 0 };
+        let (rows, columns) = (cells(low_m.x, high_m.x), cells(low_m.y, high_m.y));
+        let mut nearest_z_m = vec![f32::INFINITY; rows * columns];
+        for point in points_m {
+            let [row, column] = [(point.x - low_m.x) / cell_m, (point.y - low_m.y) / cell_m].map(|at| at as usize);
+            let slot = &mut nearest_z_m[row * columns + column];
+            *slot = slot.min(point.z);
+        }
+        Self { cell_m, low_m, columns, nearest_z_m }
+    }
+
+    /// Whether everything under a rectangle about `centre_y_m` along the turned y lies beyond `z_m`.
+    fn is_lower(&self, tips: Vec3, turn: Quat, centre_y_m: f32, half_m: [f32; 2], z_m: f32) -> bool {
+        let steps = half_m.map(|half| (2.0 * half / self.cell_m).ceil() as usize);
+        let (along_x, along_y) = (turn * Vec3::X, turn * Vec3::Y);
+        let at = |half: f32, step: usize, steps: usize| half * (2.0 * step as f32 / steps as f32 - 1.0);
+        let centre = tips + along_y * centre_y_m - self.low_m;
+        (0..=steps[0]).all(|i| {
+            let line = centre + along_x * at(half_m[0], i, steps[0]);
+            (0..=steps[1]).all(|j| {
+                let place = (line + along_y * at(half_m[1], j, steps[1])) / self.cell_m;
+                // Beside the map there is nothing; below 0 a cast gives 0, so that is asked first.
+                if place.x < 0.0 || place.y < 0.0 || place.y as usize >= self.columns {
+                    return true;
+                }
+                let cell = place.x as usize * self.columns + place.y as usize;
+                self.nearest_z_m.get(cell).is_none_or(|nearest| *nearest > z_m)
+            })
+        })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::config::Config;
-    use crate::plan::PointLabel;
+    use crate::hand::Sweep;
+    use crate::segment::segment;
 
-    const LAW: RefinementLaw = RefinementLaw { turns: 12, shifts: 3, shift_m: 0.0075, flat_m: 0.002, points_min: 20 };
+    const LAW: RefinementLaw = RefinementLaw {
+        turns: 12,
+        tilts: 6,
+        tilt_rad: 0.5,
+        depths: 5,
+        depth_m: 0.008,
+        flat_m: 0.002,
+        normal_rad_max: 0.5,
+        arm_m: 0.02,
+        points_min: 16,
+    };
 
-    /// A box of 40 x 60 x 50 mm, turned by `yaw_rad`, on a table at 0.05 m, on a lattice of 2.5 mm.
-    fn scene(yaw_rad: f32) -> SegmentedCloud {
-        let mut points_m = Vec::new();
-        for i in 0..=16 {
-            for j in 0..=24 {
-                for k in 0..=20 {
-                    if [i % 16, j % 24, k % 20].contains(&0) && k > 0 {
-                        let local = Vec3::new(i as f32 - 8.0, j as f32 - 12.0, k as f32) * 0.0025;
-                        points_m.push(axis_angle(Vec3::Z, yaw_rad) * local + Vec3::new(0.15, 0.15, 0.05));
+    /// A box of these millimetres, turned by `yaw_rad`, on a table at 0.05 m, on a lattice of 2.5 mm.
+    fn scene(size: [usize; 3], yaw_rad: f32) -> Vec<Point> {
+        let [x, y, z] = size.map(|side| side * 2 / 5);
+        let turn = axis_angle(Vec3::Z, yaw_rad);
+        let mut points = Vec::new();
+        for i in 0..=x {
+            for j in 0..=y {
+                for k in 1..=z {
+                    if i % x == 0 || j % y == 0 || k == z {
+                        let middle = Vec3::new(x as f32, y as f32, 0.0) * 0.5;
+                        let local = (Vec3::new(i as f32, j as f32, k as f32) - middle) * 0.0025;
+                        let side =
+                            |at: usize, last: usize| f32::from(u8::from(at == last)) - f32::from(u8::from(at == 0));
+                        let normal = Vec3::new(side(i, x), side(j, y), if k == z { 1.0 } else { 0.0 }).normalize();
+                        points.push(Point { at: turn * local + Vec3::new(0.15, 0.15, 0.05), normal: turn * normal });
                     }
                 }
             }
         }
-        points_m.extend((0..14_400).map(|n| Vec3::new((n / 120) as f32 * 0.0025, (n % 120) as f32 * 0.0025, 0.05)));
-        let labels = vec![PointLabel::Noise; points_m.len()];
-        SegmentedCloud { points_m, labels, plane: None }
+        let table = |n: u16| Vec3::new(f32::from(n / 120) * 0.0025, f32::from(n % 120) * 0.0025, 0.05);
+        points.extend((0..14_400).map(|n| Point { at: table(n), normal: Vec3::Z }));
+        points
     }
 
-    fn refine(yaw_rad: f32, predicted_yaw_rad: f32, cloud: &SegmentedCloud) -> Option<(Grasp, usize)> {
+    fn places(points: &[Point]) -> Vec<Vec3> {
+        points.iter().map(|p| p.at).collect()
+    }
+
+    fn hand(points: &[Point], origin_m: Vec3) -> Option<Hand> {
         let config = Config::built_in().unwrap();
-        let sweep = Sweep::new(&config.gripper, &config.collision);
-        let rotation = axis_angle(Vec3::Z, predicted_yaw_rad) * WRIST_DOWN;
-        let off = axis_angle(Vec3::Z, yaw_rad) * Vec3::new(0.004, 0.005, 0.0);
-        let workspace_from_grasp = pose_from_parts(rotation, Vec3::new(0.15, 0.15, 0.08) + off);
-        refined(&Grasp { workspace_from_grasp, width_m: 0.05 }, cloud, &sweep, &config.gripper, &LAW, 0)
+        let (cloud, _) = segment(places(points), &config);
+        let normals: Vec<Vec3> = points.iter().map(|p| p.normal).collect();
+        let collision = CollisionLaw { margin_m: 0.002, ..config.collision };
+        Searched::new((&cloud, &normals), 0.0025, &config.gripper, &LAW, &collision).hand_at(origin_m)
     }
 
     /// The closing of the hand that is found, in the box's frame.
@@ -145,45 +417,105 @@ mod tests {
     }
 
     #[test]
-    fn a_diagonal_hand_is_turned_onto_the_faces_and_into_the_middle() {
+    fn a_hand_is_put_on_the_faces_and_into_the_middle() {
         for yaw_rad in [0.0, 0.3, 1.0, 2.0] {
-            let (grasp, support) = refine(yaw_rad, yaw_rad + 0.7, &scene(yaw_rad)).unwrap();
-            let along = closing(yaw_rad, &grasp).abs();
+            let off = axis_angle(Vec3::Z, yaw_rad) * Vec3::new(0.004, 0.005, 0.0);
+            let found = hand(&scene([40, 60, 50], yaw_rad), Vec3::new(0.15, 0.15, 0.08) + off).unwrap();
+            let along = closing(yaw_rad, &found.grasp).abs();
             // Within half a step of 15 degrees of one of the two closings that fit.
             assert!(along.max_element() > libm::cosf(0.14), "{yaw_rad}: closes along {along}");
             let width_m = if along.x > along.y { 0.04 } else { 0.06 };
-            assert!((grasp.width_m - width_m).abs() < 0.008, "{yaw_rad}: {} m", grasp.width_m);
-            let off =
-                axis_angle(Vec3::Z, -yaw_rad) * (grasp.workspace_from_grasp.translation - Vec3::new(0.15, 0.15, 0.0));
+            assert!((found.grasp.width_m - width_m).abs() < 0.008, "{yaw_rad}: {} m", found.grasp.width_m);
+            let at = found.grasp.workspace_from_grasp.translation;
+            let off = axis_angle(Vec3::Z, -yaw_rad) * (at - Vec3::new(0.15, 0.15, at.z));
             assert!(off.dot(along).abs() < 0.003, "{yaw_rad}: off the middle by {off}");
-            assert!(support >= LAW.points_min);
+            assert!(found.support > 0.0);
         }
+    }
+
+    /// What the map calls free is free to the sweep that looks at every point, to the width of a cell.
+    #[test]
+    fn a_way_on_the_map_is_a_way_through_the_points() {
+        let config = Config::built_in().unwrap();
+        let sweep = Sweep::new(&config.gripper, &CollisionLaw { margin_m: 0.0, ..config.collision });
+        let mut found = 0;
+        for n in 0..60_u8 {
+            let share = f32::from(n) / 60.0;
+            let mut points = scene([35, 55, 30], 2.0 * share);
+            // A wall beside the box, nearer and nearer.
+            let wall_x_m = 0.15 + 0.1 - 0.07 * share;
+            let at = |p: u16| Vec3::new(wall_x_m, 0.05 + f32::from(p % 80) * 0.0025, 0.05 + f32::from(p / 80) * 0.0025);
+            points.extend((0..2_400).map(|p| Point { at: at(p), normal: -Vec3::X }));
+            if let Some(hand) = hand(&points, Vec3::new(0.15, 0.15, 0.07)) {
+                found += 1;
+                let hits = sweep.points_hit(&hand.grasp.workspace_from_grasp, &places(&points));
+                assert_eq!(hits, 0, "{n}: {hand:?}");
+            }
+        }
+        assert!(found > 30, "{found}");
     }
 
     #[test]
     fn a_closing_that_is_blocked_gives_way_to_the_other() {
-        let mut cloud = scene(0.0);
-        let free = closing(0.0, &refine(0.0, 0.7, &cloud).unwrap().0).abs();
+        let mut points = scene([40, 60, 50], 0.0);
+        let at = Vec3::new(0.15, 0.15, 0.08);
+        let free = closing(0.0, &hand(&points, at).unwrap().grasp).abs();
         // Posts on both sides of the box, where the fingers would go.
         let axis = if free.x > free.y { Vec3::X } else { Vec3::Y };
         for side in [-1.0, 1.0] {
             let foot = Vec3::new(0.15, 0.15, 0.05) + axis * side * 0.047;
-            cloud.points_m.extend((0..40).map(|k| foot + Vec3::Z * (k as f32 * 0.0025)));
+            let post = |k: u8| Point { at: foot + Vec3::Z * (f32::from(k) * 0.0025), normal: axis };
+            points.extend((0..40).map(post));
         }
-        if let Some((grasp, _)) = refine(0.0, 0.7, &cloud) {
-            let now = closing(0.0, &grasp).abs();
+        if let Some(found) = hand(&points, at) {
+            let now = closing(0.0, &found.grasp).abs();
             assert!(now.dot(axis) < 0.6, "still closes along {now}");
         }
     }
 
+    /// 16 mm high: the fingers must come near the table and may not touch it.
+    #[test]
+    fn a_flat_thing_is_held_just_above_the_table() {
+        let found = hand(&scene([50, 40, 16], 0.4), Vec3::new(0.15, 0.15, 0.06)).unwrap();
+        let z_m = found.grasp.workspace_from_grasp.translation.z;
+        assert!((0.0525..0.06).contains(&z_m), "{z_m}");
+    }
+
+    /// The table is seen only under the thing, and goes on: a tilted hand beside it must not be put through it.
+    #[test]
+    fn the_table_goes_on_where_it_was_not_seen() {
+        let mut points = scene([60, 30, 20], 0.0);
+        points.retain(|p| p.at.z > 0.051 || (p.at - Vec3::new(0.15, 0.15, 0.05)).length() < 0.045);
+        let config = Config::built_in().unwrap();
+        let hands = [Vec3::new(0.15, 0.15, 0.06), Vec3::new(0.17, 0.15, 0.06), Vec3::new(0.15, 0.19, 0.055)];
+        let found: Vec<Hand> = hands.into_iter().filter_map(|at| hand(&points, at)).collect();
+        assert!(!found.is_empty());
+        for hand in found {
+            let pose = hand.grasp.workspace_from_grasp;
+            for finger in config.gripper.open_hand() {
+                let corner = finger.centre_m + finger.half_m;
+                assert!((pose * corner).z > 0.0505, "{hand:?}");
+            }
+        }
+    }
+
+    /// Across the corners of a box there is as much within reach of the fingers as on its faces, but it does not face them.
+    #[test]
+    fn what_does_not_face_the_fingers_does_not_count() {
+        let mut points = scene([40, 40, 50], 0.0);
+        for point in &mut points {
+            // All sides as if cut at 45 degrees.
+            point.normal = axis_angle(Vec3::Z, core::f32::consts::FRAC_PI_4) * point.normal;
+        }
+        let found = hand(&points, Vec3::new(0.15, 0.15, 0.08));
+        let along = found.map(|hand| closing(0.0, &hand.grasp).abs());
+        assert!(along.is_none_or(|along| along.max_element() < libm::cosf(0.2)), "{along:?}");
+    }
+
     #[test]
     fn what_is_too_wide_or_not_there_has_no_hand() {
-        let bare = SegmentedCloud { points_m: Vec::new(), labels: Vec::new(), plane: None };
-        assert!(refine(0.0, 0.0, &bare).is_none());
-        let mut wide = scene(0.0);
-        for point in &mut wide.points_m {
-            *point = Vec3::new(0.15, 0.15, 0.0) + (*point - Vec3::new(0.15, 0.15, 0.0)) * Vec3::new(3.0, 3.0, 1.0);
-        }
-        assert!(refine(0.0, 0.0, &wide).is_none());
+        assert!(hand(&[], Vec3::new(0.15, 0.15, 0.08)).is_none());
+        assert!(hand(&scene([100, 120, 50], 0.0), Vec3::new(0.15, 0.15, 0.08)).is_none());
+        assert!(hand(&scene([40, 60, 50], 0.0), Vec3::new(0.05, 0.05, 0.08)).is_none());
     }
 }

@@ -3,6 +3,7 @@
 use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, surface_cloud, thinned, view_from};
 use schema::{Grid, Vec3, VoxelGrid};
 
+use crate::config::CloudLaw;
 use crate::observation::{Observation, SeenView};
 use crate::planner::PlanError;
 
@@ -13,27 +14,33 @@ pub struct Volume {
     pub grid: VoxelGrid,
     /// Surface points in the workspace, at the config's pitch where they were seen as densely.
     pub points_m: Vec<Vec3>,
+    /// The finer grid that they are the surface of, if it is not `grid`.
+    pub fine: Option<VoxelGrid>,
     /// What the caller should know.
     pub warnings: Vec<String>,
 }
 
-/// Fuses an observation on `grid`; its cloud has a pitch of `pitch_m`.
+/// Fuses an observation on `grid`; its cloud has a pitch of `law.pitch_m`. From depth images the cloud is that of a grid of its own.
 ///
 /// # Errors
 /// [`PlanError::Grid`] for a TSDF on another grid, [`PlanError::Image`] for an image of another size than its lens says,
 /// [`PlanError::Eye`] for an eye from which the workspace cannot be seen, [`PlanError::Solid`] for a cloud that is no surface.
-pub fn fuse(observation: &Observation, grid: &Grid, pitch_m: f32) -> Result<Volume, PlanError> {
+pub fn fuse(observation: &Observation, grid: &Grid, law: CloudLaw) -> Result<Volume, PlanError> {
+    let pitch_m = law.pitch_m;
     match observation {
         Observation::Views(views) => {
-            let grid = fuse_views(views, grid)?;
-            let points_m = surface_cloud(&grid, pitch_m);
-            Ok(Volume { grid, points_m, warnings: Vec::new() })
+            let on = |resolution: usize| fuse_views(views, &Grid { resolution, ..*grid });
+            let coarse = on(grid.resolution)?;
+            let fine = if law.resolution == grid.resolution { None } else { Some(on(law.resolution)?) };
+            let points_m = surface_cloud(fine.as_ref().unwrap_or(&coarse), pitch_m);
+            Ok(Volume { grid: coarse, points_m, fine, warnings: Vec::new() })
         }
         Observation::Tsdf(given) => {
             if given.grid.resolution != grid.resolution || (given.grid.size_m - grid.size_m).abs() > 1e-6 {
                 return Err(PlanError::Grid { expected: *grid, got: given.grid });
             }
-            Ok(Volume { grid: given.clone(), points_m: surface_cloud(given, pitch_m), warnings: Vec::new() })
+            let points_m = surface_cloud(given, pitch_m);
+            Ok(Volume { grid: given.clone(), points_m, fine: None, warnings: Vec::new() })
         }
         Observation::Cloud { points_m, eyes_m } => fuse_cloud(points_m, eyes_m, grid, pitch_m),
     }
@@ -91,7 +98,7 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
         let (camera, image) = cloud_image(&points_m, &view, grid, spacing_m.max(pitch_m));
         tsdf.integrate(&camera, |pixel| image.at(pixel));
     }
-    Ok(Volume { grid: tsdf.to_voxels(), points_m, warnings })
+    Ok(Volume { grid: tsdf.to_voxels(), points_m, fine: None, warnings })
 }
 
 /// What to say of a cloud most of which lies outside the workspace.
@@ -131,6 +138,8 @@ mod tests {
 
     use super::*;
 
+    const LAW: CloudLaw = CloudLaw { resolution: 40, pitch_m: 0.0025 };
+
     fn level(view: &View) -> SeenView {
         let camera = camera_at(view, &Grid::PAPER, Intrinsics::VGN);
         let pose = camera.workspace_from_camera;
@@ -145,13 +154,13 @@ mod tests {
     #[test]
     fn a_table_seen_is_a_table_in_the_cloud() {
         let view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
-        let volume = fuse(&Observation::Views(vec![view.clone()]), &Grid::PAPER, 0.0025).unwrap();
+        let volume = fuse(&Observation::Views(vec![view.clone()]), &Grid::PAPER, LAW).unwrap();
         assert!(volume.points_m.len() > 13_000, "{}", volume.points_m.len());
         assert!(volume.points_m.iter().all(|point| (point.z - 0.05).abs() < 5e-4));
-        let again = fuse(&Observation::Tsdf(volume.grid.clone()), &Grid::PAPER, 0.0025).unwrap();
+        let again = fuse(&Observation::Tsdf(volume.grid.clone()), &Grid::PAPER, LAW).unwrap();
         assert_eq!(again, volume);
         let cloud = Observation::Cloud { points_m: volume.points_m.clone(), eyes_m: vec![Vec3::new(0.3, 0.3, 0.6)] };
-        let from_cloud = fuse(&cloud, &Grid::PAPER, 0.0025).unwrap();
+        let from_cloud = fuse(&cloud, &Grid::PAPER, LAW).unwrap();
         assert_eq!(from_cloud.warnings, Vec::<String>::new());
         let (level, field) = ([20, 20, 7], |volume: &Volume| volume.grid.values[Grid::PAPER.flat([20, 20, 7])]);
         assert!((field(&from_cloud) - field(&volume)).abs() < 0.02, "at {level:?}");
@@ -161,12 +170,12 @@ mod tests {
     fn what_does_not_fit_is_refused() {
         let mut view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
         view.image.width_px = 600;
-        let error = fuse(&Observation::Views(vec![view]), &Grid::PAPER, 0.0025).unwrap_err().to_string();
+        let error = fuse(&Observation::Views(vec![view]), &Grid::PAPER, LAW).unwrap_err().to_string();
         assert_eq!(error, "the depth image must have the lens's 640 x 480 pixels, got 600 x 480: views[0]");
         let other = VoxelGrid::new(Grid { resolution: 4, ..Grid::PAPER }, vec![0.0; 64]).unwrap();
-        assert!(fuse(&Observation::Tsdf(other), &Grid::PAPER, 0.0025).is_err());
+        assert!(fuse(&Observation::Tsdf(other), &Grid::PAPER, LAW).is_err());
         let inside = Observation::Cloud { points_m: Vec::new(), eyes_m: vec![Vec3::splat(0.1)] };
-        let error = fuse(&inside, &Grid::PAPER, 0.0025).unwrap_err().to_string();
+        let error = fuse(&inside, &Grid::PAPER, LAW).unwrap_err().to_string();
         assert!(error.contains("0.3 m to 1000 m from the middle of the workspace's floor"), "{error}");
     }
 
@@ -176,7 +185,7 @@ mod tests {
         for (n, depth) in view.image.depth_m.iter_mut().enumerate() {
             *depth = [f32::NAN, f32::INFINITY, -1.0, 0.0][n % 4];
         }
-        let volume = fuse(&Observation::Views(vec![view]), &Grid::PAPER, 0.0025).unwrap();
+        let volume = fuse(&Observation::Views(vec![view]), &Grid::PAPER, LAW).unwrap();
         assert!(volume.points_m.is_empty() && volume.grid.values.iter().all(|value| *value == 0.0));
     }
 
@@ -184,15 +193,14 @@ mod tests {
     fn a_sparse_cloud_is_told() {
         let points_m = (0..900).map(|n| Vec3::new((n / 30) as f32 * 0.01, (n % 30) as f32 * 0.01, 0.0501)).collect();
         let cloud = Observation::Cloud { points_m, eyes_m: Vec::new() };
-        let volume = fuse(&cloud, &Grid::PAPER, 0.0025).unwrap();
+        let volume = fuse(&cloud, &Grid::PAPER, LAW).unwrap();
         assert_eq!(volume.warnings.len(), 2, "{:?}", volume.warnings);
         assert!(volume.warnings[0].starts_with("the cloud is sparse: its points are at least 7.5 mm apart"));
     }
 
     #[test]
     fn clouds_of_other_units_and_blocks_are_told() {
-        let fused =
-            |points_m: Vec<Vec3>| fuse(&Observation::Cloud { points_m, eyes_m: Vec::new() }, &Grid::PAPER, 0.0025);
+        let fused = |points_m: Vec<Vec3>| fuse(&Observation::Cloud { points_m, eyes_m: Vec::new() }, &Grid::PAPER, LAW);
         let millimetres =
             fused((0..900).map(|n| Vec3::new((n / 30) as f32 * 10.0, (n % 30) as f32 * 10.0, 50.1)).collect());
         let warning = &millimetres.unwrap().warnings[0];

@@ -19,7 +19,7 @@ fn drops(count: usize) -> Vec<Drop> {
             };
             let at = Vec3::new(0.1 + 0.05 * (i % 3) as f32, 0.1 + 0.05 * (i / 3) as f32, 0.25);
             Drop {
-                solid: Solid::new(kind, extents_m).expect("a solid"),
+                body: Solid::new(kind, extents_m).expect("a solid").into(),
                 mass_kg: 0.1,
                 friction: 1.0,
                 workspace_from_object: Pose::from_parts(at, axis_angle(Vec3::X, 0.3 * i as f32)),

@@ -47,7 +47,7 @@ impl<'a> AttemptWorld<'a> {
     /// Makes a scene ready. The world is built from the scene's poses alone, so that stored rows give the same attempts.
     #[must_use]
     pub fn new(physics: &'a Physics, gripper: &'a Gripper, procedure: &'a Procedure, scene: &Scene) -> Self {
-        let thing = |o: &SceneObject| (Thing::new(&o.solid, o.mass_kg, o.friction), o.workspace_from_object);
+        let thing = |o: &SceneObject| (Thing::new(&o.body, o.mass_kg, o.friction), o.workspace_from_object);
         let things = scene.objects.iter().map(thing).collect();
         let gate = Gate::new(scene, gripper, procedure);
         Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, things }
@@ -300,7 +300,7 @@ mod tests {
         let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.04, 0.04, 0.06)).unwrap();
         let at = Vec3::new(0.15, 0.15, 0.08);
         let workspace_from_object = Pose::from_parts(at, Quat::IDENTITY);
-        let block = SceneObject { solid, mass_kg, friction: 1.0, workspace_from_object };
+        let block = SceneObject { body: solid.into(), mass_kg, friction: 1.0, workspace_from_object };
         let scene = Scene { table_z_m: 0.05, objects: vec![block] };
         let setup = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &procedure, &scene);
         let mut run = Run::start(&setup, Pose::from_parts(at, axis_angle(Vec3::X, core::f32::consts::PI)), 0, 0, false);

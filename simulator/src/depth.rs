@@ -1,43 +1,31 @@
 //! Depth by ray casting.
 //!
-//! Every solid is an intersection of half-spaces, so a ray meets it where it has entered all of them and left none:
+//! Every convex part is an intersection of half-spaces, so a ray meets it where it has entered all of them and left none:
 //! a few multiplications a face, exact, and the same faceted shapes as in the physics. A ray is cast for a pixel only
 //! when someone asks for that pixel, which is how the TSDF comes to cost a fraction of a rendered image.
 
 use schema::{Camera, DepthImage, Intrinsics, Plane, Pose, Vec3};
 
-use crate::Scene;
+use crate::body::plane_moved;
+use crate::{Convex, Scene};
 
 /// A scene made ready for rays.
 #[derive(Debug, Clone)]
 pub struct SceneRays {
     table_z_m: f32,
-    bodies: Vec<Body>,
-}
-
-#[derive(Debug, Clone)]
-struct Body {
-    /// In the workspace.
-    corners_m: Vec<Vec3>,
-    planes: Vec<Plane>,
+    /// The parts of all objects, in the workspace.
+    convexes: Vec<Convex>,
 }
 
 impl SceneRays {
     /// Makes a scene ready for rays.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
-        let bodies = scene
-            .objects
-            .iter()
-            .map(|object| {
-                let pose = object.workspace_from_object;
-                Body {
-                    corners_m: object.solid.vertices_m().into_iter().map(|c| pose.transform_point(c)).collect(),
-                    planes: object.solid.planes().into_iter().map(|plane| moved(plane, &pose)).collect(),
-                }
-            })
-            .collect();
-        Self { table_z_m: scene.table_z_m, bodies }
+        let parts = scene.objects.iter().flat_map(|object| {
+            let pose = object.workspace_from_object;
+            object.body.convexes().into_iter().map(move |convex| convex.moved(&pose))
+        });
+        Self { table_z_m: scene.table_z_m, convexes: parts.collect() }
     }
 
     /// The rays of one camera.
@@ -45,15 +33,15 @@ impl SceneRays {
     pub fn seen_from(&self, camera: &Camera) -> ViewRays {
         let camera_from_workspace = camera.workspace_from_camera.inverse();
         let face = |plane: &Plane| {
-            let plane = moved(*plane, &camera_from_workspace);
+            let plane = plane_moved(plane, &camera_from_workspace);
             Face { normal: plane.normal, gap_m: plane.offset_m }
         };
-        let bodies = self.bodies.iter().map(|body| SeenBody {
-            window: Window::around(&body.corners_m, &camera_from_workspace, &camera.intrinsics),
-            faces: body.planes.iter().map(face).collect(),
+        let parts = self.convexes.iter().map(|convex| SeenPart {
+            window: Window::around(&convex.corners_m, &camera_from_workspace, &camera.intrinsics),
+            faces: convex.planes.iter().map(face).collect(),
         });
         let table = face(&Plane { normal: Vec3::Z, offset_m: self.table_z_m });
-        ViewRays { intrinsics: camera.intrinsics, table, bodies: bodies.collect() }
+        ViewRays { intrinsics: camera.intrinsics, table, parts: parts.collect() }
     }
 
     /// The whole depth image.
@@ -67,21 +55,16 @@ impl SceneRays {
     }
 }
 
-fn moved(plane: Plane, pose: &Pose) -> Plane {
-    let normal = pose.rotation * plane.normal;
-    Plane { normal, offset_m: plane.offset_m + normal.dot(pose.translation) }
-}
-
 /// The rays of one camera: everything in its frame, so that a pixel's ray has z = 1 and meets things at their depth.
 #[derive(Debug, Clone)]
 pub struct ViewRays {
     intrinsics: Intrinsics,
     table: Face,
-    bodies: Vec<SeenBody>,
+    parts: Vec<SeenPart>,
 }
 
 #[derive(Debug, Clone)]
-struct SeenBody {
+struct SeenPart {
     window: Window,
     faces: Vec<Face>,
 }
@@ -93,7 +76,7 @@ struct Face {
     gap_m: f32,
 }
 
-/// The pixels in which a body may be seen: first and last column, first and last row.
+/// The pixels in which a part may be seen: first and last column, first and last row.
 #[derive(Debug, Clone, Copy)]
 struct Window {
     u_px: [f32; 2],
@@ -136,16 +119,16 @@ impl ViewRays {
         if table_speed < 0.0 && self.table.gap_m < 0.0 {
             nearest = self.table.gap_m / table_speed;
         }
-        for body in &self.bodies {
-            if body.window.holds(u, v) {
-                nearest = enter(&body.faces, ray, nearest);
+        for part in &self.parts {
+            if part.window.holds(u, v) {
+                nearest = enter(&part.faces, ray, nearest);
             }
         }
         nearest.is_finite().then_some(nearest)
     }
 }
 
-/// Where the ray from the origin enters the solid that `faces` bound, if before `nearest`; else `nearest`.
+/// Where the ray from the origin enters what `faces` bound, if before `nearest`; else `nearest`.
 fn enter(faces: &[Face], ray: Vec3, nearest: f32) -> f32 {
     let (mut entry, mut exit) = (0.0_f32, nearest);
     for face in faces {
@@ -187,7 +170,7 @@ mod tests {
                 };
                 let at = Vec3::new(0.08 + 0.13 * (i % 2) as f32, 0.08 + 0.13 * (i / 2) as f32, 0.12);
                 SceneObject {
-                    solid: Solid::new(kind, extents).unwrap(),
+                    body: Solid::new(kind, extents).unwrap().into(),
                     mass_kg: 0.1,
                     friction: 1.0,
                     workspace_from_object: Pose::from_parts(at, stream.rotation()),
@@ -212,7 +195,7 @@ mod tests {
     fn rays_meet_what_the_physics_feels() {
         let scene = scene_of_all_shapes();
         let rays = SceneRays::new(&scene);
-        let meshes: Vec<TriMesh> = scene.objects.iter().map(|o| triangles_of(&o.solid)).collect();
+        let meshes: Vec<TriMesh> = scene.objects.iter().map(|o| triangles_of(&o.body.as_solid().unwrap())).collect();
         let mut stream = Stream::new(12, 0, Purpose::Views, 0);
         let (mut on_objects, mut disagreements) = (0, 0);
         for _ in 0..100 {

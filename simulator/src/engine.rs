@@ -5,10 +5,11 @@
 //! PyBullet over gripped objects: see [`Physics::FAITHFUL`].
 
 use rapier3d::prelude::*;
-use schema::{Pose, Solid};
+use schema::{Mat3, Pose};
 
 use crate::SettleLaw;
-use crate::faceted::shape_of;
+use crate::body::{Body, Compound, Piece};
+use crate::faceted::{shape_of, shape_of_hull};
 
 /// How the engine is run. Stored with every dataset.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,12 +96,57 @@ pub(crate) struct Thing {
 }
 
 impl Thing {
-    pub(crate) fn new(solid: &Solid, mass_kg: f32, friction: f32) -> Self {
-        let shape = shape_of(solid, UNITS_PER_M);
-        let mut mass_properties = shape.mass_properties(1.0);
+    pub(crate) fn new(body: &Body, mass_kg: f32, friction: f32) -> Self {
+        let (shape, mut mass_properties) = match body {
+            Body::Solid(solid) => with_mass_properties(shape_of(solid, UNITS_PER_M)),
+            Body::Compound(compound) => joined(compound),
+        };
         mass_properties.set_mass(mass_kg, true);
         Self { shape, mass_properties, friction }
     }
+}
+
+fn with_mass_properties(shape: SharedShape) -> (SharedShape, MassProperties) {
+    let mass_properties = shape.mass_properties(1.0);
+    (shape, mass_properties)
+}
+
+/// The parts of a compound as one shape, and their mass properties at density 1. One shape, not a collider for each part:
+/// contacts are then asked for by object, and the mass properties are ours, not the engine's sum (see [`sum`]).
+fn joined(compound: &Compound) -> (SharedShape, MassProperties) {
+    let shape = |piece: &Piece| match piece {
+        Piece::Solid(solid) => shape_of(solid, UNITS_PER_M),
+        Piece::Hull(hull) => shape_of_hull(hull, UNITS_PER_M),
+    };
+    let parts: Vec<(Pose, SharedShape)> =
+        compound.parts().iter().map(|part| (in_units(part.object_from_part), shape(&part.piece))).collect();
+    if parts.len() == 1 && parts[0].0 == Pose::IDENTITY {
+        return with_mass_properties(parts[0].1.clone());
+    }
+    let of_parts: Vec<MassProperties> =
+        parts.iter().map(|(pose, shape)| shape.mass_properties(1.0).transform_by(pose)).collect();
+    (SharedShape::compound(parts), sum(&of_parts))
+}
+
+/// Mass properties of several things joined, by parallel axes.
+///
+/// parry finds a sum's principal axes by products of its columns. Of a diagonal inertia with two equal smaller moments it then takes
+/// x for the axis of one of them, whatever it is: a plate across x, cut in two, would turn about x with half its inertia.
+fn sum(parts: &[MassProperties]) -> MassProperties {
+    let mass: f32 = parts.iter().map(MassProperties::mass).sum();
+    let centre = parts.iter().map(|part| part.local_com * part.mass()).sum::<Vector>() / mass;
+    let about_centre = |part: &MassProperties| {
+        let off = part.local_com - centre;
+        let outer = Mat3::from_cols(off * off.x, off * off.y, off * off.z);
+        let shifted = Mat3::from_diagonal(Vector::splat(off.length_squared())) - outer;
+        part.reconstruct_inertia_matrix() + shifted * part.mass()
+    };
+    let inertia = parts.iter().map(about_centre).fold(Mat3::ZERO, |all, part| all + part);
+    let diagonal = Vector::new(inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z);
+    if inertia == Mat3::from_diagonal(diagonal) {
+        return MassProperties::new(centre, mass, diagonal);
+    }
+    MassProperties::with_inertia_matrix(centre, mass, inertia)
 }
 
 /// All of rapier's state.
@@ -261,4 +307,103 @@ fn in_units(pose: Pose) -> Pose {
 
 fn surface(collider: ColliderBuilder, friction: f32) -> ColliderBuilder {
     collider.friction(friction).friction_combine_rule(CoefficientCombineRule::Multiply).restitution(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Quat, ShapeKind, Solid, Vec3, axis_angle};
+
+    use super::*;
+    use crate::Part;
+
+    fn cuboid(extents_m: Vec3) -> Solid {
+        Solid::new(ShapeKind::Cuboid, extents_m).unwrap()
+    }
+
+    fn compound(parts: &[(Vec3, Vec3)]) -> Body {
+        let part = |(extents_m, at_m): &(Vec3, Vec3)| Part {
+            piece: Piece::Solid(cuboid(*extents_m)),
+            object_from_part: Pose::from_translation(*at_m),
+        };
+        Compound::new("boxes", parts.iter().map(part).collect()).unwrap().into()
+    }
+
+    /// Mass in kg, centre of mass in m, and inertia about it in kg m², all as the engine has them in a body of a world.
+    fn mass_of(body: &Body, mass_kg: f32) -> (f32, Vec3, Mat3) {
+        let mut world = World::new(&Physics::FAITHFUL, Vec3::ZERO);
+        let handle = world.add_object(&Thing::new(body, mass_kg, 1.0), Pose::IDENTITY);
+        world.step(&mut PhysicsPipeline::new());
+        let found = world.bodies[handle].mass_properties().local_mprops;
+        let inertia = found.reconstruct_inertia_matrix() * (1.0 / (UNITS_PER_M * UNITS_PER_M));
+        (found.mass(), found.local_com / UNITS_PER_M, inertia)
+    }
+
+    fn assert_inertia(found: Mat3, expected: Mat3, context: &str) {
+        let scale = expected.x_axis.x + expected.y_axis.y + expected.z_axis.z;
+        let off = found - expected;
+        let off = [off.x_axis, off.y_axis, off.z_axis].iter().map(|c| c.abs().max_element()).fold(0.0, f32::max);
+        assert!(off < 1e-4 * scale, "{context}: {found:?} instead of {expected:?}");
+    }
+
+    /// Inertia of a cuboid about its centre: m/12 (b² + c²) about each axis.
+    fn inertia_of_cuboid(e: Vec3, mass_kg: f32) -> Mat3 {
+        let squares = e * e;
+        Mat3::from_diagonal((Vec3::splat(squares.element_sum()) - squares) * (mass_kg / 12.0))
+    }
+
+    #[test]
+    fn a_cuboid_cut_in_two_weighs_and_turns_as_it_did() {
+        // The last is a plate across x whose two smaller moments are equal to the bit: so many 256ths of a metre.
+        let plate = Vec3::new(1.0, 20.0, 20.0) / 256.0;
+        for extents in [Vec3::new(0.04, 0.06, 0.08), Vec3::new(0.08, 0.02, 0.02), plate] {
+            for share in [0.25, 0.5] {
+                let [left, right] = [share, 1.0 - share].map(|s| Vec3::new(extents.x, s * extents.y, extents.z));
+                let cut = compound(&[(left, Vec3::ZERO), (right, Vec3::Y * (0.5 * extents.y))]);
+                let (mass_kg, centre_m, inertia) = mass_of(&cut, 0.3);
+                assert!((mass_kg - 0.3).abs() < 1e-6 && centre_m.length() < 1e-6, "{mass_kg} kg at {centre_m}");
+                assert_inertia(inertia, inertia_of_cuboid(extents, 0.3), &format!("{extents} at {share}"));
+                let (_, _, plain) = mass_of(&cuboid(extents).into(), 0.3);
+                assert_inertia(plain, inertia_of_cuboid(extents, 0.3), "the engine's own");
+            }
+        }
+    }
+
+    #[test]
+    fn a_dumb_bell_is_as_parallel_axes_say() {
+        // Two cubes, one of twice the other's edge, so of eight times its mass, 0.1 m apart along a slanted line.
+        let (small, large, mass_kg) = (0.02, 0.04, 0.9);
+        let turn = axis_angle(Vec3::Z, 0.3) * axis_angle(Vec3::Y, 0.8);
+        let part = |edge: f32, along_m: f32| Part {
+            piece: Piece::Solid(cuboid(Vec3::splat(edge))),
+            object_from_part: Pose::from_parts(turn * Vec3::X * along_m, turn),
+        };
+        let bell = Compound::new("dumb_bell", vec![part(small, 0.0), part(large, 0.1)]).unwrap();
+        let apart_m = bell.parts()[1].object_from_part.translation - bell.parts()[0].object_from_part.translation;
+        assert!((apart_m - turn * Vec3::X * 0.1).length() < 1e-6);
+        let expected_centre_m = bell.parts()[0].object_from_part.translation + apart_m * (8.0 / 9.0);
+        let (found_kg, centre_m, inertia) = mass_of(&bell.into(), mass_kg);
+        assert!((found_kg - mass_kg).abs() < 1e-6 && (centre_m - expected_centre_m).length() < 1e-6, "{centre_m}");
+        let [light_kg, heavy_kg] = [mass_kg / 9.0, 8.0 * mass_kg / 9.0];
+        let own = (light_kg * small * small + heavy_kg * large * large) / 6.0;
+        let lever = light_kg * heavy_kg / mass_kg * 0.1 * 0.1;
+        let r = Mat3::from_quat(turn);
+        let expected = r * Mat3::from_diagonal(Vec3::new(own, own + lever, own + lever)) * r.transpose();
+        assert_inertia(inertia, expected, "dumb-bell");
+    }
+
+    #[test]
+    fn one_solid_alone_is_the_solid() {
+        for (kind, extents) in [
+            (ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.07)),
+            (ShapeKind::Cylinder, Vec3::new(0.04, 0.04, 0.07)),
+            (ShapeKind::TriPrism, Vec3::new(0.08, 0.05, 0.04)),
+            (ShapeKind::HalfCylinder, Vec3::new(0.06, 0.06, 0.03)),
+        ] {
+            let solid = Solid::new(kind, extents).unwrap();
+            let part =
+                Part { piece: Piece::Solid(solid), object_from_part: Pose::from_parts(Vec3::ZERO, Quat::IDENTITY) };
+            let alone = Compound::new("alone", vec![part]).unwrap();
+            assert_eq!(mass_of(&alone.into(), 0.2), mass_of(&solid.into(), 0.2), "{kind:?}");
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! A solid as a collision shape: parry's convex hull, with faces that hold.
+//! A convex solid as a collision shape: parry's convex hull, with faces that hold.
 //!
 //! parry describes a face that two shapes share by at most four corners, and takes the *first four* of a hull's face. The
 //! round end of a cylinder has 24: its first four lie side by side on the rim, do not surround the middle, and an upright
@@ -15,6 +15,8 @@ use parry3d::shape::{
 };
 use schema::{Pose, ShapeKind, Solid};
 
+use crate::convex_hull::ConvexHull;
+
 /// A face touched nearer to its middle than this share of its radius is described by its standing choice of corners.
 const RIM_SHARE: f32 = 0.25;
 
@@ -23,87 +25,112 @@ pub(crate) fn shape_of(solid: &Solid, units_per_m: f32) -> SharedShape {
     let half = solid.extents_m * (0.5 * units_per_m);
     match solid.kind {
         ShapeKind::Cuboid => SharedShape::cuboid(half.x, half.y, half.z),
-        _ => SharedShape::new(Faceted::new(solid, units_per_m)),
+        _ => SharedShape::new(Faceted::of_solid(solid, units_per_m)),
     }
 }
 
-/// A polygon pushed along an axis. Corners `0..n` are the lower end's, `n..2n` the upper end's; faces `0..n` are the
-/// sides, `n` and `n + 1` the ends, as [`Solid`] orders them.
+/// The collision shape of a hull, in units of which `units_per_m` make a metre.
+pub(crate) fn shape_of_hull(hull: &ConvexHull, units_per_m: f32) -> SharedShape {
+    SharedShape::new(Faceted::of_hull(hull, units_per_m).expect("a checked hull is convex"))
+}
+
+/// A convex polyhedron whose faces are known as rings of corners.
 #[derive(Debug, Clone)]
-struct Faceted {
+pub(crate) struct Faceted {
     hull: ConvexPolyhedron,
     corners: Vec<Vector>,
-    normals: Vec<Vector>,
-    end_radius: f32,
+    faces: Vec<Ring>,
+    /// Whether the corners of a many-cornered face may be taken to follow each other evenly, as a solid's do.
+    is_even: bool,
+}
+
+/// A face: its corners by number, in order round it.
+#[derive(Debug, Clone)]
+struct Ring {
+    normal: Vector,
+    corners: Vec<usize>,
+    middle: Vector,
+    radius: f32,
 }
 
 impl Faceted {
-    fn new(solid: &Solid, units_per_m: f32) -> Self {
+    /// A polygon pushed along an axis. Corners `0..n` are the lower end's, `n..2n` the upper end's; faces `0..n` are the
+    /// sides, `n` and `n + 1` the ends, as [`Solid`] orders them.
+    fn of_solid(solid: &Solid, units_per_m: f32) -> Self {
         let corners: Vec<Vector> = solid.vertices_m().into_iter().map(|c| c * units_per_m).collect();
-        let hull = ConvexPolyhedron::from_convex_hull(&corners).expect("a checked solid has a convex hull");
-        let ring = &corners[..corners.len() / 2];
-        let middle = middle_of(ring);
-        let end_radius = ring.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
-        let normals = solid.planes().into_iter().map(|plane| plane.normal).collect();
-        Self { hull, corners, normals, end_radius }
+        let n = corners.len() / 2;
+        let sides = (0..n).map(|side| vec![side, (side + 1) % n, n + (side + 1) % n, n + side]);
+        let ends = [(0..n).collect(), (n..2 * n).collect()];
+        let normals = solid.planes().into_iter().map(|plane| plane.normal);
+        Self::new(corners, normals.zip(sides.chain(ends)), true).expect("a checked solid has a convex hull")
     }
 
-    fn sides(&self) -> usize {
-        self.corners.len() / 2
+    /// `None` if the engine finds no hull in the corners.
+    pub(crate) fn of_hull(hull: &ConvexHull, units_per_m: f32) -> Option<Self> {
+        let corners = hull.vertices_m().iter().map(|c| *c * units_per_m).collect();
+        Self::new(corners, hull.faces().iter().map(|face| (face.plane.normal, face.ring.clone())), false)
     }
 
-    /// Corner `i` of a side face, going round it.
-    fn side_corners(&self, side: usize) -> [usize; 4] {
-        let (n, next) = (self.sides(), (side + 1) % self.sides());
-        [side, next, n + next, n + side]
+    fn new(corners: Vec<Vector>, faces: impl Iterator<Item = (Vector, Vec<usize>)>, is_even: bool) -> Option<Self> {
+        let hull = ConvexPolyhedron::from_convex_hull(&corners)?;
+        let ring = |(normal, ring): (Vector, Vec<usize>)| {
+            let middle = ring.iter().map(|c| corners[*c]).sum::<Vector>() / ring.len() as f32;
+            let radius = ring.iter().map(|c| (corners[*c] - middle).length()).fold(0.0, f32::max);
+            Ring { normal, corners: ring, middle, radius }
+        };
+        let faces = faces.map(ring).collect();
+        Some(Self { hull, corners, faces, is_even })
     }
 
-    /// Up to four corners of an end, spread round its rim, the first next to `hint` if that lies near the rim.
-    fn end_corners(&self, upper: bool, hint: Option<Vector>) -> ([usize; 4], usize) {
-        let n = self.sides();
-        let start = if upper { n } else { 0 };
-        let ring = &self.corners[start..start + n];
+    /// Up to four corners of a face, of a many-cornered one spread round its rim, the first next to `hint` if that lies
+    /// near the rim.
+    fn face_corners(&self, face: &Ring, hint: Option<Vector>) -> ([usize; 4], usize) {
+        let (ring, n) = (&face.corners, face.corners.len());
         if n <= 4 {
-            return (core::array::from_fn(|i| start + i.min(n - 1)), n);
+            return (core::array::from_fn(|i| ring[i.min(n - 1)]), n);
         }
-        let middle = middle_of(ring);
+        let from_middle = |corner: usize| self.corners[corner] - face.middle;
+        let furthest = |off: Vector| furthest_along(ring.iter().map(|c| from_middle(*c)), off);
         let first = hint
-            .map(|hint| hint - middle)
-            .filter(|off| off.length() > RIM_SHARE * self.end_radius)
-            .map_or(0, |off| nearest_along(ring, middle, off));
-        (core::array::from_fn(|i| start + (first + (i * n + 2) / 4) % n), 4)
+            .map(|hint| hint - face.middle)
+            .filter(|off| off.length() > RIM_SHARE * face.radius)
+            .map_or(0, furthest);
+        if self.is_even {
+            return (core::array::from_fn(|i| ring[(first + (i * n + 2) / 4) % n]), 4);
+        }
+        let ahead = from_middle(ring[first]);
+        let across = face.normal.cross(ahead);
+        ([first, furthest(across), furthest(-ahead), furthest(-across)].map(|i| ring[i]), 4)
     }
 
     fn describe(&self, dir: Vector, hint: Option<Vector>, out: &mut PolygonalFeature) {
-        let n = self.sides();
-        let face = (0..self.normals.len())
-            .reduce(|best, f| if self.normals[f].dot(dir) > self.normals[best].dot(dir) { f } else { best })
-            .unwrap_or(0);
-        let (corners, count) =
-            if face < n { (self.side_corners(face), 4) } else { self.end_corners(face == n + 1, hint) };
+        let number = furthest_along(self.faces.iter().map(|face| face.normal), dir);
+        let (corners, count) = self.face_corners(&self.faces[number], hint);
         for (slot, corner) in corners.into_iter().enumerate() {
             out.vertices[slot] = self.corners[corner];
             out.vids[slot] = PackedFeatureId::vertex(corner as u32);
-            out.eids[slot] = PackedFeatureId::edge((face * 2 * n + corner) as u32);
+            out.eids[slot] = PackedFeatureId::edge((number * self.corners.len() + corner) as u32);
         }
-        out.fid = PackedFeatureId::face(face as u32);
+        out.fid = PackedFeatureId::face(number as u32);
         out.num_vertices = count;
     }
 }
 
-fn middle_of(points: &[Vector]) -> Vector {
-    points.iter().copied().sum::<Vector>() / points.len() as f32
-}
-
-/// The point that lies furthest from `middle` along `direction`.
-fn nearest_along(points: &[Vector], middle: Vector, direction: Vector) -> usize {
-    let reach = |i: usize| (points[i] - middle).dot(direction);
-    (0..points.len()).reduce(|best, i| if reach(i) > reach(best) { i } else { best }).unwrap_or(0)
+/// The number of the first vector that reaches furthest along `direction`.
+fn furthest_along(vectors: impl Iterator<Item = Vector>, direction: Vector) -> usize {
+    let mut best = (0, f32::NEG_INFINITY);
+    for (number, vector) in vectors.enumerate() {
+        let reach = vector.dot(direction);
+        if reach > best.1 {
+            best = (number, reach);
+        }
+    }
+    best.0
 }
 
 impl SupportMap for Faceted {
     fn local_support_point(&self, dir: Vector) -> Vector {
-        self.corners[nearest_along(&self.corners, Vector::ZERO, dir)]
+        self.corners[furthest_along(self.corners.iter().copied(), dir)]
     }
 }
 
@@ -196,7 +223,7 @@ mod tests {
     #[test]
     fn the_end_of_a_cylinder_is_described_by_corners_all_round() {
         let solid = Solid::new(ShapeKind::Cylinder, Vec3::new(0.04, 0.04, 0.06)).unwrap();
-        let shape = Faceted::new(&solid, 1.0);
+        let shape = Faceted::of_solid(&solid, 1.0);
         let mut feature = PolygonalFeature::default();
         for hint in [None, Some(Vec3::new(0.0, 0.019, -0.03)), Some(Vec3::new(-0.01, -0.012, -0.03))] {
             shape.describe(-Vec3::Z, hint, &mut feature);
@@ -214,13 +241,29 @@ mod tests {
     #[test]
     fn a_side_is_its_own_four_corners() {
         let solid = Solid::new(ShapeKind::HalfCylinder, Vec3::new(0.08, 0.06, 0.03)).unwrap();
-        let shape = Faceted::new(&solid, 1.0);
+        let shape = Faceted::of_solid(&solid, 1.0);
         let mut feature = PolygonalFeature::default();
         for plane in solid.planes() {
             shape.describe(plane.normal, None, &mut feature);
             for corner in &feature.vertices[..feature.num_vertices] {
                 assert!((plane.normal.dot(*corner) - plane.offset_m).abs() < 1e-6, "{plane:?} {corner}");
             }
+        }
+    }
+    /// A face with most of its corners on one side: the first four, or every third, would leave out the other side.
+    #[test]
+    fn an_uneven_face_is_described_by_corners_round_its_middle() {
+        let arc = (0..=10).map(|i| libm::sincosf(0.05 * i as f32)).map(|(sin, cos)| [0.04 * cos, 0.04 * sin]);
+        let outline: Vec<[f32; 2]> = arc.chain([[0.0, 0.02], [0.0, 0.0]]).collect();
+        let corners: Vec<Vec3> =
+            [-0.01, 0.01].into_iter().flat_map(|z| outline.iter().map(move |[x, y]| Vec3::new(*x, *y, z))).collect();
+        let shape = Faceted::of_hull(&ConvexHull::of(&corners).unwrap(), 1.0).unwrap();
+        let mut feature = PolygonalFeature::default();
+        for hint in [None, Some(Vec3::new(0.039, 0.001, 0.01)), Some(Vec3::new(0.0, 0.02, 0.01))] {
+            shape.describe(Vec3::Z, hint, &mut feature);
+            let [a, b, c, d] = feature.vertices;
+            let area_m2 = 0.5 * (c - a).cross(d - b).z;
+            assert!(area_m2 > 0.7 * 0.04 * 0.02, "{hint:?}: {area_m2} m² of {feature:?}");
         }
     }
 }

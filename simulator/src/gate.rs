@@ -6,8 +6,8 @@
 
 use schema::{Gripper, HandBox, HitKind, Outcome, Pose, Procedure, Vec3};
 
-use crate::Scene;
 use crate::hull::{Hull, Placed};
+use crate::{Scene, SceneObject};
 
 /// What was hit first: the target, then another object, then the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,7 +33,8 @@ impl Hit {
 #[derive(Clone)]
 pub struct Gate {
     table_z_m: f32,
-    obstacles: Vec<(Hull, Pose)>,
+    /// The parts of each object, in its frame, and where it is.
+    obstacles: Vec<(Vec<Hull>, Pose)>,
     pregrasp: [HandBox; 3],
     approach: [HandBox; 3],
 }
@@ -42,7 +43,8 @@ impl Gate {
     /// Makes scene and hand ready.
     #[must_use]
     pub fn new(scene: &Scene, gripper: &Gripper, procedure: &Procedure) -> Self {
-        let obstacles = scene.objects.iter().map(|o| (Hull::new(&o.solid), o.workspace_from_object)).collect();
+        let hulls = |o: &SceneObject| o.body.convexes().into_iter().map(Hull::new).collect();
+        let obstacles = scene.objects.iter().map(|o| (hulls(o), o.workspace_from_object)).collect();
         let back = Vec3::new(0.0, 0.0, procedure.pregrasp_distance_m);
         let hand = gripper.open_hand();
         let pregrasp = hand.map(|b| HandBox { centre_m: b.centre_m - back, ..b }.grown(gripper.clearance_m));
@@ -62,22 +64,24 @@ impl Gate {
         })
     }
 
-    /// The scene's objects in the frame of a grasp.
+    /// The parts of all objects in the frame of a grasp.
     pub(crate) fn placed(&self, workspace_from_grasp: &Pose) -> Vec<Placed> {
         let grasp_from_workspace = workspace_from_grasp.inverse();
-        self.obstacles.iter().map(|(hull, pose)| hull.placed(&(grasp_from_workspace * *pose))).collect()
+        let in_grasp = |(hulls, pose): &(Vec<Hull>, Pose)| placed(hulls, &(grasp_from_workspace * *pose));
+        self.obstacles.iter().flat_map(in_grasp).collect()
     }
 
-    /// The hull of an object.
-    pub(crate) fn hull(&self, object_id: usize) -> &Hull {
-        &self.obstacles[object_id].0
+    /// The parts of an object somewhere else.
+    pub(crate) fn placed_at(&self, object_id: usize, pose: &Pose) -> Vec<Placed> {
+        placed(&self.obstacles[object_id].0, pose)
     }
 
     fn first_hit(&self, boxes: &[HandBox; 3], workspace_from_grasp: &Pose, target: usize) -> Option<Hit> {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let touches = |id: &usize| {
-            let (hull, workspace_from_object) = &self.obstacles[*id];
-            touches(hull, &(grasp_from_workspace * *workspace_from_object), boxes)
+            let (hulls, workspace_from_object) = &self.obstacles[*id];
+            let grasp_from_object = grasp_from_workspace * *workspace_from_object;
+            hulls.iter().any(|hull| touches(hull, &grasp_from_object, boxes))
         };
         let others = (0..self.obstacles.len()).filter(|id| *id != target);
         if let Some(id) = core::iter::once(target).chain(others).find(touches) {
@@ -88,9 +92,14 @@ impl Gate {
     }
 }
 
+fn placed(hulls: &[Hull], pose: &Pose) -> Vec<Placed> {
+    hulls.iter().map(|hull| hull.placed(pose)).collect()
+}
+
 fn touches(hull: &Hull, grasp_from_object: &Pose, boxes: &[HandBox; 3]) -> bool {
+    let centre_m = grasp_from_object.transform_point(hull.centre_m);
     let near = |b: &HandBox| {
-        let outside = ((grasp_from_object.translation - b.centre_m).abs() - b.half_m).max(Vec3::ZERO);
+        let outside = ((centre_m - b.centre_m).abs() - b.half_m).max(Vec3::ZERO);
         outside.length_squared() <= hull.radius_m * hull.radius_m
     };
     if !boxes.iter().any(near) {
@@ -101,7 +110,7 @@ fn touches(hull: &Hull, grasp_from_object: &Pose, boxes: &[HandBox; 3]) -> bool 
     boxes.iter().any(|b| near(b) && overlaps(b, &placed, &edges))
 }
 
-/// Whether a box and a convex solid overlap, by separating axes: the box's axes, the solid's normals, and the products of
+/// Whether a box and a convex part overlap, by separating axes: the box's axes, the solid's normals, and the products of
 /// their edges. All in the box's axes.
 ///
 /// (parry's own test runs GJK, which took a faceted cylinder half a millimetre away for a touching one.)
@@ -134,7 +143,6 @@ mod tests {
     use schema::{Purpose, ShapeKind, Solid, Stream};
 
     use super::*;
-    use crate::SceneObject;
 
     type V = [f64; 3];
 
@@ -206,11 +214,11 @@ mod tests {
             let solid = Solid::new(kind, extents).unwrap();
             let pose = Pose::from_parts(stream.point(Vec3::splat(-0.07), Vec3::splat(0.07)), stream.rotation());
             let finger = gripper.open_hand()[case % 3].swept_back(0.05);
-            let object = SceneObject { solid, mass_kg: 0.1, friction: 1.0, workspace_from_object: pose };
+            let object = SceneObject { body: solid.into(), mass_kg: 0.1, friction: 1.0, workspace_from_object: pose };
             let scene = Scene { table_z_m: -1.0, objects: vec![object] };
             let gate = Gate::new(&scene, &gripper, &Procedure::PAPER);
-            let (hull, pose_of_hull) = &gate.obstacles[0];
-            let got = touches(hull, pose_of_hull, &[finger; 3]);
+            let (hulls, pose_of_object) = &gate.obstacles[0];
+            let got = touches(&hulls[0], pose_of_object, &[finger; 3]);
             let corners: Vec<Vec3> = (0..8)
                 .map(|c| {
                     let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };

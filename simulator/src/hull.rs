@@ -1,10 +1,13 @@
-//! Convex solids as points and axes, for questions that need no time steps.
+//! Convex parts as points and axes, for questions that need no time steps.
 
-use schema::{HandBox, Pose, Solid, Vec3};
+use schema::{HandBox, Pose, Vec3};
 
-/// A convex solid in its own frame.
+use crate::Convex;
+
+/// A convex part of an object, in the object's frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Hull {
+    pub(crate) centre_m: Vec3,
     corners_m: Vec<Vec3>,
     /// Directions of the faces' normals, then of the edges, one of each opposite pair.
     normals: Vec<Vec3>,
@@ -12,7 +15,7 @@ pub(crate) struct Hull {
     pub(crate) radius_m: f32,
 }
 
-/// A convex solid somewhere: its corners, and the normals of its faces, one of each opposite pair.
+/// A convex part somewhere: its corners, and the normals of its faces, one of each opposite pair.
 #[derive(Debug, Clone)]
 pub(crate) struct Placed {
     pub(crate) centre_m: Vec3,
@@ -22,18 +25,19 @@ pub(crate) struct Placed {
 }
 
 impl Hull {
-    pub(crate) fn new(solid: &Solid) -> Self {
+    pub(crate) fn new(convex: Convex) -> Self {
         Self {
-            corners_m: solid.vertices_m(),
-            normals: distinct(solid.planes().iter().map(|plane| plane.normal)),
-            edges: distinct(solid.edges_m().into_iter().map(Vec3::normalize)),
-            radius_m: solid.bounding_radius_m(),
+            centre_m: convex.centre_m,
+            corners_m: convex.corners_m,
+            normals: distinct(convex.planes.iter().map(|plane| plane.normal)),
+            edges: distinct(convex.edges_m.into_iter().map(Vec3::normalize)),
+            radius_m: convex.radius_m,
         }
     }
 
     pub(crate) fn placed(&self, pose: &Pose) -> Placed {
         Placed {
-            centre_m: pose.translation,
+            centre_m: pose.transform_point(self.centre_m),
             radius_m: self.radius_m,
             corners_m: self.corners_m.iter().map(|c| pose.transform_point(*c)).collect(),
             normals: self.normals.iter().map(|n| pose.rotation * *n).collect(),
@@ -55,7 +59,7 @@ impl Placed {
         }
     }
 
-    /// The interval that the solid covers along an axis.
+    /// The interval that the part covers along an axis.
     pub(crate) fn span(&self, axis: Vec3) -> [f32; 2] {
         self.corners_m.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], corner| {
             let x = axis.dot(*corner);
@@ -100,14 +104,16 @@ fn distinct(axes: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
 
 #[cfg(test)]
 mod tests {
-    use schema::ShapeKind;
+    use schema::{ShapeKind, Solid};
 
     use super::*;
+    use crate::Body;
 
     #[test]
     fn a_box_meets_a_box_after_the_gap_between_them_or_never() {
         let solid = Solid::new(ShapeKind::Cuboid, Vec3::splat(0.02)).unwrap();
-        let other = Hull::new(&solid).placed(&Pose::from_translation(Vec3::new(0.0, 0.1, 0.0)));
+        let [cube] = <[Convex; 1]>::try_from(Body::from(solid).convexes()).unwrap();
+        let other = Hull::new(cube).placed(&Pose::from_translation(Vec3::new(0.0, 0.1, 0.0)));
         let way = |y_m: f32, x_m: f32, direction: Vec3| {
             let mover = HandBox { centre_m: Vec3::ZERO, half_m: Vec3::splat(0.01) };
             Placed::from_box(&mover, Vec3::new(x_m, y_m, 0.0)).free_way_m(&other, direction)

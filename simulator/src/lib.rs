@@ -7,10 +7,14 @@
 //! - [`AttemptWorld::execute`] lets a free-floating parallel jaw try one grasp in that scene and says how it ended.
 //! - [`SceneRays`] casts the rays of a depth camera at the very same faceted shapes that the physics feels.
 //!
+//! An object's shape is a [`Body`]: one of the four solids, or a [`Compound`] of convex parts.
+//!
 //! Every result is a pure function of its arguments: worlds are rebuilt from poses, never carried over, and nothing
 //! runs in parallel inside a world.
 
 mod attempt;
+mod body;
+mod convex_hull;
 mod depth;
 mod engine;
 mod faceted;
@@ -22,6 +26,8 @@ mod settle;
 mod shortcuts;
 
 pub use attempt::{AttemptWorld, Execution};
+pub use body::{Body, Compound, CompoundError, Convex, Part, Piece};
+pub use convex_hull::{ConvexHull, HullError};
 pub use depth::{SceneRays, ViewRays};
 pub use engine::Physics;
 pub use gate::{Gate, Hit};

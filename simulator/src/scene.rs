@@ -1,12 +1,14 @@
 //! A scene at rest.
 
-use schema::{ObjectRecord, Pose, Solid};
+use schema::{ObjectRecord, Pose};
+
+use crate::Body;
 
 /// An object at rest in the workspace.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneObject {
     /// Shape and size.
-    pub solid: Solid,
+    pub body: Body,
     /// Mass in kilograms.
     pub mass_kg: f32,
     /// Coulomb friction coefficient.
@@ -31,7 +33,7 @@ impl Scene {
         let objects = records
             .iter()
             .map(|r| SceneObject {
-                solid: r.solid,
+                body: r.solid.into(),
                 mass_kg: r.mass_kg,
                 friction: r.friction,
                 workspace_from_object: r.workspace_from_object,

@@ -5,16 +5,16 @@
 //! until something touches it. What has left the workspace by then is not part of the scene.
 
 use rapier3d::prelude::*;
-use schema::{Grid, Pose, Solid, Vec3};
+use schema::{Grid, Pose, Vec3};
 
 use crate::engine::{Physics, Thing, World};
-use crate::{Scene, SceneObject};
+use crate::{Body, Scene, SceneObject};
 
 /// An object about to fall.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drop {
     /// Shape and size.
-    pub solid: Solid,
+    pub body: Body,
     /// Mass in kilograms.
     pub mass_kg: f32,
     /// Coulomb friction coefficient.
@@ -83,11 +83,11 @@ pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -
     let mut bodies = Vec::with_capacity(drops.len());
     let mut steps = 0;
     for drop in drops {
-        let low_z_m = lowest_z_m(&drop.solid.vertices_m(), &drop.workspace_from_object);
+        let low_z_m = lowest_z_m(&drop.body.vertices_m(), &drop.workspace_from_object);
         let fall = Fall::until_near(physics, law, low_z_m - top_z_m(&world, &bodies, drops, grid));
         let mut pose = drop.workspace_from_object;
         pose.translation.z -= fall.way_m;
-        let body = world.add_object(&Thing::new(&drop.solid, drop.mass_kg, drop.friction), pose);
+        let body = world.add_object(&Thing::new(&drop.body, drop.mass_kg, drop.friction), pose);
         world.let_settle(body, law, -Vec3::Z * fall.speed_m_s);
         bodies.push(body);
         steps += fall.steps + rest(&mut world, &mut pipeline, physics, law, &bodies)?;
@@ -100,12 +100,12 @@ pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -
     let mut objects = Vec::with_capacity(drops.len());
     for (drop, body) in drops.iter().zip(&bodies) {
         let workspace_from_object = world.pose(*body);
-        if !is_sane(&workspace_from_object, &drop.solid, grid) {
+        if !is_sane(&workspace_from_object, &drop.body, grid) {
             return Err(Unsettled::Unstable);
         }
         if is_over_workspace(workspace_from_object.translation, grid) {
             objects.push(SceneObject {
-                solid: drop.solid,
+                body: drop.body.clone(),
                 mass_kg: drop.mass_kg,
                 friction: drop.friction,
                 workspace_from_object,
@@ -147,7 +147,7 @@ pub fn settle_again(
 
 /// Moves objects to where they come to rest on the bare table; gives the number of steps.
 fn rest_from(physics: &Physics, law: &SettleLaw, grid: &Grid, objects: &mut [SceneObject]) -> Result<usize, Unsettled> {
-    let sane = |object: &SceneObject| is_sane(&object.workspace_from_object, &object.solid, grid);
+    let sane = |object: &SceneObject| is_sane(&object.workspace_from_object, &object.body, grid);
     if !objects.iter().all(sane) {
         return Err(Unsettled::Unstable);
     }
@@ -158,7 +158,7 @@ fn rest_from(physics: &Physics, law: &SettleLaw, grid: &Grid, objects: &mut [Sce
     world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
     let mut bodies = Vec::with_capacity(objects.len());
     for object in &*objects {
-        let thing = Thing::new(&object.solid, object.mass_kg, object.friction);
+        let thing = Thing::new(&object.body, object.mass_kg, object.friction);
         let body = world.add_object(&thing, object.workspace_from_object);
         world.let_settle(body, law, Vec3::ZERO);
         bodies.push(body);
@@ -201,7 +201,7 @@ fn lowest_z_m(corners_m: &[Vec3], pose: &Pose) -> f32 {
 fn top_z_m(world: &World, bodies: &[RigidBodyHandle], drops: &[Drop], grid: &Grid) -> f32 {
     let corner_z_m = bodies.iter().zip(drops).flat_map(|(body, drop)| {
         let pose = world.pose(*body);
-        drop.solid.vertices_m().into_iter().map(move |corner| pose.transform_point(corner).z)
+        drop.body.vertices_m().into_iter().map(move |corner| pose.transform_point(corner).z)
     });
     corner_z_m.fold(grid.table_z_m, f32::max)
 }
@@ -242,9 +242,9 @@ fn rest(
     Err(Unsettled::Moving)
 }
 
-fn is_sane(pose: &Pose, solid: &Solid, grid: &Grid) -> bool {
+fn is_sane(pose: &Pose, body: &Body, grid: &Grid) -> bool {
     let middle = Vec3::splat(0.5 * grid.size_m);
-    let lowest = lowest_z_m(&solid.vertices_m(), pose);
+    let lowest = lowest_z_m(&body.vertices_m(), pose);
     (pose.translation - middle).length() < ESCAPE_DISTANCE_M && lowest > grid.table_z_m - SUNK_DEPTH_M
 }
 

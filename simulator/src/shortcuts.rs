@@ -117,11 +117,10 @@ impl Run<'_> {
     fn way_is_free(&self, rest_m: Vec3) -> bool {
         let length_m = rest_m.length();
         let Some(direction) = rest_m.try_normalize() else { return true };
-        let placed = |id: usize| self.setup.gate.hull(id).placed(&self.world.pose(self.bodies[id]));
-        let mut movers = vec![placed(self.target)];
+        let placed = |id: usize| self.setup.gate.placed_at(id, &self.world.pose(self.bodies[id]));
+        let mut movers = placed(self.target);
         movers.extend(self.hand.boxes(&self.world, self.setup.gripper).map(|(b, at)| Placed::from_box(&b, at)));
-        self.others().all(|id| {
-            let other = placed(id);
+        self.others().flat_map(placed).all(|other| {
             movers.iter().all(|mover| {
                 let apart = other.centre_m - mover.centre_m;
                 let passed = apart - direction * apart.dot(direction).clamp(0.0, length_m);

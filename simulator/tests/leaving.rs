@@ -21,7 +21,7 @@ fn gripper() -> Gripper {
 /// A block, turned about z.
 fn block(extents: [f32; 3], at: [f32; 3], yaw_rad: f32, friction: f32) -> SceneObject {
     SceneObject {
-        solid: Solid::new(ShapeKind::Cuboid, Vec3::from_array(extents)).unwrap(),
+        body: Solid::new(ShapeKind::Cuboid, Vec3::from_array(extents)).unwrap().into(),
         mass_kg: 0.1,
         friction,
         workspace_from_object: Pose::from_parts(Vec3::from_array(at), axis_angle(Vec3::Z, yaw_rad)),

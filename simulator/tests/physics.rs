@@ -22,7 +22,12 @@ fn gripper() -> Gripper {
 fn object(kind: ShapeKind, extents_m: [f32; 3], mass_kg: f32, friction: f32) -> Drop {
     let solid = Solid::new(kind, Vec3::from_array(extents_m)).unwrap();
     let at = Vec3::new(0.15, 0.15, 0.05 + 0.5 * extents_m[2] + 0.0005);
-    Drop { solid, mass_kg, friction, workspace_from_object: Pose::from_parts(at, axis_angle(Vec3::Z, 0.0)) }
+    Drop {
+        body: solid.into(),
+        mass_kg,
+        friction,
+        workspace_from_object: Pose::from_parts(at, axis_angle(Vec3::Z, 0.0)),
+    }
 }
 
 fn at_rest(drop: Drop) -> Scene {
@@ -167,13 +172,13 @@ fn what_lies_on_top_of_the_target_and_rides_along_is_hit_other() {
         table_z_m: 0.05,
         objects: vec![
             SceneObject {
-                solid: below.solid,
+                body: below.body,
                 mass_kg: below.mass_kg,
                 friction: 1.0,
                 workspace_from_object: Pose::from_parts(Vec3::new(0.15, 0.15, 0.08), axis_angle(Vec3::Z, 0.0)),
             },
             SceneObject {
-                solid,
+                body: solid.into(),
                 mass_kg: 0.03,
                 friction: 1.0,
                 workspace_from_object: Pose::from_parts(Vec3::new(0.15, 0.15, 0.115), axis_angle(Vec3::Z, 0.0)),
@@ -189,7 +194,7 @@ fn what_lies_on_top_of_the_target_and_rides_along_is_hit_other() {
 #[test]
 fn what_lies_ahead_of_the_lift_is_not_skipped() {
     let resting = |extents: [f32; 3], mass_kg: f32, at: [f32; 3]| SceneObject {
-        solid: Solid::new(ShapeKind::Cuboid, Vec3::from_array(extents)).unwrap(),
+        body: Solid::new(ShapeKind::Cuboid, Vec3::from_array(extents)).unwrap().into(),
         mass_kg,
         friction: 1.0,
         workspace_from_object: Pose::from_parts(Vec3::from_array(at), axis_angle(Vec3::Z, 0.0)),

@@ -91,6 +91,6 @@ fn a_bad_config_is_told_whole() {
     let output = run(&["run", path.to_str().unwrap(), "--out", folder.path().to_str().unwrap()]);
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(78), "{said}");
-    assert!(said.contains("objects.kind must be one of pile, packed, got heap"), "{said}");
+    assert!(said.contains("objects.kind must be one of pile, packed, things, got heap"), "{said}");
     assert!(said.contains("rounds must be between 1 and 1000000, got 0"), "{said}");
 }

@@ -41,7 +41,7 @@ impl ModelAnswer {
 }
 
 fn settings(config: &Config) -> Value {
-    let Config { seed, gripper, detection: d, pitch_m, plane, clusters, ranking, collision, refinement } = config;
+    let Config { seed, gripper, detection: d, cloud, plane, clusters, ranking, collision, refinement } = config;
     let without_object = match ranking.without_object {
         WithoutObject::Last => "last",
         WithoutObject::Drop => "drop",
@@ -60,7 +60,7 @@ fn settings(config: &Config) -> Value {
             "voxel_offset": decimal(d.voxel_offset),
             "origin_behind_tips_m": decimal(d.origin_behind_tips_m),
         },
-        "cloud": { "pitch_m": decimal(*pitch_m) },
+        "cloud": { "resolution": cloud.resolution, "pitch_m": decimal(cloud.pitch_m) },
         "plane": {
             "threshold_m": decimal(plane.threshold_m),
             "iterations": plane.iterations,
@@ -81,9 +81,13 @@ fn settings(config: &Config) -> Value {
         },
         "refinement": {
             "turns": refinement.turns,
-            "shifts": refinement.shifts,
-            "shift_m": decimal(refinement.shift_m),
+            "tilts": refinement.tilts,
+            "tilt_rad": decimal(refinement.tilt_rad),
+            "depths": refinement.depths,
+            "depth_m": decimal(refinement.depth_m),
             "flat_m": decimal(refinement.flat_m),
+            "normal_rad_max": decimal(refinement.normal_rad_max),
+            "arm_m": decimal(refinement.arm_m),
             "points_min": refinement.points_min,
         },
         "collision": {

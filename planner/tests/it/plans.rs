@@ -158,7 +158,7 @@ fn refined_hands_close_on_something_by_a_free_way() {
     let planner = Planner::built_in(Config::read(&path).unwrap()).unwrap();
     let plan = plan_with(&planner, &seen(), &Wishes { explain: true, ..Wishes::default() });
     assert!(plan.grasps.len() > 5, "{}", plan.grasps.len());
-    let flatness: Vec<f32> = plan.grasps.iter().map(|g| g.quality * g.support.unwrap() as f32).collect();
+    let flatness: Vec<f32> = plan.grasps.iter().map(|g| g.quality * g.support.unwrap()).collect();
     assert!(flatness.is_sorted_by(|a, b| a >= b), "{flatness:?}");
     let fingers = |width_m: f32| planner.gripper().fingers(width_m);
     for ranked in &plan.grasps {
@@ -168,11 +168,15 @@ fn refined_hands_close_on_something_by_a_free_way() {
             local.iter().filter(|p| boxes.iter().any(|b| (**p - b.centre_m).abs().cmple(b.half_m).all())).count()
         };
         assert_eq!(inside(fingers(planner.gripper().opening_m_max)), 0, "the open fingers touch nothing");
-        assert!(inside(fingers(ranked.grasp.width_m - 0.004)) >= 20, "closed by 2 mm more a side they would");
+        assert!(inside(fingers(ranked.grasp.width_m - 0.004)) >= 8, "closed by 2 mm more a side they would");
         assert!(ranked.grasp.width_m < planner.gripper().opening_m_max);
     }
-    let no_hand = plan.dropped.iter().filter(|dropped| dropped.drop == Drop::NoHand).count();
-    assert_eq!(no_hand + plan.grasps.len(), plan.funnel.detections);
+    let dropped = |drop: Drop| plan.dropped.iter().filter(|dropped| dropped.drop == drop).count();
+    // Of detections above each other the best is looked at.
+    let columns: std::collections::BTreeSet<[usize; 2]> =
+        plan.grasps.iter().map(|g| [g.voxel[0], g.voxel[1]]).collect();
+    assert_eq!(columns.len(), plan.grasps.len());
+    assert!(dropped(Drop::NoHand) > 0 && dropped(Drop::NoHand) + plan.grasps.len() <= plan.funnel.detections);
 }
 
 #[test]

@@ -1,0 +1,287 @@
+//! Objects from a file: rigid bodies of convex parts, with mass and friction, and sets of them that lie together.
+//!
+//! `configs/objects/everyday.toml` says what the keys mean; docs/everyday-objects.md where its sizes are from.
+
+use std::f64::consts::{PI, TAU};
+use std::path::{Path, PathBuf};
+
+use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
+use serde::Deserialize;
+use simulator::{Body, Compound, ConvexHull, Part, Piece};
+
+/// The catalogue that comes with the program.
+const EVERYDAY: &str = include_str!("../../configs/objects/everyday.toml");
+
+/// Points of an ellipsoid's lattice.
+const ELLIPSOID_POINTS: usize = 60;
+
+/// A catalogue of objects.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Catalogue {
+    things: Vec<Thing>,
+    sets: Vec<(String, Vec<usize>)>,
+}
+
+/// An object of a catalogue.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Thing {
+    /// Its shape, with its name.
+    pub body: Body,
+    /// Mass in kilograms.
+    pub mass_kg: f32,
+    /// Coulomb friction coefficient.
+    pub friction: f32,
+}
+
+/// Why a catalogue is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum CatalogueError {
+    /// The file cannot be read.
+    #[error("failed to read the objects: {source}: {}", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is no catalogue.
+    #[error("{message}: {}", .path.display())]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// What and where.
+        message: String,
+    },
+    /// Objects that cannot be, all of them.
+    #[error("{} problem{} in the objects {}:\n  {}", .problems.len(), if .problems.len() == 1 { "" } else { "s" }, .path.display(), .problems.join("\n  "))]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// One message each.
+        problems: Vec<String>,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Raw {
+    object: Vec<RawObject>,
+    #[serde(default)]
+    set: Vec<RawSet>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawObject {
+    name: String,
+    mass_kg: f32,
+    friction: f32,
+    #[serde(rename = "source")]
+    _source: String,
+    part: Vec<RawPart>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawPart {
+    shape: String,
+    size_m: Option<[f32; 3]>,
+    corners_m: Option<Vec<[f32; 3]>>,
+    at_m: [f32; 3],
+    turn_deg: [f32; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawSet {
+    name: String,
+    objects: Vec<String>,
+}
+
+impl Catalogue {
+    /// Reads a file; `None` is the catalogue that comes with the program.
+    ///
+    /// # Errors
+    /// [`CatalogueError`]; [`CatalogueError::Invalid`] tells all problems.
+    pub fn read(path: Option<&Path>) -> Result<Self, CatalogueError> {
+        let Some(path) = path else { return Self::parse(EVERYDAY, Path::new("configs/objects/everyday.toml")) };
+        let text =
+            std::fs::read_to_string(path).map_err(|source| CatalogueError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
+    fn parse(text: &str, path: &Path) -> Result<Self, CatalogueError> {
+        let syntax = |e: toml::de::Error| CatalogueError::Syntax { path: path.to_owned(), message: e.to_string() };
+        let raw: Raw = toml::from_str(text).map_err(syntax)?;
+        let mut problems = Vec::new();
+        let mut things: Vec<Thing> = Vec::new();
+        for object in &raw.object {
+            if things.iter().any(|thing| thing.body.name() == object.name) {
+                problems.push(format!("{}: there is another object of that name", object.name));
+            }
+            match thing(object) {
+                Ok(thing) => things.push(thing),
+                Err(problem) => problems.push(format!("{}: {problem}", object.name)),
+            }
+        }
+        let number = |name: &String| things.iter().position(|thing| thing.body.name() == name);
+        let mut sets = Vec::new();
+        for RawSet { name, objects } in &raw.set {
+            let missing = objects.iter().filter(|name| number(name).is_none());
+            problems.extend(missing.map(|missing| format!("set {name}: there is no object {missing}")));
+            if number(name).is_some() || sets.iter().any(|(other, _)| other == name) || objects.is_empty() {
+                problems.push(format!("set {name}: a set has a name of its own and at least one object"));
+            }
+            sets.push((name.clone(), objects.iter().filter_map(number).collect()));
+        }
+        if problems.is_empty() {
+            Ok(Self { things, sets })
+        } else {
+            Err(CatalogueError::Invalid { path: path.to_owned(), problems })
+        }
+    }
+
+    /// The objects that a name means: a set's, or the one of that name. `None` if it means nothing.
+    #[must_use]
+    pub fn named(&self, name: &str) -> Option<Vec<&Thing>> {
+        let set = self.sets.iter().find(|(set, _)| set == name);
+        let of_set = set.map(|(_, numbers)| numbers.iter().map(|number| &self.things[*number]).collect());
+        of_set.or_else(|| self.things.iter().find(|thing| thing.body.name() == name).map(|thing| vec![thing]))
+    }
+
+    /// All names that mean something.
+    #[must_use]
+    pub fn names(&self) -> Vec<&str> {
+        self.things
+            .iter()
+            .map(|thing| thing.body.name())
+            .chain(self.sets.iter().map(|(name, _)| name.as_str()))
+            .collect()
+    }
+}
+
+fn thing(object: &RawObject) -> Result<Thing, String> {
+    for (key, value, low, high) in [("mass_kg", object.mass_kg, 1e-3, 100.0), ("friction", object.friction, 0.0, 5.0)] {
+        if !(low..=high).contains(&value) {
+            return Err(format!("{key} must be between {low} and {high}, got {value}"));
+        }
+    }
+    let part = |(number, raw): (usize, &RawPart)| part(raw).map_err(|problem| format!("part {number}: {problem}"));
+    let parts = object.part.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
+    let compound = Compound::new(object.name.clone(), parts).map_err(|e| e.to_string())?;
+    Ok(Thing { body: compound.into(), mass_kg: object.mass_kg, friction: object.friction })
+}
+
+fn part(raw: &RawPart) -> Result<Part, String> {
+    let size_m = || raw.size_m.map(Vec3::from_array).ok_or_else(|| format!("a {} needs size_m", raw.shape));
+    let hull = |points_m: &[Vec3]| ConvexHull::of(points_m).map(Piece::Hull).map_err(|e| e.to_string());
+    let piece = match raw.shape.as_str() {
+        "hull" => {
+            let corners_m = raw.corners_m.as_ref().ok_or("a hull needs corners_m")?;
+            hull(&corners_m.iter().copied().map(Vec3::from_array).collect::<Vec<_>>())?
+        }
+        "ellipsoid" => hull(&ellipsoid(size_m()?))?,
+        name => {
+            let kinds = ShapeKind::ALL.map(ShapeKind::name).join(", ");
+            let kind = ShapeKind::from_name(name)
+                .ok_or_else(|| format!("shape must be one of {kinds}, hull, ellipsoid, got {name}"))?;
+            Piece::Solid(Solid::new(kind, size_m()?).map_err(|e| e.to_string())?)
+        }
+    };
+    let turned = |axis: Vec3| axis_angle(axis, Vec3::from_array(raw.turn_deg).dot(axis).to_radians());
+    let rotation = (turned(Vec3::Z) * turned(Vec3::Y) * turned(Vec3::X)).normalize();
+    let object_from_part: Pose = pose_from_parts(rotation, Vec3::from_array(raw.at_m));
+    Ok(Part { piece, object_from_part })
+}
+
+/// Points spread evenly over an ellipsoid with these axes: a spiral from pole to pole (Fibonacci's lattice), with both poles and the four
+/// ends of the other axes, so that it is as long as it says.
+fn ellipsoid(size_m: Vec3) -> Vec<Vec3> {
+    let golden = TAU * (1.0 - 1.0 / ((1.0 + 5.0_f64.sqrt()) / 2.0));
+    let spiral = (0..ELLIPSOID_POINTS).map(|number| {
+        let z = 1.0 - (2.0 * number as f64 + 1.0) / ELLIPSOID_POINTS as f64;
+        let (sin, cos) = libm::sincos((golden * number as f64) % (2.0 * PI));
+        let across = (1.0 - z * z).sqrt();
+        Vec3::new((across * cos) as f32, (across * sin) as f32, z as f32)
+    });
+    let ends = [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
+    spiral.chain(ends).map(|point| 0.5 * size_m * point).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ONE: &str = r#"
+        [[object]]
+        name = "mallet"
+        mass_kg = 0.2
+        friction = 0.9
+        source = "a test"
+        [[object.part]]
+        shape = "cylinder"
+        size_m = [0.02, 0.02, 0.1]
+        at_m = [0.0, 0.0, 0.05]
+        turn_deg = [0.0, 0.0, 0.0]
+        [[object.part]]
+        shape = "cuboid"
+        size_m = [0.08, 0.03, 0.04]
+        at_m = [0.0, 0.0, 0.12]
+        turn_deg = [0.0, 0.0, 90.0]
+        [[set]]
+        name = "two"
+        objects = ["mallet", "mallet"]
+    "#;
+
+    fn problems(text: &str) -> Vec<String> {
+        match Catalogue::parse(text, Path::new("objects.toml")) {
+            Err(CatalogueError::Invalid { problems, .. }) => problems,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn parts_are_placed_as_the_file_says() {
+        let catalogue = Catalogue::parse(ONE, Path::new("objects.toml")).unwrap();
+        let body = &catalogue.named("mallet").unwrap()[0].body;
+        // A quarter turn about z: the head is 80 mm long along y.
+        assert!((body.extents_m() - Vec3::new(0.03, 0.08, 0.14)).length() < 1e-6, "{}", body.extents_m());
+        let head = Vec3::new(0.0, 0.039, 0.05);
+        assert!(body.distance_outside_m(head) < 0.0 && body.distance_outside_m(-head) > 0.0);
+        assert_eq!(catalogue.named("two").unwrap().len(), 2);
+        assert!(catalogue.named("three").is_none());
+    }
+
+    #[test]
+    fn everything_that_is_wrong_is_told() {
+        let text = ONE.replace("mass_kg = 0.2", "mass_kg = 0.0").replace("\"mallet\", \"mallet\"", "\"maul\"");
+        let told = problems(&text);
+        assert!(told[0].starts_with("mallet: mass_kg must be between"), "{told:?}");
+        assert!(told.contains(&"set two: there is no object maul".to_owned()), "{told:?}");
+        let told = problems(&ONE.replace("\"cylinder\"", "\"pipe\""));
+        assert!(told[0].contains("part 0: shape must be one of cuboid"), "{told:?}");
+        assert!(Catalogue::parse("object = 1", Path::new("objects.toml")).is_err());
+    }
+
+    #[test]
+    fn the_shipped_objects_are_the_papers_eleven_and_a_cylinder() {
+        let catalogue = Catalogue::read(None).unwrap();
+        assert_eq!(catalogue.things.len(), 12);
+        assert_eq!(catalogue.sets.iter().map(|(_, objects)| objects.len()).collect::<Vec<_>>(), [3, 5, 5, 5]);
+        for thing in &catalogue.things {
+            let (extents_m, density) = (thing.body.extents_m(), thing.mass_kg / thing.body.volume_m3());
+            assert!(extents_m.max_element() < 0.2 && extents_m.min_element() > 0.01, "{}", thing.body.name());
+            assert!((50.0..2_000.0).contains(&density), "{}: {density} kg/m3", thing.body.name());
+        }
+    }
+
+    #[test]
+    fn an_ellipsoid_is_as_long_as_it_says_and_nearly_as_big() {
+        let size_m = Vec3::new(0.04, 0.05, 0.06);
+        let hull = ConvexHull::of(&ellipsoid(size_m)).unwrap();
+        let exact = core::f32::consts::PI / 6.0 * size_m.x * size_m.y * size_m.z;
+        assert!((0.9..1.0).contains(&(hull.volume_m3() / exact)), "{} of {exact}", hull.volume_m3());
+        let low = hull.vertices_m().iter().copied().reduce(Vec3::min).unwrap();
+        assert!((low + 0.5 * size_m).length() < 1e-6);
+    }
+}

@@ -1,0 +1,133 @@
+//! How a round begins: objects drawn, let go and come to rest.
+
+use generator::draw_drops;
+use schema::{Pose, Purpose, Stream, Vec3};
+use simulator::{Convex, Drop, Scene, SceneObject, Settled, Unsettled, settle, settle_again};
+
+use crate::catalogue::Thing;
+use crate::config::{Config, Objects};
+use crate::packed::draw_packed;
+
+/// What lies on the table at the beginning of a round.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// The objects, at rest.
+    pub scene: Scene,
+    /// What kind of scene it is: "pile", "packed", or the catalogue's name for it.
+    pub group: String,
+    /// Placements that were thrown away, since the hand could span no part of the object.
+    pub unviable_count: u32,
+}
+
+/// The scene of round `scene_id` of a seed, or `None` if no try will do: a pure function of its arguments.
+#[must_use]
+pub fn start(config: &Config, seed: u64, scene_id: u64) -> Option<Start> {
+    let mut unviable_count = 0;
+    let group = config.objects.group(scene_id);
+    for tries in 0..config.scene.tries_max {
+        let Ok(Settled { scene, .. }) = settled(config, seed, scene_id, tries) else { continue };
+        if scene.objects.len() < config.objects.count_min(scene_id) {
+            continue;
+        }
+        if config.viable_only && !scene.objects.iter().all(|object| is_viable(config, object)) {
+            unviable_count += 1;
+            continue;
+        }
+        return Some(Start { scene, group, unviable_count });
+    }
+    None
+}
+
+fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Settled, Unsettled> {
+    let generator::Config { physics, settle: law, grid, objects, .. } = &config.scene;
+    match &config.objects {
+        Objects::Pile { count } => {
+            let objects = generator::ObjectLaw { counts: vec![(*count, 1.0)], ..objects.clone() };
+            settle(physics, law, grid, &draw_drops(&objects, grid, seed, scene_id, tries))
+        }
+        Objects::Packed(packed) => {
+            let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
+            settle_again(physics, law, grid, &draw_packed(packed, grid, &mut stream))
+        }
+        Objects::Things(groups) => {
+            let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
+            let (_, things) = &groups[scene_id as usize % groups.len()];
+            let mut drops: Vec<Drop> = things.iter().map(|thing| release(config, thing, &mut stream)).collect();
+            shuffle(&mut drops, &mut stream);
+            settle(physics, law, grid, &drops)
+        }
+    }
+}
+
+/// Over the middle of the workspace, in any orientation.
+fn release(config: &Config, thing: &Thing, stream: &mut Stream) -> Drop {
+    let (grid, drop_height_m) = (&config.scene.grid, config.scene.objects.drop_height_m);
+    let middle = 0.5 * grid.size_m;
+    let reach = (middle - thing.body.bounding_radius_m()).max(0.0);
+    let aside = Vec3::new(stream.uniform(-reach, reach), stream.uniform(-reach, reach), 0.0);
+    let at = Vec3::new(middle, middle, grid.table_z_m + drop_height_m) + aside;
+    let workspace_from_object = Pose::from_parts(at, stream.rotation());
+    Drop { body: thing.body.clone(), mass_kg: thing.mass_kg, friction: thing.friction, workspace_from_object }
+}
+
+/// Any order as likely as another (Fisher and Yates).
+fn shuffle<T>(values: &mut [T], stream: &mut Stream) {
+    for last in (1..values.len()).rev() {
+        values.swap(last, stream.index(last + 1));
+    }
+}
+
+/// Whether a hand that comes from above can span some part of the object along some direction of the table.
+fn is_viable(config: &Config, object: &SceneObject) -> bool {
+    let gripper = &config.scene.gripper;
+    let width_m = |part: &Convex, degrees: u16| {
+        let (sin, cos) = libm::sincosf(f32::from(degrees).to_radians());
+        let along = part.corners_m.iter().map(|corner| corner.dot(Vec3::new(cos, sin, 0.0)));
+        let [low, high] = along.fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], x| [l.min(x), h.max(x)]);
+        high - low
+    };
+    let fits = |part: &Convex| {
+        (0..180).any(|degrees| width_m(part, degrees) <= gripper.opening_m_max - 2.0 * gripper.clearance_m)
+    };
+    object.body.convexes().iter().any(|part| fits(&part.moved(&object.workspace_from_object)))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn config(objects: &str) -> Config {
+        let text = include_str!("../../configs/experiment/table1.toml");
+        let start = text.find("names = ").unwrap();
+        let end = start + text[start..].find('\n').unwrap();
+        let text = format!("{}names = {objects}{}", &text[..start], &text[end..]);
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/experiment/table1.toml");
+        Config::parse(&text, &path, &[]).unwrap()
+    }
+
+    /// Table 1's cuboid is 85 x 50 x 100 mm: flat on its largest face both sides are wider than 80 mm, on any other face one is 50 mm.
+    #[test]
+    fn a_cuboid_that_lies_flat_is_drawn_anew_and_counted() {
+        let config = config("[\"cuboid\"]");
+        let (mut unviable, mut starts) = (0, 0);
+        for scene_id in 0..40 {
+            let start = start(&config, 5, scene_id).unwrap();
+            let up = start.scene.objects[0].workspace_from_object.rotation.inverse() * Vec3::Z;
+            assert!(up.y.abs() < 0.1, "it lies flat: up is {up}");
+            unviable += start.unviable_count;
+            starts += 1;
+        }
+        assert!(unviable > starts / 4, "{unviable}");
+    }
+
+    #[test]
+    fn names_are_taken_in_turn_and_a_set_has_all_its_objects() {
+        let config = config("[\"scene_1\", \"duck_toy\"]");
+        let starts: Vec<Start> = (0..4).map(|scene_id| start(&config, 5, scene_id).unwrap()).collect();
+        let told: Vec<(&str, usize)> = starts.iter().map(|s| (s.group.as_str(), s.scene.objects.len())).collect();
+        assert_eq!(told, [("scene_1", 3), ("duck_toy", 1), ("scene_1", 3), ("duck_toy", 1)]);
+        assert_ne!(starts[1].scene, starts[3].scene);
+    }
+}

@@ -1,0 +1,65 @@
+#!/usr/bin/env bash
+# Every experiment of docs/results, one after the other: clutter removal, the paper's tables, VGN beside us, the noise axis, ablations.
+#
+#   scripts/experiments.sh OUT [NAME…]      all of them, or those whose name begins with one of these
+#
+# What has been run is not run again (experiments goes on where it was). The tables are made by `experiments compare`.
+set -euo pipefail
+
+out=${1:?where the runs go}
+shift
+wanted=("$@")
+here=$(cd "$(dirname "$0")/.." && pwd)
+experiments=${EXPERIMENTS:-$here/target/release/experiments}
+
+# run NAME CONFIG PROTOCOL [--set KEY=VALUE …]
+run() {
+    local name=$1 config=$2 protocol=$3
+    shift 3
+    if [ ${#wanted[@]} -gt 0 ]; then
+        local hit=
+        for prefix in "${wanted[@]}"; do [[ $name == "$prefix"* ]] && hit=1; done
+        [ -n "$hit" ] || return 0
+    fi
+    echo "== $name" >&2
+    "$experiments" run "$here/configs/experiment/$config.toml" --out "$out/$name" --set "protocol=$protocol" "$@" > /dev/null
+}
+
+vgn_network=(--set model=../../models/vgn-200k.safetensors)
+vgn_places=(--set plan.detection.surface_side=front --set plan.detection.origin_behind_tips_m=0.05)
+vgn_plan=(--set plan=../plan/vgn.toml --set plan.detection.voxel_offset=0.5)
+vgn_policy=(--set plan=paper --set plan.ranking.policy=vgn-best --set plan.detection.quality_min=0.5)
+paper_policy=(--set plan=paper --set plan.detection.quality_min=0.5)
+
+# Rounds of a seed on which nothing was tuned.
+for kind in pile packed; do
+    held=(--set 'seeds=[1001]')
+    run "$kind-ours" "$kind-refined" "$kind: our network, refined" "${held[@]}"
+    run "$kind-vgn" "$kind" "$kind: VGN" "${held[@]}" "${vgn_network[@]}" "${vgn_plan[@]}"
+    run "$kind-vgn-refined" "$kind-refined" "$kind: VGN's network, refined" "${held[@]}" "${vgn_network[@]}" "${vgn_places[@]}"
+    run "$kind-ours-vgn" "$kind" "$kind: our network, VGN's choice" "${held[@]}" "${vgn_policy[@]}"
+    run "$kind-ours-paper" "$kind" "$kind: our network, Eq. 8" "${held[@]}" "${paper_policy[@]}"
+done
+
+run table1 table1 "Table 1: refined"
+run table2 table2 "Table 2: refined"
+run table3 table3 "Table 3: refined"
+run table4-vgn table3 "Table 4: VGN" "${vgn_network[@]}" "${vgn_plan[@]}"
+run table4-vgn-refined table3 "Table 4: VGN's network, refined" "${vgn_network[@]}" "${vgn_places[@]}"
+run table4-ours-paper table3 "Table 4: our network, Eq. 8" "${paper_policy[@]}"
+run table4-ours-vgn table3 "Table 4: our network, VGN's choice" "${vgn_policy[@]}"
+run table1-paper table1 "Table 1: Eq. 8" "${paper_policy[@]}"
+run table2-paper table2 "Table 2: Eq. 8" "${paper_policy[@]}"
+
+# Light is nothing to depth; its noise is.
+run noise-d435 table2 "Table 2: refined, D435-like noise" --set noise.kind=d435
+run noise-dex table2 "Table 2: refined, dex noise" --set noise.kind=dex
+
+for kind in pile packed; do
+    run "giga-$kind" "giga-$kind" "GIGA $kind: our network, refined"
+    run "giga-$kind-vgn" "giga-$kind" "GIGA $kind: VGN" "${vgn_network[@]}" "${vgn_plan[@]}"
+done
+
+for views in 1 2 3; do
+    run "views-$views" pile-refined "pile: refined, $views views" --set "views.count=$views"
+done

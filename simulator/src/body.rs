@@ -1,0 +1,290 @@
+//! What an object is made of: one of the four solids, or several convex parts that move as one.
+//!
+//! A bottle with a nozzle, a ring of tape, a cup: what is not convex is put together from convex parts. Physics, rays and
+//! collision tests each go over the same parts, so an object has one shape here too.
+
+use std::sync::Arc;
+
+use schema::{Plane, Pose, Solid, Vec3};
+
+use crate::convex_hull::ConvexHull;
+
+/// A part's frame is not moved by less than this: rounding does not move it at all.
+const SHIFT_M_MIN: f32 = 1e-7;
+
+/// The shape of an object.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Body {
+    /// One of the four primitive shapes, all that datasets know.
+    Solid(Solid),
+    /// Several convex parts.
+    Compound(Arc<Compound>),
+}
+
+/// Convex parts that are rigidly joined, with a name. The object frame's origin is the centre of the bounding box.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Compound {
+    name: String,
+    parts: Vec<Part>,
+    /// The parts again, in the object's frame.
+    convexes: Vec<Convex>,
+    extents_m: Vec3,
+}
+
+/// A part of a compound. Parts are meant not to overlap: what lies in two of them weighs twice.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Its shape.
+    pub piece: Piece,
+    /// Where it is.
+    pub object_from_part: Pose,
+}
+
+/// The shape of a part.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Piece {
+    /// One of the four primitive shapes.
+    Solid(Solid),
+    /// The convex hull of some points.
+    Hull(ConvexHull),
+}
+
+/// Why parts make no compound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CompoundError {
+    /// The name is empty.
+    NoName,
+    /// There are no parts.
+    NoParts,
+    /// The pose of a part (by its number, from 0) is not finite, or its rotation is not of length 1.
+    Pose(usize),
+}
+
+impl core::fmt::Display for CompoundError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NoName => write!(f, "a compound must have a name"),
+            Self::NoParts => write!(f, "a compound must have at least one part"),
+            Self::Pose(part) => write!(f, "the pose of part {part} must be finite, with a rotation of length 1"),
+        }
+    }
+}
+
+impl core::error::Error for CompoundError {}
+
+/// A convex piece of a body: the same points and axes for rays and collision tests.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Convex {
+    /// The centre of a ball that holds it, in metres.
+    pub centre_m: Vec3,
+    /// The ball's radius, in metres.
+    pub radius_m: f32,
+    /// Its corners, in metres.
+    pub corners_m: Vec<Vec3>,
+    /// Its faces as half-spaces.
+    pub planes: Vec<Plane>,
+    /// The directions of its edges, not normalised; some more than once.
+    pub edges_m: Vec<Vec3>,
+}
+
+impl Convex {
+    fn of_solid(solid: &Solid) -> Self {
+        Self {
+            centre_m: Vec3::ZERO,
+            radius_m: solid.bounding_radius_m(),
+            corners_m: solid.vertices_m(),
+            planes: solid.planes(),
+            edges_m: solid.edges_m(),
+        }
+    }
+
+    fn of_hull(hull: &ConvexHull) -> Self {
+        let corners_m = hull.vertices_m().to_vec();
+        let [low, high] = bounds_m(&corners_m);
+        let centre_m = 0.5 * (low + high);
+        let radius_m = corners_m.iter().map(|c| (*c - centre_m).length()).fold(0.0, f32::max);
+        Self { centre_m, radius_m, corners_m, planes: hull.planes(), edges_m: hull.edges_m() }
+    }
+
+    /// The same in another frame.
+    #[must_use]
+    pub fn moved(&self, pose: &Pose) -> Self {
+        Self {
+            centre_m: pose.transform_point(self.centre_m),
+            radius_m: self.radius_m,
+            corners_m: self.corners_m.iter().map(|c| pose.transform_point(*c)).collect(),
+            planes: self.planes.iter().map(|p| plane_moved(p, pose)).collect(),
+            edges_m: self.edges_m.iter().map(|e| pose.rotation * *e).collect(),
+        }
+    }
+}
+
+impl Piece {
+    fn convex(&self) -> Convex {
+        match self {
+            Self::Solid(solid) => Convex::of_solid(solid),
+            Self::Hull(hull) => Convex::of_hull(hull),
+        }
+    }
+
+    fn volume_m3(&self) -> f32 {
+        match self {
+            Self::Solid(solid) => solid.volume_m3(),
+            Self::Hull(hull) => hull.volume_m3(),
+        }
+    }
+}
+
+impl Compound {
+    /// A compound of `parts`. Their poses are given in any one frame; the object's frame has the same axes and its origin
+    /// in the centre of the bounding box, as a [`Solid`]'s has.
+    ///
+    /// # Errors
+    /// [`CompoundError`].
+    pub fn new(name: impl Into<String>, mut parts: Vec<Part>) -> Result<Self, CompoundError> {
+        let name = name.into();
+        if name.is_empty() {
+            return Err(CompoundError::NoName);
+        }
+        if parts.is_empty() {
+            return Err(CompoundError::NoParts);
+        }
+        let is_pose =
+            |p: &Part| p.object_from_part.translation.is_finite() && p.object_from_part.rotation.is_normalized();
+        if let Some(part) = parts.iter().position(|part| !is_pose(part)) {
+            return Err(CompoundError::Pose(part));
+        }
+        let convexes = |parts: &[Part]| -> Vec<Convex> {
+            parts.iter().map(|p| p.piece.convex().moved(&p.object_from_part)).collect()
+        };
+        let [low, high] = bounds_m(corners_m(&convexes(&parts)));
+        let centre_m = 0.5 * (low + high);
+        if centre_m.length() > SHIFT_M_MIN {
+            for part in &mut parts {
+                part.object_from_part.translation -= centre_m;
+            }
+        }
+        Ok(Self { name, convexes: convexes(&parts), parts, extents_m: high - low })
+    }
+
+    /// What it is called.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The parts, in the object's frame.
+    #[must_use]
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+}
+
+impl Body {
+    /// The name of the compound, or of the solid's kind.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Solid(solid) => solid.kind.name(),
+            Self::Compound(compound) => compound.name(),
+        }
+    }
+
+    /// The solid, if it is one.
+    #[must_use]
+    pub fn as_solid(&self) -> Option<Solid> {
+        match self {
+            Self::Solid(solid) => Some(*solid),
+            Self::Compound(_) => None,
+        }
+    }
+
+    /// Its convex parts, in the object's frame.
+    #[must_use]
+    pub fn convexes(&self) -> Vec<Convex> {
+        match self {
+            Self::Solid(solid) => vec![Convex::of_solid(solid)],
+            Self::Compound(compound) => compound.convexes.clone(),
+        }
+    }
+
+    /// The corners of all parts, in the object's frame, in metres.
+    #[must_use]
+    pub fn vertices_m(&self) -> Vec<Vec3> {
+        match self {
+            Self::Solid(solid) => solid.vertices_m(),
+            Self::Compound(compound) => corners_m(&compound.convexes).copied().collect(),
+        }
+    }
+
+    /// Full lengths of the bounding box along the object's axes, in metres.
+    #[must_use]
+    pub fn extents_m(&self) -> Vec3 {
+        match self {
+            Self::Solid(solid) => solid.extents_m,
+            Self::Compound(compound) => compound.extents_m,
+        }
+    }
+
+    /// Volume in cubic metres: the sum over the parts.
+    #[must_use]
+    pub fn volume_m3(&self) -> f32 {
+        match self {
+            Self::Solid(solid) => solid.volume_m3(),
+            Self::Compound(compound) => compound.parts.iter().map(|part| part.piece.volume_m3()).sum(),
+        }
+    }
+
+    /// Radius of a ball about the object frame's origin that holds the body, in metres.
+    #[must_use]
+    pub fn bounding_radius_m(&self) -> f32 {
+        match self {
+            Self::Solid(solid) => solid.bounding_radius_m(),
+            Self::Compound(compound) => corners_m(&compound.convexes).map(|c| c.length()).fold(0.0, f32::max),
+        }
+    }
+
+    /// How far a point of the object's frame lies outside the farthest face of the part for which that is least, in metres;
+    /// 0 on the surface, negative inside. Beside an edge this is less than the distance to the edge.
+    #[must_use]
+    pub fn distance_outside_m(&self, point_m: Vec3) -> f32 {
+        let outside = |planes: &[Plane]| {
+            planes.iter().map(|p| p.normal.dot(point_m) - p.offset_m).fold(f32::NEG_INFINITY, f32::max)
+        };
+        match self {
+            Self::Solid(solid) => outside(&solid.planes()),
+            Self::Compound(compound) => {
+                compound.convexes.iter().map(|convex| outside(&convex.planes)).fold(f32::INFINITY, f32::min)
+            }
+        }
+    }
+}
+
+impl From<Solid> for Body {
+    fn from(solid: Solid) -> Self {
+        Self::Solid(solid)
+    }
+}
+
+impl From<Compound> for Body {
+    fn from(compound: Compound) -> Self {
+        Self::Compound(Arc::new(compound))
+    }
+}
+
+/// A plane in another frame.
+pub(crate) fn plane_moved(plane: &Plane, pose: &Pose) -> Plane {
+    let normal = pose.rotation * plane.normal;
+    Plane { normal, offset_m: plane.offset_m + normal.dot(pose.translation) }
+}
+
+fn corners_m(convexes: &[Convex]) -> impl Iterator<Item = &Vec3> {
+    convexes.iter().flat_map(|convex| &convex.corners_m)
+}
+
+/// The lower and the upper corner of the bounding box of some points.
+fn bounds_m<'a>(points_m: impl IntoIterator<Item = &'a Vec3>) -> [Vec3; 2] {
+    points_m
+        .into_iter()
+        .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], point| [low.min(*point), high.max(*point)])
+}
