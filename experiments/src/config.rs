@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use generator::Overrides;
 use perception::{DepthNoise, DexNoise, StereoNoise, camera_at};
 use planner::Planner;
-use schema::{Camera, View, keys_unlike};
+use schema::{Camera, Grid, View, keys_unlike};
 use serde::Deserialize;
+use sha2::{Digest as _, Sha256};
 
 use crate::catalogue::{Catalogue, CatalogueError, Thing};
 use crate::packed::PackedLaw;
@@ -41,8 +42,10 @@ pub struct Config {
     pub plan: planner::Config,
     /// The network's file; `None` for the one that comes with the program.
     pub model: Option<PathBuf>,
-    /// All that decides the rounds but network and seeds: the experiment, the planner's settings and the scenes', as resolved.
+    /// The experiment and the planner's settings, as resolved, for people.
     pub text: String,
+    /// Digest of all that decides a round but its seed and the network: those texts, the files that they name, and the objects.
+    pub digest: String,
 }
 
 /// Which objects lie on the table.
@@ -201,7 +204,7 @@ impl Config {
         if !unlike.is_empty() {
             return Err(invalid(unlike));
         }
-        let resolved = table.to_string();
+        let (resolved, raw_table) = (table.to_string(), table.clone());
         let raw: Raw = table.try_into().map_err(syntax)?;
         let mut problems = problems(&raw);
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -217,11 +220,16 @@ impl Config {
             planner::Config::parse(&plan_text, plan_path.as_deref().unwrap_or(Path::new("configs/plan/paper.toml")))?;
         let catalogue = Catalogue::read(file(&raw.objects.catalogue, "everyday").as_deref());
         let objects = objects(&raw.objects, catalogue, &mut problems)?;
+        problems.extend(mismatches(&scene, &plan));
         if !problems.is_empty() {
             return Err(invalid(problems));
         }
+        let mut protocol_only = raw_table;
+        protocol_only.retain(|key, _| !["seeds", "rounds"].contains(&key));
+        let all = format!("{protocol_only:?} {scene:?} {plan:?} {objects:?}");
         Ok(Self {
             objects,
+            digest: Sha256::digest(all).iter().map(|byte| format!("{byte:02x}")).collect(),
             viable_only: raw.objects.viable_only,
             views: Views {
                 count: raw.views.count as usize,
@@ -238,7 +246,7 @@ impl Config {
             },
             stop: StopLaw { failures_max: raw.stop.failures_max as u32, attempts_max: raw.stop.attempts_max as u32 },
             model: file(&raw.model, "built-in"),
-            text: format!("{resolved}\n# Planner\n{plan_text}\n# Scenes: {}\n", scene.dataset_info().config),
+            text: format!("{resolved}\n# Planner\n{plan_text}"),
             protocol: raw.protocol,
             seeds: raw.seeds,
             rounds: raw.rounds,
@@ -247,7 +255,7 @@ impl Config {
         })
     }
 
-    /// Rounds of all seeds.
+    /// Rounds of all seeds: at most 10⁹.
     #[must_use]
     pub fn round_count(&self) -> u64 {
         self.rounds * self.seeds.len() as u64
@@ -278,6 +286,22 @@ impl Config {
         };
         (0..count).map(camera).collect()
     }
+}
+
+/// What planner and scenes must have in common.
+fn mismatches(scene: &generator::Config, plan: &planner::Config) -> Vec<String> {
+    let (grid, expected) = (scene.grid, Grid::PAPER);
+    let mut problems = Vec::new();
+    if (grid.resolution, grid.size_m) != (expected.resolution, expected.size_m) {
+        let (n, side_m) = (expected.resolution, expected.size_m);
+        problems.push(format!("the scenes' grid must be the planner's, {n}\u{b3} voxels in {side_m} m: scene"));
+    }
+    if scene.gripper != plan.gripper {
+        let (planned, executed) = (&plan.gripper.name, &scene.gripper.name);
+        problems
+            .push(format!("the planner's hand, {planned}, must be the one that executes, {executed}: plan.gripper"));
+    }
+    problems
 }
 
 fn text_of(path: &Path) -> Result<String, ConfigError> {
@@ -351,6 +375,10 @@ fn problems(raw: &Raw) -> Vec<String> {
         ("objects.kind", &raw.objects.kind, &["pile", "packed", "things"]),
         ("noise.kind", &raw.noise.kind, &["none", "gaussian", "d435", "dex"]),
     ];
+    let mut once = raw.seeds.clone();
+    once.sort_unstable();
+    once.dedup();
+    let repeated = (once.len() < raw.seeds.len()).then(|| "seeds must be different ones".to_owned());
     let whole = wholes.iter().filter(|(_, value, low, high)| !(low..=high).contains(&value));
     let real = reals.iter().filter(|(_, value, low, high)| !(low..=high).contains(&value));
     let word = words.iter().filter(|(_, value, all)| !all.contains(value));
@@ -358,5 +386,6 @@ fn problems(raw: &Raw) -> Vec<String> {
         .map(|(key, value, low, high)| format!("{key} must be between {low} and {high}, got {value}"))
         .chain(real.map(|(key, value, low, high)| format!("{key} must be between {low} and {high}, got {value}")))
         .chain(word.map(|(key, value, all)| format!("{key} must be one of {}, got {value}", all.join(", "))))
+        .chain(repeated)
         .collect()
 }

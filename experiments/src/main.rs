@@ -126,9 +126,10 @@ fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
 }
 
 fn run_experiment(arguments: &RunArguments) -> anyhow::Result<shards::ExitCode> {
-    let mut config = Config::read(&arguments.config, &arguments.set)?;
-    config.rounds = arguments.rounds.unwrap_or(config.rounds);
-    config.seeds = arguments.seed.map_or(config.seeds, |seed| vec![seed]);
+    let mut set = arguments.set.clone();
+    set.extend(arguments.rounds.map(|rounds| ("rounds".to_owned(), rounds.to_string())));
+    set.extend(arguments.seed.map(|seed| ("seeds".to_owned(), format!("[{seed}]"))));
+    let config = Config::read(&arguments.config, &set)?;
     let planner = config.planner()?;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = arguments.threads.map_or_else(cores, usize::from);
@@ -174,7 +175,7 @@ fn write_reports(config: &Config, model_id: &str, rounds: Vec<Round>, folder: &P
     let trials: Vec<TrialRecord> = trials.into_iter().flatten().collect();
     let results = results(&config.protocol, &records, &trials);
     let about = About {
-        command: std::env::args().skip(1).fold("experiments".to_owned(), |line, word| line + " " + &word),
+        command: std::env::args().skip(1).fold("experiments".to_owned(), |line, word| line + " " + &quoted(&word)),
         config: config.text.clone(),
         model_id: model_id.to_owned(),
         versions: [("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
@@ -194,6 +195,12 @@ fn write_reports(config: &Config, model_id: &str, rounds: Vec<Round>, folder: &P
     write("report.md", text.as_bytes())?;
     let _ = write!(std::io::stdout().lock(), "{text}");
     Ok(())
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let is_plain = |letter: char| letter.is_alphanumeric() || "-_./=:,+".contains(letter);
+    if word.chars().all(is_plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
 fn progress_bar(rounds: u64) -> ProgressBar {

@@ -46,7 +46,7 @@ pub struct RoundRecord {
     pub scene_id: u64,
     /// What kind of scene it is.
     pub group: String,
-    /// Placements that were drawn anew because the hand cannot span the object.
+    /// Scenes that were drawn anew because the hand cannot span an object.
     pub unviable_count: u32,
     /// Objects at the beginning.
     pub object_count: u32,

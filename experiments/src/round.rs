@@ -56,8 +56,8 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
         began.ok_or(RoundError::NoScene { round, tries: config.scene.tries_max })?;
     let object_count = scene.objects.len() as u32;
     let (mut removed_count, mut failures, mut trials) = (0, 0, Vec::new());
-    // Grasps of the plan that were tried on this very scene.
-    let mut tried = 0;
+    // How often the scene has changed, and which grasps of its plan were tried on it. A scene that has not changed looks the same again.
+    let (mut look, mut tried) = (0, 0);
     let cameras = config.cameras();
     let ending = loop {
         if scene.objects.is_empty() {
@@ -74,7 +74,7 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
             planner,
             &cameras,
             &scene,
-            Place { round, seed, scene_id, trial: trials.len() as u32, tried },
+            Place { round, seed, scene_id, trial: trials.len() as u32, look, tried },
         )?
         else {
             break Ending::NoGrasp;
@@ -86,7 +86,7 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
             tried += 1;
             continue;
         }
-        tried = 0;
+        (look, tried) = (look + 1, 0);
         match settle_again(&config.scene.physics, &config.scene.settle, &config.scene.grid, &left) {
             Ok(settled) => scene = settled.scene,
             Err(_) => break Ending::Unsettled,
@@ -115,6 +115,7 @@ struct Place {
     seed: u64,
     scene_id: u64,
     trial: u32,
+    look: u32,
     tried: usize,
 }
 
@@ -181,7 +182,7 @@ fn nearest(scene: &Scene, point_m: Vec3) -> usize {
 /// What the cameras see.
 fn observe(config: &Config, cameras: &[Camera], scene: &Scene, place: Place) -> Vec<SeenView> {
     let rays = SceneRays::new(scene);
-    let mut noise = Stream::new(place.seed, place.scene_id, Purpose::DepthNoise, place.trial);
+    let mut noise = Stream::new(place.seed, place.scene_id, Purpose::DepthNoise, place.look);
     let seen = |camera: &Camera| {
         let mut image = rays.render(camera);
         add_depth_noise(&mut image, &config.noise, &mut noise);

@@ -3,6 +3,7 @@
 //! A round is one thread's: planning within it stays on that thread (a pool of its own), so that its times are those of one core and
 //! never hold another round's work.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
@@ -83,7 +84,7 @@ pub fn run(
     let identity = Identity {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         model: planner.model_id().to_owned(),
-        config: config.text.clone(),
+        config: config.digest.clone(),
         seeds: config.seeds.clone(),
         // The rounds of one seed can be made more or fewer; those of several are numbered through.
         rounds: if config.seeds.len() > 1 { config.rounds } else { 0 },
@@ -91,7 +92,7 @@ pub fn run(
     let mut rounds = journal(&path, &identity)?;
     rounds.retain(|round| round.record.round < config.round_count());
     rounds.iter().for_each(on_round);
-    let played: Vec<u64> = rounds.iter().map(|round| round.record.round).collect();
+    let played: BTreeSet<u64> = rounds.iter().map(|round| round.record.round).collect();
     let missing: Vec<u64> = (0..config.round_count()).filter(|round| !played.contains(round)).collect();
     let file = Mutex::new(OpenOptions::new().append(true).open(&path).map_err(failed)?);
     let play_one = |round: &u64| -> Result<Option<Round>, RunError> {

@@ -15,7 +15,7 @@ pub struct Start {
     pub scene: Scene,
     /// What kind of scene it is: "pile", "packed", or the catalogue's name for it.
     pub group: String,
-    /// Placements that were thrown away, since the hand could span no part of the object.
+    /// Scenes that were thrown away, since there was an object of which the hand could span no part.
     pub unviable_count: u32,
 }
 

@@ -77,7 +77,7 @@ pub struct GroupResults {
     pub name: String,
     /// Rounds.
     pub rounds: u64,
-    /// Placements that were drawn anew because the hand cannot span the object.
+    /// Scenes that were drawn anew because the hand cannot span an object.
     pub unviable: u64,
     /// Objects at the beginning.
     pub objects: u64,
@@ -147,11 +147,16 @@ pub fn results(protocol: &str, rounds: &[RoundRecord], trials: &[TrialRecord]) -
 
 type Rounds<'a> = BTreeMap<u64, &'a RoundRecord>;
 
-/// The rounds that have the same name, for each name, in the names' order.
+/// The rounds that have the same name, for each name, in the order in which names come up.
 fn by(rounds: &Rounds<'_>, trials: &[&TrialRecord], name: impl Fn(&RoundRecord) -> String) -> Vec<GroupResults> {
-    let mut groups: BTreeMap<String, Rounds<'_>> = BTreeMap::new();
+    let mut groups: Vec<(String, Rounds<'_>)> = Vec::new();
     for (number, round) in rounds {
-        groups.entry(name(round)).or_default().insert(*number, round);
+        let name = name(round);
+        let place = groups.iter().position(|group| group.0 == name).unwrap_or(groups.len());
+        if place == groups.len() {
+            groups.push((name, Rounds::new()));
+        }
+        groups[place].1.insert(*number, round);
     }
     groups.into_iter().map(|(name, rounds)| group(name, &rounds, trials)).collect()
 }

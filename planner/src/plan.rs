@@ -108,6 +108,8 @@ pub struct Funnel {
     pub quality_reached: usize,
     /// Best within their suppression window: VGN's detections.
     pub detections: usize,
+    /// For which a hand was found on the cloud (all, if hands are not refined).
+    pub hands_found: usize,
     /// Whose hand hits nothing (all, if that was not checked).
     pub collision_free: usize,
     /// Given.

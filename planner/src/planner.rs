@@ -115,12 +115,14 @@ impl PlanError {
 }
 
 /// How deep a hand goes is the cloud's to say, so of detections above each other only the best is worth looking at.
-fn keep_best_of_columns(grasps: &mut Vec<RankedGrasp>, dropped: &mut Vec<DroppedCandidate>) {
+fn keep_best_of_columns(grasps: &mut Vec<RankedGrasp>, dropped: &mut Vec<DroppedCandidate>, voxel_m: f32) {
     grasps.sort_by(|a, b| b.quality.total_cmp(&a.quality));
     let mut seen = BTreeSet::new();
     drop_where(grasps, dropped, |ranked| {
-        let [x, y, _] = ranked.voxel;
-        (!seen.insert([x, y])).then_some(Drop::Suppressed)
+        // Where the tips are: with some networks' origins that is not where the voxel is.
+        let tips_m = ranked.grasp.workspace_from_grasp.translation;
+        let column = [tips_m.x, tips_m.y].map(|x| (x / voxel_m).floor() as i32);
+        (!seen.insert(column)).then_some(Drop::Suppressed)
     });
 }
 
@@ -249,6 +251,7 @@ impl Planner {
         if self.config.refinement.turns > 0 {
             self.refine(&mut grasps, (&cloud, normals), wishes, &mut dropped);
         }
+        funnel.hands_found = grasps.len();
         self.drop_colliding(&mut grasps, &cloud, wishes, &mut dropped);
         funnel.collision_free = grasps.len();
         let policy = self.policy(wishes);
@@ -305,7 +308,7 @@ impl Planner {
     ) {
         let Config { gripper, collision, refinement, cloud: CloudLaw { pitch_m, .. }, .. } = &self.config;
         let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
-        keep_best_of_columns(grasps, dropped);
+        keep_best_of_columns(grasps, dropped, self.grid.voxel_size_m());
         let searched = Searched::new((cloud, normals), *pitch_m, gripper, refinement, collision);
         let hands: Vec<Option<Hand>> =
             grasps.par_iter().map(|ranked| searched.hand_at(ranked.grasp.workspace_from_grasp.translation)).collect();
@@ -375,6 +378,8 @@ impl Planner {
             // Rounded down: 0.8997 is not 0.9.
             let best = (seen.detected.quality_best * 1e3).floor() * 1e-3;
             format!("no grasp has a quality of {} or more: the best has {best:.3}", law.quality_min)
+        } else if funnel.hands_found == 0 {
+            format!("no hand closes on anything by a free way at any of {} detections", funnel.detections)
         } else if funnel.collision_free == 0 {
             format!("the hand's way is blocked for all {} detections", funnel.detections)
         } else if seen.objects.is_empty() {

@@ -50,7 +50,7 @@ pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, mut chance: Stre
 }
 
 fn flatness(ranked: &RankedGrasp) -> f32 {
-    ranked.quality * ranked.support.unwrap_or(0.0)
+    ranked.quality * ranked.support.unwrap_or(1.0)
 }
 
 /// Objects are numbered top-down; what belongs to none comes last.

@@ -17,6 +17,8 @@ use crate::plan::SegmentedCloud;
 
 /// What is nearer to the table than this is the table, not something to close on.
 const TABLE_M: f32 = 0.004;
+/// Where points lie along the closing is told to this.
+const BIN_M: f32 = 0.000_25;
 /// Points are looked up in cells of this side.
 const CELL_M: f32 = 0.01;
 /// The middle of what is held is looked for so far beside the fingers.
@@ -84,37 +86,35 @@ impl<'a> Searched<'a> {
     /// vertical approach comes before the others.
     #[must_use]
     pub fn hand_at(&self, origin_m: Vec3) -> Option<Hand> {
-        let hands = self.seen.iter().flat_map(|seen| self.hands_along(seen, origin_m));
-        hands.reduce(|best, hand| if hand.support > best.support { hand } else { best })
+        self.seen.iter().fold(None, |best, seen| self.hand_along(seen, origin_m, best))
     }
 
-    fn hands_along(&self, seen: &Seen, origin_m: Vec3) -> Vec<Hand> {
+    /// The flattest hand by one approach, if it is flatter than `best`; else `best`.
+    fn hand_along(&self, seen: &Seen, origin_m: Vec3, mut best: Option<Hand>) -> Option<Hand> {
         let origin = seen.approach.inverse() * origin_m;
         let half_y_m = 0.5 * self.gripper.opening_m_max;
         let around = seen.things.within(origin, libm::hypotf(MIDDLE_M, half_y_m));
         let reach_m = libm::hypotf(0.5 * self.gripper.finger_width_m, half_y_m);
         let near: Vec<Point> = around.iter().copied().filter(|p| p.is_within(reach_m)).collect();
         if near.len() < 2 * self.law.points_min {
-            return Vec::new();
+            return best;
         }
-        let turn = |step: usize| axis_angle(Vec3::Z, core::f32::consts::PI * step as f32 / self.law.turns as f32);
-        let mut hands: Vec<Hand> = Vec::new();
-        for turn in (0..self.law.turns).map(turn) {
-            let best = hands.last().map_or(0.0, |hand| hand.support);
-            hands.extend(self.turned(seen, origin, turn, [&near, &around], best));
+        for step in 0..self.law.turns {
+            let turn = axis_angle(Vec3::Z, core::f32::consts::PI * step as f32 / self.law.turns as f32);
+            best = self.turned(seen, origin, turn, [&near, &around], best);
         }
-        hands
+        best
     }
 
-    /// The flattest hand at one turn that is flatter than `support_min`; of the points those that may be between the fingers, and
-    /// those that tell what is beside them.
+    /// The flattest hand at one turn, if it is flatter than `best`; else `best`. Of the points there are those that may be between the
+    /// fingers, and those that tell what is beside them.
     fn turned(
         &self,
         seen: &Seen,
         origin: Vec3,
         turn: Quat,
         [near, around]: [&[Point]; 2],
-        support_min: f32,
+        mut best: Option<Hand>,
     ) -> Option<Hand> {
         let (gripper, law) = (self.gripper, self.law);
         let (half_x_m, half_y_m, back) = (0.5 * gripper.finger_width_m, 0.5 * gripper.opening_m_max, turn.inverse());
@@ -123,53 +123,32 @@ impl<'a> Searched<'a> {
         // No finger can lie on more than what faces it.
         let facing = |side: f32| between.iter().filter(|p| side * p.normal.y > self.normal_cos_min).count();
         let support_max = facing(-1.0).min(facing(1.0));
-        if support_max < law.points_min || support_max as f32 <= support_min {
-            return None;
+        let is_better = |support: f32, best: Option<Hand>| best.is_none_or(|hand| support > hand.support);
+        if support_max < law.points_min || !is_better(support_max as f32, best) {
+            return best;
         }
         let nearest_z_m = between.iter().map(|p| p.at.z).fold(f32::INFINITY, f32::min);
-        let mut best: Option<Hand> = None;
+        let mut closing = Closing::new(half_y_m, law.flat_m);
         for depth in 1..=law.depths {
-            let tips_z_m = nearest_z_m + law.depth_m * depth as f32;
-            let Some(touch) = self.touch(&between, tips_z_m) else { continue };
-            let support_min = best.map_or(support_min, |hand| hand.support);
-            if touch.support as f32 <= support_min {
-                continue;
-            }
+            let [before_m, tips_z_m] = [depth - 1, depth].map(|steps| nearest_z_m + law.depth_m * steps as f32);
+            let newly = between.iter().filter(|p| (before_m..tips_z_m).contains(&p.at.z));
+            newly.for_each(|point| closing.add(point, self.normal_cos_min));
+            let touch = closing.touch(law.points_min, gripper.opening_m_max - 2.0 * gripper.clearance_m);
+            let Some(touch) = touch.filter(|touch| is_better(touch.support as f32, best)) else { continue };
             let support = touch.support as f32 / (1.0 + square(arm_m(around, back, &touch) / law.arm_m));
-            if support <= support_min {
+            if !is_better(support, best) {
                 continue;
             }
             let at = origin + turn * Vec3::new(0.0, 0.5 * (touch.low_m + touch.high_m), 0.0);
             let tips = Vec3::new(at.x, at.y, origin.z + tips_z_m);
-            // Deeper is blocked as well.
+            // A deeper hand may lie elsewhere along the closing, and be free.
             if !self.is_free(seen, tips, turn) {
-                break;
+                continue;
             }
             let workspace_from_grasp = pose_from_parts(seen.approach * turn, seen.approach * tips);
             best = Some(Hand { grasp: Grasp { workspace_from_grasp, width_m: touch.high_m - touch.low_m }, support });
         }
         best
-    }
-
-    /// Where fingers touch those of the points between them that are not beyond their tips.
-    fn touch(&self, between: &[Point], tips_z_m: f32) -> Option<Touch> {
-        let (gripper, law) = (self.gripper, self.law);
-        let beside = || between.iter().filter(|p| p.at.z < tips_z_m);
-        let mut y_m: Vec<f32> = beside().map(|p| p.at.y).collect();
-        if y_m.len() < 2 * law.points_min {
-            return None;
-        }
-        // A few stray points must not hold a finger.
-        let (stray, last) = (law.points_min / 4, y_m.len() - 1);
-        let low_m = *y_m.select_nth_unstable_by(stray, f32::total_cmp).1;
-        let high_m = *y_m.select_nth_unstable_by(last - stray, f32::total_cmp).1;
-        if high_m - low_m > gripper.opening_m_max - 2.0 * gripper.clearance_m {
-            return None;
-        }
-        let low = beside().filter(|p| p.at.y < low_m + law.flat_m && -p.normal.y > self.normal_cos_min).count();
-        let high = beside().filter(|p| p.at.y > high_m - law.flat_m && p.normal.y > self.normal_cos_min).count();
-        let support = low.min(high);
-        (support >= law.points_min).then_some(Touch { low_m, high_m, support })
     }
 
     /// Whether the open hand comes to `tips` (in the approach's frame) without passing through a point.
@@ -197,6 +176,58 @@ struct Touch {
     low_m: f32,
     high_m: f32,
     support: usize,
+}
+
+/// What lies between two fingers, by where along their closing.
+struct Closing {
+    half_m: f32,
+    flat_bins: usize,
+    all: Vec<u32>,
+    /// Of these the points that face the finger at the low end, and at the high end.
+    facing_low: Vec<u32>,
+    facing_high: Vec<u32>,
+    count: usize,
+}
+
+impl Closing {
+    fn new(half_m: f32, flat_m: f32) -> Self {
+        let bins = (2.0 * half_m / BIN_M) as usize + 1;
+        let empty = vec![0; bins];
+        let flat_bins = (flat_m / BIN_M).round().max(1.0) as usize;
+        Self { half_m, flat_bins, all: empty.clone(), facing_low: empty.clone(), facing_high: empty, count: 0 }
+    }
+
+    fn add(&mut self, point: &Point, normal_cos_min: f32) {
+        let bin = (((point.at.y + self.half_m) / BIN_M) as usize).min(self.all.len() - 1);
+        self.all[bin] += 1;
+        self.facing_low[bin] += u32::from(-point.normal.y > normal_cos_min);
+        self.facing_high[bin] += u32::from(point.normal.y > normal_cos_min);
+        self.count += 1;
+    }
+
+    /// Where the fingers touch, if each lies on enough and they are no farther apart than `width_m_max`.
+    fn touch(&self, points_min: usize, width_m_max: f32) -> Option<Touch> {
+        if self.count < 2 * points_min {
+            return None;
+        }
+        // A few stray points must not hold a finger.
+        let stray = (points_min / 4) as u32;
+        let past_stray = |seen: &mut u32, count: &u32| {
+            *seen += count;
+            Some(*seen > stray)
+        };
+        let low = self.all.iter().scan(0, past_stray).position(|is_past| is_past)?;
+        let high = self.all.len() - 1 - self.all.iter().rev().scan(0, past_stray).position(|is_past| is_past)?;
+        let edge_m = |bin: usize| bin as f32 * BIN_M - self.half_m;
+        let (low_m, high_m) = (edge_m(low), edge_m(high + 1));
+        if high < low || high_m - low_m > width_m_max {
+            return None;
+        }
+        let at_low: u32 = self.facing_low.iter().skip(low).take(self.flat_bins).sum();
+        let at_high: u32 = self.facing_high[..=high].iter().rev().take(self.flat_bins).sum();
+        let support = at_low.min(at_high) as usize;
+        (support >= points_min).then_some(Touch { low_m, high_m, support })
+    }
 }
 
 /// How far the middle of what lies between the touches is beside the fingers, as far as [`MIDDLE_M`] tells.
@@ -467,10 +498,8 @@ mod tests {
             let post = |k: u8| Point { at: foot + Vec3::Z * (f32::from(k) * 0.0025), normal: axis };
             points.extend((0..40).map(post));
         }
-        if let Some(found) = hand(&points, at) {
-            let now = closing(0.0, &found.grasp).abs();
-            assert!(now.dot(axis) < 0.6, "still closes along {now}");
-        }
+        let now = closing(0.0, &hand(&points, at).unwrap().grasp).abs();
+        assert!(now.dot(axis) < 0.6, "still closes along {now}");
     }
 
     /// 16 mm high: the fingers must come near the table and may not touch it.
@@ -492,9 +521,10 @@ mod tests {
         assert!(!found.is_empty());
         for hand in found {
             let pose = hand.grasp.workspace_from_grasp;
-            for finger in config.gripper.open_hand() {
-                let corner = finger.centre_m + finger.half_m;
-                assert!((pose * corner).z > 0.0505, "{hand:?}");
+            for part in config.gripper.open_hand() {
+                let side = |corner: u8, bit: u8| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
+                let corner = |n: u8| part.centre_m + part.half_m * Vec3::new(side(n, 0), side(n, 1), side(n, 2));
+                assert!((0..8).all(|n| (pose * corner(n)).z > 0.0505), "{hand:?}");
             }
         }
     }

@@ -45,6 +45,7 @@ class Experiment:
 
     name: str
     protocol: str
+    seeds: list[int]
     data: Dataset
 
 
@@ -60,13 +61,14 @@ def read(folder: Path, round_count: int | None) -> Experiment:
             float(run["table_z_m"]), float(physics["table_friction"]), float(physics["gravity_m_s2"])
         )
         gripper, procedure = build(Gripper, run["gripper"]), build(Procedure, run["procedure"])
-        protocol, seed, rate = str(run["protocol"]), int(run["seed"]), float(physics["step_rate_hz"])
-    except (KeyError, TypeError, ValueError) as error:
+        protocol, seed, rate = str(run["protocol"]), int(run["seeds"][0]), float(physics["step_rate_hz"])
+        seeds = [int(seed) for seed in run["seeds"]]
+    except (KeyError, TypeError, ValueError, IndexError) as error:
         raise DamagedExperiment(f"{folder / RUN}: {error!r}") from error
     compounds = _compounds(folder / BODIES)
     scenes = _scenes(folder, round_count, compounds)
     name = folder.resolve().name
-    return Experiment(name, protocol, Dataset(name, seed, gripper, procedure, environment, rate, scenes, len(scenes)))
+    return Experiment(name, protocol, seeds, Dataset(name, seed, gripper, procedure, environment, rate, scenes, len(scenes)))
 
 
 def _json(path: Path) -> dict:

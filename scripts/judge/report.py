@@ -133,7 +133,7 @@ def markdown(report: Report) -> str:
     rounds = len(np.unique(report.rows.scenes))
     return "".join([
         f"# {experiment.name} judged by PyBullet\n\n    {report.command}\n\n",
-        f"Protocol `{experiment.protocol}`, seed {experiment.data.seed}: {report.overall.attempts:,} executed grasps of {rounds:,} "
+        f"Protocol `{experiment.protocol}`, seed {', '.join(map(str, experiment.seeds))}: {report.overall.attempts:,} executed grasps of {rounds:,} "
         "rounds, each executed again on the scene on which it was planned. The geometric gate is written again; physics begins with "
         "closing. Intervals hold 95 % of a bootstrap that draws rounds; rounds without a grasp are not among them. κ is Cohen's.\n\n",
         f"pybullet {about['version']}: {settings}.\n\n",
@@ -203,7 +203,7 @@ def as_json(report: Report) -> dict:
         "command": report.command,
         "experiment": report.experiment.name,
         "protocol": report.experiment.protocol,
-        "seed": report.experiment.data.seed,
+        "seeds": report.experiment.seeds,
         "rounds": len(np.unique(report.rows.scenes)),
         "engine": report.engine,
         "gate_differences": report.gate_differences,

@@ -264,7 +264,7 @@ def experiment(folder: Path, attempts: list | None = None, objects: list | None 
     (folder / "bodies.json").write_text(json.dumps({"stand": {"parts": [{"vertices_m": p.tolist()} for p in (FOOT, STEM)]}}))
     physics = {"engine": "rapier3d", "step_rate_hz": 240.0, "gravity_m_s2": 9.81, "table_friction": 1.0}
     hand = {"gripper": vars(GRIPPER), "procedure": {**vars(PROCEDURE), "more": 1.0}}
-    (folder / "run.json").write_text(json.dumps({"protocol": "test", "seed": 7, "table_z_m": 0.05, "physics": physics, **hand}))
+    (folder / "run.json").write_text(json.dumps({"protocol": "test", "seeds": [7], "table_z_m": 0.05, "physics": physics, **hand}))
     return folder
 
 
@@ -276,7 +276,7 @@ def test_the_report_is_what_one_counts_by_hand(tmp_path, capsys):
     assert text == files[0].read_text()
     rows = [(row["round"], row["trial"], row["body"], row["ours"], row["pybullet"]) for row in found["attempts"]]
     assert rows == [(number, trial, body["body"], ours, theirs) for number, trial, body, _, _, _, ours, theirs in GRASPS]
-    assert (found["rounds"], found["gate_differences"], found["seed"]) == (3, 1, 7)
+    assert (found["rounds"], found["gate_differences"], found["seeds"]) == (3, 1, [7])
 
     whole = found["overall"]
     assert whole["held_ours_by_pybullet"] == [[2, 1], [1, 2]]

@@ -94,3 +94,110 @@ fn a_bad_config_is_told_whole() {
     assert!(said.contains("objects.kind must be one of pile, packed, things, got heap"), "{said}");
     assert!(said.contains("rounds must be between 1 and 1000000, got 0"), "{said}");
 }
+
+fn told(output: &Output) -> (Option<i32>, String) {
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn keys_are_set_from_outside_and_unknown_ones_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let pile = config("pile.toml");
+    let with = |set: &[&str]| {
+        let sets = set.iter().flat_map(|set| ["--set", set]);
+        let start = ["run", pile.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rounds", "1"];
+        run(&start.into_iter().chain(sets).collect::<Vec<_>>())
+    };
+    let quick = ["views.count=1", "views.radius_sizes=2", "protocol=one view", "plan.detection.quality_min=0.95"];
+    assert_eq!(told(&with(&quick)).0, Some(0));
+    let report = fs::read_to_string(out.join("report.md")).unwrap();
+    for text in [
+        "# Experiment one view",
+        "count = 1\n",
+        "radius_sizes = 2.0",
+        "quality_min = 0.95",
+        "--set 'protocol=one view'",
+    ] {
+        assert!(report.contains(text), "{text} is not in {report}");
+    }
+    for (set, text) in [
+        ("views.number=3", "there is no key views.number"),
+        ("plan.detection.epsilon=0.5", "there is no key detection.epsilon"),
+        ("views.count=0", "views.count must be between 1 and 32, got 0"),
+        ("seeds=[3, 3]", "seeds must be different ones"),
+        ("seeds=[]", "number of seeds must be between 1 and 1000, got 0"),
+        ("objects.names=[\"teapot\"]", "objects.names must be there for objects.kind"),
+    ] {
+        let (code, said) = told(&with(&[set]));
+        assert_eq!(code, Some(78), "{set}: {said}");
+        assert!(said.contains(text), "{set}: {said}");
+    }
+}
+
+/// What is not in the experiment's own file decides as well: the planner's settings, the hand and the procedure, the objects.
+#[test]
+fn a_run_does_not_go_on_with_other_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let scene = fs::read_to_string(root.join("configs/generate/paper.toml")).unwrap();
+    let things = fs::read_to_string(root.join("configs/objects/everyday.toml")).unwrap();
+    let text = fs::read_to_string(config("table2.toml")).unwrap();
+    let text = text
+        .replace("scene = \"paper\"", "scene = \"scene.toml\"")
+        .replace("plan = \"../plan/refined.toml\"", "plan = \"plan.toml\"")
+        .replace("catalogue = \"everyday\"", "catalogue = \"things.toml\"");
+    fs::write(at("table.toml"), text).unwrap();
+    fs::write(at("plan.toml"), planner::config::PAPER).unwrap();
+    fs::write(at("scene.toml"), &scene).unwrap();
+    fs::write(at("things.toml"), &things).unwrap();
+    let (table, out) = (at("table.toml"), at("out"));
+    let again = |rounds: &str| {
+        told(&run(&["run", table.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rounds", rounds]))
+    };
+    assert_eq!(again("1").0, Some(0));
+    assert_eq!(again("2").0, Some(0), "more rounds of the same are welcome");
+    for (file, text, from, to) in [
+        ("scene.toml", scene.as_str(), "hold_time_s = 0.25", "hold_time_s = 0.3"),
+        ("plan.toml", planner::config::PAPER, "quality_min = 0.9", "quality_min = 0.8"),
+        ("things.toml", things.as_str(), "mass_kg = 0.21", "mass_kg = 0.22"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        fs::write(at(file), text.replacen(from, to, 1)).unwrap();
+        let (code, said) = again("2");
+        assert_eq!(code, Some(78), "{file}: {said}");
+        assert!(said.contains("another experiment"), "{file}: {said}");
+        fs::write(at(file), text).unwrap();
+    }
+    assert_eq!(again("2").0, Some(0));
+}
+
+#[test]
+fn seeds_are_told_apart_and_runs_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let play = |name: &str, policy: &str| {
+        let (set, protocol) = (format!("plan.ranking.policy={policy}"), format!("protocol={name}"));
+        let table = config("table3.toml");
+        let start = ["run", table.to_str().unwrap(), "--out", &out(name), "--rounds", "2", "--set", "seeds=[5, 6]"];
+        let sets =
+            ["--set", "plan=paper", "--set", "plan.detection.quality_min=0.4", "--set", &set, "--set", &protocol];
+        assert_eq!(told(&run(&[&start[..], &sets[..]].concat())).0, Some(0));
+    };
+    play("ours", "paper");
+    play("theirs", "vgn-best");
+    let report = fs::read_to_string(folder.path().join("ours/report.md")).unwrap();
+    assert!(report.contains("| seed 5 | 2 |") && report.contains("| seed 6 | 2 |"), "{report}");
+    assert!(report.contains("Mean and standard deviation over 2 seeds"), "{report}");
+    for file in ["objects.parquet", "bodies.json", "run.json"] {
+        assert!(folder.path().join("ours").join(file).metadata().unwrap().len() > 100, "{file}");
+    }
+    let figure = out("figure.svg");
+    let compared = run(&["compare", &out("ours"), &out("theirs"), "--figure", &figure]);
+    let text = String::from_utf8(compared.stdout).unwrap();
+    assert!(text.contains("| scene_1 |") && text.contains("| scene_2 |"), "{text}");
+    assert!(fs::read_to_string(figure).unwrap().contains("theirs (4 rounds"));
+    let (code, said) = told(&run(&["compare", folder.path().to_str().unwrap()]));
+    assert_eq!(code, Some(75), "{said}");
+}
