@@ -9,11 +9,15 @@ use std::time::Instant;
 use perception::add_depth_noise;
 use planner::{Observation, PlanError, Planner, SeenView, Wishes};
 use schema::{Camera, Outcome, Pose, Purpose, Stream, Vec3};
-use simulator::{AttemptWorld, Scene, SceneObject, SceneRays, settle_again};
+use simulator::{AttemptWorld, Scene, SceneObject, SceneRays, SettleLaw, Settled, Unsettled, settle_again};
 
 use crate::config::Config;
 use crate::record::{Ending, RoundRecord, TrialObject, TrialRecord};
 use crate::start::{Start, start};
+
+/// What moves no faster than this may be trembling.
+const TREMBLING_M_S: f32 = 0.05;
+const TREMBLING_RAD_S: f32 = 1.0;
 
 /// A round's rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,7 +91,7 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
             continue;
         }
         (look, tried) = (look + 1, 0);
-        match settle_again(&config.scene.physics, &config.scene.settle, &config.scene.grid, &left) {
+        match rest_again(&config.scene, &left) {
             Ok(settled) => scene = settled.scene,
             Err(_) => break Ending::Unsettled,
         }
@@ -106,6 +110,20 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
         ending,
     };
     Ok(Round { record, trials })
+}
+
+/// What an attempt left behind, at rest. Hulls of many faces, such as a duck's, can tremble on the table for ever, by some centimetres a second without
+/// getting anywhere: if nothing comes to rest by the law, what is slower than that rests.
+fn rest_again(config: &generator::Config, left: &[SceneObject]) -> Result<Settled, Unsettled> {
+    let generator::Config { physics, settle, grid, .. } = config;
+    settle_again(physics, settle, grid, left).or_else(|_| {
+        let law = SettleLaw {
+            linear_speed_m_s_max: TREMBLING_M_S.max(settle.linear_speed_m_s_max),
+            angular_speed_rad_s_max: TREMBLING_RAD_S.max(settle.angular_speed_rad_s_max),
+            ..*settle
+        };
+        settle_again(physics, &law, grid, left)
+    })
 }
 
 /// Where in a round we are.

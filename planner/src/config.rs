@@ -43,6 +43,8 @@ pub struct CloudLaw {
     pub resolution: usize,
     /// Distance between its points.
     pub pitch_m: f32,
+    /// Whether each depth image is first scaled so that the table lies where the workspace has it.
+    pub scale_to_table: bool,
 }
 
 /// VGN's constants (its `detection.py`: `process`, `select`).
@@ -226,6 +228,7 @@ struct RawDetection {
 struct RawCloud {
     resolution: usize,
     pitch_m: f32,
+    scale_to_table: bool,
 }
 
 #[derive(Deserialize)]
@@ -269,6 +272,7 @@ struct RawRefinement {
     depth_m: f32,
     flat_m: f32,
     normal_rad_max: f32,
+    outlines: bool,
     arm_m: f32,
     points_min: usize,
 }
@@ -394,7 +398,7 @@ fn put_together(raw: &Raw, gripper: Gripper, words: Words) -> Config {
             voxel_offset: detection.voxel_offset,
             origin_behind_tips_m: detection.origin_behind_tips_m,
         },
-        cloud: CloudLaw { resolution: cloud.resolution, pitch_m: cloud.pitch_m },
+        cloud: CloudLaw { resolution: cloud.resolution, pitch_m: cloud.pitch_m, scale_to_table: cloud.scale_to_table },
         plane: PlaneLaw {
             threshold_m: plane.threshold_m,
             iterations: plane.iterations,
@@ -427,6 +431,7 @@ fn put_together(raw: &Raw, gripper: Gripper, words: Words) -> Config {
             depth_m: refinement.depth_m,
             flat_m: refinement.flat_m,
             normal_rad_max: refinement.normal_rad_max,
+            outlines: refinement.outlines,
             arm_m: refinement.arm_m,
             points_min: refinement.points_min,
         },

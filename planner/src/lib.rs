@@ -21,6 +21,7 @@ pub mod demo;
 pub mod detect;
 pub mod hand;
 pub mod input;
+mod level;
 mod observation;
 pub mod picture;
 pub mod plan;

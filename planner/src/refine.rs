@@ -41,6 +41,8 @@ pub struct RefinementLaw {
     pub flat_m: f32,
     /// … and how far its normal may be from the closing.
     pub normal_rad_max: f32,
+    /// Whether a side that was not seen may be taken to fall straight from the outline of what was seen above it.
+    pub outlines: bool,
     /// A hand counts half if the middle of what it closes on is so far beside its fingers.
     pub arm_m: f32,
     /// Fewest points at each finger.
@@ -122,7 +124,7 @@ impl<'a> Searched<'a> {
         let between: Vec<Point> = near.iter().map(|p| p.turned(back)).filter(is_between).collect();
         // No finger can lie on more than what faces it.
         let facing = |side: f32| between.iter().filter(|p| side * p.normal.y > self.normal_cos_min).count();
-        let support_max = facing(-1.0).min(facing(1.0));
+        let support_max = if law.outlines { between.len() } else { facing(-1.0).min(facing(1.0)) };
         let is_better = |support: f32, best: Option<Hand>| best.is_none_or(|hand| support > hand.support);
         if support_max < law.points_min || !is_better(support_max as f32, best) {
             return best;
@@ -133,7 +135,7 @@ impl<'a> Searched<'a> {
             let [before_m, tips_z_m] = [depth - 1, depth].map(|steps| nearest_z_m + law.depth_m * steps as f32);
             let newly = between.iter().filter(|p| (before_m..tips_z_m).contains(&p.at.z));
             newly.for_each(|point| closing.add(point, self.normal_cos_min));
-            let touch = closing.touch(law.points_min, gripper.opening_m_max - 2.0 * gripper.clearance_m);
+            let touch = closing.touch(law, gripper.opening_m_max - 2.0 * gripper.clearance_m);
             let Some(touch) = touch.filter(|touch| is_better(touch.support as f32, best)) else { continue };
             let support = touch.support as f32 / (1.0 + square(arm_m(around, back, &touch) / law.arm_m));
             if !is_better(support, best) {
@@ -206,7 +208,8 @@ impl Closing {
     }
 
     /// Where the fingers touch, if each lies on enough and they are no farther apart than `width_m_max`.
-    fn touch(&self, points_min: usize, width_m_max: f32) -> Option<Touch> {
+    fn touch(&self, law: &RefinementLaw, width_m_max: f32) -> Option<Touch> {
+        let points_min = law.points_min;
         if self.count < 2 * points_min {
             return None;
         }
@@ -223,9 +226,13 @@ impl Closing {
         if high < low || high_m - low_m > width_m_max {
             return None;
         }
-        let at_low: u32 = self.facing_low.iter().skip(low).take(self.flat_bins).sum();
-        let at_high: u32 = self.facing_high[..=high].iter().rev().take(self.flat_bins).sum();
-        let support = at_low.min(at_high) as usize;
+        let from_low = |bins: &[u32]| bins.iter().skip(low).take(self.flat_bins).sum::<u32>();
+        let from_high = |bins: &[u32]| bins[..=high].iter().rev().take(self.flat_bins).sum::<u32>();
+        let mut at = [from_low(&self.facing_low), from_high(&self.facing_high)];
+        if law.outlines {
+            at = [at[0].max(from_low(&self.all)), at[1].max(from_high(&self.all))];
+        }
+        let support = at[0].min(at[1]) as usize;
         (support >= points_min).then_some(Touch { low_m, high_m, support })
     }
 }
@@ -402,6 +409,7 @@ mod tests {
         depth_m: 0.008,
         flat_m: 0.002,
         normal_rad_max: 0.5,
+        outlines: false,
         arm_m: 0.02,
         points_min: 16,
     };

@@ -4,6 +4,7 @@ use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, surface_cloud, thinned, v
 use schema::{Grid, Vec3, VoxelGrid};
 
 use crate::config::CloudLaw;
+use crate::level::scaled_to_table;
 use crate::observation::{Observation, SeenView};
 use crate::planner::PlanError;
 
@@ -29,6 +30,13 @@ pub fn fuse(observation: &Observation, grid: &Grid, law: CloudLaw) -> Result<Vol
     let pitch_m = law.pitch_m;
     match observation {
         Observation::Views(views) => {
+            let scaled: Vec<SeenView>;
+            let views = if law.scale_to_table {
+                scaled = views.iter().map(|view| scaled_to_table(view, grid)).collect();
+                &scaled
+            } else {
+                views
+            };
             let on = |resolution: usize| fuse_views(views, &Grid { resolution, ..*grid });
             let coarse = on(grid.resolution)?;
             let fine = if law.resolution == grid.resolution { None } else { Some(on(law.resolution)?) };
@@ -138,7 +146,7 @@ mod tests {
 
     use super::*;
 
-    const LAW: CloudLaw = CloudLaw { resolution: 40, pitch_m: 0.0025 };
+    const LAW: CloudLaw = CloudLaw { resolution: 40, pitch_m: 0.0025, scale_to_table: false };
 
     fn level(view: &View) -> SeenView {
         let camera = camera_at(view, &Grid::PAPER, Intrinsics::VGN);

@@ -60,7 +60,7 @@ fn settings(config: &Config) -> Value {
             "voxel_offset": decimal(d.voxel_offset),
             "origin_behind_tips_m": decimal(d.origin_behind_tips_m),
         },
-        "cloud": { "resolution": cloud.resolution, "pitch_m": decimal(cloud.pitch_m) },
+        "cloud": { "resolution": cloud.resolution, "pitch_m": decimal(cloud.pitch_m), "scale_to_table": cloud.scale_to_table },
         "plane": {
             "threshold_m": decimal(plane.threshold_m),
             "iterations": plane.iterations,
@@ -87,6 +87,7 @@ fn settings(config: &Config) -> Value {
             "depth_m": decimal(refinement.depth_m),
             "flat_m": decimal(refinement.flat_m),
             "normal_rad_max": decimal(refinement.normal_rad_max),
+            "outlines": refinement.outlines,
             "arm_m": decimal(refinement.arm_m),
             "points_min": refinement.points_min,
         },
