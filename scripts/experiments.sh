@@ -60,9 +60,13 @@ run table2-paper table2 "Table 2: Eq. 8, 0.5" "${paper_policy[@]}"
 # Light is nothing to depth; its noise is.
 run noise-d435 table2 "Table 2: refined, D435-like noise" --set noise.kind=d435
 run noise-dex table2 "Table 2: refined, dex noise" --set noise.kind=dex
+run noise-dex-scaled table2 "Table 2: refined, dex noise, scaled to the table" --set noise.kind=dex --set plan.cloud.scale_to_table=true
 
 for kind in pile packed; do
-    run "giga-$kind" "giga-$kind" "GIGA $kind: our network, refined"
+    one=(--set 'seeds=[1000]')
+    run "giga-$kind" "giga-$kind" "GIGA $kind: our network, refined, one view" "${one[@]}"
+    run "giga-$kind-vgn-scaled" "giga-$kind" "GIGA $kind: VGN, 0.5, scaled to the table" "${one[@]}" "${vgn_network[@]}" "${vgn_plan[@]}" "${half[@]}" \
+        --set plan.cloud.scale_to_table=true
     run "giga-$kind-vgn" "giga-$kind" "GIGA $kind: VGN, 0.5" "${vgn_network[@]}" "${vgn_plan[@]}" "${half[@]}"
 done
 
