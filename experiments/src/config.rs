@@ -218,8 +218,7 @@ impl Config {
         let plan_text = plan_table.to_string();
         let plan =
             planner::Config::parse(&plan_text, plan_path.as_deref().unwrap_or(Path::new("configs/plan/paper.toml")))?;
-        let catalogue = Catalogue::read(file(&raw.objects.catalogue, "everyday").as_deref());
-        let objects = objects(&raw.objects, catalogue, &mut problems)?;
+        let objects = objects(&raw.objects, file(&raw.objects.catalogue, "everyday").as_deref(), &mut problems)?;
         problems.extend(mismatches(&scene, &plan));
         if !problems.is_empty() {
             return Err(invalid(problems));
@@ -328,11 +327,7 @@ fn put(table: &mut toml::Table, key: &str, value: &str) -> Result<(), String> {
 }
 
 /// What lies on the tables.
-fn objects(
-    raw: &RawObjects,
-    catalogue: Result<Catalogue, CatalogueError>,
-    problems: &mut Vec<String>,
-) -> Result<Objects, ConfigError> {
+fn objects(raw: &RawObjects, catalogue: Option<&Path>, problems: &mut Vec<String>) -> Result<Objects, ConfigError> {
     let count = raw.count as usize;
     if raw.names.is_empty() != (raw.kind != "things") {
         problems.push("objects.names must be there for objects.kind \"things\", and not for the others".to_owned());
@@ -340,7 +335,7 @@ fn objects(
     Ok(match raw.kind.as_str() {
         "packed" => Objects::Packed(PackedLaw { count, ..PackedLaw::default() }),
         "things" => {
-            let catalogue = catalogue?;
+            let catalogue = Catalogue::read(catalogue)?;
             let mut groups = Vec::new();
             for name in &raw.names {
                 match catalogue.named(name) {

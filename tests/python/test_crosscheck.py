@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from attempts import DOWN, GRIPPER, PROCEDURE, SOLIDS, TABLE, UPRIGHT
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 
@@ -20,10 +21,7 @@ from crosscheck.attempt import Runner
 from crosscheck.bullet import shrunk
 from crosscheck.contract import (
     Attempt,
-    Environment,
-    Gripper,
     HandBox,
-    Procedure,
     Scene,
     SceneObject,
     retreat_direction,
@@ -35,17 +33,6 @@ from crosscheck.pose import Pose, quat_from_vector
 from crosscheck.solid import FACETS, Solid
 
 SCENES, ATTEMPTS = 10, 600
-SOLIDS = [
-    Solid("cuboid", (0.03, 0.05, 0.07)),
-    Solid("cylinder", (0.04, 0.04, 0.09)),
-    Solid("tri_prism", (0.08, 0.05, 0.04)),
-    Solid("half_cylinder", (0.08, 0.06, 0.03)),
-]
-GRIPPER = Gripper("jaw", 0.08, 0.05, 0.02, 0.01, 0.04, 0.04, 0.12, 0.1, 20.0, 0.05, 1.0, 0.001)
-PROCEDURE = Procedure(0.05, 0.10, 1.0471976, 0.2, 1.0, 0.25, 0.002, 0.5, 0.01, 0.01)
-TABLE = Environment(table_z_m=0.05, table_friction=1.0, gravity_m_s2=9.81)
-UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
-DOWN = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about x: the approach points down
 
 
 @pytest.mark.parametrize("solid", SOLIDS, ids=lambda s: s.kind)

@@ -1,0 +1,23 @@
+"""What the tests of the cross-check and of the judge execute: the shapes, a hand and its procedure, a table, two orientations."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+
+from crosscheck.contract import Environment, Gripper, Procedure
+from crosscheck.solid import Solid
+
+SOLIDS = [
+    Solid("cuboid", (0.03, 0.05, 0.07)),
+    Solid("cylinder", (0.04, 0.04, 0.09)),
+    Solid("tri_prism", (0.08, 0.05, 0.04)),
+    Solid("half_cylinder", (0.08, 0.06, 0.03)),
+]
+GRIPPER = Gripper("jaw", 0.08, 0.05, 0.02, 0.01, 0.04, 0.04, 0.12, 0.1, 20.0, 0.05, 1.0, 0.001)
+PROCEDURE = Procedure(0.05, 0.10, 1.0471976, 0.2, 1.0, 0.25, 0.002, 0.5, 0.01, 0.01)
+TABLE = Environment(table_z_m=0.05, table_friction=1.0, gravity_m_s2=9.81)
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+DOWN = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about x: the approach points down
