@@ -1,7 +1,7 @@
 //! A plan as a picture for people: the segmented cloud and the ranked grasps, from the side and from above (PNG).
 //!
 //! Drawn in software at twice the size and averaged down; its bytes are a pure function of the plan, the gripper and the
-//! title, for text is set with the font in `trainer/fonts` and nothing runs on a graphics card.
+//! title, for text is set with the font in `report/fonts` and nothing runs on a graphics card.
 
 mod eye;
 mod layer;

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use shards::ExitCode;
 
-pub use crate::figure::FigureError;
-use crate::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
+pub use report::figure::FigureError;
+use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 use crate::publish::publish;
 use crate::run_folder::METRICS;
 

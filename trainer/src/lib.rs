@@ -35,7 +35,7 @@ pub mod data;
 pub mod device;
 pub mod evaluate;
 pub mod events;
-mod figure;
+
 pub mod fit;
 #[cfg(any(test, fuzzing))]
 pub mod fuzzing;

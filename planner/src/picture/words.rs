@@ -11,7 +11,7 @@ use super::PictureError;
 use super::tints::{INK, Rgb, WHITE};
 
 const FONT: &str = "DejaVu Sans";
-const FONT_BYTES: &[u8] = include_bytes!("../../../trainer/fonts/DejaVuSans.ttf");
+const FONT_BYTES: &[u8] = include_bytes!("../../../report/fonts/DejaVuSans.ttf");
 /// No caption is longer; what comes after it would not be read anyway.
 const CHARACTERS_MAX: usize = 240;
 

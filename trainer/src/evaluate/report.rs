@@ -9,7 +9,7 @@ use shards::ExitCode;
 
 use super::Evaluation;
 use crate::curves::FigureError;
-use crate::figure::{BLUE, Figure, GREY, Line, ORANGE, Scale, Stroke};
+use report::figure::{BLUE, Figure, GREY, Line, ORANGE, Scale, Stroke};
 use crate::metrics::Summary;
 use crate::publish::publish;
 use crate::scores::{BINS, Spread};

@@ -1,5 +1,5 @@
 //! Figures: lines in axes, as SVG and as PNG. A figure's bytes are a pure function of what it shows, for its text is set
-//! with the font in `trainer/fonts`, not with the system's.
+//! with the font in `report/fonts`, not with the system's.
 
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};
@@ -10,20 +10,20 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// A figure.
 #[derive(Debug, Clone)]
-pub(crate) struct Figure {
+pub struct Figure {
     /// The line above all.
-    pub(crate) title: String,
+    pub title: String,
     /// The horizontal axis.
-    pub(crate) x: Scale,
+    pub x: Scale,
     /// The vertical axis.
-    pub(crate) y: Scale,
+    pub y: Scale,
     /// What is shown; named lines stand in the legend, in this order.
-    pub(crate) lines: Vec<Line>,
+    pub lines: Vec<Line>,
 }
 
 /// An axis: what it measures, in which unit, from its first mark to its last.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Scale {
+pub struct Scale {
     label: String,
     marks: Vec<f64>,
     decimals: usize,
@@ -31,22 +31,22 @@ pub(crate) struct Scale {
 
 /// A line.
 #[derive(Debug, Clone)]
-pub(crate) struct Line {
+pub struct Line {
     /// Its name in the legend; empty for none.
-    pub(crate) name: String,
+    pub name: String,
     /// Its colour.
-    pub(crate) colour: RGBColor,
+    pub colour: RGBColor,
     /// How it is drawn.
-    pub(crate) stroke: Stroke,
+    pub stroke: Stroke,
     /// Its points.
-    pub(crate) points: Vec<(f64, f64)>,
+    pub points: Vec<(f64, f64)>,
     /// Upright intervals: x, low, high.
-    pub(crate) intervals: Vec<(f64, f64, f64)>,
+    pub intervals: Vec<(f64, f64, f64)>,
 }
 
 /// How a line is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Stroke {
+pub enum Stroke {
     /// Through.
     Solid,
     /// Through, with a dot at each point.
@@ -56,10 +56,10 @@ pub(crate) enum Stroke {
 }
 
 /// Colours that stay apart for the colour-blind and in grey (Okabe and Ito, 2008).
-pub(crate) const BLUE: RGBColor = RGBColor(0, 114, 178);
-pub(crate) const ORANGE: RGBColor = RGBColor(213, 94, 0);
-pub(crate) const GREEN: RGBColor = RGBColor(0, 158, 115);
-pub(crate) const GREY: RGBColor = RGBColor(90, 90, 90);
+pub const BLUE: RGBColor = RGBColor(0, 114, 178);
+pub const ORANGE: RGBColor = RGBColor(213, 94, 0);
+pub const GREEN: RGBColor = RGBColor(0, 158, 115);
+pub const GREY: RGBColor = RGBColor(90, 90, 90);
 
 /// Why a figure cannot be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -82,14 +82,14 @@ const FONT_BYTES: &[u8] = include_bytes!("../fonts/DejaVuSans.ttf");
 
 impl Line {
     /// A line without intervals.
-    pub(crate) fn new(name: &str, colour: RGBColor, stroke: Stroke, points: Vec<(f64, f64)>) -> Self {
+    pub fn new(name: &str, colour: RGBColor, stroke: Stroke, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.to_owned(), colour, stroke, points, intervals: Vec::new() }
     }
 }
 
 impl Scale {
     /// From a round number at or below `low` to one at or above `high`, with up to about eight marks.
-    pub(crate) fn around(label: &str, low: f64, high: f64) -> Self {
+    pub fn around(label: &str, low: f64, high: f64) -> Self {
         let width = (high - low).max(1e-6);
         let exponent = libm::log10(width / 7.0).floor();
         let power = 10.0_f64.powi(exponent as i32);
@@ -103,7 +103,7 @@ impl Scale {
     }
 
     /// From 1 to `last`, at least 2, with marks at 1 and at whole multiples.
-    pub(crate) fn whole(label: &str, last: u32) -> Self {
+    pub fn whole(label: &str, last: u32) -> Self {
         let last = last.max(2);
         let step = (0..9).flat_map(|power| [1, 2, 5].map(|factor| factor * 10_u32.pow(power)));
         let step = step.into_iter().find(|step| last / step <= 10).unwrap_or(last);
@@ -145,7 +145,7 @@ impl Figure {
     ///
     /// # Errors
     /// [`FigureError`] if the library fails.
-    pub(crate) fn svg(&self) -> Result<String, FigureError> {
+    pub fn svg(&self) -> Result<String, FigureError> {
         let mut text = String::new();
         {
             let root = SVGBackend::with_string(&mut text, (WIDTH, HEIGHT)).into_drawing_area();
@@ -162,7 +162,7 @@ impl Figure {
     ///
     /// # Errors
     /// [`FigureError`] if a library fails.
-    pub(crate) fn png(&self) -> Result<Vec<u8>, FigureError> {
+    pub fn png(&self) -> Result<Vec<u8>, FigureError> {
         let (width, height) = (WIDTH * PNG_SCALE, HEIGHT * PNG_SCALE);
         let mut large = vec![0; (3 * width * height) as usize];
         {

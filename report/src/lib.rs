@@ -1,0 +1,6 @@
+//! What people look at: figures, pages that need nothing else, pictures and 3-D views of scenes.
+//!
+//! This crate knows what a solid and a hand are (`schema`) and nothing of datasets, networks or physics; who has numbers gives
+//! them to it.
+
+pub mod figure;
