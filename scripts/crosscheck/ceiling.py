@@ -26,10 +26,10 @@ class Ceiling:
     flipped: np.ndarray
 
 
-def measure(dataset: Dataset, rows: Rows, name: str, base: Pass, seed: int) -> list[Ceiling]:
-    """The engine's pass `base` against passes with displaced grasps and other settings."""
+def measure(dataset: Dataset, rows: Rows, name: str, rate: float, base: Pass, seed: int) -> list[Ceiling]:
+    """The engine's pass `base`, stepped at `rate` Hz, against passes with displaced grasps and other settings."""
     changes = [(f"grasps displaced by {1e3 * j:g} mm", {}, displaced(j, seed)) for j in JITTERS_M]
-    changes += [(change, options, None) for change, options in engines.variants(name)]
+    changes += [(change, options, None) for change, options in engines.variants(name, rate)]
     found = []
     for change, options, jitter in changes:
         engine = engines.make(name, **options)

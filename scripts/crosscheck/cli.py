@@ -116,12 +116,13 @@ def _examine(data: dataset.Dataset, rows: Rows, name: str, seed: int, with_ceili
     drift = passes.drift(data, engine)
     same = passes.same_gate(f"{name}, same gate", data, engine)
     own = passes.own_approach(f"{name}, own approach", data, engine)
+    described = engines.describe(engine)
     engine.close()
     found = EngineReport(
-        engines.describe(name), same, own, compare(rows, same, seed), compare(rows, own, seed), drift
+        described, same, own, compare(rows, same, seed), compare(rows, own, seed), drift
     )
     if with_ceiling:
-        found.ceiling = ceiling.measure(data, rows, name, same, seed)
+        found.ceiling = ceiling.measure(data, rows, name, engine.step_rate_hz, same, seed)
     return found
 
 

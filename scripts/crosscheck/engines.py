@@ -20,17 +20,14 @@ def make(name: str, **options: object) -> Engine:
     return Mujoco(MujocoOptions(**options))
 
 
-def describe(name: str) -> dict:
-    """Engine, version and settings, for the report."""
-    engine = make(name)
-    settings = dict(vars(engine.options))
-    engine.close()
+def describe(engine: Engine) -> dict:
+    """Engine, version and settings, for the report; the step rate is that of the hand that was loaded last."""
+    name, settings = engine.name, {**vars(engine.options), "step_rate_hz": engine.step_rate_hz}
     return {"engine": name, "version": version(name), "settings": settings}
 
 
-def variants(name: str) -> list[tuple[str, dict]]:
-    """What an engine is compared with to find its own noise: a name, and the options that differ."""
-    rate = make(name).step_rate_hz
+def variants(name: str, rate: float) -> list[tuple[str, dict]]:
+    """What an engine that steps at `rate` Hz is compared with to find its own noise: a name, and the options that differ."""
     found = [("objects added in reverse order", {"backwards": True}), (f"{2 * rate:.0f} Hz", {"step_rate_hz": 2 * rate})]
     if name == "pybullet":
         found.append(("50 solver iterations (its default)", {"solver_iterations": 50}))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from crosscheck import engines
 from crosscheck.cli import CONFIG, DATA, OK, positive
+from crosscheck.dataset import Dataset
 
 from . import execution, experiment
 from .report import as_json, markdown, report_of
@@ -31,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
     args = _parser().parse_args(arguments)
     try:
         tried = experiment.read(args.experiment, args.rounds)
-        engine = engines.describe("pybullet")
+        engine = _engine(tried.data)
     except experiment.NoExperiment as error:
         return _fail(CONFIG, str(error))
     except experiment.DamagedExperiment as error:
@@ -46,6 +47,15 @@ def main(arguments: list[str] | None = None) -> int:
             path.write_text(content)
     print(text, end="")
     return OK
+
+
+def _engine(data: Dataset) -> dict:
+    """What judges: the settings depend on the hand."""
+    engine = engines.make("pybullet")
+    engine.load(data.scenes[0], data.gripper, data.environment)
+    described = engines.describe(engine)
+    engine.close()
+    return described
 
 
 def _parser() -> argparse.ArgumentParser:
