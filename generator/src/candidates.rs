@@ -1,8 +1,8 @@
 //! Candidates: grasps drawn by the rules, not yet executed.
 
-use schema::{Axis, Mat3, ObjectRecord, Pose, Quat, Rule, Stream, Vec3, axis_angle};
-
-use crate::rules::{SLIDE_SHARE, TIP_DEPTH_M, Tilt, law_of};
+use schema::{
+    Axis, Mat3, ObjectRecord, Pose, Quat, Rule, SLIDE_SHARE, Stream, TIP_DEPTH_M, Tilt, Vec3, axis_angle, law_of,
+};
 
 /// A grasp to be tried, with everything that was drawn for it.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,6 +1,6 @@
 //! Grasp datasets: config → random stacked scenes → candidates by the rules of Appendix A → attempts in physics → shards.
 //!
-//! The rules and their laws stand in [`law_of`], one row of the paper's Appendix A each; [`make_scene`] turns a scene's
+//! The rules and their laws stand in [`schema::law_of`], one row of the paper's Appendix A each; [`make_scene`] turns a scene's
 //! number into its rows, as a pure function of config and seed; [`generate`] does so for all scenes of the shards asked
 //! for, on all cores, and commits a shard when it is whole.
 
@@ -15,7 +15,6 @@ mod normals;
 mod objects;
 mod raw;
 mod repeat;
-mod rules;
 mod run;
 
 pub use bench::{Agreement, BenchReport, BenchSize, OutcomeCost, RunCost, StageCost, bench};
@@ -25,5 +24,4 @@ pub use config::{Config, ConfigError, ObjectLaw, Overrides, Sampler};
 pub use depth_images::{DepthImagesError, Views, write_depth_images};
 pub use objects::draw_drops;
 pub use repeat::{Difference, RepeatError, Repeated, repeat};
-pub use rules::{Law, Tilt, law_of};
 pub use run::{Event, GenerateError, LOOK_SHARDS_MAX, Report, attempts_of, generate};

@@ -4,3 +4,5 @@
 //! them to it.
 
 pub mod figure;
+pub mod page;
+pub mod picture;

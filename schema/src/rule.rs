@@ -1,5 +1,5 @@
-//! The rules that grasps are drawn by, by name: the rows of the paper's Appendix A, and VGN's approach along the surface's normal. Their
-//! laws stand in the generator, beside the code that draws from them.
+//! The rules that grasps are drawn by, by name: the rows of the paper's Appendix A, and VGN's approach along the
+//! surface's normal. The laws of the rows stand in `law.rs`.
 
 use crate::{ShapeKind, Vec3};
 

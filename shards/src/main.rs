@@ -1,16 +1,19 @@
 //! The program `shards`: looks at datasets, changes nothing.
 
 use std::io::{self, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
-use shards::{Dataset, ExitCode, Inspection, Location, LocationParser, ReadError, Verified, text};
+use shards::{Dataset, ExitCode, Inspection, Location, LocationParser, ReadError, Verified, publish, text};
 
 const EXAMPLES: &str = "\
 Examples:
   shards verify data/demo               read and check everything
   shards report data/demo               statistics with bars
   shards report data/demo --json        the same for programs
+  shards report data/demo --html r.html the same as a page, with pictures of scenes
   shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid
   shards verify s3://bucket/demo        the same in an object store";
 
@@ -39,8 +42,11 @@ makes that shard anew, byte for byte, and leaves the others alone.")]
         #[arg(value_parser = LocationParser)]
         dataset: Location,
         /// Print JSON.
-        #[arg(long)]
+        #[arg(long, conflicts_with = "html")]
         json: bool,
+        /// Write a page with figures and pictures of scenes, everything in one file.
+        #[arg(long, value_name = "FILE")]
+        html: Option<PathBuf>,
     },
     /// Show one scene: objects, cameras, attempts, two cuts through its voxel grid.
     Inspect {
@@ -69,9 +75,14 @@ fn main() -> std::process::ExitCode {
 fn run(command: &Command) -> Result<ExitCode> {
     match command {
         Command::Verify { dataset } => verify(dataset),
-        Command::Report { dataset, json } => {
-            let report = shards::report(&Dataset::open(dataset)?)?;
-            if *json { print(report.to_json()) } else { print(report) }
+        Command::Report { dataset, json, html } => {
+            let dataset = Dataset::open(dataset)?;
+            let report = shards::report(&dataset)?;
+            match html {
+                Some(path) => write_page(path, &shards::report::html::html(&report, &dataset, written_over(&dataset))?),
+                None if *json => print(report.to_json()),
+                None => print(report),
+            }
         }
         Command::Inspect { dataset, scene } => {
             let dataset = Dataset::open(dataset)?;
@@ -111,6 +122,19 @@ fn verify(dataset: &Location) -> Result<ExitCode> {
     }
     writeln!(out, "NOT ok: {} problems", problems.len() as u64 + more)?;
     Ok(verified.exit_code())
+}
+
+/// From the first to the last of a folder's markers, by their times: as long as making it took, if it was made in one go.
+fn written_over(dataset: &Dataset) -> Option<Duration> {
+    let Location::Path(folder) = dataset.location() else { return None };
+    let meta = folder.join("meta");
+    let modified = |name: &str| std::fs::metadata(meta.join(name)).and_then(|of| of.modified()).ok();
+    modified("manifest.json")?.duration_since(modified("info.json")?).ok()
+}
+
+fn write_page(path: &Path, page: &str) -> Result<ExitCode> {
+    publish(path, page.as_bytes()).with_context(|| format!("failed to write {}", path.display()))?;
+    print(format!("{}\n", path.display()))
 }
 
 fn print(text: impl std::fmt::Display) -> Result<ExitCode> {

@@ -31,6 +31,37 @@ fn report_reads_well() {
 }
 
 #[test]
+fn a_report_is_a_page_that_holds_its_numbers_and_needs_nothing_else() {
+    let dir = dataset();
+    let page = dir.path().join("report.html");
+    let output = shards(&["report", text(dir.path()), "--html", text(&page)]);
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), format!("{}\n", page.display()));
+    let html = std::fs::read_to_string(&page).unwrap();
+    let json = shards(&["report", text(dir.path()), "--json"]).stdout;
+    let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    for group in ["shapes", "rules", "object_counts"] {
+        for one in json[group].as_array().unwrap().iter().filter(|one| one["attempts"] != 0) {
+            let [name, attempts, held] = ["name", "attempts", "positives"].map(|key| one[key].to_string());
+            let row = format!(
+                "{}</code></td><td class=\"number\">{attempts}</td><td class=\"number\">{held}</td>",
+                name.trim_matches('"')
+            );
+            assert!(html.contains(&row), "{row} is not in {html}");
+        }
+    }
+    assert_eq!(html.matches("<svg class=\"scene\"").count(), 12);
+    assert!(html.contains(json["dataset_id"].as_str().unwrap()));
+    for word in ["http://", "https://", "<script", "src=", "url("] {
+        assert!(!html.replace("http://www.w3.org/2000/svg", "").contains(word), "{word}");
+    }
+    shards(&["report", text(dir.path()), "--html", text(&page)]);
+    assert_eq!(std::fs::read_to_string(&page).unwrap(), html, "the same dataset, the same page");
+    let output = shards(&["report", text(dir.path()), "--html", "/no/such/folder/r.html"]);
+    assert_eq!(output.status.code(), Some(75));
+    assert!(String::from_utf8(output.stderr).unwrap().contains("/no/such/folder/r.html"));
+}
+
+#[test]
 fn inspect_reads_well() {
     let dir = dataset();
     let output = shards(&["inspect", text(dir.path()), "--scene", "3"]);
