@@ -2,6 +2,7 @@
 
 mod console;
 mod convert;
+mod show;
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -12,6 +13,7 @@ use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use convert::{ExportArgs, ImportArgs};
 use shards::{Location, LocationParser};
+use show::ReportArgs;
 use trainer::bench::bench;
 use trainer::config::Config;
 use trainer::curves::{CurvesError, draw_curves};
@@ -21,6 +23,7 @@ use trainer::evaluate::{EvaluateError, TestSet, evaluate};
 use trainer::events::Event;
 use trainer::fit::{Ending, FitError, Job, fit_job};
 use trainer::interchange::InterchangeError;
+use trainer::page::PageError;
 use trainer::ranks::{Flags, Place, PlaceError};
 use trainer::run_folder::checkpoint_path;
 
@@ -48,6 +51,10 @@ enum Command {
     /// Draw a run's curves again from its metrics.jsonl: loss.svg, loss.png, accuracy.svg, accuracy.png.
     #[command(after_help = shards::ExitCode::HELP)]
     Curves(CurvesArgs),
+    /// A run as a page, one file with everything in it: curves, recipe and, on a dataset, what the best checkpoint is worth and its worst
+    /// mistakes, with pictures.
+    #[command(after_help = format!("{}\n\n{}\n\n{}", show::EXAMPLES, Location::HELP, shards::ExitCode::HELP))]
+    Report(ReportArgs),
     /// What a training step costs on this machine.
     #[command(after_help = shards::ExitCode::HELP)]
     Bench(BenchArgs),
@@ -177,6 +184,16 @@ enum SplitArg {
     All,
 }
 
+impl From<SplitArg> for TestSet {
+    fn from(split: SplitArg) -> Self {
+        match split {
+            SplitArg::TestAttempts => Self::TestAttempts,
+            SplitArg::TestScenes => Self::TestScenes,
+            SplitArg::All => Self::All,
+        }
+    }
+}
+
 /// A failure with the code to end with.
 struct Failure(anyhow::Error, shards::ExitCode);
 
@@ -191,7 +208,7 @@ macro_rules! fail_with_their_own_code {
     )+};
 }
 
-fail_with_their_own_code!(FitError, EvaluateError, InterchangeError, DeviceError, CurvesError, ReportError);
+fail_with_their_own_code!(FitError, EvaluateError, InterchangeError, DeviceError, CurvesError, ReportError, PageError);
 
 impl From<PlaceError> for Failure {
     fn from(error: PlaceError) -> Self {
@@ -221,6 +238,7 @@ fn main() -> ExitCode {
         Command::Fit(args) => run_fit(&args),
         Command::Evaluate(args) => run_evaluate(&args),
         Command::Curves(args) => run_curves(&args),
+        Command::Report(args) => show::run_report(&args),
         Command::Bench(args) => run_bench(&args),
         Command::Import(args) => convert::run_import(&args).map_err(Failure::from),
         Command::Export(args) => convert::run_export(&args).map_err(Failure::from),
@@ -272,11 +290,7 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
 
 fn run_evaluate(args: &EvaluateArgs) -> Result<shards::ExitCode, Failure> {
     set_threads(args.threads)?;
-    let set = match args.split {
-        SplitArg::TestAttempts => TestSet::TestAttempts,
-        SplitArg::TestScenes => TestSet::TestScenes,
-        SplitArg::All => TestSet::All,
-    };
+    let set = args.split.into();
     let name = match args.checkpoint {
         Which::Best => "best",
         Which::Last => "last",
