@@ -44,7 +44,9 @@ pub struct Scene {
 
 /// Size of the picture.
 const WIDTH_PX: f32 = 300.0;
-const HEIGHT_PX: f32 = 240.0;
+const HEIGHT_PX: f32 = 280.0;
+/// More hands are drawn thin.
+const CROWD: usize = 12;
 /// Tints of bodies: light, so that hands stand out, and not green or red.
 const TINTS: [[f32; 3]; 5] =
     [[150.0, 180.0, 214.0], [214.0, 188.0, 140.0], [178.0, 166.0, 208.0], [160.0, 196.0, 196.0], [205.0, 170.0, 190.0]];
@@ -98,7 +100,7 @@ impl Eye {
     fn at(scene: &Scene) -> Self {
         let towards = Vec3::new(0.45, -1.0, 1.15).normalize();
         let right = Vec3::Z.cross(towards).normalize();
-        let middle_m = Vec3::new(0.5 * scene.size_m, 0.5 * scene.size_m, scene.table_z_m + 0.12 * scene.size_m);
+        let middle_m = Vec3::new(0.5 * scene.size_m, 0.5 * scene.size_m, scene.table_z_m + 0.2 * scene.size_m);
         // The table's diagonal fits.
         Self { right, up: towards.cross(right), towards, middle_m, px_per_m: WIDTH_PX / (1.34 * scene.size_m) }
     }
@@ -125,9 +127,11 @@ pub fn svg(scene: &Scene) -> String {
     }
     let mut hands: Vec<&Hand> = scene.hands.iter().collect();
     hands.sort_by_key(|hand| hand.held); // what held lies on top
+    let is_crowded = hands.len() > CROWD;
     for hand in hands {
         let class = if hand.held { "held" } else { "failed" };
-        let (strength, width) = (hand.strength, if hand.held { 1.6 } else { 1.0 });
+        let width = if is_crowded { 1.0 } else { 2.0 } * if hand.held { 1.6_f32 } else { 1.2 };
+        let strength = hand.strength;
         let lines = fork(hand).map(|line| format!("M{}", points(&eye, line.into_iter()).replace(' ', "L"))).concat();
         let _ = write!(
             text,
