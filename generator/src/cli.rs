@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
+use shards::manual::Manual;
 use shards::{ExitCode, Location, LocationParser};
 
 use crate::assignment::{ShardIndices, Task};
@@ -67,6 +68,9 @@ pub(crate) enum Command {
     Finalize(DatasetArgument),
     /// Remove what killed writers left behind
     Gc(GcArguments),
+    /// Write shell completions, man pages, or this program's reference
+    #[command(subcommand)]
+    Manual(Manual),
 }
 
 #[derive(Debug, clap::Args)]

@@ -7,12 +7,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use generator::{
     BenchSize, Config, ConfigError, DepthImagesError, Event, GenerateError, Overrides, RepeatError, Views, attempts_of,
     bench, generate, repeat, write_depth_images,
 };
 use indicatif::{ProgressBar, ProgressStyle};
+use shards::manual::{Manual, Settings};
 use shards::{Dataset, Draft, FinalizeError, Finalized, ReadError, StoreError, Sweep, Swept};
 
 mod assignment;
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
         Some(Command::Missing(missing)) => run_missing(missing),
         Some(Command::Finalize(finalize)) => run_finalize(finalize),
         Some(Command::Gc(gc)) => run_gc(gc),
+        Some(Command::Manual(manual)) => run_manual(manual),
         None => run(&arguments),
     };
     ended
@@ -168,6 +170,18 @@ fn run_gc(arguments: &GcArguments) -> anyhow::Result<shards::ExitCode> {
         text += &format!("{kept} files are being written, or may be, and stay (--all removes them)\n");
     }
     let _ = write!(std::io::stdout().lock(), "{text}");
+    Ok(shards::ExitCode::Ok)
+}
+
+fn run_manual(manual: &Manual) -> anyhow::Result<shards::ExitCode> {
+    let settings = [
+        Settings { path: "configs/generate/paper.toml", toml: include_str!("../../configs/generate/paper.toml") },
+        Settings {
+            path: "configs/grippers/parallel_jaw_80.toml",
+            toml: include_str!("../../configs/grippers/parallel_jaw_80.toml"),
+        },
+    ];
+    manual.make(Arguments::command(), &settings, "").context("failed to write the manual")?;
     Ok(shards::ExitCode::Ok)
 }
 

@@ -111,11 +111,7 @@ fn columns(text: &mut String, info: &DatasetInfo) {
     text.push_str("\n## Columns\n");
     for table in Table::ALL {
         let _ = write!(text, "\n### {}\n\n| column | type | meaning |\n|---|---|---|\n", table.name());
-        for column in table.columns() {
-            let null = if column.nullable { ", nullable" } else { "" };
-            let kind = column.kind.describe(info.grid.resolution);
-            let _ = writeln!(text, "| `{}` | {kind}{null} | {} |", column.name, column.doc.replace('|', "\\|"));
-        }
+        crate::manual::table_rows(text, table, info.grid.resolution);
     }
 }
 

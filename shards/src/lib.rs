@@ -64,6 +64,7 @@ mod hostile;
 mod info;
 mod inspect;
 pub mod layout;
+pub mod manual;
 mod location;
 mod plain_table;
 mod pretend;

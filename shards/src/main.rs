@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
+use shards::manual::{Manual, tables};
 use shards::{Dataset, ExitCode, Inspection, Location, LocationParser, ReadError, Verified, publish, text};
 
 const EXAMPLES: &str = "\
@@ -57,7 +58,13 @@ makes that shard anew, byte for byte, and leaves the others alone.")]
         #[arg(long)]
         scene: u64,
     },
+    /// Write shell completions, man pages, or this program's reference.
+    #[command(subcommand)]
+    Manual(Manual),
 }
+
+/// Voxels along a side, in the reference: the paper's.
+const RESOLUTION: usize = 40;
 
 fn main() -> std::process::ExitCode {
     let cli = Cli::parse();
@@ -75,6 +82,7 @@ fn main() -> std::process::ExitCode {
 fn run(command: &Command) -> Result<ExitCode> {
     match command {
         Command::Verify { dataset } => verify(dataset),
+        Command::Manual(what) => manual(what),
         Command::Report { dataset, json, html } => {
             let dataset = Dataset::open(dataset)?;
             let report = shards::report(&dataset)?;
@@ -90,6 +98,13 @@ fn run(command: &Command) -> Result<ExitCode> {
             print(Inspection { info: dataset.info(), rows: &rows })
         }
     }
+}
+
+/// The reference ends with what all programs share: the tables on disk and the exit codes.
+fn manual(manual: &Manual) -> Result<ExitCode> {
+    let chapters = format!("{}\n## Exit codes\n\n```text\n{}\n```\n", tables(RESOLUTION), ExitCode::HELP);
+    manual.make(Cli::command(), &[], &chapters).context("failed to write the manual")?;
+    Ok(ExitCode::Ok)
 }
 
 fn verify(dataset: &Location) -> Result<ExitCode> {
