@@ -156,6 +156,15 @@ impl Solid {
         planes
     }
 
+    /// The faces as rings of corners, by their number in [`Self::vertices_m`], counter-clockwise as seen from outside; in
+    /// the order of [`Self::planes`].
+    #[must_use]
+    pub fn rings(&self) -> Vec<Vec<usize>> {
+        let n = self.outline().len();
+        let sides = (0..n).map(|side| vec![side, (side + 1) % n, n + (side + 1) % n, n + side]);
+        sides.chain([(0..n).rev().collect(), (n..2 * n).collect()]).collect()
+    }
+
     /// The directions of the edges, not normalised, in the object frame: those of the outline, then the extrusion axis.
     #[must_use]
     pub fn edges_m(&self) -> Vec<Vec3> {
@@ -222,6 +231,25 @@ mod tests {
                 let gaps: Vec<f32> = planes.iter().map(|p| p.normal.dot(vertex) - p.offset_m).collect();
                 assert!(gaps.iter().all(|g| *g < 1e-6), "{solid:?} {vertex}: {gaps:?}");
                 assert!(gaps.iter().filter(|g| g.abs() < 1e-6).count() >= 3, "{solid:?} {vertex}: {gaps:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn rings_go_round_the_corners_on_their_planes() {
+        for solid in samples() {
+            let (vertices, planes, rings) = (solid.vertices_m(), solid.planes(), solid.rings());
+            assert_eq!(rings.len(), planes.len());
+            for (plane, ring) in planes.iter().zip(&rings) {
+                let mut on_plane: Vec<usize> = (0..vertices.len())
+                    .filter(|v| (plane.normal.dot(vertices[*v]) - plane.offset_m).abs() < 1e-6)
+                    .collect();
+                let turn = (vertices[ring[1]] - vertices[ring[0]]).cross(vertices[ring[2]] - vertices[ring[1]]);
+                assert!(turn.normalize().dot(plane.normal) > 0.999, "{solid:?}: {ring:?} turns the other way");
+                let mut ring = ring.clone();
+                ring.sort_unstable();
+                on_plane.sort_unstable();
+                assert_eq!(ring, on_plane, "{solid:?}");
             }
         }
     }
