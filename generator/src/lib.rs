@@ -14,7 +14,9 @@ pub mod fuzzing;
 mod normals;
 mod objects;
 mod raw;
+mod recorder;
 mod repeat;
+mod replay;
 mod rules;
 mod run;
 
@@ -25,5 +27,6 @@ pub use config::{Config, ConfigError, ObjectLaw, Overrides, Sampler};
 pub use depth_images::{DepthImagesError, Views, write_depth_images};
 pub use objects::draw_drops;
 pub use repeat::{Difference, RepeatError, Repeated, repeat};
+pub use replay::{AttemptId, Replay, replay};
 pub use rules::{Law, Tilt, law_of};
 pub use run::{Event, GenerateError, LOOK_SHARDS_MAX, Report, attempts_of, generate};

@@ -56,6 +56,13 @@
       const [p, q, r] = [a, b, c].map((i) => body.corners_m[i]);
       return unit(cross(less(q, p), less(r, q)));
     });
+    // Edges with the faces at both sides: what is round has none but its outline.
+    const sides = new Map();
+    body.faces.forEach((face, i) => face.forEach((a, k) => {
+      const b = face[(k + 1) % face.length], key = a < b ? `${a} ${b}` : `${b} ${a}`;
+      sides.set(key, [...(sides.get(key) ?? [a, b]), i]);
+    }));
+    body.edges = [...sides.values()].map(([a, b, f, g = f]) => ({ a, b, f, g, sharp: dot(body.planes[f], body.planes[g]) < 0.9 }));
   }
   // Where a body is now: corners, planes, middle.
   function placed(body) {
@@ -77,7 +84,7 @@
     const high = [0, 1, 2].map((i) => Math.max(...all.map((p) => p[i])));
     return { middle: times(add(low, high), 0.5), radius: 0.5 * Math.hypot(...less(high, low)) };
   })();
-  const home = () => ({ yaw: -1.05, pitch: 0.5, away: 3.1 * around.radius, centre: add(around.middle, [0, 0, -0.12 * around.radius]) });
+  const home = () => ({ yaw: -1.05, pitch: 0.5, away: 2.7 * around.radius, centre: add(around.middle, [0, 0, -0.24 * around.radius]) });
   let camera = home(), eye, right, up, ahead, focal, width, height;
   function aim() {
     const [sy, cy, sp, cp] = [Math.sin(camera.yaw), Math.cos(camera.yaw), Math.sin(camera.pitch), Math.cos(camera.pitch)];
@@ -152,21 +159,28 @@
   const LIGHT = unit([0.35, -0.5, 0.8]);
   function drawBody(thing) {
     const { body, planes } = thing, look = style(body), spots = thing.corners.map(onScreen);
+    const faces = planes.map(([x, y, z, d]) => dot([x, y, z], eye) > d), rgb = look.rgb();
     thing.outlines = [];
     body.faces.forEach((face, i) => {
-      const [x, y, z, d] = planes[i];
-      if (dot([x, y, z], eye) <= d) return;
+      if (!faces[i]) return;
       const path = new Path2D();
       face.forEach((c, k) => (k ? path.lineTo(spots[c][0], spots[c][1]) : path.moveTo(spots[c][0], spots[c][1])));
       path.closePath();
-      const lit = 0.66 + 0.34 * Math.max(0, dot([x, y, z], LIGHT)), rgb = look.rgb();
-      pen.fillStyle = rgba(times(rgb, lit), look.a ?? 1);
+      pen.fillStyle = pen.strokeStyle = rgba(times(rgb, 0.7 + 0.32 * Math.max(0, dot(planes[i], LIGHT))), look.a ?? 1);
       pen.fill(path);
-      pen.strokeStyle = body === marked ? rgba(isDark.matches ? [255, 255, 255] : [0, 0, 0]) : rgba(times(rgb, lit * 0.8), look.a ? 0.8 : 1);
-      pen.lineWidth = body === marked ? 2 : 1;
-      pen.stroke(path);
+      pen.lineWidth = 0.7; // closes the seam between two faces
+      if (!look.a) pen.stroke(path);
       thing.outlines.push(path);
     });
+    const edges = new Path2D();
+    for (const { a, b, f, g, sharp } of body.edges) {
+      if (!(faces[f] || faces[g]) || (!sharp && faces[f] && faces[g])) continue;
+      edges.moveTo(spots[a][0], spots[a][1]);
+      edges.lineTo(spots[b][0], spots[b][1]);
+    }
+    pen.strokeStyle = body === marked ? rgba(isDark.matches ? [255, 255, 255] : [0, 0, 0]) : rgba(times(rgb, isDark.matches ? 0.45 : 0.62), look.a ? 0.8 : 1);
+    pen.lineWidth = body === marked ? 2 : 1;
+    pen.stroke(edges);
   }
   function drawLine(line, opaque) {
     const look = style(line), near = [new Path2D(), new Path2D()], spots = line.points_m.map(onScreen);
