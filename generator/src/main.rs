@@ -22,8 +22,8 @@ mod table;
 
 use assignment::{Assignment, AssignmentError, index_list};
 use cli::{
-    Arguments, BenchArguments, Command, DatasetArgument, DepthArguments, GcArguments, MissingArguments, RepeatArguments,
-    ReplayArguments,
+    Arguments, BenchArguments, Command, DatasetArgument, DepthArguments, GcArguments, MissingArguments,
+    RepeatArguments, ReplayArguments,
 };
 
 /// A world is built and dropped for every attempt: two threads make 3 to 12 % more attempts with this allocator than with the

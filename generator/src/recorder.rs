@@ -1,5 +1,5 @@
-//! What a watcher keeps of an attempt, to be shown afterwards: where things are at up to sixty moments a second, what happens,
-//! what presses on what.
+//! What a watcher keeps of an attempt, to be shown afterwards: where things are at up to sixty moments a second, what
+//! happens, what presses on what.
 
 use report::view::{Class, Event, EventKind, Frame, Points, flat_points};
 use schema::{Gripper, Outcome, Pose, Vec3};
@@ -65,7 +65,8 @@ impl<'a> Recorder<'a> {
 
     /// Shows the open hand come from the pre-grasp, `distance_m` back, for `travel_m`.
     pub(crate) fn approach(&mut self, distance_m: f32, travel_m: f32) {
-        self.happens(EventKind::Phase, "approach; the gate is geometry and takes no time, the speed is made up");
+        self.happens(EventKind::Phase, "approach");
+        self.happens(EventKind::Note, "the gate is geometry and takes no time: the speed of the approach is made up");
         let time_s = APPROACH_TIME_S * (travel_m / distance_m).clamp(0.0, 1.0);
         let count = (time_s * FRAME_RATE_HZ).ceil() as usize;
         for frame in 0..=count {

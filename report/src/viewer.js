@@ -343,7 +343,7 @@
   // The player.
   const last = view.frames.length - 1, rows = [...document.querySelectorAll("#events li")];
   let play = () => {}, go = () => {};
-  if (last >= 0) {
+  if (last > 0) {
     const scrub = byId("scrub"), total = view.frames[last].time_s;
     let runs = false, then = 0, time = 0;
     scrub.max = last;

@@ -10,11 +10,12 @@ use serde_json::Value;
 
 use crate::DatasetInfo;
 
-/// Values this near the surface's, 0.5, are points of it: with a truncation of four voxels, those nearer than 0.8 voxels. The
-/// same as in `shards inspect`.
+/// Values this near the surface's, 0.5, are points of it: with a truncation of four voxels, those nearer than 0.8
+/// voxels. The same as in `shards inspect`.
 const SURFACE: std::ops::Range<f32> = 0.4..0.6;
 
-/// A scene as things in space. Its attempts are forks, those that held last; the jaws of an attempt that never closed are open.
+/// A scene as things in space. Its attempts are forks, those that held last; the jaws of an attempt that never closed
+/// are open.
 #[must_use]
 pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> View {
     let (scene, grid) = (&rows.scene, &info.grid);
@@ -75,10 +76,12 @@ fn attempt_label(attempt: &AttemptRecord) -> String {
 fn surface(info: &DatasetInfo, rows: &SceneRows) -> Points {
     let grid = &info.grid;
     let side = 0..grid.resolution;
-    let voxels = side.clone().flat_map(|i| side.clone().flat_map({
-        let side = side.clone();
-        move |j| side.clone().map(move |k| [i, j, k])
-    }));
+    let voxels = side.clone().flat_map(|i| {
+        side.clone().flat_map({
+            let side = side.clone();
+            move |j| side.clone().map(move |k| [i, j, k])
+        })
+    });
     let near = voxels.filter(|voxel| SURFACE.contains(&rows.scene.tsdf[grid.flat(*voxel)]));
     let points_m = flat_points(near.map(|voxel| grid.centre_m(voxel)));
     let label = format!("voxels of {:.1} mm within 0.8 voxels of the surface", grid.voxel_size_m() * 1000.0);

@@ -67,8 +67,8 @@ impl<'a> AttemptWorld<'a> {
         self.execute_before(workspace_from_grasp, target, None)
     }
 
-    /// The same before the eyes of a watcher, with the same end to the bit. If the lift ends before its way does, the rest
-    /// is shown as well ([`Phase::After`]); it decides nothing.
+    /// The same before the eyes of a watcher, with the same end to the bit. If the lift ends before its way does, the
+    /// rest is shown as well ([`Phase::After`]); it decides nothing.
     ///
     /// # Panics
     /// If the scene has no object `target`.

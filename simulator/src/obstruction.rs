@@ -69,9 +69,16 @@ impl AttemptWorld<'_> {
 
 /// What stops the hand.
 enum Obstacle<'a> {
-    Object { gate: &'a Gate, id: usize, workspace_from_grasp: Pose },
+    Object {
+        gate: &'a Gate,
+        id: usize,
+        workspace_from_grasp: Pose,
+    },
     /// Up and the table's height in the frame of the grasp.
-    Table { up: Vec3, height_m: f32 },
+    Table {
+        up: Vec3,
+        height_m: f32,
+    },
 }
 
 impl<'a> Obstacle<'a> {

@@ -1,7 +1,7 @@
 //! Looking on while an attempt is executed.
 //!
-//! A watcher is shown every step and told what the attempt goes by; it cannot change anything, so what is watched ends as what
-//! is not. Without one, a step costs a look at an empty pointer more.
+//! A watcher is shown every step and told what the attempt goes by; it cannot change anything, so what is watched ends
+//! as what is not. Without one, a step costs a look at an empty pointer more.
 
 use rapier3d::prelude::{ColliderHandle, RigidBodyHandle};
 use schema::{Pose, Vec3};
@@ -69,7 +69,7 @@ pub enum AttemptEvent {
     },
     /// The closing fingers came too near the table.
     NearTable,
-    /// The target rides along, everything else rests and the rest of the way is free: by the shortcut, the lift ends here.
+    /// The target rides along, all else rests and the rest of the way is free: by the shortcut, the lift ends here.
     RidesAlong {
         /// What is left of the way, in metres.
         rest_m: f32,
@@ -166,7 +166,8 @@ impl Moment<'_> {
         self.bodies.iter().map(|body| self.workspace_from_grasp * self.world.pose(*body)).collect()
     }
 
-    /// Where the boxes of [`schema::Gripper::open_hand`] are: the poses, in the workspace, of the frame in which they are given.
+    /// Where the boxes of [`schema::Gripper::open_hand`] are: the poses, in the workspace, of the frame in which they
+    /// are given.
     #[must_use]
     pub fn hand(&self) -> [Pose; 3] {
         let boxes = self.hand.boxes(self.world, self.setup.gripper);

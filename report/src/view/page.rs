@@ -6,9 +6,13 @@ use super::{EventKind, View};
 
 const STYLE: &str = include_str!("../viewer.css");
 const SCRIPT: &str = include_str!("../viewer.js");
+const PICTURE: &str = "a picture in space that can be turned about";
+const HINT: &str =
+    "drag to turn · wheel or pinch to zoom · right button or two fingers to shift · double click to go back";
 
 impl View {
-    /// One HTML file that shows it and lets it be turned about. Without a script only what is known besides can be read.
+    /// One HTML file that shows it and lets it be turned about. Without a script only what is known besides can be
+    /// read.
     #[must_use]
     pub fn page(&self) -> String {
         let page = html! {
@@ -25,12 +29,12 @@ impl View {
                     header { h1 { (self.title) } }
                     main {
                         div #stage {
-                            canvas #canvas tabindex="0" role="img" aria-label="a picture in space that can be turned about" {}
-                            p #hint { "drag to turn · wheel or pinch to zoom · right button or two fingers to shift · double click to go back" }
+                            canvas #canvas tabindex="0" role="img" aria-label=(PICTURE) {}
+                            p #hint { (HINT) }
                             div #tip role="status" hidden {}
                             noscript { p { "The picture is drawn by a script in this file, and scripts are off." } }
                         }
-                        @if !self.frames.is_empty() { (player()) }
+                        @if self.moves() { (player()) }
                     }
                     aside {
                         section { h2 { "Shown" } div #legend {} }
@@ -45,6 +49,10 @@ impl View {
         page.into_string() + "\n"
     }
 
+    fn moves(&self) -> bool {
+        self.frames.len() > 1
+    }
+
     fn event_list(&self) -> Markup {
         html! {
             section {
@@ -54,7 +62,7 @@ impl View {
                         @let time_s = self.frames.get(event.frame).map_or(0.0, |frame| frame.time_s);
                         li class=(kind(event.kind)) {
                             button type="button" data-frame=(event.frame) {
-                                @if !self.frames.is_empty() { span.time { (format!("{time_s:.2} s")) } " " }
+                                @if self.moves() { span.time { (format!("{time_s:.2} s")) } " " }
                                 (event.text)
                             }
                         }
@@ -152,7 +160,7 @@ mod tests {
     fn who_does_not_move_has_no_player() {
         let mut still = view();
         assert!(still.page().contains("id=\"scrub\""));
-        still.frames.clear();
+        still.frames.truncate(1);
         assert!(!still.page().contains("id=\"scrub\""));
     }
 }
