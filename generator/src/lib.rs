@@ -14,7 +14,9 @@ pub mod fuzzing;
 mod normals;
 mod objects;
 mod raw;
+mod recorder;
 mod repeat;
+mod replay;
 mod run;
 
 pub use bench::{Agreement, BenchReport, BenchSize, OutcomeCost, RunCost, StageCost, bench};
@@ -24,4 +26,5 @@ pub use config::{Config, ConfigError, ObjectLaw, Overrides, Sampler};
 pub use depth_images::{DepthImagesError, Views, write_depth_images};
 pub use objects::draw_drops;
 pub use repeat::{Difference, RepeatError, Repeated, repeat};
+pub use replay::{AttemptId, Replay, replay};
 pub use run::{Event, GenerateError, LOOK_SHARDS_MAX, Report, attempts_of, generate};

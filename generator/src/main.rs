@@ -10,7 +10,7 @@ use anyhow::Context;
 use clap::{CommandFactory, Parser};
 use generator::{
     BenchSize, Config, ConfigError, DepthImagesError, Event, GenerateError, Overrides, RepeatError, Views, attempts_of,
-    bench, generate, repeat, write_depth_images,
+    bench, generate, repeat, replay, write_depth_images,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use shards::manual::{Manual, Settings};
@@ -23,7 +23,8 @@ mod table;
 
 use assignment::{Assignment, AssignmentError, index_list};
 use cli::{
-    Arguments, BenchArguments, Command, DatasetArgument, DepthArguments, GcArguments, MissingArguments, RepeatArguments,
+    Arguments, BenchArguments, Command, DatasetArgument, DepthArguments, GcArguments, MissingArguments,
+    RepeatArguments, ReplayArguments,
 };
 
 /// A world is built and dropped for every attempt: two threads make 3 to 12 % more attempts with this allocator than with the
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
     let ended = match &arguments.command {
         Some(Command::Bench(bench)) => run_bench(bench),
         Some(Command::Repeat(repeat)) => run_repeat(repeat),
+        Some(Command::Replay(replay)) => run_replay(replay),
         Some(Command::Depth(depth)) => run_depth(depth),
         Some(Command::Missing(missing)) => run_missing(missing),
         Some(Command::Finalize(finalize)) => run_finalize(finalize),
@@ -68,8 +70,9 @@ fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
     let read = error.downcast_ref().map(ReadError::exit_code);
     let store = error.downcast_ref().map(StoreError::exit_code);
     let finalize = error.downcast_ref().map(FinalizeError::exit_code);
+    let write = error.downcast_ref::<ReplayWriteError>().map(|_| shards::ExitCode::TryAgain);
     let assignment = error.downcast_ref::<AssignmentError>().map(|_| shards::ExitCode::Config);
-    let codes = [config, generate, repeat, depth, read, store, finalize, assignment];
+    let codes = [config, generate, repeat, depth, read, store, finalize, write, assignment];
     codes.into_iter().flatten().next().unwrap_or(shards::ExitCode::Internal)
 }
 
@@ -126,6 +129,34 @@ fn run_repeat(arguments: &RepeatArguments) -> anyhow::Result<shards::ExitCode> {
     }
     let _ = write!(std::io::stdout().lock(), "{text}");
     Ok(if repeated.different.is_empty() { shards::ExitCode::Ok } else { shards::ExitCode::Data })
+}
+
+/// What happened is told on stdout, unless the JSON goes there.
+fn run_replay(arguments: &ReplayArguments) -> anyhow::Result<shards::ExitCode> {
+    let dataset = Dataset::open(&arguments.dataset).map_err(RepeatError::from)?;
+    let replay = replay(&dataset, arguments.attempt)?;
+    if let Some(path) = &arguments.out {
+        let written = shards::write_view(&replay.view, arguments.json, path);
+        written.map_err(|source| ReplayWriteError { source, path: path.clone() })?;
+    }
+    let is_json_printed = arguments.json && arguments.out.is_none();
+    let text = if is_json_printed { replay.view.to_json() } else { replay.told() };
+    let _ = write!(std::io::stdout().lock(), "{text}");
+    if replay.is_reproduced() {
+        return Ok(shards::ExitCode::Ok);
+    }
+    if is_json_printed {
+        complain(replay.told().trim_end());
+    }
+    Ok(shards::ExitCode::Data)
+}
+
+/// A replay that could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("failed to write: {source}: {}", .path.display())]
+struct ReplayWriteError {
+    source: std::io::Error,
+    path: std::path::PathBuf,
 }
 
 fn run_depth(arguments: &DepthArguments) -> anyhow::Result<shards::ExitCode> {

@@ -6,3 +6,4 @@
 pub mod figure;
 pub mod page;
 pub mod picture;
+pub mod view;

@@ -86,6 +86,7 @@ pub mod text;
 mod thrift;
 mod verify;
 mod version;
+mod view;
 mod writer;
 
 pub use argument::LocationParser;
@@ -112,4 +113,5 @@ pub use summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, 
 pub use table_writer::TableError;
 pub use verify::{PROBLEMS_MAX, Verified, verify};
 pub use version::{FormatVersion, UnreadableVersion};
+pub use view::{object_body, scene_view, write_view};
 pub use writer::{SCENES_PER_ROW_GROUP, ShardWriter, WriteError};

@@ -16,6 +16,7 @@ Examples:
   shards report data/demo --json        the same for programs
   shards report data/demo --html r.html the same as a page, with pictures of scenes
   shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid
+  shards view data/demo --scene 17 --out scene.html   the same in space, for a browser
   shards verify s3://bucket/demo        the same in an object store";
 
 /// Verify, report on and inspect a dataset of grasp attempts. Nothing is ever changed.
@@ -58,6 +59,21 @@ makes that shard anew, byte for byte, and leaves the others alone.")]
         #[arg(long)]
         scene: u64,
     },
+    /// Show one scene in space: objects, surface, cameras and every attempt, as a page that needs nothing else.
+    View {
+        /// The dataset's folder or URL.
+        #[arg(value_parser = LocationParser)]
+        dataset: Location,
+        /// The scene's number, from 0.
+        #[arg(long)]
+        scene: u64,
+        /// The file; replaced if it is there. May be left out with --json, which then prints.
+        #[arg(long, required_unless_present = "json", value_name = "FILE")]
+        out: Option<PathBuf>,
+        /// Write what the page shows as JSON instead; scripts/view_rrd.py makes a Rerun recording of it.
+        #[arg(long)]
+        json: bool,
+    },
     /// Write shell completions, man pages, or this program's reference.
     #[command(subcommand)]
     Manual(Manual),
@@ -96,6 +112,13 @@ fn run(command: &Command) -> Result<ExitCode> {
             let dataset = Dataset::open(dataset)?;
             let rows = dataset.read_scene(*scene)?;
             print(Inspection { info: dataset.info(), rows: &rows })
+        }
+        Command::View { dataset, scene, out, json } => {
+            let dataset = Dataset::open(dataset)?;
+            let view = shards::scene_view(dataset.info(), dataset.id(), &dataset.read_scene(*scene)?);
+            let Some(path) = out else { return print(view.to_json()) };
+            shards::write_view(&view, *json, path).with_context(|| format!("failed to write {}", path.display()))?;
+            Ok(ExitCode::Ok)
         }
     }
 }

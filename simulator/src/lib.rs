@@ -4,7 +4,8 @@
 //! seconds, gravity set explicitly. The three things it does:
 //!
 //! - [`settle`] drops objects into a temporary box until they rest and gives their poses: a [`Scene`].
-//! - [`AttemptWorld::execute`] lets a free-floating parallel jaw try one grasp in that scene and says how it ended.
+//! - [`AttemptWorld::execute`] lets a free-floating parallel jaw try one grasp in that scene and says how it ended;
+//!   [`AttemptWorld::execute_watched`] does the same before the eyes of a [`Watcher`].
 //! - [`SceneRays`] casts the rays of a depth camera at the very same faceted shapes that the physics feels.
 //!
 //! An object's shape is a [`Body`]: one of the four solids, or a [`Compound`] of convex parts.
@@ -21,9 +22,11 @@ mod faceted;
 mod gate;
 mod hand;
 mod hull;
+mod obstruction;
 mod scene;
 mod settle;
 mod shortcuts;
+mod watch;
 
 pub use attempt::{AttemptWorld, Execution};
 pub use body::{Body, Compound, CompoundError, Convex, Part, Piece};
@@ -31,5 +34,7 @@ pub use convex_hull::{ConvexHull, HullError};
 pub use depth::{SceneRays, ViewRays};
 pub use engine::Physics;
 pub use gate::{Gate, Hit};
+pub use obstruction::Obstruction;
 pub use scene::{Scene, SceneObject};
 pub use settle::{Drop, SettleLaw, Settled, Unsettled, settle, settle_again};
+pub use watch::{AttemptEvent, Contact, Moment, Phase, Toucher, Watcher};

@@ -316,7 +316,7 @@ fn orientations(report: &Report) -> Result<Section, FigureError> {
         title: "Coverage of orientations".to_owned(),
         text: format!(
             "Directions of the approach on {} patches of the sphere, all of one size: from {} of them something was tried, from {} \
-             something held. White patches are empty.",
+             something held. Blank patches are empty.",
             coverage.patches.len(),
             percent(coverage.tried()),
             percent(coverage.held())
