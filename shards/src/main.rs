@@ -1,10 +1,13 @@
-//! The program `shards`: looks at datasets, changes nothing.
+//! The program `shards`: looks at datasets, exports them, changes nothing in them.
+
+mod export_command;
 
 use std::io::{self, IsTerminal, Write};
 
 use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
-use shards::{Dataset, ExitCode, Inspection, Location, LocationParser, ReadError, Verified, text};
+use export_command::ExportArguments;
+use shards::{Dataset, ExitCode, ExportError, Inspection, Location, LocationParser, ReadError, Verified, text};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -12,9 +15,10 @@ Examples:
   shards report data/demo               statistics with bars
   shards report data/demo --json        the same for programs
   shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid
-  shards verify s3://bucket/demo        the same in an object store";
+  shards verify s3://bucket/demo        the same in an object store
+  shards export data/demo --format vgn --out data/demo-vgn    what VGN's and GIGA's Python code trains on";
 
-/// Verify, report on and inspect a dataset of grasp attempts. Nothing is ever changed.
+/// Verify, report on, inspect and export a dataset of grasp attempts. Nothing in it is ever changed.
 #[derive(Debug, Parser)]
 #[command(name = "shards", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
 struct Cli {
@@ -51,6 +55,9 @@ makes that shard anew, byte for byte, and leaves the others alone.")]
         #[arg(long)]
         scene: u64,
     },
+    /// Write the dataset in a format of others: VGN's and GIGA's files, or WebDataset's tars.
+    #[command(after_help = export_command::EXAMPLES)]
+    Export(ExportArguments),
 }
 
 fn main() -> std::process::ExitCode {
@@ -78,6 +85,7 @@ fn run(command: &Command) -> Result<ExitCode> {
             let rows = dataset.read_scene(*scene)?;
             print(Inspection { info: dataset.info(), rows: &rows })
         }
+        Command::Export(arguments) => export_command::run(arguments),
     }
 }
 
@@ -124,6 +132,7 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
 
 fn exit_code(error: &anyhow::Error) -> ExitCode {
     let read = error.downcast_ref::<ReadError>().map(ReadError::exit_code);
+    let export = || error.downcast_ref::<ExportError>().map(ExportError::exit_code);
     let io = || error.root_cause().downcast_ref::<io::Error>().map(|_| ExitCode::TryAgain);
-    read.or_else(io).unwrap_or(ExitCode::Internal)
+    read.or_else(export).or_else(io).unwrap_or(ExitCode::Internal)
 }
