@@ -257,8 +257,13 @@ left. The attempts along one point's normal make one grasp, the middle of the wi
         scenes = grouped(counts.scenes),
         left_out = grouped(counts.left_out),
         scenes_left_out = grouped(counts.scenes_left_out),
-        margin_mm = 1000.0 * MARGIN_M.max(info.grid.voxel_size_m()),
-        voxel_mm = 1000.0 * info.grid.voxel_size_m(),
-        finger_mm = 1000.0 * info.gripper.finger_length_m,
+        margin_mm = millimetres(MARGIN_M.max(info.grid.voxel_size_m())),
+        voxel_mm = millimetres(info.grid.voxel_size_m()),
+        finger_mm = millimetres(info.gripper.finger_length_m),
     )
+}
+
+/// For people, to a thousandth of a millimetre.
+fn millimetres(length_m: f32) -> f32 {
+    (length_m * 1e6).round() * 1e-3
 }
