@@ -84,7 +84,8 @@ def samples(rows):
     """An attempt by a rule is a sample; those along the normal of one point are one together."""
 
     def point(row):
-        return (row["scene_id"], row["attempt_id"]) if row["approach_axis"] != "normal" else tuple(roots_m(row).round(7))
+        own = row["attempt_id"] if row["approach_axis"] != "normal" else (row["x_m"], row["y_m"], row["z_m"])
+        return row["scene_id"], own
 
     return [list(group) for _, group in groupby(rows, point)]
 

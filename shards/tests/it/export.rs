@@ -182,7 +182,8 @@ fn the_same_dataset_gives_the_same_bytes_and_a_stopped_export_goes_on() {
         // As if it had been killed in the middle: some files are there, one is half written under its staging name.
         let origin = serde_json::to_vec_pretty(&told.origin).unwrap();
         fs::write(two.path().join("export-begun.json"), origin).unwrap();
-        for name in ["export.json", "README.md", "grasps.csv", "shard-00001-of-00002.tar", "scenes/scene-000000003.npz"] {
+        for name in ["export.json", "README.md", "grasps.csv", "shard-00001-of-00002.tar", "scenes/scene-000000003.npz"]
+        {
             let _ = fs::remove_file(two.path().join(name)); // of either format
         }
         let mut scenes = 0;
