@@ -1,12 +1,13 @@
 //! Exports: what is in the files, that they are the same each time, that nothing is written over and nothing is left half done.
 
+use core::f32::consts::PI;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Read;
 use std::path::Path;
 
-use schema::{Vec3, samples_of};
-use shards::{Dataset, DatasetInfo, ExitCode, ExportError, ExportFormat, Exported, Location, export, synthetic};
+use schema::{AttemptRecord, Vec3, samples_of};
+use shards::{Dataset, DatasetInfo, Draft, ExitCode, ExportError, ExportFormat, Exported, Location, export, synthetic};
 
 use crate::sample;
 
@@ -17,6 +18,34 @@ fn small(seed: u64) -> DatasetInfo {
 fn written(info: &DatasetInfo) -> (tempfile::TempDir, Dataset) {
     let dir = tempfile::tempdir().unwrap();
     sample::write(dir.path(), info);
+    let dataset = Dataset::open(dir.path()).unwrap();
+    (dir, dataset)
+}
+
+/// As [`written`], but some grasps lie near the workspace's faces, all of scene 3 do, and scene 5 is one point with its yaws.
+fn written_with_edges(info: &DatasetInfo) -> (tempfile::TempDir, Dataset) {
+    let dir = tempfile::tempdir().unwrap();
+    let draft = Draft::begin(dir.path(), info).unwrap();
+    for shard in 0..info.shard_count {
+        let mut writer = draft.shard(shard).unwrap();
+        for mut rows in sample::rows(info, shard) {
+            let first = rows.attempts[0].clone();
+            for attempt in &mut rows.attempts {
+                if attempt.scene_id == 3 || attempt.attempt_id % 5 == 4 {
+                    attempt.workspace_from_grasp.translation.x = 0.295;
+                } else if attempt.scene_id == 5 {
+                    let attempt_id = attempt.attempt_id;
+                    *attempt = AttemptRecord { attempt_id, closing: None, ..first.clone() };
+                    attempt.rule.approach = None;
+                    attempt.turn_rad = PI * attempt.attempt_id as f32 / 6.0;
+                    attempt.workspace_from_grasp.translation = Vec3::new(0.15, 0.14, 0.1);
+                }
+            }
+            writer.push(&rows).unwrap();
+        }
+        writer.commit().unwrap();
+    }
+    draft.finalize().unwrap();
     let dataset = Dataset::open(dir.path()).unwrap();
     (dir, dataset)
 }
@@ -50,7 +79,7 @@ fn real(row: &BTreeMap<String, String>, name: &str) -> f32 {
 #[test]
 fn vgns_rows_are_the_grasps_that_lie_inside() {
     let info = small(3);
-    let (_dir, dataset) = written(&info);
+    let (_dir, dataset) = written_with_edges(&info);
     let out = tempfile::tempdir().unwrap();
     let told = exported(&dataset, ExportFormat::Vgn, out.path()).unwrap();
     let (voxels, metres) = (table(&out.path().join("grasps.csv")), table(&out.path().join("raw/grasps.csv")));
@@ -65,7 +94,8 @@ fn vgns_rows_are_the_grasps_that_lie_inside() {
     for sample in &samples {
         // The fingers of this hand are 50 mm long and the grid's voxels 7.5 mm.
         let pose = &sample.workspace_from_grasp;
-        let roots_m = pose.translation - pose.rotation * Vec3::new(0.0, 0.0, 0.05);
+        let from_tips_m = if sample.rule.approach.is_some() { 0.05 } else { 0.0 }; // along a normal samples have it behind them
+        let roots_m = pose.translation - pose.rotation * Vec3::new(0.0, 0.0, from_tips_m);
         if roots_m.to_array().iter().any(|x| !(0.02..=0.28).contains(x)) {
             left_out += 1;
             continue;
@@ -86,6 +116,8 @@ fn vgns_rows_are_the_grasps_that_lie_inside() {
     assert!(rows.next().is_none());
     assert_eq!(told.counts.left_out, left_out);
     assert!(left_out > 0 && told.counts.positives > 0, "{told:?}");
+    assert_eq!((told.counts.scenes, told.counts.scenes_left_out), (9, 1));
+    assert!(samples.len() < attempts.len(), "scene 5 has one point and six yaws");
 }
 
 #[test]
