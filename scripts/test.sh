@@ -95,6 +95,7 @@ dataset() {
 
 readers() {
     GRASPMILL_DATASET="$scratch/dataset" GRASPMILL_COULOMB="$scratch/coulomb" \
+        GRASPMILL_SHARDS="${CARGO_TARGET_DIR:-target}/debug/shards" \
         GRASPMILL_TRAINER="${CARGO_TARGET_DIR:-target}/debug/trainer" \
         GRASPMILL_PLANNER="${CARGO_TARGET_DIR:-target}/debug/planner" \
         GRASPMILL_PROGRAMS="${CARGO_TARGET_DIR:-target}/debug" .venv/bin/python -m pytest -rs -p no:cacheprovider tests/python

@@ -11,6 +11,10 @@ use crate::{DatasetInfo, Table};
 
 const READING: &str = include_str!("../../docs/reading.md");
 
+/// The hub's word for a licence that nobody has named: the data are theirs who made them, and only they can. They write it into
+/// the card, which is then left alone.
+const LICENCE: &str = "unknown";
+
 /// The text of the card. The same dataset always has the same card.
 pub(crate) fn card(info: &DatasetInfo, manifest: &Manifest) -> String {
     let mut text = front_matter(manifest);
@@ -47,7 +51,7 @@ fn front_matter(manifest: &Manifest) -> String {
         _ => "n>1B",
     };
     let mut text = format!(
-        "---\npretty_name: Grasp attempts in simulation\ntask_categories:\n- robotics\ntags:\n- robotics\n- grasping\n\
+        "---\npretty_name: Grasp attempts in simulation\nlicense: {LICENCE}\ntask_categories:\n- robotics\ntags:\n- robotics\n- grasping\n\
          - simulation\n- parallel-jaw\n- tsdf\nsize_categories:\n- {size}\nconfigs:\n"
     );
     for table in Table::ALL {

@@ -1,4 +1,6 @@
-//! The program `shards`: looks at datasets, changes nothing.
+//! The program `shards`: looks at datasets, exports them, changes nothing in them.
+
+mod export_command;
 
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -6,8 +8,11 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use clap::{CommandFactory, Parser, Subcommand};
+use export_command::ExportArguments;
 use shards::manual::{Manual, tables};
-use shards::{Dataset, ExitCode, Inspection, Location, LocationParser, ReadError, Verified, publish, text};
+use shards::{
+    Dataset, ExitCode, ExportError, Inspection, Location, LocationParser, ReadError, Verified, publish, text,
+};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -17,9 +22,10 @@ Examples:
   shards report data/demo --html r.html the same as a page, with pictures of scenes
   shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid
   shards view data/demo --scene 17 --out scene.html   the same in space, for a browser
-  shards verify s3://bucket/demo        the same in an object store";
+  shards verify s3://bucket/demo        the same in an object store
+  shards export data/demo --format vgn --out data/demo-vgn    what VGN's and GIGA's Python code trains on";
 
-/// Verify, report on and inspect a dataset of grasp attempts. Nothing is ever changed.
+/// Verify, report on, inspect and export a dataset of grasp attempts. Nothing in it is ever changed.
 #[derive(Debug, Parser)]
 #[command(name = "shards", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
 struct Cli {
@@ -59,6 +65,9 @@ makes that shard anew, byte for byte, and leaves the others alone.")]
         #[arg(long)]
         scene: u64,
     },
+    /// Write the dataset in a format of others: VGN's and GIGA's files, or WebDataset's tars.
+    #[command(after_help = export_command::EXAMPLES)]
+    Export(ExportArguments),
     /// Show one scene in space: objects, surface, cameras and every attempt, as a page that needs nothing else.
     View {
         /// The dataset's folder or URL.
@@ -120,6 +129,7 @@ fn run(command: &Command) -> Result<ExitCode> {
             shards::write_view(&view, *json, path).with_context(|| format!("failed to write {}", path.display()))?;
             Ok(ExitCode::Ok)
         }
+        Command::Export(arguments) => export_command::run(arguments),
     }
 }
 
@@ -186,6 +196,7 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
 
 fn exit_code(error: &anyhow::Error) -> ExitCode {
     let read = error.downcast_ref::<ReadError>().map(ReadError::exit_code);
+    let export = || error.downcast_ref::<ExportError>().map(ExportError::exit_code);
     let io = || error.root_cause().downcast_ref::<io::Error>().map(|_| ExitCode::TryAgain);
-    read.or_else(io).unwrap_or(ExitCode::Internal)
+    read.or_else(export).or_else(io).unwrap_or(ExitCode::Internal)
 }

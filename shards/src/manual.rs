@@ -58,9 +58,7 @@ impl Manual {
                 fs::create_dir_all(folder)?;
                 clap_mangen::generate_to(command, folder)
             }
-            Self::Markdown => {
-                io::stdout().lock().write_all(markdown(command, settings, chapters).as_bytes())
-            }
+            Self::Markdown => io::stdout().lock().write_all(markdown(command, settings, chapters).as_bytes()),
         }
     }
 }
@@ -68,11 +66,15 @@ impl Manual {
 fn markdown(command: Command, settings: &[Settings], chapters: &str) -> String {
     let mut command = command.term_width(TEXT_WIDTH).color(clap::ColorChoice::Never);
     command.build();
-    let mut text = format!("# {}\n\nMade by `{0} manual markdown`; change the program, not this page.\n", command.get_name());
+    let mut text =
+        format!("# {}\n\nMade by `{0} manual markdown`; change the program, not this page.\n", command.get_name());
     describe(&mut command, &mut text);
     for Settings { path, toml } in settings {
         // Writing to a String cannot fail.
-        let _ = write!(text, "\n## Settings: {path}\n\nEvery key, with the values that come with the program.\n\n```toml\n{toml}```\n");
+        let _ = write!(
+            text,
+            "\n## Settings: {path}\n\nEvery key, with the values that come with the program.\n\n```toml\n{toml}```\n"
+        );
     }
     text + chapters
 }
@@ -122,7 +124,9 @@ mod tests {
     fn a_reference_has_every_command_every_flag_and_every_setting() {
         let settings = [Settings { path: "a.toml", toml: "key = 1 # why\n" }];
         let text = markdown(command(), &settings, "\n## More\n");
-        for words in ["# outer", "## outer inner", "--depth", "How deep", "## Settings: a.toml", "key = 1 # why\n```", "## More"] {
+        for words in
+            ["# outer", "## outer inner", "--depth", "How deep", "## Settings: a.toml", "key = 1 # why\n```", "## More"]
+        {
             assert!(text.contains(words), "{words} is not in {text}");
         }
         assert_eq!(text.matches("```").count() % 2, 0);

@@ -1,14 +1,13 @@
 //! One scene to look at: its objects, what the cameras saw of them, and every attempt with how it ended.
 
-use std::fs::File;
-use std::io::{self, Write};
+use std::io;
 use std::path::Path;
 
 use report::view::{Body, Class, Line, Points, View, flat_points};
 use schema::{AttemptRecord, Axis, HitKind, Intrinsics, ObjectRecord, Outcome, SceneRows};
 use serde_json::Value;
 
-use crate::DatasetInfo;
+use crate::{DatasetInfo, publish};
 
 /// Values this near the surface's, 0.5, are points of it: with a truncation of four voxels, those nearer than 0.8
 /// voxels. The same as in `shards inspect`.
@@ -129,16 +128,7 @@ fn short(dataset_id: &str) -> &str {
 /// What the system says; a file that was there is then untouched.
 pub fn write_view(view: &View, is_json: bool, path: &Path) -> io::Result<()> {
     let text = if is_json { view.to_json() } else { view.page() };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut staging = tempfile::Builder::new();
-    staging.prefix(".").suffix(".tmp");
-    #[cfg(unix)] // as any file is made; what is temporary is its owner's alone by default
-    staging.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = staging.tempfile_in(folder)?;
-    file.write_all(text.as_bytes())?;
-    file.as_file().sync_all()?;
-    file.persist(path)?;
-    if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
+    publish(path, text.as_bytes())
 }
 
 #[cfg(test)]

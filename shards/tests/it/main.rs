@@ -4,6 +4,7 @@
 mod commit;
 mod damage;
 mod disk_full;
+mod export;
 mod golden;
 mod killed;
 mod program;

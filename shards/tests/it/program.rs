@@ -139,6 +139,26 @@ fn every_way_to_fail_has_its_code() {
 }
 
 #[test]
+fn export_says_how_much_and_refuses_what_is_taken() {
+    let dir = dataset();
+    let out = tempfile::tempdir().unwrap();
+    let to = out.path().join("tars");
+    let output = shards(&["export", text(dir.path()), "--format", "webdataset", "--out", text(&to)]);
+    assert_eq!(output.status.code(), Some(0));
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert!(told.starts_with("600 grasps (") && told.contains("in 30 scenes: "), "{told}");
+    assert_eq!(String::from_utf8(output.stderr).unwrap(), "", "no bar without a terminal");
+    let output = shards(&["export", text(dir.path()), "--format", "webdataset", "--out", text(dir.path())]);
+    assert_eq!(output.status.code(), Some(78));
+    let output = shards(&["export", text(dir.path()), "--format", "vgn", "--out", text(&to)]);
+    assert_eq!(output.status.code(), Some(78), "8^3 voxels");
+    let output = shards(&["export", text(dir.path()), "--format", "hdf5", "--out", text(&to)]);
+    assert_eq!(output.status.code(), Some(2));
+    let help = String::from_utf8(shards(&["export", "--help"]).stdout).unwrap();
+    assert!(help.contains("Examples:") && help.contains("webdataset") && help.contains("GIGA"), "{help}");
+}
+
+#[test]
 fn help_shows_examples_and_exit_codes() {
     let help = String::from_utf8(shards(&["--help"]).stdout).unwrap();
     for part in ["Examples:", "shards inspect data/demo --scene 17", "Exit codes:", "65  data damaged"] {
