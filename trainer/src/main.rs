@@ -10,8 +10,9 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use convert::{ExportArgs, ImportArgs};
+use shards::manual::{Manual, Settings};
 use shards::{Location, LocationParser};
 use show::ReportArgs;
 use trainer::bench::bench;
@@ -34,7 +35,7 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 /// Trains the volumetric grasp network on a Graspmill dataset.
 #[derive(Parser)]
-#[command(version, after_help = shards::ExitCode::HELP)]
+#[command(version, after_help = format!("{EXAMPLES}\n\n{}", shards::ExitCode::HELP))]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -64,7 +65,18 @@ enum Command {
     /// Write a checkpoint's weights for PyTorch or an ONNX runtime.
     #[command(after_help = format!("{}\n\n{}", convert::EXPORT_EXAMPLES, shards::ExitCode::HELP))]
     Export(ExportArgs),
+    /// Write shell completions, man pages, or this program's reference.
+    #[command(subcommand)]
+    Manual(Manual),
 }
+
+const EXAMPLES: &str = "\
+Examples:
+  trainer fit --data grasps --run runs/paper                                the paper's recipe; --resume goes on
+  trainer fit --data grasps --config configs/train/quick.toml --run runs/quick
+  trainer evaluate --data grasps --run runs/paper --split test-scenes --report runs/paper/report
+  trainer report runs/paper --data grasps --html paper.html                 the run as a page
+  trainer export runs/paper/best.safetensors --format onnx --out vgn.onnx";
 
 #[derive(Args)]
 struct BenchArgs {
@@ -90,9 +102,9 @@ struct FitArgs {
     /// The dataset's folder or URL.
     #[arg(long, value_parser = LocationParser)]
     data: Location,
-    /// The recipe.
-    #[arg(long, default_value = "configs/train/paper.toml")]
-    config: PathBuf,
+    /// The recipe [default: the built-in configs/train/paper.toml].
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     /// The run's folder: checkpoints, metrics, curves (loss.svg, accuracy.svg, PNG too), events for TensorBoard
     /// (tensorboard/), and while training 256 kB a scene of decoded grids.
     #[arg(long)]
@@ -242,6 +254,7 @@ fn main() -> ExitCode {
         Command::Bench(args) => run_bench(&args),
         Command::Import(args) => convert::run_import(&args).map_err(Failure::from),
         Command::Export(args) => convert::run_export(&args).map_err(Failure::from),
+        Command::Manual(manual) => run_manual(&manual),
     };
     match outcome {
         Ok(code) => code.into(),
@@ -252,8 +265,14 @@ fn main() -> ExitCode {
     }
 }
 
+fn run_manual(manual: &Manual) -> Result<shards::ExitCode, Failure> {
+    let settings = [Settings { path: "configs/train/paper.toml", toml: trainer::config::PAPER }];
+    manual.make(Cli::command(), &settings, "").context("failed to write the manual")?;
+    Ok(shards::ExitCode::Ok)
+}
+
 fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
-    let mut config = Config::read(&args.config).map_err(|error| Failure(error.into(), shards::ExitCode::Config))?;
+    let mut config = Config::load(args.config.as_deref()).map_err(|error| Failure(error.into(), shards::ExitCode::Config))?;
     config.epochs = args.epochs.unwrap_or(config.epochs);
     let RanksArgs { ranks, rank, master, ranks_timeout_s } = &args.ranks;
     let flags = Flags { ranks: ranks.clone(), rank: *rank, master: master.clone(), timeout_s: *ranks_timeout_s };
