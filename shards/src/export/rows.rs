@@ -87,7 +87,8 @@ mod tests {
         }
         assert!(found.iter().any(|row| row["hit"].is_null()) && found.iter().any(|row| row["hit"].is_string()));
 
-        let scenes = json(Table::Scenes, &encode::scenes(&[rows.scene.clone()], info.grid.resolution).unwrap());
+        let scenes =
+            json(Table::Scenes, &encode::scenes(std::slice::from_ref(&rows.scene), info.grid.resolution).unwrap());
         let scene: Value = serde_json::from_str(&scenes[0]).unwrap();
         assert!(scene.get("tsdf").is_none());
         assert_eq!(scene["views"].as_array().unwrap().len(), rows.scene.views.len());
