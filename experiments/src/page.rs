@@ -17,7 +17,7 @@ use shards::text::grouped;
 use crate::report::{About, FigureError, Row, comparison_of_rates, read_whole, share, svg_for_page};
 use crate::round::Round;
 use crate::run::{JOURNAL, journalled};
-use crate::statistics::Results;
+use crate::statistics::{DRAWS, Results};
 
 use pictures::Stage;
 
@@ -122,8 +122,8 @@ pub fn page(all: &[Played]) -> Result<String, PageError> {
         sections.push(side_by_side(all, &names));
     }
     for (one, name) in all.iter().zip(&names) {
-        let prefix = if all.len() > 1 { format!("{name}: ") } else { String::new() };
-        sections.extend(sections::of(one, &prefix)?);
+        let own = sections::of(one);
+        if all.len() > 1 { sections.push(sections::folded(name, own)) } else { sections.extend(own) }
     }
     let [single] = all else {
         let attempts: u64 = all.iter().map(|one| one.results.attempts).sum();
@@ -199,9 +199,10 @@ fn rates(all: &[Played], names: &[String]) -> Result<Section, FigureError> {
     }
     Ok(Section {
         title: "Rates".to_owned(),
-        text: "Lines are 95 % intervals by bootstrap over whole rounds, for grasps of one round fail together. Where two lines do not overlap, \
-               the difference is not chance."
-            .to_owned(),
+        text: format!(
+            "Lines are 95 % intervals by bootstrap over whole rounds ({DRAWS} draws), for grasps of one round fail together. Where two \
+             lines do not overlap, the difference is hardly chance."
+        ),
         blocks: vec![Block::Figures(pictures), Block::Table(sections::headline(all, names))],
     })
 }

@@ -149,14 +149,14 @@ fn headline(results: &Results) -> String {
     format!("| {protocol} | {rounds} | {attempts} | {rates} | {planning} |\n")
 }
 
-pub(crate) fn legend() -> String {
+fn legend() -> String {
     format!(
         "GSR, the grasp success rate: attempts that held, of all attempts. % cleared, also called DR: objects removed, \
          of those at the beginning. Intervals: 95 %, bootstrap over rounds, {DRAWS} draws.\n"
     )
 }
 
-pub(crate) const POINT_NOTE: &str =
+const POINT_NOTE: &str =
     "An interval without width means that all rounds ended alike, not that the rate is certain.\n";
 
 pub(crate) fn headline_rates(results: &Results) -> [Option<Interval>; 3] {

@@ -34,6 +34,7 @@ fn flatten(table: &toml::Table, prefix: &str, into: &mut BTreeMap<String, String
 pub(super) fn blocks(all: &[Played], names: &[String]) -> Vec<Block> {
     let settings = |one: &Played| {
         let mut keys = keys(&one.about.config);
+        keys.remove("protocol"); // the name
         keys.insert("network".to_owned(), one.about.model_id.clone());
         keys.extend(one.about.versions.iter().map(|(name, version)| (name.clone(), version.clone())));
         keys
@@ -43,9 +44,10 @@ pub(super) fn blocks(all: &[Played], names: &[String]) -> Vec<Block> {
     let differs = |key: &&&String| settings.iter().any(|one| one.get(**key) != settings[0].get(**key));
     let mut rows = Vec::new();
     for key in every.iter().filter(differs) {
-        for (one, name) in settings.iter().zip(names) {
+        for (at, (one, name)) in settings.iter().zip(names).enumerate() {
             let value = one.get(*key).map_or_else(|| "–".to_owned(), Clone::clone);
-            rows.push(vec![Cell::Code((*key).clone()), Cell::Text(name.clone()), Cell::Code(value)]);
+            let key = if at == 0 { (*key).clone() } else { String::new() };
+            rows.push(vec![Cell::Code(key), Cell::Text(name.clone()), Cell::Code(value)]);
         }
     }
     if rows.is_empty() {

@@ -88,21 +88,22 @@ fn hull(corners_m: &[[f32; 3]]) -> Option<Polyhedron> {
 }
 
 /// Nothing if the folder does not hold what it takes.
-pub(super) fn section(one: &Played, prefix: &str) -> Option<Section> {
-    let title = format!("{prefix}scenes");
+pub(super) fn section(one: &Played) -> Option<Section> {
+    let title = "Scenes".to_owned();
     let (Some(rounds), Some(stage)) = (&one.rounds, &one.stage) else {
         let text =
             "Left out: the folder has no journal.jsonl and run.json, which tell where objects lay and hands grasped.";
         return Some(Section { title, text: text.to_owned(), blocks: Vec::new() });
     };
+    let side_m = stage.size_m.unwrap_or_else(|| side_m(rounds));
     let tried: Vec<&Round> = rounds.iter().filter(|round| !round.trials.is_empty()).collect();
     let count = tried.len().min(ROUNDS_SHOWN);
-    let shown = (0..count).map(|at| round_picture(stage, tried[at * tried.len() / count])).collect::<Vec<_>>();
+    let shown = (0..count).map(|at| round_picture(stage, side_m, tried[at * tried.len() / count])).collect::<Vec<_>>();
     if shown.is_empty() {
         return None;
     }
     let mut blocks = vec![Block::Gallery(shown)];
-    let failures = failures(stage, rounds);
+    let failures = failures(stage, side_m, rounds);
     if !failures.is_empty() {
         let text = "Grasps that failed, each in the scene as it lay before it; the first of a round, of as many rounds as there is room for:";
         blocks.extend([Block::Text(text.to_owned()), Block::Gallery(failures)]);
@@ -116,12 +117,12 @@ pub(super) fn section(one: &Played, prefix: &str) -> Option<Section> {
     })
 }
 
-fn round_picture(stage: &Stage, round: &Round) -> Picture {
+fn round_picture(stage: &Stage, side_m: f32, round: &Round) -> Picture {
     let RoundRecord { round: number, seed, scene_id, object_count, removed_count, ending, .. } = &round.record;
     let held = round.trials.iter().filter(|trial| trial.outcome == Outcome::Held).count();
     let grasps = round.trials.len();
     Picture {
-        svg: picture(stage, &round.trials[0], &round.trials),
+        svg: picture(stage, side_m, &round.trials[0], &round.trials),
         title: format!("Round {number}: {}", ending.name()),
         caption: format!(
             "{held} of {grasps} grasps held, {removed_count} of {object_count} objects removed; seed {seed}, scene {scene_id}, {}",
@@ -131,11 +132,11 @@ fn round_picture(stage: &Stage, round: &Round) -> Picture {
 }
 
 /// The first failed grasp of each round, as many as are shown.
-fn failures(stage: &Stage, rounds: &[Round]) -> Vec<Picture> {
+fn failures(stage: &Stage, side_m: f32, rounds: &[Round]) -> Vec<Picture> {
     let first = |round: &Round| round.trials.iter().find(|trial| trial.outcome != Outcome::Held).cloned();
     let trials = rounds.iter().filter_map(first).take(FAILURES_SHOWN);
     let shown = trials.map(|trial| Picture {
-        svg: picture(stage, &trial, std::slice::from_ref(&trial)),
+        svg: picture(stage, side_m, &trial, std::slice::from_ref(&trial)),
         title: format!("Round {}, grasp {}: {}", trial.round, trial.trial, trial.outcome.name()),
         caption: format!(
             "aimed at {}, quality {:.2}{}",
@@ -148,7 +149,7 @@ fn failures(stage: &Stage, rounds: &[Round]) -> Vec<Picture> {
 }
 
 /// What lay there before a grasp, and hands.
-fn picture(stage: &Stage, before: &TrialRecord, trials: &[TrialRecord]) -> String {
+fn picture(stage: &Stage, size_m: f32, before: &TrialRecord, trials: &[TrialRecord]) -> String {
     let hand = |trial: &TrialRecord| Hand {
         workspace_from_grasp: trial.workspace_from_grasp,
         width_m: trial.width_m,
@@ -157,17 +158,18 @@ fn picture(stage: &Stage, before: &TrialRecord, trials: &[TrialRecord]) -> Strin
     };
     let objects = before.objects.iter().enumerate();
     svg(&Scene {
-        size_m: stage.size_m.unwrap_or_else(|| side_m(before)),
+        size_m,
         table_z_m: stage.table_z_m,
         bodies: objects.flat_map(|(id, object)| body(stage, object).into_iter().map(move |part| (part, id))).collect(),
         hands: trials.iter().map(hand).collect(),
     })
 }
 
-/// The least side that holds all objects.
-fn side_m(before: &TrialRecord) -> f32 {
+/// The least side that holds the middles of all objects.
+fn side_m(rounds: &[Round]) -> f32 {
+    let objects = rounds.iter().flat_map(|round| &round.trials).flat_map(|trial| &trial.objects);
     let reach = |object: &TrialObject| object.workspace_from_object.translation.truncate().max_element();
-    let most = before.objects.iter().map(reach).fold(0.0, f32::max);
+    let most = objects.map(reach).fold(0.0, f32::max);
     SIDE_STEP_M * (most / SIDE_STEP_M).ceil().max(1.0)
 }
 

@@ -4,8 +4,8 @@ use report::page::{Block, Cell, Section, Table};
 use schema::Outcome;
 use shards::text::{grouped, percent};
 
-use super::{PageError, Played, differences, pictures};
-use crate::report::{is_any_point, legend, mean, over_seeds, percent_of, share};
+use super::{Played, differences, pictures};
+use crate::report::{mean, over_seeds, percent_of, share};
 use crate::statistics::{GroupResults, Interval, Percentiles, Results};
 
 /// What a reader wants first.
@@ -22,7 +22,7 @@ pub(super) fn tiles(results: &Results) -> Vec<(String, String)> {
         (grouped(results.attempts), format!("grasps in {} rounds", grouped(results.rounds))),
     ];
     if let Some(times) = results.plan_ms {
-        tiles.push((format!("{:.0} ms", times.p50), "a plan, half took no longer".to_owned()));
+        tiles.push((format!("{} ms", grouped(times.p50.round() as u64)), "a plan, half took no longer".to_owned()));
     }
     tiles
 }
@@ -40,10 +40,10 @@ pub(super) fn headline(all: &[Played], names: &[String]) -> Table {
             Cell::Text(name.clone()),
             number(results.rounds),
             Cell::Number(format!("{} of {}", grouped(results.held), grouped(results.attempts))),
-            bar(rates.success_rate),
+            Cell::Number(share(rates.success_rate)),
             Cell::Number(format!("{} of {}", grouped(results.removed), grouped(results.objects))),
-            bar(rates.cleared_share),
-            bar(rates.rounds_cleared_share),
+            Cell::Number(share(rates.cleared_share)),
+            Cell::Number(share(rates.rounds_cleared_share)),
         ]
     };
     Table {
@@ -73,10 +73,10 @@ pub(super) fn by_scene_side_by_side(all: &[Played]) -> Option<Block> {
     Some(Block::Table(Table { head: vec!["scene", "experiment", "held", "GSR (95 %)"], rows }))
 }
 
-/// All that is told of one experiment, each title behind `prefix`.
-pub(super) fn of(one: &Played, prefix: &str) -> Result<Vec<Section>, PageError> {
+/// All that is told of one experiment.
+pub(super) fn of(one: &Played) -> Vec<Section> {
     let results = &one.results;
-    let mut sections = vec![endings(results, prefix)];
+    let mut sections = vec![endings(results)];
     let parts: Vec<Block> = [("scene", &results.by_group), ("seed", &results.by_seed)]
         .into_iter()
         .filter(|(_, groups)| groups.len() > 1)
@@ -84,24 +84,27 @@ pub(super) fn of(one: &Played, prefix: &str) -> Result<Vec<Section>, PageError> 
         .collect();
     if !parts.is_empty() {
         let seeds = if results.by_seed.len() > 1 { over_seeds(&results.by_seed) } else { String::new() };
-        sections.push(Section { title: format!("{prefix}parts"), text: seeds, blocks: parts });
+        sections.push(Section { title: "By scene and by seed".to_owned(), text: seeds, blocks: parts });
     }
-    sections.push(targets(results, prefix));
-    sections.extend(pictures::section(one, prefix));
-    sections.push(times(results, prefix));
-    sections.push(origin(one, prefix));
-    if prefix.is_empty() {
-        sections.iter_mut().for_each(|section| section.title = capital(&section.title));
-    }
-    Ok(sections)
+    sections.push(targets(results));
+    sections.extend(pictures::section(one));
+    sections.push(times(results));
+    sections.push(origin(one));
+    sections
 }
 
-fn capital(words: &str) -> String {
-    let mut letters = words.chars();
-    letters.next().map(|first| first.to_uppercase().collect::<String>() + letters.as_str()).unwrap_or_default()
+/// The same as one section, for pages that tell of several experiments.
+pub(super) fn folded(name: &str, sections: Vec<Section>) -> Section {
+    let mut blocks = Vec::new();
+    for Section { title, text, blocks: inner } in sections {
+        let stop = if text.is_empty() { "" } else { ". " };
+        blocks.push(Block::Text(format!("{title}{stop}{text}")));
+        blocks.extend(inner);
+    }
+    Section { title: name.to_owned(), text: String::new(), blocks }
 }
 
-fn endings(results: &Results, prefix: &str) -> Section {
+fn endings(results: &Results) -> Section {
     let failed: u64 =
         results.outcomes.iter().filter(|(outcome, _)| *outcome != Outcome::Held).map(|(_, count)| count).sum();
     let part = |count: u64, whole: u64| Cell::Bar(count as f64 / whole.max(1) as f64, percent_of(count, whole));
@@ -124,7 +127,7 @@ fn endings(results: &Results, prefix: &str) -> Section {
         ]
     };
     Section {
-        title: format!("{prefix}why attempts failed and rounds ended"),
+        title: "Why attempts failed and rounds ended".to_owned(),
         text: format!(
             "{} of {} grasps failed. A round that is not cleared ended early.",
             grouped(failed),
@@ -168,13 +171,17 @@ fn group_table(title: &'static str, groups: &[GroupResults]) -> Table {
             number(group.unviable),
         ]
     };
-    Table {
-        head: vec![title, "rounds", "objects", "grasps", "held", "GSR (95 %)", "objects cleared", "drawn anew"],
-        rows: groups.iter().map(row).collect(),
+    let mut head =
+        vec![title, "rounds", "objects", "grasps", "held", "GSR (95 %)", "objects cleared", "scenes drawn anew"];
+    let mut rows: Vec<Vec<Cell>> = groups.iter().map(row).collect();
+    if groups.iter().all(|group| group.unviable == 0) {
+        head.pop();
+        rows.iter_mut().for_each(|row| drop(row.pop()));
     }
+    Table { head, rows }
 }
 
-fn targets(results: &Results, prefix: &str) -> Section {
+fn targets(results: &Results) -> Section {
     let mut targets: Vec<_> = results.by_target.iter().collect();
     let rate = |target: &crate::statistics::TargetResults| target.held as f64 / target.attempts.max(1) as f64;
     targets.sort_by(|a, b| rate(a).total_cmp(&rate(b)).then_with(|| a.name.cmp(&b.name)));
@@ -184,7 +191,7 @@ fn targets(results: &Results, prefix: &str) -> Section {
         vec![name, attempts, failed, bar(target.success_rate)]
     });
     Section {
-        title: format!("{prefix}what was to be held"),
+        title: "What was to be held".to_owned(),
         text: "By the object that was nearest to the grasp; the hardest first.".to_owned(),
         blocks: vec![Block::Table(Table {
             head: vec!["object", "grasps", "failed", "GSR (95 %)"],
@@ -193,40 +200,31 @@ fn targets(results: &Results, prefix: &str) -> Section {
     }
 }
 
-fn times(results: &Results, prefix: &str) -> Section {
+fn times(results: &Results) -> Section {
     let row = |what: &str, times: Option<Percentiles>| {
         let told = |value: fn(&Percentiles) -> f32| {
             Cell::Number(times.as_ref().map_or("–".to_owned(), |times| format!("{:.1}", value(times))))
         };
         vec![Cell::Text(what.to_owned()), told(|t| t.p50), told(|t| t.p90), told(|t| t.p99)]
     };
-    let points = results.rates;
-    let note = if is_any_point([points.success_rate, points.cleared_share, points.rounds_cleared_share]) {
-        crate::report::POINT_NOTE
-    } else {
-        ""
-    };
     Section {
-        title: format!("{prefix}times"),
+        title: "Times".to_owned(),
         text: format!(
             "Milliseconds on one thread of the machine that ran it; half, nine of ten and 99 of 100 took no longer. A plan gave {} grasps on \
              average.",
             mean(results.planned_per_trial_mean)
         ),
-        blocks: vec![
-            Block::Table(Table {
-                head: vec!["what", "p50", "p90", "p99"],
-                rows: vec![
-                    row("depth images to ranked grasps", results.plan_ms),
-                    row("rendering the views", results.observe_ms),
-                ],
-            }),
-            Block::Text(legend() + note),
-        ],
+        blocks: vec![Block::Table(Table {
+            head: vec!["what", "p50", "p90", "p99"],
+            rows: vec![
+                row("depth images to ranked grasps", results.plan_ms),
+                row("rendering the views", results.observe_ms),
+            ],
+        })],
     }
 }
 
-fn origin(one: &Played, prefix: &str) -> Section {
+fn origin(one: &Played) -> Section {
     let row = |key: &str, value: String| vec![Cell::Code(key.to_owned()), Cell::Code(value)];
     let about = &one.about;
     let mut rows = vec![
@@ -238,7 +236,7 @@ fn origin(one: &Played, prefix: &str) -> Section {
     rows.extend(one.stage.iter().flat_map(|stage| &stage.told).map(|(key, value)| row(key, value.clone())));
     rows.extend(differences::keys(&about.config).into_iter().map(|(key, value)| row(&key, value)));
     Section {
-        title: format!("{prefix}how it was run"),
+        title: "How it was run".to_owned(),
         text: "From these the rounds can be played again: the same scenes, grasps and outcomes.".to_owned(),
         blocks: vec![Block::Table(Table { head: vec!["key", "value"], rows })],
     }

@@ -119,7 +119,7 @@ fn several_are_set_side_by_side_with_what_differs() {
             "Settings that differ",
             ">plan.ranking.policy</code>",
             ">&quot;vgn-best&quot;</code>",
-            "theirs: why attempts failed",
+            ">theirs</h2>",
             "ours: Only 4 rounds",
             "Mean and standard deviation over 2 seeds",
         ],
