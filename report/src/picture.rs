@@ -45,6 +45,8 @@ pub struct Scene {
 /// Size of the picture.
 const WIDTH_PX: f32 = 300.0;
 const HEIGHT_PX: f32 = 280.0;
+/// A face is flat to this share of the body's size: hulls of measured corners have faces of several nearly flat pieces.
+const FLAT_SHARE: f32 = 1e-3;
 /// More hands are drawn thin.
 const CROWD: usize = 12;
 /// Tints of bodies: light, so that hands stand out, and not green or red.
@@ -57,7 +59,7 @@ impl Polyhedron {
     pub fn of_planes(corners_m: Vec<Vec3>, planes: &[schema::Plane]) -> Self {
         let size = corners_m.iter().map(|corner| corner.length()).fold(0.0, f32::max);
         let face = |plane: &schema::Plane| {
-            let on = |at: &usize| (plane.normal.dot(corners_m[*at]) - plane.offset_m).abs() < 1e-4 * size;
+            let on = |at: &usize| (plane.normal.dot(corners_m[*at]) - plane.offset_m).abs() < FLAT_SHARE * size;
             let mut face: Vec<usize> = (0..corners_m.len()).filter(on).collect();
             let middle = face.iter().map(|at| corners_m[*at]).sum::<Vec3>() / face.len().max(1) as f32;
             let u = plane.normal.any_orthonormal_vector();
@@ -130,12 +132,12 @@ pub fn svg(scene: &Scene) -> String {
     let is_crowded = hands.len() > CROWD;
     for hand in hands {
         let class = if hand.held { "held" } else { "failed" };
-        let width = if is_crowded { 1.0 } else { 2.0 } * if hand.held { 1.6_f32 } else { 1.2 };
+        let width = if is_crowded { 1.0 } else { 1.5 } * if hand.held { 1.6_f32 } else { 1.2 };
         let strength = hand.strength;
         let lines = fork(hand).map(|line| format!("M{}", points(&eye, line.into_iter()).replace(' ', "L"))).concat();
         let _ = write!(
             text,
-            "<path class=\"{class}\" stroke-width=\"{width}\" stroke-opacity=\"{strength:.2}\" d=\"{lines}\"/>"
+            "<path class=\"{class}\" stroke-width=\"{width:.1}\" stroke-opacity=\"{strength:.2}\" d=\"{lines}\"/>"
         );
     }
     text + "</svg>"
