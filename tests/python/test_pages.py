@@ -9,6 +9,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
 playwright = pytest.importorskip("playwright.sync_api")
@@ -33,6 +34,13 @@ def run(*words: object) -> None:
     assert done.returncode == 0, f"{words}: {done.stderr}"
 
 
+def held(data: Path) -> str:
+    """An attempt that held, as `replay` takes it: its animation has every phase."""
+    rows = pq.read_table(data / "attempts").to_pylist()
+    row = next(row for row in rows if row["outcome"] == "held")
+    return f"{row['scene_id']}/{row['attempt_id']}"
+
+
 @pytest.fixture(scope="session")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Every kind of page, made as a user makes it."""
@@ -44,7 +52,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     made = {name: folder / f"{name}.html" for name in PAGES}
     run(program("shards"), "report", data, "--html", made["report"])
     run(program("shards"), "view", data, "--scene", 1, "--out", made["view"])
-    run(program("generator"), "replay", data, "--attempt", "1/0", "--out", made["replay"])
+    run(program("generator"), "replay", data, "--attempt", held(data), "--out", made["replay"])
     trainer = program("trainer")
     run(trainer, "fit", "--data", data, "--config", "configs/train/quick.toml", "--epochs", 2, "--run", folder / "run")
     run(trainer, "report", folder / "run", "--data", data, "--html", made["run"])
