@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-GRIPPER = Path(__file__).parents[1] / "configs/grippers/parallel_jaw_80.toml"
+GRIPPERS = Path(__file__).parents[1] / "configs/grippers"
 FORMAT = "graspmill-plan/1"
 PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "char": "i1", "int": "<i4", "uint": "<u4", "short": "<i2", "ushort": "<u2"}
 BEST, COLLISION, GREY, INK = (0, 158, 115), (213, 94, 0), (120, 120, 120), (34, 34, 34)
@@ -106,12 +106,16 @@ def main() -> int:
     parser.add_argument("plan", type=Path, help="what `planner plan` printed")
     parser.add_argument("--cloud", type=Path, required=True, help="the segmented cloud (PLY)")
     parser.add_argument("--out", type=Path, required=True, help="the recording (.rrd)")
-    parser.add_argument("--gripper", type=Path, default=GRIPPER, help="the hand's file, if it is not the paper's")
+    parser.add_argument("--gripper", type=Path, help="the hand's file, if it is not among configs/grippers")
     args = parser.parse_args()
     plan = json.loads(args.plan.read_text())
-    gripper = tomllib.loads(args.gripper.read_text())
     if plan.get("format") != FORMAT:
         raise SystemExit(f"{args.plan}: format must be {FORMAT}, got {plan.get('format')}")
+    built_in = {path.stem: path for path in GRIPPERS.glob("*.toml")}
+    file = args.gripper or built_in.get(plan["gripper"])
+    if file is None:
+        raise SystemExit(f"the plan is for {plan['gripper']}, none of {', '.join(sorted(built_in))}: --gripper")
+    gripper = tomllib.loads(file.read_text())
     if plan["gripper"] != gripper["name"]:
         raise SystemExit(f"the plan is for {plan['gripper']}, the hand is {gripper['name']}: --gripper")
     # Recordings with the same id are one to the viewer.

@@ -61,8 +61,11 @@ pub enum GripperError {
 
 impl Gripper {
     /// Names and files of the hands that need no file.
-    pub const BUILT_IN: [(&'static str, &'static str); 1] =
-        [("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml"))];
+    pub const BUILT_IN: [(&'static str, &'static str); 3] = [
+        ("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml")),
+        ("robotiq_2f_85", include_str!("../../configs/grippers/robotiq_2f_85.toml")),
+        ("slim_jaw_50", include_str!("../../configs/grippers/slim_jaw_50.toml")),
+    ];
 
     /// The built-in gripper of that name, or the one in the file that a name ending in `.toml` means; `read` gives that file's text.
     ///
@@ -172,6 +175,16 @@ mod tests {
         assert!((inner_gap - 0.08).abs() < 1e-6);
         assert!((left.centre_m.z + left.half_m.z).abs() < 1e-6, "finger tips end at z = 0");
         assert!((palm.centre_m.z + palm.half_m.z + 0.05).abs() < 1e-6, "the palm begins behind the fingers");
+    }
+
+    #[test]
+    fn built_in_hands_are_sound_and_go_by_their_names() {
+        for (name, _) in Gripper::BUILT_IN {
+            let found = Gripper::named(name, |file| panic!("{name} needs no file, asked for {file}"));
+            assert_eq!(found.unwrap().name, name);
+        }
+        let unknown = Gripper::named("three_fingers", |_| panic!("not a path")).unwrap_err();
+        assert!(Gripper::BUILT_IN.iter().all(|(name, _)| unknown.contains(name)), "{unknown}");
     }
 
     #[test]

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from crosscheck import cli, coulomb, dataset, engines, gate, pictures
 from crosscheck.agreement import agreement, confusion, kappas
 from crosscheck.attempt import Runner
-from crosscheck.bullet import shrunk
+from crosscheck.bullet import shrunk, stable_rate_hz
 from crosscheck.contract import (
     Attempt,
     HandBox,
@@ -171,6 +171,24 @@ def test_two_fingers_of_20_n_hold_what_coulomb_says(name, mass_kg, friction, out
     engine.close()
     assert ended.outcome == outcome
     assert ended.width_m == pytest.approx(0.04, abs=3e-4)
+
+
+@pytest.mark.parametrize("name", engines.ENGINES)
+def test_light_fingers_hold_a_light_body(name):
+    engine, one = engines.make(name), scene(0.06, 0.02, tip_m=0.03)
+    hand = replace(GRIPPER, finger_mass_kg=0.03)
+    ended = Runner(engine, one, hand, PROCEDURE, TABLE).from_closing(one.attempts[0], one.attempts[0].workspace_from_grasp)
+    engine.close()
+    assert ended.outcome == "held"
+    assert ended.width_m == pytest.approx(0.04, abs=3e-4)
+
+
+def test_steps_are_halved_for_fingers_too_light_for_an_explicit_gear():
+    assert [stable_rate_hz(240.0, mass_kg) for mass_kg in (0.1, 0.06, 0.03, 0.005)] == [240, 240, 480, 3840]
+    for mass_kg in (0.005, 0.01, 0.03, 0.06, 0.1):
+        dt = 1 / stable_rate_hz(240.0, mass_kg)
+        step = np.array([[1, dt], [0, 1]]) @ np.array([[1, 0], [-dt * 2000 / mass_kg, 1 - dt * 20 / mass_kg]])
+        assert np.abs(np.linalg.eigvals(step)).max() < 1
 
 
 def test_the_closed_form_of_sliding_is_its_integral():

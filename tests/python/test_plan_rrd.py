@@ -91,6 +91,16 @@ def test_a_plan_without_grasps_is_a_recording_too(tmp_path):
     assert "/notes" in recorded(tmp_path / "plan.rrd")
 
 
+def test_the_hand_is_the_plans(tmp_path):
+    done = run(tmp_path, {**made_up_plan(), "gripper": "slim_jaw_50"}, cloud(3))
+    assert done.returncode == 0, done.stderr
+    boxes = recorded(tmp_path / "plan.rrd")["/workspace/grasps/001/hand"]
+    assert boxes["Boxes3D:centers"][0][0] == pytest.approx([0, -0.0225, -0.035])
+    assert boxes["Boxes3D:half_sizes"][0][0] == pytest.approx([0.005, 0.0025, 0.035])
+    done = run(tmp_path, {**made_up_plan(), "gripper": "three_fingers"}, cloud(3))
+    assert done.returncode == 1 and "none of parallel_jaw_80" in done.stderr and "Traceback" not in done.stderr
+
+
 def test_what_is_no_plan_or_no_cloud_is_refused(tmp_path):
     for plan, ply in [({**made_up_plan(), "format": "else"}, cloud(3)), (made_up_plan(), b"ply\n"), (made_up_plan(), cloud(3)[:-1])]:
         done = run(tmp_path, plan, ply)

@@ -1,0 +1,102 @@
+#!/usr/bin/env bash
+# Packs a release: programs, licences, settings, networks, docs, man pages, completions. Usage: scripts/release.sh [OUT_DIR]
+#
+# Writes OUT_DIR/graspmill-VERSION-TARGET.tar.zst (.tar.gz without zstd), and OUT_DIR/SHA256SUMS of all archives there; OUT_DIR is dist
+# unless given. From one commit and one toolchain the archive has the same bytes: names sorted, owner 0, times those of the commit.
+# The programs are linked statically: against musl if rustup has that target and there is a musl-gcc, else against glibc. (A static glibc
+# needs the machine's own glibc, of the same version, to resolve host names: object stores may want the musl build or one from source.)
+#
+# Environment: GRASPMILL_TARGET names another target; GRASPMILL_PROGRAMS a folder of programs to pack in place of building them;
+# CARGO_TARGET_DIR as for cargo. Exit code: 0, or that of what failed; 78 if the work tree differs from its commit.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+root=$PWD
+out=$(mkdir -p "${1:-dist}" && cd "${1:-dist}" && pwd)
+programs=(generator shards trainer planner experiments)
+documents=(README.md CHANGELOG.md ARCHITECTURE.md LICENSE-MIT LICENSE-APACHE)
+folders=(configs models docs)
+
+say() { printf '\n%s\n' "$*" >&2; }
+fail() {
+    printf 'release: %s\n' "$2" >&2
+    exit "$1"
+}
+
+# What is packed must be what the commit says, or the version lies.
+[[ -z $(git status --porcelain) ]] || fail 78 "the work tree differs from its commit: commit or stash first"
+version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml | head -n 1)
+time=$(git log -1 --format=%ct)
+host=$(rustc -vV | sed -n 's/^host: //p')
+
+# The host's target with musl in place of glibc, if all that it takes is here (ring, zstd and mimalloc are C).
+linux_musl() {
+    local musl=${host%-gnu}-musl
+    command -v rustup >/dev/null && command -v musl-gcc >/dev/null &&
+        rustup target list --installed | grep -qx "$musl" && printf '%s' "$musl"
+}
+target=${GRASPMILL_TARGET:-$(linux_musl || printf '%s' "$host")}
+name=graspmill-$version-$target
+
+if [[ -n ${GRASPMILL_PROGRAMS:-} ]]; then
+    built=$(cd "$GRASPMILL_PROGRAMS" && pwd)
+    say "1/4 packing the programs of $built"
+else
+    say "1/4 building $name"
+    # --target, so that the flag is not for build scripts and procedural macros, which cannot be static; paths of this machine are cut
+    # out of panic messages, so that another checkout gives the same bytes.
+    flags="--remap-path-prefix=$root=graspmill --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo"
+    RUSTFLAGS="-C target-feature=+crt-static $flags" SOURCE_DATE_EPOCH=$time cargo build --locked --profile dist \
+        --target "$target" "${programs[@]/#/--package=}" --bins
+    built=$(cd "${CARGO_TARGET_DIR:-target}/$target/dist" && pwd)
+fi
+for program in "${programs[@]}"; do
+    [[ -x $built/$program ]] || fail 1 "no program: $built/$program"
+done
+
+stage=$(mktemp -d)
+trap 'rm -rf "$stage"' EXIT
+say "2/4 gathering"
+folder=$stage/$name
+mkdir -p "$folder"/{bin,share/man/man1,share/completions}
+for program in "${programs[@]}"; do
+    install -m 755 "$built/$program" "$folder/bin/$program"
+    "$folder/bin/$program" manual man "$folder/share/man/man1"
+    for shell in bash zsh fish; do
+        "$folder/bin/$program" manual completions "$shell" >"$folder/share/completions/$program.$shell"
+    done
+done
+# What git has, and nothing that happens to lie beside it.
+git archive --format=tar HEAD -- "${documents[@]}" "${folders[@]}" | tar -xf - -C "$folder"
+chmod -R u=rwX,go=rX "$folder"
+
+say "3/4 packing"
+if command -v zstd >/dev/null; then
+    archive=$name.tar.zst
+    pack=(zstd -q -19 -T1)
+    unpack=(zstd -q -d)
+else
+    archive=$name.tar.gz
+    pack=(gzip -9 -n)
+    unpack=(gzip -d)
+fi
+LC_ALL=C tar --sort=name --format=ustar --owner=0 --group=0 --numeric-owner --mtime="@$time" -cf - -C "$stage" "$name" |
+    "${pack[@]}" >"$stage/$archive"
+mv "$stage/$archive" "$out/$archive"
+(cd "$out" && sha256sum -- graspmill-*.tar.* >"$stage/SHA256SUMS")
+mv "$stage/SHA256SUMS" "$out/SHA256SUMS"
+
+say "4/4 trying what was packed"
+(cd "$out" && sha256sum --quiet --check SHA256SUMS)
+mkdir "$stage/tried"
+"${unpack[@]}" <"$out/$archive" | tar -xf - -C "$stage/tried"
+for program in "${programs[@]}"; do
+    tried=$stage/tried/$name/bin/$program
+    told=$("$tried" --version)
+    [[ $told == "$program $version" ]] || fail 1 "$program --version must say $program $version, got $told"
+    # ldd ends with 1 for a static program.
+    linked=$(ldd "$tried" 2>&1 | sed 's/^[[:space:]]*//' | paste -sd ';' || true)
+    printf '%-18s %5d kB  %s\n' "$told" "$(($(stat -c %s "$tried") / 1000))" "$linked"
+done
+(cd "$stage/tried" && "$name/bin/planner" plan --demo --quiet --out plan.json && grep -q '"grasps"' plan.json)
+printf '%s: %s kB, SHA-256 %s\n' "$out/$archive" "$(($(stat -c %s "$out/$archive") / 1000))" \
+    "$(sha256sum "$out/$archive" | cut -d ' ' -f 1)"
