@@ -73,8 +73,8 @@ fn row(location: &str, attempt: &AttemptRecord, mistake: &Mistake) -> Vec<Cell> 
         Cell::Number(quality(mistake)),
         Cell::Text(happened(attempt)),
         Cell::Code(attempt.rule.name().to_owned()),
-        Cell::Code(format!("generator replay {location} --attempt {scene}/{attempt_id}")),
-        Cell::Code(format!("shards view {location} --scene {scene}")),
+        Cell::Code(format!("generator replay {location} --attempt {scene}/{attempt_id} --out attempt.html")),
+        Cell::Code(format!("shards view {location} --scene {scene} --out scene.html")),
     ]
 }
 

@@ -137,8 +137,8 @@ fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
             check_holds(
                 &page,
                 &[
-                    &format!("generator replay {data} --attempt {scene}/{attempt}"),
-                    &format!("shards view {data} --scene {scene}"),
+                    &format!("generator replay {data} --attempt {scene}/{attempt} --out "),
+                    &format!("shards view {data} --scene {scene} --out "),
                 ],
             );
         }
