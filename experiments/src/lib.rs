@@ -4,7 +4,6 @@
 //! [`config`] is an experiment's file, [`start`] lays the table (with objects of a [`catalogue`], or [`packed`] ones), [`round`] plays one
 //! round, [`run`] all of them, [`tables`] writes the rows down, [`statistics`] counts and [`report`] tells.
 
-pub mod catalogue;
 pub mod config;
 pub mod packed;
 pub mod record;
@@ -14,3 +13,5 @@ pub mod run;
 pub mod start;
 pub mod statistics;
 pub mod tables;
+
+pub use generator::catalogue;

@@ -6,6 +6,7 @@ use clap::{Parser, Subcommand};
 use shards::{ExitCode, Location, LocationParser};
 
 use crate::assignment::{ShardIndices, Task};
+use crate::import_command::ImportArguments;
 
 /// Generate a grasp dataset: random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards.
 ///
@@ -67,6 +68,8 @@ pub(crate) enum Command {
     Finalize(DatasetArgument),
     /// Remove what killed writers left behind
     Gc(GcArguments),
+    /// Make objects of your own meshes: measure them, take them apart into convex parts, write a catalogue
+    ImportObjects(ImportArguments),
 }
 
 #[derive(Debug, clap::Args)]
@@ -177,6 +180,7 @@ Examples:
   generator missing grasps                              what is left to make
   generator finalize grasps                             complete it, when all is there
   generator depth grasps --scene 7 --out scene-7 && planner plan --views scene-7/views.toml
+  generator import-objects meshes --scale 0.001 --out my-objects.toml
   generator bench --markdown bench.md                   what an attempt costs on this machine
 
 GRASPMILL_LOG=info shows which shards are skipped and committed.";

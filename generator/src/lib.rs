@@ -7,10 +7,15 @@
 mod bench;
 mod build;
 mod candidates;
+pub mod catalogue;
 mod config;
 mod depth_images;
 #[cfg(any(test, fuzzing))]
 pub mod fuzzing;
+mod import;
+mod mass_integrals;
+mod mesh;
+mod mesh_file;
 mod normals;
 mod objects;
 mod raw;
@@ -23,6 +28,10 @@ pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ConfigError, ObjectLaw, Overrides, Sampler};
 pub use depth_images::{DepthImagesError, Views, write_depth_images};
+pub use import::{ImportError, ImportLaw, Imported, ImportedObject, Weight, import_objects, mesh_files};
+pub use mass_integrals::{MassIntegrals, principal_values, relative_difference};
+pub use mesh::{Mesh, MeshError, Seams, TRIANGLES_MAX};
+pub use mesh_file::{MeshFileError, read_mesh};
 pub use objects::draw_drops;
 pub use repeat::{Difference, RepeatError, Repeated, repeat};
 pub use rules::{Law, Tilt, law_of};

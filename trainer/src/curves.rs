@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use shards::ExitCode;
 
-pub use report::figure::FigureError;
-use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 use crate::publish::publish;
 use crate::run_folder::METRICS;
+pub use report::figure::FigureError;
+use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 
 /// Why curves cannot be drawn.
 #[derive(Debug, thiserror::Error)]

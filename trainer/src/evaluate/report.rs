@@ -9,10 +9,10 @@ use shards::ExitCode;
 
 use super::Evaluation;
 use crate::curves::FigureError;
-use report::figure::{BLUE, Figure, GREY, Line, ORANGE, Scale, Stroke};
 use crate::metrics::Summary;
 use crate::publish::publish;
 use crate::scores::{BINS, Spread};
+use report::figure::{BLUE, Figure, GREY, Line, ORANGE, Scale, Stroke};
 
 /// Why a report cannot be written.
 #[derive(Debug, thiserror::Error)]
