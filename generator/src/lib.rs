@@ -13,9 +13,11 @@ mod depth_images;
 #[cfg(any(test, fuzzing))]
 pub mod fuzzing;
 mod import;
+mod laws;
 mod mass_integrals;
 mod mesh;
 mod mesh_file;
+mod models;
 mod normals;
 mod objects;
 mod raw;
@@ -32,6 +34,7 @@ pub use import::{ImportError, ImportLaw, Imported, ImportedObject, Weight, impor
 pub use mass_integrals::{MassIntegrals, principal_values, relative_difference};
 pub use mesh::{Mesh, MeshError, Seams, TRIANGLES_MAX};
 pub use mesh_file::{MeshFileError, read_mesh};
+pub use models::Models;
 pub use objects::draw_drops;
 pub use repeat::{Difference, RepeatError, Repeated, repeat};
 pub use rules::{Law, Tilt, law_of};

@@ -28,7 +28,7 @@ mod settle;
 mod shortcuts;
 
 pub use attempt::{AttemptWorld, Execution};
-pub use body::{Body, Compound, CompoundError, Convex, Part, Piece};
+pub use body::{Body, Compound, CompoundError, Convex, ModelError, Part, Piece, bodies_of};
 pub use convex_hull::{ConvexHull, HullError};
 pub use decompose::{ConvexParts, PartsLaw, convex_parts, few_cornered_hull, hull_volume_m3};
 pub use depth::{SceneRays, ViewRays};

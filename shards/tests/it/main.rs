@@ -6,6 +6,7 @@ mod damage;
 mod disk_full;
 mod golden;
 mod killed;
+mod models;
 mod program;
 mod remote;
 mod round_trip;
