@@ -25,6 +25,8 @@ const WIDTH_CORNERS: usize = 64;
 const LATTICE: usize = 48;
 /// An object's longest side is between these, or its units are in doubt.
 const PLAUSIBLE_M: [f64; 2] = [0.005, 1.0];
+/// Longest side that is taken at all.
+const LONGEST_M: f64 = 10.0;
 /// Larger differences between mesh and parts are worth a word: volume, inertia, overlap.
 const VOLUME_SHARE: f64 = 0.05;
 const INERTIA_SHARE: f64 = 0.1;
@@ -241,6 +243,12 @@ fn import_one(file: &Path, law: &ImportLaw) -> Result<(ImportedObject, String), 
     })?;
     let damaged = |message: String| (format!("{message}: {}", file.display()), true);
     let measured = Measured::of(mesh);
+    let longest_m = measured.extents_m.into_iter().fold(0.0, f64::max);
+    if longest_m > LONGEST_M {
+        let (file, scale) = (file.display(), law.scale_m * 0.001);
+        let wrong = format!("it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}");
+        return Err((wrong, false));
+    }
     let hull_of = |parts_max| {
         let parts = PartsLaw { parts_max, ..law.parts };
         convex_parts(&measured.corners_m, measured.mesh.triangles(), &parts).map_err(|e| damaged(e.to_string()))

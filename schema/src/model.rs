@@ -46,6 +46,15 @@ impl Shape {
         }
     }
 
+    /// Its name where models are not told apart: a primitive's, or `model`.
+    #[must_use]
+    pub fn kind_name(self) -> &'static str {
+        match self {
+            Self::Primitive(kind) => kind.name(),
+            Self::Model(_) => "model",
+        }
+    }
+
     /// The shape with this name: in a dataset of models one of them, else a primitive.
     #[must_use]
     pub fn from_name(name: &str, models: &[Arc<Model>]) -> Option<Self> {

@@ -6,6 +6,7 @@ mod cluster;
 mod commands;
 mod determinism;
 mod labels;
+mod objects;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
