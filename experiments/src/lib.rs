@@ -5,7 +5,6 @@
 //! round, [`run`] all of them, [`tables`] writes the rows down, [`statistics`] counts, [`report`] tells and [`page`]
 //! shows.
 
-pub mod catalogue;
 pub mod config;
 pub mod packed;
 pub mod page;
@@ -16,3 +15,5 @@ pub mod run;
 pub mod start;
 pub mod statistics;
 pub mod tables;
+
+pub use generator::catalogue;

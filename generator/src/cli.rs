@@ -8,6 +8,7 @@ use shards::manual::Manual;
 use shards::{ExitCode, Location, LocationParser};
 
 use crate::assignment::{ShardIndices, Task};
+use crate::import_command::ImportArguments;
 
 /// Generate a grasp dataset: random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards.
 ///
@@ -71,6 +72,8 @@ pub(crate) enum Command {
     Finalize(DatasetArgument),
     /// Remove what killed writers left behind
     Gc(GcArguments),
+    /// Make objects of your own meshes: measure them, take them apart into convex parts, write a catalogue
+    ImportObjects(ImportArguments),
     /// Write shell completions, man pages, or this program's reference
     #[command(subcommand)]
     Manual(Manual),
@@ -204,6 +207,7 @@ Examples:
   generator finalize grasps                             complete it, when all is there
   generator depth grasps --scene 7 --out scene-7 && planner plan --views scene-7/views.toml
   generator replay grasps --attempt 7/12 --out attempt.html    one attempt, to be looked at in a browser
+  generator import-objects meshes --scale 0.001 --out my-objects.toml
   generator bench --markdown bench.md                   what an attempt costs on this machine
 
 GRASPMILL_LOG=info shows which shards are skipped and committed.";

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::{CommandFactory, Parser};
 use generator::{
-    BenchSize, Config, ConfigError, DepthImagesError, Event, GenerateError, Overrides, RepeatError, Views, attempts_of,
-    bench, generate, repeat, replay, write_depth_images,
+    BenchSize, Config, ConfigError, DepthImagesError, Event, GenerateError, ImportError, Overrides, RepeatError, Views,
+    attempts_of, bench, generate, repeat, replay, write_depth_images,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use shards::manual::{Manual, Settings};
@@ -19,6 +19,7 @@ use shards::{Dataset, Draft, FinalizeError, Finalized, ReadError, StoreError, Sw
 mod assignment;
 mod bench_text;
 mod cli;
+mod import_command;
 mod table;
 
 use assignment::{Assignment, AssignmentError, index_list};
@@ -26,6 +27,7 @@ use cli::{
     Arguments, BenchArguments, Command, DatasetArgument, DepthArguments, GcArguments, MissingArguments,
     RepeatArguments, ReplayArguments,
 };
+use import_command::CatalogueFileError;
 
 /// A world is built and dropped for every attempt: two threads make 3 to 12 % more attempts with this allocator than with the
 /// system's.
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Some(Command::Missing(missing)) => run_missing(missing),
         Some(Command::Finalize(finalize)) => run_finalize(finalize),
         Some(Command::Gc(gc)) => run_gc(gc),
+        Some(Command::ImportObjects(import)) => import_command::run_import(import),
         Some(Command::Manual(manual)) => run_manual(manual),
         None => run(&arguments),
     };
@@ -72,7 +75,9 @@ fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
     let finalize = error.downcast_ref().map(FinalizeError::exit_code);
     let write = error.downcast_ref::<ReplayWriteError>().map(|_| shards::ExitCode::TryAgain);
     let assignment = error.downcast_ref::<AssignmentError>().map(|_| shards::ExitCode::Config);
-    let codes = [config, generate, repeat, depth, read, store, finalize, write, assignment];
+    let import = error.downcast_ref().map(ImportError::exit_code);
+    let catalogue = error.downcast_ref().map(CatalogueFileError::exit_code);
+    let codes = [config, generate, repeat, depth, read, store, finalize, write, assignment, import, catalogue];
     codes.into_iter().flatten().next().unwrap_or(shards::ExitCode::Internal)
 }
 

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use report::view::{Body, Class, EventKind, Line, Points, View, flat, flat_points};
 use schema::{AttemptRecord, HandBox, Outcome, Pose, SceneRows};
-use shards::{Dataset, DatasetInfo, ReadError, object_body};
+use shards::{Dataset, DatasetInfo, ReadError, object_bodies};
 use simulator::{AttemptWorld, Execution, Obstruction, Scene};
 
 use crate::config::physics_of;
@@ -151,18 +151,20 @@ fn obstruction_told(info: &DatasetInfo, obstruction: &Obstruction) -> String {
 
 /// The objects, one pose each if they never move.
 fn objects(rows: &SceneRows, stored: &AttemptRecord, now: &Execution, recorder: &Recorder<'_>) -> Vec<Body> {
-    let body = |(id, row): (usize, &schema::ObjectRecord)| {
+    let pieces_of = |(id, row): (usize, &schema::ObjectRecord)| {
         let class = match now.hit.and_then(|hit| hit.object_id) {
             _ if id == stored.object_id as usize => Class::Target,
             Some(hit) if hit == id => Class::Hit,
             _ => Class::Object,
         };
-        let mut body = object_body(class, row);
-        body.poses = recorder.shots.iter().map(|shot| flat(&shot.objects[id])).collect();
-        still(&mut body);
-        body
+        let mut pieces = object_bodies(class, row);
+        for piece in &mut pieces {
+            piece.poses = recorder.shots.iter().map(|shot| flat(&shot.objects[id])).collect();
+            still(piece);
+        }
+        pieces
     };
-    rows.objects.iter().enumerate().map(body).collect()
+    rows.objects.iter().enumerate().flat_map(pieces_of).collect()
 }
 
 fn hand(info: &DatasetInfo, recorder: &Recorder<'_>) -> Vec<Body> {

@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 
-use schema::{Gripper, Pose, Vec3};
+use schema::{Gripper, ObjectShape, Plane, Pose, Vec3};
 
 /// A convex body, in metres.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,9 +56,9 @@ const TINTS: [[f32; 3]; 5] =
 impl Polyhedron {
     /// A convex body from its corners and the planes of its faces (outward unit normals), as [`schema::Solid::planes`] gives them.
     #[must_use]
-    pub fn of_planes(corners_m: Vec<Vec3>, planes: &[schema::Plane]) -> Self {
+    pub fn of_planes(corners_m: Vec<Vec3>, planes: &[Plane]) -> Self {
         let size = corners_m.iter().map(|corner| corner.length()).fold(0.0, f32::max);
-        let face = |plane: &schema::Plane| {
+        let face = |plane: &Plane| {
             let on = |at: &usize| (plane.normal.dot(corners_m[*at]) - plane.offset_m).abs() < FLAT_SHARE * size;
             let mut face: Vec<usize> = (0..corners_m.len()).filter(on).collect();
             let middle = face.iter().map(|at| corners_m[*at]).sum::<Vec3>() / face.len().max(1) as f32;
@@ -75,6 +75,40 @@ impl Polyhedron {
         Self { corners_m, faces }
     }
 
+    /// A convex body from its corners alone: every plane through three of them that has the others behind it is a face. That takes the
+    /// fourth power of their number, so of many only those are kept that lie furthest out, each in a direction of its own.
+    #[must_use]
+    pub fn of_corners(corners_m: Vec<Vec3>) -> Self {
+        let corners_m = outermost(corners_m);
+        let size = corners_m.iter().map(|corner| corner.length()).fold(0.0, f32::max);
+        let mut planes: Vec<Plane> = Vec::new();
+        for (a, at) in corners_m.iter().enumerate() {
+            for (b, to) in corners_m.iter().enumerate().skip(a + 1) {
+                for over in &corners_m[b + 1..] {
+                    let normal = (*to - *at).cross(*over - *at).normalize_or_zero();
+                    for normal in [normal, -normal] {
+                        let offset_m = normal.dot(*at);
+                        let is_face = corners_m.iter().all(|corner| normal.dot(*corner) <= offset_m + 1e-4 * size);
+                        let is_new = planes.iter().all(|plane| plane.normal.dot(normal) < 1.0 - 1e-5);
+                        if normal != Vec3::ZERO && is_face && is_new {
+                            planes.push(Plane { normal, offset_m });
+                        }
+                    }
+                }
+            }
+        }
+        Self::of_planes(corners_m, &planes)
+    }
+
+    /// The convex pieces of an object, in its frame.
+    #[must_use]
+    pub fn pieces(shape: &ObjectShape) -> Vec<Self> {
+        match shape {
+            ObjectShape::Solid(solid) => vec![Self { corners_m: solid.vertices_m(), faces: solid.faces() }],
+            ObjectShape::Model { model, .. } => model.parts_m.iter().cloned().map(Self::of_corners).collect(),
+        }
+    }
+
     /// The body elsewhere.
     #[must_use]
     pub fn moved(mut self, pose: &Pose) -> Self {
@@ -87,6 +121,27 @@ impl Polyhedron {
     fn middle_m(&self) -> Vec3 {
         self.corners_m.iter().sum::<Vec3>() / self.corners_m.len().max(1) as f32
     }
+}
+
+/// Corners that a picture's body has at most.
+const CORNERS_MAX: usize = 48;
+
+/// The corners, or of many those that are the furthest in as many directions, spread evenly (a Fibonacci lattice).
+fn outermost(corners_m: Vec<Vec3>) -> Vec<Vec3> {
+    if corners_m.len() <= CORNERS_MAX {
+        return corners_m;
+    }
+    let direction = |at: usize| {
+        let z = 1.0 - (2.0 * at as f32 + 1.0) / CORNERS_MAX as f32;
+        let (sin, cos) = libm::sincosf(2.399_963_2 * at as f32); // the golden angle
+        Vec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vec3::Z * z
+    };
+    let furthest = |at: usize| {
+        let along = |corner: &usize| corners_m[*corner].dot(direction(at));
+        (0..corners_m.len()).max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or_default()
+    };
+    let kept: std::collections::BTreeSet<usize> = (0..CORNERS_MAX).map(furthest).collect();
+    kept.into_iter().map(|corner| corners_m[corner]).collect()
 }
 
 /// The eye: what is right, up and towards it.
@@ -203,7 +258,27 @@ mod tests {
             };
             let expected: Vec<Vec<usize>> = solid.faces().iter().map(turned).collect();
             assert_eq!(found.faces.iter().map(turned).collect::<Vec<_>>(), expected, "{kind:?}");
+            let mut guessed: Vec<Vec<usize>> =
+                Polyhedron::of_corners(solid.vertices_m()).faces.iter().map(turned).collect();
+            let mut expected = expected;
+            guessed.sort();
+            expected.sort();
+            assert_eq!(guessed, expected, "{kind:?} from its corners alone");
         }
+    }
+
+    #[test]
+    fn of_a_ball_of_many_corners_a_closed_body_is_left() {
+        let corner = |at: usize| {
+            let (turn, rise) = (at as f32 * 0.37, libm::asinf(2.0 * at as f32 / 999.0 - 1.0));
+            let (flat, z) = (libm::cosf(rise), libm::sinf(rise));
+            Vec3::new(flat * libm::cosf(turn), flat * libm::sinf(turn), z) * 0.05
+        };
+        let ball = Polyhedron::of_corners((0..1000).map(corner).collect());
+        assert!((30..=CORNERS_MAX).contains(&ball.corners_m.len()));
+        let edges: Vec<(usize, usize)> =
+            ball.faces.iter().flat_map(|f| (0..f.len()).map(|i| (f[i], f[(i + 1) % f.len()]))).collect();
+        assert!(edges.iter().all(|(a, b)| edges.iter().filter(|edge| **edge == (*b, *a)).count() == 1));
     }
 
     #[test]

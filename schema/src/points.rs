@@ -63,7 +63,7 @@ mod tests {
             scene_id: 3,
             attempt_id,
             object_id: 0,
-            rule: Rule { shape: ShapeKind::Cuboid, approach },
+            rule: Rule { shape: ShapeKind::Cuboid.into(), approach },
             closing: approach.map(|_| Axis::Y),
             tilt_rad: 0.0,
             turn_rad,

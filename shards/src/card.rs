@@ -32,6 +32,7 @@ pub(crate) fn card(info: &DatasetInfo, manifest: &Manifest) -> String {
         seed = info.seed,
     );
     statistics(&mut text, manifest);
+    models(&mut text, info);
     columns(&mut text, info);
     text.push_str(CONVENTIONS);
     text.push('\n');
@@ -86,13 +87,15 @@ fn statistics(text: &mut String, manifest: &Manifest) {
         let _ = writeln!(text, "| `{}` | {} | {} |", outcome.name(), grouped(count), percent(share));
     }
     text.push_str("\n| rule | attempts | positive |\n|---|---:|---:|\n");
-    let along_normals = Rule::along_normals().into_iter().filter(|rule| totals.rule(*rule).attempts > 0);
-    for rule in Rule::all().into_iter().chain(along_normals) {
+    let has = |rule: &Rule| totals.rule(*rule).attempts > 0;
+    let along_normals = Rule::along_normals().into_iter().chain([Rule::of_model(0)]).filter(has);
+    let by_axes = Rule::all().into_iter().filter(|_| !has(&Rule::of_model(0)));
+    for rule in by_axes.chain(along_normals) {
         let tally = totals.rule(rule);
         let share = percent(tally.positive_share());
         let _ = writeln!(text, "| `{}` | {} | {share} |", rule.name(), grouped(tally.attempts));
     }
-    if Rule::along_normals().into_iter().any(|rule| totals.rule(rule).attempts > 0) {
+    if Rule::along_normals().iter().chain([&Rule::of_model(0)]).any(has) {
         text.push_str(ALONG_NORMALS);
     }
     text.push_str("\n| table | rows | bytes |\n|---|---:|---:|\n");
@@ -110,6 +113,29 @@ fn statistics(text: &mut String, manifest: &Manifest) {
         grouped(rejected.unstable),
     );
 }
+
+/// What the objects are, if they are no primitives.
+fn models(text: &mut String, info: &DatasetInfo) {
+    if info.models.is_empty() {
+        return;
+    }
+    text.push_str(MODELS);
+    for model in &info.models {
+        let [x, y, z] = (model.extents_m * 1000.0).to_array();
+        let (name, grams, parts) = (&model.name, model.mass_kg * 1000.0, model.parts_m.len());
+        let _ = writeln!(text, "| `{name}` | {x:.1} × {y:.1} × {z:.1} | {grams:.1} | {} | {parts} |", model.friction);
+    }
+}
+
+const MODELS: &str = "
+## Objects
+
+The objects are models, and `shape` is a model's name. `models` in `meta/info.json` has them whole: mass, friction, and of each
+convex part the corners in the object's frame. `size_x_m` and so on are the bounding box, `volume_m3` is the sum of the parts.
+
+| model | size, mm | mass, g | friction | parts |
+|---|---:|---:|---:|---:|
+";
 
 fn columns(text: &mut String, info: &DatasetInfo) {
     text.push_str("\n## Columns\n");

@@ -115,5 +115,5 @@ pub use summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, 
 pub use table_writer::TableError;
 pub use verify::{PROBLEMS_MAX, Verified, verify};
 pub use version::{FormatVersion, UnreadableVersion};
-pub use view::{object_body, scene_view, write_view};
+pub use view::{object_bodies, scene_view, write_view};
 pub use writer::{SCENES_PER_ROW_GROUP, ShardWriter, WriteError};

@@ -9,7 +9,7 @@ mod warnings;
 
 use std::collections::BTreeMap;
 
-use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, ShapeKind, Vec3};
+use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, Shape, Vec3};
 use serde::Serialize;
 
 use self::coverage::Coverage;
@@ -34,7 +34,7 @@ pub struct Report {
     pub objects: u64,
     /// All attempts.
     pub labels: Tally,
-    /// By shape of the target.
+    /// By shape of the target, or by its model.
     pub shapes: Vec<Group>,
     /// By row of Appendix A.
     pub rules: Vec<Group>,
@@ -146,7 +146,7 @@ pub fn report(dataset: &Dataset) -> Result<Report, ReadError> {
             counting.rejections.count(scene.rejections);
         }
         let objects = dataset.read_objects(shard)?;
-        objects.iter().for_each(|object| counting.fits.count_object(&object.solid));
+        objects.iter().filter_map(|object| object.shape.as_solid()).for_each(|solid| counting.fits.count_object(&solid));
         for attempt in dataset.read_attempts(shard)? {
             let count = object_counts.get(&attempt.scene_id).copied().unwrap_or_default();
             counting.count(&attempt, count);
@@ -162,7 +162,7 @@ pub fn report(dataset: &Dataset) -> Result<Report, ReadError> {
 struct Counting<'a> {
     dataset: &'a Dataset,
     labels: Tally,
-    shapes: BTreeMap<ShapeKind, Tally>,
+    shapes: BTreeMap<Shape, Tally>,
     rules: BTreeMap<Rule, Tally>,
     object_counts: BTreeMap<u32, Tally>,
     outcomes: BTreeMap<Outcome, (u64, BTreeMap<HitKind, u64>)>,
@@ -178,11 +178,13 @@ struct Counting<'a> {
 
 impl<'a> Counting<'a> {
     fn new(dataset: &'a Dataset) -> Self {
+        let models = &dataset.info().models;
+        let rules = if models.is_empty() { Rule::all().to_vec() } else { vec![Rule::of_model(0)] };
         Self {
             dataset,
             labels: Tally::default(),
-            shapes: ShapeKind::ALL.into_iter().map(|shape| (shape, Tally::default())).collect(),
-            rules: Rule::all().into_iter().map(|rule| (rule, Tally::default())).collect(),
+            shapes: Shape::all(models).into_iter().map(|shape| (shape, Tally::default())).collect(),
+            rules: rules.into_iter().map(|rule| (rule, Tally::default())).collect(),
             object_counts: BTreeMap::new(),
             outcomes: Outcome::ALL.into_iter().map(|outcome| (outcome, Default::default())).collect(),
             widths: Default::default(),
@@ -199,7 +201,10 @@ impl<'a> Counting<'a> {
     fn count(&mut self, attempt: &AttemptRecord, objects: u32) {
         self.labels.count(attempt);
         self.shapes.entry(attempt.rule.shape).or_default().count(attempt);
-        self.rules.entry(attempt.rule).or_default().count(attempt);
+        // The models' rules have one name.
+        let is_primitive = matches!(attempt.rule.shape, Shape::Primitive(_));
+        let rule = if is_primitive { attempt.rule } else { Rule::of_model(0) };
+        self.rules.entry(rule).or_default().count(attempt);
         self.object_counts.entry(objects).or_default().count(attempt);
         let (count, hits) = self.outcomes.entry(attempt.outcome).or_default();
         *count += 1;
@@ -221,9 +226,9 @@ impl<'a> Counting<'a> {
     fn count_target(&mut self, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
         self.coverage.count(attempt);
         let Some(target) = objects.iter().find(|object| object.object_id == attempt.object_id) else { return };
-        self.fits.count_attempt(attempt, &target.solid);
-        if let Some(approach) = attempt.rule.approach {
-            let tip_m = f64::from(attempt.depth_m + 0.5 * approach.of(target.solid.extents_m));
+        if let (Some(approach), Some(solid)) = (attempt.rule.approach, target.shape.as_solid()) {
+            self.fits.count_attempt(attempt, &solid);
+            let tip_m = f64::from(attempt.depth_m + 0.5 * approach.of(solid.extents_m));
             let place = bin((tip_m - TIP_RANGE_M[0]) / TIP_BIN_M, self.tips.len());
             self.tips[place].count(attempt);
         }
@@ -244,7 +249,11 @@ impl<'a> Counting<'a> {
             scenes: info.scene_count,
             objects: manifest.totals.objects,
             labels: self.labels,
-            shapes: self.shapes.into_iter().map(|(shape, tally)| group(shape.name().to_owned(), tally)).collect(),
+            shapes: self
+                .shapes
+                .into_iter()
+                .map(|(shape, tally)| group(shape.name(&info.models).to_owned(), tally))
+                .collect(),
             rules: self.rules.into_iter().map(|(rule, tally)| group(rule.name().to_owned(), tally)).collect(),
             object_counts: self.object_counts.into_iter().map(|(count, t)| group(count.to_string(), t)).collect(),
             outcomes: self

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::Path;
 
+use report::picture::Polyhedron;
 use report::view::{Body, Class, Line, Points, View, flat_points};
 use schema::{AttemptRecord, Axis, HitKind, Intrinsics, ObjectRecord, Outcome, SceneRows};
 use serde_json::Value;
@@ -20,7 +21,7 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     let (scene, grid) = (&rows.scene, &info.grid);
     let mut view = View::new(format!("Scene {} of {}", scene.scene_id, short(dataset_id)));
     view.bodies.push(Body::table(grid.size_m, grid.table_z_m));
-    view.bodies.extend(rows.objects.iter().map(|object| object_body(Class::Object, object)));
+    view.bodies.extend(rows.objects.iter().flat_map(|object| object_bodies(Class::Object, object)));
     view.lines.push(Line::workspace(grid.size_m));
     let lens = lens_of(&info.config);
     for (number, camera) in scene.views.iter().enumerate() {
@@ -42,21 +43,22 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     view
 }
 
-/// A row of `objects` as a body that stands still, with what is known of it for a label.
+/// A row of `objects` as bodies that stand still, one for each convex piece, with what is known of it for a label.
 #[must_use]
-pub fn object_body(class: Class, object: &ObjectRecord) -> Body {
-    let size_mm = object.solid.extents_m * 1000.0;
+pub fn object_bodies(class: Class, object: &ObjectRecord) -> Vec<Body> {
+    let size_mm = object.shape.extents_m() * 1000.0;
     let label = format!(
         "object {}: {}\n{:.1} × {:.1} × {:.1} mm, {:.0} g, friction {:.2}",
         object.object_id,
-        object.solid.kind.name(),
+        object.shape.name(),
         size_mm.x,
         size_mm.y,
         size_mm.z,
         object.mass_kg * 1000.0,
         object.friction
     );
-    Body::of_solid(class, label, &object.solid, &[object.workspace_from_object])
+    let pieces = Polyhedron::pieces(&object.shape).into_iter();
+    pieces.map(|piece| Body::of_piece(class, label.clone(), piece, &[object.workspace_from_object])).collect()
 }
 
 /// An attempt in words: its rule, its outcome and what it hit, its width.
@@ -156,9 +158,9 @@ mod tests {
             assert_eq!(body.poses.len(), 1);
             let pose = Pose::from_parts(Vec3::new(x, y, z), schema::Quat::from_xyzw(qx, qy, qz, qw));
             assert_eq!(pose, row.workspace_from_object);
-            assert_eq!(body.corners_m, flat_points(row.solid.vertices_m()));
-            assert_eq!(body.faces.len(), row.solid.planes().len());
-            assert!(body.label.starts_with(&format!("object {}: {}", row.object_id, row.solid.kind.name())));
+            assert_eq!(body.corners_m, flat_points(row.shape.as_solid().unwrap().vertices_m()));
+            assert_eq!(body.faces.len(), row.shape.as_solid().unwrap().planes().len());
+            assert!(body.label.starts_with(&format!("object {}: {}", row.object_id, row.shape.name())));
         }
         assert!(view.title.contains("Scene 1 of 0123456789ab"), "{}", view.title);
     }

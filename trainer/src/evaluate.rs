@@ -217,7 +217,7 @@ pub fn examine(
         ranking: ranking(&scores),
         calibration: calibration(&scores),
         errors: errors(&results, dataset.info().grid.voxel_size_m()),
-        by_shape: summaries(tallies(found().map(|(at, result)| (samples.rule(at).shape.name(), result)))),
+        by_shape: summaries(tallies(found().map(|(at, result)| (samples.rule(at).shape.kind_name(), result)))),
         by_rule: summaries(tallies(found().map(|(at, result)| (samples.rule(at).name(), result)))),
     };
     Ok(Examination { evaluation, mistakes: worst.into_mistakes(), dataset })

@@ -6,6 +6,7 @@ mod cluster;
 mod commands;
 mod determinism;
 mod labels;
+mod objects;
 mod replay;
 
 use std::path::{Path, PathBuf};

@@ -1,6 +1,8 @@
 //! Solids, hands, tables and cameras as bodies and lines of a view.
 
-use schema::{Gripper, HandBox, Intrinsics, Pose, Solid, Vec3};
+use schema::{Gripper, HandBox, Intrinsics, Pose, Vec3};
+
+use crate::picture::Polyhedron;
 
 use super::{Body, Class, Line, flat, flat_points};
 
@@ -12,14 +14,14 @@ const CAMERA_LENGTH_M: f32 = 0.03;
 const BOX_FACES: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
 impl Body {
-    /// A solid.
+    /// A convex piece of an object.
     #[must_use]
-    pub fn of_solid(class: Class, label: impl Into<String>, solid: &Solid, poses: &[Pose]) -> Self {
+    pub fn of_piece(class: Class, label: impl Into<String>, piece: Polyhedron, poses: &[Pose]) -> Self {
         Self {
             class,
             label: label.into(),
-            corners_m: flat_points(solid.vertices_m()),
-            faces: solid.faces(),
+            corners_m: flat_points(piece.corners_m),
+            faces: piece.faces,
             poses: poses.iter().map(flat).collect(),
         }
     }
@@ -135,7 +137,7 @@ mod tests {
         let sizes = [[0.03, 0.05, 0.07], [0.04, 0.04, 0.09], [0.08, 0.05, 0.04], [0.08, 0.06, 0.03]];
         for (kind, size) in ShapeKind::ALL.into_iter().zip(sizes) {
             let solid = Solid::new(kind, Vec3::from_array(size)).unwrap();
-            assert_closed(&Body::of_solid(Class::Object, kind.name(), &solid, &[Pose::IDENTITY]));
+            assert_closed(&Body::of_piece(Class::Object, kind.name(), Polyhedron::pieces(&solid.into()).remove(0), &[Pose::IDENTITY]));
         }
         assert_closed(&Body::table(0.3, 0.05));
     }

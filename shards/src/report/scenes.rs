@@ -29,7 +29,7 @@ fn picture(info: &DatasetInfo, rows: &SceneRows) -> Picture {
     let scene = Scene {
         size_m: info.grid.size_m,
         table_z_m: info.grid.table_z_m,
-        bodies: rows.objects.iter().map(|object| (body(object), object.object_id as usize)).collect(),
+        bodies: rows.objects.iter().flat_map(bodies).collect(),
         hands,
     };
     let objects = rows.objects.len();
@@ -44,7 +44,7 @@ fn picture(info: &DatasetInfo, rows: &SceneRows) -> Picture {
     }
 }
 
-fn body(object: &ObjectRecord) -> Polyhedron {
-    let solid = &object.solid;
-    Polyhedron { corners_m: solid.vertices_m(), faces: solid.faces() }.moved(&object.workspace_from_object)
+fn bodies(object: &ObjectRecord) -> impl Iterator<Item = (Polyhedron, usize)> {
+    let pieces = Polyhedron::pieces(&object.shape).into_iter();
+    pieces.map(|piece| (piece.moved(&object.workspace_from_object), object.object_id as usize))
 }

@@ -7,6 +7,7 @@ mod disk_full;
 mod export;
 mod golden;
 mod killed;
+mod models;
 mod program;
 mod remote;
 mod round_trip;

@@ -51,7 +51,7 @@ fn picture(info: &DatasetInfo, rows: &SceneRows, attempt: &AttemptRecord, mistak
     let scene = Scene {
         size_m: info.grid.size_m,
         table_z_m: info.grid.table_z_m,
-        bodies: rows.objects.iter().map(|object| (body(object), object.object_id as usize)).collect(),
+        bodies: rows.objects.iter().flat_map(bodies).collect(),
         hands: vec![hand],
     };
     Picture {
@@ -61,9 +61,9 @@ fn picture(info: &DatasetInfo, rows: &SceneRows, attempt: &AttemptRecord, mistak
     }
 }
 
-fn body(object: &ObjectRecord) -> Polyhedron {
-    let solid = &object.solid;
-    Polyhedron { corners_m: solid.vertices_m(), faces: solid.faces() }.moved(&object.workspace_from_object)
+fn bodies(object: &ObjectRecord) -> impl Iterator<Item = (Polyhedron, usize)> {
+    let pieces = Polyhedron::pieces(&object.shape).into_iter();
+    pieces.map(|piece| (piece.moved(&object.workspace_from_object), object.object_id as usize))
 }
 
 fn row(location: &str, attempt: &AttemptRecord, mistake: &Mistake) -> Vec<Cell> {
