@@ -156,8 +156,7 @@ fn legend() -> String {
     )
 }
 
-const POINT_NOTE: &str =
-    "An interval without width means that all rounds ended alike, not that the rate is certain.\n";
+const POINT_NOTE: &str = "An interval without width means that all rounds ended alike, not that the rate is certain.\n";
 
 pub(crate) fn headline_rates(results: &Results) -> [Option<Interval>; 3] {
     let rates = &results.rates;

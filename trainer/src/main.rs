@@ -272,7 +272,8 @@ fn run_manual(manual: &Manual) -> Result<shards::ExitCode, Failure> {
 }
 
 fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
-    let mut config = Config::load(args.config.as_deref()).map_err(|error| Failure(error.into(), shards::ExitCode::Config))?;
+    let mut config =
+        Config::load(args.config.as_deref()).map_err(|error| Failure(error.into(), shards::ExitCode::Config))?;
     config.epochs = args.epochs.unwrap_or(config.epochs);
     let RanksArgs { ranks, rank, master, ranks_timeout_s } = &args.ranks;
     let flags = Flags { ranks: ranks.clone(), rank: *rank, master: master.clone(), timeout_s: *ranks_timeout_s };
