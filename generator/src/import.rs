@@ -246,7 +246,9 @@ fn import_one(file: &Path, law: &ImportLaw) -> Result<(ImportedObject, String), 
     let longest_m = measured.extents_m.into_iter().fold(0.0, f64::max);
     if longest_m > LONGEST_M {
         let (file, scale) = (file.display(), law.scale_m * 0.001);
-        let wrong = format!("it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}");
+        let wrong = format!(
+            "it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}"
+        );
         return Err((wrong, false));
     }
     let hull_of = |parts_max| {

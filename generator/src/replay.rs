@@ -6,9 +6,9 @@ use std::str::FromStr;
 use report::view::{Body, Class, EventKind, Line, Points, View, flat, flat_points};
 use schema::{AttemptRecord, HandBox, Outcome, Pose, SceneRows};
 use shards::{Dataset, DatasetInfo, ReadError, object_bodies};
-use simulator::{AttemptWorld, Execution, Obstruction, Scene};
+use simulator::{AttemptWorld, Execution, Obstruction, Scene, bodies_of};
 
-use crate::config::physics_of;
+use crate::laws::physics_of;
 use crate::recorder::{Recorder, ended, outcome_told};
 use crate::repeat::RepeatError;
 
@@ -100,7 +100,7 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, RepeatError> {
     let limit = rows.attempts.len() as u64;
     let out_of_range = || ReadError::OutOfRange { what: "attempt", limit, got: u64::from(id.attempt_id) };
     let stored = rows.attempts.get(id.attempt_id as usize).ok_or_else(out_of_range)?.clone();
-    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects);
+    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(&info.models)?);
     let world = AttemptWorld::new(&physics, &info.gripper, &info.procedure, &scene);
     let (grasp, target) = (stored.workspace_from_grasp, stored.object_id as usize);
 

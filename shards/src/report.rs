@@ -146,7 +146,10 @@ pub fn report(dataset: &Dataset) -> Result<Report, ReadError> {
             counting.rejections.count(scene.rejections);
         }
         let objects = dataset.read_objects(shard)?;
-        objects.iter().filter_map(|object| object.shape.as_solid()).for_each(|solid| counting.fits.count_object(&solid));
+        objects
+            .iter()
+            .filter_map(|object| object.shape.as_solid())
+            .for_each(|solid| counting.fits.count_object(&solid));
         for attempt in dataset.read_attempts(shard)? {
             let count = object_counts.get(&attempt.scene_id).copied().unwrap_or_default();
             counting.count(&attempt, count);

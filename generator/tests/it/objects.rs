@@ -191,7 +191,8 @@ fn files_that_are_no_meshes_are_told_together() {
     obj(&folder.join("flat.obj"), prism(&SQUARE, &SQUARE_CAP, 0.0));
     let nan = corners.iter().map(|[x, y, z]| [*x, *y, if *z > 0.0 { f64::NAN } else { 0.0 }]).collect();
     obj(&folder.join("nan.obj"), (nan, triangles));
-    let problems = ["4 of the files", "cut.stl", "it has no triangles", "empty.obj", "flat.obj", "must be numbers", "nan.obj"];
+    let problems =
+        ["4 of the files", "cut.stl", "it has no triangles", "empty.obj", "flat.obj", "must be numbers", "nan.obj"];
     fails(&import(&dir, &[]), 65, &problems);
     assert!(!dir.path().join("my-objects.toml").exists());
 
@@ -220,7 +221,7 @@ fn a_dataset_of_own_objects_is_made_verified_and_repeated_from_itself_alone() {
     check_ok(&program(&dir, &["depth", "one", "--scene", "1", "--out", "scene-1"]));
     assert!(at("scene-1/depth-0.png").exists());
 
-    let dataset = Dataset::open(at("one")).unwrap();
+    let dataset = Dataset::open(&at("one")).unwrap();
     let info = dataset.info();
     assert_eq!(info.format_version, FormatVersion::MODELS);
     let names: Vec<&str> = info.models.iter().map(|model| model.name.as_str()).collect();
@@ -250,7 +251,11 @@ fn a_config_says_what_is_wrong_with_its_catalogue() {
         fs::write(dir.path().join("config.toml"), config.replace(from, to)).unwrap();
         run(&dir, "ds", &["--shard-index", "0"])
     };
-    fails(&with("sampler = \"vgn\"", "sampler = \"rules\""), 78, &["1 problem", "objects.catalogue needs sampler = \"vgn\""]);
+    fails(
+        &with("sampler = \"vgn\"", "sampler = \"rules\""),
+        78,
+        &["1 problem", "objects.catalogue needs sampler = \"vgn\""],
+    );
     fails(&with("my-objects.toml", "other.toml"), 78, &["objects.catalogue: failed to read the objects", "other.toml"]);
     fails(&with("\"my-objects.toml\"", "7"), 78, &["objects.catalogue must be a text, got 7"]);
     fails(&with("catalogue = ", "catalog = "), 78, &["objects.catalog is no key of this file"]);

@@ -73,7 +73,7 @@ mod tests {
     fn a_row_has_every_column_and_its_values() {
         let info = synthetic::info(5, 1, 40, 40);
         let rows = synthetic::scene_rows(0, info.seed, &info);
-        let text = array(&json(Table::Attempts, &encode::attempts(&rows.attempts).unwrap()));
+        let text = array(&json(Table::Attempts, &encode::attempts(&rows.attempts, &[]).unwrap()));
         let found: Vec<Value> = serde_json::from_str(&text).unwrap();
         assert_eq!(found.len(), rows.attempts.len());
         for (found, row) in found.iter().zip(&rows.attempts) {

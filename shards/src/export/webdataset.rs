@@ -72,7 +72,6 @@ fn write_shard(
     folder: &ExportFolder,
     scenes_done: &mut dyn FnMut(u64),
 ) -> Result<(u64, String), ExportError> {
-    let resolution = dataset.info().grid.resolution;
     let failed = |error: io::Error| unwritten(folder, name)(error);
     let mut attempts = dataset.read_attempts(shard)?.into_iter().peekable();
     let mut objects = dataset.read_objects(shard)?.into_iter().peekable();
@@ -85,7 +84,7 @@ fn write_shard(
             objects: std::iter::from_fn(|| objects.next_if(|row| row.scene_id == id)).collect(),
             attempts: std::iter::from_fn(|| attempts.next_if(|row| row.scene_id == id)).collect(),
         };
-        append_sample(&mut tar, &rows, resolution).map_err(failed)?;
+        append_sample(&mut tar, &rows, dataset.info()).map_err(failed)?;
         scenes_done(1);
     }
     let buffer = tar.into_inner().map_err(failed)?;
@@ -96,13 +95,14 @@ fn write_shard(
     Ok(written)
 }
 
-fn append_sample(tar: &mut Builder<impl Write>, rows: &SceneRows, resolution: usize) -> io::Result<()> {
+fn append_sample(tar: &mut Builder<impl Write>, rows: &SceneRows, info: &DatasetInfo) -> io::Result<()> {
+    let resolution = info.grid.resolution;
     let told = |error: ArrowError| io::Error::other(error.to_string());
     let key = scene_name(rows.scene.scene_id);
     let grasps: Vec<f32> = rows.attempts.iter().flat_map(grasp).collect();
     let labels: Vec<u8> = rows.attempts.iter().map(AttemptRecord::label).collect();
-    let attempts = encode::attempts(&rows.attempts).map_err(told)?;
-    let objects = encode::objects(&rows.objects).map_err(told)?;
+    let attempts = encode::attempts(&rows.attempts, &info.models).map_err(told)?;
+    let objects = encode::objects(&rows.objects, &info.models).map_err(told)?;
     let scene = encode::scenes(std::slice::from_ref(&rows.scene), resolution).map_err(told)?;
     let mut append = |ending: &str, bytes: &[u8]| append(tar, &format!("{key}.{ending}"), bytes);
     append("grid.npy", &npy::f32s(&[1, resolution, resolution, resolution], &rows.scene.tsdf))?;
