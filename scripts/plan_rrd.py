@@ -5,7 +5,7 @@
     python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
     rerun plan.rrd
 
-Needs rerun-sdk==0.36.3 (163 MB, which is why it is not among the requirements). Shown are the cloud by its labels, the
+Needs rerun-sdk==0.36.3, which is among scripts/requirements.txt. Shown are the cloud by its labels, the
 objects' centroids, the workspace, the hand at each grasp (green is the best, the others fade to grey; labels give rank,
 quality and rho) and, if the plan tells of them, dropped candidates: vermilion would collide, grey have another reason.
 """

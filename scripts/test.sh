@@ -2,7 +2,7 @@
 # Everything that must pass before a change goes in. Usage: scripts/test.sh [--rust-only]
 #
 # Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless --rust-only. Python
-# packages are installed in .venv/; as root on Debian or Ubuntu, a Slurm, strace and faketime are installed, too, and
+# packages are installed in .venv/; as root on Debian or Ubuntu, a Slurm, strace, faketime and Chromium are installed, too, and
 # elsewhere the tests that need them are skipped and say so. Every step runs even if an earlier one failed, unless it stands on it;
 # the table at the end says which did, and after how many seconds. Exit code: 0 if all passed, 1 if a step failed,
 # 2 if the arguments are wrong.
@@ -65,7 +65,7 @@ venv() {
         && cp scripts/requirements.txt "$stamp"
 }
 
-# A Slurm to run on, and what disturbs programs. Without them the tests that need them are skipped.
+# A Slurm to run on, what disturbs programs, and a browser for the pages. Without them the tests that need them are skipped.
 engines() {
     local missing=()
     local PATH="$PATH:/usr/sbin"
@@ -73,6 +73,7 @@ engines() {
     command -v munged >/dev/null || missing+=(munge)
     command -v strace >/dev/null || missing+=(strace)
     command -v faketime >/dev/null || missing+=(faketime)
+    command -v chromium >/dev/null || missing+=(chromium)
     if ((${#missing[@]} == 0)); then
         return 0
     fi
@@ -94,8 +95,10 @@ dataset() {
 
 readers() {
     GRASPMILL_DATASET="$scratch/dataset" GRASPMILL_COULOMB="$scratch/coulomb" \
+        GRASPMILL_SHARDS="${CARGO_TARGET_DIR:-target}/debug/shards" \
         GRASPMILL_TRAINER="${CARGO_TARGET_DIR:-target}/debug/trainer" \
-        GRASPMILL_PLANNER="${CARGO_TARGET_DIR:-target}/debug/planner" .venv/bin/python -m pytest -rs -p no:cacheprovider tests/python
+        GRASPMILL_PLANNER="${CARGO_TARGET_DIR:-target}/debug/planner" \
+        GRASPMILL_PROGRAMS="${CARGO_TARGET_DIR:-target}/debug" .venv/bin/python -m pytest -rs -p no:cacheprovider tests/python
 }
 
 # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds them.

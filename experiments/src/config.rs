@@ -14,8 +14,8 @@ use sha2::{Digest as _, Sha256};
 use crate::catalogue::{Catalogue, CatalogueError, Thing};
 use crate::packed::PackedLaw;
 
-/// The reference for what keys there are.
-const REFERENCE: &str = include_str!("../../configs/experiment/pile.toml");
+/// The reference for what keys there are: one of the files that come along.
+pub const REFERENCE: &str = include_str!("../../configs/experiment/pile.toml");
 
 /// A checked experiment.
 #[derive(Debug, Clone)]

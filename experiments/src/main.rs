@@ -6,8 +6,9 @@ use std::process::ExitCode;
 use std::sync::Mutex;
 
 use anyhow::Context;
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use experiments::config::{Config, ConfigError};
+use experiments::page::{PageError, Played, page};
 use experiments::record::{RoundRecord, TrialRecord};
 use experiments::report::{About, comparison, json, markdown, read, svg};
 use experiments::round::Round;
@@ -16,6 +17,7 @@ use experiments::statistics::results;
 use experiments::tables::{bodies, conditions, objects_table, rounds_table, trials_table};
 use indicatif::{ProgressBar, ProgressStyle};
 use planner::PlannerError;
+use shards::manual::{Manual, Settings};
 
 /// Worlds are built and dropped all the time.
 #[global_allocator]
@@ -37,6 +39,12 @@ enum Command {
     /// Set experiments that were run side by side, in a table and a figure
     #[command(after_help = shards::ExitCode::HELP)]
     Compare(CompareArguments),
+    /// Experiments that were run as a page, one file with everything in it: rates, failures, pictures of scenes with the grasps
+    #[command(after_help = format!("{REPORT_EXAMPLES}\n\n{}", shards::ExitCode::HELP))]
+    Report(ReportArguments),
+    /// Write shell completions, man pages, or this program's reference
+    #[command(subcommand)]
+    Manual(Manual),
 }
 
 #[derive(Debug, Args)]
@@ -76,6 +84,22 @@ struct CompareArguments {
     figure: Option<PathBuf>,
 }
 
+#[derive(Debug, Args)]
+struct ReportArguments {
+    /// Folders of experiments that were run; several are compared
+    #[arg(required = true)]
+    folders: Vec<PathBuf>,
+
+    /// The page to write, in place of what is there
+    #[arg(long, value_name = "FILE")]
+    html: PathBuf,
+}
+
+const REPORT_EXAMPLES: &str = "\
+Examples:
+  experiments report runs/pile --html pile.html
+  experiments report runs/pile runs/three --html compared.html";
+
 /// `views.count=3` in two.
 fn assignment(text: &str) -> Result<(String, String), String> {
     let parts = text.split_once('=').ok_or_else(|| format!("must be KEY=VALUE, got {text}"))?;
@@ -88,6 +112,7 @@ Examples:
   experiments run configs/experiment/packed.toml --rounds 20 --out runs/packed
   experiments run configs/experiment/pile.toml --set views.count=3 --set plan.ranking.policy=vgn-best --set protocol='pile, 3 views' --out runs/three
   experiments compare runs/pile runs/three --figure compared.svg
+  experiments report runs/pile --html pile.html
 
 Stop it and run the same command again: it goes on where it was.";
 
@@ -103,6 +128,8 @@ fn main() -> ExitCode {
     let done = match &command {
         Command::Run(arguments) => run_experiment(arguments),
         Command::Compare(arguments) => compare(arguments),
+        Command::Report(arguments) => write_page(arguments),
+        Command::Manual(manual) => write_manual(manual),
     };
     match done {
         Ok(code) => code.into(),
@@ -118,6 +145,7 @@ fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
     let codes = [
         error.downcast_ref::<ConfigError>().map(|_| shards::ExitCode::Config),
         error.downcast_ref().map(RunError::exit_code),
+        error.downcast_ref().map(PageError::exit_code),
         error.downcast_ref().map(PlannerError::exit_code),
         error.downcast_ref::<std::io::Error>().map(|_| shards::ExitCode::TryAgain),
         error.downcast_ref::<serde_json::Error>().map(|_| shards::ExitCode::Data),
@@ -166,6 +194,20 @@ fn compare(arguments: &CompareArguments) -> anyhow::Result<shards::ExitCode> {
         std::fs::write(path, svg(&results)?).with_context(|| format!("failed to write {}", path.display()))?;
     }
     let _ = write!(std::io::stdout().lock(), "{}", comparison(&results));
+    Ok(shards::ExitCode::Ok)
+}
+
+fn write_manual(manual: &Manual) -> anyhow::Result<shards::ExitCode> {
+    let settings = [Settings { path: "configs/experiment/pile.toml", toml: experiments::config::REFERENCE }];
+    manual.make(Cli::command(), &settings, "").context("failed to write the manual")?;
+    Ok(shards::ExitCode::Ok)
+}
+
+fn write_page(arguments: &ReportArguments) -> anyhow::Result<shards::ExitCode> {
+    let played = arguments.folders.iter().map(|folder| Played::read(folder)).collect::<Result<Vec<_>, _>>()?;
+    let (path, html) = (&arguments.html, page(&played)?);
+    shards::publish(path, html.as_bytes()).with_context(|| format!("failed to write {}", path.display()))?;
+    let _ = writeln!(std::io::stdout().lock(), "{}", path.display());
     Ok(shards::ExitCode::Ok)
 }
 

@@ -35,6 +35,20 @@ impl Ending {
     }
 }
 
+impl Ending {
+    /// What it means, in a few words.
+    #[must_use]
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::Cleared => "no object was left",
+            Self::NoGrasp => "the planner gave no grasp that was not tried",
+            Self::Failures => "too many attempts in a row failed",
+            Self::AttemptsMax => "the round's attempts were used up",
+            Self::Unsettled => "the objects would not come to rest again",
+        }
+    }
+}
+
 /// A round: one scene, cleared as far as it goes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoundRecord {

@@ -9,14 +9,15 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use schema::Outcome;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub use figure::{FigureError, svg};
+pub(crate) use figure::{Row, svg_for_page};
 
 use crate::statistics::{DRAWS, GroupResults, Interval, Percentiles, Rates, Results};
 
 /// Where results come from: what it takes to find them again.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct About {
     /// The command that was given.
     pub command: String,
@@ -51,11 +52,24 @@ pub fn json(results: &Results, about: &About) -> String {
 /// # Errors
 /// If it is another text.
 pub fn read(text: &str) -> Result<Results, serde_json::Error> {
-    #[derive(serde::Deserialize)]
+    #[derive(Deserialize)]
     struct Read {
         results: Results,
     }
     serde_json::from_str::<Read>(text).map(|read| read.results)
+}
+
+/// The results in a JSON that [`json`] wrote, and where they come from.
+///
+/// # Errors
+/// If it is another text.
+pub fn read_whole(text: &str) -> Result<(Results, About), serde_json::Error> {
+    #[derive(Deserialize)]
+    struct Read {
+        results: Results,
+        about: About,
+    }
+    serde_json::from_str::<Read>(text).map(|read| (read.results, read.about))
 }
 
 /// The results as a page.
@@ -144,29 +158,34 @@ fn legend() -> String {
 
 const POINT_NOTE: &str = "An interval without width means that all rounds ended alike, not that the rate is certain.\n";
 
-fn headline_rates(results: &Results) -> [Option<Interval>; 3] {
+pub(crate) fn headline_rates(results: &Results) -> [Option<Interval>; 3] {
     let rates = &results.rates;
     [rates.success_rate, rates.cleared_share, rates.rounds_cleared_share]
 }
 
-fn is_any_point(rates: impl IntoIterator<Item = Option<Interval>>) -> bool {
+pub(crate) fn is_any_point(rates: impl IntoIterator<Item = Option<Interval>>) -> bool {
     rates.into_iter().flatten().any(|interval| interval.is_point())
 }
 
 /// A line for every ordered pair whose first is above its second.
 fn apart(results: &[Results]) -> String {
+    let rates: Vec<_> = results.iter().map(|one| one.rates.success_rate).collect();
     let mut lines = String::new();
-    for better in results {
-        for worse in results {
-            let (Some(high), Some(low)) = (better.rates.success_rate, worse.rates.success_rate) else { continue };
-            if high.is_above(&low) {
-                let names = (cell(&better.protocol), cell(&worse.protocol));
-                let _ =
-                    writeln!(lines, "- {}, {}, is above {}, {}", names.0, share(Some(high)), names.1, share(Some(low)));
-            }
-        }
+    for (better, worse) in comparison_of_rates(&rates) {
+        let [high, low] = [better, worse].map(|at| format!("{}, {}", cell(&results[at].protocol), share(rates[at])));
+        let _ = writeln!(lines, "- {high}, is above {low}");
     }
     lines
+}
+
+/// The ordered pairs, by number, whose first is above its second.
+pub(crate) fn comparison_of_rates(rates: &[Option<Interval>]) -> Vec<(usize, usize)> {
+    let is_above = |(better, worse): &(usize, usize)| match (rates[*better], rates[*worse]) {
+        (Some(high), Some(low)) => high.is_above(&low),
+        _ => false,
+    };
+    let pairs = (0..rates.len()).flat_map(|better| (0..rates.len()).map(move |worse| (better, worse)));
+    pairs.filter(is_above).collect()
 }
 
 fn failures(results: &Results) -> String {
@@ -215,7 +234,7 @@ fn group_table(groups: &[GroupResults]) -> String {
 }
 
 /// Mean and standard deviation over seeds, as GIGA tells its rates.
-fn over_seeds(seeds: &[GroupResults]) -> String {
+pub(crate) fn over_seeds(seeds: &[GroupResults]) -> String {
     let told = |rate: fn(&Rates) -> Option<Interval>| {
         let rates: Vec<f64> =
             seeds.iter().filter_map(|seed| rate(&seed.rates)).map(|rate| 100.0 * rate.value).collect();
@@ -259,12 +278,12 @@ fn block(language: &str, code: &str) -> String {
     format!("{fence}{language}\n{}\n{fence}\n", code.trim_end())
 }
 
-fn share(interval: Option<Interval>) -> String {
+pub(crate) fn share(interval: Option<Interval>) -> String {
     let Some(Interval { value, low, high }) = interval else { return "–".to_owned() };
     format!("{:.1} % ({:.1} to {:.1})", 100.0 * value, 100.0 * low, 100.0 * high)
 }
 
-fn percent_of(part: u64, whole: u64) -> String {
+pub(crate) fn percent_of(part: u64, whole: u64) -> String {
     if whole == 0 { "–".to_owned() } else { format!("{:.1} %", 100.0 * part as f64 / whole as f64) }
 }
 
@@ -273,7 +292,7 @@ fn times(percentiles: Option<Percentiles>) -> String {
     format!("{p50:.1} / {p90:.1} / {p99:.1}")
 }
 
-fn mean(value: Option<f64>) -> String {
+pub(crate) fn mean(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}"))
 }
 

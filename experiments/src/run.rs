@@ -78,7 +78,7 @@ pub fn run(
     stop: &AtomicBool,
     on_round: &(dyn Fn(&Round) + Sync),
 ) -> Result<Vec<Round>, RunError> {
-    let path = folder.join("journal.jsonl");
+    let path = folder.join(JOURNAL);
     let failed = |source| RunError::Io { path: path.clone(), source };
     fs::create_dir_all(folder).map_err(failed)?;
     let identity = Identity {
@@ -142,6 +142,30 @@ fn in_threads(
     }
     Ok(rounds)
 }
+
+/// The rounds that the journal in `folder` tells of, by number; `None` if there is no journal. A last line that was cut off is passed
+/// over, and nothing is changed.
+///
+/// # Errors
+/// What the system says; `InvalidData` if it is no journal.
+pub fn journalled(folder: &Path) -> io::Result<Option<Vec<Round>>> {
+    let text = match fs::read_to_string(folder.join(JOURNAL)) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        read => read?,
+    };
+    let whole = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
+    let damaged = |line: usize| io::Error::new(io::ErrorKind::InvalidData, format!("line {line} tells of no round"));
+    let mut rounds = Vec::new();
+    for (at, line) in whole.lines().enumerate().skip(1) {
+        let round = serde_json::from_str::<Line>(line).ok().and_then(|line| line.round());
+        rounds.push(round.ok_or_else(|| damaged(at + 1))?);
+    }
+    rounds.sort_by_key(|round: &Round| round.record.round);
+    Ok(Some(rounds))
+}
+
+/// The journal's name.
+pub const JOURNAL: &str = "journal.jsonl";
 
 fn append(file: &Mutex<File>, line: &impl serde::Serialize) -> io::Result<()> {
     let text = serde_json::to_string(line)? + "\n";

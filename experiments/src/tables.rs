@@ -121,6 +121,7 @@ pub fn conditions(config: &Config) -> String {
     let told = json!({
         "protocol": config.protocol,
         "seeds": config.seeds,
+        "size_m": scene.grid.size_m,
         "table_z_m": scene.grid.table_z_m,
         "gripper": scene.gripper,
         "procedure": scene.procedure,

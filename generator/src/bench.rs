@@ -242,7 +242,7 @@ fn agreement(config: &Config, size: BenchSize, settings: String, physics: Physic
 
 fn repeat(config: &Config, physics: &Physics, rows: &SceneRows) -> (Vec<Outcome>, Duration) {
     let began = Instant::now();
-    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects);
+    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, config.models.bodies());
     let world = AttemptWorld::new(physics, &config.gripper, &config.procedure, &scene);
     let attempts = rows.attempts.iter();
     let outcomes = attempts.map(|a| world.execute(&a.workspace_from_grasp, a.object_id as usize).outcome).collect();

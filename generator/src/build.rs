@@ -12,7 +12,7 @@ use simulator::{AttemptWorld, Execution, Scene, SceneRays, Settled, Unsettled, s
 use crate::candidates::{Candidate, draw_candidates};
 use crate::config::{Config, Sampler};
 use crate::normals::draw_along_normals;
-use crate::objects::draw_drops;
+use crate::objects::{draw_drops, draw_model_drops};
 
 /// A scene that could not be built: every try was rejected.
 #[derive(Debug, thiserror::Error, Clone, Copy, PartialEq, Eq)]
@@ -74,9 +74,9 @@ pub fn make_scene_timed(
     let (settled, dropped_count, rejections) = settled_scene(config, scene_id)?;
     ended(Stage::Settle);
 
-    let objects = object_records(scene_id, &settled.scene);
+    let objects = object_records(config, scene_id, &settled.scene);
     // What is executed is what is stored: the attempts see the scene through its rows.
-    let scene = Scene::from_records(config.grid.table_z_m, &objects);
+    let scene = Scene::from_records(config.grid.table_z_m, &objects, config.models.bodies());
     let mut views_stream = Stream::new(config.seed, scene_id, Purpose::Views, 0);
     let views = draw_views(&config.views, &config.grid, &mut views_stream);
     let rays = SceneRays::new(&scene);
@@ -87,7 +87,7 @@ pub fn make_scene_timed(
     let count = attempt_count as usize;
     let candidates = match config.sampler {
         Sampler::Rules => draw_candidates(&objects, count, &mut candidates_stream),
-        Sampler::Vgn => draw_along_normals(config, &objects, &rays, &views, count, &mut candidates_stream),
+        Sampler::Vgn => draw_along_normals(config, (&scene, &objects), &rays, &views, count, &mut candidates_stream),
     };
     let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
     ended(Stage::Prepare);
@@ -115,7 +115,12 @@ pub fn make_scene_timed(
 fn settled_scene(config: &Config, scene_id: u64) -> Result<(Settled, u32, SceneRejections), NoScene> {
     let mut rejections = SceneRejections::default();
     for attempt in 0..config.tries_max {
-        let drops = draw_drops(&config.objects, &config.grid, config.seed, scene_id, attempt);
+        let Config { objects, models, grid, seed, .. } = config;
+        let drops = if models.is_empty() {
+            draw_drops(objects, grid, *seed, scene_id, attempt)
+        } else {
+            draw_model_drops(models, objects, grid, *seed, scene_id, attempt)
+        };
         match settle(&config.physics, &config.settle, &config.grid, &drops) {
             Ok(settled) => return Ok((settled, drops.len() as u32, rejections)),
             Err(Unsettled::Moving) => rejections.unsettled += 1,
@@ -137,7 +142,7 @@ fn observe(config: &Config, rays: &SceneRays, views: &[View]) -> VoxelGrid {
     tsdf.to_voxels()
 }
 
-fn object_records(scene_id: u64, scene: &Scene) -> Vec<ObjectRecord> {
+fn object_records(config: &Config, scene_id: u64, scene: &Scene) -> Vec<ObjectRecord> {
     scene
         .objects
         .iter()
@@ -145,7 +150,7 @@ fn object_records(scene_id: u64, scene: &Scene) -> Vec<ObjectRecord> {
         .map(|(object, object_id)| ObjectRecord {
             scene_id,
             object_id,
-            solid: object.body.as_solid().expect("what draw_drops let fall is a solid"),
+            shape: config.models.shape_of(&object.body),
             mass_kg: object.mass_kg,
             friction: object.friction,
             workspace_from_object: object.workspace_from_object,

@@ -1,8 +1,8 @@
 //! Candidates: grasps drawn by the rules, not yet executed.
 
-use schema::{Axis, Mat3, ObjectRecord, Pose, Quat, Rule, Stream, Vec3, axis_angle};
-
-use crate::rules::{SLIDE_SHARE, TIP_DEPTH_M, Tilt, law_of};
+use schema::{
+    Axis, Mat3, ObjectRecord, Pose, Quat, Rule, SLIDE_SHARE, Stream, TIP_DEPTH_M, Tilt, Vec3, axis_angle, law_of,
+};
 
 /// A grasp to be tried, with everything that was drawn for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,7 +28,7 @@ pub struct Candidate {
 /// Draws `count` candidates, spread evenly over a scene's objects, and over each object's three rules.
 ///
 /// # Panics
-/// If there are no objects.
+/// If there are no objects, or one is no primitive.
 #[must_use]
 pub fn draw_candidates(objects: &[ObjectRecord], count: usize, stream: &mut Stream) -> Vec<Candidate> {
     assert!(!objects.is_empty(), "a scene without objects has no candidates");
@@ -41,10 +41,14 @@ pub fn draw_candidates(objects: &[ObjectRecord], count: usize, stream: &mut Stre
 }
 
 /// Draws one candidate for an object, approached along one of its axes. Takes the same number of draws for every rule.
+///
+/// # Panics
+/// If the object is no primitive: Appendix A has no rules for others.
 #[must_use]
 pub fn draw_candidate(object: &ObjectRecord, object_id: usize, approach: Axis, stream: &mut Stream) -> Candidate {
-    let rule = Rule { shape: object.solid.kind, approach: Some(approach) };
-    let law = law_of(rule.shape, approach);
+    let solid = object.shape.as_solid().expect("a config with a catalogue draws along normals");
+    let rule = Rule { shape: solid.kind.into(), approach: Some(approach) };
+    let law = law_of(solid.kind, approach);
     let closing = law.closing[stream.index(law.closing.len())];
     let (tilt, turn) = (stream.normal(0.0, 1.0), stream.uniform(0.0, 1.0));
     let (tip, slide) = (stream.uniform(TIP_DEPTH_M[0], TIP_DEPTH_M[1]), stream.normal(0.0, 1.0));
@@ -55,8 +59,8 @@ pub fn draw_candidate(object: &ObjectRecord, object_id: usize, approach: Axis, s
     let turn_rad = if law.turns { core::f32::consts::TAU * turn } else { 0.0 };
     let object_from_base = base_frame(&object.workspace_from_object.rotation, approach, closing);
     let across = third(approach, closing);
-    let depth_m = tip - 0.5 * approach.of(object.solid.extents_m);
-    let slide_m = if law.slides { SLIDE_SHARE * across.of(object.solid.extents_m) * slide } else { 0.0 };
+    let depth_m = tip - 0.5 * approach.of(solid.extents_m);
+    let slide_m = if law.slides { SLIDE_SHARE * across.of(solid.extents_m) * slide } else { 0.0 };
     let workspace_from_grasp = place(object, object_from_base, turn_rad, tilt_rad, depth_m, slide_m);
     Candidate { object_id, rule, closing: Some(closing), tilt_rad, turn_rad, depth_m, slide_m, workspace_from_grasp }
 }
@@ -96,7 +100,7 @@ mod tests {
         ObjectRecord {
             scene_id: 1,
             object_id: 0,
-            solid: Solid::new(kind, extents).unwrap(),
+            shape: Solid::new(kind, extents).unwrap().into(),
             mass_kg: 0.1,
             friction: 1.0,
             workspace_from_object: Pose::from_parts(Vec3::new(0.1, 0.2, 0.08), rotation),
@@ -156,7 +160,7 @@ mod tests {
                 assert!((0.015 - 1e-6..0.035 + 1e-6).contains(&tip), "{context}: {c:?}");
             }
             let across =
-                |c: &Candidate| third(*axis, c.closing.unwrap()).of(object(*kind, Quat::IDENTITY).solid.extents_m);
+                |c: &Candidate| third(*axis, c.closing.unwrap()).of(object(*kind, Quat::IDENTITY).shape.extents_m());
             let slide = std(drawn.iter().map(|c| c.slide_m / (across(c) / 6.0)));
             assert!((slide - if *slides { 1.0 } else { 0.0 }).abs() < 0.03, "{context}: {slide}");
         }

@@ -3,9 +3,12 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
+use generator::AttemptId;
+use shards::manual::Manual;
 use shards::{ExitCode, Location, LocationParser};
 
 use crate::assignment::{ShardIndices, Task};
+use crate::import_command::ImportArguments;
 
 /// Generate a grasp dataset: random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards.
 ///
@@ -57,6 +60,8 @@ pub(crate) enum Command {
     Bench(BenchArguments),
     /// Execute a dataset's attempts again, from its rows alone: do they end as stored?
     Repeat(RepeatArguments),
+    /// Execute one stored attempt again and show it, step by step; exit 65 if it does not end as stored
+    Replay(ReplayArguments),
     /// Write a stored scene's depth images, and the file with which planner plan reads them
     Depth(DepthArguments),
     /// Print the shards that are not there, as 0-2,5: what --shard-index and schedulers' arrays take
@@ -67,6 +72,11 @@ pub(crate) enum Command {
     Finalize(DatasetArgument),
     /// Remove what killed writers left behind
     Gc(GcArguments),
+    /// Make objects of your own meshes: measure them, take them apart into convex parts, write a catalogue
+    ImportObjects(ImportArguments),
+    /// Write shell completions, man pages, or this program's reference
+    #[command(subcommand)]
+    Manual(Manual),
 }
 
 #[derive(Debug, clap::Args)]
@@ -137,6 +147,25 @@ pub(crate) struct RepeatArguments {
 }
 
 #[derive(Debug, clap::Args)]
+pub(crate) struct ReplayArguments {
+    /// Folder or URL of the dataset
+    #[arg(value_parser = LocationParser)]
+    pub dataset: Location,
+
+    /// Which attempt of which scene, both from 0
+    #[arg(long, value_name = "SCENE/ATTEMPT")]
+    pub attempt: AttemptId,
+
+    /// A page for a browser that needs nothing else, or JSON with --json; replaced if it is there
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+
+    /// JSON instead of a page, printed if there is no --out; scripts/view_rrd.py makes a Rerun recording of it
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, clap::Args)]
 pub(crate) struct BenchArguments {
     /// Attempts of every run
     #[arg(long, value_name = "N", default_value_t = 12_000)]
@@ -177,6 +206,8 @@ Examples:
   generator missing grasps                              what is left to make
   generator finalize grasps                             complete it, when all is there
   generator depth grasps --scene 7 --out scene-7 && planner plan --views scene-7/views.toml
+  generator replay grasps --attempt 7/12 --out attempt.html    one attempt, to be looked at in a browser
+  generator import-objects meshes --scale 0.001 --out my-objects.toml
   generator bench --markdown bench.md                   what an attempt costs on this machine
 
 GRASPMILL_LOG=info shows which shards are skipped and committed.";

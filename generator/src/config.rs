@@ -4,18 +4,20 @@ use std::path::{Path, PathBuf};
 
 use perception::ViewLaw;
 use schema::{Grid, Gripper, Intrinsics, Procedure, ShapeKind, keys_unlike};
-use serde_json::{Value, json};
-use shards::{DatasetInfo, ExitCode, FormatVersion};
+use shards::ExitCode;
 use simulator::{Physics, SettleLaw};
 
+use crate::models::Models;
 use crate::normals::YAWS;
-use crate::raw::{RawConfig, RawPhysics};
+use crate::raw::RawConfig;
 
 /// The default config and the built-in hand, in the binary, so that it runs anywhere.
 const PAPER: &str = include_str!("../../configs/generate/paper.toml");
 
-/// The engine, as datasets name it.
-const ENGINE: &str = "rapier3d 0.36.1";
+/// Keys that a config may have besides the paper's.
+const OPTIONAL: &str = "[objects]\ncatalogue = \"everyday\"";
+/// Keys of `[objects]` that say what primitives are like; a config with a catalogue may leave them out.
+const OF_PRIMITIVES: [&str; 4] = ["shapes", "size_m", "density_kg_m3", "friction"];
 
 /// Which objects are dropped.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,6 +77,8 @@ pub struct Config {
     pub grid: Grid,
     /// What is dropped.
     pub objects: ObjectLaw,
+    /// The catalogue's objects that are dropped instead of primitives, if there is one.
+    pub models: Models,
     /// When it rests.
     pub settle: SettleLaw,
     /// Tries at a scene.
@@ -165,8 +169,7 @@ impl Config {
             text.parse::<toml::Table>()
                 .map_err(|e| ConfigError::Parse { file: file.to_owned(), message: e.to_string().trim().to_owned() })
         };
-        let given = parse(text)?;
-        let reference = parse(PAPER)?;
+        let (given, reference) = with_optional(parse(text)?, parse(PAPER)?, parse(OPTIONAL)?);
         let mut problems = keys_unlike(&given, &reference);
         let sound = toml::Value::Table(sound_parts(given, &reference));
         let raw: RawConfig = sound.try_into().map_err(|e: toml::de::Error| ConfigError::Parse {
@@ -235,6 +238,7 @@ impl Config {
             let got = raw.attempts_per_scene;
             format!("attempts_per_scene must be a multiple of the {YAWS} yaws at a point, got {got}")
         });
+        let models = check.models(&raw, sampler, folder);
         let (objects, views, gripper, sampler) = (objects?, views?, gripper?, sampler?);
         let (width_px, height_px) = (raw.camera.width_px as usize, raw.camera.height_px as usize);
         Some(Self {
@@ -250,6 +254,7 @@ impl Config {
                 table_z_m: raw.grid.table_z_m,
             },
             objects,
+            models: models?,
             settle: SettleLaw {
                 solver_iterations: raw.settle.solver_iterations as usize,
                 damping_1_s: raw.settle.damping_1_s,
@@ -273,79 +278,29 @@ impl Config {
             procedure: raw.procedure,
         })
     }
-
-    /// What goes to `meta/info.json`: the dataset's identity.
-    #[must_use]
-    pub fn dataset_info(&self) -> DatasetInfo {
-        DatasetInfo {
-            format_version: FormatVersion::CURRENT,
-            code_version: env!("CARGO_PKG_VERSION").to_owned(),
-            seed: self.seed,
-            shard_count: self.shard_count,
-            scene_count: self.attempt_count.div_ceil(u64::from(self.attempts_per_scene)),
-            attempt_count: self.attempt_count,
-            attempts_per_scene: self.attempts_per_scene,
-            grid: self.grid,
-            gripper: self.gripper.clone(),
-            procedure: self.procedure,
-            config: self.laws(),
-        }
-    }
-
-    /// The laws that rows are drawn from and the engine's settings: what [`DatasetInfo`] has no field for.
-    fn laws(&self) -> Value {
-        let (objects, views) = (&self.objects, &self.views);
-        json!({
-            "sampler": self.sampler.name(),
-            "objects": {
-                "shapes": objects.shapes.iter().map(|s| s.name()).collect::<Vec<_>>(),
-                "counts": objects.counts.iter().map(|(count, _)| count).collect::<Vec<_>>(),
-                "count_weights": objects.counts.iter().map(|(_, weight)| weight).collect::<Vec<_>>(),
-                "size_m": objects.size_m,
-                "density_kg_m3": objects.density_kg_m3,
-                "friction": objects.friction,
-                "drop_height_m": objects.drop_height_m,
-            },
-            "settle": {
-                "solver_iterations": self.settle.solver_iterations,
-                "damping_1_s": self.settle.damping_1_s,
-                "linear_speed_m_s_max": self.settle.linear_speed_m_s_max,
-                "angular_speed_rad_s_max": self.settle.angular_speed_rad_s_max,
-                "rest_time_s": self.settle.rest_time_s,
-                "time_s_max": self.settle.time_s_max,
-                "tries_max": self.tries_max,
-            },
-            "views": {
-                "counts": [views.count_min, views.count_max],
-                "radius_sizes": [views.radius_sizes_min, views.radius_sizes_max],
-                "polar_rad": [views.polar_rad_min, views.polar_rad_max],
-            },
-            "camera": {
-                "width_px": self.intrinsics.width_px,
-                "height_px": self.intrinsics.height_px,
-                "focal_px": self.intrinsics.fx_px,
-            },
-            "tsdf": { "truncation_voxels": self.truncation_voxels },
-            "physics": {
-                "engine": ENGINE,
-                "step_rate_hz": self.physics.step_rate_hz,
-                "solver_iterations": self.physics.solver_iterations,
-                "contact_frequency_hz": self.physics.contact_frequency_hz,
-                "gravity_m_s2": self.physics.gravity_m_s2,
-                "table_friction": self.physics.table_friction,
-                "shortcuts": self.physics.shortcuts,
-            },
-        })
-    }
 }
 
-/// The engine's settings from a dataset's laws, as [`Config::dataset_info`] writes them.
-pub(crate) fn physics_of(laws: &Value) -> Result<Physics, String> {
-    let physics = &laws["physics"];
-    if physics["engine"] != ENGINE {
-        return Err(format!("the engine must be {ENGINE:?}, got {}", physics["engine"]));
+/// Optional keys that the given table has, in the reference too, so that they are known; and what the given table may leave out
+/// because of them, filled in.
+fn with_optional(
+    mut given: toml::Table,
+    mut reference: toml::Table,
+    optional: toml::Table,
+) -> (toml::Table, toml::Table) {
+    for (section, keys) in &optional {
+        let (Some(toml::Value::Table(given)), Some(toml::Value::Table(reference)), toml::Value::Table(keys)) =
+            (given.get_mut(section), reference.get_mut(section), keys)
+        else {
+            continue;
+        };
+        for (key, value) in keys.iter().filter(|(key, _)| given.contains_key(*key)).collect::<Vec<_>>() {
+            for left_out in OF_PRIMITIVES.iter().filter(|key| !given.contains_key(**key)).collect::<Vec<_>>() {
+                given.insert((*left_out).to_owned(), reference[*left_out].clone());
+            }
+            reference.insert(key.clone(), value.clone());
+        }
     }
-    serde_json::from_value::<RawPhysics>(physics.clone()).map(Physics::from).map_err(|e| e.to_string())
+    (given, reference)
 }
 
 /// The given table without what the reference does not have, and with the reference's values where it has none of the
@@ -435,6 +390,30 @@ impl Check<'_> {
             friction: friction?,
             drop_height_m: given.drop_height_m,
         })
+    }
+
+    /// The catalogue's objects: drawn along normals, since Appendix A has rules for primitives only, and small enough to fall
+    /// into the workspace.
+    fn models(&mut self, raw: &RawConfig, sampler: Option<Sampler>, folder: Option<&Path>) -> Option<Models> {
+        let Some(name) = &raw.objects.catalogue else { return Some(Models::default()) };
+        self.that(sampler != Some(Sampler::Rules), || {
+            "objects.catalogue needs sampler = \"vgn\": the rules are those of the four primitive shapes".to_owned()
+        });
+        match Models::read(name, folder) {
+            Ok(models) => {
+                for (body, size_m) in models.bodies().iter().map(|body| (body, 2.0 * body.bounding_radius_m())) {
+                    self.that(size_m <= raw.grid.size_m, || {
+                        let (name, side_m) = (body.name(), raw.grid.size_m);
+                        format!("objects.catalogue: {name} must fit into grid.size_m {side_m} in any pose, and is {size_m} m long")
+                    });
+                }
+                Some(models)
+            }
+            Err(problems) => {
+                self.0.extend(problems.into_iter().map(|problem| format!("objects.catalogue: {problem}")));
+                None
+            }
+        }
     }
 
     fn views(&mut self, raw: &RawConfig) -> Option<ViewLaw> {

@@ -9,7 +9,7 @@ use perception::camera_at;
 use schema::{Camera, DepthImage, Intrinsics, View};
 use serde_json::Value;
 use shards::{Dataset, ExitCode, ReadError};
-use simulator::{Scene, SceneRays};
+use simulator::{ModelError, Scene, SceneRays, bodies_of};
 
 /// Metres a unit of the images: a tenth of a millimetre, so that rounding is nothing beside a voxel.
 const SCALE_M: f32 = 1e-4;
@@ -32,6 +32,9 @@ pub enum DepthImagesError {
     /// The dataset does not say what its camera was.
     #[error("meta/info.json has no camera")]
     Camera,
+    /// A model of the dataset is no body.
+    #[error("meta/info.json: {0}")]
+    Model(#[from] ModelError),
     /// The folder cannot be written.
     #[error("failed to write: {source}: {}", .path.display())]
     Write {
@@ -48,7 +51,7 @@ impl DepthImagesError {
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Read(error) => error.exit_code(),
-            Self::Camera => ExitCode::Data,
+            Self::Camera | Self::Model(_) => ExitCode::Data,
             Self::Write { .. } => ExitCode::TryAgain,
         }
     }
@@ -71,7 +74,8 @@ pub fn write_depth_images(
         Views::Stored => rows.scene.views.clone(),
         Views::Around(count) => around(count, info.grid.size_m),
     };
-    let rays = SceneRays::new(&Scene::from_records(info.grid.table_z_m, &rows.objects));
+    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(&info.models)?);
+    let rays = SceneRays::new(&scene);
     let written = |path: &Path, result: io::Result<()>| {
         result.map_err(|source| DepthImagesError::Write { path: path.to_owned(), source })
     };

@@ -5,7 +5,7 @@ use schema::Gripper;
 use shards::DatasetInfo;
 use simulator::Physics;
 
-use crate::config::physics_of;
+use crate::laws::physics_of;
 use crate::{Config, Overrides};
 
 /// The text of a config, a NUL, the text of a gripper's file.

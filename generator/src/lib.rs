@@ -1,21 +1,29 @@
 //! Grasp datasets: config → random stacked scenes → candidates by the rules of Appendix A → attempts in physics → shards.
 //!
-//! The rules and their laws stand in [`law_of`], one row of the paper's Appendix A each; [`make_scene`] turns a scene's
+//! The rules and their laws stand in [`schema::law_of`], one row of the paper's Appendix A each; [`make_scene`] turns a scene's
 //! number into its rows, as a pure function of config and seed; [`generate`] does so for all scenes of the shards asked
 //! for, on all cores, and commits a shard when it is whole.
 
 mod bench;
 mod build;
 mod candidates;
+pub mod catalogue;
 mod config;
 mod depth_images;
 #[cfg(any(test, fuzzing))]
 pub mod fuzzing;
+mod import;
+mod laws;
+mod mass_integrals;
+mod mesh;
+mod mesh_file;
+mod models;
 mod normals;
 mod objects;
 mod raw;
+mod recorder;
 mod repeat;
-mod rules;
+mod replay;
 mod run;
 
 pub use bench::{Agreement, BenchReport, BenchSize, OutcomeCost, RunCost, StageCost, bench};
@@ -23,7 +31,12 @@ pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ConfigError, ObjectLaw, Overrides, Sampler};
 pub use depth_images::{DepthImagesError, Views, write_depth_images};
+pub use import::{ImportError, ImportLaw, Imported, ImportedObject, Weight, import_objects, mesh_files};
+pub use mass_integrals::{MassIntegrals, principal_values, relative_difference};
+pub use mesh::{Mesh, MeshError, Seams, TRIANGLES_MAX};
+pub use mesh_file::{MeshFileError, read_mesh};
+pub use models::Models;
 pub use objects::draw_drops;
 pub use repeat::{Difference, RepeatError, Repeated, repeat};
-pub use rules::{Law, Tilt, law_of};
+pub use replay::{AttemptId, Replay, replay};
 pub use run::{Event, GenerateError, LOOK_SHARDS_MAX, Report, attempts_of, generate};

@@ -7,23 +7,27 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use generator::{
-    BenchSize, Config, ConfigError, DepthImagesError, Event, GenerateError, Overrides, RepeatError, Views, attempts_of,
-    bench, generate, repeat, write_depth_images,
+    BenchSize, Config, ConfigError, DepthImagesError, Event, GenerateError, ImportError, Overrides, RepeatError, Views,
+    attempts_of, bench, generate, repeat, replay, write_depth_images,
 };
 use indicatif::{ProgressBar, ProgressStyle};
+use shards::manual::{Manual, Settings};
 use shards::{Dataset, Draft, FinalizeError, Finalized, ReadError, StoreError, Sweep, Swept};
 
 mod assignment;
 mod bench_text;
 mod cli;
+mod import_command;
 mod table;
 
 use assignment::{Assignment, AssignmentError, index_list};
 use cli::{
-    Arguments, BenchArguments, Command, DatasetArgument, DepthArguments, GcArguments, MissingArguments, RepeatArguments,
+    Arguments, BenchArguments, Command, DatasetArgument, DepthArguments, GcArguments, MissingArguments,
+    RepeatArguments, ReplayArguments,
 };
+use import_command::CatalogueFileError;
 
 /// A world is built and dropped for every attempt: two threads make 3 to 12 % more attempts with this allocator than with the
 /// system's.
@@ -43,10 +47,13 @@ fn main() -> ExitCode {
     let ended = match &arguments.command {
         Some(Command::Bench(bench)) => run_bench(bench),
         Some(Command::Repeat(repeat)) => run_repeat(repeat),
+        Some(Command::Replay(replay)) => run_replay(replay),
         Some(Command::Depth(depth)) => run_depth(depth),
         Some(Command::Missing(missing)) => run_missing(missing),
         Some(Command::Finalize(finalize)) => run_finalize(finalize),
         Some(Command::Gc(gc)) => run_gc(gc),
+        Some(Command::ImportObjects(import)) => import_command::run_import(import),
+        Some(Command::Manual(manual)) => run_manual(manual),
         None => run(&arguments),
     };
     ended
@@ -66,8 +73,11 @@ fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
     let read = error.downcast_ref().map(ReadError::exit_code);
     let store = error.downcast_ref().map(StoreError::exit_code);
     let finalize = error.downcast_ref().map(FinalizeError::exit_code);
+    let write = error.downcast_ref::<ReplayWriteError>().map(|_| shards::ExitCode::TryAgain);
     let assignment = error.downcast_ref::<AssignmentError>().map(|_| shards::ExitCode::Config);
-    let codes = [config, generate, repeat, depth, read, store, finalize, assignment];
+    let import = error.downcast_ref().map(ImportError::exit_code);
+    let catalogue = error.downcast_ref().map(CatalogueFileError::exit_code);
+    let codes = [config, generate, repeat, depth, read, store, finalize, write, assignment, import, catalogue];
     codes.into_iter().flatten().next().unwrap_or(shards::ExitCode::Internal)
 }
 
@@ -126,6 +136,34 @@ fn run_repeat(arguments: &RepeatArguments) -> anyhow::Result<shards::ExitCode> {
     Ok(if repeated.different.is_empty() { shards::ExitCode::Ok } else { shards::ExitCode::Data })
 }
 
+/// What happened is told on stdout, unless the JSON goes there.
+fn run_replay(arguments: &ReplayArguments) -> anyhow::Result<shards::ExitCode> {
+    let dataset = Dataset::open(&arguments.dataset).map_err(RepeatError::from)?;
+    let replay = replay(&dataset, arguments.attempt)?;
+    if let Some(path) = &arguments.out {
+        let written = shards::write_view(&replay.view, arguments.json, path);
+        written.map_err(|source| ReplayWriteError { source, path: path.clone() })?;
+    }
+    let is_json_printed = arguments.json && arguments.out.is_none();
+    let text = if is_json_printed { replay.view.to_json() } else { replay.told() };
+    let _ = write!(std::io::stdout().lock(), "{text}");
+    if replay.is_reproduced() {
+        return Ok(shards::ExitCode::Ok);
+    }
+    if is_json_printed {
+        complain(replay.told().trim_end());
+    }
+    Ok(shards::ExitCode::Data)
+}
+
+/// A replay that could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("failed to write: {source}: {}", .path.display())]
+struct ReplayWriteError {
+    source: std::io::Error,
+    path: std::path::PathBuf,
+}
+
 fn run_depth(arguments: &DepthArguments) -> anyhow::Result<shards::ExitCode> {
     let dataset = Dataset::open(&arguments.dataset)?;
     let views = arguments.views.map_or(Views::Stored, |count| Views::Around(count.into()));
@@ -168,6 +206,18 @@ fn run_gc(arguments: &GcArguments) -> anyhow::Result<shards::ExitCode> {
         text += &format!("{kept} files are being written, or may be, and stay (--all removes them)\n");
     }
     let _ = write!(std::io::stdout().lock(), "{text}");
+    Ok(shards::ExitCode::Ok)
+}
+
+fn run_manual(manual: &Manual) -> anyhow::Result<shards::ExitCode> {
+    let settings = [
+        Settings { path: "configs/generate/paper.toml", toml: include_str!("../../configs/generate/paper.toml") },
+        Settings {
+            path: "configs/grippers/parallel_jaw_80.toml",
+            toml: include_str!("../../configs/grippers/parallel_jaw_80.toml"),
+        },
+    ];
+    manual.make(Arguments::command(), &settings, "").context("failed to write the manual")?;
     Ok(shards::ExitCode::Ok)
 }
 

@@ -2,10 +2,12 @@
 //!
 //! Two things of the published code are not copied. It tries yaws from 0 to π, both ends included, which are one grasp: here
 //! they are six different ones. And it draws points until one will do: here it takes the last after [`TRIES_MAX`].
+//!
+//! Objects of several parts are touched where a line enters their union: as often inside a cup as its inner wall is large.
 
 use perception::camera_at;
 use schema::{Camera, Mat3, ObjectRecord, Plane, Pose, Quat, Rule, Stream, Vec3, View, axis_angle, pose_from_parts};
-use simulator::{SceneRays, ViewRays};
+use simulator::{Scene, SceneObject, SceneRays, ViewRays};
 
 use crate::candidates::Candidate;
 use crate::config::Config;
@@ -24,6 +26,8 @@ const ABOVE_TABLE_M: f32 = 0.005;
 const MARGIN_SIZES: f32 = 1.0 / 15.0;
 /// A point is seen if the camera's depth there is its own, to this.
 const SEEN_WITHIN_M: f32 = 0.003;
+/// Parts that are nearer to each other than this along a line have no surface between them.
+const SEAM_M: f32 = 1e-4;
 
 /// A point of an object's surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,14 +37,29 @@ struct Touch {
     normal: Vec3,
 }
 
-/// Draws `count` candidates in a scene that is seen from `views`: [`YAWS`] in a row about each point (the last point's may be fewer).
+/// The surface of an object at rest: the faces of its convex parts.
+struct Target {
+    parts: Vec<Vec<Plane>>,
+    radius_m: f32,
+    workspace_from_object: Pose,
+}
+
+impl Target {
+    fn of(object: &SceneObject) -> Self {
+        let parts = object.body.convexes().into_iter().map(|convex| convex.planes).collect();
+        let radius_m = object.body.bounding_radius_m();
+        Self { parts, radius_m, workspace_from_object: object.workspace_from_object }
+    }
+}
+
+/// Draws `count` candidates in a scene, given with its rows, that is seen from `views`: [`YAWS`] in a row about each point (the last point's may be fewer).
 ///
 /// # Panics
 /// If there are no objects.
 #[must_use]
 pub(crate) fn draw_along_normals(
     config: &Config,
-    objects: &[ObjectRecord],
+    (scene, objects): (&Scene, &[ObjectRecord]),
     rays: &SceneRays,
     views: &[View],
     count: usize,
@@ -51,12 +70,13 @@ pub(crate) fn draw_along_normals(
         (camera, rays.seen_from(&camera))
     };
     let cameras: Vec<(Camera, ViewRays)> = views.iter().map(seen).collect();
+    let targets: Vec<Target> = scene.objects.iter().map(Target::of).collect();
     let mut candidates = Vec::with_capacity(count.next_multiple_of(YAWS));
     while candidates.len() < count {
-        let touch = draw_seen(config, objects, &cameras, stream);
+        let touch = draw_seen(config, &targets, &cameras, stream);
         let length_m = config.gripper.finger_length_m;
         let depth_m = length_m * stream.uniform(-DEPTH_SHARE, 1.0 + DEPTH_SHARE);
-        let shape = objects[touch.object_id].solid.kind;
+        let shape = objects[touch.object_id].shape.shape();
         candidates.extend((0..YAWS).map(|yaw| {
             let turn_rad = core::f32::consts::PI * yaw as f32 / YAWS as f32;
             Candidate {
@@ -76,7 +96,7 @@ pub(crate) fn draw_along_normals(
 }
 
 /// A surface point that a camera sees, that looks up and lies inside the workspace; after [`TRIES_MAX`] draws the last.
-fn draw_seen(config: &Config, objects: &[ObjectRecord], cameras: &[(Camera, ViewRays)], stream: &mut Stream) -> Touch {
+fn draw_seen(config: &Config, targets: &[Target], cameras: &[(Camera, ViewRays)], stream: &mut Stream) -> Touch {
     let grid = &config.grid;
     let inside = MARGIN_SIZES * grid.size_m..=(1.0 - MARGIN_SIZES) * grid.size_m;
     let will_do = |touch: &Touch| {
@@ -87,10 +107,10 @@ fn draw_seen(config: &Config, objects: &[ObjectRecord], cameras: &[(Camera, View
             && inside.contains(&point_m.y)
             && cameras.iter().any(|(camera, rays)| sees(camera, rays, touch))
     };
-    let top_of_first = Touch { object_id: 0, point_m: objects[0].workspace_from_object.translation, normal: Vec3::Z };
+    let top_of_first = Touch { object_id: 0, point_m: targets[0].workspace_from_object.translation, normal: Vec3::Z };
     let mut last = top_of_first;
     for _ in 0..TRIES_MAX {
-        if let Some(touch) = draw_touch(objects, stream) {
+        if let Some(touch) = draw_touch(targets, stream) {
             last = touch;
             if will_do(&touch) {
                 break;
@@ -111,26 +131,49 @@ fn sees(camera: &Camera, rays: &ViewRays, Touch { point_m, normal, .. }: &Touch)
 }
 
 /// Where a random straight line enters an object, or `None` if it misses: lines that are uniform over all that meet a ball enter
-/// the convex solids in it uniformly over their surfaces (Crofton), so that no face has to be measured.
-fn draw_touch(objects: &[ObjectRecord], stream: &mut Stream) -> Option<Touch> {
-    let discs: Vec<f32> =
-        objects.iter().map(|o| o.solid.bounding_radius_m()).map(|radius_m| radius_m * radius_m).collect();
+/// the solids in it uniformly over their surfaces (Crofton), so that no face has to be measured. A line may enter an object of
+/// several parts as often: it is drawn as often, and each time asked for one of its entries, which may not be there.
+fn draw_touch(targets: &[Target], stream: &mut Stream) -> Option<Touch> {
+    let disc = |target: &Target| target.radius_m * target.radius_m * target.parts.len() as f32;
+    let discs: Vec<f32> = targets.iter().map(disc).collect();
     let mut left = stream.uniform(0.0, discs.iter().sum());
     let object_id = discs.iter().position(|disc| {
         left -= disc;
         left < 0.0
     });
-    let object_id = object_id.unwrap_or(objects.len() - 1);
+    let object_id = object_id.unwrap_or(targets.len() - 1);
     let (rotation, radius_share) = (stream.rotation(), stream.uniform(0.0, 1.0).sqrt());
     let around = axis_angle(Vec3::Z, stream.uniform(0.0, core::f32::consts::TAU));
-    let ObjectRecord { solid, workspace_from_object: pose, .. } = &objects[object_id];
-    let aside_m = rotation * around * Vec3::X * (radius_share * solid.bounding_radius_m());
-    let (local_m, normal) = entry(&solid.planes(), aside_m, rotation * Vec3::Z)?;
+    let Target { parts, radius_m, workspace_from_object: pose } = &targets[object_id];
+    let aside_m = rotation * around * Vec3::X * (radius_share * radius_m);
+    let wanted = if parts.len() == 1 { 0 } else { stream.index(parts.len()) };
+    let (local_m, normal) = entries(parts, aside_m, rotation * Vec3::Z).into_iter().nth(wanted)?;
     Some(Touch { object_id, point_m: pose.transform_point(local_m), normal: pose.rotation * normal })
 }
 
-/// Where the line through `at_m` along `direction` enters a convex solid, and the normal there.
-fn entry(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<(Vec3, Vec3)> {
+/// Where the line through `at_m` along `direction` enters the union of convex parts, first to last, with the normals there.
+fn entries(parts: &[Vec<Plane>], at_m: Vec3, direction: Vec3) -> Vec<(Vec3, Vec3)> {
+    let mut within: Vec<Within> = parts.iter().filter_map(|planes| within(planes, at_m, direction)).collect();
+    within.sort_by(|a, b| a.enter_m.total_cmp(&b.enter_m));
+    let mut inside_to_m = f32::NEG_INFINITY;
+    let mut found = Vec::new();
+    for Within { enter_m, exit_m, normal } in within {
+        if enter_m > inside_to_m + SEAM_M {
+            found.push((at_m + direction * enter_m, normal));
+        }
+        inside_to_m = inside_to_m.max(exit_m);
+    }
+    found
+}
+
+/// The piece of a line that lies within a convex part, as distances along it, and the normal where it begins.
+struct Within {
+    enter_m: f32,
+    exit_m: f32,
+    normal: Vec3,
+}
+
+fn within(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<Within> {
     let (mut enter, mut exit, mut face) = (f32::NEG_INFINITY, f32::INFINITY, None);
     for plane in planes {
         let (speed, gap_m) = (plane.normal.dot(direction), plane.offset_m - plane.normal.dot(at_m));
@@ -144,7 +187,7 @@ fn entry(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<(Vec3, Vec3)> 
             return None;
         }
     }
-    face.filter(|_| enter < exit).map(|normal| (at_m + direction * enter, normal))
+    face.filter(|_| enter < exit).map(|normal| Within { enter_m: enter, exit_m: exit, normal })
 }
 
 /// The hand along the inward normal, its tips `depth_m` behind the surface, turned by `yaw_rad` from where its x lies in the plane of the
@@ -162,13 +205,15 @@ fn hand_at(touch: &Touch, yaw_rad: f32, depth_m: f32) -> Pose {
 mod tests {
     use schema::{Purpose, ShapeKind, Solid};
     use simulator::Scene;
+    use simulator::{Body, Compound, Part, Piece};
 
     use super::*;
     use crate::config::Overrides;
 
     fn record(solid: Solid, at: Vec3, rotation: Quat) -> ObjectRecord {
         let workspace_from_object = pose_from_parts(rotation, at);
-        ObjectRecord { scene_id: 0, object_id: 0, solid, mass_kg: 0.1, friction: 1.0, workspace_from_object }
+        let shape = solid.into();
+        ObjectRecord { scene_id: 0, object_id: 0, shape, mass_kg: 0.1, friction: 1.0, workspace_from_object }
     }
 
     /// Lines enter each face as often as its area says, and the point lies on that face.
@@ -177,7 +222,8 @@ mod tests {
         let mut stream = Stream::new(4, 0, Purpose::Candidates, 0);
         let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.08)).unwrap();
         let objects = [record(solid, Vec3::ZERO, Quat::IDENTITY)];
-        let touches: Vec<Touch> = (0..40_000).filter_map(|_| draw_touch(&objects, &mut stream)).collect();
+        let targets: Vec<Target> = Scene::from_records(0.0, &objects, &[]).objects.iter().map(Target::of).collect();
+        let touches: Vec<Touch> = (0..40_000).filter_map(|_| draw_touch(&targets, &mut stream)).collect();
         let area = 2.0 * (0.03 * 0.05 + 0.05 * 0.08 + 0.08 * 0.03);
         for (axis, face) in [(Vec3::X, 0.05 * 0.08), (Vec3::Y, 0.08 * 0.03), (Vec3::Z, 0.03 * 0.05)] {
             for normal in [axis, -axis] {
@@ -197,6 +243,35 @@ mod tests {
         }
     }
 
+    /// An L of two boxes that share a face: the shared face is no surface, and the faces in the corner are, as their area says.
+    #[test]
+    fn touches_of_parts_are_uniform_over_the_surface_of_their_union() {
+        let box_at = |size: Vec3, at: Vec3| Part {
+            piece: Piece::Solid(Solid::new(ShapeKind::Cuboid, size).unwrap()),
+            object_from_part: Pose::from_translation(at),
+        };
+        let lying = box_at(Vec3::new(0.08, 0.04, 0.02), Vec3::new(0.0, 0.0, 0.01));
+        let standing = box_at(Vec3::new(0.02, 0.04, 0.06), Vec3::new(-0.03, 0.0, 0.05));
+        let body: Body = Compound::new("ell", vec![lying, standing]).unwrap().into();
+        let workspace_from_object = Pose::IDENTITY;
+        let targets = [Target::of(&SceneObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object })];
+        let mut stream = Stream::new(5, 0, Purpose::Candidates, 0);
+        let touches: Vec<Touch> = (0..60_000).filter_map(|_| draw_touch(&targets, &mut stream)).collect();
+        let share =
+            |of: &dyn Fn(&Touch) -> bool| touches.iter().filter(|t| of(t)).count() as f32 / touches.len() as f32;
+        // Ends at -x and +x (one of them in the corner) 0.08 x 0.04 each, two ells of 0.0028, below and above 0.08 x 0.04.
+        let area = 2.0 * 0.08 * 0.04 + 2.0 * 0.0028 + 2.0 * 0.08 * 0.04;
+        // The frame's origin is the middle of the box: the bottom is at z = -0.04, the step at -0.02.
+        let in_corner = |t: &Touch| t.normal.x > 0.99 && t.point_m.x < 0.0;
+        let on_step = |t: &Touch| t.normal.z > 0.99 && t.point_m.z < 0.0;
+        let on_seam = |t: &Touch| t.normal.z.abs() > 0.99 && (t.point_m.z + 0.02).abs() < 1e-5 && t.point_m.x < -0.02;
+        for (got, of) in [(share(&in_corner), 0.06 * 0.04), (share(&on_step), 0.06 * 0.04)] {
+            assert!((got / (of / area) - 1.0).abs() < 0.06, "{got} of {}", of / area);
+        }
+        assert_eq!(share(&on_seam), 0.0);
+        assert!((share(&|t| t.normal.y.abs() > 0.99) / (2.0 * 0.0028 / area) - 1.0).abs() < 0.06);
+    }
+
     #[test]
     fn a_points_six_hands_share_origin_and_approach_and_touch_what_a_camera_sees() {
         let config = Config::load(None, Overrides::default()).unwrap();
@@ -205,11 +280,12 @@ mod tests {
             record(solid, Vec3::new(0.12, 0.15, 0.085), Quat::IDENTITY),
             record(solid, Vec3::new(0.2, 0.15, 0.075), axis_angle(Vec3::Y, core::f32::consts::FRAC_PI_2)),
         ];
-        let rays = SceneRays::new(&Scene::from_records(config.grid.table_z_m, &objects));
+        let scene = Scene::from_records(config.grid.table_z_m, &objects, &[]);
+        let rays = SceneRays::new(&scene);
         // From the side of small x, so that what looks to large x is hidden.
         let views = [View { radius_m: 0.6, polar_rad: 1.0, azimuth_rad: core::f32::consts::PI }];
         let mut stream = Stream::new(4, 1, Purpose::Candidates, 0);
-        let drawn = draw_along_normals(&config, &objects, &rays, &views, 602, &mut stream);
+        let drawn = draw_along_normals(&config, (&scene, &objects), &rays, &views, 602, &mut stream);
         assert_eq!(drawn.len(), 602);
         let camera = camera_at(&views[0], &config.grid, config.intrinsics);
         for point in drawn.chunks(YAWS) {

@@ -4,6 +4,7 @@ use schema::{Grid, Pose, Purpose, ShapeKind, Solid, Stream, Vec3};
 use simulator::Drop;
 
 use crate::config::ObjectLaw;
+use crate::models::Models;
 
 /// Draws the objects of a scene and how each is let go. `attempt` counts the tries at this scene, from 0.
 #[must_use]
@@ -19,7 +20,34 @@ pub fn draw_drops(law: &ObjectLaw, grid: &Grid, seed: u64, scene_id: u64, attemp
                 body: solid.into(),
                 mass_kg: density_kg_m3 * solid.volume_m3(),
                 friction: objects.uniform(law.friction[0], law.friction[1]),
-                workspace_from_object: draw_release(law, grid, &solid, &mut drops),
+                workspace_from_object: draw_release(law, grid, solid.bounding_radius_m(), &mut drops),
+            }
+        })
+        .collect()
+}
+
+/// As [`draw_drops`], of a catalogue's objects: each as likely as another, however often, at its own size, mass and friction.
+#[must_use]
+pub(crate) fn draw_model_drops(
+    models: &Models,
+    law: &ObjectLaw,
+    grid: &Grid,
+    seed: u64,
+    scene_id: u64,
+    attempt: u32,
+) -> Vec<Drop> {
+    let mut objects = Stream::new(seed, scene_id, Purpose::Objects, attempt);
+    let mut drops = Stream::new(seed, scene_id, Purpose::Drops, attempt);
+    let count = draw_count(law, &mut objects);
+    (0..count)
+        .map(|_| {
+            let number = objects.index(models.bodies().len());
+            let (body, model) = (&models.bodies()[number], &models.stored()[number]);
+            Drop {
+                body: body.clone(),
+                mass_kg: model.mass_kg,
+                friction: model.friction,
+                workspace_from_object: draw_release(law, grid, body.bounding_radius_m(), &mut drops),
             }
         })
         .collect()
@@ -50,9 +78,9 @@ fn draw_solid(law: &ObjectLaw, stream: &mut Stream) -> Solid {
 }
 
 /// Anywhere over the workspace where the object's bounding ball clears the walls, in any orientation.
-fn draw_release(law: &ObjectLaw, grid: &Grid, solid: &Solid, stream: &mut Stream) -> Pose {
+fn draw_release(law: &ObjectLaw, grid: &Grid, radius_m: f32, stream: &mut Stream) -> Pose {
     let middle = 0.5 * grid.size_m;
-    let reach = (middle - solid.bounding_radius_m()).max(0.0);
+    let reach = (middle - radius_m).max(0.0);
     let at = Vec3::new(
         middle + stream.uniform(-reach, reach),
         middle + stream.uniform(-reach, reach),

@@ -37,6 +37,8 @@ pub(crate) struct RawObjects {
     pub density_kg_m3: Vec<f32>,
     pub friction: Vec<f32>,
     pub drop_height_m: f32,
+    #[serde(default)]
+    pub catalogue: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 use schema::Outcome;
 use shards::{Dataset, ExitCode, ReadError};
-use simulator::{AttemptWorld, Physics, Scene};
+use simulator::{AttemptWorld, Body, ModelError, Physics, Scene, bodies_of};
 
-use crate::config::physics_of;
+use crate::laws::physics_of;
 
 /// What came of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -38,6 +38,9 @@ pub enum RepeatError {
     /// The dataset does not say how the engine was run.
     #[error("meta/info.json has no engine settings that this program knows: {0}")]
     Physics(String),
+    /// A model of the dataset is no body.
+    #[error("meta/info.json: {0}")]
+    Model(#[from] ModelError),
 }
 
 impl RepeatError {
@@ -46,7 +49,7 @@ impl RepeatError {
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Read(error) => error.exit_code(),
-            Self::Physics(_) => ExitCode::Data,
+            Self::Physics(_) | Self::Model(_) => ExitCode::Data,
         }
     }
 }
@@ -57,6 +60,7 @@ impl RepeatError {
 /// [`RepeatError`] if the dataset cannot be read or was not made by this engine.
 pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, RepeatError> {
     let physics = physics_of(&dataset.info().config).map_err(RepeatError::Physics)?;
+    let bodies = bodies_of(&dataset.info().models)?;
     let mut repeated = Repeated { attempts: 0, different: Vec::new() };
     for shard in 0..dataset.shard_count() {
         let ids = dataset.info().scenes_of(shard);
@@ -71,7 +75,7 @@ pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, RepeatErr
                 // Rows are sorted by scene.
                 let objects = &objects[range_of(&objects, scene_id, |row| row.scene_id)];
                 let attempts = &attempts[range_of(&attempts, scene_id, |row| row.scene_id)];
-                repeat_scene(dataset, &physics, objects, attempts)
+                repeat_scene(dataset, (&physics, &bodies), objects, attempts)
             })
             .collect();
         for one in found {
@@ -88,12 +92,12 @@ fn range_of<T>(rows: &[T], scene_id: u64, of: impl Fn(&T) -> u64) -> std::ops::R
 
 fn repeat_scene(
     dataset: &Dataset,
-    physics: &Physics,
+    (physics, bodies): (&Physics, &[Body]),
     objects: &[schema::ObjectRecord],
     attempts: &[schema::AttemptRecord],
 ) -> Repeated {
     let info = dataset.info();
-    let scene = Scene::from_records(info.grid.table_z_m, objects);
+    let scene = Scene::from_records(info.grid.table_z_m, objects, bodies);
     let world = AttemptWorld::new(physics, &info.gripper, &info.procedure, &scene);
     let again = |row: &schema::AttemptRecord| {
         let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);

@@ -1,6 +1,6 @@
 //! Where the cameras stand: on a sphere about the middle of the workspace's floor, all looking at it.
 
-use schema::{Camera, Grid, Intrinsics, Quat, Stream, Vec3, View, axis_angle, pose_from_parts};
+use schema::{Camera, Grid, Intrinsics, Stream, View};
 
 /// From which views a scene is seen: how many, how far away, how oblique. The azimuth is always U(0, 2π).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,23 +81,17 @@ pub fn draw_views(law: &ViewLaw, grid: &Grid, stream: &mut Stream) -> Vec<View> 
 /// The camera of a view: on the sphere about the middle of the workspace's floor, (size/2, size/2, 0), looking at it,
 /// image up towards workspace up (VGN: `camera_on_sphere`).
 ///
-/// VGN builds the pose from a look-at that divides zero by zero straight above the target. Here it is three turns:
-/// a camera that looks straight down, tilted by the polar angle about y, turned by the azimuth about z. They give the
-/// same poses, and at the pole the limit along the azimuth.
+/// VGN builds the pose from a look-at that divides zero by zero straight above the target. [`View::workspace_from_camera`]
+/// gives the same poses, and at the pole the limit along the azimuth.
 #[must_use]
 pub fn camera_at(view: &View, grid: &Grid, intrinsics: Intrinsics) -> Camera {
-    // Straight down: camera x along workspace y, camera y along workspace x, camera z along −z.
-    let down = Quat::from_xyzw(core::f32::consts::FRAC_1_SQRT_2, core::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0);
-    let onto_sphere = axis_angle(Vec3::Z, view.azimuth_rad) * axis_angle(Vec3::Y, view.polar_rad);
-    let target = Vec3::new(0.5 * grid.size_m, 0.5 * grid.size_m, 0.0);
-    let eye = target + onto_sphere * Vec3::Z * view.radius_m;
-    Camera { intrinsics, workspace_from_camera: pose_from_parts(onto_sphere * down, eye) }
+    Camera { intrinsics, workspace_from_camera: view.workspace_from_camera(grid) }
 }
 
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use schema::Purpose;
+    use schema::{Purpose, Vec3};
 
     use super::*;
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use planner::Policy;
+use shards::manual::Manual;
 use shards::{Location, LocationParser};
 
 /// Plans grasps from what a robot sees.
@@ -26,6 +27,9 @@ pub(crate) enum Command {
     /// What a plan costs on this machine
     #[command(after_help = shards::ExitCode::HELP)]
     Bench(BenchArguments),
+    /// Write shell completions, man pages, or this program's reference
+    #[command(subcommand)]
+    Manual(Manual),
 }
 
 /// The network and the settings.

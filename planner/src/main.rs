@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::Context;
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use cli::{BenchArguments, Cli, Command, PlanArguments, PlannerArguments, ServeArguments};
 use planner::answer::Answer;
 use planner::bench::bench;
@@ -23,6 +23,7 @@ use planner::picture::{PictureError, draw};
 use planner::serve::{ServeError, ServeOptions, serve};
 use planner::{Config, Observation, PlanError, Planner, PlannerError, demo};
 use schema::Grid;
+use shards::manual::{Manual, Settings};
 
 /// Plans are made of many short-lived volumes; the system's allocator gives them back to the kernel each time.
 #[global_allocator]
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
         Command::Plan(arguments) => run_plan(&arguments),
         Command::Serve(arguments) => run_serve(&arguments),
         Command::Bench(arguments) => run_bench(&arguments),
+        Command::Manual(manual) => run_manual(&manual),
     };
     match ended {
         Ok(()) => shards::ExitCode::Ok.into(),
@@ -102,8 +104,16 @@ fn run_plan(arguments: &PlanArguments) -> anyhow::Result<()> {
     Ok(())
 }
 
+fn run_manual(manual: &Manual) -> anyhow::Result<()> {
+    let settings = [
+        Settings { path: "configs/plan/paper.toml", toml: include_str!("../../configs/plan/paper.toml") },
+        Settings { path: "configs/plan/refined.toml", toml: include_str!("../../configs/plan/refined.toml") },
+    ];
+    manual.make(Cli::command(), &settings, "").context("failed to write the manual")
+}
+
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    std::fs::write(path, bytes).with_context(|| format!("failed to write {}", path.display()))
+    shards::publish(path, bytes).with_context(|| format!("failed to write {}", path.display()))
 }
 
 /// What is to be planned: a file's request or one made of flags, which count more than the file.

@@ -1,4 +1,4 @@
-//! Figures: lines in axes, as SVG and as PNG. A figure's bytes are a pure function of what it shows, for its text is set
+//! Figures: bars and lines in axes, as SVG and as PNG. A figure's bytes are a pure function of what it shows, for its text is set
 //! with the font in `report/fonts`, not with the system's.
 
 use plotters::coord::Shift;
@@ -7,6 +7,9 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::register_font;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// A colour: red, green, blue.
+pub use plotters::prelude::RGBColor as Colour;
 
 /// A figure.
 #[derive(Debug, Clone)]
@@ -19,6 +22,19 @@ pub struct Figure {
     pub y: Scale,
     /// What is shown; named lines stand in the legend, in this order.
     pub lines: Vec<Line>,
+    /// What is shown behind the lines; named bars stand in the legend, before them.
+    pub bars: Vec<Bars>,
+}
+
+/// Bars of one colour.
+#[derive(Debug, Clone)]
+pub struct Bars {
+    /// Their name in the legend; empty for none.
+    pub name: String,
+    /// Their colour.
+    pub colour: Colour,
+    /// From where to where: x, then y.
+    pub bars: Vec<[f64; 4]>,
 }
 
 /// An axis: what it measures, in which unit, from its first mark to its last.
@@ -35,7 +51,7 @@ pub struct Line {
     /// Its name in the legend; empty for none.
     pub name: String,
     /// Its colour.
-    pub colour: RGBColor,
+    pub colour: Colour,
     /// How it is drawn.
     pub stroke: Stroke,
     /// Its points.
@@ -55,10 +71,14 @@ pub enum Stroke {
     Dashed,
 }
 
-/// Colours that stay apart for the colour-blind and in grey (Okabe and Ito, 2008).
+// Colours that stay apart for the colour-blind and in grey (Okabe and Ito, 2008).
+/// Blue.
 pub const BLUE: RGBColor = RGBColor(0, 114, 178);
+/// Vermilion.
 pub const ORANGE: RGBColor = RGBColor(213, 94, 0);
+/// Green.
 pub const GREEN: RGBColor = RGBColor(0, 158, 115);
+/// Grey.
 pub const GREY: RGBColor = RGBColor(90, 90, 90);
 
 /// Why a figure cannot be drawn.
@@ -69,20 +89,43 @@ pub struct FigureError {
     reason: String,
 }
 
-const WIDTH: u32 = 800;
-const HEIGHT: u32 = 500;
+/// How large a figure is drawn, in pixels of an SVG.
+#[derive(Debug, Clone, Copy)]
+struct Sheet {
+    width: u32,
+    height: u32,
+    has_title: bool,
+}
+
+/// A figure that stands alone.
+const ALONE: Sheet = Sheet { width: 800, height: 500, has_title: true };
+/// A figure on a page, where its caption is its title: words can still be read when it is as wide as a phone.
+const ON_A_PAGE: Sheet = Sheet { width: 440, height: 280, has_title: false };
 /// A PNG is drawn this many times as large …
 const PNG_SCALE: u32 = 3;
 /// … and each of its pixels is the mean of a square of that many: the drawing itself has hard edges.
 const PNG_MEAN_OF: u32 = 2;
 
+/// Height of a row of the legend.
+const LEGEND_ROW: i32 = 24;
+
 /// How the font is called in an SVG: as those call it who have it, then one of the same widths, then any.
 const FONT: &str = "DejaVu Sans, Verdana, sans-serif";
 const FONT_BYTES: &[u8] = include_bytes!("../fonts/DejaVuSans.ttf");
 
+impl Bars {
+    /// Bars that stand on 0, from their heights between evenly spaced edges.
+    #[must_use]
+    pub fn standing(name: &str, colour: Colour, first: f64, step: f64, heights: &[f64]) -> Self {
+        let edge = |at: usize| first + at as f64 * step;
+        let bars = heights.iter().enumerate().map(|(at, height)| [edge(at), edge(at + 1), 0.0, *height]).collect();
+        Self { name: name.to_owned(), colour, bars }
+    }
+}
+
 impl Line {
     /// A line without intervals.
-    pub fn new(name: &str, colour: RGBColor, stroke: Stroke, points: Vec<(f64, f64)>) -> Self {
+    pub fn new(name: &str, colour: Colour, stroke: Stroke, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.to_owned(), colour, stroke, points, intervals: Vec::new() }
     }
 }
@@ -99,6 +142,14 @@ impl Scale {
         let count = (last - first).max(1.0) as usize;
         let marks = (0..=count).map(|at| (first + at as f64) * step).collect();
         let decimals = if step >= 1.0 { 0 } else { (-libm::log10(step) - 1e-9).ceil() as usize };
+        Self { label: label.to_owned(), marks, decimals }
+    }
+
+    /// From one number to another with marks at every step.
+    pub fn steps(label: &str, low: f64, high: f64, step: f64) -> Self {
+        let count = ((high - low) / step).round() as usize; // a few
+        let marks = (0..=count).map(|at| low + at as f64 * step).collect();
+        let decimals = if step.fract() == 0.0 { 0 } else { 1 };
         Self { label: label.to_owned(), marks, decimals }
     }
 
@@ -146,10 +197,22 @@ impl Figure {
     /// # Errors
     /// [`FigureError`] if the library fails.
     pub fn svg(&self) -> Result<String, FigureError> {
+        self.svg_on(ALONE)
+    }
+
+    /// The figure as SVG without its title, 440 × 280: for [`crate::page`].
+    ///
+    /// # Errors
+    /// [`FigureError`] if the library fails.
+    pub fn svg_for_page(&self) -> Result<String, FigureError> {
+        self.svg_on(ON_A_PAGE)
+    }
+
+    fn svg_on(&self, sheet: Sheet) -> Result<String, FigureError> {
         let mut text = String::new();
         {
-            let root = SVGBackend::with_string(&mut text, (WIDTH, HEIGHT)).into_drawing_area();
-            self.draw(&root, 1).map_err(|e| self.failed(&e))?;
+            let root = SVGBackend::with_string(&mut text, (sheet.width, sheet.height)).into_drawing_area();
+            self.draw(&root, sheet, 1).map_err(|e| self.failed(&e))?;
             root.present().map_err(|e| self.failed(&e))?;
         }
         if !text.ends_with('\n') {
@@ -163,11 +226,11 @@ impl Figure {
     /// # Errors
     /// [`FigureError`] if a library fails.
     pub fn png(&self) -> Result<Vec<u8>, FigureError> {
-        let (width, height) = (WIDTH * PNG_SCALE, HEIGHT * PNG_SCALE);
+        let (width, height) = (ALONE.width * PNG_SCALE, ALONE.height * PNG_SCALE);
         let mut large = vec![0; (3 * width * height) as usize];
         {
             let root = BitMapBackend::with_buffer(&mut large, (width, height)).into_drawing_area();
-            self.draw(&root, PNG_SCALE as i32).map_err(|e| self.failed(&e))?;
+            self.draw(&root, ALONE, PNG_SCALE as i32).map_err(|e| self.failed(&e))?;
             root.present().map_err(|e| self.failed(&e))?;
         }
         let pixels = means(&large, width as usize, PNG_MEAN_OF as usize);
@@ -191,17 +254,20 @@ impl Figure {
     fn draw<B: DrawingBackend>(
         &self,
         root: &DrawingArea<B, Shift>,
+        sheet: Sheet,
         scale: i32,
     ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
         // A font that is part of the program and cannot be read leaves text out, and a test would say so.
         let _ = register_font(FONT, FontStyle::Normal, FONT_BYTES);
         let text = |size: i32| TextStyle::from((FONT, size * scale).into_font()).color(&BLACK);
         root.fill(&WHITE)?;
-        let (top, below) = root.split_vertically(40 * scale);
-        let (legend, below) = below.split_vertically(24 * scale);
-        let title = text(19).pos(Pos::new(HPos::Left, VPos::Center));
-        top.draw(&Text::new(self.title.clone(), (16 * scale, 22 * scale), title))?;
-        self.draw_legend(&legend, scale, &text(14))?;
+        let (top, below) = root.split_vertically(if sheet.has_title { 40 * scale } else { 0 });
+        if sheet.has_title {
+            let title = text(19).pos(Pos::new(HPos::Left, VPos::Center));
+            top.draw(&Text::new(self.title.clone(), (16 * scale, 22 * scale), title))?;
+        }
+        let rows = self.draw_legend(&below, scale, &text(14))?;
+        let (_, below) = below.split_vertically(LEGEND_ROW * rows * scale);
 
         let mut chart = ChartBuilder::on(&below)
             .margin_top(10 * scale)
@@ -222,6 +288,13 @@ impl Figure {
             .axis_desc_style(text(14))
             .set_all_tick_mark_size(4 * scale)
             .draw()?;
+        for bars in &self.bars {
+            let rectangles = bars
+                .bars
+                .iter()
+                .map(|[left, right, low, high]| Rectangle::new([(*left, *low), (*right, *high)], bars.colour.filled()));
+            chart.draw_series(rectangles)?;
+        }
         // The first line is drawn last: what matters most is on top.
         for line in self.lines.iter().rev() {
             let stroke = line.colour.stroke_width(2 * scale as u32);
@@ -246,32 +319,44 @@ impl Figure {
         Ok(())
     }
 
-    /// Names beside pieces of their lines, side by side.
+    /// Names beside pieces of their lines and bars, side by side; gives the number of rows that took.
     fn draw_legend<B: DrawingBackend>(
         &self,
         area: &DrawingArea<B, Shift>,
         scale: i32,
         text: &TextStyle<'_>,
-    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-        let (mut x, y) = (16 * scale, 11 * scale);
-        for line in self.lines.iter().filter(|line| !line.name.is_empty()) {
-            let stroke = line.colour.stroke_width(2 * scale as u32);
-            let pieces = match line.stroke {
-                Stroke::Dashed => vec![(0, 8), (12, 20), (24, 28)],
-                Stroke::Solid | Stroke::Dotted => vec![(0, 28)],
+    ) -> Result<i32, DrawingAreaErrorKind<B::ErrorType>> {
+        let (left, right) = (16 * scale, area.dim_in_pixel().0 as i32);
+        let (mut x, mut row) = (left, 0);
+        let bars = self.bars.iter().map(|bars| (&bars.name, bars.colour, None));
+        let lines = self.lines.iter().map(|line| (&line.name, line.colour, Some(line.stroke)));
+        for (name, colour, stroke) in bars.chain(lines).filter(|(name, ..)| !name.is_empty()) {
+            let width = 34 * scale + area.estimate_text_size(name, text)?.0 as i32;
+            if x > left && x + width > right {
+                (x, row) = (left, row + 1);
+            }
+            let y = (11 + LEGEND_ROW * row) * scale;
+            let pieces = match stroke {
+                None => Vec::new(),
+                Some(Stroke::Dashed) => vec![(0, 8), (12, 20), (24, 28)],
+                Some(Stroke::Solid | Stroke::Dotted) => vec![(0, 28)],
             };
             for (from, to) in pieces {
-                area.draw(&PathElement::new([(x + from * scale, y), (x + to * scale, y)], stroke))?;
+                let piece = [(x + from * scale, y), (x + to * scale, y)];
+                area.draw(&PathElement::new(piece, colour.stroke_width(2 * scale as u32)))?;
             }
-            if line.stroke == Stroke::Dotted {
-                area.draw(&Circle::new((x + 14 * scale, y), 3 * scale, line.colour.filled()))?;
+            if stroke.is_none() {
+                let patch = [(x + 12 * scale, y - 5 * scale), (x + 28 * scale, y + 5 * scale)];
+                area.draw(&Rectangle::new(patch, colour.filled()))?;
             }
-            x += 34 * scale;
+            if stroke == Some(Stroke::Dotted) {
+                area.draw(&Circle::new((x + 14 * scale, y), 3 * scale, colour.filled()))?;
+            }
             let style = text.clone().pos(Pos::new(HPos::Left, VPos::Center));
-            area.draw(&Text::new(line.name.clone(), (x, y), style))?;
-            x += area.estimate_text_size(&line.name, text)?.0 as i32 + 22 * scale;
+            area.draw(&Text::new(name.clone(), (x + 34 * scale, y), style))?;
+            x += width + 22 * scale;
         }
-        Ok(())
+        Ok(row + 1)
     }
 }
 
@@ -307,6 +392,7 @@ mod tests {
             x: Scale::whole("epoch", 5),
             y: Scale::around("share", 0.31, 0.87),
             lines: vec![line("one", BLUE, Stroke::Dotted, 0.4), line("two & <three>", GREY, Stroke::Dashed, 0.6)],
+            bars: Vec::new(),
         }
     }
 
@@ -335,6 +421,33 @@ mod tests {
         }
         assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
         assert_eq!(svg, figure().svg().unwrap());
+    }
+
+    #[test]
+    fn bars_stand_where_they_should_and_have_their_names() {
+        let bars = Bars::standing("shards of light", GREEN, 1.0, 2.0, &[0.4, 0.8]);
+        assert_eq!(bars.bars, [[1.0, 3.0, 0.0, 0.4], [3.0, 5.0, 0.0, 0.8]]);
+        let svg = Figure { bars: vec![bars], ..figure() }.svg_for_page().unwrap();
+        assert_eq!(svg.matches("fill=\"#009E73\"").count(), 3, "two bars and the legend's patch: {svg}");
+        assert!(svg.contains("shards of light") && svg.contains("viewBox=\"0 0 440 280\""), "{svg}");
+        assert!(!svg.contains("A title"), "{svg}");
+    }
+
+    #[test]
+    fn a_legend_that_is_too_long_goes_on_in_the_next_row() {
+        let rows = |names: usize| {
+            let line = Line::new("a name of some length", BLUE, Stroke::Solid, vec![(1.0, 0.4), (2.0, 0.5)]);
+            let svg = Figure { lines: vec![line; names], ..figure() }.svg_for_page().unwrap();
+            let tops = svg.split("a name of some length").count() - 1;
+            assert_eq!(tops, names);
+            let heights: std::collections::BTreeSet<&str> = svg
+                .split("<text ")
+                .filter(|text| text.contains("a name of some length"))
+                .filter_map(|text| text.split(" y=\"").nth(1)?.split('"').next())
+                .collect();
+            heights.len()
+        };
+        assert_eq!((rows(1), rows(2), rows(4)), (1, 1, 2));
     }
 
     #[test]

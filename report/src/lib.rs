@@ -4,3 +4,6 @@
 //! them to it.
 
 pub mod figure;
+pub mod page;
+pub mod picture;
+pub mod view;

@@ -1,6 +1,6 @@
 //! Pinhole depth cameras. Pixel `(u, v)` has its centre at the whole numbers `u`, `v`; camera x right, y down, z forward.
 
-use crate::{Pose, Vec3};
+use crate::{Grid, Pose, Quat, Vec3, axis_angle, pose_from_parts};
 
 /// Focal lengths and principal point, in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,6 +61,20 @@ pub struct View {
     pub polar_rad: f32,
     /// Angle about the vertical, from +x.
     pub azimuth_rad: f32,
+}
+
+impl View {
+    /// Where the camera is: three turns, of a camera that looks straight down, tilted by the polar angle about y, turned by
+    /// the azimuth about z.
+    #[must_use]
+    pub fn workspace_from_camera(&self, grid: &Grid) -> Pose {
+        // Straight down: camera x along workspace y, camera y along workspace x, camera z along −z.
+        let down = Quat::from_xyzw(core::f32::consts::FRAC_1_SQRT_2, core::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0);
+        let onto_sphere = axis_angle(Vec3::Z, self.azimuth_rad) * axis_angle(Vec3::Y, self.polar_rad);
+        let target = Vec3::new(0.5 * grid.size_m, 0.5 * grid.size_m, 0.0);
+        let eye = target + onto_sphere * Vec3::Z * self.radius_m;
+        pose_from_parts(onto_sphere * down, eye)
+    }
 }
 
 /// A depth image: distance along the camera's z in metres, row by row; 0 where nothing was seen.

@@ -4,7 +4,7 @@
 //! axis; x = y × z. Then, in this order: a turn about x, a tilt about y, an offset d_z along z, an offset d_x along x.
 //! Lengths l_z and l_x are the object's extents along the axes that z and x lie on. Offsets are from the object's centre.
 
-use schema::{Axis, ShapeKind};
+use crate::{Axis, ShapeKind};
 
 const PI: f32 = core::f32::consts::PI;
 
@@ -37,9 +37,9 @@ pub struct Law {
 }
 
 /// d_z ~ U(0.015 − l_z/2, 0.035 − l_z/2) in every row: the finger tips end this far behind the near face.
-pub(crate) const TIP_DEPTH_M: [f32; 2] = [0.015, 0.035];
+pub const TIP_DEPTH_M: [f32; 2] = [0.015, 0.035];
 /// d_x ~ N(0, (l_x/6)²) where it is drawn.
-pub(crate) const SLIDE_SHARE: f32 = 1.0 / 6.0;
+pub const SLIDE_SHARE: f32 = 1.0 / 6.0;
 
 const CUBOID_TILT: Tilt = Tilt::Normal { std_rad: PI / 18.0 };
 

@@ -1,6 +1,6 @@
 //! The rows of a dataset: scenes, objects, attempts.
 
-use crate::{Axis, HitKind, Outcome, Pose, Rule, Solid, View};
+use crate::{Axis, HitKind, ObjectShape, Outcome, Pose, Rule, View};
 
 /// Scenes that were built and thrown away before this one came to rest, by reason.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -42,7 +42,7 @@ pub struct ObjectRecord {
     /// Number of the object in its scene, from 0.
     pub object_id: u32,
     /// Shape and size.
-    pub solid: Solid,
+    pub shape: ObjectShape,
     /// Mass in kilograms.
     pub mass_kg: f32,
     /// Coulomb friction coefficient.

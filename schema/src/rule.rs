@@ -1,7 +1,7 @@
-//! The rules that grasps are drawn by, by name: the rows of the paper's Appendix A, and VGN's approach along the surface's normal. Their
-//! laws stand in the generator, beside the code that draws from them.
+//! The rules that grasps are drawn by, by name: the rows of the paper's Appendix A, and VGN's approach along the
+//! surface's normal. The laws of the rows stand in `law.rs`.
 
-use crate::{ShapeKind, Vec3};
+use crate::{Shape, ShapeKind, Vec3};
 
 /// An axis of the object frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -52,11 +52,11 @@ impl Axis {
 }
 
 /// A row of Appendix A: a shape and the object axis along which it is approached. Without an axis: the shape is approached along its
-/// surface's normal, as VGN's grasps are.
+/// surface's normal, as VGN's grasps are; models never are otherwise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Rule {
     /// The shape.
-    pub shape: ShapeKind,
+    pub shape: Shape,
     /// The object axis of the approach; `None` along the surface's normal.
     pub approach: Option<Axis>,
 }
@@ -65,26 +65,33 @@ impl Rule {
     /// The twelve rows of Appendix A.
     #[must_use]
     pub fn all() -> [Self; 12] {
-        core::array::from_fn(|i| Self { shape: ShapeKind::ALL[i / 3], approach: Some(Axis::ALL[i % 3]) })
+        core::array::from_fn(|i| Self { shape: ShapeKind::ALL[i / 3].into(), approach: Some(Axis::ALL[i % 3]) })
     }
 
     /// The four approaches along the surface's normal.
     #[must_use]
     pub fn along_normals() -> [Self; 4] {
-        ShapeKind::ALL.map(|shape| Self { shape, approach: None })
+        ShapeKind::ALL.map(|kind| Self { shape: kind.into(), approach: None })
     }
 
-    /// Place among all rules: [`Self::all`], then [`Self::along_normals`].
+    /// The approach to a model, along its surface's normal. All models share the rule's name.
+    #[must_use]
+    pub fn of_model(number: u16) -> Self {
+        Self { shape: Shape::Model(number), approach: None }
+    }
+
+    /// Place among all rules' names: [`Self::all`], then [`Self::along_normals`], then that of all models.
     #[must_use]
     pub fn index(self) -> usize {
-        let shape = self.shape as usize;
+        let Shape::Primitive(kind) = self.shape else { return 16 };
+        let shape = kind as usize;
         self.approach.map_or(12 + shape, |axis| 3 * shape + axis as usize)
     }
 
     /// The name in shards and reports, such as `tri_prism_x`.
     #[must_use]
     pub fn name(self) -> &'static str {
-        const NAMES: [&str; 16] = [
+        const NAMES: [&str; 17] = [
             "cuboid_x",
             "cuboid_y",
             "cuboid_z",
@@ -101,14 +108,16 @@ impl Rule {
             "cylinder_normal",
             "tri_prism_normal",
             "half_cylinder_normal",
+            "model_normal",
         ];
         NAMES[self.index()]
     }
 
-    /// The rule with this name.
+    /// The rule with this name; of the models', whose name does not say which, the first's.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::all().into_iter().chain(Self::along_normals()).find(|rule| rule.name() == name)
+        let all = Self::all().into_iter().chain(Self::along_normals()).chain([Self::of_model(0)]);
+        all.into_iter().find(|rule| rule.name() == name)
     }
 }
 
@@ -120,8 +129,10 @@ mod tests {
     fn names_say_shape_and_axis_and_lead_back() {
         for (place, rule) in Rule::all().into_iter().chain(Rule::along_normals()).enumerate() {
             let approach = rule.approach.map_or("normal", Axis::name);
-            assert_eq!(rule.name(), format!("{}_{approach}", rule.shape.name()));
+            assert_eq!(rule.name(), format!("{}_{approach}", rule.shape.name(&[])));
             assert_eq!((Rule::from_name(rule.name()), rule.index()), (Some(rule), place));
         }
+        assert_eq!((Rule::of_model(7).name(), Rule::of_model(7).index()), ("model_normal", 16));
+        assert_eq!(Rule::from_name("model_normal"), Some(Rule::of_model(0)));
     }
 }

@@ -156,6 +156,18 @@ impl Solid {
         planes
     }
 
+    /// The corners of every face, as numbers into [`Self::vertices_m`], counter-clockwise seen from outside; in the order of
+    /// [`Self::planes`].
+    #[must_use]
+    pub fn faces(&self) -> Vec<Vec<usize>> {
+        let sides = self.outline().len();
+        let side = |i: usize| vec![i, (i + 1) % sides, sides + (i + 1) % sides, sides + i];
+        let mut faces: Vec<Vec<usize>> = (0..sides).map(side).collect();
+        faces.push((0..sides).rev().collect());
+        faces.push((sides..2 * sides).collect());
+        faces
+    }
+
     /// The directions of the edges, not normalised, in the object frame: those of the outline, then the extrusion axis.
     #[must_use]
     pub fn edges_m(&self) -> Vec<Vec3> {
@@ -222,6 +234,24 @@ mod tests {
                 let gaps: Vec<f32> = planes.iter().map(|p| p.normal.dot(vertex) - p.offset_m).collect();
                 assert!(gaps.iter().all(|g| *g < 1e-6), "{solid:?} {vertex}: {gaps:?}");
                 assert!(gaps.iter().filter(|g| g.abs() < 1e-6).count() >= 3, "{solid:?} {vertex}: {gaps:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn faces_lie_in_their_planes_and_turn_about_their_normals() {
+        for solid in samples() {
+            let (corners, planes) = (solid.vertices_m(), solid.planes());
+            let faces = solid.faces();
+            assert_eq!(faces.len(), planes.len());
+            for (face, plane) in faces.iter().zip(&planes) {
+                let at = |i: usize| corners[face[i % face.len()]];
+                assert!(
+                    face.iter().all(|c| (plane.normal.dot(corners[*c]) - plane.offset_m).abs() < 1e-6),
+                    "{solid:?}"
+                );
+                let turn = (0..face.len()).map(|i| (at(i) - at(0)).cross(at(i + 1) - at(0))).sum::<Vec3>();
+                assert!(turn.normalize().dot(plane.normal) > 0.999, "{solid:?} {face:?}");
             }
         }
     }

@@ -7,6 +7,7 @@ from math import ceil, cos
 
 import numpy as np
 
+from .compound import Compound
 from .pose import Pose
 from .solid import Solid
 
@@ -105,7 +106,7 @@ class Environment:
 class SceneObject:
     """An object at rest."""
 
-    solid: Solid
+    solid: Solid | Compound
     mass_kg: float
     friction: float
     workspace_from_object: Pose

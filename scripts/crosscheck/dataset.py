@@ -11,11 +11,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.dataset as pads
 
+from .compound import Compound, body_of, compound_of
 from .contract import OUTCOMES, Attempt, Environment, Gripper, Procedure, Scene, SceneObject
 from .pose import Pose
-from .solid import Solid
 
-FORMAT_VERSION = 1
+# Of datasets of primitives, and of those whose info has models.
+FORMAT_VERSIONS = (1, 2)
 POSE = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
 OBJECT_COLUMNS = ["scene_id", "object_id", "shape", "size_x_m", "size_y_m", "size_z_m", "mass_kg", "friction", *POSE]
 ATTEMPT_COLUMNS = ["scene_id", "attempt_id", "object_id", "shape", "rule", *POSE, "outcome", "hit", "width_m"]
@@ -50,10 +51,11 @@ def read(folder: Path, scene_count: int | None) -> Dataset:
         physics = info["config"]["physics"]
         environment = Environment(info["grid"]["table_z_m"], physics["table_friction"], physics["gravity_m_s2"])
         gripper, procedure = build(Gripper, info["gripper"]), build(Procedure, info["procedure"])
+        models = {m["name"]: compound_of(m["name"], [p["corners_m"] for p in m["parts"]]) for m in info.get("models", [])}
         total, seed, rate = int(info["scene_count"]), int(info["seed"]), float(physics["step_rate_hz"])
     except (KeyError, TypeError, ValueError) as error:
         raise DamagedDataset(f"meta/info.json: {error!r}") from error
-    scenes = _read_scenes(folder, total if scene_count is None else min(scene_count, total))
+    scenes = _read_scenes(folder, total if scene_count is None else min(scene_count, total), models)
     return Dataset(folder.resolve().name, seed, gripper, procedure, environment, rate, scenes, total)
 
 
@@ -66,8 +68,8 @@ def _read_info(folder: Path) -> dict:
     except (OSError, ValueError) as error:
         raise DamagedDataset(f"{path}: {error}") from error
     version = info.get("format_version") if isinstance(info, dict) else None
-    if version != FORMAT_VERSION:
-        raise DamagedDataset(f"{path}: format version {version}, this program reads {FORMAT_VERSION}")
+    if version not in FORMAT_VERSIONS:
+        raise DamagedDataset(f"{path}: format version {version}, this program reads {FORMAT_VERSIONS[0]} to {FORMAT_VERSIONS[-1]}")
     return info
 
 
@@ -76,7 +78,7 @@ def build(kind: type, values: dict):
     return kind(**{field.name: values[field.name] for field in fields(kind)})
 
 
-def _read_scenes(folder: Path, count: int) -> list[Scene]:
+def _read_scenes(folder: Path, count: int, models: dict[str, Compound]) -> list[Scene]:
     objects, attempts = defaultdict(list), defaultdict(list)
     for row in _rows(folder, "objects", OBJECT_COLUMNS, count):
         objects[row["scene_id"]].append(row)
@@ -85,7 +87,7 @@ def _read_scenes(folder: Path, count: int) -> list[Scene]:
     missing = [scene for scene in range(count) if scene not in objects or scene not in attempts]
     if missing:
         raise DamagedDataset(f"{len(missing)} of {count} scenes have no objects or no attempts, first {missing[0]}")
-    return [_scene(scene, objects[scene], attempts[scene]) for scene in range(count)]
+    return [_scene(scene, objects[scene], attempts[scene], models) for scene in range(count)]
 
 
 def _rows(folder: Path, table: str, columns: list[str], count: int) -> list[dict]:
@@ -97,12 +99,12 @@ def _rows(folder: Path, table: str, columns: list[str], count: int) -> list[dict
     return rows
 
 
-def _scene(scene_id: int, objects: list[dict], attempts: list[dict]) -> Scene:
+def _scene(scene_id: int, objects: list[dict], attempts: list[dict], models: dict[str, Compound]) -> Scene:
     try:
         objects = sorted(objects, key=lambda row: row["object_id"])
         if [row["object_id"] for row in objects] != list(range(len(objects))):
             raise ValueError("object ids are not 0, 1, …")
-        made = [_object(row) for row in objects]
+        made = [_object(row, models) for row in objects]
         tried = [_attempt(row, len(made)) for row in sorted(attempts, key=lambda row: row["attempt_id"])]
     except (ValueError, TypeError) as error:
         raise DamagedDataset(f"scene {scene_id}: {error}") from error
@@ -119,8 +121,8 @@ def pose_of(row: dict) -> Pose:
     return Pose(position, quat / length)
 
 
-def _object(row: dict) -> SceneObject:
-    solid = Solid(row["shape"], (row["size_x_m"], row["size_y_m"], row["size_z_m"]))
+def _object(row: dict, models: dict[str, Compound]) -> SceneObject:
+    solid = body_of(row["shape"], (row["size_x_m"], row["size_y_m"], row["size_z_m"]), models)
     if not (row["mass_kg"] > 0 and row["friction"] >= 0):
         raise ValueError(f"mass {row['mass_kg']} kg, friction {row['friction']}")
     return SceneObject(solid, row["mass_kg"], row["friction"], pose_of(row))

@@ -12,9 +12,10 @@ ENGINES = ("pybullet", "mujoco")
 def make(name: str, **options: object) -> Engine:
     """An engine; `options` are fields of its options."""
     if name == "pybullet":
-        from .bullet import Bullet, BulletOptions
+        from .bullet import BulletOptions
+        from .compound_bullet import CompoundBullet
 
-        return Bullet(BulletOptions(**options))
+        return CompoundBullet(BulletOptions(**options))
     from .mujoco_engine import Mujoco, MujocoOptions
 
     return Mujoco(MujocoOptions(**options))

@@ -8,7 +8,7 @@ whose position and speed are written before every step.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from xml.sax.saxutils import quoteattr
 
 import mujoco
@@ -53,7 +53,7 @@ class Mujoco:
         self._data = mujoco.MjData(self._model)
         model = self._model
         self._bodies = [model.body(f"object{i}").id for i in range(self._count)]
-        self._geoms = [model.geom(f"object{i}").id for i in range(self._count)]
+        self._geoms = [[model.geom(name).id for name in _parts(scene, i)] for i in range(self._count)]
         self._finger_geoms = [model.geom(name).id for name in FINGERS]
         self._hand_geoms = [*self._finger_geoms, model.geom("palm").id]
         self._table_geom = model.geom("table").id
@@ -129,8 +129,8 @@ class Mujoco:
         return max([0.0, *(-self._data.contact[c].dist for f in self._finger_geoms for c in self._contacts(f, target))])
 
     def _contacts(self, finger: int, target: int) -> list[int]:
-        pair = {finger, self._geoms[target]}
-        return [c for c in range(self._data.ncon) if {*self._data.contact[c].geom} == pair]
+        pairs = [{finger, geom} for geom in self._geoms[target]]
+        return [c for c in range(self._data.ncon) if {*self._data.contact[c].geom} in pairs]
 
     def _normal_force_n(self, contact: int) -> float:
         force = np.zeros(6)
@@ -140,8 +140,8 @@ class Mujoco:
     def nearest(self, target: int, reach_m: float) -> str | None:
         """What the hand comes nearer to than `reach_m`, by MuJoCo's own distance query."""
         mujoco.mj_kinematics(self._model, self._data)
-        others = [geom for i, geom in enumerate(self._geoms) if i != target]
-        for name, geoms in (("target", [self._geoms[target]]), ("other", others), ("table", [self._table_geom])):
+        others = [geom for i, geoms in enumerate(self._geoms) if i != target for geom in geoms]
+        for name, geoms in (("target", self._geoms[target]), ("other", others), ("table", [self._table_geom])):
             if any(self._distance(hand, geom, reach_m) <= reach_m for hand in self._hand_geoms for geom in geoms):
                 return name
         return None
@@ -154,14 +154,18 @@ def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options
     """The model; element and attribute names are MuJoCo's."""
     indices = range(len(scene.objects))
     order = list(reversed(indices)) if options.backwards else list(indices)
-    frictions = {f"object{i}": scene.objects[i].friction for i in indices}
+    parts = {i: _parts(scene, i) for i in indices}
+    frictions = {name: scene.objects[i].friction for i in indices for name in parts[i]}
     hand = dict.fromkeys(("palm", *FINGERS), gripper.friction)
-    pairs = [(a, b, frictions[a] * frictions[b]) for a, b in combinations(frictions, 2)]
+    among = [pair for i, j in combinations(indices, 2) for pair in product(parts[i], parts[j])]
+    pairs = [(a, b, frictions[a] * frictions[b]) for a, b in among]
     pairs += [(a, "table", frictions[a] * environment.table_friction) for a in frictions]
     pairs += [(a, b, frictions[a] * hand[b]) for a in frictions for b in hand]
     pairs += [(finger, "table", gripper.friction * environment.table_friction) for finger in FINGERS]
     meshes = "".join(
-        _tag("mesh", name=f"object{i}", vertex=scene.objects[i].solid.vertices_m.ravel()) for i in indices
+        _tag("mesh", name=name, vertex=part.vertices_m.ravel())
+        for i in indices
+        for name, part in zip(parts[i], scene.objects[i].solid.convexes)
     )
     table = _tag("geom", name="table", type="box", size=TABLE_HALF_M, pos=(0, 0, environment.table_z_m - TABLE_HALF_M[2]))
     option = _tag(
@@ -184,11 +188,21 @@ def _model_xml(scene: Scene, gripper: Gripper, environment: Environment, options
     )
 
 
+def _parts(scene: Scene, index: int) -> list[str]:
+    """Names of the shapes of an object's convex parts."""
+    count = len(scene.objects[index].solid.convexes)
+    return [f"object{index}"] if count == 1 else [f"object{index}part{part}" for part in range(count)]
+
+
 def _object_xml(index: int, scene: Scene) -> str:
     o, name = scene.objects[index], f"object{index}"
-    inertial = _tag("inertial", pos=o.solid.centroid_m, mass=o.mass_kg, diaginertia=o.solid.inertia_kg_m2(o.mass_kg))
+    inertia = o.solid.inertia_kg_m2(o.mass_kg)
+    # A solid's axes are principal ones; a compound's tensor is given whole: xx, yy, zz, xy, xz, yz.
+    moments = {"diaginertia": inertia} if inertia.ndim == 1 else {"fullinertia": inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]}
+    inertial = _tag("inertial", pos=o.solid.centroid_m, mass=o.mass_kg, **moments)
     pose = o.workspace_from_object
-    inside = f"<freejoint/>{inertial}{_tag('geom', name=name, type='mesh', mesh=name)}"
+    geoms = "".join(_tag("geom", name=part, type="mesh", mesh=part) for part in _parts(scene, index))
+    inside = f"<freejoint/>{inertial}{geoms}"
     return _tag("body", inside, name=name, pos=pose.position_m, quat=np.roll(pose.quat_xyzw, 1))
 
 

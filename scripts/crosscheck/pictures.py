@@ -11,6 +11,8 @@ import pybullet
 
 from .attempt import Runner
 from .bullet import Bullet
+from .compound import Compound
+from .compound_bullet import CompoundBullet
 from .contract import Attempt, HandBox, Scene
 from .dataset import Dataset
 from .solid import Solid
@@ -21,7 +23,7 @@ TARGET, OTHER, HAND, TABLE = (0.9, 0.45, 0.1, 1), (0.6, 0.6, 0.65, 1), (0.15, 0.
 
 def draw(dataset: Dataset, scene: Scene, attempt: Attempt, path: Path) -> None:
     """Executes an attempt in PyBullet and writes its three stages side by side as a PNG."""
-    engine = Bullet()
+    engine = CompoundBullet()
     runner = Runner(engine, scene, dataset.gripper, dataset.procedure, dataset.environment)
     panels: list[np.ndarray] = []
     runner.from_closing(attempt, attempt.workspace_from_grasp, lambda stage: panels.append(_panel(engine, scene, attempt)))
@@ -36,7 +38,9 @@ def _panel(engine: Bullet, scene: Scene, attempt: Attempt) -> np.ndarray:
     try:
         parts = [(o.solid, p, q) for o, p, q in zip(scene.objects, engine.positions_m(), engine.quats_xyzw())]
         for i, (solid, position, quat) in enumerate(parts):
-            _add(client, _mesh(client, solid, TARGET if i == attempt.target else OTHER), position, quat)
+            colour = TARGET if i == attempt.target else OTHER
+            for corners, faces in _surfaces(solid):
+                _add(client, _mesh(client, corners, faces, colour), position, quat)
         for box, position, quat in engine.hand_boxes():
             _add(client, _box(client, box.half_m, HAND), position, quat)
         half = np.array([0.25, 0.25, 0.005])
@@ -46,13 +50,20 @@ def _panel(engine: Bullet, scene: Scene, attempt: Attempt) -> np.ndarray:
         pybullet.disconnect(physicsClientId=client)
 
 
-def _mesh(client: int, solid: Solid, colour: tuple) -> int:
+def _surfaces(solid: Solid | Compound) -> list[tuple[np.ndarray, list[tuple[int, int, int]]]]:
+    """Corners (n, 3) and triangles of every convex part."""
+    if isinstance(solid, Compound):
+        fans = [[(f[0], f[i], f[i + 1]) for f in part.faces for i in range(1, len(f) - 1)] for part in solid.convexes]
+        return [(part.vertices_m, fan) for part, fan in zip(solid.convexes, fans)]
     n = len(solid.outline_m)
     ends = [f for i in range(1, n - 1) for f in ((0, i + 1, i), (n, n + i, n + i + 1))]
     sides = [f for i in range(n) for j in [(i + 1) % n] for f in ((i, j, n + j), (i, n + j, n + i))]
-    corners = solid.vertices_m
+    return [(solid.vertices_m, ends + sides)]
+
+
+def _mesh(client: int, corners: np.ndarray, triangles: list[tuple[int, int, int]], colour: tuple) -> int:
     # Every triangle has its own corners and normal, both ways round: flat shading.
-    faces = [f for face in ends + sides for f in (face, face[::-1])]
+    faces = [f for face in triangles for f in (face, face[::-1])]
     points = corners[np.array(faces)].reshape(-1, 3)
     normals = np.repeat([_normal(corners[list(f)]) for f in faces], 3, axis=0)
     return pybullet.createVisualShape(

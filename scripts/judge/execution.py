@@ -47,9 +47,9 @@ class _Worker:
 
     def __init__(self, data: Dataset):
         # PyBullet is imported only when it is needed.
-        from .bullet import JudgeBullet
+        from crosscheck.compound_bullet import CompoundBullet
 
-        self.data, self.engine = data, JudgeBullet()
+        self.data, self.engine = data, CompoundBullet()
 
     def result(self, number: int) -> tuple[Execution, Drift]:
         scene = self.data.scenes[number]

@@ -7,15 +7,11 @@ from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.dataset as pads
+from crosscheck.compound import Compound, body_of, compound_of
 from crosscheck.contract import OUTCOMES, Attempt, Environment, Gripper, Procedure, Scene, SceneObject
 from crosscheck.dataset import POSE, Dataset, build, pose_of
-from crosscheck.solid import Solid
-
-from .compound import Compound
-from .hull import hull_of
 
 RUN, BODIES, ATTEMPTS, OBJECTS = "run.json", "bodies.json", "attempts.parquet", "objects.parquet"
 # What this program calls a column, and its name in the file.
@@ -27,8 +23,6 @@ COLUMNS = {
         "mass_kg": "mass_kg", "friction": "friction", **{name: name for name in POSE},
     },
 }  # fmt: skip
-# A compound's parts span the extents of its row, but for rounding.
-EXTENTS_TOLERANCE_M = 1e-5
 
 
 class NoExperiment(Exception):
@@ -86,12 +80,9 @@ def _compounds(path: Path) -> dict[str, Compound]:
     found = {}
     for name, body in (_json(path) if path.exists() else {}).items():
         try:
-            parts = tuple(hull_of(part["vertices_m"]) for part in body["parts"])
-            if not parts:
-                raise ValueError("no parts")
+            found[name] = compound_of(name, [part["vertices_m"] for part in body["parts"]])
         except (KeyError, TypeError, ValueError) as error:
             raise DamagedExperiment(f"{path}: {name}: {error!r}") from error
-        found[name] = Compound(name, parts)
     return found
 
 
@@ -152,11 +143,5 @@ def _object(row: dict, compounds: dict[str, Compound]) -> SceneObject:
     extents = (row["size_x_m"], row["size_y_m"], row["size_z_m"])
     if not (row["mass_kg"] > 0 and row["friction"] >= 0):
         raise ValueError(f"mass {row['mass_kg']} kg, friction {row['friction']}")
-    # A compound may have a primitive's name: what bodies.json lists are compounds.
-    body = compounds.get(row["body"])
-    if body is None:
-        # A name that is neither a primitive's nor a compound's is told with the primitives'.
-        body = Solid(row["body"], extents)
-    elif not np.allclose(body.extents_m, extents, rtol=0, atol=EXTENTS_TOLERANCE_M):
-        raise ValueError(f"{row['body']} measures {extents} m, its parts in {BODIES} {body.extents_m.round(6).tolist()} m")
+    body = body_of(row["body"], extents, compounds)
     return SceneObject(body, row["mass_kg"], row["friction"], pose_of(row))

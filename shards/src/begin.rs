@@ -139,6 +139,16 @@ fn compare(path: &str, existing: &Value, asked: &Value, found: &mut Vec<String>)
             }
         }
         (a, b) if a == b => {}
+        // Lists of tables may be long: the place that differs says more than both of them.
+        (Value::Array(a), Value::Array(b)) if a.iter().chain(b).any(Value::is_object) => {
+            if a.len() != b.len() {
+                return found.push(format!("{path} ({} of them there, {} asked for)", a.len(), b.len()));
+            }
+            for (place, (a, b)) in a.iter().zip(b).enumerate() {
+                compare(&format!("{path}[{place}]"), a, b, found);
+            }
+        }
+        (Value::Array(_), Value::Array(_)) if path.ends_with(".corners_m") => found.push(path.to_owned()),
         (a, b) => found.push(format!("{path} ({a} there, {b} asked for)")),
     }
 }

@@ -11,6 +11,10 @@ use crate::{DatasetInfo, Table};
 
 const READING: &str = include_str!("../../docs/reading.md");
 
+/// The hub's word for a licence that nobody has named: the data are theirs who made them, and only they can. They write it into
+/// the card, which is then left alone.
+const LICENCE: &str = "unknown";
+
 /// The text of the card. The same dataset always has the same card.
 pub(crate) fn card(info: &DatasetInfo, manifest: &Manifest) -> String {
     let mut text = front_matter(manifest);
@@ -28,6 +32,7 @@ pub(crate) fn card(info: &DatasetInfo, manifest: &Manifest) -> String {
         seed = info.seed,
     );
     statistics(&mut text, manifest);
+    models(&mut text, info);
     columns(&mut text, info);
     text.push_str(CONVENTIONS);
     text.push('\n');
@@ -47,7 +52,7 @@ fn front_matter(manifest: &Manifest) -> String {
         _ => "n>1B",
     };
     let mut text = format!(
-        "---\npretty_name: Grasp attempts in simulation\ntask_categories:\n- robotics\ntags:\n- robotics\n- grasping\n\
+        "---\npretty_name: Grasp attempts in simulation\nlicense: {LICENCE}\ntask_categories:\n- robotics\ntags:\n- robotics\n- grasping\n\
          - simulation\n- parallel-jaw\n- tsdf\nsize_categories:\n- {size}\nconfigs:\n"
     );
     for table in Table::ALL {
@@ -82,13 +87,15 @@ fn statistics(text: &mut String, manifest: &Manifest) {
         let _ = writeln!(text, "| `{}` | {} | {} |", outcome.name(), grouped(count), percent(share));
     }
     text.push_str("\n| rule | attempts | positive |\n|---|---:|---:|\n");
-    let along_normals = Rule::along_normals().into_iter().filter(|rule| totals.rule(*rule).attempts > 0);
-    for rule in Rule::all().into_iter().chain(along_normals) {
+    let has = |rule: &Rule| totals.rule(*rule).attempts > 0;
+    let along_normals = Rule::along_normals().into_iter().chain([Rule::of_model(0)]).filter(has);
+    let by_axes = Rule::all().into_iter().filter(|_| !has(&Rule::of_model(0)));
+    for rule in by_axes.chain(along_normals) {
         let tally = totals.rule(rule);
         let share = percent(tally.positive_share());
         let _ = writeln!(text, "| `{}` | {} | {share} |", rule.name(), grouped(tally.attempts));
     }
-    if Rule::along_normals().into_iter().any(|rule| totals.rule(rule).attempts > 0) {
+    if Rule::along_normals().iter().chain([&Rule::of_model(0)]).any(has) {
         text.push_str(ALONG_NORMALS);
     }
     text.push_str("\n| table | rows | bytes |\n|---|---:|---:|\n");
@@ -107,15 +114,34 @@ fn statistics(text: &mut String, manifest: &Manifest) {
     );
 }
 
+/// What the objects are, if they are no primitives.
+fn models(text: &mut String, info: &DatasetInfo) {
+    if info.models.is_empty() {
+        return;
+    }
+    text.push_str(MODELS);
+    for model in &info.models {
+        let [x, y, z] = (model.extents_m * 1000.0).to_array();
+        let (name, grams, parts) = (&model.name, model.mass_kg * 1000.0, model.parts_m.len());
+        let _ = writeln!(text, "| `{name}` | {x:.1} × {y:.1} × {z:.1} | {grams:.1} | {} | {parts} |", model.friction);
+    }
+}
+
+const MODELS: &str = "
+## Objects
+
+The objects are models, and `shape` is a model's name. `models` in `meta/info.json` has them whole: mass, friction, and of each
+convex part the corners in the object's frame. `size_x_m` and so on are the bounding box, `volume_m3` is the sum of the parts.
+
+| model | size, mm | mass, g | friction | parts |
+|---|---:|---:|---:|---:|
+";
+
 fn columns(text: &mut String, info: &DatasetInfo) {
     text.push_str("\n## Columns\n");
     for table in Table::ALL {
         let _ = write!(text, "\n### {}\n\n| column | type | meaning |\n|---|---|---|\n", table.name());
-        for column in table.columns() {
-            let null = if column.nullable { ", nullable" } else { "" };
-            let kind = column.kind.describe(info.grid.resolution);
-            let _ = writeln!(text, "| `{}` | {kind}{null} | {} |", column.name, column.doc.replace('|', "\\|"));
-        }
+        crate::manual::table_rows(text, table, info.grid.resolution);
     }
 }
 

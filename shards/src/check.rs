@@ -1,7 +1,10 @@
 //! What must hold for a row. Checked before rows are written and again after they are read, so that neither a
 //! defect of the generator nor one of the reader passes as data.
 
-use schema::{AttemptRecord, Axis, Gripper, HitKind, ObjectRecord, Outcome, Pose, SceneRecord, SceneRows, View};
+use schema::{
+    AttemptRecord, Axis, Gripper, HitKind, ObjectRecord, ObjectShape, Outcome, Pose, SceneRecord, SceneRows, Shape,
+    Solid, View,
+};
 
 use crate::DatasetInfo;
 
@@ -89,11 +92,22 @@ pub(crate) fn tsdf(values: &[f32], info: &DatasetInfo) -> Checked {
 /// [`RowError`] with the rule, the value and the limit.
 pub(crate) fn object(object: &ObjectRecord) -> Checked {
     let name = format!("object {}", object.object_id);
-    schema::Solid::new(object.solid.kind, object.solid.extents_m).map_err(|e| RowError(format!("{name} {e}")))?;
-    within(&format!("{name} size"), object.solid.extents_m.max_element(), 0.0, POSITION_M_MAX)?;
+    if let ObjectShape::Solid(solid) = object.shape {
+        Solid::new(solid.kind, solid.extents_m).map_err(|e| RowError(format!("{name} {e}")))?;
+    }
+    within(&format!("{name} size"), object.shape.extents_m().max_element(), 0.0, POSITION_M_MAX)?;
     within(&format!("{name} mass_kg"), object.mass_kg, f32::MIN_POSITIVE, 1e4)?;
     within(&format!("{name} friction"), object.friction, 0.0, 100.0)?;
     pose(&name, &object.workspace_from_object)
+}
+
+/// Checks that an object is of the dataset's models, or, if it has none, a primitive: what is read cannot be otherwise.
+fn model(object: &ObjectRecord, info: &DatasetInfo) -> Checked {
+    let fits = match &object.shape {
+        ObjectShape::Solid(_) => info.models.is_empty(),
+        ObjectShape::Model { number, model } => info.models.get(usize::from(*number)).is_some_and(|of| of == model),
+    };
+    must(fits, || format!("object {} must be one of the dataset's {} models", object.object_id, info.models.len()))
 }
 
 /// Checks an attempt by itself.
@@ -107,6 +121,9 @@ pub(crate) fn attempt(attempt: &AttemptRecord, gripper: &Gripper) -> Checked {
     within(&format!("{name} turn_rad"), attempt.turn_rad, -turn, turn)?;
     within(&format!("{name} depth_m"), attempt.depth_m, -POSITION_M_MAX, POSITION_M_MAX)?;
     within(&format!("{name} slide_m"), attempt.slide_m, -POSITION_M_MAX, POSITION_M_MAX)?;
+    must(attempt.rule.approach.is_none() || matches!(attempt.rule.shape, Shape::Primitive(_)), || {
+        format!("{name} must come along a normal, as its target is a model")
+    })?;
     must(attempt.rule.approach.is_some() == attempt.closing.is_some(), || {
         format!("{name} must have an axis of closing if it has one of approach, and else none")
     })?;
@@ -162,7 +179,7 @@ pub(crate) fn scene_rows(rows: &SceneRows, info: &DatasetInfo) -> Checked {
     scene_head(&rows.scene, info)?;
     tsdf(&rows.scene.tsdf, info)?;
     links(&rows.scene, &rows.objects, &rows.attempts)?;
-    rows.objects.iter().try_for_each(object)?;
+    rows.objects.iter().try_for_each(|o| object(o).and_then(|()| model(o, info)))?;
     rows.attempts.iter().try_for_each(|a| attempt(a, &info.gripper))
 }
 
@@ -181,8 +198,8 @@ pub(crate) fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[A
         let target = objects.get(attempt.object_id as usize).ok_or_else(|| {
             RowError(format!("attempt {expected} has no target: object {} of {}", attempt.object_id, objects.len()))
         })?;
-        must(target.solid.kind == attempt.rule.shape, || {
-            let (rule, shape) = (attempt.rule.name(), target.solid.kind.name());
+        must(target.shape.shape() == attempt.rule.shape, || {
+            let (rule, shape) = (attempt.rule.name(), target.shape.name());
             format!("attempt {expected} has rule {rule} for a {shape}")
         })?;
         must(attempt.hit_object_id.is_none_or(|id| (id as usize) < objects.len()), || {
@@ -209,8 +226,8 @@ fn ids(table: &str, expected: (u64, u32), got: (u64, u32)) -> Checked {
     })
 }
 
-/// Whether a stored volume is that of the solid, to 0.1 %.
+/// Whether a stored volume is that of the shape, to 0.1 %.
 pub(crate) fn is_volume(stored_m3: f32, object: &ObjectRecord) -> bool {
-    let exact = object.solid.volume_m3();
+    let exact = object.shape.volume_m3();
     (stored_m3 - exact).abs() <= 1e-3 * exact
 }

@@ -142,7 +142,7 @@ impl Dataset {
     /// [`ReadError`] if the file is damaged or a row breaks a rule.
     pub fn read_attempts(&self, shard: u32) -> Result<Vec<AttemptRecord>, ReadError> {
         let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
-        let rows = self.read(shard, Table::Attempts, part, decode::attempts)?;
+        let rows = self.read(shard, Table::Attempts, part, |batch| decode::attempts(batch, &self.info.models))?;
         let scenes = self.info.scenes_of(shard);
         let expected = scenes.flat_map(|s| (0..self.info.attempts_of_scene(s)).map(move |a| (s, a)));
         self.check(shard, Table::Attempts, || {
@@ -162,7 +162,7 @@ impl Dataset {
     /// [`ReadError`] if the file is damaged or a row breaks a rule.
     pub fn read_objects(&self, shard: u32) -> Result<Vec<ObjectRecord>, ReadError> {
         let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
-        let rows = self.read(shard, Table::Objects, part, decode::objects)?;
+        let rows = self.read(shard, Table::Objects, part, |batch| decode::objects(batch, &self.info.models))?;
         self.check(shard, Table::Objects, || {
             rows.iter().try_for_each(check::object)?;
             object_ids(&rows, self.info.scenes_of(shard), self.manifest.shards[shard as usize].objects.rows)
@@ -206,9 +206,10 @@ impl Dataset {
         let part = Part { row_group: group, batch_rows: BATCH_ROWS, ..Part::default() };
         let one = Part { offset: in_group, limit: Some(1), batch_rows: 1, ..part };
         let of_scene = Part { offset: in_group * self.info.attempts_per_scene as usize, limit: Some(attempts), ..part };
-        let mut objects = self.read(shard, Table::Objects, part, decode::objects)?;
+        let mut objects = self.read(shard, Table::Objects, part, |batch| decode::objects(batch, &self.info.models))?;
         objects.retain(|object| object.scene_id == scene_id);
-        let attempts = self.read(shard, Table::Attempts, of_scene, decode::attempts)?;
+        let attempts =
+            self.read(shard, Table::Attempts, of_scene, |batch| decode::attempts(batch, &self.info.models))?;
         let scene = self.read(shard, Table::Scenes, one, decode::scenes)?.into_iter().find(|s| s.scene_id == scene_id);
         let missing = || self.wrong(shard, Table::Scenes, format!("scene {scene_id} is not where it should be"));
         let rows = SceneRows { scene: scene.ok_or_else(missing)?, objects, attempts };
@@ -238,7 +239,7 @@ impl Dataset {
         shard: u32,
         table: Table,
         part: Part,
-        decode: fn(&RecordBatch) -> Result<Vec<R>, RowError>,
+        decode: impl Fn(&RecordBatch) -> Result<Vec<R>, RowError>,
     ) -> Result<Vec<R>, ReadError> {
         let mut rows = Vec::new();
         for batch in self.batches(shard, table, part)? {

@@ -1,11 +1,13 @@
 //! Arrow columns to rows. The schema was compared before; here every value is parsed into its domain type, and what a
 //! domain type cannot hold is an error.
 
+use std::sync::Arc;
+
 use arrow::array::{Array, ArrayRef, AsArray, Int32Array, RecordBatch, StringArray};
 use arrow::datatypes::{Float32Type, Int32Type, Int64Type, UInt8Type};
 use schema::{
-    AttemptRecord, Axis, HitKind, ObjectRecord, Outcome, Pose, Quat, Rule, SceneRecord, SceneRejections, ShapeKind,
-    Solid, Vec3, View, pose_from_parts,
+    AttemptRecord, Axis, HitKind, Model, ObjectRecord, ObjectShape, Outcome, Pose, Quat, Rule, SceneRecord,
+    SceneRejections, Shape, Solid, Vec3, View, pose_from_parts,
 };
 
 use crate::check::{RowError, is_volume};
@@ -13,11 +15,12 @@ use crate::encode::NO_AXIS;
 
 type Decoded<T> = Result<T, RowError>;
 
-/// The rows of an `attempts` batch.
-pub(crate) fn attempts(batch: &RecordBatch) -> Decoded<Vec<AttemptRecord>> {
+/// The rows of an `attempts` batch of a dataset with these models.
+pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Vec<AttemptRecord>> {
     let columns = Columns(batch);
     let (scene, attempt, object) = (columns.i64s("scene_id")?, columns.i32s("attempt_id")?, columns.i32s("object_id")?);
-    let (shape, rule) = (columns.names("shape", ShapeKind::from_name)?, columns.names("rule", Rule::from_name)?);
+    let shape = columns.names("shape", |name| Shape::from_name(name, models))?;
+    let rule = columns.names("rule", Rule::from_name)?;
     let (approach, closing) = (columns.names("approach_axis", axis)?, columns.names("closing_axis", axis)?);
     let (tilt, turn) = (columns.f32s("tilt_rad")?, columns.f32s("turn_rad")?);
     let (depth, slide) = (columns.f32s("depth_m")?, columns.f32s("slide_m")?);
@@ -31,11 +34,20 @@ pub(crate) fn attempts(batch: &RecordBatch) -> Decoded<Vec<AttemptRecord>> {
     let there = |name: &str, row: usize| RowError(format!("{name} must not be null, row {row}"));
     (0..batch.num_rows())
         .map(|row| {
+            let named = rule[row].ok_or_else(|| there("rule", row))?;
+            // A model's rule does not say which model: the shape does.
+            let found = Rule {
+                shape: shape[row].ok_or_else(|| there("shape", row))?,
+                approach: approach[row].ok_or_else(|| there("approach_axis", row))?,
+            };
+            if found.index() != named.index() || found.approach != named.approach {
+                return Err(RowError(format!("rule {} does not fit shape and approach_axis, row {row}", named.name())));
+            }
             let record = AttemptRecord {
                 scene_id: scene[row],
                 attempt_id: attempt[row],
                 object_id: object[row],
-                rule: rule[row].ok_or_else(|| there("rule", row))?,
+                rule: found,
                 closing: closing[row].ok_or_else(|| there("closing_axis", row))?,
                 tilt_rad: tilt[row],
                 turn_rad: turn[row],
@@ -47,12 +59,6 @@ pub(crate) fn attempts(batch: &RecordBatch) -> Decoded<Vec<AttemptRecord>> {
                 hit_object_id: if hit_object.is_null(row) { None } else { Some(unsigned(hit_object.value(row))?) },
                 width_m: width.is_valid(row).then(|| width.value(row)),
             };
-            if shape[row] != Some(record.rule.shape) || approach[row] != Some(record.rule.approach) {
-                return Err(RowError(format!(
-                    "rule {} does not fit shape and approach_axis, row {row}",
-                    record.rule.name()
-                )));
-            }
             if label.value(row) != record.label() {
                 let outcome = record.outcome.name();
                 return Err(RowError(format!(
@@ -71,22 +77,23 @@ fn axis(name: &str) -> Option<Option<Axis>> {
     if name == NO_AXIS { Some(None) } else { Axis::from_name(name).map(Some) }
 }
 
-/// The rows of an `objects` batch.
-pub(crate) fn objects(batch: &RecordBatch) -> Decoded<Vec<ObjectRecord>> {
+/// The rows of an `objects` batch of a dataset with these models.
+pub(crate) fn objects(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Vec<ObjectRecord>> {
     let columns = Columns(batch);
     let (scene, object) = (columns.i64s("scene_id")?, columns.i32s("object_id")?);
-    let shape = columns.names("shape", ShapeKind::from_name)?;
+    let shape = columns.names("shape", |name| Shape::from_name(name, models))?;
     let (x, y, z) = (columns.f32s("size_x_m")?, columns.f32s("size_y_m")?, columns.f32s("size_z_m")?);
     let (volume, mass, friction) = (columns.f32s("volume_m3")?, columns.f32s("mass_kg")?, columns.f32s("friction")?);
     let poses = columns.poses()?;
     (0..batch.num_rows())
         .map(|row| {
-            let kind = shape[row].ok_or_else(|| RowError(format!("shape must not be null, row {row}")))?;
-            let solid = Solid::new(kind, Vec3::new(x[row], y[row], z[row])).map_err(|e| RowError(e.to_string()))?;
+            let shape = shape[row].ok_or_else(|| RowError(format!("shape must not be null, row {row}")))?;
+            let shape = object_shape(shape, Vec3::new(x[row], y[row], z[row]), models)
+                .map_err(|e| RowError(format!("{e}, row {row}")))?;
             let record = ObjectRecord {
                 scene_id: scene[row],
                 object_id: object[row],
-                solid,
+                shape,
                 mass_kg: mass[row],
                 friction: friction[row],
                 workspace_from_object: poses[row],
@@ -94,9 +101,23 @@ pub(crate) fn objects(batch: &RecordBatch) -> Decoded<Vec<ObjectRecord>> {
             if is_volume(volume[row], &record) {
                 return Ok(record);
             }
-            Err(RowError(format!("volume_m3 must be {}, got {}, row {row}", solid.volume_m3(), volume[row])))
+            Err(RowError(format!("volume_m3 must be {}, got {}, row {row}", record.shape.volume_m3(), volume[row])))
         })
         .collect()
+}
+
+/// A shape with its size. A model has one size.
+fn object_shape(shape: Shape, extents_m: Vec3, models: &[Arc<Model>]) -> Result<ObjectShape, String> {
+    match shape {
+        Shape::Primitive(kind) => Solid::new(kind, extents_m).map(Into::into).map_err(|e| e.to_string()),
+        Shape::Model(number) => {
+            let model = models.get(usize::from(number)).ok_or("there is no such model")?;
+            if model.extents_m != extents_m {
+                return Err(format!("the size of model {} must be {}, got {extents_m}", model.name, model.extents_m));
+            }
+            Ok(ObjectShape::Model { number, model: model.clone() })
+        }
+    }
 }
 
 /// The rows of a `scenes` batch; without the column `tsdf` the grids stay empty.
@@ -158,10 +179,10 @@ impl<'a> Columns<'a> {
     }
 
     /// A column of names, each parsed once per dictionary entry.
-    fn names<T: Copy>(&self, name: &str, parse: fn(&str) -> Option<T>) -> Decoded<Vec<Option<T>>> {
+    fn names<T: Copy>(&self, name: &str, parse: impl Fn(&str) -> Option<T>) -> Decoded<Vec<Option<T>>> {
         let column = self.get(name)?.as_dictionary_opt::<Int32Type>().ok_or_else(|| wrong(name))?;
         let values: &StringArray = column.values().as_string_opt().ok_or_else(|| wrong(name))?;
-        let parsed: Vec<Option<T>> = values.iter().map(|v| v.and_then(parse)).collect();
+        let parsed: Vec<Option<T>> = values.iter().map(|v| v.and_then(&parse)).collect();
         let keys: &Int32Array = column.keys();
         keys.iter()
             .map(|key| {

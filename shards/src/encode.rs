@@ -10,7 +10,7 @@ use arrow::array::{
 use arrow::buffer::OffsetBuffer;
 use arrow::datatypes::Int32Type;
 use arrow::error::ArrowError;
-use schema::{AttemptRecord, Axis, HitKind, ObjectRecord, Outcome, Pose, Rule, SceneRecord, ShapeKind, View};
+use schema::{AttemptRecord, Axis, HitKind, Model, ObjectRecord, Outcome, Pose, Rule, SceneRecord, Shape, View};
 
 use crate::Table;
 use crate::column::{element, view_fields, voxel_type};
@@ -20,8 +20,8 @@ type Encoded<T> = Result<T, ArrowError>;
 /// In place of an axis, where no axis of the object decides: the surface's normal, or the yaw about it.
 pub(crate) const NO_AXIS: &str = "normal";
 
-/// The `attempts` table.
-pub(crate) fn attempts(rows: &[AttemptRecord]) -> Encoded<RecordBatch> {
+/// The `attempts` table of a dataset with these models.
+pub(crate) fn attempts(rows: &[AttemptRecord], models: &[Arc<Model>]) -> Encoded<RecordBatch> {
     // Words that only grasps along normals need stand only where there are some: the others' bytes do not know of them.
     let has_normals = rows.iter().any(|r| r.rule.approach.is_none());
     let axis = |of: fn(&AttemptRecord) -> Option<Axis>| {
@@ -29,14 +29,15 @@ pub(crate) fn attempts(rows: &[AttemptRecord]) -> Encoded<RecordBatch> {
         vocabulary.extend(has_normals.then_some(NO_AXIS));
         names(&vocabulary, rows.iter().map(|r| Some(of(r).map_or(Axis::ALL.len(), |axis| axis as usize))))
     };
-    let shape_names = ShapeKind::ALL.map(ShapeKind::name);
+    let has_models = !models.is_empty();
     let mut rule_names = Rule::all().map(Rule::name).to_vec();
     rule_names.extend(Rule::along_normals().map(Rule::name).into_iter().filter(|_| has_normals));
+    rule_names.extend([Rule::of_model(0)].map(Rule::name).into_iter().filter(|_| has_models));
     let mut columns = vec![
         i64s(rows.iter().map(|r| r.scene_id))?,
         i32s(rows.iter().map(|r| r.attempt_id))?,
         i32s(rows.iter().map(|r| r.object_id))?,
-        names(&shape_names, rows.iter().map(|r| Some(r.rule.shape as usize)))?,
+        shapes(models, rows.iter().map(|r| r.rule.shape))?,
         names(&rule_names, rows.iter().map(|r| Some(r.rule.index())))?,
         axis(|r| r.rule.approach)?,
         axis(|r| r.closing)?,
@@ -58,16 +59,16 @@ pub(crate) fn attempts(rows: &[AttemptRecord]) -> Encoded<RecordBatch> {
     RecordBatch::try_new(Table::Attempts.arrow_schema(0), columns)
 }
 
-/// The `objects` table.
-pub(crate) fn objects(rows: &[ObjectRecord]) -> Encoded<RecordBatch> {
+/// The `objects` table of a dataset with these models.
+pub(crate) fn objects(rows: &[ObjectRecord], models: &[Arc<Model>]) -> Encoded<RecordBatch> {
     let mut columns = vec![
         i64s(rows.iter().map(|r| r.scene_id))?,
         i32s(rows.iter().map(|r| r.object_id))?,
-        names(&ShapeKind::ALL.map(ShapeKind::name), rows.iter().map(|r| Some(r.solid.kind as usize)))?,
-        f32s(rows.iter().map(|r| r.solid.extents_m.x)),
-        f32s(rows.iter().map(|r| r.solid.extents_m.y)),
-        f32s(rows.iter().map(|r| r.solid.extents_m.z)),
-        f32s(rows.iter().map(|r| r.solid.volume_m3())),
+        shapes(models, rows.iter().map(|r| r.shape.shape()))?,
+        f32s(rows.iter().map(|r| r.shape.extents_m().x)),
+        f32s(rows.iter().map(|r| r.shape.extents_m().y)),
+        f32s(rows.iter().map(|r| r.shape.extents_m().z)),
+        f32s(rows.iter().map(|r| r.shape.volume_m3())),
         f32s(rows.iter().map(|r| r.mass_kg)),
         f32s(rows.iter().map(|r| r.friction)),
     ];
@@ -129,6 +130,15 @@ fn voxels(rows: &[SceneRecord], resolution: usize) -> Encoded<ArrayRef> {
         array = Arc::new(FixedSizeListArray::try_new(element(voxel_type(resolution, depth)), length, array, None)?);
     }
     Ok(array)
+}
+
+fn shapes(models: &[Arc<Model>], rows: impl Iterator<Item = Shape>) -> Encoded<ArrayRef> {
+    let vocabulary: Vec<&str> = Shape::all(models).into_iter().map(|shape| shape.name(models)).collect();
+    let number = |shape| match shape {
+        Shape::Primitive(kind) => kind as usize,
+        Shape::Model(number) => usize::from(number),
+    };
+    names(&vocabulary, rows.map(|shape| Some(number(shape))))
 }
 
 fn names(vocabulary: &[&str], indices: impl Iterator<Item = Option<usize>>) -> Encoded<ArrayRef> {

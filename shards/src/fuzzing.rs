@@ -48,12 +48,14 @@ fn read_table(data: &[u8]) -> Result<(), String> {
         Table::Attempts => {
             let checked = |row: &AttemptRecord| check::attempt(row, &info.gripper);
             let of_scene = Part { offset: 3, limit: Some(3), batch_rows: 8192, ..one };
-            let read = [whole, of_scene].map(|part| rows(&file, expected, part, decode::attempts, checked));
+            let read = [whole, of_scene]
+                .map(|part| rows(&file, expected, part, |batch| decode::attempts(batch, &info.models), checked));
             read.into_iter().collect()
         }
         Table::Objects => {
             let of_group = Part { row_group: Some(0), ..whole };
-            let read = [whole, of_group].map(|part| rows(&file, expected, part, decode::objects, check::object));
+            let read = [whole, of_group]
+                .map(|part| rows(&file, expected, part, |batch| decode::objects(batch, &info.models), check::object));
             read.into_iter().collect()
         }
         Table::Scenes => {
@@ -75,7 +77,7 @@ fn rows<R>(
     file: &File,
     expected: Expected,
     part: Part,
-    decode: fn(&RecordBatch) -> Result<Vec<R>, RowError>,
+    decode: impl Fn(&RecordBatch) -> Result<Vec<R>, RowError>,
     check: impl Fn(&R) -> Result<(), RowError>,
 ) -> Result<(), String> {
     let file = file.try_clone().map_err(|e| e.to_string())?;

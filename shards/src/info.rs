@@ -2,8 +2,9 @@
 //! their SHA-256, so no shard of another config, seed or code version can slip in.
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use schema::{FACETS, Grid, Gripper, Procedure};
+use schema::{FACETS, Grid, Gripper, MODELS_MAX, Model, Procedure, Vec3};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -34,6 +35,8 @@ pub struct DatasetInfo {
     pub procedure: Procedure,
     /// The resolved config of the generator, as it likes to write it.
     pub config: Value,
+    /// What its objects are, if they are no primitives; `shape` in its rows is then a model's name.
+    pub models: Vec<Arc<Model>>,
 }
 
 /// Why a `meta/info.json` cannot be.
@@ -147,6 +150,25 @@ impl DatasetInfo {
                 self.scene_count
             ),
         );
+        let models = &self.models;
+        must(models.len() <= MODELS_MAX, format!("models must be at most {MODELS_MAX}, got {}", models.len()));
+        let version = if models.is_empty() { FormatVersion::CURRENT } else { FormatVersion::MODELS };
+        must(
+            self.format_version == version,
+            format!(
+                "format_version must be {} for {} models, got {}",
+                version.number(),
+                models.len(),
+                self.format_version.number()
+            ),
+        );
+        for (place, model) in models.iter().enumerate() {
+            must(
+                models[..place].iter().all(|other| other.name != model.name),
+                format!("there is another model {}", model.name),
+            );
+        }
+        problems.extend(models.iter().flat_map(|model| model.problems()));
         problems
     }
 
@@ -173,6 +195,7 @@ impl DatasetInfo {
             frames: FRAMES.iter().map(|line| (*line).to_owned()).collect(),
             facets: facets(),
             config: sorted(&self.config),
+            models: self.models.iter().map(|model| ModelJson::of(model)).collect(),
         };
         pretty(&json)
     }
@@ -197,6 +220,7 @@ impl DatasetInfo {
             gripper: json.gripper,
             procedure: json.procedure,
             config: json.config,
+            models: json.models.into_iter().map(|model| Arc::new(model.into())).collect(),
         };
         let problems = info.problems();
         if problems.is_empty() { Ok(info) } else { Err(InfoError::Range(problems)) }
@@ -251,6 +275,54 @@ struct InfoJson {
     frames: Vec<String>,
     facets: String,
     config: Value,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    models: Vec<ModelJson>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelJson {
+    name: String,
+    mass_kg: f32,
+    friction: f32,
+    extents_m: [f32; 3],
+    volume_m3: f32,
+    parts: Vec<PartJson>,
+}
+
+/// The convex hull of its corners, in the object's frame.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PartJson {
+    corners_m: Vec<[f32; 3]>,
+}
+
+impl ModelJson {
+    fn of(model: &Model) -> Self {
+        let part = |corners: &Vec<Vec3>| PartJson { corners_m: corners.iter().map(Vec3::to_array).collect() };
+        Self {
+            name: model.name.clone(),
+            mass_kg: model.mass_kg,
+            friction: model.friction,
+            extents_m: model.extents_m.to_array(),
+            volume_m3: model.volume_m3,
+            parts: model.parts_m.iter().map(part).collect(),
+        }
+    }
+}
+
+impl From<ModelJson> for Model {
+    fn from(json: ModelJson) -> Self {
+        let part = |part: PartJson| part.corners_m.into_iter().map(Vec3::from_array).collect();
+        Self {
+            name: json.name,
+            mass_kg: json.mass_kg,
+            friction: json.friction,
+            extents_m: Vec3::from_array(json.extents_m),
+            volume_m3: json.volume_m3,
+            parts_m: json.parts.into_iter().map(part).collect(),
+        }
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -330,7 +402,7 @@ mod tests {
 
     #[test]
     fn a_newer_file_is_refused_by_its_version_not_its_keys() {
-        let text = "{\"format_version\": 2, \"brand_new\": true}";
+        let text = "{\"format_version\": 3, \"brand_new\": true}";
         assert!(matches!(DatasetInfo::from_json(text), Err(InfoError::Version(_))));
     }
 }

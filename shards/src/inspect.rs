@@ -47,12 +47,12 @@ fn head(f: &mut Formatter<'_>, Inspection { info, rows }: &Inspection<'_>) -> fm
 fn objects(f: &mut Formatter<'_>, rows: &SceneRows) -> fmt::Result {
     writeln!(f, "\nobject shape            size, mm        mass, g friction  {POSE_HEAD}")?;
     for object in &rows.objects {
-        let size = object.solid.extents_m * 1000.0;
+        let size = object.shape.extents_m() * 1000.0;
         writeln!(
             f,
             "{:>6} {:<14}{:>5.1} {:>5.1} {:>5.1}{:>10.1}{:>9.2}  {}",
             object.object_id,
-            object.solid.kind.name(),
+            object.shape.name(),
             size.x,
             size.y,
             size.z,

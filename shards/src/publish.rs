@@ -8,7 +8,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// What the system says; the old file is then untouched.
-pub(crate) fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
+pub fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     // A name that nobody has: two writers of one path do not share it, and no file of the user's is in its way.
     let mut staging = staging().tempfile_in(folder)?;

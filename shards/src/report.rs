@@ -1,10 +1,19 @@
 //! What a dataset holds, in numbers: computed from its rows in one pass, never from what the manifest says.
 
+pub mod coverage;
+pub mod fit;
+pub mod html;
+mod scenes;
+mod text;
+mod warnings;
+
 use std::collections::BTreeMap;
 
-use schema::{AttemptRecord, HitKind, Outcome, Rule, ShapeKind, Vec3};
+use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, Shape, Vec3};
 use serde::Serialize;
 
+use self::coverage::Coverage;
+use self::fit::{Fit, Fits};
 use crate::summary::{RejectionCounts, Tally};
 use crate::{Dataset, ReadError, Table};
 
@@ -25,7 +34,7 @@ pub struct Report {
     pub objects: u64,
     /// All attempts.
     pub labels: Tally,
-    /// By shape of the target.
+    /// By shape of the target, or by its model.
     pub shapes: Vec<Group>,
     /// By row of Appendix A.
     pub rules: Vec<Group>,
@@ -37,6 +46,14 @@ pub struct Report {
     pub width_m: Vec<Bin>,
     /// Angle between the grasp's approach and straight down, in degrees.
     pub approach_deg: Vec<Bin>,
+    /// How far behind the near face the finger tips were to end, in metres; of attempts by rules of Appendix A.
+    pub tip_depth_m: Vec<Bin>,
+    /// From the target's centre to the nearest other object's, in metres; attempts on lone objects count in the last bar.
+    pub neighbour_m: Vec<Bin>,
+    /// From where grasps come.
+    pub coverage: Coverage,
+    /// What was drawn, beside the laws it was drawn from.
+    pub fits: Vec<Fit>,
     /// Attempts whose grasp lies outside the grid; no voxel can learn from them.
     pub outside_grid: Tally,
     /// Scenes thrown away.
@@ -108,6 +125,12 @@ const WIDTH_BINS: usize = 8;
 /// Degrees of a bar of the angles' histogram; twelve bars make 180°.
 const ANGLE_BIN_DEG: f64 = 15.0;
 const ANGLE_BINS: usize = 12;
+/// Metres of a bar of the neighbours' histogram; the last holds what is further, and lone objects.
+const NEIGHBOUR_BIN_M: f64 = 0.02;
+const NEIGHBOUR_BINS: usize = 9;
+/// Metres of a bar of the tips' histogram, and from where to where it goes.
+const TIP_RANGE_M: [f64; 2] = [0.015, 0.035];
+const TIP_BIN_M: f64 = 0.0025;
 
 /// Reads all attempts and scene heads of a dataset and counts them.
 ///
@@ -122,9 +145,18 @@ pub fn report(dataset: &Dataset) -> Result<Report, ReadError> {
             object_counts.insert(scene.scene_id, scene.object_count);
             counting.rejections.count(scene.rejections);
         }
+        let objects = dataset.read_objects(shard)?;
+        objects
+            .iter()
+            .filter_map(|object| object.shape.as_solid())
+            .for_each(|solid| counting.fits.count_object(&solid));
         for attempt in dataset.read_attempts(shard)? {
-            let objects = object_counts.get(&attempt.scene_id).copied().unwrap_or_default();
-            counting.count(&attempt, objects);
+            let count = object_counts.get(&attempt.scene_id).copied().unwrap_or_default();
+            counting.count(&attempt, count);
+            // Rows are in the order of scenes and objects: those of a scene are found by bisection.
+            let first = objects.partition_point(|object| object.scene_id < attempt.scene_id);
+            let last = objects.partition_point(|object| object.scene_id <= attempt.scene_id);
+            counting.count_target(&attempt, &objects[first..last]);
         }
     }
     Ok(counting.finish())
@@ -133,27 +165,37 @@ pub fn report(dataset: &Dataset) -> Result<Report, ReadError> {
 struct Counting<'a> {
     dataset: &'a Dataset,
     labels: Tally,
-    shapes: BTreeMap<ShapeKind, Tally>,
+    shapes: BTreeMap<Shape, Tally>,
     rules: BTreeMap<Rule, Tally>,
     object_counts: BTreeMap<u32, Tally>,
     outcomes: BTreeMap<Outcome, (u64, BTreeMap<HitKind, u64>)>,
     widths: [Tally; WIDTH_BINS],
     angles: [Tally; ANGLE_BINS],
+    tips: Vec<Tally>,
+    neighbours: [Tally; NEIGHBOUR_BINS],
+    coverage: Coverage,
+    fits: Fits,
     outside_grid: Tally,
     rejections: RejectionCounts,
 }
 
 impl<'a> Counting<'a> {
     fn new(dataset: &'a Dataset) -> Self {
+        let models = &dataset.info().models;
+        let rules = if models.is_empty() { Rule::all().to_vec() } else { vec![Rule::of_model(0)] };
         Self {
             dataset,
             labels: Tally::default(),
-            shapes: ShapeKind::ALL.into_iter().map(|shape| (shape, Tally::default())).collect(),
-            rules: Rule::all().into_iter().map(|rule| (rule, Tally::default())).collect(),
+            shapes: Shape::all(models).into_iter().map(|shape| (shape, Tally::default())).collect(),
+            rules: rules.into_iter().map(|rule| (rule, Tally::default())).collect(),
             object_counts: BTreeMap::new(),
             outcomes: Outcome::ALL.into_iter().map(|outcome| (outcome, Default::default())).collect(),
             widths: Default::default(),
             angles: Default::default(),
+            tips: vec![Tally::default(); ((TIP_RANGE_M[1] - TIP_RANGE_M[0]) / TIP_BIN_M).round() as usize],
+            neighbours: Default::default(),
+            coverage: Coverage::default(),
+            fits: Fits::new(free_extents_m(dataset)),
             outside_grid: Tally::default(),
             rejections: RejectionCounts::default(),
         }
@@ -162,7 +204,10 @@ impl<'a> Counting<'a> {
     fn count(&mut self, attempt: &AttemptRecord, objects: u32) {
         self.labels.count(attempt);
         self.shapes.entry(attempt.rule.shape).or_default().count(attempt);
-        self.rules.entry(attempt.rule).or_default().count(attempt);
+        // The models' rules have one name.
+        let is_primitive = matches!(attempt.rule.shape, Shape::Primitive(_));
+        let rule = if is_primitive { attempt.rule } else { Rule::of_model(0) };
+        self.rules.entry(rule).or_default().count(attempt);
         self.object_counts.entry(objects).or_default().count(attempt);
         let (count, hits) = self.outcomes.entry(attempt.outcome).or_default();
         *count += 1;
@@ -180,6 +225,22 @@ impl<'a> Counting<'a> {
         }
     }
 
+    /// Counts what takes the target and its neighbours to know.
+    fn count_target(&mut self, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
+        self.coverage.count(attempt);
+        let Some(target) = objects.iter().find(|object| object.object_id == attempt.object_id) else { return };
+        if let (Some(approach), Some(solid)) = (attempt.rule.approach, target.shape.as_solid()) {
+            self.fits.count_attempt(attempt, &solid);
+            let tip_m = f64::from(attempt.depth_m + 0.5 * approach.of(solid.extents_m));
+            let place = bin((tip_m - TIP_RANGE_M[0]) / TIP_BIN_M, self.tips.len());
+            self.tips[place].count(attempt);
+        }
+        let centre = |object: &ObjectRecord| object.workspace_from_object.translation;
+        let others = objects.iter().filter(|object| object.object_id != attempt.object_id);
+        let nearest_m = others.map(|other| (centre(other) - centre(target)).length()).fold(f32::INFINITY, f32::min);
+        self.neighbours[bin(f64::from(nearest_m) / NEIGHBOUR_BIN_M, NEIGHBOUR_BINS)].count(attempt);
+    }
+
     fn finish(self) -> Report {
         let (info, manifest) = (self.dataset.info(), self.dataset.manifest());
         let width_step = f64::from(info.gripper.opening_m_max) / WIDTH_BINS as f64;
@@ -191,7 +252,11 @@ impl<'a> Counting<'a> {
             scenes: info.scene_count,
             objects: manifest.totals.objects,
             labels: self.labels,
-            shapes: self.shapes.into_iter().map(|(shape, tally)| group(shape.name().to_owned(), tally)).collect(),
+            shapes: self
+                .shapes
+                .into_iter()
+                .map(|(shape, tally)| group(shape.name(&info.models).to_owned(), tally))
+                .collect(),
             rules: self.rules.into_iter().map(|(rule, tally)| group(rule.name().to_owned(), tally)).collect(),
             object_counts: self.object_counts.into_iter().map(|(count, t)| group(count.to_string(), t)).collect(),
             outcomes: self
@@ -203,13 +268,25 @@ impl<'a> Counting<'a> {
                     hits: hits.into_iter().map(|(hit, count)| (hit.name().to_owned(), count)).collect(),
                 })
                 .collect(),
-            width_m: bins(&self.widths, width_step),
-            approach_deg: bins(&self.angles, ANGLE_BIN_DEG),
+            width_m: bins(&self.widths, 0.0, width_step),
+            approach_deg: bins(&self.angles, 0.0, ANGLE_BIN_DEG),
+            tip_depth_m: bins(&self.tips, TIP_RANGE_M[0], TIP_BIN_M),
+            neighbour_m: bins(&self.neighbours, 0.0, NEIGHBOUR_BIN_M),
+            coverage: self.coverage,
+            fits: self.fits.finish(),
             outside_grid: self.outside_grid,
             rejections: self.rejections,
             tables: Table::ALL.map(|table| size(self.dataset, table)).to_vec(),
         }
     }
+}
+
+/// Smallest and largest free extent that the config asks for, if it is one of our generator's.
+fn free_extents_m(dataset: &Dataset) -> Option<[f64; 2]> {
+    let range = dataset.info().config.get("objects")?.get("size_m")?;
+    let [low, high] = [0, 1].map(|at| range.get(at).and_then(serde_json::Value::as_f64));
+    let range = [low?, high?];
+    (range[0] < range[1]).then_some(range)
 }
 
 /// Angle between the grasp's +z and straight down, in degrees.
@@ -223,9 +300,9 @@ fn bin(value: f64, count: usize) -> usize {
     (value.max(0.0) as usize).min(count - 1) // whole, from 0, cut at the top
 }
 
-fn bins(tallies: &[Tally], step: f64) -> Vec<Bin> {
+fn bins(tallies: &[Tally], first: f64, step: f64) -> Vec<Bin> {
     // To a micrometre or microdegree, so that 3 * 0.01 reads 0.03.
-    let edge = |i: usize| (i as f64 * step * 1e6).round() / 1e6;
+    let edge = |i: usize| ((first + i as f64 * step) * 1e6).round() / 1e6;
     let bin =
         |(i, t): (usize, &Tally)| Bin { low: edge(i), high: edge(i + 1), attempts: t.attempts, positives: t.positives };
     tallies.iter().enumerate().map(bin).collect()

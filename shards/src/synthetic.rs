@@ -23,6 +23,7 @@ pub fn info(seed: u64, shard_count: u32, attempt_count: u64, attempts_per_scene:
         gripper: gripper(),
         procedure: procedure(),
         config: serde_json::json!({"kind": "synthetic"}),
+        models: Vec::new(),
     }
 }
 
@@ -102,7 +103,7 @@ fn object(scene_id: u64, object_id: u32, grid: &Grid, draw: &mut Stream) -> Obje
     ObjectRecord {
         scene_id,
         object_id,
-        solid,
+        shape: solid.into(),
         mass_kg: 500.0 * solid.volume_m3(),
         friction: 1.0,
         workspace_from_object: pose_from_parts(rotation, position),
@@ -127,7 +128,7 @@ fn attempt(
     let approach = Axis::ALL[draw.index(3)];
     let closing = Axis::ALL[(approach as usize + 1 + draw.index(2)) % 3];
     let across = Axis::ALL[3 - approach as usize - closing as usize];
-    let size = target.solid.extents_m;
+    let size = target.shape.extents_m();
     let tilt_rad = draw.normal(0.0, core::f32::consts::PI / 18.0);
     let depth_m = draw.uniform(0.015, 0.035) - 0.5 * approach.of(size);
     let slide_m = draw.normal(0.0, across.of(size) / 6.0);
@@ -146,7 +147,7 @@ fn attempt(
         scene_id: target.scene_id,
         attempt_id,
         object_id: target.object_id,
-        rule: Rule { shape: target.solid.kind, approach: Some(approach) },
+        rule: Rule { shape: target.shape.shape(), approach: Some(approach) },
         closing: Some(closing),
         tilt_rad,
         turn_rad: 0.0,
@@ -236,11 +237,12 @@ struct Body {
 impl Body {
     fn new(object: &ObjectRecord) -> Self {
         let pose = &object.workspace_from_object;
-        let planes = object.solid.planes().into_iter().map(|plane| {
+        let solid = object.shape.as_solid().expect("made-up objects are primitives");
+        let planes = solid.planes().into_iter().map(|plane| {
             let normal = pose.rotation * plane.normal;
             (normal, plane.offset_m + normal.dot(pose.translation))
         });
-        Self { centre: pose.translation, radius_m: object.solid.bounding_radius_m(), planes: planes.collect() }
+        Self { centre: pose.translation, radius_m: solid.bounding_radius_m(), planes: planes.collect() }
     }
 
     /// Where `eye + t · ray` enters the body.

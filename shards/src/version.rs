@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Version of a dataset's format. It grows when a reader of the version before would fail or misunderstand.
+/// Version of a dataset's format. It grows when a reader of the version before would fail or misunderstand; a dataset has the
+/// lowest that says what it is, so that older programs read what they can.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct FormatVersion(u32);
@@ -20,8 +21,12 @@ pub struct UnreadableVersion {
 }
 
 impl FormatVersion {
-    /// The version that this program writes.
+    /// The version of datasets whose objects are primitives.
     pub const CURRENT: Self = Self(1);
+    /// The version of datasets whose objects are models: `meta/info.json` has `models`, and `shape` is a model's name.
+    pub const MODELS: Self = Self(2);
+    /// The newest version that this program reads.
+    pub const NEWEST: Self = Self::MODELS;
     /// The oldest version that this program reads.
     pub const OLDEST: Self = Self(1);
 
@@ -42,10 +47,10 @@ impl FormatVersion {
     /// # Errors
     /// [`UnreadableVersion`] if it is older or newer than what is known here.
     pub fn check_readable(self) -> Result<(), UnreadableVersion> {
-        if (Self::OLDEST..=Self::CURRENT).contains(&self) {
+        if (Self::OLDEST..=Self::NEWEST).contains(&self) {
             Ok(())
         } else {
-            Err(UnreadableVersion { got: self, oldest: Self::OLDEST, newest: Self::CURRENT })
+            Err(UnreadableVersion { got: self, oldest: Self::OLDEST, newest: Self::NEWEST })
         }
     }
 }
@@ -57,8 +62,9 @@ mod tests {
     #[test]
     fn versions_from_the_future_and_from_nowhere_are_refused() {
         assert!(FormatVersion::CURRENT.check_readable().is_ok());
-        let future = FormatVersion::new(FormatVersion::CURRENT.number() + 1).check_readable().unwrap_err().to_string();
-        assert_eq!(future, "format_version must be between 1 and 1, got 2; read it with a newer graspmill");
+        assert!(FormatVersion::MODELS.check_readable().is_ok());
+        let future = FormatVersion::new(FormatVersion::NEWEST.number() + 1).check_readable().unwrap_err().to_string();
+        assert_eq!(future, "format_version must be between 1 and 2, got 3; read it with a newer graspmill");
         assert!(FormatVersion::new(0).check_readable().is_err());
     }
 }

@@ -189,8 +189,8 @@ impl ShardWriter {
             batch.map_err(|e| TableError::Write { table, message: e.to_string() })
         };
         if !self.grids.1.is_empty() {
-            self.attempts.0.write(&made(Table::Attempts, encode::attempts(&self.attempts.1))?)?;
-            self.objects.0.write(&made(Table::Objects, encode::objects(&self.objects.1))?)?;
+            self.attempts.0.write(&made(Table::Attempts, encode::attempts(&self.attempts.1, &self.info.models))?)?;
+            self.objects.0.write(&made(Table::Objects, encode::objects(&self.objects.1, &self.info.models))?)?;
             let resolution = self.info.grid.resolution;
             self.grids.0.write(&made(Table::Scenes, encode::scenes(&self.grids.1, resolution))?)?;
         }

@@ -13,6 +13,7 @@ use crate::engine::{Physics, Thing, World};
 use crate::gate::{Gate, Hit, lowest_z_m};
 use crate::hand::Hand;
 use crate::shortcuts::{FreeClosing, LiftWatch};
+use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
 use crate::{Scene, SceneObject};
 
 /// Fingers slower than this stand still …
@@ -63,19 +64,57 @@ impl<'a> AttemptWorld<'a> {
     /// If the scene has no object `target`.
     #[must_use]
     pub fn execute(&self, workspace_from_grasp: &Pose, target: usize) -> Execution {
+        self.execute_before(workspace_from_grasp, target, None)
+    }
+
+    /// The same before the eyes of a watcher, with the same end to the bit. If the lift ends before its way does, the
+    /// rest is shown as well ([`Phase::After`]); it decides nothing.
+    ///
+    /// # Panics
+    /// If the scene has no object `target`.
+    #[must_use]
+    pub fn execute_watched(&self, workspace_from_grasp: &Pose, target: usize, watcher: &mut dyn Watcher) -> Execution {
+        self.execute_before(workspace_from_grasp, target, Some(watcher))
+    }
+
+    fn execute_before<'w>(
+        &'w self,
+        workspace_from_grasp: &Pose,
+        target: usize,
+        mut watcher: Option<&'w mut (dyn Watcher + 'w)>,
+    ) -> Execution {
+        let mut tell = |event: AttemptEvent| {
+            if let Some(watcher) = watcher.as_deref_mut() {
+                watcher.event(event, None);
+            }
+        };
         if let Some(blocked) = self.blocked(workspace_from_grasp, target) {
+            tell(AttemptEvent::Decided(blocked));
             return blocked;
         }
         let mut skipped_steps = 0;
         if self.physics.shortcuts {
             match self.free_closing(workspace_from_grasp) {
-                FreeClosing::Empty { width_m } => {
-                    return Execution { outcome: Outcome::Empty, hit: None, width_m: Some(width_m), steps: 0 };
+                FreeClosing::Empty { width_m, steps } => {
+                    let empty = Execution { outcome: Outcome::Empty, hit: None, width_m: Some(width_m), steps: 0 };
+                    tell(AttemptEvent::NothingBetween { steps });
+                    tell(AttemptEvent::Decided(empty));
+                    return empty;
                 }
-                FreeClosing::Steps(steps) => skipped_steps = steps,
+                FreeClosing::Steps(steps) => {
+                    tell(AttemptEvent::ClosedFreely { steps });
+                    skipped_steps = steps;
+                }
             }
         }
-        Run::start(self, *workspace_from_grasp, target, skipped_steps, self.physics.shortcuts).finish()
+        let mut run = Run::start(self, *workspace_from_grasp, target, skipped_steps, self.physics.shortcuts);
+        run.watcher = watcher;
+        let execution = run.finish();
+        if run.watcher.is_some() {
+            run.tell(AttemptEvent::Decided(execution));
+            run.go_on();
+        }
+        execution
     }
 
     /// Tries one grasp of object `target` as [`Self::execute`] does without shortcuts, and gives what it leaves behind:
@@ -120,6 +159,23 @@ pub(crate) struct Run<'a> {
     workspace_from_grasp: Pose,
     pub(crate) target: usize,
     pub(crate) target_collider: ColliderHandle,
+    phase: Phase,
+    lift: Option<Lift>,
+    watcher: Option<&'a mut (dyn Watcher + 'a)>,
+}
+
+/// The way of the hand with its catch.
+#[derive(Debug, Clone, Copy)]
+struct Lift {
+    direction: Vec3,
+    /// How much further the left finger has closed than the right.
+    asymmetry_m: f32,
+    retreat_steps: usize,
+    all_steps: usize,
+    /// Steps that have been made.
+    step: usize,
+    /// How far the hand has come.
+    distance_m: f32,
 }
 
 impl<'a> Run<'a> {
@@ -155,6 +211,9 @@ impl<'a> Run<'a> {
             workspace_from_grasp,
             target,
             target_collider,
+            phase: Phase::Close,
+            lift: None,
+            watcher: None,
         }
     }
 
@@ -171,7 +230,11 @@ impl<'a> Run<'a> {
             return self.ended(Outcome::Slipped, None, width_m);
         }
         let width_m = self.hand.width_m(&self.world);
-        match pushed.or_else(|| self.raised(&before)) {
+        let hit = match pushed {
+            Some(hit) => Some(hit),
+            None => self.raised(&before),
+        };
+        match hit {
             Some(hit) => self.ended(Outcome::HitOther, Some(hit), width_m),
             None => self.ended(Outcome::Held, None, width_m),
         }
@@ -184,6 +247,29 @@ impl<'a> Run<'a> {
     fn step(&mut self) {
         self.world.step(&mut self.pipeline);
         self.steps += 1;
+        if self.watcher.is_some() {
+            self.show(|watcher, moment| watcher.step(moment));
+        }
+    }
+
+    /// Tells the watcher, if there is one.
+    fn tell(&mut self, event: AttemptEvent) {
+        self.show(|watcher, moment| watcher.event(event, Some(moment)));
+    }
+
+    fn show(&mut self, how: impl FnOnce(&mut dyn Watcher, &Moment<'_>)) {
+        let Some(watcher) = self.watcher.take() else { return };
+        let moment = Moment {
+            phase: self.phase,
+            steps: self.skipped_steps + self.steps,
+            setup: self.setup,
+            world: &self.world,
+            hand: &self.hand,
+            bodies: &self.bodies,
+            workspace_from_grasp: self.workspace_from_grasp,
+        };
+        how(watcher, &moment);
+        self.watcher = Some(watcher);
     }
 
     /// Closes until both fingers stand still; gives the opening.
@@ -199,52 +285,102 @@ impl<'a> Run<'a> {
             let still = now.iter().zip(&last).all(|(a, b)| (a - b).abs() < slow);
             stopped = if still { stopped + 1 } else { 0 };
             last = now;
-            if stopped >= wanted || self.hand.width_m(&self.world) <= self.setup.procedure.empty_width_m {
-                break;
+            let width_m = self.hand.width_m(&self.world);
+            if width_m <= self.setup.procedure.empty_width_m {
+                self.tell(AttemptEvent::JawsMet { width_m });
+                return width_m;
+            }
+            if stopped >= wanted {
+                self.tell(AttemptEvent::FingersStopped { width_m });
+                return width_m;
             }
         }
-        self.hand.width_m(&self.world)
+        let width_m = self.hand.width_m(&self.world);
+        self.tell(AttemptEvent::ClosingTimeOver { width_m });
+        width_m
     }
 
     /// Moves the hand out and holds; whether the target came along and is still gripped.
     fn retreat_and_hold(&mut self, target_start_m: Vec3) -> bool {
         let (physics, procedure) = (self.setup.physics, self.setup.procedure);
-        let direction = self.retreat_direction();
-        let retreat_steps = physics.steps(procedure.retreat_distance_m / procedure.retreat_speed_m_s);
-        let [left, right] = self.hand.closed_m(&self.world);
+        let mut lift = self.begin_lift();
         let mut watch = LiftWatch::new(physics);
-        let mut last_m = 0.0;
-        for step in 1..=retreat_steps + physics.steps(procedure.hold_time_s) {
-            let share = (step as f32 / retreat_steps as f32).min(1.0);
-            // Smoothstep: the hand starts and stops without a jolt.
-            let distance = procedure.retreat_distance_m * share * share * (3.0 - 2.0 * share);
-            self.hand.press(&mut self.world, left - right);
-            self.hand.move_to(&mut self.world, direction * distance);
-            self.step();
-            if self.hand.width_m(&self.world) <= procedure.empty_width_m {
+        while lift.step < lift.all_steps {
+            let last_m = lift.distance_m;
+            self.phase = if lift.step < lift.retreat_steps { Phase::Retreat } else { Phase::Hold };
+            self.lift_once(&mut lift);
+            let width_m = self.hand.width_m(&self.world);
+            if width_m <= procedure.empty_width_m {
+                self.tell(AttemptEvent::JawsMetLifting { width_m });
                 return false;
             }
             if self.shortcuts {
-                let velocity_m_s = direction * ((distance - last_m) * physics.step_rate_hz);
-                let rest_m = direction * (procedure.retreat_distance_m - distance);
+                let velocity_m_s = lift.direction * ((lift.distance_m - last_m) * physics.step_rate_hz);
+                let rest = procedure.retreat_distance_m - lift.distance_m;
+                let share = lift.share();
                 let is_slowing = share > 0.5 && share < 1.0;
-                if watch.is_decided(self, velocity_m_s, rest_m, is_slowing) {
+                if watch.is_decided(self, velocity_m_s, lift.direction * rest, is_slowing) {
+                    self.tell(AttemptEvent::RidesAlong { rest_m: rest });
                     return true;
                 }
             }
-            last_m = distance;
         }
-        let travel = (self.positions()[self.target] - target_start_m).dot(direction);
-        travel >= procedure.held_travel_share_min * procedure.retreat_distance_m
-            && self.hand.grips(&self.world, self.target_collider)
+        let travel_m = (self.positions()[self.target] - target_start_m).dot(lift.direction);
+        let travel_m_min = procedure.held_travel_share_min * procedure.retreat_distance_m;
+        let came_along = travel_m >= travel_m_min;
+        let is_held = came_along && self.hand.grips(&self.world, self.target_collider);
+        self.tell(match (came_along, is_held) {
+            (false, _) => AttemptEvent::LeftBehind { travel_m, travel_m_min },
+            (true, false) => AttemptEvent::NotGripped,
+            (true, true) => AttemptEvent::Gripped { travel_m },
+        });
+        is_held
+    }
+
+    fn begin_lift(&self) -> Lift {
+        let (physics, procedure) = (self.setup.physics, self.setup.procedure);
+        let retreat_steps = physics.steps(procedure.retreat_distance_m / procedure.retreat_speed_m_s);
+        let [left, right] = self.hand.closed_m(&self.world);
+        Lift {
+            direction: self.retreat_direction(),
+            asymmetry_m: left - right,
+            retreat_steps,
+            all_steps: retreat_steps + physics.steps(procedure.hold_time_s),
+            step: 0,
+            distance_m: 0.0,
+        }
+    }
+
+    /// One step of the lift.
+    fn lift_once(&mut self, lift: &mut Lift) {
+        lift.step += 1;
+        let share = lift.share();
+        // Smoothstep: the hand starts and stops without a jolt.
+        lift.distance_m = self.setup.procedure.retreat_distance_m * share * share * (3.0 - 2.0 * share);
+        self.hand.press(&mut self.world, lift.asymmetry_m);
+        self.hand.move_to(&mut self.world, lift.direction * lift.distance_m);
+        self.step();
+        self.lift = Some(*lift);
+    }
+
+    /// What is left of a lift, for those who look on: nothing of it decides.
+    fn go_on(&mut self) {
+        let Some(mut lift) = self.lift else { return };
+        self.phase = Phase::After;
+        while lift.step < lift.all_steps {
+            self.lift_once(&mut lift);
+        }
     }
 
     /// What the closing hand drove: another object, or the table, if a finger ended
     /// within half the clearance of it (the gate has kept the open hand a whole clearance away).
-    fn pushed(&self, before: &[Vec3], after: &[Vec3]) -> Option<Hit> {
+    fn pushed(&mut self, before: &[Vec3], after: &[Vec3]) -> Option<Hit> {
         let limit = self.setup.procedure.other_push_m_max;
-        if let Some(id) = self.others().find(|id| (after[*id] - before[*id]).length() > limit) {
-            return Some(Hit::object(id, self.target));
+        let moved_m = |id: usize| (after[id] - before[id]).length();
+        let moved = self.others().find(|id| moved_m(*id) > limit);
+        if let Some(object_id) = moved {
+            self.tell(AttemptEvent::Pushed { object_id, moved_m: moved_m(object_id) });
+            return Some(Hit::object(object_id, self.target));
         }
         let closed = self.hand.closed_m(&self.world);
         let fingers = self.setup.gripper.fingers(self.setup.gripper.opening_m_max);
@@ -252,14 +388,20 @@ impl<'a> Run<'a> {
             let moved = schema::HandBox { centre_m: finger.centre_m + Vec3::Y * (inward * closed_m), ..*finger };
             lowest_z_m(&moved, &self.workspace_from_grasp) < self.setup.table_z_m + 0.5 * self.setup.gripper.clearance_m
         });
+        if low {
+            self.tell(AttemptEvent::NearTable);
+        }
         low.then_some(Hit::TABLE)
     }
 
     /// Which other object was raised while lifting.
-    fn raised(&self, before: &[Vec3]) -> Option<Hit> {
-        let now = self.positions();
+    fn raised(&mut self, before: &[Vec3]) -> Option<Hit> {
+        let (now, up) = (self.positions(), self.up);
         let limit = self.setup.procedure.other_lift_m_max;
-        self.others().find(|id| (now[*id] - before[*id]).dot(self.up) > limit).map(|id| Hit::object(id, self.target))
+        let raised_m = |id: usize| (now[id] - before[id]).dot(up);
+        let object_id = self.others().find(|id| raised_m(*id) > limit)?;
+        self.tell(AttemptEvent::Raised { object_id, raised_m: raised_m(object_id) });
+        Some(Hit::object(object_id, self.target))
     }
 
     pub(crate) fn others(&self) -> impl Iterator<Item = usize> {
@@ -284,6 +426,13 @@ impl<'a> Run<'a> {
     fn retreat_direction(&self) -> Vec3 {
         let back = -Vec3::Z;
         if back.dot(self.up) >= libm::cosf(self.setup.procedure.retreat_cone_rad) { back } else { self.up }
+    }
+}
+
+impl Lift {
+    /// How much of the retreat's time is over.
+    fn share(&self) -> f32 {
+        (self.step as f32 / self.retreat_steps as f32).min(1.0)
     }
 }
 

@@ -5,9 +5,9 @@
 
 use std::sync::Arc;
 
-use schema::{Plane, Pose, Solid, Vec3};
+use schema::{Model, Plane, Pose, Solid, Vec3};
 
-use crate::convex_hull::ConvexHull;
+use crate::convex_hull::{ConvexHull, HullError};
 
 /// A part's frame is not moved by less than this: rounding does not move it at all.
 const SHIFT_M_MIN: f32 = 1e-7;
@@ -15,7 +15,7 @@ const SHIFT_M_MIN: f32 = 1e-7;
 /// The shape of an object.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Body {
-    /// One of the four primitive shapes, all that datasets know.
+    /// One of the four primitive shapes.
     Solid(Solid),
     /// Several convex parts.
     Compound(Arc<Compound>),
@@ -258,6 +258,83 @@ impl Body {
             }
         }
     }
+}
+
+/// Why a dataset's model is no body.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ModelError {
+    /// A part has no hull.
+    Part {
+        /// The model's name.
+        model: String,
+        /// The part, from 0.
+        part: usize,
+        /// Why.
+        error: HullError,
+    },
+    /// The parts make no compound.
+    Compound {
+        /// The model's name.
+        model: String,
+        /// Why.
+        error: CompoundError,
+    },
+}
+
+impl core::fmt::Display for ModelError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Part { model, part, error } => write!(f, "model {model}, part {part}: {error}"),
+            Self::Compound { model, error } => write!(f, "model {model}: {error}"),
+        }
+    }
+}
+
+impl core::error::Error for ModelError {}
+
+impl Body {
+    /// The body of a dataset's model: the hulls of its parts' corners.
+    ///
+    /// # Errors
+    /// [`ModelError`] if they have none.
+    pub fn of_model(model: &Model) -> Result<Self, ModelError> {
+        let name = || model.name.clone();
+        let part = |(part, corners): (usize, &Vec<Vec3>)| {
+            let hull = ConvexHull::of(corners).map_err(|error| ModelError::Part { model: name(), part, error })?;
+            Ok(Part { piece: Piece::Hull(hull), object_from_part: Pose::IDENTITY })
+        };
+        let parts = model.parts_m.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
+        let compound = Compound::new(name(), parts).map_err(|error| ModelError::Compound { model: name(), error })?;
+        Ok(compound.into())
+    }
+
+    /// What a dataset keeps of the body, as [`Self::of_model`] makes it again: for bodies that come from a catalogue.
+    ///
+    /// # Errors
+    /// [`ModelError`] if a part's corners have no hull once they stand in the object's frame.
+    pub fn to_model(&self, mass_kg: f32, friction: f32) -> Result<Model, ModelError> {
+        let mut model = Model {
+            name: self.name().to_owned(),
+            mass_kg,
+            friction,
+            extents_m: self.extents_m(),
+            volume_m3: self.volume_m3(),
+            parts_m: self.convexes().into_iter().map(|convex| convex.corners_m).collect(),
+        };
+        // Of what is stored, not of what it was made of: the last digits may differ.
+        let again = Self::of_model(&model)?;
+        model.extents_m = again.extents_m();
+        model.volume_m3 = again.volume_m3();
+        Ok(model)
+    }
+}
+
+/// The bodies of a dataset's models, in their order.
+///
+/// # Errors
+/// [`ModelError`] for the first that has none.
+pub fn bodies_of(models: &[Arc<Model>]) -> Result<Vec<Body>, ModelError> {
+    models.iter().map(|model| Body::of_model(model)).collect()
 }
 
 impl From<Solid> for Body {

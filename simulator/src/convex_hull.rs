@@ -120,6 +120,15 @@ impl ConvexHull {
         self.faces.iter().map(|face| face.plane).collect()
     }
 
+    /// The surface as triangles of corners by number, counter-clockwise seen from outside.
+    #[must_use]
+    pub fn triangles(&self) -> Vec<[usize; 3]> {
+        let fan = |face: &Face| -> Vec<[usize; 3]> {
+            face.ring[1..].windows(2).map(|side| [face.ring[0], side[0], side[1]]).collect()
+        };
+        self.faces.iter().flat_map(fan).collect()
+    }
+
     /// The directions of the edges, not normalised: each edge once for either of its faces.
     #[must_use]
     pub fn edges_m(&self) -> Vec<Vec3> {

@@ -149,6 +149,16 @@ fn sum(parts: &[MassProperties]) -> MassProperties {
     MassProperties::with_inertia_matrix(centre, mass, inertia)
 }
 
+/// Two colliders that press on each other.
+pub(crate) struct Pressing {
+    /// Which.
+    pub(crate) colliders: [ColliderHandle; 2],
+    /// The points that carry, in metres.
+    pub(crate) points_m: Vec<Vector>,
+    /// How hard in the last step, in newtons.
+    pub(crate) force_n: f32,
+}
+
 /// All of rapier's state.
 pub(crate) struct World {
     gravity: Vector,
@@ -291,6 +301,27 @@ impl World {
             let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
             !others.contains(&other) && pair.total_impulse_magnitude() > 0.0
         })
+    }
+
+    /// What pressed on each other in the last step.
+    pub(crate) fn pressing(&self) -> Vec<Pressing> {
+        let pressed = self.narrow_phase.contact_pairs().filter(|pair| pair.total_impulse_magnitude() > 0.0);
+        pressed
+            .map(|pair| {
+                let first = self.colliders[pair.collider1].position();
+                let points_m = pair.solver_manifolds().iter().flat_map(|manifold| {
+                    let part = manifold.subshape_poses.as_ref().and_then(|poses| poses.pos1);
+                    let pose = *first * part.unwrap_or(Pose::IDENTITY);
+                    let bearing = manifold.points.iter().filter(|point| point.data.impulse > 0.0);
+                    bearing.map(move |point| pose.transform_point(point.local_p1) / UNITS_PER_M)
+                });
+                Pressing {
+                    colliders: [pair.collider1, pair.collider2],
+                    points_m: points_m.collect(),
+                    force_n: pair.total_impulse_magnitude() / (self.parameters.dt * UNITS_PER_M),
+                }
+            })
+            .collect()
     }
 
     /// Force with which two colliders press on each other in the last step, in newtons.

@@ -76,6 +76,14 @@ impl Gate {
         placed(&self.obstacles[object_id].0, pose)
     }
 
+    /// The parts of an object, in the frame of a grasp, that any of `boxes` overlaps.
+    pub(crate) fn overlapped(&self, object_id: usize, workspace_from_grasp: &Pose, boxes: &[HandBox]) -> Vec<Placed> {
+        let (hulls, workspace_from_object) = &self.obstacles[object_id];
+        let grasp_from_object = workspace_from_grasp.inverse() * *workspace_from_object;
+        let touched = hulls.iter().filter(|hull| touches(hull, &grasp_from_object, boxes));
+        touched.map(|hull| hull.placed(&grasp_from_object)).collect()
+    }
+
     fn first_hit(&self, boxes: &[HandBox; 3], workspace_from_grasp: &Pose, target: usize) -> Option<Hit> {
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let touches = |id: &usize| {
@@ -96,7 +104,7 @@ fn placed(hulls: &[Hull], pose: &Pose) -> Vec<Placed> {
     hulls.iter().map(|hull| hull.placed(pose)).collect()
 }
 
-fn touches(hull: &Hull, grasp_from_object: &Pose, boxes: &[HandBox; 3]) -> bool {
+fn touches(hull: &Hull, grasp_from_object: &Pose, boxes: &[HandBox]) -> bool {
     let centre_m = grasp_from_object.transform_point(hull.centre_m);
     let near = |b: &HandBox| {
         let outside = ((centre_m - b.centre_m).abs() - b.half_m).max(Vec3::ZERO);

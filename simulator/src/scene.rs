@@ -1,6 +1,6 @@
 //! A scene at rest.
 
-use schema::{ObjectRecord, Pose};
+use schema::{ObjectRecord, ObjectShape, Pose};
 
 use crate::Body;
 
@@ -27,13 +27,21 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The scene that a dataset's rows describe: what was executed can be executed again from what was stored.
+    /// The scene that a dataset's rows describe: what was executed can be executed again from what was stored. `bodies` are
+    /// those of the dataset's models, in their order ([`crate::bodies_of`]).
+    ///
+    /// # Panics
+    /// If a row names a model that has no body.
     #[must_use]
-    pub fn from_records(table_z_m: f32, records: &[ObjectRecord]) -> Self {
+    pub fn from_records(table_z_m: f32, records: &[ObjectRecord], bodies: &[Body]) -> Self {
+        let body = |shape: &ObjectShape| match shape {
+            ObjectShape::Solid(solid) => (*solid).into(),
+            ObjectShape::Model { number, .. } => bodies[usize::from(*number)].clone(),
+        };
         let objects = records
             .iter()
             .map(|r| SceneObject {
-                body: r.solid.into(),
+                body: body(&r.shape),
                 mass_kg: r.mass_kg,
                 friction: r.friction,
                 workspace_from_object: r.workspace_from_object,

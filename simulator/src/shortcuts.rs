@@ -26,6 +26,8 @@ pub(crate) enum FreeClosing {
     Empty {
         /// Opening when the attempt ends.
         width_m: f32,
+        /// Steps until then.
+        steps: usize,
     },
     /// So many steps.
     Steps(usize),
@@ -59,7 +61,8 @@ impl AttemptWorld<'_> {
         if free_m >= steps_to_meet * step_m
             && steps_to_meet as usize <= self.physics.steps(self.procedure.close_time_s_max)
         {
-            return FreeClosing::Empty { width_m: (gripper.opening_m_max - 2.0 * steps_to_meet * step_m).max(0.0) };
+            let width_m = (gripper.opening_m_max - 2.0 * steps_to_meet * step_m).max(0.0);
+            return FreeClosing::Empty { width_m, steps: steps_to_meet as usize };
         }
         FreeClosing::Steps((free_m.min(0.5 * way_m) / step_m) as usize)
     }

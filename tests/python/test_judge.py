@@ -16,12 +16,12 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 
 from crosscheck import gate
 from crosscheck.attempt import Runner
+from crosscheck.compound import Compound, box_of
 from crosscheck.contract import Attempt, Scene, SceneObject
+from crosscheck.hull import hull_of
 from crosscheck.pose import Pose, angle_between_rad, quat_from_vector
 from crosscheck.solid import Solid
 from judge import cli
-from judge.compound import Compound, box_of
-from judge.hull import hull_of
 from judge.report import rates
 
 # The parts that need no engine are tested without it.
@@ -135,9 +135,9 @@ def test_a_finger_may_enter_what_is_between_the_parts():
 @pytest.fixture
 def engine():
     pytest.importorskip("pybullet")
-    from judge.bullet import JudgeBullet
+    from crosscheck.compound_bullet import CompoundBullet
 
-    made = JudgeBullet()
+    made = CompoundBullet()
     yield made
     made.close()
 

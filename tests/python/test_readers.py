@@ -20,6 +20,7 @@ import pyarrow as pa
 import pyarrow.dataset as pads
 import pyarrow.parquet as pq
 import pytest
+from huggingface_hub import DatasetCard
 
 TABLES = ["attempts", "scenes", "objects"]
 SNIPPETS = Path(__file__).parents[2] / "docs" / "reading.md"
@@ -147,6 +148,14 @@ def test_columns_say_what_they_mean():
 def test_the_card_offers_attempts_first():
     assert datasets.get_dataset_default_config_name(str(DATASET)) == "attempts"
     assert sorted(datasets.get_dataset_config_names(str(DATASET))) == sorted(TABLES)
+
+
+def test_the_hub_reads_the_cards_metadata():
+    data = DatasetCard.load(DATASET / "README.md").data
+    assert data.license, "unknown, until its owner names one"
+    assert data.task_categories == ["robotics"]
+    assert len(data.size_categories) == 1
+    assert [config["config_name"] for config in data.configs] == TABLES
 
 
 @pytest.mark.parametrize("page", [SNIPPETS, DATASET / "README.md"], ids=["docs", "card"])

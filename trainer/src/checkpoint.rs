@@ -18,8 +18,8 @@ use crate::host::DenseNetwork;
 use crate::layers::{parameter_count, parameter_slots};
 use crate::network::Network;
 use crate::progress::Progress;
-use crate::publish::publish;
 use crate::upsampling::Upsampling;
+use shards::publish;
 
 use header::HeaderProblem;
 

@@ -16,6 +16,9 @@ use crate::upsampling::Upsampling;
 
 pub use raw::RawConfig;
 
+/// The paper's recipe, which is there without a file.
+pub const PAPER: &str = include_str!("../../configs/train/paper.toml");
+
 /// A checked recipe.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
@@ -105,6 +108,14 @@ impl Config {
         let text =
             std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         Self::parse(&text, path)
+    }
+
+    /// The recipe of a file, or the paper's.
+    ///
+    /// # Errors
+    /// As [`Config::read`].
+    pub fn load(path: Option<&Path>) -> Result<Self, ConfigError> {
+        path.map_or_else(|| Self::parse(PAPER, Path::new("configs/train/paper.toml")), Self::read)
     }
 
     /// Checks the text of a recipe; `path` is for messages.

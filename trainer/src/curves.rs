@@ -8,10 +8,11 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use shards::ExitCode;
 
+use crate::config::SplitBy;
+use crate::run_folder::METRICS;
 pub use report::figure::FigureError;
 use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
-use crate::publish::publish;
-use crate::run_folder::METRICS;
+use shards::publish;
 
 /// Why curves cannot be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -58,20 +59,31 @@ impl CurvesError {
     }
 }
 
-/// What the curves show of a line of `metrics.jsonl`.
+/// What is shown of a line of `metrics.jsonl`. Runs of earlier versions have fewer keys.
 #[derive(Debug, Clone, Deserialize)]
-struct Epoch {
-    epoch: u32,
-    train: Set,
-    test_attempts: Set,
-    test_scenes: Set,
+pub(crate) struct Epoch {
+    pub(crate) epoch: u32,
+    pub(crate) train: Set,
+    pub(crate) test_attempts: Set,
+    pub(crate) test_scenes: Set,
+    #[serde(default)]
+    pub(crate) learning_rate: Option<f64>,
+    #[serde(default)]
+    pub(crate) split_by: Option<SplitBy>,
+    #[serde(default)]
+    pub(crate) is_best: bool,
+    #[serde(default)]
+    pub(crate) seconds: Option<f64>,
 }
 
+/// A set of samples after an epoch. What is no number is `null` in JSON, and `None` here.
 #[derive(Debug, Clone, Deserialize)]
-struct Set {
-    loss: Option<f64>,
-    accuracy: Option<f64>,
-    baseline_accuracy: Option<f64>,
+pub(crate) struct Set {
+    pub(crate) loss: Option<f64>,
+    pub(crate) accuracy: Option<f64>,
+    pub(crate) baseline_accuracy: Option<f64>,
+    #[serde(default)]
+    pub(crate) accuracy_95: Option<(f64, f64)>,
 }
 
 /// Draws `loss.svg`, `loss.png`, `accuracy.svg` and `accuracy.png` in a run's folder, in place of what is there, and
@@ -80,9 +92,11 @@ struct Set {
 /// # Errors
 /// [`CurvesError`].
 pub fn draw_curves(run: &Path) -> Result<Vec<PathBuf>, CurvesError> {
-    let epochs = read(&run.join(METRICS))?;
+    let epochs = read(run)?;
     let mut written = Vec::new();
-    for (name, figure) in [("loss", loss(&epochs)), ("accuracy", accuracy(&epochs))] {
+    let loss = loss(&epochs, "loss (Eq. 5, mean of the samples)");
+    let accuracy = accuracy(&epochs, "accuracy (Eq. 6, share of right predictions)");
+    for (name, figure) in [("loss", loss), ("accuracy", accuracy)] {
         for (ending, bytes) in [("svg", figure.svg()?.into_bytes()), ("png", figure.png()?)] {
             let path = run.join(format!("{name}.{ending}"));
             publish(&path, &bytes).map_err(|source| CurvesError::Io {
@@ -96,7 +110,9 @@ pub fn draw_curves(run: &Path) -> Result<Vec<PathBuf>, CurvesError> {
     Ok(written)
 }
 
-fn read(path: &Path) -> Result<Vec<Epoch>, CurvesError> {
+/// The epochs of a run, at least one.
+pub(crate) fn read(run: &Path) -> Result<Vec<Epoch>, CurvesError> {
+    let path = &run.join(METRICS);
     let text = match fs::read_to_string(path) {
         Ok(text) => text,
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Err(CurvesError::Missing(path.to_owned())),
@@ -113,11 +129,13 @@ fn read(path: &Path) -> Result<Vec<Epoch>, CurvesError> {
     if epochs.is_empty() { Err(CurvesError::Missing(path.to_owned())) } else { Ok(epochs) }
 }
 
-fn loss(epochs: &[Epoch]) -> Figure {
-    figure(epochs, "Loss by epoch", "loss (Eq. 5, mean of the samples)", |set| set.loss, Vec::new())
+/// The losses; `label` stands beside them.
+pub(crate) fn loss(epochs: &[Epoch], label: &str) -> Figure {
+    figure(epochs, "Loss by epoch", label, |set| set.loss, Vec::new())
 }
 
-fn accuracy(epochs: &[Epoch]) -> Figure {
+/// The accuracies and those of always answering "failure"; `label` stands beside them.
+pub(crate) fn accuracy(epochs: &[Epoch], label: &str) -> Figure {
     // Each test set has its baseline, in its colour; one grey entry in the legend says what the dashes are.
     let baseline = |colour, set: fn(&Epoch) -> &Set| {
         Line::new("", colour, Stroke::Dashed, points(epochs, set, |set| set.baseline_accuracy))
@@ -127,8 +145,7 @@ fn accuracy(epochs: &[Epoch]) -> Figure {
         baseline(ORANGE, |epoch| &epoch.test_attempts),
         baseline(GREEN, |epoch| &epoch.test_scenes),
     ];
-    let title = "Accuracy by epoch";
-    figure(epochs, title, "accuracy (Eq. 6, share of right predictions)", |set| set.accuracy, baselines)
+    figure(epochs, "Accuracy by epoch", label, |set| set.accuracy, baselines)
 }
 
 fn figure(epochs: &[Epoch], title: &str, label: &str, value: fn(&Set) -> Option<f64>, more: Vec<Line>) -> Figure {
@@ -143,7 +160,13 @@ fn figure(epochs: &[Epoch], title: &str, label: &str, value: fn(&Set) -> Option<
     let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
     let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
     let last = epochs.last().map_or(1, |epoch| epoch.epoch);
-    Figure { title: title.to_owned(), x: Scale::whole("epoch", last), y: Scale::around(label, low, high), lines }
+    Figure {
+        title: title.to_owned(),
+        x: Scale::whole("epoch", last),
+        y: Scale::around(label, low, high),
+        lines,
+        bars: Vec::new(),
+    }
 }
 
 fn points(epochs: &[Epoch], set: fn(&Epoch) -> &Set, value: fn(&Set) -> Option<f64>) -> Vec<(f64, f64)> {

@@ -4,7 +4,6 @@ mod grids;
 mod item;
 mod load;
 mod loader;
-mod points;
 
 pub use grids::{Grids, SpoolError};
 pub use item::{GraspDataset, GraspItem, Treatment};

@@ -1,6 +1,7 @@
 //! A checkpoint against a dataset: accuracy, precision, recall and confusion, by shape and by rule too; precision–recall
 //! and calibration; errors of the grasps.
 
+pub mod mistakes;
 pub mod report;
 
 use std::collections::BTreeMap;
@@ -16,6 +17,7 @@ use shards::{Dataset, ExitCode, Location};
 use crate::checkpoint::{self, CheckpointError};
 use crate::config::{Config, ConfigError};
 use crate::data::{GraspDataset, LoadError, SpoolError, for_each_batch, load};
+use crate::evaluate::mistakes::{Keeper, Mistake, Mistakes};
 use crate::metrics::{Summary, Tally};
 use crate::scores::{
     Calibration, GraspErrors, Ranking, Score, Spread, calibration, interval_by_scene, ranking, rotation_error_deg,
@@ -126,6 +128,17 @@ pub struct Evaluation {
     pub by_rule: BTreeMap<&'static str, Summary>,
 }
 
+/// An evaluation, and what it takes to look closer.
+#[derive(Debug)]
+pub struct Examination {
+    /// The results.
+    pub evaluation: Evaluation,
+    /// The attempts that the network was most wrong about.
+    pub mistakes: Mistakes,
+    /// The dataset that they are of.
+    pub dataset: Dataset,
+}
+
 /// Evaluates a checkpoint on a set of a dataset. `scratch` is a folder with room for the decoded grids.
 ///
 /// # Errors
@@ -138,6 +151,22 @@ pub fn evaluate(
     stop: &AtomicBool,
     scene_done: &(dyn Fn() + Sync),
 ) -> Result<Evaluation, EvaluateError> {
+    Ok(examine(checkpoint, data, set, scratch, stop, scene_done, 0)?.evaluation)
+}
+
+/// As [`evaluate`], and keeps the `mistakes_max` worst mistakes of either kind.
+///
+/// # Errors
+/// [`EvaluateError`].
+pub fn examine(
+    checkpoint: &Path,
+    data: impl Into<Location>,
+    set: TestSet,
+    scratch: &Path,
+    stop: &AtomicBool,
+    scene_done: &(dyn Fn() + Sync),
+    mistakes_max: usize,
+) -> Result<Examination, EvaluateError> {
     let path = checkpoint;
     let checkpoint = checkpoint::read(path, &Device::flex())?;
     let dataset = Dataset::open(data).map_err(LoadError::from)?;
@@ -171,7 +200,12 @@ pub fn evaluate(
     };
     let mut all = Tally::default();
     all.add(&results);
-    Ok(Evaluation {
+    let mut worst = Keeper::new(mistakes_max);
+    for (at, result) in found() {
+        let (scene_id, attempt_id) = (samples.scene(at), samples.attempt(at));
+        worst.see(Mistake { scene_id, attempt_id, score: score(result) });
+    }
+    let evaluation = Evaluation {
         epoch: checkpoint.progress.epoch,
         step: checkpoint.progress.step,
         trained_on,
@@ -183,9 +217,10 @@ pub fn evaluate(
         ranking: ranking(&scores),
         calibration: calibration(&scores),
         errors: errors(&results, dataset.info().grid.voxel_size_m()),
-        by_shape: summaries(tallies(found().map(|(at, result)| (samples.rule(at).shape.name(), result)))),
+        by_shape: summaries(tallies(found().map(|(at, result)| (samples.rule(at).shape.kind_name(), result)))),
         by_rule: summaries(tallies(found().map(|(at, result)| (samples.rule(at).name(), result)))),
-    })
+    };
+    Ok(Examination { evaluation, mistakes: worst.into_mistakes(), dataset })
 }
 
 /// Samples per batch.

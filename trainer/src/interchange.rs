@@ -28,8 +28,8 @@ use shards::ExitCode;
 
 use crate::checkpoint::{self, Checkpoint, CheckpointError};
 use crate::progress::Progress;
-use crate::publish::publish;
 use crate::upsampling::Upsampling;
+use shards::publish;
 
 use element::Element;
 use problem::Problem;

@@ -12,7 +12,8 @@
 //! - [`mod@fit`] is the recipe, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early end, [`metrics`]
 //!   what it counts, [`events`] what it tells, [`run_folder`], [`checkpoint`] and [`progress`] what it leaves behind, [`curves`] and TensorBoard's
 //!   events what people watch meanwhile.
-//! - [`mod@evaluate`] looks at the result, [`scores`] at its qualities, [`evaluate::report`] writes it down.
+//! - [`mod@evaluate`] looks at the result, [`scores`] at its qualities, [`evaluate::report`] writes it down, [`page`] shows a run and
+//!   its result together.
 //! - [`ranks`] lets several processes share every batch.
 //! - [`interchange`] takes weights from other programs and gives them to others.
 //!
@@ -47,9 +48,9 @@ pub mod matrices;
 pub mod metrics;
 pub mod network;
 pub mod order;
+pub mod page;
 pub mod patience;
 pub mod progress;
-mod publish;
 pub mod ranks;
 pub mod receptive_field;
 pub mod run_folder;

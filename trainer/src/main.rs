@@ -2,6 +2,7 @@
 
 mod console;
 mod convert;
+mod show;
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -9,9 +10,11 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use convert::{ExportArgs, ImportArgs};
+use shards::manual::{Manual, Settings};
 use shards::{Location, LocationParser};
+use show::ReportArgs;
 use trainer::bench::bench;
 use trainer::config::Config;
 use trainer::curves::{CurvesError, draw_curves};
@@ -21,6 +24,7 @@ use trainer::evaluate::{EvaluateError, TestSet, evaluate};
 use trainer::events::Event;
 use trainer::fit::{Ending, FitError, Job, fit_job};
 use trainer::interchange::InterchangeError;
+use trainer::page::PageError;
 use trainer::ranks::{Flags, Place, PlaceError};
 use trainer::run_folder::checkpoint_path;
 
@@ -31,7 +35,7 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 /// Trains the volumetric grasp network on a Graspmill dataset.
 #[derive(Parser)]
-#[command(version, after_help = shards::ExitCode::HELP)]
+#[command(version, after_help = format!("{EXAMPLES}\n\n{}", shards::ExitCode::HELP))]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -48,6 +52,10 @@ enum Command {
     /// Draw a run's curves again from its metrics.jsonl: loss.svg, loss.png, accuracy.svg, accuracy.png.
     #[command(after_help = shards::ExitCode::HELP)]
     Curves(CurvesArgs),
+    /// A run as a page, one file with everything in it: curves, recipe and, on a dataset, what the best checkpoint is worth and its worst
+    /// mistakes, with pictures.
+    #[command(after_help = format!("{}\n\n{}\n\n{}", show::EXAMPLES, Location::HELP, shards::ExitCode::HELP))]
+    Report(ReportArgs),
     /// What a training step costs on this machine.
     #[command(after_help = shards::ExitCode::HELP)]
     Bench(BenchArgs),
@@ -57,7 +65,18 @@ enum Command {
     /// Write a checkpoint's weights for PyTorch or an ONNX runtime.
     #[command(after_help = format!("{}\n\n{}", convert::EXPORT_EXAMPLES, shards::ExitCode::HELP))]
     Export(ExportArgs),
+    /// Write shell completions, man pages, or this program's reference.
+    #[command(subcommand)]
+    Manual(Manual),
 }
+
+const EXAMPLES: &str = "\
+Examples:
+  trainer fit --data grasps --run runs/paper                                the paper's recipe; --resume goes on
+  trainer fit --data grasps --config configs/train/quick.toml --run runs/quick
+  trainer evaluate --data grasps --run runs/paper --split test-scenes --report runs/paper/report
+  trainer report runs/paper --data grasps --html paper.html                 the run as a page
+  trainer export runs/paper/best.safetensors --format onnx --out vgn.onnx";
 
 #[derive(Args)]
 struct BenchArgs {
@@ -83,9 +102,9 @@ struct FitArgs {
     /// The dataset's folder or URL.
     #[arg(long, value_parser = LocationParser)]
     data: Location,
-    /// The recipe.
-    #[arg(long, default_value = "configs/train/paper.toml")]
-    config: PathBuf,
+    /// The recipe [default: the built-in configs/train/paper.toml].
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     /// The run's folder: checkpoints, metrics, curves (loss.svg, accuracy.svg, PNG too), events for TensorBoard
     /// (tensorboard/), and while training 256 kB a scene of decoded grids.
     #[arg(long)]
@@ -177,6 +196,16 @@ enum SplitArg {
     All,
 }
 
+impl From<SplitArg> for TestSet {
+    fn from(split: SplitArg) -> Self {
+        match split {
+            SplitArg::TestAttempts => Self::TestAttempts,
+            SplitArg::TestScenes => Self::TestScenes,
+            SplitArg::All => Self::All,
+        }
+    }
+}
+
 /// A failure with the code to end with.
 struct Failure(anyhow::Error, shards::ExitCode);
 
@@ -191,7 +220,7 @@ macro_rules! fail_with_their_own_code {
     )+};
 }
 
-fail_with_their_own_code!(FitError, EvaluateError, InterchangeError, DeviceError, CurvesError, ReportError);
+fail_with_their_own_code!(FitError, EvaluateError, InterchangeError, DeviceError, CurvesError, ReportError, PageError);
 
 impl From<PlaceError> for Failure {
     fn from(error: PlaceError) -> Self {
@@ -221,9 +250,11 @@ fn main() -> ExitCode {
         Command::Fit(args) => run_fit(&args),
         Command::Evaluate(args) => run_evaluate(&args),
         Command::Curves(args) => run_curves(&args),
+        Command::Report(args) => show::run_report(&args),
         Command::Bench(args) => run_bench(&args),
         Command::Import(args) => convert::run_import(&args).map_err(Failure::from),
         Command::Export(args) => convert::run_export(&args).map_err(Failure::from),
+        Command::Manual(manual) => run_manual(&manual),
     };
     match outcome {
         Ok(code) => code.into(),
@@ -234,8 +265,15 @@ fn main() -> ExitCode {
     }
 }
 
+fn run_manual(manual: &Manual) -> Result<shards::ExitCode, Failure> {
+    let settings = [Settings { path: "configs/train/paper.toml", toml: trainer::config::PAPER }];
+    manual.make(Cli::command(), &settings, "").context("failed to write the manual")?;
+    Ok(shards::ExitCode::Ok)
+}
+
 fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
-    let mut config = Config::read(&args.config).map_err(|error| Failure(error.into(), shards::ExitCode::Config))?;
+    let mut config =
+        Config::load(args.config.as_deref()).map_err(|error| Failure(error.into(), shards::ExitCode::Config))?;
     config.epochs = args.epochs.unwrap_or(config.epochs);
     let RanksArgs { ranks, rank, master, ranks_timeout_s } = &args.ranks;
     let flags = Flags { ranks: ranks.clone(), rank: *rank, master: master.clone(), timeout_s: *ranks_timeout_s };
@@ -272,11 +310,7 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
 
 fn run_evaluate(args: &EvaluateArgs) -> Result<shards::ExitCode, Failure> {
     set_threads(args.threads)?;
-    let set = match args.split {
-        SplitArg::TestAttempts => TestSet::TestAttempts,
-        SplitArg::TestScenes => TestSet::TestScenes,
-        SplitArg::All => TestSet::All,
-    };
+    let set = args.split.into();
     let name = match args.checkpoint {
         Which::Best => "best",
         Which::Last => "last",

@@ -19,8 +19,8 @@ use shards::{Dataset, ExitCode};
 
 use crate::checkpoint::{self, Checkpoint, CheckpointError};
 use crate::config::Config;
-use crate::publish::publish;
 use crate::schedule::Schedule;
+use shards::publish;
 
 /// A run's folder, locked against other writers while this value lives.
 #[derive(Debug)]
@@ -101,7 +101,7 @@ impl RunError {
     }
 }
 
-const CONFIG: &str = "config.toml";
+pub(crate) const CONFIG: &str = "config.toml";
 const LAST: &str = "last.safetensors";
 const BEST: &str = "best.safetensors";
 pub(crate) const METRICS: &str = "metrics.jsonl";
@@ -244,7 +244,7 @@ fn check_config(path: &Path, config: &Config) -> Result<(), RunError> {
     // Read and written again: a recipe from before a key says what leaving the key out means.
     let text = Config::parse(&text, &file).map_or(text, |config| config.to_toml());
     let was = flatten(&table(&text), "");
-    let is = flatten(&table(&config.to_toml()), "");
+    let is = keys(config);
     let epochs_shape_steps = config.schedule == Schedule::Cosine;
     let keys: Vec<String> = is
         .iter()
@@ -256,6 +256,11 @@ fn check_config(path: &Path, config: &Config) -> Result<(), RunError> {
         })
         .collect();
     if keys.is_empty() { Ok(()) } else { Err(RunError::OtherConfig { keys, path: path.to_owned() }) }
+}
+
+/// The keys of a recipe with their values, those of tables as `table.key`.
+pub(crate) fn keys(config: &Config) -> Vec<(String, String)> {
+    flatten(&config.to_toml().parse::<toml::Table>().unwrap_or_default(), "")
 }
 
 fn flatten(table: &toml::Table, prefix: &str) -> Vec<(String, String)> {

@@ -6,6 +6,7 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use report::figure::{BLUE, Colour, GREY, ORANGE};
 
 use super::share;
 use crate::statistics::{Interval, Results};
@@ -15,34 +16,69 @@ use crate::statistics::{Interval, Results};
 #[error("failed to draw the results: {0}")]
 pub struct FigureError(String);
 
+/// What is shown together: an experiment, or a part of one.
+#[derive(Debug, Clone)]
+pub(crate) struct Row {
+    /// What it is.
+    pub(crate) name: String,
+    /// Attempts that held, of all.
+    pub(crate) success_rate: Option<Interval>,
+    /// Objects removed, of all.
+    pub(crate) cleared_share: Option<Interval>,
+}
+
 /// A rate and how it is shown.
 struct Mark {
     name: &'static str,
     rate: Option<Interval>,
-    colour: RGBColor,
+    colour: Colour,
     is_disc: bool,
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
-/// Colours that stay apart for the colour-blind (Okabe and Ito, 2008).
-const BLUE: RGBColor = RGBColor(0, 114, 178);
-const ORANGE: RGBColor = RGBColor(213, 94, 0);
-const GREY: RGBColor = RGBColor(90, 90, 90);
-const LIGHT: RGBColor = RGBColor(225, 225, 225);
+const LIGHT: Colour = Colour(225, 225, 225);
 
 /// How the font is called: as those call it who have it, then one of the same widths, then any.
 const FONT: &str = "DejaVu Sans, Verdana, sans-serif";
 
-// All in pixels.
-const WIDTH: u32 = 800;
-const TOP: i32 = 48;
+/// Where things stand, in pixels.
+struct Sheet {
+    width: u32,
+    top: i32,
+    axis_left: i32,
+    axis_width: i32,
+    value_left: i32,
+    title: Option<&'static str>,
+    axis: &'static str,
+    marks: &'static [i32],
+}
+
+/// A figure that stands alone.
+const ALONE: Sheet = Sheet {
+    width: 800,
+    top: 48,
+    axis_left: 100,
+    axis_width: 480,
+    value_left: 600,
+    title: Some("Grasp success rate (GSR) and share of objects cleared"),
+    axis: "share, with its 95 % bootstrap interval over rounds",
+    marks: &[0, 20, 40, 60, 80, 100],
+};
+/// A figure on a page, whose words can still be read on a phone.
+const ON_A_PAGE: Sheet = Sheet {
+    width: 440,
+    top: 8,
+    axis_left: 70,
+    axis_width: 180,
+    value_left: 268,
+    title: None,
+    axis: "share, with its 95 % interval",
+    marks: &[0, 50, 100],
+};
 const ROW: i32 = 64;
 const BOTTOM: i32 = 56;
-const AXIS_LEFT: i32 = 100;
-const AXIS_WIDTH: i32 = 480;
-const VALUE_LEFT: i32 = 600;
 const DOT_RADIUS: i32 = 5;
 
 /// The success rate and the cleared share of experiments, as SVG.
@@ -50,11 +86,28 @@ const DOT_RADIUS: i32 = 5;
 /// # Errors
 /// [`FigureError`] if the library fails.
 pub fn svg(results: &[Results]) -> Result<String, FigureError> {
-    let bottom = TOP + ROW * results.len() as i32;
+    let row = |results: &Results| Row {
+        name: format!("{} ({} rounds, {} attempts)", results.protocol, results.rounds, results.attempts),
+        success_rate: results.rates.success_rate,
+        cleared_share: results.rates.cleared_share,
+    };
+    drawn(&ALONE, &results.iter().map(row).collect::<Vec<_>>())
+}
+
+/// The same of any rows, without a title and 440 pixels wide: for [`report::page`].
+///
+/// # Errors
+/// [`FigureError`] if the library fails.
+pub(crate) fn svg_for_page(rows: &[Row]) -> Result<String, FigureError> {
+    drawn(&ON_A_PAGE, rows)
+}
+
+fn drawn(sheet: &Sheet, rows: &[Row]) -> Result<String, FigureError> {
+    let bottom = sheet.top + ROW * rows.len() as i32;
     let mut text = String::new();
     {
-        let area = SVGBackend::with_string(&mut text, (WIDTH, (bottom + BOTTOM) as u32)).into_drawing_area();
-        draw(&area, results, bottom).map_err(|e| FigureError(e.to_string()))?;
+        let area = SVGBackend::with_string(&mut text, (sheet.width, (bottom + BOTTOM) as u32)).into_drawing_area();
+        draw(&area, sheet, rows, bottom).map_err(|e| FigureError(e.to_string()))?;
     }
     if !text.ends_with('\n') {
         text.push('\n');
@@ -62,48 +115,47 @@ pub fn svg(results: &[Results]) -> Result<String, FigureError> {
     Ok(text)
 }
 
-fn draw(area: &Area<'_>, results: &[Results], bottom: i32) -> Drawn {
+fn draw(area: &Area<'_>, sheet: &Sheet, rows: &[Row], bottom: i32) -> Drawn {
     area.fill(&WHITE)?;
-    write(area, "Grasp success rate (GSR) and share of objects cleared", (16, 20), 18, HPos::Left)?;
-    draw_axis(area, bottom)?;
-    for (at, one) in results.iter().enumerate() {
-        draw_row(area, one, TOP + ROW * at as i32)?;
+    if let Some(title) = sheet.title {
+        write(area, title, (16, 20), 18, HPos::Left)?;
+    }
+    draw_axis(area, sheet, bottom)?;
+    for (at, row) in rows.iter().enumerate() {
+        draw_row(area, sheet, row, sheet.top + ROW * at as i32)?;
     }
     area.present()
 }
 
-fn draw_axis(area: &Area<'_>, bottom: i32) -> Drawn {
-    for percent in [0, 20, 40, 60, 80, 100] {
-        let x = x_of(f64::from(percent) / 100.0);
-        line(area, (x, TOP), (x, bottom), LIGHT, 1)?;
+fn draw_axis(area: &Area<'_>, sheet: &Sheet, bottom: i32) -> Drawn {
+    for percent in sheet.marks {
+        let x = sheet.x_of(f64::from(*percent) / 100.0);
+        line(area, (x, sheet.top), (x, bottom), LIGHT, 1)?;
         write(area, &format!("{percent} %"), (x, bottom + 14), 13, HPos::Center)?;
     }
-    line(area, (AXIS_LEFT, bottom), (AXIS_LEFT + AXIS_WIDTH, bottom), GREY, 1)?;
-    let middle = AXIS_LEFT + AXIS_WIDTH / 2;
-    write(area, "share, with its 95 % bootstrap interval over rounds", (middle, bottom + 38), 14, HPos::Center)
+    line(area, (sheet.axis_left, bottom), (sheet.axis_left + sheet.axis_width, bottom), GREY, 1)?;
+    let middle = sheet.axis_left + sheet.axis_width / 2;
+    write(area, sheet.axis, (middle, bottom + 38), 14, HPos::Center)
 }
 
-/// An experiment: its name, and below it a line for each rate.
-fn draw_row(area: &Area<'_>, results: &Results, top: i32) -> Drawn {
-    let name = results.protocol.replace(char::is_control, " ");
-    let name = format!("{name} ({} rounds, {} attempts)", results.rounds, results.attempts);
-    write(area, &name, (16, top + 12), 14, HPos::Left)?;
-    let rates = &results.rates;
+/// A name, and below it a line for each rate.
+fn draw_row(area: &Area<'_>, sheet: &Sheet, row: &Row, top: i32) -> Drawn {
+    write(area, &row.name.replace(char::is_control, " "), (16, top + 12), 14, HPos::Left)?;
     let marks = [
-        Mark { name: "GSR", rate: rates.success_rate, colour: BLUE, is_disc: true },
-        Mark { name: "cleared", rate: rates.cleared_share, colour: ORANGE, is_disc: false },
+        Mark { name: "GSR", rate: row.success_rate, colour: BLUE, is_disc: true },
+        Mark { name: "cleared", rate: row.cleared_share, colour: ORANGE, is_disc: false },
     ];
     for (mark, y) in marks.iter().zip([top + 32, top + 50]) {
-        draw_mark(area, mark, y)?;
+        draw_mark(area, sheet, mark, y)?;
     }
     Ok(())
 }
 
-fn draw_mark(area: &Area<'_>, mark: &Mark, y: i32) -> Drawn {
-    write(area, mark.name, (AXIS_LEFT - 14, y), 13, HPos::Right)?;
-    write(area, &share(mark.rate), (VALUE_LEFT, y), 13, HPos::Left)?;
+fn draw_mark(area: &Area<'_>, sheet: &Sheet, mark: &Mark, y: i32) -> Drawn {
+    write(area, mark.name, (sheet.axis_left - 14, y), 13, HPos::Right)?;
+    write(area, &share(mark.rate), (sheet.value_left, y), 13, HPos::Left)?;
     let Some(Interval { value, low, high }) = mark.rate else { return Ok(()) };
-    let (low, high, centre) = (x_of(low), x_of(high), (x_of(value), y));
+    let (low, high, centre) = (sheet.x_of(low), sheet.x_of(high), (sheet.x_of(value), y));
     line(area, (low, y), (high, y), mark.colour, 2)?;
     for end in [low, high] {
         line(area, (end, y - 4), (end, y + 4), mark.colour, 2)?;
@@ -116,11 +168,13 @@ fn draw_mark(area: &Area<'_>, mark: &Mark, y: i32) -> Drawn {
     }
 }
 
-fn x_of(share: f64) -> i32 {
-    AXIS_LEFT + (f64::from(AXIS_WIDTH) * share.clamp(0.0, 1.0)).round() as i32
+impl Sheet {
+    fn x_of(&self, share: f64) -> i32 {
+        self.axis_left + (f64::from(self.axis_width) * share.clamp(0.0, 1.0)).round() as i32
+    }
 }
 
-fn line(area: &Area<'_>, from: (i32, i32), to: (i32, i32), colour: RGBColor, width: u32) -> Drawn {
+fn line(area: &Area<'_>, from: (i32, i32), to: (i32, i32), colour: Colour, width: u32) -> Drawn {
     area.draw(&PathElement::new([from, to], colour.stroke_width(width)))
 }
 

@@ -1,14 +1,31 @@
 //! `bench` and `repeat`.
 
+use std::path::Path;
 use std::process::Command;
 
 use generator::{Config, Overrides, make_scene};
-use schema::Outcome;
+use schema::{Outcome, SceneRows};
 
 use crate::{check_ok, run, small_config, workshop};
 
-fn program(arguments: &[&str], dir: &std::path::Path) -> std::process::Output {
+pub(crate) fn program(arguments: &[&str], dir: &Path) -> std::process::Output {
     Command::new(env!("CARGO_BIN_EXE_generator")).current_dir(dir).args(arguments).output().unwrap()
+}
+
+/// A dataset of which `lie` changes every scene's rows before they are written.
+pub(crate) fn lying_dataset(config: &Config, at: &Path, mut lie: impl FnMut(&mut SceneRows)) {
+    let info = config.dataset_info();
+    let draft = shards::Draft::begin(at, &info).unwrap();
+    for shard in 0..info.shard_count {
+        let mut writer = draft.shard(shard).unwrap();
+        for scene_id in info.scenes_of(shard) {
+            let mut rows = make_scene(config, scene_id, info.attempts_of_scene(scene_id)).unwrap();
+            lie(&mut rows);
+            writer.push(&rows).unwrap();
+        }
+        writer.commit().unwrap();
+    }
+    draft.finalize().unwrap();
 }
 
 #[test]
@@ -50,22 +67,13 @@ fn attempts_executed_again_end_as_stored_and_a_lie_is_found() {
 
     // A dataset in which one attempt that holds is said to slip.
     let config = Config::from_toml(&small_config(), "small", None, Overrides::default()).unwrap();
-    let (info, lying) = (config.dataset_info(), dir.path().join("lying"));
-    let draft = shards::Draft::begin(&lying, &info).unwrap();
     let mut has_lied = false;
-    for shard in 0..info.shard_count {
-        let mut writer = draft.shard(shard).unwrap();
-        for scene_id in info.scenes_of(shard) {
-            let mut rows = make_scene(&config, scene_id, info.attempts_of_scene(scene_id)).unwrap();
-            if let Some(held) = rows.attempts.iter_mut().find(|a| !has_lied && a.outcome == Outcome::Held) {
-                held.outcome = Outcome::Slipped;
-                has_lied = true;
-            }
-            writer.push(&rows).unwrap();
+    lying_dataset(&config, &dir.path().join("lying"), |rows| {
+        if let Some(held) = rows.attempts.iter_mut().find(|a| !has_lied && a.outcome == Outcome::Held) {
+            held.outcome = Outcome::Slipped;
+            has_lied = true;
         }
-        writer.commit().unwrap();
-    }
-    draft.finalize().unwrap();
+    });
     let found = program(&["repeat", "lying"], dir.path());
     assert_eq!(found.status.code(), Some(65), "{found:?}");
     let text = String::from_utf8_lossy(&found.stdout);

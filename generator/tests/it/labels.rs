@@ -14,7 +14,7 @@ fn config() -> Config {
 fn stored_rows_executed_again_end_the_same() {
     let config = config();
     let rows = make_scene(&config, 3, 60).unwrap();
-    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects);
+    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, &[]);
     let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
     for attempt in &rows.attempts {
         let again = world.execute(&attempt.workspace_from_grasp, attempt.object_id as usize);

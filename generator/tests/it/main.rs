@@ -6,6 +6,8 @@ mod cluster;
 mod commands;
 mod determinism;
 mod labels;
+mod objects;
+mod replay;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -4,8 +4,10 @@
 mod commit;
 mod damage;
 mod disk_full;
+mod export;
 mod golden;
 mod killed;
+mod models;
 mod program;
 mod remote;
 mod round_trip;

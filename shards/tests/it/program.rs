@@ -31,6 +31,37 @@ fn report_reads_well() {
 }
 
 #[test]
+fn a_report_is_a_page_that_holds_its_numbers_and_needs_nothing_else() {
+    let dir = dataset();
+    let page = dir.path().join("report.html");
+    let output = shards(&["report", text(dir.path()), "--html", text(&page)]);
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), format!("{}\n", page.display()));
+    let html = std::fs::read_to_string(&page).unwrap();
+    let json = shards(&["report", text(dir.path()), "--json"]).stdout;
+    let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    for group in ["shapes", "rules", "object_counts"] {
+        for one in json[group].as_array().unwrap().iter().filter(|one| one["attempts"] != 0) {
+            let [name, attempts, held] = ["name", "attempts", "positives"].map(|key| one[key].to_string());
+            let row = format!(
+                "{}</code></td><td class=\"number\">{attempts}</td><td class=\"number\">{held}</td>",
+                name.trim_matches('"')
+            );
+            assert!(html.contains(&row), "{row} is not in {html}");
+        }
+    }
+    assert_eq!(html.matches("<svg class=\"scene\"").count(), 12);
+    assert!(html.contains(json["dataset_id"].as_str().unwrap()));
+    for word in ["http://", "https://", "<script", "src=", "url("] {
+        assert!(!html.replace("http://www.w3.org/2000/svg", "").contains(word), "{word}");
+    }
+    shards(&["report", text(dir.path()), "--html", text(&page)]);
+    assert_eq!(std::fs::read_to_string(&page).unwrap(), html, "the same dataset, the same page");
+    let output = shards(&["report", text(dir.path()), "--html", "/no/such/folder/r.html"]);
+    assert_eq!(output.status.code(), Some(75));
+    assert!(String::from_utf8(output.stderr).unwrap().contains("/no/such/folder/r.html"));
+}
+
+#[test]
 fn inspect_reads_well() {
     let dir = dataset();
     let output = shards(&["inspect", text(dir.path()), "--scene", "3"]);
@@ -39,6 +70,29 @@ fn inspect_reads_well() {
     let output = shards(&["inspect", text(dir.path()), "--scene", "30"]);
     assert_eq!(output.status.code(), Some(78));
     assert_eq!(String::from_utf8(output.stderr).unwrap(), "error: scene must be below 30, got 30\n");
+}
+
+#[test]
+fn a_view_is_a_page_or_json() {
+    let dir = dataset();
+    let out = dir.path().join("scene.html");
+    let output = shards(&["view", text(dir.path()), "--scene", "3", "--out", text(&out)]);
+    assert!(output.status.success(), "{output:?}");
+    let page = std::fs::read_to_string(&out).unwrap();
+    assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>\n"), "{}", &page[..100]);
+    let json = shards(&["view", text(dir.path()), "--scene", "3", "--json"]);
+    let json = String::from_utf8(json.stdout).unwrap();
+    let view: report::view::View = serde_json::from_str(&json).unwrap();
+    assert_eq!((view.format.as_str(), view.frames.len()), (report::view::FORMAT, 0));
+    assert!(page.contains(json.trim_end()), "the page shows what the JSON says");
+    let again = shards(&["view", text(dir.path()), "--scene", "3", "--out", text(&out)]);
+    assert!(again.status.success() && std::fs::read_to_string(&out).unwrap() == page, "the same bytes again");
+    assert_eq!(shards(&["view", text(dir.path()), "--scene", "30", "--json"]).status.code(), Some(78));
+    assert_eq!(shards(&["view", text(dir.path()), "--scene", "3"]).status.code(), Some(2), "neither --out nor --json");
+    let nowhere = dir.path().join("no/scene.html");
+    let output = shards(&["view", text(dir.path()), "--scene", "3", "--out", text(&nowhere)]);
+    assert_eq!(output.status.code(), Some(75), "{output:?}");
+    assert!(String::from_utf8(output.stderr).unwrap().starts_with("error: failed to write "));
 }
 
 #[test]
@@ -82,6 +136,26 @@ fn every_way_to_fail_has_its_code() {
     assert_eq!(output.status.code(), Some(69));
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(told.starts_with("error: the dataset is not complete, there is no meta/manifest.json"), "{told}");
+}
+
+#[test]
+fn export_says_how_much_and_refuses_what_is_taken() {
+    let dir = dataset();
+    let out = tempfile::tempdir().unwrap();
+    let to = out.path().join("tars");
+    let output = shards(&["export", text(dir.path()), "--format", "webdataset", "--out", text(&to)]);
+    assert_eq!(output.status.code(), Some(0));
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert!(told.starts_with("600 grasps (") && told.contains("in 30 scenes: "), "{told}");
+    assert_eq!(String::from_utf8(output.stderr).unwrap(), "", "no bar without a terminal");
+    let output = shards(&["export", text(dir.path()), "--format", "webdataset", "--out", text(dir.path())]);
+    assert_eq!(output.status.code(), Some(78));
+    let output = shards(&["export", text(dir.path()), "--format", "vgn", "--out", text(&to)]);
+    assert_eq!(output.status.code(), Some(78), "8^3 voxels");
+    let output = shards(&["export", text(dir.path()), "--format", "hdf5", "--out", text(&to)]);
+    assert_eq!(output.status.code(), Some(2));
+    let help = String::from_utf8(shards(&["export", "--help"]).stdout).unwrap();
+    assert!(help.contains("Examples:") && help.contains("webdataset") && help.contains("GIGA"), "{help}");
 }
 
 #[test]

@@ -218,7 +218,7 @@ mod tests {
     use super::*;
     use crate::config::ConfigError;
 
-    const GOOD: &str = include_str!("../../../configs/train/paper.toml");
+    const GOOD: &str = crate::config::PAPER;
 
     #[test]
     fn the_papers_recipe_is_read_and_comes_back_from_its_own_toml() {

@@ -69,6 +69,12 @@ impl GraspDataset {
         u64::from(self.records[sample].scene)
     }
 
+    /// The attempt within its scene that a sample stands for.
+    #[must_use]
+    pub fn attempt(&self, sample: usize) -> u32 {
+        self.records[sample].attempt
+    }
+
     /// Scene and attempt of every sample, ascending.
     #[must_use]
     pub fn ids(&self) -> Vec<(u64, u32)> {

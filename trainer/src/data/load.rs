@@ -9,7 +9,6 @@ use shards::{Dataset, ExitCode, ReadError};
 
 use super::grids::{Grids, SpoolError};
 use super::item::{GraspDataset, Record};
-use super::points::samples;
 use crate::receptive_field::RESOLUTION;
 
 /// Why a dataset cannot be loaded.
@@ -102,7 +101,7 @@ fn load_shard(
             return Err(LoadError::Stopped);
         }
     }
-    let samples = samples(&dataset.read_attempts(shard)?, &dataset.info().gripper);
+    let samples = schema::samples_of(&dataset.read_attempts(shard)?, &dataset.info().gripper);
     let records: Vec<Record> = samples.iter().filter_map(|sample| record(sample, &dataset.info().grid)).collect();
     let outside = samples.len() - records.len();
     Ok((records, outside as u64))

@@ -9,10 +9,10 @@ use shards::ExitCode;
 
 use super::Evaluation;
 use crate::curves::FigureError;
-use report::figure::{BLUE, Figure, GREY, Line, ORANGE, Scale, Stroke};
 use crate::metrics::Summary;
-use crate::publish::publish;
 use crate::scores::{BINS, Spread};
+use report::figure::{BLUE, Figure, GREY, Line, ORANGE, Scale, Stroke};
+use shards::publish;
 
 /// Why a report cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -64,7 +64,7 @@ pub fn write_report(evaluation: &Evaluation, folder: &Path) -> Result<(), Report
     Ok(())
 }
 
-fn precision_recall(evaluation: &Evaluation) -> Figure {
+pub(crate) fn precision_recall(evaluation: &Evaluation) -> Figure {
     let points = &evaluation.ranking.precision_recall;
     let mut curve: Vec<(f64, f64)> = points.iter().map(|point| (point.recall, point.precision)).collect();
     if let Some((_, precision)) = curve.first().copied() {
@@ -86,10 +86,11 @@ fn precision_recall(evaluation: &Evaluation) -> Figure {
         x: Scale::around("recall (share of held grasps that were predicted)", 0.0, 1.0),
         y: Scale::around("precision (share of predicted that held)", 0.0, 1.0),
         lines,
+        bars: Vec::new(),
     }
 }
 
-fn calibration(evaluation: &Evaluation) -> Figure {
+pub(crate) fn calibration(evaluation: &Evaluation) -> Figure {
     let bins = &evaluation.calibration.bins;
     let points = bins.iter().filter_map(|bin| Some((bin.predicted?, bin.observed?))).collect();
     let name = format!("network (95 % of each bin; expected error {:.3})", evaluation.calibration.expected_error);
@@ -103,6 +104,7 @@ fn calibration(evaluation: &Evaluation) -> Figure {
         x: Scale::around("predicted quality (mean of the bin)", 0.0, 1.0),
         y: Scale::around("observed share that held", 0.0, 1.0),
         lines: vec![line, Line::new("perfect", GREY, Stroke::Dashed, vec![(0.0, 0.0), (1.0, 1.0)])],
+        bars: Vec::new(),
     }
 }
 
@@ -170,11 +172,11 @@ fn page(evaluation: &Evaluation) -> String {
     text
 }
 
-fn number(value: Option<f64>) -> String {
+pub(crate) fn number(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3}"))
 }
 
-fn range(range: Option<(f64, f64)>) -> String {
+pub(crate) fn range(range: Option<(f64, f64)>) -> String {
     range.map_or_else(|| "–".to_owned(), |(low, high)| format!("{low:.3} to {high:.3}"))
 }
 

@@ -6,6 +6,7 @@ mod fixture;
 mod interchange;
 mod learning;
 mod models;
+mod page;
 mod ranks;
 mod recipe;
 mod resume;

@@ -1,6 +1,7 @@
 //! Objects from a file: rigid bodies of convex parts, with mass and friction, and sets of them that lie together.
 //!
-//! `configs/objects/everyday.toml` says what the keys mean; docs/everyday-objects.md where its sizes are from.
+//! `configs/objects/everyday.toml` says what the keys mean; docs/everyday-objects.md where its sizes are from. Datasets and
+//! experiments read the same files; [`crate::import_objects`] writes them from meshes.
 
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
@@ -110,7 +111,11 @@ impl Catalogue {
         Self::parse(&text, path)
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self, CatalogueError> {
+    /// The catalogue in a text; `path` is what errors call it.
+    ///
+    /// # Errors
+    /// [`CatalogueError`], but for [`CatalogueError::Read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self, CatalogueError> {
         let syntax = |e: toml::de::Error| CatalogueError::Syntax { path: path.to_owned(), message: e.to_string() };
         let raw: Raw = toml::from_str(text).map_err(syntax)?;
         let mut problems = Vec::new();
@@ -139,6 +144,12 @@ impl Catalogue {
         } else {
             Err(CatalogueError::Invalid { path: path.to_owned(), problems })
         }
+    }
+
+    /// All objects, in the file's order.
+    #[must_use]
+    pub fn things(&self) -> &[Thing] {
+        &self.things
     }
 
     /// The objects that a name means: a set's, or the one of that name. `None` if it means nothing.

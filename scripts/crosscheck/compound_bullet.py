@@ -1,4 +1,4 @@
-"""The cross-check's PyBullet, for scenes with bodies of several parts as well.
+"""PyBullet for scenes with bodies of several parts as well.
 
 Such a body is a base without a shape, which has all of the mass, and one link without mass fixed to it for each part: PyBullet
 makes a shape of corners for a link, but none of several hulls. The base stands at the centre of mass and along the principal
@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 import pybullet
-from crosscheck.bullet import NO_TURN, Bullet
-from crosscheck.contract import SceneObject
-from crosscheck.pose import Pose, product
 
+from .bullet import NO_TURN, Bullet
 from .compound import Compound, box_of
+from .contract import SceneObject
 from .hull import Hull
+from .pose import Pose, product
 
 
-class JudgeBullet(Bullet):
+class CompoundBullet(Bullet):
     """A PyBullet world whose scenes may hold compounds; see `crosscheck.attempt.Engine`."""
 
     def begin(self, workspace_from_grasp: Pose | None, retreat: np.ndarray | None) -> None:

@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from crosscheck.pose import Pose
+from .hull import Hull, hull_of
+from .pose import Pose
+from .solid import Solid
 
-from .hull import Hull
+# A row's bounding box may differ from the parts' by this; both are rounded to single precision.
+EXTENTS_TOLERANCE_M = 1e-5
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,25 @@ class Compound:
         if np.linalg.det(axes) < 0:
             axes[:, 0] = -axes[:, 0]
         return moments, Pose(self.centroid_m, quat_of(axes))
+
+
+def compound_of(name: str, parts: list) -> Compound:
+    """A compound of hulls, from each part's corners (n, 3); raises ValueError if one has none."""
+    if not parts:
+        raise ValueError("no parts")
+    return Compound(name, tuple(hull_of(corners) for corners in parts))
+
+
+def body_of(name: str, extents_m: tuple[float, float, float], compounds: dict[str, Compound]) -> Solid | Compound:
+    """What a row means by a name: a compound, else a primitive; raises ValueError if it is neither or of another size."""
+    # A compound may have a primitive's name: what the compounds' list has is a compound.
+    body = compounds.get(name)
+    if body is None:
+        # A name that is neither a primitive's nor a compound's is told with the primitives'.
+        return Solid(name, extents_m)
+    if not np.allclose(body.extents_m, extents_m, rtol=0, atol=EXTENTS_TOLERANCE_M):
+        raise ValueError(f"{name} measures {extents_m} m, its parts {body.extents_m.round(6).tolist()} m")
+    return body
 
 
 def box_of(part: Hull) -> tuple[Pose, np.ndarray] | None:

@@ -3,14 +3,17 @@
 //! VGN (`generate_data.py`: `evaluate_grasp_point`) tries several yaws about a point's normal. The point is good if one of them held; its
 //! orientation and width are those in the middle of the widest run of yaws that held. The published code looks for that run between
 //! 0 and π; a half turn is the same grasp, so here the run goes round. VGN's grasps have their origin between the roots of the fingers,
-//! not between the tips, and so have these samples.
+//! not between the tips, and so have these samples. The trainer and the export in VGN's format both make them here.
 
 use core::f32::consts::PI;
 
-use schema::{AttemptRecord, Gripper};
+use crate::{AttemptRecord, Gripper};
 
-/// Of each sample the attempt that stands for it, its grasp where the network is to find it.
-pub(super) fn samples(attempts: &[AttemptRecord], gripper: &Gripper) -> Vec<AttemptRecord> {
+/// Of each sample the attempt that stands for it, its grasp where the network is to find it: an attempt by a rule as it is, and for
+/// the attempts in a row along one point's normal the middle of the widest run of yaws that held (or the first, if none did) with its
+/// origin between the roots of the fingers. `attempts` are in the order of the table.
+#[must_use]
+pub fn samples_of(attempts: &[AttemptRecord], gripper: &Gripper) -> Vec<AttemptRecord> {
     attempts.chunk_by(|a, b| is_along_normal(a) && share_point(a, b)).map(|about| stand_in(about, gripper)).collect()
 }
 
@@ -52,16 +55,15 @@ fn goes_round(about: &[AttemptRecord]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use schema::{Axis, Outcome, Pose, Quat, Rule, ShapeKind, Vec3};
-
     use super::*;
+    use crate::{Axis, Outcome, Pose, Quat, Rule, ShapeKind, Vec3};
 
     fn attempt(attempt_id: u32, approach: Option<Axis>, at_m: Vec3, turn_rad: f32, held: bool) -> AttemptRecord {
         AttemptRecord {
             scene_id: 3,
             attempt_id,
             object_id: 0,
-            rule: Rule { shape: ShapeKind::Cuboid, approach },
+            rule: Rule { shape: ShapeKind::Cuboid.into(), approach },
             closing: approach.map(|_| Axis::Y),
             tilt_rad: 0.0,
             turn_rad,
@@ -99,7 +101,7 @@ mod tests {
             ("01", 1),
             ("11", 0),
         ] {
-            let found = samples(&about(held), &gripper());
+            let found = samples_of(&about(held), &gripper());
             assert_eq!(found.len(), 1, "{held}");
             assert_eq!(found[0].attempt_id, middle, "{held}");
             assert_eq!(found[0].label(), u8::from(held.contains('1')), "{held}");
@@ -117,7 +119,7 @@ mod tests {
             row
         }));
         rows.extend((0..3).map(|id| attempt(id, Some(Axis::Z), Vec3::splat(0.2), 0.0, id == 1)));
-        let found = samples(&rows, &gripper());
+        let found = samples_of(&rows, &gripper());
         assert_eq!(found.iter().map(|row| row.attempt_id).collect::<Vec<_>>(), [1, 4, 0, 1, 2]);
         assert!(found[2..].iter().all(|row| row.workspace_from_grasp.translation == Vec3::splat(0.2)));
     }

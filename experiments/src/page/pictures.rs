@@ -1,0 +1,183 @@
+//! Scenes of rounds with the grasps that were executed.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use report::page::{Block, Picture, Section};
+use report::picture::{Hand, Polyhedron, Scene, svg};
+use schema::{HitKind, Outcome, ShapeKind, Solid, Vec3};
+use serde::Deserialize;
+use simulator::ConvexHull;
+
+use super::{PageError, Played, read_text};
+use crate::record::{RoundRecord, TrialObject, TrialRecord};
+use crate::round::Round;
+
+/// Rounds that are shown.
+const ROUNDS_SHOWN: usize = 8;
+/// Failed grasps that are shown.
+const FAILURES_SHOWN: usize = 8;
+/// Sides of workspaces are whole multiples of this where `run.json` does not tell them.
+const SIDE_STEP_M: f32 = 0.05;
+
+/// What scenes stand on, and the shapes that a catalogue's objects have.
+#[derive(Debug)]
+pub(super) struct Stage {
+    size_m: Option<f32>,
+    table_z_m: f32,
+    bodies: BTreeMap<String, Vec<Polyhedron>>,
+    /// Keys of `run.json` that a reader wants to know.
+    pub(super) told: Vec<(String, String)>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Conditions {
+    size_m: Option<f32>,
+    table_z_m: f32,
+    gripper: GripperName,
+    physics: BTreeMap<String, serde_json::Value>,
+}
+
+#[derive(Debug, Deserialize)]
+struct GripperName {
+    name: String,
+}
+
+#[derive(Debug, Deserialize)]
+struct Parts {
+    parts: Vec<PartCorners>,
+}
+
+#[derive(Debug, Deserialize)]
+struct PartCorners {
+    vertices_m: Vec<[f32; 3]>,
+}
+
+impl Stage {
+    /// Reads `run.json` and `bodies.json`; `None` without the first.
+    pub(super) fn read(folder: &Path) -> Result<Option<Self>, PageError> {
+        let Some(conditions) = json::<Conditions>(&folder.join("run.json"))? else { return Ok(None) };
+        let parts: BTreeMap<String, Parts> = json(&folder.join("bodies.json"))?.unwrap_or_default();
+        let hulls = |parts: Parts| parts.parts.iter().filter_map(|part| hull(&part.vertices_m)).collect();
+        let mut told = vec![("gripper".to_owned(), conditions.gripper.name)];
+        let physics = conditions.physics.into_iter();
+        told.extend(physics.map(|(key, value)| {
+            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            (format!("physics.{key}"), value)
+        }));
+        Ok(Some(Self {
+            size_m: conditions.size_m,
+            table_z_m: conditions.table_z_m,
+            bodies: parts.into_iter().map(|(name, parts)| (name, hulls(parts))).collect(),
+            told,
+        }))
+    }
+}
+
+fn json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, PageError> {
+    let Some(text) = read_text(path)? else { return Ok(None) };
+    let damaged = |e: serde_json::Error| PageError::Damaged { path: path.to_owned(), reason: e.to_string() };
+    serde_json::from_str(&text).map(Some).map_err(damaged)
+}
+
+/// `None` for corners without a volume, which no run writes.
+fn hull(corners_m: &[[f32; 3]]) -> Option<Polyhedron> {
+    let corners_m: Vec<Vec3> = corners_m.iter().map(|corner| Vec3::from_array(*corner)).collect();
+    let hull = ConvexHull::of(&corners_m).ok()?;
+    Some(Polyhedron::of_planes(hull.vertices_m().to_vec(), &hull.planes()))
+}
+
+/// Nothing if the folder does not hold what it takes.
+pub(super) fn section(one: &Played) -> Option<Section> {
+    let title = "Scenes".to_owned();
+    let (Some(rounds), Some(stage)) = (&one.rounds, &one.stage) else {
+        let text =
+            "Left out: the folder has no journal.jsonl and run.json, which tell where objects lay and hands grasped.";
+        return Some(Section { title, text: text.to_owned(), blocks: Vec::new() });
+    };
+    let side_m = stage.size_m.unwrap_or_else(|| side_m(rounds));
+    let tried: Vec<&Round> = rounds.iter().filter(|round| !round.trials.is_empty()).collect();
+    let count = tried.len().min(ROUNDS_SHOWN);
+    let shown = (0..count).map(|at| round_picture(stage, side_m, tried[at * tried.len() / count])).collect::<Vec<_>>();
+    if shown.is_empty() {
+        return None;
+    }
+    let mut blocks = vec![Block::Gallery(shown)];
+    let failures = failures(stage, side_m, rounds);
+    if !failures.is_empty() {
+        let text = "Grasps that failed, each in the scene as it lay before it; the first of a round, of as many rounds as there is room for:";
+        blocks.extend([Block::Text(text.to_owned()), Block::Gallery(failures)]);
+    }
+    Some(Section {
+        title,
+        text: "Rounds evenly spread over the experiment, as they began, with all grasps of the round: green held, red failed. Objects may \
+               have moved before later grasps."
+            .to_owned(),
+        blocks,
+    })
+}
+
+fn round_picture(stage: &Stage, side_m: f32, round: &Round) -> Picture {
+    let RoundRecord { round: number, seed, scene_id, object_count, removed_count, ending, .. } = &round.record;
+    let held = round.trials.iter().filter(|trial| trial.outcome == Outcome::Held).count();
+    let grasps = round.trials.len();
+    Picture {
+        svg: picture(stage, side_m, &round.trials[0], &round.trials),
+        title: format!("Round {number}: {}", ending.name()),
+        caption: format!(
+            "{held} of {grasps} grasps held, {removed_count} of {object_count} objects removed; seed {seed}, scene {scene_id}, {}",
+            round.record.group
+        ),
+    }
+}
+
+/// The first failed grasp of each round, as many as are shown.
+fn failures(stage: &Stage, side_m: f32, rounds: &[Round]) -> Vec<Picture> {
+    let first = |round: &Round| round.trials.iter().find(|trial| trial.outcome != Outcome::Held).cloned();
+    let trials = rounds.iter().filter_map(first).take(FAILURES_SHOWN);
+    let shown = trials.map(|trial| Picture {
+        svg: picture(stage, side_m, &trial, std::slice::from_ref(&trial)),
+        title: format!("Round {}, grasp {}: {}", trial.round, trial.trial, trial.outcome.name()),
+        caption: format!(
+            "aimed at {}, quality {:.2}{}",
+            trial.target(),
+            trial.quality,
+            trial.hit.map_or_else(String::new, |hit: HitKind| format!(", hit {}", hit.name()))
+        ),
+    });
+    shown.collect()
+}
+
+/// What lay there before a grasp, and hands.
+fn picture(stage: &Stage, size_m: f32, before: &TrialRecord, trials: &[TrialRecord]) -> String {
+    let hand = |trial: &TrialRecord| Hand {
+        workspace_from_grasp: trial.workspace_from_grasp,
+        width_m: trial.width_m,
+        held: trial.outcome == Outcome::Held,
+        strength: 1.0,
+    };
+    let objects = before.objects.iter().enumerate();
+    svg(&Scene {
+        size_m,
+        table_z_m: stage.table_z_m,
+        bodies: objects.flat_map(|(id, object)| body(stage, object).into_iter().map(move |part| (part, id))).collect(),
+        hands: trials.iter().map(hand).collect(),
+    })
+}
+
+/// The least side that holds the middles of all objects.
+fn side_m(rounds: &[Round]) -> f32 {
+    let objects = rounds.iter().flat_map(|round| &round.trials).flat_map(|trial| &trial.objects);
+    let reach = |object: &TrialObject| object.workspace_from_object.translation.truncate().max_element();
+    let most = objects.map(reach).fold(0.0, f32::max);
+    SIDE_STEP_M * (most / SIDE_STEP_M).ceil().max(1.0)
+}
+
+/// The convex parts of an object where it lay; none if nobody knows its shape.
+fn body(stage: &Stage, object: &TrialObject) -> Vec<Polyhedron> {
+    let parts = stage.bodies.get(&object.body).cloned().or_else(|| {
+        let solid = Solid::new(ShapeKind::from_name(&object.body)?, object.size_m).ok()?;
+        Some(vec![Polyhedron { corners_m: solid.vertices_m(), faces: solid.faces() }])
+    });
+    parts.unwrap_or_default().into_iter().map(|part| part.moved(&object.workspace_from_object)).collect()
+}

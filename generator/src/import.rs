@@ -1,0 +1,485 @@
+//! Objects from meshes: each is measured, taken apart into convex parts, measured again, and written as a catalogue.
+//!
+//! What a mesh weighs and how it is balanced is known exactly if it is watertight; what physics will feel are its parts. Both
+//! are told beside each other, and what is odd is said in words.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use schema::{Grid, Gripper, Vec3};
+use serde::Serialize;
+use shards::ExitCode;
+use simulator::{ConvexHull, ConvexParts, PartsLaw, convex_parts, few_cornered_hull, hull_volume_m3};
+
+use crate::catalogue::{Catalogue, CatalogueError};
+use crate::mass_integrals::{MassIntegrals, principal_values, relative_difference};
+use crate::mesh::{Mesh, Seams};
+use crate::mesh_file::{ENDINGS, MeshFileError, ending, read_mesh};
+
+/// A mesh whose hull is larger by less than this share is convex.
+const CONVEX_SHARE: f64 = 0.01;
+/// Corners of the hull that the smallest width is measured on.
+const WIDTH_CORNERS: usize = 64;
+/// Cells along each side of the lattice that looks for overlaps.
+const LATTICE: usize = 48;
+/// An object's longest side is between these, or its units are in doubt.
+const PLAUSIBLE_M: [f64; 2] = [0.005, 1.0];
+/// Longest side that is taken at all.
+const LONGEST_M: f64 = 10.0;
+/// Larger differences between mesh and parts are worth a word: volume, inertia, overlap.
+const VOLUME_SHARE: f64 = 0.05;
+const INERTIA_SHARE: f64 = 0.1;
+const OVERLAP_SHARE: f64 = 0.05;
+/// Decimals of a corner in a catalogue: a tenth of a micrometre.
+const DECIMALS: usize = 7;
+
+/// How heavy an object is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Weight {
+    /// Of this density, in kilograms per cubic metre.
+    Density(f64),
+    /// This heavy, in kilograms, whatever its size.
+    Mass(f64),
+}
+
+/// How meshes become objects.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImportLaw {
+    /// Metres in a unit of the files.
+    pub scale_m: f64,
+    /// How heavy.
+    pub weight: Weight,
+    /// Coulomb friction coefficient.
+    pub friction: f32,
+    /// How finely they are taken apart.
+    pub parts: PartsLaw,
+    /// The hand that they are to fit.
+    pub gripper: Gripper,
+    /// The workspace that they are to fit.
+    pub grid: Grid,
+}
+
+/// What came of the meshes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Imported {
+    /// The objects, in the files' order.
+    pub objects: Vec<ImportedObject>,
+    /// The catalogue's text, which [`Catalogue::parse`] reads.
+    #[serde(skip)]
+    pub catalogue: String,
+}
+
+/// A mesh and what became of it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ImportedObject {
+    /// Its name: the file's without its ending, in lower case.
+    pub name: String,
+    /// The file.
+    pub file: PathBuf,
+    /// Triangles that have an area.
+    pub triangles: usize,
+    /// Whether it encloses a volume.
+    pub is_watertight: bool,
+    /// Edges that do not belong to two triangles that go along them in opposite ways.
+    pub bad_edges: usize,
+    /// Full lengths of its bounding box along the file's axes, in metres.
+    pub extents_m: [f64; 3],
+    /// Volume of the mesh in cubic metres, if it is watertight.
+    pub volume_m3: Option<f64>,
+    /// Mass in kilograms.
+    pub mass_kg: f64,
+    /// Centre of mass in the file's frame, in metres: the mesh's, or, if that is not watertight, the parts'.
+    pub centre_of_mass_m: [f64; 3],
+    /// Principal moments of inertia about it, in kg m², smallest first; of the mesh or of the parts.
+    pub inertia_kg_m2: [f64; 3],
+    /// Volume of its convex hull in cubic metres.
+    pub hull_volume_m3: f64,
+    /// Convex parts.
+    pub parts: usize,
+    /// Corners of the part that has most.
+    pub part_corners_max: usize,
+    /// What of the mesh stands out of the parts because their corners are few, at most, in metres.
+    pub simplified_m: f64,
+    /// Volume of all parts in cubic metres; what lies in two of them counts twice, as it weighs twice.
+    pub parts_volume_m3: f64,
+    /// The parts' volume as a share of the mesh's.
+    pub parts_volume_share: Option<f64>,
+    /// Share of the parts' common volume that lies in more than one of them.
+    pub parts_overlap_share: f64,
+    /// How far the parts' inertia is from the mesh's, as a share of it.
+    pub parts_inertia_difference: Option<f64>,
+    /// The smallest distance of two parallel planes that have the object between them, in metres.
+    pub smallest_width_m: f64,
+    /// Whether the open hand reaches round it that way.
+    pub fits_gripper: bool,
+    /// Whether it lies in the workspace however it is turned.
+    pub fits_workspace: bool,
+    /// What is odd about it, in words.
+    pub warnings: Vec<String>,
+}
+
+/// Why meshes give no catalogue.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// A folder cannot be listed.
+    #[error("failed to list the folder: {source}: {}", .path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// There are no meshes.
+    #[error("there is no .{} file: {}", ENDINGS.join(" or ."), .0.display())]
+    NoMeshes(PathBuf),
+    /// Two files would give objects of one name.
+    #[error("two files make an object called {name}: {} and {}", .files[0].display(), .files[1].display())]
+    SameName {
+        /// The name.
+        name: String,
+        /// The files.
+        files: Box<[PathBuf; 2]>,
+    },
+    /// Files that cannot be used, all of them.
+    #[error("{} of the files cannot be used:\n  {}", .problems.len(), .problems.join("\n  "))]
+    Files {
+        /// One message each.
+        problems: Vec<String>,
+        /// Whether a file is damaged; else they cannot be read.
+        is_damaged: bool,
+    },
+    /// The objects are none that a catalogue can hold.
+    #[error(transparent)]
+    Catalogue(#[from] CatalogueError),
+}
+
+impl ImportError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Files { is_damaged: true, .. } => ExitCode::Data,
+            _ => ExitCode::Config,
+        }
+    }
+}
+
+/// The meshes that paths mean: files as they are, folders for the meshes that lie in them, by name.
+///
+/// # Errors
+/// [`ImportError::Folder`] or [`ImportError::NoMeshes`].
+pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, ImportError> {
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let unlisted = |source| ImportError::Folder { path: path.clone(), source };
+        let entries = std::fs::read_dir(path).map_err(unlisted)?.collect::<Result<Vec<_>, _>>().map_err(unlisted)?;
+        let mut found: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+        found.retain(|file| ending(file).is_some_and(|ending| ENDINGS.contains(&ending.as_str())));
+        if found.is_empty() {
+            return Err(ImportError::NoMeshes(path.clone()));
+        }
+        found.sort();
+        files.extend(found);
+    }
+    Ok(files)
+}
+
+/// Measures meshes, takes them apart and makes a catalogue of them. Files are done in parallel; the result is the same.
+///
+/// # Errors
+/// [`ImportError`]; [`ImportError::Files`] tells all files that cannot be used.
+pub fn import_objects(files: &[PathBuf], law: &ImportLaw) -> Result<Imported, ImportError> {
+    for (place, file) in files.iter().enumerate() {
+        let name = name_of(file);
+        if let Some(other) = files[..place].iter().find(|other| name_of(other) == name) {
+            return Err(ImportError::SameName { name, files: Box::new([other.clone(), file.clone()]) });
+        }
+    }
+    let made: Vec<_> = files.par_iter().with_max_len(1).map(|file| import_one(file, law)).collect();
+    let (mut objects, mut catalogue) = (Vec::new(), HEAD.to_owned());
+    let (mut problems, mut is_damaged) = (Vec::new(), false);
+    for one in made {
+        match one {
+            Ok((object, text)) => {
+                objects.push(object);
+                catalogue += &text;
+            }
+            Err((problem, damaged)) => {
+                problems.push(problem);
+                is_damaged |= damaged;
+            }
+        }
+    }
+    if !problems.is_empty() {
+        return Err(ImportError::Files { problems, is_damaged });
+    }
+    // What was written must be read: masses have limits, and rounded corners must still make hulls.
+    Catalogue::parse(&catalogue, Path::new("the new catalogue"))?;
+    Ok(Imported { objects, catalogue })
+}
+
+const HEAD: &str = "\
+# Objects made of meshes by `generator import-objects`; configs/objects/everyday.toml says what the keys mean. Masses, friction
+# and names may be changed by hand; sets of objects may be added.
+";
+
+/// An object's name: what may stand in a table's column and in a query without quotes.
+fn name_of(file: &Path) -> String {
+    let stem = file.file_stem().map_or_else(Default::default, |stem| stem.to_string_lossy().to_ascii_lowercase());
+    stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
+}
+
+type Problem = (String, bool);
+
+fn import_one(file: &Path, law: &ImportLaw) -> Result<(ImportedObject, String), Problem> {
+    let mesh = read_mesh(file, law.scale_m).map_err(|e| {
+        let is_damaged = matches!(e, MeshFileError::Damaged { .. } | MeshFileError::Mesh { .. });
+        (e.to_string(), is_damaged)
+    })?;
+    let damaged = |message: String| (format!("{message}: {}", file.display()), true);
+    let measured = Measured::of(mesh);
+    let longest_m = measured.extents_m.into_iter().fold(0.0, f64::max);
+    if longest_m > LONGEST_M {
+        let (file, scale) = (file.display(), law.scale_m * 0.001);
+        let wrong = format!(
+            "it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}"
+        );
+        return Err((wrong, false));
+    }
+    let hull_of = |parts_max| {
+        let parts = PartsLaw { parts_max, ..law.parts };
+        convex_parts(&measured.corners_m, measured.mesh.triangles(), &parts).map_err(|e| damaged(e.to_string()))
+    };
+    let is_convex =
+        measured.solid.is_some_and(|solid| solid.volume_m3() >= (1.0 - CONVEX_SHARE) * measured.hull_volume_m3);
+    let parts = hull_of(if is_convex { 1 } else { law.parts.parts_max })?;
+    let object = described(file, law, &measured, &parts).map_err(damaged)?;
+    let text = catalogue_text(&object, law, &parts);
+    Ok((object, text))
+}
+
+/// A mesh and what is known of it by itself.
+struct Measured {
+    mesh: Mesh,
+    seams: Seams,
+    was_inside_out: bool,
+    extents_m: [f64; 3],
+    /// The middle of the bounding box, in the file's frame; everything else here is about it.
+    middle_m: [f64; 3],
+    corners_m: Vec<Vec3>,
+    /// The integrals, if the mesh is watertight and encloses something.
+    solid: Option<MassIntegrals>,
+    hull_volume_m3: f64,
+}
+
+impl Measured {
+    fn of(mesh: Mesh) -> Self {
+        let seams = mesh.seams();
+        let [low, high] = mesh.bounds_m();
+        let middle_m = core::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+        let integrals = MassIntegrals::of(mesh.triangles_about(middle_m));
+        let was_inside_out = seams.is_watertight() && integrals.volume_m3() < 0.0;
+        let mesh = if was_inside_out { mesh.turned_inside_out() } else { mesh };
+        let solid = seams.is_watertight().then(|| MassIntegrals::of(mesh.triangles_about(middle_m)));
+        let corners_m = mesh.corners_about(middle_m);
+        Self {
+            seams,
+            was_inside_out,
+            extents_m: core::array::from_fn(|axis| high[axis] - low[axis]),
+            middle_m,
+            hull_volume_m3: hull_volume_m3(&corners_m).unwrap_or(0.0),
+            corners_m,
+            solid: solid.filter(|solid| solid.volume_m3() > 0.0),
+            mesh,
+        }
+    }
+}
+
+fn integrals_of(hull: &ConvexHull) -> MassIntegrals {
+    let corners: Vec<[f64; 3]> = hull.vertices_m().iter().map(|c| c.to_array().map(f64::from)).collect();
+    MassIntegrals::of(hull.triangles().into_iter().map(|triangle| triangle.map(|i| corners[i])))
+}
+
+fn described(file: &Path, law: &ImportLaw, measured: &Measured, parts: &ConvexParts) -> Result<ImportedObject, String> {
+    let of_parts = parts.hulls.iter().map(integrals_of).fold(MassIntegrals::default(), |sum, part| sum.plus(&part));
+    let balance = measured.solid.unwrap_or(of_parts);
+    let mass_kg = match law.weight {
+        Weight::Mass(mass_kg) => mass_kg,
+        Weight::Density(density) => density * balance.volume_m3(),
+    };
+    let inertia = balance.inertia_kg_m2(mass_kg);
+    let whole = few_cornered_hull(&measured.corners_m, WIDTH_CORNERS).map_err(|e| e.to_string())?.0;
+    let smallest_width_m = smallest_width_m(&whole, &measured.corners_m);
+    let diagonal_m = measured.extents_m.iter().map(|e| e * e).sum::<f64>().sqrt();
+    let mut object = ImportedObject {
+        name: name_of(file),
+        file: file.to_owned(),
+        triangles: measured.mesh.triangles().len(),
+        is_watertight: measured.seams.is_watertight(),
+        bad_edges: measured.seams.open_edges + measured.seams.twisted_edges,
+        extents_m: measured.extents_m,
+        volume_m3: measured.solid.map(|solid| solid.volume_m3()),
+        mass_kg,
+        centre_of_mass_m: {
+            let centre = balance.centre_m();
+            core::array::from_fn(|axis| centre[axis] + measured.middle_m[axis])
+        },
+        inertia_kg_m2: principal_values(inertia),
+        hull_volume_m3: measured.hull_volume_m3,
+        parts: parts.hulls.len(),
+        part_corners_max: parts.hulls.iter().map(|hull| hull.vertices_m().len()).max().unwrap_or(0),
+        simplified_m: f64::from(parts.simplified_m),
+        parts_volume_m3: of_parts.volume_m3(),
+        parts_volume_share: measured.solid.map(|solid| of_parts.volume_m3() / solid.volume_m3()),
+        parts_overlap_share: overlap_share(&parts.hulls),
+        parts_inertia_difference: measured
+            .solid
+            .map(|_| relative_difference(&of_parts.inertia_kg_m2(mass_kg), &inertia)),
+        smallest_width_m,
+        fits_gripper: smallest_width_m < f64::from(law.gripper.opening_m_max),
+        fits_workspace: diagonal_m <= f64::from(law.grid.size_m),
+        warnings: Vec::new(),
+    };
+    object.warnings = warnings(&object, law, measured);
+    Ok(object)
+}
+
+fn warnings(object: &ImportedObject, law: &ImportLaw, measured: &Measured) -> Vec<String> {
+    let mut told = Vec::new();
+    let mut tell = |holds: bool, message: &dyn Fn() -> String| told.extend(holds.then(message));
+    let longest_m = object.extents_m.into_iter().fold(0.0, f64::max);
+    tell(!object.is_watertight, &|| {
+        let Seams { open_edges, twisted_edges } = measured.seams;
+        format!(
+            "not watertight: {open_edges} edges do not belong to two triangles, {twisted_edges} have theirs turned against \
+             each other; volume, mass and inertia are those of the parts"
+        )
+    });
+    tell(object.is_watertight && object.volume_m3.is_none(), &|| {
+        "watertight, but it encloses nothing; volume, mass and inertia are those of the parts".to_owned()
+    });
+    tell(measured.was_inside_out, &|| "its triangles showed their insides; they were turned".to_owned());
+    tell(measured.mesh.degenerate_count() > 0, &|| {
+        format!("{} triangles without an area were left out", measured.mesh.degenerate_count())
+    });
+    tell(longest_m > PLAUSIBLE_M[1], &|| {
+        format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {}", law.scale_m * 0.001)
+    });
+    tell(longest_m < PLAUSIBLE_M[0], &|| {
+        let mm = longest_m * 1000.0;
+        format!("{mm:.3} mm long: if the file is in metres, give --scale {}", law.scale_m * 1000.0)
+    });
+    tell(!object.fits_gripper, &|| {
+        let (width, opening) = (object.smallest_width_m * 1000.0, law.gripper.opening_m_max * 1000.0);
+        format!(
+            "{width:.1} mm at its narrowest, and the hand opens {opening:.1} mm: only a rim or a handle can be held"
+        )
+    });
+    tell(!object.fits_workspace, &|| {
+        format!(
+            "its bounding box's diagonal must be at most the workspace's side, {} m, to be dropped",
+            law.grid.size_m
+        )
+    });
+    tell(object.parts_volume_share.is_some_and(|share| (share - 1.0).abs() > VOLUME_SHARE), &|| {
+        format!("the parts have {:.1} % of its volume", 100.0 * object.parts_volume_share.unwrap_or(1.0))
+    });
+    tell(object.parts_inertia_difference.is_some_and(|share| share > INERTIA_SHARE), &|| {
+        let percent = 100.0 * object.parts_inertia_difference.unwrap_or(0.0);
+        format!("the parts' inertia is {percent:.1} % from the mesh's")
+    });
+    tell(object.parts_overlap_share > OVERLAP_SHARE, &|| {
+        format!("{:.1} % of the parts lie in one another", 100.0 * object.parts_overlap_share)
+    });
+    told
+}
+
+/// The smallest width of points over the directions in which a hull can be narrowest: across its faces, and across two edges.
+fn smallest_width_m(hull: &ConvexHull, points_m: &[Vec3]) -> f64 {
+    let mut edges: Vec<Vec3> = Vec::new();
+    for edge in hull.edges_m().into_iter().filter_map(Vec3::try_normalize) {
+        if !edges.iter().any(|other| other.cross(edge).length_squared() < 1e-8) {
+            edges.push(edge);
+        }
+    }
+    let faces = hull.planes().into_iter().map(|plane| plane.normal);
+    let across = edges.iter().enumerate().flat_map(|(i, a)| edges[..i].iter().map(|b| a.cross(*b)));
+    let width_m = |axis: Vec3| {
+        let [low, high] = points_m.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], point| {
+            let x = axis.dot(*point);
+            [low.min(x), high.max(x)]
+        });
+        high - low
+    };
+    // The hull's own corners first: few of the directions are worth asking all points.
+    let own_m = |axis: Vec3| {
+        let along = hull.vertices_m().iter().map(|c| axis.dot(*c));
+        along.clone().fold(f32::NEG_INFINITY, f32::max) - along.fold(f32::INFINITY, f32::min)
+    };
+    let mut best_m = f32::INFINITY;
+    for axis in faces.chain(across).filter_map(Vec3::try_normalize) {
+        if own_m(axis) < best_m {
+            best_m = best_m.min(width_m(axis));
+        }
+    }
+    f64::from(best_m)
+}
+
+/// The share of the parts' common volume that lies in more than one of them, by a lattice's points.
+fn overlap_share(hulls: &[ConvexHull]) -> f64 {
+    let corners = || hulls.iter().flat_map(ConvexHull::vertices_m).copied();
+    let (low, high) = (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
+    let planes: Vec<_> = hulls.iter().map(ConvexHull::planes).collect();
+    let (mut once, mut more) = (0_u64, 0_u64);
+    for cell in 0..LATTICE.pow(3) {
+        let along = [cell / LATTICE / LATTICE, cell / LATTICE % LATTICE, cell % LATTICE];
+        let share = Vec3::from_array(along.map(|k| (k as f32 + 0.5) / LATTICE as f32));
+        let point = low + (high - low) * share;
+        let holders = planes.iter().filter(|of| of.iter().all(|p| p.normal.dot(point) < p.offset_m)).take(2).count();
+        once += u64::from(holders >= 1);
+        more += u64::from(holders >= 2);
+    }
+    if once == 0 { 0.0 } else { more as f64 / once as f64 }
+}
+
+/// The object as a catalogue's entry. Corners are about the middle of the mesh's bounding box.
+fn catalogue_text(object: &ImportedObject, law: &ImportLaw, parts: &ConvexParts) -> String {
+    let name_of_file = object.file.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
+    let state = match object.parts_volume_share {
+        Some(share) => format!("parts with {:.1} % of its volume", 100.0 * share),
+        None => "not watertight".to_owned(),
+    };
+    let source = format!("{name_of_file}, {} m a unit; {} triangles; {state}", law.scale_m, object.triangles);
+    let mut text = String::new();
+    let mass_kg = (object.mass_kg * 1e6).round() / 1e6;
+    let _ = write!(
+        text,
+        "\n[[object]]\nname = \"{}\"\nmass_kg = {mass_kg:?}\nfriction = {:?}\nsource = {}\n",
+        object.name,
+        law.friction,
+        toml::Value::String(source)
+    );
+    for hull in &parts.hulls {
+        text +=
+            "\n[[object.part]]\nshape = \"hull\"\nat_m = [0.0, 0.0, 0.0]\nturn_deg = [0.0, 0.0, 0.0]\ncorners_m = [\n";
+        for corner in hull.vertices_m() {
+            let [x, y, z] = corner.to_array().map(decimal);
+            let _ = writeln!(text, "    [{x}, {y}, {z}],");
+        }
+        text += "]\n";
+    }
+    text
+}
+
+/// A length with as many decimals as it needs, at least one and at most [`DECIMALS`].
+fn decimal(metres: f32) -> String {
+    let text = format!("{metres:.DECIMALS$}");
+    let short = text.trim_end_matches('0');
+    let short = if short.ends_with('.') { format!("{short}0") } else { short.to_owned() };
+    if short == "-0.0" { "0.0".to_owned() } else { short }
+}

@@ -1,0 +1,178 @@
+//! `generator import-objects`: meshes to a catalogue of objects, with a table of what became of them.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use generator::{Config, ImportLaw, Imported, ImportedObject, Overrides, Weight, import_objects, mesh_files};
+use shards::ExitCode;
+use shards::text::{grouped, percent};
+use simulator::PartsLaw;
+
+/// Friction of objects that are said nothing of: wood, card and plastic against rubber.
+const FRICTION: f32 = 0.8;
+/// Density of objects that are said nothing of, in kg/m³: hollow plastic, light wood.
+const DENSITY_KG_M3: f64 = 400.0;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct ImportArguments {
+    /// Meshes (.obj, .stl, .ply), and folders of them
+    #[arg(required = true, value_name = "FOLDER|FILE")]
+    pub meshes: Vec<PathBuf>,
+
+    /// The catalogue to write; a config names it in [objects] as catalogue = "FILE"
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+
+    /// Metres in a unit of the files: 0.001 for millimetres
+    #[arg(long, value_name = "METRES", default_value_t = 1.0, value_parser = positive)]
+    pub scale: f64,
+
+    /// Density of all objects in kg/m3 [default: 400]
+    #[arg(long, value_name = "KG/M3", value_parser = positive)]
+    pub density: Option<f64>,
+
+    /// Mass of each object in kg, instead
+    #[arg(long, value_name = "KG", conflicts_with = "density", value_parser = positive)]
+    pub mass: Option<f64>,
+
+    /// Friction coefficient of all objects
+    #[arg(long, value_name = "MU", default_value_t = FRICTION)]
+    pub friction: f32,
+
+    /// Most convex parts of an object; 1 makes it its hull
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
+    pub hulls_max: u8,
+
+    /// Most corners of a part; an attempt takes longer with more
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u8).range(8..=64))]
+    pub corners_max: u8,
+
+    /// Voxels along an object's longest side, along which it is cut
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(16..=256))]
+    pub voxels: u32,
+
+    /// Config whose hand and workspace the objects are to fit [default: the built-in configs/generate/paper.toml]
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+
+    /// Replace a catalogue that is there
+    #[arg(long)]
+    pub force: bool,
+
+    /// Print JSON instead of the table
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("must be above 0, got {text}")) }
+}
+
+/// Why the catalogue was not written.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CatalogueFileError {
+    /// Somebody's work is there.
+    #[error("another catalogue is there, and may have been edited; --force replaces it: {}", .0.display())]
+    Taken(PathBuf),
+    /// The disk refuses.
+    #[error("failed to write the catalogue: {source}: {}", .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+}
+
+impl CatalogueFileError {
+    /// The code to end with.
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Taken(_) => ExitCode::Config,
+            Self::Write { .. } => ExitCode::TryAgain,
+        }
+    }
+}
+
+/// Reads, reports, writes.
+pub(crate) fn run_import(arguments: &ImportArguments) -> anyhow::Result<ExitCode> {
+    let Config { gripper, grid, .. } = Config::load(arguments.config.as_deref(), Overrides::default())?;
+    let weight = match (arguments.mass, arguments.density) {
+        (Some(mass_kg), _) => Weight::Mass(mass_kg),
+        (None, density) => Weight::Density(density.unwrap_or(DENSITY_KG_M3)),
+    };
+    let parts = PartsLaw {
+        parts_max: arguments.hulls_max.into(),
+        corners_max: arguments.corners_max.into(),
+        resolution: arguments.voxels,
+        concavity: 0.01,
+    };
+    let law = ImportLaw { scale_m: arguments.scale, weight, friction: arguments.friction, parts, gripper, grid };
+    let imported = import_objects(&mesh_files(&arguments.meshes)?, &law)?;
+    write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;
+    let text =
+        if arguments.json { serde_json::to_string_pretty(&imported)? + "\n" } else { table(&imported, &arguments.out) };
+    let _ = write!(std::io::stdout().lock(), "{text}");
+    Ok(ExitCode::Ok)
+}
+
+/// Whole or not at all; what is there stays, unless it is the same or to be replaced.
+fn write_catalogue(path: &Path, text: &str, replaces: bool) -> Result<(), CatalogueFileError> {
+    let failed = |source| CatalogueFileError::Write { path: path.to_owned(), source };
+    match std::fs::read(path) {
+        Ok(there) if there == text.as_bytes() => return Ok(()),
+        Ok(_) if !replaces => return Err(CatalogueFileError::Taken(path.to_owned())),
+        Ok(_) => {}
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+        Err(error) => return Err(failed(error)),
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut staging = tempfile::Builder::new();
+    staging.prefix(".").suffix(".tmp");
+    #[cfg(unix)] // as any file is made; what is temporary is its owner's alone by default
+    staging.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = staging.tempfile_in(folder).map_err(failed)?;
+    file.write_all(text.as_bytes()).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
+    file.persist(path).map_err(|e| failed(e.error))?;
+    Ok(())
+}
+
+fn table(imported: &Imported, out: &Path) -> String {
+    let width = imported.objects.iter().map(|object| object.name.len()).max().unwrap_or(0).max("object".len());
+    let mut text = format!(
+        "{:<width$}  triangles  closed            size, mm  volume, cm3   mass, g  hull, cm3  parts  corners   parts' volume  \
+         inertia off  overlap  narrowest, mm\n",
+        "object"
+    );
+    for object in &imported.objects {
+        let ImportedObject { name, triangles, parts, part_corners_max, .. } = object;
+        let [x, y, z] = object.extents_m.map(|e| e * 1000.0);
+        let size = format!("{x:.1} x {y:.1} x {z:.1}");
+        let or_none = |value: Option<f64>, text: &dyn Fn(f64) -> String| value.map_or("-".to_owned(), text);
+        let _ = writeln!(
+            text,
+            "{name:<width$}  {:>9}  {:>6}  {size:>18}  {:>11}  {:>8.1}  {:>9.2}  {parts:>5}  {part_corners_max:>7}  {:>14}  \
+             {:>11}  {:>7}  {:>13.1}",
+            grouped(*triangles as u64),
+            if object.is_watertight { "yes" } else { "no" },
+            or_none(object.volume_m3, &|volume| format!("{:.2}", volume * 1e6)),
+            object.mass_kg * 1000.0,
+            object.hull_volume_m3 * 1e6,
+            or_none(object.parts_volume_share, &percent),
+            or_none(object.parts_inertia_difference, &percent),
+            percent(object.parts_overlap_share),
+            object.smallest_width_m * 1000.0,
+        );
+    }
+    let warnings = imported.objects.iter().flat_map(|o| o.warnings.iter().map(move |warning| (&o.name, warning)));
+    for (place, (name, warning)) in warnings.enumerate() {
+        text += if place == 0 { "\n" } else { "" };
+        let _ = writeln!(text, "warning: {name}: {warning}");
+    }
+    let count = imported.objects.len();
+    let _ = writeln!(text, "\n{count} object{} written to {}", if count == 1 { "" } else { "s" }, out.display());
+    text
+}

@@ -1,0 +1,214 @@
+//! A triangle mesh as somebody made it: corners that were told more than once are one, and whether it encloses anything.
+
+use std::collections::BTreeMap;
+
+use schema::Vec3;
+
+/// Triangles in space, in metres. Corners at the very same place are one corner.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mesh {
+    corners_m: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+    degenerate_count: usize,
+}
+
+/// How a mesh's triangles meet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Seams {
+    /// Edges that do not belong to exactly two triangles.
+    pub open_edges: usize,
+    /// Edges whose two triangles go along them the same way, so that one of the two shows its inside.
+    pub twisted_edges: usize,
+}
+
+impl Seams {
+    /// Whether the mesh encloses a volume: every edge belongs to two triangles that go along it in opposite ways.
+    #[must_use]
+    pub fn is_watertight(self) -> bool {
+        self.open_edges == 0 && self.twisted_edges == 0
+    }
+}
+
+/// Why triangles are no mesh.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MeshError {
+    /// There are none.
+    #[error("it has no triangles")]
+    Empty,
+    /// There are too many.
+    #[error("it must have at most {TRIANGLES_MAX} triangles, got {0}: simplify it first")]
+    TooMany(usize),
+    /// A coordinate is no number.
+    #[error("its coordinates must be numbers, got {1} at corner {0}")]
+    NotANumber(usize, f64),
+    /// A triangle names a corner that is not there.
+    #[error("triangle {triangle} names corner {corner}, and there are {count}")]
+    NoSuchCorner {
+        /// The triangle, from 0.
+        triangle: usize,
+        /// What it names, from 0.
+        corner: u32,
+        /// How many there are.
+        count: usize,
+    },
+}
+
+/// Most triangles of a mesh.
+pub const TRIANGLES_MAX: usize = 1_000_000;
+
+impl Mesh {
+    /// A mesh from corners and triangles by their numbers, in the file's units, of which one is `scale_m` metres.
+    ///
+    /// # Errors
+    /// [`MeshError`].
+    pub fn new(corners: &[[f64; 3]], triangles: &[[u32; 3]], scale_m: f64) -> Result<Self, MeshError> {
+        if triangles.is_empty() {
+            return Err(MeshError::Empty);
+        }
+        if triangles.len() > TRIANGLES_MAX {
+            return Err(MeshError::TooMany(triangles.len()));
+        }
+        let mut numbers: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+        let mut corners_m = Vec::new();
+        let mut number_of = Vec::with_capacity(corners.len());
+        for (place, corner) in corners.iter().enumerate() {
+            let metres = corner.map(|x| x * scale_m + 0.0); // −0 is 0
+            if let Some(x) = metres.into_iter().find(|x| !x.is_finite()) {
+                return Err(MeshError::NotANumber(place, x));
+            }
+            number_of.push(*numbers.entry(metres.map(f64::to_bits)).or_insert_with(|| {
+                corners_m.push(metres);
+                corners_m.len() as u32 - 1
+            }));
+        }
+        let mut joined = Vec::with_capacity(triangles.len());
+        for (place, triangle) in triangles.iter().enumerate() {
+            if let Some(corner) = triangle.iter().copied().find(|i| *i as usize >= number_of.len()) {
+                return Err(MeshError::NoSuchCorner { triangle: place, corner, count: number_of.len() });
+            }
+            joined.push(triangle.map(|i| number_of[i as usize]));
+        }
+        let is_flat = |[a, b, c]: &[u32; 3]| a == b || b == c || a == c;
+        let triangles: Vec<[u32; 3]> = joined.iter().copied().filter(|t| !is_flat(t)).collect();
+        let degenerate_count = joined.len() - triangles.len();
+        if triangles.is_empty() { Err(MeshError::Empty) } else { Ok(Self { corners_m, triangles, degenerate_count }) }
+    }
+
+    /// The corners, in metres.
+    #[must_use]
+    pub fn corners_m(&self) -> &[[f64; 3]] {
+        &self.corners_m
+    }
+
+    /// The triangles, by their corners' numbers.
+    #[must_use]
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Triangles of the file that have two corners at one place; they are left out.
+    #[must_use]
+    pub fn degenerate_count(&self) -> usize {
+        self.degenerate_count
+    }
+
+    /// The lower and the upper corner of the bounding box of all triangles, in metres.
+    #[must_use]
+    pub fn bounds_m(&self) -> [[f64; 3]; 2] {
+        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        for corner in self.triangles.iter().flatten().map(|i| self.corners_m[*i as usize]) {
+            for (axis, x) in corner.into_iter().enumerate() {
+                bounds[0][axis] = bounds[0][axis].min(x);
+                bounds[1][axis] = bounds[1][axis].max(x);
+            }
+        }
+        bounds
+    }
+
+    /// Every triangle's corners about a point, in metres.
+    pub fn triangles_about(&self, origin_m: [f64; 3]) -> impl Iterator<Item = [[f64; 3]; 3]> + '_ {
+        let about = move |i: u32| core::array::from_fn(|axis| self.corners_m[i as usize][axis] - origin_m[axis]);
+        self.triangles.iter().map(move |triangle| triangle.map(about))
+    }
+
+    /// The corners about a point in single precision, in metres.
+    #[must_use]
+    pub fn corners_about(&self, origin_m: [f64; 3]) -> Vec<Vec3> {
+        let about = |c: &[f64; 3]| Vec3::from_array(core::array::from_fn(|axis| (c[axis] - origin_m[axis]) as f32));
+        self.corners_m.iter().map(about).collect()
+    }
+
+    /// The same surface seen from the other side.
+    #[must_use]
+    pub fn turned_inside_out(mut self) -> Self {
+        self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        self
+    }
+
+    /// How the triangles meet.
+    #[must_use]
+    pub fn seams(&self) -> Seams {
+        // For every edge, how many triangles go along it upwards and downwards in their corners' numbers.
+        let mut edges: BTreeMap<[u32; 2], [u32; 2]> = BTreeMap::new();
+        for [a, b, c] in &self.triangles {
+            for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
+                let ways = edges.entry([from.min(to), from.max(to)]).or_default();
+                ways[usize::from(from > to)] += 1;
+            }
+        }
+        let open_edges = edges.values().filter(|[up, down]| up + down != 2).count();
+        let twisted_edges = edges.values().filter(|[up, down]| up + down == 2 && up != down).count();
+        Seams { open_edges, twisted_edges }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A box from the origin, as a closed mesh that looks outwards.
+    pub(crate) fn closed_box(size: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+        let corner = |c: usize| core::array::from_fn(|axis| if c >> axis & 1 == 1 { size[axis] } else { 0.0 });
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        ((0..8).map(corner).collect(), triangles)
+    }
+
+    #[test]
+    fn a_box_is_watertight_and_with_a_hole_or_a_turned_triangle_it_is_not() {
+        let (corners, triangles) = closed_box([1.0, 2.0, 3.0]);
+        let seams = |triangles: &[[u32; 3]]| Mesh::new(&corners, triangles, 1.0).unwrap().seams();
+        assert_eq!(seams(&triangles), Seams { open_edges: 0, twisted_edges: 0 });
+        assert_eq!(seams(&triangles[1..]), Seams { open_edges: 3, twisted_edges: 0 });
+        let mut turned = triangles.clone();
+        turned[3].swap(0, 1);
+        assert_eq!(seams(&turned), Seams { open_edges: 0, twisted_edges: 3 });
+        assert!(!seams(&turned).is_watertight());
+    }
+
+    #[test]
+    fn corners_told_for_every_triangle_are_one() {
+        let (corners, triangles) = closed_box([1.0, 1.0, 1.0]);
+        let soup: Vec<[f64; 3]> = triangles.iter().flatten().map(|i| corners[*i as usize]).collect();
+        let numbers: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let mesh = Mesh::new(&soup, &numbers, 0.001).unwrap();
+        assert_eq!(mesh.corners_m().len(), 8);
+        assert!(mesh.seams().is_watertight());
+        assert_eq!(mesh.bounds_m(), [[0.0; 3], [0.001; 3]]);
+    }
+
+    #[test]
+    fn what_is_no_mesh_is_refused() {
+        let (mut corners, mut triangles) = closed_box([1.0, 1.0, 1.0]);
+        assert_eq!(Mesh::new(&corners, &[], 1.0), Err(MeshError::Empty));
+        assert_eq!(Mesh::new(&corners, &[[0, 0, 1]], 1.0), Err(MeshError::Empty), "no triangle has an area");
+        triangles[4] = [0, 1, 8];
+        let error = Mesh::new(&corners, &triangles, 1.0).unwrap_err();
+        assert_eq!(error.to_string(), "triangle 4 names corner 8, and there are 8");
+        corners[5][1] = f64::NAN;
+        let error = Mesh::new(&corners, &triangles, 1.0).unwrap_err();
+        assert_eq!(error.to_string(), "its coordinates must be numbers, got NaN at corner 5");
+        let many = vec![[0, 1, 2]; TRIANGLES_MAX + 1];
+        assert_eq!(Mesh::new(&corners, &many, 1.0), Err(MeshError::TooMany(TRIANGLES_MAX + 1)));
+    }
+}

@@ -1,0 +1,342 @@
+//! Triangle meshes from files: Wavefront OBJ, STL (text and binary), PLY (text and binary, both byte orders).
+//!
+//! Polygons are taken apart as fans. Colours, normals, textures and materials are passed over.
+
+use std::io::{BufReader, Cursor};
+use std::path::{Path, PathBuf};
+
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{PropertyAccess, PropertyAccessResult};
+
+use crate::mesh::{Mesh, MeshError, TRIANGLES_MAX};
+
+/// Endings of the files that are read, in lower case.
+pub(crate) const ENDINGS: [&str; 3] = ["obj", "stl", "ply"];
+
+/// Largest file that is read.
+const BYTES_MAX: u64 = 1 << 30;
+
+/// Why a file gives no mesh.
+#[derive(Debug, thiserror::Error)]
+pub enum MeshFileError {
+    /// It cannot be read.
+    #[error("failed to read it: {source}: {}", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Its name does not end as a mesh's does.
+    #[error("its name must end with .{}: {}", ENDINGS.join(", ."), .0.display())]
+    Ending(PathBuf),
+    /// It is too large.
+    #[error("it must have at most {BYTES_MAX} bytes, got {bytes}: {}", .path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        bytes: u64,
+    },
+    /// It is damaged, or no such file.
+    #[error("not a whole {kind} file: {message}: {}", .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What it should be.
+        kind: &'static str,
+        /// What is wrong.
+        message: String,
+    },
+    /// What is in it is no mesh.
+    #[error("{source}: {}", .path.display())]
+    Mesh {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: MeshError,
+    },
+}
+
+/// Corners in the file's units, and triangles by their numbers.
+type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
+/// Reads a mesh; one unit of the file is `scale_m` metres.
+///
+/// # Errors
+/// [`MeshFileError`].
+pub fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, MeshFileError> {
+    let unread = |source| MeshFileError::Read { path: path.to_owned(), source };
+    let bytes = std::fs::metadata(path).map_err(unread)?.len();
+    if bytes > BYTES_MAX {
+        return Err(MeshFileError::TooLarge { path: path.to_owned(), bytes });
+    }
+    let (kind, read): (_, fn(&[u8]) -> Result<Parts, String>) = match ending(path).as_deref() {
+        Some("obj") => ("OBJ", obj),
+        Some("stl") => ("STL", stl),
+        Some("ply") => ("PLY", ply),
+        _ => return Err(MeshFileError::Ending(path.to_owned())),
+    };
+    let bytes = std::fs::read(path).map_err(unread)?;
+    let (corners, triangles) =
+        read(&bytes).map_err(|message| MeshFileError::Damaged { path: path.to_owned(), kind, message })?;
+    Mesh::new(&corners, &triangles, scale_m).map_err(|source| MeshFileError::Mesh { path: path.to_owned(), source })
+}
+
+/// The ending of a file's name in lower case.
+pub(crate) fn ending(path: &Path) -> Option<String> {
+    path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase())
+}
+
+fn obj(bytes: &[u8]) -> Result<Parts, String> {
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
+    let (models, _) =
+        tobj::load_obj_buf(&mut BufReader::new(bytes), &options, no_materials).map_err(|e| e.to_string())?;
+    let (mut corners, mut triangles) = (Vec::new(), Vec::new());
+    for tobj::Model { mesh, .. } in models {
+        let before = u32::try_from(corners.len()).map_err(|e| e.to_string())?;
+        corners.extend(mesh.positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]].map(f64::from)));
+        triangles.extend(mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(|i| before.saturating_add(i))));
+    }
+    Ok((corners, triangles))
+}
+
+/// Bytes of a binary file before its triangles, and of a triangle.
+const STL_HEAD: u64 = 84;
+const STL_TRIANGLE: u64 = 50;
+
+fn stl(bytes: &[u8]) -> Result<Parts, String> {
+    let is_text = bytes.trim_ascii_start().starts_with(b"solid");
+    let promised = bytes.get(80..84).map(|n| u64::from(u32::from_le_bytes([n[0], n[1], n[2], n[3]])));
+    let is_whole_binary = promised.is_some_and(|n| bytes.len() as u64 == STL_HEAD + n * STL_TRIANGLE);
+    // Many a binary file begins with "solid", too. One that promises more than it holds must not be believed.
+    if !is_text && !is_whole_binary {
+        let (got, n) = (bytes.len(), promised.unwrap_or(0));
+        return Err(format!("a binary one of {n} triangles has {} bytes, got {got}", STL_HEAD + n * STL_TRIANGLE));
+    }
+    let mut source = Cursor::new(bytes);
+    let (mut corners, mut triangles) = (Vec::new(), Vec::new());
+    for triangle in stl_io::create_stl_reader(&mut source).map_err(|e| e.to_string())? {
+        let triangle = triangle.map_err(|e| e.to_string())?;
+        let first = corners.len() as u32; // at most three for every 50 bytes of a gigabyte
+        corners.extend(triangle.vertices.iter().map(|v| [v[0], v[1], v[2]].map(f64::from)));
+        triangles.push([first, first + 1, first + 2]);
+    }
+    Ok((corners, triangles))
+}
+
+/// A row of a PLY file: of a vertex the coordinates, of a face the numbers of its corners.
+#[derive(Debug, Default)]
+struct Row {
+    xyz: [Option<f64>; 3],
+    ring: Option<Vec<i64>>,
+}
+
+impl Row {
+    fn put(&mut self, name: &str, value: f64) -> PropertyAccessResult {
+        let Some(axis) = ["x", "y", "z"].iter().position(|axis| *axis == name) else {
+            return PropertyAccessResult::Ignored;
+        };
+        self.xyz[axis] = Some(value);
+        PropertyAccessResult::Set
+    }
+
+    fn put_ring<N: Into<i64>>(&mut self, name: &str, ring: Vec<N>) -> PropertyAccessResult {
+        if name != "vertex_indices" && name != "vertex_index" {
+            return PropertyAccessResult::Ignored;
+        }
+        self.ring = Some(ring.into_iter().map(Into::into).collect());
+        PropertyAccessResult::Set
+    }
+}
+
+impl PropertyAccess for Row {
+    fn new() -> Self {
+        Self::default()
+    }
+    fn set_float(&mut self, name: &str, value: f32) -> PropertyAccessResult {
+        self.put(name, f64::from(value))
+    }
+    fn set_double(&mut self, name: &str, value: f64) -> PropertyAccessResult {
+        self.put(name, value)
+    }
+    fn set_list_char(&mut self, name: &str, ring: Vec<i8>) -> PropertyAccessResult {
+        self.put_ring(name, ring)
+    }
+    fn set_list_uchar(&mut self, name: &str, ring: Vec<u8>) -> PropertyAccessResult {
+        self.put_ring(name, ring)
+    }
+    fn set_list_short(&mut self, name: &str, ring: Vec<i16>) -> PropertyAccessResult {
+        self.put_ring(name, ring)
+    }
+    fn set_list_ushort(&mut self, name: &str, ring: Vec<u16>) -> PropertyAccessResult {
+        self.put_ring(name, ring)
+    }
+    fn set_list_int(&mut self, name: &str, ring: Vec<i32>) -> PropertyAccessResult {
+        self.put_ring(name, ring)
+    }
+    fn set_list_uint(&mut self, name: &str, ring: Vec<u32>) -> PropertyAccessResult {
+        self.put_ring(name, ring)
+    }
+}
+
+fn ply(bytes: &[u8]) -> Result<Parts, String> {
+    let parser = Parser::<Row>::new();
+    let mut reader = Reader::new(bytes);
+    let header = parser.read_header(&mut reader).map_err(|e| e.to_string())?;
+    let (mut corners, mut triangles) = (Vec::new(), Vec::new());
+    for (name, element) in &header.elements {
+        // Each row takes a byte at least: memory is taken for what is there, not for what is promised.
+        if element.count > reader.get_ref().len() || (element.properties.is_empty() && element.count > 0) {
+            return Err(format!("its element `{name}` has more rows than there are bytes"));
+        }
+        let rows = parser.read_payload_for_element(&mut reader, element, &header).map_err(|e| e.to_string())?;
+        match name.as_str() {
+            "vertex" => {
+                for (place, Row { xyz, .. }) in rows.into_iter().enumerate() {
+                    let [Some(x), Some(y), Some(z)] = xyz else {
+                        return Err(format!("vertex {place} must have x, y and z, each a float or double"));
+                    };
+                    corners.push([x, y, z]);
+                }
+            }
+            "face" => {
+                for (place, Row { ring, .. }) in rows.into_iter().enumerate() {
+                    fan(place, &ring.ok_or("faces must have vertex_indices")?, &mut triangles)?;
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok((corners, triangles))
+}
+
+/// A polygon's triangles.
+fn fan(place: usize, ring: &[i64], triangles: &mut Vec<[u32; 3]>) -> Result<(), String> {
+    let number = |i: &i64| u32::try_from(*i).map_err(|_| format!("face {place} names corner {i}"));
+    let ring = ring.iter().map(number).collect::<Result<Vec<_>, _>>()?;
+    let [first, rest @ ..] = &ring[..] else { return Ok(()) };
+    triangles.extend(rest.windows(2).map(|side| [*first, side[0], side[1]]));
+    if triangles.len() > TRIANGLES_MAX {
+        return Err(format!("it must have at most {TRIANGLES_MAX} triangles"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::closed_box;
+
+    const SIZE: [f64; 3] = [0.25, 0.5, 1.0];
+
+    fn read(name: &str, bytes: &[u8]) -> Result<Mesh, String> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        read_mesh(&path, 0.1).map_err(|e| e.to_string())
+    }
+
+    fn assert_is_the_box(mesh: &Mesh) {
+        assert_eq!(mesh.corners_m().len(), 8);
+        assert_eq!(mesh.triangles().len(), 12);
+        assert!(mesh.seams().is_watertight());
+        let [low, high] = mesh.bounds_m();
+        let extents: [f64; 3] = core::array::from_fn(|axis| high[axis] - low[axis]);
+        assert!(extents.iter().zip(SIZE).all(|(got, size)| (got - 0.1 * size).abs() < 1e-12), "{extents:?}");
+    }
+
+    fn obj_text() -> String {
+        let (corners, _) = closed_box(SIZE);
+        let mut text = String::from("# a box of quads\nmtllib none.mtl\no box\nusemtl red\n");
+        corners.iter().for_each(|[x, y, z]| text += &format!("v {x} {y} {z}\n"));
+        text + "f 1 3 4 2\nf 5/1 6/1 8/1 7/1\nf 1//2 2//2 6//2 5//2\ng other\nf 3 7 8 4\nf 1 5 7 3\nf -7 -5 -1 -3\n"
+    }
+
+    fn stl_bytes() -> Vec<u8> {
+        let (corners, triangles) = closed_box(SIZE);
+        let mut bytes = [b"solid but binary".as_slice(), &[0; 64]].concat();
+        bytes.extend((triangles.len() as u32).to_le_bytes());
+        for triangle in &triangles {
+            bytes.extend([0; 12]);
+            let corners = triangle.iter().flat_map(|i| corners[*i as usize]);
+            bytes.extend(corners.flat_map(|x| (x as f32).to_le_bytes()));
+            bytes.extend([0; 2]);
+        }
+        bytes
+    }
+
+    fn stl_text() -> String {
+        let (corners, triangles) = closed_box(SIZE);
+        let mut text = String::from("solid box\n");
+        for triangle in &triangles {
+            text += "facet normal 0 0 0\nouter loop\n";
+            for [x, y, z] in triangle.map(|i| corners[i as usize]) {
+                text += &format!("vertex {x} {y} {z}\n");
+            }
+            text += "endloop\nendfacet\n";
+        }
+        text + "endsolid box\n"
+    }
+
+    fn ply_text(count: usize) -> String {
+        let (corners, triangles) = closed_box(SIZE);
+        let mut text = format!(
+            "ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty double y\nproperty float z\n\
+             property uchar red\nelement face 12\nproperty list uchar int vertex_indices\nend_header\n"
+        );
+        corners.iter().for_each(|[x, y, z]| text += &format!("{x} {y} {z} 255\n"));
+        triangles.iter().for_each(|[a, b, c]| text += &format!("3 {a} {b} {c}\n"));
+        text
+    }
+
+    fn ply_bytes() -> Vec<u8> {
+        let (corners, triangles) = closed_box(SIZE);
+        let head = "ply\nformat binary_big_endian 1.0\nelement vertex 8\nproperty float x\nproperty float y\n\
+                    property float z\nelement face 12\nproperty list uchar uint vertex_index\nend_header\n";
+        let mut bytes = head.as_bytes().to_vec();
+        bytes.extend(corners.iter().flatten().flat_map(|x| (*x as f32).to_be_bytes()));
+        for triangle in &triangles {
+            bytes.push(3);
+            bytes.extend(triangle.iter().flat_map(|i| i.to_be_bytes()));
+        }
+        bytes
+    }
+
+    #[test]
+    fn the_same_box_is_read_from_every_kind_of_file() {
+        assert_is_the_box(&read("box.obj", obj_text().as_bytes()).unwrap());
+        assert_is_the_box(&read("box.STL", &stl_bytes()).unwrap());
+        assert_is_the_box(&read("box.stl", stl_text().as_bytes()).unwrap());
+        assert_is_the_box(&read("box.ply", ply_text(8).as_bytes()).unwrap());
+        assert_is_the_box(&read("box.ply", &ply_bytes()).unwrap());
+    }
+
+    #[test]
+    fn files_that_are_cut_off_are_refused_and_named() {
+        for (name, bytes) in [("box.stl", stl_bytes()), ("box.ply", ply_bytes())] {
+            for end in (0..bytes.len()).step_by(7) {
+                let message = read(name, &bytes[..end]).unwrap_err();
+                assert!(message.contains("not a whole") && message.contains(name), "cut at {end}: {message}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_mesh_is_refused_with_the_reason() {
+        let of = |name: &str, text: &str| read(name, text.as_bytes()).unwrap_err();
+        assert!(of("a.obj", "").contains("it has no triangles"));
+        assert!(of("a.obj", "v 0 0 0\nf 1 2 3\n").contains("not a whole OBJ file"));
+        let not_a_number = obj_text().replace("v 0.25 0 0\n", "v nan 0 0\n");
+        assert!(of("a.obj", &not_a_number).contains("coordinates must be numbers"), "{}", of("a.obj", &not_a_number));
+        assert!(of("a.step", "x").contains("must end with .obj, .stl, .ply"));
+        assert!(of("a.ply", &ply_text(1_000_000)).contains("more rows than there are bytes"));
+        assert!(of("a.ply", &ply_text(8).replace("3 0 2 3", "3 0 2 -3")).contains("face 0 names corner -3"));
+        let far = ply_text(8).replace("3 0 2 3", "3 0 2 99");
+        assert!(of("a.ply", &far).contains("triangle 0 names corner 99"), "{}", of("a.ply", &far));
+        let missing = read_mesh(Path::new("nowhere.obj"), 1.0).unwrap_err();
+        assert!(matches!(missing, MeshFileError::Read { .. }));
+    }
+}

@@ -1,0 +1,74 @@
+//! The objects of a dataset that is made of a catalogue: as it stores them, and as physics has them.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use schema::{Model, ObjectShape};
+use simulator::{Body, bodies_of};
+
+use crate::catalogue::Catalogue;
+
+/// A catalogue's objects. Without any, objects are primitives.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Models {
+    stored: Vec<Arc<Model>>,
+    bodies: Vec<Body>,
+}
+
+impl Models {
+    /// All objects of a catalogue; `name` is a file's, from `folder`, or `everyday`.
+    ///
+    /// # Errors
+    /// What is wrong with the file or with its objects, one message each.
+    pub(crate) fn read(name: &str, folder: Option<&Path>) -> Result<Self, Vec<String>> {
+        let path = folder.unwrap_or(Path::new("")).join(name);
+        let path = (name != EVERYDAY).then_some(path);
+        let catalogue = Catalogue::read(path.as_deref()).map_err(|e| vec![e.to_string()])?;
+        let models: Vec<_> =
+            catalogue.things().iter().map(|thing| thing.body.to_model(thing.mass_kg, thing.friction)).collect();
+        let mut problems: Vec<String> =
+            models.iter().filter_map(|model| model.as_ref().err()?.to_string().into()).collect();
+        let stored: Vec<Arc<Model>> = models.into_iter().flatten().map(Arc::new).collect();
+        problems.extend(stored.iter().flat_map(|model| model.problems()));
+        if stored.is_empty() && problems.is_empty() {
+            problems.push(format!("objects.catalogue must have at least one object: {name}"));
+        }
+        // Physics has what is stored, here and when it is repeated.
+        let bodies = bodies_of(&stored).map_err(|e| vec![e.to_string()])?;
+        if problems.is_empty() { Ok(Self { stored, bodies }) } else { Err(problems) }
+    }
+
+    /// Whether objects are primitives.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.stored.is_empty()
+    }
+
+    /// As `meta/info.json` has them.
+    #[must_use]
+    pub fn stored(&self) -> &[Arc<Model>] {
+        &self.stored
+    }
+
+    /// As physics has them, in the same order.
+    #[must_use]
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
+    /// What a row says of a body, which is a primitive or one of these.
+    pub(crate) fn shape_of(&self, body: &Body) -> ObjectShape {
+        let number = self.stored.iter().position(|model| model.name == body.name());
+        match (body.as_solid(), number) {
+            (Some(solid), _) => solid.into(),
+            (None, number) => {
+                let number = number.expect("a body that was let fall is a primitive or of the catalogue");
+                let model = self.stored[number].clone();
+                ObjectShape::Model { number: u16::try_from(number).expect("an info's models are few"), model }
+            }
+        }
+    }
+}
+
+/// The name of the catalogue that comes with the program.
+const EVERYDAY: &str = "everyday";

@@ -1,0 +1,245 @@
+//! What a watcher keeps of an attempt, to be shown afterwards: where things are at up to sixty moments a second, what
+//! happens, what presses on what.
+
+use report::view::{Class, Event, EventKind, Frame, Points, flat_points};
+use schema::{Gripper, Outcome, Pose, Vec3};
+use simulator::{AttemptEvent, Contact, Execution, Moment, Phase, Toucher, Watcher};
+
+/// Frames a second.
+const FRAME_RATE_HZ: f32 = 60.0;
+/// How long an approach is shown; the gate needs no time for it.
+const APPROACH_TIME_S: f32 = 0.6;
+
+/// Where everything is at a moment.
+#[derive(Debug, Clone)]
+pub(crate) struct Shot {
+    pub(crate) time_s: f32,
+    pub(crate) objects: Vec<Pose>,
+    /// The frames of the boxes of the open hand.
+    pub(crate) hand: [Pose; 3],
+}
+
+/// A film of an attempt.
+pub(crate) struct Recorder<'a> {
+    gripper: &'a Gripper,
+    step_rate_hz: f32,
+    workspace_from_grasp: Pose,
+    target: usize,
+    /// The scene at rest.
+    at_rest: Vec<Pose>,
+    pub(crate) shots: Vec<Shot>,
+    pub(crate) events: Vec<Event>,
+    pub(crate) contacts: Vec<Points>,
+    phase: Option<Phase>,
+    /// When the open hand was at the grasp, and the steps of the last shot since.
+    grasp_time_s: f32,
+    shot_steps: Option<usize>,
+}
+
+impl<'a> Recorder<'a> {
+    pub(crate) fn new(
+        gripper: &'a Gripper,
+        step_rate_hz: f32,
+        workspace_from_grasp: Pose,
+        target: usize,
+        at_rest: Vec<Pose>,
+    ) -> Self {
+        Self {
+            gripper,
+            step_rate_hz,
+            workspace_from_grasp,
+            target,
+            at_rest,
+            shots: Vec::new(),
+            events: Vec::new(),
+            contacts: Vec::new(),
+            phase: None,
+            grasp_time_s: 0.0,
+            shot_steps: None,
+        }
+    }
+
+    pub(crate) fn frames(&self) -> Vec<Frame> {
+        self.shots.iter().map(|shot| Frame { time_s: shot.time_s }).collect()
+    }
+
+    /// Shows the open hand come from the pre-grasp, `distance_m` back, for `travel_m`.
+    pub(crate) fn approach(&mut self, distance_m: f32, travel_m: f32) {
+        self.happens(EventKind::Phase, "approach");
+        self.happens(EventKind::Note, "the gate is geometry and takes no time: the speed of the approach is made up");
+        let time_s = APPROACH_TIME_S * (travel_m / distance_m).clamp(0.0, 1.0);
+        let count = (time_s * FRAME_RATE_HZ).ceil() as usize;
+        for frame in 0..=count {
+            let gone_m = if count == 0 { travel_m } else { travel_m * frame as f32 / count as f32 };
+            let pose = self.workspace_from_grasp * Pose::from_translation(Vec3::Z * (gone_m - distance_m));
+            self.still(frame as f32 / FRAME_RATE_HZ, [pose; 3]);
+        }
+        self.grasp_time_s = self.shots.last().map_or(0.0, |shot| shot.time_s);
+    }
+
+    /// Shows the closing of free fingers for so many steps, which is not simulated.
+    fn close_freely(&mut self, steps: usize) {
+        let stride = self.stride();
+        for step in (stride..=steps).step_by(stride) {
+            let closed_m = self.gripper.closing_speed_m_s / self.step_rate_hz * step as f32;
+            let moved = |inward: f32| self.workspace_from_grasp * Pose::from_translation(Vec3::Y * (inward * closed_m));
+            let hand = [moved(1.0), moved(-1.0), self.workspace_from_grasp];
+            self.still(self.grasp_time_s + step as f32 / self.step_rate_hz, hand);
+        }
+    }
+
+    fn stride(&self) -> usize {
+        ((self.step_rate_hz / FRAME_RATE_HZ).ceil() as usize).max(1)
+    }
+
+    fn still(&mut self, time_s: f32, hand: [Pose; 3]) {
+        self.shots.push(Shot { time_s, objects: self.at_rest.clone(), hand });
+    }
+
+    /// Takes a shot, unless the last was of this very moment.
+    fn shoot(&mut self, moment: &Moment<'_>) {
+        if self.shot_steps == Some(moment.steps()) {
+            return;
+        }
+        self.shot_steps = Some(moment.steps());
+        let time_s = self.grasp_time_s + moment.steps() as f32 / self.step_rate_hz;
+        self.shots.push(Shot { time_s, objects: moment.objects(), hand: moment.hand() });
+        let frame = self.shots.len() - 1;
+        let mut contacts: Vec<Contact> = moment.contacts();
+        contacts.retain(|contact| contact.between.iter().any(|t| self.is_of_interest(*t)));
+        self.contacts.extend(contacts.into_iter().map(|contact| Points {
+            class: Class::Contact,
+            label: told(&contact),
+            points_m: flat_points(contact.points_m),
+            frames: Some([frame, frame]),
+        }));
+    }
+
+    fn is_of_interest(&self, toucher: Toucher) -> bool {
+        match toucher {
+            Toucher::Object(id) => id == self.target,
+            Toucher::Table => false,
+            Toucher::LeftFinger | Toucher::RightFinger | Toucher::Palm => true,
+        }
+    }
+
+    /// Notes what happens now: at the last shot, or before the first.
+    pub(crate) fn happens(&mut self, kind: EventKind, text: impl Into<String>) {
+        let frame = self.shots.len().saturating_sub(1);
+        self.events.push(Event { frame, kind, text: text.into() });
+    }
+
+    fn begin(&mut self, phase: Phase) {
+        if self.phase.replace(phase) == Some(phase) {
+            return;
+        }
+        self.happens(
+            EventKind::Phase,
+            match phase {
+                Phase::Close => "close",
+                Phase::Retreat => "retreat",
+                Phase::Hold => "hold",
+                Phase::After => "after the decision: only shown, decides nothing",
+            },
+        );
+    }
+}
+
+impl Watcher for Recorder<'_> {
+    fn step(&mut self, moment: &Moment<'_>) {
+        self.begin(moment.phase());
+        if moment.steps().is_multiple_of(self.stride()) {
+            self.shoot(moment);
+        }
+    }
+
+    fn event(&mut self, event: AttemptEvent, moment: Option<&Moment<'_>>) {
+        if let Some(moment) = moment {
+            self.shoot(moment);
+        }
+        match event {
+            AttemptEvent::NothingBetween { steps } | AttemptEvent::ClosedFreely { steps } if steps > 0 => {
+                self.begin(Phase::Close);
+                self.happens(EventKind::Note, noted(&event));
+                self.close_freely(steps);
+            }
+            AttemptEvent::ClosedFreely { .. } => {}
+            AttemptEvent::Decided(execution) => {
+                let kind = if execution.outcome == Outcome::Held { EventKind::Held } else { EventKind::Failed };
+                self.happens(kind, ended(&execution));
+            }
+            _ => self.happens(EventKind::Note, noted(&event)),
+        }
+    }
+}
+
+fn mm(metres: f32) -> String {
+    format!("{:.1} mm", metres * 1000.0)
+}
+
+/// An event in words.
+fn noted(event: &AttemptEvent) -> String {
+    match event {
+        AttemptEvent::NothingBetween { steps } => {
+            format!("nothing lies between the jaws: their closing ({steps} steps) is not simulated")
+        }
+        AttemptEvent::ClosedFreely { steps } => {
+            format!("nothing is near the fingers for {steps} steps: these are not simulated")
+        }
+        AttemptEvent::FingersStopped { width_m } => format!("both fingers stand still, {} apart", mm(*width_m)),
+        AttemptEvent::ClosingTimeOver { width_m } => format!("the time to close is over at {}", mm(*width_m)),
+        AttemptEvent::JawsMet { width_m } => format!("the jaws have met at {}", mm(*width_m)),
+        AttemptEvent::Pushed { object_id, moved_m } => {
+            format!("object {object_id} was pushed by {} while the hand closed: more than it may be", mm(*moved_m))
+        }
+        AttemptEvent::NearTable => "a finger ended too near the table".to_owned(),
+        AttemptEvent::RidesAlong { rest_m } => format!(
+            "the target rides along, all else rests and its way is free: the lift ends here, with {} to go",
+            mm(*rest_m)
+        ),
+        AttemptEvent::JawsMetLifting { width_m } => format!("the jaws have met while lifting, at {}", mm(*width_m)),
+        AttemptEvent::LeftBehind { travel_m, travel_m_min } => {
+            format!("the target came along for {}; at least {} are asked for", mm(*travel_m), mm(*travel_m_min))
+        }
+        AttemptEvent::NotGripped => "the target came along, but not both fingers press on it".to_owned(),
+        AttemptEvent::Gripped { travel_m } => {
+            format!("the target came along for {} and both fingers press on it", mm(*travel_m))
+        }
+        AttemptEvent::Raised { object_id, raised_m } => {
+            format!("object {object_id} was raised by {}: more than it may be", mm(*raised_m))
+        }
+        AttemptEvent::Decided(execution) => ended(execution),
+    }
+}
+
+/// How an attempt ended, in words.
+pub(crate) fn ended(execution: &Execution) -> String {
+    let hit = execution.hit.map(|hit| (hit.kind, hit.object_id.map(|id| id as u32)));
+    outcome_told(execution.outcome, hit, execution.width_m)
+}
+
+/// An outcome with what was hit and the opening, in words.
+pub(crate) fn outcome_told(
+    outcome: Outcome,
+    hit: Option<(schema::HitKind, Option<u32>)>,
+    width_m: Option<f32>,
+) -> String {
+    let hit = match hit {
+        None => String::new(),
+        Some((schema::HitKind::Other, Some(id))) => format!(" with object {id}"),
+        Some((kind, _)) => format!(" with the {}", kind.name()),
+    };
+    let width = width_m.map_or(String::new(), |width_m| format!(", {}", mm(width_m)));
+    format!("{}{hit}{width}", outcome.name())
+}
+
+fn told(contact: &Contact) -> String {
+    let [a, b] = contact.between.map(|toucher| match toucher {
+        Toucher::LeftFinger => "left finger".to_owned(),
+        Toucher::RightFinger => "right finger".to_owned(),
+        Toucher::Palm => "palm".to_owned(),
+        Toucher::Object(id) => format!("object {id}"),
+        Toucher::Table => "table".to_owned(),
+    });
+    format!("{a} and {b}: {:.2} N", contact.force_n)
+}

@@ -1,0 +1,223 @@
+//! One stored attempt executed again, before the eyes of a recorder: what happened, where, and what decided.
+
+use std::fmt::Write as _;
+use std::str::FromStr;
+
+use report::view::{Body, Class, EventKind, Line, Points, View, flat, flat_points};
+use schema::{AttemptRecord, HandBox, Outcome, Pose, SceneRows};
+use shards::{Dataset, DatasetInfo, ReadError, object_bodies};
+use simulator::{AttemptWorld, Execution, Obstruction, Scene, bodies_of};
+
+use crate::laws::physics_of;
+use crate::recorder::{Recorder, ended, outcome_told};
+use crate::repeat::RepeatError;
+
+/// Names of the boxes of the hand.
+const HAND: [&str; 3] = ["left finger", "right finger", "palm"];
+
+/// Which attempt, written as SCENE/ATTEMPT.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AttemptId {
+    /// The scene, from 0.
+    pub scene_id: u64,
+    /// The attempt in its scene, from 0.
+    pub attempt_id: u32,
+}
+
+impl FromStr for AttemptId {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('/');
+        let parsed = parts.and_then(|(scene, attempt)| Some((scene.parse().ok()?, attempt.parse().ok()?)));
+        let (scene_id, attempt_id) =
+            parsed.ok_or_else(|| format!("must be SCENE/ATTEMPT, two numbers from 0 such as 17/3, got {text}"))?;
+        Ok(Self { scene_id, attempt_id })
+    }
+}
+
+/// What came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replay {
+    /// What there was to see.
+    pub view: View,
+    /// The stored row.
+    pub stored: AttemptRecord,
+    /// How it ends now.
+    pub now: Execution,
+}
+
+impl Replay {
+    /// Whether it ends as stored: outcome, what was hit, and the opening to the bit.
+    #[must_use]
+    pub fn is_reproduced(&self) -> bool {
+        is_as_stored(&self.stored, &self.now)
+    }
+
+    /// What happened, and whether that is what is stored, as text of a few lines.
+    #[must_use]
+    pub fn told(&self) -> String {
+        let mut text = String::new();
+        for event in &self.view.events {
+            let time_s = self.view.frames.get(event.frame).map_or(0.0, |frame| frame.time_s);
+            // Writing into a String cannot fail.
+            let _ = writeln!(text, "{time_s:6.2} s  {}", event.text);
+        }
+        let (stored, now) = (stored_told(&self.stored), ended(&self.now));
+        text += &match self.is_reproduced() {
+            true => format!("as stored: {stored}\n"),
+            false => {
+                let bits = |width_m: Option<f32>| width_m.map_or("none".to_owned(), |w| format!("{w:?} m"));
+                let (before, after) = (bits(self.stored.width_m), bits(self.now.width_m));
+                format!("NOT as stored: stored {stored} ({before}), now {now} ({after})\n")
+            }
+        };
+        text
+    }
+}
+
+fn is_as_stored(stored: &AttemptRecord, now: &Execution) -> bool {
+    let hit_object_id = now.hit.and_then(|hit| hit.object_id).map(|id| id as u32);
+    stored.outcome == now.outcome
+        && stored.hit == now.hit.map(|hit| hit.kind)
+        && stored.hit_object_id == hit_object_id
+        && stored.width_m.map(f32::to_bits) == now.width_m.map(f32::to_bits)
+}
+
+fn stored_told(stored: &AttemptRecord) -> String {
+    outcome_told(stored.outcome, stored.hit.map(|kind| (kind, stored.hit_object_id)), stored.width_m)
+}
+
+/// Executes a stored attempt again from its rows, by the dataset's own settings, and records it. What is left out when
+/// attempts are made by the thousand is left out here, too: then a recording says so.
+///
+/// # Errors
+/// [`RepeatError`] if the dataset cannot be read, has no such attempt, or was not made by this engine.
+pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, RepeatError> {
+    let info = dataset.info();
+    let physics = physics_of(&info.config).map_err(RepeatError::Physics)?;
+    let rows = dataset.read_scene(id.scene_id)?;
+    let limit = rows.attempts.len() as u64;
+    let out_of_range = || ReadError::OutOfRange { what: "attempt", limit, got: u64::from(id.attempt_id) };
+    let stored = rows.attempts.get(id.attempt_id as usize).ok_or_else(out_of_range)?.clone();
+    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(&info.models)?);
+    let world = AttemptWorld::new(&physics, &info.gripper, &info.procedure, &scene);
+    let (grasp, target) = (stored.workspace_from_grasp, stored.object_id as usize);
+
+    let at_rest = rows.objects.iter().map(|row| row.workspace_from_object).collect();
+    let mut recorder = Recorder::new(&info.gripper, physics.step_rate_hz, grasp, target, at_rest);
+    let obstruction = world.obstruction(&grasp, target);
+    let distance_m = info.procedure.pregrasp_distance_m;
+    recorder.approach(distance_m, obstruction.map_or(distance_m, |o| o.travel_m));
+    if let Some(obstruction) = &obstruction {
+        recorder.happens(EventKind::Note, obstruction_told(info, obstruction));
+    }
+    let now = world.execute_watched(&grasp, target, &mut recorder);
+
+    let mut view = View::new(format!("Scene {}, attempt {}: {}", id.scene_id, id.attempt_id, ended(&now)));
+    view.bodies.push(Body::table(info.grid.size_m, info.grid.table_z_m));
+    view.bodies.extend(objects(&rows, &stored, &now, &recorder));
+    view.bodies.extend(hand(info, &recorder));
+    if let Some(obstruction) = &obstruction {
+        view.bodies.extend(swept(info, &grasp, obstruction));
+        view.points.push(Points {
+            class: Class::Contact,
+            label: obstruction_told(info, obstruction),
+            points_m: flat_points([obstruction.point_m]),
+            frames: None,
+        });
+    }
+    view.lines.push(Line::workspace(info.grid.size_m));
+    let contacts = std::mem::take(&mut recorder.contacts);
+    view.points.extend(contacts.into_iter().filter(|contact| !contact.points_m.is_empty()));
+    view.frames = recorder.frames();
+    view.events = recorder.events;
+    let replay = Replay { view, stored, now };
+    Ok(with_facts(replay, dataset, physics.shortcuts, physics.step_rate_hz))
+}
+
+fn obstruction_told(info: &DatasetInfo, obstruction: &Obstruction) -> String {
+    let what = match obstruction.hit.object_id {
+        Some(id) => format!("object {id}"),
+        None => "the table".to_owned(),
+    };
+    let (part, clearance_mm) = (HAND[obstruction.part], info.gripper.clearance_m * 1000.0);
+    let when = match obstruction.outcome {
+        Outcome::PregraspCollision => "already before the approach".to_owned(),
+        _ => format!("after {:.1} mm of the approach", obstruction.travel_m * 1000.0),
+    };
+    format!("the {part} is within {clearance_mm:.1} mm of {what} {when}")
+}
+
+/// The objects, one pose each if they never move.
+fn objects(rows: &SceneRows, stored: &AttemptRecord, now: &Execution, recorder: &Recorder<'_>) -> Vec<Body> {
+    let pieces_of = |(id, row): (usize, &schema::ObjectRecord)| {
+        let class = match now.hit.and_then(|hit| hit.object_id) {
+            _ if id == stored.object_id as usize => Class::Target,
+            Some(hit) if hit == id => Class::Hit,
+            _ => Class::Object,
+        };
+        let mut pieces = object_bodies(class, row);
+        for piece in &mut pieces {
+            piece.poses = recorder.shots.iter().map(|shot| flat(&shot.objects[id])).collect();
+            still(piece);
+        }
+        pieces
+    };
+    rows.objects.iter().enumerate().flat_map(pieces_of).collect()
+}
+
+fn hand(info: &DatasetInfo, recorder: &Recorder<'_>) -> Vec<Body> {
+    let boxed = |part: usize| {
+        let poses: Vec<Pose> = recorder.shots.iter().map(|shot| shot.hand[part]).collect();
+        let mut body = Body::of_box(Class::Hand, HAND[part], &info.gripper.open_hand()[part], &poses);
+        still(&mut body);
+        body
+    };
+    (0..HAND.len()).map(boxed).collect()
+}
+
+/// Leaves one pose to a body that has the same in every frame.
+fn still(body: &mut Body) {
+    if body.poses.iter().all(|pose| *pose == body.poses[0]) {
+        body.poses.truncate(1);
+    }
+}
+
+/// What the gate looked at when it stopped the hand: the open hand, or what it would pass, with its clearance.
+fn swept(info: &DatasetInfo, workspace_from_grasp: &Pose, obstruction: &Obstruction) -> Vec<Body> {
+    let distance_m = info.procedure.pregrasp_distance_m;
+    let looked_at = |hand_box: HandBox| match obstruction.outcome {
+        Outcome::PregraspCollision => {
+            HandBox { centre_m: hand_box.centre_m - schema::Vec3::Z * distance_m, ..hand_box }
+        }
+        _ => hand_box.swept_back(distance_m),
+    };
+    let boxes = info.gripper.open_hand().map(|b| looked_at(b).grown(info.gripper.clearance_m));
+    let body = |(part, hand_box): (usize, &HandBox)| {
+        let label = format!("{} on its way, with {:.1} mm around it", HAND[part], info.gripper.clearance_m * 1000.0);
+        Body::of_box(Class::Swept, label, hand_box, &[*workspace_from_grasp])
+    };
+    boxes.iter().enumerate().map(body).collect()
+}
+
+fn with_facts(mut replay: Replay, dataset: &Dataset, has_shortcuts: bool, step_rate_hz: f32) -> Replay {
+    let (is_reproduced, stored, steps) = (replay.is_reproduced(), replay.stored.clone(), replay.now.steps);
+    let now = ended(&replay.now);
+    let view = &mut replay.view;
+    let degrees = |angle_rad: f32| format!("{:.2}°", angle_rad.to_degrees());
+    let mm = |length_m: f32| format!("{:.2} mm", length_m * 1000.0);
+    view.fact("dataset", dataset.id().get(..12).unwrap_or_default());
+    view.fact("target", format!("object {}", stored.object_id));
+    view.fact("rule", stored.rule.name());
+    view.fact("closes along", stored.closing.map_or("–", schema::Axis::name));
+    view.fact("tilt, turn", format!("{}, {}", degrees(stored.tilt_rad), degrees(stored.turn_rad)));
+    view.fact("depth, slide", format!("{}, {}", mm(stored.depth_m), mm(stored.slide_m)));
+    view.fact("stored", stored_told(&stored));
+    view.fact("now", now);
+    view.fact("opening, stored", stored.width_m.map_or("–".to_owned(), |width_m| format!("{width_m:?} m")));
+    view.fact("reproduced", if is_reproduced { "yes, to the bit" } else { "NO" });
+    view.fact("steps simulated", format!("{steps}, {step_rate_hz} a second"));
+    view.fact("shortcuts", if has_shortcuts { "on, as in the dataset" } else { "off, as in the dataset" });
+    replay
+}

@@ -1,0 +1,166 @@
+//! The page of a view: one file, no network, no library.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::{EventKind, View};
+
+const STYLE: &str = include_str!("../viewer.css");
+const SCRIPT: &str = include_str!("../viewer.js");
+const PICTURE: &str = "a picture in space that can be turned about";
+const HINT: &str =
+    "drag to turn · wheel or pinch to zoom · right button or two fingers to shift · double click to go back";
+
+impl View {
+    /// One HTML file that shows it and lets it be turned about. Without a script only what is known besides can be
+    /// read.
+    #[must_use]
+    pub fn page(&self) -> String {
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    meta name="color-scheme" content="light dark";
+                    title { (self.title) }
+                    style { (PreEscaped(STYLE)) }
+                }
+                body {
+                    header { h1 { (self.title) } }
+                    main {
+                        div #stage {
+                            canvas #canvas tabindex="0" role="img" aria-label=(PICTURE) {}
+                            p #hint { (HINT) }
+                            div #tip role="status" hidden {}
+                            noscript { p { "The picture is drawn by a script in this file, and scripts are off." } }
+                        }
+                        @if self.moves() { (player()) }
+                    }
+                    aside {
+                        section { h2 { "Shown" } div #legend {} }
+                        @if !self.events.is_empty() { (self.event_list()) }
+                        @if !self.facts.is_empty() { (self.fact_list()) }
+                    }
+                    script #view type="application/json" { (PreEscaped(in_script(&self.to_json()))) }
+                    script { (PreEscaped(SCRIPT)) }
+                }
+            }
+        };
+        page.into_string() + "\n"
+    }
+
+    fn moves(&self) -> bool {
+        self.frames.len() > 1
+    }
+
+    fn event_list(&self) -> Markup {
+        html! {
+            section {
+                h2 { "What happens" }
+                ol #events {
+                    @for event in &self.events {
+                        @let time_s = self.frames.get(event.frame).map_or(0.0, |frame| frame.time_s);
+                        li class=(kind(event.kind)) {
+                            button type="button" data-frame=(event.frame) {
+                                @if self.moves() { span.time { (format!("{time_s:.2} s")) } " " }
+                                (event.text)
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn fact_list(&self) -> Markup {
+        html! {
+            section {
+                h2 { "Known" }
+                dl { @for fact in &self.facts { div { dt { (fact.key) } dd { (fact.value) } } } }
+            }
+        }
+    }
+}
+
+fn player() -> Markup {
+    html! {
+        div #player {
+            button #play type="button" aria-label="play or pause (space)" { "▶" }
+            div #track { div #marks {} input #scrub type="range" min="0" step="1" value="0" aria-label="frame"; }
+            output #clock {}
+            label { "speed " select #speed {
+                option value="0.1" { "1/10" } option value="0.25" { "1/4" }
+                option value="0.5" { "1/2" } option value="1" selected { "1" }
+            } }
+            output #phase {}
+        }
+    }
+}
+
+fn kind(kind: EventKind) -> &'static str {
+    match kind {
+        EventKind::Phase => "phase",
+        EventKind::Note => "note",
+        EventKind::Held => "held",
+        EventKind::Failed => "failed",
+    }
+}
+
+/// JSON that no text in it can end early: in JSON `<` only stands in strings, and there it may be written so.
+fn in_script(json: &str) -> String {
+    json.replace('<', "\\u003c")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Class, Fact, Frame, Points};
+    use super::*;
+
+    fn view() -> View {
+        let mut view = View::new("</script><script>alert(1)</script> & co");
+        view.points.push(Points {
+            class: Class::Contact,
+            label: "<b>".to_owned(),
+            points_m: vec![[0.1, 0.2, 0.3]],
+            frames: Some([0, 1]),
+        });
+        view.fact("<i>key", "value & more");
+        view.frames = vec![Frame { time_s: 0.0 }, Frame { time_s: 0.5 }];
+        view
+    }
+
+    #[test]
+    fn what_stands_in_a_page_s_json_is_the_view() {
+        let page = view().page();
+        let start = page.find("type=\"application/json\">").unwrap() + "type=\"application/json\">".len();
+        let json = page[start..].split("</script>").next().unwrap();
+        let back: View = serde_json::from_str(json).unwrap();
+        assert_eq!(back, view());
+    }
+
+    #[test]
+    fn text_stays_text() {
+        let page = view().page();
+        assert!(!page.contains("<script>alert") && !page.contains("<b>") && !page.contains("<i>key"), "{page}");
+        assert_eq!(page.matches("<script").count(), 2, "the view and the program");
+        assert!(page.contains("&lt;i&gt;key") && page.contains("value &amp; more"));
+        assert_eq!(view().facts[0], Fact { key: "<i>key".to_owned(), value: "value & more".to_owned() });
+    }
+
+    #[test]
+    fn a_page_asks_nobody_for_anything() {
+        let page = view().page();
+        for word in ["http:", "https:", "src=", "@import", "url(", "fetch(", "XMLHttpRequest", "import("] {
+            assert!(!page.contains(word), "{word}");
+        }
+        assert!(page.contains("<noscript>"));
+    }
+
+    #[test]
+    fn who_does_not_move_has_no_player() {
+        let mut still = view();
+        assert!(still.page().contains("id=\"scrub\""));
+        still.frames.truncate(1);
+        assert!(!still.page().contains("id=\"scrub\""));
+    }
+}

@@ -1,0 +1,189 @@
+//! Solids, hands, tables and cameras as bodies and lines of a view.
+
+use schema::{Gripper, HandBox, Intrinsics, Pose, Vec3};
+
+use crate::picture::Polyhedron;
+
+use super::{Body, Class, Line, flat, flat_points};
+
+/// Thickness of a table's top in a view, in metres: what is below decides nothing.
+const TABLE_THICKNESS_M: f32 = 0.004;
+/// Length of a camera's pyramid in a view, in metres.
+const CAMERA_LENGTH_M: f32 = 0.03;
+/// Corners of a box by number, bit 0 for +x, bit 1 for +y, bit 2 for +z, its faces seen from outside.
+const BOX_FACES: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+
+impl Body {
+    /// A convex piece of an object.
+    #[must_use]
+    pub fn of_piece(class: Class, label: impl Into<String>, piece: Polyhedron, poses: &[Pose]) -> Self {
+        Self {
+            class,
+            label: label.into(),
+            corners_m: flat_points(piece.corners_m),
+            faces: piece.faces,
+            poses: poses.iter().map(flat).collect(),
+        }
+    }
+
+    /// A box, its axes along those of its frame.
+    #[must_use]
+    pub fn of_box(class: Class, label: impl Into<String>, hand_box: &HandBox, poses: &[Pose]) -> Self {
+        Self {
+            class,
+            label: label.into(),
+            corners_m: flat_points(box_corners_m(hand_box)),
+            faces: BOX_FACES.map(Vec::from).into(),
+            poses: poses.iter().map(flat).collect(),
+        }
+    }
+
+    /// The top of the table below a workspace of side `size_m`.
+    #[must_use]
+    pub fn table(size_m: f32, table_z_m: f32) -> Self {
+        let half_m = Vec3::new(0.5 * size_m, 0.5 * size_m, 0.5 * TABLE_THICKNESS_M);
+        let centre_m = Vec3::new(half_m.x, half_m.y, table_z_m - half_m.z);
+        let label = format!("table, {:.0} mm above the workspace's floor", table_z_m * 1000.0);
+        Self::of_box(Class::Table, label, &HandBox { centre_m, half_m }, &[Pose::IDENTITY])
+    }
+}
+
+fn box_corners_m(hand_box: &HandBox) -> impl Iterator<Item = Vec3> {
+    let sign = |corner: usize, bit: usize| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
+    let corner = move |c: usize| Vec3::new(sign(c, 0), sign(c, 1), sign(c, 2));
+    (0..8).map(move |c| hand_box.centre_m + hand_box.half_m * corner(c))
+}
+
+impl Line {
+    /// The twelve edges of the workspace, in one line that goes some of them twice.
+    #[must_use]
+    pub fn workspace(size_m: f32) -> Self {
+        let half_m = Vec3::splat(0.5 * size_m);
+        let corners: Vec<Vec3> = box_corners_m(&HandBox { centre_m: half_m, half_m }).collect();
+        let way = [0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4];
+        let label = format!("workspace, {:.0} mm a side", size_m * 1000.0);
+        Self { class: Class::Workspace, label, points_m: flat_points(way.map(|c| corners[c])), frames: None }
+    }
+
+    /// A hand at a grasp as a fork: from the back of the palm to the fingers' roots, and out to their tips.
+    #[must_use]
+    pub fn fork(
+        class: Class,
+        label: impl Into<String>,
+        gripper: &Gripper,
+        workspace_from_grasp: &Pose,
+        width_m: f32,
+    ) -> Self {
+        let (root_m, side_m) = (-gripper.finger_length_m, 0.5 * (width_m + gripper.finger_thickness_m));
+        let back_m = root_m - gripper.palm_length_m;
+        let way = [(-1.0, 0.0), (-1.0, root_m), (0.0, root_m), (0.0, back_m), (0.0, root_m), (1.0, root_m), (1.0, 0.0)];
+        let point = |(side, z_m): (f32, f32)| workspace_from_grasp.transform_point(Vec3::new(0.0, side * side_m, z_m));
+        Self { class, label: label.into(), points_m: flat_points(way.map(point)), frames: None }
+    }
+
+    /// A camera: the pyramid of what it sees, near it.
+    #[must_use]
+    pub fn camera(label: impl Into<String>, workspace_from_camera: &Pose, lens: &Intrinsics) -> Self {
+        let (right, bottom) = (lens.width_px as f32 - 1.0, lens.height_px as f32 - 1.0);
+        let at = |[u, v]: [f32; 2]| {
+            let ray = Vec3::new((u - lens.cx_px) / lens.fx_px, (v - lens.cy_px) / lens.fy_px, 1.0);
+            workspace_from_camera.transform_point(ray * CAMERA_LENGTH_M)
+        };
+        let [a, b, c, d] = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]].map(at);
+        let eye = workspace_from_camera.translation;
+        let points_m = flat_points([eye, a, b, eye, c, d, eye, d, a, b, c]);
+        Self { class: Class::Camera, label: label.into(), points_m, frames: None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use schema::ShapeKind;
+
+    use super::*;
+
+    fn vector(p: [f32; 3]) -> Vec3 {
+        Vec3::from_array(p)
+    }
+
+    /// Every edge is gone along once in each direction, faces are flat, and look outwards.
+    fn assert_closed(body: &Body) {
+        let mut edges: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        for face in &body.faces {
+            for (place, from) in face.iter().enumerate() {
+                *edges.entry((*from, face[(place + 1) % face.len()])).or_default() += 1;
+            }
+            let [a, b, c] = [0, 1, 2].map(|i| vector(body.corners_m[face[i]]));
+            let normal = (b - a).cross(c - b).normalize();
+            for corner in &body.corners_m {
+                assert!(normal.dot(vector(*corner) - a) < 1e-6, "{}: {face:?} does not look outwards", body.label);
+            }
+            for corner in face {
+                let off = normal.dot(vector(body.corners_m[*corner]) - a);
+                assert!(off.abs() < 1e-6, "{}: {face:?} is not flat", body.label);
+            }
+        }
+        for ((from, to), count) in &edges {
+            assert_eq!((*count, edges.get(&(*to, *from))), (1, Some(&1)), "{}: edge {from} {to}", body.label);
+        }
+        let euler = body.corners_m.len() + body.faces.len() - edges.len() / 2;
+        assert_eq!(euler, 2, "{}", body.label);
+    }
+
+    #[test]
+    fn bodies_are_closed() {
+        let sizes = [[0.03, 0.05, 0.07], [0.04, 0.04, 0.09], [0.08, 0.05, 0.04], [0.08, 0.06, 0.03]];
+        for (kind, size) in ShapeKind::ALL.into_iter().zip(sizes) {
+            let solid = Solid::new(kind, Vec3::from_array(size)).unwrap();
+            assert_closed(&Body::of_piece(Class::Object, kind.name(), Polyhedron::pieces(&solid.into()).remove(0), &[Pose::IDENTITY]));
+        }
+        assert_closed(&Body::table(0.3, 0.05));
+    }
+
+    #[test]
+    fn the_table_s_top_is_the_table_s_height() {
+        let highest = Body::table(0.3, 0.05).corners_m.iter().map(|c| c[2]).fold(0.0, f32::max);
+        assert!((highest - 0.05).abs() < 1e-7, "{highest}");
+    }
+
+    #[test]
+    fn the_workspace_s_line_goes_along_all_twelve_edges() {
+        let line = Line::workspace(0.3);
+        let mut edges: Vec<[Vec<u32>; 2]> = line
+            .points_m
+            .windows(2)
+            .map(|pair| {
+                let mut ends = [pair[0], pair[1]].map(|p| p.map(f32::to_bits).to_vec());
+                ends.sort();
+                ends
+            })
+            .collect();
+        edges.sort();
+        edges.dedup();
+        assert_eq!(edges.len(), 12);
+        for pair in line.points_m.windows(2) {
+            assert!(((vector(pair[1]) - vector(pair[0])).length() - 0.3).abs() < 1e-6, "{pair:?}");
+        }
+    }
+
+    #[test]
+    fn a_fork_s_tips_are_where_the_fingers_end() {
+        let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
+        let fork = Line::fork(Class::Held, "", &gripper, &Pose::from_translation(Vec3::X), 0.03);
+        let (first, last) = (vector(fork.points_m[0]), vector(fork.points_m[6]));
+        assert!(((last - first).length() - 0.03 - gripper.finger_thickness_m).abs() < 1e-6);
+        assert!((0.5 * (first + last) - Vec3::X).length() < 1e-6, "midway between the tips is the grasp");
+    }
+
+    #[test]
+    fn a_camera_s_pyramid_holds_what_it_looks_at() {
+        let pose = Pose::from_translation(Vec3::new(0.1, 0.2, 0.3));
+        let line = Line::camera("", &pose, &Intrinsics::VGN);
+        assert_eq!(line.points_m[0], [0.1, 0.2, 0.3]);
+        for corner in &line.points_m[1..3] {
+            assert!((corner[2] - 0.3 - CAMERA_LENGTH_M).abs() < 1e-6, "{corner:?}");
+        }
+    }
+}

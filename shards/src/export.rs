@@ -1,0 +1,143 @@
+//! Datasets in formats that others' Python code trains on: VGN's and GIGA's files, WebDataset's tars.
+//!
+//! The same dataset gives the same bytes. A file has its name when it is whole, and an export that was stopped goes on; what is in
+//! the files and what was left out is told by a page and `export.json` beside them. `docs/exporting.md` says how they are read.
+
+mod folder;
+mod npy;
+mod rows;
+mod vgn;
+mod webdataset;
+
+use std::io;
+
+pub use folder::{ExportCounts, ExportOrigin, Exported, ExportedFile};
+
+use crate::store::StoreError;
+use crate::{Dataset, ExitCode, Location, ReadError};
+use folder::{Beginning, ExportFolder};
+
+/// What to export to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum ExportFormat {
+    /// VGN's constructed dataset (grasps.csv in voxels, scenes/*.npz), and beside it what GIGA reads in metres
+    Vgn,
+    /// WebDataset: a tar of .npy and .json files for each shard, a sample for each scene
+    #[value(name = "webdataset")]
+    WebDataset,
+}
+
+impl ExportFormat {
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Vgn => "vgn",
+            Self::WebDataset => "webdataset",
+        }
+    }
+}
+
+/// Why a dataset cannot be exported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The dataset cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The disk refused.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The folder holds something that is no export.
+    #[error("it holds {entry:?}, which is no export: give an empty or a new folder: {at}")]
+    NotEmpty {
+        /// The first thing found.
+        entry: String,
+        /// The folder.
+        at: Location,
+    },
+    /// What the folder says about itself cannot be read.
+    #[error("what it says about its export is damaged: give an empty or a new folder: {0}")]
+    NotOurs(Location),
+    /// The folder holds another export.
+    #[error(
+        "it holds an export as {} of dataset {} by version {}: give an empty or a new folder: {at}",
+        there.format, there.dataset_id, there.exporter_version
+    )]
+    Other {
+        /// What is there.
+        there: Box<ExportOrigin>,
+        /// The folder.
+        at: Location,
+    },
+    /// What should be a folder is none.
+    #[error("the export must go to a folder, got a file: {0}")]
+    NotAFolder(Location),
+    /// The place is not on a disk.
+    #[error("the export must go to a folder on a disk, got {0}: export there, then copy the files")]
+    NotOnADisk(Location),
+    /// The format has no place for such grids.
+    #[error("VGN's code takes grids of {}^3 voxels, the dataset has {got}^3: export it as webdataset", vgn::RESOLUTION)]
+    Resolution {
+        /// Voxels along a side.
+        got: usize,
+    },
+}
+
+impl ExportError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Read(error) => error.exit_code(),
+            Self::Store(error) => error.exit_code(),
+            Self::NotEmpty { .. }
+            | Self::NotOurs(_)
+            | Self::Other { .. }
+            | Self::NotAFolder(_)
+            | Self::NotOnADisk(_)
+            | Self::Resolution { .. } => ExitCode::Config,
+        }
+    }
+}
+
+/// Writes a dataset in another format into an empty or a new folder, or goes on where an equal export was stopped; one that is
+/// complete is left as it is. `scenes_done` is told how many more scenes are there. In memory are the attempts and objects of one
+/// shard and a few grids.
+///
+/// # Errors
+/// [`ExportError`] if the dataset cannot be read, does not fit the format, or the folder holds something else.
+pub fn export(
+    dataset: &Dataset,
+    format: ExportFormat,
+    out: &Location,
+    mut scenes_done: impl FnMut(u64),
+) -> Result<Exported, ExportError> {
+    let Location::Path(path) = out else { return Err(ExportError::NotOnADisk(out.clone())) };
+    let got = dataset.info().grid.resolution;
+    if format == ExportFormat::Vgn && got != vgn::RESOLUTION {
+        return Err(ExportError::Resolution { got });
+    }
+    let folder = match ExportFolder::begin(path, ExportOrigin::of(dataset, format))? {
+        Beginning::Done(done) => {
+            scenes_done(dataset.info().scene_count);
+            return Ok(done);
+        }
+        Beginning::Open(folder) => folder,
+    };
+    match format {
+        ExportFormat::Vgn => vgn::write(dataset, folder, &mut scenes_done),
+        ExportFormat::WebDataset => webdataset::write(dataset, folder, &mut scenes_done),
+    }
+}
+
+/// The name of a scene's files. It begins with letters: pandas would read a name of digits as a number, and VGN's code then fails to
+/// make a file's name of it.
+fn scene_name(scene_id: u64) -> String {
+    format!("scene-{scene_id:09}")
+}
+
+/// The error of a file that could not be written.
+fn unwritten(folder: &ExportFolder, name: &str) -> impl FnOnce(io::Error) -> StoreError {
+    let at = folder.location(name);
+    move |source| StoreError { action: "write a file", at, source }
+}

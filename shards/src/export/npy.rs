@@ -1,0 +1,97 @@
+//! NumPy's own files: `.npy`, an array behind a header of text, and `.npz`, a zip of them.
+//!
+//! Written out here because it is a dozen lines: version 1.0 of the format, little-endian, C order, the header padded so that the
+//! data begin at a multiple of 64 bytes.
+
+use std::io::{self, Cursor, Write};
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, System, ZipWriter};
+
+/// Magic, version 1.0 and the header's length: what stands before the header.
+const PREAMBLE_BYTES: usize = 10;
+/// Where data begin is a multiple of this.
+const ALIGNMENT_BYTES: usize = 64;
+/// zlib's own choice between time and size.
+const DEFLATE_LEVEL: i64 = 6;
+
+/// A `.npy` of single-precision values in C order.
+pub(super) fn f32s(shape: &[usize], values: &[f32]) -> Vec<u8> {
+    let mut bytes = header("<f4", shape);
+    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    bytes
+}
+
+/// A `.npy` of bytes, as a vector.
+pub(super) fn u8s(values: &[u8]) -> Vec<u8> {
+    let mut bytes = header("|u1", &[values.len()]);
+    bytes.extend_from_slice(values);
+    bytes
+}
+
+fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
+    // A tuple of one needs its comma in Python; with more, one at the end does no harm.
+    let shape: String = shape.iter().map(|side| format!("{side}, ")).collect();
+    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
+    let unpadded = PREAMBLE_BYTES + text.len() + 1;
+    text.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(ALIGNMENT_BYTES) - unpadded));
+    text.push('\n');
+    let length = u16::try_from(text.len()).expect("a shape of a few numbers fits into 64 KiB of header");
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend(length.to_le_bytes());
+    bytes.extend(text.into_bytes());
+    bytes
+}
+
+/// A `.npz` with one array, as `numpy.savez_compressed(file, name=array)` makes it. The same array always gives the same bytes:
+/// no clock, no system's name.
+///
+/// # Errors
+/// What the zip writer says.
+pub(super) fn npz(name: &str, npy: &[u8]) -> io::Result<Vec<u8>> {
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .compression_level(Some(DEFLATE_LEVEL))
+        .last_modified_time(DateTime::default())
+        .system(System::Unix)
+        .unix_permissions(0o644);
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    zip.start_file(format!("{name}.npy"), options)?;
+    zip.write_all(npy)?;
+    Ok(zip.finish()?.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read;
+
+    use super::*;
+
+    /// The headers that numpy 2.4 writes for these arrays.
+    #[test]
+    fn headers_are_numpys() {
+        let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes[PREAMBLE_BYTES..]).into_owned();
+        let grid = header("<f4", &[1, 40, 40, 40]);
+        assert_eq!(grid[..8], *b"\x93NUMPY\x01\x00");
+        assert_eq!(usize::from(u16::from_le_bytes([grid[8], grid[9]])), grid.len() - PREAMBLE_BYTES);
+        assert_eq!(grid.len() % ALIGNMENT_BYTES, 0);
+        let told = text(grid);
+        assert!(told.starts_with("{'descr': '<f4', 'fortran_order': False, 'shape': (1, 40, 40, 40,), }"), "{told}");
+        assert!(told.ends_with(" \n"), "{told}");
+        assert!(text(header("|u1", &[3])).contains("'shape': (3,), "));
+    }
+
+    #[test]
+    fn an_npz_holds_the_array_and_has_no_clock() {
+        let npy = f32s(&[2, 2], &[0.0, 1.0, 2.0, -3.5]);
+        let bytes = npz("grid", &npy).unwrap();
+        assert_eq!(bytes, npz("grid", &npy).unwrap());
+        let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
+        let mut file = zip.by_name("grid.npy").unwrap();
+        let time = file.last_modified().unwrap();
+        assert_eq!((time.year(), time.month(), time.day(), time.hour(), time.second()), (1980, 1, 1, 0, 0));
+        let mut found = Vec::new();
+        file.read_to_end(&mut found).unwrap();
+        assert_eq!(found, npy);
+    }
+}

@@ -1,0 +1,154 @@
+//! What a program tells of itself: completions for shells, man pages, its reference as Markdown. All from the command line's one
+//! definition, so that none can go stale.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::PathBuf;
+
+use clap::{Command, Subcommand};
+use clap_complete::Shell;
+
+use crate::Table;
+
+/// What is asked for.
+#[derive(Debug, Clone, Subcommand)]
+pub enum Manual {
+    /// Print completions for a shell, to be sourced or put where the shell looks for them
+    Completions {
+        /// Which shell
+        shell: Shell,
+    },
+    /// Write man pages, one for the program and one for each command
+    Man {
+        /// Into this folder; made if missing
+        folder: PathBuf,
+    },
+    /// Print this program's reference as Markdown
+    Markdown,
+}
+
+/// A file of settings that comes with a program, every key with its comment.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// Where it lies in the repository.
+    pub path: &'static str,
+    /// What it says.
+    pub toml: &'static str,
+}
+
+/// Columns of the text in the reference: the same wherever it is made.
+const TEXT_WIDTH: usize = 110;
+
+impl Manual {
+    /// Does what is asked. `chapters` are Markdown that stands at the end of the reference.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn make(&self, command: Command, settings: &[Settings], chapters: &str) -> io::Result<()> {
+        let name = command.get_name().to_owned();
+        let mut command = command.bin_name(name.clone());
+        match self {
+            Self::Completions { shell } => {
+                let mut text = Vec::new();
+                clap_complete::generate(*shell, &mut command, name, &mut text);
+                io::stdout().lock().write_all(&text)
+            }
+            Self::Man { folder } => {
+                fs::create_dir_all(folder)?;
+                clap_mangen::generate_to(command, folder)
+            }
+            Self::Markdown => io::stdout().lock().write_all(markdown(command, settings, chapters).as_bytes()),
+        }
+    }
+}
+
+fn markdown(command: Command, settings: &[Settings], chapters: &str) -> String {
+    let mut command = command.term_width(TEXT_WIDTH).color(clap::ColorChoice::Never);
+    command.build();
+    let mut text =
+        format!("# {}\n\nMade by `{0} manual markdown`; change the program, not this page.\n", command.get_name());
+    describe(&mut command, &mut text);
+    for Settings { path, toml } in settings {
+        // Writing to a String cannot fail.
+        let _ = write!(
+            text,
+            "\n## Settings: {path}\n\nEvery key, with the values that come with the program.\n\n```toml\n{toml}```\n"
+        );
+    }
+    text + chapters
+}
+
+/// The help of a command and of those below it.
+fn describe(command: &mut Command, text: &mut String) {
+    let name = command.get_bin_name().unwrap_or(command.get_name()).to_owned();
+    let help = command.render_long_help().to_string();
+    let lines: Vec<&str> = help.trim().lines().map(str::trim_end).collect();
+    let _ = write!(text, "\n## {name}\n\n```text\n{}\n```\n", lines.join("\n"));
+    let below = command.get_subcommands_mut().filter(|sub| sub.get_name() != "help");
+    below.for_each(|sub| describe(sub, text));
+}
+
+/// The columns of the three tables, as Markdown for a grid of `resolution` voxels along a side.
+#[must_use]
+pub fn tables(resolution: usize) -> String {
+    let mut text = String::new();
+    for table in Table::ALL {
+        let _ = write!(text, "\n## Table `{}`\n\n| column | type | meaning |\n|---|---|---|\n", table.name());
+        table_rows(&mut text, table, resolution);
+    }
+    text
+}
+
+/// A table's columns as rows of Markdown.
+pub(crate) fn table_rows(text: &mut String, table: Table, resolution: usize) {
+    for column in table.columns() {
+        let null = if column.nullable { ", nullable" } else { "" };
+        let kind = column.kind.describe(resolution);
+        let _ = writeln!(text, "| `{}` | {kind}{null} | {} |", column.name, column.doc.replace('|', "\\|"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Arg;
+
+    use super::*;
+
+    fn command() -> Command {
+        let inner = Command::new("inner").about("Does a thing").arg(Arg::new("depth").long("depth").help("How deep"));
+        Command::new("outer").about("Does things").subcommand(inner)
+    }
+
+    #[test]
+    fn a_reference_has_every_command_every_flag_and_every_setting() {
+        let settings = [Settings { path: "a.toml", toml: "key = 1 # why\n" }];
+        let text = markdown(command(), &settings, "\n## More\n");
+        for words in
+            ["# outer", "## outer inner", "--depth", "How deep", "## Settings: a.toml", "key = 1 # why\n```", "## More"]
+        {
+            assert!(text.contains(words), "{words} is not in {text}");
+        }
+        assert_eq!(text.matches("```").count() % 2, 0);
+    }
+
+    #[test]
+    fn man_pages_are_one_a_command() {
+        let folder = tempfile::tempdir().unwrap();
+        Manual::Man { folder: folder.path().join("man") }.make(command(), &[], "").unwrap();
+        let names: Vec<String> = fs::read_dir(folder.path().join("man"))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| !name.contains("help"))
+            .collect();
+        assert!(names.contains(&"outer.1".to_owned()) && names.contains(&"outer-inner.1".to_owned()), "{names:?}");
+    }
+
+    #[test]
+    fn the_tables_have_all_their_columns() {
+        let text = tables(40);
+        let columns = Table::ALL.into_iter().flat_map(Table::columns);
+        assert!(columns.clone().all(|column| text.contains(&format!("| `{}` |", column.name))));
+        assert_eq!(text.matches("\n| `").count(), columns.count());
+    }
+}

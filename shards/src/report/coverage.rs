@@ -1,0 +1,51 @@
+//! From where grasps come: the directions of their approach, in patches of equal area of the sphere.
+
+use schema::{AttemptRecord, Vec3};
+use serde::Serialize;
+
+use crate::Tally;
+
+/// Patches round the vertical.
+pub const AZIMUTHS: usize = 24;
+/// Patches from straight down to straight up, evenly in the cosine.
+pub const HEIGHTS: usize = 12;
+
+/// Approaches by direction.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Coverage {
+    /// [`HEIGHTS`] rows, from straight down on, of [`AZIMUTHS`] patches each, from the workspace's +x on towards +y.
+    pub patches: Vec<Tally>,
+}
+
+impl Default for Coverage {
+    fn default() -> Self {
+        Self { patches: vec![Tally::default(); AZIMUTHS * HEIGHTS] }
+    }
+}
+
+impl Coverage {
+    pub(crate) fn count(&mut self, attempt: &AttemptRecord) {
+        let towards = attempt.workspace_from_grasp.rotation * Vec3::Z;
+        let height = 0.5 * f64::from(1.0 + towards.z.clamp(-1.0, 1.0));
+        let turn = libm::atan2(f64::from(towards.y), f64::from(towards.x)) / core::f64::consts::TAU;
+        let place = |share: f64, count: usize| ((share * count as f64).max(0.0) as usize).min(count - 1);
+        let azimuth = place(turn.rem_euclid(1.0), AZIMUTHS);
+        self.patches[place(height, HEIGHTS) * AZIMUTHS + azimuth].count(attempt);
+    }
+
+    /// Share of the sphere from which something was tried.
+    #[must_use]
+    pub fn tried(&self) -> f64 {
+        self.share(|patch| patch.attempts > 0)
+    }
+
+    /// Share of the sphere from which something held.
+    #[must_use]
+    pub fn held(&self) -> f64 {
+        self.share(|patch| patch.positives > 0)
+    }
+
+    fn share(&self, counts: impl Fn(&Tally) -> bool) -> f64 {
+        self.patches.iter().filter(|patch| counts(patch)).count() as f64 / self.patches.len() as f64
+    }
+}

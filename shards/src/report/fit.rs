@@ -1,0 +1,235 @@
+//! Do the numbers that were drawn follow the laws they were drawn from? Histograms beside their laws, and Pearson's χ².
+
+use schema::{AttemptRecord, Axis, SLIDE_SHARE, ShapeKind, Solid, TIP_DEPTH_M, Tilt, law_of};
+use serde::Serialize;
+
+/// Bars of a histogram.
+const BARS: usize = 24;
+/// Bars whose law expects fewer are joined with their neighbours for χ².
+const EXPECTED_MIN: f64 = 5.0;
+
+/// A law of one number.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Law {
+    /// As likely everywhere in the histogram's range.
+    Uniform,
+    /// The standard normal one.
+    StandardNormal,
+}
+
+/// A histogram and what its law expects. What lies outside the range counts in the bars at its ends.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Fit {
+    /// What was drawn.
+    pub name: &'static str,
+    /// In which unit.
+    pub unit: &'static str,
+    /// From what.
+    pub law: Law,
+    /// Whether every draw is in the data, so that the law must show: objects that fell off the table are not.
+    pub complete: bool,
+    /// From where to where.
+    pub range: [f64; 2],
+    /// Draws by bar.
+    pub counts: Vec<u64>,
+    /// Shares that the law expects.
+    pub expected: Vec<f64>,
+}
+
+/// Pearson's test.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ChiSquare {
+    /// Σ (observed − expected)² / expected.
+    pub statistic: f64,
+    /// Bars less one.
+    pub degrees: usize,
+    /// How often a sample of the law is as far off or further (Wilson and Hilferty, 1931: right to about 0.001).
+    pub p: f64,
+}
+
+impl Fit {
+    fn new(name: &'static str, unit: &'static str, law: Law, complete: bool, range: [f64; 2]) -> Self {
+        let share = |at: usize| {
+            let edge = |at: usize| match at {
+                0 => 0.0,
+                BARS => 1.0,
+                _ => law.below(range, range[0] + (range[1] - range[0]) * at as f64 / BARS as f64),
+            };
+            edge(at + 1) - edge(at)
+        };
+        let expected = (0..BARS).map(share).collect();
+        Self { name, unit, law, complete, range, counts: vec![0; BARS], expected }
+    }
+
+    fn count(&mut self, value: f64) {
+        let [low, high] = self.range;
+        let place = (value - low) / (high - low) * BARS as f64;
+        self.counts[(place.max(0.0) as usize).min(BARS - 1)] += 1; // whole, and within
+    }
+
+    /// Draws.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.counts.iter().sum()
+    }
+
+    /// How far off the law the draws are; `None` for too few.
+    #[must_use]
+    pub fn chi_square(&self) -> Option<ChiSquare> {
+        let total = self.total() as f64;
+        let mut joined: Vec<(f64, f64)> = Vec::new();
+        let mut open = (0.0, 0.0);
+        for (count, share) in self.counts.iter().zip(&self.expected) {
+            open = (open.0 + *count as f64, open.1 + share * total);
+            if open.1 >= EXPECTED_MIN {
+                joined.push(open);
+                open = (0.0, 0.0);
+            }
+        }
+        let last = joined.last_mut()?;
+        *last = (last.0 + open.0, last.1 + open.1);
+        let degrees = joined.len() - 1;
+        let statistic = joined.iter().map(|(seen, expected)| (seen - expected).powi(2) / expected).sum();
+        (degrees > 0).then(|| ChiSquare { statistic, degrees, p: above(statistic, degrees as f64) })
+    }
+}
+
+impl Law {
+    /// The share below a value.
+    fn below(self, range: [f64; 2], value: f64) -> f64 {
+        match self {
+            Self::Uniform => (value - range[0]) / (range[1] - range[0]),
+            Self::StandardNormal => 0.5 * libm::erfc(-value / core::f64::consts::SQRT_2),
+        }
+    }
+}
+
+/// How often χ² is above a value: its cube root is nearly normal.
+fn above(statistic: f64, degrees: f64) -> f64 {
+    let variance = 2.0 / (9.0 * degrees);
+    let z = (libm::cbrt(statistic / degrees) - (1.0 - variance)) / variance.sqrt();
+    0.5 * libm::erfc(z / core::f64::consts::SQRT_2)
+}
+
+/// The numbers whose laws are known: those of Appendix A, and the sizes that the config asks for.
+#[derive(Debug, Clone)]
+pub(crate) struct Fits {
+    tilt_normal: Fit,
+    tilt_uniform: Fit,
+    turn: Fit,
+    tip_depth: Fit,
+    slide: Fit,
+    size: Option<Fit>,
+}
+
+impl Fits {
+    /// `size_m`: smallest and largest free extent, if the config tells.
+    pub(crate) fn new(size_m: Option<[f64; 2]>) -> Self {
+        let normal = |name| Fit::new(name, "σ", Law::StandardNormal, true, [-4.0, 4.0]);
+        let tip_mm = TIP_DEPTH_M.map(|m| 1000.0 * f64::from(m));
+        let size = size_m.map(|range| Fit::new("free extents", "mm", Law::Uniform, false, range.map(|m| 1000.0 * m)));
+        Self {
+            tilt_normal: normal("tilt r_y of rules with a normal law"),
+            tilt_uniform: Fit::new("tilt r_y of half-cylinders' sides", "°", Law::Uniform, true, [-90.0, 90.0]),
+            turn: Fit::new("turn r_x of cylinders", "°", Law::Uniform, true, [0.0, 360.0]),
+            tip_depth: Fit::new(
+                "depth of the tips behind the near face, d_z + l_z / 2",
+                "mm",
+                Law::Uniform,
+                true,
+                tip_mm,
+            ),
+            slide: normal("slide d_x, in l_x / 6"),
+            size,
+        }
+    }
+
+    pub(crate) fn count_attempt(&mut self, attempt: &AttemptRecord, target: &Solid) {
+        let (Some(approach), Some(closing)) = (attempt.rule.approach, attempt.closing) else { return };
+        let law = law_of(target.kind, approach);
+        let tilt_rad = f64::from(attempt.tilt_rad);
+        match law.tilt {
+            Tilt::Normal { std_rad } => self.tilt_normal.count(tilt_rad / f64::from(std_rad)),
+            Tilt::Uniform { .. } => self.tilt_uniform.count(tilt_rad.to_degrees()),
+        }
+        if law.turns {
+            self.turn.count(f64::from(attempt.turn_rad).to_degrees());
+        }
+        let tip_m = attempt.depth_m + 0.5 * approach.of(target.extents_m);
+        self.tip_depth.count(1000.0 * f64::from(tip_m));
+        let across = Axis::ALL.into_iter().find(|axis| *axis != approach && *axis != closing);
+        if let Some(across) = across.filter(|_| law.slides) {
+            self.slide.count(f64::from(attempt.slide_m / (SLIDE_SHARE * across.of(target.extents_m))));
+        }
+    }
+
+    pub(crate) fn count_object(&mut self, solid: &Solid) {
+        let Some(size) = &mut self.size else { return };
+        let [x, y, z] = solid.extents_m.to_array();
+        let free: &[f32] = match solid.kind {
+            ShapeKind::Cuboid | ShapeKind::TriPrism => &[x, y, z],
+            ShapeKind::Cylinder => &[x, z],
+            ShapeKind::HalfCylinder => &[x, y],
+        };
+        free.iter().for_each(|m| size.count(1000.0 * f64::from(*m)));
+    }
+
+    /// Those of which there is anything.
+    pub(crate) fn finish(self) -> Vec<Fit> {
+        let Self { tilt_normal, tilt_uniform, turn, tip_depth, slide, size } = self;
+        let all = [Some(tip_depth), Some(tilt_normal), Some(tilt_uniform), Some(turn), Some(slide), size];
+        all.into_iter().flatten().filter(|fit| fit.total() > 0).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// scipy.stats.chi2.sf.
+    #[test]
+    fn tails_are_those_of_scipy() {
+        for (statistic, degrees, expected) in [
+            (23.0, 23.0, 0.460_5),
+            (35.172, 23.0, 0.05),
+            (13.09, 23.0, 0.950),
+            (60.0, 23.0, 3.84e-5),
+            (12.592, 6.0, 0.05),
+        ] {
+            let p = above(statistic, degrees);
+            assert!((p - expected).abs() < 2e-3, "{statistic} {degrees}: {p} against {expected}");
+        }
+    }
+
+    #[test]
+    fn shares_of_a_law_are_all_of_it() {
+        for law in [Law::Uniform, Law::StandardNormal] {
+            let fit = Fit::new("", "", law, true, [-4.0, 4.0]);
+            assert!((fit.expected.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            assert!(fit.expected.iter().all(|share| *share > 0.0));
+        }
+    }
+
+    #[test]
+    fn draws_from_the_law_pass_and_others_do_not() {
+        let even = |to: f64| {
+            let mut fit = Fit::new("", "", Law::Uniform, true, [0.0, 1.0]);
+            (0..2400).for_each(|at| fit.count(to * (f64::from(at) + 0.5) / 2400.0));
+            fit.chi_square().unwrap()
+        };
+        assert!(even(1.0).statistic < 1e-9 && even(1.0).p > 0.999, "{:?}", even(1.0));
+        // A tenth of the range is never drawn: two bars and a part of one stay empty.
+        assert!(even(0.9).p < 1e-12, "{:?}", even(0.9));
+        assert_eq!(even(1.0).degrees, BARS - 1);
+    }
+
+    #[test]
+    fn bars_that_expect_too_little_are_joined() {
+        let mut fit = Fit::new("", "", Law::StandardNormal, true, [-4.0, 4.0]);
+        (0..100).for_each(|at| fit.count(if at % 2 == 0 { -0.5 } else { 0.5 }));
+        let found = fit.chi_square().unwrap();
+        assert!(found.degrees < BARS / 2 && found.degrees > 3, "{found:?}");
+        assert!(Fit::new("", "", Law::Uniform, true, [0.0, 1.0]).chi_square().is_none(), "of nothing nothing is said");
+    }
+}

@@ -1,0 +1,288 @@
+//! Convex parts for a triangle mesh: parry's voxel decomposition, joined again where a cut gained nothing, with few corners.
+//!
+//! The decomposition cuts along voxels and takes the hulls of what of the surface lies in each piece. It cuts more often than
+//! asked for and never joins, so pieces are joined here, the pair first whose common hull adds least. Every corner and face
+//! of a part is an axis of the hand's tests, so a part's corners are counted: what that costs is measured and told.
+
+use parry3d::transformation::try_convex_hull;
+use parry3d::transformation::vhacd::{VHACD, VHACDParameters};
+use schema::Vec3;
+
+use crate::convex_hull::{ConvexHull, HullError};
+
+/// Parts whose common hull adds no more than this share of the whole are one part.
+const JOIN_SHARE: f32 = 0.002;
+/// What of a mesh stands out of a simplified part by less than this share of the mesh's size may stand out.
+const FLAT_SHARE: f32 = 2e-4;
+
+/// How finely a mesh is taken apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PartsLaw {
+    /// Most parts.
+    pub parts_max: usize,
+    /// Most corners of a part; at least 8.
+    pub corners_max: usize,
+    /// Voxels along the mesh's longest side.
+    pub resolution: u32,
+    /// A piece is cut on if its hull is larger than the piece by more than this share of the whole's hull.
+    pub concavity: f32,
+}
+
+/// A mesh as convex parts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConvexParts {
+    /// The parts, in the mesh's frame.
+    pub hulls: Vec<ConvexHull>,
+    /// What stands out of a part because its corners are few, at most, in metres (beyond its faces).
+    pub simplified_m: f32,
+}
+
+/// Takes a mesh apart: corners in metres, triangles by their numbers. The same mesh gives the same parts.
+///
+/// # Errors
+/// [`HullError`] if the mesh has no inside to speak of.
+///
+/// # Panics
+/// If a triangle names a corner that is not there.
+pub fn convex_parts(corners_m: &[Vec3], triangles: &[[u32; 3]], law: &PartsLaw) -> Result<ConvexParts, HullError> {
+    let low = corners_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+    let high = corners_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let size_m = (high - low).max_element();
+    if !corners_m.iter().all(|c| c.is_finite()) {
+        return Err(HullError::Corner);
+    }
+    if size_m <= 0.0 {
+        return Err(HullError::Flat);
+    }
+    let tolerance_m = FLAT_SHARE * size_m;
+    let mut parts = ConvexParts { hulls: Vec::new(), simplified_m: 0.0 };
+    for piece in pieces(corners_m, triangles, [low, Vec3::splat(size_m)], law)? {
+        // A sliver without an inside holds nothing: the parts' volume tells if that was much.
+        let Ok((hull, left_m)) = simplified(&piece.corners_m, law.corners_max, tolerance_m) else { continue };
+        parts.simplified_m = parts.simplified_m.max(left_m);
+        parts.hulls.push(hull);
+    }
+    if parts.hulls.is_empty() { Err(HullError::Flat) } else { Ok(parts) }
+}
+
+/// The hull of some points with at most `corners_max` corners, all of them among the points, and how far points stand
+/// beyond its faces, in metres.
+///
+/// # Errors
+/// [`HullError`] if the points have no hull.
+pub fn few_cornered_hull(points_m: &[Vec3], corners_max: usize) -> Result<(ConvexHull, f32), HullError> {
+    let low = points_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+    let high = points_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+    if !points_m.iter().all(|p| p.is_finite()) {
+        return Err(HullError::Corner);
+    }
+    simplified(&Piece::of(points_m.to_vec())?.corners_m, corners_max, FLAT_SHARE * (high - low).max_element())
+}
+
+/// Volume of the convex hull of some points, in cubic metres.
+///
+/// # Errors
+/// [`HullError`] if the points have no hull.
+pub fn hull_volume_m3(points_m: &[Vec3]) -> Result<f64, HullError> {
+    Piece::of(points_m.to_vec()).map(|piece| piece.volume_m3)
+}
+
+/// A convex piece: corners of its hull, in metres, and its volume.
+#[derive(Debug, Clone)]
+struct Piece {
+    corners_m: Vec<Vec3>,
+    volume_m3: f64,
+}
+
+impl Piece {
+    fn of(points_m: Vec<Vec3>) -> Result<Self, HullError> {
+        let (corners_m, triangles) = try_convex_hull(&points_m).map_err(|_| HullError::Flat)?;
+        let from = corners_m[0];
+        let below = |[a, b, c]: [u32; 3]| {
+            let [a, b, c] = [a, b, c].map(|i| corners_m[i as usize] - from);
+            f64::from(a.dot(b.cross(c))) / 6.0
+        };
+        let volume_m3 = triangles.into_iter().map(below).sum();
+        Ok(Self { corners_m, volume_m3 })
+    }
+
+    fn with(&self, other: &Self) -> Result<Self, HullError> {
+        Self::of(self.corners_m.iter().chain(&other.corners_m).copied().collect())
+    }
+}
+
+/// At most `law.parts_max` convex pieces that hold the mesh between them.
+fn pieces(
+    corners_m: &[Vec3],
+    triangles: &[[u32; 3]],
+    [low, size]: [Vec3; 2],
+    law: &PartsLaw,
+) -> Result<Vec<Piece>, HullError> {
+    let whole = Piece::of(corners_m.to_vec())?;
+    if law.parts_max <= 1 {
+        return Ok(vec![whole]);
+    }
+    // In units of the mesh's size: the decomposition's own tolerances are absolute.
+    let unit: Vec<Vec3> = corners_m.iter().map(|c| (*c - low) / size).collect();
+    let parameters = VHACDParameters {
+        resolution: law.resolution,
+        concavity: law.concavity,
+        max_convex_hulls: law.parts_max as u32,
+        plane_downsampling: 2,
+        convex_hull_downsampling: 2,
+        ..VHACDParameters::default()
+    };
+    let hulls = VHACD::decompose(&parameters, &unit, triangles, true).compute_exact_convex_hulls(&unit, triangles);
+    let in_metres = |points: Vec<Vec3>| points.into_iter().map(|p| low + p * size).collect();
+    let cut: Vec<Piece> = hulls.into_iter().filter_map(|(points, _)| Piece::of(in_metres(points)).ok()).collect();
+    if cut.is_empty() { Ok(vec![whole]) } else { Ok(joined(cut, law.parts_max, whole.volume_m3)) }
+}
+
+/// Joins pieces until there are few enough and no two of them are as good as one.
+fn joined(mut pieces: Vec<Piece>, parts_max: usize, whole_m3: f64) -> Vec<Piece> {
+    // What a pair's common hull adds; a pair that has none adds too much.
+    let added = |a: &Piece, b: &Piece| a.with(b).map_or(f64::INFINITY, |c| c.volume_m3 - a.volume_m3 - b.volume_m3);
+    let mut costs: Vec<Vec<f64>> =
+        (0..pieces.len()).map(|i| (0..i).map(|j| added(&pieces[i], &pieces[j])).collect()).collect();
+    loop {
+        let pairs = costs.iter().enumerate().flat_map(|(i, row)| row.iter().enumerate().map(move |(j, c)| (*c, i, j)));
+        let Some((cost, late, early)) = pairs.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        let is_free = cost <= f64::from(JOIN_SHARE) * whole_m3;
+        if !(is_free || pieces.len() > parts_max) {
+            break;
+        }
+        let Ok(both) = pieces[late].with(&pieces[early]) else { break };
+        pieces.remove(late);
+        costs.remove(late);
+        costs.iter_mut().skip(late).for_each(|row| _ = row.remove(late));
+        pieces[early] = both;
+        for other in 0..pieces.len() {
+            match other.cmp(&early) {
+                std::cmp::Ordering::Less => costs[early][other] = added(&pieces[early], &pieces[other]),
+                std::cmp::Ordering::Greater => costs[other][early] = added(&pieces[other], &pieces[early]),
+                std::cmp::Ordering::Equal => {}
+            }
+        }
+    }
+    pieces
+}
+
+/// A hull of few corners: the outermost points along a few axes, then always the point that stands out most.
+fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result<(ConvexHull, f32), HullError> {
+    let (mut chosen, mut hull) = beginning(points_m)?;
+    let mut is_left = vec![true; points_m.len()];
+    loop {
+        let planes = hull.planes();
+        let outside = |p: &Vec3| planes.iter().map(|plane| plane.normal.dot(*p) - plane.offset_m).fold(0.0, f32::max);
+        let all = points_m.iter().map(outside);
+        let left_m = all.clone().fold(0.0, f32::max);
+        let furthest =
+            all.enumerate().filter(|(i, _)| is_left[*i]).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        let Some((next, _)) = furthest.filter(|(_, m)| *m > tolerance_m && hull.vertices_m().len() < corners_max)
+        else {
+            return Ok((hull, left_m));
+        };
+        is_left[next] = false;
+        chosen.push(points_m[next]);
+        // A point that would make faces which cannot be told apart stays out, and counts as standing out.
+        match ConvexHull::of(&chosen) {
+            Ok(larger) if larger.vertices_m().len() <= corners_max => hull = larger,
+            _ => drop(chosen.pop()),
+        }
+    }
+}
+
+/// The outermost points along the axes; along the diagonals too, where those have no hull.
+fn beginning(points_m: &[Vec3]) -> Result<(Vec<Vec3>, ConvexHull), HullError> {
+    let signs = [-1.0, 0.0, 1.0];
+    let directions = signs.iter().flat_map(|x| signs.iter().flat_map(move |y| signs.map(|z| Vec3::new(*x, *y, z))));
+    let mut directions: Vec<Vec3> = directions.filter(|d| *d != Vec3::ZERO).collect();
+    directions.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    let mut chosen: Vec<Vec3> = Vec::new();
+    let mut problem = HullError::Flat;
+    for (number, direction) in directions.iter().enumerate() {
+        let outermost = points_m.iter().copied().max_by(|a, b| direction.dot(*a).total_cmp(&direction.dot(*b)));
+        chosen.extend(outermost.filter(|point| !chosen.contains(point)));
+        if number >= 5 {
+            match ConvexHull::of(&chosen) {
+                Ok(hull) if chosen.len() >= 4 => return Ok((chosen, hull)),
+                Ok(_) => {}
+                Err(error) => problem = error,
+            }
+        }
+    }
+    Err(problem)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAW: PartsLaw = PartsLaw { parts_max: 8, corners_max: 32, resolution: 64, concavity: 0.01 };
+
+    /// An L of two boxes, 80 × 80 × 30 mm with legs of 30 mm, as a closed mesh.
+    fn ell() -> (Vec<Vec3>, Vec<[u32; 3]>) {
+        let outline = [[0.0, 0.0], [0.08, 0.0], [0.08, 0.03], [0.03, 0.03], [0.03, 0.08], [0.0, 0.08]];
+        let corners = [0.0, 0.03].into_iter().flat_map(|z| outline.map(|[x, y]| Vec3::new(x, y, z))).collect();
+        let cap = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]];
+        let lower = cap.map(|[a, b, c]| [a, c, b]);
+        let upper = cap.map(|t| t.map(|i| i + 6));
+        let sides = (0..6).flat_map(|i: u32| {
+            let j = (i + 1) % 6;
+            [[i, j, j + 6], [i, j + 6, i + 6]]
+        });
+        (corners, lower.into_iter().chain(upper).chain(sides).collect())
+    }
+
+    #[test]
+    fn an_ell_is_two_boxes_and_the_same_two_every_time() {
+        let (corners, triangles) = ell();
+        let parts = convex_parts(&corners, &triangles, &LAW).unwrap();
+        let volume: f32 = parts.hulls.iter().map(ConvexHull::volume_m3).sum();
+        let exact = (0.08 * 0.03 + 0.05 * 0.03) * 0.03;
+        assert!((volume / exact - 1.0).abs() < 0.03, "{volume} of {exact}");
+        assert!((2..=3).contains(&parts.hulls.len()), "{} parts", parts.hulls.len());
+        assert!(parts.simplified_m < 1e-3);
+        assert_eq!(parts, convex_parts(&corners, &triangles, &LAW).unwrap());
+    }
+
+    #[test]
+    fn one_part_is_the_hull() {
+        let (corners, triangles) = ell();
+        let parts = convex_parts(&corners, &triangles, &PartsLaw { parts_max: 1, ..LAW }).unwrap();
+        let [hull] = &parts.hulls[..] else { panic!("{} parts", parts.hulls.len()) };
+        // Five corners of the outline's six.
+        let exact = (0.08 * 0.08 - 0.5 * 0.05 * 0.05) * 0.03;
+        assert!((hull.volume_m3() / exact - 1.0).abs() < 1e-4, "{}", hull.volume_m3());
+        assert_eq!(hull.vertices_m().len(), 10);
+    }
+
+    #[test]
+    fn corners_are_counted_and_what_they_leave_out_is_told() {
+        let golden = core::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
+        let ball: Vec<Vec3> = (0..2_000)
+            .map(|i| {
+                let z = 1.0 - (2.0 * i as f32 + 1.0) / 2_000.0;
+                let (sin, cos) = libm::sincosf(golden * i as f32);
+                0.03 * Vec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z)
+            })
+            .collect();
+        let of = |corners_max| few_cornered_hull(&ball, corners_max).unwrap();
+        let mut last_m = f32::INFINITY;
+        for corners_max in [8, 16, 32, 64] {
+            let (hull, left_m) = of(corners_max);
+            assert!(hull.vertices_m().len() <= corners_max);
+            assert!(left_m < last_m && left_m > 0.0, "{corners_max} corners leave {left_m} out");
+            last_m = left_m;
+        }
+        assert!(last_m < 0.003, "{last_m}");
+    }
+
+    #[test]
+    fn what_has_no_inside_is_refused() {
+        let (corners, triangles) = ell();
+        let flat: Vec<Vec3> = corners.iter().map(|c| Vec3::new(c.x, c.y, 0.0)).collect();
+        assert_eq!(convex_parts(&flat, &triangles, &LAW), Err(HullError::Flat));
+        assert_eq!(convex_parts(&[], &[], &LAW), Err(HullError::Flat));
+    }
+}

@@ -1,0 +1,129 @@
+//! Where a hand that the gate stops would first touch what stops it. The gate itself only asks whether.
+
+use schema::{HandBox, Outcome, Pose, Vec3};
+
+use crate::attempt::AttemptWorld;
+use crate::gate::{Gate, Hit};
+
+/// Halvings of the way: a micrometre of the longest approach.
+const HALVINGS: usize = 20;
+/// Rounds of projection onto the faces of box and part.
+const ROUNDS: usize = 200;
+
+/// What keeps a hand from a grasp, and where.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Obstruction {
+    /// The outcome, as [`AttemptWorld::execute`] gives it.
+    pub outcome: Outcome,
+    /// What stops the hand, as [`AttemptWorld::execute`] gives it.
+    pub hit: Hit,
+    /// How far from the pre-grasp the hand has come when it is within its clearance of that, in metres.
+    pub travel_m: f32,
+    /// Which box of [`schema::Gripper::open_hand`] touches first.
+    pub part: usize,
+    /// A point, in the workspace, within that box grown by the clearance, and in what stops it.
+    pub point_m: Vec3,
+}
+
+impl AttemptWorld<'_> {
+    /// What keeps the hand from a grasp of object `target`, `None` if nothing does.
+    ///
+    /// # Panics
+    /// If the scene has no object `target`.
+    #[must_use]
+    pub fn obstruction(&self, workspace_from_grasp: &Pose, target: usize) -> Option<Obstruction> {
+        let (outcome, hit) = self.gate.blocked(workspace_from_grasp, target)?;
+        let obstacle = Obstacle::new(self, workspace_from_grasp, hit);
+        let way_m = if outcome == Outcome::PregraspCollision { 0.0 } else { self.procedure.pregrasp_distance_m };
+        let (mut near_m, mut far_m) = (0.0, way_m);
+        if obstacle.first_of(self.swept(near_m)).is_some() {
+            far_m = near_m;
+        }
+        for _ in 0..HALVINGS {
+            let middle_m = 0.5 * (near_m + far_m);
+            let touches = obstacle.first_of(self.swept(middle_m)).is_some();
+            if touches { far_m = middle_m } else { near_m = middle_m }
+        }
+        let boxes = self.swept(far_m);
+        // By rounding, what touched the gate's own boxes may just not touch these: then it is nearest the last.
+        let part = obstacle.first_of(boxes).unwrap_or(boxes.len() - 1);
+        let point_m = obstacle.point_in(&boxes[part]);
+        Some(Obstruction {
+            outcome,
+            hit,
+            travel_m: far_m,
+            part,
+            point_m: workspace_from_grasp.transform_point(point_m),
+        })
+    }
+
+    /// What the hand's boxes pass from the pre-grasp on for `travel_m`, grown by the clearance.
+    fn swept(&self, travel_m: f32) -> [HandBox; 3] {
+        let rest = Vec3::Z * (self.procedure.pregrasp_distance_m - travel_m);
+        self.gripper.open_hand().map(|b| {
+            let swept = b.swept_back(travel_m).grown(self.gripper.clearance_m);
+            HandBox { centre_m: swept.centre_m - rest, ..swept }
+        })
+    }
+}
+
+/// What stops the hand.
+enum Obstacle<'a> {
+    Object {
+        gate: &'a Gate,
+        id: usize,
+        workspace_from_grasp: Pose,
+    },
+    /// Up and the table's height in the frame of the grasp.
+    Table {
+        up: Vec3,
+        height_m: f32,
+    },
+}
+
+impl<'a> Obstacle<'a> {
+    fn new(setup: &'a AttemptWorld<'_>, workspace_from_grasp: &Pose, hit: Hit) -> Self {
+        match hit.object_id {
+            Some(id) => Self::Object { gate: &setup.gate, id, workspace_from_grasp: *workspace_from_grasp },
+            None => Self::Table {
+                up: workspace_from_grasp.rotation.inverse() * Vec3::Z,
+                height_m: setup.table_z_m - workspace_from_grasp.translation.z,
+            },
+        }
+    }
+
+    /// The first of the boxes that touches it.
+    fn first_of(&self, boxes: [HandBox; 3]) -> Option<usize> {
+        boxes.iter().position(|b| match self {
+            Self::Object { gate, id, workspace_from_grasp } => {
+                !gate.overlapped(*id, workspace_from_grasp, &[*b]).is_empty()
+            }
+            Self::Table { up, height_m } => up.dot(lowest_corner_m(b, *up)) < *height_m,
+        })
+    }
+
+    /// A point that it has in common with a box, or nearly.
+    fn point_in(&self, hand_box: &HandBox) -> Vec3 {
+        let parts = match self {
+            Self::Object { gate, id, workspace_from_grasp } => gate.overlapped(*id, workspace_from_grasp, &[*hand_box]),
+            Self::Table { up, .. } => return lowest_corner_m(hand_box, *up),
+        };
+        let Some(part) = parts.first() else { return hand_box.centre_m };
+        let (low, high) = (hand_box.centre_m - hand_box.half_m, hand_box.centre_m + hand_box.half_m);
+        let mut point = part.centre_m;
+        // Projections onto convex sets in turn lead to a point of all of them.
+        for _ in 0..ROUNDS {
+            for normal in &part.normals {
+                let ([least, most], reach) = (part.span(*normal), normal.dot(point));
+                point += *normal * (reach.clamp(least, most) - reach);
+            }
+            point = point.clamp(low, high);
+        }
+        point
+    }
+}
+
+fn lowest_corner_m(hand_box: &HandBox, up: Vec3) -> Vec3 {
+    let down = |along: f32| if along > 0.0 { -1.0 } else { 1.0 };
+    hand_box.centre_m + hand_box.half_m * Vec3::new(down(up.x), down(up.y), down(up.z))
+}

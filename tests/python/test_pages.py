@@ -1,0 +1,186 @@
+"""The pages that programs write, opened in headless Chromium: nothing complains, nothing is asked of a network, words can be read at a
+phone's width and in the dark."""
+
+import io
+import json
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+playwright = pytest.importorskip("playwright.sync_api")
+
+ROOT = Path(__file__).parents[2]
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+# What keeps Chromium from calling home, which is a request like any other.
+QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
+SCREENS = {"desktop": (1280, 900), "phone": (390, 800)}
+PAGES = ["report", "view", "replay", "run", "experiment"]
+
+
+def program(name: str) -> str:
+    folder = os.environ.get("GRASPMILL_PROGRAMS")
+    if not folder:
+        pytest.skip("GRASPMILL_PROGRAMS must name the folder of the built programs")
+    return str(Path(folder).resolve() / name)
+
+
+def run(*words: object) -> None:
+    done = subprocess.run([str(word) for word in words], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, f"{words}: {done.stderr}"
+
+
+def held(data: Path) -> str:
+    """An attempt that held, as `replay` takes it: its animation has every phase."""
+    rows = pq.read_table(data / "attempts").to_pylist()
+    row = next(row for row in rows if row["outcome"] == "held")
+    return f"{row['scene_id']}/{row['attempt_id']}"
+
+
+@pytest.fixture(scope="session")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Every kind of page, made as a user makes it."""
+    folder = tmp_path_factory.mktemp("pages")
+    data = os.environ.get("GRASPMILL_DATASET")
+    if not data:
+        pytest.skip("GRASPMILL_DATASET must name a dataset")
+    data = Path(data).resolve()
+    made = {name: folder / f"{name}.html" for name in PAGES}
+    run(program("shards"), "report", data, "--html", made["report"])
+    run(program("shards"), "view", data, "--scene", 1, "--out", made["view"])
+    run(program("generator"), "replay", data, "--attempt", held(data), "--out", made["replay"])
+    trainer = program("trainer")
+    run(trainer, "fit", "--data", data, "--config", "configs/train/quick.toml", "--epochs", 2, "--run", folder / "run")
+    run(trainer, "report", folder / "run", "--data", data, "--html", made["run"])
+    experiments = program("experiments")
+    run(experiments, "run", "configs/experiment/pile.toml", "--rounds", 2, "--out", folder / "pile")
+    run(experiments, "report", folder / "pile", "--html", made["experiment"])
+    return made
+
+
+@pytest.fixture(scope="session")
+def browser():
+    if CHROMIUM is None:
+        pytest.skip("no chromium here (Debian: apt-get install chromium)")
+    with playwright.sync_playwright() as play:
+        opened = play.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        yield opened
+        opened.close()
+
+
+def opened(browser, path: Path, screen: str, scheme: str):
+    """The page, and what was said and asked while it was opened."""
+    width, height = SCREENS[screen]
+    context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=screen == "phone")
+    page = context.new_page()
+    said: list[str] = []
+    page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
+    page.on("pageerror", lambda error: said.append(f"error: {error}"))
+    page.on("request", lambda request: said.append(f"request: {request.url}") if request.url != path.as_uri() else None)
+    page.goto(path.as_uri())
+    page.wait_for_load_state("load")
+    page.wait_for_timeout(200)
+    return page, [line for line in said if not line.startswith("request: data:")]
+
+
+CONTRAST = """() => {
+  // Relative luminance and contrast as WCAG 2 has them.
+  const channels = text => (text.match(/[\\d.]+/g) || []).map(Number);
+  const light = ([r, g, b]) => [r, g, b].map(v => v / 255).map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = node => {
+    for (; node; node = node.parentElement) {
+      const colour = channels(getComputedStyle(node).backgroundColor);
+      if (colour.length === 3 || colour[3] > 0.5) return colour.slice(0, 3);
+    }
+    return [255, 255, 255];
+  };
+  const worst = { ratio: 21, text: '' };
+  for (const node of document.querySelectorAll('h1,h2,p,td,th,a,figcaption,span,b,li,label,button,svg text')) {
+    if (!node.textContent.trim() || !node.getClientRects().length) continue;
+    const style = getComputedStyle(node);
+    const ink = channels(node.tagName.toLowerCase() === 'text' ? style.fill : style.color).slice(0, 3);
+    const [a, b] = [light(ink), light(behind(node.closest('svg')?.parentElement || node))].sort((x, y) => y - x);
+    const ratio = (a + 0.05) / (b + 0.05);
+    if (ratio < worst.ratio) { worst.ratio = ratio; worst.text = node.tagName + ': ' + node.textContent.trim().slice(0, 60); }
+  }
+  return worst;
+}"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("screen", SCREENS)
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_opens_and_can_be_read(browser, pages, name: str, screen: str, scheme: str) -> None:
+    page, said = opened(browser, pages[name], screen, scheme)
+    assert said == []
+    wide = page.evaluate("[document.documentElement.scrollWidth, window.innerWidth]")
+    assert wide[0] <= wide[1], f"{name} is wider than the screen: {wide}"
+    worst = page.evaluate(CONTRAST)
+    assert worst["ratio"] >= 4.5, f"{worst} in {name}, {scheme}"
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    level = sum(int(channel) for channel in re.findall(r"\d+", paper)[:3]) / 3
+    assert (level > 200) == (scheme == "light"), paper
+    keep = os.environ.get("GRASPMILL_SCREENSHOTS")
+    picture = page.screenshot(full_page=True)
+    if keep:
+        (Path(keep) / f"{name}-{screen}-{scheme}.png").write_bytes(picture)
+    assert colours(picture) > 20, "the picture is all but empty"
+    page.context.close()
+
+
+def colours(png: bytes) -> int:
+    """How many different colours a picture has, of a sample of its pixels."""
+    image = pytest.importorskip("PIL.Image").open(io.BytesIO(png)).convert("RGB")
+    image.thumbnail((400, 4000))
+    return len(set(image.get_flattened_data()))
+
+
+def test_words_in_figures_can_be_read_on_a_phone(browser, pages) -> None:
+    page, _ = opened(browser, pages["report"], "phone", "light")
+    heights = page.evaluate("[...document.querySelectorAll('figure svg text')].map(t => t.getBoundingClientRect().height)")
+    assert len(heights) > 50 and min(heights) >= 7, sorted(heights)[:3]
+
+
+def test_the_report_shows_what_the_json_says(browser, pages) -> None:
+    page, _ = opened(browser, pages["report"], "desktop", "light")
+    data = os.environ["GRASPMILL_DATASET"]
+    told = subprocess.run([program("shards"), "report", data, "--json"], check=True, capture_output=True, text=True).stdout
+    report = json.loads(told)
+    cells = page.evaluate("[...document.querySelectorAll('tr')].map(row => [...row.children].map(cell => cell.innerText.trim()))")
+    shown = {row[0]: row for row in cells if len(row) >= 4}
+    for group in report["rules"]:
+        if group["attempts"]:
+            assert shown[group["name"]][1:3] == [f"{group['attempts']:,}", f"{group['positives']:,}"]
+    # A scene's picture has as many hands as its caption says held.
+    figures = page.evaluate(
+        "[...document.querySelectorAll('.gallery figure')].map(f => [f.querySelectorAll('path.held').length, f.innerText])"
+    )
+    assert len(figures) == 10 or len(figures) == 12
+    for held, caption in figures:
+        assert f"; {held} of " in caption, caption
+
+
+def test_a_scene_turns_and_a_replay_plays(browser, pages) -> None:
+    page, _ = opened(browser, pages["view"], "desktop", "light")
+    canvas = page.locator("canvas").first
+    before = canvas.screenshot()
+    box = canvas.bounding_box()
+    page.mouse.move(box["x"] + 200, box["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 320, box["y"] + 240, steps=4)
+    page.mouse.up()
+    page.wait_for_timeout(100)
+    assert canvas.screenshot() != before, "dragging turns the scene"
+
+    page, said = opened(browser, pages["replay"], "desktop", "light")
+    slider = page.locator("input[type=range]").first
+    first = slider.input_value()
+    page.keyboard.press("ArrowRight")
+    page.wait_for_timeout(100)
+    assert slider.input_value() != first, "an arrow key goes to the next frame"
+    assert said == []

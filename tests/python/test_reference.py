@@ -1,0 +1,68 @@
+"""The reference in docs/reference is what the programs say of themselves; completions and man pages are what shells and man can read."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PROGRAMS = ["generator", "shards", "trainer", "planner", "experiments"]
+
+
+def program(name: str) -> str:
+    folder = os.environ.get("GRASPMILL_PROGRAMS")
+    if not folder:
+        pytest.skip("GRASPMILL_PROGRAMS must name the folder of the built programs")
+    return str(Path(folder).resolve() / name)
+
+
+def told(*words: str) -> str:
+    return subprocess.run(words, check=True, capture_output=True, text=True).stdout
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_the_reference_is_up_to_date(name: str) -> None:
+    page = ROOT / "docs/reference" / f"{name}.md"
+    assert page.read_text() == told(program(name), "manual", "markdown"), "run scripts/reference.sh"
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_every_command_of_the_help_has_an_example_or_is_explained(name: str) -> None:
+    text = told(program(name), "--help")
+    assert "Exit codes:" in text
+    assert "Examples:" in text, f"{name} --help shows no examples"
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completions_are_read_by_their_shell(name: str, shell: str, tmp_path: Path) -> None:
+    script = tmp_path / f"{name}.{shell}"
+    script.write_text(told(program(name), "manual", "completions", shell))
+    assert name in script.read_text()
+    if shutil.which(shell) is None:
+        pytest.skip(f"no {shell} here")
+    subprocess.run([shell, "-n", str(script)], check=True)
+
+
+def test_bash_completes_a_command_and_a_flag(tmp_path: Path) -> None:
+    script = tmp_path / "shards.bash"
+    script.write_text(told(program("shards"), "manual", "completions", "bash"))
+    ask = f"""
+        source {script}
+        COMP_WORDS=(shards rep); COMP_CWORD=1; _shards shards rep shards; echo "${{COMPREPLY[@]}}"
+        COMP_WORDS=(shards report --ht); COMP_CWORD=2; _shards shards --ht report; echo "${{COMPREPLY[@]}}"
+    """
+    assert told("bash", "-c", ask).split() == ["report", "--html"]
+
+
+def test_man_pages_are_there_for_every_command(tmp_path: Path) -> None:
+    for name in PROGRAMS:
+        told(program(name), "manual", "man", str(tmp_path))
+    pages = {page.name for page in tmp_path.iterdir()}
+    expected = ["generator.1", "generator-repeat.1", "shards-report.1", "trainer-fit.1", "planner-plan.1", "experiments-run.1"]
+    assert pages >= set(expected)
+    for page in tmp_path.iterdir():
+        text = page.read_text()
+        assert text.count(".SH NAME") == 1 and ".TH" in text, page.name
