@@ -14,10 +14,9 @@ use crate::{Failure, SplitArg, console, set_threads};
 /// What stands below `--help`.
 pub(crate) const EXAMPLES: &str = "\
 Examples:
-  trainer report runs/paper --html run.html                                          curves and recipe
-  trainer report runs/paper --html run.html --data grasps                            … and held-out attempts
-  trainer report runs/paper --html run.html --data grasps --split test-scenes        … and held-out scenes
-  trainer report runs/paper --html run.html --data s3://bucket/other --split all     … and another dataset";
+  trainer report runs/paper --html run.html
+  trainer report runs/paper --html run.html --data grasps --split test-scenes
+  trainer report runs/paper --html run.html --data s3://bucket/other --split all";
 
 #[derive(Args)]
 pub(crate) struct ReportArgs {

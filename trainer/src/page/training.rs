@@ -17,8 +17,10 @@ pub(super) fn tiles(run: &TrainedRun) -> Vec<(String, String)> {
     let set = test(best);
     let mut tiles = vec![
         (best.epoch.to_string(), format!("best epoch, of {}", run.epochs.len())),
-        (number(set.accuracy), format!("its accuracy, {}", set_name(best))),
-        (number(set.baseline_accuracy), "accuracy of always “failure”".to_owned()),
+        (
+            number(set.accuracy),
+            format!("its accuracy on {}; always “failure” {}", set_name(best), number(set.baseline_accuracy)),
+        ),
     ];
     let seconds: Vec<f64> = run.epochs.iter().filter_map(|epoch| epoch.seconds).collect();
     if !seconds.is_empty() {
