@@ -100,7 +100,7 @@ impl Line {
 mod tests {
     use std::collections::BTreeMap;
 
-    use schema::ShapeKind;
+    use schema::{ShapeKind, Solid};
 
     use super::*;
 
@@ -137,7 +137,12 @@ mod tests {
         let sizes = [[0.03, 0.05, 0.07], [0.04, 0.04, 0.09], [0.08, 0.05, 0.04], [0.08, 0.06, 0.03]];
         for (kind, size) in ShapeKind::ALL.into_iter().zip(sizes) {
             let solid = Solid::new(kind, Vec3::from_array(size)).unwrap();
-            assert_closed(&Body::of_piece(Class::Object, kind.name(), Polyhedron::pieces(&solid.into()).remove(0), &[Pose::IDENTITY]));
+            assert_closed(&Body::of_piece(
+                Class::Object,
+                kind.name(),
+                Polyhedron::pieces(&solid.into()).remove(0),
+                &[Pose::IDENTITY],
+            ));
         }
         assert_closed(&Body::table(0.3, 0.05));
     }
