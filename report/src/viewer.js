@@ -215,8 +215,8 @@
         pen.stroke();
         continue;
       }
-      const side = Math.max(1.6, (0.0022 * focal) / depth);
-      pen.fillStyle = rgba(look.rgb(), isHidden(p, opaque, 0.008) ? 0.1 : 0.85);
+      const side = Math.max(1.4, (0.0016 * focal) / depth);
+      pen.fillStyle = rgba(look.rgb(), isHidden(p, opaque, 0.008) ? 0.1 : 0.7);
       pen.fillRect(x - side / 2, y - side / 2, side, side);
     }
   }
