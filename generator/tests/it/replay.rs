@@ -90,20 +90,20 @@ fn stack(config: &Config, rows: &mut SceneRows) {
     let object = |object_id: u32, size: [f32; 3], z_m: f32, mass_kg: f32| ObjectRecord {
         scene_id: id,
         object_id,
-        solid: solid(size),
+        shape: solid(size).into(),
         mass_kg,
         friction: 1.0,
         workspace_from_object: Pose::from_translation(Vec3::new(0.15, 0.15, z_m)),
     };
     rows.objects = vec![object(0, [0.04, 0.04, 0.06], 0.08, 0.2), object(1, [0.04, 0.03, 0.01], 0.115, 0.03)];
     (rows.scene.object_count, rows.scene.dropped_count) = (2, 2);
-    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects);
+    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, &[]);
     let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
     let above = Pose::from_parts(Vec3::new(0.15, 0.15, 0.085), axis_angle(Vec3::X, core::f32::consts::PI));
     let ended = world.execute(&above, 0);
     for attempt in &mut rows.attempts {
         (attempt.object_id, attempt.workspace_from_grasp) = (0, above);
-        attempt.rule = Rule { shape: ShapeKind::Cuboid, approach: Some(Axis::Z) };
+        attempt.rule = Rule { shape: ShapeKind::Cuboid.into(), approach: Some(Axis::Z) };
         attempt.closing = Some(Axis::Y);
         (attempt.outcome, attempt.width_m) = (ended.outcome, ended.width_m);
         attempt.hit = ended.hit.map(|hit| hit.kind);
