@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use rayon::prelude::*;
-use schema::{Grasp, Grid, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
+use schema::{Grasp, Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 use sha2::{Digest as _, Sha256};
 use shards::ExitCode;
 use trainer::checkpoint::{self, CheckpointError};
@@ -389,13 +389,30 @@ impl Planner {
         }
     }
 
+    /// The network has learnt with the table at one height: a workspace that was measured wrongly shows here first.
+    fn misplaced_table(&self, plane: &Plane) -> Option<String> {
+        let (grid, normal) = (self.grid(), plane.normal);
+        let middle = 0.5 * grid.size_m;
+        let height_m = (plane.offset_m - middle * (normal.x + normal.y)) / normal.z;
+        let is_level = normal.z > TABLE_COS_MIN; // anything else is a wall, and no table
+        (is_level && (height_m - grid.table_z_m).abs() > TABLE_OFF_M_MAX).then(|| {
+            format!(
+                "the largest plane lies at z = {:.0} mm, the network has learnt with tables at {:.0} mm: is the workspace's frame \
+                 where the cameras' poses say?",
+                1000.0 * height_m,
+                1000.0 * grid.table_z_m
+            )
+        })
+    }
+
     fn warnings(&self, seen: &Seen<'_>, policy: Policy) -> Vec<String> {
         let mut warnings = Vec::new();
         if seen.cloud.points_m.is_empty() || policy != Policy::Paper {
             return warnings;
         }
-        if seen.cloud.plane.is_none() {
-            warnings.push("no plane was found: nothing was taken away before clustering".to_owned());
+        match &seen.cloud.plane {
+            None => warnings.push("no plane was found: nothing was taken away before clustering".to_owned()),
+            Some(found) => warnings.extend(self.misplaced_table(&found.plane)),
         }
         if seen.objects.is_empty() && self.config.ranking.without_object == WithoutObject::Last {
             warnings
@@ -404,6 +421,11 @@ impl Planner {
         warnings
     }
 }
+
+/// A table that is this far from where the network knows it is told of: more than a voxel.
+const TABLE_OFF_M_MAX: f32 = 0.01;
+/// Cosine of a table's lean.
+const TABLE_COS_MIN: f32 = 0.9;
 
 /// What a plan's texts speak of.
 struct Seen<'a> {

@@ -215,6 +215,17 @@ fn no_plane_and_no_cluster_are_told() {
 }
 
 #[test]
+fn a_table_at_another_height_than_the_networks_is_told() {
+    let told = |z_m: f32| plan_with(&planner(), &field(move |p| p.z - z_m), &Wishes::default()).warnings;
+    assert!(!told(0.052)[0].contains("largest plane"), "{:?}", told(0.052));
+    let high = told(0.07);
+    assert!(
+        high[0].starts_with("the largest plane lies at z = 70 mm") && high[0].contains("tables at 50 mm"),
+        "{high:?}"
+    );
+}
+
+#[test]
 fn grasps_without_an_object_are_last_or_dropped() {
     let with = |without_object: planner::config::WithoutObject| {
         let mut config = Config::built_in().unwrap();

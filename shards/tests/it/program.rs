@@ -119,7 +119,7 @@ fn verify_says_ok_or_what_is_wrong() {
     let told = String::from_utf8(output.stdout).unwrap();
     assert!(told.starts_with("shard 1: sha256 must be ") && told.ends_with("NOT ok: 1 problems\n"), "{told}");
     let output = shards(&["report", text(dir.path())]);
-    assert_eq!(output.status.code(), Some(0), "objects are not read for the report");
+    assert_eq!(output.status.code(), Some(65), "a report of damaged data would be a wrong one");
 }
 
 #[test]
