@@ -387,7 +387,10 @@ fn warnings(object: &ImportedObject, law: &ImportLaw, measured: &Measured) -> Ve
         )
     });
     tell(object.parts_volume_share.is_some_and(|share| (share - 1.0).abs() > VOLUME_SHARE), &|| {
-        format!("the parts have {:.1} % of its volume", 100.0 * object.parts_volume_share.unwrap_or(1.0))
+        let share = object.parts_volume_share.unwrap_or(1.0);
+        let cure =
+            if share > 1.0 { "--hulls-max: they fill hollows" } else { "--corners-max: they cut off what is round" };
+        format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * share)
     });
     tell(object.parts_inertia_difference.is_some_and(|share| share > INERTIA_SHARE), &|| {
         let percent = 100.0 * object.parts_inertia_difference.unwrap_or(0.0);

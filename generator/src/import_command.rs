@@ -108,7 +108,7 @@ pub(crate) fn run_import(arguments: &ImportArguments) -> anyhow::Result<ExitCode
         parts_max: arguments.hulls_max.into(),
         corners_max: arguments.corners_max.into(),
         resolution: arguments.voxels,
-        concavity: 0.01,
+        concavity: 0.002,
     };
     let law = ImportLaw { scale_m: arguments.scale, weight, friction: arguments.friction, parts, gripper, grid };
     let imported = import_objects(&mesh_files(&arguments.meshes)?, &law)?;

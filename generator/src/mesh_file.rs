@@ -61,6 +61,9 @@ pub enum MeshFileError {
 /// Corners in the file's units, and triangles by their numbers.
 type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
+/// How a kind of file is read.
+type Read = fn(&[u8]) -> Result<Parts, String>;
+
 /// Reads a mesh; one unit of the file is `scale_m` metres.
 ///
 /// # Errors
@@ -71,7 +74,7 @@ pub fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, MeshFileError> {
     if bytes > BYTES_MAX {
         return Err(MeshFileError::TooLarge { path: path.to_owned(), bytes });
     }
-    let (kind, read): (_, fn(&[u8]) -> Result<Parts, String>) = match ending(path).as_deref() {
+    let (kind, read): (_, Read) = match ending(path).as_deref() {
         Some("obj") => ("OBJ", obj),
         Some("stl") => ("STL", stl),
         Some("ply") => ("PLY", ply),

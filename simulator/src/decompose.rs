@@ -10,8 +10,10 @@ use schema::Vec3;
 
 use crate::convex_hull::{ConvexHull, HullError};
 
-/// Parts whose common hull adds no more than this share of the whole are one part.
-const JOIN_SHARE: f32 = 0.002;
+/// Parts whose common hull adds no more than this share of all parts' volume are one part.
+const JOIN_SHARE: f64 = 0.002;
+/// Pieces are cut as if so many were wanted at least: what joins them again looks at all pairs, a cut at one piece.
+const PIECES_MIN: usize = 64;
 /// What of a mesh stands out of a simplified part by less than this share of the mesh's size may stand out.
 const FLAT_SHARE: f32 = 2e-4;
 
@@ -127,7 +129,7 @@ fn pieces(
     let parameters = VHACDParameters {
         resolution: law.resolution,
         concavity: law.concavity,
-        max_convex_hulls: law.parts_max as u32,
+        max_convex_hulls: law.parts_max.max(PIECES_MIN) as u32,
         plane_downsampling: 2,
         convex_hull_downsampling: 2,
         ..VHACDParameters::default()
@@ -135,11 +137,12 @@ fn pieces(
     let hulls = VHACD::decompose(&parameters, &unit, triangles, true).compute_exact_convex_hulls(&unit, triangles);
     let in_metres = |points: Vec<Vec3>| points.into_iter().map(|p| low + p * size).collect();
     let cut: Vec<Piece> = hulls.into_iter().filter_map(|(points, _)| Piece::of(in_metres(points)).ok()).collect();
-    if cut.is_empty() { Ok(vec![whole]) } else { Ok(joined(cut, law.parts_max, whole.volume_m3)) }
+    if cut.is_empty() { Ok(vec![whole]) } else { Ok(joined(cut, law.parts_max)) }
 }
 
 /// Joins pieces until there are few enough and no two of them are as good as one.
-fn joined(mut pieces: Vec<Piece>, parts_max: usize, whole_m3: f64) -> Vec<Piece> {
+fn joined(mut pieces: Vec<Piece>, parts_max: usize) -> Vec<Piece> {
+    let all_m3: f64 = pieces.iter().map(|piece| piece.volume_m3).sum();
     // What a pair's common hull adds; a pair that has none adds too much.
     let added = |a: &Piece, b: &Piece| a.with(b).map_or(f64::INFINITY, |c| c.volume_m3 - a.volume_m3 - b.volume_m3);
     let mut costs: Vec<Vec<f64>> =
@@ -147,7 +150,7 @@ fn joined(mut pieces: Vec<Piece>, parts_max: usize, whole_m3: f64) -> Vec<Piece>
     loop {
         let pairs = costs.iter().enumerate().flat_map(|(i, row)| row.iter().enumerate().map(move |(j, c)| (*c, i, j)));
         let Some((cost, late, early)) = pairs.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-        let is_free = cost <= f64::from(JOIN_SHARE) * whole_m3;
+        let is_free = cost <= JOIN_SHARE * all_m3;
         if !(is_free || pieces.len() > parts_max) {
             break;
         }

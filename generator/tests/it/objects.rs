@@ -201,7 +201,7 @@ fn files_that_are_no_meshes_are_told_together() {
     fails(&program(&dir, &["import-objects", "nowhere.obj", "--out", "x.toml"]), 78, &["nowhere.obj"]);
     fs::create_dir(dir.path().join("nothing")).unwrap();
     fails(&program(&dir, &["import-objects", "nothing", "--out", "x.toml"]), 78, &["there is no .obj or .stl or .ply"]);
-    fails(&program(&dir, &["import-objects", "meshes", "--out", "x.toml", "--scale", "-1"]), 2, &["above 0"]);
+    fails(&program(&dir, &["import-objects", "meshes", "--out", "x.toml", "--scale=-1"]), 2, &["above 0"]);
 }
 
 #[test]
