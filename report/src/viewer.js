@@ -321,6 +321,11 @@
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("dblclick", () => { camera = home(); redraw(); });
 
+  // How many things there are: an object of several pieces has one label, points count each.
+  const number = (items) => {
+    const points = items.filter((i) => view.points.includes(i)).reduce((sum, i) => sum + i.points_m.length, 0);
+    return points + new Set(items.filter((i) => !view.points.includes(i)).map((i) => i.label)).size;
+  };
   // The legend.
   const present = [...Object.keys(STYLES), ...new Set([...view.bodies, ...view.lines, ...view.points].map((i) => i.class))];
   for (const name of new Set(present)) {
@@ -335,7 +340,7 @@
     isDark.addEventListener("change", () => { paint(); redraw(); });
     paint();
     count.className = "count";
-    count.textContent = items.some((i) => i.frames) ? "" : items.reduce((sum, i) => sum + (i.poses || !i.faces && !view.points.includes(i) ? 1 : i.points_m.length), 0);
+    count.textContent = items.some((i) => i.frames) ? "" : number(items);
     row.append(box, spot, style(items[0]).name, count);
     byId("legend").append(row);
   }
