@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Packs a release: programs, licences, settings, networks, docs, man pages, completions. Usage: scripts/release.sh [OUT_DIR]
+# Packs a release: programs, licences (those of linked crates too), settings, networks, docs, man pages, completions. Usage: scripts/release.sh [OUT_DIR]
 #
 # Writes OUT_DIR/graspmill-VERSION-TARGET.tar.zst (.tar.gz without zstd), and OUT_DIR/SHA256SUMS of all archives there; OUT_DIR is dist
 # unless given. From one commit and one toolchain the archive has the same bytes: names sorted, owner 0, times those of the commit.
@@ -67,6 +67,7 @@ for program in "${programs[@]}"; do
 done
 # What git has, and nothing that happens to lie beside it.
 git archive --format=tar HEAD -- "${documents[@]}" "${folders[@]}" | tar -xf - -C "$folder"
+python3 scripts/third_party_licences.py "$target" >"$folder/THIRD-PARTY-LICENCES.txt"
 chmod -R u=rwX,go=rX "$folder"
 
 say "3/4 packing"

@@ -39,11 +39,11 @@ pub fn start(config: &Config, seed: u64, scene_id: u64) -> Option<Start> {
 }
 
 fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Settled, Unsettled> {
-    let generator::Config { physics, settle: law, grid, objects, .. } = &config.scene;
+    let generator::Config { physics, settle: law, grid, objects, models, .. } = &config.scene;
     match &config.objects {
         Objects::Pile { count } => {
             let objects = generator::ObjectLaw { counts: vec![(*count, 1.0)], ..objects.clone() };
-            settle(physics, law, grid, &draw_drops(&objects, grid, seed, scene_id, tries))
+            settle(physics, law, grid, &draw_drops(&objects, models, grid, seed, scene_id, tries))
         }
         Objects::Packed(packed) => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);

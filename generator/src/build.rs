@@ -12,7 +12,7 @@ use simulator::{AttemptWorld, Execution, Scene, SceneRays, Settled, Unsettled, s
 use crate::candidates::{Candidate, draw_candidates};
 use crate::config::{Config, Sampler};
 use crate::normals::draw_along_normals;
-use crate::objects::{draw_drops, draw_model_drops};
+use crate::objects::draw_drops;
 
 /// A scene that could not be built: every try was rejected.
 #[derive(Debug, thiserror::Error, Clone, Copy, PartialEq, Eq)]
@@ -116,11 +116,7 @@ fn settled_scene(config: &Config, scene_id: u64) -> Result<(Settled, u32, SceneR
     let mut rejections = SceneRejections::default();
     for attempt in 0..config.tries_max {
         let Config { objects, models, grid, seed, .. } = config;
-        let drops = if models.is_empty() {
-            draw_drops(objects, grid, *seed, scene_id, attempt)
-        } else {
-            draw_model_drops(models, objects, grid, *seed, scene_id, attempt)
-        };
+        let drops = draw_drops(objects, models, grid, *seed, scene_id, attempt);
         match settle(&config.physics, &config.settle, &config.grid, &drops) {
             Ok(settled) => return Ok((settled, drops.len() as u32, rejections)),
             Err(Unsettled::Moving) => rejections.unsettled += 1,

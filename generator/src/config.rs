@@ -229,6 +229,7 @@ impl Config {
         check.real("physics.table_friction", raw.physics.table_friction, 0.0, 5.0);
         check.procedure(&raw.procedure);
         let gripper = check.gripper(&raw.gripper, folder);
+        check.closes(gripper.as_ref(), &raw.procedure);
         let sampler = Sampler::ALL.into_iter().find(|sampler| sampler.name() == raw.sampler);
         check.that(sampler.is_some(), || {
             format!("sampler must be one of {}, got {}", Sampler::ALL.map(Sampler::name).join(", "), raw.sampler)
@@ -449,6 +450,16 @@ impl Check<'_> {
         }
     }
 
+    /// A hand that has no time to close calls narrow objects slipped.
+    fn closes(&mut self, gripper: Option<&Gripper>, procedure: &Procedure) {
+        let Some(gripper) = gripper else { return };
+        let needs_s = 0.5 * gripper.opening_m_max / gripper.closing_speed_m_s;
+        self.that(needs_s <= procedure.close_time_s_max + 1e-4, || {
+            let (name, got) = (&gripper.name, procedure.close_time_s_max);
+            format!("procedure.close_time_s_max must be at least the {needs_s:.2} s in which {name} closes, got {got}")
+        });
+    }
+
     fn gripper(&mut self, name: &str, folder: Option<&Path>) -> Option<Gripper> {
         let read = |file: &str| {
             let path = folder.unwrap_or(Path::new("")).join(file);
@@ -506,6 +517,14 @@ mod tests {
             assert!(problems.iter().any(|p| p == expected), "{expected:?} is not among {problems:#?}");
         }
         assert_eq!(problems.len(), 5, "{problems:#?}");
+    }
+
+    #[test]
+    fn a_hand_that_has_no_time_to_close_is_refused() {
+        let problems = problems(&PAPER.replace("close_time_s_max = 1.0", "close_time_s_max = 0.7"));
+        let expected =
+            "procedure.close_time_s_max must be at least the 0.80 s in which parallel_jaw_80 closes, got 0.7";
+        assert_eq!(problems, [expected]);
     }
 
     #[test]

@@ -8,12 +8,15 @@ use crate::models::Models;
 
 /// Draws the objects of a scene and how each is let go. `attempt` counts the tries at this scene, from 0.
 #[must_use]
-pub fn draw_drops(law: &ObjectLaw, grid: &Grid, seed: u64, scene_id: u64, attempt: u32) -> Vec<Drop> {
+pub fn draw_drops(law: &ObjectLaw, models: &Models, grid: &Grid, seed: u64, scene_id: u64, attempt: u32) -> Vec<Drop> {
     let mut objects = Stream::new(seed, scene_id, Purpose::Objects, attempt);
     let mut drops = Stream::new(seed, scene_id, Purpose::Drops, attempt);
     let count = draw_count(law, &mut objects);
     (0..count)
         .map(|_| {
+            if !models.is_empty() {
+                return draw_model(models, law, grid, &mut objects, &mut drops);
+            }
             let solid = draw_solid(law, &mut objects);
             let density_kg_m3 = objects.uniform(law.density_kg_m3[0], law.density_kg_m3[1]);
             Drop {
@@ -26,31 +29,16 @@ pub fn draw_drops(law: &ObjectLaw, grid: &Grid, seed: u64, scene_id: u64, attemp
         .collect()
 }
 
-/// As [`draw_drops`], of a catalogue's objects: each as likely as another, however often, at its own size, mass and friction.
-#[must_use]
-pub(crate) fn draw_model_drops(
-    models: &Models,
-    law: &ObjectLaw,
-    grid: &Grid,
-    seed: u64,
-    scene_id: u64,
-    attempt: u32,
-) -> Vec<Drop> {
-    let mut objects = Stream::new(seed, scene_id, Purpose::Objects, attempt);
-    let mut drops = Stream::new(seed, scene_id, Purpose::Drops, attempt);
-    let count = draw_count(law, &mut objects);
-    (0..count)
-        .map(|_| {
-            let number = objects.index(models.bodies().len());
-            let (body, model) = (&models.bodies()[number], &models.stored()[number]);
-            Drop {
-                body: body.clone(),
-                mass_kg: model.mass_kg,
-                friction: model.friction,
-                workspace_from_object: draw_release(law, grid, body.bounding_radius_m(), &mut drops),
-            }
-        })
-        .collect()
+/// One of a catalogue's objects, each as likely as another, at its own size, mass and friction.
+fn draw_model(models: &Models, law: &ObjectLaw, grid: &Grid, objects: &mut Stream, drops: &mut Stream) -> Drop {
+    let number = objects.index(models.bodies().len());
+    let (body, model) = (&models.bodies()[number], &models.stored()[number]);
+    Drop {
+        body: body.clone(),
+        mass_kg: model.mass_kg,
+        friction: model.friction,
+        workspace_from_object: draw_release(law, grid, body.bounding_radius_m(), drops),
+    }
 }
 
 fn draw_count(law: &ObjectLaw, stream: &mut Stream) -> usize {
