@@ -13,8 +13,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 root=$PWD
 out=$(mkdir -p "${1:-dist}" && cd "${1:-dist}" && pwd)
 programs=(generator shards trainer planner experiments)
-documents=(README.md CHANGELOG.md ARCHITECTURE.md LICENSE-MIT LICENSE-APACHE)
-folders=(configs models docs)
+documents=(README.md CHANGELOG.md ARCHITECTURE.md CONTRIBUTING.md LICENSE-MIT LICENSE-APACHE)
+folders=(configs models docs scripts)
 
 say() { printf '\n%s\n' "$*" >&2; }
 fail() {

@@ -216,7 +216,7 @@ fn side_by_side(all: &[Played], names: &[String]) -> Section {
     if blocks.is_empty() {
         blocks.push(Block::Text("No GSR interval is above another.".to_owned()));
     }
-    blocks.extend(sections::by_scene_side_by_side(all));
+    blocks.extend(sections::by_scene_side_by_side(all, names));
     blocks.extend(differences::blocks(all, names));
     Section {
         title: "Side by side".to_owned(),

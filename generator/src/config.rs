@@ -7,6 +7,7 @@ use schema::{Grid, Gripper, Intrinsics, Procedure, ShapeKind, keys_unlike};
 use shards::ExitCode;
 use simulator::{Physics, SettleLaw};
 
+use crate::laws::{CONTACT_FREQUENCY_HZ, GRAVITY_M_S2, SOLVER_ITERATIONS, STEP_RATE_HZ, TABLE_FRICTION};
 use crate::models::Models;
 use crate::normals::YAWS;
 use crate::raw::RawConfig;
@@ -222,11 +223,13 @@ impl Config {
         check.whole("camera.height_px", raw.camera.height_px, 16, 4096);
         check.real("camera.focal_px", raw.camera.focal_px, 10.0, 10_000.0);
         check.real("tsdf.truncation_voxels", raw.tsdf.truncation_voxels, 1.0, 20.0);
-        check.real("physics.step_rate_hz", raw.physics.step_rate_hz, 30.0, 10_000.0);
-        check.whole("physics.solver_iterations", raw.physics.solver_iterations, 1, 1_000);
-        check.real("physics.contact_frequency_hz", raw.physics.contact_frequency_hz, 1.0, 100_000.0);
-        check.real("physics.gravity_m_s2", raw.physics.gravity_m_s2, 0.1, 100.0);
-        check.real("physics.table_friction", raw.physics.table_friction, 0.0, 5.0);
+        check.real("physics.step_rate_hz", raw.physics.step_rate_hz, STEP_RATE_HZ[0], STEP_RATE_HZ[1]);
+        let [low, high] = SOLVER_ITERATIONS;
+        check.whole("physics.solver_iterations", raw.physics.solver_iterations, low, high);
+        let [low, high] = CONTACT_FREQUENCY_HZ;
+        check.real("physics.contact_frequency_hz", raw.physics.contact_frequency_hz, low, high);
+        check.real("physics.gravity_m_s2", raw.physics.gravity_m_s2, GRAVITY_M_S2[0], GRAVITY_M_S2[1]);
+        check.real("physics.table_friction", raw.physics.table_friction, TABLE_FRICTION[0], TABLE_FRICTION[1]);
         check.procedure(&raw.procedure);
         let gripper = check.gripper(&raw.gripper, folder);
         check.closes(gripper.as_ref(), &raw.procedure);
@@ -406,6 +409,11 @@ impl Check<'_> {
                     self.that(size_m <= raw.grid.size_m, || {
                         let (name, side_m) = (body.name(), raw.grid.size_m);
                         format!("objects.catalogue: {name} must fit into grid.size_m {side_m} in any pose, and is {size_m} m long")
+                    });
+                    // Let go lower, it would begin within the table.
+                    self.that(0.5 * size_m <= raw.objects.drop_height_m, || {
+                        let (name, radius_m, got) = (body.name(), 0.5 * size_m, raw.objects.drop_height_m);
+                        format!("objects.drop_height_m must be at least {radius_m} for {name}, got {got}")
                     });
                 }
                 Some(models)

@@ -4,10 +4,11 @@
 //! are told beside each other, and what is odd is said in words.
 
 use std::fmt::Write as _;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use schema::{Grid, Gripper, Vec3};
+use schema::{Grid, Gripper, MODELS_MAX, Vec3};
 use serde::Serialize;
 use shards::ExitCode;
 use simulator::{ConvexHull, ConvexParts, PartsLaw, convex_parts, few_cornered_hull, hull_volume_m3};
@@ -200,7 +201,11 @@ pub fn import_objects(files: &[PathBuf], law: &ImportLaw) -> Result<Imported, Im
             return Err(ImportError::SameName { name, files: Box::new([other.clone(), file.clone()]) });
         }
     }
-    let made: Vec<_> = files.par_iter().with_max_len(1).map(|file| import_one(file, law)).collect();
+    if files.len() > MODELS_MAX {
+        let problems = vec![format!("a dataset has at most {MODELS_MAX} objects, got {} files", files.len())];
+        return Err(ImportError::Files { problems, is_damaged: false });
+    }
+    let made: Vec<_> = files.par_iter().with_max_len(1).map(|file| guarded(file, law)).collect();
     let (mut objects, mut catalogue) = (Vec::new(), HEAD.to_owned());
     let (mut problems, mut is_damaged) = (Vec::new(), false);
     for one in made {
@@ -219,7 +224,16 @@ pub fn import_objects(files: &[PathBuf], law: &ImportLaw) -> Result<Imported, Im
         return Err(ImportError::Files { problems, is_damaged });
     }
     // What was written must be read: masses have limits, and rounded corners must still make hulls.
-    Catalogue::parse(&catalogue, Path::new("the new catalogue"))?;
+    let read = Catalogue::parse(&catalogue, Path::new("the new catalogue"))?;
+    for thing in read.things() {
+        match thing.body.to_model(thing.mass_kg, thing.friction) {
+            Ok(model) => problems.extend(model.problems()),
+            Err(error) => problems.push(error.to_string()),
+        }
+    }
+    if !problems.is_empty() {
+        return Err(ImportError::Files { problems, is_damaged: false });
+    }
     Ok(Imported { objects, catalogue })
 }
 
@@ -235,6 +249,12 @@ fn name_of(file: &Path) -> String {
 }
 
 type Problem = (String, bool);
+
+/// The library that makes hulls panics at some scans: then this file is named, and the others go on.
+fn guarded(file: &Path, law: &ImportLaw) -> Result<(ImportedObject, String), Problem> {
+    let failed = |_| Err((format!("it cannot be taken apart, a hull could not be made: {}", file.display()), true));
+    catch_unwind(AssertUnwindSafe(|| import_one(file, law))).unwrap_or_else(failed)
+}
 
 fn import_one(file: &Path, law: &ImportLaw) -> Result<(ImportedObject, String), Problem> {
     let mesh = read_mesh(file, law.scale_m).map_err(|e| {

@@ -77,6 +77,9 @@ pub(crate) enum CatalogueFileError {
     /// Somebody's work is there.
     #[error("another catalogue is there, and may have been edited; --force replaces it: {}", .0.display())]
     Taken(PathBuf),
+    /// There is no such folder, or the path is one.
+    #[error("--out must name a file in a folder that is there: {}", .0.display())]
+    Nowhere(PathBuf),
     /// The disk refuses.
     #[error("failed to write the catalogue: {source}: {}", .path.display())]
     Write {
@@ -91,7 +94,7 @@ impl CatalogueFileError {
     /// The code to end with.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Taken(_) => ExitCode::Config,
+            Self::Taken(_) | Self::Nowhere(_) => ExitCode::Config,
             Self::Write { .. } => ExitCode::TryAgain,
         }
     }
@@ -111,12 +114,19 @@ pub(crate) fn run_import(arguments: &ImportArguments) -> anyhow::Result<ExitCode
         concavity: 0.002,
     };
     let law = ImportLaw { scale_m: arguments.scale, weight, friction: arguments.friction, parts, gripper, grid };
+    can_hold(&arguments.out)?;
     let imported = import_objects(&mesh_files(&arguments.meshes)?, &law)?;
     write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;
     let text =
         if arguments.json { serde_json::to_string_pretty(&imported)? + "\n" } else { table(&imported, &arguments.out) };
     let _ = write!(std::io::stdout().lock(), "{text}");
     Ok(ExitCode::Ok)
+}
+
+/// Taking meshes apart takes minutes: what cannot be written after them is told before.
+fn can_hold(path: &Path) -> Result<(), CatalogueFileError> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if path.is_dir() || !folder.is_dir() { Err(CatalogueFileError::Nowhere(path.to_owned())) } else { Ok(()) }
 }
 
 /// Whole or not at all; what is there stays, unless it is the same or to be replaced.

@@ -93,11 +93,30 @@ impl Config {
     }
 }
 
+/// What settings of the engine may be.
+pub(crate) const STEP_RATE_HZ: [f32; 2] = [30.0, 10_000.0];
+pub(crate) const SOLVER_ITERATIONS: [u64; 2] = [1, 1_000];
+pub(crate) const CONTACT_FREQUENCY_HZ: [f32; 2] = [1.0, 100_000.0];
+pub(crate) const GRAVITY_M_S2: [f32; 2] = [0.1, 100.0];
+pub(crate) const TABLE_FRICTION: [f32; 2] = [0.0, 5.0];
+
 /// The engine's settings from a dataset's laws, as [`Config::dataset_info`] writes them.
 pub(crate) fn physics_of(laws: &Value) -> Result<Physics, String> {
     let physics = &laws["physics"];
     if physics["engine"] != ENGINE {
         return Err(format!("the engine must be {ENGINE:?}, got {}", physics["engine"]));
     }
-    serde_json::from_value::<RawPhysics>(physics.clone()).map(Physics::from).map_err(|e| e.to_string())
+    let raw = serde_json::from_value::<RawPhysics>(physics.clone()).map_err(|e| e.to_string())?;
+    // A stranger's file: with other numbers an attempt would never end.
+    let ranges = [
+        ("step_rate_hz", raw.step_rate_hz, STEP_RATE_HZ),
+        ("contact_frequency_hz", raw.contact_frequency_hz, CONTACT_FREQUENCY_HZ),
+        ("gravity_m_s2", raw.gravity_m_s2, GRAVITY_M_S2),
+        ("table_friction", raw.table_friction, TABLE_FRICTION),
+        ("solver_iterations", raw.solver_iterations as f32, SOLVER_ITERATIONS.map(|n| n as f32)),
+    ];
+    match ranges.into_iter().find(|(_, value, [low, high])| !(low..=high).contains(&value)) {
+        Some((key, value, [low, high])) => Err(format!("physics.{key} must be between {low} and {high}, got {value}")),
+        None => Ok(Physics::from(raw)),
+    }
 }

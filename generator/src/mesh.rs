@@ -89,8 +89,9 @@ impl Mesh {
             joined.push(triangle.map(|i| number_of[i as usize]));
         }
         let is_flat = |[a, b, c]: &[u32; 3]| a == b || b == c || a == c;
-        let triangles: Vec<[u32; 3]> = joined.iter().copied().filter(|t| !is_flat(t)).collect();
+        let mut triangles: Vec<[u32; 3]> = joined.iter().copied().filter(|t| !is_flat(t)).collect();
         let degenerate_count = joined.len() - triangles.len();
+        let corners_m = used_alone(&corners_m, &mut triangles);
         if triangles.is_empty() { Err(MeshError::Empty) } else { Ok(Self { corners_m, triangles, degenerate_count }) }
     }
 
@@ -162,6 +163,20 @@ impl Mesh {
     }
 }
 
+/// The corners that a triangle has, in their order; what a scan left lying about is not of the object.
+fn used_alone(corners_m: &[[f64; 3]], triangles: &mut [[u32; 3]]) -> Vec<[f64; 3]> {
+    let mut used = vec![false; corners_m.len()];
+    triangles.iter().flatten().for_each(|corner| used[*corner as usize] = true);
+    let mut next = 0;
+    let mut number = |used: &bool| {
+        next += u32::from(*used);
+        next.saturating_sub(1) // the last one's; of a corner that nothing uses nobody asks
+    };
+    let numbers: Vec<u32> = used.iter().map(&mut number).collect();
+    triangles.iter_mut().flatten().for_each(|corner| *corner = numbers[*corner as usize]);
+    corners_m.iter().zip(&used).filter(|(_, used)| **used).map(|(corner, _)| *corner).collect()
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
@@ -172,6 +187,17 @@ pub(crate) mod tests {
         let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         let triangles = quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
         ((0..8).map(corner).collect(), triangles)
+    }
+
+    #[test]
+    fn corners_that_no_triangle_has_are_not_of_the_object() {
+        let (mut corners, mut triangles) = closed_box([1.0, 2.0, 3.0]);
+        corners.insert(3, [9.0, 9.0, 9.0]);
+        corners.push([7.0, 7.0, 7.0]);
+        triangles.iter_mut().flatten().for_each(|corner| *corner += u32::from(*corner >= 3));
+        let mesh = Mesh::new(&corners, &triangles, 1.0).unwrap();
+        let (corners, triangles) = closed_box([1.0, 2.0, 3.0]);
+        assert_eq!((mesh.corners_m(), mesh.triangles()), (&corners[..], &triangles[..]));
     }
 
     #[test]

@@ -119,15 +119,48 @@ fn stl(bytes: &[u8]) -> Result<Parts, String> {
         let (got, n) = (bytes.len(), promised.unwrap_or(0));
         return Err(format!("a binary one of {n} triangles has {} bytes, got {got}", STL_HEAD + n * STL_TRIANGLE));
     }
-    let mut source = Cursor::new(bytes);
-    let (mut corners, mut triangles) = (Vec::new(), Vec::new());
-    for triangle in stl_io::create_stl_reader(&mut source).map_err(|e| e.to_string())? {
+    let mut parts = (Vec::new(), Vec::new());
+    if is_whole_binary {
+        // The library takes what begins with "solid" for text; what stands in the head means nothing.
+        let head: &[u8] = &[0; 80];
+        read_stl(&mut Cursor::new([head, &bytes[80..]].concat()), &mut parts)?;
+    } else {
+        for solid in solids_of(std::str::from_utf8(bytes).map_err(|e| e.to_string())?)? {
+            read_stl(&mut Cursor::new(solid.as_bytes()), &mut parts)?;
+        }
+    }
+    Ok(parts)
+}
+
+/// The solids of a text file, of which the library reads but the first. It also wants a name after "solid", and numbers where
+/// normals stand, of which nothing is used.
+fn solids_of(text: &str) -> Result<Vec<String>, String> {
+    let (mut solids, mut open) = (Vec::new(), None::<String>);
+    for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
+        if line.starts_with("solid") {
+            if open.replace("solid of_many\n".to_owned()).is_some() {
+                return Err("a solid begins before the last one ends".to_owned());
+            }
+            continue;
+        }
+        let solid = open.as_mut().ok_or_else(|| format!("it must go on with solid, got {line:?}"))?;
+        solid.push_str(if line.starts_with("facet") { "facet normal 0 0 1" } else { line });
+        solid.push('\n');
+        if line.starts_with("endsolid") {
+            solids.extend(open.take());
+        }
+    }
+    if open.is_some() { Err("it ends before its solid does".to_owned()) } else { Ok(solids) }
+}
+
+fn read_stl(source: &mut Cursor<impl AsRef<[u8]>>, (corners, triangles): &mut Parts) -> Result<(), String> {
+    for triangle in stl_io::create_stl_reader(source).map_err(|e| e.to_string())? {
         let triangle = triangle.map_err(|e| e.to_string())?;
         let first = corners.len() as u32; // at most three for every 50 bytes of a gigabyte
         corners.extend(triangle.vertices.iter().map(|v| [v[0], v[1], v[2]].map(f64::from)));
         triangles.push([first, first + 1, first + 2]);
     }
-    Ok((corners, triangles))
+    Ok(())
 }
 
 /// A row of a PLY file: of a vertex the coordinates, of a face the numbers of its corners.
@@ -282,6 +315,22 @@ mod tests {
             text += "endloop\nendfacet\n";
         }
         text + "endsolid box\n"
+    }
+
+    #[test]
+    fn a_text_stl_may_hold_several_solids_and_none_of_them_is_lost() {
+        let whole = stl_text();
+        let facets: Vec<&str> = whole.split("facet normal 0 0 0").collect();
+        let (first, second) = (facets[..7].join("facet normal nan 0 0"), facets[7..].join("facet normal 1 0 0"));
+        let text = format!("  {first}endsolid\n\nsolid\nfacet normal 1 0 0{second}");
+        assert_is_the_box(&read("a.stl", text.as_bytes()).unwrap());
+        let cut = read("a.stl", &whole.as_bytes()[..whole.len() - 40]).unwrap_err();
+        assert!(cut.contains("a.stl"), "{cut}");
+        assert!(
+            read("a.stl", text.replace("endsolid\n\n", "").as_bytes())
+                .unwrap_err()
+                .contains("before the last one ends")
+        );
     }
 
     fn ply_text(count: usize) -> String {

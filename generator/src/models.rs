@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use schema::{Model, ObjectShape};
+use schema::{MODELS_MAX, Model, ObjectShape};
 use simulator::{Body, bodies_of};
 
 use crate::catalogue::Catalogue;
@@ -30,6 +30,9 @@ impl Models {
             models.iter().filter_map(|model| model.as_ref().err()?.to_string().into()).collect();
         let stored: Vec<Arc<Model>> = models.into_iter().flatten().map(Arc::new).collect();
         problems.extend(stored.iter().flat_map(|model| model.problems()));
+        if stored.len() > MODELS_MAX {
+            problems.push(format!("objects.catalogue must have at most {MODELS_MAX} objects, got {}", stored.len()));
+        }
         if stored.is_empty() && problems.is_empty() {
             problems.push(format!("objects.catalogue must have at least one object: {name}"));
         }

@@ -109,7 +109,9 @@ fn draw_seen(config: &Config, targets: &[Target], cameras: &[(Camera, ViewRays)]
     };
     let top_of_first = Touch { object_id: 0, point_m: targets[0].workspace_from_object.translation, normal: Vec3::Z };
     let mut last = top_of_first;
-    for _ in 0..TRIES_MAX {
+    // A line at an object of many parts is asked for one of its entries, and seldom has as many.
+    let parts_most = targets.iter().map(|target| target.parts.len()).max().unwrap_or(1) as u32; // at most PARTS_MAX
+    for _ in 0..TRIES_MAX * parts_most {
         if let Some(touch) = draw_touch(targets, stream) {
             last = touch;
             if will_do(&touch) {

@@ -6,13 +6,14 @@ use shards::{Dataset, ExitCode, ReadError};
 use simulator::{AttemptWorld, Body, ModelError, Physics, Scene, bodies_of};
 
 use crate::laws::physics_of;
+use crate::replay::is_as_stored;
 
 /// What came of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Repeated {
     /// Attempts that were executed.
     pub attempts: u64,
-    /// Those that ended otherwise than stored, or with another opening.
+    /// Those that ended otherwise than stored, hit something else, or with another opening.
     pub different: Vec<Difference>,
 }
 
@@ -38,6 +39,14 @@ pub enum RepeatError {
     /// The dataset does not say how the engine was run.
     #[error("meta/info.json has no engine settings that this program knows: {0}")]
     Physics(String),
+    /// An attempt at an object that its scene has not.
+    #[error("attempt {attempt_id} of scene {scene_id} has a target that is not among the scene's objects")]
+    NoTarget {
+        /// The scene.
+        scene_id: u64,
+        /// The attempt.
+        attempt_id: u32,
+    },
     /// A model of the dataset is no body.
     #[error("meta/info.json: {0}")]
     Model(#[from] ModelError),
@@ -49,7 +58,7 @@ impl RepeatError {
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Read(error) => error.exit_code(),
-            Self::Physics(_) | Self::Model(_) => ExitCode::Data,
+            Self::Physics(_) | Self::Model(_) | Self::NoTarget { .. } => ExitCode::Data,
         }
     }
 }
@@ -69,6 +78,13 @@ pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, RepeatErr
             break;
         }
         let (objects, attempts) = (dataset.read_objects(shard)?, dataset.read_attempts(shard)?);
+        // The tables are checked one by one: that one's rows mean the other's is only known here.
+        let lacks_target = |row: &schema::AttemptRecord| {
+            row.object_id as usize >= objects[range_of(&objects, row.scene_id, |object| object.scene_id)].len()
+        };
+        if let Some(row) = attempts.iter().find(|row| lacks_target(row)) {
+            return Err(RepeatError::NoTarget { scene_id: row.scene_id, attempt_id: row.attempt_id });
+        }
         let found: Vec<Repeated> = ids
             .into_par_iter()
             .map(|scene_id| {
@@ -101,7 +117,7 @@ fn repeat_scene(
     let world = AttemptWorld::new(physics, &info.gripper, &info.procedure, &scene);
     let again = |row: &schema::AttemptRecord| {
         let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);
-        let is_same = now.outcome == row.outcome && now.width_m == row.width_m;
+        let is_same = is_as_stored(row, &now);
         let (scene_id, attempt_id) = (row.scene_id, row.attempt_id);
         (!is_same).then_some(Difference { scene_id, attempt_id, stored: row.outcome, now: now.outcome })
     };

@@ -76,7 +76,7 @@ impl Replay {
     }
 }
 
-fn is_as_stored(stored: &AttemptRecord, now: &Execution) -> bool {
+pub(crate) fn is_as_stored(stored: &AttemptRecord, now: &Execution) -> bool {
     let hit_object_id = now.hit.and_then(|hit| hit.object_id).map(|id| id as u32);
     stored.outcome == now.outcome
         && stored.hit == now.hit.map(|hit| hit.kind)

@@ -407,12 +407,15 @@ impl Planner {
 
     fn warnings(&self, seen: &Seen<'_>, policy: Policy) -> Vec<String> {
         let mut warnings = Vec::new();
-        if seen.cloud.points_m.is_empty() || policy != Policy::Paper {
+        if seen.cloud.points_m.is_empty() {
             return warnings;
         }
-        match &seen.cloud.plane {
-            None => warnings.push("no plane was found: nothing was taken away before clustering".to_owned()),
-            Some(found) => warnings.extend(self.misplaced_table(&found.plane)),
+        warnings.extend(seen.cloud.plane.as_ref().and_then(|found| self.misplaced_table(&found.plane)));
+        if policy != Policy::Paper {
+            return warnings;
+        }
+        if seen.cloud.plane.is_none() {
+            warnings.push("no plane was found: nothing was taken away before clustering".to_owned());
         }
         if seen.objects.is_empty() && self.config.ranking.without_object == WithoutObject::Last {
             warnings

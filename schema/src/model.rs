@@ -147,7 +147,7 @@ pub const MODELS_MAX: usize = 1_000;
 /// Most parts of a model.
 pub const PARTS_MAX: usize = 256;
 /// Most corners of a part.
-pub const CORNERS_MAX: usize = 1_024;
+pub const CORNERS_MAX: usize = 256;
 /// Longest name, in bytes.
 pub const NAME_MAX: usize = 48;
 /// Corners may lie outside the bounding box by this, and miss it by as much, in metres.

@@ -10,6 +10,7 @@ use anyhow::{Context, Result};
 use clap::{CommandFactory, Parser, Subcommand};
 use export_command::ExportArguments;
 use shards::manual::{Manual, tables};
+use shards::report::html::HtmlError;
 use shards::{
     Dataset, ExitCode, ExportError, Inspection, Location, LocationParser, ReadError, Verified, publish, text,
 };
@@ -195,8 +196,9 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
 }
 
 fn exit_code(error: &anyhow::Error) -> ExitCode {
+    let page = error.downcast_ref().map(HtmlError::exit_code);
     let read = error.downcast_ref::<ReadError>().map(ReadError::exit_code);
     let export = || error.downcast_ref::<ExportError>().map(ExportError::exit_code);
     let io = || error.root_cause().downcast_ref::<io::Error>().map(|_| ExitCode::TryAgain);
-    read.or_else(export).or_else(io).unwrap_or(ExitCode::Internal)
+    page.or(read).or_else(export).or_else(io).unwrap_or(ExitCode::Internal)
 }

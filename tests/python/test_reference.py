@@ -1,6 +1,7 @@
 """The reference in docs/reference is what the programs say of themselves; completions and man pages are what shells and man can read."""
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -29,7 +30,7 @@ def test_the_reference_is_up_to_date(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_every_command_of_the_help_has_an_example_or_is_explained(name: str) -> None:
+def test_the_help_of_every_program_has_examples_and_exit_codes(name: str) -> None:
     text = told(program(name), "--help")
     assert "Exit codes:" in text
     assert "Examples:" in text, f"{name} --help shows no examples"
@@ -63,6 +64,10 @@ def test_man_pages_are_there_for_every_command(tmp_path: Path) -> None:
     pages = {page.name for page in tmp_path.iterdir()}
     expected = ["generator.1", "generator-repeat.1", "shards-report.1", "trainer-fit.1", "planner-plan.1", "experiments-run.1"]
     assert pages >= set(expected)
+    for name in PROGRAMS:
+        listed = re.search(r"Commands:\n((?:  .*\n)+)", told(program(name), "--help"))[1]
+        commands = re.findall(r"^  ([a-z-]+) ", listed, re.MULTILINE)
+        assert len(commands) >= 3 and all(f"{name}-{command}.1" in pages for command in commands if command != "help"), name
     for page in tmp_path.iterdir():
         text = page.read_text()
         assert text.count(".SH NAME") == 1 and ".TH" in text, page.name

@@ -15,7 +15,7 @@ use crate::checkpoint::{self, CheckpointError};
 use crate::config::{Config, ConfigError};
 use crate::curves::{self, CurvesError, Epoch, FigureError};
 use crate::evaluate::Examination;
-use crate::run_folder::{CONFIG, checkpoint_path, keys};
+use crate::run_folder::{CONFIG, METRICS, checkpoint_path, keys};
 
 /// Mistakes of either kind that are shown.
 pub const MISTAKES: usize = 6;
@@ -79,7 +79,9 @@ impl TrainedRun {
     pub fn read(run: &Path) -> Result<Self, PageError> {
         let recipe = run.join(CONFIG);
         let epochs = match curves::read(run) {
-            Err(CurvesError::Missing(_)) if !recipe.exists() => return Err(PageError::NotARun(run.to_owned())),
+            Err(CurvesError::Missing(_)) if !recipe.exists() && !run.join(METRICS).exists() => {
+                return Err(PageError::NotARun(run.to_owned()));
+            }
             read => read?,
         };
         let config = if recipe.exists() { Some(Config::read(&recipe)?) } else { None };

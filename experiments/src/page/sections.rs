@@ -53,21 +53,21 @@ pub(super) fn headline(all: &[Played], names: &[String]) -> Table {
 }
 
 /// For kinds of scenes that are in all experiments, the rate of each.
-pub(super) fn by_scene_side_by_side(all: &[Played]) -> Option<Block> {
+pub(super) fn by_scene_side_by_side(all: &[Played], names: &[String]) -> Option<Block> {
     let (first, others) = all.split_first()?;
     let of = |one: &Played, name: &str| one.results.by_group.iter().find(|group| group.name == name).cloned();
     let groups = first.results.by_group.iter().filter(|group| others.iter().all(|o| of(o, &group.name).is_some()));
-    let names: Vec<&str> = groups.map(|group| group.name.as_str()).collect();
-    if names.len() < 2 {
+    let scenes: Vec<&str> = groups.map(|group| group.name.as_str()).collect();
+    if scenes.len() < 2 {
         return None;
     }
     let mut rows = Vec::new();
-    for name in names {
-        for one in all {
+    for name in scenes {
+        for (one, experiment) in all.iter().zip(names) {
             let Some(group) = of(one, name) else { continue };
             let held = Cell::Number(format!("{} of {}", group.held, group.attempts));
-            let protocol = Cell::Text(one.results.protocol.clone());
-            rows.push(vec![Cell::Text(name.to_owned()), protocol, held, bar(group.rates.success_rate)]);
+            let experiment = Cell::Text(experiment.clone());
+            rows.push(vec![Cell::Text(name.to_owned()), experiment, held, bar(group.rates.success_rate)]);
         }
     }
     Some(Block::Table(Table { head: vec!["scene", "experiment", "held", "GSR (95 %)"], rows }))

@@ -217,6 +217,10 @@ fn no_plane_and_no_cluster_are_told() {
 #[test]
 fn a_table_at_another_height_than_the_networks_is_told() {
     let told = |z_m: f32| plan_with(&planner(), &field(move |p| p.z - z_m), &Wishes::default()).warnings;
+    let refined =
+        Config::read(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/plan/refined.toml")).unwrap();
+    let refined = plan_with(&Planner::built_in(refined).unwrap(), &field(|p| p.z - 0.07), &Wishes::default()).warnings;
+    assert!(refined[0].starts_with("the largest plane lies at"), "whatever ranks the grasps: {refined:?}");
     assert!(!told(0.052)[0].contains("largest plane"), "{:?}", told(0.052));
     let high = told(0.07);
     assert!(

@@ -264,6 +264,6 @@ left. The attempts along one point's normal make one grasp, the middle of the wi
 }
 
 /// For people, to a thousandth of a millimetre.
-fn millimetres(length_m: f32) -> f32 {
-    (length_m * 1e6).round() * 1e-3
+fn millimetres(length_m: f32) -> f64 {
+    (f64::from(length_m) * 1e6).round() / 1e3
 }

@@ -151,12 +151,15 @@ hand, procedure, config.
 | `scene.json` | the scene's row, but for the grid |
 
 ```python
-import webdataset as wds
+import numpy as np, webdataset as wds
 
 samples = wds.WebDataset(\"shard-{{00000..{last:05}}}-of-{count:05}.tar\", shardshuffle=False).decode()
 for grid, grasps, labels in samples.to_tuple(\"grid.npy\", \"grasps.npy\", \"labels.npy\"):
-    voxels = (grasps[:, :3] / ({size_m} / {side})).astype(int)
+    voxels = np.floor(grasps[:, :3] / ({size_m} / {side})).astype(int)
+    inside = ((voxels >= 0) & (voxels < {side})).all(axis=1)    # grasps outside the grid are in the data: no voxel learns from them
 ```
+
+Rows of one scene may share a voxel: the yaws at one point of VGN's sampler are attempts of their own.
 ",
         exporter = origin.exporter_version,
         id = origin.dataset_id,

@@ -12,7 +12,7 @@ use super::fit::Fit;
 use super::scenes::gallery;
 use super::{Bin, Group, Report};
 use crate::text::{bytes, grouped, percent, ratio};
-use crate::{Dataset, ReadError, Tally};
+use crate::{Dataset, ExitCode, ReadError, Tally};
 
 /// Scenes that are shown.
 const SCENES_SHOWN: u64 = 12;
@@ -26,6 +26,17 @@ pub enum HtmlError {
     /// The library that draws failed.
     #[error(transparent)]
     Figure(#[from] FigureError),
+}
+
+impl HtmlError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Read(error) => error.exit_code(),
+            Self::Figure(_) => ExitCode::Internal,
+        }
+    }
 }
 
 /// The report as a page with pictures of scenes from the dataset. `written_over`: from the first to the last of its files, if they
@@ -370,19 +381,19 @@ fn sizes(report: &Report) -> Section {
 
 fn provenance(dataset: &Dataset) -> Section {
     let info = dataset.info();
-    let mut rows = vec![
-        [Cell::Code("dataset".to_owned()), Cell::Code(dataset.id().to_owned())],
-        [Cell::Code("code_version".to_owned()), Cell::Code(info.code_version.clone())],
-        [Cell::Code("seed".to_owned()), Cell::Code(info.seed.to_string())],
-        [Cell::Code("shards".to_owned()), Cell::Code(info.shard_count.to_string())],
-    ];
+    let mut rows = vec![[Cell::Code("dataset".to_owned()), Cell::Code(dataset.id().to_owned())]];
+    // What is said of frames and units is the same for all; the corners of models are told by the pictures.
+    let mut told: Value = serde_json::from_str(&info.to_json()).unwrap_or_default();
+    if let Value::Object(map) = &mut told {
+        map.retain(|key, _| !["about", "facets", "frames", "units", "models"].contains(&key.as_str()));
+    }
     let mut flat = Vec::new();
-    flatten("", &info.config, &mut flat);
+    flatten("", &told, &mut flat);
     rows.extend(flat.into_iter().map(|(key, value)| [Cell::Code(key), Cell::Code(value)]));
     let table = Table { head: vec!["key", "value"], rows: rows.into_iter().map(Vec::from).collect() };
     Section {
         title: "Provenance".to_owned(),
-        text: "From these the dataset can be made again, byte for byte.".to_owned(),
+        text: "From meta/info.json, which is told here, the dataset can be made again, byte for byte.".to_owned(),
         blocks: vec![Block::Table(table)],
     }
 }

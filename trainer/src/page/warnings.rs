@@ -1,7 +1,7 @@
 //! What a reader of a run's page should be worried about.
 
 use super::TrainedRun;
-use super::training::{best, set_name, test};
+use super::training::best;
 use crate::curves::{Epoch, Set};
 use crate::evaluate::Evaluation;
 use crate::evaluate::report::{number, range};
@@ -17,14 +17,23 @@ const CALIBRATION_ERROR_MAX: f64 = 0.1;
 /// Samples of fewer scenes say little of others.
 const SCENES_MIN: usize = 20;
 
+/// A set that the network was not trained on.
+type HeldOut = (&'static str, fn(&Epoch) -> &Set);
+
+/// Both are looked at, whichever chooses the best epoch: known scenes and new ones are different questions.
+const HELD_OUT: [HeldOut; 2] =
+    [("held-out attempts", |epoch| &epoch.test_attempts), ("held-out scenes", |epoch| &epoch.test_scenes)];
+
 /// What is unusual about a run and its evaluation, one sentence each.
 pub(super) fn warnings(run: &TrainedRun, evaluation: Option<&Evaluation>) -> Vec<String> {
     let mut warnings = Vec::new();
     warnings.extend(no_numbers(run));
-    warnings.extend(no_better_than_failure(run));
+    warnings.extend(HELD_OUT.iter().filter_map(|set| no_better_than_failure(run, *set)));
     warnings.extend(stopped_early(run));
-    warnings.extend(still_falling(run));
-    warnings.extend(rising(run));
+    let rising: Vec<String> = HELD_OUT.iter().filter_map(|set| rising(run, *set)).collect();
+    // More epochs of learning by heart help nobody.
+    warnings.extend(still_falling(run).filter(|_| rising.is_empty()));
+    warnings.extend(rising);
     warnings.extend(evaluation.into_iter().flat_map(of_evaluation));
     warnings
 }
@@ -41,12 +50,10 @@ fn no_numbers(run: &TrainedRun) -> Option<String> {
     ))
 }
 
-fn no_better_than_failure(run: &TrainedRun) -> Option<String> {
-    let best = best(run);
-    let Set { accuracy: Some(accuracy), baseline_accuracy: Some(baseline), accuracy_95, .. } = *test(best) else {
+fn no_better_than_failure(run: &TrainedRun, (name, set): HeldOut) -> Option<String> {
+    let Set { accuracy: Some(accuracy), baseline_accuracy: Some(baseline), accuracy_95, .. } = *set(best(run)) else {
         return None;
     };
-    let name = set_name(best);
     if accuracy <= baseline {
         return Some(format!(
             "The best epoch's accuracy on {name}, {accuracy:.3}, is not above that of always answering “failure”, {baseline:.3}: the \
@@ -87,9 +94,8 @@ fn still_falling(run: &TrainedRun) -> Option<String> {
     })
 }
 
-fn rising(run: &TrainedRun) -> Option<String> {
-    let losses: Vec<(u32, f64)> =
-        run.epochs.iter().filter_map(|epoch| Some((epoch.epoch, test(epoch).loss?))).collect();
+fn rising(run: &TrainedRun, (name, set): HeldOut) -> Option<String> {
+    let losses: Vec<(u32, f64)> = run.epochs.iter().filter_map(|epoch| Some((epoch.epoch, set(epoch).loss?))).collect();
     let lowest = losses.iter().enumerate().min_by(|a, b| a.1.1.total_cmp(&b.1.1))?.0;
     let (epoch, least) = losses[lowest];
     let after = &losses[lowest + 1..];
@@ -98,7 +104,6 @@ fn rising(run: &TrainedRun) -> Option<String> {
         return None;
     }
     let (last, now) = losses[losses.len() - 1];
-    let name = set_name(&run.epochs[0]);
     Some(format!(
         "The loss on {name} was lowest at epoch {epoch}, {least:.4}, and is {now:.4} at epoch {last}: since then the network has learned \
          by heart. More data, augmentation or patience_epochs help."
@@ -183,6 +188,7 @@ mod tests {
         };
         told(&|run| run.epochs[3].test_attempts.accuracy = Some(0.7), "learned nothing");
         told(&|run| run.epochs[3].test_attempts.accuracy_95 = Some((0.69, 0.85)), "may be no better");
+        told(&|run| run.epochs[3].test_scenes.accuracy = Some(0.6), "accuracy on held-out scenes, 0.600, is not above");
         told(&|run| run.epochs[3].train.loss = Some(0.4), "still falling");
         told(&|run| run.epochs[1].test_scenes.loss = None, "first in epoch 2");
         told(&|run| run.config.as_mut().unwrap().epochs = 9, "4 of the recipe's 9 epochs are done: it was stopped");
