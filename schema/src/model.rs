@@ -245,7 +245,7 @@ mod tests {
             (|m| m.parts_m[0][2].y = f32::INFINITY, "corners_m must lie in a box"),
             (|m| m.volume_m3 = 1.0, "volume_m3 must be above 0"),
             (|m| m.parts_m.clear(), "1 to 256 parts"),
-            (|m| m.parts_m[0].truncate(3), "4 to 1024 corners"),
+            (|m| m.parts_m[0].truncate(3), "4 to 256 corners"),
         ];
         for (change, expected) in cases {
             let mut model = wedge();
