@@ -46,7 +46,7 @@ else
     # out of panic messages, so that another checkout gives the same bytes.
     flags="--remap-path-prefix=$root=graspmill --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo"
     RUSTFLAGS="-C target-feature=+crt-static $flags" SOURCE_DATE_EPOCH=$time cargo build --locked --profile dist \
-        --target "$target" "${programs[@]/#/--package=}" --bins
+        --target "$target" --workspace --bins
     built=$(cd "${CARGO_TARGET_DIR:-target}/$target/dist" && pwd)
 fi
 for program in "${programs[@]}"; do
