@@ -139,15 +139,7 @@ fn write_catalogue(path: &Path, text: &str, replaces: bool) -> Result<(), Catalo
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
         Err(error) => return Err(failed(error)),
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut staging = tempfile::Builder::new();
-    staging.prefix(".").suffix(".tmp");
-    #[cfg(unix)] // as any file is made; what is temporary is its owner's alone by default
-    staging.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = staging.tempfile_in(folder).map_err(failed)?;
-    file.write_all(text.as_bytes()).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
-    file.persist(path).map_err(|e| failed(e.error))?;
-    Ok(())
+    shards::publish(path, text.as_bytes()).map_err(failed)
 }
 
 fn table(imported: &Imported, out: &Path) -> String {

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from programs import program
 
 playwright = pytest.importorskip("playwright.sync_api")
 
@@ -20,13 +21,6 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
 SCREENS = {"desktop": (1280, 900), "phone": (390, 800)}
 PAGES = ["report", "view", "replay", "run", "experiment"]
-
-
-def program(name: str) -> str:
-    folder = os.environ.get("GRASPMILL_PROGRAMS")
-    if not folder:
-        pytest.skip("GRASPMILL_PROGRAMS must name the folder of the built programs")
-    return str(Path(folder).resolve() / name)
 
 
 def run(*words: object) -> None:

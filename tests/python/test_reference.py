@@ -1,22 +1,15 @@
 """The reference in docs/reference is what the programs say of themselves; completions and man pages are what shells and man can read."""
 
-import os
 import re
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+from programs import program
 
 ROOT = Path(__file__).parents[2]
 PROGRAMS = ["generator", "shards", "trainer", "planner", "experiments"]
-
-
-def program(name: str) -> str:
-    folder = os.environ.get("GRASPMILL_PROGRAMS")
-    if not folder:
-        pytest.skip("GRASPMILL_PROGRAMS must name the folder of the built programs")
-    return str(Path(folder).resolve() / name)
 
 
 def told(*words: str) -> str:

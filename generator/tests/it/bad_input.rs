@@ -1,17 +1,8 @@
 //! Bad input: one clear message, a documented exit code, nothing lost.
 
-use std::process::{Command, Output};
+use std::process::Command;
 
-use crate::{check_ok, files, run, small_config, workshop};
-
-fn check_fails(output: &Output, code: i32, expected: &[&str]) {
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{message}");
-    for part in expected {
-        assert!(message.contains(part), "{part:?} is not in:\n{message}");
-    }
-    assert!(!message.contains("panicked"), "{message}");
-}
+use crate::{check_fails, check_ok, files, run, small_config, workshop};
 
 #[test]
 fn every_problem_of_a_config_is_told_at_once() {

@@ -49,6 +49,16 @@ fn run(dir: &TempDir, out: &str, flags: &[&str]) -> Output {
     generator(dir, out, flags).output().unwrap()
 }
 
+/// The program ends with a code and a message that has all these parts.
+fn check_fails(output: &Output, code: i32, expected: &[&str]) {
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{message}");
+    for part in expected {
+        assert!(message.contains(part), "{part:?} is not in:\n{message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+}
+
 fn check_ok(output: &Output) -> String {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8_lossy(&output.stdout).into_owned()

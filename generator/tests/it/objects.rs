@@ -10,7 +10,7 @@ use serde_json::Value;
 use shards::{Dataset, FormatVersion};
 use tempfile::TempDir;
 
-use crate::{check_ok, files, run, workshop};
+use crate::{check_fails, check_ok, files, run, workshop};
 
 /// VGN's config at a size for tests, with a catalogue.
 fn config() -> String {
@@ -94,15 +94,6 @@ fn import(dir: &TempDir, more: &[&str]) -> Output {
     program(dir, &[&IMPORT[..], more].concat())
 }
 
-fn fails(output: &Output, code: i32, expected: &[&str]) {
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{message}");
-    for part in expected {
-        assert!(message.contains(part), "{part:?} is not in:\n{message}");
-    }
-    assert!(!message.contains("panicked"), "{message}");
-}
-
 #[test]
 fn meshes_are_measured_and_become_a_catalogue() {
     let dir = with_meshes();
@@ -143,7 +134,7 @@ fn meshes_are_measured_and_become_a_catalogue() {
     assert_eq!(catalogue.names(), ["cube", "ell", "wedge_piece"]);
     // Again the same, and not over somebody's changes.
     check_ok(&import(&dir, &["--density", "1000"]));
-    fails(&import(&dir, &["--mass", "0.2"]), 78, &["--force replaces it", "my-objects.toml"]);
+    check_fails(&import(&dir, &["--mass", "0.2"]), 78, &["--force replaces it", "my-objects.toml"]);
     let table = check_ok(&import(&dir, &["--mass", "0.2", "--friction", "0.5", "--hulls-max", "1", "--force"]));
     assert!(table.contains("wedge_piece") && table.contains("warning: ell: the parts have"), "{table}");
     let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
@@ -159,7 +150,7 @@ fn what_is_odd_about_a_mesh_is_said() {
         program(&dir, &["import-objects", &file, "--mass", "1", "--scale", scale, "--out", "odd.toml", "--force"])
     };
     // Without --scale a cube of 40 mm is one of 40 m.
-    fails(&of("Cube.obj", "1"), 78, &["at most 10 m long, got 40 m", "--scale 0.001", "Cube.obj"]);
+    check_fails(&of("Cube.obj", "1"), 78, &["at most 10 m long, got 40 m", "--scale 0.001", "Cube.obj"]);
     assert!(!dir.path().join("odd.toml").exists());
     let large = check_ok(&of("Cube.obj", "0.05"));
     for part in ["2.000 m long: if the file is in millimetres", "the hand opens 80.0 mm", "bounding box's diagonal"] {
@@ -193,15 +184,19 @@ fn files_that_are_no_meshes_are_told_together() {
     obj(&folder.join("nan.obj"), (nan, triangles));
     let problems =
         ["4 of the files", "cut.stl", "it has no triangles", "empty.obj", "flat.obj", "must be numbers", "nan.obj"];
-    fails(&import(&dir, &[]), 65, &problems);
+    check_fails(&import(&dir, &[]), 65, &problems);
     assert!(!dir.path().join("my-objects.toml").exists());
 
     obj(&folder.join("CUBE.obj"), prism(&SQUARE, &SQUARE_CAP, 40.0));
-    fails(&import(&dir, &[]), 78, &["two files make an object called cube"]);
-    fails(&program(&dir, &["import-objects", "nowhere.obj", "--out", "x.toml"]), 78, &["nowhere.obj"]);
+    check_fails(&import(&dir, &[]), 78, &["two files make an object called cube"]);
+    check_fails(&program(&dir, &["import-objects", "nowhere.obj", "--out", "x.toml"]), 78, &["nowhere.obj"]);
     fs::create_dir(dir.path().join("nothing")).unwrap();
-    fails(&program(&dir, &["import-objects", "nothing", "--out", "x.toml"]), 78, &["there is no .obj or .stl or .ply"]);
-    fails(&program(&dir, &["import-objects", "meshes", "--out", "x.toml", "--scale=-1"]), 2, &["above 0"]);
+    check_fails(
+        &program(&dir, &["import-objects", "nothing", "--out", "x.toml"]),
+        78,
+        &["there is no .obj or .stl or .ply"],
+    );
+    check_fails(&program(&dir, &["import-objects", "meshes", "--out", "x.toml", "--scale=-1"]), 2, &["above 0"]);
 }
 
 #[test]
@@ -251,16 +246,20 @@ fn a_config_says_what_is_wrong_with_its_catalogue() {
         fs::write(dir.path().join("config.toml"), config.replace(from, to)).unwrap();
         run(&dir, "ds", &["--shard-index", "0"])
     };
-    fails(
+    check_fails(
         &with("sampler = \"vgn\"", "sampler = \"rules\""),
         78,
         &["1 problem", "objects.catalogue needs sampler = \"vgn\""],
     );
-    fails(&with("my-objects.toml", "other.toml"), 78, &["objects.catalogue: failed to read the objects", "other.toml"]);
-    fails(&with("\"my-objects.toml\"", "7"), 78, &["objects.catalogue must be a text, got 7"]);
-    fails(&with("catalogue = ", "catalog = "), 78, &["objects.catalog is no key of this file"]);
+    check_fails(
+        &with("my-objects.toml", "other.toml"),
+        78,
+        &["objects.catalogue: failed to read the objects", "other.toml"],
+    );
+    check_fails(&with("\"my-objects.toml\"", "7"), 78, &["objects.catalogue must be a text, got 7"]);
+    check_fails(&with("catalogue = ", "catalog = "), 78, &["objects.catalog is no key of this file"]);
     let small = with("size_m = 0.30 ", "size_m = 0.06 ");
-    fails(&small, 78, &["objects.catalogue: ell must fit into grid.size_m 0.06 in any pose"]);
+    check_fails(&small, 78, &["objects.catalogue: ell must fit into grid.size_m 0.06 in any pose"]);
     let unnamed = with("shapes = [\"cuboid\", \"cylinder\", \"tri_prism\", \"half_cylinder\"]\n", "");
     check_ok(&unnamed);
     // What a dataset says of primitives is not said of others.
