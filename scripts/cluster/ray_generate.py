@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Makes the missing shards of a dataset on a Ray cluster, one task a shard, and completes it. docs/cluster.md says more.
+"""Makes the missing shards of a dataset on a Ray cluster, one task per shard, and completes it. See docs/cluster.md.
 
     python scripts/cluster/ray_generate.py --shards 64 --out s3://bucket/grasps --attempts 200000
 
-`--out` must be one place for all nodes: a shared folder or a URL. `generator` must be installed on every node, in the same
-version. What this script does not know (--attempts, --seed, --config, ...) goes to the generator as it stands.
+`--out` must be the same place for all nodes: a shared folder or a URL. Every node needs the same version of `generator`.
+Unknown options (--attempts, --seed, --config, ...) are passed to the generator.
 
-Ends with the generator's exit codes: 0 complete, 65 or 78 when a shard ended so (the others are cancelled), 69 when
-shards are missing, 75 when a shard did not come in all its tries. Running it again makes what is missing.
+Exit codes are the generator's: 0 if the dataset is complete, 65 or 78 if a shard ended with it (the others are cancelled), 69
+if shards are missing, 75 if all tries of a shard failed. Running the script again makes the missing shards.
 """
 
 import argparse
@@ -26,19 +26,19 @@ class TryAgain(Exception):
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.allow_abbrev = False  # what is not here is the generator's
+    parser.allow_abbrev = False  # unknown options are passed to the generator
     parser.add_argument("--out", required=True, help="folder that all nodes see, or URL")
     parser.add_argument("--shards", required=True, type=int, help="shards of the whole dataset")
-    parser.add_argument("--generator", default="generator", help="the program, on every node [generator]")
-    parser.add_argument("--cpus", default=1, type=int, help="cores and threads of a task [1]")
+    parser.add_argument("--generator", default="generator", help="the program on every node [generator]")
+    parser.add_argument("--cpus", default=1, type=int, help="cores and threads per task [1]")
     parser.add_argument("--address", default="auto", help="of the Ray cluster [auto: the one of this node]")
     return parser.parse_known_args()
 
 
 @ray.remote(max_retries=RETRIES_MAX, retry_exceptions=[TryAgain])
 def make_shard(command, shard):
-    """The shard, how the generator ended and what it said. Ray retries when this raises `TryAgain` or its worker dies;
-    should the dead worker's generator run on, there are two writers of the same bytes, which is harmless."""
+    """The shard, the generator's exit code and its last messages. Ray retries if this raises `TryAgain` or its worker dies.
+    If the dead worker's generator continues, two processes write the same bytes, which is harmless."""
     try:
         ended = subprocess.run([*command, "--shard-index", str(shard)], capture_output=True, text=True)
     except FileNotFoundError as error:
@@ -49,7 +49,7 @@ def make_shard(command, shard):
 
 
 def missing(generator, out, shards):
-    """The shards to make: those that `generator missing` prints, all if there is no dataset yet."""
+    """The shards to make: those that `generator missing` prints, or all if there is no dataset yet."""
     listed = subprocess.run([generator, "missing", out], stdout=subprocess.PIPE, text=True)
     if listed.returncode == CONFIG:
         return list(range(shards))
@@ -59,7 +59,7 @@ def missing(generator, out, shards):
 
 
 def make(command, shards, cpus):
-    """0 when all shards are made, else the exit code of the first that cannot be."""
+    """0 if all shards are made, else the exit code of the first that failed."""
     task = make_shard.options(num_cpus=cpus)
     waiting = [task.remote(command, shard) for shard in shards]
     while waiting:
