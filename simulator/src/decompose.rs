@@ -1,8 +1,9 @@
-//! Convex parts for a triangle mesh: parry's voxel decomposition, joined again where a cut gained nothing, with few corners.
+//! Convex parts for a triangle mesh: parry's voxel decomposition, merged where a cut gained nothing, with few corners.
 //!
-//! The decomposition cuts along voxels and takes the hulls of what of the surface lies in each piece. It cuts more often than
-//! asked for and never joins, so pieces are joined here, the pair first whose common hull adds least. Every corner and face
-//! of a part is an axis of the hand's tests, so a part's corners are counted: what that costs is measured and told.
+//! The decomposition cuts along voxels and takes the hull of the surface in each piece. It makes more pieces than
+//! requested and never merges, so pieces are merged here, first the pair whose common hull adds the least volume. Every
+//! face and edge of a part is an axis of the collision test, so the number of corners is limited; the resulting
+//! deviation is reported.
 
 use parry3d::transformation::try_convex_hull;
 use parry3d::transformation::vhacd::{VHACD, VHACDParameters};
@@ -10,23 +11,23 @@ use schema::Vec3;
 
 use crate::convex_hull::{ConvexHull, HullError};
 
-/// Parts whose common hull adds no more than this share of all parts' volume are one part.
+/// Parts are merged if their common hull adds no more than this share of the volume of all parts.
 const JOIN_SHARE: f64 = 0.002;
-/// Pieces are cut as if so many were wanted at least: what joins them again looks at all pairs, a cut at one piece.
+/// The decomposition is asked for at least this many pieces: merging considers all pairs, a cut only one piece.
 const PIECES_MIN: usize = 64;
-/// What of a mesh stands out of a simplified part by less than this share of the mesh's size may stand out.
+/// Points of the mesh may lie outside a simplified part by at most this share of the mesh's size.
 const FLAT_SHARE: f32 = 2e-4;
 
-/// How finely a mesh is taken apart.
+/// How finely a mesh is decomposed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PartsLaw {
-    /// Most parts.
+    /// Maximum number of parts.
     pub parts_max: usize,
-    /// Most corners of a part; at least 8.
+    /// Maximum number of corners of a part; at least 8.
     pub corners_max: usize,
     /// Voxels along the mesh's longest side.
     pub resolution: u32,
-    /// A piece is cut on if its hull is larger than the piece by more than this share of the whole's hull.
+    /// A piece is cut further if its hull exceeds the piece by more than this share of the volume of the mesh's hull.
     pub concavity: f32,
 }
 
@@ -35,17 +36,17 @@ pub struct PartsLaw {
 pub struct ConvexParts {
     /// The parts, in the mesh's frame.
     pub hulls: Vec<ConvexHull>,
-    /// What stands out of a part because its corners are few, at most, in metres (beyond its faces).
+    /// Largest distance in metres by which points lie outside the faces of their simplified part.
     pub simplified_m: f32,
 }
 
-/// Takes a mesh apart: corners in metres, triangles by their numbers. The same mesh gives the same parts.
+/// Decomposes a mesh: corners in metres, triangles as corner indices. The same mesh gives the same parts.
 ///
 /// # Errors
-/// [`HullError`] if the mesh has no inside to speak of.
+/// [`HullError`] if the mesh has almost no volume.
 ///
 /// # Panics
-/// If a triangle names a corner that is not there.
+/// If a triangle has an index without a corner.
 pub fn convex_parts(corners_m: &[Vec3], triangles: &[[u32; 3]], law: &PartsLaw) -> Result<ConvexParts, HullError> {
     let low = corners_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
     let high = corners_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
@@ -59,7 +60,7 @@ pub fn convex_parts(corners_m: &[Vec3], triangles: &[[u32; 3]], law: &PartsLaw) 
     let tolerance_m = FLAT_SHARE * size_m;
     let mut parts = ConvexParts { hulls: Vec::new(), simplified_m: 0.0 };
     for piece in pieces(corners_m, triangles, [low, Vec3::splat(size_m)], law)? {
-        // A sliver without an inside holds nothing: the parts' volume tells if that was much.
+        // A piece without volume is skipped; the volume of the parts shows the loss.
         let Ok((hull, left_m)) = simplified(&piece.corners_m, law.corners_max, tolerance_m) else { continue };
         parts.simplified_m = parts.simplified_m.max(left_m);
         parts.hulls.push(hull);
@@ -67,8 +68,8 @@ pub fn convex_parts(corners_m: &[Vec3], triangles: &[[u32; 3]], law: &PartsLaw) 
     if parts.hulls.is_empty() { Err(HullError::Flat) } else { Ok(parts) }
 }
 
-/// The hull of some points with at most `corners_max` corners, all of them among the points, and how far points stand
-/// beyond its faces, in metres.
+/// The hull of some points with at most `corners_max` corners, all of them among the points, and the largest distance
+/// in metres by which points lie outside its faces.
 ///
 /// # Errors
 /// [`HullError`] if the points have no hull.
@@ -113,7 +114,7 @@ impl Piece {
     }
 }
 
-/// At most `law.parts_max` convex pieces that hold the mesh between them.
+/// At most `law.parts_max` convex pieces that together contain the mesh.
 fn pieces(
     corners_m: &[Vec3],
     triangles: &[[u32; 3]],
@@ -140,10 +141,10 @@ fn pieces(
     if cut.is_empty() { Ok(vec![whole]) } else { Ok(joined(cut, law.parts_max)) }
 }
 
-/// Joins pieces until there are few enough and no two of them are as good as one.
+/// Merges pieces until there are few enough and no pair can be replaced by its common hull.
 fn joined(mut pieces: Vec<Piece>, parts_max: usize) -> Vec<Piece> {
     let all_m3: f64 = pieces.iter().map(|piece| piece.volume_m3).sum();
-    // What a pair's common hull adds; a pair that has none adds too much.
+    // The volume that a pair's common hull adds; infinite for a pair without a hull.
     let added = |a: &Piece, b: &Piece| a.with(b).map_or(f64::INFINITY, |c| c.volume_m3 - a.volume_m3 - b.volume_m3);
     let mut costs: Vec<Vec<f64>> =
         (0..pieces.len()).map(|i| (0..i).map(|j| added(&pieces[i], &pieces[j])).collect()).collect();
@@ -170,7 +171,7 @@ fn joined(mut pieces: Vec<Piece>, parts_max: usize) -> Vec<Piece> {
     pieces
 }
 
-/// A hull of few corners: the outermost points along a few axes, then always the point that stands out most.
+/// A hull with few corners: the outermost points along a few axes, then repeatedly the point farthest outside.
 fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result<(ConvexHull, f32), HullError> {
     let (mut chosen, mut hull) = beginning(points_m)?;
     let mut is_left = vec![true; points_m.len()];
@@ -187,7 +188,7 @@ fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result
         };
         is_left[next] = false;
         chosen.push(points_m[next]);
-        // A point that would make faces which cannot be told apart stays out, and counts as standing out.
+        // A point that would make almost coplanar faces is not added and counts as lying outside.
         match ConvexHull::of(&chosen) {
             Ok(larger) if larger.vertices_m().len() <= corners_max => hull = larger,
             _ => drop(chosen.pop()),
@@ -195,7 +196,7 @@ fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result
     }
 }
 
-/// The outermost points along the axes; along the diagonals too, where those have no hull.
+/// The outermost points along the axes, and also along the diagonals if the former have no hull.
 fn beginning(points_m: &[Vec3]) -> Result<(Vec<Vec3>, ConvexHull), HullError> {
     let signs = [-1.0, 0.0, 1.0];
     let directions = signs.iter().flat_map(|x| signs.iter().flat_map(move |y| signs.map(|z| Vec3::new(*x, *y, z))));

@@ -1,15 +1,15 @@
 //! Depth by ray casting.
 //!
-//! Every convex part is an intersection of half-spaces, so a ray meets it where it has entered all of them and left none:
-//! a few multiplications a face, exact, and the same faceted shapes as in the physics. A ray is cast for a pixel only
-//! when someone asks for that pixel, which is how the TSDF comes to cost a fraction of a rendered image.
+//! A convex part is an intersection of half-spaces, so a ray hits it where it has entered all of them and left none.
+//! This takes a few multiplications per face, is exact, and uses the same faceted shapes as the physics. A ray is cast
+//! only for a requested pixel, so the TSDF costs a fraction of a rendered image.
 
 use schema::{Camera, DepthImage, Intrinsics, Plane, Pose, Vec3};
 
 use crate::body::plane_moved;
 use crate::{Convex, Scene};
 
-/// A scene made ready for rays.
+/// A scene prepared for ray casting.
 #[derive(Debug, Clone)]
 pub struct SceneRays {
     table_z_m: f32,
@@ -18,7 +18,7 @@ pub struct SceneRays {
 }
 
 impl SceneRays {
-    /// Makes a scene ready for rays.
+    /// Prepares a scene for ray casting.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
         let parts = scene.objects.iter().flat_map(|object| {
@@ -55,7 +55,8 @@ impl SceneRays {
     }
 }
 
-/// The rays of one camera: everything in its frame, so that a pixel's ray has z = 1 and meets things at their depth.
+/// The rays of one camera. All data are in the camera frame, so a pixel's ray has z = 1 and its hit parameter is the
+/// depth.
 #[derive(Debug, Clone)]
 pub struct ViewRays {
     intrinsics: Intrinsics,
@@ -76,7 +77,7 @@ struct Face {
     gap_m: f32,
 }
 
-/// The pixels in which a part may be seen: first and last column, first and last row.
+/// The pixels that a part may cover: first and last column, first and last row.
 #[derive(Debug, Clone, Copy)]
 struct Window {
     u_px: [f32; 2],
@@ -93,7 +94,7 @@ impl Window {
             if seen.z <= 1e-3 {
                 return everything;
             }
-            // A pixel more on every side than rounding could ask for.
+            // One pixel more on every side than rounding could require.
             let u = seen.x * lens.fx_px / seen.z + lens.cx_px;
             let v = seen.y * lens.fy_px / seen.z + lens.cy_px;
             window.u_px = [window.u_px[0].min(u - 1.0), window.u_px[1].max(u + 1.0)];
@@ -108,7 +109,7 @@ impl Window {
 }
 
 impl ViewRays {
-    /// Depth along the camera's z at a pixel, in metres; `None` where nothing is seen.
+    /// Depth along the camera's z at a pixel, in metres; `None` if the ray hits nothing.
     #[must_use]
     pub fn depth_at(&self, pixel: [usize; 2]) -> Option<f32> {
         let ray = self.intrinsics.ray(pixel);
@@ -128,7 +129,7 @@ impl ViewRays {
     }
 }
 
-/// Where the ray from the origin enters what `faces` bound, if before `nearest`; else `nearest`.
+/// Depth at which the ray from the origin enters the part bounded by `faces`, if less than `nearest`; else `nearest`.
 fn enter(faces: &[Face], ray: Vec3, nearest: f32) -> f32 {
     let (mut entry, mut exit) = (0.0_f32, nearest);
     for face in faces {
@@ -189,8 +190,8 @@ mod tests {
         TriMesh::new(vertices, indices).unwrap()
     }
 
-    /// Depths agree with parry's rays against the triangles of the physics' shapes. (Against the convex hulls themselves
-    /// parry casts by GJK, which stops up to some millimetres off a faceted cylinder.)
+    /// Depths agree with parry's rays against the triangles of the physics' shapes. (Against the convex hulls
+    /// themselves parry casts by GJK, which stops up to some millimetres off a faceted cylinder.)
     #[test]
     fn rays_meet_what_the_physics_feels() {
         let scene = scene_of_all_shapes();
@@ -215,7 +216,7 @@ mod tests {
                     .fold(table, f32::min);
                 let got = view.depth_at(pixel).unwrap_or(f32::INFINITY);
                 on_objects += u32::from(expected < table * 0.98);
-                // A ray along a silhouette may hit for one and miss for the other.
+                // A ray along a silhouette may hit in one and miss in the other.
                 let agrees = got == expected || (got - expected).abs() * direction.length() < 2e-5;
                 disagreements += u32::from(!agrees);
             }

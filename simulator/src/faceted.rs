@@ -1,9 +1,9 @@
-//! A convex solid as a collision shape: parry's convex hull, with faces that hold.
+//! A convex solid as a collision shape: parry's convex hull with a better choice of contact corners.
 //!
-//! parry describes a face that two shapes share by at most four corners, and takes the *first four* of a hull's face. The
-//! round end of a cylinder has 24: its first four lie side by side on the rim, do not surround the middle, and an upright
-//! cylinder trembles or topples. Here a many-cornered face is described by four corners spread around its rim, one of
-//! them next to where the other body touches, so that the whole rim can bear. Everything else is the hull's.
+//! parry describes a contact face by at most four corners, and takes the *first four* of a hull's face. The round end
+//! of a cylinder has 24 corners: the first four are adjacent on the rim and do not surround the centre, so an upright
+//! cylinder trembles or topples. This shape describes a many-cornered face by four corners spread around its rim, one
+//! of them next to the contact, so that the whole rim can carry load. Everything else is delegated to the hull.
 
 use parry3d::bounding_volume::{Aabb, BoundingSphere};
 use parry3d::mass_properties::MassProperties;
@@ -17,10 +17,10 @@ use schema::{Pose, ShapeKind, Solid};
 
 use crate::convex_hull::ConvexHull;
 
-/// A face touched nearer to its middle than this share of its radius is described by its standing choice of corners.
+/// If a face is touched closer to its centre than this share of its radius, a fixed choice of corners describes it.
 const RIM_SHARE: f32 = 0.25;
 
-/// The collision shape of a solid, in units of which `units_per_m` make a metre.
+/// The collision shape of a solid, in units of 1/`units_per_m` metre.
 pub(crate) fn shape_of(solid: &Solid, units_per_m: f32) -> SharedShape {
     let half = solid.extents_m * (0.5 * units_per_m);
     match solid.kind {
@@ -29,22 +29,22 @@ pub(crate) fn shape_of(solid: &Solid, units_per_m: f32) -> SharedShape {
     }
 }
 
-/// The collision shape of a hull, in units of which `units_per_m` make a metre.
+/// The collision shape of a hull, in units of 1/`units_per_m` metre.
 pub(crate) fn shape_of_hull(hull: &ConvexHull, units_per_m: f32) -> SharedShape {
     SharedShape::new(Faceted::of_hull(hull, units_per_m).expect("a checked hull is convex"))
 }
 
-/// A convex polyhedron whose faces are known as rings of corners.
+/// A convex polyhedron whose faces are rings of corners.
 #[derive(Debug, Clone)]
 pub(crate) struct Faceted {
     hull: ConvexPolyhedron,
     corners: Vec<Vector>,
     faces: Vec<Ring>,
-    /// Whether the corners of a many-cornered face may be taken to follow each other evenly, as a solid's do.
+    /// Whether the corners of a many-cornered face are evenly spaced, as a solid's are.
     is_even: bool,
 }
 
-/// A face: its corners by number, in order round it.
+/// A face: indices of its corners, in order around it.
 #[derive(Debug, Clone)]
 struct Ring {
     normal: Vector,
@@ -54,8 +54,8 @@ struct Ring {
 }
 
 impl Faceted {
-    /// A polygon pushed along an axis. Corners `0..n` are the lower end's, `n..2n` the upper end's; faces `0..n` are the
-    /// sides, `n` and `n + 1` the ends, as [`Solid`] orders them.
+    /// An extruded polygon. Corners `0..n` belong to the lower end and `n..2n` to the upper end; faces `0..n` are the
+    /// sides, `n` and `n + 1` the ends, as in [`Solid`].
     fn of_solid(solid: &Solid, units_per_m: f32) -> Self {
         let corners: Vec<Vector> = solid.vertices_m().into_iter().map(|c| c * units_per_m).collect();
         let n = corners.len() / 2;
@@ -65,7 +65,7 @@ impl Faceted {
         Self::new(corners, normals.zip(sides.chain(ends)), true).expect("a checked solid has a convex hull")
     }
 
-    /// `None` if the engine finds no hull in the corners.
+    /// `None` if the engine finds no hull of the corners.
     pub(crate) fn of_hull(hull: &ConvexHull, units_per_m: f32) -> Option<Self> {
         let corners = hull.vertices_m().iter().map(|c| *c * units_per_m).collect();
         Self::new(corners, hull.faces().iter().map(|face| (face.plane.normal, face.ring.clone())), false)
@@ -82,8 +82,8 @@ impl Faceted {
         Some(Self { hull, corners, faces, is_even })
     }
 
-    /// Up to four corners of a face, of a many-cornered one spread round its rim, the first next to `hint` if that lies
-    /// near the rim.
+    /// Up to four corners of a face. Those of a many-cornered face are spread around its rim; the first is next to
+    /// `hint` if `hint` is near the rim.
     fn face_corners(&self, face: &Ring, hint: Option<Vector>) -> ([usize; 4], usize) {
         let (ring, n) = (&face.corners, face.corners.len());
         if n <= 4 {
@@ -116,7 +116,7 @@ impl Faceted {
     }
 }
 
-/// The number of the first vector that reaches furthest along `direction`.
+/// Index of the first vector with the largest component along `direction`.
 fn furthest_along(vectors: impl Iterator<Item = Vector>, direction: Vector) -> usize {
     let mut best = (0, f32::NEG_INFINITY);
     for (number, vector) in vectors.enumerate() {

@@ -1,18 +1,18 @@
-//! The world: objects that fall and stack, a hand that grasps them, and what a depth camera sees of them.
+//! The physics: objects that fall and stack, a hand that grasps them, and a depth camera that observes them.
 //!
-//! This is the only crate that knows rapier. What goes in and comes out is in the workspace: z up, metres, kilograms,
-//! seconds, gravity set explicitly. The three things it does:
+//! This is the only crate that uses rapier. Its interface is in the workspace frame: z up, metres, kilograms, seconds,
+//! explicit gravity. It has three functions:
 //!
-//! - [`settle`] drops objects into a temporary box until they rest and gives their poses: a [`Scene`].
-//! - [`AttemptWorld::execute`] lets a free-floating parallel jaw try one grasp in that scene and says how it ended;
-//!   [`AttemptWorld::execute_watched`] does the same before the eyes of a [`Watcher`].
-//! - [`SceneRays`] casts the rays of a depth camera at the very same faceted shapes that the physics feels.
+//! - [`settle`] drops objects into a temporary box until they rest and returns their poses: a [`Scene`].
+//! - [`AttemptWorld::execute`] executes one grasp of a free-floating parallel jaw in that scene and returns the
+//!   outcome; [`AttemptWorld::execute_watched`] does the same and reports every step to a [`Watcher`].
+//! - [`SceneRays`] casts the rays of a depth camera at the same faceted shapes that the physics uses.
 //!
-//! An object's shape is a [`Body`]: one of the four solids, or a [`Compound`] of convex parts, which [`convex_parts`] makes of
-//! a mesh.
+//! An object's shape is a [`Body`]: one of the four solids, or a [`Compound`] of convex parts, which [`convex_parts`]
+//! makes of a mesh.
 //!
-//! Every result is a pure function of its arguments: worlds are rebuilt from poses, never carried over, and nothing
-//! runs in parallel inside a world.
+//! Every result is a pure function of its arguments. A world is always rebuilt from poses, and nothing runs in parallel
+//! inside a world.
 
 mod attempt;
 mod body;

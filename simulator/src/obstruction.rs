@@ -1,32 +1,32 @@
-//! Where a hand that the gate stops would first touch what stops it. The gate itself only asks whether.
+//! Where a blocked hand first touches the obstacle. The gate itself only tests whether it does.
 
 use schema::{HandBox, Outcome, Pose, Vec3};
 
 use crate::attempt::AttemptWorld;
 use crate::gate::{Gate, Hit};
 
-/// Halvings of the way: a micrometre of the longest approach.
+/// Number of bisections: to a micrometre on the longest approach.
 const HALVINGS: usize = 20;
 /// Rounds of projection onto the faces of box and part.
 const ROUNDS: usize = 200;
 
-/// What keeps a hand from a grasp, and where.
+/// What blocks a hand, and where.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Obstruction {
     /// The outcome, as [`AttemptWorld::execute`] gives it.
     pub outcome: Outcome,
-    /// What stops the hand, as [`AttemptWorld::execute`] gives it.
+    /// The obstacle, as [`AttemptWorld::execute`] gives it.
     pub hit: Hit,
-    /// How far from the pre-grasp the hand has come when it is within its clearance of that, in metres.
+    /// Distance in metres from the pre-grasp at which the hand comes within its clearance of the obstacle.
     pub travel_m: f32,
     /// Which box of [`schema::Gripper::open_hand`] touches first.
     pub part: usize,
-    /// A point, in the workspace, within that box grown by the clearance, and in what stops it.
+    /// A workspace point inside both the obstacle and that box enlarged by the clearance.
     pub point_m: Vec3,
 }
 
 impl AttemptWorld<'_> {
-    /// What keeps the hand from a grasp of object `target`, `None` if nothing does.
+    /// What blocks the hand on its way to a grasp of object `target`; `None` if nothing does.
     ///
     /// # Panics
     /// If the scene has no object `target`.
@@ -45,7 +45,7 @@ impl AttemptWorld<'_> {
             if touches { far_m = middle_m } else { near_m = middle_m }
         }
         let boxes = self.swept(far_m);
-        // By rounding, what touched the gate's own boxes may just not touch these: then it is nearest the last.
+        // Because of rounding, an obstacle of the gate's own boxes may just miss these; then it is closest to the last.
         let part = obstacle.first_of(boxes).unwrap_or(boxes.len() - 1);
         let point_m = obstacle.point_in(&boxes[part]);
         Some(Obstruction {
@@ -57,7 +57,7 @@ impl AttemptWorld<'_> {
         })
     }
 
-    /// What the hand's boxes pass from the pre-grasp on for `travel_m`, grown by the clearance.
+    /// The hand's boxes swept from the pre-grasp over `travel_m`, enlarged by the clearance.
     fn swept(&self, travel_m: f32) -> [HandBox; 3] {
         let rest = Vec3::Z * (self.procedure.pregrasp_distance_m - travel_m);
         self.gripper.open_hand().map(|b| {
@@ -67,7 +67,7 @@ impl AttemptWorld<'_> {
     }
 }
 
-/// What stops the hand.
+/// The obstacle.
 enum Obstacle<'a> {
     Object {
         gate: &'a Gate,
@@ -92,7 +92,7 @@ impl<'a> Obstacle<'a> {
         }
     }
 
-    /// The first of the boxes that touches it.
+    /// The first box that touches the obstacle.
     fn first_of(&self, boxes: [HandBox; 3]) -> Option<usize> {
         boxes.iter().position(|b| match self {
             Self::Object { gate, id, workspace_from_grasp } => {
@@ -102,7 +102,7 @@ impl<'a> Obstacle<'a> {
         })
     }
 
-    /// A point that it has in common with a box, or nearly.
+    /// A point that the obstacle shares with a box, up to rounding.
     fn point_in(&self, hand_box: &HandBox) -> Vec3 {
         let parts = match self {
             Self::Object { gate, id, workspace_from_grasp } => gate.overlapped(*id, workspace_from_grasp, &[*hand_box]),
@@ -111,7 +111,7 @@ impl<'a> Obstacle<'a> {
         let Some(part) = parts.first() else { return hand_box.centre_m };
         let (low, high) = (hand_box.centre_m - hand_box.half_m, hand_box.centre_m + hand_box.half_m);
         let mut point = part.centre_m;
-        // Projections onto convex sets in turn lead to a point of all of them.
+        // Alternating projections onto convex sets converge to a common point.
         for _ in 0..ROUNDS {
             for normal in &part.normals {
                 let ([least, most], reach) = (part.span(*normal), normal.dot(point));

@@ -27,11 +27,11 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The scene that a dataset's rows describe: what was executed can be executed again from what was stored. `bodies` are
-    /// those of the dataset's models, in their order ([`crate::bodies_of`]).
+    /// The scene that a dataset's rows describe, so that stored attempts can be executed again. `bodies` are those of
+    /// the dataset's models, in their order ([`crate::bodies_of`]).
     ///
     /// # Panics
-    /// If a row names a model that has no body.
+    /// If a row names a model without a body.
     #[must_use]
     pub fn from_records(table_z_m: f32, records: &[ObjectRecord], bodies: &[Body]) -> Self {
         let body = |shape: &ObjectShape| match shape {

@@ -1,8 +1,8 @@
 //! Dropping objects until they rest (paper 2.3, Fig. 2).
 //!
-//! One object after the other falls into a box without a lid; when the last one rests the box is taken away, and the
-//! pile comes to rest once more. A fall is simulated from where it comes near something, and what rests is left alone
-//! until something touches it. What has left the workspace by then is not part of the scene.
+//! The objects fall one after the other into an open box. When the last one rests, the box is removed, and the pile
+//! comes to rest again. The free part of a fall is not simulated, and resting objects sleep until something touches
+//! them. Objects that have left the workspace are not part of the scene.
 
 use rapier3d::prelude::*;
 use schema::{Grid, Pose, Vec3};
@@ -19,25 +19,25 @@ pub struct Drop {
     pub mass_kg: f32,
     /// Coulomb friction coefficient.
     pub friction: f32,
-    /// Where it is let go.
+    /// Pose at which it is released.
     pub workspace_from_object: Pose,
 }
 
 /// When a pile counts as resting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SettleLaw {
-    /// Solver iterations a step, in place of [`Physics::solver_iterations`]: with 4, one pile in ten never rests.
+    /// Solver iterations per step, instead of [`Physics::solver_iterations`]: with 4, one pile in ten never rests.
     pub solver_iterations: usize,
-    /// Falling and rolling lose speed at this rate (1/s): it stands for rolling resistance, without which a cylinder on
-    /// its side rolls on for ever. Only while settling; attempts are undamped.
+    /// Damping rate of linear and angular velocity (1/s). It models rolling resistance, without which a cylinder on its
+    /// side never stops. It applies only while settling; attempts are undamped.
     pub damping_1_s: f32,
-    /// No object moves faster than this.
+    /// Maximum speed of a resting object.
     pub linear_speed_m_s_max: f32,
-    /// No object turns faster than this.
+    /// Maximum angular speed of a resting object.
     pub angular_speed_rad_s_max: f32,
-    /// For this long.
+    /// How long both must hold.
     pub rest_time_s: f32,
-    /// An object that does not rest by then makes the scene fail.
+    /// The scene is rejected if an object does not rest by then.
     pub time_s_max: f32,
 }
 
@@ -50,30 +50,30 @@ pub struct Settled {
     pub settle_time_s: f32,
 }
 
-/// Why a scene was thrown away.
+/// Why a scene was rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unsettled {
-    /// Something still moved at the time limit.
+    /// An object still moved at the time limit.
     Moving,
-    /// Nothing stayed in the workspace.
+    /// No object stayed in the workspace.
     Empty,
-    /// A pose is no number, or an object was shot through the table or out of sight.
+    /// A pose is not finite, or an object was shot through the table or far away.
     Unstable,
 }
 
 /// A falling object is simulated from this far above what it may hit.
 const NEAR_M: f32 = 0.005;
-/// Thickness and height of the temporary walls, in metres: high enough for what is dropped from 0.2 m.
+/// Thickness and height of the temporary walls, in metres: high enough for objects dropped from 0.2 m.
 const WALL_THICKNESS_M: f32 = 0.1;
 const WALL_HEIGHT_M: f32 = 0.4;
-/// An object this far from the workspace's middle, or this deep in the table, was shot away by the engine.
+/// An object this far from the workspace's centre, or this deep in the table, was shot away by the engine.
 const ESCAPE_DISTANCE_M: f32 = 2.0;
 const SUNK_DEPTH_M: f32 = 0.01;
 
 /// Drops `drops` one by one into a box over the workspace and waits until they rest.
 ///
 /// # Errors
-/// [`Unsettled`] says why the scene is no scene; the caller draws another.
+/// [`Unsettled`] says why the scene is rejected; the caller draws another.
 pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -> Result<Settled, Unsettled> {
     let physics = &Physics { solver_iterations: law.solver_iterations, ..*physics };
     let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
@@ -119,11 +119,11 @@ pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -
     Ok(Settled { scene, settle_time_s: steps as f32 * physics.dt_s() })
 }
 
-/// Lets `objects` come to rest from where they are, without walls, as what an attempt has left behind. What comes to
-/// rest outside the workspace is left out, and what leaned on it rests once more; nothing may be left at all.
+/// Lets the `objects` that an attempt left behind come to rest, without walls. An object that rests outside the
+/// workspace is removed, and the others come to rest again. The result may be empty.
 ///
 /// # Errors
-/// [`Unsettled::Moving`] or [`Unsettled::Unstable`]; an empty scene is a scene.
+/// [`Unsettled::Moving`] or [`Unsettled::Unstable`]; an empty scene is valid.
 pub fn settle_again(
     physics: &Physics,
     law: &SettleLaw,
@@ -133,7 +133,7 @@ pub fn settle_again(
     let physics = &Physics { solver_iterations: law.solver_iterations, ..*physics };
     let mut objects = objects.to_vec();
     let mut steps = 0;
-    // Ends: every round but the last has fewer objects.
+    // The loop ends: every round but the last has fewer objects.
     loop {
         let count = objects.len();
         steps += rest_from(physics, law, grid, &mut objects)?;
@@ -145,7 +145,7 @@ pub fn settle_again(
     }
 }
 
-/// Moves objects to where they come to rest on the bare table; gives the number of steps.
+/// Moves objects to their resting poses on the bare table; returns the number of steps.
 fn rest_from(physics: &Physics, law: &SettleLaw, grid: &Grid, objects: &mut [SceneObject]) -> Result<usize, Unsettled> {
     let sane = |object: &SceneObject| is_sane(&object.workspace_from_object, &object.body, grid);
     if !objects.iter().all(sane) {
@@ -178,7 +178,7 @@ struct Fall {
 }
 
 impl Fall {
-    /// The part of a fall of `height_m` in which nothing is near.
+    /// The part of a fall of `height_m` during which nothing is near.
     fn until_near(physics: &Physics, law: &SettleLaw, height_m: f32) -> Self {
         let (dt_s, mut fall) = (physics.dt_s(), Self { steps: 0, way_m: 0.0, speed_m_s: 0.0 });
         loop {
@@ -197,7 +197,7 @@ fn lowest_z_m(corners_m: &[Vec3], pose: &Pose) -> f32 {
     corners_m.iter().map(|corner| pose.transform_point(*corner).z).fold(f32::INFINITY, f32::min)
 }
 
-/// Height of the highest corner of what has been dropped, or of the table.
+/// Height of the highest corner of the dropped objects, or of the table.
 fn top_z_m(world: &World, bodies: &[RigidBodyHandle], drops: &[Drop], grid: &Grid) -> f32 {
     let corner_z_m = bodies.iter().zip(drops).flat_map(|(body, drop)| {
         let pose = world.pose(*body);
@@ -218,7 +218,7 @@ fn add_walls(world: &mut World, physics: &Physics, grid: &Grid) -> [ColliderHand
     })
 }
 
-/// Steps until every body rests; gives the number of steps.
+/// Simulates until every body rests; returns the number of steps.
 fn rest(
     world: &mut World,
     pipeline: &mut PhysicsPipeline,

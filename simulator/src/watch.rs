@@ -1,7 +1,7 @@
-//! Looking on while an attempt is executed.
+//! Observing an attempt while it is executed.
 //!
-//! A watcher is shown every step and told what the attempt goes by; it cannot change anything, so what is watched ends
-//! as what is not. Without one, a step costs a look at an empty pointer more.
+//! A watcher receives every step and every decision. It cannot change anything, so a watched attempt ends like an
+//! unwatched one. Without a watcher a step costs one additional null check.
 
 use rapier3d::prelude::{ColliderHandle, RigidBodyHandle};
 use schema::{Pose, Vec3};
@@ -10,47 +10,47 @@ use crate::attempt::{AttemptWorld, Execution};
 use crate::engine::World;
 use crate::hand::Hand;
 
-/// Who looks on.
+/// An observer of an attempt.
 pub trait Watcher {
-    /// After every simulated step.
+    /// Called after every simulated step.
     fn step(&mut self, moment: &Moment<'_>);
 
-    /// When something happens; always in the order in which it does. What happens before the first step has no moment.
+    /// Called for every event, in order. Events before the first step have no moment.
     fn event(&mut self, event: AttemptEvent, moment: Option<&Moment<'_>>);
 }
 
-/// What the hand is doing.
+/// The phase of the attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// It closes.
+    /// The fingers close.
     Close,
-    /// It moves out with its catch.
+    /// The hand moves away with the target.
     Retreat,
-    /// It stands still and holds.
+    /// The hand rests and holds.
     Hold,
-    /// It goes on for those who look on: the attempt is over.
+    /// The attempt is over; further steps are only shown to the watcher.
     After,
 }
 
-/// Something that an attempt goes by.
+/// A decision or event of an attempt.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AttemptEvent {
-    /// Nothing lies between the jaws: by the shortcut, their closing is not simulated.
+    /// Nothing is between the jaws, so the shortcut skips the closing.
     NothingBetween {
         /// Steps until they meet.
         steps: usize,
     },
-    /// Nothing is near the fingers for so many steps: by the shortcut, these are not simulated.
+    /// Nothing is near the fingers for some steps, so the shortcut skips these.
     ClosedFreely {
-        /// Steps that are left out.
+        /// Skipped steps.
         steps: usize,
     },
-    /// Both fingers stand still.
+    /// Both fingers have stopped.
     FingersStopped {
         /// Opening in metres.
         width_m: f32,
     },
-    /// The fingers have closed for as long as they may.
+    /// The time limit of closing is reached.
     ClosingTimeOver {
         /// Opening in metres.
         width_m: f32,
@@ -60,7 +60,7 @@ pub enum AttemptEvent {
         /// Opening in metres.
         width_m: f32,
     },
-    /// While the hand closed, another object was moved by more than it may be.
+    /// Closing moved another object by more than the limit.
     Pushed {
         /// Which.
         object_id: usize,
@@ -69,9 +69,9 @@ pub enum AttemptEvent {
     },
     /// The closing fingers came too near the table.
     NearTable,
-    /// The target rides along, all else rests and the rest of the way is free: by the shortcut, the lift ends here.
+    /// The target moves with the hand, everything else rests, and the way is free, so the shortcut ends the lift here.
     RidesAlong {
-        /// What is left of the way, in metres.
+        /// Remaining distance, in metres.
         rest_m: f32,
     },
     /// The jaws have met while lifting or holding.
@@ -79,32 +79,32 @@ pub enum AttemptEvent {
         /// Opening in metres.
         width_m: f32,
     },
-    /// At the end of the hold the target has not come along far enough.
+    /// At the end of the hold the target has not moved far enough with the hand.
     LeftBehind {
-        /// How far it came along, in metres.
+        /// Distance that it moved, in metres.
         travel_m: f32,
-        /// How far it should have come at least, in metres.
+        /// Required minimum, in metres.
         travel_m_min: f32,
     },
-    /// At the end of the hold the target has come along, but not both fingers press on it.
+    /// At the end of the hold the target has moved far enough, but not both fingers press on it.
     NotGripped,
-    /// At the end of the hold the target has come along and both fingers press on it.
+    /// At the end of the hold the target has moved far enough, and both fingers press on it.
     Gripped {
-        /// How far it came along, in metres.
+        /// Distance that it moved, in metres.
         travel_m: f32,
     },
-    /// While the hand lifted, another object was raised by more than it may be.
+    /// The lift raised another object by more than the limit.
     Raised {
         /// Which.
         object_id: usize,
         /// How far, in metres.
         raised_m: f32,
     },
-    /// The attempt is over. Steps that follow are only shown.
+    /// The attempt is over. Further steps are only shown.
     Decided(Execution),
 }
 
-/// Something that touches.
+/// A body that can touch another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Toucher {
     /// The finger at −y of the grasp.
@@ -113,24 +113,24 @@ pub enum Toucher {
     RightFinger,
     /// The palm.
     Palm,
-    /// An object, by its number.
+    /// An object, by its index.
     Object(usize),
     /// The table.
     Table,
 }
 
-/// Two things that press on each other.
+/// Two bodies that press on each other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
     /// Which.
     pub between: [Toucher; 2],
-    /// Where, in the workspace, in metres: the points that carry.
+    /// The contact points that carry load, in the workspace, in metres.
     pub points_m: Vec<Vec3>,
-    /// How hard in the last step, in newtons.
+    /// Force in the last step, in newtons.
     pub force_n: f32,
 }
 
-/// An attempt at a moment.
+/// The state of an attempt after a step.
 pub struct Moment<'r> {
     pub(crate) phase: Phase,
     pub(crate) steps: usize,
@@ -148,26 +148,26 @@ impl std::fmt::Debug for Moment<'_> {
 }
 
 impl Moment<'_> {
-    /// What the hand is doing.
+    /// The phase of the attempt.
     #[must_use]
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// Steps since the open hand was at the grasp, those that were left out included.
+    /// Steps since the open hand was at the grasp, including skipped steps.
     #[must_use]
     pub fn steps(&self) -> usize {
         self.steps
     }
 
-    /// Where the objects are in the workspace.
+    /// Poses of the objects in the workspace.
     #[must_use]
     pub fn objects(&self) -> Vec<Pose> {
         self.bodies.iter().map(|body| self.workspace_from_grasp * self.world.pose(*body)).collect()
     }
 
-    /// Where the boxes of [`schema::Gripper::open_hand`] are: the poses, in the workspace, of the frame in which they
-    /// are given.
+    /// Workspace poses of the boxes of [`schema::Gripper::open_hand`]: each maps the open hand's frame to where that
+    /// box is now.
     #[must_use]
     pub fn hand(&self) -> [Pose; 3] {
         let boxes = self.hand.boxes(self.world, self.setup.gripper);
@@ -180,7 +180,7 @@ impl Moment<'_> {
         self.hand.width_m(self.world)
     }
 
-    /// What presses on the hand or on an object.
+    /// All contacts on the hand or on an object.
     #[must_use]
     pub fn contacts(&self) -> Vec<Contact> {
         let known = |contact: crate::engine::Pressing| Contact {
