@@ -1,8 +1,9 @@
-//! A spatial index for neighbours within one radius: points sorted into cubes at least as wide as the radius, so that the
-//! neighbours of a point lie in its cube and the 26 around it.
+//! A spatial index for neighbours within one radius: points sorted into cubes at least as wide as the radius, so that
+//! the neighbours of a point lie in its cube and the 26 around it.
 //!
-//! Clouds of a workspace are small, dense and asked for one radius, hundreds of neighbours each. All 1.8 million neighbour
-//! pairs of 9,600 points took 12 ms this way, 28 ms with a k-d tree (kiddo 6.3) and 72 ms with an R-tree (rstar 0.14).
+//! Clouds of a workspace are small and dense, and all queries have one radius and hundreds of results. All 1.8 million
+//! neighbour pairs of 9,600 points took 12 ms this way, 28 ms with a k-d tree (kiddo 6.3) and 72 ms with an R-tree
+//! (rstar 0.14).
 
 use schema::Vec3;
 
@@ -15,9 +16,9 @@ pub(crate) struct Cells {
     low: Vec3,
     per_side: f32,
     counts: [usize; 3],
-    /// Where a cube's points begin in `order`; one more than there are cubes.
+    /// Start of each cube's points in `order`, with one more entry at the end.
     starts: Vec<u32>,
-    /// Numbers of the points, cube by cube, ascending in each.
+    /// Indices of the points by cube, ascending in each.
     order: Vec<u32>,
 }
 
@@ -27,7 +28,7 @@ impl Cells {
         let low = points_m.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
         let high = points_m.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
         let extent = if points_m.is_empty() { Vec3::ZERO } else { high - low };
-        // A little wider than the radius, so that rounding never takes a neighbour two cubes away.
+        // Slightly wider than the radius, so that rounding never puts a neighbour two cubes away.
         let side = (radius_m * 1.0001).max(extent.max_element() / SIDE_MAX).max(f32::MIN_POSITIVE);
         let counts = (extent / side).to_array().map(|x| x as usize + 1);
         let mut cells = Self {
@@ -62,7 +63,7 @@ impl Cells {
         (i * self.counts[1] + j) * self.counts[2] + k
     }
 
-    /// Numbers of all cubes that may hold neighbours of a point.
+    /// Indices of all cubes that may hold neighbours of a point.
     pub(crate) fn around(&self, point_m: Vec3) -> impl Iterator<Item = usize> + '_ {
         let [is, js, ks] = {
             let cube = self.cube(point_m);

@@ -1,5 +1,5 @@
-//! A point cloud seen again: the depth image that a camera would have taken where the cloud was seen from. So a cloud becomes a
-//! [`crate::Tsdf`] by the very code that fuses depth images.
+//! Renders a point cloud as the depth image of a camera at the cloud's viewpoint. A cloud thereby becomes a
+//! [`crate::Tsdf`] by the same code that fuses depth images.
 
 use schema::{Camera, DepthImage, Grid, Intrinsics, Vec3, View};
 
@@ -7,20 +7,20 @@ use crate::camera_at;
 
 /// Pixels along each side of the image.
 const SIDE_PX: usize = 480;
-/// The image is this much wider than what is on it.
+/// The image is wider than the projected points by this factor.
 const MARGIN: f32 = 1.02;
-/// A point stands for a disc of this radius, in spacings of the cloud: a square lattice leaves no hole from 0.71 on.
+/// A point is drawn as a disc of this radius, in spacings of the cloud: from 0.71 a square lattice has no holes.
 const DISC_SPACINGS: f32 = 0.8;
 
-/// The view from a point: on a sphere about the middle of the workspace's floor, looking at it.
+/// The view from a point, towards the centre of the workspace's floor.
 ///
-/// `None` if the eye is nearer to that than the workspace is wide (then parts of it would lie behind the camera), below the floor, or not a
-/// finite point.
+/// `None` if the eye is closer to that centre than the workspace is wide (then parts of the workspace would lie behind
+/// the camera), below the floor, or not finite.
 #[must_use]
 pub fn view_from(eye_m: Vec3, grid: &Grid) -> Option<View> {
     let off = eye_m - Vec3::new(0.5 * grid.size_m, 0.5 * grid.size_m, 0.0);
     let radius_m = off.length();
-    // False for what is no number.
+    // False for NaN.
     if !(radius_m >= grid.size_m && radius_m < 1e3 && off.z >= 0.0) {
         return None;
     }
@@ -28,10 +28,11 @@ pub fn view_from(eye_m: Vec3, grid: &Grid) -> Option<View> {
     Some(View { radius_m, polar_rad, azimuth_rad: libm::atan2f(off.y, off.x) })
 }
 
-/// The depth image of a cloud whose points are about `spacing_m` apart, and the camera that takes it.
+/// The depth image of a cloud whose points are about `spacing_m` apart, and its camera.
 ///
-/// Each point is a disc that faces the camera. A pixel's depth is the mean over the discs on it that lie at the nearest of them,
-/// the nearer to the pixel the heavier: the nearest alone would lift every oblique surface towards the eye.
+/// Each point is a disc that faces the camera. The depth of a pixel is the weighted mean over the discs on it that are
+/// close to the nearest one; weights fall with the distance to the pixel. The nearest disc alone would shift every
+/// oblique surface towards the eye.
 #[must_use]
 pub fn cloud_image(points_m: &[Vec3], view: &View, grid: &Grid, spacing_m: f32) -> (Camera, DepthImage) {
     let mut camera = camera_at(view, grid, Intrinsics::VGN);
@@ -56,7 +57,7 @@ pub fn cloud_image(points_m: &[Vec3], view: &View, grid: &Grid, spacing_m: f32) 
     (camera, DepthImage { width_px: SIDE_PX, height_px: SIDE_PX, depth_m })
 }
 
-/// A lens that sees the points, and no more than a right angle.
+/// A lens that covers the points, but at most a right angle.
 fn lens(seen_m: &[Vec3]) -> Intrinsics {
     let widest = seen_m.iter().map(|p| (p.x.abs().max(p.y.abs())) / p.z).fold(0.0, f32::max);
     let half_px = 0.5 * SIDE_PX as f32;
@@ -71,7 +72,7 @@ fn lens(seen_m: &[Vec3]) -> Intrinsics {
     }
 }
 
-/// Visits the pixels of a disc that faces the camera; the weight is 1 in its middle and 0 at its rim.
+/// Visits the pixels of a disc that faces the camera; the weight is 1 at its centre and 0 at its rim.
 fn on_disc(lens: &Intrinsics, seen_m: Vec3, radius_m: f32, mut visit: impl FnMut(usize, f32)) {
     let radius_px = (radius_m * lens.fx_px / seen_m.z).clamp(0.71, 0.1 * SIDE_PX as f32);
     let [u, v] = [seen_m.x * lens.fx_px / seen_m.z + lens.cx_px, seen_m.y * lens.fy_px / seen_m.z + lens.cy_px];

@@ -1,4 +1,4 @@
-//! DBSCAN: clusters are what dense neighbourhoods connect (Ester, Kriegel, Sander & Xu 1996; the paper's section 2.4).
+//! DBSCAN: clusters of density-connected points (Ester, Kriegel, Sander & Xu 1996; the paper's section 2.4).
 
 use rayon::prelude::*;
 use schema::Vec3;
@@ -10,22 +10,23 @@ use crate::cells::Cells;
 pub struct ClusterLaw {
     /// Neighbours are at most this far away.
     pub radius_m: f32,
-    /// A point with at least this many neighbours, itself among them, is a core point.
+    /// A point with at least this many neighbours, including itself, is a core point.
     pub points_min: usize,
     /// A cluster with fewer points than this is noise.
     pub cluster_points_min: usize,
 }
 
 impl ClusterLaw {
-    /// The paper's: 0.02 m, 100 points, 500 points; meant for clouds of 2.5 mm ([`crate::surface_cloud`]).
+    /// The paper's values: 0.02 m, 100 points, 500 points; for clouds of 2.5 mm ([`crate::surface_cloud`]).
     pub const PAPER: Self = Self { radius_m: 0.02, points_min: 100, cluster_points_min: 500 };
 }
 
 /// The cluster of every point, numbered by their first core points; `None` is noise.
 ///
-/// A point that is not dense itself but near a cluster belongs to the first cluster that reaches it, so the labels are those of
-/// scikit-learn's `DBSCAN(eps=radius_m, min_samples=points_min)` (but for distances that round to the radius), and but for clusters below `cluster_points_min`, which are
-/// taken for noise and leave no gap in the numbers. All points must be finite.
+/// A border point belongs to the first cluster that reaches it. The labels equal those of scikit-learn's
+/// `DBSCAN(eps=radius_m, min_samples=points_min)`, with two exceptions: distances that round to exactly the radius, and
+/// clusters below `cluster_points_min`, which are noise here and leave no gap in the numbers. All points must be
+/// finite.
 #[must_use]
 pub fn clusters(points_m: &[Vec3], law: &ClusterLaw) -> Vec<Option<usize>> {
     let cells = Cells::new(points_m, law.radius_m);
@@ -60,8 +61,7 @@ struct Growth<'a> {
     points_m: &'a [Vec3],
     cells: &'a Cells,
     reach: f32,
-    /// Points of each cube that have no label yet. What is labelled is never asked for again, so looking for neighbours
-    /// costs less and less.
+    /// Points of each cube without a label. Labelled points are removed, so neighbour searches become cheaper.
     unlabelled: Vec<Vec<u32>>,
     labels: Vec<Option<usize>>,
     count: usize,
@@ -79,7 +79,7 @@ impl<'a> Growth<'a> {
         }
     }
 
-    /// Labels all that can be reached from a core point over core points.
+    /// Labels all points that are density-reachable from a core point.
     fn grow(&mut self, first: usize, is_core: &[bool]) {
         let label = Some(self.count);
         self.count += 1;
@@ -131,7 +131,7 @@ mod tests {
 
     use super::*;
 
-    /// DBSCAN as it is defined, every pair looked at.
+    /// DBSCAN by its definition, over all pairs.
     fn slow(points_m: &[Vec3], law: &ClusterLaw) -> Vec<Option<usize>> {
         let near = |a: usize| -> Vec<usize> {
             (0..points_m.len())

@@ -1,13 +1,13 @@
-//! What the robot sees: cameras, depth with a sensor's faults, and the truncated signed distance field (TSDF) made of it.
+//! What the robot sees: cameras, depth images with sensor noise, and the truncated signed distance field (TSDF) made of
+//! them.
 //!
-//! Training data, planning and experiments all come through here, so a network is never shown a grid that was made in
-//! another way than those it learned from. A view is drawn ([`draw_views`]) and becomes a camera ([`camera_at`]); what
-//! the camera saw, spoiled by [`add_depth_noise`] if the config asks for it, is fused into a [`Tsdf`], which leaves as
-//! a [`schema::VoxelGrid`]. Depth comes in through a closure from pixel to metres, so this crate knows neither the
-//! simulator nor a camera driver.
+//! Training data, planning and experiments all use this crate, so all grids of a network are made in the same way. A
+//! view is drawn ([`draw_views`]) and becomes a camera ([`camera_at`]). The camera's depth image, with noise from
+//! [`add_depth_noise`] if configured, is fused into a [`Tsdf`], which is exported as a [`schema::VoxelGrid`]. Depth is
+//! passed as a closure from pixel to metres, so this crate depends neither on the simulator nor on a camera driver.
 //!
-//! For planning, the surface of a field becomes a cloud ([`surface_cloud`], [`normals`]), the table is found in it ([`find_plane`]), and
-//! what is left falls into objects ([`clusters`]).
+//! For planning, the surface of a field becomes a cloud ([`surface_cloud`], [`normals`]). Then the table is found in
+//! the cloud ([`find_plane`]), and the remaining points are clustered into objects ([`clusters`]).
 
 mod cells;
 mod cloud_view;

@@ -1,8 +1,7 @@
-//! A depth sensor's faults, drawn from a [`Stream`] onto a whole image.
+//! Depth-sensor noise, drawn from a [`Stream`] for a whole image.
 //!
-//! The models act on every pixel with the same count of draws whatever the image shows, so the noise of a scene does not
-//! shift when an object moves. A pixel in which nothing was seen stays so; one that noise pushes to 0 or below becomes
-//! one in which nothing was seen.
+//! The number of draws per pixel does not depend on the image, so the noise of a scene does not shift when an object
+//! moves. A pixel without depth stays without depth; a pixel that noise pushes to 0 or below loses its depth.
 
 mod dex;
 mod lattice;
@@ -15,19 +14,19 @@ use self::dex::add_dex_noise;
 pub use self::stereo::StereoNoise;
 use self::stereo::add_stereo_noise;
 
-/// How depth images are spoiled.
+/// The noise of depth images.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DepthNoise {
-    /// Not at all.
+    /// No noise.
     None,
     /// Independent N(0, std²) in every pixel (GIGA: `apply_gaussian_noise`, 0.005 m).
     Gaussian {
         /// Standard deviation, in metres.
         std_m: f32,
     },
-    /// One gamma-distributed factor for the image and, now and then, smooth additive noise.
+    /// One gamma-distributed factor for the image and, in some images, smooth additive noise.
     Dex(DexNoise),
-    /// Errors in disparity, so that depth's grow with its square, and holes where only one of two imagers sees.
+    /// Errors in disparity, so that depth errors grow with depth squared, and holes where only one of two imagers sees.
     Stereo(StereoNoise),
 }
 
@@ -61,7 +60,7 @@ impl DepthNoise {
     }
 }
 
-/// Spoils a depth image in place.
+/// Adds noise to a depth image in place.
 pub fn add_depth_noise(image: &mut DepthImage, noise: &DepthNoise, stream: &mut Stream) {
     match noise {
         DepthNoise::None => {}
@@ -76,7 +75,7 @@ pub fn add_depth_noise(image: &mut DepthImage, noise: &DepthNoise, stream: &mut 
     }
 }
 
-/// A depth with its errors; 0, "nothing seen", stays 0, and nothing is seen at or behind the lens.
+/// A depth with noise; 0, "nothing seen", stays 0, and depths at or behind the lens become 0.
 fn spoiled(depth_m: f32, factor: f32, error_m: f32) -> f32 {
     if depth_m > 0.0 { (depth_m * factor + error_m).max(0.0) } else { 0.0 }
 }

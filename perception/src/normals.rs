@@ -1,11 +1,11 @@
-//! Which way a seen surface looks: the slope of the TSDF where it changes sign.
+//! Normals of the observed surface: the gradient of the TSDF where it changes sign.
 
 use schema::{Vec3, VoxelGrid};
 
-/// The outward unit normal of the surface at each point, or 0 where too little around it was observed.
+/// The outward unit normal of the surface at each point, or 0 where too few voxels around it were observed.
 ///
-/// The slope is taken between the field's trilinear values a voxel apart, along each axis; a pair with an unobserved voxel says nothing,
-/// and then its one half is asked.
+/// The gradient is the difference of trilinear values a voxel apart along each axis. If one of the two is unobserved,
+/// the one-sided difference over half the distance is used.
 #[must_use]
 pub fn normals(field: &VoxelGrid, points_m: &[Vec3]) -> Vec<Vec3> {
     let at_voxel = |point: &Vec3| (*point / field.grid.voxel_size_m()) - Vec3::splat(0.5);
@@ -28,7 +28,7 @@ fn normal(field: &VoxelGrid, at: Vec3) -> Vec3 {
     Vec3::new(x, y, z).normalize_or_zero()
 }
 
-/// The trilinear value between voxels' centres (`at` in voxels); `None` if one of the eight was not observed.
+/// The trilinear value between voxel centres (`at` in voxels); `None` if one of the eight was not observed.
 fn value(field: &VoxelGrid, at: Vec3) -> Option<f32> {
     let n = field.grid.resolution;
     let low = at.floor();

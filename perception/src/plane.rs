@@ -3,44 +3,43 @@
 use glamx::{DMat3, DSymmetricEigen3, DVec3};
 use schema::{Plane, Stream, Vec3};
 
-/// What counts as the plane.
+/// Settings of the plane search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlaneLaw {
-    /// Points nearer than this belong to it.
+    /// Points closer than this to the plane are inliers.
     pub threshold_m: f32,
-    /// How many samples of three points are tried.
+    /// Number of random samples of three points.
     pub iterations: usize,
-    /// How many times at most the plane is fitted to its inliers.
+    /// Maximum number of refits to the inliers.
     pub refits_max: usize,
-    /// Largest angle between its normal and the workspace's z.
+    /// Largest angle between the normal and the workspace's z.
     pub tilt_rad_max: f32,
-    /// Share of the cloud that must belong to it.
+    /// Minimum share of the cloud that must be inliers.
     pub share_min: f32,
 }
 
 impl PlaneLaw {
-    /// The paper's threshold and iterations. A table is level to 0.3 rad and a fifth of what is seen: the paper says
-    /// nothing of that, but the largest plane of a full workspace may be the side of a box, and any slice of 20 mm is a
-    /// fifteenth of it.
+    /// The paper's threshold and iterations. In addition the table must be level within 0.3 rad and contain a fifth of
+    /// the points. The paper has no such limits, but the largest plane of a full workspace may be the side of a box,
+    /// and any slice of 20 mm contains a fifteenth of the workspace.
     pub const PAPER: Self =
         Self { threshold_m: 0.01, iterations: 100, refits_max: 20, tilt_rad_max: 0.3, share_min: 0.2 };
 }
 
-/// A plane and the points that belong to it.
+/// A plane and its inliers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FoundPlane {
-    /// Upwards: the normal's z is positive.
+    /// The plane; its normal points upwards (z is positive).
     pub plane: Plane,
-    /// Numbers of the points nearer than the threshold, ascending.
+    /// Indices of the inliers, ascending.
     pub inliers: Vec<usize>,
-    /// How many fits it took until the inliers settled; `refits_max` if they did not.
+    /// Number of fits until the inliers no longer changed; `refits_max` if they still did.
     pub refits: usize,
 }
 
-/// The plane that most points belong to, or `None` if there is none that obeys the law.
+/// The plane with the most inliers, or `None` if none meets the limits.
 ///
-/// Of the planes through three random points the one with the most inliers is taken and then fitted to its inliers, again and
-/// again until they stay the same.
+/// The best of the planes through three random points is refitted to its inliers until they no longer change.
 #[must_use]
 pub fn find_plane(points_m: &[Vec3], law: &PlaneLaw, stream: &mut Stream) -> Option<FoundPlane> {
     if points_m.len() < 3 {
@@ -69,7 +68,7 @@ fn inliers(points_m: &[Vec3], plane: &Plane, law: &PlaneLaw) -> Vec<usize> {
     points_m.iter().enumerate().filter(|(_, point)| belongs(plane, **point, law)).map(|(at, _)| at).collect()
 }
 
-/// Fits the plane to its inliers until they stay the same.
+/// Refits the plane to its inliers until they no longer change.
 fn settled(points_m: &[Vec3], first: Plane, law: &PlaneLaw) -> Option<FoundPlane> {
     let mut found = FoundPlane { inliers: inliers(points_m, &first, law), plane: first, refits: 0 };
     while found.refits < law.refits_max {
@@ -84,7 +83,7 @@ fn settled(points_m: &[Vec3], first: Plane, law: &PlaneLaw) -> Option<FoundPlane
     Some(found)
 }
 
-/// The plane through three points, unless they lie on a line.
+/// The plane through three points, unless they are collinear.
 fn through(a: Vec3, b: Vec3, c: Vec3) -> Option<Plane> {
     let normal = (b - a).cross(c - a).try_normalize()?;
     Some(upwards(normal, normal.dot(a)))
@@ -94,7 +93,8 @@ fn upwards(normal: Vec3, offset_m: f32) -> Plane {
     if normal.z < 0.0 { Plane { normal: -normal, offset_m: -offset_m } } else { Plane { normal, offset_m } }
 }
 
-/// The plane with the least sum of squared distances: through the mean, normal along the direction of least spread.
+/// The plane with the least sum of squared distances: through the mean, with the normal along the direction of least
+/// variance.
 fn fitted(points_m: &[Vec3], members: &[usize]) -> Option<Plane> {
     if members.len() < 3 {
         return None;
@@ -105,7 +105,7 @@ fn fitted(points_m: &[Vec3], members: &[usize]) -> Option<Plane> {
     for off in members.iter().map(|at| wide(at) - mean) {
         spread += DMat3::from_cols(off * off.x, off * off.y, off * off.z);
     }
-    // Ascending: the first vector is that of the least spread.
+    // Ascending order: the first vector has the least variance.
     let normal = DSymmetricEigen3::new(spread).eigenvectors.x_axis.try_normalize()?;
     Some(upwards(normal.as_vec3(), normal.dot(mean) as f32))
 }
@@ -146,7 +146,8 @@ mod tests {
         assert_eq!(found.inliers, (0..3_000).collect::<Vec<_>>());
     }
 
-    /// The error of a least-squares plane over a 0.3 m square with n points of noise s: s/√n in height, s/(√n · 0.087 m) in tilt.
+    /// The error of a least-squares plane over a 0.3 m square with n points of noise s: s/√n in height, s/(√n · 0.087
+    /// m) in tilt.
     #[test]
     fn noise_moves_it_no_farther_than_least_squares_must() {
         for number in 0..20 {
@@ -163,8 +164,8 @@ mod tests {
 
     #[test]
     fn the_fit_is_the_least_squares_plane() {
-        // Heights over a lattice: the normal equations can be solved by hand, for z = ax + by + c with small slopes both
-        // kinds of least squares agree to the square of the slopes.
+        // Heights over a lattice: the normal equations can be solved by hand, for z = ax + by + c with small slopes
+        // both kinds of least squares agree to the square of the slopes.
         let heights = [0.0, 1e-5, -2e-5, 3e-5, 0.0, 1e-5, -1e-5, 2e-5, 0.0];
         let points: Vec<Vec3> =
             (0..9).map(|n| Vec3::new((n / 3) as f32 - 1.0, (n % 3) as f32 - 1.0, heights[n])).collect();

@@ -1,13 +1,14 @@
-//! The seen surface as points: where a TSDF changes sign, sampled at an even pitch; and clouds from elsewhere thinned to it.
+//! The observed surface as points: where a TSDF changes sign, sampled at a uniform pitch; and other clouds thinned to
+//! it.
 //!
-//! # What pitch
+//! # The pitch
 //!
-//! DBSCAN's "100 points within 0.02 m" says nothing without a density. The paper's grid (7.5 mm) has one crossing a voxel on
-//! a level face, 17,800 points a square metre, so 0.02 m about a point in the middle of a wide face hold 22 of them and
-//! nothing could ever be a core point; a cluster of 500 would be a face of 280 cm². At 2.5 mm (160,000 a square metre; the
-//! 120³ grid from which VGN's robot takes its clouds) the disc holds 201 and half a disc 100.5: "100 points" then means that
-//! a point on the rim of a face is still inside its object, and 500 points are 31 cm², the visible skin of a cube of 3 cm.
-//! So clouds are made at 2.5 mm. A face that lies askew gets up to √3 times as many.
+//! DBSCAN's "100 points within 0.02 m" has no meaning without a density. The paper's grid (7.5 mm) has one crossing per
+//! voxel on a level face, 17,800 points per square metre. A disc of 0.02 m then holds 22 points, so no point could be a
+//! core point, and a cluster of 500 would be a face of 280 cm². At 2.5 mm (160,000 per square metre; the 120³ grid from
+//! which VGN's robot takes its clouds) the disc holds 201 points and half a disc 100.5. Then a point on the rim of a
+//! face is just a core point, and 500 points are 31 cm², the visible surface of a cube of 3 cm. Therefore clouds are
+//! made at 2.5 mm. A slanted face gets up to √3 times as many points.
 
 use schema::{Grid, Vec3, VoxelGrid};
 
@@ -16,9 +17,10 @@ const SURFACE: f32 = 0.5;
 
 /// The surface of a TSDF in the workspace, in metres.
 ///
-/// Between the centres of eight observed voxels the field is trilinear, so along a line parallel to an axis it is linear and
-/// crosses the surface at most once. Of such lines there are (voxel size / `pitch_m`, rounded up)² through every cell in each of the
-/// three directions; the points are their crossings. (Open3D's `ExtractPointCloud` has one line, through the corners.)
+/// Between the centres of eight observed voxels the field is trilinear. Along a line parallel to an axis it is linear
+/// and crosses the surface at most once. (voxel size / `pitch_m`, rounded up)² such lines run through every cell in
+/// each of the three directions; the points are their crossings. (Open3D's `ExtractPointCloud` has one line, through
+/// the corners.)
 ///
 /// # Panics
 /// If `pitch_m` is not above 0.
@@ -42,7 +44,7 @@ pub fn surface_cloud(field: &VoxelGrid, pitch_m: f32) -> Vec<Vec3> {
     points
 }
 
-/// The corners of a cell, x slowest, if all were observed and the surface passes between them.
+/// The corner values of a cell, x slowest, if all were observed and the surface passes between them.
 fn crossed(field: &VoxelGrid, [i, j, k]: [usize; 3]) -> Option<[f32; 8]> {
     let n = field.grid.resolution;
     let first = field.grid.flat([i, j, k]);
@@ -83,8 +85,8 @@ fn add_crossings(grid: &Grid, cell: [usize; 3], corners: &[f32; 8], shares: &[f3
     }
 }
 
-/// A cloud thinned to one point, the mean, in every cube of side `pitch_m` that has any; only of points inside the workspace.
-/// In the order of the cubes, x slowest.
+/// A cloud thinned to one point, the mean, per occupied cube of side `pitch_m`, in the order of the cubes, x slowest.
+/// Points outside the workspace are dropped.
 ///
 /// # Panics
 /// If `pitch_m` is not above 0.
@@ -94,7 +96,7 @@ pub fn thinned(points_m: &[Vec3], grid: &Grid, pitch_m: f32) -> Vec<Vec3> {
     let inside = points_m.iter().filter(|point| grid.voxel_at(**point).is_some());
     let mut by_cube: Vec<([u32; 3], Vec3)> =
         inside.map(|point| ((*point / pitch_m).to_array().map(|x| x as u32), *point)).collect();
-    // Stable, so that sums run in the cloud's order.
+    // A stable sort, so that sums run in the cloud's order.
     by_cube.sort_by_key(|(cube, _)| *cube);
     by_cube
         .chunk_by(|a, b| a.0 == b.0)
@@ -106,7 +108,8 @@ pub fn thinned(points_m: &[Vec3], grid: &Grid, pitch_m: f32) -> Vec<Vec3> {
 mod tests {
     use super::*;
 
-    /// A field whose value is ½ plus the distance to the surface in truncations of 4 voxels, halved, cut as VGN cuts it.
+    /// A field whose value is ½ plus the distance to the surface in truncations of 4 voxels, halved, cut as VGN cuts
+    /// it.
     fn field(distance_m: impl Fn(Vec3) -> f32) -> VoxelGrid {
         let grid = Grid::PAPER;
         let n = grid.resolution;

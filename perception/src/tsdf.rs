@@ -1,32 +1,32 @@
-//! The truncated signed distance field: for each voxel, how far in front of (+) or behind (−) the seen surface it lies.
+//! The truncated signed distance field: for each voxel, its distance in front of (+) or behind (−) the observed
+//! surface.
 //!
-//! Each view says for the voxels it sees how much farther along the ray the surface is. The distance is *projective*:
-//! it is measured along the ray through the voxel's pixel, not to the nearest surface. It is cut at a few voxels, since
-//! far from the surface it means nothing, and voxels deeper behind the surface than that are not touched: that view
-//! cannot know what is there. Views are averaged. This is Open3D's `UniformTSDFVolume` (Curless & Levoy 1996), which
-//! VGN used, so that its published weights work on our grids.
+//! For each voxel that a view sees, the distance to the surface is measured along the ray through the voxel's pixel,
+//! not to the nearest surface (a *projective* distance). It is truncated at a few voxels. Voxels deeper behind the
+//! surface are not updated, because the view contains no information about them. Views are averaged. This is Open3D's
+//! `UniformTSDFVolume` (Curless & Levoy 1996), which VGN used, so VGN's published weights work on our grids.
 
 use schema::{Camera, Grid, Intrinsics, Pose, Vec3, VoxelGrid};
 
 /// VGN's truncation: 4 voxels (`TSDFVolume.sdf_trunc`), 30 mm on the paper's grid.
 pub const TRUNCATION_VOXELS: f32 = 4.0;
 
-/// Values nearer to ±1 than this count as empty or unknown in VGN's grids (Open3D: `ExtractVoxelGrid`).
+/// Values beyond ± this count as empty or unknown in VGN's grids (Open3D: `ExtractVoxelGrid`).
 const STORED_MAX: f32 = 0.98;
 
-/// A TSDF in the making. Single-threaded; its bits depend on the views and their order alone.
+/// A TSDF under construction. Single-threaded; its bits depend only on the views and their order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tsdf {
     grid: Grid,
     truncation_m: f32,
     /// Mean of the truncated distances over the views that saw the voxel, in truncations: [−1, 1]. Flat as in [`Grid`].
     mean: Vec<f32>,
-    /// How many views saw the voxel. Invariant: 0 where `mean` means nothing.
+    /// Number of views that saw the voxel. Invariant: 0 where `mean` is undefined.
     weight: Vec<f32>,
 }
 
 impl Tsdf {
-    /// A field in which nothing was observed yet; distances are cut at `truncation_voxels` voxels
+    /// A field without observations; distances are truncated at `truncation_voxels` voxels
     /// ([`TRUNCATION_VOXELS`] for VGN's).
     ///
     /// # Panics
@@ -44,10 +44,10 @@ impl Tsdf {
 
     /// Adds one view (Open3D: `UniformTSDFVolume::Integrate`).
     ///
-    /// `depth_at(pixel)` is the depth that the camera saw in that pixel: distance along the camera's z in metres, `None`
-    /// where it saw nothing. For a whole image it is `|pixel| image.at(pixel)`; a simulator may cast a ray for each
-    /// pixel asked for instead, which gives the very same field as rendering the image first. Only pixels onto which
-    /// some voxel's centre falls are asked for, some of them more than once.
+    /// `depth_at(pixel)` is the depth in that pixel: the distance along the camera's z in metres, `None` where the
+    /// camera saw nothing. For a whole image it is `|pixel| image.at(pixel)`. A simulator may instead cast a ray per
+    /// requested pixel, which gives the same field as rendering the image first. Only pixels onto which a voxel's
+    /// centre projects are requested, some of them more than once.
     pub fn integrate(&mut self, camera: &Camera, mut depth_at: impl FnMut([usize; 2]) -> Option<f32>) {
         let side = self.grid.resolution;
         let mut column = Column::new(camera, &self.grid);
@@ -68,7 +68,7 @@ impl Tsdf {
         (self.weight[flat] > 0.0).then_some(self.mean[flat])
     }
 
-    /// The field in VGN's value convention, which is what networks read: `(tsdf + 1) / 2` where the voxel was observed
+    /// The field in VGN's value convention, the network's input: `(tsdf + 1) / 2` where the voxel was observed
     /// and −0.98 < tsdf < 0.98, else 0. The surface is at ½.
     #[must_use]
     pub fn to_voxels(&self) -> VoxelGrid {
@@ -79,10 +79,10 @@ impl Tsdf {
     }
 }
 
-/// A column of voxels, along workspace z, on its way through one view. It goes in three passes, of which the first and
-/// the last have no branches and no calls, so that the compiler makes them four voxels wide; only the depths are looked
-/// up one by one. (On one core a view of the paper's grid took 1.0 ms voxel by voxel; it takes 0.32 ms like this. Most of
-/// the pixels are asked for once: 46,000 different ones for 62,000 voxels seen, so remembering them gains nothing.)
+/// A column of voxels along workspace z in one view, processed in three passes. The first and the last pass have no
+/// branches and no calls, so the compiler vectorises them four voxels wide; only the depths are looked up one by one.
+/// (On one core a view of the paper's grid takes 0.32 ms, and took 1.0 ms voxel by voxel. Most pixels are requested
+/// once: 46,000 different ones for 62,000 voxels, so a cache gains nothing.)
 struct Column {
     lens: Intrinsics,
     grid: Grid,
@@ -124,7 +124,7 @@ impl Column {
         }
     }
 
-    /// Where the voxels of column (i, j) fall in the image; the arithmetic of [`Intrinsics::project`].
+    /// The pixels of the voxels of column (i, j); the arithmetic of [`Intrinsics::project`].
     fn project(&mut self, i: usize, j: usize) {
         let (lens, step_m) = (self.lens, self.step_m);
         let first_m = self.camera_from_workspace * self.grid.centre_m([i, j, 0]);
@@ -138,13 +138,13 @@ impl Column {
         }
     }
 
-    /// What was seen there.
+    /// Looks up the depths.
     fn look_up(&mut self, depth_at: &mut impl FnMut([usize; 2]) -> Option<f32>) {
         let (width, height) = (self.lens.width_px as f32, self.lens.height_px as f32);
         let slots = self.depth_m.iter_mut().zip(&mut self.ray2);
         for ((u, v), (depth_m, ray2)) in self.u.iter().zip(&self.v).zip(slots) {
             *depth_m = f32::NAN;
-            // False for NaN, which is where voxels behind the camera fall.
+            // False for NaN, which marks voxels behind the camera.
             if *u >= 0.0 && *v >= 0.0 && *u < width && *v < height {
                 let pixel = [*u as u32 as usize, *v as u32 as usize];
                 *ray2 = self.ray_x2[pixel[0]] + self.ray_y2[pixel[1]] + 1.0;
@@ -155,16 +155,16 @@ impl Column {
         }
     }
 
-    /// Takes the view into the running means.
+    /// Updates the running means with this view.
     fn fuse(&self, truncation_m: f32, mean: &mut [f32], weight: &mut [f32]) {
         let per_truncation = 1.0 / truncation_m;
         let side = mean.len();
-        // Equal lengths, said once, leave no bounds check in the loop.
+        // Slices of equal length need no bounds checks in the loop.
         let (depth_m, z_m, ray2) = (&self.depth_m[..side], &self.z_m[..side], &self.ray2[..side]);
         let weight = &mut weight[..side];
         for k in 0..side {
             let distance_m = (depth_m[k] - z_m[k]) * ray2[k].sqrt();
-            // 0 for NaN, which stands for "nothing was seen".
+            // 0 for NaN, which means "nothing was seen".
             let near = f32::from(u8::from(distance_m > -truncation_m));
             let distance = (distance_m * per_truncation).min(1.0);
             let fused = (mean[k] * weight[k] + distance) / (weight[k] + 1.0);

@@ -1,8 +1,8 @@
-//! Where the cameras stand: on a sphere about the middle of the workspace's floor, all looking at it.
+//! Camera poses: on a sphere about the centre of the workspace's floor, looking at it.
 
 use schema::{Camera, Grid, Intrinsics, Stream, View};
 
-/// From which views a scene is seen: how many, how far away, how oblique. The azimuth is always U(0, 2π).
+/// The distribution of a scene's views: number, distance and obliqueness. The azimuth is always U(0, 2π).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewLaw {
     /// Fewest views of a scene.
@@ -32,7 +32,7 @@ impl ViewLaw {
 
     /// What is wrong with the values, one line each, as `field must …, got …`; empty if nothing is.
     ///
-    /// The camera has to stay outside the workspace and above its floor: from radius 1 on, no corner of the cube lies
+    /// The camera must stay outside the workspace and above its floor: from radius 1 on, no corner of the cube is
     /// behind it.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
@@ -78,11 +78,11 @@ pub fn draw_views(law: &ViewLaw, grid: &Grid, stream: &mut Stream) -> Vec<View> 
         .collect()
 }
 
-/// The camera of a view: on the sphere about the middle of the workspace's floor, (size/2, size/2, 0), looking at it,
+/// The camera of a view: on the sphere about the centre of the workspace's floor, (size/2, size/2, 0), looking at it,
 /// image up towards workspace up (VGN: `camera_on_sphere`).
 ///
-/// VGN builds the pose from a look-at that divides zero by zero straight above the target. [`View::workspace_from_camera`]
-/// gives the same poses, and at the pole the limit along the azimuth.
+/// VGN's look-at divides zero by zero straight above the target. [`View::workspace_from_camera`] gives the same poses,
+/// and at the pole the limit along the azimuth.
 #[must_use]
 pub fn camera_at(view: &View, grid: &Grid, intrinsics: Intrinsics) -> Camera {
     Camera { intrinsics, workspace_from_camera: view.workspace_from_camera(grid) }

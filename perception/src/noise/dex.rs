@@ -1,12 +1,12 @@
-//! Dex-Net's depth noise: one factor for the whole image and, now and then, smooth additive noise.
+//! Dex-Net's depth noise: one factor for the whole image and, in some images, smooth additive noise.
 
 use schema::{DepthImage, Stream};
 
 use super::lattice::Lattice;
 use super::spoiled;
 
-/// Dex-Net's noise with a structured-light camera in mind (Mahler et al. 2017, equation of section IV-C: ŷ = αy + ε),
-/// as GIGA's `apply_dex_noise` draws it.
+/// Dex-Net's noise model of a structured-light camera (Mahler et al. 2017, equation of section IV-C: ŷ = αy + ε), as
+/// GIGA's `apply_dex_noise` draws it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DexNoise {
     /// Shape of the factor's gamma distribution; at least 1.
@@ -42,8 +42,8 @@ pub(super) fn add_dex_noise(image: &mut DepthImage, dex: &DexNoise, stream: &mut
     }
 }
 
-/// Gamma(shape, scale) for shape ≥ 1, by the squeeze of Marsaglia & Tsang (2000). It accepts at least 95 % of its tries,
-/// so it never sees the last of them; if it did, the mean would be returned.
+/// Gamma(shape, scale) for shape ≥ 1, by the squeeze of Marsaglia & Tsang (2000). It accepts at least 95 % of its
+/// tries, so the limit is practically never reached; then the mean would be returned.
 fn gamma(shape: f32, scale: f32, stream: &mut Stream) -> f32 {
     const TRIES_MAX: usize = 64;
     let d = f64::from(shape) - 1.0 / 3.0;
@@ -99,8 +99,8 @@ mod tests {
         assert!((170..230).contains(&smooth), "{smooth} of {images}");
     }
 
-    /// A pixel lies ⅛, ⅜, ⅝ or ⅞ of a cell past a lattice point along each axis, so its noise is a sum of lattice values
-    /// with known shares s and 1 − s, and its variance s² + (1 − s)² of theirs along each axis.
+    /// A pixel lies ⅛, ⅜, ⅝ or ⅞ of a cell past a lattice point along each axis, so its noise is a sum of lattice
+    /// values with known weights s and 1 − s, and its variance is s² + (1 − s)² of theirs along each axis.
     #[test]
     fn smooth_noise_has_the_moments_of_bilinear_interpolation() {
         let dex = DepthNoise::Dex(DexNoise { gamma_scale: 1e-9, gamma_shape: 1e9, smooth_rate: 1.0, ..DexNoise::GIGA });

@@ -1,8 +1,8 @@
-//! Normal variates on a coarse lattice over an image, read bilinearly: noise that is smooth over a few pixels.
+//! Normal variates on a coarse lattice over an image, interpolated bilinearly: noise that is smooth over a few pixels.
 
 use schema::{DepthImage, Stream};
 
-/// Independent N(0, std²) at lattice points, spread evenly over an image.
+/// Independent N(0, std²) values at lattice points that are evenly spaced over an image.
 pub(super) struct Lattice {
     columns: usize,
     rows: usize,
@@ -33,16 +33,17 @@ impl Lattice {
         row(top) * (1.0 - bottom_share) + row(top + 1.0) * bottom_share
     }
 
-    /// The value at a pixel with the standard deviation of the lattice points, wherever the pixel lies.
+    /// The value at a pixel, scaled to the standard deviation of the lattice points.
     ///
-    /// A weighted mean of independent values has Σw² of their variance: between four points a quarter of it. Dividing
-    /// by √Σw², over the points that exist, undoes that. There must be a point, and no more of them than pixels.
+    /// A weighted mean of independent values has Σw² of their variance: a quarter of it midway between four points.
+    /// Dividing by √Σw² over the existing points corrects that. There must be at least one point, and at most one per
+    /// pixel.
     pub(super) fn even_at(&self, u: usize, v: usize) -> f32 {
         let [x, y] = self.place(u, v);
         self.at(u, v) / (squared_shares(x, self.columns) * squared_shares(y, self.rows)).sqrt()
     }
 
-    /// Where a pixel lies, in lattice points.
+    /// The position of a pixel, in lattice points.
     fn place(&self, u: usize, v: usize) -> [f32; 2] {
         [(u as f32 + 0.5) * self.columns_per_px - 0.5, (v as f32 + 0.5) * self.rows_per_px - 0.5]
     }
@@ -53,7 +54,7 @@ impl Lattice {
     }
 }
 
-/// Sum of the squared shares of the points to both sides of `x`, out of `count` on an axis.
+/// Sum of the squared weights of the points on both sides of `x`, out of `count` on an axis.
 fn squared_shares(x: f32, count: usize) -> f32 {
     let share = x - x.floor();
     let squared = |point: f32, share: f32| if (0.0..count as f32).contains(&point) { share * share } else { 0.0 };

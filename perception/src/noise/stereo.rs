@@ -1,27 +1,27 @@
-//! An active-stereo camera's depth noise: even in disparity, so that it grows with depth squared; in steps; and nothing
-//! where only one of the two imagers sees.
+//! Depth noise of an active-stereo camera: uniform in disparity, so it grows with depth squared; quantised; and without
+//! depth where only one of the two imagers sees the surface.
 
 use schema::{DepthImage, Stream};
 
 use super::lattice::Lattice;
 
-/// The faults of a camera that finds depth by matching two imagers' pictures.
+/// Errors of a camera that computes depth by matching the images of two imagers.
 ///
-/// The image is the left imager's. The right one stands `baseline_m` along the camera's x from it and sees a point at
-/// depth z shifted to the left by the disparity d = focal length · baseline / z. What is measured is d, with an error
-/// that does not depend on z; so depth has the error z² · error / (focal length · baseline) (Keselman et al. 2017,
-/// equation 2; Intel's "Tuning depth cameras for best performance"), and its steps grow alike.
+/// The image is that of the left imager. The right imager is `baseline_m` away along the camera's x and sees a point at
+/// depth z shifted to the left by the disparity d = focal length · baseline / z. The camera measures d with an error
+/// that does not depend on z, so depth has the error z² · error / (focal length · baseline) (Keselman et al. 2017,
+/// equation 2; Intel's "Tuning depth cameras for best performance"). The quantisation steps grow in the same way.
 ///
-/// Pixels that the right imager does not see have no depth: the background to the left of what stands before it, as
-/// many pixels as the disparities differ by, and a band of d pixels at the image's left edge ("invalid depth band" in
-/// the D400 series' datasheet). Where disparity rises to the right by half a pixel a pixel or more, on faces that turn
-/// away from the right imager (at 0.6 m and 50 mm of baseline by 80°), the surface hides itself likewise.
+/// Pixels that the right imager does not see have no depth. These are the background to the left of a foreground
+/// object, as many pixels as the disparities differ, and a band of d pixels at the image's left edge ("invalid depth
+/// band" in the D400 series' datasheet). A surface also hides itself where disparity rises to the right by at least
+/// half a pixel per pixel, on faces that turn away from the right imager (at 0.6 m and 50 mm of baseline by 80°).
 ///
-/// Not modelled: the nearest depth, given by the range of disparities that is searched; textures, gloss and light;
-/// depths that smear across edges; errors of calibration, which stay the same from image to image.
+/// Not modelled: the minimum depth, given by the searched range of disparities; textures, gloss and light; depths
+/// smeared across edges; calibration errors, which stay the same from image to image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StereoNoise {
-    /// Focal length along u of the image that is spoiled, in pixels.
+    /// Focal length along u of the image, in pixels.
     pub focal_px: f32,
     /// Distance between the imagers, in metres.
     pub baseline_m: f32,
@@ -30,20 +30,20 @@ pub struct StereoNoise {
     /// Distance between the lattice points from which the error is interpolated, in pixels; at least 1. Errors two such
     /// cells apart are independent.
     pub smooth_cell_px: f32,
-    /// What the disparity is rounded to a multiple of, in pixels.
+    /// Quantisation step of the disparity, in pixels.
     pub disparity_step_px: f32,
 }
 
 impl StereoNoise {
     /// Intel RealSense D435 behind the lens of VGN's simulated camera.
     ///
-    /// - 540 px: [`schema::Intrinsics::VGN`]. The D435's own is 424 px at 848 × 480 (90° across), so the same error in
-    ///   disparity is 1.27 times this in depth.
+    /// - 540 px: [`schema::Intrinsics::VGN`]. The D435 itself has 424 px at 848 × 480 (90° across), where the same
+    ///   disparity error is 1.27 times as large in depth.
     /// - 50 mm: the D400 series' datasheet.
-    /// - 0.08 px: what an author of Intel's tuning guide advises for the formula above; 0.03 px at best, on a scene
-    ///   full of texture (librealsense, issue 3904).
+    /// - 0.08 px: the advice of an author of Intel's tuning guide for the formula above; 0.03 px at best, in a highly
+    ///   textured scene (librealsense, issue 3904).
     /// - 3.5 px: our choice. The D435's matching window is not published; its predecessor R200 sums over 7 × 7 px
-    ///   (Keselman et al. 2017), which makes errors less than 7 px apart alike, as two cells of 3.5 px do.
+    ///   (Keselman et al. 2017), which correlates errors less than 7 px apart, as two cells of 3.5 px do.
     /// - 1/32 px: "Subpixel linearity improvement for Intel RealSense depth cameras D400 series".
     pub const D435: Self = Self {
         focal_px: 540.0,
@@ -73,13 +73,13 @@ pub(super) fn add_stereo_noise(image: &mut DepthImage, stereo: &StereoNoise, str
     }
 }
 
-/// Sets to 0 the disparities in a row of pixels that the right imager does not see; those of 0 show nothing.
+/// Sets to 0 the disparities in a row of pixels that the right imager does not see; 0 means no depth.
 ///
-/// Pixel u of disparity d lies at u − d in the right image. A pixel is hidden if a nearer one lies there too, within
-/// half a pixel. Nearer and at the same place, that one is to the right in this image; so going leftwards it is enough
-/// to know how far left the right image is covered. What shows out of order, past the far side of an object narrower
-/// than the disparities' difference, counts as hidden: so a leaning face has no gaps where its pixels are more than one
-/// apart in the right image.
+/// Pixel u with disparity d is at u − d in the right image. A pixel is hidden if a nearer one is there, too, within
+/// half a pixel. That nearer pixel is further right in this image, so a scan to the left only needs to know how far
+/// left the right image is covered. Pixels visible out of order, beyond an object narrower than the difference of
+/// disparities, count as hidden, so a slanted face has no gaps where its pixels are more than one apart in the right
+/// image.
 fn hide_unseen(disparity_px: &mut [f32]) {
     let mut covered_from = f32::INFINITY;
     for (u, disparity) in disparity_px.iter_mut().enumerate().rev() {
@@ -183,7 +183,7 @@ mod tests {
         }
     }
 
-    /// A box 12 px of disparity before a wall, held against lines from the right imager to the wall, in metres.
+    /// A box 12 px of disparity in front of a wall, compared with lines from the right imager to the wall, in metres.
     #[test]
     fn a_box_casts_its_shadow_to_the_left() {
         let (width, height, centre_px) = (160, 30, 80.0);
@@ -218,8 +218,8 @@ mod tests {
         assert_eq!(holes(15), (0..20).chain(68..80).collect::<Vec<usize>>());
     }
 
-    /// Against every pair of pixels: hidden by a nearer one that lies at the same place in the right image, or has
-    /// changed order with it. Disparities are eighths of a pixel, so that ties are exact.
+    /// Comparison with all pairs of pixels: a pixel is hidden by a nearer one that is at the same place in the right
+    /// image, or that has changed order with it. Disparities are eighths of a pixel, so that ties are exact.
     #[test]
     fn what_is_hidden_is_what_every_pair_says() {
         let mut stream = stream(11);
