@@ -11,7 +11,7 @@ use schema::{Camera, Grid, Intrinsics, Pose, Vec3, VoxelGrid};
 /// VGN's truncation: 4 voxels (`TSDFVolume.sdf_trunc`), 30 mm on the paper's grid.
 pub const TRUNCATION_VOXELS: f32 = 4.0;
 
-/// Values beyond ± this count as empty or unknown in VGN's grids (Open3D: `ExtractVoxelGrid`).
+/// Values of at least this magnitude count as empty or unknown in VGN's grids (Open3D: `ExtractVoxelGrid`).
 const STORED_MAX: f32 = 0.98;
 
 /// A TSDF under construction. Single-threaded; its bits depend only on the views and their order.
