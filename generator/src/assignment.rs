@@ -1,5 +1,5 @@
-//! Which shards are this process's: as it was told, or as the scheduler's environment says. Schedulers give an index and no
-//! more; how many shards there are belongs to the dataset, and no variable is asked for it.
+//! Selects the shards of this process from its options or from the scheduler's environment. Schedulers give only an
+//! index; the number of shards is a property of the dataset and not read from the environment.
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -14,7 +14,7 @@ pub(crate) const VARIABLES: [&str; 4] =
 pub(crate) enum Assignment {
     /// All.
     All,
-    /// These, and who said so.
+    /// These shards, and the source of the choice.
     Shards(BTreeSet<u32>, &'static str),
     /// Every T-th.
     Task(Task),
@@ -31,7 +31,7 @@ pub(crate) struct Task {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ShardIndices(pub BTreeSet<u32>);
 
-/// An environment or an index that cannot be.
+/// Why the selection is refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum AssignmentError {
     /// A variable holds no index.
@@ -48,7 +48,7 @@ pub(crate) enum AssignmentError {
 }
 
 impl Assignment {
-    /// What the flags say, else what the environment says, else all.
+    /// The shards from the flags, otherwise from the environment, otherwise all.
     pub(crate) fn new(
         indices: Option<&ShardIndices>,
         task: Option<Task>,
@@ -101,7 +101,7 @@ impl Assignment {
     }
 }
 
-/// The most shards a range may name.
+/// Upper limit of a shard index in a range.
 const INDICES_MAX: u32 = shards::SHARDS_MAX;
 
 impl FromStr for ShardIndices {

@@ -4,20 +4,20 @@ use schema::{
     Axis, Mat3, ObjectRecord, Pose, Quat, Rule, SLIDE_SHARE, Stream, TIP_DEPTH_M, Tilt, Vec3, axis_angle, law_of,
 };
 
-/// A grasp to be tried, with everything that was drawn for it.
+/// A grasp to execute, with everything that was drawn for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
-    /// The target, by its number in the scene.
+    /// The target: its index in the scene.
     pub object_id: usize,
     /// Row of Appendix A, or the approach along the surface's normal.
     pub rule: Rule,
-    /// Object axis along which the hand closes, before the turn.
+    /// Object axis along which the hand closes, before the turn is applied.
     pub closing: Option<Axis>,
     /// r_y.
     pub tilt_rad: f32,
     /// r_x; 0 for rules without. Along a normal: the yaw.
     pub turn_rad: f32,
-    /// d_z. Along a normal: how far behind the surface the tips end.
+    /// d_z. Along a normal: depth of the tips below the surface.
     pub depth_m: f32,
     /// d_x; 0 for rules without.
     pub slide_m: f32,
@@ -25,10 +25,10 @@ pub struct Candidate {
     pub workspace_from_grasp: Pose,
 }
 
-/// Draws `count` candidates, spread evenly over a scene's objects, and over each object's three rules.
+/// Draws `count` candidates, distributed evenly over a scene's objects, and over each object's three rules.
 ///
 /// # Panics
-/// If there are no objects, or one is no primitive.
+/// If there are no objects, or one is not a primitive.
 #[must_use]
 pub fn draw_candidates(objects: &[ObjectRecord], count: usize, stream: &mut Stream) -> Vec<Candidate> {
     assert!(!objects.is_empty(), "a scene without objects has no candidates");
@@ -40,10 +40,10 @@ pub fn draw_candidates(objects: &[ObjectRecord], count: usize, stream: &mut Stre
         .collect()
 }
 
-/// Draws one candidate for an object, approached along one of its axes. Takes the same number of draws for every rule.
+/// Draws one candidate for an object, approached along one of its axes. Every rule makes the same number of draws.
 ///
 /// # Panics
-/// If the object is no primitive: Appendix A has no rules for others.
+/// If the object is not a primitive: Appendix A has no rules for others.
 #[must_use]
 pub fn draw_candidate(object: &ObjectRecord, object_id: usize, approach: Axis, stream: &mut Stream) -> Candidate {
     let solid = object.shape.as_solid().expect("a config with a catalogue draws along normals");
@@ -54,7 +54,7 @@ pub fn draw_candidate(object: &ObjectRecord, object_id: usize, approach: Axis, s
     let (tip, slide) = (stream.uniform(TIP_DEPTH_M[0], TIP_DEPTH_M[1]), stream.normal(0.0, 1.0));
     let tilt_rad = match law.tilt {
         Tilt::Normal { std_rad } => std_rad * tilt,
-        Tilt::Uniform { max_rad } => max_rad * (2.0 * turn - 1.0), // such a rule does not turn: one uniform draw serves either
+        Tilt::Uniform { max_rad } => max_rad * (2.0 * turn - 1.0), // such a rule has no turn, so the uniform draw is free
     };
     let turn_rad = if law.turns { core::f32::consts::TAU * turn } else { 0.0 };
     let object_from_base = base_frame(&object.workspace_from_object.rotation, approach, closing);
@@ -69,7 +69,7 @@ fn third(a: Axis, b: Axis) -> Axis {
     Axis::ALL.into_iter().find(|axis| *axis != a && *axis != b).unwrap_or(a)
 }
 
-/// The rule's frame before any draw: z along the approach axis, pointing down in the workspace; y along the closing axis.
+/// The rule's frame before any draw: z along the approach axis, down in the workspace; y along the closing axis.
 fn base_frame(workspace_from_object: &Quat, approach: Axis, closing: Axis) -> Quat {
     let points_up = (*workspace_from_object * approach.unit()).z > 0.0;
     let z = if points_up { -approach.unit() } else { approach.unit() };
@@ -122,7 +122,7 @@ mod tests {
         (values.map(|v| v * v).sum::<f32>() / n).sqrt()
     }
 
-    /// Every row of Appendix A, held against the printed laws, independently of the law table.
+    /// Compares every row of Appendix A with the printed distributions, independently of the table in the code.
     #[test]
     fn draws_follow_the_printed_laws() {
         const PI: f32 = core::f32::consts::PI;
@@ -171,7 +171,7 @@ mod tests {
         for kind in ShapeKind::ALL {
             for axis in Axis::ALL {
                 for candidate in draws(kind, axis, 200) {
-                    // Undo turn and tilt, which may point it anywhere.
+                    // Undo turn and tilt, after which it may point anywhere.
                     let undo = axis_angle(Vec3::Y, -candidate.tilt_rad).normalize();
                     let untilted =
                         candidate.workspace_from_grasp.rotation * undo * axis_angle(Vec3::X, -candidate.turn_rad);

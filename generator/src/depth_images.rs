@@ -1,4 +1,4 @@
-//! Depth images of a stored scene, as a robot's camera would save them, and the file that tells the planner about them.
+//! Depth images of a stored scene, as a robot's camera would save them, and the views file for the planner.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -11,19 +11,19 @@ use serde_json::Value;
 use shards::{Dataset, ExitCode, ReadError};
 use simulator::{ModelError, Scene, SceneRays, bodies_of};
 
-/// Metres a unit of the images: a tenth of a millimetre, so that rounding is nothing beside a voxel.
+/// Metres per unit of the images: a tenth of a millimetre, so that rounding is negligible against a voxel.
 const SCALE_M: f32 = 1e-4;
 
-/// From where a scene is looked at.
+/// The views of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Views {
-    /// From where its TSDF was made.
+    /// The views of its TSDF.
     Stored,
-    /// From so many points evenly around it (VGN: 30° from the vertical, two workspaces away).
+    /// This many views evenly around it (VGN: 30° from the vertical, two workspaces away).
     Around(usize),
 }
 
-/// Why there are no images.
+/// Why no images were written.
 #[derive(Debug, thiserror::Error)]
 pub enum DepthImagesError {
     /// The dataset cannot be read.
@@ -57,7 +57,7 @@ impl DepthImagesError {
     }
 }
 
-/// Writes `depth-0.png` (16 bit) and so on, and `views.toml`, into `folder`; gives the latter's path.
+/// Writes `depth-0.png` (16 bit) and so on, and `views.toml`, into `folder`; returns the path of the latter.
 ///
 /// # Errors
 /// [`DepthImagesError`].

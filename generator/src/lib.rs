@@ -1,8 +1,9 @@
-//! Grasp datasets: config → random stacked scenes → candidates by the rules of Appendix A → attempts in physics → shards.
+//! Grasp datasets: config → random stacked scenes → candidates by the rules of Appendix A → attempts in physics →
+//! shards.
 //!
-//! The rules and their laws stand in [`schema::law_of`], one row of the paper's Appendix A each; [`make_scene`] turns a scene's
-//! number into its rows, as a pure function of config and seed; [`generate`] does so for all scenes of the shards asked
-//! for, on all cores, and commits a shard when it is whole.
+//! [`schema::law_of`] gives the distributions of a rule, one row of the paper's Appendix A. [`make_scene`] computes the
+//! rows of one scene, as a pure function of config, seed and scene number. [`generate`] does this for all scenes of the
+//! requested shards, on all cores, and commits each shard when it is complete.
 
 mod bench;
 mod build;

@@ -1,9 +1,11 @@
-//! VGN's grasps: a seen point of an object's surface, the hand along its normal, six yaws about it (`generate_data.py`).
+//! VGN's grasps: an observed surface point, the hand along its normal, six yaws about it (`generate_data.py`).
 //!
-//! Two things of the published code are not copied. It tries yaws from 0 to π, both ends included, which are one grasp: here
-//! they are six different ones. And it draws points until one will do: here it takes the last after [`TRIES_MAX`].
+//! There are two differences from the published code. It tries yaws from 0 to π including both ends, which are the same
+//! grasp; here the six yaws are distinct. And it draws points until one is acceptable; here the last is used after
+//! [`TRIES_MAX`].
 //!
-//! Objects of several parts are touched where a line enters their union: as often inside a cup as its inner wall is large.
+//! On objects of several parts, points are drawn where a line enters their union, so the inside of a cup is drawn in
+//! proportion to the area of its inner wall.
 
 use perception::camera_at;
 use schema::{Camera, Mat3, ObjectRecord, Plane, Pose, Quat, Rule, Stream, Vec3, View, axis_angle, pose_from_parts};
@@ -12,21 +14,21 @@ use simulator::{Scene, SceneObject, SceneRays, ViewRays};
 use crate::candidates::Candidate;
 use crate::config::Config;
 
-/// Orientations that are tried at a point, evenly over half a turn.
+/// Yaws per point, evenly over half a turn.
 pub(crate) const YAWS: usize = 6;
-/// Points that are drawn for one that will do.
+/// Maximum number of draws for an acceptable point.
 const TRIES_MAX: u32 = 1_000;
-/// VGN's ε: the finger tips end between this share of the finger's length before the surface and as far beyond a whole length behind.
+/// VGN's ε: the depth of the finger tips is between −ε and 1 + ε finger lengths behind the surface.
 const DEPTH_SHARE: f32 = 0.1;
-/// The normal must not point down: its z is above this.
+/// The normal must not point down: its z must exceed this.
 const NORMAL_Z_MIN: f32 = -0.1;
-/// Points are at least this far above the table …
+/// Points must be at least this far above the table …
 const ABOVE_TABLE_M: f32 = 0.005;
-/// … and this share of the workspace's side inside it.
+/// … and inside the workspace by this share of its side.
 const MARGIN_SIZES: f32 = 1.0 / 15.0;
-/// A point is seen if the camera's depth there is its own, to this.
+/// A point is visible if the camera's depth there differs by at most this.
 const SEEN_WITHIN_M: f32 = 0.003;
-/// Parts that are nearer to each other than this along a line have no surface between them.
+/// Between parts closer to each other than this along a line there is no surface.
 const SEAM_M: f32 = 1e-4;
 
 /// A point of an object's surface.
@@ -52,7 +54,8 @@ impl Target {
     }
 }
 
-/// Draws `count` candidates in a scene, given with its rows, that is seen from `views`: [`YAWS`] in a row about each point (the last point's may be fewer).
+/// Draws `count` candidates in a scene, given with its rows, that is observed from `views`: [`YAWS`] consecutive ones
+/// at each point (the last point may have fewer).
 ///
 /// # Panics
 /// If there are no objects.
@@ -95,7 +98,7 @@ pub(crate) fn draw_along_normals(
     candidates
 }
 
-/// A surface point that a camera sees, that looks up and lies inside the workspace; after [`TRIES_MAX`] draws the last.
+/// A visible surface point with an upward normal inside the workspace; after [`TRIES_MAX`] draws the last one.
 fn draw_seen(config: &Config, targets: &[Target], cameras: &[(Camera, ViewRays)], stream: &mut Stream) -> Touch {
     let grid = &config.grid;
     let inside = MARGIN_SIZES * grid.size_m..=(1.0 - MARGIN_SIZES) * grid.size_m;
@@ -109,7 +112,7 @@ fn draw_seen(config: &Config, targets: &[Target], cameras: &[(Camera, ViewRays)]
     };
     let top_of_first = Touch { object_id: 0, point_m: targets[0].workspace_from_object.translation, normal: Vec3::Z };
     let mut last = top_of_first;
-    // A line at an object of many parts is asked for one of its entries, and seldom has as many.
+    // For an object of many parts one of a line's possible entries is drawn, and often does not exist.
     let parts_most = targets.iter().map(|target| target.parts.len()).max().unwrap_or(1) as u32; // at most PARTS_MAX
     for _ in 0..TRIES_MAX * parts_most {
         if let Some(touch) = draw_touch(targets, stream) {
@@ -123,7 +126,7 @@ fn draw_seen(config: &Config, targets: &[Target], cameras: &[(Camera, ViewRays)]
 }
 
 fn sees(camera: &Camera, rays: &ViewRays, Touch { point_m, normal, .. }: &Touch) -> bool {
-    // What lies just behind an edge has nearly the depth of what is seen there.
+    // A point just behind an edge has nearly the depth of the visible surface.
     if (camera.workspace_from_camera.translation - *point_m).dot(*normal) <= 0.0 {
         return false;
     }
@@ -132,9 +135,10 @@ fn sees(camera: &Camera, rays: &ViewRays, Touch { point_m, normal, .. }: &Touch)
     depth_m.is_some_and(|depth_m| (depth_m - local_m.z).abs() < SEEN_WITHIN_M)
 }
 
-/// Where a random straight line enters an object, or `None` if it misses: lines that are uniform over all that meet a ball enter
-/// the solids in it uniformly over their surfaces (Crofton), so that no face has to be measured. A line may enter an object of
-/// several parts as often: it is drawn as often, and each time asked for one of its entries, which may not be there.
+/// The point where a random straight line enters an object, or `None` if it misses. Lines drawn uniformly among all
+/// that hit a ball enter the solids in it uniformly over their surfaces (Crofton), so no area has to be computed. A
+/// line may enter an object of n parts up to n times, so the object is drawn n times as often, and each draw selects
+/// one of n possible entries, which may not exist.
 fn draw_touch(targets: &[Target], stream: &mut Stream) -> Option<Touch> {
     let disc = |target: &Target| target.radius_m * target.radius_m * target.parts.len() as f32;
     let discs: Vec<f32> = targets.iter().map(disc).collect();
@@ -153,7 +157,7 @@ fn draw_touch(targets: &[Target], stream: &mut Stream) -> Option<Touch> {
     Some(Touch { object_id, point_m: pose.transform_point(local_m), normal: pose.rotation * normal })
 }
 
-/// Where the line through `at_m` along `direction` enters the union of convex parts, first to last, with the normals there.
+/// The points where the line through `at_m` along `direction` enters the union of convex parts, in order, with normals.
 fn entries(parts: &[Vec<Plane>], at_m: Vec3, direction: Vec3) -> Vec<(Vec3, Vec3)> {
     let mut within: Vec<Within> = parts.iter().filter_map(|planes| within(planes, at_m, direction)).collect();
     within.sort_by(|a, b| a.enter_m.total_cmp(&b.enter_m));
@@ -168,7 +172,7 @@ fn entries(parts: &[Vec<Plane>], at_m: Vec3, direction: Vec3) -> Vec<(Vec3, Vec3
     found
 }
 
-/// The piece of a line that lies within a convex part, as distances along it, and the normal where it begins.
+/// The interval of a line inside a convex part, as distances along it, and the normal at its start.
 struct Within {
     enter_m: f32,
     exit_m: f32,
@@ -192,8 +196,8 @@ fn within(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<Within> {
     face.filter(|_| enter < exit).map(|normal| Within { enter_m: enter, exit_m: exit, normal })
 }
 
-/// The hand along the inward normal, its tips `depth_m` behind the surface, turned by `yaw_rad` from where its x lies in the plane of the
-/// workspace's x (VGN: `sample_grasp_point`, `evaluate_grasp_point`).
+/// The hand along the inward normal, its tips `depth_m` behind the surface, turned by `yaw_rad` from the orientation in
+/// which its x is in the plane of the workspace's x (VGN: `sample_grasp_point`, `evaluate_grasp_point`).
 fn hand_at(touch: &Touch, yaw_rad: f32, depth_m: f32) -> Pose {
     let z = -touch.normal;
     let start = if z.x.abs() > 1.0 - 1e-4 { Vec3::Y } else { Vec3::X };
@@ -218,7 +222,7 @@ mod tests {
         ObjectRecord { scene_id: 0, object_id: 0, shape, mass_kg: 0.1, friction: 1.0, workspace_from_object }
     }
 
-    /// Lines enter each face as often as its area says, and the point lies on that face.
+    /// Lines enter each face in proportion to its area, and the point lies on that face.
     #[test]
     fn touches_are_uniform_over_the_surface() {
         let mut stream = Stream::new(4, 0, Purpose::Candidates, 0);
@@ -245,7 +249,8 @@ mod tests {
         }
     }
 
-    /// An L of two boxes that share a face: the shared face is no surface, and the faces in the corner are, as their area says.
+    /// An L of two boxes that share a face: the shared face is no surface; the faces in the corner are, in proportion
+    /// to their area.
     #[test]
     fn touches_of_parts_are_uniform_over_the_surface_of_their_union() {
         let box_at = |size: Vec3, at: Vec3| Part {
@@ -261,7 +266,8 @@ mod tests {
         let touches: Vec<Touch> = (0..60_000).filter_map(|_| draw_touch(&targets, &mut stream)).collect();
         let share =
             |of: &dyn Fn(&Touch) -> bool| touches.iter().filter(|t| of(t)).count() as f32 / touches.len() as f32;
-        // Ends at -x and +x (one of them in the corner) 0.08 x 0.04 each, two ells of 0.0028, below and above 0.08 x 0.04.
+        // Ends at -x and +x (one of them in the corner) 0.08 x 0.04 each, two ells of 0.0028, below and above 0.08 x
+        // 0.04.
         let area = 2.0 * 0.08 * 0.04 + 2.0 * 0.0028 + 2.0 * 0.08 * 0.04;
         // The frame's origin is the middle of the box: the bottom is at z = -0.04, the step at -0.02.
         let in_corner = |t: &Touch| t.normal.x > 0.99 && t.point_m.x < 0.0;
@@ -284,7 +290,7 @@ mod tests {
         ];
         let scene = Scene::from_records(config.grid.table_z_m, &objects, &[]);
         let rays = SceneRays::new(&scene);
-        // From the side of small x, so that what looks to large x is hidden.
+        // From the side of small x, so that faces towards large x are hidden.
         let views = [View { radius_m: 0.6, polar_rad: 1.0, azimuth_rad: core::f32::consts::PI }];
         let mut stream = Stream::new(4, 1, Purpose::Candidates, 0);
         let drawn = draw_along_normals(&config, (&scene, &objects), &rays, &views, 602, &mut stream);

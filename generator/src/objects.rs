@@ -1,4 +1,4 @@
-//! Which objects fall, and from where (paper 2.3: random models, "arbitrarily scaled and rotated").
+//! Draws the objects of a scene and their release poses (paper 2.3: random models, "arbitrarily scaled and rotated").
 
 use schema::{Grid, Pose, Purpose, ShapeKind, Solid, Stream, Vec3};
 use simulator::Drop;
@@ -6,7 +6,8 @@ use simulator::Drop;
 use crate::config::ObjectLaw;
 use crate::models::Models;
 
-/// Draws the objects of a scene and how each is let go. `attempt` counts the tries at this scene, from 0.
+/// Draws the objects of a scene and the pose at which each is released. `attempt` counts the tries at this scene, from
+/// 0.
 #[must_use]
 pub fn draw_drops(law: &ObjectLaw, models: &Models, grid: &Grid, seed: u64, scene_id: u64, attempt: u32) -> Vec<Drop> {
     let mut objects = Stream::new(seed, scene_id, Purpose::Objects, attempt);
@@ -29,7 +30,7 @@ pub fn draw_drops(law: &ObjectLaw, models: &Models, grid: &Grid, seed: u64, scen
         .collect()
 }
 
-/// One of a catalogue's objects, each as likely as another, at its own size, mass and friction.
+/// A uniformly drawn object of the catalogue, with its own size, mass and friction.
 fn draw_model(models: &Models, law: &ObjectLaw, grid: &Grid, objects: &mut Stream, drops: &mut Stream) -> Drop {
     let number = objects.index(models.bodies().len());
     let (body, model) = (&models.bodies()[number], &models.stored()[number]);
@@ -53,7 +54,7 @@ fn draw_count(law: &ObjectLaw, stream: &mut Stream) -> usize {
     law.counts.last().map_or(1, |(count, _)| *count)
 }
 
-/// A shape whose free extents are uniform. Takes the same number of draws for every shape.
+/// A shape with uniform free extents. Every shape makes the same number of draws.
 fn draw_solid(law: &ObjectLaw, stream: &mut Stream) -> Solid {
     let kind = law.shapes[stream.index(law.shapes.len())];
     let size = stream.point(Vec3::splat(law.size_m[0]), Vec3::splat(law.size_m[1]));
@@ -65,7 +66,8 @@ fn draw_solid(law: &ObjectLaw, stream: &mut Stream) -> Solid {
     Solid::new(kind, extents_m).expect("the config's sizes are above 0")
 }
 
-/// Anywhere over the workspace where the object's bounding ball clears the walls, in any orientation.
+/// A uniform position over the workspace at which the object's bounding ball clears the walls, in a uniform
+/// orientation.
 fn draw_release(law: &ObjectLaw, grid: &Grid, radius_m: f32, stream: &mut Stream) -> Pose {
     let middle = 0.5 * grid.size_m;
     let reach = (middle - radius_m).max(0.0);

@@ -1,5 +1,4 @@
-//! What a watcher keeps of an attempt, to be shown afterwards: where things are at up to sixty moments a second, what
-//! happens, what presses on what.
+//! Records an attempt for display: poses at up to sixty frames per second, events, and contacts.
 
 use report::view::{Class, Event, EventKind, Frame, Points, flat_points};
 use schema::{Gripper, Outcome, Pose, Vec3};
@@ -7,19 +6,19 @@ use simulator::{AttemptEvent, Contact, Execution, Moment, Phase, Toucher, Watche
 
 /// Frames a second.
 const FRAME_RATE_HZ: f32 = 60.0;
-/// How long an approach is shown; the gate needs no time for it.
+/// Displayed duration of the approach; the gate itself simulates no time.
 const APPROACH_TIME_S: f32 = 0.6;
 
-/// Where everything is at a moment.
+/// All poses in one frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Shot {
     pub(crate) time_s: f32,
     pub(crate) objects: Vec<Pose>,
-    /// The frames of the boxes of the open hand.
+    /// Poses of the boxes of the open hand.
     pub(crate) hand: [Pose; 3],
 }
 
-/// A film of an attempt.
+/// A recording of an attempt.
 pub(crate) struct Recorder<'a> {
     gripper: &'a Gripper,
     step_rate_hz: f32,
@@ -31,7 +30,7 @@ pub(crate) struct Recorder<'a> {
     pub(crate) events: Vec<Event>,
     pub(crate) contacts: Vec<Points>,
     phase: Option<Phase>,
-    /// When the open hand was at the grasp, and the steps of the last shot since.
+    /// Time at which the open hand was at the grasp, and the step of the last frame since then.
     grasp_time_s: f32,
     shot_steps: Option<usize>,
 }
@@ -63,10 +62,13 @@ impl<'a> Recorder<'a> {
         self.shots.iter().map(|shot| Frame { time_s: shot.time_s }).collect()
     }
 
-    /// Shows the open hand come from the pre-grasp, `distance_m` back, for `travel_m`.
+    /// Adds frames of the open hand moving `travel_m` from the pre-grasp, which is `distance_m` back.
     pub(crate) fn approach(&mut self, distance_m: f32, travel_m: f32) {
         self.happens(EventKind::Phase, "approach");
-        self.happens(EventKind::Note, "the gate is geometry and takes no time: the speed of the approach is made up");
+        self.happens(
+            EventKind::Note,
+            "the gate is geometric and simulates no time: the speed of the approach is for display only",
+        );
         let time_s = APPROACH_TIME_S * (travel_m / distance_m).clamp(0.0, 1.0);
         let count = (time_s * FRAME_RATE_HZ).ceil() as usize;
         for frame in 0..=count {
@@ -77,7 +79,7 @@ impl<'a> Recorder<'a> {
         self.grasp_time_s = self.shots.last().map_or(0.0, |shot| shot.time_s);
     }
 
-    /// Shows the closing of free fingers for so many steps, which is not simulated.
+    /// Adds frames of free fingers closing for some steps, which are not simulated.
     fn close_freely(&mut self, steps: usize) {
         let stride = self.stride();
         for step in (stride..=steps).step_by(stride) {
@@ -96,7 +98,7 @@ impl<'a> Recorder<'a> {
         self.shots.push(Shot { time_s, objects: self.at_rest.clone(), hand });
     }
 
-    /// Takes a shot, unless the last was of this very moment.
+    /// Adds a frame, unless the last frame was of the same step.
     fn shoot(&mut self, moment: &Moment<'_>) {
         if self.shot_steps == Some(moment.steps()) {
             return;
@@ -123,7 +125,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Notes what happens now: at the last shot, or before the first.
+    /// Adds an event at the time of the last frame, or before the first.
     pub(crate) fn happens(&mut self, kind: EventKind, text: impl Into<String>) {
         let frame = self.shots.len().saturating_sub(1);
         self.events.push(Event { frame, kind, text: text.into() });
@@ -139,7 +141,7 @@ impl<'a> Recorder<'a> {
                 Phase::Close => "close",
                 Phase::Retreat => "retreat",
                 Phase::Hold => "hold",
-                Phase::After => "after the decision: only shown, decides nothing",
+                Phase::After => "after the decision: for display only",
             },
         );
     }
@@ -177,48 +179,50 @@ fn mm(metres: f32) -> String {
     format!("{:.1} mm", metres * 1000.0)
 }
 
-/// An event in words.
+/// An event as text.
 fn noted(event: &AttemptEvent) -> String {
     match event {
         AttemptEvent::NothingBetween { steps } => {
-            format!("nothing lies between the jaws: their closing ({steps} steps) is not simulated")
+            format!("nothing is between the jaws: closing ({steps} steps) is not simulated")
         }
         AttemptEvent::ClosedFreely { steps } => {
-            format!("nothing is near the fingers for {steps} steps: these are not simulated")
+            format!("nothing is near the fingers for {steps} steps: these steps are not simulated")
         }
-        AttemptEvent::FingersStopped { width_m } => format!("both fingers stand still, {} apart", mm(*width_m)),
-        AttemptEvent::ClosingTimeOver { width_m } => format!("the time to close is over at {}", mm(*width_m)),
+        AttemptEvent::FingersStopped { width_m } => format!("both fingers have stopped, {} apart", mm(*width_m)),
+        AttemptEvent::ClosingTimeOver { width_m } => {
+            format!("the time limit of closing is reached at {}", mm(*width_m))
+        }
         AttemptEvent::JawsMet { width_m } => format!("the jaws have met at {}", mm(*width_m)),
         AttemptEvent::Pushed { object_id, moved_m } => {
-            format!("object {object_id} was pushed by {} while the hand closed: more than it may be", mm(*moved_m))
+            format!("closing pushed object {object_id} by {}, more than the limit", mm(*moved_m))
         }
-        AttemptEvent::NearTable => "a finger ended too near the table".to_owned(),
+        AttemptEvent::NearTable => "a finger ended too close to the table".to_owned(),
         AttemptEvent::RidesAlong { rest_m } => format!(
-            "the target rides along, all else rests and its way is free: the lift ends here, with {} to go",
+            "the target moves with the hand, everything else rests and the way is free: the lift ends {} early",
             mm(*rest_m)
         ),
         AttemptEvent::JawsMetLifting { width_m } => format!("the jaws have met while lifting, at {}", mm(*width_m)),
         AttemptEvent::LeftBehind { travel_m, travel_m_min } => {
-            format!("the target came along for {}; at least {} are asked for", mm(*travel_m), mm(*travel_m_min))
+            format!("the target moved {} with the hand; at least {} are required", mm(*travel_m), mm(*travel_m_min))
         }
-        AttemptEvent::NotGripped => "the target came along, but not both fingers press on it".to_owned(),
+        AttemptEvent::NotGripped => "the target moved with the hand, but not both fingers press on it".to_owned(),
         AttemptEvent::Gripped { travel_m } => {
-            format!("the target came along for {} and both fingers press on it", mm(*travel_m))
+            format!("the target moved {} with the hand, and both fingers press on it", mm(*travel_m))
         }
         AttemptEvent::Raised { object_id, raised_m } => {
-            format!("object {object_id} was raised by {}: more than it may be", mm(*raised_m))
+            format!("the lift raised object {object_id} by {}, more than the limit", mm(*raised_m))
         }
         AttemptEvent::Decided(execution) => ended(execution),
     }
 }
 
-/// How an attempt ended, in words.
+/// The end of an attempt as text.
 pub(crate) fn ended(execution: &Execution) -> String {
     let hit = execution.hit.map(|hit| (hit.kind, hit.object_id.map(|id| id as u32)));
     outcome_told(execution.outcome, hit, execution.width_m)
 }
 
-/// An outcome with what was hit and the opening, in words.
+/// An outcome with what was hit and the opening, as text.
 pub(crate) fn outcome_told(
     outcome: Outcome,
     hit: Option<(schema::HitKind, Option<u32>)>,

@@ -1,4 +1,4 @@
-//! Executing a dataset's attempts again: what is stored should be what this program gives.
+//! Executes a dataset's attempts again and compares the results with the stored rows.
 
 use rayon::prelude::*;
 use schema::Outcome;
@@ -8,16 +8,16 @@ use simulator::{AttemptWorld, Body, ModelError, Physics, Scene, bodies_of};
 use crate::laws::physics_of;
 use crate::replay::is_as_stored;
 
-/// What came of it.
+/// The result of the comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Repeated {
     /// Attempts that were executed.
     pub attempts: u64,
-    /// Those that ended otherwise than stored, hit something else, or with another opening.
+    /// Attempts whose outcome, hit or opening differs from the stored one.
     pub different: Vec<Difference>,
 }
 
-/// An attempt that ends otherwise than its row says.
+/// An attempt that ends differently from its row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Difference {
     /// The scene.
@@ -39,7 +39,7 @@ pub enum RepeatError {
     /// The dataset does not say how the engine was run.
     #[error("meta/info.json has no engine settings that this program knows: {0}")]
     Physics(String),
-    /// An attempt at an object that its scene has not.
+    /// The target of an attempt is not in its scene.
     #[error("attempt {attempt_id} of scene {scene_id} has a target that is not among the scene's objects")]
     NoTarget {
         /// The scene.
@@ -63,7 +63,7 @@ impl RepeatError {
     }
 }
 
-/// Executes the attempts of the first `scene_count` scenes again, from their rows alone.
+/// Executes the attempts of the first `scene_count` scenes again, using only their rows.
 ///
 /// # Errors
 /// [`RepeatError`] if the dataset cannot be read or was not made by this engine.
@@ -78,7 +78,7 @@ pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, RepeatErr
             break;
         }
         let (objects, attempts) = (dataset.read_objects(shard)?, dataset.read_attempts(shard)?);
-        // The tables are checked one by one: that one's rows mean the other's is only known here.
+        // The tables were checked one by one; references between them are checked here.
         let lacks_target = |row: &schema::AttemptRecord| {
             row.object_id as usize >= objects[range_of(&objects, row.scene_id, |object| object.scene_id)].len()
         };

@@ -1,4 +1,4 @@
-//! One stored attempt executed again, before the eyes of a recorder: what happened, where, and what decided.
+//! Executes one stored attempt again and records what happened, where, and what decided.
 
 use std::fmt::Write as _;
 use std::str::FromStr;
@@ -15,7 +15,7 @@ use crate::repeat::RepeatError;
 /// Names of the boxes of the hand.
 const HAND: [&str; 3] = ["left finger", "right finger", "palm"];
 
-/// Which attempt, written as SCENE/ATTEMPT.
+/// An attempt's id, written as SCENE/ATTEMPT.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AttemptId {
     /// The scene, from 0.
@@ -36,10 +36,10 @@ impl FromStr for AttemptId {
     }
 }
 
-/// What came of it.
+/// A replayed attempt.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replay {
-    /// What there was to see.
+    /// The recording.
     pub view: View,
     /// The stored row.
     pub stored: AttemptRecord,
@@ -54,7 +54,7 @@ impl Replay {
         is_as_stored(&self.stored, &self.now)
     }
 
-    /// What happened, and whether that is what is stored, as text of a few lines.
+    /// The events and whether the result equals the stored one, as a few lines of text.
     #[must_use]
     pub fn told(&self) -> String {
         let mut text = String::new();
@@ -88,8 +88,8 @@ fn stored_told(stored: &AttemptRecord) -> String {
     outcome_told(stored.outcome, stored.hit.map(|kind| (kind, stored.hit_object_id)), stored.width_m)
 }
 
-/// Executes a stored attempt again from its rows, by the dataset's own settings, and records it. What is left out when
-/// attempts are made by the thousand is left out here, too: then a recording says so.
+/// Executes a stored attempt again from its rows with the dataset's own settings, and records it. The shortcuts of the
+/// dataset apply here, too; the recording then says so.
 ///
 /// # Errors
 /// [`RepeatError`] if the dataset cannot be read, has no such attempt, or was not made by this engine.
@@ -149,7 +149,7 @@ fn obstruction_told(info: &DatasetInfo, obstruction: &Obstruction) -> String {
     format!("the {part} is within {clearance_mm:.1} mm of {what} {when}")
 }
 
-/// The objects, one pose each if they never move.
+/// The objects; an object that never moves has one pose.
 fn objects(rows: &SceneRows, stored: &AttemptRecord, now: &Execution, recorder: &Recorder<'_>) -> Vec<Body> {
     let pieces_of = |(id, row): (usize, &schema::ObjectRecord)| {
         let class = match now.hit.and_then(|hit| hit.object_id) {
@@ -177,14 +177,14 @@ fn hand(info: &DatasetInfo, recorder: &Recorder<'_>) -> Vec<Body> {
     (0..HAND.len()).map(boxed).collect()
 }
 
-/// Leaves one pose to a body that has the same in every frame.
+/// Reduces the poses of a body that never moves to one.
 fn still(body: &mut Body) {
     if body.poses.iter().all(|pose| *pose == body.poses[0]) {
         body.poses.truncate(1);
     }
 }
 
-/// What the gate looked at when it stopped the hand: the open hand, or what it would pass, with its clearance.
+/// What the gate tested when it blocked the hand: the open hand or its sweep, with the clearance.
 fn swept(info: &DatasetInfo, workspace_from_grasp: &Pose, obstruction: &Obstruction) -> Vec<Body> {
     let distance_m = info.procedure.pregrasp_distance_m;
     let looked_at = |hand_box: HandBox| match obstruction.outcome {

@@ -1,5 +1,5 @@
-//! Generating shards: scenes in parallel, rows in order, a shard committed when it is whole. Rows are encoded on a thread
-//! of their own, so that the others go on simulating.
+//! Generating shards: scenes are built in parallel, rows are written in order, and a shard is committed when it is
+//! complete. A separate thread encodes rows while the others simulate.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -14,18 +14,18 @@ use shards::{
 use crate::build::{NoScene, make_scene};
 use crate::config::Config;
 
-/// Scenes that are built at once, of one shard or several: enough that the cores do not wait for each other's last scene
-/// often. A quarter of a megabyte each; three batches are in memory at most (built, waiting, written).
+/// Scenes of a parallel batch, from one shard or several: enough that cores rarely wait for the last scene of a batch.
+/// A scene takes a quarter of a megabyte; at most three batches are in memory (being built, waiting, being written).
 const SCENES_AT_ONCE: usize = 128;
 
-/// A process that makes a part of a dataset's shards looks at the others, and completes the dataset if it can, up to so many
-/// of them: beyond, thousands of processes would look at thousands of markers each.
+/// A process that makes a part of the shards checks the others and completes the dataset if it can, up to this many
+/// shards. With more, thousands of processes would each read thousands of markers.
 pub const LOOK_SHARDS_MAX: u32 = 1_000;
 
-/// Shards that are asked for one by one, each of which takes four requests to a store, one after the other.
+/// Up to this many shards are checked one by one; each takes four sequential requests to a store.
 const ASKED_ONE_BY_ONE_MAX: usize = 32;
 
-/// What happens while shards are generated.
+/// Progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
     /// A shard was committed by an earlier run.
@@ -106,11 +106,11 @@ impl GenerateError {
     }
 }
 
-/// Generates the shards `wanted` of a dataset, skipping those that are there, and completes the dataset if it can. When
-/// `stop` is set the run ends soon; a shard that is not whole by then is dropped.
+/// Generates the shards `wanted` of a dataset, skips existing ones, and completes the dataset if possible. When `stop`
+/// is set, the run ends soon and drops its incomplete shard.
 ///
 /// # Errors
-/// [`GenerateError`]; what was committed before stays.
+/// [`GenerateError`]; committed shards remain.
 pub fn generate(
     config: &Config,
     at: impl Into<Location>,
@@ -126,7 +126,7 @@ pub fn generate(
     let is_all = wanted.len() == info.shard_count as usize;
     let missing = missing_of(&draft, wanted)?;
     if missing.len() < wanted.len() {
-        draft.flush()?; // whoever made the others may have been killed before
+        draft.flush()?; // the process that made the others may have been killed before its flush
     }
     for shard in wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_err()) {
         on_event(Event::Skipped { shard, attempts: attempts_of(&info, shard) });
@@ -143,7 +143,7 @@ pub fn generate(
     Ok(Report { made, is_stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
 }
 
-/// Asks for each, or, if that are many of all, for all at once.
+/// The missing shards among `wanted`: checks each, or lists all at once if `wanted` is a large part of the dataset.
 fn missing_of(draft: &Draft, wanted: &[u32]) -> Result<Vec<u32>, StoreError> {
     if wanted.len() > ASKED_ONE_BY_ONE_MAX && 4 * wanted.len() >= draft.info().shard_count as usize {
         let missing = draft.missing()?;
@@ -153,14 +153,14 @@ fn missing_of(draft: &Draft, wanted: &[u32]) -> Result<Vec<u32>, StoreError> {
     wanted.iter().filter_map(|shard| is_missing(shard).transpose()).collect()
 }
 
-/// Completes the dataset, after a quick look at whether that can be.
+/// Completes the dataset if all markers exist.
 fn complete(draft: &Draft) -> Result<Finalized, GenerateError> {
     let missing = draft.unmarked()?;
     Ok(if missing.is_empty() { draft.finalize()? } else { Finalized::Incomplete { missing } })
 }
 
-/// Builds the scenes of `shards` in parallel and sends them on in order, each with its shard; whether it was stopped. Ends
-/// early too when nobody listens any more.
+/// Builds the scenes of `shards` in parallel and sends them in order, each with its shard. Returns whether the run was
+/// stopped. Also ends early if the receiver is gone.
 fn build_scenes(
     config: &Config,
     info: &DatasetInfo,
@@ -191,7 +191,7 @@ fn build_scenes(
     Ok(false)
 }
 
-/// Writes scenes as they come, and commits a shard when it has all of its scenes; one that stays without is dropped.
+/// Writes scenes as they arrive and commits a shard when it has all its scenes; an incomplete shard is dropped.
 fn write_shards(
     draft: &Draft,
     receive: Receiver<Vec<(u32, SceneRows)>>,
