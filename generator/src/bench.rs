@@ -1,4 +1,4 @@
-//! What generating costs, stage by stage, and what its shortcuts change.
+//! Measures the cost of generating, stage by stage, and the effect of the shortcuts.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -14,25 +14,25 @@ use crate::build::{Stage, make_scene, make_scene_timed};
 use crate::config::Config;
 use crate::run::{GenerateError, generate};
 
-/// How much is measured.
+/// The extent of the measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BenchSize {
     /// Threads of the widest run.
     pub threads: usize,
-    /// Attempts that are executed again by slower settings; 0 for none.
+    /// Attempts to execute again with slower settings; 0 for none.
     pub repeated_attempts: u64,
 }
 
-/// Everything that was measured.
+/// All measurements.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BenchReport {
     /// This program's version.
     pub version: String,
-    /// Processor, as the system names it.
+    /// The processor's name.
     pub processor: String,
     /// Attempts of each run, and of the stages.
     pub attempts: u64,
-    /// Whole runs, from nothing to committed shards: with one thread, then with all.
+    /// Complete runs from start to committed shards: with one thread, then with all.
     pub runs: Vec<RunCost>,
     /// Stages, on one thread.
     pub stages: Vec<StageCost>,
@@ -42,9 +42,9 @@ pub struct BenchReport {
     pub step_s: f64,
     /// Bytes of the shards.
     pub bytes: u64,
-    /// The most memory the process has held so far, in bytes, where the system tells.
+    /// Peak memory of the process so far, in bytes, if the system reports it.
     pub memory_bytes: Option<u64>,
-    /// The same attempts by slower settings.
+    /// The same attempts with slower settings.
     pub agreements: Vec<Agreement>,
 }
 
@@ -55,7 +55,7 @@ pub struct RunCost {
     pub threads: usize,
     /// Wall time, in seconds.
     pub wall_s: f64,
-    /// Processor time of all threads, in seconds, where the system tells.
+    /// CPU time of all threads, in seconds, if the system reports it.
     pub cpu_s: Option<f64>,
 }
 
@@ -66,41 +66,41 @@ pub struct StageCost {
     pub name: &'static str,
     /// How often it ran.
     pub count: u64,
-    /// In all, in seconds.
+    /// Total time, in seconds.
     pub total_s: f64,
 }
 
-/// Attempts that ended the same way.
+/// Attempts with the same outcome.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OutcomeCost {
-    /// How they ended.
+    /// The outcome.
     pub outcome: &'static str,
-    /// How many.
+    /// Number of attempts.
     pub count: u64,
     /// Steps that were simulated.
     pub steps: u64,
-    /// In all, in seconds.
+    /// Total time, in seconds.
     pub total_s: f64,
 }
 
-/// The same attempts of the same scenes by other settings.
+/// The same attempts of the same scenes with other settings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Agreement {
     /// The other settings.
     pub settings: String,
     /// Attempts.
     pub attempts: u64,
-    /// How many have the same label.
+    /// Number with the same label.
     pub same_label: u64,
-    /// How many end the same.
+    /// Number with the same outcome.
     pub same_outcome: u64,
-    /// Positives by the config's settings, and by the others.
+    /// Positives with the config's settings, and with the others.
     pub positives: [u64; 2],
-    /// Time of the attempts by the config's settings and by the others, in seconds on one thread.
+    /// Time of the attempts with the config's settings and with the others, in seconds on one thread.
     pub total_s: [f64; 2],
 }
 
-/// Measures `config` at its own number of attempts; datasets go to folders below `scratch`.
+/// Measures `config` with its own number of attempts; datasets are written to folders below `scratch`.
 ///
 /// # Errors
 /// As [`generate`].
@@ -174,7 +174,7 @@ fn whole_run(config: &Config, threads: usize, dir: &Path) -> Result<(RunCost, u6
     Ok((RunCost { threads, wall_s, cpu_s }, bytes))
 }
 
-/// The stages of every scene, one scene after the other on this thread.
+/// The stages of every scene, sequentially on this thread.
 fn stages(config: &Config, dir: &Path) -> Result<(Vec<StageCost>, Vec<OutcomeCost>), GenerateError> {
     let info = config.dataset_info();
     let draft = Draft::begin(dir, &info)?;
@@ -215,7 +215,7 @@ fn stages(config: &Config, dir: &Path) -> Result<(Vec<StageCost>, Vec<OutcomeCos
     Ok((stages.to_vec(), outcomes.to_vec()))
 }
 
-/// The attempts of the first scenes by the config's settings and by `physics`.
+/// The attempts of the first scenes with the config's settings and with `physics`.
 fn agreement(config: &Config, size: BenchSize, settings: String, physics: Physics) -> Result<Agreement, GenerateError> {
     let info = config.dataset_info();
     let scenes = size.repeated_attempts.div_ceil(u64::from(info.attempts_per_scene)).min(info.scene_count);
@@ -249,16 +249,16 @@ fn repeat(config: &Config, physics: &Physics, rows: &SceneRows) -> (Vec<Outcome>
     (outcomes, began.elapsed())
 }
 
-/// Processor time of this process, user and system (Linux: `/proc/self/stat`, in hundredths of a second).
+/// CPU time of this process, user and system (Linux: `/proc/self/stat`, in hundredths of a second).
 fn cpu_time_s() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The second field, the command's name, is in parentheses and may hold anything.
+    // The second field, the command's name, is in parentheses and may contain any character.
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     let ticks = |field: usize| fields.get(field)?.parse::<f64>().ok();
     Some((ticks(11)? + ticks(12)?) / 100.0)
 }
 
-/// The most memory that this process has held (Linux: `VmHWM`).
+/// Peak memory of this process (Linux: `VmHWM`).
 fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

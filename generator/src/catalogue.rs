@@ -1,6 +1,6 @@
-//! Objects from a file: rigid bodies of convex parts, with mass and friction, and sets of them that lie together.
+//! Objects from a file: rigid bodies of convex parts with mass and friction, and sets of objects for a scene.
 //!
-//! `configs/objects/everyday.toml` says what the keys mean; docs/everyday-objects.md where its sizes are from. Datasets and
+//! `configs/objects/everyday.toml` explains the keys; docs/everyday-objects.md the origin of its sizes. Datasets and
 //! experiments read the same files; [`crate::import_objects`] writes them from meshes.
 
 use std::f64::consts::{PI, TAU};
@@ -10,10 +10,10 @@ use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
 use serde::Deserialize;
 use simulator::{Body, Compound, ConvexHull, Part, Piece};
 
-/// The catalogue that comes with the program.
+/// The built-in catalogue.
 const EVERYDAY: &str = include_str!("../../configs/objects/everyday.toml");
 
-/// Points of an ellipsoid's lattice.
+/// Number of points on an ellipsoid.
 const ELLIPSOID_POINTS: usize = 60;
 
 /// A catalogue of objects.
@@ -45,7 +45,7 @@ pub enum CatalogueError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// The file is no catalogue.
+    /// The file is not a catalogue.
     #[error("{message}: {}", .path.display())]
     Syntax {
         /// The file.
@@ -53,7 +53,7 @@ pub enum CatalogueError {
         /// What and where.
         message: String,
     },
-    /// Objects that cannot be, all of them.
+    /// Invalid objects, all of them.
     #[error("{} problem{} in the objects {}:\n  {}", .problems.len(), if .problems.len() == 1 { "" } else { "s" }, .path.display(), .problems.join("\n  "))]
     Invalid {
         /// The file.
@@ -100,10 +100,10 @@ struct RawSet {
 }
 
 impl Catalogue {
-    /// Reads a file; `None` is the catalogue that comes with the program.
+    /// Reads a file; `None` is the built-in catalogue.
     ///
     /// # Errors
-    /// [`CatalogueError`]; [`CatalogueError::Invalid`] tells all problems.
+    /// [`CatalogueError`]; [`CatalogueError::Invalid`] lists all problems.
     pub fn read(path: Option<&Path>) -> Result<Self, CatalogueError> {
         let Some(path) = path else { return Self::parse(EVERYDAY, Path::new("configs/objects/everyday.toml")) };
         let text =
@@ -111,10 +111,10 @@ impl Catalogue {
         Self::parse(&text, path)
     }
 
-    /// The catalogue in a text; `path` is what errors call it.
+    /// Parses a catalogue; errors name it by `path`.
     ///
     /// # Errors
-    /// [`CatalogueError`], but for [`CatalogueError::Read`].
+    /// [`CatalogueError`] except [`CatalogueError::Read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, CatalogueError> {
         let syntax = |e: toml::de::Error| CatalogueError::Syntax { path: path.to_owned(), message: e.to_string() };
         let raw: Raw = toml::from_str(text).map_err(syntax)?;
@@ -152,7 +152,7 @@ impl Catalogue {
         &self.things
     }
 
-    /// The objects that a name means: a set's, or the one of that name. `None` if it means nothing.
+    /// The objects of a set, or the object of that name; `None` if there is neither.
     #[must_use]
     pub fn named(&self, name: &str) -> Option<Vec<&Thing>> {
         let set = self.sets.iter().find(|(set, _)| set == name);
@@ -160,7 +160,7 @@ impl Catalogue {
         of_set.or_else(|| self.things.iter().find(|thing| thing.body.name() == name).map(|thing| vec![thing]))
     }
 
-    /// All names that mean something.
+    /// The names of all sets and objects.
     #[must_use]
     pub fn names(&self) -> Vec<&str> {
         self.things
@@ -205,8 +205,8 @@ fn part(raw: &RawPart) -> Result<Part, String> {
     Ok(Part { piece, object_from_part })
 }
 
-/// Points spread evenly over an ellipsoid with these axes: a spiral from pole to pole (Fibonacci's lattice), with both poles and the four
-/// ends of the other axes, so that it is as long as it says.
+/// Points spread evenly over an ellipsoid with these axes: a spiral from pole to pole (Fibonacci lattice), plus both
+/// poles and the four ends of the other axes, so that its lengths are exact.
 fn ellipsoid(size_m: Vec3) -> Vec<Vec3> {
     let golden = TAU * (1.0 - 1.0 / ((1.0 + 5.0_f64.sqrt()) / 2.0));
     let spiral = (0..ELLIPSOID_POINTS).map(|number| {

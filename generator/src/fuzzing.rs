@@ -1,5 +1,5 @@
-//! What the fuzz target `generator_config` calls, and a test that replays its seeds and past findings. Whatever the bytes
-//! are, this returns, and a config that is accepted makes a dataset that can be read.
+//! The function of the fuzz target `generator_config`, and a test that replays its seeds and past findings. The
+//! function must return for any bytes, and an accepted config must give a readable dataset.
 
 use schema::Gripper;
 use shards::DatasetInfo;

@@ -1,7 +1,8 @@
-//! Objects from meshes: each is measured, taken apart into convex parts, measured again, and written as a catalogue.
+//! Objects from meshes: each mesh is measured, decomposed into convex parts, measured again, and written to a
+//! catalogue.
 //!
-//! What a mesh weighs and how it is balanced is known exactly if it is watertight; what physics will feel are its parts. Both
-//! are told beside each other, and what is odd is said in words.
+//! The mass properties of a watertight mesh are exact, but the physics uses its parts. Both are reported side by side,
+//! with warnings about anything unusual.
 
 use std::fmt::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -18,50 +19,50 @@ use crate::mass_integrals::{MassIntegrals, principal_values, relative_difference
 use crate::mesh::{Mesh, Seams};
 use crate::mesh_file::{ENDINGS, MeshFileError, ending, read_mesh};
 
-/// A mesh whose hull is larger by less than this share is convex.
+/// A mesh is convex if its hull is larger by less than this share.
 const CONVEX_SHARE: f64 = 0.01;
-/// Corners of the hull that the smallest width is measured on.
+/// Maximum number of hull corners for measuring the smallest width.
 const WIDTH_CORNERS: usize = 64;
-/// Cells along each side of the lattice that looks for overlaps.
+/// Cells along each side of the lattice for measuring overlaps.
 const LATTICE: usize = 48;
-/// An object's longest side is between these, or its units are in doubt.
+/// If an object's longest side is not between these, a warning questions its units.
 const PLAUSIBLE_M: [f64; 2] = [0.005, 1.0];
-/// Longest side that is taken at all.
+/// Maximum accepted length of the longest side.
 const LONGEST_M: f64 = 10.0;
-/// Larger differences between mesh and parts are worth a word: volume, inertia, overlap.
+/// Larger differences between mesh and parts cause a warning: volume, inertia, overlap.
 const VOLUME_SHARE: f64 = 0.05;
 const INERTIA_SHARE: f64 = 0.1;
 const OVERLAP_SHARE: f64 = 0.05;
 /// Decimals of a corner in a catalogue: a tenth of a micrometre.
 const DECIMALS: usize = 7;
 
-/// How heavy an object is.
+/// The mass of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Weight {
-    /// Of this density, in kilograms per cubic metre.
+    /// Density in kilograms per cubic metre.
     Density(f64),
-    /// This heavy, in kilograms, whatever its size.
+    /// Mass in kilograms for any size.
     Mass(f64),
 }
 
-/// How meshes become objects.
+/// Settings of the import.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportLaw {
-    /// Metres in a unit of the files.
+    /// Metres per unit of the files.
     pub scale_m: f64,
-    /// How heavy.
+    /// The mass.
     pub weight: Weight,
     /// Coulomb friction coefficient.
     pub friction: f32,
-    /// How finely they are taken apart.
+    /// How finely meshes are decomposed.
     pub parts: PartsLaw,
-    /// The hand that they are to fit.
+    /// The hand that objects should fit.
     pub gripper: Gripper,
-    /// The workspace that they are to fit.
+    /// The workspace that objects should fit.
     pub grid: Grid,
 }
 
-/// What came of the meshes.
+/// The result of an import.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Imported {
     /// The objects, in the files' order.
@@ -71,18 +72,18 @@ pub struct Imported {
     pub catalogue: String,
 }
 
-/// A mesh and what became of it.
+/// An imported mesh.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImportedObject {
-    /// Its name: the file's without its ending, in lower case.
+    /// Its name: the file's without its extension, in lower case.
     pub name: String,
     /// The file.
     pub file: PathBuf,
-    /// Triangles that have an area.
+    /// Triangles with a positive area.
     pub triangles: usize,
     /// Whether it encloses a volume.
     pub is_watertight: bool,
-    /// Edges that do not belong to two triangles that go along them in opposite ways.
+    /// Edges that do not belong to two triangles of opposite direction.
     pub bad_edges: usize,
     /// Full lengths of its bounding box along the file's axes, in metres.
     pub extents_m: [f64; 3],
@@ -90,7 +91,7 @@ pub struct ImportedObject {
     pub volume_m3: Option<f64>,
     /// Mass in kilograms.
     pub mass_kg: f64,
-    /// Centre of mass in the file's frame, in metres: the mesh's, or, if that is not watertight, the parts'.
+    /// Centre of mass in the file's frame, in metres: of the mesh if it is watertight, otherwise of the parts.
     pub centre_of_mass_m: [f64; 3],
     /// Principal moments of inertia about it, in kg m², smallest first; of the mesh or of the parts.
     pub inertia_kg_m2: [f64; 3],
@@ -98,29 +99,29 @@ pub struct ImportedObject {
     pub hull_volume_m3: f64,
     /// Convex parts.
     pub parts: usize,
-    /// Corners of the part that has most.
+    /// Largest number of corners of a part.
     pub part_corners_max: usize,
-    /// What of the mesh stands out of the parts because their corners are few, at most, in metres.
+    /// Largest distance in metres by which the mesh lies outside its simplified parts.
     pub simplified_m: f64,
-    /// Volume of all parts in cubic metres; what lies in two of them counts twice, as it weighs twice.
+    /// Volume of all parts in cubic metres; overlaps count twice, as in the mass.
     pub parts_volume_m3: f64,
     /// The parts' volume as a share of the mesh's.
     pub parts_volume_share: Option<f64>,
-    /// Share of the parts' common volume that lies in more than one of them.
+    /// Share of the union of the parts that lies in more than one of them.
     pub parts_overlap_share: f64,
-    /// How far the parts' inertia is from the mesh's, as a share of it.
+    /// Relative difference of the parts' inertia from the mesh's.
     pub parts_inertia_difference: Option<f64>,
-    /// The smallest distance of two parallel planes that have the object between them, in metres.
+    /// The smallest distance between two parallel planes that enclose the object, in metres.
     pub smallest_width_m: f64,
-    /// Whether the open hand reaches round it that way.
+    /// Whether the open hand spans that distance.
     pub fits_gripper: bool,
-    /// Whether it lies in the workspace however it is turned.
+    /// Whether it fits the workspace in any orientation.
     pub fits_workspace: bool,
-    /// What is odd about it, in words.
+    /// Warnings as text.
     pub warnings: Vec<String>,
 }
 
-/// Why meshes give no catalogue.
+/// Why an import failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// A folder cannot be listed.
@@ -134,7 +135,7 @@ pub enum ImportError {
     /// There are no meshes.
     #[error("there is no .{} file: {}", ENDINGS.join(" or ."), .0.display())]
     NoMeshes(PathBuf),
-    /// Two files would give objects of one name.
+    /// Two files would give objects of the same name.
     #[error("two files make an object called {name}: {} and {}", .files[0].display(), .files[1].display())]
     SameName {
         /// The name.
@@ -147,10 +148,10 @@ pub enum ImportError {
     Files {
         /// One message each.
         problems: Vec<String>,
-        /// Whether a file is damaged; else they cannot be read.
+        /// Whether a file is damaged; otherwise files cannot be read.
         is_damaged: bool,
     },
-    /// The objects are none that a catalogue can hold.
+    /// The objects break a rule of catalogues.
     #[error(transparent)]
     Catalogue(#[from] CatalogueError),
 }
@@ -166,7 +167,7 @@ impl ImportError {
     }
 }
 
-/// The meshes that paths mean: files as they are, folders for the meshes that lie in them, by name.
+/// The mesh files of some paths: files as given, and the meshes in folders, sorted by name.
 ///
 /// # Errors
 /// [`ImportError::Folder`] or [`ImportError::NoMeshes`].
@@ -190,10 +191,11 @@ pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, ImportError> {
     Ok(files)
 }
 
-/// Measures meshes, takes them apart and makes a catalogue of them. Files are done in parallel; the result is the same.
+/// Measures and decomposes meshes and makes a catalogue of them. Files are processed in parallel; the result does not
+/// depend on the number of threads.
 ///
 /// # Errors
-/// [`ImportError`]; [`ImportError::Files`] tells all files that cannot be used.
+/// [`ImportError`]; [`ImportError::Files`] lists all files that cannot be used.
 pub fn import_objects(files: &[PathBuf], law: &ImportLaw) -> Result<Imported, ImportError> {
     for (place, file) in files.iter().enumerate() {
         let name = name_of(file);
@@ -223,7 +225,7 @@ pub fn import_objects(files: &[PathBuf], law: &ImportLaw) -> Result<Imported, Im
     if !problems.is_empty() {
         return Err(ImportError::Files { problems, is_damaged });
     }
-    // What was written must be read: masses have limits, and rounded corners must still make hulls.
+    // The written text must be readable: masses have limits, and rounded corners must still have hulls.
     let read = Catalogue::parse(&catalogue, Path::new("the new catalogue"))?;
     for thing in read.things() {
         match thing.body.to_model(thing.mass_kg, thing.friction) {
@@ -242,7 +244,7 @@ const HEAD: &str = "\
 # and names may be changed by hand; sets of objects may be added.
 ";
 
-/// An object's name: what may stand in a table's column and in a query without quotes.
+/// An object's name: characters that need no quotes in a table or a query.
 fn name_of(file: &Path) -> String {
     let stem = file.file_stem().map_or_else(Default::default, |stem| stem.to_string_lossy().to_ascii_lowercase());
     stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
@@ -250,9 +252,10 @@ fn name_of(file: &Path) -> String {
 
 type Problem = (String, bool);
 
-/// The library that makes hulls panics at some scans: then this file is named, and the others go on.
+/// The hull library panics on some scans. Such a file is reported, and the others continue.
 fn guarded(file: &Path, law: &ImportLaw) -> Result<(ImportedObject, String), Problem> {
-    let failed = |_| Err((format!("it cannot be taken apart, a hull could not be made: {}", file.display()), true));
+    let failed =
+        |_| Err((format!("it cannot be decomposed, because a hull could not be made: {}", file.display()), true));
     catch_unwind(AssertUnwindSafe(|| import_one(file, law))).unwrap_or_else(failed)
 }
 
@@ -283,16 +286,16 @@ fn import_one(file: &Path, law: &ImportLaw) -> Result<(ImportedObject, String), 
     Ok((object, text))
 }
 
-/// A mesh and what is known of it by itself.
+/// A mesh and its measurements before decomposition.
 struct Measured {
     mesh: Mesh,
     seams: Seams,
     was_inside_out: bool,
     extents_m: [f64; 3],
-    /// The middle of the bounding box, in the file's frame; everything else here is about it.
+    /// The centre of the bounding box, in the file's frame; all other fields are relative to it.
     middle_m: [f64; 3],
     corners_m: Vec<Vec3>,
-    /// The integrals, if the mesh is watertight and encloses something.
+    /// The integrals, if the mesh is watertight and encloses a volume.
     solid: Option<MassIntegrals>,
     hull_volume_m3: f64,
 }
@@ -381,11 +384,11 @@ fn warnings(object: &ImportedObject, law: &ImportLaw, measured: &Measured) -> Ve
         )
     });
     tell(object.is_watertight && object.volume_m3.is_none(), &|| {
-        "watertight, but it encloses nothing; volume, mass and inertia are those of the parts".to_owned()
+        "watertight, but without a volume; volume, mass and inertia are those of the parts".to_owned()
     });
-    tell(measured.was_inside_out, &|| "its triangles showed their insides; they were turned".to_owned());
+    tell(measured.was_inside_out, &|| "its triangles were inside out; they were reversed".to_owned());
     tell(measured.mesh.degenerate_count() > 0, &|| {
-        format!("{} triangles without an area were left out", measured.mesh.degenerate_count())
+        format!("{} triangles without an area were dropped", measured.mesh.degenerate_count())
     });
     tell(longest_m > PLAUSIBLE_M[1], &|| {
         format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {}", law.scale_m * 0.001)
@@ -408,8 +411,11 @@ fn warnings(object: &ImportedObject, law: &ImportLaw, measured: &Measured) -> Ve
     });
     tell(object.parts_volume_share.is_some_and(|share| (share - 1.0).abs() > VOLUME_SHARE), &|| {
         let share = object.parts_volume_share.unwrap_or(1.0);
-        let cure =
-            if share > 1.0 { "--hulls-max: they fill hollows" } else { "--corners-max: they cut off what is round" };
+        let cure = if share > 1.0 {
+            "--hulls-max: the parts fill hollows"
+        } else {
+            "--corners-max: the parts cut off rounded surfaces"
+        };
         format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * share)
     });
     tell(object.parts_inertia_difference.is_some_and(|share| share > INERTIA_SHARE), &|| {
@@ -417,12 +423,13 @@ fn warnings(object: &ImportedObject, law: &ImportLaw, measured: &Measured) -> Ve
         format!("the parts' inertia is {percent:.1} % from the mesh's")
     });
     tell(object.parts_overlap_share > OVERLAP_SHARE, &|| {
-        format!("{:.1} % of the parts lie in one another", 100.0 * object.parts_overlap_share)
+        format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share)
     });
     told
 }
 
-/// The smallest width of points over the directions in which a hull can be narrowest: across its faces, and across two edges.
+/// The smallest width of points over the directions in which a hull can be narrowest: normal to a face, or to two
+/// edges.
 fn smallest_width_m(hull: &ConvexHull, points_m: &[Vec3]) -> f64 {
     let mut edges: Vec<Vec3> = Vec::new();
     for edge in hull.edges_m().into_iter().filter_map(Vec3::try_normalize) {
@@ -439,7 +446,7 @@ fn smallest_width_m(hull: &ConvexHull, points_m: &[Vec3]) -> f64 {
         });
         high - low
     };
-    // The hull's own corners first: few of the directions are worth asking all points.
+    // The hull's own corners first: few directions need a check of all points.
     let own_m = |axis: Vec3| {
         let along = hull.vertices_m().iter().map(|c| axis.dot(*c));
         along.clone().fold(f32::NEG_INFINITY, f32::max) - along.fold(f32::INFINITY, f32::min)
@@ -453,7 +460,7 @@ fn smallest_width_m(hull: &ConvexHull, points_m: &[Vec3]) -> f64 {
     f64::from(best_m)
 }
 
-/// The share of the parts' common volume that lies in more than one of them, by a lattice's points.
+/// The share of the parts' union that lies in more than one of them, by sampling a lattice.
 fn overlap_share(hulls: &[ConvexHull]) -> f64 {
     let corners = || hulls.iter().flat_map(ConvexHull::vertices_m).copied();
     let (low, high) = (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
@@ -470,7 +477,7 @@ fn overlap_share(hulls: &[ConvexHull]) -> f64 {
     if once == 0 { 0.0 } else { more as f64 / once as f64 }
 }
 
-/// The object as a catalogue's entry. Corners are about the middle of the mesh's bounding box.
+/// The object as a catalogue entry. Corners are relative to the centre of the mesh's bounding box.
 fn catalogue_text(object: &ImportedObject, law: &ImportLaw, parts: &ConvexParts) -> String {
     let name_of_file = object.file.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     let state = match object.parts_volume_share {

@@ -1,7 +1,7 @@
-//! What a closed surface encloses: volume, centre and second moments, exactly, as sums over its triangles.
+//! Exact integrals of a closed surface: volume, centre and second moments, as sums over its triangles.
 //!
-//! Each triangle makes a tetrahedron with the origin, whose integrals are polynomials of its corners; those of triangles that
-//! look at the origin count against the others. In double precision, summed in the triangles' order.
+//! Each triangle forms a tetrahedron with the origin, whose integrals are polynomials of its corners. Triangles that
+//! face the origin have a negative sign. Sums are in double precision in the triangles' order.
 
 /// The integrals of 1, x and x xᵀ over a body, in metres to the third, fourth and fifth power.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -12,7 +12,7 @@ pub struct MassIntegrals {
 }
 
 impl MassIntegrals {
-    /// Of the body that triangles enclose, which look outwards; corners in metres.
+    /// The integrals of a body enclosed by triangles that face outwards; corners in metres.
     #[must_use]
     pub fn of(triangles_m: impl IntoIterator<Item = [[f64; 3]; 3]>) -> Self {
         let mut sum = Self::default();
@@ -32,7 +32,7 @@ impl MassIntegrals {
         sum
     }
 
-    /// Of two bodies together.
+    /// The integrals of two bodies together.
     #[must_use]
     pub fn plus(mut self, other: &Self) -> Self {
         self.volume_m3 += other.volume_m3;
@@ -45,7 +45,7 @@ impl MassIntegrals {
         self
     }
 
-    /// Volume in cubic metres; below 0 if the triangles look inwards.
+    /// Volume in cubic metres; negative if the triangles face inwards.
     #[must_use]
     pub fn volume_m3(&self) -> f64 {
         self.volume_m3
@@ -57,7 +57,7 @@ impl MassIntegrals {
         self.first_m4.map(|m| m / self.volume_m3)
     }
 
-    /// The tensor of inertia about the centre of mass if the body weighs `mass_kg` and is of one density, in kg m².
+    /// The inertia tensor about the centre of mass for a uniform body of `mass_kg`, in kg m².
     #[must_use]
     pub fn inertia_kg_m2(&self, mass_kg: f64) -> [[f64; 3]; 3] {
         let centre = self.centre_m();
@@ -67,7 +67,7 @@ impl MassIntegrals {
     }
 }
 
-/// Sweeps after which a 3 × 3 matrix is as good as diagonal; five are enough for double precision.
+/// Jacobi sweeps; five are enough to diagonalise a 3 × 3 matrix in double precision.
 const SWEEPS: usize = 12;
 
 /// The eigenvalues of a symmetric matrix, smallest first (Jacobi's rotations).
@@ -97,7 +97,7 @@ pub fn principal_values(mut m: [[f64; 3]; 3]) -> [f64; 3] {
     values
 }
 
-/// How far apart two tensors are, as a share of the second (Frobenius norms).
+/// Difference of two tensors relative to the second (Frobenius norms).
 #[must_use]
 pub fn relative_difference(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> f64 {
     let norm = |of: &dyn Fn(usize, usize) -> f64| (0..9).map(|k| of(k / 3, k % 3)).map(|x| x * x).sum::<f64>().sqrt();
@@ -174,7 +174,7 @@ mod tests {
         assert_near(inertia[1][2], b * c / 80.0, 1e-12);
     }
 
-    /// Rings of latitude: what is missing of the true ball falls with the square of the rings' distance.
+    /// Rings of latitude: the difference from the true ball falls with the square of the ring spacing.
     #[test]
     fn a_fine_ball_comes_near_the_balls_formulas() {
         let (rings, sectors, radius) = (60_u32, 120_u32, 0.04);

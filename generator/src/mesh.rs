@@ -1,10 +1,10 @@
-//! A triangle mesh as somebody made it: corners that were told more than once are one, and whether it encloses anything.
+//! A triangle mesh from a file: merges equal corners and determines whether the mesh is closed.
 
 use std::collections::BTreeMap;
 
 use schema::Vec3;
 
-/// Triangles in space, in metres. Corners at the very same place are one corner.
+/// Triangles in space, in metres. Corners at exactly the same position are merged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
     corners_m: Vec<[f64; 3]>,
@@ -17,19 +17,19 @@ pub struct Mesh {
 pub struct Seams {
     /// Edges that do not belong to exactly two triangles.
     pub open_edges: usize,
-    /// Edges whose two triangles go along them the same way, so that one of the two shows its inside.
+    /// Edges that both triangles traverse in the same direction, so one of the two is inside out.
     pub twisted_edges: usize,
 }
 
 impl Seams {
-    /// Whether the mesh encloses a volume: every edge belongs to two triangles that go along it in opposite ways.
+    /// Whether the mesh encloses a volume: every edge belongs to two triangles that traverse it in opposite directions.
     #[must_use]
     pub fn is_watertight(self) -> bool {
         self.open_edges == 0 && self.twisted_edges == 0
     }
 }
 
-/// Why triangles are no mesh.
+/// Why triangles are refused as a mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshError {
     /// There are none.
@@ -38,26 +38,26 @@ pub enum MeshError {
     /// There are too many.
     #[error("it must have at most {TRIANGLES_MAX} triangles, got {0}: simplify it first")]
     TooMany(usize),
-    /// A coordinate is no number.
+    /// A coordinate is not finite.
     #[error("its coordinates must be numbers, got {1} at corner {0}")]
     NotANumber(usize, f64),
-    /// A triangle names a corner that is not there.
+    /// A triangle has an index without a corner.
     #[error("triangle {triangle} names corner {corner}, and there are {count}")]
     NoSuchCorner {
         /// The triangle, from 0.
         triangle: usize,
-        /// What it names, from 0.
+        /// The index, from 0.
         corner: u32,
         /// How many there are.
         count: usize,
     },
 }
 
-/// Most triangles of a mesh.
+/// Maximum number of triangles of a mesh.
 pub const TRIANGLES_MAX: usize = 1_000_000;
 
 impl Mesh {
-    /// A mesh from corners and triangles by their numbers, in the file's units, of which one is `scale_m` metres.
+    /// A mesh from corners in the file's units of `scale_m` metres, and triangles as corner indices.
     ///
     /// # Errors
     /// [`MeshError`].
@@ -101,13 +101,13 @@ impl Mesh {
         &self.corners_m
     }
 
-    /// The triangles, by their corners' numbers.
+    /// The triangles as corner indices.
     #[must_use]
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Triangles of the file that have two corners at one place; they are left out.
+    /// Number of the file's triangles with two equal corners; they are dropped.
     #[must_use]
     pub fn degenerate_count(&self) -> usize {
         self.degenerate_count
@@ -139,17 +139,17 @@ impl Mesh {
         self.corners_m.iter().map(about).collect()
     }
 
-    /// The same surface seen from the other side.
+    /// The same surface with reversed orientation.
     #[must_use]
     pub fn turned_inside_out(mut self) -> Self {
         self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         self
     }
 
-    /// How the triangles meet.
+    /// How the triangles meet at their edges.
     #[must_use]
     pub fn seams(&self) -> Seams {
-        // For every edge, how many triangles go along it upwards and downwards in their corners' numbers.
+        // For every edge, the number of triangles that traverse it in ascending and descending order of indices.
         let mut edges: BTreeMap<[u32; 2], [u32; 2]> = BTreeMap::new();
         for [a, b, c] in &self.triangles {
             for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
@@ -163,14 +163,14 @@ impl Mesh {
     }
 }
 
-/// The corners that a triangle has, in their order; what a scan left lying about is not of the object.
+/// The corners that belong to a triangle, in order; unused corners of a scan are dropped.
 fn used_alone(corners_m: &[[f64; 3]], triangles: &mut [[u32; 3]]) -> Vec<[f64; 3]> {
     let mut used = vec![false; corners_m.len()];
     triangles.iter().flatten().for_each(|corner| used[*corner as usize] = true);
     let mut next = 0;
     let mut number = |used: &bool| {
         next += u32::from(*used);
-        next.saturating_sub(1) // the last one's; of a corner that nothing uses nobody asks
+        next.saturating_sub(1) // index of the last kept corner; never read for an unused corner
     };
     let numbers: Vec<u32> = used.iter().map(&mut number).collect();
     triangles.iter_mut().flatten().for_each(|corner| *corner = numbers[*corner as usize]);
@@ -181,7 +181,7 @@ fn used_alone(corners_m: &[[f64; 3]], triangles: &mut [[u32; 3]]) -> Vec<[f64; 3
 pub(crate) mod tests {
     use super::*;
 
-    /// A box from the origin, as a closed mesh that looks outwards.
+    /// A box at the origin, as a closed mesh oriented outwards.
     pub(crate) fn closed_box(size: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
         let corner = |c: usize| core::array::from_fn(|axis| if c >> axis & 1 == 1 { size[axis] } else { 0.0 });
         let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];

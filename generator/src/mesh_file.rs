@@ -1,6 +1,6 @@
 //! Triangle meshes from files: Wavefront OBJ, STL (text and binary), PLY (text and binary, both byte orders).
 //!
-//! Polygons are taken apart as fans. Colours, normals, textures and materials are passed over.
+//! Polygons are split as fans. Colours, normals, textures and materials are ignored.
 
 use std::io::{BufReader, Cursor};
 use std::path::{Path, PathBuf};
@@ -10,10 +10,10 @@ use ply_rs_bw::ply::{PropertyAccess, PropertyAccessResult};
 
 use crate::mesh::{Mesh, MeshError, TRIANGLES_MAX};
 
-/// Endings of the files that are read, in lower case.
+/// Supported file extensions, in lower case.
 pub(crate) const ENDINGS: [&str; 3] = ["obj", "stl", "ply"];
 
-/// Largest file that is read.
+/// Maximum file size.
 const BYTES_MAX: u64 = 1 << 30;
 
 /// Why a file gives no mesh.
@@ -27,7 +27,7 @@ pub enum MeshFileError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// Its name does not end as a mesh's does.
+    /// The extension is not supported.
     #[error("its name must end with .{}: {}", ENDINGS.join(", ."), .0.display())]
     Ending(PathBuf),
     /// It is too large.
@@ -38,7 +38,7 @@ pub enum MeshFileError {
         /// Its size.
         bytes: u64,
     },
-    /// It is damaged, or no such file.
+    /// The file is damaged, or not of this kind.
     #[error("not a whole {kind} file: {message}: {}", .path.display())]
     Damaged {
         /// The file.
@@ -48,7 +48,7 @@ pub enum MeshFileError {
         /// What is wrong.
         message: String,
     },
-    /// What is in it is no mesh.
+    /// The content is not a mesh.
     #[error("{source}: {}", .path.display())]
     Mesh {
         /// The file.
@@ -58,10 +58,10 @@ pub enum MeshFileError {
     },
 }
 
-/// Corners in the file's units, and triangles by their numbers.
+/// Corners in the file's units, and triangles as corner indices.
 type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
-/// How a kind of file is read.
+/// The reader of a kind of file.
 type Read = fn(&[u8]) -> Result<Parts, String>;
 
 /// Reads a mesh; one unit of the file is `scale_m` metres.
@@ -86,7 +86,7 @@ pub fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, MeshFileError> {
     Mesh::new(&corners, &triangles, scale_m).map_err(|source| MeshFileError::Mesh { path: path.to_owned(), source })
 }
 
-/// The ending of a file's name in lower case.
+/// The extension of a file's name in lower case.
 pub(crate) fn ending(path: &Path) -> Option<String> {
     path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase())
 }
@@ -106,7 +106,7 @@ fn obj(bytes: &[u8]) -> Result<Parts, String> {
     Ok((corners, triangles))
 }
 
-/// Bytes of a binary file before its triangles, and of a triangle.
+/// Bytes of a binary file's header, and of one triangle.
 const STL_HEAD: u64 = 84;
 const STL_TRIANGLE: u64 = 50;
 
@@ -114,14 +114,14 @@ fn stl(bytes: &[u8]) -> Result<Parts, String> {
     let is_text = bytes.trim_ascii_start().starts_with(b"solid");
     let promised = bytes.get(80..84).map(|n| u64::from(u32::from_le_bytes([n[0], n[1], n[2], n[3]])));
     let is_whole_binary = promised.is_some_and(|n| bytes.len() as u64 == STL_HEAD + n * STL_TRIANGLE);
-    // Many a binary file begins with "solid", too. One that promises more than it holds must not be believed.
+    // Some binary files also begin with "solid". A triangle count beyond the file's size must not be trusted.
     if !is_text && !is_whole_binary {
         let (got, n) = (bytes.len(), promised.unwrap_or(0));
         return Err(format!("a binary one of {n} triangles has {} bytes, got {got}", STL_HEAD + n * STL_TRIANGLE));
     }
     let mut parts = (Vec::new(), Vec::new());
     if is_whole_binary {
-        // The library takes what begins with "solid" for text; what stands in the head means nothing.
+        // The library reads files that begin with "solid" as text; the header has no meaning.
         let head: &[u8] = &[0; 80];
         read_stl(&mut Cursor::new([head, &bytes[80..]].concat()), &mut parts)?;
     } else {
@@ -132,8 +132,8 @@ fn stl(bytes: &[u8]) -> Result<Parts, String> {
     Ok(parts)
 }
 
-/// The solids of a text file, of which the library reads but the first. It also wants a name after "solid", and numbers where
-/// normals stand, of which nothing is used.
+/// The solids of a text file; the library itself reads only the first. The library also requires a name after "solid"
+/// and numbers for the normals, which are not used.
 fn solids_of(text: &str) -> Result<Vec<String>, String> {
     let (mut solids, mut open) = (Vec::new(), None::<String>);
     for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
@@ -156,14 +156,14 @@ fn solids_of(text: &str) -> Result<Vec<String>, String> {
 fn read_stl(source: &mut Cursor<impl AsRef<[u8]>>, (corners, triangles): &mut Parts) -> Result<(), String> {
     for triangle in stl_io::create_stl_reader(source).map_err(|e| e.to_string())? {
         let triangle = triangle.map_err(|e| e.to_string())?;
-        let first = corners.len() as u32; // at most three for every 50 bytes of a gigabyte
+        let first = corners.len() as u32; // at most three per 50 bytes of a gigabyte
         corners.extend(triangle.vertices.iter().map(|v| [v[0], v[1], v[2]].map(f64::from)));
         triangles.push([first, first + 1, first + 2]);
     }
     Ok(())
 }
 
-/// A row of a PLY file: of a vertex the coordinates, of a face the numbers of its corners.
+/// A row of a PLY file: the coordinates of a vertex, or the corner indices of a face.
 #[derive(Debug, Default)]
 struct Row {
     xyz: [Option<f64>; 3],
@@ -224,7 +224,7 @@ fn ply(bytes: &[u8]) -> Result<Parts, String> {
     let header = parser.read_header(&mut reader).map_err(|e| e.to_string())?;
     let (mut corners, mut triangles) = (Vec::new(), Vec::new());
     for (name, element) in &header.elements {
-        // Each row takes a byte at least: memory is taken for what is there, not for what is promised.
+        // Each row takes at least one byte: allocate for the bytes present, not for the declared count.
         if element.count > reader.get_ref().len() || (element.properties.is_empty() && element.count > 0) {
             return Err(format!("its element `{name}` has more rows than there are bytes"));
         }
@@ -249,7 +249,7 @@ fn ply(bytes: &[u8]) -> Result<Parts, String> {
     Ok((corners, triangles))
 }
 
-/// A polygon's triangles.
+/// The triangles of a polygon.
 fn fan(place: usize, ring: &[i64], triangles: &mut Vec<[u32; 3]>) -> Result<(), String> {
     let number = |i: &i64| u32::try_from(*i).map_err(|_| format!("face {place} names corner {i}"));
     let ring = ring.iter().map(number).collect::<Result<Vec<_>, _>>()?;

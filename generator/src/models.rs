@@ -1,4 +1,4 @@
-//! The objects of a dataset that is made of a catalogue: as it stores them, and as physics has them.
+//! The objects of a dataset with a catalogue: as stored in the dataset, and as bodies for the physics.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use simulator::{Body, bodies_of};
 
 use crate::catalogue::Catalogue;
 
-/// A catalogue's objects. Without any, objects are primitives.
+/// A catalogue's objects. If there are none, objects are primitives.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Models {
     stored: Vec<Arc<Model>>,
@@ -36,7 +36,7 @@ impl Models {
         if stored.is_empty() && problems.is_empty() {
             problems.push(format!("objects.catalogue must have at least one object: {name}"));
         }
-        // Physics has what is stored, here and when it is repeated.
+        // The physics uses the stored shapes, now and when attempts are repeated.
         let bodies = bodies_of(&stored).map_err(|e| vec![e.to_string()])?;
         if problems.is_empty() { Ok(Self { stored, bodies }) } else { Err(problems) }
     }
@@ -47,19 +47,19 @@ impl Models {
         self.stored.is_empty()
     }
 
-    /// As `meta/info.json` has them.
+    /// The models as stored in `meta/info.json`.
     #[must_use]
     pub fn stored(&self) -> &[Arc<Model>] {
         &self.stored
     }
 
-    /// As physics has them, in the same order.
+    /// The bodies for the physics, in the same order.
     #[must_use]
     pub fn bodies(&self) -> &[Body] {
         &self.bodies
     }
 
-    /// What a row says of a body, which is a primitive or one of these.
+    /// The shape in a row for a body that is a primitive or one of these models.
     pub(crate) fn shape_of(&self, body: &Body) -> ObjectShape {
         let number = self.stored.iter().position(|model| model.name == body.name());
         match (body.as_solid(), number) {
@@ -73,5 +73,5 @@ impl Models {
     }
 }
 
-/// The name of the catalogue that comes with the program.
+/// The name of the built-in catalogue.
 const EVERYDAY: &str = "everyday";

@@ -1,4 +1,4 @@
-//! What a run made, as text for the person who started it.
+//! The result of a run as terminal text.
 
 use std::fmt::Write;
 
@@ -9,7 +9,7 @@ use shards::{Counts, Finalized, Location};
 
 use crate::assignment::index_list;
 
-/// The table at the end of a run: the whole dataset's numbers if it is complete, else this run's; then what to do next.
+/// The table at the end of a run: the numbers of the dataset if it is complete, else of this run; then the next step.
 pub(crate) fn render(report: &Report, at: &Location, elapsed_s: f64) -> String {
     let mut text = String::new();
     let made = report.made.labels.attempts;
@@ -36,7 +36,7 @@ pub(crate) fn render(report: &Report, at: &Location, elapsed_s: f64) -> String {
     text
 }
 
-/// What a finaliser found.
+/// The result of `finalize`.
 pub(crate) fn state(state: &Finalized, at: &Location) -> String {
     let mut text = String::new();
     if let Finalized::Complete(manifest) = state {
