@@ -2,14 +2,14 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use burn::tensor::{Device, Tensor};
 use shards::{Dataset, ExitCode, Location};
 
 use crate::adam::Adam;
-use crate::checkpoint::{self, Checkpoint};
+use crate::checkpoint::Checkpoint;
 use crate::config::Config;
 use crate::data::{GraspDataset, LoadError, SpoolError, Treatment, for_each_batch, for_each_training_batch, load};
 use crate::events::{Beginning, EpochReport, Event, LabelCount};
@@ -19,9 +19,9 @@ use crate::network::initial_vector;
 use crate::order::epoch_order;
 use crate::patience::epochs_without_better;
 use crate::progress::Progress;
-use crate::ranks::{Place, RanksError, Team};
 use crate::run_folder::{RunError, RunFolder};
 use crate::split::{EmptySplit, Split, split};
+use crate::step::{evaluate, step};
 use crate::upsampling::Upsampling;
 use crate::watch::Watch;
 
@@ -40,9 +40,6 @@ pub enum FitError {
     /// The decoded grids cannot be read.
     #[error(transparent)]
     Spool(#[from] SpoolError),
-    /// The other ranks are not there, or not any more.
-    #[error(transparent)]
-    Ranks(#[from] RanksError),
     /// The loss is no number any more.
     #[error("the loss or its gradient is no finite number at step {step}: training.learning_rate is too high")]
     Diverged {
@@ -59,7 +56,6 @@ impl FitError {
             Self::Load(error) => error.exit_code(),
             Self::Run(error) => error.exit_code(),
             Self::Spool(error) => error.exit_code(),
-            Self::Ranks(error) => error.exit_code(),
             Self::Split(_) | Self::Diverged { .. } => ExitCode::Config,
         }
     }
@@ -91,17 +87,15 @@ pub struct Job<'a> {
     pub data: &'a Location,
     /// The recipe.
     pub config: &'a Config,
-    /// The run's folder; only rank 0 uses it.
+    /// The run's folder.
     pub run: &'a Path,
     /// Whether a run that is there goes on.
     pub resume: bool,
-    /// Which of several processes this is; `None` for a process alone.
-    pub place: Option<&'a Place>,
     /// What computes.
     pub device: &'a Device,
 }
 
-/// [`fit_job`] in a process alone, on the host.
+/// [`fit_job`] on the host.
 ///
 /// # Errors
 /// [`FitError`].
@@ -113,13 +107,13 @@ pub fn fit(
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
 ) -> Result<Ending, FitError> {
-    fit_job(&Job { data: &data.into(), config, run, resume, place: None, device: &Device::flex() }, stop, observe)
+    fit_job(&Job { data: &data.into(), config, run, resume, device: &Device::flex() }, stop, observe)
 }
 
 /// Trains the network on a dataset, in a folder that keeps checkpoints and metrics.
 ///
 /// On the CPU the result is a pure function of dataset and configuration: neither the number of threads nor being
-/// stopped and resumed, at any batch, changes a bit of it, nor does the number of ranks.
+/// stopped and resumed, at any batch, changes a bit of it.
 ///
 /// # Errors
 /// [`FitError`].
@@ -127,46 +121,28 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
     let (config, device) = (job.config, job.device);
     let dataset = Dataset::open(job.data.clone()).map_err(LoadError::from)?;
     let dataset_id = dataset.id();
-    let keeps_folder = job.place.is_none_or(|place| place.rank == 0);
-    let folder = if keeps_folder { Some(RunFolder::open(job.run, config, job.resume)?) } else { None };
-    let watch = folder.as_ref().map(|folder| Watch::new(folder.path(), config.checkpoint_every_steps));
+    let folder = RunFolder::open(job.run, config, job.resume)?;
+    let watch = Watch::new(folder.path(), config.checkpoint_every_steps);
     let observe: &(dyn Fn(Event<'_>) + Sync) = &|event| {
-        if let Some(watch) = &watch {
-            watch.see(&event);
-        }
+        watch.see(&event);
         observe(event);
     };
-    let last = folder.as_ref().map(|folder| folder.last(&dataset, device)).transpose()?.flatten();
-    folder.as_ref().map_or(Ok(()), |folder| folder.write_config(config))?;
+    let last = folder.last(&dataset, device)?;
+    folder.write_config(config)?;
     let mut state = match last {
         Some(checkpoint) => resumed(checkpoint, config),
         None => begun(config, device),
     };
 
     observe(Event::Loading(&dataset));
-    let scratch = folder.as_ref().map_or_else(std::env::temp_dir, |folder| folder.path().to_owned());
-    let samples = match load(&dataset, &scratch, stop, &|| observe(Event::SceneLoaded)) {
+    let samples = match load(&dataset, folder.path(), stop, &|| observe(Event::SceneLoaded)) {
         Err(LoadError::Stopped) => return Ok(Ending::Stopped),
         loaded => loaded?,
     };
     let split = split(&samples.ids(), config.seed, &config.split)?;
-    let save = |state: &State| {
-        folder.as_ref().map_or(Ok(()), |folder| folder.save_last(&checkpoint(state, config, dataset_id)))
-    };
-    let mut metrics = folder.as_ref().map(RunFolder::metrics).transpose()?.unwrap_or_default();
+    let save = |state: &State| folder.save_last(&checkpoint(state, config, dataset_id));
+    let mut metrics = folder.metrics()?;
     metrics.truncate(state.progress.epoch as usize);
-    let mut team = match job.place {
-        None => Team::alone(),
-        Some(place) => {
-            let mut team = Team::join(place, &task(config, dataset_id, device), stop)?;
-            let told = team
-                .tell(checkpoint::encode(&checkpoint(&state, config, dataset_id), job.run).map_err(RunError::from)?)?;
-            state = resumed(checkpoint::decode(&told, job.run, device).map_err(RunError::from)?, config);
-            let told = team.tell(metrics.join("\n").into_bytes())?;
-            metrics = String::from_utf8_lossy(&told).lines().map(str::to_owned).collect();
-            team
-        }
-    };
     observe(Event::Begun(&Beginning::of(&samples, &split, &state.progress)));
     let lesson = Lesson::new(&samples, &split.train, config);
     while state.progress.epoch < config.epochs {
@@ -176,19 +152,12 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
             break;
         }
         let began = Instant::now();
-        let trained = train_epoch(&mut state, &mut team, &lesson, stop, observe, &save)?;
-        let tested = match trained {
-            ControlFlow::Continue(()) => {
-                let tested = test_epoch(&state, &mut team, &samples, &split, config.upsampling, stop);
-                // The epoch's training is not lost with a rank.
-                tested.or_else(|error| save(&state).map_err(FitError::from).and(Err(error)))?
-            }
+        let tested = match train_epoch(&mut state, &lesson, stop, observe, &save)? {
+            ControlFlow::Continue(()) => test_epoch(&state.vector, &samples, &split, config.upsampling, stop)?,
             ControlFlow::Break(()) => None,
         };
         let Some([test_attempts, test_scenes]) = tested else {
             save(&state)?;
-            // The others end only now: a launcher that sees one end may kill the rest, and the checkpoint with it.
-            let _ = team.tell(Vec::new());
             return Ok(Ending::Stopped);
         };
         let mut report = EpochReport {
@@ -206,14 +175,12 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
         let best_accuracy = if report.is_best { report.test().accuracy } else { state.progress.best_accuracy };
         let (epoch, step) = (report.epoch, report.step);
         state.progress = Progress { epoch, batch: 0, step, tally: Tally::default(), best_accuracy };
-        if report.is_best
-            && let Some(folder) = &folder
-        {
+        if report.is_best {
             folder.save_best(&checkpoint(&state, config, dataset_id))?;
         }
         metrics.truncate(report.epoch as usize - 1);
         metrics.push(serde_json::to_string(&report).unwrap_or_default()); // numbers under fixed keys: cannot fail
-        folder.as_ref().map_or(Ok(()), |folder| folder.write_metrics(&metrics))?;
+        folder.write_metrics(&metrics)?;
         save(&state)?;
         observe(Event::Epoch(&report));
     }
@@ -247,7 +214,6 @@ impl<'a> Lesson<'a> {
 /// The rest of an epoch; `Break` if a signal stopped it.
 fn train_epoch(
     state: &mut State,
-    team: &mut Team,
     lesson: &Lesson<'_>,
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
@@ -261,19 +227,12 @@ fn train_epoch(
     let done = (state.progress.batch as usize * config.batch).min(order.len());
     let mut outcome = Ok(ControlFlow::Continue(()));
     for_each_training_batch(samples, &order[done..], config.batch, &treatment, |batch| {
-        if team.must_stop(stop) {
+        if stop.load(Ordering::Relaxed) {
             outcome = Ok(ControlFlow::Break(()));
             return ControlFlow::Break(());
         }
         state.adam.set_learning_rate(lesson.learning_rate(state.progress.step));
-        let result = match team.step(&state.vector, &batch, config.upsampling, stop) {
-            Ok(result) => result,
-            Err(error) => {
-                // The state is that of the last whole step.
-                outcome = save(state).map_err(FitError::from).and(Err(error.into()));
-                return ControlFlow::Break(());
-            }
-        };
+        let result = step(&state.vector, &batch, config.upsampling);
         let count = result.samples.len();
         let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / count as f64;
         // Before the step is taken: no checkpoint holds what cannot go on.
@@ -301,28 +260,24 @@ fn train_epoch(
 
 /// Both test sets after an epoch; `None` if a signal stopped it.
 fn test_epoch(
-    state: &State,
-    team: &mut Team,
+    vector: &Tensor<1>,
     samples: &GraspDataset,
     split: &Split,
     mode: Upsampling,
     stop: &AtomicBool,
 ) -> Result<Option<[Tally; 2]>, FitError> {
-    let (mut tallies, mut outcome) = ([Tally::default(); 2], Ok(()));
+    let mut tallies = [Tally::default(); 2];
+    let is_stopped = || stop.load(Ordering::Relaxed);
     for (tally, set) in tallies.iter_mut().zip([&split.test_attempts, &split.test_scenes]) {
         for_each_batch(samples, set, TEST_BATCH, |batch| {
-            match team.evaluate(&state.vector, &batch, mode, stop) {
-                Ok(results) => tally.add(&results),
-                Err(error) => outcome = Err(error),
-            }
-            if outcome.is_err() || team.must_stop(stop) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            tally.add(&evaluate(vector, &batch, mode));
+            if is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })?;
-        if outcome.is_err() || team.must_stop(stop) {
-            break;
+        if is_stopped() {
+            return Ok(None);
         }
     }
-    outcome?;
-    Ok((!team.must_stop(stop)).then_some(tallies))
+    Ok(Some(tallies))
 }
 
 fn begun(config: &Config, device: &Device) -> State {
@@ -339,12 +294,6 @@ fn resumed(checkpoint: Checkpoint, config: &Config) -> State {
         None => Adam::new(config.learning_rate),
     };
     State { vector: checkpoint.vector, adam, progress: checkpoint.progress }
-}
-
-/// What all ranks must be about to do.
-fn task(config: &Config, dataset_id: &str, device: &Device) -> String {
-    let computes = format!("{device:?} {}", std::env::consts::ARCH);
-    format!("{}\n{dataset_id}\n{computes}\n{}", env!("CARGO_PKG_VERSION"), config.to_toml())
 }
 
 fn checkpoint(state: &State, config: &Config, dataset_id: &str) -> Checkpoint {

@@ -14,15 +14,14 @@
 //!   events what people watch meanwhile.
 //! - [`mod@evaluate`] looks at the result, [`scores`] at its qualities, [`evaluate::report`] writes it down, [`page`] shows a run and
 //!   its result together.
-//! - [`ranks`] lets several processes share every batch.
 //! - [`interchange`] takes weights from other programs and gives them to others.
 //!
 //! # Determinism
 //!
 //! On the CPU, weights are a pure function of (code, dataset, configuration, machine's instruction set). A batch is cut
 //! into parts by its contents alone, each part runs on one thread's worth of order, and gradients are added in the order
-//! of parts; so neither the number of threads, nor that of processes, nor being stopped and resumed changes a bit.
-//! [`device`] names what else can compute; there the way back is found by automatic differentiation.
+//! of parts; so neither the number of threads nor being stopped and resumed changes a bit.
+//! [`device`] names what else can compute; there gradients are computed by automatic differentiation.
 
 pub mod adam;
 pub mod augmentation;
@@ -51,7 +50,6 @@ pub mod order;
 pub mod page;
 pub mod patience;
 pub mod progress;
-pub mod ranks;
 pub mod receptive_field;
 pub mod run_folder;
 pub mod schedule;

@@ -21,11 +21,9 @@ use trainer::curves::{CurvesError, draw_curves};
 use trainer::device::{DeviceError, DeviceName};
 use trainer::evaluate::report::{ReportError, write_report};
 use trainer::evaluate::{EvaluateError, TestSet, evaluate};
-use trainer::events::Event;
 use trainer::fit::{Ending, FitError, Job, fit_job};
 use trainer::interchange::InterchangeError;
 use trainer::page::PageError;
-use trainer::ranks::{Flags, Place, PlaceError};
 use trainer::run_folder::checkpoint_path;
 
 /// The system's allocator gives every megabyte that a step frees back to the kernel and takes it again: 150 ms a step of
@@ -122,25 +120,6 @@ struct FitArgs {
     /// bits in every run.
     #[arg(long, default_value_t)]
     device: DeviceName,
-    #[command(flatten)]
-    ranks: RanksArgs,
-}
-
-/// Several processes that share every batch and end with the same bits as one.
-#[derive(Args)]
-struct RanksArgs {
-    /// How many processes train together; "auto" asks the variables of torchrun, Slurm or Open MPI.
-    #[arg(long, value_name = "auto|N")]
-    ranks: Option<String>,
-    /// Which of them this is, from 0; rank 0 keeps the run's folder.
-    #[arg(long)]
-    rank: Option<usize>,
-    /// Where rank 0 listens; by default MASTER_ADDR:MASTER_PORT or 127.0.0.1:29500. Use a network that you trust.
-    #[arg(long, value_name = "HOST:PORT")]
-    master: Option<String>,
-    /// Seconds that ranks wait for each other.
-    #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u64).range(1..=86_400))]
-    ranks_timeout_s: u64,
 }
 
 #[derive(Args)]
@@ -222,12 +201,6 @@ macro_rules! fail_with_their_own_code {
 
 fail_with_their_own_code!(FitError, EvaluateError, InterchangeError, DeviceError, CurvesError, ReportError, PageError);
 
-impl From<PlaceError> for Failure {
-    fn from(error: PlaceError) -> Self {
-        Self(error.into(), shards::ExitCode::Config)
-    }
-}
-
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
         Self(error, shards::ExitCode::Internal)
@@ -275,20 +248,10 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
     let mut config =
         Config::load(args.config.as_deref()).map_err(|error| Failure(error.into(), shards::ExitCode::Config))?;
     config.epochs = args.epochs.unwrap_or(config.epochs);
-    let RanksArgs { ranks, rank, master, ranks_timeout_s } = &args.ranks;
-    let flags = Flags { ranks: ranks.clone(), rank: *rank, master: master.clone(), timeout_s: *ranks_timeout_s };
-    let place = Place::find(&flags, &|name| std::env::var(name).ok())?;
     set_threads(args.threads)?;
     let stop = shards::stop_on_signals(|| ()).context("failed to listen for signals")?;
     let (data, run, device) = (&args.data, args.run.as_path(), args.device.open()?);
-    let job = Job { data, config: &config, run, resume: args.resume, place: place.as_ref(), device: &device };
-    if place.as_ref().is_some_and(|place| place.rank > 0) {
-        // Rank 0 tells people how it goes.
-        return Ok(match fit_job(&job, &stop, &|_: Event<'_>| {})? {
-            Ending::Done => shards::ExitCode::Ok,
-            Ending::Stopped => shards::ExitCode::TryAgain,
-        });
-    }
+    let job = Job { data, config: &config, run, resume: args.resume, device: &device };
     let screen = console::Screen::new(&config);
     let ending = fit_job(&job, &stop, &|event| screen.show(&event))?;
     screen.end();

@@ -7,8 +7,6 @@
 //! The host has products of its own (`host`). What stands here is for other devices: every convolution is a gather of rows
 //! and a matrix product, every doubling a small matrix product along each axis.
 
-use std::ops::Range;
-
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use rayon::prelude::*;
@@ -65,8 +63,12 @@ pub fn step(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
 /// [`step`] against.
 #[must_use]
 pub fn step_by_graph(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
+    let matrices = Matrices::from_vector(vector);
+    let weight = 1.0 / batch.samples.len() as f32;
+    let parts = batch.parts();
+    let parts = parts.par_iter().map(|part| part_by_graph(&matrices, &batch.looks(part.clone()), mode, weight));
     let (mut sum, mut samples) = (None, Vec::with_capacity(batch.samples.len()));
-    for (gradient, results) in gradients_by_graph(vector, batch, &batch.parts(), mode) {
+    for (gradient, results) in parts.collect::<Vec<_>>() {
         samples.extend(results);
         sum = Some(match sum {
             None => gradient,
@@ -77,51 +79,15 @@ pub fn step_by_graph(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Ste
     StepResult { gradient, samples }
 }
 
-/// What some parts of a batch give to the batch's gradient, one by one: their sum in order over all parts is [`step`]'s.
-#[must_use]
-pub fn steps_of_parts(vector: &Tensor<1>, batch: &Batch, parts: &[Range<usize>], mode: Upsampling) -> Vec<StepResult> {
-    let device = vector.device();
-    if on_host(vector) {
-        let steps = Host::new(&values(vector), mode).steps_of_parts(batch, parts);
-        return steps
-            .into_iter()
-            .map(|(gradient, samples)| StepResult { gradient: tensor(gradient, &device), samples })
-            .collect();
-    }
-    let steps = gradients_by_graph(vector, batch, parts, mode);
-    steps.into_iter().map(|(gradient, samples)| StepResult { gradient: gradient.into_vector(), samples }).collect()
-}
-
-fn gradients_by_graph(
-    vector: &Tensor<1>,
-    batch: &Batch,
-    parts: &[Range<usize>],
-    mode: Upsampling,
-) -> Vec<(Matrices, Vec<SampleResult>)> {
-    let matrices = Matrices::from_vector(vector);
-    let weight = 1.0 / batch.samples.len() as f32;
-    parts.par_iter().map(|part| part_by_graph(&matrices, &batch.looks(part.clone()), mode, weight)).collect()
-}
-
 /// Losses and verdicts of a batch, without a gradient.
 #[must_use]
 pub fn evaluate(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Vec<SampleResult> {
-    evaluate_parts(vector, batch, &batch.parts(), mode)
-}
-
-/// As [`evaluate`], for some parts of a batch.
-#[must_use]
-pub fn evaluate_parts(
-    vector: &Tensor<1>,
-    batch: &Batch,
-    parts: &[Range<usize>],
-    mode: Upsampling,
-) -> Vec<SampleResult> {
     if on_host(vector) {
-        return Host::new(&values(vector), mode).evaluate(batch, parts);
+        return Host::new(&values(vector), mode).evaluate(batch);
     }
     let matrices = Matrices::from_vector(vector);
-    let parts: Vec<Vec<SampleResult>> = parts
+    let parts: Vec<Vec<SampleResult>> = batch
+        .parts()
         .par_iter()
         .map(|part| {
             let looks = batch.looks(part.clone());

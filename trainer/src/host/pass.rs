@@ -1,7 +1,5 @@
 //! One part of a batch, forwards and backwards.
 
-use std::ops::Range;
-
 use burn::tensor::{Device, Tensor, TensorData};
 use rayon::prelude::*;
 
@@ -56,7 +54,7 @@ impl Host {
 
     /// Gradient of the batch's mean loss, and what each sample gave.
     pub(crate) fn step(&self, batch: &Batch) -> (Vec<f32>, Vec<SampleResult>) {
-        let mut parts = self.passes(batch, &batch.parts()).into_iter();
+        let mut parts = self.passes(batch).into_iter();
         let Some((mut sum, mut samples)) = parts.next() else {
             return (Parameters::zeros().to_vector(), Vec::new());
         };
@@ -71,29 +69,25 @@ impl Host {
         (sum.to_vector(), samples)
     }
 
-    /// What some parts of a batch give to [`Self::step`], one by one.
-    pub(crate) fn steps_of_parts(&self, batch: &Batch, parts: &[Range<usize>]) -> Vec<(Vec<f32>, Vec<SampleResult>)> {
-        let passes = self.passes(batch, parts);
-        passes.into_iter().map(|(gradient, results)| (gradient.to_vector(), results)).collect()
-    }
-
-    fn passes(&self, batch: &Batch, parts: &[Range<usize>]) -> Vec<(Parameters, Vec<SampleResult>)> {
+    /// What each part of a batch gives to [`Self::step`].
+    fn passes(&self, batch: &Batch) -> Vec<(Parameters, Vec<SampleResult>)> {
         let weight = 1.0 / batch.samples.len() as f32;
         let transposed: Vec<Vec<f32>> = (0..STAGES)
             .into_par_iter()
             .map(|stage| if stage == 0 { Vec::new() } else { self.parameters.transposed(stage) })
             .collect();
-        let pass = |part: &Range<usize>| {
+        let pass = |part: &std::ops::Range<usize>| {
             let looks = batch.looks(part.clone());
             let seen = self.forward(&looks);
             let (prediction, losses, d_heads) = loss_gradient(&seen.heads, &looks, weight);
             (self.backward(&transposed, &looks, &seen, &d_heads), results(&looks, prediction, losses))
         };
-        parts.par_iter().map(pass).collect()
+        batch.parts().par_iter().map(pass).collect()
     }
 
-    /// What each sample of some parts of a batch gives.
-    pub(crate) fn evaluate(&self, batch: &Batch, parts: &[Range<usize>]) -> Vec<SampleResult> {
+    /// What each sample of a batch gives.
+    pub(crate) fn evaluate(&self, batch: &Batch) -> Vec<SampleResult> {
+        let parts = batch.parts();
         let evaluated = parts.par_iter().map(|part| {
             let looks = batch.looks(part.clone());
             let device = Device::flex();
@@ -230,5 +224,48 @@ fn loss_gradient(heads: &[f32], part: &Looks<'_>, weight: f32) -> (Prediction, S
 fn add(sum: &mut [f32], more: &[f32]) {
     for (sum, more) in sum.iter_mut().zip(more) {
         *sum += more;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Purpose, Quat, Stream};
+
+    use super::*;
+    use crate::batch::Sample;
+    use crate::loss::Target;
+    use crate::network::initial_vector;
+
+    /// Five grids of noise with six samples each: three parts.
+    fn batch() -> Batch {
+        let mut draw = Stream::new(8, 0, Purpose::Views, 0);
+        let grids = (0..5).map(|_| (0..RESOLUTION.pow(3)).map(|_| draw.uniform(0.0, 1.0)).collect::<Vec<f32>>().into());
+        let grids = grids.collect();
+        let sample = |at: usize| Sample {
+            grid: at / 6,
+            voxel: [draw.index(RESOLUTION), draw.index(RESOLUTION), draw.index(RESOLUTION)],
+            target: Target {
+                label: u8::from(at.is_multiple_of(2)),
+                rotation: Quat::IDENTITY,
+                width_voxels: 6.0,
+                quality_weight: 1.0,
+            },
+        };
+        Batch { grids, samples: (0..30).map(sample).collect() }
+    }
+
+    #[test]
+    fn parts_of_a_step_add_up_to_it_to_the_bit() {
+        let (batch, mode) = (batch(), Upsampling::Linear);
+        let vector: Vec<f32> = initial_vector(3, &Device::flex()).into_data().iter().collect();
+        let host = Host::new(&vector, mode);
+        let (whole, whole_samples) = host.step(&batch);
+        let parts = host.passes(&batch);
+        assert!(parts.len() > 2, "{}", parts.len());
+        let samples: Vec<_> = parts.iter().flat_map(|(_, samples)| samples.clone()).collect();
+        assert_eq!(samples, whole_samples);
+        let gradients = parts.into_iter().map(|(gradient, _)| gradient.to_vector());
+        let sum = gradients.reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a + b).collect()).unwrap();
+        assert!(sum == whole);
     }
 }

@@ -6,7 +6,7 @@ use schema::Quat;
 use trainer::batch::{Batch, Sample};
 use trainer::device::DeviceName;
 use trainer::loss::Target;
-use trainer::step::{evaluate, step, step_by_graph, steps_of_parts};
+use trainer::step::{evaluate, step, step_by_graph};
 use trainer::upsampling::Upsampling;
 
 use crate::formula::{grid, parameters, relative_error};
@@ -60,22 +60,6 @@ fn automatic_differentiation_finds_what_is_written_out() {
             assert!((a.total - b.total).abs() < 1e-5 * a.total.abs().max(1.0), "{mode:?}: {} {}", a.total, b.total);
         }
     }
-}
-
-#[test]
-fn parts_of_a_step_add_up_to_it_to_the_bit() {
-    let vector = parameters(&Device::flex());
-    let batch = batch(5);
-    let parts = batch.parts();
-    assert!(parts.len() > 2, "{parts:?}");
-    let values = |tensor: Tensor<1>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
-    let whole = step(&vector, &batch, Upsampling::Linear);
-    let steps = steps_of_parts(&vector, &batch, &parts, Upsampling::Linear);
-    let samples: Vec<_> = steps.iter().flat_map(|step| step.samples.clone()).collect();
-    assert_eq!(samples, whole.samples);
-    let gradients = steps.into_iter().map(|step| values(step.gradient));
-    let sum = gradients.reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a + b).collect()).unwrap();
-    assert!(sum == values(whole.gradient));
 }
 
 #[test]

@@ -7,7 +7,6 @@ mod interchange;
 mod learning;
 mod models;
 mod page;
-mod ranks;
 mod recipe;
 mod resume;
 mod watching;
