@@ -1,0 +1,180 @@
+"""A running `planner serve`, the requests that tests send it, and what an error of it must look like."""
+
+import base64
+import http.client
+import io
+import json
+import os
+import re
+import signal
+import socket
+import struct
+import subprocess
+import tomllib
+import zlib
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PLANNER = Path(os.environ.get("GRASPMILL_PLANNER", ROOT / "target" / "debug" / "planner")).resolve()
+DEMO = ROOT / "planner" / "demo"
+JSON = {"Content-Type": "application/json"}
+
+
+class Service:
+    """A running `planner serve`."""
+
+    def __init__(self, folder, *args):
+        if not PLANNER.exists():
+            pytest.fail(f"no planner at {PLANNER}: cargo build, or set GRASPMILL_PLANNER")
+        self.log = folder / "log.txt"
+        command = [str(word) for word in (PLANNER, "serve", "--port", "0", *args)]
+        with open(self.log, "w") as log:
+            self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
+        line = self.process.stdout.readline()
+        found = re.fullmatch(r"listening on http://127\.0\.0\.1:(\d+)\n", line)
+        assert found, f"{line!r}: {self.log.read_text()}"
+        self.port = int(found[1])
+
+    def ask(self, method, path, body=None, headers=None):
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        try:
+            connection.request(method, path, body, headers or {})
+            answer = connection.getresponse()
+            return answer.status, dict((name.lower(), value) for name, value in answer.getheaders()), answer.read()
+        finally:
+            connection.close()
+
+    def plan(self, request):
+        body = request if isinstance(request, bytes) else json.dumps(request).encode()
+        return self.ask("POST", "/v1/plan", body, JSON)
+
+    def raw(self, data, wait_s=20.0):
+        """All that comes back when these bytes are sent; nothing if the connection is closed without an answer."""
+        with socket.create_connection(("127.0.0.1", self.port), timeout=wait_s) as stream:
+            try:
+                stream.sendall(data)
+                stream.shutdown(socket.SHUT_WR)
+            except OSError:
+                pass
+            return read_all(stream)
+
+    def memory_kb(self, name):
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(re.search(rf"^{name}:\s+(\d+) kB", status, re.MULTILINE)[1])
+
+    def end(self):
+        self.process.send_signal(signal.SIGTERM)
+        code = self.process.wait(30)
+        self.process.stdout.close()
+        return code
+
+
+def read_all(stream):
+    got = b""
+    try:
+        while piece := stream.recv(65536):
+            got += piece
+    except ConnectionError:
+        pass
+    return got
+
+
+@contextmanager
+def running(folder, *args):
+    service = Service(folder, *args)
+    try:
+        yield service
+    finally:
+        if service.process.poll() is None:
+            service.process.kill()
+            service.process.wait()
+        service.process.stdout.close()
+
+
+def demo_request():
+    """planner/demo/views.toml with the images in place of their paths."""
+    request = tomllib.loads((DEMO / "views.toml").read_text())
+    for view in request["views"]:
+        view["depth"] = file_of((DEMO / view["depth"]).read_bytes())
+    return request
+
+
+def file_of(data):
+    return {"data": base64.b64encode(data).decode()}
+
+
+def npy(array):
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def png(array):
+    """A grey PNG of 16 bits."""
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    height, width = array.shape
+    rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in array)
+    head = struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+
+
+def exr(array):
+    """An EXR of one channel, uncompressed; float32, or uint32 for whole numbers."""
+
+    def attribute(name, kind, value):
+        return f"{name}\0{kind}\0".encode() + struct.pack("<I", len(value)) + value
+
+    height, width = array.shape
+    sample = 0 if array.dtype == np.uint32 else 2
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    head = b"\x76\x2f\x31\x01\x02\0\0\0" + b"".join([
+        attribute("channels", "chlist", b"Z\0" + struct.pack("<iB3xii", sample, 0, 1, 1) + b"\0"),
+        attribute("compression", "compression", b"\0"),
+        attribute("dataWindow", "box2i", window),
+        attribute("displayWindow", "box2i", window),
+        attribute("lineOrder", "lineOrder", b"\0"),
+        attribute("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
+        attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0.0, 0.0)),
+        attribute("screenWindowWidth", "float", struct.pack("<f", 1.0)),
+    ]) + b"\0"  # fmt: skip
+    rows = array.astype(array.dtype.newbyteorder("<"))
+    lines = [struct.pack("<iI", y, 4 * width) + row.tobytes() for y, row in enumerate(rows)]
+    first = len(head) + 8 * height
+    places = (first + y * len(lines[0]) for y in range(height))
+    return head + b"".join(struct.pack("<Q", place) for place in places) + b"".join(lines)
+
+
+def seen(depth_m=None, width=64, height=48):
+    """A camera 0.6 m above the workspace's middle that looks down on a bare table at 0.05 m."""
+    depth_m = np.full((height, width), 0.55, np.float32) if depth_m is None else depth_m
+    height, width = depth_m.shape[:2]
+    return {
+        "depth": file_of(npy(depth_m)),
+        "intrinsics": {"fx_px": 80.0, "fy_px": 80.0, "cx_px": (width - 1) / 2, "cy_px": (height - 1) / 2},
+        "workspace_from_camera": {"position_m": [0.15, 0.15, 0.6], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]},
+    }
+
+
+def check_error(status, headers, body):
+    assert 400 <= status < 600 and status != 500, (status, body)
+    told = json.loads(body)
+    assert headers["content-type"] == "application/json"
+    assert told.keys() == {"error", "status"} and told["status"] == status and told["error"], told
+    return told["error"]
+
+
+def metrics(service):
+    status, headers, body = service.ask("GET", "/metrics")
+    assert status == 200 and headers["content-type"].startswith("application/openmetrics-text")
+    lines = body.decode().splitlines()
+    assert lines[-1] == "# EOF"
+    values = [line for line in lines if not line.startswith("#")]
+    assert all(re.fullmatch(r"[a-z_]+(\{[^{}]*\})? -?[0-9.e+-]+", line) for line in values), lines
+    return {line.rpartition(" ")[0]: float(line.rpartition(" ")[2]) for line in values}

@@ -1,0 +1,389 @@
+"""Clients of `planner serve` that mean no good, or know no better.
+
+    python -m pytest tests/python/test_planner_attacks.py   # GRASPMILL_PLANNER=path/to/planner, or target/debug/planner
+
+Each kind of malformed request is a function that gives the bytes of a body, and whether the body must be refused; a body
+that differs from a good one by chance (a flipped bit) may also be planned.
+"""
+
+import json
+import random
+import socket
+import struct
+import threading
+import time
+import zlib
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from planner_service import check_error, demo_request, exr, file_of, metrics, npy, png, read_all, running, seen
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory):
+    with running(tmp_path_factory.mktemp("service")) as service:
+        yield service
+
+
+def places(value, at=()):
+    """Every place in a request, as paths of keys and indices."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        yield (*at, key)
+        yield from places(inner, (*at, key))
+
+
+def changed(request, at, value):
+    copy = json.loads(json.dumps(request))
+    inner = copy
+    for key in at[:-1]:
+        inner = inner[key]
+    inner[at[-1]] = value
+    return copy
+
+
+def cloud_bytes(chance):
+    points = np.array([[chance.random() * 0.3 for _ in range(3)] for _ in range(50)], "<f4")
+    rows = "".join(f"{x} {y} {z}\n" for x, y, z in points)
+    three = "property float x\nproperty float y\nproperty float z\n"
+    ply = f"ply\nformat ascii 1.0\nelement vertex 50\n{three}end_header\n{rows}".encode()
+    binary = f"ply\nformat binary_little_endian 1.0\nelement vertex 50\n{three}end_header\n".encode() + points.tobytes()
+    head = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 50\nHEIGHT 1\nPOINTS 50\n"
+    pcd = f"{head}DATA binary\n".encode() + points.tobytes()
+    return chance.choice([ply, binary, pcd, npy(points)])
+
+
+def image_bytes(chance):
+    depth = np.full((48, 64), 0.55, np.float32)
+    return chance.choice([npy(depth), png((depth * 1000).astype(np.uint16)), exr(depth)])
+
+
+def random_bytes(chance):
+    return chance.randbytes(chance.randrange(2000)), True
+
+
+def cut_json(chance):
+    body = json.dumps({"views": [seen()]}).encode()
+    return body[: chance.randrange(len(body))], True
+
+
+def flipped_json(chance):
+    body = bytearray(json.dumps({"views": [seen()]}).encode())
+    for _ in range(chance.randrange(1, 20)):
+        body[chance.randrange(len(body))] = chance.randrange(256)
+    return bytes(body), False
+
+
+def wrong_type(chance):
+    request = {"views": [seen()]}
+    at = chance.choice(list(places(request)))
+    value = chance.choice([True, "x", "", {"a": 1}, [[]], {}, [None]])
+    return json.dumps(changed(request, at, value)).encode(), True
+
+
+def odd_number(chance):
+    request = {"views": [seen()]}
+    numbers = [at for at in places(request) if at[-1] in ("fx_px", "fy_px") or at[-2:-1] == ("quaternion_xyzw",)]
+    number = chance.choice(["1e999", "-1e999", "NaN", "Infinity", "-1e308", "9" * 400, "1e308", "0x1", "1.", "+1", "-"])
+    text = json.dumps(changed(request, chance.choice(numbers), "@@"))
+    return text.replace('"@@"', number).encode(), True
+
+
+def deep(chance):
+    opening, depth = chance.choice(["[", '{"views":', '[{"a":']), chance.choice([100, 10_000, 500_000])
+    return opening.encode() * depth, True
+
+
+def deep_inside(chance):
+    at = chance.choice(list(places({"views": [seen()]})))
+    text = json.dumps(changed({"views": [seen()]}, at, "@@"))
+    depth = chance.choice([50, 5_000, 200_000])
+    return text.replace('"@@"', "[" * depth + "]" * depth).encode(), True
+
+
+def junk_image(chance):
+    junk = "".join(chr(chance.randrange(32, 127)) for _ in range(chance.randrange(300)))
+    return json.dumps({"views": [seen() | {"depth": {"data": junk}}]}).encode(), True
+
+
+def cut_image(chance):
+    whole = image_bytes(chance)
+    cut = file_of(whole[: chance.randrange(len(whole) * 9 // 10)])
+    return json.dumps({"views": [seen() | {"depth": cut}]}).encode(), True
+
+
+def flipped_image(chance):
+    data = bytearray(image_bytes(chance))
+    for _ in range(chance.randrange(1, 8)):
+        data[chance.randrange(min(len(data), 200))] = chance.randrange(256)
+    return json.dumps({"views": [seen() | {"depth": file_of(bytes(data))}]}).encode(), False
+
+
+def flipped_exr(chance):
+    """In its header, its table of places, the heads of its lines, or its pixels."""
+    data = bytearray(exr(np.full((12, 16), 0.55, np.float32)))
+    for _ in range(chance.randrange(1, 8)):
+        data[chance.randrange(len(data))] = chance.choice([0, 1, 0x7F, 0x80, 0xFF, chance.randrange(256)])
+    view = seen(width=16, height=12) | {"depth": file_of(bytes(data))}
+    return json.dumps({"views": [view]}).encode(), False
+
+
+def cut_cloud(chance):
+    whole = cloud_bytes(chance)
+    cut = file_of(whole[: chance.randrange(len(whole) * 9 // 10)])
+    return json.dumps({"cloud": cut}).encode(), True
+
+
+def flipped_cloud(chance):
+    data = bytearray(cloud_bytes(chance))
+    for _ in range(chance.randrange(1, 8)):
+        data[chance.randrange(min(len(data), 200))] = chance.randrange(256)
+    return json.dumps({"cloud": file_of(bytes(data))}).encode(), False
+
+
+def wrong_shape(chance):
+    shape = chance.choice([(0, 5), (5, 0), (7,), (2, 3, 4), (1, 1, 1, 1), (5000, 2), ()])
+    key, value = chance.choice([("depth", "view"), ("cloud", None), ("tsdf", None)])
+    data = file_of(npy(np.full(shape, 0.5, np.float32)))
+    request = {"views": [seen() | {key: data}]} if value else {key: data}
+    is_cloud = key == "cloud" and shape in [(0, 5), (2, 3, 4)]
+    return json.dumps(request).encode(), not is_cloud
+
+
+def absurd_depth(chance):
+    value = chance.choice([np.nan, np.inf, -np.inf, 1e30, -1.0, 0.0, 1e-30])
+    depth = np.full((48, 64), value, np.float32)
+    depth[: chance.randrange(20)] = 0.55
+    return json.dumps({"views": [seen(depth)]}).encode(), False
+
+
+def huge_promise(chance):
+    """A header that promises far more than there is."""
+    side = chance.choice([4096, 100_000, 2**31 - 1])
+    head = struct.pack(">IIBBBBB", side, side, 16, 0, 0, 0, 0)
+    checked = b"IHDR" + head
+    image = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + checked + struct.pack(">I", zlib.crc32(checked))
+    told = f"{{'descr': '<f4', 'fortran_order': False, 'shape': ({side}, {side}), }}".ljust(117).encode() + b"\n"
+    array = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(told)) + told
+    return json.dumps({"views": [seen() | {"depth": file_of(chance.choice([image, array]))}]}).encode(), True
+
+
+def not_rigid(chance):
+    columns = np.eye(4)
+    kind = chance.randrange(5)
+    if kind == 0:
+        columns[0, 0] = -1.0  # a reflection
+    elif kind == 1:
+        columns[:3, :3] *= chance.uniform(1.01, 100.0)
+    elif kind == 2:
+        columns[0, 1] = chance.uniform(0.1, 5.0)  # a shear
+    elif kind == 3:
+        columns[3] = [0.0, 0.0, chance.uniform(0.1, 1.0), 1.0]
+    else:
+        columns[:3, :3] = 0.0
+    return json.dumps({"views": [seen() | {"workspace_from_camera": columns.tolist()}]}).encode(), True
+
+
+def no_unit_quaternion(chance):
+    quaternion = chance.choice([[0, 0, 0, 0], [1, 1, 1, 1], [1, 0, 0], []])
+    pose = {"position_m": [0.0, 0.0, 0.5], "quaternion_xyzw": quaternion}
+    return json.dumps({"views": [seen() | {"workspace_from_camera": pose}]}).encode(), True
+
+
+def bad_lens(chance):
+    lens = dict(seen()["intrinsics"])
+    if chance.random() < 0.5:
+        lens[chance.choice(["fx_px", "fy_px"])] = chance.choice([0.0, -80.0, 1e30, -1e-30])
+    else:
+        lens |= {"width_px": chance.choice([63, 0, -1, 1.5, 2**40])}
+    return json.dumps({"views": [seen() | {"intrinsics": lens}]}).encode(), True
+
+
+def unknown_or_missing_key(chance):
+    request = {"views": [seen()]}
+    at = chance.choice([at for at in places(request) if isinstance(at[-1], str)])
+    inner = request
+    for key in at[:-1]:
+        inner = inner[key]
+    if chance.random() < 0.5:
+        del inner[at[-1]]
+    else:
+        inner["".join(chance.choices("abcdefghij_", k=12))] = 1
+    return json.dumps(request).encode(), True
+
+
+def wrong_number_of_views(chance):
+    return json.dumps({"views": [seen(width=4, height=4)] * chance.choice([0, 33, 100])}).encode(), True
+
+
+def several_sources(chance):
+    second = chance.choice(["cloud", "tsdf"])
+    request = {"views": [seen()], second: file_of(npy(np.zeros((5, 3), np.float32)))}
+    return json.dumps(request).encode(), True
+
+
+BODIES = [
+    random_bytes, cut_json, flipped_json, wrong_type, odd_number, deep, deep_inside, junk_image, cut_image,
+    flipped_image, flipped_exr, cut_cloud, flipped_cloud, wrong_shape, absurd_depth, huge_promise, not_rigid,
+    no_unit_quaternion, bad_lens, unknown_or_missing_key, wrong_number_of_views, several_sources,
+]  # fmt: skip
+
+
+def broken_http(chance):
+    """Bytes that are not quite HTTP."""
+    body = json.dumps({"views": [seen(width=4, height=4)]}).encode()
+    head = b"POST /v1/plan HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Type: application/json\r\n"
+    chunked = head + b"Transfer-Encoding: chunked\r\n\r\n"
+    return chance.choice([
+        head + b"\r\n" + body,
+        head + b"Content-Length: -1\r\n\r\n" + body,
+        head + b"Content-Length: 99999999999999999999\r\n\r\n" + body,
+        head + b"Content-Length: 10\r\nContent-Length: 20\r\n\r\n" + body,
+        head + b"Content-Length: %d\r\n\r\n" % (len(body) + 50) + body,
+        head + b"Content-Length: 70000000\r\n\r\n" + body,
+        chunked + b"zz\r\n" + body,
+        chunked + b"ffffffffffffffffff\r\n" + body,
+        chunked + b"10\r\n" + body,
+        chunked + chance.randbytes(200),
+        b"POST /v1/plan HTTP/9.9\r\n\r\n",
+        b"POST\r\n\r\n",
+        b"GET " + b"/" * 70_000 + b" HTTP/1.1\r\nHost: x\r\n\r\n",
+        b"GET / HTTP/1.1\r\n" + b"".join(b"h%d: x\r\n" % n for n in range(200)) + b"\r\n",
+        b"GET / HTTP/1.1\r\nHost: x\r\na: " + b"b" * 500_000 + b"\r\n\r\n",
+        b"GET /\xff\xfe HTTP/1.1\r\nHost: x\r\n\r\n",
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + chance.randbytes(100),
+        b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + chance.randbytes(100),
+        b"\0" * 300,
+        b"",
+        chance.randbytes(500),
+    ])  # fmt: skip
+
+
+def check_raw(got):
+    """A whole answer 4xx/5xx, but not 500, or nothing. What cannot be parsed as HTTP is refused without a body."""
+    if not got.startswith(b"HTTP/"):
+        assert not got or not got.isascii() or b"HTTP" not in got, got[:200]
+        return "closed"
+    head, _, body = got.partition(b"\r\n\r\n")
+    status = int(head.split(b" ")[1])
+    assert 400 <= status < 600 and status != 500, got[:300]
+    if body:
+        assert json.loads(body)["status"] == status
+    return status
+
+
+def leave_early(service, chance):
+    """Sends part of a request and goes away, with or without a reset."""
+    body = json.dumps({"views": [seen()]}).encode()
+    head = b"POST /v1/plan HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: %d\r\n\r\n"
+    request = head % len(body) + body
+    with socket.create_connection(("127.0.0.1", service.port), timeout=20) as stream:
+        stream.sendall(request[: chance.randrange(len(request) + 1)])
+        if chance.random() < 0.5:
+            stream.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+
+
+@contextmanager
+def slow_heads(service, count):
+    """Connections that never get their head done; all must be hung up on in the end."""
+    streams = [socket.create_connection(("127.0.0.1", service.port), timeout=30) for _ in range(count)]
+    for number, stream in enumerate(streams):
+        stream.sendall(b"POST /v1/plan HTTP/1.1\r\nHost: x\r\n"[: number + 1])
+    done = threading.Event()
+
+    def trickle():
+        while not done.wait(1.0):
+            for stream in streams[::2]:
+                try:
+                    stream.sendall(b"X")
+                except OSError:
+                    pass
+
+    thread = threading.Thread(target=trickle)
+    thread.start()
+    try:
+        yield
+        # Half of them go on trickling until they are closed, so no silence ends them.
+        for stream in streams:
+            check_raw(read_all(stream))
+    finally:
+        done.set()
+        thread.join()
+        for stream in streams:
+            stream.close()
+
+
+def test_a_thousand_malformed_requests_and_it_plans_as_before(service):
+    good = demo_request()
+    before = service.plan(good)[2]
+    assert json.loads(before)["grasps"]
+    chance = random.Random(7)
+    statuses = Counter()
+    with slow_heads(service, 20):
+        for number in range(800):
+            way = BODIES[number % len(BODIES)]
+            body, must_be_refused = way(chance)
+            status, headers, told = service.plan(body)
+            statuses[status] += 1
+            if status == 200:
+                assert not must_be_refused, (way.__name__, body[:2000])
+                json.loads(told)
+            else:
+                assert status in (400, 422), (way.__name__, status, told[:300])
+                check_error(status, headers, told)
+        for _ in range(120):
+            statuses[f"raw {check_raw(service.raw(broken_http(chance)))}"] += 1
+        for _ in range(80):
+            leave_early(service, chance)
+        with ThreadPoolExecutor(50) as pool:
+            bodies = [chance.choice(BODIES)(chance)[0] for _ in range(50)]
+            for status, headers, told in pool.map(service.plan, bodies):
+                statuses[status] += 1
+                if status != 200:
+                    check_error(status, headers, told)
+    print(f"answers: {dict(statuses)}; VmHWM {service.memory_kb('VmHWM')} kB, VmRSS {service.memory_kb('VmRSS')} kB")
+    # Neither all turned away at the door, nor a planner that never refuses.
+    assert statuses[422] > 200 and statuses[400] > 50, statuses
+    assert service.process.poll() is None, service.log.read_text()[-3000:]
+    assert service.plan(good)[2] == before
+    assert service.memory_kb("VmHWM") < 2_000_000
+    until = time.monotonic() + 10
+    while metrics(service)["planner_requests_in_flight"] != 1:
+        assert time.monotonic() < until, "requests of clients that are gone are still counted as under way"
+        time.sleep(0.1)
+    assert "panicked" not in service.log.read_text()
+
+
+def test_long_lists_cost_no_memory(tmp_path):
+    """Lists of which each entry would take more memory than the bytes that ask for it."""
+
+    def many(before, entry, after):
+        return before + (entry + b",") * (18_000_000 // (len(entry) + 1)) + entry + after
+
+    attacks = {
+        "under an unknown key": (many(b'{"x":[', b"0", b"]}"), ": x"),
+        "empty eyes": (many(b'{"eyes_m":[', b"[]", b"]}"), ": eyes_m[0]"),
+        "many eyes": (many(b'{"eyes_m":[', b"[0,0,1]", b"]}"), "at most 32 entries, got 2250001: eyes_m"),
+        "a long eye": (many(b'{"eyes_m":[[', b"0", b"]]}"), "got 9000001: eyes_m[0]"),
+        "many views": (many(b'{"views":[', b'{"depth":""}', b"]}"), ": views"),
+        "a long matrix": (many(b'{"base_from_workspace":[', b"[0,0,0,0]", b"]}"), ": base_from_workspace"),
+        "a long quaternion": (many(b'{"workspace_from_wrist":{"quaternion_xyzw":[', b"0", b"]}}"), ".quaternion_xyzw"),
+        "no object": (many(b"[", b"0", b"]"), ""),
+        "deep": (b"[" * 10_000_000 + b"]" * 10_000_000, ""),
+        "a long key": (b'{"' + b"x" * 18_000_000 + b'":0}', "unknown field"),
+    }
+    with running(tmp_path) as service:
+        for name, (body, place) in attacks.items():
+            status, headers, told = service.plan(body)
+            assert status == 422, (name, status, told[:300])
+            assert place in check_error(status, headers, told) and len(told) < 2000, (name, told[:600])
+        with ThreadPoolExecutor(8) as pool:
+            answers = list(pool.map(service.plan, (body for body, _ in attacks.values())))
+        assert {status for status, _, _ in answers} == {422}
+        print(f"VmHWM {service.memory_kb('VmHWM')} kB")
+        assert service.memory_kb("VmHWM") < 1_000_000
+        assert service.plan({"views": [seen()]})[0] == 200
