@@ -44,76 +44,39 @@
 //! [`ExitCode`].
 
 mod argument;
-mod begin;
-mod card;
-mod check;
-mod column;
-mod dataset;
-mod decode;
-mod draft;
-mod encode;
 mod exit;
-mod export;
-mod fault;
-mod finalize;
-mod footer;
-mod frame;
-#[cfg(any(test, fuzzing))]
-pub mod fuzzing;
-#[cfg(test)]
-mod hostile;
-mod info;
-mod inspect;
-pub mod layout;
-mod location;
+mod format;
+mod look;
 pub mod manual;
-mod plain_table;
-mod pretend;
 mod process;
 mod publish;
-mod read_error;
-mod remote;
-pub mod report;
-mod scenes;
-mod seal;
-mod staged;
-mod storage;
+mod read;
 mod store;
-mod summary;
-pub mod synthetic;
-mod table_reader;
-mod table_writer;
 pub mod text;
-mod thrift;
-mod verify;
-mod version;
-mod view;
-mod writer;
+mod write;
 
 pub use argument::LocationParser;
-pub use begin::BeginError;
-pub use check::{POSITION_M_MAX, QUATERNION_TOLERANCE, RowError, VIEWS_MAX, WIDTH_TOLERANCE_M};
-pub use column::{Column, Kind, Table};
-pub use dataset::Dataset;
-pub use draft::Draft;
 pub use exit::ExitCode;
-pub use export::{ExportCounts, ExportError, ExportFormat, ExportOrigin, Exported, ExportedFile, export};
-pub use finalize::{FinalizeError, Finalized};
-pub use info::{ATTEMPTS_MAX, DatasetInfo, InfoError, RESOLUTION_MAX, SHARDS_MAX};
-pub use inspect::Inspection;
-pub use location::{Location, LocationError};
-pub use plain_table::{PlainColumn, PlainTableError, plain_table};
-pub use pretend::pretend_shard;
+pub use format::check::{POSITION_M_MAX, QUATERNION_TOLERANCE, RowError, VIEWS_MAX, WIDTH_TOLERANCE_M};
+pub use format::layout::{self, SCENES_PER_ROW_GROUP};
+pub use format::seal::SealError;
+pub use format::summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, Tally};
+pub use format::{
+    ATTEMPTS_MAX, Column, DatasetInfo, FormatVersion, InfoError, Kind, RESOLUTION_MAX, SHARDS_MAX, Table,
+    UnreadableVersion,
+};
+pub use look::report::{self, Bin, Group, OutcomeGroup, Report, TableSize, report};
+pub use look::{
+    ExportCounts, ExportError, ExportFormat, ExportOrigin, Exported, ExportedFile, Inspection, PROBLEMS_MAX, Verified,
+    export, object_bodies, scene_view, verify, write_view,
+};
 pub use process::{stop_on_signals, writes_fail_at_the_file_size_limit};
 pub use publish::publish;
-pub use read_error::ReadError;
-pub use report::{Bin, Group, OutcomeGroup, Report, TableSize, report};
-pub use scenes::Scenes;
-pub use seal::SealError;
-pub use store::{StoreError, Sweep, Swept};
-pub use summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, Tally};
-pub use table_writer::TableError;
-pub use verify::{PROBLEMS_MAX, Verified, verify};
-pub use version::{FormatVersion, UnreadableVersion};
-pub use view::{object_bodies, scene_view, write_view};
-pub use writer::{SCENES_PER_ROW_GROUP, ShardWriter, WriteError};
+#[cfg(any(test, fuzzing))]
+pub use read::fuzzing;
+pub use read::{Dataset, ReadError, Scenes};
+pub use store::{Location, LocationError, StoreError, Sweep, Swept};
+pub use write::{
+    BeginError, Draft, FinalizeError, Finalized, PlainColumn, PlainTableError, ShardWriter, TableError, WriteError,
+    plain_table, pretend_shard, synthetic,
+};

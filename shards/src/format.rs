@@ -1,0 +1,18 @@
+//! What a dataset's files hold and how it is checked: columns, rows, `meta/`, and the frame of a Parquet file.
+
+pub(crate) mod check;
+pub(crate) mod column;
+pub(crate) mod decode;
+pub(crate) mod encode;
+mod footer;
+pub(crate) mod frame;
+mod info;
+pub mod layout;
+pub(crate) mod seal;
+pub(crate) mod summary;
+mod thrift;
+mod version;
+
+pub use column::{Column, Kind, Table};
+pub use info::{ATTEMPTS_MAX, DatasetInfo, InfoError, RESOLUTION_MAX, SHARDS_MAX};
+pub use version::{FormatVersion, UnreadableVersion};

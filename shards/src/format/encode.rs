@@ -1,0 +1,165 @@
+//! Rows to Arrow columns. Columns are pushed in the order of [`Table::columns`]; Arrow itself refuses a batch whose
+//! columns do not fit the schema.
+
+use std::sync::Arc;
+
+use arrow::array::{
+    ArrayRef, DictionaryArray, FixedSizeListArray, Float32Array, Int32Array, Int64Array, ListArray, RecordBatch,
+    StringArray, StructArray, UInt8Array,
+};
+use arrow::buffer::OffsetBuffer;
+use arrow::datatypes::Int32Type;
+use arrow::error::ArrowError;
+use schema::{AttemptRecord, Axis, HitKind, Model, ObjectRecord, Outcome, Pose, Rule, SceneRecord, Shape, View};
+
+use crate::Table;
+use crate::format::column::{element, view_fields, voxel_type};
+
+type Encoded<T> = Result<T, ArrowError>;
+
+/// In place of an axis, where no axis of the object decides: the surface's normal, or the yaw about it.
+pub(crate) const NO_AXIS: &str = "normal";
+
+/// The `attempts` table of a dataset with these models.
+pub(crate) fn attempts(rows: &[AttemptRecord], models: &[Arc<Model>]) -> Encoded<RecordBatch> {
+    // Words that only grasps along normals need stand only where there are some: the others' bytes do not know of them.
+    let has_normals = rows.iter().any(|r| r.rule.approach.is_none());
+    let axis = |of: fn(&AttemptRecord) -> Option<Axis>| {
+        let mut vocabulary = Axis::ALL.map(Axis::name).to_vec();
+        vocabulary.extend(has_normals.then_some(NO_AXIS));
+        names(&vocabulary, rows.iter().map(|r| Some(of(r).map_or(Axis::ALL.len(), |axis| axis as usize))))
+    };
+    let has_models = !models.is_empty();
+    let mut rule_names = Rule::all().map(Rule::name).to_vec();
+    rule_names.extend(Rule::along_normals().map(Rule::name).into_iter().filter(|_| has_normals));
+    rule_names.extend([Rule::of_model(0)].map(Rule::name).into_iter().filter(|_| has_models));
+    let mut columns = vec![
+        i64s(rows.iter().map(|r| r.scene_id))?,
+        i32s(rows.iter().map(|r| r.attempt_id))?,
+        i32s(rows.iter().map(|r| r.object_id))?,
+        shapes(models, rows.iter().map(|r| r.rule.shape))?,
+        names(&rule_names, rows.iter().map(|r| Some(r.rule.index())))?,
+        axis(|r| r.rule.approach)?,
+        axis(|r| r.closing)?,
+        f32s(rows.iter().map(|r| r.tilt_rad)),
+        f32s(rows.iter().map(|r| r.turn_rad)),
+        f32s(rows.iter().map(|r| r.depth_m)),
+        f32s(rows.iter().map(|r| r.slide_m)),
+    ];
+    columns.extend(pose(rows, |r| &r.workspace_from_grasp));
+    columns.extend([
+        names(&Outcome::ALL.map(Outcome::name), rows.iter().map(|r| Some(r.outcome as usize)))?,
+        names(&HitKind::ALL.map(HitKind::name), rows.iter().map(|r| r.hit.map(|hit| hit as usize)))?,
+        Arc::new(Int32Array::from(
+            rows.iter().map(|r| r.hit_object_id.map(to_i32).transpose()).collect::<Encoded<Vec<_>>>()?,
+        )),
+        Arc::new(Float32Array::from_iter(rows.iter().map(|r| r.width_m))),
+        Arc::new(UInt8Array::from_iter_values(rows.iter().map(AttemptRecord::label))),
+    ]);
+    RecordBatch::try_new(Table::Attempts.arrow_schema(0), columns)
+}
+
+/// The `objects` table of a dataset with these models.
+pub(crate) fn objects(rows: &[ObjectRecord], models: &[Arc<Model>]) -> Encoded<RecordBatch> {
+    let mut columns = vec![
+        i64s(rows.iter().map(|r| r.scene_id))?,
+        i32s(rows.iter().map(|r| r.object_id))?,
+        shapes(models, rows.iter().map(|r| r.shape.shape()))?,
+        f32s(rows.iter().map(|r| r.shape.extents_m().x)),
+        f32s(rows.iter().map(|r| r.shape.extents_m().y)),
+        f32s(rows.iter().map(|r| r.shape.extents_m().z)),
+        f32s(rows.iter().map(|r| r.shape.volume_m3())),
+        f32s(rows.iter().map(|r| r.mass_kg)),
+        f32s(rows.iter().map(|r| r.friction)),
+    ];
+    columns.extend(pose(rows, |r| &r.workspace_from_object));
+    RecordBatch::try_new(Table::Objects.arrow_schema(0), columns)
+}
+
+/// The `scenes` table; every grid has `resolution`³ values.
+pub(crate) fn scenes(rows: &[SceneRecord], resolution: usize) -> Encoded<RecordBatch> {
+    let columns = vec![
+        i64s(rows.iter().map(|r| r.scene_id))?,
+        i32s(rows.iter().map(|r| r.dropped_count))?,
+        i32s(rows.iter().map(|r| r.object_count))?,
+        i32s(rows.iter().map(|r| r.attempt_count))?,
+        f32s(rows.iter().map(|r| r.settle_time_s)),
+        i32s(rows.iter().map(|r| r.rejections.unsettled))?,
+        i32s(rows.iter().map(|r| r.rejections.empty))?,
+        i32s(rows.iter().map(|r| r.rejections.unstable))?,
+        views(rows)?,
+        voxels(rows, resolution)?,
+    ];
+    RecordBatch::try_new(Table::Scenes.arrow_schema(resolution), columns)
+}
+
+fn pose<R>(rows: &[R], of: impl Fn(&R) -> &Pose) -> Vec<ArrayRef> {
+    let part = |value: fn(&Pose) -> f32| f32s(rows.iter().map(|r| value(of(r))));
+    vec![
+        part(|p| p.translation.x),
+        part(|p| p.translation.y),
+        part(|p| p.translation.z),
+        part(|p| p.rotation.x),
+        part(|p| p.rotation.y),
+        part(|p| p.rotation.z),
+        part(|p| p.rotation.w),
+    ]
+}
+
+fn views(rows: &[SceneRecord]) -> Encoded<ArrayRef> {
+    let all: Vec<&View> = rows.iter().flat_map(|r| &r.views).collect();
+    let columns = vec![
+        f32s(all.iter().map(|v| v.radius_m)),
+        f32s(all.iter().map(|v| v.polar_rad)),
+        f32s(all.iter().map(|v| v.azimuth_rad)),
+    ];
+    let values = StructArray::try_new(view_fields(), columns, None)?;
+    let offsets = OffsetBuffer::from_lengths(rows.iter().map(|r| r.views.len()));
+    let field = element(arrow::datatypes::DataType::Struct(view_fields()));
+    Ok(Arc::new(ListArray::try_new(field, offsets, Arc::new(values), None)?))
+}
+
+fn voxels(rows: &[SceneRecord], resolution: usize) -> Encoded<ArrayRef> {
+    let mut values = Vec::with_capacity(rows.len() * resolution.pow(3));
+    for row in rows {
+        values.extend_from_slice(&row.tsdf);
+    }
+    let length = to_i32(resolution)?;
+    let mut array: ArrayRef = Arc::new(Float32Array::from(values));
+    for depth in 0..3 {
+        array = Arc::new(FixedSizeListArray::try_new(element(voxel_type(resolution, depth)), length, array, None)?);
+    }
+    Ok(array)
+}
+
+fn shapes(models: &[Arc<Model>], rows: impl Iterator<Item = Shape>) -> Encoded<ArrayRef> {
+    let vocabulary: Vec<&str> = Shape::all(models).into_iter().map(|shape| shape.name(models)).collect();
+    let number = |shape| match shape {
+        Shape::Primitive(kind) => kind as usize,
+        Shape::Model(number) => usize::from(number),
+    };
+    names(&vocabulary, rows.map(|shape| Some(number(shape))))
+}
+
+fn names(vocabulary: &[&str], indices: impl Iterator<Item = Option<usize>>) -> Encoded<ArrayRef> {
+    let keys = indices.map(|index| index.map(to_i32).transpose()).collect::<Encoded<Vec<_>>>()?;
+    let values = StringArray::from_iter_values(vocabulary);
+    Ok(Arc::new(DictionaryArray::<Int32Type>::try_new(Int32Array::from(keys), Arc::new(values))?))
+}
+
+fn f32s(values: impl Iterator<Item = f32>) -> ArrayRef {
+    Arc::new(Float32Array::from_iter_values(values))
+}
+
+fn i32s(values: impl Iterator<Item = u32>) -> Encoded<ArrayRef> {
+    Ok(Arc::new(Int32Array::from(values.map(to_i32).collect::<Encoded<Vec<_>>>()?)))
+}
+
+fn i64s(values: impl Iterator<Item = u64>) -> Encoded<ArrayRef> {
+    let to_i64 = |v| i64::try_from(v).map_err(|_| ArrowError::CastError(format!("{v} must fit into an int64")));
+    Ok(Arc::new(Int64Array::from(values.map(to_i64).collect::<Encoded<Vec<_>>>()?)))
+}
+
+fn to_i32<N: TryInto<i32> + Copy + std::fmt::Display>(value: N) -> Encoded<i32> {
+    value.try_into().map_err(|_| ArrowError::CastError(format!("{value} must fit into an int32")))
+}

@@ -1,0 +1,363 @@
+//! What must hold for a table's file before parquet-rs decodes it: its footer, its column chunks and the headers of its
+//! pages, all in their places and of sizes that its rows explain. So neither a few bytes that ask for much memory or
+//! time, nor numbers that make the decoder panic, reach it; what is left to it are values of pages.
+//!
+//! The file's own index of pages is not read: going over the headers yields the same, and it cannot lie.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::ops::Range;
+use std::sync::Arc;
+
+use parquet::arrow::ArrowSchemaConverter;
+use parquet::basic::{Compression, Type};
+use parquet::file::metadata::page_index::PageIndexProvider;
+use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader};
+use parquet::file::page_index::column_index::ColumnIndexMetaData;
+use parquet::file::page_index::offset_index::{OffsetIndexMetaData, PageLocation};
+use parquet::file::reader::{ChunkReader, Length};
+
+use crate::Table;
+use crate::format::check::VIEWS_MAX;
+use crate::format::column::Kind;
+use crate::format::footer::{FOOTER, PAGE_HEADER};
+use crate::format::thrift;
+
+type Checked<T = ()> = Result<T, String>;
+
+fn must(holds: bool, message: impl FnOnce() -> String) -> Checked {
+    if holds { Ok(()) } else { Err(message()) }
+}
+
+const MAGIC: &[u8; 4] = b"PAR1";
+/// Bytes of the footer's length and the magic number.
+const TAIL: u64 = 8;
+/// Longest footer that is read; it holds about a million scenes' row groups.
+const FOOTER_MAX: u64 = 16 << 20;
+/// Longest header of a page.
+const HEADER_MAX: u64 = 1024;
+/// Most bytes that a page's values may take on the average, and bytes beyond these: levels and lengths of runs.
+const VALUE_MAX: i64 = 9;
+const NAME_MAX: i64 = 64;
+const PAGE_SLACK: i64 = 1024;
+
+// Numbers of parquet.thrift. Dictionaries' indices have one of two, before and after version 2 of the format.
+const DATA_PAGE: i64 = 0;
+const DICTIONARY_PAGE: i64 = 2;
+const PLAIN: i64 = 0;
+const PLAIN_DICTIONARY: i64 = 2;
+const RLE: i64 = 3;
+const RLE_DICTIONARY: i64 = 8;
+const BYTE_STREAM_SPLIT: i64 = 9;
+const ENCODINGS: [i64; 4] = [PLAIN, PLAIN_DICTIONARY, RLE_DICTIONARY, BYTE_STREAM_SPLIT];
+const NAME_ENCODINGS: [i64; 2] = [PLAIN_DICTIONARY, RLE_DICTIONARY];
+const DICTIONARY_ENCODINGS: [i64; 2] = [PLAIN, PLAIN_DICTIONARY];
+
+/// What a table's file must be.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Expected {
+    /// The table.
+    pub(crate) table: Table,
+    /// Voxels along a side of a grid.
+    pub(crate) resolution: usize,
+    /// Rows in all.
+    pub(crate) rows: u64,
+}
+
+/// A file whose footer is in order.
+pub(crate) struct Frame<'a> {
+    file: &'a File,
+    expected: Expected,
+    /// Where the column chunks end.
+    end: u64,
+    metadata: ParquetMetaData,
+}
+
+impl<'a> Frame<'a> {
+    /// Reads the footer.
+    pub(crate) fn read(file: &'a File, expected: Expected) -> Checked<Self> {
+        let length = file.len();
+        let tail_at = length.checked_sub(TAIL).ok_or("the file is too short")?;
+        let tail = bytes(file, tail_at, TAIL)?;
+        let (size, magic) = tail.split_at(4);
+        must(magic == MAGIC, || "the file does not end as a Parquet file".to_owned())?;
+        let size: u64 = size.iter().rev().fold(0, |size, byte| size << 8 | u64::from(*byte));
+        let end = tail_at.checked_sub(size).filter(|_| size <= FOOTER_MAX);
+        let end = end.ok_or_else(|| format!("the footer cannot have {size} bytes"))?;
+        let footer = bytes(file, end, size)?;
+        let mut children = 0;
+        let measured = thrift::measure(&footer, &FOOTER, &mut |path, value| {
+            if path == [2, 5] {
+                children = children.max(value);
+            }
+        });
+        let measured = measured.map_err(|e| format!("the footer is damaged: {e}"))?;
+        must(measured == footer.len(), || "the footer is damaged: it ends too early".to_owned())?;
+        must(children <= crate::format::footer::SCHEMA_MAX as i64, || {
+            "the footer is damaged: too many columns".to_owned()
+        })?;
+        let metadata = ParquetMetaDataReader::decode_metadata(&footer).map_err(|e| e.to_string())?;
+        let frame = Self { file, expected, end, metadata };
+        frame.check_schema()?;
+        frame.check_rows()?;
+        Ok(frame)
+    }
+
+    /// How many row groups there are.
+    pub(crate) fn groups(&self) -> usize {
+        self.metadata.num_row_groups()
+    }
+
+    /// Goes over the pages of some row groups and columns. The metadata for the decoder, with where the pages lie if
+    /// they are to be skipped.
+    pub(crate) fn check_pages(
+        self,
+        groups: Range<usize>,
+        columns: &[usize],
+        is_skipping: bool,
+    ) -> Checked<ParquetMetaData> {
+        let schema = self.metadata.file_metadata().schema_descr();
+        let leaves = (0..schema.num_columns()).filter(|leaf| columns.contains(&schema.get_column_root_idx(*leaf)));
+        let mut places = Places::default();
+        for (group, leaf) in groups.flat_map(|group| leaves.clone().map(move |leaf| (group, leaf))) {
+            if let Some(page_locations) = self.pages(group, leaf)? {
+                let index = OffsetIndexMetaData { page_locations, unencoded_byte_array_data_bytes: None };
+                places.0.insert((group, leaf), index);
+            }
+        }
+        if !is_skipping {
+            return Ok(self.metadata);
+        }
+        Ok(self.metadata.into_builder().set_page_index(Some(Arc::new(places))).build())
+    }
+
+    /// Names, order and types must be those of the table.
+    fn check_schema(&self) -> Checked {
+        let Expected { table, resolution, .. } = self.expected;
+        let expected =
+            ArrowSchemaConverter::new().convert(&table.arrow_schema(resolution)).map_err(|e| e.to_string())?;
+        let found = self.metadata.file_metadata().schema_descr().root_schema();
+        let expected = expected.root_schema();
+        let names = |schema: &parquet::schema::types::Type| {
+            schema.get_fields().iter().map(|field| field.name().to_owned()).collect::<Vec<_>>()
+        };
+        must(names(expected) == names(found), || {
+            format!("columns must be {:?}, got {:?}", names(expected), names(found))
+        })?;
+        let mut fields = table.columns().iter().zip(expected.get_fields().iter().zip(found.get_fields()));
+        let other = fields.find(|(_, (expected, found))| expected != found);
+        must(other.is_none(), || {
+            let kinds = other.map(|(column, _)| (column.name, column.kind.describe(resolution), column.nullable));
+            let (name, kind, nullable) = kinds.unwrap_or_default();
+            format!("column {name} must be {kind}{}, its type is another", if nullable { " or null" } else { "" })
+        })
+    }
+
+    /// Row groups must have as many rows as expected, and their column chunks as many values. Chunks lie one after the
+    /// other: if they shared pages, few pages could be many rows.
+    fn check_rows(&self) -> Checked {
+        let expected = self.expected.rows;
+        let groups = self.metadata.row_groups();
+        let (mut sum, mut at) = (0, MAGIC.len() as u64);
+        for (number, group) in groups.iter().enumerate() {
+            let rows = u64::try_from(group.num_rows()).ok().filter(|rows| (1..=expected).contains(rows));
+            let rows = rows.ok_or_else(|| format!("row group {number} cannot have {} rows", group.num_rows()))?;
+            sum += rows; // at most 2^20 groups of `expected`, which is at most 2^44
+            for (leaf, chunk) in group.columns().iter().enumerate() {
+                let in_chunk = |message| format!("row group {number}, column {}: {message}", chunk.column_path());
+                at = self.check_chunk(chunk, self.kind(leaf), rows, at).map_err(in_chunk)?;
+            }
+        }
+        let said = self.metadata.file_metadata().num_rows();
+        must(sum == expected && u64::try_from(said) == Ok(expected), || {
+            format!("the file must have {expected} rows, its row groups have {sum}, its footer says {said}")
+        })
+    }
+
+    /// Where the chunk ends; it cannot begin before `from`.
+    fn check_chunk(&self, chunk: &ColumnChunkMetaData, kind: Kind, rows: u64, from: u64) -> Checked<u64> {
+        let (low, high) = match kind {
+            Kind::Views => (rows, rows.saturating_mul(VIEWS_MAX as u64)),
+            Kind::Voxels => [rows.saturating_mul((self.expected.resolution as u64).pow(3)); 2].into(),
+            Kind::I64 | Kind::I32 | Kind::U8 | Kind::F32 | Kind::Name => (rows, rows),
+        };
+        let values = chunk.num_values();
+        must(u64::try_from(values).is_ok_and(|values| (low..=high).contains(&values)), || {
+            format!("values must be between {low} and {high}, got {values}")
+        })?;
+        let is_known = matches!(chunk.compression(), Compression::ZSTD(_) | Compression::UNCOMPRESSED);
+        must(is_known, || format!("compression must be zstd or none, got {}", chunk.compression()))?;
+        let (Ok(start), Ok(length)) = (u64::try_from(start(chunk)), u64::try_from(chunk.compressed_size())) else {
+            return Err("its place cannot be negative".to_owned());
+        };
+        let end = start.saturating_add(length);
+        must(from <= start && end <= self.end, || {
+            format!("it must lie between bytes {from} and {}, got {start} to {end}", self.end)
+        })?;
+        Ok(end)
+    }
+
+    fn kind(&self, leaf: usize) -> Kind {
+        self.expected.table.columns()[self.metadata.file_metadata().schema_descr().get_column_root_idx(leaf)].kind
+    }
+
+    /// Goes over the pages of a column chunk: where they lie, by rows, if that can be told without decoding them.
+    fn pages(&self, group: usize, leaf: usize) -> Checked<Option<Vec<PageLocation>>> {
+        let chunk = self.metadata.row_group(group).column(leaf);
+        let in_chunk = |message| format!("row group {group}, column {}: {message}", chunk.column_path());
+        let pages = self.walk(chunk).map_err(in_chunk)?;
+        let values_of_row = match self.kind(leaf) {
+            Kind::Views => return Ok(None),
+            Kind::Voxels => (self.expected.resolution as i64).pow(3),
+            Kind::I64 | Kind::I32 | Kind::U8 | Kind::F32 | Kind::Name => 1,
+        };
+        let location = |page: &Page| PageLocation {
+            offset: page.offset,
+            compressed_page_size: page.size,
+            first_row_index: page.first_value / values_of_row,
+        };
+        let starts_rows = pages.iter().all(|page| page.first_value % values_of_row == 0);
+        Ok(starts_rows.then(|| pages.iter().map(location).collect()))
+    }
+
+    fn walk(&self, chunk: &ColumnChunkMetaData) -> Checked<Vec<Page>> {
+        // Neither is negative, and together they are below `end`: `check_chunk`.
+        let (mut at, length) = (start(chunk) as u64, chunk.compressed_size() as u64);
+        let end = at + length;
+        let mut dictionary = chunk.dictionary_page_offset().map(|_| false);
+        let (mut pages, mut values) = (Vec::new(), 0);
+        while at < end {
+            let header = Header::read(&bytes(self.file, at, HEADER_MAX.min(end - at))?)?;
+            let size = header.check(chunk, end - at)?;
+            let left = chunk.num_values() - values;
+            must((0..=left).contains(&header.values), || format!("a page cannot have {} values", header.values))?;
+            if header.is_dictionary {
+                must(dictionary == Some(false), || "a dictionary is in the wrong place".to_owned())?;
+                dictionary = Some(true);
+            } else {
+                let uses_dictionary = NAME_ENCODINGS.contains(&header.encoding);
+                must(dictionary.unwrap_or(!uses_dictionary), || "the dictionary is missing".to_owned())?;
+                must(header.values > 0, || "a page is empty".to_owned())?;
+                pages.push(Page { offset: at as i64, size, first_value: values });
+                values += header.values;
+            }
+            at += size as u64;
+        }
+        must(values == chunk.num_values(), || format!("pages must have {} values, got {values}", chunk.num_values()))?;
+        Ok(pages)
+    }
+}
+
+/// Where a column chunk begins.
+fn start(chunk: &ColumnChunkMetaData) -> i64 {
+    chunk.dictionary_page_offset().unwrap_or(chunk.data_page_offset())
+}
+
+fn bytes(file: &File, at: u64, length: u64) -> Checked<impl std::ops::Deref<Target = [u8]>> {
+    file.get_bytes(at, length as usize).map_err(|e| e.to_string()) // at most FOOTER_MAX
+}
+
+/// Where pages lie, by row group and leaf column.
+#[derive(Debug, Default)]
+struct Places(BTreeMap<(usize, usize), OffsetIndexMetaData>);
+
+impl PageIndexProvider for Places {
+    fn has_offset_indexes(&self) -> bool {
+        !self.0.is_empty()
+    }
+
+    fn has_column_indexes(&self) -> bool {
+        false
+    }
+
+    fn column_index(&self, _: usize, _: usize) -> Option<&ColumnIndexMetaData> {
+        None
+    }
+
+    fn offset_index(&self, group: usize, leaf: usize) -> Option<&OffsetIndexMetaData> {
+        self.0.get(&(group, leaf))
+    }
+
+    fn as_any(&self) -> &dyn std::any::Any {
+        self
+    }
+}
+
+/// A page of values.
+struct Page {
+    offset: i64,
+    /// With its header.
+    size: i32,
+    first_value: i64,
+}
+
+/// What a page's header says.
+#[derive(Debug, Default)]
+struct Header {
+    /// Bytes of the header itself.
+    length: usize,
+    is_dictionary: bool,
+    /// Bytes of the values, and what they take on the disk.
+    plain: i64,
+    stored: i64,
+    values: i64,
+    encoding: i64,
+    /// Whether levels are encoded as runs.
+    is_run_length: bool,
+}
+
+impl Header {
+    fn read(bytes: &[u8]) -> Checked<Self> {
+        let mut header = Self { is_run_length: true, ..Self::default() };
+        let (mut kind, mut fields) = (-1, 0);
+        let measured = thrift::measure(bytes, &PAGE_HEADER, &mut |path, value| match path {
+            [1] => kind = value,
+            [2] => header.plain = value,
+            [3] => header.stored = value,
+            [5 | 7, 1] => (header.values, fields) = (value, fields + i64::from(path[0])),
+            [5 | 7, 2] => header.encoding = value,
+            [5, 3 | 4] => header.is_run_length &= value == RLE,
+            _ => {}
+        });
+        header.length = measured.map_err(|e| format!("the header of a page is damaged: {e}"))?;
+        header.is_dictionary = kind == DICTIONARY_PAGE;
+        // One of the two: the field for values, or that for a dictionary.
+        let is_whole = (kind, fields) == (DATA_PAGE, 5) || (kind, fields) == (DICTIONARY_PAGE, 7);
+        must(is_whole, || format!("a page cannot be of kind {kind}"))?;
+        Ok(header)
+    }
+
+    /// Its size, with the page, if it fits what is left of the column chunk.
+    fn check(&self, chunk: &ColumnChunkMetaData, left: u64) -> Checked<i32> {
+        // Names always have a dictionary; without one the decoder may go beyond their page when it skips some.
+        let is_names = chunk.column_type() == Type::BYTE_ARRAY;
+        let encodings = match (self.is_dictionary, is_names) {
+            (true, _) => &DICTIONARY_ENCODINGS[..],
+            (false, true) => &NAME_ENCODINGS,
+            (false, false) => &ENCODINGS,
+        };
+        must(encodings.contains(&self.encoding) && self.is_run_length, || {
+            format!("a page's encoding cannot be {}", self.encoding)
+        })?;
+        // A dictionary has neither levels nor runs; an empty one has no bytes at all, or the decoder divides by 0.
+        let value_max = if is_names { NAME_MAX } else { VALUE_MAX };
+        let slack = if self.is_dictionary { 0 } else { PAGE_SLACK };
+        let most = value_max.saturating_mul(self.values).saturating_add(slack);
+        // Values that are always there and stand by themselves have a size.
+        let column = chunk.column_descr();
+        let is_exact = !is_names
+            && (column.max_def_level(), column.max_rep_level()) == (0, 0)
+            && (self.is_dictionary || !NAME_ENCODINGS.contains(&self.encoding));
+        let width = if chunk.column_type() == Type::INT64 { 8 } else { 4 };
+        let sizes = if is_exact { [width * self.values.clamp(0, most); 2] } else { [0, most] };
+        must((sizes[0]..=sizes[1]).contains(&self.plain), || {
+            format!("a page of {} values cannot have {} bytes", self.values, self.plain)
+        })?;
+        let is_bare = chunk.compression() == Compression::UNCOMPRESSED;
+        let size = i64::try_from(self.length).ok().and_then(|length| length.checked_add(self.stored));
+        let size =
+            size.filter(|size| self.stored >= 0 && (*size as u64) <= left && (!is_bare || self.stored == self.plain));
+        let size = size.and_then(|size| i32::try_from(size).ok());
+        size.ok_or_else(|| format!("a page cannot have {} bytes on the disk", self.stored))
+    }
+}

@@ -1,0 +1,402 @@
+//! `meta/info.json`: what a dataset is, before its first row. Its bytes name the dataset: the id in every marker is
+//! their SHA-256, so no shard of another config, seed or code version can slip in.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use schema::{FACETS, Grid, Gripper, MODELS_MAX, Model, Procedure, Vec3};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::format::seal;
+use crate::{ExitCode, FormatVersion, UnreadableVersion};
+
+/// Everything that decides a dataset's bytes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DatasetInfo {
+    /// Version of the format on disk.
+    pub format_version: FormatVersion,
+    /// Version of the code that makes the rows; mixed versions make another dataset.
+    pub code_version: String,
+    /// Seed of every random stream.
+    pub seed: u64,
+    /// Shards.
+    pub shard_count: u32,
+    /// Scenes: attempts divided by attempts per scene, rounded up.
+    pub scene_count: u64,
+    /// Attempts in all.
+    pub attempt_count: u64,
+    /// Attempts per scene; the last scene takes the remainder.
+    pub attempts_per_scene: u32,
+    /// The grid of the TSDFs.
+    pub grid: Grid,
+    /// The hand.
+    pub gripper: Gripper,
+    /// The attempt's procedure.
+    pub procedure: Procedure,
+    /// The resolved config of the generator, as it likes to write it.
+    pub config: Value,
+    /// What its objects are, if they are no primitives; `shape` in its rows is then a model's name.
+    pub models: Vec<Arc<Model>>,
+}
+
+/// Why a `meta/info.json` cannot be.
+#[derive(Debug, thiserror::Error)]
+pub enum InfoError {
+    /// Not JSON, or not these keys.
+    #[error("not a dataset's info: {0}")]
+    Parse(String),
+    /// Of another time.
+    #[error(transparent)]
+    Version(#[from] UnreadableVersion),
+    /// Values out of range, all of them.
+    #[error("{}", .0.join("; "))]
+    Range(Vec<String>),
+}
+
+impl InfoError {
+    /// [`ExitCode::Data`]: what is on disk is not what was written.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        ExitCode::Data
+    }
+}
+
+/// Most shards: their numbers have five digits.
+pub const SHARDS_MAX: u32 = 100_000;
+/// Finest TSDF along a side.
+pub const RESOLUTION_MAX: usize = 128;
+/// Most attempts of a dataset.
+pub const ATTEMPTS_MAX: u64 = 1_000_000_000_000;
+
+impl DatasetInfo {
+    /// The scenes of a shard, spread evenly: `s·N/S .. (s+1)·N/S`.
+    ///
+    /// # Panics
+    /// If `shard` is not below [`Self::shard_count`].
+    #[must_use]
+    pub fn scenes_of(&self, shard: u32) -> Range<u64> {
+        assert!(shard < self.shard_count, "shard {shard} of {}", self.shard_count);
+        let edge = |s: u32| {
+            let exact = u128::from(s) * u128::from(self.scene_count) / u128::from(self.shard_count);
+            exact as u64 // at most scene_count
+        };
+        edge(shard)..edge(shard + 1)
+    }
+
+    /// The shard that holds a scene, or `None` if there is no such scene.
+    #[must_use]
+    pub fn shard_of(&self, scene_id: u64) -> Option<u32> {
+        if scene_id >= self.scene_count {
+            return None;
+        }
+        let guess = u128::from(scene_id) * u128::from(self.shard_count) / u128::from(self.scene_count);
+        let guess = guess as u32; // below shard_count
+        (guess..self.shard_count).find(|shard| self.scenes_of(*shard).contains(&scene_id))
+    }
+
+    /// Attempts of a scene: [`Self::attempts_per_scene`], the last scene takes the remainder.
+    #[must_use]
+    pub fn attempts_of_scene(&self, scene_id: u64) -> u32 {
+        let left = self.attempt_count - self.attempts_before(scene_id);
+        left.min(u64::from(self.attempts_per_scene)) as u32 // at most a u32
+    }
+
+    /// Attempts of all scenes before one.
+    #[must_use]
+    pub fn attempts_before(&self, scene_id: u64) -> u64 {
+        scene_id.saturating_mul(u64::from(self.attempts_per_scene)).min(self.attempt_count)
+    }
+
+    /// What is out of range, one message each.
+    #[must_use]
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = self.gripper.problems();
+        let mut must = |holds: bool, message: String| {
+            if !holds {
+                problems.push(message);
+            }
+        };
+        let Grid { resolution, size_m, table_z_m } = self.grid;
+        must(
+            (1..=RESOLUTION_MAX).contains(&resolution),
+            format!("grid.resolution must be between 1 and {RESOLUTION_MAX}, got {resolution}"),
+        );
+        must(size_m > 0.0 && size_m <= 10.0, format!("grid.size_m must be above 0 and at most 10, got {size_m}"));
+        must(
+            table_z_m >= 0.0 && table_z_m <= size_m,
+            format!("grid.table_z_m must be between 0 and {size_m}, got {table_z_m}"),
+        );
+        must(
+            (1..=SHARDS_MAX).contains(&self.shard_count),
+            format!("shard_count must be between 1 and {SHARDS_MAX}, got {}", self.shard_count),
+        );
+        must(
+            u64::from(self.shard_count) <= self.scene_count,
+            format!("shard_count must be at most the scene count {}, got {}", self.scene_count, self.shard_count),
+        );
+        must(
+            (1..=ATTEMPTS_MAX).contains(&self.attempt_count),
+            format!("attempt_count must be between 1 and {ATTEMPTS_MAX}, got {}", self.attempt_count),
+        );
+        must(
+            (1..=100_000).contains(&self.attempts_per_scene),
+            format!("attempts_per_scene must be between 1 and 100000, got {}", self.attempts_per_scene),
+        );
+        let scenes = self.attempt_count.div_ceil(u64::from(self.attempts_per_scene.max(1)));
+        must(
+            scenes == self.scene_count,
+            format!(
+                "scene_count must be attempt_count / attempts_per_scene rounded up, {scenes}, got {}",
+                self.scene_count
+            ),
+        );
+        let models = &self.models;
+        must(models.len() <= MODELS_MAX, format!("models must be at most {MODELS_MAX}, got {}", models.len()));
+        let version = if models.is_empty() { FormatVersion::CURRENT } else { FormatVersion::MODELS };
+        must(
+            self.format_version == version,
+            format!(
+                "format_version must be {} for {} models, got {}",
+                version.number(),
+                models.len(),
+                self.format_version.number()
+            ),
+        );
+        for (place, model) in models.iter().enumerate() {
+            must(
+                models[..place].iter().all(|other| other.name != model.name),
+                format!("there is another model {}", model.name),
+            );
+        }
+        problems.extend(models.iter().flat_map(|model| model.problems()));
+        problems
+    }
+
+    /// The text of `meta/info.json`: the same bytes for the same info, whatever the machine.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        let json = InfoJson {
+            about: ABOUT.to_owned(),
+            format_version: self.format_version,
+            code_version: self.code_version.clone(),
+            seed: self.seed,
+            shard_count: self.shard_count,
+            scene_count: self.scene_count,
+            attempt_count: self.attempt_count,
+            attempts_per_scene: self.attempts_per_scene,
+            grid: GridJson {
+                resolution: self.grid.resolution,
+                size_m: self.grid.size_m,
+                table_z_m: self.grid.table_z_m,
+            },
+            gripper: self.gripper.clone(),
+            procedure: self.procedure,
+            units: UNITS.to_owned(),
+            frames: FRAMES.iter().map(|line| (*line).to_owned()).collect(),
+            facets: facets(),
+            config: sorted(&self.config),
+            models: self.models.iter().map(|model| ModelJson::of(model)).collect(),
+        };
+        seal::pretty(&json)
+    }
+
+    /// The info in a `meta/info.json`.
+    ///
+    /// # Errors
+    /// [`InfoError`] if the text is no such file, of an unknown version, or says what cannot be.
+    pub fn from_json(text: &str) -> Result<Self, InfoError> {
+        let head: HeadJson = serde_json::from_str(text).map_err(|e| InfoError::Parse(e.to_string()))?;
+        head.format_version.check_readable()?;
+        let json: InfoJson = serde_json::from_str(text).map_err(|e| InfoError::Parse(e.to_string()))?;
+        let info = Self {
+            format_version: json.format_version,
+            code_version: json.code_version,
+            seed: json.seed,
+            shard_count: json.shard_count,
+            scene_count: json.scene_count,
+            attempt_count: json.attempt_count,
+            attempts_per_scene: json.attempts_per_scene,
+            grid: Grid { resolution: json.grid.resolution, size_m: json.grid.size_m, table_z_m: json.grid.table_z_m },
+            gripper: json.gripper,
+            procedure: json.procedure,
+            config: json.config,
+            models: json.models.into_iter().map(|model| Arc::new(model.into())).collect(),
+        };
+        let problems = info.problems();
+        if problems.is_empty() { Ok(info) } else { Err(InfoError::Range(problems)) }
+    }
+
+    /// The id of a dataset that is begun with this info: SHA-256 of [`Self::to_json`], in hex. Of a dataset that is
+    /// there the id is [`crate::Dataset::id`]: numbers of an info that was read may differ in their last digit.
+    #[must_use]
+    pub fn dataset_id(&self) -> String {
+        seal::sha256_hex(self.to_json().as_bytes())
+    }
+}
+
+// These texts are part of the file and so of every dataset's id: a word changed here makes other datasets.
+const ABOUT: &str = "A Graspmill dataset: simulated parallel-jaw grasp attempts on random stacked scenes. This file \
+                     was written before the first row; its SHA-256 is the dataset's id.";
+const UNITS: &str = "SI: metres, kilograms, seconds, radians, newtons. A name carries its unit (width_m, tilt_rad).";
+const FRAMES: [&str; 6] = [
+    "A transform is named target_from_source; quaternions are xyzw.",
+    "workspace: a cube of side grid.size_m, origin at a lower corner, z up, table top at z = grid.table_z_m.",
+    "grid: voxel (i, j, k) has its centre at (i + 1/2, j + 1/2, k + 1/2) * grid.size_m / grid.resolution; tsdf[x][y][z].",
+    "camera: x right, y down, z forward; on a sphere about the middle of the workspace's floor, looking at it.",
+    "object: origin at the centre of its bounding box. cuboid; cylinder: axis z; tri_prism: extruded along x, apex at +z; half_cylinder: extruded along x, flat face at -z.",
+    "grasp: origin midway between the finger tips, +z approach, +y closing, x = y cross z; a half turn about z is the same grasp.",
+];
+
+fn facets() -> String {
+    format!("Round outlines have {FACETS} flat sides a full turn, in physics, in depth images and in collision tests.")
+}
+
+/// Only the version, so that a newer file is refused by its version and not by its new keys.
+#[derive(Deserialize)]
+struct HeadJson {
+    format_version: FormatVersion,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct InfoJson {
+    about: String,
+    format_version: FormatVersion,
+    code_version: String,
+    seed: u64,
+    shard_count: u32,
+    scene_count: u64,
+    attempt_count: u64,
+    attempts_per_scene: u32,
+    grid: GridJson,
+    gripper: Gripper,
+    procedure: Procedure,
+    units: String,
+    frames: Vec<String>,
+    facets: String,
+    config: Value,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    models: Vec<ModelJson>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelJson {
+    name: String,
+    mass_kg: f32,
+    friction: f32,
+    extents_m: [f32; 3],
+    volume_m3: f32,
+    parts: Vec<PartJson>,
+}
+
+/// The convex hull of its corners, in the object's frame.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PartJson {
+    corners_m: Vec<[f32; 3]>,
+}
+
+impl ModelJson {
+    fn of(model: &Model) -> Self {
+        let part = |corners: &Vec<Vec3>| PartJson { corners_m: corners.iter().map(Vec3::to_array).collect() };
+        Self {
+            name: model.name.clone(),
+            mass_kg: model.mass_kg,
+            friction: model.friction,
+            extents_m: model.extents_m.to_array(),
+            volume_m3: model.volume_m3,
+            parts: model.parts_m.iter().map(part).collect(),
+        }
+    }
+}
+
+impl From<ModelJson> for Model {
+    fn from(json: ModelJson) -> Self {
+        let part = |part: PartJson| part.corners_m.into_iter().map(Vec3::from_array).collect();
+        Self {
+            name: json.name,
+            mass_kg: json.mass_kg,
+            friction: json.friction,
+            extents_m: Vec3::from_array(json.extents_m),
+            volume_m3: json.volume_m3,
+            parts_m: json.parts.into_iter().map(part).collect(),
+        }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GridJson {
+    resolution: usize,
+    size_m: f32,
+    table_z_m: f32,
+}
+
+/// The value with the keys of every object in order, whether or not serde_json was built to keep insertion order.
+fn sorted(value: &Value) -> Value {
+    match value {
+        Value::Object(map) => {
+            let mut entries: Vec<(&String, &Value)> = map.iter().collect();
+            entries.sort_by_key(|(key, _)| key.as_str());
+            Value::Object(entries.into_iter().map(|(key, inner)| (key.clone(), sorted(inner))).collect())
+        }
+        Value::Array(items) => Value::Array(items.iter().map(sorted).collect()),
+        other => other.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::write::synthetic;
+
+    #[test]
+    fn json_leads_back_and_is_the_same_twice() {
+        let info = synthetic::info(7, 3, 100, 12);
+        let text = info.to_json();
+        assert_eq!(DatasetInfo::from_json(&text).unwrap(), info);
+        assert_eq!(DatasetInfo::from_json(&text).unwrap().to_json(), text);
+        assert!(text.contains("\"size_m\": 0.3,"), "{text}");
+    }
+
+    #[test]
+    fn scenes_and_attempts_are_shared_out_exactly() {
+        for (shards, attempts, per_scene) in [(1, 1, 60), (3, 100, 12), (64, 200_000, 60), (7, 61, 6)] {
+            let info = synthetic::info(0, shards, attempts, per_scene);
+            let mut next = 0;
+            for shard in 0..shards {
+                let scenes = info.scenes_of(shard);
+                assert_eq!(scenes.start, next);
+                assert!(!scenes.is_empty(), "shard {shard} of {shards} is empty");
+                for scene in scenes.clone() {
+                    assert_eq!(info.shard_of(scene), Some(shard));
+                }
+                next = scenes.end;
+            }
+            assert_eq!(next, info.scene_count);
+            assert_eq!(info.shard_of(next), None);
+            let sum: u64 = (0..info.scene_count).map(|s| u64::from(info.attempts_of_scene(s))).sum();
+            assert_eq!(sum, attempts);
+        }
+    }
+
+    #[test]
+    fn every_problem_is_named() {
+        let mut info = synthetic::info(0, 3, 100, 12);
+        info.shard_count = 40;
+        info.grid.resolution = 400;
+        info.gripper.friction = -1.0;
+        let message = DatasetInfo::from_json(&info.to_json()).unwrap_err().to_string();
+        for part in ["shard_count must be at most the scene count 9, got 40", "grid.resolution must be", "friction"] {
+            assert!(message.contains(part), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_newer_file_is_refused_by_its_version_not_its_keys() {
+        let text = "{\"format_version\": 3, \"brand_new\": true}";
+        assert!(matches!(DatasetInfo::from_json(text), Err(InfoError::Version(_))));
+    }
+}

@@ -1,0 +1,116 @@
+//! Sealed JSON: a pretty-printed object whose last key, `seal`, is the SHA-256 of the text without it. A manifest of
+//! 64 checksums is only as good as its own; one flipped digit in a row count must not pass.
+
+use std::fs::File;
+use std::io::{Read, Seek};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
+
+/// Why a sealed text is refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SealError {
+    /// There is no seal at the end.
+    #[error("it does not end with its seal; it was cut off or edited")]
+    Missing,
+    /// The seal does not belong to the text.
+    #[error("its seal does not fit; it was edited or damaged")]
+    Broken,
+    /// Sealed, but not what it should be.
+    #[error("not understood: {0}")]
+    Parse(String),
+}
+
+const HEAD: &str = ",\n  \"seal\": \"";
+const TAIL: &str = "\"\n}\n";
+const END: &str = "\n}\n";
+const DIGEST_LENGTH: usize = 64;
+
+/// SHA-256 in lower-case hex.
+pub(crate) fn sha256_hex(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+/// SHA-256 of a file in hex, read a megabyte at a time; the file stands at its beginning again.
+pub(crate) fn sha256_of_file(file: &mut File) -> std::io::Result<String> {
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0; 1 << 20];
+    loop {
+        let count = file.read(&mut buffer)?;
+        if count == 0 {
+            file.rewind()?;
+            return Ok(hex(&hash.finalize()));
+        }
+        hash.update(&buffer[..count]);
+    }
+}
+
+/// Bytes in lower-case hex.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    use std::fmt::Write as _;
+    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}"); // writing to a String cannot fail
+        text
+    })
+}
+
+/// Pretty JSON with a newline at the end. The types written this way have string keys and so cannot fail.
+pub(crate) fn pretty(value: &impl Serialize) -> String {
+    let mut text = serde_json::to_string_pretty(value).unwrap_or_default();
+    text.push('\n');
+    text
+}
+
+/// The sealed text of a struct with at least one field.
+pub(crate) fn seal(value: &impl Serialize) -> String {
+    // In place: a manifest of a hundred thousand shards has a quarter of a gigabyte.
+    let mut text = pretty(value);
+    text.truncate(text.strip_suffix(END).unwrap_or(&text).len());
+    let digest = sha256_hex(text.as_bytes());
+    text.extend([HEAD, &digest, TAIL]);
+    text
+}
+
+/// What a sealed text holds.
+///
+/// # Errors
+/// [`SealError`] unless the text is exactly what [`seal`] wrote.
+pub(crate) fn unseal<T: DeserializeOwned>(mut text: Vec<u8>) -> Result<T, SealError> {
+    let rest = text.strip_suffix(TAIL.as_bytes()).ok_or(SealError::Missing)?;
+    let length = rest.len().checked_sub(HEAD.len() + DIGEST_LENGTH).ok_or(SealError::Missing)?;
+    let (body, seal) = rest.split_at(length);
+    let digest = seal.strip_prefix(HEAD.as_bytes()).ok_or(SealError::Missing)?;
+    if sha256_hex(body).as_bytes() != digest {
+        return Err(SealError::Broken);
+    }
+    text.truncate(length);
+    text.extend_from_slice(END.as_bytes());
+    serde_json::from_slice(&text).map_err(|e| SealError::Parse(e.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    struct Sample {
+        rows: u32,
+        name: String,
+    }
+
+    #[test]
+    fn every_edit_breaks_the_seal() {
+        let sample = Sample { rows: 17, name: "x".to_owned() };
+        let text = seal(&sample);
+        let text = text.into_bytes();
+        assert_eq!(unseal::<Sample>(text.clone()).unwrap(), sample);
+        for position in 0..text.len() {
+            let mut edited = text.clone();
+            edited[position] ^= 1;
+            assert!(unseal::<Sample>(edited).is_err(), "byte {position}");
+            assert!(unseal::<Sample>(text[..position].to_vec()).is_err(), "cut at {position}");
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Looking at a dataset: checking all of it, statistics, single scenes, and copies in formats of others.
+
+mod export;
+mod inspect;
+pub mod report;
+mod verify;
+mod view;
+
+pub use export::{ExportCounts, ExportError, ExportFormat, ExportOrigin, Exported, ExportedFile, export};
+pub use inspect::Inspection;
+pub use verify::{PROBLEMS_MAX, Verified, verify};
+pub use view::{object_bodies, scene_view, write_view};

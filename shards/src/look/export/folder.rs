@@ -1,0 +1,176 @@
+//! The folder of an export: begun for one dataset and format, filled with whole files, complete when it says so.
+//!
+//! `export-begun.json` says whose the folder is while files come in; each file gets its name when it is whole, so an export that was
+//! stopped goes on with what is missing. `export.json` is written last and tells what was exported.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{ExportError, ExportFormat};
+use crate::format::seal::pretty;
+use crate::store::{Storage, StoreError, Sweep, Swept, failed, is_staging};
+use crate::{Dataset, Location};
+
+/// What the folder is, once it is complete.
+const DONE: &str = "export.json";
+/// Whose the folder is, until then.
+const BEGUN: &str = "export-begun.json";
+
+/// What was exported from what: the same for the same bytes.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExportOrigin {
+    /// The format's name.
+    pub format: String,
+    /// Version of the code that exported.
+    pub exporter_version: String,
+    /// The dataset's id, [`Dataset::id`].
+    pub dataset_id: String,
+    /// Version of the code that made the dataset.
+    pub dataset_code_version: String,
+    /// The dataset's seed.
+    pub dataset_seed: u64,
+}
+
+/// What an export holds.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExportCounts {
+    /// Attempts of the dataset.
+    pub attempts: u64,
+    /// Grasps that are in the export.
+    pub grasps: u64,
+    /// Of those, grasps that held the object.
+    pub positives: u64,
+    /// Grasps that were left out because their origin lies outside the grid, or too near its faces.
+    pub left_out: u64,
+    /// Scenes that are in the export.
+    pub scenes: u64,
+    /// Scenes that were left out because none of their grasps is in the export.
+    pub scenes_left_out: u64,
+}
+
+/// A file of an export that consists of few files.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExportedFile {
+    /// Its name.
+    pub name: String,
+    /// Its size.
+    pub bytes: u64,
+    /// Its SHA-256 in hex.
+    pub sha256: String,
+    /// Scenes in it.
+    pub scenes: u64,
+}
+
+/// What `export.json` says.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Exported {
+    /// What was exported from what.
+    pub origin: ExportOrigin,
+    /// How much.
+    pub counts: ExportCounts,
+    /// The files, for formats of few files.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub files: Vec<ExportedFile>,
+}
+
+impl ExportOrigin {
+    pub(super) fn of(dataset: &Dataset, format: ExportFormat) -> Self {
+        Self {
+            format: format.name().to_owned(),
+            exporter_version: env!("CARGO_PKG_VERSION").to_owned(),
+            dataset_id: dataset.id().to_owned(),
+            dataset_code_version: dataset.info().code_version.clone(),
+            dataset_seed: dataset.info().seed,
+        }
+    }
+}
+
+/// An export that is being written.
+#[derive(Debug)]
+pub(super) struct ExportFolder {
+    storage: Storage,
+    origin: ExportOrigin,
+}
+
+/// What came of beginning.
+#[derive(Debug)]
+pub(super) enum Beginning {
+    /// There is something to do.
+    Open(ExportFolder),
+    /// The export is there already.
+    Done(Exported),
+}
+
+impl ExportFolder {
+    /// Takes an empty or a new folder, or one in which this export was begun.
+    pub(super) fn begin(folder: &Path, origin: ExportOrigin) -> Result<Beginning, ExportError> {
+        let at = Location::Path(folder.to_owned());
+        if folder.is_file() {
+            return Err(ExportError::NotAFolder(at));
+        }
+        let storage = Storage::open_to_write(&at)?;
+        if let Some(bytes) = storage.read(DONE)? {
+            let done: Exported = serde_json::from_slice(&bytes).map_err(|_| ExportError::NotOurs(at.clone()))?;
+            if done.origin != origin {
+                return Err(ExportError::Other { there: Box::new(done.origin), at });
+            }
+            remove(folder, BEGUN)?; // killed at the very end
+            return Ok(Beginning::Done(done));
+        }
+        match storage.read(BEGUN)? {
+            Some(bytes) => {
+                let there: ExportOrigin =
+                    serde_json::from_slice(&bytes).map_err(|_| ExportError::NotOurs(at.clone()))?;
+                if there != origin {
+                    return Err(ExportError::Other { there: Box::new(there), at });
+                }
+            }
+            None => {
+                let is_foreign = |name: &String| !is_staging(name) && name != "lost+found";
+                if let Some(entry) = storage.names("")?.into_iter().filter(is_foreign).min() {
+                    return Err(ExportError::NotEmpty { entry, at });
+                }
+                storage.publish(BEGUN, pretty(&origin).as_bytes())?;
+            }
+        }
+        Ok(Beginning::Open(Self { storage, origin }))
+    }
+
+    pub(super) fn origin(&self) -> &ExportOrigin {
+        &self.origin
+    }
+
+    /// Where files are written to.
+    pub(super) fn storage(&self) -> &Storage {
+        &self.storage
+    }
+
+    /// The folder, or a file in it.
+    pub(super) fn location(&self, name: &str) -> Location {
+        self.storage.location(name)
+    }
+
+    /// Removes what killed writers left in one of its folders.
+    pub(super) fn sweep(&self, folder: &str) -> Result<(), StoreError> {
+        self.storage.sweep(folder, Sweep::Dead, true, &mut Swept::default())
+    }
+
+    /// Writes what was exported; then the export is complete.
+    pub(super) fn finish(self, counts: ExportCounts, files: Vec<ExportedFile>) -> Result<Exported, ExportError> {
+        let done = Exported { origin: self.origin, counts, files };
+        self.storage.publish(DONE, pretty(&done).as_bytes())?;
+        if let Some(folder) = self.storage.folder() {
+            remove(folder, BEGUN)?;
+        }
+        Ok(done)
+    }
+}
+
+fn remove(folder: &Path, name: &str) -> Result<(), StoreError> {
+    let path = folder.join(name);
+    match std::fs::remove_file(&path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(failed("remove a file", &path)(e)),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,269 @@
+//! The files that the code of VGN (Breyer et al. 2020) and GIGA (Jiang et al. 2021) trains on.
+//!
+//! ```text
+//! grasps.csv             scene_id,qx,qy,qz,qw,i,j,k,width,label; i, j, k and width in voxels
+//! scenes/scene-….npz     grid: float32, (1, 40, 40, 40)
+//! raw/grasps.csv         the same rows, x, y, z in place of i, j, k, in metres: GIGA's loader reads these
+//! raw/setup.json         size, intrinsic, max_opening_width, finger_depth
+//! ```
+//!
+//! VGN's grasps have their origin between the roots of the fingers, ours between the tips. i, j, k are positions divided by the voxel's
+//! side: VGN rounds them, so that a grasp gets the voxel whose lower corner is nearest, and its detection takes that corner for the
+//! grasp's place. What VGN's recipe throws away (its notebook `data.ipynb`, GIGA's `clean_balance_data.py`) is left out: grasps nearer
+//! to the workspace's faces than 20 mm. Some of them would have no voxel, or none after a quarter turn.
+
+use std::io::BufWriter;
+
+use schema::{AttemptRecord, Gripper, Intrinsics, Vec3, samples_of};
+use serde::Serialize;
+use serde_json::Value;
+
+use super::folder::{ExportCounts, ExportFolder, Exported};
+use super::{ExportError, npy, scene_name, unwritten};
+use crate::format::seal::pretty;
+use crate::store::Staged;
+use crate::text::grouped;
+use crate::{Dataset, DatasetInfo};
+
+/// Voxels along a side in VGN's and GIGA's code, where the number stands in the network and the augmentation.
+pub(super) const RESOLUTION: usize = 40;
+/// What is nearer to a face of the workspace is left out, as VGN's recipe does.
+const MARGIN_M: f32 = 0.02;
+
+const SCENES: &str = "scenes";
+const VOXELS: &str = "grasps.csv";
+const METRES: &str = "raw/grasps.csv";
+const SETUP: &str = "raw/setup.json";
+const PAGE: &str = "README.md";
+
+/// A grasp as VGN writes it, in metres.
+struct Row {
+    scene_id: u64,
+    /// x, y, z, w.
+    quaternion: [f32; 4],
+    /// Midway between the roots of the fingers.
+    origin_m: Vec3,
+    width_m: f32,
+    label: u8,
+}
+
+impl Row {
+    /// `sample` is one of [`samples_of`]. A grasp that failed has the hand's opening for its width, as in VGN's data.
+    fn new(sample: &AttemptRecord, gripper: &Gripper) -> Self {
+        let pose = &sample.workspace_from_grasp;
+        // Along a normal the origin of a sample is between the roots already.
+        let is_at_roots = sample.rule.approach.is_none();
+        let label = sample.label();
+        Self {
+            scene_id: sample.scene_id,
+            quaternion: pose.rotation.to_array(),
+            origin_m: if is_at_roots { pose.translation } else { gripper.finger_roots_m(pose) },
+            width_m: sample.width_m.filter(|_| label == 1).unwrap_or(gripper.opening_m_max),
+            label,
+        }
+    }
+
+    fn is_inside(&self, info: &DatasetInfo) -> bool {
+        let margin_m = MARGIN_M.max(info.grid.voxel_size_m());
+        let range = margin_m..=info.grid.size_m - margin_m;
+        self.origin_m.to_array().iter().all(|coordinate| range.contains(coordinate))
+    }
+}
+
+/// A table of grasps on its way.
+struct Table {
+    name: &'static str,
+    /// Length that counts as 1, in metres.
+    unit_m: f32,
+    csv: csv::Writer<BufWriter<Staged>>,
+}
+
+impl Table {
+    fn begin(folder: &ExportFolder, name: &'static str, axes: [&str; 3], unit_m: f32) -> Result<Self, ExportError> {
+        let staged = folder.storage().stage(name)?;
+        let mut table = Self { name, unit_m, csv: csv::Writer::from_writer(BufWriter::new(staged)) };
+        let [x, y, z] = axes;
+        table.record(folder, &["scene_id", "qx", "qy", "qz", "qw", x, y, z, "width", "label"].map(str::to_owned))?;
+        Ok(table)
+    }
+
+    fn push(&mut self, folder: &ExportFolder, row: &Row) -> Result<(), ExportError> {
+        let [x, y, z] = row.origin_m.to_array();
+        let reals = row.quaternion.into_iter().chain([x, y, z, row.width_m].map(|length_m| length_m / self.unit_m));
+        let mut cells = vec![scene_name(row.scene_id)];
+        cells.extend(reals.map(|real| real.to_string()));
+        cells.push(row.label.to_string());
+        self.record(folder, &cells)
+    }
+
+    fn record(&mut self, folder: &ExportFolder, cells: &[String]) -> Result<(), ExportError> {
+        self.csv.write_record(cells).map_err(|e| unwritten(folder, self.name)(e.into()).into())
+    }
+
+    fn finish(self, folder: &ExportFolder) -> Result<(), ExportError> {
+        let buffer = self.csv.into_inner().map_err(|e| unwritten(folder, self.name)(e.into_error()))?;
+        let staged = buffer.into_inner().map_err(|e| unwritten(folder, self.name)(e.into_error()))?;
+        Ok(staged.finish()?.publish()?)
+    }
+}
+
+/// Writes all of it.
+pub(super) fn write(
+    dataset: &Dataset,
+    folder: ExportFolder,
+    scenes_done: &mut dyn FnMut(u64),
+) -> Result<Exported, ExportError> {
+    let info = dataset.info();
+    for part in ["", SCENES, "raw"] {
+        folder.storage().create_folder(part)?;
+        folder.sweep(part)?;
+    }
+    let mut tables = [
+        Table::begin(&folder, VOXELS, ["i", "j", "k"], info.grid.voxel_size_m())?,
+        Table::begin(&folder, METRES, ["x", "y", "z"], 1.0)?,
+    ];
+    let mut counts = ExportCounts { attempts: info.attempt_count, ..ExportCounts::default() };
+    for shard in 0..dataset.shard_count() {
+        let attempts = dataset.read_attempts(shard)?;
+        let samples = samples_of(&attempts, &info.gripper);
+        let rows: Vec<Row> = samples.iter().map(|sample| Row::new(sample, &info.gripper)).collect();
+        let mut scenes: Vec<u64> = Vec::new();
+        for row in &rows {
+            if !row.is_inside(info) {
+                counts.left_out += 1;
+                continue;
+            }
+            for table in &mut tables {
+                table.push(&folder, row)?;
+            }
+            counts.grasps += 1;
+            counts.positives += u64::from(row.label);
+            if scenes.last() != Some(&row.scene_id) {
+                scenes.push(row.scene_id);
+            }
+        }
+        counts.scenes += scenes.len() as u64;
+        write_grids(dataset, shard, &scenes, &folder, scenes_done)?;
+    }
+    counts.scenes_left_out = info.scene_count - counts.scenes;
+    for table in tables {
+        table.finish(&folder)?;
+    }
+    folder.storage().publish(SETUP, setup(info).as_bytes())?;
+    folder.storage().publish(PAGE, page(&folder, info, &counts).as_bytes())?;
+    folder.finish(counts, Vec::new())
+}
+
+/// Writes the grids of those scenes of a shard that are named, in their order, but for those that are there.
+fn write_grids(
+    dataset: &Dataset,
+    shard: u32,
+    scenes: &[u64],
+    folder: &ExportFolder,
+    scenes_done: &mut dyn FnMut(u64),
+) -> Result<(), ExportError> {
+    let name = |scene_id: u64| format!("{SCENES}/{}.npz", scene_name(scene_id));
+    let mut missing = Vec::new();
+    for scene_id in scenes {
+        if folder.storage().size(&name(*scene_id))?.is_none() {
+            missing.push(*scene_id);
+        }
+    }
+    let all = dataset.info().scenes_of(shard);
+    if missing.is_empty() {
+        scenes_done(all.end - all.start);
+        return Ok(());
+    }
+    for scene in dataset.scenes(shard)? {
+        let scene = scene?;
+        if missing.binary_search(&scene.scene_id).is_ok() {
+            let name = name(scene.scene_id);
+            let grid = npy::f32s(&[1, RESOLUTION, RESOLUTION, RESOLUTION], &scene.tsdf);
+            let bytes = npy::npz("grid", &grid).map_err(unwritten(folder, &name))?;
+            folder.storage().publish(&name, &bytes)?;
+        }
+        scenes_done(1);
+    }
+    Ok(())
+}
+
+#[derive(Serialize)]
+struct Setup {
+    size: f32,
+    intrinsic: Intrinsic,
+    max_opening_width: f32,
+    finger_depth: f32,
+}
+
+#[derive(Serialize)]
+struct Intrinsic {
+    width: usize,
+    height: usize,
+    #[serde(rename = "K")]
+    matrix: [f32; 9],
+}
+
+/// VGN's `setup.json`: side of the workspace, camera, opening of the hand, length of its fingers.
+fn setup(info: &DatasetInfo) -> String {
+    let lens = lens(&info.config).unwrap_or(Intrinsics::VGN);
+    pretty(&Setup {
+        size: info.grid.size_m,
+        intrinsic: Intrinsic {
+            width: lens.width_px,
+            height: lens.height_px,
+            matrix: [lens.fx_px, 0.0, lens.cx_px, 0.0, lens.fy_px, lens.cy_px, 0.0, 0.0, 1.0],
+        },
+        max_opening_width: info.gripper.opening_m_max,
+        finger_depth: info.gripper.finger_length_m,
+    })
+}
+
+/// The camera in a generator's config.
+fn lens(config: &Value) -> Option<Intrinsics> {
+    let camera = config.get("camera")?;
+    let side = |key: &str| camera.get(key)?.as_u64().and_then(|side| usize::try_from(side).ok());
+    let (width_px, height_px) = (side("width_px")?, side("height_px")?);
+    let focal_px = camera.get("focal_px")?.as_f64()? as f32;
+    let (cx_px, cy_px) = (0.5 * width_px as f32, 0.5 * height_px as f32);
+    Some(Intrinsics { width_px, height_px, fx_px: focal_px, fy_px: focal_px, cx_px, cy_px })
+}
+
+fn page(folder: &ExportFolder, info: &DatasetInfo, counts: &ExportCounts) -> String {
+    let origin = folder.origin();
+    format!(
+        "# Grasps in VGN's format
+
+Exported by Graspmill {exporter} from dataset `{id}` (made by {code} from seed {seed}).
+
+{grasps} grasps ({positives} held) of {attempts} attempts in {scenes} scenes. {left_out} grasps were left out because their origin lies
+nearer than {margin_mm} mm to a face of the workspace, as VGN's recipe does, and {scenes_left_out} scenes because no grasp of theirs was
+left. The attempts along one point's normal make one grasp, the middle of the widest run of yaws that held.
+
+- VGN: `Dataset(Path(\"this folder\"))` reads `grasps.csv` and `scenes/`. `i`, `j`, `k`, `width`: voxels of {voxel_mm} mm.
+- GIGA: `DatasetVoxel(Path(\"this folder\"), Path(\"this folder/raw\"))` reads `raw/grasps.csv` and `raw/setup.json`. `x`, `y`, `z`,
+  `width`: metres.
+- `qx`, `qy`, `qz`, `qw`: workspace from grasp; the hand approaches along its +z and closes along y. The grasp's origin lies midway
+  between the roots of the fingers, {finger_mm} mm behind their tips.
+- `width`: opening between the fingers at the end of the hold; where the object was not held, the hand's largest opening.
+- `grid`: (tsdf + 1) / 2 where observed and |tsdf| < 0.98, else 0; `grid[0, x, y, z]`.
+",
+        exporter = origin.exporter_version,
+        id = origin.dataset_id,
+        code = origin.dataset_code_version,
+        seed = origin.dataset_seed,
+        grasps = grouped(counts.grasps),
+        positives = grouped(counts.positives),
+        attempts = grouped(counts.attempts),
+        scenes = grouped(counts.scenes),
+        left_out = grouped(counts.left_out),
+        scenes_left_out = grouped(counts.scenes_left_out),
+        margin_mm = millimetres(MARGIN_M.max(info.grid.voxel_size_m())),
+        voxel_mm = millimetres(info.grid.voxel_size_m()),
+        finger_mm = millimetres(info.gripper.finger_length_m),
+    )
+}
+
+/// For people, to a thousandth of a millimetre.
+fn millimetres(length_m: f32) -> f64 {
+    (f64::from(length_m) * 1e6).round() / 1e3
+}

@@ -1,0 +1,176 @@
+//! WebDataset: a tar for each shard, in it a sample for each scene. The files of a sample follow one another and share the scene's
+//! name; what follows its first dot says what a file is and how it is decoded.
+//!
+//! ```text
+//! scene-….grid.npy        float32, (1, R, R, R)
+//! scene-….grasps.npy      float32, (attempts, 8): x_m, y_m, z_m, qx, qy, qz, qw, width_m (NaN if the fingers never closed)
+//! scene-….labels.npy      uint8, (attempts,)
+//! scene-….attempts.json   rows of `attempts`, every column by its name
+//! scene-….objects.json    rows of `objects`
+//! scene-….scene.json      row of `scenes`, but for the grid
+//! ```
+
+use std::io::{self, BufWriter, Write};
+
+use arrow::error::ArrowError;
+use schema::{AttemptRecord, SceneRows};
+use tar::{Builder, EntryType, Header};
+
+use super::folder::{ExportCounts, ExportFolder, Exported, ExportedFile};
+use super::{ExportError, npy, rows, scene_name, unwritten};
+use crate::format::encode;
+use crate::text::grouped;
+use crate::{Dataset, DatasetInfo, Table};
+
+const INFO: &str = "info.json";
+const PAGE: &str = "README.md";
+
+/// Writes all of it.
+pub(super) fn write(
+    dataset: &Dataset,
+    folder: ExportFolder,
+    scenes_done: &mut dyn FnMut(u64),
+) -> Result<Exported, ExportError> {
+    let info = dataset.info();
+    folder.sweep("")?;
+    let mut files = Vec::new();
+    for shard in 0..dataset.shard_count() {
+        let name = tar_name(shard, info.shard_count);
+        let scenes = info.scenes_of(shard);
+        let scenes = scenes.end - scenes.start;
+        let (bytes, sha256) = match (folder.storage().size(&name)?, folder.storage().digest(&name)?) {
+            (Some(bytes), Some(sha256)) => {
+                scenes_done(scenes);
+                (bytes, sha256)
+            }
+            _ => write_shard(dataset, shard, &name, &folder, scenes_done)?,
+        };
+        files.push(ExportedFile { name, bytes, sha256, scenes });
+    }
+    let totals = &dataset.manifest().totals;
+    let counts = ExportCounts {
+        attempts: totals.labels.attempts,
+        grasps: totals.labels.attempts,
+        positives: totals.labels.positives,
+        left_out: 0,
+        scenes: info.scene_count,
+        scenes_left_out: 0,
+    };
+    folder.storage().publish(INFO, info.to_json().as_bytes())?;
+    folder.storage().publish(PAGE, page(&folder, info, &counts).as_bytes())?;
+    folder.finish(counts, files)
+}
+
+fn tar_name(shard: u32, shard_count: u32) -> String {
+    format!("shard-{shard:05}-of-{shard_count:05}.tar")
+}
+
+/// Writes the tar of a shard; its size and its SHA-256.
+fn write_shard(
+    dataset: &Dataset,
+    shard: u32,
+    name: &str,
+    folder: &ExportFolder,
+    scenes_done: &mut dyn FnMut(u64),
+) -> Result<(u64, String), ExportError> {
+    let failed = |error: io::Error| unwritten(folder, name)(error);
+    let mut attempts = dataset.read_attempts(shard)?.into_iter().peekable();
+    let mut objects = dataset.read_objects(shard)?.into_iter().peekable();
+    let mut tar = Builder::new(BufWriter::new(folder.storage().stage(name)?));
+    for scene in dataset.scenes(shard)? {
+        let scene = scene?;
+        let id = scene.scene_id;
+        let rows = SceneRows {
+            scene,
+            objects: std::iter::from_fn(|| objects.next_if(|row| row.scene_id == id)).collect(),
+            attempts: std::iter::from_fn(|| attempts.next_if(|row| row.scene_id == id)).collect(),
+        };
+        append_sample(&mut tar, &rows, dataset.info()).map_err(failed)?;
+        scenes_done(1);
+    }
+    let buffer = tar.into_inner().map_err(failed)?;
+    let staged = buffer.into_inner().map_err(|e| failed(e.into_error()))?;
+    let ready = staged.finish()?;
+    let written = (ready.bytes, ready.sha256.clone());
+    ready.publish()?;
+    Ok(written)
+}
+
+fn append_sample(tar: &mut Builder<impl Write>, rows: &SceneRows, info: &DatasetInfo) -> io::Result<()> {
+    let resolution = info.grid.resolution;
+    let told = |error: ArrowError| io::Error::other(error.to_string());
+    let key = scene_name(rows.scene.scene_id);
+    let grasps: Vec<f32> = rows.attempts.iter().flat_map(grasp).collect();
+    let labels: Vec<u8> = rows.attempts.iter().map(AttemptRecord::label).collect();
+    let attempts = encode::attempts(&rows.attempts, &info.models).map_err(told)?;
+    let objects = encode::objects(&rows.objects, &info.models).map_err(told)?;
+    let scene = encode::scenes(std::slice::from_ref(&rows.scene), resolution).map_err(told)?;
+    let mut append = |ending: &str, bytes: &[u8]| append(tar, &format!("{key}.{ending}"), bytes);
+    append("grid.npy", &npy::f32s(&[1, resolution, resolution, resolution], &rows.scene.tsdf))?;
+    append("grasps.npy", &npy::f32s(&[rows.attempts.len(), 8], &grasps))?;
+    append("labels.npy", &npy::u8s(&labels))?;
+    append("attempts.json", rows::array(&rows::json(Table::Attempts, &attempts)).as_bytes())?;
+    append("objects.json", rows::array(&rows::json(Table::Objects, &objects)).as_bytes())?;
+    append("scene.json", format!("{}\n", rows::json(Table::Scenes, &scene).concat()).as_bytes())
+}
+
+fn grasp(attempt: &AttemptRecord) -> [f32; 8] {
+    let pose = &attempt.workspace_from_grasp;
+    let ([x, y, z], [qx, qy, qz, qw]) = (pose.translation.to_array(), pose.rotation.to_array());
+    [x, y, z, qx, qy, qz, qw, attempt.width_m.unwrap_or(f32::NAN)]
+}
+
+/// A file of the tar: nobody's, of no time, so that the same dataset gives the same bytes.
+fn append(tar: &mut Builder<impl Write>, name: &str, bytes: &[u8]) -> io::Result<()> {
+    let mut header = Header::new_ustar();
+    header.set_entry_type(EntryType::Regular);
+    header.set_mode(0o644);
+    header.set_uid(0);
+    header.set_gid(0);
+    header.set_mtime(0);
+    header.set_size(bytes.len() as u64);
+    tar.append_data(&mut header, name, bytes)
+}
+
+fn page(folder: &ExportFolder, info: &DatasetInfo, counts: &ExportCounts) -> String {
+    let origin = folder.origin();
+    let last = info.shard_count - 1;
+    format!(
+        "# Grasp attempts as a WebDataset
+
+Exported by Graspmill {exporter} from dataset `{id}` (made by {code} from seed {seed}). `info.json` is the dataset's: units, frames,
+hand, procedure, config.
+
+{attempts} attempts ({positives} held) in {scenes} scenes; nothing was left out. A sample is a scene:
+
+| file | what |
+|---|---|
+| `grid.npy` | float32 (1, {side}, {side}, {side}), `grid[0, x, y, z]`: (tsdf + 1) / 2 where observed and \\|tsdf\\| < 0.98, else 0 |
+| `grasps.npy` | float32 (attempts, 8): `x_m`, `y_m`, `z_m`, `qx`, `qy`, `qz`, `qw`, `width_m`; NaN if the fingers never closed |
+| `labels.npy` | uint8 (attempts,): 1 if the object was held |
+| `attempts.json`, `objects.json` | the rows with all their columns |
+| `scene.json` | the scene's row, but for the grid |
+
+```python
+import numpy as np, webdataset as wds
+
+samples = wds.WebDataset(\"shard-{{00000..{last:05}}}-of-{count:05}.tar\", shardshuffle=False).decode()
+for grid, grasps, labels in samples.to_tuple(\"grid.npy\", \"grasps.npy\", \"labels.npy\"):
+    voxels = np.floor(grasps[:, :3] / ({size_m} / {side})).astype(int)
+    inside = ((voxels >= 0) & (voxels < {side})).all(axis=1)    # grasps outside the grid are in the data: no voxel learns from them
+```
+
+Rows of one scene may share a voxel: the yaws at one point of VGN's sampler are attempts of their own.
+",
+        exporter = origin.exporter_version,
+        id = origin.dataset_id,
+        code = origin.dataset_code_version,
+        seed = origin.dataset_seed,
+        attempts = grouped(counts.attempts),
+        positives = grouped(counts.positives),
+        scenes = grouped(counts.scenes),
+        side = info.grid.resolution,
+        size_m = info.grid.size_m,
+        count = info.shard_count,
+    )
+}

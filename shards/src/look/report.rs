@@ -1,0 +1,332 @@
+//! What a dataset holds, in numbers: computed from its rows in one pass, never from what the manifest says.
+
+pub mod coverage;
+pub mod fit;
+pub mod html;
+mod scenes;
+mod text;
+mod warnings;
+
+use std::collections::BTreeMap;
+
+use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, Shape, Vec3};
+use serde::Serialize;
+
+use self::coverage::Coverage;
+use self::fit::{Fit, Fits};
+use crate::format::summary::{RejectionCounts, Tally};
+use crate::{Dataset, ReadError, Table};
+
+/// The statistics of a dataset.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// SHA-256 of `meta/info.json`.
+    pub dataset_id: String,
+    /// Version of the code that made it.
+    pub code_version: String,
+    /// Seed.
+    pub seed: u64,
+    /// Shards.
+    pub shards: u32,
+    /// Scenes.
+    pub scenes: u64,
+    /// Objects.
+    pub objects: u64,
+    /// All attempts.
+    pub labels: Tally,
+    /// By shape of the target, or by its model.
+    pub shapes: Vec<Group>,
+    /// By row of Appendix A.
+    pub rules: Vec<Group>,
+    /// By number of objects in the scene.
+    pub object_counts: Vec<Group>,
+    /// How attempts ended.
+    pub outcomes: Vec<OutcomeGroup>,
+    /// Opening of the hand in metres, of attempts that closed it.
+    pub width_m: Vec<Bin>,
+    /// Angle between the grasp's approach and straight down, in degrees.
+    pub approach_deg: Vec<Bin>,
+    /// How far behind the near face the finger tips were to end, in metres; of attempts by rules of Appendix A.
+    pub tip_depth_m: Vec<Bin>,
+    /// From the target's centre to the nearest other object's, in metres; attempts on lone objects count in the last bar.
+    pub neighbour_m: Vec<Bin>,
+    /// From where grasps come.
+    pub coverage: Coverage,
+    /// What was drawn, beside the laws it was drawn from.
+    pub fits: Vec<Fit>,
+    /// Attempts whose grasp lies outside the grid; no voxel can learn from them.
+    pub outside_grid: Tally,
+    /// Scenes thrown away.
+    pub rejections: RejectionCounts,
+    /// Size on disk.
+    pub tables: Vec<TableSize>,
+}
+
+/// Attempts that share something.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Group {
+    /// What they share.
+    pub name: String,
+    /// Attempts.
+    pub attempts: u64,
+    /// Of these positive.
+    pub positives: u64,
+}
+
+impl Group {
+    /// Its attempts.
+    #[must_use]
+    pub fn tally(&self) -> Tally {
+        Tally { attempts: self.attempts, positives: self.positives }
+    }
+}
+
+/// Attempts with an outcome.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OutcomeGroup {
+    /// The outcome.
+    pub outcome: String,
+    /// Attempts.
+    pub attempts: u64,
+    /// What was hit, for outcomes that hit something.
+    pub hits: BTreeMap<String, u64>,
+}
+
+/// A bar of a histogram: `low <= value < high`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Bin {
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// Attempts.
+    pub attempts: u64,
+    /// Of these positive.
+    pub positives: u64,
+}
+
+/// A table's size on disk.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TableSize {
+    /// The table.
+    pub table: String,
+    /// Rows.
+    pub rows: u64,
+    /// Bytes.
+    pub bytes: u64,
+    /// Bytes over scenes.
+    pub bytes_per_scene: f64,
+    /// Bytes over attempts.
+    pub bytes_per_attempt: f64,
+}
+
+/// Bars of the widths' histogram, from 0 to the hand's opening.
+const WIDTH_BINS: usize = 8;
+/// Degrees of a bar of the angles' histogram; twelve bars make 180°.
+const ANGLE_BIN_DEG: f64 = 15.0;
+const ANGLE_BINS: usize = 12;
+/// Metres of a bar of the neighbours' histogram; the last holds what is further, and lone objects.
+const NEIGHBOUR_BIN_M: f64 = 0.02;
+const NEIGHBOUR_BINS: usize = 9;
+/// Metres of a bar of the tips' histogram, and from where to where it goes.
+const TIP_RANGE_M: [f64; 2] = [0.015, 0.035];
+const TIP_BIN_M: f64 = 0.0025;
+
+/// Reads all attempts and scene heads of a dataset and counts them.
+///
+/// # Errors
+/// [`ReadError`] if a shard is damaged.
+pub fn report(dataset: &Dataset) -> Result<Report, ReadError> {
+    let mut counting = Counting::new(dataset);
+    for shard in 0..dataset.shard_count() {
+        let mut object_counts = BTreeMap::new();
+        for scene in dataset.scene_heads(shard)? {
+            let scene = scene?;
+            object_counts.insert(scene.scene_id, scene.object_count);
+            counting.rejections.count(scene.rejections);
+        }
+        let objects = dataset.read_objects(shard)?;
+        objects
+            .iter()
+            .filter_map(|object| object.shape.as_solid())
+            .for_each(|solid| counting.fits.count_object(&solid));
+        for attempt in dataset.read_attempts(shard)? {
+            let count = object_counts.get(&attempt.scene_id).copied().unwrap_or_default();
+            counting.count(&attempt, count);
+            // Rows are in the order of scenes and objects: those of a scene are found by bisection.
+            let first = objects.partition_point(|object| object.scene_id < attempt.scene_id);
+            let last = objects.partition_point(|object| object.scene_id <= attempt.scene_id);
+            counting.count_target(&attempt, &objects[first..last]);
+        }
+    }
+    Ok(counting.finish())
+}
+
+struct Counting<'a> {
+    dataset: &'a Dataset,
+    labels: Tally,
+    shapes: BTreeMap<Shape, Tally>,
+    rules: BTreeMap<Rule, Tally>,
+    object_counts: BTreeMap<u32, Tally>,
+    outcomes: BTreeMap<Outcome, (u64, BTreeMap<HitKind, u64>)>,
+    widths: [Tally; WIDTH_BINS],
+    angles: [Tally; ANGLE_BINS],
+    tips: Vec<Tally>,
+    neighbours: [Tally; NEIGHBOUR_BINS],
+    coverage: Coverage,
+    fits: Fits,
+    outside_grid: Tally,
+    rejections: RejectionCounts,
+}
+
+impl<'a> Counting<'a> {
+    fn new(dataset: &'a Dataset) -> Self {
+        let models = &dataset.info().models;
+        let rules = if models.is_empty() { Rule::all().to_vec() } else { vec![Rule::of_model(0)] };
+        Self {
+            dataset,
+            labels: Tally::default(),
+            shapes: Shape::all(models).into_iter().map(|shape| (shape, Tally::default())).collect(),
+            rules: rules.into_iter().map(|rule| (rule, Tally::default())).collect(),
+            object_counts: BTreeMap::new(),
+            outcomes: Outcome::ALL.into_iter().map(|outcome| (outcome, Default::default())).collect(),
+            widths: Default::default(),
+            angles: Default::default(),
+            tips: vec![Tally::default(); ((TIP_RANGE_M[1] - TIP_RANGE_M[0]) / TIP_BIN_M).round() as usize],
+            neighbours: Default::default(),
+            coverage: Coverage::default(),
+            fits: Fits::new(free_extents_m(dataset)),
+            outside_grid: Tally::default(),
+            rejections: RejectionCounts::default(),
+        }
+    }
+
+    fn count(&mut self, attempt: &AttemptRecord, objects: u32) {
+        self.labels.count(attempt);
+        self.shapes.entry(attempt.rule.shape).or_default().count(attempt);
+        // The models' rules have one name.
+        let is_primitive = matches!(attempt.rule.shape, Shape::Primitive(_));
+        let rule = if is_primitive { attempt.rule } else { Rule::of_model(0) };
+        self.rules.entry(rule).or_default().count(attempt);
+        self.object_counts.entry(objects).or_default().count(attempt);
+        let (count, hits) = self.outcomes.entry(attempt.outcome).or_default();
+        *count += 1;
+        if let Some(hit) = attempt.hit {
+            *hits.entry(hit).or_default() += 1;
+        }
+        let info = self.dataset.info();
+        if let Some(width_m) = attempt.width_m {
+            let share = width_m / info.gripper.opening_m_max;
+            self.widths[bin(f64::from(share) * WIDTH_BINS as f64, WIDTH_BINS)].count(attempt);
+        }
+        self.angles[bin(approach_angle_deg(attempt) / ANGLE_BIN_DEG, ANGLE_BINS)].count(attempt);
+        if info.grid.voxel_at(attempt.workspace_from_grasp.translation).is_none() {
+            self.outside_grid.count(attempt);
+        }
+    }
+
+    /// Counts what takes the target and its neighbours to know.
+    fn count_target(&mut self, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
+        self.coverage.count(attempt);
+        let Some(target) = objects.iter().find(|object| object.object_id == attempt.object_id) else { return };
+        if let (Some(approach), Some(solid)) = (attempt.rule.approach, target.shape.as_solid()) {
+            self.fits.count_attempt(attempt, &solid);
+            let tip_m = f64::from(attempt.depth_m + 0.5 * approach.of(solid.extents_m));
+            let place = bin((tip_m - TIP_RANGE_M[0]) / TIP_BIN_M, self.tips.len());
+            self.tips[place].count(attempt);
+        }
+        let centre = |object: &ObjectRecord| object.workspace_from_object.translation;
+        let others = objects.iter().filter(|object| object.object_id != attempt.object_id);
+        let nearest_m = others.map(|other| (centre(other) - centre(target)).length()).fold(f32::INFINITY, f32::min);
+        self.neighbours[bin(f64::from(nearest_m) / NEIGHBOUR_BIN_M, NEIGHBOUR_BINS)].count(attempt);
+    }
+
+    fn finish(self) -> Report {
+        let (info, manifest) = (self.dataset.info(), self.dataset.manifest());
+        let width_step = f64::from(info.gripper.opening_m_max) / WIDTH_BINS as f64;
+        Report {
+            dataset_id: manifest.dataset_id.clone(),
+            code_version: info.code_version.clone(),
+            seed: info.seed,
+            shards: info.shard_count,
+            scenes: info.scene_count,
+            objects: manifest.totals.objects,
+            labels: self.labels,
+            shapes: self
+                .shapes
+                .into_iter()
+                .map(|(shape, tally)| group(shape.name(&info.models).to_owned(), tally))
+                .collect(),
+            rules: self.rules.into_iter().map(|(rule, tally)| group(rule.name().to_owned(), tally)).collect(),
+            object_counts: self.object_counts.into_iter().map(|(count, t)| group(count.to_string(), t)).collect(),
+            outcomes: self
+                .outcomes
+                .into_iter()
+                .map(|(outcome, (attempts, hits))| OutcomeGroup {
+                    outcome: outcome.name().to_owned(),
+                    attempts,
+                    hits: hits.into_iter().map(|(hit, count)| (hit.name().to_owned(), count)).collect(),
+                })
+                .collect(),
+            width_m: bins(&self.widths, 0.0, width_step),
+            approach_deg: bins(&self.angles, 0.0, ANGLE_BIN_DEG),
+            tip_depth_m: bins(&self.tips, TIP_RANGE_M[0], TIP_BIN_M),
+            neighbour_m: bins(&self.neighbours, 0.0, NEIGHBOUR_BIN_M),
+            coverage: self.coverage,
+            fits: self.fits.finish(),
+            outside_grid: self.outside_grid,
+            rejections: self.rejections,
+            tables: Table::ALL.map(|table| size(self.dataset, table)).to_vec(),
+        }
+    }
+}
+
+/// Smallest and largest free extent that the config asks for, if it is one of our generator's.
+fn free_extents_m(dataset: &Dataset) -> Option<[f64; 2]> {
+    let range = dataset.info().config.get("objects")?.get("size_m")?;
+    let [low, high] = [0, 1].map(|at| range.get(at).and_then(serde_json::Value::as_f64));
+    let range = [low?, high?];
+    (range[0] < range[1]).then_some(range)
+}
+
+/// Angle between the grasp's +z and straight down, in degrees.
+fn approach_angle_deg(attempt: &AttemptRecord) -> f64 {
+    let approach = attempt.workspace_from_grasp.rotation * Vec3::Z;
+    libm::acos(f64::from(-approach.z).clamp(-1.0, 1.0)).to_degrees()
+}
+
+/// The bin of a value counted in bins; what lies outside counts at the ends.
+fn bin(value: f64, count: usize) -> usize {
+    (value.max(0.0) as usize).min(count - 1) // whole, from 0, cut at the top
+}
+
+fn bins(tallies: &[Tally], first: f64, step: f64) -> Vec<Bin> {
+    // To a micrometre or microdegree, so that 3 * 0.01 reads 0.03.
+    let edge = |i: usize| ((first + i as f64 * step) * 1e6).round() / 1e6;
+    let bin =
+        |(i, t): (usize, &Tally)| Bin { low: edge(i), high: edge(i + 1), attempts: t.attempts, positives: t.positives };
+    tallies.iter().enumerate().map(bin).collect()
+}
+
+fn group(name: String, tally: Tally) -> Group {
+    Group { name, attempts: tally.attempts, positives: tally.positives }
+}
+
+fn size(dataset: &Dataset, table: Table) -> TableSize {
+    let bytes = dataset.manifest().bytes(table);
+    TableSize {
+        table: table.name().to_owned(),
+        rows: dataset.manifest().shards.iter().map(|s| s.file(table).rows).sum(),
+        bytes,
+        bytes_per_scene: bytes as f64 / dataset.info().scene_count as f64,
+        bytes_per_attempt: bytes as f64 / dataset.info().attempt_count as f64,
+    }
+}
+
+impl Report {
+    /// The report as pretty JSON.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        crate::format::seal::pretty(self)
+    }
+}

@@ -1,0 +1,105 @@
+//! What a reader of a report should be worried about.
+
+use schema::Rule;
+
+use crate::look::report::Report;
+use crate::text::{grouped, percent, ratio};
+
+/// The paper reports about one positive to three negatives for its rules: a quarter. Shares outside this range are far from it.
+const POSITIVE_SHARE: [f64; 2] = [0.15, 0.40];
+/// Attempts that must not all have failed.
+const TRIED_MIN: u64 = 100;
+/// Share of scenes thrown away that is many.
+const REJECTED_SHARE_MAX: f64 = 0.1;
+/// Share of grasps outside the grid that is many.
+const OUTSIDE_SHARE_MAX: f64 = 0.01;
+/// A sample of the law is that far off once in a million datasets.
+const P_MIN: f64 = 1e-6;
+
+impl Report {
+    /// What is unusual about the dataset, one sentence each.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        let share = self.labels.positive_share();
+        let by_rules = self.rules.iter().any(|group| group.attempts > 0 && is_of_the_paper(&group.name));
+        if by_rules && self.labels.attempts >= TRIED_MIN && !(POSITIVE_SHARE[0]..=POSITIVE_SHARE[1]).contains(&share) {
+            warnings.push(format!(
+                "Positives to negatives are {}: far from the paper's 1 : 3. Sizes against the hand's opening and the number of \
+                 objects decide this; labels are never resampled.",
+                ratio(self.labels)
+            ));
+        }
+        for group in self.shapes.iter().chain(&self.rules).filter(|g| g.attempts >= TRIED_MIN && g.positives == 0) {
+            warnings.push(format!("None of {} attempts of {} held.", grouped(group.attempts), group.name));
+        }
+        let tried = self.scenes + self.rejections.total();
+        let rejected = self.rejections.total() as f64 / tried.max(1) as f64;
+        if rejected > REJECTED_SHARE_MAX {
+            let (unsettled, empty, unstable) =
+                (self.rejections.unsettled, self.rejections.empty, self.rejections.unstable);
+            warnings.push(format!(
+                "{} of the scenes that were built were thrown away ({unsettled} did not come to rest, {empty} lost every object, \
+                 {unstable} broke the physics): what is left is not what was drawn.",
+                percent(rejected)
+            ));
+        }
+        let outside = self.outside_grid.attempts as f64 / self.labels.attempts.max(1) as f64;
+        if outside > OUTSIDE_SHARE_MAX {
+            warnings
+                .push(format!("{} of the grasps lie outside the grid: no voxel learns from them.", percent(outside)));
+        }
+        for fit in self.fits.iter().filter(|fit| fit.complete) {
+            if let Some(test) = fit.chi_square().filter(|test| test.p < P_MIN) {
+                warnings.push(format!(
+                    "The {} does not follow its law: χ² = {:.1} with {} degrees of freedom.",
+                    fit.name, test.statistic, test.degrees
+                ));
+            }
+        }
+        warnings
+    }
+}
+
+fn is_of_the_paper(rule: &str) -> bool {
+    Rule::from_name(rule).is_some_and(|rule| rule.approach.is_some())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::look::report::Group;
+
+    /// A report that has nothing to worry about.
+    fn fine() -> Report {
+        let folder = tempfile::tempdir().unwrap();
+        let info = crate::write::synthetic::info(7, 1, 1200, 60);
+        let draft = crate::Draft::begin(folder.path(), &info).unwrap();
+        let mut writer = draft.shard(0).unwrap();
+        for scene in info.scenes_of(0) {
+            writer.push(&crate::write::synthetic::scene_rows(scene, info.seed, &info)).unwrap();
+        }
+        writer.commit().unwrap();
+        draft.finalize().unwrap();
+        let mut report = crate::report(&crate::Dataset::open(folder.path()).unwrap()).unwrap();
+        report.labels = crate::Tally { attempts: 1200, positives: 300 };
+        report.fits.clear();
+        report
+    }
+
+    #[test]
+    fn each_reason_to_worry_is_told_and_none_is_invented() {
+        let fine = fine();
+        assert_eq!(fine.warnings(), Vec::<String>::new());
+        let told = |change: fn(&mut Report), word: &str| {
+            let mut report = fine.clone();
+            change(&mut report);
+            let warnings = report.warnings();
+            assert!(warnings.len() == 1 && warnings[0].contains(word), "{word}: {warnings:?}");
+        };
+        told(|r| r.labels.positives = 60, "1 : 19.00");
+        told(|r| r.rules[0] = Group { name: "cuboid_x".to_owned(), attempts: 100, positives: 0 }, "cuboid_x");
+        told(|r| r.rejections.unsettled = r.scenes, "50.0 %");
+        told(|r| r.outside_grid.attempts = 60, "5.0 %");
+    }
+}

@@ -1,0 +1,173 @@
+//! Checking all of a dataset: every byte, every row, every key, and that nothing lies beside it which a glob would
+//! take for data.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
+
+use crate::format::summary::{Counts, ShardSummary};
+use crate::format::{check, layout, seal};
+use crate::store::is_staging;
+use crate::{Dataset, ExitCode, Location, ReadError, Table};
+
+/// What was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verified {
+    /// Rows that were read and found right.
+    pub counts: Counts,
+    /// Bytes of all tables.
+    pub bytes: u64,
+    /// What is wrong, in the order of shards; at most [`PROBLEMS_MAX`].
+    pub problems: Vec<String>,
+    /// Problems beyond these.
+    pub more: u64,
+    /// Problems that were trouble of the disk, and say nothing of the dataset.
+    pub unread: u64,
+    /// Whether the store told what lies there. A web server does not, so files beside the dataset's were not looked for.
+    pub listed: bool,
+}
+
+impl Verified {
+    /// Whether nothing is wrong.
+    #[must_use]
+    pub fn is_ok(&self) -> bool {
+        self.problems.is_empty()
+    }
+
+    /// [`ExitCode::Data`] if something is wrong; [`ExitCode::TryAgain`] if all that is wrong is that it could not be read.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self.problems.len() as u64 + self.more {
+            0 => ExitCode::Ok,
+            problems if problems == self.unread => ExitCode::TryAgain,
+            _ => ExitCode::Data,
+        }
+    }
+}
+
+/// Most problems that are told; the rest is counted.
+pub const PROBLEMS_MAX: usize = 50;
+
+/// Reads everything and compares it with everything else. `progress` hears of each finished shard.
+///
+/// # Errors
+/// [`ReadError`] if there is no complete dataset, or its info or manifest is damaged, so that nothing else can be told;
+/// also if an object store does not answer any more.
+pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, ReadError> {
+    let dataset = Dataset::open_with_any_files(&at.into())?;
+    let bytes = Table::ALL.into_iter().map(|table| dataset.manifest().bytes(table)).sum();
+    let mut found = Verified { counts: Counts::zero(), bytes, problems: Vec::new(), more: 0, unread: 0, listed: true };
+    for table in Table::ALL {
+        match found.keep(&dataset, strangers(&dataset, table))? {
+            Some(None) => found.listed = false,
+            strangers => found.tell(strangers.flatten().unwrap_or_default()),
+        }
+    }
+    for shard in 0..dataset.shard_count() {
+        let marker = found.keep(&dataset, marker(&dataset, shard))?;
+        found.tell(marker.flatten());
+        if let Some(counts) = rows(&dataset, shard, &mut found)? {
+            found.counts.add(&counts);
+        }
+        progress(shard);
+    }
+    Ok(found)
+}
+
+impl Verified {
+    fn tell(&mut self, problems: impl IntoIterator<Item = String>) {
+        for problem in problems {
+            if self.problems.len() < PROBLEMS_MAX {
+                self.problems.push(problem);
+            } else {
+                self.more += 1;
+            }
+        }
+    }
+
+    /// Tells what is wrong and goes on; but what hinders reading from an object store (its refusal, a full scratch folder)
+    /// would come again and again.
+    fn keep<T>(&mut self, dataset: &Dataset, result: Result<T, ReadError>) -> Result<Option<T>, ReadError> {
+        match result {
+            Err(ReadError::Store(error)) if matches!(dataset.location(), Location::Url(_)) => Err(error.into()),
+            Err(error) => {
+                self.unread += u64::from(matches!(error, ReadError::Store(_)));
+                self.tell([error.to_string()]);
+                Ok(None)
+            }
+            Ok(value) => Ok(Some(value)),
+        }
+    }
+}
+
+/// Files in a table's folder that the manifest does not know; `None` if the store does not list.
+fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, ReadError> {
+    let Some(listing) = dataset.list(table)? else { return Ok(None) }; // missing files are told shard by shard
+    let shards = dataset.manifest().shards.iter();
+    let known: BTreeSet<&str> = shards.map(|s| s.file(table).path.as_str()).collect();
+    let names = listing.into_keys().filter(|name| !is_staging(name)).map(|name| format!("{}/{name}", table.name()));
+    let strangers = names.filter(|name| !known.contains(name.as_str()));
+    let told = strangers.map(|name| format!("{name} is not in the manifest, and readers may take it for data"));
+    Ok(Some(told.collect()))
+}
+
+/// What is wrong with a marker: it must be there and say what the manifest says.
+fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, ReadError> {
+    let name = layout::marker(shard);
+    let at = dataset.location().join(&name);
+    let wrong = |message: &str| Ok(Some(format!("shard {shard}: {message}: {at}")));
+    let Some(bytes) = dataset.read_meta(&name)? else { return wrong("the marker is missing") };
+    match seal::unseal::<ShardSummary>(bytes) {
+        Err(e) => wrong(&e.to_string()),
+        Ok(marker) if marker == dataset.manifest().shards[shard as usize] => Ok(None),
+        Ok(_) => wrong("the marker must say what the manifest says"),
+    }
+}
+
+/// Reads a shard's three tables, each by itself, then one with another. What was counted, unless a table is damaged.
+fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Result<Option<Counts>, ReadError> {
+    let attempts = found.keep(dataset, dataset.read_attempts(shard))?;
+    let objects = found.keep(dataset, dataset.read_objects(shard))?;
+    let scenes = dataset.scenes(shard).and_then(|scenes| {
+        scenes.map(|scene| scene.map(|scene| SceneRecord { tsdf: Vec::new(), ..scene })).collect::<Result<Vec<_>, _>>()
+    });
+    let scenes = found.keep(dataset, scenes)?;
+    let (Some(attempts), Some(objects), Some(scenes)) = (attempts, objects, scenes) else { return Ok(None) };
+    let counts = link(shard, scenes, objects, attempts, found);
+    if counts != dataset.manifest().shards[shard as usize].counts {
+        found.tell([format!("shard {shard}: the counts of the manifest must be those of the rows")]);
+    }
+    Ok(Some(counts))
+}
+
+/// Follows the keys among the tables of a shard, and counts.
+fn link(
+    shard: u32,
+    scenes: Vec<SceneRecord>,
+    objects: Vec<ObjectRecord>,
+    attempts: Vec<AttemptRecord>,
+    found: &mut Verified,
+) -> Counts {
+    let mut objects_of: BTreeMap<u64, Vec<ObjectRecord>> = BTreeMap::new();
+    for object in objects {
+        objects_of.entry(object.scene_id).or_default().push(object);
+    }
+    let mut attempts_of: BTreeMap<u64, Vec<AttemptRecord>> = BTreeMap::new();
+    for attempt in attempts {
+        attempts_of.entry(attempt.scene_id).or_default().push(attempt);
+    }
+    let mut counts = Counts::zero();
+    for scene in scenes {
+        let id = scene.scene_id;
+        let rows = SceneRows {
+            objects: objects_of.remove(&id).unwrap_or_default(),
+            attempts: attempts_of.remove(&id).unwrap_or_default(),
+            scene,
+        };
+        if let Err(e) = check::links(&rows.scene, &rows.objects, &rows.attempts) {
+            found.tell([format!("shard {shard}, scene {id}: {e}")]);
+        }
+        counts.count(&rows);
+    }
+    counts
+}

@@ -1,0 +1,196 @@
+//! One scene to look at: its objects, what the cameras saw of them, and every attempt with how it ended.
+
+use std::io;
+use std::path::Path;
+
+use report::picture::Polyhedron;
+use report::view::{Body, Class, Line, Points, View, flat_points};
+use schema::{AttemptRecord, Axis, HitKind, Intrinsics, ObjectRecord, Outcome, SceneRows};
+use serde_json::Value;
+
+use crate::{DatasetInfo, publish};
+
+/// Values this near the surface's, 0.5, are points of it: with a truncation of four voxels, those nearer than 0.8
+/// voxels. The same as in `shards inspect`.
+const SURFACE: std::ops::Range<f32> = 0.4..0.6;
+
+/// A scene as things in space. Its attempts are forks, those that held last; the jaws of an attempt that never closed
+/// are open.
+#[must_use]
+pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> View {
+    let (scene, grid) = (&rows.scene, &info.grid);
+    let mut view = View::new(format!("Scene {} of {}", scene.scene_id, short(dataset_id)));
+    view.bodies.push(Body::table(grid.size_m, grid.table_z_m));
+    view.bodies.extend(rows.objects.iter().flat_map(|object| object_bodies(Class::Object, object)));
+    view.lines.push(Line::workspace(grid.size_m));
+    let lens = lens_of(&info.config);
+    for (number, camera) in scene.views.iter().enumerate() {
+        let (polar, azimuth) = (camera.polar_rad.to_degrees(), camera.azimuth_rad.to_degrees());
+        let label = format!("view {number}: {:.3} m away, polar {polar:.1}°, azimuth {azimuth:.1}°", camera.radius_m);
+        view.lines.push(Line::camera(label, &camera.workspace_from_camera(grid), &lens));
+    }
+    for is_held in [false, true] {
+        for attempt in rows.attempts.iter().filter(|a| (a.outcome == Outcome::Held) == is_held) {
+            let width_m = attempt.width_m.unwrap_or(info.gripper.opening_m_max);
+            let (class, label) = (Class::of_outcome(attempt.outcome), attempt_label(attempt));
+            view.lines.push(Line::fork(class, label, &info.gripper, &attempt.workspace_from_grasp, width_m));
+        }
+    }
+    view.points.push(surface(info, rows));
+    facts(&mut view, info, dataset_id, rows);
+    // Most attempts collide: with their hands shown there is little else to be seen.
+    view.hidden = ["approach_collision", "pregrasp_collision", "camera"].map(str::to_owned).into();
+    view
+}
+
+/// A row of `objects` as bodies that stand still, one for each convex piece, with what is known of it for a label.
+#[must_use]
+pub fn object_bodies(class: Class, object: &ObjectRecord) -> Vec<Body> {
+    let size_mm = object.shape.extents_m() * 1000.0;
+    let label = format!(
+        "object {}: {}\n{:.1} × {:.1} × {:.1} mm, {:.0} g, friction {:.2}",
+        object.object_id,
+        object.shape.name(),
+        size_mm.x,
+        size_mm.y,
+        size_mm.z,
+        object.mass_kg * 1000.0,
+        object.friction
+    );
+    let pieces = Polyhedron::pieces(&object.shape).into_iter();
+    pieces.map(|piece| Body::of_piece(class, label.clone(), piece, &[object.workspace_from_object])).collect()
+}
+
+/// An attempt in words: its rule, its outcome and what it hit, its width.
+fn attempt_label(attempt: &AttemptRecord) -> String {
+    let closing = attempt.closing.map_or(String::new(), |axis| format!(", closes along {}", Axis::name(axis)));
+    let hit = match (attempt.hit, attempt.hit_object_id) {
+        (None, _) => String::new(),
+        (Some(HitKind::Other), Some(id)) => format!(" with object {id}"),
+        (Some(kind), _) => format!(" with the {}", kind.name()),
+    };
+    let width = attempt.width_m.map_or("never closed".to_owned(), |width_m| format!("{:.1} mm", width_m * 1000.0));
+    let (id, object, rule) = (attempt.attempt_id, attempt.object_id, attempt.rule.name());
+    format!("attempt {id} at object {object}\nrule {rule}{closing}\n{}{hit}, {width}", attempt.outcome.name())
+}
+
+fn surface(info: &DatasetInfo, rows: &SceneRows) -> Points {
+    let grid = &info.grid;
+    let side = 0..grid.resolution;
+    let voxels = side.clone().flat_map(|i| {
+        side.clone().flat_map({
+            let side = side.clone();
+            move |j| side.clone().map(move |k| [i, j, k])
+        })
+    });
+    let near = voxels.filter(|voxel| SURFACE.contains(&rows.scene.tsdf[grid.flat(*voxel)]));
+    let points_m = flat_points(near.map(|voxel| grid.centre_m(voxel)));
+    let label = format!("voxels of {:.1} mm within 0.8 voxels of the surface", grid.voxel_size_m() * 1000.0);
+    Points { class: Class::Surface, label, points_m, frames: None }
+}
+
+/// The lens by which the TSDF was made, VGN's where the config does not say.
+fn lens_of(config: &Value) -> Intrinsics {
+    let camera = &config["camera"];
+    let side = |key: &str| camera[key].as_u64().and_then(|side| usize::try_from(side).ok());
+    let said = || {
+        let (width_px, height_px) = (side("width_px")?, side("height_px")?);
+        let focal_px = camera["focal_px"].as_f64()? as f32;
+        let (cx_px, cy_px) = (0.5 * width_px as f32, 0.5 * height_px as f32);
+        Some(Intrinsics { width_px, height_px, fx_px: focal_px, fy_px: focal_px, cx_px, cy_px })
+    };
+    said().unwrap_or(Intrinsics::VGN)
+}
+
+fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) {
+    let scene = &rows.scene;
+    let held = rows.attempts.iter().filter(|a| a.label() == 1).count();
+    view.fact("dataset", short(dataset_id));
+    view.fact("seed", info.seed.to_string());
+    view.fact("shard", info.shard_of(scene.scene_id).unwrap_or_default().to_string());
+    view.fact("objects", format!("{} of {} dropped", scene.object_count, scene.dropped_count));
+    view.fact("at rest after", format!("{:.2} s", scene.settle_time_s));
+    view.fact("views", scene.views.len().to_string());
+    view.fact("attempts that held", format!("{held} of {}", scene.attempt_count));
+    for outcome in Outcome::ALL.into_iter().filter(|outcome| *outcome != Outcome::Held) {
+        let count = rows.attempts.iter().filter(|a| a.outcome == outcome).count();
+        view.fact(outcome.name(), count.to_string());
+    }
+    view.fact("hand", format!("{}, opens {:.0} mm", info.gripper.name, info.gripper.opening_m_max * 1000.0));
+}
+
+/// The first digits of a dataset's id.
+fn short(dataset_id: &str) -> &str {
+    dataset_id.get(..12).unwrap_or(dataset_id)
+}
+
+/// Puts a view into a file, whole or not at all: as a page, or as JSON.
+///
+/// # Errors
+/// What the system says; a file that was there is then untouched.
+pub fn write_view(view: &View, is_json: bool, path: &Path) -> io::Result<()> {
+    let text = if is_json { view.to_json() } else { view.page() };
+    publish(path, text.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Pose, Vec3};
+
+    use super::*;
+    use crate::write::synthetic;
+
+    fn sample() -> (DatasetInfo, SceneRows) {
+        let mut info = synthetic::info(5, 1, 60, 20);
+        info.grid.resolution = 16;
+        let rows = synthetic::scene_rows(1, info.seed, &info);
+        (info, rows)
+    }
+
+    #[test]
+    fn every_object_stands_where_its_row_says() {
+        let (info, rows) = sample();
+        let view = scene_view(&info, "0123456789abcdef", &rows);
+        let objects: Vec<&Body> = view.bodies.iter().filter(|body| body.class == Class::Object).collect();
+        assert_eq!((view.bodies.len(), objects.len()), (rows.objects.len() + 1, rows.objects.len()));
+        for (body, row) in objects.iter().zip(&rows.objects) {
+            let [x, y, z, qx, qy, qz, qw] = body.poses[0];
+            assert_eq!(body.poses.len(), 1);
+            let pose = Pose::from_parts(Vec3::new(x, y, z), schema::Quat::from_xyzw(qx, qy, qz, qw));
+            assert_eq!(pose, row.workspace_from_object);
+            assert_eq!(body.corners_m, flat_points(row.shape.as_solid().unwrap().vertices_m()));
+            assert_eq!(body.faces.len(), row.shape.as_solid().unwrap().planes().len());
+            assert!(body.label.starts_with(&format!("object {}: {}", row.object_id, row.shape.name())));
+        }
+        assert!(view.title.contains("Scene 1 of 0123456789ab"), "{}", view.title);
+    }
+
+    #[test]
+    fn every_attempt_is_a_fork_of_its_outcome_and_width() {
+        let (info, rows) = sample();
+        let view = scene_view(&info, "", &rows);
+        let grasps: Vec<&Line> = view.lines.iter().filter(|line| line.label.starts_with("attempt ")).collect();
+        assert_eq!(grasps.len(), rows.attempts.len());
+        for row in &rows.attempts {
+            let label = format!("attempt {} at object {}\n", row.attempt_id, row.object_id);
+            let fork = grasps.iter().find(|line| line.label.starts_with(&label)).unwrap();
+            assert_eq!(fork.class, Class::of_outcome(row.outcome));
+            let [first, last] = [0, 6].map(|i| Vec3::from_array(fork.points_m[i]));
+            let width_m = row.width_m.unwrap_or(info.gripper.opening_m_max);
+            assert!(((last - first).length() - width_m - info.gripper.finger_thickness_m).abs() < 1e-6, "{row:?}");
+            assert!((0.5 * (first + last) - row.workspace_from_grasp.translation).length() < 1e-6, "{row:?}");
+        }
+        assert_eq!(view.lines.iter().filter(|line| line.class == Class::Camera).count(), rows.scene.views.len());
+    }
+
+    #[test]
+    fn the_surface_is_where_the_grid_s_values_are_near_a_half() {
+        let (info, mut rows) = sample();
+        rows.scene.tsdf.fill(0.0);
+        let voxel = [3, 5, 7];
+        rows.scene.tsdf[info.grid.flat(voxel)] = 0.5;
+        rows.scene.tsdf[info.grid.flat([4, 5, 7])] = 0.7;
+        let view = scene_view(&info, "", &rows);
+        assert_eq!(view.points[0].points_m, flat_points([info.grid.centre_m(voxel)]));
+    }
+}

@@ -1,0 +1,303 @@
+//! Reading a dataset: open it by its manifest, check each file's size and checksum before its first byte is decoded,
+//! and each row after.
+
+use std::fs::File;
+use std::sync::atomic::AtomicBool;
+
+use arrow::array::RecordBatch;
+use schema::{AttemptRecord, ObjectRecord, SceneRows};
+
+use crate::format::check::{self, RowError};
+use crate::format::frame::Expected;
+use crate::format::summary::Manifest;
+use crate::format::{decode, layout, seal};
+use crate::read::table_reader::{Batches, Part};
+use crate::store::{Listing, Storage, StoreError, Unread, size_problem};
+use crate::{DatasetInfo, InfoError, Location, ReadError, SCENES_PER_ROW_GROUP, Scenes, Table};
+
+/// A complete dataset, on disk or in an object store. Cheap to hold: rows are read when asked for.
+#[derive(Debug)]
+pub struct Dataset {
+    location: Location,
+    storage: Storage,
+    info: DatasetInfo,
+    manifest: Manifest,
+    /// Whether a file's checksum was found right, by shard, in the order of [`Table::ALL`].
+    is_checked: Vec<[AtomicBool; 3]>,
+}
+
+/// Rows of a batch of small rows.
+const BATCH_ROWS: usize = 8192;
+/// Scenes decoded at once: half a megabyte each while they are being decoded.
+const BATCH_SCENES: usize = 8;
+
+/// Reads and checks `meta/info.json`; the info and the dataset's id.
+pub(crate) fn read_info(storage: &Storage, at: &Location) -> Result<(DatasetInfo, String), ReadError> {
+    let bytes = storage.read(layout::INFO)?.ok_or_else(|| ReadError::NotADataset(at.clone()))?;
+    let wrong = |error| ReadError::Info { source: error, at: storage.location(layout::INFO) };
+    let text = std::str::from_utf8(&bytes).map_err(|e| wrong(InfoError::Parse(e.to_string())))?;
+    let info = DatasetInfo::from_json(text).map_err(wrong)?;
+    Ok((info, seal::sha256_hex(&bytes)))
+}
+
+impl Dataset {
+    /// Opens a dataset. Reads only `meta/`, and looks at the size of every file; behind a web server, which does not
+    /// list, a size is seen when the file is read.
+    ///
+    /// # Errors
+    /// [`ReadError`] if there is no dataset, it is incomplete, of an unknown version, or damaged as far as that can be
+    /// seen without reading the shards.
+    pub fn open(at: impl Into<Location>) -> Result<Self, ReadError> {
+        let dataset = Self::open_with_any_files(&at.into())?;
+        dataset.look_at_sizes()?;
+        Ok(dataset)
+    }
+
+    pub(crate) fn look_at_sizes(&self) -> Result<(), ReadError> {
+        let mut listings = Vec::new();
+        for table in Table::ALL {
+            listings.push((table, self.list(table)?));
+        }
+        for shard in 0..self.shard_count() {
+            for (table, listing) in &listings {
+                let Some(listing) = listing else { continue };
+                let expected = self.manifest.shards[shard as usize].file(*table);
+                let name = expected.path.rsplit('/').next().unwrap_or_default();
+                let found = listing.get(name).copied().flatten();
+                if let Some(problem) = size_problem(expected, found) {
+                    return Err(self.wrong(shard, *table, problem));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Opens a dataset without a look at its shards, so that each can be told what is wrong with it.
+    pub(crate) fn open_with_any_files(at: &Location) -> Result<Self, ReadError> {
+        Self::of_storage(Storage::open(at)?, at)
+    }
+
+    pub(crate) fn of_storage(storage: Storage, at: &Location) -> Result<Self, ReadError> {
+        let (info, dataset_id) = read_info(&storage, at)?;
+        let bytes = storage.read(layout::MANIFEST)?.ok_or_else(|| ReadError::Incomplete(at.clone()))?;
+        let wrong = |problems| ReadError::Manifest { problems, at: storage.location(layout::MANIFEST) };
+        let manifest: Manifest = seal::unseal(bytes).map_err(|e| wrong(vec![e.to_string()]))?;
+        let problems = manifest.problems(&info, &dataset_id);
+        if !problems.is_empty() {
+            return Err(wrong(problems));
+        }
+        let is_checked = manifest.shards.iter().map(|_| Default::default()).collect();
+        Ok(Self { location: at.clone(), storage, info, manifest, is_checked })
+    }
+
+    /// Where it lies.
+    #[must_use]
+    pub fn location(&self) -> &Location {
+        &self.location
+    }
+
+    /// Its id: the SHA-256 of its `meta/info.json` in hex.
+    #[must_use]
+    pub fn id(&self) -> &str {
+        &self.manifest.dataset_id
+    }
+
+    /// Whether an id is this dataset's. Up to 0.2 the trainer took that of the info as it came back from reading, when
+    /// numbers of its config may differ in their last digit; checkpoints of that time are still good.
+    #[must_use]
+    pub fn has_id(&self, id: &str) -> bool {
+        id == self.id() || id == self.info.dataset_id()
+    }
+
+    /// What the dataset is.
+    #[must_use]
+    pub fn info(&self) -> &DatasetInfo {
+        &self.info
+    }
+
+    /// What the dataset holds.
+    #[must_use]
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// Shards.
+    #[must_use]
+    pub fn shard_count(&self) -> u32 {
+        self.info.shard_count
+    }
+
+    /// Compares size and SHA-256 of the shard's three files with the manifest. On a disk each file is read once in the
+    /// life of this value; the reading functions do it by themselves.
+    ///
+    /// # Errors
+    /// [`ReadError::File`] for the first file that differs.
+    pub fn verify_shard_bytes(&self, shard: u32) -> Result<(), ReadError> {
+        self.known(shard)?;
+        Table::ALL.into_iter().try_for_each(|table| self.open_file(shard, table).map(drop))
+    }
+
+    /// All attempts of a shard, in order.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the file is damaged or a row breaks a rule.
+    pub fn read_attempts(&self, shard: u32) -> Result<Vec<AttemptRecord>, ReadError> {
+        let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
+        let rows = self.read(shard, Table::Attempts, part, |batch| decode::attempts(batch, &self.info.models))?;
+        let scenes = self.info.scenes_of(shard);
+        let expected = scenes.flat_map(|s| (0..self.info.attempts_of_scene(s)).map(move |a| (s, a)));
+        self.check(shard, Table::Attempts, || {
+            rows.iter().try_for_each(|row| check::attempt(row, &self.info.gripper))?;
+            let found = rows.iter().map(|r| (r.scene_id, r.attempt_id));
+            found
+                .eq(expected)
+                .then_some(())
+                .ok_or_else(|| RowError("attempt ids must count up in every scene".to_owned()))
+        })?;
+        Ok(rows)
+    }
+
+    /// All objects of a shard, in order.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the file is damaged or a row breaks a rule.
+    pub fn read_objects(&self, shard: u32) -> Result<Vec<ObjectRecord>, ReadError> {
+        let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
+        let rows = self.read(shard, Table::Objects, part, |batch| decode::objects(batch, &self.info.models))?;
+        self.check(shard, Table::Objects, || {
+            rows.iter().try_for_each(check::object)?;
+            object_ids(&rows, self.info.scenes_of(shard), self.manifest.shards[shard as usize].objects.rows)
+        })?;
+        Ok(rows)
+    }
+
+    /// The scenes of a shard one by one; a few grids at a time are in memory.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the file is damaged; each item is an error if a row breaks a rule.
+    pub fn scenes(&self, shard: u32) -> Result<Scenes<'_>, ReadError> {
+        self.scenes_with(shard, None)
+    }
+
+    /// As [`Self::scenes`] but without the grids: `tsdf` is empty. Reads a thousandth of the bytes.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the file is damaged; each item is an error if a row breaks a rule.
+    pub fn scene_heads(&self, shard: u32) -> Result<Scenes<'_>, ReadError> {
+        self.scenes_with(shard, Some("tsdf"))
+    }
+
+    fn scenes_with(&self, shard: u32, without: Option<&'static str>) -> Result<Scenes<'_>, ReadError> {
+        let part = Part { batch_rows: BATCH_SCENES, without, ..Part::default() };
+        let batches = self.batches(shard, Table::Scenes, part)?;
+        Ok(Scenes::new(self, shard, batches, without.is_none()))
+    }
+
+    /// All rows of one scene. Reads one row group of the small tables and a few pages of the grids.
+    ///
+    /// # Errors
+    /// [`ReadError`] if there is no such scene, a file is damaged, or a row breaks a rule.
+    pub fn read_scene(&self, scene_id: u64) -> Result<SceneRows, ReadError> {
+        let out_of_range = ReadError::OutOfRange { what: "scene", limit: self.info.scene_count, got: scene_id };
+        let shard = self.info.shard_of(scene_id).ok_or(out_of_range)?;
+        let place = scene_id - self.info.scenes_of(shard).start;
+        let in_group = (place % SCENES_PER_ROW_GROUP) as usize; // below 256
+        let group = usize::try_from(place / SCENES_PER_ROW_GROUP).ok();
+        let attempts = self.info.attempts_of_scene(scene_id) as usize;
+        let part = Part { row_group: group, batch_rows: BATCH_ROWS, ..Part::default() };
+        let one = Part { offset: in_group, limit: Some(1), batch_rows: 1, ..part };
+        let of_scene = Part { offset: in_group * self.info.attempts_per_scene as usize, limit: Some(attempts), ..part };
+        let mut objects = self.read(shard, Table::Objects, part, |batch| decode::objects(batch, &self.info.models))?;
+        objects.retain(|object| object.scene_id == scene_id);
+        let attempts =
+            self.read(shard, Table::Attempts, of_scene, |batch| decode::attempts(batch, &self.info.models))?;
+        let scene = self.read(shard, Table::Scenes, one, decode::scenes)?.into_iter().find(|s| s.scene_id == scene_id);
+        let missing = || self.wrong(shard, Table::Scenes, format!("scene {scene_id} is not where it should be"));
+        let rows = SceneRows { scene: scene.ok_or_else(missing)?, objects, attempts };
+        self.check(shard, Table::Attempts, || check::scene_rows(&rows, &self.info))?;
+        Ok(rows)
+    }
+
+    /// A file of `meta/`, `None` if there is none.
+    pub(crate) fn read_meta(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        self.storage.read(name)
+    }
+
+    /// What lies in a table's folder, `None` where that cannot be asked.
+    pub(crate) fn list(&self, table: Table) -> Result<Option<Listing>, StoreError> {
+        self.storage.list(table.name())
+    }
+
+    fn known(&self, shard: u32) -> Result<std::ops::Range<u64>, ReadError> {
+        if shard < self.shard_count() {
+            return Ok(self.info.scenes_of(shard));
+        }
+        Err(ReadError::OutOfRange { what: "shard", limit: u64::from(self.shard_count()), got: u64::from(shard) })
+    }
+
+    fn read<R>(
+        &self,
+        shard: u32,
+        table: Table,
+        part: Part,
+        decode: impl Fn(&RecordBatch) -> Result<Vec<R>, RowError>,
+    ) -> Result<Vec<R>, ReadError> {
+        let mut rows = Vec::new();
+        for batch in self.batches(shard, table, part)? {
+            let batch = batch.map_err(|message| self.wrong(shard, table, message))?;
+            rows.extend(decode(&batch).map_err(|e| self.wrong(shard, table, e.to_string()))?);
+        }
+        Ok(rows)
+    }
+
+    fn batches(&self, shard: u32, table: Table, part: Part) -> Result<Batches, ReadError> {
+        self.known(shard)?;
+        let file = self.open_file(shard, table)?;
+        let rows = self.manifest.shards[shard as usize].file(table).rows;
+        let expected = Expected { table, resolution: self.info.grid.resolution, rows };
+        Batches::open(file, expected, part).map_err(|m| self.wrong(shard, table, m))
+    }
+
+    /// Opens a file whose size and checksum are right.
+    fn open_file(&self, shard: u32, table: Table) -> Result<File, ReadError> {
+        let expected = self.manifest.shards[shard as usize].file(table);
+        let is_checked = &self.is_checked[shard as usize][table as usize];
+        self.storage.open_file(expected, is_checked).map_err(|unread| match unread {
+            Unread::Wrong(message) => self.wrong(shard, table, message),
+            Unread::Store(error) => ReadError::Store(error),
+        })
+    }
+
+    pub(crate) fn wrong(&self, shard: u32, table: Table, message: String) -> ReadError {
+        let name = layout::table_file(table, shard, self.info.shard_count);
+        ReadError::File { shard, message, at: self.storage.location(&name) }
+    }
+
+    fn check(&self, shard: u32, table: Table, rule: impl FnOnce() -> Result<(), RowError>) -> Result<(), ReadError> {
+        rule().map_err(|e| self.wrong(shard, table, e.to_string()))
+    }
+}
+
+/// Objects must number from 0 in every scene of the shard, and every scene must have one.
+fn object_ids(rows: &[ObjectRecord], scenes: std::ops::Range<u64>, expected: u64) -> Result<(), RowError> {
+    let wrong = |message: String| Err(RowError(message));
+    if rows.len() as u64 != expected {
+        return wrong(format!("objects must have {expected} rows, got {}", rows.len()));
+    }
+    let mut next = scenes.start;
+    let mut count = 0;
+    for row in rows {
+        if row.object_id == 0 && row.scene_id == next {
+            next += 1;
+            count = 0;
+        }
+        if row.scene_id + 1 != next || row.object_id != count {
+            return wrong(format!(
+                "object ids must count up in every scene, got scene {} object {}",
+                row.scene_id, row.object_id
+            ));
+        }
+        count += 1;
+    }
+    if next == scenes.end { Ok(()) } else { wrong(format!("scene {next} has no objects")) }
+}

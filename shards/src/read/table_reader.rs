@@ -1,0 +1,102 @@
+//! Reading a Parquet file as if it were hostile. Bytes reach the decoder only after their checksum was right; the
+//! file's frame is looked at first ([`Frame`]), since parquet-rs takes much of it on trust; and should the
+//! decoder panic even so, that becomes an error.
+
+use std::cell::Cell;
+use std::fs::File;
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
+use std::sync::{Arc, Once};
+
+use arrow::array::RecordBatch;
+use parquet::arrow::ProjectionMask;
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+};
+
+use crate::format::frame::{Expected, Frame};
+
+/// Begins an error that was a panic.
+pub(crate) const PANICKED: &str = "the Parquet decoder panicked: ";
+
+/// Which rows, and which columns, of a file.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Part {
+    /// Only this row group.
+    pub(crate) row_group: Option<usize>,
+    /// Of what is selected, skip so many rows ...
+    pub(crate) offset: usize,
+    /// ... and end after so many.
+    pub(crate) limit: Option<usize>,
+    /// Leave out the column of this name.
+    pub(crate) without: Option<&'static str>,
+    /// Rows of a batch.
+    pub(crate) batch_rows: usize,
+}
+
+/// Batches of a file, each decoded when asked for.
+pub(crate) struct Batches(ParquetRecordBatchReader);
+
+impl Batches {
+    /// Opens a file whose checksum was right.
+    pub(crate) fn open(file: File, expected: Expected, part: Part) -> Result<Self, String> {
+        guard(|| {
+            let frame = Frame::read(&file, expected)?;
+            let groups = match part.row_group {
+                Some(group) if group >= frame.groups() => {
+                    return Err(format!("row group {group} must be below {}", frame.groups()));
+                }
+                Some(group) => group..group + 1,
+                None => 0..frame.groups(),
+            };
+            let columns = expected.table.columns().iter().enumerate();
+            let kept: Vec<usize> =
+                columns.filter(|(_, c)| Some(c.name) != part.without).map(|(column, _)| column).collect();
+            let metadata = frame.check_pages(groups.clone(), &kept, part.row_group.is_some())?;
+            let options = ArrowReaderOptions::new().with_schema(expected.table.arrow_schema(expected.resolution));
+            let metadata = ArrowReaderMetadata::try_new(Arc::new(metadata), options).map_err(text)?;
+            let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata);
+            let mask = ProjectionMask::roots(builder.parquet_schema(), kept);
+            let builder = builder.with_projection(mask).with_row_groups(groups.collect());
+            let mut builder = builder.with_batch_size(part.batch_rows).with_offset(part.offset);
+            if let Some(limit) = part.limit {
+                builder = builder.with_limit(limit);
+            }
+            builder.build().map(Self).map_err(text)
+        })
+    }
+}
+
+impl Iterator for Batches {
+    type Item = Result<RecordBatch, String>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        guard(|| self.0.next().transpose().map_err(text)).transpose()
+    }
+}
+
+/// Turns a panic of the decoder into an error, and says nothing of it on stderr. `frame` leaves it values to panic on:
+/// a run of more than ten bytes' length, say, which only decompressing shows.
+fn guard<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    static QUIET_HOOK: Once = Once::new();
+    thread_local!(static IS_GUARDED: Cell<bool> = const { Cell::new(false) });
+    QUIET_HOOK.call_once(|| {
+        let hook = take_hook();
+        set_hook(Box::new(move |panic| {
+            if !IS_GUARDED.get() {
+                hook(panic);
+            }
+        }));
+    });
+    IS_GUARDED.set(true);
+    let caught = catch_unwind(AssertUnwindSafe(read));
+    IS_GUARDED.set(false);
+    caught.unwrap_or_else(|payload| {
+        let text = payload.downcast_ref::<&str>().copied();
+        let text = text.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
+        Err(format!("{PANICKED}{}", text.unwrap_or("no reason")))
+    })
+}
+
+fn text(error: impl std::fmt::Display) -> String {
+    error.to_string()
+}

@@ -1,0 +1,309 @@
+//! The only place that publishes anything on disk.
+//!
+//! A file is written under a staging name in its own folder (`.name#host-….tmp`, which neither readers nor globs match),
+//! flushed to the disk, given its name if nobody has it, and the folder flushed. So a name that readers know holds a whole
+//! file or nothing. A staging name is its writer's alone and never used again; what a killed writer left behind stays until
+//! somebody sweeps. The lock on a staging file only tells a sweeper on the same host that its writer lives.
+
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use crate::store::error::{StoreError, failed};
+use crate::store::fault::Fault;
+use crate::store::staged::{Staged, sync_folder};
+use crate::store::{Listing, META_BYTES_MAX};
+
+/// A folder in which files are published.
+#[derive(Debug, Clone)]
+pub(crate) struct Store {
+    root: PathBuf,
+    fault: Fault,
+}
+
+/// Which leftovers to remove.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sweep {
+    /// None: count those of dead writers.
+    Look,
+    /// Those of dead writers: of this host, and locked by nobody.
+    Dead,
+    /// All of them. A writer that is alive fails then, and says that it should be run again.
+    All,
+}
+
+/// What was found of killed writers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Swept {
+    /// Files removed, or to be removed.
+    pub files: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Files that were left: somebody writes them, or may do so.
+    pub kept: u64,
+}
+
+impl Store {
+    pub(crate) fn new(root: &Path) -> Self {
+        Self { root: root.to_owned(), fault: Fault::default() }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn faulty(root: &Path, fault: Fault) -> Self {
+        Self { root: root.to_owned(), fault }
+    }
+
+    pub(crate) fn root(&self) -> &Path {
+        &self.root
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.root.join(name)
+    }
+
+    /// The size of a file in bytes, `None` if there is none.
+    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
+        let path = self.path(name);
+        match fs::metadata(&path) {
+            Ok(metadata) if metadata.is_file() => Ok(Some(metadata.len())),
+            Ok(_) => Ok(None),
+            Err(e) if is_absent(&e) => Ok(None),
+            Err(e) => Err(failed("look at a file", &path)(e)),
+        }
+    }
+
+    /// Opens a file to read it.
+    pub(crate) fn open(&self, name: &str) -> Result<File, StoreError> {
+        let path = self.path(name);
+        File::open(&path).map_err(failed("open a file", &path))
+    }
+
+    /// What lies in a folder; nothing if there is none.
+    pub(crate) fn list(&self, folder: &str) -> Result<Listing, StoreError> {
+        let size = |name: String| match self.size(&format!("{folder}/{name}")) {
+            Ok(size) => Ok((name, size)),
+            Err(error) => Err(error),
+        };
+        self.names(folder)?.into_iter().map(size).collect()
+    }
+
+    /// The names in a folder, in any order; none if there is no folder.
+    pub(crate) fn names(&self, folder: &str) -> Result<Vec<String>, StoreError> {
+        let folder = self.path(folder);
+        let listed = match fs::read_dir(&folder) {
+            Err(e) if is_absent(&e) => return Ok(Vec::new()),
+            listed => listed.and_then(|entries| {
+                entries.map(|entry| entry.map(|e| e.file_name().to_string_lossy().into_owned())).collect()
+            }),
+        };
+        listed.map_err(failed("list a folder", &folder))
+    }
+
+    /// The bytes of a small file, `None` if there is none.
+    pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        let path = self.path(name);
+        let file = match File::open(&path) {
+            Ok(file) => file,
+            Err(e) if is_absent(&e) => return Ok(None),
+            Err(e) => return Err(failed("open a file", &path)(e)),
+        };
+        let mut bytes = Vec::new();
+        file.take(META_BYTES_MAX).read_to_end(&mut bytes).map_err(failed("read a file", &path))?;
+        Ok(Some(bytes))
+    }
+
+    /// Begins a file that will be called `name`.
+    pub(crate) fn stage(&self, name: &str) -> Result<Staged, StoreError> {
+        let target = self.path(name);
+        let folder = target.parent().unwrap_or(&self.root);
+        self.create_folder(folder)?;
+        let prefix = target.file_name().unwrap_or_default().to_string_lossy();
+        let prefix = format!(".{prefix}#{}-{}-", host(), std::process::id());
+        for _ in 0..STAGINGS_MAX {
+            self.fault.check().map_err(failed("create a file", &target))?;
+            let staging = tempfile::Builder::new()
+                .prefix(&prefix)
+                .suffix(STAGING_END)
+                .make_in(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
+                .map_err(failed("create a file", &target))?;
+            let (file, staging) = staging.into_parts();
+            if is_mine(&file, &staging) {
+                return Ok(Staged::file(file, staging, target, self.fault.clone()));
+            }
+        }
+        Err(failed("keep a new file from being swept", &target)(io::ErrorKind::ResourceBusy.into()))
+    }
+
+    /// Removes what killed writers left in a folder. What is not needed is of dead writers, whosever it is.
+    pub(crate) fn sweep(
+        &self,
+        folder: &str,
+        sweep: Sweep,
+        is_needed: bool,
+        swept: &mut Swept,
+    ) -> Result<(), StoreError> {
+        for name in self.names(folder)?.into_iter().filter(|name| is_staging(name)) {
+            let path = self.path(folder).join(&name);
+            let bytes = fs::metadata(&path).map_or(0, |metadata| metadata.len());
+            let locked = if is_needed && sweep != Sweep::All { dead(&path, &name) } else { None };
+            let is_dead = locked.is_some() || !is_needed || sweep == Sweep::All;
+            let is_gone = is_dead && (sweep == Sweep::Look || fs::remove_file(&path).is_ok());
+            drop(locked);
+            if is_gone {
+                swept.files += 1;
+                swept.bytes += bytes;
+            } else {
+                swept.kept += u64::from(path.exists()); // its writer may have ended just now
+            }
+        }
+        Ok(())
+    }
+
+    /// Creates a folder and what is above it, each flushed into its parent.
+    pub(crate) fn create_folder(&self, folder: &Path) -> Result<(), StoreError> {
+        if folder.is_dir() {
+            return Ok(());
+        }
+        if let Some(parent) = folder.parent().filter(|p| !p.as_os_str().is_empty()) {
+            self.create_folder(parent)?;
+        }
+        self.fault.check().map_err(failed("create a folder", folder))?;
+        match fs::create_dir(folder) {
+            Ok(()) => {}
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists && folder.is_dir() => {}
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
+                return Err(failed("create a folder", folder)(io::ErrorKind::NotADirectory.into()));
+            }
+            Err(e) => return Err(failed("create a folder", folder)(e)),
+        }
+        sync_folder(folder.parent(), &self.fault)
+    }
+
+    /// Flushes a folder, so that the names in it outlive a power cut: whoever made them may have been killed before.
+    pub(crate) fn flush(&self, folder: &Path) -> Result<(), StoreError> {
+        sync_folder(Some(folder), &self.fault)
+    }
+}
+
+/// Times that a new file may be taken by a sweeper before it is locked.
+const STAGINGS_MAX: u32 = 64;
+/// How staging names end.
+const STAGING_END: &str = ".tmp";
+
+/// Whether a name is that of a file being written, or left behind by a killed writer.
+pub(crate) fn is_staging(name: &str) -> bool {
+    name.starts_with('.') && name.contains('#') && name.ends_with(STAGING_END)
+}
+
+fn is_absent(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
+}
+
+/// Locks a new staging file; false if a sweeper was faster. Where there are no locks it counts as ours.
+fn is_mine(file: &File, path: &Path) -> bool {
+    match file.try_lock() {
+        Ok(()) => path.exists(),
+        Err(TryLockError::WouldBlock) => false,
+        Err(TryLockError::Error(_)) => true,
+    }
+}
+
+/// The file of a dead writer, locked: one of this host, for locks need not be seen from another.
+fn dead(path: &Path, name: &str) -> Option<File> {
+    let (_, writer) = name.rsplit_once('#')?;
+    let file = OpenOptions::new().write(true).open(path).ok()?;
+    let is_ours = writer.strip_prefix(&host()).is_some_and(|rest| rest.starts_with('-'));
+    (is_ours && file.try_lock().is_ok()).then_some(file)
+}
+
+/// This machine's name, as far as names of files take it.
+fn host() -> String {
+    let told = fs::read_to_string("/proc/sys/kernel/hostname").or_else(|_| std::env::var("HOSTNAME"));
+    let mut name = told.unwrap_or_default();
+    name.retain(|c| c.is_ascii_alphanumeric() || c == '.' || c == '_');
+    if name.is_empty() { "host".to_owned() } else { name }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ExitCode;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> =
+            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    fn publish(store: &Store, name: &str, bytes: &[u8]) {
+        let mut staged = store.stage(name).unwrap();
+        staged.put(bytes).unwrap();
+        staged.finish().unwrap().publish().unwrap();
+    }
+
+    #[test]
+    fn a_dropped_file_leaves_nothing_and_a_published_one_only_itself() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::new(folder.path());
+        drop(store.stage("a/x").unwrap());
+        assert!(names(&folder.path().join("a")).is_empty());
+        publish(&store, "a/x", b"one");
+        publish(&store, "a/x", b"two");
+        assert_eq!(store.read("a/x").unwrap().unwrap(), b"two");
+        assert_eq!(names(&folder.path().join("a")), ["x"]);
+    }
+
+    #[test]
+    fn live_writers_do_not_meet_and_dead_ones_are_swept() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::new(folder.path());
+        let (first, second) = (store.stage("x").unwrap(), store.stage("x").unwrap());
+        assert_ne!(first.staging(), second.staging());
+        let sweep = |which| {
+            let mut swept = Swept::default();
+            store.sweep("", which, true, &mut swept).unwrap();
+            swept
+        };
+        assert_eq!(sweep(Sweep::Dead), Swept { files: 0, bytes: 0, kept: 2 });
+        let (left, elsewhere) = (first.staging(), folder.path().join(".x#elsewhere-1-abc.tmp"));
+        drop((first, second));
+        fs::write(left, b"left again").unwrap();
+        fs::write(&elsewhere, b"who knows?").unwrap();
+        assert_eq!(sweep(Sweep::Look), Swept { files: 1, bytes: 10, kept: 1 });
+        assert_eq!(names(folder.path()).len(), 2);
+        assert_eq!(sweep(Sweep::Dead), Swept { files: 1, bytes: 10, kept: 1 });
+        assert_eq!(sweep(Sweep::All), Swept { files: 1, bytes: 10, kept: 0 });
+        let alive = store.stage("x").unwrap();
+        assert_eq!(sweep(Sweep::All).files, 1);
+        assert_eq!(alive.finish().unwrap().publish().unwrap_err().exit_code(), ExitCode::TryAgain);
+    }
+
+    #[test]
+    fn a_swept_writer_finds_the_file_that_another_made_and_takes_no_other_for_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::new(folder.path());
+        let mut swept = store.stage("x").unwrap();
+        swept.put(b"whole").unwrap();
+        store.sweep("", Sweep::All, true, &mut Swept::default()).unwrap();
+        let unfinished = store.stage("x").unwrap();
+        assert_eq!(swept.finish().unwrap().publish_new().unwrap_err().exit_code(), ExitCode::TryAgain);
+        assert_eq!(store.read("x").unwrap(), None);
+        let mut late = store.stage("x").unwrap();
+        late.put(b"whole").unwrap();
+        publish(&store, "x", b"whole");
+        store.sweep("", Sweep::All, true, &mut Swept::default()).unwrap();
+        assert!(!late.finish().unwrap().publish_new().unwrap(), "it is there");
+        assert_eq!(store.read("x").unwrap().unwrap(), b"whole");
+        drop(unfinished);
+    }
+
+    #[test]
+    fn a_file_in_place_of_a_folder_is_no_matter_of_time() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("file"), b"").unwrap();
+        for name in ["file/x", "file/a/x"] {
+            assert_eq!(Store::new(folder.path()).stage(name).unwrap_err().exit_code(), ExitCode::Config, "{name}");
+        }
+    }
+}

@@ -1,0 +1,337 @@
+//! Object stores and web servers: the only room that talks to a network. Asynchronous inside, plain calls outside.
+//!
+//! Nothing hangs: connecting takes at most 5 s, a silence while reading 20 s, an answer 40 s, thrice, a reader's
+//! request is tried again 24 times and not after 60 s, a writer's for 30 s, and a file must come or go at 50 kB/s. What is read goes to a scratch file piece by piece; what is
+//! written goes up in one piece, so that it is there whole or not at all.
+
+mod connect;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::future::Future;
+use std::io::{self, Seek, Write};
+use std::sync::Arc;
+use std::time::Duration;
+
+use futures_util::StreamExt;
+use object_store::path::Path;
+use object_store::{Error, GetResult, ObjectStore, ObjectStoreExt, PutMode, PutPayload};
+use sha2::{Digest, Sha256};
+use tokio::runtime::{Builder, Runtime};
+use url::Url;
+
+use crate::Location;
+use crate::store::error::StoreError;
+use crate::store::fault::Fault;
+use crate::store::{Listing, META_BYTES_MAX};
+pub(crate) use connect::Patience;
+use connect::{connect, explain, is_absent, is_refused, is_unreachable, too_large};
+
+/// What any request may take, and the slowest that a file may come or go.
+const REQUEST: Duration = Duration::from_secs(120);
+const BYTES_PER_S_MIN: u64 = 50_000;
+/// Largest file that is fetched.
+const FETCH_BYTES_MAX: u64 = 8 << 30;
+/// Largest object that is put. Stores take 5 GB in one piece.
+pub(crate) const OBJECT_BYTES_MAX: u64 = 4 << 30;
+/// What an answer may take before it is asked for again, how often, and the same for a listing of a hundred thousand files.
+const ANSWER: Duration = Duration::from_secs(40);
+const ASKS_MAX: u32 = 3;
+const LISTING: Duration = Duration::from_secs(300);
+/// Times that an object is put if the answer is lost or the store is busy, and how long to wait between.
+const PUTS_MAX: u32 = 3;
+const PUT_PAUSE: Duration = Duration::from_millis(250);
+/// How long another writer is waited for, who is putting the same object or has given up.
+const CONFLICT: Duration = Duration::from_secs(30);
+/// Small files that are asked for at once.
+const READS_AT_ONCE: usize = 64;
+/// Threads that move bytes between sockets and memory.
+const NETWORK_THREADS: usize = 2;
+
+/// A dataset's place in an object store.
+pub(crate) struct Remote {
+    url: Url,
+    prefix: Path,
+    store: Arc<dyn ObjectStore>,
+    /// Whether the store tells what lies below a prefix; web servers do not.
+    lists: bool,
+    runtime: Runtime,
+    fault: Fault,
+}
+
+impl std::fmt::Debug for Remote {
+    /// Without the store, which knows credentials.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Remote({})", self.url)
+    }
+}
+
+/// What came of fetching a file.
+#[derive(Debug)]
+pub(crate) enum Fetched {
+    /// All of it, at its beginning, and its SHA-256 in hex.
+    Whole(File, String),
+    /// There is none.
+    Missing,
+    /// It has another size, this one, and was left there.
+    OtherSize(u64),
+}
+
+impl Remote {
+    /// Gets ready; asks nobody yet.
+    pub(crate) fn open(url: &Url, patience: Patience) -> Result<Self, StoreError> {
+        let failed = |source| StoreError { action: "use the object store", at: place(url), source };
+        // Nobody was asked yet, so whatever is wrong stays wrong.
+        let wrong = |e| failed(io::Error::new(io::ErrorKind::InvalidInput, explain(&e).to_string()));
+        let (store, prefix, lists) = connect(url, patience).map_err(wrong)?;
+        if patience == Patience::Writer && !lists {
+            let text = "a web server takes no datasets: give a folder or an s3://, gs:// or az:// URL";
+            return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, text)));
+        }
+        Self::new(url, store, prefix, lists)
+    }
+
+    /// Reads from this store.
+    pub(crate) fn new(url: &Url, store: Arc<dyn ObjectStore>, prefix: Path, lists: bool) -> Result<Self, StoreError> {
+        let runtime = Builder::new_multi_thread().worker_threads(NETWORK_THREADS).enable_all().build();
+        let failed = |source| StoreError { action: "start threads for", at: place(url), source };
+        let runtime = runtime.map_err(failed)?;
+        Ok(Self { url: url.clone(), prefix, store, lists, runtime, fault: Fault::default() })
+    }
+
+    #[cfg(test)]
+    fn with_fault(self, fault: Fault) -> Self {
+        Self { fault, ..self }
+    }
+
+    pub(crate) fn location(&self, name: &str) -> Location {
+        if name.is_empty() { place(&self.url) } else { place(&self.url).join(name) }
+    }
+
+    /// The bytes of a small file, `None` if there is none.
+    pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        self.runtime.block_on(self.small(name))
+    }
+
+    /// Reads small files, many at once, and hands each on, in order.
+    pub(crate) fn read_each(
+        &self,
+        names: impl Iterator<Item = String>,
+        mut take: impl FnMut(Option<Vec<u8>>),
+    ) -> Result<(), StoreError> {
+        let read = |name: String| async move { self.small(&name).await };
+        self.runtime.block_on(async {
+            let mut files = futures_util::stream::iter(names).map(read).buffered(READS_AT_ONCE);
+            while let Some(file) = files.next().await {
+                take(file?);
+            }
+            Ok(())
+        })
+    }
+
+    async fn small(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        let read = async {
+            let Some(found) = self.get(name).await? else { return Ok(None) };
+            let bytes = found.meta.size;
+            if bytes > META_BYTES_MAX {
+                return Err(too_large(bytes, META_BYTES_MAX));
+            }
+            let body = async { found.bytes().await.map_err(|e| explain(&e)) };
+            Ok(Some(within(time_for(bytes), body).await?.to_vec()))
+        };
+        read.await.map_err(self.failed("read a file", name))
+    }
+
+    async fn get(&self, name: &str) -> io::Result<Option<GetResult>> {
+        let path = self.path(name);
+        let ask = || async {
+            match self.store.get(&path).await {
+                Err(error) if is_absent(&error) => Ok(None),
+                found => found.map(Some).map_err(|e| explain(&e)),
+            }
+        };
+        asked(ANSWER, ask).await
+    }
+
+    /// The size of a file in bytes, `None` if there is none.
+    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
+        self.runtime.block_on(self.head(name)).map_err(self.failed("look at a file", name))
+    }
+
+    async fn head(&self, name: &str) -> io::Result<Option<u64>> {
+        let path = self.path(name);
+        let ask = || async {
+            match self.store.head(&path).await {
+                Err(error) if is_absent(&error) => Ok(None),
+                found => found.map(|meta| Some(meta.size)).map_err(|e| explain(&e)),
+            }
+        };
+        asked(ANSWER, ask).await
+    }
+
+    /// What lies in a folder; `None` where that cannot be asked.
+    pub(crate) fn list(&self, folder: &str) -> Result<Option<Listing>, StoreError> {
+        if !self.lists {
+            return Ok(None);
+        }
+        let path = if folder.is_empty() { self.prefix.clone() } else { self.path(folder) };
+        let listed = self.runtime.block_on(asked(LISTING, || async {
+            match self.store.list_with_delimiter(Some(&path)).await {
+                Err(error) if is_refused(&error) || matches!(error, Error::NotImplemented { .. }) => Ok(None),
+                listed => listed.map(Some).map_err(|e| explain(&e)),
+            }
+        }));
+        let name = |path: &Path| path.filename().unwrap_or_default().to_owned();
+        Ok(listed.map_err(self.failed("list a folder", folder))?.map(|listed| {
+            // Some tools put an empty object in place of the folder itself.
+            let files = listed.objects.iter().filter(|object| object.location != path);
+            let files = files.map(|object| (name(&object.location), Some(object.size)));
+            let folders = listed.common_prefixes.iter().map(|folder| (name(folder), None));
+            files.chain(folders).collect::<BTreeMap<_, _>>()
+        }))
+    }
+
+    /// Fetches a file that should have this size.
+    pub(crate) fn fetch(&self, name: &str, bytes: u64) -> Result<Fetched, StoreError> {
+        let failed = self.failed("fetch a file", name);
+        let scratch = |source| StoreError {
+            action: "keep a fetched file among temporary files",
+            at: Location::Path(std::env::temp_dir()),
+            source,
+        };
+        if bytes > FETCH_BYTES_MAX {
+            return Err(failed(too_large(bytes, FETCH_BYTES_MAX)));
+        }
+        let mut file = tempfile::tempfile().map_err(scratch)?;
+        let mut hash = Sha256::new();
+        let fetch = async {
+            let Some(found) = self.get(name).await? else { return Ok(Ok(Fetched::Missing)) };
+            if found.meta.size != bytes {
+                return Ok(Ok(Fetched::OtherSize(found.meta.size)));
+            }
+            let (mut pieces, mut got) = (found.into_stream(), 0);
+            while let Some(piece) = pieces.next().await {
+                let piece = piece.map_err(|e| explain(&e))?;
+                got += piece.len() as u64;
+                hash.update(&piece);
+                if let Err(e) = file.write_all(&piece) {
+                    return Ok(Err(e)); // the disk's fault, not the store's
+                }
+            }
+            if got != bytes {
+                return Ok(Ok(Fetched::OtherSize(got)));
+            }
+            let sha256 = crate::format::seal::hex(&hash.finalize());
+            Ok(file.rewind().map(|()| Fetched::Whole(file, sha256)))
+        };
+        self.runtime.block_on(within(time_for(bytes), fetch)).map_err(failed)?.map_err(scratch)
+    }
+
+    /// The SHA-256 of a file in hex, `None` if there is none.
+    pub(crate) fn digest(&self, name: &str) -> Result<Option<String>, StoreError> {
+        let read = async {
+            let Some(found) = self.get(name).await? else { return Ok(None) };
+            let limit = time_for(found.meta.size);
+            let (mut pieces, mut hash) = (found.into_stream(), Sha256::new());
+            let body = async {
+                while let Some(piece) = pieces.next().await {
+                    hash.update(piece.map_err(|e| explain(&e))?);
+                }
+                Ok(())
+            };
+            within(limit, body).await?;
+            Ok(Some(crate::format::seal::hex(&hash.finalize())))
+        };
+        self.runtime.block_on(read).map_err(self.failed("read a file", name))
+    }
+
+    /// Puts an object in place of what may be there.
+    pub(crate) fn put(&self, name: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
+        let put = self.put_again(name, bytes.into(), PutMode::Overwrite);
+        self.runtime.block_on(put).map(drop).map_err(self.failed("write a file", name))
+    }
+
+    /// Puts an object unless there is one; whether it did.
+    pub(crate) fn put_new(&self, name: &str, bytes: Vec<u8>) -> Result<bool, StoreError> {
+        let put = self.put_again(name, bytes.into(), PutMode::Create);
+        self.runtime.block_on(put).map_err(self.failed("publish a file", name))
+    }
+
+    /// Puts an object, several times if the answer is lost or the store is busy: it is there then, or comes to be. Whether it
+    /// was put, and not there already.
+    async fn put_again(&self, name: &str, payload: PutPayload, mode: PutMode) -> io::Result<bool> {
+        let limit = time_for(payload.content_length() as u64);
+        let (mut puts, mut pause, mut waited) = (1, PUT_PAUSE, Duration::ZERO);
+        loop {
+            let error = match tokio::time::timeout(limit, self.put_once(name, payload.clone(), mode.clone())).await {
+                Ok(Ok(())) => return Ok(true),
+                // Some stores also say so while another writer is putting it, who may fail yet.
+                Ok(Err(error @ Error::AlreadyExists { .. })) => match self.head(name).await? {
+                    Some(_) if mode == PutMode::Create => return Ok(false),
+                    _ if waited < CONFLICT => {
+                        tokio::time::sleep(pause).await;
+                        (waited, pause) = (waited + pause, 2 * pause);
+                        continue;
+                    }
+                    _ => explain(&error),
+                },
+                // Nobody was there for as long as the client tries, which was long.
+                Ok(Err(error)) if is_unreachable(&error) => return Err(explain(&error)),
+                Ok(Err(error)) => explain(&error),
+                Err(_) => late(limit),
+            };
+            if puts >= PUTS_MAX || matches!(error.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::PermissionDenied)
+            {
+                return Err(error);
+            }
+            puts += 1;
+            tokio::time::sleep(PUT_PAUSE).await;
+        }
+    }
+
+    async fn put_once(&self, name: &str, payload: PutPayload, mode: PutMode) -> Result<(), Error> {
+        let planned = |e: io::Error| Error::Generic { store: "test", source: Box::new(e) };
+        self.fault.check().map_err(planned)?;
+        self.store.put_opts(&self.path(name), payload, mode.into()).await?;
+        self.fault.check_answer().map_err(planned)
+    }
+
+    fn path(&self, name: &str) -> Path {
+        name.split('/').fold(self.prefix.clone(), |path, part| path.join(part))
+    }
+
+    fn failed(&self, action: &'static str, name: &str) -> impl FnOnce(io::Error) -> StoreError {
+        let at = self.location(name);
+        move |source| StoreError { action, at, source }
+    }
+}
+
+fn place(url: &Url) -> Location {
+    Location::Url(Box::new(url.clone()))
+}
+
+/// The longest that so many bytes may take.
+fn time_for(bytes: u64) -> Duration {
+    REQUEST + Duration::from_secs(bytes / BYTES_PER_S_MIN)
+}
+
+/// Waits for something, but not for ever.
+async fn within<T>(limit: Duration, work: impl Future<Output = io::Result<T>>) -> io::Result<T> {
+    tokio::time::timeout(limit, work).await.map_err(|_| late(limit))?
+}
+
+/// Asks, and again if no answer comes.
+async fn asked<T, F: Future<Output = io::Result<T>>>(limit: Duration, ask: impl Fn() -> F) -> io::Result<T> {
+    for _ in 1..ASKS_MAX {
+        if let Ok(answer) = tokio::time::timeout(limit, ask()).await {
+            return answer;
+        }
+    }
+    within(limit, ask()).await
+}
+
+fn late(limit: Duration) -> io::Error {
+    io::Error::new(io::ErrorKind::TimedOut, format!("not done after {} s", limit.as_secs()))
+}

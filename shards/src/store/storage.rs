@@ -1,0 +1,320 @@
+//! A place for a dataset's files: a folder or an object store, read and written in the same way.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::Location;
+use crate::format::layout;
+use crate::format::seal::sha256_of_file;
+use crate::format::summary::FileSummary;
+use crate::store::Listing;
+use crate::store::error::StoreError;
+use crate::store::folder::{Store, Sweep, Swept};
+use crate::store::remote::{Fetched, Patience, Remote};
+use crate::store::staged::{Ready, Staged};
+
+/// Where files are read from and written to.
+#[derive(Debug, Clone)]
+pub(crate) enum Storage {
+    /// A folder: files are opened where they are.
+    Folder(Store),
+    /// An object store: files are fetched, and put whole.
+    Remote(Arc<Remote>),
+}
+
+/// Why a file is not read.
+#[derive(Debug)]
+pub(crate) enum Unread {
+    /// It is not the one that was written.
+    Wrong(String),
+    /// Nobody knows.
+    Store(StoreError),
+}
+
+impl From<StoreError> for Unread {
+    fn from(error: StoreError) -> Self {
+        Self::Store(error)
+    }
+}
+
+/// What came of publishing a small file that must not be there yet.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Published {
+    /// It is there now.
+    New,
+    /// It was there already, with these bytes.
+    Existing(Vec<u8>),
+}
+
+impl Storage {
+    /// A place to read from.
+    pub(crate) fn open(at: &Location) -> Result<Self, StoreError> {
+        Self::new(at, Patience::Reader)
+    }
+
+    /// A place to write to.
+    pub(crate) fn open_to_write(at: &Location) -> Result<Self, StoreError> {
+        Self::new(at, Patience::Writer)
+    }
+
+    fn new(at: &Location, patience: Patience) -> Result<Self, StoreError> {
+        match at {
+            Location::Path(path) => Ok(Self::Folder(Store::new(path))),
+            Location::Url(url) => Remote::open(url, patience).map(|remote| Self::Remote(Arc::new(remote))),
+        }
+    }
+
+    /// Where a file lies, or the dataset itself if the name is empty.
+    pub(crate) fn location(&self, name: &str) -> Location {
+        match self {
+            Self::Folder(store) if name.is_empty() => store.root().into(),
+            Self::Folder(store) => Location::Path(store.path(name)),
+            Self::Remote(remote) => remote.location(name),
+        }
+    }
+
+    /// The bytes of a small file, `None` if there is none.
+    pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        match self {
+            Self::Folder(store) => store.read(name),
+            Self::Remote(remote) => remote.read(name),
+        }
+    }
+
+    /// Reads small files and hands each on, in order: many at once where an answer takes its time.
+    pub(crate) fn read_each(
+        &self,
+        mut names: impl Iterator<Item = String>,
+        mut take: impl FnMut(Option<Vec<u8>>),
+    ) -> Result<(), StoreError> {
+        match self {
+            Self::Folder(store) => names.try_for_each(|name| store.read(&name).map(&mut take)),
+            Self::Remote(remote) => remote.read_each(names, take),
+        }
+    }
+
+    /// The size of a file in bytes, `None` if there is none.
+    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
+        match self {
+            Self::Folder(store) => store.size(name),
+            Self::Remote(remote) => remote.size(name),
+        }
+    }
+
+    /// What lies in a folder; `None` where that cannot be asked.
+    pub(crate) fn list(&self, folder: &str) -> Result<Option<Listing>, StoreError> {
+        match self {
+            Self::Folder(store) => store.list(folder).map(Some),
+            Self::Remote(remote) => remote.list(folder),
+        }
+    }
+
+    /// A shard's file, after a look at its size and its checksum. On a disk the checksum is looked at once, which
+    /// `is_checked` remembers; what was fetched is looked at each time.
+    pub(crate) fn open_file(&self, expected: &FileSummary, is_checked: &AtomicBool) -> Result<File, Unread> {
+        let (file, sha256) = match self {
+            Self::Folder(store) => {
+                size_problem(expected, store.size(&expected.path)?).map_or(Ok(()), |p| Err(Unread::Wrong(p)))?;
+                let mut file = store.open(&expected.path)?;
+                if is_checked.load(Ordering::Acquire) {
+                    return Ok(file);
+                }
+                let sha256 = sha256_of_file(&mut file).map_err(|e| self.unreadable(&expected.path, e))?;
+                (file, sha256)
+            }
+            Self::Remote(remote) => match remote.fetch(&expected.path, expected.bytes)? {
+                Fetched::Whole(file, sha256) => (file, sha256),
+                Fetched::Missing => return Err(Unread::Wrong(MISSING.to_owned())),
+                Fetched::OtherSize(bytes) => return Err(Unread::Wrong(other_size(expected, bytes))),
+            },
+        };
+        if sha256 != expected.sha256 {
+            return Err(Unread::Wrong(format!("sha256 must be {}, got {sha256}", expected.sha256)));
+        }
+        is_checked.store(true, Ordering::Release);
+        Ok(file)
+    }
+
+    /// The SHA-256 of a file in hex, `None` if there is none.
+    pub(crate) fn digest(&self, name: &str) -> Result<Option<String>, StoreError> {
+        match self {
+            Self::Folder(store) if store.size(name)?.is_none() => Ok(None),
+            Self::Folder(store) => {
+                sha256_of_file(&mut store.open(name)?).map(Some).map_err(|e| self.unreadable(name, e))
+            }
+            Self::Remote(remote) => remote.digest(name),
+        }
+    }
+
+    fn unreadable(&self, name: &str, source: io::Error) -> StoreError {
+        StoreError { action: "read a file", at: self.location(name), source }
+    }
+
+    /// Begins a file that will be called `name`.
+    pub(crate) fn stage(&self, name: &str) -> Result<Staged, StoreError> {
+        match self {
+            Self::Folder(store) => store.stage(name),
+            Self::Remote(remote) => Ok(Staged::object(remote, name)),
+        }
+    }
+
+    /// Publishes a small file in place of what may be there.
+    pub(crate) fn publish(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        self.stage_bytes(name, bytes)?.publish()
+    }
+
+    /// Publishes a small file unless there is one.
+    pub(crate) fn publish_new(&self, name: &str, bytes: &[u8]) -> Result<Published, StoreError> {
+        if let Some(existing) = self.read(name)? {
+            // Whoever made it may have been killed before it was flushed.
+            if let (Self::Folder(store), Some(folder)) = (self, Path::new(name).parent()) {
+                store.flush(&store.root().join(folder))?;
+            }
+            return Ok(Published::Existing(existing));
+        }
+        if self.stage_bytes(name, bytes)?.publish_new()? {
+            return Ok(Published::New);
+        }
+        self.read(name)?.map(Published::Existing).ok_or_else(|| self.vanished(name))
+    }
+
+    /// It was there when we came to write it, and gone when we came to read it.
+    pub(crate) fn vanished(&self, name: &str) -> StoreError {
+        let source = io::Error::new(io::ErrorKind::NotFound, "it was there and is gone: does somebody delete files?");
+        StoreError { action: "publish a file", at: self.location(name), source }
+    }
+
+    fn stage_bytes(&self, name: &str, bytes: &[u8]) -> Result<Ready, StoreError> {
+        let mut staged = self.stage(name)?;
+        staged.put(bytes)?;
+        staged.finish()
+    }
+
+    /// Makes a folder, where there are any.
+    pub(crate) fn create_folder(&self, name: &str) -> Result<(), StoreError> {
+        match self {
+            Self::Folder(store) => store.create_folder(&store.path(name)),
+            Self::Remote(_) => Ok(()),
+        }
+    }
+
+    /// What lies in a folder of a dataset that is being written; a store must tell that.
+    pub(crate) fn must_list(&self, folder: &str) -> Result<Listing, StoreError> {
+        self.list(folder)?.ok_or_else(|| {
+            let source = io::Error::new(io::ErrorKind::PermissionDenied, "writing takes the right to list");
+            StoreError { action: "list a folder", at: self.location(folder), source }
+        })
+    }
+
+    /// The names in a folder.
+    pub(crate) fn names(&self, folder: &str) -> Result<Vec<String>, StoreError> {
+        match self {
+            Self::Folder(store) => store.names(folder),
+            Self::Remote(_) => self.must_list(folder).map(|listing| listing.into_keys().collect()),
+        }
+    }
+
+    /// Makes sure that the names in some folders, and those of all folders above, outlive a power cut.
+    pub(crate) fn flush(&self, folders: &[&str]) -> Result<(), StoreError> {
+        let Self::Folder(store) = self else { return Ok(()) };
+        folders.iter().try_for_each(|folder| store.flush(&store.path(folder)))?;
+        store.root().ancestors().skip(1).try_for_each(|above| store.flush(above))
+    }
+
+    /// Whether the dataset of this id lies here.
+    pub(crate) fn holds(&self, dataset_id: &str) -> Result<bool, StoreError> {
+        let info = self.read(layout::INFO)?;
+        Ok(info.is_some_and(|info| crate::format::seal::sha256_hex(&info) == dataset_id))
+    }
+
+    /// Whether a small object that is there is put once more: a store must refuse that.
+    pub(crate) fn check_creates_once(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        let Self::Remote(remote) = self else { return Ok(()) };
+        if !remote.put_new(name, bytes.to_vec())? {
+            return Ok(());
+        }
+        let text = "this store puts an object in place of another although it was told not to (If-None-Match: *)";
+        let source = io::Error::new(io::ErrorKind::InvalidInput, text);
+        Err(StoreError { action: "use the object store", at: self.location(name), source })
+    }
+
+    /// The folder, unless it lies in an object store.
+    pub(crate) fn folder(&self) -> Option<&Path> {
+        match self {
+            Self::Folder(store) => Some(store.root()),
+            Self::Remote(_) => None,
+        }
+    }
+
+    /// Removes what killed writers left in a folder; in an object store they leave nothing.
+    pub(crate) fn sweep(
+        &self,
+        folder: &str,
+        sweep: Sweep,
+        is_needed: bool,
+        swept: &mut Swept,
+    ) -> Result<(), StoreError> {
+        match self {
+            Self::Folder(store) => store.sweep(folder, sweep, is_needed, swept),
+            Self::Remote(_) => Ok(()),
+        }
+    }
+}
+
+const MISSING: &str = "the file is missing";
+
+fn other_size(expected: &FileSummary, bytes: u64) -> String {
+    format!("size must be {} bytes, got {bytes}", expected.bytes)
+}
+
+/// What is wrong with the size of a file, or with there being none.
+pub(crate) fn size_problem(expected: &FileSummary, found: Option<u64>) -> Option<String> {
+    match found {
+        Some(bytes) if bytes == expected.bytes => None,
+        Some(bytes) => Some(other_size(expected, bytes)),
+        None => Some(MISSING.to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ExitCode;
+    use crate::store::fault::{Fault, Kind};
+
+    #[test]
+    fn what_is_there_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let storage = Storage::Folder(Store::new(folder.path()));
+        assert_eq!(storage.publish_new("a/x", b"one").unwrap(), Published::New);
+        assert_eq!(storage.publish_new("a/x", b"two").unwrap(), Published::Existing(b"one".to_vec()));
+        storage.publish("a/x", b"three").unwrap();
+        assert_eq!(storage.read("a/x").unwrap().unwrap(), b"three");
+        assert_eq!(storage.digest("a/x").unwrap().unwrap(), crate::format::seal::sha256_hex(b"three"));
+        assert_eq!(storage.digest("a/y").unwrap(), None);
+    }
+
+    #[test]
+    fn whichever_operation_fails_no_half_file_appears() {
+        for operations in 0..32 {
+            let folder = tempfile::tempdir().unwrap();
+            let storage = Storage::Folder(Store::faulty(folder.path(), Fault::after(operations, Kind::Fail)));
+            let result = storage.publish_new("a/b/x", b"whole");
+            let found = Store::new(folder.path()).read("a/b/x").unwrap();
+            match result {
+                Ok(published) => {
+                    assert_eq!((published, found.as_deref()), (Published::New, Some(&b"whole"[..])));
+                    return;
+                }
+                Err(e) => {
+                    assert_eq!(e.exit_code(), ExitCode::TryAgain);
+                    assert!(found.is_none_or(|found| found == b"whole"), "after {operations} operations");
+                }
+            }
+        }
+        panic!("publishing a file takes fewer than 32 operations");
+    }
+}

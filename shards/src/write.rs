@@ -1,0 +1,19 @@
+//! Writing a dataset, by any number of processes that need not know of each other, until it is complete.
+
+mod begin;
+mod card;
+mod draft;
+mod finalize;
+mod plain_table;
+mod pretend;
+pub mod synthetic;
+mod table_writer;
+mod writer;
+
+pub use begin::BeginError;
+pub use draft::Draft;
+pub use finalize::{FinalizeError, Finalized};
+pub use plain_table::{PlainColumn, PlainTableError, plain_table};
+pub use pretend::pretend_shard;
+pub use table_writer::TableError;
+pub use writer::{ShardWriter, WriteError};

@@ -1,0 +1,219 @@
+//! Beginning a dataset: its place either becomes this dataset, is this dataset already, or is left alone.
+
+use std::path::PathBuf;
+
+use serde_json::Value;
+
+use crate::format::layout;
+use crate::store::{Published, Storage, StoreError, is_staging};
+use crate::{DatasetInfo, Draft, ExitCode, Location, Table};
+
+/// Why a dataset cannot begin in a folder.
+#[derive(Debug, thiserror::Error)]
+pub enum BeginError {
+    /// The info is out of range.
+    #[error("{}", .0.join("; "))]
+    Range(Vec<String>),
+    /// The place holds something that is no dataset.
+    #[error("it holds {entry:?} and no {info}: give an empty or a new place: {at}", info = layout::INFO)]
+    NotEmpty {
+        /// The place.
+        at: Location,
+        /// The first thing found.
+        entry: String,
+    },
+    /// What should be a folder is none.
+    #[error("the dataset must go to a folder, got a file: {}", .0.display())]
+    NotAFolder(PathBuf),
+    /// The place holds another dataset.
+    #[error("it holds another dataset, which differs in {}: {at}", .differences.join(", "))]
+    Other {
+        /// The place.
+        at: Location,
+        /// The first keys that differ, each with what is there and what was asked for.
+        differences: Vec<String>,
+    },
+    /// The place holds a dataset whose info is damaged.
+    #[error("not a dataset's info; it is damaged: {at}")]
+    Damaged {
+        /// The info.
+        at: Location,
+    },
+    /// The disk refused.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+impl BeginError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Range(_) | Self::NotEmpty { .. } | Self::NotAFolder(_) | Self::Other { .. } => ExitCode::Config,
+            Self::Damaged { .. } => ExitCode::Data,
+            Self::Store(error) => error.exit_code(),
+        }
+    }
+}
+
+/// Most differences that are told.
+const DIFFERENCES_MAX: usize = 4;
+
+impl Draft {
+    /// Publishes `meta/info.json`, or finds that it is there with equal contents.
+    ///
+    /// # Errors
+    /// [`BeginError`] if the info is out of range, the place holds another dataset or anything else, or the disk refuses.
+    pub fn begin(at: impl Into<Location>, info: &DatasetInfo) -> Result<Self, BeginError> {
+        let problems = info.problems();
+        if !problems.is_empty() {
+            return Err(BeginError::Range(problems));
+        }
+        Self::begin_in(Storage::open_to_write(&at.into())?, info)
+    }
+
+    pub(crate) fn begin_in(storage: Storage, info: &DatasetInfo) -> Result<Self, BeginError> {
+        let at = storage.location("");
+        if let Some(dir) = storage.folder().filter(|dir| dir.is_file()) {
+            return Err(BeginError::NotAFolder(dir.to_owned()));
+        }
+        let text = info.to_json();
+        // In this order: another process may begin the same dataset just now, and it publishes the info first.
+        if let Some(entry) = first_foreign_entry(&storage)?
+            && storage.size(layout::INFO)?.is_none()
+        {
+            return Err(BeginError::NotEmpty { at, entry });
+        }
+        match storage.publish_new(layout::INFO, text.as_bytes())? {
+            Published::Existing(existing) if existing != text.as_bytes() => {
+                return Err(match differences(&existing, &text) {
+                    Some(differences) => BeginError::Other { at, differences },
+                    None => BeginError::Damaged { at: storage.location(layout::INFO) },
+                });
+            }
+            Published::New | Published::Existing(_) => storage.check_creates_once(layout::INFO, text.as_bytes())?,
+        }
+        for folder in Table::ALL.map(Table::name).into_iter().chain(["meta/shards"]) {
+            storage.create_folder(folder)?;
+        }
+        storage.flush(&["meta", ""])?;
+        Ok(Self { storage, info: info.clone(), dataset_id: info.dataset_id() })
+    }
+}
+
+/// The first entry of a place that a dataset killed at its very beginning would not have left. Hidden files and
+/// `lost+found` are nobody's.
+fn first_foreign_entry(storage: &Storage) -> Result<Option<String>, StoreError> {
+    let is_foreign = |name: &String| !name.starts_with('.') && name != "lost+found" && name != "meta";
+    let in_meta =
+        storage.names("meta")?.into_iter().filter(|name| !is_staging(name)).map(|name| format!("meta/{name}"));
+    Ok(storage.names("")?.into_iter().filter(is_foreign).chain(in_meta).min())
+}
+
+/// What differs; `None` if what is there is damaged.
+fn differences(existing: &[u8], asked: &str) -> Option<Vec<String>> {
+    let existing = serde_json::from_slice::<Value>(existing).ok()?;
+    let asked = serde_json::from_str(asked).unwrap_or_default();
+    let mut found = Vec::new();
+    compare("", &existing, &asked, &mut found);
+    if found.is_empty() {
+        found.push("its spelling only: was meta/info.json edited by hand?".to_owned());
+    }
+    let more = found.len().saturating_sub(DIFFERENCES_MAX);
+    found.truncate(DIFFERENCES_MAX);
+    if more > 0 {
+        found.push(format!("{more} more"));
+    }
+    Some(found)
+}
+
+fn compare(path: &str, existing: &Value, asked: &Value, found: &mut Vec<String>) {
+    match (existing, asked) {
+        (Value::Object(a), Value::Object(b)) => {
+            let mut keys: Vec<&String> = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key))).collect();
+            keys.sort();
+            for key in keys {
+                let inner = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                let missing = Value::String("nothing".to_owned());
+                compare(&inner, a.get(key).unwrap_or(&missing), b.get(key).unwrap_or(&missing), found);
+            }
+        }
+        (a, b) if a == b => {}
+        // Lists of tables may be long: the place that differs says more than both of them.
+        (Value::Array(a), Value::Array(b)) if a.iter().chain(b).any(Value::is_object) => {
+            if a.len() != b.len() {
+                return found.push(format!("{path} ({} of them there, {} asked for)", a.len(), b.len()));
+            }
+            for (place, (a, b)) in a.iter().zip(b).enumerate() {
+                compare(&format!("{path}[{place}]"), a, b, found);
+            }
+        }
+        (Value::Array(_), Value::Array(_)) if path.ends_with(".corners_m") => found.push(path.to_owned()),
+        (a, b) => found.push(format!("{path} ({a} there, {b} asked for)")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use super::*;
+    use crate::write::synthetic;
+
+    fn names(dir: &Path) -> Vec<String> {
+        let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().to_string_lossy().into_owned();
+        fs::read_dir(dir).unwrap().map(name).collect()
+    }
+
+    #[test]
+    fn the_same_dataset_may_begin_again_and_another_may_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("new/folder");
+        let info = synthetic::info(7, 2, 24, 6);
+        Draft::begin(&out, &info).unwrap();
+        Draft::begin(&out, &info).unwrap();
+        let mut other = synthetic::info(8, 2, 24, 6);
+        other.gripper.friction = 0.5;
+        let error = Draft::begin(&out, &other).unwrap_err();
+        assert_eq!(error.exit_code(), ExitCode::Config);
+        let message = error.to_string();
+        assert!(
+            message.contains("gripper.friction (1.0 there, 0.5 asked for), seed (7 there, 8 asked for)"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn a_folder_of_someone_else_is_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("thesis.tex"), "do not lose").unwrap();
+        let error = Draft::begin(dir.path(), &synthetic::info(7, 2, 24, 6)).unwrap_err();
+        assert_eq!(error.exit_code(), ExitCode::Config);
+        assert!(error.to_string().contains("thesis.tex"), "{error}");
+        assert_eq!(names(dir.path()), ["thesis.tex"]);
+    }
+
+    #[test]
+    fn what_a_killed_beginning_leaves_is_taken_over() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::create_dir(dir.path().join("meta")).unwrap();
+        fs::write(dir.path().join("meta/.info.json#host-1-a.tmp"), "{").unwrap();
+        fs::write(dir.path().join(".gitkeep"), "").unwrap();
+        Draft::begin(dir.path(), &synthetic::info(7, 2, 24, 6)).unwrap();
+        assert_eq!(
+            names(&dir.path().join("meta")).iter().filter(|name| !is_staging(name)).count(),
+            2,
+            "info.json, shards/"
+        );
+    }
+
+    #[test]
+    fn a_file_where_the_folder_should_be_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("file");
+        fs::write(&file, "").unwrap();
+        let error = Draft::begin(&file, &synthetic::info(7, 2, 24, 6)).unwrap_err();
+        assert_eq!(error.exit_code(), ExitCode::Config);
+    }
+}

@@ -1,0 +1,179 @@
+//! The dataset card: `README.md` as the Hugging Face hub and people read it. Its columns come from the table of
+//! columns, its snippets from `docs/reading.md`, which the tests run.
+
+use std::fmt::Write as _;
+
+use schema::{Outcome, Rule};
+
+use crate::format::summary::Manifest;
+use crate::text::{bytes, grouped, percent, ratio};
+use crate::{DatasetInfo, Table};
+
+const READING: &str = include_str!("../../../docs/reading.md");
+
+/// The hub's word for a licence that nobody has named: the data are theirs who made them, and only they can. They write it into
+/// the card, which is then left alone.
+const LICENCE: &str = "unknown";
+
+/// The text of the card. The same dataset always has the same card.
+pub(crate) fn card(info: &DatasetInfo, manifest: &Manifest) -> String {
+    let mut text = front_matter(manifest);
+    // Writing to a String cannot fail, here and below.
+    let _ = write!(
+        text,
+        "\n# Grasp attempts in simulation\n\n\
+         {attempts} parallel-jaw grasp attempts on {objects} objects in {scenes} random stacked scenes, executed in \
+         physics and labelled by how they ended. Made by Graspmill \
+         {version} from seed {seed}; `meta/info.json` holds everything needed to make it again, byte for byte.\n",
+        attempts = grouped(manifest.totals.labels.attempts),
+        objects = grouped(manifest.totals.objects),
+        scenes = grouped(manifest.totals.scenes),
+        version = info.code_version,
+        seed = info.seed,
+    );
+    statistics(&mut text, manifest);
+    models(&mut text, info);
+    columns(&mut text, info);
+    text.push_str(CONVENTIONS);
+    text.push('\n');
+    text.push_str(&nested(READING));
+    text
+}
+
+fn front_matter(manifest: &Manifest) -> String {
+    let size = match manifest.totals.labels.attempts {
+        0..1_000 => "n<1K",
+        1_000..10_000 => "1K<n<10K",
+        10_000..100_000 => "10K<n<100K",
+        100_000..1_000_000 => "100K<n<1M",
+        1_000_000..10_000_000 => "1M<n<10M",
+        10_000_000..100_000_000 => "10M<n<100M",
+        100_000_000..1_000_000_000 => "100M<n<1B",
+        _ => "n>1B",
+    };
+    let mut text = format!(
+        "---\npretty_name: Grasp attempts in simulation\nlicense: {LICENCE}\ntask_categories:\n- robotics\ntags:\n- robotics\n- grasping\n\
+         - simulation\n- parallel-jaw\n- tsdf\nsize_categories:\n- {size}\nconfigs:\n"
+    );
+    for table in Table::ALL {
+        let name = table.name();
+        let default = if table == Table::Attempts { "  default: true\n" } else { "" };
+        let _ = write!(text, "- config_name: {name}\n{default}  data_files: \"{name}/*.parquet\"\n");
+    }
+    text.push_str("---\n");
+    text
+}
+
+/// What some columns mean where no axis of an object decides.
+const ALONG_NORMALS: &str = "
+Rules that end in `_normal` are VGN's: the hand comes along the normal of a seen surface point, and several attempts in a row
+share the point. There `approach_axis` and `closing_axis` are `normal`, `depth_m` is how far behind the surface the finger tips end, and
+`turn_rad` is the yaw about the approach.
+";
+
+fn statistics(text: &mut String, manifest: &Manifest) {
+    let totals = &manifest.totals;
+    let labels = totals.labels;
+    let _ = write!(
+        text,
+        "\n## What is in it\n\nPositives : negatives = **{}** ({} of attempts held the object).\n\n\
+         | outcome | attempts | share |\n|---|---:|---:|\n",
+        ratio(labels),
+        percent(labels.positive_share()),
+    );
+    for outcome in Outcome::ALL {
+        let count = totals.outcome(outcome);
+        let share = count as f64 / labels.attempts.max(1) as f64;
+        let _ = writeln!(text, "| `{}` | {} | {} |", outcome.name(), grouped(count), percent(share));
+    }
+    text.push_str("\n| rule | attempts | positive |\n|---|---:|---:|\n");
+    let has = |rule: &Rule| totals.rule(*rule).attempts > 0;
+    let along_normals = Rule::along_normals().into_iter().chain([Rule::of_model(0)]).filter(has);
+    let by_axes = Rule::all().into_iter().filter(|_| !has(&Rule::of_model(0)));
+    for rule in by_axes.chain(along_normals) {
+        let tally = totals.rule(rule);
+        let share = percent(tally.positive_share());
+        let _ = writeln!(text, "| `{}` | {} | {share} |", rule.name(), grouped(tally.attempts));
+    }
+    if Rule::along_normals().iter().chain([&Rule::of_model(0)]).any(has) {
+        text.push_str(ALONG_NORMALS);
+    }
+    text.push_str("\n| table | rows | bytes |\n|---|---:|---:|\n");
+    for table in Table::ALL {
+        let rows = manifest.shards.iter().map(|s| s.file(table).rows).sum();
+        let _ = writeln!(text, "| `{}` | {} | {} |", table.name(), grouped(rows), bytes(manifest.bytes(table)));
+    }
+    let rejected = totals.rejections;
+    let _ = writeln!(
+        text,
+        "\n{} scenes were thrown away on the way: {} did not come to rest, {} lost every object, {} broke the physics.",
+        grouped(rejected.total()),
+        grouped(rejected.unsettled),
+        grouped(rejected.empty),
+        grouped(rejected.unstable),
+    );
+}
+
+/// What the objects are, if they are no primitives.
+fn models(text: &mut String, info: &DatasetInfo) {
+    if info.models.is_empty() {
+        return;
+    }
+    text.push_str(MODELS);
+    for model in &info.models {
+        let [x, y, z] = (model.extents_m * 1000.0).to_array();
+        let (name, grams, parts) = (&model.name, model.mass_kg * 1000.0, model.parts_m.len());
+        let _ = writeln!(text, "| `{name}` | {x:.1} × {y:.1} × {z:.1} | {grams:.1} | {} | {parts} |", model.friction);
+    }
+}
+
+const MODELS: &str = "
+## Objects
+
+The objects are models, and `shape` is a model's name. `models` in `meta/info.json` has them whole: mass, friction, and of each
+convex part the corners in the object's frame. `size_x_m` and so on are the bounding box, `volume_m3` is the sum of the parts.
+
+| model | size, mm | mass, g | friction | parts |
+|---|---:|---:|---:|---:|
+";
+
+fn columns(text: &mut String, info: &DatasetInfo) {
+    text.push_str("\n## Columns\n");
+    for table in Table::ALL {
+        let _ = write!(text, "\n### {}\n\n| column | type | meaning |\n|---|---|---|\n", table.name());
+        crate::manual::table_rows(text, table, info.grid.resolution);
+    }
+}
+
+const CONVENTIONS: &str = "
+## Conventions
+
+SI units; a name carries its unit. Quaternions are xyzw. `workspace`: a cube, origin at a lower corner, z up. `grasp`:
+origin midway between the finger tips, +z approach, +y closing; a half turn about z is the same grasp. Round objects
+have flat facets everywhere. Frames, gripper and the attempt's procedure stand in `meta/info.json`.
+";
+
+/// Markdown with every heading one level deeper; what stands between fences is left alone.
+fn nested(markdown: &str) -> String {
+    let mut in_fence = false;
+    let mut text = String::with_capacity(markdown.len() + 64);
+    for line in markdown.lines() {
+        in_fence ^= line.starts_with("```");
+        if line.starts_with('#') && !in_fence {
+            text.push('#');
+        }
+        text.push_str(line);
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headings_go_down_and_code_stays() {
+        assert_eq!(nested("# A\n```python\n# b\n```\n## C\n"), "## A\n```python\n# b\n```\n### C\n");
+    }
+}

@@ -1,0 +1,106 @@
+//! A dataset that is being written. Many programs may hold one of the same dataset at once, on many machines: there is no
+//! lock, no clock and no coordinator, only files that are made and never changed.
+
+use crate::format::summary::ShardSummary;
+use crate::format::{layout, seal};
+use crate::read::dataset::read_info;
+use crate::store::{Storage, StoreError, Sweep, Swept};
+use crate::write::writer::{ShardWriter, WriteError};
+use crate::{DatasetInfo, Location, ReadError, Table};
+
+/// A dataset that is being written, in a folder or an object store.
+#[derive(Debug)]
+pub struct Draft {
+    pub(crate) storage: Storage,
+    pub(crate) info: DatasetInfo,
+    pub(crate) dataset_id: String,
+}
+
+impl Draft {
+    /// Opens what [`Draft::begin`] has begun.
+    ///
+    /// # Errors
+    /// [`ReadError`] if there is no dataset, or its info is damaged.
+    pub fn open(at: impl Into<Location>) -> Result<Self, ReadError> {
+        let at = at.into();
+        let storage = Storage::open_to_write(&at)?;
+        let (info, dataset_id) = read_info(&storage, &at)?;
+        Ok(Self { storage, info, dataset_id })
+    }
+
+    /// Where it lies.
+    #[must_use]
+    pub fn location(&self) -> Location {
+        self.storage.location("")
+    }
+
+    /// What the dataset is.
+    #[must_use]
+    pub fn info(&self) -> &DatasetInfo {
+        &self.info
+    }
+
+    /// Begins a shard.
+    ///
+    /// # Errors
+    /// [`WriteError`] if there is no such shard or the disk refuses.
+    pub fn shard(&self, shard: u32) -> Result<ShardWriter, WriteError> {
+        ShardWriter::create(self.storage.clone(), &self.info, &self.dataset_id, shard)
+    }
+
+    /// Whether a shard is there: its marker, of this dataset, and files of the sizes that the marker says.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the disk refuses.
+    pub fn is_committed(&self, shard: u32) -> Result<bool, StoreError> {
+        let marker = self.storage.read(&layout::marker(shard))?;
+        let Some(summary) = marker.and_then(|bytes| self.summary(shard, bytes)) else { return Ok(false) };
+        for table in Table::ALL {
+            let file = summary.file(table);
+            if self.storage.size(&file.path)? != Some(file.bytes) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// What a marker says, unless it is damaged or not this shard's.
+    pub(crate) fn summary(&self, shard: u32, marker: Vec<u8>) -> Option<ShardSummary> {
+        let summary = seal::unseal::<ShardSummary>(marker).ok()?;
+        (summary.shard == shard && summary.problems(&self.info, &self.dataset_id).is_empty()).then_some(summary)
+    }
+
+    /// Makes sure that all names in the dataset's folders outlive a power cut.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the disk refuses.
+    pub fn flush(&self) -> Result<(), StoreError> {
+        self.storage.flush(&FOLDERS)
+    }
+
+    /// Whether this dataset is still the one in its place.
+    pub(crate) fn is_in_place(&self) -> Result<bool, StoreError> {
+        self.storage.holds(&self.dataset_id)
+    }
+
+    /// Removes what killed writers left. In an object store they leave nothing: an object is put whole. When all shards are
+    /// there nobody needs what is left, so that [`Sweep::Dead`] removes all.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the disk refuses.
+    pub fn sweep(&self, sweep: Sweep) -> Result<Swept, StoreError> {
+        let is_needed = sweep != Sweep::All && !self.missing()?.is_empty();
+        self.sweep_folders(sweep, is_needed)
+    }
+
+    pub(crate) fn sweep_folders(&self, sweep: Sweep, is_needed: bool) -> Result<Swept, StoreError> {
+        let mut swept = Swept::default();
+        for folder in FOLDERS {
+            self.storage.sweep(folder, sweep, is_needed, &mut swept)?;
+        }
+        Ok(swept)
+    }
+}
+
+/// A dataset's folders, those above last.
+pub(crate) const FOLDERS: [&str; 6] = ["attempts", "scenes", "objects", "meta/shards", "meta", ""];

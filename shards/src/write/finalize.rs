@@ -1,0 +1,167 @@
+//! Completing a dataset: when every shard has its marker, the manifest, the dataset card and the success mark are written.
+//! Anyone may do this, at any time, any number of times: the bytes are always the same.
+
+use std::collections::BTreeSet;
+
+use crate::format::summary::{Manifest, ShardSummary};
+use crate::format::{layout, seal};
+use crate::store::{Listing, Published, StoreError, Sweep, size_problem};
+use crate::write::card;
+use crate::{Draft, ExitCode, Location, Table};
+
+/// What came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Finalized {
+    /// The dataset is complete.
+    Complete(Manifest),
+    /// Shards are missing, or their files are not of the size that was written.
+    Incomplete {
+        /// Their numbers, in order.
+        missing: Vec<u32>,
+    },
+}
+
+/// Why a dataset cannot be completed.
+#[derive(Debug, thiserror::Error)]
+pub enum FinalizeError {
+    /// The disk refused.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// While it was being completed, the dataset went away, and perhaps another came.
+    #[error("the dataset is gone, or another is in its place: {at}")]
+    Replaced {
+        /// The place.
+        at: Location,
+    },
+    /// There is a manifest, and it says something else.
+    #[error(
+        "{} is there, sealed, and not what the markers make it, SHA-256 {before} there and {now} now: was a shard made \
+         again by another program? If so, delete it, {} and {}, and finalize again",
+        layout::MANIFEST,
+        layout::CARD,
+        layout::SUCCESS
+    )]
+    NotReproduced {
+        /// SHA-256 of the manifest that is there.
+        before: String,
+        /// SHA-256 of the new one.
+        now: String,
+    },
+}
+
+impl FinalizeError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Store(error) => error.exit_code(),
+            Self::Replaced { .. } => ExitCode::Config,
+            Self::NotReproduced { .. } => ExitCode::Data,
+        }
+    }
+}
+
+impl Draft {
+    /// The shards that are not there, in order: without a marker of this dataset, or without files of the sizes that the
+    /// marker says.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the disk refuses.
+    pub fn missing(&self) -> Result<Vec<u32>, StoreError> {
+        self.committed(|_| ())
+    }
+
+    /// The shards without a marker, in order: a quick look, for one who will look closer.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the disk refuses.
+    pub fn unmarked(&self) -> Result<Vec<u32>, StoreError> {
+        let markers: BTreeSet<String> = self.storage.names("meta/shards")?.into_iter().collect();
+        let has_marker = |shard: &u32| markers.contains(file_name(&layout::marker(*shard)));
+        Ok((0..self.info.shard_count).filter(|shard| !has_marker(shard)).collect())
+    }
+
+    /// Hands on what every committed shard's marker says, in order; the numbers of the others.
+    fn committed(&self, mut take: impl FnMut(ShardSummary)) -> Result<Vec<u32>, StoreError> {
+        let listings = self.listings()?;
+        let (mut missing, mut doubtful) = (Vec::new(), Vec::new());
+        let mut next = 0;
+        let names = (0..self.info.shard_count).map(layout::marker);
+        self.storage.read_each(names, |marker| {
+            let shard = next;
+            next += 1;
+            match marker.and_then(|bytes| self.summary(shard, bytes)) {
+                Some(summary) => {
+                    if !is_listed(&summary, &listings) {
+                        doubtful.push(summary.clone());
+                    }
+                    take(summary);
+                }
+                None => missing.push(shard),
+            }
+        })?;
+        if !doubtful.is_empty() {
+            // They may have been committed after we listed.
+            let listings = self.listings()?;
+            doubtful.retain(|summary| !is_listed(summary, &listings));
+            missing.extend(doubtful.iter().map(|summary| summary.shard));
+            missing.sort_unstable();
+        }
+        Ok(missing)
+    }
+
+    fn listings(&self) -> Result<Vec<(Table, Listing)>, StoreError> {
+        Table::ALL.into_iter().map(|table| Ok((table, self.storage.must_list(table.name())?))).collect()
+    }
+
+    fn check_in_place(&self) -> Result<(), FinalizeError> {
+        if self.is_in_place()? { Ok(()) } else { Err(FinalizeError::Replaced { at: self.location() }) }
+    }
+
+    /// Writes `meta/manifest.json`, `README.md` and `_SUCCESS` if every shard is there. What is there already stays: a
+    /// card that somebody wrote on, and a manifest, which must be the same.
+    ///
+    /// # Errors
+    /// [`FinalizeError`] if the disk refuses, or there is a manifest that says something else.
+    pub fn finalize(&self) -> Result<Finalized, FinalizeError> {
+        let mut shards = Vec::new();
+        let missing = self.committed(|summary| shards.push(summary))?;
+        if !missing.is_empty() {
+            return Ok(Finalized::Incomplete { missing });
+        }
+        // Whoever made these files may have been killed before they were flushed.
+        self.flush()?;
+        let manifest = Manifest::new(&self.info, self.dataset_id.clone(), shards);
+        self.check_in_place()?;
+        self.storage.publish_new(layout::CARD, card::card(&self.info, &manifest).as_bytes())?;
+        let text = seal::seal(&manifest);
+        self.check_in_place()?;
+        if let Published::Existing(before) = self.storage.publish_new(layout::MANIFEST, text.as_bytes())?
+            && before != text.as_bytes()
+        {
+            if seal::unseal::<Manifest>(before.clone()).is_ok() {
+                let (before, now) = (seal::sha256_hex(&before), seal::sha256_hex(text.as_bytes()));
+                return Err(FinalizeError::NotReproduced { before, now });
+            }
+            self.storage.publish(layout::MANIFEST, text.as_bytes())?; // in place of a damaged one
+        }
+        self.storage.publish_new(layout::SUCCESS, b"")?;
+        // The dataset is complete whatever comes of this. Writers that are still at it find that all is there.
+        if let Err(error) = self.sweep_folders(Sweep::Dead, false) {
+            tracing::warn!(%error, "what killed writers left was not removed");
+        }
+        Ok(Finalized::Complete(manifest))
+    }
+}
+
+/// Whether a shard's files are listed with the sizes that its marker says.
+fn is_listed(summary: &ShardSummary, listings: &[(Table, Listing)]) -> bool {
+    listings.iter().all(|(table, listing)| {
+        let file = summary.file(*table);
+        size_problem(file, listing.get(file_name(&file.path)).copied().flatten()).is_none()
+    })
+}
+
+fn file_name(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or_default()
+}

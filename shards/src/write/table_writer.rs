@@ -1,0 +1,109 @@
+//! A Parquet file being written: how each column is encoded, and the constants that keep the bytes the same on every
+//! machine.
+//!
+//! Measured with `examples/codecs.rs` on scenes of one to six views, 40³ voxels of which half are 0, bytes a scene and
+//! milliseconds to write one: plain 264,274 (0.8 ms); zstd 1 43,635 (0.9); zstd 1 over BYTE_STREAM_SPLIT 33,310 (1.0);
+//! zstd 3 33,495 (1.1); zstd 6 32,163 (2.2); zstd 9 31,636 (2.8); dictionary 66,604 (2.2). Reading takes 0.7 to 0.9 ms
+//! whatever the codec. On scenes from physics: plain 264,322; zstd 1 44,011; over BYTE_STREAM_SPLIT 38,340; zstd 9
+//! 36,218. Higher levels cost more time than they save bytes; BYTE_STREAM_SPLIT costs nothing.
+
+use arrow::array::RecordBatch;
+use parquet::arrow::ArrowWriter;
+use parquet::basic::{Compression, Encoding, ZstdLevel};
+use parquet::errors::ParquetError;
+use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersion};
+use parquet::schema::types::ColumnPath;
+
+use crate::format::column::{Kind, float_leaves};
+use crate::format::layout;
+use crate::format::summary::FileSummary;
+use crate::store::{Ready, Staged, Storage, StoreError, Trouble};
+use crate::{FormatVersion, Table};
+
+/// Why a table could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    /// The disk refused.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The columns could not be made or written.
+    #[error("failed to write {table}: {message}", table = .table.name())]
+    Write {
+        /// The table.
+        table: Table,
+        /// What happened.
+        message: String,
+    },
+}
+
+/// zstd level of every column.
+const ZSTD_LEVEL: i32 = 1;
+
+/// A table's file of one shard.
+pub(crate) struct TableWriter {
+    table: Table,
+    name: String,
+    rows: u64,
+    trouble: Trouble,
+    parquet: ArrowWriter<Staged>,
+}
+
+impl TableWriter {
+    pub(crate) fn create(
+        storage: &Storage,
+        table: Table,
+        [shard, shard_count]: [u32; 2],
+        resolution: usize,
+    ) -> Result<Self, TableError> {
+        let name = layout::table_file(table, shard, shard_count);
+        let staged = storage.stage(&name)?;
+        let trouble = staged.trouble();
+        let parquet = ArrowWriter::try_new(staged, table.arrow_schema(resolution), Some(properties(table)?))
+            .map_err(|e| broken(table, &trouble, &e))?;
+        Ok(Self { table, name, rows: 0, trouble, parquet })
+    }
+
+    pub(crate) fn write(&mut self, batch: &RecordBatch) -> Result<(), TableError> {
+        self.rows += batch.num_rows() as u64;
+        self.parquet.write(batch).map_err(|e| broken(self.table, &self.trouble, &e))
+    }
+
+    /// Ends the row group.
+    pub(crate) fn flush(&mut self) -> Result<(), TableError> {
+        self.parquet.flush().map_err(|e| broken(self.table, &self.trouble, &e))
+    }
+
+    /// Writes the footer and flushes the file to the disk, without giving it its name yet.
+    pub(crate) fn finish(self) -> Result<(Ready, FileSummary), TableError> {
+        let staged = self.parquet.into_inner().map_err(|e| broken(self.table, &self.trouble, &e))?;
+        let ready = staged.finish()?;
+        let summary =
+            FileSummary { path: self.name, bytes: ready.bytes, rows: self.rows, sha256: ready.sha256.clone() };
+        Ok((ready, summary))
+    }
+}
+
+fn properties(table: Table) -> Result<WriterProperties, TableError> {
+    let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(|e| TableError::Write { table, message: e.to_string() })?;
+    let mut builder = WriterProperties::builder()
+        .set_created_by(format!("graspmill format {}", FormatVersion::CURRENT.number()))
+        .set_writer_version(WriterVersion::PARQUET_1_0)
+        .set_max_row_group_row_count(None) // row groups end where the writer says: all tables after the same scene
+        .set_compression(Compression::ZSTD(level));
+    for column in table.columns() {
+        for path in float_leaves(column).into_iter().map(ColumnPath::new) {
+            builder = builder
+                .set_column_dictionary_enabled(path.clone(), false)
+                .set_column_encoding(path.clone(), Encoding::BYTE_STREAM_SPLIT);
+            if column.kind == Kind::Voxels {
+                builder = builder.set_column_statistics_enabled(path, EnabledStatistics::None);
+            }
+        }
+    }
+    Ok(builder.build())
+}
+
+/// The disk's error, if it was the disk.
+fn broken(table: Table, trouble: &Trouble, error: &ParquetError) -> TableError {
+    trouble.error().map_or_else(|| TableError::Write { table, message: error.to_string() }, TableError::Store)
+}

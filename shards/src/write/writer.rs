@@ -1,0 +1,396 @@
+//! Writing a shard: scenes in order, a few at a time, into three files that appear together or not at all.
+
+use std::ops::Range;
+
+use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
+
+use crate::format::check::{self, RowError};
+use crate::format::summary::{Counts, FileSummary, ShardSummary};
+use crate::format::{encode, layout, seal};
+use crate::store::{Published, Ready, Storage, StoreError};
+use crate::write::table_writer::{TableError, TableWriter};
+use crate::{DatasetInfo, ExitCode, Location, SCENES_PER_ROW_GROUP, Table};
+
+/// Scenes turned into columns at once; bounds what a writer holds, 4 MB of grids.
+const SCENES_PER_BATCH: usize = 16;
+
+/// Why a shard was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// There is no such shard.
+    #[error("shard must be below {shard_count}, got {shard}")]
+    NoSuchShard {
+        /// What was asked for.
+        shard: u32,
+        /// How many there are.
+        shard_count: u32,
+    },
+    /// A row breaks a rule: a defect of whoever made it.
+    #[error("shard {shard}, scene {scene_id}: {source}")]
+    Row {
+        /// The shard.
+        shard: u32,
+        /// The scene.
+        scene_id: u64,
+        /// The rule.
+        source: RowError,
+    },
+    /// A scene came out of order, or too few came.
+    #[error("shard {shard} must go on with scene {expected} of {}..{}, got {got}", .scenes.start, .scenes.end)]
+    Order {
+        /// The shard.
+        shard: u32,
+        /// Its scenes.
+        scenes: Range<u64>,
+        /// The next scene.
+        expected: u64,
+        /// What came instead.
+        got: String,
+    },
+    /// The disk refused.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A table could not be written.
+    #[error("shard {shard}: {source}")]
+    Table {
+        /// The shard.
+        shard: u32,
+        /// What happened.
+        source: TableError,
+    },
+    /// While a shard was being made, its dataset went away, and perhaps another came.
+    #[error("the dataset that this shard belongs to is gone, or another is in its place: {at}")]
+    Replaced {
+        /// The place.
+        at: Location,
+    },
+    /// The shard was written before, with other bytes.
+    #[error(
+        "shard {shard} came out differently from before, {file} has SHA-256 {before} there and {now} now: is the code or \
+         the machine another? If the file is damaged, delete it and run again"
+    )]
+    NotReproduced {
+        /// The shard.
+        shard: u32,
+        /// The file, or the marker.
+        file: String,
+        /// SHA-256 of what is there.
+        before: String,
+        /// SHA-256 of the new one.
+        now: String,
+    },
+}
+
+impl WriteError {
+    /// The code to end with.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::NoSuchShard { .. } | Self::Replaced { .. } => ExitCode::Config,
+            Self::Row { .. } | Self::Order { .. } => ExitCode::Internal,
+            Self::Store(error) => error.exit_code(),
+            Self::Table { source: TableError::Store(error), .. } => error.exit_code(),
+            Self::Table { .. } => ExitCode::Internal,
+            Self::NotReproduced { .. } => ExitCode::Data,
+        }
+    }
+}
+
+/// Writes one shard. Dropped before [`ShardWriter::commit`], it leaves nothing that counts.
+pub struct ShardWriter {
+    info: DatasetInfo,
+    dataset_id: String,
+    storage: Storage,
+    shard: u32,
+    scenes: Range<u64>,
+    next: u64,
+    counts: Counts,
+    attempts: (TableWriter, Vec<AttemptRecord>),
+    objects: (TableWriter, Vec<ObjectRecord>),
+    grids: (TableWriter, Vec<SceneRecord>),
+}
+
+impl std::fmt::Debug for ShardWriter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ShardWriter").field("shard", &self.shard).field("next", &self.next).finish_non_exhaustive()
+    }
+}
+
+impl ShardWriter {
+    pub(crate) fn create(
+        storage: Storage,
+        info: &DatasetInfo,
+        dataset_id: &str,
+        shard: u32,
+    ) -> Result<Self, WriteError> {
+        if shard >= info.shard_count {
+            return Err(WriteError::NoSuchShard { shard, shard_count: info.shard_count });
+        }
+        let open = |table| {
+            TableWriter::create(&storage, table, [shard, info.shard_count], info.grid.resolution)
+                .map_err(|source| WriteError::Table { shard, source })
+        };
+        let scenes = info.scenes_of(shard);
+        Ok(Self {
+            attempts: (open(Table::Attempts)?, Vec::new()),
+            objects: (open(Table::Objects)?, Vec::new()),
+            grids: (open(Table::Scenes)?, Vec::new()),
+            info: info.clone(),
+            dataset_id: dataset_id.to_owned(),
+            storage,
+            shard,
+            next: scenes.start,
+            scenes,
+            counts: Counts::zero(),
+        })
+    }
+
+    /// The scene that comes next; the end of the shard's range when all are there.
+    #[must_use]
+    pub fn next_scene(&self) -> u64 {
+        self.next
+    }
+
+    /// Adds a scene, strictly in the order of scene ids.
+    ///
+    /// # Errors
+    /// [`WriteError`] if the scene is not the next one, a row breaks a rule, or the disk refuses.
+    pub fn push(&mut self, rows: &SceneRows) -> Result<(), WriteError> {
+        let scene_id = rows.scene.scene_id;
+        if scene_id != self.next || !self.scenes.contains(&scene_id) {
+            return Err(self.out_of_order(format!("scene {scene_id}")));
+        }
+        check::scene_rows(rows, &self.info).map_err(|source| WriteError::Row {
+            shard: self.shard,
+            scene_id,
+            source,
+        })?;
+        self.counts.count(rows);
+        self.attempts.1.extend_from_slice(&rows.attempts);
+        self.objects.1.extend_from_slice(&rows.objects);
+        self.grids.1.push(rows.scene.clone());
+        self.next += 1;
+        let ends_row_group = (self.next - self.scenes.start).is_multiple_of(SCENES_PER_ROW_GROUP);
+        if ends_row_group || self.grids.1.len() >= SCENES_PER_BATCH {
+            self.write_batch(ends_row_group).map_err(|source| WriteError::Table { shard: self.shard, source })?;
+        }
+        Ok(())
+    }
+
+    fn out_of_order(&self, got: String) -> WriteError {
+        WriteError::Order { shard: self.shard, scenes: self.scenes.clone(), expected: self.next, got }
+    }
+
+    fn write_batch(&mut self, ends_row_group: bool) -> Result<(), TableError> {
+        let made = |table, batch: Result<_, arrow::error::ArrowError>| {
+            batch.map_err(|e| TableError::Write { table, message: e.to_string() })
+        };
+        if !self.grids.1.is_empty() {
+            self.attempts.0.write(&made(Table::Attempts, encode::attempts(&self.attempts.1, &self.info.models))?)?;
+            self.objects.0.write(&made(Table::Objects, encode::objects(&self.objects.1, &self.info.models))?)?;
+            let resolution = self.info.grid.resolution;
+            self.grids.0.write(&made(Table::Scenes, encode::scenes(&self.grids.1, resolution))?)?;
+        }
+        self.attempts.1.clear();
+        self.objects.1.clear();
+        self.grids.1.clear();
+        if ends_row_group {
+            for table in [&mut self.attempts.0, &mut self.objects.0, &mut self.grids.0] {
+                table.flush()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends the shard: the three files get their names, then the marker is written, which makes the shard count. What is
+    /// there already is compared, not replaced: two writers of one shard write the same.
+    ///
+    /// # Errors
+    /// [`WriteError`] if scenes are missing, the disk refuses, or the shard was written before with other bytes.
+    pub fn commit(mut self) -> Result<ShardSummary, WriteError> {
+        if self.next != self.scenes.end {
+            return Err(self.out_of_order("the end".to_owned()));
+        }
+        let shard = self.shard;
+        let in_shard = |source| WriteError::Table { shard, source };
+        self.write_batch(false).map_err(in_shard)?;
+        let (attempts_file, attempts) = self.attempts.0.finish().map_err(in_shard)?;
+        let (objects_file, objects) = self.objects.0.finish().map_err(in_shard)?;
+        let (scenes_file, scenes) = self.grids.0.finish().map_err(in_shard)?;
+        let summary =
+            ShardSummary { dataset_id: self.dataset_id, shard, attempts, scenes, objects, counts: self.counts };
+        let marker = layout::marker(shard);
+        let text = seal::seal(&summary);
+        // The folder may have been emptied and another dataset begun in it while we worked.
+        check_identity(&self.storage, &summary.dataset_id)?;
+        // A marker that says what we say proves our bytes: what else is there is damaged.
+        let is_proven = match self.storage.read(&marker)? {
+            Some(before) => compare(shard, &marker, &before, &text)?,
+            None => false,
+        };
+        let files = [(attempts_file, Table::Attempts), (objects_file, Table::Objects), (scenes_file, Table::Scenes)];
+        for (file, table) in files {
+            publish(&self.storage, shard, file, summary.file(table), is_proven)?;
+        }
+        check_identity(&self.storage, &summary.dataset_id)?;
+        if let Published::Existing(before) = self.storage.publish_new(&marker, text.as_bytes())?
+            && !compare(shard, &marker, &before, &text)?
+        {
+            self.storage.publish(&marker, text.as_bytes())?; // in place of a damaged one
+        }
+        Ok(summary)
+    }
+}
+
+fn check_identity(storage: &Storage, dataset_id: &str) -> Result<(), WriteError> {
+    if storage.holds(dataset_id)? { Ok(()) } else { Err(WriteError::Replaced { at: storage.location("") }) }
+}
+
+/// Publishes a file, or finds that the same is there. Another is replaced only if ours is proven to be right.
+fn publish(
+    storage: &Storage,
+    shard: u32,
+    file: Ready,
+    summary: &FileSummary,
+    is_proven: bool,
+) -> Result<(), WriteError> {
+    let before = if is_proven { storage.digest(&summary.path)? } else { None };
+    if before.is_some_and(|before| before != summary.sha256) {
+        return Ok(file.publish()?);
+    }
+    if file.publish_new()? {
+        return Ok(());
+    }
+    let before = storage.digest(&summary.path)?.ok_or_else(|| storage.vanished(&summary.path))?;
+    if before == summary.sha256 {
+        return Ok(());
+    }
+    Err(WriteError::NotReproduced { shard, file: summary.path.clone(), before, now: summary.sha256.clone() })
+}
+
+/// Whether a marker that is there says the same; not if it is damaged and says nothing.
+fn compare(shard: u32, marker: &str, before: &[u8], now: &str) -> Result<bool, WriteError> {
+    if before == now.as_bytes() {
+        return Ok(true);
+    }
+    if seal::unseal::<ShardSummary>(before.to_vec()).is_err() {
+        return Ok(false);
+    }
+    let (before, now) = (seal::sha256_hex(before), seal::sha256_hex(now.as_bytes()));
+    Err(WriteError::NotReproduced { shard, file: marker.to_owned(), before, now })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Draft;
+    use crate::store::{Fault, Kind, Store};
+    use crate::write::synthetic;
+    use std::path::Path;
+    use std::process::{Command, Stdio};
+
+    fn info() -> DatasetInfo {
+        let mut info = synthetic::info(9, 2, 70, 5);
+        info.grid.resolution = 4;
+        info
+    }
+
+    fn write(dir: &Path, fault: Fault) -> Result<ShardSummary, WriteError> {
+        let draft = Draft::begin(dir, &info()).unwrap();
+        let draft = Draft { storage: Storage::Folder(Store::faulty(dir, fault)), ..draft };
+        let mut writer = draft.shard(1)?;
+        for scene in draft.info.scenes_of(1) {
+            writer.push(&synthetic::scene_rows(scene, draft.info.seed, &draft.info))?;
+        }
+        writer.commit()
+    }
+
+    fn is_committed(dir: &Path) -> bool {
+        Draft::open(dir).unwrap().is_committed(1).unwrap()
+    }
+
+    /// A shard counts only if it is whole, whenever its writer stopped.
+    fn check_stopped(dir: &Path, expected: &ShardSummary, when: u64) {
+        let storage = Storage::Folder(Store::new(dir));
+        for file in Table::ALL.map(|table| expected.file(table)) {
+            let found = storage.digest(&file.path).unwrap();
+            assert!(found.is_none_or(|found| found == file.sha256), "half a file after {when} operations");
+        }
+        let marker = storage.read(&layout::marker(1)).unwrap();
+        assert_eq!(is_committed(dir), marker.is_some(), "after {when} operations");
+        assert_eq!(&write(dir, Fault::default()).unwrap(), expected);
+        assert!(is_committed(dir));
+    }
+
+    #[test]
+    fn whichever_operation_fails_the_shard_does_not_count_and_can_be_written_again() {
+        let whole = tempfile::tempdir().unwrap();
+        let expected = write(whole.path(), Fault::default()).unwrap();
+        for operations in 0..10_000 {
+            let dir = tempfile::tempdir().unwrap();
+            let result = write(dir.path(), Fault::after(operations, Kind::Fail));
+            if let Ok(summary) = result {
+                assert_eq!(summary, expected);
+                assert!(operations > 10, "a shard takes more than {operations} operations");
+                return;
+            }
+            assert_eq!(result.unwrap_err().exit_code(), ExitCode::TryAgain, "after {operations} operations");
+            check_stopped(dir.path(), &expected, operations);
+        }
+        panic!("a shard takes fewer than 10,000 operations");
+    }
+
+    const KILLED_DIR: &str = "SHARDS_TEST_KILLED_AT_DIR";
+    const KILLED_AT: &str = "SHARDS_TEST_KILLED_AT";
+
+    /// Not a test by itself: the writer that is killed.
+    #[test]
+    fn killed_child() {
+        if let (Ok(dir), Ok(at)) = (std::env::var(KILLED_DIR), std::env::var(KILLED_AT)) {
+            let fault = Fault::after(at.parse().unwrap(), Kind::Kill);
+            write(Path::new(&dir), fault).unwrap();
+        }
+    }
+
+    #[test]
+    fn whichever_operation_it_is_killed_at_the_next_writer_ends_with_the_same_bytes() {
+        let whole = tempfile::tempdir().unwrap();
+        let expected = write(whole.path(), Fault::default()).unwrap();
+        for operations in 0..10_000 {
+            let dir = tempfile::tempdir().unwrap();
+            let killed = Command::new(std::env::current_exe().unwrap())
+                .args(["--exact", "writer::tests::killed_child"])
+                .env(KILLED_DIR, dir.path())
+                .env(KILLED_AT, operations.to_string())
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .status()
+                .unwrap();
+            if killed.success() {
+                assert!(operations > 10 && is_committed(dir.path()), "killed {operations} times");
+                return;
+            }
+            check_stopped(dir.path(), &expected, operations);
+        }
+        panic!("a shard takes fewer than 10,000 operations");
+    }
+
+    #[test]
+    fn a_file_without_a_marker_is_compared_and_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(layout::table_file(Table::Objects, 1, 2));
+        write(dir.path(), Fault::default()).unwrap();
+        std::fs::remove_file(dir.path().join(layout::marker(1))).unwrap();
+        write(dir.path(), Fault::default()).unwrap();
+        std::fs::remove_file(dir.path().join(layout::marker(1))).unwrap();
+        std::fs::write(&path, "of another writer").unwrap();
+        let error = write(dir.path(), Fault::default()).unwrap_err();
+        assert_eq!(error.exit_code(), ExitCode::Data);
+        let there = seal::sha256_hex(b"of another writer");
+        assert!(
+            error.to_string().contains(&format!("objects/shard-00001-of-00002.parquet has SHA-256 {there}")),
+            "{error}"
+        );
+        assert_eq!(std::fs::read(&path).unwrap(), b"of another writer");
+    }
+}
