@@ -1,4 +1,4 @@
-//! A plan as JSON: what `planner plan` prints and `planner serve` answers.
+//! A plan as JSON: the output of `planner plan` and `planner serve`.
 
 use schema::{Grid, Pose};
 use serde::Serialize;
@@ -17,7 +17,7 @@ pub struct Answer {
     pub format: &'static str,
     /// SHA-256 of the network's weights file.
     pub model: String,
-    /// How the grasps are ranked: `paper`, `vgn-random`, `vgn-best` or `flattest`.
+    /// The order of the grasps: `paper`, `vgn-random`, `vgn-best` or `flattest`.
     pub policy: &'static str,
     /// Name of the hand.
     pub gripper: String,
@@ -27,15 +27,15 @@ pub struct Answer {
     pub grasps: Vec<GraspAnswer>,
     /// Why there are no grasps; null if there are.
     pub reason: Option<String>,
-    /// What the caller should know.
+    /// Warnings for the caller.
     pub warnings: Vec<String>,
-    /// The objects, top-down.
+    /// The objects, from the top.
     pub objects: Vec<ObjectAnswer>,
     /// The plane under the objects; null if none was found.
     pub plane: Option<PlaneAnswer>,
-    /// How many candidates were left after each stage.
+    /// The number of candidates left after each stage.
     pub funnel: Funnel,
-    /// Candidates that were dropped and why, best first; empty unless that was asked for.
+    /// Dropped candidates with reasons, best first; empty unless requested.
     pub dropped: Vec<DroppedAnswer>,
 }
 
@@ -46,7 +46,7 @@ pub struct GridAnswer {
     pub size_m: f32,
     /// Voxels along a side.
     pub resolution: usize,
-    /// Height of the table's top in the datasets that the network learned from, in metres.
+    /// Height of the table's top in the training data, in metres.
     pub table_z_m: f32,
 }
 
@@ -74,17 +74,18 @@ pub struct GraspAnswer {
     pub workspace_from_grasp: PoseAnswer,
     /// The grasp in the robot's base frame; null if `base_from_workspace` was not given.
     pub base_from_grasp: Option<PoseAnswer>,
-    /// Distance between the fingers' inner faces when they hold, in metres.
+    /// Distance between the fingers' inner faces when holding, in metres.
     pub width_m: f32,
     /// Grasp quality, smoothed, between 0 and 1.
     pub quality: f32,
-    /// Index into `objects`; null if it belongs to none.
+    /// Index into `objects`; null without an object.
     pub object: Option<usize>,
     /// Eq. 8's ρ in metres: weighted distance to the object's centroid over quality; null without an object.
     pub rho_m: Option<f32>,
-    /// Points of the cloud on which the finger lies flat that has fewer, less the farther off the middle; null if hands were not refined.
+    /// Support of the hand: the smaller number of cloud points under a finger, reduced with the distance from the
+    /// middle; null without refinement.
     pub support: Option<f32>,
-    /// The voxel it was found in: x, y, z.
+    /// The voxel of the detection: x, y, z.
     pub voxel: [usize; 3],
 }
 
@@ -93,7 +94,7 @@ pub struct GraspAnswer {
 pub struct ObjectAnswer {
     /// Mean of its points in the workspace, in metres.
     pub centroid_m: [f32; 3],
-    /// How many points it has.
+    /// Number of its points.
     pub point_count: usize,
 }
 
@@ -113,7 +114,7 @@ pub struct PlaneAnswer {
 pub struct DroppedAnswer {
     /// `far_from_surface`, `width`, `quality`, `suppressed`, `collision`, `no_hand`, `no_object` or `beyond_limit`.
     pub why: &'static str,
-    /// The same for people, with the numbers.
+    /// The reason as text, with the numbers.
     pub told: String,
     /// Its pose in the workspace.
     pub workspace_from_grasp: PoseAnswer,
@@ -121,12 +122,12 @@ pub struct DroppedAnswer {
     pub width_m: f32,
     /// Smoothed quality before any mask.
     pub quality: f32,
-    /// The voxel it was found in: x, y, z.
+    /// The voxel of the detection: x, y, z.
     pub voxel: [usize; 3],
 }
 
 impl Answer {
-    /// A planner's plan as it is told.
+    /// The answer for a plan.
     #[must_use]
     pub fn new(plan: &Plan, planner: &Planner, policy: Policy) -> Self {
         let plane = plan.cloud.plane.as_ref().map(|found| PlaneAnswer {
@@ -187,7 +188,7 @@ fn dropped_answer(dropped: &DroppedCandidate) -> DroppedAnswer {
 }
 
 impl Drop {
-    /// One word for programs.
+    /// The reason as one word, for programs.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         match self {

@@ -1,4 +1,4 @@
-//! What a plan costs on this machine, stage by stage.
+//! Measures the time of a plan on this machine, stage by stage.
 
 use std::time::Instant;
 
@@ -13,20 +13,20 @@ use crate::volume::fuse_views;
 pub struct StageTime {
     /// Its name.
     pub stage: &'static str,
-    /// Half of the plans took less.
+    /// Median.
     pub median_ms: f64,
-    /// Nine in ten took less.
+    /// 90th percentile.
     pub p90_ms: f64,
 }
 
-/// What was measured.
+/// The measurements.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BenchReport {
     /// Plans.
     pub plans: usize,
     /// Threads.
     pub threads: usize,
-    /// Depth images that were fused.
+    /// Number of fused depth images.
     pub views: usize,
     /// Pixels of each: width and height.
     pub image_px: [usize; 2],
@@ -34,14 +34,14 @@ pub struct BenchReport {
     pub tsdf: StageTime,
     /// TSDF in memory to ranked grasps.
     pub plan: StageTime,
-    /// The stages of the plan; the network and its detections run beside the segmentation.
+    /// The stages of the plan; the network and its detections run in parallel with the segmentation.
     pub stages: Vec<StageTime>,
 }
 
-/// Plans `plans` times from the TSDF of depth images, after some plans that are not counted.
+/// Plans `plans` times from the TSDF of depth images, after some warm-up plans.
 ///
 /// # Errors
-/// [`PlanError`] if they cannot be planned on.
+/// [`PlanError`] if the images are refused.
 pub fn bench(planner: &Planner, views: &[SeenView], plans: usize) -> Result<BenchReport, PlanError> {
     const WARM_UP: usize = 5;
     let (mut fusing, mut planning) = (Vec::new(), Vec::new());

@@ -1,6 +1,6 @@
-//! The segmented cloud as a PLY file, which every viewer of clouds opens.
+//! The segmented cloud as a PLY file, which point-cloud viewers open.
 //!
-//! Besides its place a point has the tint it has in the picture and `label`: the object's number, −1 for noise, −2 for the
+//! A point has its position, its colour in the picture, and `label`: the object's index, −1 for noise, −2 for the
 //! plane.
 
 use crate::picture::tints;
@@ -9,7 +9,7 @@ use crate::plan::{Plan, PointLabel};
 const HEADER: &str = "property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n\
                       property uchar blue\nproperty int label\nend_header\n";
 
-/// Bytes a point takes.
+/// Bytes per point.
 const POINT_BYTES: usize = 3 * 4 + 3 + 4;
 
 /// The cloud as binary, little-endian PLY; metres, in the workspace.

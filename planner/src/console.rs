@@ -1,4 +1,4 @@
-//! What people see.
+//! Terminal output.
 
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
@@ -6,7 +6,7 @@ use std::io::{self, Write as _};
 use planner::bench::{BenchReport, StageTime};
 use planner::plan::{Plan, RankedGrasp};
 
-/// Grasps in the summary, at most; the JSON has all.
+/// Maximum number of grasps in the summary; the JSON has all.
 const GRASPS_SHOWN: usize = 10;
 
 /// Prints to standard output.
@@ -19,12 +19,12 @@ pub(crate) fn print(text: &str) -> io::Result<()> {
     out.flush()
 }
 
-/// Says something to the person; a closed stderr is no reason to fail.
+/// Prints to stderr; a closed stderr is not an error.
 pub(crate) fn complain(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
-/// A plan in a few lines.
+/// The summary of a plan.
 pub(crate) fn summary(plan: &Plan) -> String {
     let funnel = &plan.funnel;
     let mut text = format!(

@@ -1,4 +1,4 @@
-//! A scene that comes with the program: three depth images of objects on a table.
+//! The built-in scene: three depth images of objects on a table.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -6,17 +6,17 @@ use base64::engine::general_purpose::STANDARD;
 use crate::input::{DataInput, InputError, RequestInput, SourceInput, parse_toml};
 
 const VIEWS: &[u8] = include_bytes!("../demo/views.toml");
-/// Names in it, and what lies there.
+/// Its files: names and contents.
 const IMAGES: [(&str, &[u8]); 3] = [
     ("depth-0.png", include_bytes!("../demo/depth-0.png")),
     ("depth-1.png", include_bytes!("../demo/depth-1.png")),
     ("depth-2.png", include_bytes!("../demo/depth-2.png")),
 ];
 
-/// The request of `planner plan --demo`: what `planner plan --views planner/demo/views.toml` reads.
+/// The request of `planner plan --demo`, the same as that of `planner plan --views planner/demo/views.toml`.
 ///
 /// # Errors
-/// None, as a test says; the type is that of other requests.
+/// Never, as a test shows; the type is that of other requests.
 pub fn request() -> Result<RequestInput, InputError> {
     let mut input: RequestInput = parse_toml(VIEWS)?;
     for view in input.views.iter_mut().flatten() {

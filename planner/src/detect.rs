@@ -1,16 +1,18 @@
-//! From the network's volumes to detections: VGN's published procedure (`detection.py`: `process`, `select`), bit for bit
-//! what scipy makes of it where grasps lie in front of the surface, as VGN's do; the paper's lie behind it ([`Side`]).
+//! From the network's volumes to detections: VGN's published procedure (`detection.py`: `process`, `select`). For
+//! grasps in front of the surface, as in VGN, the result equals scipy's bit for bit; the paper's grasps lie behind it
+//! ([`Side`]).
 //!
-//! The quality is smoothed; what lies away from the seen surface or on its other side, is too narrow or too wide, or is not good enough counts as
-//! 0; of what is left the best in every small cube are the detections. scipy sums each pass in double and stores it in
-//! single precision, and the borders are as it has them; so do we, because a tie decides.
+//! The quality is smoothed and set to 0 away from the observed surface or on its other side, for widths outside the
+//! limits, and below the threshold. The maximum of every small cube of the rest is a detection. scipy sums each pass in
+//! double precision and stores it in single precision, and this module does the same with the same borders, because
+//! ties matter.
 
 use schema::Grid;
 
 use crate::config::{DetectionLaw, Side};
 use crate::plan::Drop;
 
-/// A voxel in which a grasp was found.
+/// A detection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Detection {
     /// x, y, z.
@@ -19,43 +21,43 @@ pub struct Detection {
     pub quality: f32,
 }
 
-/// A voxel in which none was.
+/// A voxel that was rejected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Miss {
     /// x, y, z.
     pub voxel: [usize; 3],
     /// Smoothed quality.
     pub quality: f32,
-    /// Why not.
+    /// Why.
     pub drop: Drop,
 }
 
-/// What became of every voxel.
+/// The result for every voxel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detected {
     /// The detections, in the order of their voxels, x slowest.
     pub found: Vec<Detection>,
-    /// Near enough to the surface.
+    /// Number of voxels near the surface.
     pub near_surface: usize,
-    /// Of those, with a width within the limits.
+    /// Of those, the number with a width within the limits.
     pub width_within_limits: usize,
-    /// Of those, good enough.
+    /// Of those, the number that reach the threshold.
     pub quality_reached: usize,
     /// Highest smoothed quality of voxels near the surface with a width within the limits; 0 if there are none.
     pub quality_best: f32,
-    /// The smoothed quality, nothing taken out.
+    /// The smoothed quality before any mask.
     pub smoothed: Vec<f32>,
-    /// Why a voxel is out, before neighbours are compared.
+    /// Why a voxel is rejected, before neighbours are compared.
     out: Vec<Option<Drop>>,
 }
 
-/// Of what was not good enough, only what is this good is worth telling, in parts of ε.
+/// Candidates below the threshold are listed only from this share of ε.
 const TOLD_SHARE_OF_QUALITY_MIN: f32 = 0.5;
 
-/// Finds grasps: `tsdf`, `quality` and `width_voxels` have one value a voxel of `grid`, x slowest.
+/// Finds grasps: `tsdf`, `quality` and `width_voxels` have one value per voxel of `grid`, x slowest.
 ///
 /// # Panics
-/// If they have not.
+/// If a length differs.
 #[must_use]
 pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], law: &DetectionLaw) -> Detected {
     for values in [tsdf, quality, width_voxels] {
@@ -86,13 +88,13 @@ pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], 
 }
 
 impl Detected {
-    /// Whether a voxel is out, and counts how far it came.
+    /// Why a voxel is rejected, if it is; counts the stages that it passed.
     fn judge(&mut self, is_near: bool, width_voxels: f32, quality: f32, law: &DetectionLaw) -> Option<Drop> {
         if !is_near {
             return Some(Drop::FarFromSurface);
         }
         self.near_surface += 1;
-        // As VGN compares: a width that is no number passes both comparisons there, and neither here.
+        // VGN's comparisons, except that a width that is NaN passes both there and neither here.
         if !(law.width_voxels_min..=law.width_voxels_max).contains(&width_voxels) {
             return Some(Drop::Width { width_voxels });
         }
@@ -105,15 +107,15 @@ impl Detected {
         None
     }
 
-    /// Whether something better that is not out lies in the cube around a voxel. A cube with an even side reaches farther
-    /// down than up (scipy: `maximum_filter`). Equals stay both.
+    /// Whether the cube around a voxel contains a better voxel that is not rejected. A cube with an even side reaches
+    /// one voxel further down than up (scipy: `maximum_filter`). Of equal voxels both remain.
     fn is_suppressed(&self, grid: &Grid, voxel: [usize; 3], law: &DetectionLaw) -> bool {
         let quality = self.smoothed[grid.flat(voxel)];
         window(grid, voxel, law).any(|other| self.out[other].is_none() && self.smoothed[other] > quality)
     }
 
-    /// The candidates that are no detections: what was good enough and had a better neighbour, and peaks of the smoothed
-    /// quality that were out before that. In the order of their voxels.
+    /// The rejected candidates in the order of their voxels: those above the threshold with a better neighbour, and
+    /// local maxima of the smoothed quality that were rejected before.
     #[must_use]
     pub fn misses(&self, grid: &Grid, law: &DetectionLaw) -> Vec<Miss> {
         let miss = |flat: usize| {
@@ -139,7 +141,7 @@ fn unflat(grid: &Grid, flat: usize) -> [usize; 3] {
     [flat / (n * n), flat / n % n, flat % n]
 }
 
-/// Flat numbers of the voxels in the suppression window about a voxel.
+/// Flat indices of the voxels in the suppression window around a voxel.
 fn window<'a>(grid: &'a Grid, voxel: [usize; 3], law: &DetectionLaw) -> impl Iterator<Item = usize> + 'a {
     let side = law.suppression_window_voxels;
     let [is, js, ks] = voxel.map(|at| at.saturating_sub(side / 2)..(at + side - side / 2).min(grid.resolution));
@@ -149,8 +151,9 @@ fn window<'a>(grid: &'a Grid, voxel: [usize; 3], law: &DetectionLaw) -> impl Ite
     })
 }
 
-/// Which voxels may hold a grasp's origin: those that were seen on the right side of the surface (above ½ in front of it,
-/// between 0.001 and ½ behind), and what up to `steps` steps along the axes reach from there without crossing it.
+/// The voxels that may contain the origin of a grasp: observed voxels on the required side of the surface (above ½ in
+/// front of it, between 0.001 and ½ behind), and voxels within `steps` axis-parallel steps of them without crossing the
+/// surface.
 fn near_surface(tsdf: &[f32], grid: &Grid, side: Side, steps: usize) -> Vec<bool> {
     let n = grid.resolution;
     let is_front = |value: f32| value > 0.5;
@@ -180,8 +183,8 @@ fn near_surface(tsdf: &[f32], grid: &Grid, side: Side, steps: usize) -> Vec<bool
     near
 }
 
-/// Smooths a cube of `n`³ values by a Gaussian, the outermost values repeated outside (scipy: `gaussian_filter` with mode
-/// "nearest" and its truncation at four widths).
+/// Smooths a cube of `n`³ values by a Gaussian; the outermost values are repeated outside (scipy: `gaussian_filter`
+/// with mode "nearest", truncated at four standard deviations).
 fn smooth(values: &[f32], n: usize, sigma: f32) -> Vec<f32> {
     let kernel = gaussian(f64::from(sigma));
     if kernel.len() == 1 {
@@ -194,7 +197,7 @@ fn smooth(values: &[f32], n: usize, sigma: f32) -> Vec<f32> {
     smoothed
 }
 
-/// The right half of the kernel, its middle first.
+/// The right half of the kernel, starting at its centre.
 fn gaussian(sigma: f64) -> Vec<f64> {
     let radius = (4.0 * sigma + 0.5) as usize;
     let raw: Vec<f64> = (0..=radius).map(|x| libm::exp(-0.5 / (sigma * sigma) * (x * x) as f64)).collect();
@@ -202,7 +205,7 @@ fn gaussian(sigma: f64) -> Vec<f64> {
     if radius == 0 { vec![1.0] } else { raw.into_iter().map(|x| x / sum).collect() }
 }
 
-/// One pass, along the axis in which neighbours are `stride` apart: runs of `stride` values stay together.
+/// One pass along the axis in which neighbours are `stride` apart; runs of `stride` values are processed together.
 fn smooth_along(values: &[f32], n: usize, stride: usize, kernel: &[f64]) -> Vec<f32> {
     let mut smoothed = vec![0.0; values.len()];
     let mut sums = vec![0.0_f64; stride];
@@ -212,7 +215,7 @@ fn smooth_along(values: &[f32], n: usize, stride: usize, kernel: &[f64]) -> Vec<
             for (sum, value) in sums.iter_mut().zip(run(at)) {
                 *sum = f64::from(*value) * kernel[0];
             }
-            // The farthest first, as scipy adds.
+            // The farthest first, as in scipy.
             for reach in (1..kernel.len()).rev() {
                 let (low, high) = (run(at.saturating_sub(reach)), run((at + reach).min(n - 1)));
                 for ((sum, low), high) in sums.iter_mut().zip(low).zip(high) {
@@ -299,7 +302,7 @@ mod tests {
         let is = |voxel: [usize; 3]| near[GRID.flat(voxel)];
         assert!(is([20, 20, 22]) && is([21, 21, 20]) && is([20, 18, 20]));
         assert!(!is([20, 20, 23]) && !is([21, 21, 21]) && !is([20, 20, 19]) && !is([20, 20, 18]));
-        // Round the inside voxel it takes three steps.
+        // Around the inside voxel it takes three steps.
         assert_eq!(near.iter().filter(|n| **n).count(), 25 - 2);
     }
 

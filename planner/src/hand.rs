@@ -1,13 +1,13 @@
-//! The hand about a grasp: which of its two orientations is nearer to the wrist, and whether its way is free.
+//! The hand at a grasp: which of its two orientations is nearer to the wrist, and whether its way is free.
 
 use schema::{Gripper, HandBox, Pose, Quat, Vec3, pose_from_parts};
 
 use crate::config::CollisionLaw;
 
-/// A half turn about z: the same grasp, the other way round.
+/// A half turn about z, which gives an equivalent grasp.
 const HALF_TURN: Quat = Quat::from_xyzw(0.0, 0.0, 1.0, 0.0);
 
-/// Of an orientation and its half turn the one that takes the smaller turn from the wrist's; itself if both are as far.
+/// The orientation or its half turn, whichever is closer to the wrist's; the orientation itself in a tie.
 #[must_use]
 pub fn nearer_half_turn(rotation: Quat, workspace_from_wrist: Quat) -> Quat {
     let turned = rotation * HALF_TURN;
@@ -15,21 +15,21 @@ pub fn nearer_half_turn(rotation: Quat, workspace_from_wrist: Quat) -> Quat {
     if nearness(turned) > nearness(rotation) { turned } else { rotation }
 }
 
-/// Where the wrist is taken to be if nobody says: the hand straight down, its x along the workspace's (VGN turns its hand so
-/// that the camera on it looks forward).
+/// The default wrist orientation: the hand straight down, its x along the workspace's (VGN turns its hand so that the
+/// camera on it looks forward).
 pub const WRIST_DOWN: Quat = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
 
-/// What the open hand passes on its way to a grasp.
+/// The volume that the open hand sweeps on its way to a grasp.
 #[derive(Debug, Clone)]
 pub struct Sweep {
     boxes: [HandBox; 3],
-    /// A ball about a point of the hand, in the grasp frame, that holds all boxes.
+    /// A ball in the grasp frame that contains all boxes.
     middle_m: Vec3,
     radius_m: f32,
 }
 
 impl Sweep {
-    /// The way of the gripper, its clearance included: the sweep that decides the labels, too (`simulator`'s gate).
+    /// The sweep of a gripper including its clearance: the same sweep decides the labels (`simulator`'s gate).
     #[must_use]
     pub fn new(gripper: &Gripper, law: &CollisionLaw) -> Self {
         let margin_m = gripper.clearance_m + law.margin_m;
@@ -39,19 +39,19 @@ impl Sweep {
         Self { boxes, middle_m: 0.5 * (low + high), radius_m: 0.5 * (high - low).length() }
     }
 
-    /// Farthest that anything of the way is from the grasp's origin.
+    /// Maximum distance of the sweep from the grasp's origin.
     #[must_use]
     pub fn reach_m(&self) -> f32 {
         self.middle_m.length() + self.radius_m
     }
 
-    /// How many points lie in the way.
+    /// The number of points in the sweep.
     #[must_use]
     pub fn points_hit(&self, workspace_from_grasp: &Pose, points_m: &[Vec3]) -> usize {
         self.hits(workspace_from_grasp, points_m).count()
     }
 
-    /// Whether at most `points_max` points lie in the way; looks no farther than it must.
+    /// Whether at most `points_max` points are in the sweep; stops counting beyond that.
     #[must_use]
     pub fn is_free(&self, workspace_from_grasp: &Pose, points_m: &[Vec3], points_max: usize) -> bool {
         self.hits(workspace_from_grasp, points_m).nth(points_max).is_none()
@@ -71,7 +71,7 @@ impl Sweep {
     }
 }
 
-/// The grasp's pose with the nearer of its two orientations.
+/// The grasp's pose with the orientation nearer to the wrist.
 pub(crate) fn towards_wrist(workspace_from_grasp: &Pose, workspace_from_wrist: Quat) -> Pose {
     let rotation = nearer_half_turn(workspace_from_grasp.rotation, workspace_from_wrist);
     pose_from_parts(rotation, workspace_from_grasp.translation)

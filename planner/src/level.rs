@@ -1,24 +1,25 @@
-//! A camera whose depths are all too long or too short by one factor, put right by the table: the workspace says where that is.
+//! Corrects a camera's depth scale by the table, whose height in the workspace is known.
 //!
-//! Depth sensors have errors of scale (Dex-Net's model, and GIGA's after it: a factor of 1 ± 3 %, two centimetres at 0.6 m). All of a view's depths share the
-//! factor, and most of what is around the objects is table, so the factor is the commonest ratio of what was seen to what a bare table would show.
+//! Depth sensors have scale errors (Dex-Net's model and GIGA's: a factor of 1 ± 3 %, two centimetres at 0.6 m). All
+//! depths of a view share the factor, and most of the surroundings of the objects are table. The factor is therefore
+//! the most frequent ratio of the observed depth to the depth of a bare table.
 
 use schema::{DepthImage, Grid, Vec3};
 
 use crate::observation::SeenView;
 
-/// Factors are looked for within this of 1 …
+/// Factors are searched within this distance of 1 …
 const FACTOR_REACH: f32 = 0.15;
 /// … in steps of this …
 const STEP: f32 = 0.000_5;
-/// … over a window of so many.
+/// … over a window of this many steps.
 const WINDOW: usize = 12;
-/// Every so many rows and columns is enough.
+/// Only every this many rows and columns are used.
 const STRIDE_PX: usize = 2;
-/// The table must have this share of the pixels that may see it.
+/// Minimum share of table pixels among those that could see it.
 const SHARE_MIN: f32 = 0.1;
 
-/// The view with its depths scaled so that most of them lie on the table; as it is if the table cannot be made out.
+/// The view with its depths scaled so that most of them lie on the table; unchanged if the table cannot be identified.
 #[must_use]
 pub(crate) fn scaled_to_table(view: &SeenView, grid: &Grid) -> SeenView {
     let factor = table_factor(view, grid).unwrap_or(1.0);
@@ -26,7 +27,7 @@ pub(crate) fn scaled_to_table(view: &SeenView, grid: &Grid) -> SeenView {
     SeenView { image: DepthImage { depth_m, ..view.image }, camera: view.camera }
 }
 
-/// By what the table's depths are too long, or `None` if too little of it was seen.
+/// The factor by which the table's depths are too long, or `None` if too little of the table was seen.
 fn table_factor(view: &SeenView, grid: &Grid) -> Option<f32> {
     let bins = (2.0 * FACTOR_REACH / STEP) as usize;
     let (mut counts, mut sums) = (vec![0_u32; bins], vec![0.0_f64; bins]);
@@ -45,7 +46,7 @@ fn table_factor(view: &SeenView, grid: &Grid) -> Option<f32> {
     (count(best) as f32 > SHARE_MIN * seen as f32).then(|| (sum / f64::from(count(best))) as f32)
 }
 
-/// Seen depth over that of a bare table, for pixels whose rays meet it in the workspace or near it.
+/// Ratio of the observed depth to that of a bare table, for pixels whose rays meet it in or near the workspace.
 fn ratios<'a>(view: &'a SeenView, grid: &'a Grid) -> impl Iterator<Item = f32> + 'a {
     let (pose, lens) = (view.camera.workspace_from_camera, view.camera.intrinsics);
     let around = -0.5 * grid.size_m..1.5 * grid.size_m;
@@ -69,7 +70,7 @@ mod tests {
 
     use super::*;
 
-    /// A table, and on it a block that hides a part of it; all depths `factor` times too long.
+    /// A table with a block that hides a part of it; all depths are `factor` times too long.
     fn view(factor: f32, block: bool) -> SeenView {
         let grid = Grid::PAPER;
         let view = View { radius_m: 0.6, polar_rad: 1.0, azimuth_rad: 0.3 };

@@ -1,17 +1,17 @@
-//! From what a robot sees to ranked grasps: section 2.4 of the paper, on VGN's detection.
+//! Planning: from observations to ranked grasps, by section 2.4 of the paper with VGN's detection.
 //!
-//! # The map
+//! # Map
 //!
-//! An [`Observation`] (depth images, a TSDF, a cloud) becomes a [`volume`]: the grid that the network reads and the surface as
-//! points. The network's volumes become detections ([`mod@detect`]); the points fall into table and objects ([`mod@segment`]); each
-//! detection gets its object and its place in the order ([`rank`]); [`hand`] turns it towards the wrist and looks whether
-//! the way there is free, and [`refine`], beyond the paper, which way is better. [`Planner`] is the whole way and ends in a [`plan::Plan`], which [`answer`] tells as JSON,
-//! [`picture`] draws and [`cloud_file`] writes for other programs.
+//! An [`Observation`] (depth images, a TSDF, a cloud) becomes a [`volume`]: the grid for the network and the surface as
+//! points. The network's output volumes become detections ([`mod@detect`]). The points are segmented into table and
+//! objects ([`mod@segment`]). Each detection gets its object and its rank ([`rank`]). [`hand`] turns the grasp towards
+//! the wrist and checks its way for collisions; [`refine`], beyond the paper, searches better hand poses. [`Planner`]
+//! runs all stages and returns a [`plan::Plan`], which [`answer`] converts to JSON, [`picture`] draws and
+//! [`cloud_file`] writes as PLY.
 //!
-//! [`input`] reads what others wrote, [`serve`] does it all over HTTP, [`mod@bench`] measures.
+//! [`input`] reads files and requests, [`serve`] is the HTTP service, [`mod@bench`] measures.
 //!
-//! Everything is a pure function of the observation, the network and the [`config`]; how many threads there are changes no
-//! bit.
+//! A plan is a pure function of the observation, the network and the [`config`]; the number of threads changes no bit.
 
 pub mod answer;
 pub mod bench;

@@ -1,4 +1,4 @@
-//! The plan: ranked grasps, the objects they belong to, and what became of every candidate.
+//! The plan: ranked grasps, their objects, and the rejected candidates.
 
 use perception::FoundPlane;
 use schema::{Grasp, Grid, Pose, Vec3};
@@ -10,37 +10,38 @@ use utoipa::ToSchema;
 pub struct RankedGrasp {
     /// The grasp in the workspace.
     pub grasp: Grasp,
-    /// Its pose in the robot's base frame, if that is known.
+    /// Its pose in the robot's base frame, if the base is known.
     pub base_from_grasp: Option<Pose>,
     /// Smoothed grasp quality, in [0, 1].
     pub quality: f32,
-    /// The voxel it was found in.
+    /// The voxel of the detection.
     pub voxel: [usize; 3],
-    /// Number of the object it belongs to (in [`Plan::objects`]), if it belongs to one.
+    /// Index of its object in [`Plan::objects`], if it has one.
     pub object: Option<usize>,
-    /// Eq. 8's ρ in metres, if it belongs to an object.
+    /// Eq. 8's ρ in metres, if it has an object.
     pub rho_m: Option<f32>,
-    /// Points of the cloud on which the finger lies flat that has fewer, less the farther off the middle; if hands were refined.
+    /// Support of the hand if refined: the smaller number of points under a finger, reduced with the distance from the
+    /// middle.
     pub support: Option<f32>,
 }
 
-/// A cluster of the cloud. Objects are numbered top-down: the one with the highest centroid is 0.
+/// A cluster of the cloud. Objects are numbered from the top: the one with the highest centroid is 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SeenObject {
     /// Mean of its points, in the workspace.
     pub centroid_m: Vec3,
-    /// How many points it has.
+    /// Number of its points.
     pub point_count: usize,
 }
 
-/// What a point of the cloud belongs to.
+/// The segment of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PointLabel {
     /// The segmented plane.
     Plane,
-    /// An object, by its number in [`Plan::objects`].
+    /// An object, by its index in [`Plan::objects`].
     Object(usize),
-    /// Neither: noise, or a cluster too small to count.
+    /// Neither: noise or a too small cluster.
     Noise,
 }
 
@@ -49,7 +50,7 @@ pub enum PointLabel {
 pub struct SegmentedCloud {
     /// Points in the workspace, in metres.
     pub points_m: Vec<Vec3>,
-    /// One label a point.
+    /// One label per point.
     pub labels: Vec<PointLabel>,
     /// The plane under the objects, if there is one.
     pub plane: Option<FoundPlane>,
@@ -58,7 +59,7 @@ pub struct SegmentedCloud {
 /// Why a candidate is not among the ranked grasps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drop {
-    /// Farther from the seen surface than the config allows, or on its other side.
+    /// Further from the observed surface than allowed, or on its other side.
     FarFromSurface,
     /// The predicted width is outside the limits.
     Width {
@@ -69,16 +70,16 @@ pub enum Drop {
     Quality,
     /// A neighbour within the suppression window is better.
     Suppressed,
-    /// The hand, on its way, would pass through this many points of the cloud.
+    /// The hand would pass through this many points of the cloud on its way.
     Collision {
         /// Points inside the swept hand.
         points: usize,
     },
-    /// No hand about it closes on anything flat by a free way.
+    /// No hand at the position has both a free way and flat surfaces between its fingers.
     NoHand,
-    /// Belongs to no object, and the config drops such.
+    /// It has no object, and the config drops such grasps.
     NoObject,
-    /// Beyond the number of grasps that was asked for.
+    /// Beyond the requested number of grasps.
     BeyondLimit,
 }
 
@@ -89,30 +90,30 @@ pub struct DroppedCandidate {
     pub grasp: Grasp,
     /// Smoothed quality before any mask.
     pub quality: f32,
-    /// The voxel it was found in.
+    /// The voxel of the detection.
     pub voxel: [usize; 3],
     /// Why.
     pub drop: Drop,
 }
 
-/// How many candidates were left after each stage.
+/// The number of candidates left after each stage.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, ToSchema)]
 pub struct Funnel {
     /// Voxels of the grid.
     pub voxels: usize,
-    /// Near enough to the surface.
+    /// Voxels near the surface.
     pub near_surface: usize,
-    /// With a width within the limits.
+    /// Of those, with a width within the limits.
     pub width_within_limits: usize,
-    /// With a quality of ε or more.
+    /// Of those, with a quality of ε or more.
     pub quality_reached: usize,
-    /// Best within their suppression window: VGN's detections.
+    /// Of those, the best within their suppression window: VGN's detections.
     pub detections: usize,
-    /// For which a hand was found on the cloud (all, if hands are not refined).
+    /// Of those, with a hand found on the cloud (all, if hands are not refined).
     pub hands_found: usize,
-    /// Whose hand hits nothing (all, if that was not checked).
+    /// Of those, without a collision (all, if collisions were not checked).
     pub collision_free: usize,
-    /// Given.
+    /// Returned grasps.
     pub ranked: usize,
 }
 
@@ -123,19 +124,19 @@ pub struct Plan {
     pub grid: Grid,
     /// The grasps, best first.
     pub grasps: Vec<RankedGrasp>,
-    /// The objects, top-down.
+    /// The objects, from the top.
     pub objects: Vec<SeenObject>,
-    /// The cloud in which they were found.
+    /// The segmented cloud.
     pub cloud: SegmentedCloud,
-    /// What became of the voxels.
+    /// Counts by stage.
     pub funnel: Funnel,
     /// Why there are no grasps; `None` if there are.
     pub reason: Option<String>,
-    /// What the caller should know.
+    /// Warnings for the caller.
     pub warnings: Vec<String>,
-    /// If that was asked for, the candidates that were dropped, best first: what was good enough and had a better neighbour,
-    /// collided, or was beyond a limit, and peaks of the smoothed quality, of half of ε or more, that were out before.
+    /// On request, the dropped candidates, best first: those above the threshold that had a better neighbour, collided
+    /// or were beyond a limit, and local maxima of the smoothed quality of at least ε/2 that were rejected before.
     pub dropped: Vec<DroppedCandidate>,
-    /// How long each stage took, in milliseconds, in order.
+    /// Times of the stages in milliseconds, in order.
     pub timings_ms: Vec<(&'static str, f64)>,
 }

@@ -1,4 +1,4 @@
-//! The whole way: volume, network, detections, objects, ranking.
+//! All stages of planning: volume, network, detections, objects, ranking.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -21,12 +21,12 @@ use crate::refine::{Hand, Searched};
 use crate::segment::segment;
 use crate::volume::fuse;
 
-/// The network that comes with the program.
+/// The built-in network.
 const MODEL: &[u8] = include_bytes!("../../models/paper-200k.safetensors");
-/// Where it lies in the source tree; for messages.
+/// Its path in the source tree, for messages.
 const MODEL_PATH: &str = "models/paper-200k.safetensors";
 
-/// A network and settings, ready to plan. Planning changes nothing in it.
+/// A network and settings, ready to plan. Planning does not change it.
 #[derive(Debug, Clone)]
 pub struct Planner {
     network: DenseNetwork,
@@ -65,7 +65,7 @@ impl PlannerError {
     }
 }
 
-/// Why nothing can be planned from an observation.
+/// Why an observation is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PlanError {
     /// A TSDF on a grid that is not the network's.
@@ -76,7 +76,7 @@ pub enum PlanError {
         /// The TSDF's.
         got: Grid,
     },
-    /// An image and a lens that do not belong together.
+    /// An image whose size differs from its intrinsics.
     #[error("the depth image must have the lens's {} x {} pixels, got {} x {}: views[{view}]", .expected[0], .expected[1], .got[0], .got[1])]
     Image {
         /// Number of the view.
@@ -88,7 +88,7 @@ pub enum PlanError {
         /// How many depths there are.
         values: usize,
     },
-    /// Points everywhere instead of on surfaces.
+    /// Points that fill volumes instead of surfaces.
     #[error("a cloud must be a surface, of at most {points_max} points at the settings' pitch, got {points}: cloud")]
     Solid {
         /// Points after thinning.
@@ -96,10 +96,10 @@ pub enum PlanError {
         /// Most.
         points_max: usize,
     },
-    /// An eye that cannot have seen the workspace.
+    /// A viewpoint that cannot see the workspace.
     #[error("an eye must be above the floor and {distance_m_min} m to 1000 m from the middle of the workspace's floor, got {}: eyes_m or the cloud's viewpoint", .eye_m)]
     Eye {
-        /// Where it is said to be.
+        /// The given position.
         eye_m: Vec3,
         /// The least distance.
         distance_m_min: f32,
@@ -114,12 +114,12 @@ impl PlanError {
     }
 }
 
-/// How deep a hand goes is the cloud's to say, so of detections above each other only the best is worth looking at.
+/// The cloud determines the depth of a hand, so only the best detection of each vertical column is kept.
 fn keep_best_of_columns(grasps: &mut Vec<RankedGrasp>, dropped: &mut Vec<DroppedCandidate>, voxel_m: f32) {
     grasps.sort_by(|a, b| b.quality.total_cmp(&a.quality));
     let mut seen = BTreeSet::new();
     drop_where(grasps, dropped, |ranked| {
-        // Where the tips are: with some networks' origins that is not where the voxel is.
+        // The position of the tips, which for some networks is not the voxel.
         let tips_m = ranked.grasp.workspace_from_grasp.translation;
         let column = [tips_m.x, tips_m.y].map(|x| (x / voxel_m).floor() as i32);
         (!seen.insert(column)).then_some(Drop::Suppressed)
@@ -136,10 +136,10 @@ impl Planner {
         Self::from_bytes(&file, model, config)
     }
 
-    /// A planner with the network that comes with the program (`models/`).
+    /// A planner with the built-in network (`models/`).
     ///
     /// # Errors
-    /// None, as a test says; the type is that of [`Planner::new`].
+    /// Never, as a test shows; the type is that of [`Planner::new`].
     pub fn built_in(config: Config) -> Result<Self, PlannerError> {
         Self::from_bytes(MODEL, Path::new(MODEL_PATH), config)
     }
@@ -174,7 +174,7 @@ impl Planner {
         &self.config.gripper
     }
 
-    /// The policy that a plan with these wishes follows.
+    /// The policy of a plan with these wishes.
     #[must_use]
     pub fn policy(&self, wishes: &Wishes) -> Policy {
         wishes.policy.unwrap_or(self.config.ranking.policy)
@@ -202,7 +202,7 @@ impl Planner {
         Ok(plan)
     }
 
-    /// Detections and objects: the network on one side, the cloud on the other, at the same time.
+    /// Runs the network with its detections and the segmentation of the cloud in parallel.
     fn find(&self, grid: &VoxelGrid, points_m: Vec<Vec3>) -> Found {
         let network = || {
             let mut clock = Clock::start();
@@ -298,7 +298,7 @@ impl Planner {
         }
     }
 
-    /// Looks for each hand again on the cloud; those that close on nothing are dropped.
+    /// Searches each hand on the cloud; grasps without a hand are dropped.
     fn refine(
         &self,
         grasps: &mut Vec<RankedGrasp>,
@@ -345,7 +345,7 @@ impl Planner {
         });
     }
 
-    /// The candidates that were no detections, if somebody wants to know.
+    /// The rejected candidates, if requested.
     fn told(&self, detected: &Detected, grids: &DenseGrids, wishes: &Wishes) -> Vec<DroppedCandidate> {
         if !wishes.explain {
             return Vec::new();
@@ -361,7 +361,7 @@ impl Planner {
             .collect()
     }
 
-    /// Why there are no grasps: the first stage that nothing came through.
+    /// Why there are no grasps: the first stage that no candidate passed.
     fn reason(&self, seen: &Seen<'_>) -> String {
         let law = &self.config.detection;
         let funnel = seen.funnel;
@@ -375,7 +375,7 @@ impl Planner {
             let (low, high) = (law.width_voxels_min, law.width_voxels_max);
             format!("no grasp has a width between {low} and {high} voxels")
         } else if funnel.quality_reached == 0 {
-            // Rounded down: 0.8997 is not 0.9.
+            // Rounded down, so that 0.8997 does not become 0.9.
             let best = (seen.detected.quality_best * 1e3).floor() * 1e-3;
             format!("no grasp has a quality of {} or more: the best has {best:.3}", law.quality_min)
         } else if funnel.hands_found == 0 {
@@ -389,12 +389,12 @@ impl Planner {
         }
     }
 
-    /// The network has learnt with the table at one height: a workspace that was measured wrongly shows here first.
+    /// The network was trained with the table at one height, so an error in the workspace's pose shows here first.
     fn misplaced_table(&self, plane: &Plane) -> Option<String> {
         let (grid, normal) = (self.grid(), plane.normal);
         let middle = 0.5 * grid.size_m;
         let height_m = (plane.offset_m - middle * (normal.x + normal.y)) / normal.z;
-        let is_level = normal.z > TABLE_COS_MIN; // anything else is a wall, and no table
+        let is_level = normal.z > TABLE_COS_MIN; // otherwise the plane is a wall, not a table
         (is_level && (height_m - grid.table_z_m).abs() > TABLE_OFF_M_MAX).then(|| {
             format!(
                 "the largest plane lies at z = {:.0} mm, the network has learnt with tables at {:.0} mm: is the workspace's frame \
@@ -425,12 +425,12 @@ impl Planner {
     }
 }
 
-/// A table that is this far from where the network knows it is told of: more than a voxel.
+/// A table further than this from its height in training causes a warning: more than a voxel.
 const TABLE_OFF_M_MAX: f32 = 0.01;
-/// Cosine of a table's lean.
+/// Cosine of the largest tilt of a table.
 const TABLE_COS_MIN: f32 = 0.9;
 
-/// What a plan's texts speak of.
+/// The data for a plan's reason and warnings.
 struct Seen<'a> {
     cloud: &'a SegmentedCloud,
     objects: &'a [SeenObject],
@@ -440,7 +440,7 @@ struct Seen<'a> {
 }
 
 struct Found {
-    /// A number that tells scenes apart.
+    /// A number that distinguishes scenes.
     scene: u64,
     grids: DenseGrids,
     detected: Detected,
@@ -453,7 +453,7 @@ fn candidate(ranked: &RankedGrasp, drop: Drop) -> DroppedCandidate {
     DroppedCandidate { grasp: ranked.grasp, quality: ranked.quality, voxel: ranked.voxel, drop }
 }
 
-/// Moves grasps with a reason from one list to the other.
+/// Moves grasps with a reason to drop them from one list to the other.
 fn drop_where(
     grasps: &mut Vec<RankedGrasp>,
     dropped: &mut Vec<DroppedCandidate>,
@@ -468,7 +468,7 @@ fn drop_where(
     });
 }
 
-/// FNV-1a over the grid's bits: chance takes other ways in other scenes, and the same way in the same.
+/// FNV-1a over the grid's bits: random choices differ between scenes and repeat in the same scene.
 fn scene_number(grid: &VoxelGrid) -> u64 {
     let bits = grid.values.iter().map(|value| u64::from(value.to_bits()));
     bits.fold(0xcbf2_9ce4_8422_2325, |sum, bits| (sum ^ bits).wrapping_mul(0x100_0000_01b3))
@@ -478,7 +478,7 @@ fn sigmoid(logit: f32) -> f32 {
     1.0 / (1.0 + libm::expf(-logit))
 }
 
-/// Times the stages.
+/// Measures the stages.
 struct Clock {
     since: Instant,
     laps: Vec<(&'static str, f64)>,

@@ -1,4 +1,4 @@
-//! The order of grasps: Eq. 8 within objects, objects top-down; or as VGN picks.
+//! The order of grasps: Eq. 8 within objects and objects from the top down, or VGN's orders.
 
 use core::cmp::Ordering;
 
@@ -14,7 +14,7 @@ pub fn rho_m(position_m: Vec3, centroid_m: Vec3, quality: f32, weights: [f32; 3]
     (Vec3::from_array(weights) * off * off).element_sum().sqrt() / quality
 }
 
-/// The object of the nearest of the objects' points, if that is at most `distance_m_max` away.
+/// The object of the nearest object point, if that is at most `distance_m_max` away.
 #[must_use]
 pub fn object_at(position_m: Vec3, cloud: &SegmentedCloud, distance_m_max: f32) -> Option<usize> {
     let mut nearest = (distance_m_max * distance_m_max, None);
@@ -29,7 +29,7 @@ pub fn object_at(position_m: Vec3, cloud: &SegmentedCloud, distance_m_max: f32) 
     nearest.1
 }
 
-/// Gives each grasp its object and ρ.
+/// Assigns each grasp its object and ρ.
 pub(crate) fn attribute(grasps: &mut [RankedGrasp], cloud: &SegmentedCloud, objects: &[SeenObject], law: &RankingLaw) {
     for ranked in grasps {
         let position_m = ranked.grasp.workspace_from_grasp.translation;
@@ -39,7 +39,7 @@ pub(crate) fn attribute(grasps: &mut [RankedGrasp], cloud: &SegmentedCloud, obje
     }
 }
 
-/// Brings grasps into the policy's order, best first. Equals keep the order of their voxels.
+/// Sorts grasps by the policy, best first. Equal grasps keep the order of their voxels.
 pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, mut chance: Stream) {
     match policy {
         Policy::Paper => grasps.sort_by(|a, b| top_down(a, b).then(b.quality.total_cmp(&a.quality))),
@@ -53,14 +53,14 @@ fn flatness(ranked: &RankedGrasp) -> f32 {
     ranked.quality * ranked.support.unwrap_or(1.0)
 }
 
-/// Objects are numbered top-down; what belongs to none comes last.
+/// Objects are numbered from the top; grasps without an object come last.
 fn top_down(a: &RankedGrasp, b: &RankedGrasp) -> Ordering {
     let key = |ranked: &RankedGrasp| ranked.object.unwrap_or(usize::MAX);
     let rho = |ranked: &RankedGrasp| ranked.rho_m.unwrap_or(f32::INFINITY);
     key(a).cmp(&key(b)).then(rho(a).total_cmp(&rho(b)))
 }
 
-/// Whether a grasp without an object is left out: only the paper's order has no place for one.
+/// Whether a grasp is dropped because it has no object; only the paper's order may require one.
 pub(crate) fn is_left_out(ranked: &RankedGrasp, policy: Policy, law: &RankingLaw) -> bool {
     policy == Policy::Paper && ranked.object.is_none() && law.without_object == WithoutObject::Drop
 }

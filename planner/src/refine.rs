@@ -1,12 +1,13 @@
-//! Beyond the paper: the network says where, the cloud says how.
+//! Refinement beyond the paper: the network proposes positions; hand poses are searched on a finer cloud.
 //!
-//! A box can be closed on along either of its sides, and a network that answers with one orientation answers with their mean. So a
-//! detection's place and quality are kept, and its hand is looked for again on the cloud: from several directions, in several turns, at
-//! several depths, that whose fingers lie flattest by a way that is free.
+//! A box can be gripped across either pair of its sides, and a network with one orientation per voxel predicts the mean
+//! of both. Therefore a detection's position and quality are kept, and its hand pose is searched on the cloud: from
+//! several directions, in several turns, at several depths. The best pose is the one whose fingers lie flattest, with a
+//! free way.
 //!
-//! Seen along a straight approach a cloud is a map of heights: a hand comes to a place if nothing under its fingers, or under its palm a
-//! finger's length behind them, stands higher. So a way costs some hundred look-ups, whatever the cloud. Where nothing was seen the table is
-//! taken to go on.
+//! Along a straight approach a cloud is a height map: a hand can reach a pose if nothing under its fingers, or under
+//! its palm one finger length behind them, is higher. A collision test thus costs about a hundred look-ups for any
+//! cloud. Where nothing was seen, the table is assumed to continue.
 
 use rayon::prelude::*;
 use schema::{Grasp, Gripper, Plane, Quat, Vec3, axis_angle, pose_from_parts};
@@ -15,62 +16,62 @@ use crate::config::CollisionLaw;
 use crate::hand::WRIST_DOWN;
 use crate::plan::SegmentedCloud;
 
-/// What is nearer to the table than this is the table, not something to close on.
+/// Points closer to the table than this belong to the table.
 const TABLE_M: f32 = 0.004;
-/// Where points lie along the closing is told to this.
+/// Resolution of positions along the closing direction.
 const BIN_M: f32 = 0.000_25;
-/// Points are looked up in cells of this side.
+/// Side of the cells of the point index.
 const CELL_M: f32 = 0.01;
-/// The middle of what is held is looked for so far beside the fingers.
+/// Range beside the fingers in which the middle of the held object is determined.
 const MIDDLE_M: f32 = 0.05;
 
-/// How hands are looked for.
+/// Settings of the hand search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RefinementLaw {
-    /// Turns about the approach, evenly over half a turn; 0 for no refinement.
+    /// Turns about the approach, evenly over half a turn; 0 switches refinement off.
     pub turns: usize,
-    /// Approaches beside the vertical one, evenly around it.
+    /// Number of tilted approaches, evenly around the vertical one.
     pub tilts: usize,
     /// Their angle from the vertical.
     pub tilt_rad: f32,
-    /// Depths that are tried: the finger tips end so many steps behind the nearest point between them.
+    /// Number of depths: the finger tips end this many steps behind the nearest point between them, at most.
     pub depths: usize,
-    /// A step.
+    /// Length of a depth step.
     pub depth_m: f32,
-    /// How deep a point may lie behind the touch to count for it …
+    /// Maximum distance of a supporting point behind the contact …
     pub flat_m: f32,
-    /// … and how far its normal may be from the closing.
+    /// … and maximum angle of its normal to the closing direction.
     pub normal_rad_max: f32,
-    /// Whether a side that was not seen may be taken to fall straight from the outline of what was seen above it.
+    /// Whether a hidden side is assumed to be vertical below the observed outline.
     pub outlines: bool,
-    /// A hand counts half if the middle of what it closes on is so far beside its fingers.
+    /// The support of a hand is halved if the middle of the held object is this far beside its fingers.
     pub arm_m: f32,
-    /// Fewest points at each finger.
+    /// Minimum number of points at each finger.
     pub points_min: usize,
 }
 
-/// A hand that closes on something.
+/// A hand pose that closes on a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hand {
     /// Pose and width.
     pub grasp: Grasp,
-    /// Points at the finger that has fewer, less the farther off the middle.
+    /// Support: the smaller number of points at a finger, reduced with the distance from the middle.
     pub support: f32,
 }
 
-/// A cloud made ready for hands from all directions.
+/// A cloud prepared for the hand search from all directions.
 pub struct Searched<'a> {
     gripper: &'a Gripper,
     law: &'a RefinementLaw,
-    /// How much wider than the hand its way must be.
+    /// Clearance that the way must have beyond the hand.
     margin_m: f32,
-    /// Cosine of the farthest that a normal may be from the closing.
+    /// Cosine of the maximum angle between normal and closing direction.
     normal_cos_min: f32,
     seen: Vec<Seen>,
 }
 
 impl<'a> Searched<'a> {
-    /// Turns the cloud and its normals to every approach. `pitch_m` is the distance between its points.
+    /// Transforms the cloud and its normals to every approach. `pitch_m` is the spacing of its points.
     #[must_use]
     pub fn new(
         cloud: (&SegmentedCloud, &[Vec3]),
@@ -84,14 +85,14 @@ impl<'a> Searched<'a> {
         Self { gripper, law, margin_m, normal_cos_min: libm::cosf(law.normal_rad_max), seen }
     }
 
-    /// The flattest hand about a place, or `None` if no way is free or nothing flat is between the fingers. Of equals the first: the
-    /// vertical approach comes before the others.
+    /// The flattest hand at a position, or `None` if no way is free or nothing flat is between the fingers. Of equal
+    /// hands the first wins; the vertical approach comes first.
     #[must_use]
     pub fn hand_at(&self, origin_m: Vec3) -> Option<Hand> {
         self.seen.iter().fold(None, |best, seen| self.hand_along(seen, origin_m, best))
     }
 
-    /// The flattest hand by one approach, if it is flatter than `best`; else `best`.
+    /// The flattest hand along one approach, if it is flatter than `best`; else `best`.
     fn hand_along(&self, seen: &Seen, origin_m: Vec3, mut best: Option<Hand>) -> Option<Hand> {
         let origin = seen.approach.inverse() * origin_m;
         let half_y_m = 0.5 * self.gripper.opening_m_max;
@@ -108,8 +109,8 @@ impl<'a> Searched<'a> {
         best
     }
 
-    /// The flattest hand at one turn, if it is flatter than `best`; else `best`. Of the points there are those that may be between the
-    /// fingers, and those that tell what is beside them.
+    /// The flattest hand at one turn, if it is flatter than `best`; else `best`. Of the points, some may be between the
+    /// fingers, and others show what is beside them.
     fn turned(
         &self,
         seen: &Seen,
@@ -122,7 +123,7 @@ impl<'a> Searched<'a> {
         let (half_x_m, half_y_m, back) = (0.5 * gripper.finger_width_m, 0.5 * gripper.opening_m_max, turn.inverse());
         let is_between = |p: &Point| p.at.x.abs() < half_x_m && p.at.y.abs() < half_y_m;
         let between: Vec<Point> = near.iter().map(|p| p.turned(back)).filter(is_between).collect();
-        // No finger can lie on more than what faces it.
+        // A finger's support is at most the number of points that face it.
         let facing = |side: f32| between.iter().filter(|p| side * p.normal.y > self.normal_cos_min).count();
         let support_max = if law.outlines { between.len() } else { facing(-1.0).min(facing(1.0)) };
         let is_better = |support: f32, best: Option<Hand>| best.is_none_or(|hand| support > hand.support);
@@ -143,7 +144,7 @@ impl<'a> Searched<'a> {
             }
             let at = origin + turn * Vec3::new(0.0, 0.5 * (touch.low_m + touch.high_m), 0.0);
             let tips = Vec3::new(at.x, at.y, origin.z + tips_z_m);
-            // A deeper hand may lie elsewhere along the closing, and be free.
+            // A deeper hand may have other contacts along the closing direction, and a free way.
             if !self.is_free(seen, tips, turn) {
                 continue;
             }
@@ -153,7 +154,7 @@ impl<'a> Searched<'a> {
         best
     }
 
-    /// Whether the open hand comes to `tips` (in the approach's frame) without passing through a point.
+    /// Whether the open hand reaches `tips` (in the approach's frame) without passing through a point.
     fn is_free(&self, seen: &Seen, tips: Vec3, turn: Quat) -> bool {
         let (gripper, margin_m) = (self.gripper, self.margin_m);
         let under = |centre_y_m: f32, half_m: [f32; 2], z_m: f32, map: &Heights| {
@@ -180,12 +181,12 @@ struct Touch {
     support: usize,
 }
 
-/// What lies between two fingers, by where along their closing.
+/// Histogram of the points between two fingers along the closing direction.
 struct Closing {
     half_m: f32,
     flat_bins: usize,
     all: Vec<u32>,
-    /// Of these the points that face the finger at the low end, and at the high end.
+    /// Of these, the points that face the finger at the low end, and at the high end.
     facing_low: Vec<u32>,
     facing_high: Vec<u32>,
     count: usize,
@@ -207,13 +208,13 @@ impl Closing {
         self.count += 1;
     }
 
-    /// Where the fingers touch, if each lies on enough and they are no farther apart than `width_m_max`.
+    /// The contacts of both fingers, if each has enough support and they are at most `width_m_max` apart.
     fn touch(&self, law: &RefinementLaw, width_m_max: f32) -> Option<Touch> {
         let points_min = law.points_min;
         if self.count < 2 * points_min {
             return None;
         }
-        // A few stray points must not hold a finger.
+        // A few stray points must not stop a finger.
         let stray = (points_min / 4) as u32;
         let past_stray = |seen: &mut u32, count: &u32| {
             *seen += count;
@@ -237,7 +238,7 @@ impl Closing {
     }
 }
 
-/// How far the middle of what lies between the touches is beside the fingers, as far as [`MIDDLE_M`] tells.
+/// Distance beside the fingers of the middle of the points between the contacts, within [`MIDDLE_M`].
 fn arm_m(around: &[Point], back: Quat, touch: &Touch) -> f32 {
     let turned = around.iter().map(|p| back * p.at);
     let held = turned.filter(|at| touch.low_m <= at.y && at.y <= touch.high_m);
@@ -249,7 +250,7 @@ fn square(x: f32) -> f32 {
     x * x
 }
 
-/// The vertical approach, and those around it.
+/// The vertical approach and the tilted ones.
 fn approaches(law: &RefinementLaw) -> Vec<Quat> {
     let tilted = |number: usize| {
         let azimuth_rad = core::f32::consts::TAU * number as f32 / law.tilts as f32;
@@ -271,18 +272,18 @@ impl Point {
         Self { at: turn * self.at, normal: turn * self.normal }
     }
 
-    /// Whether it is so near to the line along the approach through the origin.
+    /// Whether the point is within this distance of the line along the approach through the origin.
     fn is_within(&self, reach_m: f32) -> bool {
         square(self.at.x) + square(self.at.y) < square(reach_m)
     }
 }
 
-/// Points by square cells across an approach.
+/// Points in square cells perpendicular to an approach.
 struct Things {
     low_m: Vec3,
     rows: usize,
     columns: usize,
-    /// Where each cell's points begin; one more entry than cells.
+    /// Start of each cell's points, with one more entry at the end.
     starts: Vec<usize>,
     points: Vec<Point>,
 }
@@ -306,7 +307,7 @@ impl Things {
         Self { low_m, rows, columns, starts, points: sorted }
     }
 
-    /// The points near the line along the approach through `origin`, as seen from there.
+    /// The points near the line along the approach through `origin`, relative to `origin`.
     fn within(&self, origin: Vec3, reach_m: f32) -> Vec<Point> {
         let first = |at: f32| ((at - reach_m).max(0.0) / CELL_M) as usize;
         let end = |at: f32, count: usize| (((at + reach_m).max(0.0) / CELL_M) as usize + 1).min(count);
@@ -321,11 +322,11 @@ impl Things {
     }
 }
 
-/// A cloud as it is seen along an approach.
+/// A cloud in the frame of an approach.
 struct Seen {
-    /// The workspace from the frame whose z is the approach.
+    /// Rotation from the frame whose z is the approach to the workspace.
     approach: Quat,
-    /// What is not the table, in that frame.
+    /// Points above the table, in that frame.
     things: Things,
     table: Option<Plane>,
     fine: Heights,
@@ -344,13 +345,13 @@ impl Seen {
         Self { approach, things: Things::new(points.filter(is_thing).collect()), table, fine, coarse }
     }
 
-    /// Whether a point lies above the table, if there is one.
+    /// Whether a point is above the table, or there is no table.
     fn is_above_table(&self, point: Vec3) -> bool {
         self.table.is_none_or(|plane| plane.normal.dot(point) > plane.offset_m)
     }
 }
 
-/// For each square cell across an approach how near its nearest point is.
+/// The height map: the nearest point's z for each square cell perpendicular to an approach.
 struct Heights {
     cell_m: f32,
     low_m: Vec3,
@@ -373,7 +374,7 @@ impl Heights {
         Self { cell_m, low_m, columns, nearest_z_m }
     }
 
-    /// Whether everything under a rectangle about `centre_y_m` along the turned y lies beyond `z_m`.
+    /// Whether all points under a rectangle around `centre_y_m` along the turned y are beyond `z_m`.
     fn is_lower(&self, tips: Vec3, turn: Quat, centre_y_m: f32, half_m: [f32; 2], z_m: f32) -> bool {
         let steps = half_m.map(|half| (2.0 * half / self.cell_m).ceil() as usize);
         let (along_x, along_y) = (turn * Vec3::X, turn * Vec3::Y);
@@ -383,7 +384,7 @@ impl Heights {
             let line = centre + along_x * at(half_m[0], i, steps[0]);
             (0..=steps[1]).all(|j| {
                 let place = (line + along_y * at(half_m[1], j, steps[1])) / self.cell_m;
-                // Beside the map there is nothing; below 0 a cast gives 0, so that is asked first.
+                // Outside the map there is nothing. A cast of a negative number gives 0, so the sign is tested first.
                 if place.x < 0.0 || place.y < 0.0 || place.y as usize >= self.columns {
                     return true;
                 }
@@ -450,7 +451,7 @@ mod tests {
         Searched::new((&cloud, &normals), 0.0025, &config.gripper, &LAW, &collision).hand_at(origin_m)
     }
 
-    /// The closing of the hand that is found, in the box's frame.
+    /// The closing direction of the found hand, in the box's frame.
     fn closing(yaw_rad: f32, grasp: &Grasp) -> Vec3 {
         axis_angle(Vec3::Z, -yaw_rad) * (grasp.workspace_from_grasp.rotation * Vec3::Y)
     }
@@ -461,7 +462,7 @@ mod tests {
             let off = axis_angle(Vec3::Z, yaw_rad) * Vec3::new(0.004, 0.005, 0.0);
             let found = hand(&scene([40, 60, 50], yaw_rad), Vec3::new(0.15, 0.15, 0.08) + off).unwrap();
             let along = closing(yaw_rad, &found.grasp).abs();
-            // Within half a step of 15 degrees of one of the two closings that fit.
+            // Within half a step of 15 degrees of one of the two possible closing directions.
             assert!(along.max_element() > libm::cosf(0.14), "{yaw_rad}: closes along {along}");
             let width_m = if along.x > along.y { 0.04 } else { 0.06 };
             assert!((found.grasp.width_m - width_m).abs() < 0.008, "{yaw_rad}: {} m", found.grasp.width_m);
@@ -472,7 +473,7 @@ mod tests {
         }
     }
 
-    /// What the map calls free is free to the sweep that looks at every point, to the width of a cell.
+    /// A way that is free on the map is free for the sweep over all points, up to the width of a cell.
     #[test]
     fn a_way_on_the_map_is_a_way_through_the_points() {
         let config = Config::built_in().unwrap();
@@ -481,7 +482,7 @@ mod tests {
         for n in 0..60_u8 {
             let share = f32::from(n) / 60.0;
             let mut points = scene([35, 55, 30], 2.0 * share);
-            // A wall beside the box, nearer and nearer.
+            // A wall beside the box, closer and closer.
             let wall_x_m = 0.15 + 0.1 - 0.07 * share;
             let at = |p: u16| Vec3::new(wall_x_m, 0.05 + f32::from(p % 80) * 0.0025, 0.05 + f32::from(p / 80) * 0.0025);
             points.extend((0..2_400).map(|p| Point { at: at(p), normal: -Vec3::X }));
@@ -499,7 +500,7 @@ mod tests {
         let mut points = scene([40, 60, 50], 0.0);
         let at = Vec3::new(0.15, 0.15, 0.08);
         let free = closing(0.0, &hand(&points, at).unwrap().grasp).abs();
-        // Posts on both sides of the box, where the fingers would go.
+        // Posts on both sides of the box, in the way of the fingers.
         let axis = if free.x > free.y { Vec3::X } else { Vec3::Y };
         for side in [-1.0, 1.0] {
             let foot = Vec3::new(0.15, 0.15, 0.05) + axis * side * 0.047;
@@ -510,7 +511,7 @@ mod tests {
         assert!(now.dot(axis) < 0.6, "still closes along {now}");
     }
 
-    /// 16 mm high: the fingers must come near the table and may not touch it.
+    /// 16 mm high: the fingers must come close to the table without touching it.
     #[test]
     fn a_flat_thing_is_held_just_above_the_table() {
         let found = hand(&scene([50, 40, 16], 0.4), Vec3::new(0.15, 0.15, 0.06)).unwrap();
@@ -518,7 +519,8 @@ mod tests {
         assert!((0.0525..0.06).contains(&z_m), "{z_m}");
     }
 
-    /// The table is seen only under the thing, and goes on: a tilted hand beside it must not be put through it.
+    /// The table is seen only below the object, and continues: a tilted hand beside the object must not pass through
+    /// it.
     #[test]
     fn the_table_goes_on_where_it_was_not_seen() {
         let mut points = scene([60, 30, 20], 0.0);
@@ -537,7 +539,8 @@ mod tests {
         }
     }
 
-    /// Across the corners of a box there is as much within reach of the fingers as on its faces, but it does not face them.
+    /// Across the corners of a box as many points are within reach of the fingers as on its faces, but they do not face
+    /// them.
     #[test]
     fn what_does_not_face_the_fingers_does_not_count() {
         let mut points = scene([40, 40, 50], 0.0);

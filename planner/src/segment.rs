@@ -1,4 +1,4 @@
-//! The cloud of a scene, told apart: the table, the objects, the rest.
+//! Segments the cloud of a scene into the table, the objects and the rest.
 
 use perception::{clusters, find_plane};
 use schema::{Purpose, Stream, Vec3};
@@ -6,7 +6,8 @@ use schema::{Purpose, Stream, Vec3};
 use crate::config::Config;
 use crate::plan::{PointLabel, SeenObject, SegmentedCloud};
 
-/// Finds the plane, and clusters in what lies off it; objects are numbered by the heights of their centroids, from the top.
+/// Finds the plane and clusters the remaining points; objects are numbered by the heights of their centroids, from the
+/// top.
 #[must_use]
 pub fn segment(points_m: Vec<Vec3>, config: &Config) -> (SegmentedCloud, Vec<SeenObject>) {
     let plane = find_plane(&points_m, &config.plane, &mut Stream::new(config.seed, 0, Purpose::Plane, 0));
@@ -26,7 +27,7 @@ pub fn segment(points_m: Vec<Vec3>, config: &Config) -> (SegmentedCloud, Vec<See
     (SegmentedCloud { points_m, labels, plane }, objects)
 }
 
-/// The clusters as objects from the top, and each cluster's number among them.
+/// The clusters as objects from the top, and each cluster's index among them.
 fn top_down(points_m: &[Vec3], found: &[Option<usize>]) -> (Vec<SeenObject>, Vec<usize>) {
     let count = found.iter().flatten().max().map_or(0, |last| last + 1);
     let mut objects = vec![SeenObject { centroid_m: Vec3::ZERO, point_count: 0 }; count];
@@ -34,7 +35,7 @@ fn top_down(points_m: &[Vec3], found: &[Option<usize>]) -> (Vec<SeenObject>, Vec
         if let Some(cluster) = cluster {
             let object = &mut objects[*cluster];
             object.point_count += 1;
-            // The running mean: no large sums in single precision.
+            // A running mean avoids large sums in single precision.
             object.centroid_m += (*point - object.centroid_m) / object.point_count as f32;
         }
     }

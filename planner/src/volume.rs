@@ -1,4 +1,4 @@
-//! From an observation to what planning reads: the grid for the network, the cloud for the objects.
+//! From an observation to the inputs of planning: the grid for the network and the cloud for the objects.
 
 use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, surface_cloud, thinned, view_from};
 use schema::{Grid, Vec3, VoxelGrid};
@@ -8,24 +8,26 @@ use crate::level::scaled_to_table;
 use crate::observation::{Observation, SeenView};
 use crate::planner::PlanError;
 
-/// What was seen, fused.
+/// A fused observation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Volume {
     /// TSDF in VGN's values.
     pub grid: VoxelGrid,
-    /// Surface points in the workspace, at the config's pitch where they were seen as densely.
+    /// Surface points in the workspace, at the config's pitch where the observation is dense enough.
     pub points_m: Vec<Vec3>,
-    /// The finer grid that they are the surface of, if it is not `grid`.
+    /// The finer grid whose surface they are, if it is not `grid`.
     pub fine: Option<VoxelGrid>,
-    /// What the caller should know.
+    /// Warnings for the caller.
     pub warnings: Vec<String>,
 }
 
-/// Fuses an observation on `grid`; its cloud has a pitch of `law.pitch_m`. From depth images the cloud is that of a grid of its own.
+/// Fuses an observation on `grid`; its cloud has a pitch of `law.pitch_m`. For depth images the cloud comes from a
+/// separate, finer grid.
 ///
 /// # Errors
-/// [`PlanError::Grid`] for a TSDF on another grid, [`PlanError::Image`] for an image of another size than its lens says,
-/// [`PlanError::Eye`] for an eye from which the workspace cannot be seen, [`PlanError::Solid`] for a cloud that is no surface.
+/// [`PlanError::Grid`] for a TSDF on another grid, [`PlanError::Image`] for an image whose size differs from its
+/// intrinsics, [`PlanError::Eye`] for a viewpoint that cannot see the workspace, [`PlanError::Solid`] for a cloud that
+/// is not a surface.
 pub fn fuse(observation: &Observation, grid: &Grid, law: CloudLaw) -> Result<Volume, PlanError> {
     let pitch_m = law.pitch_m;
     match observation {
@@ -71,15 +73,15 @@ pub fn fuse_views(views: &[SeenView], grid: &Grid) -> Result<VoxelGrid, PlanErro
     Ok(tsdf.to_voxels())
 }
 
-/// Where the eye is if nobody says: straight above, at twice the workspace's size.
+/// The default viewpoint: straight above, at twice the workspace's size.
 fn above(grid: &Grid) -> Vec3 {
     Vec3::new(0.5, 0.5, 2.0) * grid.size_m
 }
 
-/// A cloud whose points have more than this many times the pitch between them is too sparse.
+/// A cloud is sparse if its points are further apart than this many times the pitch.
 const SPARSE_PITCHES: f32 = 1.5;
-/// Most points of a thinned cloud, at the paper's pitch about ten times what a full workspace has; solid blocks of points would
-/// take minutes to cluster.
+/// Maximum number of points of a thinned cloud: at the paper's pitch about ten times that of a full workspace.
+/// Clustering solid blocks of points would take minutes.
 const THINNED_MAX: usize = 300_000;
 
 fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> Result<Volume, PlanError> {
@@ -109,7 +111,7 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
     Ok(Volume { grid: tsdf.to_voxels(), points_m, fine: None, warnings })
 }
 
-/// What to say of a cloud most of which lies outside the workspace.
+/// The warning for a cloud that is mostly outside the workspace.
 fn outside(points_m: &[Vec3], grid: &Grid) -> Option<String> {
     let outside = points_m.iter().filter(|point| grid.voxel_at(**point).is_none()).count();
     if 2 * outside <= points_m.len() {
@@ -125,9 +127,9 @@ fn outside(points_m: &[Vec3], grid: &Grid) -> Option<String> {
     ))
 }
 
-/// About how far apart the points of a thinned cloud are: the side of the square that each has to itself, if the cloud is a
-/// surface. By how many voxels' faces they cover: of a level surface a voxel has one face. If each voxel has but one point,
-/// they are at least so far apart.
+/// Approximate spacing of a thinned cloud: the side of the square per point, if the cloud is a surface. The area is
+/// estimated by the covered voxels, since a level surface has one face per voxel. If each voxel has only one point, the
+/// spacing is a lower bound.
 fn spacing_m(points_m: &[Vec3], grid: &Grid) -> (f32, bool) {
     let mut voxels: Vec<[usize; 3]> = points_m.iter().filter_map(|point| grid.voxel_at(*point)).collect();
     let count = voxels.len();
