@@ -17,15 +17,12 @@ use experiments::statistics::results;
 use experiments::tables::{bodies, conditions, objects_table, rounds_table, trials_table};
 use indicatif::{ProgressBar, ProgressStyle};
 use planner::PlannerError;
-use shards::manual::{Manual, Settings};
-
-/// Worlds are built and dropped all the time.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+use program::Exit;
+use program::manual::{Manual, Settings};
 
 /// Clears tables in simulation and counts.
 #[derive(Debug, Parser)]
-#[command(version, after_help = format!("{EXAMPLES}\n\n{}", shards::ExitCode::HELP))]
+#[command(version, after_help = format!("{EXAMPLES}\n\n{}", program::ExitCode::HELP))]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -34,13 +31,13 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run an experiment, or go on with it: rounds.parquet, attempts.parquet, objects.parquet, report.md, report.json, report.svg
-    #[command(after_help = shards::ExitCode::HELP)]
+    #[command(after_help = program::ExitCode::HELP)]
     Run(RunArguments),
     /// Set experiments that were run side by side, in a table and a figure
-    #[command(after_help = shards::ExitCode::HELP)]
+    #[command(after_help = program::ExitCode::HELP)]
     Compare(CompareArguments),
     /// Experiments that were run as a page, one file with everything in it: rates, failures, pictures of scenes with the grasps
-    #[command(after_help = format!("{REPORT_EXAMPLES}\n\n{}", shards::ExitCode::HELP))]
+    #[command(after_help = format!("{REPORT_EXAMPLES}\n\n{}", program::ExitCode::HELP))]
     Report(ReportArguments),
     /// Write shell completions, man pages, or this program's reference
     #[command(subcommand)]
@@ -134,26 +131,26 @@ fn main() -> ExitCode {
     match done {
         Ok(code) => code.into(),
         Err(error) => {
-            let _ = writeln!(std::io::stderr(), "error: {}", shards::text::told(error.as_ref()));
+            let _ = writeln!(std::io::stderr(), "error: {}", program::text::error_chain(error.as_ref()));
             exit_code_of(&error).into()
         }
     }
 }
 
 /// The one place where errors become exit codes.
-fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
+fn exit_code_of(error: &anyhow::Error) -> program::ExitCode {
     let codes = [
-        error.downcast_ref::<ConfigError>().map(|_| shards::ExitCode::Config),
+        error.downcast_ref::<ConfigError>().map(|_| program::ExitCode::Config),
         error.downcast_ref().map(RunError::exit_code),
         error.downcast_ref().map(PageError::exit_code),
         error.downcast_ref().map(PlannerError::exit_code),
-        error.downcast_ref::<std::io::Error>().map(|_| shards::ExitCode::TryAgain),
-        error.downcast_ref::<serde_json::Error>().map(|_| shards::ExitCode::Data),
+        error.downcast_ref::<std::io::Error>().map(|_| program::ExitCode::TryAgain),
+        error.downcast_ref::<serde_json::Error>().map(|_| program::ExitCode::Data),
     ];
-    codes.into_iter().flatten().next().unwrap_or(shards::ExitCode::Internal)
+    codes.into_iter().flatten().next().unwrap_or(program::ExitCode::Internal)
 }
 
-fn run_experiment(arguments: &RunArguments) -> anyhow::Result<shards::ExitCode> {
+fn run_experiment(arguments: &RunArguments) -> anyhow::Result<program::ExitCode> {
     let mut set = arguments.set.clone();
     set.extend(arguments.rounds.map(|rounds| ("rounds".to_owned(), rounds.to_string())));
     set.extend(arguments.seed.map(|seed| ("seeds".to_owned(), format!("[{seed}]"))));
@@ -164,7 +161,7 @@ fn run_experiment(arguments: &RunArguments) -> anyhow::Result<shards::ExitCode> 
     let told = || {
         let _ = writeln!(std::io::stderr(), "stopping after the rounds under way; again to stop at once");
     };
-    let stop = shards::stop_on_signals(told).context("failed to listen for signals")?;
+    let stop = program::stop_on_signals(told).context("failed to listen for signals")?;
     let bar = progress_bar(config.round_count());
     let counts = Mutex::new((0_u64, 0_u64));
     let on_round = |round: &Round| {
@@ -180,10 +177,10 @@ fn run_experiment(arguments: &RunArguments) -> anyhow::Result<shards::ExitCode> 
     if is_whole {
         write_reports(&config, planner.model_id(), rounds, &arguments.out)?;
     }
-    Ok(if is_whole { shards::ExitCode::Ok } else { shards::ExitCode::TryAgain })
+    Ok(if is_whole { program::ExitCode::Ok } else { program::ExitCode::TryAgain })
 }
 
-fn compare(arguments: &CompareArguments) -> anyhow::Result<shards::ExitCode> {
+fn compare(arguments: &CompareArguments) -> anyhow::Result<program::ExitCode> {
     let one = |folder: &PathBuf| {
         let path = folder.join("report.json");
         let text = std::fs::read_to_string(&path).with_context(|| format!("failed to read {}", path.display()))?;
@@ -194,21 +191,21 @@ fn compare(arguments: &CompareArguments) -> anyhow::Result<shards::ExitCode> {
         std::fs::write(path, svg(&results)?).with_context(|| format!("failed to write {}", path.display()))?;
     }
     let _ = write!(std::io::stdout().lock(), "{}", comparison(&results));
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
-fn write_manual(manual: &Manual) -> anyhow::Result<shards::ExitCode> {
+fn write_manual(manual: &Manual) -> anyhow::Result<program::ExitCode> {
     let settings = [Settings { path: "configs/experiment/pile.toml", toml: experiments::config::REFERENCE }];
     manual.make(Cli::command(), &settings, "").context("failed to write the manual")?;
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
-fn write_page(arguments: &ReportArguments) -> anyhow::Result<shards::ExitCode> {
+fn write_page(arguments: &ReportArguments) -> anyhow::Result<program::ExitCode> {
     let played = arguments.folders.iter().map(|folder| Played::read(folder)).collect::<Result<Vec<_>, _>>()?;
     let (path, html) = (&arguments.html, page(&played)?);
-    shards::publish(path, html.as_bytes()).with_context(|| format!("failed to write {}", path.display()))?;
+    program::publish(path, html.as_bytes()).with_context(|| format!("failed to write {}", path.display()))?;
     let _ = writeln!(std::io::stdout().lock(), "{}", path.display());
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
 fn write_reports(config: &Config, model_id: &str, rounds: Vec<Round>, folder: &Path) -> anyhow::Result<()> {

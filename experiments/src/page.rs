@@ -10,9 +10,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use program::text::grouped;
+use program::{Exit, ExitCode};
 use report::page::{Block, Page, Picture, Section};
-use shards::ExitCode;
-use shards::text::grouped;
 
 use crate::report::{About, FigureError, Row, comparison_of_rates, read_whole, share, svg_for_page};
 use crate::round::Round;
@@ -62,10 +62,8 @@ pub enum PageError {
     Figure(#[from] FigureError),
 }
 
-impl PageError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for PageError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Missing(_) => ExitCode::Config,
             Self::Damaged { .. } => ExitCode::Data,

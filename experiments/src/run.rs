@@ -11,8 +11,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use planner::Planner;
+use program::{Exit, ExitCode};
 use rayon::ThreadPoolBuilder;
-use shards::ExitCode;
 
 use crate::config::Config;
 use crate::round::{Round, RoundError, play};
@@ -43,10 +43,8 @@ pub enum RunError {
     Other(PathBuf),
 }
 
-impl RunError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for RunError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Round(_) | Self::Other(_) => ExitCode::Config,
             Self::Io { .. } | Self::Threads(_) => ExitCode::TryAgain,

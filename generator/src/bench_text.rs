@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use generator::{BenchReport, OutcomeCost, StageCost};
-use shards::text::{bytes, grouped};
+use program::text::{bytes, grouped};
 
 /// The report for people.
 pub(crate) fn markdown(report: &BenchReport, command: &str) -> String {

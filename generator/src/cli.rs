@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 use generator::AttemptId;
-use shards::manual::Manual;
-use shards::{ExitCode, Location, LocationParser};
+use program::ExitCode;
+use program::manual::Manual;
+use shards::{Location, LocationParser};
 
 use crate::assignment::{ShardIndices, Task};
 use crate::import_command::ImportArguments;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use perception::ViewLaw;
+use program::{Exit, ExitCode};
 use schema::{Grid, Gripper, Intrinsics, Procedure, ShapeKind, keys_unlike};
-use shards::ExitCode;
 use simulator::{Physics, SettleLaw};
 
 use crate::laws::{CONTACT_FREQUENCY_HZ, GRAVITY_M_S2, SOLVER_ITERATIONS, STEP_RATE_HZ, TABLE_FRICTION};
@@ -137,10 +137,9 @@ pub enum ConfigError {
     },
 }
 
-impl ConfigError {
+impl Exit for ConfigError {
     /// Always [`ExitCode::Config`].
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+    fn exit_code(&self) -> ExitCode {
         ExitCode::Config
     }
 }

@@ -6,9 +6,10 @@ use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use perception::camera_at;
+use program::{Exit, ExitCode};
 use schema::{Camera, DepthImage, Intrinsics, View};
 use serde_json::Value;
-use shards::{Dataset, ExitCode, ReadError};
+use shards::{Dataset, ReadError};
 use simulator::{ModelError, Scene, SceneRays, bodies_of};
 
 /// Metres per unit of the images: a tenth of a millimetre, so that rounding is negligible against a voxel.
@@ -45,10 +46,8 @@ pub enum DepthImagesError {
     },
 }
 
-impl DepthImagesError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for DepthImagesError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Read(error) => error.exit_code(),
             Self::Camera | Self::Model(_) => ExitCode::Data,

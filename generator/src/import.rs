@@ -8,10 +8,10 @@ use std::fmt::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
+use program::{Exit, ExitCode};
 use rayon::prelude::*;
 use schema::{Grid, Gripper, MODELS_MAX, Vec3};
 use serde::Serialize;
-use shards::ExitCode;
 use simulator::{ConvexHull, ConvexParts, PartsLaw, convex_parts, few_cornered_hull, hull_volume_m3};
 
 use crate::catalogue::{Catalogue, CatalogueError};
@@ -156,13 +156,15 @@ pub enum ImportError {
     Catalogue(#[from] CatalogueError),
 }
 
-impl ImportError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for ImportError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Files { is_damaged: true, .. } => ExitCode::Data,
-            _ => ExitCode::Config,
+            Self::Files { is_damaged: false, .. }
+            | Self::Folder { .. }
+            | Self::NoMeshes(_)
+            | Self::SameName { .. }
+            | Self::Catalogue(_) => ExitCode::Config,
         }
     }
 }

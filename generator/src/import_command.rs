@@ -5,8 +5,8 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use generator::{Config, ImportLaw, Imported, ImportedObject, Overrides, Weight, import_objects, mesh_files};
-use shards::ExitCode;
-use shards::text::{grouped, percent};
+use program::text::{grouped, percent};
+use program::{Exit, ExitCode};
 use simulator::PartsLaw;
 
 /// Friction of objects that are said nothing of: wood, card and plastic against rubber.
@@ -90,9 +90,8 @@ pub(crate) enum CatalogueFileError {
     },
 }
 
-impl CatalogueFileError {
-    /// The code to end with.
-    pub(crate) fn exit_code(&self) -> ExitCode {
+impl Exit for CatalogueFileError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Taken(_) | Self::Nowhere(_) => ExitCode::Config,
             Self::Write { .. } => ExitCode::TryAgain,
@@ -139,7 +138,7 @@ fn write_catalogue(path: &Path, text: &str, replaces: bool) -> Result<(), Catalo
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
         Err(error) => return Err(failed(error)),
     }
-    shards::publish(path, text.as_bytes()).map_err(failed)
+    program::publish(path, text.as_bytes()).map_err(failed)
 }
 
 fn table(imported: &Imported, out: &Path) -> String {

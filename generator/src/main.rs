@@ -13,7 +13,8 @@ use generator::{
     attempts_of, bench, generate, repeat, replay, write_depth_images,
 };
 use indicatif::{ProgressBar, ProgressStyle};
-use shards::manual::{Manual, Settings};
+use program::Exit;
+use program::manual::{Manual, Settings};
 use shards::{Dataset, Draft, FinalizeError, Finalized, ReadError, StoreError, Sweep, Swept};
 
 mod assignment;
@@ -29,11 +30,6 @@ use cli::{
 };
 use import_command::CatalogueFileError;
 
-/// A world is built and dropped for every attempt: two threads make 3 to 12 % more attempts with this allocator than with the
-/// system's.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     tracing_subscriber::fmt()
@@ -41,7 +37,7 @@ fn main() -> ExitCode {
         .with_ansi(std::io::stderr().is_terminal())
         .with_env_filter(tracing_subscriber::EnvFilter::from_env("GRASPMILL_LOG"))
         .init();
-    if let Err(error) = shards::writes_fail_at_the_file_size_limit() {
+    if let Err(error) = program::writes_fail_at_the_file_size_limit() {
         tracing::warn!(%error, "a write beyond the file-size limit will end this program");
     }
     let ended = match &arguments.command {
@@ -58,14 +54,14 @@ fn main() -> ExitCode {
     };
     ended
         .unwrap_or_else(|error| {
-            complain(&format!("error: {}", shards::text::told(error.as_ref())));
+            complain(&format!("error: {}", program::text::error_chain(error.as_ref())));
             exit_code_of(&error)
         })
         .into()
 }
 
 /// The one place where errors become exit codes.
-fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
+fn exit_code_of(error: &anyhow::Error) -> program::ExitCode {
     let config = error.downcast_ref().map(ConfigError::exit_code);
     let generate = error.downcast_ref().map(GenerateError::exit_code);
     let repeat = error.downcast_ref().map(RepeatError::exit_code);
@@ -73,12 +69,12 @@ fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
     let read = error.downcast_ref().map(ReadError::exit_code);
     let store = error.downcast_ref().map(StoreError::exit_code);
     let finalize = error.downcast_ref().map(FinalizeError::exit_code);
-    let write = error.downcast_ref::<ReplayWriteError>().map(|_| shards::ExitCode::TryAgain);
-    let assignment = error.downcast_ref::<AssignmentError>().map(|_| shards::ExitCode::Config);
+    let write = error.downcast_ref::<ReplayWriteError>().map(|_| program::ExitCode::TryAgain);
+    let assignment = error.downcast_ref::<AssignmentError>().map(|_| program::ExitCode::Config);
     let import = error.downcast_ref().map(ImportError::exit_code);
     let catalogue = error.downcast_ref().map(CatalogueFileError::exit_code);
     let codes = [config, generate, repeat, depth, read, store, finalize, write, assignment, import, catalogue];
-    codes.into_iter().flatten().next().unwrap_or(shards::ExitCode::Internal)
+    codes.into_iter().flatten().next().unwrap_or(program::ExitCode::Internal)
 }
 
 /// Says something to the person; a closed stderr is no reason to fail.
@@ -87,7 +83,7 @@ fn complain(text: &str) {
 }
 
 /// Datasets of the bench go to a temporary folder, which is removed.
-fn run_bench(arguments: &BenchArguments) -> anyhow::Result<shards::ExitCode> {
+fn run_bench(arguments: &BenchArguments) -> anyhow::Result<program::ExitCode> {
     let shards = Some(arguments.attempts.div_ceil(3_000).max(1));
     let overrides = Overrides { seed: arguments.seed, shards, attempts: Some(arguments.attempts) };
     let config = Config::load(arguments.config.as_deref(), overrides)?;
@@ -111,13 +107,13 @@ fn run_bench(arguments: &BenchArguments) -> anyhow::Result<shards::ExitCode> {
         write(path, &(serde_json::to_string_pretty(&report)? + "\n"))?;
     }
     let _ = write!(std::io::stdout().lock(), "{text}");
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
 /// Differences shown at most.
 const DIFFERENCES_SHOWN: usize = 20;
 
-fn run_repeat(arguments: &RepeatArguments) -> anyhow::Result<shards::ExitCode> {
+fn run_repeat(arguments: &RepeatArguments) -> anyhow::Result<program::ExitCode> {
     start_threads(arguments.threads)?;
     let dataset = Dataset::open(&arguments.dataset).map_err(RepeatError::from)?;
     let began = Instant::now();
@@ -133,11 +129,11 @@ fn run_repeat(arguments: &RepeatArguments) -> anyhow::Result<shards::ExitCode> {
         text += &format!("scene {}, attempt {}: stored {stored}, now {now}\n", one.scene_id, one.attempt_id);
     }
     let _ = write!(std::io::stdout().lock(), "{text}");
-    Ok(if repeated.different.is_empty() { shards::ExitCode::Ok } else { shards::ExitCode::Data })
+    Ok(if repeated.different.is_empty() { program::ExitCode::Ok } else { program::ExitCode::Data })
 }
 
 /// What happened is told on stdout, unless the JSON goes there.
-fn run_replay(arguments: &ReplayArguments) -> anyhow::Result<shards::ExitCode> {
+fn run_replay(arguments: &ReplayArguments) -> anyhow::Result<program::ExitCode> {
     let dataset = Dataset::open(&arguments.dataset).map_err(RepeatError::from)?;
     let replay = replay(&dataset, arguments.attempt)?;
     if let Some(path) = &arguments.out {
@@ -148,12 +144,12 @@ fn run_replay(arguments: &ReplayArguments) -> anyhow::Result<shards::ExitCode> {
     let text = if is_json_printed { replay.view.to_json() } else { replay.told() };
     let _ = write!(std::io::stdout().lock(), "{text}");
     if replay.is_reproduced() {
-        return Ok(shards::ExitCode::Ok);
+        return Ok(program::ExitCode::Ok);
     }
     if is_json_printed {
         complain(replay.told().trim_end());
     }
-    Ok(shards::ExitCode::Data)
+    Ok(program::ExitCode::Data)
 }
 
 /// A replay that could not be written.
@@ -164,15 +160,15 @@ struct ReplayWriteError {
     path: std::path::PathBuf,
 }
 
-fn run_depth(arguments: &DepthArguments) -> anyhow::Result<shards::ExitCode> {
+fn run_depth(arguments: &DepthArguments) -> anyhow::Result<program::ExitCode> {
     let dataset = Dataset::open(&arguments.dataset)?;
     let views = arguments.views.map_or(Views::Stored, |count| Views::Around(count.into()));
     let path = write_depth_images(&dataset, arguments.scene, views, &arguments.out)?;
     let _ = writeln!(std::io::stdout().lock(), "{}", path.display());
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
-fn run_missing(arguments: &MissingArguments) -> anyhow::Result<shards::ExitCode> {
+fn run_missing(arguments: &MissingArguments) -> anyhow::Result<program::ExitCode> {
     let mut missing = Draft::open(&arguments.dataset)?.missing()?;
     if let Some(tasks) = arguments.tasks {
         missing.iter_mut().for_each(|shard| *shard %= tasks);
@@ -182,34 +178,34 @@ fn run_missing(arguments: &MissingArguments) -> anyhow::Result<shards::ExitCode>
     if !missing.is_empty() {
         let _ = writeln!(std::io::stdout().lock(), "{}", index_list(&missing));
     }
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
-fn run_finalize(arguments: &DatasetArgument) -> anyhow::Result<shards::ExitCode> {
+fn run_finalize(arguments: &DatasetArgument) -> anyhow::Result<program::ExitCode> {
     let state = Draft::open(&arguments.dataset)?.finalize()?;
     let _ = write!(std::io::stdout().lock(), "{}", table::state(&state, &arguments.dataset));
     Ok(match state {
-        Finalized::Complete(_) => shards::ExitCode::Ok,
-        Finalized::Incomplete { .. } => shards::ExitCode::Incomplete,
+        Finalized::Complete(_) => program::ExitCode::Ok,
+        Finalized::Incomplete { .. } => program::ExitCode::Incomplete,
     })
 }
 
-fn run_gc(arguments: &GcArguments) -> anyhow::Result<shards::ExitCode> {
+fn run_gc(arguments: &GcArguments) -> anyhow::Result<program::ExitCode> {
     let (sweep, done) = match arguments {
         GcArguments { dry_run: true, .. } => (Sweep::Look, "to remove"),
         GcArguments { all: true, .. } => (Sweep::All, "removed"),
         GcArguments { .. } => (Sweep::Dead, "removed"),
     };
     let Swept { files, bytes, kept } = Draft::open(&arguments.dataset)?.sweep(sweep)?;
-    let mut text = format!("{files} files of killed writers {done}, {}\n", shards::text::bytes(bytes));
+    let mut text = format!("{files} files of killed writers {done}, {}\n", program::text::bytes(bytes));
     if kept > 0 {
         text += &format!("{kept} files are being written, or may be, and stay (--all removes them)\n");
     }
     let _ = write!(std::io::stdout().lock(), "{text}");
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
-fn run_manual(manual: &Manual) -> anyhow::Result<shards::ExitCode> {
+fn run_manual(manual: &Manual) -> anyhow::Result<program::ExitCode> {
     let settings = [
         Settings { path: "configs/generate/paper.toml", toml: include_str!("../../configs/generate/paper.toml") },
         Settings {
@@ -218,7 +214,7 @@ fn run_manual(manual: &Manual) -> anyhow::Result<shards::ExitCode> {
         },
     ];
     manual.make(Arguments::command(), &settings, "").context("failed to write the manual")?;
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
 fn start_threads(threads: Option<u64>) -> anyhow::Result<()> {
@@ -226,7 +222,7 @@ fn start_threads(threads: Option<u64>) -> anyhow::Result<()> {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("failed to start threads")
 }
 
-fn run(arguments: &Arguments) -> anyhow::Result<shards::ExitCode> {
+fn run(arguments: &Arguments) -> anyhow::Result<program::ExitCode> {
     let out = arguments.out.as_ref().context("--out is missing")?;
     let overrides = Overrides { seed: arguments.seed, shards: arguments.shards, attempts: arguments.attempts };
     let config = Config::load(arguments.config.as_deref(), overrides)?;
@@ -238,7 +234,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<shards::ExitCode> {
     }
     start_threads(arguments.threads)?;
     let told = || complain("stopping after the scenes under way; again to stop at once");
-    let stop = shards::stop_on_signals(told).context("failed to listen for signals")?;
+    let stop = program::stop_on_signals(told).context("failed to listen for signals")?;
 
     let info = config.dataset_info();
     let bar = progress_bar(wanted.iter().map(|shard| attempts_of(&info, *shard)).sum());
@@ -261,9 +257,11 @@ fn run(arguments: &Arguments) -> anyhow::Result<shards::ExitCode> {
     let text = table::render(&report, out, started.elapsed().as_secs_f64());
     let _ = write!(std::io::stdout().lock(), "{text}");
     Ok(match report.dataset {
-        _ if report.is_stopped => shards::ExitCode::TryAgain,
-        Some(Finalized::Incomplete { .. }) if wanted.len() == info.shard_count as usize => shards::ExitCode::Incomplete,
-        _ => shards::ExitCode::Ok,
+        _ if report.is_stopped => program::ExitCode::TryAgain,
+        Some(Finalized::Incomplete { .. }) if wanted.len() == info.shard_count as usize => {
+            program::ExitCode::Incomplete
+        }
+        _ => program::ExitCode::Ok,
     })
 }
 

@@ -1,8 +1,9 @@
 //! Executes a dataset's attempts again and compares the results with the stored rows.
 
+use program::{Exit, ExitCode};
 use rayon::prelude::*;
 use schema::Outcome;
-use shards::{Dataset, ExitCode, ReadError};
+use shards::{Dataset, ReadError};
 use simulator::{AttemptWorld, Body, ModelError, Physics, Scene, bodies_of};
 
 use crate::laws::physics_of;
@@ -52,10 +53,8 @@ pub enum RepeatError {
     Model(#[from] ModelError),
 }
 
-impl RepeatError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for RepeatError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Read(error) => error.exit_code(),
             Self::Physics(_) | Self::Model(_) | Self::NoTarget { .. } => ExitCode::Data,

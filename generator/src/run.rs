@@ -4,11 +4,11 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
+use program::{Exit, ExitCode};
 use rayon::prelude::*;
 use schema::SceneRows;
 use shards::{
-    BeginError, Counts, DatasetInfo, Draft, ExitCode, FinalizeError, Finalized, Location, ShardWriter, StoreError,
-    WriteError,
+    BeginError, Counts, DatasetInfo, Draft, FinalizeError, Finalized, Location, ShardWriter, StoreError, WriteError,
 };
 
 use crate::build::{NoScene, make_scene};
@@ -91,10 +91,8 @@ pub enum GenerateError {
     },
 }
 
-impl GenerateError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for GenerateError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Begin(error) => error.exit_code(),
             Self::Scene(_) | Self::NoSuchShard { .. } => ExitCode::Config,

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use generator::Report;
+use program::text::{bar, grouped, percent, ratio};
 use schema::Outcome;
-use shards::text::{bar, grouped, percent, ratio};
 use shards::{Counts, Finalized, Location};
 
 use crate::assignment::index_list;
@@ -60,7 +60,11 @@ fn write_counts(text: &mut String, counts: &Counts) {
     let labels = counts.labels;
     line(text, "attempts", &format!("{} in {} scenes", grouped(labels.attempts), grouped(counts.scenes)));
     let share = percent(labels.positive_share());
-    line(text, "positive", &format!("{} · {share} · {}", grouped(labels.positives), ratio(labels)));
+    line(
+        text,
+        "positive",
+        &format!("{} · {share} · {}", grouped(labels.positives), ratio(labels.positives, labels.negatives())),
+    );
     for outcome in Outcome::ALL {
         let count = counts.outcome(outcome);
         let share = count as f64 / labels.attempts.max(1) as f64;

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use planner::Policy;
-use shards::manual::Manual;
+use program::manual::Manual;
 use shards::{Location, LocationParser};
 
 /// Plans grasps from what a robot sees.
 #[derive(Debug, Parser)]
-#[command(version, after_help = format!("{EXAMPLES}\n\n{}", shards::ExitCode::HELP))]
+#[command(version, after_help = format!("{EXAMPLES}\n\n{}", program::ExitCode::HELP))]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub command: Command,
@@ -19,13 +19,13 @@ pub(crate) struct Cli {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// From depth images, a TSDF, a cloud or a stored scene to ranked grasps, as JSON
-    #[command(after_help = format!("{VIEWS_FILE}\n\n{EXAMPLES}\n\n{}", shards::ExitCode::HELP))]
+    #[command(after_help = format!("{VIEWS_FILE}\n\n{EXAMPLES}\n\n{}", program::ExitCode::HELP))]
     Plan(Box<PlanArguments>),
     /// The same over HTTP
-    #[command(after_help = shards::ExitCode::HELP)]
+    #[command(after_help = program::ExitCode::HELP)]
     Serve(ServeArguments),
     /// What a plan costs on this machine
-    #[command(after_help = shards::ExitCode::HELP)]
+    #[command(after_help = program::ExitCode::HELP)]
     Bench(BenchArguments),
     /// Write shell completions, man pages, or this program's reference
     #[command(subcommand)]

@@ -22,12 +22,9 @@ use planner::input::{
 use planner::picture::{PictureError, draw};
 use planner::serve::{ServeError, ServeOptions, serve};
 use planner::{Config, Observation, PlanError, Planner, PlannerError, demo};
+use program::Exit;
+use program::manual::{Manual, Settings};
 use schema::Grid;
-use shards::manual::{Manual, Settings};
-
-/// Plans are made of many short-lived volumes; the system's allocator gives them back to the kernel each time.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() -> ExitCode {
     let command = Cli::parse().command;
@@ -38,7 +35,7 @@ fn main() -> ExitCode {
         .with_ansi(std::io::stderr().is_terminal())
         .with_env_filter(filter.from_env_lossy())
         .init();
-    if let Err(error) = shards::writes_fail_at_the_file_size_limit() {
+    if let Err(error) = program::writes_fail_at_the_file_size_limit() {
         tracing::warn!(%error, "a write beyond the file-size limit will end this program");
     }
     let ended = match command {
@@ -48,25 +45,25 @@ fn main() -> ExitCode {
         Command::Manual(manual) => run_manual(&manual),
     };
     match ended {
-        Ok(()) => shards::ExitCode::Ok.into(),
+        Ok(()) => program::ExitCode::Ok.into(),
         Err(error) => {
-            console::complain(&format!("error: {}", shards::text::told(error.as_ref())));
+            console::complain(&format!("error: {}", program::text::error_chain(error.as_ref())));
             exit_code_of(&error).into()
         }
     }
 }
 
 /// The one place where errors become exit codes.
-fn exit_code_of(error: &anyhow::Error) -> shards::ExitCode {
+fn exit_code_of(error: &anyhow::Error) -> program::ExitCode {
     let codes = [
         error.downcast_ref().map(InputError::exit_code),
         error.downcast_ref().map(PlanError::exit_code),
         error.downcast_ref().map(PlannerError::exit_code),
         error.downcast_ref().map(ServeError::exit_code),
-        error.downcast_ref::<PictureError>().map(|_| shards::ExitCode::Internal),
-        error.downcast_ref::<std::io::Error>().map(|_| shards::ExitCode::TryAgain),
+        error.downcast_ref::<PictureError>().map(|_| program::ExitCode::Internal),
+        error.downcast_ref::<std::io::Error>().map(|_| program::ExitCode::TryAgain),
     ];
-    codes.into_iter().flatten().next().unwrap_or(shards::ExitCode::Internal)
+    codes.into_iter().flatten().next().unwrap_or(program::ExitCode::Internal)
 }
 
 fn made_planner(arguments: &PlannerArguments) -> anyhow::Result<Planner> {
@@ -113,7 +110,7 @@ fn run_manual(manual: &Manual) -> anyhow::Result<()> {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    shards::publish(path, bytes).with_context(|| format!("failed to write {}", path.display()))
+    program::publish(path, bytes).with_context(|| format!("failed to write {}", path.display()))
 }
 
 /// What is to be planned: a file's request or one made of flags, which count more than the file.
@@ -178,7 +175,7 @@ fn run_serve(arguments: &ServeArguments) -> anyhow::Result<()> {
         queue_max: arguments.queue.into(),
     };
     let told = || console::complain("stopping when the plans under way are made; again to stop at once");
-    let stop = shards::stop_on_signals(told).context("failed to listen for signals")?;
+    let stop = program::stop_on_signals(told).context("failed to listen for signals")?;
     if !arguments.host.is_loopback() {
         console::complain(
             "warning: not a loopback address, and there are no passwords: anyone who reaches it may use it",

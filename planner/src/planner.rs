@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use program::{Exit, ExitCode};
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 use sha2::{Digest as _, Sha256};
-use shards::ExitCode;
 use trainer::checkpoint::{self, CheckpointError};
 use trainer::{DenseGrids, DenseNetwork};
 
@@ -54,10 +54,8 @@ pub enum PlannerError {
     Config(#[from] ConfigError),
 }
 
-impl PlannerError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for PlannerError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Model(error) => error.exit_code(),
             Self::Read { .. } | Self::Config(_) => ExitCode::Config,
@@ -106,10 +104,8 @@ pub enum PlanError {
     },
 }
 
-impl PlanError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for PlanError {
+    fn exit_code(&self) -> ExitCode {
         ExitCode::Config
     }
 }

@@ -16,6 +16,7 @@ use axum::http::StatusCode;
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::{get, post};
+use program::{Exit, ExitCode};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, oneshot};
 use tower_http::catch_panic::CatchPanicLayer;
@@ -86,14 +87,12 @@ pub enum ServeError {
     Ended,
 }
 
-impl ServeError {
-    /// How a program ends with it.
-    #[must_use]
-    pub fn exit_code(&self) -> shards::ExitCode {
+impl Exit for ServeError {
+    fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Listen { source, .. } if source.kind() != io::ErrorKind::AddrInUse => shards::ExitCode::Config,
-            Self::Listen { .. } | Self::Threads { .. } => shards::ExitCode::TryAgain,
-            Self::Ended => shards::ExitCode::Internal,
+            Self::Listen { source, .. } if source.kind() != io::ErrorKind::AddrInUse => ExitCode::Config,
+            Self::Listen { .. } | Self::Threads { .. } => ExitCode::TryAgain,
+            Self::Ended => ExitCode::Internal,
         }
     }
 }

@@ -5,7 +5,8 @@ use std::io::{self, Write};
 use anyhow::{Context, Result};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use shards::{Dataset, ExitCode, ExportFormat, Location, LocationParser, text};
+use program::{ExitCode, text};
+use shards::{Dataset, ExportFormat, Location, LocationParser};
 
 /// Shown by `--help`.
 pub(crate) const EXAMPLES: &str = "\

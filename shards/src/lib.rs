@@ -41,22 +41,16 @@
 //! ```
 //!
 //! A shard's bytes are a pure function of its rows: no clock, no host name, no library version. Every error has an
-//! [`ExitCode`].
+//! exit code ([`program::Exit`]).
 
 mod argument;
-mod exit;
 mod format;
 mod look;
-pub mod manual;
-mod process;
-mod publish;
 mod read;
 mod store;
-pub mod text;
 mod write;
 
 pub use argument::LocationParser;
-pub use exit::ExitCode;
 pub use format::check::{POSITION_M_MAX, QUATERNION_TOLERANCE, RowError, VIEWS_MAX, WIDTH_TOLERANCE_M};
 pub use format::layout::{self, SCENES_PER_ROW_GROUP};
 pub use format::seal::SealError;
@@ -70,8 +64,6 @@ pub use look::{
     ExportCounts, ExportError, ExportFormat, ExportOrigin, Exported, ExportedFile, Inspection, PROBLEMS_MAX, Verified,
     export, object_bodies, scene_view, verify, write_view,
 };
-pub use process::{stop_on_signals, writes_fail_at_the_file_size_limit};
-pub use publish::publish;
 #[cfg(any(test, fuzzing))]
 pub use read::fuzzing;
 pub use read::{Dataset, ReadError, Scenes};

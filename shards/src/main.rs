@@ -9,11 +9,10 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use clap::{CommandFactory, Parser, Subcommand};
 use export_command::ExportArguments;
-use shards::manual::{Manual, tables};
+use program::manual::Manual;
+use program::{Exit, ExitCode, publish, text};
 use shards::report::html::HtmlError;
-use shards::{
-    Dataset, ExitCode, ExportError, Inspection, Location, LocationParser, ReadError, Verified, publish, text,
-};
+use shards::{Dataset, ExportError, Inspection, Location, LocationParser, ReadError, Table, Verified};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -98,7 +97,7 @@ fn main() -> std::process::ExitCode {
         Ok(code) => code,
         Err(error) if is_broken_pipe(&error) => ExitCode::Ok, // whoever read our output had enough
         Err(error) => {
-            let _ = writeln!(io::stderr(), "error: {}", text::told(error.as_ref())); // nowhere left to complain
+            let _ = writeln!(io::stderr(), "error: {}", text::error_chain(error.as_ref())); // nowhere left to complain
             exit_code(&error)
         }
     };
@@ -136,7 +135,8 @@ fn run(command: &Command) -> Result<ExitCode> {
 
 /// The reference ends with what all programs share: the tables on disk and the exit codes.
 fn manual(manual: &Manual) -> Result<ExitCode> {
-    let chapters = format!("{}\n## Exit codes\n\n```text\n{}\n```\n", tables(RESOLUTION), ExitCode::HELP);
+    let tables = Table::ALL.map(|table| format!("\n## Table `{}`\n\n{}", table.name(), table.markdown(RESOLUTION)));
+    let chapters = format!("{}\n## Exit codes\n\n```text\n{}\n```\n", tables.concat(), ExitCode::HELP);
     manual.make(Cli::command(), &[], &chapters).context("failed to write the manual")?;
     Ok(ExitCode::Ok)
 }

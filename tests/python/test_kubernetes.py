@@ -30,7 +30,7 @@ END_S = 120  # the generator's time to end
 VERSIONS = sorted({tuple(map(int, version.split("."))) for version in all_versions()})[-5:]
 CODES = {
     name: int(code)
-    for name, code in re.findall(r"^    (\w+) = (\d+),$", (ROOT / "shards/src/exit.rs").read_text(), re.MULTILINE)
+    for name, code in re.findall(r"^    (\w+) = (\d+),$", (ROOT / "program/src/exit.rs").read_text(), re.MULTILINE)
 }
 NEVER_AGAIN = {CODES["Usage"], CODES["Data"], CODES["Config"]}
 QUANTITY = re.compile(r"\d+(\.\d+)?(m|[kMGTPE]|[KMGTPE]i)?")

@@ -20,16 +20,21 @@ const NETWORK: &[&str] = &["object_store", "reqwest", "hyper", "tokio"];
 
 const ROOMS: &[Room] = &[
     Room { name: "schema", sees: &[], never: &["rapier3d", "parry3d", "arrow", "parquet", "burn"] },
+    Room { name: "program", sees: &[], never: &["rapier3d", "parry3d", "arrow", "parquet", "burn"] },
     Room { name: "report", sees: &["schema"], never: &["rapier3d", "parry3d", "arrow", "parquet", "burn"] },
-    Room { name: "shards", sees: &["schema", "report"], never: &["rapier3d", "parry3d", "burn"] },
+    Room { name: "shards", sees: &["schema", "program", "report"], never: &["rapier3d", "parry3d", "burn"] },
     Room { name: "simulator", sees: &["schema"], never: &["arrow", "parquet", "burn"] },
     Room { name: "perception", sees: &["schema"], never: &["rapier3d", "parry3d", "arrow", "parquet", "burn"] },
-    Room { name: "generator", sees: &["schema", "report", "shards", "simulator", "perception"], never: LEARNING },
-    Room { name: "trainer", sees: &["schema", "report", "shards"], never: PHYSICS },
-    Room { name: "planner", sees: &["schema", "report", "shards", "perception", "trainer"], never: PHYSICS },
+    Room {
+        name: "generator",
+        sees: &["schema", "program", "report", "shards", "simulator", "perception"],
+        never: LEARNING,
+    },
+    Room { name: "trainer", sees: &["schema", "program", "report", "shards"], never: PHYSICS },
+    Room { name: "planner", sees: &["schema", "program", "report", "shards", "perception", "trainer"], never: PHYSICS },
     Room {
         name: "experiments",
-        sees: &["schema", "report", "shards", "simulator", "perception", "trainer", "planner", "generator"],
+        sees: &["schema", "program", "report", "shards", "simulator", "perception", "trainer", "planner", "generator"],
         never: &[],
     },
     Room { name: "workspace-tests", sees: &[], never: &["rapier3d", "parry3d", "arrow", "parquet", "burn"] },

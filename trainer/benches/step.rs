@@ -10,9 +10,6 @@ use trainer::network::initial_vector;
 use trainer::step::{evaluate, step, step_by_graph};
 use trainer::upsampling::Upsampling;
 
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 fn main() {
     divan::main();
 }

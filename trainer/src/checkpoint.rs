@@ -9,9 +9,10 @@ mod header;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::{Device, Tensor, TensorData};
+use program::publish;
+use program::{Exit, ExitCode};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensorError, SafeTensors};
-use shards::ExitCode;
 
 use crate::adam::Moments;
 use crate::host::DenseNetwork;
@@ -19,7 +20,6 @@ use crate::layers::{parameter_count, parameter_slots};
 use crate::network::Network;
 use crate::progress::Progress;
 use crate::upsampling::Upsampling;
-use shards::publish;
 
 use header::HeaderProblem;
 
@@ -99,10 +99,8 @@ pub enum CheckpointError {
     },
 }
 
-impl CheckpointError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for CheckpointError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Missing(_) | Self::Architecture { .. } => ExitCode::Config,
             Self::Io { .. } => ExitCode::TryAgain,

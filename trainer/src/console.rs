@@ -247,7 +247,7 @@ pub(crate) fn bench(report: &BenchReport) -> String {
     if let Some(read_s) = report.read_s {
         text += &row("reading alone", read_s, None);
     }
-    let memory = report.memory_bytes.map_or("unknown".to_owned(), shards::text::bytes);
+    let memory = report.memory_bytes.map_or("unknown".to_owned(), program::text::bytes);
     let [dense, alone, by_graph] =
         [report.dense_s, report.dense_one_thread_s, report.dense_by_graph_s].map(|seconds| 1e3 * seconds);
     text + &format!(

@@ -73,7 +73,7 @@ enum FormatArg {
     Onnx,
 }
 
-pub(crate) fn run_import(args: &ImportArgs) -> Result<shards::ExitCode, InterchangeError> {
+pub(crate) fn run_import(args: &ImportArgs) -> Result<program::ExitCode, InterchangeError> {
     let upsampling = match args.upsampling {
         UpsamplingArg::Nearest => Upsampling::Nearest,
         UpsamplingArg::Linear => Upsampling::Linear,
@@ -91,10 +91,10 @@ pub(crate) fn run_import(args: &ImportArgs) -> Result<shards::ExitCode, Intercha
         upsampling.name()
     ));
     crate::console::print(&format!("checkpoint  {}", args.out.display()));
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
-pub(crate) fn run_export(args: &ExportArgs) -> Result<shards::ExitCode, InterchangeError> {
+pub(crate) fn run_export(args: &ExportArgs) -> Result<program::ExitCode, InterchangeError> {
     let target = match args.format {
         FormatArg::Safetensors => Target::Safetensors,
         FormatArg::Onnx => Target::Onnx,
@@ -102,5 +102,5 @@ pub(crate) fn run_export(args: &ExportArgs) -> Result<shards::ExitCode, Intercha
     let checkpoint = export(&args.checkpoint, &args.out, target, args.force, &Device::flex())?;
     crate::console::print(&format!("upsampling  {}", checkpoint.upsampling.name()));
     crate::console::print(&format!("written     {}", args.out.display()));
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }

@@ -5,14 +5,14 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use program::publish;
+use program::{Exit, ExitCode};
 use serde::Deserialize;
-use shards::ExitCode;
 
 use crate::config::SplitBy;
 use crate::run_folder::METRICS;
 pub use report::figure::FigureError;
 use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
-use shards::publish;
 
 /// Why curves cannot be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -45,10 +45,8 @@ pub enum CurvesError {
     },
 }
 
-impl CurvesError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for CurvesError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Missing(_) => ExitCode::Config,
             Self::Damaged { .. } => ExitCode::Data,

@@ -10,7 +10,7 @@
 use std::str::FromStr;
 
 use burn::tensor::Device;
-use shards::ExitCode;
+use program::{Exit, ExitCode};
 
 /// A device as users name it: `cpu`, `cuda`, `cuda:1`, `wgpu`, `wgpu:0`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -48,10 +48,9 @@ pub enum DeviceError {
     },
 }
 
-impl DeviceError {
+impl Exit for DeviceError {
     /// [`ExitCode::Config`]: another command or another machine is needed.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+    fn exit_code(&self) -> ExitCode {
         ExitCode::Config
     }
 }

@@ -11,8 +11,9 @@ use std::sync::atomic::AtomicBool;
 
 use burn::tensor::{Device, Tensor};
 use burn_dataset::Dataset as _;
+use program::{Exit, ExitCode};
 use serde::Serialize;
-use shards::{Dataset, ExitCode, Location};
+use shards::{Dataset, Location};
 
 use crate::checkpoint::{self, CheckpointError};
 use crate::config::{Config, ConfigError};
@@ -83,10 +84,8 @@ pub enum EvaluateError {
     Spool(#[from] SpoolError),
 }
 
-impl EvaluateError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for EvaluateError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Checkpoint(error) => error.exit_code(),
             Self::Load(error) => error.exit_code(),

@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use burn::tensor::{Device, Tensor};
-use shards::{Dataset, ExitCode, Location};
+use program::{Exit, ExitCode};
+use shards::{Dataset, Location};
 
 use crate::adam::Adam;
 use crate::checkpoint::Checkpoint;
@@ -48,10 +49,8 @@ pub enum FitError {
     },
 }
 
-impl FitError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for FitError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Load(error) => error.exit_code(),
             Self::Run(error) => error.exit_code(),

@@ -22,14 +22,14 @@ use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
 use burn::tensor::{Device, Tensor, TensorData};
+use program::publish;
+use program::{Exit, ExitCode};
 use safetensors::{Dtype, SafeTensors};
 use sha2::{Digest as _, Sha256};
-use shards::ExitCode;
 
 use crate::checkpoint::{self, Checkpoint, CheckpointError};
 use crate::progress::Progress;
 use crate::upsampling::Upsampling;
-use shards::publish;
 
 use element::Element;
 use problem::Problem;
@@ -128,10 +128,8 @@ pub enum InterchangeError {
     },
 }
 
-impl InterchangeError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for InterchangeError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Checkpoint(error) => error.exit_code(),
             Self::Missing(_) | Self::Exists(_) | Self::TooLarge(_) | Self::Unsupported { .. } => ExitCode::Config,
@@ -139,7 +137,9 @@ impl InterchangeError {
             Self::Damaged { .. } => ExitCode::Data,
         }
     }
+}
 
+impl InterchangeError {
     fn of(problem: Problem, path: &Path) -> Self {
         let path = path.to_owned();
         match problem {

@@ -12,7 +12,8 @@ use std::sync::atomic::AtomicBool;
 use anyhow::Context;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use convert::{ExportArgs, ImportArgs};
-use shards::manual::{Manual, Settings};
+use program::Exit;
+use program::manual::{Manual, Settings};
 use shards::{Location, LocationParser};
 use show::ReportArgs;
 use trainer::bench::bench;
@@ -26,14 +27,9 @@ use trainer::interchange::InterchangeError;
 use trainer::page::PageError;
 use trainer::run_folder::checkpoint_path;
 
-/// The system's allocator gives every megabyte that a step frees back to the kernel and takes it again: 150 ms a step of
-/// eight scenes; 75 ms with this one.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 /// Trains the volumetric grasp network on a Graspmill dataset.
 #[derive(Parser)]
-#[command(version, after_help = format!("{EXAMPLES}\n\n{}", shards::ExitCode::HELP))]
+#[command(version, after_help = format!("{EXAMPLES}\n\n{}", program::ExitCode::HELP))]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -42,26 +38,26 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Train, or go on training.
-    #[command(after_help = format!("{}\n\n{}", Location::HELP, shards::ExitCode::HELP))]
+    #[command(after_help = format!("{}\n\n{}", Location::HELP, program::ExitCode::HELP))]
     Fit(FitArgs),
     /// What a checkpoint is worth on a dataset: accuracy, precision–recall, calibration, errors of the grasps.
-    #[command(after_help = format!("{}\n\n{}", Location::HELP, shards::ExitCode::HELP))]
+    #[command(after_help = format!("{}\n\n{}", Location::HELP, program::ExitCode::HELP))]
     Evaluate(EvaluateArgs),
     /// Draw a run's curves again from its metrics.jsonl: loss.svg, loss.png, accuracy.svg, accuracy.png.
-    #[command(after_help = shards::ExitCode::HELP)]
+    #[command(after_help = program::ExitCode::HELP)]
     Curves(CurvesArgs),
     /// A run as a page, one file with everything in it: curves, recipe and, on a dataset, what the best checkpoint is worth and its worst
     /// mistakes, with pictures.
-    #[command(after_help = format!("{}\n\n{}\n\n{}", show::EXAMPLES, Location::HELP, shards::ExitCode::HELP))]
+    #[command(after_help = format!("{}\n\n{}\n\n{}", show::EXAMPLES, Location::HELP, program::ExitCode::HELP))]
     Report(ReportArgs),
     /// What a training step costs on this machine.
-    #[command(after_help = shards::ExitCode::HELP)]
+    #[command(after_help = program::ExitCode::HELP)]
     Bench(BenchArgs),
     /// Make a checkpoint of weights that PyTorch or another program wrote.
-    #[command(after_help = format!("{}\n\n{}", convert::IMPORT_EXAMPLES, shards::ExitCode::HELP))]
+    #[command(after_help = format!("{}\n\n{}", convert::IMPORT_EXAMPLES, program::ExitCode::HELP))]
     Import(ImportArgs),
     /// Write a checkpoint's weights for PyTorch or an ONNX runtime.
-    #[command(after_help = format!("{}\n\n{}", convert::EXPORT_EXAMPLES, shards::ExitCode::HELP))]
+    #[command(after_help = format!("{}\n\n{}", convert::EXPORT_EXAMPLES, program::ExitCode::HELP))]
     Export(ExportArgs),
     /// Write shell completions, man pages, or this program's reference.
     #[command(subcommand)]
@@ -186,7 +182,7 @@ impl From<SplitArg> for TestSet {
 }
 
 /// A failure with the code to end with.
-struct Failure(anyhow::Error, shards::ExitCode);
+struct Failure(anyhow::Error, program::ExitCode);
 
 macro_rules! fail_with_their_own_code {
     ($($error:ty),+) => {$(
@@ -203,7 +199,7 @@ fail_with_their_own_code!(FitError, EvaluateError, InterchangeError, DeviceError
 
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
-        Self(error, shards::ExitCode::Internal)
+        Self(error, program::ExitCode::Internal)
     }
 }
 
@@ -216,7 +212,7 @@ fn main() -> ExitCode {
         .with_ansi(std::io::stderr().is_terminal())
         .with_env_filter(filter.from_env_lossy())
         .init();
-    if let Err(error) = shards::writes_fail_at_the_file_size_limit() {
+    if let Err(error) = program::writes_fail_at_the_file_size_limit() {
         tracing::warn!(%error, "a write beyond the file-size limit will end this program");
     }
     let outcome = match command {
@@ -238,18 +234,18 @@ fn main() -> ExitCode {
     }
 }
 
-fn run_manual(manual: &Manual) -> Result<shards::ExitCode, Failure> {
+fn run_manual(manual: &Manual) -> Result<program::ExitCode, Failure> {
     let settings = [Settings { path: "configs/train/paper.toml", toml: trainer::config::PAPER }];
     manual.make(Cli::command(), &settings, "").context("failed to write the manual")?;
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
-fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
+fn run_fit(args: &FitArgs) -> Result<program::ExitCode, Failure> {
     let mut config =
-        Config::load(args.config.as_deref()).map_err(|error| Failure(error.into(), shards::ExitCode::Config))?;
+        Config::load(args.config.as_deref()).map_err(|error| Failure(error.into(), program::ExitCode::Config))?;
     config.epochs = args.epochs.unwrap_or(config.epochs);
     set_threads(args.threads)?;
-    let stop = shards::stop_on_signals(|| ()).context("failed to listen for signals")?;
+    let stop = program::stop_on_signals(|| ()).context("failed to listen for signals")?;
     let (data, run, device) = (&args.data, args.run.as_path(), args.device.open()?);
     let job = Job { data, config: &config, run, resume: args.resume, device: &device };
     let screen = console::Screen::new(&config);
@@ -262,16 +258,16 @@ fn run_fit(args: &FitArgs) -> Result<shards::ExitCode, Failure> {
             console::print(&format!("metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg"));
             console::print(&format!("TensorBoard   tensorboard --logdir {run}/tensorboard"));
             console::print(&format!("next          trainer evaluate --run {run} --data {}", args.data));
-            shards::ExitCode::Ok
+            program::ExitCode::Ok
         }
         Ending::Stopped => {
             console::print("\nstopped by a signal; to go on exactly where it was, the same command with --resume");
-            shards::ExitCode::TryAgain
+            program::ExitCode::TryAgain
         }
     })
 }
 
-fn run_evaluate(args: &EvaluateArgs) -> Result<shards::ExitCode, Failure> {
+fn run_evaluate(args: &EvaluateArgs) -> Result<program::ExitCode, Failure> {
     set_threads(args.threads)?;
     let set = args.split.into();
     let name = match args.checkpoint {
@@ -291,17 +287,17 @@ fn run_evaluate(args: &EvaluateArgs) -> Result<shards::ExitCode, Failure> {
     if let Some(folder) = &args.report {
         write_report(&evaluation, folder)?;
     }
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
-fn run_curves(args: &CurvesArgs) -> Result<shards::ExitCode, Failure> {
+fn run_curves(args: &CurvesArgs) -> Result<program::ExitCode, Failure> {
     for path in draw_curves(&args.run)? {
         console::print(&format!("{}", path.display()));
     }
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
-fn run_bench(args: &BenchArgs) -> Result<shards::ExitCode, Failure> {
+fn run_bench(args: &BenchArgs) -> Result<program::ExitCode, Failure> {
     set_threads(args.threads)?;
     let scratch = std::env::temp_dir();
     let device = args.device.open()?;
@@ -311,7 +307,7 @@ fn run_bench(args: &BenchArgs) -> Result<shards::ExitCode, Failure> {
     } else {
         console::print(console::bench(&report).trim_end());
     }
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }
 
 fn set_threads(threads: Option<u16>) -> anyhow::Result<()> {

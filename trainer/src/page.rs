@@ -8,8 +8,9 @@ mod warnings;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
+use program::{Exit, ExitCode};
 use report::page::{Block, Cell, Page, Section, Table};
-use shards::{ExitCode, ReadError};
+use shards::ReadError;
 
 use crate::checkpoint::{self, CheckpointError};
 use crate::config::{Config, ConfigError};
@@ -43,10 +44,8 @@ pub enum PageError {
     Figure(#[from] FigureError),
 }
 
-impl PageError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for PageError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::NotARun(_) => ExitCode::Config,
             Self::Curves(error) => error.exit_code(),

@@ -15,12 +15,13 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use shards::{Dataset, ExitCode};
+use program::publish;
+use program::{Exit, ExitCode};
+use shards::Dataset;
 
 use crate::checkpoint::{self, Checkpoint, CheckpointError};
 use crate::config::Config;
 use crate::schedule::Schedule;
-use shards::publish;
 
 /// A run's folder, locked against other writers while this value lives.
 #[derive(Debug)]
@@ -86,10 +87,8 @@ pub enum RunError {
     },
 }
 
-impl RunError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for RunError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Occupied(_) | Self::Foreign { .. } | Self::OtherConfig { .. } | Self::OtherDataset { .. } => {
                 ExitCode::Config

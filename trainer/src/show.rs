@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
-use shards::{Location, LocationParser, publish};
+use program::publish;
+use shards::{Location, LocationParser};
 use trainer::evaluate::examine;
 use trainer::page::{MISTAKES, TrainedRun};
 use trainer::run_folder::checkpoint_path;
@@ -36,7 +37,7 @@ pub(crate) struct ReportArgs {
     threads: Option<u16>,
 }
 
-pub(crate) fn run_report(args: &ReportArgs) -> Result<shards::ExitCode, Failure> {
+pub(crate) fn run_report(args: &ReportArgs) -> Result<program::ExitCode, Failure> {
     set_threads(args.threads)?;
     let run = TrainedRun::read(&args.run)?;
     let examined = match &args.data {
@@ -50,8 +51,8 @@ pub(crate) fn run_report(args: &ReportArgs) -> Result<shards::ExitCode, Failure>
     let page = run.page(examined.as_ref())?;
     publish(&args.html, page.as_bytes()).map_err(|error| {
         let told = anyhow::anyhow!("failed to write the page: {error}: {}", args.html.display());
-        Failure(told, shards::ExitCode::TryAgain)
+        Failure(told, program::ExitCode::TryAgain)
     })?;
     console::print(&format!("{}", args.html.display()));
-    Ok(shards::ExitCode::Ok)
+    Ok(program::ExitCode::Ok)
 }

@@ -1,8 +1,8 @@
 //! The numbers of an experiment as tables.
 
+use program::text::{grouped, percent};
 use report::page::{Block, Cell, Section, Table};
 use schema::Outcome;
-use shards::text::{grouped, percent};
 
 use super::{Played, differences, pictures};
 use crate::report::{mean, over_seeds, percent_of, share};

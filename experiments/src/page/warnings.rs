@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use shards::text::{grouped, percent};
+use program::text::{grouped, percent};
 
 use super::Played;
 use crate::record::Ending;

@@ -3,7 +3,8 @@
 
 use std::path::PathBuf;
 
-use shards::{ExitCode, ReadError};
+use program::{Exit, ExitCode};
+use shards::ReadError;
 
 /// Why an input is refused. Messages name the place: a key's path, a file, or both.
 #[derive(Debug, thiserror::Error)]
@@ -33,10 +34,8 @@ pub enum InputError {
     Row(#[from] Box<ReadError>),
 }
 
-impl InputError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for InputError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Syntax(_) | Self::Value(_) | Self::Missing(_) => ExitCode::Config,
             Self::Damaged(_) => ExitCode::Data,
@@ -44,7 +43,9 @@ impl InputError {
             Self::Row(error) => error.exit_code(),
         }
     }
+}
 
+impl InputError {
     /// Whether the request as a whole could not be parsed: over HTTP 400, when a parsed one that is refused is 422.
     #[must_use]
     pub fn is_syntax(&self) -> bool {

@@ -45,7 +45,8 @@ fn check_grid(grid: &Grid) -> Result<(), InputError> {
 
 #[cfg(test)]
 mod tests {
-    use shards::{Draft, ExitCode, synthetic};
+    use program::{Exit, ExitCode};
+    use shards::{Draft, synthetic};
 
     use super::*;
 

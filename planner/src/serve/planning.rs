@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use axum::http::StatusCode;
-use shards::ExitCode;
+use program::{Exit, ExitCode};
 
 use super::fault::Fault;
 use crate::answer::Answer;

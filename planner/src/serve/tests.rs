@@ -275,6 +275,6 @@ fn a_taken_address_is_told() {
     let taken = ServeOptions { address: service.address, ..options() };
     let error = serve_shared(&service.shared, &taken, SILENCE_MAX, &AtomicBool::new(false), &|_| ()).unwrap_err();
     assert!(error.to_string().starts_with("failed to listen: "), "{error}");
-    assert_eq!(error.exit_code(), shards::ExitCode::TryAgain);
+    assert_eq!(error.exit_code(), ExitCode::TryAgain);
     service.end();
 }

@@ -1,6 +1,7 @@
 //! The columns of the three tables. A column's name, type, unit and meaning stand here and nowhere else: the Arrow
 //! schema, the dataset card and the reference in the docs are made from this table.
 
+use std::fmt::Write as _;
 use std::sync::Arc;
 
 use arrow::datatypes::{DataType, Field, Fields, Metadata, Schema, SchemaRef};
@@ -170,6 +171,19 @@ impl Table {
             .collect();
         Arc::new(Schema::new(fields))
     }
+
+    /// Its columns as a table of Markdown, for the card and the reference.
+    #[must_use]
+    pub fn markdown(self, resolution: usize) -> String {
+        let mut text = "| column | type | meaning |\n|---|---|---|\n".to_owned();
+        for column in self.columns() {
+            let null = if column.nullable { ", nullable" } else { "" };
+            let kind = column.kind.describe(resolution);
+            // Writing to a String cannot fail.
+            let _ = writeln!(text, "| `{}` | {kind}{null} | {} |", column.name, column.doc.replace('|', "\\|"));
+        }
+        text
+    }
 }
 
 impl Kind {
@@ -243,6 +257,15 @@ mod tests {
             names.sort_unstable();
             names.dedup();
             assert_eq!(names.len(), table.columns().len());
+        }
+    }
+
+    #[test]
+    fn the_markdown_has_every_column() {
+        for table in Table::ALL {
+            let text = table.markdown(40);
+            assert!(table.columns().iter().all(|column| text.contains(&format!("| `{}` |", column.name))), "{text}");
+            assert_eq!(text.matches("\n| `").count(), table.columns().len());
         }
     }
 

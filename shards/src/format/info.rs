@@ -4,12 +4,13 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use program::{Exit, ExitCode};
 use schema::{FACETS, Grid, Gripper, MODELS_MAX, Model, Procedure, Vec3};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::format::seal;
-use crate::{ExitCode, FormatVersion, UnreadableVersion};
+use crate::{FormatVersion, UnreadableVersion};
 
 /// Everything that decides a dataset's bytes.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,10 +55,9 @@ pub enum InfoError {
     Range(Vec<String>),
 }
 
-impl InfoError {
+impl Exit for InfoError {
     /// [`ExitCode::Data`]: what is on disk is not what was written.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+    fn exit_code(&self) -> ExitCode {
         ExitCode::Data
     }
 }

@@ -13,8 +13,10 @@ use std::io;
 
 pub use folder::{ExportCounts, ExportOrigin, Exported, ExportedFile};
 
+use program::{Exit, ExitCode};
+
 use crate::store::StoreError;
-use crate::{Dataset, ExitCode, Location, ReadError};
+use crate::{Dataset, Location, ReadError};
 use folder::{Beginning, ExportFolder};
 
 /// What to export to.
@@ -83,10 +85,8 @@ pub enum ExportError {
     },
 }
 
-impl ExportError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for ExportError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Read(error) => error.exit_code(),
             Self::Store(error) => error.exit_code(),

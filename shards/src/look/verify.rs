@@ -3,12 +3,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use program::ExitCode;
 use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 
 use crate::format::summary::{Counts, ShardSummary};
 use crate::format::{check, layout, seal};
 use crate::store::is_staging;
-use crate::{Dataset, ExitCode, Location, ReadError, Table};
+use crate::{Dataset, Location, ReadError, Table};
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,12 +3,13 @@
 use std::io;
 use std::path::Path;
 
+use program::publish;
 use report::picture::Polyhedron;
 use report::view::{Body, Class, Line, Points, View, flat_points};
 use schema::{AttemptRecord, Axis, HitKind, Intrinsics, ObjectRecord, Outcome, SceneRows};
 use serde_json::Value;
 
-use crate::{DatasetInfo, publish};
+use crate::DatasetInfo;
 
 /// Values this near the surface's, 0.5, are points of it: with a truncation of four voxels, those nearer than 0.8
 /// voxels. The same as in `shards inspect`.

@@ -1,7 +1,9 @@
 //! Why a dataset cannot be read.
 
+use program::{Exit, ExitCode};
+
 use crate::format::layout;
-use crate::{ExitCode, InfoError, Location, StoreError};
+use crate::{InfoError, Location, StoreError};
 
 /// Why a dataset, or a part of it, cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -53,10 +55,8 @@ pub enum ReadError {
     Store(#[from] StoreError),
 }
 
-impl ReadError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for ReadError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::NotADataset(_) | Self::OutOfRange { .. } => ExitCode::Config,
             Self::Incomplete(_) => ExitCode::Incomplete,

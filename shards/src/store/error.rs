@@ -3,7 +3,9 @@
 use std::io;
 use std::path::Path;
 
-use crate::{ExitCode, Location};
+use program::{Exit, ExitCode};
+
+use crate::Location;
 
 /// The disk, or the object store, did not do what it was asked.
 #[derive(Debug, thiserror::Error)]
@@ -17,11 +19,10 @@ pub struct StoreError {
     pub source: io::Error,
 }
 
-impl StoreError {
+impl Exit for StoreError {
     /// [`ExitCode::TryAgain`], or [`ExitCode::Config`] if the same will be said again: wrong credentials, no such bucket, a
     /// file where a folder should be.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+    fn exit_code(&self) -> ExitCode {
         use io::ErrorKind::{FileTooLarge, InvalidInput, NotADirectory, PermissionDenied};
         match (&self.at, self.source.kind()) {
             (Location::Url(_), FileTooLarge | InvalidInput | PermissionDenied) => ExitCode::Config,

@@ -1,4 +1,4 @@
-//! The only place that publishes anything on disk.
+//! How the files of a dataset are published in a folder. (Any other file is replaced as a whole, by `program::publish`.)
 //!
 //! A file is written under a staging name in its own folder (`.name#host-….tmp`, which neither readers nor globs match),
 //! flushed to the disk, given its name if nobody has it, and the folder flushed. So a name that readers know holds a whole
@@ -226,8 +226,9 @@ fn host() -> String {
 
 #[cfg(test)]
 mod tests {
+    use program::{Exit, ExitCode};
+
     use super::*;
-    use crate::ExitCode;
 
     fn names(folder: &Path) -> Vec<String> {
         let mut names: Vec<String> =

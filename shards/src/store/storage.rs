@@ -281,8 +281,9 @@ pub(crate) fn size_problem(expected: &FileSummary, found: Option<u64>) -> Option
 
 #[cfg(test)]
 mod tests {
+    use program::{Exit, ExitCode};
+
     use super::*;
-    use crate::ExitCode;
     use crate::store::fault::{Fault, Kind};
 
     #[test]

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
+use program::{Exit, ExitCode};
 use serde_json::Value;
 
 use crate::format::layout;
 use crate::store::{Published, Storage, StoreError, is_staging};
-use crate::{DatasetInfo, Draft, ExitCode, Location, Table};
+use crate::{DatasetInfo, Draft, Location, Table};
 
 /// Why a dataset cannot begin in a folder.
 #[derive(Debug, thiserror::Error)]
@@ -44,10 +45,8 @@ pub enum BeginError {
     Store(#[from] StoreError),
 }
 
-impl BeginError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for BeginError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Range(_) | Self::NotEmpty { .. } | Self::NotAFolder(_) | Self::Other { .. } => ExitCode::Config,
             Self::Damaged { .. } => ExitCode::Data,

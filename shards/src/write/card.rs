@@ -3,10 +3,10 @@
 
 use std::fmt::Write as _;
 
+use program::text::{bytes, grouped, percent, ratio};
 use schema::{Outcome, Rule};
 
 use crate::format::summary::Manifest;
-use crate::text::{bytes, grouped, percent, ratio};
 use crate::{DatasetInfo, Table};
 
 const READING: &str = include_str!("../../../docs/reading.md");
@@ -78,7 +78,7 @@ fn statistics(text: &mut String, manifest: &Manifest) {
         text,
         "\n## What is in it\n\nPositives : negatives = **{}** ({} of attempts held the object).\n\n\
          | outcome | attempts | share |\n|---|---:|---:|\n",
-        ratio(labels),
+        ratio(labels.positives, labels.negatives()),
         percent(labels.positive_share()),
     );
     for outcome in Outcome::ALL {
@@ -140,8 +140,7 @@ convex part the corners in the object's frame. `size_x_m` and so on are the boun
 fn columns(text: &mut String, info: &DatasetInfo) {
     text.push_str("\n## Columns\n");
     for table in Table::ALL {
-        let _ = write!(text, "\n### {}\n\n| column | type | meaning |\n|---|---|---|\n", table.name());
-        crate::manual::table_rows(text, table, info.grid.resolution);
+        let _ = write!(text, "\n### {}\n\n{}", table.name(), table.markdown(info.grid.resolution));
     }
 }
 

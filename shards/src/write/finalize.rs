@@ -3,11 +3,13 @@
 
 use std::collections::BTreeSet;
 
+use program::{Exit, ExitCode};
+
 use crate::format::summary::{Manifest, ShardSummary};
 use crate::format::{layout, seal};
 use crate::store::{Listing, Published, StoreError, Sweep, size_problem};
 use crate::write::card;
-use crate::{Draft, ExitCode, Location, Table};
+use crate::{Draft, Location, Table};
 
 /// What came of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,10 +51,8 @@ pub enum FinalizeError {
     },
 }
 
-impl FinalizeError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for FinalizeError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Store(error) => error.exit_code(),
             Self::Replaced { .. } => ExitCode::Config,

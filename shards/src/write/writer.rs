@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use program::{Exit, ExitCode};
 use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 
 use crate::format::check::{self, RowError};
@@ -9,7 +10,7 @@ use crate::format::summary::{Counts, FileSummary, ShardSummary};
 use crate::format::{encode, layout, seal};
 use crate::store::{Published, Ready, Storage, StoreError};
 use crate::write::table_writer::{TableError, TableWriter};
-use crate::{DatasetInfo, ExitCode, Location, SCENES_PER_ROW_GROUP, Table};
+use crate::{DatasetInfo, Location, SCENES_PER_ROW_GROUP, Table};
 
 /// Scenes turned into columns at once; bounds what a writer holds, 4 MB of grids.
 const SCENES_PER_BATCH: usize = 16;
@@ -81,10 +82,8 @@ pub enum WriteError {
     },
 }
 
-impl WriteError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for WriteError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::NoSuchShard { .. } | Self::Replaced { .. } => ExitCode::Config,
             Self::Row { .. } | Self::Order { .. } => ExitCode::Internal,

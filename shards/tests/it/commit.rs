@@ -2,8 +2,9 @@
 
 use std::fs;
 
+use program::{Exit, ExitCode};
 use schema::{HitKind, Outcome, Quat, SceneRows, pose_from_parts};
-use shards::{Dataset, Draft, ExitCode, FinalizeError, Finalized, layout};
+use shards::{Dataset, Draft, FinalizeError, Finalized, layout};
 
 use crate::sample;
 

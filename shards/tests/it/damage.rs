@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use shards::{Dataset, ExitCode, ReadError, layout, verify};
+use program::{Exit, ExitCode};
+use shards::{Dataset, ReadError, layout, verify};
 
 use crate::sample;
 

@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use shards::{Draft, ExitCode, WriteError};
+use program::{Exit, ExitCode};
+use shards::{Draft, WriteError};
 
 use crate::sample;
 

@@ -6,8 +6,9 @@ use std::fs;
 use std::io::Read;
 use std::path::Path;
 
+use program::{Exit, ExitCode};
 use schema::{AttemptRecord, Vec3, samples_of};
-use shards::{Dataset, DatasetInfo, Draft, ExitCode, ExportError, ExportFormat, Exported, Location, export, synthetic};
+use shards::{Dataset, DatasetInfo, Draft, ExportError, ExportFormat, Exported, Location, export, synthetic};
 
 use crate::sample;
 

@@ -8,7 +8,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use shards::{Dataset, ExitCode, Location, layout, verify};
+use program::{Exit, ExitCode};
+use shards::{Dataset, Location, layout, verify};
 
 use crate::sample;
 

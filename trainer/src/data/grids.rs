@@ -10,7 +10,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use shards::ExitCode;
+use program::{Exit, ExitCode};
 
 use crate::receptive_field::RESOLUTION;
 
@@ -31,10 +31,9 @@ pub struct SpoolError {
     pub source: io::Error,
 }
 
-impl SpoolError {
+impl Exit for SpoolError {
     /// [`ExitCode::TryAgain`]: room can be made on the disk.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+    fn exit_code(&self) -> ExitCode {
         ExitCode::TryAgain
     }
 }

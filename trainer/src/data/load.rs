@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use program::{Exit, ExitCode};
 use rayon::prelude::*;
 use schema::{AttemptRecord, Grasp, Grid};
-use shards::{Dataset, ExitCode, ReadError};
+use shards::{Dataset, ReadError};
 
 use super::grids::{Grids, SpoolError};
 use super::item::{GraspDataset, Record};
@@ -31,10 +32,8 @@ pub enum LoadError {
     Stopped,
 }
 
-impl LoadError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for LoadError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Read(error) => error.exit_code(),
             Self::Resolution(_) | Self::Scenes(_) => ExitCode::Config,

@@ -5,14 +5,14 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use shards::ExitCode;
+use program::publish;
+use program::{Exit, ExitCode};
 
 use super::Evaluation;
 use crate::curves::FigureError;
 use crate::metrics::Summary;
 use crate::scores::{BINS, Spread};
 use report::figure::{BLUE, Figure, GREY, Line, ORANGE, Scale, Stroke};
-use shards::publish;
 
 /// Why a report cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -30,10 +30,8 @@ pub enum ReportError {
     },
 }
 
-impl ReportError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for ReportError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Figure(_) => ExitCode::Internal,
             Self::Io { .. } => ExitCode::TryAgain,

@@ -1,8 +1,8 @@
 //! What the best checkpoint is worth: the numbers of `evaluation.json`, as tables and figures.
 
+use program::text::{grouped, percent};
 use report::figure::{Bars, Figure, FigureError, GREEN, ORANGE, Scale};
 use report::page::{Block, Cell, Picture, Section, Table};
-use shards::text::{grouped, percent};
 
 use crate::evaluate::Evaluation;
 use crate::evaluate::report::{calibration, number, precision_recall, range};

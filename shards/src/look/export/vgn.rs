@@ -14,6 +14,7 @@
 
 use std::io::BufWriter;
 
+use program::text::grouped;
 use schema::{AttemptRecord, Gripper, Intrinsics, Vec3, samples_of};
 use serde::Serialize;
 use serde_json::Value;
@@ -22,7 +23,6 @@ use super::folder::{ExportCounts, ExportFolder, Exported};
 use super::{ExportError, npy, scene_name, unwritten};
 use crate::format::seal::pretty;
 use crate::store::Staged;
-use crate::text::grouped;
 use crate::{Dataset, DatasetInfo};
 
 /// Voxels along a side in VGN's and GIGA's code, where the number stands in the network and the augmentation.

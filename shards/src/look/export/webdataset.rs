@@ -13,13 +13,13 @@
 use std::io::{self, BufWriter, Write};
 
 use arrow::error::ArrowError;
+use program::text::grouped;
 use schema::{AttemptRecord, SceneRows};
 use tar::{Builder, EntryType, Header};
 
 use super::folder::{ExportCounts, ExportFolder, Exported, ExportedFile};
 use super::{ExportError, npy, rows, scene_name, unwritten};
 use crate::format::encode;
-use crate::text::grouped;
 use crate::{Dataset, DatasetInfo, Table};
 
 const INFO: &str = "info.json";

@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use program::text::{bytes, grouped, percent, ratio};
+use program::{Exit, ExitCode};
 use report::figure::{BLUE, Bars, Colour, Figure, FigureError, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 use report::page::{Block, Cell, Page, Picture, Section, Table};
 use schema::Outcome;
@@ -11,8 +13,7 @@ use super::coverage::{AZIMUTHS, HEIGHTS};
 use super::fit::Fit;
 use super::scenes::gallery;
 use super::{Bin, Group, Report};
-use crate::text::{bytes, grouped, percent, ratio};
-use crate::{Dataset, ExitCode, ReadError, Tally};
+use crate::{Dataset, ReadError, Tally};
 
 /// Scenes that are shown.
 const SCENES_SHOWN: u64 = 12;
@@ -28,10 +29,8 @@ pub enum HtmlError {
     Figure(#[from] FigureError),
 }
 
-impl HtmlError {
-    /// The code to end with.
-    #[must_use]
-    pub fn exit_code(&self) -> ExitCode {
+impl Exit for HtmlError {
+    fn exit_code(&self) -> ExitCode {
         match self {
             Self::Read(error) => error.exit_code(),
             Self::Figure(_) => ExitCode::Internal,
@@ -77,7 +76,7 @@ fn tiles(report: &Report, written_over: Option<Duration>) -> Vec<(String, String
     let each = sum as f64 / report.labels.attempts.max(1) as f64;
     let mut tiles = vec![
         tile(grouped(report.labels.attempts), "attempts"),
-        tile(ratio(report.labels), "positives : negatives"),
+        tile(ratio(report.labels.positives, report.labels.negatives()), "positives : negatives"),
         tile(percent(report.labels.positive_share()), "held the object"),
         tile(grouped(report.scenes), "scenes"),
         tile(bytes(sum), "on disk"),

@@ -1,10 +1,10 @@
 //! Scenes of a dataset as pictures.
 
+use program::text::grouped;
 use report::page::Picture;
 use report::picture::{Hand, Polyhedron, Scene, svg, width_m};
 use schema::{ObjectRecord, SceneRows};
 
-use crate::text::grouped;
 use crate::{Dataset, DatasetInfo, ReadError};
 
 /// Pictures of up to `count` scenes, spread evenly over the dataset.

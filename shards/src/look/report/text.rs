@@ -2,9 +2,10 @@
 
 use std::fmt::{self, Display, Formatter, Write as _};
 
+use program::text::{bar, bytes, grouped, percent, ratio};
+
 use crate::Tally;
 use crate::look::report::{Bin, Group, OutcomeGroup, Report};
-use crate::text::{bar, bytes, grouped, percent, ratio};
 
 /// Characters of the longest bar.
 const BAR: usize = 24;
@@ -22,7 +23,12 @@ impl Display for Report {
             grouped(u64::from(self.shards)),
             if self.shards == 1 { "shard" } else { "shards" },
         )?;
-        writeln!(f, "\npositives : negatives = {} ({} positive)", ratio(labels), percent(labels.positive_share()))?;
+        writeln!(
+            f,
+            "\npositives : negatives = {} ({} positive)",
+            ratio(labels.positives, labels.negatives()),
+            percent(labels.positive_share())
+        )?;
         groups(f, "shape", &self.shapes)?;
         groups(f, "rule", &self.rules)?;
         groups(f, "objects in scene", &self.object_counts)?;

@@ -1,9 +1,9 @@
 //! What a reader of a report should be worried about.
 
+use program::text::{grouped, percent, ratio};
 use schema::Rule;
 
 use crate::look::report::Report;
-use crate::text::{grouped, percent, ratio};
 
 /// The paper reports about one positive to three negatives for its rules: a quarter. Shares outside this range are far from it.
 const POSITIVE_SHARE: [f64; 2] = [0.15, 0.40];
@@ -27,7 +27,7 @@ impl Report {
             warnings.push(format!(
                 "Positives to negatives are {}: far from the paper's 1 : 3. Sizes against the hand's opening and the number of \
                  objects decide this; labels are never resampled.",
-                ratio(self.labels)
+                ratio(self.labels.positives, self.labels.negatives())
             ));
         }
         for group in self.shapes.iter().chain(&self.rules).filter(|g| g.attempts >= TRIED_MIN && g.positives == 0) {

@@ -102,7 +102,7 @@ fn status(text: &str) -> Option<(u16, &str)> {
 
 /// Nobody listens there.
 pub(super) fn is_unreachable(error: &Error) -> bool {
-    crate::text::told(error).contains("client error (Connect)")
+    program::text::error_chain(error).contains("client error (Connect)")
 }
 
 pub(super) fn too_large(bytes: u64, limit: u64) -> io::Error {
@@ -111,7 +111,7 @@ pub(super) fn too_large(bytes: u64, limit: u64) -> io::Error {
 
 /// What a store said, whether trying again may help ([`StoreError::exit_code`] looks at the kind), and what to do.
 pub(super) fn explain(error: &Error) -> io::Error {
-    let text = crate::text::told(error);
+    let text = program::text::error_chain(error);
     let is = |part: &str| text.contains(part);
     let (status, said) = status(&text).unwrap_or((0, ""));
     let passes = match status {

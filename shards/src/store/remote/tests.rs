@@ -1,12 +1,13 @@
 //! Object stores, as far as one in memory goes; real ones are in tests/python/test_stores.py.
 
 use object_store::memory::InMemory;
+use program::{Exit, ExitCode};
 
 use super::*;
 use crate::store::fault::Kind;
 use crate::store::storage::Storage;
 use crate::write::synthetic;
-use crate::{Dataset, DatasetInfo, Draft, ExitCode, Finalized, ReadError, ShardSummary, WriteError};
+use crate::{Dataset, DatasetInfo, Draft, Finalized, ReadError, ShardSummary, WriteError};
 
 fn info() -> DatasetInfo {
     let mut info = synthetic::info(5, 2, 40, 8);

@@ -1,8 +1,6 @@
-//! Numbers as people read them.
+//! Numbers and errors as people read them.
 
 use std::error::Error;
-
-use crate::Tally;
 
 /// `1234567` as `1,234,567`.
 #[must_use]
@@ -24,12 +22,12 @@ pub fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// Positives to negatives, such as `1 : 2.9`.
+/// Positives to negatives, such as `1 : 2.90`.
 #[must_use]
-pub fn ratio(labels: Tally) -> String {
-    match labels.positives {
-        0 => format!("0 : {}", grouped(labels.negatives())),
-        positives => format!("1 : {:.2}", labels.negatives() as f64 / positives as f64),
+pub fn ratio(positives: u64, negatives: u64) -> String {
+    match positives {
+        0 => format!("0 : {}", grouped(negatives)),
+        positives => format!("1 : {:.2}", negatives as f64 / positives as f64),
     }
 }
 
@@ -47,9 +45,9 @@ pub fn bytes(bytes: u64) -> String {
     format!("{value:.1} TiB")
 }
 
-/// An error, and those of its causes that its message does not tell already.
+/// An error's message, followed by those of its causes that it does not contain already.
 #[must_use]
-pub fn told(error: &(dyn Error + 'static)) -> String {
+pub fn error_chain(error: &(dyn Error + 'static)) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(inner) = cause {
@@ -78,8 +76,8 @@ mod tests {
     fn numbers_read_well() {
         assert_eq!([0, 999, 1_000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
         assert_eq!([12, 2_048, 12_345_678].map(bytes), ["12 B", "2.0 KiB", "11.8 MiB"]);
-        assert_eq!(ratio(Tally { attempts: 40, positives: 10 }), "1 : 3.00");
-        assert_eq!(ratio(Tally { attempts: 40, positives: 0 }), "0 : 40");
+        assert_eq!(ratio(10, 30), "1 : 3.00");
+        assert_eq!(ratio(0, 40), "0 : 40");
         assert_eq!(bar(0.5, 4), "██");
         assert_eq!(bar(0.03, 4), "▏");
         assert_eq!(bar(f64::NAN, 4), "");

@@ -1,4 +1,4 @@
-//! What a program sets up before it writes: how signals reach it.
+//! How signals reach a program.
 
 use std::io;
 use std::process::exit;
@@ -35,7 +35,7 @@ pub fn stop_on_signals(on_first: impl Fn() + Send + 'static) -> io::Result<Arc<A
 }
 
 /// Makes a write beyond the file-size limit (`ulimit -f`) fail like one to a full disk, where it would end the program by
-/// a signal. Call it once, when a program starts.
+/// a signal.
 ///
 /// # Errors
 /// If the system refuses.

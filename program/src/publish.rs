@@ -1,16 +1,20 @@
 //! Files that appear whole or not at all: written under a temporary name, flushed, renamed, the folder flushed.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Writes a file in place of what may be there. After a crash the old or the new file is there, whole.
+/// Writes a file in place of what may be there. After a crash the old or the new file is there, whole. A device or a pipe, such as
+/// `/dev/stdout`, is written to, not replaced.
 ///
 /// # Errors
 /// What the system says; the old file is then untouched.
 pub fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    if fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
+        return File::options().write(true).open(path)?.write_all(bytes);
+    }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // A name that nobody has: two writers of one path do not share it, and no file of the user's is in its way.
+    // An unused name: two writers of one path do not share it, and it does not collide with a file of the user.
     let mut staging = staging().tempfile_in(folder)?;
     staging.write_all(bytes)?;
     staging.as_file().sync_all()?;
@@ -21,15 +25,13 @@ pub fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
 fn staging() -> tempfile::Builder<'static, 'static> {
     let mut staging = tempfile::Builder::new();
     staging.prefix(".").suffix(".tmp");
-    #[cfg(unix)] // as any file is made; what is temporary is its owner's alone by default
+    #[cfg(unix)] // the mode of any new file; that of temporary files lets only their owner read them
     staging.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     staging
 }
 
 #[cfg(test)]
 mod tests {
-    use std::fs;
-
     use super::*;
 
     #[test]
@@ -40,5 +42,16 @@ mod tests {
         publish(&path, b"two").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"two");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_device_is_written_to_and_not_replaced() {
+        publish(Path::new("/dev/null"), b"one").unwrap();
+        let full = publish(Path::new("/dev/full"), b"one").unwrap_err();
+        assert_eq!(full.kind(), io::ErrorKind::StorageFull);
+        for device in ["/dev/null", "/dev/full"] {
+            assert!(!fs::metadata(device).unwrap().is_file(), "{device} is a file now");
+        }
     }
 }

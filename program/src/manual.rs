@@ -1,5 +1,5 @@
-//! What a program tells of itself: completions for shells, man pages, its reference as Markdown. All from the command line's one
-//! definition, so that none can go stale.
+//! A program's own manual: completions for shells, man pages, its reference as Markdown. All are made from the definition of its
+//! command line, so none can go stale.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -8,8 +8,6 @@ use std::path::PathBuf;
 
 use clap::{Command, Subcommand};
 use clap_complete::Shell;
-
-use crate::Table;
 
 /// What is asked for.
 #[derive(Debug, Clone, Subcommand)]
@@ -89,26 +87,6 @@ fn describe(command: &mut Command, text: &mut String) {
     below.for_each(|sub| describe(sub, text));
 }
 
-/// The columns of the three tables, as Markdown for a grid of `resolution` voxels along a side.
-#[must_use]
-pub fn tables(resolution: usize) -> String {
-    let mut text = String::new();
-    for table in Table::ALL {
-        let _ = write!(text, "\n## Table `{}`\n\n| column | type | meaning |\n|---|---|---|\n", table.name());
-        table_rows(&mut text, table, resolution);
-    }
-    text
-}
-
-/// A table's columns as rows of Markdown.
-pub(crate) fn table_rows(text: &mut String, table: Table, resolution: usize) {
-    for column in table.columns() {
-        let null = if column.nullable { ", nullable" } else { "" };
-        let kind = column.kind.describe(resolution);
-        let _ = writeln!(text, "| `{}` | {kind}{null} | {} |", column.name, column.doc.replace('|', "\\|"));
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use clap::Arg;
@@ -142,13 +120,5 @@ mod tests {
             .filter(|name| !name.contains("help"))
             .collect();
         assert!(names.contains(&"outer.1".to_owned()) && names.contains(&"outer-inner.1".to_owned()), "{names:?}");
-    }
-
-    #[test]
-    fn the_tables_have_all_their_columns() {
-        let text = tables(40);
-        let columns = Table::ALL.into_iter().flat_map(Table::columns);
-        assert!(columns.clone().all(|column| text.contains(&format!("| `{}` |", column.name))));
-        assert_eq!(text.matches("\n| `").count(), columns.count());
     }
 }

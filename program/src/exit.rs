@@ -1,0 +1,136 @@
+//! How every program of the workspace ends, so that a scheduler can tell "run it again" from "run it never again".
+
+use std::error::Error;
+use std::fmt::{self, Display};
+use std::io;
+
+use crate::error_chain;
+
+/// A documented exit code, shared by all binaries. Slurm's `RequeueExit`, Kubernetes' `podFailurePolicy` and shell
+/// scripts can act on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ExitCode {
+    /// Done, or nothing left to do.
+    Ok = 0,
+    /// A defect of the program.
+    Internal = 1,
+    /// The command line is wrong.
+    Usage = 2,
+    /// Data are damaged, of an unknown version, or came out differently from an earlier run. Do not retry.
+    Data = 65,
+    /// The dataset is not complete yet: run the missing shards.
+    Incomplete = 69,
+    /// The outside world failed (disk full, I/O error) or a signal stopped the program. Run it again.
+    TryAgain = 75,
+    /// The configuration is wrong, or the folder holds something else. Running again will not help.
+    Config = 78,
+}
+
+impl ExitCode {
+    /// The table of codes as text, for `--help`.
+    pub const HELP: &str = "\
+Exit codes:
+   0  done
+   1  internal error
+   2  wrong command line
+  65  data damaged, of an unknown version, or not reproduced
+  69  dataset incomplete
+  75  I/O trouble or stopped by a signal: run again
+  78  wrong configuration, or the folder holds something else";
+
+    /// The number that the process returns.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        self as u8
+    }
+}
+
+impl From<ExitCode> for std::process::ExitCode {
+    fn from(code: ExitCode) -> Self {
+        Self::from(code.code())
+    }
+}
+
+/// An error that knows how a program ends because of it. Implementations match on all variants, so that a new one needs its code.
+pub trait Exit: Error + 'static {
+    /// The code with which a program should end.
+    fn exit_code(&self) -> ExitCode;
+}
+
+impl Exit for io::Error {
+    /// [`ExitCode::TryAgain`]: the outside world failed.
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::TryAgain
+    }
+}
+
+/// Why a command failed: what the person reads, and the exit code. Made of any error that implements [`Exit`].
+#[derive(Debug)]
+pub struct Failure {
+    text: String,
+    code: ExitCode,
+}
+
+impl Failure {
+    /// A failure that is no error of a library.
+    pub fn new(code: ExitCode, text: impl Into<String>) -> Self {
+        Self { text: text.into(), code }
+    }
+
+    /// The code with which the program ends.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        self.code
+    }
+}
+
+impl Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl<E: Exit> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self { text: error_chain(&error), code: error.exit_code() }
+    }
+}
+
+/// Says what a command was about to do when it failed. The exit code stays.
+pub trait Context<T> {
+    /// Puts `text` before the error's message.
+    ///
+    /// # Errors
+    /// The failure, with its context.
+    fn context(self, text: impl Display) -> Result<T, Failure>;
+}
+
+impl<T, E: Into<Failure>> Context<T> for Result<T, E> {
+    fn context(self, text: impl Display) -> Result<T, Failure> {
+        self.map_err(|error| {
+            let Failure { text: cause, code } = error.into();
+            Failure { text: format!("{text}: {cause}"), code }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn context_keeps_the_exit_code_and_the_cause() {
+        let full = || io::Error::new(io::ErrorKind::StorageFull, "no space");
+        let failure = Err::<(), _>(full()).context("failed to write a.md").unwrap_err();
+        assert_eq!(
+            (failure.to_string().as_str(), failure.exit_code()),
+            ("failed to write a.md: no space", ExitCode::TryAgain)
+        );
+        let wrong = Failure::new(ExitCode::Config, "shards must be at least 1");
+        let failure = Err::<(), _>(wrong).context("a.toml").unwrap_err();
+        assert_eq!(
+            (failure.to_string().as_str(), failure.exit_code()),
+            ("a.toml: shards must be at least 1", ExitCode::Config)
+        );
+    }
+}

@@ -1,0 +1,29 @@
+//! What every program of the workspace does alike: it starts, reports errors, reacts to signals, publishes files, prints numbers and its
+//! own manual, and ends with a documented exit code.
+//!
+//! A `main` calls [`run`] with a command. Whatever a command returns with `?` must implement [`Exit`], so an error without an exit code
+//! does not compile:
+//!
+//! ```compile_fail
+//! fn command(text: &str) -> Result<program::ExitCode, program::Failure> {
+//!     let _: u8 = text.parse()?; // `ParseIntError` has no exit code
+//!     Ok(program::ExitCode::Ok)
+//! }
+//! ```
+//!
+//! This crate depends on no other crate of ours.
+
+mod exit;
+pub mod manual;
+mod output;
+mod publish;
+mod signals;
+mod start;
+pub mod text;
+
+pub use exit::{Context, Exit, ExitCode, Failure};
+pub use output::{print, print_error, write};
+pub use publish::publish;
+pub use signals::{stop_on_signals, writes_fail_at_the_file_size_limit};
+pub use start::{ThreadsError, run, start_threads};
+pub use text::error_chain;

@@ -1,0 +1,66 @@
+//! How every program starts and ends.
+
+use std::io::{self, IsTerminal};
+use std::process;
+
+use clap::Parser;
+use rayon::{ThreadPoolBuildError, ThreadPoolBuilder};
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
+
+use crate::signals::writes_fail_at_the_file_size_limit;
+use crate::{Exit, ExitCode, Failure, print_error};
+
+/// Every attempt builds and drops a world, every training step and every plan frees volumes of megabytes. The system's allocator returns
+/// them to the kernel and takes them again: with this one, two threads make 3 to 12 % more attempts, and a training step of eight scenes
+/// takes 75 ms instead of 150 ms. Fuzzers measure memory with their own allocator.
+#[cfg(not(fuzzing))]
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
+/// Parses the command line, starts logging, runs the command, prints its error if there is one, and returns its exit code. Call it once,
+/// as all of `main`.
+///
+/// Log lines go to standard error. `GRASPMILL_LOG` selects them, in the syntax of `tracing_subscriber::EnvFilter`; by default warnings and
+/// errors are shown.
+pub fn run<Arguments: Parser>(command: impl FnOnce(Arguments) -> Result<ExitCode, Failure>) -> process::ExitCode {
+    let arguments = Arguments::parse();
+    start_logging();
+    if let Err(error) = writes_fail_at_the_file_size_limit() {
+        tracing::warn!(%error, "a write beyond the file-size limit will end this program");
+    }
+    let code = command(arguments).unwrap_or_else(|failure| {
+        print_error(&format!("error: {failure}"));
+        failure.exit_code()
+    });
+    code.into()
+}
+
+fn start_logging() {
+    let filter = EnvFilter::builder().with_default_directive(LevelFilter::WARN.into()).with_env_var("GRASPMILL_LOG");
+    tracing_subscriber::fmt()
+        .with_writer(io::stderr)
+        .with_ansi(io::stderr().is_terminal())
+        .with_env_filter(filter.from_env_lossy())
+        .init();
+}
+
+/// The threads of a program could not be started.
+#[derive(Debug, thiserror::Error)]
+#[error("failed to start the threads: {0}")]
+pub struct ThreadsError(#[from] ThreadPoolBuildError);
+
+impl Exit for ThreadsError {
+    /// [`ExitCode::TryAgain`]: the machine had no room for them.
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::TryAgain
+    }
+}
+
+/// Starts the threads that parallel work is shared among: so many, or one a core. Call it at most once, before that work begins.
+///
+/// # Errors
+/// If the system refuses, or parallel work has begun.
+pub fn start_threads(threads: Option<usize>) -> Result<(), ThreadsError> {
+    Ok(ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build_global()?)
+}
