@@ -1,9 +1,9 @@
-//! Everything that turns outside bytes into something to plan on: depth images, grids, clouds, cameras, requests.
+//! Parsing of outside bytes: depth images, grids, clouds, cameras, requests.
 //!
-//! Readers take bytes, not paths, so that the command and the service share them, and take the bytes for hostile: a
-//! header is believed only as far as the file's length and fixed limits allow, before memory is taken; what a decoder
-//! of others panics on is an error like any other. What can be judged without planning (units, rigidity, shapes) is
-//! judged here, with the key's path in the message; an empty scene is for the planner to explain.
+//! Readers take bytes, not paths, so the command and the service share them. They treat the bytes as hostile: before
+//! memory is allocated, a header is checked against the file's length and fixed limits, and a panic of a foreign
+//! decoder becomes an error. Everything that can be checked without planning (units, rigidity, shapes) is checked here,
+//! with the key's path in the message. The planner itself explains an empty scene.
 
 mod assemble;
 mod camera;

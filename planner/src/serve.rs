@@ -1,8 +1,8 @@
-//! The planner over HTTP, for robot stacks without Rust: `POST /v1/plan` takes what `planner plan` reads, and answers what
-//! it prints.
+//! The planner over HTTP, for robot stacks without Rust: `POST /v1/plan` takes the input of `planner plan` and returns
+//! its output.
 //!
-//! Nothing a client sends may end or exhaust the service: bodies, waiting requests, connections and times are limited, and
-//! a panic costs one answer. Who may call it is not its matter: it knows neither TLS nor passwords, and belongs on loopback.
+//! No client may stop or exhaust the service: bodies, waiting requests, connections and times are limited, and a panic
+//! costs one answer. The service has neither TLS nor authentication and belongs on loopback.
 
 use std::io;
 use std::net::SocketAddr;
@@ -41,34 +41,34 @@ mod tests;
 
 pub use openapi::openapi_json;
 
-/// Connections that are open at once; who comes later waits in the system's queue.
+/// Maximum number of open connections; further ones wait in the system's queue.
 const CONNECTIONS_MAX: usize = 256;
-/// How long a connection may be silent between requests, and how long a request's head may take.
+/// Maximum silence of a connection between requests, and maximum time for a request's header.
 const SILENCE_MAX: Duration = Duration::from_secs(10);
-/// How often the service looks whether it is to stop.
+/// Interval at which the service checks whether it should stop.
 const GLANCE: Duration = Duration::from_millis(100);
-/// What a stopping service grants its clients beyond the limit of a request, to take their answers.
+/// Time beyond the limit of a request that a stopping service gives clients to read their answers.
 const FAREWELL: Duration = Duration::from_secs(2);
 
-/// Where the service listens and what it grants.
+/// Address and limits of the service.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServeOptions {
-    /// Address and port; port 0 is any that is free.
+    /// Address and port; port 0 selects a free port.
     pub address: SocketAddr,
-    /// Largest body.
+    /// Maximum size of a body.
     pub body_bytes_max: usize,
-    /// Time from a request's head to its answer.
+    /// Maximum time from a request's header to its answer.
     pub request_timeout: Duration,
-    /// Plans that are made at once; at least one.
+    /// Maximum number of concurrent plans; at least one.
     pub concurrent_max: usize,
-    /// Plans that wait, beyond those.
+    /// Maximum number of waiting plans.
     pub queue_max: usize,
 }
 
-/// Why there is no service.
+/// Why the service failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The address is taken, or not ours.
+    /// The address is in use, or does not belong to this machine.
     #[error("failed to listen: {source}: {address}")]
     Listen {
         /// The address.
@@ -76,14 +76,14 @@ pub enum ServeError {
         /// What the system said.
         source: io::Error,
     },
-    /// There are no threads for it.
+    /// The threads cannot be started.
     #[error("failed to start the service's threads: {source}")]
     Threads {
         /// What the system said.
         source: io::Error,
     },
-    /// The loop that accepts connections is gone.
-    #[error("the service ended though nobody stopped it")]
+    /// The loop that accepts connections ended.
+    #[error("the service ended without a stop signal")]
     Ended,
 }
 
@@ -99,16 +99,16 @@ impl Exit for ServeError {
 
 type PlanBytes = dyn Fn(&[u8]) -> Result<Planned, Fault> + Send + Sync;
 
-/// What the handlers share.
+/// State shared by the handlers.
 struct Shared {
     plan: Box<PlanBytes>,
     model_json: String,
     limits: Limits,
     metrics: Metrics,
     stopping: AtomicBool,
-    /// Plans under way and waiting.
+    /// Plans in progress and waiting.
     places: Arc<Semaphore>,
-    /// Plans under way.
+    /// Plans in progress.
     turns: Arc<Semaphore>,
 }
 
@@ -142,11 +142,11 @@ impl Shared {
 
     fn turned_away(&self) -> Fault {
         self.metrics.rejected.inc();
-        Fault::new(StatusCode::SERVICE_UNAVAILABLE, "too many plans wait already")
+        Fault::new(StatusCode::SERVICE_UNAVAILABLE, "too many plans are waiting")
     }
 }
 
-/// Serves until `stop` is raised; then requests under way are answered, and it ends. `on_listening` learns the address.
+/// Serves until `stop` is set; then finishes the requests in progress and returns. `on_listening` receives the address.
 ///
 /// # Errors
 /// [`ServeError`], before it listens.
@@ -159,7 +159,7 @@ pub fn serve(
     serve_shared(&Shared::of_planner(planner, options), options, SILENCE_MAX, stop, on_listening)
 }
 
-/// The service without its listener, to be part of another. Time limits on connections are the listener's.
+/// The service without its listener, for embedding. The listener sets the time limits on connections.
 pub fn router(planner: Planner, options: &ServeOptions) -> Router {
     routes(&Shared::of_planner(planner, options))
 }
@@ -173,7 +173,7 @@ fn routes(shared: &Arc<Shared>) -> Router {
         .route("/readyz", get(handlers::readyz))
         .route("/metrics", get(handlers::metrics))
         .route("/openapi.json", get(handlers::openapi))
-        // From the inside out. axum's own limit, 2 MB, is off: the next layer's holds.
+        // From the inside out. axum's own limit of 2 MB is off; the limit of the next layer applies.
         .layer(DefaultBodyLimit::disable())
         .layer(RequestBodyLimitLayer::new(limits.body_bytes_max))
         .layer(TimeoutLayer::with_status_code(StatusCode::GATEWAY_TIMEOUT, limits.request_timeout))
@@ -182,7 +182,7 @@ fn routes(shared: &Arc<Shared>) -> Router {
         .with_state(Arc::clone(shared))
 }
 
-/// Around every request: counts it, logs it, and sees that errors are JSON.
+/// Wraps every request: counts it, logs it, and converts errors to JSON.
 async fn observe(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     let started = Instant::now();
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
@@ -199,12 +199,12 @@ async fn observe(State(shared): State<Arc<Shared>>, request: Request, next: Next
     response
 }
 
-/// The beginning of what may be kilobytes, for the log.
+/// The beginning of a possibly long text, for the log.
 fn cut(text: &str) -> &str {
     &text[..text.floor_char_boundary(100)]
 }
 
-/// Counts a request as long as it lives, also if its client goes away and the answer is never made.
+/// Counts a request while it exists, even if its client disconnects before the answer.
 struct UnderWay {
     shared: Arc<Shared>,
     traffic: Option<Traffic>,
@@ -243,7 +243,7 @@ fn serve_shared(
         .build()
         .map_err(|source| ServeError::Threads { source })?;
     let ended = runtime.block_on(listen(shared, options, silence_max, stop, on_listening));
-    // A plan that outlived its request is not waited for.
+    // Plans that outlive their request are not awaited.
     runtime.shutdown_background();
     ended
 }
@@ -261,7 +261,7 @@ async fn listen(
     let (told, telling) = oneshot::channel::<()>();
     let service = routes(shared).into_make_service_with_connect_info::<Traffic>();
     let server = axum::serve(Gate::new(listener, CONNECTIONS_MAX, silence_max), service)
-        // An error would mean that `told` is gone, and that is as good as a word.
+        // An error means that the receiver is gone, which has the same effect.
         .with_graceful_shutdown(async move { telling.await.unwrap_or_default() });
     let mut server = tokio::spawn(server.into_future());
     while !stop.load(Ordering::Relaxed) {
@@ -271,11 +271,11 @@ async fn listen(
         tokio::time::sleep(GLANCE).await;
     }
     shared.stopping.store(true, Ordering::Relaxed);
-    // Nobody listens if the server has just ended by itself: all the same now.
+    // The receiver is gone if the server has just ended by itself, which needs no action.
     let _ = told.send(());
     let patience = options.request_timeout.saturating_add(FAREWELL);
     if tokio::time::timeout(patience, &mut server).await.is_err() {
-        tracing::warn!("some clients did not take their answers in time");
+        tracing::warn!("some clients did not read their answers in time");
     }
     Ok(())
 }

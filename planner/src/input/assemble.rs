@@ -1,5 +1,5 @@
-//! From a request's raw parts to an observation and wishes: files are read, cameras and poses checked, and each error
-//! gets the path of its key. Over HTTP nothing is read but the request itself.
+//! Turns a parsed request into an observation and options: reads files, checks cameras and poses, and adds the key's
+//! path to each error. Over HTTP only the request itself is read.
 
 use std::path::Path;
 
@@ -16,27 +16,27 @@ use crate::input::request::{RequestInput, SourceInput, ViewInput};
 use crate::input::tsdf::read_tsdf;
 use crate::{Observation, Policy, SeenView, Wishes};
 
-/// Most views of a request.
+/// Maximum number of views of a request.
 pub(crate) const VIEWS_MAX: usize = 32;
-/// Most pixels of all its depth images together: 32 of full HD, or four of the largest.
+/// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
-/// Most eyes of a cloud.
+/// Maximum number of viewpoints of a cloud.
 pub(crate) const EYES_MAX: usize = 32;
-/// Most grasps one may ask for.
+/// Maximum number of requested grasps.
 const GRASPS_MAX: usize = 10_000;
 
-/// What is to be planned.
+/// A checked request.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
-    /// What was seen.
+    /// The observation.
     pub observation: Observation,
-    /// What is wanted.
+    /// The options.
     pub wishes: Wishes,
-    /// What was strange about it, though not wrong.
+    /// Warnings about unusual but valid input.
     pub warnings: Vec<String>,
 }
 
-/// Makes sense of a request; `folder` is where its paths begin, `None` if it may have none.
+/// Checks a request; its paths are relative to `folder`, and refused if that is `None`.
 ///
 /// # Errors
 /// [`InputError`], naming the key.
@@ -68,7 +68,7 @@ fn refuse<T>(what: String) -> Result<T, InputError> {
     Err(InputError::Value(what))
 }
 
-/// What a request wants besides the grasps' places in the workspace.
+/// The options of a request.
 ///
 /// # Errors
 /// [`InputError`], naming the key.
@@ -95,7 +95,7 @@ fn policy(name: &str) -> Result<Policy, InputError> {
     name.parse().map_err(unknown)
 }
 
-/// The bytes of a source, read by `read`, with the key's path on every error.
+/// The content of a source, parsed by `read`, with the key's path on every error.
 fn read_source<T>(
     source: &SourceInput,
     folder: Option<&Path>,
@@ -140,7 +140,7 @@ fn read_views(
     Ok(Observation::Views(seen))
 }
 
-/// Where a view's camera is in the workspace.
+/// The pose of a view's camera in the workspace.
 fn camera_pose(view: &ViewInput, base_from_workspace: Option<Pose>, at: &str) -> Result<Pose, InputError> {
     match (&view.workspace_from_camera, &view.base_from_camera) {
         (Some(input), None) => pose(input, &format!("{at}.workspace_from_camera")),
@@ -155,7 +155,7 @@ fn camera_pose(view: &ViewInput, base_from_workspace: Option<Pose>, at: &str) ->
     }
 }
 
-/// A view, and what was odd about its image.
+/// A view, with warnings about its image.
 fn read_view(
     view: &ViewInput,
     of_request: Option<&IntrinsicsInput>,

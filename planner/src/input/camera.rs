@@ -1,5 +1,5 @@
-//! Cameras and poses as people write them down. A matrix is held against what a rigid transform is, with a tolerance
-//! for printed digits, and leaves as a unit quaternion: what is nearly a rotation becomes one, what is not is refused.
+//! Cameras and poses in requests. A matrix must be a rigid transform within a tolerance for printed digits and is
+//! converted to a unit quaternion: near rotations are normalised, everything else is refused.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -16,19 +16,19 @@ use crate::input::depth::SIDE_PX_MAX;
 use crate::input::error::InputError;
 use crate::input::lists::{Numbers, first_entries, numbers};
 
-/// By how much a rotation may miss being one: what three printed digits leave of it.
+/// Tolerance of a rotation: the error of three printed digits.
 const RIGID_TOLERANCE: f64 = 1e-3;
 const LAST_ROW_TOLERANCE: f64 = 1e-6;
-/// Robots' cells are smaller.
+/// Maximum translation; robot cells are smaller.
 const TRANSLATION_M_MAX: f64 = 100.0;
 
-/// A pinhole camera's lens, in pixels; pixel (0, 0) has its centre at u = 0, v = 0.
+/// Intrinsics of a pinhole camera, in pixels; the centre of pixel (0, 0) is at u = 0, v = 0.
 #[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct IntrinsicsInput {
-    /// Pixels in a row; if given, it must be the image's.
+    /// Pixels per row; if given, it must equal the image's.
     pub width_px: Option<usize>,
-    /// Rows; if given, they must be the image's.
+    /// Number of rows; if given, it must equal the image's.
     pub height_px: Option<usize>,
     /// Focal length along u.
     pub fx_px: f64,
@@ -79,7 +79,7 @@ impl<'de> Deserialize<'de> for PoseInput {
     }
 }
 
-/// Which of the two it is, is told by whether a list or a table begins, so errors speak of what was meant.
+/// A list selects the matrix, a table the position and quaternion, so errors refer to the intended form.
 struct PoseVisitor;
 
 impl<'de> Visitor<'de> for PoseVisitor {
@@ -115,7 +115,7 @@ impl ToSchema for PoseInput {
     }
 }
 
-/// A position, for the API's description.
+/// A position, for the API description.
 pub(crate) fn position_schema() -> RefOr<Schema> {
     numbers_schema(3, "x, y, z in metres.").into()
 }
@@ -133,7 +133,7 @@ fn list_of(item: RefOr<Schema>, count: usize, what: &str) -> ArrayBuilder {
     ArrayBuilder::new().items(items).min_items(Some(count)).max_items(Some(count)).description(Some(what))
 }
 
-/// The lens of a camera whose image has this size.
+/// The intrinsics of a camera whose image has this size.
 ///
 /// # Errors
 /// [`InputError::Value`] if a number is out of range or the sizes differ; `at` is the key's path.
@@ -166,7 +166,7 @@ pub fn intrinsics(
     Ok(Intrinsics { width_px, height_px, fx_px, fy_px, cx_px, cy_px })
 }
 
-/// The pose, with its rotation made exact.
+/// The pose, with its rotation normalised.
 ///
 /// # Errors
 /// [`InputError::Value`] if it is not a rigid transform or far away; `at` is the key's path.
@@ -185,7 +185,7 @@ pub fn pose(input: &PoseInput, at: &str) -> Result<Pose, InputError> {
     Ok(pose_from_parts(rotation, Vec3::from_array(translation.map(|metres| metres as f32))))
 }
 
-/// The unit quaternion of four numbers that nearly are one.
+/// The unit quaternion of four numbers that are nearly normalised.
 ///
 /// # Errors
 /// [`InputError::Value`] if they are not; `at` is the key's path.
@@ -246,7 +246,7 @@ fn from_matrix(matrix: &[[f64; 4]; 4]) -> Result<(Quat, [f64; 3]), InputError> {
     Ok((normalised(quaternion_of(&rotation)), [matrix[0][3], matrix[1][3], matrix[2][3]]))
 }
 
-/// Whether three rows are a rotation's, told by its columns: their lengths, their angles, and which way they turn.
+/// Checks that three rows are a rotation, by the lengths of its columns, their angles, and its orientation.
 fn check_rotation(rows: &[[f64; 3]; 3]) -> Result<(), InputError> {
     let columns = [0, 1, 2].map(|column| rows.map(|row| row[column]));
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -269,7 +269,7 @@ fn check_rotation(rows: &[[f64; 3]; 3]) -> Result<(), InputError> {
     Ok(())
 }
 
-/// x, y, z, w of a rotation, by the largest of the four, which never divides by nearly 0 (Shepperd's way).
+/// x, y, z, w of a rotation, from the largest of the four to avoid division by nearly 0 (Shepperd's method).
 fn quaternion_of(m: &[[f64; 3]; 3]) -> [f64; 4] {
     let trace = m[0][0] + m[1][1] + m[2][2];
     let squares = [m[0][0], m[1][1], m[2][2], trace].map(|s| 1.0 - trace + 2.0 * s);
@@ -300,7 +300,7 @@ mod tests {
         read(value).unwrap_err().to_string()
     }
 
-    /// The matrix that a pose is, by where it takes the axes: nothing here knows how quaternions are made of matrices.
+    /// The matrix of a pose from the images of the axes, independently of the conversion under test.
     fn matrix_of(pose: &Pose) -> [[f64; 4]; 4] {
         let columns = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| pose.rotation * axis);
         let row = |at: usize| {

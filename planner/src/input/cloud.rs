@@ -1,27 +1,27 @@
-//! Point clouds from PLY, PCD and NumPy files, told apart by their first bytes. A file's header is held against its
-//! length before memory is taken for the points it promises.
+//! Point clouds from PLY, PCD and NumPy files, distinguished by their first bytes. The declared number of points is
+//! checked against the file's length before memory is allocated.
 
 use schema::Vec3;
 
 use crate::input::error::InputError;
 use crate::input::{npy, pcd, ply};
 
-/// Most points of a cloud, those that a compressed file unpacks to included: 16 depth images of 640 x 480.
+/// Maximum number of points of a cloud, also after decompression: 16 depth images of 640 x 480.
 pub const POINTS_MAX: usize = 5_000_000;
 
-/// A cloud and what became of it.
+/// A cloud from a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReadCloud {
     /// Points, in the file's order and frame, in metres; all finite.
     pub points_m: Vec<Vec3>,
-    /// Where the sensor stood, if the file says so.
+    /// Position of the sensor, if the file contains it.
     pub eye_m: Option<Vec3>,
-    /// How many points were left out because a coordinate was not finite.
+    /// Number of points dropped because a coordinate was not finite.
     pub dropped: usize,
 }
 
 impl ReadCloud {
-    /// The finite ones of these points.
+    /// Drops the points that are not finite.
     pub(crate) fn of(points_m: Vec<Vec3>, eye_m: Option<Vec3>) -> Self {
         let (all, mut points_m) = (points_m.len(), points_m);
         points_m.retain(|point| point.is_finite());
@@ -56,7 +56,7 @@ pub(crate) fn check_count(points: usize, bytes: usize, bytes_min: usize) -> Resu
     Ok(())
 }
 
-/// An array of points, one a row or, for an organised cloud, one a pixel; columns after the third are left.
+/// An array of points, one per row or, for an organised cloud, one per pixel; columns after the third are ignored.
 fn read_array(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     let (header, data) = npy::split(bytes)?;
     let (points, columns) = match header.shape[..] {

@@ -1,5 +1,5 @@
-//! Depth images from PNG, NumPy and OpenEXR files. The format is told by the first bytes, never by a name, and the size
-//! is read and bounded before a pixel is decoded. Whatever is not a finite number above 0 becomes 0, "nothing seen".
+//! Depth images from PNG, NumPy and OpenEXR files. The first bytes determine the format, never the name, and the size
+//! is checked before a pixel is decoded. Values that are not finite and positive become 0, "nothing seen".
 
 use std::io::Cursor;
 
@@ -10,21 +10,21 @@ use crate::input::error::InputError;
 use crate::input::npy::NpyNumber;
 use crate::input::{exr_image, npy};
 
-/// Most pixels along a side of a depth image.
+/// Maximum side of a depth image, in pixels.
 pub const SIDE_PX_MAX: usize = 4096;
-/// Metres per unit of an image of whole numbers, unless the caller says otherwise: millimetres, what cameras deliver.
+/// Default metres per unit of an integer image: millimetres, as cameras deliver.
 const WHOLE_NUMBER_SCALE_M: f32 = 0.001;
-/// What `depth_scale_m` may be.
+/// Limits of `depth_scale_m`.
 const SCALE_M_MIN: f32 = 1e-6;
 const SCALE_M_MAX: f32 = 1.0;
-/// The median depth of anything on a table before a robot.
+/// Limits of the median depth of a scene on a table in front of a robot.
 const MEDIAN_M_MIN: f32 = 0.02;
 const MEDIAN_M_MAX: f32 = 20.0;
-/// A picture with fewer seen pixels than this deserves a word.
+/// A smaller share of valid pixels causes a warning.
 const SEEN_SHARE_MIN: f64 = 0.1;
-/// What decoding a PNG may take besides its pixels: rows, mostly.
+/// Memory for decoding a PNG besides its pixels, mostly rows.
 const PNG_BYTES_MAX: usize = 4 << 20;
-/// Deflate makes at most this many bytes of one.
+/// Maximum expansion factor of Deflate.
 const DEFLATE_RATIO_MAX: usize = 1032;
 
 /// A format of depth images.
@@ -39,7 +39,7 @@ pub enum DepthFormat {
 }
 
 impl DepthFormat {
-    /// The format of a file that begins like this.
+    /// The format of a file with these first bytes.
     #[must_use]
     pub fn of(bytes: &[u8]) -> Option<Self> {
         if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
@@ -62,14 +62,14 @@ impl DepthFormat {
     }
 }
 
-/// A depth image and what was odd about it.
+/// A depth image with statistics for warnings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReadDepth {
     /// The image; 0 where nothing was seen.
     pub image: DepthImage,
-    /// What it came as.
+    /// The file format.
     pub format: DepthFormat,
-    /// Metres per stored unit that were taken.
+    /// Metres per stored unit that were used.
     pub scale_m: f32,
     /// Pixels that were not finite numbers.
     pub not_finite: usize,
@@ -85,16 +85,16 @@ pub(crate) struct RawDepth {
     pub(crate) are_whole_numbers: bool,
 }
 
-/// Reads a depth image. `scale_m` is metres per stored unit; without it whole numbers are millimetres, others metres.
+/// Reads a depth image. `scale_m` is metres per stored unit; by default integers are millimetres and floats metres.
 ///
 /// # Errors
-/// [`InputError`] if the format is unknown, the bytes are damaged, or the image is no depth image of at most
+/// [`InputError`] if the format is unknown, the bytes are damaged, or the image is not a depth image of at most
 /// [`SIDE_PX_MAX`] pixels a side.
 pub fn read_depth(bytes: &[u8], scale_m: Option<f32>) -> Result<ReadDepth, InputError> {
     read_depth_within(bytes, scale_m, SIDE_PX_MAX * SIDE_PX_MAX)
 }
 
-/// The same, refusing an image of more than `pixels_max` pixels before it is decoded.
+/// Like [`read_depth`], but refuses an image of more than `pixels_max` pixels before decoding it.
 pub(crate) fn read_depth_within(
     bytes: &[u8],
     scale_m: Option<f32>,
@@ -114,11 +114,11 @@ pub(crate) fn read_depth_within(
     Ok(in_metres(raw, format, scale_m.unwrap_or(by_default)))
 }
 
-/// What is strange about an image that could be read, as warnings.
+/// Warnings about a readable image.
 ///
 /// # Errors
-/// [`InputError::Value`] if nothing was seen, or the median depth cannot be that of a table before a robot, which
-/// mostly means that the unit is wrong.
+/// [`InputError::Value`] if no pixel has a depth, or the median depth is implausible for a table in front of a robot,
+/// which mostly means a wrong unit.
 pub fn judge_depth(depth: &ReadDepth) -> Result<Vec<String>, InputError> {
     let mut seen: Vec<f32> = depth.image.depth_m.iter().copied().filter(|depth_m| *depth_m > 0.0).collect();
     let pixels = depth.image.depth_m.len();
@@ -155,7 +155,7 @@ fn odd_pixels(depth: &ReadDepth) -> String {
     }
 }
 
-/// What is likely to be wrong with a unit that gives such a median.
+/// The likely cause of such a median.
 fn scale_hint(scale_m: f32, median_m: f32) -> String {
     let plausible = 0.05..=5.0;
     if scale_m == 1.0 && plausible.contains(&(median_m * 0.001)) {
@@ -180,7 +180,7 @@ fn in_metres(raw: RawDepth, format: DepthFormat, scale_m: f32) -> ReadDepth {
     ReadDepth { image, format, scale_m, not_finite, negative }
 }
 
-/// Whether an image of this size may be decoded at all.
+/// Checks the size of an image before decoding.
 pub(crate) fn check_size(width_px: usize, height_px: usize, pixels_max: usize) -> Result<(), InputError> {
     let sides = 1..=SIDE_PX_MAX;
     if !sides.contains(&width_px) || !sides.contains(&height_px) {
@@ -336,7 +336,7 @@ pub(crate) mod tests {
             let mut bytes = png_of(1, 1, &[1]);
             bytes[16..20].copy_from_slice(&side.to_be_bytes());
             bytes[20..24].copy_from_slice(&side.to_be_bytes());
-            // The checksum of IHDR, made right by the slow way.
+            // The checksum of IHDR, recomputed by a slow implementation.
             let mut crc = u32::MAX;
             for byte in &bytes[12..29] {
                 crc ^= u32::from(*byte);

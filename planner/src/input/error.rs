@@ -1,18 +1,17 @@
-//! Why an input is refused. Bytes that are not what they claim to be are told apart from values that break a rule: the
-//! first are damage (exit code 65), the second somebody's choice (78).
+//! Why an input is refused. Damaged bytes (exit code 65) are distinguished from values that break a rule (78).
 
 use std::path::PathBuf;
 
 use program::{Exit, ExitCode};
 use shards::ReadError;
 
-/// Why an input is refused. Messages name the place: a key's path, a file, or both.
+/// Why an input is refused. Messages contain the place: a key's path, a file, or both.
 #[derive(Debug, thiserror::Error)]
 pub enum InputError {
     /// The request is not JSON, or not TOML.
     #[error("{0}")]
     Syntax(String),
-    /// Bytes are not of the format that they claim, or end too early.
+    /// Bytes are not of the expected format, or end too early.
     #[error("{0}")]
     Damaged(String),
     /// A key, a shape or a value breaks a rule.
@@ -21,7 +20,7 @@ pub enum InputError {
     /// There is no such file.
     #[error("no such file: {}", .0.display())]
     Missing(PathBuf),
-    /// The disk refused.
+    /// A file cannot be read.
     #[error("failed to read {}: {source}", .path.display())]
     Io {
         /// The file.
@@ -29,7 +28,7 @@ pub enum InputError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// The dataset that a row was to come from cannot be read.
+    /// The dataset of a row cannot be read.
     #[error(transparent)]
     Row(#[from] Box<ReadError>),
 }
@@ -46,19 +45,19 @@ impl Exit for InputError {
 }
 
 impl InputError {
-    /// Whether the request as a whole could not be parsed: over HTTP 400, when a parsed one that is refused is 422.
+    /// Whether the request could not be parsed: 400 over HTTP, while a refused value is 422.
     #[must_use]
     pub fn is_syntax(&self) -> bool {
         matches!(self, Self::Syntax(_))
     }
 
-    /// Whether the outside world failed and trying again may help.
+    /// Whether the outside world failed, so that a retry may help.
     #[must_use]
     pub fn is_io(&self) -> bool {
         self.exit_code() == ExitCode::TryAgain
     }
 
-    /// The same with the place at which it happened; errors that name a file already stay as they are.
+    /// Adds the place of the error; errors that already name a file are unchanged.
     #[must_use]
     pub fn at(self, place: &str) -> Self {
         match self {
@@ -70,7 +69,7 @@ impl InputError {
     }
 }
 
-/// A stranger's text, safe to print: without control characters and not long.
+/// Outside text made safe to print: without control characters and shortened.
 pub(crate) fn shown(text: &str) -> String {
     const CHARS_MAX: usize = 240;
     let short: String = text.chars().take(CHARS_MAX).flat_map(char::escape_debug).collect();

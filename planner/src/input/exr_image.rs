@@ -1,6 +1,6 @@
-//! Depth from `OpenEXR` files. The `exr` crate decodes them block by block; what it is handed is first held against
-//! what a depth image can be (one part, one level, few channels, no lossy compression), since its own limits are those
-//! of film. Should it panic nevertheless, that is the file's fault and not the program's end.
+//! Depth from `OpenEXR` files. The `exr` crate decodes them block by block. Its own limits are made for film, so files
+//! are first checked to be depth images (one part, one level, few channels, no lossy compression). A panic of the
+//! decoder becomes an error.
 
 use std::io::Cursor;
 use std::panic::catch_unwind;
@@ -18,9 +18,9 @@ use crate::input::error::{InputError, shown};
 
 /// Colours, depth, and a few masks.
 const CHANNELS_MAX: usize = 8;
-/// A whole image of single precision, and as much as one tile of it may take.
+/// Bytes of a complete image in single precision, which also limit one tile.
 const BLOCK_BYTES_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
-/// Bytes of a file that each block takes at least: an entry in the offset table, its place, its length.
+/// Minimum bytes per block in a file: an entry in the offset table, its coordinates, its length.
 const BLOCK_FILE_BYTES_MIN: usize = 16;
 
 /// Reads the depth channel: the only one, or that called `Z`, `depth`, `Y` or `R`, in this order.
@@ -107,7 +107,7 @@ fn corners(window: IntegerBounds) -> String {
     format!("({left},{top})-({},{})", last(left, window.size.0), last(top, window.size.1))
 }
 
-/// Which channel the depth is in; a layer's name before a dot does not matter.
+/// The depth channel; a layer's name before a dot is ignored.
 fn depth_channel(channels: &ChannelList) -> Result<usize, InputError> {
     let names: Vec<String> = channels.list.iter().map(|channel| channel.name.to_string()).collect();
     let last = |name: &str| name.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
@@ -119,7 +119,7 @@ fn depth_channel(channels: &ChannelList) -> Result<usize, InputError> {
     })
 }
 
-/// Puts a line of samples in its place; how many there were.
+/// Copies a line of samples to its row; returns their number.
 fn put_line(line: &LineRef<'_>, kind: SampleType, width_px: usize, values: &mut [f32]) -> Result<usize, InputError> {
     let Vec2(u, v) = line.location.position;
     let count = line.location.sample_count;

@@ -1,4 +1,4 @@
-//! Files, read whole but not without end: somebody may name `/dev/zero`.
+//! Reads complete files up to a limit, because a path may be `/dev/zero`.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read};
@@ -6,13 +6,13 @@ use std::path::Path;
 
 use crate::input::error::InputError;
 
-/// Most bytes of a file.
+/// Maximum size of a file.
 const BYTES_MAX: u64 = 1 << 30;
 
 /// The bytes of a file.
 ///
 /// # Errors
-/// [`InputError`] if there is none, it is a folder, it is larger than a gibibyte, or the disk refuses.
+/// [`InputError`] if the file is missing, a folder, larger than a gibibyte, or cannot be read.
 pub fn read_file(path: &Path) -> Result<Vec<u8>, InputError> {
     let failed = |source: std::io::Error| match source.kind() {
         ErrorKind::NotFound => InputError::Missing(path.to_owned()),

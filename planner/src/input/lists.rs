@@ -1,5 +1,5 @@
-//! Lists of a request, bounded while they are read: a body of 60 MB may hold a list of as many entries, and what is too
-//! many is counted for the message, but never kept.
+//! Lists of a request with limits that apply while parsing. A body of 60 MB may contain a list of millions of entries;
+//! surplus entries are counted for the message but never stored.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -7,7 +7,7 @@ use std::marker::PhantomData;
 use serde::de::{Error, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-/// Exactly so many numbers.
+/// Exactly `N` numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Numbers<const N: usize>(pub(crate) [f64; N]);
 
@@ -24,7 +24,7 @@ pub(crate) fn numbers<'de, D: Deserializer<'de>, const N: usize>(source: D) -> R
     if count == N { kept.try_into().map_err(|_| wrong()) } else { Err(wrong()) }
 }
 
-/// Reads a list of at most so many entries.
+/// Reads a list of at most `count_max` entries.
 pub(crate) fn at_most<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     source: D,
     count_max: usize,
@@ -35,7 +35,7 @@ pub(crate) fn at_most<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     }
 }
 
-/// The first entries of a list, and how many it has.
+/// The first entries of a list, and its length.
 pub(crate) fn first_entries<'de, T: Deserialize<'de>, A: SeqAccess<'de>>(
     mut list: A,
     kept_max: usize,

@@ -1,10 +1,9 @@
-//! Marc Lehmann's LZF, which PCD files are compressed with: runs of literal bytes, and references to what was already
-//! decompressed.
+//! Marc Lehmann's LZF, the compression of PCD files: runs of literal bytes, and references to decompressed bytes.
 
-/// Decompresses to exactly `size` bytes; `None` if the data say otherwise. Never makes more than `size` bytes, nor many
-/// more than the data can hold.
+/// Decompresses to exactly `size` bytes; `None` if the data give another size. Never allocates more than `size` bytes,
+/// nor much more than the data can decompress to.
 pub(crate) fn decompress(data: &[u8], size: usize) -> Option<Vec<u8>> {
-    // The best that three bytes can do is a reference of 264.
+    // Three bytes expand to at most a reference of 264 bytes.
     if size / 264 > data.len() / 3 + 1 {
         return None;
     }
@@ -37,7 +36,7 @@ fn copy_reference(control: u8, rest: &mut &[u8], out: &mut Vec<u8>, size: usize)
     if length > size - out.len() {
         return None;
     }
-    // One by one: a reference may reach into what it makes.
+    // Byte by byte, because a reference may overlap its own output.
     for at in from..from + length {
         out.push(out[at]);
     }
@@ -54,7 +53,7 @@ fn next(rest: &mut &[u8]) -> Option<u8> {
 pub(crate) mod tests {
     use super::*;
 
-    /// The plainest of compressors: at each place the longest reference of all, found by trying them.
+    /// A simple compressor: at each position the longest reference, found by trying all.
     pub(crate) fn compress(data: &[u8]) -> Vec<u8> {
         let (mut out, mut at) = (Vec::new(), 0);
         while at < data.len() {

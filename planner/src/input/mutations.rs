@@ -1,5 +1,5 @@
-//! Valid files of every format, damaged at random, thousands of times: whatever comes out, it is an answer and not a
-//! panic. The damage is drawn from a fixed sequence, so a failure can be repeated.
+//! Valid files of every format, damaged at random thousands of times: a reader must return a result and not panic. The
+//! damage is drawn from a fixed sequence, so failures are reproducible.
 
 use exr::image::{Encoding, FlatSamples};
 use schema::Grid;
@@ -11,7 +11,7 @@ use crate::input::request::from_json;
 use crate::input::tsdf::read_tsdf;
 use crate::input::{depth, exr_image, pcd, ply};
 
-/// Numbers without order but the same each time (splitmix64).
+/// Reproducible pseudo-random numbers (splitmix64).
 struct Draws(u64);
 
 impl Draws {
@@ -22,7 +22,7 @@ impl Draws {
         ((mixed ^ (mixed >> 31)) % limit.max(1) as u64) as usize
     }
 
-    /// The file with one to four things wrong with it.
+    /// The file with one to four random changes.
     fn damaged(&mut self, whole: &[u8]) -> Vec<u8> {
         let mut bytes = whole.to_vec();
         for _ in 0..=self.below(4) {

@@ -1,5 +1,5 @@
-//! NumPy's array files, read strictly. The header is a Python literal; a parser for just the three keys it may have
-//! stands here instead of a general one. Nothing is allocated before the header's shape explains every byte.
+//! A strict reader of NumPy's array files. The header is a Python literal, and the parser supports only its three keys.
+//! Nothing is allocated before the header's shape matches the number of bytes.
 
 use crate::input::error::{InputError, shown};
 
@@ -7,7 +7,7 @@ const MAGIC: &[u8; 6] = b"\x93NUMPY";
 const HEADER_BYTES_MAX: usize = 64 * 1024;
 const RANK_MAX: usize = 5;
 
-/// What kind of number a file stored.
+/// The number type of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NpyNumber {
     /// Single precision.
@@ -16,15 +16,15 @@ pub enum NpyNumber {
     F64,
     /// Bytes.
     U8,
-    /// 16 bits without sign: what depth cameras deliver.
+    /// Unsigned 16 bits, as depth cameras deliver.
     U16,
-    /// 32 bits without sign.
+    /// Unsigned 32 bits.
     U32,
-    /// 16 bits with sign.
+    /// Signed 16 bits.
     I16,
-    /// 32 bits with sign.
+    /// Signed 32 bits.
     I32,
-    /// 64 bits with sign.
+    /// Signed 64 bits.
     I64,
 }
 
@@ -33,17 +33,17 @@ pub enum NpyNumber {
 pub struct Npy {
     /// Length of each axis.
     pub shape: Vec<usize>,
-    /// Values, the last axis fastest, whatever the file's order was.
+    /// Values with the last axis fastest, for any order in the file.
     pub values: Vec<f32>,
-    /// What the file stored them as.
+    /// Their type in the file.
     pub number: NpyNumber,
 }
 
 /// Reads an array file.
 ///
 /// # Errors
-/// [`InputError::Damaged`] if the bytes are not a whole array file, [`InputError::Value`] if it holds something other
-/// than plain numbers.
+/// [`InputError::Damaged`] if the bytes are not a complete array file, [`InputError::Value`] if the array does not
+/// contain plain numbers.
 pub fn read_npy(bytes: &[u8]) -> Result<Npy, InputError> {
     let (header, data) = split(bytes)?;
     Ok(header.decode(data))
@@ -52,13 +52,13 @@ pub fn read_npy(bytes: &[u8]) -> Result<Npy, InputError> {
 /// An array file (version 1.0, `<f4`, C order) of these values.
 ///
 /// # Panics
-/// If there are more or fewer values than the shape says.
+/// If the number of values differs from the shape.
 #[must_use]
 pub fn write_npy_f32(shape: &[usize], values: &[f32]) -> Vec<u8> {
     assert_eq!(shape.iter().product::<usize>(), values.len(), "the shape must fit the values");
     let axes: String = shape.iter().map(|axis| format!("{axis}, ")).collect();
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", axes.trim_end());
-    // NumPy aligns the data to 64 bytes; the header ends with a line's end.
+    // NumPy aligns the data to 64 bytes; the header ends with a newline.
     let before = MAGIC.len() + 4;
     let padded = (before + header.len() + 1).next_multiple_of(64) - before;
     header.push_str(&" ".repeat(padded - 1 - header.len()));
@@ -72,12 +72,12 @@ pub fn write_npy_f32(shape: &[usize], values: &[f32]) -> Vec<u8> {
     bytes
 }
 
-/// Whether these bytes begin as an array file does.
+/// Whether these bytes begin with the signature of an array file.
 pub(crate) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
 
-/// What a file says of itself.
+/// The header of a file.
 #[derive(Debug, PartialEq)]
 pub(crate) struct NpyHeader {
     pub(crate) shape: Vec<usize>,
@@ -86,7 +86,7 @@ pub(crate) struct NpyHeader {
     is_fortran: bool,
 }
 
-/// A file's header and its data, whose length is what the header asks for.
+/// A file's header and its data, whose length matches the header.
 pub(crate) fn split(bytes: &[u8]) -> Result<(NpyHeader, &[u8]), InputError> {
     let short = || damaged("it ends within its header");
     let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| damaged("its first bytes are others"))?;
@@ -139,7 +139,7 @@ fn parse(text: &str) -> Result<NpyHeader, InputError> {
     })
 }
 
-/// The kind of number that a dtype such as `<f4` names, and whether its first byte is the highest.
+/// The number type of a dtype such as `<f4`, and whether it is big-endian.
 fn number_of(descr: &str) -> Result<(NpyNumber, bool), InputError> {
     let (order, code) = descr.split_at_checked(1).unwrap_or(("", descr));
     let wrong = || {
@@ -167,7 +167,7 @@ fn number_of(descr: &str) -> Result<(NpyNumber, bool), InputError> {
     }
 }
 
-/// The rest of a Python literal.
+/// The unparsed rest of a Python literal.
 struct Literal<'a>(&'a str);
 
 impl<'a> Literal<'a> {
@@ -274,7 +274,7 @@ impl NpyHeader {
     }
 }
 
-/// Numbers of `N` bytes each, the lowest first when `convert` sees them.
+/// Numbers of `N` bytes each, passed to `convert` in little-endian order.
 fn each<const N: usize>(data: &[u8], is_big_endian: bool, convert: impl Fn([u8; N]) -> f32) -> Vec<f32> {
     let (numbers, _) = data.as_chunks::<N>();
     let ordered = numbers.iter().map(|bytes| {
@@ -287,7 +287,7 @@ fn each<const N: usize>(data: &[u8], is_big_endian: bool, convert: impl Fn([u8; 
     ordered.map(convert).collect()
 }
 
-/// Values whose first axis is the fastest, put into the order in which the last is.
+/// Reorders values from first-axis-fastest to last-axis-fastest.
 fn last_axis_fastest(shape: &[usize], values: &[f32]) -> Vec<f32> {
     let mut strides = Vec::with_capacity(shape.len());
     let mut stride = 1;

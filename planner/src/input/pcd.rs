@@ -1,5 +1,5 @@
-//! Points of PCD files, the point cloud library's own: a header of text, then rows as text, as bytes, or, compressed,
-//! all of the first field, then all of the second, and so on.
+//! Points of PCD files, the format of the Point Cloud Library: a text header, then rows as text, as bytes, or
+//! compressed by field.
 
 use schema::Vec3;
 
@@ -12,7 +12,7 @@ const HEADER_LINES_MAX: usize = 100;
 const HEADER_LINE_BYTES_MAX: usize = 4096;
 const FIELDS_MAX: usize = 64;
 const POINT_BYTES_MAX: usize = 4096;
-/// A compressed file may not become larger than this: the most points of 53 bytes each.
+/// Maximum decompressed size: the maximum number of points with 53 bytes each.
 const BYTES_MAX: usize = 256 << 20;
 
 /// A field of a point.
@@ -40,7 +40,7 @@ struct Header {
     storage: Storage,
 }
 
-/// Where a coordinate is: its column in text, its first byte in a row, and how many bytes it has.
+/// The position of a coordinate: its column in text, its first byte in a row, and its number of bytes.
 #[derive(Debug, Clone, Copy, Default)]
 struct Place {
     column: usize,
@@ -48,7 +48,7 @@ struct Place {
     size_bytes: usize,
 }
 
-/// Whether these bytes begin as a PCD file does.
+/// Whether these bytes begin like a PCD file.
 pub(crate) fn is_pcd(bytes: &[u8]) -> bool {
     bytes.starts_with(b"# .PCD") || bytes.starts_with(b"VERSION") || bytes.starts_with(b"FIELDS")
 }
@@ -159,7 +159,7 @@ fn fields_of(lines: &Words<'_>) -> Result<Vec<Field>, InputError> {
     Ok(fields)
 }
 
-/// Where the sensor stood; `None` if it is left at the origin, looking along z: writers that do not know put that.
+/// Position of the sensor; `None` if it is the origin looking along z, which writers use for unknown.
 fn eye_of(lines: &Words<'_>) -> Result<Option<Vec3>, InputError> {
     let Some(words) = lines.of("VIEWPOINT") else { return Ok(None) };
     let numbers: Vec<f32> = words.iter().filter_map(|word| word.parse().ok()).filter(|n: &f32| n.is_finite()).collect();
@@ -206,7 +206,7 @@ fn text_points(mut rest: &[u8], count: usize, columns: [usize; 3]) -> Result<Vec
     Ok(points_m)
 }
 
-/// Each coordinate's first byte and the distance to the next point's are `strides`; `data` holds them all.
+/// Reads points whose coordinates have the given first byte and distance to the next point's (`strides`) in `data`.
 fn binary_points(data: &[u8], count: usize, places: [Place; 3], strides: [(usize, usize); 3]) -> Vec<Vec3> {
     let coordinate = |axis: usize, number: usize| {
         let (first, stride) = strides[axis];

@@ -1,5 +1,5 @@
-//! Points of PLY files. The `ply-rs-bw` crate reads the header and binary rows; rows of text are split here, since that
-//! crate knows neither `nan`, which depth cameras' drivers write, nor `.5`.
+//! Points of PLY files. The `ply-rs-bw` crate reads the header and binary rows. Text rows are parsed here, because that
+//! crate supports neither `nan`, which drivers of depth cameras write, nor `.5`.
 
 use std::io::Read;
 
@@ -10,7 +10,7 @@ use schema::Vec3;
 use crate::input::cloud::{ReadCloud, check_count};
 use crate::input::error::{InputError, shown};
 
-/// The coordinates of a row; NaN until they are read. Rows of other elements are read as this, too, and forgotten.
+/// The coordinates of a row; NaN until read. Rows of other elements are read as this type, too, and discarded.
 #[derive(Debug)]
 struct Row {
     xyz: [f64; 3],
@@ -40,7 +40,7 @@ impl PropertyAccess for Row {
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Whether these bytes begin as a PLY file does.
+/// Whether these bytes begin like a PLY file.
 pub(crate) fn is_ply(bytes: &[u8]) -> bool {
     bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r")
 }
@@ -69,7 +69,7 @@ fn damaged(what: &str) -> InputError {
     InputError::Damaged(format!("not a whole PLY file: {}", shown(what)))
 }
 
-/// In which columns the coordinates are.
+/// The columns of the coordinates.
 fn columns_of(vertex: &ElementDef) -> Result<[usize; 3], InputError> {
     let is_number = |kind: &PropertyType| matches!(kind, PropertyType::Scalar(_));
     if !vertex.properties.values().all(|property| is_number(&property.data_type)) {
@@ -86,9 +86,9 @@ fn columns_of(vertex: &ElementDef) -> Result<[usize; 3], InputError> {
     Ok(columns)
 }
 
-/// Passes over an element that stands before the vertices.
+/// Skips an element before the vertices.
 fn skip(parser: &Parser<Row>, rest: &mut &[u8], element: &ElementDef, encoding: Encoding) -> Result<(), InputError> {
-    // Each row takes a byte at least, or a file of a hundred bytes could keep us busy for centuries.
+    // Each row takes at least one byte; otherwise a file of a hundred bytes could declare endless rows.
     if element.count > rest.len() || (element.properties.is_empty() && element.count > 0) {
         return Err(damaged(&format!("its element `{}` has more rows than there are bytes", element.name)));
     }
@@ -145,7 +145,7 @@ fn point(xyz: [f64; 3]) -> Vec3 {
 }
 
 fn text_vertices(mut rest: &[u8], count: usize, columns: [usize; 3]) -> Result<Vec<Vec3>, InputError> {
-    // Three digits and what parts them; the last line may lack its end.
+    // Three digits and their separators; the last line may lack its newline.
     check_count(count, rest.len() + 1, 6)?;
     let mut points_m = Vec::with_capacity(count);
     for number in 0..count {
@@ -156,7 +156,7 @@ fn text_vertices(mut rest: &[u8], count: usize, columns: [usize; 3]) -> Result<V
     Ok(points_m)
 }
 
-/// The coordinates in a line of numbers parted by blanks.
+/// The coordinates in a line of numbers separated by blanks.
 pub(crate) fn text_point(line: &[u8], columns: [usize; 3]) -> Option<Vec3> {
     let line = std::str::from_utf8(line).ok()?;
     let mut xyz = [None; 3];
@@ -169,7 +169,7 @@ pub(crate) fn text_point(line: &[u8], columns: [usize; 3]) -> Option<Vec3> {
     Some(point([x, y, z]))
 }
 
-/// The next line, without its end; `None` behind the last.
+/// The next line without its newline; `None` after the last.
 pub(crate) fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     if rest.is_empty() {
         return None;
@@ -198,7 +198,7 @@ pub(crate) mod tests {
         ply("ascii", 3, b"0.5 2 7 8\n255 3.0 1 2e0\r\n0 nan .5 -1.\n1 inf 1 1")
     }
 
-    /// Two points, in the byte order that the closures give.
+    /// Two points in the byte order of the closures.
     pub(crate) fn binary(encoding: &str, f32_bytes: fn(f32) -> [u8; 4], f64_bytes: fn(f64) -> [u8; 8]) -> Vec<u8> {
         let list = [f32_bytes(0.5).as_slice(), &[1], &[0; 4]].concat();
         let point = |xyz: [f32; 3]| {

@@ -1,6 +1,6 @@
-//! The description of what a robot saw and wants, as it is written in a file (TOML or JSON) or sent over HTTP (JSON).
-//! These types are what the API's description shows; what they mean is `assemble.rs`'s business. A request is read in one
-//! pass that keeps the path of the key it is at, for the message, and never more than the types below have room for.
+//! The format of a request, in a file (TOML or JSON) or over HTTP (JSON). The API description shows these types;
+//! `assemble.rs` checks and interprets them. A request is parsed in one pass that tracks the key's path for messages
+//! and stores no more than these types can hold.
 
 use std::fmt;
 use std::path::Path;
@@ -20,14 +20,14 @@ use crate::input::error::{InputError, shown};
 use crate::input::file::read_file;
 use crate::input::lists::{Numbers, at_most};
 
-/// A request for a plan: exactly one of `views`, `tsdf` and `cloud`, and what the caller wishes.
+/// A request for a plan: exactly one of `views`, `tsdf` and `cloud`, and options.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RequestInput {
     /// Depth images with their cameras, 1 to 32.
     #[serde(default, deserialize_with = "views")]
     pub views: Option<Vec<ViewInput>>,
-    /// The lens of all views that name none.
+    /// The intrinsics of all views without their own.
     pub intrinsics: Option<IntrinsicsInput>,
     /// A TSDF instead: an NPY file of shape [40, 40, 40] or [1, 40, 40, 40] in VGN's values, 0 to 1.
     #[schema(value_type = Option<DataInput>)]
@@ -35,7 +35,7 @@ pub struct RequestInput {
     /// A point cloud in the workspace frame instead: a PLY, PCD or NPY file, in metres.
     #[schema(value_type = Option<DataInput>)]
     pub cloud: Option<SourceInput>,
-    /// Where the sensors stood that saw the cloud, at most 32; without it, a PCD file's viewpoint counts.
+    /// Positions of the sensors that saw the cloud, at most 32; by default the viewpoint of a PCD file.
     #[schema(schema_with = eyes_schema)]
     #[serde(default, deserialize_with = "eyes")]
     pub eyes_m: Option<Vec<[f64; 3]>>,
@@ -43,13 +43,13 @@ pub struct RequestInput {
     pub base_from_workspace: Option<PoseInput>,
     /// The wrist's orientation now, in the workspace: of a grasp and its half turn the nearer one is given.
     pub workspace_from_wrist: Option<OrientationInput>,
-    /// How grasps are ranked: `paper`, `vgn-random`, `vgn-best` or `flattest`.
+    /// The order of the grasps: `paper`, `vgn-random`, `vgn-best` or `flattest`.
     pub policy: Option<String>,
-    /// Whether grasps whose hand would hit the cloud are dropped.
+    /// Whether grasps that collide with the cloud are dropped.
     pub check_collisions: Option<bool>,
-    /// Most grasps that are given, 1 to 10000.
+    /// Maximum number of grasps, 1 to 10000.
     pub grasps_max: Option<usize>,
-    /// Whether to tell why candidates were dropped.
+    /// Whether to list dropped candidates with reasons.
     pub explain: Option<bool>,
 }
 
@@ -60,9 +60,9 @@ pub struct ViewInput {
     /// The image: a grey PNG of 16 bits, an NPY or an EXR file.
     #[schema(value_type = DataInput)]
     pub depth: SourceInput,
-    /// Metres per stored unit; without it whole numbers are millimetres, others metres.
+    /// Metres per stored unit; by default integers are millimetres and floats metres.
     pub depth_scale_m: Option<f64>,
-    /// The camera's lens; without it, that of the request.
+    /// The camera's intrinsics; by default those of the request.
     pub intrinsics: Option<IntrinsicsInput>,
     /// The camera in the workspace: x right, y down, z forward.
     pub workspace_from_camera: Option<PoseInput>,
@@ -78,7 +78,7 @@ pub struct DataInput {
     pub data: String,
 }
 
-/// A file: by its path, which only a request in a file may give, or by its bytes.
+/// A file, given by its bytes or, only in request files, by its path.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SourceInput {
     /// A path relative to the request's folder.
@@ -136,12 +136,12 @@ fn eyes<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<[f64; 3]>>, D
 }
 
 fn eyes_schema() -> RefOr<Schema> {
-    let what = "Where the sensors stood that saw the cloud, in metres; without it, a PCD file's viewpoint counts.";
+    let what = "Positions of the sensors that saw the cloud, in metres; by default the viewpoint of a PCD file.";
     let items = ArrayItems::RefOrSchema(Box::new(position_schema()));
     ArrayBuilder::new().items(items).max_items(Some(EYES_MAX)).description(Some(what)).into()
 }
 
-/// A request as a service gets it: no paths, since a service reads nobody's files.
+/// A request to the service: without paths, because the service reads no files.
 ///
 /// # Errors
 /// [`InputError`], naming the key; [`InputError::is_syntax`] if it is not JSON.
@@ -158,7 +158,7 @@ pub fn from_file(path: &Path, grid: Grid) -> Result<Request, InputError> {
     assemble(&parse_file(path)?, Some(folder), grid).map_err(|error| error.at(&path.display().to_string()))
 }
 
-/// A file's request, TOML or JSON, of which nothing but the keys and their types was checked.
+/// A request from a file, TOML or JSON, with only keys and types checked.
 ///
 /// # Errors
 /// [`InputError`], naming the key and the file.
@@ -189,10 +189,10 @@ fn not_json(error: &serde_json::Error) -> InputError {
     InputError::Syntax(format!("not JSON: {}", shown(&error.to_string())))
 }
 
-/// What is wrong with a text that is no request, and where.
+/// The error of a text that is not a request, with its place.
 fn unfit_json(text: &str, error: &serde_json::Error, path: &serde_path_to_error::Path) -> InputError {
-    // A number beyond all bounds, or a list where a shorter one was due, is told as if it were no JSON. It is looked
-    // through once more, which takes no memory.
+    // The parser reports numbers out of range and too long lists as syntax errors. A second pass, which takes no
+    // memory, determines whether the text is JSON.
     if error.classify() != Category::Data && serde_json::from_str::<IgnoredAny>(text).is_err() {
         return not_json(error);
     }
@@ -208,7 +208,7 @@ pub(crate) fn parse_toml(bytes: &[u8]) -> Result<RequestInput, InputError> {
     serde_path_to_error::deserialize(source).map_err(|error| unfit(error.inner().message(), error.path()))
 }
 
-/// The error of a key; a key may be a stranger's text, too.
+/// The error of a key; the key itself is outside text, too.
 fn unfit(what: &str, path: &serde_path_to_error::Path) -> InputError {
     let is_whole = path.iter().next().is_none();
     let what = shown(what);
@@ -224,7 +224,7 @@ mod tests {
 
     use super::*;
 
-    /// The keys of a type, as the parser lists them when it meets another.
+    /// The keys of a type, as the parser lists them for an unknown key.
     fn keys_of<T: for<'de> Deserialize<'de>>() -> BTreeSet<String> {
         let told = serde_json::from_str::<T>("{\"?\": 0}").err().unwrap().to_string();
         let known = told.strip_prefix("unknown field `?`, expected one of ").unwrap();

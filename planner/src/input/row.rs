@@ -1,18 +1,18 @@
-//! A scene of a dataset as something to plan on: what the network was shown when it learned.
+//! A scene of a dataset as input of a plan, in the same form as in training.
 
 use schema::{Grid, SceneRows, VoxelGrid};
 use shards::{Dataset, DatasetInfo, Location, ReadError};
 
 use crate::input::error::InputError;
 
-/// A scene's grid, and what else its dataset knows of it.
+/// A scene's grid and rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReadRow {
     /// The grid.
     pub voxels: VoxelGrid,
     /// The scene's rows: its objects and its attempts with their outcomes.
     pub rows: SceneRows,
-    /// What the dataset is.
+    /// The dataset's info.
     pub info: DatasetInfo,
     /// The dataset's id.
     pub dataset_id: String,
@@ -21,7 +21,7 @@ pub struct ReadRow {
 /// Reads a scene of the dataset at `location`.
 ///
 /// # Errors
-/// [`InputError::Row`] if it cannot be read, [`InputError::Value`] if its grid is not the one that plans are made on.
+/// [`InputError::Row`] if it cannot be read, [`InputError::Value`] if its grid is not the planner's.
 pub fn read_row(location: &Location, scene_id: u64) -> Result<ReadRow, InputError> {
     let unread = |error: ReadError| InputError::Row(Box::new(error));
     let dataset = Dataset::open(location).map_err(unread)?;

@@ -8,7 +8,7 @@ use crate::input::npy;
 /// Reads the voxels of `grid` from an array of shape `[r, r, r]` or, as VGN stores it, `[1, r, r, r]`.
 ///
 /// # Errors
-/// [`InputError`] if the bytes are no array, its shape is another, or values lie outside [0, 1].
+/// [`InputError`] if the bytes are not an array, its shape differs, or values are outside [0, 1].
 pub fn read_tsdf(bytes: &[u8], grid: Grid) -> Result<VoxelGrid, InputError> {
     let (header, data) = npy::split(bytes)?;
     let side = grid.resolution;

@@ -1,9 +1,9 @@
-//! Connections that cannot be held for ever: a limit on their number, and on how long one may be silent.
+//! Limits on connections: on their number, and on the silence of each.
 //!
-//! `axum::serve` sets no time limit on a request's head. So the stream itself keeps time: between requests (the head of
-//! one counts as between) it fails after `silence_max`, while one is under way the request's own limit holds. It also
-//! reads on for a moment after an error was answered early: closing with unread bytes makes the system send a reset, and
-//! the client would lose the very answer that explains.
+//! `axum::serve` has no time limit for a request's header. Therefore the stream has its own: between requests,
+//! including the header, it fails after `silence_max`; during a request the request's own limit applies. After an early
+//! error answer the stream continues to read for a moment: closing with unread bytes makes the system send a reset, and
+//! the client would lose the answer.
 
 use std::io::{self, IoSlice};
 use std::net::SocketAddr;
@@ -20,10 +20,10 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, Sleep, sleep};
 
-/// How long a connection is read after an error was answered, for the client to take note of it.
+/// How long a connection is still read after an error answer, so that the client receives it.
 const LINGER: Duration = Duration::from_secs(1);
 
-/// What a connection and the requests on it tell each other.
+/// State shared by a connection and its requests.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Traffic(Arc<Counts>);
 
@@ -35,18 +35,18 @@ struct Counts {
 }
 
 impl Traffic {
-    /// A request's head has been read.
+    /// The header of a request has been read.
     pub(super) fn began(&self) {
         self.0.under_way.fetch_add(1, Ordering::AcqRel);
     }
 
-    /// A request is answered, or given up.
+    /// A request is answered or abandoned.
     pub(super) fn ended(&self) {
         self.0.answered.fetch_add(1, Ordering::AcqRel);
         self.0.under_way.fetch_sub(1, Ordering::AcqRel);
     }
 
-    /// Whether the last answer may have come before the request was read to its end.
+    /// Whether the last answer may have been sent before the request was completely read.
     pub(super) fn set_linger(&self, linger: bool) {
         self.0.linger.store(linger, Ordering::Release);
     }
@@ -58,7 +58,7 @@ impl Connected<IncomingStream<'_, Gate>> for Traffic {
     }
 }
 
-/// A listener with so many places; who comes later waits in the system's queue.
+/// A listener with a limited number of connections; further ones wait in the system's queue.
 #[derive(Debug)]
 pub(super) struct Gate {
     listener: TcpListener,
@@ -77,10 +77,10 @@ impl Listener for Gate {
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Connection, SocketAddr) {
-        // Nobody closes this semaphore, so there is always a place in the end.
+        // The semaphore is never closed, so a slot always becomes free.
         let place = Arc::clone(&self.places).acquire_owned().await.ok();
         let (stream, address) = Listener::accept(&mut self.listener).await;
-        // Without it small answers may wait 40 ms for nothing; it is no reason to refuse the connection.
+        // Without no-delay, small answers may wait 40 ms; a failure to set it is no reason to refuse the connection.
         let _ = stream.set_nodelay(true);
         (Connection::new(stream, place, self.silence_max), address)
     }
@@ -90,17 +90,17 @@ impl Listener for Gate {
     }
 }
 
-/// A stream that keeps time.
+/// A stream with time limits.
 #[derive(Debug)]
 pub(super) struct Connection {
     stream: TcpStream,
     traffic: Traffic,
     silence_max: Duration,
-    /// When the next head must have been read; later, when lingering ends.
+    /// Deadline of the next header; later, the end of lingering.
     deadline: Pin<Box<Sleep>>,
-    /// How many requests had been answered when `deadline` was set.
+    /// Number of answered requests when `deadline` was set.
     deadline_set_at: u64,
-    /// When the client must have taken something of what it is sent.
+    /// Deadline for the client to read more of the answer.
     write_deadline: Option<Pin<Box<Sleep>>>,
     closing: bool,
     _place: Option<OwnedSemaphorePermit>,
@@ -133,7 +133,7 @@ impl Connection {
         self.deadline.as_mut().poll(context).is_ready()
     }
 
-    /// `polled`, or an error if the client takes nothing for too long.
+    /// `polled`, or an error if the client reads nothing for too long.
     fn in_time<T>(&mut self, polled: Poll<io::Result<T>>, context: &mut Context<'_>) -> Poll<io::Result<T>> {
         if polled.is_ready() {
             self.write_deadline = None;
@@ -145,7 +145,7 @@ impl Connection {
         Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
     }
 
-    /// Reads and forgets until the client closes, too, or [`LINGER`] is over.
+    /// Reads and discards until the client closes, too, or [`LINGER`] is over.
     fn poll_linger(&mut self, context: &mut Context<'_>) -> Poll<()> {
         let mut forgotten = [0_u8; 4096];
         loop {

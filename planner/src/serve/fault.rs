@@ -1,7 +1,7 @@
-//! Errors as the service tells them: a status and `{"error": "…", "status": 422}`, whoever found the error.
+//! The service's error answers: a status and `{"error": "…", "status": 422}`, for every source of errors.
 //!
-//! The router and the layers in front of the handlers answer with plain text or nothing; [`as_json`] gives those answers
-//! the same body, so a client reads one layout.
+//! The router and the layers in front of the handlers answer with plain text or without a body; [`as_json`] converts
+//! those answers to the same layout.
 
 use std::any::Any;
 use std::time::Duration;
@@ -14,13 +14,13 @@ use utoipa::ToSchema;
 /// The body of every error.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
 pub(crate) struct ErrorAnswer {
-    /// What is wrong: rule, value, limit, where.
+    /// The error: rule, value, limit, place.
     pub(crate) error: String,
-    /// The status of the response, once more.
+    /// The status of the response.
     pub(crate) status: u16,
 }
 
-/// An error on its way to the client.
+/// An error answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Fault {
     pub(super) status: StatusCode,
@@ -32,9 +32,9 @@ impl Fault {
         Self { status, told: told.into() }
     }
 
-    /// A defect of ours. What it was is in the log; the client learns that it is not to blame.
+    /// A defect of the planner. The log has the details.
     pub(super) fn internal() -> Self {
-        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "a defect of the planner; its log says more")
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "a defect of the planner; its log has the details")
     }
 }
 
@@ -51,7 +51,7 @@ impl IntoResponse for Fault {
     }
 }
 
-/// The header of a JSON body.
+/// The content-type header of a JSON body.
 pub(super) fn json_header() -> [(header::HeaderName, &'static str); 1] {
     [(header::CONTENT_TYPE, "application/json")]
 }
@@ -63,7 +63,7 @@ pub(super) fn is_json(headers: &HeaderMap) -> bool {
     kind == "application/json" || (kind.starts_with("application/") && kind.ends_with("+json"))
 }
 
-/// What the layers' errors are told with.
+/// The values in the layers' error messages.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
     pub(super) body_bytes_max: usize,
@@ -87,7 +87,7 @@ impl Limits {
     }
 }
 
-/// The response with a JSON body if it is an error that has none.
+/// Adds a JSON body to an error response without one.
 pub(super) fn as_json(response: Response, limits: &Limits) -> Response {
     let status = response.status();
     if !(status.is_client_error() || status.is_server_error()) || is_json(response.headers()) {
@@ -102,7 +102,7 @@ pub(super) fn as_json(response: Response, limits: &Limits) -> Response {
     told
 }
 
-/// What a panic in a handler becomes. (Its message went to stderr through the panic hook.)
+/// The answer after a panic in a handler. (The panic hook printed its message to stderr.)
 pub(super) fn of_panic(_panic: Box<dyn Any + Send + 'static>) -> Response {
     Fault::internal().into_response()
 }

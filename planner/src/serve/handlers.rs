@@ -1,6 +1,6 @@
-//! The endpoints. A plan is made on a thread of its own kind, so that health and metrics answer while all are busy.
+//! The endpoints. Plans run on separate threads, so health and metrics answer while all of them are busy.
 //!
-//! A request takes its place before its body is read: what waits bounds the memory.
+//! A request takes its slot before its body is read, which bounds the memory of waiting requests.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -20,22 +20,22 @@ use crate::input::RequestInput;
 
 const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
-/// Ranked grasps for what the robot saw. An empty list is an answer, too: `reason` says why.
+/// Ranked grasps for an observation. An empty list is an answer, too: `reason` says why.
 #[utoipa::path(
     post,
     path = "/v1/plan",
     request_body = RequestInput,
     responses(
         (status = 200, description = "The plan", body = Answer, headers(
-            ("Server-Timing" = String, description = "how long each stage took, in milliseconds")
+            ("Server-Timing" = String, description = "time of each stage, in milliseconds")
         )),
-        (status = 400, description = "The body is not JSON, or did not come whole", body = ErrorAnswer),
+        (status = 400, description = "The body is not JSON, or is incomplete", body = ErrorAnswer),
         (status = 413, description = "The body is too large", body = ErrorAnswer),
         (status = 415, description = "The content type is not JSON", body = ErrorAnswer),
-        (status = 422, description = "The JSON is no request, or a value is wrong", body = ErrorAnswer),
+        (status = 422, description = "The JSON is not a request, or a value is wrong", body = ErrorAnswer),
         (status = 500, description = "A defect of the planner", body = ErrorAnswer),
-        (status = 503, description = "Too many requests wait, or the service is stopping", body = ErrorAnswer, headers(
-            ("Retry-After" = u32, description = "when to come back, in seconds")
+        (status = 503, description = "Too many requests are waiting, or the service is stopping", body = ErrorAnswer, headers(
+            ("Retry-After" = u32, description = "time until a retry, in seconds")
         )),
         (status = 504, description = "Not done in time", body = ErrorAnswer)
     )
@@ -50,14 +50,14 @@ pub(super) async fn plan(State(shared): State<Arc<Shared>>, request: Request) ->
     let turn = Arc::clone(&shared.turns).acquire_owned().await.map_err(|_| stopping())?;
     let working = Arc::clone(&shared);
     let work = move || {
-        // Kept until the plan ends, even if nobody waits for it any more.
+        // Kept until the plan ends, even if its request is gone.
         let _held = (place, turn);
         working.plan_and_count(&body)
     };
     match tokio::task::spawn_blocking(work).await {
         Ok(planned) => planned.map(plan_response),
         Err(error) if error.is_panic() => {
-            tracing::error!("a plan panicked; the service goes on");
+            tracing::error!("a plan panicked; the service continues");
             Err(Fault::internal())
         }
         Err(_) => Err(stopping()),
@@ -67,7 +67,7 @@ pub(super) async fn plan(State(shared): State<Arc<Shared>>, request: Request) ->
 async fn body_of(request: Request, limits: &Limits) -> Result<Bytes, Fault> {
     Bytes::from_request(request, &()).await.map_err(|rejection| match rejection.status() {
         StatusCode::PAYLOAD_TOO_LARGE => limits.fault(StatusCode::PAYLOAD_TOO_LARGE),
-        _ => Fault::new(StatusCode::BAD_REQUEST, "the body did not come whole"),
+        _ => Fault::new(StatusCode::BAD_REQUEST, "the body is incomplete"),
     })
 }
 
@@ -79,19 +79,20 @@ fn stopping() -> Fault {
     Fault::new(StatusCode::SERVICE_UNAVAILABLE, "the service is stopping")
 }
 
-/// Which network and settings answer.
+/// The network and settings of the service.
 #[utoipa::path(get, path = "/v1/model", responses((status = 200, description = "The planner", body = ModelAnswer)))]
 pub(super) async fn model(State(shared): State<Arc<Shared>>) -> Response {
     (json_header(), shared.model_json.clone()).into_response()
 }
 
-/// Whether the process lives.
+/// Whether the process runs.
 #[utoipa::path(get, path = "/healthz", responses((status = 200, description = "ok", body = String)))]
 pub(super) async fn healthz() -> &'static str {
     "ok"
 }
 
-/// Whether to send requests: the model is loaded before the service listens, so only a service that stops is not ready.
+/// Whether the service accepts requests. The model is loaded before it listens, so only a stopping service is not
+/// ready.
 #[utoipa::path(
     get,
     path = "/readyz",
@@ -115,7 +116,7 @@ pub(super) async fn metrics(State(shared): State<Arc<Shared>>) -> Result<Respons
     Ok(([(header::CONTENT_TYPE, MEDIA_TYPE)], text).into_response())
 }
 
-/// This description.
+/// This API description.
 #[utoipa::path(get, path = "/openapi.json", responses((status = 200, description = "OpenAPI 3.1", body = serde_json::Value)))]
 pub(super) async fn openapi() -> Response {
     (json_header(), super::openapi_json()).into_response()

@@ -1,4 +1,4 @@
-//! What the service counts, for Prometheus. Labels come from fixed lists: a stranger's paths make no new series.
+//! Metrics for Prometheus. Labels come from fixed lists, so unknown paths create no new series.
 
 use axum::http::StatusCode;
 use prometheus_client::encoding::EncodeLabelSet;
@@ -15,7 +15,7 @@ pub(super) const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0
 /// The service's paths; also the values of the label `endpoint`.
 pub(super) const ENDPOINTS: [&str; 6] = ["/v1/plan", "/v1/model", "/healthz", "/readyz", "/metrics", "/openapi.json"];
 
-/// Upper bounds in seconds: a plan takes 10 to 40 ms on two cores, the rest is for bad days.
+/// Upper bounds in seconds: a plan takes 10 to 40 ms on two cores; the larger ones cover overload.
 const SECONDS: [f64; 12] = [0.005, 0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
 const GRASPS: [f64; 9] = [0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0];
 
@@ -30,9 +30,9 @@ struct RequestLabels {
 pub(super) struct Metrics {
     registry: Registry,
     requests: Family<RequestLabels, Counter>,
-    /// Requests that have come and are not answered.
+    /// Requests that are not answered yet.
     pub(super) in_flight: Gauge,
-    /// Plans that were refused because too many waited.
+    /// Plans refused because too many were waiting.
     pub(super) rejected: Counter,
     plan_seconds: Histogram,
     grasps: Histogram,
@@ -58,8 +58,8 @@ impl Metrics {
         let registry = &mut self.registry;
         registry.register("requests", "Requests answered, by endpoint and status", self.requests.clone());
         registry.register("requests_in_flight", "Requests not answered yet", self.in_flight.clone());
-        registry.register("rejected_requests", "Plans refused because too many waited", self.rejected.clone());
-        let told = "Time from body to plan, without waiting";
+        registry.register("rejected_requests", "Plans refused because too many were waiting", self.rejected.clone());
+        let told = "Time from body to plan, without the waiting time";
         registry.register_with_unit("plan_duration", told, Unit::Seconds, self.plan_seconds.clone());
         registry.register("grasps_per_plan", "Grasps of a plan", self.grasps.clone());
         registry.register("empty_plans", "Plans without a grasp", self.empty_plans.clone());
@@ -80,7 +80,7 @@ impl Metrics {
         }
     }
 
-    /// Everything, in the OpenMetrics text format.
+    /// All metrics in the OpenMetrics text format.
     pub(super) fn text(&self) -> Result<String, std::fmt::Error> {
         let mut text = String::new();
         encode(&mut text, &self.registry)?;

@@ -1,4 +1,4 @@
-//! What a client may want to know about the planner that answers it: `GET /v1/model`.
+//! The description of the running planner: `GET /v1/model`.
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -15,7 +15,7 @@ pub(crate) struct ModelAnswer {
     version: &'static str,
     /// SHA-256 of the network's weights file.
     model: String,
-    /// How grasps are ranked if a request does not say: `paper`, `vgn-random` or `vgn-best`.
+    /// The default order of grasps: `paper`, `vgn-random` or `vgn-best`.
     policy: &'static str,
     /// The gripper's name.
     gripper: String,
@@ -100,7 +100,7 @@ fn settings(config: &Config) -> Value {
     })
 }
 
-/// The number as people wrote it: 0.45, not 0.44999998807907104.
+/// The shortest decimal of a number: 0.45, not 0.44999998807907104.
 fn decimal(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }

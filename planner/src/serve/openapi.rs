@@ -1,4 +1,4 @@
-//! The service described for programs: OpenAPI 3.1, made from the handlers and the types they answer with.
+//! The OpenAPI 3.1 description of the service, made from the handlers and their answer types.
 
 use utoipa::OpenApi;
 
@@ -23,10 +23,10 @@ use super::handlers;
 )]
 struct Description;
 
-/// The description that `GET /openapi.json` gives.
+/// The answer of `GET /openapi.json`.
 #[must_use]
 pub fn openapi_json() -> String {
-    // Maps with string keys, strings and numbers: there is nothing in it that JSON cannot say.
+    // Maps with string keys, strings and numbers always serialise.
     serde_json::to_string_pretty(&Description::openapi()).unwrap_or_default()
 }
 

@@ -1,4 +1,4 @@
-//! From the bytes of a body to the bytes of an answer; the only place where the service meets the planner.
+//! From the bytes of a body to the bytes of an answer; the only connection between the service and the planner.
 
 use std::time::Instant;
 
@@ -9,17 +9,17 @@ use super::fault::Fault;
 use crate::answer::Answer;
 use crate::{PlanError, Planner, input};
 
-/// A plan as it is sent.
+/// A serialised plan.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Planned {
     /// An [`Answer`] in JSON.
     pub(super) body: Vec<u8>,
-    /// How long each stage took, as the header `Server-Timing` wants it.
+    /// Times of the stages in the format of the header `Server-Timing`.
     pub(super) server_timing: String,
     pub(super) grasp_count: usize,
 }
 
-/// Reads a request, plans, and writes the answer.
+/// Parses a request, plans, and serialises the answer.
 pub(super) fn plan_bytes(planner: &Planner, body: &[u8]) -> Result<Planned, Fault> {
     let started = Instant::now();
     let request = input::from_json(body, *planner.grid()).map_err(|e| input_fault(e.is_syntax(), e.to_string()))?;
@@ -35,7 +35,7 @@ pub(super) fn plan_bytes(planner: &Planner, body: &[u8]) -> Result<Planned, Faul
     })
 }
 
-/// What is not JSON is 400; JSON that is no request, or one with wrong values, is 422.
+/// Text that is not JSON is 400; JSON that is not a request or has wrong values is 422.
 fn input_fault(is_syntax: bool, told: String) -> Fault {
     Fault::new(if is_syntax { StatusCode::BAD_REQUEST } else { StatusCode::UNPROCESSABLE_ENTITY }, told)
 }

@@ -1,4 +1,4 @@
-//! The service over real sockets, with a planner that does as it is told.
+//! The service over real sockets, with a mock planner that follows commands in the body.
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
@@ -39,7 +39,7 @@ fn options() -> ServeOptions {
     }
 }
 
-/// Bodies are orders: `panic`, `refuse`, `wait` (until `go`), and anything else is planned.
+/// Bodies are commands: `panic`, `refuse`, `wait` (until `go`); anything else is planned.
 fn start(options: ServeOptions, silence_max: Duration, go: &Arc<AtomicBool>) -> Running {
     let go = Arc::clone(go);
     let plan = move |body: &[u8]| match body {
@@ -154,7 +154,7 @@ fn bodies_have_a_limit_with_and_without_a_length() {
 #[test]
 fn who_sends_far_too_much_still_reads_why() {
     let service = started();
-    // More than the sockets' buffers hold, so that the answer comes while the client still writes.
+    // More than the sockets' buffers hold, so that the answer arrives while the client still writes.
     let body = "x".repeat(8_000_000);
     assert_error(&service.plan(&body), 413, "at most 1000 bytes");
     service.end();
@@ -234,7 +234,7 @@ fn a_connection_serves_again_and_again() {
     let mut stream = TcpStream::connect(service.address).unwrap();
     stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
     let mut answer = [0; 4096];
-    // Longer in all than one silence may be.
+    // Longer in total than the allowed silence.
     for _ in 0..4 {
         stream.write_all(b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
         let length = stream.read(&mut answer).unwrap();
