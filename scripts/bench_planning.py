@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Times a plan beside what others take for its parts, in one run, and holds the detections against theirs.
+"""Compares the time of a plan with that of other implementations of its parts, in one run, and compares the detections.
 
     cargo build --release
     target/release/generator --shards 1 --attempts 2400 --seed 7 --out scenes
@@ -7,9 +7,10 @@
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt pyarrow open3d
     venv/bin/python scripts/bench_planning.py target/release/planner --views six/views.toml --dataset scenes
 
-PyTorch evaluates the paper's network, two threads; scipy finds the detections as VGN's published code does; Open3D, if it is
-installed, fuses the same depth images as VGN does. With --dataset every scene is planned both ways, on VGN's side of the
-surface, with the weights of models/: the same voxels must be detected, but for qualities that differ by rounding from the threshold or from each other.
+PyTorch evaluates the paper's network with two threads, scipy finds the detections as VGN's published code does, and Open3D, if
+installed, fuses the same depth images as VGN does. With --dataset every scene is planned in both ways, on VGN's side of the
+surface, with the weights of models/. The detected voxels must be equal, except where qualities differ from the threshold or
+from each other only by rounding.
 """
 
 import argparse
@@ -143,7 +144,7 @@ def main():
         select(good)
 
     rows = {}
-    # In turns, so that whatever else the machine does falls on all alike.
+    # In turns, so that other load on the machine affects all of them equally.
     for _ in range(args.turns):
         rows.setdefault("PyTorch's forward pass, 2 threads", []).append(timed(lambda: forward(weights, grid, "linear"), args.rounds))
         rows.setdefault("scipy's detections", []).append(timed(detect, args.rounds))

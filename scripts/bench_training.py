@@ -5,9 +5,9 @@
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt
     venv/bin/python scripts/bench_training.py target/release/trainer
 
-PyTorch takes a step as VGN's train_vgn.py does (the whole volume, one voxel of it supervised), the same with
-channels-last memory, and, on one thread, a step on the supervised voxel's receptive field alone: the encoder whole, the
-decoder and the heads on gathered patches. Same network, batch, loss and optimiser; noise for data.
+PyTorch runs three kinds of steps: as in VGN's train_vgn.py (the whole volume with one supervised voxel), the same with
+channels-last memory, and a step on the receptive field of the supervised voxel (the whole encoder; decoder and heads on
+gathered patches). Network, batch, loss and optimiser are the same; the data are noise.
 """
 
 import argparse
@@ -67,7 +67,7 @@ def window(first, size, n):
 
 
 def patch_step(p, grids, voxels, label):
-    """One step on receptive fields; seconds. Coarse positions of a patch begin where its fine ones ask for."""
+    """One step on receptive fields; seconds. The coarse positions of a patch begin where its fine ones require."""
     start = time.perf_counter()
     x = grids
     for name, k in (("encoder.conv1", 5), ("encoder.conv2", 3), ("encoder.conv3", 3)):

@@ -3,7 +3,7 @@
 
     python scripts/crosscheck.py DATASET [--scenes N] [--engine pybullet|mujoco|all] [--ceiling] [--report F.md] [--json F.json]
 
-Reads only the shards and meta/info.json. What was found this way is in docs/label-parity.md.
+Reads only the shards and meta/info.json. docs/label-parity.md has the results.
 """
 
 import sys

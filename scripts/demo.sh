@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# The main job from end to end, small: builds, generates a dataset in physics, verifies it, prints its statistics, trains the
-# grasp network on it, evaluates it on held-out attempts. Needs a Rust toolchain with its C compiler, nothing else.
-# Usage: scripts/demo.sh [FOLDER]      (default: demo; running it again continues where it stopped)
+# The whole pipeline on a small dataset: builds, generates a dataset in physics, verifies it, prints its statistics, trains the
+# grasp network on it, and evaluates it on held-out attempts. Needs only a Rust toolchain and a C compiler.
+# Usage: scripts/demo.sh [FOLDER]      (default: demo; running it again continues an interrupted run)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Every experiment of docs/results, one after the other: clutter removal, the paper's tables, VGN beside us, the noise axis, ablations.
+# All experiments of docs/results in sequence: clutter removal, the paper's tables, the comparison with VGN, depth noise, ablations.
 #
 #   scripts/experiments.sh OUT [NAME…]      all of them, or those whose name begins with one of these
 #
-# What has been run is not run again (experiments goes on where it was). The tables are made by `experiments compare`.
+# Finished experiments are not repeated, and interrupted ones continue. `experiments compare` makes the tables.
 set -euo pipefail
 
 out=${1:?where the runs go}
@@ -25,8 +25,8 @@ run() {
     "$experiments" run "$here/configs/experiment/$config.toml" --out "$out/$name" --set "protocol=$protocol" "$@" > /dev/null
 }
 
-# Two thresholds for VGN: its own, 0.9, and 0.5, at which our network answers at all. Refined, a place needs a quality of 0.05; for VGN's network,
-# whose successes counted 4.9 times in training, the same odds are 0.2.
+# Two thresholds for VGN: its own, 0.9, and 0.5, at which our network finds grasps. With refinement a position needs a quality of
+# 0.05; for VGN's network, in whose training successes had a weight of 4.9, the same odds are 0.2.
 vgn_network=(--set model=../../models/vgn-200k.safetensors)
 vgn_places=(--set plan.detection.surface_side=front --set plan.detection.origin_behind_tips_m=0.05 --set plan.detection.quality_min=0.2)
 vgn_plan=(--set plan=../plan/vgn.toml --set plan.detection.voxel_offset=0.5)
@@ -34,7 +34,7 @@ half=(--set plan.detection.quality_min=0.5)
 vgn_policy=(--set plan=paper --set plan.ranking.policy=vgn-best --set plan.detection.quality_min=0.5)
 paper_policy=(--set plan=paper --set plan.detection.quality_min=0.5)
 
-# Rounds of a seed on which nothing was tuned.
+# Rounds of a seed that was not used for tuning.
 for kind in pile packed; do
     held=(--set 'seeds=[1001]')
     run "$kind-ours" "$kind-refined" "$kind: our network, refined" "${held[@]}"
@@ -57,7 +57,7 @@ run table4-ours-vgn table3 "Table 4: our network, VGN's choice, 0.5" "${vgn_poli
 run table1-paper table1 "Table 1: Eq. 8, 0.5" "${paper_policy[@]}"
 run table2-paper table2 "Table 2: Eq. 8, 0.5" "${paper_policy[@]}"
 
-# Light is nothing to depth; its noise is.
+# Depth does not depend on light, but on the sensor's noise.
 run noise-d435 table2 "Table 2: refined, D435-like noise" --set noise.kind=d435
 run noise-dex table2 "Table 2: refined, dex noise" --set noise.kind=dex
 run noise-dex-scaled table2 "Table 2: refined, dex noise, scaled to the table" --set noise.kind=dex --set plan.cloud.scale_to_table=true

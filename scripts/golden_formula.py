@@ -1,5 +1,5 @@
-"""The network's shape and the numbers that golden files are made of, by formula: shared by the scripts that write them with
-PyTorch and by tests that have no PyTorch. The Rust tests make the same numbers (trainer/tests/network/formula.rs)."""
+"""The network's shape and the formula for the numbers in golden files, shared by the scripts that write them with PyTorch and
+by tests without PyTorch. The Rust tests make the same numbers (trainer/tests/network/formula.rs)."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the golden files that hold planning to published implementations: scipy, scikit-learn and numpy.
+"""Writes the golden files for comparing planning with published implementations: scipy, scikit-learn and numpy.
 
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt
     venv/bin/python scripts/golden_planning.py            # writes planner/tests/golden and perception/tests/golden
@@ -8,13 +8,13 @@
 Made with numpy, scipy and scikit-learn as pinned in requirements-golden.txt, on x86-64; a few seconds. PyTorch is not needed.
 
   planner/tests/golden/detect-*.bin, detections.json
-      quality, TSDF and width volumes, and what VGN's published procedure (detection.py: `process`, then `select`; written again
-      here on scipy.ndimage) detects in them.
+      quality, TSDF and width volumes with the detections of VGN's published procedure (detection.py: `process`, then `select`;
+      reimplemented here with scipy.ndimage).
   perception/tests/golden/clusters-*.bin, planes-*.bin, perception.json
       point sets with the labels of sklearn.cluster.DBSCAN; tables with outliers, and the planes that numpy's SVD fits.
 
 Layouts are in the README.md beside the files. All inputs come from `noise`, an integer hash, and arithmetic that every machine
-rounds alike, and are stored as small integers, so that both sides read the same float32 values.
+rounds equally. They are stored as small integers, so both sides read the same float32 values.
 """
 
 import argparse
@@ -150,7 +150,7 @@ def volume_blocks():
 
 
 def volume_none():
-    """Nothing to find: what is good lies in the solid or has a wrong width; what could be reached is not good enough."""
+    """No detections: good voxels are in the solid or have a wrong width; reachable voxels are below the threshold."""
     solid = np.maximum(bump((27, 18, 2), 9, 3.0), bump((36, 18, 3), 8, 3.0))
     reached = np.maximum(bump((10, 8, 20), 8, 3.0), bump((25, 5, 30), 9, 3.0)) * 0.89
     thin, fat = bump((10, 31, 29), 6, 3.0), bump((39, 39, 39), 7, 3.0)

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Writes the golden tensors that hold trainer/ to PyTorch.
+"""Writes the golden tensors for comparing trainer/ with PyTorch.
 
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt
     venv/bin/python scripts/golden_torch.py            # writes trainer/tests/golden/{linear,nearest}.safetensors
 
 Made with torch 2.15.0, numpy and safetensors as pinned in requirements-golden.txt; about two minutes on two cores.
 
-The network is VGN's ConvNet (networks.py), the loss VGN's (train_vgn.py), written again here. Weights and grids are
-not stored: both sides make them from `noise`, an integer hash. Stored are the targets, and samples of the forward
+The network is VGN's ConvNet (networks.py), the loss VGN's (train_vgn.py), reimplemented here. Weights and grids are
+not stored: both sides compute them from `noise`, an integer hash. The files contain the targets, and samples of the forward
 outputs, losses, gradients and parameters after ten steps of Adam. trainer/tests/parity.rs reads them.
 """
 
@@ -34,7 +34,7 @@ LABELS = [1, 0, 1, 1, 0, 1, 0, 1, 1, 0, 1, 0]
 
 
 def parameters() -> dict[str, torch.Tensor]:
-    """Weights U(-b, b), b = sqrt(6 / fan_in), so that signals neither die nor grow; biases the same."""
+    """Weights U(-b, b), b = sqrt(6 / fan_in), so that signals neither vanish nor explode; biases the same."""
     made = {}
     for number, (name, c_in, c_out, k, _) in enumerate(LAYERS):
         bound = np.sqrt(6.0 / (k**3 * c_in))

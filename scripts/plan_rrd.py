@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Makes a Rerun recording of a plan, to be turned about in the Rerun viewer.
+"""Makes a Rerun recording of a plan for the Rerun viewer.
 
     planner plan ... > plan.json
     python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
     rerun plan.rrd
 
-Needs rerun-sdk==0.36.3, which is among scripts/requirements.txt. Shown are the cloud by its labels, the
-objects' centroids, the workspace, the hand at each grasp (green is the best, the others fade to grey; labels give rank,
-quality and rho) and, if the plan tells of them, dropped candidates: vermilion would collide, grey have another reason.
+Needs rerun-sdk==0.36.3 (in scripts/requirements.txt). The recording shows the cloud by its labels, the objects' centroids,
+the workspace, and the hand at each grasp (green is the best, the others fade to grey; labels give rank, quality and rho). If
+the plan lists dropped candidates, they are shown, too: vermilion for collisions, grey for other reasons.
 """
 
 import argparse
@@ -118,7 +118,7 @@ def main() -> int:
     gripper = tomllib.loads(file.read_text())
     if plan["gripper"] != gripper["name"]:
         raise SystemExit(f"the plan is for {plan['gripper']}, the hand is {gripper['name']}: --gripper")
-    # Recordings with the same id are one to the viewer.
+    # The viewer merges recordings with the same id.
     recording_id = hashlib.sha256(args.plan.read_bytes() + args.cloud.read_bytes()).hexdigest()
     record(plan, read_ply(args.cloud), gripper, recording_id, args.out)
     return 0

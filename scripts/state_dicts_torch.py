@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Writes the state dicts, as torch.save makes them, that hold `trainer import` to PyTorch.
+"""Writes state dicts with torch.save for testing `trainer import` against PyTorch.
 
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt
     venv/bin/python scripts/state_dicts_torch.py       # writes trainer/tests/state_dicts/*.pth
 
-Made with torch 2.15.0. So that the files are small, all tensors of a file are strided windows of few storages, which hold
+Made with torch 2.15.0. To keep the files small, all tensors of a file are strided windows of few storages, which contain
 `noise` (golden_torch.py): value [i, j, ...] of tensor number t is number `OFFSET * t + i * strides[0] + ...` of its storage.
-trainer/tests/network/state_dicts.rs makes the same values. The keys of storages in legacy.pth are addresses, so that file is
-another one each time.
+trainer/tests/network/state_dicts.rs computes the same values. The keys of storages in legacy.pth are addresses, so that file
+differs each time.
 """
 
 from collections import OrderedDict
@@ -23,7 +23,7 @@ STRIDES = {"weight": (13, 5, 3, 2, 1), "bias": (29,)}
 
 
 def storage(seed: int, dtype: torch.dtype) -> torch.Tensor:
-    """2048 numbers in [-0.5, 0.5); all of them float32 numbers before they become another kind."""
+    """2048 numbers in [-0.5, 0.5); all of them float32 numbers before they are converted."""
     return torch.from_numpy((noise(NUMBERS, seed) - 0.5).astype(np.float32)).to(dtype)
 
 
@@ -53,7 +53,7 @@ def main():
     nested = {"epoch": 7, "state_dict": parallel, "optimizer": optimiser, "best": True, "name": "VGN"}
     torch.save(nested, folder / "nested.pth", pickle_protocol=4)
 
-    # What must be refused: a model with its class, of which a pickle names the code.
+    # Must be refused: a model with its class, whose code the pickle names.
     torch.save(torch.nn.Conv3d(1, 1, 1), folder / "whole_model.pth")
     for path in sorted(folder.iterdir()):
         print(path.name, path.stat().st_size, "bytes")

@@ -1,11 +1,10 @@
 #!/usr/bin/env python3
-"""Gathers the licence texts of every crate that the programs are linked from: who gives binaries away owes them.
+"""Collects the licence texts of every crate that is linked into the programs; whoever distributes binaries must include them.
 
     python3 scripts/third_party_licences.py TARGET > THIRD-PARTY-LICENCES.txt
 
-Reads cargo's own list of the crates for that target (without tests and build scripts) and the files that each crate came with, as
-they lie in cargo's registry folder; texts that are the same stand once. Needs nothing but Python. Exit code: 1 if a crate has neither a
-licence file nor a licence's name.
+Reads cargo's list of the crates for that target (without tests and build scripts) and each crate's files in cargo's registry
+folder. Equal texts appear once. Needs only Python. Exit code: 1 if a crate has neither a licence file nor a licence name.
 """
 
 import hashlib
@@ -18,7 +17,7 @@ NAMES = ("licen", "copying", "notice", "copyright", "unlicense")
 
 
 def linked(target: str) -> set[str]:
-    """Names and versions of what is linked into the programs."""
+    """Names and versions of the crates that are linked into the programs."""
     command = ["cargo", "tree", "--workspace", "--edges", "normal", "--target", target, "--prefix", "none", "--format", "{p}"]
     lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
     return {" ".join(line.split()[:2]) for line in lines if line}

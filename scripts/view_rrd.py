@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
-"""Makes a Rerun recording of a view, to be turned about and played in the Rerun viewer.
+"""Makes a Rerun recording of a view for the Rerun viewer.
 
     shards view grasps --scene 17 --json --out scene.json           # or
     generator replay grasps --attempt 17/3 --json --out attempt.json
     python scripts/view_rrd.py attempt.json --out attempt.rrd
     rerun attempt.rrd
 
-Needs rerun-sdk==0.36.3, which is among scripts/requirements.txt. Bodies are meshes that move on the timeline `time`; lines and points
-come and go on it, what happens stands in the text log, and what is known besides in a document. Green held, vermilion failed.
+Needs rerun-sdk==0.36.3 (in scripts/requirements.txt). Bodies are meshes that move on the timeline `time`; lines and points appear
+and disappear on it. Events are in the text log, other facts in a document. Green means held, vermilion failed.
 
-Why a script: the crate `rerun` 0.36.3 with its feature `sdk` alone resolves to 487 packages, 162 of which the workspace has not, among
-them a second arrow (58 beside 60) and clients for gRPC and analytics. Who wants recordings has the viewer, which is this package.
+This is a script because the crate `rerun` 0.36.3 with only its feature `sdk` resolves to 487 packages. 162 of them are not in the
+workspace, among them a second arrow (58 beside 60) and clients for gRPC and analytics. Users of recordings have the viewer, and
+this package contains it.
 """
 
 import argparse
@@ -25,7 +26,7 @@ import rerun as rr
 FORMAT = "graspmill-view/1"
 TIMELINE = "time"
 GREEN, VERMILION, GREY = (0, 158, 115), (213, 94, 0), (120, 130, 140)
-# Colours of the page's script (report/src/viewer.js); what is not here is grey.
+# Colours of the page's script (report/src/viewer.js); other outcomes are grey.
 COLOURS = {
     "object": (186, 196, 205),
     "target": (86, 180, 233),
@@ -74,7 +75,7 @@ def log_body(recording: rr.RecordingStream, entity: str, body: dict, times_s: li
 
 
 def log_when(recording: rr.RecordingStream, entity: str, thing, frames: list[int] | None, times_s: list[float]) -> None:
-    """Logs something that is there from the first to the last of `frames`, or always."""
+    """Logs an entity from the first to the last of `frames`, or for the whole recording."""
     if frames is None:
         recording.log(entity, thing, static=True)
         return
@@ -133,7 +134,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True, help="the recording (.rrd)")
     args = parser.parse_args()
     view = read_view(args.view)
-    # Recordings with the same id are one to the viewer.
+    # The viewer merges recordings with the same id.
     record(view, hashlib.sha256(args.view.read_bytes()).hexdigest(), args.out)
     return 0
 

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""How accurate can a network be that gives one quality a voxel, whatever its weights?
+"""Computes the highest accuracy that any network with one quality per voxel can reach on a dataset.
 
     python scripts/voxel_ceiling.py DATASET
 
-The network answers per voxel; a label also depends on from where the hand came. Where attempts share a voxel of a scene,
-the data show how much: if a voxel's attempts hold with probability p, two of them disagree with probability 2 p (1 - p),
-which pairs of attempts estimate without bias as far as a voxel's attempts are drawn independently. No answer per voxel errs less often than min(p, 1 - p), which lies between
-p (1 - p) and 2 p (1 - p): so the best accuracy on these attempts lies between 1 - d and 1 - d / 2, with d the share of
-pairs that disagree. The interval of d draws scenes (bootstrap, 1,000 times).
+The network predicts per voxel, but a label also depends on the approach direction. Attempts that share a voxel of a scene
+show how much. If a voxel's attempts hold with probability p, two of them disagree with probability 2 p (1 - p). Pairs of
+attempts estimate this without bias if a voxel's attempts are drawn independently. The error of any prediction per voxel is at
+least min(p, 1 - p), which lies between p (1 - p) and 2 p (1 - p). So the best accuracy on these attempts lies between 1 - d and
+1 - d / 2, where d is the share of pairs that disagree. The interval of d is a bootstrap over scenes (1,000 draws).
 """
 
 import argparse
@@ -20,7 +20,7 @@ import polars as pl
 
 
 def voxels(dataset: Path) -> pl.DataFrame:
-    """One row a voxel and scene: attempts `n`, held ones `k`. Grasps outside the grid are left out."""
+    """One row per voxel and scene: attempts `n`, held ones `k`. Grasps outside the grid are dropped."""
     grid = json.loads((dataset / "meta/info.json").read_text())["grid"]
     side = grid["size_m"] / grid["resolution"]
     attempts = pl.read_parquet(str(dataset / "attempts/*.parquet"), columns=["scene_id", "x_m", "y_m", "z_m", "label"])
@@ -31,7 +31,7 @@ def voxels(dataset: Path) -> pl.DataFrame:
 
 
 def ceiling(table: pl.DataFrame, draws: int = 1000) -> dict:
-    """What the attempts that share a voxel say; each voxel counts by its attempts."""
+    """The ceiling from attempts that share a voxel; voxels are weighted by their attempts."""
     shared = table.filter(pl.col("n") > 1)
     n, k = (shared[name].to_numpy().astype(float) for name in "nk")
     disagreeing = n * 2 * k * (n - k) / (n * (n - 1))  # attempts, times the share of their voxel's pairs that disagree

@@ -28,7 +28,7 @@ APPROACH_SPEED_M_S = 0.1
 
 
 class Engine(Protocol):
-    """A physics engine with a scene and a hand in it. The palm goes where it is told, the fingers feel forces."""
+    """A physics engine with a scene and a hand. The palm follows commanded positions; forces act on the fingers."""
 
     name: str
     step_rate_hz: float
@@ -128,7 +128,7 @@ class Runner:
         return max(self._gripper.opening_m_max - sum(self._engine.closed_m()), 0.0)
 
     def _close(self) -> float:
-        """Closes until both fingers stand still; gives the opening in metres."""
+        """Closes until both fingers have stopped; returns the opening in metres."""
         engine, rate = self._engine, self._engine.step_rate_hz
         wanted, slow = steps(STOPPED_TIME_S, rate), STOPPED_SPEED_M_S / rate
         last, stopped = engine.closed_m(), 0
@@ -142,7 +142,7 @@ class Runner:
         return self._width_m()
 
     def _retreat_and_hold(self, target: int, pose: Pose, start_m: np.ndarray) -> tuple[bool, float]:
-        """Whether the target came along and is still gripped, and how far it came."""
+        """Whether the target moved with the hand and is still gripped, and how far it moved."""
         engine, procedure, rate = self._engine, self._procedure, self._engine.step_rate_hz
         distance = procedure.retreat_distance_m
         direction = retreat_direction(pose, procedure.retreat_cone_rad)

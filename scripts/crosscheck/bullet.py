@@ -1,14 +1,14 @@
-"""PyBullet as the second opinion.
+"""PyBullet as the second engine.
 
-What has to be undone so that it simulates the same world: its hulls are 1 mm larger than their vertices on every side
-(the collision margin), bodies are damped, a hand that is moved by resetting its pose has no velocity to drag an object by
-friction, and with the default 50 solver iterations fingers sink up to a centimetre into light objects. Here hulls are
+Several defaults must be changed to simulate the same world. Hulls are 1 mm larger than their vertices on every side (the
+collision margin). Bodies are damped. A hand that is moved by resetting its pose has no velocity and exerts no friction. With
+the default 50 solver iterations, fingers sink up to a centimetre into light objects. Here hulls are
 shrunk by a margin of 0.1 mm that Bullet adds again, cuboids are Bullet's boxes (two hulls share too few contact points for
 a flat face to slide without tilting), damping is 0, iterations are 200, and the palm is the link of a prismatic joint
 along the retreat, driven with unlimited force.
 
-The gear between the fingers is a force on Bullet's joints, so its integrator is explicit: light fingers with a light body
-between them would shake at 240 Hz and drop it. For them the steps are halved until nothing shakes.
+The gear between the fingers is a force on Bullet's joints, so it is integrated explicitly: light fingers with a light body
+between them would oscillate at 240 Hz and drop it. For them the time step is halved until the gear is stable.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How well an engine agrees with itself: what no other engine can be asked to exceed."""
+"""The agreement of an engine with itself, which agreement between engines cannot be expected to exceed."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class WidthError:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Everything the report says of one mode of one engine."""
+    """All results for one mode of one engine."""
 
     overall: Agreement
     outcome_share: float
@@ -105,7 +105,7 @@ def compare_passes(rows: Rows, a: Pass, b: Pass, seed: int) -> tuple[Agreement, 
 
 
 def compare_gate(rows: Rows, gate: list[GateResult]) -> list[int]:
-    """Attempts of which our stored gate and the one written here do not say the same, what was hit included."""
+    """Attempts for which the stored gate result and this implementation differ, including what was hit."""
     stored = [(a.outcome, a.hit) if a.outcome in BLOCKED else (None, None) for a in rows.attempts]
     return [i for i, (a, b) in enumerate(zip(stored, gate)) if a != (b.outcome, b.hit)]
 

@@ -1,4 +1,4 @@
-"""A rigid body of several convex parts; it stands where the cross-check has a `Solid`."""
+"""A rigid body of several convex parts, used like a `Solid`."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ def compound_of(name: str, parts: list) -> Compound:
 
 
 def body_of(name: str, extents_m: tuple[float, float, float], compounds: dict[str, Compound]) -> Solid | Compound:
-    """What a row means by a name: a compound, else a primitive; raises ValueError if it is neither or of another size."""
+    """The body that a row names: a compound, else a primitive; raises ValueError if it is neither or has another size."""
     # A compound may have a primitive's name: what the compounds' list has is a compound.
     body = compounds.get(name)
     if body is None:
-        # A name that is neither a primitive's nor a compound's is told with the primitives'.
+        # The error for an unknown name lists the primitives.
         return Solid(name, extents_m)
     if not np.allclose(body.extents_m, extents_m, rtol=0, atol=EXTENTS_TOLERANCE_M):
         raise ValueError(f"{name} measures {extents_m} m, its parts {body.extents_m.round(6).tolist()} m")

@@ -1,9 +1,9 @@
 """PyBullet for scenes with bodies of several parts as well.
 
-Such a body is a base without a shape, which has all of the mass, and one link without mass fixed to it for each part: PyBullet
-makes a shape of corners for a link, but none of several hulls. The base stands at the centre of mass and along the principal
-axes. PyBullet changes the collision margin of bases only, but a shape is shared by all that were made of it: each part's is
-first the base of a body of its own, where its margin is set.
+Such a body is a base without a shape, which has the whole mass, and one massless link fixed to it for each part: PyBullet makes a
+shape of corners for a link, but no shape of several hulls. The base is at the centre of mass and along the principal axes.
+PyBullet changes the collision margin of bases only, but bodies share their shapes: each part's shape is first used as the base
+of a separate body, where its margin is set.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
-"""Stored outcomes against a closed form: when does a straight lift slide out of two fingers?
+"""Compares stored outcomes with a closed form for the slipping of a straight lift.
 
     /path/to/generator --config scripts/crosscheck/coulomb.toml --out data/coulomb
     PYTHONPATH=scripts python -m crosscheck.coulomb data/coulomb [--engine pybullet|mujoco]
 
 Two fingers of force F hold a body of mass m by friction with at most 2 μ F, which accelerates it upwards by at most
-c = 2 μ F / m − g. The hand rises by d in the time T along a smoothstep and wants A = 6 d / T² at first. If c < A the body
+c = 2 μ F / m − g. The hand rises by d in the time T along a smoothstep, with the initial acceleration A = 6 d / T². If c < A the body
 lags, from the start until the hand has slowed down to its speed, by
 
     lag = d · k³,    k = 1 − c / A
 
 in all (k < 1; for c < 0 it falls out). It is held if the lag is less than the finger tips' overlap with it and than what
-`held_travel_share_min` leaves. This needs a grasp from above through the centre of mass: others are left out.
+`held_travel_share_min` leaves. This needs a grasp from above through the centre of mass; others are excluded.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def lag_m(mass_kg: float, friction: float, force_n: float, procedure: Procedure,
 
 
 def predict(scene: Scene, attempt: Attempt, gripper: Gripper, procedure: Procedure, env: Environment) -> Lift | None:
-    """The closed form's word; None if the grasp is not straight from above through the centre of a cuboid."""
+    """The closed form's prediction; None if the grasp is not straight from above through the centre of a cuboid."""
     thing, pose = scene.objects[attempt.target], attempt.workspace_from_grasp
     offset = pose.rotation.T @ (thing.workspace_from_object.position_m - pose.position_m)
     if attempt.shape != "cuboid" or attempt.approach_angle_rad > TILT_RAD_MAX or abs(offset[0]) > OFFSET_M_MAX:

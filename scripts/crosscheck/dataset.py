@@ -23,7 +23,7 @@ ATTEMPT_COLUMNS = ["scene_id", "attempt_id", "object_id", "shape", "rule", *POSE
 
 
 class NoDataset(Exception):
-    """There is no dataset here, or one that this program does not know."""
+    """There is no dataset here, or this program does not support it."""
 
 
 class DamagedDataset(Exception):

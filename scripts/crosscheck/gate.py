@@ -1,4 +1,4 @@
-"""The geometric gate, written again: which attempts are stopped before the hand closes?
+"""A reimplementation of the geometric gate, which decides the attempts that are blocked before the hand closes.
 
 The approach is straight along the grasp's z, so what a box of the hand sweeps is a longer box. Boxes are grown by the
 clearance and tested against the objects' polyhedra by separating axes, in double precision, all attempts on an object at
@@ -18,7 +18,7 @@ from .solid import Solid
 
 @dataclass(frozen=True)
 class GateResult:
-    """What the gate says of one attempt. `margin_m`: distance from the nearest change of mind."""
+    """The gate's result for one attempt. `margin_m`: distance from the nearest change of the result."""
 
     outcome: str | None
     hit: str | None
@@ -50,7 +50,7 @@ def _products(edges: np.ndarray) -> np.ndarray:
 
 
 def judge(scene: Scene, poses: list[Pose], gripper: Gripper, procedure: Procedure, table_z_m: float) -> list[GateResult]:
-    """The gate's word on the scene's attempts, whose grasps stand at `poses`."""
+    """The gate's results for the scene's attempts, whose grasps are at `poses`."""
     back = np.array([0.0, 0.0, -procedure.pregrasp_distance_m])
     hand = gripper.open_hand()
     pregrasp = [box.shifted(back).grown(gripper.clearance_m) for box in hand]

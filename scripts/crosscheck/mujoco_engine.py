@@ -1,4 +1,4 @@
-"""MuJoCo as the third opinion.
+"""MuJoCo as the third engine.
 
 Set up for hard contacts: elliptic cones, friction as stiff as the normal direction, a slip-removing pass, and pairs with
 the product of both frictions (MuJoCo would take the larger). The palm is a body of a ton on a slide along the retreat,

@@ -1,4 +1,4 @@
-"""Our own time for the same attempts of the same scenes, by the same clock as the other engines'."""
+"""The time of Graspmill for the same attempts of the same scenes, measured like that of the other engines."""
 
 from __future__ import annotations
 

@@ -37,14 +37,14 @@ class Pass:
 
 @dataclass(frozen=True)
 class Drift:
-    """How far each object of the dataset moved (n,) in metres, and turned (n,) in radians, with nobody touching it."""
+    """How far each object of the dataset moved (n,) in metres, and turned (n,) in radians, without contact with the hand."""
 
     moved_m: np.ndarray
     turned_rad: np.ndarray
 
 
 def gate_pass(dataset: Dataset) -> list[gate.GateResult]:
-    """The geometric gate's word on every attempt."""
+    """The geometric gate's result for every attempt."""
     results = []
     for scene in dataset.scenes:
         results += _gate(dataset, scene, [attempt.workspace_from_grasp for attempt in scene.attempts])

@@ -19,7 +19,7 @@ from .passes import Drift, Pass
 
 @dataclass
 class EngineReport:
-    """What one engine said."""
+    """The results of one engine."""
 
     about: dict
     same_gate: Pass
@@ -32,7 +32,7 @@ class EngineReport:
 
 @dataclass
 class Report:
-    """Everything that was found."""
+    """All results."""
 
     command: str
     dataset: Dataset

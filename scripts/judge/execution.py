@@ -1,4 +1,4 @@
-"""Executes an experiment's grasps in PyBullet, in several processes if wished: each in a fresh world, whoever's turn it is."""
+"""Executes an experiment's grasps in PyBullet, optionally in several processes, each grasp in a fresh world."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 @dataclass(frozen=True)
 class Judged:
-    """How each grasp ended in PyBullet, and how the objects of all scenes move with nobody touching them."""
+    """The outcome of each grasp in PyBullet, and the motion of all objects without contact with the hand."""
 
     executions: list[Execution]
     drift: Drift
@@ -33,7 +33,7 @@ def judge(data: Dataset, jobs: int) -> Judged:
 
 
 def execute(data: Dataset, scene: Scene, engine: Engine) -> Execution:
-    """The scene's only grasp: judged by the geometric gate, and by physics from closing on, as the cross-check does."""
+    """Executes the scene's only grasp: the geometric gate first, then physics from closing on, as in the cross-check."""
     [attempt] = scene.attempts
     pose = attempt.workspace_from_grasp
     [verdict] = gate.judge(scene, [pose], data.gripper, data.procedure, data.environment.table_z_m)

@@ -1,4 +1,4 @@
-"""Reads the folder of an experiment: run.json, bodies.json, attempts.parquet and objects.parquet, with nothing of ours but the columns."""
+"""Reads the folder of an experiment: run.json, bodies.json, attempts.parquet and objects.parquet, without our other code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the two engines say of the same grasps: numbers, Markdown, JSON."""
+"""Compares the results of two engines for the same grasps: numbers, Markdown, JSON."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Rate:
 
 @dataclass(frozen=True)
 class Part:
-    """What is said of some of the grasps. `difference` is their success rate less ours, on the same draws of rounds."""
+    """Results for a subset of the grasps. `difference` is PyBullet's success rate minus ours, on the same draws of rounds."""
 
     attempts: int
     ours: Rate
@@ -52,7 +52,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that was found. `closing`: grasps that reach it in both."""
+    """All results. `closing`: grasps that reach closing in both engines."""
 
     command: str
     experiment: Experiment
@@ -66,13 +66,13 @@ class Report:
 
     @property
     def gate_differences(self) -> int:
-        """Grasps that the two gates, which know no physics, stop at different points."""
+        """Grasps for which the two gates, which involve no physics, differ."""
         pairs = zip(self.rows.outcomes, self.theirs)
         return sum(a != b and (a in BLOCKED or b in BLOCKED) for a, b in pairs)
 
 
 def report_of(experiment: Experiment, judged: Judged, engine: dict, command: str) -> Report:
-    """Compares what is stored with what PyBullet says."""
+    """Compares the stored outcomes with PyBullet's."""
     rows, theirs = rows_of(experiment.data), [execution.outcome for execution in judged.executions]
 
     def part(chosen: np.ndarray) -> Part:
@@ -101,8 +101,8 @@ def part_of(ours: Sequence[str], theirs: Sequence[str], rounds: np.ndarray, all_
 def rates(held: np.ndarray, rounds: np.ndarray, all_rounds: np.ndarray) -> tuple[Rate, Rate, Rate]:
     """Shares of `held` (n, 2) in its columns, and of the second less the first, with intervals over rounds.
 
-    Rounds are drawn whole, with replacement, as many as there are. Fewer than two rounds cannot tell how much rounds
-    differ: the interval is then all that a share can be.
+    Whole rounds are drawn with replacement, as many as there are. Fewer than two rounds contain no information about
+    their variance; the interval is then the whole range of a share or a difference.
     """
     names = np.unique(all_rounds)
     sums = np.zeros((len(names), 3))
@@ -197,7 +197,7 @@ def _pairs(report: Report) -> list[tuple]:
 
 
 def as_json(report: Report) -> dict:
-    """The report for programs; what is not a number is null."""
+    """The report for programs; NaN becomes null."""
     drift = report.judged.drift
     return {
         "command": report.command,

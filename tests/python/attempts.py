@@ -1,4 +1,4 @@
-"""What the tests of the cross-check and of the judge execute: the shapes, a hand and its procedure, a table, two orientations."""
+"""Fixtures for the tests of the cross-check and of the judge: a hand and its procedure, a table, two orientations."""
 
 import sys
 from pathlib import Path

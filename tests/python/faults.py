@@ -1,6 +1,6 @@
-"""For test_faults.py: runs programs under faults, and says what a dataset lost.
+"""Helpers of test_faults.py: runs programs under faults and reports what a dataset lost.
 
-"Lost" is whatever differs from a run that nobody disturbed: a file, a byte, an exit code, a staging file left behind.
+"Lost" means any difference from an undisturbed run: a file, a byte, an exit code, a remaining staging file.
 """
 
 import concurrent.futures
@@ -17,13 +17,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PROGRAMS = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "debug"
-LONG = 10 if os.environ.get("GRASPMILL_FAULTS") == "long" else 1  # how many times more is tried
+LONG = 10 if os.environ.get("GRASPMILL_FAULTS") == "long" else 1  # factor on the number of tries
 SEED = int(os.environ.get("GRASPMILL_FAULTS_SEED", 1))
-HANG_S = 60  # a program that takes longer hangs
+HANG_S = 60  # a longer run counts as hanging
 OK, USAGE, DATA, INCOMPLETE, TRY_AGAIN, CONFIG = 0, 2, 65, 69, 75, 78
 PROBLEMS_SHOWN = 20
 CARD = "README.md"
-LAST = ("meta/manifest.json", "_SUCCESS")  # they say that all the rest is there
+LAST = ("meta/manifest.json", "_SUCCESS")  # they state that everything else exists
 
 
 def dice(name):
@@ -33,13 +33,13 @@ def dice(name):
 
 
 def environment():
-    """Without the variables by which a scheduler says which shard is to be made."""
+    """The environment without a scheduler's variables for the shard index."""
     schedulers = ("SLURM_", "JOB_COMPLETION_", "AWS_BATCH_", "SHARD_INDEX")
     return {key: value for key, value in os.environ.items() if not key.startswith(schedulers)}
 
 
 def run(program, *args, before=(), **more):
-    """Runs a program to its end; `before` is what starts it, such as strace with its options."""
+    """Runs a program to its end; `before` is a wrapper command, such as strace with its options."""
     command = [*map(str, before), PROGRAMS / program, *map(str, args)]
     return subprocess.run(command, capture_output=True, text=True, timeout=HANG_S, env=environment(), **more)
 
@@ -50,7 +50,7 @@ def start(program, *args):
 
 
 def end(process):
-    """Waits for what was started."""
+    """Waits for a started program."""
     out, err = process.communicate(timeout=HANG_S)
     return subprocess.CompletedProcess(process.args, process.returncode, out, err)
 
@@ -77,7 +77,7 @@ def leftovers(folder):
 
 
 class Case:
-    """A command that makes a dataset, and the dataset that it makes when nobody disturbs it."""
+    """A command that makes a dataset, and the dataset of its undisturbed run."""
 
     def __init__(self, folder, config, shards, attempts, seed=1):
         self.folder, self.shards = folder, shards
@@ -90,7 +90,7 @@ class Case:
         assert verify(folder) == OK and not leftovers(folder)
 
     def command(self, out, **other):
-        """The generator's arguments; `other` options stand in for the case's own."""
+        """The generator's arguments; `other` options replace the case's own."""
         return [word for key, value in {**self.options, "out": out, **other}.items() for word in (f"--{key}", value)]
 
     def generate(self, out, *more, **how):
@@ -110,7 +110,7 @@ class Case:
         return problems
 
     def lost(self, folder):
-        """Completes a dataset after a fault; what is not as in the undisturbed run."""
+        """Completes a dataset after a fault; returns the differences from the undisturbed run."""
         half, ended = self.half_written(folder), self.generate(folder)
         problems = half + problems_of(ended, [OK], "the next run") + self.difference(folder)
         swept = run("generator", "gc", folder)
@@ -118,7 +118,7 @@ class Case:
         return problems + problems_of(swept, [OK], "gc") + left
 
     def difference(self, folder):
-        """What differs from the undisturbed run, but for staging files."""
+        """The differences from the undisturbed run, except staging files."""
         found = {name for name in files(folder) if not is_staging(name)}
         missing = [f"{name} is missing" for name in self.whole if name not in found]
         verified = verify(folder)
@@ -132,7 +132,7 @@ class Case:
         return folder
 
     def last_files(self):
-        """What is written when all shards are there."""
+        """The files that are written when all shards exist."""
         return [name for name in self.whole if name in (CARD, *LAST)]
 
     def files_of(self, shard):
@@ -141,7 +141,7 @@ class Case:
         return [*tables, f"meta/shards/{shard:05}.json"]
 
     def take_away(self, folder, shards, tables):
-        """Makes shards not count any more: removes their markers, perhaps their tables too."""
+        """Uncommits shards: removes their markers, and optionally their tables."""
         names = [*reversed(self.last_files())]
         for shard in shards:
             *data, marker = self.files_of(shard)
@@ -157,7 +157,7 @@ def verify(folder):
 
 
 def problems_of(ended, codes, who):
-    """A program ends with one of these codes, says why if it failed, and never panics."""
+    """Checks that a program ended with one of these codes, with a message if it failed, and without a panic."""
     said = ended.stderr.strip()[-300:]
     problems = [] if ended.returncode in codes else [f"{who} ended with {ended.returncode}: {said}"]
     if "panicked" in ended.stderr:
@@ -168,7 +168,7 @@ def problems_of(ended, codes, who):
 
 
 def record(fault, times, problems, **details):
-    """Tells how often a fault was tried and what it cost, to people and to the report; fails if it cost anything."""
+    """Prints and records how often a fault was tried and what was lost; fails if anything was lost."""
     line = {"fault": fault, "times": times, "lost": len(problems), **details}
     print(json.dumps(line))
     if path := os.environ.get("GRASPMILL_FAULTS_REPORT"):
@@ -180,7 +180,7 @@ def record(fault, times, problems, **details):
 
 @contextlib.contextmanager
 def disk(folder, options):
-    """A small disk of its own; yields what changes its options, or None if nobody may mount here."""
+    """A small separate disk; yields a function that changes its options, or None if mounting is not allowed."""
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o"]
     try:
@@ -205,7 +205,7 @@ def why_no_strace():
 
 # --- Injected into system calls.
 
-# They change nothing on the disk: what is there after a kill is what was there before them.
+# They do not change the disk, so a kill at them needs no test.
 READS = {
     *("access", "close", "execve", "faccessat2", "fcntl", "fstat", "getdents64", "ioctl", "lseek", "newfstatat"),
     *("pread64", "read", "readlink", "statfs", "statx"),
@@ -236,7 +236,7 @@ def traced(case, folder, more, options, log):
 
 
 def first_calls(case, state, tmp_path):
-    """The system calls by which a run touches its folder; of each, how manieth in its thread is the first that does."""
+    """The system calls with which a run accesses its folder; for each, the index in its thread of the first that does."""
     folder, options = prepare(case, state, tmp_path / f"trace-{state}"), ["-e", "trace=%file,%desc"]
     ended, lines = traced(case, folder, STATES[state], options, tmp_path / f"log-{state}")
     assert ended.returncode == OK, ended
@@ -290,13 +290,13 @@ def at_every_call(case, first, items, check, tmp_path):
     return counts, [problem for _, found in results for problem in found]
 
 
-# --- What a cut of the power could take.
+# --- The effect of a power cut.
 
 FLUSHES = ["write", "pwrite64", "fsync", "fdatasync", "mkdir", "link", "linkat", "rename", "renameat", "renameat2"]
 
 
 def done(lines):
-    """The calls of a trace that were carried out, in the order in which they ended, each in one line."""
+    """The completed calls of a trace, in the order of their ends, one per line."""
     begun = {}
     for line in lines:
         thread, call = line.split(maxsplit=1)
@@ -310,7 +310,7 @@ def done(lines):
 
 
 class Cache:
-    """What is not on the disk yet: files with unflushed bytes, and names in unflushed folders."""
+    """Data that are not on the disk yet: files with unflushed bytes, and names in unflushed folders."""
 
     def __init__(self):
         self.bytes, self.names, self.problems = set(), set(), []
@@ -331,7 +331,7 @@ class Cache:
     def publish(self, staging, path):
         if staging in self.bytes:
             self.problems.append(f"{path} has its name before its bytes")
-        if shard := re.search(r"/meta/shards/(\d{5})\.json$", path):  # it says that its tables are there
+        if shard := re.search(r"/meta/shards/(\d{5})\.json$", path):  # it states that its tables exist
             promised = [name for name in self.names if f"-{shard[1]}-of-" in name or Path(name).suffix == ""]
         else:
             promised = self.names if path.endswith(LAST) else []

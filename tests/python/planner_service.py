@@ -1,4 +1,4 @@
-"""A running `planner serve`, the requests that tests send it, and what an error of it must look like."""
+"""A running `planner serve`, requests for tests, and the required form of its errors."""
 
 import base64
 import http.client
@@ -152,7 +152,7 @@ def exr(array):
 
 
 def seen(depth_m=None, width=64, height=48):
-    """A camera 0.6 m above the workspace's middle that looks down on a bare table at 0.05 m."""
+    """The view of a camera 0.6 m above the workspace's centre, looking down on a bare table at 0.05 m."""
     depth_m = np.full((height, width), 0.55, np.float32) if depth_m is None else depth_m
     height, width = depth_m.shape[:2]
     return {

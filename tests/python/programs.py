@@ -7,7 +7,7 @@ import pytest
 
 
 def program(name: str) -> str:
-    """Path of a program; the test is skipped where nobody says where they are."""
+    """Path of a program; the test is skipped if no path is configured."""
     folder = os.environ.get("GRASPMILL_PROGRAMS")
     if not folder:
         pytest.skip("GRASPMILL_PROGRAMS must name the folder of the built programs")

@@ -68,14 +68,14 @@ PartitionName=urgent Nodes=ALL Default=NO PriorityTier=10 PreemptMode=OFF
 
 
 def available():
-    """Why there can be no cluster on this machine; empty if there can."""
+    """Why a cluster cannot run on this machine; empty if it can."""
     missing = [name for name in DAEMONS + CLIENTS if shutil.which(name, path=SEARCHED) is None]
     return f"there is no {', '.join(missing)} (apt-get install slurm-wlm munge)" if missing else ""
 
 
 @contextlib.contextmanager
 def cluster(nodes=4, cpus=2, kill_wait_s=10, requeue_exit=REQUEUE_EXIT):
-    """A cluster whose nodes n1, n2, … are idle. All that it ran is dead afterwards."""
+    """A cluster with idle nodes n1, n2, …. All its processes are ended afterwards."""
     # Not pytest's folder: a socket's path has at most 108 bytes.
     with tempfile.TemporaryDirectory(prefix="slurm-") as folder:
         cluster = Cluster(Path(folder), [f"n{i + 1}" for i in range(nodes)])
@@ -88,7 +88,7 @@ def cluster(nodes=4, cpus=2, kill_wait_s=10, requeue_exit=REQUEUE_EXIT):
 
 
 def free_ports(count):
-    """The first of some ports in a row that nobody listens on."""
+    """The first of a range of consecutive free ports."""
     for first in (random.randrange(20_000, 30_000) for _ in range(100)):
         if not any(is_taken(first + i) for i in range(count)):
             return first
@@ -101,7 +101,7 @@ def is_taken(port):
 
 
 def is_alive(pid):
-    """Whether it runs. Where nobody reaps orphans, a dead one stays as a zombie."""
+    """Whether it runs. Without a reaper of orphans, a dead process remains as a zombie."""
     return state_of(pid) not in "ZX"
 
 
@@ -114,7 +114,7 @@ def state_of(pid):
 
 
 def send(pid, number):
-    """A signal, unless there is nobody to receive it."""
+    """Sends a signal, unless the process is gone."""
     with contextlib.suppress(ProcessLookupError):
         os.kill(pid, number)
 
@@ -166,7 +166,7 @@ class Cluster:
         self.launch(name, "slurmd", "-D", "-N", name)
 
     def kill_node(self, name):
-        """Kills a node's daemon and nothing else: its tasks run on, as they do when a network is cut."""
+        """Kills only a node's daemon: its tasks continue, as after a network failure."""
         self.daemons[name].kill()
         self.daemons[name].wait()
 
@@ -228,6 +228,6 @@ class Cluster:
             time.sleep(POLL_S)
 
     def told(self):
-        """The ends of the daemons' logs."""
+        """The last lines of the daemons' logs."""
         logs = sorted(self.folder.glob("*.log"))
         return "\n".join(f"{log.name}: " + "\n".join(log.read_text().splitlines()[-8:]) for log in logs)

@@ -1,9 +1,9 @@
-"""What `shards export` writes, read as others' loaders read it, and held against the rows that pyarrow finds in the dataset.
+"""Reads the output of `shards export` like other projects' loaders and compares it with the dataset's rows.
 
     GRASPMILL_DATASET=path/to/dataset python -m pytest tests/python/test_exports.py   # GRASPMILL_SHARDS, or target/debug/shards
 
-The loaders here do what VGN's `dataset.py`, GIGA's `dataset_voxel.py` and WebDataset do, with numpy, csv and tarfile alone. Those
-themselves were run, too: docs/exporting.md has the commands.
+The loaders here work like VGN's `dataset.py`, GIGA's `dataset_voxel.py` and WebDataset, with only numpy, csv and tarfile. The
+originals were run, too: docs/exporting.md has the commands.
 """
 
 import csv

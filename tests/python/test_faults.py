@@ -1,9 +1,9 @@
-"""Whatever stops a writer, the next run of the same command makes the same dataset, byte for byte.
+"""After any fault that stops a writer, the next run of the same command makes the same dataset, byte for byte.
 
     GRASPMILL_FAULTS=long python -m pytest tests/python/test_faults.py
 
-Faults happen to the programs themselves, as a person runs them. What cannot be done here (no root, no strace, no
-faketime) is skipped and says why. GRASPMILL_FAULTS_REPORT=FILE gets a line of JSON for each row of docs/reliability.md.
+Faults are injected into the programs as users run them. Tests that need missing tools (root, strace, faketime) are skipped
+with a reason. GRASPMILL_FAULTS_REPORT=FILE receives a line of JSON for each row of docs/reliability.md.
 """
 
 import hashlib
@@ -68,7 +68,7 @@ def many(config, folder):
 @needs_strace
 def test_killed_at_every_system_call(two, tmp_path):
     first = faults.all_first_calls(two, tmp_path)
-    # A file is made, written, flushed, named; without these nothing would have been tested.
+    # A file is created, written, flushed and renamed; without these calls nothing would have been tested.
     assert {"openat", "mkdir", "write", "fsync", "renameat2"} <= set(first["empty"]), first
 
     def check(folder, ended):
@@ -138,7 +138,7 @@ NO_LOCKS = {"flock": "ENOLCK"}
 @needs_strace
 @pytest.mark.parametrize("errors", [NO_NEW_NAMES, NO_LINKS, NO_LOCKS, {**NO_LINKS, **NO_LOCKS}], ids=" ".join)
 def test_file_systems_without(two, tmp_path, errors):
-    """Renames that do not replace, hard links and locks are a help, not a need."""
+    """The programs also work without non-replacing renames, hard links and locks."""
     options = ["-e", f"trace={','.join(errors)}"]
     options += [word for call, error in errors.items() for word in ("-e", f"inject={call}:error={error}")]
     ended, calls = traced(two, tmp_path / "new", [], options, tmp_path / "log")
@@ -177,12 +177,12 @@ def test_gc_removes_nothing_that_is_somebody_elses(two, tmp_path):
     assert ended.returncode == CONFIG and ended.stderr and faults.files(tmp_path) == before, ended
 
 
-# --- What a cut of the power could take. There is none here: this looks at the order of the calls.
+# --- What a cut of the power could take. This test checks the order of the calls instead.
 
 
 @needs_strace
 def test_files_are_on_the_disk_before_others_speak_of_them(two, tmp_path):
-    """After a run that ended well nothing is left to flush, even if one before it was killed before it had flushed."""
+    """After a successful run nothing remains to flush, even if an earlier run was killed before it flushed."""
     trace = ["-e", f"trace={','.join(faults.FLUSHES)}"]
 
     def work(state):
@@ -270,7 +270,7 @@ def test_asked_to_stop_at_random_times(many, tmp_path, count, name):
         if -ended.returncode in ASK:  # before the program listens for signals it has touched nothing
             early.append(ended)
             return [] if faults.files(folder) == before else ["it died of the signal and had begun to write"]
-        # The second signal ends it at once, as a kill does.
+        # The second signal ends it at once, like a kill.
         left = faults.leftovers(folder) if count == 1 else []
         return problems_of(ended, [TRY_AGAIN], "the stopped run") + [f"{name} is left" for name in left]
 
@@ -287,7 +287,7 @@ def limited(kind, limit):
 
 
 def stopped_by_the_system(case, folder, ended, codes=(TRY_AGAIN,)):
-    """What is wrong just after a run that the system stopped."""
+    """The problems just after a run that the system stopped."""
     found = problems_of(ended, [OK, *codes], "the stopped run") + case.half_written(folder)
     return found + [f"{name} is left" for name in faults.leftovers(folder)]
 
@@ -366,7 +366,7 @@ def test_the_folder_is_read_only(two, tmp_path, state):
 
 
 def test_four_writers_of_all_shards(many, tmp_path):
-    """The same command four times at once, while others ask what is missing and sweep."""
+    """Four concurrent runs of the same command, while other processes list missing shards and sweep."""
     rounds, problems = 5 * LONG, []
     for number in range(rounds):
         out = tmp_path / str(number)
@@ -387,7 +387,7 @@ def test_four_writers_of_all_shards(many, tmp_path):
 
 
 def test_writers_killed_among_writers(many, tmp_path):
-    """Of four writers, three are killed at random times; the fourth must not mind."""
+    """Of four writers, three are killed at random times; the fourth must succeed."""
     rng, rounds, problems, kills = faults.dice("killed among writers"), 5 * LONG, [], 0
     for number in range(rounds):
         out = tmp_path / str(number)
@@ -416,7 +416,7 @@ def test_another_clock(four, tmp_path, clock):
 
 
 def snapshot(folder):
-    """All names and bytes, and when each was written last."""
+    """All names and bytes, and their modification times."""
     times = {str(path): path.stat().st_mtime_ns for path in folder.rglob("*")}
     return faults.files(folder), times
 
@@ -460,7 +460,7 @@ def sha256(data):
 
 
 def test_a_shard_that_came_out_differently(four, other, tmp_path):
-    """A table from somewhere else lies where one is to be published: it stays, and the run ends with 65."""
+    """A foreign table exists where one is to be published: it remains, and the run ends with 65."""
     problems, times = [], 0
     for shard in range(four.shards):
         *tables, marker = four.files_of(shard)
@@ -481,7 +481,7 @@ def test_a_shard_that_came_out_differently(four, other, tmp_path):
 
 
 def test_files_that_were_deleted_are_made_again(four, tmp_path):
-    """One, or several, of a whole dataset."""
+    """Deletes one or several files of a complete dataset."""
     rng, problems = faults.dice("deleted"), []
     names = [name for name in four.whole if name != "meta/info.json"]
     cases = [[name] for name in names] + [rng.sample(names, rng.randint(2, len(names))) for _ in range(10 * LONG)]
@@ -495,8 +495,8 @@ def test_files_that_were_deleted_are_made_again(four, tmp_path):
 
 
 def test_damage_that_a_run_sees_is_mended(four, tmp_path):
-    """A run looks at sizes and at the seals of markers and manifest; bytes are `shards verify`'s. What fits the intact
-    marker of a shard is put in place of what does not."""
+    """A run checks sizes and the seals of markers and manifest; `shards verify` checks bytes. A file that matches the
+    intact marker of a shard replaces one that does not."""
     problems, times = [], 0
     for name, data in four.whole.items():
         flipped = bytes([data[0] ^ 1]) + data[1:] if data else b""
@@ -518,13 +518,13 @@ def zeroed(data, at, length):
 
 
 def exchanged(data, one, two, length):
-    """Two blocks that do not overlap change places."""
+    """Exchanges two blocks that do not overlap."""
     a, b = data[one : one + length], data[two : two + length]
     return data[:one] + b + data[one + length : two] + a + data[two + length :]
 
 
 def damages(name, case, other, rng):
-    """A file's bytes, damaged in many ways, each named."""
+    """A file's bytes with many named kinds of damage."""
     data = case.whole[name]
     half, block = len(data) // 2, min(64, len(data) // 4)
     for at in [0, len(data) - 1, *(rng.randrange(len(data)) for _ in range(4 * LONG))]:

@@ -1,8 +1,8 @@
-"""What `trainer export` writes, in the programs that people have: onnxruntime, safetensors, PyTorch where it is installed.
+"""Opens the output of `trainer export` in onnxruntime, safetensors and, if installed, PyTorch.
 
     python -m pytest tests/python/test_interchange.py      # GRASPMILL_TRAINER=path/to/trainer, or target/debug/trainer
 
-Weights, grids and expected outputs are those of scripts/golden_torch.py, so PyTorch's values are known without PyTorch.
+Weights, grids and expected outputs come from scripts/golden_torch.py, so PyTorch's values are known without PyTorch.
 """
 
 import os

@@ -24,7 +24,7 @@ from crosscheck.solid import Solid
 from judge import cli
 from judge.report import rates
 
-# The parts that need no engine are tested without it.
+# Parts that need no engine are tested without it.
 needs_pybullet = pytest.mark.skipif(find_spec("pybullet") is None, reason="pybullet is not installed")
 
 
@@ -247,7 +247,7 @@ def experiment(folder: Path, attempts: list | None = None, objects: list | None 
         here = {"mass_kg": mass_kg, "friction": 1.0, "x_m": 0.15, "y_m": 0.15, **upright}
         stood += [{**key, "object_id": 4, **here, **CUBOID, "mass_kg": 0.1, "x_m": 0.28}, {**key, "object_id": 2, **here, **body}]
         tried.append({**key, "target_id": 2, "outcome": ours, "x_m": 0.15, "y_m": 0.15 + y_m, "z_m": z_m, **down, "width_m": 0.04})
-    # The order of rows is nothing.
+    # The order of rows does not matter.
     pq.write_table(pa.Table.from_pylist(tried[::-1] if attempts is None else attempts), folder / "attempts.parquet")
     pq.write_table(pa.Table.from_pylist(stood if objects is None else objects), folder / "objects.parquet")
     (folder / "bodies.json").write_text(json.dumps({"stand": {"parts": [{"vertices_m": p.tolist()} for p in (FOOT, STEM)]}}))

@@ -1,9 +1,9 @@
-"""The recipes for clusters fit their schemas and this program, and pods make the dataset that one process makes.
+"""The cluster files match their schemas and this program, and pods make the same dataset as one process.
 
     python -m pytest tests/python/test_kubernetes.py
 
-No cluster is needed: the manifests are held against Kubernetes' own schemas (kubernetes-validate) and against what an
-API server checks besides; then the generator runs as the pods of an Indexed Job would run it.
+No cluster is needed: the manifests are checked with Kubernetes' own schemas (kubernetes-validate) and with the additional
+checks of an API server. Then the generator runs like the pods of an Indexed Job.
 """
 
 import copy
@@ -48,7 +48,7 @@ def manifest(name):
 JOBS = {name: manifest(name) for name in ("kubernetes.yaml", "kubernetes-finalize.yaml")}
 
 
-# What a manifest says, held against schemas, against the checks of an API server, and against this program.
+# Manifests compared with the schemas, the checks of an API server, and this program.
 
 
 def schema_problems(job, versions):
@@ -74,7 +74,7 @@ def one_of(what, value, known):
 
 
 def job_problems(job):
-    """What the API server checks and schemas do not say."""
+    """The checks of the API server that schemas do not contain."""
     spec = job["spec"]
     problems = one_of("completionMode", spec.get("completionMode", "NonIndexed"), ["Indexed", "NonIndexed"])
     problems += one_of("restartPolicy", pod(job).get("restartPolicy"), ["Never"])
@@ -111,7 +111,7 @@ def rule_problems(job, rule):
 
 
 def exit_code_problems(job):
-    """Trouble that passes is retried; what comes out the same next time is not; a lost node costs no retry."""
+    """Transient faults are retried, permanent ones are not, and a lost node costs no retry."""
     rules = job["spec"]["podFailurePolicy"]["rules"]
     first = [(rules[0]["action"], [one["type"] for one in rules[0].get("onPodConditions", [])])] if rules else []
     problems = [] if first == [("Ignore", ["DisruptionTarget"])] else ["the first rule must ignore DisruptionTarget"]
@@ -175,7 +175,7 @@ def unknown_flags(words, args):
 
 def problems(job, versions=VERSIONS):
     found = schema_problems(job, versions)
-    # What is not of the right shape cannot be looked at any closer.
+    # A manifest with the wrong structure cannot be checked further.
     checks = [] if found else [job_problems, exit_code_problems, pod_problems, argument_problems]
     return found + [problem for check in checks for problem in check(job)]
 
@@ -302,7 +302,7 @@ def run_pod(out, index):
 
 
 def kill_pod(out, index):
-    """Starts a pod's work and kills it when the dataset has begun; whether that was before its shard was made."""
+    """Starts a pod and kills it when the dataset has begun; returns whether its shard was not made yet."""
     command = [PROGRAMS / "generator", *pod_command(out)]
     process = subprocess.Popen(command, env={"JOB_COMPLETION_INDEX": str(index)}, stdout=subprocess.DEVNULL)
     until = time.monotonic() + END_S
@@ -313,7 +313,7 @@ def kill_pod(out, index):
 
 
 def kill_pod_in_time(out, index):
-    """A busy machine may let the killer wait until the shard is made; then it tries again, from nothing."""
+    """On a busy machine the kill may come after the shard is made; then tries again from the start."""
     for _ in range(10):
         if kill_pod(out, index):
             return
@@ -364,7 +364,7 @@ def instructions(text):
 
 
 def copied(text, folder):
-    """Copies into a folder what the first stage copies; what is not there is named."""
+    """Copies what the first stage copies into a folder; lists missing sources."""
     absent = []
     first_stage = text.split("\nFROM ")[1]  # before it, there are comments
     for sources, target in [(rest[:-1], rest[-1]) for word, rest in instructions(first_stage) if word == "COPY"]:
@@ -380,7 +380,7 @@ def copied(text, folder):
 
 
 def absent_sources(folder):
-    """What cargo would look for in the folder and not find: members, and files that sources include."""
+    """What cargo would miss in the folder: members, and files that sources include."""
     manifest = folder / "Cargo.toml"
     members = tomllib.loads(manifest.read_text())["workspace"]["members"] if manifest.exists() else []
     wanted = [folder / "Cargo.toml", folder / "Cargo.lock", *(folder / member / "Cargo.toml" for member in members)]

@@ -1,4 +1,4 @@
-"""The cross-check of datasets whose objects are models: read from meta/info.json, and the same bodies in either engine."""
+"""The cross-check of datasets whose objects are models from meta/info.json, with the same bodies in both engines."""
 
 import json
 import sys

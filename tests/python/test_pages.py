@@ -1,5 +1,5 @@
-"""The pages that programs write, opened in headless Chromium: nothing complains, nothing is asked of a network, words can be read at a
-phone's width and in the dark."""
+"""Opens the programs' pages in headless Chromium: there are no errors and no network requests, and text is readable at a phone's
+width and in dark mode."""
 
 import io
 import json
@@ -17,7 +17,7 @@ playwright = pytest.importorskip("playwright.sync_api")
 
 ROOT = Path(__file__).parents[2]
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-# What keeps Chromium from calling home, which is a request like any other.
+# Disables Chromium's own requests, which would be counted.
 QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
 SCREENS = {"desktop": (1280, 900), "phone": (390, 800)}
 PAGES = ["report", "view", "replay", "run", "experiment"]
@@ -67,7 +67,7 @@ def browser():
 
 
 def opened(browser, path: Path, screen: str, scheme: str):
-    """The page, and what was said and asked while it was opened."""
+    """The page, with the messages and requests while it was opened."""
     width, height = SCREENS[screen]
     context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=screen == "phone")
     page = context.new_page()

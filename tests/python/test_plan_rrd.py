@@ -1,4 +1,4 @@
-"""scripts/plan_rrd.py on a made-up plan: what it records can be read back."""
+"""scripts/plan_rrd.py on a synthetic plan: the recording can be read back."""
 
 import json
 import subprocess

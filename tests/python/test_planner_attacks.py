@@ -1,9 +1,9 @@
-"""Clients of `planner serve` that mean no good, or know no better.
+"""Hostile and faulty clients of `planner serve`.
 
     python -m pytest tests/python/test_planner_attacks.py   # GRASPMILL_PLANNER=path/to/planner, or target/debug/planner
 
-Each kind of malformed request is a function that gives the bytes of a body, and whether the body must be refused; a body
-that differs from a good one by chance (a flipped bit) may also be planned.
+Each kind of malformed request is a function that returns the bytes of a body and whether it must be refused. A body with a
+random difference from a valid one (a flipped bit) may also be accepted.
 """
 
 import json
@@ -162,7 +162,7 @@ def absurd_depth(chance):
 
 
 def huge_promise(chance):
-    """A header that promises far more than there is."""
+    """A header that declares far more data than present."""
     side = chance.choice([4096, 100_000, 2**31 - 1])
     head = struct.pack(">IIBBBBB", side, side, 16, 0, 0, 0, 0)
     checked = b"IHDR" + head
@@ -277,7 +277,7 @@ def check_raw(got):
 
 
 def leave_early(service, chance):
-    """Sends part of a request and goes away, with or without a reset."""
+    """Sends part of a request and disconnects, with or without a reset."""
     body = json.dumps({"views": [seen()]}).encode()
     head = b"POST /v1/plan HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: %d\r\n\r\n"
     request = head % len(body) + body
@@ -289,7 +289,7 @@ def leave_early(service, chance):
 
 @contextmanager
 def slow_heads(service, count):
-    """Connections that never get their head done; all must be hung up on in the end."""
+    """Connections that never complete their header; all must be closed in the end."""
     streams = [socket.create_connection(("127.0.0.1", service.port), timeout=30) for _ in range(count)]
     for number, stream in enumerate(streams):
         stream.sendall(b"POST /v1/plan HTTP/1.1\r\nHost: x\r\n"[: number + 1])
@@ -307,7 +307,7 @@ def slow_heads(service, count):
     thread.start()
     try:
         yield
-        # Half of them go on trickling until they are closed, so no silence ends them.
+        # Half of them continue to send slowly until they are closed, so no silence ends them.
         for stream in streams:
             check_raw(read_all(stream))
     finally:
@@ -346,7 +346,7 @@ def test_a_thousand_malformed_requests_and_it_plans_as_before(service):
                 if status != 200:
                     check_error(status, headers, told)
     print(f"answers: {dict(statuses)}; VmHWM {service.memory_kb('VmHWM')} kB, VmRSS {service.memory_kb('VmRSS')} kB")
-    # Neither all turned away at the door, nor a planner that never refuses.
+    # Some requests must be answered and some refused.
     assert statuses[422] > 200 and statuses[400] > 50, statuses
     assert service.process.poll() is None, service.log.read_text()[-3000:]
     assert service.plan(good)[2] == before

@@ -1,4 +1,4 @@
-"""`planner serve` as a robot's programs meet it. test_planner_attacks.py has its worse clients.
+"""`planner serve` with well-behaved clients. test_planner_attacks.py has the hostile ones.
 
     python -m pytest tests/python/test_planner_service.py   # GRASPMILL_PLANNER=path/to/planner, or target/debug/planner
 """
@@ -64,7 +64,7 @@ def test_the_description_is_whole(service):
 
 
 def strict(value):
-    """A schema in which a key that it does not name is wrong."""
+    """The schema with unknown keys forbidden."""
     if isinstance(value, list):
         return [strict(inner) for inner in value]
     if not isinstance(value, dict):
@@ -77,7 +77,7 @@ def test_answers_are_what_the_description_says(service):
     described = json.loads(service.ask("GET", "/openapi.json")[2])
 
     def check(answer, path, method, status, answered=200):
-        """The schema's name, against which this answer was held."""
+        """Validates an answer; returns the schema's name."""
         assert answered == status, answer
         content = described["paths"][path][method]["responses"][str(status)]["content"]["application/json"]
         # The references in it begin at the root, where the components are put.

@@ -1,8 +1,8 @@
-"""A dataset opens in the readers that people have, with no code of ours.
+"""A dataset opens in common readers without our code.
 
     GRASPMILL_DATASET=path/to/dataset python -m pytest tests/python
 
-Everything that is expected comes from the dataset's own manifest and info, so any dataset will do.
+All expectations come from the dataset's own manifest and info, so any dataset can be used.
 """
 
 import json
@@ -10,7 +10,7 @@ import os
 import re
 from pathlib import Path
 
-os.environ["HF_HUB_OFFLINE"] = "1"  # before datasets is imported: nothing here may ask the network
+os.environ["HF_HUB_OFFLINE"] = "1"  # before datasets is imported: no test may use the network
 
 import datasets
 import duckdb

@@ -1,4 +1,4 @@
-"""The reference in docs/reference is what the programs say of themselves; completions and man pages are what shells and man can read."""
+"""docs/reference equals the programs' output; shells and man can read completions and man pages."""
 
 import re
 import shutil

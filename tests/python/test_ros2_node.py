@@ -1,4 +1,4 @@
-"""The ROS 2 node of docs/, with as much of ROS as it uses.
+"""The ROS 2 node of docs/, with mocks of the ROS modules that it uses.
 
     python -m pytest tests/python/test_ros2_node.py   # GRASPMILL_PLANNER=path/to/planner, or target/debug/planner
 """
@@ -21,7 +21,7 @@ NODE = ROOT / "docs" / "ros2_planner_node.py"
 
 
 class Message(types.SimpleNamespace):
-    """A message with these fields; messages inside are made when they are missing, as ROS does."""
+    """A message with these fields; missing nested messages are created, as in ROS."""
 
     fields = {}
 
@@ -40,7 +40,7 @@ def message(name, **fields):
 
 
 def ros(depth, encoding, info, transform, service, monkeypatch):
-    """The node in a world of one depth image; what it published."""
+    """Runs the node on one depth image; returns what it published."""
     number = dict.fromkeys("xyz", float)
     point, quaternion = message("Point", **number), message("Quaternion", **number, w=float)
     vector = message("Vector3", **number)
@@ -153,7 +153,7 @@ def one_demo_view():
 
 @pytest.fixture(scope="module")
 def lenient(tmp_path_factory):
-    """A service that gives grasps for one view, too: one shows too little for the settings that people use."""
+    """A service that finds grasps for one view, too; with the default settings one view shows too little."""
     folder = tmp_path_factory.mktemp("lenient")
     settings, count = re.subn(
         r"^quality_min = .*$", "quality_min = 0.5", (ROOT / "configs/plan/paper.toml").read_text(), flags=re.MULTILINE

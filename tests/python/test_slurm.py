@@ -1,8 +1,8 @@
-"""What scripts/cluster promises holds on a real Slurm: whatever is killed, datasets and training end the same.
+"""scripts/cluster on a real Slurm: after any kills, datasets and training end the same.
 
     GRASPMILL_DATASET=path/to/dataset python -m pytest -s tests/python/test_slurm.py
 
-The cluster is on loopback (slurm.py); where there is no Slurm, the tests are skipped and say why.
+The cluster is on loopback (slurm.py); without Slurm the tests are skipped with a reason.
 """
 
 import contextlib
@@ -79,7 +79,7 @@ def assert_same(made, wanted):
 
 
 def log_of(folder, job="*"):
-    """What a job or all have said so far, every task and every start of it."""
+    """The output of a job, or of all jobs, so far: every task and every start."""
     return "".join(path.read_text() for path in sorted(folder.glob(f"*-{job}[._]*")))
 
 
@@ -88,7 +88,7 @@ def starts(folder, job="*"):
 
 
 def metrics(folder):
-    """The epochs, without what the clock says."""
+    """The epochs without their times."""
     path = folder / "metrics.jsonl"
     lines = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
     return [{key: value for key, value in line.items() if key != "seconds"} for line in lines]
@@ -98,10 +98,10 @@ SUSPENDED = "T"
 
 
 class Chaos:
-    """Blows at a cluster, until none is left."""
+    """Injects a series of faults into a cluster."""
 
     def __init__(self, cluster, work_s):
-        """Blows are dealt within about the time that the work takes when it is left alone."""
+        """Faults are distributed over about the undisturbed run time."""
         self.cluster = cluster
         self.dice = random.Random(SEED)
         self.left = ["kill"] * KILLS + ["stop"] * STOPS + ["lose"] * LOSSES
@@ -111,7 +111,7 @@ class Chaos:
         self.lost = {}  # nodes, and when their tasks go on
 
     def run(self, job):
-        """Strikes until the job is over; what Slurm has not brought to its end in time is cancelled."""
+        """Injects faults until the job is over; cancels what Slurm has not finished in time."""
         ends = time.monotonic() + ROUND_S
         while not self.cluster.is_over(job) and time.monotonic() < ends:
             time.sleep(self.dice.expovariate(1 / self.every_s))
@@ -127,7 +127,7 @@ class Chaos:
             self.dealt[self.left.pop()] += 1
 
     def hit_generator(self, blow):
-        """Whether there was one: what can be suspended was alive."""
+        """Whether a process was there to suspend."""
         known = [pid for name in self.cluster.nodes if name not in self.lost for pid in self.tasks(name)]
         if not known:
             return False
@@ -141,7 +141,7 @@ class Chaos:
         return was_alive
 
     def lose_node(self):
-        """A busy node falls silent. Slurm starts its tasks elsewhere, and then they go on: shards have two writers."""
+        """Suspends a busy node. Slurm restarts its tasks elsewhere, and then the old ones continue: shards have two writers."""
         busy = [name for name in self.cluster.nodes if name not in self.lost and self.tasks(name)]
         if not busy:
             return False
@@ -157,7 +157,7 @@ class Chaos:
         return self.cluster.processes("generator", SLURMD_NODENAME=node)
 
     def heal(self, now):
-        """Whether no node is lost any more. One returns when its old tasks have ended: Slurm would end them."""
+        """Whether all nodes are back. A node returns when its old tasks have ended, because Slurm would end them."""
         for name in [name for name, back in self.lost.items() if back <= now]:
             for pid in self.tasks(name):
                 self.dealt["wake"] += slurm.state_of(pid) == SUSPENDED
@@ -207,7 +207,7 @@ def test_few_tasks_make_many_shards(tmp_path):
 
 
 def warn(cluster, job):
-    """As --signal does before the time limit: nobody is told but the script."""
+    """Like --signal before the time limit: only the script receives the signal."""
     cluster.call("scancel", "--signal=TERM", "--batch", job)
 
 
@@ -230,7 +230,7 @@ def preempt(cluster, _):
 
 
 def interrupt(cluster, job, how):
-    """Suspends the trainer until it is told to stop, so that it does not end before, however fast it is."""
+    """Suspends the trainer until the stop signal, so that a fast trainer cannot end earlier."""
     (trainer,) = cluster.processes("trainer")
     slurm.send(trainer, signal.SIGSTOP)
     how(cluster, job)
@@ -240,7 +240,7 @@ def interrupt(cluster, job, how):
 
 
 def is_told(pid):
-    """Whether a SIGTERM waits for it or has ended it."""
+    """Whether a SIGTERM is pending or has ended it."""
     with contextlib.suppress(OSError):
         rows = dict(row.split(":", 1) for row in Path(f"/proc/{pid}/status").read_text().splitlines())
         return not slurm.is_alive(pid) or int(rows["ShdPnd"], 16) >> (signal.SIGTERM - 1) & 1 == 1

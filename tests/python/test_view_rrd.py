@@ -1,4 +1,4 @@
-"""scripts/view_rrd.py on made-up views: what it records can be read back."""
+"""scripts/view_rrd.py on synthetic views: the recording can be read back."""
 
 import json
 import subprocess

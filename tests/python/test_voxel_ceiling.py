@@ -1,4 +1,4 @@
-"""scripts/voxel_ceiling.py on tables whose ceiling is known."""
+"""scripts/voxel_ceiling.py on tables with a known ceiling."""
 
 import sys
 from itertools import combinations
