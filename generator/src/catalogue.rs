@@ -135,7 +135,7 @@ impl Catalogue {
             let missing = objects.iter().filter(|name| number(name).is_none());
             problems.extend(missing.map(|missing| format!("set {name}: there is no object {missing}")));
             if number(name).is_some() || sets.iter().any(|(other, _)| other == name) || objects.is_empty() {
-                problems.push(format!("set {name}: a set has a name of its own and at least one object"));
+                problems.push(format!("set {name}: a set must have a unique name and at least one object"));
             }
             sets.push((name.clone(), objects.iter().filter_map(number).collect()));
         }

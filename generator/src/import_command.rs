@@ -122,7 +122,7 @@ pub(crate) fn run_import(arguments: &ImportArguments) -> anyhow::Result<ExitCode
     Ok(ExitCode::Ok)
 }
 
-/// Taking meshes apart takes minutes: what cannot be written after them is told before.
+/// Decomposing meshes takes minutes, so unwritable outputs are reported before.
 fn can_hold(path: &Path) -> Result<(), CatalogueFileError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if path.is_dir() || !folder.is_dir() { Err(CatalogueFileError::Nowhere(path.to_owned())) } else { Ok(()) }

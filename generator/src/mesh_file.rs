@@ -143,7 +143,7 @@ fn solids_of(text: &str) -> Result<Vec<String>, String> {
             }
             continue;
         }
-        let solid = open.as_mut().ok_or_else(|| format!("it must go on with solid, got {line:?}"))?;
+        let solid = open.as_mut().ok_or_else(|| format!("the next line must begin with solid, got {line:?}"))?;
         solid.push_str(if line.starts_with("facet") { "facet normal 0 0 1" } else { line });
         solid.push('\n');
         if line.starts_with("endsolid") {

@@ -64,7 +64,7 @@ impl ViewLaw {
 /// Draws the views of a scene: their count, then radius, polar angle and azimuth of each.
 ///
 /// # Panics
-/// If `law.count_min > law.count_max`; [`ViewLaw::problems`] tells beforehand.
+/// If `law.count_min > law.count_max`; [`ViewLaw::problems`] reports this.
 #[must_use]
 pub fn draw_views(law: &ViewLaw, grid: &Grid, stream: &mut Stream) -> Vec<View> {
     assert!(law.count_min <= law.count_max, "no count between {} and {}", law.count_min, law.count_max);

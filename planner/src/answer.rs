@@ -214,7 +214,7 @@ impl std::fmt::Display for Drop {
             Self::Collision { points } => write!(f, "the hand would pass through {points} points of the cloud"),
             Self::NoHand => write!(f, "no hand about it closes on anything flat by a free way"),
             Self::NoObject => write!(f, "belongs to no object"),
-            Self::BeyondLimit => write!(f, "beyond the number of grasps asked for"),
+            Self::BeyondLimit => write!(f, "beyond the requested number of grasps"),
         }
     }
 }

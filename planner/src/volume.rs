@@ -98,7 +98,7 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
         ));
     }
     if eyes_m.is_empty() {
-        warnings.push("nobody said where the cloud was seen from: taken as seen from straight above".to_owned());
+        warnings.push("no viewpoint was given: the cloud is assumed to be seen from straight above".to_owned());
     }
     let from_above = [above(grid)];
     let eyes_m = if eyes_m.is_empty() { &from_above } else { eyes_m };

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use clap::{Command, Subcommand};
 use clap_complete::Shell;
 
-/// What is asked for.
+/// The requested document.
 #[derive(Debug, Clone, Subcommand)]
 pub enum Manual {
     /// Print completions for a shell, to be sourced or put where the shell looks for them
@@ -35,7 +35,7 @@ pub struct Settings {
     pub toml: &'static str,
 }
 
-/// Columns of the text in the reference: the same wherever it is made.
+/// Columns of the text in the reference, independent of the terminal.
 const TEXT_WIDTH: usize = 110;
 
 impl Manual {

@@ -23,7 +23,7 @@ pub fn print_error(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
-/// Writes the file that a person asked for, as [`publish`] does.
+/// Writes a requested output file with [`publish`].
 ///
 /// # Errors
 /// If it cannot be written; the message names it.

@@ -20,9 +20,9 @@ pub struct Figure {
     pub x: Scale,
     /// The vertical axis.
     pub y: Scale,
-    /// What is shown; named lines stand in the legend, in this order.
+    /// The lines; named ones appear in the legend, in this order.
     pub lines: Vec<Line>,
-    /// What is shown behind the lines; named bars stand in the legend, before them.
+    /// Bars behind the lines; named ones appear in the legend, before the lines.
     pub bars: Vec<Bars>,
 }
 

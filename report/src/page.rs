@@ -13,7 +13,7 @@ pub struct Page {
     pub title: String,
     /// What it is about, in a sentence or two.
     pub lead: String,
-    /// What a reader wants to know first: a number and what it is.
+    /// A headline number with its label.
     pub tiles: Vec<(String, String)>,
     /// What a reader should be worried about.
     pub warnings: Vec<String>,
@@ -74,7 +74,7 @@ pub enum Cell {
     Text(String),
     /// Something from a program: a name, a hash, a path.
     Code(String),
-    /// A number, as it is to be read.
+    /// The number as text.
     Number(String),
     /// A share from 0 to 1 as a bar, and in words beside it.
     Bar(f64, String),

@@ -32,7 +32,7 @@ pub struct View {
     pub events: Vec<Event>,
     /// What is known besides.
     pub facts: Vec<Fact>,
-    /// Classes that are not shown until somebody asks for them.
+    /// Classes that are hidden until the reader selects them.
     pub hidden: Vec<String>,
 }
 

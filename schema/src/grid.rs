@@ -70,7 +70,7 @@ impl Grid {
         self.resolution == 0
     }
 
-    /// Where voxel `(i, j, k)` stands in a flat array: x slowest, z fastest.
+    /// Index of voxel `(i, j, k)` in a flat array: x slowest, z fastest.
     #[must_use]
     pub fn flat(&self, [i, j, k]: [usize; 3]) -> usize {
         (i * self.resolution + j) * self.resolution + k

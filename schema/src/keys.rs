@@ -1,4 +1,4 @@
-//! Holding a TOML document's keys against a reference document, so that *all* that is wrong is told at once.
+//! Compares a TOML document's keys with a reference document and reports *all* faults at once.
 
 use toml::{Table, Value};
 

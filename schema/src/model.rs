@@ -46,7 +46,7 @@ impl Shape {
         }
     }
 
-    /// Its name where models are not told apart: a primitive's, or `model`.
+    /// Its name where models are not distinguished: a primitive's, or `model`.
     #[must_use]
     pub fn kind_name(self) -> &'static str {
         match self {

@@ -1,17 +1,20 @@
-//! Samples from attempts: an attempt by a rule is one; the attempts along one point's normal are one together, as VGN makes it.
+//! Samples from attempts. An attempt by a rule is one sample; the attempts along one point's normal together are one
+//! sample, as in VGN.
 //!
-//! VGN (`generate_data.py`: `evaluate_grasp_point`) tries several yaws about a point's normal. The point is good if one of them held; its
-//! orientation and width are those in the middle of the widest run of yaws that held. The published code looks for that run between
-//! 0 and π; a half turn is the same grasp, so here the run goes round. VGN's grasps have their origin between the roots of the fingers,
-//! not between the tips, and so have these samples. The trainer and the export in VGN's format both make them here.
+//! VGN (`generate_data.py`: `evaluate_grasp_point`) tries several yaws about a point's normal. The point is positive if
+//! one of them held; its orientation and width are those in the middle of the widest run of yaws that held. The
+//! published code searches that run between 0 and π. A half turn gives the same grasp, so here the run wraps around.
+//! VGN's grasps have their origin between the roots of the fingers, not between the tips, and so have these samples.
+//! The trainer and the export in VGN's format share this code.
 
 use core::f32::consts::PI;
 
 use crate::{AttemptRecord, Gripper};
 
-/// Of each sample the attempt that stands for it, its grasp where the network is to find it: an attempt by a rule as it is, and for
-/// the attempts in a row along one point's normal the middle of the widest run of yaws that held (or the first, if none did) with its
-/// origin between the roots of the fingers. `attempts` are in the order of the table.
+/// The representative attempt of each sample, with its grasp at the network's position. An attempt by a rule is
+/// unchanged. For consecutive attempts along one point's normal it is the middle of the widest run of yaws that held
+/// (or the first, if none held), with its origin between the roots of the fingers. `attempts` are in the order of the
+/// table.
 #[must_use]
 pub fn samples_of(attempts: &[AttemptRecord], gripper: &Gripper) -> Vec<AttemptRecord> {
     attempts.chunk_by(|a, b| is_along_normal(a) && share_point(a, b)).map(|about| stand_in(about, gripper)).collect()
@@ -33,7 +36,8 @@ fn stand_in(about: &[AttemptRecord], gripper: &Gripper) -> AttemptRecord {
     chosen
 }
 
-/// The middle of the most yaws in a row that held; of equals the first, of an even number the earlier. `None` if none held.
+/// The middle of the longest run of yaws that held; the first of equal runs, and the earlier middle of an even run.
+/// `None` if none held.
 fn widest_run(about: &[AttemptRecord]) -> Option<usize> {
     let count = about.len();
     let held = |at: usize| about[at % count].label() == 1;
@@ -47,7 +51,7 @@ fn widest_run(about: &[AttemptRecord]) -> Option<usize> {
     Some((widest.1 + (widest.0 - 1) / 2) % count)
 }
 
-/// Whether the yaws divide a half turn evenly: the last point of a dataset may have lost some.
+/// Whether the yaws divide a half turn evenly; the last point of a dataset may lack some.
 fn goes_round(about: &[AttemptRecord]) -> bool {
     let step_rad = PI / about.len() as f32;
     about.iter().enumerate().all(|(yaw, attempt)| (attempt.turn_rad - yaw as f32 * step_rad).abs() < 1e-3)
@@ -86,7 +90,7 @@ mod tests {
         Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap()
     }
 
-    /// Runs found by hand; "100011" goes round: 4, 5, 0.
+    /// Runs found by hand; "100011" wraps around: 4, 5, 0.
     #[test]
     fn a_point_is_its_widest_run_of_yaws() {
         for (held, middle) in [

@@ -1,5 +1,5 @@
 //! The rules that grasps are drawn by, by name: the rows of the paper's Appendix A, and VGN's approach along the
-//! surface's normal. The laws of the rows stand in `law.rs`.
+//! surface's normal. `law.rs` has the distributions of the rows.
 
 use crate::{Shape, ShapeKind, Vec3};
 

@@ -79,7 +79,10 @@ fn what_killed_writers_left_is_counted_then_removed() {
     says(&program(&dir, &["gc", "ds", "--all"]), 0, "1 files of killed writers removed, 11 B");
     leave();
     check_ok(&run(&dir, "ds", &[]));
-    assert!(!dir.path().join("ds/scenes/.x#elsewhere-7-abc.tmp").exists(), "nobody needs it when all is there");
+    assert!(
+        !dir.path().join("ds/scenes/.x#elsewhere-7-abc.tmp").exists(),
+        "a staging file of a complete dataset must be removed"
+    );
     leave();
     says(&program(&dir, &["gc", "ds"]), 0, "1 files of killed writers removed, 11 B");
 }

@@ -132,7 +132,7 @@ fn meshes_are_measured_and_become_a_catalogue() {
     let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
     let catalogue = generator::catalogue::Catalogue::parse(&text, Path::new("x")).unwrap();
     assert_eq!(catalogue.names(), ["cube", "ell", "wedge_piece"]);
-    // Again the same, and not over somebody's changes.
+    // The same again, without overwriting a user's changes.
     check_ok(&import(&dir, &["--density", "1000"]));
     check_fails(&import(&dir, &["--mass", "0.2"]), 78, &["--force replaces it", "my-objects.toml"]);
     let table = check_ok(&import(&dir, &["--mass", "0.2", "--friction", "0.5", "--hulls-max", "1", "--force"]));

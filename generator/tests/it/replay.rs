@@ -24,7 +24,7 @@ fn id(scene_id: u64, attempt_id: u32) -> AttemptId {
 
 fn check_view(view: &View, outcome: Outcome) {
     let frames = view.frames.len();
-    assert!(view.frames.windows(2).all(|pair| pair[0].time_s < pair[1].time_s), "{}: time goes on", view.title);
+    assert!(view.frames.windows(2).all(|pair| pair[0].time_s < pair[1].time_s), "{}: time increases", view.title);
     assert!(view.events.iter().all(|event| event.frame < frames), "{}", view.title);
     assert!(view.events.is_sorted_by_key(|event| event.frame), "{}", view.title);
     for body in &view.bodies {
@@ -125,7 +125,7 @@ fn what_is_raised_with_the_target_is_reproduced_and_shown() {
     assert!(plate.label.starts_with("object 1: cuboid"), "{}", plate.label);
     let raised_m = plate.poses.last().unwrap()[2] - plate.poses[0][2];
     assert!((raised_m - 0.1).abs() < 0.005, "the plate goes up by the retreat, by {raised_m} m");
-    assert!(replayed.told().contains("object 1 was raised by "), "{}", replayed.told());
+    assert!(replayed.told().contains("the lift raised object 1 by "), "{}", replayed.told());
 }
 
 fn replayed(dir: &Path, dataset: &str, flags: &[&str]) -> Output {

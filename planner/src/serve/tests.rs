@@ -219,7 +219,7 @@ fn the_silent_and_the_trickling_are_hung_up_on() {
     trickling.write_all(b"GET /healthz HTTP/1.1\r\n").unwrap();
     // The write fails some time after the other side has closed.
     while trickling.write_all(b"a: b\r\n").is_ok() {
-        assert!(started.elapsed() < Duration::from_secs(20), "a head may go on for ever");
+        assert!(started.elapsed() < Duration::from_secs(20), "the service must limit the time of a header");
         std::thread::sleep(Duration::from_millis(20));
     }
     assert!(started.elapsed() >= Duration::from_millis(300));

@@ -106,7 +106,7 @@ fn kind(kind: EventKind) -> &'static str {
     }
 }
 
-/// JSON that no text in it can end early: in JSON `<` only stands in strings, and there it may be written so.
+/// JSON in which no text can end the script element early: `<` occurs only in JSON strings, where it may be escaped.
 fn in_script(json: &str) -> String {
     json.replace('<', "\\u003c")
 }
