@@ -1,4 +1,4 @@
-//! What a dataset's files hold and how it is checked: columns, rows, `meta/`, and the frame of a Parquet file.
+//! The content of a dataset's files and its checks: columns, rows, `meta/`, and the frame of a Parquet file.
 
 pub(crate) mod check;
 pub(crate) mod column;

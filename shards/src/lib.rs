@@ -1,17 +1,17 @@
-//! How the records of a dataset lie on disk: three Parquet tables, their manifest, and the way a shard appears whole
-//! or not at all. The only crate that knows Parquet, and the only one that talks to object stores.
+//! The records of a dataset on disk: three Parquet tables, their manifest, and the atomic commit of a shard. The only
+//! crate that uses Parquet, and the only one that accesses object stores.
 //!
 //! # A dataset's folder
 //!
 //! ```text
 //! README.md                                  dataset card, made by finalize
-//! meta/info.json                             what the dataset is: written first; its SHA-256 is the dataset's id
-//! meta/shards/00003.json                     marker: written last; the shard counts iff it is there
-//! meta/manifest.json                         every marker and their sum: there iff the dataset is complete
-//! _SUCCESS                                   empty: made after the manifest
-//! attempts/shard-00003-of-00064.parquet      one row an attempt
-//! scenes/shard-00003-of-00064.parquet        one row a scene, with its TSDF
-//! objects/shard-00003-of-00064.parquet       one row an object
+//! meta/info.json                             the identity: written first; its SHA-256 is the dataset's id
+//! meta/shards/00003.json                     marker: written last; a shard exists iff its marker does
+//! meta/manifest.json                         all markers and their sum: exists iff the dataset is complete
+//! _SUCCESS                                   empty: written after the manifest
+//! attempts/shard-00003-of-00064.parquet      one row per attempt
+//! scenes/shard-00003-of-00064.parquet        one row per scene, with its TSDF
+//! objects/shard-00003-of-00064.parquet       one row per object
 //! ```
 //!
 //! # Writing and reading

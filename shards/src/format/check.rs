@@ -1,5 +1,5 @@
-//! What must hold for a row. Checked before rows are written and again after they are read, so that neither a
-//! defect of the generator nor one of the reader passes as data.
+//! The rules for rows. They are checked before rows are written and again after rows are read, so that neither a defect
+//! of the generator nor one of the reader becomes data.
 
 use schema::{
     AttemptRecord, Axis, Gripper, HitKind, ObjectRecord, ObjectShape, Outcome, Pose, SceneRecord, SceneRows, Shape,
@@ -8,7 +8,7 @@ use schema::{
 
 use crate::DatasetInfo;
 
-/// A row that cannot be.
+/// A row that breaks a rule.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct RowError(pub String);
@@ -17,11 +17,11 @@ pub struct RowError(pub String);
 pub const QUATERNION_TOLERANCE: f32 = 1e-4;
 /// Positions lie within this distance of the workspace's origin, in metres.
 pub const POSITION_M_MAX: f32 = 10.0;
-/// An opening may pass the ends of its range by this, in metres: fingers and objects give a little.
+/// An opening may exceed its range by this, in metres, because contacts are slightly soft.
 pub const WIDTH_TOLERANCE_M: f32 = 0.002;
-/// Most camera poses of a scene.
+/// Maximum number of camera poses of a scene.
 pub const VIEWS_MAX: usize = 256;
-/// Observed TSDF values lie in this range: (±0.98 + 1) / 2, and a little for rounding.
+/// Observed TSDF values are in this range: (±0.98 + 1) / 2 with a tolerance for rounding.
 const TSDF: (f32, f32) = (0.0099, 0.9901);
 
 type Checked = Result<(), RowError>;
@@ -101,7 +101,8 @@ pub(crate) fn object(object: &ObjectRecord) -> Checked {
     pose(&name, &object.workspace_from_object)
 }
 
-/// Checks that an object is of the dataset's models, or, if it has none, a primitive: what is read cannot be otherwise.
+/// Checks that an object is one of the dataset's models or, if the dataset has none, a primitive. Rows that are read
+/// always are.
 fn model(object: &ObjectRecord, info: &DatasetInfo) -> Checked {
     let fits = match &object.shape {
         ObjectShape::Solid(_) => info.models.is_empty(),
@@ -183,7 +184,7 @@ pub(crate) fn scene_rows(rows: &SceneRows, info: &DatasetInfo) -> Checked {
     rows.attempts.iter().try_for_each(|a| attempt(a, &info.gripper))
 }
 
-/// Checks the keys among the rows of one scene: ids count up from 0, attempts point at objects of their shape.
+/// Checks the keys among the rows of one scene: ids count up from 0, and attempts refer to objects of their shape.
 ///
 /// # Errors
 /// [`RowError`] with the rule, the value and the limit.
@@ -226,7 +227,7 @@ fn ids(table: &str, expected: (u64, u32), got: (u64, u32)) -> Checked {
     })
 }
 
-/// Whether a stored volume is that of the shape, to 0.1 %.
+/// Whether a stored volume equals that of the shape within 0.1 %.
 pub(crate) fn is_volume(stored_m3: f32, object: &ObjectRecord) -> bool {
     let exact = object.shape.volume_m3();
     (stored_m3 - exact).abs() <= 1e-3 * exact

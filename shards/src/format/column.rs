@@ -1,5 +1,5 @@
-//! The columns of the three tables. A column's name, type, unit and meaning stand here and nowhere else: the Arrow
-//! schema, the dataset card and the reference in the docs are made from this table.
+//! The columns of the three tables. This is the only definition of a column's name, type, unit and meaning: the Arrow
+//! schema, the dataset card and the reference in the docs are made from it.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -9,11 +9,11 @@ use arrow::datatypes::{DataType, Field, Fields, Metadata, Schema, SchemaRef};
 /// The three tables of a dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Table {
-    /// One row an attempt.
+    /// One row per attempt.
     Attempts,
-    /// One row a scene.
+    /// One row per scene.
     Scenes,
-    /// One row an object.
+    /// One row per object.
     Objects,
 }
 
@@ -24,7 +24,7 @@ pub enum Kind {
     I64,
     /// 32-bit integer.
     I32,
-    /// 8-bit integer without sign.
+    /// Unsigned 8-bit integer.
     U8,
     /// Single precision.
     F32,
@@ -131,7 +131,7 @@ const OBJECTS: &[Column] = &[
     column("qw", Kind::F32, "Unit quaternion workspace_from_object, w"),
 ];
 
-/// Name of a list's element in every nested column, as the Parquet specification asks.
+/// Name of a list's element in every nested column, as the Parquet specification requires.
 const ELEMENT: &str = "element";
 
 impl Table {
@@ -201,7 +201,7 @@ impl Kind {
         }
     }
 
-    /// The type as people write it, for the card and the docs.
+    /// The type as text, for the card and the docs.
     #[must_use]
     pub fn describe(self, resolution: usize) -> String {
         match self {

@@ -1,5 +1,5 @@
-//! Arrow columns to rows. The schema was compared before; here every value is parsed into its domain type, and what a
-//! domain type cannot hold is an error.
+//! Arrow columns to rows. The schema was compared before. Every value is parsed into its domain type; a value outside
+//! the domain is an error.
 
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Ve
     (0..batch.num_rows())
         .map(|row| {
             let named = rule[row].ok_or_else(|| there("rule", row))?;
-            // A model's rule does not say which model: the shape does.
+            // A model's rule does not name the model; the shape does.
             let found = Rule {
                 shape: shape[row].ok_or_else(|| there("shape", row))?,
                 approach: approach[row].ok_or_else(|| there("approach_axis", row))?,
@@ -72,7 +72,7 @@ pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Ve
         .collect()
 }
 
-/// An axis, or that none decides.
+/// An axis, or none.
 fn axis(name: &str) -> Option<Option<Axis>> {
     if name == NO_AXIS { Some(None) } else { Axis::from_name(name).map(Some) }
 }

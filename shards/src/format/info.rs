@@ -1,5 +1,5 @@
-//! `meta/info.json`: what a dataset is, before its first row. Its bytes name the dataset: the id in every marker is
-//! their SHA-256, so no shard of another config, seed or code version can slip in.
+//! `meta/info.json`: the identity of a dataset, written before its first row. The dataset's id is the SHA-256 of its
+//! bytes and is part of every marker, so shards of another config, seed or code version cannot be mixed in.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -12,12 +12,12 @@ use serde_json::Value;
 use crate::format::seal;
 use crate::{FormatVersion, UnreadableVersion};
 
-/// Everything that decides a dataset's bytes.
+/// Everything that determines a dataset's bytes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DatasetInfo {
     /// Version of the format on disk.
     pub format_version: FormatVersion,
-    /// Version of the code that makes the rows; mixed versions make another dataset.
+    /// Version of the code that makes the rows; another version makes another dataset.
     pub code_version: String,
     /// Seed of every random stream.
     pub seed: u64,
@@ -35,19 +35,19 @@ pub struct DatasetInfo {
     pub gripper: Gripper,
     /// The attempt's procedure.
     pub procedure: Procedure,
-    /// The resolved config of the generator, as it likes to write it.
+    /// The resolved config of the generator, in its own format.
     pub config: Value,
-    /// What its objects are, if they are no primitives; `shape` in its rows is then a model's name.
+    /// Its objects, if they are not primitives; `shape` in its rows is then a model's name.
     pub models: Vec<Arc<Model>>,
 }
 
-/// Why a `meta/info.json` cannot be.
+/// Why a `meta/info.json` is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum InfoError {
     /// Not JSON, or not these keys.
     #[error("not a dataset's info: {0}")]
     Parse(String),
-    /// Of another time.
+    /// An unsupported version.
     #[error(transparent)]
     Version(#[from] UnreadableVersion),
     /// Values out of range, all of them.
@@ -62,15 +62,15 @@ impl Exit for InfoError {
     }
 }
 
-/// Most shards: their numbers have five digits.
+/// Maximum number of shards: their indices have five digits.
 pub const SHARDS_MAX: u32 = 100_000;
-/// Finest TSDF along a side.
+/// Maximum resolution of a TSDF along a side.
 pub const RESOLUTION_MAX: usize = 128;
-/// Most attempts of a dataset.
+/// Maximum number of attempts of a dataset.
 pub const ATTEMPTS_MAX: u64 = 1_000_000_000_000;
 
 impl DatasetInfo {
-    /// The scenes of a shard, spread evenly: `s·N/S .. (s+1)·N/S`.
+    /// The scenes of a shard, distributed evenly: `s·N/S .. (s+1)·N/S`.
     ///
     /// # Panics
     /// If `shard` is not below [`Self::shard_count`].
@@ -108,7 +108,7 @@ impl DatasetInfo {
         scene_id.saturating_mul(u64::from(self.attempts_per_scene)).min(self.attempt_count)
     }
 
-    /// What is out of range, one message each.
+    /// The values out of range, one message each.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
         let mut problems = self.gripper.problems();
@@ -173,7 +173,7 @@ impl DatasetInfo {
         problems
     }
 
-    /// The text of `meta/info.json`: the same bytes for the same info, whatever the machine.
+    /// The text of `meta/info.json`: the same bytes for the same info on every machine.
     #[must_use]
     pub fn to_json(&self) -> String {
         let json = InfoJson {
@@ -204,7 +204,7 @@ impl DatasetInfo {
     /// The info in a `meta/info.json`.
     ///
     /// # Errors
-    /// [`InfoError`] if the text is no such file, of an unknown version, or says what cannot be.
+    /// [`InfoError`] if the text is not such a file, has an unknown version, or contains invalid values.
     pub fn from_json(text: &str) -> Result<Self, InfoError> {
         let head: HeadJson = serde_json::from_str(text).map_err(|e| InfoError::Parse(e.to_string()))?;
         head.format_version.check_readable()?;
@@ -227,15 +227,15 @@ impl DatasetInfo {
         if problems.is_empty() { Ok(info) } else { Err(InfoError::Range(problems)) }
     }
 
-    /// The id of a dataset that is begun with this info: SHA-256 of [`Self::to_json`], in hex. Of a dataset that is
-    /// there the id is [`crate::Dataset::id`]: numbers of an info that was read may differ in their last digit.
+    /// The id of a dataset that is begun with this info: SHA-256 of [`Self::to_json`], in hex. For an existing dataset
+    /// use [`crate::Dataset::id`], because numbers of a parsed info may differ in their last digit.
     #[must_use]
     pub fn dataset_id(&self) -> String {
         seal::sha256_hex(self.to_json().as_bytes())
     }
 }
 
-// These texts are part of the file and so of every dataset's id: a word changed here makes other datasets.
+// These texts are part of the file and so of every dataset's id: changing a word makes other datasets.
 const ABOUT: &str = "A Graspmill dataset: simulated parallel-jaw grasp attempts on random stacked scenes. This file \
                      was written before the first row; its SHA-256 is the dataset's id.";
 const UNITS: &str = "SI: metres, kilograms, seconds, radians, newtons. A name carries its unit (width_m, tilt_rad).";
@@ -252,7 +252,7 @@ fn facets() -> String {
     format!("Round outlines have {FACETS} flat sides a full turn, in physics, in depth images and in collision tests.")
 }
 
-/// Only the version, so that a newer file is refused by its version and not by its new keys.
+/// Only the version, so that a newer file is refused for its version and not for its new keys.
 #[derive(Deserialize)]
 struct HeadJson {
     format_version: FormatVersion,
@@ -334,7 +334,7 @@ struct GridJson {
     table_z_m: f32,
 }
 
-/// The value with the keys of every object in order, whether or not serde_json was built to keep insertion order.
+/// The value with sorted keys in every object, independently of serde_json's feature for insertion order.
 fn sorted(value: &Value) -> Value {
     match value {
         Value::Object(map) => {

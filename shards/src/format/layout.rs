@@ -1,18 +1,18 @@
-//! Where things lie in a dataset's folder.
+//! Paths in a dataset's folder.
 
 use crate::Table;
 
-/// What the dataset is.
+/// The identity of the dataset.
 pub const INFO: &str = "meta/info.json";
-/// What the dataset holds.
+/// The manifest: all markers and their sum.
 pub const MANIFEST: &str = "meta/manifest.json";
 /// The dataset card.
 pub const CARD: &str = "README.md";
 
-/// Empty, and there iff the dataset is complete: written last, for those who look for nothing else.
+/// An empty file that exists iff the dataset is complete: written last, for tools that check only this file.
 pub const SUCCESS: &str = "_SUCCESS";
 
-/// Scenes of a row group, in every table: row group `k` of each holds the same scenes.
+/// Scenes per row group; row group `k` holds the same scenes in every table.
 pub const SCENES_PER_ROW_GROUP: u64 = 256;
 
 /// A shard's file of a table, such as `attempts/shard-00003-of-00064.parquet`.

@@ -1,5 +1,5 @@
-//! Sealed JSON: a pretty-printed object whose last key, `seal`, is the SHA-256 of the text without it. A manifest of
-//! 64 checksums is only as good as its own; one flipped digit in a row count must not pass.
+//! Sealed JSON: a pretty-printed object whose last key, `seal`, is the SHA-256 of the text without it. It detects
+//! damage to markers and the manifest, such as a flipped digit in a row count.
 
 use std::fs::File;
 use std::io::{Read, Seek};
@@ -11,13 +11,13 @@ use sha2::{Digest, Sha256};
 /// Why a sealed text is refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SealError {
-    /// There is no seal at the end.
+    /// The seal at the end is missing.
     #[error("it does not end with its seal; it was cut off or edited")]
     Missing,
-    /// The seal does not belong to the text.
+    /// The seal does not match the text.
     #[error("its seal does not fit; it was edited or damaged")]
     Broken,
-    /// Sealed, but not what it should be.
+    /// The seal matches, but the content is not as expected.
     #[error("not understood: {0}")]
     Parse(String),
 }
@@ -32,7 +32,7 @@ pub(crate) fn sha256_hex(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
 
-/// SHA-256 of a file in hex, read a megabyte at a time; the file stands at its beginning again.
+/// SHA-256 of a file in hex, read a megabyte at a time; rewinds the file.
 pub(crate) fn sha256_of_file(file: &mut File) -> std::io::Result<String> {
     let mut hash = Sha256::new();
     let mut buffer = vec![0; 1 << 20];
@@ -55,7 +55,7 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
     })
 }
 
-/// Pretty JSON with a newline at the end. The types written this way have string keys and so cannot fail.
+/// Pretty JSON with a final newline. Types with string keys cannot fail.
 pub(crate) fn pretty(value: &impl Serialize) -> String {
     let mut text = serde_json::to_string_pretty(value).unwrap_or_default();
     text.push('\n');
@@ -64,7 +64,7 @@ pub(crate) fn pretty(value: &impl Serialize) -> String {
 
 /// The sealed text of a struct with at least one field.
 pub(crate) fn seal(value: &impl Serialize) -> String {
-    // In place: a manifest of a hundred thousand shards has a quarter of a gigabyte.
+    // In place, because the manifest of a hundred thousand shards has a quarter of a gigabyte.
     let mut text = pretty(value);
     text.truncate(text.strip_suffix(END).unwrap_or(&text).len());
     let digest = sha256_hex(text.as_bytes());
@@ -72,10 +72,10 @@ pub(crate) fn seal(value: &impl Serialize) -> String {
     text
 }
 
-/// What a sealed text holds.
+/// Parses a sealed text.
 ///
 /// # Errors
-/// [`SealError`] unless the text is exactly what [`seal`] wrote.
+/// [`SealError`] unless the text is exactly as [`seal`] wrote it.
 pub(crate) fn unseal<T: DeserializeOwned>(mut text: Vec<u8>) -> Result<T, SealError> {
     let rest = text.strip_suffix(TAIL.as_bytes()).ok_or(SealError::Missing)?;
     let length = rest.len().checked_sub(HEAD.len() + DIGEST_LENGTH).ok_or(SealError::Missing)?;

@@ -1,4 +1,4 @@
-//! What a shard and a dataset hold, counted: the markers under `meta/shards/` and `meta/manifest.json`.
+//! Counts of a shard and of a dataset: the markers under `meta/shards/` and `meta/manifest.json`.
 
 use std::collections::BTreeMap;
 
@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::{DatasetInfo, FormatVersion, Table};
 
-/// Most bytes of a file, so that sums over all shards are numbers.
+/// Maximum size of a file, so that sums over all shards do not overflow.
 const FILE_BYTES_MAX: u64 = 1 << 44;
 
-/// A sum of numbers that somebody wrote; what is too large for a number stays the largest.
+/// A saturating sum of untrusted numbers.
 fn sum(numbers: impl IntoIterator<Item = u64>) -> u64 {
     numbers.into_iter().fold(0, u64::saturating_add)
 }
@@ -64,7 +64,7 @@ impl Tally {
     }
 }
 
-/// Scenes thrown away, by reason.
+/// Rejected scenes by reason.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RejectionCounts {
@@ -77,7 +77,7 @@ pub struct RejectionCounts {
 }
 
 impl RejectionCounts {
-    /// All of them.
+    /// All rejected scenes.
     #[must_use]
     pub fn total(&self) -> u64 {
         sum([self.unsettled, self.empty, self.unstable])
@@ -96,7 +96,7 @@ impl RejectionCounts {
     }
 }
 
-/// Rows counted: of a shard, or of all.
+/// Counts of rows of a shard, or of all shards.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Counts {
@@ -110,12 +110,12 @@ pub struct Counts {
     pub outcomes: BTreeMap<String, u64>,
     /// Attempts by rule, and the positive ones; every rule has an entry.
     pub rules: BTreeMap<String, Tally>,
-    /// Scenes thrown away on the way.
+    /// Rejected scenes.
     pub rejections: RejectionCounts,
 }
 
 impl Counts {
-    /// Nothing counted yet.
+    /// Empty counts.
     #[must_use]
     pub fn zero() -> Self {
         Self {
@@ -170,7 +170,7 @@ impl Counts {
     }
 }
 
-/// A shard's marker, `meta/shards/00003.json`, written last: the shard counts iff this is there.
+/// A shard's marker, `meta/shards/00003.json`, written last: the shard exists iff its marker does.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShardSummary {
@@ -184,7 +184,7 @@ pub struct ShardSummary {
     pub scenes: FileSummary,
     /// Its objects.
     pub objects: FileSummary,
-    /// What it holds.
+    /// Its counts.
     pub counts: Counts,
 }
 
@@ -199,7 +199,7 @@ impl ShardSummary {
         }
     }
 
-    /// What does not fit the dataset or itself, one message each.
+    /// Contradictions to the dataset or within itself, one message each.
     #[must_use]
     pub fn problems(&self, info: &DatasetInfo, dataset_id: &str) -> Vec<String> {
         let mut problems = Vec::new();
@@ -236,7 +236,7 @@ impl ShardSummary {
             if *bytes > FILE_BYTES_MAX {
                 problems.push(format!("bytes of {path} must be at most {FILE_BYTES_MAX}, got {bytes}"));
             }
-            // A row takes some bytes; a file with more rows than bytes would unfold to any size.
+            // A row takes at least one byte; a file with more rows than bytes could decompress to any size.
             if rows > bytes {
                 problems.push(format!("rows of {path} must be at most its {bytes} bytes, got {rows}"));
             }
@@ -245,8 +245,7 @@ impl ShardSummary {
     }
 }
 
-/// The whole dataset, `meta/manifest.json`: every marker in order, and their sum. There is one iff the dataset is
-/// complete.
+/// The manifest, `meta/manifest.json`: every marker in order, and their sum. It exists iff the dataset is complete.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
@@ -274,7 +273,7 @@ impl Manifest {
         sum(self.shards.iter().map(|s| s.file(table).bytes))
     }
 
-    /// What does not fit the dataset or itself, one message each.
+    /// Contradictions to the dataset or within itself, one message each.
     #[must_use]
     pub fn problems(&self, info: &DatasetInfo, dataset_id: &str) -> Vec<String> {
         let mut problems = Vec::new();

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Version of a dataset's format. It grows when a reader of the version before would fail or misunderstand; a dataset has the
-/// lowest that says what it is, so that older programs read what they can.
+/// Version of a dataset's format. It increases if readers of the previous version would fail or misinterpret the data.
+/// A dataset has the lowest version that describes it, so that older programs can read it if possible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct FormatVersion(u32);
@@ -12,11 +12,11 @@ pub struct FormatVersion(u32);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("format_version must be between {} and {}, got {got}; {hint}", .oldest.0, .newest.0, hint = if .got > .newest { "read it with a newer graspmill" } else { "no graspmill wrote that" }, got = .got.0)]
 pub struct UnreadableVersion {
-    /// What the dataset says.
+    /// The dataset's version.
     pub got: FormatVersion,
-    /// Oldest that can be read.
+    /// The oldest readable version.
     pub oldest: FormatVersion,
-    /// Newest that can be read.
+    /// The newest readable version.
     pub newest: FormatVersion,
 }
 
@@ -45,7 +45,7 @@ impl FormatVersion {
     /// Whether this program can read the version.
     ///
     /// # Errors
-    /// [`UnreadableVersion`] if it is older or newer than what is known here.
+    /// [`UnreadableVersion`] if it is older or newer than the supported versions.
     pub fn check_readable(self) -> Result<(), UnreadableVersion> {
         if (Self::OLDEST..=Self::NEWEST).contains(&self) {
             Ok(())

@@ -1,4 +1,4 @@
-//! What the disk or the object store refused.
+//! Errors of the disk and the object store.
 
 use std::io;
 use std::path::Path;
@@ -7,21 +7,21 @@ use program::{Exit, ExitCode};
 
 use crate::Location;
 
-/// The disk, or the object store, did not do what it was asked.
+/// A failed operation on the disk or the object store.
 #[derive(Debug, thiserror::Error)]
 #[error("failed to {action}: {source}: {at}")]
 pub struct StoreError {
-    /// What was tried.
+    /// The operation.
     pub action: &'static str,
-    /// On what.
+    /// The file or object.
     pub at: Location,
-    /// What the system said.
+    /// The system's error.
     pub source: io::Error,
 }
 
 impl Exit for StoreError {
-    /// [`ExitCode::TryAgain`], or [`ExitCode::Config`] if the same will be said again: wrong credentials, no such bucket, a
-    /// file where a folder should be.
+    /// [`ExitCode::TryAgain`], or [`ExitCode::Config`] if a retry would fail in the same way: wrong credentials, no
+    /// such bucket, a file in place of a folder.
     fn exit_code(&self) -> ExitCode {
         use io::ErrorKind::{FileTooLarge, InvalidInput, NotADirectory, PermissionDenied};
         match (&self.at, self.source.kind()) {

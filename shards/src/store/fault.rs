@@ -2,7 +2,7 @@
 
 use std::io;
 
-/// Lets tests fail an operation. Outside of tests there is none.
+/// Injects a fault in tests. Outside of tests it does nothing.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Fault {
     #[cfg(test)]
@@ -10,7 +10,7 @@ pub(crate) struct Fault {
 }
 
 impl Fault {
-    /// Asked before an operation.
+    /// Called before an operation.
     #[cfg_attr(not(test), expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "tests have a plan"))]
     pub(crate) fn check(&self) -> io::Result<()> {
         #[cfg(test)]
@@ -20,7 +20,7 @@ impl Fault {
         Ok(())
     }
 
-    /// Asked after an operation whose answer can get lost.
+    /// Called after an operation whose answer can be lost.
     #[cfg_attr(not(test), expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "tests have a plan"))]
     pub(crate) fn check_answer(&self) -> io::Result<()> {
         #[cfg(test)]
@@ -41,14 +41,14 @@ mod plan {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU64, Ordering};
 
-    /// What happens when no operation is left to pass.
+    /// The kind of fault after the passing operations.
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     pub(crate) enum Kind {
-        /// This one and all after it fail, and do nothing.
+        /// This operation and all later ones fail without effect.
         Fail,
-        /// This one is done and its answer is lost; those after it pass.
+        /// This operation is done but its answer is lost; later ones pass.
         LoseAnswer,
-        /// The program is killed before this one.
+        /// The program is killed before this operation.
         Kill,
     }
 
@@ -75,7 +75,7 @@ mod plan {
                 Kind::Fail => Err(io::ErrorKind::StorageFull.into()),
                 Kind::LoseAnswer => Ok(()),
                 Kind::Kill => {
-                    // As the system does it, so that nothing is cleaned up.
+                    // Like the system, so that nothing is cleaned up.
                     Command::new("kill").args(["-9", &std::process::id().to_string()]).status()?;
                     Err(io::ErrorKind::Interrupted.into())
                 }

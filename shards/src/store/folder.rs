@@ -1,9 +1,9 @@
-//! How the files of a dataset are published in a folder. (Any other file is replaced as a whole, by `program::publish`.)
+//! Publishing a dataset's files in a folder. (`program::publish` replaces any other file atomically.)
 //!
-//! A file is written under a staging name in its own folder (`.name#host-….tmp`, which neither readers nor globs match),
-//! flushed to the disk, given its name if nobody has it, and the folder flushed. So a name that readers know holds a whole
-//! file or nothing. A staging name is its writer's alone and never used again; what a killed writer left behind stays until
-//! somebody sweeps. The lock on a staging file only tells a sweeper on the same host that its writer lives.
+//! A file is written under a staging name in its own folder (`.name#host-….tmp`, which neither readers nor globs match)
+//! and flushed to the disk. Then it is renamed if its final name is free, and the folder is flushed. A final name
+//! therefore has a complete file or none. Staging names are unique and never reused. Files of killed writers remain
+//! until a sweep. The lock on a staging file shows sweepers on the same host that its writer is alive.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read};
@@ -24,22 +24,22 @@ pub(crate) struct Store {
 /// Which leftovers to remove.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sweep {
-    /// None: count those of dead writers.
+    /// None: only count those of dead writers.
     Look,
-    /// Those of dead writers: of this host, and locked by nobody.
+    /// Those of dead writers: files of this host without a lock.
     Dead,
-    /// All of them. A writer that is alive fails then, and says that it should be run again.
+    /// All. A live writer then fails with a message that it should be run again.
     All,
 }
 
-/// What was found of killed writers.
+/// Leftovers of killed writers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Swept {
     /// Files removed, or to be removed.
     pub files: u64,
     /// Their bytes.
     pub bytes: u64,
-    /// Files that were left: somebody writes them, or may do so.
+    /// Files that were kept because their writers are, or may be, alive.
     pub kept: u64,
 }
 
@@ -78,7 +78,7 @@ impl Store {
         File::open(&path).map_err(failed("open a file", &path))
     }
 
-    /// What lies in a folder; nothing if there is none.
+    /// The listing of a folder; empty if there is none.
     pub(crate) fn list(&self, folder: &str) -> Result<Listing, StoreError> {
         let size = |name: String| match self.size(&format!("{folder}/{name}")) {
             Ok(size) => Ok((name, size)),
@@ -112,7 +112,7 @@ impl Store {
         Ok(Some(bytes))
     }
 
-    /// Begins a file that will be called `name`.
+    /// Creates a staging file for `name`.
     pub(crate) fn stage(&self, name: &str) -> Result<Staged, StoreError> {
         let target = self.path(name);
         let folder = target.parent().unwrap_or(&self.root);
@@ -134,7 +134,7 @@ impl Store {
         Err(failed("keep a new file from being swept", &target)(io::ErrorKind::ResourceBusy.into()))
     }
 
-    /// Removes what killed writers left in a folder. What is not needed is of dead writers, whosever it is.
+    /// Removes leftovers of killed writers from a folder. If no leftover is needed, all of them count as dead.
     pub(crate) fn sweep(
         &self,
         folder: &str,
@@ -159,7 +159,7 @@ impl Store {
         Ok(())
     }
 
-    /// Creates a folder and what is above it, each flushed into its parent.
+    /// Creates a folder and its parents; flushes each parent.
     pub(crate) fn create_folder(&self, folder: &Path) -> Result<(), StoreError> {
         if folder.is_dir() {
             return Ok(());
@@ -179,18 +179,18 @@ impl Store {
         sync_folder(folder.parent(), &self.fault)
     }
 
-    /// Flushes a folder, so that the names in it outlive a power cut: whoever made them may have been killed before.
+    /// Flushes a folder, so that its names survive a power cut even if their writer was killed before flushing.
     pub(crate) fn flush(&self, folder: &Path) -> Result<(), StoreError> {
         sync_folder(Some(folder), &self.fault)
     }
 }
 
-/// Times that a new file may be taken by a sweeper before it is locked.
+/// Number of times that a sweeper may remove a new file before it is locked.
 const STAGINGS_MAX: u32 = 64;
-/// How staging names end.
+/// The suffix of staging names.
 const STAGING_END: &str = ".tmp";
 
-/// Whether a name is that of a file being written, or left behind by a killed writer.
+/// Whether a name is a staging name.
 pub(crate) fn is_staging(name: &str) -> bool {
     name.starts_with('.') && name.contains('#') && name.ends_with(STAGING_END)
 }
@@ -199,7 +199,7 @@ fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
 }
 
-/// Locks a new staging file; false if a sweeper was faster. Where there are no locks it counts as ours.
+/// Locks a new staging file; false if a sweeper was faster. On file systems without locks it counts as ours.
 fn is_mine(file: &File, path: &Path) -> bool {
     match file.try_lock() {
         Ok(()) => path.exists(),
@@ -208,7 +208,7 @@ fn is_mine(file: &File, path: &Path) -> bool {
     }
 }
 
-/// The file of a dead writer, locked: one of this host, for locks need not be seen from another.
+/// The locked file of a dead writer of this host; locks may be invisible to other hosts.
 fn dead(path: &Path, name: &str) -> Option<File> {
     let (_, writer) = name.rsplit_once('#')?;
     let file = OpenOptions::new().write(true).open(path).ok()?;
@@ -216,7 +216,7 @@ fn dead(path: &Path, name: &str) -> Option<File> {
     (is_ours && file.try_lock().is_ok()).then_some(file)
 }
 
-/// This machine's name, as far as names of files take it.
+/// This machine's name, restricted to characters for file names.
 fn host() -> String {
     let told = fs::read_to_string("/proc/sys/kernel/hostname").or_else(|_| std::env::var("HOSTNAME"));
     let mut name = told.unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Where a dataset lies: a folder, or a place in an object store.
+//! The location of a dataset: a folder, or a prefix in an object store.
 
 use std::ffi::OsStr;
 use std::fmt::{self, Display, Formatter};
@@ -6,16 +6,16 @@ use std::path::{Path, PathBuf};
 
 use url::Url;
 
-/// Where a dataset, or a file of one, lies. Prints as the path or the URL.
+/// The location of a dataset or of one of its files. Displayed as the path or the URL.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Location {
-    /// On a disk.
+    /// A path on a disk.
     Path(PathBuf),
-    /// In an object store, or behind a web server.
+    /// A URL of an object store or a web server.
     Url(Box<Url>),
 }
 
-/// A text that names no place.
+/// A text that is not a location.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct LocationError(String);
@@ -31,7 +31,7 @@ https://host/path, file:///path. Endpoints and credentials come from the environ
 AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, AWS_SKIP_SIGNATURE, GOOGLE_SERVICE_ACCOUNT, \
 AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. Shards pass through TMPDIR on their way.";
 
-    /// A path, or a URL if there is a `://` behind a scheme.
+    /// A path, or a URL if it contains `://` after a scheme.
     ///
     /// # Errors
     /// [`LocationError`] if the scheme is unknown, the URL has no host or bucket, or it has parts that a dataset's
@@ -77,7 +77,7 @@ AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. Shards pass thr
         Ok(Self::Url(Box::new(url)))
     }
 
-    /// The place of a file below this one.
+    /// The location of a file below this one.
     #[must_use]
     pub fn join(&self, name: &str) -> Self {
         match self {

@@ -1,8 +1,10 @@
-//! Object stores and web servers: the only room that talks to a network. Asynchronous inside, plain calls outside.
+//! Object stores and web servers: the only network client of the workspace. Asynchronous inside, blocking calls
+//! outside.
 //!
-//! Nothing hangs: connecting takes at most 5 s, a silence while reading 20 s, an answer 40 s, thrice, a reader's
-//! request is tried again 24 times and not after 60 s, a writer's for 30 s, and a file must come or go at 50 kB/s. What is read goes to a scratch file piece by piece; what is
-//! written goes up in one piece, so that it is there whole or not at all.
+//! Every operation has a time limit: 5 s for connecting, 20 s for silence while reading, 40 s for an answer (three
+//! times). A reader's request is retried up to 24 times within 60 s, a writer's within 30 s, and files must transfer at
+//! 50 kB/s or more. Files are downloaded in pieces to a scratch file and uploaded in one piece, so that an object is
+//! complete or absent.
 
 mod connect;
 #[cfg(test)]
@@ -29,61 +31,61 @@ use crate::store::{Listing, META_BYTES_MAX};
 pub(crate) use connect::Patience;
 use connect::{connect, explain, is_absent, is_refused, is_unreachable, too_large};
 
-/// What any request may take, and the slowest that a file may come or go.
+/// Time limit of any request, and minimum transfer rate of a file.
 const REQUEST: Duration = Duration::from_secs(120);
 const BYTES_PER_S_MIN: u64 = 50_000;
-/// Largest file that is fetched.
+/// Maximum size of a fetched file.
 const FETCH_BYTES_MAX: u64 = 8 << 30;
-/// Largest object that is put. Stores take 5 GB in one piece.
+/// Maximum size of an uploaded object. Stores accept 5 GB in one piece.
 pub(crate) const OBJECT_BYTES_MAX: u64 = 4 << 30;
-/// What an answer may take before it is asked for again, how often, and the same for a listing of a hundred thousand files.
+/// Time limit of an answer before a retry, the number of tries, and the same for a listing of a hundred thousand files.
 const ANSWER: Duration = Duration::from_secs(40);
 const ASKS_MAX: u32 = 3;
 const LISTING: Duration = Duration::from_secs(300);
-/// Times that an object is put if the answer is lost or the store is busy, and how long to wait between.
+/// Number of uploads of an object if the answer is lost or the store is busy, and the pause between them.
 const PUTS_MAX: u32 = 3;
 const PUT_PAUSE: Duration = Duration::from_millis(250);
-/// How long another writer is waited for, who is putting the same object or has given up.
+/// How long to wait for another writer that uploads the same object.
 const CONFLICT: Duration = Duration::from_secs(30);
-/// Small files that are asked for at once.
+/// Number of concurrent requests for small files.
 const READS_AT_ONCE: usize = 64;
-/// Threads that move bytes between sockets and memory.
+/// Threads for network transfers.
 const NETWORK_THREADS: usize = 2;
 
-/// A dataset's place in an object store.
+/// A dataset's location in an object store.
 pub(crate) struct Remote {
     url: Url,
     prefix: Path,
     store: Arc<dyn ObjectStore>,
-    /// Whether the store tells what lies below a prefix; web servers do not.
+    /// Whether the store supports listing; web servers do not.
     lists: bool,
     runtime: Runtime,
     fault: Fault,
 }
 
 impl std::fmt::Debug for Remote {
-    /// Without the store, which knows credentials.
+    /// Omits the store, which contains credentials.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Remote({})", self.url)
     }
 }
 
-/// What came of fetching a file.
+/// The result of fetching a file.
 #[derive(Debug)]
 pub(crate) enum Fetched {
-    /// All of it, at its beginning, and its SHA-256 in hex.
+    /// The complete file, rewound, and its SHA-256 in hex.
     Whole(File, String),
-    /// There is none.
+    /// There is no such file.
     Missing,
-    /// It has another size, this one, and was left there.
+    /// It has another size, this one, and was not fetched.
     OtherSize(u64),
 }
 
 impl Remote {
-    /// Gets ready; asks nobody yet.
+    /// Prepares a connection without any request.
     pub(crate) fn open(url: &Url, patience: Patience) -> Result<Self, StoreError> {
         let failed = |source| StoreError { action: "use the object store", at: place(url), source };
-        // Nobody was asked yet, so whatever is wrong stays wrong.
+        // There was no request yet, so any error is permanent.
         let wrong = |e| failed(io::Error::new(io::ErrorKind::InvalidInput, explain(&e).to_string()));
         let (store, prefix, lists) = connect(url, patience).map_err(wrong)?;
         if patience == Patience::Writer && !lists {
@@ -115,7 +117,7 @@ impl Remote {
         self.runtime.block_on(self.small(name))
     }
 
-    /// Reads small files, many at once, and hands each on, in order.
+    /// Reads small files concurrently and passes each on, in order.
     pub(crate) fn read_each(
         &self,
         names: impl Iterator<Item = String>,
@@ -171,7 +173,7 @@ impl Remote {
         asked(ANSWER, ask).await
     }
 
-    /// What lies in a folder; `None` where that cannot be asked.
+    /// The listing of a folder; `None` if listing is not supported.
     pub(crate) fn list(&self, folder: &str) -> Result<Option<Listing>, StoreError> {
         if !self.lists {
             return Ok(None);
@@ -185,7 +187,7 @@ impl Remote {
         }));
         let name = |path: &Path| path.filename().unwrap_or_default().to_owned();
         Ok(listed.map_err(self.failed("list a folder", folder))?.map(|listed| {
-            // Some tools put an empty object in place of the folder itself.
+            // Some tools create an empty object for the folder itself.
             let files = listed.objects.iter().filter(|object| object.location != path);
             let files = files.map(|object| (name(&object.location), Some(object.size)));
             let folders = listed.common_prefixes.iter().map(|folder| (name(folder), None));
@@ -193,7 +195,7 @@ impl Remote {
         }))
     }
 
-    /// Fetches a file that should have this size.
+    /// Fetches a file with an expected size.
     pub(crate) fn fetch(&self, name: &str, bytes: u64) -> Result<Fetched, StoreError> {
         let failed = self.failed("fetch a file", name);
         let scratch = |source| StoreError {
@@ -217,7 +219,7 @@ impl Remote {
                 got += piece.len() as u64;
                 hash.update(&piece);
                 if let Err(e) = file.write_all(&piece) {
-                    return Ok(Err(e)); // the disk's fault, not the store's
+                    return Ok(Err(e)); // an error of the disk, not of the store
                 }
             }
             if got != bytes {
@@ -247,27 +249,27 @@ impl Remote {
         self.runtime.block_on(read).map_err(self.failed("read a file", name))
     }
 
-    /// Puts an object in place of what may be there.
+    /// Uploads an object and replaces an existing one.
     pub(crate) fn put(&self, name: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
         let put = self.put_again(name, bytes.into(), PutMode::Overwrite);
         self.runtime.block_on(put).map(drop).map_err(self.failed("write a file", name))
     }
 
-    /// Puts an object unless there is one; whether it did.
+    /// Uploads an object unless it exists; returns whether it did.
     pub(crate) fn put_new(&self, name: &str, bytes: Vec<u8>) -> Result<bool, StoreError> {
         let put = self.put_again(name, bytes.into(), PutMode::Create);
         self.runtime.block_on(put).map_err(self.failed("publish a file", name))
     }
 
-    /// Puts an object, several times if the answer is lost or the store is busy: it is there then, or comes to be. Whether it
-    /// was put, and not there already.
+    /// Uploads an object, with retries if the answer is lost or the store is busy. Afterwards the object exists.
+    /// Returns whether it was uploaded and did not exist before.
     async fn put_again(&self, name: &str, payload: PutPayload, mode: PutMode) -> io::Result<bool> {
         let limit = time_for(payload.content_length() as u64);
         let (mut puts, mut pause, mut waited) = (1, PUT_PAUSE, Duration::ZERO);
         loop {
             let error = match tokio::time::timeout(limit, self.put_once(name, payload.clone(), mode.clone())).await {
                 Ok(Ok(())) => return Ok(true),
-                // Some stores also say so while another writer is putting it, who may fail yet.
+                // Some stores also answer this while another writer uploads the object, which may still fail.
                 Ok(Err(error @ Error::AlreadyExists { .. })) => match self.head(name).await? {
                     Some(_) if mode == PutMode::Create => return Ok(false),
                     _ if waited < CONFLICT => {
@@ -312,17 +314,17 @@ fn place(url: &Url) -> Location {
     Location::Url(Box::new(url.clone()))
 }
 
-/// The longest that so many bytes may take.
+/// The time limit for transferring a number of bytes.
 fn time_for(bytes: u64) -> Duration {
     REQUEST + Duration::from_secs(bytes / BYTES_PER_S_MIN)
 }
 
-/// Waits for something, but not for ever.
+/// Waits with a time limit.
 async fn within<T>(limit: Duration, work: impl Future<Output = io::Result<T>>) -> io::Result<T> {
     tokio::time::timeout(limit, work).await.map_err(|_| late(limit))?
 }
 
-/// Asks, and again if no answer comes.
+/// Sends a request, with retries if there is no answer.
 async fn asked<T, F: Future<Output = io::Result<T>>>(limit: Duration, ask: impl Fn() -> F) -> io::Result<T> {
     for _ in 1..ASKS_MAX {
         if let Ok(answer) = tokio::time::timeout(limit, ask()).await {

@@ -1,4 +1,4 @@
-//! A file on its way: written under its staging name or in memory, then whole, then published.
+//! A file being published: first written under its staging name or in memory, then complete, then published.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -13,7 +13,7 @@ use crate::store::error::{StoreError, failed};
 use crate::store::fault::Fault;
 use crate::store::remote::{OBJECT_BYTES_MAX, Remote};
 
-/// A file being written. Dropped before it is published, it leaves nothing behind.
+/// A file being written. If dropped before it is published, it leaves nothing behind.
 #[derive(Debug)]
 pub(crate) struct Staged {
     body: Body,
@@ -22,16 +22,16 @@ pub(crate) struct Staged {
     trouble: Trouble,
 }
 
-/// Where the bytes are kept until they are whole.
+/// Where the bytes are kept until they are complete.
 #[derive(Debug)]
 enum Body {
-    /// In the folder that the file goes to.
+    /// In the target folder.
     File(StagingFile),
-    /// In memory: a store takes an object in one piece, or not at all.
+    /// In memory, because an object is uploaded in one piece.
     Object { remote: Arc<Remote>, name: String, bytes: Vec<u8> },
 }
 
-/// A file under its staging name, which is gone when this is dropped.
+/// A file under its staging name, removed on drop.
 #[derive(Debug)]
 struct StagingFile {
     file: File,
@@ -40,8 +40,8 @@ struct StagingFile {
     fault: Fault,
 }
 
-/// The first thing that went wrong while writing a file. Libraries between a writer and its file turn errors of the
-/// disk into texts; this is where the error itself is kept.
+/// The first error while writing a file. Libraries between a writer and its file convert disk errors to text; this
+/// keeps the error itself.
 #[derive(Debug, Clone)]
 pub(crate) struct Trouble {
     at: Location,
@@ -67,7 +67,7 @@ impl Write for Staged {
             Body::Object { bytes, .. } => keep(bytes, buffer),
         };
         let written = result.inspect_err(|e| {
-            let _ = self.trouble.first.set((e.kind(), e.to_string())); // the first one is kept
+            let _ = self.trouble.first.set((e.kind(), e.to_string())); // keeps the first error
         })?;
         self.hash.update(&buffer[..written]);
         self.bytes += written as u64;
@@ -92,13 +92,13 @@ fn keep(bytes: &mut Vec<u8>, more: &[u8]) -> io::Result<usize> {
 }
 
 impl Staged {
-    /// An empty file that will be called `target`.
+    /// An empty file for `target`.
     pub(crate) fn file(file: File, staging: TempPath, target: PathBuf, fault: Fault) -> Self {
         let at = Location::Path(target.clone());
         Self::new(Body::File(StagingFile { file, staging, target, fault }), at)
     }
 
-    /// An empty object that will be called `name`.
+    /// An empty object for `name`.
     pub(crate) fn object(remote: &Arc<Remote>, name: &str) -> Self {
         let body = Body::Object { remote: Arc::clone(remote), name: name.to_owned(), bytes: Vec::new() };
         Self::new(body, remote.location(name))
@@ -114,7 +114,7 @@ impl Staged {
         self.write_all(bytes).map_err(|e| self.trouble.told(e))
     }
 
-    /// Where errors of the disk are kept.
+    /// The store of disk errors.
     pub(crate) fn trouble(&self) -> Trouble {
         self.trouble.clone()
     }
@@ -127,7 +127,7 @@ impl Staged {
         }
     }
 
-    /// The file, whole and flushed to the disk, still without its name.
+    /// The file, complete and flushed to the disk, but not renamed yet.
     pub(crate) fn finish(self) -> Result<Ready, StoreError> {
         if let Body::File(StagingFile { file, target, fault, .. }) = &self.body {
             fault.check().and_then(|()| file.sync_all()).map_err(failed("flush a file", target))?;
@@ -136,7 +136,7 @@ impl Staged {
     }
 }
 
-/// A written file that waits for its name.
+/// A complete file that is not published yet.
 #[derive(Debug)]
 pub(crate) struct Ready {
     body: Body,
@@ -147,7 +147,7 @@ pub(crate) struct Ready {
 }
 
 impl Ready {
-    /// Gives the file its name, in place of what may be there.
+    /// Publishes the file and replaces an existing one.
     pub(crate) fn publish(self) -> Result<(), StoreError> {
         match self.body {
             Body::File(staged) => staged.publish(),
@@ -155,7 +155,7 @@ impl Ready {
         }
     }
 
-    /// Gives the file its name unless it is taken; whether it did.
+    /// Publishes the file unless the name is taken; returns whether it did.
     pub(crate) fn publish_new(self) -> Result<bool, StoreError> {
         match self.body {
             Body::File(staged) => staged.publish_new(),
@@ -180,14 +180,14 @@ impl StagingFile {
             Err(error) => Err((error, None)),
         };
         let Err((error, staging)) = named else { return sync_folder(target.parent(), &fault).map(|()| true) };
-        // A name that is taken says so, or the answer got lost (NFS), or a sweeper was here: who made the file may have been
-        // killed before it was flushed.
+        // The name is taken, the answer was lost (NFS), or a sweeper removed the file. The writer of an existing file
+        // may have been killed before it flushed the folder.
         if target.try_exists().map_err(failed("look at a file", &target))? {
             return sync_folder(target.parent(), &fault).map(|()| false);
         }
         match (error.kind(), staging) {
-            // No way to take a free name only (exFAT, some network mounts): the race that is left is told by the checks of
-            // the dataset's id, and otherwise between equal files.
+            // Renaming only to a free name is not supported (exFAT, some network mounts). The checks of the dataset's
+            // id detect the remaining race; otherwise it is between equal files.
             (PermissionDenied | TooManyLinks | Unsupported, Some(staging)) => {
                 Self { file, staging, target, fault }.publish().map(|()| true)
             }
@@ -196,8 +196,8 @@ impl StagingFile {
     }
 }
 
-/// Flushes a folder. Some network mounts have no such thing, and say so; a folder that we may not read, such as one above
-/// users' folders, is somebody else's.
+/// Flushes a folder. Ignores network mounts that do not support it, and folders without read permission, such as
+/// parents of users' folders.
 pub(crate) fn sync_folder(folder: Option<&Path>, fault: &Fault) -> Result<(), StoreError> {
     use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
     let Some(folder) = folder.filter(|_| cfg!(unix)) else { return Ok(()) };

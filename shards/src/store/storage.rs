@@ -1,4 +1,4 @@
-//! A place for a dataset's files: a folder or an object store, read and written in the same way.
+//! Storage of a dataset's files: a folder or an object store with the same interface.
 
 use std::fs::File;
 use std::io;
@@ -16,21 +16,21 @@ use crate::store::folder::{Store, Sweep, Swept};
 use crate::store::remote::{Fetched, Patience, Remote};
 use crate::store::staged::{Ready, Staged};
 
-/// Where files are read from and written to.
+/// The storage of a dataset.
 #[derive(Debug, Clone)]
 pub(crate) enum Storage {
-    /// A folder: files are opened where they are.
+    /// A folder: files are opened in place.
     Folder(Store),
-    /// An object store: files are fetched, and put whole.
+    /// An object store: files are fetched, and uploaded in one piece.
     Remote(Arc<Remote>),
 }
 
-/// Why a file is not read.
+/// Why a file was not read.
 #[derive(Debug)]
 pub(crate) enum Unread {
-    /// It is not the one that was written.
+    /// The file differs from the written one.
     Wrong(String),
-    /// Nobody knows.
+    /// The storage failed.
     Store(StoreError),
 }
 
@@ -40,22 +40,22 @@ impl From<StoreError> for Unread {
     }
 }
 
-/// What came of publishing a small file that must not be there yet.
+/// The result of publishing a small file that should not exist yet.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Published {
-    /// It is there now.
+    /// The file was created.
     New,
-    /// It was there already, with these bytes.
+    /// The file existed with these bytes.
     Existing(Vec<u8>),
 }
 
 impl Storage {
-    /// A place to read from.
+    /// Storage for reading.
     pub(crate) fn open(at: &Location) -> Result<Self, StoreError> {
         Self::new(at, Patience::Reader)
     }
 
-    /// A place to write to.
+    /// Storage for writing.
     pub(crate) fn open_to_write(at: &Location) -> Result<Self, StoreError> {
         Self::new(at, Patience::Writer)
     }
@@ -67,7 +67,7 @@ impl Storage {
         }
     }
 
-    /// Where a file lies, or the dataset itself if the name is empty.
+    /// The location of a file, or of the dataset if the name is empty.
     pub(crate) fn location(&self, name: &str) -> Location {
         match self {
             Self::Folder(store) if name.is_empty() => store.root().into(),
@@ -84,7 +84,7 @@ impl Storage {
         }
     }
 
-    /// Reads small files and hands each on, in order: many at once where an answer takes its time.
+    /// Reads small files and passes each on, in order; concurrently in an object store.
     pub(crate) fn read_each(
         &self,
         mut names: impl Iterator<Item = String>,
@@ -104,7 +104,7 @@ impl Storage {
         }
     }
 
-    /// What lies in a folder; `None` where that cannot be asked.
+    /// The listing of a folder; `None` if listing is not supported.
     pub(crate) fn list(&self, folder: &str) -> Result<Option<Listing>, StoreError> {
         match self {
             Self::Folder(store) => store.list(folder).map(Some),
@@ -112,8 +112,8 @@ impl Storage {
         }
     }
 
-    /// A shard's file, after a look at its size and its checksum. On a disk the checksum is looked at once, which
-    /// `is_checked` remembers; what was fetched is looked at each time.
+    /// A shard's file, after a check of its size and checksum. On a disk the checksum is checked once, as recorded in
+    /// `is_checked`; a fetched file is checked each time.
     pub(crate) fn open_file(&self, expected: &FileSummary, is_checked: &AtomicBool) -> Result<File, Unread> {
         let (file, sha256) = match self {
             Self::Folder(store) => {
@@ -153,7 +153,7 @@ impl Storage {
         StoreError { action: "read a file", at: self.location(name), source }
     }
 
-    /// Begins a file that will be called `name`.
+    /// Creates a staging file for `name`.
     pub(crate) fn stage(&self, name: &str) -> Result<Staged, StoreError> {
         match self {
             Self::Folder(store) => store.stage(name),
@@ -161,15 +161,15 @@ impl Storage {
         }
     }
 
-    /// Publishes a small file in place of what may be there.
+    /// Publishes a small file and replaces an existing one.
     pub(crate) fn publish(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
         self.stage_bytes(name, bytes)?.publish()
     }
 
-    /// Publishes a small file unless there is one.
+    /// Publishes a small file unless it exists.
     pub(crate) fn publish_new(&self, name: &str, bytes: &[u8]) -> Result<Published, StoreError> {
         if let Some(existing) = self.read(name)? {
-            // Whoever made it may have been killed before it was flushed.
+            // Its writer may have been killed before it flushed the folder.
             if let (Self::Folder(store), Some(folder)) = (self, Path::new(name).parent()) {
                 store.flush(&store.root().join(folder))?;
             }
@@ -181,9 +181,10 @@ impl Storage {
         self.read(name)?.map(Published::Existing).ok_or_else(|| self.vanished(name))
     }
 
-    /// It was there when we came to write it, and gone when we came to read it.
+    /// The error for a file that existed when publishing and was gone when reading.
     pub(crate) fn vanished(&self, name: &str) -> StoreError {
-        let source = io::Error::new(io::ErrorKind::NotFound, "it was there and is gone: does somebody delete files?");
+        let source =
+            io::Error::new(io::ErrorKind::NotFound, "it existed and is gone: does another program delete files?");
         StoreError { action: "publish a file", at: self.location(name), source }
     }
 
@@ -193,7 +194,7 @@ impl Storage {
         staged.finish()
     }
 
-    /// Makes a folder, where there are any.
+    /// Creates a folder, if the storage has folders.
     pub(crate) fn create_folder(&self, name: &str) -> Result<(), StoreError> {
         match self {
             Self::Folder(store) => store.create_folder(&store.path(name)),
@@ -201,7 +202,7 @@ impl Storage {
         }
     }
 
-    /// What lies in a folder of a dataset that is being written; a store must tell that.
+    /// The listing of a folder of a dataset that is being written; the store must support it.
     pub(crate) fn must_list(&self, folder: &str) -> Result<Listing, StoreError> {
         self.list(folder)?.ok_or_else(|| {
             let source = io::Error::new(io::ErrorKind::PermissionDenied, "writing takes the right to list");
@@ -217,31 +218,31 @@ impl Storage {
         }
     }
 
-    /// Makes sure that the names in some folders, and those of all folders above, outlive a power cut.
+    /// Flushes some folders and all their parents, so that their names survive a power cut.
     pub(crate) fn flush(&self, folders: &[&str]) -> Result<(), StoreError> {
         let Self::Folder(store) = self else { return Ok(()) };
         folders.iter().try_for_each(|folder| store.flush(&store.path(folder)))?;
         store.root().ancestors().skip(1).try_for_each(|above| store.flush(above))
     }
 
-    /// Whether the dataset of this id lies here.
+    /// Whether the dataset with this id is here.
     pub(crate) fn holds(&self, dataset_id: &str) -> Result<bool, StoreError> {
         let info = self.read(layout::INFO)?;
         Ok(info.is_some_and(|info| crate::format::seal::sha256_hex(&info) == dataset_id))
     }
 
-    /// Whether a small object that is there is put once more: a store must refuse that.
+    /// Checks that the store refuses to upload an existing object again.
     pub(crate) fn check_creates_once(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
         let Self::Remote(remote) = self else { return Ok(()) };
         if !remote.put_new(name, bytes.to_vec())? {
             return Ok(());
         }
-        let text = "this store puts an object in place of another although it was told not to (If-None-Match: *)";
+        let text = "this store replaces an existing object in spite of the condition If-None-Match: *";
         let source = io::Error::new(io::ErrorKind::InvalidInput, text);
         Err(StoreError { action: "use the object store", at: self.location(name), source })
     }
 
-    /// The folder, unless it lies in an object store.
+    /// The folder, unless this is an object store.
     pub(crate) fn folder(&self) -> Option<&Path> {
         match self {
             Self::Folder(store) => Some(store.root()),
@@ -249,7 +250,7 @@ impl Storage {
         }
     }
 
-    /// Removes what killed writers left in a folder; in an object store they leave nothing.
+    /// Removes leftovers of killed writers from a folder; an object store has none.
     pub(crate) fn sweep(
         &self,
         folder: &str,
@@ -270,7 +271,7 @@ fn other_size(expected: &FileSummary, bytes: u64) -> String {
     format!("size must be {} bytes, got {bytes}", expected.bytes)
 }
 
-/// What is wrong with the size of a file, or with there being none.
+/// The error for a missing file or one of a wrong size.
 pub(crate) fn size_problem(expected: &FileSummary, found: Option<u64>) -> Option<String> {
     match found {
         Some(bytes) if bytes == expected.bytes => None,

@@ -1,4 +1,4 @@
-//! Which store is behind a URL, how to talk to it, and what its errors mean.
+//! The store of a URL, its client settings, and the meaning of its errors.
 
 use std::io;
 use std::sync::Arc;
@@ -12,28 +12,28 @@ use object_store::path::Path;
 use object_store::{BackoffConfig, ClientConfigKey, ClientOptions, Error, ObjectStore, ObjectStoreScheme, RetryConfig};
 use url::{Position, Url};
 
-/// Longest silence of a server, while connecting and after.
+/// Maximum silence of a server, while connecting and afterwards.
 const CONNECT: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(20);
-/// Until when a request is repeated: as long as a server takes to start again, and longer by a writer, who has work to lose.
-/// Pauses grow from a tenth of a second to [`CONNECT`].
+/// Until when a request is repeated: as long as a server takes to start again, and longer by a writer, who has work to
+/// lose. Pauses grow from a tenth of a second to [`CONNECT`].
 const RETRY_READING: Duration = Duration::from_secs(60); // more than SILENCE, or a silence would be the end
 const RETRY_WRITING: Duration = Duration::from_secs(30);
 const RETRIES_READING_MAX: usize = 24;
 const RETRIES_WRITING_MAX: usize = 1_000;
 
-/// How long a silent server is waited for.
+/// How long to wait for a silent server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Patience {
-    /// Not long.
+    /// A short time.
     Reader,
-    /// As long as an object takes to go up.
+    /// As long as an object takes to upload.
     Writer,
 }
 
-/// The store behind a URL, the path in it, and whether it lists. Settings come from the environment.
+/// The store of a URL, the path in it, and whether it supports listing. Settings come from the environment.
 pub(super) fn connect(url: &Url, patience: Patience) -> Result<(Arc<dyn ObjectStore>, Path, bool), Error> {
-    // reqwest is built without a choice of its own; whoever chose before us is welcome.
+    // reqwest is built without a default TLS provider; an already installed one is fine.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let (scheme, prefix) = ObjectStoreScheme::parse(url)?;
     let (max_retries, retry_timeout) = match patience {
@@ -64,11 +64,11 @@ pub(super) fn connect(url: &Url, patience: Patience) -> Result<(Arc<dyn ObjectSt
     Ok((store, prefix, true))
 }
 
-/// How to talk, with what the environment says instead, such as `AWS_ALLOW_HTTP` or `AWS_READ_TIMEOUT`.
+/// Client options, overridden by the environment, such as `AWS_ALLOW_HTTP` or `AWS_READ_TIMEOUT`.
 fn options(prefix: &str, patience: Patience) -> ClientOptions {
     let options = match patience {
         Patience::Reader => ClientOptions::new().with_read_timeout(SILENCE),
-        // While an object goes up the server is silent: the whole request has its limit instead.
+        // The server is silent during an upload, so the limit applies to the whole request.
         Patience::Writer => ClientOptions::new(),
     };
     let options = options
@@ -82,25 +82,25 @@ fn options(prefix: &str, patience: Patience) -> ClientOptions {
     variables.fold(options, |options, (key, value)| options.with_config(key, value))
 }
 
-/// No such object; a bucket that is not there is another matter.
+/// Whether the object does not exist; a missing bucket is a different error.
 pub(super) fn is_absent(error: &Error) -> bool {
     matches!(error, Error::NotFound { .. }) && !error.to_string().contains("NoSuchBucket")
 }
 
-/// The store does not let us. Listings tell their status as text only.
+/// Whether access is denied. Listings give their status only as text.
 pub(super) fn is_refused(error: &Error) -> bool {
     matches!(error, Error::PermissionDenied { .. } | Error::Unauthenticated { .. })
         || matches!(status(&error.to_string()), Some((401 | 403, _)))
 }
 
-/// The status that a server answered with, and what it said to it. The first is its own: what it said, and names of
-/// objects, may hold the same words.
+/// The status of a server's answer, and its text. The first status in the message is the server's; its text and names
+/// of objects may contain the same words.
 fn status(text: &str) -> Option<(u16, &str)> {
     let (_, rest) = text.split_once("status code: ")?;
     Some((rest.get(..3)?.parse().ok()?, rest))
 }
 
-/// Nobody listens there.
+/// Whether the server cannot be reached.
 pub(super) fn is_unreachable(error: &Error) -> bool {
     program::text::error_chain(error).contains("client error (Connect)")
 }
@@ -109,7 +109,7 @@ pub(super) fn too_large(bytes: u64, limit: u64) -> io::Error {
     io::Error::new(io::ErrorKind::FileTooLarge, format!("at most {limit} bytes are read at once, got {bytes}"))
 }
 
-/// What a store said, whether trying again may help ([`StoreError::exit_code`] looks at the kind), and what to do.
+/// A store's error with its kind, which decides whether a retry may help ([`StoreError::exit_code`]), and with advice.
 pub(super) fn explain(error: &Error) -> io::Error {
     let text = program::text::error_chain(error);
     let is = |part: &str| text.contains(part);

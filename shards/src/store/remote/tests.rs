@@ -1,4 +1,4 @@
-//! Object stores, as far as one in memory goes; real ones are in tests/python/test_stores.py.
+//! Tests with an object store in memory; tests/python/test_stores.py uses a real one.
 
 use object_store::memory::InMemory;
 use program::{Exit, ExitCode};
