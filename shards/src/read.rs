@@ -1,4 +1,4 @@
-//! Reading a dataset: every byte is compared with its checksum, every row is checked.
+//! Reading a dataset: every file is compared with its checksum, and every row is checked.
 
 pub(crate) mod dataset;
 #[cfg(any(test, fuzzing))]

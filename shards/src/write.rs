@@ -1,4 +1,4 @@
-//! Writing a dataset, by any number of processes that need not know of each other, until it is complete.
+//! Writing a dataset by any number of independent processes, until it is complete.
 
 mod begin;
 mod card;

@@ -1,5 +1,5 @@
-//! Reading a dataset: open it by its manifest, check each file's size and checksum before its first byte is decoded,
-//! and each row after.
+//! Reading a dataset: it is opened by its manifest; each file's size and checksum are checked before it is decoded, and
+//! each row afterwards.
 
 use std::fs::File;
 use std::sync::atomic::AtomicBool;
@@ -15,23 +15,23 @@ use crate::read::table_reader::{Batches, Part};
 use crate::store::{Listing, Storage, StoreError, Unread, size_problem};
 use crate::{DatasetInfo, InfoError, Location, ReadError, SCENES_PER_ROW_GROUP, Scenes, Table};
 
-/// A complete dataset, on disk or in an object store. Cheap to hold: rows are read when asked for.
+/// A complete dataset, on disk or in an object store. Rows are read on request.
 #[derive(Debug)]
 pub struct Dataset {
     location: Location,
     storage: Storage,
     info: DatasetInfo,
     manifest: Manifest,
-    /// Whether a file's checksum was found right, by shard, in the order of [`Table::ALL`].
+    /// Whether a file's checksum was verified, by shard, in the order of [`Table::ALL`].
     is_checked: Vec<[AtomicBool; 3]>,
 }
 
-/// Rows of a batch of small rows.
+/// Rows per batch of the small tables.
 const BATCH_ROWS: usize = 8192;
-/// Scenes decoded at once: half a megabyte each while they are being decoded.
+/// Scenes decoded at once; each takes half a megabyte during decoding.
 const BATCH_SCENES: usize = 8;
 
-/// Reads and checks `meta/info.json`; the info and the dataset's id.
+/// Reads and checks `meta/info.json`; returns the info and the dataset's id.
 pub(crate) fn read_info(storage: &Storage, at: &Location) -> Result<(DatasetInfo, String), ReadError> {
     let bytes = storage.read(layout::INFO)?.ok_or_else(|| ReadError::NotADataset(at.clone()))?;
     let wrong = |error| ReadError::Info { source: error, at: storage.location(layout::INFO) };
@@ -41,12 +41,12 @@ pub(crate) fn read_info(storage: &Storage, at: &Location) -> Result<(DatasetInfo
 }
 
 impl Dataset {
-    /// Opens a dataset. Reads only `meta/`, and looks at the size of every file; behind a web server, which does not
-    /// list, a size is seen when the file is read.
+    /// Opens a dataset. Reads only `meta/` and checks the size of every file. Web servers do not support listing; there
+    /// a size is checked when the file is read.
     ///
     /// # Errors
-    /// [`ReadError`] if there is no dataset, it is incomplete, of an unknown version, or damaged as far as that can be
-    /// seen without reading the shards.
+    /// [`ReadError`] if there is no dataset, or it is incomplete, has an unknown version, or is visibly damaged without
+    /// reading the shards.
     pub fn open(at: impl Into<Location>) -> Result<Self, ReadError> {
         let dataset = Self::open_with_any_files(&at.into())?;
         dataset.look_at_sizes()?;
@@ -72,7 +72,7 @@ impl Dataset {
         Ok(())
     }
 
-    /// Opens a dataset without a look at its shards, so that each can be told what is wrong with it.
+    /// Opens a dataset without checking its shards, so that faults can be reported for each shard.
     pub(crate) fn open_with_any_files(at: &Location) -> Result<Self, ReadError> {
         Self::of_storage(Storage::open(at)?, at)
     }
@@ -90,7 +90,7 @@ impl Dataset {
         Ok(Self { location: at.clone(), storage, info, manifest, is_checked })
     }
 
-    /// Where it lies.
+    /// Its location.
     #[must_use]
     pub fn location(&self) -> &Location {
         &self.location
@@ -102,20 +102,20 @@ impl Dataset {
         &self.manifest.dataset_id
     }
 
-    /// Whether an id is this dataset's. Up to 0.2 the trainer took that of the info as it came back from reading, when
-    /// numbers of its config may differ in their last digit; checkpoints of that time are still good.
+    /// Whether an id is this dataset's. Up to 0.2 the trainer used the id of the parsed info, in which numbers of the
+    /// config may differ in their last digit; such checkpoints are still accepted.
     #[must_use]
     pub fn has_id(&self, id: &str) -> bool {
         id == self.id() || id == self.info.dataset_id()
     }
 
-    /// What the dataset is.
+    /// The dataset's info.
     #[must_use]
     pub fn info(&self) -> &DatasetInfo {
         &self.info
     }
 
-    /// What the dataset holds.
+    /// The dataset's manifest.
     #[must_use]
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
@@ -127,8 +127,8 @@ impl Dataset {
         self.info.shard_count
     }
 
-    /// Compares size and SHA-256 of the shard's three files with the manifest. On a disk each file is read once in the
-    /// life of this value; the reading functions do it by themselves.
+    /// Compares size and SHA-256 of the shard's three files with the manifest. On a disk this reads each file once per
+    /// `Dataset` value; the reading functions call it themselves.
     ///
     /// # Errors
     /// [`ReadError::File`] for the first file that differs.
@@ -171,7 +171,7 @@ impl Dataset {
         Ok(rows)
     }
 
-    /// The scenes of a shard one by one; a few grids at a time are in memory.
+    /// Iterates over the scenes of a shard; a few grids at a time are in memory.
     ///
     /// # Errors
     /// [`ReadError`] if the file is damaged; each item is an error if a row breaks a rule.
@@ -179,7 +179,7 @@ impl Dataset {
         self.scenes_with(shard, None)
     }
 
-    /// As [`Self::scenes`] but without the grids: `tsdf` is empty. Reads a thousandth of the bytes.
+    /// Like [`Self::scenes`] but without the grids: `tsdf` is empty. Reads a thousandth of the bytes.
     ///
     /// # Errors
     /// [`ReadError`] if the file is damaged; each item is an error if a row breaks a rule.
@@ -223,7 +223,7 @@ impl Dataset {
         self.storage.read(name)
     }
 
-    /// What lies in a table's folder, `None` where that cannot be asked.
+    /// The listing of a table's folder; `None` if listing is not supported.
     pub(crate) fn list(&self, table: Table) -> Result<Option<Listing>, StoreError> {
         self.storage.list(table.name())
     }
@@ -258,7 +258,7 @@ impl Dataset {
         Batches::open(file, expected, part).map_err(|m| self.wrong(shard, table, m))
     }
 
-    /// Opens a file whose size and checksum are right.
+    /// Opens a file after checking its size and checksum.
     fn open_file(&self, shard: u32, table: Table) -> Result<File, ReadError> {
         let expected = self.manifest.shards[shard as usize].file(table);
         let is_checked = &self.is_checked[shard as usize][table as usize];
@@ -278,7 +278,7 @@ impl Dataset {
     }
 }
 
-/// Objects must number from 0 in every scene of the shard, and every scene must have one.
+/// Checks that objects are numbered from 0 in every scene of the shard, and that every scene has one.
 fn object_ids(rows: &[ObjectRecord], scenes: std::ops::Range<u64>, expected: u64) -> Result<(), RowError> {
     let wrong = |message: String| Err(RowError(message));
     if rows.len() as u64 != expected {

@@ -14,7 +14,7 @@ pub enum ReadError {
     /// The dataset has no manifest yet.
     #[error("the dataset is not complete, there is no {}: run the missing shards and finalize: {}", layout::MANIFEST, .0)]
     Incomplete(Location),
-    /// The info is damaged, or of an unknown version.
+    /// The info is damaged, or has an unknown version.
     #[error("{source}: {at}")]
     Info {
         /// What is wrong.
@@ -30,7 +30,7 @@ pub enum ReadError {
         /// The file.
         at: Location,
     },
-    /// A file of a shard is missing, or not the one that was written.
+    /// A file of a shard is missing, or differs from the written one.
     #[error("shard {shard}: {message}: {at}")]
     File {
         /// The shard.
@@ -45,12 +45,12 @@ pub enum ReadError {
     OutOfRange {
         /// `shard` or `scene`.
         what: &'static str,
-        /// How many there are.
+        /// The upper limit.
         limit: u64,
-        /// What was asked for.
+        /// The requested number.
         got: u64,
     },
-    /// The disk, or the object store, refused.
+    /// The disk or the object store failed.
     #[error(transparent)]
     Store(#[from] StoreError),
 }

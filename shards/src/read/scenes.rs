@@ -1,4 +1,4 @@
-//! Going through a shard's scenes without holding them all.
+//! Iterates over a shard's scenes without holding all of them in memory.
 
 use schema::SceneRecord;
 
@@ -12,7 +12,7 @@ pub struct Scenes<'a> {
     dataset: &'a Dataset,
     shard: u32,
     batches: Batches,
-    /// Scene ids that are still to come.
+    /// Remaining scene ids.
     ids: std::ops::Range<u64>,
     has_grids: bool,
     is_over: bool,
@@ -62,7 +62,7 @@ impl<'a> Scenes<'a> {
 impl Iterator for Scenes<'_> {
     type Item = Result<SceneRecord, ReadError>;
 
-    /// The next scene; after an error there is none.
+    /// The next scene; none after an error.
     fn next(&mut self) -> Option<Self::Item> {
         if self.is_over {
             return None;

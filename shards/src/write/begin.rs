@@ -1,4 +1,4 @@
-//! Beginning a dataset: its place either becomes this dataset, is this dataset already, or is left alone.
+//! Begins a dataset: an empty location becomes the dataset, the same dataset is opened, and anything else is refused.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ pub enum BeginError {
     /// The info is out of range.
     #[error("{}", .0.join("; "))]
     Range(Vec<String>),
-    /// The place holds something that is no dataset.
+    /// The location contains something else than a dataset.
     #[error("it holds {entry:?} and no {info}: give an empty or a new place: {at}", info = layout::INFO)]
     NotEmpty {
         /// The place.
@@ -23,24 +23,24 @@ pub enum BeginError {
         /// The first thing found.
         entry: String,
     },
-    /// What should be a folder is none.
+    /// The location is not a folder.
     #[error("the dataset must go to a folder, got a file: {}", .0.display())]
     NotAFolder(PathBuf),
-    /// The place holds another dataset.
+    /// The location contains another dataset.
     #[error("it holds another dataset, which differs in {}: {at}", .differences.join(", "))]
     Other {
         /// The place.
         at: Location,
-        /// The first keys that differ, each with what is there and what was asked for.
+        /// The first keys that differ, each with both values.
         differences: Vec<String>,
     },
-    /// The place holds a dataset whose info is damaged.
+    /// The location contains a dataset with a damaged info.
     #[error("not a dataset's info; it is damaged: {at}")]
     Damaged {
         /// The info.
         at: Location,
     },
-    /// The disk refused.
+    /// The storage failed.
     #[error(transparent)]
     Store(#[from] StoreError),
 }
@@ -55,14 +55,15 @@ impl Exit for BeginError {
     }
 }
 
-/// Most differences that are told.
+/// Maximum number of reported differences.
 const DIFFERENCES_MAX: usize = 4;
 
 impl Draft {
-    /// Publishes `meta/info.json`, or finds that it is there with equal contents.
+    /// Publishes `meta/info.json`, or finds an equal one.
     ///
     /// # Errors
-    /// [`BeginError`] if the info is out of range, the place holds another dataset or anything else, or the disk refuses.
+    /// [`BeginError`] if the info is out of range, the location contains another dataset or other files, or the storage
+    /// fails.
     pub fn begin(at: impl Into<Location>, info: &DatasetInfo) -> Result<Self, BeginError> {
         let problems = info.problems();
         if !problems.is_empty() {
@@ -77,7 +78,7 @@ impl Draft {
             return Err(BeginError::NotAFolder(dir.to_owned()));
         }
         let text = info.to_json();
-        // In this order: another process may begin the same dataset just now, and it publishes the info first.
+        // In this order, because another process may be beginning the same dataset, and it publishes the info first.
         if let Some(entry) = first_foreign_entry(&storage)?
             && storage.size(layout::INFO)?.is_none()
         {
@@ -100,8 +101,8 @@ impl Draft {
     }
 }
 
-/// The first entry of a place that a dataset killed at its very beginning would not have left. Hidden files and
-/// `lost+found` are nobody's.
+/// The first entry of a location that an interrupted beginning of a dataset would not have left. Hidden files and
+/// `lost+found` are ignored.
 fn first_foreign_entry(storage: &Storage) -> Result<Option<String>, StoreError> {
     let is_foreign = |name: &String| !name.starts_with('.') && name != "lost+found" && name != "meta";
     let in_meta =
@@ -109,7 +110,7 @@ fn first_foreign_entry(storage: &Storage) -> Result<Option<String>, StoreError> 
     Ok(storage.names("")?.into_iter().filter(is_foreign).chain(in_meta).min())
 }
 
-/// What differs; `None` if what is there is damaged.
+/// The differences; `None` if the existing info is damaged.
 fn differences(existing: &[u8], asked: &str) -> Option<Vec<String>> {
     let existing = serde_json::from_slice::<Value>(existing).ok()?;
     let asked = serde_json::from_str(asked).unwrap_or_default();
@@ -138,7 +139,7 @@ fn compare(path: &str, existing: &Value, asked: &Value, found: &mut Vec<String>)
             }
         }
         (a, b) if a == b => {}
-        // Lists of tables may be long: the place that differs says more than both of them.
+        // Lists of tables may be long: the differing element is more useful than both lists.
         (Value::Array(a), Value::Array(b)) if a.iter().chain(b).any(Value::is_object) => {
             if a.len() != b.len() {
                 return found.push(format!("{path} ({} of them there, {} asked for)", a.len(), b.len()));

@@ -1,5 +1,5 @@
-//! The dataset card: `README.md` as the Hugging Face hub and people read it. Its columns come from the table of
-//! columns, its snippets from `docs/reading.md`, which the tests run.
+//! The dataset card: `README.md` for the Hugging Face Hub and for users. Its columns come from the table of columns,
+//! its snippets from `docs/reading.md`, which the tests run.
 
 use std::fmt::Write as _;
 
@@ -11,8 +11,8 @@ use crate::{DatasetInfo, Table};
 
 const READING: &str = include_str!("../../../docs/reading.md");
 
-/// The hub's word for a licence that nobody has named: the data are theirs who made them, and only they can. They write it into
-/// the card, which is then left alone.
+/// The Hub's value for an unspecified licence. Only the owners of the data can choose one; they edit the card, which is
+/// then not overwritten.
 const LICENCE: &str = "unknown";
 
 /// The text of the card. The same dataset always has the same card.
@@ -64,7 +64,7 @@ fn front_matter(manifest: &Manifest) -> String {
     text
 }
 
-/// What some columns mean where no axis of an object decides.
+/// The meaning of some columns for grasps along normals.
 const ALONG_NORMALS: &str = "
 Rules that end in `_normal` are VGN's: the hand comes along the normal of a seen surface point, and several attempts in a row
 share the point. There `approach_axis` and `closing_axis` are `normal`, `depth_m` is how far behind the surface the finger tips end, and
@@ -114,7 +114,7 @@ fn statistics(text: &mut String, manifest: &Manifest) {
     );
 }
 
-/// What the objects are, if they are no primitives.
+/// The objects, if they are not primitives.
 fn models(text: &mut String, info: &DatasetInfo) {
     if info.models.is_empty() {
         return;
@@ -152,7 +152,7 @@ origin midway between the finger tips, +z approach, +y closing; a half turn abou
 have flat facets everywhere. Frames, gripper and the attempt's procedure stand in `meta/info.json`.
 ";
 
-/// Markdown with every heading one level deeper; what stands between fences is left alone.
+/// Markdown with every heading one level deeper, except inside code fences.
 fn nested(markdown: &str) -> String {
     let mut in_fence = false;
     let mut text = String::with_capacity(markdown.len() + 64);

@@ -1,5 +1,5 @@
-//! A dataset that is being written. Many programs may hold one of the same dataset at once, on many machines: there is no
-//! lock, no clock and no coordinator, only files that are made and never changed.
+//! A dataset that is being written. Any number of processes on any machines may write the same dataset. There is no
+//! lock, no clock and no coordinator: files are created atomically and never changed.
 
 use crate::format::summary::ShardSummary;
 use crate::format::{layout, seal};
@@ -17,7 +17,7 @@ pub struct Draft {
 }
 
 impl Draft {
-    /// Opens what [`Draft::begin`] has begun.
+    /// Opens a dataset that [`Draft::begin`] has begun.
     ///
     /// # Errors
     /// [`ReadError`] if there is no dataset, or its info is damaged.
@@ -28,13 +28,13 @@ impl Draft {
         Ok(Self { storage, info, dataset_id })
     }
 
-    /// Where it lies.
+    /// Its location.
     #[must_use]
     pub fn location(&self) -> Location {
         self.storage.location("")
     }
 
-    /// What the dataset is.
+    /// The dataset's info.
     #[must_use]
     pub fn info(&self) -> &DatasetInfo {
         &self.info
@@ -43,15 +43,15 @@ impl Draft {
     /// Begins a shard.
     ///
     /// # Errors
-    /// [`WriteError`] if there is no such shard or the disk refuses.
+    /// [`WriteError`] if there is no such shard or the storage fails.
     pub fn shard(&self, shard: u32) -> Result<ShardWriter, WriteError> {
         ShardWriter::create(self.storage.clone(), &self.info, &self.dataset_id, shard)
     }
 
-    /// Whether a shard is there: its marker, of this dataset, and files of the sizes that the marker says.
+    /// Whether a shard exists: a marker of this dataset, and files of the marker's sizes.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk refuses.
+    /// [`StoreError`] if the storage fails.
     pub fn is_committed(&self, shard: u32) -> Result<bool, StoreError> {
         let marker = self.storage.read(&layout::marker(shard))?;
         let Some(summary) = marker.and_then(|bytes| self.summary(shard, bytes)) else { return Ok(false) };
@@ -64,30 +64,30 @@ impl Draft {
         Ok(true)
     }
 
-    /// What a marker says, unless it is damaged or not this shard's.
+    /// The content of a marker, unless it is damaged or belongs to another shard.
     pub(crate) fn summary(&self, shard: u32, marker: Vec<u8>) -> Option<ShardSummary> {
         let summary = seal::unseal::<ShardSummary>(marker).ok()?;
         (summary.shard == shard && summary.problems(&self.info, &self.dataset_id).is_empty()).then_some(summary)
     }
 
-    /// Makes sure that all names in the dataset's folders outlive a power cut.
+    /// Flushes the dataset's folders, so that all names survive a power cut.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk refuses.
+    /// [`StoreError`] if the storage fails.
     pub fn flush(&self) -> Result<(), StoreError> {
         self.storage.flush(&FOLDERS)
     }
 
-    /// Whether this dataset is still the one in its place.
+    /// Whether this dataset is still at its location.
     pub(crate) fn is_in_place(&self) -> Result<bool, StoreError> {
         self.storage.holds(&self.dataset_id)
     }
 
-    /// Removes what killed writers left. In an object store they leave nothing: an object is put whole. When all shards are
-    /// there nobody needs what is left, so that [`Sweep::Dead`] removes all.
+    /// Removes leftovers of killed writers. In an object store there are none, because objects are uploaded in one
+    /// piece. If all shards exist, no leftover is needed, so [`Sweep::Dead`] removes all.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk refuses.
+    /// [`StoreError`] if the storage fails.
     pub fn sweep(&self, sweep: Sweep) -> Result<Swept, StoreError> {
         let is_needed = sweep != Sweep::All && !self.missing()?.is_empty();
         self.sweep_folders(sweep, is_needed)
@@ -102,5 +102,5 @@ impl Draft {
     }
 }
 
-/// A dataset's folders, those above last.
+/// A dataset's folders, parents last.
 pub(crate) const FOLDERS: [&str; 6] = ["attempts", "scenes", "objects", "meta/shards", "meta", ""];

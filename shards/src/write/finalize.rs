@@ -1,5 +1,5 @@
-//! Completing a dataset: when every shard has its marker, the manifest, the dataset card and the success mark are written.
-//! Anyone may do this, at any time, any number of times: the bytes are always the same.
+//! Completing a dataset: when every shard has its marker, the dataset card, the manifest and the success mark are
+//! written. Any process may do this at any time and repeatedly; the bytes are always the same.
 
 use std::collections::BTreeSet;
 
@@ -11,14 +11,14 @@ use crate::store::{Listing, Published, StoreError, Sweep, size_problem};
 use crate::write::card;
 use crate::{Draft, Location, Table};
 
-/// What came of it.
+/// The result of completing a dataset.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Finalized {
     /// The dataset is complete.
     Complete(Manifest),
-    /// Shards are missing, or their files are not of the size that was written.
+    /// Shards are missing, or their files have wrong sizes.
     Incomplete {
-        /// Their numbers, in order.
+        /// Their indices, in order.
         missing: Vec<u32>,
     },
 }
@@ -26,16 +26,16 @@ pub enum Finalized {
 /// Why a dataset cannot be completed.
 #[derive(Debug, thiserror::Error)]
 pub enum FinalizeError {
-    /// The disk refused.
+    /// The storage failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// While it was being completed, the dataset went away, and perhaps another came.
+    /// The dataset was removed or replaced while it was being completed.
     #[error("the dataset is gone, or another is in its place: {at}")]
     Replaced {
         /// The place.
         at: Location,
     },
-    /// There is a manifest, and it says something else.
+    /// A different manifest exists.
     #[error(
         "{} is there, sealed, and not what the markers make it, SHA-256 {before} there and {now} now: was a shard made \
          again by another program? If so, delete it, {} and {}, and finalize again",
@@ -44,7 +44,7 @@ pub enum FinalizeError {
         layout::SUCCESS
     )]
     NotReproduced {
-        /// SHA-256 of the manifest that is there.
+        /// SHA-256 of the existing manifest.
         before: String,
         /// SHA-256 of the new one.
         now: String,
@@ -62,8 +62,7 @@ impl Exit for FinalizeError {
 }
 
 impl Draft {
-    /// The shards that are not there, in order: without a marker of this dataset, or without files of the sizes that the
-    /// marker says.
+    /// The missing shards, in order: those without a marker of this dataset, or without files of the marker's sizes.
     ///
     /// # Errors
     /// [`StoreError`] if the disk refuses.
@@ -71,7 +70,7 @@ impl Draft {
         self.committed(|_| ())
     }
 
-    /// The shards without a marker, in order: a quick look, for one who will look closer.
+    /// The shards without a marker, in order: a quick check before a complete one.
     ///
     /// # Errors
     /// [`StoreError`] if the disk refuses.
@@ -81,7 +80,7 @@ impl Draft {
         Ok((0..self.info.shard_count).filter(|shard| !has_marker(shard)).collect())
     }
 
-    /// Hands on what every committed shard's marker says, in order; the numbers of the others.
+    /// Passes on the marker of every committed shard, in order; returns the indices of the others.
     fn committed(&self, mut take: impl FnMut(ShardSummary)) -> Result<Vec<u32>, StoreError> {
         let listings = self.listings()?;
         let (mut missing, mut doubtful) = (Vec::new(), Vec::new());
@@ -101,7 +100,7 @@ impl Draft {
             }
         })?;
         if !doubtful.is_empty() {
-            // They may have been committed after we listed.
+            // They may have been committed after the listing.
             let listings = self.listings()?;
             doubtful.retain(|summary| !is_listed(summary, &listings));
             missing.extend(doubtful.iter().map(|summary| summary.shard));
@@ -118,18 +117,18 @@ impl Draft {
         if self.is_in_place()? { Ok(()) } else { Err(FinalizeError::Replaced { at: self.location() }) }
     }
 
-    /// Writes `meta/manifest.json`, `README.md` and `_SUCCESS` if every shard is there. What is there already stays: a
-    /// card that somebody wrote on, and a manifest, which must be the same.
+    /// Writes `README.md`, `meta/manifest.json` and `_SUCCESS` if every shard exists. An existing card remains, because
+    /// users may edit it. An existing manifest must be equal.
     ///
     /// # Errors
-    /// [`FinalizeError`] if the disk refuses, or there is a manifest that says something else.
+    /// [`FinalizeError`] if the storage fails, or a different manifest exists.
     pub fn finalize(&self) -> Result<Finalized, FinalizeError> {
         let mut shards = Vec::new();
         let missing = self.committed(|summary| shards.push(summary))?;
         if !missing.is_empty() {
             return Ok(Finalized::Incomplete { missing });
         }
-        // Whoever made these files may have been killed before they were flushed.
+        // The writers of these files may have been killed before they flushed the folders.
         self.flush()?;
         let manifest = Manifest::new(&self.info, self.dataset_id.clone(), shards);
         self.check_in_place()?;
@@ -143,18 +142,18 @@ impl Draft {
                 let (before, now) = (seal::sha256_hex(&before), seal::sha256_hex(text.as_bytes()));
                 return Err(FinalizeError::NotReproduced { before, now });
             }
-            self.storage.publish(layout::MANIFEST, text.as_bytes())?; // in place of a damaged one
+            self.storage.publish(layout::MANIFEST, text.as_bytes())?; // replaces a damaged one
         }
         self.storage.publish_new(layout::SUCCESS, b"")?;
-        // The dataset is complete whatever comes of this. Writers that are still at it find that all is there.
+        // The dataset is complete even if this fails. Writers that are still running find everything in place.
         if let Err(error) = self.sweep_folders(Sweep::Dead, false) {
-            tracing::warn!(%error, "what killed writers left was not removed");
+            tracing::warn!(%error, "leftovers of killed writers were not removed");
         }
         Ok(Finalized::Complete(manifest))
     }
 }
 
-/// Whether a shard's files are listed with the sizes that its marker says.
+/// Whether a shard's files are listed with the marker's sizes.
 fn is_listed(summary: &ShardSummary, listings: &[(Table, Listing)]) -> bool {
     listings.iter().all(|(table, listing)| {
         let file = summary.file(*table);

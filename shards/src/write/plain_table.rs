@@ -1,4 +1,4 @@
-//! Small flat tables outside datasets: what experiments write, for DuckDB, polars and pyarrow.
+//! Small flat tables outside datasets, such as those of experiments, for DuckDB, polars and pyarrow.
 
 use std::sync::Arc;
 
@@ -10,11 +10,11 @@ use parquet::file::properties::{WriterProperties, WriterVersion};
 /// A column of a flat table.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PlainColumn {
-    /// Whole numbers.
+    /// Integers.
     Whole(Vec<u64>),
-    /// Real numbers, some of which may be missing.
+    /// Floats, which may be null.
     Real(Vec<Option<f32>>),
-    /// Words.
+    /// Strings.
     Text(Vec<String>),
 }
 
@@ -26,7 +26,7 @@ pub struct PlainTableError(String);
 /// The bytes of a Parquet file with these columns, in this order; a pure function of them.
 ///
 /// # Errors
-/// [`PlainTableError`] if the columns have not the same length.
+/// [`PlainTableError`] if the columns differ in length.
 pub fn plain_table(columns: Vec<(&str, PlainColumn)>) -> Result<Vec<u8>, PlainTableError> {
     let failed = |e: &dyn std::fmt::Display| PlainTableError(e.to_string());
     let array = |column: PlainColumn| -> ArrayRef {

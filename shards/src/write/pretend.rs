@@ -1,5 +1,5 @@
-//! Shards that only look committed: a marker, and files of the sizes it says with nothing in them. They cost no time to
-//! make, so that completing, listing and opening datasets of a hundred thousand shards can be measured.
+//! Shards that only look committed: a marker, and empty files of the marker's sizes. They take no time to make, so that
+//! completing, listing and opening datasets of a hundred thousand shards can be measured.
 
 use std::fs::{self, File};
 use std::io;
@@ -11,10 +11,10 @@ use crate::format::summary::{Counts, FileSummary, ShardSummary, Tally};
 use crate::format::{layout, seal};
 use crate::{DatasetInfo, Table};
 
-/// Puts a shard that only looks committed into a dataset's folder. The files are sparse: they take no room.
+/// Puts a shard that only looks committed into a dataset's folder. The files are sparse and take no space.
 ///
 /// # Errors
-/// If the disk refuses.
+/// If the disk fails.
 pub fn pretend_shard(dir: &Path, info: &DatasetInfo, dataset_id: &str, shard: u32) -> io::Result<()> {
     let scenes = info.scenes_of(shard);
     let (scenes, attempts) =
@@ -40,7 +40,7 @@ pub fn pretend_shard(dir: &Path, info: &DatasetInfo, dataset_id: &str, shard: u3
     fs::write(dir.join(layout::marker(shard)), seal::seal(&summary))
 }
 
-/// Counts that fit one another: a quarter is held, the rest meets something on the way.
+/// Consistent counts: a quarter is held, the rest collides on the way.
 fn counts(scenes: u64, attempts: u64) -> Counts {
     let mut counts = Counts { scenes, objects: 4 * scenes, ..Counts::zero() };
     counts.labels = Tally { attempts, positives: attempts / 4 };

@@ -1,5 +1,5 @@
-//! Made-up data for tests and benches: no physics, but objects that stand on the table, grids as a camera sees them,
-//! and outcomes that depend on the grasp, so that statistics look real and a network has something to learn.
+//! Synthetic data for tests and benches: without physics, but with objects on the table, grids from camera views, and
+//! outcomes that depend on the grasp, so that statistics are realistic and a network can learn from them.
 
 use schema::{
     AttemptRecord, Axis, Grid, Gripper, HitKind, ObjectRecord, Outcome, Pose, Procedure, Purpose, Quat, Rule,
@@ -8,7 +8,7 @@ use schema::{
 
 use crate::{DatasetInfo, FormatVersion};
 
-/// The info of a made-up dataset on the paper's grid. Set `grid.resolution` lower for small files.
+/// The info of a synthetic dataset on the paper's grid. Lower `grid.resolution` for small files.
 #[must_use]
 pub fn info(seed: u64, shard_count: u32, attempt_count: u64, attempts_per_scene: u32) -> DatasetInfo {
     DatasetInfo {
@@ -60,7 +60,7 @@ fn procedure() -> Procedure {
     }
 }
 
-/// All rows of a made-up scene; the same for the same scene, seed and grid.
+/// All rows of a synthetic scene; equal for the same scene, seed and grid.
 ///
 /// The scene's number of attempts is [`DatasetInfo::attempts_of_scene`].
 #[must_use]
@@ -165,7 +165,7 @@ fn attempt(
     }
 }
 
-/// The rotation that points the grasp's +z down along an object axis and its +y along another.
+/// The rotation with the grasp's +z down along an object axis and its +y along another.
 fn facing(target: &ObjectRecord, approach: Axis, closing: Axis) -> Quat {
     let axis = approach.unit();
     let is_up = (target.workspace_from_object.rotation * axis).z > 0.0;
@@ -175,7 +175,7 @@ fn facing(target: &ObjectRecord, approach: Axis, closing: Axis) -> Quat {
     Quat::from_rotation_arc(side, if side.dot(along) < 0.0 { -along } else { along }) * first
 }
 
-/// A fable of an outcome: low fingers hit the table, broad objects the fingers, and the rest mostly holds.
+/// A plausible outcome: low fingers hit the table, wide objects hit the fingers, and the rest mostly holds.
 fn judge(
     grasp: &Pose,
     breadth_m: f32,
@@ -196,7 +196,7 @@ fn judge(
     }
 }
 
-/// A projective TSDF: per voxel and view one ray, truncation four voxels, the mean over the views that see it.
+/// A projective TSDF: one ray per voxel and view, truncated at four voxels, averaged over the views that see the voxel.
 fn tsdf(objects: &[ObjectRecord], views: &[View], grid: &Grid) -> Vec<f32> {
     let truncation_m = 4.0 * grid.voxel_size_m();
     let centre = Vec3::new(0.5 * grid.size_m, 0.5 * grid.size_m, 0.0);
@@ -227,7 +227,7 @@ fn tsdf(objects: &[ObjectRecord], views: &[View], grid: &Grid) -> Vec<f32> {
         .collect()
 }
 
-/// A convex body as half-spaces of the workspace, within a ball.
+/// A convex body as half-spaces in the workspace, with a bounding ball.
 struct Body {
     centre: Vec3,
     radius_m: f32,
@@ -237,7 +237,7 @@ struct Body {
 impl Body {
     fn new(object: &ObjectRecord) -> Self {
         let pose = &object.workspace_from_object;
-        let solid = object.shape.as_solid().expect("made-up objects are primitives");
+        let solid = object.shape.as_solid().expect("synthetic objects are primitives");
         let planes = solid.planes().into_iter().map(|plane| {
             let normal = pose.rotation * plane.normal;
             (normal, plane.offset_m + normal.dot(pose.translation))
@@ -245,7 +245,7 @@ impl Body {
         Self { centre: pose.translation, radius_m: solid.bounding_radius_m(), planes: planes.collect() }
     }
 
-    /// Where `eye + t · ray` enters the body.
+    /// The t at which `eye + t · ray` enters the body.
     fn hit(&self, eye: Vec3, ray: Vec3) -> Option<f32> {
         let to = self.centre - eye;
         let nearest = to - ray * (to.dot(ray) / ray.length_squared());

@@ -1,10 +1,9 @@
-//! A Parquet file being written: how each column is encoded, and the constants that keep the bytes the same on every
-//! machine.
+//! Writes a Parquet file: the encoding of each column, and the constants that make the bytes equal on every machine.
 //!
-//! Measured with `examples/codecs.rs` on scenes of one to six views, 40³ voxels of which half are 0, bytes a scene and
-//! milliseconds to write one: plain 264,274 (0.8 ms); zstd 1 43,635 (0.9); zstd 1 over BYTE_STREAM_SPLIT 33,310 (1.0);
-//! zstd 3 33,495 (1.1); zstd 6 32,163 (2.2); zstd 9 31,636 (2.8); dictionary 66,604 (2.2). Reading takes 0.7 to 0.9 ms
-//! whatever the codec. On scenes from physics: plain 264,322; zstd 1 44,011; over BYTE_STREAM_SPLIT 38,340; zstd 9
+//! Measured with `examples/codecs.rs` on scenes of one to six views with 40³ voxels, half of them 0, in bytes per scene
+//! and milliseconds for writing one: plain 264,274 (0.8 ms); zstd 1 43,635 (0.9); zstd 1 over BYTE_STREAM_SPLIT 33,310
+//! (1.0); zstd 3 33,495 (1.1); zstd 6 32,163 (2.2); zstd 9 31,636 (2.8); dictionary 66,604 (2.2). Reading takes 0.7 to
+//! 0.9 ms with every codec. On scenes from physics: plain 264,322; zstd 1 44,011; over BYTE_STREAM_SPLIT 38,340; zstd 9
 //! 36,218. Higher levels cost more time than they save bytes; BYTE_STREAM_SPLIT costs nothing.
 
 use arrow::array::RecordBatch;
@@ -23,7 +22,7 @@ use crate::{FormatVersion, Table};
 /// Why a table could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
-    /// The disk refused.
+    /// The storage failed.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The columns could not be made or written.
@@ -31,7 +30,7 @@ pub enum TableError {
     Write {
         /// The table.
         table: Table,
-        /// What happened.
+        /// The error.
         message: String,
     },
 }
@@ -73,7 +72,7 @@ impl TableWriter {
         self.parquet.flush().map_err(|e| broken(self.table, &self.trouble, &e))
     }
 
-    /// Writes the footer and flushes the file to the disk, without giving it its name yet.
+    /// Writes the footer and flushes the file to the disk, without publishing it yet.
     pub(crate) fn finish(self) -> Result<(Ready, FileSummary), TableError> {
         let staged = self.parquet.into_inner().map_err(|e| broken(self.table, &self.trouble, &e))?;
         let ready = staged.finish()?;
@@ -88,7 +87,7 @@ fn properties(table: Table) -> Result<WriterProperties, TableError> {
     let mut builder = WriterProperties::builder()
         .set_created_by(format!("graspmill format {}", FormatVersion::CURRENT.number()))
         .set_writer_version(WriterVersion::PARQUET_1_0)
-        .set_max_row_group_row_count(None) // row groups end where the writer says: all tables after the same scene
+        .set_max_row_group_row_count(None) // the writer ends row groups: in all tables after the same scene
         .set_compression(Compression::ZSTD(level));
     for column in table.columns() {
         for path in float_leaves(column).into_iter().map(ColumnPath::new) {
@@ -103,7 +102,7 @@ fn properties(table: Table) -> Result<WriterProperties, TableError> {
     Ok(builder.build())
 }
 
-/// The disk's error, if it was the disk.
+/// The disk's error, if the disk caused it.
 fn broken(table: Table, trouble: &Trouble, error: &ParquetError) -> TableError {
     trouble.error().map_or_else(|| TableError::Write { table, message: error.to_string() }, TableError::Store)
 }

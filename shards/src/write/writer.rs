@@ -1,4 +1,4 @@
-//! Writing a shard: scenes in order, a few at a time, into three files that appear together or not at all.
+//! Writes a shard: scenes in order, a few at a time, into three files that are committed together.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use crate::store::{Published, Ready, Storage, StoreError};
 use crate::write::table_writer::{TableError, TableWriter};
 use crate::{DatasetInfo, Location, SCENES_PER_ROW_GROUP, Table};
 
-/// Scenes turned into columns at once; bounds what a writer holds, 4 MB of grids.
+/// Scenes encoded at once; limits a writer's memory to 4 MB of grids.
 const SCENES_PER_BATCH: usize = 16;
 
 /// Why a shard was not written.
@@ -21,12 +21,12 @@ pub enum WriteError {
     /// There is no such shard.
     #[error("shard must be below {shard_count}, got {shard}")]
     NoSuchShard {
-        /// What was asked for.
+        /// The requested shard.
         shard: u32,
-        /// How many there are.
+        /// The number of shards.
         shard_count: u32,
     },
-    /// A row breaks a rule: a defect of whoever made it.
+    /// A row breaks a rule: a defect of the program that made it.
     #[error("shard {shard}, scene {scene_id}: {source}")]
     Row {
         /// The shard.
@@ -36,7 +36,7 @@ pub enum WriteError {
         /// The rule.
         source: RowError,
     },
-    /// A scene came out of order, or too few came.
+    /// Scenes are out of order or missing.
     #[error("shard {shard} must go on with scene {expected} of {}..{}, got {got}", .scenes.start, .scenes.end)]
     Order {
         /// The shard.
@@ -45,10 +45,10 @@ pub enum WriteError {
         scenes: Range<u64>,
         /// The next scene.
         expected: u64,
-        /// What came instead.
+        /// What was written instead.
         got: String,
     },
-    /// The disk refused.
+    /// The storage failed.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// A table could not be written.
@@ -56,16 +56,16 @@ pub enum WriteError {
     Table {
         /// The shard.
         shard: u32,
-        /// What happened.
+        /// The error.
         source: TableError,
     },
-    /// While a shard was being made, its dataset went away, and perhaps another came.
+    /// The dataset was removed or replaced while the shard was being made.
     #[error("the dataset that this shard belongs to is gone, or another is in its place: {at}")]
     Replaced {
         /// The place.
         at: Location,
     },
-    /// The shard was written before, with other bytes.
+    /// The shard exists with other bytes.
     #[error(
         "shard {shard} came out differently from before, {file} has SHA-256 {before} there and {now} now: is the code or \
          the machine another? If the file is damaged, delete it and run again"
@@ -75,7 +75,7 @@ pub enum WriteError {
         shard: u32,
         /// The file, or the marker.
         file: String,
-        /// SHA-256 of what is there.
+        /// SHA-256 of the existing file.
         before: String,
         /// SHA-256 of the new one.
         now: String,
@@ -95,7 +95,7 @@ impl Exit for WriteError {
     }
 }
 
-/// Writes one shard. Dropped before [`ShardWriter::commit`], it leaves nothing that counts.
+/// Writes one shard. If dropped before [`ShardWriter::commit`], it leaves no shard.
 pub struct ShardWriter {
     info: DatasetInfo,
     dataset_id: String,
@@ -144,7 +144,7 @@ impl ShardWriter {
         })
     }
 
-    /// The scene that comes next; the end of the shard's range when all are there.
+    /// The next scene; the end of the shard's range after the last.
     #[must_use]
     pub fn next_scene(&self) -> u64 {
         self.next
@@ -153,7 +153,7 @@ impl ShardWriter {
     /// Adds a scene, strictly in the order of scene ids.
     ///
     /// # Errors
-    /// [`WriteError`] if the scene is not the next one, a row breaks a rule, or the disk refuses.
+    /// [`WriteError`] if the scene is not the next one, a row breaks a rule, or the storage fails.
     pub fn push(&mut self, rows: &SceneRows) -> Result<(), WriteError> {
         let scene_id = rows.scene.scene_id;
         if scene_id != self.next || !self.scenes.contains(&scene_id) {
@@ -201,11 +201,11 @@ impl ShardWriter {
         Ok(())
     }
 
-    /// Ends the shard: the three files get their names, then the marker is written, which makes the shard count. What is
-    /// there already is compared, not replaced: two writers of one shard write the same.
+    /// Commits the shard: the three files are published, then the marker, with which the shard exists. Existing files
+    /// are compared, not replaced, because all writers of a shard write the same bytes.
     ///
     /// # Errors
-    /// [`WriteError`] if scenes are missing, the disk refuses, or the shard was written before with other bytes.
+    /// [`WriteError`] if scenes are missing, the storage fails, or the shard exists with other bytes.
     pub fn commit(mut self) -> Result<ShardSummary, WriteError> {
         if self.next != self.scenes.end {
             return Err(self.out_of_order("the end".to_owned()));
@@ -220,9 +220,9 @@ impl ShardWriter {
             ShardSummary { dataset_id: self.dataset_id, shard, attempts, scenes, objects, counts: self.counts };
         let marker = layout::marker(shard);
         let text = seal::seal(&summary);
-        // The folder may have been emptied and another dataset begun in it while we worked.
+        // The folder may have been emptied and another dataset begun in it in the meantime.
         check_identity(&self.storage, &summary.dataset_id)?;
-        // A marker that says what we say proves our bytes: what else is there is damaged.
+        // An equal marker proves our bytes: any other existing file is damaged.
         let is_proven = match self.storage.read(&marker)? {
             Some(before) => compare(shard, &marker, &before, &text)?,
             None => false,
@@ -235,7 +235,7 @@ impl ShardWriter {
         if let Published::Existing(before) = self.storage.publish_new(&marker, text.as_bytes())?
             && !compare(shard, &marker, &before, &text)?
         {
-            self.storage.publish(&marker, text.as_bytes())?; // in place of a damaged one
+            self.storage.publish(&marker, text.as_bytes())?; // replaces a damaged one
         }
         Ok(summary)
     }
@@ -245,7 +245,7 @@ fn check_identity(storage: &Storage, dataset_id: &str) -> Result<(), WriteError>
     if storage.holds(dataset_id)? { Ok(()) } else { Err(WriteError::Replaced { at: storage.location("") }) }
 }
 
-/// Publishes a file, or finds that the same is there. Another is replaced only if ours is proven to be right.
+/// Publishes a file, or finds an equal one. A different one is replaced only if ours is proven to be correct.
 fn publish(
     storage: &Storage,
     shard: u32,
@@ -267,7 +267,7 @@ fn publish(
     Err(WriteError::NotReproduced { shard, file: summary.path.clone(), before, now: summary.sha256.clone() })
 }
 
-/// Whether a marker that is there says the same; not if it is damaged and says nothing.
+/// Whether an existing marker is equal; false if it is damaged.
 fn compare(shard: u32, marker: &str, before: &[u8], now: &str) -> Result<bool, WriteError> {
     if before == now.as_bytes() {
         return Ok(true);
@@ -308,7 +308,7 @@ mod tests {
         Draft::open(dir).unwrap().is_committed(1).unwrap()
     }
 
-    /// A shard counts only if it is whole, whenever its writer stopped.
+    /// A shard exists only if it is complete, at whatever operation its writer stopped.
     fn check_stopped(dir: &Path, expected: &ShardSummary, when: u64) {
         let storage = Storage::Folder(Store::new(dir));
         for file in Table::ALL.map(|table| expected.file(table)) {
@@ -342,7 +342,7 @@ mod tests {
     const KILLED_DIR: &str = "SHARDS_TEST_KILLED_AT_DIR";
     const KILLED_AT: &str = "SHARDS_TEST_KILLED_AT";
 
-    /// Not a test by itself: the writer that is killed.
+    /// Not a test of its own: the writer that is killed.
     #[test]
     fn killed_child() {
         if let (Ok(dir), Ok(at)) = (std::env::var(KILLED_DIR), std::env::var(KILLED_AT)) {

@@ -15,9 +15,8 @@ use url::{Position, Url};
 /// Maximum silence of a server, while connecting and afterwards.
 const CONNECT: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(20);
-/// Until when a request is repeated: as long as a server takes to start again, and longer by a writer, who has work to
-/// lose. Pauses grow from a tenth of a second to [`CONNECT`].
-const RETRY_READING: Duration = Duration::from_secs(60); // more than SILENCE, or a silence would be the end
+/// Time limit for retries: long enough for a server to restart. Pauses grow from a tenth of a second to [`CONNECT`].
+const RETRY_READING: Duration = Duration::from_secs(60); // more than SILENCE, otherwise a silence would end the retries
 const RETRY_WRITING: Duration = Duration::from_secs(30);
 const RETRIES_READING_MAX: usize = 24;
 const RETRIES_WRITING_MAX: usize = 1_000;
