@@ -1,8 +1,8 @@
 //! How a round begins: objects drawn, let go and come to rest.
 
 use generator::draw_drops;
-use schema::{Pose, Purpose, Stream, Vec3};
-use simulator::{Convex, Drop, Scene, SceneObject, Settled, Unsettled, settle, settle_again};
+use schema::{Polyhedron, Pose, Purpose, Stream, Vec3};
+use simulator::{Drop, Scene, SceneObject, Settled, Unsettled, settle, settle_again};
 
 use crate::catalogue::Thing;
 use crate::config::{Config, Objects};
@@ -80,16 +80,16 @@ fn shuffle<T>(values: &mut [T], stream: &mut Stream) {
 /// Whether a hand that comes from above can span some part of the object along some direction of the table.
 fn is_viable(config: &Config, object: &SceneObject) -> bool {
     let gripper = &config.scene.gripper;
-    let width_m = |part: &Convex, degrees: u16| {
+    let width_m = |part: &Polyhedron, degrees: u16| {
         let (sin, cos) = libm::sincosf(f32::from(degrees).to_radians());
-        let along = part.corners_m.iter().map(|corner| corner.dot(Vec3::new(cos, sin, 0.0)));
+        let along = part.corners_m().iter().map(|corner| corner.dot(Vec3::new(cos, sin, 0.0)));
         let [low, high] = along.fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], x| [l.min(x), h.max(x)]);
         high - low
     };
-    let fits = |part: &Convex| {
+    let fits = |part: &Polyhedron| {
         (0..180).any(|degrees| width_m(part, degrees) <= gripper.opening_m_max - 2.0 * gripper.clearance_m)
     };
-    object.body.convexes().iter().any(|part| fits(&part.moved(&object.workspace_from_object)))
+    object.body.polyhedra().iter().any(|part| fits(&part.moved(&object.workspace_from_object)))
 }
 
 #[cfg(test)]

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use schema::{HitKind, Outcome, Pose, Quat, Vec3, pose_from_parts};
+use schema::{HitKind, Outcome, Polyhedron, Pose, Quat, Vec3, pose_from_parts};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use shards::{PlainColumn, PlainTableError, plain_table};
-use simulator::{Body, Convex};
+use simulator::Body;
 
 use crate::config::{Config, Objects};
 use crate::record::{Ending, RoundRecord, TrialObject, TrialRecord};
@@ -105,8 +105,8 @@ pub fn bodies(config: &Config) -> String {
     let Objects::Things(groups) = &config.objects else { return "{}\n".to_owned() };
     let things = groups.iter().flat_map(|(_, things)| things);
     let parts = |body: &Body| -> serde_json::Value {
-        let vertices = |part: &Convex| part.corners_m.iter().map(|c| c.to_array()).collect::<Vec<_>>();
-        let parts: Vec<_> = body.convexes().iter().map(|part| json!({ "vertices_m": vertices(part) })).collect();
+        let vertices = |part: &Polyhedron| part.corners_m().iter().map(|c| c.to_array()).collect::<Vec<_>>();
+        let parts: Vec<_> = body.polyhedra().iter().map(|part| json!({ "vertices_m": vertices(part) })).collect();
         json!({ "parts": parts })
     };
     let named: BTreeMap<&str, serde_json::Value> =

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
 use serde::Deserialize;
-use simulator::{Body, Compound, ConvexHull, Part, Piece};
+use simulator::{Body, Compound, Part, Piece, convex_hull};
 
 /// The built-in catalogue.
 const EVERYDAY: &str = include_str!("../../configs/objects/everyday.toml");
@@ -185,7 +185,7 @@ fn thing(object: &RawObject) -> Result<Thing, String> {
 
 fn part(raw: &RawPart) -> Result<Part, String> {
     let size_m = || raw.size_m.map(Vec3::from_array).ok_or_else(|| format!("a {} needs size_m", raw.shape));
-    let hull = |points_m: &[Vec3]| ConvexHull::of(points_m).map(Piece::Hull).map_err(|e| e.to_string());
+    let hull = |points_m: &[Vec3]| convex_hull(points_m).map(Piece::Hull).map_err(|e| e.to_string());
     let piece = match raw.shape.as_str() {
         "hull" => {
             let corners_m = raw.corners_m.as_ref().ok_or("a hull needs corners_m")?;
@@ -289,10 +289,10 @@ mod tests {
     #[test]
     fn an_ellipsoid_is_as_long_as_it_says_and_nearly_as_big() {
         let size_m = Vec3::new(0.04, 0.05, 0.06);
-        let hull = ConvexHull::of(&ellipsoid(size_m)).unwrap();
+        let hull = convex_hull(&ellipsoid(size_m)).unwrap();
         let exact = core::f32::consts::PI / 6.0 * size_m.x * size_m.y * size_m.z;
         assert!((0.9..1.0).contains(&(hull.volume_m3() / exact)), "{} of {exact}", hull.volume_m3());
-        let low = hull.vertices_m().iter().copied().reduce(Vec3::min).unwrap();
+        let low = hull.corners_m().iter().copied().reduce(Vec3::min).unwrap();
         assert!((low + 0.5 * size_m).length() < 1e-6);
     }
 }

@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 
 use program::{Exit, ExitCode};
 use rayon::prelude::*;
-use schema::{Grid, Gripper, MODELS_MAX, Vec3};
+use schema::{Grid, Gripper, MODELS_MAX, Polyhedron, Vec3};
 use serde::Serialize;
-use simulator::{ConvexHull, ConvexParts, PartsLaw, convex_parts, few_cornered_hull, hull_volume_m3};
+use simulator::{ConvexParts, PartsLaw, convex_parts, few_cornered_hull, hull_volume_m3};
 
 use crate::catalogue::{Catalogue, CatalogueError};
 use crate::mass_integrals::{MassIntegrals, principal_values, relative_difference};
@@ -325,8 +325,8 @@ impl Measured {
     }
 }
 
-fn integrals_of(hull: &ConvexHull) -> MassIntegrals {
-    let corners: Vec<[f64; 3]> = hull.vertices_m().iter().map(|c| c.to_array().map(f64::from)).collect();
+fn integrals_of(hull: &Polyhedron) -> MassIntegrals {
+    let corners: Vec<[f64; 3]> = hull.corners_m().iter().map(|c| c.to_array().map(f64::from)).collect();
     MassIntegrals::of(hull.triangles().into_iter().map(|triangle| triangle.map(|i| corners[i])))
 }
 
@@ -357,7 +357,7 @@ fn described(file: &Path, law: &ImportLaw, measured: &Measured, parts: &ConvexPa
         inertia_kg_m2: principal_values(inertia),
         hull_volume_m3: measured.hull_volume_m3,
         parts: parts.hulls.len(),
-        part_corners_max: parts.hulls.iter().map(|hull| hull.vertices_m().len()).max().unwrap_or(0),
+        part_corners_max: parts.hulls.iter().map(|hull| hull.corners_m().len()).max().unwrap_or(0),
         simplified_m: f64::from(parts.simplified_m),
         parts_volume_m3: of_parts.volume_m3(),
         parts_volume_share: measured.solid.map(|solid| of_parts.volume_m3() / solid.volume_m3()),
@@ -432,14 +432,14 @@ fn warnings(object: &ImportedObject, law: &ImportLaw, measured: &Measured) -> Ve
 
 /// The smallest width of points over the directions in which a hull can be narrowest: normal to a face, or to two
 /// edges.
-fn smallest_width_m(hull: &ConvexHull, points_m: &[Vec3]) -> f64 {
+fn smallest_width_m(hull: &Polyhedron, points_m: &[Vec3]) -> f64 {
     let mut edges: Vec<Vec3> = Vec::new();
-    for edge in hull.edges_m().into_iter().filter_map(Vec3::try_normalize) {
+    for edge in hull.edges_m().iter().filter_map(|edge| edge.try_normalize()) {
         if !edges.iter().any(|other| other.cross(edge).length_squared() < 1e-8) {
             edges.push(edge);
         }
     }
-    let faces = hull.planes().into_iter().map(|plane| plane.normal);
+    let faces = hull.planes().map(|plane| plane.normal);
     let across = edges.iter().enumerate().flat_map(|(i, a)| edges[..i].iter().map(|b| a.cross(*b)));
     let width_m = |axis: Vec3| {
         let [low, high] = points_m.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], point| {
@@ -450,7 +450,7 @@ fn smallest_width_m(hull: &ConvexHull, points_m: &[Vec3]) -> f64 {
     };
     // The hull's own corners first: few directions need a check of all points.
     let own_m = |axis: Vec3| {
-        let along = hull.vertices_m().iter().map(|c| axis.dot(*c));
+        let along = hull.corners_m().iter().map(|c| axis.dot(*c));
         along.clone().fold(f32::NEG_INFINITY, f32::max) - along.fold(f32::INFINITY, f32::min)
     };
     let mut best_m = f32::INFINITY;
@@ -463,10 +463,10 @@ fn smallest_width_m(hull: &ConvexHull, points_m: &[Vec3]) -> f64 {
 }
 
 /// The share of the parts' union that lies in more than one of them, by sampling a lattice.
-fn overlap_share(hulls: &[ConvexHull]) -> f64 {
-    let corners = || hulls.iter().flat_map(ConvexHull::vertices_m).copied();
+fn overlap_share(hulls: &[Polyhedron]) -> f64 {
+    let corners = || hulls.iter().flat_map(Polyhedron::corners_m).copied();
     let (low, high) = (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
-    let planes: Vec<_> = hulls.iter().map(ConvexHull::planes).collect();
+    let planes: Vec<_> = hulls.iter().map(|hull| hull.planes().collect::<Vec<_>>()).collect();
     let (mut once, mut more) = (0_u64, 0_u64);
     for cell in 0..LATTICE.pow(3) {
         let along = [cell / LATTICE / LATTICE, cell / LATTICE % LATTICE, cell % LATTICE];
@@ -499,7 +499,7 @@ fn catalogue_text(object: &ImportedObject, law: &ImportLaw, parts: &ConvexParts)
     for hull in &parts.hulls {
         text +=
             "\n[[object.part]]\nshape = \"hull\"\nat_m = [0.0, 0.0, 0.0]\nturn_deg = [0.0, 0.0, 0.0]\ncorners_m = [\n";
-        for corner in hull.vertices_m() {
+        for corner in hull.corners_m() {
             let [x, y, z] = corner.to_array().map(decimal);
             let _ = writeln!(text, "    [{x}, {y}, {z}],");
         }

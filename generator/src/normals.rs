@@ -48,7 +48,7 @@ struct Target {
 
 impl Target {
     fn of(object: &SceneObject) -> Self {
-        let parts = object.body.convexes().into_iter().map(|convex| convex.planes).collect();
+        let parts = object.body.polyhedra().iter().map(|part| part.planes().collect()).collect();
         let radius_m = object.body.bounding_radius_m();
         Self { parts, radius_m, workspace_from_object: object.workspace_from_object }
     }

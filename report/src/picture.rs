@@ -5,16 +5,7 @@
 
 use std::fmt::Write as _;
 
-use schema::{Gripper, ObjectShape, Plane, Pose, Vec3};
-
-/// A convex body, in metres.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Polyhedron {
-    /// Its corners.
-    pub corners_m: Vec<Vec3>,
-    /// Its faces, as numbers of corners, counter-clockwise seen from outside.
-    pub faces: Vec<Vec<usize>>,
-}
+use schema::{Gripper, Polyhedron, Pose, Vec3};
 
 /// A hand at a grasp.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,104 +36,11 @@ pub struct Scene {
 /// Size of the picture.
 const WIDTH_PX: f32 = 300.0;
 const HEIGHT_PX: f32 = 280.0;
-/// A face is flat to this share of the body's size: hulls of measured corners have faces of several nearly flat pieces.
-const FLAT_SHARE: f32 = 1e-3;
 /// More hands are drawn thin.
 const CROWD: usize = 12;
 /// Tints of bodies: light, so that hands stand out, and not green or red.
 const TINTS: [[f32; 3]; 5] =
     [[150.0, 180.0, 214.0], [214.0, 188.0, 140.0], [178.0, 166.0, 208.0], [160.0, 196.0, 196.0], [205.0, 170.0, 190.0]];
-
-impl Polyhedron {
-    /// A convex body from its corners and the planes of its faces (outward unit normals), as [`schema::Solid::planes`] gives them.
-    #[must_use]
-    pub fn of_planes(corners_m: Vec<Vec3>, planes: &[Plane]) -> Self {
-        let size = corners_m.iter().map(|corner| corner.length()).fold(0.0, f32::max);
-        let face = |plane: &Plane| {
-            let on = |at: &usize| (plane.normal.dot(corners_m[*at]) - plane.offset_m).abs() < FLAT_SHARE * size;
-            let mut face: Vec<usize> = (0..corners_m.len()).filter(on).collect();
-            let middle = face.iter().map(|at| corners_m[*at]).sum::<Vec3>() / face.len().max(1) as f32;
-            let u = plane.normal.any_orthonormal_vector();
-            let v = plane.normal.cross(u);
-            let angle = |at: &usize| {
-                let arm = corners_m[*at] - middle;
-                libm::atan2f(arm.dot(v), arm.dot(u))
-            };
-            face.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
-            face
-        };
-        let faces = planes.iter().map(face).filter(|face| face.len() > 2).collect();
-        Self { corners_m, faces }
-    }
-
-    /// A convex body from its corners alone: every plane through three of them that has the others behind it is a face. That takes the
-    /// fourth power of their number, so of many only those are kept that lie furthest out, each in a direction of its own.
-    #[must_use]
-    pub fn of_corners(corners_m: Vec<Vec3>) -> Self {
-        let corners_m = outermost(corners_m);
-        let size = corners_m.iter().map(|corner| corner.length()).fold(0.0, f32::max);
-        let mut planes: Vec<Plane> = Vec::new();
-        for (a, at) in corners_m.iter().enumerate() {
-            for (b, to) in corners_m.iter().enumerate().skip(a + 1) {
-                for over in &corners_m[b + 1..] {
-                    let normal = (*to - *at).cross(*over - *at).normalize_or_zero();
-                    for normal in [normal, -normal] {
-                        let offset_m = normal.dot(*at);
-                        let is_face = corners_m.iter().all(|corner| normal.dot(*corner) <= offset_m + 1e-4 * size);
-                        let is_new = planes.iter().all(|plane| plane.normal.dot(normal) < 1.0 - 1e-5);
-                        if normal != Vec3::ZERO && is_face && is_new {
-                            planes.push(Plane { normal, offset_m });
-                        }
-                    }
-                }
-            }
-        }
-        Self::of_planes(corners_m, &planes)
-    }
-
-    /// The convex pieces of an object, in its frame.
-    #[must_use]
-    pub fn pieces(shape: &ObjectShape) -> Vec<Self> {
-        match shape {
-            ObjectShape::Solid(solid) => vec![Self { corners_m: solid.vertices_m(), faces: solid.faces() }],
-            ObjectShape::Model { model, .. } => model.parts_m.iter().cloned().map(Self::of_corners).collect(),
-        }
-    }
-
-    /// The body elsewhere.
-    #[must_use]
-    pub fn moved(mut self, pose: &Pose) -> Self {
-        for corner in &mut self.corners_m {
-            *corner = pose.transform_point(*corner);
-        }
-        self
-    }
-
-    fn middle_m(&self) -> Vec3 {
-        self.corners_m.iter().sum::<Vec3>() / self.corners_m.len().max(1) as f32
-    }
-}
-
-/// Corners that a picture's body has at most.
-const CORNERS_MAX: usize = 48;
-
-/// The corners, or of many those that are the furthest in as many directions, spread evenly (a Fibonacci lattice).
-fn outermost(corners_m: Vec<Vec3>) -> Vec<Vec3> {
-    if corners_m.len() <= CORNERS_MAX {
-        return corners_m;
-    }
-    let direction = |at: usize| {
-        let z = 1.0 - (2.0 * at as f32 + 1.0) / CORNERS_MAX as f32;
-        let (sin, cos) = libm::sincosf(2.399_963_2 * at as f32); // the golden angle
-        Vec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vec3::Z * z
-    };
-    let furthest = |at: usize| {
-        let along = |corner: &usize| corners_m[*corner].dot(direction(at));
-        (0..corners_m.len()).max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or_default()
-    };
-    let kept: std::collections::BTreeSet<usize> = (0..CORNERS_MAX).map(furthest).collect();
-    kept.into_iter().map(|corner| corners_m[corner]).collect()
-}
 
 /// The eye: what is right, up and towards it.
 struct Eye {
@@ -178,7 +76,7 @@ pub fn svg(scene: &Scene) -> String {
     let table = [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]].map(|[x, y]| Vec3::new(x, y, scene.table_z_m));
     let _ = write!(text, "<polygon class=\"ground\" points=\"{}\"/>", points(&eye, table.iter().copied()));
     let mut bodies: Vec<&(Polyhedron, usize)> = scene.bodies.iter().collect();
-    bodies.sort_by(|(a, _), (b, _)| eye.towards.dot(a.middle_m()).total_cmp(&eye.towards.dot(b.middle_m())));
+    bodies.sort_by(|(a, _), (b, _)| eye.towards.dot(middle_m(a)).total_cmp(&eye.towards.dot(middle_m(b))));
     for (body, tint) in bodies {
         paint(&mut text, &eye, body, TINTS[tint % TINTS.len()]);
     }
@@ -200,17 +98,21 @@ pub fn svg(scene: &Scene) -> String {
 
 fn paint(text: &mut String, eye: &Eye, body: &Polyhedron, tint: [f32; 3]) {
     let light = Vec3::new(-0.35, -0.55, 1.0).normalize();
-    for face in &body.faces {
-        let at = |i: usize| body.corners_m[face[i]];
+    for face in body.faces() {
+        let at = |i: usize| body.corners_m()[face.ring[i]];
         let normal = (at(1) - at(0)).cross(at(2) - at(0)).normalize_or_zero();
         if normal.dot(eye.towards) <= 0.0 {
             continue;
         }
         let shade = 0.62 + 0.38 * normal.dot(light).max(0.0);
         let [r, g, b] = tint.map(|channel| (channel * shade) as u8);
-        let corners = points(eye, face.iter().map(|corner| body.corners_m[*corner]));
+        let corners = points(eye, face.ring.iter().map(|corner| body.corners_m()[*corner]));
         let _ = write!(text, "<polygon class=\"face\" fill=\"#{r:02x}{g:02x}{b:02x}\" points=\"{corners}\"/>");
     }
+}
+
+fn middle_m(body: &Polyhedron) -> Vec3 {
+    body.corners_m().iter().sum::<Vec3>() / body.corners_m().len().max(1) as f32
 }
 
 /// The hand as two lines: the fingers with what joins them, and the stem behind.
@@ -242,43 +144,7 @@ mod tests {
 
     fn block() -> Polyhedron {
         let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.06, 0.04, 0.08)).unwrap();
-        Polyhedron { corners_m: solid.vertices_m(), faces: solid.faces() }
-    }
-
-    #[test]
-    fn faces_from_planes_are_those_of_the_solid() {
-        for kind in ShapeKind::ALL {
-            let solid =
-                Solid::new(kind, Vec3::new(0.06, 0.06, if kind == ShapeKind::HalfCylinder { 0.03 } else { 0.08 }));
-            let solid = solid.unwrap();
-            let found = Polyhedron::of_planes(solid.vertices_m(), &solid.planes());
-            let turned = |face: &Vec<usize>| {
-                let least = (0..face.len()).min_by_key(|at| face[*at]).unwrap();
-                face.iter().cycle().skip(least).take(face.len()).copied().collect::<Vec<_>>()
-            };
-            let expected: Vec<Vec<usize>> = solid.faces().iter().map(turned).collect();
-            assert_eq!(found.faces.iter().map(turned).collect::<Vec<_>>(), expected, "{kind:?}");
-            let mut guessed: Vec<Vec<usize>> =
-                Polyhedron::of_corners(solid.vertices_m()).faces.iter().map(turned).collect();
-            let mut expected = expected;
-            guessed.sort();
-            expected.sort();
-            assert_eq!(guessed, expected, "{kind:?} from its corners alone");
-        }
-    }
-
-    #[test]
-    fn of_a_ball_of_many_corners_a_closed_body_is_left() {
-        let corner = |at: usize| {
-            let (turn, rise) = (at as f32 * 0.37, libm::asinf(2.0 * at as f32 / 999.0 - 1.0));
-            let (flat, z) = (libm::cosf(rise), libm::sinf(rise));
-            Vec3::new(flat * libm::cosf(turn), flat * libm::sinf(turn), z) * 0.05
-        };
-        let ball = Polyhedron::of_corners((0..1000).map(corner).collect());
-        assert!((30..=CORNERS_MAX).contains(&ball.corners_m.len()));
-        let edges: Vec<(usize, usize)> =
-            ball.faces.iter().flat_map(|f| (0..f.len()).map(|i| (f[i], f[(i + 1) % f.len()]))).collect();
-        assert!(edges.iter().all(|(a, b)| edges.iter().filter(|edge| **edge == (*b, *a)).count() == 1));
+        Polyhedron::from(&solid)
     }
 
     #[test]

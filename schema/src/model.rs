@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::{ShapeKind, Solid, Vec3};
+use crate::{Polyhedron, ShapeKind, Solid, Vec3};
 
 /// An object of convex parts. Everything that physics takes from it stands here, so that a dataset needs no other file.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,6 +120,15 @@ impl ObjectShape {
         match self {
             Self::Solid(solid) => Some(*solid),
             Self::Model { .. } => None,
+        }
+    }
+
+    /// Its convex parts, in the object's frame. A part without a hull has no shape in physics either and is left out.
+    #[must_use]
+    pub fn parts(&self) -> Vec<Polyhedron> {
+        match self {
+            Self::Solid(solid) => vec![solid.into()],
+            Self::Model { model, .. } => model.parts_m.iter().flat_map(|part| Polyhedron::hull_of(part)).collect(),
         }
     }
 

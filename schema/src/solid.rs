@@ -5,7 +5,7 @@
 //! the depth images, in the collision tests and in the cross-check. (A true cylinder slipped in rapier's grip where its
 //! faceted hull held; and rays must see what the physics feels.)
 
-use crate::Vec3;
+use crate::{Pose, Vec3};
 
 /// Flat sides of a full turn of a round outline. Divisible by four, so that the extents are those of the true circle.
 pub const FACETS: usize = 24;
@@ -73,6 +73,15 @@ pub struct Plane {
     pub normal: Vec3,
     /// Distance of the plane from the origin along `normal`, in metres.
     pub offset_m: f32,
+}
+
+impl Plane {
+    /// The plane in another frame.
+    #[must_use]
+    pub fn moved(&self, pose: &Pose) -> Self {
+        let normal = pose.rotation * self.normal;
+        Self { normal, offset_m: self.offset_m + normal.dot(pose.translation) }
+    }
 }
 
 impl Solid {

@@ -5,9 +5,9 @@
 
 use std::sync::Arc;
 
-use schema::{Model, Plane, Pose, Solid, Vec3};
+use schema::{HullError, Model, Plane, Polyhedron, Pose, Solid, Vec3};
 
-use crate::convex_hull::{ConvexHull, HullError};
+use crate::convex_hull::convex_hull;
 
 /// A part's frame is not moved by less than this: rounding does not move it at all.
 const SHIFT_M_MIN: f32 = 1e-7;
@@ -27,7 +27,7 @@ pub struct Compound {
     name: String,
     parts: Vec<Part>,
     /// The parts again, in the object's frame.
-    convexes: Vec<Convex>,
+    polyhedra: Vec<Polyhedron>,
     extents_m: Vec3,
 }
 
@@ -46,7 +46,7 @@ pub enum Piece {
     /// One of the four primitive shapes.
     Solid(Solid),
     /// The convex hull of some points.
-    Hull(ConvexHull),
+    Hull(Polyhedron),
 }
 
 /// Why parts make no compound.
@@ -72,58 +72,11 @@ impl core::fmt::Display for CompoundError {
 
 impl core::error::Error for CompoundError {}
 
-/// A convex piece of a body: the same points and axes for rays and collision tests.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Convex {
-    /// The centre of a ball that holds it, in metres.
-    pub centre_m: Vec3,
-    /// The ball's radius, in metres.
-    pub radius_m: f32,
-    /// Its corners, in metres.
-    pub corners_m: Vec<Vec3>,
-    /// Its faces as half-spaces.
-    pub planes: Vec<Plane>,
-    /// The directions of its edges, not normalised; some more than once.
-    pub edges_m: Vec<Vec3>,
-}
-
-impl Convex {
-    fn of_solid(solid: &Solid) -> Self {
-        Self {
-            centre_m: Vec3::ZERO,
-            radius_m: solid.bounding_radius_m(),
-            corners_m: solid.vertices_m(),
-            planes: solid.planes(),
-            edges_m: solid.edges_m(),
-        }
-    }
-
-    fn of_hull(hull: &ConvexHull) -> Self {
-        let corners_m = hull.vertices_m().to_vec();
-        let [low, high] = bounds_m(&corners_m);
-        let centre_m = 0.5 * (low + high);
-        let radius_m = corners_m.iter().map(|c| (*c - centre_m).length()).fold(0.0, f32::max);
-        Self { centre_m, radius_m, corners_m, planes: hull.planes(), edges_m: hull.edges_m() }
-    }
-
-    /// The same in another frame.
-    #[must_use]
-    pub fn moved(&self, pose: &Pose) -> Self {
-        Self {
-            centre_m: pose.transform_point(self.centre_m),
-            radius_m: self.radius_m,
-            corners_m: self.corners_m.iter().map(|c| pose.transform_point(*c)).collect(),
-            planes: self.planes.iter().map(|p| plane_moved(p, pose)).collect(),
-            edges_m: self.edges_m.iter().map(|e| pose.rotation * *e).collect(),
-        }
-    }
-}
-
 impl Piece {
-    fn convex(&self) -> Convex {
+    fn polyhedron(&self) -> Polyhedron {
         match self {
-            Self::Solid(solid) => Convex::of_solid(solid),
-            Self::Hull(hull) => Convex::of_hull(hull),
+            Self::Solid(solid) => solid.into(),
+            Self::Hull(hull) => hull.clone(),
         }
     }
 
@@ -154,17 +107,19 @@ impl Compound {
         if let Some(part) = parts.iter().position(|part| !is_pose(part)) {
             return Err(CompoundError::Pose(part));
         }
-        let convexes = |parts: &[Part]| -> Vec<Convex> {
-            parts.iter().map(|p| p.piece.convex().moved(&p.object_from_part)).collect()
+        let polyhedra = |parts: &[Part]| -> Vec<Polyhedron> {
+            parts.iter().map(|p| p.piece.polyhedron().moved(&p.object_from_part)).collect()
         };
-        let [low, high] = bounds_m(corners_m(&convexes(&parts)));
+        let placed = polyhedra(&parts);
+        let low = corners_m(&placed).copied().fold(Vec3::INFINITY, Vec3::min);
+        let high = corners_m(&placed).copied().fold(Vec3::NEG_INFINITY, Vec3::max);
         let centre_m = 0.5 * (low + high);
         if centre_m.length() > SHIFT_M_MIN {
             for part in &mut parts {
                 part.object_from_part.translation -= centre_m;
             }
         }
-        Ok(Self { name, convexes: convexes(&parts), parts, extents_m: high - low })
+        Ok(Self { name, polyhedra: polyhedra(&parts), parts, extents_m: high - low })
     }
 
     /// What it is called.
@@ -201,10 +156,10 @@ impl Body {
 
     /// Its convex parts, in the object's frame.
     #[must_use]
-    pub fn convexes(&self) -> Vec<Convex> {
+    pub fn polyhedra(&self) -> Vec<Polyhedron> {
         match self {
-            Self::Solid(solid) => vec![Convex::of_solid(solid)],
-            Self::Compound(compound) => compound.convexes.clone(),
+            Self::Solid(solid) => vec![solid.into()],
+            Self::Compound(compound) => compound.polyhedra.clone(),
         }
     }
 
@@ -213,7 +168,7 @@ impl Body {
     pub fn vertices_m(&self) -> Vec<Vec3> {
         match self {
             Self::Solid(solid) => solid.vertices_m(),
-            Self::Compound(compound) => corners_m(&compound.convexes).copied().collect(),
+            Self::Compound(compound) => corners_m(&compound.polyhedra).copied().collect(),
         }
     }
 
@@ -240,7 +195,7 @@ impl Body {
     pub fn bounding_radius_m(&self) -> f32 {
         match self {
             Self::Solid(solid) => solid.bounding_radius_m(),
-            Self::Compound(compound) => corners_m(&compound.convexes).map(|c| c.length()).fold(0.0, f32::max),
+            Self::Compound(compound) => corners_m(&compound.polyhedra).map(|c| c.length()).fold(0.0, f32::max),
         }
     }
 
@@ -248,13 +203,12 @@ impl Body {
     /// 0 on the surface, negative inside. Beside an edge this is less than the distance to the edge.
     #[must_use]
     pub fn distance_outside_m(&self, point_m: Vec3) -> f32 {
-        let outside = |planes: &[Plane]| {
-            planes.iter().map(|p| p.normal.dot(point_m) - p.offset_m).fold(f32::NEG_INFINITY, f32::max)
-        };
+        let above = |plane: Plane| plane.normal.dot(point_m) - plane.offset_m;
         match self {
-            Self::Solid(solid) => outside(&solid.planes()),
+            Self::Solid(solid) => solid.planes().into_iter().map(above).fold(f32::NEG_INFINITY, f32::max),
             Self::Compound(compound) => {
-                compound.convexes.iter().map(|convex| outside(&convex.planes)).fold(f32::INFINITY, f32::min)
+                let outside = |part: &Polyhedron| part.planes().map(above).fold(f32::NEG_INFINITY, f32::max);
+                compound.polyhedra.iter().map(outside).fold(f32::INFINITY, f32::min)
             }
         }
     }
@@ -300,7 +254,7 @@ impl Body {
     pub fn of_model(model: &Model) -> Result<Self, ModelError> {
         let name = || model.name.clone();
         let part = |(part, corners): (usize, &Vec<Vec3>)| {
-            let hull = ConvexHull::of(corners).map_err(|error| ModelError::Part { model: name(), part, error })?;
+            let hull = convex_hull(corners).map_err(|error| ModelError::Part { model: name(), part, error })?;
             Ok(Part { piece: Piece::Hull(hull), object_from_part: Pose::IDENTITY })
         };
         let parts = model.parts_m.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
@@ -319,7 +273,7 @@ impl Body {
             friction,
             extents_m: self.extents_m(),
             volume_m3: self.volume_m3(),
-            parts_m: self.convexes().into_iter().map(|convex| convex.corners_m).collect(),
+            parts_m: self.polyhedra().iter().map(|part| part.corners_m().to_vec()).collect(),
         };
         // Of what is stored, not of what it was made of: the last digits may differ.
         let again = Self::of_model(&model)?;
@@ -349,19 +303,6 @@ impl From<Compound> for Body {
     }
 }
 
-/// A plane in another frame.
-pub(crate) fn plane_moved(plane: &Plane, pose: &Pose) -> Plane {
-    let normal = pose.rotation * plane.normal;
-    Plane { normal, offset_m: plane.offset_m + normal.dot(pose.translation) }
-}
-
-fn corners_m(convexes: &[Convex]) -> impl Iterator<Item = &Vec3> {
-    convexes.iter().flat_map(|convex| &convex.corners_m)
-}
-
-/// The lower and the upper corner of the bounding box of some points.
-fn bounds_m<'a>(points_m: impl IntoIterator<Item = &'a Vec3>) -> [Vec3; 2] {
-    points_m
-        .into_iter()
-        .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], point| [low.min(*point), high.max(*point)])
+fn corners_m(parts: &[Polyhedron]) -> impl Iterator<Item = &Vec3> {
+    parts.iter().flat_map(Polyhedron::corners_m)
 }

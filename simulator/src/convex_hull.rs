@@ -1,222 +1,26 @@
-//! Convex hulls of points: corners, flat faces, edges, volume.
+//! Convex hulls as the engine triangulates them.
 //!
-//! parry gives the hull as triangles. Here those that lie in one plane become one face with its corners in order, so that
-//! the hull of a box has six faces and not twelve: contacts, rays and collision tests all go by faces.
+//! The order of a hull's corners and faces decides how the engine rounds, so attempts on models repeat bit by bit only with
+//! the engine's own triangles. Their faces are those of [`Polyhedron::hull_of`], in another order.
 
 use parry3d::shape::Shape;
 use parry3d::transformation::try_convex_hull;
-use schema::{Plane, Vec3};
+use schema::{HullError, Polyhedron, Vec3};
 
 use crate::faceted::Faceted;
 
-/// What lies nearer to a plane than this share of the hull's size lies in it: 10 µm for 0.1 m. Far above the rounding of
-/// what people write down, far below anything that a hand could feel.
-const FLAT_SHARE: f32 = 1e-4;
-/// The faces' volume may differ from the triangles' by this share, or they do not enclose the hull.
-const VOLUME_SHARE: f32 = 1e-3;
-/// No corner is further from the origin than this along any axis: what is larger was meant in other units.
-const CORNER_M_MAX: f32 = 10.0;
-
-/// The convex hull of some points, in the points' frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ConvexHull {
-    corners_m: Vec<Vec3>,
-    faces: Vec<Face>,
-}
-
-/// A flat face.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Face {
-    /// Outwards.
-    pub(crate) plane: Plane,
-    /// Its corners by number, counter-clockwise seen from outside.
-    pub(crate) ring: Vec<usize>,
-}
-
-/// Why points have no hull with a volume.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HullError {
-    /// A coordinate is no number, or larger than 10 m.
-    Corner,
-    /// The points lie in one plane, or so nearly that no inside is left.
-    Flat,
-    /// Neighbouring faces lie so nearly in one plane that they cannot be told apart.
-    Unclear,
-}
-
-impl core::fmt::Display for HullError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Corner => write!(f, "corners must be numbers between −{CORNER_M_MAX} and {CORNER_M_MAX} m"),
-            Self::Flat => write!(f, "a hull needs at least four corners that are not in one plane"),
-            Self::Unclear => write!(f, "a hull's faces must be clearly flat or clearly bent: it has too many corners"),
-        }
-    }
-}
-
-impl core::error::Error for HullError {}
-
-impl ConvexHull {
-    /// The hull of `points_m`. Points within it, or within a face of it, are left out.
-    ///
-    /// # Errors
-    /// [`HullError`].
-    pub fn of(points_m: &[Vec3]) -> Result<Self, HullError> {
-        if points_m.iter().flat_map(|p| p.to_array()).any(|x| !x.is_finite() || x.abs() > CORNER_M_MAX) {
-            return Err(HullError::Corner);
-        }
-        let low = points_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
-        let high = points_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
-        // Also refuses no points at all, whose extents are below 0.
-        if points_m.len() < 4 || (high - low).min_element() <= 0.0 {
-            return Err(HullError::Flat);
-        }
-        let flat_m = FLAT_SHARE * (high - low).length();
-        let (points_m, triangles) = try_convex_hull(points_m).map_err(|_| HullError::Flat)?;
-        let triangles: Vec<[Vec3; 3]> = triangles.into_iter().map(|t| t.map(|i| points_m[i as usize])).collect();
-        let enclosed_m3: f32 = triangles.iter().map(|t| volume_below_m3(*t, low)).sum();
-        let area_m2: f32 = triangles.iter().map(|t| 0.5 * twice_area_m2(*t).length()).sum();
-        // Twice the volume over the area is the thickness of a plate.
-        if enclosed_m3 <= flat_m * area_m2 {
-            return Err(HullError::Flat);
-        }
-        let hull = Self::from_faces(&faces_of(&triangles, flat_m));
-        let is_inside = |p: &Vec3| hull.faces.iter().all(|f| f.plane.normal.dot(*p) - f.plane.offset_m <= flat_m);
-        let is_whole = |volume_m3: f32| (volume_m3 - enclosed_m3).abs() <= VOLUME_SHARE * enclosed_m3;
-        // The engine makes a hull of the corners once more, and it must be the same.
-        let engine_m3 = Faceted::of_hull(&hull, 1.0).map(|shape| shape.mass_properties(1.0).mass());
-        let is_clear = points_m.iter().all(is_inside) && is_whole(hull.volume_m3()) && engine_m3.is_some_and(is_whole);
-        if is_clear { Ok(hull) } else { Err(HullError::Unclear) }
-    }
-
-    /// Numbers the corners of all faces, in the order in which they come.
-    fn from_faces(faces: &[(Vec3, Vec<Vec3>)]) -> Self {
-        let mut corners_m: Vec<Vec3> = Vec::new();
-        let mut number = |corner: &Vec3| {
-            corners_m.iter().position(|c| c == corner).unwrap_or_else(|| {
-                corners_m.push(*corner);
-                corners_m.len() - 1
-            })
-        };
-        let faces = faces
-            .iter()
-            .map(|(normal, ring)| {
-                let offset_m = ring.iter().map(|c| normal.dot(*c)).fold(f32::NEG_INFINITY, f32::max);
-                Face { plane: Plane { normal: *normal, offset_m }, ring: ring.iter().map(&mut number).collect() }
-            })
-            .collect();
-        Self { corners_m, faces }
-    }
-
-    /// The corners, in metres.
-    #[must_use]
-    pub fn vertices_m(&self) -> &[Vec3] {
-        &self.corners_m
-    }
-
-    /// The faces as half-spaces.
-    #[must_use]
-    pub fn planes(&self) -> Vec<Plane> {
-        self.faces.iter().map(|face| face.plane).collect()
-    }
-
-    /// The surface as triangles of corners by number, counter-clockwise seen from outside.
-    #[must_use]
-    pub fn triangles(&self) -> Vec<[usize; 3]> {
-        let fan = |face: &Face| -> Vec<[usize; 3]> {
-            face.ring[1..].windows(2).map(|side| [face.ring[0], side[0], side[1]]).collect()
-        };
-        self.faces.iter().flat_map(fan).collect()
-    }
-
-    /// The directions of the edges, not normalised: each edge once for either of its faces.
-    #[must_use]
-    pub fn edges_m(&self) -> Vec<Vec3> {
-        let along = |a: usize, b: usize| self.corners_m[b] - self.corners_m[a];
-        self.faces.iter().flat_map(|face| sides(&face.ring).map(move |(a, b)| along(a, b))).collect()
-    }
-
-    /// Volume in cubic metres, by the divergence theorem.
-    #[must_use]
-    pub fn volume_m3(&self) -> f32 {
-        let [from, ..] = self.corners_m[..] else { return 0.0 };
-        let below = |face: &Face| -> f32 {
-            let at = |i: usize| self.corners_m[i];
-            sides(&face.ring).map(|(a, b)| volume_below_m3([at(face.ring[0]), at(a), at(b)], from)).sum()
-        };
-        self.faces.iter().map(below).sum()
-    }
-
-    /// The faces with their corners.
-    pub(crate) fn faces(&self) -> &[Face] {
-        &self.faces
-    }
-}
-
-/// Each of a ring with the next.
-fn sides<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> {
-    ring.iter().copied().zip(ring.iter().copied().cycle().skip(1))
-}
-
-/// A vector along a triangle's normal, as long as twice its area.
-fn twice_area_m2([a, b, c]: [Vec3; 3]) -> Vec3 {
-    (b - a).cross(c - a)
-}
-
-/// Volume between a triangle and a point, above 0 if the triangle looks away from the point.
-fn volume_below_m3(triangle: [Vec3; 3], from: Vec3) -> f32 {
-    twice_area_m2(triangle).dot(triangle[0] - from) / 6.0
-}
-
-/// The flat faces that triangles make up: outward normals, and corners counter-clockwise seen from outside.
-fn faces_of(triangles: &[[Vec3; 3]], flat_m: f32) -> Vec<(Vec3, Vec<Vec3>)> {
-    // The largest first: small and narrow triangles have no normal worth the name, and fall to their neighbours' faces.
-    let mut left: Vec<([Vec3; 3], Vec3)> = triangles.iter().map(|t| (*t, twice_area_m2(*t))).collect();
-    left.sort_by(|a, b| b.1.length_squared().total_cmp(&a.1.length_squared()));
-    let mut faces = Vec::new();
-    while let Some(normal) = left.first().and_then(|(_, normal)| normal.try_normalize()) {
-        let origin = left[0].0[0];
-        let is_flat = |(triangle, across): &([Vec3; 3], Vec3)| {
-            across.dot(normal) >= 0.0 && triangle.iter().all(|c| (*c - origin).dot(normal).abs() <= flat_m)
-        };
-        let (flat, rest): (Vec<_>, Vec<_>) = left.into_iter().partition(is_flat);
-        left = rest;
-        faces.push((normal, outline(normal, flat.iter().flat_map(|(triangle, _)| *triangle))));
-    }
-    faces
-}
-
-/// The corners of the convex outline of points in a plane, counter-clockwise about its normal (Andrew's monotone chain).
-fn outline(normal: Vec3, points: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
-    let u = normal.any_orthonormal_vector();
-    let v = normal.cross(u);
-    let mut points: Vec<Vec3> = points.collect();
-    points.sort_by(|a, b| u.dot(*a).total_cmp(&u.dot(*b)).then(v.dot(*a).total_cmp(&v.dot(*b))));
-    points.dedup();
-    let half = |points: &mut dyn Iterator<Item = Vec3>| {
-        let mut chain: Vec<Vec3> = Vec::new();
-        for point in points {
-            while let [.., a, b] = chain[..]
-                && turns_no_further([a, b, point], normal)
-            {
-                chain.pop();
-            }
-            chain.push(point);
-        }
-        // The other half begins where this one ends.
-        chain.pop();
-        chain
+/// The hull of some points, in the points' frame. Points within it, or within a face of it, are left out.
+///
+/// # Errors
+/// [`HullError`].
+pub fn convex_hull(points_m: &[Vec3]) -> Result<Polyhedron, HullError> {
+    let triangles = |points_m: &[Vec3]| {
+        let (corners_m, triangles) = try_convex_hull(points_m).ok()?;
+        Some(triangles.into_iter().map(|triangle| triangle.map(|corner| corners_m[corner as usize])).collect())
     };
-    let mut ring = half(&mut points.iter().copied());
-    ring.extend(half(&mut points.iter().rev().copied()));
-    ring
-}
-
-/// Whether a way along three points goes straight on, or turns clockwise about `normal`. A turn by less than 1e-4 rad is
-/// taken for rounding.
-fn turns_no_further([a, b, c]: [Vec3; 3], normal: Vec3) -> bool {
-    let (first, second) = (b - a, c - b);
-    first.cross(second).dot(normal) <= 1e-4 * first.length() * second.length()
+    // The engine makes a hull of the corners once more, and it must be the same.
+    let engine_m3 = |hull: &Polyhedron| Some(Faceted::of_hull(hull, 1.0)?.mass_properties(1.0).mass());
+    Polyhedron::hull_by(points_m, triangles, engine_m3)
 }
 
 #[cfg(test)]
@@ -225,117 +29,35 @@ mod tests {
 
     use super::*;
 
-    fn has_plane(hull: &ConvexHull, plane: &Plane) -> bool {
-        let is_same =
-            |p: &Plane| (p.normal - plane.normal).length() < 1e-5 && (p.offset_m - plane.offset_m).abs() < 1e-7;
-        hull.planes().iter().filter(|p| is_same(p)).count() == 1
-    }
-
-    /// Every edge belongs to two faces, which go along it in opposite directions, and Euler's formula holds.
-    fn assert_closed(hull: &ConvexHull) {
-        let edges: Vec<(usize, usize)> = hull.faces.iter().flat_map(|face| sides(&face.ring)).collect();
-        for (a, b) in &edges {
-            let count = |edge: (usize, usize)| edges.iter().filter(|e| **e == edge).count();
-            assert_eq!((count((*a, *b)), count((*b, *a))), (1, 1), "edge {a}–{b}");
-        }
-        assert_eq!(hull.corners_m.len() + hull.faces.len(), edges.len() / 2 + 2);
-    }
-
-    #[test]
-    fn the_hull_of_a_solids_corners_is_the_solid() {
-        for (kind, extents) in [
-            (ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.07)),
-            (ShapeKind::Cuboid, Vec3::new(0.08, 0.08, 0.001)),
-            (ShapeKind::Cylinder, Vec3::new(0.04, 0.04, 0.07)),
-            (ShapeKind::TriPrism, Vec3::new(0.08, 0.05, 0.04)),
-            (ShapeKind::HalfCylinder, Vec3::new(0.06, 0.06, 0.03)),
-        ] {
-            let solid = Solid::new(kind, extents).unwrap();
-            let hull = ConvexHull::of(&solid.vertices_m()).unwrap();
-            assert_closed(&hull);
-            assert_eq!(hull.vertices_m().len(), solid.vertices_m().len(), "{kind:?}");
-            assert_eq!(hull.planes().len(), solid.planes().len(), "{kind:?}");
-            for plane in solid.planes() {
-                assert!(has_plane(&hull, &plane), "{kind:?}: {plane:?} is not in {:?}", hull.planes());
-            }
-            let volume = hull.volume_m3() / solid.volume_m3();
-            assert!((volume - 1.0).abs() < 1e-5, "{kind:?}: {volume} of its volume");
+    /// What is simulated and what is drawn have the same corners and faces.
+    fn assert_same_shape(name: &str, points_m: &[Vec3]) {
+        let (simulated, drawn) = (convex_hull(points_m).unwrap(), Polyhedron::hull_of(points_m).unwrap());
+        let sorted = |hull: &Polyhedron| {
+            let mut corners: Vec<[u32; 3]> = hull.corners_m().iter().map(|c| c.to_array().map(f32::to_bits)).collect();
+            corners.sort_unstable();
+            corners
+        };
+        assert_eq!(sorted(&simulated), sorted(&drawn), "{name}");
+        assert_eq!(simulated.faces().len(), drawn.faces().len(), "{name}");
+        for plane in simulated.planes() {
+            let is_same = |p: schema::Plane| {
+                (p.normal - plane.normal).length() < 1e-3 && (p.offset_m - plane.offset_m).abs() < 1e-5
+            };
+            assert_eq!(drawn.planes().filter(|p| is_same(*p)).count(), 1, "{name}: {plane:?}");
         }
     }
 
     #[test]
-    fn points_within_and_within_faces_and_edges_are_left_out() {
-        let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.07)).unwrap();
-        let corners = solid.vertices_m();
-        let mut points = corners.clone();
-        for (i, a) in corners.iter().enumerate() {
-            points.extend(corners[i + 1..].iter().map(|b| 0.5 * (*a + *b)));
-            points.push(*a);
+    fn a_part_is_drawn_as_it_is_simulated_however_many_corners_it_has() {
+        let sizes = [[0.03, 0.05, 0.07], [0.04, 0.04, 0.09], [0.08, 0.05, 0.04], [0.08, 0.06, 0.03]];
+        for (kind, size) in ShapeKind::ALL.into_iter().zip(sizes) {
+            assert_same_shape(kind.name(), &Solid::new(kind, Vec3::from_array(size)).unwrap().vertices_m());
         }
-        let hull = ConvexHull::of(&points).unwrap();
-        assert_closed(&hull);
-        assert_eq!((hull.corners_m.len(), hull.faces.len()), (8, 6));
-        assert!(hull.faces.iter().all(|face| face.ring.len() == 4), "{:?}", hull.faces);
-    }
-
-    /// The slow, obvious way, in double precision: three points make a face if all others lie behind their plane.
-    #[test]
-    fn faces_and_volume_are_those_of_all_triples_of_points() {
-        let mut stream = Stream::new(4, 0, Purpose::Objects, 0);
-        for case in 0..40 {
-            let points: Vec<Vec3> = (0..12).map(|_| stream.point(Vec3::splat(-0.05), Vec3::splat(0.04))).collect();
-            let double = |i: usize| points[i].to_array().map(f64::from);
-            let (mut facets, mut volume) = (0, 0.0);
-            for (i, j, k) in (0..12).flat_map(|i| (0..12).flat_map(move |j| (0..12).map(move |k| (i, j, k)))) {
-                let (a, b, c) = (double(i), double(j), double(k));
-                let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-                let (u, v) = (minus(b, a), minus(c, a));
-                let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-                let height = |p: [f64; 3]| n[0] * p[0] + n[1] * p[1] + n[2] * p[2];
-                let others = (0..12).filter(|o| ![i, j, k].contains(o));
-                // Each facet comes three times, as its corners go round; the other way round all others lie before it.
-                if i < j && i < k && j != k && others.into_iter().all(|o| height(double(o)) < height(a)) {
-                    facets += 1;
-                    volume += height(a) / 6.0;
-                }
-            }
-            let hull = ConvexHull::of(&points).unwrap();
-            assert_closed(&hull);
-            // Two facets that lie in one plane but for some micrometres are one face.
-            let triangles: usize = hull.faces.iter().map(|face| face.ring.len() - 2).sum();
-            assert_eq!(triangles, facets, "case {case}");
-            let found = f64::from(hull.volume_m3());
-            assert!((found / volume - 1.0).abs() < 1e-4, "case {case}: {found} instead of {volume}");
-        }
-    }
-
-    /// What people write has few digits: the side of a slanted prism is flat to some micrometres only.
-    #[test]
-    fn rounded_corners_make_the_faces_that_were_meant() {
-        let mut stream = Stream::new(5, 0, Purpose::Objects, 0);
-        for case in 0..40 {
-            let turn = stream.rotation();
-            let solid = Solid::new(ShapeKind::Cylinder, Vec3::new(0.05, 0.05, 0.09)).unwrap();
-            let rounded = |v: Vec3| (v * 2e5).round() / 2e5;
-            let points: Vec<Vec3> = solid.vertices_m().into_iter().map(|v| rounded(turn * v)).collect();
-            let hull = ConvexHull::of(&points).unwrap();
-            assert_closed(&hull);
-            assert_eq!(hull.faces.len(), solid.planes().len(), "case {case}");
-        }
-    }
-
-    #[test]
-    fn what_has_no_inside_is_refused() {
-        let square = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::X + Vec3::Y].map(|v| 0.05 * v);
-        let slanted = square.map(|v| v + Vec3::Z * (v.x + 2.0 * v.y));
-        let line: Vec<Vec3> = (0..6).map(|i| Vec3::new(0.01, 0.02, 0.03) * i as f32).collect();
-        for flat in [&[][..], &square[..3], &square, &slanted, &line, &[Vec3::ONE; 5]] {
-            assert_eq!(ConvexHull::of(flat), Err(HullError::Flat), "{flat:?}");
-        }
-        for wrong in [f32::NAN, f32::INFINITY, 50.0] {
-            let mut corners = Solid::new(ShapeKind::Cuboid, Vec3::splat(0.05)).unwrap().vertices_m();
-            corners[3].y = wrong;
-            assert_eq!(ConvexHull::of(&corners), Err(HullError::Corner), "{wrong}");
+        let mut stream = Stream::new(7, 0, Purpose::Objects, 0);
+        for count in [8, 30, 48, 49, 100, 200, 256] {
+            let direction = |stream: &mut Stream| stream.rotation() * Vec3::X;
+            let ball: Vec<Vec3> = (0..count).map(|_| 0.05 * direction(&mut stream)).collect();
+            assert_same_shape(&format!("{count} corners"), &ball);
         }
     }
 }

@@ -7,9 +7,9 @@
 
 use parry3d::transformation::try_convex_hull;
 use parry3d::transformation::vhacd::{VHACD, VHACDParameters};
-use schema::Vec3;
+use schema::{HullError, Plane, Polyhedron, Vec3};
 
-use crate::convex_hull::{ConvexHull, HullError};
+use crate::convex_hull::convex_hull;
 
 /// Parts are merged if their common hull adds no more than this share of the volume of all parts.
 const JOIN_SHARE: f64 = 0.002;
@@ -35,7 +35,7 @@ pub struct PartsLaw {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConvexParts {
     /// The parts, in the mesh's frame.
-    pub hulls: Vec<ConvexHull>,
+    pub hulls: Vec<Polyhedron>,
     /// Largest distance in metres by which points lie outside the faces of their simplified part.
     pub simplified_m: f32,
 }
@@ -73,7 +73,7 @@ pub fn convex_parts(corners_m: &[Vec3], triangles: &[[u32; 3]], law: &PartsLaw) 
 ///
 /// # Errors
 /// [`HullError`] if the points have no hull.
-pub fn few_cornered_hull(points_m: &[Vec3], corners_max: usize) -> Result<(ConvexHull, f32), HullError> {
+pub fn few_cornered_hull(points_m: &[Vec3], corners_max: usize) -> Result<(Polyhedron, f32), HullError> {
     let low = points_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
     let high = points_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
     if !points_m.iter().all(|p| p.is_finite()) {
@@ -172,32 +172,31 @@ fn joined(mut pieces: Vec<Piece>, parts_max: usize) -> Vec<Piece> {
 }
 
 /// A hull with few corners: the outermost points along a few axes, then repeatedly the point farthest outside.
-fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result<(ConvexHull, f32), HullError> {
+fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result<(Polyhedron, f32), HullError> {
     let (mut chosen, mut hull) = beginning(points_m)?;
     let mut is_left = vec![true; points_m.len()];
     loop {
-        let planes = hull.planes();
+        let planes: Vec<Plane> = hull.planes().collect();
         let outside = |p: &Vec3| planes.iter().map(|plane| plane.normal.dot(*p) - plane.offset_m).fold(0.0, f32::max);
         let all = points_m.iter().map(outside);
         let left_m = all.clone().fold(0.0, f32::max);
         let furthest =
             all.enumerate().filter(|(i, _)| is_left[*i]).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-        let Some((next, _)) = furthest.filter(|(_, m)| *m > tolerance_m && hull.vertices_m().len() < corners_max)
-        else {
+        let Some((next, _)) = furthest.filter(|(_, m)| *m > tolerance_m && hull.corners_m().len() < corners_max) else {
             return Ok((hull, left_m));
         };
         is_left[next] = false;
         chosen.push(points_m[next]);
         // A point that would make almost coplanar faces is not added and counts as lying outside.
-        match ConvexHull::of(&chosen) {
-            Ok(larger) if larger.vertices_m().len() <= corners_max => hull = larger,
+        match convex_hull(&chosen) {
+            Ok(larger) if larger.corners_m().len() <= corners_max => hull = larger,
             _ => drop(chosen.pop()),
         }
     }
 }
 
 /// The outermost points along the axes, and also along the diagonals if the former have no hull.
-fn beginning(points_m: &[Vec3]) -> Result<(Vec<Vec3>, ConvexHull), HullError> {
+fn beginning(points_m: &[Vec3]) -> Result<(Vec<Vec3>, Polyhedron), HullError> {
     let signs = [-1.0, 0.0, 1.0];
     let directions = signs.iter().flat_map(|x| signs.iter().flat_map(move |y| signs.map(|z| Vec3::new(*x, *y, z))));
     let mut directions: Vec<Vec3> = directions.filter(|d| *d != Vec3::ZERO).collect();
@@ -208,7 +207,7 @@ fn beginning(points_m: &[Vec3]) -> Result<(Vec<Vec3>, ConvexHull), HullError> {
         let outermost = points_m.iter().copied().max_by(|a, b| direction.dot(*a).total_cmp(&direction.dot(*b)));
         chosen.extend(outermost.filter(|point| !chosen.contains(point)));
         if number >= 5 {
-            match ConvexHull::of(&chosen) {
+            match convex_hull(&chosen) {
                 Ok(hull) if chosen.len() >= 4 => return Ok((chosen, hull)),
                 Ok(_) => {}
                 Err(error) => problem = error,
@@ -242,7 +241,7 @@ mod tests {
     fn an_ell_is_two_boxes_and_the_same_two_every_time() {
         let (corners, triangles) = ell();
         let parts = convex_parts(&corners, &triangles, &LAW).unwrap();
-        let volume: f32 = parts.hulls.iter().map(ConvexHull::volume_m3).sum();
+        let volume: f32 = parts.hulls.iter().map(Polyhedron::volume_m3).sum();
         let exact = (0.08 * 0.03 + 0.05 * 0.03) * 0.03;
         assert!((volume / exact - 1.0).abs() < 0.03, "{volume} of {exact}");
         assert!((2..=3).contains(&parts.hulls.len()), "{} parts", parts.hulls.len());
@@ -258,7 +257,7 @@ mod tests {
         // Five corners of the outline's six.
         let exact = (0.08 * 0.08 - 0.5 * 0.05 * 0.05) * 0.03;
         assert!((hull.volume_m3() / exact - 1.0).abs() < 1e-4, "{}", hull.volume_m3());
-        assert_eq!(hull.vertices_m().len(), 10);
+        assert_eq!(hull.corners_m().len(), 10);
     }
 
     #[test]
@@ -275,7 +274,7 @@ mod tests {
         let mut last_m = f32::INFINITY;
         for corners_max in [8, 16, 32, 64] {
             let (hull, left_m) = of(corners_max);
-            assert!(hull.vertices_m().len() <= corners_max);
+            assert!(hull.corners_m().len() <= corners_max);
             assert!(left_m < last_m && left_m > 0.0, "{corners_max} corners leave {left_m} out");
             last_m = left_m;
         }

@@ -4,17 +4,16 @@
 //! This takes a few multiplications per face, is exact, and uses the same faceted shapes as the physics. A ray is cast
 //! only for a requested pixel, so the TSDF costs a fraction of a rendered image.
 
-use schema::{Camera, DepthImage, Intrinsics, Plane, Pose, Vec3};
+use schema::{Camera, DepthImage, Intrinsics, Plane, Polyhedron, Pose, Vec3};
 
-use crate::body::plane_moved;
-use crate::{Convex, Scene};
+use crate::Scene;
 
 /// A scene prepared for ray casting.
 #[derive(Debug, Clone)]
 pub struct SceneRays {
     table_z_m: f32,
     /// The parts of all objects, in the workspace.
-    convexes: Vec<Convex>,
+    parts: Vec<Polyhedron>,
 }
 
 impl SceneRays {
@@ -23,9 +22,9 @@ impl SceneRays {
     pub fn new(scene: &Scene) -> Self {
         let parts = scene.objects.iter().flat_map(|object| {
             let pose = object.workspace_from_object;
-            object.body.convexes().into_iter().map(move |convex| convex.moved(&pose))
+            object.body.polyhedra().into_iter().map(move |part| part.moved(&pose))
         });
-        Self { table_z_m: scene.table_z_m, convexes: parts.collect() }
+        Self { table_z_m: scene.table_z_m, parts: parts.collect() }
     }
 
     /// The rays of one camera.
@@ -33,12 +32,12 @@ impl SceneRays {
     pub fn seen_from(&self, camera: &Camera) -> ViewRays {
         let camera_from_workspace = camera.workspace_from_camera.inverse();
         let face = |plane: &Plane| {
-            let plane = plane_moved(plane, &camera_from_workspace);
+            let plane = plane.moved(&camera_from_workspace);
             Face { normal: plane.normal, gap_m: plane.offset_m }
         };
-        let parts = self.convexes.iter().map(|convex| SeenPart {
-            window: Window::around(&convex.corners_m, &camera_from_workspace, &camera.intrinsics),
-            faces: convex.planes.iter().map(face).collect(),
+        let parts = self.parts.iter().map(|part| SeenPart {
+            window: Window::around(part.corners_m(), &camera_from_workspace, &camera.intrinsics),
+            faces: part.planes().map(|plane| face(&plane)).collect(),
         });
         let table = face(&Plane { normal: Vec3::Z, offset_m: self.table_z_m });
         ViewRays { intrinsics: camera.intrinsics, table, parts: parts.collect() }

@@ -13,9 +13,7 @@ use parry3d::shape::{
     ConvexPolyhedron, FeatureId, PackedFeatureId, PolygonalFeature, PolygonalFeatureMap, Shape, ShapeType, SharedShape,
     SupportMap, TypedShape,
 };
-use schema::{Pose, ShapeKind, Solid};
-
-use crate::convex_hull::ConvexHull;
+use schema::{Polyhedron, Pose, ShapeKind, Solid};
 
 /// If a face is touched closer to its centre than this share of its radius, a fixed choice of corners describes it.
 const RIM_SHARE: f32 = 0.25;
@@ -30,7 +28,7 @@ pub(crate) fn shape_of(solid: &Solid, units_per_m: f32) -> SharedShape {
 }
 
 /// The collision shape of a hull, in units of 1/`units_per_m` metre.
-pub(crate) fn shape_of_hull(hull: &ConvexHull, units_per_m: f32) -> SharedShape {
+pub(crate) fn shape_of_hull(hull: &Polyhedron, units_per_m: f32) -> SharedShape {
     SharedShape::new(Faceted::of_hull(hull, units_per_m).expect("a checked hull is convex"))
 }
 
@@ -66,8 +64,8 @@ impl Faceted {
     }
 
     /// `None` if the engine finds no hull of the corners.
-    pub(crate) fn of_hull(hull: &ConvexHull, units_per_m: f32) -> Option<Self> {
-        let corners = hull.vertices_m().iter().map(|c| *c * units_per_m).collect();
+    pub(crate) fn of_hull(hull: &Polyhedron, units_per_m: f32) -> Option<Self> {
+        let corners = hull.corners_m().iter().map(|c| *c * units_per_m).collect();
         Self::new(corners, hull.faces().iter().map(|face| (face.plane.normal, face.ring.clone())), false)
     }
 
@@ -219,6 +217,7 @@ mod tests {
     use schema::Vec3;
 
     use super::*;
+    use crate::convex_hull::convex_hull;
 
     #[test]
     fn the_end_of_a_cylinder_is_described_by_corners_all_round() {
@@ -250,6 +249,7 @@ mod tests {
             }
         }
     }
+
     /// A face with most of its corners on one side: the first four, or every third, would leave out the other side.
     #[test]
     fn an_uneven_face_is_described_by_corners_round_its_middle() {
@@ -257,7 +257,7 @@ mod tests {
         let outline: Vec<[f32; 2]> = arc.chain([[0.0, 0.02], [0.0, 0.0]]).collect();
         let corners: Vec<Vec3> =
             [-0.01, 0.01].into_iter().flat_map(|z| outline.iter().map(move |[x, y]| Vec3::new(*x, *y, z))).collect();
-        let shape = Faceted::of_hull(&ConvexHull::of(&corners).unwrap(), 1.0).unwrap();
+        let shape = Faceted::of_hull(&convex_hull(&corners).unwrap(), 1.0).unwrap();
         let mut feature = PolygonalFeature::default();
         for hint in [None, Some(Vec3::new(0.039, 0.001, 0.01)), Some(Vec3::new(0.0, 0.02, 0.01))] {
             shape.describe(Vec3::Z, hint, &mut feature);

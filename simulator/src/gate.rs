@@ -43,7 +43,7 @@ impl Gate {
     /// Makes scene and hand ready.
     #[must_use]
     pub fn new(scene: &Scene, gripper: &Gripper, procedure: &Procedure) -> Self {
-        let hulls = |o: &SceneObject| o.body.convexes().into_iter().map(Hull::new).collect();
+        let hulls = |o: &SceneObject| o.body.polyhedra().iter().map(Hull::new).collect();
         let obstacles = scene.objects.iter().map(|o| (hulls(o), o.workspace_from_object)).collect();
         let back = Vec3::new(0.0, 0.0, procedure.pregrasp_distance_m);
         let hand = gripper.open_hand();

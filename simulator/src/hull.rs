@@ -1,8 +1,6 @@
 //! Convex parts as points and axes, for questions that need no time steps.
 
-use schema::{HandBox, Pose, Vec3};
-
-use crate::Convex;
+use schema::{HandBox, Polyhedron, Pose, Vec3};
 
 /// A convex part of an object, in the object's frame.
 #[derive(Debug, Clone)]
@@ -25,13 +23,13 @@ pub(crate) struct Placed {
 }
 
 impl Hull {
-    pub(crate) fn new(convex: Convex) -> Self {
+    pub(crate) fn new(part: &Polyhedron) -> Self {
         Self {
-            centre_m: convex.centre_m,
-            corners_m: convex.corners_m,
-            normals: distinct(convex.planes.iter().map(|plane| plane.normal)),
-            edges: distinct(convex.edges_m.into_iter().map(Vec3::normalize)),
-            radius_m: convex.radius_m,
+            centre_m: part.centre_m(),
+            corners_m: part.corners_m().to_vec(),
+            normals: distinct(part.planes().map(|plane| plane.normal)),
+            edges: distinct(part.edges_m().iter().map(|edge| edge.normalize())),
+            radius_m: part.radius_m(),
         }
     }
 
@@ -107,13 +105,11 @@ mod tests {
     use schema::{ShapeKind, Solid};
 
     use super::*;
-    use crate::Body;
 
     #[test]
     fn a_box_meets_a_box_after_the_gap_between_them_or_never() {
         let solid = Solid::new(ShapeKind::Cuboid, Vec3::splat(0.02)).unwrap();
-        let [cube] = <[Convex; 1]>::try_from(Body::from(solid).convexes()).unwrap();
-        let other = Hull::new(cube).placed(&Pose::from_translation(Vec3::new(0.0, 0.1, 0.0)));
+        let other = Hull::new(&Polyhedron::from(&solid)).placed(&Pose::from_translation(Vec3::new(0.0, 0.1, 0.0)));
         let way = |y_m: f32, x_m: f32, direction: Vec3| {
             let mover = HandBox { centre_m: Vec3::ZERO, half_m: Vec3::splat(0.01) };
             Placed::from_box(&mover, Vec3::new(x_m, y_m, 0.0)).free_way_m(&other, direction)

@@ -31,8 +31,8 @@ mod shortcuts;
 mod watch;
 
 pub use attempt::{AttemptWorld, Execution};
-pub use body::{Body, Compound, CompoundError, Convex, ModelError, Part, Piece, bodies_of};
-pub use convex_hull::{ConvexHull, HullError};
+pub use body::{Body, Compound, CompoundError, ModelError, Part, Piece, bodies_of};
+pub use convex_hull::convex_hull;
 pub use decompose::{ConvexParts, PartsLaw, convex_parts, few_cornered_hull, hull_volume_m3};
 pub use depth::{SceneRays, ViewRays};
 pub use engine::Physics;

@@ -7,8 +7,8 @@ use schema::{
     axis_angle,
 };
 use simulator::{
-    AttemptWorld, Body, Compound, CompoundError, ConvexHull, Drop, Execution, Gate, Part, Physics, Piece, Scene,
-    SceneObject, SceneRays, SettleLaw, settle, settle_again,
+    AttemptWorld, Body, Compound, CompoundError, Drop, Execution, Gate, Part, Physics, Piece, Scene, SceneObject,
+    SceneRays, SettleLaw, convex_hull, settle, settle_again,
 };
 
 const PI: f32 = core::f32::consts::PI;
@@ -45,7 +45,7 @@ const BOX_M: Vec3 = Vec3::new(0.04, 0.05, 0.07);
 fn alike() -> [Body; 3] {
     let [third, rest] = [1.0, 2.0].map(|thirds: f32| Vec3::new(BOX_M.x, BOX_M.y * thirds / 3.0, BOX_M.z));
     let cut = boxes(&[(third, Vec3::ZERO), (rest, Vec3::Y * (0.5 * BOX_M.y))]);
-    let hull = ConvexHull::of(&cuboid(BOX_M).vertices_m()).unwrap();
+    let hull = convex_hull(&cuboid(BOX_M).vertices_m()).unwrap();
     let hull = Compound::new("hull", vec![part(Piece::Hull(hull), Vec3::ZERO)]).unwrap();
     [cuboid(BOX_M).into(), cut, hull.into()]
 }
@@ -62,7 +62,7 @@ fn ring(inner_m: f32, outer_m: f32, height_m: f32) -> Body {
             .flat_map(|turn| [inner_m, outer_m].map(|radius_m| (radius_m, turn)))
             .flat_map(|(radius_m, turn)| [-0.5, 0.5].map(|side| corner(radius_m, turn, side * height_m)))
             .collect();
-        part(Piece::Hull(ConvexHull::of(&corners).unwrap()), Vec3::ZERO)
+        part(Piece::Hull(convex_hull(&corners).unwrap()), Vec3::ZERO)
     };
     Compound::new("ring", (0..12).map(sector).collect()).unwrap().into()
 }
@@ -74,7 +74,7 @@ fn l_shape() -> Body {
 
 /// A body with nothing hollow: the hull of all its corners.
 fn filled(body: &Body) -> Body {
-    let hull = ConvexHull::of(&body.vertices_m()).unwrap();
+    let hull = convex_hull(&body.vertices_m()).unwrap();
     Compound::new("filled", vec![part(Piece::Hull(hull), Vec3::ZERO)]).unwrap().into()
 }
 
@@ -287,7 +287,7 @@ fn what_stands_goes_on_standing() {
     let corner = |i: usize| libm::sincosf(PI / 8.0 * i as f32);
     let corners =
         (0..16).map(corner).flat_map(|(sin, cos)| [-0.04, 0.04].map(|z| Vec3::new(0.02 * cos, 0.02 * sin, z)));
-    let prism = ConvexHull::of(&corners.collect::<Vec<Vec3>>()).unwrap();
+    let prism = convex_hull(&corners.collect::<Vec<Vec3>>()).unwrap();
     let prism = Compound::new("prism", vec![part(Piece::Hull(prism), Vec3::ZERO)]).unwrap().into();
     let [_, cut, hull] = alike();
     let patient = SettleLaw { rest_time_s: 3.0, time_s_max: 4.0, ..LAW };

@@ -4,10 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use report::page::{Block, Picture, Section};
-use report::picture::{Hand, Polyhedron, Scene, svg};
-use schema::{HitKind, Outcome, ShapeKind, Solid, Vec3};
+use report::picture::{Hand, Scene, svg};
+use schema::{HitKind, Outcome, Polyhedron, ShapeKind, Solid, Vec3};
 use serde::Deserialize;
-use simulator::ConvexHull;
 
 use super::{PageError, Played, read_text};
 use crate::record::{RoundRecord, TrialObject, TrialRecord};
@@ -83,8 +82,7 @@ fn json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, PageEr
 /// `None` for corners without a volume, which no run writes.
 fn hull(corners_m: &[[f32; 3]]) -> Option<Polyhedron> {
     let corners_m: Vec<Vec3> = corners_m.iter().map(|corner| Vec3::from_array(*corner)).collect();
-    let hull = ConvexHull::of(&corners_m).ok()?;
-    Some(Polyhedron::of_planes(hull.vertices_m().to_vec(), &hull.planes()))
+    Polyhedron::hull_of(&corners_m).ok()
 }
 
 /// Nothing if the folder does not hold what it takes.
@@ -177,7 +175,7 @@ fn side_m(rounds: &[Round]) -> f32 {
 fn body(stage: &Stage, object: &TrialObject) -> Vec<Polyhedron> {
     let parts = stage.bodies.get(&object.body).cloned().or_else(|| {
         let solid = Solid::new(ShapeKind::from_name(&object.body)?, object.size_m).ok()?;
-        Some(vec![Polyhedron { corners_m: solid.vertices_m(), faces: solid.faces() }])
+        Some(vec![Polyhedron::from(&solid)])
     });
-    parts.unwrap_or_default().into_iter().map(|part| part.moved(&object.workspace_from_object)).collect()
+    parts.unwrap_or_default().iter().map(|part| part.moved(&object.workspace_from_object)).collect()
 }

@@ -1,8 +1,6 @@
 //! Solids, hands, tables and cameras as bodies and lines of a view.
 
-use schema::{Gripper, HandBox, Intrinsics, Pose, Vec3};
-
-use crate::picture::Polyhedron;
+use schema::{Gripper, HandBox, Intrinsics, Polyhedron, Pose, Vec3};
 
 use super::{Body, Class, Line, flat, flat_points};
 
@@ -14,14 +12,14 @@ const CAMERA_LENGTH_M: f32 = 0.03;
 const BOX_FACES: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
 impl Body {
-    /// A convex piece of an object.
+    /// A convex part of an object.
     #[must_use]
-    pub fn of_piece(class: Class, label: impl Into<String>, piece: Polyhedron, poses: &[Pose]) -> Self {
+    pub fn of_part(class: Class, label: impl Into<String>, part: &Polyhedron, poses: &[Pose]) -> Self {
         Self {
             class,
             label: label.into(),
-            corners_m: flat_points(piece.corners_m),
-            faces: piece.faces,
+            corners_m: flat_points(part.corners_m().iter().copied()),
+            faces: part.faces().iter().map(|face| face.ring.clone()).collect(),
             poses: poses.iter().map(flat).collect(),
         }
     }
@@ -98,9 +96,10 @@ impl Line {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
+    use std::collections::{BTreeMap, BTreeSet};
+    use std::sync::Arc;
 
-    use schema::{ShapeKind, Solid};
+    use schema::{Model, ObjectShape, ShapeKind, Solid};
 
     use super::*;
 
@@ -109,7 +108,7 @@ mod tests {
     }
 
     /// Every edge is gone along once in each direction, faces are flat, and look outwards.
-    fn assert_closed(body: &Body) {
+    fn assert_closed(body: &Body, flat_m: f32) {
         let mut edges: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         for face in &body.faces {
             for (place, from) in face.iter().enumerate() {
@@ -118,11 +117,11 @@ mod tests {
             let [a, b, c] = [0, 1, 2].map(|i| vector(body.corners_m[face[i]]));
             let normal = (b - a).cross(c - b).normalize();
             for corner in &body.corners_m {
-                assert!(normal.dot(vector(*corner) - a) < 1e-6, "{}: {face:?} does not look outwards", body.label);
+                assert!(normal.dot(vector(*corner) - a) < flat_m, "{}: {face:?} does not look outwards", body.label);
             }
             for corner in face {
                 let off = normal.dot(vector(body.corners_m[*corner]) - a);
-                assert!(off.abs() < 1e-6, "{}: {face:?} is not flat", body.label);
+                assert!(off.abs() < flat_m, "{}: {face:?} is not flat", body.label);
             }
         }
         for ((from, to), count) in &edges {
@@ -137,14 +136,34 @@ mod tests {
         let sizes = [[0.03, 0.05, 0.07], [0.04, 0.04, 0.09], [0.08, 0.05, 0.04], [0.08, 0.06, 0.03]];
         for (kind, size) in ShapeKind::ALL.into_iter().zip(sizes) {
             let solid = Solid::new(kind, Vec3::from_array(size)).unwrap();
-            assert_closed(&Body::of_piece(
-                Class::Object,
-                kind.name(),
-                Polyhedron::pieces(&solid.into()).remove(0),
-                &[Pose::IDENTITY],
-            ));
+            assert_closed(&Body::of_part(Class::Object, kind.name(), &(&solid).into(), &[Pose::IDENTITY]), 1e-6);
         }
-        assert_closed(&Body::table(0.3, 0.05));
+        assert_closed(&Body::table(0.3, 0.05), 1e-6);
+    }
+
+    #[test]
+    fn a_part_of_more_than_48_corners_is_shown_with_its_hull() {
+        let corner = |at: u16| {
+            let z = 1.0 - f32::from(2 * at + 1) / 200.0;
+            let (sin, cos) = libm::sincosf(2.399_963_2 * f32::from(at)); // the golden angle
+            Vec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() * 0.05 + Vec3::Z * z * 0.05
+        };
+        let corners: Vec<Vec3> = (0..200).map(corner).collect();
+        let model = Model {
+            name: "ball".to_owned(),
+            mass_kg: 0.1,
+            friction: 0.5,
+            extents_m: Vec3::splat(0.1),
+            volume_m3: 5e-4,
+            parts_m: vec![corners.clone()],
+        };
+        let shape = ObjectShape::Model { number: 0, model: Arc::new(model) };
+        let [ball] = <[Polyhedron; 1]>::try_from(shape.parts()).unwrap();
+        let body = Body::of_part(Class::Object, "ball", &ball, &[Pose::IDENTITY]);
+        // A hull's faces are flat to 1e-4 of its size.
+        assert_closed(&body, 2e-5);
+        let shown: BTreeSet<[u32; 3]> = body.corners_m.iter().map(|corner| corner.map(f32::to_bits)).collect();
+        assert_eq!(shown, corners.iter().map(|corner| corner.to_array().map(f32::to_bits)).collect());
     }
 
     #[test]

@@ -4,7 +4,6 @@ use std::io;
 use std::path::Path;
 
 use program::publish;
-use report::picture::Polyhedron;
 use report::view::{Body, Class, Line, Points, View, flat_points};
 use schema::{AttemptRecord, Axis, HitKind, Intrinsics, ObjectRecord, Outcome, SceneRows};
 use serde_json::Value;
@@ -44,7 +43,7 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     view
 }
 
-/// A row of `objects` as bodies that stand still, one for each convex piece, with what is known of it for a label.
+/// A row of `objects` as bodies that stand still, one for each convex part, with what is known of it for a label.
 #[must_use]
 pub fn object_bodies(class: Class, object: &ObjectRecord) -> Vec<Body> {
     let size_mm = object.shape.extents_m() * 1000.0;
@@ -58,8 +57,8 @@ pub fn object_bodies(class: Class, object: &ObjectRecord) -> Vec<Body> {
         object.mass_kg * 1000.0,
         object.friction
     );
-    let pieces = Polyhedron::pieces(&object.shape).into_iter();
-    pieces.map(|piece| Body::of_piece(class, label.clone(), piece, &[object.workspace_from_object])).collect()
+    let parts = object.shape.parts().into_iter();
+    parts.map(|part| Body::of_part(class, label.clone(), &part, &[object.workspace_from_object])).collect()
 }
 
 /// An attempt in words: its rule, its outcome and what it hit, its width.

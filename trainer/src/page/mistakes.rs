@@ -1,8 +1,8 @@
 //! The worst mistakes, with pictures of the hand in its scene.
 
 use report::page::{Block, Cell, Picture, Section, Table};
-use report::picture::{Hand, Polyhedron, Scene, svg, width_m};
-use schema::{AttemptRecord, HitKind, ObjectRecord, SceneRows};
+use report::picture::{Hand, Scene, svg, width_m};
+use schema::{AttemptRecord, HitKind, ObjectRecord, Polyhedron, SceneRows};
 use shards::{DatasetInfo, ReadError};
 
 use crate::evaluate::Examination;
@@ -62,8 +62,8 @@ fn picture(info: &DatasetInfo, rows: &SceneRows, attempt: &AttemptRecord, mistak
 }
 
 fn bodies(object: &ObjectRecord) -> impl Iterator<Item = (Polyhedron, usize)> {
-    let pieces = Polyhedron::pieces(&object.shape).into_iter();
-    pieces.map(|piece| (piece.moved(&object.workspace_from_object), object.object_id as usize))
+    let parts = object.shape.parts().into_iter();
+    parts.map(|part| (part.moved(&object.workspace_from_object), object.object_id as usize))
 }
 
 fn row(location: &str, attempt: &AttemptRecord, mistake: &Mistake) -> Vec<Cell> {

@@ -2,8 +2,8 @@
 
 use program::text::grouped;
 use report::page::Picture;
-use report::picture::{Hand, Polyhedron, Scene, svg, width_m};
-use schema::{ObjectRecord, SceneRows};
+use report::picture::{Hand, Scene, svg, width_m};
+use schema::{ObjectRecord, Polyhedron, SceneRows};
 
 use crate::{Dataset, DatasetInfo, ReadError};
 
@@ -45,6 +45,6 @@ fn picture(info: &DatasetInfo, rows: &SceneRows) -> Picture {
 }
 
 fn bodies(object: &ObjectRecord) -> impl Iterator<Item = (Polyhedron, usize)> {
-    let pieces = Polyhedron::pieces(&object.shape).into_iter();
-    pieces.map(|piece| (piece.moved(&object.workspace_from_object), object.object_id as usize))
+    let parts = object.shape.parts().into_iter();
+    parts.map(|part| (part.moved(&object.workspace_from_object), object.object_id as usize))
 }
