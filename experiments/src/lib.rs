@@ -1,9 +1,9 @@
-//! The paper's and the community's experiments, in simulation: a table of objects is scanned, planned on and cleared, and every
-//! number that comes of it carries its protocol's name and an interval.
+//! The paper's and the community's experiments in simulation: a table of objects is scanned, planned and cleared, and
+//! every result carries its protocol's name and an interval.
 //!
-//! [`config`] is an experiment's file, [`start`] lays the table (with objects of a [`catalogue`], or [`packed`] ones), [`round`] plays one
-//! round, [`run`] all of them, [`tables`] writes the rows down, [`statistics`] counts, [`report`] tells and [`page`]
-//! shows.
+//! [`config`] parses an experiment's file, [`start`] sets up the scene (with objects of a [`catalogue`], or [`packed`]
+//! ones), [`round`] runs one round, [`run`] runs all of them, [`tables`] writes the rows, [`statistics`] computes the
+//! rates, and [`report`] and [`page`] present them.
 
 pub mod config;
 pub mod packed;

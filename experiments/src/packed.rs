@@ -1,23 +1,23 @@
-//! Packed scenes: taller than wide, upright, side by side on the table, as VGN's second kind of scene.
+//! Packed scenes: upright objects, taller than wide, side by side on the table, like VGN's second kind of scene.
 //!
-//! Pure geometry and draws; the caller lets the result come to rest. An object that finds no place keeps its shape and
-//! is placed anew, and is given up after `tries_max` places. (VGN draws another object at each try, which favours the
-//! small ones, and stops after twelve tries in all, which leaves a part of its scenes short of objects.)
+//! Only geometry and draws; the caller lets the result come to rest. An object that collides keeps its shape and gets
+//! another position, up to `tries_max` times. (VGN draws another object at each try, which favours small ones, and
+//! stops after twelve tries in all, so some of its scenes have too few objects.)
 
 use schema::{Grid, Pose, Quat, ShapeKind, Solid, Stream, Vec3, axis_angle};
 use simulator::SceneObject;
 
-/// How far above the table an object is let go.
+/// Height above the table at which an object is released.
 const DROP_M: f32 = 0.0005;
 
-/// Which objects stand in a packed scene.
+/// The distribution of the objects of a packed scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PackedLaw {
     /// Shapes, drawn evenly.
     pub shapes: Vec<ShapeKind>,
-    /// How many.
+    /// Number of objects.
     pub count: usize,
-    /// Free extents in the plane, uniform. Half-cylinders are half as deep as they are wide.
+    /// Free extents in the plane, uniform. Half-cylinders are half as deep as wide.
     pub width_m: [f32; 2],
     /// Height, uniform.
     pub height_m: [f32; 2],
@@ -27,14 +27,14 @@ pub struct PackedLaw {
     pub friction: [f32; 2],
     /// Objects have their centres at least this far inside the workspace.
     pub margin_m: f32,
-    /// Their bounding rectangles are more than this apart.
+    /// Minimum distance of their bounding rectangles.
     pub gap_m: f32,
-    /// Places that are tried for an object.
+    /// Maximum number of positions to try for an object.
     pub tries_max: u32,
 }
 
 impl Default for PackedLaw {
-    /// Five household-sized things, their centres where VGN has them: in [0.08, 0.22] m of 0.30 m.
+    /// Five household-sized objects with centres as in VGN: in [0.08, 0.22] m of 0.30 m.
     fn default() -> Self {
         Self {
             shapes: ShapeKind::ALL.to_vec(),
@@ -50,7 +50,7 @@ impl Default for PackedLaw {
     }
 }
 
-/// Draws the objects of a packed scene and their places; fewer than `law.count` where some found none.
+/// Draws the objects of a packed scene and their positions; fewer than `law.count` if some found none.
 #[must_use]
 pub fn draw_packed(law: &PackedLaw, grid: &Grid, stream: &mut Stream) -> Vec<SceneObject> {
     let mut placed = Vec::with_capacity(law.count);
@@ -68,7 +68,7 @@ pub fn draw_packed(law: &PackedLaw, grid: &Grid, stream: &mut Stream) -> Vec<Sce
     placed
 }
 
-/// A shape whose free extents are uniform. Takes the same number of draws for every shape.
+/// A shape with uniform free extents. Every shape makes the same number of draws.
 fn draw_solid(law: &PackedLaw, stream: &mut Stream) -> Solid {
     let kind = law.shapes[stream.index(law.shapes.len())];
     let [a, b] = [(); 2].map(|()| stream.uniform(law.width_m[0], law.width_m[1]));
@@ -82,7 +82,7 @@ fn draw_solid(law: &PackedLaw, stream: &mut Stream) -> Solid {
     Solid::new(kind, extents_m).expect("the law's extents are above 0")
 }
 
-/// The first of at most `tries_max` places where the object hits nothing.
+/// The first of at most `tries_max` positions at which the object hits nothing.
 fn find_place(
     law: &PackedLaw,
     grid: &Grid,
@@ -102,7 +102,7 @@ fn find_place(
     })
 }
 
-/// How a shape stands: cuboid and cylinder on their z, what is extruded along x on its end.
+/// The upright pose of a shape: cuboid and cylinder along z, shapes extruded along x on their end.
 struct Stance {
     upright_from_object: Quat,
     /// Half sides of the footprint along x and y, before any yaw.
@@ -131,10 +131,10 @@ impl Stance {
     }
 }
 
-/// The rectangle that holds what an object covers of the table.
+/// The bounding rectangle of an object's footprint on the table.
 struct Footprint {
     centre_m: Vec3,
-    /// Half of each side, as a vector along it. All happens in the plane: heights never count.
+    /// Half of each side, as a vector along it. The test is in the plane; heights do not matter.
     half_m: [Vec3; 2],
 }
 
@@ -143,7 +143,7 @@ impl Footprint {
         self.half_m.iter().map(|half| half.dot(axis).abs()).sum()
     }
 
-    /// By separating axes: two rectangles are apart if they are along a side of one of them.
+    /// Separating axes: two rectangles are apart if they are apart along a side of one of them.
     fn is_apart(&self, other: &Self, gap_m: f32) -> bool {
         let between = other.centre_m - self.centre_m;
         self.half_m.iter().chain(&other.half_m).any(|side| {
@@ -178,13 +178,13 @@ mod tests {
         object.body.vertices_m().into_iter().map(|v| object.workspace_from_object.transform_point(v)).collect()
     }
 
-    /// Whether a point of the workspace lies in the solid itself: nothing is known here of rectangles or of yaw.
+    /// Whether a point of the workspace lies in the solid, independently of rectangles and yaw.
     fn holds(object: &SceneObject, point: Vec3) -> bool {
         let local = object.workspace_from_object.inverse().transform_point(point);
         solid_of(object).planes().iter().all(|plane| plane.normal.dot(local) <= plane.offset_m)
     }
 
-    /// How many of 2 mm × 2 mm × 10 mm samples lie in each number of objects: none, one, more.
+    /// Number of 2 mm × 2 mm × 10 mm samples inside no object, one object, and more.
     fn samples(objects: &[SceneObject]) -> [usize; 3] {
         let mut counts = [0; 3];
         for cell in 0..150 * 150 * 3 {
@@ -238,8 +238,8 @@ mod tests {
 
     #[test]
     fn objects_without_a_place_are_given_up_after_tries_max() {
-        // Nothing stands a metre from the first object: 6 draws for each of 5 objects, 3 for the first one's place, 3
-        // for each of 7 tries of the 4 others.
+        // No position is a metre from the first object: 6 draws for each of 5 objects, 3 for the first one's position,
+        // 3 for each of 7 tries of the 4 others.
         let law = PackedLaw { gap_m: 1.0, tries_max: 7, ..PackedLaw::default() };
         let mut stream = Stream::new(3, 0, Purpose::Objects, 0);
         assert_eq!(draw_packed(&law, &Grid::PAPER, &mut stream).len(), 1);

@@ -1,4 +1,4 @@
-//! What an experiment writes down: one row a round, one row an attempt.
+//! The rows of an experiment: one per round, one per attempt.
 
 use schema::{HitKind, Outcome, Pose, Vec3};
 use simulator::SceneObject;
@@ -8,13 +8,13 @@ use simulator::SceneObject;
 pub enum Ending {
     /// No object was left.
     Cleared,
-    /// The planner gave no grasp.
+    /// The planner found no grasp.
     NoGrasp,
     /// Too many attempts in a row failed.
     Failures,
     /// The round's attempts were used up.
     AttemptsMax,
-    /// The objects would not come to rest again.
+    /// The objects did not come to rest again.
     Unsettled,
 }
 
@@ -36,7 +36,7 @@ impl Ending {
 }
 
 impl Ending {
-    /// What it means, in a few words.
+    /// A short description.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {
@@ -49,18 +49,18 @@ impl Ending {
     }
 }
 
-/// A round: one scene, cleared as far as it goes.
+/// A round: one scene, cleared as far as possible.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoundRecord {
     /// Number of the round among those of all seeds.
     pub round: u64,
     /// The seed.
     pub seed: u64,
-    /// Number of the scene; with the seed it names it.
+    /// Number of the scene, unique for a seed.
     pub scene_id: u64,
-    /// What kind of scene it is.
+    /// Kind of the scene.
     pub group: String,
-    /// Scenes that were drawn anew because the hand cannot span an object.
+    /// Number of scenes redrawn because the hand cannot span an object.
     pub unviable_count: u32,
     /// Objects at the beginning.
     pub object_count: u32,
@@ -83,9 +83,9 @@ pub struct TrialRecord {
     pub trial: u32,
     /// Objects on the table before it.
     pub object_count: u32,
-    /// Grasps that the plan gave.
+    /// Number of grasps in the plan.
     pub planned_count: u32,
-    /// The one of them that was executed: the first that was not tried on the same scene.
+    /// The executed one: the first that was not tried on the same scene before.
     pub workspace_from_grasp: Pose,
     /// Its predicted width.
     pub width_m: f32,
@@ -93,9 +93,9 @@ pub struct TrialRecord {
     pub quality: f32,
     /// Eq. 8's ρ, if it belongs to a cluster.
     pub rho_m: Option<f32>,
-    /// The object nearest to the grasp, which was to be held, by its number in `objects`.
+    /// The target: the object nearest to the grasp, by its index in `objects`.
     pub target_id: u32,
-    /// What lay on the table before it.
+    /// The objects on the table before it.
     pub objects: Vec<TrialObject>,
     /// How it ended.
     pub outcome: Outcome,
@@ -108,7 +108,7 @@ pub struct TrialRecord {
 }
 
 impl TrialRecord {
-    /// Name of what was to be held: the kind of solid, or a catalogue's name.
+    /// Name of the target: the kind of solid, or a catalogue's name.
     #[must_use]
     pub fn target(&self) -> &str {
         self.objects.get(self.target_id as usize).map_or("", |object| &object.body)
@@ -126,7 +126,7 @@ pub struct TrialObject {
     pub mass_kg: f32,
     /// Coulomb friction coefficient.
     pub friction: f32,
-    /// Where it lay.
+    /// Its pose.
     pub workspace_from_object: Pose,
 }
 

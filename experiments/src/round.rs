@@ -1,8 +1,9 @@
-//! One round: a scene is looked at, planned on, grasped from and looked at again, until nothing is left or it is no use.
+//! One round: observe the scene, plan, execute the best grasp, and repeat until the table is empty or a limit is
+//! reached.
 //!
-//! What a robot cell would do, with three liberties. A grasp whose way is blocked leaves the scene as it was: the hand stops at the
-//! first touch. What the hand holds is gone at once. And where a failed grasp changed nothing, and the next plan would be the same, the
-//! next of its grasps is tried.
+//! This is what a robot cell would do, with three simplifications. A grasp whose way is blocked leaves the scene
+//! unchanged, because the hand stops at the first touch. A held object is removed immediately. If a failed grasp
+//! changed nothing, so that the next plan would be equal, the next grasp of the same plan is tried.
 
 use std::time::Instant;
 
@@ -15,7 +16,7 @@ use crate::config::Config;
 use crate::record::{Ending, RoundRecord, TrialObject, TrialRecord};
 use crate::start::{Start, start};
 
-/// What moves no faster than this may be trembling.
+/// Objects slower than this may be trembling.
 const TREMBLING_M_S: f32 = 0.05;
 const TREMBLING_RAD_S: f32 = 1.0;
 
@@ -28,7 +29,7 @@ pub struct Round {
     pub trials: Vec<TrialRecord>,
 }
 
-/// Why a round cannot be played.
+/// Why a round failed.
 #[derive(Debug, thiserror::Error)]
 pub enum RoundError {
     /// No try at the scene came to rest.
@@ -39,7 +40,7 @@ pub enum RoundError {
         /// Tries.
         tries: u32,
     },
-    /// The planner refuses what the cameras see.
+    /// The planner refuses the observation.
     #[error("round {round}: {source}")]
     Plan {
         /// The round.
@@ -49,7 +50,7 @@ pub enum RoundError {
     },
 }
 
-/// Plays round number `round` of all seeds' rounds: a pure function of its arguments, but for the times in its rows.
+/// Runs round number `round` of all seeds' rounds: a pure function of its arguments, except for the times in its rows.
 ///
 /// # Errors
 /// [`RoundError`].
@@ -60,7 +61,8 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
         began.ok_or(RoundError::NoScene { round, tries: config.scene.tries_max })?;
     let object_count = scene.objects.len() as u32;
     let (mut removed_count, mut failures, mut trials) = (0, 0, Vec::new());
-    // How often the scene has changed, and which grasps of its plan were tried on it. A scene that has not changed looks the same again.
+    // The number of changes of the scene, and the grasps of its plan that were tried. An unchanged scene gives the same
+    // observation.
     let (mut look, mut tried) = (0, 0);
     let cameras = config.cameras();
     let ending = loop {
@@ -112,8 +114,9 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
     Ok(Round { record, trials })
 }
 
-/// What an attempt left behind, at rest. Hulls of many faces, such as a duck's, can tremble on the table for ever, by some centimetres a second without
-/// getting anywhere: if nothing comes to rest by the law, what is slower than that rests.
+/// The scene after an attempt, at rest. Hulls of many faces, such as a duck's, can tremble on the table indefinitely,
+/// by some centimetres per second without moving away. If the settling criterion is not reached, slow objects count as
+/// resting.
 fn rest_again(config: &generator::Config, left: &[SceneObject]) -> Result<Settled, Unsettled> {
     let generator::Config { physics, settle, grid, .. } = config;
     settle_again(physics, settle, grid, left).or_else(|_| {
@@ -126,7 +129,7 @@ fn rest_again(config: &generator::Config, left: &[SceneObject]) -> Result<Settle
     })
 }
 
-/// Where in a round we are.
+/// The state of a round.
 #[derive(Clone, Copy)]
 struct Place {
     round: u64,
@@ -137,7 +140,7 @@ struct Place {
     tried: usize,
 }
 
-/// One look, one plan, one grasp; what is left of the scene, not at rest yet. `None` without a grasp.
+/// One observation, one plan, one grasp; returns the resulting scene, not at rest yet. `None` without a grasp.
 fn try_once(
     config: &Config,
     planner: &Planner,
@@ -183,13 +186,13 @@ fn milliseconds(since: Instant) -> f32 {
     (since.elapsed().as_secs_f64() * 1e3) as f32
 }
 
-/// The objects where the attempt left them, without the one that is gone.
+/// The objects after the attempt, without the removed one.
 fn moved(scene: &Scene, poses: &[Pose], gone: Option<usize>) -> Vec<SceneObject> {
     let objects = scene.objects.iter().zip(poses).enumerate().filter(|(id, _)| Some(*id) != gone);
     objects.map(|(_, (object, pose))| SceneObject { workspace_from_object: *pose, ..object.clone() }).collect()
 }
 
-/// The object that a grasp is meant for: the one whose surface is nearest to its origin.
+/// The target of a grasp: the object whose surface is nearest to its origin.
 fn nearest(scene: &Scene, point_m: Vec3) -> usize {
     let outside_m =
         |object: &SceneObject| object.body.distance_outside_m(object.workspace_from_object.inverse() * point_m);
@@ -197,7 +200,7 @@ fn nearest(scene: &Scene, point_m: Vec3) -> usize {
     distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(id, _)| id)
 }
 
-/// What the cameras see.
+/// Renders the observation.
 fn observe(config: &Config, cameras: &[Camera], scene: &Scene, place: Place) -> Vec<SeenView> {
     let rays = SceneRays::new(scene);
     let mut noise = Stream::new(place.seed, place.scene_id, Purpose::DepthNoise, place.look);

@@ -1,7 +1,8 @@
-//! A whole experiment: rounds in parallel, a journal from which an interrupted run goes on, and the reports at the end.
+//! A complete experiment: rounds in parallel, a journal from which an interrupted run continues, and the reports at the
+//! end.
 //!
-//! A round is one thread's: planning within it stays on that thread (a pool of its own), so that its times are those of one core and
-//! never hold another round's work.
+//! A round runs on one thread: its planning stays on that thread (a separate pool), so that its times are those of one
+//! core and contain no work of other rounds.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
@@ -21,10 +22,10 @@ use crate::tables::Line;
 /// Why an experiment cannot be run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// A round cannot be played.
+    /// A round failed.
     #[error(transparent)]
     Round(#[from] RoundError),
-    /// The disk refused.
+    /// A file cannot be written.
     #[error("failed to write: {source}: {}", .path.display())]
     Io {
         /// The file.
@@ -32,7 +33,7 @@ pub enum RunError {
         /// What the system said.
         source: io::Error,
     },
-    /// There are no threads.
+    /// Threads cannot be started.
     #[error("failed to start the threads: {0}")]
     Threads(rayon::ThreadPoolBuildError),
     /// A round ended in a defect of the program.
@@ -53,7 +54,7 @@ impl Exit for RunError {
     }
 }
 
-/// What the journal begins with: who wrote it.
+/// The head of the journal: the program and experiment that wrote it.
 #[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Identity {
     version: String,
@@ -63,8 +64,8 @@ struct Identity {
     rounds: u64,
 }
 
-/// Plays all rounds that the journal in `folder` has not, in `threads` threads, `on_round` after each; gives the rounds in order, all of them unless `stop`
-/// was set.
+/// Runs all rounds that are not in the journal of `folder` on `threads` threads and calls `on_round` after each.
+/// Returns the rounds in order, all of them unless `stop` was set.
 ///
 /// # Errors
 /// [`RunError`].
@@ -84,7 +85,7 @@ pub fn run(
         model: planner.model_id().to_owned(),
         config: config.digest.clone(),
         seeds: config.seeds.clone(),
-        // The rounds of one seed can be made more or fewer; those of several are numbered through.
+        // With one seed the number of rounds may change; with several seeds rounds are numbered consecutively.
         rounds: if config.seeds.len() > 1 { config.rounds } else { 0 },
     };
     let mut rounds = journal(&path, &identity)?;
@@ -107,7 +108,7 @@ pub fn run(
     Ok(rounds)
 }
 
-/// Plays rounds in so many threads.
+/// Runs rounds on a number of threads.
 fn in_threads(
     threads: usize,
     missing: &[u64],
@@ -122,7 +123,7 @@ fn in_threads(
                 Ok(Some(round)) => played.push(round),
                 Ok(None) => break,
                 Err(error) => {
-                    // The others end after the rounds under way.
+                    // The other threads end after their current rounds.
                     next.store(missing.len(), Ordering::Relaxed);
                     return Err(error);
                 }
@@ -141,18 +142,18 @@ fn in_threads(
     Ok(rounds)
 }
 
-/// The rounds that the journal in `folder` tells of, by number; `None` if there is no journal. A last line that was cut off is passed
-/// over, and nothing is changed.
+/// The rounds in the journal of `folder`, by number; `None` if there is no journal. A truncated last line is ignored.
+/// Nothing is changed.
 ///
 /// # Errors
-/// What the system says; `InvalidData` if it is no journal.
+/// The system's error; `InvalidData` if it is not a journal.
 pub fn journalled(folder: &Path) -> io::Result<Option<Vec<Round>>> {
     let text = match fs::read_to_string(folder.join(JOURNAL)) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         read => read?,
     };
     let whole = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
-    let damaged = |line: usize| io::Error::new(io::ErrorKind::InvalidData, format!("line {line} tells of no round"));
+    let damaged = |line: usize| io::Error::new(io::ErrorKind::InvalidData, format!("line {line} is not a round"));
     let mut rounds = Vec::new();
     for (at, line) in whole.lines().enumerate().skip(1) {
         let round = serde_json::from_str::<Line>(line).ok().and_then(|line| line.round());
@@ -171,7 +172,7 @@ fn append(file: &Mutex<File>, line: &impl serde::Serialize) -> io::Result<()> {
     file.write_all(text.as_bytes())
 }
 
-/// The rounds of the journal, which is begun if there is none. A last line that was cut off is taken away.
+/// The rounds of the journal, which is created if missing. A truncated last line is removed.
 fn journal(path: &Path, identity: &Identity) -> Result<Vec<Round>, RunError> {
     let failed = |source| RunError::Io { path: path.to_owned(), source };
     if !path.exists() {

@@ -1,4 +1,4 @@
-//! How a round begins: objects drawn, let go and come to rest.
+//! The start of a round: objects are drawn, released and come to rest.
 
 use generator::draw_drops;
 use schema::{Polyhedron, Pose, Purpose, Stream, Vec3};
@@ -8,18 +8,18 @@ use crate::catalogue::Thing;
 use crate::config::{Config, Objects};
 use crate::packed::draw_packed;
 
-/// What lies on the table at the beginning of a round.
+/// The scene at the beginning of a round.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
     /// The objects, at rest.
     pub scene: Scene,
-    /// What kind of scene it is: "pile", "packed", or the catalogue's name for it.
+    /// Kind of the scene: "pile", "packed", or the catalogue's name of the set.
     pub group: String,
-    /// Scenes that were thrown away, since there was an object of which the hand could span no part.
+    /// Number of rejected scenes with an object that the hand cannot span.
     pub unviable_count: u32,
 }
 
-/// The scene of round `scene_id` of a seed, or `None` if no try will do: a pure function of its arguments.
+/// The scene of round `scene_id` of a seed, or `None` if all tries were rejected: a pure function of its arguments.
 #[must_use]
 pub fn start(config: &Config, seed: u64, scene_id: u64) -> Option<Start> {
     let mut unviable_count = 0;
@@ -59,7 +59,7 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
     }
 }
 
-/// Over the middle of the workspace, in any orientation.
+/// A pose over the centre of the workspace in a uniform orientation.
 fn release(config: &Config, thing: &Thing, stream: &mut Stream) -> Drop {
     let (grid, drop_height_m) = (&config.scene.grid, config.scene.objects.drop_height_m);
     let middle = 0.5 * grid.size_m;
@@ -70,14 +70,14 @@ fn release(config: &Config, thing: &Thing, stream: &mut Stream) -> Drop {
     Drop { body: thing.body.clone(), mass_kg: thing.mass_kg, friction: thing.friction, workspace_from_object }
 }
 
-/// Any order as likely as another (Fisher and Yates).
+/// A uniform random order (Fisher and Yates).
 fn shuffle<T>(values: &mut [T], stream: &mut Stream) {
     for last in (1..values.len()).rev() {
         values.swap(last, stream.index(last + 1));
     }
 }
 
-/// Whether a hand that comes from above can span some part of the object along some direction of the table.
+/// Whether a hand from above can span some part of the object along some horizontal direction.
 fn is_viable(config: &Config, object: &SceneObject) -> bool {
     let gripper = &config.scene.gripper;
     let width_m = |part: &Polyhedron, degrees: u16| {
@@ -107,7 +107,8 @@ mod tests {
         Config::parse(&text, &path, &[]).unwrap()
     }
 
-    /// Table 1's cuboid is 85 x 50 x 100 mm: flat on its largest face both sides are wider than 80 mm, on any other face one is 50 mm.
+    /// Table 1's cuboid is 85 x 50 x 100 mm: flat on its largest face both sides are wider than 80 mm, on any other
+    /// face one is 50 mm.
     #[test]
     fn a_cuboid_that_lies_flat_is_drawn_anew_and_counted() {
         let config = config("[\"cuboid\"]");

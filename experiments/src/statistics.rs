@@ -1,7 +1,7 @@
-//! The numbers of an experiment, from its rows: rates with intervals, counts, times.
+//! The results of an experiment, computed from its rows: rates with intervals, counts, times.
 //!
-//! Rounds are what was drawn, not attempts: those of a round share a scene, and fail together. So every interval is a
-//! percentile bootstrap over whole rounds, and attempts of a round that has no row yet (it was interrupted) are left out.
+//! Rounds are the independent units, not attempts, because attempts of a round share a scene. Therefore every interval
+//! is a percentile bootstrap over whole rounds. Attempts of an interrupted round, which has no row, are excluded.
 
 use std::collections::BTreeMap;
 
@@ -11,10 +11,10 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::record::{Ending, RoundRecord, TrialRecord};
 
-/// What an experiment found.
+/// The results of an experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Results {
-    /// Name of the protocol, without which none of the numbers means anything.
+    /// Name of the protocol to which all numbers refer.
     pub protocol: String,
     /// Rounds.
     pub rounds: u64,
@@ -22,33 +22,33 @@ pub struct Results {
     pub objects: u64,
     /// Grasps that were executed.
     pub attempts: u64,
-    /// Those that held.
+    /// Number that held.
     pub held: u64,
     /// Objects that were held and taken away.
     pub removed: u64,
     /// The rates.
     pub rates: Rates,
-    /// Rounds by how they ended, of those endings that occurred.
+    /// Rounds by ending, for the endings that occurred.
     #[serde(serialize_with = "by_ending", deserialize_with = "endings")]
     pub endings: Vec<(Ending, u64)>,
-    /// Attempts by how they ended, of those outcomes that occurred.
+    /// Attempts by outcome, for the outcomes that occurred.
     #[serde(serialize_with = "by_outcome", deserialize_with = "outcomes")]
     pub outcomes: Vec<(Outcome, u64)>,
     /// Rounds by the kind of scene.
     pub by_group: Vec<GroupResults>,
     /// Rounds by seed, if there are several.
     pub by_seed: Vec<GroupResults>,
-    /// Attempts by what was to be held.
+    /// Attempts by target.
     pub by_target: Vec<TargetResults>,
     /// Depth images to ranked grasps; `None` without attempts.
     pub plan_ms: Option<Percentiles>,
     /// Rendering the views; `None` without attempts.
     pub observe_ms: Option<Percentiles>,
-    /// Grasps a plan gave, over plans of which one was executed; `None` without attempts.
+    /// Grasps per plan, over plans with an executed grasp; `None` without attempts.
     pub planned_per_trial_mean: Option<f64>,
 }
 
-/// The rates by which experiments are compared; `None` where there is nothing to divide by.
+/// The rates for comparing experiments; `None` where the denominator is 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Rates {
     /// Attempts that held, of all attempts: the grasp success rate, GSR.
@@ -73,17 +73,17 @@ pub struct Interval {
 /// Rounds of one kind.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroupResults {
-    /// What they have in common.
+    /// Their common property.
     pub name: String,
     /// Rounds.
     pub rounds: u64,
-    /// Scenes that were drawn anew because the hand cannot span an object.
+    /// Number of scenes redrawn because the hand cannot span an object.
     pub unviable: u64,
     /// Objects at the beginning.
     pub objects: u64,
     /// Grasps that were executed.
     pub attempts: u64,
-    /// Those that held.
+    /// Number that held.
     pub held: u64,
     /// The rates.
     pub rates: Rates,
@@ -96,27 +96,27 @@ pub struct TargetResults {
     pub name: String,
     /// Grasps that were executed.
     pub attempts: u64,
-    /// Those that held.
+    /// Number that held.
     pub held: u64,
     /// Those of these.
     pub success_rate: Option<Interval>,
 }
 
-/// Times in short, in the unit that the field's name says; each is a time that was measured (nearest rank).
+/// Quantiles of times, in the unit of the field's name; each is a measured time (nearest rank).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Percentiles {
-    /// Half took no longer.
+    /// Median.
     pub p50: f32,
-    /// Nine of ten took no longer.
+    /// 90th percentile.
     pub p90: f32,
-    /// 99 of 100 took no longer.
+    /// 99th percentile.
     pub p99: f32,
 }
 
-/// Draws of the bootstrap.
+/// Number of bootstrap draws.
 pub const DRAWS: u32 = 2000;
 
-/// The numbers of an experiment. Rows may come in any order.
+/// Computes the results of an experiment. Rows may be in any order.
 #[must_use]
 pub fn results(protocol: &str, rounds: &[RoundRecord], trials: &[TrialRecord]) -> Results {
     let rounds: BTreeMap<u64, &RoundRecord> = rounds.iter().map(|round| (round.round, round)).collect();
@@ -147,7 +147,7 @@ pub fn results(protocol: &str, rounds: &[RoundRecord], trials: &[TrialRecord]) -
 
 type Rounds<'a> = BTreeMap<u64, &'a RoundRecord>;
 
-/// The rounds that have the same name, for each name, in the order in which names come up.
+/// The rounds grouped by name, in the order of first occurrence.
 fn by(rounds: &Rounds<'_>, trials: &[&TrialRecord], name: impl Fn(&RoundRecord) -> String) -> Vec<GroupResults> {
     let mut groups: Vec<(String, Rounds<'_>)> = Vec::new();
     for (number, round) in rounds {
@@ -191,7 +191,7 @@ fn by_target(rounds: &Rounds<'_>, trials: &[&TrialRecord]) -> Vec<TargetResults>
     targets.collect()
 }
 
-/// Attempts that held and all attempts of each round, at one kind of object or at any.
+/// Held attempts and all attempts of each round, for one kind of object or for all.
 fn held_by_round(rounds: &Rounds<'_>, trials: &[&TrialRecord], target: Option<&str>) -> Vec<(u64, u64)> {
     let mut pairs: BTreeMap<u64, (u64, u64)> = rounds.keys().map(|round| (*round, (0, 0))).collect();
     for trial in trials.iter().filter(|trial| target.is_none_or(|target| trial.target() == target)) {
@@ -207,7 +207,7 @@ fn objects_of(round: &RoundRecord) -> (u64, u64) {
     (u64::from(round.removed_count), u64::from(round.object_count))
 }
 
-/// How often each was found, in their own order.
+/// Counts of each value, in their own order.
 fn counts<T: Ord>(found: impl Iterator<Item = T>) -> Vec<(T, u64)> {
     let mut counts = BTreeMap::new();
     for one in found {
@@ -225,9 +225,9 @@ fn quotient(part: u64, whole: u64) -> Option<f64> {
 }
 
 impl Interval {
-    /// The share of all rounds together, from the part and the whole of each. Rounds are drawn with replacement, as many
-    /// as there are; a draw with nothing to divide by says nothing. Fewer than two rounds with something in them cannot
-    /// tell how much rounds differ: the interval is then all from 0 to 1. `None` if there is nothing to divide by.
+    /// The share over all rounds, from the part and the whole of each. Rounds are drawn with replacement, as many as
+    /// there are; draws with a zero denominator are skipped. Fewer than two non-empty rounds contain no information
+    /// about their variance; the interval is then 0 to 1. `None` if the denominator is 0.
     fn over(rounds: &[(u64, u64)]) -> Option<Self> {
         let (part, whole) = sum(rounds);
         let value = quotient(part, whole)?;
@@ -239,21 +239,21 @@ impl Interval {
         Some(Self { value, low: quantile(&drawn, 0.025)?, high: quantile(&drawn, 0.975)? })
     }
 
-    /// Whether the interval has no width, as it has where every round ended alike. That is a limit of the bootstrap,
-    /// which cannot draw what it has not seen, and not certainty.
+    /// Whether the interval has no width because all rounds ended alike. This is a limitation of the bootstrap, which
+    /// cannot draw unseen results, and not certainty.
     #[must_use]
     pub fn is_point(&self) -> bool {
         self.low >= self.high
     }
 
-    /// Whether all of the interval is above all of another.
+    /// Whether the whole interval is above another.
     #[must_use]
     pub fn is_above(&self, other: &Self) -> bool {
         self.low > other.high
     }
 }
 
-/// The share of as many rounds as there are, drawn with replacement.
+/// The share over as many rounds as there are, drawn with replacement.
 fn drawn_share(rounds: &[(u64, u64)], draw: u32) -> Option<f64> {
     let mut stream = Stream::new(0, 0, Purpose::Bootstrap, draw);
     let (part, whole) = (0..rounds.len()).fold((0, 0), |(part, whole), _| {
@@ -273,7 +273,7 @@ fn quantile(ascending: &[f64], share: f64) -> Option<f64> {
 }
 
 impl Percentiles {
-    /// Of times in any order; `None` if there are none. What is not a number was not measured.
+    /// Quantiles of times in any order; `None` if there are none. NaN means not measured.
     fn of(mut times: Vec<f32>) -> Option<Self> {
         times.retain(|time| time.is_finite());
         times.sort_by(f32::total_cmp);
@@ -362,7 +362,8 @@ mod tests {
         }
     }
 
-    /// Three rounds: cleared, given up after a failure, and one without a grasp; and an attempt of a fourth, interrupted.
+    /// Three rounds: cleared, given up after a failure, and one without a grasp; and an attempt of a fourth,
+    /// interrupted.
     fn rows() -> (Vec<RoundRecord>, Vec<TrialRecord>) {
         use Outcome::{Empty, Held, Slipped};
         let (cuboid, cylinder) = ("cuboid", "cylinder");
@@ -452,8 +453,8 @@ mod tests {
         assert_eq!(rates.cleared_share, Some(Interval { value: 0.0, low: 0.0, high: 0.0 }));
     }
 
-    /// Where each round has one attempt the bootstrap is the binomial's; where attempts of a round go together it is as
-    /// wide as the count of rounds says, √10 times wider for ten attempts a round.
+    /// With one attempt per round the bootstrap interval is the binomial's. If the attempts of a round agree, its width
+    /// depends on the number of rounds: √10 times wider for ten attempts per round.
     #[test]
     fn the_interval_is_as_wide_as_rounds_are_few() {
         let apart: Vec<(u64, u64)> = (0..400).map(|at| (u64::from(at % 5 > 0), 1)).collect();
@@ -477,7 +478,7 @@ mod tests {
         assert_eq!(Interval::over(&[(0, 0)]), None);
     }
 
-    /// Half of the rounds have no attempt: draws that miss all others are left out, and the rest are shares.
+    /// Half of the rounds have no attempt: draws without attempts are skipped, and the others are shares.
     #[test]
     fn empty_rounds_are_drawn_but_never_divided_by() {
         let Interval { value, low, high } = Interval::over(&[(0, 0), (1, 1), (0, 0), (0, 1)]).unwrap();

@@ -1,4 +1,4 @@
-//! Rounds, attempts and the objects before each as flat Parquet tables, and as the journal from which a run goes on.
+//! Rounds, attempts and the objects before each as flat Parquet tables, and as the journal for continuing a run.
 
 use std::collections::BTreeMap;
 
@@ -66,7 +66,7 @@ pub fn trials_table(trials: &[TrialRecord]) -> Result<Vec<u8>, PlainTableError> 
     ])
 }
 
-/// `objects.parquet`: what lay on the table before each attempt.
+/// `objects.parquet`: the objects on the table before each attempt.
 ///
 /// # Errors
 /// [`PlainTableError`].
@@ -114,7 +114,7 @@ pub fn bodies(config: &Config) -> String {
     json!(named).to_string() + "\n"
 }
 
-/// `run.json`: what it takes to execute the attempts again.
+/// `run.json`: everything that is needed to execute the attempts again.
 #[must_use]
 pub fn conditions(config: &Config) -> String {
     let scene = config.scene.dataset_info();
@@ -209,7 +209,7 @@ impl From<&Round> for Line {
 }
 
 impl Line {
-    /// The round that a line tells of, or `None` if it has words that mean nothing.
+    /// The round in a line, or `None` if the line is invalid.
     pub(crate) fn round(&self) -> Option<Round> {
         let trial = |(number, line): (u32, &LineTrial)| -> Option<TrialRecord> {
             Some(TrialRecord {
