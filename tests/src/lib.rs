@@ -1,8 +1,8 @@
-//! The workspace's own tests: fences between the crates, the house rules that no other tool holds, the licences of what
-//! we build on, and the programs run as a user runs them.
+//! The workspace's own tests: fences between the crates, the house rules that no other tool checks, and the licences of
+//! the dependencies.
 //!
-//! This library is what those tests need to look at the repository: where it lies, who its members are, which files it
-//! has. The tests are in `tests/tests`, one file a law.
+//! This library is what those tests need to look at the repository: its root, its members, its files. The tests are in
+//! `tests/tests`, one file for each kind of rule.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,90 +1,243 @@
-//! Which crate may see which: ARCHITECTURE.md's arrows, held against what cargo really links.
+//! Which crate may use which. The table of ARCHITECTURE.md lists each member's direct dependencies on other members;
+//! the manifests must say the same, every dependency must be used, and no member may link a family of crates that
+//! belongs to another room.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Component, Path, PathBuf};
 
-use workspace_tests::{assert_none, cargo_tree, member_names};
+use workspace_tests::{assert_none, cargo_tree, files, member_folders, member_names, read, read_toml};
 
-/// A crate and its fence.
-struct Room {
-    name: &'static str,
-    /// Members that it may link, directly or through others.
-    sees: &'static [&'static str],
-    /// Families of outside crates that it must not link: `arrow` stands for `arrow` and `arrow-…`.
-    never: &'static [&'static str],
-}
+/// Families of outside crates that a member must not link, directly or through others: `arrow` stands for `arrow` and
+/// `arrow-…`.
+const NEVER: &[(&str, &[&[&str]])] = &[
+    ("schema", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
+    ("program", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
+    ("report", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
+    ("shards", &[PHYSICS, LEARNING]),
+    ("simulator", &[LEARNING, COLUMNS, NETWORK]),
+    ("perception", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
+    ("generator", &[LEARNING]),
+    ("trainer", &[PHYSICS]),
+    ("planner", &[PHYSICS]),
+    ("experiments", &[]),
+    ("workspace-tests", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
+];
 
 const PHYSICS: &[&str] = &["rapier3d", "parry3d"];
 const LEARNING: &[&str] = &["burn"];
-/// What talks to other machines: `shards` alone, and who reads through it.
+const COLUMNS: &[&str] = &["arrow", "parquet"];
 const NETWORK: &[&str] = &["object_store", "reqwest", "hyper", "tokio"];
 
-const ROOMS: &[Room] = &[
-    Room { name: "schema", sees: &[], never: &["rapier3d", "parry3d", "arrow", "parquet", "burn"] },
-    Room { name: "program", sees: &[], never: &["rapier3d", "parry3d", "arrow", "parquet", "burn"] },
-    Room { name: "report", sees: &["schema"], never: &["rapier3d", "parry3d", "arrow", "parquet", "burn"] },
-    Room { name: "shards", sees: &["schema", "program", "report"], never: &["rapier3d", "parry3d", "burn"] },
-    Room { name: "simulator", sees: &["schema"], never: &["arrow", "parquet", "burn"] },
-    Room { name: "perception", sees: &["schema"], never: &["rapier3d", "parry3d", "arrow", "parquet", "burn"] },
-    Room {
-        name: "generator",
-        sees: &["schema", "program", "report", "shards", "simulator", "perception"],
-        never: LEARNING,
-    },
-    Room { name: "trainer", sees: &["schema", "program", "report", "shards"], never: PHYSICS },
-    Room { name: "planner", sees: &["schema", "program", "report", "shards", "perception", "trainer"], never: PHYSICS },
-    Room {
-        name: "experiments",
-        sees: &["schema", "program", "report", "shards", "simulator", "perception", "trainer", "planner", "generator"],
-        never: &[],
-    },
-    Room { name: "workspace-tests", sees: &[], never: &["rapier3d", "parry3d", "arrow", "parquet", "burn"] },
+/// Outside crates that only one member may name: whoever else needs what they do asks that member.
+const OWNED: &[(&str, &str)] = &[
+    ("arrow", "shards"),
+    ("axum", "planner"),
+    ("burn", "trainer"),
+    ("object_store", "shards"),
+    ("parquet", "shards"),
+    ("parry3d", "simulator"),
+    ("rapier3d", "simulator"),
+    ("reqwest", "shards"),
 ];
 
-/// What of `tree` (lines of `cargo tree`) lies beyond the room's fence. A member's line ends with its folder, which
-/// tells it from a stranger of the same name: there is a crate `generator` on crates.io, too.
-fn trespasses(room: &Room, tree: &[String]) -> Vec<String> {
-    let reads = room.name == "shards" || room.sees.contains(&"shards");
-    let never: Vec<&str> = room.never.iter().chain(if reads { &[] } else { NETWORK }).copied().collect();
-    let forbidden = |line: &&String| {
-        let name = line.split(' ').next().unwrap_or_default();
-        if line.contains("(/") {
-            name != room.name && !room.sees.contains(&name)
-        } else {
-            let of =
-                |family: &str| name.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'));
-            never.iter().any(|family| of(family))
-        }
-    };
-    tree.iter().filter(forbidden).map(|line| format!("{} must not see {line}", room.name)).collect()
+/// Dependencies that no code names: they turn on a feature of a crate that another dependency brings.
+const FOR_FEATURES: &[(&str, &str)] = &[("shards", "reqwest")];
+
+/// Folders that belong to no crate, from which any crate may include a file.
+const SHARED: &[&str] = &["configs", "docs", "models"];
+
+/// Files that include one of another crate, until they are gone.
+const REACHING: &[&str] = &["planner/src/picture/words.rs"];
+
+/// A member's direct dependencies.
+#[derive(Debug, Default, PartialEq, Eq)]
+struct Dependencies {
+    normal: BTreeSet<String>,
+    /// For tests, benches and examples only.
+    dev: BTreeSet<String>,
+}
+
+/// The rows of the page's table `| crate | owns | depends on |`. What stands after `in tests:` are dev-dependencies.
+fn listed(page: &str) -> BTreeMap<String, Dependencies> {
+    let rows = page.lines().skip_while(|line| !line.starts_with("| crate |")).skip(2);
+    let rows = rows.map_while(|line| line.strip_prefix("| ")?.strip_suffix(" |"));
+    let names = |cell: &str| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>();
+    rows.map(|row| {
+        let cells: Vec<&str> = row.split(" | ").collect();
+        let [name, _, depends] = cells[..] else { panic!("the row must have three cells: {row}") };
+        let (normal, dev) = depends.split_once("in tests:").unwrap_or((depends, ""));
+        let name = names(name).pop().expect("a row begins with the crate's name");
+        (name, Dependencies { normal: names(normal).into_iter().collect(), dev: names(dev).into_iter().collect() })
+    })
+    .collect()
+}
+
+/// What a member's manifest lists.
+fn dependencies(folder: &str) -> Dependencies {
+    let manifest = read_toml(&format!("{folder}/Cargo.toml"));
+    let targets = manifest.get("target").and_then(toml::Value::as_table).into_iter().flatten();
+    let tables = [&manifest].into_iter().chain(targets.filter_map(|(_, target)| target.as_table()));
+    let mut found = Dependencies::default();
+    for table in tables {
+        let names = |kind: &str| {
+            let names = table.get(kind).and_then(toml::Value::as_table).into_iter().flatten();
+            names.map(|(name, _)| name.clone()).collect::<Vec<_>>()
+        };
+        found.normal.extend(names("dependencies"));
+        found.normal.extend(names("build-dependencies"));
+        found.dev.extend(names("dev-dependencies"));
+    }
+    found
 }
 
 #[test]
-fn no_crate_sees_beyond_its_fence() {
+fn members_depend_on_what_the_architecture_page_lists() {
     let members: BTreeSet<String> = member_names().into_iter().collect();
+    let listed = listed(&read("ARCHITECTURE.md"));
     let mut problems = Vec::new();
-    let mut checked = BTreeSet::new();
-    for room in ROOMS.iter().filter(|room| members.contains(room.name)) {
-        checked.insert(room.name.to_owned());
-        problems.extend(trespasses(room, &cargo_tree(&["-p", room.name, "-e", "normal"])));
+    for (folder, name) in folders_and_names() {
+        let of_members = |names: BTreeSet<String>| names.intersection(&members).cloned().collect();
+        let Dependencies { normal, dev } = dependencies(&folder);
+        let found = Dependencies { normal: of_members(normal), dev: of_members(dev) };
+        match listed.get(&name) {
+            Some(row) if *row == found => {}
+            row => problems.push(format!("{name}'s manifest has {found:?}, ARCHITECTURE.md lists {row:?}")),
+        }
     }
-    assert_none("fences", &problems);
-    assert_eq!(checked, members, "every member needs its row in ROOMS");
+    assert_none("ARCHITECTURE.md's table of crates", &problems);
+    let unknown: Vec<String> = listed.into_keys().filter(|name| !members.contains(name)).collect();
+    assert_none("ARCHITECTURE.md's table has crates that are no members", &unknown);
+}
+
+#[test]
+fn every_dependency_is_named_where_it_is_needed() {
+    let mut problems = Vec::new();
+    for (folder, name) in folders_and_names() {
+        let (mut code, mut tests) = (String::new(), String::new());
+        for file in files(|path| path.ends_with(".rs") && path.starts_with(&format!("{folder}/"))) {
+            let (normal, test) = halves(&file.path, &file.text);
+            code.push_str(normal);
+            tests.push_str(test);
+        }
+        let Dependencies { normal, dev } = dependencies(&folder);
+        let for_features = |of: &str| FOR_FEATURES.contains(&(name.as_str(), of));
+        for unused in normal.iter().filter(|of| !names_crate(&code, of) && !for_features(of)) {
+            problems.push(format!("{name}: {unused} is a dependency, and no code outside of tests names it"));
+        }
+        for unused in dev.iter().filter(|of| !names_crate(&tests, of)) {
+            problems.push(format!("{name}: {unused} is a dev-dependency, and no test names it"));
+        }
+        for twice in normal.intersection(&dev) {
+            problems.push(format!("{name}: {twice} is a dependency twice"));
+        }
+        for (owned, owner) in OWNED.iter().filter(|(owned, owner)| *owner != name && normal.contains(*owned)) {
+            problems.push(format!("{name}: only {owner} may use {owned} directly"));
+        }
+    }
+    assert_none("dependencies", &problems);
+}
+
+/// A file's text outside of tests, and what only tests, benches and examples see.
+fn halves<'a>(path: &str, text: &'a str) -> (&'a str, &'a str) {
+    let is_test = path.ends_with("/tests.rs")
+        || ["/tests/", "/benches/", "/examples/"].iter().any(|folder| path.contains(folder)) && !path.contains("/src/");
+    let from = if is_test { 0 } else { text.find("#[cfg(test)]\nmod tests {").unwrap_or(text.len()) };
+    text.split_at(from)
+}
+
+/// Whether some line of code, not a comment, has a path that begins with this crate.
+fn names_crate(code: &str, name: &str) -> bool {
+    let name = name.replace('-', "_");
+    let begins = |before: &str| {
+        let before = before.strip_suffix("::").unwrap_or(before);
+        !before.ends_with(|c: char| c.is_alphanumeric() || c == '_')
+    };
+    let ends = |after: &str| ["::", ";", " as "].iter().any(|end| after.starts_with(end));
+    let mut lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+    lines.any(|line| line.match_indices(&name).any(|(at, _)| begins(&line[..at]) && ends(&line[at + name.len()..])))
+}
+
+fn folders_and_names() -> Vec<(String, String)> {
+    let name =
+        |folder: &String| read_toml(&format!("{folder}/Cargo.toml"))["package"]["name"].as_str().map(str::to_owned);
+    member_folders().into_iter().filter_map(|folder| name(&folder).map(|name| (folder, name))).collect()
+}
+
+/// Which of `tree` (lines of `cargo tree`) belong to a family.
+fn of_families<'a>(tree: &'a [String], families: &[&[&str]]) -> Vec<&'a String> {
+    let is_of = |name: &str, family: &str| {
+        name.strip_prefix(family).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
+    };
+    let name = |line: &'a String| line.split(' ').next().unwrap_or_default();
+    tree.iter().filter(|line| families.iter().copied().flatten().any(|family| is_of(name(line), family))).collect()
+}
+
+#[test]
+fn no_member_links_a_family_that_it_must_not() {
+    let mut problems = Vec::new();
+    for (name, families) in NEVER {
+        let tree = cargo_tree(&["-p", name, "-e", "normal,build"]);
+        let found = of_families(&tree, families);
+        problems.extend(found.into_iter().map(|line| format!("{name} must not link {line}")));
+    }
+    assert_none("families", &problems);
+    let rows: Vec<String> =
+        NEVER.iter().map(|(name, _)| (*name).to_owned()).collect::<BTreeSet<_>>().into_iter().collect();
+    assert_eq!(rows, member_names(), "every member needs its row in NEVER");
+}
+
+/// The folder at the root that a path leads to, from the folder of the file that names it.
+fn reached(from: &str, path: &str) -> String {
+    let mut whole = PathBuf::new();
+    for part in Path::new(from).parent().unwrap_or(Path::new("")).join(path).components() {
+        if part == Component::ParentDir {
+            whole.pop();
+        } else {
+            whole.push(part);
+        }
+    }
+    whole.iter().next().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+#[test]
+fn no_member_includes_a_file_of_another() {
+    let mut problems = Vec::new();
+    for file in files(|path| path.ends_with(".rs") && !REACHING.contains(&path)) {
+        let own = file.path.split('/').next().unwrap_or_default();
+        for opening in ["include!(\"", "include_str!(\"", "include_bytes!(\"", "#[path = \""] {
+            let paths = file.text.match_indices(opening).map(|(at, _)| &file.text[at + opening.len()..]);
+            for path in paths.filter_map(|rest| rest.split('"').next()) {
+                let folder = reached(&file.path, path);
+                if folder != own && !SHARED.contains(&folder.as_str()) {
+                    problems.push(format!("{} includes {path} of {folder}", file.path));
+                }
+            }
+        }
+    }
+    assert_none("included files", &problems);
 }
 
 #[test]
 fn a_fence_stops_what_it_should() {
-    let check = |name: &str, line: &str| {
-        let room = ROOMS.iter().find(|room| room.name == name).unwrap();
-        trespasses(room, &[line.to_owned()]).is_empty()
-    };
-    assert!(check("trainer", "trainer v0.1.0 (/home/me/graspmill/trainer)"));
-    assert!(check("trainer", "shards v0.1.0 (/home/me/graspmill/shards)"));
-    assert!(check("trainer", "burn-core v0.22.1"));
-    assert!(check("trainer", "generator v0.8.11"));
-    assert!(!check("trainer", "generator v0.1.0 (/home/me/graspmill/generator)"));
-    assert!(!check("trainer", "parry3d v0.31.1"));
-    assert!(!check("schema", "arrow-array v60.1.0"));
-    assert!(check("schema", "arrowhead v1.0.0"));
-    assert!(check("trainer", "tokio v1.54.1"));
-    assert!(!check("simulator", "tokio-util v0.7.20"));
+    let page = "| crate | owns | depends on |\n|---|---|---|\n| `a` | x | – |\n| `tests` (`b`) | y | `a`, `c`; in tests: `d` |\n\n";
+    let listed = listed(page);
+    assert_eq!(listed["a"], Dependencies::default());
+    let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<BTreeSet<_>>();
+    assert_eq!(listed["b"], Dependencies { normal: set(&["a", "c"]), dev: set(&["d"]) });
+
+    let tree = ["parry3d v0.31.1", "arrow-array v60.1.0", "arrowhead v1.0.0", "tokio-util v0.7.20"].map(str::to_owned);
+    assert_eq!(of_families(&tree, &[PHYSICS, COLUMNS]), [&tree[0], &tree[1]]);
+    assert_eq!(of_families(&tree, &[NETWORK]), [&tree[3]]);
+
+    for code in ["use burn::tensor;", "use ::burn::tensor;", "x(burn::y());", "pub use burn;", "use burn as b;"] {
+        assert!(names_crate(code, "burn"), "{code}");
+    }
+    for code in ["// burn::tensor", "use auburn::x;", "use crate::burn::x;", "let burn = 1;", "use burn_ml::x;"] {
+        assert!(!names_crate(code, "burn"), "{code}");
+    }
+    assert!(names_crate("use ply_rs_bw::x;", "ply-rs-bw"));
+
+    assert_eq!(reached("planner/src/picture/words.rs", "../../../report/fonts/x.ttf"), "report");
+    assert_eq!(reached("report/src/figure.rs", "../fonts/x.ttf"), "report");
+    assert_eq!(reached("planner/src/config.rs", "../../configs/plan/paper.toml"), "configs");
 }
