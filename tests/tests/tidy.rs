@@ -1,11 +1,19 @@
 //! House rules that no linter holds. A rule that must bend names the file here, where everyone sees it.
 
 use std::os::unix::fs::PermissionsExt;
+use std::process::Command;
 
 use workspace_tests::{SourceFile, assert_none, files, member_folders, member_names, read, read_toml, root};
 
-/// Longest Rust file; longer than this, it owns more than one thing.
+/// Longest Rust or Python file; a longer one owns more than one thing.
 const LINES_MAX: usize = 600;
+
+/// Longest line with a comment, in characters; rustfmt holds code to the same width and leaves comments alone.
+const COMMENT_COLUMNS_MAX: usize = 120;
+
+/// Longest subject of a commit, in characters, and the last commit that need not keep to it.
+const SUBJECT_MAX: usize = 72;
+const SUBJECTS_SINCE: &str = "20d4d44";
 
 /// Files that are longer, and how long they may be. They may shrink, not grow.
 const LONG: &[(&str, usize)] = &[];
@@ -37,20 +45,63 @@ fn is_text(path: &str) -> bool {
 fn files_own_one_thing() {
     let allowed = |path: &str| LONG.iter().find(|(name, _)| *name == path).map_or(LINES_MAX, |(_, lines)| *lines);
     let mut problems = Vec::new();
-    let rust = rust_files();
-    for file in &rust {
+    let code = files(|path| path.ends_with(".rs") || path.ends_with(".py"));
+    for file in &code {
         let (lines, most) = (file.text.lines().count(), allowed(&file.path));
         if lines > most {
             problems.push(format!("{} has {lines} lines, at most {most}", file.path));
         }
     }
     for (path, _) in LONG {
-        let lines = rust.iter().find(|file| file.path == *path).map_or(0, |file| file.text.lines().count());
+        let lines = code.iter().find(|file| file.path == *path).map_or(0, |file| file.text.lines().count());
         if lines <= LINES_MAX {
             problems.push(format!("{path} has {lines} lines and needs no row in LONG any more"));
         }
     }
     assert_none("file length", &problems);
+}
+
+/// The comment in a line of Rust or Python, if there is one.
+fn comment<'a>(path: &str, line: &'a str) -> Option<&'a str> {
+    let mark = if path.ends_with(".py") { "#" } else { "//" };
+    let line = line.trim_start();
+    if line.starts_with(mark) { Some(line) } else { line.find(&format!(" {mark} ")).map(|at| &line[at + 1..]) }
+}
+
+#[test]
+fn comments_are_not_wider_than_code() {
+    let mut problems = Vec::new();
+    for file in files(|path| path.ends_with(".rs") || path.ends_with(".py")) {
+        for (number, line) in file.text.lines().enumerate() {
+            let columns = line.chars().count();
+            if columns > COMMENT_COLUMNS_MAX && comment(&file.path, line).is_some() {
+                problems.push(format!(
+                    "{}:{}: {columns} columns, at most {COMMENT_COLUMNS_MAX}",
+                    file.path,
+                    number + 1
+                ));
+            }
+        }
+    }
+    assert_none("comments", &problems);
+}
+
+/// Runs git in the repository; what it printed, or nothing if it failed: without git, or without history.
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(arguments).current_dir(root()).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+#[test]
+fn subjects_of_commits_fit_a_line() {
+    // A shallow clone, or an archive, has no history to look at.
+    if git(&["merge-base", "--is-ancestor", SUBJECTS_SINCE, "HEAD"]).is_none() {
+        return;
+    }
+    let subjects = git(&["log", "--no-merges", "--format=%h %s", &format!("{SUBJECTS_SINCE}..HEAD")]).unwrap();
+    let columns = |line: &&str| line.split_once(' ').map_or(0, |(_, subject)| subject.chars().count());
+    let long = subjects.lines().filter(|line| columns(line) > SUBJECT_MAX);
+    assert_none("subjects", &long.map(|line| format!("{line}: at most {SUBJECT_MAX} characters")).collect::<Vec<_>>());
 }
 
 #[test]

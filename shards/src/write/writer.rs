@@ -355,10 +355,11 @@ mod tests {
     fn whichever_operation_it_is_killed_at_the_next_writer_ends_with_the_same_bytes() {
         let whole = tempfile::tempdir().unwrap();
         let expected = write(whole.path(), Fault::default()).unwrap();
+        let (_, module) = module_path!().split_once("::").unwrap(); // without the crate's name
         for operations in 0..10_000 {
             let dir = tempfile::tempdir().unwrap();
             let killed = Command::new(std::env::current_exe().unwrap())
-                .args(["--exact", "writer::tests::killed_child"])
+                .args(["--exact", &format!("{module}::killed_child")])
                 .env(KILLED_DIR, dir.path())
                 .env(KILLED_AT, operations.to_string())
                 .stdout(Stdio::null())
