@@ -3,13 +3,19 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
+use arrow::array::{DictionaryArray, Int32Array, RecordBatch, StringArray};
+use parquet::arrow::ArrowWriter;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::basic::{Compression, ZstdLevel};
+use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersion};
 use schema::{Purpose, Stream};
 
 use crate::format::{layout, seal};
 use crate::read::fuzzing;
 use crate::write::synthetic;
-use crate::{Draft, Finalized, Manifest, Table, verify};
+use crate::{Dataset, Draft, Finalized, Manifest, Table, verify};
 
 fn write(dir: &Path) -> Manifest {
     let mut info = synthetic::info(5, 1, 40, 8);
@@ -103,4 +109,34 @@ fn a_footer_that_asks_for_much_is_refused_before_it_is_decoded() {
         let file = [b"\0PAR1", &footer[..], &(footer.len() as u32).to_le_bytes(), b"PAR1"].concat();
         assert_eq!(fuzzing::shard_reader(&file), Err(format!("the footer is damaged: {reason}")));
     }
+}
+
+/// A file of a few kB with a dictionary of one name of 16 MiB, which compresses well. Rows, values and chunks are in order.
+/// parquet-rs alone takes four times the name's size, and the name may have 2 GB.
+#[test]
+fn a_page_that_grows_beyond_its_values_is_refused_before_it_is_decompressed() {
+    const NAME_BYTES: usize = 16 << 20;
+    let dir = tempfile::tempdir().unwrap();
+    let manifest = write(dir.path());
+    let path = dir.path().join(&manifest.shards[0].attempts.path);
+    let file = fs::File::open(&path).unwrap();
+    let batch = ParquetRecordBatchReaderBuilder::try_new(file).unwrap().build().unwrap().next().unwrap().unwrap();
+    let mut columns = batch.columns().to_vec();
+    let names = Arc::new(StringArray::from(vec!["a".repeat(NAME_BYTES)]));
+    let keys = Int32Array::from(vec![0; batch.num_rows()]);
+    columns[batch.schema().index_of("shape").unwrap()] = Arc::new(DictionaryArray::try_new(keys, names).unwrap());
+    let properties = WriterProperties::builder()
+        .set_writer_version(WriterVersion::PARQUET_1_0)
+        .set_dictionary_page_size_limit(2 * NAME_BYTES)
+        .set_statistics_enabled(EnabledStatistics::None)
+        .set_compression(Compression::ZSTD(ZstdLevel::try_new(1).unwrap()))
+        .build();
+    let mut writer = ArrowWriter::try_new(Vec::new(), batch.schema(), Some(properties)).unwrap();
+    writer.write(&RecordBatch::try_new(batch.schema(), columns).unwrap()).unwrap();
+    let bytes = writer.into_inner().unwrap();
+    assert!(bytes.len() < 20_000, "{}", bytes.len());
+    plant(dir.path(), &manifest, Table::Attempts, &bytes);
+    let error = Dataset::open(dir.path()).unwrap().read_attempts(0).unwrap_err().to_string();
+    let refusal = format!("column \"shape\": a page of 1 values cannot have {} bytes", NAME_BYTES + 4);
+    assert!(error.contains(&refusal), "{error}");
 }
