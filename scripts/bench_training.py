@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Times a training step in PyTorch and in Graspmill, in one run.
 
-    cargo build --release -p trainer
+    cargo build --release -p trainer --features flex    # with Burn, to compare
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt
     venv/bin/python scripts/bench_training.py target/release/trainer
 

@@ -2,7 +2,7 @@
 """Writes state dicts with torch.save for testing `trainer import` against PyTorch.
 
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt
-    venv/bin/python scripts/state_dicts_torch.py       # writes trainer/tests/state_dicts/*.pth
+    venv/bin/python scripts/state_dicts_torch.py       # writes network/tests/state_dicts/*.pth
 
 Made with torch 2.15.0. To keep the files small, all tensors of a file are strided windows of few storages, which contain
 `noise` (golden_torch.py): value [i, j, ...] of tensor number t is number `OFFSET * t + i * strides[0] + ...` of its storage.
@@ -38,7 +38,7 @@ def state_dict(weights: torch.Tensor, biases: torch.Tensor) -> OrderedDict:
 
 
 def main():
-    folder = Path(__file__).resolve().parent.parent / "trainer" / "tests" / "state_dicts"
+    folder = Path(__file__).resolve().parent.parent / "network" / "tests" / "state_dicts"
     folder.mkdir(parents=True, exist_ok=True)
     shared = storage(700, torch.float32)
     plain = state_dict(shared, shared)

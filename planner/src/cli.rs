@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use planner::Policy;
 use program::manual::Manual;
-use shards::{Location, LocationParser};
 
 /// Plans grasps from what a robot sees.
 #[derive(Debug, Parser)]
@@ -18,7 +17,7 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// From depth images, a TSDF, a cloud or a stored scene to ranked grasps, as JSON
+    /// From depth images, a TSDF or a cloud to ranked grasps, as JSON
     #[command(after_help = format!("{VIEWS_FILE}\n\n{EXAMPLES}\n\n{}", program::ExitCode::HELP))]
     Plan(Box<PlanArguments>),
     /// The same over HTTP
@@ -49,7 +48,7 @@ pub(crate) struct PlannerArguments {
 }
 
 #[derive(Debug, Args)]
-#[group(id = "source", required = true, multiple = false, args = ["views", "tsdf", "cloud", "dataset", "demo"])]
+#[group(id = "source", required = true, multiple = false, args = ["views", "tsdf", "cloud", "demo"])]
 pub(crate) struct PlanArguments {
     /// File (TOML or JSON) that names depth images and cameras, and may hold wishes; see below
     #[arg(long, value_name = "FILE")]
@@ -63,17 +62,13 @@ pub(crate) struct PlanArguments {
     #[arg(long, value_name = "FILE")]
     pub cloud: Option<PathBuf>,
 
-    /// Folder or URL of a dataset
-    #[arg(long, value_name = "DIR|URL", value_parser = LocationParser)]
-    pub dataset: Option<Location>,
-
     /// The scene that comes with the program
     #[arg(long)]
     pub demo: bool,
 
-    /// Scene of the dataset
-    #[arg(long, value_name = "N", default_value_t = 0, requires = "dataset")]
-    pub scene: u64,
+    /// Of earlier versions: refused, with the way that replaced it
+    #[arg(long, value_name = "DIR|URL", hide = true, value_parser = no_dataset)]
+    pub dataset: Option<String>,
 
     /// From where the cloud was seen, again for each place [default: a PCD file's viewpoint, else straight above]
     #[arg(long, value_name = "X,Y,Z", requires = "cloud", value_parser = numbers::<3>, allow_hyphen_values = true)]
@@ -172,6 +167,13 @@ pub(crate) struct BenchArguments {
     pub planner: PlannerArguments,
 }
 
+/// A robot's planner reads no datasets.
+fn no_dataset(dataset: &str) -> Result<String, String> {
+    Err(format!(
+        "the planner reads no datasets: shards tsdf {dataset} --scene N --out scene.npy, then --tsdf scene.npy"
+    ))
+}
+
 /// So many numbers with commas between them.
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let read: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
@@ -185,7 +187,7 @@ Examples:
   planner plan --demo --picture demo.png
   planner plan --views views.toml --check-collisions --out plan.json
   planner plan --cloud table.pcd --eye 0.15,-0.4,0.5 --explain
-  planner plan --dataset grasps --scene 7 --policy vgn-best
+  shards tsdf grasps --scene 7 --out scene.npy && planner plan --tsdf scene.npy --policy vgn-best
   planner plan --demo --out plan.json --ply cloud.ply && python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
   planner serve --port 8040
   planner bench

@@ -20,7 +20,6 @@ mod npy;
 mod pcd;
 mod ply;
 mod request;
-mod row;
 mod tsdf;
 
 pub use assemble::{Request, assemble, wishes};
@@ -32,5 +31,4 @@ pub use file::read_file;
 pub use npy::{Npy, NpyNumber, read_npy, write_npy_f32};
 pub(crate) use request::parse_toml;
 pub use request::{DataInput, RequestInput, SourceInput, ViewInput, from_file, from_json, parse_file};
-pub use row::{ReadRow, read_row};
 pub use tsdf::read_tsdf;

@@ -17,7 +17,7 @@ use planner::bench::bench;
 use planner::cloud_file::write_ply;
 use planner::input::{
     InputError, OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput, assemble, from_file,
-    parse_file, read_row, wishes,
+    parse_file,
 };
 use planner::picture::{PictureError, draw};
 use planner::serve::{ServeError, ServeOptions, serve};
@@ -121,10 +121,6 @@ fn request(arguments: &PlanArguments, grid: Grid) -> anyhow::Result<Request> {
         None => RequestInput::default(),
     };
     add_flags(arguments, &mut input);
-    if let Some(dataset) = &arguments.dataset {
-        let observation = Observation::Tsdf(read_row(dataset, arguments.scene)?.voxels);
-        return Ok(Request { observation, wishes: wishes(&input)?, warnings: Vec::new() });
-    }
     let folder = arguments.views.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
     let request = assemble(&input, Some(folder), grid);
     Ok(match &arguments.views {
@@ -158,11 +154,7 @@ fn add_flags(arguments: &PlanArguments, input: &mut RequestInput) {
 fn title(arguments: &PlanArguments) -> String {
     let file = |path: &Path| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let paths = [&arguments.views, &arguments.tsdf, &arguments.cloud];
-    match (paths.into_iter().flatten().next(), &arguments.dataset) {
-        (Some(path), _) => file(path),
-        (None, Some(_)) => format!("scene {}", arguments.scene),
-        (None, None) => "demo".to_owned(),
-    }
+    paths.into_iter().flatten().next().map_or_else(|| "demo".to_owned(), |path| file(path))
 }
 
 fn run_serve(arguments: &ServeArguments) -> anyhow::Result<()> {

@@ -4,12 +4,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use network::checkpoint::{self, CheckpointError};
+use network::{DenseGrids, DenseNetwork};
 use program::{Exit, ExitCode};
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 use sha2::{Digest as _, Sha256};
-use trainer::checkpoint::{self, CheckpointError};
-use trainer::{DenseGrids, DenseNetwork};
 
 use crate::config::{CloudLaw, Config, ConfigError, Policy, WithoutObject};
 use crate::detect::{Detected, detect};

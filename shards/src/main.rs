@@ -22,6 +22,7 @@ Examples:
   shards report data/demo --html r.html the same as a page, with pictures of scenes
   shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid
   shards view data/demo --scene 17 --out scene.html   the same in space, for a browser
+  shards tsdf data/demo --scene 17 --out scene.npy    its voxel grid, for planner plan --tsdf
   shards verify s3://bucket/demo        the same in an object store
   shards export data/demo --format vgn --out data/demo-vgn    what VGN's and GIGA's Python code trains on";
 
@@ -64,6 +65,18 @@ makes that shard anew, byte for byte, and leaves the others alone.")]
         /// The scene's number, from 0.
         #[arg(long)]
         scene: u64,
+    },
+    /// Write one scene's TSDF as NumPy's array, [40, 40, 40] in VGN's values, for `planner plan --tsdf`.
+    Tsdf {
+        /// The dataset's folder or URL.
+        #[arg(value_parser = LocationParser)]
+        dataset: Location,
+        /// The scene's number, from 0.
+        #[arg(long)]
+        scene: u64,
+        /// The file; replaced if it is there.
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
     },
     /// Write the dataset in a format of others: VGN's and GIGA's files, or WebDataset's tars.
     #[command(after_help = export_command::EXAMPLES)]
@@ -127,6 +140,11 @@ fn run(command: &Command) -> Result<ExitCode> {
             let view = shards::scene_view(dataset.info(), dataset.id(), &dataset.read_scene(*scene)?);
             let Some(path) = out else { return print(view.to_json()) };
             shards::write_view(&view, *json, path).with_context(|| format!("failed to write {}", path.display()))?;
+            Ok(ExitCode::Ok)
+        }
+        Command::Tsdf { dataset, scene, out } => {
+            let bytes = shards::tsdf(&Dataset::open(dataset)?, *scene)?;
+            publish(out, &bytes).with_context(|| format!("failed to write {}", out.display()))?;
             Ok(ExitCode::Ok)
         }
         Command::Export(arguments) => export_command::run(arguments),

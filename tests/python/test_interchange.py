@@ -22,7 +22,7 @@ from golden_formula import LAYERS, noise  # noqa: E402
 
 TRAINER = Path(os.environ.get("GRASPMILL_TRAINER", ROOT / "target" / "debug" / "trainer")).resolve()
 GOLDEN = ROOT / "trainer" / "tests" / "golden"
-STATE_DICTS = ROOT / "trainer" / "tests" / "state_dicts"
+STATE_DICTS = ROOT / "network" / "tests" / "state_dicts"
 MODES = ["linear", "nearest"]
 OUTPUTS = {"quality": 1, "rotation": 4, "width": 1}
 

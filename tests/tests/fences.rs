@@ -17,16 +17,21 @@ const NEVER: &[(&str, &[&[&str]])] = &[
     ("simulator", &[LEARNING, COLUMNS, NETWORK]),
     ("perception", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
     ("generator", &[LEARNING]),
-    ("trainer", &[PHYSICS]),
-    ("planner", &[PHYSICS]),
-    ("experiments", &[]),
+    ("network", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
+    ("trainer", &[PHYSICS, BACKENDS]),
+    ("planner", &[PHYSICS, LEARNING, COLUMNS, STORES]),
+    ("experiments", &[LEARNING]),
     ("workspace-tests", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
 ];
 
 const PHYSICS: &[&str] = &["rapier3d", "parry3d"];
 const LEARNING: &[&str] = &["burn"];
+/// What `trainer` links only with a cargo feature.
+const BACKENDS: &[&str] = &["burn-autodiff", "burn-flex", "burn-tensor"];
 const COLUMNS: &[&str] = &["arrow", "parquet"];
 const NETWORK: &[&str] = &["object_store", "reqwest", "hyper", "tokio"];
+/// Of these the clients, for `planner`, which serves.
+const STORES: &[&str] = &["object_store", "reqwest"];
 
 /// Outside crates that only one member may name: whoever else needs what they do asks that member.
 const OWNED: &[(&str, &str)] = &[

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use burn::tensor::Device;
+use network::layers::initial_vector;
+use network::upsampling::Upsampling;
 use schema::{Purpose, Quat, Stream};
 use trainer::batch::{Batch, Sample};
+use trainer::device::Device;
+use trainer::graph::step_by_graph;
 use trainer::loss::Target;
-use trainer::network::initial_vector;
-use trainer::step::{evaluate, step, step_by_graph};
-use trainer::upsampling::Upsampling;
+use trainer::step::{evaluate, step};
 
 fn main() {
     divan::main();
@@ -34,18 +35,18 @@ fn batch(scenes: usize) -> Batch {
 
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
 fn train(bencher: divan::Bencher<'_, '_>, scenes: usize) {
-    let (vector, batch) = (initial_vector(1, &Device::flex()), batch(scenes));
-    bencher.bench_local(|| step(&vector, &batch, Upsampling::Linear));
+    let (vector, batch) = (initial_vector(1), batch(scenes));
+    bencher.bench_local(|| step(&vector, &batch, Upsampling::Linear, &Device::Host));
 }
 
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
 fn train_by_graph(bencher: divan::Bencher<'_, '_>, scenes: usize) {
-    let (vector, batch) = (initial_vector(1, &Device::flex()), batch(scenes));
-    bencher.bench_local(|| step_by_graph(&vector, &batch, Upsampling::Linear));
+    let (vector, batch) = (initial_vector(1), batch(scenes));
+    bencher.bench_local(|| step_by_graph(&vector, &batch, Upsampling::Linear, &burn::tensor::Device::flex()));
 }
 
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
 fn test(bencher: divan::Bencher<'_, '_>, scenes: usize) {
-    let (vector, batch) = (initial_vector(1, &Device::flex()), batch(scenes));
-    bencher.bench_local(|| evaluate(&vector, &batch, Upsampling::Linear));
+    let (vector, batch) = (initial_vector(1), batch(scenes));
+    bencher.bench_local(|| evaluate(&vector, &batch, Upsampling::Linear, &Device::Host));
 }

@@ -1,47 +1,30 @@
-//! Adam over the flat parameter vector. The arithmetic is Burn's; the vector makes the state two tensors that a
-//! checkpoint can cut by name.
+//! Adam over the flat parameter vector (Kingma and Ba, 2015), with the arithmetic and the roundings of Burn's.
 
-use burn::optim::{AdamConfig, AdamState, AdaptiveMomentumState, Optimizer};
-use burn::tensor::Tensor;
+use network::checkpoint::Moments;
 
-/// Adam with PyTorch's defaults: β = 0.9 and 0.999, ε = 1e-8 (Burn's own default is 1e-5).
-#[derive(Clone)]
-pub struct Adam {
-    rule: burn::optim::Adam,
-    learning_rate: f64,
-    state: Option<AdamState<1>>,
-}
+/// β₁, β₂ and ε, PyTorch's defaults.
+const BETA_1: f32 = 0.9;
+const BETA_2: f32 = 0.999;
+const EPSILON: f32 = 1e-8;
 
-/// What Adam remembers between steps, each in the order of the flat parameter vector.
+/// The optimiser and its state.
 #[derive(Debug, Clone)]
-pub struct Moments {
-    /// Steps taken.
-    pub steps: usize,
-    /// Running mean of the gradient.
-    pub first: Tensor<1>,
-    /// Running mean of its square.
-    pub second: Tensor<1>,
-}
-
-impl std::fmt::Debug for Adam {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Adam").field("learning_rate", &self.learning_rate).finish_non_exhaustive()
-    }
+pub struct Adam {
+    learning_rate: f64,
+    moments: Option<Moments>,
 }
 
 impl Adam {
     /// Before the first step.
     #[must_use]
     pub fn new(learning_rate: f64) -> Self {
-        let rule = AdamConfig::new().with_beta_1(0.9).with_beta_2(0.999).with_epsilon(1e-8).build();
-        Self { rule, learning_rate, state: None }
+        Self { learning_rate, moments: None }
     }
 
-    /// After the steps that a checkpoint remembers.
+    /// After the steps of a checkpoint.
     #[must_use]
     pub fn resume(learning_rate: f64, moments: Moments) -> Self {
-        let momentum = AdaptiveMomentumState::new(moments.steps, moments.first, moments.second);
-        Self { state: Some(AdamState::new(momentum)), ..Self::new(learning_rate) }
+        Self { learning_rate, moments: Some(moments) }
     }
 
     /// Changes the size of the steps to come.
@@ -50,17 +33,55 @@ impl Adam {
     }
 
     /// Moves the parameters against the gradient.
-    #[must_use]
-    pub fn step(&mut self, vector: Tensor<1>, gradient: Tensor<1>) -> Tensor<1> {
-        let (vector, state) = self.rule.step(self.learning_rate, vector, gradient, self.state.take());
-        self.state = state;
-        vector
+    pub fn step(&mut self, vector: &mut [f32], gradient: &[f32]) {
+        let zeros = || vec![-0.0; vector.len()]; // −0 added to a number changes no bit of it
+        let moments = self.moments.get_or_insert_with(|| Moments { steps: 0, first: zeros(), second: zeros() });
+        moments.steps += 1;
+        let steps = moments.steps as i32;
+        let correction_2 = (1.0 - BETA_2.powi(steps)).sqrt();
+        let factor = correction_2 / (1.0 - BETA_1.powi(steps));
+        let (epsilon, learning_rate) = (EPSILON * correction_2, self.learning_rate as f32);
+        let moments = moments.first.iter_mut().zip(&mut moments.second);
+        for ((value, gradient), (first, second)) in vector.iter_mut().zip(gradient).zip(moments) {
+            *first = *first * BETA_1 + gradient * (1.0 - BETA_1);
+            *second = *second * BETA_2 + gradient * gradient * (1.0 - BETA_2);
+            *value -= *first * factor / (second.sqrt() + epsilon) * learning_rate;
+        }
     }
 
-    /// What is to be remembered; `None` before the first step.
+    /// The state; `None` before the first step.
     #[must_use]
-    pub fn moments(&self) -> Option<Moments> {
-        let momentum = &self.state.as_ref()?.momentum;
-        Some(Moments { steps: momentum.time, first: momentum.moment_1.clone(), second: momentum.moment_2.clone() })
+    pub fn moments(&self) -> Option<&Moments> {
+        self.moments.as_ref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use burn::optim::{AdamConfig, Optimizer};
+    use burn::tensor::{Device, Tensor};
+    use schema::{Purpose, Stream};
+
+    use super::*;
+
+    #[test]
+    fn steps_are_burns_to_the_bit() {
+        let rule = AdamConfig::new().with_beta_1(0.9).with_beta_2(0.999).with_epsilon(1e-8).build();
+        let mut draw = Stream::new(9, 0, Purpose::Weights, 0);
+        let mut draws = || -> Vec<f32> { (0..999).map(|_| draw.uniform(-1.0, 1.0)).collect() };
+        let mut vector = draws();
+        let (mut theirs, mut state) = (Tensor::<1>::from_data(vector.as_slice(), &Device::flex()), None);
+        let mut adam = Adam::new(3e-4);
+        for number in 0..20 {
+            adam.set_learning_rate(3e-4 / f64::from(number + 1));
+            let gradient = draws();
+            let there = Tensor::from_data(gradient.as_slice(), &Device::flex());
+            (theirs, state) = rule.step(3e-4 / f64::from(number + 1), theirs, there, state);
+            adam.step(&mut vector, &gradient);
+            assert_eq!(theirs.to_data().iter::<f32>().collect::<Vec<_>>(), vector, "step {number}");
+        }
+        let (state, moments) = (state.unwrap().momentum, adam.moments().unwrap());
+        assert_eq!(state.time, moments.steps);
+        assert_eq!(state.moment_2.into_data().iter::<f32>().collect::<Vec<_>>(), moments.second);
     }
 }

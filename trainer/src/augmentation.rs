@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use schema::{Purpose, Quat, Stream};
 
-use crate::receptive_field::RESOLUTION;
+use network::receptive_field::RESOLUTION;
 
 /// Which motions are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

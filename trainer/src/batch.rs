@@ -1,7 +1,9 @@
-//! A batch: samples, and the grids that they look at, each once.
+//! A batch: samples and their grids, each grid once.
 
 use std::ops::Range;
 use std::sync::Arc;
+
+use network::VoxelInputs;
 
 use crate::loss::Target;
 
@@ -25,15 +27,11 @@ pub struct Batch {
     pub samples: Vec<Sample>,
 }
 
-/// What some successive samples of a batch look at.
+/// Some successive samples of a batch.
 #[derive(Debug, Clone)]
-pub struct Looks<'a> {
-    /// Their grids, each once.
-    pub grids: Vec<&'a [f32]>,
-    /// For each sample the number of its grid.
-    pub grid_of_sample: Vec<usize>,
-    /// For each sample its voxel.
-    pub voxels: Vec<[usize; 3]>,
+pub struct BatchPart<'a> {
+    /// Their grids, each once, and their voxels.
+    pub inputs: VoxelInputs<'a>,
     /// For each sample its target.
     pub targets: Vec<Target>,
 }
@@ -66,31 +64,21 @@ impl Batch {
         parts
     }
 
-    /// What some successive samples look at.
+    /// Some successive samples, with their grids.
     #[must_use]
-    pub fn looks(&self, part: Range<usize>) -> Looks<'_> {
-        let samples = &self.samples[part.clone()];
-        let (grids, grid_of_sample) = self.grids_of(part);
-        Looks {
-            grids,
-            grid_of_sample,
-            voxels: samples.iter().map(|sample| sample.voxel).collect(),
-            targets: samples.iter().map(|sample| sample.target).collect(),
-        }
-    }
-
-    /// The grids that some successive samples look at, each once, and for each sample the number of its grid among them.
-    #[must_use]
-    pub fn grids_of(&self, part: Range<usize>) -> (Vec<&[f32]>, Vec<usize>) {
-        let (mut grids, mut numbers, mut last) = (Vec::new(), Vec::new(), None);
-        for sample in &self.samples[part] {
+    pub fn part(&self, part: Range<usize>) -> BatchPart<'_> {
+        let samples = &self.samples[part];
+        let (mut grids, mut grid_of_sample, mut last) = (Vec::new(), Vec::new(), None);
+        for sample in samples {
             if last != Some(sample.grid) {
                 grids.push(&*self.grids[sample.grid]);
                 last = Some(sample.grid);
             }
-            numbers.push(grids.len() - 1);
+            grid_of_sample.push(grids.len() - 1);
         }
-        (grids, numbers)
+        let voxels = samples.iter().map(|sample| sample.voxel).collect();
+        let targets = samples.iter().map(|sample| sample.target).collect();
+        BatchPart { inputs: VoxelInputs { grids, grid_of_sample, voxels }, targets }
     }
 }
 
@@ -116,10 +104,10 @@ mod tests {
             for part in batch.parts() {
                 prop_assert_eq!(part.start, end);
                 prop_assert!(!part.is_empty() && part.len() <= PART_SAMPLES_MAX);
-                let (own, numbers) = batch.grids_of(part.clone());
-                prop_assert!(own.len() <= PART_GRIDS_MAX);
-                for (sample, number) in batch.samples[part.clone()].iter().zip(numbers) {
-                    prop_assert_eq!(own[number][0], sample.grid as f32);
+                let own = batch.part(part.clone()).inputs;
+                prop_assert!(own.grids.len() <= PART_GRIDS_MAX);
+                for (sample, number) in batch.samples[part.clone()].iter().zip(own.grid_of_sample) {
+                    prop_assert_eq!(own.grids[number][0], sample.grid as f32);
                 }
                 end = part.end;
             }

@@ -6,24 +6,21 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use network::DenseNetwork;
+use network::layers::{LAYERS, initial_vector};
+use network::receptive_field::{PatchSizes, RESOLUTION};
+use network::upsampling::Upsampling;
 use schema::{Purpose, Quat, Stream};
 use serde::Serialize;
 use shards::{Dataset, Location};
 
-use crate::DenseNetwork;
 use crate::batch::{Batch, Sample};
 use crate::data::{for_each_batch, load};
+use crate::device::Device;
 use crate::fit::FitError;
-use crate::layers::LAYERS;
 use crate::loss::Target;
-use crate::network::{Network, initial_vector};
-use crate::receptive_field::{PatchSizes, RESOLUTION};
-use crate::step::{evaluate, step, step_by_graph};
-use crate::upsampling::Upsampling;
+use crate::step::{evaluate, step};
 
-/// Side of the square matrices whose product tells the machine's rate.
-const MATRIX: usize = 1024;
 /// Times everything is done; the median counts.
 const TIMES: usize = 9;
 
@@ -36,16 +33,17 @@ pub struct BenchReport {
     pub batch: usize,
     /// Threads.
     pub threads: usize,
-    /// Products of `f32` matrices, in multiply-adds a second.
-    pub matmul_mac_per_s: f64,
+    /// Burn's products of `f32` matrices, in multiply-adds a second; like all that is measured by Burn `None` if the program was built
+    /// without its backend for the device (for the host: cargo feature `flex`).
+    pub matmul_mac_per_s: Option<f64>,
     /// Multiply-adds of a training step in which every sample has its own scene.
     pub step_mac: f64,
     /// A training step, every sample of another scene.
     pub step_s: f64,
     /// A training step, six samples a scene.
     pub step_of_few_scenes_s: f64,
-    /// A training step by automatic differentiation, every sample of another scene.
-    pub step_by_graph_s: f64,
+    /// A training step by autodiff, every sample of another scene.
+    pub step_by_graph_s: Option<f64>,
     /// A step without a gradient.
     pub test_s: f64,
     /// The dense network for inference on one grid.
@@ -53,7 +51,7 @@ pub struct BenchReport {
     /// The same on one thread.
     pub dense_one_thread_s: f64,
     /// The dense network by Burn's convolutions.
-    pub dense_by_graph_s: f64,
+    pub dense_by_graph_s: Option<f64>,
     /// Reading a batch, without training: `None` without a dataset.
     pub read_s: Option<f64>,
     /// The most memory the process has held, in bytes, where the system tells.
@@ -72,53 +70,45 @@ pub fn bench(
     on_phase: &dyn Fn(&str),
 ) -> Result<BenchReport, FitError> {
     let mode = Upsampling::Linear;
-    let vector = initial_vector(1, device);
-    on_phase("matrix products");
-    let square = || Tensor::<2>::from_data(TensorData::new(vec![0.5_f32; MATRIX * MATRIX], [MATRIX; 2]), device);
-    let (a, b) = (square(), square());
-    let product_s = median_s(|| drop(a.clone().matmul(b.clone()).into_data()));
+    let vector = initial_vector(1);
     on_phase("training steps");
     let (many, few) = (batch(samples, samples), batch(samples, samples.div_ceil(6)));
-    let step_s = median_s(|| drop(step(&vector, &many, mode).gradient.into_data()));
-    let step_of_few_scenes_s = median_s(|| drop(step(&vector, &few, mode).gradient.into_data()));
-    let step_by_graph_s = median_s(|| drop(step_by_graph(&vector, &many, mode).gradient.into_data()));
-    let test_s = median_s(|| drop(evaluate(&vector, &many, mode)));
+    let step_s = median_s(|| drop(step(&vector, &many, mode, device)));
+    let step_of_few_scenes_s = median_s(|| drop(step(&vector, &few, mode, device)));
+    let test_s = median_s(|| drop(evaluate(&vector, &many, mode, device)));
     let memory_bytes = peak_memory_bytes();
     on_phase("the dense network");
     let grid = &many.grids[0];
-    let dense = DenseNetwork::new(&vector.to_data().iter::<f32>().collect::<Vec<_>>(), mode);
+    let dense = DenseNetwork::new(&vector, mode);
     let dense_s = median_s(|| drop(dense.infer(grid)));
     // Where the system gives no thread more, this one has to do.
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let infer = || median_s(|| drop(dense.infer(grid)));
     let dense_one_thread_s = alone.map_or_else(|_| infer(), |alone| alone.install(infer));
-    let network = Network::from_vector(vector.clone(), mode);
-    let dense_by_graph_s = median_s(|| {
-        let grid = TensorData::new(grid.to_vec(), [1, 1, RESOLUTION, RESOLUTION, RESOLUTION]);
-        drop(network.forward(Tensor::from_data(grid, device)).quality_logit.into_data());
-    });
+    on_phase("the same by Burn");
+    let by_burn = by_burn(&vector, &many, mode, device);
     on_phase("reading");
     let read_s = data.map(|data| read_s(data, scratch, samples)).transpose()?;
     Ok(BenchReport {
         version: env!("CARGO_PKG_VERSION"),
         batch: samples,
         threads: rayon::current_num_threads(),
-        matmul_mac_per_s: (MATRIX as f64).powi(3) / product_s,
+        matmul_mac_per_s: by_burn.map(|times| times.matmul_mac_per_s),
         step_mac: samples as f64 * training_mac(mode),
         step_s,
         step_of_few_scenes_s,
-        step_by_graph_s,
+        step_by_graph_s: by_burn.map(|times| times.step_s),
         test_s,
         dense_s,
         dense_one_thread_s,
-        dense_by_graph_s,
+        dense_by_graph_s: by_burn.map(|times| times.dense_s),
         read_s,
         memory_bytes,
     })
 }
 
-/// Multiply-adds of the matrix products of one sample with a scene of its own: forwards, and twice as many backwards, but
-/// for the first layer, of whose input nobody asks the gradient.
+/// Multiply-adds of the matrix products of one sample with a scene of its own: forwards, and twice as many backwards.
+/// The first layer's inputs need no gradient.
 fn training_mac(mode: Upsampling) -> f64 {
     let sizes = PatchSizes::new(mode);
     let sides = [20, 10, 5, 5, sizes.conv2_out, sizes.conv3_out, 1, 1, 1];
@@ -158,6 +148,44 @@ fn read_s(data: &Location, scratch: &Path, batch: usize) -> Result<f64, FitError
         ControlFlow::Continue(())
     })?;
     Ok(began.elapsed().as_secs_f64() / f64::from(batches.max(1)))
+}
+
+/// Burn's times.
+#[derive(Clone, Copy)]
+struct BurnTimes {
+    matmul_mac_per_s: f64,
+    step_s: f64,
+    dense_s: f64,
+}
+
+#[cfg(not(feature = "graph"))]
+fn by_burn(_: &[f32], _: &Batch, _: Upsampling, _: &Device) -> Option<BurnTimes> {
+    None
+}
+
+#[cfg(feature = "graph")]
+fn by_burn(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> Option<BurnTimes> {
+    use burn::tensor::{Tensor, TensorData};
+    /// Side of the square matrices whose product gives the machine's rate.
+    const MATRIX: usize = 1024;
+
+    let device = &match device {
+        #[cfg(feature = "flex")]
+        Device::Host => burn::tensor::Device::flex(),
+        #[cfg(not(feature = "flex"))]
+        Device::Host => return None,
+        Device::Burn(device) => device.clone(),
+    };
+    let square = || Tensor::<2>::from_data(TensorData::new(vec![0.5_f32; MATRIX * MATRIX], [MATRIX; 2]), device);
+    let (a, b) = (square(), square());
+    let product_s = median_s(|| drop(a.clone().matmul(b.clone()).into_data()));
+    let step_s = median_s(|| drop(crate::graph::step_by_graph(vector, batch, mode, device)));
+    let network = crate::graph::Network::from_vector(crate::graph::to_device(vector, device), mode);
+    let dense_s = median_s(|| {
+        let grid = TensorData::new(batch.grids[0].to_vec(), [1, 1, RESOLUTION, RESOLUTION, RESOLUTION]);
+        drop(network.forward(Tensor::from_data(grid, device)).quality_logit.into_data());
+    });
+    Some(BurnTimes { matmul_mac_per_s: (MATRIX as f64).powi(3) / product_s, step_s, dense_s })
 }
 
 /// Median time of doing something, after doing it once.

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::augmentation::Augmentation;
 use crate::schedule::Schedule;
-use crate::upsampling::Upsampling;
+use network::upsampling::Upsampling;
 
 pub use raw::RawConfig;
 

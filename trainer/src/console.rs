@@ -224,34 +224,36 @@ pub(crate) fn bench(report: &BenchReport) -> String {
     let row = |name: &str, seconds: f64, mac_per_s: Option<f64>| {
         let samples = report.batch as f64 / seconds;
         let mac = mac_per_s.map_or((String::new(), String::new()), |mac| {
-            (format!("{:.1}", mac / 1e9), format!("{:.0} %", 100.0 * mac / report.matmul_mac_per_s))
+            let share = report.matmul_mac_per_s.map(|products| format!("{:.0} %", 100.0 * mac / products));
+            (format!("{:.1}", mac / 1e9), share.unwrap_or_default())
         });
         format!("| {name} | {:.1} | {samples:.0} | {} | {} |\n", 1e3 * seconds, mac.0, mac.1)
     };
     let mut text = format!(
-        "graspmill {}, {} threads; products of matrices: {:.1} GMAC/s.\n\n\
+        "graspmill {}, {} threads{}.\n\n\
          | batch of {} | ms | samples/s | GMAC/s | of the products' rate |\n|---|---:|---:|---:|---:|\n",
         report.version,
         report.threads,
-        report.matmul_mac_per_s / 1e9,
+        report
+            .matmul_mac_per_s
+            .map_or_else(String::new, |rate| format!("; products of matrices: {:.1} GMAC/s", rate / 1e9)),
         report.batch
     );
     text += &row("training step, each sample of another scene", report.step_s, Some(rate(report.step_s)));
     text += &row("training step, six samples a scene", report.step_of_few_scenes_s, None);
-    text += &row(
-        "the same as the first, differentiated automatically",
-        report.step_by_graph_s,
-        Some(rate(report.step_by_graph_s)),
-    );
+    if let Some(step_s) = report.step_by_graph_s {
+        text += &row("the same as the first, by Burn's autodiff", step_s, Some(rate(step_s)));
+    }
     text += &row("test step, each sample of another scene", report.test_s, None);
     if let Some(read_s) = report.read_s {
         text += &row("reading alone", read_s, None);
     }
     let memory = report.memory_bytes.map_or("unknown".to_owned(), program::text::bytes);
-    let [dense, alone, by_graph] =
-        [report.dense_s, report.dense_one_thread_s, report.dense_by_graph_s].map(|seconds| 1e3 * seconds);
+    let [dense, alone] = [report.dense_s, report.dense_one_thread_s].map(|seconds| 1e3 * seconds);
+    let by_burn = report.dense_by_graph_s.map(|seconds| format!(", {:.1} ms by Burn's convolutions", 1e3 * seconds));
+    let by_burn = by_burn.unwrap_or_default();
     text + &format!(
-        "\nDense network, one grid: {dense:.1} ms ({alone:.1} ms on one thread, {by_graph:.1} ms by Burn's convolutions).\n\
+        "\nDense network, one grid: {dense:.1} ms ({alone:.1} ms on one thread{by_burn}).\n\
          Memory of the training steps at most {memory}.\n"
     )
 }

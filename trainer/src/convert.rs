@@ -2,10 +2,9 @@
 
 use std::path::PathBuf;
 
-use burn::tensor::Device;
 use clap::{Args, ValueEnum};
-use trainer::interchange::{InterchangeError, Target, export, import};
-use trainer::upsampling::Upsampling;
+use network::interchange::{InterchangeError, Target, export, import};
+use network::upsampling::Upsampling;
 
 pub(crate) const IMPORT_EXAMPLES: &str = "\
 Examples:
@@ -78,7 +77,7 @@ pub(crate) fn run_import(args: &ImportArgs) -> Result<program::ExitCode, Interch
         UpsamplingArg::Nearest => Upsampling::Nearest,
         UpsamplingArg::Linear => Upsampling::Linear,
     };
-    let imported = import(&args.file, &args.out, upsampling, args.force, &Device::flex())?;
+    let imported = import(&args.file, &args.out, upsampling, args.force)?;
     crate::console::print(&format!("read        {}: {}", imported.source.name(), args.file.display()));
     if !imported.prefix.is_empty() {
         crate::console::print(&format!("names       {:?} before each was taken off", imported.prefix));
@@ -99,7 +98,7 @@ pub(crate) fn run_export(args: &ExportArgs) -> Result<program::ExitCode, Interch
         FormatArg::Safetensors => Target::Safetensors,
         FormatArg::Onnx => Target::Onnx,
     };
-    let checkpoint = export(&args.checkpoint, &args.out, target, args.force, &Device::flex())?;
+    let checkpoint = export(&args.checkpoint, &args.out, target, args.force)?;
     crate::console::print(&format!("upsampling  {}", checkpoint.upsampling.name()));
     crate::console::print(&format!("written     {}", args.out.display()));
     Ok(program::ExitCode::Ok)

@@ -6,6 +6,6 @@ mod load;
 mod loader;
 
 pub use grids::{Grids, SpoolError};
-pub use item::{GraspDataset, GraspItem, Treatment};
+pub use item::{GraspDataset, GraspItem, TrainingTransform};
 pub use load::{LoadError, load};
 pub use loader::{for_each_batch, for_each_training_batch};

@@ -4,18 +4,27 @@
 //! `cuda` (an NVIDIA driver with NVRTC when it runs; Burn's backend downloads an LLVM bundle when it is built) and `wgpu`
 //! (Vulkan, Metal or DirectX). This is the one place that knows them.
 //!
-//! A batch goes to a device in the host's parts ([`crate::batch::Batch::parts`]). Whole batches would keep it busier; that is
-//! not tried yet.
+//! A batch goes to a device in the host's parts ([`crate::batch::Batch::parts`]); whole batches would keep it busier, which is not tried
+//! yet. Weights and the optimiser stay on the host.
 
 use std::str::FromStr;
 
-use burn::tensor::Device;
 use program::{Exit, ExitCode};
+
+/// What computes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Device {
+    /// The host, by the products of the crate `network`.
+    Host,
+    /// A device of Burn.
+    #[cfg(feature = "graph")]
+    Burn(burn::tensor::Device),
+}
 
 /// A device as users name it: `cpu`, `cuda`, `cuda:1`, `wgpu`, `wgpu:0`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DeviceName {
-    /// The host, by this crate's own products. The only one whose results are the same to the bit in every run.
+    /// The host. The only one whose results are the same to the bit in every run.
     #[default]
     Cpu,
     /// An NVIDIA card, by its number.
@@ -90,7 +99,7 @@ impl DeviceName {
     /// [`DeviceError`] if the program was built without it or the machine has none.
     pub fn open(self) -> Result<Device, DeviceError> {
         match self {
-            Self::Cpu => Ok(Device::flex()),
+            Self::Cpu => Ok(Device::Host),
             Self::Cuda(number) => self.listed(cuda(), "cuda", number),
             Self::Wgpu(number) => self.listed(wgpu(), "wgpu", number),
         }
@@ -105,7 +114,7 @@ impl DeviceName {
 /// All NVIDIA cards; `None` if the program was built without CUDA.
 fn cuda() -> Option<Vec<Device>> {
     #[cfg(feature = "cuda")]
-    return Some(Device::enumerate(burn::tensor::DeviceType::Cuda).to_vec());
+    return Some(listed(burn::tensor::DeviceType::Cuda));
     #[cfg(not(feature = "cuda"))]
     None
 }
@@ -113,9 +122,14 @@ fn cuda() -> Option<Vec<Device>> {
 /// All graphics adapters; `None` if the program was built without them.
 fn wgpu() -> Option<Vec<Device>> {
     #[cfg(feature = "wgpu")]
-    return Some(Device::enumerate(burn::tensor::DeviceType::Wgpu).to_vec());
+    return Some(listed(burn::tensor::DeviceType::Wgpu));
     #[cfg(not(feature = "wgpu"))]
     None
+}
+
+#[cfg(any(feature = "cuda", feature = "wgpu"))]
+fn listed(kind: burn::tensor::DeviceType) -> Vec<Device> {
+    burn::tensor::Device::enumerate(kind).to_vec().into_iter().map(Device::Burn).collect()
 }
 
 #[cfg(test)]
@@ -137,7 +151,7 @@ mod tests {
 
     #[test]
     fn a_device_that_is_not_there_is_told_with_what_to_do() {
-        assert_eq!(DeviceName::Cpu.open(), Ok(Device::flex()));
+        assert_eq!(DeviceName::Cpu.open(), Ok(Device::Host));
         let error = DeviceName::Cuda(4096).open().unwrap_err();
         let expected = if cfg!(feature = "cuda") { "there is no device cuda:4096" } else { "--features cuda" };
         assert!(error.to_string().contains(expected), "{error}");

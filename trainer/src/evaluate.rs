@@ -9,23 +9,24 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use burn::tensor::{Device, Tensor};
 use burn_dataset::Dataset as _;
+use network::checkpoint::{self, CheckpointError};
+use network::upsampling::Upsampling;
 use program::{Exit, ExitCode};
 use serde::Serialize;
 use shards::{Dataset, Location};
 
-use crate::checkpoint::{self, CheckpointError};
 use crate::config::{Config, ConfigError};
 use crate::data::{GraspDataset, LoadError, SpoolError, for_each_batch, load};
+use crate::device::Device;
 use crate::evaluate::mistakes::{Keeper, Mistake, Mistakes};
+use crate::loss::SampleResult;
 use crate::metrics::{Summary, Tally};
 use crate::scores::{
     Calibration, GraspErrors, Ranking, Score, Spread, calibration, interval_by_scene, ranking, rotation_error_deg,
 };
 use crate::split::{EmptySplit, split};
-use crate::step::{SampleResult, evaluate as evaluate_batch};
-use crate::upsampling::Upsampling;
+use crate::step::evaluate as evaluate_batch;
 
 /// Which samples are looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -167,7 +168,7 @@ pub fn examine(
     mistakes_max: usize,
 ) -> Result<Examination, EvaluateError> {
     let path = checkpoint;
-    let checkpoint = checkpoint::read(path, &Device::flex())?;
+    let checkpoint = checkpoint::read(path)?;
     let dataset = Dataset::open(data).map_err(LoadError::from)?;
     let dataset_id = dataset.id().to_owned();
     let is_the_same = dataset.has_id(&checkpoint.dataset_id);
@@ -227,7 +228,7 @@ const BATCH: usize = 192;
 
 /// What the network says of samples, in their order.
 fn results(
-    vector: &Tensor<1>,
+    vector: &[f32],
     samples: &GraspDataset,
     set: &[usize],
     mode: Upsampling,
@@ -235,7 +236,7 @@ fn results(
     debug_assert!(set.is_sorted(), "a batch sorts its samples");
     let mut results = Vec::with_capacity(set.len());
     for_each_batch(samples, set, BATCH, |batch| {
-        results.extend(evaluate_batch(vector, &batch, mode));
+        results.extend(evaluate_batch(vector, &batch, mode, &Device::Host));
         ControlFlow::Continue(())
     })?;
     Ok(results)

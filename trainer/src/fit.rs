@@ -5,25 +5,26 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use burn::tensor::{Device, Tensor};
+use network::checkpoint::Checkpoint;
+use network::layers::initial_vector;
 use program::{Exit, ExitCode};
 use shards::{Dataset, Location};
 
 use crate::adam::Adam;
-use crate::checkpoint::Checkpoint;
 use crate::config::Config;
-use crate::data::{GraspDataset, LoadError, SpoolError, Treatment, for_each_batch, for_each_training_batch, load};
+use crate::data::{
+    GraspDataset, LoadError, SpoolError, TrainingTransform, for_each_batch, for_each_training_batch, load,
+};
+use crate::device::Device;
 use crate::events::{Beginning, EpochReport, Event, LabelCount};
 use crate::loss::ClassWeights;
 use crate::metrics::Tally;
-use crate::network::initial_vector;
 use crate::order::epoch_order;
 use crate::patience::epochs_without_better;
 use crate::progress::Progress;
 use crate::run_folder::{RunError, RunFolder};
 use crate::split::{EmptySplit, Split, split};
 use crate::step::{evaluate, step};
-use crate::upsampling::Upsampling;
 use crate::watch::Watch;
 
 /// Why training ended before its time.
@@ -74,7 +75,7 @@ const TEST_BATCH: usize = 192;
 
 /// Weights, optimiser and progress: all that changes.
 struct State {
-    vector: Tensor<1>,
+    vector: Vec<f32>,
     adam: Adam,
     progress: Progress,
 }
@@ -106,7 +107,7 @@ pub fn fit(
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
 ) -> Result<Ending, FitError> {
-    fit_job(&Job { data: &data.into(), config, run, resume, device: &Device::flex() }, stop, observe)
+    fit_job(&Job { data: &data.into(), config, run, resume, device: &Device::Host }, stop, observe)
 }
 
 /// Trains the network on a dataset, in a folder that keeps checkpoints and metrics.
@@ -126,11 +127,11 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
         watch.see(&event);
         observe(event);
     };
-    let last = folder.last(&dataset, device)?;
+    let last = folder.last(&dataset)?;
     folder.write_config(config)?;
     let mut state = match last {
         Some(checkpoint) => resumed(checkpoint, config),
-        None => begun(config, device),
+        None => begun(config),
     };
 
     observe(Event::Loading(&dataset));
@@ -143,7 +144,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
     let mut metrics = folder.metrics()?;
     metrics.truncate(state.progress.epoch as usize);
     observe(Event::Begun(&Beginning::of(&samples, &split, &state.progress)));
-    let lesson = Lesson::new(&samples, &split.train, config);
+    let set = TrainingSet::new(&samples, &split.train, config, device);
     while state.progress.epoch < config.epochs {
         let without_better = epochs_without_better(&metrics);
         if config.patience_epochs > 0 && without_better >= config.patience_epochs {
@@ -151,8 +152,8 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
             break;
         }
         let began = Instant::now();
-        let tested = match train_epoch(&mut state, &lesson, stop, observe, &save)? {
-            ControlFlow::Continue(()) => test_epoch(&state.vector, &samples, &split, config.upsampling, stop)?,
+        let tested = match train_epoch(&mut state, &set, stop, observe, &save)? {
+            ControlFlow::Continue(()) => test_epoch(&state.vector, &split, &set, stop)?,
             ControlFlow::Break(()) => None,
         };
         let Some([test_attempts, test_scenes]) = tested else {
@@ -162,7 +163,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
         let mut report = EpochReport {
             epoch: state.progress.epoch + 1,
             step: state.progress.step,
-            learning_rate: lesson.learning_rate(state.progress.step.saturating_sub(1)),
+            learning_rate: set.learning_rate(state.progress.step.saturating_sub(1)),
             train: state.progress.tally.summary(),
             test_attempts: test_attempts.summary(),
             test_scenes: test_scenes.summary(),
@@ -186,21 +187,22 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
     Ok(Ending::Done)
 }
 
-/// What trains, and how.
-struct Lesson<'a> {
+/// The samples that train, and how.
+struct TrainingSet<'a> {
     samples: &'a GraspDataset,
     config: &'a Config,
     train: &'a [usize],
+    device: &'a Device,
     weights: ClassWeights,
     /// Steps of an epoch.
     steps: u64,
 }
 
-impl<'a> Lesson<'a> {
-    fn new(samples: &'a GraspDataset, train: &'a [usize], config: &'a Config) -> Self {
+impl<'a> TrainingSet<'a> {
+    fn new(samples: &'a GraspDataset, train: &'a [usize], config: &'a Config, device: &'a Device) -> Self {
         let count = LabelCount::of(samples, train);
         let weights = ClassWeights::new(config.positive_weight, count.held, count.samples);
-        Self { samples, config, train, weights, steps: train.len().div_ceil(config.batch) as u64 }
+        Self { samples, config, train, device, weights, steps: train.len().div_ceil(config.batch) as u64 }
     }
 
     /// Adam's step size at a step, counted from 0 over all epochs.
@@ -213,33 +215,33 @@ impl<'a> Lesson<'a> {
 /// The rest of an epoch; `Break` if a signal stopped it.
 fn train_epoch(
     state: &mut State,
-    lesson: &Lesson<'_>,
+    set: &TrainingSet<'_>,
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
     save: &dyn Fn(&State) -> Result<(), RunError>,
 ) -> Result<ControlFlow<()>, FitError> {
-    let Lesson { samples, config, .. } = *lesson;
+    let TrainingSet { samples, config, .. } = *set;
     let Config { seed, augmentation, samples_per_scene, .. } = *config;
     let epoch = state.progress.epoch;
-    let order = epoch_order(lesson.train, |at| samples.scene(at), samples_per_scene, seed, epoch);
-    let treatment = Treatment { seed, epoch, augmentation, weights: lesson.weights };
+    let order = epoch_order(set.train, |at| samples.scene(at), samples_per_scene, seed, epoch);
+    let transform = TrainingTransform { seed, epoch, augmentation, weights: set.weights };
     let done = (state.progress.batch as usize * config.batch).min(order.len());
     let mut outcome = Ok(ControlFlow::Continue(()));
-    for_each_training_batch(samples, &order[done..], config.batch, &treatment, |batch| {
+    for_each_training_batch(samples, &order[done..], config.batch, &transform, |batch| {
         if stop.load(Ordering::Relaxed) {
             outcome = Ok(ControlFlow::Break(()));
             return ControlFlow::Break(());
         }
-        state.adam.set_learning_rate(lesson.learning_rate(state.progress.step));
-        let result = step(&state.vector, &batch, config.upsampling);
+        state.adam.set_learning_rate(set.learning_rate(state.progress.step));
+        let result = step(&state.vector, &batch, config.upsampling, set.device);
         let count = result.samples.len();
         let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / count as f64;
         // Before the step is taken: no checkpoint holds what cannot go on.
-        if !loss.is_finite() || !result.gradient.clone().abs().sum().into_scalar::<f32>().is_finite() {
+        if !loss.is_finite() || !result.gradient.iter().map(|part| part.abs()).sum::<f32>().is_finite() {
             outcome = Err(FitError::Diverged { step: state.progress.step + 1 });
             return ControlFlow::Break(());
         }
-        state.vector = state.adam.step(state.vector.clone(), result.gradient);
+        state.adam.step(&mut state.vector, &result.gradient);
         state.progress.tally.add(&result.samples);
         state.progress.batch += 1;
         state.progress.step += 1;
@@ -259,17 +261,17 @@ fn train_epoch(
 
 /// Both test sets after an epoch; `None` if a signal stopped it.
 fn test_epoch(
-    vector: &Tensor<1>,
-    samples: &GraspDataset,
+    vector: &[f32],
     split: &Split,
-    mode: Upsampling,
+    set: &TrainingSet<'_>,
     stop: &AtomicBool,
 ) -> Result<Option<[Tally; 2]>, FitError> {
+    let TrainingSet { samples, config, device, .. } = *set;
     let mut tallies = [Tally::default(); 2];
     let is_stopped = || stop.load(Ordering::Relaxed);
-    for (tally, set) in tallies.iter_mut().zip([&split.test_attempts, &split.test_scenes]) {
-        for_each_batch(samples, set, TEST_BATCH, |batch| {
-            tally.add(&evaluate(vector, &batch, mode));
+    for (tally, test) in tallies.iter_mut().zip([&split.test_attempts, &split.test_scenes]) {
+        for_each_batch(samples, test, TEST_BATCH, |batch| {
+            tally.add(&evaluate(vector, &batch, config.upsampling, device));
             if is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })?;
         if is_stopped() {
@@ -279,12 +281,8 @@ fn test_epoch(
     Ok(Some(tallies))
 }
 
-fn begun(config: &Config, device: &Device) -> State {
-    State {
-        vector: initial_vector(config.seed, device),
-        adam: Adam::new(config.learning_rate),
-        progress: Progress::default(),
-    }
+fn begun(config: &Config) -> State {
+    State { vector: initial_vector(config.seed), adam: Adam::new(config.learning_rate), progress: Progress::default() }
 }
 
 fn resumed(checkpoint: Checkpoint, config: &Config) -> State {
@@ -292,7 +290,7 @@ fn resumed(checkpoint: Checkpoint, config: &Config) -> State {
         Some(moments) => Adam::resume(config.learning_rate, moments),
         None => Adam::new(config.learning_rate),
     };
-    State { vector: checkpoint.vector, adam, progress: checkpoint.progress }
+    State { vector: checkpoint.vector, adam, progress: checkpoint.progress.into() }
 }
 
 fn checkpoint(state: &State, config: &Config, dataset_id: &str) -> Checkpoint {
@@ -301,7 +299,7 @@ fn checkpoint(state: &State, config: &Config, dataset_id: &str) -> Checkpoint {
         upsampling: config.upsampling,
         config: config.to_toml(),
         dataset_id: dataset_id.to_owned(),
-        progress: state.progress,
-        moments: state.adam.moments(),
+        progress: (&state.progress).into(),
+        moments: state.adam.moments().cloned(),
     }
 }

@@ -2,19 +2,17 @@
 //!
 //! # The map
 //!
-//! - [`network`] is the network on the whole volume, as plainly as Burn lets one write it; [`layers`] its shape as a table;
-//!   [`upsampling`] its ×2 stages; [`loss`] the paper's Eq. 1–5. [`DenseNetwork`] is the same for inference, quicker.
-//! - [`step`] is the same function evaluated for training, at one voxel a sample: [`receptive_field`] says which part
-//!   of the decoder that voxel needs, [`columns`] and [`matrices`] turn convolutions into products, [`batch`] cuts a
-//!   batch into parts that run on different threads.
+//! - The crate [`network`] has the network, its products on the host and its checkpoints. `graph`, behind cargo features, has it
+//!   again with Burn: for other devices, and for tests to compare with.
+//! - [`step`] is a training step: the network at one voxel a sample, and the [`loss`], the paper's Eq. 1–5. [`batch`] cuts a batch
+//!   into parts that run on different threads.
 //! - [`data`] makes samples of shards, [`split`] holds some out, [`order`] shuffles the rest, [`augmentation`] turns and
 //!   shifts their scenes.
 //! - [`mod@fit`] is the recipe, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early end, [`metrics`]
-//!   what it counts, [`events`] what it tells, [`run_folder`], [`checkpoint`] and [`progress`] what it leaves behind, [`curves`] and TensorBoard's
+//!   what it counts, [`events`] what it reports, [`run_folder`] and [`progress`] what it leaves behind, [`curves`] and TensorBoard's
 //!   events what people watch meanwhile.
 //! - [`mod@evaluate`] looks at the result, [`scores`] at its qualities, [`evaluate::report`] writes it down, [`page`] shows a run and
 //!   its result together.
-//! - [`interchange`] takes weights from other programs and gives them to others.
 //!
 //! # Determinism
 //!
@@ -27,37 +25,27 @@ pub mod adam;
 pub mod augmentation;
 pub mod batch;
 pub mod bench;
-pub mod checkpoint;
-pub mod columns;
 pub mod config;
 pub mod curves;
 pub mod data;
 pub mod device;
 pub mod evaluate;
 pub mod events;
-
 pub mod fit;
 #[cfg(any(test, fuzzing))]
 pub mod fuzzing;
-mod host;
-pub mod interchange;
-pub mod layers;
+#[cfg(feature = "graph")]
+pub mod graph;
 pub mod loss;
-pub mod matrices;
 pub mod metrics;
-pub mod network;
 pub mod order;
 pub mod page;
 pub mod patience;
 pub mod progress;
-pub mod receptive_field;
 pub mod run_folder;
 pub mod schedule;
 pub mod scores;
 pub mod split;
 pub mod step;
 mod tensorboard;
-pub mod upsampling;
 mod watch;
-
-pub use host::{DenseGrids, DenseNetwork};

@@ -1,4 +1,4 @@
-//! The loss of the paper, Eq. 1–5 (VGN, `train_vgn.py`).
+//! The loss of the paper, Eq. 1–5 (VGN, `train_vgn.py`), and its gradient.
 //!
 //! For a sample with label y, quaternion r and width w, and a prediction q̂, r̂, ŵ at its voxel:
 //!
@@ -8,26 +8,17 @@
 //! - Eq. 1, 5: `L = L_q + y (L_r + k L_w)` with k = 0.01, averaged over the batch.
 //!
 //! Beyond the paper, a sample's L_q can have a weight ([`ClassWeights`]); the paper's is 1 for all.
+//!
+//! Values and gradients are those of Burn's autodiff (`graph::loss`), to the bit: a test compares them.
 
-use burn::tensor::activation::{relu, sigmoid};
-use burn::tensor::{Device, Tensor, TensorData};
+use network::HEAD_OUTPUTS;
+use network::layers::NORM_SQUARED_MIN;
 use schema::Quat;
 
 /// k of Eq. 5: the weight of the squared error of the width in voxels.
 pub const WIDTH_WEIGHT: f32 = 0.01;
 
-/// What the network says about one voxel a sample.
-#[derive(Debug, Clone)]
-pub struct Prediction {
-    /// Logit of the grasp quality, `[b]`.
-    pub quality_logit: Tensor<1>,
-    /// Unit quaternion xyzw, `[b, 4]`.
-    pub rotation: Tensor<2>,
-    /// Opening width in voxels, `[b]`.
-    pub width_voxels: Tensor<1>,
-}
-
-/// What the attempt showed, for one sample.
+/// The result of the attempt, for one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// 1 if the object was held, else 0.
@@ -70,32 +61,21 @@ impl ClassWeights {
     }
 }
 
-/// Targets of a batch on a device.
-#[derive(Debug, Clone)]
-pub struct Targets {
-    /// 0 or 1, `[b]`.
-    pub label: Tensor<1>,
-    /// Quaternion xyzw, `[b, 4]`.
-    pub rotation: Tensor<2>,
-    /// The same grasp after half a turn about its approach, `[b, 4]`.
-    pub rotation_turned: Tensor<2>,
-    /// In voxels, `[b]`.
-    pub width_voxels: Tensor<1>,
-    /// Weight of Eq. 2, `[b]`.
-    pub quality_weight: Tensor<1>,
-}
-
-/// The loss of each sample and its parts, all `[b]`. `rotation` and `width` are 0 where the label is.
-#[derive(Debug, Clone)]
-pub struct SampleLosses {
-    /// L, Eq. 5.
-    pub total: Tensor<1>,
-    /// L_q, Eq. 2, times the sample's weight.
-    pub quality: Tensor<1>,
-    /// y · L_r, Eq. 3 and 4.
-    pub rotation: Tensor<1>,
-    /// y · L_w, in voxels², before the weight k.
-    pub width: Tensor<1>,
+/// The losses of a sample and the network's prediction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampleResult {
+    /// Eq. 5.
+    pub total: f32,
+    /// Eq. 2, times the sample's weight.
+    pub quality: f32,
+    /// Eq. 3 and 4; 0 for failures.
+    pub rotation: f32,
+    /// Squared error of the width in voxels; 0 for failures.
+    pub width: f32,
+    /// Logit of the predicted grasp quality: a success is predicted where it is above 0.
+    pub quality_logit: f32,
+    /// The true label.
+    pub label: u8,
 }
 
 /// The same grasp turned by half a turn about its approach (z) axis.
@@ -104,61 +84,104 @@ pub fn half_turn(rotation: Quat) -> Quat {
     rotation * Quat::from_xyzw(0.0, 0.0, 1.0, 0.0)
 }
 
-impl Targets {
-    /// Puts a batch of targets on a device.
-    #[must_use]
-    pub fn new(targets: &[Target], device: &Device) -> Self {
-        let count = targets.len();
-        let column = |value: &dyn Fn(&Target) -> f32| {
-            Tensor::from_data(TensorData::new(targets.iter().map(value).collect(), [count]), device)
-        };
-        let rotations = |of: &dyn Fn(Quat) -> Quat| {
-            let values = targets.iter().flat_map(|target| of(target.rotation).to_array()).collect();
-            Tensor::from_data(TensorData::new(values, [count, 4]), device)
-        };
-        Self {
-            label: column(&|target| f32::from(target.label)),
-            rotation: rotations(&|rotation| rotation),
-            rotation_turned: rotations(&half_turn),
-            width_voxels: column(&|target| if target.label == 1 { target.width_voxels } else { 0.0 }),
-            quality_weight: column(&|target| target.quality_weight),
-        }
+/// The width that a prediction is compared with; a failure's does not count, whatever it is.
+pub(crate) fn target_width(target: &Target) -> f32 {
+    if target.label == 1 { target.width_voxels } else { 0.0 }
+}
+
+/// A predicted quaternion on its way to the unit sphere (PyTorch's `F.normalize`).
+struct Rotation {
+    raw: [f32; 4],
+    /// Square of the norm, held above [`NORM_SQUARED_MIN`].
+    norm_squared: f32,
+    is_held: bool,
+    norm: f32,
+    unit: [f32; 4],
+}
+
+impl Rotation {
+    fn new(raw: [f32; 4]) -> Self {
+        let squared = dot(raw, raw);
+        let is_held = squared < NORM_SQUARED_MIN;
+        let norm_squared = if is_held { NORM_SQUARED_MIN } else { squared };
+        let norm = norm_squared.sqrt();
+        Self { raw, norm_squared, is_held, norm, unit: raw.map(|part| part / norm) }
+    }
+
+    /// From the gradient of the unit quaternion to that of the raw one.
+    fn d_raw(&self, d_unit: [f32; 4]) -> [f32; 4] {
+        let norm = self.norm;
+        let d_norm = (0..4).map(|at| d_unit[at] * (-self.raw[at] / (norm * norm))).sum::<f32>();
+        let d_squared = if self.is_held { 0.0 } else { d_norm * (self.norm_squared.powf(-0.5) / 2.0) };
+        std::array::from_fn(|at| {
+            let along = d_squared * self.raw[at];
+            along + (along + d_unit[at] * (1.0 / norm))
+        })
     }
 }
 
-/// The loss of each sample.
+fn dot(a: [f32; 4], b: [f32; 4]) -> f32 {
+    (0..4).map(|at| a[at] * b[at]).sum()
+}
+
+/// e^−|z|.
+#[expect(clippy::disallowed_methods, reason = "the system's, as in every run before: weights keep their bits")]
+fn exp_minus_abs(logit: f32) -> f32 {
+    (-logit.abs()).exp()
+}
+
+/// The loss of one sample whose heads gave `heads`: logit, quaternion before its normalisation, width in voxels.
 #[must_use]
-pub fn sample_losses(prediction: &Prediction, targets: &Targets) -> SampleLosses {
-    let label = || targets.label.clone();
-    let logit = prediction.quality_logit.clone();
+pub fn sample_loss(heads: &[f32; HEAD_OUTPUTS], target: &Target) -> SampleResult {
+    let [logit, x, y, z, w, width] = *heads;
+    let label = f32::from(target.label);
     // −y ln σ(z) − (1 − y) ln(1 − σ(z)) = max(z, 0) − z y + ln(1 + e^−|z|)
-    let quality = relu(logit.clone()) - logit.clone() * label() + logit.abs().neg().exp().log1p();
-    let quality = quality * targets.quality_weight.clone(); // times 1 changes no bit
-    let apart = |rotation: &Tensor<2>| {
-        let dot = (prediction.rotation.clone() * rotation.clone()).sum_dim(1).squeeze_dim::<1>(1);
-        dot.abs().neg() + 1.0
-    };
-    let rotation = apart(&targets.rotation).min_pair(apart(&targets.rotation_turned)) * label();
-    let width = (prediction.width_voxels.clone() - targets.width_voxels.clone()).square() * label();
-    let total = quality.clone() + rotation.clone() + width.clone() * WIDTH_WEIGHT;
-    SampleLosses { total, quality, rotation, width }
+    let quality = positive_part(logit, logit) - logit * label + exp_minus_abs(logit).ln_1p();
+    let quality = quality * target.quality_weight; // times 1 changes no bit
+    let unit = Rotation::new([x, y, z, w]).unit;
+    let apart = |rotation: Quat| -dot(unit, rotation.to_array()).abs() + 1.0;
+    let (apart, apart_turned) = (apart(target.rotation), apart(half_turn(target.rotation)));
+    let nearest = if apart_turned < apart { apart_turned } else { apart };
+    let rotation = nearest * label;
+    let off = width - target_width(target);
+    let width = off * off * label;
+    let total = quality + rotation + width * WIDTH_WEIGHT;
+    SampleResult { total, quality, rotation, width, quality_logit: logit, label: target.label }
 }
 
-/// Least square of a norm that is divided by.
-pub const NORM_SQUARED_MIN: f32 = 1e-24;
-
-/// Divides by the Euclidean norm along an axis, held above 1e-12 (PyTorch's `F.normalize`). The square is held, not its
-/// root, whose slope at 0 is infinite.
+/// The gradient of `weight` · L at the heads.
 #[must_use]
-pub fn normalise<const D: usize>(vectors: Tensor<D>, axis: usize) -> Tensor<D> {
-    let norm = vectors.clone().square().sum_dim(axis).clamp_min(NORM_SQUARED_MIN).sqrt();
-    vectors / norm
+pub fn loss_gradient(heads: &[f32; HEAD_OUTPUTS], target: &Target, weight: f32) -> [f32; HEAD_OUTPUTS] {
+    let [logit, x, y, z, w, width] = *heads;
+    let label = f32::from(target.label);
+
+    let d_quality = weight * target.quality_weight;
+    let exp = exp_minus_abs(logit);
+    let d_exp = d_quality * (1.0 / (exp + 1.0));
+    let d_abs = -(d_exp * exp) * sign(logit);
+    let d_logit = positive_part(logit, d_quality) + (-d_quality * label + d_abs);
+
+    let rotation = Rotation::new([x, y, z, w]);
+    let (there, turned) = (target.rotation.to_array(), half_turn(target.rotation).to_array());
+    let (dot_there, dot_turned) = (dot(rotation.unit, there), dot(rotation.unit, turned));
+    let is_turned_nearer = -dot_turned.abs() + 1.0 < -dot_there.abs() + 1.0;
+    let d_rotation = weight * label;
+    let (nearer, dot_nearer) = if is_turned_nearer { (turned, dot_turned) } else { (there, dot_there) };
+    let d_dot = -d_rotation * sign(dot_nearer);
+    let [dx, dy, dz, dw] = rotation.d_raw(nearer.map(|part| d_dot * part));
+
+    let half = weight * WIDTH_WEIGHT * label * (width - target_width(target));
+    [d_logit, dx, dy, dz, dw, half + half]
 }
 
-/// The grasp quality of a logit.
-#[must_use]
-pub fn quality(logit: Tensor<1>) -> Tensor<1> {
-    sigmoid(logit)
+/// `value` where `z` is positive or no number, else 0: ReLU and its gradient.
+fn positive_part(z: f32, value: f32) -> f32 {
+    if z.is_nan() || z > 0.0 { value } else { 0.0 }
+}
+
+/// −1, 0 or 1; 0 for no number.
+fn sign(z: f32) -> f32 {
+    f32::from(i8::from(z > 0.0) - i8::from(z < 0.0))
 }
 
 #[cfg(test)]
@@ -166,15 +189,14 @@ mod tests {
     use super::*;
     use schema::{Vec3, axis_angle};
 
+    fn heads(logit: f32, rotation: Quat, width: f32) -> [f32; HEAD_OUTPUTS] {
+        let [x, y, z, w] = rotation.to_array();
+        [logit, x, y, z, w, width]
+    }
+
     fn losses(logit: f32, rotation: Quat, width: f32, target: Target) -> [f32; 4] {
-        let device = Device::flex();
-        let prediction = Prediction {
-            quality_logit: Tensor::from_data([logit], &device),
-            rotation: Tensor::from_data([rotation.to_array()], &device),
-            width_voxels: Tensor::from_data([width], &device),
-        };
-        let losses = sample_losses(&prediction, &Targets::new(&[target], &device));
-        [losses.total, losses.quality, losses.rotation, losses.width].map(|loss| loss.into_scalar::<f32>())
+        let result = sample_loss(&heads(logit, rotation, width), &target);
+        [result.total, result.quality, result.rotation, result.width]
     }
 
     #[test]
@@ -211,7 +233,6 @@ mod tests {
         assert_eq!(weights, ClassWeights { positive: 2.0, negative: 2.0 / 3.0 });
         assert!((0.25 * weights.positive + 0.75 * weights.negative - 1.0).abs() < 1e-6);
         assert_eq!(ClassWeights::new(1.0, 31, 97), ClassWeights::EQUAL);
-        let device = Device::flex();
         for (label, logit) in [(0_u8, -1.3_f32), (0, 0.4), (1, -1.3), (1, 0.4)] {
             let weight = weights.of(label);
             let target = Target { label, rotation: Quat::IDENTITY, width_voxels: 5.0, quality_weight: weight };
@@ -223,14 +244,7 @@ mod tests {
             assert!((quality - weight * quality_1).abs() < 1e-6);
             assert!((total - (quality + rotation + WIDTH_WEIGHT * width)).abs() < 1e-6);
 
-            let leaf = Tensor::<1>::from_data([logit], &device).autodiff().require_grad();
-            let prediction = Prediction {
-                quality_logit: leaf.clone(),
-                rotation: Tensor::from_data([turned.to_array()], &device).autodiff(),
-                width_voxels: Tensor::from_data([7.0], &device).autodiff(),
-            };
-            let gradients = sample_losses(&prediction, &Targets::new(&[target], &device)).total.sum().backward();
-            let gradient = leaf.grad(&gradients).unwrap().into_scalar::<f32>();
+            let [gradient, ..] = loss_gradient(&heads(logit, turned, 7.0), &target, 1.0);
             let expected = weight * (1.0 / (1.0 + libm::expf(-logit)) - f32::from(label));
             assert!((gradient - expected).abs() < 1e-6, "{label} {logit}: {gradient} against {expected}");
         }

@@ -12,7 +12,8 @@ use std::sync::atomic::AtomicBool;
 use anyhow::Context;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use convert::{ExportArgs, ImportArgs};
-use program::Exit;
+use network::interchange::InterchangeError;
+use program::Exit as _;
 use program::manual::{Manual, Settings};
 use shards::{Location, LocationParser};
 use show::ReportArgs;
@@ -23,7 +24,6 @@ use trainer::device::{DeviceError, DeviceName};
 use trainer::evaluate::report::{ReportError, write_report};
 use trainer::evaluate::{EvaluateError, TestSet, evaluate};
 use trainer::fit::{Ending, FitError, Job, fit_job};
-use trainer::interchange::InterchangeError;
 use trainer::page::PageError;
 use trainer::run_folder::checkpoint_path;
 

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::step::SampleResult;
+use crate::loss::SampleResult;
 
 /// True and false positives and negatives.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

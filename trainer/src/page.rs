@@ -7,12 +7,11 @@ mod warnings;
 
 use std::path::{Path, PathBuf};
 
-use burn::tensor::Device;
+use network::checkpoint::{self, CheckpointError};
 use program::{Exit, ExitCode};
 use report::page::{Block, Cell, Page, Section, Table};
 use shards::ReadError;
 
-use crate::checkpoint::{self, CheckpointError};
 use crate::config::{Config, ConfigError};
 use crate::curves::{self, CurvesError, Epoch, FigureError};
 use crate::evaluate::Examination;
@@ -84,7 +83,7 @@ impl TrainedRun {
             read => read?,
         };
         let config = if recipe.exists() { Some(Config::read(&recipe)?) } else { None };
-        let trained_on = match checkpoint::read(&checkpoint_path(run, "best"), &Device::flex()) {
+        let trained_on = match checkpoint::read(&checkpoint_path(run, "best")) {
             Err(CheckpointError::Missing(_)) => None,
             read => Some(read?.dataset_id),
         };

@@ -1,6 +1,6 @@
-//! How far a run has come: all that decides the next step, besides weights and moments.
+//! The progress of a run: with weights and moments, all that decides the next step.
 
-use serde::{Deserialize, Serialize};
+use network::checkpoint;
 
 use crate::metrics::{Confusion, Tally};
 
@@ -20,39 +20,30 @@ pub struct Progress {
     pub best_accuracy: Option<f64>,
 }
 
-/// A progress in a checkpoint. Floats are bit patterns: a resumed epoch must add to exactly what it had.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct ProgressJson {
-    epoch: u32,
-    batch: u32,
-    step: u64,
-    confusion: Confusion,
-    sums_bits: [u64; 4],
-    best_accuracy_bits: Option<u64>,
-}
-
-impl From<&Progress> for ProgressJson {
+impl From<&Progress> for checkpoint::Progress {
     fn from(progress: &Progress) -> Self {
+        let Confusion { true_positive, false_positive, true_negative, false_negative } = progress.tally.confusion;
         Self {
             epoch: progress.epoch,
             batch: progress.batch,
             step: progress.step,
-            confusion: progress.tally.confusion,
+            confusion: checkpoint::Confusion { true_positive, false_positive, true_negative, false_negative },
             sums_bits: progress.tally.sums.map(f64::to_bits),
             best_accuracy_bits: progress.best_accuracy.map(f64::to_bits),
         }
     }
 }
 
-impl From<ProgressJson> for Progress {
-    fn from(json: ProgressJson) -> Self {
+impl From<checkpoint::Progress> for Progress {
+    fn from(stored: checkpoint::Progress) -> Self {
+        let checkpoint::Confusion { true_positive, false_positive, true_negative, false_negative } = stored.confusion;
+        let confusion = Confusion { true_positive, false_positive, true_negative, false_negative };
         Self {
-            epoch: json.epoch,
-            batch: json.batch,
-            step: json.step,
-            tally: Tally { confusion: json.confusion, sums: json.sums_bits.map(f64::from_bits) },
-            best_accuracy: json.best_accuracy_bits.map(f64::from_bits),
+            epoch: stored.epoch,
+            batch: stored.batch,
+            step: stored.step,
+            tally: Tally { confusion, sums: stored.sums_bits.map(f64::from_bits) },
+            best_accuracy: stored.best_accuracy_bits.map(f64::from_bits),
         }
     }
 }

@@ -14,12 +14,10 @@ use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use burn::tensor::Device;
-use program::publish;
-use program::{Exit, ExitCode};
+use network::checkpoint::{self, Checkpoint, CheckpointError};
+use program::{Exit, ExitCode, publish};
 use shards::Dataset;
 
-use crate::checkpoint::{self, Checkpoint, CheckpointError};
 use crate::config::Config;
 use crate::schedule::Schedule;
 
@@ -150,8 +148,8 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`RunError`] if it is damaged or was trained on another dataset.
-    pub fn last(&self, dataset: &Dataset, device: &Device) -> Result<Option<Checkpoint>, RunError> {
-        let found = match checkpoint::read(&self.path.join(LAST), device) {
+    pub fn last(&self, dataset: &Dataset) -> Result<Option<Checkpoint>, RunError> {
+        let found = match checkpoint::read(&self.path.join(LAST)) {
             Err(CheckpointError::Missing(_)) => return Ok(None),
             found => found?,
         };

@@ -1,266 +1,138 @@
 //! The network evaluated at one voxel a sample, its loss and its gradient.
 //!
 //! The encoder and the first decoder convolution (5³) run densely, once a grid; the rest of the decoder and the heads
-//! run on the voxel's receptive field only. Equal to [`crate::network::Network::forward`] at that voxel, loss and gradients,
-//! which the tests hold to 1e-4.
-//!
-//! The host has products of its own (`host`). What stands here is for other devices: every convolution is a gather of rows
-//! and a matrix product, every doubling a small matrix product along each axis.
+//! run on the voxel's receptive field only. On the host by the products of the crate `network`, on other devices by Burn
+//! (`graph`). Both equal the dense network at that voxel, loss and gradients, which the tests hold to 1e-4.
 
-use burn::tensor::activation::relu;
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use network::upsampling::Upsampling;
+use network::{HEAD_OUTPUTS, VoxelNetwork};
 use rayon::prelude::*;
 
-use crate::batch::{Batch, Looks};
-use crate::columns::{FIRST_ROWS, first_columns, padded_rows, valid_rows};
-use crate::host::Host;
-use crate::layers::LAYERS;
-use crate::loss::{Prediction, SampleLosses, Targets, normalise, sample_losses};
-use crate::matrices::Matrices;
-use crate::receptive_field::{COARSEST, PatchSizes, double_patches, doublings};
-use crate::upsampling::Upsampling;
-
-/// What one sample gave: its losses and the network's verdict.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SampleResult {
-    /// Eq. 5.
-    pub total: f32,
-    /// Eq. 2.
-    pub quality: f32,
-    /// Eq. 3 and 4; 0 for failures.
-    pub rotation: f32,
-    /// Squared error of the width in voxels; 0 for failures.
-    pub width: f32,
-    /// Logit of the predicted grasp quality: a success is predicted where it is above 0.
-    pub quality_logit: f32,
-    /// The true label.
-    pub label: u8,
-}
+use crate::batch::Batch;
+use crate::device::Device;
+use crate::loss::{SampleResult, loss_gradient, sample_loss};
 
 /// The mean loss's gradient over a batch, and what each sample gave, in the batch's order.
 #[derive(Debug, Clone)]
 pub struct StepResult {
     /// Gradient in the order of the flat parameter vector.
-    pub gradient: Tensor<1>,
+    pub gradient: Vec<f32>,
     /// One a sample.
     pub samples: Vec<SampleResult>,
 }
 
 /// Loss and gradient of a batch. Parts of the batch run in parallel; their gradients are added in order, so the result
-/// does not depend on the number of threads. On the host both ways are written out; elsewhere see [`step_by_graph`].
+/// does not depend on the number of threads.
 ///
-/// Shapes: `vector` as [`crate::layers::parameter_slots`] lays it out.
+/// Shapes: `vector` as [`network::layers::parameter_slots`] lays it out.
 #[must_use]
-pub fn step(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
-    if !on_host(vector) {
-        return step_by_graph(vector, batch, mode);
+pub fn step(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> StepResult {
+    match device {
+        Device::Host => sum(vector.len(), part_steps(vector, batch, mode)),
+        #[cfg(feature = "graph")]
+        Device::Burn(device) => crate::graph::step_by_graph(vector, batch, mode, device),
     }
-    let (gradient, samples) = Host::new(&values(vector), mode).step(batch);
-    StepResult { gradient: tensor(gradient, &vector.device()), samples }
 }
 
-/// As [`step`], with the way back found by automatic differentiation: for devices other than the host, and to hold
-/// [`step`] against.
+/// Losses and predictions of a batch, without a gradient.
 #[must_use]
-pub fn step_by_graph(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> StepResult {
-    let matrices = Matrices::from_vector(vector);
+pub fn evaluate(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> Vec<SampleResult> {
+    match device {
+        Device::Host => evaluate_on_host(vector, batch, mode),
+        #[cfg(feature = "graph")]
+        Device::Burn(device) => crate::graph::evaluate_by_graph(vector, batch, mode, device),
+    }
+}
+
+fn evaluate_on_host(vector: &[f32], batch: &Batch, mode: Upsampling) -> Vec<SampleResult> {
+    let network = VoxelNetwork::new(vector, mode);
+    let parts = batch.parts();
+    let evaluated = parts.par_iter().map(|range| {
+        let part = batch.part(range.clone());
+        let seen = network.forward(&part.inputs);
+        seen.heads().zip(&part.targets).map(|(heads, target)| sample_loss(&heads, target)).collect::<Vec<_>>()
+    });
+    evaluated.collect::<Vec<_>>().concat()
+}
+
+/// What each part of a batch gives to [`step`].
+fn part_steps(vector: &[f32], batch: &Batch, mode: Upsampling) -> Vec<StepResult> {
+    let network = VoxelNetwork::new(vector, mode);
+    let transposed = network.transposed();
     let weight = 1.0 / batch.samples.len() as f32;
     let parts = batch.parts();
-    let parts = parts.par_iter().map(|part| part_by_graph(&matrices, &batch.looks(part.clone()), mode, weight));
-    let (mut sum, mut samples) = (None, Vec::with_capacity(batch.samples.len()));
-    for (gradient, results) in parts.collect::<Vec<_>>() {
-        samples.extend(results);
-        sum = Some(match sum {
-            None => gradient,
-            Some(before) => add(before, gradient),
-        });
-    }
-    let gradient = sum.map_or_else(|| vector.zeros_like(), Matrices::into_vector);
+    let steps = parts.par_iter().map(|range| {
+        let part = batch.part(range.clone());
+        let seen = network.forward(&part.inputs);
+        let heads: Vec<[f32; HEAD_OUTPUTS]> = seen.heads().collect();
+        let samples = || heads.iter().zip(&part.targets);
+        let d_heads: Vec<_> = samples().map(|(heads, target)| loss_gradient(heads, target, weight)).collect();
+        StepResult {
+            gradient: network.gradient(&transposed, &part.inputs, &seen, &d_heads),
+            samples: samples().map(|(heads, target)| sample_loss(heads, target)).collect(),
+        }
+    });
+    steps.collect()
+}
+
+/// Adds the gradients of parts, each value in the order of parts.
+fn sum(parameters: usize, parts: Vec<StepResult>) -> StepResult {
+    let mut parts = parts.into_iter();
+    let Some(StepResult { mut gradient, mut samples }) = parts.next() else {
+        return StepResult { gradient: vec![0.0; parameters], samples: Vec::new() };
+    };
+    let others: Vec<StepResult> = parts.collect();
+    let chunk = gradient.len().div_ceil(64);
+    gradient.par_chunks_mut(chunk).enumerate().for_each(|(number, sum)| {
+        for other in &others {
+            for (sum, more) in sum.iter_mut().zip(&other.gradient[number * chunk..]) {
+                *sum += more;
+            }
+        }
+    });
+    samples.extend(others.into_iter().flat_map(|other| other.samples));
     StepResult { gradient, samples }
 }
 
-/// Losses and verdicts of a batch, without a gradient.
-#[must_use]
-pub fn evaluate(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> Vec<SampleResult> {
-    if on_host(vector) {
-        return Host::new(&values(vector), mode).evaluate(batch);
+#[cfg(test)]
+mod tests {
+    use network::layers::initial_vector;
+    use network::receptive_field::RESOLUTION;
+    use schema::{Purpose, Quat, Stream};
+
+    use super::*;
+    use crate::batch::Sample;
+    use crate::loss::Target;
+
+    /// Five grids of noise with six samples each: three parts.
+    fn batch() -> Batch {
+        let mut draw = Stream::new(8, 0, Purpose::Views, 0);
+        let grids = (0..5).map(|_| (0..RESOLUTION.pow(3)).map(|_| draw.uniform(0.0, 1.0)).collect::<Vec<f32>>().into());
+        let grids = grids.collect();
+        let sample = |at: usize| Sample {
+            grid: at / 6,
+            voxel: [draw.index(RESOLUTION), draw.index(RESOLUTION), draw.index(RESOLUTION)],
+            target: Target {
+                label: u8::from(at.is_multiple_of(2)),
+                rotation: Quat::IDENTITY,
+                width_voxels: 6.0,
+                quality_weight: 1.0,
+            },
+        };
+        Batch { grids, samples: (0..30).map(sample).collect() }
     }
-    let matrices = Matrices::from_vector(vector);
-    let parts: Vec<Vec<SampleResult>> = batch
-        .parts()
-        .par_iter()
-        .map(|part| {
-            let looks = batch.looks(part.clone());
-            let (prediction, losses) = part_losses(&matrices, &looks, mode);
-            results(&looks, prediction, losses)
-        })
-        .collect();
-    parts.concat()
-}
 
-fn on_host(vector: &Tensor<1>) -> bool {
-    vector.device() == Device::flex()
-}
-
-fn values(vector: &Tensor<1>) -> Vec<f32> {
-    vector.to_data().iter::<f32>().collect()
-}
-
-fn tensor(values: Vec<f32>, device: &Device) -> Tensor<1> {
-    let count = values.len();
-    Tensor::from_data(TensorData::new(values, [count]), device)
-}
-
-fn part_by_graph(
-    matrices: &Matrices,
-    part: &Looks<'_>,
-    mode: Upsampling,
-    weight: f32,
-) -> (Matrices, Vec<SampleResult>) {
-    let leaves = matrices.leaves();
-    let (prediction, losses) = part_losses(&leaves, part, mode);
-    let mut gradients = (losses.total.clone().sum() * weight).backward();
-    let gradient = Matrices {
-        weights: leaves
-            .weights
-            .iter()
-            .map(|w| w.grad_remove(&mut gradients).unwrap_or_else(|| w.zeros_like().inner()))
-            .collect(),
-        biases: leaves
-            .biases
-            .iter()
-            .map(|b| b.grad_remove(&mut gradients).unwrap_or_else(|| b.zeros_like().inner()))
-            .collect(),
-    };
-    (gradient, results(part, prediction, losses))
-}
-
-fn add(a: Matrices, b: Matrices) -> Matrices {
-    Matrices {
-        weights: a.weights.into_iter().zip(b.weights).map(|(a, b)| a + b).collect(),
-        biases: a.biases.into_iter().zip(b.biases).map(|(a, b)| a + b).collect(),
+    #[test]
+    fn parts_of_a_step_add_up_to_it_to_the_bit() {
+        let (batch, mode) = (batch(), Upsampling::Linear);
+        let vector = initial_vector(3);
+        let whole = step(&vector, &batch, mode, &Device::Host);
+        let parts = part_steps(&vector, &batch, mode);
+        assert!(parts.len() > 2, "{}", parts.len());
+        let samples: Vec<_> = parts.iter().flat_map(|part| part.samples.clone()).collect();
+        assert_eq!(samples, whole.samples);
+        let gradients = parts.into_iter().map(|part| part.gradient);
+        let sum = gradients.reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a + b).collect()).unwrap();
+        assert!(sum == whole.gradient);
     }
-}
-
-fn part_losses(matrices: &Matrices, part: &Looks<'_>, mode: Upsampling) -> (Prediction, SampleLosses) {
-    let device = matrices.biases[0].device().inner();
-    let prediction = predict(matrices, &part.grids, &part.grid_of_sample, &part.voxels, mode, &device);
-    let losses = sample_losses(&prediction, &Targets::new(&part.targets, &device));
-    (prediction, losses)
-}
-
-/// The network at one voxel a sample.
-///
-/// `grids` hold 40³ values each; sample i looks at grid `grid_of_sample[i]` and is asked about `voxels[i]`.
-#[must_use]
-pub fn predict(
-    matrices: &Matrices,
-    grids: &[&[f32]],
-    grid_of_sample: &[usize],
-    voxels: &[[usize; 3]],
-    mode: Upsampling,
-    device: &Device,
-) -> Prediction {
-    let coarse = encode(matrices, grids, device);
-    let (samples, sizes) = (voxels.len(), PatchSizes::new(mode));
-    let coarse = coarse.reshape([grids.len(), COARSEST.pow(3) * 64]);
-    let coarse = if grids.len() == samples {
-        coarse
-    } else {
-        let numbers: Vec<i64> = grid_of_sample.iter().map(|grid| *grid as i64).collect();
-        coarse.select(0, Tensor::<1, Int>::from_data(numbers.as_slice(), device))
-    };
-    let [x, y, z] = doublings(voxels, mode, device);
-    let patches = coarse.reshape([samples, COARSEST, COARSEST, COARSEST, 64]);
-    let patches = double_patches(patches, [x.to_10, y.to_10, z.to_10]);
-    let patches = convolve_patches(matrices, 4, patches, sizes.conv2_out, device);
-    let patches = double_patches(patches, [x.to_20, y.to_20, z.to_20]);
-    let patches = convolve_patches(matrices, 5, patches, sizes.conv3_out, device);
-    let patches = double_patches(patches, [x.to_40, y.to_40, z.to_40]);
-    heads(matrices, patches.reshape([samples, LAYERS[6].fan_in()]))
-}
-
-/// Encoder and the first decoder convolution: `[grids · 5³, 64]`.
-fn encode(matrices: &Matrices, grids: &[&[f32]], device: &Device) -> Tensor<2> {
-    let count = grids.len();
-    let first = Tensor::cat(vec![matrices.weights[0].clone(), matrices.biases[0].clone().unsqueeze()], 0);
-    // [count · 20³ + 1, 16], the last row zero.
-    let x = relu(first_columns(grids, device).matmul(first));
-    debug_assert_eq!(x.dims()[0], count * FIRST_ROWS + 1);
-    let x = product(matrices, 1, x, padded_rows(count, 20, 3, 2, device));
-    let x = product(matrices, 2, with_zero_row(x), padded_rows(count, 10, 3, 2, device));
-    product(matrices, 3, with_zero_row(x), padded_rows(count, 5, 3, 1, device))
-}
-
-fn with_zero_row(x: Tensor<2>) -> Tensor<2> {
-    let zero = Tensor::zeros([1, x.dims()[1]], &x.device().inner());
-    Tensor::cat(vec![x, zero], 0)
-}
-
-/// A convolution and its ReLU: gathers the rows of its inputs and multiplies.
-fn product(matrices: &Matrices, layer: usize, x: Tensor<2>, rows: Tensor<1, Int>) -> Tensor<2> {
-    let fan_in = LAYERS[layer].fan_in();
-    let outputs = rows.dims()[0] * LAYERS[layer].channels_in / fan_in;
-    let gathered = gather(x, rows).reshape([outputs, fan_in]);
-    relu(gathered.matmul(matrices.weights[layer].clone()) + matrices.biases[layer].clone().unsqueeze())
-}
-
-/// Most rows that are gathered at once. Graphics cards count at most 65,535 groups of work in a dimension, and gathering more
-/// rows gave wrong gradients there (Burn 0.22.1 on Vulkan), without an error.
-const ROWS_MAX: usize = 32_768;
-
-fn gather(x: Tensor<2>, rows: Tensor<1, Int>) -> Tensor<2> {
-    let count = rows.dims()[0];
-    if count <= ROWS_MAX {
-        return x.select(0, rows);
-    }
-    let pieces = (0..count).step_by(ROWS_MAX).map(|start| {
-        let end = (start + ROWS_MAX).min(count);
-        x.clone().select(0, rows.clone().slice(start..end))
-    });
-    Tensor::cat(pieces.collect(), 0)
-}
-
-/// Shapes: `[b, n, n, n, in]` to `[b, m, m, m, out]`.
-fn convolve_patches(matrices: &Matrices, layer: usize, patches: Tensor<5>, m: usize, device: &Device) -> Tensor<5> {
-    let [batch, n, _, _, channels] = patches.dims();
-    let rows = valid_rows(batch, n, LAYERS[layer].kernel, device);
-    let x = product(matrices, layer, patches.reshape([batch * n.pow(3), channels]), rows);
-    x.reshape([batch, m, m, m, LAYERS[layer].channels_out])
-}
-
-/// The three heads on rows of 5³ · 16 inputs.
-fn heads(matrices: &Matrices, rows: Tensor<2>) -> Prediction {
-    let weights = Tensor::cat(matrices.weights[6..].to_vec(), 1);
-    let biases = Tensor::cat(matrices.biases[6..].to_vec(), 0);
-    prediction_of(&(rows.matmul(weights) + biases.unsqueeze()))
-}
-
-/// What the six outputs of the heads say, `[b, 6]`.
-pub(crate) fn prediction_of(out: &Tensor<2>) -> Prediction {
-    let column = |at: usize| out.clone().slice([0..out.dims()[0], at..at + 1]).squeeze_dim::<1>(1);
-    Prediction {
-        quality_logit: column(0),
-        rotation: normalise(out.clone().slice([0..out.dims()[0], 1..5]), 1),
-        width_voxels: column(5),
-    }
-}
-
-/// What each sample of a part gave.
-pub(crate) fn results(part: &Looks<'_>, prediction: Prediction, losses: SampleLosses) -> Vec<SampleResult> {
-    let values = |tensor: Tensor<1>| tensor.inner().into_data().iter::<f32>().collect::<Vec<_>>();
-    let (total, quality) = (values(losses.total), values(losses.quality));
-    let (rotation, width) = (values(losses.rotation), values(losses.width));
-    let logits = values(prediction.quality_logit);
-    let samples = part.targets.iter().enumerate();
-    samples
-        .map(|(at, target)| SampleResult {
-            total: total[at],
-            quality: quality[at],
-            rotation: rotation[at],
-            width: width[at],
-            quality_logit: logits[at],
-            label: target.label,
-        })
-        .collect()
 }

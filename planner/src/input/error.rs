@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use program::{Exit, ExitCode};
-use shards::ReadError;
 
 /// Why an input is refused. Messages contain the place: a key's path, a file, or both.
 #[derive(Debug, thiserror::Error)]
@@ -28,9 +27,6 @@ pub enum InputError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// The dataset of a row cannot be read.
-    #[error(transparent)]
-    Row(#[from] Box<ReadError>),
 }
 
 impl Exit for InputError {
@@ -39,7 +35,6 @@ impl Exit for InputError {
             Self::Syntax(_) | Self::Value(_) | Self::Missing(_) => ExitCode::Config,
             Self::Damaged(_) => ExitCode::Data,
             Self::Io { .. } => ExitCode::TryAgain,
-            Self::Row(error) => error.exit_code(),
         }
     }
 }

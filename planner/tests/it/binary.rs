@@ -117,7 +117,7 @@ fn bad_input_is_named_with_its_place_and_code() {
     refused(&["--demo", "--model", "nowhere.safetensors"], 78, "nowhere.safetensors");
     refused(&["--demo", "--config", "nowhere.toml"], 78, "nowhere.toml");
     refused(&["--demo", "--out", "/nowhere/plan.json"], 75, "/nowhere/plan.json");
-    refused(&["--dataset", folder.path().to_str().unwrap()], 78, "");
+    refused(&["--dataset", "grasps", "--scene", "7"], 2, "shards tsdf grasps --scene N --out scene.npy");
 }
 
 #[test]

@@ -6,12 +6,14 @@
 mod folder;
 mod npy;
 mod rows;
+mod tsdf;
 mod vgn;
 mod webdataset;
 
 use std::io;
 
 pub use folder::{ExportCounts, ExportOrigin, Exported, ExportedFile};
+pub use tsdf::tsdf;
 
 use program::{Exit, ExitCode};
 
@@ -83,6 +85,19 @@ pub enum ExportError {
         /// Voxels along a side.
         got: usize,
     },
+    /// The grid is not the one on which the planner plans.
+    #[error(
+        "the dataset's grid must have {} voxels a side over {} m, got {resolution} over {size_m} m: {at}",
+        schema::Grid::PAPER.resolution, schema::Grid::PAPER.size_m
+    )]
+    Grid {
+        /// Voxels along a side.
+        resolution: usize,
+        /// Length of a side.
+        size_m: f32,
+        /// The dataset.
+        at: Location,
+    },
 }
 
 impl Exit for ExportError {
@@ -95,7 +110,8 @@ impl Exit for ExportError {
             | Self::Other { .. }
             | Self::NotAFolder(_)
             | Self::NotOnADisk(_)
-            | Self::Resolution { .. } => ExitCode::Config,
+            | Self::Resolution { .. }
+            | Self::Grid { .. } => ExitCode::Config,
         }
     }
 }

@@ -5,9 +5,9 @@ use toml::{Table, Value};
 
 use super::{Config, SplitBy, SplitConfig};
 use crate::augmentation::Augmentation;
-use crate::receptive_field::RESOLUTION;
 use crate::schedule::Schedule;
-use crate::upsampling::Upsampling;
+use network::receptive_field::RESOLUTION;
+use network::upsampling::Upsampling;
 
 /// The file's keys.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use program::{Exit, ExitCode};
 
-use crate::receptive_field::RESOLUTION;
+use network::receptive_field::RESOLUTION;
 
 const VALUES: usize = RESOLUTION.pow(3);
 const BYTES: usize = 4 * VALUES;

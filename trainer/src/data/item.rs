@@ -22,9 +22,9 @@ pub struct GraspItem {
     pub target: Target,
 }
 
-/// What training does to samples and testing does not.
+/// How training changes samples; testing does not.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Treatment {
+pub struct TrainingTransform {
     /// The run's seed.
     pub seed: u64,
     /// The epoch, from 0.
@@ -117,12 +117,12 @@ impl GraspDataset {
         Ok(batch)
     }
 
-    /// A batch of samples as training sees them: a pure function of the samples and the treatment.
+    /// A batch of samples as training sees them: a pure function of the samples and the transform.
     ///
     /// # Errors
     /// As [`Self::batch`].
-    pub fn training_batch(&self, samples: &[usize], treatment: &Treatment) -> Result<Batch, SpoolError> {
-        let Treatment { seed, epoch, augmentation, weights } = *treatment;
+    pub fn training_batch(&self, samples: &[usize], transform: &TrainingTransform) -> Result<Batch, SpoolError> {
+        let TrainingTransform { seed, epoch, augmentation, weights } = *transform;
         let mut batch = self.batch(samples)?;
         for sample in &mut batch.samples {
             sample.target.quality_weight = weights.of(sample.target.label);
@@ -205,7 +205,8 @@ mod tests {
     fn without_augmentation_and_weights_training_sees_the_dataset() {
         let folder = tempfile::tempdir().unwrap();
         let dataset = dataset(folder.path());
-        let off = Treatment { seed: 1, epoch: 2, augmentation: Augmentation::OFF, weights: ClassWeights::EQUAL };
+        let off =
+            TrainingTransform { seed: 1, epoch: 2, augmentation: Augmentation::OFF, weights: ClassWeights::EQUAL };
         let (plain, treated) = (dataset.batch(&[7, 2, 5]).unwrap(), dataset.training_batch(&[7, 2, 5], &off).unwrap());
         assert_eq!((&plain.grids, &plain.samples), (&treated.grids, &treated.samples));
     }
@@ -218,11 +219,11 @@ mod tests {
         let weights = ClassWeights::new(3.0, 3, 12);
         let mut moved = 0;
         for epoch in 0..20 {
-            let treatment = Treatment { seed: 1, epoch, augmentation, weights };
-            let all = dataset.training_batch(&(0..12).collect::<Vec<_>>(), &treatment).unwrap();
+            let transform = TrainingTransform { seed: 1, epoch, augmentation, weights };
+            let all = dataset.training_batch(&(0..12).collect::<Vec<_>>(), &transform).unwrap();
             for number in 0..12 {
                 let [alone, plain] =
-                    [dataset.training_batch(&[number], &treatment).unwrap(), dataset.batch(&[number]).unwrap()];
+                    [dataset.training_batch(&[number], &transform).unwrap(), dataset.batch(&[number]).unwrap()];
                 let (one, was) = (alone.samples[0], plain.samples[0]);
                 assert_eq!(one, Sample { grid: 0, ..all.samples[number] });
                 assert_eq!(alone.grids[0], all.grids[all.samples[number].grid]);

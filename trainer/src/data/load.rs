@@ -10,7 +10,7 @@ use shards::{Dataset, ReadError};
 
 use super::grids::{Grids, SpoolError};
 use super::item::{GraspDataset, Record};
-use crate::receptive_field::RESOLUTION;
+use network::receptive_field::RESOLUTION;
 
 /// Why a dataset cannot be loaded.
 #[derive(Debug, thiserror::Error)]

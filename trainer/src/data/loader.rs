@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::mpsc::sync_channel;
 
 use super::grids::SpoolError;
-use super::item::{GraspDataset, Treatment};
+use super::item::{GraspDataset, TrainingTransform};
 use crate::batch::Batch;
 
 /// Batches that are read ahead.
@@ -32,10 +32,10 @@ pub fn for_each_training_batch(
     dataset: &GraspDataset,
     samples: &[usize],
     batch: usize,
-    treatment: &Treatment,
+    transform: &TrainingTransform,
     visit: impl FnMut(Batch) -> ControlFlow<()>,
 ) -> Result<(), SpoolError> {
-    read_ahead(samples.chunks(batch), |numbers| dataset.training_batch(numbers, treatment), visit)
+    read_ahead(samples.chunks(batch), |numbers| dataset.training_batch(numbers, transform), visit)
 }
 
 fn read_ahead<'a>(

@@ -1,9 +1,9 @@
 //! The dense network for inference against the plain one.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use trainer::DenseNetwork;
-use trainer::network::Network;
-use trainer::upsampling::Upsampling;
+use network::DenseNetwork;
+use network::upsampling::Upsampling;
+use trainer::graph::{Network, to_device};
 
 use crate::formula::{grid, parameters};
 
@@ -20,10 +20,10 @@ fn apart(ours: &[f32], plain: Tensor<5>) -> Vec<f32> {
 #[test]
 fn inference_is_the_plain_network_everywhere() {
     let device = Device::flex();
-    let vector = parameters(&device);
-    let values = vector.to_data().try_to_vec::<f32>().unwrap();
+    let vector = parameters();
     for mode in Upsampling::ALL {
-        let (plain, dense) = (Network::from_vector(vector.clone(), mode), DenseNetwork::new(&values, mode));
+        let (plain, dense) =
+            (Network::from_vector(to_device(&vector, &device), mode), DenseNetwork::new(&vector, mode));
         for number in 0..2 {
             let grid = grid(number);
             let ours = dense.infer(&grid);

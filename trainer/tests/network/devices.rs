@@ -1,13 +1,14 @@
 //! The step as other devices do it, against the host's: on the host itself, and on every device that the program was built
 //! for.
 
-use burn::tensor::{Device, Tensor};
+use network::upsampling::Upsampling;
 use schema::Quat;
 use trainer::batch::{Batch, Sample};
+use trainer::device::Device::Host;
 use trainer::device::DeviceName;
+use trainer::graph::step_by_graph;
 use trainer::loss::Target;
-use trainer::step::{evaluate, step, step_by_graph};
-use trainer::upsampling::Upsampling;
+use trainer::step::{evaluate, step};
 
 use crate::formula::{grid, parameters, relative_error};
 
@@ -32,15 +33,13 @@ fn check(name: DeviceName) {
         Ok(device) => device,
         Err(reason) => return println!("skipped: {reason}"),
     };
-    let (host, batch) = (parameters(&Device::flex()), batch(10));
-    let there: Tensor<1> = parameters(&device);
-    let values = |tensor: Tensor<1>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
+    let (vector, batch) = (parameters(), batch(10));
     for mode in Upsampling::ALL {
-        let (ours, theirs) = (step(&host, &batch, mode), step(&there, &batch, mode));
-        let error = relative_error(&values(theirs.gradient), &values(ours.gradient));
+        let (ours, theirs) = (step(&vector, &batch, mode, &Host), step(&vector, &batch, mode, &device));
+        let error = relative_error(&theirs.gradient, &ours.gradient);
         println!("{name}, {mode:?}: gradient off by {error:e}");
         assert!(error < 1e-4, "{name}, {mode:?}: gradient off by {error:e}");
-        let tests = evaluate(&there, &batch, mode);
+        let tests = evaluate(&vector, &batch, mode, &device);
         for ((a, b), test) in ours.samples.iter().zip(&theirs.samples).zip(&tests) {
             assert!((a.total - b.total).abs() < 1e-4 * a.total.abs().max(1.0), "{name}: loss {} {}", a.total, b.total);
             assert!((a.total - test.total).abs() < 1e-4 * a.total.abs().max(1.0), "{name}: {} {}", a.total, test.total);
@@ -50,11 +49,11 @@ fn check(name: DeviceName) {
 
 #[test]
 fn automatic_differentiation_finds_what_is_written_out() {
-    let (vector, batch) = (parameters(&Device::flex()), batch(2));
-    let values = |tensor: Tensor<1>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
+    let (vector, batch) = (parameters(), batch(2));
+    let flex = burn::tensor::Device::flex();
     for mode in Upsampling::ALL {
-        let (ours, graph) = (step(&vector, &batch, mode), step_by_graph(&vector, &batch, mode));
-        let error = relative_error(&values(graph.gradient), &values(ours.gradient));
+        let (ours, graph) = (step(&vector, &batch, mode, &Host), step_by_graph(&vector, &batch, mode, &flex));
+        let error = relative_error(&graph.gradient, &ours.gradient);
         assert!(error < 1e-5, "{mode:?}: gradient off by {error:e}");
         for (a, b) in ours.samples.iter().zip(&graph.samples) {
             assert!((a.total - b.total).abs() < 1e-5 * a.total.abs().max(1.0), "{mode:?}: {} {}", a.total, b.total);

@@ -1,7 +1,6 @@
 //! The numbers that `scripts/golden_torch.py` makes by formula, made again.
 
-use burn::tensor::{Device, Tensor, TensorData};
-use trainer::layers::LAYERS;
+use network::layers::LAYERS;
 
 /// Multiples of 2⁻²⁴ in [0, 1): Wellons' lowbias32 hash of the position.
 pub(crate) fn noise(count: usize, seed: u32) -> Vec<f64> {
@@ -18,7 +17,7 @@ pub(crate) fn noise(count: usize, seed: u32) -> Vec<f64> {
 }
 
 /// Weights and biases U(−b, b) with b = √(6 / fan_in), in the order of the flat vector.
-pub(crate) fn parameters(device: &Device) -> Tensor<1> {
+pub(crate) fn parameters() -> Vec<f32> {
     let mut values = Vec::new();
     for (number, layer) in LAYERS.iter().enumerate() {
         let bound = (6.0 / layer.fan_in() as f64).sqrt();
@@ -27,8 +26,7 @@ pub(crate) fn parameters(device: &Device) -> Tensor<1> {
             values.extend(noise(count, seed).into_iter().map(|u| ((2.0 * u - 1.0) * bound) as f32));
         }
     }
-    let count = values.len();
-    Tensor::from_data(TensorData::new(values, [count]), device)
+    values
 }
 
 /// A grid of which a quarter of the voxels hold a value.

@@ -4,15 +4,17 @@ use std::sync::Arc;
 
 use crate::formula::{grid, noise, parameters, relative_error};
 use burn::tensor::{Device, Tensor, TensorData};
+use network::layers::parameter_slots;
+use network::upsampling::Upsampling;
 use safetensors::SafeTensors;
 use schema::Quat;
 use trainer::adam::Adam;
 use trainer::batch::{Batch, Sample};
-use trainer::layers::parameter_slots;
-use trainer::loss::{Target, quality};
-use trainer::network::Network;
+use trainer::device::Device::Host;
+use trainer::graph::loss::quality;
+use trainer::graph::{Network, to_device};
+use trainer::loss::{SampleResult, Target};
 use trainer::step::step;
-use trainer::upsampling::Upsampling;
 
 const TOLERANCE: f64 = 1e-4;
 const GRIDS: u32 = 3;
@@ -66,8 +68,7 @@ impl Golden {
         error
     }
 
-    fn check_parameters(&self, kind: &str, vector: Tensor<1>, seed: u32) -> f64 {
-        let values = vector.into_data().try_to_vec::<f32>().unwrap();
+    fn check_parameters(&self, kind: &str, values: &[f32], seed: u32) -> f64 {
         let errors = parameter_slots().into_iter().enumerate().map(|(number, slot)| {
             let part = &values[slot.start..slot.start + slot.len];
             self.check(&format!("{kind}.{}", slot.name), part, seed + number as u32)
@@ -87,7 +88,7 @@ fn the_dense_forward_is_pytorchs() {
         let golden = Golden::read(mode);
         let grids: Vec<f32> = (0..GRIDS).flat_map(grid).collect();
         let tsdf = Tensor::from_data(TensorData::new(grids, [GRIDS as usize, 1, 40, 40, 40]), &device);
-        let output = Network::from_vector(parameters(&device), mode).forward(tsdf);
+        let output = Network::from_vector(to_device(&parameters(), &device), mode).forward(tsdf);
         let count = output.quality_logit.shape().num_elements();
         let error = golden
             .check("forward.quality", &floats(quality(output.quality_logit.reshape([count]))), 400)
@@ -99,18 +100,17 @@ fn the_dense_forward_is_pytorchs() {
 
 #[test]
 fn losses_gradients_and_ten_adam_steps_are_pytorchs() {
-    let device = Device::flex();
     for mode in Upsampling::ALL {
         let golden = Golden::read(mode);
-        let (mut vector, batch) = (parameters(&device), golden.batch());
+        let (mut vector, batch) = (parameters(), golden.batch());
         let mut adam = Adam::new(3e-4);
         for (number, expected) in golden.floats("adam.losses").into_iter().enumerate() {
-            let result = step(&vector, &batch, mode);
+            let result = step(&vector, &batch, mode, &Host);
             let loss = result.samples.iter().map(|sample| sample.total).sum::<f32>() / batch.samples.len() as f32;
             let error = relative_error(&[loss], &[expected]);
             assert!(error <= TOLERANCE, "{mode:?}, step {number}: loss {loss} against {expected}");
             if number == 0 {
-                let losses = |of: fn(&trainer::step::SampleResult) -> f32| result.samples.iter().map(of).collect();
+                let losses = |of: fn(&SampleResult) -> f32| result.samples.iter().map(of).collect();
                 for (name, losses) in [
                     ("total", losses(|s| s.total)),
                     ("quality", losses(|s| s.quality)),
@@ -122,12 +122,12 @@ fn losses_gradients_and_ten_adam_steps_are_pytorchs() {
                     assert!(error <= TOLERANCE, "{mode:?}: {name} losses off by {error:e}");
                     println!("{mode:?}: {name} losses: relative error {error:e}");
                 }
-                let error = golden.check_parameters("gradient", result.gradient.clone(), 500);
+                let error = golden.check_parameters("gradient", &result.gradient, 500);
                 println!("{mode:?}: worst relative error of a gradient {error:e}");
             }
-            vector = adam.step(vector, result.gradient);
+            adam.step(&mut vector, &result.gradient);
         }
-        let error = golden.check_parameters("adam", vector, 600);
+        let error = golden.check_parameters("adam", &vector, 600);
         println!("{mode:?}: worst relative error of a parameter after ten steps {error:e}");
     }
 }

@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use crate::formula::{grid, noise, parameters, relative_error};
 use burn::tensor::{Device, Tensor, TensorData};
+use network::layers::parameter_slots;
+use network::upsampling::Upsampling;
 use schema::Quat;
 use trainer::batch::{Batch, Sample};
-use trainer::layers::parameter_slots;
-use trainer::loss::{Prediction, Target, Targets, sample_losses};
-use trainer::network::Network;
+use trainer::device::Device::Host;
+use trainer::graph::loss::{Prediction, Targets, sample_losses};
+use trainer::graph::{Network, to_device};
+use trainer::loss::Target;
 use trainer::step::step;
-use trainer::upsampling::Upsampling;
 
 const TOLERANCE: f64 = 1e-4;
 
@@ -28,9 +30,9 @@ fn batch(voxels: &[[usize; 3]]) -> Batch {
 }
 
 /// Per-sample losses and the gradient of their mean, by the dense network and Burn's own convolutions.
-fn dense(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> (Vec<f32>, Vec<f32>) {
-    let device = vector.device();
-    let network = Network::from_vector(vector.clone().autodiff(), mode);
+fn dense(vector: &[f32], batch: &Batch, mode: Upsampling) -> (Vec<f32>, Vec<f32>) {
+    let device = Device::flex();
+    let network = Network::from_vector(to_device(vector, &device).autodiff(), mode);
     let tsdf = TensorData::new(batch.grids[0].to_vec(), [1, 1, 40, 40, 40]);
     let output = network.forward(Tensor::<5>::from_data(tsdf, &device).autodiff());
     let at = |map: &Tensor<5>, [x, y, z]: [usize; 3]| {
@@ -56,20 +58,18 @@ fn dense(vector: &Tensor<1>, batch: &Batch, mode: Upsampling) -> (Vec<f32>, Vec<
 
 /// Holds each voxel's loss, and the gradient of their mean, to the dense network's.
 fn check(voxels: &[[usize; 3]]) {
-    let device = Device::flex();
     for mode in Upsampling::ALL {
-        let (vector, batch) = (parameters(&device), batch(voxels));
+        let (vector, batch) = (parameters(), batch(voxels));
         let (dense_losses, dense_gradient) = dense(&vector, &batch, mode);
-        let result = step(&vector, &batch, mode);
+        let result = step(&vector, &batch, mode, &Host);
         for ((sample, expected), voxel) in result.samples.iter().zip(&dense_losses).zip(voxels) {
             let error = f64::from((sample.total - expected).abs() / expected.abs());
             assert!(error <= TOLERANCE, "{mode:?}, voxel {voxel:?}: loss {} against {expected}", sample.total);
         }
-        let gradient = result.gradient.into_data().try_to_vec::<f32>().unwrap();
         let mut worst = 0.0_f64;
         for slot in parameter_slots() {
             let range = slot.start..slot.start + slot.len;
-            let error = relative_error(&gradient[range.clone()], &dense_gradient[range]);
+            let error = relative_error(&result.gradient[range.clone()], &dense_gradient[range]);
             assert!(error <= TOLERANCE, "{mode:?}, voxels {voxels:?}: gradient of {} off by {error:e}", slot.name);
             worst = worst.max(error);
         }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::fixture::{check_fails, trainer, write_dataset};
 
 fn state_dict(name: &str) -> String {
-    format!("{}/tests/state_dicts/{name}.pth", env!("CARGO_MANIFEST_DIR"))
+    format!("{}/../network/tests/state_dicts/{name}.pth", env!("CARGO_MANIFEST_DIR"))
 }
 
 fn text(path: &Path) -> &str {

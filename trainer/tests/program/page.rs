@@ -4,10 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use burn::tensor::Device;
+use network::upsampling::Upsampling;
 use trainer::data::load;
+use trainer::device::Device;
 use trainer::evaluate::{TestSet, examine};
-use trainer::upsampling::Upsampling;
 
 use crate::fixture::{check_fails, trainer, write_config, write_dataset};
 
@@ -106,11 +106,11 @@ fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     let examined = examine(&best, place.data.as_path(), set, scratch.path(), &stop, &|| {}, 6).unwrap();
 
     let samples = load(&examined.dataset, scratch.path(), &stop, &|| {}).unwrap();
-    let vector = trainer::checkpoint::read(&best, &Device::flex()).unwrap().vector;
+    let vector = network::checkpoint::read(&best).unwrap().vector;
     // (whether it held, badness, scene, attempt)
     let alone = |at: usize| {
         let batch = samples.batch(&[at]).unwrap();
-        let result = trainer::step::evaluate(&vector, &batch, Upsampling::Nearest)[0];
+        let result = trainer::step::evaluate(&vector, &batch, Upsampling::Nearest, &Device::Host)[0];
         let (scene, attempt) = samples.ids()[at];
         let row = &examined.dataset.read_scene(scene).unwrap().attempts[attempt as usize];
         assert_eq!((row.attempt_id, row.label()), (attempt, result.label));

@@ -1,9 +1,6 @@
 //! ×2 upsampling, linear or nearest, written as a small matrix along each axis.
 //!
-//! Burn's `interpolate` takes 4-D tensors only; and a matrix is what both the dense network and the receptive field
-//! can share: the latter simply keeps the rows and columns that it needs.
-
-use burn::tensor::{Device, Tensor, TensorData};
+//! The dense network and the receptive field share the matrix: the latter keeps only the rows and columns that it needs.
 
 /// How values are made between voxels when a grid is doubled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,23 +94,6 @@ impl Upsampling {
     }
 }
 
-/// Doubles the three last axes of `[batch, channels, n, n, n]`.
-///
-/// Shapes: in `[b, c, n, n, n]`, out `[b, c, 2n, 2n, 2n]`.
-#[must_use]
-pub fn double(input: Tensor<5>, mode: Upsampling) -> Tensor<5> {
-    let [batch, channels, n, _, _] = input.dims();
-    let matrix = doubling_matrix(mode, n, &input.device());
-    let rows = input.reshape([batch * channels * n * n, n]).matmul(matrix.clone().transpose());
-    let columns = matrix.clone().unsqueeze::<3>().matmul(rows.reshape([batch * channels * n, n, 2 * n]));
-    let planes = matrix.unsqueeze::<3>().matmul(columns.reshape([batch * channels, n, 4 * n * n]));
-    planes.reshape([batch, channels, 2 * n, 2 * n, 2 * n])
-}
-
-fn doubling_matrix(mode: Upsampling, n: usize, device: &Device) -> Tensor<2> {
-    Tensor::from_data(TensorData::new(mode.window(n, (0, 2 * n), (0, n)), [2 * n, n]), device)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -145,17 +125,6 @@ mod tests {
                     }
                 }
             }
-        }
-    }
-
-    #[test]
-    fn nearest_doubling_repeats_each_value_eight_times() {
-        let input = Tensor::<1>::from_data(TensorData::new((0..8).map(|v| v as f32).collect(), [8]), &Device::flex());
-        let output = double(input.reshape([1, 1, 2, 2, 2]), Upsampling::Nearest);
-        let values = output.into_data().try_to_vec::<f32>().unwrap();
-        for (at, value) in values.iter().enumerate() {
-            let (x, y, z) = (at / 16, at / 4 % 4, at % 4);
-            assert_eq!(*value, (x / 2 * 4 + y / 2 * 2 + z / 2) as f32);
         }
     }
 }

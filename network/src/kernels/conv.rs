@@ -7,8 +7,8 @@
 use rayon::prelude::*;
 
 use super::tile::{self, Backward, Forward, LANES, Weights};
-use crate::columns::positions;
-use crate::layers::LayerShape;
+use crate::layers::{LAYERS, LayerShape, positions};
+use crate::receptive_field::RESOLUTION;
 
 /// Side and padding of a cube in memory.
 #[derive(Debug, Clone, Copy)]
@@ -165,9 +165,23 @@ impl Conv {
 }
 
 /// How far the run of each tap (kernel x, y) lies from the first one's, in values.
-pub(super) fn taps(kernel: usize, input: Side, channels: usize) -> Vec<usize> {
+pub(crate) fn taps(kernel: usize, input: Side, channels: usize) -> Vec<usize> {
     let side = input.whole();
     (0..kernel.pow(2)).map(|tap| (tap / kernel * side + tap % kernel) * side * channels).collect()
+}
+
+/// Grids with the zeros that the first convolution pads with.
+pub(crate) fn padded_grids(grids: &[&[f32]]) -> Vec<f32> {
+    let side = Side { n: RESOLUTION, padding: LAYERS[0].padding() };
+    let len = side.whole().pow(3);
+    let mut padded = vec![0.0; grids.len() * len];
+    for (grid, padded) in grids.iter().zip(padded.chunks_exact_mut(len)) {
+        for (line, values) in grid.chunks_exact(RESOLUTION).enumerate() {
+            let place = side.place([line / RESOLUTION, line % RESOLUTION, 0]);
+            padded[place..][..RESOLUTION].copy_from_slice(values);
+        }
+    }
+    padded
 }
 
 #[cfg(test)]

@@ -2,18 +2,18 @@
 //! and opening width out, for every voxel.
 //!
 //! The module's paths are those of VGN's PyTorch class, so a state dict goes both ways by name. This is the *dense*
-//! form, which inference uses; training evaluates the same function around one voxel only ([`crate::receptive_field`]).
+//! form; training evaluates the same function around one voxel only ([`network::receptive_field`]).
 
 use burn::module::{Module, Param};
+use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 use burn::tensor::module::conv3d;
 use burn::tensor::ops::ConvOptions;
-use burn::tensor::{Device, Tensor, TensorData};
-use schema::{Purpose, Stream};
+use network::layers::{LAYERS, LayerShape, ParameterSlot, parameter_count, parameter_slots};
+use network::upsampling::Upsampling;
 
-use crate::layers::{LAYERS, LayerShape, parameter_count, parameter_slots};
-use crate::loss::normalise;
-use crate::upsampling::{Upsampling, double};
+use super::doubling::double;
+use super::loss::normalise;
 
 /// A convolution's parameters.
 #[derive(Module, Debug)]
@@ -87,7 +87,7 @@ impl Network {
         let slots = parameter_slots();
         let conv = |layer: usize| {
             let (weight, bias) = (&slots[2 * layer], &slots[2 * layer + 1]);
-            let part = |slot: &crate::layers::ParameterSlot| vector.clone().slice(slot.start..slot.start + slot.len);
+            let part = |slot: &ParameterSlot| vector.clone().slice(slot.start..slot.start + slot.len);
             Conv {
                 weight: Param::from_tensor(part(weight).reshape(LAYERS[layer].weight_shape())),
                 bias: Param::from_tensor(part(bias)),
@@ -144,18 +144,4 @@ impl Network {
 fn convolve(layer: LayerShape, parameters: &Conv, input: Tensor<5>) -> Tensor<5> {
     let options = ConvOptions::new([layer.stride; 3], [layer.padding(); 3], [1; 3], 1);
     conv3d(input, parameters.weight.val(), Some(parameters.bias.val()), options)
-}
-
-/// Fresh parameters as PyTorch draws them: U(−1/√fan_in, 1/√fan_in) for weights and biases, each layer from its own
-/// stream of `seed`.
-#[must_use]
-pub fn initial_vector(seed: u64, device: &Device) -> Tensor<1> {
-    let mut values = Vec::with_capacity(parameter_count());
-    for (number, layer) in LAYERS.iter().enumerate() {
-        let mut stream = Stream::new(seed, number as u64, Purpose::Weights, 0);
-        let bound = 1.0 / (layer.fan_in() as f32).sqrt();
-        values.extend((0..layer.weight_count() + layer.channels_out).map(|_| stream.uniform(-bound, bound)));
-    }
-    let count = values.len();
-    Tensor::from_data(TensorData::new(values, [count]), device)
 }

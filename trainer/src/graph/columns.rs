@@ -2,20 +2,20 @@
 //!
 //! A feature map is a matrix `[positions, channels]`. One output of a convolution is the product of the row of its
 //! kernel³ · channels inputs with the weights, so a whole convolution is one gather of rows and one large product.
-//! Kernel positions run x slowest, z fastest, channels fastest of all; [`crate::matrices`] orders the weights alike.
+//! Kernel positions run x slowest, z fastest, channels fastest of all; [`super::matrices`] orders the weights alike.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use rayon::prelude::*;
 
-use crate::layers::LAYERS;
-use crate::receptive_field::RESOLUTION;
+use network::layers::{LAYERS, positions};
+use network::receptive_field::RESOLUTION;
 
 /// Columns of the first layer's gathered input: 5³ voxels, and a one that multiplies the bias.
 pub const FIRST_COLUMNS: usize = LAYERS[0].kernel.pow(3) + 1;
 /// Positions of the first layer's output in one grid: 20³.
 pub const FIRST_ROWS: usize = (RESOLUTION / 2).pow(3);
 
-/// The inputs of the first layer, gathered on the host, for nothing asks for its gradient with respect to the TSDF.
+/// The inputs of the first layer, gathered on the host: they need no gradient.
 ///
 /// The last column is one, and one more row of zeros follows the grids' rows: its product is 0 whatever the bias, and
 /// after ReLU it is the zero that pads the second layer.
@@ -95,11 +95,6 @@ pub fn valid_rows(patches: usize, n: usize, kernel: usize, device: &Device) -> T
         }
     }
     index_tensor(rows, device)
-}
-
-/// The positions of a cube of side `n`, x slowest.
-pub(crate) fn positions(n: usize) -> impl Iterator<Item = [usize; 3]> {
-    (0..n.pow(3)).map(move |at| [at / (n * n), at / n % n, at % n])
 }
 
 fn index_tensor(rows: Vec<i64>, device: &Device) -> Tensor<1, Int> {

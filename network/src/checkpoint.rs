@@ -8,28 +8,23 @@ mod header;
 
 use std::path::{Path, PathBuf};
 
-use burn::tensor::{Device, Tensor, TensorData};
-use program::publish;
-use program::{Exit, ExitCode};
+use program::{Exit, ExitCode, publish};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensorError, SafeTensors};
 
-use crate::adam::Moments;
-use crate::host::DenseNetwork;
+use crate::DenseNetwork;
 use crate::layers::{parameter_count, parameter_slots};
-use crate::network::Network;
-use crate::progress::Progress;
 use crate::upsampling::Upsampling;
 
 use header::HeaderProblem;
 
-pub use header::{ARCHITECTURE, FORMAT_VERSION};
+pub use header::{ARCHITECTURE, Confusion, FORMAT_VERSION, Progress};
 
 /// A network's parameters and where they come from.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
     /// All parameters ([`crate::layers::parameter_slots`]).
-    pub vector: Tensor<1>,
+    pub vector: Vec<f32>,
     /// How the decoder doubles its grids.
     pub upsampling: Upsampling,
     /// The recipe, as TOML.
@@ -38,22 +33,26 @@ pub struct Checkpoint {
     pub dataset_id: String,
     /// How far training had come.
     pub progress: Progress,
-    /// Adam's memory; only in `last`, and there from the first step on.
+    /// Adam's moments; only in `last`, and there from the first step on.
     pub moments: Option<Moments>,
 }
 
-impl Checkpoint {
-    /// The network, to be evaluated on whole volumes.
-    #[must_use]
-    pub fn network(&self) -> Network {
-        Network::from_vector(self.vector.clone(), self.upsampling)
-    }
+/// Adam's state between steps, each in the order of the flat parameter vector.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moments {
+    /// Steps taken.
+    pub steps: usize,
+    /// Running mean of the gradient.
+    pub first: Vec<f32>,
+    /// Running mean of its square.
+    pub second: Vec<f32>,
+}
 
-    /// The network, made ready for inference on the host.
+impl Checkpoint {
+    /// The network, made ready for inference.
     #[must_use]
     pub fn dense(&self) -> DenseNetwork {
-        let parameters: Vec<f32> = self.vector.clone().into_data().iter().collect();
-        DenseNetwork::new(&parameters, self.upsampling)
+        DenseNetwork::new(&self.vector, self.upsampling)
     }
 }
 
@@ -109,7 +108,7 @@ impl Exit for CheckpointError {
     }
 }
 
-/// Most differences that are told.
+/// Most differences that a message lists.
 const PROBLEMS_MAX: usize = 4;
 const MOMENTS: [&str; 2] = ["adam.first.", "adam.second."];
 
@@ -123,10 +122,10 @@ pub fn save(checkpoint: &Checkpoint, path: &Path) -> Result<(), CheckpointError>
 }
 
 /// The bytes of a checkpoint's file; `path` is for messages.
-pub(crate) fn encode(checkpoint: &Checkpoint, path: &Path) -> Result<Vec<u8>, CheckpointError> {
-    let mut vectors = vec![("", checkpoint.vector.clone())];
+fn encode(checkpoint: &Checkpoint, path: &Path) -> Result<Vec<u8>, CheckpointError> {
+    let mut vectors = vec![("", &checkpoint.vector)];
     if let Some(moments) = &checkpoint.moments {
-        vectors.extend([(MOMENTS[0], moments.first.clone()), (MOMENTS[1], moments.second.clone())]);
+        vectors.extend([(MOMENTS[0], &moments.first), (MOMENTS[1], &moments.second)]);
     }
     let vectors: Vec<(&str, Vec<u8>)> = vectors.into_iter().map(|(prefix, vector)| (prefix, bytes(vector))).collect();
     let slots = parameter_slots();
@@ -149,29 +148,24 @@ pub(crate) fn has_header(file: &[u8]) -> bool {
 ///
 /// # Errors
 /// [`CheckpointError`] if there is none, it is damaged, or it is not of this network.
-pub fn read(path: &Path, device: &Device) -> Result<Checkpoint, CheckpointError> {
+pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
     let file = std::fs::read(path).map_err(|source| match source.kind() {
         std::io::ErrorKind::NotFound => CheckpointError::Missing(path.to_owned()),
         _ => CheckpointError::Io { action: "read", path: path.to_owned(), source },
     })?;
-    decode(&file, path, device)
-}
-
-/// The checkpoint of a file's bytes, for inference on the host; `path` is for messages.
-///
-/// # Errors
-/// As [`read`], but for what reading a file may come to.
-pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
-    decode(file, path, &Device::flex())
+    from_bytes(&file, path)
 }
 
 /// The checkpoint of a file's bytes; `path` is for messages.
-pub(crate) fn decode(file: &[u8], path: &Path, device: &Device) -> Result<Checkpoint, CheckpointError> {
+///
+/// # Errors
+/// As [`read`], except errors of reading the file.
+pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
     let damaged = |source| CheckpointError::Damaged { path: path.to_owned(), source };
     let (_, metadata) = SafeTensors::read_metadata(file).map_err(damaged)?;
     let tensors = SafeTensors::deserialize(file).map_err(damaged)?;
     let other = |problems| CheckpointError::Architecture { problems, path: path.to_owned() };
-    let parameters = vector(&tensors, "", device).map_err(other)?;
+    let parameters = vector(&tensors, "").map_err(other)?;
     let header = header::read(metadata.metadata().as_ref()).map_err(|problem| match problem {
         HeaderProblem::Architecture(problem) => other(vec![problem]),
         HeaderProblem::Other(problem) => CheckpointError::Header { problem, path: path.to_owned() },
@@ -179,7 +173,7 @@ pub(crate) fn decode(file: &[u8], path: &Path, device: &Device) -> Result<Checkp
     let moments = match header.adam_steps {
         0 => None,
         steps => {
-            let part = |prefix| vector(&tensors, prefix, device).map_err(other);
+            let part = |prefix| vector(&tensors, prefix).map_err(other);
             Some(Moments { steps, first: part(MOMENTS[0])?, second: part(MOMENTS[1])? })
         }
     };
@@ -194,7 +188,7 @@ pub(crate) fn decode(file: &[u8], path: &Path, device: &Device) -> Result<Checkp
 }
 
 /// The flat vector of the tensors whose names begin with `prefix`, or what differs from this network's.
-fn vector(tensors: &SafeTensors<'_>, prefix: &str, device: &Device) -> Result<Tensor<1>, Vec<String>> {
+fn vector(tensors: &SafeTensors<'_>, prefix: &str) -> Result<Vec<f32>, Vec<String>> {
     let mut values: Vec<f32> = Vec::with_capacity(parameter_count());
     let mut problems = Vec::new();
     for slot in parameter_slots() {
@@ -214,48 +208,40 @@ fn vector(tensors: &SafeTensors<'_>, prefix: &str, device: &Device) -> Result<Te
         }
     }
     problems.truncate(PROBLEMS_MAX);
-    if problems.is_empty() {
-        Ok(Tensor::from_data(TensorData::new(values, [parameter_count()]), device))
-    } else {
-        Err(problems)
-    }
+    if problems.is_empty() { Ok(values) } else { Err(problems) }
 }
 
-fn bytes(vector: Tensor<1>) -> Vec<u8> {
-    vector.into_data().iter::<f32>().flat_map(f32::to_le_bytes).collect()
+fn bytes(vector: &[f32]) -> Vec<u8> {
+    vector.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network::initial_vector;
-
-    fn floats(tensor: Tensor<1>) -> Vec<f32> {
-        tensor.into_data().try_to_vec().unwrap()
-    }
+    use crate::layers::initial_vector;
 
     #[test]
     fn a_checkpoint_comes_back_and_equal_ones_make_equal_files() {
-        let (folder, device) = (tempfile::tempdir().unwrap(), Device::flex());
-        let moment = |seed| initial_vector(seed, &device);
+        let folder = tempfile::tempdir().unwrap();
         let checkpoint = Checkpoint {
-            vector: initial_vector(1, &device),
+            vector: initial_vector(1),
             upsampling: Upsampling::Nearest,
             config: "seed = 1".to_owned(),
             dataset_id: "abc".to_owned(),
-            progress: Progress { epoch: 2, batch: 3, step: 45, best_accuracy: Some(0.1 + 0.2), ..Progress::default() },
-            moments: Some(Moments { steps: 45, first: moment(2), second: moment(3) }),
+            progress: Progress {
+                epoch: 2,
+                batch: 3,
+                step: 45,
+                best_accuracy_bits: Some(0.3_f64.to_bits()),
+                ..Progress::default()
+            },
+            moments: Some(Moments { steps: 45, first: initial_vector(2), second: initial_vector(3) }),
         };
         let path = |name: &str| folder.path().join(name);
         save(&checkpoint, &path("a")).unwrap();
-        let back = read(&path("a"), &device).unwrap();
+        let back = read(&path("a")).unwrap();
         save(&back, &path("b")).unwrap();
         assert!(std::fs::read(path("a")).unwrap() == std::fs::read(path("b")).unwrap());
-        assert_eq!((back.upsampling, back.progress), (checkpoint.upsampling, checkpoint.progress));
-        assert_eq!((back.config, back.dataset_id), (checkpoint.config, checkpoint.dataset_id));
-        let (moments, expected) = (back.moments.unwrap(), checkpoint.moments.unwrap());
-        assert_eq!(moments.steps, expected.steps);
-        assert_eq!(floats(moments.second), floats(expected.second));
-        assert_eq!(floats(back.vector), floats(checkpoint.vector));
+        assert_eq!(back, checkpoint);
     }
 }

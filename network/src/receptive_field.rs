@@ -11,8 +11,6 @@
 //! the volume have zero columns: a convolution may compute rubbish there, nobody looks at it and no gradient comes
 //! back. Hence faces, edges and corners need no special case.
 
-use burn::tensor::{Device, Tensor, TensorData};
-
 use crate::layers::LAYERS;
 use crate::upsampling::Upsampling;
 
@@ -49,43 +47,9 @@ impl PatchSizes {
     }
 }
 
-/// The doubling matrices of a batch of voxels for one axis: each maps a coarse patch to the fine patch that the next
-/// convolution sees.
-#[derive(Debug, Clone)]
-pub struct AxisDoublings {
-    /// 5 to 10: `[b, conv2_in, 5]`.
-    pub to_10: Tensor<3>,
-    /// 10 to 20: `[b, conv3_in, conv2_out]`.
-    pub to_20: Tensor<3>,
-    /// 20 to 40: `[b, heads_in, conv3_out]`.
-    pub to_40: Tensor<3>,
-}
-
-/// The doubling matrices of a batch of voxels for x, y and z.
-#[must_use]
-pub fn doublings(voxels: &[[usize; 3]], mode: Upsampling, device: &Device) -> [AxisDoublings; 3] {
-    [0, 1, 2].map(|axis| {
-        let mut matrices = [Vec::new(), Vec::new(), Vec::new()];
-        for voxel in voxels {
-            for (all, one) in matrices.iter_mut().zip(axis_windows(voxel[axis], mode)) {
-                all.extend(one);
-            }
-        }
-        let sizes = PatchSizes::new(mode);
-        let [to_10, to_20, to_40] = matrices;
-        let tensor = |values: Vec<f32>, fine: usize, coarse: usize| {
-            Tensor::from_data(TensorData::new(values, [voxels.len(), fine, coarse]), device)
-        };
-        AxisDoublings {
-            to_10: tensor(to_10, sizes.conv2_in, COARSEST),
-            to_20: tensor(to_20, sizes.conv3_in, sizes.conv2_out),
-            to_40: tensor(to_40, sizes.heads_in, sizes.conv3_out),
-        }
-    })
-}
-
 /// The three matrices of one voxel coordinate, coarsest first, row by row.
-pub(crate) fn axis_windows(coordinate: usize, mode: Upsampling) -> [Vec<f32>; 3] {
+#[must_use]
+pub fn axis_windows(coordinate: usize, mode: Upsampling) -> [Vec<f32>; 3] {
     let sizes = PatchSizes::new(mode);
     let heads_start = coordinate as isize - LAYERS[6].padding() as isize;
     let conv3_out_start = mode.first_coarse(heads_start);
@@ -97,19 +61,6 @@ pub(crate) fn axis_windows(coordinate: usize, mode: Upsampling) -> [Vec<f32>; 3]
         mode.window(2 * COARSEST, (conv3_in_start, sizes.conv3_in), (conv2_out_start, sizes.conv2_out)),
         mode.window(4 * COARSEST, (heads_start, sizes.heads_in), (conv3_out_start, sizes.conv3_out)),
     ]
-}
-
-/// Doubles a batch of patches with a matrix along each axis.
-///
-/// Shapes: patches `[b, n, n, n, c]`, matrices `[b, m, n]`, out `[b, m, m, m, c]`.
-#[must_use]
-pub fn double_patches(patches: Tensor<5>, matrices: [Tensor<3>; 3]) -> Tensor<5> {
-    let [batch, n, _, _, channels] = patches.dims();
-    let [x, y, z] = matrices;
-    let m = x.dims()[1];
-    let along_x = x.matmul(patches.reshape([batch, n, n * n * channels]));
-    let along_y = y.reshape([batch, 1, m, n]).matmul(along_x.reshape([batch, m, n, n * channels]));
-    z.reshape([batch, 1, 1, m, n]).matmul(along_y.reshape([batch, m, m, n, channels]))
 }
 
 #[cfg(test)]

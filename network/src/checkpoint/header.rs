@@ -1,10 +1,9 @@
-//! What a checkpoint says about itself: one JSON text under one key of the safetensors header. (One key, because the
+//! A checkpoint's description of itself: one JSON text under one key of the safetensors header. (One key, because the
 //! format's writer puts several in the order of a hash map, and equal runs should make equal files.)
 
 use serde::{Deserialize, Serialize};
 
 use super::Checkpoint;
-use crate::progress::{Progress, ProgressJson};
 use crate::upsampling::Upsampling;
 
 /// Version of the checkpoint's layout.
@@ -23,12 +22,44 @@ struct HeaderJson {
     upsampling: String,
     dataset_id: String,
     config: String,
-    progress: ProgressJson,
+    progress: Progress,
     adam_steps: usize,
     made_by: String,
 }
 
-/// Only what tells whether the rest can be understood.
+/// How far training had come when the checkpoint was written, as stored. Floats are bit patterns: a resumed epoch must add to exactly
+/// what it had.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Progress {
+    /// Epochs done.
+    pub epoch: u32,
+    /// Batches done in the epoch that is running.
+    pub batch: u32,
+    /// Steps done in all.
+    pub step: u64,
+    /// Predictions against labels in the epoch that is running.
+    pub confusion: Confusion,
+    /// Sums of the losses in the epoch that is running, as bits of `f64`.
+    pub sums_bits: [u64; 4],
+    /// Best accuracy of the test set so far, as bits of `f64`.
+    pub best_accuracy_bits: Option<u64>,
+}
+
+/// True and false positives and negatives.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Confusion {
+    /// Held, and predicted to hold.
+    pub true_positive: u64,
+    /// Failed, but predicted to hold.
+    pub false_positive: u64,
+    /// Failed, and predicted to fail.
+    pub true_negative: u64,
+    /// Held, but predicted to fail.
+    pub false_negative: u64,
+}
+
+/// The keys that decide whether the rest can be understood.
 #[derive(Deserialize)]
 struct HeadJson {
     format_version: u32,
@@ -62,7 +93,7 @@ pub(super) fn write(checkpoint: &Checkpoint) -> Metadata {
         upsampling: checkpoint.upsampling.name().to_owned(),
         dataset_id: checkpoint.dataset_id.clone(),
         config: checkpoint.config.clone(),
-        progress: ProgressJson::from(&checkpoint.progress),
+        progress: checkpoint.progress,
         adam_steps: checkpoint.moments.as_ref().map_or(0, |moments| moments.steps),
         made_by: MADE_BY.to_owned(),
     };
@@ -95,7 +126,7 @@ pub(super) fn read(metadata: Option<&Metadata>) -> Result<Header, HeaderProblem>
         upsampling: upsampling.ok_or_else(|| other(format!("unknown upsampling {:?}", json.upsampling)))?,
         dataset_id: json.dataset_id,
         config: json.config,
-        progress: Progress::from(json.progress),
+        progress: json.progress,
         adam_steps: json.adam_steps,
     })
 }

@@ -1,7 +1,7 @@
 //! Weights from and to other programs: PyTorch's state dicts and safetensors in, safetensors and ONNX out.
 //!
-//! What comes in was written by others, so it is read as such: nothing in a file is run (`pickle.rs`), files and
-//! what is made of them are bounded (64 MiB, a million objects), every loop ends, and whatever is wrong is told.
+//! Files of others may be hostile. Nothing in a file is run (`pickle.rs`), files and the objects made of them are bounded (64 MiB, a million
+//! objects), every loop ends, and every fault is reported.
 
 mod cursor;
 mod element;
@@ -21,14 +21,11 @@ use std::fs::{self, File};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
-use burn::tensor::{Device, Tensor, TensorData};
-use program::publish;
-use program::{Exit, ExitCode};
+use program::{Exit, ExitCode, publish};
 use safetensors::{Dtype, SafeTensors};
 use sha2::{Digest as _, Sha256};
 
-use crate::checkpoint::{self, Checkpoint, CheckpointError};
-use crate::progress::Progress;
+use crate::checkpoint::{self, Checkpoint, CheckpointError, Progress};
 use crate::upsampling::Upsampling;
 
 use element::Element;
@@ -156,19 +153,12 @@ impl InterchangeError {
 ///
 /// # Errors
 /// [`InterchangeError`]; then nothing is written.
-pub fn import(
-    file: &Path,
-    out: &Path,
-    upsampling: Upsampling,
-    force: bool,
-    device: &Device,
-) -> Result<Imported, InterchangeError> {
+pub fn import(file: &Path, out: &Path, upsampling: Upsampling, force: bool) -> Result<Imported, InterchangeError> {
     let bytes = read_bounded(file)?;
     let (source, parameters) = read_weights(&bytes).map_err(|problem| InterchangeError::of(problem, file))?;
     let Parameters { values, prefix, converted_from } = parameters;
-    let count = values.len();
     let checkpoint = Checkpoint {
-        vector: Tensor::from_data(TensorData::new(values, [count]), device),
+        vector: values,
         upsampling,
         config: provenance(file.file_name().unwrap_or_default(), source, &bytes),
         dataset_id: IMPORTED.to_owned(),
@@ -184,14 +174,8 @@ pub fn import(
 ///
 /// # Errors
 /// [`InterchangeError`]; then nothing is written.
-pub fn export(
-    file: &Path,
-    out: &Path,
-    target: Target,
-    force: bool,
-    device: &Device,
-) -> Result<Checkpoint, InterchangeError> {
-    let checkpoint = Checkpoint { moments: None, ..checkpoint::read(file, device)? };
+pub fn export(file: &Path, out: &Path, target: Target, force: bool) -> Result<Checkpoint, InterchangeError> {
+    let checkpoint = Checkpoint { moments: None, ..checkpoint::read(file)? };
     prepare(out, force)?;
     match target {
         Target::Safetensors => checkpoint::save(&checkpoint, out)?,

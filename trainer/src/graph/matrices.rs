@@ -4,8 +4,7 @@
 //! matrix is `[x · y · z · in, out]`. The three heads see the same row and become one matrix with six columns.
 
 use burn::tensor::Tensor;
-
-use crate::layers::{LAYERS, LayerShape, parameter_slots};
+use network::layers::{LAYERS, LayerShape, parameter_slots};
 
 /// Weights `[kernel³ · in, out]` and biases `[out]` of every layer, in the order of [`LAYERS`].
 #[derive(Debug, Clone)]
@@ -62,13 +61,14 @@ fn from_matrix(layer: LayerShape, matrix: Tensor<2>) -> Tensor<1> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network::initial_vector;
+    use crate::graph::{to_device, to_host};
     use burn::tensor::Device;
+    use network::layers::initial_vector;
 
     #[test]
     fn a_vector_comes_back_from_its_matrices() {
-        let vector = initial_vector(3, &Device::flex());
-        let back = Matrices::from_vector(&vector).into_vector();
-        assert_eq!(vector.into_data().try_to_vec::<f32>().unwrap(), back.into_data().try_to_vec::<f32>().unwrap());
+        let vector = initial_vector(3);
+        let back = Matrices::from_vector(&to_device(&vector, &Device::flex())).into_vector();
+        assert_eq!(vector, to_host(back));
     }
 }

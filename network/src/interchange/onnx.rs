@@ -1,12 +1,11 @@
-//! The network as an ONNX model: [`crate::network::Network::forward`] and the sigmoid, node by node.
+//! The network as an ONNX model: the dense network and the sigmoid, node by node.
 //!
 //! Operators as of opset 13 (onnx/docs/Operators.md), messages and their field numbers from onnx/onnx.proto, IR version 7:
 //! whatever reads ONNX 1.8 (November 2020) or later reads it.
 
 use super::protobuf::Message;
 use crate::checkpoint::{ARCHITECTURE, Checkpoint};
-use crate::layers::{LAYERS, LayerShape, parameter_slots};
-use crate::loss::NORM_SQUARED_MIN;
+use crate::layers::{LAYERS, LayerShape, NORM_SQUARED_MIN, parameter_slots};
 use crate::upsampling::Upsampling;
 
 const IR_VERSION: i64 = 7;
@@ -103,7 +102,7 @@ fn convolution(layer: LayerShape, input: &str, output: &str) -> Message {
     node("Conv", &[input, &weight, &bias], output, &attributes)
 }
 
-/// [`crate::upsampling::double`]: half-pixel centres held at the ends, or each value eight times.
+/// A doubling: half-pixel centres held at the ends, or each value eight times.
 fn doubling(upsampling: Upsampling, input: &str, output: &str) -> Message {
     let attributes = match upsampling {
         Upsampling::Linear => vec![text("mode", "linear"), text("coordinate_transformation_mode", "half_pixel")],
@@ -148,7 +147,7 @@ fn volume(name: &str, channels: i64) -> Message {
 
 /// The parameters under VGN's names, and two constants.
 fn initializers(checkpoint: &Checkpoint) -> Vec<Message> {
-    let values: Vec<f32> = checkpoint.vector.to_data().iter::<f32>().collect();
+    let values = &checkpoint.vector;
     let slots = parameter_slots();
     let parameters = slots.iter().map(|slot| {
         let shape: Vec<i64> = slot.shape.iter().map(|len| *len as i64).collect();

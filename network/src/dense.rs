@@ -1,21 +1,19 @@
-//! The whole volume on the host.
+//! The network on a whole volume, for inference.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::conv::{Conv, Side, taps};
-use super::doubling::Doubling;
-use super::folded::{COLUMNS, FoldedHeads, KERNEL, PHASES};
-use super::parameters::{HEAD_COLUMNS, HEADS, Parameters};
-use super::pass::padded_grids;
-use super::tile::{self, Forward};
-use crate::layers::LAYERS;
-use crate::loss::NORM_SQUARED_MIN;
+use crate::kernels::conv::{Conv, Side, padded_grids, taps};
+use crate::kernels::doubling::Doubling;
+use crate::kernels::folded::{COLUMNS, FoldedHeads, KERNEL, PHASES};
+use crate::kernels::parameters::{HEAD_COLUMNS, HEADS, Parameters};
+use crate::kernels::tile::{self, Forward};
+use crate::layers::{LAYERS, NORM_SQUARED_MIN};
 use crate::receptive_field::{COARSEST, RESOLUTION};
 use crate::upsampling::Upsampling;
 
-/// The network, made ready for inference: several times as fast as [`crate::network::Network`], which it equals to
+/// The network, made ready for inference: several times as fast as the same network by Burn, which it equals to
 /// 1e-5 of the largest value (quaternions where the four outputs nearly vanish to 1e-3).
 /// Making one costs about as much as using it.
 #[derive(Debug, Clone)]
@@ -160,7 +158,6 @@ fn assembled(planes: &[Vec<f32>]) -> DenseGrids {
                 let [logit, rotation @ .., width] = *columns;
                 grids.quality_logit[voxel] = logit;
                 grids.width_voxels[voxel] = width;
-                // As `crate::loss::normalise`.
                 let norm = rotation.iter().map(|part| part * part).sum::<f32>().max(NORM_SQUARED_MIN).sqrt();
                 for (axis, part) in rotation.iter().enumerate() {
                     grids.rotation[axis * voxels + voxel] = part / norm;

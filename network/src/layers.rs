@@ -1,6 +1,8 @@
 //! The nine convolutions of the network as a table (paper Fig. 1; VGN, `networks.py`), and the flat vector in which
 //! all of their parameters live when an optimiser or a file looks at them.
 
+use schema::{Purpose, Stream};
+
 /// A 3-D convolution with a cubic kernel, padded by half the kernel with zeros.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LayerShape {
@@ -97,6 +99,27 @@ pub fn parameter_slots() -> Vec<ParameterSlot> {
 #[must_use]
 pub fn parameter_count() -> usize {
     LAYERS.iter().map(|layer| layer.weight_count() + layer.channels_out).sum()
+}
+
+/// Fresh parameters as PyTorch draws them: U(−1/√fan_in, 1/√fan_in) for weights and biases, each layer from its own
+/// stream of `seed`.
+#[must_use]
+pub fn initial_vector(seed: u64) -> Vec<f32> {
+    let mut values = Vec::with_capacity(parameter_count());
+    for (number, layer) in LAYERS.iter().enumerate() {
+        let mut stream = Stream::new(seed, number as u64, Purpose::Weights, 0);
+        let bound = 1.0 / (layer.fan_in() as f32).sqrt();
+        values.extend((0..layer.weight_count() + layer.channels_out).map(|_| stream.uniform(-bound, bound)));
+    }
+    values
+}
+
+/// Least square of a quaternion's norm that is divided by. The square is bounded, not its root, whose slope at 0 is infinite.
+pub const NORM_SQUARED_MIN: f32 = 1e-24;
+
+/// The positions of a cube of side `n`, x slowest.
+pub fn positions(n: usize) -> impl Iterator<Item = [usize; 3]> {
+    (0..n.pow(3)).map(move |at| [at / (n * n), at / n % n, at % n])
 }
 
 #[cfg(test)]

@@ -93,14 +93,6 @@ impl Parameters {
         PLACES.iter().map(|place| self.0[*place as usize]).collect()
     }
 
-    pub(crate) fn values(&self) -> &[f32] {
-        &self.0
-    }
-
-    pub(crate) fn values_mut(&mut self) -> &mut [f32] {
-        &mut self.0
-    }
-
     /// A stage's weights and biases.
     pub(crate) fn stage(&self, number: usize) -> (&[f32], &[f32]) {
         let stage = &TABLE[number];
@@ -114,7 +106,7 @@ impl Parameters {
         (weights, bias)
     }
 
-    /// A stage's weights as `[taps, columns, run]`, for the way back.
+    /// A stage's weights as `[taps, columns, run]`, for the gradient of a stage's inputs.
     pub(crate) fn transposed(&self, number: usize) -> Vec<f32> {
         let Stage { fan_in, run, columns, .. } = TABLE[number];
         let mut transposed = vec![0.0; fan_in * columns];
@@ -140,7 +132,7 @@ mod tests {
         let vector: Vec<f32> = (1..=parameter_count()).map(|number| number as f32).collect();
         let parameters = Parameters::from_vector(&vector);
         assert_eq!(parameters.to_vector(), vector);
-        assert_eq!(parameters.values().iter().filter(|value| **value != 0.0).count(), vector.len());
+        assert_eq!(parameters.0.iter().filter(|value| **value != 0.0).count(), vector.len());
     }
 
     /// decoder.conv2, out 3, in 5, kernel (2, 0, 1): tap (2, 0), place (1, 5) of the run.
