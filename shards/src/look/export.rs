@@ -1,7 +1,8 @@
-//! Datasets in formats that others' Python code trains on: VGN's and GIGA's files, WebDataset's tars.
+//! Exports datasets to the formats of other projects' Python code: VGN's and GIGA's files, and WebDataset tars.
 //!
-//! The same dataset gives the same bytes. A file has its name when it is whole, and an export that was stopped goes on; what is in
-//! the files and what was left out is told by a page and `export.json` beside them. `docs/exporting.md` says how they are read.
+//! The same dataset gives the same bytes. Files are renamed when complete, and an interrupted export continues. A page
+//! and `export.json` beside the files describe their content and what was excluded. `docs/exporting.md` shows how to
+//! read them.
 
 mod folder;
 mod npy;
@@ -51,7 +52,7 @@ pub enum ExportError {
     /// The disk refused.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The folder holds something that is no export.
+    /// The folder contains something else than an export.
     #[error("it holds {entry:?}, which is no export: give an empty or a new folder: {at}")]
     NotEmpty {
         /// The first thing found.
@@ -59,27 +60,27 @@ pub enum ExportError {
         /// The folder.
         at: Location,
     },
-    /// What the folder says about itself cannot be read.
+    /// The folder's description of its export cannot be read.
     #[error("what it says about its export is damaged: give an empty or a new folder: {0}")]
     NotOurs(Location),
-    /// The folder holds another export.
+    /// The folder contains another export.
     #[error(
         "it holds an export as {} of dataset {} by version {}: give an empty or a new folder: {at}",
         there.format, there.dataset_id, there.exporter_version
     )]
     Other {
-        /// What is there.
+        /// The existing export.
         there: Box<ExportOrigin>,
         /// The folder.
         at: Location,
     },
-    /// What should be a folder is none.
+    /// The target is not a folder.
     #[error("the export must go to a folder, got a file: {0}")]
     NotAFolder(Location),
-    /// The place is not on a disk.
+    /// The target is not on a disk.
     #[error("the export must go to a folder on a disk, got {0}: export there, then copy the files")]
     NotOnADisk(Location),
-    /// The format has no place for such grids.
+    /// The format does not support the grid's resolution.
     #[error("VGN's code takes grids of {}^3 voxels, the dataset has {got}^3: export it as webdataset", vgn::RESOLUTION)]
     Resolution {
         /// Voxels along a side.
@@ -116,9 +117,9 @@ impl Exit for ExportError {
     }
 }
 
-/// Writes a dataset in another format into an empty or a new folder, or goes on where an equal export was stopped; one that is
-/// complete is left as it is. `scenes_done` is told how many more scenes are there. In memory are the attempts and objects of one
-/// shard and a few grids.
+/// Writes a dataset in another format to an empty or new folder, or continues an interrupted equal export. A complete
+/// export is not changed. `scenes_done` receives the number of newly written scenes. The attempts and objects of one
+/// shard and a few grids are in memory.
 ///
 /// # Errors
 /// [`ExportError`] if the dataset cannot be read, does not fit the format, or the folder holds something else.
@@ -146,8 +147,8 @@ pub fn export(
     }
 }
 
-/// The name of a scene's files. It begins with letters: pandas would read a name of digits as a number, and VGN's code then fails to
-/// make a file's name of it.
+/// The name of a scene's files. It begins with letters, because pandas would read a name of digits as a number, and
+/// VGN's code could not make a file name of it.
 fn scene_name(scene_id: u64) -> String {
     format!("scene-{scene_id:09}")
 }

@@ -1,5 +1,5 @@
-//! Checking all of a dataset: every byte, every row, every key, and that nothing lies beside it which a glob would
-//! take for data.
+//! Checks a complete dataset: every checksum, every row, every key, and that there are no other files which a glob
+//! would read as data.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,31 +11,31 @@ use crate::format::{check, layout, seal};
 use crate::store::is_staging;
 use crate::{Dataset, Location, ReadError, Table};
 
-/// What was found.
+/// The result of a check.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verified {
-    /// Rows that were read and found right.
+    /// Rows that were read and are valid.
     pub counts: Counts,
     /// Bytes of all tables.
     pub bytes: u64,
-    /// What is wrong, in the order of shards; at most [`PROBLEMS_MAX`].
+    /// Problems, in the order of shards; at most [`PROBLEMS_MAX`].
     pub problems: Vec<String>,
-    /// Problems beyond these.
+    /// Number of further problems.
     pub more: u64,
-    /// Problems that were trouble of the disk, and say nothing of the dataset.
+    /// Number of problems caused by failed reads, which do not show a fault of the dataset.
     pub unread: u64,
-    /// Whether the store told what lies there. A web server does not, so files beside the dataset's were not looked for.
+    /// Whether the store supports listing. Web servers do not, so other files were not searched there.
     pub listed: bool,
 }
 
 impl Verified {
-    /// Whether nothing is wrong.
+    /// Whether there are no problems.
     #[must_use]
     pub fn is_ok(&self) -> bool {
         self.problems.is_empty()
     }
 
-    /// [`ExitCode::Data`] if something is wrong; [`ExitCode::TryAgain`] if all that is wrong is that it could not be read.
+    /// [`ExitCode::Data`] if the dataset has a fault; [`ExitCode::TryAgain`] if all problems are failed reads.
     #[must_use]
     pub fn exit_code(&self) -> ExitCode {
         match self.problems.len() as u64 + self.more {
@@ -46,14 +46,14 @@ impl Verified {
     }
 }
 
-/// Most problems that are told; the rest is counted.
+/// Maximum number of reported problems; further ones are counted.
 pub const PROBLEMS_MAX: usize = 50;
 
-/// Reads everything and compares it with everything else. `progress` hears of each finished shard.
+/// Reads and cross-checks the whole dataset. `progress` is called for each finished shard.
 ///
 /// # Errors
-/// [`ReadError`] if there is no complete dataset, or its info or manifest is damaged, so that nothing else can be told;
-/// also if an object store does not answer any more.
+/// [`ReadError`] if there is no complete dataset, or its info or manifest is damaged, so that nothing else can be
+/// checked; also if an object store stops answering.
 pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, ReadError> {
     let dataset = Dataset::open_with_any_files(&at.into())?;
     let bytes = Table::ALL.into_iter().map(|table| dataset.manifest().bytes(table)).sum();
@@ -86,8 +86,8 @@ impl Verified {
         }
     }
 
-    /// Tells what is wrong and goes on; but what hinders reading from an object store (its refusal, a full scratch folder)
-    /// would come again and again.
+    /// Records a problem and continues; but errors that would repeat for every file of an object store (refused access,
+    /// a full scratch folder) end the check.
     fn keep<T>(&mut self, dataset: &Dataset, result: Result<T, ReadError>) -> Result<Option<T>, ReadError> {
         match result {
             Err(ReadError::Store(error)) if matches!(dataset.location(), Location::Url(_)) => Err(error.into()),
@@ -101,9 +101,9 @@ impl Verified {
     }
 }
 
-/// Files in a table's folder that the manifest does not know; `None` if the store does not list.
+/// Files in a table's folder that are not in the manifest; `None` if the store does not support listing.
 fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, ReadError> {
-    let Some(listing) = dataset.list(table)? else { return Ok(None) }; // missing files are told shard by shard
+    let Some(listing) = dataset.list(table)? else { return Ok(None) }; // missing files are reported by shard
     let shards = dataset.manifest().shards.iter();
     let known: BTreeSet<&str> = shards.map(|s| s.file(table).path.as_str()).collect();
     let names = listing.into_keys().filter(|name| !is_staging(name)).map(|name| format!("{}/{name}", table.name()));
@@ -112,7 +112,7 @@ fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, Rea
     Ok(Some(told.collect()))
 }
 
-/// What is wrong with a marker: it must be there and say what the manifest says.
+/// The problem of a marker, which must exist and agree with the manifest.
 fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, ReadError> {
     let name = layout::marker(shard);
     let at = dataset.location().join(&name);
@@ -125,7 +125,7 @@ fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, ReadError> {
     }
 }
 
-/// Reads a shard's three tables, each by itself, then one with another. What was counted, unless a table is damaged.
+/// Reads a shard's three tables, each alone, then together. Returns the counts, unless a table is damaged.
 fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Result<Option<Counts>, ReadError> {
     let attempts = found.keep(dataset, dataset.read_attempts(shard))?;
     let objects = found.keep(dataset, dataset.read_objects(shard))?;
@@ -141,7 +141,7 @@ fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Result<Option<Co
     Ok(Some(counts))
 }
 
-/// Follows the keys among the tables of a shard, and counts.
+/// Checks the keys among the tables of a shard, and counts.
 fn link(
     shard: u32,
     scenes: Vec<SceneRecord>,

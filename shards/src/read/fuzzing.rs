@@ -1,5 +1,5 @@
-//! What the fuzz targets in `fuzz/` call, and a test that replays their seeds and past findings. Whatever the bytes are,
-//! these functions return: no panic, no hang, no memory beyond what the rows need.
+//! The functions of the fuzz targets in `fuzz/`, and a test that replays their seeds and past findings. For any bytes
+//! these functions must return: without a panic, without hanging, and without more memory than the rows need.
 
 use std::fs::File;
 use std::io::{Seek, Write};
@@ -18,19 +18,19 @@ use crate::{DatasetInfo, Manifest, Table};
 
 /// Panics of parquet-rs 60 on values in pages, which become errors; any other is a finding.
 const KNOWN_PANICS: [&str; 2] = [
-    // A varint of a run's length that does not end; the one with overflow checks, the other without.
+    // An unterminated varint of a run's length: the first with overflow checks, the second without.
     "attempt to shift left with overflow",
     "Num of bytes exceed MAX_VLQ_BYTE_LEN (10)",
 ];
 
-/// A byte that names a dataset and a table, then a file of that table. The checksum was right: an attacker, or a broken
-/// tool, writes both. The result says whether all rows were read and found right.
+/// A byte that selects a dataset and a table, then a file of that table. Its checksum is assumed to match, as for an
+/// attacker or a broken tool that writes both. The result says whether all rows were read and are valid.
 ///
 /// # Errors
 /// What is wrong with the file.
 ///
 /// # Panics
-/// If the decoder panicked as it never did before.
+/// If the decoder panicked in an unknown way.
 pub fn shard_reader(data: &[u8]) -> Result<(), String> {
     let read = read_table(data);
     let panic = read.as_ref().err().and_then(|message| message.strip_prefix(PANICKED));
@@ -75,7 +75,7 @@ fn read_table(data: &[u8]) -> Result<(), String> {
     }
 }
 
-/// As a [`crate::Dataset`] reads a table, below its checksums.
+/// Reads a table like [`crate::Dataset`], below its checksums.
 fn rows<R>(
     file: &File,
     expected: Expected,
@@ -91,14 +91,14 @@ fn rows<R>(
     Ok(())
 }
 
-/// The texts of `meta/`: the info, a marker and the manifest, with a NUL between them. A text without its seal is taken
-/// as if it had one, and ids as if they were right, so that what comes after these is reached.
+/// The texts of `meta/`: the info, a marker and the manifest, separated by NUL. Missing seals and ids are assumed to be
+/// valid, so that the checks after them are reached.
 ///
 /// # Errors
 /// What is wrong with the texts.
 ///
 /// # Panics
-/// If what was read is not what it is written as.
+/// If a parsed value differs from its serialisation.
 pub fn metadata(data: &[u8]) -> Result<(), String> {
     let mut parts = data.split(|byte| *byte == 0).map(String::from_utf8_lossy);
     let mut next = || parts.next().unwrap_or_default();
@@ -125,7 +125,7 @@ pub fn metadata(data: &[u8]) -> Result<(), String> {
     if problems.is_empty() { Ok(()) } else { Err(problems.join("; ")) }
 }
 
-/// Numbers of the config may change in their last digit when they are read: it is the generator's, kept as it is written.
+/// The generator's config is kept as text, because numbers may change in their last digit when parsed.
 fn without_config(info: DatasetInfo) -> DatasetInfo {
     DatasetInfo { config: serde_json::Value::Null, ..info }
 }
@@ -144,7 +144,7 @@ fn info(number: usize) -> DatasetInfo {
     info
 }
 
-/// What a manifest would say.
+/// The summary of a shard for a manifest.
 fn row_count(table: Table, number: usize, info: &DatasetInfo) -> u64 {
     static OBJECTS: [OnceLock<u64>; INFOS] = [const { OnceLock::new() }; INFOS];
     let objects = |scene| synthetic::scene_rows(scene, info.seed, info).objects.len() as u64;
@@ -184,7 +184,7 @@ mod tests {
         seeds
     }
 
-    /// Seeds named `whole-…` are what the writer writes.
+    /// Seeds named `whole-…` are files of the writer.
     fn replay(target: &str, read: fn(&[u8]) -> Result<(), String>) {
         for (path, bytes) in seeds(target) {
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
@@ -236,7 +236,7 @@ mod tests {
         }
     }
 
-    /// The same rows in many pages without compression, so that a fuzzer reaches values and levels.
+    /// The same rows in many uncompressed pages, so that a fuzzer reaches values and levels.
     fn bare(path: &Path) -> Vec<u8> {
         let file = File::open(path).unwrap();
         let mut reader = ParquetRecordBatchReaderBuilder::try_new(file).unwrap().build().unwrap();

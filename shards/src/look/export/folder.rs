@@ -1,7 +1,7 @@
-//! The folder of an export: begun for one dataset and format, filled with whole files, complete when it says so.
+//! The folder of an export: begun for one dataset and format, then filled with complete files.
 //!
-//! `export-begun.json` says whose the folder is while files come in; each file gets its name when it is whole, so an export that was
-//! stopped goes on with what is missing. `export.json` is written last and tells what was exported.
+//! `export-begun.json` identifies the export while files are written. Each file is renamed when complete, so an
+//! interrupted export continues with the missing files. `export.json` is written last and describes the export.
 
 use std::path::Path;
 
@@ -12,17 +12,17 @@ use crate::format::seal::pretty;
 use crate::store::{Storage, StoreError, Sweep, Swept, failed, is_staging};
 use crate::{Dataset, Location};
 
-/// What the folder is, once it is complete.
+/// The file that describes a complete export.
 const DONE: &str = "export.json";
-/// Whose the folder is, until then.
+/// The file that identifies an incomplete export.
 const BEGUN: &str = "export-begun.json";
 
-/// What was exported from what: the same for the same bytes.
+/// The identity of an export: equal for equal bytes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExportOrigin {
     /// The format's name.
     pub format: String,
-    /// Version of the code that exported.
+    /// Version of the exporting code.
     pub exporter_version: String,
     /// The dataset's id, [`Dataset::id`].
     pub dataset_id: String,
@@ -32,24 +32,24 @@ pub struct ExportOrigin {
     pub dataset_seed: u64,
 }
 
-/// What an export holds.
+/// Counts of an export.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExportCounts {
     /// Attempts of the dataset.
     pub attempts: u64,
-    /// Grasps that are in the export.
+    /// Exported grasps.
     pub grasps: u64,
-    /// Of those, grasps that held the object.
+    /// Of those, the grasps that held the object.
     pub positives: u64,
-    /// Grasps that were left out because their origin lies outside the grid, or too near its faces.
+    /// Grasps excluded because their origin is outside the grid or too close to its faces.
     pub left_out: u64,
-    /// Scenes that are in the export.
+    /// Exported scenes.
     pub scenes: u64,
-    /// Scenes that were left out because none of their grasps is in the export.
+    /// Scenes excluded because none of their grasps is exported.
     pub scenes_left_out: u64,
 }
 
-/// A file of an export that consists of few files.
+/// A file of an export with few files.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExportedFile {
     /// Its name.
@@ -62,12 +62,12 @@ pub struct ExportedFile {
     pub scenes: u64,
 }
 
-/// What `export.json` says.
+/// The content of `export.json`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Exported {
-    /// What was exported from what.
+    /// The identity of the export.
     pub origin: ExportOrigin,
-    /// How much.
+    /// The counts.
     pub counts: ExportCounts,
     /// The files, for formats of few files.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
@@ -93,17 +93,17 @@ pub(super) struct ExportFolder {
     origin: ExportOrigin,
 }
 
-/// What came of beginning.
+/// The result of beginning an export.
 #[derive(Debug)]
 pub(super) enum Beginning {
-    /// There is something to do.
+    /// The export must be written.
     Open(ExportFolder),
-    /// The export is there already.
+    /// The export is complete already.
     Done(Exported),
 }
 
 impl ExportFolder {
-    /// Takes an empty or a new folder, or one in which this export was begun.
+    /// Begins an export in an empty or new folder, or continues this export.
     pub(super) fn begin(folder: &Path, origin: ExportOrigin) -> Result<Beginning, ExportError> {
         let at = Location::Path(folder.to_owned());
         if folder.is_file() {
@@ -115,7 +115,7 @@ impl ExportFolder {
             if done.origin != origin {
                 return Err(ExportError::Other { there: Box::new(done.origin), at });
             }
-            remove(folder, BEGUN)?; // killed at the very end
+            remove(folder, BEGUN)?; // a run was killed at the very end
             return Ok(Beginning::Done(done));
         }
         match storage.read(BEGUN)? {
@@ -141,7 +141,7 @@ impl ExportFolder {
         &self.origin
     }
 
-    /// Where files are written to.
+    /// The folder for files.
     pub(super) fn storage(&self) -> &Storage {
         &self.storage
     }
@@ -151,12 +151,12 @@ impl ExportFolder {
         self.storage.location(name)
     }
 
-    /// Removes what killed writers left in one of its folders.
+    /// Removes leftovers of killed writers from one of its folders.
     pub(super) fn sweep(&self, folder: &str) -> Result<(), StoreError> {
         self.storage.sweep(folder, Sweep::Dead, true, &mut Swept::default())
     }
 
-    /// Writes what was exported; then the export is complete.
+    /// Writes `export.json`, which completes the export.
     pub(super) fn finish(self, counts: ExportCounts, files: Vec<ExportedFile>) -> Result<Exported, ExportError> {
         let done = Exported { origin: self.origin, counts, files };
         self.storage.publish(DONE, pretty(&done).as_bytes())?;

@@ -1,18 +1,18 @@
-//! NumPy's own files: `.npy`, an array behind a header of text, and `.npz`, a zip of them.
+//! NumPy's file formats: `.npy`, an array after a text header, and `.npz`, a zip of such arrays.
 //!
-//! Written out here because it is a dozen lines: version 1.0 of the format, little-endian, C order, the header padded so that the
-//! data begin at a multiple of 64 bytes.
+//! Implemented here in a dozen lines: version 1.0 of the format, little-endian, C order, with the header padded so that
+//! the data begin at a multiple of 64 bytes.
 
 use std::io::{self, Cursor, Write};
 
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, System, ZipWriter};
 
-/// Magic, version 1.0 and the header's length: what stands before the header.
+/// Bytes before the header: magic, version 1.0 and the header's length.
 const PREAMBLE_BYTES: usize = 10;
-/// Where data begin is a multiple of this.
+/// Alignment of the data.
 const ALIGNMENT_BYTES: usize = 64;
-/// zlib's own choice between time and size.
+/// zlib's default compression level.
 const DEFLATE_LEVEL: i64 = 6;
 
 /// A `.npy` of single-precision values in C order.
@@ -30,7 +30,7 @@ pub(super) fn u8s(values: &[u8]) -> Vec<u8> {
 }
 
 fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
-    // A tuple of one needs its comma in Python; with more, one at the end does no harm.
+    // A tuple of one needs a trailing comma in Python; longer tuples may have one.
     let shape: String = shape.iter().map(|side| format!("{side}, ")).collect();
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
     let unpadded = PREAMBLE_BYTES + text.len() + 1;
@@ -43,11 +43,11 @@ fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     bytes
 }
 
-/// A `.npz` with one array, as `numpy.savez_compressed(file, name=array)` makes it. The same array always gives the same bytes:
-/// no clock, no system's name.
+/// A `.npz` with one array, as `numpy.savez_compressed(file, name=array)` makes it. The same array always gives the
+/// same bytes, without a clock or the system's name.
 ///
 /// # Errors
-/// What the zip writer says.
+/// The zip writer's error.
 pub(super) fn npz(name: &str, npy: &[u8]) -> io::Result<Vec<u8>> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)

@@ -1,4 +1,4 @@
-//! Rows as JSON: the columns of the table by their names, in their order.
+//! Rows as JSON: the columns of the table by name, in order.
 
 use std::fmt::Write as _;
 
@@ -7,12 +7,12 @@ use arrow::datatypes::{Float32Type, Int32Type, Int64Type, UInt8Type};
 
 use crate::{Kind, Table};
 
-/// Every row of a table as a JSON object, but for its voxels. The columns of `batch` are those of `table`.
+/// Every row of a table as a JSON object without its voxels. The columns of `batch` are those of `table`.
 pub(super) fn json(table: Table, batch: &RecordBatch) -> Vec<String> {
     (0..batch.num_rows()).map(|row| object(table, batch, row)).collect()
 }
 
-/// An array of JSON values, one a line.
+/// An array of JSON values, one per line.
 pub(super) fn array(values: &[String]) -> String {
     if values.is_empty() { "[]\n".to_owned() } else { format!("[\n{}\n]\n", values.join(",\n")) }
 }
@@ -36,10 +36,10 @@ fn cell(kind: Kind, cells: &dyn Array, row: usize) -> String {
         Kind::Name => {
             let names = cells.as_dictionary::<Int32Type>();
             let name = names.key(row).map_or("", |key| names.values().as_string::<i32>().value(key));
-            format!("\"{name}\"") // our own words: letters and underscores
+            format!("\"{name}\"") // our own names: letters and underscores
         }
         Kind::Views => views(&cells.as_list::<i32>().value(row)),
-        Kind::Voxels => "null".to_owned(), // left out above
+        Kind::Voxels => "null".to_owned(), // excluded above
     }
 }
 
@@ -57,7 +57,7 @@ fn views(views: &dyn Array) -> String {
     format!("[{}]", (0..fields.len()).map(view).collect::<Vec<_>>().join(", "))
 }
 
-/// The shortest text that leads back to the value; JSON has no word for what is no number.
+/// The shortest text that parses to the same value; `null` for NaN, which JSON does not have.
 fn real(value: f32) -> String {
     if value.is_finite() { value.to_string() } else { "null".to_owned() }
 }

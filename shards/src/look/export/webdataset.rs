@@ -1,5 +1,5 @@
-//! WebDataset: a tar for each shard, in it a sample for each scene. The files of a sample follow one another and share the scene's
-//! name; what follows its first dot says what a file is and how it is decoded.
+//! WebDataset: a tar for each shard with a sample for each scene. The files of a sample are consecutive and share the
+//! scene's name; the extension after the first dot determines the content and its decoder.
 //!
 //! ```text
 //! scene-….grid.npy        float32, (1, R, R, R)
@@ -7,7 +7,7 @@
 //! scene-….labels.npy      uint8, (attempts,)
 //! scene-….attempts.json   rows of `attempts`, every column by its name
 //! scene-….objects.json    rows of `objects`
-//! scene-….scene.json      row of `scenes`, but for the grid
+//! scene-….scene.json      row of `scenes` without the grid
 //! ```
 
 use std::io::{self, BufWriter, Write};
@@ -25,7 +25,7 @@ use crate::{Dataset, DatasetInfo, Table};
 const INFO: &str = "info.json";
 const PAGE: &str = "README.md";
 
-/// Writes all of it.
+/// Writes the export.
 pub(super) fn write(
     dataset: &Dataset,
     folder: ExportFolder,
@@ -65,7 +65,7 @@ fn tar_name(shard: u32, shard_count: u32) -> String {
     format!("shard-{shard:05}-of-{shard_count:05}.tar")
 }
 
-/// Writes the tar of a shard; its size and its SHA-256.
+/// Writes the tar of a shard; returns its size and SHA-256.
 fn write_shard(
     dataset: &Dataset,
     shard: u32,
@@ -120,7 +120,7 @@ fn grasp(attempt: &AttemptRecord) -> [f32; 8] {
     [x, y, z, qx, qy, qz, qw, attempt.width_m.unwrap_or(f32::NAN)]
 }
 
-/// A file of the tar: nobody's, of no time, so that the same dataset gives the same bytes.
+/// A file of the tar, without owner and time, so that the same dataset gives the same bytes.
 fn append(tar: &mut Builder<impl Write>, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut header = Header::new_ustar();
     header.set_entry_type(EntryType::Regular);

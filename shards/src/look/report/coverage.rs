@@ -1,11 +1,11 @@
-//! From where grasps come: the directions of their approach, in patches of equal area of the sphere.
+//! Coverage of approach directions, in patches of equal area on the sphere.
 
 use schema::{AttemptRecord, Vec3};
 use serde::Serialize;
 
 use crate::Tally;
 
-/// Patches round the vertical.
+/// Patches around the vertical.
 pub const AZIMUTHS: usize = 24;
 /// Patches from straight down to straight up, evenly in the cosine.
 pub const HEIGHTS: usize = 12;
@@ -13,7 +13,7 @@ pub const HEIGHTS: usize = 12;
 /// Approaches by direction.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Coverage {
-    /// [`HEIGHTS`] rows, from straight down on, of [`AZIMUTHS`] patches each, from the workspace's +x on towards +y.
+    /// [`HEIGHTS`] rows, starting at straight down, of [`AZIMUTHS`] patches each, from the workspace's +x towards +y.
     pub patches: Vec<Tally>,
 }
 
@@ -33,13 +33,13 @@ impl Coverage {
         self.patches[place(height, HEIGHTS) * AZIMUTHS + azimuth].count(attempt);
     }
 
-    /// Share of the sphere from which something was tried.
+    /// Share of the sphere with attempts.
     #[must_use]
     pub fn tried(&self) -> f64 {
         self.share(|patch| patch.attempts > 0)
     }
 
-    /// Share of the sphere from which something held.
+    /// Share of the sphere with held attempts.
     #[must_use]
     pub fn held(&self) -> f64 {
         self.share(|patch| patch.positives > 0)

@@ -1,39 +1,40 @@
-//! Do the numbers that were drawn follow the laws they were drawn from? Histograms beside their laws, and Pearson's χ².
+//! Compares drawn numbers with their distributions: histograms and Pearson's χ².
 
 use schema::{AttemptRecord, Axis, SLIDE_SHARE, ShapeKind, Solid, TIP_DEPTH_M, Tilt, law_of};
 use serde::Serialize;
 
-/// Bars of a histogram.
+/// Number of bars of a histogram.
 const BARS: usize = 24;
-/// Bars whose law expects fewer are joined with their neighbours for χ².
+/// Bars with a smaller expected count are merged with their neighbours for χ².
 const EXPECTED_MIN: f64 = 5.0;
 
-/// A law of one number.
+/// The distribution of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
-    /// As likely everywhere in the histogram's range.
+    /// Uniform in the histogram's range.
     Uniform,
-    /// The standard normal one.
+    /// Standard normal.
     StandardNormal,
 }
 
-/// A histogram and what its law expects. What lies outside the range counts in the bars at its ends.
+/// A histogram with its expected shares. Values outside the range count in the outermost bars.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Fit {
-    /// What was drawn.
+    /// Name of the number.
     pub name: &'static str,
-    /// In which unit.
+    /// Its unit.
     pub unit: &'static str,
-    /// From what.
+    /// Its distribution.
     pub law: Law,
-    /// Whether every draw is in the data, so that the law must show: objects that fell off the table are not.
+    /// Whether the data contain every draw, so that the distribution must fit: objects that fell off the table are
+    /// missing.
     pub complete: bool,
-    /// From where to where.
+    /// Its range.
     pub range: [f64; 2],
-    /// Draws by bar.
+    /// Counts by bar.
     pub counts: Vec<u64>,
-    /// Shares that the law expects.
+    /// Expected shares.
     pub expected: Vec<f64>,
 }
 
@@ -42,9 +43,9 @@ pub struct Fit {
 pub struct ChiSquare {
     /// Σ (observed − expected)² / expected.
     pub statistic: f64,
-    /// Bars less one.
+    /// Number of bars minus one.
     pub degrees: usize,
-    /// How often a sample of the law is as far off or further.
+    /// Probability that a sample of the distribution deviates at least as much.
     pub p: f64,
 }
 
@@ -68,13 +69,13 @@ impl Fit {
         self.counts[(place.max(0.0) as usize).min(BARS - 1)] += 1; // whole, and within
     }
 
-    /// Draws.
+    /// Number of draws.
     #[must_use]
     pub fn total(&self) -> u64 {
         self.counts.iter().sum()
     }
 
-    /// How far off the law the draws are; `None` for too few.
+    /// The deviation of the draws from the distribution; `None` for too few draws.
     #[must_use]
     pub fn chi_square(&self) -> Option<ChiSquare> {
         let total = self.total() as f64;
@@ -96,7 +97,7 @@ impl Fit {
 }
 
 impl Law {
-    /// The share below a value.
+    /// The cumulative distribution at a value.
     fn below(self, range: [f64; 2], value: f64) -> f64 {
         match self {
             Self::Uniform => (value - range[0]) / (range[1] - range[0]),
@@ -105,11 +106,11 @@ impl Law {
     }
 }
 
-/// How often χ² is above a value: for whole degrees a sum of as many terms as half of them.
+/// Probability that χ² exceeds a value: a sum of half as many terms as degrees of freedom.
 fn above(statistic: f64, degrees: usize) -> f64 {
     let half = 0.5 * statistic;
     let is_odd = !degrees.is_multiple_of(2);
-    // The sum's first term, and what it begins with: an even number of degrees has no tail of the normal law in it.
+    // The first term and the start of the sum: an even number of degrees has no normal tail in it.
     let (mut sum, mut term, mut place) = if is_odd {
         (libm::erfc(half.sqrt()), libm::exp(-half) * (half / core::f64::consts::PI).sqrt() * 2.0, 1.5)
     } else {
@@ -123,7 +124,7 @@ fn above(statistic: f64, degrees: usize) -> f64 {
     sum
 }
 
-/// The numbers whose laws are known: those of Appendix A, and the sizes that the config asks for.
+/// The numbers with known distributions: those of Appendix A, and the sizes in the config.
 #[derive(Debug, Clone)]
 pub(crate) struct Fits {
     tilt_normal: Fit,
@@ -135,7 +136,7 @@ pub(crate) struct Fits {
 }
 
 impl Fits {
-    /// `size_m`: smallest and largest free extent, if the config tells.
+    /// `size_m`: smallest and largest free extent, if the config contains it.
     pub(crate) fn new(size_m: Option<[f64; 2]>) -> Self {
         let normal = |name| Fit::new(name, "σ", Law::StandardNormal, true, [-4.0, 4.0]);
         let tip_mm = TIP_DEPTH_M.map(|m| 1000.0 * f64::from(m));
@@ -186,7 +187,7 @@ impl Fits {
         free.iter().for_each(|m| size.count(1000.0 * f64::from(*m)));
     }
 
-    /// Those of which there is anything.
+    /// Those with any draws.
     pub(crate) fn finish(self) -> Vec<Fit> {
         let Self { tilt_normal, tilt_uniform, turn, tip_depth, slide, size } = self;
         let all = [Some(tip_depth), Some(tilt_normal), Some(tilt_uniform), Some(turn), Some(slide), size];

@@ -1,23 +1,24 @@
-//! What a reader of a report should be worried about.
+//! Warnings about unusual datasets.
 
 use program::text::{grouped, percent, ratio};
 use schema::Rule;
 
 use crate::look::report::Report;
 
-/// The paper reports about one positive to three negatives for its rules: a quarter. Shares outside this range are far from it.
+/// The usual range of the share of positives. The paper reports about one positive to three negatives for its rules: a
+/// quarter.
 const POSITIVE_SHARE: [f64; 2] = [0.15, 0.40];
-/// Attempts that must not all have failed.
+/// Number of attempts of a group that should not all have failed.
 const TRIED_MIN: u64 = 100;
-/// Share of scenes thrown away that is many.
+/// Share of rejected scenes that causes a warning.
 const REJECTED_SHARE_MAX: f64 = 0.1;
-/// Share of grasps outside the grid that is many.
+/// Share of grasps outside the grid that causes a warning.
 const OUTSIDE_SHARE_MAX: f64 = 0.01;
-/// A sample of the law is that far off once in a million datasets.
+/// p-value for a warning: once in a million datasets.
 const P_MIN: f64 = 1e-6;
 
 impl Report {
-    /// What is unusual about the dataset, one sentence each.
+    /// Unusual properties of the dataset, one sentence each.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
     use crate::look::report::Group;
 
-    /// A report that has nothing to worry about.
+    /// A report without warnings.
     fn fine() -> Report {
         let folder = tempfile::tempdir().unwrap();
         let info = crate::write::synthetic::info(7, 1, 1200, 60);
