@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
-# Packs a release: programs, licences (those of linked crates too), settings, networks, docs, man pages, completions. Usage: scripts/release.sh [OUT_DIR]
+# Packs a release: programs, licences (including linked crates), settings, networks, docs, man pages, completions.
+# Usage: scripts/release.sh [OUT_DIR]
 #
-# Writes OUT_DIR/graspmill-VERSION-TARGET.tar.zst (.tar.gz without zstd), and OUT_DIR/SHA256SUMS of all archives there; OUT_DIR is dist
-# unless given. From one commit and one toolchain the archive has the same bytes: names sorted, owner 0, times those of the commit.
-# The programs are linked statically: against musl if rustup has that target and there is a musl-gcc, else against glibc. (A static glibc
-# needs the machine's own glibc, of the same version, to resolve host names: object stores may want the musl build or one from source.)
+# Writes OUT_DIR/graspmill-VERSION-TARGET.tar.zst (.tar.gz without zstd), and OUT_DIR/SHA256SUMS of all archives there; the default of
+# OUT_DIR is dist. The same commit and toolchain give the same bytes: names are sorted, the owner is 0, times are those of the commit.
+# The programs are linked statically: against musl if rustup has that target and musl-gcc exists, else against glibc. (A static glibc
+# needs the same version of glibc on the machine to resolve host names; for object stores use the musl build or build from source.)
 #
-# Environment: GRASPMILL_TARGET names another target; GRASPMILL_PROGRAMS a folder of programs to pack in place of building them;
-# CARGO_TARGET_DIR as for cargo. Exit code: 0, or that of what failed; 78 if the work tree differs from its commit.
+# Environment: GRASPMILL_TARGET selects another target; GRASPMILL_PROGRAMS is a folder of built programs to pack;
+# CARGO_TARGET_DIR as for cargo. Exit code: 0, or that of the failed step; 78 if the work tree differs from its commit.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 root=$PWD
@@ -22,13 +23,13 @@ fail() {
     exit "$1"
 }
 
-# What is packed must be what the commit says, or the version lies.
+# The packed files must be those of the commit, otherwise the version is wrong.
 [[ -z $(git status --porcelain) ]] || fail 78 "the work tree differs from its commit: commit or stash first"
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml | head -n 1)
 time=$(git log -1 --format=%ct)
 host=$(rustc -vV | sed -n 's/^host: //p')
 
-# The host's target with musl in place of glibc, if all that it takes is here (ring, zstd and mimalloc are C).
+# The host's target with musl instead of glibc, if its toolchain is installed (ring, zstd and mimalloc are C).
 linux_musl() {
     local musl=${host%-gnu}-musl
     command -v rustup >/dev/null && command -v musl-gcc >/dev/null &&
@@ -65,7 +66,7 @@ for program in "${programs[@]}"; do
         "$folder/bin/$program" manual completions "$shell" >"$folder/share/completions/$program.$shell"
     done
 done
-# What git has, and nothing that happens to lie beside it.
+# Only files in git.
 git archive --format=tar HEAD -- "${documents[@]}" "${folders[@]}" | tar -xf - -C "$folder"
 python3 scripts/third_party_licences.py "$target" >"$folder/THIRD-PARTY-LICENCES.txt"
 chmod -R u=rwX,go=rX "$folder"

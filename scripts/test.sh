@@ -1,11 +1,10 @@
 #!/usr/bin/env bash
-# Everything that must pass before a change goes in. Usage: scripts/test.sh [--rust-only]
+# All checks that a change must pass. Usage: scripts/test.sh [--rust-only]
 #
 # Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless --rust-only. Python
-# packages are installed in .venv/; as root on Debian or Ubuntu, a Slurm, strace, faketime and Chromium are installed, too, and
-# elsewhere the tests that need them are skipped and say so. Every step runs even if an earlier one failed, unless it stands on it;
-# the table at the end says which did, and after how many seconds. Exit code: 0 if all passed, 1 if a step failed,
-# 2 if the arguments are wrong.
+# packages are installed in .venv/. As root on Debian or Ubuntu, Slurm, strace, faketime and Chromium are installed, too; elsewhere
+# the tests that need them are skipped with a message. Every step runs even if an earlier one failed, unless it depends on it. The
+# table at the end lists the results and times. Exit code: 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
