@@ -1,8 +1,8 @@
 //! Checkpoints: safetensors files with VGN's parameter names.
 //!
-//! `best.safetensors` holds the weights alone, so PyTorch loads it with `strict=True`. `last.safetensors` holds the
-//! optimiser's moments as well (`adam.first.<name>`, `adam.second.<name>`) and, in its header, everything that training
-//! needs to go on as if it had never stopped. Each file tells alone how it was made: config, dataset, versions.
+//! `best.safetensors` contains only the weights, so PyTorch loads it with `strict=True`. `last.safetensors` also
+//! contains the optimiser's moments (`adam.first.<name>`, `adam.second.<name>`) and, in its header, everything that
+//! training needs to continue as if it had never stopped. Each file records how it was made: config, dataset, versions.
 
 mod header;
 
@@ -20,27 +20,27 @@ use header::HeaderProblem;
 
 pub use header::{ARCHITECTURE, Confusion, FORMAT_VERSION, Progress};
 
-/// A network's parameters and where they come from.
+/// A network's parameters and their origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
     /// All parameters ([`crate::layers::parameter_slots`]).
     pub vector: Vec<f32>,
-    /// How the decoder doubles its grids.
+    /// The decoder's upsampling mode.
     pub upsampling: Upsampling,
     /// The recipe, as TOML.
     pub config: String,
     /// Id of the dataset it was trained on: SHA-256 of its `meta/info.json`.
     pub dataset_id: String,
-    /// How far training had come.
+    /// The progress of training.
     pub progress: Progress,
-    /// Adam's moments; only in `last`, and there from the first step on.
+    /// Adam's moments; only in `last`, after the first step.
     pub moments: Option<Moments>,
 }
 
 /// Adam's state between steps, each in the order of the flat parameter vector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moments {
-    /// Steps taken.
+    /// Number of steps.
     pub steps: usize,
     /// Running mean of the gradient.
     pub first: Vec<f32>,
@@ -49,7 +49,7 @@ pub struct Moments {
 }
 
 impl Checkpoint {
-    /// The network, made ready for inference.
+    /// The network, prepared for inference.
     #[must_use]
     pub fn dense(&self) -> DenseNetwork {
         DenseNetwork::new(&self.vector, self.upsampling)
@@ -59,28 +59,28 @@ impl Checkpoint {
 /// Why a checkpoint cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
-    /// There is none.
+    /// There is no checkpoint.
     #[error("no checkpoint here: {}", .0.display())]
     Missing(PathBuf),
-    /// The disk refused.
+    /// The file cannot be read or written.
     #[error("failed to {action} a checkpoint: {source}: {}", .path.display())]
     Io {
-        /// What was tried.
+        /// The operation.
         action: &'static str,
         /// The file.
         path: PathBuf,
         /// What the system said.
         source: std::io::Error,
     },
-    /// Not a safetensors file, or cut off.
+    /// Not a safetensors file, or truncated.
     #[error("damaged checkpoint: {source}: {}", .path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What the parser said.
+        /// The parser's error.
         source: SafeTensorError,
     },
-    /// The header is not one of this crate, or of an unknown version.
+    /// The header is not of this crate, or has an unknown version.
     #[error("{problem}: {}", .path.display())]
     Header {
         /// What is wrong.
@@ -88,10 +88,10 @@ pub enum CheckpointError {
         /// The file.
         path: PathBuf,
     },
-    /// The tensors are not this network's.
+    /// The tensors belong to another network.
     #[error("a checkpoint of another architecture: {}: {}", .problems.join("; "), .path.display())]
     Architecture {
-        /// What differs, at most a few.
+        /// The first differences.
         problems: Vec<String>,
         /// The file.
         path: PathBuf,
@@ -108,11 +108,11 @@ impl Exit for CheckpointError {
     }
 }
 
-/// Most differences that a message lists.
+/// Maximum number of differences in a message.
 const PROBLEMS_MAX: usize = 4;
 const MOMENTS: [&str; 2] = ["adam.first.", "adam.second."];
 
-/// Writes a checkpoint; the file appears whole or not at all.
+/// Writes a checkpoint atomically.
 ///
 /// # Errors
 /// [`CheckpointError::Io`].
@@ -139,7 +139,7 @@ fn encode(checkpoint: &Checkpoint, path: &Path) -> Result<Vec<u8>, CheckpointErr
         .map_err(|source| CheckpointError::Damaged { path: path.to_owned(), source })
 }
 
-/// Whether bytes are a safetensors file with a checkpoint's header, whatever the header says.
+/// Whether bytes are a safetensors file with a checkpoint's header of any content.
 pub(crate) fn has_header(file: &[u8]) -> bool {
     SafeTensors::read_metadata(file).is_ok_and(|(_, metadata)| header::is_in(metadata.metadata().as_ref()))
 }
@@ -147,7 +147,7 @@ pub(crate) fn has_header(file: &[u8]) -> bool {
 /// Reads a checkpoint.
 ///
 /// # Errors
-/// [`CheckpointError`] if there is none, it is damaged, or it is not of this network.
+/// [`CheckpointError`] if the file is missing or damaged, or belongs to another network.
 pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
     let file = std::fs::read(path).map_err(|source| match source.kind() {
         std::io::ErrorKind::NotFound => CheckpointError::Missing(path.to_owned()),
@@ -156,7 +156,7 @@ pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
     from_bytes(&file, path)
 }
 
-/// The checkpoint of a file's bytes; `path` is for messages.
+/// Parses a checkpoint; `path` is for messages.
 ///
 /// # Errors
 /// As [`read`], except errors of reading the file.
@@ -187,7 +187,7 @@ pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, CheckpointErro
     })
 }
 
-/// The flat vector of the tensors whose names begin with `prefix`, or what differs from this network's.
+/// The flat vector of the tensors whose names begin with `prefix`, or the differences from this network.
 fn vector(tensors: &SafeTensors<'_>, prefix: &str) -> Result<Vec<f32>, Vec<String>> {
     let mut values: Vec<f32> = Vec::with_capacity(parameter_count());
     let mut problems = Vec::new();

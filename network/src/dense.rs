@@ -13,21 +13,21 @@ use crate::layers::{LAYERS, NORM_SQUARED_MIN};
 use crate::receptive_field::{COARSEST, RESOLUTION};
 use crate::upsampling::Upsampling;
 
-/// The network, made ready for inference: several times as fast as the same network by Burn, which it equals to
-/// 1e-5 of the largest value (quaternions where the four outputs nearly vanish to 1e-3).
-/// Making one costs about as much as using it.
+/// The network, prepared for inference. It is several times as fast as the same network in Burn and equals it to 1e-5
+/// of the largest value (quaternions from four outputs near 0: to 1e-3). Construction takes about as long as one
+/// evaluation.
 #[derive(Debug, Clone)]
 pub struct DenseNetwork {
     parameters: Parameters,
     convs: [Conv; HEADS],
     doublings: [Doubling; 2],
     heads: FoldedHeads,
-    /// Where the runs of the heads' kernel (x, y) lie from a cell's inputs.
+    /// Offsets of the runs of the heads' kernel (x, y) from a cell's inputs.
     head_taps: Vec<usize>,
     groups: Vec<Group>,
 }
 
-/// What the network says about every voxel of a grid, x slowest.
+/// The network's output at every voxel of a grid, x slowest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DenseGrids {
     /// Logit of the grasp quality, `[40, 40, 40]`; the quality is its sigmoid.
@@ -43,7 +43,7 @@ pub struct DenseGrids {
 struct Group {
     /// Classes of y and z.
     classes: [usize; 2],
-    /// Where their inputs begin in the plane's, and their columns in the plane's outputs.
+    /// The start of their inputs in the plane's inputs, and of their columns in the plane's outputs.
     rows: Vec<usize>,
     places: Vec<usize>,
 }
@@ -55,7 +55,7 @@ impl DenseNetwork {
     /// `vector` as [`crate::layers::parameter_slots`] lays it out.
     ///
     /// # Panics
-    /// If it is of another length.
+    /// If it has another length.
     #[must_use]
     pub fn new(vector: &[f32], mode: Upsampling) -> Self {
         assert_eq!(vector.len(), crate::layers::parameter_count(), "one value a parameter");
@@ -112,8 +112,8 @@ impl DenseNetwork {
     }
 }
 
-/// Writes the outermost values of a cube into the first positions outside. Linear upsampling holds on to the last position
-/// there; so only cells at the faces, of which some fine neighbours lie outside the volume, differ from inner ones.
+/// Writes the outermost values of a cube to the first positions outside, where linear upsampling repeats the last
+/// position. Then only cells at the faces, with some fine neighbours outside the volume, differ from inner ones.
 fn hold_border(cube: &mut [f32], side: Side, channels: usize) {
     let (whole, [low, high]) = (side.whole(), [side.padding, side.padding + side.n - 1]);
     for axis in 0..3 {

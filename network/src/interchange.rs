@@ -1,7 +1,7 @@
 //! Weights from and to other programs: PyTorch's state dicts and safetensors in, safetensors and ONNX out.
 //!
-//! Files of others may be hostile. Nothing in a file is run (`pickle.rs`), files and the objects made of them are bounded (64 MiB, a million
-//! objects), every loop ends, and every fault is reported.
+//! Files of other programs may be hostile. No code in a file is executed (`pickle.rs`), the sizes of files and of
+//! parsed objects are limited (64 MiB, a million objects), every loop ends, and every fault is reported.
 
 mod cursor;
 mod element;
@@ -32,24 +32,24 @@ use element::Element;
 use problem::Problem;
 use state_dict::{Parameters, StoredTensor};
 
-/// Largest file that is read: the weights have 1.25 MB, fifty times that is no state dict of theirs.
+/// Maximum file size: the weights have 1.25 MB, and fifty times that is no state dict of this network.
 const FILE_LEN_MAX: u64 = 64 << 20;
-/// Stands in place of a dataset's id, which is a SHA-256 and so never this.
+/// Replaces a dataset's id, which is a SHA-256 and therefore never equal to this.
 pub const IMPORTED: &str = "unknown (imported weights)";
 
-/// A file that weights come from.
+/// The format of a file of weights to import.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
     /// `torch.save` since PyTorch 1.6.
     TorchZip,
-    /// `torch.save` before.
+    /// `torch.save` before PyTorch 1.6.
     TorchLegacy,
     /// safetensors.
     Safetensors,
 }
 
 impl Source {
-    /// For people.
+    /// The name in messages.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -60,7 +60,7 @@ impl Source {
     }
 }
 
-/// A file that weights go to.
+/// The format of a file of weights to export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Target {
     /// The 18 tensors under VGN's names, and our header: a checkpoint without the optimiser's moments.
@@ -69,16 +69,16 @@ pub enum Target {
     Onnx,
 }
 
-/// What was imported.
+/// Imported weights.
 #[derive(Debug, Clone)]
 pub struct Imported {
-    /// The weights; its recipe and dataset say where they come from.
+    /// The weights; recipe and dataset record their origin.
     pub checkpoint: Checkpoint,
-    /// What the file was.
+    /// The file's format.
     pub source: Source,
-    /// What stood before every name and was taken off, such as `module.`.
+    /// The prefix that was removed from every name, such as `module.`.
     pub prefix: String,
-    /// Kinds of numbers that were converted to float32.
+    /// Number types that were converted to float32.
     pub converted_from: Vec<&'static str>,
 }
 
@@ -88,26 +88,26 @@ pub enum InterchangeError {
     /// The checkpoint cannot be read or written, or the weights are another network's.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// There is none.
+    /// There is no file.
     #[error("no file here: {}", .0.display())]
     Missing(PathBuf),
-    /// The disk refused.
+    /// A file cannot be read or written.
     #[error("failed to {action}: {source}: {}", .path.display())]
     Io {
-        /// What was tried.
+        /// The operation.
         action: &'static str,
         /// The file.
         path: PathBuf,
         /// What the system said.
         source: io::Error,
     },
-    /// Something is there already.
+    /// The target exists.
     #[error("there is a file already: --force replaces it: {}", .0.display())]
     Exists(PathBuf),
-    /// Not these weights.
+    /// The file is too large.
     #[error("the network's weights have 1.25 MB; a file of more than 64 MiB is not read: {}", .0.display())]
     TooLarge(PathBuf),
-    /// Cut off, or contradicting itself.
+    /// The file is truncated or inconsistent.
     #[error("damaged weights: {problem}: {}", .path.display())]
     Damaged {
         /// What is wrong.
@@ -115,10 +115,10 @@ pub enum InterchangeError {
         /// The file.
         path: PathBuf,
     },
-    /// Nothing that is read here; the message says what to do.
+    /// An unsupported file; the message says what to do.
     #[error("not a state dict that can be read: {problem}: {}", .path.display())]
     Unsupported {
-        /// What it is instead.
+        /// The problem.
         problem: String,
         /// The file.
         path: PathBuf,
@@ -147,9 +147,9 @@ impl InterchangeError {
     }
 }
 
-/// Reads weights of VGN's network that another program wrote and makes a checkpoint of them. `force` replaces `out`.
+/// Converts weights of VGN's network from another program to a checkpoint. `force` replaces `out`.
 ///
-/// A state dict does not say how the decoder doubles its grids, so `upsampling` does.
+/// A state dict does not contain the decoder's upsampling mode, so it is given by `upsampling`.
 ///
 /// # Errors
 /// [`InterchangeError`]; then nothing is written.
@@ -170,7 +170,7 @@ pub fn import(file: &Path, out: &Path, upsampling: Upsampling, force: bool) -> R
     Ok(Imported { checkpoint, source, prefix, converted_from })
 }
 
-/// Writes a checkpoint's weights for other programs and gives the checkpoint. `force` replaces `out`.
+/// Writes a checkpoint's weights for other programs and returns the checkpoint. `force` replaces `out`.
 ///
 /// # Errors
 /// [`InterchangeError`]; then nothing is written.
@@ -184,7 +184,7 @@ pub fn export(file: &Path, out: &Path, target: Target, force: bool) -> Result<Ch
     Ok(checkpoint)
 }
 
-/// Where imported weights come from, in the place of the recipe that would make them.
+/// The origin of imported weights, in place of the recipe.
 fn provenance(name: &OsStr, source: Source, bytes: &[u8]) -> String {
     let sha256: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
     let mut imported = toml::Table::new();
@@ -196,7 +196,7 @@ fn provenance(name: &OsStr, source: Source, bytes: &[u8]) -> String {
     format!("# Weights of another program; the recipe that made them is not known.\n{table}")
 }
 
-/// The weights in a file's bytes, whatever kind of file it is.
+/// The weights in a file of any supported format.
 fn read_weights(bytes: &[u8]) -> Result<(Source, Parameters), Problem> {
     let (source, tensors) = if bytes.starts_with(zip::SIGNATURE) {
         (Source::TorchZip, pth::read_zip(bytes)?)
@@ -257,7 +257,7 @@ fn read_bounded(path: &Path) -> Result<Vec<u8>, InterchangeError> {
     Ok(bytes)
 }
 
-/// Makes the folder of a file that will be written, unless something is in its place.
+/// Creates the folder of a file to write, unless the target exists.
 fn prepare(out: &Path, force: bool) -> Result<(), InterchangeError> {
     if !force && out.symlink_metadata().is_ok() {
         return Err(InterchangeError::Exists(out.to_owned()));

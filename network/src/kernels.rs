@@ -1,7 +1,7 @@
-//! The products that the network consists of, on memory as it lies.
+//! The network's kernels on the host, which work in place.
 //!
-//! Nothing is gathered: a convolution reads its inputs where they lie ([`tile`], [`conv`]), and a doubling takes the two taps
-//! that it has instead of a matrix.
+//! Nothing is gathered: a convolution reads its inputs in place ([`tile`], [`conv`]), and a doubling uses its two taps
+//! instead of a matrix.
 
 pub(crate) mod conv;
 pub(crate) mod doubling;

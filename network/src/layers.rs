@@ -1,5 +1,5 @@
-//! The nine convolutions of the network as a table (paper Fig. 1; VGN, `networks.py`), and the flat vector in which
-//! all of their parameters live when an optimiser or a file looks at them.
+//! The nine convolutions of the network as a table (paper Fig. 1; VGN, `networks.py`), and the flat vector of all their
+//! parameters for optimisers and files.
 
 use schema::{Purpose, Stream};
 
@@ -28,7 +28,7 @@ const fn layer(
     LayerShape { name, channels_in, channels_out, kernel, stride }
 }
 
-/// All layers, in the order in which their parameters stand in the flat vector.
+/// All layers, in the order of their parameters in the flat vector.
 pub const LAYERS: [LayerShape; 9] = [
     layer("encoder.conv1", 1, 16, 5, 2),
     layer("encoder.conv2", 16, 32, 3, 2),
@@ -42,19 +42,19 @@ pub const LAYERS: [LayerShape; 9] = [
 ];
 
 impl LayerShape {
-    /// Inputs of one output: kernel³ · channels in.
+    /// Number of inputs of one output: kernel³ · channels in.
     #[must_use]
     pub const fn fan_in(&self) -> usize {
         self.kernel.pow(3) * self.channels_in
     }
 
-    /// Zeros added at each side.
+    /// Number of zeros added at each side.
     #[must_use]
     pub const fn padding(&self) -> usize {
         self.kernel / 2
     }
 
-    /// Shape of the weight as PyTorch and Burn have it: `[out, in, k, k, k]`.
+    /// Shape of the weight in PyTorch and Burn: `[out, in, k, k, k]`.
     #[must_use]
     pub const fn weight_shape(&self) -> [usize; 5] {
         [self.channels_out, self.channels_in, self.kernel, self.kernel, self.kernel]
@@ -74,13 +74,13 @@ pub struct ParameterSlot {
     pub name: String,
     /// Shape, `[out, in, k, k, k]` or `[out]`.
     pub shape: Vec<usize>,
-    /// Where its values begin.
+    /// Start of its values.
     pub start: usize,
-    /// How many they are.
+    /// Number of values.
     pub len: usize,
 }
 
-/// Every parameter with its place in the flat vector: for each layer its weight, then its bias.
+/// Every parameter with its position in the flat vector: for each layer its weight, then its bias.
 #[must_use]
 pub fn parameter_slots() -> Vec<ParameterSlot> {
     let mut start = 0;
@@ -101,7 +101,7 @@ pub fn parameter_count() -> usize {
     LAYERS.iter().map(|layer| layer.weight_count() + layer.channels_out).sum()
 }
 
-/// Fresh parameters as PyTorch draws them: U(−1/√fan_in, 1/√fan_in) for weights and biases, each layer from its own
+/// Initial parameters as in PyTorch: U(−1/√fan_in, 1/√fan_in) for weights and biases, each layer from its own
 /// stream of `seed`.
 #[must_use]
 pub fn initial_vector(seed: u64) -> Vec<f32> {
@@ -114,7 +114,8 @@ pub fn initial_vector(seed: u64) -> Vec<f32> {
     values
 }
 
-/// Least square of a quaternion's norm that is divided by. The square is bounded, not its root, whose slope at 0 is infinite.
+/// Lower bound of the square of a quaternion's norm in the normalisation. The square is bounded, not its root, because
+/// the slope of the root at 0 is infinite.
 pub const NORM_SQUARED_MIN: f32 = 1e-24;
 
 /// The positions of a cube of side `n`, x slowest.

@@ -1,15 +1,17 @@
-//! The volumetric grasp network (paper Fig. 1; VGN, `networks.py`): its layers, its products on the host, its files.
+//! The volumetric grasp network (paper Fig. 1; VGN, `networks.py`): its layers, its kernels on the host, its files.
 //!
-//! # The map
+//! # Map
 //!
-//! - [`layers`] is the network's shape as a table, and the flat vector of all parameters; [`upsampling`] its ×2 stages.
-//! - [`DenseNetwork`] evaluates the whole volume, for inference. [`VoxelNetwork`] evaluates one voxel a sample and computes the
-//!   gradient of every parameter, for training; [`receptive_field`] says which part of the decoder that voxel needs.
-//! - [`checkpoint`] is the file of a network and of its training's state; [`interchange`] reads weights of other programs and writes
-//!   weights for them.
+//! - [`layers`] has the architecture as a table, and the flat vector of all parameters; [`upsampling`] has the ×2
+//!   stages.
+//! - [`DenseNetwork`] evaluates the whole volume, for inference. [`VoxelNetwork`] evaluates one voxel per sample and
+//!   computes the gradient of every parameter, for training; [`receptive_field`] determines the part of the decoder
+//!   that a voxel needs.
+//! - [`checkpoint`] is the file format of a network and its training state; [`interchange`] reads and writes weights of
+//!   other programs.
 //!
-//! Parameters are a flat `[f32]` everywhere. The crate `trainer` has the same network written plainly with Burn; its tests hold the
-//! products here against that one, and PyTorch's against both.
+//! Parameters are a flat `[f32]` everywhere. The crate `trainer` has the same network in plain form with Burn. Its
+//! tests compare both implementations with each other and with PyTorch.
 
 pub mod checkpoint;
 mod dense;

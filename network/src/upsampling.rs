@@ -1,13 +1,13 @@
 //! ×2 upsampling, linear or nearest, written as a small matrix along each axis.
 //!
-//! The dense network and the receptive field share the matrix: the latter keeps only the rows and columns that it needs.
+//! The dense network and the receptive field share the matrix; the latter uses only the required rows and columns.
 
-/// How values are made between voxels when a grid is doubled.
+/// Interpolation between voxels when a grid is doubled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Upsampling {
-    /// Trilinear, half-pixel centres (`align_corners=False`): what the paper says.
+    /// Trilinear, half-pixel centres (`align_corners=False`), as in the paper.
     Linear,
-    /// Each value eight times: what VGN's code does.
+    /// Each value eight times, as in VGN's code.
     Nearest,
 }
 
@@ -30,10 +30,10 @@ impl Upsampling {
         Self::ALL.into_iter().find(|mode| mode.name() == name)
     }
 
-    /// The coarse positions, with their weights, of which fine position `fine` of `2 * coarse_len` is made.
+    /// The coarse positions, with weights, that contribute to fine position `fine` of `2 * coarse_len`.
     ///
-    /// Linear: the source coordinate is `fine / 2 − 1/4`, held at 0 below and at the last position above, as PyTorch
-    /// does; so the two weights are ¼ and ¾ inside and fall on one position at the ends.
+    /// Linear: the source coordinate is `fine / 2 − 1/4`, clamped to 0 and the last position as in PyTorch. The two
+    /// weights are ¼ and ¾ inside and refer to the same position at the ends.
     #[must_use]
     pub fn taps(self, fine: usize, coarse_len: usize) -> [(usize, f32); 2] {
         match self {
@@ -48,7 +48,7 @@ impl Upsampling {
         }
     }
 
-    /// First coarse position, in or out of the volume, that fine positions from `fine` on are made of.
+    /// First coarse position, inside or outside the volume, that contributes to fine positions from `fine` on.
     #[must_use]
     pub const fn first_coarse(self, fine: isize) -> isize {
         match self {
@@ -57,7 +57,7 @@ impl Upsampling {
         }
     }
 
-    /// Most coarse positions that `fine_len` successive fine positions are made of, whatever the first one.
+    /// Maximum number of coarse positions that contribute to `fine_len` consecutive fine positions.
     #[must_use]
     pub const fn coarse_len(self, fine_len: usize) -> usize {
         match self {
@@ -67,8 +67,8 @@ impl Upsampling {
     }
 
     /// Rows `fine_start..fine_start + fine_len`, columns `coarse_start..coarse_start + coarse_len` of the doubling
-    /// matrix of an axis with `axis_len` coarse positions, row by row. Rows outside the volume are zero, which is how
-    /// zero padding enters; columns outside it are too, so nothing that stands there counts.
+    /// matrix of an axis with `axis_len` coarse positions, row by row. Rows outside the volume are zero, which
+    /// implements zero padding. Columns outside are zero, too, so values there do not count.
     #[must_use]
     pub fn window(
         self,

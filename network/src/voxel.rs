@@ -1,4 +1,4 @@
-//! The network at one voxel a sample, forwards and backwards, for training.
+//! The network at one voxel per sample, forward and backward, for training.
 
 use rayon::prelude::*;
 
@@ -10,16 +10,17 @@ use crate::layers::LAYERS;
 use crate::receptive_field::{COARSEST, PatchSizes, RESOLUTION};
 use crate::upsampling::Upsampling;
 
-/// Outputs of the heads at a voxel: logit of the grasp quality, quaternion xyzw before its normalisation, width in voxels.
+/// Outputs of the heads at a voxel: logit of the grasp quality, quaternion xyzw before its normalisation, width in
+/// voxels.
 pub const HEAD_OUTPUTS: usize = HEAD_COLUMNS;
 
-/// A network, made ready to be evaluated at single voxels.
+/// A network, prepared for evaluation at single voxels.
 #[derive(Debug)]
 pub struct VoxelNetwork {
     mode: Upsampling,
     sizes: PatchSizes,
     parameters: Parameters,
-    /// Every stage but the heads.
+    /// All stages except the heads.
     convs: [Conv; HEADS],
 }
 
@@ -28,13 +29,13 @@ pub struct VoxelNetwork {
 pub struct VoxelInputs<'a> {
     /// TSDFs, 40³ values each, x slowest.
     pub grids: Vec<&'a [f32]>,
-    /// For each sample the number of its grid.
+    /// For each sample the index of its grid.
     pub grid_of_sample: Vec<usize>,
     /// For each sample its voxel.
     pub voxels: Vec<[usize; 3]>,
 }
 
-/// What the backward pass needs of the forward pass.
+/// The results of the forward pass that the backward pass needs.
 #[derive(Debug)]
 pub struct Activations {
     /// The input of each stage, with its padding: grids or patches.
@@ -53,7 +54,7 @@ impl Activations {
     }
 }
 
-/// The weights in the order in which the backward pass reads them.
+/// The weights in the order of the backward pass.
 #[derive(Debug)]
 pub struct TransposedWeights(Vec<Vec<f32>>);
 
@@ -61,7 +62,7 @@ impl VoxelNetwork {
     /// `vector` as [`crate::layers::parameter_slots`] lays it out.
     ///
     /// # Panics
-    /// If it is of another length.
+    /// If it has another length.
     #[must_use]
     pub fn new(vector: &[f32], mode: Upsampling) -> Self {
         assert_eq!(vector.len(), crate::layers::parameter_count(), "one value a parameter");
@@ -95,14 +96,14 @@ impl VoxelNetwork {
             let (weights, bias) = self.parameters.stage(number);
             self.convs[number].forward(weights, bias, true, inputs)
         };
-        // Grids, whole.
+        // Whole grids.
         let grids = padded_grids(&samples.grids);
         let encoded_20 = conv(0, &grids);
         let encoded_10 = conv(1, &encoded_20);
         let encoded_5 = conv(2, &encoded_10);
         let coarse = conv(3, &encoded_5);
 
-        // Patches, one a sample.
+        // Patches, one per sample.
         let sides = [COARSEST, self.sizes.conv2_out, self.sizes.conv3_out];
         let doublings: Vec<[Doubling; 3]> =
             samples.voxels.iter().map(|voxel| Doubling::around(*voxel, self.mode, sides)).collect();
@@ -166,12 +167,12 @@ impl VoxelNetwork {
     }
 }
 
-/// The heads as a product of one row a sample.
+/// The heads as a product with one row per sample.
 fn heads_conv(samples: usize) -> Conv {
     Conv::of_rows(samples, LAYERS[HEADS].fan_in(), LANES)
 }
 
-/// The heads' columns as the product has them, `[samples, LANES]`.
+/// The heads' columns in the layout of the product, `[samples, LANES]`.
 fn padded_heads(heads: &[[f32; HEAD_OUTPUTS]]) -> Vec<f32> {
     let mut padded = vec![0.0; heads.len() * LANES];
     for (row, head) in padded.chunks_exact_mut(LANES).zip(heads) {
@@ -180,7 +181,7 @@ fn padded_heads(heads: &[[f32; HEAD_OUTPUTS]]) -> Vec<f32> {
     padded
 }
 
-/// The patches of samples, one after the other.
+/// The patches of consecutive samples.
 fn patches<'a>(patches: &'a [f32], samples: &VoxelInputs<'_>) -> impl Iterator<Item = &'a [f32]> {
     patches.chunks_exact(patches.len() / samples.voxels.len())
 }

@@ -1,5 +1,5 @@
-//! A checkpoint's description of itself: one JSON text under one key of the safetensors header. (One key, because the
-//! format's writer puts several in the order of a hash map, and equal runs should make equal files.)
+//! A checkpoint's metadata: one JSON text under one key of the safetensors header. (One key, because the format's
+//! writer orders several keys by a hash map, and equal runs must make equal files.)
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use crate::upsampling::Upsampling;
 
 /// Version of the checkpoint's layout.
 pub const FORMAT_VERSION: u32 = 1;
-/// The network of this crate, as checkpoints name it.
+/// The name of this crate's network in checkpoints.
 pub const ARCHITECTURE: &str = "vgn-conv-40";
 
 const KEY: &str = "graspmill";
@@ -27,20 +27,20 @@ struct HeaderJson {
     made_by: String,
 }
 
-/// How far training had come when the checkpoint was written, as stored. Floats are bit patterns: a resumed epoch must add to exactly
-/// what it had.
+/// The progress of training when the checkpoint was written. Floats are stored as bit patterns, because a resumed epoch
+/// must continue with exactly the same sums.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Progress {
     /// Epochs done.
     pub epoch: u32,
-    /// Batches done in the epoch that is running.
+    /// Batches done in the current epoch.
     pub batch: u32,
-    /// Steps done in all.
+    /// Total number of steps.
     pub step: u64,
-    /// Predictions against labels in the epoch that is running.
+    /// Predictions against labels in the current epoch.
     pub confusion: Confusion,
-    /// Sums of the losses in the epoch that is running, as bits of `f64`.
+    /// Sums of the losses in the current epoch, as bits of `f64`.
     pub sums_bits: [u64; 4],
     /// Best accuracy of the test set so far, as bits of `f64`.
     pub best_accuracy_bits: Option<u64>,
