@@ -1,4 +1,4 @@
-//! Adam over the flat parameter vector (Kingma and Ba, 2015), with the arithmetic and the roundings of Burn's.
+//! Adam over the flat parameter vector (Kingma and Ba, 2015), with Burn's arithmetic and rounding.
 
 use network::checkpoint::Moments;
 
@@ -15,26 +15,26 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// Before the first step.
+    /// The state before the first step.
     #[must_use]
     pub fn new(learning_rate: f64) -> Self {
         Self { learning_rate, moments: None }
     }
 
-    /// After the steps of a checkpoint.
+    /// The state of a checkpoint.
     #[must_use]
     pub fn resume(learning_rate: f64, moments: Moments) -> Self {
         Self { learning_rate, moments: Some(moments) }
     }
 
-    /// Changes the size of the steps to come.
+    /// Sets the learning rate of further steps.
     pub fn set_learning_rate(&mut self, learning_rate: f64) {
         self.learning_rate = learning_rate;
     }
 
-    /// Moves the parameters against the gradient.
+    /// Updates the parameters with a gradient.
     pub fn step(&mut self, vector: &mut [f32], gradient: &[f32]) {
-        let zeros = || vec![-0.0; vector.len()]; // −0 added to a number changes no bit of it
+        let zeros = || vec![-0.0; vector.len()]; // adding −0 changes no bit of a number
         let moments = self.moments.get_or_insert_with(|| Moments { steps: 0, first: zeros(), second: zeros() });
         moments.steps += 1;
         let steps = moments.steps as i32;

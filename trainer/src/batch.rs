@@ -10,11 +10,11 @@ use crate::loss::Target;
 /// One supervised voxel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// Which of the batch's grids.
+    /// Index of its grid in the batch.
     pub grid: usize,
     /// The voxel that holds the grasp's origin: x, y, z, below 40.
     pub voxel: [usize; 3],
-    /// What the attempt there showed.
+    /// The result of the attempt there.
     pub target: Target,
 }
 
@@ -23,11 +23,11 @@ pub struct Sample {
 pub struct Batch {
     /// TSDFs, 40³ values each, x slowest.
     pub grids: Vec<Arc<[f32]>>,
-    /// Samples; `grid` never falls from one to the next.
+    /// Samples, in ascending order of `grid`.
     pub samples: Vec<Sample>,
 }
 
-/// Some successive samples of a batch.
+/// Some consecutive samples of a batch.
 #[derive(Debug, Clone)]
 pub struct BatchPart<'a> {
     /// Their grids, each once, and their voxels.
@@ -36,14 +36,14 @@ pub struct BatchPart<'a> {
     pub targets: Vec<Target>,
 }
 
-/// Most grids in a part of a batch. Parts run on different threads, so this bounds memory; it does not depend on the
-/// thread count, so neither do results.
+/// Maximum number of grids in a part of a batch. Parts run on different threads, so this limits memory. It does not
+/// depend on the number of threads, so neither do results.
 const PART_GRIDS_MAX: usize = 2;
-/// Most samples in a part of a batch.
+/// Maximum number of samples in a part of a batch.
 const PART_SAMPLES_MAX: usize = 12;
 
 impl Batch {
-    /// Cuts the batch into parts, a pure function of the batch. A scene's samples stay together where they fit, so that
+    /// Cuts the batch into parts, as a pure function of the batch. A scene's samples stay together if possible, so that
     /// its grid is encoded once.
     #[must_use]
     pub fn parts(&self) -> Vec<Range<usize>> {
@@ -64,7 +64,7 @@ impl Batch {
         parts
     }
 
-    /// Some successive samples, with their grids.
+    /// Some consecutive samples, with their grids.
     #[must_use]
     pub fn part(&self, part: Range<usize>) -> BatchPart<'_> {
         let samples = &self.samples[part];

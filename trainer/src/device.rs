@@ -1,45 +1,45 @@
-//! What computes: the host, or a device that the program was built for.
+//! Compute devices: the host, or a device that the program was built for.
 //!
-//! The host needs nothing. Others are cargo features of this crate, off by default because they compile for minutes:
-//! `cuda` (an NVIDIA driver with NVRTC when it runs; Burn's backend downloads an LLVM bundle when it is built) and `wgpu`
-//! (Vulkan, Metal or DirectX). This is the one place that knows them.
+//! Devices other than the host are cargo features of this crate, off by default because they compile for minutes:
+//! `cuda` (needs an NVIDIA driver with NVRTC at run time; Burn's backend downloads an LLVM bundle at build time) and
+//! `wgpu` (Vulkan, Metal or DirectX). Only this module depends on them.
 //!
-//! A batch goes to a device in the host's parts ([`crate::batch::Batch::parts`]); whole batches would keep it busier, which is not tried
-//! yet. Weights and the optimiser stay on the host.
+//! A batch is sent to a device in the host's parts ([`crate::batch::Batch::parts`]). Whole batches would use the device
+//! better, which was not tried yet. Weights and the optimiser stay on the host.
 
 use std::str::FromStr;
 
 use program::{Exit, ExitCode};
 
-/// What computes.
+/// A compute device.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Device {
-    /// The host, by the products of the crate `network`.
+    /// The host, with the kernels of the crate `network`.
     Host,
     /// A device of Burn.
     #[cfg(feature = "graph")]
     Burn(burn::tensor::Device),
 }
 
-/// A device as users name it: `cpu`, `cuda`, `cuda:1`, `wgpu`, `wgpu:0`.
+/// A device's name on the command line: `cpu`, `cuda`, `cuda:1`, `wgpu`, `wgpu:0`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DeviceName {
-    /// The host. The only one whose results are the same to the bit in every run.
+    /// The host, the only device with bitwise reproducible results.
     #[default]
     Cpu,
-    /// An NVIDIA card, by its number.
+    /// An NVIDIA GPU, by its index.
     Cuda(usize),
-    /// A graphics adapter of Vulkan, Metal or DirectX, by its number.
+    /// A graphics adapter of Vulkan, Metal or DirectX, by its index.
     Wgpu(usize),
 }
 
-/// Why there is no such device.
+/// Why a device is not available.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum DeviceError {
-    /// Not a name of one.
+    /// The name is not that of a device.
     #[error("a device is cpu, cuda, cuda:N, wgpu or wgpu:N, not {0:?}")]
     Unknown(String),
-    /// The program was built without it.
+    /// The program was built without support for it.
     #[error(
         "this program was built without {feature}: cargo build --release -p trainer --features {feature} makes one that has it"
     )]
@@ -47,12 +47,12 @@ pub enum DeviceError {
         /// The cargo feature.
         feature: &'static str,
     },
-    /// The machine has none of that number.
+    /// The machine has no device with this index.
     #[error("there is no device {name}: {} found", match found { 0 => "none was".to_owned(), 1 => "one was".to_owned(), n => format!("{n} were") })]
     Absent {
         /// Its name.
         name: DeviceName,
-        /// How many of its kind there are.
+        /// Number of devices of its kind.
         found: usize,
     },
 }
@@ -111,7 +111,7 @@ impl DeviceName {
     }
 }
 
-/// All NVIDIA cards; `None` if the program was built without CUDA.
+/// All NVIDIA GPUs; `None` if the program was built without CUDA.
 fn cuda() -> Option<Vec<Device>> {
     #[cfg(feature = "cuda")]
     return Some(listed(burn::tensor::DeviceType::Cuda));
@@ -119,7 +119,7 @@ fn cuda() -> Option<Vec<Device>> {
     None
 }
 
-/// All graphics adapters; `None` if the program was built without them.
+/// All graphics adapters; `None` if the program was built without `wgpu`.
 fn wgpu() -> Option<Vec<Device>> {
     #[cfg(feature = "wgpu")]
     return Some(listed(burn::tensor::DeviceType::Wgpu));

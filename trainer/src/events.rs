@@ -1,4 +1,4 @@
-//! What happens while the network trains, for whoever watches.
+//! Events of a training run, for observers.
 
 use serde::Serialize;
 use shards::Dataset;
@@ -9,14 +9,14 @@ use crate::metrics::Summary;
 use crate::progress::Progress;
 use crate::split::Split;
 
-/// Something that happened.
+/// An event.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// The dataset is open; its grids are about to be decoded.
     Loading(&'a Dataset),
-    /// A scene is decoded. Comes from any thread.
+    /// A scene is decoded. Sent from any thread.
     SceneLoaded,
-    /// Training begins, or goes on.
+    /// Training begins or resumes.
     Begun(&'a Beginning),
     /// A batch is done.
     Step {
@@ -29,7 +29,7 @@ pub enum Event<'a> {
     },
     /// An epoch is done.
     Epoch(&'a EpochReport),
-    /// Training ends early: none of the last so many epochs was better than the best before.
+    /// Training ends early: none of this many last epochs improved the best accuracy.
     NoBetter(u32),
 }
 
@@ -43,7 +43,7 @@ pub struct LabelCount {
 }
 
 impl LabelCount {
-    /// Of some samples of a dataset.
+    /// The labels of some samples of a dataset.
     #[must_use]
     pub fn of(samples: &GraspDataset, set: &[usize]) -> Self {
         Self { samples: set.len(), held: set.iter().filter(|at| samples.label(**at) == 1).count() }
@@ -56,18 +56,18 @@ impl LabelCount {
     }
 }
 
-/// What is known when training begins.
+/// The state when training begins.
 #[derive(Debug, Clone)]
 pub struct Beginning {
-    /// Attempts that are no samples, for their grasp lies outside the grid.
+    /// Attempts without a sample, because their grasp is outside the grid.
     pub outside: u64,
-    /// Labels of the samples that train.
+    /// Labels of the training samples.
     pub train: LabelCount,
     /// Labels of held-out attempts.
     pub test_attempts: LabelCount,
     /// Labels in held-out scenes.
     pub test_scenes: LabelCount,
-    /// Where training goes on; zero for a new run.
+    /// The progress at which training resumes; zero for a new run.
     pub progress: Progress,
 }
 
@@ -83,22 +83,22 @@ impl Beginning {
     }
 }
 
-/// An epoch in numbers; a line of `metrics.jsonl`.
+/// The metrics of an epoch; a line of `metrics.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EpochReport {
     /// Number of the epoch, from 1.
     pub epoch: u32,
-    /// Steps done in all.
+    /// Total number of steps.
     pub step: u64,
     /// Adam's step size at the epoch's last step.
     pub learning_rate: f64,
-    /// Over the training samples, as they were visited: turned, shifted and weighted as the recipe says.
+    /// Over the training samples as they were visited: rotated, shifted and weighted by the recipe.
     pub train: Summary,
     /// Over held-out attempts of known scenes, after the epoch.
     pub test_attempts: Summary,
     /// Over held-out scenes, after the epoch.
     pub test_scenes: Summary,
-    /// Which of the two chooses the best checkpoint.
+    /// The set that selects the best checkpoint.
     pub split_by: SplitBy,
     /// Whether this epoch's weights are the best so far.
     pub is_best: bool,
@@ -107,7 +107,7 @@ pub struct EpochReport {
 }
 
 impl EpochReport {
-    /// The summary of the test set that counts.
+    /// The summary of the selecting test set.
     #[must_use]
     pub fn test(&self) -> &Summary {
         match self.split_by {

@@ -1,5 +1,5 @@
-//! The network with Burn: plainly, to hold the products of the crate `network` against it; and at single voxels, for devices
-//! other than the host. Gradients are computed by autodiff.
+//! The network in Burn: in plain form, for comparison with the kernels of the crate `network`, and at single voxels,
+//! for devices other than the host. Gradients are computed by autodiff.
 //!
 //! Compiled with the cargo features `cuda`, `wgpu` and `flex` (Burn's backend for the host, which the tests use).
 
@@ -21,7 +21,7 @@ pub fn to_device(vector: &[f32], device: &Device) -> Tensor<1> {
     Tensor::from_data(TensorData::new(vector.to_vec(), [vector.len()]), device)
 }
 
-/// A flat vector of a device.
+/// A flat vector from a device.
 pub fn to_host(vector: Tensor<1>) -> Vec<f32> {
     vector.into_data().iter::<f32>().collect()
 }

@@ -7,9 +7,9 @@
 //! - width: `L_w = (ŵ − w)²`, widths in voxels;
 //! - Eq. 1, 5: `L = L_q + y (L_r + k L_w)` with k = 0.01, averaged over the batch.
 //!
-//! Beyond the paper, a sample's L_q can have a weight ([`ClassWeights`]); the paper's is 1 for all.
+//! As an extension, a sample's L_q can have a weight ([`ClassWeights`]); in the paper it is 1 for all.
 //!
-//! Values and gradients are those of Burn's autodiff (`graph::loss`), to the bit: a test compares them.
+//! Values and gradients equal those of Burn's autodiff (`graph::loss`) bit for bit, as a test shows.
 
 use network::HEAD_OUTPUTS;
 use network::layers::NORM_SQUARED_MIN;
@@ -27,26 +27,26 @@ pub struct Target {
     pub rotation: Quat,
     /// Opening width in voxels; counts only where `label` is 1.
     pub width_voxels: f32,
-    /// Weight of Eq. 2 for this sample; 1 in the paper and whenever the network is tested.
+    /// Weight of Eq. 2 for this sample; 1 in the paper and in all tests.
     pub quality_weight: f32,
 }
 
-/// Weights of the quality loss (Eq. 2) by label. Their mean over the training samples is 1, so that quality keeps its
-/// place beside rotation and width whatever the weight of a positive.
+/// Weights of the quality loss (Eq. 2) by label. Their mean over the training samples is 1, so that the balance between
+/// quality, rotation and width does not depend on the weight of positives.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClassWeights {
-    /// Of a sample whose object was held.
+    /// Weight of a success.
     pub positive: f32,
-    /// Of a failure.
+    /// Weight of a failure.
     pub negative: f32,
 }
 
 impl ClassWeights {
-    /// The paper's: none.
+    /// The paper's weights: 1 for both.
     pub const EQUAL: Self = Self { positive: 1.0, negative: 1.0 };
 
-    /// A positive counts `positive_weight` times as much as a negative, where `positives` of `samples` are positive.
-    /// (1 − share) / share makes both classes count alike.
+    /// A positive has `positive_weight` times the weight of a negative, where `positives` of `samples` are positive.
+    /// (1 − share) / share gives both classes equal weight.
     #[must_use]
     pub fn new(positive_weight: f64, positives: usize, samples: usize) -> Self {
         let share = positives as f64 / samples.max(1) as f64;
@@ -54,7 +54,7 @@ impl ClassWeights {
         Self { positive: (positive_weight / mean) as f32, negative: (1.0 / mean) as f32 }
     }
 
-    /// The weight of a sample with that label.
+    /// The weight of a sample with this label.
     #[must_use]
     pub fn of(&self, label: u8) -> f32 {
         if label == 1 { self.positive } else { self.negative }
@@ -84,15 +84,15 @@ pub fn half_turn(rotation: Quat) -> Quat {
     rotation * Quat::from_xyzw(0.0, 0.0, 1.0, 0.0)
 }
 
-/// The width that a prediction is compared with; a failure's does not count, whatever it is.
+/// The target width; that of a failure does not count.
 pub(crate) fn target_width(target: &Target) -> f32 {
     if target.label == 1 { target.width_voxels } else { 0.0 }
 }
 
-/// A predicted quaternion on its way to the unit sphere (PyTorch's `F.normalize`).
+/// The normalisation of a predicted quaternion (PyTorch's `F.normalize`).
 struct Rotation {
     raw: [f32; 4],
-    /// Square of the norm, held above [`NORM_SQUARED_MIN`].
+    /// Square of the norm, at least [`NORM_SQUARED_MIN`].
     norm_squared: f32,
     is_held: bool,
     norm: f32,
@@ -137,7 +137,7 @@ pub fn sample_loss(heads: &[f32; HEAD_OUTPUTS], target: &Target) -> SampleResult
     let label = f32::from(target.label);
     // −y ln σ(z) − (1 − y) ln(1 − σ(z)) = max(z, 0) − z y + ln(1 + e^−|z|)
     let quality = positive_part(logit, logit) - logit * label + exp_minus_abs(logit).ln_1p();
-    let quality = quality * target.quality_weight; // times 1 changes no bit
+    let quality = quality * target.quality_weight; // multiplying by 1 changes no bit
     let unit = Rotation::new([x, y, z, w]).unit;
     let apart = |rotation: Quat| -dot(unit, rotation.to_array()).abs() + 1.0;
     let (apart, apart_turned) = (apart(target.rotation), apart(half_turn(target.rotation)));
@@ -174,12 +174,12 @@ pub fn loss_gradient(heads: &[f32; HEAD_OUTPUTS], target: &Target, weight: f32) 
     [d_logit, dx, dy, dz, dw, half + half]
 }
 
-/// `value` where `z` is positive or no number, else 0: ReLU and its gradient.
+/// `value` where `z` is positive or NaN, else 0: ReLU and its gradient.
 fn positive_part(z: f32, value: f32) -> f32 {
     if z.is_nan() || z > 0.0 { value } else { 0.0 }
 }
 
-/// −1, 0 or 1; 0 for no number.
+/// −1, 0 or 1; 0 for NaN.
 fn sign(z: f32) -> f32 {
     f32::from(i8::from(z > 0.0) - i8::from(z < 0.0))
 }

@@ -1,5 +1,5 @@
-//! What is counted over the samples of an epoch: losses, and the confusion matrix with accuracy (Eq. 6), precision and
-//! recall. A success is predicted where the quality is above ½.
+//! Metrics over the samples of an epoch: losses, and the confusion matrix with accuracy (Eq. 6), precision and recall.
+//! A success is predicted if the quality is above ½.
 
 use serde::{Deserialize, Serialize};
 
@@ -75,7 +75,7 @@ fn ratio(part: u64, whole: u64) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
 
-/// Running sums over samples, in the order in which they come.
+/// Running sums over samples, in order.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Tally {
     /// Predictions against labels.
@@ -119,8 +119,8 @@ impl Tally {
 }
 
 /// A set's losses and ratios. Losses are means over all samples, so that
-/// `loss = loss_quality + loss_rotation + 0.01 · loss_width` (rotation and width are 0 for failures). While training,
-/// quality losses have the recipe's weights; in tests all count alike.
+/// `loss = loss_quality + loss_rotation + 0.01 · loss_width` (rotation and width are 0 for failures). In training,
+/// quality losses have the recipe's weights; in tests all weights are 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Summary {
     /// Samples.

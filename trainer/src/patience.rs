@@ -1,15 +1,15 @@
-//! When training ends early: after so many epochs without a better test accuracy.
+//! Early stopping: training ends after a number of epochs without a better test accuracy.
 
 use serde::Deserialize;
 
-/// What counts of a line of `metrics.jsonl`.
+/// The relevant fields of a line of `metrics.jsonl`.
 #[derive(Deserialize)]
 struct Line {
     is_best: bool,
 }
 
-/// Epochs since the last one that was the best so far; `lines` are those of `metrics.jsonl`, one an epoch. The file is all
-/// that has to be remembered, so a run that was begun without patience, or before there was any, can go on with it.
+/// Number of epochs since the best one; `lines` are those of `metrics.jsonl`, one per epoch. No other state is needed,
+/// so a run that was begun without patience can resume with it.
 #[must_use]
 pub fn epochs_without_better(lines: &[String]) -> u32 {
     let is_best = |line: &&String| serde_json::from_str::<Line>(line).is_ok_and(|line| line.is_best);

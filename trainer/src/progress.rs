@@ -1,20 +1,20 @@
-//! The progress of a run: with weights and moments, all that decides the next step.
+//! The progress of a run. With weights and moments it determines the next step.
 
 use network::checkpoint;
 
 use crate::metrics::{Confusion, Tally};
 
-/// Where training stands. With (seed, epoch, batch) the sampler is where it was, for an epoch's order is a pure function
-/// of seed and epoch.
+/// The progress of training. (seed, epoch, batch) restores the sampler, because an epoch's order is a pure function of
+/// seed and epoch.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Progress {
     /// Epochs done.
     pub epoch: u32,
-    /// Batches done in the epoch that is running.
+    /// Batches done in the current epoch.
     pub batch: u32,
-    /// Steps done in all.
+    /// Total number of steps.
     pub step: u64,
-    /// Counts over the samples of the epoch that is running.
+    /// Metrics of the current epoch.
     pub tally: Tally,
     /// Best accuracy of the test set so far.
     pub best_accuracy: Option<f64>,

@@ -1,12 +1,12 @@
-//! What the predicted qualities of a set are worth, beyond right or wrong at ½: order (precision–recall, ROC), honesty
-//! (calibration), errors of the grasps themselves, and how sure all that is when samples of a scene go together.
+//! Scores of the predicted qualities of a set besides the accuracy at ½: ranking (precision–recall, ROC), calibration,
+//! errors of the grasps, and confidence intervals for samples that are correlated within a scene.
 
 use schema::{Purpose, Stream};
 use serde::Serialize;
 
 use crate::metrics::Confusion;
 
-/// A prediction and what happened.
+/// A prediction and its label.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Score {
     /// Logit of the predicted quality.
@@ -23,30 +23,30 @@ impl Score {
     }
 }
 
-/// How well qualities order attempts.
+/// How well qualities rank attempts.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Ranking {
     /// Σ (Rₙ − Rₙ₋₁) Pₙ over falling thresholds; `None` if nothing held.
     pub average_precision: Option<f64>,
-    /// Area under the ROC curve: the chance that a held grasp scores above a failed one, a tie counting half; `None`
-    /// unless there are both.
+    /// Area under the ROC curve: the probability that a held grasp scores above a failed one, ties counting half;
+    /// `None` unless both exist.
     pub roc_auc: Option<f64>,
     /// Precision and recall by falling threshold, at most [`POINTS_MAX`]; none if nothing held.
     pub precision_recall: Vec<OperatingPoint>,
 }
 
-/// Precision and recall when a success is predicted from a quality on.
+/// Precision and recall at a threshold of the quality.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OperatingPoint {
-    /// The least quality that is called a success.
+    /// The threshold: the lowest quality that counts as a success.
     pub threshold: f64,
-    /// Held among those.
+    /// Precision: the share of these that held.
     pub precision: f64,
-    /// Those among held.
+    /// Recall: the share of held attempts among these.
     pub recall: f64,
 }
 
-/// Most points of a precision–recall curve that are kept.
+/// Maximum number of stored points of a precision–recall curve.
 pub const POINTS_MAX: usize = 200;
 
 /// The ranking of scores in any order.
@@ -76,7 +76,7 @@ pub fn ranking(scores: &[Score]) -> Ranking {
     }
 }
 
-/// The first, the last, and others at equal distances between them.
+/// The first and the last point, and evenly spaced ones between them.
 fn thinned(points: &[OperatingPoint]) -> Vec<OperatingPoint> {
     if points.len() <= POINTS_MAX {
         return points.to_vec();
@@ -84,21 +84,21 @@ fn thinned(points: &[OperatingPoint]) -> Vec<OperatingPoint> {
     (0..POINTS_MAX).map(|at| points[at * (points.len() - 1) / (POINTS_MAX - 1)]).collect()
 }
 
-/// How far qualities are the probabilities that they claim to be.
+/// How well qualities agree with observed frequencies.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Calibration {
-    /// Mean distance of predicted and observed shares of the bins, weighted by samples.
+    /// Mean absolute difference of predicted and observed shares over the bins, weighted by samples.
     pub expected_error: f64,
-    /// Mean squared distance of quality and outcome (Brier's score).
+    /// Mean squared difference of quality and label (Brier score).
     pub brier: f64,
     /// [`BINS`] equally wide bins of quality, from 0 to 1.
     pub bins: Vec<Bin>,
 }
 
-/// Samples whose quality lies in a bin.
+/// Samples with a quality in a bin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Bin {
-    /// The least quality of the bin; the next bin's is its end.
+    /// The lower end of the bin; the upper end is the lower end of the next bin.
     pub from: f64,
     /// Samples.
     pub samples: u64,
@@ -110,7 +110,7 @@ pub struct Bin {
     pub observed_95: (f64, f64),
 }
 
-/// Bins of a calibration.
+/// Number of bins of a calibration.
 pub const BINS: usize = 10;
 
 /// The calibration of scores.
@@ -129,7 +129,7 @@ pub fn calibration(scores: &[Score]) -> Calibration {
     let whole = scores.len().max(1) as f64;
     let bins = sums.iter().enumerate().map(|(at, (samples, held, sum))| {
         let share = |part: f64| (*samples > 0).then(|| part / *samples as f64);
-        // Right and wrong are held and failed here: the interval of a share is the same.
+        // Held and failed take the place of right and wrong: the interval of a share is the same.
         let counts = Confusion { true_positive: *held, false_positive: samples - held, ..Confusion::default() };
         Bin {
             from: at as f64 / BINS as f64,
@@ -146,30 +146,31 @@ pub fn calibration(scores: &[Score]) -> Calibration {
     }
 }
 
-/// Errors of the predicted grasps, over attempts that held: a failed one has no right grasp.
+/// Errors of the predicted grasps over held attempts; failed attempts have no true grasp.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GraspErrors {
     /// Held attempts.
     pub samples: usize,
-    /// Angle between predicted and true orientation, or the true one after half a turn about its approach: degrees.
+    /// Angle between the predicted and the true orientation, or the latter after half a turn about its approach, in
+    /// degrees.
     pub rotation_deg: Option<Spread>,
-    /// Distance of predicted and true opening: millimetres.
+    /// Absolute difference of predicted and true opening, in millimetres.
     pub width_mm: Option<Spread>,
 }
 
-/// Some errors in short.
+/// Summary of errors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Spread {
     /// Mean.
     pub mean: f64,
-    /// Half are smaller.
+    /// Median.
     pub median: f64,
-    /// Nine of ten are smaller.
+    /// 90th percentile.
     pub p90: f64,
 }
 
 impl Spread {
-    /// Of values in any order, quantiles linear between neighbours; `None` without values.
+    /// Summary of values in any order, with linearly interpolated quantiles; `None` without values.
     #[must_use]
     pub fn of(mut values: Vec<f64>) -> Option<Self> {
         if values.is_empty() {
@@ -181,7 +182,7 @@ impl Spread {
     }
 }
 
-/// A quantile of ascending values, linear between neighbours.
+/// A linearly interpolated quantile of ascending values.
 fn quantile(ascending: &[f64], share: f64) -> f64 {
     let place = share * (ascending.len() - 1) as f64;
     let below = place as usize;
@@ -195,12 +196,12 @@ pub fn rotation_error_deg(loss: f32) -> f64 {
     2.0 * libm::acos((1.0 - f64::from(loss)).clamp(0.0, 1.0)).to_degrees()
 }
 
-/// Draws of the bootstrap.
+/// Number of bootstrap draws.
 const DRAWS: u32 = 1000;
 
-/// The 95 % interval of the accuracy when scenes, not samples, are what was drawn: samples of a scene look at one grid,
-/// so they are right and wrong together. Scenes are drawn with replacement, as many as there are, 1,000 times.
-/// `scenes` holds right predictions and samples of each. `None` for fewer than two scenes.
+/// The 95 % interval of the accuracy by bootstrap over scenes, because samples of a scene share a grid and are
+/// correlated. Scenes are drawn with replacement, as many as there are, 1,000 times. `scenes` has the right predictions
+/// and samples of each scene. `None` for fewer than two scenes.
 #[must_use]
 pub fn interval_by_scene(scenes: &[(u64, u64)]) -> Option<(f64, f64)> {
     if scenes.len() < 2 {
@@ -261,7 +262,7 @@ mod tests {
 
     #[test]
     fn calibration_is_that_of_the_definition() {
-        // Qualities ½ (bin 5), and nearly 1 (the last bin) though the logit is far beyond any other.
+        // Qualities ½ (bin 5), and nearly 1 (the last bin) for an extreme logit.
         let found = calibration(&scores(&[(0.0, true), (0.0, false), (0.0, false), (800.0, true)]));
         assert_eq!(found.bins[5].samples, 3);
         assert_eq!(found.bins[5].predicted, Some(0.5));
@@ -283,8 +284,8 @@ mod tests {
         assert_eq!(rotation_error_deg(-1e-7), 0.0);
     }
 
-    /// Where each scene has one sample the bootstrap is the binomial's; where samples of a scene go together it is as
-    /// wide as the count of scenes says, √10 times wider for ten samples a scene.
+    /// With one sample per scene the bootstrap interval is the binomial's. If the samples of a scene agree, its width
+    /// depends on the number of scenes: √10 times wider for ten samples per scene.
     #[test]
     fn the_interval_by_scene_is_as_wide_as_scenes_are_few() {
         let apart: Vec<(u64, u64)> = (0..400).map(|at| (u64::from(at % 5 > 0), 1)).collect();
@@ -301,7 +302,7 @@ mod tests {
     }
 
     proptest! {
-        /// Counted pair by pair and threshold by threshold.
+        /// Computed pair by pair and threshold by threshold.
         #[test]
         fn ranking_is_what_counting_finds(values in prop::collection::vec((-3_i8..4, any::<bool>()), 1..60)) {
             let all: Vec<Score> = values.iter().map(|(l, held)| Score { logit: f32::from(*l), held: *held }).collect();

@@ -1,9 +1,9 @@
-//! Which samples train and which test: a pure function of the seed and the ids.
+//! The split into training and test samples: a pure function of the seed and the ids.
 //!
-//! Two test sets are always held out, so that one trained network yields two honest accuracies. First some scenes are
-//! set aside whole (`test scenes`: the network never sees their grids). From the scenes that remain, single attempts
-//! are set aside (`test attempts`: the paper's way; the network sees the same grid with other attempts). The rest
-//! trains. [`crate::config::SplitConfig`] says which of the two is *the* test set and how large each is.
+//! Two test sets are always held out, so that one trained network gives two accuracies. First, whole scenes are held
+//! out (`test scenes`: the network never sees their grids). Then single attempts of the remaining scenes are held out
+//! (`test attempts`, as in the paper: the network sees the same grid with other attempts). The rest is used for
+//! training. [`crate::config::SplitConfig`] selects which of the two is *the* test set and the size of each.
 
 use std::collections::BTreeSet;
 
@@ -11,31 +11,31 @@ use schema::{Purpose, Stream};
 
 use crate::config::{SplitBy, SplitConfig};
 
-/// The numbers of the samples in each set, ascending.
+/// The indices of the samples in each set, ascending.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Split {
-    /// These train.
+    /// Training samples.
     pub train: Vec<usize>,
-    /// Held-out attempts of scenes that train.
+    /// Held-out attempts of training scenes.
     pub test_attempts: Vec<usize>,
     /// Every sample of the held-out scenes.
     pub test_scenes: Vec<usize>,
 }
 
-/// A set of a split that must have samples has none.
+/// A set that must not be empty is empty.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error(
     "the split leaves {train} samples to train on, {test_attempts} test attempts and {test_scenes} samples of test \
      scenes, of {samples} samples in {scenes} scenes: none may be 0, take more data or other shares"
 )]
 pub struct EmptySplit {
-    /// Samples that train.
+    /// Number of training samples.
     pub train: usize,
     /// Held-out attempts.
     pub test_attempts: usize,
     /// Samples of held-out scenes.
     pub test_scenes: usize,
-    /// Samples in all.
+    /// Total number of samples.
     pub samples: usize,
     /// Scenes with samples.
     pub scenes: usize,
@@ -81,7 +81,7 @@ pub fn split(ids: &[(u64, u32)], seed: u64, config: &SplitConfig) -> Result<Spli
     Ok(split)
 }
 
-/// Try 0 draws for a scene, try a + 1 for its attempt a.
+/// The stream of try 0 draws for a scene, that of try a + 1 for its attempt a.
 fn draw(seed: u64, scene: u64, attempt: u32) -> u64 {
     Stream::new(seed, scene, Purpose::Split, attempt).bits()
 }

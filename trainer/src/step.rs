@@ -1,8 +1,8 @@
-//! The network evaluated at one voxel a sample, its loss and its gradient.
+//! The network at one voxel per sample, its loss and its gradient.
 //!
-//! The encoder and the first decoder convolution (5³) run densely, once a grid; the rest of the decoder and the heads
-//! run on the voxel's receptive field only. On the host by the products of the crate `network`, on other devices by Burn
-//! (`graph`). Both equal the dense network at that voxel, loss and gradients, which the tests hold to 1e-4.
+//! The encoder and the first decoder convolution (5³) run densely, once per grid; the rest of the decoder and the heads
+//! run on the voxel's receptive field only. The host uses the kernels of the crate `network`, other devices use Burn
+//! (`graph`). In both cases loss and gradients equal those of the dense network at that voxel; the tests require 1e-4.
 
 use network::upsampling::Upsampling;
 use network::{HEAD_OUTPUTS, VoxelNetwork};
@@ -12,12 +12,12 @@ use crate::batch::Batch;
 use crate::device::Device;
 use crate::loss::{SampleResult, loss_gradient, sample_loss};
 
-/// The mean loss's gradient over a batch, and what each sample gave, in the batch's order.
+/// The gradient of a batch's mean loss, and the results of its samples, in the batch's order.
 #[derive(Debug, Clone)]
 pub struct StepResult {
     /// Gradient in the order of the flat parameter vector.
     pub gradient: Vec<f32>,
-    /// One a sample.
+    /// One result per sample.
     pub samples: Vec<SampleResult>,
 }
 
@@ -55,7 +55,7 @@ fn evaluate_on_host(vector: &[f32], batch: &Batch, mode: Upsampling) -> Vec<Samp
     evaluated.collect::<Vec<_>>().concat()
 }
 
-/// What each part of a batch gives to [`step`].
+/// The contribution of each part of a batch to [`step`].
 fn part_steps(vector: &[f32], batch: &Batch, mode: Upsampling) -> Vec<StepResult> {
     let network = VoxelNetwork::new(vector, mode);
     let transposed = network.transposed();

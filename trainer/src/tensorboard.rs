@@ -1,10 +1,10 @@
-//! What TensorBoard shows of a run: scalars in event files, under `tensorboard/` in the run's folder.
+//! Event files for TensorBoard: scalars of a run, under `tensorboard/` in the run's folder.
 //!
-//! Each set is a run of its own to TensorBoard (`train`, `test_attempts`, `test_scenes`) with the same tags, so that one
-//! chart shows all three; the horizontal axis is the step. An event file is named by the step and the number of whole epochs
-//! after which it begins and ends where the next checkpoint is due, so whoever goes on from a checkpoint drops whole files to
-//! drop what was seen after it: TensorBoard keeps every point that it finds, and a step that was done twice would have two. Event files
-//! hold the time, so their bytes are not those of another run; their scalars are.
+//! For TensorBoard each set is a separate run (`train`, `test_attempts`, `test_scenes`) with the same tags, so that one
+//! chart shows all three; the horizontal axis is the step. An event file is named by the step and the number of
+//! complete epochs at its start, and ends at the next checkpoint. Resuming from a checkpoint therefore drops later
+//! events by deleting whole files; otherwise TensorBoard would show repeated steps twice. Event files contain the time,
+//! so their bytes differ between runs, but their scalars do not.
 
 use std::fs::{self, File};
 use std::io;
@@ -18,29 +18,29 @@ use crate::metrics::Summary;
 /// The folder in a run's folder.
 pub(crate) const FOLDER: &str = "tensorboard";
 
-/// Steps between two points of the loss of steps.
+/// Interval of the loss's points, in steps.
 const EVERY_STEPS: u64 = 10;
 
 const SETS: [&str; 3] = ["train", "test_attempts", "test_scenes"];
 const TRAIN: usize = 0;
 
-/// Where a run has come to: steps, and whole epochs. An epoch is done some time after its last step.
+/// The position of a run: steps and complete epochs. An epoch is complete some time after its last step.
 type Place = (u64, u32);
 
 /// The event files of a run that is being trained.
 pub(crate) struct Events {
     folder: PathBuf,
     checkpoint_every_steps: u64,
-    /// After what the next files begin.
+    /// The position at which the next files begin.
     first: Place,
     writers: [Option<SummaryWriter<File>>; 3],
 }
 
 impl Events {
-    /// Goes on from there; what was seen later is dropped.
+    /// Resumes at a position; later events are dropped.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub(crate) fn begin(folder: &Path, checkpoint_every_steps: u32, first: Place) -> io::Result<Self> {
         for set in SETS {
             drop_later(&folder.join(set), first)?;
@@ -49,10 +49,10 @@ impl Events {
         Ok(Self { folder: folder.to_owned(), checkpoint_every_steps, first, writers: [None, None, None] })
     }
 
-    /// Keeps the loss of a step of training.
+    /// Records the loss of a training step.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub(crate) fn step(&mut self, step: u64, loss: f64) -> io::Result<()> {
         if step.is_multiple_of(EVERY_STEPS) {
             self.scalar(TRAIN, "loss/step", step, loss)?;
@@ -63,10 +63,10 @@ impl Events {
         Ok(())
     }
 
-    /// Keeps an epoch's losses and ratios, those that there are.
+    /// Records an epoch's defined losses and ratios.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub(crate) fn epoch(&mut self, report: &EpochReport) -> io::Result<()> {
         for (set, summary) in [&report.train, &report.test_attempts, &report.test_scenes].into_iter().enumerate() {
             for (tag, value) in scalars(summary) {
@@ -110,7 +110,7 @@ fn scalars(summary: &Summary) -> [(&'static str, Option<f64>); 7] {
     ]
 }
 
-/// TensorBoard takes a file for events by `tfevents` in its name and reads a folder's files in the order of their names.
+/// TensorBoard recognises event files by `tfevents` in their name and reads a folder's files in the order of names.
 fn file_name((step, epochs): Place) -> String {
     format!("events.out.tfevents.{step:010}-{epochs:05}.graspmill")
 }
@@ -120,7 +120,7 @@ fn first_of(name: &str) -> Option<Place> {
     Some((step.parse().ok()?, epochs.parse().ok()?))
 }
 
-/// Removes files that begin there or later; what others put there stays.
+/// Removes event files that begin at this position or later; other files remain.
 fn drop_later(folder: &Path, place: Place) -> io::Result<()> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
@@ -211,7 +211,7 @@ mod tests {
         assert!(train.join("notes.txt").exists());
     }
 
-    /// Epochs of 40 steps and a checkpoint every 20: an epoch's numbers come after the step at which a checkpoint lies.
+    /// Epochs of 40 steps and a checkpoint every 20: an epoch's metrics follow the step of a checkpoint.
     #[test]
     fn an_epoch_is_kept_whatever_comes_after_it() {
         let folder = tempfile::tempdir().unwrap();
@@ -239,7 +239,7 @@ mod tests {
         events.epoch(&report).unwrap();
         events.step(50, 1.0).unwrap();
         assert_eq!(epochs_kept(), 1);
-        // Stopped after the epoch: it stays. Stopped before its end: it is done again.
+        // Stopped after the epoch: its events remain. Stopped before its end: the epoch is repeated.
         let mut events = Events::begin(folder.path(), 20, (40, 1)).unwrap();
         events.step(50, 1.0).unwrap();
         assert_eq!((epochs_kept(), names(&train)), (1, vec![(0, 0), (20, 0), (40, 0), (40, 1)]));

@@ -1,5 +1,5 @@
-//! What a run leaves for those who watch it: curves after each epoch, TensorBoard's events on the way. Training does not
-//! hang on it: what fails is warned of, and training goes on.
+//! Monitoring of a run: curves after each epoch, and TensorBoard events. Failures cause warnings, and training
+//! continues.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -8,7 +8,7 @@ use crate::curves::draw_curves;
 use crate::events::Event;
 use crate::tensorboard::{Events, FOLDER};
 
-/// A watched run.
+/// A monitored run.
 pub(crate) struct Watch {
     run: PathBuf,
     checkpoint_every_steps: u32,
@@ -21,7 +21,7 @@ impl Watch {
         Self { run: run.to_owned(), checkpoint_every_steps, events: Mutex::new(None) }
     }
 
-    /// Takes note of what happens.
+    /// Handles an event.
     pub(crate) fn see(&self, event: &Event<'_>) {
         match event {
             Event::Loading(_) | Event::SceneLoaded | Event::NoBetter(_) => {}
@@ -57,7 +57,7 @@ fn warned<T>(outcome: std::io::Result<T>) -> Option<T> {
     match outcome {
         Ok(value) => Some(value),
         Err(error) => {
-            tracing::warn!("no more events for TensorBoard: {error}");
+            tracing::warn!("TensorBoard events are no longer written: {error}");
             None
         }
     }

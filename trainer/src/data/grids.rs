@@ -1,9 +1,9 @@
 //! Every scene's grid, decoded once and kept in a file.
 //!
-//! Parquet is for keeping and sharing; a shuffled epoch wants any grid at any time. So each grid is decoded once, when
-//! training begins, into a file of raw floats (256 kB a scene, in the run's folder), and read from there; the system's
-//! page cache keeps what fits; in memory there are some 40 bytes an attempt. The file has no name, so nothing is left behind
-//! however the program ends.
+//! Parquet suits storage and sharing, but a shuffled epoch needs random access to grids. Therefore each grid is decoded
+//! once at the start of training to a file of raw floats (256 kB per scene, in the run's folder) and read from there.
+//! The system's page cache holds what fits; about 40 bytes per attempt are in memory. The file has no name, so it
+//! disappears with the process.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -17,11 +17,11 @@ use network::receptive_field::RESOLUTION;
 const VALUES: usize = RESOLUTION.pow(3);
 const BYTES: usize = 4 * VALUES;
 
-/// The spool file cannot be made, written or read.
+/// The spool file cannot be created, written or read.
 #[derive(Debug, thiserror::Error)]
 #[error("failed to {action} the file of decoded grids ({bytes} bytes in all): {source}: {}", .path.display())]
 pub struct SpoolError {
-    /// What was tried.
+    /// The operation.
     pub action: &'static str,
     /// Size of the whole file.
     pub bytes: u64,
@@ -32,7 +32,7 @@ pub struct SpoolError {
 }
 
 impl Exit for SpoolError {
-    /// [`ExitCode::TryAgain`]: room can be made on the disk.
+    /// [`ExitCode::TryAgain`]: the disk may have space later.
     fn exit_code(&self) -> ExitCode {
         ExitCode::TryAgain
     }
@@ -47,10 +47,10 @@ pub struct Grids {
 }
 
 impl Grids {
-    /// Room for `count` grids in a file in `folder`, which must exist.
+    /// A file for `count` grids in `folder`, which must exist.
     ///
     /// # Errors
-    /// [`SpoolError`] if the file cannot be made.
+    /// [`SpoolError`] if the file cannot be created.
     pub fn create(folder: &Path, count: usize) -> Result<Self, SpoolError> {
         let path = folder.to_owned();
         let bytes = (count * BYTES) as u64;
@@ -74,7 +74,7 @@ impl Grids {
     /// Writes a grid.
     ///
     /// # Errors
-    /// [`SpoolError`], on a full disk for one.
+    /// [`SpoolError`], for example on a full disk.
     ///
     /// # Panics
     /// If there is no such grid or it is not 40³.

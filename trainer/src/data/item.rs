@@ -18,24 +18,24 @@ pub struct GraspItem {
     pub grid: Arc<[f32]>,
     /// The voxel that holds the grasp's origin.
     pub voxel: [usize; 3],
-    /// What the attempt showed.
+    /// The result of the attempt.
     pub target: Target,
 }
 
-/// How training changes samples; testing does not.
+/// The changes to samples in training; there are none in testing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrainingTransform {
     /// The run's seed.
     pub seed: u64,
     /// The epoch, from 0.
     pub epoch: u32,
-    /// How scenes are turned and shifted.
+    /// Rotations and shifts of scenes.
     pub augmentation: Augmentation,
-    /// How much successes and failures count.
+    /// Weights of successes and failures.
     pub weights: ClassWeights,
 }
 
-/// A sample without its grid, 40 bytes: what is held in memory for every attempt.
+/// A sample without its grid, 40 bytes, held in memory for every attempt.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Record {
     pub(super) scene: u32,
@@ -47,17 +47,18 @@ pub(super) struct Record {
     pub(super) width_voxels: f32,
 }
 
-/// All samples of a dataset whose grasp lies in the grid, by scene and attempt: one an attempt by a rule, one a point of VGN's.
+/// All samples of a dataset whose grasp is inside the grid, by scene and attempt: one per attempt by a rule, one per
+/// point of VGN's sampler.
 #[derive(Debug)]
 pub struct GraspDataset {
     pub(super) records: Vec<Record>,
     pub(super) grids: Grids,
-    /// Samples left out because their grasp's origin lies outside the grid.
+    /// Number of samples dropped because their grasp's origin is outside the grid.
     pub(super) outside: u64,
 }
 
 impl GraspDataset {
-    /// Attempts that are no samples, for their grasp's origin lies outside the grid.
+    /// Number of attempts without a sample, because their grasp's origin is outside the grid.
     #[must_use]
     pub fn outside_count(&self) -> u64 {
         self.outside
@@ -69,7 +70,7 @@ impl GraspDataset {
         u64::from(self.records[sample].scene)
     }
 
-    /// The attempt within its scene that a sample stands for.
+    /// The attempt within its scene that represents a sample.
     #[must_use]
     pub fn attempt(&self, sample: usize) -> u32 {
         self.records[sample].attempt
@@ -81,7 +82,7 @@ impl GraspDataset {
         self.records.iter().map(|record| (u64::from(record.scene), record.attempt)).collect()
     }
 
-    /// The rule by which a sample's attempt was drawn: the shape that it was aimed at, and along which of its axes.
+    /// The rule that drew a sample's attempt: target shape and approach axis.
     #[must_use]
     pub fn rule(&self, sample: usize) -> Rule {
         self.records[sample].rule
@@ -93,7 +94,7 @@ impl GraspDataset {
         self.records[sample].label
     }
 
-    /// A batch of samples, sorted by sample so that those of a scene share its grid.
+    /// A batch of samples, sorted so that those of a scene share its grid.
     ///
     /// # Errors
     /// [`SpoolError`] if a grid cannot be read.
@@ -117,7 +118,7 @@ impl GraspDataset {
         Ok(batch)
     }
 
-    /// A batch of samples as training sees them: a pure function of the samples and the transform.
+    /// A batch of training samples: a pure function of the samples and the transform.
     ///
     /// # Errors
     /// As [`Self::batch`].
@@ -145,7 +146,7 @@ impl GraspDataset {
         Ok(batch)
     }
 
-    /// Between which heights, in voxels, a scene's samples lie.
+    /// The range of heights of a scene's samples, in voxels.
     fn heights(&self, scene: u32) -> RangeInclusive<usize> {
         let start = self.records.partition_point(|record| record.scene < scene);
         let own = self.records[start..].iter().take_while(|record| record.scene == scene);

@@ -15,7 +15,7 @@ use network::receptive_field::RESOLUTION;
 /// Why a dataset cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// There is no dataset, or it is incomplete, damaged or of an unknown version.
+    /// There is no dataset, or it is incomplete, damaged or has an unknown version.
     #[error(transparent)]
     Read(#[from] ReadError),
     /// The grid is not the network's.
@@ -24,10 +24,10 @@ pub enum LoadError {
     /// Too many scenes for the samples' four-byte scene numbers.
     #[error("at most 4294967295 scenes can be trained on, the dataset has {0}")]
     Scenes(u64),
-    /// The decoded grids cannot be kept.
+    /// The decoded grids cannot be stored.
     #[error(transparent)]
     Spool(#[from] SpoolError),
-    /// A signal came while loading.
+    /// A signal stopped the loading.
     #[error("stopped by a signal while reading the dataset")]
     Stopped,
 }
@@ -43,9 +43,9 @@ impl Exit for LoadError {
     }
 }
 
-/// Reads every attempt and decodes every grid once, into a file in `folder`; shards in parallel, those after a failed
-/// one no more. Files are checked against the manifest's checksums on the way. `scene_done` is called once a scene,
-/// from any thread.
+/// Reads every attempt and decodes every grid once to a file in `folder`. Shards are read in parallel; after a failed
+/// shard no later ones are read. Files are checked against the manifest's checksums. `scene_done` is called once per
+/// scene, from any thread.
 ///
 /// # Errors
 /// [`LoadError`]; the first in the order of shards.
@@ -66,7 +66,7 @@ pub fn load(
         .into_par_iter()
         .map(|shard| {
             if failed.load(Ordering::Relaxed) < shard {
-                return Err(LoadError::Stopped); // comes after the failure, so nobody hears of it
+                return Err(LoadError::Stopped); // after the failure, so the result is not used
             }
             let records = load_shard(dataset, shard, &grids, stop, scene_done);
             records.inspect_err(|_| {
@@ -81,7 +81,7 @@ pub fn load(
     Ok(GraspDataset { records, grids, outside })
 }
 
-/// The samples of a shard, whose grids go to the file, and how many lie outside the grid.
+/// Reads the samples of a shard and writes their grids to the file; also returns the number of grasps outside the grid.
 fn load_shard(
     dataset: &Dataset,
     shard: u32,
@@ -106,7 +106,7 @@ fn load_shard(
     Ok((records, outside as u64))
 }
 
-/// The sample that an attempt stands for, or `None` if its grasp's origin lies outside the grid.
+/// The sample of an attempt, or `None` if its grasp's origin is outside the grid.
 fn record(attempt: &AttemptRecord, grid: &Grid) -> Option<Record> {
     let label = attempt.label();
     let grasp = Grasp {

@@ -1,4 +1,4 @@
-//! Batches, read ahead by a thread of their own.
+//! Batches, read ahead by a separate thread.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::sync_channel;
@@ -7,11 +7,11 @@ use super::grids::SpoolError;
 use super::item::{GraspDataset, TrainingTransform};
 use crate::batch::Batch;
 
-/// Batches that are read ahead.
+/// Number of batches to read ahead.
 const AHEAD: usize = 2;
 
-/// Calls `visit` with the samples in batches of `batch`, in order, until it breaks; whether it did not. The next
-/// batches are read meanwhile.
+/// Calls `visit` with the samples in batches of `batch`, in order, until it breaks; returns whether it did not break.
+/// The next batches are read in the background.
 ///
 /// # Errors
 /// [`SpoolError`] if a grid cannot be read.
@@ -24,7 +24,7 @@ pub fn for_each_batch(
     read_ahead(samples.chunks(batch), |numbers| dataset.batch(numbers), visit)
 }
 
-/// As [`for_each_batch`], with the samples as training sees them; turned and shifted on the reading thread.
+/// Like [`for_each_batch`] for training samples, which are rotated and shifted on the reading thread.
 ///
 /// # Errors
 /// As [`for_each_batch`].
@@ -48,7 +48,7 @@ fn read_ahead<'a>(
         scope.spawn(move || {
             for numbers in batches {
                 if sender.send(read(numbers)).is_err() {
-                    return; // the visitor broke off
+                    return; // the visitor stopped
                 }
             }
         });

@@ -1,32 +1,32 @@
-//! The attempts that a network was most wrong about: those with the highest quality that failed, and those with the lowest that
-//! held. Of all that are seen only so many are kept.
+//! The worst errors of a network: failed attempts with the highest predicted qualities, and held attempts with the
+//! lowest. Only a limited number is kept.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use crate::scores::Score;
 
-/// An attempt, and what the network said of it.
+/// An attempt with its prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mistake {
     /// The scene.
     pub scene_id: u64,
     /// The attempt within the scene.
     pub attempt_id: u32,
-    /// What was predicted and what happened.
+    /// Prediction and label.
     pub score: Score,
 }
 
-/// The worst mistakes, worst first; of equal ones those of earlier scenes and attempts.
+/// The worst errors, worst first; equal ones in the order of scenes and attempts.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mistakes {
-    /// They failed, and have the highest qualities among those that did.
+    /// Failed attempts with the highest qualities.
     pub overrated: Vec<Mistake>,
-    /// They held, and have the lowest qualities among those that did.
+    /// Held attempts with the lowest qualities.
     pub underrated: Vec<Mistake>,
 }
 
-/// What keeps the worst of the attempts that it sees.
+/// Collects the worst attempts.
 #[derive(Debug)]
 pub(super) struct Keeper {
     most: usize,
@@ -34,17 +34,17 @@ pub(super) struct Keeper {
     underrated: BinaryHeap<Kept>,
 }
 
-/// The greatest of a heap is the least bad: the one to go.
+/// The maximum of a heap is the least bad attempt, which is removed first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Kept(Mistake);
 
 impl Keeper {
-    /// Keeps up to `most` of either kind.
+    /// Keeps up to `most` of each kind.
     pub(super) fn new(most: usize) -> Self {
         Self { most, overrated: BinaryHeap::new(), underrated: BinaryHeap::new() }
     }
 
-    /// Looks at an attempt. A quality that is no number says nothing and is passed over.
+    /// Adds an attempt. A quality that is NaN is ignored.
     pub(super) fn see(&mut self, mistake: Mistake) {
         if mistake.score.logit.is_nan() {
             return;
@@ -66,7 +66,7 @@ impl Ord for Kept {
     fn cmp(&self, other: &Self) -> Ordering {
         let (a, b) = (&self.0, &other.0);
         let by_logit = a.score.logit.total_cmp(&b.score.logit);
-        // A heap holds one kind: of what failed high is bad, of what held low is.
+        // A heap has one kind: high qualities are bad for failures, low ones for successes.
         let by_badness = if a.score.held { by_logit } else { by_logit.reverse() };
         by_badness.then_with(|| (a.scene_id, a.attempt_id).cmp(&(b.scene_id, b.attempt_id)))
     }
@@ -86,7 +86,7 @@ mod tests {
 
     use super::*;
 
-    /// All of one kind, sorted, and the first of them.
+    /// The sorted attempts of one kind.
     fn slowly(all: &[Mistake], held: bool, most: usize) -> Vec<Mistake> {
         let mut own: Vec<Mistake> = all.iter().filter(|one| one.score.held == held).copied().collect();
         own.retain(|one| !one.score.logit.is_nan());

@@ -1,8 +1,9 @@
-//! Convolutions as matrix products: the gathering of inputs into rows.
+//! Convolutions as matrix products: gathers inputs into rows.
 //!
 //! A feature map is a matrix `[positions, channels]`. One output of a convolution is the product of the row of its
 //! kernel³ · channels inputs with the weights, so a whole convolution is one gather of rows and one large product.
-//! Kernel positions run x slowest, z fastest, channels fastest of all; [`super::matrices`] orders the weights alike.
+//! Kernel positions run x slowest, z fastest, channels fastest of all; [`super::matrices`] has the same order of
+//! weights.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use rayon::prelude::*;
@@ -17,8 +18,8 @@ pub const FIRST_ROWS: usize = (RESOLUTION / 2).pow(3);
 
 /// The inputs of the first layer, gathered on the host: they need no gradient.
 ///
-/// The last column is one, and one more row of zeros follows the grids' rows: its product is 0 whatever the bias, and
-/// after ReLU it is the zero that pads the second layer.
+/// The last column is one, and a row of zeros follows the grids' rows: its product is 0 for any bias, and after ReLU it
+/// is the zero padding of the second layer.
 ///
 /// Shape: `[grids · 20³ + 1, 126]`. Each grid has 40³ values, x slowest.
 #[must_use]
@@ -55,9 +56,9 @@ fn gather_plane(grid: &[f32], plane: usize, rows: &mut [f32]) {
     }
 }
 
-/// Row numbers that gather the inputs of a padded convolution over whole grids.
+/// Row indices that gather the inputs of a padded convolution over whole grids.
 ///
-/// Input positions: `grids` cubes of `n`³ rows, then one row of zeros, which stands for everything outside. Output:
+/// Input positions: `grids` cubes of `n`³ rows, then one row of zeros for everything outside. Output:
 /// (n / stride)³ positions a grid, each with kernel³ entries.
 #[must_use]
 pub fn padded_rows(grids: usize, n: usize, kernel: usize, stride: usize, device: &Device) -> Tensor<1, Int> {
@@ -78,7 +79,7 @@ pub fn padded_rows(grids: usize, n: usize, kernel: usize, stride: usize, device:
     index_tensor(rows, device)
 }
 
-/// Row numbers that gather the inputs of an unpadded convolution of stride 1 over patches.
+/// Row indices that gather the inputs of an unpadded convolution of stride 1 over patches.
 ///
 /// Input positions: `patches` cubes of `n`³ rows. Output: (n − kernel + 1)³ positions a patch, each with kernel³
 /// entries.

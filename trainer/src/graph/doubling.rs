@@ -1,6 +1,6 @@
-//! ×2 upsampling by tensors: of whole volumes, and of the patches around voxels.
+//! ×2 upsampling of tensors: of whole volumes, and of the patches around voxels.
 //!
-//! Burn's `interpolate` takes 4-D tensors only, so each axis is multiplied with its matrix ([`Upsampling::window`]).
+//! Burn's `interpolate` supports only 4-D tensors, so each axis is multiplied with its matrix ([`Upsampling::window`]).
 
 use burn::tensor::{Device, Tensor, TensorData};
 use network::receptive_field::{COARSEST, PatchSizes, axis_windows};
@@ -23,8 +23,8 @@ fn doubling_matrix(mode: Upsampling, n: usize, device: &Device) -> Tensor<2> {
     Tensor::from_data(TensorData::new(mode.window(n, (0, 2 * n), (0, n)), [2 * n, n]), device)
 }
 
-/// The doubling matrices of a batch of voxels for one axis: each maps a coarse patch to the fine patch that the next
-/// convolution sees.
+/// The doubling matrices of a batch of voxels for one axis: each maps a coarse patch to the fine input patch of the
+/// next convolution.
 #[derive(Debug, Clone)]
 pub struct AxisDoublings {
     /// 5 to 10: `[b, conv2_in, 5]`.

@@ -7,7 +7,7 @@ use schema::Quat;
 
 use crate::loss::{Target, WIDTH_WEIGHT, half_turn, target_width};
 
-/// What the network says about one voxel a sample.
+/// The network's output at one voxel per sample.
 #[derive(Debug, Clone)]
 pub struct Prediction {
     /// Logit of the grasp quality, `[b]`.
@@ -47,7 +47,7 @@ pub struct SampleLosses {
 }
 
 impl Targets {
-    /// Puts a batch of targets on a device.
+    /// Copies a batch of targets to a device.
     #[must_use]
     pub fn new(targets: &[Target], device: &Device) -> Self {
         let count = targets.len();
@@ -75,7 +75,7 @@ pub fn sample_losses(prediction: &Prediction, targets: &Targets) -> SampleLosses
     let logit = prediction.quality_logit.clone();
     // −y ln σ(z) − (1 − y) ln(1 − σ(z)) = max(z, 0) − z y + ln(1 + e^−|z|)
     let quality = relu(logit.clone()) - logit.clone() * label() + logit.abs().neg().exp().log1p();
-    let quality = quality * targets.quality_weight.clone(); // times 1 changes no bit
+    let quality = quality * targets.quality_weight.clone(); // multiplying by 1 changes no bit
     let apart = |rotation: &Tensor<2>| {
         let dot = (prediction.rotation.clone() * rotation.clone()).sum_dim(1).squeeze_dim::<1>(1);
         dot.abs().neg() + 1.0
@@ -86,8 +86,8 @@ pub fn sample_losses(prediction: &Prediction, targets: &Targets) -> SampleLosses
     SampleLosses { total, quality, rotation, width }
 }
 
-/// Divides by the Euclidean norm along an axis, held above 1e-12 (PyTorch's `F.normalize`). The square is held, not its
-/// root, whose slope at 0 is infinite.
+/// Divides by the Euclidean norm along an axis, bounded below by 1e-12 (PyTorch's `F.normalize`). The square is
+/// bounded, not its root, because the slope of the root at 0 is infinite.
 #[must_use]
 pub fn normalise<const D: usize>(vectors: Tensor<D>, axis: usize) -> Tensor<D> {
     let norm = vectors.clone().square().sum_dim(axis).clamp_min(NORM_SQUARED_MIN).sqrt();

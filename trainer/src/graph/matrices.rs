@@ -1,7 +1,7 @@
-//! The network's parameters as the matrices that gathered rows are multiplied with.
+//! The network's parameters as matrices for products with gathered rows.
 //!
 //! PyTorch and Burn order a weight `[out, in, x, y, z]`. A gathered row runs over x, y, z and then the channels, so the
-//! matrix is `[x · y · z · in, out]`. The three heads see the same row and become one matrix with six columns.
+//! matrix is `[x · y · z · in, out]`. The three heads read the same row and form one matrix with six columns.
 
 use burn::tensor::Tensor;
 use network::layers::{LAYERS, LayerShape, parameter_slots};
@@ -9,9 +9,9 @@ use network::layers::{LAYERS, LayerShape, parameter_slots};
 /// Weights `[kernel³ · in, out]` and biases `[out]` of every layer, in the order of [`LAYERS`].
 #[derive(Debug, Clone)]
 pub struct Matrices {
-    /// One matrix a layer.
+    /// One matrix per layer.
     pub weights: Vec<Tensor<2>>,
-    /// One vector a layer.
+    /// One vector per layer.
     pub biases: Vec<Tensor<1>>,
 }
 

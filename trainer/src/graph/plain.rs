@@ -1,8 +1,8 @@
 //! The volumetric grasp network (paper Fig. 1, VGN's `ConvNet`): a TSDF of 40³ voxels in; grasp quality, orientation
 //! and opening width out, for every voxel.
 //!
-//! The module's paths are those of VGN's PyTorch class, so a state dict goes both ways by name. This is the *dense*
-//! form; training evaluates the same function around one voxel only ([`network::receptive_field`]).
+//! The module's paths are those of VGN's PyTorch class, so state dicts are interchangeable by name. This is the *dense*
+//! form; training evaluates the same function at one voxel only ([`network::receptive_field`]).
 
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
@@ -59,12 +59,12 @@ pub struct Network {
     pub conv_rot: Conv,
     /// 16 → 1, kernel 5: opening width in voxels.
     pub conv_width: Conv,
-    /// How grids are doubled in the decoder.
+    /// The decoder's upsampling mode.
     #[module(skip)]
     pub upsampling: Upsampling,
 }
 
-/// What the network says about every voxel of a batch.
+/// The network's output at every voxel of a batch.
 #[derive(Debug, Clone)]
 pub struct DenseOutput {
     /// Logit of the grasp quality, `[b, 1, 40, 40, 40]`; the quality is its sigmoid.
@@ -80,7 +80,7 @@ impl Network {
     /// [`parameter_slots`].
     ///
     /// # Panics
-    /// If the vector is of another length.
+    /// If the vector has another length.
     #[must_use]
     pub fn from_vector(vector: Tensor<1>, upsampling: Upsampling) -> Self {
         assert_eq!(vector.dims(), [parameter_count()], "one value a parameter");
@@ -120,7 +120,7 @@ impl Network {
         ]
     }
 
-    /// The whole volume.
+    /// Evaluates the whole volume.
     ///
     /// Shapes: in `[b, 1, 40, 40, 40]` (TSDF in VGN's values), out see [`DenseOutput`].
     #[must_use]

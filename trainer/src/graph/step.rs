@@ -1,5 +1,5 @@
-//! The network at one voxel a sample by tensors: every convolution is a gather of rows and a matrix product, every doubling a
-//! small matrix product along each axis.
+//! The network at one voxel per sample with tensors: every convolution is a gather of rows and a matrix product, every
+//! doubling a small matrix product along each axis.
 
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Int, Tensor};
@@ -18,7 +18,7 @@ use crate::batch::{Batch, BatchPart};
 use crate::loss::SampleResult;
 use crate::step::StepResult;
 
-/// As [`crate::step::step`], with gradients by autodiff.
+/// Like [`crate::step::step`], with gradients by autodiff.
 #[must_use]
 pub fn step_by_graph(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> StepResult {
     let matrices = Matrices::from_vector(&to_device(vector, device));
@@ -37,7 +37,7 @@ pub fn step_by_graph(vector: &[f32], batch: &Batch, mode: Upsampling, device: &D
     StepResult { gradient, samples }
 }
 
-/// As [`crate::step::evaluate`].
+/// Like [`crate::step::evaluate`].
 #[must_use]
 pub fn evaluate_by_graph(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> Vec<SampleResult> {
     let matrices = Matrices::from_vector(&to_device(vector, device));
@@ -89,9 +89,9 @@ fn part_losses(matrices: &Matrices, part: &BatchPart<'_>, mode: Upsampling) -> (
     (prediction, losses)
 }
 
-/// The network at one voxel a sample.
+/// The network at one voxel per sample.
 ///
-/// `grids` hold 40³ values each; sample i looks at grid `grid_of_sample[i]` and is asked about `voxels[i]`.
+/// `grids` have 40³ values each; sample i uses grid `grid_of_sample[i]` and voxel `voxels[i]`.
 #[must_use]
 pub fn predict(
     matrices: &Matrices,
@@ -145,8 +145,8 @@ fn product(matrices: &Matrices, layer: usize, x: Tensor<2>, rows: Tensor<1, Int>
     relu(gathered.matmul(matrices.weights[layer].clone()) + matrices.biases[layer].clone().unsqueeze())
 }
 
-/// Most rows that are gathered at once. Graphics cards count at most 65,535 groups of work in a dimension, and gathering more
-/// rows gave wrong gradients there (Burn 0.22.1 on Vulkan), without an error.
+/// Maximum number of rows per gather. GPUs support at most 65,535 work groups per dimension, and gathering more rows
+/// gave wrong gradients (Burn 0.22.1 on Vulkan) without an error.
 const ROWS_MAX: usize = 32_768;
 
 fn gather(x: Tensor<2>, rows: Tensor<1, Int>) -> Tensor<2> {
@@ -186,7 +186,7 @@ pub(super) fn prediction_of(out: &Tensor<2>) -> Prediction {
     }
 }
 
-/// What each sample of a part gave.
+/// The results of the samples of a part.
 fn results(part: &BatchPart<'_>, prediction: Prediction, losses: SampleLosses) -> Vec<SampleResult> {
     let values = |tensor: Tensor<1>| tensor.inner().into_data().iter::<f32>().collect::<Vec<_>>();
     let (total, quality) = (values(losses.total), values(losses.quality));

@@ -108,7 +108,7 @@ fn what_cannot_be_drawn_does_not_stop_training() {
     fs::create_dir_all(path("run/loss.svg/in the way")).unwrap();
     fit.extend(["--resume", "--epochs", "2"]);
     let (_, stderr) = succeed(&fit);
-    for words in ["the curves are not drawn", "loss.svg", "no more events for TensorBoard"] {
+    for words in ["the curves are not drawn", "loss.svg", "TensorBoard events are no longer written"] {
         assert!(stderr.contains(words), "{words} is not in\n{stderr}");
     }
     assert_eq!(fs::read_to_string(path("run/metrics.jsonl")).unwrap().lines().count(), 2);
