@@ -3,18 +3,21 @@
 //! Any key can be set from outside the file, and any of the planner's (`plan.ranking.policy`), so that an ablation is a command.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use generator::Overrides;
 use perception::{DepthNoise, DexNoise, StereoNoise, camera_at};
 use planner::Planner;
-use schema::{Camera, Grid, View, keys_unlike};
-use serde::Deserialize;
+use schema::{Camera, Grid, View};
+use settings::{Document, Reader, settings, words};
 use sha2::{Digest as _, Sha256};
+use shards::DatasetInfo;
+use toml::Table;
 
-use crate::catalogue::{Catalogue, CatalogueError, Thing};
-use crate::packed::PackedLaw;
+use crate::catalogue::{Catalogue, Thing};
+use crate::packed::PackedParams;
 
-/// The reference for what keys there are: one of the files that come along.
+/// The experiment that explains the keys: one of the files that come along.
 pub const REFERENCE: &str = include_str!("../../configs/experiment/pile.toml");
 
 /// A checked experiment.
@@ -37,7 +40,7 @@ pub struct Config {
     /// What is wrong with their depths.
     pub noise: DepthNoise,
     /// When a round ends.
-    pub stop: StopLaw,
+    pub stop: StopParams,
     /// The planner's settings.
     pub plan: planner::Config,
     /// The network's file; `None` for the one that comes with the program.
@@ -57,7 +60,7 @@ pub enum Objects {
         count: usize,
     },
     /// So many upright ones side by side.
-    Packed(PackedLaw),
+    Packed(PackedParams),
     /// Objects of a catalogue, dropped one by one: round after round the next of these names.
     Things(Vec<(String, Vec<Thing>)>),
 }
@@ -83,172 +86,180 @@ impl Objects {
     }
 }
 
-/// Cameras evenly about the workspace, all looking at one point above the middle of its floor.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Views {
-    /// How many.
-    pub count: usize,
-    /// How far away, in workspaces.
-    pub radius_sizes: f32,
-    /// Angle from the vertical.
-    pub polar_rad: f32,
-    /// Azimuth of the first.
-    pub azimuth_rad: f32,
-    /// Height of the point, in metres.
-    pub target_z_m: f32,
+settings! {
+    /// Cameras evenly about the workspace, all looking at one point above the middle of its floor.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Views {
+        /// How many.
+        pub count: usize where 1..=32,
+        /// How far away, in workspaces.
+        pub radius_sizes: f32 where 1.0..=100.0,
+        /// Angle from the vertical.
+        pub polar_rad: f32 where 0.0..=core::f32::consts::FRAC_PI_2,
+        /// Azimuth of the first.
+        pub azimuth_rad: f32 where -10.0..=10.0,
+        /// Height of the point, in metres.
+        pub target_z_m: f32 where 0.0..=1.0,
+    }
 }
 
-/// When a round ends before the table is empty.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct StopLaw {
-    /// So many failures in a row (VGN: 2).
-    pub failures_max: u32,
-    /// So many attempts in all.
-    pub attempts_max: u32,
+settings! {
+    /// When a round ends before the table is empty.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct StopParams {
+        /// So many failures in a row (VGN: 2).
+        pub failures_max: u32 where 1..=1_000,
+        /// So many attempts in all.
+        pub attempts_max: u32 where 1..=10_000,
+    }
 }
 
-/// Why an experiment's file is refused.
-#[derive(Debug, thiserror::Error)]
-pub enum ConfigError {
-    /// The file cannot be read.
-    #[error("failed to read the configuration: {source}: {}", .path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// Keys that are unknown, missing or out of range, all of them.
-    #[error("{} problem{} in the configuration {}:\n  {}", .problems.len(), if .problems.len() == 1 { "" } else { "s" }, .path.display(), .problems.join("\n  "))]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// One message a problem, beginning with the key's path.
-        problems: Vec<String>,
-    },
-    /// The generator's config.
-    #[error(transparent)]
-    Scene(#[from] generator::ConfigError),
-    /// The planner's.
-    #[error(transparent)]
-    Plan(#[from] planner::ConfigError),
-    /// The objects.
-    #[error(transparent)]
-    Objects(#[from] CatalogueError),
+settings! {
+    /// What an experiment's file holds.
+    struct Keys {
+        /// The protocol's name; every number carries it.
+        protocol: String,
+        /// Seeds of the scenes; each has all rounds.
+        seeds: Vec<u64>,
+        /// Rounds of a seed.
+        rounds: u64 where 1..=1_000_000,
+        /// `paper`, or the path of a generator's config.
+        scene: String,
+        /// `paper`, or the path of a planner's settings.
+        plan: String,
+        /// `built-in`, or the path of a network.
+        model: String,
+        /// Which objects, and how they come to lie.
+        objects: ObjectKeys,
+        /// Where the cameras stand.
+        views: Views,
+        /// What is wrong with their depths.
+        noise: NoiseKeys,
+        /// When a round ends.
+        stop: StopParams,
+    }
+    check Keys::agree
 }
 
-#[derive(Deserialize)]
-struct Raw {
-    protocol: String,
-    seeds: Vec<u64>,
-    rounds: u64,
-    scene: String,
-    plan: String,
-    model: String,
-    objects: RawObjects,
-    views: RawViews,
-    noise: RawNoise,
-    stop: RawStop,
+settings! {
+    /// Which objects lie on the table.
+    struct ObjectKeys {
+        /// How they come to lie.
+        kind: Kind,
+        /// How many.
+        count: usize where 1..=20,
+        /// `everyday`, or the path of a catalogue.
+        catalogue: String,
+        /// The catalogue's objects or sets, round after round the next.
+        names: Vec<String>,
+        /// Whether placements that the hand cannot span are drawn anew.
+        viable_only: bool,
+    }
 }
 
-#[derive(Deserialize)]
-struct RawObjects {
-    kind: String,
-    count: u64,
-    catalogue: String,
-    names: Vec<String>,
-    viable_only: bool,
+words! {
+    /// How objects come to lie.
+    enum Kind {
+        /// Dropped one by one, as in training.
+        Pile = "pile",
+        /// Upright, side by side.
+        Packed = "packed",
+        /// Those of a catalogue, dropped one by one.
+        Things = "things",
+    }
 }
 
-#[derive(Deserialize)]
-struct RawViews {
-    count: u64,
-    radius_sizes: f32,
-    polar_rad: f32,
-    azimuth_rad: f32,
-    target_z_m: f32,
+settings! {
+    /// A sensor's faults.
+    struct NoiseKeys {
+        /// Which model.
+        kind: NoiseKind,
+        /// Standard deviation of `gaussian`.
+        std_m: f32 where 0.0..=1.0,
+    }
 }
 
-#[derive(Deserialize)]
-struct RawNoise {
-    kind: String,
-    std_m: f32,
+words! {
+    /// A model of a sensor's faults.
+    enum NoiseKind {
+        /// None.
+        None = "none",
+        /// Independent in every pixel.
+        Gaussian = "gaussian",
+        /// A RealSense's.
+        D435 = "d435",
+        /// GIGA's.
+        Dex = "dex",
+    }
 }
 
-#[derive(Deserialize)]
-struct RawStop {
-    failures_max: u64,
-    attempts_max: u64,
+impl Keys {
+    fn agree(&self, reader: &mut Reader<'_>) {
+        let Self { seeds, objects, .. } = self;
+        if !(1..=1_000).contains(&seeds.len()) {
+            reader.fault(format_args!("number of seeds must be between 1 and 1000, got {}", seeds.len()));
+        }
+        let mut once = seeds.clone();
+        once.sort_unstable();
+        once.dedup();
+        reader.must("seeds", once.len() == seeds.len(), || "must be different ones");
+        reader.must(
+            "objects.names",
+            objects.names.is_empty() == (objects.kind != Kind::Things),
+            || "must be there for objects.kind \"things\", and not for the others",
+        );
+    }
 }
 
 impl Config {
     /// Reads a file; paths in it are taken from its folder. `set` are keys and values (TOML) in place of the file's.
     ///
     /// # Errors
-    /// [`ConfigError`].
-    pub fn read(path: &Path, set: &[(String, String)]) -> Result<Self, ConfigError> {
-        Self::parse(&text_of(path)?, path, set)
+    /// [`settings::Error`] of the file, or of one that it names.
+    pub fn read(path: &Path, set: &[(String, String)]) -> Result<Self, settings::Error> {
+        Self::resolve(Document::load(Some(path), [REFERENCE, ""])?, set)
     }
 
-    /// Checks the text of a file.
+    /// The experiment in a document.
     ///
     /// # Errors
     /// As [`Config::read`].
-    pub fn parse(text: &str, path: &Path, set: &[(String, String)]) -> Result<Self, ConfigError> {
-        let invalid = |problems| ConfigError::Invalid { path: path.to_owned(), problems };
-        let syntax = |e: toml::de::Error| invalid(vec![e.to_string().trim().to_owned()]);
-        let mut table: toml::Table = text.parse().map_err(syntax)?;
+    pub fn resolve(mut document: Document, set: &[(String, String)]) -> Result<Self, settings::Error> {
         let (of_plan, own): (Vec<_>, Vec<_>) = set.iter().partition(|(key, _)| key.starts_with("plan."));
-        own.into_iter().try_for_each(|(key, value)| put(&mut table, key, value)).map_err(|e| invalid(vec![e]))?;
-        let unlike = keys_unlike(&table, &REFERENCE.parse().map_err(syntax)?);
-        if !unlike.is_empty() {
-            return Err(invalid(unlike));
-        }
-        let (resolved, raw_table) = (table.to_string(), table.clone());
-        let raw: Raw = table.try_into().map_err(syntax)?;
-        let mut problems = problems(&raw);
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let file = |name: &str, built_in: &str| (name != built_in).then(|| folder.join(name));
-        let scene = generator::Config::load(file(&raw.scene, "paper").as_deref(), Overrides::default())?;
-        let plan_path = file(&raw.plan, "paper");
-        let plan_text = plan_path.as_deref().map_or(Ok(planner::config::PAPER.to_owned()), text_of)?;
-        let mut plan_table: toml::Table = plan_text.parse().map_err(syntax)?;
+        own.into_iter().try_for_each(|(key, value)| document.set(key, value))?;
+        let keys: Keys = document.read()?;
+        let file = |name: &str, built_in: &str| (name != built_in).then(|| document.folder().join(name));
+        let scene = generator::Config::load(file(&keys.scene, "paper").as_deref(), Overrides::default())?;
+        let mut plan = planner::Config::document(file(&keys.plan, "paper").as_deref())?;
         let mut of_plan = of_plan.into_iter().map(|(key, value)| (key.trim_start_matches("plan."), value));
-        of_plan.try_for_each(|(key, value)| put(&mut plan_table, key, value)).map_err(|e| invalid(vec![e]))?;
-        let plan_text = plan_table.to_string();
-        let plan =
-            planner::Config::parse(&plan_text, plan_path.as_deref().unwrap_or(Path::new("configs/plan/paper.toml")))?;
-        let objects = objects(&raw.objects, file(&raw.objects.catalogue, "everyday").as_deref(), &mut problems)?;
-        problems.extend(mismatches(&scene, &plan));
+        of_plan.try_for_each(|(key, value)| plan.set(key, value))?;
+        let text = format!("{}\n# Planner\n{}", document.table(), plan.table());
+        let plan: planner::Config = plan.read()?;
+        let objects = objects(&keys.objects, file(&keys.objects.catalogue, "everyday").as_deref());
+        let objects = objects.map_err(|problem| document.invalid(vec![problem]))?;
+        let problems = mismatches(&scene, &plan);
         if !problems.is_empty() {
-            return Err(invalid(problems));
+            return Err(document.invalid(problems));
         }
-        let mut protocol_only = raw_table;
-        protocol_only.retain(|key, _| !["seeds", "rounds"].contains(&key));
-        let all = format!("{protocol_only:?} {scene:?} {plan:?} {objects:?}");
         Ok(Self {
+            digest: digest(document.table(), &scene, &plan, &objects),
             objects,
-            digest: Sha256::digest(all).iter().map(|byte| format!("{byte:02x}")).collect(),
-            viable_only: raw.objects.viable_only,
-            views: Views {
-                count: raw.views.count as usize,
-                radius_sizes: raw.views.radius_sizes,
-                polar_rad: raw.views.polar_rad,
-                azimuth_rad: raw.views.azimuth_rad,
-                target_z_m: raw.views.target_z_m,
+            viable_only: keys.objects.viable_only,
+            views: keys.views,
+            noise: match keys.noise.kind {
+                NoiseKind::None => DepthNoise::None,
+                NoiseKind::Gaussian => DepthNoise::Gaussian { std_m: keys.noise.std_m },
+                NoiseKind::Dex => DepthNoise::Dex(DexNoise::GIGA),
+                NoiseKind::D435 => {
+                    DepthNoise::Stereo(StereoNoise { focal_px: scene.camera.focal_px, ..StereoNoise::D435 })
+                }
             },
-            noise: match raw.noise.kind.as_str() {
-                "gaussian" => DepthNoise::Gaussian { std_m: raw.noise.std_m },
-                "dex" => DepthNoise::Dex(DexNoise::GIGA),
-                "d435" => DepthNoise::Stereo(StereoNoise { focal_px: scene.intrinsics.fx_px, ..StereoNoise::D435 }),
-                _ => DepthNoise::None,
-            },
-            stop: StopLaw { failures_max: raw.stop.failures_max as u32, attempts_max: raw.stop.attempts_max as u32 },
-            model: file(&raw.model, "built-in"),
-            text: format!("{resolved}\n# Planner\n{plan_text}"),
-            protocol: raw.protocol,
-            seeds: raw.seeds,
-            rounds: raw.rounds,
+            stop: keys.stop,
+            model: file(&keys.model, "built-in"),
+            text,
+            protocol: keys.protocol,
+            seeds: keys.seeds,
+            rounds: keys.rounds,
             scene,
             plan,
         })
@@ -279,7 +290,7 @@ impl Config {
         let radius_m = radius_sizes * self.scene.grid.size_m;
         let camera = |number: usize| {
             let view = View { radius_m, polar_rad, azimuth_rad: azimuth_rad + turn(number) };
-            let mut camera = camera_at(&view, &self.scene.grid, self.scene.intrinsics);
+            let mut camera = camera_at(&view, &self.scene.grid, self.scene.camera.intrinsics());
             camera.workspace_from_camera.translation.z += target_z_m;
             camera
         };
@@ -303,84 +314,37 @@ fn mismatches(scene: &generator::Config, plan: &planner::Config) -> Vec<String> 
     problems
 }
 
-fn text_of(path: &Path) -> Result<String, ConfigError> {
-    std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })
-}
-
-/// Puts a value, as TOML or as plain text, in the place of a key such as `views.count`.
-fn put(table: &mut toml::Table, key: &str, value: &str) -> Result<(), String> {
-    let parsed = format!("value = {value}").parse::<toml::Table>().ok().and_then(|mut one| one.remove("value"));
-    let value = parsed.unwrap_or_else(|| toml::Value::String(value.to_owned()));
-    let mut parts: Vec<&str> = key.split('.').collect();
-    let last = parts.pop().unwrap_or_default();
-    let mut place = table;
-    for part in parts {
-        place =
-            place.get_mut(part).and_then(toml::Value::as_table_mut).ok_or_else(|| format!("there is no key {key}"))?;
-    }
-    let slot = place.get_mut(last).ok_or_else(|| format!("there is no key {key}"))?;
-    *slot = match (&*slot, value) {
-        (toml::Value::Float(_), toml::Value::Integer(whole)) => toml::Value::Float(whole as f64),
-        (_, value) => value,
-    };
-    Ok(())
-}
-
 /// What lies on the tables.
-fn objects(raw: &RawObjects, catalogue: Option<&Path>, problems: &mut Vec<String>) -> Result<Objects, ConfigError> {
-    let count = raw.count as usize;
-    if raw.names.is_empty() != (raw.kind != "things") {
-        problems.push("objects.names must be there for objects.kind \"things\", and not for the others".to_owned());
-    }
-    Ok(match raw.kind.as_str() {
-        "packed" => Objects::Packed(PackedLaw { count, ..PackedLaw::default() }),
-        "things" => {
-            let catalogue = Catalogue::read(catalogue)?;
-            let mut groups = Vec::new();
-            for name in &raw.names {
-                match catalogue.named(name) {
-                    Some(things) => groups.push((name.clone(), things.into_iter().cloned().collect())),
-                    None => problems
-                        .push(format!("objects.names must be among {}, got {name}", catalogue.names().join(", "))),
-                }
-            }
-            Objects::Things(groups)
+fn objects(keys: &ObjectKeys, catalogue: Option<&Path>) -> Result<Objects, String> {
+    Ok(match keys.kind {
+        Kind::Pile => Objects::Pile { count: keys.count },
+        Kind::Packed => Objects::Packed(PackedParams { count: keys.count, ..PackedParams::default() }),
+        Kind::Things => {
+            let catalogue = Catalogue::read(catalogue).map_err(|e| format!("objects.catalogue: {e}"))?;
+            let group = |name: &String| {
+                let things = catalogue.named(name).ok_or_else(|| {
+                    format!("objects.names must be among {}, got {}", catalogue.names().join(", "), name.escape_debug())
+                })?;
+                Ok((name.clone(), things.into_iter().cloned().collect()))
+            };
+            Objects::Things(keys.names.iter().map(group).collect::<Result<_, String>>()?)
         }
-        _ => Objects::Pile { count },
     })
 }
 
-fn problems(raw: &Raw) -> Vec<String> {
-    let wholes = [
-        ("rounds", raw.rounds, 1, 1_000_000),
-        ("number of seeds", raw.seeds.len() as u64, 1, 1_000),
-        ("objects.count", raw.objects.count, 1, 20),
-        ("views.count", raw.views.count, 1, 32),
-        ("stop.failures_max", raw.stop.failures_max, 1, 1_000),
-        ("stop.attempts_max", raw.stop.attempts_max, 1, 10_000),
-    ];
-    let reals = [
-        ("views.radius_sizes", raw.views.radius_sizes, 1.0, 100.0),
-        ("views.polar_rad", raw.views.polar_rad, 0.0, core::f32::consts::FRAC_PI_2),
-        ("views.azimuth_rad", raw.views.azimuth_rad, -10.0, 10.0),
-        ("views.target_z_m", raw.views.target_z_m, 0.0, 1.0),
-        ("noise.std_m", raw.noise.std_m, 0.0, 1.0),
-    ];
-    let words: [(&str, &str, &[&str]); 2] = [
-        ("objects.kind", &raw.objects.kind, &["pile", "packed", "things"]),
-        ("noise.kind", &raw.noise.kind, &["none", "gaussian", "d435", "dex"]),
-    ];
-    let mut once = raw.seeds.clone();
-    once.sort_unstable();
-    once.dedup();
-    let repeated = (once.len() < raw.seeds.len()).then(|| "seeds must be different ones".to_owned());
-    let whole = wholes.iter().filter(|(_, value, low, high)| !(low..=high).contains(&value));
-    let real = reals.iter().filter(|(_, value, low, high)| !(low..=high).contains(&value));
-    let word = words.iter().filter(|(_, value, all)| !all.contains(value));
-    whole
-        .map(|(key, value, low, high)| format!("{key} must be between {low} and {high}, got {value}"))
-        .chain(real.map(|(key, value, low, high)| format!("{key} must be between {low} and {high}, got {value}")))
-        .chain(word.map(|(key, value, all)| format!("{key} must be one of {}, got {value}", all.join(", "))))
-        .chain(repeated)
-        .collect()
+/// Digest of what decides a round, as it is stored: no name in this code is part of it.
+fn digest(keys: &Table, scene: &generator::Config, plan: &planner::Config, objects: &Objects) -> String {
+    let mut keys = keys.clone();
+    keys.retain(|key, _| !["seeds", "rounds"].contains(&key));
+    let things = match objects {
+        Objects::Things(groups) => groups.iter().flat_map(|(_, things)| things).collect(),
+        Objects::Pile { .. } | Objects::Packed(_) => Vec::new(),
+    };
+    // A catalogue's objects are models.
+    let models = things.iter().filter_map(|thing| thing.body.to_model(thing.mass_kg, thing.friction).ok());
+    let info = DatasetInfo { models: models.map(Arc::new).collect(), ..scene.dataset_info() };
+    // Settings are numbers, words and tables of them, which always have a JSON form.
+    let plan = serde_json::to_string(plan).unwrap_or_default();
+    let all = format!("{keys}\n{}\n{plan}", info.to_json());
+    Sha256::digest(all).iter().map(|byte| format!("{byte:02x}")).collect()
 }

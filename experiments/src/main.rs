@@ -7,7 +7,7 @@ use std::sync::Mutex;
 
 use anyhow::Context;
 use clap::{Args, CommandFactory, Parser, Subcommand};
-use experiments::config::{Config, ConfigError};
+use experiments::config::Config;
 use experiments::page::{PageError, Played, page};
 use experiments::record::{RoundRecord, TrialRecord};
 use experiments::report::{About, comparison, json, markdown, read, svg};
@@ -140,7 +140,7 @@ fn main() -> ExitCode {
 /// The one place where errors become exit codes.
 fn exit_code_of(error: &anyhow::Error) -> program::ExitCode {
     let codes = [
-        error.downcast_ref::<ConfigError>().map(|_| program::ExitCode::Config),
+        error.downcast_ref().map(settings::Error::exit_code),
         error.downcast_ref().map(RunError::exit_code),
         error.downcast_ref().map(PageError::exit_code),
         error.downcast_ref().map(PlannerError::exit_code),

@@ -12,7 +12,7 @@ const DROP_M: f32 = 0.0005;
 
 /// The distribution of the objects of a packed scene.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PackedLaw {
+pub struct PackedParams {
     /// Shapes, drawn evenly.
     pub shapes: Vec<ShapeKind>,
     /// Number of objects.
@@ -33,7 +33,7 @@ pub struct PackedLaw {
     pub tries_max: u32,
 }
 
-impl Default for PackedLaw {
+impl Default for PackedParams {
     /// Five household-sized objects with centres as in VGN: in [0.08, 0.22] m of 0.30 m.
     fn default() -> Self {
         Self {
@@ -50,16 +50,16 @@ impl Default for PackedLaw {
     }
 }
 
-/// Draws the objects of a packed scene and their positions; fewer than `law.count` if some found none.
+/// Draws the objects of a packed scene and their positions; fewer than `params.count` if some found none.
 #[must_use]
-pub fn draw_packed(law: &PackedLaw, grid: &Grid, stream: &mut Stream) -> Vec<SceneObject> {
-    let mut placed = Vec::with_capacity(law.count);
-    let mut taken: Vec<Footprint> = Vec::with_capacity(law.count);
-    for _ in 0..law.count {
-        let solid = draw_solid(law, stream);
-        let density_kg_m3 = stream.uniform(law.density_kg_m3[0], law.density_kg_m3[1]);
-        let friction = stream.uniform(law.friction[0], law.friction[1]);
-        if let Some((workspace_from_object, footprint)) = find_place(law, grid, &solid, &taken, stream) {
+pub fn draw_packed(params: &PackedParams, grid: &Grid, stream: &mut Stream) -> Vec<SceneObject> {
+    let mut placed = Vec::with_capacity(params.count);
+    let mut taken: Vec<Footprint> = Vec::with_capacity(params.count);
+    for _ in 0..params.count {
+        let solid = draw_solid(params, stream);
+        let density_kg_m3 = stream.uniform(params.density_kg_m3[0], params.density_kg_m3[1]);
+        let friction = stream.uniform(params.friction[0], params.friction[1]);
+        if let Some((workspace_from_object, footprint)) = find_place(params, grid, &solid, &taken, stream) {
             let mass_kg = density_kg_m3 * solid.volume_m3();
             placed.push(SceneObject { body: solid.into(), mass_kg, friction, workspace_from_object });
             taken.push(footprint);
@@ -69,22 +69,22 @@ pub fn draw_packed(law: &PackedLaw, grid: &Grid, stream: &mut Stream) -> Vec<Sce
 }
 
 /// A shape with uniform free extents. Every shape makes the same number of draws.
-fn draw_solid(law: &PackedLaw, stream: &mut Stream) -> Solid {
-    let kind = law.shapes[stream.index(law.shapes.len())];
-    let [a, b] = [(); 2].map(|()| stream.uniform(law.width_m[0], law.width_m[1]));
-    let height = stream.uniform(law.height_m[0], law.height_m[1]);
+fn draw_solid(params: &PackedParams, stream: &mut Stream) -> Solid {
+    let kind = params.shapes[stream.index(params.shapes.len())];
+    let [a, b] = [(); 2].map(|()| stream.uniform(params.width_m[0], params.width_m[1]));
+    let height = stream.uniform(params.height_m[0], params.height_m[1]);
     let extents_m = match kind {
         ShapeKind::Cuboid => Vec3::new(a, b, height),
         ShapeKind::Cylinder => Vec3::new(a, a, height),
         ShapeKind::TriPrism => Vec3::new(height, a, b),
         ShapeKind::HalfCylinder => Vec3::new(height, a, 0.5 * a),
     };
-    Solid::new(kind, extents_m).expect("the law's extents are above 0")
+    Solid::new(kind, extents_m).expect("the parameters' extents are above 0")
 }
 
 /// The first of at most `tries_max` positions at which the object hits nothing.
 fn find_place(
-    law: &PackedLaw,
+    params: &PackedParams,
     grid: &Grid,
     solid: &Solid,
     taken: &[Footprint],
@@ -92,12 +92,12 @@ fn find_place(
 ) -> Option<(Pose, Footprint)> {
     let stance = Stance::of(solid);
     let z_m = grid.table_z_m + DROP_M + 0.5 * stance.height_m;
-    let [low, high] = [law.margin_m, grid.size_m - law.margin_m];
-    (0..law.tries_max).find_map(|_| {
+    let [low, high] = [params.margin_m, grid.size_m - params.margin_m];
+    (0..params.tries_max).find_map(|_| {
         let at = Vec3::new(stream.uniform(low, high), stream.uniform(low, high), z_m);
         let yaw = axis_angle(Vec3::Z, stream.uniform(0.0, core::f32::consts::TAU));
         let footprint = stance.footprint(at, yaw);
-        let is_free = footprint.is_inside(grid) && taken.iter().all(|other| footprint.is_apart(other, law.gap_m));
+        let is_free = footprint.is_inside(grid) && taken.iter().all(|other| footprint.is_apart(other, params.gap_m));
         is_free.then(|| (Pose::from_parts(at, yaw * stance.upright_from_object), footprint))
     })
 }
@@ -166,8 +166,8 @@ mod tests {
 
     use super::*;
 
-    fn scene(law: &PackedLaw, number: u64) -> Vec<SceneObject> {
-        draw_packed(law, &Grid::PAPER, &mut Stream::new(3, number, Purpose::Objects, 0))
+    fn scene(params: &PackedParams, number: u64) -> Vec<SceneObject> {
+        draw_packed(params, &Grid::PAPER, &mut Stream::new(3, number, Purpose::Objects, 0))
     }
 
     fn solid_of(object: &SceneObject) -> Solid {
@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn nothing_overlaps_and_the_sampling_would_see_it() {
         for number in 0..25 {
-            let mut objects = scene(&PackedLaw::default(), number);
+            let mut objects = scene(&PackedParams::default(), number);
             let [_, one, more] = samples(&objects);
             assert!(one > 500 && more == 0, "scene {number}: {one} in one object, {more} in several");
             let at = objects[0].workspace_from_object.translation;
@@ -210,9 +210,9 @@ mod tests {
 
     #[test]
     fn all_stand_upright_on_the_table_and_inside_the_workspace() {
-        let law = PackedLaw::default();
+        let params = PackedParams::default();
         let mut kinds = [0; 4];
-        for object in (0..100).flat_map(|number| scene(&law, number)) {
+        for object in (0..100).flat_map(|number| scene(&params, number)) {
             let corners = corners_m(&object);
             let low = corners.iter().copied().reduce(Vec3::min).unwrap();
             let high = corners.iter().copied().reduce(Vec3::max).unwrap();
@@ -220,7 +220,7 @@ mod tests {
             assert!(low.min_element() >= -1e-6 && high.max_element() <= 0.30 + 1e-6, "{object:?}: {low} {high}");
             let at = object.workspace_from_object.translation;
             assert!([at.x, at.y].iter().all(|c| (0.08..=0.22).contains(c)), "{object:?}");
-            // Every corner is at the bottom or at the top, and the height is the law's.
+            // Every corner is at the bottom or at the top, and the height is that of the parameters.
             let (height, rise) = (high.z - low.z, |c: &Vec3| c.z - low.z);
             assert!((0.06 - 1e-6..=0.14 + 1e-6).contains(&height), "{object:?} is {height} m high");
             assert!(corners.iter().all(|c| rise(c) < 1e-6 || height - rise(c) < 1e-6), "{object:?} leans");
@@ -231,8 +231,8 @@ mod tests {
 
     #[test]
     fn the_default_law_reaches_its_count() {
-        let law = PackedLaw::default();
-        let full = (0..2_000).filter(|number| scene(&law, *number).len() == law.count).count();
+        let params = PackedParams::default();
+        let full = (0..2_000).filter(|number| scene(&params, *number).len() == params.count).count();
         assert!(full > 1_980, "{full} of 2000");
     }
 
@@ -240,9 +240,9 @@ mod tests {
     fn objects_without_a_place_are_given_up_after_tries_max() {
         // No position is a metre from the first object: 6 draws for each of 5 objects, 3 for the first one's position,
         // 3 for each of 7 tries of the 4 others.
-        let law = PackedLaw { gap_m: 1.0, tries_max: 7, ..PackedLaw::default() };
+        let params = PackedParams { gap_m: 1.0, tries_max: 7, ..PackedParams::default() };
         let mut stream = Stream::new(3, 0, Purpose::Objects, 0);
-        assert_eq!(draw_packed(&law, &Grid::PAPER, &mut stream).len(), 1);
+        assert_eq!(draw_packed(&params, &Grid::PAPER, &mut stream).len(), 1);
         let mut fresh = Stream::new(3, 0, Purpose::Objects, 0);
         for _ in 0..6 * 5 + 3 + 3 * 7 * 4 {
             fresh.bits();
@@ -252,8 +252,8 @@ mod tests {
 
     #[test]
     fn the_same_stream_gives_the_same_scene() {
-        let law = PackedLaw::default();
-        assert_eq!(scene(&law, 5), scene(&law, 5));
-        assert_ne!(scene(&law, 5), scene(&law, 6));
+        let params = PackedParams::default();
+        assert_eq!(scene(&params, 5), scene(&params, 5));
+        assert_ne!(scene(&params, 5), scene(&params, 6));
     }
 }

@@ -10,7 +10,7 @@ use std::time::Instant;
 use perception::add_depth_noise;
 use planner::{Observation, PlanError, Planner, SeenView, Wishes};
 use schema::{Camera, Outcome, Pose, Purpose, Stream, Vec3};
-use simulator::{AttemptWorld, Scene, SceneObject, SceneRays, SettleLaw, Settled, Unsettled, settle_again};
+use simulator::{AttemptWorld, Scene, SceneObject, SceneRays, SettleParams, Settled, Unsettled, settle_again};
 
 use crate::config::Config;
 use crate::record::{Ending, RoundRecord, TrialObject, TrialRecord};
@@ -58,7 +58,7 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
     let (seed, scene_id) = (config.seeds[(round / config.rounds) as usize], round % config.rounds);
     let began = start(config, seed, scene_id);
     let Start { mut scene, group, unviable_count } =
-        began.ok_or(RoundError::NoScene { round, tries: config.scene.tries_max })?;
+        began.ok_or(RoundError::NoScene { round, tries: config.scene.settle.tries_max })?;
     let object_count = scene.objects.len() as u32;
     let (mut removed_count, mut failures, mut trials) = (0, 0, Vec::new());
     // The number of changes of the scene, and the grasps of its plan that were tried. An unchanged scene gives the same
@@ -120,12 +120,12 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
 fn rest_again(config: &generator::Config, left: &[SceneObject]) -> Result<Settled, Unsettled> {
     let generator::Config { physics, settle, grid, .. } = config;
     settle_again(physics, settle, grid, left).or_else(|_| {
-        let law = SettleLaw {
+        let params = SettleParams {
             linear_speed_m_s_max: TREMBLING_M_S.max(settle.linear_speed_m_s_max),
             angular_speed_rad_s_max: TREMBLING_RAD_S.max(settle.angular_speed_rad_s_max),
             ..*settle
         };
-        settle_again(physics, &law, grid, left)
+        settle_again(physics, &params, grid, left)
     })
 }
 

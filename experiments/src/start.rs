@@ -24,7 +24,7 @@ pub struct Start {
 pub fn start(config: &Config, seed: u64, scene_id: u64) -> Option<Start> {
     let mut unviable_count = 0;
     let group = config.objects.group(scene_id);
-    for tries in 0..config.scene.tries_max {
+    for tries in 0..config.scene.settle.tries_max {
         let Ok(Settled { scene, .. }) = settled(config, seed, scene_id, tries) else { continue };
         if scene.objects.len() < config.objects.count_min(scene_id) {
             continue;
@@ -39,22 +39,22 @@ pub fn start(config: &Config, seed: u64, scene_id: u64) -> Option<Start> {
 }
 
 fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Settled, Unsettled> {
-    let generator::Config { physics, settle: law, grid, objects, models, .. } = &config.scene;
+    let generator::Config { physics, settle: params, grid, objects, .. } = &config.scene;
     match &config.objects {
         Objects::Pile { count } => {
-            let objects = generator::ObjectLaw { counts: vec![(*count, 1.0)], ..objects.clone() };
-            settle(physics, law, grid, &draw_drops(&objects, models, grid, seed, scene_id, tries))
+            let objects = generator::ObjectParams { counts: vec![*count], count_weights: vec![1.0], ..objects.clone() };
+            settle(physics, params, grid, &draw_drops(&objects, grid, seed, scene_id, tries))
         }
         Objects::Packed(packed) => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
-            settle_again(physics, law, grid, &draw_packed(packed, grid, &mut stream))
+            settle_again(physics, params, grid, &draw_packed(packed, grid, &mut stream))
         }
         Objects::Things(groups) => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
             let (_, things) = &groups[scene_id as usize % groups.len()];
             let mut drops: Vec<Drop> = things.iter().map(|thing| release(config, thing, &mut stream)).collect();
             shuffle(&mut drops, &mut stream);
-            settle(physics, law, grid, &drops)
+            settle(physics, params, grid, &drops)
         }
     }
 }
@@ -96,6 +96,8 @@ fn is_viable(config: &Config, object: &SceneObject) -> bool {
 mod tests {
     use std::path::Path;
 
+    use settings::Document;
+
     use super::*;
 
     fn config(objects: &str) -> Config {
@@ -104,7 +106,7 @@ mod tests {
         let end = start + text[start..].find('\n').unwrap();
         let text = format!("{}names = {objects}{}", &text[..start], &text[end..]);
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/experiment/table1.toml");
-        Config::parse(&text, &path, &[]).unwrap()
+        Config::resolve(Document::parse(&text, &path).unwrap(), &[]).unwrap()
     }
 
     /// Table 1's cuboid is 85 x 50 x 100 mm: flat on its largest face both sides are wider than 80 mm, on any other

@@ -145,7 +145,7 @@ pub fn bench(
     Ok(BenchReport {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         processor: processor(),
-        attempts: config.attempt_count,
+        attempts: config.attempts,
         runs,
         stages,
         outcomes,
@@ -161,7 +161,7 @@ fn pool(threads: usize) -> Result<rayon::ThreadPool, GenerateError> {
 }
 
 fn whole_run(config: &Config, threads: usize, dir: &Path) -> Result<(RunCost, u64), GenerateError> {
-    let shards: Vec<u32> = (0..config.shard_count).collect();
+    let shards: Vec<u32> = (0..config.shards).collect();
     let pool = pool(threads)?;
     let (began, cpu_began_s) = (Instant::now(), cpu_time_s());
     let report = pool.install(|| generate(config, dir, &shards, &AtomicBool::new(false), &|_| {}))?;
@@ -242,7 +242,7 @@ fn agreement(config: &Config, size: BenchSize, settings: String, physics: Physic
 
 fn repeat(config: &Config, physics: &Physics, rows: &SceneRows) -> (Vec<Outcome>, Duration) {
     let began = Instant::now();
-    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, config.models.bodies());
+    let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, config.objects.catalogue.bodies());
     let world = AttemptWorld::new(physics, &config.gripper, &config.procedure, &scene);
     let attempts = rows.attempts.iter();
     let outcomes = attempts.map(|a| world.execute(&a.workspace_from_grasp, a.object_id as usize).outcome).collect();

@@ -76,7 +76,7 @@ pub fn make_scene_timed(
 
     let objects = object_records(config, scene_id, &settled.scene);
     // What is executed is what is stored: the attempts see the scene through its rows.
-    let scene = Scene::from_records(config.grid.table_z_m, &objects, config.models.bodies());
+    let scene = Scene::from_records(config.grid.table_z_m, &objects, config.objects.catalogue.bodies());
     let mut views_stream = Stream::new(config.seed, scene_id, Purpose::Views, 0);
     let views = draw_views(&config.views, &config.grid, &mut views_stream);
     let rays = SceneRays::new(&scene);
@@ -114,9 +114,9 @@ pub fn make_scene_timed(
 
 fn settled_scene(config: &Config, scene_id: u64) -> Result<(Settled, u32, SceneRejections), NoScene> {
     let mut rejections = SceneRejections::default();
-    for attempt in 0..config.tries_max {
-        let Config { objects, models, grid, seed, .. } = config;
-        let drops = draw_drops(objects, models, grid, *seed, scene_id, attempt);
+    for attempt in 0..config.settle.tries_max {
+        let Config { objects, grid, seed, .. } = config;
+        let drops = draw_drops(objects, grid, *seed, scene_id, attempt);
         match settle(&config.physics, &config.settle, &config.grid, &drops) {
             Ok(settled) => return Ok((settled, drops.len() as u32, rejections)),
             Err(Unsettled::Moving) => rejections.unsettled += 1,
@@ -124,14 +124,14 @@ fn settled_scene(config: &Config, scene_id: u64) -> Result<(Settled, u32, SceneR
             Err(Unsettled::Unstable) => rejections.unstable += 1,
         }
     }
-    Err(NoScene { scene_id, tries: config.tries_max, rejections })
+    Err(NoScene { scene_id, tries: config.settle.tries_max, rejections })
 }
 
 /// The TSDF of a scene from its views: a ray is cast for each pixel that a voxel falls on, no more.
 fn observe(config: &Config, rays: &SceneRays, views: &[View]) -> VoxelGrid {
-    let mut tsdf = Tsdf::new(config.grid, config.truncation_voxels);
+    let mut tsdf = Tsdf::new(config.grid, config.tsdf.truncation_voxels);
     for view in views {
-        let camera = camera_at(view, &config.grid, config.intrinsics);
+        let camera = camera_at(view, &config.grid, config.camera.intrinsics());
         let seen = rays.seen_from(&camera);
         tsdf.integrate(&camera, |pixel| seen.depth_at(pixel));
     }
@@ -146,7 +146,7 @@ fn object_records(config: &Config, scene_id: u64, scene: &Scene) -> Vec<ObjectRe
         .map(|(object, object_id)| ObjectRecord {
             scene_id,
             object_id,
-            shape: config.models.shape_of(&object.body),
+            shape: config.objects.catalogue.shape_of(&object.body),
             mass_kg: object.mass_kg,
             friction: object.friction,
             workspace_from_object: object.workspace_from_object,

@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 
 use perception::camera_at;
 use program::{Exit, ExitCode};
-use schema::{Camera, DepthImage, Intrinsics, View};
-use serde_json::Value;
+use schema::{Camera, CameraParams, DepthImage, Intrinsics, View};
 use shards::{Dataset, ReadError};
 use simulator::{ModelError, Scene, SceneRays, bodies_of};
 
@@ -68,7 +67,7 @@ pub fn write_depth_images(
 ) -> Result<PathBuf, DepthImagesError> {
     let info = dataset.info();
     let rows = dataset.read_scene(scene_id)?;
-    let lens = intrinsics_of(&info.config).ok_or(DepthImagesError::Camera)?;
+    let lens = info.section::<CameraParams>("camera").ok_or(DepthImagesError::Camera)?.intrinsics();
     let views = match views {
         Views::Stored => rows.scene.views.clone(),
         Views::Around(count) => around(count, info.grid.size_m),
@@ -90,20 +89,6 @@ pub fn write_depth_images(
     let path = folder.join("views.toml");
     written(&path, fs::write(&path, text))?;
     Ok(path)
-}
-
-fn intrinsics_of(config: &Value) -> Option<Intrinsics> {
-    let camera = &config["camera"];
-    let side = |key: &str| camera[key].as_u64().and_then(|side| usize::try_from(side).ok());
-    let (width_px, height_px, focal_px) = (side("width_px")?, side("height_px")?, camera["focal_px"].as_f64()? as f32);
-    Some(Intrinsics {
-        width_px,
-        height_px,
-        fx_px: focal_px,
-        fy_px: focal_px,
-        cx_px: 0.5 * width_px as f32,
-        cy_px: 0.5 * height_px as f32,
-    })
 }
 
 fn around(count: usize, size_m: f32) -> Vec<View> {

@@ -1,9 +1,11 @@
 //! The function of the fuzz target `generator_config`, and a test that replays its seeds and past findings. The
 //! function must return for any bytes, and an accepted config must give a readable dataset.
 
-use schema::Gripper;
+use std::path::Path;
+
+use schema::{Gripper, Physics};
+use settings::Document;
 use shards::DatasetInfo;
-use simulator::Physics;
 
 use crate::laws::physics_of;
 use crate::{Config, Overrides};
@@ -18,7 +20,9 @@ use crate::{Config, Overrides};
 pub fn config(data: &[u8]) -> Result<(), String> {
     let mut parts = data.split(|byte| *byte == 0).map(String::from_utf8_lossy);
     let mut next = || parts.next().unwrap_or_default();
-    let config = Config::from_toml(&next(), "fuzzed", None, Overrides::default()).map_err(|e| e.to_string());
+    let config = Document::parse(&next(), Path::new("fuzzed"))
+        .and_then(|document| Config::read(document, Overrides::default()))
+        .map_err(|e| e.to_string());
     let gripper = Gripper::from_toml(&next()).map_err(|e| e.to_string());
     let infos: Vec<DatasetInfo> = config.iter().map(Config::dataset_info).collect();
     let with_gripper =
@@ -40,7 +44,6 @@ fn as_used(info: DatasetInfo) -> (DatasetInfo, Result<Physics, String>) {
 #[cfg(test)]
 mod tests {
     use std::fs;
-    use std::path::Path;
 
     use super::*;
 

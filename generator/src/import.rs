@@ -12,7 +12,7 @@ use program::{Exit, ExitCode};
 use rayon::prelude::*;
 use schema::{Grid, Gripper, MODELS_MAX, Polyhedron, Vec3};
 use serde::Serialize;
-use simulator::{ConvexParts, PartsLaw, convex_parts, few_cornered_hull, hull_volume_m3};
+use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull, hull_volume_m3};
 
 use crate::catalogue::{Catalogue, CatalogueError};
 use crate::mass_integrals::{MassIntegrals, principal_values, relative_difference};
@@ -47,7 +47,7 @@ pub enum Weight {
 
 /// Settings of the import.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ImportLaw {
+pub struct ImportParams {
     /// Metres per unit of the files.
     pub scale_m: f64,
     /// The mass.
@@ -55,7 +55,7 @@ pub struct ImportLaw {
     /// Coulomb friction coefficient.
     pub friction: f32,
     /// How finely meshes are decomposed.
-    pub parts: PartsLaw,
+    pub parts: PartsParams,
     /// The hand that objects should fit.
     pub gripper: Gripper,
     /// The workspace that objects should fit.
@@ -198,7 +198,7 @@ pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, ImportError> {
 ///
 /// # Errors
 /// [`ImportError`]; [`ImportError::Files`] lists all files that cannot be used.
-pub fn import_objects(files: &[PathBuf], law: &ImportLaw) -> Result<Imported, ImportError> {
+pub fn import_objects(files: &[PathBuf], params: &ImportParams) -> Result<Imported, ImportError> {
     for (place, file) in files.iter().enumerate() {
         let name = name_of(file);
         if let Some(other) = files[..place].iter().find(|other| name_of(other) == name) {
@@ -209,7 +209,7 @@ pub fn import_objects(files: &[PathBuf], law: &ImportLaw) -> Result<Imported, Im
         let problems = vec![format!("a dataset has at most {MODELS_MAX} objects, got {} files", files.len())];
         return Err(ImportError::Files { problems, is_damaged: false });
     }
-    let made: Vec<_> = files.par_iter().with_max_len(1).map(|file| guarded(file, law)).collect();
+    let made: Vec<_> = files.par_iter().with_max_len(1).map(|file| guarded(file, params)).collect();
     let (mut objects, mut catalogue) = (Vec::new(), HEAD.to_owned());
     let (mut problems, mut is_damaged) = (Vec::new(), false);
     for one in made {
@@ -255,14 +255,14 @@ fn name_of(file: &Path) -> String {
 type Problem = (String, bool);
 
 /// The hull library panics on some scans. Such a file is reported, and the others continue.
-fn guarded(file: &Path, law: &ImportLaw) -> Result<(ImportedObject, String), Problem> {
+fn guarded(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), Problem> {
     let failed =
         |_| Err((format!("it cannot be decomposed, because a hull could not be made: {}", file.display()), true));
-    catch_unwind(AssertUnwindSafe(|| import_one(file, law))).unwrap_or_else(failed)
+    catch_unwind(AssertUnwindSafe(|| import_one(file, params))).unwrap_or_else(failed)
 }
 
-fn import_one(file: &Path, law: &ImportLaw) -> Result<(ImportedObject, String), Problem> {
-    let mesh = read_mesh(file, law.scale_m).map_err(|e| {
+fn import_one(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), Problem> {
+    let mesh = read_mesh(file, params.scale_m).map_err(|e| {
         let is_damaged = matches!(e, MeshFileError::Damaged { .. } | MeshFileError::Mesh { .. });
         (e.to_string(), is_damaged)
     })?;
@@ -270,21 +270,21 @@ fn import_one(file: &Path, law: &ImportLaw) -> Result<(ImportedObject, String), 
     let measured = Measured::of(mesh);
     let longest_m = measured.extents_m.into_iter().fold(0.0, f64::max);
     if longest_m > LONGEST_M {
-        let (file, scale) = (file.display(), law.scale_m * 0.001);
+        let (file, scale) = (file.display(), params.scale_m * 0.001);
         let wrong = format!(
             "it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}"
         );
         return Err((wrong, false));
     }
     let hull_of = |parts_max| {
-        let parts = PartsLaw { parts_max, ..law.parts };
+        let parts = PartsParams { parts_max, ..params.parts };
         convex_parts(&measured.corners_m, measured.mesh.triangles(), &parts).map_err(|e| damaged(e.to_string()))
     };
     let is_convex =
         measured.solid.is_some_and(|solid| solid.volume_m3() >= (1.0 - CONVEX_SHARE) * measured.hull_volume_m3);
-    let parts = hull_of(if is_convex { 1 } else { law.parts.parts_max })?;
-    let object = described(file, law, &measured, &parts).map_err(damaged)?;
-    let text = catalogue_text(&object, law, &parts);
+    let parts = hull_of(if is_convex { 1 } else { params.parts.parts_max })?;
+    let object = described(file, params, &measured, &parts).map_err(damaged)?;
+    let text = catalogue_text(&object, params, &parts);
     Ok((object, text))
 }
 
@@ -330,10 +330,15 @@ fn integrals_of(hull: &Polyhedron) -> MassIntegrals {
     MassIntegrals::of(hull.triangles().into_iter().map(|triangle| triangle.map(|i| corners[i])))
 }
 
-fn described(file: &Path, law: &ImportLaw, measured: &Measured, parts: &ConvexParts) -> Result<ImportedObject, String> {
+fn described(
+    file: &Path,
+    params: &ImportParams,
+    measured: &Measured,
+    parts: &ConvexParts,
+) -> Result<ImportedObject, String> {
     let of_parts = parts.hulls.iter().map(integrals_of).fold(MassIntegrals::default(), |sum, part| sum.plus(&part));
     let balance = measured.solid.unwrap_or(of_parts);
-    let mass_kg = match law.weight {
+    let mass_kg = match params.weight {
         Weight::Mass(mass_kg) => mass_kg,
         Weight::Density(density) => density * balance.volume_m3(),
     };
@@ -366,15 +371,15 @@ fn described(file: &Path, law: &ImportLaw, measured: &Measured, parts: &ConvexPa
             .solid
             .map(|_| relative_difference(&of_parts.inertia_kg_m2(mass_kg), &inertia)),
         smallest_width_m,
-        fits_gripper: smallest_width_m < f64::from(law.gripper.opening_m_max),
-        fits_workspace: diagonal_m <= f64::from(law.grid.size_m),
+        fits_gripper: smallest_width_m < f64::from(params.gripper.opening_m_max),
+        fits_workspace: diagonal_m <= f64::from(params.grid.size_m),
         warnings: Vec::new(),
     };
-    object.warnings = warnings(&object, law, measured);
+    object.warnings = warnings(&object, params, measured);
     Ok(object)
 }
 
-fn warnings(object: &ImportedObject, law: &ImportLaw, measured: &Measured) -> Vec<String> {
+fn warnings(object: &ImportedObject, params: &ImportParams, measured: &Measured) -> Vec<String> {
     let mut told = Vec::new();
     let mut tell = |holds: bool, message: &dyn Fn() -> String| told.extend(holds.then(message));
     let longest_m = object.extents_m.into_iter().fold(0.0, f64::max);
@@ -393,14 +398,14 @@ fn warnings(object: &ImportedObject, law: &ImportLaw, measured: &Measured) -> Ve
         format!("{} triangles without an area were dropped", measured.mesh.degenerate_count())
     });
     tell(longest_m > PLAUSIBLE_M[1], &|| {
-        format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {}", law.scale_m * 0.001)
+        format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {}", params.scale_m * 0.001)
     });
     tell(longest_m < PLAUSIBLE_M[0], &|| {
         let mm = longest_m * 1000.0;
-        format!("{mm:.3} mm long: if the file is in metres, give --scale {}", law.scale_m * 1000.0)
+        format!("{mm:.3} mm long: if the file is in metres, give --scale {}", params.scale_m * 1000.0)
     });
     tell(!object.fits_gripper, &|| {
-        let (width, opening) = (object.smallest_width_m * 1000.0, law.gripper.opening_m_max * 1000.0);
+        let (width, opening) = (object.smallest_width_m * 1000.0, params.gripper.opening_m_max * 1000.0);
         format!(
             "{width:.1} mm at its narrowest, and the hand opens {opening:.1} mm: only a rim or a handle can be held"
         )
@@ -408,7 +413,7 @@ fn warnings(object: &ImportedObject, law: &ImportLaw, measured: &Measured) -> Ve
     tell(!object.fits_workspace, &|| {
         format!(
             "its bounding box's diagonal must be at most the workspace's side, {} m, to be dropped",
-            law.grid.size_m
+            params.grid.size_m
         )
     });
     tell(object.parts_volume_share.is_some_and(|share| (share - 1.0).abs() > VOLUME_SHARE), &|| {
@@ -480,20 +485,20 @@ fn overlap_share(hulls: &[Polyhedron]) -> f64 {
 }
 
 /// The object as a catalogue entry. Corners are relative to the centre of the mesh's bounding box.
-fn catalogue_text(object: &ImportedObject, law: &ImportLaw, parts: &ConvexParts) -> String {
+fn catalogue_text(object: &ImportedObject, params: &ImportParams, parts: &ConvexParts) -> String {
     let name_of_file = object.file.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     let state = match object.parts_volume_share {
         Some(share) => format!("parts with {:.1} % of its volume", 100.0 * share),
         None => "not watertight".to_owned(),
     };
-    let source = format!("{name_of_file}, {} m a unit; {} triangles; {state}", law.scale_m, object.triangles);
+    let source = format!("{name_of_file}, {} m a unit; {} triangles; {state}", params.scale_m, object.triangles);
     let mut text = String::new();
     let mass_kg = (object.mass_kg * 1e6).round() / 1e6;
     let _ = write!(
         text,
         "\n[[object]]\nname = \"{}\"\nmass_kg = {mass_kg:?}\nfriction = {:?}\nsource = {}\n",
         object.name,
-        law.friction,
+        params.friction,
         toml::Value::String(source)
     );
     for hull in &parts.hulls {

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use generator::{Config, ImportLaw, Imported, ImportedObject, Overrides, Weight, import_objects, mesh_files};
+use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, Weight, import_objects, mesh_files};
 use program::text::{grouped, percent};
 use program::{Exit, ExitCode};
-use simulator::PartsLaw;
+use simulator::PartsParams;
 
 /// Friction of objects that are said nothing of: wood, card and plastic against rubber.
 const FRICTION: f32 = 0.8;
@@ -106,15 +106,15 @@ pub(crate) fn run_import(arguments: &ImportArguments) -> anyhow::Result<ExitCode
         (Some(mass_kg), _) => Weight::Mass(mass_kg),
         (None, density) => Weight::Density(density.unwrap_or(DENSITY_KG_M3)),
     };
-    let parts = PartsLaw {
+    let parts = PartsParams {
         parts_max: arguments.hulls_max.into(),
         corners_max: arguments.corners_max.into(),
         resolution: arguments.voxels,
         concavity: 0.002,
     };
-    let law = ImportLaw { scale_m: arguments.scale, weight, friction: arguments.friction, parts, gripper, grid };
+    let params = ImportParams { scale_m: arguments.scale, weight, friction: arguments.friction, parts, gripper, grid };
     can_hold(&arguments.out)?;
-    let imported = import_objects(&mesh_files(&arguments.meshes)?, &law)?;
+    let imported = import_objects(&mesh_files(&arguments.meshes)?, &params)?;
     write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;
     let text =
         if arguments.json { serde_json::to_string_pretty(&imported)? + "\n" } else { table(&imported, &arguments.out) };

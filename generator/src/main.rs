@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::{CommandFactory, Parser};
 use generator::{
-    BenchSize, Config, ConfigError, DepthImagesError, Event, GenerateError, ImportError, Overrides, RepeatError, Views,
-    attempts_of, bench, generate, repeat, replay, write_depth_images,
+    BenchSize, Config, DepthImagesError, Event, GenerateError, ImportError, Overrides, RepeatError, Views, attempts_of,
+    bench, generate, repeat, replay, write_depth_images,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use program::Exit;
@@ -62,7 +62,7 @@ fn main() -> ExitCode {
 
 /// The one place where errors become exit codes.
 fn exit_code_of(error: &anyhow::Error) -> program::ExitCode {
-    let config = error.downcast_ref().map(ConfigError::exit_code);
+    let config = error.downcast_ref().map(settings::Error::exit_code);
     let generate = error.downcast_ref().map(GenerateError::exit_code);
     let repeat = error.downcast_ref().map(RepeatError::exit_code);
     let depth = error.downcast_ref().map(DepthImagesError::exit_code);
@@ -227,9 +227,9 @@ fn run(arguments: &Arguments) -> anyhow::Result<program::ExitCode> {
     let overrides = Overrides { seed: arguments.seed, shards: arguments.shards, attempts: arguments.attempts };
     let config = Config::load(arguments.config.as_deref(), overrides)?;
     let assignment = Assignment::new(arguments.shard_index.as_ref(), arguments.task, |name| std::env::var_os(name))?;
-    let wanted = assignment.shards(config.shard_count)?;
+    let wanted = assignment.shards(config.shards)?;
     if let Some(variable) = assignment.variable() {
-        let (shard, of) = (index_list(&wanted), config.shard_count);
+        let (shard, of) = (index_list(&wanted), config.shards);
         complain(&format!("shard {shard} of {of}, as {variable} says (--task 0/1 makes all)"));
     }
     start_threads(arguments.threads)?;

@@ -4,6 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use schema::{MODELS_MAX, Model, ObjectShape};
+use serde::{Serialize, Serializer};
+use settings::{Reader, Setting, Value};
 use simulator::{Body, bodies_of};
 
 use crate::catalogue::Catalogue;
@@ -16,13 +18,9 @@ pub struct Models {
 }
 
 impl Models {
-    /// All objects of a catalogue; `name` is a file's, from `folder`, or `everyday`.
-    ///
-    /// # Errors
-    /// What is wrong with the file or with its objects, one message each.
-    pub(crate) fn read(name: &str, folder: Option<&Path>) -> Result<Self, Vec<String>> {
-        let path = folder.unwrap_or(Path::new("")).join(name);
-        let path = (name != EVERYDAY).then_some(path);
+    /// All objects of a catalogue, or what is wrong with the file or with its objects, one message each.
+    fn read_catalogue(name: &str, folder: &Path) -> Result<Self, Vec<String>> {
+        let path = (name != EVERYDAY).then(|| folder.join(name));
         let catalogue = Catalogue::read(path.as_deref()).map_err(|e| vec![e.to_string()])?;
         let models: Vec<_> =
             catalogue.things().iter().map(|thing| thing.body.to_model(thing.mass_kg, thing.friction)).collect();
@@ -70,6 +68,30 @@ impl Models {
                 ObjectShape::Model { number: u16::try_from(number).expect("an info's models are few"), model }
             }
         }
+    }
+}
+
+/// A setting that is read by the catalogue's name; without any, objects are primitives.
+impl Setting for Models {
+    type Limits = ();
+
+    fn kind((): &()) -> String {
+        format!("`{EVERYDAY}` or the path of a catalogue, or left out")
+    }
+
+    fn read(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
+        let name = String::read(value, &(), reader)?;
+        let read = Self::read_catalogue(&name, reader.folder());
+        read.map_err(|problems| problems.into_iter().for_each(|problem| reader.report(problem))).ok()
+    }
+
+    fn check(&self, (): &(), _: &mut Reader<'_>) {}
+}
+
+/// Written as the objects' names.
+impl Serialize for Models {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.stored.iter().map(|model| &model.name))
     }
 }
 

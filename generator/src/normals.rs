@@ -69,7 +69,7 @@ pub(crate) fn draw_along_normals(
     stream: &mut Stream,
 ) -> Vec<Candidate> {
     let seen = |view: &View| {
-        let camera = camera_at(view, &config.grid, config.intrinsics);
+        let camera = camera_at(view, &config.grid, config.camera.intrinsics());
         (camera, rays.seen_from(&camera))
     };
     let cameras: Vec<(Camera, ViewRays)> = views.iter().map(seen).collect();
@@ -295,7 +295,7 @@ mod tests {
         let mut stream = Stream::new(4, 1, Purpose::Candidates, 0);
         let drawn = draw_along_normals(&config, (&scene, &objects), &rays, &views, 602, &mut stream);
         assert_eq!(drawn.len(), 602);
-        let camera = camera_at(&views[0], &config.grid, config.intrinsics);
+        let camera = camera_at(&views[0], &config.grid, config.camera.intrinsics());
         for point in drawn.chunks(YAWS) {
             let first = point[0].workspace_from_grasp;
             let approach = first.rotation * Vec3::Z;

@@ -2,34 +2,19 @@
 //!
 //! The dense network and the receptive field share the matrix; the latter uses only the required rows and columns.
 
-/// Interpolation between voxels when a grid is doubled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Upsampling {
-    /// Trilinear, half-pixel centres (`align_corners=False`), as in the paper.
-    Linear,
-    /// Each value eight times, as in VGN's code.
-    Nearest,
+use settings::words;
+
+words! {
+    /// Interpolation between voxels when a grid is doubled.
+    pub enum Upsampling {
+        /// Trilinear, half-pixel centres (`align_corners=False`), as in the paper.
+        Linear = "linear",
+        /// Each value eight times, as in VGN's code.
+        Nearest = "nearest",
+    }
 }
 
 impl Upsampling {
-    /// Both, in the order of the configuration's documentation.
-    pub const ALL: [Self; 2] = [Self::Linear, Self::Nearest];
-
-    /// The name in configs and checkpoints.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Linear => "linear",
-            Self::Nearest => "nearest",
-        }
-    }
-
-    /// The mode with this name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|mode| mode.name() == name)
-    }
-
     /// The coarse positions, with weights, that contribute to fine position `fine` of `2 * coarse_len`.
     ///
     /// Linear: the source coordinate is `fine / 2 − 1/4`, clamped to 0 and the last position as in PyTorch. The two

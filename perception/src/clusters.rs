@@ -2,21 +2,25 @@
 
 use rayon::prelude::*;
 use schema::Vec3;
+use serde::Serialize;
+use settings::settings;
 
 use crate::cells::Cells;
 
-/// When points form a cluster.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ClusterLaw {
-    /// Neighbours are at most this far away.
-    pub radius_m: f32,
-    /// A point with at least this many neighbours, including itself, is a core point.
-    pub points_min: usize,
-    /// A cluster with fewer points than this is noise.
-    pub cluster_points_min: usize,
+settings! {
+    /// When points form a cluster.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct ClusterParams {
+        /// Neighbours are at most this far away.
+        pub radius_m: f32 where 1e-4..=0.2,
+        /// A point with at least this many neighbours, including itself, is a core point.
+        pub points_min: usize where 1..=1_000_000,
+        /// A cluster with fewer points than this is noise.
+        pub cluster_points_min: usize where 1..=10_000_000,
+    }
 }
 
-impl ClusterLaw {
+impl ClusterParams {
     /// The paper's values: 0.02 m, 100 points, 500 points; for clouds of 2.5 mm ([`crate::surface_cloud`]).
     pub const PAPER: Self = Self { radius_m: 0.02, points_min: 100, cluster_points_min: 500 };
 }
@@ -28,26 +32,26 @@ impl ClusterLaw {
 /// clusters below `cluster_points_min`, which are noise here and leave no gap in the numbers. All points must be
 /// finite.
 #[must_use]
-pub fn clusters(points_m: &[Vec3], law: &ClusterLaw) -> Vec<Option<usize>> {
-    let cells = Cells::new(points_m, law.radius_m);
-    let is_core = core_points(points_m, &cells, law);
-    let mut growth = Growth::new(points_m, &cells, law.radius_m);
+pub fn clusters(points_m: &[Vec3], params: &ClusterParams) -> Vec<Option<usize>> {
+    let cells = Cells::new(points_m, params.radius_m);
+    let is_core = core_points(points_m, &cells, params);
+    let mut growth = Growth::new(points_m, &cells, params.radius_m);
     for first in 0..points_m.len() {
         if is_core[first] && growth.labels[first].is_none() {
             growth.grow(first, &is_core);
         }
     }
-    without_small(growth.labels, law.cluster_points_min)
+    without_small(growth.labels, params.cluster_points_min)
 }
 
-fn core_points(points_m: &[Vec3], cells: &Cells, law: &ClusterLaw) -> Vec<bool> {
-    let reach = law.radius_m * law.radius_m;
+fn core_points(points_m: &[Vec3], cells: &Cells, params: &ClusterParams) -> Vec<bool> {
+    let reach = params.radius_m * params.radius_m;
     let is_core = |point: &Vec3| {
         let mut count = 0;
         for cube in cells.around(*point) {
             let near = |other: &&u32| (points_m[**other as usize] - *point).length_squared() <= reach;
             count += cells.points(cube).iter().filter(near).count();
-            if count >= law.points_min {
+            if count >= params.points_min {
                 return true;
             }
         }
@@ -132,31 +136,31 @@ mod tests {
     use super::*;
 
     /// DBSCAN by its definition, over all pairs.
-    fn slow(points_m: &[Vec3], law: &ClusterLaw) -> Vec<Option<usize>> {
+    fn slow(points_m: &[Vec3], params: &ClusterParams) -> Vec<Option<usize>> {
         let near = |a: usize| -> Vec<usize> {
             (0..points_m.len())
-                .filter(|b| (points_m[a] - points_m[*b]).length_squared() <= law.radius_m.powi(2))
+                .filter(|b| (points_m[a] - points_m[*b]).length_squared() <= params.radius_m.powi(2))
                 .collect()
         };
         let neighbours: Vec<Vec<usize>> = (0..points_m.len()).map(near).collect();
         let mut labels = vec![None; points_m.len()];
         let mut count = 0;
         for first in 0..points_m.len() {
-            if labels[first].is_some() || neighbours[first].len() < law.points_min {
+            if labels[first].is_some() || neighbours[first].len() < params.points_min {
                 continue;
             }
             let mut open = vec![first];
             while let Some(point) = open.pop() {
                 if labels[point].is_none() {
                     labels[point] = Some(count);
-                    if neighbours[point].len() >= law.points_min {
+                    if neighbours[point].len() >= params.points_min {
                         open.extend(&neighbours[point]);
                     }
                 }
             }
             count += 1;
         }
-        without_small(labels, law.cluster_points_min)
+        without_small(labels, params.cluster_points_min)
     }
 
     proptest! {
@@ -168,25 +172,25 @@ mod tests {
             // Whole millimetres keep distances away from the radius of 2.1 mm.
             let points: Vec<Vec3> =
                 lattice.iter().map(|(x, y, z)| Vec3::new(*x as f32, *y as f32, *z as f32) * 1e-3 - 0.01).collect();
-            let law = ClusterLaw { radius_m: 2.1e-3, points_min, cluster_points_min };
-            prop_assert_eq!(clusters(&points, &law), slow(&points, &law));
+            let params = ClusterParams { radius_m: 2.1e-3, points_min, cluster_points_min };
+            prop_assert_eq!(clusters(&points, &params), slow(&points, &params));
         }
     }
 
     #[test]
     fn nothing_has_no_clusters_and_one_place_may_be_one() {
-        let law = ClusterLaw { radius_m: 0.01, points_min: 3, cluster_points_min: 3 };
-        assert!(clusters(&[], &law).is_empty());
-        assert_eq!(clusters(&[Vec3::ONE; 3], &law), [Some(0); 3]);
-        assert_eq!(clusters(&[Vec3::ONE; 2], &law), [None; 2]);
+        let params = ClusterParams { radius_m: 0.01, points_min: 3, cluster_points_min: 3 };
+        assert!(clusters(&[], &params).is_empty());
+        assert_eq!(clusters(&[Vec3::ONE; 3], &params), [Some(0); 3]);
+        assert_eq!(clusters(&[Vec3::ONE; 2], &params), [None; 2]);
     }
 
     #[test]
     fn a_wide_cloud_needs_no_more_memory() {
         let points: Vec<Vec3> = (0..300).map(|n| Vec3::splat((n / 3) as f32 * 1e4)).collect();
-        let law = ClusterLaw { radius_m: 0.01, points_min: 3, cluster_points_min: 1 };
-        let labels = clusters(&points, &law);
+        let params = ClusterParams { radius_m: 0.01, points_min: 3, cluster_points_min: 1 };
+        let labels = clusters(&points, &params);
         assert!(labels.iter().enumerate().all(|(n, label)| *label == Some(n / 3)));
-        assert!(Cells::new(&points, law.radius_m).len() < 130_usize.pow(3));
+        assert!(Cells::new(&points, params.radius_m).len() < 130_usize.pow(3));
     }
 }

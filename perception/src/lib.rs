@@ -20,10 +20,10 @@ mod tsdf;
 mod views;
 
 pub use cloud_view::{cloud_image, view_from};
-pub use clusters::{ClusterLaw, clusters};
+pub use clusters::{ClusterParams, clusters};
 pub use noise::{DepthNoise, DexNoise, StereoNoise, add_depth_noise};
 pub use normals::normals;
-pub use plane::{FoundPlane, PlaneLaw, find_plane};
+pub use plane::{FoundPlane, PlaneParams, find_plane};
 pub use surface::{surface_cloud, thinned};
 pub use tsdf::{TRUNCATION_VOXELS, Tsdf};
-pub use views::{ViewLaw, camera_at, draw_views};
+pub use views::{camera_at, draw_views};

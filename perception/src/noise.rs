@@ -30,36 +30,6 @@ pub enum DepthNoise {
     Stereo(StereoNoise),
 }
 
-impl DepthNoise {
-    /// What is wrong with the values, one line each, as `field must …, got …`; empty if nothing is.
-    #[must_use]
-    pub fn problems(&self) -> Vec<String> {
-        let limits = match self {
-            Self::None => Vec::new(),
-            Self::Gaussian { std_m } => vec![("std_m", *std_m, 0.0, 1.0)],
-            Self::Dex(dex) => vec![
-                ("gamma_shape", dex.gamma_shape, 1.0, 1e9),
-                ("gamma_scale", dex.gamma_scale, 1e-9, 1.0),
-                ("smooth_std_m", dex.smooth_std_m, 0.0, 1.0),
-                ("smooth_cell_px", dex.smooth_cell_px, 1.0, 1e4),
-                ("smooth_rate", dex.smooth_rate, 0.0, 1.0),
-            ],
-            Self::Stereo(stereo) => vec![
-                ("focal_px", stereo.focal_px, 1.0, 1e5),
-                ("baseline_m", stereo.baseline_m, 1e-3, 10.0),
-                ("subpixel_std_px", stereo.subpixel_std_px, 0.0, 10.0),
-                ("smooth_cell_px", stereo.smooth_cell_px, 1.0, 1e4),
-                ("disparity_step_px", stereo.disparity_step_px, 1e-3, 1.0),
-            ],
-        };
-        limits
-            .into_iter()
-            .filter(|(_, value, low, high)| !(low..=high).contains(&value))
-            .map(|(name, value, low, high)| format!("{name} must be between {low} and {high}, got {value}"))
-            .collect()
-    }
-}
-
 /// Adds noise to a depth image in place.
 pub fn add_depth_noise(image: &mut DepthImage, noise: &DepthNoise, stream: &mut Stream) {
     match noise {
@@ -158,24 +128,5 @@ mod tests {
                 assert_eq!(*b, if pixel % 3 == 0 { 0.0 } else { *a });
             }
         }
-    }
-
-    #[test]
-    fn values_that_cannot_be_are_named() {
-        assert_eq!(DepthNoise::Dex(DexNoise::GIGA).problems(), Vec::<String>::new());
-        assert_eq!(DepthNoise::Gaussian { std_m: -1.0 }.problems(), ["std_m must be between 0 and 1, got -1"]);
-        let dex = DexNoise { gamma_shape: 0.5, smooth_cell_px: f32::NAN, ..DexNoise::GIGA };
-        assert_eq!(DepthNoise::Dex(dex).problems().len(), 2);
-        assert_eq!(DepthNoise::Stereo(StereoNoise::D435).problems(), Vec::<String>::new());
-        let no_lens = StereoNoise { focal_px: 0.0, ..StereoNoise::D435 };
-        assert_eq!(DepthNoise::Stereo(no_lens).problems(), ["focal_px must be between 1 and 100000, got 0"]);
-        let nothing = StereoNoise {
-            focal_px: f32::INFINITY,
-            baseline_m: 0.0,
-            subpixel_std_px: -0.1,
-            smooth_cell_px: 0.0,
-            disparity_step_px: 0.0,
-        };
-        assert_eq!(DepthNoise::Stereo(nothing).problems().len(), 5);
     }
 }

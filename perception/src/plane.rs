@@ -2,23 +2,27 @@
 
 use glamx::{DMat3, DSymmetricEigen3, DVec3};
 use schema::{Plane, Stream, Vec3};
+use serde::Serialize;
+use settings::settings;
 
-/// Settings of the plane search.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlaneLaw {
-    /// Points closer than this to the plane are inliers.
-    pub threshold_m: f32,
-    /// Number of random samples of three points.
-    pub iterations: usize,
-    /// Maximum number of refits to the inliers.
-    pub refits_max: usize,
-    /// Largest angle between the normal and the workspace's z.
-    pub tilt_rad_max: f32,
-    /// Minimum share of the cloud that must be inliers.
-    pub share_min: f32,
+settings! {
+    /// Settings of the plane search.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct PlaneParams {
+        /// Points closer than this to the plane are inliers.
+        pub threshold_m: f32 where 1e-4..=0.1,
+        /// Number of random samples of three points.
+        pub iterations: usize where 1..=100_000,
+        /// Maximum number of refits to the inliers.
+        pub refits_max: usize where 0..=1_000,
+        /// Largest angle between the normal and the workspace's z.
+        pub tilt_rad_max: f32 where 0.0..=1.57,
+        /// Minimum share of the cloud that must be inliers.
+        pub share_min: f32 where 0.0..=1.0,
+    }
 }
 
-impl PlaneLaw {
+impl PlaneParams {
     /// The paper's threshold and iterations. In addition the table must be level within 0.3 rad and contain a fifth of
     /// the points. The paper has no such limits, but the largest plane of a full workspace may be the side of a box,
     /// and any slice of 20 mm contains a fifteenth of the workspace.
@@ -41,39 +45,39 @@ pub struct FoundPlane {
 ///
 /// The best of the planes through three random points is refitted to its inliers until they no longer change.
 #[must_use]
-pub fn find_plane(points_m: &[Vec3], law: &PlaneLaw, stream: &mut Stream) -> Option<FoundPlane> {
+pub fn find_plane(points_m: &[Vec3], params: &PlaneParams, stream: &mut Stream) -> Option<FoundPlane> {
     if points_m.len() < 3 {
         return None;
     }
-    let steep = libm::cosf(law.tilt_rad_max);
+    let steep = libm::cosf(params.tilt_rad_max);
     let mut best: Option<(usize, Plane)> = None;
-    for _ in 0..law.iterations {
+    for _ in 0..params.iterations {
         let [a, b, c] = core::array::from_fn(|_| points_m[stream.index(points_m.len())]);
         let Some(plane) = through(a, b, c).filter(|plane| plane.normal.z >= steep) else { continue };
-        let count = points_m.iter().map(|point| u32::from(belongs(&plane, *point, law))).sum::<u32>() as usize;
+        let count = points_m.iter().map(|point| u32::from(belongs(&plane, *point, params))).sum::<u32>() as usize;
         if best.is_none_or(|(most, _)| count > most) {
             best = Some((count, plane));
         }
     }
-    let found = settled(points_m, best?.1, law)?;
-    let enough = found.inliers.len() as f32 >= law.share_min * points_m.len() as f32;
+    let found = settled(points_m, best?.1, params)?;
+    let enough = found.inliers.len() as f32 >= params.share_min * points_m.len() as f32;
     (enough && found.plane.normal.z >= steep).then_some(found)
 }
 
-fn belongs(plane: &Plane, point_m: Vec3, law: &PlaneLaw) -> bool {
-    (plane.normal.dot(point_m) - plane.offset_m).abs() < law.threshold_m
+fn belongs(plane: &Plane, point_m: Vec3, params: &PlaneParams) -> bool {
+    (plane.normal.dot(point_m) - plane.offset_m).abs() < params.threshold_m
 }
 
-fn inliers(points_m: &[Vec3], plane: &Plane, law: &PlaneLaw) -> Vec<usize> {
-    points_m.iter().enumerate().filter(|(_, point)| belongs(plane, **point, law)).map(|(at, _)| at).collect()
+fn inliers(points_m: &[Vec3], plane: &Plane, params: &PlaneParams) -> Vec<usize> {
+    points_m.iter().enumerate().filter(|(_, point)| belongs(plane, **point, params)).map(|(at, _)| at).collect()
 }
 
 /// Refits the plane to its inliers until they no longer change.
-fn settled(points_m: &[Vec3], first: Plane, law: &PlaneLaw) -> Option<FoundPlane> {
-    let mut found = FoundPlane { inliers: inliers(points_m, &first, law), plane: first, refits: 0 };
-    while found.refits < law.refits_max {
+fn settled(points_m: &[Vec3], first: Plane, params: &PlaneParams) -> Option<FoundPlane> {
+    let mut found = FoundPlane { inliers: inliers(points_m, &first, params), plane: first, refits: 0 };
+    while found.refits < params.refits_max {
         let plane = fitted(points_m, &found.inliers)?;
-        let next = inliers(points_m, &plane, law);
+        let next = inliers(points_m, &plane, params);
         let is_settled = next == found.inliers;
         found = FoundPlane { plane, inliers: next, refits: found.refits + 1 };
         if is_settled {
@@ -140,7 +144,7 @@ mod tests {
     #[test]
     fn a_plane_without_noise_is_found_to_rounding() {
         let (plane, points) = scene(1, 0.0);
-        let found = find_plane(&points, &PlaneLaw::PAPER, &mut stream(2)).unwrap();
+        let found = find_plane(&points, &PlaneParams::PAPER, &mut stream(2)).unwrap();
         assert!((found.plane.normal - plane.normal).length() < 1e-5, "{:?}", found.plane);
         assert!((found.plane.offset_m - plane.offset_m).abs() < 1e-6);
         assert_eq!(found.inliers, (0..3_000).collect::<Vec<_>>());
@@ -152,13 +156,13 @@ mod tests {
     fn noise_moves_it_no_farther_than_least_squares_must() {
         for number in 0..20 {
             let (plane, points) = scene(number, 0.002);
-            let found = find_plane(&points, &PlaneLaw::PAPER, &mut stream(100 + number)).unwrap();
+            let found = find_plane(&points, &PlaneParams::PAPER, &mut stream(100 + number)).unwrap();
             let middle = Vec3::new(0.15, 0.15, 0.05);
             let height = |p: &Plane| p.normal.dot(middle) - p.offset_m;
             assert!((height(&found.plane) - height(&plane)).abs() < 4.0 * 0.002 / 3_000_f32.sqrt());
             let tilt = (found.plane.normal - plane.normal).length();
             assert!(tilt < 4.0 * 1.42 * 0.002 / (3_000_f32.sqrt() * 0.087), "scene {number}: tilt {tilt}");
-            assert!(found.refits < PlaneLaw::PAPER.refits_max);
+            assert!(found.refits < PlaneParams::PAPER.refits_max);
         }
     }
 
@@ -179,21 +183,21 @@ mod tests {
     #[test]
     fn what_is_no_table_is_not_found() {
         let mut stream = stream(5);
-        assert_eq!(find_plane(&[], &PlaneLaw::PAPER, &mut stream), None);
+        assert_eq!(find_plane(&[], &PlaneParams::PAPER, &mut stream), None);
         let line: Vec<Vec3> = (0..500).map(|n| Vec3::new(n as f32 * 1e-3, 0.0, 0.0)).collect();
-        assert_eq!(find_plane(&line, &PlaneLaw::PAPER, &mut stream), None);
+        assert_eq!(find_plane(&line, &PlaneParams::PAPER, &mut stream), None);
         let wall: Vec<Vec3> = (0..500).map(|_| stream.point(Vec3::ZERO, Vec3::new(0.3, 0.0, 0.3))).collect();
-        assert_eq!(find_plane(&wall, &PlaneLaw::PAPER, &mut stream), None);
+        assert_eq!(find_plane(&wall, &PlaneParams::PAPER, &mut stream), None);
         let same = vec![Vec3::ONE; 50];
-        assert_eq!(find_plane(&same, &PlaneLaw::PAPER, &mut stream), None);
+        assert_eq!(find_plane(&same, &PlaneParams::PAPER, &mut stream), None);
         let cloud: Vec<Vec3> = (0..500).map(|_| stream.point(Vec3::ZERO, Vec3::splat(30.0))).collect();
-        assert_eq!(find_plane(&cloud, &PlaneLaw::PAPER, &mut stream), None);
+        assert_eq!(find_plane(&cloud, &PlaneParams::PAPER, &mut stream), None);
     }
 
     #[test]
     fn the_same_stream_finds_the_same_plane() {
         let (_, points) = scene(3, 0.003);
-        let find = || find_plane(&points, &PlaneLaw::PAPER, &mut stream(9));
+        let find = || find_plane(&points, &PlaneParams::PAPER, &mut stream(9));
         assert_eq!(find(), find());
     }
 }

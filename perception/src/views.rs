@@ -1,78 +1,21 @@
 //! Camera poses: on a sphere about the centre of the workspace's floor, looking at it.
 
-use schema::{Camera, Grid, Intrinsics, Stream, View};
-
-/// The distribution of a scene's views: number, distance and obliqueness. The azimuth is always U(0, 2π).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViewLaw {
-    /// Fewest views of a scene.
-    pub count_min: usize,
-    /// Most views of a scene; the count is uniform.
-    pub count_max: usize,
-    /// Shortest distance from the middle of the floor, in sides of the workspace.
-    pub radius_sizes_min: f32,
-    /// Longest distance; the distance is uniform.
-    pub radius_sizes_max: f32,
-    /// Smallest angle from the vertical.
-    pub polar_rad_min: f32,
-    /// Largest angle from the vertical; the angle is uniform.
-    pub polar_rad_max: f32,
-}
-
-impl ViewLaw {
-    /// VGN's law (`generate_data.py`): 1 to 6 views, radius U(1.6, 2.4) sides, polar angle U(0, π/4).
-    pub const VGN: Self = Self {
-        count_min: 1,
-        count_max: 6,
-        radius_sizes_min: 1.6,
-        radius_sizes_max: 2.4,
-        polar_rad_min: 0.0,
-        polar_rad_max: core::f32::consts::FRAC_PI_4,
-    };
-
-    /// What is wrong with the values, one line each, as `field must …, got …`; empty if nothing is.
-    ///
-    /// The camera must stay outside the workspace and above its floor: from radius 1 on, no corner of the cube is
-    /// behind it.
-    #[must_use]
-    pub fn problems(&self) -> Vec<String> {
-        let mut problems = Vec::new();
-        if self.count_min < 1 {
-            problems.push(format!("count_min must be at least 1, got {}", self.count_min));
-        }
-        if self.count_max < self.count_min {
-            problems.push(format!("count_max must be at least count_min = {}, got {}", self.count_min, self.count_max));
-        }
-        let ranges = [
-            ("radius_sizes", self.radius_sizes_min, self.radius_sizes_max, 1.0, 100.0),
-            ("polar_rad", self.polar_rad_min, self.polar_rad_max, 0.0, core::f32::consts::FRAC_PI_2),
-        ];
-        for (name, low, high, least, most) in ranges {
-            for (value, end) in [(low, "min"), (high, "max")] {
-                if !(least..=most).contains(&value) {
-                    problems.push(format!("{name}_{end} must be between {least} and {most}, got {value}"));
-                }
-            }
-            if low > high {
-                problems.push(format!("{name}_max must be at least {name}_min = {low}, got {high}"));
-            }
-        }
-        problems
-    }
-}
+use schema::{Camera, Grid, Intrinsics, Stream, View, ViewParams};
 
 /// Draws the views of a scene: their count, then radius, polar angle and azimuth of each.
 ///
 /// # Panics
-/// If `law.count_min > law.count_max`; [`ViewLaw::problems`] reports this.
+/// If the least count is above the most.
 #[must_use]
-pub fn draw_views(law: &ViewLaw, grid: &Grid, stream: &mut Stream) -> Vec<View> {
-    assert!(law.count_min <= law.count_max, "no count between {} and {}", law.count_min, law.count_max);
-    let count = law.count_min + stream.index(law.count_max - law.count_min + 1);
+pub fn draw_views(params: &ViewParams, grid: &Grid, stream: &mut Stream) -> Vec<View> {
+    let ([count_min, count_max], [radius_min, radius_max]) = (params.counts, params.radius_sizes);
+    assert!(count_min <= count_max, "no count between {count_min} and {count_max}");
+    let count = count_min + stream.index(count_max - count_min + 1);
+    let [polar_rad_min, polar_rad_max] = params.polar_rad;
     (0..count)
         .map(|_| View {
-            radius_m: grid.size_m * stream.uniform(law.radius_sizes_min, law.radius_sizes_max),
-            polar_rad: stream.uniform(law.polar_rad_min, law.polar_rad_max),
+            radius_m: grid.size_m * stream.uniform(radius_min, radius_max),
+            polar_rad: stream.uniform(polar_rad_min, polar_rad_max),
             azimuth_rad: stream.uniform(0.0, core::f32::consts::TAU),
         })
         .collect()
@@ -166,11 +109,11 @@ mod tests {
 
     #[test]
     fn drawn_views_fill_the_laws_ranges_and_stay_inside() {
-        let (law, grid) = (ViewLaw::VGN, Grid::PAPER);
+        let (params, grid) = (ViewParams::VGN, Grid::PAPER);
         let mut counts = [0_u32; 7];
         let mut views = Vec::new();
         for scene in 0..3_000 {
-            let drawn = draw_views(&law, &grid, &mut Stream::new(5, scene, Purpose::Views, 0));
+            let drawn = draw_views(&params, &grid, &mut Stream::new(5, scene, Purpose::Views, 0));
             counts[drawn.len()] += 1;
             views.extend(drawn);
         }
@@ -187,21 +130,5 @@ mod tests {
         check("radius", 0.48, 0.72, |v| v.radius_m);
         check("polar", 0.0, core::f32::consts::FRAC_PI_4, |v| v.polar_rad);
         check("azimuth", 0.0, core::f32::consts::TAU, |v| v.azimuth_rad);
-    }
-
-    #[test]
-    fn a_law_that_cannot_be_names_every_fault() {
-        assert_eq!(ViewLaw::VGN.problems(), Vec::<String>::new());
-        let law = ViewLaw {
-            count_min: 0,
-            count_max: 3,
-            radius_sizes_min: 2.0,
-            radius_sizes_max: 1.5,
-            polar_rad_min: -0.1,
-            polar_rad_max: f32::NAN,
-        };
-        let problems = law.problems();
-        assert_eq!(problems.len(), 4, "{problems:?}");
-        assert_eq!(problems[1], "radius_sizes_max must be at least radius_sizes_min = 2, got 1.5");
     }
 }

@@ -1,7 +1,7 @@
 //! The field against geometry: a table and a ball, whose distance along a ray is known in closed form.
 
-use perception::{TRUNCATION_VOXELS, Tsdf, ViewLaw, camera_at, draw_views};
-use schema::{Camera, Grid, Intrinsics, Purpose, Stream, Vec3, View};
+use perception::{TRUNCATION_VOXELS, Tsdf, camera_at, draw_views};
+use schema::{Camera, Grid, Intrinsics, Purpose, Stream, Vec3, View, ViewParams};
 
 const GRID: Grid = Grid::PAPER;
 const VOXEL_M: f64 = 0.0075;
@@ -121,7 +121,7 @@ fn crossings_m(values: &[f32], i: usize, j: usize) -> impl Iterator<Item = [f64;
 #[test]
 fn the_field_crosses_zero_at_the_table() {
     let mut tsdf = Tsdf::new(GRID, TRUNCATION_VOXELS);
-    for view in draw_views(&ViewLaw::VGN, &GRID, &mut Stream::new(1, 2, Purpose::Views, 0)) {
+    for view in draw_views(&ViewParams::VGN, &GRID, &mut Stream::new(1, 2, Purpose::Views, 0)) {
         let camera = camera_at(&view, &GRID, Intrinsics::VGN);
         tsdf.integrate(&camera, |pixel| {
             let (eye, along) = ray(&camera, pixel);

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use perception::{ClusterLaw, PlaneLaw, clusters, find_plane};
+use perception::{ClusterParams, PlaneParams, clusters, find_plane};
 use schema::{Purpose, Stream, Vec3};
 use serde_json::Value;
 
@@ -38,13 +38,13 @@ fn clusters_are_scikit_learns() {
         for (number, result) in case["results"].as_array().unwrap().iter().enumerate() {
             let expected: Vec<Option<usize>> =
                 numbers[(3 + number) * count..][..count].iter().map(|label| usize::try_from(*label).ok()).collect();
-            let law = ClusterLaw {
+            let params = ClusterParams {
                 radius_m: result["eps_m"].as_f64().unwrap() as f32,
                 points_min: whole(&result["min_points"]),
                 cluster_points_min: 0,
             };
             assert_eq!(expected.iter().filter(|label| label.is_none()).count(), whole(&result["noise"]));
-            assert!(clusters(&points, &law) == expected, "{} with {law:?}", case["name"]);
+            assert!(clusters(&points, &params) == expected, "{} with {params:?}", case["name"]);
         }
     }
 }
@@ -55,8 +55,8 @@ fn planes_are_numpys() {
     for case in golden["planes"].as_array().unwrap() {
         let points = points(&numbers(case));
         for seed in 0..10 {
-            let law = PlaneLaw { tilt_rad_max: 1.5, ..PlaneLaw::PAPER };
-            let found = find_plane(&points, &law, &mut Stream::new(seed, 0, Purpose::Plane, 0)).unwrap();
+            let params = PlaneParams { tilt_rad_max: 1.5, ..PlaneParams::PAPER };
+            let found = find_plane(&points, &params, &mut Stream::new(seed, 0, Purpose::Plane, 0)).unwrap();
             assert_eq!(found.inliers.len(), whole(&case["inliers"]), "{}, seed {seed}", case["name"]);
             let expected: Vec<f32> =
                 case["normal"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap() as f32).collect();

@@ -1,8 +1,8 @@
 //! The field against a slow, obvious implementation: f64, one voxel after another, matrices by hand, nothing shared.
 
-use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, ViewLaw, add_depth_noise, camera_at, draw_views};
+use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at, draw_views};
 use proptest::prelude::*;
-use schema::{Camera, DepthImage, Grid, Intrinsics, Purpose, Stream};
+use schema::{Camera, DepthImage, Grid, Intrinsics, Purpose, Stream, ViewParams};
 
 /// A lumpy scene with holes, as a whole image: nothing in it is smooth or known to the code under test.
 fn lumpy_image(lens: &Intrinsics, seed: u64) -> DepthImage {
@@ -63,8 +63,8 @@ fn obvious(views: &[(Camera, DepthImage)], centre_m: [f64; 3], truncation_m: f64
 }
 
 /// Gives the number of voxels that hang on a rounding, and of those observed.
-fn check_against_obvious(grid: Grid, law: &ViewLaw, truncation_voxels: f32, seed: u64) -> (usize, usize) {
-    let views: Vec<_> = draw_views(law, &grid, &mut Stream::new(seed, 0, Purpose::Views, 0))
+fn check_against_obvious(grid: Grid, params: &ViewParams, truncation_voxels: f32, seed: u64) -> (usize, usize) {
+    let views: Vec<_> = draw_views(params, &grid, &mut Stream::new(seed, 0, Purpose::Views, 0))
         .iter()
         .enumerate()
         .map(|(n, view)| (camera_at(view, &grid, Intrinsics::VGN), lumpy_image(&Intrinsics::VGN, seed + n as u64)))
@@ -97,8 +97,8 @@ fn check_against_obvious(grid: Grid, law: &ViewLaw, truncation_voxels: f32, seed
 
 #[test]
 fn the_papers_grid_agrees_with_the_obvious_implementation() {
-    let law = ViewLaw { count_min: 4, ..ViewLaw::VGN };
-    let (unsure, observed) = check_against_obvious(Grid::PAPER, &law, TRUNCATION_VOXELS, 11);
+    let params = ViewParams { counts: [4, 6], ..ViewParams::VGN };
+    let (unsure, observed) = check_against_obvious(Grid::PAPER, &params, TRUNCATION_VOXELS, 11);
     assert!(unsure < 2_000, "{unsure} voxels hang on a rounding");
     assert!(observed > 30_000, "only {observed} voxels observed");
 }
@@ -111,8 +111,8 @@ proptest! {
         resolution in 2_usize..24, size_m in 0.2_f32..0.5, truncation_voxels in 0.5_f32..8.0, seed in 0_u64..1_000,
     ) {
         let grid = Grid { resolution, size_m, table_z_m: 0.05 };
-        let law = ViewLaw { count_max: 3, polar_rad_max: 1.4, ..ViewLaw::VGN };
-        check_against_obvious(grid, &law, truncation_voxels, seed);
+        let params = ViewParams { counts: [1, 3], polar_rad: [0.0, 1.4], ..ViewParams::VGN };
+        check_against_obvious(grid, &params, truncation_voxels, seed);
     }
 
     #[test]
@@ -125,7 +125,7 @@ proptest! {
         let depth_m = (0..640 * 480).map(|p| sensor([p % 640, p / 640]).unwrap_or(0.0)).collect();
         let image = DepthImage { width_px: 640, height_px: 480, depth_m };
         let (mut of_image, mut of_rays) = (Tsdf::new(grid, 4.0), Tsdf::new(grid, 4.0));
-        for view in draw_views(&ViewLaw::VGN, &grid, &mut Stream::new(seed, 0, Purpose::Views, 0)) {
+        for view in draw_views(&ViewParams::VGN, &grid, &mut Stream::new(seed, 0, Purpose::Views, 0)) {
             let camera = camera_at(&view, &grid, lens);
             of_image.integrate(&camera, |pixel| image.at(pixel));
             of_rays.integrate(&camera, sensor);
@@ -137,8 +137,8 @@ proptest! {
     #[test]
     fn the_pixels_asked_for_are_those_onto_which_the_lens_projects(seed in 0_u64..1_000) {
         let grid = Grid::PAPER;
-        let law = ViewLaw { polar_rad_max: 1.5, radius_sizes_min: 0.3, ..ViewLaw::VGN };
-        for view in draw_views(&law, &grid, &mut Stream::new(seed, 1, Purpose::Views, 0)) {
+        let params = ViewParams { polar_rad: [0.0, 1.5], radius_sizes: [0.3, 2.4], ..ViewParams::VGN };
+        for view in draw_views(&params, &grid, &mut Stream::new(seed, 1, Purpose::Views, 0)) {
             let camera = camera_at(&view, &grid, Intrinsics::VGN);
             let mut asked = Vec::new();
             Tsdf::new(grid, 4.0).integrate(&camera, |pixel| {
@@ -165,7 +165,7 @@ proptest! {
 fn the_order_of_two_views_does_not_matter_and_a_view_twice_changes_nothing() {
     let grid = Grid::PAPER;
     let cameras: Vec<_> =
-        draw_views(&ViewLaw { count_min: 2, ..ViewLaw::VGN }, &grid, &mut Stream::new(2, 0, Purpose::Views, 0))
+        draw_views(&ViewParams { counts: [2, 6], ..ViewParams::VGN }, &grid, &mut Stream::new(2, 0, Purpose::Views, 0))
             .iter()
             .map(|view| camera_at(view, &grid, Intrinsics::VGN))
             .collect();

@@ -44,15 +44,15 @@ fn cloud_of_tsdf(bencher: divan::Bencher<'_, '_>) {
 
 #[divan::bench]
 fn plane_of_cloud(bencher: divan::Bencher<'_, '_>) {
-    let (points, law) = (surface_cloud(&field(), 0.0025), config().plane);
-    bencher.bench_local(|| find_plane(&points, &law, &mut Stream::new(1, 0, Purpose::Plane, 0)));
+    let (points, params) = (surface_cloud(&field(), 0.0025), config().plane);
+    bencher.bench_local(|| find_plane(&points, &params, &mut Stream::new(1, 0, Purpose::Plane, 0)));
 }
 
 #[divan::bench]
 fn clusters_of_what_is_left(bencher: divan::Bencher<'_, '_>) {
     let points: Vec<Vec3> = surface_cloud(&field(), 0.0025).into_iter().filter(|p| p.z > 0.06).collect();
-    let law = config().clusters;
-    bencher.bench_local(|| clusters(divan::black_box(&points), &law));
+    let params = config().clusters;
+    bencher.bench_local(|| clusters(divan::black_box(&points), &params));
 }
 
 #[divan::bench]
@@ -63,9 +63,9 @@ fn plane_and_clusters(bencher: divan::Bencher<'_, '_>) {
 
 #[divan::bench]
 fn detections_of_volumes(bencher: divan::Bencher<'_, '_>) {
-    let (field, law) = (field(), config().detection);
+    let (field, params) = (field(), config().detection);
     let (quality, width): (Vec<f32>, Vec<f32>) = field.values.iter().map(|value| (0.5 + 0.5 * value, 5.0)).unzip();
-    bencher.bench_local(|| detect(&Grid::PAPER, &field.values, &quality, &width, &law));
+    bencher.bench_local(|| detect(&Grid::PAPER, &field.values, &quality, &width, &params));
 }
 
 #[divan::bench]

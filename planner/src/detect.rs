@@ -9,7 +9,7 @@
 
 use schema::Grid;
 
-use crate::config::{DetectionLaw, Side};
+use crate::config::{DetectionParams, Side};
 use crate::plan::Drop;
 
 /// A detection.
@@ -59,12 +59,12 @@ const TOLD_SHARE_OF_QUALITY_MIN: f32 = 0.5;
 /// # Panics
 /// If a length differs.
 #[must_use]
-pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], law: &DetectionLaw) -> Detected {
+pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], params: &DetectionParams) -> Detected {
     for values in [tsdf, quality, width_voxels] {
         assert_eq!(values.len(), grid.len(), "one value a voxel");
     }
-    let smoothed = smooth(quality, grid.resolution, law.gaussian_sigma_voxels);
-    let near = near_surface(tsdf, grid, law.surface_side, law.surface_steps_max);
+    let smoothed = smooth(quality, grid.resolution, params.gaussian_sigma_voxels);
+    let near = near_surface(tsdf, grid, params.surface_side, params.surface_steps_max);
     let mut detected = Detected {
         found: Vec::new(),
         near_surface: 0,
@@ -75,12 +75,12 @@ pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], 
         out: Vec::with_capacity(grid.len()),
     };
     for flat in 0..grid.len() {
-        let out = detected.judge(near[flat], width_voxels[flat], detected.smoothed[flat], law);
+        let out = detected.judge(near[flat], width_voxels[flat], detected.smoothed[flat], params);
         detected.out.push(out);
     }
     for flat in (0..grid.len()).filter(|flat| detected.out[*flat].is_none()) {
         let voxel = unflat(grid, flat);
-        if !detected.is_suppressed(grid, voxel, law) {
+        if !detected.is_suppressed(grid, voxel, params) {
             detected.found.push(Detection { voxel, quality: detected.smoothed[flat] });
         }
     }
@@ -89,18 +89,18 @@ pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], 
 
 impl Detected {
     /// Why a voxel is rejected, if it is; counts the stages that it passed.
-    fn judge(&mut self, is_near: bool, width_voxels: f32, quality: f32, law: &DetectionLaw) -> Option<Drop> {
+    fn judge(&mut self, is_near: bool, width_voxels: f32, quality: f32, params: &DetectionParams) -> Option<Drop> {
         if !is_near {
             return Some(Drop::FarFromSurface);
         }
         self.near_surface += 1;
         // VGN's comparisons, except that a width that is NaN passes both there and neither here.
-        if !(law.width_voxels_min..=law.width_voxels_max).contains(&width_voxels) {
+        if !(params.width_voxels_min..=params.width_voxels_max).contains(&width_voxels) {
             return Some(Drop::Width { width_voxels });
         }
         self.width_within_limits += 1;
         self.quality_best = self.quality_best.max(quality);
-        if quality < law.quality_min || quality.is_nan() {
+        if quality < params.quality_min || quality.is_nan() {
             return Some(Drop::Quality);
         }
         self.quality_reached += 1;
@@ -109,30 +109,30 @@ impl Detected {
 
     /// Whether the cube around a voxel contains a better voxel that is not rejected. A cube with an even side reaches
     /// one voxel further down than up (scipy: `maximum_filter`). Of equal voxels both remain.
-    fn is_suppressed(&self, grid: &Grid, voxel: [usize; 3], law: &DetectionLaw) -> bool {
+    fn is_suppressed(&self, grid: &Grid, voxel: [usize; 3], params: &DetectionParams) -> bool {
         let quality = self.smoothed[grid.flat(voxel)];
-        window(grid, voxel, law).any(|other| self.out[other].is_none() && self.smoothed[other] > quality)
+        window(grid, voxel, params).any(|other| self.out[other].is_none() && self.smoothed[other] > quality)
     }
 
     /// The rejected candidates in the order of their voxels: those above the threshold with a better neighbour, and
     /// local maxima of the smoothed quality that were rejected before.
     #[must_use]
-    pub fn misses(&self, grid: &Grid, law: &DetectionLaw) -> Vec<Miss> {
+    pub fn misses(&self, grid: &Grid, params: &DetectionParams) -> Vec<Miss> {
         let miss = |flat: usize| {
             let (voxel, quality) = (unflat(grid, flat), self.smoothed[flat]);
             let drop = match self.out[flat] {
-                None => self.is_suppressed(grid, voxel, law).then_some(Drop::Suppressed),
-                Some(drop) => self.is_peak(grid, voxel, law).then_some(drop),
+                None => self.is_suppressed(grid, voxel, params).then_some(Drop::Suppressed),
+                Some(drop) => self.is_peak(grid, voxel, params).then_some(drop),
             };
             drop.map(|drop| Miss { voxel, quality, drop })
         };
         (0..grid.len()).filter_map(miss).collect()
     }
 
-    fn is_peak(&self, grid: &Grid, voxel: [usize; 3], law: &DetectionLaw) -> bool {
+    fn is_peak(&self, grid: &Grid, voxel: [usize; 3], params: &DetectionParams) -> bool {
         let quality = self.smoothed[grid.flat(voxel)];
-        quality >= TOLD_SHARE_OF_QUALITY_MIN * law.quality_min
-            && window(grid, voxel, law).all(|other| self.smoothed[other] <= quality)
+        quality >= TOLD_SHARE_OF_QUALITY_MIN * params.quality_min
+            && window(grid, voxel, params).all(|other| self.smoothed[other] <= quality)
     }
 }
 
@@ -142,8 +142,8 @@ fn unflat(grid: &Grid, flat: usize) -> [usize; 3] {
 }
 
 /// Flat indices of the voxels in the suppression window around a voxel.
-fn window<'a>(grid: &'a Grid, voxel: [usize; 3], law: &DetectionLaw) -> impl Iterator<Item = usize> + 'a {
-    let side = law.suppression_window_voxels;
+fn window<'a>(grid: &'a Grid, voxel: [usize; 3], params: &DetectionParams) -> impl Iterator<Item = usize> + 'a {
+    let side = params.suppression_window_voxels;
     let [is, js, ks] = voxel.map(|at| at.saturating_sub(side / 2)..(at + side - side / 2).min(grid.resolution));
     is.flat_map(move |i| {
         let ks = ks.clone();
@@ -237,8 +237,8 @@ mod tests {
 
     const GRID: Grid = Grid::PAPER;
 
-    fn law() -> DetectionLaw {
-        DetectionLaw { surface_side: Side::Front, ..Config::built_in().unwrap().detection }
+    fn params() -> DetectionParams {
+        DetectionParams { surface_side: Side::Front, ..Config::built_in().unwrap().detection }
     }
 
     fn ball(middle: [usize; 3], radius: f32, value: f32) -> Vec<f32> {
@@ -270,7 +270,7 @@ mod tests {
         quality[GRID.flat([21, 20, 12])] = 1.0;
         let tsdf = ball([20, 20, 12], 8.0, 0.6);
         let width = vec![4.0; GRID.len()];
-        let detected = detect(&GRID, &tsdf, &quality, &width, &law());
+        let detected = detect(&GRID, &tsdf, &quality, &width, &params());
         let voxels: Vec<[usize; 3]> = detected.found.iter().map(|found| found.voxel).collect();
         assert!(voxels.contains(&[21, 20, 12]), "{voxels:?}");
         assert!(detected.quality_reached > 100 && detected.quality_best > 0.94);
@@ -282,7 +282,7 @@ mod tests {
         let near = ball([20, 20, 12], 8.0, 0.6);
         let width = vec![4.0; GRID.len()];
         let count =
-            |tsdf: &[f32], quality: &[f32], width: &[f32]| detect(&GRID, tsdf, quality, width, &law()).found.len();
+            |tsdf: &[f32], quality: &[f32], width: &[f32]| detect(&GRID, tsdf, quality, width, &params()).found.len();
         assert!(count(&near, &quality, &width) > 0);
         assert_eq!(count(&vec![0.0; GRID.len()], &quality, &width), 0);
         assert_eq!(count(&vec![0.3; GRID.len()], &quality, &width), 0);
@@ -323,9 +323,9 @@ mod tests {
     fn what_is_dropped_is_told() {
         let quality = ball([20, 20, 12], 6.0, 0.95);
         let width = vec![12.0; GRID.len()];
-        let detected = detect(&GRID, &ball([20, 20, 12], 8.0, 0.6), &quality, &width, &law());
+        let detected = detect(&GRID, &ball([20, 20, 12], 8.0, 0.6), &quality, &width, &params());
         assert!(detected.found.is_empty());
-        let misses = detected.misses(&GRID, &law());
+        let misses = detected.misses(&GRID, &params());
         assert!(!misses.is_empty());
         assert!(misses.iter().all(|miss| miss.drop == Drop::Width { width_voxels: 12.0 }), "{misses:?}");
     }

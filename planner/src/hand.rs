@@ -2,7 +2,7 @@
 
 use schema::{Gripper, HandBox, Pose, Quat, Vec3, pose_from_parts};
 
-use crate::config::CollisionLaw;
+use crate::config::CollisionParams;
 
 /// A half turn about z, which gives an equivalent grasp.
 const HALF_TURN: Quat = Quat::from_xyzw(0.0, 0.0, 1.0, 0.0);
@@ -31,9 +31,9 @@ pub struct Sweep {
 impl Sweep {
     /// The sweep of a gripper including its clearance: the same sweep decides the labels (`simulator`'s gate).
     #[must_use]
-    pub fn new(gripper: &Gripper, law: &CollisionLaw) -> Self {
-        let margin_m = gripper.clearance_m + law.margin_m;
-        let boxes = gripper.open_hand().map(|b| b.swept_back(law.pregrasp_distance_m).grown(margin_m));
+    pub fn new(gripper: &Gripper, params: &CollisionParams) -> Self {
+        let margin_m = gripper.clearance_m + params.margin_m;
+        let boxes = gripper.open_hand().map(|b| b.swept_back(params.pregrasp_distance_m).grown(margin_m));
         let low = boxes.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
         let high = boxes.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
         Self { boxes, middle_m: 0.5 * (low + high), radius_m: 0.5 * (high - low).length() }

@@ -32,6 +32,6 @@ pub mod segment;
 pub mod serve;
 pub mod volume;
 
-pub use config::{Config, ConfigError, Policy};
+pub use config::{Config, Policy};
 pub use observation::{Observation, SeenView, Wishes};
 pub use planner::{PlanError, Planner, PlannerError};

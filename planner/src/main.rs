@@ -71,7 +71,7 @@ fn made_planner(arguments: &PlannerArguments) -> anyhow::Result<Planner> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
         pool.build_global().context("failed to start the threads")?;
     }
-    let config = arguments.config.as_deref().map_or_else(Config::built_in, Config::read).map_err(PlannerError::from)?;
+    let config = Config::load(arguments.config.as_deref()).map_err(PlannerError::from)?;
     Ok(match &arguments.model {
         Some(model) => Planner::new(model, config)?,
         None => Planner::built_in(config)?,

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use schema::{Grasp, Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 use sha2::{Digest as _, Sha256};
 
-use crate::config::{CloudLaw, Config, ConfigError, Policy, WithoutObject};
+use crate::config::{CloudParams, Config, Policy, WithoutObject};
 use crate::detect::{Detected, detect};
 use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
 use crate::observation::{Observation, Wishes};
@@ -51,7 +51,7 @@ pub enum PlannerError {
     },
     /// The settings.
     #[error(transparent)]
-    Config(#[from] ConfigError),
+    Config(#[from] settings::Error),
 }
 
 impl Exit for PlannerError {
@@ -302,7 +302,7 @@ impl Planner {
         wishes: &Wishes,
         dropped: &mut Vec<DroppedCandidate>,
     ) {
-        let Config { gripper, collision, refinement, cloud: CloudLaw { pitch_m, .. }, .. } = &self.config;
+        let Config { gripper, collision, refinement, cloud: CloudParams { pitch_m, .. }, .. } = &self.config;
         let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
         keep_best_of_columns(grasps, dropped, self.grid.voxel_size_m());
         let searched = Searched::new((cloud, normals), *pitch_m, gripper, refinement, collision);
@@ -330,14 +330,14 @@ impl Planner {
         wishes: &Wishes,
         dropped: &mut Vec<DroppedCandidate>,
     ) {
-        let law = &self.config.collision;
-        if !wishes.check_collisions.unwrap_or(law.check) {
+        let params = &self.config.collision;
+        if !wishes.check_collisions.unwrap_or(params.check) {
             return;
         }
-        let sweep = Sweep::new(&self.config.gripper, law);
+        let sweep = Sweep::new(&self.config.gripper, params);
         drop_where(grasps, dropped, |ranked| {
             let points = sweep.points_hit(&ranked.grasp.workspace_from_grasp, &cloud.points_m);
-            (points > law.points_max).then_some(Drop::Collision { points })
+            (points > params.points_max).then_some(Drop::Collision { points })
         });
     }
 
@@ -359,7 +359,7 @@ impl Planner {
 
     /// Why there are no grasps: the first stage that no candidate passed.
     fn reason(&self, seen: &Seen<'_>) -> String {
-        let law = &self.config.detection;
+        let params = &self.config.detection;
         let funnel = seen.funnel;
         if seen.grasps_max == Some(0) {
             "no grasps were asked for".to_owned()
@@ -368,12 +368,12 @@ impl Planner {
         } else if funnel.near_surface == 0 {
             "no voxel on the grasps' side of a surface was seen".to_owned()
         } else if funnel.width_within_limits == 0 {
-            let (low, high) = (law.width_voxels_min, law.width_voxels_max);
+            let (low, high) = (params.width_voxels_min, params.width_voxels_max);
             format!("no grasp has a width between {low} and {high} voxels")
         } else if funnel.quality_reached == 0 {
             // Rounded down, so that 0.8997 does not become 0.9.
             let best = (seen.detected.quality_best * 1e3).floor() * 1e-3;
-            format!("no grasp has a quality of {} or more: the best has {best:.3}", law.quality_min)
+            format!("no grasp has a quality of {} or more: the best has {best:.3}", params.quality_min)
         } else if funnel.hands_found == 0 {
             format!("no hand closes on anything by a free way at any of {} detections", funnel.detections)
         } else if funnel.collision_free == 0 {

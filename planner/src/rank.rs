@@ -4,7 +4,7 @@ use core::cmp::Ordering;
 
 use schema::{Stream, Vec3};
 
-use crate::config::{Policy, RankingLaw, WithoutObject};
+use crate::config::{Policy, RankingParams, WithoutObject};
 use crate::plan::{PointLabel, RankedGrasp, SeenObject, SegmentedCloud};
 
 /// Eq. 8: the distance to the object's centroid, weighted by axis, over the quality; in metres.
@@ -30,12 +30,17 @@ pub fn object_at(position_m: Vec3, cloud: &SegmentedCloud, distance_m_max: f32) 
 }
 
 /// Assigns each grasp its object and ρ.
-pub(crate) fn attribute(grasps: &mut [RankedGrasp], cloud: &SegmentedCloud, objects: &[SeenObject], law: &RankingLaw) {
+pub(crate) fn attribute(
+    grasps: &mut [RankedGrasp],
+    cloud: &SegmentedCloud,
+    objects: &[SeenObject],
+    params: &RankingParams,
+) {
     for ranked in grasps {
         let position_m = ranked.grasp.workspace_from_grasp.translation;
-        ranked.object = object_at(position_m, cloud, law.object_distance_m_max);
+        ranked.object = object_at(position_m, cloud, params.object_distance_m_max);
         ranked.rho_m =
-            ranked.object.map(|object| rho_m(position_m, objects[object].centroid_m, ranked.quality, law.weights));
+            ranked.object.map(|object| rho_m(position_m, objects[object].centroid_m, ranked.quality, params.weights));
     }
 }
 
@@ -61,8 +66,8 @@ fn top_down(a: &RankedGrasp, b: &RankedGrasp) -> Ordering {
 }
 
 /// Whether a grasp is dropped because it has no object; only the paper's order may require one.
-pub(crate) fn is_left_out(ranked: &RankedGrasp, policy: Policy, law: &RankingLaw) -> bool {
-    policy == Policy::Paper && ranked.object.is_none() && law.without_object == WithoutObject::Drop
+pub(crate) fn is_left_out(ranked: &RankedGrasp, policy: Policy, params: &RankingParams) -> bool {
+    policy == Policy::Paper && ranked.object.is_none() && params.without_object == WithoutObject::Drop
 }
 
 #[cfg(test)]
@@ -112,7 +117,7 @@ mod tests {
     #[test]
     fn the_paper_takes_the_highest_object_first_and_its_middle() {
         let (cloud, objects) = scene();
-        let law = Config::built_in().unwrap().ranking;
+        let params = Config::built_in().unwrap().ranking;
         let mut grasps = vec![
             grasp([0.1, 0.1, 0.07], 0.99),
             grasp([0.2, 0.115, 0.12], 0.95),
@@ -120,7 +125,7 @@ mod tests {
             grasp([0.2, 0.105, 0.12], 0.91),
             grasp([0.25, 0.25, 0.3], 0.92),
         ];
-        attribute(&mut grasps, &cloud, &objects, &law);
+        attribute(&mut grasps, &cloud, &objects, &params);
         assert_eq!(grasps.iter().map(|g| g.object).collect::<Vec<_>>(), [Some(1), Some(0), None, Some(0), None]);
         let qualities = |policy| {
             let mut ordered = grasps.clone();
@@ -148,11 +153,11 @@ mod tests {
 
     #[test]
     fn only_the_paper_leaves_out_what_belongs_to_nothing() {
-        let law = RankingLaw { without_object: WithoutObject::Drop, ..Config::built_in().unwrap().ranking };
+        let params = RankingParams { without_object: WithoutObject::Drop, ..Config::built_in().unwrap().ranking };
         let lost = grasp([0.0; 3], 0.95);
-        assert!(is_left_out(&lost, Policy::Paper, &law));
-        assert!(!is_left_out(&lost, Policy::VgnBest, &law));
-        assert!(!is_left_out(&RankedGrasp { object: Some(0), ..lost.clone() }, Policy::Paper, &law));
+        assert!(is_left_out(&lost, Policy::Paper, &params));
+        assert!(!is_left_out(&lost, Policy::VgnBest, &params));
+        assert!(!is_left_out(&RankedGrasp { object: Some(0), ..lost.clone() }, Policy::Paper, &params));
         assert!(!is_left_out(&lost, Policy::Paper, &Config::built_in().unwrap().ranking));
     }
 }

@@ -11,8 +11,10 @@
 
 use rayon::prelude::*;
 use schema::{Grasp, Gripper, Plane, Quat, Vec3, axis_angle, pose_from_parts};
+use serde::Serialize;
+use settings::settings;
 
-use crate::config::CollisionLaw;
+use crate::config::CollisionParams;
 use crate::hand::WRIST_DOWN;
 use crate::plan::SegmentedCloud;
 
@@ -25,29 +27,31 @@ const CELL_M: f32 = 0.01;
 /// Range beside the fingers in which the middle of the held object is determined.
 const MIDDLE_M: f32 = 0.05;
 
-/// Settings of the hand search.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RefinementLaw {
-    /// Turns about the approach, evenly over half a turn; 0 switches refinement off.
-    pub turns: usize,
-    /// Number of tilted approaches, evenly around the vertical one.
-    pub tilts: usize,
-    /// Their angle from the vertical.
-    pub tilt_rad: f32,
-    /// Number of depths: the finger tips end this many steps behind the nearest point between them, at most.
-    pub depths: usize,
-    /// Length of a depth step.
-    pub depth_m: f32,
-    /// Maximum distance of a supporting point behind the contact …
-    pub flat_m: f32,
-    /// … and maximum angle of its normal to the closing direction.
-    pub normal_rad_max: f32,
-    /// Whether a hidden side is assumed to be vertical below the observed outline.
-    pub outlines: bool,
-    /// The support of a hand is halved if the middle of the held object is this far beside its fingers.
-    pub arm_m: f32,
-    /// Minimum number of points at each finger.
-    pub points_min: usize,
+settings! {
+    /// Settings of the hand search.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct RefinementParams {
+        /// Turns about the approach, evenly over half a turn; 0 switches refinement off.
+        pub turns: usize where 0..=180,
+        /// Number of tilted approaches, evenly around the vertical one.
+        pub tilts: usize where 0..=24,
+        /// Their angle from the vertical.
+        pub tilt_rad: f32 where 0.0..=1.2,
+        /// Number of depths: the finger tips end this many steps behind the nearest point between them, at most.
+        pub depths: usize where 1..=50,
+        /// Length of a depth step.
+        pub depth_m: f32 where 1e-4..=0.1,
+        /// Maximum distance of a supporting point behind the contact …
+        pub flat_m: f32 where 1e-4..=0.05,
+        /// … and maximum angle of its normal to the closing direction.
+        pub normal_rad_max: f32 where 0.0..=1.5,
+        /// Whether a hidden side is assumed to be vertical below the observed outline.
+        pub outlines: bool,
+        /// The support of a hand is halved if the middle of the held object is this far beside its fingers.
+        pub arm_m: f32 where 1e-3..=10.0,
+        /// Minimum number of points at each finger.
+        pub points_min: usize where 1..=10_000,
+    }
 }
 
 /// A hand pose that closes on a surface.
@@ -62,7 +66,7 @@ pub struct Hand {
 /// A cloud prepared for the hand search from all directions.
 pub struct Searched<'a> {
     gripper: &'a Gripper,
-    law: &'a RefinementLaw,
+    params: &'a RefinementParams,
     /// Clearance that the way must have beyond the hand.
     margin_m: f32,
     /// Cosine of the maximum angle between normal and closing direction.
@@ -77,12 +81,12 @@ impl<'a> Searched<'a> {
         cloud: (&SegmentedCloud, &[Vec3]),
         pitch_m: f32,
         gripper: &'a Gripper,
-        law: &'a RefinementLaw,
-        collision: &CollisionLaw,
+        params: &'a RefinementParams,
+        collision: &CollisionParams,
     ) -> Self {
-        let seen = approaches(law).into_par_iter().map(|approach| Seen::new(cloud, pitch_m, approach)).collect();
+        let seen = approaches(params).into_par_iter().map(|approach| Seen::new(cloud, pitch_m, approach)).collect();
         let margin_m = gripper.clearance_m + collision.margin_m;
-        Self { gripper, law, margin_m, normal_cos_min: libm::cosf(law.normal_rad_max), seen }
+        Self { gripper, params, margin_m, normal_cos_min: libm::cosf(params.normal_rad_max), seen }
     }
 
     /// The flattest hand at a position, or `None` if no way is free or nothing flat is between the fingers. Of equal
@@ -99,11 +103,11 @@ impl<'a> Searched<'a> {
         let around = seen.things.within(origin, libm::hypotf(MIDDLE_M, half_y_m));
         let reach_m = libm::hypotf(0.5 * self.gripper.finger_width_m, half_y_m);
         let near: Vec<Point> = around.iter().copied().filter(|p| p.is_within(reach_m)).collect();
-        if near.len() < 2 * self.law.points_min {
+        if near.len() < 2 * self.params.points_min {
             return best;
         }
-        for step in 0..self.law.turns {
-            let turn = axis_angle(Vec3::Z, core::f32::consts::PI * step as f32 / self.law.turns as f32);
+        for step in 0..self.params.turns {
+            let turn = axis_angle(Vec3::Z, core::f32::consts::PI * step as f32 / self.params.turns as f32);
             best = self.turned(seen, origin, turn, [&near, &around], best);
         }
         best
@@ -119,26 +123,26 @@ impl<'a> Searched<'a> {
         [near, around]: [&[Point]; 2],
         mut best: Option<Hand>,
     ) -> Option<Hand> {
-        let (gripper, law) = (self.gripper, self.law);
+        let (gripper, params) = (self.gripper, self.params);
         let (half_x_m, half_y_m, back) = (0.5 * gripper.finger_width_m, 0.5 * gripper.opening_m_max, turn.inverse());
         let is_between = |p: &Point| p.at.x.abs() < half_x_m && p.at.y.abs() < half_y_m;
         let between: Vec<Point> = near.iter().map(|p| p.turned(back)).filter(is_between).collect();
         // A finger's support is at most the number of points that face it.
         let facing = |side: f32| between.iter().filter(|p| side * p.normal.y > self.normal_cos_min).count();
-        let support_max = if law.outlines { between.len() } else { facing(-1.0).min(facing(1.0)) };
+        let support_max = if params.outlines { between.len() } else { facing(-1.0).min(facing(1.0)) };
         let is_better = |support: f32, best: Option<Hand>| best.is_none_or(|hand| support > hand.support);
-        if support_max < law.points_min || !is_better(support_max as f32, best) {
+        if support_max < params.points_min || !is_better(support_max as f32, best) {
             return best;
         }
         let nearest_z_m = between.iter().map(|p| p.at.z).fold(f32::INFINITY, f32::min);
-        let mut closing = Closing::new(half_y_m, law.flat_m);
-        for depth in 1..=law.depths {
-            let [before_m, tips_z_m] = [depth - 1, depth].map(|steps| nearest_z_m + law.depth_m * steps as f32);
+        let mut closing = Closing::new(half_y_m, params.flat_m);
+        for depth in 1..=params.depths {
+            let [before_m, tips_z_m] = [depth - 1, depth].map(|steps| nearest_z_m + params.depth_m * steps as f32);
             let newly = between.iter().filter(|p| (before_m..tips_z_m).contains(&p.at.z));
             newly.for_each(|point| closing.add(point, self.normal_cos_min));
-            let touch = closing.touch(law, gripper.opening_m_max - 2.0 * gripper.clearance_m);
+            let touch = closing.touch(params, gripper.opening_m_max - 2.0 * gripper.clearance_m);
             let Some(touch) = touch.filter(|touch| is_better(touch.support as f32, best)) else { continue };
-            let support = touch.support as f32 / (1.0 + square(arm_m(around, back, &touch) / law.arm_m));
+            let support = touch.support as f32 / (1.0 + square(arm_m(around, back, &touch) / params.arm_m));
             if !is_better(support, best) {
                 continue;
             }
@@ -209,8 +213,8 @@ impl Closing {
     }
 
     /// The contacts of both fingers, if each has enough support and they are at most `width_m_max` apart.
-    fn touch(&self, law: &RefinementLaw, width_m_max: f32) -> Option<Touch> {
-        let points_min = law.points_min;
+    fn touch(&self, params: &RefinementParams, width_m_max: f32) -> Option<Touch> {
+        let points_min = params.points_min;
         if self.count < 2 * points_min {
             return None;
         }
@@ -230,7 +234,7 @@ impl Closing {
         let from_low = |bins: &[u32]| bins.iter().skip(low).take(self.flat_bins).sum::<u32>();
         let from_high = |bins: &[u32]| bins[..=high].iter().rev().take(self.flat_bins).sum::<u32>();
         let mut at = [from_low(&self.facing_low), from_high(&self.facing_high)];
-        if law.outlines {
+        if params.outlines {
             at = [at[0].max(from_low(&self.all)), at[1].max(from_high(&self.all))];
         }
         let support = at[0].min(at[1]) as usize;
@@ -251,13 +255,13 @@ fn square(x: f32) -> f32 {
 }
 
 /// The vertical approach and the tilted ones.
-fn approaches(law: &RefinementLaw) -> Vec<Quat> {
+fn approaches(params: &RefinementParams) -> Vec<Quat> {
     let tilted = |number: usize| {
-        let azimuth_rad = core::f32::consts::TAU * number as f32 / law.tilts as f32;
+        let azimuth_rad = core::f32::consts::TAU * number as f32 / params.tilts as f32;
         let around = axis_angle(Vec3::Z, azimuth_rad);
-        (around * axis_angle(Vec3::X, law.tilt_rad) * around.inverse() * WRIST_DOWN).normalize()
+        (around * axis_angle(Vec3::X, params.tilt_rad) * around.inverse() * WRIST_DOWN).normalize()
     };
-    core::iter::once(WRIST_DOWN).chain((0..law.tilts).map(tilted)).collect()
+    core::iter::once(WRIST_DOWN).chain((0..params.tilts).map(tilted)).collect()
 }
 
 /// A point of the surface and its normal.
@@ -402,7 +406,7 @@ mod tests {
     use crate::hand::Sweep;
     use crate::segment::segment;
 
-    const LAW: RefinementLaw = RefinementLaw {
+    const LAW: RefinementParams = RefinementParams {
         turns: 12,
         tilts: 6,
         tilt_rad: 0.5,
@@ -447,7 +451,7 @@ mod tests {
         let config = Config::built_in().unwrap();
         let (cloud, _) = segment(places(points), &config);
         let normals: Vec<Vec3> = points.iter().map(|p| p.normal).collect();
-        let collision = CollisionLaw { margin_m: 0.002, ..config.collision };
+        let collision = CollisionParams { margin_m: 0.002, ..config.collision };
         Searched::new((&cloud, &normals), 0.0025, &config.gripper, &LAW, &collision).hand_at(origin_m)
     }
 
@@ -477,7 +481,7 @@ mod tests {
     #[test]
     fn a_way_on_the_map_is_a_way_through_the_points() {
         let config = Config::built_in().unwrap();
-        let sweep = Sweep::new(&config.gripper, &CollisionLaw { margin_m: 0.0, ..config.collision });
+        let sweep = Sweep::new(&config.gripper, &CollisionParams { margin_m: 0.0, ..config.collision });
         let mut found = 0;
         for n in 0..60_u8 {
             let share = f32::from(n) / 60.0;

@@ -3,7 +3,7 @@
 use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, surface_cloud, thinned, view_from};
 use schema::{Grid, Vec3, VoxelGrid};
 
-use crate::config::CloudLaw;
+use crate::config::CloudParams;
 use crate::level::scaled_to_table;
 use crate::observation::{Observation, SeenView};
 use crate::planner::PlanError;
@@ -21,19 +21,19 @@ pub struct Volume {
     pub warnings: Vec<String>,
 }
 
-/// Fuses an observation on `grid`; its cloud has a pitch of `law.pitch_m`. For depth images the cloud comes from a
+/// Fuses an observation on `grid`; its cloud has a pitch of `params.pitch_m`. For depth images the cloud comes from a
 /// separate, finer grid.
 ///
 /// # Errors
 /// [`PlanError::Grid`] for a TSDF on another grid, [`PlanError::Image`] for an image whose size differs from its
 /// intrinsics, [`PlanError::Eye`] for a viewpoint that cannot see the workspace, [`PlanError::Solid`] for a cloud that
 /// is not a surface.
-pub fn fuse(observation: &Observation, grid: &Grid, law: CloudLaw) -> Result<Volume, PlanError> {
-    let pitch_m = law.pitch_m;
+pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Result<Volume, PlanError> {
+    let pitch_m = params.pitch_m;
     match observation {
         Observation::Views(views) => {
             let scaled: Vec<SeenView>;
-            let views = if law.scale_to_table {
+            let views = if params.scale_to_table {
                 scaled = views.iter().map(|view| scaled_to_table(view, grid)).collect();
                 &scaled
             } else {
@@ -41,7 +41,7 @@ pub fn fuse(observation: &Observation, grid: &Grid, law: CloudLaw) -> Result<Vol
             };
             let on = |resolution: usize| fuse_views(views, &Grid { resolution, ..*grid });
             let coarse = on(grid.resolution)?;
-            let fine = if law.resolution == grid.resolution { None } else { Some(on(law.resolution)?) };
+            let fine = if params.resolution == grid.resolution { None } else { Some(on(params.resolution)?) };
             let points_m = surface_cloud(fine.as_ref().unwrap_or(&coarse), pitch_m);
             Ok(Volume { grid: coarse, points_m, fine, warnings: Vec::new() })
         }
@@ -148,7 +148,7 @@ mod tests {
 
     use super::*;
 
-    const LAW: CloudLaw = CloudLaw { resolution: 40, pitch_m: 0.0025, scale_to_table: false };
+    const LAW: CloudParams = CloudParams { resolution: 40, pitch_m: 0.0025, scale_to_table: false };
 
     fn level(view: &View) -> SeenView {
         let camera = camera_at(view, &Grid::PAPER, Intrinsics::VGN);

@@ -64,6 +64,13 @@ impl Exit for io::Error {
     }
 }
 
+impl Exit for settings::Error {
+    /// [`ExitCode::Config`].
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Config
+    }
+}
+
 /// Why a command failed: what the person reads, and the exit code. Made of any error that implements [`Exit`].
 #[derive(Debug)]
 pub struct Failure {

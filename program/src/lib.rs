@@ -11,7 +11,7 @@
 //! }
 //! ```
 //!
-//! This crate depends on no other crate of ours.
+//! Of our crates this one depends on `settings` alone, whose error reaches every `main`.
 
 mod exit;
 pub mod manual;

@@ -1,16 +1,23 @@
 //! The workspace in voxels.
 
+use serde::{Deserialize, Serialize};
+use settings::{Reader, settings};
+
 use crate::Vec3;
 
-/// The cubic voxel grid over the workspace.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grid {
-    /// Voxels along each side.
-    pub resolution: usize,
-    /// Length of a side of the workspace, in metres.
-    pub size_m: f32,
-    /// Height of the table's top above the workspace's origin, in metres.
-    pub table_z_m: f32,
+settings! {
+    /// The cubic voxel grid over the workspace.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Grid {
+        /// Voxels along each side.
+        pub resolution: usize where 8..=128,
+        /// Length of a side of the workspace, in metres.
+        pub size_m: f32 where 0.05..=3.0,
+        /// Height of the table's top above the workspace's origin, in metres.
+        pub table_z_m: f32 where 0.0..=1.5,
+    }
+    check Grid::table_fits
 }
 
 /// Why a grid cannot be.
@@ -31,6 +38,11 @@ pub enum GridError {
 impl Grid {
     /// The paper's and VGN's grid: 40³ voxels of 7.5 mm, the table at 0.05 m.
     pub const PAPER: Self = Self { resolution: 40, size_m: 0.30, table_z_m: 0.05 };
+
+    fn table_fits(&self, reader: &mut Reader<'_>) {
+        let (got, most) = (self.table_z_m, 0.5 * self.size_m);
+        reader.must("table_z_m", got <= most, || format!("must be between 0 and {most}, got {got}"));
+    }
 
     /// Side of a voxel, in metres.
     #[must_use]

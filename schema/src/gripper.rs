@@ -3,40 +3,45 @@
 //! In the grasp frame the fingers reach from z = −`finger_length_m` to z = 0 and open along y; the palm lies behind
 //! them. One gripper file serves the generator, the cross-check, the planner and the experiments.
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
+use settings::{Document, Reader, Setting as _, Value, settings};
 
 use crate::{Pose, Vec3};
 
-/// A parallel-jaw gripper.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Gripper {
-    /// Its name.
-    pub name: String,
-    /// Distance between the fingers' inner faces when open.
-    pub opening_m_max: f32,
-    /// Finger length along z.
-    pub finger_length_m: f32,
-    /// Finger width along x.
-    pub finger_width_m: f32,
-    /// Finger thickness along y.
-    pub finger_thickness_m: f32,
-    /// Palm length along z.
-    pub palm_length_m: f32,
-    /// Palm width along x.
-    pub palm_width_m: f32,
-    /// Palm breadth along y.
-    pub palm_breadth_m: f32,
-    /// Mass of a finger.
-    pub finger_mass_kg: f32,
-    /// Closing force of a finger.
-    pub finger_force_n: f32,
-    /// Closing speed of a finger.
-    pub closing_speed_m_s: f32,
-    /// Friction coefficient of the fingers and palm.
-    pub friction: f32,
-    /// The approaching hand collides with what comes nearer than this.
-    pub clearance_m: f32,
+settings! {
+    /// A parallel-jaw gripper.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Gripper {
+        /// Its name.
+        pub name: String,
+        /// Distance between the fingers' inner faces when open.
+        pub opening_m_max: f32 where 0.005..=0.5,
+        /// Finger length along z.
+        pub finger_length_m: f32 where 0.005..=0.5,
+        /// Finger width along x.
+        pub finger_width_m: f32 where 0.001..=0.2,
+        /// Finger thickness along y.
+        pub finger_thickness_m: f32 where 0.001..=0.1,
+        /// Palm length along z.
+        pub palm_length_m: f32 where 0.001..=0.5,
+        /// Palm width along x.
+        pub palm_width_m: f32 where 0.001..=0.5,
+        /// Palm breadth along y.
+        pub palm_breadth_m: f32 where 0.001..=0.5,
+        /// Mass of a finger.
+        pub finger_mass_kg: f32 where 0.005..=5.0,
+        /// Closing force of a finger.
+        pub finger_force_n: f32 where 0.1..=500.0,
+        /// Closing speed of a finger.
+        pub closing_speed_m_s: f32 where 0.001..=1.0,
+        /// Friction coefficient of the fingers and palm.
+        pub friction: f32 where 0.0..=5.0,
+        /// The approaching hand collides with what comes nearer than this.
+        pub clearance_m: f32 where 0.0..=0.02,
+    }
 }
 
 /// A box of the hand in the grasp frame, axes along the frame's.
@@ -48,17 +53,6 @@ pub struct HandBox {
     pub half_m: Vec3,
 }
 
-/// Why a gripper file is refused.
-#[derive(Debug, thiserror::Error)]
-pub enum GripperError {
-    /// Not TOML, or not a gripper's keys.
-    #[error("not a gripper file: {0}")]
-    Parse(String),
-    /// Values out of range, all of them.
-    #[error("{}", .0.join("; "))]
-    Range(Vec<String>),
-}
-
 impl Gripper {
     /// Names and files of the hands that need no file.
     pub const BUILT_IN: [(&'static str, &'static str); 3] = [
@@ -67,54 +61,33 @@ impl Gripper {
         ("slim_jaw_50", include_str!("../../configs/grippers/slim_jaw_50.toml")),
     ];
 
-    /// The built-in gripper of that name, or the one in the file that a name ending in `.toml` means; `read` gives that file's text.
-    ///
-    /// # Errors
-    /// For people: the name is neither, `read`'s message, or what is wrong with the file.
-    pub fn named(name: &str, read: impl FnOnce(&str) -> Result<String, String>) -> Result<Self, String> {
+    /// Reads the name of a built-in gripper, or the path of a gripper's file, which ends in `.toml`.
+    pub fn read_named(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
+        let name = String::read(value, &(), reader)?;
         let text = match Self::BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
-            Some((_, text)) => (*text).to_owned(),
-            None if name.ends_with(".toml") => read(name)?,
+            Some((_, text)) => Ok((*text).to_owned()),
+            None if name.ends_with(".toml") => reader.text_of(&name),
             None => {
                 let names = Self::BUILT_IN.map(|(name, _)| name).join(", ");
-                return Err(format!("gripper must be a path that ends in .toml or one of {names}, got {name}"));
+                let got = name.escape_debug();
+                Err(format!("must be a path that ends in .toml or one of {names}, got {got}"))
             }
         };
-        Self::from_toml(&text).map_err(|e| format!("{e}: {name}"))
+        match text {
+            Ok(text) => reader.in_file(&name, &text),
+            Err(rule) => {
+                reader.fault(rule);
+                None
+            }
+        }
     }
 
     /// A gripper from the text of its TOML file.
     ///
     /// # Errors
-    /// [`GripperError`] if the text is not TOML, a key is missing or unknown, or values are out of range.
-    pub fn from_toml(text: &str) -> Result<Self, GripperError> {
-        let gripper: Self = toml::from_str(text).map_err(|e| GripperError::Parse(e.message().to_owned()))?;
-        let problems = gripper.problems();
-        if problems.is_empty() { Ok(gripper) } else { Err(GripperError::Range(problems)) }
-    }
-
-    /// What is out of range, one message each.
-    #[must_use]
-    pub fn problems(&self) -> Vec<String> {
-        let ranges = [
-            ("opening_m_max", self.opening_m_max, 0.005, 0.5),
-            ("finger_length_m", self.finger_length_m, 0.005, 0.5),
-            ("finger_width_m", self.finger_width_m, 0.001, 0.2),
-            ("finger_thickness_m", self.finger_thickness_m, 0.001, 0.1),
-            ("palm_length_m", self.palm_length_m, 0.001, 0.5),
-            ("palm_width_m", self.palm_width_m, 0.001, 0.5),
-            ("palm_breadth_m", self.palm_breadth_m, 0.001, 0.5),
-            ("finger_mass_kg", self.finger_mass_kg, 0.005, 5.0),
-            ("finger_force_n", self.finger_force_n, 0.1, 500.0),
-            ("closing_speed_m_s", self.closing_speed_m_s, 0.001, 1.0),
-            ("friction", self.friction, 0.0, 5.0),
-            ("clearance_m", self.clearance_m, 0.0, 0.02),
-        ];
-        ranges
-            .into_iter()
-            .filter(|(_, value, low, high)| !(value >= low && value <= high))
-            .map(|(key, value, low, high)| format!("gripper.{key} must be between {low} and {high}, got {value}"))
-            .collect()
+    /// All that is wrong with the text.
+    pub fn from_toml(text: &str) -> Result<Self, settings::Error> {
+        Document::parse(text, Path::new("gripper"))?.read_as("gripper")
     }
 
     /// The two fingers (−y, then +y) with their inner faces `width_m` apart.
@@ -177,14 +150,30 @@ mod tests {
         assert!((palm.centre_m.z + palm.half_m.z + 0.05).abs() < 1e-6, "the palm begins behind the fingers");
     }
 
+    settings! {
+        struct Hands {
+            hand: Gripper; by Gripper::read_named,
+        }
+    }
+
+    fn named(name: &str) -> Result<Gripper, settings::Error> {
+        let text = format!("hand = \"{name}\"");
+        Document::parse(&text, Path::new("nowhere/hands.toml")).unwrap().read::<Hands>().map(|hands| hands.hand)
+    }
+
     #[test]
     fn built_in_hands_are_sound_and_go_by_their_names() {
         for (name, _) in Gripper::BUILT_IN {
-            let found = Gripper::named(name, |file| panic!("{name} needs no file, asked for {file}"));
-            assert_eq!(found.unwrap().name, name);
+            assert_eq!(named(name).unwrap().name, name);
         }
-        let unknown = Gripper::named("three_fingers", |_| panic!("not a path")).unwrap_err();
+        let unknown = named("three_fingers").unwrap_err().to_string();
+        assert!(unknown.contains("hand must be a path that ends in .toml"), "{unknown}");
         assert!(Gripper::BUILT_IN.iter().all(|(name, _)| unknown.contains(name)), "{unknown}");
+        let missing = named("three_fingers.toml").unwrap_err().to_string();
+        assert!(
+            missing.contains("hand cannot be read: ") && missing.contains("nowhere/three_fingers.toml"),
+            "{missing}"
+        );
     }
 
     #[test]
@@ -201,6 +190,15 @@ mod tests {
         let message = Gripper::from_toml(&bad).unwrap_err().to_string();
         assert!(message.contains("gripper.opening_m_max must be between 0.005 and 0.5, got -1"), "{message}");
         assert!(message.contains("gripper.friction"), "{message}");
+        let bad = PAPER.replace("palm_width_m = ", "palm_width_m = \"x\" #").replace("clearance_m", "clearances_m");
+        let message = Gripper::from_toml(&bad).unwrap_err().to_string();
+        for told in [
+            "gripper.palm_width_m must be a number, got \"x\"",
+            "gripper.clearances_m is no key of this file, did you mean clearance_m?",
+            "gripper.clearance_m is missing: a number between 0 and 0.02",
+        ] {
+            assert!(message.contains(told), "{told} is not in {message}");
+        }
     }
 
     #[test]

@@ -16,11 +16,11 @@
 //! SI units throughout; a name carries its unit (`width_m`, `tilt_rad`).
 
 mod camera;
+mod generation;
 mod grasp;
 mod grid;
 mod gripper;
 mod hull;
-mod keys;
 mod law;
 mod model;
 mod outcome;
@@ -34,10 +34,10 @@ mod seed;
 mod solid;
 
 pub use camera::{Camera, DepthImage, Intrinsics, View};
+pub use generation::{CameraParams, Physics, SettleParams, TsdfParams, ViewParams};
 pub use grasp::{Grasp, VoxelGrasp};
 pub use grid::{Grid, GridError, VoxelGrid};
-pub use gripper::{Gripper, GripperError, HandBox};
-pub use keys::keys_unlike;
+pub use gripper::{Gripper, HandBox};
 pub use law::{Law, SLIDE_SHARE, TIP_DEPTH_M, Tilt, law_of};
 pub use model::{CORNERS_MAX, MODELS_MAX, Model, NAME_MAX, ObjectShape, PARTS_MAX, Shape};
 pub use outcome::{HitKind, Outcome};

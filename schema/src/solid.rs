@@ -5,43 +5,25 @@
 //! the depth images, in the collision tests and in the cross-check. (A true cylinder slipped in rapier's grip where its
 //! faceted hull held; and rays must see what the physics feels.)
 
+use settings::words;
+
 use crate::{Pose, Vec3};
 
 /// Flat sides of a full turn of a round outline. Divisible by four, so that the extents are those of the true circle.
 pub const FACETS: usize = 24;
 
-/// Kind of a primitive shape.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum ShapeKind {
-    /// A box.
-    Cuboid,
-    /// A cylinder, its axis along z.
-    Cylinder,
-    /// A triangular prism, extruded along x; in y–z an isosceles triangle, its base at −z, its apex at y = 0, +z.
-    TriPrism,
-    /// Half a cylinder, extruded along x; its flat face at −z, its round one towards +z.
-    HalfCylinder,
-}
-
-impl ShapeKind {
-    /// Every kind, in the order of the paper's Fig. 2.
-    pub const ALL: [Self; 4] = [Self::Cuboid, Self::Cylinder, Self::TriPrism, Self::HalfCylinder];
-
-    /// The name in shards, configs and reports.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Cuboid => "cuboid",
-            Self::Cylinder => "cylinder",
-            Self::TriPrism => "tri_prism",
-            Self::HalfCylinder => "half_cylinder",
-        }
-    }
-
-    /// The kind with this name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
+words! {
+    /// Kind of a primitive shape, in the order of the paper's Fig. 2.
+    #[derive(PartialOrd, Ord)]
+    pub enum ShapeKind {
+        /// A box.
+        Cuboid = "cuboid",
+        /// A cylinder, its axis along z.
+        Cylinder = "cylinder",
+        /// A triangular prism, extruded along x; in y–z an isosceles triangle, its base at −z, its apex at y = 0, +z.
+        TriPrism = "tri_prism",
+        /// Half a cylinder, extruded along x; its flat face at −z, its round one towards +z.
+        HalfCylinder = "half_cylinder",
     }
 }
 

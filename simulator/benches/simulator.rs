@@ -2,7 +2,7 @@
 
 use divan::Bencher;
 use schema::{Camera, Grid, Gripper, Intrinsics, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
-use simulator::{AttemptWorld, Drop, Gate, Physics, Scene, SceneRays, SettleLaw, settle};
+use simulator::{AttemptWorld, Drop, Gate, Physics, Scene, SceneRays, SettleParams, settle};
 
 fn main() {
     divan::main();
@@ -29,15 +29,9 @@ fn drops(count: usize) -> Vec<Drop> {
 }
 
 fn settled(count: usize) -> Scene {
-    let law = SettleLaw {
-        solver_iterations: 8,
-        damping_1_s: 2.0,
-        linear_speed_m_s_max: 0.005,
-        angular_speed_rad_s_max: 0.05,
-        rest_time_s: 0.1,
-        time_s_max: 4.0,
-    };
-    settle(&Physics::FAITHFUL, &law, &Grid::PAPER, &drops(count)).expect("the pile comes to rest").scene
+    settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &drops(count))
+        .expect("the pile comes to rest")
+        .scene
 }
 
 fn gripper() -> Gripper {

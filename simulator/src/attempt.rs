@@ -7,9 +7,9 @@
 //!    `hit_other`, `held`.
 
 use rapier3d::prelude::{ColliderHandle, PhysicsPipeline, RigidBodyHandle};
-use schema::{Gripper, Outcome, Pose, Procedure, Vec3};
+use schema::{Gripper, Outcome, Physics, Pose, Procedure, Vec3};
 
-use crate::engine::{Physics, Thing, World};
+use crate::engine::{Thing, World};
 use crate::gate::{Gate, Hit, lowest_z_m};
 use crate::hand::Hand;
 use crate::shortcuts::{FreeClosing, LiftWatch};

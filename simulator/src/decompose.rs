@@ -20,7 +20,7 @@ const FLAT_SHARE: f32 = 2e-4;
 
 /// How finely a mesh is decomposed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PartsLaw {
+pub struct PartsParams {
     /// Maximum number of parts.
     pub parts_max: usize,
     /// Maximum number of corners of a part; at least 8.
@@ -47,7 +47,11 @@ pub struct ConvexParts {
 ///
 /// # Panics
 /// If a triangle has an index without a corner.
-pub fn convex_parts(corners_m: &[Vec3], triangles: &[[u32; 3]], law: &PartsLaw) -> Result<ConvexParts, HullError> {
+pub fn convex_parts(
+    corners_m: &[Vec3],
+    triangles: &[[u32; 3]],
+    params: &PartsParams,
+) -> Result<ConvexParts, HullError> {
     let low = corners_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
     let high = corners_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
     let size_m = (high - low).max_element();
@@ -59,9 +63,9 @@ pub fn convex_parts(corners_m: &[Vec3], triangles: &[[u32; 3]], law: &PartsLaw) 
     }
     let tolerance_m = FLAT_SHARE * size_m;
     let mut parts = ConvexParts { hulls: Vec::new(), simplified_m: 0.0 };
-    for piece in pieces(corners_m, triangles, [low, Vec3::splat(size_m)], law)? {
+    for piece in pieces(corners_m, triangles, [low, Vec3::splat(size_m)], params)? {
         // A piece without volume is skipped; the volume of the parts shows the loss.
-        let Ok((hull, left_m)) = simplified(&piece.corners_m, law.corners_max, tolerance_m) else { continue };
+        let Ok((hull, left_m)) = simplified(&piece.corners_m, params.corners_max, tolerance_m) else { continue };
         parts.simplified_m = parts.simplified_m.max(left_m);
         parts.hulls.push(hull);
     }
@@ -114,23 +118,23 @@ impl Piece {
     }
 }
 
-/// At most `law.parts_max` convex pieces that together contain the mesh.
+/// At most `params.parts_max` convex pieces that together contain the mesh.
 fn pieces(
     corners_m: &[Vec3],
     triangles: &[[u32; 3]],
     [low, size]: [Vec3; 2],
-    law: &PartsLaw,
+    params: &PartsParams,
 ) -> Result<Vec<Piece>, HullError> {
     let whole = Piece::of(corners_m.to_vec())?;
-    if law.parts_max <= 1 {
+    if params.parts_max <= 1 {
         return Ok(vec![whole]);
     }
     // In units of the mesh's size: the decomposition's own tolerances are absolute.
     let unit: Vec<Vec3> = corners_m.iter().map(|c| (*c - low) / size).collect();
     let parameters = VHACDParameters {
-        resolution: law.resolution,
-        concavity: law.concavity,
-        max_convex_hulls: law.parts_max.max(PIECES_MIN) as u32,
+        resolution: params.resolution,
+        concavity: params.concavity,
+        max_convex_hulls: params.parts_max.max(PIECES_MIN) as u32,
         plane_downsampling: 2,
         convex_hull_downsampling: 2,
         ..VHACDParameters::default()
@@ -138,7 +142,7 @@ fn pieces(
     let hulls = VHACD::decompose(&parameters, &unit, triangles, true).compute_exact_convex_hulls(&unit, triangles);
     let in_metres = |points: Vec<Vec3>| points.into_iter().map(|p| low + p * size).collect();
     let cut: Vec<Piece> = hulls.into_iter().filter_map(|(points, _)| Piece::of(in_metres(points)).ok()).collect();
-    if cut.is_empty() { Ok(vec![whole]) } else { Ok(joined(cut, law.parts_max)) }
+    if cut.is_empty() { Ok(vec![whole]) } else { Ok(joined(cut, params.parts_max)) }
 }
 
 /// Merges pieces until there are few enough and no pair can be replaced by its common hull.
@@ -221,7 +225,7 @@ fn beginning(points_m: &[Vec3]) -> Result<(Vec<Vec3>, Polyhedron), HullError> {
 mod tests {
     use super::*;
 
-    const LAW: PartsLaw = PartsLaw { parts_max: 8, corners_max: 32, resolution: 64, concavity: 0.01 };
+    const LAW: PartsParams = PartsParams { parts_max: 8, corners_max: 32, resolution: 64, concavity: 0.01 };
 
     /// An L of two boxes, 80 × 80 × 30 mm with legs of 30 mm, as a closed mesh.
     fn ell() -> (Vec<Vec3>, Vec<[u32; 3]>) {
@@ -252,7 +256,7 @@ mod tests {
     #[test]
     fn one_part_is_the_hull() {
         let (corners, triangles) = ell();
-        let parts = convex_parts(&corners, &triangles, &PartsLaw { parts_max: 1, ..LAW }).unwrap();
+        let parts = convex_parts(&corners, &triangles, &PartsParams { parts_max: 1, ..LAW }).unwrap();
         let [hull] = &parts.hulls[..] else { panic!("{} parts", parts.hulls.len()) };
         // Five corners of the outline's six.
         let exact = (0.08 * 0.08 - 0.5 * 0.05 * 0.05) * 0.03;

@@ -5,72 +5,27 @@
 //! PyBullet over gripped objects: see [`Physics::FAITHFUL`].
 
 use rapier3d::prelude::*;
-use schema::{Mat3, Pose};
+use schema::{Mat3, Physics, Pose, SettleParams};
 
-use crate::SettleLaw;
 use crate::body::{Body, Compound, Piece};
 use crate::faceted::{shape_of, shape_of_hull};
 
-/// How the engine is run. Stored with every dataset.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Physics {
-    /// Steps a second.
-    pub step_rate_hz: f32,
-    /// Solver iterations a step.
-    pub solver_iterations: usize,
-    /// Natural frequency of the contact springs, in Hz, for dynamic and static contacts alike.
-    pub contact_frequency_hz: f32,
-    /// Gravity, downwards, in m/s².
-    pub gravity_m_s2: f32,
-    /// Friction coefficient of table and walls.
-    pub table_friction: f32,
-    /// Whether an attempt leaves out what decides nothing: see [`crate::AttemptWorld::execute`].
-    pub shortcuts: bool,
-}
-
-impl Physics {
-    /// The settings of the shipped configs: labels as those of [`Self::FAITHFUL`], as far as other engines can tell, at
-    /// a fraction of the time.
-    pub const STANDARD: Self = Self { solver_iterations: 4, shortcuts: true, ..Self::FAITHFUL };
-
-    /// The settings whose labels another engine confirms; every attempt is simulated from its beginning to its end.
-    pub const FAITHFUL: Self = Self {
-        step_rate_hz: 240.0,
-        solver_iterations: 8,
-        contact_frequency_hz: 480.0,
-        gravity_m_s2: 9.81,
-        table_friction: 1.0,
-        shortcuts: false,
+/// The engine's parameters for a step.
+fn integration(physics: &Physics) -> IntegrationParameters {
+    let softness = |of: SpringCoefficients<Real>| SpringCoefficients {
+        natural_frequency: physics.contact_frequency_hz,
+        damping_ratio: of.damping_ratio,
     };
-
-    /// Length of a step, in seconds.
-    #[must_use]
-    pub fn dt_s(&self) -> f32 {
-        1.0 / self.step_rate_hz
-    }
-
-    /// Steps that last at least `time_s`.
-    #[must_use]
-    pub fn steps(&self, time_s: f32) -> usize {
-        (time_s * self.step_rate_hz).ceil() as usize
-    }
-
-    fn integration(&self) -> IntegrationParameters {
-        let softness = |of: SpringCoefficients<Real>| SpringCoefficients {
-            natural_frequency: self.contact_frequency_hz,
-            damping_ratio: of.damping_ratio,
-        };
-        IntegrationParameters {
-            dt: self.dt_s(),
-            num_solver_iterations: self.solver_iterations,
-            contact_softness: softness(SpringCoefficients::contact_defaults()),
-            static_contact_softness: softness(SpringCoefficients::contact_static_defaults()),
-            contact_recycling: false,
-            friction_in_bias_pass: true,
-            friction_model: FrictionModel::Coulomb,
-            length_unit: LENGTH_UNIT_M * UNITS_PER_M,
-            ..IntegrationParameters::default()
-        }
+    IntegrationParameters {
+        dt: physics.dt_s(),
+        num_solver_iterations: physics.solver_iterations,
+        contact_softness: softness(SpringCoefficients::contact_defaults()),
+        static_contact_softness: softness(SpringCoefficients::contact_static_defaults()),
+        contact_recycling: false,
+        friction_in_bias_pass: true,
+        friction_model: FrictionModel::Coulomb,
+        length_unit: LENGTH_UNIT_M * UNITS_PER_M,
+        ..IntegrationParameters::default()
     }
 }
 
@@ -179,7 +134,7 @@ impl World {
     pub(crate) fn new(physics: &Physics, gravity_m_s2: Vector) -> Self {
         Self {
             gravity: gravity_m_s2 * UNITS_PER_M,
-            parameters: physics.integration(),
+            parameters: integration(physics),
             islands: IslandManager::new(),
             broad_phase: DefaultBroadPhase::new(),
             narrow_phase: NarrowPhase::new(),
@@ -211,16 +166,16 @@ impl World {
         self.add_body(thing, body.build())
     }
 
-    /// Lets a body lose speed, and fall asleep when it rests, by the law of settling.
-    pub(crate) fn let_settle(&mut self, body: RigidBodyHandle, law: &SettleLaw, velocity_m_s: Vector) {
+    /// Lets a body lose speed, and fall asleep when it rests, as the settling parameters say.
+    pub(crate) fn let_settle(&mut self, body: RigidBodyHandle, params: &SettleParams, velocity_m_s: Vector) {
         let body = &mut self.bodies[body];
-        body.set_linear_damping(law.damping_1_s);
-        body.set_angular_damping(law.damping_1_s);
+        body.set_linear_damping(params.damping_1_s);
+        body.set_angular_damping(params.damping_1_s);
         body.set_linvel(velocity_m_s * UNITS_PER_M, true);
         let activation = body.activation_mut();
-        activation.normalized_linear_threshold = law.linear_speed_m_s_max / LENGTH_UNIT_M;
-        activation.angular_threshold = law.angular_speed_rad_s_max;
-        activation.time_until_sleep = law.rest_time_s;
+        activation.normalized_linear_threshold = params.linear_speed_m_s_max / LENGTH_UNIT_M;
+        activation.angular_threshold = params.angular_speed_rad_s_max;
+        activation.time_until_sleep = params.rest_time_s;
     }
 
     /// Adds a free object that stands still until something touches it.

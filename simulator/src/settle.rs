@@ -5,9 +5,9 @@
 //! them. Objects that have left the workspace are not part of the scene.
 
 use rapier3d::prelude::*;
-use schema::{Grid, Pose, Vec3};
+use schema::{Grid, Physics, Pose, SettleParams, Vec3};
 
-use crate::engine::{Physics, Thing, World};
+use crate::engine::{Thing, World};
 use crate::{Body, Scene, SceneObject};
 
 /// An object about to fall.
@@ -21,24 +21,6 @@ pub struct Drop {
     pub friction: f32,
     /// Pose at which it is released.
     pub workspace_from_object: Pose,
-}
-
-/// When a pile counts as resting.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SettleLaw {
-    /// Solver iterations per step, instead of [`Physics::solver_iterations`]: with 4, one pile in ten never rests.
-    pub solver_iterations: usize,
-    /// Damping rate of linear and angular velocity (1/s). It models rolling resistance, without which a cylinder on its
-    /// side never stops. It applies only while settling; attempts are undamped.
-    pub damping_1_s: f32,
-    /// Maximum speed of a resting object.
-    pub linear_speed_m_s_max: f32,
-    /// Maximum angular speed of a resting object.
-    pub angular_speed_rad_s_max: f32,
-    /// How long both must hold.
-    pub rest_time_s: f32,
-    /// The scene is rejected if an object does not rest by then.
-    pub time_s_max: f32,
 }
 
 /// A scene that came to rest.
@@ -74,8 +56,8 @@ const SUNK_DEPTH_M: f32 = 0.01;
 ///
 /// # Errors
 /// [`Unsettled`] says why the scene is rejected; the caller draws another.
-pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -> Result<Settled, Unsettled> {
-    let physics = &Physics { solver_iterations: law.solver_iterations, ..*physics };
+pub fn settle(physics: &Physics, params: &SettleParams, grid: &Grid, drops: &[Drop]) -> Result<Settled, Unsettled> {
+    let physics = &Physics { solver_iterations: params.solver_iterations, ..*physics };
     let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
     world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
     let mut pipeline = PhysicsPipeline::new();
@@ -84,18 +66,18 @@ pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -
     let mut steps = 0;
     for drop in drops {
         let low_z_m = lowest_z_m(&drop.body.vertices_m(), &drop.workspace_from_object);
-        let fall = Fall::until_near(physics, law, low_z_m - top_z_m(&world, &bodies, drops, grid));
+        let fall = Fall::until_near(physics, params, low_z_m - top_z_m(&world, &bodies, drops, grid));
         let mut pose = drop.workspace_from_object;
         pose.translation.z -= fall.way_m;
         let body = world.add_object(&Thing::new(&drop.body, drop.mass_kg, drop.friction), pose);
-        world.let_settle(body, law, -Vec3::Z * fall.speed_m_s);
+        world.let_settle(body, params, -Vec3::Z * fall.speed_m_s);
         bodies.push(body);
-        steps += fall.steps + rest(&mut world, &mut pipeline, physics, law, &bodies)?;
+        steps += fall.steps + rest(&mut world, &mut pipeline, physics, params, &bodies)?;
     }
     for wall in walls {
         world.remove_fixed(wall);
     }
-    steps += rest(&mut world, &mut pipeline, physics, law, &bodies)?;
+    steps += rest(&mut world, &mut pipeline, physics, params, &bodies)?;
 
     let mut objects = Vec::with_capacity(drops.len());
     for (drop, body) in drops.iter().zip(&bodies) {
@@ -126,17 +108,17 @@ pub fn settle(physics: &Physics, law: &SettleLaw, grid: &Grid, drops: &[Drop]) -
 /// [`Unsettled::Moving`] or [`Unsettled::Unstable`]; an empty scene is valid.
 pub fn settle_again(
     physics: &Physics,
-    law: &SettleLaw,
+    params: &SettleParams,
     grid: &Grid,
     objects: &[SceneObject],
 ) -> Result<Settled, Unsettled> {
-    let physics = &Physics { solver_iterations: law.solver_iterations, ..*physics };
+    let physics = &Physics { solver_iterations: params.solver_iterations, ..*physics };
     let mut objects = objects.to_vec();
     let mut steps = 0;
     // The loop ends: every round but the last has fewer objects.
     loop {
         let count = objects.len();
-        steps += rest_from(physics, law, grid, &mut objects)?;
+        steps += rest_from(physics, params, grid, &mut objects)?;
         objects.retain(|object| is_over_workspace(object.workspace_from_object.translation, grid));
         if objects.len() == count {
             let scene = Scene { table_z_m: grid.table_z_m, objects };
@@ -146,7 +128,12 @@ pub fn settle_again(
 }
 
 /// Moves objects to their resting poses on the bare table; returns the number of steps.
-fn rest_from(physics: &Physics, law: &SettleLaw, grid: &Grid, objects: &mut [SceneObject]) -> Result<usize, Unsettled> {
+fn rest_from(
+    physics: &Physics,
+    params: &SettleParams,
+    grid: &Grid,
+    objects: &mut [SceneObject],
+) -> Result<usize, Unsettled> {
     let sane = |object: &SceneObject| is_sane(&object.workspace_from_object, &object.body, grid);
     if !objects.iter().all(sane) {
         return Err(Unsettled::Unstable);
@@ -160,10 +147,10 @@ fn rest_from(physics: &Physics, law: &SettleLaw, grid: &Grid, objects: &mut [Sce
     for object in &*objects {
         let thing = Thing::new(&object.body, object.mass_kg, object.friction);
         let body = world.add_object(&thing, object.workspace_from_object);
-        world.let_settle(body, law, Vec3::ZERO);
+        world.let_settle(body, params, Vec3::ZERO);
         bodies.push(body);
     }
-    let steps = rest(&mut world, &mut PhysicsPipeline::new(), physics, law, &bodies)?;
+    let steps = rest(&mut world, &mut PhysicsPipeline::new(), physics, params, &bodies)?;
     for (object, body) in objects.iter_mut().zip(&bodies) {
         object.workspace_from_object = world.pose(*body);
     }
@@ -179,10 +166,10 @@ struct Fall {
 
 impl Fall {
     /// The part of a fall of `height_m` during which nothing is near.
-    fn until_near(physics: &Physics, law: &SettleLaw, height_m: f32) -> Self {
+    fn until_near(physics: &Physics, params: &SettleParams, height_m: f32) -> Self {
         let (dt_s, mut fall) = (physics.dt_s(), Self { steps: 0, way_m: 0.0, speed_m_s: 0.0 });
         loop {
-            let speed_m_s = (fall.speed_m_s + physics.gravity_m_s2 * dt_s) / (1.0 + law.damping_1_s * dt_s);
+            let speed_m_s = (fall.speed_m_s + physics.gravity_m_s2 * dt_s) / (1.0 + params.damping_1_s * dt_s);
             let way_m = fall.way_m + speed_m_s * dt_s;
             if way_m + NEAR_M > height_m {
                 return fall;
@@ -223,16 +210,16 @@ fn rest(
     world: &mut World,
     pipeline: &mut PhysicsPipeline,
     physics: &Physics,
-    law: &SettleLaw,
+    params: &SettleParams,
     bodies: &[RigidBodyHandle],
 ) -> Result<usize, Unsettled> {
-    let (wanted, limit) = (physics.steps(law.rest_time_s), physics.steps(law.time_s_max));
+    let (wanted, limit) = (physics.steps(params.rest_time_s), physics.steps(params.time_s_max));
     let mut resting = 0;
     for step in 1..=limit {
         world.step(pipeline);
         let still = bodies.iter().all(|body| {
             let [linear_m_s, angular_rad_s] = world.velocities(*body).map(Vec3::length);
-            linear_m_s <= law.linear_speed_m_s_max && angular_rad_s <= law.angular_speed_rad_s_max
+            linear_m_s <= params.linear_speed_m_s_max && angular_rad_s <= params.angular_speed_rad_s_max
         });
         resting = if still { resting + 1 } else { 0 };
         if resting >= wanted {

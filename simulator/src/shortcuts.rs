@@ -3,10 +3,9 @@
 //! None of this changes what a label means: with [`Physics::shortcuts`] off, everything is simulated, and
 //! `generator bench` counts how often that ends differently.
 
-use schema::Vec3;
+use schema::{Physics, Vec3};
 
 use crate::attempt::{AttemptWorld, Run};
-use crate::engine::Physics;
 use crate::gate::lowest_z_m;
 use crate::hull::Placed;
 

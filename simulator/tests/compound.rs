@@ -8,20 +8,11 @@ use schema::{
 };
 use simulator::{
     AttemptWorld, Body, Compound, CompoundError, Drop, Execution, Gate, Part, Physics, Piece, Scene, SceneObject,
-    SceneRays, SettleLaw, convex_hull, settle, settle_again,
+    SceneRays, SettleParams, convex_hull, settle, settle_again,
 };
 
 const PI: f32 = core::f32::consts::PI;
 const TABLE_Z_M: f32 = 0.05;
-const LAW: SettleLaw = SettleLaw {
-    solver_iterations: 8,
-    damping_1_s: 2.0,
-    linear_speed_m_s_max: 0.005,
-    angular_speed_rad_s_max: 0.05,
-    rest_time_s: 0.1,
-    time_s_max: 4.0,
-};
-
 fn gripper() -> Gripper {
     Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
 }
@@ -179,7 +170,8 @@ fn what_is_cut_or_wrapped_comes_to_rest_alike() {
         let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.18), stream.rotation());
         let [plain, others @ ..] = alike().map(|body| {
             let drop = Drop { body, mass_kg: 0.1, friction: 1.0, workspace_from_object: at };
-            settle(&Physics::FAITHFUL, &LAW, &Grid::PAPER, &[drop]).unwrap().scene.objects[0].workspace_from_object
+            settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[drop]).unwrap().scene.objects[0]
+                .workspace_from_object
         });
         count += 1;
         for (same, other) in same.iter_mut().zip(others) {
@@ -232,7 +224,7 @@ fn one_solid_alone_is_that_solid_to_the_bit() {
         let [plain, alone] = [Body::from(solid), alone.into()].map(|body| {
             let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.15), axis_angle(Vec3::X, 0.4));
             let drop = Drop { body, mass_kg: 0.1, friction: 1.0, workspace_from_object: at };
-            let settled = settle(&Physics::FAITHFUL, &LAW, &Grid::PAPER, &[drop]).unwrap();
+            let settled = settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[drop]).unwrap();
             let pose = settled.scene.objects[0].workspace_from_object;
             let end = both(&settled.scene, &from_above(pose.translation.x, pose.translation.z));
             (settled.settle_time_s, pose, end)
@@ -290,7 +282,7 @@ fn what_stands_goes_on_standing() {
     let prism = convex_hull(&corners.collect::<Vec<Vec3>>()).unwrap();
     let prism = Compound::new("prism", vec![part(Piece::Hull(prism), Vec3::ZERO)]).unwrap().into();
     let [_, cut, hull] = alike();
-    let patient = SettleLaw { rest_time_s: 3.0, time_s_max: 4.0, ..LAW };
+    let patient = SettleParams { rest_time_s: 3.0, time_s_max: 4.0, ..SettleParams::STANDARD };
     for body in [ring(0.03, 0.045, 0.025), l_shape(), cut, hull, prism] {
         let before = standing(body, 0.1);
         let after = settle_again(&Physics::FAITHFUL, &patient, &Grid::PAPER, core::slice::from_ref(&before)).unwrap();
@@ -309,7 +301,7 @@ fn a_pile_of_compounds_comes_to_rest() {
         let workspace_from_object = Pose::from_parts(at, stream.rotation());
         drops.push(Drop { body, mass_kg: 0.1, friction: 0.8, workspace_from_object });
     }
-    let scene = settle(&Physics::FAITHFUL, &LAW, &Grid::PAPER, &drops).unwrap().scene;
+    let scene = settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &drops).unwrap().scene;
     assert!(scene.objects.len() >= 4, "{} of 5 stayed", scene.objects.len());
     for object in &scene.objects {
         let low = |v: Vec3| object.workspace_from_object.transform_point(v).z;

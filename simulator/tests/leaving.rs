@@ -3,16 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use schema::{Grid, Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
-use simulator::{AttemptWorld, Physics, Scene, SceneObject, SettleLaw, Unsettled, settle_again};
-
-const LAW: SettleLaw = SettleLaw {
-    solver_iterations: 8,
-    damping_1_s: 2.0,
-    linear_speed_m_s_max: 0.005,
-    angular_speed_rad_s_max: 0.05,
-    rest_time_s: 0.1,
-    time_s_max: 4.0,
-};
+use simulator::{AttemptWorld, Physics, Scene, SceneObject, SettleParams, Unsettled, settle_again};
 
 fn gripper() -> Gripper {
     Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
@@ -105,7 +96,7 @@ fn a_held_object_that_is_let_go_falls_and_the_others_stay() {
         .zip(&poses)
         .map(|(o, pose)| SceneObject { workspace_from_object: *pose, ..o.clone() })
         .collect();
-    let settled = settle_again(&Physics::FAITHFUL, &LAW, &Grid::PAPER, &left).unwrap();
+    let settled = settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &left).unwrap();
     // 0.1 m take 0.14 s, and then it rests for a tenth of a second.
     assert!(settled.settle_time_s > 0.24 && settled.settle_time_s < 2.0, "{} s", settled.settle_time_s);
     let [fallen, bystander] = [0, 1].map(|id| settled.scene.objects[id].workspace_from_object);
@@ -115,7 +106,9 @@ fn a_held_object_that_is_let_go_falls_and_the_others_stay() {
 
 #[test]
 fn what_rests_outside_is_left_out_and_an_empty_scene_is_a_scene() {
-    let again = |objects: &[SceneObject]| settle_again(&Physics::FAITHFUL, &LAW, &Grid::PAPER, objects).unwrap();
+    let again = |objects: &[SceneObject]| {
+        settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, objects).unwrap()
+    };
     let inside = block([0.04, 0.04, 0.04], [0.15, 0.15, 0.07], 0.0, 1.0);
     let outside = block([0.04, 0.04, 0.04], [0.35, 0.15, 0.07], 0.0, 1.0);
     let kept = again(&[outside.clone(), inside.clone()]).scene.objects;
@@ -131,7 +124,10 @@ fn what_lay_on_something_that_is_left_out_comes_to_rest_once_more() {
     // The block's centre is 5 mm outside, that of the plate on it 10 mm inside.
     let outside = block([0.06, 0.06, 0.06], [-0.005, 0.15, 0.08], 0.0, 1.0);
     let plate = block([0.04, 0.04, 0.01], [0.01, 0.15, 0.115], 0.0, 1.0);
-    let kept = settle_again(&Physics::FAITHFUL, &LAW, &Grid::PAPER, &[outside, plate]).unwrap().scene.objects;
+    let kept = settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[outside, plate])
+        .unwrap()
+        .scene
+        .objects;
     assert_eq!(kept.len(), 1);
     let z_m = kept[0].workspace_from_object.translation.z;
     assert!((z_m - 0.055).abs() < 0.001, "the plate is at {z_m} m");
@@ -141,7 +137,7 @@ fn what_lay_on_something_that_is_left_out_comes_to_rest_once_more() {
 fn a_pose_that_is_none_is_unstable() {
     for at in [[f32::NAN, 0.15, 0.07], [0.15, 0.15, 0.02], [5.0, 0.15, 0.07]] {
         let lost = block([0.04, 0.04, 0.04], at, 0.0, 1.0);
-        let end = settle_again(&Physics::FAITHFUL, &LAW, &Grid::PAPER, &[lost]);
+        let end = settle_again(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[lost]);
         assert_eq!(end, Err(Unsettled::Unstable), "{at:?}");
     }
 }

@@ -3,18 +3,9 @@
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use schema::{Grid, Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
-use simulator::{AttemptWorld, Drop, Execution, Physics, Scene, SceneObject, SettleLaw, settle};
+use simulator::{AttemptWorld, Drop, Execution, Physics, Scene, SceneObject, SettleParams, settle};
 
 const PI: f32 = core::f32::consts::PI;
-const LAW: SettleLaw = SettleLaw {
-    solver_iterations: 8,
-    damping_1_s: 2.0,
-    linear_speed_m_s_max: 0.005,
-    angular_speed_rad_s_max: 0.05,
-    rest_time_s: 0.1,
-    time_s_max: 4.0,
-};
-
 fn gripper() -> Gripper {
     Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
 }
@@ -31,7 +22,7 @@ fn object(kind: ShapeKind, extents_m: [f32; 3], mass_kg: f32, friction: f32) -> 
 }
 
 fn at_rest(drop: Drop) -> Scene {
-    settle(&Physics::FAITHFUL, &LAW, &Grid::PAPER, &[drop]).expect("the object comes to rest").scene
+    settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[drop]).expect("the object comes to rest").scene
 }
 
 /// A grasp from straight above, finger tips at `tip_z_m`, closing along y.
@@ -137,7 +128,7 @@ fn a_hand_in_the_table_collides_and_a_hand_beside_the_object_closes_on_nothing()
 fn a_box_on_the_table_rests_without_creeping() {
     let drop = object(ShapeKind::Cuboid, [0.05, 0.05, 0.05], 0.2, 1.0);
     let start = drop.workspace_from_object.translation;
-    let patient = SettleLaw { rest_time_s: 5.0, time_s_max: 8.0, ..LAW };
+    let patient = SettleParams { rest_time_s: 5.0, time_s_max: 8.0, ..SettleParams::STANDARD };
     let rested = settle(&Physics::FAITHFUL, &patient, &Grid::PAPER, &[drop]).unwrap().scene;
     let end = rested.objects[0].workspace_from_object.translation;
     assert!((end - start).truncate().length() < 1e-4, "crept from {start} to {end}");

@@ -10,6 +10,7 @@ use workspace_tests::{assert_none, cargo_tree, files, member_folders, member_nam
 /// Families of outside crates that a member must not link, directly or through others: `arrow` stands for `arrow` and
 /// `arrow-…`.
 const NEVER: &[(&str, &[&[&str]])] = &[
+    ("settings", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
     ("schema", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
     ("program", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
     ("report", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),

@@ -17,16 +17,20 @@ use core::ops::RangeInclusive;
 use std::sync::Arc;
 
 use schema::{Purpose, Quat, Stream};
+use serde::Serialize;
+use settings::settings;
 
 use network::receptive_field::RESOLUTION;
 
-/// Which motions are drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Augmentation {
-    /// Turns by 0°, 90°, 180° or 270° about the vertical, each as likely.
-    pub quarter_turns: bool,
-    /// Most voxels by which a scene is shifted up or down.
-    pub shift_z_voxels_max: usize,
+settings! {
+    /// Which motions are drawn.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    pub struct Augmentation {
+        /// Turns by 0°, 90°, 180° or 270° about the vertical, each as likely.
+        pub quarter_turns: bool; or false,
+        /// Most voxels by which a scene is shifted up or down.
+        pub shift_z_voxels_max: usize where 0..=RESOLUTION - 1; or 0,
+    }
 }
 
 impl Augmentation {

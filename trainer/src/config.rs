@@ -1,138 +1,208 @@
-//! The training recipe as a file. `RawConfig` is what TOML holds; [`Config`] is what the rest of the crate sees. All
-//! problems are reported at once, each with its key.
+//! The training recipe, each key as the type that training computes with.
 //!
 //! What goes beyond the paper (`[augmentation]`, `training.schedule`, `training.positive_weight`,
 //! `training.patience_epochs`) may be left out and then is off: recipes and checkpoints from before these keys stay good.
 
-mod raw;
-
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use settings::{Document, above, settings, words};
 
 use crate::augmentation::Augmentation;
 use crate::schedule::Schedule;
 use network::upsampling::Upsampling;
 
-pub use raw::RawConfig;
-
-/// The paper's recipe, which is there without a file.
+/// The paper's recipe, the default.
 pub const PAPER: &str = include_str!("../../configs/train/paper.toml");
 
-/// A checked recipe.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Config {
-    /// Seed of the split, the order of samples and the initial weights.
-    pub seed: u64,
-    /// How the decoder doubles its grids.
-    pub upsampling: Upsampling,
-    /// Passes over the training samples.
-    pub epochs: u32,
-    /// Samples a step.
-    pub batch: usize,
-    /// Adam's step size; the first step's where the schedule changes it.
-    pub learning_rate: f64,
-    /// How the step size changes.
-    pub schedule: Schedule,
-    /// How much more a held attempt's quality loss counts than a failed one's; 1 is the paper's.
-    pub positive_weight: f64,
-    /// Epochs without a better test accuracy after which training ends; 0 for never.
-    pub patience_epochs: u32,
-    /// Samples of one scene that stay together in the order of an epoch: 1 is a plain shuffle; more share the encoder's
-    /// work and make batches less mixed.
-    pub samples_per_scene: usize,
-    /// How training scenes are turned and shifted.
-    pub augmentation: Augmentation,
-    /// Which samples test.
-    pub split: SplitConfig,
-    /// Steps between checkpoints within an epoch; 0 for one at the end of each epoch only.
-    pub checkpoint_every_steps: u32,
+settings! {
+    /// A recipe.
+    #[derive(Debug, Clone, PartialEq, Serialize)]
+    pub struct Config {
+        /// Seed of the split, the order of samples and the initial weights.
+        pub seed: u64 where 0..=i64::MAX.unsigned_abs(),
+        /// The network.
+        pub network: NetworkParams,
+        /// The steps.
+        pub training: TrainingParams,
+        /// How training scenes are turned and shifted.
+        pub augmentation: Augmentation; or Augmentation::OFF,
+        /// Which samples test.
+        pub split: SplitConfig,
+        /// When the state is saved.
+        pub checkpoint: CheckpointParams,
+    }
 }
 
-/// Which samples are held out, and how. Both kinds always are, so that one training run yields both accuracies.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SplitConfig {
-    /// The test set whose accuracy is *the* accuracy, and chooses the best checkpoint.
-    pub by: SplitBy,
-    /// Share of all samples in that test set.
-    pub test_share: f64,
-    /// Share of all samples in the other one.
-    pub other_share: f64,
+settings! {
+    /// What the recipe decides of the network.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct NetworkParams {
+        /// How the decoder doubles its grids.
+        pub upsampling: Upsampling,
+    }
 }
 
-/// A way to hold out samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SplitBy {
-    /// Single attempts, as the paper does: the network has seen the same grid with other attempts.
-    Attempt,
-    /// Whole scenes: nothing leaks.
-    Scene,
+settings! {
+    /// How weights are changed.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct TrainingParams {
+        /// Passes over the training samples.
+        pub epochs: u32 where 1..=10_000,
+        /// Samples a step.
+        pub batch: usize where 1..=4096,
+        /// Adam's step size; the first step's where the schedule changes it.
+        pub learning_rate: f64 where above(0.0, 1.0),
+        /// How the step size changes.
+        pub schedule: Schedule; or Schedule::Constant,
+        /// How much more a held attempt's quality loss counts than a failed one's; 1 is the paper's.
+        pub positive_weight: f64 where above(0.0, 1000.0); or 1.0,
+        /// Epochs without a better test accuracy after which training ends; 0 for never.
+        pub patience_epochs: u32 where 0..=10_000; or 0,
+        /// Samples of one scene that stay together in the order of an epoch: 1 is a plain shuffle; more share the encoder's
+        /// work and make batches less mixed.
+        pub samples_per_scene: usize where 1..=4096,
+    }
 }
 
-/// Why a recipe is refused.
-#[derive(Debug, thiserror::Error)]
-pub enum ConfigError {
-    /// The file cannot be read.
-    #[error("failed to read the configuration: {source}: {}", .path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The file is not TOML.
-    #[error("not TOML: {message}: {}", .path.display())]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// What the parser said.
-        message: String,
-    },
-    /// Keys that are unknown, missing or out of range, all of them.
-    #[error("{} problem{} in the configuration {}:\n  {}", .problems.len(), if .problems.len() == 1 { "" } else { "s" }, .path.display(), .problems.join("\n  "))]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// One message a problem, beginning with the key's path.
-        problems: Vec<String>,
-    },
+settings! {
+    /// Which samples are held out, and how. Both kinds always are, so that one training run yields both accuracies.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct SplitConfig {
+        /// The test set whose accuracy is *the* accuracy, and chooses the best checkpoint.
+        pub by: SplitBy,
+        /// Share of all samples in that test set.
+        pub test_share: f64 where above(0.0, 0.45),
+        /// Share of all samples in the other one.
+        pub other_share: f64 where above(0.0, 0.45),
+    }
+}
+
+words! {
+    /// A way to hold out samples.
+    #[derive(Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum SplitBy {
+        /// Single attempts, as the paper does: the network has seen the same grid with other attempts.
+        Attempt = "attempt",
+        /// Whole scenes: nothing leaks.
+        Scene = "scene",
+    }
+}
+
+settings! {
+    /// When the state is saved.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct CheckpointParams {
+        /// Steps between checkpoints within an epoch; 0 for one at the end of each epoch only.
+        pub every_steps: u32 where 0..=1_000_000,
+    }
 }
 
 impl Config {
-    /// Reads a recipe.
-    ///
-    /// # Errors
-    /// [`ConfigError`]; [`ConfigError::Invalid`] names every unknown, missing and out-of-range key.
-    pub fn read(path: &Path) -> Result<Self, ConfigError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-        Self::parse(&text, path)
-    }
-
     /// The recipe of a file, or the paper's.
     ///
     /// # Errors
-    /// As [`Config::read`].
-    pub fn load(path: Option<&Path>) -> Result<Self, ConfigError> {
-        path.map_or_else(|| Self::parse(PAPER, Path::new("configs/train/paper.toml")), Self::read)
+    /// [`settings::Error`] with every unknown, missing and out-of-range key.
+    pub fn load(path: Option<&Path>) -> Result<Self, settings::Error> {
+        Document::load(path, [PAPER, "configs/train/paper.toml"])?.read()
     }
 
     /// Checks the text of a recipe; `path` is for messages.
     ///
     /// # Errors
-    /// As [`Config::read`].
-    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        let table: toml::Table = text
-            .parse()
-            .map_err(|e: toml::de::Error| ConfigError::Syntax { path: path.to_owned(), message: e.to_string() })?;
-        raw::check(&table).map_err(|problems| ConfigError::Invalid { path: path.to_owned(), problems })
+    /// As [`Config::load`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self, settings::Error> {
+        Document::parse(text, path)?.read()
     }
 
     /// The recipe as TOML, every key written out.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        // RawConfig holds numbers and two words; such a value always has a TOML form.
-        toml::to_string(&RawConfig::from(self)).unwrap_or_default()
+        // Settings are numbers, words and tables of them, which always have a TOML form.
+        toml::to_string(self).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    const GOOD: &str = PAPER;
+
+    #[test]
+    fn the_papers_recipe_is_read_and_comes_back_from_its_own_toml() {
+        let config = Config::parse(GOOD, Path::new("paper.toml")).unwrap();
+        assert_eq!((config.training.epochs, config.training.batch, config.training.learning_rate), (30, 48, 3e-4));
+        assert_eq!(config.split.by, SplitBy::Attempt);
+        assert_eq!(Config::parse(&config.to_toml(), Path::new("again")).unwrap(), config);
+    }
+
+    /// A recipe, and a checkpoint's, from before the keys that may be left out.
+    const OLD: &str = "seed = 1\n\n[network]\nupsampling = \"linear\"\n\n[training]\nepochs = 30\nbatch = 48\n\
+                       learning_rate = 0.0003\nsamples_per_scene = 1\n\n[split]\nby = \"attempt\"\ntest_share = 0.1\n\
+                       other_share = 0.03\n\n[checkpoint]\nevery_steps = 500\n";
+
+    #[test]
+    fn what_goes_beyond_the_paper_may_be_left_out_and_is_off() {
+        let config = Config::parse(OLD, Path::new("old.toml")).unwrap();
+        assert_eq!(config, Config::parse(GOOD, Path::new("paper.toml")).unwrap());
+        assert_eq!(config.augmentation, Augmentation::OFF);
+        let TrainingParams { schedule, positive_weight, patience_epochs, .. } = config.training;
+        assert_eq!((schedule, positive_weight, patience_epochs), (Schedule::Constant, 1.0, 0));
+    }
+
+    #[test]
+    fn what_goes_beyond_the_paper_is_checked_too() {
+        let text = OLD.replace(
+            "[split]",
+            "schedule = \"linear\"\npositive_weight = 0.0\npatience_epochs = -1\n\
+                   [augmentation]\nquarter_turns = 1\nshift_z_voxels_max = 40\nflips = true\n[split]",
+        );
+        let Err(settings::Error::Invalid { faults: problems, .. }) = Config::parse(&text, Path::new("x")) else {
+            panic!("must be refused");
+        };
+        let all = problems.join("\n");
+        for problem in [
+            "training.schedule must be one of constant, cosine, got linear",
+            "training.positive_weight must be above 0 and at most 1000, got 0",
+            "training.patience_epochs must be between 0 and 10000, got -1",
+            "augmentation.quarter_turns must be true or false, got 1",
+            "augmentation.shift_z_voxels_max must be between 0 and 39, got 40",
+            "augmentation.flips is no key of this file",
+        ] {
+            assert!(all.contains(problem), "{problem} is not in\n{all}");
+        }
+        assert_eq!(problems.len(), 6, "{all}");
+    }
+
+    #[test]
+    fn every_problem_is_told_at_once_with_its_key() {
+        let text = "seed = -1\nspeed = 3\n[network]\nupsampling = \"cubic\"\n[training]\nepochs = 0\nbatch = \"many\"\n\
+                    learning_rate = 0.0\n[training.deep]\nx = 1\n[split]\nby = \"day\"\ntest_share = 0.9\nother_share = 0.1\n\
+                    [checkpoint]\nevery_steps = 10\n";
+        let Err(settings::Error::Invalid { faults: problems, .. }) = Config::parse(text, Path::new("x")) else {
+            panic!("must be refused");
+        };
+        let all = problems.join("\n");
+        for key in [
+            "seed must be between 0 and 9223372036854775807, got -1",
+            "speed is no key of this file, did you mean seed?",
+            "network.upsampling must be one of linear, nearest, got cubic",
+            "training.epochs must be between 1 and 10000, got 0",
+            "training.batch must be a whole number, got \"many\"",
+            "training.learning_rate must be above 0 and at most 1, got 0",
+            "training.samples_per_scene is missing",
+            "training.deep is no key of this file",
+            "split.by must be one of attempt, scene, got day",
+            "split.test_share must be above 0 and at most 0.45, got 0.9",
+        ] {
+            assert!(all.contains(key), "{key} is not in\n{all}");
+        }
+        assert_eq!(problems.len(), 10, "{all}");
+    }
+
+    #[test]
+    fn what_is_not_toml_is_said_to_be_none() {
+        assert!(matches!(Config::parse("seed = = 1", Path::new("x")), Err(settings::Error::Syntax { .. })));
     }
 }

@@ -68,7 +68,7 @@ impl Screen {
                 let bar = self.bar();
                 bar.inc(*samples as u64);
                 bar.set_message(format!("loss {loss:.3}"));
-                if bar.position().div_ceil(self.config.batch as u64) == ESTIMATE_AFTER_STEPS {
+                if bar.position().div_ceil(self.config.training.batch as u64) == ESTIMATE_AFTER_STEPS {
                     self.line(&format!("estimate  {} to go", HumanDuration(bar.eta())));
                 }
             }
@@ -77,7 +77,7 @@ impl Screen {
                 self.line(&format!("ended early: no better test accuracy in {epochs} epoch{plural}"));
             }
             Event::Epoch(report) => {
-                self.line(&epoch_line(report, self.config.epochs));
+                self.line(&epoch_line(report, self.config.training.epochs));
                 if let Ok(mut last) = self.last.lock() {
                     *last = Some((*report).clone());
                 }
@@ -88,8 +88,8 @@ impl Screen {
     fn begin(&self, beginning: &Beginning) {
         let Beginning { outside, train, test_attempts, test_scenes, progress } = beginning;
         let sets = [train, test_attempts, test_scenes];
-        let left = u64::from(self.config.epochs.saturating_sub(progress.epoch)) * train.samples as u64;
-        let done = u64::from(progress.batch) * self.config.batch as u64;
+        let left = u64::from(self.config.training.epochs.saturating_sub(progress.epoch)) * train.samples as u64;
+        let done = u64::from(progress.batch) * self.config.training.batch as u64;
         self.replace(bar(left.saturating_sub(done), "{bar:30} {percent}% {msg}, {per_sec}, {eta} to go"));
         let [training, attempts, scenes] = sets.map(|set| set.samples);
         self.line(&format!("samples   {training} train, {attempts} test attempts, {scenes} of test scenes"));

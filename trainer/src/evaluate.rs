@@ -16,7 +16,7 @@ use program::{Exit, ExitCode};
 use serde::Serialize;
 use shards::{Dataset, Location};
 
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::data::{GraspDataset, LoadError, SpoolError, for_each_batch, load};
 use crate::device::Device;
 use crate::evaluate::mistakes::{Keeper, Mistake, Mistakes};
@@ -60,7 +60,7 @@ pub enum EvaluateError {
     Checkpoint(#[from] CheckpointError),
     /// The recipe in the checkpoint is damaged.
     #[error("damaged recipe in the checkpoint: {0}")]
-    Config(#[from] ConfigError),
+    Config(#[from] settings::Error),
     /// The dataset cannot be loaded.
     #[error(transparent)]
     Load(#[from] LoadError),

@@ -11,7 +11,7 @@ use program::{Exit, ExitCode};
 use shards::{Dataset, Location};
 
 use crate::adam::Adam;
-use crate::config::Config;
+use crate::config::{Config, TrainingParams};
 use crate::data::{
     GraspDataset, LoadError, SpoolError, TrainingTransform, for_each_batch, for_each_training_batch, load,
 };
@@ -122,7 +122,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
     let dataset = Dataset::open(job.data.clone()).map_err(LoadError::from)?;
     let dataset_id = dataset.id();
     let folder = RunFolder::open(job.run, config, job.resume)?;
-    let watch = Watch::new(folder.path(), config.checkpoint_every_steps);
+    let watch = Watch::new(folder.path(), config.checkpoint.every_steps);
     let observe: &(dyn Fn(Event<'_>) + Sync) = &|event| {
         watch.see(&event);
         observe(event);
@@ -145,9 +145,9 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
     metrics.truncate(state.progress.epoch as usize);
     observe(Event::Begun(&Beginning::of(&samples, &split, &state.progress)));
     let set = TrainingSet::new(&samples, &split.train, config, device);
-    while state.progress.epoch < config.epochs {
+    while state.progress.epoch < config.training.epochs {
         let without_better = epochs_without_better(&metrics);
-        if config.patience_epochs > 0 && without_better >= config.patience_epochs {
+        if config.training.patience_epochs > 0 && without_better >= config.training.patience_epochs {
             observe(Event::NoBetter(without_better));
             break;
         }
@@ -201,14 +201,18 @@ struct TrainingSet<'a> {
 impl<'a> TrainingSet<'a> {
     fn new(samples: &'a GraspDataset, train: &'a [usize], config: &'a Config, device: &'a Device) -> Self {
         let count = LabelCount::of(samples, train);
-        let weights = ClassWeights::new(config.positive_weight, count.held, count.samples);
-        Self { samples, config, train, device, weights, steps: train.len().div_ceil(config.batch) as u64 }
+        let weights = ClassWeights::new(config.training.positive_weight, count.held, count.samples);
+        Self { samples, config, train, device, weights, steps: train.len().div_ceil(config.training.batch) as u64 }
     }
 
     /// Adam's step size at a step, counted from 0 over all epochs.
     fn learning_rate(&self, step: u64) -> f64 {
         let config = self.config;
-        config.schedule.learning_rate(config.learning_rate, step, u64::from(config.epochs) * self.steps)
+        config.training.schedule.learning_rate(
+            config.training.learning_rate,
+            step,
+            u64::from(config.training.epochs) * self.steps,
+        )
     }
 }
 
@@ -221,19 +225,19 @@ fn train_epoch(
     save: &dyn Fn(&State) -> Result<(), RunError>,
 ) -> Result<ControlFlow<()>, FitError> {
     let TrainingSet { samples, config, .. } = *set;
-    let Config { seed, augmentation, samples_per_scene, .. } = *config;
+    let Config { seed, augmentation, training: TrainingParams { samples_per_scene, .. }, .. } = *config;
     let epoch = state.progress.epoch;
     let order = epoch_order(set.train, |at| samples.scene(at), samples_per_scene, seed, epoch);
     let transform = TrainingTransform { seed, epoch, augmentation, weights: set.weights };
-    let done = (state.progress.batch as usize * config.batch).min(order.len());
+    let done = (state.progress.batch as usize * config.training.batch).min(order.len());
     let mut outcome = Ok(ControlFlow::Continue(()));
-    for_each_training_batch(samples, &order[done..], config.batch, &transform, |batch| {
+    for_each_training_batch(samples, &order[done..], config.training.batch, &transform, |batch| {
         if stop.load(Ordering::Relaxed) {
             outcome = Ok(ControlFlow::Break(()));
             return ControlFlow::Break(());
         }
         state.adam.set_learning_rate(set.learning_rate(state.progress.step));
-        let result = step(&state.vector, &batch, config.upsampling, set.device);
+        let result = step(&state.vector, &batch, config.network.upsampling, set.device);
         let count = result.samples.len();
         let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / count as f64;
         // Before the step is taken: no checkpoint holds what cannot go on.
@@ -246,7 +250,7 @@ fn train_epoch(
         state.progress.batch += 1;
         state.progress.step += 1;
         observe(Event::Step { step: state.progress.step, samples: count, loss });
-        let every = u64::from(config.checkpoint_every_steps);
+        let every = u64::from(config.checkpoint.every_steps);
         if every > 0
             && state.progress.step.is_multiple_of(every)
             && let Err(error) = save(state)
@@ -271,7 +275,7 @@ fn test_epoch(
     let is_stopped = || stop.load(Ordering::Relaxed);
     for (tally, test) in tallies.iter_mut().zip([&split.test_attempts, &split.test_scenes]) {
         for_each_batch(samples, test, TEST_BATCH, |batch| {
-            tally.add(&evaluate(vector, &batch, config.upsampling, device));
+            tally.add(&evaluate(vector, &batch, config.network.upsampling, device));
             if is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })?;
         if is_stopped() {
@@ -282,13 +286,17 @@ fn test_epoch(
 }
 
 fn begun(config: &Config) -> State {
-    State { vector: initial_vector(config.seed), adam: Adam::new(config.learning_rate), progress: Progress::default() }
+    State {
+        vector: initial_vector(config.seed),
+        adam: Adam::new(config.training.learning_rate),
+        progress: Progress::default(),
+    }
 }
 
 fn resumed(checkpoint: Checkpoint, config: &Config) -> State {
     let adam = match checkpoint.moments {
-        Some(moments) => Adam::resume(config.learning_rate, moments),
-        None => Adam::new(config.learning_rate),
+        Some(moments) => Adam::resume(config.training.learning_rate, moments),
+        None => Adam::new(config.training.learning_rate),
     };
     State { vector: checkpoint.vector, adam, progress: checkpoint.progress.into() }
 }
@@ -296,7 +304,7 @@ fn resumed(checkpoint: Checkpoint, config: &Config) -> State {
 fn checkpoint(state: &State, config: &Config, dataset_id: &str) -> Checkpoint {
     Checkpoint {
         vector: state.vector.clone(),
-        upsampling: config.upsampling,
+        upsampling: config.network.upsampling,
         config: config.to_toml(),
         dataset_id: dataset_id.to_owned(),
         progress: (&state.progress).into(),

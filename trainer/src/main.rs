@@ -241,9 +241,9 @@ fn run_manual(manual: &Manual) -> Result<program::ExitCode, Failure> {
 }
 
 fn run_fit(args: &FitArgs) -> Result<program::ExitCode, Failure> {
-    let mut config =
-        Config::load(args.config.as_deref()).map_err(|error| Failure(error.into(), program::ExitCode::Config))?;
-    config.epochs = args.epochs.unwrap_or(config.epochs);
+    let config = Config::load(args.config.as_deref());
+    let mut config = config.map_err(|error| Failure(error.into(), program::ExitCode::Config))?;
+    config.training.epochs = args.epochs.unwrap_or(config.training.epochs);
     set_threads(args.threads)?;
     let stop = program::stop_on_signals(|| ()).context("failed to listen for signals")?;
     let (data, run, device) = (&args.data, args.run.as_path(), args.device.open()?);

@@ -12,7 +12,7 @@ use program::{Exit, ExitCode};
 use report::page::{Block, Cell, Page, Section, Table};
 use shards::ReadError;
 
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::curves::{self, CurvesError, Epoch, FigureError};
 use crate::evaluate::Examination;
 use crate::run_folder::{CONFIG, METRICS, checkpoint_path, keys};
@@ -31,7 +31,7 @@ pub enum PageError {
     Curves(#[from] CurvesError),
     /// The run's recipe is damaged.
     #[error("damaged recipe of the run: {0}")]
-    Config(#[from] ConfigError),
+    Config(#[from] settings::Error),
     /// The best checkpoint is damaged.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
@@ -48,7 +48,7 @@ impl Exit for PageError {
         match self {
             Self::NotARun(_) => ExitCode::Config,
             Self::Curves(error) => error.exit_code(),
-            Self::Config(ConfigError::Read { .. }) => ExitCode::TryAgain,
+            Self::Config(settings::Error::Read { .. }) => ExitCode::TryAgain,
             Self::Config(_) => ExitCode::Data,
             Self::Checkpoint(error) => error.exit_code(),
             Self::Read(error) => error.exit_code(),
@@ -82,7 +82,7 @@ impl TrainedRun {
             }
             read => read?,
         };
-        let config = if recipe.exists() { Some(Config::read(&recipe)?) } else { None };
+        let config = if recipe.exists() { Some(Config::load(Some(&recipe))?) } else { None };
         let trained_on = match checkpoint::read(&checkpoint_path(run, "best")) {
             Err(CheckpointError::Missing(_)) => None,
             read => Some(read?.dataset_id),
@@ -123,7 +123,7 @@ impl TrainedRun {
 
     fn lead(&self, is_evaluated: bool) -> String {
         let epochs = self.epochs.len();
-        let asked = self.config.as_ref().map_or_else(String::new, |config| format!(" of {}", config.epochs));
+        let asked = self.config.as_ref().map_or_else(String::new, |config| format!(" of {}", config.training.epochs));
         let more = if is_evaluated { ", and what the best epoch's weights are worth on a dataset" } else { "" };
         format!(
             "How the network learned in {epochs}{asked} epochs to tell grasps that hold from grasps that fail{more}."

@@ -230,7 +230,7 @@ fn first_entry(path: &Path) -> io::Result<Option<String>> {
 
 /// Whether the folder's `config.toml` is a recipe: other programs have files of that name too.
 fn has_recipe(path: &Path) -> bool {
-    Config::read(&path.join(CONFIG)).is_ok()
+    Config::load(Some(&path.join(CONFIG))).is_ok()
 }
 
 fn check_config(path: &Path, config: &Config) -> Result<(), RunError> {
@@ -242,7 +242,7 @@ fn check_config(path: &Path, config: &Config) -> Result<(), RunError> {
     let text = Config::parse(&text, &file).map_or(text, |config| config.to_toml());
     let was = flatten(&table(&text), "");
     let is = keys(config);
-    let epochs_shape_steps = config.schedule == Schedule::Cosine;
+    let epochs_shape_steps = config.training.schedule == Schedule::Cosine;
     let keys: Vec<String> = is
         .iter()
         .filter(|(key, _)| key != "training.patience_epochs" && (key != "training.epochs" || epochs_shape_steps))

@@ -2,29 +2,20 @@
 
 use core::f64::consts::PI;
 
-/// A way from the first step's size to the last one's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Schedule {
-    /// The same for every step: the paper's.
-    Constant,
-    /// Half a cosine from the full size at the first step towards 0 after the last (Loshchilov and Hutter, *SGDR*, 2017,
-    /// Eq. 5, without restarts). The size of every step depends on the number of steps in all.
-    Cosine,
+use settings::words;
+
+words! {
+    /// A way from the first step's size to the last one's.
+    pub enum Schedule {
+        /// The same for every step: the paper's.
+        Constant = "constant",
+        /// Half a cosine from the full size at the first step towards 0 after the last (Loshchilov and Hutter, *SGDR*, 2017,
+        /// Eq. 5, without restarts). The size of every step depends on the number of steps in all.
+        Cosine = "cosine",
+    }
 }
 
 impl Schedule {
-    /// Both schedules.
-    pub const ALL: [Self; 2] = [Self::Constant, Self::Cosine];
-
-    /// The name in configurations.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Constant => "constant",
-            Self::Cosine => "cosine",
-        }
-    }
-
     /// The size of step `step`, counted from 0, of `steps` in all.
     #[must_use]
     pub fn learning_rate(self, full: f64, step: u64, steps: u64) -> f64 {

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::process::Command;
 
-use generator::{Config, Overrides, make_scene};
+use generator::{Config, make_scene};
 use schema::{Outcome, SceneRows};
 
-use crate::{check_ok, run, small_config, workshop};
+use crate::{check_ok, run, small, small_config, workshop};
 
 pub(crate) fn program(arguments: &[&str], dir: &Path) -> std::process::Output {
     Command::new(env!("CARGO_BIN_EXE_generator")).current_dir(dir).args(arguments).output().unwrap()
@@ -66,7 +66,7 @@ fn attempts_executed_again_end_as_stored_and_a_lie_is_found() {
     assert!(String::from_utf8_lossy(&missing.stderr).contains("no dataset here"));
 
     // A dataset in which one attempt that holds is said to slip.
-    let config = Config::from_toml(&small_config(), "small", None, Overrides::default()).unwrap();
+    let config = small();
     let mut has_lied = false;
     lying_dataset(&config, &dir.path().join("lying"), |rows| {
         if let Some(held) = rows.attempts.iter_mut().find(|a| !has_lied && a.outcome == Outcome::Held) {

@@ -1,18 +1,14 @@
 //! What is in a generated dataset: the rows say what was executed, and executing them again ends the same.
 
-use generator::{Config, Overrides, make_scene};
+use generator::make_scene;
 use schema::Outcome;
 use simulator::{AttemptWorld, Scene};
 
-use crate::{check_ok, run, small_config, workshop};
-
-fn config() -> Config {
-    Config::from_toml(&small_config(), "small", None, Overrides::default()).unwrap()
-}
+use crate::{check_ok, run, small, small_config, workshop};
 
 #[test]
 fn stored_rows_executed_again_end_the_same() {
-    let config = config();
+    let config = small();
     let rows = make_scene(&config, 3, 60).unwrap();
     let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, &[]);
     let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
@@ -24,7 +20,7 @@ fn stored_rows_executed_again_end_the_same() {
 
 #[test]
 fn scenes_hold_positives_and_several_kinds_of_failure() {
-    let config = config();
+    let config = small();
     let attempts: Vec<_> = (0..12).flat_map(|id| make_scene(&config, id, 60).unwrap().attempts).collect();
     let share = attempts.iter().filter(|a| a.label() == 1).count() as f64 / attempts.len() as f64;
     assert!((0.1..0.45).contains(&share), "{share} positive");

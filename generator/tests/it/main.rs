@@ -12,6 +12,8 @@ mod replay;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use generator::{Config, Overrides};
+use settings::Document;
 use tempfile::TempDir;
 
 /// The paper's config at a size for tests: six scenes of twelve attempts on a coarse grid, in three shards.
@@ -22,6 +24,12 @@ fn small_config() -> String {
         .replace("attempts_per_scene = 60", "attempts_per_scene = 12")
         .replace("resolution = 40 ", "resolution = 16 ")
         .replace("counts = [1, 6] ", "counts = [1, 2] ")
+}
+
+/// [`small_config`], read.
+fn small() -> Config {
+    let document = Document::parse(&small_config(), Path::new("small.toml")).unwrap();
+    Config::read(document, Overrides::default()).unwrap()
 }
 
 /// A folder with `config.toml`, and room for datasets.

@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Output;
 
-use generator::{AttemptId, Config, Overrides, replay};
+use generator::{AttemptId, Config, replay};
 use report::view::{Class, EventKind, View};
 use schema::{Axis, ObjectRecord, Outcome, Pose, Rule, SceneRows, ShapeKind, Solid, Vec3, axis_angle};
 use shards::Dataset;
 use simulator::{AttemptWorld, Scene};
 
 use crate::commands::{lying_dataset, program};
-use crate::{check_ok, run, small_config, workshop};
+use crate::{check_ok, run, small, small_config, workshop};
 
 /// As [`small_config`], with more scenes and more objects in each.
 fn crowded_config() -> String {
@@ -114,7 +114,7 @@ fn stack(config: &Config, rows: &mut SceneRows) {
 #[test]
 fn what_is_raised_with_the_target_is_reproduced_and_shown() {
     let dir = workshop(&small_config());
-    let config = Config::from_toml(&small_config(), "small", None, Overrides::default()).unwrap();
+    let config = small();
     lying_dataset(&config, &dir.path().join("stacks"), |rows| stack(&config, rows));
     let dataset = Dataset::open(&dir.path().join("stacks")).unwrap();
     let replayed = replay(&dataset, id(2, 5)).unwrap();
@@ -165,7 +165,7 @@ fn a_page_or_json_is_written_and_what_is_not_there_is_told() {
 #[test]
 fn a_row_that_lies_by_a_bit_is_found() {
     let dir = workshop(&small_config());
-    let config = Config::from_toml(&small_config(), "small", None, Overrides::default()).unwrap();
+    let config = small();
     let mut lie_at = None;
     lying_dataset(&config, &dir.path().join("lying"), |rows| {
         let held = rows.attempts.iter_mut().find(|attempt| attempt.outcome == Outcome::Held);

@@ -1,12 +1,12 @@
 //! The description of the running planner: `GET /v1/model`.
 
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::Value;
 use utoipa::ToSchema;
 
 use crate::Planner;
 use crate::answer::GridAnswer;
-use crate::config::{Config, WithoutObject};
+use crate::config::Config;
 
 /// The planner behind the service.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
@@ -40,69 +40,12 @@ impl ModelAnswer {
     }
 }
 
+/// The keys of a settings file. Numbers go through text, which has them as people wrote them: 0.45, not 0.44999998807907104.
 fn settings(config: &Config) -> Value {
-    let Config { seed, gripper, detection: d, cloud, plane, clusters, ranking, collision, refinement } = config;
-    let without_object = match ranking.without_object {
-        WithoutObject::Last => "last",
-        WithoutObject::Drop => "drop",
-    };
-    json!({
-        "seed": seed,
-        "gripper": gripper.name,
-        "detection": {
-            "gaussian_sigma_voxels": decimal(d.gaussian_sigma_voxels),
-            "surface_side": d.surface_side.name(),
-            "surface_steps_max": d.surface_steps_max,
-            "width_voxels_min": decimal(d.width_voxels_min),
-            "width_voxels_max": decimal(d.width_voxels_max),
-            "quality_min": decimal(d.quality_min),
-            "suppression_window_voxels": d.suppression_window_voxels,
-            "voxel_offset": decimal(d.voxel_offset),
-            "origin_behind_tips_m": decimal(d.origin_behind_tips_m),
-        },
-        "cloud": { "resolution": cloud.resolution, "pitch_m": decimal(cloud.pitch_m), "scale_to_table": cloud.scale_to_table },
-        "plane": {
-            "threshold_m": decimal(plane.threshold_m),
-            "iterations": plane.iterations,
-            "refits_max": plane.refits_max,
-            "tilt_rad_max": decimal(plane.tilt_rad_max),
-            "share_min": decimal(plane.share_min),
-        },
-        "clusters": {
-            "radius_m": decimal(clusters.radius_m),
-            "points_min": clusters.points_min,
-            "cluster_points_min": clusters.cluster_points_min,
-        },
-        "ranking": {
-            "policy": ranking.policy.name(),
-            "weights": ranking.weights.map(decimal),
-            "object_distance_m_max": decimal(ranking.object_distance_m_max),
-            "without_object": without_object,
-        },
-        "refinement": {
-            "turns": refinement.turns,
-            "tilts": refinement.tilts,
-            "tilt_rad": decimal(refinement.tilt_rad),
-            "depths": refinement.depths,
-            "depth_m": decimal(refinement.depth_m),
-            "flat_m": decimal(refinement.flat_m),
-            "normal_rad_max": decimal(refinement.normal_rad_max),
-            "outlines": refinement.outlines,
-            "arm_m": decimal(refinement.arm_m),
-            "points_min": refinement.points_min,
-        },
-        "collision": {
-            "check": collision.check,
-            "pregrasp_distance_m": decimal(collision.pregrasp_distance_m),
-            "margin_m": decimal(collision.margin_m),
-            "points_max": collision.points_max,
-        },
-    })
-}
-
-/// The shortest decimal of a number: 0.45, not 0.44999998807907104.
-fn decimal(value: f32) -> f64 {
-    value.to_string().parse().unwrap_or(f64::from(value))
+    let text = serde_json::to_string(config).unwrap_or_default();
+    let mut settings: Value = serde_json::from_str(&text).unwrap_or_default();
+    settings["gripper"] = Value::from(config.gripper.name.as_str());
+    settings
 }
 
 #[cfg(test)]

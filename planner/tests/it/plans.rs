@@ -39,17 +39,17 @@ fn field(distance_m: impl Fn(Vec3) -> f32) -> Observation {
 #[test]
 fn the_demo_has_ranked_grasps_that_obey_the_rules() {
     for planner in [planner(), generous()] {
-        let law = planner.config().detection;
+        let params = planner.config().detection;
         let plan = plan_with(&planner, &seen(), &Wishes::default());
         assert!(!plan.grasps.is_empty() && plan.reason.is_none());
         assert_eq!(plan.funnel.ranked, plan.grasps.len());
         assert_eq!(plan.funnel.detections, plan.funnel.collision_free);
         for ranked in &plan.grasps {
             let pose = ranked.grasp.workspace_from_grasp;
-            assert!(ranked.quality >= law.quality_min);
+            assert!(ranked.quality >= params.quality_min);
             assert_eq!(GRID.voxel_at(pose.translation), Some(ranked.voxel));
             let voxels = ranked.grasp.width_m / GRID.voxel_size_m();
-            assert!((law.width_voxels_min - 1e-4..=law.width_voxels_max + 1e-4).contains(&voxels));
+            assert!((params.width_voxels_min - 1e-4..=params.width_voxels_max + 1e-4).contains(&voxels));
             // Of the two orientations the one nearer to the hand that looks straight down and forwards.
             let down = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
             let other = pose.rotation * Quat::from_xyzw(0.0, 0.0, 1.0, 0.0);
@@ -155,7 +155,7 @@ fn policies_give_the_same_grasps_in_their_own_orders() {
 #[test]
 fn refined_hands_close_on_something_by_a_free_way() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/plan/refined.toml");
-    let planner = Planner::built_in(Config::read(&path).unwrap()).unwrap();
+    let planner = Planner::built_in(Config::load(Some(&path)).unwrap()).unwrap();
     let plan = plan_with(&planner, &seen(), &Wishes { explain: true, ..Wishes::default() });
     assert!(plan.grasps.len() > 5, "{}", plan.grasps.len());
     let flatness: Vec<f32> = plan.grasps.iter().map(|g| g.quality * g.support.unwrap()).collect();
@@ -218,7 +218,8 @@ fn no_plane_and_no_cluster_are_told() {
 fn a_table_at_another_height_than_the_networks_is_told() {
     let told = |z_m: f32| plan_with(&planner(), &field(move |p| p.z - z_m), &Wishes::default()).warnings;
     let refined =
-        Config::read(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/plan/refined.toml")).unwrap();
+        Config::load(Some(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/plan/refined.toml")))
+            .unwrap();
     let refined = plan_with(&Planner::built_in(refined).unwrap(), &field(|p| p.z - 0.07), &Wishes::default()).warnings;
     assert!(refined[0].starts_with("the largest plane lies at"), "whatever ranks the grasps: {refined:?}");
     assert!(!told(0.052)[0].contains("largest plane"), "{:?}", told(0.052));

@@ -5,9 +5,13 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use program::{Exit, ExitCode};
-use schema::{FACETS, Grid, Gripper, MODELS_MAX, Model, Procedure, Vec3};
+use schema::{
+    CameraParams, FACETS, Grid, Gripper, MODELS_MAX, Model, Physics, Procedure, SettleParams, TsdfParams, Vec3,
+    ViewParams,
+};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use settings::{Setting, faults_of, read_stored, stored_faults};
 
 use crate::format::seal;
 use crate::{FormatVersion, UnreadableVersion};
@@ -111,7 +115,9 @@ impl DatasetInfo {
     /// The values out of range, one message each.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
-        let mut problems = self.gripper.problems();
+        let mut problems = faults_of(&self.gripper, "gripper");
+        problems.extend(faults_of(&self.procedure, "procedure"));
+        problems.extend(self.config_problems());
         let mut must = |holds: bool, message: String| {
             if !holds {
                 problems.push(message);
@@ -173,6 +179,27 @@ impl DatasetInfo {
         problems
     }
 
+    /// What is out of range in the stored config. Another version may have had other keys.
+    fn config_problems(&self) -> Vec<String> {
+        let faults = |name: &str, faults: fn(&Value, &str) -> Vec<String>| {
+            self.config.get(name).map(|section| faults(section, &format!("config.{name}"))).unwrap_or_default()
+        };
+        [
+            faults("camera", stored_faults::<CameraParams>),
+            faults("physics", stored_faults::<Physics>),
+            faults("settle", stored_faults::<SettleParams>),
+            faults("tsdf", stored_faults::<TsdfParams>),
+            faults("views", stored_faults::<ViewParams>),
+        ]
+        .concat()
+    }
+
+    /// A section of the stored config, such as `camera`; `None` if it is not there whole.
+    #[must_use]
+    pub fn section<T: Setting<Limits = ()>>(&self, name: &str) -> Option<T> {
+        read_stored(self.config.get(name)?, name).ok()
+    }
+
     /// The text of `meta/info.json`: the same bytes for the same info on every machine.
     #[must_use]
     pub fn to_json(&self) -> String {
@@ -185,11 +212,7 @@ impl DatasetInfo {
             scene_count: self.scene_count,
             attempt_count: self.attempt_count,
             attempts_per_scene: self.attempts_per_scene,
-            grid: GridJson {
-                resolution: self.grid.resolution,
-                size_m: self.grid.size_m,
-                table_z_m: self.grid.table_z_m,
-            },
+            grid: self.grid,
             gripper: self.gripper.clone(),
             procedure: self.procedure,
             units: UNITS.to_owned(),
@@ -217,7 +240,7 @@ impl DatasetInfo {
             scene_count: json.scene_count,
             attempt_count: json.attempt_count,
             attempts_per_scene: json.attempts_per_scene,
-            grid: Grid { resolution: json.grid.resolution, size_m: json.grid.size_m, table_z_m: json.grid.table_z_m },
+            grid: json.grid,
             gripper: json.gripper,
             procedure: json.procedure,
             config: json.config,
@@ -269,7 +292,7 @@ struct InfoJson {
     scene_count: u64,
     attempt_count: u64,
     attempts_per_scene: u32,
-    grid: GridJson,
+    grid: Grid,
     gripper: Gripper,
     procedure: Procedure,
     units: String,
@@ -324,14 +347,6 @@ impl From<ModelJson> for Model {
             parts_m: json.parts.into_iter().map(part).collect(),
         }
     }
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GridJson {
-    resolution: usize,
-    size_m: f32,
-    table_z_m: f32,
 }
 
 /// The value with sorted keys in every object, independently of serde_json's feature for insertion order.

@@ -284,8 +284,7 @@ impl<'a> Counting<'a> {
 /// Smallest and largest free extent that the config asks for, if it is one of our generator's.
 fn free_extents_m(dataset: &Dataset) -> Option<[f64; 2]> {
     let range = dataset.info().config.get("objects")?.get("size_m")?;
-    let [low, high] = [0, 1].map(|at| range.get(at).and_then(serde_json::Value::as_f64));
-    let range = [low?, high?];
+    let range: [f64; 2] = serde_json::from_value(range.clone()).ok()?;
     (range[0] < range[1]).then_some(range)
 }
 

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use program::publish;
 use report::view::{Body, Class, Line, Points, View, flat_points};
-use schema::{AttemptRecord, Axis, HitKind, Intrinsics, ObjectRecord, Outcome, SceneRows};
-use serde_json::Value;
+use schema::{AttemptRecord, Axis, CameraParams, HitKind, Intrinsics, ObjectRecord, Outcome, SceneRows};
 
 use crate::DatasetInfo;
 
@@ -23,7 +22,8 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     view.bodies.push(Body::table(grid.size_m, grid.table_z_m));
     view.bodies.extend(rows.objects.iter().flat_map(|object| object_bodies(Class::Object, object)));
     view.lines.push(Line::workspace(grid.size_m));
-    let lens = lens_of(&info.config);
+    // The lens by which the TSDF was made, VGN's where the config does not say.
+    let lens = info.section::<CameraParams>("camera").map_or(Intrinsics::VGN, |camera| camera.intrinsics());
     for (number, camera) in scene.views.iter().enumerate() {
         let (polar, azimuth) = (camera.polar_rad.to_degrees(), camera.azimuth_rad.to_degrees());
         let label = format!("view {number}: {:.3} m away, polar {polar:.1}°, azimuth {azimuth:.1}°", camera.radius_m);
@@ -87,19 +87,6 @@ fn surface(info: &DatasetInfo, rows: &SceneRows) -> Points {
     let points_m = flat_points(near.map(|voxel| grid.centre_m(voxel)));
     let label = format!("voxels of {:.1} mm within 0.8 voxels of the surface", grid.voxel_size_m() * 1000.0);
     Points { class: Class::Surface, label, points_m, frames: None }
-}
-
-/// The lens by which the TSDF was made, VGN's where the config does not say.
-fn lens_of(config: &Value) -> Intrinsics {
-    let camera = &config["camera"];
-    let side = |key: &str| camera[key].as_u64().and_then(|side| usize::try_from(side).ok());
-    let said = || {
-        let (width_px, height_px) = (side("width_px")?, side("height_px")?);
-        let focal_px = camera["focal_px"].as_f64()? as f32;
-        let (cx_px, cy_px) = (0.5 * width_px as f32, 0.5 * height_px as f32);
-        Some(Intrinsics { width_px, height_px, fx_px: focal_px, fy_px: focal_px, cx_px, cy_px })
-    };
-    said().unwrap_or(Intrinsics::VGN)
 }
 
 fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) {

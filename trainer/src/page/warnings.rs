@@ -69,12 +69,12 @@ fn no_better_than_failure(run: &TrainedRun, (name, set): HeldOut) -> Option<Stri
 
 fn stopped_early(run: &TrainedRun) -> Option<String> {
     let config = run.config.as_ref()?;
-    let (done, asked) = (run.epochs.len(), config.epochs as usize);
+    let (done, asked) = (run.epochs.len(), config.training.epochs as usize);
     if done >= asked {
         return None;
     }
     let since = done.saturating_sub(best(run).epoch as usize);
-    let patience = config.patience_epochs as usize;
+    let patience = config.training.patience_epochs as usize;
     let why = if patience > 0 && since >= patience {
         format!("none of the last {since} was better, and the recipe's patience is {patience}")
     } else {
@@ -172,7 +172,8 @@ mod tests {
     /// A run that has nothing to worry about.
     fn fine() -> TrainedRun {
         let recipe = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/train/quick.toml"));
-        let config = Config { epochs: 4, ..Config::parse(&recipe.unwrap(), Path::new("quick.toml")).unwrap() };
+        let mut config = Config::parse(&recipe.unwrap(), Path::new("quick.toml")).unwrap();
+        config.training.epochs = 4;
         let epochs = vec![epoch(1, 0.6, 0.5), epoch(2, 0.5, 0.45), epoch(3, 0.46, 0.43), epoch(4, 0.459, 0.42)];
         TrainedRun { path: PathBuf::from("run"), epochs, config: Some(config), trained_on: None }
     }
@@ -191,11 +192,14 @@ mod tests {
         told(&|run| run.epochs[3].test_scenes.accuracy = Some(0.6), "accuracy on held-out scenes, 0.600, is not above");
         told(&|run| run.epochs[3].train.loss = Some(0.4), "still falling");
         told(&|run| run.epochs[1].test_scenes.loss = None, "first in epoch 2");
-        told(&|run| run.config.as_mut().unwrap().epochs = 9, "4 of the recipe's 9 epochs are done: it was stopped");
+        told(
+            &|run| run.config.as_mut().unwrap().training.epochs = 9,
+            "4 of the recipe's 9 epochs are done: it was stopped",
+        );
         let patient = |run: &mut TrainedRun| {
             (run.epochs[0].is_best, run.epochs[3].is_best) = (true, false);
             let config = run.config.as_mut().unwrap();
-            (config.epochs, config.patience_epochs) = (9, 3);
+            (config.training.epochs, config.training.patience_epochs) = (9, 3);
         };
         told(&patient, "patience is 3");
         told(

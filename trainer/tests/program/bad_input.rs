@@ -51,7 +51,11 @@ fn a_wrong_configuration_is_78_and_all_of_it_is_told() {
     let place = Place::new();
     replace_in(&place.config, "batch = 24", "batch = 0\nspeed = 9");
     replace_in(&place.config, "\"attempt\"", "\"weekday\"");
-    check_fails(&place.fit(&[]), 78, &["training.batch must be", "training.speed is unknown", "split.by must be"]);
+    check_fails(
+        &place.fit(&[]),
+        78,
+        &["training.batch must be", "training.speed is no key of this file", "split.by must be"],
+    );
     check_fails(&["fit", "--data", "x", "--run", "y", "--config", "/none.toml"], 78, &["/none.toml"]);
     assert!(!place.run.exists());
 }

@@ -33,7 +33,7 @@ impl Place {
     }
 
     fn config(&self) -> Config {
-        Config::read(&self.config).unwrap()
+        Config::load(Some(&self.config)).unwrap()
     }
 
     fn fit(&self, config: &Config, run: &Path) -> Ending {
@@ -139,7 +139,8 @@ fn a_run_begun_before_these_keys_goes_on_and_is_evaluated() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     // And it is the run that was never old.
     let whole = place.run("whole");
-    let config = Config { epochs: 2, ..place.config() };
+    let mut config = place.config();
+    config.training.epochs = 2;
     assert_eq!(place.fit(&config, &whole), Ending::Done);
     check_same_but_best(&whole, &run);
 }
@@ -174,10 +175,14 @@ fn patience_ends_training_early_and_outlives_being_resumed() {
     assert!(output.status.success() && stdout.contains("ended early: no better test accuracy in 2 epochs"), "{stdout}");
     assert_eq!(metrics(&whole).len(), 3);
     for epochs in [1, 2, 9] {
-        assert_eq!(place.fit(&Config { epochs, ..place.config() }, &cut), Ending::Done);
+        let mut config = place.config();
+        config.training.epochs = epochs;
+        assert_eq!(place.fit(&config, &cut), Ending::Done);
     }
     check_same_but_best(&whole, &cut);
     // More patience goes on where it ended.
-    assert_eq!(place.fit(&Config { patience_epochs: 3, ..place.config() }, &cut), Ending::Done);
+    let mut patient = place.config();
+    patient.training.patience_epochs = 3;
+    assert_eq!(place.fit(&patient, &cut), Ending::Done);
     assert_eq!(metrics(&cut).len(), 4);
 }

@@ -36,7 +36,7 @@ fn stopped_anywhere_and_resumed_is_as_if_never_stopped() {
     let dir = tempfile::tempdir().unwrap();
     let (data, whole, cut) = (dir.path().join("data"), dir.path().join("whole"), dir.path().join("cut"));
     write_dataset(&data, 5, 2, 10, 12);
-    let config = Config::read(&write_config(dir.path(), 2, 24)).unwrap();
+    let config = Config::load(Some(&write_config(dir.path(), 2, 24))).unwrap();
     let ending = fit(&data, &config, &whole, false, &AtomicBool::new(false), &|_| {}).unwrap();
     assert_eq!(ending, Ending::Done);
 

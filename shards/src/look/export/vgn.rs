@@ -15,9 +15,8 @@
 use std::io::BufWriter;
 
 use program::text::grouped;
-use schema::{AttemptRecord, Gripper, Intrinsics, Vec3, samples_of};
+use schema::{AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of};
 use serde::Serialize;
-use serde_json::Value;
 
 use super::folder::{ExportCounts, ExportFolder, Exported};
 use super::{ExportError, npy, scene_name, unwritten};
@@ -205,7 +204,7 @@ struct Intrinsic {
 
 /// VGN's `setup.json`: side of the workspace, camera, opening of the hand, length of its fingers.
 fn setup(info: &DatasetInfo) -> String {
-    let lens = lens(&info.config).unwrap_or(Intrinsics::VGN);
+    let lens = info.section::<CameraParams>("camera").map_or(Intrinsics::VGN, |camera| camera.intrinsics());
     pretty(&Setup {
         size: info.grid.size_m,
         intrinsic: Intrinsic {
@@ -216,16 +215,6 @@ fn setup(info: &DatasetInfo) -> String {
         max_opening_width: info.gripper.opening_m_max,
         finger_depth: info.gripper.finger_length_m,
     })
-}
-
-/// The camera in a generator's config.
-fn lens(config: &Value) -> Option<Intrinsics> {
-    let camera = config.get("camera")?;
-    let side = |key: &str| camera.get(key)?.as_u64().and_then(|side| usize::try_from(side).ok());
-    let (width_px, height_px) = (side("width_px")?, side("height_px")?);
-    let focal_px = camera.get("focal_px")?.as_f64()? as f32;
-    let (cx_px, cy_px) = (0.5 * width_px as f32, 0.5 * height_px as f32);
-    Some(Intrinsics { width_px, height_px, fx_px: focal_px, fy_px: focal_px, cx_px, cy_px })
 }
 
 fn page(folder: &ExportFolder, info: &DatasetInfo, counts: &ExportCounts) -> String {

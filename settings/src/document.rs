@@ -1,0 +1,145 @@
+//! The one reader of settings: a TOML file or a built-in text, overrides, and settings that were stored.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use toml::{Table, Value};
+
+use crate::{Error, Reader, Setting};
+
+/// The text of settings, parsed but not yet checked.
+#[derive(Debug, Clone)]
+pub struct Document {
+    table: Table,
+    path: PathBuf,
+}
+
+impl Document {
+    /// The document in a file, or a built-in one: its text and the path that messages name.
+    ///
+    /// # Errors
+    /// [`Error::Read`] and [`Error::Syntax`].
+    pub fn load(path: Option<&Path>, [built_in, name]: [&str; 2]) -> Result<Self, Error> {
+        match path {
+            None => Self::parse(built_in, Path::new(name)),
+            Some(path) => {
+                let text =
+                    std::fs::read_to_string(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
+                Self::parse(&text, path)
+            }
+        }
+    }
+
+    /// The document in a text; messages name `path`, and paths in the text begin in its folder.
+    ///
+    /// # Errors
+    /// [`Error::Syntax`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self, Error> {
+        let syntax =
+            |e: toml::de::Error| Error::Syntax { path: path.to_owned(), message: e.to_string().trim().to_owned() };
+        Ok(Self { table: text.parse().map_err(syntax)?, path: path.to_owned() })
+    }
+
+    /// The table as it stands, overrides included.
+    #[must_use]
+    pub fn table(&self) -> &Table {
+        &self.table
+    }
+
+    /// The table, for what must be put in before it is read.
+    pub fn table_mut(&mut self) -> &mut Table {
+        &mut self.table
+    }
+
+    /// Puts a value, as TOML or as plain text, in the place of a key such as `views.count`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if the document has no such key.
+    pub fn set(&mut self, key: &str, value: &str) -> Result<(), Error> {
+        let parsed = format!("value = {value}").parse::<Table>().ok().and_then(|mut one| one.remove("value"));
+        let value = parsed.unwrap_or_else(|| Value::String(value.to_owned()));
+        let mut parts = key.split('.');
+        let first = self.table.get_mut(parts.next().unwrap_or_default());
+        let slot = parts.fold(first, |slot, part| slot?.as_table_mut()?.get_mut(part));
+        let Some(slot) = slot else {
+            return Err(self.invalid(vec![format!("there is no key {key}")]));
+        };
+        *slot = match (&*slot, value) {
+            (Value::Float(_), Value::Integer(whole)) => Value::Float(whole as f64),
+            (_, value) => value,
+        };
+        Ok(())
+    }
+
+    /// Reads all settings.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with every unknown, missing and misfit key.
+    pub fn read<T: Setting<Limits = ()>>(&self) -> Result<T, Error> {
+        self.read_as("")
+    }
+
+    /// Reads all settings; messages begin with `path`.
+    ///
+    /// # Errors
+    /// As [`Document::read`].
+    pub fn read_as<T: Setting<Limits = ()>>(&self, path: &str) -> Result<T, Error> {
+        let mut reader = Reader::new(self.folder(), path, false);
+        let read = T::read(&Value::Table(self.table.clone()), &(), &mut reader);
+        match read {
+            Some(read) if reader.is_sound() => Ok(read),
+            _ => Err(self.invalid(reader.into_faults())),
+        }
+    }
+
+    /// The folder in which relative paths begin.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
+
+    /// The error for faults that the rows do not know.
+    #[must_use]
+    pub fn invalid(&self, faults: Vec<String>) -> Error {
+        Error::Invalid { path: self.path.clone(), faults }
+    }
+}
+
+/// What is out of range in settings that were not read from a document; `path` is their own.
+#[must_use]
+pub fn faults_of<T: Setting<Limits = ()>>(settings: &T, path: &str) -> Vec<String> {
+    let mut reader = Reader::new(Path::new(""), path, false);
+    settings.check(&(), &mut reader);
+    reader.into_faults()
+}
+
+/// Reads settings that were stored, as JSON or another form of serde's; `path` is their own.
+///
+/// # Errors
+/// All faults, as those of a document.
+pub fn read_stored<T: Setting<Limits = ()>>(stored: &impl Serialize, path: &str) -> Result<T, Vec<String>> {
+    let (read, faults) = stored_as::<T>(stored, path, false);
+    read.filter(|_| faults.is_empty()).ok_or(faults)
+}
+
+/// What is out of range or of another type in settings that were stored by another version: it may have had fewer keys, or others.
+#[must_use]
+pub fn stored_faults<T: Setting<Limits = ()>>(stored: &impl Serialize, path: &str) -> Vec<String> {
+    stored_as::<T>(stored, path, true).1
+}
+
+fn stored_as<T: Setting<Limits = ()>>(
+    stored: &impl Serialize,
+    path: &str,
+    is_partial: bool,
+) -> (Option<T>, Vec<String>) {
+    let mut reader = Reader::new(Path::new(""), path, is_partial);
+    let read = match Value::try_from(stored) {
+        Ok(value) => T::read(&value, &(), &mut reader),
+        Err(e) => {
+            reader.fault(format_args!("cannot be settings: {e}"));
+            None
+        }
+    };
+    (read, reader.into_faults())
+}

@@ -1,0 +1,165 @@
+//! The two macros that rows are written in.
+
+/// Makes a struct from rows, and how it is read and checked.
+///
+/// A row is `name: type where limits; or default; by function,`. Limits are a range, or [`above`](crate::above) a number. A key with
+/// a default may be left out. `function` reads the value in place of the type's own [`Setting::read`](crate::Setting::read).
+/// After the struct, `check function` names what holds its keys against each other; it runs when each key alone is sound.
+///
+/// ```
+/// settings::settings! {
+///     /// How the engine is run.
+///     #[derive(Debug)]
+///     pub struct Physics {
+///         /// Steps a second.
+///         pub step_rate_hz: f32 where 30.0..=10_000.0,
+///         /// Whether an attempt leaves out what decides nothing.
+///         pub shortcuts: bool; or false,
+///     }
+/// }
+/// let document = settings::Document::parse("step_rate_hz = 240", "physics.toml".as_ref()).expect("TOML");
+/// assert_eq!(document.read::<Physics>().expect("sound").step_rate_hz, 240.0);
+/// ```
+#[macro_export]
+macro_rules! settings {
+    (
+        $(#[$attribute:meta])*
+        $visible:vis struct $name:ident {
+            $(
+                $(#[doc = $doc:literal])*
+                $access:vis $key:ident: $type:ty $(where $limits:expr)? $(; or $default:expr)? $(; by $by:path)?
+            ),* $(,)?
+        }
+        $(check $check:path)?
+    ) => {
+        $(#[$attribute])*
+        $visible struct $name {
+            $($(#[doc = $doc])* $access $key: $type,)*
+        }
+
+        impl $crate::Setting for $name {
+            type Limits = ();
+
+            fn kind((): &()) -> String {
+                "a table".to_owned()
+            }
+
+            fn read(value: &$crate::Value, (): &(), reader: &mut $crate::Reader<'_>) -> Option<Self> {
+                let table = reader.table(value, &[$(stringify!($key)),*])?;
+                $(
+                    let $key = reader.key::<$type>(
+                        table,
+                        stringify!($key),
+                        &$crate::settings!(@limits $type $(, $limits)?),
+                        $crate::settings!(@default $($default)?),
+                        $crate::settings!(@read $type $(, $by)?),
+                    );
+                )*
+                let read = Self { $($key: $key?),* };
+                $($check(&read, reader);)?
+                Some(read)
+            }
+
+            fn check(&self, (): &(), reader: &mut $crate::Reader<'_>) {
+                $(
+                    let limits = $crate::settings!(@limits $type $(, $limits)?);
+                    reader.within(stringify!($key), |reader| $crate::Setting::check(&self.$key, &limits, reader));
+                )*
+                $(if reader.is_sound() { $check(self, reader); })?
+            }
+
+            fn add_rows(prefix: &str, rows: &mut Vec<$crate::Row>) -> bool {
+                $(
+                    let key = format!("{prefix}{}", stringify!($key));
+                    if !<$type as $crate::Setting>::add_rows(&format!("{key}."), rows) {
+                        let limits = $crate::settings!(@limits $type $(, $limits)?);
+                        let kind = <$type as $crate::Setting>::kind(&limits);
+                        let meaning = concat!($($doc),*).trim().to_owned();
+                        rows.push($crate::Row { key, kind, meaning });
+                    }
+                )*
+                true
+            }
+        }
+    };
+    (@limits $type:ty) => {
+        <<$type as $crate::Setting>::Limits as ::core::default::Default>::default()
+    };
+    (@limits $type:ty, $limits:expr) => {
+        <<$type as $crate::Setting>::Limits as ::core::convert::From<_>>::from($limits)
+    };
+    (@default) => {
+        None
+    };
+    (@default $default:expr) => {
+        Some($default)
+    };
+    (@read $type:ty) => {
+        <$type as $crate::Setting>::read
+    };
+    (@read $type:ty, $by:path) => {
+        $by
+    };
+}
+
+/// Makes an enum whose variants have a name in files.
+#[macro_export]
+macro_rules! words {
+    (
+        $(#[$attribute:meta])*
+        $visible:vis enum $name:ident {
+            $($(#[doc = $doc:literal])* $word:ident = $text:literal),* $(,)?
+        }
+    ) => {
+        $(#[$attribute])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        $visible enum $name {
+            $($(#[doc = $doc])* $word),*
+        }
+
+        impl $name {
+            /// All of them, in the order of the documentation.
+            pub const ALL: [Self; [$($text),*].len()] = [$(Self::$word),*];
+
+            /// The name in files.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$word => $text),*
+                }
+            }
+
+            /// The one with this name.
+            #[must_use]
+            pub fn from_name(name: &str) -> Option<Self> {
+                Self::ALL.into_iter().find(|word| word.name() == name)
+            }
+        }
+
+        impl $crate::Setting for $name {
+            type Limits = ();
+
+            fn kind((): &()) -> String {
+                format!("one of {}", Self::ALL.map(Self::name).join(", "))
+            }
+
+            fn read(value: &$crate::Value, (): &(), reader: &mut $crate::Reader<'_>) -> Option<Self> {
+                let found = value.as_str().and_then(Self::from_name);
+                match (found, value.as_str()) {
+                    (None, Some(got)) => reader.fault(format_args!("must be {}, got {}", Self::kind(&()), got.escape_debug())),
+                    (None, None) => reader.misfit(Self::kind(&()), value),
+                    (Some(_), _) => {}
+                }
+                found
+            }
+
+            fn check(&self, (): &(), _: &mut $crate::Reader<'_>) {}
+        }
+
+        impl $crate::serde::Serialize for $name {
+            fn serialize<S: $crate::serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_str(self.name())
+            }
+        }
+    };
+}

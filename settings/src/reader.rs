@@ -1,0 +1,141 @@
+//! Reads a table key by key and collects every fault with its path.
+
+use std::fmt::Display;
+use std::path::Path;
+
+use toml::{Table, Value};
+
+use crate::Setting;
+
+/// Where reading stands: the path of the key that is read, and all faults so far.
+#[derive(Debug)]
+pub struct Reader<'a> {
+    path: String,
+    faults: Vec<String>,
+    folder: &'a Path,
+    is_partial: bool,
+}
+
+/// Most characters of a wrong value that a message repeats.
+const SHOWN_MAX: usize = 100;
+
+impl<'a> Reader<'a> {
+    pub(crate) fn new(folder: &'a Path, path: &str, is_partial: bool) -> Self {
+        Self { path: path.to_owned(), faults: Vec::new(), folder, is_partial }
+    }
+
+    pub(crate) fn into_faults(self) -> Vec<String> {
+        self.faults
+    }
+
+    /// Whether there are faults.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        self.faults.is_empty()
+    }
+
+    /// The settings' folder, where relative paths begin.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        self.folder
+    }
+
+    /// The text of a file that a setting names; a relative path begins in the settings' folder.
+    ///
+    /// # Errors
+    /// What the system reports, with the path.
+    pub fn text_of(&self, file: &str) -> Result<String, String> {
+        let path = self.folder.join(file);
+        std::fs::read_to_string(&path).map_err(|e| format!("cannot be read: {e}: {}", path.display()))
+    }
+
+    /// Notes a fault of the key that is read: `{path} {rule}`.
+    pub fn fault(&mut self, rule: impl Display) {
+        self.faults.push(format!("{} {rule}", self.path).trim_start().to_owned());
+    }
+
+    /// Notes what is wrong with what the key names: `{path}: {problem}`.
+    pub fn report(&mut self, problem: impl Display) {
+        self.faults.push(format!("{}: {problem}", self.path));
+    }
+
+    /// Notes that the key must be `rule` and is `value`.
+    pub fn misfit(&mut self, rule: impl Display, value: &Value) {
+        let mut got = value.to_string();
+        if let Some((end, _)) = got.char_indices().nth(SHOWN_MAX) {
+            got.truncate(end);
+            got.push('…');
+        }
+        self.fault(format_args!("must be {rule}, got {got}"));
+    }
+
+    /// Notes a fault of a key in the table that is read unless `holds`; `rule` begins with `must`.
+    pub fn must<R: Display>(&mut self, key: &str, holds: bool, rule: impl FnOnce() -> R) {
+        if !holds {
+            self.within(key, |reader| reader.fault(rule()));
+        }
+    }
+
+    /// Does something one key deeper.
+    pub fn within<T>(&mut self, key: &str, act: impl FnOnce(&mut Self) -> T) -> T {
+        let length = self.path.len();
+        if length > 0 {
+            self.path.push('.');
+        }
+        self.path.push_str(key);
+        let result = act(self);
+        self.path.truncate(length);
+        result
+    }
+
+    /// Reads settings that stand in a file of their own; their faults end with its name.
+    pub fn in_file<T: Setting<Limits = ()>>(&mut self, file: &str, text: &str) -> Option<T> {
+        let before = self.faults.len();
+        let read = match text.parse::<Table>() {
+            Ok(table) => T::read(&Value::Table(table), &(), self),
+            Err(e) => {
+                self.fault(format_args!("is not TOML: {}", e.message()));
+                None
+            }
+        };
+        self.faults[before..].iter_mut().for_each(|fault| fault.push_str(&format!(": {file}")));
+        read
+    }
+
+    /// The value as a table; keys that are not among `keys` are faults.
+    pub fn table<'v>(&mut self, value: &'v Value, keys: &[&str]) -> Option<&'v Table> {
+        let Some(table) = value.as_table() else {
+            self.misfit("a table", value);
+            return None;
+        };
+        let is_partial = self.is_partial;
+        for key in table.keys().filter(|key| !is_partial && !keys.contains(&key.as_str())) {
+            let nearest = keys.iter().min_by_key(|known| strsim::damerau_levenshtein(known, key));
+            let is_near = |known: &&&str| strsim::damerau_levenshtein(known, key) <= (key.chars().count() / 3).max(1);
+            let hint = nearest.filter(is_near).map(|known| format!(", did you mean {known}?")).unwrap_or_default();
+            self.within(key, |reader| reader.fault(format_args!("is no key of this file{hint}")));
+        }
+        Some(table)
+    }
+
+    /// The setting under a key: read, or its default; a fault if it is missing and has none.
+    pub fn key<T: Setting>(
+        &mut self,
+        table: &Table,
+        key: &str,
+        limits: &T::Limits,
+        default: Option<T>,
+        read: fn(&Value, &T::Limits, &mut Self) -> Option<T>,
+    ) -> Option<T> {
+        self.within(key, |reader| match table.get(key) {
+            Some(value) => read(value, limits, reader),
+            None if default.is_some() => default,
+            None => {
+                if !reader.is_partial {
+                    reader.fault(format_args!("is missing: {}", T::kind(limits)));
+                }
+                None
+            }
+        })
+    }
+}

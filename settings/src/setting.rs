@@ -1,0 +1,185 @@
+//! What can be a setting: numbers, words, ranges, lists, and tables of settings.
+
+use toml::Value;
+
+use crate::limits::{Limits, Number};
+use crate::reader::Reader;
+
+/// A key, as the reference shows it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Row {
+    /// Its path; the unit is the name's end.
+    pub key: String,
+    /// Type and range.
+    pub kind: String,
+    /// Its meaning.
+    pub meaning: String,
+}
+
+/// A type of settings.
+pub trait Setting: Sized {
+    /// What limits its values besides the type.
+    type Limits: Default;
+
+    /// Type and range for people: `a number between 0 and 1`.
+    fn kind(limits: &Self::Limits) -> String;
+
+    /// Reads a value; `None` after a fault.
+    fn read(value: &Value, limits: &Self::Limits, reader: &mut Reader<'_>) -> Option<Self>;
+
+    /// Notes as faults what is out of range in a value that was not read.
+    fn check(&self, limits: &Self::Limits, reader: &mut Reader<'_>);
+
+    /// Adds the rows of a table's keys; other settings have none.
+    fn add_rows(_prefix: &str, _rows: &mut Vec<Row>) -> bool {
+        false
+    }
+}
+
+/// The rows of a table of settings, in the order of their declaration.
+#[must_use]
+pub fn rows_of<T: Setting>() -> Vec<Row> {
+    let mut rows = Vec::new();
+    T::add_rows("", &mut rows);
+    rows
+}
+
+impl<T: Number> Setting for T {
+    type Limits = Limits<T>;
+
+    fn kind(limits: &Limits<T>) -> String {
+        format!("{} {}", T::KIND, limits.text())
+    }
+
+    fn read(value: &Value, limits: &Limits<T>, reader: &mut Reader<'_>) -> Option<Self> {
+        match T::of(value) {
+            Some(number) if limits.hold(number) => return Some(number),
+            Some(number) => number.check(limits, reader),
+            None if T::is_kind(value) => reader.misfit(limits.text(), value),
+            None => reader.misfit(T::KIND, value),
+        }
+        None
+    }
+
+    fn check(&self, limits: &Limits<T>, reader: &mut Reader<'_>) {
+        if !limits.hold(*self) {
+            reader.fault(format_args!("must be {}, got {self}", limits.text()));
+        }
+    }
+}
+
+macro_rules! plain {
+    ($name:ty, $kind:literal, $of:path) => {
+        impl Setting for $name {
+            type Limits = ();
+
+            fn kind((): &()) -> String {
+                $kind.to_owned()
+            }
+
+            fn read(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
+                let found = $of(value).map(Self::from);
+                if found.is_none() {
+                    reader.misfit($kind, value);
+                }
+                found
+            }
+
+            fn check(&self, (): &(), _: &mut Reader<'_>) {}
+        }
+    };
+}
+
+plain!(bool, "true or false", Value::as_bool);
+plain!(String, "a text", Value::as_str);
+
+/// A setting that may be left out, and says nothing then.
+impl<T: Setting> Setting for Option<T> {
+    type Limits = T::Limits;
+
+    fn kind(limits: &T::Limits) -> String {
+        format!("{}, or left out", T::kind(limits))
+    }
+
+    fn read(value: &Value, limits: &T::Limits, reader: &mut Reader<'_>) -> Option<Self> {
+        T::read(value, limits, reader).map(Some)
+    }
+
+    fn check(&self, limits: &T::Limits, reader: &mut Reader<'_>) {
+        self.iter().for_each(|inner| inner.check(limits, reader));
+    }
+}
+
+/// A list; each of its values is held to the limits.
+impl<T: Setting> Setting for Vec<T> {
+    type Limits = T::Limits;
+
+    fn kind(limits: &T::Limits) -> String {
+        format!("a list, each {}", T::kind(limits))
+    }
+
+    fn read(value: &Value, limits: &T::Limits, reader: &mut Reader<'_>) -> Option<Self> {
+        let Some(values) = value.as_array() else {
+            reader.misfit(Self::kind(limits), value);
+            return None;
+        };
+        // All values are read, so that all faults are found.
+        let read: Vec<Option<T>> = values.iter().map(|value| T::read(value, limits, reader)).collect();
+        read.into_iter().collect()
+    }
+
+    fn check(&self, limits: &T::Limits, reader: &mut Reader<'_>) {
+        self.iter().for_each(|inner| inner.check(limits, reader));
+    }
+}
+
+/// A range: two numbers, the lower one first.
+impl<T: Number> Setting for [T; 2] {
+    type Limits = Limits<T>;
+
+    fn kind(limits: &Limits<T>) -> String {
+        format!("a range [low, high] within {}", limits.interval())
+    }
+
+    fn read(value: &Value, limits: &Limits<T>, reader: &mut Reader<'_>) -> Option<Self> {
+        let numbers: Option<Vec<T>> = value.as_array().and_then(|values| values.iter().map(T::of).collect());
+        match numbers.as_deref() {
+            Some(&[low, high]) if limits.hold(low) && limits.hold(high) && low <= high => Some([low, high]),
+            _ => {
+                reader.misfit(format_args!("a range [low, high] within {}", limits.interval()), value);
+                None
+            }
+        }
+    }
+
+    fn check(&self, limits: &Limits<T>, reader: &mut Reader<'_>) {
+        let [low, high] = *self;
+        if !(limits.hold(low) && limits.hold(high) && low <= high) {
+            let within = limits.interval();
+            reader.fault(format_args!("must be a range [low, high] within {within}, got [{low}, {high}]"));
+        }
+    }
+}
+
+/// One number for each axis.
+impl<T: Number> Setting for [T; 3] {
+    type Limits = Limits<T>;
+
+    fn kind(limits: &Limits<T>) -> String {
+        format!("three values, each {}", T::kind(limits))
+    }
+
+    fn read(value: &Value, limits: &Limits<T>, reader: &mut Reader<'_>) -> Option<Self> {
+        let numbers: Option<Vec<T>> = value.as_array().and_then(|values| values.iter().map(T::of).collect());
+        let fitting = numbers.and_then(|numbers| Self::try_from(numbers).ok());
+        let fitting = fitting.filter(|numbers| numbers.iter().all(|number| limits.hold(*number)));
+        if fitting.is_none() {
+            reader.misfit(Self::kind(limits), value);
+        }
+        fitting
+    }
+
+    fn check(&self, limits: &Limits<T>, reader: &mut Reader<'_>) {
+        self.iter().for_each(|number| number.check(limits, reader));
+    }
+}
