@@ -1,8 +1,9 @@
 //! The triangles of a convex hull, in exact arithmetic.
 //!
-//! Points are added one by one: the triangles that a new point sees are removed, and it is joined to the edge of the hole.
-//! Coordinates are rounded to whole multiples of 2⁻³⁶ m (15 pm), so that the side of a plane on which a point lies is the
-//! sign of an integer. No tolerance is needed and the triangles always close, whatever lies in one plane.
+//! Points are added one by one: the triangles visible from a new point are removed, and the point is connected to the
+//! boundary of the hole. Coordinates are rounded to integer multiples of 2⁻³⁶ m (15 pm), so that the side of a plane on
+//! which a point lies is the sign of an integer. No tolerance is needed, and the triangles always close, also for
+//! coplanar points.
 
 use std::collections::BTreeSet;
 
@@ -13,8 +14,8 @@ const UNITS_PER_M: f64 = (1_u64 << 36) as f64;
 
 type Point = [i128; 3];
 
-/// The hull's triangles, counter-clockwise seen from outside; `None` if all points lie in one plane. The time grows with the
-/// square of the number of points.
+/// The hull's triangles, counter-clockwise seen from outside; `None` if all points are coplanar. The time grows with
+/// the square of the number of points.
 pub(crate) fn triangles_of_hull(points_m: &[Vec3]) -> Option<Vec<[Vec3; 3]>> {
     let units = |metres: f32| (f64::from(metres) * UNITS_PER_M).round() as i128;
     let points: Vec<Point> = points_m.iter().map(|point| point.to_array().map(units)).collect();
@@ -29,7 +30,7 @@ pub(crate) fn triangles_of_hull(points_m: &[Vec3]) -> Option<Vec<[Vec3; 3]>> {
     Some(triangles.into_iter().map(|triangle| triangle.map(|corner| points_m[corner])).collect())
 }
 
-/// Four triangles of the first points that are not in one plane.
+/// Four triangles of the first points that are not coplanar.
 fn tetrahedron(points: &[Point]) -> Option<Vec<[usize; 3]>> {
     let first = *points.first()?;
     let b = points.iter().position(|point| *point != first)?;
@@ -40,7 +41,7 @@ fn tetrahedron(points: &[Point]) -> Option<Vec<[usize; 3]>> {
     Some(vec![[0, b, c], [b, 0, top], [c, b, top], [0, c, top]])
 }
 
-/// Six times the volume between a triangle and a point, above 0 if the point lies before the triangle's outer side.
+/// Six times the volume between a triangle and a point, positive if the point is on the triangle's outer side.
 fn volume([a, b, c]: [Point; 3], point: Point) -> i128 {
     let (normal, arm) = (cross(minus(b, a), minus(c, a)), minus(point, a));
     normal[0] * arm[0] + normal[1] * arm[1] + normal[2] * arm[2]

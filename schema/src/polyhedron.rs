@@ -1,21 +1,21 @@
 //! Convex polyhedra: corners, flat faces, edges, volume.
 //!
-//! The hull of some points is first made of triangles. Those that lie in one plane become one face with its corners in
-//! order, so that the hull of a box has six faces and not twelve: contacts, rays, collision tests and pictures all go by
-//! faces.
+//! The hull of some points is first made of triangles. Coplanar triangles become one face with its corners in order, so
+//! that the hull of a box has six faces and not twelve: contacts, rays, collision tests and pictures all use faces.
 
 use crate::hull::triangles_of_hull;
 use crate::{Plane, Pose, Solid, Vec3};
 
-/// What lies nearer to a plane than this share of the hull's size lies in it: 10 µm for 0.1 m. Far above the rounding of
-/// what people write down, far below anything that a hand could feel.
+/// Points closer to a plane than this share of the hull's size are on it: 10 µm for 0.1 m. This is far above the
+/// rounding of written coordinates and far below anything that affects a grasp.
 const FLAT_SHARE: f32 = 1e-4;
-/// The faces' volume may differ from the triangles' by this share, or they do not enclose the hull.
+/// Maximum relative difference between the volume of the faces and of the triangles; otherwise the faces do not enclose
+/// the hull.
 const VOLUME_SHARE: f32 = 1e-3;
-/// No corner is further from the origin than this along any axis: what is larger was meant in other units.
+/// Maximum coordinate of a corner; larger ones are in other units.
 const CORNER_M_MAX: f32 = 10.0;
 
-/// A convex polyhedron, in a frame that its owner names.
+/// A convex polyhedron in a frame defined by its owner.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Polyhedron {
     corners_m: Vec<Vec3>,
@@ -30,26 +30,26 @@ pub struct Polyhedron {
 pub struct Face {
     /// Its plane; the normal points outwards.
     pub plane: Plane,
-    /// Its corners by number, counter-clockwise seen from outside.
+    /// Indices of its corners, counter-clockwise seen from outside.
     pub ring: Vec<usize>,
 }
 
 /// Why points have no hull with a volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum HullError {
-    /// A coordinate is no number, or larger than 10 m.
+    /// A coordinate is not finite, or larger than 10 m.
     #[error("corners must be numbers between −{CORNER_M_MAX} and {CORNER_M_MAX} m")]
     Corner,
-    /// The points lie in one plane, or so nearly that no inside is left.
+    /// The points are coplanar, or nearly so.
     #[error("a hull needs at least four corners that are not in one plane")]
     Flat,
-    /// Neighbouring faces lie so nearly in one plane that they cannot be told apart.
+    /// Neighbouring faces are so nearly coplanar that they cannot be distinguished.
     #[error("a hull's faces must be clearly flat or clearly bent: it has too many corners")]
     Unclear,
 }
 
 impl Polyhedron {
-    /// The hull of `points_m`, in the points' frame. Points within it, or within a face of it, are left out.
+    /// The hull of `points_m`, in the points' frame. Points inside it, or inside one of its faces, are dropped.
     ///
     /// # Errors
     /// [`HullError`].
@@ -57,8 +57,8 @@ impl Polyhedron {
         Self::hull_by(points_m, triangles_of_hull, |hull| Some(hull.volume_m3()))
     }
 
-    /// The same, by another's triangles: `triangulate` gives the hull's triangles, counter-clockwise seen from outside, and
-    /// `volume_m3` a second opinion on the volume that the faces enclose.
+    /// The same, by another's triangles: `triangulate` gives the hull's triangles, counter-clockwise seen from outside,
+    /// and `volume_m3` a second opinion on the volume that the faces enclose.
     ///
     /// # Errors
     /// [`HullError`].
@@ -71,7 +71,7 @@ impl Polyhedron {
             return Err(HullError::Corner);
         }
         let [low, high] = bounds_m(points_m);
-        // Also refuses no points at all, whose extents are below 0.
+        // Also refuses an empty set of points, whose extents are negative.
         if points_m.len() < 4 || (high - low).min_element() <= 0.0 {
             return Err(HullError::Flat);
         }
@@ -79,7 +79,7 @@ impl Polyhedron {
         let triangles = triangulate(points_m).ok_or(HullError::Flat)?;
         let enclosed_m3: f32 = triangles.iter().map(|t| volume_below_m3(*t, low)).sum();
         let area_m2: f32 = triangles.iter().map(|t| 0.5 * twice_area_m2(*t).length()).sum();
-        // Twice the volume over the area is the thickness of a plate.
+        // The thickness of a plate is twice its volume over its area.
         if enclosed_m3 <= flat_m * area_m2 {
             return Err(HullError::Flat);
         }
@@ -90,7 +90,7 @@ impl Polyhedron {
         if is_clear && volume_m3(&hull).is_some_and(is_whole) { Ok(hull) } else { Err(HullError::Unclear) }
     }
 
-    /// Numbers the corners of all faces (outward normals and outlines), in the order in which they come.
+    /// Indexes the corners of all faces (outward normals and outlines), in order of occurrence.
     fn of_outlines(faces: &[(Vec3, Vec<Vec3>)]) -> Self {
         let mut corners_m: Vec<Vec3> = Vec::new();
         let mut number = |corner: &Vec3| {
@@ -126,7 +126,7 @@ impl Polyhedron {
         &self.faces
     }
 
-    /// The centre of a ball that holds the polyhedron, in metres.
+    /// The centre of a bounding ball, in metres.
     #[must_use]
     pub fn centre_m(&self) -> Vec3 {
         self.centre_m
@@ -143,7 +143,7 @@ impl Polyhedron {
         self.faces.iter().map(|face| face.plane)
     }
 
-    /// The surface as triangles of corners by number, counter-clockwise seen from outside.
+    /// The surface as triangles of corner indices, counter-clockwise seen from outside.
     #[must_use]
     pub fn triangles(&self) -> Vec<[usize; 3]> {
         let fan = |face: &Face| -> Vec<[usize; 3]> {
@@ -169,7 +169,7 @@ impl Polyhedron {
         self.faces.iter().map(below).sum()
     }
 
-    /// The same in another frame.
+    /// The polyhedron in another frame.
     #[must_use]
     pub fn moved(&self, pose: &Pose) -> Self {
         let face = |face: &Face| Face { plane: face.plane.moved(pose), ring: face.ring.clone() };
@@ -203,24 +203,24 @@ fn bounds_m(points_m: &[Vec3]) -> [Vec3; 2] {
     [low, points_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max)]
 }
 
-/// Each of a ring with the next.
+/// Consecutive pairs of a ring.
 fn sides<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> {
     ring.iter().copied().zip(ring.iter().copied().cycle().skip(1))
 }
 
-/// A vector along a triangle's normal, as long as twice its area.
+/// A vector along a triangle's normal, with a length of twice its area.
 fn twice_area_m2([a, b, c]: [Vec3; 3]) -> Vec3 {
     (b - a).cross(c - a)
 }
 
-/// Volume between a triangle and a point, above 0 if the triangle looks away from the point.
+/// Volume between a triangle and a point, positive if the triangle faces away from the point.
 fn volume_below_m3(triangle: [Vec3; 3], from: Vec3) -> f32 {
     twice_area_m2(triangle).dot(triangle[0] - from) / 6.0
 }
 
-/// The flat faces that triangles make up: outward normals, and corners counter-clockwise seen from outside.
+/// Merges triangles to flat faces: outward normals, and corners counter-clockwise seen from outside.
 fn faces_of(triangles: &[[Vec3; 3]], flat_m: f32) -> Vec<(Vec3, Vec<Vec3>)> {
-    // The largest first: small and narrow triangles have no normal worth the name, and fall to their neighbours' faces.
+    // The largest first: small and narrow triangles have no reliable normal and join their neighbours' faces.
     let mut left: Vec<([Vec3; 3], Vec3)> = triangles.iter().map(|t| (*t, twice_area_m2(*t))).collect();
     left.sort_by(|a, b| b.1.length_squared().total_cmp(&a.1.length_squared()));
     let mut faces = Vec::new();
@@ -236,7 +236,7 @@ fn faces_of(triangles: &[[Vec3; 3]], flat_m: f32) -> Vec<(Vec3, Vec<Vec3>)> {
     faces
 }
 
-/// The corners of the convex outline of points in a plane, counter-clockwise about its normal (Andrew's monotone chain).
+/// The corners of the convex outline of coplanar points, counter-clockwise about the normal (Andrew's monotone chain).
 fn outline(normal: Vec3, points: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
     let u = normal.any_orthonormal_vector();
     let v = normal.cross(u);
@@ -253,7 +253,7 @@ fn outline(normal: Vec3, points: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
             }
             chain.push(point);
         }
-        // The other half begins where this one ends.
+        // The other half starts where this one ends.
         chain.pop();
         chain
     };
@@ -262,8 +262,8 @@ fn outline(normal: Vec3, points: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
     ring
 }
 
-/// Whether a way along three points goes straight on, or turns clockwise about `normal`. A turn by less than 1e-4 rad is
-/// taken for rounding.
+/// Whether a path along three points is straight, or turns clockwise about `normal`. A turn of less than 1e-4 rad
+/// counts as rounding.
 fn turns_no_further([a, b, c]: [Vec3; 3], normal: Vec3) -> bool {
     let (first, second) = (b - a, c - b);
     first.cross(second).dot(normal) <= 1e-4 * first.length() * second.length()
@@ -280,7 +280,7 @@ mod tests {
         hull.planes().filter(is_same).count() == 1
     }
 
-    /// Every edge belongs to two faces, which go along it in opposite directions, and Euler's formula holds.
+    /// Every edge belongs to two faces that traverse it in opposite directions, and Euler's formula holds.
     fn assert_closed(hull: &Polyhedron) {
         let edges: Vec<(usize, usize)> = hull.faces.iter().flat_map(|face| sides(&face.ring)).collect();
         for (a, b) in &edges {
@@ -327,7 +327,8 @@ mod tests {
         assert!(hull.faces.iter().all(|face| face.ring.len() == 4), "{:?}", hull.faces);
     }
 
-    /// The slow, obvious way, in double precision: three points make a face if all others lie behind their plane.
+    /// A slow, obvious implementation in double precision: three points form a face if all others are behind their
+    /// plane.
     #[test]
     fn faces_and_volume_are_those_of_all_triples_of_points() {
         let mut stream = Stream::new(4, 0, Purpose::Objects, 0);
@@ -350,7 +351,7 @@ mod tests {
             }
             let hull = Polyhedron::hull_of(&points).unwrap();
             assert_closed(&hull);
-            // Two facets that lie in one plane but for some micrometres are one face.
+            // Two facets that are coplanar within some micrometres are one face.
             let triangles: usize = hull.faces.iter().map(|face| face.ring.len() - 2).sum();
             assert_eq!(triangles, facets, "case {case}");
             let found = f64::from(hull.volume_m3());
@@ -358,7 +359,7 @@ mod tests {
         }
     }
 
-    /// What people write has few digits: the side of a slanted prism is flat to some micrometres only.
+    /// Written coordinates have few digits: the side of a slanted prism is flat only within some micrometres.
     #[test]
     fn rounded_corners_make_the_faces_that_were_meant() {
         let mut stream = Stream::new(5, 0, Purpose::Objects, 0);

@@ -1,7 +1,7 @@
-//! What an object is made of: one of the four solids, or several convex parts that move as one.
+//! The shape of an object: one of the four solids, or several rigidly joined convex parts.
 //!
-//! A bottle with a nozzle, a ring of tape, a cup: what is not convex is put together from convex parts. Physics, rays and
-//! collision tests each go over the same parts, so an object has one shape here too.
+//! Objects that are not convex, such as a bottle with a nozzle, a ring of tape or a cup, consist of convex parts.
+//! Physics, rays and collision tests use the same parts, so an object has one shape.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use schema::{HullError, Model, Plane, Polyhedron, Pose, Solid, Vec3};
 
 use crate::convex_hull::convex_hull;
 
-/// A part's frame is not moved by less than this: rounding does not move it at all.
+/// A part's frame is not moved by less than this, so that rounding does not move it.
 const SHIFT_M_MIN: f32 = 1e-7;
 
 /// The shape of an object.
@@ -21,7 +21,7 @@ pub enum Body {
     Compound(Arc<Compound>),
 }
 
-/// Convex parts that are rigidly joined, with a name. The object frame's origin is the centre of the bounding box.
+/// Rigidly joined convex parts with a name. The origin of the object frame is the centre of the bounding box.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compound {
     name: String,
@@ -31,12 +31,12 @@ pub struct Compound {
     extents_m: Vec3,
 }
 
-/// A part of a compound. Parts are meant not to overlap: what lies in two of them weighs twice.
+/// A part of a compound. Parts should not overlap: overlaps count twice in the mass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// Its shape.
     pub piece: Piece,
-    /// Where it is.
+    /// Its pose.
     pub object_from_part: Pose,
 }
 
@@ -49,14 +49,14 @@ pub enum Piece {
     Hull(Polyhedron),
 }
 
-/// Why parts make no compound.
+/// Why parts are refused as a compound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CompoundError {
     /// The name is empty.
     NoName,
     /// There are no parts.
     NoParts,
-    /// The pose of a part (by its number, from 0) is not finite, or its rotation is not of length 1.
+    /// The pose of a part (by its index, from 0) is not finite, or its rotation does not have length 1.
     Pose(usize),
 }
 
@@ -89,8 +89,8 @@ impl Piece {
 }
 
 impl Compound {
-    /// A compound of `parts`. Their poses are given in any one frame; the object's frame has the same axes and its origin
-    /// in the centre of the bounding box, as a [`Solid`]'s has.
+    /// A compound of `parts`, whose poses are in a common frame. The object's frame has the same axes and its origin at
+    /// the centre of the bounding box, like that of a [`Solid`].
     ///
     /// # Errors
     /// [`CompoundError`].
@@ -122,7 +122,7 @@ impl Compound {
         Ok(Self { name, polyhedra: polyhedra(&parts), parts, extents_m: high - low })
     }
 
-    /// What it is called.
+    /// The name.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -190,7 +190,7 @@ impl Body {
         }
     }
 
-    /// Radius of a ball about the object frame's origin that holds the body, in metres.
+    /// Radius of a bounding ball about the object frame's origin, in metres.
     #[must_use]
     pub fn bounding_radius_m(&self) -> f32 {
         match self {
@@ -199,8 +199,8 @@ impl Body {
         }
     }
 
-    /// How far a point of the object's frame lies outside the farthest face of the part for which that is least, in metres;
-    /// 0 on the surface, negative inside. Beside an edge this is less than the distance to the edge.
+    /// Signed distance in metres of a point to the nearest part, where the distance to a part is that to its farthest
+    /// face: 0 on the surface, negative inside. Beside an edge this is less than the distance to the edge.
     #[must_use]
     pub fn distance_outside_m(&self, point_m: Vec3) -> f32 {
         let above = |plane: Plane| plane.normal.dot(point_m) - plane.offset_m;
@@ -214,7 +214,7 @@ impl Body {
     }
 }
 
-/// Why a dataset's model is no body.
+/// Why a dataset's model is refused as a body.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ModelError {
     /// A part has no hull.
@@ -226,7 +226,7 @@ pub enum ModelError {
         /// Why.
         error: HullError,
     },
-    /// The parts make no compound.
+    /// The parts are refused as a compound.
     Compound {
         /// The model's name.
         model: String,
@@ -250,7 +250,7 @@ impl Body {
     /// The body of a dataset's model: the hulls of its parts' corners.
     ///
     /// # Errors
-    /// [`ModelError`] if they have none.
+    /// [`ModelError`] if a part has no hull.
     pub fn of_model(model: &Model) -> Result<Self, ModelError> {
         let name = || model.name.clone();
         let part = |(part, corners): (usize, &Vec<Vec3>)| {
@@ -262,10 +262,10 @@ impl Body {
         Ok(compound.into())
     }
 
-    /// What a dataset keeps of the body, as [`Self::of_model`] makes it again: for bodies that come from a catalogue.
+    /// The model that a dataset stores for a catalogue's body, and from which [`Self::of_model`] makes the body again.
     ///
     /// # Errors
-    /// [`ModelError`] if a part's corners have no hull once they stand in the object's frame.
+    /// [`ModelError`] if a part's corners have no hull in the object's frame.
     pub fn to_model(&self, mass_kg: f32, friction: f32) -> Result<Model, ModelError> {
         let mut model = Model {
             name: self.name().to_owned(),
@@ -275,7 +275,7 @@ impl Body {
             volume_m3: self.volume_m3(),
             parts_m: self.polyhedra().iter().map(|part| part.corners_m().to_vec()).collect(),
         };
-        // Of what is stored, not of what it was made of: the last digits may differ.
+        // From the stored values, not from the original ones: the last digits may differ.
         let again = Self::of_model(&model)?;
         model.extents_m = again.extents_m();
         model.volume_m3 = again.volume_m3();
@@ -286,7 +286,7 @@ impl Body {
 /// The bodies of a dataset's models, in their order.
 ///
 /// # Errors
-/// [`ModelError`] for the first that has none.
+/// [`ModelError`] for the first without a body.
 pub fn bodies_of(models: &[Arc<Model>]) -> Result<Vec<Body>, ModelError> {
     models.iter().map(|model| Body::of_model(model)).collect()
 }

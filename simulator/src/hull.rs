@@ -1,4 +1,4 @@
-//! Convex parts as points and axes, for questions that need no time steps.
+//! Convex parts as points and axes, for tests without time steps.
 
 use schema::{HandBox, Polyhedron, Pose, Vec3};
 
@@ -13,7 +13,7 @@ pub(crate) struct Hull {
     pub(crate) radius_m: f32,
 }
 
-/// A convex part somewhere: its corners, and the normals of its faces, one of each opposite pair.
+/// A convex part at a pose: its corners, and the normals of its faces, one of each opposite pair.
 #[derive(Debug, Clone)]
 pub(crate) struct Placed {
     pub(crate) centre_m: Vec3,
@@ -44,7 +44,7 @@ impl Hull {
 }
 
 impl Placed {
-    /// A box along the axes, moved by `offset_m`.
+    /// An axis-parallel box, moved by `offset_m`.
     pub(crate) fn from_box(hand_box: &HandBox, offset_m: Vec3) -> Self {
         let centre_m = hand_box.centre_m + offset_m;
         let sign = |corner: usize, bit: usize| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
@@ -65,8 +65,8 @@ impl Placed {
         })
     }
 
-    /// How far `self` can go along the unit vector `direction` before it meets `other`: infinite if it never does. Looks
-    /// along the faces' normals only, so that two solids near each other's edges meet too early rather than too late.
+    /// Distance that `self` can move along the unit vector `direction` before it meets `other`; infinite if it never
+    /// does. Uses only the faces' normals, so two solids near each other's edges meet too early rather than too late.
     pub(crate) fn free_way_m(&self, other: &Self, direction: Vec3) -> f32 {
         let (mut entry, mut exit) = (f32::NEG_INFINITY, f32::INFINITY);
         let apart = other.centre_m - self.centre_m;
@@ -89,7 +89,7 @@ impl Placed {
     }
 }
 
-/// The directions among `axes`, without their opposites and repetitions.
+/// The distinct directions of `axes`, without opposites.
 fn distinct(axes: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
     let mut kept: Vec<Vec3> = Vec::new();
     for axis in axes {

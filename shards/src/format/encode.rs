@@ -1,5 +1,5 @@
 //! Rows to Arrow columns. Columns are pushed in the order of [`Table::columns`]; Arrow itself refuses a batch whose
-//! columns do not fit the schema.
+//! columns do not match the schema.
 
 use std::sync::Arc;
 
@@ -17,12 +17,12 @@ use crate::format::column::{element, view_fields, voxel_type};
 
 type Encoded<T> = Result<T, ArrowError>;
 
-/// In place of an axis, where no axis of the object decides: the surface's normal, or the yaw about it.
+/// The value in place of an axis for grasps along normals: the surface's normal, or the yaw about it.
 pub(crate) const NO_AXIS: &str = "normal";
 
 /// The `attempts` table of a dataset with these models.
 pub(crate) fn attempts(rows: &[AttemptRecord], models: &[Arc<Model>]) -> Encoded<RecordBatch> {
-    // Words that only grasps along normals need stand only where there are some: the others' bytes do not know of them.
+    // Names for grasps along normals are only in the dictionaries of such datasets, so other datasets keep their bytes.
     let has_normals = rows.iter().any(|r| r.rule.approach.is_none());
     let axis = |of: fn(&AttemptRecord) -> Option<Axis>| {
         let mut vocabulary = Axis::ALL.map(Axis::name).to_vec();

@@ -1,11 +1,11 @@
-//! The grammar of footers and page headers: what parquet-rs writes for our tables, and no more. A field that is not here
-//! is refused; the tests that read what was written notice if a new version of parquet-rs writes one.
+//! The grammar of footers and page headers: exactly what parquet-rs writes for our tables. Other fields are refused; if
+//! a new version of parquet-rs writes one, the round-trip tests fail.
 
 use crate::format::thrift::Shape::{self, Binary, Bool, I8, I16, I32, I64, List, OneOf, Struct};
 
-/// Most elements of a schema; `scenes` has 24.
+/// Maximum number of schema elements; `scenes` has 24.
 pub(crate) const SCHEMA_MAX: usize = 64;
-/// Most row groups, entries of other lists, and levels of a histogram.
+/// Maximum numbers of row groups, of entries of other lists, and of levels of a histogram.
 const GROUPS_MAX: usize = 1 << 20;
 const ENTRIES_MAX: usize = 64;
 

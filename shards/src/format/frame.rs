@@ -1,9 +1,10 @@
-//! What must hold for a table's file before parquet-rs decodes it: the footer, the column chunks and the page headers must
-//! be in place, and their sizes must follow from the number of rows. The checksums do not help here, because whoever
-//! damages a file on purpose writes the checksums as well.
+//! Checks a table's file before parquet-rs decodes it: the footer, the column chunks and the page headers must be in
+//! place, and their sizes must be consistent with the number of rows. Checksums do not help here, because an attacker
+//! who changes a file also changes its checksums.
 //!
-//! Checks of rows, values and chunks alone are not enough. Without the walk over the footer (`thrift.rs`) and the page headers,
-//! and with all other checks in place, files that `hostile.rs` and `fuzz/seeds` keep do this to parquet-rs 60:
+//! Checks of rows, values and chunks alone are not enough. Without the walk over the footer (`thrift.rs`) and the page
+//! headers, and with all other checks in place, files in `hostile.rs` and `fuzz/seeds` have these effects on parquet-rs
+//! 60:
 //!
 //! | file | stopped by | without it |
 //! |---|---|---|
@@ -13,7 +14,7 @@
 //! | 17 kB, a dictionary page of one name of 256 MiB | page walk | 1.04 GB of memory, and the name may have 2 GB |
 //! | `late-finding-2`, an empty dictionary | page walk | a division by zero, which becomes an error |
 //!
-//! The walk also finds where the pages lie, so that one scene is read without its row group. The file's own index of
+//! The walk also finds the positions of pages, so that one scene is read without its row group. The file's own index of
 //! pages is not read, because it can be wrong.
 
 use std::collections::BTreeMap;
@@ -44,16 +45,16 @@ fn must(holds: bool, message: impl FnOnce() -> String) -> Checked {
 const MAGIC: &[u8; 4] = b"PAR1";
 /// Bytes of the footer's length and the magic number.
 const TAIL: u64 = 8;
-/// Longest footer that is read; it holds about a million scenes' row groups.
+/// Maximum size of a footer: enough for the row groups of about a million scenes.
 const FOOTER_MAX: u64 = 16 << 20;
-/// Longest header of a page.
+/// Maximum size of a page header.
 const HEADER_MAX: u64 = 1024;
-/// Most bytes that a page's values may take on the average, and bytes beyond these: levels and lengths of runs.
+/// Maximum average size of a page's values, and additional bytes for levels and run lengths.
 const VALUE_MAX: i64 = 9;
 const NAME_MAX: i64 = 64;
 const PAGE_SLACK: i64 = 1024;
 
-// Numbers of parquet.thrift. Dictionaries' indices have one of two, before and after version 2 of the format.
+// Numbers from parquet.thrift. Dictionary indices have one of two, before and after version 2 of the format.
 const DATA_PAGE: i64 = 0;
 const DICTIONARY_PAGE: i64 = 2;
 const PLAIN: i64 = 0;
@@ -65,22 +66,22 @@ const ENCODINGS: [i64; 4] = [PLAIN, PLAIN_DICTIONARY, RLE_DICTIONARY, BYTE_STREA
 const NAME_ENCODINGS: [i64; 2] = [PLAIN_DICTIONARY, RLE_DICTIONARY];
 const DICTIONARY_ENCODINGS: [i64; 2] = [PLAIN, PLAIN_DICTIONARY];
 
-/// What a table's file must be.
+/// The expected properties of a table's file.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Expected {
     /// The table.
     pub(crate) table: Table,
     /// Voxels along a side of a grid.
     pub(crate) resolution: usize,
-    /// Rows in all.
+    /// Total number of rows.
     pub(crate) rows: u64,
 }
 
-/// A file whose footer is in order.
+/// A file with a checked footer.
 pub(crate) struct Frame<'a> {
     file: &'a File,
     expected: Expected,
-    /// Where the column chunks end.
+    /// The end of the column chunks.
     end: u64,
     metadata: ParquetMetaData,
 }
@@ -115,13 +116,13 @@ impl<'a> Frame<'a> {
         Ok(frame)
     }
 
-    /// How many row groups there are.
+    /// Number of row groups.
     pub(crate) fn groups(&self) -> usize {
         self.metadata.num_row_groups()
     }
 
-    /// Goes over the pages of some row groups and columns. The metadata for the decoder, with where the pages lie if
-    /// they are to be skipped.
+    /// Checks the pages of some row groups and columns. Returns the metadata for the decoder, with the positions of
+    /// pages if rows are to be skipped.
     pub(crate) fn check_pages(
         self,
         groups: Range<usize>,
@@ -165,8 +166,8 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// Row groups must have as many rows as expected, and their column chunks as many values. Chunks lie one after the
-    /// other: if they shared pages, few pages could be many rows.
+    /// Row groups must have the expected number of rows, and their column chunks as many values. Chunks must not
+    /// overlap: if they shared pages, few pages could give many rows.
     fn check_rows(&self) -> Checked {
         let expected = self.expected.rows;
         let groups = self.metadata.row_groups();
@@ -186,7 +187,7 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// Where the chunk ends; it cannot begin before `from`.
+    /// The end of the chunk, which must not begin before `from`.
     fn check_chunk(&self, chunk: &ColumnChunkMetaData, kind: Kind, rows: u64, from: u64) -> Checked<u64> {
         let (low, high) = match kind {
             Kind::Views => (rows, rows.saturating_mul(VIEWS_MAX as u64)),
@@ -213,7 +214,7 @@ impl<'a> Frame<'a> {
         self.expected.table.columns()[self.metadata.file_metadata().schema_descr().get_column_root_idx(leaf)].kind
     }
 
-    /// Goes over the pages of a column chunk: where they lie, by rows, if that can be told without decoding them.
+    /// Checks the pages of a column chunk; returns their positions by rows, if these are known without decoding.
     fn pages(&self, group: usize, leaf: usize) -> Checked<Option<Vec<PageLocation>>> {
         let chunk = self.metadata.row_group(group).column(leaf);
         let in_chunk = |message| format!("row group {group}, column {}: {message}", chunk.column_path());
@@ -260,7 +261,7 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Where a column chunk begins.
+/// The start of a column chunk.
 fn start(chunk: &ColumnChunkMetaData) -> i64 {
     chunk.dictionary_page_offset().unwrap_or(chunk.data_page_offset())
 }
@@ -269,7 +270,7 @@ fn bytes(file: &File, at: u64, length: u64) -> Checked<impl std::ops::Deref<Targ
     file.get_bytes(at, length as usize).map_err(|e| e.to_string()) // at most FOOTER_MAX
 }
 
-/// Where pages lie, by row group and leaf column.
+/// The positions of pages, by row group and leaf column.
 #[derive(Debug, Default)]
 struct Places(BTreeMap<(usize, usize), OffsetIndexMetaData>);
 
@@ -298,18 +299,18 @@ impl PageIndexProvider for Places {
 /// A page of values.
 struct Page {
     offset: i64,
-    /// With its header.
+    /// Its position, with its header.
     size: i32,
     first_value: i64,
 }
 
-/// What a page's header says.
+/// The content of a page header.
 #[derive(Debug, Default)]
 struct Header {
     /// Bytes of the header itself.
     length: usize,
     is_dictionary: bool,
-    /// Bytes of the values, and what they take on the disk.
+    /// Size of the values, and their size on the disk.
     plain: i64,
     stored: i64,
     values: i64,
@@ -333,15 +334,15 @@ impl Header {
         });
         header.length = measured.map_err(|e| format!("the header of a page is damaged: {e}"))?;
         header.is_dictionary = kind == DICTIONARY_PAGE;
-        // One of the two: the field for values, or that for a dictionary.
+        // Exactly one of the fields for values and for a dictionary.
         let is_whole = (kind, fields) == (DATA_PAGE, 5) || (kind, fields) == (DICTIONARY_PAGE, 7);
         must(is_whole, || format!("a page cannot be of kind {kind}"))?;
         Ok(header)
     }
 
-    /// Its size, with the page, if it fits what is left of the column chunk.
+    /// The size of header and page, if it fits the rest of the column chunk.
     fn check(&self, chunk: &ColumnChunkMetaData, left: u64) -> Checked<i32> {
-        // Names always have a dictionary; without one the decoder may go beyond their page when it skips some.
+        // Names always have a dictionary; without one the decoder may read beyond their page when skipping values.
         let is_names = chunk.column_type() == Type::BYTE_ARRAY;
         let encodings = match (self.is_dictionary, is_names) {
             (true, _) => &DICTIONARY_ENCODINGS[..],
@@ -355,7 +356,7 @@ impl Header {
         let value_max = if is_names { NAME_MAX } else { VALUE_MAX };
         let slack = if self.is_dictionary { 0 } else { PAGE_SLACK };
         let most = value_max.saturating_mul(self.values).saturating_add(slack);
-        // Values that are always there and stand by themselves have a size.
+        // Plain values that are never null have a known size.
         let column = chunk.column_descr();
         let is_exact = !is_names
             && (column.max_def_level(), column.max_rep_level()) == (0, 0)

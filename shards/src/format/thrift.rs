@@ -1,11 +1,11 @@
-//! The Thrift compact protocol, read only to see whether it says what a grammar allows. parquet-rs takes on trust what
-//! stands in footers and page headers: it recurses as deep as a schema nests, reserves memory for as many children as
-//! a number says, cuts numbers off at 32 bits, and ignores a field's type. What has passed here it reads as it is meant.
+//! Validates data of the Thrift compact protocol against a grammar. parquet-rs trusts the content of footers and page
+//! headers: it recurses as deep as a schema nests, reserves memory for any declared number of children, truncates
+//! numbers to 32 bits, and ignores field types. Data that pass this check are read correctly.
 
-/// What a value must be.
+/// The expected type of a value.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Shape {
-    /// True or false, as a field; it stands in the field's type.
+    /// A boolean field; its value is part of the field's type.
     Bool,
     /// 8 bits.
     I8,
@@ -17,18 +17,18 @@ pub(crate) enum Shape {
     I64,
     /// Bytes.
     Binary,
-    /// Fields by their numbers: each at most once, in order.
+    /// Fields by number: each at most once, in order.
     Struct(&'static [(u8, Shape)]),
     /// A union: exactly one of the fields.
     OneOf(&'static [(u8, Shape)]),
-    /// At most so many.
+    /// A list with a maximum length.
     List(usize, &'static Shape),
 }
 
-/// Sees the path of field numbers to each number, and the number.
+/// Receives the path of field numbers to each number, and the number.
 pub(crate) type Visit<'a> = &'a mut dyn FnMut(&[u8], i64);
 
-/// How many bytes a value takes at the beginning of `bytes`.
+/// The size of a value at the start of `bytes`.
 pub(crate) fn measure(bytes: &[u8], shape: &Shape, visit: Visit) -> Result<usize, String> {
     let mut walk = Walk { rest: bytes, path: Vec::new(), visit };
     walk.value(shape).map_err(|message| {
@@ -50,7 +50,7 @@ const CUT: &str = "it ends too early";
 const TYPE: &str = "a value has another type";
 
 impl Shape {
-    /// Its number as a field or an element; a field that is true has 1.
+    /// Its type code as a field or an element; a true field has 1.
     fn code(self) -> u8 {
         match self {
             Self::Bool => 2,
@@ -84,7 +84,7 @@ impl Walk<'_, '_> {
         }
     }
 
-    /// How many fields there were.
+    /// Number of fields.
     fn fields(&mut self, fields: &[(u8, Shape)]) -> Result<usize, &'static str> {
         let (mut last, mut count) = (0, 0);
         loop {
@@ -93,7 +93,7 @@ impl Walk<'_, '_> {
                 return Ok(count);
             }
             let (step, code) = (head >> 4, head & 0x0f);
-            let number = last + step; // at most 15 more than a number of the grammar
+            let number = last + step; // at most 15 more than a field number of the grammar
             let known = fields.iter().find(|(known, _)| *known == number && step > 0);
             self.path.push(number);
             let (_, shape) = known.ok_or("a field is unknown or in the wrong place")?;
@@ -124,7 +124,7 @@ impl Walk<'_, '_> {
     /// A number in zigzag.
     fn whole(&mut self, low: i64, high: i64) -> Walked {
         let bits = self.varint()?;
-        let value = (bits >> 1) as i64 ^ -((bits & 1) as i64); // all 64 bits are meant
+        let value = (bits >> 1) as i64 ^ -((bits & 1) as i64); // all 64 bits are used
         if !(low..=high).contains(&value) {
             return Err("a number is too large");
         }

@@ -1,5 +1,5 @@
-//! Files that were damaged and then sealed again, as an attacker or a broken tool might: every checksum is right, and
-//! the decoder is on its own. Whatever it says, it must not panic, hang or eat the memory.
+//! Files that were damaged and sealed again, as by an attacker or a broken tool: all checksums match, so only the
+//! decoder can find the damage. It must not panic, hang or exhaust the memory.
 
 use std::fs;
 use std::path::Path;
@@ -30,7 +30,7 @@ fn write(dir: &Path) -> Manifest {
     manifest
 }
 
-/// Puts a file in place of a table's, and makes every checksum right again.
+/// Replaces a table's file and updates all checksums.
 fn plant(dir: &Path, manifest: &Manifest, table: Table, bytes: &[u8]) {
     let mut manifest = manifest.clone();
     let shard = &mut manifest.shards[0];
@@ -57,7 +57,7 @@ fn damage_under_a_right_checksum_is_survived() {
         let whole = fs::read(&path).unwrap();
         for _ in 0..250 {
             let mut bytes = whole.clone();
-            // Half of the damage goes to the footer, where the sizes and offsets stand.
+            // Half of the damage goes to the footer, which contains the sizes and offsets.
             let from = if draw.unit() < 0.5 { bytes.len() - bytes.len() / 4 } else { 0 };
             for _ in 0..=draw.index(3) {
                 let at = from + draw.index(bytes.len() - from);
@@ -72,7 +72,7 @@ fn damage_under_a_right_checksum_is_survived() {
     assert!(found > 500, "only {found} of 750 damaged files were noticed");
 }
 
-/// A whole number as Thrift's compact protocol has it, before its zigzag.
+/// An integer in Thrift's compact protocol, before its zigzag encoding.
 fn varint(mut value: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
     while value >= 0x80 {
@@ -88,8 +88,8 @@ fn group(children: u64) -> Vec<u8> {
     [&[0x35, 0, 0x18, 1, b'a', 0x15], &varint(2 * children)[..], &[0]].concat()
 }
 
-/// Footers of few bytes, each of which parquet-rs 60 alone answers by ending the process, or not for minutes: it
-/// recurses to the end of the stack, reserves 16 GB, counts to 10^11, or reserves 0.8 GB for empty row groups.
+/// Small footers with which parquet-rs 60 alone ends the process or runs for minutes: it exhausts the stack, reserves
+/// 16 GB, counts to 10^11, or reserves 0.8 GB for empty row groups.
 #[test]
 fn a_footer_that_asks_for_much_is_refused_before_it_is_decoded() {
     let head = [0x15, 2, 0x19, 0xfc];
@@ -111,8 +111,8 @@ fn a_footer_that_asks_for_much_is_refused_before_it_is_decoded() {
     }
 }
 
-/// A file of a few kB with a dictionary of one name of 16 MiB, which compresses well. Rows, values and chunks are in order.
-/// parquet-rs alone takes four times the name's size, and the name may have 2 GB.
+/// A file of a few kB with a dictionary of one name of 16 MiB, which compresses well. Rows, values and chunks are in
+/// order. parquet-rs alone takes four times the name's size, and the name may have 2 GB.
 #[test]
 fn a_page_that_grows_beyond_its_values_is_refused_before_it_is_decompressed() {
     const NAME_BYTES: usize = 16 << 20;

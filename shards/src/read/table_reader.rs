@@ -1,6 +1,5 @@
-//! Reading a Parquet file as if it were hostile. Bytes reach the decoder only after their checksum was right; the
-//! file's frame is looked at first ([`Frame`]), since parquet-rs takes much of it on trust; and should the
-//! decoder panic even so, that becomes an error.
+//! Reads Parquet files as hostile input. Bytes reach the decoder only after their checksum was verified. The file's
+//! frame is checked first ([`Frame`]), because parquet-rs trusts most of it. A panic of the decoder becomes an error.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -15,29 +14,29 @@ use parquet::arrow::arrow_reader::{
 
 use crate::format::frame::{Expected, Frame};
 
-/// Begins an error that was a panic.
+/// Prefix of an error that was a panic.
 pub(crate) const PANICKED: &str = "the Parquet decoder panicked: ";
 
-/// Which rows, and which columns, of a file.
+/// The rows and columns to read.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Part {
     /// Only this row group.
     pub(crate) row_group: Option<usize>,
-    /// Of what is selected, skip so many rows ...
+    /// Of the selected rows, skip this many ...
     pub(crate) offset: usize,
-    /// ... and end after so many.
+    /// ... and read at most this many.
     pub(crate) limit: Option<usize>,
-    /// Leave out the column of this name.
+    /// Omit the column of this name.
     pub(crate) without: Option<&'static str>,
-    /// Rows of a batch.
+    /// Rows per batch.
     pub(crate) batch_rows: usize,
 }
 
-/// Batches of a file, each decoded when asked for.
+/// Batches of a file, decoded on demand.
 pub(crate) struct Batches(ParquetRecordBatchReader);
 
 impl Batches {
-    /// Opens a file whose checksum was right.
+    /// Opens a file with a verified checksum.
     pub(crate) fn open(file: File, expected: Expected, part: Part) -> Result<Self, String> {
         guard(|| {
             let frame = Frame::read(&file, expected)?;
@@ -74,8 +73,8 @@ impl Iterator for Batches {
     }
 }
 
-/// Turns a panic of the decoder into an error, and says nothing of it on stderr. `frame` leaves it values to panic on:
-/// a run of more than ten bytes' length, say, which only decompressing shows.
+/// Converts a panic of the decoder to an error, without a message on stderr. After the check of the frame a panic is
+/// still possible, for example for a run length of more than ten bytes, which is visible only after decompression.
 fn guard<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     static QUIET_HOOK: Once = Once::new();
     thread_local!(static IS_GUARDED: Cell<bool> = const { Cell::new(false) });

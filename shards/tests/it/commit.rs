@@ -1,4 +1,4 @@
-//! When a shard counts, what may be written where, and what a writer refuses.
+//! When a shard exists, what may be written where, and what a writer refuses.
 
 use std::fs;
 

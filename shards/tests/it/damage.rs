@@ -1,4 +1,4 @@
-//! Whatever happens to a dataset's files is found, with an error and the right exit code, and never with a panic.
+//! Every kind of damage to a dataset's files is found, with an error and the right exit code, and never with a panic.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use shards::{Dataset, ReadError, layout, verify};
 
 use crate::sample;
 
-/// What reading everything, as a trainer does, comes to.
+/// The result of reading everything, as a trainer does.
 fn read_all(dir: &Path) -> Result<(), ReadError> {
     let dataset = Dataset::open(dir)?;
     for shard in 0..dataset.shard_count() {
@@ -29,7 +29,7 @@ fn verified(dir: &Path) -> ExitCode {
     }
 }
 
-/// Every file that holds data, or says what data there are.
+/// Every file with data or metadata.
 fn files(dir: &Path) -> Vec<String> {
     let all = sample::files(dir).into_iter().map(|(path, _)| path.to_string_lossy().into_owned());
     all.filter(|name| ![layout::CARD, layout::SUCCESS].contains(&name.as_str())).collect()

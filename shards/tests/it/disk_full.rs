@@ -1,4 +1,4 @@
-//! A full disk stops a writer with "run it again", and once there is room it goes on.
+//! A full disk stops a writer with "run it again"; when there is space again, it continues.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -8,7 +8,7 @@ use shards::{Draft, WriteError};
 
 use crate::sample;
 
-/// A small disk of its own; only root has one.
+/// A small separate disk; only root can mount one.
 struct Disk(tempfile::TempDir);
 
 impl Disk {

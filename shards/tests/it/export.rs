@@ -1,4 +1,4 @@
-//! Exports: what is in the files, that they are the same each time, that nothing is written over and nothing is left half done.
+//! Exports: content of the files, equal bytes each time, no overwriting, and no half-written results.
 
 use core::f32::consts::PI;
 use std::collections::BTreeMap;
@@ -23,7 +23,8 @@ fn written(info: &DatasetInfo) -> (tempfile::TempDir, Dataset) {
     (dir, dataset)
 }
 
-/// As [`written`], but some grasps lie near the workspace's faces, all of scene 3 do, and scene 5 is one point with its yaws.
+/// As [`written`], but some grasps lie near the workspace's faces, all of scene 3 do, and scene 5 is one point with its
+/// yaws.
 fn written_with_edges(info: &DatasetInfo) -> (tempfile::TempDir, Dataset) {
     let dir = tempfile::tempdir().unwrap();
     let draft = Draft::begin(dir.path(), info).unwrap();

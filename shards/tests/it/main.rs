@@ -1,4 +1,4 @@
-//! Tests of the crate from outside: what is written is read, what is damaged is found, what is killed can go on.
+//! Tests of the crate from outside: written data are read, damage is found, and killed writers can be continued.
 #![expect(clippy::unwrap_used, reason = "what a test cannot unwrap has failed it")]
 
 mod commit;

@@ -1,4 +1,4 @@
-//! Datasets whose objects are models: what is written is read, and an info or a row that does not fit is refused.
+//! Datasets of models: written data are read, and inconsistent infos and rows are refused.
 
 use std::fs;
 use std::path::Path;
@@ -45,7 +45,7 @@ fn info() -> DatasetInfo {
     info
 }
 
-/// Made-up rows, with a model in place of every primitive.
+/// Synthetic rows, with a model in place of every primitive.
 fn rows(info: &DatasetInfo, scene: u64) -> SceneRows {
     let mut rows = synthetic::scene_rows(scene, info.seed, info);
     for object in &mut rows.objects {
@@ -159,7 +159,7 @@ fn rows_that_do_not_fit_the_models_are_not_written() {
     }
 }
 
-/// What a dataset of other models looks like to a writer that goes on: the first difference, not the whole list.
+/// The error for a writer that continues a dataset of other models: the first difference, not the whole list.
 #[test]
 fn another_catalogue_is_another_dataset_and_the_difference_is_named() {
     let dir = tempfile::tempdir().unwrap();

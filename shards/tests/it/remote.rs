@@ -1,4 +1,4 @@
-//! Reading over HTTP, from a server that does what it is told to, and badly.
+//! Reading over HTTP from a server with configurable faults.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
@@ -18,19 +18,19 @@ use crate::sample;
 enum Mood {
     /// Sends the file.
     Good,
-    /// Says 503 twice, then sends the file.
+    /// Answers 503 twice, then sends the file.
     BusyTwice,
     /// Sends half of it and closes the connection, each time.
     Cut,
-    /// Sends half of it, and is never heard of again.
+    /// Sends half of it, and then nothing.
     Dying,
-    /// Says 403.
+    /// Answers 403.
     Refusing,
-    /// Says nothing.
+    /// Does not answer.
     Silent,
 }
 
-/// A web server on a folder; in a mood for names that hold a text.
+/// A web server for a folder, with a fault for names that contain a text.
 struct Server {
     url: String,
     stop: Arc<AtomicBool>,

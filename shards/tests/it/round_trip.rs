@@ -1,4 +1,4 @@
-//! What is written is read again, and the same rows make the same bytes.
+//! Written rows are read back unchanged, and the same rows give the same bytes.
 
 use crate::sample;
 

@@ -1,4 +1,4 @@
-//! A small dataset on disk, made up.
+//! A small synthetic dataset on disk.
 
 use std::path::{Path, PathBuf};
 
