@@ -1,7 +1,7 @@
 //! The network as an ONNX model: the dense network and the sigmoid, node by node.
 //!
-//! Operators as of opset 13 (onnx/docs/Operators.md), messages and their field numbers from onnx/onnx.proto, IR version 7:
-//! whatever reads ONNX 1.8 (November 2020) or later reads it.
+//! Operators of opset 13 (onnx/docs/Operators.md), messages and field numbers from onnx/onnx.proto, IR version 7:
+//! readable by any runtime for ONNX 1.8 (November 2020) or later.
 
 use super::protobuf::Message;
 use crate::checkpoint::{ARCHITECTURE, Checkpoint};
@@ -18,7 +18,7 @@ const SIDE: i64 = 40;
 const INPUT: &str = "tsdf";
 /// Names and channels.
 const OUTPUTS: [(&str, i64); 3] = [("quality", 1), ("rotation", 4), ("width", 1)];
-/// How much larger `Resize` makes each axis.
+/// The scale of `Resize` along each axis.
 const SCALES: &str = "doubling.scales";
 const NORM_MIN: &str = "rotation.norm_squared_min";
 
@@ -102,7 +102,7 @@ fn convolution(layer: LayerShape, input: &str, output: &str) -> Message {
     node("Conv", &[input, &weight, &bias], output, &attributes)
 }
 
-/// A doubling: half-pixel centres held at the ends, or each value eight times.
+/// A doubling: half-pixel centres clamped at the ends, or each value eight times.
 fn doubling(upsampling: Upsampling, input: &str, output: &str) -> Message {
     let attributes = match upsampling {
         Upsampling::Linear => vec![text("mode", "linear"), text("coordinate_transformation_mode", "half_pixel")],
@@ -112,7 +112,7 @@ fn doubling(upsampling: Upsampling, input: &str, output: &str) -> Message {
             text("nearest_mode", "floor"),
         ],
     };
-    node("Resize", &[input, "", SCALES], output, &attributes) // the input left out is a region, for cropping
+    node("Resize", &[input, "", SCALES], output, &attributes) // the omitted input is a region for cropping
 }
 
 /// `NodeProto`, named as its output.

@@ -1,11 +1,11 @@
-//! Reads the pickles that `torch.save` writes, and runs nothing.
+//! Reads the pickles that `torch.save` writes, without executing anything.
 //!
-//! A pickle is a program for a stack machine (Python's `Lib/pickletools.py` lists the opcodes). Two of them, `REDUCE` and
-//! `BUILD`, call what the file names, so that a hostile file calls what it likes. Here a name is looked up in
-//! [`Known`], nothing else can be named, and "calling" one of those few makes an [`Object`] of our own. Objects live in one
-//! list and refer to each other by number: a file that refers to itself makes a circle that nobody walks.
+//! A pickle is a program for a stack machine (Python's `Lib/pickletools.py` lists the opcodes). Two opcodes, `REDUCE`
+//! and `BUILD`, call functions named by the file, so in Python a hostile file can call anything. Here only the names in
+//! [`Known`] are accepted, and "calling" one of them makes an [`Object`] of our own. Objects are in one list and refer
+//! to each other by index, so a self-referencing file makes a cycle that is never followed.
 //!
-//! Protocols 2 to 5, of which `torch.save` writes 2 unless told otherwise.
+//! Supports protocols 2 to 5; `torch.save` writes 2 by default.
 
 mod objects;
 
@@ -18,10 +18,10 @@ use super::state_dict::AXES_MAX;
 use objects::{Id, Known};
 pub(super) use objects::{Object, Pickle, StorageRef, TensorRef};
 
-/// Objects made and places of the stack filled, in all. A checkpoint with an optimiser's state takes some thousands.
+/// Maximum total number of objects and stack pushes. A checkpoint with an optimiser's state needs some thousands.
 const WORK_MAX: usize = 1_000_000;
 
-/// Reads the pickle at the cursor, which ends behind it.
+/// Reads the pickle at the cursor and moves the cursor behind it.
 pub(super) fn read<'a>(bytes: &mut Cursor<'a>) -> Result<Pickle<'a>, Problem> {
     let mut machine = Machine::default();
     loop {
@@ -38,7 +38,7 @@ pub(super) fn read<'a>(bytes: &mut Cursor<'a>) -> Result<Pickle<'a>, Problem> {
 struct Machine<'a> {
     objects: Vec<Object<'a>>,
     stack: Vec<Id>,
-    /// Heights of the stack at `MARK`s that are open.
+    /// Heights of the stack at open `MARK`s.
     marks: Vec<usize>,
     memo: BTreeMap<u32, Id>,
     work: usize,
@@ -66,8 +66,8 @@ impl<'a> Machine<'a> {
             b'j' => bytes.u32().and_then(|at| self.recall(at)),
             // Constants.
             b'N' => self.push(Object::Nothing),
-            0x88 | 0x89 => self.push(Object::Nothing), // NEWTRUE, NEWFALSE: nobody asks which
-            b'G' => bytes.take(8).and_then(|_| self.push(Object::Nothing)), // BINFLOAT: nobody asks
+            0x88 | 0x89 => self.push(Object::Nothing), // NEWTRUE, NEWFALSE: not needed
+            b'G' => bytes.take(8).and_then(|_| self.push(Object::Nothing)), // BINFLOAT: not needed
             b'J' => bytes.u32().and_then(|value| self.push(Object::Int((value as i32).into()))),
             b'K' => bytes.u8().and_then(|value| self.push(Object::Int(value.into()))),
             b'M' => bytes.u16().and_then(|value| self.push(Object::Int(value.into()))),
@@ -98,7 +98,7 @@ impl<'a> Machine<'a> {
                 self.set_items(&[key, value])
             }
             b'u' => self.pop_to_mark().and_then(|items| self.set_items(&items)),
-            // Names, and what is done with them.
+            // Names and calls.
             b'c' => {
                 let (module, name) = (bytes.line()?, bytes.line()?);
                 self.push_known(utf8(module)?, utf8(name)?)
@@ -137,7 +137,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// Takes the uppermost object; what lies below an open mark is out of reach.
+    /// Pops the top object; objects below an open mark cannot be reached.
     fn pop(&mut self) -> Result<Id, Problem> {
         let id = self.top()?;
         self.stack.pop();
@@ -172,7 +172,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// A little-endian two's complement number of any length; longer ones than 16 bytes are in no state dict.
+    /// A little-endian two's complement integer of up to 16 bytes; state dicts have no longer ones.
     fn push_long(&mut self, long: &[u8]) -> Result<(), Problem> {
         let mut wide = [if long.last().is_some_and(|byte| *byte >= 0x80) { 0xFF } else { 0 }; 16];
         match wide.get_mut(..long.len()) {
@@ -213,7 +213,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// Sets keys of the uppermost dictionary; `items` are keys and values in turn.
+    /// Sets keys of the top dictionary; `items` are alternating keys and values.
     fn set_items(&mut self, items: &[Id]) -> Result<(), Problem> {
         let id = self.top()?;
         let (pairs, []) = items.as_chunks::<2>() else { return damaged("a pickle sets a key without a value") };
@@ -224,7 +224,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// `_metadata` of an `OrderedDict`, or what else was hung on it: passed over.
+    /// `_metadata` and other attributes of an `OrderedDict`, which are ignored.
     fn build(&mut self) -> Result<(), Problem> {
         self.pop()?;
         match self.objects[self.top()?] {
@@ -233,7 +233,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Puts a known thing made of its arguments in their place.
+    /// Replaces a known callable and its arguments by the resulting object.
     fn reduce(&mut self) -> Result<(), Problem> {
         let (arguments, callable) = (self.pop()?, self.pop()?);
         let Object::Known(known) = self.objects[callable] else { return damaged("a pickle calls what has no name") };
@@ -261,7 +261,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Python 2's way to write an `OrderedDict`.
+    /// An `OrderedDict` as Python 2 writes it.
     fn dict_of_pairs(&mut self, pairs: Id) -> Result<(), Problem> {
         let count = self.sequence(pairs)?.len();
         self.spend(count)?;
@@ -273,7 +273,7 @@ impl<'a> Machine<'a> {
         self.push(Object::Dict(all))
     }
 
-    /// `('storage', class, key, location, length[, view])`, PyTorch's reference to numbers that stand elsewhere.
+    /// `('storage', class, key, location, length[, view])`, PyTorch's reference to numbers outside the pickle.
     fn persistent(&mut self) -> Result<(), Problem> {
         let id = self.pop()?;
         let parts = self.sequence(id)?;
@@ -396,7 +396,7 @@ mod tests {
             let _ = read_all(&bytes);
         }
 
-        /// Random programs of known opcodes get further than random bytes.
+        /// Random programs of known opcodes reach more code than random bytes.
         #[test]
         fn any_opcodes_end(opcodes in proptest::collection::vec(0_usize..32, 0..200)) {
             const OPCODES: [&[u8]; 32] = [

@@ -1,17 +1,17 @@
-//! What is wrong with the bytes of a state dict.
+//! Errors in the bytes of a state dict.
 
-/// Why bytes are not the network's state dict.
+/// Why bytes are refused as the network's state dict.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Problem {
-    /// Cut off, or contradicting itself.
+    /// Truncated or inconsistent.
     Damaged(String),
-    /// Whole, but nothing that is read here; says what to do instead.
+    /// Complete but unsupported; the message says what to do.
     Unsupported(String),
-    /// A state dict of another network: what differs.
+    /// A state dict of another network, with the differences.
     Architecture(Vec<String>),
 }
 
-/// Longest name that is kept or told. The network's longest has 21 bytes.
+/// Maximum length of a stored or reported name. The network's longest has 21 bytes.
 pub(super) const NAME_LEN_MAX: usize = 256;
 
 pub(super) fn damaged<T>(what: impl Into<String>) -> Result<T, Problem> {
@@ -22,7 +22,7 @@ pub(super) fn unsupported<T>(what: impl Into<String>) -> Result<T, Problem> {
     Err(Problem::Unsupported(what.into()))
 }
 
-/// A name from a file as a message may show it: short, and without control characters.
+/// A name from a file made safe for messages: shortened, and without control characters.
 pub(super) fn shown(name: &str) -> String {
     name.chars().take(NAME_LEN_MAX).flat_map(char::escape_debug).collect()
 }

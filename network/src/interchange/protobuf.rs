@@ -1,7 +1,7 @@
-//! Protocol buffers, written: as much of the wire format as ONNX needs (protobuf.dev, "Encoding").
+//! A writer of protocol buffers: the part of the wire format that ONNX needs (protobuf.dev, "Encoding").
 //!
-//! A field is a varint of `number << 3 | wire type`, then its value: type 0 a varint, type 2 a length and that many bytes.
-//! A repeated field stands as often as it has values.
+//! A field is a varint of `number << 3 | wire type`, then its value: type 0 a varint, type 2 a length and that many
+//! bytes. A repeated field is written once per value.
 
 const VARINT: u64 = 0;
 const LENGTH: u64 = 2;
@@ -18,7 +18,7 @@ impl Message {
     /// An integer or an enum's number.
     pub(super) fn integer(mut self, field: u64, value: i64) -> Self {
         self.varint(field << 3 | VARINT);
-        self.varint(value as u64); // negative ones take ten bytes, as their two's complement
+        self.varint(value as u64); // negative values take ten bytes, as two's complement
         self
     }
 
@@ -49,7 +49,7 @@ impl Message {
         self.0
     }
 
-    /// Seven bits a byte, the lowest first; the eighth says that more follow.
+    /// Seven bits per byte, lowest first; the eighth bit marks that more follow.
     fn varint(&mut self, mut value: u64) {
         while value >= 0x80 {
             self.0.push(value as u8 | 0x80);

@@ -1,9 +1,9 @@
-//! The two kinds of files that `torch.save` writes (`torch/serialization.py`).
+//! The two file formats of `torch.save` (`torch/serialization.py`).
 //!
 //! Since PyTorch 1.6: a zip of one folder with `data.pkl`, a pickle that refers to storages by key, and each storage's
-//! bytes in `data/<key>`. Before, and now with `_use_new_zipfile_serialization=False`: five pickles in a row – a magic
-//! number, a version, facts about the machine, the object, a list of keys – and then each storage of that list, the
-//! count of its numbers (64 bits) before its bytes.
+//! bytes in `data/<key>`. Earlier, and now with `_use_new_zipfile_serialization=False`: five consecutive pickles – a
+//! magic number, a version, facts about the machine, the object, a list of keys – and then each storage of that list:
+//! the count of its numbers (64 bits), then its bytes.
 
 use std::collections::BTreeMap;
 
@@ -13,13 +13,13 @@ use super::problem::{NAME_LEN_MAX, Problem, damaged, shown, unsupported};
 use super::state_dict::StoredTensor;
 use super::zip::Archive;
 
-/// The first pickle of an old file.
+/// The first pickle of a file in the old format.
 const MAGIC_NUMBER: i128 = 0x1950_A86A_20F9_469C_FC6C;
-/// The second.
+/// The second pickle.
 const VERSION: i128 = 1001;
-/// Keys under which training scripts put the state dict among other things.
+/// Keys under which training scripts store the state dict together with other objects.
 const NESTED: [&str; 3] = ["state_dict", "model_state_dict", "model"];
-/// Dictionaries around a state dict.
+/// Maximum nesting of dictionaries around a state dict.
 const DEPTH_MAX: usize = 4;
 
 /// The state dict of a zip file.
@@ -44,12 +44,12 @@ pub(super) fn read_zip(bytes: &[u8]) -> Result<BTreeMap<String, StoredTensor<'_>
     tensors(&pickle, &storages)
 }
 
-/// Whether bytes begin as an old file does.
+/// Whether bytes begin like a file in the old format.
 pub(super) fn is_legacy(bytes: &[u8]) -> bool {
     bytes.first() == Some(&0x80) && integer(&mut Cursor::new(bytes)).is_ok_and(|number| number == Some(MAGIC_NUMBER))
 }
 
-/// The state dict of an old file.
+/// The state dict of a file in the old format.
 pub(super) fn read_legacy(bytes: &[u8]) -> Result<BTreeMap<String, StoredTensor<'_>>, Problem> {
     let mut bytes = Cursor::new(bytes);
     integer(&mut bytes)?; // the magic number
@@ -57,7 +57,7 @@ pub(super) fn read_legacy(bytes: &[u8]) -> Result<BTreeMap<String, StoredTensor<
         Some(VERSION) => {}
         other => return unsupported(format!("version {other:?} of PyTorch's old format, only {VERSION} is known")),
     }
-    pickle::read(&mut bytes)?; // the machine's byte order, which storages do not follow, and lengths that nobody uses
+    pickle::read(&mut bytes)?; // the machine's byte order, which does not apply to storages, and unused lengths
     let pickle = pickle::read(&mut bytes)?;
     let refs: BTreeMap<&str, StorageRef<'_>> = pickle
         .objects
@@ -76,13 +76,13 @@ pub(super) fn read_legacy(bytes: &[u8]) -> Result<BTreeMap<String, StoredTensor<
     tensors(&pickle, &storages)
 }
 
-/// A pickle that should be one integer.
+/// A pickle of one integer.
 fn integer(bytes: &mut Cursor<'_>) -> Result<Option<i128>, Problem> {
     let pickle = pickle::read(bytes)?;
     Ok(if let Object::Int(value) = pickle.objects[pickle.root] { Some(value) } else { None })
 }
 
-/// Puts storages to the tensors of a state dict.
+/// Attaches storages to the tensors of a state dict.
 fn tensors<'a>(
     pickle: &Pickle<'a>,
     storages: &BTreeMap<&str, &'a [u8]>,
@@ -105,7 +105,7 @@ fn tensors<'a>(
     state_dict(pickle)?.into_iter().map(stored).collect()
 }
 
-/// The names and tensors of the state dict in a pickle: the pickled dictionary itself or one in it.
+/// The names and tensors of the state dict in a pickle: the root dictionary or one inside it.
 fn state_dict<'p, 'a>(pickle: &'p Pickle<'a>) -> Result<Vec<(&'a str, &'p TensorRef<'a>)>, Problem> {
     let mut at = pickle.root;
     for _ in 0..DEPTH_MAX {
@@ -151,5 +151,5 @@ fn named_tensors<'p, 'a>(
     }
 }
 
-/// Most of a state dict's entries that are told to be no tensors.
+/// Maximum number of reported entries that are not tensors.
 const NOT_TENSORS_MAX: usize = 4;

@@ -1,4 +1,4 @@
-//! Named tensors in a file's bytes, and the network's parameters made of them.
+//! Named tensors in a file, and the network's parameters made from them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,16 +6,16 @@ use super::element::Element;
 use super::problem::{Problem, damaged, shown};
 use crate::layers::{ParameterSlot, parameter_count, parameter_slots};
 
-/// What wrappers put before every name: `DataParallel`, `torch.compile`.
+/// Prefixes that wrappers add to every name: `DataParallel`, `torch.compile`.
 const PREFIXES: [&str; 2] = ["module.", "_orig_mod."];
-/// Prefixes before a name, at most.
+/// Maximum number of prefixes of a name.
 const PREFIXES_MAX: usize = 4;
-/// Axes of a tensor, at most. The network's have 5.
+/// Maximum number of axes of a tensor. The network's have 5.
 pub(super) const AXES_MAX: usize = 16;
-/// Most differences that are told.
+/// Maximum number of reported differences.
 const PROBLEMS_MAX: usize = 6;
 
-/// A tensor in a storage in a file.
+/// A tensor in a storage of a file.
 #[derive(Debug, Clone)]
 pub(super) struct StoredTensor<'a> {
     element: Element,
@@ -26,8 +26,8 @@ pub(super) struct StoredTensor<'a> {
 }
 
 impl<'a> StoredTensor<'a> {
-    /// A tensor whose first value is number `offset` of the storage; `strides` are counted in numbers. Its last value
-    /// must lie in the storage.
+    /// A tensor whose first value is element `offset` of the storage; `strides` are in elements. Its last value must be
+    /// inside the storage.
     pub(super) fn new(
         element: Element,
         storage: &'a [u8],
@@ -51,7 +51,7 @@ impl<'a> StoredTensor<'a> {
         Ok(Self { element, storage, offset, shape, strides })
     }
 
-    /// A tensor that is its whole storage, the last axis running fastest.
+    /// A tensor that covers its whole storage, with the last axis fastest.
     pub(super) fn contiguous(element: Element, storage: &'a [u8], shape: Vec<usize>) -> Result<Self, Problem> {
         let mut strides = vec![1_usize; shape.len()];
         for axis in (1..shape.len()).rev() {
@@ -60,7 +60,7 @@ impl<'a> StoredTensor<'a> {
         Self::new(element, storage, 0, shape, strides)
     }
 
-    /// All values, the last axis running fastest; `None` if one is not finite.
+    /// All values, with the last axis fastest; `None` if one is not finite.
     fn values(&self) -> Option<Vec<f32>> {
         let count = self.shape.iter().product();
         let value = |flat: usize| {
@@ -75,21 +75,21 @@ impl<'a> StoredTensor<'a> {
     }
 }
 
-/// The network's parameters out of a file.
+/// The network's parameters from a file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Parameters {
     /// In the order of [`parameter_slots`].
     pub(super) values: Vec<f32>,
-    /// What stood before every name and was taken off.
+    /// The prefix that was removed from every name.
     pub(super) prefix: String,
-    /// Kinds of numbers that were converted to float32.
+    /// Number types that were converted to float32.
     pub(super) converted_from: Vec<&'static str>,
 }
 
-/// Makes the parameters of a file's tensors: all of the network's, of its shapes, and no others.
+/// Makes the parameters from a file's tensors, which must be exactly those of the network, with its shapes.
 ///
 /// # Errors
-/// [`Problem::Architecture`] lists what is missing, too much or of another shape.
+/// [`Problem::Architecture`] lists missing and surplus tensors and wrong shapes.
 pub(super) fn parameters(tensors: &BTreeMap<String, StoredTensor<'_>>) -> Result<Parameters, Problem> {
     let prefix = prefix(tensors);
     let (mut values, mut problems) = (Vec::with_capacity(parameter_count()), Vec::new());
@@ -130,7 +130,7 @@ fn slot_values(slot: &ParameterSlot, tensor: &StoredTensor<'_>) -> Result<Vec<f3
     tensor.values().ok_or_else(|| format!("{} holds values that are not finite in float32", slot.name))
 }
 
-/// What stands before every name.
+/// The common prefix of all names.
 fn prefix(tensors: &BTreeMap<String, StoredTensor<'_>>) -> String {
     let mut prefix = String::new();
     for _ in 0..PREFIXES_MAX {

@@ -1,4 +1,4 @@
-//! Files that are damaged, hostile, or of other networks: each ends in a message, and soon.
+//! Damaged and hostile files and files of other networks: each ends in an error, without delay.
 
 use proptest::prelude::*;
 
@@ -51,7 +51,7 @@ fn told(problem: &Problem) -> String {
     }
 }
 
-/// A file with one entry's contents changed.
+/// A file with changed contents of one entry.
 fn with(file: &[u8], suffix: &str, change: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
     let mut entries = entries(file);
     let (_, contents) = entries.iter_mut().find(|(name, _)| name.ends_with(suffix)).unwrap();
@@ -121,7 +121,7 @@ fn a_compressed_zip_is_refused() {
 }
 
 proptest! {
-    /// Flipped, cut, doubled and overwritten places of files that are right.
+    /// Valid files with flipped, cut, doubled and overwritten bytes.
     #[test]
     fn damaged_files_end(
         number in 0..FILES.len(),
@@ -132,7 +132,7 @@ proptest! {
         let _ = read_weights(&file);
     }
 
-    /// The same inside a pickle whose checksum is right.
+    /// The same inside a pickle with a valid checksum.
     #[test]
     fn damaged_pickles_end(
         number in 0..FILES.len(),

@@ -1,14 +1,14 @@
-//! Files inside a zip archive that are stored as they are, which is how PyTorch stores them.
+//! Uncompressed files in a zip archive, as PyTorch stores them.
 //!
 //! PKWARE's APPNOTE.TXT 6.3.10: the end record (4.3.16) and its 64-bit form (4.3.14, 4.3.15), the central directory
-//! (4.3.12), local headers (4.3.7). Compressed entries are refused, so nothing here is larger than the file.
+//! (4.3.12), local headers (4.3.7). Compressed entries are refused, so contents are never larger than the file.
 
 use std::collections::BTreeMap;
 
 use super::cursor::Cursor;
 use super::problem::{Problem, damaged, shown, unsupported};
 
-/// What every zip file with something in it begins with.
+/// The first bytes of every zip file with an entry.
 pub(super) const SIGNATURE: &[u8] = b"PK\x03\x04";
 
 const END_SIGNATURE: &[u8] = b"PK\x05\x06";
@@ -20,7 +20,7 @@ const LOCATOR_64_LEN: usize = 20;
 const ENTRY_SIGNATURE: &[u8] = b"PK\x01\x02";
 const LOCAL_LEN: usize = 30;
 const EXTRA_64: u16 = 1;
-/// Stands where a number does not fit into 32 bits and is told in 64 elsewhere.
+/// Marks a number that does not fit into 32 bits and is stored in 64 bits elsewhere.
 const ELSEWHERE: u32 = u32::MAX;
 
 /// The entries of an archive by name.
@@ -44,7 +44,7 @@ impl<'a> Archive<'a> {
         while read < len {
             let (name, entry, entry_len) = entry(&mut rest)?;
             read += entry_len;
-            // Entries that lie over each other would be much to read in a small file.
+            // Overlapping entries could make a small file expand to many bytes.
             total = total.saturating_add(entry.len);
             if total > bytes.len() as u64 {
                 return damaged("the zip's entries are larger than the file");
@@ -60,7 +60,7 @@ impl<'a> Archive<'a> {
         self.entries.keys().copied()
     }
 
-    /// The contents of an entry, held against its checksum.
+    /// The contents of an entry, compared with its checksum.
     pub(super) fn read(&self, name: &str) -> Result<&'a [u8], Problem> {
         let Some(entry) = self.entries.get(name) else { return damaged(format!("{} is missing", shown(name))) };
         let mut header = Cursor::new(slice(self.bytes, entry.header_at, LOCAL_LEN as u64)?);
@@ -83,7 +83,7 @@ fn slice(bytes: &[u8], at: u64, len: u64) -> Result<&[u8], Problem> {
     cursor.take_long(len)
 }
 
-/// Where the central directory is, and its length.
+/// Offset and length of the central directory.
 fn directory(bytes: &[u8]) -> Result<(u64, u64), Problem> {
     let first = bytes.len().saturating_sub(END_LEN + COMMENT_LEN_MAX);
     let found = bytes[first..].windows(END_LEN).rposition(|window| window.starts_with(END_SIGNATURE));
@@ -108,7 +108,7 @@ fn directory(bytes: &[u8]) -> Result<(u64, u64), Problem> {
     }
 }
 
-/// One entry of the central directory, and its length there.
+/// One entry of the central directory, and the entry's length.
 fn entry<'a>(directory: &mut Cursor<'a>) -> Result<(&'a str, Entry, u64), Problem> {
     if directory.take(4)? != ENTRY_SIGNATURE {
         return damaged("the zip's directory is damaged");
@@ -141,7 +141,7 @@ fn entry<'a>(directory: &mut Cursor<'a>) -> Result<(&'a str, Entry, u64), Proble
     Ok((name, Entry { header_at, len, crc32 }, entry_len))
 }
 
-/// Length, packed length and place of an entry; those that do not fit into 32 bits stand in the extra field 1.
+/// Length, packed length and offset of an entry; values that do not fit into 32 bits are in extra field 1.
 fn wide(narrow: [u32; 3], extra: &[u8]) -> Result<(u64, u64, u64), Problem> {
     let mut wide = narrow.map(u64::from);
     if narrow.contains(&ELSEWHERE) {

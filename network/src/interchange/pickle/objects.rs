@@ -1,68 +1,69 @@
-//! What a state dict's pickle can hold.
+//! The objects in a state dict's pickle.
 
 use crate::interchange::element::Element;
 
-/// Number of an object in [`Pickle::objects`].
+/// Index of an object in [`Pickle::objects`].
 pub(super) type Id = usize;
 
-/// A pickle that was read.
+/// A parsed pickle.
 #[derive(Debug)]
 pub(in crate::interchange) struct Pickle<'a> {
-    /// All objects, in the order in which they were made.
+    /// All objects, in the order of creation.
     pub(in crate::interchange) objects: Vec<Object<'a>>,
-    /// The one that was pickled.
+    /// The root object.
     pub(in crate::interchange) root: Id,
 }
 
 /// An object of a pickle.
 #[derive(Debug)]
 pub(in crate::interchange) enum Object<'a> {
-    /// `None`, and what nobody asks for: truth values, real numbers, bytes.
+    /// `None`, and values that are not needed: booleans, floats, bytes.
     Nothing,
     Int(i128),
     Text(&'a str),
     /// A tuple, list or set.
     Sequence(Vec<Id>),
-    /// Keys and values as they were set; of equal keys the last counts.
+    /// Keys and values in the order of assignment; of equal keys the last counts.
     Dict(Vec<(Id, Id)>),
     Known(Known),
     Storage(StorageRef<'a>),
     Tensor(TensorRef<'a>),
 }
 
-/// Numbers that stand outside the pickle.
+/// Numbers outside the pickle.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::interchange) struct StorageRef<'a> {
     pub(in crate::interchange) element: Element,
     /// Its name in the file.
     pub(in crate::interchange) key: &'a str,
-    /// Numbers in it.
+    /// Number of its elements.
     pub(in crate::interchange) len: usize,
 }
 
-/// A tensor as a part of a storage.
+/// A tensor as a view of a storage.
 #[derive(Debug, Clone)]
 pub(in crate::interchange) struct TensorRef<'a> {
     pub(in crate::interchange) storage: StorageRef<'a>,
-    /// Its first number.
+    /// Index of its first element.
     pub(in crate::interchange) offset: usize,
     pub(in crate::interchange) shape: Vec<usize>,
-    /// Numbers from one place of an axis to the next.
+    /// Number of elements between neighbours along each axis.
     pub(in crate::interchange) strides: Vec<usize>,
 }
 
-/// What a pickle may name.
+/// The names that a pickle may use.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::interchange) enum Known {
     /// `collections.OrderedDict`.
     OrderedDict,
     /// `torch.Size`.
     Size,
-    /// `torch._utils._rebuild_tensor` and `_rebuild_tensor_v2`: storage, offset, shape, strides, and more for gradients.
+    /// `torch._utils._rebuild_tensor` and `_rebuild_tensor_v2`: storage, offset, shape, strides, and more for
+    /// gradients.
     Tensor,
     /// `torch._utils._rebuild_parameter`: a tensor, and more for gradients.
     Parameter,
-    /// `torch.FloatStorage` and its like.
+    /// `torch.FloatStorage` and similar classes.
     Storage(Element),
 }
 
