@@ -2,8 +2,8 @@
 //!
 //! A sample supervises one voxel of 40³. The heads see 5³ positions around it; those are made of 4³ positions at 20³
 //! (linear upsampling), which the last decoder convolution makes of 8³, which are made of 6³ at 10³, made of 8³, made
-//! of the whole 5³. So decoder and heads cost 1/45 of the dense form (30 of 1,349 million multiply-adds a sample), and with the
-//! encoder, which is the same in both, the network a twentieth (67 of 1,386).
+//! of the whole 5³. So decoder and heads cost 1/45 of the dense form (30 of 1,349 million multiply-adds a sample), and
+//! with the encoder, which is the same in both, the network a twentieth (67 of 1,386).
 //!
 //! Everything is separable, so a voxel's receptive field is, for each axis and each doubling, one small matrix cut from
 //! the doubling matrix of the whole axis ([`Upsampling::window`]). Positions outside the volume have zero rows there:

@@ -51,7 +51,8 @@ impl From<ExitCode> for std::process::ExitCode {
     }
 }
 
-/// An error that knows how a program ends because of it. Implementations match on all variants, so that a new one needs its code.
+/// An error that knows how a program ends because of it. Implementations match on all variants, so that a new one needs
+/// its code.
 pub trait Exit: Error + 'static {
     /// The code with which a program should end.
     fn exit_code(&self) -> ExitCode;

@@ -4,8 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Writes a file in place of what may be there. After a crash the old or the new file is there, whole. A device or a pipe, such as
-/// `/dev/stdout`, is written to, not replaced.
+/// Writes a file in place of what may be there. After a crash the old or the new file is there, whole. A device or a
+/// pipe, such as `/dev/stdout`, is written to, not replaced.
 ///
 /// # Errors
 /// What the system says; the old file is then untouched.

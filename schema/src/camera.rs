@@ -1,4 +1,5 @@
-//! Pinhole depth cameras. Pixel `(u, v)` has its centre at the whole numbers `u`, `v`; camera x right, y down, z forward.
+//! Pinhole depth cameras. Pixel `(u, v)` has its centre at the whole numbers `u`, `v`; camera x right, y down, z
+//! forward.
 
 use crate::{Grid, Pose, Quat, Vec3, axis_angle, pose_from_parts};
 
@@ -64,8 +65,8 @@ pub struct View {
 }
 
 impl View {
-    /// Where the camera is: three turns, of a camera that looks straight down, tilted by the polar angle about y, turned by
-    /// the azimuth about z.
+    /// Where the camera is: three turns, of a camera that looks straight down, tilted by the polar angle about y,
+    /// turned by the azimuth about z.
     #[must_use]
     pub fn workspace_from_camera(&self, grid: &Grid) -> Pose {
         // Straight down: camera x along workspace y, camera y along workspace x, camera z along −z.

@@ -1,5 +1,5 @@
-//! How a dataset is made, besides hand, grid and procedure: the settings of the engine, of settling, views, camera and TSDF. A config
-//! has them as its sections, and `meta/info.json` has them as they were.
+//! How a dataset is made, besides hand, grid and procedure: the settings of the engine, of settling, views, camera and
+//! TSDF. A config has them as its sections, and `meta/info.json` has them as they were.
 
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
@@ -61,8 +61,8 @@ settings! {
     pub struct SettleParams {
         /// Solver iterations per step, instead of [`Physics::solver_iterations`]: with 4, one pile in ten never rests.
         pub solver_iterations: usize where 1..=1_000,
-        /// Damping rate of linear and angular velocity (1/s). It models rolling resistance, without which a cylinder on its
-        /// side never stops. It applies only while settling; attempts are undamped.
+        /// Damping rate of linear and angular velocity (1/s). It models rolling resistance, without which a cylinder on
+        /// its side never stops. It applies only while settling; attempts are undamped.
         pub damping_1_s: f32 where 0.0..=20.0,
         /// Maximum speed of a resting object.
         pub linear_speed_m_s_max: f32 where 1e-4..=1.0,
@@ -105,7 +105,8 @@ settings! {
     pub struct ViewParams {
         /// Fewest and most views of a scene; the count is uniform.
         pub counts: [usize; 2] where 1..=100,
-        /// Shortest and longest distance from the middle of the floor, in sides of the workspace; the distance is uniform.
+        /// Shortest and longest distance from the middle of the floor, in sides of the workspace; the distance is
+        /// uniform.
         pub radius_sizes: [f32; 2] where 1.0..=100.0,
         /// Smallest and largest angle from the vertical; the angle is uniform.
         pub polar_rad: [f32; 2] where 0.0..=FRAC_PI_2,

@@ -120,7 +120,8 @@ impl Gripper {
 }
 
 impl HandBox {
-    /// The box lengthened backwards by `distance_m` along −z: everything it passes on a straight approach of that length.
+    /// The box lengthened backwards by `distance_m` along −z: everything it passes on a straight approach of that
+    /// length.
     #[must_use]
     pub fn swept_back(&self, distance_m: f32) -> Self {
         let shift = Vec3::new(0.0, 0.0, 0.5 * distance_m);

@@ -2,7 +2,8 @@
 //!
 //! The grasp frame at first: z along the object's approach axis, pointing downwards; y (closing) along another object
 //! axis; x = y × z. Then, in this order: a turn about x, a tilt about y, an offset d_z along z, an offset d_x along x.
-//! Lengths l_z and l_x are the object's extents along the axes that z and x lie on. Offsets are from the object's centre.
+//! Lengths l_z and l_x are the object's extents along the axes that z and x lie on. Offsets are from the object's
+//! centre.
 
 use crate::{Axis, ShapeKind};
 

@@ -68,7 +68,8 @@ pub struct AttemptRecord {
     pub tilt_rad: f32,
     /// Drawn rotation about the grasp's x axis (r_x); 0 for rules without. Along a normal: the yaw about the approach.
     pub turn_rad: f32,
-    /// Drawn offset along the grasp's z axis, from the object's centre (d_z), in metres. Along a normal: from the surface.
+    /// Drawn offset along the grasp's z axis, from the object's centre (d_z), in metres. Along a normal: from the
+    /// surface.
     pub depth_m: f32,
     /// Drawn offset along the grasp's x axis (d_x), in metres; 0 for rules without.
     pub slide_m: f32,

@@ -51,8 +51,8 @@ impl Axis {
     }
 }
 
-/// A row of Appendix A: a shape and the object axis along which it is approached. Without an axis: the shape is approached along its
-/// surface's normal, as VGN's grasps are; models never are otherwise.
+/// A row of Appendix A: a shape and the object axis along which it is approached. Without an axis: the shape is
+/// approached along its surface's normal, as VGN's grasps are; models never are otherwise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Rule {
     /// The shape.

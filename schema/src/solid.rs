@@ -147,8 +147,8 @@ impl Solid {
         planes
     }
 
-    /// The corners of every face, as numbers into [`Self::vertices_m`], counter-clockwise seen from outside; in the order of
-    /// [`Self::planes`].
+    /// The corners of every face, as numbers into [`Self::vertices_m`], counter-clockwise seen from outside; in the
+    /// order of [`Self::planes`].
     #[must_use]
     pub fn faces(&self) -> Vec<Vec<usize>> {
         let sides = self.outline().len();

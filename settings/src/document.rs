@@ -122,7 +122,8 @@ pub fn read_stored<T: Setting<Limits = ()>>(stored: &impl Serialize, path: &str)
     read.filter(|_| faults.is_empty()).ok_or(faults)
 }
 
-/// What is out of range or of another type in settings that were stored by another version: it may have had fewer keys, or others.
+/// What is out of range or of another type in settings that were stored by another version: it may have had fewer keys,
+/// or others.
 #[must_use]
 pub fn stored_faults<T: Setting<Limits = ()>>(stored: &impl Serialize, path: &str) -> Vec<String> {
     stored_as::<T>(stored, path, true).1

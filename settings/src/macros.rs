@@ -2,9 +2,10 @@
 
 /// Makes a struct from rows, and how it is read and checked.
 ///
-/// A row is `name: type where limits; or default; by function,`. Limits are a range, or [`above`](crate::above) a number. A key with
-/// a default may be left out. `function` reads the value in place of the type's own [`Setting::read`](crate::Setting::read).
-/// After the struct, `check function` names what holds its keys against each other; it runs when each key alone is sound.
+/// A row is `name: type where limits; or default; by function,`. Limits are a range, or [`above`](crate::above) a
+/// number. A key with a default may be left out. `function` reads the value in place of the type's own
+/// [`Setting::read`](crate::Setting::read). After the struct, `check function` names what holds its keys against each
+/// other; it runs when each key alone is sound.
 ///
 /// ```
 /// settings::settings! {

@@ -1,5 +1,6 @@
 //! Measures codecs and encodings on the tables of a dataset: bytes a scene, and the time to write and to read one.
-//! `cargo run --release -p shards --example codecs -- DIR` reads shard 0 and writes it to a temporary file in every way.
+//! `cargo run --release -p shards --example codecs -- DIR` reads shard 0 and writes it to a temporary file in every
+//! way.
 #![expect(clippy::print_stdout, reason = "it prints a table")]
 
 use std::fs::File;

@@ -45,7 +45,8 @@ pub struct AttemptWorld<'a> {
 }
 
 impl<'a> AttemptWorld<'a> {
-    /// Makes a scene ready. The world is built from the scene's poses alone, so that stored rows give the same attempts.
+    /// Makes a scene ready. The world is built from the scene's poses alone, so that stored rows give the same
+    /// attempts.
     #[must_use]
     pub fn new(physics: &'a Physics, gripper: &'a Gripper, procedure: &'a Procedure, scene: &Scene) -> Self {
         let thing = |o: &SceneObject| (Thing::new(&o.body, o.mass_kg, o.friction), o.workspace_from_object);
@@ -57,8 +58,8 @@ impl<'a> AttemptWorld<'a> {
     /// Tries one grasp of object `target`.
     ///
     /// With [`Physics::shortcuts`], what decides nothing is left out: objects stand still until they are touched, the
-    /// fingers start where they first come near something, jaws with nothing between them are not simulated, and the lift
-    /// ends when the target rides along and nothing lies ahead.
+    /// fingers start where they first come near something, jaws with nothing between them are not simulated, and the
+    /// lift ends when the target rides along and nothing lies ahead.
     ///
     /// # Panics
     /// If the scene has no object `target`.
@@ -118,8 +119,8 @@ impl<'a> AttemptWorld<'a> {
     }
 
     /// Tries one grasp of object `target` as [`Self::execute`] does without shortcuts, and gives what it leaves behind:
-    /// where each object is, in the workspace, at the moment the attempt ends and the hand is taken away. What was still
-    /// held or falling then hangs in the air; [`crate::settle_again`] lets it come to rest.
+    /// where each object is, in the workspace, at the moment the attempt ends and the hand is taken away. What was
+    /// still held or falling then hangs in the air; [`crate::settle_again`] lets it come to rest.
     ///
     /// A hand that the gate stopped has touched nothing: the poses are the scene's, to the bit.
     ///

@@ -1,7 +1,7 @@
 //! Convex hulls as the engine triangulates them.
 //!
-//! The order of a hull's corners and faces decides how the engine rounds, so attempts on models repeat bit by bit only with
-//! the engine's own triangles. Their faces are those of [`Polyhedron::hull_of`], in another order.
+//! The order of a hull's corners and faces decides how the engine rounds, so attempts on models repeat bit by bit only
+//! with the engine's own triangles. Their faces are those of [`Polyhedron::hull_of`], in another order.
 
 use parry3d::shape::Shape;
 use parry3d::transformation::try_convex_hull;

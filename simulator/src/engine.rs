@@ -31,16 +31,16 @@ fn integration(physics: &Physics) -> IntegrationParameters {
 
 /// The engine's unit of length: inside, a metre is 64 units (a power of two, so that conversion rounds nothing). In
 /// metres parry takes the edges of small faces for parallel, whatever their angle: its clipping compares products of
-/// squared lengths with a fixed 1e-7, below which all edges under 2 cm fall. A finger's edge across a facet then got one
-/// contact point instead of two, and what it held swung about that point.
+/// squared lengths with a fixed 1e-7, below which all edges under 2 cm fall. A finger's edge across a facet then got
+/// one contact point instead of two, and what it held swung about that point.
 pub(crate) const UNITS_PER_M: f32 = 64.0;
 
 /// rapier's idea of a typical size. It scales the slop (0.5 %) and the reach of speculative contacts (2 %): 0.5 mm and
 /// 2 mm here, for objects of a few centimetres.
 const LENGTH_UNIT_M: f32 = 0.1;
 
-/// The table is a thick box, not a half-space: against a half-space parry never asks a shape which corners lie next to the
-/// contact (see `faceted`), and an upright cylinder topples.
+/// The table is a thick box, not a half-space: against a half-space parry never asks a shape which corners lie next to
+/// the contact (see `faceted`), and an upright cylinder topples.
 const TABLE_HALF_M: schema::Vec3 = schema::Vec3::new(1.5, 1.5, 0.5);
 
 /// An object as the engine knows it, ready to be put into worlds.
@@ -66,8 +66,8 @@ fn with_mass_properties(shape: SharedShape) -> (SharedShape, MassProperties) {
     (shape, mass_properties)
 }
 
-/// The parts of a compound as one shape, and their mass properties at density 1. One shape, not a collider for each part:
-/// contacts are then asked for by object, and the mass properties are ours, not the engine's sum (see [`sum`]).
+/// The parts of a compound as one shape, and their mass properties at density 1. One shape, not a collider for each
+/// part: contacts are then asked for by object, and the mass properties are ours, not the engine's sum (see [`sum`]).
 fn joined(compound: &Compound) -> (SharedShape, MassProperties) {
     let shape = |piece: &Piece| match piece {
         Piece::Solid(solid) => shape_of(solid, UNITS_PER_M),
@@ -85,8 +85,9 @@ fn joined(compound: &Compound) -> (SharedShape, MassProperties) {
 
 /// Mass properties of several things joined, by parallel axes.
 ///
-/// parry finds a sum's principal axes by products of its columns. Of a diagonal inertia with two equal smaller moments it then takes
-/// x for the axis of one of them, whatever it is: a plate across x, cut in two, would turn about x with half its inertia.
+/// parry finds a sum's principal axes by products of its columns. Of a diagonal inertia with two equal smaller moments
+/// it then takes x for the axis of one of them, whatever it is: a plate across x, cut in two, would turn about x with
+/// half its inertia.
 fn sum(parts: &[MassProperties]) -> MassProperties {
     let mass: f32 = parts.iter().map(MassProperties::mass).sum();
     let centre = parts.iter().map(|part| part.local_com * part.mass()).sum::<Vector>() / mass;

@@ -118,8 +118,8 @@ fn touches(hull: &Hull, grasp_from_object: &Pose, boxes: &[HandBox]) -> bool {
     boxes.iter().any(|b| near(b) && overlaps(b, &placed, &edges))
 }
 
-/// Whether a box and a convex part overlap, by separating axes: the box's axes, the solid's normals, and the products of
-/// their edges. All in the box's axes.
+/// Whether a box and a convex part overlap, by separating axes: the box's axes, the solid's normals, and the products
+/// of their edges. All in the box's axes.
 ///
 /// (parry's own test runs GJK, which took a faceted cylinder half a millimetre away for a touching one.)
 fn overlaps(hand_box: &HandBox, hull: &Placed, edges: &[Vec3]) -> bool {

@@ -3,9 +3,9 @@
 //! The palm goes where it is told, like a robot's flange. A finger is rigid but for its one direction of closing: along
 //! the others it has no inverse mass and moves with the palm. (On a prismatic joint it has to be held sideways by the
 //! joint's rows, and a solver that goes row by row does that badly when a light finger carries a heavy object: objects
-//! crept out of the jaws.) While closing, each finger is driven at constant speed with at most its finger force. Once both
-//! have stopped, the drive presses with exactly that force and ties the fingers to each other as a gear would, so that
-//! the pair does not drift sideways under the object's weight:
+//! crept out of the jaws.) While closing, each finger is driven at constant speed with at most its finger force. Once
+//! both have stopped, the drive presses with exactly that force and ties the fingers to each other as a gear would, so
+//! that the pair does not drift sideways under the object's weight:
 //!
 //! force on a finger = F − k·(asymmetry − asymmetry at contact)/2 − d·speed
 //!

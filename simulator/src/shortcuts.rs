@@ -11,8 +11,8 @@ use crate::hull::Placed;
 
 /// Fingers are simulated from this far before they touch something.
 const NEAR_M: f32 = 0.0005;
-/// An object rides along if it moves no faster than this against the hand, for [`STEADY_TIME_S`]; others rest if they move
-/// no faster than this.
+/// An object rides along if it moves no faster than this against the hand, for [`STEADY_TIME_S`]; others rest if they
+/// move no faster than this.
 const STEADY_SPEED_M_S: f32 = 0.001;
 const STEADY_TURN_RAD_S: f32 = 0.05;
 const STEADY_TIME_S: f32 = 0.025;
@@ -79,8 +79,8 @@ impl LiftWatch {
         Self { wanted_steps: physics.steps(STEADY_TIME_S), steady_steps: 0, is_proven: false }
     }
 
-    /// Whether the target is held for good: it rides along between the fingers and touches nothing else, everything else
-    /// is at rest, and nothing lies on the `rest_m` that hand and target have still to go.
+    /// Whether the target is held for good: it rides along between the fingers and touches nothing else, everything
+    /// else is at rest, and nothing lies on the `rest_m` that hand and target have still to go.
     ///
     /// A hand that slows down asks for less than it does in the end; so the target must have ridden along while it
     /// did not (`is_slowing`).

@@ -265,7 +265,8 @@ fn a_ring_is_held_with_a_finger_through_its_hole() {
     let grasp = from_above(0.15 + 0.5 * (0.03 + 0.045) * libm::cosf(PI / 12.0), 0.06);
     let end = both(&scene, &grasp);
     assert_eq!(end.outcome, Outcome::Held, "{end:?}");
-    // The finger in the hole is 20 mm wide, a side of the hole 15.5 mm: the finger's edges rest on the neighbouring sides.
+    // The finger in the hole is 20 mm wide, a side of the hole 15.5 mm: the finger's edges rest on the neighbouring
+    // sides.
     let beyond_side_m = 0.01 - 0.03 * libm::sinf(PI / 12.0);
     let wall_m = 0.015 * libm::cosf(PI / 12.0) + beyond_side_m * libm::tanf(PI / 6.0);
     assert!((end.width_m.unwrap() - wall_m).abs() < 2e-4, "{end:?} on a wall of {wall_m} m");

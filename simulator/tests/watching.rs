@@ -140,8 +140,8 @@ fn an_obstruction_is_where_the_hand_first_comes_too_near() {
     let world = AttemptWorld::new(&Physics::STANDARD, &gripper, &Procedure::PAPER, &scene);
     assert_eq!(world.obstruction(&grasp(0.11, 0.075), 0), None);
 
-    // The palm, a finger's length behind the tips, comes down on the target's top at 0.1 m, a clearance early; the pre-grasp
-    // is 0.05 m up.
+    // The palm, a finger's length behind the tips, comes down on the target's top at 0.1 m, a clearance early; the
+    // pre-grasp is 0.05 m up.
     let found = world.obstruction(&grasp(0.11, 0.045), 0).unwrap();
     assert_eq!((found.outcome, found.part), (Outcome::ApproachCollision, 2), "{found:?}");
     let expected_m = 0.05 - (0.1 - (0.045 + gripper.finger_length_m)) - gripper.clearance_m;

@@ -1,8 +1,8 @@
 //! A convolution over cubes of positions, as the places in memory that its three products need.
 //!
-//! A cube of side `n` holds the channels of each position, x slowest, channels fastest, in `n + 2 · padding` positions a
-//! side of which the outer ones are zero. Those zeros are the convolution's padding; gradients that come to lie there are
-//! never looked at.
+//! A cube of side `n` holds the channels of each position, x slowest, channels fastest, in `n + 2 · padding` positions
+//! a side of which the outer ones are zero. Those zeros are the convolution's padding; gradients that come to lie there
+//! are never looked at.
 
 use rayon::prelude::*;
 
@@ -149,8 +149,8 @@ impl Conv {
         }
     }
 
-    /// The gradient of the input cubes; `weights` are `[taps, columns, run]`. A run must fill whole vectors, which those
-    /// of the first layer, whose inputs' gradient nobody wants, do not.
+    /// The gradient of the input cubes; `weights` are `[taps, columns, run]`. A run must fill whole vectors, which
+    /// those of the first layer, whose inputs' gradient nobody wants, do not.
     pub(crate) fn d_inputs(&self, weights: &[f32], gradients: &[f32]) -> Vec<f32> {
         debug_assert!(self.run.is_multiple_of(LANES), "a run of {}", self.run);
         let cubes = gradients.len() / (self.rows.len() * self.columns);
@@ -213,8 +213,8 @@ mod tests {
         .into_iter()
     }
 
-    /// Every product of an input, a weight and an output's gradient, from the definition of a convolution: calls `visit`
-    /// with the three places.
+    /// Every product of an input, a weight and an output's gradient, from the definition of a convolution: calls
+    /// `visit` with the three places.
     fn for_products(case: &Case, mut visit: impl FnMut(usize, usize, usize)) {
         let Case { layer, input, output_padding } = case;
         let (side, channels) = (input.whole(), layer.channels_in);

@@ -1,11 +1,11 @@
 //! A doubling and the convolution after it as one convolution at the coarse level.
 //!
-//! Of the 5³ fine positions around a fine voxel, linear upsampling makes 4³ coarse ones, so their weights can be folded into
-//! coarse ones once and for all. The eight fine voxels of a coarse cell (its phases) see 5³ coarse positions together: one
-//! product with eight times the columns gives them all, at half the arithmetic of doubling first, and the fine volume is
-//! never written. Fine neighbours outside the volume are the zeros that the convolution pads with, so the first and the
-//! last cell of an axis have weights of their own: 3³ sets. (Coarse neighbours just outside must be those just inside, on
-//! which the doubling holds.)
+//! Of the 5³ fine positions around a fine voxel, linear upsampling makes 4³ coarse ones, so their weights can be folded
+//! into coarse ones once and for all. The eight fine voxels of a coarse cell (its phases) see 5³ coarse positions
+//! together: one product with eight times the columns gives them all, at half the arithmetic of doubling first, and the
+//! fine volume is never written. Fine neighbours outside the volume are the zeros that the convolution pads with, so
+//! the first and the last cell of an axis have weights of their own: 3³ sets. (Coarse neighbours just outside must be
+//! those just inside, on which the doubling holds.)
 
 use rayon::prelude::*;
 

@@ -1,8 +1,8 @@
 //! The network's parameters in the order in which products read them.
 //!
 //! The three heads see the same inputs and are one stage of sixteen columns, of which six are used; so there are seven
-//! stages. A stage's weights are `[taps, run, columns]` (tap: kernel x and y; run: kernel z and channels in), then come its
-//! biases, `[columns]`.
+//! stages. A stage's weights are `[taps, run, columns]` (tap: kernel x and y; run: kernel z and channels in), then come
+//! its biases, `[columns]`.
 
 use std::ops::Range;
 use std::sync::LazyLock;

@@ -1,8 +1,8 @@
 //! The three products of which a convolution's step consists, on memory as it lies.
 //!
-//! As a product of matrices, a convolution's left matrix repeats every input kernel³ times. Here it is never written: in
-//! channels-last order, the inputs of an output are one run of memory along z for each tap (a pair of kernel x and y), so a
-//! product takes where its rows begin and how far each tap lies from there ([`super::conv`]).
+//! As a product of matrices, a convolution's left matrix repeats every input kernel³ times. Here it is never written:
+//! in channels-last order, the inputs of an output are one run of memory along z for each tap (a pair of kernel x and
+//! y), so a product takes where its rows begin and how far each tap lies from there ([`super::conv`]).
 //!
 //! `T` rows by `R` vectors of columns are summed in registers. Each sum has its own order, whatever `T`, `R` and the
 //! machine's vectors are. Tiles must have constant sizes: the compiler keeps sums in memory as soon as a loop over them

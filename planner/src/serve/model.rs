@@ -40,7 +40,8 @@ impl ModelAnswer {
     }
 }
 
-/// The keys of a settings file. Numbers go through text, which has them as people wrote them: 0.45, not 0.44999998807907104.
+/// The keys of a settings file. Numbers go through text, which has them as people wrote them: 0.45, not
+/// 0.44999998807907104.
 fn settings(config: &Config) -> Value {
     let text = serde_json::to_string(config).unwrap_or_default();
     let mut settings: Value = serde_json::from_str(&text).unwrap_or_default();

@@ -1,5 +1,5 @@
-//! The step as other devices do it, against the host's: on the host itself, and on every device that the program was built
-//! for.
+//! The step as other devices do it, against the host's: on the host itself, and on every device that the program was
+//! built for.
 
 use network::upsampling::Upsampling;
 use schema::Quat;

@@ -1,4 +1,5 @@
-//! What goes beyond the paper's recipe: off changes nothing, on resumes to the bit, and recipes from before it stay good.
+//! What goes beyond the paper's recipe: off changes nothing, on resumes to the bit, and recipes from before it stay
+//! good.
 
 use std::fs;
 use std::path::{Path, PathBuf};

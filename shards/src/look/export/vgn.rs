@@ -7,10 +7,11 @@
 //! raw/setup.json         size, intrinsic, max_opening_width, finger_depth
 //! ```
 //!
-//! VGN's grasps have their origin between the roots of the fingers, ours between the tips. i, j, k are positions divided by the voxel's
-//! side: VGN rounds them, so that a grasp gets the voxel whose lower corner is nearest, and its detection takes that corner for the
-//! grasp's place. What VGN's recipe throws away (its notebook `data.ipynb`, GIGA's `clean_balance_data.py`) is left out: grasps nearer
-//! to the workspace's faces than 20 mm. Some of them would have no voxel, or none after a quarter turn.
+//! VGN's grasps have their origin between the roots of the fingers, ours between the tips. i, j, k are positions
+//! divided by the voxel's side: VGN rounds them, so that a grasp gets the voxel whose lower corner is nearest, and its
+//! detection takes that corner for the grasp's place. What VGN's recipe throws away (its notebook `data.ipynb`, GIGA's
+//! `clean_balance_data.py`) is left out: grasps nearer to the workspace's faces than 20 mm. Some of them would have no
+//! voxel, or none after a quarter turn.
 
 use std::io::BufWriter;
 
