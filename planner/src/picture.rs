@@ -10,6 +10,7 @@ mod surface;
 pub(crate) mod tints;
 mod words;
 
+use program::{Exit, ExitCode};
 use schema::{Gripper, Vec3};
 
 use self::eye::{Eye, Outlook, Seen};
@@ -50,6 +51,12 @@ pub enum PictureError {
     /// The PNG encoder failed.
     #[error("failed to encode the picture: {0}")]
     Encoding(#[from] png::EncodingError),
+}
+
+impl Exit for PictureError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Internal
+    }
 }
 
 /// A word to be written over a panel.

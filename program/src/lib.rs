@@ -22,8 +22,8 @@ mod start;
 pub mod text;
 
 pub use exit::{Context, Exit, ExitCode, Failure};
-pub use output::{print, print_error, write};
+pub use output::{command_line, json, print, print_error, write};
 pub use publish::publish;
-pub use signals::{stop_on_signals, writes_fail_at_the_file_size_limit};
+pub use signals::stop_on_signals;
 pub use start::{ThreadsError, run, start_threads};
 pub use text::error_chain;

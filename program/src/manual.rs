@@ -3,11 +3,12 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::io::{self, Write as _};
 use std::path::PathBuf;
 
 use clap::{Command, Subcommand};
 use clap_complete::Shell;
+
+use crate::{Context, ExitCode, Failure, print};
 
 /// The requested document.
 #[derive(Debug, Clone, Subcommand)]
@@ -39,25 +40,26 @@ pub struct Settings {
 const TEXT_WIDTH: usize = 110;
 
 impl Manual {
-    /// Does what is asked. `chapters` are Markdown that stands at the end of the reference.
+    /// Runs the command. `chapters` are Markdown that stands at the end of the reference.
     ///
     /// # Errors
-    /// What the system says.
-    pub fn make(&self, command: Command, settings: &[Settings], chapters: &str) -> io::Result<()> {
+    /// If the manual cannot be printed or written.
+    pub fn run(&self, command: Command, settings: &[Settings], chapters: &str) -> Result<ExitCode, Failure> {
         let name = command.get_name().to_owned();
         let mut command = command.bin_name(name.clone());
         match self {
             Self::Completions { shell } => {
                 let mut text = Vec::new();
                 clap_complete::generate(*shell, &mut command, name, &mut text);
-                io::stdout().lock().write_all(&text)
+                print(String::from_utf8_lossy(&text))?;
             }
             Self::Man { folder } => {
-                fs::create_dir_all(folder)?;
-                clap_mangen::generate_to(command, folder)
+                let written = fs::create_dir_all(folder).and_then(|()| clap_mangen::generate_to(command, folder));
+                written.context(format_args!("failed to write the manual into {}", folder.display()))?;
             }
-            Self::Markdown => io::stdout().lock().write_all(markdown(command, settings, chapters).as_bytes()),
+            Self::Markdown => print(markdown(command, settings, chapters))?,
         }
+        Ok(ExitCode::Ok)
     }
 }
 
@@ -113,7 +115,7 @@ mod tests {
     #[test]
     fn man_pages_are_one_a_command() {
         let folder = tempfile::tempdir().unwrap();
-        Manual::Man { folder: folder.path().join("man") }.make(command(), &[], "").unwrap();
+        Manual::Man { folder: folder.path().join("man") }.run(command(), &[], "").unwrap();
         let names: Vec<String> = fs::read_dir(folder.path().join("man"))
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())

@@ -4,7 +4,9 @@ use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
-use crate::{Context, Failure, publish};
+use serde::Serialize;
+
+use crate::{Context, ExitCode, Failure, publish};
 
 /// Prints to standard output. A reader that closed it, such as `head`, had enough: that is no error.
 ///
@@ -29,4 +31,37 @@ pub fn print_error(text: &str) {
 /// If it cannot be written; the message names it.
 pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), Failure> {
     publish(path, bytes.as_ref()).context(format_args!("failed to write {}", path.display()))
+}
+
+/// A value as indented JSON, with a line break at the end.
+///
+/// # Errors
+/// If the value has no JSON, which is a defect of the program.
+pub fn json(value: &impl Serialize) -> Result<String, Failure> {
+    let failed = |error| Failure::new(ExitCode::Internal, format!("failed to make JSON: {error}"));
+    Ok(serde_json::to_string_pretty(value).map_err(failed)? + "\n")
+}
+
+/// The command line of this process, as a person would type it into a shell.
+#[must_use]
+pub fn command_line(program: &str) -> String {
+    std::env::args().skip(1).fold(program.to_owned(), |line, word| line + " " + &quoted(&word))
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let is_plain = |letter: char| letter.is_alphanumeric() || "-_./=:,+".contains(letter);
+    if word.chars().all(is_plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_quoted_where_a_shell_would_split_or_change_them() {
+        assert_eq!(quoted("--views=3"), "--views=3");
+        assert_eq!(quoted("pile, 3 views"), "'pile, 3 views'");
+        assert_eq!(quoted("it's"), r"'it'\''s'");
+    }
 }

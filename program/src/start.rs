@@ -57,10 +57,10 @@ impl Exit for ThreadsError {
     }
 }
 
-/// Starts the threads that parallel work is shared among: so many, or one a core. Call it at most once, before that work begins.
+/// Starts the threads that share parallel work, one per core unless `threads` says otherwise. Call it at most once, before that work begins.
 ///
 /// # Errors
 /// If the system refuses, or parallel work has begun.
-pub fn start_threads(threads: Option<usize>) -> Result<(), ThreadsError> {
-    Ok(ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build_global()?)
+pub fn start_threads(threads: Option<u16>) -> Result<(), ThreadsError> {
+    Ok(ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0).into()).build_global()?)
 }

@@ -62,7 +62,7 @@ pub use format::{
 pub use look::report::{self, Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use look::{
     ExportCounts, ExportError, ExportFormat, ExportOrigin, Exported, ExportedFile, Inspection, PROBLEMS_MAX, Verified,
-    export, object_bodies, scene_view, tsdf, verify, write_view,
+    export, object_bodies, scene_view, tsdf, verify,
 };
 #[cfg(any(test, fuzzing))]
 pub use read::fuzzing;

@@ -9,4 +9,4 @@ mod view;
 pub use export::{ExportCounts, ExportError, ExportFormat, ExportOrigin, Exported, ExportedFile, export, tsdf};
 pub use inspect::Inspection;
 pub use verify::{PROBLEMS_MAX, Verified, verify};
-pub use view::{object_bodies, scene_view, write_view};
+pub use view::{object_bodies, scene_view};

@@ -6,6 +6,7 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use program::{Exit, ExitCode};
 use report::figure::{BLUE, Colour, GREY, ORANGE};
 
 use super::share;
@@ -15,6 +16,12 @@ use crate::statistics::{Interval, Results};
 #[derive(Debug, thiserror::Error)]
 #[error("failed to draw the results: {0}")]
 pub struct FigureError(String);
+
+impl Exit for FigureError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Internal
+    }
+}
 
 /// What is shown together: an experiment, or a part of one.
 #[derive(Debug, Clone)]

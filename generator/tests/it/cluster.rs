@@ -74,7 +74,7 @@ fn what_killed_writers_left_is_counted_then_removed() {
     check_ok(&run(&dir, "ds", &["--shard-index", "0"]));
     let leave = || std::fs::write(dir.path().join("ds/scenes/.x#elsewhere-7-abc.tmp"), "half a file").unwrap();
     leave();
-    says(&program(&dir, &["gc", "ds", "--dry-run"]), 0, "0 files of killed writers to remove, 0 B\n1 files are being");
+    says(&program(&dir, &["gc", "ds", "--dry-run"]), 0, "0 files of killed writers to remove, 0 B\n1 files kept");
     says(&program(&dir, &["gc", "ds"]), 0, "0 files of killed writers removed");
     says(&program(&dir, &["gc", "ds", "--all"]), 0, "1 files of killed writers removed, 11 B");
     leave();

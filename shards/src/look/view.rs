@@ -1,9 +1,5 @@
 //! One scene to look at: its objects, what the cameras saw of them, and every attempt with how it ended.
 
-use std::io;
-use std::path::Path;
-
-use program::publish;
 use report::view::{Body, Class, Line, Points, View, flat_points};
 use schema::{AttemptRecord, Axis, CameraParams, HitKind, Intrinsics, ObjectRecord, Outcome, SceneRows};
 
@@ -109,15 +105,6 @@ fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows
 /// The first digits of a dataset's id.
 fn short(dataset_id: &str) -> &str {
     dataset_id.get(..12).unwrap_or(dataset_id)
-}
-
-/// Puts a view into a file, whole or not at all: as a page, or as JSON.
-///
-/// # Errors
-/// What the system says; a file that was there is then untouched.
-pub fn write_view(view: &View, is_json: bool, path: &Path) -> io::Result<()> {
-    let text = if is_json { view.to_json() } else { view.page() };
-    publish(path, text.as_bytes())
 }
 
 #[cfg(test)]

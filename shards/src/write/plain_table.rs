@@ -6,6 +6,7 @@ use arrow::array::{ArrayRef, Float32Array, RecordBatch, StringArray, UInt64Array
 use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::{WriterProperties, WriterVersion};
+use program::{Exit, ExitCode};
 
 /// A column of a flat table.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,6 +23,13 @@ pub enum PlainColumn {
 #[derive(Debug, thiserror::Error)]
 #[error("failed to write a table: {0}")]
 pub struct PlainTableError(String);
+
+impl Exit for PlainTableError {
+    /// [`ExitCode::Internal`]: only columns of unequal length have no table.
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Internal
+    }
+}
 
 /// The bytes of a Parquet file with these columns, in this order; a pure function of them.
 ///

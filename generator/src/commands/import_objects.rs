@@ -1,68 +1,70 @@
-//! `generator import-objects`: meshes to a catalogue of objects, with a table of what became of them.
+//! `generator import-objects`: meshes to a catalogue of objects, with a table of the results.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use clap::Args;
 use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, Weight, import_objects, mesh_files};
 use program::text::{grouped, percent};
-use program::{Exit, ExitCode};
+use program::{Context, ExitCode, Failure, json, print, write};
 use simulator::PartsParams;
 
-/// Friction of objects that are said nothing of: wood, card and plastic against rubber.
+/// Friction unless the command line gives one: wood, card and plastic against rubber.
 const FRICTION: f32 = 0.8;
-/// Density of objects that are said nothing of, in kg/m³: hollow plastic, light wood.
+/// Density unless the command line gives one, in kg/m³: hollow plastic, light wood.
 const DENSITY_KG_M3: f64 = 400.0;
 
-#[derive(Debug, clap::Args)]
-pub(crate) struct ImportArguments {
+/// Make objects of your own meshes: measure them, decompose them into convex parts, write a catalogue
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
     /// Meshes (.obj, .stl, .ply), and folders of them
     #[arg(required = true, value_name = "FOLDER|FILE")]
-    pub meshes: Vec<PathBuf>,
+    meshes: Vec<PathBuf>,
 
     /// The catalogue to write; a config names it in [objects] as catalogue = "FILE"
     #[arg(long, value_name = "FILE")]
-    pub out: PathBuf,
+    out: PathBuf,
 
-    /// Metres in a unit of the files: 0.001 for millimetres
+    /// Metres per unit of the files: 0.001 for millimetres
     #[arg(long, value_name = "METRES", default_value_t = 1.0, value_parser = positive)]
-    pub scale: f64,
+    scale: f64,
 
     /// Density of all objects in kg/m3 [default: 400]
     #[arg(long, value_name = "KG/M3", value_parser = positive)]
-    pub density: Option<f64>,
+    density: Option<f64>,
 
     /// Mass of each object in kg, instead
     #[arg(long, value_name = "KG", conflicts_with = "density", value_parser = positive)]
-    pub mass: Option<f64>,
+    mass: Option<f64>,
 
     /// Friction coefficient of all objects
     #[arg(long, value_name = "MU", default_value_t = FRICTION)]
-    pub friction: f32,
+    friction: f32,
 
-    /// Most convex parts of an object; 1 makes it its hull
+    /// Most convex parts of an object; 1 makes it its convex hull
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
-    pub hulls_max: u8,
+    hulls_max: u8,
 
     /// Most corners of a part; an attempt takes longer with more
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u8).range(8..=64))]
-    pub corners_max: u8,
+    corners_max: u8,
 
-    /// Voxels along an object's longest side, along which it is cut
+    /// Voxels along an object's longest side; objects are cut along voxels
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(16..=256))]
-    pub voxels: u32,
+    voxels: u32,
 
-    /// Config whose hand and workspace the objects are to fit [default: the built-in configs/generate/paper.toml]
+    /// Config whose hand and workspace the objects must fit [default: the built-in configs/generate/paper.toml]
     #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
+    config: Option<PathBuf>,
 
-    /// Replace a catalogue that is there
+    /// Replace an existing catalogue
     #[arg(long)]
-    pub force: bool,
+    force: bool,
 
     /// Print JSON instead of the table
     #[arg(long)]
-    pub json: bool,
+    json: bool,
 }
 
 /// A number above 0.
@@ -71,36 +73,7 @@ fn positive(text: &str) -> Result<f64, String> {
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("must be above 0, got {text}")) }
 }
 
-/// Why the catalogue was not written.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum CatalogueFileError {
-    /// Somebody's work is there.
-    #[error("another catalogue is there, and may have been edited; --force replaces it: {}", .0.display())]
-    Taken(PathBuf),
-    /// There is no such folder, or the path is one.
-    #[error("--out must name a file in a folder that is there: {}", .0.display())]
-    Nowhere(PathBuf),
-    /// The disk refuses.
-    #[error("failed to write the catalogue: {source}: {}", .path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-}
-
-impl Exit for CatalogueFileError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Taken(_) | Self::Nowhere(_) => ExitCode::Config,
-            Self::Write { .. } => ExitCode::TryAgain,
-        }
-    }
-}
-
-/// Reads, reports, writes.
-pub(crate) fn run_import(arguments: &ImportArguments) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let Config { gripper, grid, .. } = Config::load(arguments.config.as_deref(), Overrides::default())?;
     let weight = match (arguments.mass, arguments.density) {
         (Some(mass_kg), _) => Weight::Mass(mass_kg),
@@ -113,32 +86,37 @@ pub(crate) fn run_import(arguments: &ImportArguments) -> anyhow::Result<ExitCode
         concavity: 0.002,
     };
     let params = ImportParams { scale_m: arguments.scale, weight, friction: arguments.friction, parts, gripper, grid };
-    can_hold(&arguments.out)?;
+    check_target(&arguments.out)?;
     let imported = import_objects(&mesh_files(&arguments.meshes)?, &params)?;
     write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;
-    let text =
-        if arguments.json { serde_json::to_string_pretty(&imported)? + "\n" } else { table(&imported, &arguments.out) };
-    let _ = write!(std::io::stdout().lock(), "{text}");
+    print(if arguments.json { json(&imported)? } else { table(&imported, &arguments.out) })?;
     Ok(ExitCode::Ok)
 }
 
 /// Decomposing meshes takes minutes, so unwritable outputs are reported before.
-fn can_hold(path: &Path) -> Result<(), CatalogueFileError> {
+fn check_target(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if path.is_dir() || !folder.is_dir() { Err(CatalogueFileError::Nowhere(path.to_owned())) } else { Ok(()) }
+    if folder.is_dir() && !path.is_dir() {
+        return Ok(());
+    }
+    let text = format!("--out must name a file in an existing folder: {}", path.display());
+    Err(Failure::new(ExitCode::Config, text))
 }
 
-/// Whole or not at all; what is there stays, unless it is the same or to be replaced.
-fn write_catalogue(path: &Path, text: &str, replaces: bool) -> Result<(), CatalogueFileError> {
-    let failed = |source| CatalogueFileError::Write { path: path.to_owned(), source };
+/// Leaves an existing file as it is, unless `replaces`.
+fn write_catalogue(path: &Path, text: &str, replaces: bool) -> Result<(), Failure> {
     match std::fs::read(path) {
-        Ok(there) if there == text.as_bytes() => return Ok(()),
-        Ok(_) if !replaces => return Err(CatalogueFileError::Taken(path.to_owned())),
+        Ok(existing) if existing == text.as_bytes() => return Ok(()),
+        Ok(_) if !replaces => {
+            let path = path.display();
+            let text = format!("another catalogue exists, and may have been edited; --force replaces it: {path}");
+            return Err(Failure::new(ExitCode::Config, text));
+        }
         Ok(_) => {}
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-        Err(error) => return Err(failed(error)),
+        Err(error) if error.kind() == ErrorKind::NotFound => {}
+        Err(error) => return Err(error).context(format_args!("failed to read {}", path.display())),
     }
-    program::publish(path, text.as_bytes()).map_err(failed)
+    write(path, text)
 }
 
 fn table(imported: &Imported, out: &Path) -> String {

@@ -1,7 +1,5 @@
 //! What people see while training and after.
-#![expect(clippy::print_stderr, reason = "progress and failures go to standard error")]
 
-use std::io::Write as _;
 use std::sync::Mutex;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
@@ -38,7 +36,7 @@ impl Screen {
         }
     }
 
-    /// Clears the bar and, if an epoch was done, tells how well it ended.
+    /// Clears the bar and, if an epoch was done, prints its results.
     pub(crate) fn end(&self) {
         self.bar().finish_and_clear();
         let last = self.last.lock().ok().and_then(|last| last.clone());
@@ -115,9 +113,9 @@ impl Screen {
     }
 }
 
-/// A line to standard output. Training must not end because nobody reads any more, so a closed pipe is ignored.
-pub(crate) fn print(text: &str) {
-    let _ = writeln!(std::io::stdout(), "{}", text.trim_end_matches(' '));
+/// A line to standard output. Training must not end because its output cannot be written.
+fn print(text: &str) {
+    let _ = program::print(format_args!("{}\n", text.trim_end_matches(' ')));
 }
 
 fn bar(len: u64, template: &str) -> ProgressBar {
@@ -200,22 +198,6 @@ fn spread(spread: Option<Spread>, unit: &str) -> String {
             format!("mean {mean:.1}{unit}, median {median:.1}{unit}, nine of ten below {p90:.1}{unit} (held attempts)")
         },
     )
-}
-
-/// An error on standard error, with those of its causes that its message does not tell already.
-pub(crate) fn failure(error: &anyhow::Error) {
-    let mut text = error.to_string();
-    for cause in error.chain().skip(1).map(ToString::to_string) {
-        if !text.contains(&cause) {
-            text = format!("{text}: {cause}");
-        }
-    }
-    eprintln!("error: {text}");
-}
-
-/// Says what is being measured.
-pub(crate) fn phase(name: &str) {
-    eprintln!("measuring {name}");
 }
 
 /// What `trainer bench` measured, as Markdown.

@@ -1,28 +1,12 @@
 //! Terminal output.
 
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
 
 use planner::bench::{BenchReport, StageTime};
 use planner::plan::{Plan, RankedGrasp};
 
 /// Maximum number of grasps in the summary; the JSON has all.
 const GRASPS_SHOWN: usize = 10;
-
-/// Prints to standard output.
-///
-/// # Errors
-/// If it is closed.
-pub(crate) fn print(text: &str) -> io::Result<()> {
-    let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes())?;
-    out.flush()
-}
-
-/// Prints to stderr; a closed stderr is not an error.
-pub(crate) fn complain(text: &str) {
-    let _ = writeln!(io::stderr(), "{text}");
-}
 
 /// The summary of a plan.
 pub(crate) fn summary(plan: &Plan) -> String {

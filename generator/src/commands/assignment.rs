@@ -5,6 +5,8 @@ use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::str::FromStr;
 
+use program::{Exit, ExitCode};
+
 /// Variables that hold the index of a task: our own, Slurm's arrays, Kubernetes' Indexed Jobs, AWS Batch's arrays.
 pub(crate) const VARIABLES: [&str; 4] =
     ["SHARD_INDEX", "SLURM_ARRAY_TASK_ID", "JOB_COMPLETION_INDEX", "AWS_BATCH_JOB_ARRAY_INDEX"];
@@ -36,7 +38,7 @@ pub(crate) struct ShardIndices(pub BTreeSet<u32>);
 pub(crate) enum AssignmentError {
     /// A variable holds no index.
     #[error(
-        "{variable} must be a shard index, a whole number from 0, got {value:?}; --shard-index or --task goes before it"
+        "{variable} must be a shard index, a whole number from 0, got {value:?}; --shard-index or --task takes precedence"
     )]
     NoIndex { variable: &'static str, value: String },
     /// Two variables say different things.
@@ -45,6 +47,12 @@ pub(crate) enum AssignmentError {
     /// There is no such shard.
     #[error("shard index must be below the number of shards, {shard_count}, got {index} from {source_name}")]
     NoSuchShard { index: u32, shard_count: u32, source_name: &'static str },
+}
+
+impl Exit for AssignmentError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Config
+    }
 }
 
 impl Assignment {

@@ -7,7 +7,7 @@ use program::text::{bar, grouped, percent, ratio};
 use schema::Outcome;
 use shards::{Counts, Finalized, Location};
 
-use crate::assignment::index_list;
+use super::assignment::index_list;
 
 /// The table at the end of a run: the numbers of the dataset if it is complete, else of this run; then the next step.
 pub(crate) fn render(report: &Report, at: &Location, elapsed_s: f64) -> String {
@@ -31,7 +31,7 @@ pub(crate) fn render(report: &Report, at: &Location, elapsed_s: f64) -> String {
         Some(Finalized::Complete(_)) if made == 0 => format!("complete already: {at}\n"),
         _ if report.is_stopped => "stopped: run the same command again to continue\n".to_owned(),
         Some(state) => next(state, at),
-        None => format!("next, when all shards are there: generator finalize {at}\n"),
+        None => format!("next, when all shards exist: generator finalize {at}\n"),
     };
     text
 }

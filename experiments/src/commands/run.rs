@@ -1,0 +1,106 @@
+//! `experiments run`: runs an experiment, or continues it.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use clap::Args;
+use experiments::config::Config;
+use experiments::record::{RoundRecord, TrialRecord};
+use experiments::report::{About, json, markdown, svg};
+use experiments::round::Round;
+use experiments::run::run as run_rounds;
+use experiments::statistics::results;
+use experiments::tables::{bodies, conditions, objects_table, rounds_table, trials_table};
+use indicatif::{ProgressBar, ProgressStyle};
+use program::{Context, ExitCode, Failure, command_line, print, print_error, stop_on_signals, write};
+
+/// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.md, report.json, report.svg
+#[derive(Debug, Args)]
+#[command(after_help = ExitCode::HELP)]
+pub(crate) struct Arguments {
+    /// The experiment, as in configs/experiment
+    config: PathBuf,
+
+    /// Its folder; created if missing
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+
+    /// A key of the experiment or, as plan.KEY, of the planner's settings, in place of the file's; may be repeated
+    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
+    set: Vec<(String, String)>,
+
+    /// Rounds per seed [default: the config's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    rounds: Option<u64>,
+
+    /// The only seed of the scenes [default: the config's]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+
+    /// Rounds at once; changes times, not results [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+/// `views.count=3` in two.
+fn assignment(text: &str) -> Result<(String, String), String> {
+    let parts = text.split_once('=').ok_or_else(|| format!("must be KEY=VALUE, got {text}"))?;
+    Ok((parts.0.trim().to_owned(), parts.1.trim().to_owned()))
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let mut set = arguments.set.clone();
+    set.extend(arguments.rounds.map(|rounds| ("rounds".to_owned(), rounds.to_string())));
+    set.extend(arguments.seed.map(|seed| ("seeds".to_owned(), format!("[{seed}]"))));
+    let config = Config::read(&arguments.config, &set)?;
+    let planner = config.planner()?;
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = arguments.threads.map_or_else(cores, usize::from);
+    let on_first = || print_error("stopping after the rounds under way; a second signal stops at once");
+    let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
+    let bar = progress_bar(config.round_count());
+    let counts = Mutex::new((0_u64, 0_u64));
+    let on_round = |round: &Round| {
+        let mut counts = counts.lock().unwrap_or_else(PoisonError::into_inner);
+        counts.0 += u64::from(round.record.attempt_count);
+        counts.1 += u64::from(round.record.removed_count);
+        bar.set_message(format!("{} of {} grasps held", counts.1, counts.0));
+        bar.inc(1);
+    };
+    let rounds = run_rounds(&config, &planner, threads, &arguments.out, &stop, &on_round)?;
+    bar.finish_and_clear();
+    if (rounds.len() as u64) < config.round_count() {
+        return Ok(ExitCode::TryAgain);
+    }
+    write_reports(&config, planner.model_id(), rounds, &arguments.out)?;
+    Ok(ExitCode::Ok)
+}
+
+fn write_reports(config: &Config, model_id: &str, rounds: Vec<Round>, folder: &Path) -> Result<(), Failure> {
+    let (records, trials): (Vec<RoundRecord>, Vec<Vec<TrialRecord>>) =
+        rounds.into_iter().map(|round| (round.record, round.trials)).unzip();
+    let trials: Vec<TrialRecord> = trials.into_iter().flatten().collect();
+    let results = results(&config.protocol, &records, &trials);
+    let about = About {
+        command: command_line("experiments"),
+        config: config.text.clone(),
+        model_id: model_id.to_owned(),
+        versions: [("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
+    };
+    write(&folder.join("rounds.parquet"), rounds_table(&records)?)?;
+    write(&folder.join("attempts.parquet"), trials_table(&trials)?)?;
+    write(&folder.join("objects.parquet"), objects_table(&trials)?)?;
+    write(&folder.join("bodies.json"), bodies(config))?;
+    write(&folder.join("run.json"), conditions(config))?;
+    write(&folder.join("report.json"), json(&results, &about))?;
+    write(&folder.join("report.svg"), svg(std::slice::from_ref(&results))?)?;
+    let text = markdown(&results, &about);
+    write(&folder.join("report.md"), &text)?;
+    print(text)
+}
+
+fn progress_bar(rounds: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} rounds · {msg} · {eta} left");
+    // Without a terminal indicatif draws nothing.
+    ProgressBar::new(rounds).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}

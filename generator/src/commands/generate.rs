@@ -1,0 +1,110 @@
+//! `generator` without a command: makes the shards of this process.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use clap::Args;
+use generator::{Config, Event, Overrides, attempts_of, generate};
+use indicatif::{ProgressBar, ProgressStyle};
+use program::{Context, ExitCode, Failure, print, print_error, start_threads, stop_on_signals};
+use shards::{DatasetInfo, Finalized, Location, LocationParser};
+
+use super::assignment::{Assignment, ShardIndices, Task, index_list};
+use super::table;
+
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    /// Number of shards; part of the dataset's identity [default: the config's]
+    #[arg(long, value_name = "N")]
+    shards: Option<u64>,
+
+    /// Only these shards: one, several, or ranges, such as 3 or 0,4,8-11 [default: the scheduler's index, see below, or all]
+    #[arg(long, value_name = "LIST")]
+    shard_index: Option<ShardIndices>,
+
+    /// Only every T-th shard, from t on: t, t+T, t+2T, ...; for schedulers whose arrays are short
+    #[arg(long, value_name = "t/T", conflicts_with = "shard_index")]
+    task: Option<Task>,
+
+    /// Attempts in the whole dataset [default: the config's]
+    #[arg(long, value_name = "N")]
+    attempts: Option<u64>,
+
+    /// Seed of every random draw [default: the config's]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+
+    /// Threads; never changes the bytes [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    threads: Option<u16>,
+
+    /// Config file [default: the built-in configs/generate/paper.toml]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Folder or URL of the dataset; created if missing
+    #[arg(long, value_name = "DIR|URL", required = true, value_parser = LocationParser)]
+    out: Option<Location>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let Some(out) = &arguments.out else { return Err(Failure::new(ExitCode::Usage, "--out is missing")) };
+    let overrides = Overrides { seed: arguments.seed, shards: arguments.shards, attempts: arguments.attempts };
+    let config = Config::load(arguments.config.as_deref(), overrides)?;
+    let assignment = Assignment::new(arguments.shard_index.as_ref(), arguments.task, |name| std::env::var_os(name))?;
+    let wanted = assignment.shards(config.shards)?;
+    if let Some(variable) = assignment.variable() {
+        let (shard, of) = (index_list(&wanted), config.shards);
+        print_error(&format!("shard {shard} of {of}, as {variable} says (--task 0/1 makes all)"));
+    }
+    start_threads(arguments.threads)?;
+    let on_first = || print_error("stopping after the scenes under way; a second signal stops at once");
+    let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
+
+    let info = config.dataset_info();
+    let progress = Progress::new(&info, &wanted);
+    let started = Instant::now();
+    let report = generate(&config, out, &wanted, &stop, &|event| progress.show(event))?;
+    progress.bar.finish_and_clear();
+    print(table::render(&report, out, started.elapsed().as_secs_f64()))?;
+    Ok(match report.dataset {
+        _ if report.is_stopped => ExitCode::TryAgain,
+        Some(Finalized::Incomplete { .. }) if wanted.len() == info.shard_count as usize => ExitCode::Incomplete,
+        _ => ExitCode::Ok,
+    })
+}
+
+/// The bar, and what it says beside it.
+struct Progress {
+    bar: ProgressBar,
+    made: AtomicU64,
+    held: AtomicU64,
+}
+
+impl Progress {
+    fn new(info: &DatasetInfo, wanted: &[u32]) -> Self {
+        let style =
+            ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} attempts · {per_sec} · {msg} · {eta} left");
+        let bar = ProgressBar::new(wanted.iter().map(|shard| attempts_of(info, *shard)).sum());
+        // Without a terminal indicatif draws nothing.
+        let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Self { bar, made: AtomicU64::new(0), held: AtomicU64::new(0) }
+    }
+
+    fn show(&self, event: Event) {
+        match event {
+            Event::Skipped { shard, attempts } => {
+                tracing::info!(shard, "skipped: an earlier run committed it");
+                self.bar.dec_length(attempts);
+            }
+            Event::Scene { attempts, positives } => {
+                let made = self.made.fetch_add(attempts, Ordering::Relaxed) + attempts;
+                let held = self.held.fetch_add(positives, Ordering::Relaxed) + positives;
+                self.bar.set_message(format!("{:.1} % positive", 100.0 * held as f64 / made as f64));
+                self.bar.inc(attempts);
+            }
+            Event::Committed { shard } => tracing::info!(shard, "committed"),
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! The commands of `planner`, one file each, and the arguments that they share.
+
+mod bench;
+mod console;
+mod plan;
+mod serve;
+
+use std::path::PathBuf;
+
+use clap::{Args, CommandFactory, Parser, Subcommand};
+use planner::{Config, Planner, PlannerError};
+use program::manual::{Manual, Settings};
+use program::{ExitCode, Failure, start_threads};
+
+/// Plans grasps from what a robot sees.
+#[derive(Debug, Parser)]
+#[command(version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Plan(Box<plan::Arguments>),
+    Serve(serve::Arguments),
+    Bench(bench::Arguments),
+    /// Write shell completions, man pages, or this program's reference
+    #[command(subcommand)]
+    Manual(Manual),
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<ExitCode, Failure> {
+    match arguments.command {
+        Command::Plan(arguments) => plan::run(&arguments),
+        Command::Serve(arguments) => serve::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
+        Command::Manual(manual) => manual.run(Arguments::command(), &SETTINGS, ""),
+    }
+}
+
+const SETTINGS: [Settings; 2] = [
+    Settings { path: "configs/plan/paper.toml", toml: include_str!("../../configs/plan/paper.toml") },
+    Settings { path: "configs/plan/refined.toml", toml: include_str!("../../configs/plan/refined.toml") },
+];
+
+/// The network and the settings.
+#[derive(Debug, Args)]
+struct NetworkArguments {
+    /// Checkpoint of the network [default: the built-in models/paper-200k.safetensors]
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+
+    /// Settings [default: the built-in configs/plan/paper.toml]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Threads; never changes the plan [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+impl NetworkArguments {
+    /// Starts the threads and makes the planner.
+    fn planner(&self) -> Result<Planner, Failure> {
+        start_threads(self.threads)?;
+        let config = Config::load(self.config.as_deref()).map_err(PlannerError::from)?;
+        Ok(match &self.model {
+            Some(model) => Planner::new(model, config)?,
+            None => Planner::built_in(config)?,
+        })
+    }
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  planner plan --demo --picture demo.png
+  planner plan --views views.toml --check-collisions --out plan.json
+  planner plan --cloud table.pcd --eye 0.15,-0.4,0.5 --explain
+  shards tsdf grasps --scene 7 --out scene.npy && planner plan --tsdf scene.npy --policy vgn-best
+  planner plan --demo --out plan.json --ply cloud.ply && python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
+  planner serve --port 8040
+  planner bench
+
+A plan without grasps is a plan, and says why: exit code 0.";

@@ -1,0 +1,182 @@
+//! `planner plan`: an observation to ranked grasps.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use planner::answer::Answer;
+use planner::cloud_file::write_ply;
+use planner::input::{
+    OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput, assemble, parse_file,
+};
+use planner::picture::draw;
+use planner::{Policy, demo};
+use program::{ExitCode, Failure, json, print, print_error, write};
+use schema::Grid;
+
+use super::{EXAMPLES, NetworkArguments, console};
+
+/// From depth images, a TSDF or a cloud to ranked grasps, as JSON
+#[derive(Debug, Args)]
+#[command(after_help = format!("{VIEWS_FILE}\n\n{EXAMPLES}\n\n{}", ExitCode::HELP))]
+#[group(id = "source", required = true, multiple = false, args = ["views", "tsdf", "cloud", "demo"])]
+pub(crate) struct Arguments {
+    /// File (TOML or JSON) that names depth images and cameras, and may hold wishes; see below
+    #[arg(long, value_name = "FILE")]
+    views: Option<PathBuf>,
+
+    /// NPY file of a TSDF in VGN's values, [40, 40, 40] or [1, 40, 40, 40]
+    #[arg(long, value_name = "FILE")]
+    tsdf: Option<PathBuf>,
+
+    /// Point cloud in the workspace frame: PLY, PCD or NPY, in metres
+    #[arg(long, value_name = "FILE")]
+    cloud: Option<PathBuf>,
+
+    /// The built-in scene
+    #[arg(long)]
+    demo: bool,
+
+    /// An option of earlier versions, refused with a hint at its replacement
+    #[arg(long, value_name = "DIR|URL", hide = true, value_parser = no_dataset)]
+    dataset: Option<String>,
+
+    /// Where the cloud was seen from; repeat for several places [default: a PCD file's viewpoint, else straight above]
+    #[arg(long, value_name = "X,Y,Z", requires = "cloud", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    eye: Vec<[f64; 3]>,
+
+    /// How grasps are ranked: paper, vgn-random, vgn-best or flattest [default: the settings']
+    #[arg(long, value_name = "NAME")]
+    policy: Option<Policy>,
+
+    /// Most grasps to return [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    grasps: Option<u32>,
+
+    /// Drop grasps whose hand would hit the cloud on its way
+    #[arg(long)]
+    check_collisions: bool,
+
+    /// Report why candidates were dropped
+    #[arg(long)]
+    explain: bool,
+
+    /// The workspace in the robot's base frame: grasps are returned in that frame too
+    #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
+    base_from_workspace: Option<[f64; 7]>,
+
+    /// The wrist's orientation in the workspace: of a grasp and its half turn, the nearer one is returned [default: straight
+    /// down, x along the workspace's]
+    #[arg(long, value_name = "QX,QY,QZ,QW", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    wrist: Option<[f64; 4]>,
+
+    /// Write the plan here instead of to standard output
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+
+    /// Draw the scene and its grasps
+    #[arg(long, value_name = "PNG")]
+    picture: Option<PathBuf>,
+
+    /// Write the segmented cloud, for MeshLab, CloudCompare, or scripts/plan_rrd.py
+    #[arg(long, value_name = "PLY")]
+    ply: Option<PathBuf>,
+
+    /// Print no summary
+    #[arg(long, short)]
+    quiet: bool,
+
+    #[command(flatten)]
+    network: NetworkArguments,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let planner = arguments.network.planner()?;
+    let Request { observation, wishes, warnings } = request(arguments, *planner.grid())?;
+    let mut plan = planner.plan(&observation, &wishes)?;
+    plan.warnings.extend(warnings);
+    if let Some(path) = &arguments.picture {
+        write(path, draw(&plan, planner.gripper(), &title(arguments))?)?;
+    }
+    if let Some(path) = &arguments.ply {
+        write(path, write_ply(&plan))?;
+    }
+    let answer = json(&Answer::new(&plan, &planner, planner.policy(&wishes)))?;
+    match &arguments.out {
+        Some(path) => write(path, answer)?,
+        None => print(answer)?,
+    }
+    if !arguments.quiet {
+        print_error(console::summary(&plan).trim_end());
+    }
+    Ok(ExitCode::Ok)
+}
+
+/// What is to be planned: a file's request or one made of flags, which count more than the file.
+fn request(arguments: &Arguments, grid: Grid) -> Result<Request, Failure> {
+    let mut input = match &arguments.views {
+        Some(path) => parse_file(path)?,
+        None if arguments.demo => demo::request()?,
+        None => RequestInput::default(),
+    };
+    add_flags(arguments, &mut input);
+    let folder = arguments.views.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+    let request = assemble(&input, Some(folder), grid);
+    Ok(match &arguments.views {
+        Some(path) => request.map_err(|error| error.at(&path.display().to_string())),
+        None => request,
+    }?)
+}
+
+fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
+    let source = |path: &PathBuf| SourceInput::Path(path.to_string_lossy().into_owned());
+    input.tsdf = arguments.tsdf.as_ref().map(source).or(input.tsdf.take());
+    input.cloud = arguments.cloud.as_ref().map(source).or(input.cloud.take());
+    if !arguments.eye.is_empty() {
+        input.eyes_m = Some(arguments.eye.clone());
+    }
+    if let Some(policy) = arguments.policy {
+        input.policy = Some(policy.name().to_owned());
+    }
+    input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
+    input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
+    input.explain = arguments.explain.then_some(true).or(input.explain);
+    if let Some([x, y, z, quaternion_xyzw @ ..]) = arguments.base_from_workspace {
+        let position_m = [x, y, z];
+        input.base_from_workspace = Some(PoseInput::Parts(PosePartsInput { position_m, quaternion_xyzw }));
+    }
+    if let Some(quaternion_xyzw) = arguments.wrist {
+        input.workspace_from_wrist = Some(OrientationInput { quaternion_xyzw });
+    }
+}
+
+fn title(arguments: &Arguments) -> String {
+    let file = |path: &Path| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let paths = [&arguments.views, &arguments.tsdf, &arguments.cloud];
+    paths.into_iter().flatten().next().map_or_else(|| "demo".to_owned(), |path| file(path))
+}
+
+/// So many numbers with commas between them.
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let read: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+    let read = read.map_err(|e| format!("not a number: {e}"))?;
+    let count = read.len();
+    read.try_into().map_err(|_| format!("must be {N} numbers with commas between them, got {count}"))
+}
+
+/// A robot's planner reads no datasets.
+fn no_dataset(dataset: &str) -> Result<String, String> {
+    Err(format!(
+        "the planner reads no datasets: shards tsdf {dataset} --scene N --out scene.npy, then --tsdf scene.npy"
+    ))
+}
+
+const VIEWS_FILE: &str = "\
+A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x, y, z, w:
+  intrinsics = { fx_px = 540.0, fy_px = 540.0, cx_px = 320.0, cy_px = 240.0 }
+  [[views]]
+  depth = \"depth-0.png\"       # 16-bit PNG, NPY or EXR; beside this file
+  depth_scale_m = 0.001       # metres per unit
+  workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [-0.954, 0.0, 0.0, 0.301] }
+Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. With base_from_workspace, views may
+have base_from_camera instead. tsdf or cloud (with eyes_m) may stand in place of views. The wishes policy, grasps_max,
+check_collisions, explain and workspace_from_wrist may be there, too; the command line takes precedence (a flag cannot switch one off).";

@@ -1,0 +1,67 @@
+//! The commands of `shards`, one file each.
+
+mod export;
+mod inspect;
+mod report;
+mod tsdf;
+mod verify;
+mod view;
+
+use clap::{CommandFactory, Parser, Subcommand};
+use program::manual::Manual;
+use program::{ExitCode, Failure};
+use shards::{Location, Table};
+
+const EXAMPLES: &str = "\
+Examples:
+  shards verify data/demo               read and check everything
+  shards report data/demo               statistics with bars
+  shards report data/demo --json        the same for programs
+  shards report data/demo --html r.html the same as a page, with pictures of scenes
+  shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid
+  shards view data/demo --scene 17 --out scene.html   the same in 3-D, for a browser
+  shards tsdf data/demo --scene 17 --out scene.npy    its voxel grid, for planner plan --tsdf
+  shards verify s3://bucket/demo        the same in an object store
+  shards export data/demo --format vgn --out data/demo-vgn    what VGN's and GIGA's Python code trains on";
+
+/// Verify, report on, inspect and export a dataset of grasp attempts. No command changes the dataset.
+#[derive(Debug, Parser)]
+#[command(name = "shards", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Verify(verify::Arguments),
+    Report(report::Arguments),
+    Inspect(inspect::Arguments),
+    Tsdf(tsdf::Arguments),
+    Export(export::Arguments),
+    View(view::Arguments),
+    /// Write shell completions, man pages, or this program's reference.
+    #[command(subcommand)]
+    Manual(Manual),
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<ExitCode, Failure> {
+    match arguments.command {
+        Command::Verify(arguments) => verify::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
+        Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Tsdf(arguments) => tsdf::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
+        Command::View(arguments) => view::run(&arguments),
+        Command::Manual(manual) => manual.run(Arguments::command(), &[], &chapters()),
+    }
+}
+
+/// Voxels along a side, in the reference: the paper's.
+const RESOLUTION: usize = 40;
+
+/// The reference ends with what all programs share: the tables on disk and the exit codes.
+fn chapters() -> String {
+    let tables = Table::ALL.map(|table| format!("\n## Table `{}`\n\n{}", table.name(), table.markdown(RESOLUTION)));
+    format!("{}\n## Exit codes\n\n```text\n{}\n```\n", tables.concat(), ExitCode::HELP)
+}

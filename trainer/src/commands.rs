@@ -1,0 +1,80 @@
+//! The commands of `trainer`, one file each, and the arguments that they share.
+
+mod bench;
+mod console;
+mod curves;
+mod evaluate;
+mod export;
+mod fit;
+mod import;
+mod report;
+
+use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
+use program::manual::{Manual, Settings};
+use program::{ExitCode, Failure};
+use trainer::evaluate::TestSet;
+
+/// Trains the volumetric grasp network on a Graspmill dataset.
+#[derive(Parser)]
+#[command(version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Fit(fit::Arguments),
+    Evaluate(evaluate::Arguments),
+    Curves(curves::Arguments),
+    Report(report::Arguments),
+    Bench(bench::Arguments),
+    Import(import::Arguments),
+    Export(export::Arguments),
+    /// Write shell completions, man pages, or this program's reference.
+    #[command(subcommand)]
+    Manual(Manual),
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<ExitCode, Failure> {
+    match arguments.command {
+        Command::Fit(arguments) => fit::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Curves(arguments) => curves::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
+        Command::Manual(manual) => manual.run(Arguments::command(), &[SETTINGS], ""),
+    }
+}
+
+const SETTINGS: Settings = Settings { path: "configs/train/paper.toml", toml: trainer::config::PAPER };
+
+const EXAMPLES: &str = "\
+Examples:
+  trainer fit --data grasps --run runs/paper                                the paper's recipe; --resume continues
+  trainer fit --data grasps --config configs/train/quick.toml --run runs/quick
+  trainer evaluate --data grasps --run runs/paper --split test-scenes --report runs/paper/report
+  trainer report runs/paper --data grasps --html paper.html                 the run as a page
+  trainer export runs/paper/best.safetensors --format onnx --out vgn.onnx";
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SplitArgument {
+    /// Held-out attempts of training scenes.
+    TestAttempts,
+    /// Held-out scenes.
+    TestScenes,
+    /// Every sample.
+    All,
+}
+
+impl From<SplitArgument> for TestSet {
+    fn from(split: SplitArgument) -> Self {
+        match split {
+            SplitArgument::TestAttempts => Self::TestAttempts,
+            SplitArgument::TestScenes => Self::TestScenes,
+            SplitArgument::All => Self::All,
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! `trainer export`: a checkpoint's weights for other programs.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use network::interchange::{Target, export};
+use program::{ExitCode, Failure, print};
+
+const EXAMPLES: &str = "\
+Examples:
+  trainer export runs/paper/best.safetensors --format onnx --out vgn.onnx
+  trainer export runs/paper/best.safetensors --format safetensors --out vgn.safetensors
+
+safetensors: the 18 tensors of VGN's ConvNet; in PyTorch,
+  net.load_state_dict(safetensors.torch.load_file(FILE), strict=True)
+onnx: input tsdf [batch, 1, 40, 40, 40]; outputs quality (0 to 1), rotation (unit quaternion
+  x, y, z, w) and width (voxels)";
+
+/// Write a checkpoint's weights for PyTorch or an ONNX runtime.
+#[derive(Args)]
+#[command(after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
+pub(crate) struct Arguments {
+    /// A checkpoint of trainer, such as RUN/best.safetensors.
+    checkpoint: PathBuf,
+    /// What to write.
+    #[arg(long, value_enum)]
+    format: Format,
+    /// The file to write.
+    #[arg(long)]
+    out: PathBuf,
+    /// Replace an existing file.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Format {
+    /// The weights under VGN's names.
+    Safetensors,
+    /// The whole network.
+    Onnx,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let target = match arguments.format {
+        Format::Safetensors => Target::Safetensors,
+        Format::Onnx => Target::Onnx,
+    };
+    let checkpoint = export(&arguments.checkpoint, &arguments.out, target, arguments.force)?;
+    let (upsampling, out) = (checkpoint.upsampling.name(), arguments.out.display());
+    print(format_args!("upsampling  {upsampling}\nwritten     {out}\n"))?;
+    Ok(ExitCode::Ok)
+}

@@ -1,0 +1,70 @@
+//! `trainer fit`: trains a network, or continues training it.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use program::{Context, ExitCode, Failure, print, start_threads, stop_on_signals};
+use shards::{Location, LocationParser};
+use trainer::config::Config;
+use trainer::device::DeviceName;
+use trainer::fit::{Ending, Job, fit_job};
+use trainer::run_folder::checkpoint_path;
+
+use super::console::Screen;
+
+/// Train, or continue training.
+#[derive(Args)]
+#[command(after_help = format!("{}\n\n{}", Location::HELP, ExitCode::HELP))]
+pub(crate) struct Arguments {
+    /// The dataset's folder or URL.
+    #[arg(long, value_parser = LocationParser)]
+    data: Location,
+    /// The recipe [default: the built-in configs/train/paper.toml].
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// The run's folder: checkpoints, metrics, curves (loss.svg, accuracy.svg, also as PNG), events for TensorBoard
+    /// (tensorboard/), and during training 256 kB of decoded grids per scene.
+    #[arg(long)]
+    run: PathBuf,
+    /// Continue from the run's last checkpoint, or begin if there is none.
+    #[arg(long)]
+    resume: bool,
+    /// Epochs, in place of the recipe's.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    epochs: Option<u32>,
+    /// Threads; all cores by default. Does not change the result.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// The device: cpu, cuda, cuda:N, wgpu or wgpu:N, if the program was built for it. Only the CPU gives the same bits in every run.
+    #[arg(long, default_value_t)]
+    device: DeviceName,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let mut config = Config::load(arguments.config.as_deref())?;
+    config.training.epochs = arguments.epochs.unwrap_or(config.training.epochs);
+    start_threads(arguments.threads)?;
+    let stop = stop_on_signals(|| ()).context("failed to listen for signals")?;
+    let (data, run, device) = (&arguments.data, arguments.run.as_path(), arguments.device.open()?);
+    let job = Job { data, config: &config, run, resume: arguments.resume, device: &device };
+    let screen = Screen::new(&config);
+    let ending = fit_job(&job, &stop, &|event| screen.show(&event))?;
+    screen.end();
+    match ending {
+        Ending::Done => {
+            let run = run.display();
+            print(format_args!(
+                "\nbest weights  {}\n\
+                 metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg\n\
+                 TensorBoard   tensorboard --logdir {run}/tensorboard\n\
+                 next          trainer evaluate --run {run} --data {data}\n",
+                checkpoint_path(&arguments.run, "best").display()
+            ))?;
+            Ok(ExitCode::Ok)
+        }
+        Ending::Stopped => {
+            print("\nstopped by a signal; the same command with --resume continues exactly where it stopped\n")?;
+            Ok(ExitCode::TryAgain)
+        }
+    }
+}

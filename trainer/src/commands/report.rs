@@ -1,0 +1,56 @@
+//! `trainer report`: a run as a page.
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+use program::{ExitCode, Failure, print, start_threads, write};
+use shards::{Location, LocationParser};
+use trainer::evaluate::examine;
+use trainer::page::{MISTAKES, TrainedRun};
+use trainer::run_folder::checkpoint_path;
+
+use super::SplitArgument;
+
+const EXAMPLES: &str = "\
+Examples:
+  trainer report runs/paper --html run.html
+  trainer report runs/paper --html run.html --data grasps --split test-scenes
+  trainer report runs/paper --html run.html --data s3://bucket/other --split all";
+
+/// Show a run as a page, one file with everything in it: curves, recipe and, on a dataset, the best checkpoint's results and its worst
+/// mistakes, with pictures.
+#[derive(Args)]
+#[command(after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
+pub(crate) struct Arguments {
+    /// The run's folder.
+    run: PathBuf,
+    /// The page to write; replaces an existing file.
+    #[arg(long, value_name = "FILE")]
+    html: PathBuf,
+    /// A dataset's folder or URL, to evaluate the best checkpoint on.
+    #[arg(long, value_parser = LocationParser)]
+    data: Option<Location>,
+    /// Which of its samples.
+    #[arg(long, value_enum, default_value_t = SplitArgument::TestAttempts, requires = "data")]
+    split: SplitArgument,
+    /// Threads; all cores by default.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    start_threads(arguments.threads)?;
+    let run = TrainedRun::read(&arguments.run)?;
+    let examined = match &arguments.data {
+        None => None,
+        Some(data) => {
+            let best = checkpoint_path(&arguments.run, "best");
+            let (scratch, stop) = (std::env::temp_dir(), AtomicBool::new(false));
+            Some(examine(&best, data, arguments.split.into(), &scratch, &stop, &|| {}, MISTAKES)?)
+        }
+    };
+    write(&arguments.html, run.page(examined.as_ref())?)?;
+    print(format_args!("{}\n", arguments.html.display()))?;
+    Ok(ExitCode::Ok)
+}
