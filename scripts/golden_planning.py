@@ -3,7 +3,7 @@
 
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt
     venv/bin/python scripts/golden_planning.py            # writes planner/tests/golden and perception/tests/golden
-    venv/bin/python scripts/golden_planning.py --check    # writes nothing; exit 1 unless the files are these, byte for byte
+    venv/bin/python scripts/golden_planning.py --check    # writes nothing; exit 1 unless the files are equal
 
 Made with numpy, scipy and scikit-learn as pinned in requirements-golden.txt, on x86-64; a few seconds. PyTorch is not needed.
 
@@ -50,13 +50,14 @@ CLEARANCE = 1e-7
 INLIER = 0.01
 
 
-# --- detection -------------------------------------------------------------------------------------------------------------
+# --- detection --------------------------------------------------------------------------------------------------------
 
 
 def process(quality, tsdf, width):
     """VGN's `process`: returns the smoothed volume, the mask near the surface, and quality after each of the two rejections."""
-    # On float32 input scipy correlates along axis 0, then 1, then 2; each pass sums in double (the centre first, then pairs
-    # from the outermost inwards) and rounds its result to float32. NumPy 2 compares float32 with 0.9 rounded to float32.
+    # On float32 input scipy correlates along axis 0, then 1, then 2; each pass sums in double (the centre first, then
+    # pairs from the outermost inwards) and rounds its result to float32. NumPy 2 compares float32 with 0.9 rounded to
+    # float32.
     smooth = ndimage.gaussian_filter(quality, sigma=SIGMA, mode="nearest", truncate=4.0)
     assert smooth.dtype == np.float32
     inside = (tsdf > 1e-3) & (tsdf < 0.5)
@@ -217,7 +218,7 @@ def detections():
     return files
 
 
-# --- clusters --------------------------------------------------------------------------------------------------------------
+# --- clusters ---------------------------------------------------------------------------------------------------------
 
 
 def uniform(shape, seed):
@@ -366,9 +367,9 @@ def clusters():
     return files, entries
 
 
-# --- planes ----------------------------------------------------------------------------------------------------------------
+# --- planes -----------------------------------------------------------------------------------------------------------
 
-# name, true normal (points to where the objects are), normal . p = offset in metres, points of the plane, of objects, of a wall
+# name, true normal (towards the objects), normal . p = offset in metres, points of the plane, of objects, of a wall
 PLANES = [
     ("level", (0.0, 0.0, 1.0), 0.05, 3000, 1500, 0),
     ("camera", (2 / 7, -3 / 7, -6 / 7), -0.55, 2000, 900, 400),
@@ -449,7 +450,7 @@ def planes():
     return files, entries
 
 
-# --- files -----------------------------------------------------------------------------------------------------------------
+# --- files ------------------------------------------------------------------------------------------------------------
 
 
 def made_with():

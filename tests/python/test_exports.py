@@ -1,6 +1,8 @@
 """Reads the output of `shards export` like other projects' loaders and compares it with the dataset's rows.
 
-    GRASPMILL_DATASET=path/to/dataset python -m pytest tests/python/test_exports.py   # GRASPMILL_SHARDS, or target/debug/shards
+    GRASPMILL_DATASET=path/to/dataset python -m pytest tests/python/test_exports.py
+
+The program is GRASPMILL_SHARDS, or target/debug/shards.
 
 The loaders here work like VGN's `dataset.py`, GIGA's `dataset_voxel.py` and WebDataset, with only numpy, csv and tarfile. The
 originals were run, too: docs/exporting.md has the commands.
@@ -127,7 +129,7 @@ def test_vgns_samples_are_the_attempts(vgn, attempts):
         if edge_m < 1e-6:
             pytest.skip("a grasp on the very edge: which side it falls is a matter of rounding")
         number = next(found)
-        # VGN's voxel is the one whose lower corner is nearest; the voxel that holds the point is that or the one before.
+        # VGN's voxel is the one with the nearest lower corner; the voxel of the point is that one or the previous.
         (label, rotations, width), index = loader.target(number)
         voxels = origin_m / VOXEL_M
         assert np.abs(voxels - index).max() <= 0.5 + 1e-4

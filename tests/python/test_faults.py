@@ -85,7 +85,7 @@ def test_killed_at_every_system_call(two, tmp_path):
     record("SIGKILL at every system call that touches the dataset", sum(counts.values()), problems, points=counts)
 
 
-# The n-th call of its kind fails instead: a disk that gives up, a network file system that lost its server. `unlink` may
+# The n-th call of its kind fails instead, like a failing disk or a network file system without its server. `unlink` may
 # leave a staging file.
 ERRORS = {
     "fsync": ["EIO"],
