@@ -1,4 +1,4 @@
-//! How every program of the workspace ends, so that a scheduler can tell "run it again" from "run it never again".
+//! Exit codes of all programs, with which a scheduler distinguishes "run it again" from "do not run it again".
 
 use std::error::Error;
 use std::fmt::{self, Display};
@@ -72,7 +72,7 @@ impl Exit for settings::Error {
     }
 }
 
-/// Why a command failed: what the person reads, and the exit code. Made of any error that implements [`Exit`].
+/// Why a command failed: the message for the user and the exit code. Made from any error that implements [`Exit`].
 #[derive(Debug)]
 pub struct Failure {
     text: String,
@@ -80,7 +80,7 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// A failure that is no error of a library.
+    /// A failure without a library error.
     pub fn new(code: ExitCode, text: impl Into<String>) -> Self {
         Self { text: text.into(), code }
     }
@@ -104,7 +104,7 @@ impl<E: Exit> From<E> for Failure {
     }
 }
 
-/// Says what a command was about to do when it failed. The exit code stays.
+/// Adds what a command was doing when it failed. The exit code does not change.
 pub trait Context<T> {
     /// Puts `text` before the error's message.
     ///

@@ -1,14 +1,14 @@
-//! Files that appear whole or not at all: written under a temporary name, flushed, renamed, the folder flushed.
+//! Atomic publishing of files: written under a temporary name, flushed, renamed, and the folder flushed.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Writes a file in place of what may be there. After a crash the old or the new file is there, whole. A device or a
-/// pipe, such as `/dev/stdout`, is written to, not replaced.
+/// Writes a file and replaces an existing one. After a crash either the old or the new file exists, complete. A device
+/// or a pipe, such as `/dev/stdout`, is written to, not replaced.
 ///
 /// # Errors
-/// What the system says; the old file is then untouched.
+/// The system's error; the old file is then unchanged.
 pub fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
         return File::options().write(true).open(path)?.write_all(bytes);

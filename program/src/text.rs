@@ -1,4 +1,4 @@
-//! Numbers and errors as people read them.
+//! Numbers and errors as text.
 
 use std::error::Error;
 

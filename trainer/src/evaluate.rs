@@ -1,5 +1,5 @@
-//! A checkpoint against a dataset: accuracy, precision, recall and confusion, by shape and by rule too; precision–recall
-//! and calibration; errors of the grasps.
+//! Evaluates a checkpoint on a dataset: accuracy, precision, recall and confusion, also by shape and by rule;
+//! precision–recall and calibration; errors of the grasps.
 
 pub mod mistakes;
 pub mod report;
@@ -28,11 +28,11 @@ use crate::scores::{
 use crate::split::{EmptySplit, split};
 use crate::step::evaluate as evaluate_batch;
 
-/// Which samples are looked at.
+/// The set of samples to evaluate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TestSet {
-    /// Held-out attempts of scenes that trained.
+    /// Held-out attempts of training scenes.
     TestAttempts,
     /// Held-out scenes.
     TestScenes,
@@ -41,7 +41,7 @@ pub enum TestSet {
 }
 
 impl TestSet {
-    /// What it holds, in words.
+    /// A description of the set.
     #[must_use]
     pub fn description(self) -> &'static str {
         match self {
@@ -64,14 +64,14 @@ pub enum EvaluateError {
     /// The dataset cannot be loaded.
     #[error(transparent)]
     Load(#[from] LoadError),
-    /// Held-out sets belong to the dataset that was trained on.
+    /// Held-out sets exist only for the training dataset.
     #[error(
         "the network was trained on another dataset, {was}, so nothing of this one, {is}, is held out: use --split all"
     )]
     OtherDataset {
-        /// Id of the dataset that the network was trained on.
+        /// Id of the training dataset.
         was: String,
-        /// Id of this one.
+        /// Id of this dataset.
         is: String,
     },
     /// The set has no samples.
@@ -100,21 +100,21 @@ impl Exit for EvaluateError {
 /// A checkpoint's results on a set.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Evaluation {
-    /// Epochs that the checkpoint has seen.
+    /// Epochs of the checkpoint.
     pub epoch: u32,
-    /// Steps that the checkpoint has seen.
+    /// Steps of the checkpoint.
     pub step: u64,
-    /// Id of the dataset that the network was trained on.
+    /// Id of the training dataset.
     pub trained_on: String,
-    /// Id of the dataset here.
+    /// Id of the evaluated dataset.
     pub dataset_id: String,
     /// The set.
     pub split: TestSet,
-    /// Scenes that the set's samples look at.
+    /// Number of scenes of the set's samples.
     pub scenes: usize,
     /// Over the whole set.
     pub all: Summary,
-    /// 95 % interval of its accuracy when scenes are what was drawn; `None` for fewer than two.
+    /// 95 % interval of its accuracy by bootstrap over scenes; `None` for fewer than two scenes.
     pub accuracy_95_by_scene: Option<(f64, f64)>,
     /// Precision–recall and the areas.
     pub ranking: Ranking,
@@ -122,24 +122,24 @@ pub struct Evaluation {
     pub calibration: Calibration,
     /// Errors of orientation and width.
     pub errors: GraspErrors,
-    /// By the shape that was aimed at, names as in the shards.
+    /// By target shape, with names as in the shards.
     pub by_shape: BTreeMap<&'static str, Summary>,
-    /// By the rule of Appendix A: the shape, and the object's axis of the approach.
+    /// By rule of Appendix A: shape and approach axis.
     pub by_rule: BTreeMap<&'static str, Summary>,
 }
 
-/// An evaluation, and what it takes to look closer.
+/// An evaluation with data for a closer look.
 #[derive(Debug)]
 pub struct Examination {
     /// The results.
     pub evaluation: Evaluation,
-    /// The attempts that the network was most wrong about.
+    /// The network's worst errors.
     pub mistakes: Mistakes,
-    /// The dataset that they are of.
+    /// Their dataset.
     pub dataset: Dataset,
 }
 
-/// Evaluates a checkpoint on a set of a dataset. `scratch` is a folder with room for the decoded grids.
+/// Evaluates a checkpoint on a set of a dataset. `scratch` is a folder for the decoded grids.
 ///
 /// # Errors
 /// [`EvaluateError`].
@@ -154,7 +154,7 @@ pub fn evaluate(
     Ok(examine(checkpoint, data, set, scratch, stop, scene_done, 0)?.evaluation)
 }
 
-/// As [`evaluate`], and keeps the `mistakes_max` worst mistakes of either kind.
+/// Like [`evaluate`], and keeps the `mistakes_max` worst errors of each kind.
 ///
 /// # Errors
 /// [`EvaluateError`].
@@ -226,7 +226,7 @@ pub fn examine(
 /// Samples per batch.
 const BATCH: usize = 192;
 
-/// What the network says of samples, in their order.
+/// The network's predictions for samples, in their order.
 fn results(
     vector: &[f32],
     samples: &GraspDataset,

@@ -27,7 +27,7 @@ use crate::split::{EmptySplit, Split, split};
 use crate::step::{evaluate, step};
 use crate::watch::Watch;
 
-/// Why training ended before its time.
+/// Why training failed.
 #[derive(Debug, thiserror::Error)]
 pub enum FitError {
     /// The dataset cannot be loaded.
@@ -36,13 +36,13 @@ pub enum FitError {
     /// The run's folder cannot be used.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// There is nothing to train or test on.
+    /// A set of the split is empty.
     #[error(transparent)]
     Split(#[from] EmptySplit),
     /// The decoded grids cannot be read.
     #[error(transparent)]
     Spool(#[from] SpoolError),
-    /// The loss is no number any more.
+    /// The loss is not finite any more.
     #[error("the loss or its gradient is no finite number at step {step}: training.learning_rate is too high")]
     Diverged {
         /// Step.
@@ -64,34 +64,34 @@ impl Exit for FitError {
 /// How training ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
-    /// After the last epoch, or early for want of a better one.
+    /// After the last epoch, or early without further improvement.
     Done,
-    /// By a signal; the checkpoint is written.
+    /// Stopped by a signal; the checkpoint is written.
     Stopped,
 }
 
-/// Samples per batch when testing: no gradients, so there is room for more.
+/// Samples per batch in tests: larger, because there are no gradients.
 const TEST_BATCH: usize = 192;
 
-/// Weights, optimiser and progress: all that changes.
+/// Weights, optimiser and progress: the state of training.
 struct State {
     vector: Vec<f32>,
     adam: Adam,
     progress: Progress,
 }
 
-/// What is to be trained, and where.
+/// A training job.
 #[derive(Debug, Clone, Copy)]
 pub struct Job<'a> {
-    /// Where the dataset lies.
+    /// The location of the dataset.
     pub data: &'a Location,
     /// The recipe.
     pub config: &'a Config,
     /// The run's folder.
     pub run: &'a Path,
-    /// Whether a run that is there goes on.
+    /// Whether to resume an existing run.
     pub resume: bool,
-    /// What computes.
+    /// The compute device.
     pub device: &'a Device,
 }
 
@@ -110,10 +110,10 @@ pub fn fit(
     fit_job(&Job { data: &data.into(), config, run, resume, device: &Device::Host }, stop, observe)
 }
 
-/// Trains the network on a dataset, in a folder that keeps checkpoints and metrics.
+/// Trains the network on a dataset and writes checkpoints and metrics to a folder.
 ///
-/// On the CPU the result is a pure function of dataset and configuration: neither the number of threads nor being
-/// stopped and resumed, at any batch, changes a bit of it.
+/// On the CPU the result is a pure function of dataset and configuration: neither the number of threads nor stopping
+/// and resuming at any batch changes a bit of it.
 ///
 /// # Errors
 /// [`FitError`].
@@ -179,7 +179,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
             folder.save_best(&checkpoint(&state, config, dataset_id))?;
         }
         metrics.truncate(report.epoch as usize - 1);
-        metrics.push(serde_json::to_string(&report).unwrap_or_default()); // numbers under fixed keys: cannot fail
+        metrics.push(serde_json::to_string(&report).unwrap_or_default()); // numbers under fixed keys always serialise
         folder.write_metrics(&metrics)?;
         save(&state)?;
         observe(Event::Epoch(&report));
@@ -187,7 +187,7 @@ pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + 
     Ok(Ending::Done)
 }
 
-/// The samples that train, and how.
+/// The training samples, with their order and weights.
 struct TrainingSet<'a> {
     samples: &'a GraspDataset,
     config: &'a Config,
@@ -240,7 +240,7 @@ fn train_epoch(
         let result = step(&state.vector, &batch, config.network.upsampling, set.device);
         let count = result.samples.len();
         let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / count as f64;
-        // Before the step is taken: no checkpoint holds what cannot go on.
+        // Checked before the step, so that checkpoints never contain a diverged state.
         if !loss.is_finite() || !result.gradient.iter().map(|part| part.abs()).sum::<f32>().is_finite() {
             outcome = Err(FitError::Diverged { step: state.progress.step + 1 });
             return ControlFlow::Break(());

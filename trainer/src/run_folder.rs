@@ -1,10 +1,10 @@
-//! The folder of a run: who may write there, and what lies where.
+//! The folder of a run: its lock and its files.
 //!
 //! ```text
 //! config.toml          the recipe, every key written out; written first
 //! last.safetensors     weights, optimiser, progress: what --resume continues from
 //! best.safetensors     weights of the best epoch so far
-//! metrics.jsonl        one line an epoch
+//! metrics.jsonl        one line per epoch
 //! loss.svg, .png       the losses by epoch, drawn from metrics.jsonl
 //! accuracy.svg, .png   the accuracies by epoch, drawn from metrics.jsonl
 //! tensorboard/         the same numbers, and the loss of steps, as TensorBoard's events
@@ -21,27 +21,27 @@ use shards::Dataset;
 use crate::config::Config;
 use crate::schedule::Schedule;
 
-/// A run's folder, locked against other writers while this value lives.
+/// A run's folder, locked against other writers while this value exists.
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
     lock: File,
 }
 
-/// Closing the file would not do: a child that another thread is just starting holds it open a moment longer.
+/// Closing the file is not enough: a child process that another thread is starting may hold it open a moment longer.
 impl Drop for RunFolder {
     fn drop(&mut self) {
         let _ = self.lock.unlock();
     }
 }
 
-/// Why a run cannot begin or go on in a folder.
+/// Why a run cannot begin or resume in a folder.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// There is a run already.
+    /// The folder contains a run.
     #[error("the folder holds a run already, --resume continues it: {}", .0.display())]
     Occupied(PathBuf),
-    /// There is something that is no run.
+    /// The folder contains something else than a run.
     #[error("the folder holds {entry:?} and no run, give an empty or a new one: {}", .path.display())]
     Foreign {
         /// The first thing found.
@@ -49,18 +49,18 @@ pub enum RunError {
         /// The folder.
         path: PathBuf,
     },
-    /// Another process trains there.
+    /// Another process is training in this folder.
     #[error("another process trains in this folder: {}", .0.display())]
     Busy(PathBuf),
-    /// The recipe is another one.
+    /// The recipe differs.
     #[error("the run was begun with another configuration, which differs in {}: {}", .keys.join(", "), .path.display())]
     OtherConfig {
-        /// Keys, each with what was and what is.
+        /// Keys, each with the old and the new value.
         keys: Vec<String>,
         /// The folder.
         path: PathBuf,
     },
-    /// The dataset is another one.
+    /// The dataset differs.
     #[error("the run was begun on another dataset, {was}, not {is}: {}", .path.display())]
     OtherDataset {
         /// Id of the dataset that the run was begun on.
@@ -73,12 +73,12 @@ pub enum RunError {
     /// The checkpoint cannot be read or written.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// The disk refused.
+    /// A file cannot be read or written.
     #[error("failed to {action}: {source}: {}", .path.display())]
     Io {
-        /// What was tried.
+        /// The operation.
         action: &'static str,
-        /// On what.
+        /// The file.
         path: PathBuf,
         /// What the system said.
         source: io::Error,
@@ -91,7 +91,7 @@ impl Exit for RunError {
             Self::Occupied(_) | Self::Foreign { .. } | Self::OtherConfig { .. } | Self::OtherDataset { .. } => {
                 ExitCode::Config
             }
-            Self::Io { source, .. } if source.kind() == io::ErrorKind::InvalidData => ExitCode::Data, // no UTF-8
+            Self::Io { source, .. } if source.kind() == io::ErrorKind::InvalidData => ExitCode::Data, // not UTF-8
             Self::Busy(_) | Self::Io { .. } => ExitCode::TryAgain,
             Self::Checkpoint(error) => error.exit_code(),
         }
@@ -105,9 +105,9 @@ pub(crate) const METRICS: &str = "metrics.jsonl";
 const LOCK: &str = ".lock";
 
 impl RunFolder {
-    /// Takes a folder for a run. A new or empty one is begun; one that holds a run of this recipe is continued if
-    /// `resume`; anything else is refused and left alone. (Epochs and patience may differ: they say when to stop, not
-    /// how. Under a cosine schedule the number of epochs says how, and may not.)
+    /// Opens a folder for a run. A new or empty folder begins a run; a folder with a run of this recipe is resumed if
+    /// `resume` is set; anything else is refused and not changed. (Epochs and patience may differ, because they only
+    /// affect when training ends. With a cosine schedule the number of epochs affects the steps and must not differ.)
     ///
     /// # Errors
     /// [`RunError`].
@@ -118,19 +118,19 @@ impl RunFolder {
             Some(entry) if !has_recipe(path) => return Err(RunError::Foreign { entry, path: path.to_owned() }),
             Some(_) if has_results && !resume => return Err(RunError::Occupied(path.to_owned())),
             Some(_) if has_results => check_config(path, config)?,
-            _ => {} // nothing there, or a run that ended before its first checkpoint
+            _ => {} // empty, or a run that ended before its first checkpoint
         }
         fs::create_dir_all(path).map_err(io("make the run's folder"))?;
         let lock = File::options().create(true).append(true).open(path.join(LOCK));
         let lock = lock.map_err(io("make the run's lock"))?;
         match lock.try_lock() {
             Err(TryLockError::WouldBlock) => return Err(RunError::Busy(path.to_owned())),
-            Ok(()) | Err(TryLockError::Error(_)) => {} // where there are no locks, trust the user
+            Ok(()) | Err(TryLockError::Error(_)) => {} // without support for locks, trust the user
         }
         Ok(Self { path: path.to_owned(), lock })
     }
 
-    /// Writes the recipe. Only after [`Self::last`], which may refuse: what is refused changes nothing.
+    /// Writes the recipe. Call it after [`Self::last`], so that a refused run changes nothing.
     ///
     /// # Errors
     /// [`RunError::Io`].
@@ -147,7 +147,7 @@ impl RunFolder {
     /// The checkpoint to continue from, or `None` if the run has none yet.
     ///
     /// # Errors
-    /// [`RunError`] if it is damaged or was trained on another dataset.
+    /// [`RunError`] if the checkpoint is damaged or was trained on another dataset.
     pub fn last(&self, dataset: &Dataset) -> Result<Option<Checkpoint>, RunError> {
         let found = match checkpoint::read(&self.path.join(LAST)) {
             Err(CheckpointError::Missing(_)) => return Ok(None),
@@ -190,7 +190,7 @@ impl RunFolder {
         }
     }
 
-    /// Writes `metrics.jsonl` anew, so that it never ends in half a line.
+    /// Rewrites `metrics.jsonl`, so that it never ends with a partial line.
     ///
     /// # Errors
     /// [`RunError::Io`].
@@ -205,13 +205,13 @@ impl RunFolder {
     }
 }
 
-/// The path of a run's checkpoint by the name that users give: `best` or `last`.
+/// The path of a run's checkpoint by its name for users: `best` or `last`.
 #[must_use]
 pub fn checkpoint_path(run: &Path, name: &str) -> PathBuf {
     run.join(format!("{name}.safetensors"))
 }
 
-/// Any entry of a folder but our lock and our half-written files; `None` if there is no folder.
+/// Any entry of a folder except our lock and our staging files; `None` if there is no folder.
 fn first_entry(path: &Path) -> io::Result<Option<String>> {
     let entries = match fs::read_dir(path) {
         Ok(entries) => entries,
@@ -228,7 +228,7 @@ fn first_entry(path: &Path) -> io::Result<Option<String>> {
     Ok(names.into_iter().min())
 }
 
-/// Whether the folder's `config.toml` is a recipe: other programs have files of that name too.
+/// Whether the folder's `config.toml` is a recipe; other programs also have files of that name.
 fn has_recipe(path: &Path) -> bool {
     Config::load(Some(&path.join(CONFIG))).is_ok()
 }
@@ -238,7 +238,7 @@ fn check_config(path: &Path, config: &Config) -> Result<(), RunError> {
     let io = |source| RunError::Io { action: "read the run's configuration", path: file.clone(), source };
     let table = |text: &str| text.parse::<toml::Table>().unwrap_or_default();
     let text = fs::read_to_string(&file).map_err(io)?;
-    // Read and written again: a recipe from before a key says what leaving the key out means.
+    // Parsed and serialised again: a recipe without a newer key means its default.
     let text = Config::parse(&text, &file).map_or(text, |config| config.to_toml());
     let was = flatten(&table(&text), "");
     let is = keys(config);
@@ -255,7 +255,7 @@ fn check_config(path: &Path, config: &Config) -> Result<(), RunError> {
     if keys.is_empty() { Ok(()) } else { Err(RunError::OtherConfig { keys, path: path.to_owned() }) }
 }
 
-/// The keys of a recipe with their values, those of tables as `table.key`.
+/// The keys of a recipe with their values; keys of tables as `table.key`.
 pub(crate) fn keys(config: &Config) -> Vec<(String, String)> {
     flatten(&config.to_toml().parse::<toml::Table>().unwrap_or_default(), "")
 }
