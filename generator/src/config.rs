@@ -1,4 +1,4 @@
-//! The generator's config: the settings of a dataset, each key as the type that the generator computes with.
+//! The generator's config: the settings of a dataset, each key with the type that the generator computes with.
 
 use std::path::Path;
 
@@ -10,11 +10,11 @@ use toml::Value;
 use crate::models::Models;
 use crate::normals::YAWS;
 
-/// The default config, in the binary, so that it runs anywhere.
+/// The default config, built in so that the program runs anywhere.
 const PAPER: [&str; 2] =
     [include_str!("../../configs/generate/paper.toml"), "the built-in configs/generate/paper.toml"];
 
-/// Keys of `[objects]` that say what primitives are like; a config with a catalogue may leave them out.
+/// Keys of `[objects]` for primitives only; a config with a catalogue may omit them.
 pub(crate) const OF_PRIMITIVES: [&str; 4] = ["shapes", "size_m", "density_kg_m3", "friction"];
 
 settings! {
@@ -99,7 +99,7 @@ settings! {
     check Config::keys_agree
 }
 
-/// What the command line says instead of the file.
+/// Overrides from the command line.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Overrides {
     /// `--seed`.
@@ -114,19 +114,19 @@ impl Config {
     /// The config from a file, or the paper's if there is none, with the command line's overrides.
     ///
     /// # Errors
-    /// [`settings::Error`] names everything that is wrong.
+    /// [`settings::Error`] with all faults.
     pub fn load(path: Option<&Path>, overrides: Overrides) -> Result<Self, settings::Error> {
         Self::read(Document::load(path, PAPER)?, overrides)
     }
 
-    /// The config in a document; the paths of gripper and catalogue begin in its folder.
+    /// The config in a document; the paths of gripper and catalogue are relative to its folder.
     ///
     /// # Errors
-    /// [`settings::Error`] names everything that is wrong.
+    /// [`settings::Error`] with all faults.
     pub fn read(mut document: Document, overrides: Overrides) -> Result<Self, settings::Error> {
         let table = document.table_mut();
         for (key, value) in [("shards", overrides.shards), ("attempts", overrides.attempts)] {
-            // What TOML cannot hold is far beyond the limits.
+            // Values that TOML cannot hold are far beyond the limits.
             let value = value.map(|value| Value::Integer(i64::try_from(value).unwrap_or(i64::MAX)));
             table.extend(value.map(|value| (key.to_owned(), value)));
         }
@@ -142,7 +142,7 @@ impl Config {
         Ok(Self { seed: overrides.seed.unwrap_or(config.seed), ..config })
     }
 
-    /// Holds the sections against each other.
+    /// Checks across sections.
     fn keys_agree(&self, reader: &mut Reader<'_>) {
         let Self { shards, attempts, attempts_per_scene, sampler, gripper, grid, objects, procedure, .. } = self;
         let scenes = attempts.div_ceil(u64::from(*attempts_per_scene));
@@ -160,7 +160,7 @@ impl Config {
         reader.must("objects.size_m", high <= most, || {
             format!("must be a range [low, high] within [0.002, {most}], got [{low}, {high}]")
         });
-        // A hand that has no time to close calls narrow objects slipped.
+        // A hand without enough time to close would label narrow objects as slipped.
         let (needs_s, got) = (0.5 * gripper.opening_m_max / gripper.closing_speed_m_s, procedure.close_time_s_max);
         reader.must("procedure.close_time_s_max", needs_s <= got + 1e-4, || {
             format!("must be at least the {needs_s:.2} s in which {} closes, got {got}", gripper.name)
@@ -168,8 +168,8 @@ impl Config {
         self.catalogue_fits(reader);
     }
 
-    /// A catalogue's objects are drawn along normals, since Appendix A has rules for primitives only, and are small enough to
-    /// fall into the workspace.
+    /// A catalogue needs grasps along normals, because Appendix A has rules for primitives only, and its objects must
+    /// be small enough to fall into the workspace.
     fn catalogue_fits(&self, reader: &mut Reader<'_>) {
         let Self { objects: ObjectParams { catalogue, drop_height_m, .. }, grid, .. } = self;
         reader.must(
@@ -184,7 +184,7 @@ impl Config {
                     format_args!("{name} must fit into grid.size_m {side_m} in any pose, and is {size_m} m long");
                 reader.within("objects.catalogue", |reader| reader.report(problem));
             }
-            // Let go lower, it would begin within the table.
+            // Released lower, it would start inside the table.
             let radius_m = 0.5 * size_m;
             reader.must("objects.drop_height_m", radius_m <= *drop_height_m, || {
                 format!("must be at least {radius_m} for {name}, got {drop_height_m}")

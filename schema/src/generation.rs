@@ -1,5 +1,5 @@
-//! How a dataset is made, besides hand, grid and procedure: the settings of the engine, of settling, views, camera and
-//! TSDF. A config has them as its sections, and `meta/info.json` has them as they were.
+//! The settings of a dataset besides hand, grid and procedure: engine, settling, views, camera and TSDF. They are the
+//! sections of a config and are stored in `meta/info.json`.
 
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 

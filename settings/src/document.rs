@@ -1,4 +1,4 @@
-//! The one reader of settings: a TOML file or a built-in text, overrides, and settings that were stored.
+//! The only reader of settings: a TOML file or a built-in text, overrides, and stored settings.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ pub struct Document {
 }
 
 impl Document {
-    /// The document in a file, or a built-in one: its text and the path that messages name.
+    /// The document in a file, or a built-in one, given by its text and the path for messages.
     ///
     /// # Errors
     /// [`Error::Read`] and [`Error::Syntax`].
@@ -30,7 +30,7 @@ impl Document {
         }
     }
 
-    /// The document in a text; messages name `path`, and paths in the text begin in its folder.
+    /// The document in a text. Messages name `path`, and paths in the text are relative to its folder.
     ///
     /// # Errors
     /// [`Error::Syntax`].
@@ -40,18 +40,18 @@ impl Document {
         Ok(Self { table: text.parse().map_err(syntax)?, path: path.to_owned() })
     }
 
-    /// The table as it stands, overrides included.
+    /// The table, including overrides.
     #[must_use]
     pub fn table(&self) -> &Table {
         &self.table
     }
 
-    /// The table, for what must be put in before it is read.
+    /// The table, for changes before it is read.
     pub fn table_mut(&mut self) -> &mut Table {
         &mut self.table
     }
 
-    /// Puts a value, as TOML or as plain text, in the place of a key such as `views.count`.
+    /// Overrides a key such as `views.count` by a value, given as TOML or as plain text.
     ///
     /// # Errors
     /// [`Error::Invalid`] if the document has no such key.
@@ -74,7 +74,7 @@ impl Document {
     /// Reads all settings.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with every unknown, missing and misfit key.
+    /// [`Error::Invalid`] with every unknown, missing and invalid key.
     pub fn read<T: Setting<Limits = ()>>(&self) -> Result<T, Error> {
         self.read_as("")
     }
@@ -92,20 +92,20 @@ impl Document {
         }
     }
 
-    /// The folder in which relative paths begin.
+    /// The folder of relative paths.
     #[must_use]
     pub fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// The error for faults that the rows do not know.
+    /// An error for faults that the rows do not cover.
     #[must_use]
     pub fn invalid(&self, faults: Vec<String>) -> Error {
         Error::Invalid { path: self.path.clone(), faults }
     }
 }
 
-/// What is out of range in settings that were not read from a document; `path` is their own.
+/// The values out of range in settings that were not read from a document; `path` is their path.
 #[must_use]
 pub fn faults_of<T: Setting<Limits = ()>>(settings: &T, path: &str) -> Vec<String> {
     let mut reader = Reader::new(Path::new(""), path, false);
@@ -113,17 +113,17 @@ pub fn faults_of<T: Setting<Limits = ()>>(settings: &T, path: &str) -> Vec<Strin
     reader.into_faults()
 }
 
-/// Reads settings that were stored, as JSON or another form of serde's; `path` is their own.
+/// Reads stored settings, in JSON or another serde format; `path` is their path.
 ///
 /// # Errors
-/// All faults, as those of a document.
+/// All faults, as for a document.
 pub fn read_stored<T: Setting<Limits = ()>>(stored: &impl Serialize, path: &str) -> Result<T, Vec<String>> {
     let (read, faults) = stored_as::<T>(stored, path, false);
     read.filter(|_| faults.is_empty()).ok_or(faults)
 }
 
-/// What is out of range or of another type in settings that were stored by another version: it may have had fewer keys,
-/// or others.
+/// The values out of range or of another type in settings that another version stored, which may have had fewer or
+/// other keys.
 #[must_use]
 pub fn stored_faults<T: Setting<Limits = ()>>(stored: &impl Serialize, path: &str) -> Vec<String> {
     stored_as::<T>(stored, path, true).1

@@ -21,13 +21,13 @@ pub enum Error {
         /// Where and why.
         message: String,
     },
-    /// Keys that are unknown, missing or out of range, all of them.
+    /// All keys that are unknown, missing or out of range.
     #[error("the config has {} problem{}:\n  {}\n({})", .faults.len(), if .faults.len() == 1 { "" } else { "s" },
             .faults.join("\n  "), .path.display())]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// One message a fault, which begins with the key's path.
+        /// One message per fault, beginning with the key's path.
         faults: Vec<String>,
     },
 }

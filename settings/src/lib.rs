@@ -1,11 +1,11 @@
 //! Settings: a key is one row (name, type, range, meaning), and everything else comes from the rows.
 //!
-//! [`settings!`] makes a struct from rows and how it is read and checked; [`words!`] makes an enum whose variants have
-//! a name in files. A [`Document`] is a TOML file or a built-in text with overrides; reading it reports all faults at
+//! [`settings!`] makes a struct from rows, with its reader and checks; [`words!`] makes an enum whose variants have
+//! names in files. A [`Document`] is a TOML file or a built-in text with overrides. Reading it reports all faults at
 //! once in one [`Error`].
 //!
-//! A crate's settings are thus the very types that the crate computes with. Settings that were stored as JSON with a
-//! dataset are read by the same rows ([`read_stored`]), so a stored value is held to the range of a configured one.
+//! A crate's settings are therefore the types that the crate computes with. Settings stored as JSON with a dataset are
+//! read by the same rows ([`read_stored`]), so stored and configured values have the same ranges.
 
 mod document;
 mod error;

@@ -1,4 +1,4 @@
-//! Between which values a number may lie.
+//! Ranges of numbers.
 
 use core::fmt::Display;
 use core::ops::RangeInclusive;
@@ -55,10 +55,10 @@ impl<T: Number> Limits<T> {
 pub trait Number: Copy + PartialOrd + Display {
     /// The type's name for people.
     const KIND: &'static str;
-    /// All of its values that are numbers.
+    /// The range of all its finite values.
     const ALL: RangeInclusive<Self>;
 
-    /// Whether the value is of this kind, in range or not.
+    /// Whether the value has this type, in range or not.
     fn is_kind(value: &Value) -> bool;
 
     /// The number in a value, if the type can hold it.

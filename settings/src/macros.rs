@@ -1,11 +1,11 @@
-//! The two macros that rows are written in.
+//! The two macros for rows.
 
-/// Makes a struct from rows, and how it is read and checked.
+/// Makes a struct from rows, with its reader and checks.
 ///
 /// A row is `name: type where limits; or default; by function,`. Limits are a range, or [`above`](crate::above) a
-/// number. A key with a default may be left out. `function` reads the value in place of the type's own
-/// [`Setting::read`](crate::Setting::read). After the struct, `check function` names what holds its keys against each
-/// other; it runs when each key alone is sound.
+/// number. A key with a default may be left out. `function` reads the value instead of the type's
+/// [`Setting::read`](crate::Setting::read). After the struct, `check function` names a check across keys, which runs if
+/// all keys are valid on their own.
 ///
 /// ```
 /// settings::settings! {
@@ -103,7 +103,7 @@ macro_rules! settings {
     };
 }
 
-/// Makes an enum whose variants have a name in files.
+/// Makes an enum whose variants have names in files.
 #[macro_export]
 macro_rules! words {
     (

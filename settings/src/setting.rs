@@ -1,14 +1,14 @@
-//! What can be a setting: numbers, words, ranges, lists, and tables of settings.
+//! Types of settings: numbers, words, ranges, lists, and tables of settings.
 
 use toml::Value;
 
 use crate::limits::{Limits, Number};
 use crate::reader::Reader;
 
-/// A key, as the reference shows it.
+/// A key for the reference.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Row {
-    /// Its path; the unit is the name's end.
+    /// Its path; the name ends with the unit.
     pub key: String,
     /// Type and range.
     pub kind: String,
@@ -18,16 +18,16 @@ pub struct Row {
 
 /// A type of settings.
 pub trait Setting: Sized {
-    /// What limits its values besides the type.
+    /// The limits of its values besides the type.
     type Limits: Default;
 
-    /// Type and range for people: `a number between 0 and 1`.
+    /// Type and range as text: `a number between 0 and 1`.
     fn kind(limits: &Self::Limits) -> String;
 
     /// Reads a value; `None` after a fault.
     fn read(value: &Value, limits: &Self::Limits, reader: &mut Reader<'_>) -> Option<Self>;
 
-    /// Notes as faults what is out of range in a value that was not read.
+    /// Reports values out of range in a setting that was not read.
     fn check(&self, limits: &Self::Limits, reader: &mut Reader<'_>);
 
     /// Adds the rows of a table's keys; other settings have none.
@@ -93,7 +93,7 @@ macro_rules! plain {
 plain!(bool, "true or false", Value::as_bool);
 plain!(String, "a text", Value::as_str);
 
-/// A setting that may be left out, and says nothing then.
+/// An optional setting.
 impl<T: Setting> Setting for Option<T> {
     type Limits = T::Limits;
 
@@ -110,7 +110,7 @@ impl<T: Setting> Setting for Option<T> {
     }
 }
 
-/// A list; each of its values is held to the limits.
+/// A list; the limits apply to each value.
 impl<T: Setting> Setting for Vec<T> {
     type Limits = T::Limits;
 
