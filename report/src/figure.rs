@@ -110,8 +110,8 @@ const PNG_MEAN_OF: u32 = 2;
 const LEGEND_ROW: i32 = 24;
 
 /// How the font is called in an SVG: as those call it who have it, then one of the same widths, then any.
-const FONT: &str = "DejaVu Sans, Verdana, sans-serif";
-const FONT_BYTES: &[u8] = include_bytes!("../fonts/DejaVuSans.ttf");
+pub(crate) const FONT: &str = "DejaVu Sans, Verdana, sans-serif";
+pub(crate) const FONT_BYTES: &[u8] = include_bytes!("../fonts/DejaVuSans.ttf");
 
 impl Bars {
     /// Bars that stand on 0, from their heights between evenly spaced edges.
@@ -234,16 +234,7 @@ impl Figure {
             root.present().map_err(|e| self.failed(&e))?;
         }
         let pixels = means(&large, width as usize, PNG_MEAN_OF as usize);
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, width / PNG_MEAN_OF, height / PNG_MEAN_OF);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let written = encoder.write_header().and_then(|mut writer| {
-            writer.write_image_data(&pixels)?;
-            writer.finish()
-        });
-        written.map_err(|e| self.failed(&e))?;
-        Ok(bytes)
+        encode(&pixels, [width / PNG_MEAN_OF, height / PNG_MEAN_OF]).map_err(|e| self.failed(&e))
     }
 
     fn failed(&self, reason: &dyn std::fmt::Display) -> FigureError {
@@ -360,8 +351,20 @@ impl Figure {
     }
 }
 
+/// A PNG of three bytes a pixel.
+pub(crate) fn encode(pixels: &[u8], [width, height]: [u32; 2]) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(pixels)?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
 /// A picture, three bytes a pixel, `side` times smaller in both directions.
-fn means(large: &[u8], width: usize, side: usize) -> Vec<u8> {
+pub(crate) fn means(large: &[u8], width: usize, side: usize) -> Vec<u8> {
     let small_width = width / side;
     let small_height = large.len() / (3 * width * side);
     let mut small = Vec::with_capacity(3 * small_width * small_height);

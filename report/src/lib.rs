@@ -3,7 +3,9 @@
 //! This crate knows what a solid and a hand are (`schema`) and nothing of datasets, networks or physics; who has numbers gives
 //! them to it.
 
+mod eye;
 pub mod figure;
 pub mod page;
 pub mod picture;
+pub mod still;
 pub mod view;

@@ -7,6 +7,8 @@ use std::fmt::Write as _;
 
 use schema::{Gripper, Polyhedron, Pose, Vec3};
 
+use crate::eye::{Eye, Seen};
+
 /// A hand at a grasp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hand {
@@ -42,41 +44,24 @@ const CROWD: usize = 12;
 const TINTS: [[f32; 3]; 5] =
     [[150.0, 180.0, 214.0], [214.0, 188.0, 140.0], [178.0, 166.0, 208.0], [160.0, 196.0, 196.0], [205.0, 170.0, 190.0]];
 
-/// The eye: what is right, up and towards it.
-struct Eye {
-    right: Vec3,
-    up: Vec3,
-    towards: Vec3,
-    middle_m: Vec3,
-    px_per_m: f32,
-}
-
-impl Eye {
-    fn at(scene: &Scene) -> Self {
-        let towards = Vec3::new(0.45, -1.0, 1.15).normalize();
-        let right = Vec3::Z.cross(towards).normalize();
-        let middle_m = Vec3::new(0.5 * scene.size_m, 0.5 * scene.size_m, scene.table_z_m + 0.2 * scene.size_m);
-        // The table's diagonal fits.
-        Self { right, up: towards.cross(right), towards, middle_m, px_per_m: WIDTH_PX / (1.34 * scene.size_m) }
-    }
-
-    fn px(&self, point_m: Vec3) -> [f32; 2] {
-        let arm = (point_m - self.middle_m) * self.px_per_m;
-        [0.5 * WIDTH_PX + arm.dot(self.right), 0.5 * HEIGHT_PX - arm.dot(self.up)]
-    }
+/// Seen from above and the front: the table's diagonal fits.
+fn eye(scene: &Scene) -> Eye {
+    let middle_m = Vec3::new(0.5 * scene.size_m, 0.5 * scene.size_m, scene.table_z_m + 0.2 * scene.size_m);
+    let px_per_m = WIDTH_PX / (1.34 * scene.size_m);
+    Eye::parallel(Vec3::new(0.45, -1.0, 1.15), middle_m, px_per_m, [0.5 * WIDTH_PX, 0.5 * HEIGHT_PX])
 }
 
 /// The scene as SVG, its colours in part by the page's style sheet.
 #[must_use]
 pub fn svg(scene: &Scene) -> String {
-    let eye = Eye::at(scene);
+    let eye = eye(scene);
     let mut text = format!("<svg class=\"scene\" viewBox=\"0 0 {WIDTH_PX} {HEIGHT_PX}\" role=\"img\">");
     // Writing to a String cannot fail, here and below.
     let side = scene.size_m;
     let table = [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]].map(|[x, y]| Vec3::new(x, y, scene.table_z_m));
     let _ = write!(text, "<polygon class=\"ground\" points=\"{}\"/>", points(&eye, table.iter().copied()));
     let mut bodies: Vec<&(Polyhedron, usize)> = scene.bodies.iter().collect();
-    bodies.sort_by(|(a, _), (b, _)| eye.towards.dot(middle_m(a)).total_cmp(&eye.towards.dot(middle_m(b))));
+    bodies.sort_by(|(a, _), (b, _)| eye.towards().dot(middle_m(a)).total_cmp(&eye.towards().dot(middle_m(b))));
     for (body, tint) in bodies {
         paint(&mut text, &eye, body, TINTS[tint % TINTS.len()]);
     }
@@ -101,7 +86,7 @@ fn paint(text: &mut String, eye: &Eye, body: &Polyhedron, tint: [f32; 3]) {
     for face in body.faces() {
         let at = |i: usize| body.corners_m()[face.ring[i]];
         let normal = (at(1) - at(0)).cross(at(2) - at(0)).normalize_or_zero();
-        if normal.dot(eye.towards) <= 0.0 {
+        if normal.dot(eye.towards()) <= 0.0 {
             continue;
         }
         let shade = 0.62 + 0.38 * normal.dot(light).max(0.0);
@@ -123,11 +108,11 @@ fn fork(hand: &Hand) -> [Vec<Vec3>; 2] {
 }
 
 fn points(eye: &Eye, points_m: impl Iterator<Item = Vec3>) -> String {
-    let one = |point_m: Vec3| {
-        let [x, y] = eye.px(point_m);
-        format!("{x:.1},{y:.1}")
-    };
-    points_m.map(one).collect::<Vec<_>>().join(" ")
+    points_m
+        .filter_map(|point_m| eye.see(point_m))
+        .map(|Seen { x, y, .. }| format!("{x:.1},{y:.1}"))
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 /// How wide a hand is drawn that never closed: as it came.
@@ -166,10 +151,10 @@ mod tests {
     #[test]
     fn the_workspace_fits_into_the_picture() {
         let scene = Scene { size_m: 0.3, table_z_m: 0.05, ..Scene::default() };
-        let eye = Eye::at(&scene);
+        let eye = eye(&scene);
         for corner in 0..8_u8 {
             let side = |bit: u8| if corner & bit == 0 { 0.0 } else { 0.3 };
-            let [x, y] = eye.px(Vec3::new(side(1), side(2), 0.05 + 0.4 * side(4)));
+            let Seen { x, y, .. } = eye.see(Vec3::new(side(1), side(2), 0.05 + 0.4 * side(4))).unwrap();
             assert!((0.0..=WIDTH_PX).contains(&x) && (0.0..=HEIGHT_PX).contains(&y), "{corner}: {x} {y}");
         }
     }

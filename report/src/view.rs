@@ -4,7 +4,7 @@
 //! nothing else. All places are in one frame, the workspace's: metres, z up.
 
 mod page;
-mod shapes;
+pub(crate) mod shapes;
 
 use schema::{Pose, Vec3};
 use serde::{Deserialize, Serialize};

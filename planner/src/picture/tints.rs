@@ -3,13 +3,10 @@
 //! Green is the best grasp's alone and vermilion the collisions', so no object has them. Other grasps fade from dark to
 //! light grey: printed without colour, the order can still be read.
 
+pub(crate) use report::still::Rgb;
+
 use crate::plan::PointLabel;
 
-/// Red, green, blue.
-pub(crate) type Rgb = [u8; 3];
-
-pub(super) const WHITE: Rgb = [255; 3];
-pub(super) const INK: Rgb = [34; 3];
 pub(super) const THIN_LINE: Rgb = [140; 3];
 pub(super) const BEST: Rgb = [0, 158, 115];
 pub(super) const COLLISION: Rgb = [213, 94, 0];
@@ -49,19 +46,6 @@ pub(super) fn of_place(place: usize, count: usize) -> Rgb {
     [(60.0 + 105.0 * share.min(1.0)) as u8; 3]
 }
 
-/// Between `under` (0) and `over` (1).
-pub(super) fn mixed(under: Rgb, over: Rgb, share: f32) -> Rgb {
-    std::array::from_fn(|channel| {
-        let (from, to) = (f32::from(under[channel]), f32::from(over[channel]));
-        (from + (to - from) * share + 0.5) as u8
-    })
-}
-
-/// Lighter above 1, darker below; stops at white.
-pub(super) fn lit(colour: Rgb, light: f32) -> Rgb {
-    colour.map(|value| (f32::from(value) * light + 0.5).min(255.0) as u8)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -87,13 +71,5 @@ mod tests {
             assert!(greys.is_sorted() && (greys[0] - 60.0).abs() < 0.01, "{greys:?}");
             assert!(greys[greys.len() - 1] < 165.1);
         }
-    }
-
-    #[test]
-    fn a_mixture_ends_in_what_it_is_made_of() {
-        assert_eq!(mixed([10, 20, 30], [110, 120, 130], 0.0), [10, 20, 30]);
-        assert_eq!(mixed([10, 20, 30], [110, 120, 130], 1.0), [110, 120, 130]);
-        assert_eq!(mixed([0; 3], [100; 3], 0.25), [25; 3]);
-        assert_eq!(lit([100, 200, 0], 2.0), [200, 255, 0]);
     }
 }

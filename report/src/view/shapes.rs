@@ -9,7 +9,8 @@ const TABLE_THICKNESS_M: f32 = 0.004;
 /// Length of a camera's pyramid in a view, in metres.
 const CAMERA_LENGTH_M: f32 = 0.03;
 /// Corners of a box by number, bit 0 for +x, bit 1 for +y, bit 2 for +z, its faces seen from outside.
-const BOX_FACES: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+pub(crate) const BOX_FACES: [[usize; 4]; 6] =
+    [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
 impl Body {
     /// A convex part of an object.
@@ -46,7 +47,7 @@ impl Body {
     }
 }
 
-fn box_corners_m(hand_box: &HandBox) -> impl Iterator<Item = Vec3> {
+pub(crate) fn box_corners_m(hand_box: &HandBox) -> impl Iterator<Item = Vec3> {
     let sign = |corner: usize, bit: usize| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
     let corner = move |c: usize| Vec3::new(sign(c, 0), sign(c, 1), sign(c, 2));
     (0..8).map(move |c| hand_box.centre_m + hand_box.half_m * corner(c))
