@@ -1,4 +1,4 @@
-//! The field against geometry: a table and a ball, whose distance along a ray is known in closed form.
+//! Compares the field with geometry: a table and a ball, whose distance along a ray has a closed form.
 
 use perception::{TRUNCATION_VOXELS, Tsdf, camera_at, draw_views};
 use schema::{Camera, Grid, Intrinsics, Purpose, Stream, Vec3, View, ViewParams};
@@ -32,7 +32,7 @@ fn ray(camera: &Camera, pixel: [usize; 2]) -> ([f64; 3], [f64; 3]) {
     (as_f64(pose.translation), as_f64(pose.rotation * camera.intrinsics.ray(pixel)))
 }
 
-/// How many rays' z it takes from `eye` along `along` to the table.
+/// The ray parameter from `eye` along `along` to the table.
 fn table_hit(eye: [f64; 3], along: [f64; 3]) -> Option<f64> {
     let depth = (f64::from(GRID.table_z_m) - eye[2]) / along[2];
     (depth > 0.0).then_some(depth)
@@ -53,7 +53,7 @@ fn voxels() -> impl Iterator<Item = [usize; 3]> {
     (0..40).flat_map(|i| (0..40).flat_map(move |j| (0..40).map(move |k| [i, j, k])))
 }
 
-/// Distance from a voxel along its own ray to what `hit` says is there, in metres.
+/// Distance from a voxel along its own ray to the surface given by `hit`, in metres.
 fn true_distance_m(camera: &Camera, voxel: [usize; 3], hit: impl Fn([f64; 3], [f64; 3]) -> Option<f64>) -> Option<f64> {
     let eye = as_f64(camera.workspace_from_camera.translation);
     let along = minus(as_f64(GRID.centre_m(voxel)), eye);
@@ -74,7 +74,8 @@ fn a_tables_field_is_its_distance_along_the_ray() {
             let Some(value) = tsdf.at(voxel) else { continue };
             let Some(distance_m) = true_distance_m(&camera, voxel, table_hit) else { continue };
             observed += 1;
-            // The pixel's ray meets the table elsewhere than the voxel's: by how much depends on the obliqueness.
+            // The pixel's ray meets the table at another point than the voxel's; the difference depends on the
+            // obliqueness.
             let eye_to_voxel = minus(as_f64(GRID.centre_m(voxel)), as_f64(camera.workspace_from_camera.translation));
             let range_m = dot(eye_to_voxel, eye_to_voxel).sqrt();
             let slope = (range_m / eye_to_voxel[2]).abs();

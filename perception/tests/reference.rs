@@ -1,10 +1,10 @@
-//! The field against a slow, obvious implementation: f64, one voxel after another, matrices by hand, nothing shared.
+//! Compares the field with a slow, obvious implementation: f64, voxel by voxel, explicit matrices, no shared code.
 
 use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at, draw_views};
 use proptest::prelude::*;
 use schema::{Camera, DepthImage, Grid, Intrinsics, Purpose, Stream, ViewParams};
 
-/// A lumpy scene with holes, as a whole image: nothing in it is smooth or known to the code under test.
+/// An irregular scene with holes, as a whole image.
 fn lumpy_image(lens: &Intrinsics, seed: u64) -> DepthImage {
     let mut stream = Stream::new(seed, 0, Purpose::DepthNoise, 7);
     let depth_m = (0..lens.width_px * lens.height_px)
@@ -17,7 +17,7 @@ fn lumpy_image(lens: &Intrinsics, seed: u64) -> DepthImage {
     DepthImage { width_px: lens.width_px, height_px: lens.height_px, depth_m }
 }
 
-/// Mean and count of a voxel's observations, or `None` where the answer hangs on the last bits of a rounding.
+/// Mean and count of a voxel's observations, or `None` where the result depends on rounding in the last bits.
 fn obvious(views: &[(Camera, DepthImage)], centre_m: [f64; 3], truncation_m: f64) -> Option<(f64, u32)> {
     let (mut sum, mut count) = (0.0, 0);
     for (camera, image) in views {
@@ -62,7 +62,7 @@ fn obvious(views: &[(Camera, DepthImage)], centre_m: [f64; 3], truncation_m: f64
     Some((if count > 0 { sum / f64::from(count) } else { 0.0 }, count))
 }
 
-/// Gives the number of voxels that hang on a rounding, and of those observed.
+/// Returns the number of voxels that depend on rounding, and of observed voxels.
 fn check_against_obvious(grid: Grid, params: &ViewParams, truncation_voxels: f32, seed: u64) -> (usize, usize) {
     let views: Vec<_> = draw_views(params, &grid, &mut Stream::new(seed, 0, Purpose::Views, 0))
         .iter()
@@ -150,7 +150,7 @@ proptest! {
                 let centre_m = camera_from_workspace * grid.centre_m([n / 1600, n / 40 % 40, n % 40]);
                 camera.intrinsics.project(centre_m)
             });
-            // The two walk to a voxel's centre by other sums, so a pixel in some thousands falls on its neighbour.
+            // The two compute a voxel's centre by different sums, so one pixel in some thousands differs.
             let projected: Vec<_> = projected.collect();
             prop_assert!(asked.len().abs_diff(projected.len()) < 20, "{} and {}", asked.len(), projected.len());
             if asked.len() == projected.len() {

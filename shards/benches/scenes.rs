@@ -1,4 +1,4 @@
-//! What a shard of 64 scenes costs to write and to read. `cargo bench -p shards`.
+//! Measures writing and reading a shard of 64 scenes. `cargo bench -p shards`.
 
 use std::path::Path;
 

@@ -1,4 +1,5 @@
-//! Writes a made-up dataset, for readers' tests: `cargo run -p shards --example synthesize -- DIR [ATTEMPTS] [SHARDS]`.
+//! Writes a synthetic dataset for tests of readers: `cargo run -p shards --example synthesize -- DIR [ATTEMPTS]
+//! [SHARDS]`.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! What a scene costs: settling, rays, the gate, an attempt that holds. `cargo bench -p simulator`.
+//! Measures the stages of a scene: settling, rays, the gate, an attempt that holds. `cargo bench -p simulator`.
 
 use divan::Bencher;
 use schema::{Camera, Grid, Gripper, Intrinsics, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};

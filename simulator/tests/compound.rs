@@ -1,4 +1,4 @@
-//! Bodies of several convex parts: seen, felt, grasped and lifted as one thing, and as hollow as they are.
+//! Bodies of several convex parts: rendered, touched, grasped and lifted as one object, with their hollows.
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -41,7 +41,7 @@ fn alike() -> [Body; 3] {
     [cuboid(BOX_M).into(), cut, hull.into()]
 }
 
-/// A ring of twelve hulls, its axis along z; the middle of a flat side lies on x.
+/// A ring of twelve hulls with its axis along z; the centre of a flat side is on x.
 fn ring(inner_m: f32, outer_m: f32, height_m: f32) -> Body {
     let sector = |number: usize| {
         let corner = |radius_m: f32, turn: f32, z_m: f32| {
@@ -58,12 +58,12 @@ fn ring(inner_m: f32, outer_m: f32, height_m: f32) -> Body {
     Compound::new("ring", (0..12).map(sector).collect()).unwrap().into()
 }
 
-/// A post with a foot along +x; the post's middle is 30 mm from the middle of the whole.
+/// A post with a foot along +x; the post's centre is 30 mm from the centre of the body.
 fn l_shape() -> Body {
     boxes(&[(Vec3::new(0.02, 0.03, 0.08), Vec3::ZERO), (Vec3::new(0.06, 0.03, 0.02), Vec3::new(0.04, 0.0, -0.03))])
 }
 
-/// A body with nothing hollow: the hull of all its corners.
+/// The same body without hollows: the hull of all its corners.
 fn filled(body: &Body) -> Body {
     let hull = convex_hull(&body.vertices_m()).unwrap();
     Compound::new("filled", vec![part(Piece::Hull(hull), Vec3::ZERO)]).unwrap().into()
@@ -103,7 +103,7 @@ fn looking(from_m: Vec3, at_m: Vec3) -> Camera {
     Camera { intrinsics, workspace_from_camera: Pose::from_parts(from_m, rotation) }
 }
 
-/// How far two poses are apart, in metres and by turn (0 for the same, 1 for a half turn).
+/// Difference of two poses, in metres and as rotation (0 for equal, 1 for a half turn).
 fn apart(a: &Pose, b: &Pose) -> (f32, f32) {
     ((a.translation - b.translation).length(), 1.0 - a.rotation.dot(b.rotation).abs())
 }
@@ -292,7 +292,7 @@ fn what_stands_goes_on_standing() {
     }
 }
 
-/// Several hollow things at once: they fall, rest on and in each other, and nothing is shot away.
+/// Several hollow objects together: they fall, rest on and in each other, and none is shot away.
 #[test]
 fn a_pile_of_compounds_comes_to_rest() {
     let mut stream = Stream::new(25, 0, Purpose::Drops, 0);

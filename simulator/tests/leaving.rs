@@ -1,4 +1,4 @@
-//! What an attempt leaves behind, and how that comes to rest again.
+//! The scene after an attempt, and how it comes to rest again.
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -19,7 +19,7 @@ fn block(extents: [f32; 3], at: [f32; 3], yaw_rad: f32, friction: f32) -> SceneO
     }
 }
 
-/// A target off the middle and askew, and a bystander out of reach.
+/// A rotated target off the centre, and a bystander out of reach.
 fn scene(friction: f32) -> Scene {
     let target = block([0.04, 0.04, 0.05], [0.11, 0.19, 0.075], 0.6, friction);
     let bystander = block([0.03, 0.05, 0.04], [0.23, 0.08, 0.07], -0.4, 1.0);

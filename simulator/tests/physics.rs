@@ -1,4 +1,4 @@
-//! The physics must hold objects: what a person would expect of a hand, a block and a table.
+//! The physics must hold objects: expectations for a hand, a block and a table.
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -181,7 +181,7 @@ fn what_lies_on_top_of_the_target_and_rides_along_is_hit_other() {
     assert_eq!(end.hit.unwrap().object_id, Some(1));
 }
 
-/// A plank on two posts, and under it a block that is grasped from the side and lifted straight up, into the plank.
+/// A plank on two posts above a block, which is grasped from the side and lifted straight up into the plank.
 #[test]
 fn what_lies_ahead_of_the_lift_is_not_skipped() {
     let resting = |extents: [f32; 3], mass_kg: f32, at: [f32; 3]| SceneObject {

@@ -1,4 +1,4 @@
-//! An attempt that is watched: it ends as one that is not, and what is shown is what happens.
+//! A watched attempt ends like an unwatched one, and the watcher sees what happens.
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 

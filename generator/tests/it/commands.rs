@@ -65,7 +65,7 @@ fn attempts_executed_again_end_as_stored_and_a_lie_is_found() {
     assert_eq!(missing.status.code(), Some(78), "{missing:?}");
     assert!(String::from_utf8_lossy(&missing.stderr).contains("no dataset here"));
 
-    // A dataset in which one attempt that holds is said to slip.
+    // A dataset in which one held attempt is stored as slipped.
     let config = small();
     let mut has_lied = false;
     lying_dataset(&config, &dir.path().join("lying"), |rows| {

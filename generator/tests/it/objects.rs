@@ -1,4 +1,4 @@
-//! One's own objects: meshes to a catalogue, a catalogue to a dataset that says, alone, how to make it again.
+//! User-defined objects: meshes to a catalogue, and a catalogue to a self-contained dataset.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -262,7 +262,7 @@ fn a_config_says_what_is_wrong_with_its_catalogue() {
     check_fails(&small, 78, &["objects.catalogue: ell must fit into grid.size_m 0.06 in any pose"]);
     let unnamed = with("shapes = [\"cuboid\", \"cylinder\", \"tri_prism\", \"half_cylinder\"]\n", "");
     check_ok(&unnamed);
-    // What a dataset says of primitives is not said of others.
+    // Facts about primitives are not written for models.
     let info = fs::read_to_string(dir.path().join("ds/meta/info.json")).unwrap();
     assert!(info.contains("\"format_version\": 2") && !info.contains("density_kg_m3"), "{info}");
     fs::remove_dir_all(dir.path().join("ds")).unwrap();

@@ -1,4 +1,4 @@
-//! `replay`: stored attempts shown as they were, and lies found.
+//! `replay`: stored attempts are shown as executed, and wrong rows are found.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -78,7 +78,7 @@ fn every_kind_of_end_is_reproduced_and_shown() {
             )));
         }
     }
-    // What is raised with the target is rare among random scenes: below.
+    // Objects raised with the target are rare in random scenes; a test below has one.
     assert_eq!(seen.len(), Outcome::ALL.len() - 1, "not every outcome occurs: {seen:?}");
     assert!(!seen.contains_key(&Outcome::HitOther), "{seen:?}");
 }

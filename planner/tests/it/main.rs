@@ -1,4 +1,4 @@
-//! The planner from outside.
+//! Tests of the planner's public interface and program.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod binary;

@@ -1,4 +1,4 @@
-//! Whole plans: on the demo, and on what there is nothing to plan on.
+//! Complete plans: on the demo, and on observations without grasps.
 
 use planner::plan::{Drop, Plan, PointLabel};
 use planner::rank::rho_m;
@@ -11,7 +11,7 @@ fn planner() -> Planner {
     Planner::built_in(Config::built_in().unwrap()).unwrap()
 }
 
-/// With a threshold that the shipped network's qualities reach in many places.
+/// Settings with a threshold that the shipped network's qualities often reach.
 fn generous() -> Planner {
     let mut config = Config::built_in().unwrap();
     config.detection.quality_min = 0.5;
@@ -26,7 +26,7 @@ fn plan_with(planner: &Planner, observation: &Observation, wishes: &Wishes) -> P
     planner.plan(observation, wishes).unwrap()
 }
 
-/// A TSDF of what lies at these signed distances (metres, positive outside).
+/// A TSDF of a shape given by its signed distance (metres, positive outside).
 fn field(distance_m: impl Fn(Vec3) -> f32) -> Observation {
     let index = |flat: usize| [flat / 1600, flat / 40 % 40, flat % 40];
     let stored = |flat: usize| {
@@ -50,7 +50,7 @@ fn the_demo_has_ranked_grasps_that_obey_the_rules() {
             assert_eq!(GRID.voxel_at(pose.translation), Some(ranked.voxel));
             let voxels = ranked.grasp.width_m / GRID.voxel_size_m();
             assert!((params.width_voxels_min - 1e-4..=params.width_voxels_max + 1e-4).contains(&voxels));
-            // Of the two orientations the one nearer to the hand that looks straight down and forwards.
+            // Of the two orientations the one nearer to the default wrist.
             let down = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
             let other = pose.rotation * Quat::from_xyzw(0.0, 0.0, 1.0, 0.0);
             assert!(down.dot(pose.rotation).abs() >= down.dot(other).abs());
@@ -58,7 +58,7 @@ fn the_demo_has_ranked_grasps_that_obey_the_rules() {
             let expected = rho_m(pose.translation, plan.objects[object].centroid_m, ranked.quality, [0.45, 0.45, 0.1]);
             assert_eq!(ranked.rho_m, Some(expected));
         }
-        // Top-down, and by ρ within an object; without one last, by quality.
+        // From the top, and by ρ within an object; grasps without an object last, by quality.
         let keys: Vec<(usize, f32)> = plan
             .grasps
             .iter()
@@ -123,7 +123,7 @@ fn every_candidate_that_is_dropped_is_told_why() {
     assert_eq!(count(|drop| *drop == Drop::BeyondLimit), plan.funnel.collision_free - plan.grasps.len());
     assert_eq!(count(|drop| *drop == Drop::Suppressed), plan.funnel.quality_reached - plan.funnel.detections);
     assert!(colliding > 0 && plan.grasps.len() == 2);
-    // Independent of the sweep: no point of the cloud may lie deep inside the fingers of what is left.
+    // Independent of the sweep: no point of the cloud may be deep inside the fingers of the remaining grasps.
     let fingers = planner.gripper().fingers(planner.gripper().opening_m_max);
     for ranked in &plan.grasps {
         let grasp_from_workspace = ranked.grasp.workspace_from_grasp.inverse();
@@ -172,7 +172,7 @@ fn refined_hands_close_on_something_by_a_free_way() {
         assert!(ranked.grasp.width_m < planner.gripper().opening_m_max);
     }
     let dropped = |drop: Drop| plan.dropped.iter().filter(|dropped| dropped.drop == drop).count();
-    // Of detections above each other the best is looked at.
+    // Of detections in one column only the best is kept.
     let columns: std::collections::BTreeSet<[usize; 2]> =
         plan.grasps.iter().map(|g| [g.voxel[0], g.voxel[1]]).collect();
     assert_eq!(columns.len(), plan.grasps.len());
@@ -247,7 +247,7 @@ fn grasps_without_an_object_are_last_or_dropped() {
     assert_eq!(dropped.dropped.iter().filter(|d| d.drop == Drop::NoObject).count(), last.grasps.len());
 }
 
-/// Walls of the workspace for a hand that is anywhere: every way is blocked.
+/// Points on all walls of the workspace: every way is blocked.
 #[test]
 fn a_blocked_way_is_told() {
     let planner = generous();

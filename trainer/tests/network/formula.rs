@@ -1,4 +1,4 @@
-//! The numbers that `scripts/golden_torch.py` makes by formula, made again.
+//! The numbers that `scripts/golden_torch.py` computes by formula, recomputed here.
 
 use network::layers::LAYERS;
 

@@ -1,4 +1,4 @@
-//! The network held to PyTorch, and the receptive-field step held to the dense network.
+//! Compares the network with PyTorch, and the receptive-field step with the dense network.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking, and tells what it measured")]
 
 mod dense;

@@ -1,4 +1,5 @@
-//! The receptive-field step against the dense network: same loss, same gradient of every parameter, wherever the voxel.
+//! Compares the receptive-field step with the dense network: same loss, same gradient of every parameter, for any
+//! voxel.
 
 use std::sync::Arc;
 
@@ -56,7 +57,7 @@ fn dense(vector: &[f32], batch: &Batch, mode: Upsampling) -> (Vec<f32>, Vec<f32>
     (losses.total.inner().into_data().try_to_vec().unwrap(), gradient)
 }
 
-/// Holds each voxel's loss, and the gradient of their mean, to the dense network's.
+/// Compares each voxel's loss, and the gradient of their mean, with the dense network's.
 fn check(voxels: &[[usize; 3]]) {
     for mode in Upsampling::ALL {
         let (vector, batch) = (parameters(), batch(voxels));

@@ -109,7 +109,7 @@ fn an_empty_split_is_78() {
     place.data = place.data.with_file_name("one_scene");
     write_dataset(&place.data, 1, 1, 1, 6);
     check_fails(&place.fit(&[]), 78, &["0 samples to train on", "none may be 0"]);
-    // Nothing was kept, so nothing is in the way of a better dataset.
+    // Nothing was written, so a better dataset can be used.
     place.data = place.data.with_file_name("data");
     assert!(trainer(&place.fit(&[])).status.success());
 }

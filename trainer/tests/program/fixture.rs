@@ -1,4 +1,4 @@
-//! Small datasets with something to learn: boxes on a table seen from above; a grasp holds where there is a box below.
+//! Small learnable datasets: boxes on a table seen from above; a grasp holds where there is a box below.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,4 +1,4 @@
-//! The networks that are shipped are those of their card, and run.
+//! The shipped networks match their card, and run.
 
 use std::fs;
 use std::path::{Path, PathBuf};

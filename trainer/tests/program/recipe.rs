@@ -98,7 +98,7 @@ fn each_part_changes_training_and_off_is_left_out() {
     }
 }
 
-/// A run's folder and checkpoints as they were before there were these keys.
+/// A run's folder and checkpoints in the format before these keys existed.
 #[test]
 fn a_run_begun_before_these_keys_goes_on_and_is_evaluated() {
     let place = Place::new(1, "", "");
@@ -138,7 +138,7 @@ fn a_run_begun_before_these_keys_goes_on_and_is_evaluated() {
     let [text, data] = [&run, &place.data].map(|path| path.to_str().unwrap());
     let output = trainer(&["evaluate", "--run", text, "--data", data]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    // And it is the run that was never old.
+    // The result equals that of a new run.
     let whole = place.run("whole");
     let mut config = place.config();
     config.training.epochs = 2;
@@ -166,7 +166,7 @@ fn other_epochs_under_a_cosine_are_78() {
 
 #[test]
 fn patience_ends_training_early_and_outlives_being_resumed() {
-    // Steps that are all but none: the first epoch stays the best.
+    // Tiny steps: the first epoch remains the best.
     let place = Place::new(9, "patience_epochs = 2", "");
     let text = fs::read_to_string(&place.config).unwrap().replace("learning_rate = 1e-3", "learning_rate = 1e-12");
     fs::write(&place.config, text).unwrap();
@@ -181,7 +181,7 @@ fn patience_ends_training_early_and_outlives_being_resumed() {
         assert_eq!(place.fit(&config, &cut), Ending::Done);
     }
     check_same_but_best(&whole, &cut);
-    // More patience goes on where it ended.
+    // With more patience the run continues where it ended.
     let mut patient = place.config();
     patient.training.patience_epochs = 3;
     assert_eq!(place.fit(&patient, &cut), Ending::Done);
