@@ -1,7 +1,7 @@
-//! A plan as a picture for people: the segmented cloud and the ranked grasps, from the side and from above (PNG).
+//! The picture of a plan: the segmented cloud and the ranked grasps, from the side and from above (PNG).
 //!
-//! [`report::still`] draws it; here stands what is drawn. Only the best grasp gets its fingers and palm as boxes: twelve
-//! whole hands would hide what they reach for, so the others are forks of lines.
+//! [`report::still`] draws it; this module defines the content. Only the best grasp has fingers and palm as boxes,
+//! because twelve complete hands would hide the objects; the others are forks of lines.
 
 pub(crate) mod tints;
 
@@ -18,9 +18,9 @@ pub const WIDTH_PX: usize = 1400;
 /// Its height.
 pub const HEIGHT_PX: usize = 760;
 
-/// Grasps that are drawn, from the best; more could not be told apart.
+/// Maximum number of drawn grasps, from the best; more could not be distinguished.
 const GRASPS_DRAWN_MAX: usize = 12;
-/// Of these, how many have their rank written beside them.
+/// Number of these with their rank written beside them.
 const GRASPS_NUMBERED_MAX: usize = 5;
 /// The picture is drawn at twice its size; all lengths below are in the large picture's pixels.
 const LARGE: [usize; 2] = [WIDTH_PX * 2, HEIGHT_PX * 2];
@@ -37,12 +37,12 @@ const VIEWS: [(&str, Outlook); 2] = [
 const SHOWN: Opacity = Opacity { before: 1.0, behind: 0.22 };
 const GLASS: Opacity = Opacity { before: 0.26, behind: 0.08 };
 const ALWAYS: Opacity = Opacity { before: 1.0, behind: 1.0 };
-/// Where the arrow's head begins and ends, in fingers' lengths behind the tips: before most objects, not within.
+/// Start and end of the arrow's head, in finger lengths behind the tips: in front of most objects, not inside.
 const ARROW_HEAD: [f32; 2] = [0.80, 0.38];
 /// Length of the axes at the workspace's origin, in its sides.
 const AXIS_SHARE: f32 = 0.13;
 
-/// Why there is no picture.
+/// Why a picture cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
 pub struct PictureError(#[from] StillError);
@@ -56,7 +56,7 @@ impl Exit for PictureError {
 /// Draws a plan as a PNG of [`WIDTH_PX`] × [`HEIGHT_PX`]. Its bytes are a pure function of the arguments.
 ///
 /// # Errors
-/// [`PictureError`] if a library fails; no plan is at fault.
+/// [`PictureError`] if a library fails; this does not depend on the plan.
 pub fn draw(plan: &Plan, gripper: &Gripper, title: &str) -> Result<Vec<u8>, PictureError> {
     let panel = |which: usize| panel(plan, gripper, VIEWS[which].1);
     let (side, above) = rayon::join(|| panel(0), || panel(1));
@@ -71,7 +71,7 @@ pub fn draw(plan: &Plan, gripper: &Gripper, title: &str) -> Result<Vec<u8>, Pict
     Ok(sheet.png()?)
 }
 
-/// The scene from one side, and what is to be written on it.
+/// The scene from one side, with its labels.
 fn panel(plan: &Plan, gripper: &Gripper, outlook: Outlook) -> (Canvas, Vec<Word>) {
     let mut canvas = Canvas::new(plan.grid.size_m, outlook, PANEL);
     let colours = plan.cloud.labels.iter().map(|label| of_label(*label));
@@ -80,7 +80,7 @@ fn panel(plan: &Plan, gripper: &Gripper, outlook: Outlook) -> (Canvas, Vec<Word>
     dropped(&mut canvas, &plan.dropped);
     centroids(&mut canvas, &plan.objects);
     let count = plan.grasps.len().min(GRASPS_DRAWN_MAX);
-    // The best is drawn last and so lies on top.
+    // The best is drawn last, on top.
     let mut stems: Vec<(usize, [f32; 2])> = (0..count)
         .rev()
         .filter_map(|place| Some((place, hand(&mut canvas, &plan.grasps[place], gripper, place, count)?)))
@@ -92,7 +92,7 @@ fn panel(plan: &Plan, gripper: &Gripper, outlook: Outlook) -> (Canvas, Vec<Word>
     (canvas, words)
 }
 
-/// Thin lines along the workspace's edges, and its axes at the origin. Gives the axes' names.
+/// Thin lines along the workspace's edges, and its axes at the origin. Returns the axes' names.
 fn workspace(canvas: &mut Canvas, size_m: f32) -> Vec<Word> {
     canvas.line(&points(&Line::workspace(size_m)), 1.0, THIN_LINE);
     let length_m = AXIS_SHARE * size_m;
@@ -103,7 +103,7 @@ fn workspace(canvas: &mut Canvas, size_m: f32) -> Vec<Word> {
     let Some(origin) = canvas.see(Vec3::ZERO) else { return Vec::new() };
     let ends = ["x", "y", "z"].into_iter().zip(Vec3::AXES);
     let seen = ends.filter_map(|(name, axis)| Some((name, canvas.see(axis * (1.28 * length_m))?)));
-    // An axis that points at the eye would have its name on the origin.
+    // An axis towards the viewer would have its name on the origin.
     let seen = seen.filter(|(_, [x, y])| (x - origin[0]).abs().max((y - origin[1]).abs()) > 30.0);
     seen.map(|(name, [x, y])| Word { text: name.to_owned(), at: (x as i32, y as i32), size: 30, colour: INK }).collect()
 }
@@ -120,7 +120,7 @@ fn dropped(canvas: &mut Canvas, dropped: &[DroppedCandidate]) {
     }
 }
 
-/// A dot in its object's tint at each centroid, seen through the object.
+/// A dot in the object's colour at each centroid, visible through the object.
 fn centroids(canvas: &mut Canvas, objects: &[SeenObject]) {
     for (number, object) in objects.iter().enumerate() {
         let tint = of_label(PointLabel::Object(number));
@@ -131,7 +131,7 @@ fn centroids(canvas: &mut Canvas, objects: &[SeenObject]) {
     }
 }
 
-/// The hand of the grasp in this place (0 is the best) of `count`. Gives where its stem ends.
+/// The hand of the grasp with this rank (0 is the best) of `count`. Returns the end of its stem.
 fn hand(canvas: &mut Canvas, ranked: &RankedGrasp, gripper: &Gripper, place: usize, count: usize) -> Option<[f32; 2]> {
     let (grasp, colour) = (&ranked.grasp, of_place(place, count));
     let at = |z_m: f32| grasp.workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, z_m));
@@ -142,7 +142,7 @@ fn hand(canvas: &mut Canvas, ranked: &RankedGrasp, gripper: &Gripper, place: usi
         for finger in gripper.fingers(grasp.width_m) {
             canvas.block(&finger, &grasp.workspace_from_grasp, colour);
         }
-        // The way the hand comes: from the stem's end to between the fingers.
+        // The approach: from the stem's end to between the fingers.
         let [neck_m, tip_m] = ARROW_HEAD.map(|share| at(-share * gripper.finger_length_m));
         canvas.haloed_line(&[stem_end_m, neck_m], 4.0, INK);
         canvas.arrow_head(neck_m, tip_m, INK);
@@ -158,7 +158,7 @@ fn points(line: &Line) -> Vec<Vec3> {
     line.points_m.iter().copied().map(Vec3::from_array).collect()
 }
 
-/// Ranks beside the stems' ends, each where no better one's stands already.
+/// Ranks beside the ends of the stems, where no better rank is written already.
 fn numbers(stems: &[(usize, [f32; 2])]) -> Vec<Word> {
     let mut words: Vec<Word> = Vec::new();
     for (place, stem) in stems {
@@ -178,7 +178,7 @@ fn numbers(stems: &[(usize, [f32; 2])]) -> Vec<Word> {
     words
 }
 
-/// How many grasps there are and how good the best is.
+/// The number of grasps and the quality of the best.
 fn summary(plan: &Plan) -> String {
     let count = |number: usize, what: &str| format!("{number} {what}{}", if number == 1 { "" } else { "s" });
     let mut text = format!("{}, {}", count(plan.grasps.len(), "grasp"), count(plan.objects.len(), "object"));
@@ -354,7 +354,8 @@ mod tests {
             let tint = of_label(PointLabel::Object(object));
             assert!(near(at(&bare, pixel_of(1, top)), tint, 12), "{object}: {:?}", at(&bare, pixel_of(1, top)));
         }
-        // The best hand's fingers stand at y = 0.08 ± 25 mm, from z = 0.10 up to 0.15; the nearer is seen from the side.
+        // The best hand's fingers stand at y = 0.08 ± 25 mm, from z = 0.10 up to 0.15; the nearer is seen from the
+        // side.
         let finger = at(&pixels, pixel_of(0, Vec3::new(0.075, 0.05, 0.12)));
         let shades = [0.92, 0.92 + 0.22, 0.92 - 0.22].map(|light| lit(BEST, light));
         assert!(shades.iter().any(|shade| near(finger, *shade, 6)), "{finger:?}");

@@ -1,22 +1,22 @@
-//! Who looks: the one projection of all still pictures.
+//! The camera: the projection of all still pictures.
 
 use schema::Vec3;
 
-/// Share of a picture that stays free at each side of the workspace.
+/// Margin on each side of the workspace, as a share of the picture.
 const MARGIN: f32 = 0.04;
 
-/// A direction to look from.
+/// A viewing direction.
 #[derive(Debug, Clone, Copy)]
 pub struct Outlook {
     /// From the workspace to the eye; any length.
     pub towards_eye: Vec3,
-    /// What is above in the picture; not along the former.
+    /// The up direction in the picture; not parallel to the former.
     pub up: Vec3,
-    /// Distance from the middle of the workspace, in its sides: the farther, the less perspective.
+    /// Distance from the centre of the workspace, in its sides: larger values give less perspective.
     pub sides_away: f32,
 }
 
-/// An eye with a picture before it.
+/// A camera with its image plane.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Eye {
     position_m: Vec3,
@@ -27,12 +27,12 @@ pub(crate) struct Eye {
     centre_px: [f32; 2],
 }
 
-/// How lengths across the line of sight become pixels.
+/// The scale from lengths across the line of sight to pixels.
 #[derive(Debug, Clone, Copy)]
 enum Scale {
-    /// The same at every depth: pixels a metre.
+    /// Without perspective: pixels per metre.
     Parallel(f32),
-    /// In perspective: pixels a metre at a depth of one metre.
+    /// With perspective: pixels per metre at a depth of one metre.
     Perspective(f32),
 }
 
@@ -45,7 +45,7 @@ pub(crate) struct Seen {
 }
 
 impl Eye {
-    /// Looks at `middle_m`, which is seen at `centre_px`, without perspective.
+    /// Looks at `middle_m`, which projects to `centre_px`, without perspective.
     pub(crate) fn parallel(towards_eye: Vec3, middle_m: Vec3, px_per_m: f32, centre_px: [f32; 2]) -> Self {
         let towards = towards_eye.normalize_or_zero();
         let right = Vec3::Z.cross(towards).normalize_or_zero();
@@ -53,7 +53,7 @@ impl Eye {
         Self { position_m: middle_m + 10.0 * towards, right, up: towards.cross(right), towards, scale, centre_px }
     }
 
-    /// Looks at a workspace of side `size_m`, which fills `width_px` × `height_px` pixels but for a margin.
+    /// Looks at a workspace of side `size_m`, which fills `width_px` × `height_px` pixels except for a margin.
     pub(crate) fn on_workspace(size_m: f32, outlook: Outlook, [width_px, height_px]: [usize; 2]) -> Self {
         let towards = outlook.towards_eye.normalize_or_zero();
         let right = outlook.up.cross(towards).normalize_or_zero();
@@ -78,12 +78,12 @@ impl Eye {
         eye
     }
 
-    /// From what is looked at to the eye, of length 1.
+    /// Unit vector from the scene to the eye.
     pub(crate) fn towards(&self) -> Vec3 {
         self.towards
     }
 
-    /// Where a point is seen; `None` if it is behind the eye or not finite.
+    /// The projection of a point; `None` if it is behind the eye or not finite.
     pub(crate) fn see(&self, point_m: Vec3) -> Option<Seen> {
         let from_eye = point_m - self.position_m;
         let depth_m = -from_eye.dot(self.towards);
@@ -95,14 +95,14 @@ impl Eye {
         })
     }
 
-    /// The point that is seen there.
+    /// The point with this projection.
     pub(crate) fn point_m(&self, seen: Seen) -> Vec3 {
         let scale = self.pixels(1.0, seen.depth_m);
         let [across, along] = [(seen.x - self.centre_px[0]) / scale, (self.centre_px[1] - seen.y) / scale];
         self.position_m + self.right * across + self.up * along - self.towards * seen.depth_m
     }
 
-    /// How many pixels `length_m` takes across the line of sight at that depth.
+    /// Length in pixels of `length_m` across the line of sight at a depth.
     pub(crate) fn pixels(&self, length_m: f32, depth_m: f32) -> f32 {
         match self.scale {
             Scale::Parallel(px_per_m) => length_m * px_per_m,

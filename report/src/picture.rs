@@ -1,7 +1,7 @@
-//! A scene as a small picture: convex bodies on a table, and hands as forks, green if they held and red if not.
+//! A small picture of a scene: convex bodies on a table, and hands as forks, green if they held and red if not.
 //!
-//! Seen from above and the front, without perspective: a length along an axis is the same everywhere. Bodies are painted from
-//! the back to the front, faces that look away are left out; hands lie over everything, for they are what is looked for.
+//! The view is from above and the front, without perspective, so lengths along an axis are equal everywhere. Bodies are
+//! painted from back to front without the faces that point away; hands are on top, because they are the subject.
 
 use std::fmt::Write as _;
 
@@ -12,13 +12,13 @@ use crate::eye::{Eye, Seen};
 /// A hand at a grasp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hand {
-    /// Where the grasp is.
+    /// Pose of the grasp.
     pub workspace_from_grasp: Pose,
     /// Opening between the fingers, in metres.
     pub width_m: f32,
     /// Whether it held.
     pub held: bool,
-    /// From 0 to 1: how much it is to be seen.
+    /// Opacity, from 0 to 1.
     pub strength: f32,
 }
 
@@ -29,7 +29,7 @@ pub struct Scene {
     pub size_m: f32,
     /// Height of the table's top, in metres.
     pub table_z_m: f32,
-    /// What lies there; the number picks the tint.
+    /// The bodies; the number selects the colour.
     pub bodies: Vec<(Polyhedron, usize)>,
     /// Hands.
     pub hands: Vec<Hand>,
@@ -38,20 +38,20 @@ pub struct Scene {
 /// Size of the picture.
 const WIDTH_PX: f32 = 300.0;
 const HEIGHT_PX: f32 = 280.0;
-/// More hands are drawn thin.
+/// If there are more hands, they are drawn thin.
 const CROWD: usize = 12;
-/// Tints of bodies: light, so that hands stand out, and not green or red.
+/// Colours of bodies: light, so that hands stand out, and neither green nor red.
 const TINTS: [[f32; 3]; 5] =
     [[150.0, 180.0, 214.0], [214.0, 188.0, 140.0], [178.0, 166.0, 208.0], [160.0, 196.0, 196.0], [205.0, 170.0, 190.0]];
 
-/// Seen from above and the front: the table's diagonal fits.
+/// The view from above and the front: the table's diagonal fits.
 fn eye(scene: &Scene) -> Eye {
     let middle_m = Vec3::new(0.5 * scene.size_m, 0.5 * scene.size_m, scene.table_z_m + 0.2 * scene.size_m);
     let px_per_m = WIDTH_PX / (1.34 * scene.size_m);
     Eye::parallel(Vec3::new(0.45, -1.0, 1.15), middle_m, px_per_m, [0.5 * WIDTH_PX, 0.5 * HEIGHT_PX])
 }
 
-/// The scene as SVG, its colours in part by the page's style sheet.
+/// The scene as SVG; some colours come from the page's style sheet.
 #[must_use]
 pub fn svg(scene: &Scene) -> String {
     let eye = eye(scene);
@@ -66,7 +66,7 @@ pub fn svg(scene: &Scene) -> String {
         paint(&mut text, &eye, body, TINTS[tint % TINTS.len()]);
     }
     let mut hands: Vec<&Hand> = scene.hands.iter().collect();
-    hands.sort_by_key(|hand| hand.held); // what held lies on top
+    hands.sort_by_key(|hand| hand.held); // held grasps on top
     let is_crowded = hands.len() > CROWD;
     for hand in hands {
         let class = if hand.held { "held" } else { "failed" };
@@ -100,7 +100,7 @@ fn middle_m(body: &Polyhedron) -> Vec3 {
     body.corners_m().iter().sum::<Vec3>() / body.corners_m().len().max(1) as f32
 }
 
-/// The hand as two lines: the fingers with what joins them, and the stem behind.
+/// The hand as two lines: the connected fingers, and the stem behind.
 fn fork(hand: &Hand) -> [Vec<Vec3>; 2] {
     let (half, root, stem) = (0.5 * hand.width_m, -0.04, -0.06);
     let at = |y: f32, z: f32| hand.workspace_from_grasp.transform_point(Vec3::new(0.0, y, z));
@@ -115,7 +115,7 @@ fn points(eye: &Eye, points_m: impl Iterator<Item = Vec3>) -> String {
         .join(" ")
 }
 
-/// How wide a hand is drawn that never closed: as it came.
+/// The opening of a hand that never closed: fully open.
 #[must_use]
 pub fn width_m(gripper: &Gripper, width_m: Option<f32>) -> f32 {
     width_m.unwrap_or(gripper.opening_m_max)

@@ -1,7 +1,7 @@
-//! Still pictures of what a [`crate::view`] shows, as PNG: points as a lit surface, with lines, boxes and words on it.
+//! Still pictures of a [`crate::view`] as PNG: points as a lit surface, with lines, boxes and labels.
 //!
-//! Drawn in software at twice the size and averaged down. The bytes depend on the arguments alone: text is set with this
-//! crate's font, and nothing runs on a graphics card.
+//! Drawn in software at twice the size and averaged down. The bytes depend only on the arguments: text uses this
+//! crate's font, and no GPU is involved.
 
 mod canvas;
 mod layer;

@@ -1,7 +1,7 @@
-//! A view of things in space, at rest or moving: plain data, and the page that shows them.
+//! A 3-D view of bodies, lines and points, at rest or moving: plain data, and the page that shows them.
 //!
-//! A [`View`] is what programs agree on: it is written as JSON, and [`View::page`] makes of it one HTML file that needs
-//! nothing else. All places are in one frame, the workspace's: metres, z up.
+//! A [`View`] is the common format of all programs: it is serialised as JSON, and [`View::page`] makes a self-contained
+//! HTML file of it. All positions are in the workspace frame: metres, z up.
 
 mod page;
 pub(crate) mod shapes;
@@ -12,13 +12,13 @@ use serde::{Deserialize, Serialize};
 /// The format's name and version, the first field of the JSON.
 pub const FORMAT: &str = "graspmill-view/1";
 
-/// What there is to see.
+/// A 3-D view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct View {
     /// [`FORMAT`].
     pub format: String,
-    /// One line.
+    /// A title of one line.
     pub title: String,
     /// Convex bodies.
     pub bodies: Vec<Body>,
@@ -26,11 +26,11 @@ pub struct View {
     pub lines: Vec<Line>,
     /// Points.
     pub points: Vec<Points>,
-    /// Moments, in order; none if nothing moves.
+    /// Frames, in order; none if nothing moves.
     pub frames: Vec<Frame>,
-    /// What happens, in order.
+    /// Events, in order.
     pub events: Vec<Event>,
-    /// What is known besides.
+    /// Further facts.
     pub facts: Vec<Fact>,
     /// Classes that are hidden until the reader selects them.
     pub hidden: Vec<String>,
@@ -40,29 +40,29 @@ pub struct View {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
-    /// What it is; what is of one class looks alike and is shown or not together.
+    /// Its class; members of a class look alike and are shown or hidden together.
     pub class: Class,
-    /// What is said of it.
+    /// Its label.
     pub label: String,
     /// Its corners in its own frame, in metres.
     pub corners_m: Vec<[f32; 3]>,
-    /// Its faces: corners by number, counter-clockwise as seen from outside.
+    /// Its faces: corner indices, counter-clockwise as seen from outside.
     pub faces: Vec<Vec<usize>>,
-    /// Where it is, x, y, z (metres), then a unit quaternion x, y, z, w: once, or at every frame.
+    /// Its pose: x, y, z (metres), then a unit quaternion x, y, z, w; one, or one per frame.
     pub poses: Vec<[f32; 7]>,
 }
 
-/// A line from point to point.
+/// A polyline.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Line {
-    /// What it is.
+    /// Its class.
     pub class: Class,
-    /// What is said of it; may be empty.
+    /// Its label; may be empty.
     pub label: String,
     /// Its points, in metres.
     pub points_m: Vec<[f32; 3]>,
-    /// The first and the last frame in which it is there; `None`: always.
+    /// The first and the last frame in which it is visible; `None`: always.
     pub frames: Option<[usize; 2]>,
 }
 
@@ -70,33 +70,33 @@ pub struct Line {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Points {
-    /// What they are.
+    /// Their class.
     pub class: Class,
-    /// What is said of them; may be empty.
+    /// Their label; may be empty.
     pub label: String,
-    /// Where they are, in metres.
+    /// Their positions, in metres.
     pub points_m: Vec<[f32; 3]>,
-    /// The first and the last frame in which they are there; `None`: always.
+    /// The first and the last frame in which they are visible; `None`: always.
     pub frames: Option<[usize; 2]>,
 }
 
-/// A moment.
+/// A frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Frame {
-    /// Seconds since the first.
+    /// Seconds since the first frame.
     pub time_s: f32,
 }
 
-/// Something that happens.
+/// An event.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Event {
-    /// The frame at which it does.
+    /// Its frame.
     pub frame: usize,
-    /// What kind of thing it is.
+    /// Its kind.
     pub kind: EventKind,
-    /// In words.
+    /// Its text.
     pub text: String,
 }
 
@@ -106,25 +106,25 @@ pub struct Event {
 pub enum EventKind {
     /// A phase begins and lasts until the next.
     Phase,
-    /// Worth knowing.
+    /// A note.
     Note,
-    /// What decided that a grasp holds.
+    /// The decision that a grasp holds.
     Held,
-    /// What decided that it does not.
+    /// The decision that it does not hold.
     Failed,
 }
 
-/// A key and its value, shown beside.
+/// A key with its value, shown beside the view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fact {
-    /// What.
+    /// The key.
     pub key: String,
-    /// How much.
+    /// The value.
     pub value: String,
 }
 
-/// What a thing in a view is.
+/// The class of an element of a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
@@ -134,36 +134,36 @@ pub enum Class {
     Workspace,
     /// An object.
     Object,
-    /// The object that is to be grasped.
+    /// The target object.
     Target,
-    /// What was hit.
+    /// The object that was hit.
     Hit,
     /// The hand.
     Hand,
-    /// What the hand passes on its way, or would.
+    /// The swept volume of the hand.
     Swept,
     /// A grasp that held.
     Held,
     /// A grasp that lost its object.
     Slipped,
-    /// A grasp that drove something else.
+    /// A grasp that moved another object.
     HitOther,
-    /// A grasp of nothing.
+    /// A grasp that closed on nothing.
     Empty,
-    /// A grasp whose hand collides on its way.
+    /// A grasp with a collision during the approach.
     ApproachCollision,
-    /// A grasp whose hand collides before its way.
+    /// A grasp with a collision at the pre-grasp.
     PregraspCollision,
     /// A camera.
     Camera,
-    /// The surface as the cameras saw it.
+    /// The observed surface.
     Surface,
-    /// Where things touch.
+    /// Contacts.
     Contact,
 }
 
 impl Class {
-    /// The class of a grasp that ended so.
+    /// The class of a grasp with this outcome.
     #[must_use]
     pub fn of_outcome(outcome: schema::Outcome) -> Self {
         match outcome {
@@ -178,7 +178,7 @@ impl Class {
 }
 
 impl View {
-    /// Nothing yet.
+    /// An empty view.
     #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
         Self {
@@ -206,14 +206,14 @@ impl View {
     }
 }
 
-/// A pose as a view has it: x, y, z in metres, then the quaternion's x, y, z, w.
+/// A pose in the format of a view: x, y, z in metres, then the quaternion's x, y, z, w.
 #[must_use]
 pub fn flat(pose: &Pose) -> [f32; 7] {
     let ([x, y, z], [qx, qy, qz, qw]) = (pose.translation.to_array(), pose.rotation.to_array());
     [x, y, z, qx, qy, qz, qw]
 }
 
-/// Points as a view has them.
+/// Points in the format of a view.
 #[must_use]
 pub fn flat_points(points_m: impl IntoIterator<Item = Vec3>) -> Vec<[f32; 3]> {
     points_m.into_iter().map(|point| point.to_array()).collect()

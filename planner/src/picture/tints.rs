@@ -1,7 +1,7 @@
-//! Colours, of Okabe and Ito (2008): they stay apart for the colour-blind.
+//! Colours of Okabe and Ito (2008), which are distinguishable for the colour-blind.
 //!
-//! Green is the best grasp's alone and vermilion the collisions', so no object has them. Other grasps fade from dark to
-//! light grey: printed without colour, the order can still be read.
+//! Green is reserved for the best grasp and vermilion for collisions, so no object has them. Other grasps fade from
+//! dark to light grey, so their order is visible without colour, too.
 
 pub(crate) use report::still::Rgb;
 
@@ -14,7 +14,7 @@ pub(super) const OTHER_DROP: Rgb = [120; 3];
 
 const PLANE: Rgb = [226; 3];
 const NOISE: Rgb = [150; 3];
-/// Sky blue, purple, yellow, orange, blue; then the same, darker.
+/// Sky blue, purple, yellow, orange, blue; then darker versions.
 const OBJECTS: [Rgb; 10] = [
     [86, 180, 233],
     [204, 121, 167],
@@ -28,7 +28,7 @@ const OBJECTS: [Rgb; 10] = [
     [0, 75, 117],
 ];
 
-/// What a point is painted with. After ten objects the tints begin again.
+/// The colour of a point. After ten objects the colours repeat.
 pub(crate) const fn of_label(label: PointLabel) -> Rgb {
     match label {
         PointLabel::Plane => PLANE,
@@ -37,7 +37,7 @@ pub(crate) const fn of_label(label: PointLabel) -> Rgb {
     }
 }
 
-/// A grasp's colour by its place among the `count` that are drawn; 0 is the best.
+/// A grasp's colour by its rank among the `count` drawn ones; 0 is the best.
 pub(super) fn of_place(place: usize, count: usize) -> Rgb {
     if place == 0 {
         return BEST;
@@ -50,7 +50,7 @@ pub(super) fn of_place(place: usize, count: usize) -> Rgb {
 mod tests {
     use super::*;
 
-    /// Rec. 601: what a printer without colours makes of it.
+    /// Rec. 601: the grey value without colour.
     fn grey([r, g, b]: Rgb) -> f32 {
         0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)
     }

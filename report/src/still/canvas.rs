@@ -1,4 +1,4 @@
-//! A workspace seen from one side: points as a lit surface, with lines, dots and boxes on it.
+//! A workspace from one side: points as a lit surface, with lines, dots and boxes.
 
 use schema::{HandBox, Pose, Vec3};
 
@@ -6,30 +6,30 @@ use super::layer::{Layer, Opacity, Rgb, lit, mixed};
 use crate::eye::{Eye, Outlook, Seen};
 use crate::view::shapes::{BOX_FACES, box_corners_m};
 
-/// Dark grey, for words and outlines.
+/// Dark grey, for text and outlines.
 pub const INK: Rgb = [34; 3];
 pub(super) const WHITE: Rgb = [255; 3];
 
-/// Radius of a point's disc in voxels. Points lie about a third of a voxel apart, and neighbours must overlap well.
+/// Radius of a point's disc in voxels. Points are about a third of a voxel apart, and neighbours must overlap well.
 const DISC_VOXELS: f32 = 0.5;
-/// Points of the same surface lie within this many voxels in depth, on steep surfaces too.
+/// Points of the same surface are within this many voxels in depth, also on steep surfaces.
 const SAME_SURFACE_VOXELS: f32 = 0.7;
-/// How far to either side slopes are taken, in voxels.
+/// Half width of the slope's difference quotient, in voxels.
 const SLOPE_VOXELS: f32 = 0.6;
-/// From the surface towards the light, and the share of light that comes from everywhere; a level surface gets 1 in all.
+/// Direction to the light, and the share of ambient light; a level surface gets 1 in total.
 const TOWARDS_LIGHT: Vec3 = Vec3::new(-0.30, -0.42, 0.86);
 const AMBIENT: f32 = 0.50;
-/// How dark the outline of what stands before something else is.
+/// Darkness of outlines at depth jumps.
 const OUTLINE: f32 = 0.45;
-/// White lines about dark ones lie this far behind them, so that they cover no other line of the same hand.
+/// White edges of dark lines are this far behind them, so that they cover no other line of the same hand.
 const HALO_BEHIND_M: f32 = 0.004;
 const HALO_PX: f32 = 3.0;
 
-/// A workspace seen from one side. All lengths in pixels are those of the large picture, before it is averaged down.
+/// A workspace from one side. All lengths in pixels refer to the large picture, before it is averaged down.
 #[derive(Debug)]
 pub struct Canvas {
     pub(super) sheet: Layer,
-    /// What was drawn since the last [`Self::lay`].
+    /// Drawn since the last [`Self::lay`].
     scratch: Layer,
     eye: Eye,
 }
@@ -42,18 +42,18 @@ impl Canvas {
         Self { sheet: Layer::new(size_px), scratch: Layer::new(size_px), eye }
     }
 
-    /// Where a point is seen; `None` if it is behind the eye or not finite.
+    /// The projection of a point; `None` if it is behind the eye or not finite.
     #[must_use]
     pub fn see(&self, point_m: Vec3) -> Option<[f32; 2]> {
         self.eye.see(point_m).map(|seen| [seen.x, seen.y])
     }
 
-    /// Makes what was drawn since the last call part of the picture. Depths stay those of the surface.
+    /// Merges everything drawn since the last call into the picture. Depths remain those of the surface.
     pub fn lay(&mut self, opacity: Opacity) {
         self.sheet.lay(&mut self.scratch, opacity);
     }
 
-    /// A dot across the line of sight, drawn `nearer_m` nearer than it is.
+    /// A dot that faces the viewer, drawn `nearer_m` nearer than it is.
     pub fn dot(&mut self, at_m: Vec3, nearer_m: f32, radius_px: f32, colour: Rgb) {
         if let Some(seen) = self.eye.see(at_m) {
             self.scratch.disc(Seen { depth_m: seen.depth_m - nearer_m, ..seen }, radius_px, colour);
@@ -105,8 +105,8 @@ impl Canvas {
 
     /// Paints points as a surface, on an empty picture.
     ///
-    /// First each point covers a disc and the nearest depth wins. Then all points near that depth give a weighted mean of
-    /// depth and colour: the mean is smooth, so its slope can be lit, which single discs' steps could not.
+    /// First each point covers a disc and the nearest depth wins. Then all points near that depth give a weighted mean
+    /// of depth and colour. The mean is smooth, so its slope can be lit, in contrast to the steps of single discs.
     pub fn surface(&mut self, points: impl IntoIterator<Item = (Vec3, Rgb)>, voxel_m: f32) {
         let see = |(point_m, colour)| self.eye.see(point_m).map(|seen| (seen, colour));
         let points: Vec<(Seen, Rgb)> = points.into_iter().filter_map(see).collect();
@@ -142,7 +142,7 @@ impl Canvas {
             return colour;
         }
         let reach = (self.eye.pixels(SLOPE_VOXELS * voxel_m, here.depth_m) as usize).max(1);
-        // From one side to the other; where one lies on another surface, from or to the middle.
+        // From one side to the other; if one is on another surface, from or to the centre.
         let slope = |[dx, dy]: [usize; 2]| {
             let is_near = |other: &Seen| (other.depth_m - here.depth_m).abs() < voxel_m;
             let before = (x >= dx && y >= dy).then(|| self.seen([x - dx, y - dy])).filter(is_near);
@@ -151,7 +151,7 @@ impl Canvas {
             let [from, to] = [before.unwrap_or(here), after.unwrap_or(here)].map(|seen| self.eye.point_m(seen));
             to - from
         };
-        // The picture's y runs downwards, so down × right points at the eye.
+        // The picture's y points down, so down × right points at the viewer.
         let light = slope([0, reach]).cross(slope([reach, 0])).try_normalize().map_or(1.0, |normal| {
             let to_light = TOWARDS_LIGHT.normalize_or_zero();
             AMBIENT + (1.0 - AMBIENT) * normal.dot(to_light).max(0.0) / to_light.z

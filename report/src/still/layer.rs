@@ -1,6 +1,6 @@
-//! Pixels with depths: what is nearer hides what is farther.
+//! Pixels with depths: nearer content hides farther content.
 //!
-//! A layer that is laid on another stays visible, faintly, where it is behind: a finger under an overhang is still shown.
+//! A layer that is merged into another remains faintly visible where it is behind, such as a finger under an overhang.
 
 use std::ops::Range;
 
@@ -9,23 +9,23 @@ use crate::eye::Seen;
 /// Red, green, blue.
 pub type Rgb = [u8; 3];
 
-/// How much is seen of what is drawn: where it is in front of what was there, and where it is behind.
+/// Opacity of drawn content where it is in front of the existing picture, and where it is behind.
 #[derive(Debug, Clone, Copy)]
 pub struct Opacity {
-    /// Share in front.
+    /// Opacity in front.
     pub before: f32,
-    /// Share behind.
+    /// Opacity behind.
     pub behind: f32,
 }
 
-/// A picture with a depth at each pixel; infinite where there is nothing.
+/// A picture with a depth at each pixel; infinite where it is empty.
 #[derive(Debug, Clone)]
 pub(super) struct Layer {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) colour: Vec<Rgb>,
     pub(super) depth_m: Vec<f32>,
-    /// Columns and rows that were drawn on.
+    /// The range of drawn columns and rows.
     drawn: [Range<usize>; 2],
 }
 
@@ -57,7 +57,7 @@ impl Layer {
         }
     }
 
-    /// The pixels of a disc: column, row, and the share of the squared radius that is left there.
+    /// The pixels of a disc: column, row, and the remaining share of the squared radius.
     pub(super) fn pixels(&self, at: Seen, radius_px: f32) -> impl Iterator<Item = (usize, usize, f32)> + use<> {
         let [columns, rows] = self.within([at.x - radius_px, at.y - radius_px], [at.x + radius_px, at.y + radius_px]);
         let left = move |x: usize, y: usize| {
@@ -68,7 +68,7 @@ impl Layer {
         all.map(move |(x, y)| (x, y, left(x, y))).filter(|(.., left)| *left >= 0.0)
     }
 
-    /// A disc across the line of sight.
+    /// A disc that faces the viewer.
     pub(super) fn disc(&mut self, at: Seen, radius_px: f32, colour: Rgb) {
         for (x, y, _) in self.pixels(at, radius_px) {
             self.put(x, y, at.depth_m, colour);
@@ -87,7 +87,7 @@ impl Layer {
         }
     }
 
-    /// A filled triangle, whichever way round its corners go.
+    /// A filled triangle of either orientation.
     pub(super) fn triangle(&mut self, [a, b, c]: [Seen; 3], colour: Rgb) {
         let cross = |p: Seen, q: Seen, x: f32, y: f32| (q.x - p.x) * (y - p.y) - (q.y - p.y) * (x - p.x);
         let area = cross(a, b, c.x, c.y);
@@ -105,7 +105,7 @@ impl Layer {
         }
     }
 
-    /// Lays another layer of the same size on this one, whose depths stay, and empties the other.
+    /// Merges another layer of the same size into this one, whose depths remain, and clears the other.
     pub(super) fn lay(&mut self, other: &mut Self, opacity: Opacity) {
         let [columns, rows] = std::mem::replace(&mut other.drawn, [self.width..0, self.height..0]);
         for at in rows.flat_map(|y| columns.clone().map(move |x| (x, y))).map(|(x, y)| y * self.width + x) {
@@ -127,7 +127,7 @@ pub(super) fn mixed(under: Rgb, over: Rgb, share: f32) -> Rgb {
     })
 }
 
-/// Lighter above 1, darker below; stops at white.
+/// Lighter above 1, darker below; clamped to white.
 #[must_use]
 pub fn lit(colour: Rgb, light: f32) -> Rgb {
     colour.map(|value| (f32::from(value) * light + 0.5).min(255.0) as u8)

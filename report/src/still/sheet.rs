@@ -1,4 +1,4 @@
-//! A picture of several panels with words, ready to be written as PNG.
+//! A picture of several panels with text, for writing as PNG.
 
 use plotters::backend::BitMapBackend;
 use plotters::coord::Shift;
@@ -13,13 +13,13 @@ use crate::figure::{FONT, FONT_BYTES, encode, means};
 
 /// Every pixel is the mean of a square of this side.
 const MEAN_OF: usize = 2;
-/// No line is longer; what comes after it would not be read anyway.
+/// Maximum length of a line of text.
 const CHARACTERS_MAX: usize = 160;
 
 type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 type Drawn<T> = Result<T, StillError>;
 
-/// Why there is no picture.
+/// Why a picture cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum StillError {
     /// The drawing library failed.
@@ -30,19 +30,19 @@ pub enum StillError {
     Encoding(#[from] png::EncodingError),
 }
 
-/// A picture. All lengths are those of the large picture, twice as wide and high as the PNG.
+/// A picture. All lengths refer to the large picture, twice as wide and high as the PNG.
 #[derive(Debug)]
 pub struct Sheet {
     pixels: Vec<u8>,
     size: [usize; 2],
 }
 
-/// A word about a point, with a white edge, to be read on any ground.
+/// A label centred on a point, with a white edge for any background.
 #[derive(Debug, Clone)]
 pub struct Word {
-    /// What it says.
+    /// The text.
     pub text: String,
-    /// Its middle.
+    /// Its centre.
     pub at: (i32, i32),
     /// Its height.
     pub size: i32,
@@ -50,7 +50,7 @@ pub struct Word {
     pub colour: Rgb,
 }
 
-/// What stands for something in the legend.
+/// A symbol of the legend.
 #[derive(Debug, Clone, Copy)]
 pub enum Symbol {
     /// A dot with this radius.
@@ -70,8 +70,8 @@ impl Sheet {
         Self { pixels: vec![255; 3 * size[0] * size[1]], size }
     }
 
-    /// Copies a canvas to this place (its upper left corner), frames it, and writes its name and words on it; the first
-    /// word lies on top.
+    /// Copies a canvas to a position (its upper left corner), frames it, and writes its name and labels; the first
+    /// label is on top.
     ///
     /// # Errors
     /// [`StillError`] if the drawing library fails.
@@ -108,7 +108,7 @@ impl Sheet {
         text(&self.area(), &shown, at, style(size, INK, HPos::Left))
     }
 
-    /// Symbols and what they mean, side by side from `(x, y)` on.
+    /// Symbols with their meanings, side by side from `(x, y)`.
     ///
     /// # Errors
     /// [`StillError`] if the drawing library fails.
@@ -133,7 +133,7 @@ impl Sheet {
     }
 
     fn area(&mut self) -> Area<'_> {
-        // A font that is part of the program and cannot be read leaves text out, and a test would say so.
+        // If the built-in font cannot be read, text is omitted; a test would notice.
         let _ = register_font(FONT, FontStyle::Normal, FONT_BYTES);
         let [width, height] = self.size.map(|side| side as u32);
         BitMapBackend::with_buffer(&mut self.pixels, (width, height)).into_drawing_area()
@@ -153,7 +153,7 @@ fn text(area: &Area<'_>, text: &str, at: (i32, i32), style: TextStyle<'static>) 
     area.draw(&Text::new(text.to_owned(), at, style)).map_err(|e| failed(&e))
 }
 
-/// Draws a symbol that begins at `(x, y)` and gives its width.
+/// Draws a symbol at `(x, y)` and returns its width.
 fn drawn(area: &Area<'_>, symbol: Symbol, (x, y): (i32, i32)) -> Drawn<i32> {
     let dot = |middle: i32, radius: i32, colour: Rgb| {
         area.draw(&Circle::new((middle, y), radius, ink(colour).filled())).map_err(|e| failed(&e))

@@ -4,11 +4,11 @@ use schema::{Gripper, HandBox, Intrinsics, Polyhedron, Pose, Vec3};
 
 use super::{Body, Class, Line, flat, flat_points};
 
-/// Thickness of a table's top in a view, in metres: what is below decides nothing.
+/// Thickness of a table's top in a view, in metres, for display only.
 const TABLE_THICKNESS_M: f32 = 0.004;
 /// Length of a camera's pyramid in a view, in metres.
 const CAMERA_LENGTH_M: f32 = 0.03;
-/// Corners of a box by number, bit 0 for +x, bit 1 for +y, bit 2 for +z, its faces seen from outside.
+/// Faces of a box as corner indices (bit 0 for +x, bit 1 for +y, bit 2 for +z), seen from outside.
 pub(crate) const BOX_FACES: [[usize; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
@@ -25,7 +25,7 @@ impl Body {
         }
     }
 
-    /// A box, its axes along those of its frame.
+    /// An axis-parallel box in its frame.
     #[must_use]
     pub fn of_box(class: Class, label: impl Into<String>, hand_box: &HandBox, poses: &[Pose]) -> Self {
         Self {
@@ -54,7 +54,7 @@ pub(crate) fn box_corners_m(hand_box: &HandBox) -> impl Iterator<Item = Vec3> {
 }
 
 impl Line {
-    /// The twelve edges of the workspace, in one line that goes some of them twice.
+    /// The twelve edges of the workspace, as one line that covers some of them twice.
     #[must_use]
     pub fn workspace(size_m: f32) -> Self {
         let half_m = Vec3::splat(0.5 * size_m);
@@ -80,7 +80,7 @@ impl Line {
         Self { class, label: label.into(), points_m: flat_points(way.map(point)), frames: None }
     }
 
-    /// A camera: the pyramid of what it sees, near it.
+    /// A camera as the pyramid of its field of view.
     #[must_use]
     pub fn camera(label: impl Into<String>, workspace_from_camera: &Pose, lens: &Intrinsics) -> Self {
         let (right, bottom) = (lens.width_px as f32 - 1.0, lens.height_px as f32 - 1.0);
@@ -108,7 +108,7 @@ mod tests {
         Vec3::from_array(p)
     }
 
-    /// Every edge is gone along once in each direction, faces are flat, and look outwards.
+    /// Every edge is traversed once in each direction, faces are flat, and point outwards.
     fn assert_closed(body: &Body, flat_m: f32) {
         let mut edges: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         for face in &body.faces {
