@@ -48,6 +48,22 @@ docs() {
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
 }
 
+# The fuzz targets compile, with the versions of their own Cargo.lock; what they found is replayed by `cargo test`.
+fuzz() {
+    RUSTFLAGS="--cfg fuzzing" cargo check --locked --manifest-path fuzz/Cargo.toml --target-dir "${CARGO_TARGET_DIR:-target}/fuzz"
+}
+
+# Security advisories and yanked versions. `cargo test` checks licences and sources, which needs no network.
+advisories() {
+    if ! cargo deny --version 2>/dev/null; then
+        echo "not checked, cargo-deny is not installed: cargo install cargo-deny --locked"
+    elif ! cargo deny fetch; then
+        echo "not checked, the advisory database cannot be fetched"
+    else
+        cargo deny check --disable-fetch advisories
+    fi
+}
+
 # The venv is made again when the requirements change, and kept otherwise.
 venv() {
     local stamp=.venv/requirements.txt
@@ -107,6 +123,8 @@ step build '' cargo build --workspace --bins --tests
 step test build cargo test --workspace --no-fail-fast
 step clippy '' cargo clippy --workspace --all-targets -- -D warnings
 step docs '' docs
+step fuzz '' fuzz
+step advisories '' advisories
 if [[ $rust_only == no ]]; then
     step engines '' engines
     step venv '' venv
