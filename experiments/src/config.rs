@@ -1,6 +1,8 @@
-//! An experiment's file: which scenes, seen how, planned with what, and when a round ends. All problems are told at once.
+//! An experiment's file: which scenes, seen how, planned with what, and when a round ends. All problems are told at
+//! once.
 //!
-//! Any key can be set from outside the file, and any of the planner's (`plan.ranking.policy`), so that an ablation is a command.
+//! Any key can be set from outside the file, and any of the planner's (`plan.ranking.policy`), so that an ablation is a
+//! command.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -47,7 +49,8 @@ pub struct Config {
     pub model: Option<PathBuf>,
     /// The experiment and the planner's settings, as resolved, for people.
     pub text: String,
-    /// Digest of all that decides a round but its seed and the network: those texts, the files that they name, and the objects.
+    /// Digest of all that decides a round but its seed and the network: those texts, the files that they name, and the
+    /// objects.
     pub digest: String,
 }
 

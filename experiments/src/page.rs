@@ -1,5 +1,5 @@
-//! Experiments that were run as a page: rates with their intervals, why attempts failed, pictures of scenes with the grasps that were
-//! executed; several of them side by side.
+//! Experiments that were run as a page: rates with their intervals, why attempts failed, pictures of scenes with the
+//! grasps that were executed; several of them side by side.
 
 mod differences;
 mod pictures;
@@ -74,7 +74,8 @@ impl Exit for PageError {
 }
 
 impl Played {
-    /// Reads the folder of an experiment: `report.json` and, for the pictures, `journal.jsonl`, `run.json` and `bodies.json`.
+    /// Reads the folder of an experiment: `report.json` and, for the pictures, `journal.jsonl`, `run.json` and
+    /// `bodies.json`.
     ///
     /// # Errors
     /// [`PageError`].

@@ -1,7 +1,7 @@
 //! An experiment as it is read: a page, the numbers, a figure, and several experiments side by side.
 //!
-//! A success rate without its protocol is a rumour: every table and every section says whose numbers it holds. All of it
-//! is text in, text out; the caller writes the files.
+//! A success rate without its protocol is a rumour: every table and every section says whose numbers it holds. All of
+//! it is text in, text out; the caller writes the files.
 
 mod figure;
 
@@ -120,8 +120,8 @@ pub fn comparison(results: &[Results]) -> String {
     text
 }
 
-/// For each kind of scene a row, for each experiment its attempts and rate: the form of the paper's Table 4. Nothing if no kind of scene is in
-/// all of them, or only one is.
+/// For each kind of scene a row, for each experiment its attempts and rate: the form of the paper's Table 4. Nothing if
+/// no kind of scene is in all of them, or only one is.
 fn side_by_side(results: &[Results]) -> String {
     let Some((first, others)) = results.split_first() else { return String::new() };
     let in_all = |group: &&GroupResults| others.iter().all(|r| r.by_group.iter().any(|g| g.name == group.name));

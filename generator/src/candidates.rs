@@ -54,7 +54,8 @@ pub fn draw_candidate(object: &ObjectRecord, object_id: usize, approach: Axis, s
     let (tip, slide) = (stream.uniform(TIP_DEPTH_M[0], TIP_DEPTH_M[1]), stream.normal(0.0, 1.0));
     let tilt_rad = match law.tilt {
         Tilt::Normal { std_rad } => std_rad * tilt,
-        Tilt::Uniform { max_rad } => max_rad * (2.0 * turn - 1.0), // such a rule has no turn, so the uniform draw is free
+        // Such a rule has no turn, so the uniform draw is free.
+        Tilt::Uniform { max_rad } => max_rad * (2.0 * turn - 1.0),
     };
     let turn_rad = if law.turns { core::f32::consts::TAU * turn } else { 0.0 };
     let object_from_base = base_frame(&object.workspace_from_object.rotation, approach, closing);

@@ -71,8 +71,8 @@ settings! {
         pub suppression_window_voxels: usize where 1..=40,
         /// Place of a grasp in its voxel, along each axis.
         pub voxel_offset: f32 where 0.0..=1.0,
-        /// How far behind the finger tips, along the approach, the network has a grasp's origin: 0 in our datasets, a finger's
-        /// length in VGN's.
+        /// How far behind the finger tips, along the approach, the network has a grasp's origin: 0 in our datasets, a
+        /// finger's length in VGN's.
         pub origin_behind_tips_m: f32 where 0.0..=0.3,
     }
     check DetectionParams::widths_agree

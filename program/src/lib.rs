@@ -1,8 +1,8 @@
-//! What every program of the workspace does alike: it starts, reports errors, reacts to signals, publishes files, prints numbers and its
-//! own manual, and ends with a documented exit code.
+//! What every program of the workspace does alike: it starts, reports errors, reacts to signals, publishes files,
+//! prints numbers and its own manual, and ends with a documented exit code.
 //!
-//! A `main` calls [`run`] with a command. Whatever a command returns with `?` must implement [`Exit`], so an error without an exit code
-//! does not compile:
+//! A `main` calls [`run`] with a command. Whatever a command returns with `?` must implement [`Exit`], so an error
+//! without an exit code does not compile:
 //!
 //! ```compile_fail
 //! fn command(text: &str) -> Result<program::ExitCode, program::Failure> {

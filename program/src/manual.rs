@@ -1,5 +1,5 @@
-//! A program's own manual: completions for shells, man pages, its reference as Markdown. All are made from the definition of its
-//! command line, so none can go stale.
+//! A program's own manual: completions for shells, man pages, its reference as Markdown. All are made from the
+//! definition of its command line, so none can go stale.
 
 use std::fmt::Write as _;
 use std::fs;

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use crate::ExitCode;
 
-/// Signals that come so soon after another are the same one: a scheduler signals a job's script and its processes, and the
-/// script passes its own on.
+/// Signals that come so soon after another are the same one: a scheduler signals a job's script and its processes, and
+/// the script passes its own on.
 const ONE_SIGNAL: Duration = Duration::from_secs(1);
 
 /// A flag that SIGINT, SIGTERM and SIGHUP raise, after `on_first`. A second signal ends the process at once, with
@@ -34,8 +34,8 @@ pub fn stop_on_signals(on_first: impl Fn() + Send + 'static) -> io::Result<Arc<A
     Ok(stop)
 }
 
-/// Makes a write beyond the file-size limit (`ulimit -f`) fail like one to a full disk, where it would end the program by
-/// a signal.
+/// Makes a write beyond the file-size limit (`ulimit -f`) fail like one to a full disk, where it would end the program
+/// by a signal.
 ///
 /// # Errors
 /// If the system refuses.

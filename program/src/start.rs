@@ -11,18 +11,18 @@ use tracing_subscriber::filter::LevelFilter;
 use crate::signals::writes_fail_at_the_file_size_limit;
 use crate::{Exit, ExitCode, Failure, print_error};
 
-/// Every attempt builds and drops a world, every training step and every plan frees volumes of megabytes. The system's allocator returns
-/// them to the kernel and takes them again: with this one, two threads make 3 to 12 % more attempts, and a training step of eight scenes
-/// takes 75 ms instead of 150 ms. Fuzzers measure memory with their own allocator.
+/// Every attempt builds and drops a world, every training step and every plan frees volumes of megabytes. The system's
+/// allocator returns them to the kernel and takes them again: with this one, two threads make 3 to 12 % more attempts,
+/// and a training step of eight scenes takes 75 ms instead of 150 ms. Fuzzers measure memory with their own allocator.
 #[cfg(not(fuzzing))]
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
-/// Parses the command line, starts logging, runs the command, prints its error if there is one, and returns its exit code. Call it once,
-/// as all of `main`.
+/// Parses the command line, starts logging, runs the command, prints its error if there is one, and returns its exit
+/// code. Call it once, as all of `main`.
 ///
-/// Log lines go to standard error. `GRASPMILL_LOG` selects them, in the syntax of `tracing_subscriber::EnvFilter`; by default warnings and
-/// errors are shown.
+/// Log lines go to standard error. `GRASPMILL_LOG` selects them, in the syntax of `tracing_subscriber::EnvFilter`; by
+/// default warnings and errors are shown.
 pub fn run<Arguments: Parser>(command: impl FnOnce(Arguments) -> Result<ExitCode, Failure>) -> process::ExitCode {
     let arguments = Arguments::parse();
     start_logging();
@@ -57,7 +57,8 @@ impl Exit for ThreadsError {
     }
 }
 
-/// Starts the threads that share parallel work, one per core unless `threads` says otherwise. Call it at most once, before that work begins.
+/// Starts the threads that share parallel work, one per core unless `threads` says otherwise. Call it at most once,
+/// before that work begins.
 ///
 /// # Errors
 /// If the system refuses, or parallel work has begun.

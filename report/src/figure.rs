@@ -1,5 +1,5 @@
-//! Figures: bars and lines in axes, as SVG and as PNG. A figure's bytes are a pure function of what it shows, for its text is set
-//! with the font in `report/fonts`, not with the system's.
+//! Figures: bars and lines in axes, as SVG and as PNG. A figure's bytes are a pure function of what it shows, for its
+//! text is set with the font in `report/fonts`, not with the system's.
 
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};

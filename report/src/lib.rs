@@ -1,7 +1,7 @@
 //! What people look at: figures, pages that need nothing else, pictures and 3-D views of scenes.
 //!
-//! This crate knows what a solid and a hand are (`schema`) and nothing of datasets, networks or physics; who has numbers gives
-//! them to it.
+//! This crate knows what a solid and a hand are (`schema`) and nothing of datasets, networks or physics; who has
+//! numbers gives them to it.
 
 mod eye;
 pub mod figure;

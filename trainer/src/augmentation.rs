@@ -1,16 +1,17 @@
 //! Turned and shifted training scenes, after VGN's augmentation (`apply_transform` in its `src/vgn/dataset.py`).
 //!
-//! A scene is turned by a number of quarter turns about the vertical through the middle of the volume, and shifted up or
-//! down by whole voxels. Both map voxels to voxels, so the grid is permuted, never interpolated; the supervised voxel and
-//! the grasp's orientation move along, and a half turn about the approach stays one. What is shifted out at one end is
-//! lost and zeros enter at the other: in VGN's value convention 0 is "not observed or far from a surface", and VGN fills
-//! with it too.
+//! A scene is turned by a number of quarter turns about the vertical through the middle of the volume, and shifted up
+//! or down by whole voxels. Both map voxels to voxels, so the grid is permuted, never interpolated; the supervised
+//! voxel and the grasp's orientation move along, and a half turn about the approach stays one. What is shifted out at
+//! one end is lost and zeros enter at the other: in VGN's value convention 0 is "not observed or far from a surface",
+//! and VGN fills with it too.
 //!
 //! Where it differs from VGN, and why. VGN draws for each sample; here the samples of a scene move together within an
-//! epoch, so that its grid is still encoded once for all of them, and the draw is a pure function of (seed, epoch, scene),
-//! whatever batches the samples are in. VGN moves the supervised voxel to a height drawn from U(6, 34); here the scene is
-//! shifted by a whole number up to a limit, and never so far that one of its samples leaves the volume. VGN turns about
-//! voxel 20, half a voxel beside the middle, and loses a row of voxels; here nothing is lost in turning.
+//! epoch, so that its grid is still encoded once for all of them, and the draw is a pure function of (seed, epoch,
+//! scene), whatever batches the samples are in. VGN moves the supervised voxel to a height drawn from U(6, 34); here
+//! the scene is shifted by a whole number up to a limit, and never so far that one of its samples leaves the volume.
+//! VGN turns about voxel 20, half a voxel beside the middle, and loses a row of voxels; here nothing is lost in
+//! turning.
 
 use core::f32::consts::FRAC_1_SQRT_2;
 use core::ops::RangeInclusive;

@@ -33,8 +33,8 @@ pub struct BenchReport {
     pub batch: usize,
     /// Threads.
     pub threads: usize,
-    /// Burn's products of `f32` matrices, in multiply-adds a second; like all that is measured by Burn `None` if the program was built
-    /// without its backend for the device (for the host: cargo feature `flex`).
+    /// Burn's products of `f32` matrices, in multiply-adds a second; like all that is measured by Burn `None` if the
+    /// program was built without its backend for the device (for the host: cargo feature `flex`).
     pub matmul_mac_per_s: Option<f64>,
     /// Multiply-adds of a training step in which every sample has its own scene.
     pub step_mac: f64,

@@ -1,7 +1,8 @@
 //! The training recipe, each key as the type that training computes with.
 //!
 //! What goes beyond the paper (`[augmentation]`, `training.schedule`, `training.positive_weight`,
-//! `training.patience_epochs`) may be left out and then is off: recipes and checkpoints from before these keys stay good.
+//! `training.patience_epochs`) may be left out and then is off: recipes and checkpoints from before these keys stay
+//! good.
 
 use std::path::Path;
 
@@ -59,8 +60,8 @@ settings! {
         pub positive_weight: f64 where above(0.0, 1000.0); or 1.0,
         /// Epochs without a better test accuracy after which training ends; 0 for never.
         pub patience_epochs: u32 where 0..=10_000; or 0,
-        /// Samples of one scene that stay together in the order of an epoch: 1 is a plain shuffle; more share the encoder's
-        /// work and make batches less mixed.
+        /// Samples of one scene that stay together in the order of an epoch: 1 is a plain shuffle; more share the
+        /// encoder's work and make batches less mixed.
         pub samples_per_scene: usize where 1..=4096,
     }
 }

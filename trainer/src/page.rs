@@ -1,4 +1,5 @@
-//! A training run as a page: one file that tells how training went and, with a dataset, what came of it and where it is wrong.
+//! A training run as a page: one file that tells how training went and, with a dataset, what came of it and where it is
+//! wrong.
 
 mod evaluation;
 mod mistakes;
@@ -90,7 +91,8 @@ impl TrainedRun {
         Ok(Self { path: run.to_owned(), epochs, config, trained_on })
     }
 
-    /// The page, with the evaluation of the run's best checkpoint if there is one. The same run and results give the same bytes.
+    /// The page, with the evaluation of the run's best checkpoint if there is one. The same run and results give the
+    /// same bytes.
     ///
     /// # Errors
     /// [`PageError`].

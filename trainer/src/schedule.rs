@@ -9,8 +9,8 @@ words! {
     pub enum Schedule {
         /// The same for every step: the paper's.
         Constant = "constant",
-        /// Half a cosine from the full size at the first step towards 0 after the last (Loshchilov and Hutter, *SGDR*, 2017,
-        /// Eq. 5, without restarts). The size of every step depends on the number of steps in all.
+        /// Half a cosine from the full size at the first step towards 0 after the last (Loshchilov and Hutter, *SGDR*,
+        /// 2017, Eq. 5, without restarts). The size of every step depends on the number of steps in all.
         Cosine = "cosine",
     }
 }

@@ -14,7 +14,8 @@ use experiments::tables::{bodies, conditions, objects_table, rounds_table, trial
 use indicatif::{ProgressBar, ProgressStyle};
 use program::{Context, ExitCode, Failure, command_line, print, print_error, stop_on_signals, write};
 
-/// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.md, report.json, report.svg
+/// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.md, report.json,
+/// report.svg
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {

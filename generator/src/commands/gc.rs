@@ -16,7 +16,8 @@ pub(crate) struct Arguments {
     #[arg(long)]
     dry_run: bool,
 
-    /// Also remove files that a running writer may still be writing (without file locks, a file system cannot tell them apart)
+    /// Also remove files that a running writer may still be writing (without file locks, a file system cannot tell them
+    /// apart)
     #[arg(long, conflicts_with = "dry_run")]
     all: bool,
 }

@@ -19,7 +19,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N")]
     shards: Option<u64>,
 
-    /// Only these shards: one, several, or ranges, such as 3 or 0,4,8-11 [default: the scheduler's index, see below, or all]
+    /// Only these shards: one, several, or ranges, such as 3 or 0,4,8-11 [default: the scheduler's index, see below, or
+    /// all]
     #[arg(long, value_name = "LIST")]
     shard_index: Option<ShardIndices>,
 

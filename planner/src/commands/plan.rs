@@ -64,8 +64,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
     base_from_workspace: Option<[f64; 7]>,
 
-    /// The wrist's orientation in the workspace: of a grasp and its half turn, the nearer one is returned [default: straight
-    /// down, x along the workspace's]
+    /// The wrist's orientation in the workspace: of a grasp and its half turn, the nearer one is returned [default:
+    /// straight down, x along the workspace's]
     #[arg(long, value_name = "QX,QY,QZ,QW", value_parser = numbers::<4>, allow_hyphen_values = true)]
     wrist: Option<[f64; 4]>,
 

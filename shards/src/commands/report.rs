@@ -36,7 +36,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::Ok)
 }
 
-/// From the first to the last of a folder's markers, by their times: as long as making it took, if it was made in one go.
+/// From the first to the last of a folder's markers, by their times: as long as making it took, if it was made in one
+/// go.
 fn written_over(dataset: &Dataset) -> Option<Duration> {
     let Location::Path(folder) = dataset.location() else { return None };
     let meta = folder.join("meta");

@@ -48,7 +48,8 @@ pub struct Report {
     pub approach_deg: Vec<Bin>,
     /// How far behind the near face the finger tips were to end, in metres; of attempts by rules of Appendix A.
     pub tip_depth_m: Vec<Bin>,
-    /// From the target's centre to the nearest other object's, in metres; attempts on lone objects count in the last bar.
+    /// From the target's centre to the nearest other object's, in metres; attempts on lone objects count in the last
+    /// bar.
     pub neighbour_m: Vec<Bin>,
     /// From where grasps come.
     pub coverage: Coverage,

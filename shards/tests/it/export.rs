@@ -96,7 +96,8 @@ fn vgns_rows_are_the_grasps_that_lie_inside() {
     for sample in &samples {
         // The fingers of this hand are 50 mm long and the grid's voxels 7.5 mm.
         let pose = &sample.workspace_from_grasp;
-        let from_tips_m = if sample.rule.approach.is_some() { 0.05 } else { 0.0 }; // along a normal samples have it behind them
+        // Along a normal samples have it behind them.
+        let from_tips_m = if sample.rule.approach.is_some() { 0.05 } else { 0.0 };
         let roots_m = pose.translation - pose.rotation * Vec3::new(0.0, 0.0, from_tips_m);
         if roots_m.to_array().iter().any(|x| !(0.02..=0.28).contains(x)) {
             left_out += 1;

@@ -35,7 +35,8 @@ pub(crate) struct Arguments {
     /// Threads; all cores by default. Does not change the result.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// The device: cpu, cuda, cuda:N, wgpu or wgpu:N, if the program was built for it. Only the CPU gives the same bits in every run.
+    /// The device: cpu, cuda, cuda:N, wgpu or wgpu:N, if the program was built for it. Only the CPU gives the same bits
+    /// in every run.
     #[arg(long, default_value_t)]
     device: DeviceName,
 }

@@ -18,8 +18,8 @@ Examples:
   trainer report runs/paper --html run.html --data grasps --split test-scenes
   trainer report runs/paper --html run.html --data s3://bucket/other --split all";
 
-/// Show a run as a page, one file with everything in it: curves, recipe and, on a dataset, the best checkpoint's results and its worst
-/// mistakes, with pictures.
+/// Show a run as a page, one file with everything in it: curves, recipe and, on a dataset, the best checkpoint's
+/// results and its worst mistakes, with pictures.
 #[derive(Args)]
 #[command(after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
 pub(crate) struct Arguments {

@@ -140,7 +140,8 @@ fn figures(evaluation: &Evaluation) -> Result<Vec<Picture>, FigureError> {
     ])
 }
 
-/// Shorter names in the legend, in the order of the lines; a missing line (there is no point at ½ if nothing was predicted) is known by its name.
+/// Shorter names in the legend, in the order of the lines; a missing line (there is no point at ½ if nothing was
+/// predicted) is known by its name.
 fn rename(figure: &mut Figure, names: &[&str]) {
     for line in &mut figure.lines {
         if let Some(name) = names.iter().find(|name| line.name.starts_with(**name)) {

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! scene-….grid.npy        float32, (1, R, R, R)
-//! scene-….grasps.npy      float32, (attempts, 8): x_m, y_m, z_m, qx, qy, qz, qw, width_m (NaN if the fingers never closed)
+//! scene-….grasps.npy      float32, (attempts, 8): x_m, y_m, z_m, qx, qy, qz, qw, width_m (NaN: never closed)
 //! scene-….labels.npy      uint8, (attempts,)
 //! scene-….attempts.json   rows of `attempts`, every column by its name
 //! scene-….objects.json    rows of `objects`

@@ -38,8 +38,8 @@ impl Exit for HtmlError {
     }
 }
 
-/// The report as a page with pictures of scenes from the dataset. `written_over`: from the first to the last of its files, if they
-/// have times.
+/// The report as a page with pictures of scenes from the dataset. `written_over`: from the first to the last of its
+/// files, if they have times.
 ///
 /// # Errors
 /// [`HtmlError`].
