@@ -59,7 +59,7 @@ pub fn make_scene(config: &Config, scene_id: u64, attempt_count: u32) -> Result<
     make_scene_timed(config, scene_id, attempt_count, &mut |_, _| {})
 }
 
-/// As [`make_scene`]; tells how long each stage took.
+/// [`make_scene`], which also reports the time of each stage.
 ///
 /// # Errors
 /// [`NoScene`] if no try came to rest.
@@ -75,7 +75,7 @@ pub fn make_scene_timed(
     ended(Stage::Settle);
 
     let objects = object_records(config, scene_id, &settled.scene);
-    // What is executed is what is stored: the attempts see the scene through its rows.
+    // The attempts run on the rows, as they are stored.
     let scene = Scene::from_records(config.grid.table_z_m, &objects, config.objects.catalogue.bodies());
     let mut views_stream = Stream::new(config.seed, scene_id, Purpose::Views, 0);
     let views = draw_views(&config.views, &config.grid, &mut views_stream);
@@ -127,7 +127,7 @@ fn settled_scene(config: &Config, scene_id: u64) -> Result<(Settled, u32, SceneR
     Err(NoScene { scene_id, tries: config.settle.tries_max, rejections })
 }
 
-/// The TSDF of a scene from its views: a ray is cast for each pixel that a voxel falls on, no more.
+/// The TSDF of a scene from its views: a ray is cast only for pixels onto which a voxel projects.
 fn observe(config: &Config, rays: &SceneRays, views: &[View]) -> VoxelGrid {
     let mut tsdf = Tsdf::new(config.grid, config.tsdf.truncation_voxels);
     for view in views {

@@ -7,7 +7,7 @@ use generator::{Views, write_depth_images};
 use program::{ExitCode, Failure, print};
 use shards::{Dataset, Location, LocationParser};
 
-/// Write a stored scene's depth images, and the file with which planner plan reads them
+/// Write a stored scene's depth images, and a views.toml for planner plan
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Folder or URL of the dataset

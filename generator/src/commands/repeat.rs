@@ -7,7 +7,7 @@ use generator::repeat;
 use program::{ExitCode, Failure, print, start_threads};
 use shards::{Dataset, Location, LocationParser};
 
-/// Execute a dataset's attempts again, from its rows alone: do they end as stored?
+/// Execute a dataset's attempts again from its rows, and compare the outcomes
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Folder or URL of the dataset

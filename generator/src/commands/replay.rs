@@ -7,7 +7,7 @@ use generator::{AttemptId, replay};
 use program::{ExitCode, Failure, print, print_error, write};
 use shards::{Dataset, Location, LocationParser};
 
-/// Execute one stored attempt again and show it, step by step; exit 65 if it does not end as stored
+/// Execute one stored attempt again and show each step; exit 65 if the outcome differs
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Folder or URL of the dataset

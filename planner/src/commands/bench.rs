@@ -10,7 +10,7 @@ use program::{ExitCode, Failure, json, print};
 
 use super::{NetworkArguments, console};
 
-/// What a plan costs on this machine
+/// Measure the time of a plan on this machine
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {

@@ -9,7 +9,7 @@ use program::{Context, ExitCode, Failure, print, print_error, stop_on_signals};
 
 use super::NetworkArguments;
 
-/// The same over HTTP
+/// Plan grasps over HTTP
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
