@@ -12,19 +12,19 @@ ROOT = Path(__file__).parents[2]
 PROGRAMS = ["generator", "shards", "trainer", "planner", "experiments"]
 
 
-def told(*words: str) -> str:
+def output_of(*words: str) -> str:
     return subprocess.run(words, check=True, capture_output=True, text=True).stdout
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_the_reference_is_up_to_date(name: str) -> None:
     page = ROOT / "docs/reference" / f"{name}.md"
-    assert page.read_text() == told(program(name), "manual", "markdown"), "run scripts/reference.sh"
+    assert page.read_text() == output_of(program(name), "manual", "markdown"), "run scripts/reference.sh"
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_the_help_of_every_program_has_examples_and_exit_codes(name: str) -> None:
-    text = told(program(name), "--help")
+    text = output_of(program(name), "--help")
     assert "Exit codes:" in text
     assert "Examples:" in text, f"{name} --help shows no examples"
 
@@ -33,7 +33,7 @@ def test_the_help_of_every_program_has_examples_and_exit_codes(name: str) -> Non
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completions_are_read_by_their_shell(name: str, shell: str, tmp_path: Path) -> None:
     script = tmp_path / f"{name}.{shell}"
-    script.write_text(told(program(name), "manual", "completions", shell))
+    script.write_text(output_of(program(name), "manual", "completions", shell))
     assert name in script.read_text()
     if shutil.which(shell) is None:
         pytest.skip(f"no {shell} here")
@@ -42,23 +42,23 @@ def test_completions_are_read_by_their_shell(name: str, shell: str, tmp_path: Pa
 
 def test_bash_completes_a_command_and_a_flag(tmp_path: Path) -> None:
     script = tmp_path / "shards.bash"
-    script.write_text(told(program("shards"), "manual", "completions", "bash"))
+    script.write_text(output_of(program("shards"), "manual", "completions", "bash"))
     ask = f"""
         source {script}
         COMP_WORDS=(shards rep); COMP_CWORD=1; _shards shards rep shards; echo "${{COMPREPLY[@]}}"
         COMP_WORDS=(shards report --ht); COMP_CWORD=2; _shards shards --ht report; echo "${{COMPREPLY[@]}}"
     """
-    assert told("bash", "-c", ask).split() == ["report", "--html"]
+    assert output_of("bash", "-c", ask).split() == ["report", "--html"]
 
 
 def test_man_pages_are_there_for_every_command(tmp_path: Path) -> None:
     for name in PROGRAMS:
-        told(program(name), "manual", "man", str(tmp_path))
+        output_of(program(name), "manual", "man", str(tmp_path))
     pages = {page.name for page in tmp_path.iterdir()}
     expected = ["generator.1", "generator-repeat.1", "shards-report.1", "trainer-fit.1", "planner-plan.1", "experiments-run.1"]
     assert pages >= set(expected)
     for name in PROGRAMS:
-        listed = re.search(r"Commands:\n((?:  .*\n)+)", told(program(name), "--help"))[1]
+        listed = re.search(r"Commands:\n((?:  .*\n)+)", output_of(program(name), "--help"))[1]
         commands = re.findall(r"^  ([a-z-]+) ", listed, re.MULTILINE)
         assert len(commands) >= 3 and all(f"{name}-{command}.1" in pages for command in commands if command != "help"), name
     for page in tmp_path.iterdir():
