@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::observation::{Observation, SeenView, Wishes};
-use crate::planner::{PlanError, Planner};
+use crate::observation::{Observation, PlanError, SeenView, Wishes};
+use crate::planner::Planner;
 use crate::volume::fuse_views;
 
 /// Times of one stage, in milliseconds.

@@ -5,8 +5,7 @@ use schema::{Grid, Vec3, VoxelGrid};
 
 use crate::config::CloudParams;
 use crate::level::scaled_to_table;
-use crate::observation::{Observation, SeenView};
-use crate::planner::PlanError;
+use crate::observation::{Observation, PlanError, SeenView};
 
 /// A fused observation.
 #[derive(Debug, Clone, PartialEq)]

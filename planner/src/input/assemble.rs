@@ -9,19 +9,16 @@ use schema::{Camera, Grid, Pose, Vec3};
 
 use crate::input::camera::{IntrinsicsInput, intrinsics, orientation, point, pose};
 use crate::input::cloud::read_cloud;
-use crate::input::depth::{SIDE_PX_MAX, judge_depth, read_depth_within};
+use crate::input::depth::{judge_depth, read_depth_within};
 use crate::input::error::{InputError, shown};
 use crate::input::file::read_file;
-use crate::input::request::{RequestInput, SourceInput, ViewInput};
+use crate::input::raw_depth::SIDE_PX_MAX;
+use crate::input::request::{EYES_MAX, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
 use crate::input::tsdf::read_tsdf;
 use crate::{Observation, Policy, SeenView, Wishes};
 
-/// Maximum number of views of a request.
-pub(crate) const VIEWS_MAX: usize = 32;
 /// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
-/// Maximum number of viewpoints of a cloud.
-pub(crate) const EYES_MAX: usize = 32;
 /// Maximum number of requested grasps.
 const GRASPS_MAX: usize = 10_000;
 
@@ -64,6 +61,23 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
     Ok(Request { observation, wishes, warnings })
 }
 
+/// A request to the service: without paths, because the service reads no files.
+///
+/// # Errors
+/// [`InputError`], naming the key; [`InputError::is_syntax`] if it is not JSON.
+pub fn from_json(bytes: &[u8], grid: Grid) -> Result<Request, InputError> {
+    assemble(&parse_json(bytes)?, None, grid)
+}
+
+/// A request from a file, TOML or JSON; paths in it are relative to its folder.
+///
+/// # Errors
+/// [`InputError`], naming the key and the file.
+pub fn from_file(path: &Path, grid: Grid) -> Result<Request, InputError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    assemble(&parse_file(path)?, Some(folder), grid).map_err(|error| error.at(&path.display().to_string()))
+}
+
 fn refuse<T>(what: String) -> Result<T, InputError> {
     Err(InputError::Value(what))
 }
@@ -72,7 +86,7 @@ fn refuse<T>(what: String) -> Result<T, InputError> {
 ///
 /// # Errors
 /// [`InputError`], naming the key.
-pub fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
+fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
     let base_from_workspace = input.base_from_workspace.as_ref().map(|input| pose(input, "base_from_workspace"));
     let workspace_from_wrist =
         input.workspace_from_wrist.as_ref().map(|input| orientation(input, "workspace_from_wrist"));
@@ -214,7 +228,6 @@ mod tests {
     use super::*;
     use crate::input::depth::tests::png_of;
     use crate::input::npy::write_npy_f32;
-    use crate::input::request::{from_file, from_json};
 
     fn base64(bytes: &[u8]) -> Value {
         json!({ "data": STANDARD.encode(bytes) })

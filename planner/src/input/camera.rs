@@ -12,9 +12,9 @@ use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, OneOfBuilder, Schema};
 use utoipa::{PartialSchema, ToSchema};
 
-use crate::input::depth::SIDE_PX_MAX;
 use crate::input::error::InputError;
 use crate::input::lists::{Numbers, first_entries, numbers};
+use crate::input::raw_depth::SIDE_PX_MAX;
 
 /// Tolerance of a rotation: the error of three printed digits.
 const RIGID_TOLERANCE: f64 = 1e-3;

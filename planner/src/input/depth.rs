@@ -8,10 +8,9 @@ use schema::DepthImage;
 
 use crate::input::error::InputError;
 use crate::input::npy::NpyNumber;
+use crate::input::raw_depth::{RawDepth, SIDE_PX_MAX, check_size};
 use crate::input::{exr_image, npy};
 
-/// Maximum side of a depth image, in pixels.
-pub const SIDE_PX_MAX: usize = 4096;
 /// Default metres per unit of an integer image: millimetres, as cameras deliver.
 const WHOLE_NUMBER_SCALE_M: f32 = 0.001;
 /// Limits of `depth_scale_m`.
@@ -75,14 +74,6 @@ pub struct ReadDepth {
     pub not_finite: usize,
     /// Pixels below 0.
     pub negative: usize,
-}
-
-/// An image as stored, before its unit is applied.
-pub(crate) struct RawDepth {
-    pub(crate) width_px: usize,
-    pub(crate) height_px: usize,
-    pub(crate) values: Vec<f32>,
-    pub(crate) are_whole_numbers: bool,
 }
 
 /// Reads a depth image. `scale_m` is metres per stored unit; by default integers are millimetres and floats metres.
@@ -178,22 +169,6 @@ fn in_metres(raw: RawDepth, format: DepthFormat, scale_m: f32) -> ReadDepth {
     }
     let image = DepthImage { width_px: raw.width_px, height_px: raw.height_px, depth_m };
     ReadDepth { image, format, scale_m, not_finite, negative }
-}
-
-/// Checks the size of an image before decoding.
-pub(crate) fn check_size(width_px: usize, height_px: usize, pixels_max: usize) -> Result<(), InputError> {
-    let sides = 1..=SIDE_PX_MAX;
-    if !sides.contains(&width_px) || !sides.contains(&height_px) {
-        return Err(value(format!(
-            "a depth image must have 1 to {SIDE_PX_MAX} pixels a side, got {width_px} x {height_px}"
-        )));
-    }
-    if width_px * height_px > pixels_max {
-        return Err(value(format!(
-            "the request's depth images have too many pixels: {pixels_max} are left for one of {width_px} x {height_px}"
-        )));
-    }
-    Ok(())
 }
 
 fn read_array(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {

@@ -13,8 +13,8 @@ use exr::meta::attribute::{ChannelList, IntegerBounds, LevelMode, SampleType};
 use exr::meta::header::Header;
 use exr::prelude::{Compression, Vec2, f16};
 
-use crate::input::depth::{RawDepth, SIDE_PX_MAX, check_size};
 use crate::input::error::{InputError, shown};
+use crate::input::raw_depth::{RawDepth, SIDE_PX_MAX, check_size};
 
 /// Colours, depth, and a few masks.
 const CHANNELS_MAX: usize = 8;

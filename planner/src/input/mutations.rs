@@ -4,10 +4,10 @@
 use exr::image::{Encoding, FlatSamples};
 use schema::Grid;
 
+use crate::input::assemble::from_json;
 use crate::input::cloud::read_cloud;
 use crate::input::depth::{judge_depth, read_depth};
 use crate::input::npy::write_npy_f32;
-use crate::input::request::from_json;
 use crate::input::tsdf::read_tsdf;
 use crate::input::{depth, exr_image, pcd, ply};
 

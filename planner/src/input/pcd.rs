@@ -3,10 +3,10 @@
 
 use schema::Vec3;
 
-use crate::input::cloud::{ReadCloud, check_count};
 use crate::input::error::{InputError, shown};
 use crate::input::lzf;
 use crate::input::ply::{next_line, text_point};
+use crate::input::points::{ReadCloud, check_count};
 
 const HEADER_LINES_MAX: usize = 100;
 const HEADER_LINE_BYTES_MAX: usize = 4096;

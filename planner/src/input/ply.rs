@@ -7,8 +7,8 @@ use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 use schema::Vec3;
 
-use crate::input::cloud::{ReadCloud, check_count};
 use crate::input::error::{InputError, shown};
+use crate::input::points::{ReadCloud, check_count};
 
 /// The coordinates of a row; NaN until read. Rows of other elements are read as this type, too, and discarded.
 #[derive(Debug)]

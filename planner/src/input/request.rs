@@ -5,7 +5,6 @@
 use std::fmt;
 use std::path::Path;
 
-use schema::Grid;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{IgnoredAny, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -14,11 +13,15 @@ use utoipa::ToSchema;
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, Schema};
 
-use crate::input::assemble::{EYES_MAX, Request, VIEWS_MAX, assemble};
 use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput, position_schema};
 use crate::input::error::{InputError, shown};
 use crate::input::file::read_file;
 use crate::input::lists::{Numbers, at_most};
+
+/// Maximum number of views of a request.
+pub(crate) const VIEWS_MAX: usize = 32;
+/// Maximum number of viewpoints of a cloud.
+pub(crate) const EYES_MAX: usize = 32;
 
 /// A request for a plan: exactly one of `views`, `tsdf` and `cloud`, and options.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, ToSchema)]
@@ -141,23 +144,6 @@ fn eyes_schema() -> RefOr<Schema> {
     ArrayBuilder::new().items(items).max_items(Some(EYES_MAX)).description(Some(what)).into()
 }
 
-/// A request to the service: without paths, because the service reads no files.
-///
-/// # Errors
-/// [`InputError`], naming the key; [`InputError::is_syntax`] if it is not JSON.
-pub fn from_json(bytes: &[u8], grid: Grid) -> Result<Request, InputError> {
-    assemble(&parse_json(bytes)?, None, grid)
-}
-
-/// A request from a file, TOML or JSON; paths in it are relative to its folder.
-///
-/// # Errors
-/// [`InputError`], naming the key and the file.
-pub fn from_file(path: &Path, grid: Grid) -> Result<Request, InputError> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    assemble(&parse_file(path)?, Some(folder), grid).map_err(|error| error.at(&path.display().to_string()))
-}
-
 /// A request from a file, TOML or JSON, with only keys and types checked.
 ///
 /// # Errors
@@ -176,7 +162,7 @@ fn is_json(path: &Path, bytes: &[u8]) -> bool {
     }
 }
 
-fn parse_json(bytes: &[u8]) -> Result<RequestInput, InputError> {
+pub(crate) fn parse_json(bytes: &[u8]) -> Result<RequestInput, InputError> {
     let text = std::str::from_utf8(bytes).map_err(|_| InputError::Syntax("not JSON: it is not UTF-8".to_owned()))?;
     let mut source = serde_json::Deserializer::from_str(text);
     let input = serde_path_to_error::deserialize(&mut source);
