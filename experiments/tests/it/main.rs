@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod page;
+mod stored_scene;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,32 @@
+//! A dataset's scene reaches the planner by the file that `shards tsdf` writes, and gives the plan of the stored values.
+
+use planner::answer::Answer;
+use planner::input::read_tsdf;
+use planner::{Config, Observation, Planner, Wishes};
+use schema::{Grid, VoxelGrid};
+use shards::{Dataset, Draft, synthetic};
+
+#[test]
+fn a_stored_scenes_file_gives_the_plan_of_its_stored_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let info = synthetic::info(7, 1, 20, 10);
+    assert_eq!(info.grid.resolution, Grid::PAPER.resolution);
+    let draft = Draft::begin(folder.path(), &info).unwrap();
+    let mut writer = draft.shard(0).unwrap();
+    for scene in info.scenes_of(0) {
+        writer.push(&synthetic::scene_rows(scene, info.seed, &info)).unwrap();
+    }
+    writer.commit().unwrap();
+    draft.finalize().unwrap();
+
+    let dataset = Dataset::open(folder.path()).unwrap();
+    let stored = VoxelGrid::new(Grid::PAPER, dataset.read_scene(1).unwrap().scene.tsdf).unwrap();
+    let file = read_tsdf(&shards::tsdf(&dataset, 1).unwrap(), Grid::PAPER).unwrap();
+    let planner = Planner::built_in(Config::built_in().unwrap()).unwrap();
+    let wishes = Wishes { explain: true, ..Wishes::default() };
+    let json = |voxels: VoxelGrid| {
+        let plan = planner.plan(&Observation::Tsdf(voxels), &wishes).unwrap();
+        serde_json::to_string(&Answer::new(&plan, &planner, planner.policy(&wishes))).unwrap()
+    };
+    assert_eq!(json(file), json(stored));
+}
