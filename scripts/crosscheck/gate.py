@@ -2,7 +2,7 @@
 
 The approach is straight along the grasp's z, so what a box of the hand sweeps is a longer box. Boxes are grown by the
 clearance and tested against the objects' polyhedra by separating axes, in double precision, all attempts on an object at
-once. `separation` keeps the widest gap along any axis, so that grazing cases can be told from plain ones.
+once. `separation` keeps the widest gap along any axis, so that grazing cases can be distinguished from clear ones.
 """
 
 from __future__ import annotations

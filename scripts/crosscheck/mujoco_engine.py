@@ -87,7 +87,7 @@ class Mujoco:
         self._model.actuator_forcerange[:] = (-limit_n, limit_n)
 
     def step(self) -> None:
-        """One step; the palm ends where it was told."""
+        """One step; the palm ends at its commanded position."""
         data, rate = self._data, self.step_rate_hz
         now = data.qpos[self._slides["palm"]]
         data.qvel[self._speeds["palm"]] = (self._distance_m - now) * rate

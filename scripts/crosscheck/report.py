@@ -103,7 +103,7 @@ def _engine(name: str, found: EngineReport) -> str:
     if len(drift.moved_m):
         moved, turned = (np.percentile(x, [50, 99, 100]) for x in (drift.moved_m, np.degrees(drift.turned_rad)))
         parts.append(
-            f"Half a second in {name} with nobody touching them moves {len(drift.moved_m):,} settled objects by "
+            f"Half a second in {name} without the hand moves {len(drift.moved_m):,} settled objects by "
             f"{millimetres(moved[0])} mm (median), {millimetres(moved[1])} mm (99 %), {millimetres(moved[2])} mm (most), and turns "
             f"them by {turned[0]:.3f}°, {turned[1]:.3f}°, {turned[2]:.3f}°.\n\n"
         )

@@ -164,7 +164,7 @@ def _drift(report: Report) -> str:
     drift = report.judged.drift
     moved, turned = (np.percentile(x, [50, 99, 100]) for x in (drift.moved_m, np.degrees(drift.turned_rad)))
     return (
-        f"Half a second in PyBullet with nobody touching them moves {len(drift.moved_m):,} objects of these scenes by "
+        f"Half a second in PyBullet without the hand moves {len(drift.moved_m):,} objects of these scenes by "
         f"{millimetres(moved[0])} mm (median), {millimetres(moved[1])} mm (99 %), {millimetres(moved[2])} mm (most), and turns them "
         f"by {turned[0]:.3f}°, {turned[1]:.3f}°, {turned[2]:.3f}°.\n\n"
     )

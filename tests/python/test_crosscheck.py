@@ -275,7 +275,7 @@ def test_stored_lifts_near_the_friction_limit_end_as_coulomb_says():
     assert right >= 0.9 * len(pairs), f"{right} of {len(pairs)}"
 
 
-def test_the_generator_is_timed_and_its_failure_told(small, tmp_path, monkeypatch):
+def test_the_generator_is_timed_and_its_failure_reported(small, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # a bare name in the current folder is that file, not one in PATH
     program = Path("generator")
     program.write_text("#!/bin/sh\nexit $1\n")

@@ -234,7 +234,7 @@ def interrupt(cluster, job, how):
     (trainer,) = cluster.processes("trainer")
     slurm.send(trainer, signal.SIGSTOP)
     how(cluster, job)
-    cluster.until(lambda: is_told(trainer), PROGRAM_S, "the trainer is not told to stop")
+    cluster.until(lambda: is_told(trainer), PROGRAM_S, "no signal to stop reached the trainer")
     slurm.send(trainer, signal.SIGCONT)
     cluster.until(lambda: not slurm.is_alive(trainer), PROGRAM_S, "the trainer does not stop")
 
