@@ -2,6 +2,10 @@
 //!
 //! Files of other programs may be hostile. No code in a file is executed (`pickle.rs`), the sizes of files and of
 //! parsed objects are limited (64 MiB, a million objects), every loop ends, and every fault is reported.
+//!
+//! The crate `pytorch-reader` (0.23.0-pre.1, its only release) was tried on the same files. It panics on none of 24,000
+//! damaged ones and needs 16 MB, but it does not verify a zip's checksums: a flipped bit of a storage became a weight, and
+//! a storage shorter than it declares was accepted. Therefore the readers here stay.
 
 mod cursor;
 mod element;
