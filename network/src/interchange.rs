@@ -4,8 +4,8 @@
 //! parsed objects are limited (64 MiB, a million objects), every loop ends, and every fault is reported.
 //!
 //! The crate `pytorch-reader` (0.23.0-pre.1, its only release) was tried on the same files. It panics on none of 24,000
-//! damaged ones and needs 16 MB, but it does not verify a zip's checksums: a flipped bit of a storage became a weight, and
-//! a storage shorter than it declares was accepted. Therefore the readers here stay.
+//! damaged ones and needs 16 MB, but it does not verify a zip's checksums: a flipped bit of a storage became a weight,
+//! and a storage shorter than it declares was accepted. Therefore the readers here stay.
 
 mod cursor;
 mod element;

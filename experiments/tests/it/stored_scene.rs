@@ -1,4 +1,5 @@
-//! A dataset's scene reaches the planner by the file that `shards tsdf` writes, and gives the plan of the stored values.
+//! A dataset's scene reaches the planner by the file that `shards tsdf` writes, and gives the plan of the stored
+//! values.
 
 use planner::answer::Answer;
 use planner::input::read_tsdf;
