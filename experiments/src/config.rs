@@ -16,7 +16,7 @@ use sha2::{Digest as _, Sha256};
 use shards::DatasetInfo;
 use toml::Table;
 
-use crate::catalogue::{Catalogue, Thing};
+use crate::catalogue::{Catalogue, CatalogueObject};
 use crate::packed::PackedParams;
 
 /// The experiment that explains the keys: one of the files that come along.
@@ -65,7 +65,7 @@ pub enum Objects {
     /// So many upright ones side by side.
     Packed(PackedParams),
     /// Objects of a catalogue, dropped one by one: round after round the next of these names.
-    Things(Vec<(String, Vec<Thing>)>),
+    Things(Vec<(String, Vec<CatalogueObject>)>),
 }
 
 impl Objects {

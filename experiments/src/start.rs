@@ -2,9 +2,9 @@
 
 use generator::draw_drops;
 use schema::{Polyhedron, Pose, Purpose, Stream, Vec3};
-use simulator::{Drop, Scene, SceneObject, Settled, Unsettled, settle, settle_again};
+use simulator::{ReleasedObject, Scene, SceneObject, Settled, Unsettled, settle, settle_again};
 
-use crate::catalogue::Thing;
+use crate::catalogue::CatalogueObject;
 use crate::config::{Config, Objects};
 use crate::packed::draw_packed;
 
@@ -52,7 +52,8 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
         Objects::Things(groups) => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
             let (_, things) = &groups[scene_id as usize % groups.len()];
-            let mut drops: Vec<Drop> = things.iter().map(|thing| release(config, thing, &mut stream)).collect();
+            let mut drops: Vec<ReleasedObject> =
+                things.iter().map(|thing| release(config, thing, &mut stream)).collect();
             shuffle(&mut drops, &mut stream);
             settle(physics, params, grid, &drops)
         }
@@ -60,14 +61,14 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
 }
 
 /// A pose over the centre of the workspace in a uniform orientation.
-fn release(config: &Config, thing: &Thing, stream: &mut Stream) -> Drop {
+fn release(config: &Config, thing: &CatalogueObject, stream: &mut Stream) -> ReleasedObject {
     let (grid, drop_height_m) = (&config.scene.grid, config.scene.objects.drop_height_m);
     let middle = 0.5 * grid.size_m;
     let reach = (middle - thing.body.bounding_radius_m()).max(0.0);
     let aside = Vec3::new(stream.uniform(-reach, reach), stream.uniform(-reach, reach), 0.0);
     let at = Vec3::new(middle, middle, grid.table_z_m + drop_height_m) + aside;
     let workspace_from_object = Pose::from_parts(at, stream.rotation());
-    Drop { body: thing.body.clone(), mass_kg: thing.mass_kg, friction: thing.friction, workspace_from_object }
+    ReleasedObject { body: thing.body.clone(), mass_kg: thing.mass_kg, friction: thing.friction, workspace_from_object }
 }
 
 /// A uniform random order (Fisher and Yates).

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
 use serde::Deserialize;
-use simulator::{Body, Compound, Part, Piece, convex_hull};
+use simulator::{Body, Compound, Part, PartShape, convex_hull};
 
 /// The built-in catalogue.
 const EVERYDAY: &str = include_str!("../../configs/objects/everyday.toml");
@@ -19,13 +19,13 @@ const ELLIPSOID_POINTS: usize = 60;
 /// A catalogue of objects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Catalogue {
-    things: Vec<Thing>,
+    things: Vec<CatalogueObject>,
     sets: Vec<(String, Vec<usize>)>,
 }
 
 /// An object of a catalogue.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Thing {
+pub struct CatalogueObject {
     /// Its shape, with its name.
     pub body: Body,
     /// Mass in kilograms.
@@ -119,7 +119,7 @@ impl Catalogue {
         let syntax = |e: toml::de::Error| CatalogueError::Syntax { path: path.to_owned(), message: e.to_string() };
         let raw: Raw = toml::from_str(text).map_err(syntax)?;
         let mut problems = Vec::new();
-        let mut things: Vec<Thing> = Vec::new();
+        let mut things: Vec<CatalogueObject> = Vec::new();
         for object in &raw.object {
             if things.iter().any(|thing| thing.body.name() == object.name) {
                 problems.push(format!("{}: there is another object of that name", object.name));
@@ -148,13 +148,13 @@ impl Catalogue {
 
     /// All objects, in the file's order.
     #[must_use]
-    pub fn things(&self) -> &[Thing] {
+    pub fn objects(&self) -> &[CatalogueObject] {
         &self.things
     }
 
     /// The objects of a set, or the object of that name; `None` if there is neither.
     #[must_use]
-    pub fn named(&self, name: &str) -> Option<Vec<&Thing>> {
+    pub fn named(&self, name: &str) -> Option<Vec<&CatalogueObject>> {
         let set = self.sets.iter().find(|(set, _)| set == name);
         let of_set = set.map(|(_, numbers)| numbers.iter().map(|number| &self.things[*number]).collect());
         of_set.or_else(|| self.things.iter().find(|thing| thing.body.name() == name).map(|thing| vec![thing]))
@@ -171,7 +171,7 @@ impl Catalogue {
     }
 }
 
-fn thing(object: &RawObject) -> Result<Thing, String> {
+fn thing(object: &RawObject) -> Result<CatalogueObject, String> {
     for (key, value, low, high) in [("mass_kg", object.mass_kg, 1e-3, 100.0), ("friction", object.friction, 0.0, 5.0)] {
         if !(low..=high).contains(&value) {
             return Err(format!("{key} must be between {low} and {high}, got {value}"));
@@ -180,13 +180,13 @@ fn thing(object: &RawObject) -> Result<Thing, String> {
     let part = |(number, raw): (usize, &RawPart)| part(raw).map_err(|problem| format!("part {number}: {problem}"));
     let parts = object.part.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
     let compound = Compound::new(object.name.clone(), parts).map_err(|e| e.to_string())?;
-    Ok(Thing { body: compound.into(), mass_kg: object.mass_kg, friction: object.friction })
+    Ok(CatalogueObject { body: compound.into(), mass_kg: object.mass_kg, friction: object.friction })
 }
 
 fn part(raw: &RawPart) -> Result<Part, String> {
     let size_m = || raw.size_m.map(Vec3::from_array).ok_or_else(|| format!("a {} needs size_m", raw.shape));
-    let hull = |points_m: &[Vec3]| convex_hull(points_m).map(Piece::Hull).map_err(|e| e.to_string());
-    let piece = match raw.shape.as_str() {
+    let hull = |points_m: &[Vec3]| convex_hull(points_m).map(PartShape::Hull).map_err(|e| e.to_string());
+    let shape = match raw.shape.as_str() {
         "hull" => {
             let corners_m = raw.corners_m.as_ref().ok_or("a hull needs corners_m")?;
             hull(&corners_m.iter().copied().map(Vec3::from_array).collect::<Vec<_>>())?
@@ -196,13 +196,13 @@ fn part(raw: &RawPart) -> Result<Part, String> {
             let kinds = ShapeKind::ALL.map(ShapeKind::name).join(", ");
             let kind = ShapeKind::from_name(name)
                 .ok_or_else(|| format!("shape must be one of {kinds}, hull, ellipsoid, got {name}"))?;
-            Piece::Solid(Solid::new(kind, size_m()?).map_err(|e| e.to_string())?)
+            PartShape::Solid(Solid::new(kind, size_m()?).map_err(|e| e.to_string())?)
         }
     };
     let turned = |axis: Vec3| axis_angle(axis, Vec3::from_array(raw.turn_deg).dot(axis).to_radians());
     let rotation = (turned(Vec3::Z) * turned(Vec3::Y) * turned(Vec3::X)).normalize();
     let object_from_part: Pose = pose_from_parts(rotation, Vec3::from_array(raw.at_m));
-    Ok(Part { piece, object_from_part })
+    Ok(Part { shape, object_from_part })
 }
 
 /// Points spread evenly over an ellipsoid with these axes: a spiral from pole to pole (Fibonacci lattice), plus both

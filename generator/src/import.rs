@@ -229,7 +229,7 @@ pub fn import_objects(files: &[PathBuf], params: &ImportParams) -> Result<Import
     }
     // The written text must be readable: masses have limits, and rounded corners must still have hulls.
     let read = Catalogue::parse(&catalogue, Path::new("the new catalogue"))?;
-    for thing in read.things() {
+    for thing in read.objects() {
         match thing.body.to_model(thing.mass_kg, thing.friction) {
             Ok(model) => problems.extend(model.problems()),
             Err(error) => problems.push(error.to_string()),

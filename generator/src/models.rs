@@ -23,7 +23,7 @@ impl Models {
         let path = (name != EVERYDAY).then(|| folder.join(name));
         let catalogue = Catalogue::read(path.as_deref()).map_err(|e| vec![e.to_string()])?;
         let models: Vec<_> =
-            catalogue.things().iter().map(|thing| thing.body.to_model(thing.mass_kg, thing.friction)).collect();
+            catalogue.objects().iter().map(|thing| thing.body.to_model(thing.mass_kg, thing.friction)).collect();
         let mut problems: Vec<String> =
             models.iter().filter_map(|model| model.as_ref().err()?.to_string().into()).collect();
         let stored: Vec<Arc<Model>> = models.into_iter().flatten().map(Arc::new).collect();

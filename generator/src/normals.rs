@@ -211,7 +211,7 @@ fn hand_at(touch: &Touch, yaw_rad: f32, depth_m: f32) -> Pose {
 mod tests {
     use schema::{Purpose, ShapeKind, Solid};
     use simulator::Scene;
-    use simulator::{Body, Compound, Part, Piece};
+    use simulator::{Body, Compound, Part, PartShape};
 
     use super::*;
     use crate::config::Overrides;
@@ -254,7 +254,7 @@ mod tests {
     #[test]
     fn touches_of_parts_are_uniform_over_the_surface_of_their_union() {
         let box_at = |size: Vec3, at: Vec3| Part {
-            piece: Piece::Solid(Solid::new(ShapeKind::Cuboid, size).unwrap()),
+            shape: PartShape::Solid(Solid::new(ShapeKind::Cuboid, size).unwrap()),
             object_from_part: Pose::from_translation(at),
         };
         let lying = box_at(Vec3::new(0.08, 0.04, 0.02), Vec3::new(0.0, 0.0, 0.01));

@@ -1,14 +1,14 @@
 //! Draws the objects of a scene and their release poses (paper 2.3: random models, "arbitrarily scaled and rotated").
 
 use schema::{Grid, Pose, Purpose, ShapeKind, Solid, Stream, Vec3};
-use simulator::Drop;
+use simulator::ReleasedObject;
 
 use crate::config::ObjectParams;
 
 /// Draws the objects of a scene and the pose at which each is released. `attempt` counts the tries at this scene, from
 /// 0.
 #[must_use]
-pub fn draw_drops(params: &ObjectParams, grid: &Grid, seed: u64, scene_id: u64, attempt: u32) -> Vec<Drop> {
+pub fn draw_drops(params: &ObjectParams, grid: &Grid, seed: u64, scene_id: u64, attempt: u32) -> Vec<ReleasedObject> {
     let mut objects = Stream::new(seed, scene_id, Purpose::Objects, attempt);
     let mut drops = Stream::new(seed, scene_id, Purpose::Drops, attempt);
     let count = draw_count(params, &mut objects);
@@ -19,7 +19,7 @@ pub fn draw_drops(params: &ObjectParams, grid: &Grid, seed: u64, scene_id: u64, 
             }
             let solid = draw_solid(params, &mut objects);
             let density_kg_m3 = objects.uniform(params.density_kg_m3[0], params.density_kg_m3[1]);
-            Drop {
+            ReleasedObject {
                 body: solid.into(),
                 mass_kg: density_kg_m3 * solid.volume_m3(),
                 friction: objects.uniform(params.friction[0], params.friction[1]),
@@ -30,11 +30,11 @@ pub fn draw_drops(params: &ObjectParams, grid: &Grid, seed: u64, scene_id: u64, 
 }
 
 /// A uniformly drawn object of the catalogue, with its own size, mass and friction.
-fn draw_model(params: &ObjectParams, grid: &Grid, objects: &mut Stream, drops: &mut Stream) -> Drop {
+fn draw_model(params: &ObjectParams, grid: &Grid, objects: &mut Stream, drops: &mut Stream) -> ReleasedObject {
     let models = &params.catalogue;
     let number = objects.index(models.bodies().len());
     let (body, model) = (&models.bodies()[number], &models.stored()[number]);
-    Drop {
+    ReleasedObject {
         body: body.clone(),
         mass_kg: model.mass_kg,
         friction: model.friction,

@@ -4,7 +4,7 @@ use schema::{Grid, Pose};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::plan::{Drop, DroppedCandidate, Funnel, Plan, RankedGrasp};
+use crate::plan::{DroppedCandidate, Funnel, Plan, RankedGrasp, RejectReason};
 use crate::{Planner, Policy};
 
 /// Version of the answer's layout.
@@ -178,8 +178,8 @@ fn grasp_answer(rank: usize, grasp: &RankedGrasp) -> GraspAnswer {
 
 fn dropped_answer(dropped: &DroppedCandidate) -> DroppedAnswer {
     DroppedAnswer {
-        why: dropped.drop.name(),
-        told: dropped.drop.to_string(),
+        why: dropped.reason.name(),
+        told: dropped.reason.to_string(),
         workspace_from_grasp: PoseAnswer::new(&dropped.grasp.workspace_from_grasp),
         width_m: dropped.grasp.width_m,
         quality: dropped.quality,
@@ -187,7 +187,7 @@ fn dropped_answer(dropped: &DroppedCandidate) -> DroppedAnswer {
     }
 }
 
-impl Drop {
+impl RejectReason {
     /// The reason as one word, for programs.
     #[must_use]
     pub const fn name(&self) -> &'static str {
@@ -204,7 +204,7 @@ impl Drop {
     }
 }
 
-impl std::fmt::Display for Drop {
+impl std::fmt::Display for RejectReason {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::FarFromSurface => write!(f, "far from any surface that was seen, or on its other side"),

@@ -10,7 +10,7 @@
 use schema::Grid;
 
 use crate::config::{DetectionParams, Side};
-use crate::plan::Drop;
+use crate::plan::RejectReason;
 
 /// A detection.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,7 +29,7 @@ pub struct Miss {
     /// Smoothed quality.
     pub quality: f32,
     /// Why.
-    pub drop: Drop,
+    pub reason: RejectReason,
 }
 
 /// The result for every voxel.
@@ -48,7 +48,7 @@ pub struct Detected {
     /// The smoothed quality before any mask.
     pub smoothed: Vec<f32>,
     /// Why a voxel is rejected, before neighbours are compared.
-    out: Vec<Option<Drop>>,
+    out: Vec<Option<RejectReason>>,
 }
 
 /// Candidates below the threshold are listed only from this share of ε.
@@ -89,19 +89,25 @@ pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], 
 
 impl Detected {
     /// Why a voxel is rejected, if it is; counts the stages that it passed.
-    fn judge(&mut self, is_near: bool, width_voxels: f32, quality: f32, params: &DetectionParams) -> Option<Drop> {
+    fn judge(
+        &mut self,
+        is_near: bool,
+        width_voxels: f32,
+        quality: f32,
+        params: &DetectionParams,
+    ) -> Option<RejectReason> {
         if !is_near {
-            return Some(Drop::FarFromSurface);
+            return Some(RejectReason::FarFromSurface);
         }
         self.near_surface += 1;
         // VGN's comparisons, except that a width that is NaN passes both there and neither here.
         if !(params.width_voxels_min..=params.width_voxels_max).contains(&width_voxels) {
-            return Some(Drop::Width { width_voxels });
+            return Some(RejectReason::Width { width_voxels });
         }
         self.width_within_limits += 1;
         self.quality_best = self.quality_best.max(quality);
         if quality < params.quality_min || quality.is_nan() {
-            return Some(Drop::Quality);
+            return Some(RejectReason::Quality);
         }
         self.quality_reached += 1;
         None
@@ -120,11 +126,11 @@ impl Detected {
     pub fn misses(&self, grid: &Grid, params: &DetectionParams) -> Vec<Miss> {
         let miss = |flat: usize| {
             let (voxel, quality) = (unflat(grid, flat), self.smoothed[flat]);
-            let drop = match self.out[flat] {
-                None => self.is_suppressed(grid, voxel, params).then_some(Drop::Suppressed),
-                Some(drop) => self.is_peak(grid, voxel, params).then_some(drop),
+            let reason = match self.out[flat] {
+                None => self.is_suppressed(grid, voxel, params).then_some(RejectReason::Suppressed),
+                Some(reason) => self.is_peak(grid, voxel, params).then_some(reason),
             };
-            drop.map(|drop| Miss { voxel, quality, drop })
+            reason.map(|reason| Miss { voxel, quality, reason })
         };
         (0..grid.len()).filter_map(miss).collect()
     }
@@ -327,6 +333,6 @@ mod tests {
         assert!(detected.found.is_empty());
         let misses = detected.misses(&GRID, &params());
         assert!(!misses.is_empty());
-        assert!(misses.iter().all(|miss| miss.drop == Drop::Width { width_voxels: 12.0 }), "{misses:?}");
+        assert!(misses.iter().all(|miss| miss.reason == RejectReason::Width { width_voxels: 12.0 }), "{misses:?}");
     }
 }

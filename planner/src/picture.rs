@@ -11,7 +11,7 @@ use report::view::{Class, Line};
 use schema::{Gripper, Vec3};
 
 use self::tints::{BEST, COLLISION, OTHER_DROP, THIN_LINE, of_label, of_place};
-use crate::plan::{Drop, DroppedCandidate, Plan, PointLabel, RankedGrasp, SeenObject};
+use crate::plan::{DroppedCandidate, Plan, PointLabel, RankedGrasp, RejectReason, SeenObject};
 
 /// Width of the picture, in pixels.
 pub const WIDTH_PX: usize = 1400;
@@ -112,7 +112,8 @@ fn workspace(canvas: &mut Canvas, size_m: f32) -> Vec<Word> {
 fn dropped(canvas: &mut Canvas, dropped: &[DroppedCandidate]) {
     for collisions in [false, true] {
         let (radius_px, colour) = if collisions { (7.0, COLLISION) } else { (5.0, OTHER_DROP) };
-        let wanted = |candidate: &&DroppedCandidate| matches!(candidate.drop, Drop::Collision { .. }) == collisions;
+        let wanted =
+            |candidate: &&DroppedCandidate| matches!(candidate.reason, RejectReason::Collision { .. }) == collisions;
         for candidate in dropped.iter().filter(wanted) {
             canvas.dot(candidate.grasp.workspace_from_grasp.translation, 0.0, radius_px, colour);
         }
@@ -197,8 +198,8 @@ fn summary(plan: &Plan) -> String {
 
 /// What is in the picture, and how it is drawn.
 fn legend(plan: &Plan) -> Vec<(Symbol, &'static str)> {
-    let is_collision = |drop: &Drop| matches!(drop, Drop::Collision { .. });
-    let dropped = |collisions: bool| plan.dropped.iter().any(|candidate| is_collision(&candidate.drop) == collisions);
+    let is_collision = |drop: &RejectReason| matches!(drop, RejectReason::Collision { .. });
+    let dropped = |collisions: bool| plan.dropped.iter().any(|candidate| is_collision(&candidate.reason) == collisions);
     let labelled = |label: PointLabel| plan.cloud.labels.contains(&label);
     let entries = [
         (!plan.grasps.is_empty(), Symbol::Bar(10, BEST), "best grasp, its arrow the approach"),
@@ -388,14 +389,16 @@ mod tests {
 
     #[test]
     fn dropped_candidates_are_dots_and_have_a_legend() {
-        let dropped = |drop: Drop| DroppedCandidate {
+        let dropped = |reason: RejectReason| DroppedCandidate {
             grasp: grasp(0.27, 0.27, 0.06, 0.0, 0.04, 0.9, 0).grasp,
             quality: 0.9,
             voxel: [0; 3],
-            drop,
+            reason,
         };
-        for (drop, colour) in [(Drop::Collision { points: 7 }, COLLISION), (Drop::Suppressed, OTHER_DROP)] {
-            let pixels = decoded(&draw(&Plan { dropped: vec![dropped(drop)], ..plan() }, &gripper(), "").unwrap());
+        for (reason, colour) in
+            [(RejectReason::Collision { points: 7 }, COLLISION), (RejectReason::Suppressed, OTHER_DROP)]
+        {
+            let pixels = decoded(&draw(&Plan { dropped: vec![dropped(reason)], ..plan() }, &gripper(), "").unwrap());
             for view in [0, 1] {
                 let [x, y] = pixel_of(view, Vec3::new(0.27, 0.27, 0.06));
                 assert!(near(pixels[y * WIDTH_PX + x], colour, 2), "{view}: {:?}", pixels[y * WIDTH_PX + x]);

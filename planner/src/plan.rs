@@ -58,7 +58,7 @@ pub struct SegmentedCloud {
 
 /// Why a candidate is not among the ranked grasps.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Drop {
+pub enum RejectReason {
     /// Further from the observed surface than allowed, or on its other side.
     FarFromSurface,
     /// The predicted width is outside the limits.
@@ -93,7 +93,7 @@ pub struct DroppedCandidate {
     /// The voxel of the detection.
     pub voxel: [usize; 3],
     /// Why.
-    pub drop: Drop,
+    pub reason: RejectReason,
 }
 
 /// The number of candidates left after each stage.

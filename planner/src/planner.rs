@@ -15,7 +15,7 @@ use crate::config::{CloudParams, Config, Policy, WithoutObject};
 use crate::detect::{Detected, detect};
 use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
 use crate::observation::{Observation, PlanError, Wishes};
-use crate::plan::{Drop, DroppedCandidate, Funnel, Plan, RankedGrasp, SeenObject, SegmentedCloud};
+use crate::plan::{DroppedCandidate, Funnel, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
 use crate::rank;
 use crate::refine::{Hand, Searched};
 use crate::segment::segment;
@@ -71,7 +71,7 @@ fn keep_best_of_columns(grasps: &mut Vec<RankedGrasp>, dropped: &mut Vec<Dropped
         // The position of the tips, which for some networks is not the voxel.
         let tips_m = ranked.grasp.workspace_from_grasp.translation;
         let column = [tips_m.x, tips_m.y].map(|x| (x / voxel_m).floor() as i32);
-        (!seen.insert(column)).then_some(Drop::Suppressed)
+        (!seen.insert(column)).then_some(RejectReason::Suppressed)
     });
 }
 
@@ -206,11 +206,11 @@ impl Planner {
         let policy = self.policy(wishes);
         rank::attribute(&mut grasps, &cloud, &objects, &self.config.ranking);
         drop_where(&mut grasps, &mut dropped, |ranked| {
-            rank::is_left_out(ranked, policy, &self.config.ranking).then_some(Drop::NoObject)
+            rank::is_left_out(ranked, policy, &self.config.ranking).then_some(RejectReason::NoObject)
         });
         rank::order(&mut grasps, policy, Stream::new(self.config.seed, scene, Purpose::Ranking, 0));
         let beyond = grasps.split_off(grasps.len().min(wishes.grasps_max.unwrap_or(usize::MAX)));
-        dropped.extend(beyond.into_iter().map(|ranked| candidate(&ranked, Drop::BeyondLimit)));
+        dropped.extend(beyond.into_iter().map(|ranked| candidate(&ranked, RejectReason::BeyondLimit)));
         for ranked in &mut grasps {
             let pose = ranked.grasp.workspace_from_grasp;
             ranked.base_from_grasp = wishes.base_from_workspace.map(|base_from_workspace| base_from_workspace * pose);
@@ -270,7 +270,7 @@ impl Planner {
                 true
             }
             None => {
-                dropped.push(candidate(ranked, Drop::NoHand));
+                dropped.push(candidate(ranked, RejectReason::NoHand));
                 false
             }
         });
@@ -290,7 +290,7 @@ impl Planner {
         let sweep = Sweep::new(&self.config.gripper, params);
         drop_where(grasps, dropped, |ranked| {
             let points = sweep.points_hit(&ranked.grasp.workspace_from_grasp, &cloud.points_m);
-            (points > params.points_max).then_some(Drop::Collision { points })
+            (points > params.points_max).then_some(RejectReason::Collision { points })
         });
     }
 
@@ -305,7 +305,7 @@ impl Planner {
                 grasp: self.grasp_at(miss.voxel, grids, wishes),
                 quality: miss.quality,
                 voxel: miss.voxel,
-                drop: miss.drop,
+                reason: miss.reason,
             })
             .collect()
     }
@@ -398,19 +398,19 @@ struct Found {
     timings_ms: Vec<(&'static str, f64)>,
 }
 
-fn candidate(ranked: &RankedGrasp, drop: Drop) -> DroppedCandidate {
-    DroppedCandidate { grasp: ranked.grasp, quality: ranked.quality, voxel: ranked.voxel, drop }
+fn candidate(ranked: &RankedGrasp, reason: RejectReason) -> DroppedCandidate {
+    DroppedCandidate { grasp: ranked.grasp, quality: ranked.quality, voxel: ranked.voxel, reason }
 }
 
 /// Moves grasps with a reason to drop them from one list to the other.
 fn drop_where(
     grasps: &mut Vec<RankedGrasp>,
     dropped: &mut Vec<DroppedCandidate>,
-    mut reason: impl FnMut(&RankedGrasp) -> Option<Drop>,
+    mut reason: impl FnMut(&RankedGrasp) -> Option<RejectReason>,
 ) {
     grasps.retain(|ranked| match reason(ranked) {
-        Some(drop) => {
-            dropped.push(candidate(ranked, drop));
+        Some(reason) => {
+            dropped.push(candidate(ranked, reason));
             false
         }
         None => true,

@@ -9,7 +9,7 @@
 use rapier3d::prelude::{ColliderHandle, PhysicsPipeline, RigidBodyHandle};
 use schema::{Gripper, Outcome, Physics, Pose, Procedure, Vec3};
 
-use crate::engine::{Thing, World};
+use crate::engine::{EngineBody, World};
 use crate::gate::{Gate, Hit, lowest_z_m};
 use crate::hand::Hand;
 use crate::shortcuts::{FreeClosing, LiftWatch};
@@ -41,7 +41,7 @@ pub struct AttemptWorld<'a> {
     pub(crate) procedure: &'a Procedure,
     pub(crate) table_z_m: f32,
     pub(crate) gate: Gate,
-    things: Vec<(Thing, Pose)>,
+    engine_bodies: Vec<(EngineBody, Pose)>,
 }
 
 impl<'a> AttemptWorld<'a> {
@@ -49,10 +49,10 @@ impl<'a> AttemptWorld<'a> {
     /// attempts.
     #[must_use]
     pub fn new(physics: &'a Physics, gripper: &'a Gripper, procedure: &'a Procedure, scene: &Scene) -> Self {
-        let thing = |o: &SceneObject| (Thing::new(&o.body, o.mass_kg, o.friction), o.workspace_from_object);
-        let things = scene.objects.iter().map(thing).collect();
+        let engine_body = |o: &SceneObject| (EngineBody::new(&o.body, o.mass_kg, o.friction), o.workspace_from_object);
+        let engine_bodies = scene.objects.iter().map(engine_body).collect();
         let gate = Gate::new(scene, gripper, procedure);
-        Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, things }
+        Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, engine_bodies }
     }
 
     /// Tries one grasp of object `target`.
@@ -129,7 +129,7 @@ impl<'a> AttemptWorld<'a> {
     #[must_use]
     pub fn execute_leaving(&self, workspace_from_grasp: &Pose, target: usize) -> (Execution, Vec<Pose>) {
         if let Some(blocked) = self.blocked(workspace_from_grasp, target) {
-            return (blocked, self.things.iter().map(|(_, pose)| *pose).collect());
+            return (blocked, self.engine_bodies.iter().map(|(_, pose)| *pose).collect());
         }
         let mut run = Run::start(self, *workspace_from_grasp, target, 0, false);
         let execution = run.finish();
@@ -191,11 +191,11 @@ impl<'a> Run<'a> {
         let down = grasp_from_workspace.rotation * -Vec3::Z;
         let mut world = World::new(setup.physics, down * setup.physics.gravity_m_s2);
         world.add_table(&grasp_from_workspace, setup.table_z_m, setup.physics.table_friction);
-        let add = |(thing, workspace_from_object): &(Thing, Pose)| {
+        let add = |(engine_body, workspace_from_object): &(EngineBody, Pose)| {
             let pose = grasp_from_workspace * *workspace_from_object;
-            if shortcuts { world.add_resting_object(thing, pose) } else { world.add_object(thing, pose) }
+            if shortcuts { world.add_resting_object(engine_body, pose) } else { world.add_object(engine_body, pose) }
         };
-        let bodies: Vec<RigidBodyHandle> = setup.things.iter().map(add).collect();
+        let bodies: Vec<RigidBodyHandle> = setup.engine_bodies.iter().map(add).collect();
         let hand = Hand::insert(&mut world, setup.gripper, skipped_steps as f32 * setup.closing_step_m());
         let target_collider = world.bodies[bodies[target]].colliders()[0];
         let pipeline = PhysicsPipeline::new();

@@ -35,14 +35,14 @@ pub struct Compound {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// Its shape.
-    pub piece: Piece,
+    pub shape: PartShape,
     /// Its pose.
     pub object_from_part: Pose,
 }
 
 /// The shape of a part.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Piece {
+pub enum PartShape {
     /// One of the four primitive shapes.
     Solid(Solid),
     /// The convex hull of some points.
@@ -72,7 +72,7 @@ impl core::fmt::Display for CompoundError {
 
 impl core::error::Error for CompoundError {}
 
-impl Piece {
+impl PartShape {
     fn polyhedron(&self) -> Polyhedron {
         match self {
             Self::Solid(solid) => solid.into(),
@@ -108,7 +108,7 @@ impl Compound {
             return Err(CompoundError::Pose(part));
         }
         let polyhedra = |parts: &[Part]| -> Vec<Polyhedron> {
-            parts.iter().map(|p| p.piece.polyhedron().moved(&p.object_from_part)).collect()
+            parts.iter().map(|p| p.shape.polyhedron().moved(&p.object_from_part)).collect()
         };
         let placed = polyhedra(&parts);
         let low = corners_m(&placed).copied().fold(Vec3::INFINITY, Vec3::min);
@@ -186,7 +186,7 @@ impl Body {
     pub fn volume_m3(&self) -> f32 {
         match self {
             Self::Solid(solid) => solid.volume_m3(),
-            Self::Compound(compound) => compound.parts.iter().map(|part| part.piece.volume_m3()).sum(),
+            Self::Compound(compound) => compound.parts.iter().map(|part| part.shape.volume_m3()).sum(),
         }
     }
 
@@ -255,7 +255,7 @@ impl Body {
         let name = || model.name.clone();
         let part = |(part, corners): (usize, &Vec<Vec3>)| {
             let hull = convex_hull(corners).map_err(|error| ModelError::Part { model: name(), part, error })?;
-            Ok(Part { piece: Piece::Hull(hull), object_from_part: Pose::IDENTITY })
+            Ok(Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY })
         };
         let parts = model.parts_m.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
         let compound = Compound::new(name(), parts).map_err(|error| ModelError::Compound { model: name(), error })?;

@@ -7,7 +7,7 @@ use parry3d::shape::Shape;
 use parry3d::transformation::try_convex_hull;
 use schema::{HullError, Polyhedron, Vec3};
 
-use crate::faceted::Faceted;
+use crate::faceted::PolyhedronShape;
 
 /// The hull of some points, in the points' frame. Points within it, or within a face of it, are left out.
 ///
@@ -19,7 +19,7 @@ pub fn convex_hull(points_m: &[Vec3]) -> Result<Polyhedron, HullError> {
         Some(triangles.into_iter().map(|triangle| triangle.map(|corner| corners_m[corner as usize])).collect())
     };
     // The engine makes a hull of the corners once more, and it must be the same.
-    let engine_m3 = |hull: &Polyhedron| Some(Faceted::of_hull(hull, 1.0)?.mass_properties(1.0).mass());
+    let engine_m3 = |hull: &Polyhedron| Some(PolyhedronShape::of_hull(hull, 1.0)?.mass_properties(1.0).mass());
     Polyhedron::hull_by(points_m, triangles, engine_m3)
 }
 

@@ -7,7 +7,7 @@
 use rapier3d::prelude::*;
 use schema::{Mat3, Physics, Pose, SettleParams};
 
-use crate::body::{Body, Compound, Piece};
+use crate::body::{Body, Compound, PartShape};
 use crate::faceted::{shape_of, shape_of_hull};
 
 /// The engine's parameters for a step.
@@ -44,13 +44,13 @@ const LENGTH_UNIT_M: f32 = 0.1;
 const TABLE_HALF_M: schema::Vec3 = schema::Vec3::new(1.5, 1.5, 0.5);
 
 /// An object as the engine knows it, ready to be put into worlds.
-pub(crate) struct Thing {
+pub(crate) struct EngineBody {
     shape: SharedShape,
     mass_properties: MassProperties,
     friction: f32,
 }
 
-impl Thing {
+impl EngineBody {
     pub(crate) fn new(body: &Body, mass_kg: f32, friction: f32) -> Self {
         let (shape, mut mass_properties) = match body {
             Body::Solid(solid) => with_mass_properties(shape_of(solid, UNITS_PER_M)),
@@ -69,12 +69,12 @@ fn with_mass_properties(shape: SharedShape) -> (SharedShape, MassProperties) {
 /// The parts of a compound as one shape, and their mass properties at density 1. One shape, not a collider for each
 /// part: contacts are then asked for by object, and the mass properties are ours, not the engine's sum (see [`sum`]).
 fn joined(compound: &Compound) -> (SharedShape, MassProperties) {
-    let shape = |piece: &Piece| match piece {
-        Piece::Solid(solid) => shape_of(solid, UNITS_PER_M),
-        Piece::Hull(hull) => shape_of_hull(hull, UNITS_PER_M),
+    let shape = |part: &PartShape| match part {
+        PartShape::Solid(solid) => shape_of(solid, UNITS_PER_M),
+        PartShape::Hull(hull) => shape_of_hull(hull, UNITS_PER_M),
     };
     let parts: Vec<(Pose, SharedShape)> =
-        compound.parts().iter().map(|part| (in_units(part.object_from_part), shape(&part.piece))).collect();
+        compound.parts().iter().map(|part| (in_units(part.object_from_part), shape(&part.shape))).collect();
     if parts.len() == 1 && parts[0].0 == Pose::IDENTITY {
         return with_mass_properties(parts[0].1.clone());
     }
@@ -162,9 +162,9 @@ impl World {
     }
 
     /// Adds a free object.
-    pub(crate) fn add_object(&mut self, thing: &Thing, world_from_object: Pose) -> RigidBodyHandle {
+    pub(crate) fn add_object(&mut self, engine_body: &EngineBody, world_from_object: Pose) -> RigidBodyHandle {
         let body = RigidBodyBuilder::dynamic().pose(in_units(world_from_object)).can_sleep(false);
-        self.add_body(thing, body.build())
+        self.add_body(engine_body, body.build())
     }
 
     /// Lets a body lose speed, and fall asleep when it rests, as the settling parameters say.
@@ -180,18 +180,18 @@ impl World {
     }
 
     /// Adds a free object that stands still until something touches it.
-    pub(crate) fn add_resting_object(&mut self, thing: &Thing, world_from_object: Pose) -> RigidBodyHandle {
+    pub(crate) fn add_resting_object(&mut self, engine_body: &EngineBody, world_from_object: Pose) -> RigidBodyHandle {
         let mut body = RigidBodyBuilder::dynamic().pose(in_units(world_from_object)).build();
         // Once awake, it stays awake.
         body.activation_mut().time_until_sleep = f32::MAX;
         body.sleep();
-        self.add_body(thing, body)
+        self.add_body(engine_body, body)
     }
 
-    fn add_body(&mut self, thing: &Thing, body: RigidBody) -> RigidBodyHandle {
+    fn add_body(&mut self, engine_body: &EngineBody, body: RigidBody) -> RigidBodyHandle {
         let body = self.bodies.insert(body);
-        let collider = ColliderBuilder::new(thing.shape.clone()).mass_properties(thing.mass_properties);
-        self.add_part(body, collider, thing.friction);
+        let collider = ColliderBuilder::new(engine_body.shape.clone()).mass_properties(engine_body.mass_properties);
+        self.add_part(body, collider, engine_body.friction);
         body
     }
 
@@ -309,7 +309,7 @@ mod tests {
 
     fn compound(parts: &[(Vec3, Vec3)]) -> Body {
         let part = |(extents_m, at_m): &(Vec3, Vec3)| Part {
-            piece: Piece::Solid(cuboid(*extents_m)),
+            shape: PartShape::Solid(cuboid(*extents_m)),
             object_from_part: Pose::from_translation(*at_m),
         };
         Compound::new("boxes", parts.iter().map(part).collect()).unwrap().into()
@@ -318,7 +318,7 @@ mod tests {
     /// Mass in kg, centre of mass in m, and inertia about it in kg m², all as the engine has them in a body of a world.
     fn mass_of(body: &Body, mass_kg: f32) -> (f32, Vec3, Mat3) {
         let mut world = World::new(&Physics::FAITHFUL, Vec3::ZERO);
-        let handle = world.add_object(&Thing::new(body, mass_kg, 1.0), Pose::IDENTITY);
+        let handle = world.add_object(&EngineBody::new(body, mass_kg, 1.0), Pose::IDENTITY);
         world.step(&mut PhysicsPipeline::new());
         let found = world.bodies[handle].mass_properties().local_mprops;
         let inertia = found.reconstruct_inertia_matrix() * (1.0 / (UNITS_PER_M * UNITS_PER_M));
@@ -361,7 +361,7 @@ mod tests {
         let (small, large, mass_kg) = (0.02, 0.04, 0.9);
         let turn = axis_angle(Vec3::Z, 0.3) * axis_angle(Vec3::Y, 0.8);
         let part = |edge: f32, along_m: f32| Part {
-            piece: Piece::Solid(cuboid(Vec3::splat(edge))),
+            shape: PartShape::Solid(cuboid(Vec3::splat(edge))),
             object_from_part: Pose::from_parts(turn * Vec3::X * along_m, turn),
         };
         let bell = Compound::new("dumb_bell", vec![part(small, 0.0), part(large, 0.1)]).unwrap();
@@ -388,7 +388,7 @@ mod tests {
         ] {
             let solid = Solid::new(kind, extents).unwrap();
             let part =
-                Part { piece: Piece::Solid(solid), object_from_part: Pose::from_parts(Vec3::ZERO, Quat::IDENTITY) };
+                Part { shape: PartShape::Solid(solid), object_from_part: Pose::from_parts(Vec3::ZERO, Quat::IDENTITY) };
             let alone = Compound::new("alone", vec![part]).unwrap();
             assert_eq!(mass_of(&alone.into(), 0.2), mass_of(&solid.into(), 0.2), "{kind:?}");
         }

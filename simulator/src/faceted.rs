@@ -23,18 +23,18 @@ pub(crate) fn shape_of(solid: &Solid, units_per_m: f32) -> SharedShape {
     let half = solid.extents_m * (0.5 * units_per_m);
     match solid.kind {
         ShapeKind::Cuboid => SharedShape::cuboid(half.x, half.y, half.z),
-        _ => SharedShape::new(Faceted::of_solid(solid, units_per_m)),
+        _ => SharedShape::new(PolyhedronShape::of_solid(solid, units_per_m)),
     }
 }
 
 /// The collision shape of a hull, in units of 1/`units_per_m` metre.
 pub(crate) fn shape_of_hull(hull: &Polyhedron, units_per_m: f32) -> SharedShape {
-    SharedShape::new(Faceted::of_hull(hull, units_per_m).expect("a checked hull is convex"))
+    SharedShape::new(PolyhedronShape::of_hull(hull, units_per_m).expect("a checked hull is convex"))
 }
 
 /// A convex polyhedron whose faces are rings of corners.
 #[derive(Debug, Clone)]
-pub(crate) struct Faceted {
+pub(crate) struct PolyhedronShape {
     hull: ConvexPolyhedron,
     corners: Vec<Vector>,
     faces: Vec<Ring>,
@@ -51,7 +51,7 @@ struct Ring {
     radius: f32,
 }
 
-impl Faceted {
+impl PolyhedronShape {
     /// An extruded polygon. Corners `0..n` belong to the lower end and `n..2n` to the upper end; faces `0..n` are the
     /// sides, `n` and `n + 1` the ends, as in [`Solid`].
     fn of_solid(solid: &Solid, units_per_m: f32) -> Self {
@@ -126,13 +126,13 @@ fn furthest_along(vectors: impl Iterator<Item = Vector>, direction: Vector) -> u
     best.0
 }
 
-impl SupportMap for Faceted {
+impl SupportMap for PolyhedronShape {
     fn local_support_point(&self, dir: Vector) -> Vector {
         self.corners[furthest_along(self.corners.iter().copied(), dir)]
     }
 }
 
-impl PolygonalFeatureMap for Faceted {
+impl PolygonalFeatureMap for PolyhedronShape {
     fn local_support_feature(&self, dir: Vector, out: &mut PolygonalFeature) {
         self.describe(dir, None, out);
     }
@@ -142,7 +142,7 @@ impl PolygonalFeatureMap for Faceted {
     }
 }
 
-impl Shape for Faceted {
+impl Shape for PolyhedronShape {
     fn compute_local_aabb(&self) -> Aabb {
         self.hull.compute_local_aabb()
     }
@@ -196,13 +196,13 @@ impl Shape for Faceted {
     }
 }
 
-impl RayCast for Faceted {
+impl RayCast for PolyhedronShape {
     fn cast_local_ray_and_get_normal(&self, ray: &Ray, max_toi: f32, solid: bool) -> Option<RayIntersection> {
         self.hull.cast_local_ray_and_get_normal(ray, max_toi, solid)
     }
 }
 
-impl PointQuery for Faceted {
+impl PointQuery for PolyhedronShape {
     fn project_local_point(&self, point: Vector, solid: bool) -> PointProjection {
         self.hull.project_local_point(point, solid)
     }
@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn the_end_of_a_cylinder_is_described_by_corners_all_round() {
         let solid = Solid::new(ShapeKind::Cylinder, Vec3::new(0.04, 0.04, 0.06)).unwrap();
-        let shape = Faceted::of_solid(&solid, 1.0);
+        let shape = PolyhedronShape::of_solid(&solid, 1.0);
         let mut feature = PolygonalFeature::default();
         for hint in [None, Some(Vec3::new(0.0, 0.019, -0.03)), Some(Vec3::new(-0.01, -0.012, -0.03))] {
             shape.describe(-Vec3::Z, hint, &mut feature);
@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn a_side_is_its_own_four_corners() {
         let solid = Solid::new(ShapeKind::HalfCylinder, Vec3::new(0.08, 0.06, 0.03)).unwrap();
-        let shape = Faceted::of_solid(&solid, 1.0);
+        let shape = PolyhedronShape::of_solid(&solid, 1.0);
         let mut feature = PolygonalFeature::default();
         for plane in solid.planes() {
             shape.describe(plane.normal, None, &mut feature);
@@ -257,7 +257,7 @@ mod tests {
         let outline: Vec<[f32; 2]> = arc.chain([[0.0, 0.02], [0.0, 0.0]]).collect();
         let corners: Vec<Vec3> =
             [-0.01, 0.01].into_iter().flat_map(|z| outline.iter().map(move |[x, y]| Vec3::new(*x, *y, z))).collect();
-        let shape = Faceted::of_hull(&convex_hull(&corners).unwrap(), 1.0).unwrap();
+        let shape = PolyhedronShape::of_hull(&convex_hull(&corners).unwrap(), 1.0).unwrap();
         let mut feature = PolygonalFeature::default();
         for hint in [None, Some(Vec3::new(0.039, 0.001, 0.01)), Some(Vec3::new(0.0, 0.02, 0.01))] {
             shape.describe(Vec3::Z, hint, &mut feature);

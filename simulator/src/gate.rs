@@ -6,7 +6,7 @@
 
 use schema::{Gripper, HandBox, HitKind, Outcome, Pose, Procedure, Vec3};
 
-use crate::hull::{Hull, Placed};
+use crate::tested_part::{PlacedPart, TestedPart};
 use crate::{Scene, SceneObject};
 
 /// What was hit first: the target, then another object, then the table.
@@ -34,7 +34,7 @@ impl Hit {
 pub struct Gate {
     table_z_m: f32,
     /// The parts of each object, in its frame, and where it is.
-    obstacles: Vec<(Vec<Hull>, Pose)>,
+    obstacles: Vec<(Vec<TestedPart>, Pose)>,
     pregrasp: [HandBox; 3],
     approach: [HandBox; 3],
 }
@@ -43,7 +43,7 @@ impl Gate {
     /// Makes scene and hand ready.
     #[must_use]
     pub fn new(scene: &Scene, gripper: &Gripper, procedure: &Procedure) -> Self {
-        let hulls = |o: &SceneObject| o.body.polyhedra().iter().map(Hull::new).collect();
+        let hulls = |o: &SceneObject| o.body.polyhedra().iter().map(TestedPart::new).collect();
         let obstacles = scene.objects.iter().map(|o| (hulls(o), o.workspace_from_object)).collect();
         let back = Vec3::new(0.0, 0.0, procedure.pregrasp_distance_m);
         let hand = gripper.open_hand();
@@ -65,19 +65,24 @@ impl Gate {
     }
 
     /// The parts of all objects in the frame of a grasp.
-    pub(crate) fn placed(&self, workspace_from_grasp: &Pose) -> Vec<Placed> {
+    pub(crate) fn placed(&self, workspace_from_grasp: &Pose) -> Vec<PlacedPart> {
         let grasp_from_workspace = workspace_from_grasp.inverse();
-        let in_grasp = |(hulls, pose): &(Vec<Hull>, Pose)| placed(hulls, &(grasp_from_workspace * *pose));
+        let in_grasp = |(hulls, pose): &(Vec<TestedPart>, Pose)| placed(hulls, &(grasp_from_workspace * *pose));
         self.obstacles.iter().flat_map(in_grasp).collect()
     }
 
     /// The parts of an object somewhere else.
-    pub(crate) fn placed_at(&self, object_id: usize, pose: &Pose) -> Vec<Placed> {
+    pub(crate) fn placed_at(&self, object_id: usize, pose: &Pose) -> Vec<PlacedPart> {
         placed(&self.obstacles[object_id].0, pose)
     }
 
     /// The parts of an object, in the frame of a grasp, that any of `boxes` overlaps.
-    pub(crate) fn overlapped(&self, object_id: usize, workspace_from_grasp: &Pose, boxes: &[HandBox]) -> Vec<Placed> {
+    pub(crate) fn overlapped(
+        &self,
+        object_id: usize,
+        workspace_from_grasp: &Pose,
+        boxes: &[HandBox],
+    ) -> Vec<PlacedPart> {
         let (hulls, workspace_from_object) = &self.obstacles[object_id];
         let grasp_from_object = workspace_from_grasp.inverse() * *workspace_from_object;
         let touched = hulls.iter().filter(|hull| touches(hull, &grasp_from_object, boxes));
@@ -100,11 +105,11 @@ impl Gate {
     }
 }
 
-fn placed(hulls: &[Hull], pose: &Pose) -> Vec<Placed> {
+fn placed(hulls: &[TestedPart], pose: &Pose) -> Vec<PlacedPart> {
     hulls.iter().map(|hull| hull.placed(pose)).collect()
 }
 
-fn touches(hull: &Hull, grasp_from_object: &Pose, boxes: &[HandBox]) -> bool {
+fn touches(hull: &TestedPart, grasp_from_object: &Pose, boxes: &[HandBox]) -> bool {
     let centre_m = grasp_from_object.transform_point(hull.centre_m);
     let near = |b: &HandBox| {
         let outside = ((centre_m - b.centre_m).abs() - b.half_m).max(Vec3::ZERO);
@@ -122,7 +127,7 @@ fn touches(hull: &Hull, grasp_from_object: &Pose, boxes: &[HandBox]) -> bool {
 /// of their edges. All in the box's axes.
 ///
 /// (parry's own test runs GJK, which took a faceted cylinder half a millimetre away for a touching one.)
-fn overlaps(hand_box: &HandBox, hull: &Placed, edges: &[Vec3]) -> bool {
+fn overlaps(hand_box: &HandBox, hull: &PlacedPart, edges: &[Vec3]) -> bool {
     let parted = |axis: Vec3| {
         let [low, high] = hull.span(axis);
         let (middle, reach) = (axis.dot(hand_box.centre_m), axis.abs().dot(hand_box.half_m));

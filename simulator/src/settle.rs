@@ -7,12 +7,12 @@
 use rapier3d::prelude::*;
 use schema::{Grid, Physics, Pose, SettleParams, Vec3};
 
-use crate::engine::{Thing, World};
+use crate::engine::{EngineBody, World};
 use crate::{Body, Scene, SceneObject};
 
 /// An object about to fall.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Drop {
+pub struct ReleasedObject {
     /// Shape and size.
     pub body: Body,
     /// Mass in kilograms.
@@ -56,7 +56,12 @@ const SUNK_DEPTH_M: f32 = 0.01;
 ///
 /// # Errors
 /// [`Unsettled`] says why the scene is rejected; the caller draws another.
-pub fn settle(physics: &Physics, params: &SettleParams, grid: &Grid, drops: &[Drop]) -> Result<Settled, Unsettled> {
+pub fn settle(
+    physics: &Physics,
+    params: &SettleParams,
+    grid: &Grid,
+    drops: &[ReleasedObject],
+) -> Result<Settled, Unsettled> {
     let physics = &Physics { solver_iterations: params.solver_iterations, ..*physics };
     let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
     world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
@@ -69,7 +74,7 @@ pub fn settle(physics: &Physics, params: &SettleParams, grid: &Grid, drops: &[Dr
         let fall = Fall::until_near(physics, params, low_z_m - top_z_m(&world, &bodies, drops, grid));
         let mut pose = drop.workspace_from_object;
         pose.translation.z -= fall.way_m;
-        let body = world.add_object(&Thing::new(&drop.body, drop.mass_kg, drop.friction), pose);
+        let body = world.add_object(&EngineBody::new(&drop.body, drop.mass_kg, drop.friction), pose);
         world.let_settle(body, params, -Vec3::Z * fall.speed_m_s);
         bodies.push(body);
         steps += fall.steps + rest(&mut world, &mut pipeline, physics, params, &bodies)?;
@@ -145,8 +150,8 @@ fn rest_from(
     world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
     let mut bodies = Vec::with_capacity(objects.len());
     for object in &*objects {
-        let thing = Thing::new(&object.body, object.mass_kg, object.friction);
-        let body = world.add_object(&thing, object.workspace_from_object);
+        let engine_body = EngineBody::new(&object.body, object.mass_kg, object.friction);
+        let body = world.add_object(&engine_body, object.workspace_from_object);
         world.let_settle(body, params, Vec3::ZERO);
         bodies.push(body);
     }
@@ -185,7 +190,7 @@ fn lowest_z_m(corners_m: &[Vec3], pose: &Pose) -> f32 {
 }
 
 /// Height of the highest corner of the dropped objects, or of the table.
-fn top_z_m(world: &World, bodies: &[RigidBodyHandle], drops: &[Drop], grid: &Grid) -> f32 {
+fn top_z_m(world: &World, bodies: &[RigidBodyHandle], drops: &[ReleasedObject], grid: &Grid) -> f32 {
     let corner_z_m = bodies.iter().zip(drops).flat_map(|(body, drop)| {
         let pose = world.pose(*body);
         drop.body.vertices_m().into_iter().map(move |corner| pose.transform_point(corner).z)

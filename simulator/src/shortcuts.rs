@@ -7,7 +7,7 @@ use schema::{Physics, Vec3};
 
 use crate::attempt::{AttemptWorld, Run};
 use crate::gate::lowest_z_m;
-use crate::hull::Placed;
+use crate::tested_part::PlacedPart;
 
 /// Fingers are simulated from this far before they touch something.
 const NEAR_M: f32 = 0.0005;
@@ -47,7 +47,7 @@ impl AttemptWorld<'_> {
         let fingers = gripper.fingers(gripper.opening_m_max).into_iter().zip([Vec3::Y, -Vec3::Y]);
         let free_m = fingers
             .map(|(finger, inward)| {
-                let grown = Placed::from_box(&finger.grown(near_m), Vec3::ZERO);
+                let grown = PlacedPart::from_box(&finger.grown(near_m), Vec3::ZERO);
                 let to_objects = objects.iter().map(|o| grown.free_way_m(o, inward)).fold(f32::INFINITY, f32::min);
                 let sinking = -inward.dot(up);
                 let above_m = lowest_z_m(&finger, workspace_from_grasp) - near_m - self.table_z_m;
@@ -121,7 +121,7 @@ impl Run<'_> {
         let Some(direction) = rest_m.try_normalize() else { return true };
         let placed = |id: usize| self.setup.gate.placed_at(id, &self.world.pose(self.bodies[id]));
         let mut movers = placed(self.target);
-        movers.extend(self.hand.boxes(&self.world, self.setup.gripper).map(|(b, at)| Placed::from_box(&b, at)));
+        movers.extend(self.hand.boxes(&self.world, self.setup.gripper).map(|(b, at)| PlacedPart::from_box(&b, at)));
         self.others().flat_map(placed).all(|other| {
             movers.iter().all(|mover| {
                 let apart = other.centre_m - mover.centre_m;

@@ -1,6 +1,6 @@
 //! Complete plans: on the demo, and on observations without grasps.
 
-use planner::plan::{Drop, Plan, PointLabel};
+use planner::plan::{Plan, PointLabel, RejectReason};
 use planner::rank::rho_m;
 use planner::{Config, Observation, Planner, Policy, Wishes, demo, input};
 use schema::{Grid, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
@@ -117,11 +117,11 @@ fn every_candidate_that_is_dropped_is_told_why() {
     let silent = plan_with(&planner, &seen(), &Wishes { explain: false, ..wishes.clone() });
     assert_eq!(plan.grasps, silent.grasps);
     assert!(silent.dropped.is_empty());
-    let count = |is: fn(&Drop) -> bool| plan.dropped.iter().filter(|dropped| is(&dropped.drop)).count();
-    let colliding = count(|drop| matches!(drop, Drop::Collision { .. }));
+    let count = |is: fn(&RejectReason) -> bool| plan.dropped.iter().filter(|dropped| is(&dropped.reason)).count();
+    let colliding = count(|drop| matches!(drop, RejectReason::Collision { .. }));
     assert_eq!(colliding, plan.funnel.detections - plan.funnel.collision_free);
-    assert_eq!(count(|drop| *drop == Drop::BeyondLimit), plan.funnel.collision_free - plan.grasps.len());
-    assert_eq!(count(|drop| *drop == Drop::Suppressed), plan.funnel.quality_reached - plan.funnel.detections);
+    assert_eq!(count(|drop| *drop == RejectReason::BeyondLimit), plan.funnel.collision_free - plan.grasps.len());
+    assert_eq!(count(|drop| *drop == RejectReason::Suppressed), plan.funnel.quality_reached - plan.funnel.detections);
     assert!(colliding > 0 && plan.grasps.len() == 2);
     // Independent of the sweep: no point of the cloud may be deep inside the fingers of the remaining grasps.
     let fingers = planner.gripper().fingers(planner.gripper().opening_m_max);
@@ -171,12 +171,15 @@ fn refined_hands_close_on_something_by_a_free_way() {
         assert!(inside(fingers(ranked.grasp.width_m - 0.004)) >= 8, "closed by 2 mm more a side they would");
         assert!(ranked.grasp.width_m < planner.gripper().opening_m_max);
     }
-    let dropped = |drop: Drop| plan.dropped.iter().filter(|dropped| dropped.drop == drop).count();
+    let dropped = |reason: RejectReason| plan.dropped.iter().filter(|dropped| dropped.reason == reason).count();
     // Of detections in one column only the best is kept.
     let columns: std::collections::BTreeSet<[usize; 2]> =
         plan.grasps.iter().map(|g| [g.voxel[0], g.voxel[1]]).collect();
     assert_eq!(columns.len(), plan.grasps.len());
-    assert!(dropped(Drop::NoHand) > 0 && dropped(Drop::NoHand) + plan.grasps.len() <= plan.funnel.detections);
+    assert!(
+        dropped(RejectReason::NoHand) > 0
+            && dropped(RejectReason::NoHand) + plan.grasps.len() <= plan.funnel.detections
+    );
 }
 
 #[test]
@@ -244,7 +247,7 @@ fn grasps_without_an_object_are_last_or_dropped() {
     let dropped = with(planner::config::WithoutObject::Drop);
     assert!(dropped.grasps.is_empty());
     assert!(dropped.reason.unwrap().starts_with("no cluster of points is large enough"));
-    assert_eq!(dropped.dropped.iter().filter(|d| d.drop == Drop::NoObject).count(), last.grasps.len());
+    assert_eq!(dropped.dropped.iter().filter(|d| d.reason == RejectReason::NoObject).count(), last.grasps.len());
 }
 
 /// Points on all walls of the workspace: every way is blocked.

@@ -4,7 +4,7 @@ use schema::{HandBox, Polyhedron, Pose, Vec3};
 
 /// A convex part of an object, in the object's frame.
 #[derive(Debug, Clone)]
-pub(crate) struct Hull {
+pub(crate) struct TestedPart {
     pub(crate) centre_m: Vec3,
     corners_m: Vec<Vec3>,
     /// Directions of the faces' normals, then of the edges, one of each opposite pair.
@@ -15,14 +15,14 @@ pub(crate) struct Hull {
 
 /// A convex part at a pose: its corners, and the normals of its faces, one of each opposite pair.
 #[derive(Debug, Clone)]
-pub(crate) struct Placed {
+pub(crate) struct PlacedPart {
     pub(crate) centre_m: Vec3,
     pub(crate) radius_m: f32,
     pub(crate) corners_m: Vec<Vec3>,
     pub(crate) normals: Vec<Vec3>,
 }
 
-impl Hull {
+impl TestedPart {
     pub(crate) fn new(part: &Polyhedron) -> Self {
         Self {
             centre_m: part.centre_m(),
@@ -33,8 +33,8 @@ impl Hull {
         }
     }
 
-    pub(crate) fn placed(&self, pose: &Pose) -> Placed {
-        Placed {
+    pub(crate) fn placed(&self, pose: &Pose) -> PlacedPart {
+        PlacedPart {
             centre_m: pose.transform_point(self.centre_m),
             radius_m: self.radius_m,
             corners_m: self.corners_m.iter().map(|c| pose.transform_point(*c)).collect(),
@@ -43,7 +43,7 @@ impl Hull {
     }
 }
 
-impl Placed {
+impl PlacedPart {
     /// An axis-parallel box, moved by `offset_m`.
     pub(crate) fn from_box(hand_box: &HandBox, offset_m: Vec3) -> Self {
         let centre_m = hand_box.centre_m + offset_m;
@@ -109,10 +109,11 @@ mod tests {
     #[test]
     fn a_box_meets_a_box_after_the_gap_between_them_or_never() {
         let solid = Solid::new(ShapeKind::Cuboid, Vec3::splat(0.02)).unwrap();
-        let other = Hull::new(&Polyhedron::from(&solid)).placed(&Pose::from_translation(Vec3::new(0.0, 0.1, 0.0)));
+        let other =
+            TestedPart::new(&Polyhedron::from(&solid)).placed(&Pose::from_translation(Vec3::new(0.0, 0.1, 0.0)));
         let way = |y_m: f32, x_m: f32, direction: Vec3| {
             let mover = HandBox { centre_m: Vec3::ZERO, half_m: Vec3::splat(0.01) };
-            Placed::from_box(&mover, Vec3::new(x_m, y_m, 0.0)).free_way_m(&other, direction)
+            PlacedPart::from_box(&mover, Vec3::new(x_m, y_m, 0.0)).free_way_m(&other, direction)
         };
         assert!((way(0.0, 0.0, Vec3::Y) - 0.08).abs() < 1e-6);
         assert!((way(0.0, 0.019, Vec3::Y) - 0.08).abs() < 1e-6);
