@@ -8,9 +8,10 @@ use settings::{Document, Reader, settings, words};
 use toml::Value;
 
 use crate::models::Models;
-use crate::normals::YAWS;
 
 /// The default config, built in so that the program runs anywhere.
+/// Yaws per point, evenly over half a turn.
+pub(crate) const YAWS: usize = 6;
 const PAPER: [&str; 2] =
     [include_str!("../../configs/generate/paper.toml"), "the built-in configs/generate/paper.toml"];
 

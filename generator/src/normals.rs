@@ -12,10 +12,8 @@ use schema::{Camera, Mat3, ObjectRecord, Plane, Pose, Quat, Rule, Stream, Vec3, 
 use simulator::{Scene, SceneObject, SceneRays, ViewRays};
 
 use crate::candidates::Candidate;
-use crate::config::Config;
+use crate::config::{Config, YAWS};
 
-/// Yaws per point, evenly over half a turn.
-pub(crate) const YAWS: usize = 6;
 /// Maximum number of draws for an acceptable point.
 const TRIES_MAX: u32 = 1_000;
 /// VGN's ε: the depth of the finger tips is between −ε and 1 + ε finger lengths behind the surface.

@@ -2,12 +2,11 @@
 
 use program::{Exit, ExitCode};
 use rayon::prelude::*;
-use schema::Outcome;
+use schema::{AttemptRecord, Outcome};
 use shards::{Dataset, ReadError};
-use simulator::{AttemptWorld, Body, ModelError, Physics, Scene, bodies_of};
+use simulator::{AttemptWorld, Body, Execution, ModelError, Physics, Scene, bodies_of};
 
 use crate::laws::physics_of;
-use crate::replay::is_as_stored;
 
 /// The result of the comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -121,4 +120,13 @@ fn repeat_scene(
         (!is_same).then_some(Difference { scene_id, attempt_id, stored: row.outcome, now: now.outcome })
     };
     Repeated { attempts: attempts.len() as u64, different: attempts.iter().filter_map(again).collect() }
+}
+
+/// Whether an attempt ended as its row says, to the last bit of the opening.
+pub(crate) fn is_as_stored(stored: &AttemptRecord, now: &Execution) -> bool {
+    let hit_object_id = now.hit.and_then(|hit| hit.object_id).map(|id| id as u32);
+    stored.outcome == now.outcome
+        && stored.hit == now.hit.map(|hit| hit.kind)
+        && stored.hit_object_id == hit_object_id
+        && stored.width_m.map(f32::to_bits) == now.width_m.map(f32::to_bits)
 }

@@ -10,7 +10,7 @@ use simulator::{AttemptWorld, Execution, Obstruction, Scene, bodies_of};
 
 use crate::laws::physics_of;
 use crate::recorder::{Recorder, ended, outcome_told};
-use crate::repeat::RepeatError;
+use crate::repeat::{RepeatError, is_as_stored};
 
 /// Names of the boxes of the hand.
 const HAND: [&str; 3] = ["left finger", "right finger", "palm"];
@@ -74,14 +74,6 @@ impl Replay {
         };
         text
     }
-}
-
-pub(crate) fn is_as_stored(stored: &AttemptRecord, now: &Execution) -> bool {
-    let hit_object_id = now.hit.and_then(|hit| hit.object_id).map(|id| id as u32);
-    stored.outcome == now.outcome
-        && stored.hit == now.hit.map(|hit| hit.kind)
-        && stored.hit_object_id == hit_object_id
-        && stored.width_m.map(f32::to_bits) == now.width_m.map(f32::to_bits)
 }
 
 fn stored_told(stored: &AttemptRecord) -> String {

@@ -10,7 +10,7 @@ mod stereo;
 use schema::{DepthImage, Stream};
 
 pub use self::dex::DexNoise;
-use self::dex::add_dex_noise;
+use self::dex::{add_dex_noise, spoiled};
 pub use self::stereo::StereoNoise;
 use self::stereo::add_stereo_noise;
 
@@ -43,11 +43,6 @@ pub fn add_depth_noise(image: &mut DepthImage, noise: &DepthNoise, stream: &mut 
         DepthNoise::Dex(dex) => add_dex_noise(image, dex, stream),
         DepthNoise::Stereo(stereo) => add_stereo_noise(image, stereo, stream),
     }
-}
-
-/// A depth with noise; 0, "nothing seen", stays 0, and depths at or behind the lens become 0.
-fn spoiled(depth_m: f32, factor: f32, error_m: f32) -> f32 {
-    if depth_m > 0.0 { (depth_m * factor + error_m).max(0.0) } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -3,7 +3,6 @@
 use schema::{DepthImage, Stream};
 
 use super::lattice::Lattice;
-use super::spoiled;
 
 /// Dex-Net's noise model of a structured-light camera (Mahler et al. 2017, equation of section IV-C: ŷ = αy + ε), as
 /// GIGA's `apply_dex_noise` draws it.
@@ -57,6 +56,11 @@ fn gamma(shape: f32, scale: f32, stream: &mut Stream) -> f32 {
         }
     }
     shape * scale
+}
+
+/// A depth with noise; 0, "nothing seen", stays 0, and depths at or behind the lens become 0.
+pub(super) fn spoiled(depth_m: f32, factor: f32, error_m: f32) -> f32 {
+    if depth_m > 0.0 { (depth_m * factor + error_m).max(0.0) } else { 0.0 }
 }
 
 #[cfg(test)]
