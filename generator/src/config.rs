@@ -9,9 +9,9 @@ use toml::Value;
 
 use crate::models::Models;
 
-/// The default config, built in so that the program runs anywhere.
 /// Yaws per point, evenly over half a turn.
 pub(crate) const YAWS: usize = 6;
+/// The default config, built in so that the program runs anywhere.
 const PAPER: [&str; 2] =
     [include_str!("../../configs/generate/paper.toml"), "the built-in configs/generate/paper.toml"];
 
