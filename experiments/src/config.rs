@@ -345,9 +345,46 @@ fn digest(keys: &Table, scene: &generator::Config, plan: &planner::Config, objec
     };
     // A catalogue's objects are models.
     let models = things.iter().filter_map(|thing| thing.body.to_model(thing.mass_kg, thing.friction).ok());
-    let info = DatasetInfo { models: models.map(Arc::new).collect(), ..scene.dataset_info() };
+    // The journal has the program's version beside the digest.
+    let (models, code_version) = (models.map(Arc::new).collect(), String::new());
+    let info = DatasetInfo { models, code_version, ..scene.dataset_info() };
     // Settings are numbers, words and tables of them, which always have a JSON form.
     let plan = serde_json::to_string(plan).unwrap_or_default();
     let all = format!("{keys}\n{}\n{plan}", info.to_json());
     Sha256::digest(all).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn digest_of(text: &str, set: &[(&str, &str)]) -> String {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/experiment/some.toml");
+        let set: Vec<_> = set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+        Config::resolve(Document::parse(text, &path).unwrap(), &set).unwrap().digest
+    }
+
+    /// Journals are told apart by it: a name that changes in the code must not change it.
+    #[test]
+    fn the_digest_is_that_of_what_is_stored() {
+        let digest = "ae9d2f1d620d6e17269a22248fc9e8dc7eed8ec845b8a7f41f6c685da14e50c0";
+        assert_eq!(digest_of(REFERENCE, &[]), digest);
+    }
+
+    #[test]
+    fn the_digest_changes_with_every_part_that_decides_a_round_and_with_nothing_else() {
+        let pile = digest_of(REFERENCE, &[]);
+        let plain: String =
+            REFERENCE.lines().filter(|line| !line.starts_with('#')).map(|line| format!("{line}\n")).collect();
+        assert_eq!(digest_of(&plain, &[("seeds", "[7]"), ("rounds", "3")]), pile);
+        for (key, value) in [
+            ("views.count", "5"),
+            ("objects.count", "4"),
+            ("scene", "../generate/vgn.toml"),
+            ("plan.detection.quality_min", "0.8"),
+            ("plan.ranking.policy", "vgn-best"),
+        ] {
+            assert_ne!(digest_of(REFERENCE, &[(key, value)]), pile, "{key}");
+        }
+    }
 }

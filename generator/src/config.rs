@@ -226,7 +226,7 @@ mod tests {
         let text = PAPER[0]
             .replace("resolution = 40 ", "resolution = 400 ")
             .replace("step_rate_hz = 240.0", "step_rate_hz = \"fast\"")
-            .replace("[settle]", "bogus = 1\n[settle]")
+            .replace("\n[settle]", "\nbogus = 1\n[settle]")
             .replace("hold_time_s = 0.25", "")
             .replace("\"half_cylinder\"]", "\"torus\"]");
         let problems = problems(&text);

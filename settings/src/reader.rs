@@ -98,7 +98,7 @@ impl<'a> Reader<'a> {
                 None
             }
         };
-        self.faults[before..].iter_mut().for_each(|fault| fault.push_str(&format!(": {file}")));
+        self.faults[before..].iter_mut().for_each(|fault| fault.push_str(&format!(": {}", file.escape_debug())));
         read
     }
 
@@ -113,7 +113,9 @@ impl<'a> Reader<'a> {
             let nearest = keys.iter().min_by_key(|known| strsim::damerau_levenshtein(known, key));
             let is_near = |known: &&&str| strsim::damerau_levenshtein(known, key) <= (key.chars().count() / 3).max(1);
             let hint = nearest.filter(is_near).map(|known| format!(", did you mean {known}?")).unwrap_or_default();
-            self.within(key, |reader| reader.fault(format_args!("is no key of this file{hint}")));
+            // Quoted keys may contain anything.
+            let key = key.escape_debug().to_string();
+            self.within(&key, |reader| reader.fault(format_args!("is no key of this file{hint}")));
         }
         Some(table)
     }

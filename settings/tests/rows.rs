@@ -121,6 +121,9 @@ fn hostile_values_are_refused_without_a_panic() {
             assert!(read(&bad).is_err() || (key, value) == ("counts", "[]"), "{key} = {value}");
         }
     }
+    let colourful = faults(&format!("\"\\u001b[31m\" = 1\nfile = [\"\\u001b[31m\"]\n{GOOD}"));
+    assert_eq!(colourful[0], "\\u{1b}[31m is no key of this file");
+    assert!(colourful.iter().all(|fault| !fault.contains('\u{1b}')), "{colourful:?}");
     let long = faults(&format!("share = \"{}\"\n{GOOD}", "é".repeat(1000)).replace("share = 0.5\n", ""));
     assert!(long[0].chars().count() < 150, "{long:?}");
 }

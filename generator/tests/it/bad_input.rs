@@ -8,7 +8,7 @@ use crate::{check_fails, check_ok, files, run, small_config, workshop};
 fn every_problem_of_a_config_is_told_at_once() {
     let config = small_config()
         .replace("resolution = 16", "resolution = 400")
-        .replace("[settle]", "typo = 1\n[settle]")
+        .replace("\n[settle]", "\ntypo = 1\n[settle]")
         .replace("friction = [0.8, 1.2]", "friction = [1.2, 0.8]");
     let output = run(&workshop(&config), "ds", &[]);
     check_fails(

@@ -377,6 +377,41 @@ mod tests {
     }
 
     #[test]
+    fn stored_settings_are_held_to_a_configs_ranges() {
+        let mut info = synthetic::info(7, 3, 100, 12);
+        info.procedure.retreat_distance_m = 1e6;
+        info.gripper.friction = -1.0;
+        info.config = serde_json::json!({
+            "camera": { "width_px": 1_000_000, "height_px": 480, "focal_px": 540.0 },
+            "physics": { "engine": "a", "step_rate_hz": 1e9, "shortcuts": 1 },
+            "views": { "counts": [0, 6] },
+        });
+        let told = DatasetInfo::from_json(&info.to_json()).unwrap_err().to_string();
+        assert_eq!(
+            told.split("; ").collect::<Vec<_>>(),
+            [
+                "gripper.friction must be between 0 and 5, got -1",
+                "procedure.retreat_distance_m must be between 0.01 and 1, got 1000000",
+                "config.camera.width_px must be between 16 and 4096, got 1000000",
+                "config.physics.step_rate_hz must be between 30 and 10000, got 1000000000",
+                "config.physics.shortcuts must be true or false, got 1",
+                "config.views.counts must be a range [low, high] within [1, 100], got [0, 6]",
+            ]
+        );
+    }
+
+    #[test]
+    fn settings_of_another_version_are_readable_and_not_taken_for_whole() {
+        let mut info = synthetic::info(7, 3, 100, 12);
+        info.config = serde_json::json!({ "camera": { "width_px": 640, "lens": "wide" }, "kind": null });
+        let read = DatasetInfo::from_json(&info.to_json()).unwrap();
+        assert_eq!(read.section::<CameraParams>("camera"), None);
+        info.config = serde_json::json!({ "camera": { "width_px": 640, "height_px": 480, "focal_px": 540.0 } });
+        let camera = CameraParams { width_px: 640, height_px: 480, focal_px: 540.0 };
+        assert_eq!(info.section("camera"), Some(camera));
+    }
+
+    #[test]
     fn scenes_and_attempts_are_shared_out_exactly() {
         for (shards, attempts, per_scene) in [(1, 1, 60), (3, 100, 12), (64, 200_000, 60), (7, 61, 6)] {
             let info = synthetic::info(0, shards, attempts, per_scene);
