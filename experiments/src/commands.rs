@@ -11,7 +11,7 @@ use program::{ExitCode, Failure};
 /// Clears tables in simulation and counts.
 #[derive(Debug, Parser)]
 #[command(version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
-pub(crate) struct Arguments {
+pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -26,12 +26,12 @@ enum Command {
     Manual(Manual),
 }
 
-pub(crate) fn run(arguments: Arguments) -> Result<ExitCode, Failure> {
-    match arguments.command {
+pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
+    match cli.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
-        Command::Manual(manual) => manual.run(Arguments::command(), &[SETTINGS], ""),
+        Command::Manual(manual) => manual.run(Cli::command(), &[SETTINGS], ""),
     }
 }
 

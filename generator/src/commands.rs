@@ -25,7 +25,7 @@ use shards::Location;
 #[derive(Debug, Parser)]
 #[command(name = "generator", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{ENVIRONMENT}\n\n{}", ExitCode::HELP, Location::HELP))]
 #[command(subcommand_negates_reqs = true, args_conflicts_with_subcommands = true, subcommand_value_name = "COMMAND")]
-pub(crate) struct Arguments {
+pub(crate) struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
 
@@ -48,9 +48,9 @@ enum Command {
     Manual(Manual),
 }
 
-pub(crate) fn run(arguments: Arguments) -> Result<ExitCode, Failure> {
-    match arguments.command {
-        None => generate::run(&arguments.generate),
+pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
+    match cli.command {
+        None => generate::run(&cli.generate),
         Some(Command::Bench(arguments)) => bench::run(&arguments),
         Some(Command::Repeat(arguments)) => repeat::run(&arguments),
         Some(Command::Replay(arguments)) => replay::run(&arguments),
@@ -59,7 +59,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Finalize(arguments)) => finalize::run(&arguments),
         Some(Command::Gc(arguments)) => gc::run(&arguments),
         Some(Command::ImportObjects(arguments)) => import_objects::run(&arguments),
-        Some(Command::Manual(manual)) => manual.run(Arguments::command(), &SETTINGS, ""),
+        Some(Command::Manual(manual)) => manual.run(Cli::command(), &SETTINGS, ""),
     }
 }
 

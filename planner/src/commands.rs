@@ -15,7 +15,7 @@ use program::{ExitCode, Failure, start_threads};
 /// Plans grasps from what a robot sees.
 #[derive(Debug, Parser)]
 #[command(version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
-pub(crate) struct Arguments {
+pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -30,12 +30,12 @@ enum Command {
     Manual(Manual),
 }
 
-pub(crate) fn run(arguments: Arguments) -> Result<ExitCode, Failure> {
-    match arguments.command {
+pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
+    match cli.command {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
-        Command::Manual(manual) => manual.run(Arguments::command(), &SETTINGS, ""),
+        Command::Manual(manual) => manual.run(Cli::command(), &SETTINGS, ""),
     }
 }
 

@@ -27,7 +27,7 @@ Examples:
 /// Verify, report on, inspect and export a dataset of grasp attempts. No command changes the dataset.
 #[derive(Debug, Parser)]
 #[command(name = "shards", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
-pub(crate) struct Arguments {
+pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -45,15 +45,15 @@ enum Command {
     Manual(Manual),
 }
 
-pub(crate) fn run(arguments: Arguments) -> Result<ExitCode, Failure> {
-    match arguments.command {
+pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
+    match cli.command {
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Tsdf(arguments) => tsdf::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::View(arguments) => view::run(&arguments),
-        Command::Manual(manual) => manual.run(Arguments::command(), &[], &chapters()),
+        Command::Manual(manual) => manual.run(Cli::command(), &[], &chapters()),
     }
 }
 

@@ -17,7 +17,7 @@ use trainer::evaluate::TestSet;
 /// Trains the volumetric grasp network on a Graspmill dataset.
 #[derive(Parser)]
 #[command(version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
-pub(crate) struct Arguments {
+pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -36,8 +36,8 @@ enum Command {
     Manual(Manual),
 }
 
-pub(crate) fn run(arguments: Arguments) -> Result<ExitCode, Failure> {
-    match arguments.command {
+pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
+    match cli.command {
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Curves(arguments) => curves::run(&arguments),
@@ -45,7 +45,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<ExitCode, Failure> {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
-        Command::Manual(manual) => manual.run(Arguments::command(), &[SETTINGS], ""),
+        Command::Manual(manual) => manual.run(Cli::command(), &[SETTINGS], ""),
     }
 }
 

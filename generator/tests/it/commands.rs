@@ -56,6 +56,16 @@ fn a_bench_tells_runs_stages_outcomes_and_agreement() {
 }
 
 #[test]
+fn a_report_of_a_bench_on_a_full_disk_is_75() {
+    let dir = workshop(&small_config());
+    let flags = ["--attempts", "60", "--repeat", "0", "--threads", "1", "--markdown", "/dev/full"];
+    let output = program(&[&["bench", "--config", "config.toml"], &flags[..]].concat(), dir.path());
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(75), "{stderr}");
+    assert!(stderr.starts_with("error: failed to write /dev/full: "), "{stderr}");
+}
+
+#[test]
 fn attempts_executed_again_end_as_stored_and_a_lie_is_found() {
     let dir = workshop(&small_config());
     check_ok(&run(&dir, "ds", &[]));

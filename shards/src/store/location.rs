@@ -29,7 +29,7 @@ impl Location {
 A dataset lies in a folder or behind a URL: s3://bucket/prefix, gs://bucket/prefix, az://container/prefix, \
 https://host/path, file:///path. Endpoints and credentials come from the environment: AWS_ENDPOINT_URL, AWS_ALLOW_HTTP, \
 AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, AWS_SKIP_SIGNATURE, GOOGLE_SERVICE_ACCOUNT, \
-AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. Shards pass through TMPDIR on their way.";
+AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. A shard of a store is copied to TMPDIR before it is read.";
 
     /// A path, or a URL if it contains `://` after a scheme.
     ///
