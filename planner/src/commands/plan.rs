@@ -40,6 +40,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIR|URL", hide = true, value_parser = no_dataset)]
     dataset: Option<String>,
 
+    /// Went with --dataset
+    #[arg(long, value_name = "N", hide = true, requires = "dataset")]
+    scene: Option<u64>,
+
     /// Where the cloud was seen from; repeat for several places [default: a PCD file's viewpoint, else straight above]
     #[arg(long, value_name = "X,Y,Z", requires = "cloud", value_parser = numbers::<3>, allow_hyphen_values = true)]
     eye: Vec<[f64; 3]>,
