@@ -3,21 +3,20 @@
 
 mod differences;
 mod pictures;
-mod sections;
 mod warnings;
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use program::text::grouped;
-use program::{Exit, ExitCode};
-use report::page::{Block, Page, Picture, Section};
+use program::text::{grouped, percent};
+use program::{ExitCode, Failure};
+use report::document::{Block, Cell, Document, Drawing, Picture, Table, below};
 
-use crate::report::{About, FigureError, Row, comparison_of_rates, read_whole, share, svg_for_page};
+use crate::report::{About, details, headline, headline_rates, is_any_point, origin, rates_figure, read, side_by_side};
 use crate::round::Round;
 use crate::run::{JOURNAL, journalled};
-use crate::statistics::{DRAWS, Results};
+use crate::statistics::{DRAWS, Interval, Results};
 
 use pictures::Stage;
 
@@ -33,58 +32,21 @@ pub struct Played {
     stage: Option<Stage>,
 }
 
-/// Why there is no page.
-#[derive(Debug, thiserror::Error)]
-pub enum PageError {
-    /// There is no experiment, or it is not done.
-    #[error("no experiment that is done here, report.json comes after the last round: {}", .0.display())]
-    Missing(PathBuf),
-    /// A file is not what a run writes.
-    #[error("damaged {}: {reason}", .path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
-    /// The system refused.
-    #[error("failed to {action}: {source}: {}", .path.display())]
-    Io {
-        /// What was tried.
-        action: &'static str,
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The library that draws failed.
-    #[error(transparent)]
-    Figure(#[from] FigureError),
-}
-
-impl Exit for PageError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Missing(_) => ExitCode::Config,
-            Self::Damaged { .. } => ExitCode::Data,
-            Self::Io { .. } => ExitCode::TryAgain,
-            Self::Figure(_) => ExitCode::Internal,
-        }
-    }
-}
-
 impl Played {
     /// Reads the folder of an experiment: `report.json` and, for the pictures, `journal.jsonl`, `run.json` and
     /// `bodies.json`.
     ///
     /// # Errors
-    /// [`PageError`].
-    pub fn read(folder: &Path) -> Result<Self, PageError> {
+    /// If there is no experiment that is done, or a file cannot be read or is not what a run writes.
+    pub fn read(folder: &Path) -> Result<Self, Failure> {
         let path = folder.join("report.json");
-        let text = read_text(&path)?.ok_or_else(|| PageError::Missing(folder.to_owned()))?;
-        let (results, about) = read_whole(&text).map_err(|e| PageError::Damaged { path, reason: e.to_string() })?;
+        let missing = || {
+            let text = "no experiment that is done here, report.json comes after the last round";
+            Failure::new(ExitCode::Config, format!("{text}: {}", folder.display()))
+        };
+        let (results, about) = self::read(&read_text(&path)?.ok_or_else(missing)?).map_err(|e| damaged(&path, &e))?;
         let path = folder.join(JOURNAL);
-        let rounds = journalled(folder).map_err(|source| unread(&path, source))?;
+        let rounds = journalled(folder).map_err(|source| unread(&path, &source))?;
         // A run that was made shorter keeps the rounds that it does not count any more.
         let counted = |rounds: Vec<Round>| rounds.into_iter().filter(|r| r.record.round < results.rounds).collect();
         let rounds = rounds.map(counted);
@@ -93,68 +55,62 @@ impl Played {
     }
 }
 
-fn unread(path: &Path, source: io::Error) -> PageError {
-    let path = path.to_owned();
+/// A file that is not what a run writes.
+fn damaged(path: &Path, reason: &dyn std::fmt::Display) -> Failure {
+    Failure::new(ExitCode::Data, format!("damaged {}: {reason}", path.display()))
+}
+
+fn unread(path: &Path, source: &io::Error) -> Failure {
     match source.kind() {
-        io::ErrorKind::InvalidData => PageError::Damaged { path, reason: source.to_string() },
-        _ => PageError::Io { action: "read", path, source },
+        io::ErrorKind::InvalidData => damaged(path, source),
+        _ => Failure::new(ExitCode::TryAgain, format!("failed to read: {source}: {}", path.display())),
     }
 }
 
 /// A file's text; `None` if there is no such file.
-fn read_text(path: &Path) -> Result<Option<String>, PageError> {
+fn read_text(path: &Path) -> Result<Option<String>, Failure> {
     match fs::read_to_string(path) {
         Ok(text) => Ok(Some(text)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(source) => Err(unread(path, source)),
+        Err(source) => Err(unread(path, &source)),
     }
 }
 
-/// One or several experiments as a page. The same folders give the same bytes.
-///
-/// # Errors
-/// [`PageError`].
-pub fn page(all: &[Played]) -> Result<String, PageError> {
+/// One or several experiments as a page. The same folders give the same document.
+#[must_use]
+pub fn document(all: &[Played]) -> Document {
     let names = names(all);
-    let mut sections = vec![rates(all, &names)?];
+    let results: Vec<Results> = all.iter().map(|one| one.results.clone()).collect();
+    let warnings = Block::Warnings(warnings::warnings(all, &names));
+    let (title, mut blocks) = if let [one] = results.as_slice() {
+        let lead = format!(
+            "{} rounds: a table of objects is seen, planned on and grasped from until nothing is left or it is no use. {} grasps were \
+             executed in physics.",
+            grouped(one.rounds),
+            grouped(one.attempts)
+        );
+        (format!("Experiment: {}", one.protocol), vec![Block::Text(lead), warnings, Block::Tiles(tiles(one))])
+    } else {
+        let attempts: u64 = results.iter().map(|one| one.attempts).sum();
+        let lead = format!("{} experiments, {} grasps executed in physics.", all.len(), grouped(attempts));
+        ("Experiments side by side".to_owned(), vec![Block::Text(lead), warnings])
+    };
+    blocks.extend(rates(&results, &names));
+    let has_point = is_any_point(results.iter().flat_map(headline_rates));
+    blocks.extend(headline(&results, &names, has_point));
     if all.len() > 1 {
-        sections.push(side_by_side(all, &names));
+        let text = "Which success rates are apart, and what was different: a rate without its protocol is a rumour.";
+        blocks.extend([Block::Heading("Side by side".to_owned()), Block::Text(text.to_owned())]);
+        blocks.extend(side_by_side(&results, &names));
+        blocks.extend(differences::blocks(all, &names));
     }
     for (one, name) in all.iter().zip(&names) {
-        let own = sections::of(one);
-        if all.len() > 1 { sections.push(sections::folded(name, own)) } else { sections.extend(own) }
+        let mut own = details(&one.results, true);
+        own.extend(pictures::section(one));
+        own.extend(whole_origin(one));
+        if all.len() > 1 { blocks.extend(below(name, own)) } else { blocks.extend(own) }
     }
-    let [single] = all else {
-        let attempts: u64 = all.iter().map(|one| one.results.attempts).sum();
-        let lead = format!("{} experiments, {} grasps executed in physics.", all.len(), grouped(attempts));
-        return Ok(whole(
-            "Experiments side by side".to_owned(),
-            lead,
-            Vec::new(),
-            warnings::warnings(all, &names),
-            sections,
-        ));
-    };
-    let results = &single.results;
-    let lead = format!(
-        "{} rounds: a table of objects is seen, planned on and grasped from until nothing is left or it is no use. {} grasps were executed \
-         in physics.",
-        grouped(results.rounds),
-        grouped(results.attempts)
-    );
-    let title = format!("Experiment: {}", results.protocol);
-    Ok(whole(title, lead, sections::tiles(results), warnings::warnings(all, &names), sections))
-}
-
-fn whole(
-    title: String,
-    lead: String,
-    tiles: Vec<(String, String)>,
-    warnings: Vec<String>,
-    sections: Vec<Section>,
-) -> String {
-    let footer = format!("experiments report, Graspmill {}", env!("CARGO_PKG_VERSION"));
-    Page { title, lead, tiles, warnings, sections, footer }.html()
+    Document { title, blocks, footer: format!("experiments report, Graspmill {}", env!("CARGO_PKG_VERSION")) }
 }
 
 /// What experiments are called: by their protocols; where two have the same, by their folders too.
@@ -170,57 +126,55 @@ fn names(all: &[Played]) -> Vec<String> {
     all.iter().map(name).collect()
 }
 
-fn rates(all: &[Played], names: &[String]) -> Result<Section, FigureError> {
-    let row = |name: String, rates: &crate::statistics::Rates| Row {
-        name,
-        success_rate: rates.success_rate,
-        cleared_share: rates.cleared_share,
+/// What a reader wants first.
+fn tiles(results: &Results) -> Vec<(String, String)> {
+    let tile = |rate: Option<Interval>, what: &str| {
+        let value = rate.map_or("–".to_owned(), |rate| percent(rate.value));
+        let range = |rate: Interval| format!(", 95 %: {:.1} to {:.1}", 100.0 * rate.low, 100.0 * rate.high);
+        (value, format!("{what}{}", rate.map(range).unwrap_or_default()))
     };
-    let mut rows: Vec<Row> = all.iter().zip(names).map(|(one, name)| row(name.clone(), &one.results.rates)).collect();
-    let mut pictures = vec![Picture {
-        svg: svg_for_page(&rows)?,
-        title: "Grasp success rate (GSR) and share of objects cleared".to_owned(),
-        caption: "Disc: attempts that held, of all attempts. Ring: objects removed, of those at the beginning."
-            .to_owned(),
-    }];
-    if let [one] = all {
-        for (title, groups) in [("By scene", &one.results.by_group), ("By seed", &one.results.by_seed)] {
+    let rates = &results.rates;
+    let mut tiles = vec![
+        tile(rates.success_rate, "of the grasps held (GSR)"),
+        tile(rates.cleared_share, "of the objects removed"),
+        tile(rates.rounds_cleared_share, "of the rounds cleared"),
+        (grouped(results.attempts), format!("grasps in {} rounds", grouped(results.rounds))),
+    ];
+    if let Some(times) = results.plan_ms {
+        tiles.push((format!("{} ms", grouped(times.p50.round() as u64)), "a plan, half took no longer".to_owned()));
+    }
+    tiles
+}
+
+fn rates(results: &[Results], names: &[String]) -> [Block; 3] {
+    let whole = rates_figure(results.iter().zip(names).map(|(one, name)| (name.clone(), one.rates)));
+    let title = whole.title.clone();
+    let caption = "Disc: attempts that held, of all attempts. Ring: objects removed, of those at the beginning.";
+    let mut pictures = vec![Picture::new(Drawing::Intervals(whole), title, caption)];
+    if let [one] = results {
+        for (title, groups) in [("By scene", &one.by_group), ("By seed", &one.by_seed)] {
             if groups.len() > 1 {
-                rows = groups.iter().map(|group| row(group.name.clone(), &group.rates)).collect();
-                pictures.push(Picture {
-                    svg: svg_for_page(&rows)?,
-                    title: title.to_owned(),
-                    caption: "The same of parts of the rounds; their intervals are wider, for they are fewer."
-                        .to_owned(),
-                });
+                let parts = rates_figure(groups.iter().map(|group| (group.name.clone(), group.rates)));
+                let caption = "The same for parts of the rounds; their intervals are wider, for they are fewer.";
+                pictures.push(Picture::new(Drawing::Intervals(parts), title, caption));
             }
         }
     }
-    Ok(Section {
-        title: "Rates".to_owned(),
-        text: format!(
-            "Lines are 95 % intervals by bootstrap over whole rounds ({DRAWS} draws), for grasps of one round fail together. Where two \
-             lines do not overlap, the difference is hardly chance."
-        ),
-        blocks: vec![Block::Figures(pictures), Block::Table(sections::headline(all, names))],
-    })
+    let text = format!(
+        "Lines are 95 % intervals by bootstrap over whole rounds ({DRAWS} draws), for grasps of one round fail together. Where two \
+         lines do not overlap, the difference is hardly chance."
+    );
+    [Block::Heading("Rates".to_owned()), Block::Text(text), Block::Figures(pictures)]
 }
 
-fn side_by_side(all: &[Played], names: &[String]) -> Section {
-    let rate = |at: usize| format!("{}, {}", names[at], share(all[at].results.rates.success_rate));
-    let rates: Vec<_> = all.iter().map(|one| one.results.rates.success_rate).collect();
-    let apart = comparison_of_rates(&rates);
-    let mut blocks: Vec<Block> =
-        apart.iter().map(|(high, low)| Block::Text(format!("{} is above {}.", rate(*high), rate(*low)))).collect();
-    if blocks.is_empty() {
-        blocks.push(Block::Text("No GSR interval is above another.".to_owned()));
-    }
-    blocks.extend(sections::by_scene_side_by_side(all, names));
-    blocks.extend(differences::blocks(all, names));
-    Section {
-        title: "Side by side".to_owned(),
-        text: "Which success rates are apart, and what was different: a rate without its protocol is a rumour."
-            .to_owned(),
-        blocks,
-    }
+/// How it was run, with every key.
+fn whole_origin(one: &Played) -> Vec<Block> {
+    let row = |key: &str, value: String| vec![Cell::code(key), Cell::Code(value)];
+    let told = one.stage.iter().flat_map(|stage| &stage.told).map(|(key, value)| row(key, value.clone()));
+    let keys = differences::keys(&one.about.config).into_iter().map(|(key, value)| row(&key, value));
+    let rows = [row("folder", one.folder.display().to_string())].into_iter().chain(told).chain(keys);
+    let text = "From these the rounds can be played again: the same scenes, grasps and outcomes.";
+    let mut blocks = origin(&one.results.protocol, &one.about).to_vec();
+    blocks.extend([Block::Text(text.to_owned()), Block::Table(Table::new(["key", "value"], rows))]);
+    blocks
 }

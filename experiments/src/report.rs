@@ -1,20 +1,17 @@
-//! An experiment as it is read: a page, the numbers, a figure, and several experiments side by side.
+//! An experiment as it is read: described once, with its figure, and as JSON; several experiments side by side.
 //!
 //! A success rate without its protocol is a rumour: every table and every section says whose numbers it holds. All of
 //! it is text in, text out; the caller writes the files.
 
-mod figure;
-
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
+use report::document::{Block, Cell, Document, Table};
+use report::figure::{Intervals, Rate, Row};
 use schema::Outcome;
 use serde::{Deserialize, Serialize};
 
-pub use figure::{FigureError, svg};
-pub(crate) use figure::{Row, svg_for_page};
-
-use crate::statistics::{DRAWS, GroupResults, Interval, Percentiles, Rates, Results};
+use crate::record::Ending;
+use crate::statistics::{DRAWS, GroupResults, Interval, Percentiles, Rates, Results, TargetResults};
 
 /// Where results come from: what it takes to find them again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,34 +33,17 @@ struct Page<'a> {
     about: &'a About,
 }
 
-const HEADLINE: &str = "\
-| protocol | rounds | attempts | GSR (95 %) | % cleared (95 %) | rounds cleared (95 %) | planning ms, p50 / p90 / p99 |
-|---|---:|---:|---:|---:|---:|---:|
-";
-
 /// The results as JSON, over several lines.
 #[must_use]
 pub fn json(results: &Results, about: &About) -> String {
     serde_json::to_string_pretty(&Page { results, about }).unwrap_or_default() + "\n" // numbers and names: cannot fail
 }
 
-/// The results in a JSON that [`json`] wrote.
-///
-/// # Errors
-/// If it is another text.
-pub fn read(text: &str) -> Result<Results, serde_json::Error> {
-    #[derive(Deserialize)]
-    struct Read {
-        results: Results,
-    }
-    serde_json::from_str::<Read>(text).map(|read| read.results)
-}
-
 /// The results in a JSON that [`json`] wrote, and where they come from.
 ///
 /// # Errors
 /// If it is another text.
-pub fn read_whole(text: &str) -> Result<(Results, About), serde_json::Error> {
+pub fn read(text: &str) -> Result<(Results, About), serde_json::Error> {
     #[derive(Deserialize)]
     struct Read {
         results: Results,
@@ -72,91 +52,122 @@ pub fn read_whole(text: &str) -> Result<(Results, About), serde_json::Error> {
     serde_json::from_str::<Read>(text).map(|read| (read.results, read.about))
 }
 
-/// The results as a page.
+/// The success rate and the cleared share of experiments.
 #[must_use]
-pub fn markdown(results: &Results, about: &About) -> String {
-    let protocol = cell(&results.protocol);
-    let mut text = format!("# Experiment {protocol}\n\n{HEADLINE}{}\n{}", headline(results), legend());
+pub fn figure(results: &[Results]) -> Intervals {
+    let name = |of: &Results| format!("{} ({} rounds, {} attempts)", of.protocol, of.rounds, of.attempts);
+    rates_figure(results.iter().map(|of| (name(of), of.rates)))
+}
+
+/// The same of anything that has rates.
+pub(crate) fn rates_figure(rows: impl IntoIterator<Item = (String, Rates)>) -> Intervals {
+    let rate = |name, rate: Option<Interval>| Rate {
+        name,
+        share: rate.map(|Interval { value, low, high }| [value, low, high]),
+        text: share(rate),
+    };
+    let row = |(name, rates): (String, Rates)| Row {
+        name,
+        rates: [rate("GSR", rates.success_rate), rate("cleared", rates.cleared_share)],
+    };
+    Intervals {
+        title: "Grasp success rate (GSR) and share of objects cleared".to_owned(),
+        axis: "share, with its 95 % bootstrap interval over rounds".to_owned(),
+        rows: rows.into_iter().map(row).collect(),
+    }
+}
+
+/// An experiment.
+#[must_use]
+pub fn document(results: &Results, about: &About) -> Document {
     let by_target = results.by_target.iter().map(|target| target.success_rate);
     let groups = results.by_group.iter().chain(&results.by_seed).flat_map(|group| group_rates(&group.rates));
-    if is_any_point(headline_rates(results).into_iter().chain(by_target).chain(groups)) {
-        text += POINT_NOTE;
-    }
-    let (observe, planned) = (times(results.observe_ms), mean(results.planned_per_trial_mean));
-    let times = format!("Rendering the views took {observe} ms (p50 / p90 / p99)");
-    let _ = write!(text, "\n{protocol}: {} of {} attempts held, ", results.held, results.attempts);
-    let _ = writeln!(text, "{} of {} objects were removed.", results.removed, results.objects);
-    let _ = writeln!(text, "{times}; a plan gave {planned} grasps on average.");
-    let _ = write!(text, "\n## Failures by outcome, {protocol}\n\n{}", failures(results));
-    let _ = write!(text, "\n## Endings of rounds, {protocol}\n\n{}", endings(results));
-    for (title, groups) in [("By scene", &results.by_group), ("By seed", &results.by_seed)] {
-        if groups.len() > 1 {
-            let _ = write!(text, "\n## {title}, {protocol}\n\n{}", group_table(groups));
-        }
-    }
-    if results.by_seed.len() > 1 {
-        let _ = writeln!(text, "\n{}", over_seeds(&results.by_seed));
-    }
-    let _ = write!(text, "\n## By what was to be held, {protocol}\n\n{}", targets(results));
-    let _ = write!(text, "\n## How {protocol} was run\n\n{}", origin(about));
-    text
+    let has_point = is_any_point(headline_rates(results).into_iter().chain(by_target).chain(groups));
+    let names = std::slice::from_ref(&results.protocol);
+    let mut blocks = headline(std::slice::from_ref(results), names, has_point).to_vec();
+    blocks.extend(details(results, false));
+    blocks.extend(origin(&results.protocol, about));
+    Document { title: format!("Experiment {}", results.protocol), blocks, footer: String::new() }
 }
 
 /// Several experiments in a table, and which success rates are apart.
 #[must_use]
-pub fn comparison(results: &[Results]) -> String {
-    let rows: String = results.iter().map(headline).collect();
-    let mut text = format!("{HEADLINE}{rows}\n{}", legend());
-    if is_any_point(results.iter().flat_map(headline_rates)) {
-        text += POINT_NOTE;
+pub fn comparison(results: &[Results]) -> Document {
+    let names: Vec<String> = results.iter().map(|one| one.protocol.clone()).collect();
+    let has_point = is_any_point(results.iter().flat_map(headline_rates));
+    let mut blocks = headline(results, &names, has_point).to_vec();
+    blocks.extend(side_by_side(results, &names));
+    Document { blocks, ..Document::default() }
+}
+
+/// For kinds of scenes that are in all experiments, the attempts and the rate of each experiment: the form of the
+/// paper's Table 4; then the success rates that are apart.
+pub(crate) fn side_by_side(results: &[Results], names: &[String]) -> Vec<Block> {
+    let groups = |name: &str| -> Option<Vec<&GroupResults>> {
+        results.iter().map(|one| one.by_group.iter().find(|group| group.name == name)).collect()
+    };
+    let cells = |group: &GroupResults| {
+        [Cell::Number(format!("{} of {}", group.held, group.attempts)), bar(group.rates.success_rate)]
+    };
+    let scenes = results.first().map(|one| one.by_group.as_slice()).unwrap_or_default().iter();
+    let rows: Vec<Vec<Cell>> = scenes
+        .filter_map(|scene| Some((&scene.name, groups(&scene.name)?)))
+        .map(|(name, groups)| [name.as_str().into()].into_iter().chain(groups.into_iter().flat_map(cells)).collect())
+        .collect();
+    let mut blocks = Vec::new();
+    if rows.len() > 1 && results.len() > 1 {
+        let heads = names.iter().flat_map(|name| [format!("{name}: held of attempts"), "GSR (95 %)".to_owned()]);
+        blocks.push(Block::Table(Table::new(["scene".to_owned()].into_iter().chain(heads), rows)));
     }
-    text += &side_by_side(results);
-    let apart = apart(results);
+    let rates: Vec<_> = results.iter().map(|one| one.rates.success_rate).collect();
+    let told = |at: usize| format!("{}, {}", names[at], share(rates[at]));
+    let apart: Vec<String> = comparison_of_rates(&rates)
+        .into_iter()
+        .map(|(high, low)| format!("{}, is above {}", told(high), told(low)))
+        .collect();
     if apart.is_empty() {
-        text += "\nNo GSR interval is above another.\n";
+        blocks.push(Block::Text("No GSR interval is above another.".to_owned()));
     } else {
-        let _ = write!(text, "\nGSR intervals that do not overlap:\n\n{apart}");
+        blocks.extend([Block::Text("GSR intervals that do not overlap:".to_owned()), Block::List(apart)]);
     }
-    text
+    blocks
 }
 
-/// For each kind of scene a row, for each experiment its attempts and rate: the form of the paper's Table 4. Nothing if
-/// no kind of scene is in all of them, or only one is.
-fn side_by_side(results: &[Results]) -> String {
-    let Some((first, others)) = results.split_first() else { return String::new() };
-    let in_all = |group: &&GroupResults| others.iter().all(|r| r.by_group.iter().any(|g| g.name == group.name));
-    let names: Vec<&str> = first.by_group.iter().filter(in_all).map(|group| group.name.as_str()).collect();
-    if names.len() < 2 || others.is_empty() {
-        return String::new();
-    }
-    let protocols: String =
-        results.iter().map(|r| format!(" {0}: held of attempts | GSR (95 %) |", cell(&r.protocol))).collect();
-    let mut text = format!("\n| scene |{protocols}\n|---|{}\n", "---:|---:|".repeat(results.len()));
-    for name in names {
-        let _ = write!(text, "| {} |", cell(name));
-        for group in results.iter().filter_map(|r| r.by_group.iter().find(|group| group.name == name)) {
-            let _ = write!(text, " {} of {} | {} |", group.held, group.attempts, share(group.rates.success_rate));
-        }
-        text.push('\n');
-    }
-    text
+/// The ordered pairs, by number, whose first is above its second.
+fn comparison_of_rates(rates: &[Option<Interval>]) -> Vec<(usize, usize)> {
+    let is_above = |(better, worse): &(usize, usize)| match (rates[*better], rates[*worse]) {
+        (Some(high), Some(low)) => high.is_above(&low),
+        _ => false,
+    };
+    let pairs = (0..rates.len()).flat_map(|better| (0..rates.len()).map(move |worse| (better, worse)));
+    pairs.filter(is_above).collect()
 }
 
-fn headline(results: &Results) -> String {
-    let protocol = cell(&results.protocol);
-    let rates = headline_rates(results).map(share).join(" | ");
-    let (rounds, attempts, planning) = (results.rounds, results.attempts, times(results.plan_ms));
-    format!("| {protocol} | {rounds} | {attempts} | {rates} | {planning} |\n")
-}
-
-fn legend() -> String {
-    format!(
+/// A row for each experiment, and what the rates mean.
+pub(crate) fn headline(results: &[Results], names: &[String], has_point: bool) -> [Block; 2] {
+    let row = |(results, name): (&Results, &String)| {
+        let start = [name.as_str().into(), Cell::Count(results.rounds), Cell::Count(results.attempts)];
+        let rates = headline_rates(results).map(|rate| Cell::Number(share(rate)));
+        start.into_iter().chain(rates).chain([Cell::Number(times(results.plan_ms))]).collect()
+    };
+    let head = [
+        "protocol",
+        "rounds",
+        "attempts",
+        "GSR (95 %)",
+        "% cleared (95 %)",
+        "rounds cleared (95 %)",
+        "planning ms, p50 / p90 / p99",
+    ];
+    let note = if has_point { POINT_NOTE } else { "" };
+    let legend = format!(
         "GSR, the grasp success rate: attempts that held, of all attempts. % cleared, also called DR: objects removed, \
-         of those at the beginning. Intervals: 95 %, bootstrap over rounds, {DRAWS} draws.\n"
-    )
+         of those at the beginning. Intervals: 95 %, bootstrap over rounds, {DRAWS} draws.{note}"
+    );
+    [Block::Table(Table::new(head, results.iter().zip(names).map(row))), Block::Text(legend)]
 }
 
-const POINT_NOTE: &str = "An interval without width means that all rounds ended alike, not that the rate is certain.\n";
+const POINT_NOTE: &str = "\nAn interval without width means that all rounds ended alike, not that the rate is certain.";
 
 pub(crate) fn headline_rates(results: &Results) -> [Option<Interval>; 3] {
     let rates = &results.rates;
@@ -167,74 +178,86 @@ pub(crate) fn is_any_point(rates: impl IntoIterator<Item = Option<Interval>>) ->
     rates.into_iter().flatten().any(|interval| interval.is_point())
 }
 
-/// A line for every ordered pair whose first is above its second.
-fn apart(results: &[Results]) -> String {
-    let rates: Vec<_> = results.iter().map(|one| one.rates.success_rate).collect();
-    let mut lines = String::new();
-    for (better, worse) in comparison_of_rates(&rates) {
-        let [high, low] = [better, worse].map(|at| format!("{}, {}", cell(&results[at].protocol), share(rates[at])));
-        let _ = writeln!(lines, "- {high}, is above {low}");
-    }
-    lines
-}
-
-/// The ordered pairs, by number, whose first is above its second.
-pub(crate) fn comparison_of_rates(rates: &[Option<Interval>]) -> Vec<(usize, usize)> {
-    let is_above = |(better, worse): &(usize, usize)| match (rates[*better], rates[*worse]) {
-        (Some(high), Some(low)) => high.is_above(&low),
-        _ => false,
-    };
-    let pairs = (0..rates.len()).flat_map(|better| (0..rates.len()).map(move |worse| (better, worse)));
-    pairs.filter(is_above).collect()
-}
-
-fn failures(results: &Results) -> String {
-    let failed: Vec<_> = results.outcomes.iter().filter(|(outcome, _)| *outcome != Outcome::Held).collect();
-    let failed_count: u64 = failed.iter().map(|(_, count)| count).sum();
-    if failed.is_empty() {
-        return "None.\n".to_owned();
-    }
-    let mut text = "| outcome | attempts | of failures | of all attempts |\n|---|---:|---:|---:|\n".to_owned();
-    for (outcome, count) in failed {
-        let (of_failures, of_all) = (percent_of(*count, failed_count), percent_of(*count, results.attempts));
-        let _ = writeln!(text, "| {} | {count} | {of_failures} | {of_all} |", outcome.name());
-    }
-    text
-}
-
-fn endings(results: &Results) -> String {
-    if results.endings.is_empty() {
-        return "None.\n".to_owned();
-    }
-    let mut text = "| ending | rounds | of all rounds |\n|---|---:|---:|\n".to_owned();
-    for (ending, count) in &results.endings {
-        let _ = writeln!(text, "| {} | {count} | {} |", ending.name(), percent_of(*count, results.rounds));
-    }
-    text
-}
-
 fn group_rates(rates: &Rates) -> [Option<Interval>; 2] {
     [rates.success_rate, rates.cleared_share]
 }
 
-/// A row each; placements that were drawn anew have a column if there are any.
-fn group_table(groups: &[GroupResults]) -> String {
-    let has_unviable = groups.iter().any(|group| group.unviable > 0);
-    let (head, line) = if has_unviable { (" not viable |", "---:|") } else { ("", "") };
-    let mut text = format!(
-        "| what | rounds |{head} objects | attempts | held | GSR (95 %) | % cleared (95 %) |\n|---|---:|{line}---:|---:|---:|---:|---:|\n"
-    );
-    for group in groups {
-        let unviable = if has_unviable { format!(" {} |", group.unviable) } else { String::new() };
-        let rates = group_rates(&group.rates).map(share).join(" | ");
-        let (name, GroupResults { rounds, objects, attempts, held, .. }) = (cell(&group.name), group);
-        let _ = writeln!(text, "| {name} | {rounds} |{unviable} {objects} | {attempts} | {held} | {rates} |");
+/// The counts and times of an experiment. A page has room for the attempts that held too, and shows the hardest
+/// objects first.
+pub(crate) fn details(results: &Results, is_page: bool) -> Vec<Block> {
+    let protocol = &results.protocol;
+    let heading = |text: &str| Block::Heading(format!("{text}, {protocol}"));
+    let (observe, planned) = (times(results.observe_ms), mean(results.planned_per_trial_mean));
+    let mut blocks = vec![
+        Block::Text(format!(
+            "{protocol}: {} of {} attempts held, {} of {} objects were removed.\n\
+             Rendering the views took {observe} ms (p50 / p90 / p99); a plan gave {planned} grasps on average.",
+            results.held, results.attempts, results.removed, results.objects
+        )),
+        heading("Failures by outcome"),
+        outcomes(results, is_page),
+        heading("Endings of rounds"),
+        endings(results),
+    ];
+    for (title, groups) in [("By scene", &results.by_group), ("By seed", &results.by_seed)] {
+        if groups.len() > 1 {
+            blocks.extend([heading(title), group_table(groups)]);
+        }
     }
-    text
+    if results.by_seed.len() > 1 {
+        blocks.push(Block::Text(over_seeds(&results.by_seed)));
+    }
+    blocks.extend([heading("By what was to be held"), targets(results, is_page)]);
+    blocks
 }
 
-/// Mean and standard deviation over seeds, as GIGA tells its rates.
-pub(crate) fn over_seeds(seeds: &[GroupResults]) -> String {
+fn table_or_none(head: &[&str], rows: Vec<Vec<Cell>>) -> Block {
+    if rows.is_empty() { Block::Text("None.".to_owned()) } else { Block::Table(Table::new(head.iter().copied(), rows)) }
+}
+
+fn outcomes(results: &Results, with_held: bool) -> Block {
+    let is_failed = |(outcome, _): &&(Outcome, u64)| *outcome != Outcome::Held;
+    let failed: u64 = results.outcomes.iter().filter(is_failed).map(|(_, count)| count).sum();
+    let shown = results.outcomes.iter().filter(|one| with_held || is_failed(one));
+    let row = |(outcome, count): &(Outcome, u64)| {
+        let of_failures = if *outcome == Outcome::Held { "–".to_owned() } else { percent_of(*count, failed) };
+        vec![
+            Cell::code(outcome.name()),
+            Cell::Count(*count),
+            Cell::Number(of_failures),
+            part(*count, results.attempts),
+            Cell::note(outcome.meaning()),
+        ]
+    };
+    table_or_none(&["outcome", "attempts", "of failures", "of all attempts", "meaning"], shown.map(row).collect())
+}
+
+fn endings(results: &Results) -> Block {
+    let row = |(ending, count): &(Ending, u64)| {
+        vec![Cell::code(ending.name()), Cell::Count(*count), part(*count, results.rounds), Cell::note(ending.meaning())]
+    };
+    table_or_none(&["ending", "rounds", "of all rounds", "meaning"], results.endings.iter().map(row).collect())
+}
+
+/// A row each; placements that were drawn anew have a column if there are any.
+fn group_table(groups: &[GroupResults]) -> Block {
+    let mut head =
+        vec!["what", "rounds", "not viable", "objects", "attempts", "held", "GSR (95 %)", "% cleared (95 %)"];
+    let row = |group: &GroupResults| {
+        let counts = [group.rounds, group.unviable, group.objects, group.attempts, group.held].map(Cell::Count);
+        let name = Cell::from(group.name.as_str());
+        [name].into_iter().chain(counts).chain(group_rates(&group.rates).map(bar)).collect()
+    };
+    let mut rows: Vec<Vec<Cell>> = groups.iter().map(row).collect();
+    if groups.iter().all(|group| group.unviable == 0) {
+        head.remove(2);
+        rows.iter_mut().for_each(|row| drop(row.remove(2)));
+    }
+    Block::Table(Table::new(head, rows))
+}
+
+/// Mean and standard deviation over seeds, as GIGA reports its rates.
+fn over_seeds(seeds: &[GroupResults]) -> String {
     let told = |rate: fn(&Rates) -> Option<Interval>| {
         let rates: Vec<f64> =
             seeds.iter().filter_map(|seed| rate(&seed.rates)).map(|rate| 100.0 * rate.value).collect();
@@ -246,36 +269,37 @@ pub(crate) fn over_seeds(seeds: &[GroupResults]) -> String {
     format!("Mean and standard deviation over {} seeds: GSR {success}, % cleared {cleared}.", seeds.len())
 }
 
-fn targets(results: &Results) -> String {
-    if results.by_target.is_empty() {
-        return "None.\n".to_owned();
+fn targets(results: &Results, hardest_first: bool) -> Block {
+    let mut targets: Vec<_> = results.by_target.iter().collect();
+    if hardest_first {
+        let rate = |of: &TargetResults| of.held as f64 / of.attempts.max(1) as f64;
+        targets.sort_by(|a, b| rate(a).total_cmp(&rate(b)).then_with(|| a.name.cmp(&b.name)));
     }
-    let mut text = "| object | attempts | held | GSR (95 %) |\n|---|---:|---:|---:|\n".to_owned();
-    for target in &results.by_target {
-        let (name, rate) = (cell(&target.name), share(target.success_rate));
-        let _ = writeln!(text, "| {name} | {} | {} | {rate} |", target.attempts, target.held);
-    }
-    text
+    let row = |of: &TargetResults| {
+        vec![Cell::code(&of.name), Cell::Count(of.attempts), Cell::Count(of.held), bar(of.success_rate)]
+    };
+    table_or_none(&["object", "attempts", "held", "GSR (95 %)"], targets.into_iter().map(row).collect())
 }
 
-fn origin(about: &About) -> String {
-    let mut text = format!("| what | value |\n|---|---|\n| model | {} |\n", cell(&about.model_id));
-    for (name, version) in &about.versions {
-        let _ = writeln!(text, "| {} | {} |", cell(name), cell(version));
-    }
-    text + "\n" + &block("sh", &about.command) + "\n" + &block("toml", &about.config)
+/// What it takes to run an experiment again.
+pub(crate) fn origin(protocol: &str, about: &About) -> [Block; 4] {
+    let row = |what: &str, value: &str| vec![Cell::code(what), Cell::code(value)];
+    let versions = about.versions.iter().map(|(name, version)| row(name, version));
+    let rows = [row("model", &about.model_id)].into_iter().chain(versions);
+    [
+        Block::Heading(format!("How {protocol} was run")),
+        Block::Table(Table::new(["what", "value"], rows)),
+        Block::Code("sh", about.command.clone()),
+        Block::Code("toml", about.config.clone()),
+    ]
 }
 
-/// Text that stands in a table's cell or a heading, whatever it is made of.
-fn cell(text: &str) -> String {
-    text.replace(char::is_control, " ").replace('|', "\\|")
+fn bar(rate: Option<Interval>) -> Cell {
+    Cell::Bar(rate.map_or(0.0, |rate| rate.value), share(rate))
 }
 
-/// A code block, fenced with more backticks than the code has in a row.
-fn block(language: &str, code: &str) -> String {
-    let longest = code.split(|letter| letter != '`').map(str::len).max().unwrap_or(0);
-    let fence = "`".repeat(3.max(longest + 1));
-    format!("{fence}{language}\n{}\n{fence}\n", code.trim_end())
+fn part(part: u64, whole: u64) -> Cell {
+    Cell::Bar(part as f64 / whole.max(1) as f64, percent_of(part, whole))
 }
 
 pub(crate) fn share(interval: Option<Interval>) -> String {
@@ -283,7 +307,7 @@ pub(crate) fn share(interval: Option<Interval>) -> String {
     format!("{:.1} % ({:.1} to {:.1})", 100.0 * value, 100.0 * low, 100.0 * high)
 }
 
-pub(crate) fn percent_of(part: u64, whole: u64) -> String {
+fn percent_of(part: u64, whole: u64) -> String {
     if whole == 0 { "–".to_owned() } else { format!("{:.1} %", 100.0 * part as f64 / whole as f64) }
 }
 
@@ -292,15 +316,14 @@ fn times(percentiles: Option<Percentiles>) -> String {
     format!("{p50:.1} / {p90:.1} / {p99:.1}")
 }
 
-pub(crate) fn mean(value: Option<f64>) -> String {
+fn mean(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::Ending;
-    use crate::statistics::{TargetResults, results};
+    use crate::statistics::results;
 
     fn interval(value: f64, low: f64, high: f64) -> Option<Interval> {
         Some(Interval { value, low, high })
@@ -316,7 +339,7 @@ mod tests {
     }
 
     /// Made by hand, so that the text does not depend on how intervals are drawn.
-    pub(super) fn small(protocol: &str) -> Results {
+    fn small(protocol: &str) -> Results {
         Results {
             protocol: protocol.to_owned(),
             rounds: 4,
@@ -423,12 +446,12 @@ name = "```"
 
     #[test]
     fn the_page_is_this_one() {
-        assert_eq!(markdown(&small("pile"), &about()), PAGE);
+        assert_eq!(document(&small("pile"), &about()).markdown(), PAGE);
     }
 
     #[test]
     fn a_page_of_nothing_has_dashes_and_no_numbers_that_are_none() {
-        let page = markdown(&results("pile", &[], &[]), &about());
+        let page = document(&results("pile", &[], &[]), &about()).markdown();
         assert!(page.contains("| pile | 0 | 0 | – | – | – | – |\n"), "{page}");
         assert!(page.contains("## Failures by outcome, pile\n\nNone.\n"), "{page}");
         assert!(!page.contains("NaN") && !page.contains("without width"), "{page}");
@@ -466,7 +489,7 @@ name = "```"
         best.rates.success_rate = interval(0.9, 0.76, 0.97);
         let touching = Results { protocol: "touching".to_owned(), ..small("") };
         let nothing = results("nothing", &[], &[]);
-        let text = comparison(&[small("vgn"), best.clone(), touching.clone(), nothing]);
+        let text = comparison(&[small("vgn"), best.clone(), touching.clone(), nothing]).markdown();
         let rows: Vec<&str> = text.lines().filter(|line| line.starts_with("| ")).collect();
         assert_eq!(rows.len(), 5, "{text}");
         assert!(rows[2].starts_with("| ours | 4 | 10 | 90.0 % (76.0 to 97.0) | 75.0 %"), "{text}");
@@ -476,12 +499,12 @@ name = "```"
         assert!(text.ends_with(end), "{text}");
         best.rates.success_rate = interval(0.9, 0.75, 0.97);
         let end = "\nNo GSR interval is above another.\n";
-        assert!(comparison(&[best, touching]).ends_with(end));
+        assert!(comparison(&[best, touching]).markdown().ends_with(end));
     }
 
     #[test]
     fn experiments_on_the_same_scenes_stand_side_by_side() {
-        let text = comparison(&[small("ours"), small("vgn")]);
+        let text = comparison(&[small("ours"), small("vgn")]).markdown();
         assert!(
             text.contains("| scene | ours: held of attempts | GSR (95 %) | vgn: held of attempts | GSR (95 %) |"),
             "{text}"
@@ -489,7 +512,7 @@ name = "```"
         let row = "| hard | 2 of 5 | 50.0 % (25.0 to 75.0) | 2 of 5 | 50.0 % (25.0 to 75.0) |";
         assert!(text.contains(row), "{text}");
         let other = Results { by_group: vec![group("alone", 1, 0)], ..small("other") };
-        assert!(!comparison(&[small("ours"), other]).contains("| scene |"));
+        assert!(!comparison(&[small("ours"), other]).markdown().contains("| scene |"));
     }
 
     #[test]
@@ -498,13 +521,7 @@ name = "```"
         seeds[1].rates.success_rate = interval(0.7, 0.5, 0.9);
         let told = "Mean and standard deviation over 2 seeds: GSR 60.0 ± 10.0 %, % cleared 75.0 ± 0.0 %.";
         assert_eq!(over_seeds(&seeds), told);
-        let page = markdown(&Results { by_seed: seeds, ..small("pile") }, &about());
+        let page = document(&Results { by_seed: seeds, ..small("pile") }, &about()).markdown();
         assert!(page.contains("## By seed, pile") && page.contains(told), "{page}");
-    }
-
-    #[test]
-    fn names_cannot_break_a_table() {
-        assert_eq!(cell("a|b\nc"), "a\\|b c");
-        assert_eq!(block("sh", "x"), "```sh\nx\n```\n");
     }
 }

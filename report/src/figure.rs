@@ -1,17 +1,21 @@
 //! Figures: bars and lines in axes, as SVG and as PNG. A figure's bytes are a pure function of what it shows, for its
 //! text is set with the font in `report/fonts`, not with the system's.
 
+mod intervals;
+
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::register_font;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use program::{Exit, ExitCode};
 
+pub use intervals::{Intervals, Rate, Row};
 /// A colour: red, green, blue.
 pub use plotters::prelude::RGBColor as Colour;
 
-/// A figure.
+/// A figure. Words in parentheses, in labels and in the legend, are left out on pages, whose captions have them.
 #[derive(Debug, Clone)]
 pub struct Figure {
     /// The line above all.
@@ -87,6 +91,13 @@ pub const GREY: RGBColor = RGBColor(90, 90, 90);
 pub struct FigureError {
     title: String,
     reason: String,
+}
+
+impl Exit for FigureError {
+    /// [`ExitCode::Internal`]: what is drawn is ours.
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Internal
+    }
 }
 
 /// How large a figure is drawn, in pixels of an SVG.
@@ -200,12 +211,12 @@ impl Figure {
         self.svg_on(ALONE)
     }
 
-    /// The figure as SVG without its title, 440 × 280: for [`crate::page`].
+    /// The figure as SVG without its title, 440 × 280: for [`crate::document`].
     ///
     /// # Errors
     /// [`FigureError`] if the library fails.
     pub fn svg_for_page(&self) -> Result<String, FigureError> {
-        self.svg_on(ON_A_PAGE)
+        self.short().svg_on(ON_A_PAGE)
     }
 
     fn svg_on(&self, sheet: Sheet) -> Result<String, FigureError> {
@@ -235,6 +246,17 @@ impl Figure {
         }
         let pixels = means(&large, width as usize, PNG_MEAN_OF as usize);
         encode(&pixels, [width / PNG_MEAN_OF, height / PNG_MEAN_OF]).map_err(|e| self.failed(&e))
+    }
+
+    /// Its words as a page has room for them.
+    fn short(&self) -> Self {
+        let mut short = self.clone();
+        let names =
+            short.lines.iter_mut().map(|line| &mut line.name).chain(short.bars.iter_mut().map(|bars| &mut bars.name));
+        for words in names.chain([&mut short.x.label, &mut short.y.label]) {
+            words.truncate(words.find(" (").unwrap_or(words.len()));
+        }
+        short
     }
 
     fn failed(&self, reason: &dyn std::fmt::Display) -> FigureError {

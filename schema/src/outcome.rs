@@ -35,6 +35,19 @@ impl Outcome {
         }
     }
 
+    /// What it means, in a few words.
+    #[must_use]
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::PregraspCollision => "the open hand touches something before it approaches",
+            Self::ApproachCollision => "the hand touches something on its straight way",
+            Self::Empty => "the fingers met on nothing",
+            Self::Slipped => "the object stayed behind, or fell",
+            Self::HitOther => "another object, or the table, was pushed or lifted by more than is allowed",
+            Self::Held => "lifted, and still between the fingers",
+        }
+    }
+
     /// The outcome with this name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {

@@ -61,8 +61,8 @@ pub use format::{
 };
 pub use look::report::{self, Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use look::{
-    ExportCounts, ExportError, ExportFormat, ExportOrigin, Exported, ExportedFile, Inspection, PROBLEMS_MAX, Verified,
-    export, object_bodies, scene_view, tsdf, verify,
+    ExportCounts, ExportError, ExportFormat, ExportOrigin, Exported, ExportedFile, PROBLEMS_MAX, Verified, export,
+    inspection, object_bodies, scene_view, tsdf, verify,
 };
 #[cfg(any(test, fuzzing))]
 pub use read::fuzzing;

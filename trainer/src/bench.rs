@@ -10,6 +10,7 @@ use network::DenseNetwork;
 use network::layers::{LAYERS, initial_vector};
 use network::receptive_field::{PatchSizes, RESOLUTION};
 use network::upsampling::Upsampling;
+use report::document::{Block, Cell, Document, Table};
 use schema::{Purpose, Quat, Stream};
 use serde::Serialize;
 use shards::{Dataset, Location};
@@ -56,6 +57,54 @@ pub struct BenchReport {
     pub read_s: Option<f64>,
     /// The most memory the process has held, in bytes, where the system tells.
     pub memory_bytes: Option<u64>,
+}
+
+impl BenchReport {
+    /// The measurements for people.
+    #[must_use]
+    pub fn document(&self) -> Document {
+        let mut rows = vec![
+            self.row("training step, each sample of another scene", self.step_s, true),
+            self.row("training step, six samples a scene", self.step_of_few_scenes_s, false),
+        ];
+        rows.extend(self.step_by_graph_s.map(|s| self.row("the same as the first, by Burn's autodiff", s, true)));
+        rows.push(self.row("test step, each sample of another scene", self.test_s, false));
+        rows.extend(self.read_s.map(|read_s| self.row("reading alone", read_s, false)));
+        let head = [&format!("batch of {}", self.batch), "ms", "samples/s", "GMAC/s", "of the products' rate"];
+        let products = |rate: f64| format!("; products of matrices: {:.1} GMAC/s", rate / 1e9);
+        let by_burn = |seconds: f64| format!(", {:.1} ms by Burn's convolutions", 1e3 * seconds);
+        let blocks = vec![
+            Block::Text(format!(
+                "graspmill {}, {} threads{}.",
+                self.version,
+                self.threads,
+                self.matmul_mac_per_s.map(products).unwrap_or_default()
+            )),
+            Block::Table(Table::new(head, rows)),
+            Block::Text(format!(
+                "Dense network, one grid: {:.1} ms ({:.1} ms on one thread{}).\nMemory of the training steps at most {}.",
+                1e3 * self.dense_s,
+                1e3 * self.dense_one_thread_s,
+                self.dense_by_graph_s.map(by_burn).unwrap_or_default(),
+                self.memory_bytes.map_or("unknown".to_owned(), program::text::bytes)
+            )),
+        ];
+        Document { blocks, ..Document::default() }
+    }
+
+    /// What a batch takes, and its rate of arithmetic if that of a training step is known.
+    fn row(&self, name: &str, seconds: f64, has_rate: bool) -> Vec<Cell> {
+        let mac_per_s = has_rate.then_some(self.step_mac / seconds);
+        let share =
+            mac_per_s.zip(self.matmul_mac_per_s).map(|(mac, products)| format!("{:.0} %", 100.0 * mac / products));
+        vec![
+            name.into(),
+            Cell::Number(format!("{:.1}", 1e3 * seconds)),
+            Cell::Number(format!("{:.0}", self.batch as f64 / seconds)),
+            Cell::Number(mac_per_s.map(|mac| format!("{:.1}", mac / 1e9)).unwrap_or_default()),
+            Cell::Number(share.unwrap_or_default()),
+        ]
+    }
 }
 
 /// Measures at the given batch size on a device; with a dataset also how fast batches are read.

@@ -5,57 +5,12 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use program::publish;
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure, write};
+use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 use serde::Deserialize;
 
 use crate::config::SplitBy;
 use crate::run_folder::METRICS;
-pub use report::figure::FigureError;
-use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
-
-/// Why curves cannot be drawn.
-#[derive(Debug, thiserror::Error)]
-pub enum CurvesError {
-    /// No epoch is done yet, or this is no run.
-    #[error("no metrics here, a run has them after its first epoch: {}", .0.display())]
-    Missing(PathBuf),
-    /// A line of the metrics is no epoch.
-    #[error("damaged metrics in line {line}: {source}: {}", .path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// Number of the line, from 1.
-        line: usize,
-        /// What the parser said.
-        source: serde_json::Error,
-    },
-    /// The library failed.
-    #[error(transparent)]
-    Figure(#[from] FigureError),
-    /// The disk refused.
-    #[error("failed to {action}: {source}: {}", .path.display())]
-    Io {
-        /// What was tried.
-        action: &'static str,
-        /// On what.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-}
-
-impl Exit for CurvesError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Missing(_) => ExitCode::Config,
-            Self::Damaged { .. } => ExitCode::Data,
-            Self::Io { source, .. } if source.kind() == io::ErrorKind::InvalidData => ExitCode::Data, // no UTF-8
-            Self::Figure(_) => ExitCode::Internal,
-            Self::Io { .. } => ExitCode::TryAgain,
-        }
-    }
-}
 
 /// What is shown of a line of `metrics.jsonl`. Runs of earlier versions have fewer keys.
 #[derive(Debug, Clone, Deserialize)]
@@ -88,20 +43,14 @@ pub(crate) struct Set {
 /// gives their paths. Nothing but `metrics.jsonl` is read.
 ///
 /// # Errors
-/// [`CurvesError`].
-pub fn draw_curves(run: &Path) -> Result<Vec<PathBuf>, CurvesError> {
+/// If the metrics are missing, damaged or cannot be read; if a picture cannot be drawn or written.
+pub fn draw_curves(run: &Path) -> Result<Vec<PathBuf>, Failure> {
     let epochs = read(run)?;
     let mut written = Vec::new();
-    let loss = loss(&epochs, "loss (Eq. 5, mean of the samples)");
-    let accuracy = accuracy(&epochs, "accuracy (Eq. 6, share of right predictions)");
-    for (name, figure) in [("loss", loss), ("accuracy", accuracy)] {
+    for (name, figure) in [("loss", loss(&epochs)), ("accuracy", accuracy(&epochs))] {
         for (ending, bytes) in [("svg", figure.svg()?.into_bytes()), ("png", figure.png()?)] {
             let path = run.join(format!("{name}.{ending}"));
-            publish(&path, &bytes).map_err(|source| CurvesError::Io {
-                action: "write a picture",
-                path: path.clone(),
-                source,
-            })?;
+            write(&path, bytes)?;
             written.push(path);
         }
     }
@@ -109,31 +58,32 @@ pub fn draw_curves(run: &Path) -> Result<Vec<PathBuf>, CurvesError> {
 }
 
 /// The epochs of a run, at least one.
-pub(crate) fn read(run: &Path) -> Result<Vec<Epoch>, CurvesError> {
-    let path = &run.join(METRICS);
-    let text = match fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Err(CurvesError::Missing(path.to_owned())),
-        Err(source) => return Err(CurvesError::Io { action: "read the metrics", path: path.to_owned(), source }),
-    };
+pub(crate) fn read(run: &Path) -> Result<Vec<Epoch>, Failure> {
+    let path = run.join(METRICS);
+    let failed = |code, text: String| Failure::new(code, format!("{text}: {}", path.display()));
+    let missing = || failed(ExitCode::Config, "no metrics here, a run has them after its first epoch".to_owned());
+    let text = fs::read_to_string(&path).map_err(|source| match source.kind() {
+        io::ErrorKind::NotFound => missing(),
+        io::ErrorKind::InvalidData => failed(ExitCode::Data, format!("damaged metrics: {source}")), // no UTF-8
+        _ => failed(ExitCode::TryAgain, format!("failed to read the metrics: {source}")),
+    })?;
     let lines = text.lines().enumerate().map(|(at, line)| {
-        serde_json::from_str(line).map_err(|source| CurvesError::Damaged {
-            path: path.to_owned(),
-            line: at + 1,
-            source,
-        })
+        let damaged =
+            |source: serde_json::Error| failed(ExitCode::Data, format!("damaged metrics in line {}: {source}", at + 1));
+        serde_json::from_str(line).map_err(damaged)
     });
     let epochs: Vec<Epoch> = lines.collect::<Result<_, _>>()?;
-    if epochs.is_empty() { Err(CurvesError::Missing(path.to_owned())) } else { Ok(epochs) }
+    if epochs.is_empty() { Err(missing()) } else { Ok(epochs) }
 }
 
-/// The losses; `label` stands beside them.
-pub(crate) fn loss(epochs: &[Epoch], label: &str) -> Figure {
-    figure(epochs, "Loss by epoch", label, |set| set.loss, Vec::new())
+/// The losses.
+pub(crate) fn loss(epochs: &[Epoch]) -> Figure {
+    figure(epochs, "Loss by epoch", "loss (Eq. 5, mean of the samples)", |set| set.loss, Vec::new())
 }
 
-/// The accuracies and those of always answering "failure"; `label` stands beside them.
-pub(crate) fn accuracy(epochs: &[Epoch], label: &str) -> Figure {
+/// The accuracies and those of always answering "failure".
+pub(crate) fn accuracy(epochs: &[Epoch]) -> Figure {
+    let label = "accuracy (Eq. 6, share of right predictions)";
     // Each test set has its baseline, in its colour; one grey entry in the legend says what the dashes are.
     let baseline = |colour, set: fn(&Epoch) -> &Set| {
         Line::new("", colour, Stroke::Dashed, points(epochs, set, |set| set.baseline_accuracy))

@@ -1,7 +1,6 @@
 //! A training run as a page: one file that tells how training went and, with a dataset, what came of it and where it is
 //! wrong.
 
-mod evaluation;
 mod mistakes;
 mod training;
 mod warnings;
@@ -9,54 +8,19 @@ mod warnings;
 use std::path::{Path, PathBuf};
 
 use network::checkpoint::{self, CheckpointError};
-use program::{Exit, ExitCode};
-use report::page::{Block, Cell, Page, Section, Table};
+use program::text::grouped;
+use program::{ExitCode, Failure};
+use report::document::{Block, Cell, Document, Table};
 use shards::ReadError;
 
 use crate::config::Config;
-use crate::curves::{self, CurvesError, Epoch, FigureError};
-use crate::evaluate::Examination;
+use crate::curves::{self, Epoch};
+use crate::evaluate::report::{blocks, number};
+use crate::evaluate::{Evaluation, Examination};
 use crate::run_folder::{CONFIG, METRICS, checkpoint_path, keys};
 
 /// Mistakes of either kind that are shown.
 pub const MISTAKES: usize = 6;
-
-/// Why there is no page.
-#[derive(Debug, thiserror::Error)]
-pub enum PageError {
-    /// Nothing of a run is there.
-    #[error("no run here, neither config.toml nor metrics.jsonl: {}", .0.display())]
-    NotARun(PathBuf),
-    /// The metrics cannot be read.
-    #[error(transparent)]
-    Curves(#[from] CurvesError),
-    /// The run's recipe is damaged.
-    #[error("damaged recipe of the run: {0}")]
-    Config(#[from] settings::Error),
-    /// The best checkpoint is damaged.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    /// A scene that is to be shown cannot be read.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// The library that draws failed.
-    #[error(transparent)]
-    Figure(#[from] FigureError),
-}
-
-impl Exit for PageError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::NotARun(_) => ExitCode::Config,
-            Self::Curves(error) => error.exit_code(),
-            Self::Config(settings::Error::Read { .. }) => ExitCode::TryAgain,
-            Self::Config(_) => ExitCode::Data,
-            Self::Checkpoint(error) => error.exit_code(),
-            Self::Read(error) => error.exit_code(),
-            Self::Figure(_) => ExitCode::Internal,
-        }
-    }
-}
 
 /// What a run left behind, as far as it is shown.
 #[derive(Debug)]
@@ -74,16 +38,19 @@ impl TrainedRun {
     /// Reads a run's folder: its metrics, and its recipe and best checkpoint where they are there.
     ///
     /// # Errors
-    /// [`PageError`].
-    pub fn read(run: &Path) -> Result<Self, PageError> {
+    /// If the folder holds no run, or a file of the run is damaged or cannot be read.
+    pub fn read(run: &Path) -> Result<Self, Failure> {
         let recipe = run.join(CONFIG);
-        let epochs = match curves::read(run) {
-            Err(CurvesError::Missing(_)) if !recipe.exists() && !run.join(METRICS).exists() => {
-                return Err(PageError::NotARun(run.to_owned()));
-            }
-            read => read?,
+        if !recipe.exists() && !run.join(METRICS).exists() {
+            let text = format!("no run here, neither config.toml nor metrics.jsonl: {}", run.display());
+            return Err(Failure::new(ExitCode::Config, text));
+        }
+        let epochs = curves::read(run)?;
+        let damaged = |error: settings::Error| {
+            let code = if matches!(error, settings::Error::Read { .. }) { ExitCode::TryAgain } else { ExitCode::Data };
+            Failure::new(code, format!("damaged recipe of the run: {error}"))
         };
-        let config = if recipe.exists() { Some(Config::load(Some(&recipe))?) } else { None };
+        let config = if recipe.exists() { Some(Config::load(Some(&recipe)).map_err(damaged)?) } else { None };
         let trained_on = match checkpoint::read(&checkpoint_path(run, "best")) {
             Err(CheckpointError::Missing(_)) => None,
             read => Some(read?.dataset_id),
@@ -91,36 +58,35 @@ impl TrainedRun {
         Ok(Self { path: run.to_owned(), epochs, config, trained_on })
     }
 
-    /// The page, with the evaluation of the run's best checkpoint if there is one. The same run and results give the
-    /// same bytes.
+    /// The run, with the evaluation of its best checkpoint if there is one. The same run and results give the same
+    /// document.
     ///
     /// # Errors
-    /// [`PageError`].
-    pub fn page(&self, examined: Option<&Examination>) -> Result<String, PageError> {
+    /// [`ReadError`] if a scene that is to be shown cannot be read.
+    pub fn document(&self, examined: Option<&Examination>) -> Result<Document, ReadError> {
         let evaluation = examined.map(|examined| &examined.evaluation);
-        let mut sections = vec![training::section(self)?];
+        let mut numbers = training::tiles(self);
+        numbers.extend(evaluation.into_iter().flat_map(tiles));
+        let mut blocks = vec![
+            Block::Text(self.lead(evaluation.is_some())),
+            Block::Warnings(warnings::warnings(self, evaluation)),
+            Block::Tiles(numbers),
+        ];
+        blocks.extend(training::section(self));
+        blocks.push(Block::Heading("Evaluation".to_owned()));
         match examined {
-            None => sections.push(self.not_evaluated()),
+            None => blocks.extend(self.not_evaluated()),
             Some(examined) => {
-                sections.extend([
-                    evaluation::section(&examined.evaluation)?,
-                    evaluation::kinds(&examined.evaluation),
-                    mistakes::section(examined)?,
-                ]);
+                blocks.extend(self::blocks(&examined.evaluation));
+                blocks.extend(mistakes::section(examined)?);
             }
         }
-        sections.push(self.provenance(examined));
-        let mut tiles = training::tiles(self);
-        tiles.extend(evaluation.map(evaluation::tiles).unwrap_or_default());
-        let page = Page {
+        blocks.extend(self.provenance(examined));
+        Ok(Document {
             title: "A training run of the grasp network".to_owned(),
-            lead: self.lead(evaluation.is_some()),
-            tiles,
-            warnings: warnings::warnings(self, evaluation),
-            sections,
+            blocks,
             footer: format!("trainer report, Graspmill {}; run {}", env!("CARGO_PKG_VERSION"), self.path.display()),
-        };
-        Ok(page.html())
+        })
     }
 
     fn lead(&self, is_evaluated: bool) -> String {
@@ -132,52 +98,62 @@ impl TrainedRun {
         )
     }
 
-    fn not_evaluated(&self) -> Section {
+    fn not_evaluated(&self) -> [Block; 2] {
         let run = self.path.display();
-        let row = |command: String, what: &str| vec![Cell::Code(command), Cell::Text(what.to_owned())];
-        let table = Table {
-            head: vec!["command", "evaluates"],
-            rows: vec![
-                row(
-                    format!("trainer report {run} --html FILE --data DIR"),
-                    "held-out attempts of the dataset that was trained on; --split test-scenes: held-out scenes",
-                ),
-                row(format!("trainer report {run} --html FILE --data OTHER --split all"), "another dataset, all of it"),
-            ],
-        };
-        Section {
-            title: "Evaluation".to_owned(),
-            text: "Left out, for no dataset was given. With one this page tells accuracy against always answering “failure”, \
-                   precision–recall, calibration, errors of the grasps, and shows the worst mistakes."
-                .to_owned(),
-            blocks: vec![Block::Table(table)],
-        }
+        let row = |command: String, what: &str| vec![Cell::Code(command), what.into()];
+        let rows = [
+            row(
+                format!("trainer report {run} --html FILE --data DIR"),
+                "held-out attempts of the dataset that was trained on; --split test-scenes: held-out scenes",
+            ),
+            row(format!("trainer report {run} --html FILE --data OTHER --split all"), "another dataset, all of it"),
+        ];
+        let text = "Left out, for no dataset was given. With a dataset this page also shows the accuracy beside that of always answering \
+                    \"failure\", precision and recall, calibration, the errors of the grasps, and the worst mistakes.";
+        [Block::Text(text.to_owned()), Block::Table(Table::new(["command", "evaluates"], rows))]
     }
 
-    fn provenance(&self, examined: Option<&Examination>) -> Section {
-        let mut rows = Vec::new();
-        let mut row = |key: &str, value: String| rows.push(vec![Cell::Code(key.to_owned()), Cell::Code(value)]);
-        row("run", self.path.display().to_string());
-        row(
-            "trained on dataset",
-            self.trained_on.clone().unwrap_or_else(|| "unknown: no best.safetensors here".to_owned()),
-        );
+    fn provenance(&self, examined: Option<&Examination>) -> [Block; 3] {
+        let row = |key: &str, value: String| vec![Cell::code(key), Cell::Code(value)];
+        let unknown = || "unknown: no best.safetensors here".to_owned();
+        let mut rows = vec![
+            row("run", self.path.display().to_string()),
+            row("trained on dataset", self.trained_on.clone().unwrap_or_else(unknown)),
+        ];
         if let Some(Examination { evaluation, dataset, .. }) = examined {
-            row("evaluated on dataset", format!("{} at {}", evaluation.dataset_id, dataset.location()));
-            row("its code_version", dataset.info().code_version.clone());
-            row("its seed", dataset.info().seed.to_string());
-            row("its gripper", dataset.info().gripper.name.clone());
+            let info = dataset.info();
+            rows.extend([
+                row("evaluated on dataset", format!("{} at {}", evaluation.dataset_id, dataset.location())),
+                row("its code_version", info.code_version.clone()),
+                row("its seed", info.seed.to_string()),
+                row("its gripper", info.gripper.name.clone()),
+            ]);
         }
         let recipe = self.config.as_ref().map(keys).unwrap_or_default();
-        recipe.into_iter().for_each(|(key, value)| row(&key, value));
-        Section {
-            title: "Recipe and origin".to_owned(),
-            text: match self.config {
-                Some(_) => "From the dataset and these keys the CPU trains the same weights again, bit for bit, on machines of one kind.",
-                None => "The run's config.toml is not here, so nothing is known of the recipe.",
+        rows.extend(recipe.into_iter().map(|(key, value)| row(&key, value)));
+        let text = match self.config {
+            Some(_) => {
+                "From the dataset and these keys the CPU trains the same weights again, bit for bit, on machines of one kind."
             }
-            .to_owned(),
-            blocks: vec![Block::Table(Table { head: vec!["key", "value"], rows })],
-        }
+            None => "The run's config.toml is not here, so nothing is known of the recipe.",
+        };
+        [
+            Block::Heading("Recipe and origin".to_owned()),
+            Block::Text(text.to_owned()),
+            Block::Table(Table::new(["key", "value"], rows)),
+        ]
     }
+}
+
+/// The evaluation's numbers that a reader wants first.
+fn tiles(evaluation: &Evaluation) -> [(String, String); 4] {
+    let all = &evaluation.all;
+    let baseline = number(all.baseline_accuracy);
+    let set = evaluation.split.description();
+    [
+        (number(all.accuracy), format!("accuracy on {set}; always \"failure\" {baseline}")),
+        (grouped(all.samples), format!("samples of {} scenes", grouped(evaluation.scenes as u64))),
+        (number(evaluation.ranking.roc_auc), "area under the ROC curve".to_owned()),
+        (format!("{:.3}", evaluation.calibration.expected_error), "expected calibration error".to_owned()),
+    ]
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use experiments::report::{comparison, read, svg};
+use experiments::report::{comparison, figure, read};
 use experiments::statistics::Results;
 use program::{Context, ExitCode, Failure, print, write};
 
@@ -23,9 +23,9 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let results = arguments.folders.iter().map(|folder| results_of(folder)).collect::<Result<Vec<_>, _>>()?;
     if let Some(path) = &arguments.figure {
-        write(path, svg(&results)?)?;
+        write(path, figure(&results).svg()?)?;
     }
-    print(comparison(&results))?;
+    print(comparison(&results).markdown())?;
     Ok(ExitCode::Ok)
 }
 
@@ -33,5 +33,6 @@ fn results_of(folder: &Path) -> Result<Results, Failure> {
     let path = folder.join("report.json");
     let text = std::fs::read_to_string(&path).context(format_args!("failed to read {}", path.display()))?;
     let damaged = |error| format!("not the report of an experiment: {error}: {}", path.display());
-    read(&text).map_err(|error| Failure::new(ExitCode::Data, damaged(error)))
+    let (results, _) = read(&text).map_err(|error| Failure::new(ExitCode::Data, damaged(error)))?;
+    Ok(results)
 }

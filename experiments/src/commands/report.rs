@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use experiments::page::{Played, page};
+use experiments::page::{Played, document};
 use program::{ExitCode, Failure, print, write};
 
 const EXAMPLES: &str = "\
@@ -26,7 +26,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let played = arguments.folders.iter().map(|folder| Played::read(folder)).collect::<Result<Vec<_>, _>>()?;
-    write(&arguments.html, page(&played)?)?;
+    write(&arguments.html, document(&played).html()?)?;
     print(format_args!("{}\n", arguments.html.display()))?;
     Ok(ExitCode::Ok)
 }

@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use clap::Args;
 use experiments::config::Config;
 use experiments::record::{RoundRecord, TrialRecord};
-use experiments::report::{About, json, markdown, svg};
+use experiments::report::{About, document, figure, json};
 use experiments::round::Round;
 use experiments::run::run as run_rounds;
 use experiments::statistics::results;
@@ -94,8 +94,8 @@ fn write_reports(config: &Config, model_id: &str, rounds: Vec<Round>, folder: &P
     write(&folder.join("bodies.json"), bodies(config))?;
     write(&folder.join("run.json"), conditions(config))?;
     write(&folder.join("report.json"), json(&results, &about))?;
-    write(&folder.join("report.svg"), svg(std::slice::from_ref(&results))?)?;
-    let text = markdown(&results, &about);
+    write(&folder.join("report.svg"), figure(std::slice::from_ref(&results)).svg()?)?;
+    let text = document(&results, &about).markdown();
     write(&folder.join("report.md"), &text)?;
     print(text)
 }

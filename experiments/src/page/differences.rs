@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use report::page::{Block, Cell, Table};
+use report::document::{Block, Cell, Table};
 
 use super::Played;
 
@@ -47,7 +47,7 @@ pub(super) fn blocks(all: &[Played], names: &[String]) -> Vec<Block> {
         for (at, (one, name)) in settings.iter().zip(names).enumerate() {
             let value = one.get(*key).map_or_else(|| "–".to_owned(), Clone::clone);
             let key = if at == 0 { (*key).clone() } else { String::new() };
-            rows.push(vec![Cell::Code(key), Cell::Text(name.clone()), Cell::Code(value)]);
+            rows.push(vec![Cell::Code(key), name.as_str().into(), Cell::Code(value)]);
         }
     }
     if rows.is_empty() {
@@ -55,7 +55,7 @@ pub(super) fn blocks(all: &[Played], names: &[String]) -> Vec<Block> {
     }
     vec![
         Block::Text("Settings that differ:".to_owned()),
-        Block::Table(Table { head: vec!["setting", "experiment", "value"], rows }),
+        Block::Table(Table::new(["setting", "experiment", "value"], rows)),
     ]
 }
 

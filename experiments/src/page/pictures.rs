@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use report::page::{Block, Picture, Section};
+use program::Failure;
+use report::document::{Block, Drawing, Picture};
 use report::picture::{Hand, Scene, svg};
 use schema::{HitKind, Outcome, Polyhedron, ShapeKind, Solid, Vec3};
 use serde::Deserialize;
 
-use super::{PageError, Played, read_text};
+use super::{Played, damaged, read_text};
 use crate::record::{RoundRecord, TrialObject, TrialRecord};
 use crate::round::Round;
 
@@ -54,7 +55,7 @@ struct PartCorners {
 
 impl Stage {
     /// Reads `run.json` and `bodies.json`; `None` without the first.
-    pub(super) fn read(folder: &Path) -> Result<Option<Self>, PageError> {
+    pub(super) fn read(folder: &Path) -> Result<Option<Self>, Failure> {
         let Some(conditions) = json::<Conditions>(&folder.join("run.json"))? else { return Ok(None) };
         let parts: BTreeMap<String, Parts> = json(&folder.join("bodies.json"))?.unwrap_or_default();
         let hulls = |parts: Parts| parts.parts.iter().filter_map(|part| hull(&part.vertices_m)).collect();
@@ -73,10 +74,9 @@ impl Stage {
     }
 }
 
-fn json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, PageError> {
+fn json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, Failure> {
     let Some(text) = read_text(path)? else { return Ok(None) };
-    let damaged = |e: serde_json::Error| PageError::Damaged { path: path.to_owned(), reason: e.to_string() };
-    serde_json::from_str(&text).map(Some).map_err(damaged)
+    serde_json::from_str(&text).map(Some).map_err(|e| damaged(path, &e))
 }
 
 /// `None` for corners without a volume, which no run writes.
@@ -85,63 +85,60 @@ fn hull(corners_m: &[[f32; 3]]) -> Option<Polyhedron> {
     Polyhedron::hull_of(&corners_m).ok()
 }
 
-/// Nothing if the folder does not hold what it takes.
-pub(super) fn section(one: &Played) -> Option<Section> {
-    let title = "Scenes".to_owned();
+/// Nothing if no round has a grasp.
+pub(super) fn section(one: &Played) -> Vec<Block> {
+    let section = |text: &str| vec![Block::Heading("Scenes".to_owned()), Block::Text(text.to_owned())];
     let (Some(rounds), Some(stage)) = (&one.rounds, &one.stage) else {
-        let text =
-            "Left out: the folder has no journal.jsonl and run.json, which tell where objects lay and hands grasped.";
-        return Some(Section { title, text: text.to_owned(), blocks: Vec::new() });
+        return section(
+            "Left out: the folder has no journal.jsonl and run.json, which record where objects lay and hands grasped.",
+        );
     };
     let side_m = stage.size_m.unwrap_or_else(|| side_m(rounds));
     let tried: Vec<&Round> = rounds.iter().filter(|round| !round.trials.is_empty()).collect();
     let count = tried.len().min(ROUNDS_SHOWN);
     let shown = (0..count).map(|at| round_picture(stage, side_m, tried[at * tried.len() / count])).collect::<Vec<_>>();
     if shown.is_empty() {
-        return None;
+        return Vec::new();
     }
-    let mut blocks = vec![Block::Gallery(shown)];
+    let mut blocks = section(
+        "Rounds evenly spread over the experiment, as they began, with all grasps of the round: green held, red failed. Objects may \
+         have moved before later grasps.",
+    );
+    blocks.push(Block::Gallery(shown));
     let failures = failures(stage, side_m, rounds);
     if !failures.is_empty() {
-        let text = "Grasps that failed, each in the scene as it lay before it; the first of a round, of as many rounds as there is room for:";
+        let text = "Grasps that failed, each in the scene as it lay before the grasp; the first of a round, for as many rounds as there is \
+                    room for:";
         blocks.extend([Block::Text(text.to_owned()), Block::Gallery(failures)]);
     }
-    Some(Section {
-        title,
-        text: "Rounds evenly spread over the experiment, as they began, with all grasps of the round: green held, red failed. Objects may \
-               have moved before later grasps."
-            .to_owned(),
-        blocks,
-    })
+    blocks
 }
 
 fn round_picture(stage: &Stage, side_m: f32, round: &Round) -> Picture {
     let RoundRecord { round: number, seed, scene_id, object_count, removed_count, ending, .. } = &round.record;
     let held = round.trials.iter().filter(|trial| trial.outcome == Outcome::Held).count();
     let grasps = round.trials.len();
-    Picture {
-        svg: picture(stage, side_m, &round.trials[0], &round.trials),
-        title: format!("Round {number}: {}", ending.name()),
-        caption: format!(
+    Picture::new(
+        Drawing::Svg(picture(stage, side_m, &round.trials[0], &round.trials)),
+        format!("Round {number}: {}", ending.name()),
+        format!(
             "{held} of {grasps} grasps held, {removed_count} of {object_count} objects removed; seed {seed}, scene {scene_id}, {}",
             round.record.group
         ),
-    }
+    )
 }
 
 /// The first failed grasp of each round, as many as are shown.
 fn failures(stage: &Stage, side_m: f32, rounds: &[Round]) -> Vec<Picture> {
     let first = |round: &Round| round.trials.iter().find(|trial| trial.outcome != Outcome::Held).cloned();
     let trials = rounds.iter().filter_map(first).take(FAILURES_SHOWN);
-    let shown = trials.map(|trial| Picture {
-        svg: picture(stage, side_m, &trial, std::slice::from_ref(&trial)),
-        title: format!("Round {}, grasp {}: {}", trial.round, trial.trial, trial.outcome.name()),
-        caption: format!(
-            "aimed at {}, quality {:.2}{}",
-            trial.target(),
-            trial.quality,
-            trial.hit.map_or_else(String::new, |hit: HitKind| format!(", hit {}", hit.name()))
-        ),
+    let shown = trials.map(|trial| {
+        let hit = trial.hit.map_or_else(String::new, |hit: HitKind| format!(", hit {}", hit.name()));
+        Picture::new(
+            Drawing::Svg(picture(stage, side_m, &trial, std::slice::from_ref(&trial))),
+            format!("Round {}, grasp {}: {}", trial.round, trial.trial, trial.outcome.name()),
+            format!("aimed at {}, quality {:.2}{hit}", trial.target(), trial.quality),
+        )
     });
     shown.collect()
 }

@@ -163,5 +163,5 @@ fn what_is_no_experiment_is_told() {
     // Without the rows there are no pictures, and everything else.
     fs::remove_file(out.join("journal.jsonl")).unwrap();
     let found = page(&[&out], &html);
-    check_holds(&found, &["Left out", "journal.jsonl", "Why attempts failed"]);
+    check_holds(&found, &["Left out", "journal.jsonl", "Failures by outcome"]);
 }

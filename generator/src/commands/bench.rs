@@ -55,7 +55,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     spinner.enable_steady_tick(Duration::from_millis(200));
     let report = bench(&config, size, scratch.path(), &|phase| spinner.set_message(phase.to_owned()))?;
     spinner.finish_and_clear();
-    let text = bench_text::markdown(&report, &command_line("generator"));
+    let text = bench_text::document(&report, &command_line("generator")).markdown();
     if let Some(path) = &arguments.markdown {
         write(path, &text)?;
     }

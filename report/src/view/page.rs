@@ -1,8 +1,9 @@
 //! The page of a view: one file, no network, no library.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 
 use super::{EventKind, View};
+use crate::document::html::whole;
 
 const STYLE: &str = include_str!("../viewer.css");
 const SCRIPT: &str = include_str!("../viewer.js");
@@ -15,38 +16,26 @@ impl View {
     /// read.
     #[must_use]
     pub fn page(&self) -> String {
-        let page = html! {
-            (DOCTYPE)
-            html lang="en" {
-                head {
-                    meta charset="utf-8";
-                    meta name="viewport" content="width=device-width, initial-scale=1";
-                    meta name="color-scheme" content="light dark";
-                    title { (self.title) }
-                    style { (PreEscaped(STYLE)) }
+        let body = html! {
+            header { h1 { (self.title) } }
+            main {
+                div #stage {
+                    canvas #canvas tabindex="0" role="img" aria-label=(PICTURE) {}
+                    p #hint { (HINT) }
+                    div #tip role="status" hidden {}
+                    noscript { p { "The picture is drawn by a script in this file, and scripts are off." } }
                 }
-                body {
-                    header { h1 { (self.title) } }
-                    main {
-                        div #stage {
-                            canvas #canvas tabindex="0" role="img" aria-label=(PICTURE) {}
-                            p #hint { (HINT) }
-                            div #tip role="status" hidden {}
-                            noscript { p { "The picture is drawn by a script in this file, and scripts are off." } }
-                        }
-                        @if self.moves() { (player()) }
-                    }
-                    aside {
-                        section { h2 { "Shown" } div #legend {} }
-                        @if !self.events.is_empty() { (self.event_list()) }
-                        @if !self.facts.is_empty() { (self.fact_list()) }
-                    }
-                    script #view type="application/json" { (PreEscaped(in_script(&self.to_json()))) }
-                    script { (PreEscaped(SCRIPT)) }
-                }
+                @if self.moves() { (player()) }
             }
+            aside {
+                section { h2 { "Shown" } div #legend {} }
+                @if !self.events.is_empty() { (self.event_list()) }
+                @if !self.facts.is_empty() { (self.fact_list()) }
+            }
+            script #view type="application/json" { (PreEscaped(in_script(&self.to_json()))) }
+            script { (PreEscaped(SCRIPT)) }
         };
-        page.into_string() + "\n"
+        whole(&self.title, STYLE, &body)
     }
 
     fn moves(&self) -> bool {

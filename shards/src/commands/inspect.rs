@@ -2,7 +2,7 @@
 
 use clap::Args;
 use program::{ExitCode, Failure, print};
-use shards::{Dataset, Inspection, Location, LocationParser};
+use shards::{Dataset, Location, LocationParser, inspection};
 
 /// Show one scene: objects, cameras, attempts, two cuts through its voxel grid.
 #[derive(Debug, Args)]
@@ -18,6 +18,6 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let dataset = Dataset::open(&arguments.dataset)?;
     let rows = dataset.read_scene(arguments.scene)?;
-    print(Inspection { info: dataset.info(), rows: &rows })?;
+    print(inspection(dataset.info(), &rows).text())?;
     Ok(ExitCode::Ok)
 }

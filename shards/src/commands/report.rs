@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 use program::{ExitCode, Failure, print, write};
-use shards::report::html::html;
+use shards::report::{document, page};
 use shards::{Dataset, Location, LocationParser};
 
 /// Count attempts: positives by shape, rule and objects in the scene; outcomes, widths, angles, sizes.
@@ -27,11 +27,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let report = shards::report(&dataset)?;
     match &arguments.html {
         Some(path) => {
-            write(path, html(&report, &dataset, written_over(&dataset))?)?;
+            write(path, page(&report, &dataset, written_over(&dataset))?.html()?)?;
             print(format_args!("{}\n", path.display()))?;
         }
         None if arguments.json => print(report.to_json())?,
-        None => print(report)?,
+        None => print(document(&report, dataset.info()).text())?,
     }
     Ok(ExitCode::Ok)
 }

@@ -1,11 +1,13 @@
 //! What a dataset holds, in numbers: computed from its rows in one pass, never from what the manifest says.
 
 pub mod coverage;
+mod document;
 pub mod fit;
-pub mod html;
 mod scenes;
-mod text;
 mod warnings;
+
+pub use document::{document, page};
+pub use scenes::scene_svg;
 
 use std::collections::BTreeMap;
 
@@ -72,14 +74,6 @@ pub struct Group {
     pub attempts: u64,
     /// Of these positive.
     pub positives: u64,
-}
-
-impl Group {
-    /// Its attempts.
-    #[must_use]
-    pub fn tally(&self) -> Tally {
-        Tally { attempts: self.attempts, positives: self.positives }
-    }
 }
 
 /// Attempts with an outcome.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use schema::{AttemptRecord, Model, ObjectShape, Rule, SceneRows, Vec3};
-use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, Inspection, report, synthetic, verify};
+use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, inspection, report, synthetic, verify};
 
 /// A wedge and a box, the latter of two parts.
 fn models() -> Vec<Arc<Model>> {
@@ -102,7 +102,7 @@ fn rows_and_models_come_back_as_they_were() {
     let rules: Vec<(&str, u64)> = report.rules.iter().map(|g| (g.name.as_str(), g.attempts)).collect();
     assert_eq!(rules, [("model_normal", 58)]);
     let scene = dataset.read_scene(0).unwrap();
-    let text = Inspection { info: &info, rows: &scene }.to_string();
+    let text = inspection(&info, &scene).text();
     assert!(text.contains("wedge") || text.contains("halves"), "{text}");
     let card = fs::read_to_string(dir.path().join("README.md")).unwrap();
     assert!(card.contains("| `halves` | 60.0 × 40.0 × 40.0 | 200.0 | 0.7 | 2 |"), "{card}");

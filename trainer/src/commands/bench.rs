@@ -6,8 +6,6 @@ use shards::{Location, LocationParser};
 use trainer::bench::bench;
 use trainer::device::DeviceName;
 
-use super::console;
-
 /// Measure what a training step costs on this machine.
 #[derive(Args)]
 #[command(after_help = ExitCode::HELP)]
@@ -34,6 +32,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let device = arguments.device.open()?;
     let phase = |name: &str| print_error(&format!("measuring {name}"));
     let report = bench(arguments.batch.into(), arguments.data.as_ref(), &std::env::temp_dir(), &device, &phase)?;
-    print(if arguments.json { json(&report)? } else { console::bench(&report) })?;
+    print(if arguments.json { json(&report)? } else { report.document().markdown() })?;
     Ok(ExitCode::Ok)
 }

@@ -7,10 +7,10 @@ use clap::{Args, ValueEnum};
 use program::{ExitCode, Failure, json, print, start_threads};
 use shards::{Location, LocationParser};
 use trainer::evaluate::evaluate;
-use trainer::evaluate::report::write_report;
+use trainer::evaluate::report::{document, write_report};
 use trainer::run_folder::checkpoint_path;
 
-use super::{SplitArgument, console};
+use super::SplitArgument;
 
 /// Evaluate a checkpoint on a dataset: accuracy, precision–recall, calibration, errors of the grasps.
 #[derive(Args)]
@@ -62,7 +62,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     };
     let (scratch, stop) = (std::env::temp_dir(), AtomicBool::new(false));
     let evaluation = evaluate(&path, &arguments.data, arguments.split.into(), &scratch, &stop, &|| {})?;
-    print(if arguments.json { json(&evaluation)? } else { console::evaluation(&evaluation) })?;
+    print(if arguments.json { json(&evaluation)? } else { document(&evaluation).text() })?;
     if let Some(folder) = &arguments.report {
         write_report(&evaluation, folder)?;
     }

@@ -50,7 +50,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             Some(examine(&best, data, arguments.split.into(), &scratch, &stop, &|| {}, MISTAKES)?)
         }
     };
-    write(&arguments.html, run.page(examined.as_ref())?)?;
+    write(&arguments.html, run.document(examined.as_ref())?.html()?)?;
     print(format_args!("{}\n", arguments.html.display()))?;
     Ok(ExitCode::Ok)
 }

@@ -1,68 +1,39 @@
 //! An evaluation as a folder that can be shown: a page, the numbers, two figures.
 
-use std::fmt::Write as _;
+use std::collections::BTreeMap;
 use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use program::publish;
-use program::{Exit, ExitCode};
+use program::{Context, Failure, json, write};
+use report::document::{Block, Cell, Document, Picture, Table};
+use report::figure::{BLUE, Bars, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 
 use super::Evaluation;
-use crate::curves::FigureError;
 use crate::metrics::Summary;
 use crate::scores::{BINS, Spread};
-use report::figure::{BLUE, Figure, GREY, Line, ORANGE, Scale, Stroke};
-
-/// Why a report cannot be written.
-#[derive(Debug, thiserror::Error)]
-pub enum ReportError {
-    /// The library failed.
-    #[error(transparent)]
-    Figure(#[from] FigureError),
-    /// The disk refused.
-    #[error("failed to write the report: {source}: {}", .path.display())]
-    Io {
-        /// On what.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-}
-
-impl Exit for ReportError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Figure(_) => ExitCode::Internal,
-            Self::Io { .. } => ExitCode::TryAgain,
-        }
-    }
-}
 
 /// Writes `evaluation.md`, `evaluation.json`, and `precision_recall` and `calibration` as SVG and PNG into a folder,
 /// which is made if it is not there, in place of what these files held.
 ///
 /// # Errors
-/// [`ReportError`].
-pub fn write_report(evaluation: &Evaluation, folder: &Path) -> Result<(), ReportError> {
-    let io = |path: &Path| {
-        let path = path.to_owned();
-        move |source| ReportError::Io { path, source }
-    };
-    fs::create_dir_all(folder).map_err(io(folder))?;
-    let json = serde_json::to_string_pretty(evaluation).unwrap_or_default() + "\n"; // numbers and names: cannot fail
-    let mut files = vec![("evaluation.md", page(evaluation).into_bytes()), ("evaluation.json", json.into_bytes())];
-    let (curve, shares) = (precision_recall(evaluation), calibration(evaluation));
-    files.extend([("precision_recall.svg", curve.svg()?.into_bytes()), ("precision_recall.png", curve.png()?)]);
-    files.extend([("calibration.svg", shares.svg()?.into_bytes()), ("calibration.png", shares.png()?)]);
-    for (name, bytes) in files {
-        let path = folder.join(name);
-        publish(&path, &bytes).map_err(io(&path))?;
+/// If a file cannot be written, or a figure cannot be drawn.
+pub fn write_report(evaluation: &Evaluation, folder: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(folder).context(format_args!("failed to make {}", folder.display()))?;
+    let (curve, honesty) = (precision_recall(evaluation), calibration(evaluation));
+    for (name, bytes) in [
+        ("evaluation.md", document(evaluation).markdown().into_bytes()),
+        ("evaluation.json", json(evaluation)?.into_bytes()),
+        ("precision_recall.svg", curve.svg()?.into_bytes()),
+        ("precision_recall.png", curve.png()?),
+        ("calibration.svg", honesty.svg()?.into_bytes()),
+        ("calibration.png", honesty.png()?),
+    ] {
+        write(&folder.join(name), bytes)?;
     }
     Ok(())
 }
 
-pub(crate) fn precision_recall(evaluation: &Evaluation) -> Figure {
+fn precision_recall(evaluation: &Evaluation) -> Figure {
     let points = &evaluation.ranking.precision_recall;
     let mut curve: Vec<(f64, f64)> = points.iter().map(|point| (point.recall, point.precision)).collect();
     if let Some((_, precision)) = curve.first().copied() {
@@ -88,7 +59,7 @@ pub(crate) fn precision_recall(evaluation: &Evaluation) -> Figure {
     }
 }
 
-pub(crate) fn calibration(evaluation: &Evaluation) -> Figure {
+fn calibration(evaluation: &Evaluation) -> Figure {
     let bins = &evaluation.calibration.bins;
     let points = bins.iter().filter_map(|bin| Some((bin.predicted?, bin.observed?))).collect();
     let name = format!("network (95 % of each bin; expected error {:.3})", evaluation.calibration.expected_error);
@@ -106,68 +77,135 @@ pub(crate) fn calibration(evaluation: &Evaluation) -> Figure {
     }
 }
 
-fn page(evaluation: &Evaluation) -> String {
-    let Evaluation { all, calibration, ranking, errors, .. } = evaluation;
-    let counts = all.confusion;
-    let other = if evaluation.trained_on == evaluation.dataset_id { "the same" } else { "another" };
-    let mut text = String::new();
-    let mut line = |line: std::fmt::Arguments<'_>| {
-        let _ = writeln!(text, "{line}"); // to a string: cannot fail
-    };
-    line(format_args!("# Evaluation\n"));
-    line(format_args!("| what | value |\n|---|---|"));
-    line(format_args!("| checkpoint | epoch {}, step {} |", evaluation.epoch, evaluation.step));
-    line(format_args!("| dataset | `{}` |", evaluation.dataset_id));
-    line(format_args!("| trained on | `{}`, {other} |", evaluation.trained_on));
+fn qualities(evaluation: &Evaluation) -> Figure {
+    let bins = &evaluation.calibration.bins;
+    let bar = |at: usize, low: f64, high: f64| [at as f64 / BINS as f64, (at + 1) as f64 / BINS as f64, low, high];
+    let held = |at: usize| bins[at].observed.unwrap_or(0.0) * bins[at].samples as f64;
+    let most = bins.iter().map(|bin| bin.samples).max().unwrap_or_default();
+    let bars = |name: &str, colour, bars: Vec<[f64; 4]>| Bars { name: name.to_owned(), colour, bars };
+    Figure {
+        title: "Qualities".to_owned(),
+        x: Scale::around("predicted quality", 0.0, 1.0),
+        y: Scale::around("attempts", 0.0, most.max(1) as f64),
+        lines: Vec::new(),
+        bars: vec![
+            bars("held", GREEN, (0..bins.len()).map(|at| bar(at, 0.0, held(at))).collect()),
+            bars("failed", ORANGE, (0..bins.len()).map(|at| bar(at, held(at), bins[at].samples as f64)).collect()),
+        ],
+    }
+}
+
+/// The evaluation's numbers and figures; `evaluation.md`, a terminal and a run's page show them.
+#[must_use]
+pub fn document(evaluation: &Evaluation) -> Document {
+    Document { title: "Evaluation".to_owned(), blocks: blocks(evaluation), footer: String::new() }
+}
+
+pub(crate) fn blocks(evaluation: &Evaluation) -> Vec<Block> {
+    let heading = |text: &str| Block::Heading(text.to_owned());
+    let counts = evaluation.all.confusion;
+    let confusion = |what: &str, counts: [u64; 2]| [vec![what.into()], counts.map(Cell::Count).to_vec()].concat();
+    let confusion = Table::new(
+        ["", "predicted held", "predicted failed"],
+        [
+            confusion("held", [counts.true_positive, counts.false_negative]),
+            confusion("failed", [counts.false_positive, counts.true_negative]),
+        ],
+    );
+    let mut curve = Picture::figure(
+        precision_recall(evaluation),
+        "From the surest grasps (left) to all of them (right). The dashes are what chance gives.",
+    );
+    curve.file = Some("precision_recall.svg");
+    let mut honesty = Picture::figure(
+        calibration(evaluation),
+        "Dots on the dashes: the quality is the probability of success. Below: overconfident. Bars: 95 % of each bin.",
+    );
+    (honesty.title, honesty.file) = ("Calibration".to_owned(), Some("calibration.svg"));
+    let qualities = Picture::figure(
+        qualities(evaluation),
+        "The number of attempts by quality, those that held below those that failed.",
+    );
+    vec![
+        Block::Table(numbers(evaluation)),
+        heading("Confusion at ½"),
+        Block::Table(confusion),
+        heading("By shape"),
+        Block::Table(kinds("shape", &evaluation.by_shape)),
+        heading("By rule"),
+        Block::Table(kinds("rule", &evaluation.by_rule)),
+        heading("Precision and recall"),
+        Block::Figures(vec![curve]),
+        heading("Calibration"),
+        Block::Figures(vec![honesty, qualities]),
+        Block::Table(bins(evaluation)),
+    ]
+}
+
+fn numbers(evaluation: &Evaluation) -> Table {
+    let Evaluation { all, calibration, ranking, errors, dataset_id, trained_on, .. } = evaluation;
+    let other = if trained_on == dataset_id { "the same" } else { "another" };
     let (set, samples, scenes) = (evaluation.split.description(), all.samples, evaluation.scenes);
-    line(format_args!("| set | {set}: {samples} samples of {scenes} scenes |"));
-    line(format_args!("| loss (Eq. 5) | {:.4} |", all.loss));
-    line(format_args!("| accuracy (Eq. 6) | {} |", number(all.accuracy)));
-    line(format_args!("| 95 % interval, samples drawn (Wilson) | {} |", range(Some(all.accuracy_95))));
-    line(format_args!("| 95 % interval, scenes drawn (bootstrap) | {} |", range(evaluation.accuracy_95_by_scene)));
-    line(format_args!("| accuracy of always \"failure\" | {} |", number(all.baseline_accuracy)));
-    line(format_args!("| precision, recall at ½ | {}, {} |", number(all.precision), number(all.recall)));
-    line(format_args!("| average precision | {} |", number(ranking.average_precision)));
-    line(format_args!("| area under the ROC curve | {} |", number(ranking.roc_auc)));
-    line(format_args!("| expected calibration error, {BINS} bins | {:.3} |", calibration.expected_error));
-    line(format_args!("| Brier score | {:.3} |", calibration.brier));
-    line(format_args!(
-        "| error of rotation, {} held attempts | {} |",
-        errors.samples,
-        spread(errors.rotation_deg, "°")
-    ));
-    line(format_args!("| error of width, the same | {} |", spread(errors.width_mm, " mm")));
+    let text = |what: &str, value: Cell| vec![what.into(), value, Cell::note("")];
+    let row = |what: &str, value: String, meaning: &str| vec![what.into(), Cell::Number(value), Cell::note(meaning)];
+    let precision_recall = format!("{}, {}", number(all.precision), number(all.recall));
+    let rows = [
+        text("checkpoint", format!("epoch {}, step {}", evaluation.epoch, evaluation.step).into()),
+        text("dataset", Cell::code(dataset_id)),
+        text("trained on", Cell::code(format!("{trained_on}, {other}"))),
+        text("set", format!("{set}: {samples} samples of {scenes} scenes").into()),
+        row("loss (Eq. 5)", format!("{:.4}", all.loss), ""),
+        row("accuracy (Eq. 6)", number(all.accuracy), "the share of right predictions"),
+        row("95 % interval, samples drawn (Wilson)", range(Some(all.accuracy_95)), ""),
+        row("95 % interval, scenes drawn (bootstrap)", range(evaluation.accuracy_95_by_scene), ""),
+        row("accuracy of always \"failure\"", number(all.baseline_accuracy), "the share that failed"),
+        row(
+            "precision, recall at ½",
+            precision_recall,
+            "held, of those predicted to hold (quality above ½); predicted to hold, of those that held",
+        ),
+        row("average precision", number(ranking.average_precision), "1 is perfect, the share that held is chance"),
+        row("area under the ROC curve", number(ranking.roc_auc), "1 is perfect, 0.5 is chance"),
+        row(
+            &format!("expected calibration error, {BINS} bins"),
+            format!("{:.3}", calibration.expected_error),
+            "mean distance of the quality from the share that held",
+        ),
+        row("Brier score", format!("{:.3}", calibration.brier), "mean squared distance of the quality from the label"),
+        text(&format!("error of rotation, {} held attempts", errors.samples), spread(errors.rotation_deg, "°").into()),
+        text("error of width, the same", spread(errors.width_mm, " mm").into()),
+    ];
+    Table::new(["what", "value", "meaning"], rows)
+}
 
-    line(format_args!("\n## Confusion at ½\n"));
-    line(format_args!("| | predicted held | predicted failed |\n|---|---:|---:|"));
-    line(format_args!("| held | {} | {} |", counts.true_positive, counts.false_negative));
-    line(format_args!("| failed | {} | {} |", counts.false_positive, counts.true_negative));
+fn kinds(title: &str, summaries: &BTreeMap<&'static str, Summary>) -> Table {
+    let row = |(name, summary): (&&'static str, &Summary)| {
+        let Summary { samples, accuracy, accuracy_95, baseline_accuracy, precision, recall, .. } = summary;
+        vec![
+            Cell::code(*name),
+            Cell::Count(*samples),
+            Cell::Bar(accuracy.unwrap_or(0.0), number(*accuracy)),
+            Cell::Number(range(Some(*accuracy_95))),
+            Cell::Number(number(*baseline_accuracy)),
+            Cell::Number(number(*precision)),
+            Cell::Number(number(*recall)),
+        ]
+    };
+    let head = [title, "samples", "accuracy", "95 %", "always \"failure\"", "precision", "recall"];
+    Table::new(head, summaries.iter().map(row))
+}
 
-    for (title, column, summaries) in
-        [("By shape", "shape", &evaluation.by_shape), ("By rule", "rule", &evaluation.by_rule)]
-    {
-        line(format_args!("\n## {title}\n"));
-        line(format_args!("| {column} | samples | accuracy | 95 % | always \"failure\" | precision | recall |"));
-        line(format_args!("|---|---:|---:|---:|---:|---:|---:|"));
-        for (name, summary) in summaries {
-            let Summary { samples, accuracy, accuracy_95, baseline_accuracy, precision, recall, .. } = summary;
-            let shares = [*accuracy, *baseline_accuracy, *precision, *recall].map(number);
-            let [accuracy, baseline, precision, recall] = shares;
-            let range = range(Some(*accuracy_95));
-            line(format_args!("| {name} | {samples} | {accuracy} | {range} | {baseline} | {precision} | {recall} |"));
-        }
-    }
-
-    line(format_args!("\n## Precision and recall\n\n![precision and recall](precision_recall.svg)"));
-    line(format_args!("\n## Calibration\n\n![calibration](calibration.svg)\n"));
-    line(format_args!("| quality | samples | mean predicted | observed | 95 % |\n|---|---:|---:|---:|---:|"));
-    for bin in &calibration.bins {
-        let (from, to, samples) = (bin.from, bin.from + 1.0 / BINS as f64, bin.samples);
-        let (predicted, observed) = (number(bin.predicted), number(bin.observed));
-        let range = range(Some(bin.observed_95));
-        line(format_args!("| {from:.1} to {to:.1} | {samples} | {predicted} | {observed} | {range} |"));
-    }
-    text
+fn bins(evaluation: &Evaluation) -> Table {
+    let rows = evaluation.calibration.bins.iter().map(|bin| {
+        vec![
+            format!("{:.1} to {:.1}", bin.from, bin.from + 1.0 / BINS as f64).into(),
+            Cell::Count(bin.samples),
+            Cell::Number(number(bin.predicted)),
+            Cell::Number(number(bin.observed)),
+            Cell::Number(range(Some(bin.observed_95))),
+        ]
+    });
+    Table::new(["quality", "samples", "mean predicted", "observed", "95 %"], rows)
 }
 
 pub(crate) fn number(value: Option<f64>) -> String {

@@ -1,15 +1,18 @@
 //! The worst mistakes, with pictures of the hand in its scene.
 
-use report::page::{Block, Cell, Picture, Section, Table};
-use report::picture::{Hand, Scene, svg, width_m};
-use schema::{AttemptRecord, HitKind, ObjectRecord, Polyhedron, SceneRows};
+use report::document::{Block, Cell, Drawing, Picture, Table};
+use schema::{AttemptRecord, HitKind, SceneRows};
+use shards::report::scene_svg;
 use shards::{DatasetInfo, ReadError};
 
 use crate::evaluate::Examination;
 use crate::evaluate::mistakes::Mistake;
 
-pub(super) fn section(examined: &Examination) -> Result<Section, ReadError> {
-    let mut blocks = Vec::new();
+pub(super) fn section(examined: &Examination) -> Result<Vec<Block>, ReadError> {
+    let text = "The attempts with the highest qualities among those that failed, and with the lowest among those that held. The fork is the \
+                hand where it grasped: green held, red failed. A pattern among them (one shape, one direction, a neighbour in the way) is \
+                what the network has not learned. A quality on the right side of ½ is not a wrong prediction, only the nearest to one.";
+    let mut blocks = vec![Block::Heading("Worst mistakes".to_owned()), Block::Text(text.to_owned())];
     let mut rows = Vec::new();
     for (text, mistakes) in [
         ("It was surest of these, and they failed:", &examined.mistakes.overrated),
@@ -27,59 +30,29 @@ pub(super) fn section(examined: &Examination) -> Result<Section, ReadError> {
             blocks.extend([Block::Text(text.to_owned()), Block::Gallery(pictures)]);
         }
     }
-    blocks.push(Block::Table(Table {
-        head: vec!["scene / attempt", "quality", "what happened", "rule", "execute it again", "look at the scene"],
-        rows,
-    }));
-    Ok(Section {
-        title: "Worst mistakes".to_owned(),
-        text: "The attempts with the highest qualities among those that failed, and with the lowest among those that held. The fork is the \
-               hand where it grasped: green held, red failed. A pattern among them (one shape, one direction, a neighbour in the way) is \
-               what the network has not learned; a quality on the right side of ½ is no wrong prediction but the nearest to one."
-            .to_owned(),
-        blocks,
-    })
+    let head = ["scene / attempt", "quality", "what happened", "rule", "execute it again", "look at the scene"];
+    blocks.push(Block::Table(Table::new(head, rows)));
+    Ok(blocks)
 }
 
 fn picture(info: &DatasetInfo, rows: &SceneRows, attempt: &AttemptRecord, mistake: &Mistake) -> Picture {
-    let hand = Hand {
-        workspace_from_grasp: attempt.workspace_from_grasp,
-        width_m: width_m(&info.gripper, attempt.width_m),
-        held: mistake.score.held,
-        strength: 1.0,
-    };
-    let scene = Scene {
-        size_m: info.grid.size_m,
-        table_z_m: info.grid.table_z_m,
-        bodies: rows.objects.iter().flat_map(bodies).collect(),
-        hands: vec![hand],
-    };
-    Picture {
-        svg: svg(&scene),
-        title: format!("{}: quality {}", name(mistake), quality(mistake)),
-        caption: format!("{}; drawn by the rule {}", happened(attempt), attempt.rule.name()),
-    }
-}
-
-fn bodies(object: &ObjectRecord) -> impl Iterator<Item = (Polyhedron, usize)> {
-    let parts = object.shape.parts().into_iter();
-    parts.map(|part| (part.moved(&object.workspace_from_object), object.object_id as usize))
+    Picture::new(
+        Drawing::Svg(scene_svg(info, rows, std::slice::from_ref(attempt), 1.0)),
+        format!("Scene {}, attempt {}: quality {}", mistake.scene_id, mistake.attempt_id, quality(mistake)),
+        format!("{}; drawn by the rule {}", happened(attempt), attempt.rule.name()),
+    )
 }
 
 fn row(location: &str, attempt: &AttemptRecord, mistake: &Mistake) -> Vec<Cell> {
     let (scene, attempt_id) = (mistake.scene_id, mistake.attempt_id);
     vec![
-        Cell::Text(format!("{scene} / {attempt_id}")),
+        format!("{scene} / {attempt_id}").into(),
         Cell::Number(quality(mistake)),
-        Cell::Text(happened(attempt)),
-        Cell::Code(attempt.rule.name().to_owned()),
+        happened(attempt).into(),
+        Cell::code(attempt.rule.name()),
         Cell::Code(format!("generator replay {location} --attempt {scene}/{attempt_id} --out attempt.html")),
         Cell::Code(format!("shards view {location} --scene {scene} --out scene.html")),
     ]
-}
-
-fn name(mistake: &Mistake) -> String {
-    format!("Scene {}, attempt {}", mistake.scene_id, mistake.attempt_id)
 }
 
 fn quality(mistake: &Mistake) -> String {

@@ -1,7 +1,7 @@
 //! How training went: curves, and the epochs as a table.
 
-use report::figure::{FigureError, GREY, Line, Stroke};
-use report::page::{Block, Cell, Picture, Section, Table};
+use report::document::{Block, Cell, Picture, Table};
+use report::figure::{Figure, GREY, Line, Stroke};
 
 use super::TrainedRun;
 use crate::config::SplitBy;
@@ -19,7 +19,7 @@ pub(super) fn tiles(run: &TrainedRun) -> Vec<(String, String)> {
         (best.epoch.to_string(), format!("best epoch, of {}", run.epochs.len())),
         (
             number(set.accuracy),
-            format!("its accuracy on {}; always “failure” {}", set_name(best), number(set.baseline_accuracy)),
+            format!("its accuracy on {}; always \"failure\" {}", set_name(best), number(set.baseline_accuracy)),
         ),
     ];
     let seconds: Vec<f64> = run.epochs.iter().filter_map(|epoch| epoch.seconds).collect();
@@ -55,9 +55,9 @@ pub(super) fn set_name(epoch: &Epoch) -> &'static str {
     }
 }
 
-pub(super) fn section(run: &TrainedRun) -> Result<Section, FigureError> {
+pub(super) fn section(run: &TrainedRun) -> [Block; 4] {
     let best = best(run);
-    let mark = |mut figure: report::figure::Figure| {
+    let mark = |mut figure: Figure| {
         let values = || figure.lines.iter().flat_map(|line| &line.points).map(|point| point.1);
         let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
         if low < high {
@@ -67,12 +67,25 @@ pub(super) fn section(run: &TrainedRun) -> Result<Section, FigureError> {
         }
         figure
     };
-    let loss = mark(curves::loss(&run.epochs, "loss"));
-    let accuracy = mark(curves::accuracy(&run.epochs, "accuracy"));
     let shown = shown(run.epochs.len(), best.epoch as usize);
-    let left_out = if shown.len() < run.epochs.len() { " Of so many epochs the table shows some." } else { "" };
-    let has_rate = run.epochs.iter().any(|epoch| epoch.learning_rate.is_some());
-    let mut rows: Vec<Vec<Cell>> = shown.into_iter().map(|at| row(&run.epochs[at], best.epoch)).collect();
+    let left_out = if shown.len() < run.epochs.len() { " The table shows some of the epochs." } else { "" };
+    let (name, rest) = set_name(best).split_at(1);
+    let text = format!(
+        "Blue is what the network was trained on, the others it never saw: attempts of known scenes, and whole scenes. {}{rest} choose the \
+         best epoch.{left_out}",
+        name.to_uppercase()
+    );
+    let figures = vec![
+        Picture::figure(
+            mark(curves::loss(&run.epochs)),
+            "Mean of the samples, Eq. 5. Blue falling while the others rise is overfitting.",
+        ),
+        Picture::figure(
+            mark(curves::accuracy(&run.epochs)),
+            "Share of right predictions, Eq. 6. A network is worth something where it lies above the dashes of its colour, the share of \
+             attempts that failed.",
+        ),
+    ];
     let mut head = vec![
         "epoch",
         "loss, train",
@@ -84,32 +97,17 @@ pub(super) fn section(run: &TrainedRun) -> Result<Section, FigureError> {
         "time",
         "step size",
     ];
-    if !has_rate {
+    let mut rows: Vec<Vec<Cell>> = shown.into_iter().map(|at| row(&run.epochs[at], best.epoch)).collect();
+    if run.epochs.iter().all(|epoch| epoch.learning_rate.is_none()) {
         head.pop();
         rows.iter_mut().for_each(|row| drop(row.pop()));
     }
-    Ok(Section {
-        title: "Training".to_owned(),
-        text: format!(
-            "Blue is what the network was trained on, the others it never saw: attempts of known scenes, and whole scenes. {} choose \
-             the best epoch.{left_out}",
-            if set_name(best) == "held-out scenes" { "Held-out scenes" } else { "Held-out attempts" },
-        ),
-        blocks: vec![
-            Block::Figures(vec![
-                Picture::of(
-                    &loss,
-                    "Mean of the samples, Eq. 5. Blue falling while the others rise is learning by heart.",
-                )?,
-                Picture::of(
-                    &accuracy,
-                    "Share of right predictions, Eq. 6. A network is worth something where it lies above the dashes of its colour, \
-                     the share of attempts that failed.",
-                )?,
-            ]),
-            Block::Table(Table { head, rows }),
-        ],
-    })
+    [
+        Block::Heading("Training".to_owned()),
+        Block::Text(text),
+        Block::Figures(figures),
+        Block::Table(Table::new(head, rows)),
+    ]
 }
 
 /// The places of the epochs that are shown.
@@ -122,7 +120,7 @@ fn row(epoch: &Epoch, best: u32) -> Vec<Cell> {
     let sets = [&epoch.train, &epoch.test_attempts, &epoch.test_scenes];
     let star = if epoch.epoch == best { " best" } else { "" };
     let loss = |set: &Set| Cell::Number(set.loss.map_or("–".to_owned(), |loss| format!("{loss:.4}")));
-    let mut cells = vec![Cell::Text(format!("{}{star}", epoch.epoch))];
+    let mut cells = vec![format!("{}{star}", epoch.epoch).into()];
     cells.extend(sets.map(loss));
     cells.extend(sets.map(|set| Cell::Number(number(set.accuracy))));
     cells.push(Cell::Number(epoch.seconds.map_or("–".to_owned(), duration)));

@@ -31,7 +31,7 @@ pub(super) fn warnings(run: &TrainedRun, evaluation: Option<&Evaluation>) -> Vec
     warnings.extend(HELD_OUT.iter().filter_map(|set| no_better_than_failure(run, *set)));
     warnings.extend(stopped_early(run));
     let rising: Vec<String> = HELD_OUT.iter().filter_map(|set| rising(run, *set)).collect();
-    // More epochs of learning by heart help nobody.
+    // More epochs of overfitting help nobody.
     warnings.extend(still_falling(run).filter(|_| rising.is_empty()));
     warnings.extend(rising);
     warnings.extend(evaluation.into_iter().flat_map(of_evaluation));
@@ -56,13 +56,13 @@ fn no_better_than_failure(run: &TrainedRun, (name, set): HeldOut) -> Option<Stri
     };
     if accuracy <= baseline {
         return Some(format!(
-            "The best epoch's accuracy on {name}, {accuracy:.3}, is not above that of always answering “failure”, {baseline:.3}: the \
+            "The best epoch's accuracy on {name}, {accuracy:.3}, is not above that of always answering \"failure\", {baseline:.3}: the \
              network has learned nothing that helps."
         ));
     }
     let interval = accuracy_95.filter(|(low, _)| *low <= baseline)?;
     Some(format!(
-        "The best epoch's accuracy on {name}, {accuracy:.3} (95 %: {}), may be no better than always answering “failure”, {baseline:.3}.",
+        "The best epoch's accuracy on {name}, {accuracy:.3} (95 %: {}), may be no better than always answering \"failure\", {baseline:.3}.",
         range(Some(interval))
     ))
 }
@@ -105,8 +105,8 @@ fn rising(run: &TrainedRun, (name, set): HeldOut) -> Option<String> {
     }
     let (last, now) = losses[losses.len() - 1];
     Some(format!(
-        "The loss on {name} was lowest at epoch {epoch}, {least:.4}, and is {now:.4} at epoch {last}: since then the network has learned \
-         by heart. More data, augmentation or patience_epochs help."
+        "The loss on {name} was lowest at epoch {epoch}, {least:.4}, and is {now:.4} at epoch {last}: since then the network has been \
+         overfitting. More data, augmentation or patience_epochs help."
     ))
 }
 
@@ -120,12 +120,12 @@ fn of_evaluation(evaluation: &Evaluation) -> Vec<String> {
         let low = evaluation.accuracy_95_by_scene.map_or(all.accuracy_95.0, |(low, _)| low);
         if accuracy <= baseline {
             warnings.push(format!(
-                "On {} the accuracy, {accuracy:.3}, is not above that of always answering “failure”, {baseline:.3}.",
+                "On {} the accuracy, {accuracy:.3}, is not above that of always answering \"failure\", {baseline:.3}.",
                 evaluation.split.description()
             ));
         } else if low <= baseline {
             warnings.push(format!(
-                "On {} the accuracy, {accuracy:.3} (95 %, scenes drawn: {}), may be no better than always answering “failure”, \
+                "On {} the accuracy, {accuracy:.3} (95 %, scenes drawn: {}), may be no better than always answering \"failure\", \
                  {baseline:.3}.",
                 evaluation.split.description(),
                 range(evaluation.accuracy_95_by_scene.or(Some(all.accuracy_95)))

@@ -64,16 +64,16 @@ fn a_page_has_the_numbers_of_the_evaluation_and_the_metrics() {
     let number = |at: &str| format!("{:.3}", found.pointer(at).unwrap().as_f64().unwrap());
     for (what, at) in [
         ("accuracy (Eq. 6)", "/all/accuracy"),
-        ("accuracy of always “failure”", "/all/baseline_accuracy"),
+        ("accuracy of always &quot;failure&quot;", "/all/baseline_accuracy"),
         ("average precision", "/ranking/average_precision"),
         ("area under the ROC curve", "/ranking/roc_auc"),
-        ("expected calibration error", "/calibration/expected_error"),
+        ("expected calibration error, 10 bins", "/calibration/expected_error"),
         ("Brier score", "/calibration/brier"),
     ] {
         check_holds(&page, &[&format!("<td>{what}</td><td class=\"number\">{}</td>", number(at))]);
     }
     let interval = format!("{} to {}", number("/accuracy_95_by_scene/0"), number("/accuracy_95_by_scene/1"));
-    check_holds(&page, &[&interval, "epoch", "10 scenes only", "on all samples: "]);
+    check_holds(&page, &[&interval, "epoch", "10 scenes only", "<td>all samples: "]);
     let count = |name: &str| found.pointer(&format!("/all/confusion/{name}")).unwrap().as_u64().unwrap();
     for (what, counts) in
         [("held", ["true_positive", "false_negative"]), ("failed", ["false_positive", "true_negative"])]

@@ -88,7 +88,7 @@ fn a_run_is_drawn_and_an_evaluation_reported() {
     assert!(below.is_none_or(|point| point["recall"].as_f64().unwrap() >= recall));
 
     let (text, _) = succeed(&["evaluate", "--model", &model, "--data", &fresh, "--split", "all"]);
-    for words in ["average precision", "area under ROC", "Brier", "rotation error", "mm", "0.9 to 1.0"] {
+    for words in ["average precision", "area under the ROC curve", "Brier", "error of rotation", "mm", "0.9 to 1.0"] {
         assert!(text.contains(words), "{words} is not in\n{text}");
     }
 }

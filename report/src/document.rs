@@ -1,0 +1,163 @@
+//! A result as an ordered list of blocks, which is described once and becomes a page, Markdown or a terminal's text.
+//!
+//! A page is one file: no script, no network, light and dark, from a phone's width to a wall's. Pages show everything;
+//! Markdown and terminals leave out what only a page has room for: figures that lie in no file of their own, and
+//! columns of notes.
+
+pub(crate) mod html;
+mod plain;
+
+use crate::figure::{Figure, Intervals};
+
+/// A result that is described.
+#[derive(Debug, Clone, Default)]
+pub struct Document {
+    /// Its title; empty for none.
+    pub title: String,
+    /// What it says, in order.
+    pub blocks: Vec<Block>,
+    /// The last line of a page: what made it of what.
+    pub footer: String,
+}
+
+/// A part of a document.
+#[derive(Debug, Clone)]
+pub enum Block {
+    /// The heading of a section, in a page's list of sections too.
+    Heading(String),
+    /// A heading below it.
+    Subheading(String),
+    /// A paragraph.
+    Text(String),
+    /// Short sentences, one below the other.
+    List(Vec<String>),
+    /// What a reader wants to know first: numbers, and what they are.
+    Tiles(Vec<(String, String)>),
+    /// What a reader should be worried about; a page also says if there is nothing.
+    Warnings(Vec<String>),
+    /// A table.
+    Table(Table),
+    /// Figures side by side.
+    Figures(Vec<Picture>),
+    /// Small pictures, more of them side by side; on pages only.
+    Gallery(Vec<Picture>),
+    /// A program's input in the language that is named.
+    Code(&'static str, String),
+}
+
+/// A picture with its caption.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    /// What is drawn.
+    pub drawing: Drawing,
+    /// What it shows, in bold.
+    pub title: String,
+    /// What else there is to say.
+    pub caption: String,
+    /// The file beside a Markdown file that holds the figure; without one, Markdown leaves it out.
+    pub file: Option<&'static str>,
+    /// The numbers that it shows, for readers who have no pictures.
+    pub numbers: Option<Table>,
+}
+
+/// What a picture draws.
+#[derive(Debug, Clone)]
+pub enum Drawing {
+    /// A figure in axes.
+    Figure(Figure),
+    /// Rates with their intervals.
+    Intervals(Intervals),
+    /// Markup of our own making: an `<svg>`.
+    Svg(String),
+}
+
+/// A table. A column's cells are of one kind, which decides how it is aligned.
+#[derive(Debug, Clone, Default)]
+pub struct Table {
+    /// Heads of the columns.
+    pub head: Vec<String>,
+    /// Rows of as many cells.
+    pub rows: Vec<Vec<Cell>>,
+}
+
+/// A cell of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cell {
+    /// Words.
+    Text(String),
+    /// Something from a program: a name, a hash, a path.
+    Code(String),
+    /// A number, as it is to be read.
+    Number(String),
+    /// A count: `1,234` where people read it, `1234` in Markdown.
+    Count(u64),
+    /// A share from 0 to 1 as a bar, and in words beside it.
+    Bar(f64, String),
+    /// An explanation, which only a page has room for.
+    Note(String),
+}
+
+impl Picture {
+    /// A figure; its title becomes the caption's.
+    #[must_use]
+    pub fn figure(figure: Figure, caption: &str) -> Self {
+        let title = figure.title.clone();
+        Self::new(Drawing::Figure(figure), title, caption)
+    }
+
+    /// Anything that is drawn.
+    pub fn new(drawing: Drawing, title: impl Into<String>, caption: impl Into<String>) -> Self {
+        Self { drawing, title: title.into(), caption: caption.into(), file: None, numbers: None }
+    }
+}
+
+impl Table {
+    /// A table from its heads and rows.
+    pub fn new<T: Into<String>>(head: impl IntoIterator<Item = T>, rows: impl IntoIterator<Item = Vec<Cell>>) -> Self {
+        Self { head: head.into_iter().map(Into::into).collect(), rows: rows.into_iter().collect() }
+    }
+
+    fn is_right(&self, column: usize) -> bool {
+        let first = self.rows.first().and_then(|row| row.get(column));
+        matches!(first, Some(Cell::Number(_) | Cell::Count(_) | Cell::Bar(..)))
+    }
+
+    /// The columns that are shown without a page.
+    fn plain_columns(&self) -> Vec<usize> {
+        let is_note = |column: &usize| self.rows.iter().any(|row| matches!(row.get(*column), Some(Cell::Note(_))));
+        (0..self.head.len()).filter(|column| !is_note(column)).collect()
+    }
+}
+
+impl Cell {
+    /// A name or anything else from a program.
+    pub fn code(text: impl Into<String>) -> Self {
+        Self::Code(text.into())
+    }
+
+    /// A number as it is to be read.
+    pub fn number(text: impl Into<String>) -> Self {
+        Self::Number(text.into())
+    }
+
+    /// An explanation.
+    pub fn note(text: impl Into<String>) -> Self {
+        Self::Note(text.into())
+    }
+}
+
+impl<T: Into<String>> From<T> for Cell {
+    fn from(text: T) -> Self {
+        Self::Text(text.into())
+    }
+}
+
+/// A section that tells of one thing among several: its headings go one level down.
+#[must_use]
+pub fn below(heading: &str, blocks: Vec<Block>) -> Vec<Block> {
+    let lower = |block| match block {
+        Block::Heading(text) => Block::Subheading(text),
+        block => block,
+    };
+    [Block::Heading(heading.to_owned())].into_iter().chain(blocks.into_iter().map(lower)).collect()
+}

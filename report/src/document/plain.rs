@@ -1,0 +1,195 @@
+//! Documents as Markdown and as a terminal's text.
+
+use program::text::{bar, grouped};
+
+use super::{Block, Cell, Document, Picture, Table};
+
+/// Characters of the longest bar.
+const BAR: usize = 24;
+
+impl Document {
+    /// The document as Markdown, for files and for what is printed as such.
+    #[must_use]
+    pub fn markdown(&self) -> String {
+        let title = (!self.title.is_empty()).then(|| format!("# {}\n", one_line(&self.title)));
+        let blocks = self.blocks.iter().map(Block::markdown).filter(|text| !text.is_empty());
+        title.into_iter().chain(blocks).collect::<Vec<_>>().join("\n")
+    }
+
+    /// The document as aligned text.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let title = (!self.title.is_empty()).then(|| format!("{}\n", self.title));
+        let blocks = self.blocks.iter().map(Block::text).filter(|text| !text.is_empty());
+        title.into_iter().chain(blocks).collect::<Vec<_>>().join("\n")
+    }
+}
+
+impl Block {
+    fn markdown(&self) -> String {
+        match self {
+            Self::Heading(text) => format!("## {}\n", one_line(text)),
+            Self::Subheading(text) => format!("### {}\n", one_line(text)),
+            Self::Text(text) => format!("{text}\n"),
+            Self::List(lines) | Self::Warnings(lines) => lines.iter().map(|line| format!("- {line}\n")).collect(),
+            Self::Tiles(tiles) => tiles.iter().map(|(value, what)| format!("- {value}: {what}\n")).collect(),
+            Self::Table(table) => table.markdown(),
+            Self::Figures(pictures) => pictures.iter().filter_map(Picture::markdown).collect(),
+            Self::Gallery(_) => String::new(),
+            Self::Code(language, code) => fenced(language, code),
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Heading(text) | Self::Subheading(text) | Self::Text(text) => format!("{text}\n"),
+            Self::List(lines) => lines.iter().map(|line| format!("{line}\n")).collect(),
+            Self::Warnings(lines) => lines.iter().map(|line| format!("warning: {line}\n")).collect(),
+            Self::Tiles(tiles) => {
+                let row = |(value, what): &(String, String)| vec![Cell::number(value), Cell::from(what)];
+                Table::new(["", ""], tiles.iter().map(row)).text()
+            }
+            Self::Table(table) => table.text(),
+            Self::Figures(pictures) => {
+                let tables = pictures.iter().filter_map(|picture| picture.numbers.as_ref());
+                tables.map(Table::text).collect::<Vec<_>>().join("\n")
+            }
+            Self::Gallery(_) => String::new(),
+            Self::Code(_, code) => format!("{}\n", code.trim_end()),
+        }
+    }
+}
+
+impl Picture {
+    fn markdown(&self) -> Option<String> {
+        let file = self.file?;
+        Some(format!("![{}]({file})\n", self.title.to_lowercase()))
+    }
+}
+
+impl Table {
+    fn markdown(&self) -> String {
+        let columns = self.plain_columns();
+        let mark = |column: &usize| if self.is_right(*column) { "---:|" } else { "---|" };
+        let cell = |text: &str| {
+            if text.is_empty() { " |".to_owned() } else { format!(" {} |", one_line(text).replace('|', "\\|")) }
+        };
+        let line = |cells: String| format!("|{cells}\n");
+        let mut text = line(columns.iter().map(|column| cell(&self.head[*column])).collect());
+        text += &line(columns.iter().map(mark).collect());
+        for row in &self.rows {
+            text +=
+                &line(columns.iter().filter_map(|column| row.get(*column)).map(|of| cell(&of.markdown())).collect());
+        }
+        text
+    }
+
+    /// Columns as wide as they must be, two blanks between them; a bar stands beside its words.
+    fn text(&self) -> String {
+        let columns = self.plain_columns();
+        let words: Vec<Vec<String>> = self
+            .rows
+            .iter()
+            .map(|row| columns.iter().filter_map(|at| row.get(*at)).map(Cell::words).collect())
+            .collect();
+        let length = |text: &str| text.chars().count();
+        let width = |at: usize, column: &usize| {
+            let cells = words.iter().filter_map(|row| row.get(at)).map(|text| length(text));
+            cells.fold(length(&self.head[*column]), usize::max)
+        };
+        let widths: Vec<usize> = columns.iter().enumerate().map(|(at, column)| width(at, column)).collect();
+        let has_bar = |column: usize| matches!(self.rows.first().and_then(|row| row.get(column)), Some(Cell::Bar(..)));
+        let line = |words: &[String], bars: Option<&Vec<Cell>>| {
+            let mut line = String::new();
+            for ((column, width), word) in columns.iter().zip(&widths).zip(words) {
+                let blank = " ".repeat(width - length(word));
+                line += &if self.is_right(*column) { blank + word } else { word.clone() + &blank };
+                if has_bar(*column) {
+                    let share = match bars.and_then(|row| row.get(*column)) {
+                        Some(Cell::Bar(share, _)) => *share,
+                        _ => 0.0,
+                    };
+                    line += &format!("  {:<BAR$}", bar(share, BAR));
+                }
+                line += "  ";
+            }
+            format!("{}\n", line.trim_end())
+        };
+        let head: Vec<String> = columns.iter().map(|column| self.head[*column].clone()).collect();
+        let head = if head.iter().all(String::is_empty) { String::new() } else { line(&head, None) };
+        head + &words.iter().zip(&self.rows).map(|(words, row)| line(words, Some(row))).collect::<String>()
+    }
+}
+
+impl Cell {
+    fn words(&self) -> String {
+        match self {
+            Self::Text(text) | Self::Code(text) | Self::Number(text) | Self::Note(text) | Self::Bar(_, text) => {
+                text.clone()
+            }
+            Self::Count(count) => grouped(*count),
+        }
+    }
+
+    fn markdown(&self) -> String {
+        if let Self::Count(count) = self { count.to_string() } else { self.words() }
+    }
+}
+
+/// Text that stands in a heading or a cell, whatever it is made of.
+fn one_line(text: &str) -> String {
+    text.replace(char::is_control, " ")
+}
+
+/// A code block, fenced with more backticks than the code has in a row.
+fn fenced(language: &str, code: &str) -> String {
+    let longest = code.split(|letter| letter != '`').map(str::len).max().unwrap_or(0);
+    let fence = "`".repeat(3.max(longest + 1));
+    format!("{fence}{language}\n{}\n{fence}\n", code.trim_end())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn document() -> Document {
+        let row = |name: &str, count, share: f64| {
+            vec![
+                Cell::code(name),
+                Cell::Count(count),
+                Cell::Bar(share, format!("{:.0} %", 100.0 * share)),
+                Cell::note("why"),
+            ]
+        };
+        let table = Table::new(["what", "count", "share", "meaning"], [row("a|b\nc", 1200, 0.5), row("d", 7, 0.0)]);
+        let blocks = vec![Block::Text("Words.".to_owned()), Block::Heading("Counts".to_owned()), Block::Table(table)];
+        Document { title: "Title".to_owned(), blocks, footer: String::new() }
+    }
+
+    #[test]
+    fn names_cannot_break_a_table() {
+        let expected = "# Title\n\nWords.\n\n## Counts\n\n| what | count | share |\n|---|---:|---:|\n\
+                        | a\\|b c | 1200 | 50 % |\n| d | 7 | 0 % |\n";
+        assert_eq!(document().markdown(), expected);
+        assert_eq!(fenced("sh", "x"), "```sh\nx\n```\n");
+        assert_eq!(fenced("toml", "a = \"```\""), "````toml\na = \"```\"\n````\n");
+    }
+
+    #[test]
+    fn text_is_aligned_and_has_no_blanks_at_its_ends() {
+        let mut document = document();
+        document.blocks.truncate(2);
+        document.blocks.push(Block::Table(Table::new(
+            ["what", "count", "share"],
+            [
+                vec![Cell::from("long name"), Cell::Count(1200), Cell::Bar(0.5, "50 %".to_owned())],
+                vec![Cell::from("d"), Cell::Count(7), Cell::Bar(0.0, "0 %".to_owned())],
+            ],
+        )));
+        let expected = "Title\n\nWords.\n\nCounts\n\n\
+                        what       count  share\n\
+                        long name  1,200   50 %  ████████████\n\
+                        d              7    0 %\n";
+        assert_eq!(document.text(), expected);
+    }
+}

@@ -1,0 +1,394 @@
+//! The report as a document: what a terminal shows, and what a page shows besides.
+
+use std::time::Duration;
+
+use program::text::{bytes, grouped, percent, ratio};
+use report::document::{Block, Cell, Document, Picture, Table};
+use report::figure::{BLUE, Bars, Colour, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
+use schema::Outcome;
+use serde_json::Value;
+
+use super::coverage::{AZIMUTHS, HEIGHTS};
+use super::fit::{Fit, Law};
+use super::scenes::gallery;
+use super::{Bin, Group, Report};
+use crate::{Dataset, DatasetInfo, ReadError, Tally};
+
+/// Scenes that are shown.
+const SCENES_SHOWN: u64 = 12;
+
+/// The report, for a terminal.
+#[must_use]
+pub fn document(report: &Report, info: &DatasetInfo) -> Document {
+    let mut blocks =
+        vec![Block::Text(lead(report, info)), Block::Warnings(report.warnings()), Block::Tiles(tiles(report))];
+    let sections =
+        [outcomes(report), positives(report), hand(report), laws(report), orientations(report), sizes(report)];
+    for (title, text, shown) in sections {
+        blocks.extend([Block::Heading(title.to_owned()), Block::Text(text)]);
+        blocks.extend(shown);
+    }
+    let footer =
+        format!("shards report --html, Graspmill {}; dataset {}", env!("CARGO_PKG_VERSION"), report.dataset_id);
+    Document { title: "Grasp attempts in simulation".to_owned(), blocks, footer }
+}
+
+/// The report as a page shows it: with pictures of scenes and the dataset's origin. `written_over`: from the first to
+/// the last of its files, if they have times.
+///
+/// # Errors
+/// [`ReadError`] if a scene cannot be read.
+pub fn page(report: &Report, dataset: &Dataset, written_over: Option<Duration>) -> Result<Document, ReadError> {
+    let mut page = document(report, dataset.info());
+    if let Some(span) = written_over.filter(|span| span.as_secs_f64() >= 1.0) {
+        let rate = report.labels.attempts as f64 / span.as_secs_f64();
+        let what = format!("attempts a second, by the files' times: first to last {:.0} s", span.as_secs_f64());
+        let speed = (grouped(rate.round() as u64), what);
+        page.blocks.iter_mut().for_each(|block| {
+            if let Block::Tiles(tiles) = block {
+                tiles.push(speed.clone());
+            }
+        });
+    }
+    let heading = |title: &str, text: &str| [Block::Heading(title.to_owned()), Block::Text(text.to_owned())];
+    page.blocks.extend(heading(
+        "Scenes",
+        "Evenly spread over the dataset. A fork is a hand: green held, red failed. \"shards view DIR --scene N\" shows a scene that can \
+         be turned.",
+    ));
+    page.blocks.push(Block::Gallery(gallery(dataset, SCENES_SHOWN)?));
+    page.blocks.extend(heading(
+        "Provenance",
+        "From meta/info.json, which is shown here, the dataset can be made again, byte for byte.",
+    ));
+    page.blocks.push(Block::Table(provenance(dataset)));
+    Ok(page)
+}
+
+fn lead(report: &Report, info: &DatasetInfo) -> String {
+    format!(
+        "{} attempts on {} objects in {} scenes, executed in physics with the hand \"{}\" and labelled by how they ended.\n\
+         Dataset {}, {} {}, code {}, seed {}.",
+        grouped(report.labels.attempts),
+        grouped(report.objects),
+        grouped(report.scenes),
+        info.gripper.name,
+        &report.dataset_id[..12],
+        grouped(report.shards.into()),
+        if report.shards == 1 { "shard" } else { "shards" },
+        report.code_version,
+        report.seed,
+    )
+}
+
+fn tiles(report: &Report) -> Vec<(String, String)> {
+    let tile = |value: String, what: &str| (value, what.to_owned());
+    let sum: u64 = report.tables.iter().map(|table| table.bytes).sum();
+    let each = sum as f64 / report.labels.attempts.max(1) as f64;
+    vec![
+        tile(grouped(report.labels.attempts), "attempts"),
+        tile(ratio(report.labels.positives, report.labels.negatives()), "positives : negatives"),
+        tile(percent(report.labels.positive_share()), "held the object"),
+        tile(grouped(report.scenes), "scenes"),
+        tile(bytes(sum), "on disk"),
+        tile(format!("{each:.0} B"), "an attempt, grids and all"),
+    ]
+}
+
+/// A heading, what is shown and how to read it, and what it shows.
+type Section = (&'static str, String, Vec<Block>);
+
+fn share(part: u64, whole: u64) -> Cell {
+    let share = part as f64 / whole.max(1) as f64;
+    Cell::Bar(share, percent(share))
+}
+
+fn outcomes(report: &Report) -> Section {
+    let rows = report.outcomes.iter().map(|group| {
+        let hits: Vec<String> = group.hits.iter().map(|(hit, count)| format!("{hit} {}", grouped(*count))).collect();
+        vec![
+            Cell::code(&group.outcome),
+            Cell::Count(group.attempts),
+            share(group.attempts, report.labels.attempts),
+            hits.join(", ").into(),
+            Cell::note(Outcome::from_name(&group.outcome).map_or("", Outcome::meaning)),
+        ]
+    });
+    let text = "Every attempt ends in one of six ways, decided in this order; only the last is a positive label.";
+    let table = Table::new(["outcome", "attempts", "share", "what was hit", "meaning"], rows);
+    ("How attempts ended", text.to_owned(), vec![Block::Table(table)])
+}
+
+fn positives(report: &Report) -> Section {
+    let mut neighbours = Picture::figure(
+        shares_of_bins(
+            "Held, by distance to the next object",
+            Scale::steps("nearest other object's centre, cm", 0.0, 18.0, 2.0),
+            &report.neighbour_m,
+            100.0,
+        ),
+        "Clutter: distance between centres. The last bar also holds what is further, and lone objects.",
+    );
+    neighbours.numbers = Some(bin_table("nearest object, cm", &report.neighbour_m, 100.0));
+    let mut angles = Picture::figure(
+        shares_of_bins(
+            "Held, by angle of the approach",
+            Scale::steps("degrees from straight down", 0.0, 180.0, 30.0),
+            &report.approach_deg,
+            1.0,
+        ),
+        "0 is a grasp from above, 90 one from the side.",
+    );
+    angles.numbers = Some(bin_table("degrees off vertical", &report.approach_deg, 1.0));
+    let text = "Which attempts held: by the target's shape, by the rule that drew the grasp, by clutter and by direction. Bars \
+                show the share that held.";
+    let blocks = vec![
+        groups("shape", &report.shapes),
+        groups("rule", &report.rules),
+        groups("objects in scene", &report.object_counts),
+        Block::Figures(vec![neighbours, angles]),
+    ];
+    ("Positives", text.to_owned(), blocks)
+}
+
+/// Groups of which there is anything.
+fn groups(title: &str, groups: &[Group]) -> Block {
+    let row = |group: &Group| {
+        let (attempts, positives) = (group.attempts, group.positives);
+        vec![Cell::code(&group.name), Cell::Count(attempts), Cell::Count(positives), share(positives, attempts)]
+    };
+    let tried = groups.iter().filter(|group| group.attempts > 0);
+    Block::Table(Table::new([title, "attempts", "held", "share"], tried.map(row)))
+}
+
+/// The numbers of a histogram; bars are shares of the fullest.
+fn bin_table(title: &str, bins: &[Bin], factor: f64) -> Table {
+    let most = bins.iter().map(|bin| bin.attempts).max().unwrap_or_default().max(1);
+    let rows = bins.iter().map(|bin| {
+        let held = bin.positives as f64 / bin.attempts as f64;
+        let edge = |at: f64| ((at * factor) * 100.0).round() / 100.0;
+        vec![
+            format!("{} to {}", edge(bin.low), edge(bin.high)).into(),
+            Cell::Count(bin.positives),
+            Cell::Number(if bin.attempts == 0 { "–".to_owned() } else { percent(held) }),
+            Cell::Bar(bin.attempts as f64 / most as f64, grouped(bin.attempts)),
+        ]
+    });
+    Table::new([title, "held", "share", "attempts"], rows)
+}
+
+/// The share of positives of each bar; ranges times `factor`.
+fn shares_of_bins(title: &str, x: Scale, bins: &[Bin], factor: f64) -> Figure {
+    let bars = bins.iter().filter(|bin| bin.attempts > 0);
+    let share = |bin: &Bin| bin.positives as f64 / bin.attempts as f64;
+    let bars: Vec<[f64; 4]> = bars.map(|bin| [bin.low * factor, bin.high * factor, 0.0, share(bin)]).collect();
+    let most = bars.iter().map(|bar| bar[3]).fold(0.0, f64::max);
+    Figure {
+        title: title.to_owned(),
+        x,
+        y: Scale::around("share that held", 0.0, most.max(0.05)),
+        lines: Vec::new(),
+        bars: vec![Bars { name: String::new(), colour: GREEN, bars }],
+    }
+}
+
+fn around(label: &str, bins: &[Bin], factor: f64) -> Scale {
+    let low = bins.first().map_or(0.0, |bin| bin.low * factor);
+    let high = bins.last().map_or(1.0, |bin| bin.high * factor);
+    Scale::around(label, low, high)
+}
+
+fn hand(report: &Report) -> Section {
+    let mut widths = Picture::figure(
+        counts_of_bins("Opening of the hand", "opening, mm", &report.width_m, 1000.0),
+        "Attempts that closed the hand: at the end of the hold if held, else when closing stopped; green held. Below the smallest extent the \
+         hand met nothing.",
+    );
+    widths.numbers = Some(bin_table("width, mm, if closed", &report.width_m, 1000.0));
+    let mut depths = Picture::figure(
+        counts_of_bins("Depth of the tips", "behind the near face, mm", &report.tip_depth_m, 1000.0),
+        "As drawn by the rules of Appendix A: d_z + l_z / 2; green held.",
+    );
+    depths.numbers = Some(bin_table("depth of the tips, mm", &report.tip_depth_m, 1000.0));
+    let has_depths = report.tip_depth_m.iter().any(|bin| bin.attempts > 0);
+    let pictures = [Some(widths), has_depths.then_some(depths)].into_iter().flatten().collect();
+    let text = "The opening of the hand, and how far its tips reached behind the near face.".to_owned();
+    ("Widths and depths", text, vec![Block::Figures(pictures)])
+}
+
+/// Attempts by bar, those that held below those that failed.
+fn counts_of_bins(title: &str, label: &str, bins: &[Bin], factor: f64) -> Figure {
+    let most = bins.iter().map(|bin| bin.attempts).max().unwrap_or_default() as f64;
+    let thousands = most >= 10_000.0;
+    let unit = if thousands { 1000.0 } else { 1.0 };
+    let bar =
+        |bin: &Bin, low: u64, high: u64| [bin.low * factor, bin.high * factor, low as f64 / unit, high as f64 / unit];
+    let held = bins.iter().map(|bin| bar(bin, 0, bin.positives)).collect();
+    let failed = bins.iter().map(|bin| bar(bin, bin.positives, bin.attempts)).collect();
+    Figure {
+        title: title.to_owned(),
+        x: around(label, bins, factor),
+        y: Scale::around(if thousands { "attempts, thousands" } else { "attempts" }, 0.0, (most / unit).max(1.0)),
+        lines: Vec::new(),
+        bars: vec![
+            Bars { name: "held".to_owned(), colour: GREEN, bars: held },
+            Bars { name: "failed".to_owned(), colour: ORANGE, bars: failed },
+        ],
+    }
+}
+
+fn laws(report: &Report) -> Section {
+    let mut pictures = Vec::new();
+    let mut rows = Vec::new();
+    for fit in &report.fits {
+        let test = fit.chi_square();
+        let told = test.map_or_else(
+            || "too few draws to say".to_owned(),
+            |test| format!("χ² = {:.1}, {} degrees of freedom, p = {:.3}", test.statistic, test.degrees, test.p),
+        );
+        let selected = if fit.complete { "" } else { ". Objects that fell off the table are not in the data" };
+        pictures.push(Picture::figure(law(fit), &format!("{} draws; {told}{selected}.", grouped(fit.total()))));
+        rows.push(vec![
+            fit.name.into(),
+            law_in_words(fit).into(),
+            Cell::Count(fit.total()),
+            Cell::Number(test.map_or("–".to_owned(), |t| format!("{:.1} / {}", t.statistic, t.degrees))),
+            Cell::Number(test.map_or("–".to_owned(), |t| format!("{:.3}", t.p))),
+        ]);
+    }
+    let title = "Draws against their laws";
+    if rows.is_empty() {
+        return (title, "No attempt was drawn by a rule of Appendix A.".to_owned(), Vec::new());
+    }
+    let text = "What was drawn beside the laws of the paper's Appendix A and of the config. p is the probability that a sample of the law is \
+                as far off or further: small values now and then are chance, tiny ones are not.";
+    let table = Table::new(["what was drawn", "law", "draws", "χ² / degrees", "p"], rows);
+    (title, text.to_owned(), vec![Block::Figures(pictures), Block::Table(table)])
+}
+
+fn law_in_words(fit: &Fit) -> String {
+    match fit.law {
+        Law::Uniform => format!("uniform, {:.0} to {:.0} {}", fit.range[0], fit.range[1], fit.unit),
+        Law::StandardNormal => "normal".to_owned(),
+    }
+}
+
+fn law(fit: &Fit) -> Figure {
+    let total = fit.total().max(1) as f64;
+    let shares: Vec<f64> = fit.counts.iter().map(|count| 100.0 * *count as f64 / total).collect();
+    let step = (fit.range[1] - fit.range[0]) / fit.counts.len() as f64;
+    let expected = fit.expected.iter().enumerate();
+    let line = expected.map(|(at, share)| (fit.range[0] + (at as f64 + 0.5) * step, 100.0 * share)).collect();
+    let most =
+        shares.iter().chain(&[100.0 * fit.expected.iter().copied().fold(0.0, f64::max)]).copied().fold(0.0, f64::max);
+    Figure {
+        title: capital(fit.name),
+        x: Scale::around(fit.unit, fit.range[0], fit.range[1]),
+        y: Scale::around("draws, %", 0.0, most),
+        lines: vec![Line::new("law", ORANGE, Stroke::Solid, line)],
+        bars: vec![Bars::standing("drawn", BLUE, fit.range[0], step, &shares)],
+    }
+}
+
+fn capital(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map(|first| first.to_uppercase().collect::<String>() + letters.as_str()).unwrap_or_default()
+}
+
+/// Blues from light to dark, and the share of the fullest patch from which each begins.
+const SHADES: [([u8; 3], f64, &str); 5] = [
+    ([222, 235, 247], 0.0, "some"),
+    ([158, 202, 225], 0.125, "⅛ of the most"),
+    ([107, 174, 214], 0.25, "¼"),
+    ([49, 130, 189], 0.5, "½"),
+    ([8, 69, 148], 0.75, "¾"),
+];
+
+fn orientations(report: &Report) -> Section {
+    let coverage = &report.coverage;
+    let map = |title: &str, count: fn(&Tally) -> u64| {
+        let most = coverage.patches.iter().map(count).max().unwrap_or_default().max(1) as f64;
+        let shade = |at: usize| {
+            let ([r, g, b], from, name) = SHADES[at];
+            let to = SHADES.get(at + 1).map_or(f64::INFINITY, |next| next.1);
+            let is_of = |patch: &Tally| count(patch) > 0 && (from..to).contains(&(count(patch) as f64 / most));
+            let place = |at: usize| {
+                let (row, column) = ((at / AZIMUTHS) as f64, (at % AZIMUTHS) as f64);
+                let (wide, high) = (360.0 / AZIMUTHS as f64, 2.0 / HEIGHTS as f64);
+                [column * wide, (column + 1.0) * wide, -1.0 + row * high, -1.0 + (row + 1.0) * high]
+            };
+            let bars = coverage.patches.iter().enumerate().filter(|(_, patch)| is_of(patch)).map(|(at, _)| place(at));
+            Bars { name: name.to_owned(), colour: Colour(r, g, b), bars: bars.collect() }
+        };
+        Figure {
+            title: title.to_owned(),
+            x: Scale::steps("azimuth of the approach, degrees", 0.0, 360.0, 60.0),
+            y: Scale::steps("its z: −1 straight down", -1.0, 1.0, 0.5),
+            lines: vec![Line::new("", GREY, Stroke::Dashed, vec![(0.0, 0.0), (360.0, 0.0)])],
+            bars: (0..SHADES.len()).map(shade).collect(),
+        }
+    };
+    let text = format!(
+        "Directions of the approach on {} patches of the sphere, all of one size: from {} of them something was tried, from {} \
+         something held. Blank patches are empty.",
+        coverage.patches.len(),
+        percent(coverage.tried()),
+        percent(coverage.held())
+    );
+    let pictures = vec![
+        Picture::figure(map("Tried", |patch| patch.attempts), "All attempts."),
+        Picture::figure(map("Held", |patch| patch.positives), "Attempts that held."),
+    ];
+    ("Coverage of orientations", text, vec![Block::Figures(pictures)])
+}
+
+fn sizes(report: &Report) -> Section {
+    let rows = report.tables.iter().map(|table| {
+        vec![
+            Cell::code(&table.table),
+            Cell::Count(table.rows),
+            Cell::Number(bytes(table.bytes)),
+            Cell::Count(table.bytes_per_scene.round() as u64), // a size, from 0
+            Cell::Number(format!("{:.1}", table.bytes_per_attempt)),
+        ]
+    });
+    let table = Table::new(["table", "rows", "on disk", "bytes a scene", "bytes an attempt"], rows);
+    let (rejected, outside) = (&report.rejections, report.outside_grid);
+    let text = format!(
+        "{} scenes were thrown away on the way ({} did not come to rest, {} lost every object, {} broke the physics); {} grasps ({}) \
+         lie outside the grid, {} of them positive.",
+        grouped(rejected.total()),
+        grouped(rejected.unsettled),
+        grouped(rejected.empty),
+        grouped(rejected.unstable),
+        grouped(outside.attempts),
+        percent(outside.attempts as f64 / report.labels.attempts.max(1) as f64),
+        grouped(outside.positives),
+    );
+    ("Size", text, vec![Block::Table(table)])
+}
+
+fn provenance(dataset: &Dataset) -> Table {
+    // What is said of frames and units is the same for all; the corners of models are shown by the pictures.
+    let mut told: Value = serde_json::from_str(&dataset.info().to_json()).unwrap_or_default();
+    if let Value::Object(map) = &mut told {
+        map.retain(|key, _| !["about", "facets", "frames", "units", "models"].contains(&key.as_str()));
+    }
+    let mut keys = vec![("dataset".to_owned(), dataset.id().to_owned())];
+    flatten("", &told, &mut keys);
+    Table::new(["key", "value"], keys.into_iter().map(|(key, value)| vec![Cell::Code(key), Cell::Code(value)]))
+}
+
+/// A config's keys and values, tables as `table.key`.
+fn flatten(prefix: &str, value: &Value, into: &mut Vec<(String, String)>) {
+    match value {
+        Value::Object(map) => {
+            for (key, inner) in map {
+                let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+                flatten(&name, inner, into);
+            }
+        }
+        Value::String(text) => into.push((prefix.to_owned(), text.clone())),
+        other => into.push((prefix.to_owned(), other.to_string())),
+    }
+}
