@@ -212,7 +212,11 @@ fn what_is_no_run_is_told() {
     fails(&[], 65, &["damaged recipe", "config.toml"]);
     fs::copy(&config, run.join("config.toml")).unwrap();
     check_fails(&["report", text(&run)], 2, &["--html"]);
-    check_fails(&["report", text(&run), "--html", text(&path("none/page.html"))], 75, &["failed to write", "none/page.html"]);
+    check_fails(
+        &["report", text(&run), "--html", text(&path("none/page.html"))],
+        75,
+        &["failed to write", "none/page.html"],
+    );
     check_fails(&["report", text(&run), "--html", text(&html), "--data", "/nowhere"], 78, &["no checkpoint here"]);
     succeed(&["report", text(&run), "--html", text(&html)]);
 }
