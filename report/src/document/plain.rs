@@ -12,20 +12,42 @@ impl Document {
     #[must_use]
     pub fn markdown(&self) -> String {
         let title = (!self.title.is_empty()).then(|| format!("# {}\n", one_line(&self.title)));
-        let blocks = self.blocks.iter().map(Block::markdown).filter(|text| !text.is_empty());
-        title.into_iter().chain(blocks).collect::<Vec<_>>().join("\n")
+        self.joined(title, Block::markdown)
     }
 
     /// The document as aligned text.
     #[must_use]
     pub fn text(&self) -> String {
         let title = (!self.title.is_empty()).then(|| format!("{}\n", self.title));
-        let blocks = self.blocks.iter().map(Block::text).filter(|text| !text.is_empty());
-        title.into_iter().chain(blocks).collect::<Vec<_>>().join("\n")
+        self.joined(title, Block::text)
+    }
+
+    /// The title and what the blocks become, without blocks that become nothing and without headings of nothing.
+    fn joined(&self, title: Option<String>, plain: impl Fn(&Block) -> String) -> String {
+        let mut kept: Vec<String> = Vec::new();
+        let mut level_below = Some(0);
+        for block in self.blocks.iter().rev() {
+            let (text, level) = (plain(block), block.heading_level());
+            let is_empty = text.is_empty() || level.is_some_and(|own| level_below.is_some_and(|below| below <= own));
+            if !is_empty {
+                kept.push(text);
+                level_below = level;
+            }
+        }
+        title.into_iter().chain(kept.into_iter().rev()).collect::<Vec<_>>().join("\n")
     }
 }
 
 impl Block {
+    /// 0 for a section's heading, 1 for one below it, nothing for what is no heading.
+    fn heading_level(&self) -> Option<u8> {
+        match self {
+            Self::Heading(_) => Some(0),
+            Self::Subheading(_) => Some(1),
+            _ => None,
+        }
+    }
+
     fn markdown(&self) -> String {
         match self {
             Self::Heading(text) => format!("## {}\n", one_line(text)),
@@ -191,5 +213,23 @@ mod tests {
                         long name  1,200   50 %  ████████████\n\
                         d              7    0 %\n";
         assert_eq!(document.text(), expected);
+    }
+
+    #[test]
+    fn a_heading_of_what_only_pages_show_is_left_out() {
+        let heading = |text: &str| Block::Heading(text.to_owned());
+        let blocks = vec![
+            heading("Empty"),
+            Block::Subheading("Empty, too".to_owned()),
+            Block::Gallery(Vec::new()),
+            heading("Kept"),
+            Block::Subheading("Below".to_owned()),
+            Block::Text("Words.".to_owned()),
+            heading("Last"),
+            Block::Figures(Vec::new()),
+        ];
+        let document = Document { blocks, ..Document::default() };
+        assert_eq!(document.markdown(), "## Kept\n\n### Below\n\nWords.\n");
+        assert_eq!(document.text(), "Kept\n\nBelow\n\nWords.\n");
     }
 }
