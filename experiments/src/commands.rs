@@ -35,7 +35,11 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
     }
 }
 
-const SETTINGS: Settings = Settings { path: "configs/experiment/pile.toml", toml: experiments::config::REFERENCE };
+const SETTINGS: Settings = Settings {
+    path: "configs/experiment/pile.toml",
+    toml: experiments::config::REFERENCE,
+    rows: experiments::config::rows,
+};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -11,7 +11,7 @@ use generator::Overrides;
 use perception::{DepthNoise, DexNoise, StereoNoise, camera_at};
 use planner::Planner;
 use schema::{Camera, Grid, View};
-use settings::{Document, Reader, settings, words};
+use settings::{Document, Reader, Row, rows_of, settings, words};
 use sha2::{Digest as _, Sha256};
 use shards::DatasetInfo;
 use toml::Table;
@@ -315,6 +315,12 @@ fn mismatches(scene: &generator::Config, plan: &planner::Config) -> Vec<String> 
             .push(format!("the planner's hand, {planned}, must be the one that executes, {executed}: plan.gripper"));
     }
     problems
+}
+
+/// The keys of an experiment's file.
+#[must_use]
+pub fn rows() -> Vec<Row> {
+    rows_of::<Keys>()
 }
 
 /// What lies on the tables.

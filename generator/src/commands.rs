@@ -16,6 +16,7 @@ mod table;
 use clap::{CommandFactory, Parser, Subcommand};
 use program::manual::{Manual, Settings};
 use program::{ExitCode, Failure};
+use settings::rows_of;
 use shards::Location;
 
 /// Generate a grasp dataset: random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards.
@@ -64,10 +65,15 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
 }
 
 const SETTINGS: [Settings; 2] = [
-    Settings { path: "configs/generate/paper.toml", toml: include_str!("../../configs/generate/paper.toml") },
+    Settings {
+        path: "configs/generate/paper.toml",
+        toml: include_str!("../../configs/generate/paper.toml"),
+        rows: rows_of::<generator::Config>,
+    },
     Settings {
         path: "configs/grippers/parallel_jaw_80.toml",
         toml: include_str!("../../configs/grippers/parallel_jaw_80.toml"),
+        rows: rows_of::<schema::Gripper>,
     },
 ];
 

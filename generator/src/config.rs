@@ -79,7 +79,7 @@ settings! {
         /// How grasps are drawn.
         pub sampler: Sampler,
         /// The hand.
-        pub gripper: Gripper; by Gripper::read_named,
+        pub gripper: Gripper; by Gripper::read_named as "a hand's name or a path that ends in .toml",
         /// The workspace.
         pub grid: Grid,
         /// What is dropped.

@@ -40,8 +40,16 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
 }
 
 const SETTINGS: [Settings; 2] = [
-    Settings { path: "configs/plan/paper.toml", toml: include_str!("../../configs/plan/paper.toml") },
-    Settings { path: "configs/plan/refined.toml", toml: include_str!("../../configs/plan/refined.toml") },
+    Settings {
+        path: "configs/plan/paper.toml",
+        toml: planner::config::PAPER,
+        rows: settings::rows_of::<planner::Config>,
+    },
+    Settings {
+        path: "configs/plan/refined.toml",
+        toml: include_str!("../../configs/plan/refined.toml"),
+        rows: Vec::new,
+    },
 ];
 
 /// The network and the settings.

@@ -20,7 +20,7 @@ settings! {
         /// Seed of what is drawn.
         pub seed: u64,
         /// The hand.
-        pub gripper: Gripper; by Gripper::read_named,
+        pub gripper: Gripper; by Gripper::read_named as "a hand's name or a path that ends in .toml",
         /// From the network's volumes to detections.
         pub detection: DetectionParams,
         /// The surface cloud.

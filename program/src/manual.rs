@@ -34,6 +34,8 @@ pub struct Settings {
     pub path: &'static str,
     /// What it says.
     pub toml: &'static str,
+    /// Its keys; none if another file of the same keys has them.
+    pub rows: fn() -> Vec<settings::Row>,
 }
 
 /// Columns of the text in the reference, independent of the terminal.
@@ -69,12 +71,21 @@ fn markdown(command: Command, settings: &[Settings], chapters: &str) -> String {
     let mut text =
         format!("# {}\n\nMade by `{0} manual markdown`; change the program, not this page.\n", command.get_name());
     describe(&mut command, &mut text);
-    for Settings { path, toml } in settings {
+    for Settings { path, toml, rows } in settings {
         // Writing to a String cannot fail.
         let _ = write!(
             text,
             "\n## Settings: {path}\n\nEvery key, with the values that come with the program.\n\n```toml\n{toml}```\n"
         );
+        let rows = rows();
+        if !rows.is_empty() {
+            text.push_str(
+                "\nWhat each key may be. A key's name ends with its unit.\n\n| key | value | meaning |\n|---|---|---|\n",
+            );
+        }
+        for settings::Row { key, kind, meaning } in rows {
+            let _ = writeln!(text, "| `{key}` | {kind} | {meaning} |");
+        }
     }
     text + chapters
 }
@@ -102,11 +113,22 @@ mod tests {
 
     #[test]
     fn a_reference_has_every_command_every_flag_and_every_setting() {
-        let settings = [Settings { path: "a.toml", toml: "key = 1 # why\n" }];
+        fn rows() -> Vec<settings::Row> {
+            let [key, kind, meaning] = ["key", "a text", "Why."].map(str::to_owned);
+            vec![settings::Row { key, kind, meaning }]
+        }
+        let settings = [Settings { path: "a.toml", toml: "key = 1 # why\n", rows }];
         let text = markdown(command(), &settings, "\n## More\n");
-        for words in
-            ["# outer", "## outer inner", "--depth", "How deep", "## Settings: a.toml", "key = 1 # why\n```", "## More"]
-        {
+        for words in [
+            "# outer",
+            "## outer inner",
+            "--depth",
+            "How deep",
+            "## Settings: a.toml",
+            "key = 1 # why\n```",
+            "| `key` | a text | Why. |",
+            "## More",
+        ] {
             assert!(text.contains(words), "{words} is not in {text}");
         }
         assert_eq!(text.matches("```").count() % 2, 0);

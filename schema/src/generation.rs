@@ -59,7 +59,7 @@ settings! {
     /// When a pile counts as resting.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct SettleParams {
-        /// Solver iterations per step, instead of [`Physics::solver_iterations`]: with 4, one pile in ten never rests.
+        /// Solver iterations per step, instead of `physics.solver_iterations`: with 4, one pile in ten never rests.
         pub solver_iterations: usize where 1..=1_000,
         /// Damping rate of linear and angular velocity (1/s). It models rolling resistance, without which a cylinder on
         /// its side never stops. It applies only while settling; attempts are undamped.

@@ -153,7 +153,7 @@ mod tests {
 
     settings! {
         struct Hands {
-            hand: Gripper; by Gripper::read_named,
+            hand: Gripper; by Gripper::read_named as "a hand's name or a path that ends in .toml",
         }
     }
 

@@ -2,10 +2,10 @@
 
 /// Makes a struct from rows, with its reader and checks.
 ///
-/// A row is `name: type where limits; or default; by function,`. Limits are a range, or [`above`](crate::above) a
-/// number. A key with a default may be left out. `function` reads the value instead of the type's
-/// [`Setting::read`](crate::Setting::read). After the struct, `check function` names a check across keys, which runs if
-/// all keys are valid on their own.
+/// A row is `name: type where limits; or default; by function as kind,`. Limits are a range, or
+/// [`above`](crate::above) a number. A key with a default may be left out. `function` reads the value instead of the
+/// type's [`Setting::read`](crate::Setting::read), and `kind` says what it reads. After the struct, `check function`
+/// names a check across keys, which runs if all keys are valid on their own.
 ///
 /// ```
 /// settings::settings! {
@@ -28,7 +28,8 @@ macro_rules! settings {
         $visible:vis struct $name:ident {
             $(
                 $(#[doc = $doc:literal])*
-                $access:vis $key:ident: $type:ty $(where $limits:expr)? $(; or $default:expr)? $(; by $by:path)?
+                $access:vis $key:ident: $type:ty
+                    $(where $limits:expr)? $(; or $default:expr)? $(; by $by:path as $kind:literal)?
             ),* $(,)?
         }
         $(check $check:path)?
@@ -48,11 +49,13 @@ macro_rules! settings {
             fn read(value: &$crate::Value, (): &(), reader: &mut $crate::Reader<'_>) -> Option<Self> {
                 let table = reader.table(value, &[$(stringify!($key)),*])?;
                 $(
+                    let limits = $crate::settings!(@limits $type $(, $limits)?);
                     let $key = reader.key::<$type>(
                         table,
                         stringify!($key),
-                        &$crate::settings!(@limits $type $(, $limits)?),
+                        &limits,
                         $crate::settings!(@default $($default)?),
+                        &$crate::settings!(@kind $type, limits $(, $kind)?),
                         $crate::settings!(@read $type $(, $by)?),
                     );
                 )*
@@ -72,9 +75,10 @@ macro_rules! settings {
             fn add_rows(prefix: &str, rows: &mut Vec<$crate::Row>) -> bool {
                 $(
                     let key = format!("{prefix}{}", stringify!($key));
-                    if !<$type as $crate::Setting>::add_rows(&format!("{key}."), rows) {
+                    let inside = format!("{key}.");
+                    if !$crate::settings!(@rows $type, inside, rows $(, $kind)?) {
                         let limits = $crate::settings!(@limits $type $(, $limits)?);
-                        let kind = <$type as $crate::Setting>::kind(&limits);
+                        let kind = $crate::settings!(@kind $type, limits $(, $kind)?);
                         let meaning = concat!($($doc),*).trim().to_owned();
                         rows.push($crate::Row { key, kind, meaning });
                     }
@@ -89,6 +93,20 @@ macro_rules! settings {
     (@limits $type:ty, $limits:expr) => {
         <<$type as $crate::Setting>::Limits as ::core::convert::From<_>>::from($limits)
     };
+    (@kind $type:ty, $limits:ident) => {
+        <$type as $crate::Setting>::kind(&$limits)
+    };
+    (@kind $type:ty, $limits:ident, $kind:literal) => {{
+        let _ = &$limits;
+        $kind.to_owned()
+    }};
+    (@rows $type:ty, $prefix:ident, $rows:ident) => {
+        <$type as $crate::Setting>::add_rows(&$prefix, $rows)
+    };
+    (@rows $type:ty, $prefix:ident, $rows:ident, $kind:literal) => {{
+        let _ = $prefix;
+        false
+    }};
     (@default) => {
         None
     };

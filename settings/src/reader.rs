@@ -127,6 +127,7 @@ impl<'a> Reader<'a> {
         key: &str,
         limits: &T::Limits,
         default: Option<T>,
+        kind: &str,
         read: fn(&Value, &T::Limits, &mut Self) -> Option<T>,
     ) -> Option<T> {
         self.within(key, |reader| match table.get(key) {
@@ -134,7 +135,7 @@ impl<'a> Reader<'a> {
             None if default.is_some() => default,
             None => {
                 if !reader.is_partial {
-                    reader.fault(format_args!("is missing: {}", T::kind(limits)));
+                    reader.fault(format_args!("is missing: {kind}"));
                 }
                 None
             }

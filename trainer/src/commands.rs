@@ -49,7 +49,11 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
     }
 }
 
-const SETTINGS: Settings = Settings { path: "configs/train/paper.toml", toml: trainer::config::PAPER };
+const SETTINGS: Settings = Settings {
+    path: "configs/train/paper.toml",
+    toml: trainer::config::PAPER,
+    rows: settings::rows_of::<trainer::config::Config>,
+};
 
 const EXAMPLES: &str = "\
 Examples:
