@@ -20,7 +20,7 @@ pub enum ExitCode {
     Data = 65,
     /// The dataset is not complete yet: run the missing shards.
     Incomplete = 69,
-    /// The outside world failed (disk full, I/O error) or a signal stopped the program. Run it again.
+    /// The outside world failed (disk full, out of memory, I/O error) or a signal stopped the program. Run it again.
     TryAgain = 75,
     /// The configuration is wrong, or the folder holds something else. Running again will not help.
     Config = 78,
@@ -35,7 +35,7 @@ Exit codes:
    2  wrong command line
   65  data damaged, of an unknown version, or not reproduced
   69  dataset incomplete
-  75  I/O trouble or stopped by a signal: run again
+  75  I/O trouble, out of memory, or stopped by a signal: run again
   78  wrong configuration, or the folder holds something else";
 
     /// The number that the process returns.

@@ -13,6 +13,7 @@
 //!
 //! Of our crates this one depends on `settings` alone, whose error reaches every `main`.
 
+mod allocator;
 mod exit;
 pub mod manual;
 mod output;

@@ -1,6 +1,7 @@
 //! How every program starts and ends.
 
 use std::io::{self, IsTerminal};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process;
 
 use clap::Parser;
@@ -11,15 +12,8 @@ use tracing_subscriber::filter::LevelFilter;
 use crate::signals::writes_fail_at_the_file_size_limit;
 use crate::{Exit, ExitCode, Failure, print_error};
 
-/// Every attempt builds and drops a world, every training step and every plan frees volumes of megabytes. The system's
-/// allocator returns them to the kernel and takes them again: with this one, two threads make 3 to 12 % more attempts,
-/// and a training step of eight scenes takes 75 ms instead of 150 ms. Fuzzers measure memory with their own allocator.
-#[cfg(not(fuzzing))]
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 /// Parses the command line, starts logging, runs the command, prints its error if there is one, and returns its exit
-/// code. Call it once, as all of `main`.
+/// code. Call it once, as all of `main`. A panic, which prints where it happened, ends with [`ExitCode::Internal`].
 ///
 /// Log lines go to standard error. `GRASPMILL_LOG` selects them, in the syntax of `tracing_subscriber::EnvFilter`; by
 /// default warnings and errors are shown.
@@ -29,7 +23,10 @@ pub fn run<Arguments: Parser>(command: impl FnOnce(Arguments) -> Result<ExitCode
     if let Err(error) = writes_fail_at_the_file_size_limit() {
         tracing::warn!(%error, "a write beyond the file-size limit will end this program");
     }
-    let code = command(arguments).unwrap_or_else(|failure| {
+    let ended = catch_unwind(AssertUnwindSafe(|| command(arguments)));
+    let ended =
+        ended.unwrap_or_else(|_| Err(Failure::new(ExitCode::Internal, "a defect of this program; please report it")));
+    let code = ended.unwrap_or_else(|failure| {
         print_error(&format!("error: {failure}"));
         failure.exit_code()
     });

@@ -17,6 +17,8 @@ enum Arguments {
     Print,
     Write { path: PathBuf },
     Fail,
+    Panic,
+    Allocate { bytes: usize },
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +40,11 @@ fn command(arguments: Arguments) -> Result<ExitCode, Failure> {
         Arguments::Print => print("x".repeat(100_000))?,
         Arguments::Write { path } => write(&path, [0; 100_000])?,
         Arguments::Fail => return Err(Damaged.into()),
+        Arguments::Panic => panic!("a contradiction"),
+        Arguments::Allocate { bytes } => {
+            let blocks: Vec<Vec<u8>> = (0..bytes / 4096).map(|_| vec![1; 4096]).collect();
+            print(blocks.len())?;
+        }
     }
     Ok(ExitCode::Ok)
 }
@@ -50,6 +57,8 @@ fn main() -> Status {
     an_error_is_printed_once_and_gives_the_exit_code();
     a_write_beyond_the_file_size_limit_fails_and_does_not_kill();
     a_full_disk_is_75_and_a_closed_pipe_no_error();
+    a_panic_is_an_internal_error();
+    out_of_memory_is_75_at_once_and_in_one_line();
     Status::SUCCESS
 }
 
@@ -103,4 +112,25 @@ fn a_full_disk_is_75_and_a_closed_pipe_no_error() {
     let mut closed = this(&["print"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     drop(closed.stdout.take());
     check(&closed.wait_with_output().unwrap(), 0, "");
+}
+
+fn a_panic_is_an_internal_error() {
+    let output = this(&["panic"]).output().unwrap();
+    check(&output, 1, "a contradiction");
+    check(&output, 1, "error: a defect of this program");
+}
+
+fn out_of_memory_is_75_at_once_and_in_one_line() {
+    for backtrace in ["0", "1", "full"] {
+        let output = Command::new("sh")
+            .args(["-c", "ulimit -v 400000; exec timeout -s KILL 20 \"$0\" allocate 1000000000"])
+            .arg(std::env::current_exe().unwrap())
+            .env(IS_PROGRAM, "1")
+            .env("RUST_BACKTRACE", backtrace)
+            .output()
+            .unwrap();
+        check(&output, 75, "error: out of memory: ");
+        assert_eq!(output.stderr.iter().filter(|byte| **byte == b'\n').count(), 1, "one line");
+    }
+    check(&this(&["allocate", "1000000"]).output().unwrap(), 0, "");
 }
