@@ -194,16 +194,29 @@ def test_a_dataset_outlives_the_loss_of_processes_and_nodes(tmp_path):
 def test_few_tasks_make_many_shards(tmp_path):
     out, size = tmp_path / "grasps", ["--attempts", 480]
     with slurm.cluster(nodes=2, cpus=2) as cluster:
-        cluster.wait(generate(cluster, out, 1, 8, *size, TASKS=3), seconds=60)
+        more = {"TASKS": 3, "OPTIONS": " ".join(map(str, size))}
+        cluster.wait(generate(cluster, out, 1, 8, **more), seconds=60)
         assert (missing(out), missing(out, "--tasks", 3)) == ("0,2-3,5-6", "0,2")
-        job = generate(cluster, out, missing(out, "--tasks", 3), 8, *size, TASKS=3)
+        job = generate(cluster, out, missing(out, "--tasks", 3), 8, **more)
         finalize = f"{PROGRAMS / 'generator'} finalize {out}"
         last = cluster.submit(f"--dependency=afterany:{job}", "--wrap", finalize, cwd=tmp_path)
         cluster.wait(last, seconds=60)
         assert set(cluster.states(last).values()) == {"COMPLETED"}, log_of(tmp_path, job)
-    assert missing(out) == ""
+        assert missing(out, "--tasks", 3) == ""
+        job = generate(cluster, out, missing(out, "--tasks", 3), 8, **more)
+        cluster.wait(job, seconds=60)
+        assert set(cluster.states(job).values()) == {"COMPLETED"}, log_of(tmp_path, job)
+        assert "no shard was missing" in log_of(tmp_path, job)
     generate_at_once(tmp_path / "at_once", "--shards", 8, *size)
     assert_same(out, tmp_path / "at_once")
+
+
+def test_a_generator_that_the_nodes_do_not_have_is_named(tmp_path):
+    with slurm.cluster(nodes=1, cpus=1) as cluster:
+        job = generate(cluster, tmp_path / "grasps", 0, 1, GENERATOR="no-such-generator")
+        cluster.wait(job, seconds=60)
+        assert set(cluster.states(job).values()) == {"FAILED"}
+    assert "error: no-such-generator is no program on node" in log_of(tmp_path, job)
 
 
 def warn(cluster, job):
