@@ -23,13 +23,13 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, Read as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use program::{Exit, ExitCode, publish};
+use program::{Context as _, ExitCode, Failure};
 use safetensors::{Dtype, SafeTensors};
 use sha2::{Digest as _, Sha256};
 
-use crate::checkpoint::{self, Checkpoint, CheckpointError, Progress};
+use crate::checkpoint::{self, Checkpoint, Progress};
 use crate::upsampling::Upsampling;
 
 use element::Element;
@@ -86,80 +86,15 @@ pub struct Imported {
     pub converted_from: Vec<&'static str>,
 }
 
-/// Why weights cannot be imported or exported.
-#[derive(Debug, thiserror::Error)]
-pub enum InterchangeError {
-    /// The checkpoint cannot be read or written, or the weights are another network's.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    /// There is no file.
-    #[error("no file here: {}", .0.display())]
-    Missing(PathBuf),
-    /// A file cannot be read or written.
-    #[error("failed to {action}: {source}: {}", .path.display())]
-    Io {
-        /// The operation.
-        action: &'static str,
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The target exists.
-    #[error("there is a file already: --force replaces it: {}", .0.display())]
-    Exists(PathBuf),
-    /// The file is too large.
-    #[error("the network's weights have 1.25 MB; a file of more than 64 MiB is not read: {}", .0.display())]
-    TooLarge(PathBuf),
-    /// The file is truncated or inconsistent.
-    #[error("damaged weights: {problem}: {}", .path.display())]
-    Damaged {
-        /// What is wrong.
-        problem: String,
-        /// The file.
-        path: PathBuf,
-    },
-    /// An unsupported file; the message says what to do.
-    #[error("not a state dict that can be read: {problem}: {}", .path.display())]
-    Unsupported {
-        /// The problem.
-        problem: String,
-        /// The file.
-        path: PathBuf,
-    },
-}
-
-impl Exit for InterchangeError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Checkpoint(error) => error.exit_code(),
-            Self::Missing(_) | Self::Exists(_) | Self::TooLarge(_) | Self::Unsupported { .. } => ExitCode::Config,
-            Self::Io { .. } => ExitCode::TryAgain,
-            Self::Damaged { .. } => ExitCode::Data,
-        }
-    }
-}
-
-impl InterchangeError {
-    fn of(problem: Problem, path: &Path) -> Self {
-        let path = path.to_owned();
-        match problem {
-            Problem::Damaged(problem) => Self::Damaged { problem, path },
-            Problem::Unsupported(problem) => Self::Unsupported { problem, path },
-            Problem::Architecture(problems) => CheckpointError::Architecture { problems, path }.into(),
-        }
-    }
-}
-
 /// Converts weights of VGN's network from another program to a checkpoint. `force` replaces `out`.
 ///
 /// A state dict does not contain the decoder's upsampling mode, so it is given by `upsampling`.
 ///
 /// # Errors
-/// [`InterchangeError`]; then nothing is written.
-pub fn import(file: &Path, out: &Path, upsampling: Upsampling, force: bool) -> Result<Imported, InterchangeError> {
+/// If the file cannot be read or has no weights of this network, or `out` cannot be written. Then nothing is written.
+pub fn import(file: &Path, out: &Path, upsampling: Upsampling, force: bool) -> Result<Imported, Failure> {
     let bytes = read_bounded(file)?;
-    let (source, parameters) = read_weights(&bytes).map_err(|problem| InterchangeError::of(problem, file))?;
+    let (source, parameters) = read_weights(&bytes).map_err(|problem| problem.at(file))?;
     let Parameters { values, prefix, converted_from } = parameters;
     let checkpoint = Checkpoint {
         vector: values,
@@ -177,13 +112,13 @@ pub fn import(file: &Path, out: &Path, upsampling: Upsampling, force: bool) -> R
 /// Writes a checkpoint's weights for other programs and returns the checkpoint. `force` replaces `out`.
 ///
 /// # Errors
-/// [`InterchangeError`]; then nothing is written.
-pub fn export(file: &Path, out: &Path, target: Target, force: bool) -> Result<Checkpoint, InterchangeError> {
+/// If the file is no checkpoint or `out` cannot be written. Then nothing is written.
+pub fn export(file: &Path, out: &Path, target: Target, force: bool) -> Result<Checkpoint, Failure> {
     let checkpoint = Checkpoint { moments: None, ..checkpoint::read(file)? };
     prepare(out, force)?;
     match target {
         Target::Safetensors => checkpoint::save(&checkpoint, out)?,
-        Target::Onnx => publish(out, &onnx::model(&checkpoint)).map_err(|source| io_error("write", out, source))?,
+        Target::Onnx => program::write(out, onnx::model(&checkpoint))?,
     }
     Ok(checkpoint)
 }
@@ -191,12 +126,10 @@ pub fn export(file: &Path, out: &Path, target: Target, force: bool) -> Result<Ch
 /// The origin of imported weights, in place of the recipe.
 fn provenance(name: &OsStr, source: Source, bytes: &[u8]) -> String {
     let sha256: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
-    let mut imported = toml::Table::new();
-    for (key, value) in [("file", name.to_string_lossy().as_ref()), ("format", source.name()), ("sha256", &sha256)] {
-        imported.insert(key.to_owned(), value.into());
-    }
-    let mut table = toml::Table::new();
-    table.insert("imported".to_owned(), imported.into());
+    let name = name.to_string_lossy();
+    let facts = [("file", name.as_ref()), ("format", source.name()), ("sha256", &sha256)];
+    let imported: toml::Table = facts.into_iter().map(|(key, value)| (key.to_owned(), value.into())).collect();
+    let table = toml::Table::from_iter([("imported".to_owned(), imported.into())]);
     format!("# Weights of another program; the recipe that made them is not known.\n{table}")
 }
 
@@ -248,30 +181,28 @@ fn read_safetensors(bytes: &[u8]) -> Result<BTreeMap<String, StoredTensor<'_>>, 
     Ok(tensors)
 }
 
-fn read_bounded(path: &Path) -> Result<Vec<u8>, InterchangeError> {
-    let failed = |source: io::Error| match source.kind() {
-        io::ErrorKind::NotFound => InterchangeError::Missing(path.to_owned()),
-        _ => io_error("read", path, source),
-    };
+fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
+    let shown = path.display();
+    let refused = |what: &str| Failure::new(ExitCode::Config, format!("{what}: {shown}"));
     let mut bytes = Vec::new();
-    File::open(path).and_then(|file| file.take(FILE_LEN_MAX + 1).read_to_end(&mut bytes)).map_err(failed)?;
+    match File::open(path).and_then(|file| file.take(FILE_LEN_MAX + 1).read_to_end(&mut bytes)) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Err(refused("no file here")),
+        read => read.context(format_args!("failed to read {shown}"))?,
+    };
     if bytes.len() as u64 > FILE_LEN_MAX {
-        return Err(InterchangeError::TooLarge(path.to_owned()));
+        return Err(refused("the network's weights have 1.25 MB; a file of more than 64 MiB is not read"));
     }
     Ok(bytes)
 }
 
 /// Creates the folder of a file to write, unless the target exists.
-fn prepare(out: &Path, force: bool) -> Result<(), InterchangeError> {
+fn prepare(out: &Path, force: bool) -> Result<(), Failure> {
     if !force && out.symlink_metadata().is_ok() {
-        return Err(InterchangeError::Exists(out.to_owned()));
+        let text = format!("there is a file already: --force replaces it: {}", out.display());
+        return Err(Failure::new(ExitCode::Config, text));
     }
     match out.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        Some(folder) => fs::create_dir_all(folder).map_err(|source| io_error("make a folder", folder, source)),
+        Some(folder) => fs::create_dir_all(folder).context(format_args!("failed to make {}", folder.display())),
         None => Ok(()),
     }
-}
-
-fn io_error(action: &'static str, path: &Path, source: io::Error) -> InterchangeError {
-    InterchangeError::Io { action, path: path.to_owned(), source }
 }

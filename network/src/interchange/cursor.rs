@@ -14,6 +14,10 @@ impl<'a> Cursor<'a> {
         Self { bytes, at: 0 }
     }
 
+    pub(super) fn is_at_end(&self) -> bool {
+        self.at == self.bytes.len()
+    }
+
     /// The next `count` bytes.
     pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], Problem> {
         let taken = self.at.checked_add(count).and_then(|end| self.bytes.get(self.at..end));
@@ -33,26 +37,17 @@ impl<'a> Cursor<'a> {
         self.take(usize::try_from(count).unwrap_or(usize::MAX))
     }
 
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], Problem> {
-        let mut array = [0; N];
-        array.copy_from_slice(self.take(N)?);
-        Ok(array)
+    /// A number of `len` bytes, at most 8, little-endian.
+    pub(super) fn number(&mut self, len: usize) -> Result<u64, Problem> {
+        let mut wide = [0; 8];
+        wide[..len].copy_from_slice(self.take(len)?);
+        Ok(u64::from_le_bytes(wide))
     }
 
-    pub(super) fn u8(&mut self) -> Result<u8, Problem> {
-        Ok(u8::from_le_bytes(self.array()?))
-    }
-
-    pub(super) fn u16(&mut self) -> Result<u16, Problem> {
-        Ok(u16::from_le_bytes(self.array()?))
-    }
-
-    pub(super) fn u32(&mut self) -> Result<u32, Problem> {
-        Ok(u32::from_le_bytes(self.array()?))
-    }
-
-    pub(super) fn u64(&mut self) -> Result<u64, Problem> {
-        Ok(u64::from_le_bytes(self.array()?))
+    /// A number of `len` bytes, and that many bytes.
+    pub(super) fn counted(&mut self, len: usize) -> Result<&'a [u8], Problem> {
+        let count = self.number(len)?;
+        self.take_long(count)
     }
 
     /// Up to the next line feed, which is passed over.

@@ -7,25 +7,109 @@
 //!
 //! Supports protocols 2 to 5; `torch.save` writes 2 by default.
 
-mod objects;
-
 use std::collections::BTreeMap;
 
 use super::cursor::Cursor;
+use super::element::Element;
 use super::problem::{NAME_LEN_MAX, Problem, damaged, shown, unsupported};
 use super::state_dict::AXES_MAX;
 
-use objects::{Id, Known};
-pub(super) use objects::{Object, Pickle, StorageRef, TensorRef};
-
 /// Maximum total number of objects and stack pushes. A checkpoint with an optimiser's state needs some thousands.
 const WORK_MAX: usize = 1_000_000;
+
+/// Index of an object in [`Pickle::objects`].
+type Id = usize;
+
+/// A parsed pickle.
+#[derive(Debug)]
+pub(super) struct Pickle<'a> {
+    /// All objects, in the order of creation.
+    pub(super) objects: Vec<Object<'a>>,
+    /// The root object.
+    pub(super) root: Id,
+}
+
+/// An object of a pickle.
+#[derive(Debug)]
+pub(super) enum Object<'a> {
+    /// `None`, and values that are not needed: booleans, floats, bytes.
+    Nothing,
+    Int(i128),
+    Text(&'a str),
+    /// A tuple, list or set.
+    Sequence(Vec<Id>),
+    /// Keys and values in the order of assignment; of equal keys the last counts.
+    Dict(Vec<(Id, Id)>),
+    Known(Known),
+    Storage(StorageRef<'a>),
+    Tensor(TensorRef<'a>),
+}
+
+/// Numbers outside the pickle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct StorageRef<'a> {
+    pub(super) element: Element,
+    /// Its name in the file.
+    pub(super) key: &'a str,
+    /// Number of its elements.
+    pub(super) len: usize,
+}
+
+/// A tensor as a view of a storage.
+#[derive(Debug, Clone)]
+pub(super) struct TensorRef<'a> {
+    pub(super) storage: StorageRef<'a>,
+    /// Index of its first element.
+    pub(super) offset: usize,
+    pub(super) shape: Vec<usize>,
+    /// Number of elements between neighbours along each axis.
+    pub(super) strides: Vec<usize>,
+}
+
+/// The names that a pickle may use.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Known {
+    /// `collections.OrderedDict`.
+    OrderedDict,
+    /// `torch.Size`.
+    Size,
+    /// `torch._utils._rebuild_tensor` and `_rebuild_tensor_v2`: storage, offset, shape, strides, and more for
+    /// gradients.
+    Tensor,
+    /// `torch._utils._rebuild_parameter`: a tensor, and more for gradients.
+    Parameter,
+    /// `torch.FloatStorage` and similar classes.
+    Storage(Element),
+}
+
+impl Known {
+    fn named(module: &str, name: &str) -> Option<Self> {
+        match (module, name) {
+            ("collections", "OrderedDict") => Some(Self::OrderedDict),
+            ("torch", "Size") => Some(Self::Size),
+            ("torch._utils", "_rebuild_tensor" | "_rebuild_tensor_v2") => Some(Self::Tensor),
+            ("torch._utils", "_rebuild_parameter" | "_rebuild_parameter_with_state") => Some(Self::Parameter),
+            ("torch" | "torch.cuda", class) => Element::of_storage_class(class).map(Self::Storage),
+            _ => None,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::OrderedDict => "OrderedDict",
+            Self::Size => "Size",
+            Self::Tensor => "_rebuild_tensor",
+            Self::Parameter => "_rebuild_parameter",
+            Self::Storage(_) => "a storage",
+        }
+    }
+}
 
 /// Reads the pickle at the cursor and moves the cursor behind it.
 pub(super) fn read<'a>(bytes: &mut Cursor<'a>) -> Result<Pickle<'a>, Problem> {
     let mut machine = Machine::default();
     loop {
-        let opcode = bytes.u8()?;
+        let opcode = bytes.number(1)? as u8;
         if opcode == b'.' {
             let root = machine.pop()?;
             return Ok(Pickle { objects: machine.objects, root });
@@ -40,54 +124,36 @@ struct Machine<'a> {
     stack: Vec<Id>,
     /// Heights of the stack at open `MARK`s.
     marks: Vec<usize>,
-    memo: BTreeMap<u32, Id>,
+    memo: BTreeMap<u64, Id>,
     work: usize,
 }
 
 impl<'a> Machine<'a> {
+    /// Executes an opcode.
     fn run(&mut self, opcode: u8, bytes: &mut Cursor<'a>) -> Result<(), Problem> {
         match opcode {
             // Framing.
-            0x80 => match bytes.u8()? {
+            0x80 => match bytes.number(1)? {
                 0..=5 => Ok(()),
                 protocol => unsupported(format!("pickle protocol {protocol}, at most 5 is known")),
             },
-            0x95 => bytes.u64().map(|_| ()), // FRAME
+            0x95 => bytes.take(8).map(|_| ()), // FRAME
             // The stack.
             b'(' => self.spend(1).map(|()| self.marks.push(self.stack.len())),
             b'0' => self.pop().map(|_| ()),
             b'1' => self.pop_to_mark().map(|_| ()),
             b'2' => self.top().and_then(|id| self.push_id(id)),
             // The memo.
-            b'q' => bytes.u8().and_then(|at| self.remember(at.into())),
-            b'r' => bytes.u32().and_then(|at| self.remember(at)),
-            0x94 => self.remember(self.memo.len() as u32),
-            b'h' => bytes.u8().and_then(|at| self.recall(at.into())),
-            b'j' => bytes.u32().and_then(|at| self.recall(at)),
-            // Constants.
-            b'N' => self.push(Object::Nothing),
-            0x88 | 0x89 => self.push(Object::Nothing), // NEWTRUE, NEWFALSE: not needed
-            b'G' => bytes.take(8).and_then(|_| self.push(Object::Nothing)), // BINFLOAT: not needed
-            b'J' => bytes.u32().and_then(|value| self.push(Object::Int((value as i32).into()))),
-            b'K' => bytes.u8().and_then(|value| self.push(Object::Int(value.into()))),
-            b'M' => bytes.u16().and_then(|value| self.push(Object::Int(value.into()))),
-            0x8a => bytes.u8().and_then(|len| bytes.take(len.into())).and_then(|long| self.push_long(long)),
-            0x8b => bytes.u32().and_then(|len| bytes.take_long(len.into())).and_then(|long| self.push_long(long)),
-            b'X' | b'T' => {
-                bytes.u32().and_then(|len| bytes.take_long(len.into())).and_then(|text| self.push_text(text))
-            }
-            0x8c | b'U' => bytes.u8().and_then(|len| bytes.take(len.into())).and_then(|text| self.push_text(text)),
-            0x8d => bytes.u64().and_then(|len| bytes.take_long(len)).and_then(|text| self.push_text(text)),
-            b'B' => bytes.u32().and_then(|len| bytes.take_long(len.into())).and_then(|_| self.push(Object::Nothing)),
-            b'C' => bytes.u8().and_then(|len| bytes.take(len.into())).and_then(|_| self.push(Object::Nothing)),
+            b'q' => self.remember(bytes.number(1)?),
+            b'r' => self.remember(bytes.number(4)?),
+            0x94 => self.remember(self.memo.len() as u64),
+            b'h' => self.recall(bytes.number(1)?),
+            b'j' => self.recall(bytes.number(4)?),
             // Tuples, lists, sets, dictionaries.
-            b')' => self.push(Object::Sequence(Vec::new())),
             0x85..=0x87 => self.tuple_of((opcode - 0x84).into()),
             b't' | b'l' => self.pop_to_mark().and_then(|items| self.push(Object::Sequence(items))),
-            b']' | 0x8f => self.push(Object::Sequence(Vec::new())),
             b'a' => self.pop().and_then(|item| self.append(&[item])),
             b'e' | 0x90 => self.pop_to_mark().and_then(|items| self.append(&items)),
-            b'}' => self.push(Object::Dict(Vec::new())),
             b'd' => {
                 let items = self.pop_to_mark()?;
                 self.push(Object::Dict(Vec::new()))?;
@@ -111,10 +177,7 @@ impl<'a> Machine<'a> {
             b'R' => self.reduce(),
             b'b' => self.build(),
             b'Q' => self.persistent(),
-            _ => unsupported(format!(
-                "opcode 0x{opcode:02x} in a pickle, which no state dict needs (a whole model, or pickle protocol 0?): \
-                 in PyTorch, torch.save(model.state_dict(), FILE)"
-            )),
+            _ => constant(opcode, bytes).and_then(|object| self.push(object)),
         }
     }
 
@@ -159,31 +222,17 @@ impl<'a> Machine<'a> {
         }
     }
 
-    fn remember(&mut self, at: u32) -> Result<(), Problem> {
+    fn remember(&mut self, at: u64) -> Result<(), Problem> {
         self.spend(1)?;
         self.memo.insert(at, self.top()?);
         Ok(())
     }
 
-    fn recall(&mut self, at: u32) -> Result<(), Problem> {
+    fn recall(&mut self, at: u64) -> Result<(), Problem> {
         match self.memo.get(&at) {
             Some(id) => self.push_id(*id),
             None => damaged(format!("a pickle refers to its memo {at}, which is empty")),
         }
-    }
-
-    /// A little-endian two's complement integer of up to 16 bytes; state dicts have no longer ones.
-    fn push_long(&mut self, long: &[u8]) -> Result<(), Problem> {
-        let mut wide = [if long.last().is_some_and(|byte| *byte >= 0x80) { 0xFF } else { 0 }; 16];
-        match wide.get_mut(..long.len()) {
-            Some(low) => low.copy_from_slice(long),
-            None => return unsupported(format!("an integer of {} bytes", long.len())),
-        }
-        self.push(Object::Int(i128::from_le_bytes(wide)))
-    }
-
-    fn push_text(&mut self, text: &'a [u8]) -> Result<(), Problem> {
-        utf8(text).and_then(|text| self.push(Object::Text(text)))
     }
 
     fn push_known(&mut self, module: &str, name: &str) -> Result<(), Problem> {
@@ -330,6 +379,42 @@ impl<'a> Machine<'a> {
             ids => damaged(format!("a tensor of {} axes", ids.len())),
         }
     }
+}
+
+/// The object that an opcode alone makes, from the bytes after it.
+fn constant<'a>(opcode: u8, bytes: &mut Cursor<'a>) -> Result<Object<'a>, Problem> {
+    let skipped = |_: &[u8]| Object::Nothing; // floats and bytes are not needed
+    let text = |text: &'a [u8]| utf8(text).map(Object::Text);
+    match opcode {
+        b'N' | 0x88 | 0x89 => Ok(Object::Nothing), // NONE, NEWTRUE, NEWFALSE
+        b'G' => bytes.take(8).map(skipped),
+        b'B' => bytes.counted(4).map(skipped),
+        b'C' => bytes.counted(1).map(skipped),
+        b'J' => bytes.take(4).and_then(integer),
+        b'K' => Ok(Object::Int(bytes.number(1)?.into())),
+        b'M' => Ok(Object::Int(bytes.number(2)?.into())),
+        0x8a => bytes.counted(1).and_then(integer),
+        0x8b => bytes.counted(4).and_then(integer),
+        0x8c | b'U' => bytes.counted(1).and_then(text),
+        b'X' | b'T' => bytes.counted(4).and_then(text),
+        0x8d => bytes.counted(8).and_then(text),
+        b')' | b']' | 0x8f => Ok(Object::Sequence(Vec::new())),
+        b'}' => Ok(Object::Dict(Vec::new())),
+        _ => unsupported(format!(
+            "opcode 0x{opcode:02x} in a pickle, which no state dict needs (a whole model, or pickle protocol 0?): in \
+             PyTorch, torch.save(model.state_dict(), FILE)"
+        )),
+    }
+}
+
+/// A little-endian two's complement integer of up to 16 bytes; state dicts have no longer ones.
+fn integer<'a>(bytes: &[u8]) -> Result<Object<'a>, Problem> {
+    let mut wide = [if bytes.last().is_some_and(|byte| *byte >= 0x80) { 0xFF } else { 0 }; 16];
+    match wide.get_mut(..bytes.len()) {
+        Some(low) => low.copy_from_slice(bytes),
+        None => return unsupported(format!("an integer of {} bytes", bytes.len())),
+    }
+    Ok(Object::Int(i128::from_le_bytes(wide)))
 }
 
 fn utf8(text: &[u8]) -> Result<&str, Problem> {

@@ -1,5 +1,11 @@
 //! Errors in the bytes of a state dict.
 
+use std::path::Path;
+
+use program::{ExitCode, Failure};
+
+use crate::checkpoint::CheckpointError;
+
 /// Why bytes are refused as the network's state dict.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Problem {
@@ -9,6 +15,20 @@ pub(super) enum Problem {
     Unsupported(String),
     /// A state dict of another network, with the differences.
     Architecture(Vec<String>),
+}
+
+impl Problem {
+    /// The failure to read the weights in this file.
+    pub(super) fn at(self, path: &Path) -> Failure {
+        let shown = path.display();
+        match self {
+            Self::Damaged(problem) => Failure::new(ExitCode::Data, format!("damaged weights: {problem}: {shown}")),
+            Self::Unsupported(problem) => {
+                Failure::new(ExitCode::Config, format!("not a state dict that can be read: {problem}: {shown}"))
+            }
+            Self::Architecture(problems) => CheckpointError::Architecture { problems, path: path.to_owned() }.into(),
+        }
+    }
 }
 
 /// Maximum length of a stored or reported name. The network's longest has 21 bytes.

@@ -11,7 +11,7 @@ use super::cursor::Cursor;
 use super::pickle::{self, Object, Pickle, StorageRef, TensorRef};
 use super::problem::{NAME_LEN_MAX, Problem, damaged, shown, unsupported};
 use super::state_dict::StoredTensor;
-use super::zip::Archive;
+use super::zip;
 
 /// The first pickle of a file in the old format.
 const MAGIC_NUMBER: i128 = 0x1950_A86A_20F9_469C_FC6C;
@@ -24,24 +24,17 @@ const DEPTH_MAX: usize = 4;
 
 /// The state dict of a zip file.
 pub(super) fn read_zip(bytes: &[u8]) -> Result<BTreeMap<String, StoredTensor<'_>>, Problem> {
-    let archive = Archive::open(bytes)?;
-    let folder = archive.names().find_map(|name| name.strip_suffix("data.pkl").filter(|folder| folder.ends_with('/')));
-    let Some(folder) = folder else {
+    let entries = zip::read(bytes)?;
+    let Some(folder) = entries.keys().find_map(|name| name.strip_suffix("data.pkl").filter(|at| at.ends_with('/')))
+    else {
         return unsupported("a zip without data.pkl, so not written by torch.save");
     };
-    let order = format!("{folder}byteorder");
-    if archive.names().any(|name| name == order) && archive.read(&order)? != b"little" {
+    let entry = |name: &str| entries.get(format!("{folder}{name}").as_str()).copied();
+    if entry("byteorder").is_some_and(|order| order != b"little") {
         return unsupported("its numbers are big-endian; to convert, load and save it on a usual machine");
     }
-    let pickle = pickle::read(&mut Cursor::new(archive.read(&format!("{folder}data.pkl"))?))?;
-    let mut storages = BTreeMap::new();
-    for (_, tensor) in state_dict(&pickle)? {
-        let key = tensor.storage.key;
-        if !storages.contains_key(key) {
-            storages.insert(key, archive.read(&format!("{folder}data/{key}"))?);
-        }
-    }
-    tensors(&pickle, &storages)
+    let pickle = pickle::read(&mut Cursor::new(entry("data.pkl").unwrap_or_default()))?;
+    tensors(&pickle, |key| entry(&format!("data/{key}")))
 }
 
 /// Whether bytes begin like a file in the old format.
@@ -70,10 +63,10 @@ pub(super) fn read_legacy(bytes: &[u8]) -> Result<BTreeMap<String, StoredTensor<
     for id in ids {
         let Object::Text(key) = keys.objects[*id] else { return damaged("a storage's key is no text") };
         let Some(storage) = refs.get(key) else { return damaged(format!("nothing refers to storage {}", shown(key))) };
-        let len = bytes.u64()?.saturating_mul(storage.element.len() as u64);
+        let len = bytes.number(8)?.saturating_mul(storage.element.len() as u64);
         storages.insert(key, bytes.take_long(len)?);
     }
-    tensors(&pickle, &storages)
+    tensors(&pickle, |key| storages.get(key).copied())
 }
 
 /// A pickle of one integer.
@@ -82,14 +75,14 @@ fn integer(bytes: &mut Cursor<'_>) -> Result<Option<i128>, Problem> {
     Ok(if let Object::Int(value) = pickle.objects[pickle.root] { Some(value) } else { None })
 }
 
-/// Attaches storages to the tensors of a state dict.
+/// Attaches storages, given by their keys, to the tensors of a state dict.
 fn tensors<'a>(
     pickle: &Pickle<'a>,
-    storages: &BTreeMap<&str, &'a [u8]>,
+    storage: impl Fn(&str) -> Option<&'a [u8]>,
 ) -> Result<BTreeMap<String, StoredTensor<'a>>, Problem> {
     let stored = |(name, tensor): (&str, &TensorRef<'a>)| {
         let TensorRef { storage: StorageRef { element, key, len }, offset, shape, strides } = tensor.clone();
-        match storages.get(key) {
+        match storage(key) {
             Some(storage) if Some(storage.len()) == len.checked_mul(element.len()) => {
                 Ok((name.to_owned(), StoredTensor::new(element, storage, offset, shape, strides)?))
             }

@@ -13,8 +13,7 @@ const FILES: [&[u8]; 4] = [ZIP, LEGACY, NESTED, WHOLE_MODEL];
 
 /// The entries of a file of `torch.save`.
 fn entries(file: &[u8]) -> Vec<(&str, Vec<u8>)> {
-    let archive = zip::Archive::open(file).unwrap();
-    archive.names().map(|name| (name, archive.read(name).unwrap().to_vec())).collect()
+    zip::read(file).unwrap().into_iter().map(|(name, contents)| (name, contents.to_vec())).collect()
 }
 
 /// A zip of stored entries.

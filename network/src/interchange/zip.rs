@@ -18,63 +18,49 @@ const END_64_SIGNATURE: &[u8] = b"PK\x06\x06";
 const LOCATOR_64_SIGNATURE: &[u8] = b"PK\x06\x07";
 const LOCATOR_64_LEN: usize = 20;
 const ENTRY_SIGNATURE: &[u8] = b"PK\x01\x02";
-const LOCAL_LEN: usize = 30;
-const EXTRA_64: u16 = 1;
+const LOCAL_LEN: u64 = 30;
+const EXTRA_64: u64 = 1;
 /// Marks a number that does not fit into 32 bits and is stored in 64 bits elsewhere.
-const ELSEWHERE: u32 = u32::MAX;
+const ELSEWHERE: u64 = u32::MAX as u64;
 
-/// The entries of an archive by name.
-pub(super) struct Archive<'a> {
-    bytes: &'a [u8],
-    entries: BTreeMap<&'a str, Entry>,
-}
-
-struct Entry {
+/// An entry as the directory describes it.
+struct Entry<'a> {
+    name: &'a str,
     header_at: u64,
     len: u64,
-    crc32: u32,
+    crc32: u64,
 }
 
-impl<'a> Archive<'a> {
-    /// Reads the directory of an archive.
-    pub(super) fn open(bytes: &'a [u8]) -> Result<Self, Problem> {
-        let (at, len) = directory(bytes)?;
-        let mut rest = Cursor::new(slice(bytes, at, len)?);
-        let (mut entries, mut read, mut total) = (BTreeMap::new(), 0_u64, 0_u64);
-        while read < len {
-            let (name, entry, entry_len) = entry(&mut rest)?;
-            read += entry_len;
-            // Overlapping entries could make a small file expand to many bytes.
-            total = total.saturating_add(entry.len);
-            if total > bytes.len() as u64 {
-                return damaged("the zip's entries are larger than the file");
-            }
-            if entries.insert(name, entry).is_some() {
-                return damaged(format!("{} is in the zip twice", shown(name)));
-            }
+/// The contents of an archive's entries by their names, compared with their checksums.
+pub(super) fn read(bytes: &[u8]) -> Result<BTreeMap<&str, &[u8]>, Problem> {
+    let mut rest = Cursor::new(directory(bytes)?);
+    let (mut entries, mut total) = (BTreeMap::new(), 0_u64);
+    while !rest.is_at_end() {
+        let entry = entry(&mut rest)?;
+        // Overlapping entries could make a small file expand to many bytes.
+        total = total.saturating_add(entry.len);
+        if total > bytes.len() as u64 {
+            return damaged("the zip's entries are larger than the file");
         }
-        Ok(Self { bytes, entries })
+        if entries.insert(entry.name, contents(bytes, &entry)?).is_some() {
+            return damaged(format!("{} is in the zip twice", shown(entry.name)));
+        }
     }
+    Ok(entries)
+}
 
-    pub(super) fn names(&self) -> impl Iterator<Item = &'a str> {
-        self.entries.keys().copied()
+fn contents<'a>(bytes: &'a [u8], entry: &Entry<'_>) -> Result<&'a [u8], Problem> {
+    let mut header = Cursor::new(slice(bytes, entry.header_at, LOCAL_LEN)?);
+    if header.take(4)? != SIGNATURE {
+        return damaged(format!("the zip's directory points beside {}", shown(entry.name)));
     }
-
-    /// The contents of an entry, compared with its checksum.
-    pub(super) fn read(&self, name: &str) -> Result<&'a [u8], Problem> {
-        let Some(entry) = self.entries.get(name) else { return damaged(format!("{} is missing", shown(name))) };
-        let mut header = Cursor::new(slice(self.bytes, entry.header_at, LOCAL_LEN as u64)?);
-        if header.take(4)? != SIGNATURE {
-            return damaged(format!("the zip's directory points beside {}", shown(name)));
-        }
-        header.take(22)?; // version, flags, method, time, date, checksum, lengths: the directory has them
-        let names_len = u64::from(header.u16()?) + u64::from(header.u16()?);
-        let contents = slice(self.bytes, entry.header_at + LOCAL_LEN as u64 + names_len, entry.len)?;
-        if crc32(contents) != entry.crc32 {
-            return damaged(format!("the checksum of {} differs", shown(name)));
-        }
-        Ok(contents)
+    header.take(22)?; // version, flags, method, time, date, checksum, lengths: the directory has them
+    let names_len = header.number(2)? + header.number(2)?;
+    let contents = slice(bytes, entry.header_at + LOCAL_LEN + names_len, entry.len)?;
+    if u64::from(crc32(contents)) != entry.crc32 {
+        return damaged(format!("the checksum of {} differs", shown(entry.name)));
     }
+    Ok(contents)
 }
 
 fn slice(bytes: &[u8], at: u64, len: u64) -> Result<&[u8], Problem> {
@@ -83,46 +69,45 @@ fn slice(bytes: &[u8], at: u64, len: u64) -> Result<&[u8], Problem> {
     cursor.take_long(len)
 }
 
-/// Offset and length of the central directory.
-fn directory(bytes: &[u8]) -> Result<(u64, u64), Problem> {
+/// The central directory.
+fn directory(bytes: &[u8]) -> Result<&[u8], Problem> {
     let first = bytes.len().saturating_sub(END_LEN + COMMENT_LEN_MAX);
     let found = bytes[first..].windows(END_LEN).rposition(|window| window.starts_with(END_SIGNATURE));
     let Some(end_at) = found.map(|at| first + at) else { return damaged("a zip that is cut off") };
     let mut end = Cursor::new(&bytes[end_at + 12..]);
-    let (len, at) = (end.u32()?, end.u32()?);
+    let (mut len, mut at) = (end.number(4)?, end.number(4)?);
     let locator =
         end_at.checked_sub(LOCATOR_64_LEN).and_then(|at| bytes[at..end_at].strip_prefix(LOCATOR_64_SIGNATURE));
-    match locator {
-        Some(locator) if len == ELSEWHERE || at == ELSEWHERE => {
-            let mut locator = Cursor::new(locator);
-            locator.u32()?; // disk
-            let mut end = Cursor::new(slice(bytes, locator.u64()?, 56)?);
-            if end.take(4)? != END_64_SIGNATURE {
-                return damaged("the zip's locator points beside its end record");
-            }
-            end.take(36)?; // length, versions, disks, counts
-            let len = end.u64()?;
-            Ok((end.u64()?, len))
+    if let Some(locator) = locator
+        && (len == ELSEWHERE || at == ELSEWHERE)
+    {
+        let mut locator = Cursor::new(locator);
+        locator.take(4)?; // disk
+        let mut end = Cursor::new(slice(bytes, locator.number(8)?, 56)?);
+        if end.take(4)? != END_64_SIGNATURE {
+            return damaged("the zip's locator points beside its end record");
         }
-        _ => Ok((at.into(), len.into())),
+        end.take(36)?; // length, versions, disks, counts
+        (len, at) = (end.number(8)?, end.number(8)?);
     }
+    slice(bytes, at, len)
 }
 
-/// One entry of the central directory, and the entry's length.
-fn entry<'a>(directory: &mut Cursor<'a>) -> Result<(&'a str, Entry, u64), Problem> {
+/// The next entry of the central directory.
+fn entry<'a>(directory: &mut Cursor<'a>) -> Result<Entry<'a>, Problem> {
     if directory.take(4)? != ENTRY_SIGNATURE {
         return damaged("the zip's directory is damaged");
     }
     directory.take(4)?; // versions
-    let (flags, method) = (directory.u16()?, directory.u16()?);
+    let (flags, method) = (directory.number(2)?, directory.number(2)?);
     directory.take(4)?; // time, date
-    let (crc32, packed_len, len) = (directory.u32()?, directory.u32()?, directory.u32()?);
-    let (name_len, extra_len, comment_len) = (directory.u16()?, directory.u16()?, directory.u16()?);
+    let (crc32, packed_len, len) = (directory.number(4)?, directory.number(4)?, directory.number(4)?);
+    let (name_len, extra_len, comment_len) = (directory.number(2)?, directory.number(2)?, directory.number(2)?);
     directory.take(8)?; // disk, attributes
-    let header_at = directory.u32()?;
-    let name = directory.take(name_len.into())?;
-    let extra = directory.take(extra_len.into())?;
-    directory.take(comment_len.into())?;
+    let header_at = directory.number(4)?;
+    let name = directory.take_long(name_len)?;
+    let extra = directory.take_long(extra_len)?;
+    directory.take_long(comment_len)?;
     let Ok(name) = std::str::from_utf8(name) else { return damaged("a name in the zip is not UTF-8") };
     if flags & 1 != 0 {
         return unsupported("an encrypted zip");
@@ -133,33 +118,28 @@ fn entry<'a>(directory: &mut Cursor<'a>) -> Result<(&'a str, Entry, u64), Proble
             shown(name)
         ));
     }
-    let (len, packed_len, header_at) = wide([len, packed_len, header_at], extra)?;
+    let [len, packed_len, header_at] = wide([len, packed_len, header_at], extra)?;
     if len != packed_len {
         return damaged(format!("{} has two lengths, {len} and {packed_len}", shown(name)));
     }
-    let entry_len = 46 + u64::from(name_len) + u64::from(extra_len) + u64::from(comment_len);
-    Ok((name, Entry { header_at, len, crc32 }, entry_len))
+    Ok(Entry { name, header_at, len, crc32 })
 }
 
 /// Length, packed length and offset of an entry; values that do not fit into 32 bits are in extra field 1.
-fn wide(narrow: [u32; 3], extra: &[u8]) -> Result<(u64, u64, u64), Problem> {
-    let mut wide = narrow.map(u64::from);
-    if narrow.contains(&ELSEWHERE) {
+fn wide(mut values: [u64; 3], extra: &[u8]) -> Result<[u64; 3], Problem> {
+    if values.contains(&ELSEWHERE) {
         let mut fields = Cursor::new(extra);
         let mut field = loop {
-            let (id, len) = (fields.u16()?, fields.u16()?);
-            let field = fields.take(len.into())?;
+            let (id, field) = (fields.number(2)?, fields.counted(2)?);
             if id == EXTRA_64 {
                 break Cursor::new(field);
             }
         };
-        for (narrow, wide) in narrow.into_iter().zip(&mut wide) {
-            if narrow == ELSEWHERE {
-                *wide = field.u64()?;
-            }
+        for value in values.iter_mut().filter(|value| **value == ELSEWHERE) {
+            *value = field.number(8)?;
         }
     }
-    Ok((wide[0], wide[1], wide[2]))
+    Ok(values)
 }
 
 /// The checksum of zip, PNG and Ethernet: polynomial 0xEDB88320, reflected.
