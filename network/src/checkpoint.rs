@@ -5,6 +5,7 @@
 //! training needs to continue as if it had never stopped. Each file records how it was made: config, dataset, versions.
 
 mod header;
+mod progress;
 
 use std::path::{Path, PathBuf};
 
@@ -16,9 +17,8 @@ use crate::DenseNetwork;
 use crate::layers::{parameter_count, parameter_slots};
 use crate::upsampling::Upsampling;
 
-use header::HeaderProblem;
-
-pub use header::{ARCHITECTURE, Confusion, FORMAT_VERSION, Progress};
+pub(crate) use header::ARCHITECTURE;
+pub use progress::{Confusion, Progress};
 
 /// A network's parameters and their origin.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,17 +72,9 @@ pub enum CheckpointError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// Not a safetensors file, or truncated.
-    #[error("damaged checkpoint: {source}: {}", .path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// The parser's error.
-        source: SafeTensorError,
-    },
-    /// The header is not of this crate, or has an unknown version.
+    /// Truncated, not a safetensors file, not of this crate, or of an unknown version.
     #[error("{problem}: {}", .path.display())]
-    Header {
+    Damaged {
         /// What is wrong.
         problem: String,
         /// The file.
@@ -103,7 +95,7 @@ impl Exit for CheckpointError {
         match self {
             Self::Missing(_) | Self::Architecture { .. } => ExitCode::Config,
             Self::Io { .. } => ExitCode::TryAgain,
-            Self::Damaged { .. } | Self::Header { .. } => ExitCode::Data,
+            Self::Damaged { .. } => ExitCode::Data,
         }
     }
 }
@@ -136,7 +128,11 @@ fn encode(checkpoint: &Checkpoint, path: &Path) -> Result<Vec<u8>, CheckpointErr
         named.map(|(name, slot, data)| Ok((name, TensorView::new(Dtype::F32, slot.shape.clone(), data)?))).collect();
     views
         .and_then(|views| safetensors::serialize(views, Some(header::write(checkpoint))))
-        .map_err(|source| CheckpointError::Damaged { path: path.to_owned(), source })
+        .map_err(|source| damaged(source, path))
+}
+
+fn damaged(source: SafeTensorError, path: &Path) -> CheckpointError {
+    CheckpointError::Damaged { problem: format!("damaged checkpoint: {source}"), path: path.to_owned() }
 }
 
 /// Whether bytes are a safetensors file with a checkpoint's header of any content.
@@ -161,21 +157,16 @@ pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
 /// # Errors
 /// As [`read`], except errors of reading the file.
 pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
-    let damaged = |source| CheckpointError::Damaged { path: path.to_owned(), source };
-    let (_, metadata) = SafeTensors::read_metadata(file).map_err(damaged)?;
-    let tensors = SafeTensors::deserialize(file).map_err(damaged)?;
-    let other = |problems| CheckpointError::Architecture { problems, path: path.to_owned() };
-    let parameters = vector(&tensors, "").map_err(other)?;
-    let header = header::read(metadata.metadata().as_ref()).map_err(|problem| match problem {
-        HeaderProblem::Architecture(problem) => other(vec![problem]),
-        HeaderProblem::Other(problem) => CheckpointError::Header { problem, path: path.to_owned() },
-    })?;
+    let (_, metadata) = SafeTensors::read_metadata(file).map_err(|source| damaged(source, path))?;
+    let tensors = SafeTensors::deserialize(file).map_err(|source| damaged(source, path))?;
+    let vector = |prefix: &str| {
+        vector(&tensors, prefix).map_err(|problems| CheckpointError::Architecture { problems, path: path.to_owned() })
+    };
+    let parameters = vector("")?;
+    let header = header::read(metadata.metadata().as_ref(), path)?;
     let moments = match header.adam_steps {
         0 => None,
-        steps => {
-            let part = |prefix| vector(&tensors, prefix).map_err(other);
-            Some(Moments { steps, first: part(MOMENTS[0])?, second: part(MOMENTS[1])? })
-        }
+        steps => Some(Moments { steps, first: vector(MOMENTS[0])?, second: vector(MOMENTS[1])? }),
     };
     Ok(Checkpoint {
         vector: parameters,

@@ -2,10 +2,13 @@
 //!
 //! The dense network and the receptive field share the matrix; the latter uses only the required rows and columns.
 
+use serde::Deserialize;
 use settings::words;
 
 words! {
     /// Interpolation between voxels when a grid is doubled.
+    #[derive(Deserialize)]
+    #[serde(rename_all = "lowercase")]
     pub enum Upsampling {
         /// Trilinear, half-pixel centres (`align_corners=False`), as in the paper.
         Linear = "linear",

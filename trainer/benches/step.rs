@@ -7,7 +7,6 @@ use network::upsampling::Upsampling;
 use schema::{Purpose, Quat, Stream};
 use trainer::batch::{Batch, Sample};
 use trainer::device::Device;
-use trainer::graph::step_by_graph;
 use trainer::loss::Target;
 use trainer::step::{evaluate, step};
 
@@ -42,7 +41,8 @@ fn train(bencher: divan::Bencher<'_, '_>, scenes: usize) {
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]
 fn train_by_graph(bencher: divan::Bencher<'_, '_>, scenes: usize) {
     let (vector, batch) = (initial_vector(1), batch(scenes));
-    bencher.bench_local(|| step_by_graph(&vector, &batch, Upsampling::Linear, &burn::tensor::Device::flex()));
+    let device = Device::Burn(burn::tensor::Device::flex());
+    bencher.bench_local(|| step(&vector, &batch, Upsampling::Linear, &device));
 }
 
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]

@@ -7,52 +7,20 @@ const BETA_1: f32 = 0.9;
 const BETA_2: f32 = 0.999;
 const EPSILON: f32 = 1e-8;
 
-/// The optimiser and its state.
-#[derive(Debug, Clone)]
-pub struct Adam {
-    learning_rate: f64,
-    moments: Option<Moments>,
-}
-
-impl Adam {
-    /// The state before the first step.
-    #[must_use]
-    pub fn new(learning_rate: f64) -> Self {
-        Self { learning_rate, moments: None }
-    }
-
-    /// The state of a checkpoint.
-    #[must_use]
-    pub fn resume(learning_rate: f64, moments: Moments) -> Self {
-        Self { learning_rate, moments: Some(moments) }
-    }
-
-    /// Sets the learning rate of further steps.
-    pub fn set_learning_rate(&mut self, learning_rate: f64) {
-        self.learning_rate = learning_rate;
-    }
-
-    /// Updates the parameters with a gradient.
-    pub fn step(&mut self, vector: &mut [f32], gradient: &[f32]) {
-        let zeros = || vec![-0.0; vector.len()]; // adding −0 changes no bit of a number
-        let moments = self.moments.get_or_insert_with(|| Moments { steps: 0, first: zeros(), second: zeros() });
-        moments.steps += 1;
-        let steps = moments.steps as i32;
-        let correction_2 = (1.0 - BETA_2.powi(steps)).sqrt();
-        let factor = correction_2 / (1.0 - BETA_1.powi(steps));
-        let (epsilon, learning_rate) = (EPSILON * correction_2, self.learning_rate as f32);
-        let moments = moments.first.iter_mut().zip(&mut moments.second);
-        for ((value, gradient), (first, second)) in vector.iter_mut().zip(gradient).zip(moments) {
-            *first = *first * BETA_1 + gradient * (1.0 - BETA_1);
-            *second = *second * BETA_2 + gradient * gradient * (1.0 - BETA_2);
-            *value -= *first * factor / (second.sqrt() + epsilon) * learning_rate;
-        }
-    }
-
-    /// The state; `None` before the first step.
-    #[must_use]
-    pub fn moments(&self) -> Option<&Moments> {
-        self.moments.as_ref()
+/// Updates the parameters with a gradient. `moments` are `None` before the first step.
+pub fn step(moments: &mut Option<Moments>, learning_rate: f64, vector: &mut [f32], gradient: &[f32]) {
+    let zeros = || vec![-0.0; vector.len()]; // adding −0 changes no bit of a number
+    let moments = moments.get_or_insert_with(|| Moments { steps: 0, first: zeros(), second: zeros() });
+    moments.steps += 1;
+    let steps = moments.steps as i32;
+    let correction_2 = (1.0 - BETA_2.powi(steps)).sqrt();
+    let factor = correction_2 / (1.0 - BETA_1.powi(steps));
+    let (epsilon, learning_rate) = (EPSILON * correction_2, learning_rate as f32);
+    let moments = moments.first.iter_mut().zip(&mut moments.second);
+    for ((value, gradient), (first, second)) in vector.iter_mut().zip(gradient).zip(moments) {
+        *first = *first * BETA_1 + gradient * (1.0 - BETA_1);
+        *second = *second * BETA_2 + gradient * gradient * (1.0 - BETA_2);
+        *value -= *first * factor / (second.sqrt() + epsilon) * learning_rate;
     }
 }
 
@@ -71,16 +39,15 @@ mod tests {
         let mut draws = || -> Vec<f32> { (0..999).map(|_| draw.uniform(-1.0, 1.0)).collect() };
         let mut vector = draws();
         let (mut theirs, mut state) = (Tensor::<1>::from_data(vector.as_slice(), &Device::flex()), None);
-        let mut adam = Adam::new(3e-4);
+        let mut moments = None;
         for number in 0..20 {
-            adam.set_learning_rate(3e-4 / f64::from(number + 1));
             let gradient = draws();
             let there = Tensor::from_data(gradient.as_slice(), &Device::flex());
             (theirs, state) = rule.step(3e-4 / f64::from(number + 1), theirs, there, state);
-            adam.step(&mut vector, &gradient);
+            step(&mut moments, 3e-4 / f64::from(number + 1), &mut vector, &gradient);
             assert_eq!(theirs.to_data().iter::<f32>().collect::<Vec<_>>(), vector, "step {number}");
         }
-        let (state, moments) = (state.unwrap().momentum, adam.moments().unwrap());
+        let (state, moments) = (state.unwrap().momentum, moments.unwrap());
         assert_eq!(state.time, moments.steps);
         assert_eq!(state.moment_2.into_data().iter::<f32>().collect::<Vec<_>>(), moments.second);
     }

@@ -1,9 +1,11 @@
 //! A batch: samples and their grids, each grid once.
 
+use std::iter::repeat_n;
 use std::ops::Range;
 use std::sync::Arc;
 
 use network::VoxelInputs;
+use rayon::prelude::*;
 
 use crate::loss::Target;
 
@@ -43,10 +45,13 @@ const PART_GRIDS_MAX: usize = 2;
 const PART_SAMPLES_MAX: usize = 12;
 
 impl Batch {
-    /// Cuts the batch into parts, as a pure function of the batch. A scene's samples stay together if possible, so that
-    /// its grid is encoded once.
-    #[must_use]
-    pub fn parts(&self) -> Vec<Range<usize>> {
+    /// Cuts the batch into parts, as a pure function of the batch, and calls `work` with each of them, on any thread;
+    /// results are in the order of parts. A scene's samples stay together if possible, so that its grid is encoded once.
+    pub fn by_parts<T: Send>(&self, work: impl Fn(&BatchPart<'_>) -> T + Sync) -> Vec<T> {
+        self.parts().into_par_iter().map(|part| work(&self.part(part))).collect()
+    }
+
+    fn parts(&self) -> Vec<Range<usize>> {
         let mut parts = Vec::new();
         let (mut start, mut grids) = (0, 0);
         for (at, sample) in self.samples.iter().enumerate() {
@@ -65,16 +70,12 @@ impl Batch {
     }
 
     /// Some consecutive samples, with their grids.
-    #[must_use]
-    pub fn part(&self, part: Range<usize>) -> BatchPart<'_> {
+    fn part(&self, part: Range<usize>) -> BatchPart<'_> {
         let samples = &self.samples[part];
-        let (mut grids, mut grid_of_sample, mut last) = (Vec::new(), Vec::new(), None);
-        for sample in samples {
-            if last != Some(sample.grid) {
-                grids.push(&*self.grids[sample.grid]);
-                last = Some(sample.grid);
-            }
-            grid_of_sample.push(grids.len() - 1);
+        let (mut grids, mut grid_of_sample) = (Vec::new(), Vec::new());
+        for (number, own) in samples.chunk_by(|a, b| a.grid == b.grid).enumerate() {
+            grids.push(&*self.grids[own[0].grid]);
+            grid_of_sample.extend(repeat_n(number, own.len()));
         }
         let voxels = samples.iter().map(|sample| sample.voxel).collect();
         let targets = samples.iter().map(|sample| sample.target).collect();

@@ -1,7 +1,6 @@
 //! What training costs on this machine.
 
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -10,6 +9,7 @@ use network::DenseNetwork;
 use network::layers::{LAYERS, initial_vector};
 use network::receptive_field::{PatchSizes, RESOLUTION};
 use network::upsampling::Upsampling;
+use program::Failure;
 use report::document::{Block, Cell, Document, Table};
 use schema::{Purpose, Quat, Stream};
 use serde::Serialize;
@@ -18,7 +18,6 @@ use shards::{Dataset, Location};
 use crate::batch::{Batch, Sample};
 use crate::data::{for_each_batch, load};
 use crate::device::Device;
-use crate::fit::FitError;
 use crate::loss::Target;
 use crate::step::{evaluate, step};
 
@@ -110,14 +109,13 @@ impl BenchReport {
 /// Measures at the given batch size on a device; with a dataset also how fast batches are read.
 ///
 /// # Errors
-/// [`FitError`] if the dataset cannot be read.
+/// If the dataset cannot be read.
 pub fn bench(
     samples: usize,
     data: Option<&Location>,
-    scratch: &Path,
     device: &Device,
     on_phase: &dyn Fn(&str),
-) -> Result<BenchReport, FitError> {
+) -> Result<BenchReport, Failure> {
     let mode = Upsampling::Linear;
     let vector = initial_vector(1);
     on_phase("training steps");
@@ -135,22 +133,22 @@ pub fn bench(
     let infer = || median_s(|| drop(dense.infer(grid)));
     let dense_one_thread_s = alone.map_or_else(|_| infer(), |alone| alone.install(infer));
     on_phase("the same by Burn");
-    let by_burn = by_burn(&vector, &many, mode, device);
+    let [matmul_mac_per_s, step_by_graph_s, dense_by_graph_s] = by_burn(&vector, &many, mode, device);
     on_phase("reading");
-    let read_s = data.map(|data| read_s(data, scratch, samples)).transpose()?;
+    let read_s = data.map(|data| read_s(data, samples)).transpose()?;
     Ok(BenchReport {
         version: env!("CARGO_PKG_VERSION"),
         batch: samples,
         threads: rayon::current_num_threads(),
-        matmul_mac_per_s: by_burn.map(|times| times.matmul_mac_per_s),
+        matmul_mac_per_s,
         step_mac: samples as f64 * training_mac(mode),
         step_s,
         step_of_few_scenes_s,
-        step_by_graph_s: by_burn.map(|times| times.step_s),
+        step_by_graph_s,
         test_s,
         dense_s,
         dense_one_thread_s,
-        dense_by_graph_s: by_burn.map(|times| times.dense_s),
+        dense_by_graph_s,
         read_s,
         memory_bytes,
     })
@@ -184,36 +182,30 @@ fn batch(samples: usize, scenes: usize) -> Batch {
 }
 
 /// Seconds a batch when nothing is done with it.
-fn read_s(data: &Location, scratch: &Path, batch: usize) -> Result<f64, FitError> {
-    let dataset = Dataset::open(data).map_err(crate::data::LoadError::from)?;
-    let samples = load(&dataset, scratch, &AtomicBool::new(false), &|| {})?;
+fn read_s(data: &Location, batch: usize) -> Result<f64, Failure> {
+    let dataset = Dataset::open(data)?;
+    let samples = load(&dataset, &std::env::temp_dir(), &AtomicBool::new(false), &|| {})?;
     // Every sample of another scene as far as there are scenes: what costs most to read.
     let all = samples.ids().len();
     let stride = (all / batch.max(1)).max(1);
     let order: Vec<usize> = (0..all).map(|at| at * stride % all).collect();
     let (began, mut batches) = (Instant::now(), 0);
-    for_each_batch(&samples, &order, batch, |_| {
+    for_each_batch(&samples, &order, batch, None, |_| {
         batches += 1;
         ControlFlow::Continue(())
     })?;
     Ok(began.elapsed().as_secs_f64() / f64::from(batches.max(1)))
 }
 
-/// Burn's times.
-#[derive(Clone, Copy)]
-struct BurnTimes {
-    matmul_mac_per_s: f64,
-    step_s: f64,
-    dense_s: f64,
-}
-
+/// Burn's products in multiply-adds a second, and its times of a step and of the dense network, if the program has its
+/// backend for the device.
 #[cfg(not(feature = "graph"))]
-fn by_burn(_: &[f32], _: &Batch, _: Upsampling, _: &Device) -> Option<BurnTimes> {
-    None
+fn by_burn(_: &[f32], _: &Batch, _: Upsampling, _: &Device) -> [Option<f64>; 3] {
+    [None; 3]
 }
 
 #[cfg(feature = "graph")]
-fn by_burn(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> Option<BurnTimes> {
+fn by_burn(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> [Option<f64>; 3] {
     use burn::tensor::{Tensor, TensorData};
     /// Side of the square matrices whose product gives the machine's rate.
     const MATRIX: usize = 1024;
@@ -222,19 +214,19 @@ fn by_burn(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> 
         #[cfg(feature = "flex")]
         Device::Host => burn::tensor::Device::flex(),
         #[cfg(not(feature = "flex"))]
-        Device::Host => return None,
+        Device::Host => return [None; 3],
         Device::Burn(device) => device.clone(),
     };
     let square = || Tensor::<2>::from_data(TensorData::new(vec![0.5_f32; MATRIX * MATRIX], [MATRIX; 2]), device);
     let (a, b) = (square(), square());
     let product_s = median_s(|| drop(a.clone().matmul(b.clone()).into_data()));
-    let step_s = median_s(|| drop(crate::graph::step_by_graph(vector, batch, mode, device)));
-    let network = crate::graph::Network::from_vector(crate::graph::to_device(vector, device), mode);
+    let step_s = median_s(|| drop(step(vector, batch, mode, &Device::Burn(device.clone()))));
+    let parameters = crate::graph::to_device(vector, device);
     let dense_s = median_s(|| {
         let grid = TensorData::new(batch.grids[0].to_vec(), [1, 1, RESOLUTION, RESOLUTION, RESOLUTION]);
-        drop(network.forward(Tensor::from_data(grid, device)).quality_logit.into_data());
+        drop(crate::graph::dense(&parameters, Tensor::from_data(grid, device), mode).quality_logit.into_data());
     });
-    Some(BurnTimes { matmul_mac_per_s: (MATRIX as f64).powi(3) / product_s, step_s, dense_s })
+    [(MATRIX as f64).powi(3) / product_s, step_s, dense_s].map(Some)
 }
 
 /// Median time of doing something, after doing it once.

@@ -1,4 +1,4 @@
-//! The commands of `trainer`, one file each, and the arguments that they share.
+//! The commands of `trainer`, one file each.
 
 mod bench;
 mod console;
@@ -9,10 +9,9 @@ mod fit;
 mod import;
 mod report;
 
-use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, Parser, Subcommand};
 use program::manual::{Manual, Settings};
 use program::{ExitCode, Failure};
-use trainer::evaluate::TestSet;
 
 /// Trains the volumetric grasp network on a Graspmill dataset.
 #[derive(Parser)]
@@ -62,23 +61,3 @@ Examples:
   trainer evaluate --data grasps --run runs/paper --split test-scenes --report runs/paper/report
   trainer report runs/paper --data grasps --html paper.html                 the run as a page
   trainer export runs/paper/best.safetensors --format onnx --out vgn.onnx";
-
-#[derive(Clone, Copy, ValueEnum)]
-enum SplitArgument {
-    /// Held-out attempts of training scenes.
-    TestAttempts,
-    /// Held-out scenes.
-    TestScenes,
-    /// Every sample.
-    All,
-}
-
-impl From<SplitArgument> for TestSet {
-    fn from(split: SplitArgument) -> Self {
-        match split {
-            SplitArgument::TestAttempts => Self::TestAttempts,
-            SplitArgument::TestScenes => Self::TestScenes,
-            SplitArgument::All => Self::All,
-        }
-    }
-}

@@ -1,8 +1,6 @@
 //! The curves of a run: loss (the paper's Fig. 3) and accuracy (Fig. 4) by epoch, as SVG and PNG. They are drawn from
 //! `metrics.jsonl` alone, so a run that was stopped and resumed has the very pictures of one that was not.
 
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use program::{ExitCode, Failure, write};
@@ -10,7 +8,7 @@ use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 use serde::Deserialize;
 
 use crate::config::SplitBy;
-use crate::run_folder::METRICS;
+use crate::run_folder::{METRICS, read_metrics};
 
 /// What is shown of a line of `metrics.jsonl`. Runs of earlier versions have fewer keys.
 #[derive(Debug, Clone, Deserialize)]
@@ -59,21 +57,17 @@ pub fn draw_curves(run: &Path) -> Result<Vec<PathBuf>, Failure> {
 
 /// The epochs of a run, at least one.
 pub(crate) fn read(run: &Path) -> Result<Vec<Epoch>, Failure> {
-    let path = run.join(METRICS);
-    let failed = |code, text: String| Failure::new(code, format!("{text}: {}", path.display()));
-    let missing = || failed(ExitCode::Config, "no metrics here, a run has them after its first epoch".to_owned());
-    let text = fs::read_to_string(&path).map_err(|source| match source.kind() {
-        io::ErrorKind::NotFound => missing(),
-        io::ErrorKind::InvalidData => failed(ExitCode::Data, format!("damaged metrics: {source}")), // no UTF-8
-        _ => failed(ExitCode::TryAgain, format!("failed to read the metrics: {source}")),
-    })?;
+    let failed = |code, text: &str| Failure::new(code, format!("{text}: {}", run.join(METRICS).display()));
+    let text = read_metrics(run)?.unwrap_or_default();
     let lines = text.lines().enumerate().map(|(at, line)| {
-        let damaged =
-            |source: serde_json::Error| failed(ExitCode::Data, format!("damaged metrics in line {}: {source}", at + 1));
-        serde_json::from_str(line).map_err(damaged)
+        serde_json::from_str(line)
+            .map_err(|error| failed(ExitCode::Data, &format!("damaged metrics in line {}: {error}", at + 1)))
     });
     let epochs: Vec<Epoch> = lines.collect::<Result<_, _>>()?;
-    if epochs.is_empty() { Err(missing()) } else { Ok(epochs) }
+    if epochs.is_empty() {
+        return Err(failed(ExitCode::Config, "no metrics here, a run has them after its first epoch"));
+    }
+    Ok(epochs)
 }
 
 /// The losses.
@@ -124,6 +118,8 @@ fn points(epochs: &[Epoch], set: fn(&Epoch) -> &Set, value: fn(&Set) -> Option<f
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn line(epoch: u32) -> String {

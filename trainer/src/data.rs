@@ -5,7 +5,6 @@ mod item;
 mod load;
 mod loader;
 
-pub use grids::{Grids, SpoolError};
 pub use item::{GraspDataset, GraspItem, TrainingTransform};
-pub use load::{LoadError, load};
-pub use loader::{for_each_batch, for_each_training_batch};
+pub use load::load;
+pub use loader::for_each_batch;

@@ -9,7 +9,7 @@
 
 use std::str::FromStr;
 
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure};
 
 /// A compute device.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,37 +33,6 @@ pub enum DeviceName {
     Wgpu(usize),
 }
 
-/// Why a device is not available.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-pub enum DeviceError {
-    /// The name is not that of a device.
-    #[error("a device is cpu, cuda, cuda:N, wgpu or wgpu:N, not {0:?}")]
-    Unknown(String),
-    /// The program was built without support for it.
-    #[error(
-        "this program was built without {feature}: cargo build --release -p trainer --features {feature} makes one that has it"
-    )]
-    NotBuilt {
-        /// The cargo feature.
-        feature: &'static str,
-    },
-    /// The machine has no device with this index.
-    #[error("there is no device {name}: {} found", match found { 0 => "none was".to_owned(), 1 => "one was".to_owned(), n => format!("{n} were") })]
-    Absent {
-        /// Its name.
-        name: DeviceName,
-        /// Number of devices of its kind.
-        found: usize,
-    },
-}
-
-impl Exit for DeviceError {
-    /// [`ExitCode::Config`]: another command or another machine is needed.
-    fn exit_code(&self) -> ExitCode {
-        ExitCode::Config
-    }
-}
-
 impl std::fmt::Display for DeviceName {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -75,10 +44,10 @@ impl std::fmt::Display for DeviceName {
 }
 
 impl FromStr for DeviceName {
-    type Err = DeviceError;
+    type Err = String;
 
-    fn from_str(text: &str) -> Result<Self, DeviceError> {
-        let unknown = || DeviceError::Unknown(text.to_owned());
+    fn from_str(text: &str) -> Result<Self, String> {
+        let unknown = || format!("a device is cpu, cuda, cuda:N, wgpu or wgpu:N, not {text:?}");
         let (kind, number) = match text.split_once(':') {
             Some((kind, number)) => (kind, Some(number.parse().map_err(|_| unknown())?)),
             None => (text, None),
@@ -96,18 +65,29 @@ impl DeviceName {
     /// The device itself.
     ///
     /// # Errors
-    /// [`DeviceError`] if the program was built without it or the machine has none.
-    pub fn open(self) -> Result<Device, DeviceError> {
-        match self {
-            Self::Cpu => Ok(Device::Host),
-            Self::Cuda(number) => self.listed(cuda(), "cuda", number),
-            Self::Wgpu(number) => self.listed(wgpu(), "wgpu", number),
-        }
-    }
-
-    fn listed(self, devices: Option<Vec<Device>>, feature: &'static str, number: usize) -> Result<Device, DeviceError> {
-        let devices = devices.ok_or(DeviceError::NotBuilt { feature })?;
-        devices.get(number).cloned().ok_or(DeviceError::Absent { name: self, found: devices.len() })
+    /// If the program was built without it or the machine has none: another command or machine is needed.
+    pub fn open(self) -> Result<Device, Failure> {
+        let (devices, feature, number) = match self {
+            Self::Cpu => return Ok(Device::Host),
+            Self::Cuda(number) => (cuda(), "cuda", number),
+            Self::Wgpu(number) => (wgpu(), "wgpu", number),
+        };
+        let text = match devices {
+            Some(mut devices) if number < devices.len() => return Ok(devices.swap_remove(number)),
+            Some(devices) => {
+                let found = match devices.len() {
+                    0 => "none was".to_owned(),
+                    1 => "one was".to_owned(),
+                    count => format!("{count} were"),
+                };
+                format!("there is no device {self}: {found} found")
+            }
+            None => format!(
+                "this program was built without {feature}: cargo build --release -p trainer --features {feature} makes \
+                 one that has it"
+            ),
+        };
+        Err(Failure::new(ExitCode::Config, text))
     }
 }
 
@@ -145,13 +125,14 @@ mod tests {
         }
         assert_eq!("cuda".parse(), Ok(DeviceName::Cuda(0)));
         for text in ["", "gpu", "cuda:", "cuda:x", "cpu:0", "wgpu:-1"] {
-            assert_eq!(text.parse::<DeviceName>(), Err(DeviceError::Unknown(text.to_owned())), "{text:?}");
+            let error = text.parse::<DeviceName>().unwrap_err();
+            assert!(error.ends_with(&format!("not {text:?}")), "{error}");
         }
     }
 
     #[test]
     fn a_device_that_is_not_there_is_told_with_what_to_do() {
-        assert_eq!(DeviceName::Cpu.open(), Ok(Device::Host));
+        assert_eq!(DeviceName::Cpu.open().unwrap(), Device::Host);
         let error = DeviceName::Cuda(4096).open().unwrap_err();
         let expected = if cfg!(feature = "cuda") { "there is no device cuda:4096" } else { "--features cuda" };
         assert!(error.to_string().contains(expected), "{error}");

@@ -5,38 +5,41 @@ pub mod mistakes;
 pub mod report;
 
 use std::collections::BTreeMap;
+use std::env::temp_dir;
+use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use burn_dataset::Dataset as _;
-use network::checkpoint::{self, CheckpointError};
+use clap::ValueEnum;
+use network::checkpoint;
 use network::upsampling::Upsampling;
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure};
 use serde::Serialize;
 use shards::{Dataset, Location};
 
 use crate::config::Config;
-use crate::data::{GraspDataset, LoadError, SpoolError, for_each_batch, load};
+use crate::data::{GraspDataset, for_each_batch, load};
 use crate::device::Device;
-use crate::evaluate::mistakes::{Keeper, Mistake, Mistakes};
+use crate::evaluate::mistakes::{Mistake, worst};
 use crate::loss::SampleResult;
 use crate::metrics::{Summary, Tally};
 use crate::scores::{
     Calibration, GraspErrors, Ranking, Score, Spread, calibration, interval_by_scene, ranking, rotation_error_deg,
 };
-use crate::split::{EmptySplit, split};
-use crate::step::evaluate as evaluate_batch;
+use crate::split::split;
+use crate::step::evaluate;
 
 /// The set of samples to evaluate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum TestSet {
     /// Held-out attempts of training scenes.
     TestAttempts,
     /// Held-out scenes.
     TestScenes,
-    /// Every sample: for a dataset that the network was not trained on.
+    /// Every sample.
     All,
 }
 
@@ -48,51 +51,6 @@ impl TestSet {
             Self::TestAttempts => "held-out attempts of scenes that trained",
             Self::TestScenes => "held-out scenes",
             Self::All => "all samples",
-        }
-    }
-}
-
-/// Why a checkpoint cannot be evaluated.
-#[derive(Debug, thiserror::Error)]
-pub enum EvaluateError {
-    /// The checkpoint cannot be read.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    /// The recipe in the checkpoint is damaged.
-    #[error("damaged recipe in the checkpoint: {0}")]
-    Config(#[from] settings::Error),
-    /// The dataset cannot be loaded.
-    #[error(transparent)]
-    Load(#[from] LoadError),
-    /// Held-out sets exist only for the training dataset.
-    #[error(
-        "the network was trained on another dataset, {was}, so nothing of this one, {is}, is held out: use --split all"
-    )]
-    OtherDataset {
-        /// Id of the training dataset.
-        was: String,
-        /// Id of this dataset.
-        is: String,
-    },
-    /// The set has no samples.
-    #[error(transparent)]
-    Split(#[from] EmptySplit),
-    /// The dataset has no samples.
-    #[error("the dataset has no attempt whose grasp lies in the grid")]
-    NoSamples,
-    /// The decoded grids cannot be read.
-    #[error(transparent)]
-    Spool(#[from] SpoolError),
-}
-
-impl Exit for EvaluateError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Checkpoint(error) => error.exit_code(),
-            Self::Load(error) => error.exit_code(),
-            Self::Spool(error) => error.exit_code(),
-            Self::Config(_) => ExitCode::Data,
-            Self::OtherDataset { .. } | Self::Split(_) | Self::NoSamples => ExitCode::Config,
         }
     }
 }
@@ -133,64 +91,58 @@ pub struct Evaluation {
 pub struct Examination {
     /// The results.
     pub evaluation: Evaluation,
-    /// The network's worst errors.
-    pub mistakes: Mistakes,
+    /// Failed attempts with the highest qualities, worst first.
+    pub overrated: Vec<Mistake>,
+    /// Held attempts with the lowest qualities, worst first.
+    pub underrated: Vec<Mistake>,
     /// Their dataset.
     pub dataset: Dataset,
 }
 
-/// Evaluates a checkpoint on a set of a dataset. `scratch` is a folder for the decoded grids.
+/// Evaluates a checkpoint on a set of a dataset, and keeps the `mistakes_max` worst errors of each kind. The decoded grids
+/// are in a temporary file.
 ///
 /// # Errors
-/// [`EvaluateError`].
-pub fn evaluate(
-    checkpoint: &Path,
-    data: impl Into<Location>,
-    set: TestSet,
-    scratch: &Path,
-    stop: &AtomicBool,
-    scene_done: &(dyn Fn() + Sync),
-) -> Result<Evaluation, EvaluateError> {
-    Ok(examine(checkpoint, data, set, scratch, stop, scene_done, 0)?.evaluation)
-}
-
-/// Like [`evaluate`], and keeps the `mistakes_max` worst errors of each kind.
-///
-/// # Errors
-/// [`EvaluateError`].
+/// If checkpoint or dataset cannot be read, or the set has no samples.
 pub fn examine(
-    checkpoint: &Path,
+    path: &Path,
     data: impl Into<Location>,
     set: TestSet,
-    scratch: &Path,
-    stop: &AtomicBool,
-    scene_done: &(dyn Fn() + Sync),
     mistakes_max: usize,
-) -> Result<Examination, EvaluateError> {
-    let path = checkpoint;
+) -> Result<Examination, Failure> {
     let checkpoint = checkpoint::read(path)?;
-    let dataset = Dataset::open(data).map_err(LoadError::from)?;
+    let dataset = Dataset::open(data)?;
     let dataset_id = dataset.id().to_owned();
     let is_the_same = dataset.has_id(&checkpoint.dataset_id);
     let trained_on = if is_the_same { dataset_id.clone() } else { checkpoint.dataset_id };
+    let refused = |text: String| Err(Failure::new(ExitCode::Config, text));
     if set != TestSet::All && !is_the_same {
-        return Err(EvaluateError::OtherDataset { was: trained_on, is: dataset_id });
+        return refused(format!(
+            "the network was trained on another dataset, {trained_on}, so nothing of this one, {dataset_id}, is held \
+             out: use --split all"
+        ));
     }
-    let samples = load(&dataset, scratch, stop, scene_done)?;
+    let samples = load(&dataset, &temp_dir(), &AtomicBool::new(false), &|| {})?;
     let chosen = match set {
         TestSet::All => (0..samples.len()).collect(),
         TestSet::TestAttempts | TestSet::TestScenes => {
-            let config = Config::parse(&checkpoint.config, path)?;
+            let damaged = |error| Failure::new(ExitCode::Data, format!("damaged recipe in the checkpoint: {error}"));
+            let config = Config::parse(&checkpoint.config, path).map_err(damaged)?;
             let split = split(&samples.ids(), config.seed, &config.split)?;
             if set == TestSet::TestAttempts { split.test_attempts } else { split.test_scenes }
         }
     };
     if chosen.is_empty() {
-        return Err(EvaluateError::NoSamples);
+        return refused("the dataset has no attempt whose grasp lies in the grid".to_owned());
     }
     let results = results(&checkpoint.vector, &samples, &chosen, checkpoint.upsampling)?;
     let found = || chosen.iter().copied().zip(&results);
-    let scores: Vec<Score> = results.iter().map(score).collect();
+    let mistakes = found().map(|(at, result)| {
+        let (scene_id, attempt_id) = (samples.scene(at), samples.attempt(at));
+        Mistake { scene_id, attempt_id, score: score(result) }
+    });
+    let mistakes: Vec<Mistake> = mistakes.collect();
+    let scores: Vec<Score> = mistakes.iter().map(|mistake| mistake.score).collect();
     let scenes: Vec<(u64, u64)> = tallies(found().map(|(at, result)| (samples.scene(at), result)))
         .into_values()
         .map(|tally| (tally.confusion.true_positive + tally.confusion.true_negative, tally.confusion.count()))
@@ -200,11 +152,6 @@ pub fn examine(
     };
     let mut all = Tally::default();
     all.add(&results);
-    let mut worst = Keeper::new(mistakes_max);
-    for (at, result) in found() {
-        let (scene_id, attempt_id) = (samples.scene(at), samples.attempt(at));
-        worst.see(Mistake { scene_id, attempt_id, score: score(result) });
-    }
     let evaluation = Evaluation {
         epoch: checkpoint.progress.epoch,
         step: checkpoint.progress.step,
@@ -220,23 +167,19 @@ pub fn examine(
         by_shape: summaries(tallies(found().map(|(at, result)| (samples.rule(at).shape.kind_name(), result)))),
         by_rule: summaries(tallies(found().map(|(at, result)| (samples.rule(at).name(), result)))),
     };
-    Ok(Examination { evaluation, mistakes: worst.into_mistakes(), dataset })
+    let [overrated, underrated] = [false, true].map(|held| worst(&mistakes, held, mistakes_max));
+    Ok(Examination { evaluation, overrated, underrated, dataset })
 }
 
 /// Samples per batch.
 const BATCH: usize = 192;
 
 /// The network's predictions for samples, in their order.
-fn results(
-    vector: &[f32],
-    samples: &GraspDataset,
-    set: &[usize],
-    mode: Upsampling,
-) -> Result<Vec<SampleResult>, SpoolError> {
+fn results(vector: &[f32], samples: &GraspDataset, set: &[usize], mode: Upsampling) -> io::Result<Vec<SampleResult>> {
     debug_assert!(set.is_sorted(), "a batch sorts its samples");
     let mut results = Vec::with_capacity(set.len());
-    for_each_batch(samples, set, BATCH, |batch| {
-        results.extend(evaluate_batch(vector, &batch, mode, &Device::Host));
+    for_each_batch(samples, set, BATCH, None, |batch| {
+        results.extend(evaluate(vector, &batch, mode, &Device::Host));
         ControlFlow::Continue(())
     })?;
     Ok(results)

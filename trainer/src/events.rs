@@ -1,12 +1,12 @@
 //! Events of a training run, for observers.
 
+use network::checkpoint::Progress;
 use serde::Serialize;
 use shards::Dataset;
 
 use crate::config::SplitBy;
 use crate::data::GraspDataset;
 use crate::metrics::Summary;
-use crate::progress::Progress;
 use crate::split::Split;
 
 /// An event.

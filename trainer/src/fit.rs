@@ -1,65 +1,30 @@
 //! Training, top to bottom: the paper's recipe (section 2.3).
 
+use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use network::checkpoint::Checkpoint;
+use network::checkpoint::{Checkpoint, Progress};
 use network::layers::initial_vector;
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure};
 use shards::{Dataset, Location};
 
-use crate::adam::Adam;
+use crate::adam;
+use crate::batch::Batch;
 use crate::config::{Config, TrainingParams};
-use crate::data::{
-    GraspDataset, LoadError, SpoolError, TrainingTransform, for_each_batch, for_each_training_batch, load,
-};
+use crate::data::{GraspDataset, TrainingTransform, for_each_batch, load};
 use crate::device::Device;
 use crate::events::{Beginning, EpochReport, Event, LabelCount};
 use crate::loss::ClassWeights;
 use crate::metrics::Tally;
 use crate::order::epoch_order;
 use crate::patience::epochs_without_better;
-use crate::progress::Progress;
-use crate::run_folder::{RunError, RunFolder};
-use crate::split::{EmptySplit, Split, split};
+use crate::run_folder::{RunFolder, read_metrics};
+use crate::split::{Split, split};
 use crate::step::{evaluate, step};
 use crate::watch::Watch;
-
-/// Why training failed.
-#[derive(Debug, thiserror::Error)]
-pub enum FitError {
-    /// The dataset cannot be loaded.
-    #[error(transparent)]
-    Load(#[from] LoadError),
-    /// The run's folder cannot be used.
-    #[error(transparent)]
-    Run(#[from] RunError),
-    /// A set of the split is empty.
-    #[error(transparent)]
-    Split(#[from] EmptySplit),
-    /// The decoded grids cannot be read.
-    #[error(transparent)]
-    Spool(#[from] SpoolError),
-    /// The loss is not finite any more.
-    #[error("the loss or its gradient is no finite number at step {step}: training.learning_rate is too high")]
-    Diverged {
-        /// Step.
-        step: u64,
-    },
-}
-
-impl Exit for FitError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Load(error) => error.exit_code(),
-            Self::Run(error) => error.exit_code(),
-            Self::Spool(error) => error.exit_code(),
-            Self::Split(_) | Self::Diverged { .. } => ExitCode::Config,
-        }
-    }
-}
 
 /// How training ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,13 +37,6 @@ pub enum Ending {
 
 /// Samples per batch in tests: larger, because there are no gradients.
 const TEST_BATCH: usize = 192;
-
-/// Weights, optimiser and progress: the state of training.
-struct State {
-    vector: Vec<f32>,
-    adam: Adam,
-    progress: Progress,
-}
 
 /// A training job.
 #[derive(Debug, Clone, Copy)]
@@ -95,219 +53,175 @@ pub struct Job<'a> {
     pub device: &'a Device,
 }
 
-/// [`fit_job`] on the host.
-///
-/// # Errors
-/// [`FitError`].
-pub fn fit(
-    data: impl Into<Location>,
-    config: &Config,
-    run: &Path,
-    resume: bool,
-    stop: &AtomicBool,
-    observe: &(dyn Fn(Event<'_>) + Sync),
-) -> Result<Ending, FitError> {
-    fit_job(&Job { data: &data.into(), config, run, resume, device: &Device::Host }, stop, observe)
-}
-
 /// Trains the network on a dataset and writes checkpoints and metrics to a folder.
 ///
 /// On the CPU the result is a pure function of dataset and configuration: neither the number of threads nor stopping
 /// and resuming at any batch changes a bit of it.
 ///
 /// # Errors
-/// [`FitError`].
-pub fn fit_job(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync)) -> Result<Ending, FitError> {
-    let (config, device) = (job.config, job.device);
-    let dataset = Dataset::open(job.data.clone()).map_err(LoadError::from)?;
-    let dataset_id = dataset.id();
-    let folder = RunFolder::open(job.run, config, job.resume)?;
-    let watch = Watch::new(folder.path(), config.checkpoint.every_steps);
+/// If the dataset cannot be read or split, the run's folder is refused or cannot be written, or the loss diverges.
+pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync)) -> Result<Ending, Failure> {
+    let Job { data, config, run, resume, device } = *job;
+    let dataset = Dataset::open(data.clone())?;
+    let folder = RunFolder::open(run, config, resume)?;
+    let watch = Watch::new(run, config.checkpoint.every_steps);
     let observe: &(dyn Fn(Event<'_>) + Sync) = &|event| {
         watch.see(&event);
         observe(event);
     };
-    let last = folder.last(&dataset)?;
-    folder.write_config(config)?;
-    let mut state = match last {
-        Some(checkpoint) => resumed(checkpoint, config),
-        None => begun(config),
+    let (vector, progress, moments) = match folder.last(&dataset)? {
+        Some(last) => (last.vector, last.progress, last.moments),
+        None => (initial_vector(config.seed), Progress::default(), None),
     };
+    folder.write_config(config)?;
+    let (upsampling, dataset_id) = (config.network.upsampling, dataset.id().to_owned());
+    let mut state = Checkpoint { vector, upsampling, config: config.to_toml(), dataset_id, progress, moments };
 
     observe(Event::Loading(&dataset));
-    let samples = match load(&dataset, folder.path(), stop, &|| observe(Event::SceneLoaded)) {
-        Err(LoadError::Stopped) => return Ok(Ending::Stopped),
+    let samples = match load(&dataset, run, stop, &|| observe(Event::SceneLoaded)) {
+        Err(_) if stop.load(Ordering::Relaxed) => return Ok(Ending::Stopped),
         loaded => loaded?,
     };
     let split = split(&samples.ids(), config.seed, &config.split)?;
-    let save = |state: &State| folder.save_last(&checkpoint(state, config, dataset_id));
-    let mut metrics = folder.metrics()?;
-    metrics.truncate(state.progress.epoch as usize);
-    observe(Event::Begun(&Beginning::of(&samples, &split, &state.progress)));
-    let set = TrainingSet::new(&samples, &split.train, config, device);
+    let mut metrics: Vec<String> = read_metrics(run)?.unwrap_or_default().lines().map(str::to_owned).collect();
+    metrics.truncate(progress.epoch as usize);
+    observe(Event::Begun(&Beginning::of(&samples, &split, &progress)));
+    let labels = LabelCount::of(&samples, &split.train);
+    let training = Training {
+        config,
+        device,
+        folder: &folder,
+        samples: &samples,
+        split: &split,
+        stop,
+        observe,
+        weights: ClassWeights::new(config.training.positive_weight, labels.held, labels.samples),
+        steps: labels.samples.div_ceil(config.training.batch) as u64,
+    };
     while state.progress.epoch < config.training.epochs {
         let without_better = epochs_without_better(&metrics);
         if config.training.patience_epochs > 0 && without_better >= config.training.patience_epochs {
             observe(Event::NoBetter(without_better));
             break;
         }
-        let began = Instant::now();
-        let tested = match train_epoch(&mut state, &set, stop, observe, &save)? {
-            ControlFlow::Continue(()) => test_epoch(&state.vector, &split, &set, stop)?,
-            ControlFlow::Break(()) => None,
-        };
-        let Some([test_attempts, test_scenes]) = tested else {
-            save(&state)?;
+        let Some(report) = training.epoch(&mut state)? else {
+            folder.save_last(&state)?;
             return Ok(Ending::Stopped);
         };
-        let mut report = EpochReport {
-            epoch: state.progress.epoch + 1,
-            step: state.progress.step,
-            learning_rate: set.learning_rate(state.progress.step.saturating_sub(1)),
-            train: state.progress.tally.summary(),
-            test_attempts: test_attempts.summary(),
-            test_scenes: test_scenes.summary(),
-            split_by: config.split.by,
-            is_best: false,
-            seconds: began.elapsed().as_secs_f64(),
-        };
-        report.is_best = report.test().accuracy > state.progress.best_accuracy;
-        let best_accuracy = if report.is_best { report.test().accuracy } else { state.progress.best_accuracy };
-        let (epoch, step) = (report.epoch, report.step);
-        state.progress = Progress { epoch, batch: 0, step, tally: Tally::default(), best_accuracy };
         if report.is_best {
-            folder.save_best(&checkpoint(&state, config, dataset_id))?;
+            folder.save_best(&state)?;
         }
-        metrics.truncate(report.epoch as usize - 1);
         metrics.push(serde_json::to_string(&report).unwrap_or_default()); // numbers under fixed keys always serialise
         folder.write_metrics(&metrics)?;
-        save(&state)?;
+        folder.save_last(&state)?;
         observe(Event::Epoch(&report));
     }
     Ok(Ending::Done)
 }
 
-/// The training samples, with their order and weights.
-struct TrainingSet<'a> {
-    samples: &'a GraspDataset,
+/// What stays the same during training.
+struct Training<'a> {
     config: &'a Config,
-    train: &'a [usize],
     device: &'a Device,
+    folder: &'a RunFolder,
+    samples: &'a GraspDataset,
+    split: &'a Split,
+    stop: &'a AtomicBool,
+    observe: &'a (dyn Fn(Event<'_>) + Sync),
     weights: ClassWeights,
     /// Steps of an epoch.
     steps: u64,
 }
 
-impl<'a> TrainingSet<'a> {
-    fn new(samples: &'a GraspDataset, train: &'a [usize], config: &'a Config, device: &'a Device) -> Self {
-        let count = LabelCount::of(samples, train);
-        let weights = ClassWeights::new(config.training.positive_weight, count.held, count.samples);
-        Self { samples, config, train, device, weights, steps: train.len().div_ceil(config.training.batch) as u64 }
+impl Training<'_> {
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     /// Adam's step size at a step, counted from 0 over all epochs.
     fn learning_rate(&self, step: u64) -> f64 {
-        let config = self.config;
-        config.training.schedule.learning_rate(
-            config.training.learning_rate,
-            step,
-            u64::from(config.training.epochs) * self.steps,
-        )
+        let TrainingParams { schedule, learning_rate, epochs, .. } = self.config.training;
+        schedule.learning_rate(learning_rate, step, u64::from(epochs) * self.steps)
     }
-}
 
-/// The rest of an epoch; `Break` if a signal stopped it.
-fn train_epoch(
-    state: &mut State,
-    set: &TrainingSet<'_>,
-    stop: &AtomicBool,
-    observe: &(dyn Fn(Event<'_>) + Sync),
-    save: &dyn Fn(&State) -> Result<(), RunError>,
-) -> Result<ControlFlow<()>, FitError> {
-    let TrainingSet { samples, config, .. } = *set;
-    let Config { seed, augmentation, training: TrainingParams { samples_per_scene, .. }, .. } = *config;
-    let epoch = state.progress.epoch;
-    let order = epoch_order(set.train, |at| samples.scene(at), samples_per_scene, seed, epoch);
-    let transform = TrainingTransform { seed, epoch, augmentation, weights: set.weights };
-    let done = (state.progress.batch as usize * config.training.batch).min(order.len());
-    let mut outcome = Ok(ControlFlow::Continue(()));
-    for_each_training_batch(samples, &order[done..], config.training.batch, &transform, |batch| {
-        if stop.load(Ordering::Relaxed) {
-            outcome = Ok(ControlFlow::Break(()));
-            return ControlFlow::Break(());
-        }
-        state.adam.set_learning_rate(set.learning_rate(state.progress.step));
-        let result = step(&state.vector, &batch, config.network.upsampling, set.device);
-        let count = result.samples.len();
-        let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / count as f64;
-        // Checked before the step, so that checkpoints never contain a diverged state.
-        if !loss.is_finite() || !result.gradient.iter().map(|part| part.abs()).sum::<f32>().is_finite() {
-            outcome = Err(FitError::Diverged { step: state.progress.step + 1 });
-            return ControlFlow::Break(());
-        }
-        state.adam.step(&mut state.vector, &result.gradient);
-        state.progress.tally.add(&result.samples);
-        state.progress.batch += 1;
-        state.progress.step += 1;
-        observe(Event::Step { step: state.progress.step, samples: count, loss });
-        let every = u64::from(config.checkpoint.every_steps);
-        if every > 0
-            && state.progress.step.is_multiple_of(every)
-            && let Err(error) = save(state)
-        {
-            outcome = Err(error.into());
-            return ControlFlow::Break(());
-        }
-        ControlFlow::Continue(())
-    })?;
-    outcome
-}
-
-/// Both test sets after an epoch; `None` if a signal stopped it.
-fn test_epoch(
-    vector: &[f32],
-    split: &Split,
-    set: &TrainingSet<'_>,
-    stop: &AtomicBool,
-) -> Result<Option<[Tally; 2]>, FitError> {
-    let TrainingSet { samples, config, device, .. } = *set;
-    let mut tallies = [Tally::default(); 2];
-    let is_stopped = || stop.load(Ordering::Relaxed);
-    for (tally, test) in tallies.iter_mut().zip([&split.test_attempts, &split.test_scenes]) {
-        for_each_batch(samples, test, TEST_BATCH, |batch| {
-            tally.add(&evaluate(vector, &batch, config.network.upsampling, device));
-            if is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })?;
-        if is_stopped() {
+    /// The rest of an epoch and its tests; `None` if a signal stopped it.
+    fn epoch(&self, state: &mut Checkpoint) -> Result<Option<EpochReport>, Failure> {
+        let began = Instant::now();
+        self.train(state)?;
+        let test_attempts = self.test(&state.vector, &self.split.test_attempts)?;
+        let test_scenes = self.test(&state.vector, &self.split.test_scenes)?;
+        if self.is_stopped() {
             return Ok(None);
         }
+        let Progress { epoch, step, best_accuracy_bits, .. } = state.progress;
+        let mut report = EpochReport {
+            epoch: epoch + 1,
+            step,
+            learning_rate: self.learning_rate(step.saturating_sub(1)),
+            train: Tally::of(&state.progress).summary(),
+            test_attempts: test_attempts.summary(),
+            test_scenes: test_scenes.summary(),
+            split_by: self.config.split.by,
+            is_best: false,
+            seconds: began.elapsed().as_secs_f64(),
+        };
+        let accuracy = report.test().accuracy;
+        report.is_best = accuracy > best_accuracy_bits.map(f64::from_bits);
+        let best_accuracy_bits = if report.is_best { accuracy.map(f64::to_bits) } else { best_accuracy_bits };
+        state.progress = Progress { epoch: report.epoch, step, best_accuracy_bits, ..Progress::default() };
+        Ok(Some(report))
     }
-    Ok(Some(tallies))
-}
 
-fn begun(config: &Config) -> State {
-    State {
-        vector: initial_vector(config.seed),
-        adam: Adam::new(config.training.learning_rate),
-        progress: Progress::default(),
+    /// The rest of the steps of an epoch, or those until a signal.
+    fn train(&self, state: &mut Checkpoint) -> Result<(), Failure> {
+        let Config { seed, augmentation, training: TrainingParams { batch, samples_per_scene, .. }, .. } = *self.config;
+        let epoch = state.progress.epoch;
+        let order = epoch_order(&self.split.train, |at| self.samples.scene(at), samples_per_scene, seed, epoch);
+        let transform = TrainingTransform { seed, epoch, augmentation, weights: self.weights };
+        let done = (state.progress.batch as usize * batch).min(order.len());
+        let mut outcome = Ok(());
+        for_each_batch(self.samples, &order[done..], batch, Some(&transform), |batch| {
+            if self.is_stopped() {
+                return ControlFlow::Break(());
+            }
+            outcome = self.step(state, &batch);
+            if outcome.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        })?;
+        outcome
     }
-}
 
-fn resumed(checkpoint: Checkpoint, config: &Config) -> State {
-    let adam = match checkpoint.moments {
-        Some(moments) => Adam::resume(config.training.learning_rate, moments),
-        None => Adam::new(config.training.learning_rate),
-    };
-    State { vector: checkpoint.vector, adam, progress: checkpoint.progress.into() }
-}
+    fn step(&self, state: &mut Checkpoint, batch: &Batch) -> Result<(), Failure> {
+        let result = step(&state.vector, batch, state.upsampling, self.device);
+        let samples = result.samples.len();
+        let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / samples as f64;
+        let number = state.progress.step + 1;
+        // Checked before the step, so that checkpoints never contain a diverged state.
+        if !loss.is_finite() || !result.gradient.iter().map(|part| part.abs()).sum::<f32>().is_finite() {
+            let what = "the loss or its gradient is no finite number at step";
+            return Err(Failure::new(ExitCode::Config, format!("{what} {number}: training.learning_rate is too high")));
+        }
+        let learning_rate = self.learning_rate(state.progress.step);
+        adam::step(&mut state.moments, learning_rate, &mut state.vector, &result.gradient);
+        let mut tally = Tally::of(&state.progress);
+        tally.add(&result.samples);
+        tally.store(&mut state.progress);
+        state.progress.batch += 1;
+        state.progress.step = number;
+        (self.observe)(Event::Step { step: number, samples, loss });
+        let every = u64::from(self.config.checkpoint.every_steps);
+        if every > 0 && number.is_multiple_of(every) { self.folder.save_last(state) } else { Ok(()) }
+    }
 
-fn checkpoint(state: &State, config: &Config, dataset_id: &str) -> Checkpoint {
-    Checkpoint {
-        vector: state.vector.clone(),
-        upsampling: config.network.upsampling,
-        config: config.to_toml(),
-        dataset_id: dataset_id.to_owned(),
-        progress: (&state.progress).into(),
-        moments: state.adam.moments().cloned(),
+    /// The results of a test set, or of a part of it if a signal stops it.
+    fn test(&self, vector: &[f32], set: &[usize]) -> io::Result<Tally> {
+        let mut tally = Tally::default();
+        for_each_batch(self.samples, set, TEST_BATCH, None, |batch| {
+            if self.is_stopped() {
+                return ControlFlow::Break(());
+            }
+            tally.add(&evaluate(vector, &batch, self.config.network.upsampling, self.device));
+            ControlFlow::Continue(())
+        })?;
+        Ok(tally)
     }
 }

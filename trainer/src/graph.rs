@@ -6,14 +6,14 @@
 pub mod columns;
 pub mod doubling;
 pub mod loss;
-pub mod matrices;
-pub mod plain;
+mod plain;
 mod step;
 
-pub use plain::{DenseOutput, Network};
-pub use step::{evaluate_by_graph, predict, step_by_graph};
+pub use plain::{DenseOutput, dense};
+pub(crate) use step::{part_results, part_step};
 
 use burn::tensor::{Device, Tensor, TensorData};
+use network::layers::{LAYERS, ParameterSlot, parameter_slots};
 
 /// A flat vector on a device.
 #[must_use]
@@ -21,7 +21,10 @@ pub fn to_device(vector: &[f32], device: &Device) -> Tensor<1> {
     Tensor::from_data(TensorData::new(vector.to_vec(), [vector.len()]), device)
 }
 
-/// A flat vector from a device.
-pub fn to_host(vector: Tensor<1>) -> Vec<f32> {
-    vector.into_data().iter::<f32>().collect()
+/// The weight `[out, in, k, k, k]` and the bias `[out]` of each layer, cut from the flat vector of all parameters.
+fn parameters(vector: &Tensor<1>) -> Vec<(Tensor<5>, Tensor<1>)> {
+    let slots = parameter_slots();
+    let part = |slot: &ParameterSlot| vector.clone().slice(slot.start..slot.start + slot.len);
+    let pairs = slots.as_chunks::<2>().0.iter().zip(LAYERS);
+    pairs.map(|([weight, bias], layer)| (part(weight).reshape(layer.weight_shape()), part(bias))).collect()
 }

@@ -9,7 +9,7 @@
 //! - [`data`] makes samples from shards, [`split`] holds some out, [`order`] shuffles the rest, [`augmentation`]
 //!   rotates and shifts their scenes.
 //! - [`mod@fit`] is the training loop, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early
-//!   stopping, [`metrics`] its counts, [`events`] its progress reports, [`run_folder`] and [`progress`] its files,
+//!   stopping, [`metrics`] its counts, [`events`] its progress reports, [`run_folder`] its files,
 //!   [`curves`] and TensorBoard events its monitoring.
 //! - [`mod@evaluate`] evaluates the result, [`scores`] its predicted qualities, [`evaluate::report`] writes the report,
 //!   and [`page`] shows a run and its result together.
@@ -41,7 +41,6 @@ pub mod metrics;
 pub mod order;
 pub mod page;
 pub mod patience;
-pub mod progress;
 pub mod run_folder;
 pub mod schedule;
 pub mod scores;

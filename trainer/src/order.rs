@@ -1,7 +1,5 @@
 //! The order of training samples in an epoch: a pure function of (seed, epoch).
 
-use std::ops::Range;
-
 use schema::{Purpose, Stream};
 
 /// The training samples in the order in which an epoch visits them.
@@ -20,21 +18,13 @@ pub fn epoch_order(
 ) -> Vec<usize> {
     let mut stream = Stream::new(seed, u64::from(epoch), Purpose::Shuffle, 0);
     let mut shuffled = samples.to_vec();
-    let mut groups: Vec<Range<usize>> = Vec::new();
-    let mut start = 0;
-    while start < shuffled.len() {
-        let scene = scene_of(shuffled[start]);
-        let len = shuffled[start..].iter().take_while(|sample| scene_of(**sample) == scene).count();
-        stream.shuffle(&mut shuffled[start..start + len]);
-        groups.extend(
-            (start..start + len)
-                .step_by(samples_per_scene)
-                .map(|first| first..(first + samples_per_scene).min(start + len)),
-        );
-        start += len;
+    let mut groups: Vec<&[usize]> = Vec::new();
+    for scene in shuffled.chunk_by_mut(|a, b| scene_of(*a) == scene_of(*b)) {
+        stream.shuffle(scene);
+        groups.extend(scene.chunks(samples_per_scene));
     }
     stream.shuffle(&mut groups);
-    groups.into_iter().flat_map(|group| shuffled[group].to_vec()).collect()
+    groups.concat()
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use crate::config::Config;
 use crate::curves::{self, Epoch};
 use crate::evaluate::report::{blocks, number};
 use crate::evaluate::{Evaluation, Examination};
-use crate::run_folder::{CONFIG, METRICS, checkpoint_path, keys};
+use crate::run_folder::{CONFIG, METRICS, SavedAs, keys};
 
 /// Mistakes of either kind that are shown.
 pub const MISTAKES: usize = 6;
@@ -51,7 +51,7 @@ impl TrainedRun {
             Failure::new(code, format!("damaged recipe of the run: {error}"))
         };
         let config = if recipe.exists() { Some(Config::load(Some(&recipe)).map_err(damaged)?) } else { None };
-        let trained_on = match checkpoint::read(&checkpoint_path(run, "best")) {
+        let trained_on = match checkpoint::read(&SavedAs::Best.path(run)) {
             Err(CheckpointError::Missing(_)) => None,
             read => Some(read?.dataset_id),
         };

@@ -10,12 +10,14 @@
 //! tensorboard/         the same numbers, and the loss of steps, as TensorBoard's events
 //! ```
 
+use std::fmt::Display;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
 use network::checkpoint::{self, Checkpoint, CheckpointError};
-use program::{Exit, ExitCode, publish};
+use program::{Context as _, ExitCode, Failure, write};
 use shards::Dataset;
 
 use crate::config::Config;
@@ -35,72 +37,7 @@ impl Drop for RunFolder {
     }
 }
 
-/// Why a run cannot begin or resume in a folder.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// The folder contains a run.
-    #[error("the folder holds a run already, --resume continues it: {}", .0.display())]
-    Occupied(PathBuf),
-    /// The folder contains something else than a run.
-    #[error("the folder holds {entry:?} and no run, give an empty or a new one: {}", .path.display())]
-    Foreign {
-        /// The first thing found.
-        entry: String,
-        /// The folder.
-        path: PathBuf,
-    },
-    /// Another process is training in this folder.
-    #[error("another process trains in this folder: {}", .0.display())]
-    Busy(PathBuf),
-    /// The recipe differs.
-    #[error("the run was begun with another configuration, which differs in {}: {}", .keys.join(", "), .path.display())]
-    OtherConfig {
-        /// Keys, each with the old and the new value.
-        keys: Vec<String>,
-        /// The folder.
-        path: PathBuf,
-    },
-    /// The dataset differs.
-    #[error("the run was begun on another dataset, {was}, not {is}: {}", .path.display())]
-    OtherDataset {
-        /// Id of the dataset that the run was begun on.
-        was: String,
-        /// Id of the dataset given now.
-        is: String,
-        /// The folder.
-        path: PathBuf,
-    },
-    /// The checkpoint cannot be read or written.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    /// A file cannot be read or written.
-    #[error("failed to {action}: {source}: {}", .path.display())]
-    Io {
-        /// The operation.
-        action: &'static str,
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-}
-
-impl Exit for RunError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Occupied(_) | Self::Foreign { .. } | Self::OtherConfig { .. } | Self::OtherDataset { .. } => {
-                ExitCode::Config
-            }
-            Self::Io { source, .. } if source.kind() == io::ErrorKind::InvalidData => ExitCode::Data, // not UTF-8
-            Self::Busy(_) | Self::Io { .. } => ExitCode::TryAgain,
-            Self::Checkpoint(error) => error.exit_code(),
-        }
-    }
-}
-
 pub(crate) const CONFIG: &str = "config.toml";
-const LAST: &str = "last.safetensors";
-const BEST: &str = "best.safetensors";
 pub(crate) const METRICS: &str = "metrics.jsonl";
 const LOCK: &str = ".lock";
 
@@ -110,21 +47,35 @@ impl RunFolder {
     /// affect when training ends. With a cosine schedule the number of epochs affects the steps and must not differ.)
     ///
     /// # Errors
-    /// [`RunError`].
-    pub fn open(path: &Path, config: &Config, resume: bool) -> Result<Self, RunError> {
-        let io = |action| move |source| RunError::Io { action, path: path.to_owned(), source };
-        let has_results = [LAST, BEST, METRICS].iter().any(|name| path.join(name).exists());
-        match first_entry(path).map_err(io("read the run's folder"))? {
-            Some(entry) if !has_recipe(path) => return Err(RunError::Foreign { entry, path: path.to_owned() }),
-            Some(_) if has_results && !resume => return Err(RunError::Occupied(path.to_owned())),
-            Some(_) if has_results => check_config(path, config)?,
-            _ => {} // empty, or a run that ended before its first checkpoint
+    /// If the folder is refused or in use, or cannot be read or written.
+    pub fn open(path: &Path, config: &Config, resume: bool) -> Result<Self, Failure> {
+        let (last, best) = (SavedAs::Last.path(path), SavedAs::Best.path(path));
+        let has_results = [last, best, path.join(METRICS)].iter().any(|path| path.exists());
+        if let Some(entry) =
+            first_entry(path).context(format_args!("failed to read the run's folder {}", path.display()))?
+        {
+            // Other programs also have files of that name.
+            let Ok(begun_with) = Config::load(Some(&path.join(CONFIG))) else {
+                return Err(refused(
+                    format!("the folder holds {entry:?} and no run, give an empty or a new one"),
+                    path,
+                ));
+            };
+            if has_results && !resume {
+                return Err(refused("the folder holds a run already, --resume continues it", path));
+            }
+            if has_results {
+                check_config(&begun_with, config, path)?;
+            } // else the run ended before its first checkpoint
         }
-        fs::create_dir_all(path).map_err(io("make the run's folder"))?;
+        fs::create_dir_all(path).context(format_args!("failed to make the run's folder {}", path.display()))?;
         let lock = File::options().create(true).append(true).open(path.join(LOCK));
-        let lock = lock.map_err(io("make the run's lock"))?;
+        let lock = lock.context(format_args!("failed to make the lock of the run's folder {}", path.display()))?;
         match lock.try_lock() {
-            Err(TryLockError::WouldBlock) => return Err(RunError::Busy(path.to_owned())),
+            Err(TryLockError::WouldBlock) => {
+                let text = format!("another process trains in this folder: {}", path.display());
+                return Err(Failure::new(ExitCode::TryAgain, text));
+            }
             Ok(()) | Err(TryLockError::Error(_)) => {} // without support for locks, trust the user
         }
         Ok(Self { path: path.to_owned(), lock })
@@ -133,29 +84,23 @@ impl RunFolder {
     /// Writes the recipe. Call it after [`Self::last`], so that a refused run changes nothing.
     ///
     /// # Errors
-    /// [`RunError::Io`].
-    pub fn write_config(&self, config: &Config) -> Result<(), RunError> {
-        self.publish(CONFIG, config.to_toml().as_bytes())
-    }
-
-    /// The folder.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
+    /// If it cannot be written.
+    pub fn write_config(&self, config: &Config) -> Result<(), Failure> {
+        write(&self.path.join(CONFIG), config.to_toml())
     }
 
     /// The checkpoint to continue from, or `None` if the run has none yet.
     ///
     /// # Errors
-    /// [`RunError`] if the checkpoint is damaged or was trained on another dataset.
-    pub fn last(&self, dataset: &Dataset) -> Result<Option<Checkpoint>, RunError> {
-        let found = match checkpoint::read(&self.path.join(LAST)) {
+    /// If the checkpoint is damaged or was trained on another dataset.
+    pub fn last(&self, dataset: &Dataset) -> Result<Option<Checkpoint>, Failure> {
+        let found = match checkpoint::read(&SavedAs::Last.path(&self.path)) {
             Err(CheckpointError::Missing(_)) => return Ok(None),
             found => found?,
         };
         if !dataset.has_id(&found.dataset_id) {
-            let (was, is) = (found.dataset_id, dataset.id().to_owned());
-            return Err(RunError::OtherDataset { was, is, path: self.path.clone() });
+            let (was, is) = (found.dataset_id, dataset.id());
+            return Err(refused(format!("the run was begun on another dataset, {was}, not {is}"), &self.path));
         }
         Ok(Some(found))
     }
@@ -163,52 +108,69 @@ impl RunFolder {
     /// Writes the checkpoint to continue from.
     ///
     /// # Errors
-    /// [`RunError::Checkpoint`].
-    pub fn save_last(&self, checkpoint: &Checkpoint) -> Result<(), RunError> {
-        Ok(checkpoint::save(checkpoint, &self.path.join(LAST))?)
+    /// If it cannot be written.
+    pub fn save_last(&self, checkpoint: &Checkpoint) -> Result<(), Failure> {
+        Ok(checkpoint::save(checkpoint, &SavedAs::Last.path(&self.path))?)
     }
 
     /// Writes the weights of the best epoch.
     ///
     /// # Errors
-    /// [`RunError::Checkpoint`].
-    pub fn save_best(&self, checkpoint: &Checkpoint) -> Result<(), RunError> {
+    /// If they cannot be written.
+    pub fn save_best(&self, checkpoint: &Checkpoint) -> Result<(), Failure> {
         let weights = Checkpoint { moments: None, ..checkpoint.clone() };
-        Ok(checkpoint::save(&weights, &self.path.join(BEST))?)
-    }
-
-    /// The lines of `metrics.jsonl`; none if there is no such file.
-    ///
-    /// # Errors
-    /// [`RunError::Io`].
-    pub fn metrics(&self) -> Result<Vec<String>, RunError> {
-        let path = self.path.join(METRICS);
-        match fs::read_to_string(&path) {
-            Ok(text) => Ok(text.lines().map(str::to_owned).collect()),
-            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
-            Err(source) => Err(RunError::Io { action: "read the metrics", path, source }),
-        }
+        Ok(checkpoint::save(&weights, &SavedAs::Best.path(&self.path))?)
     }
 
     /// Rewrites `metrics.jsonl`, so that it never ends with a partial line.
     ///
     /// # Errors
-    /// [`RunError::Io`].
-    pub fn write_metrics(&self, lines: &[String]) -> Result<(), RunError> {
+    /// If it cannot be written.
+    pub fn write_metrics(&self, lines: &[String]) -> Result<(), Failure> {
         let text: String = lines.iter().flat_map(|line| [line.as_str(), "\n"]).collect();
-        self.publish(METRICS, text.as_bytes())
-    }
-
-    fn publish(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
-        let path = self.path.join(name);
-        publish(&path, bytes).map_err(|source| RunError::Io { action: "write a file of the run", path, source })
+        write(&self.path.join(METRICS), text)
     }
 }
 
-/// The path of a run's checkpoint by its name for users: `best` or `last`.
-#[must_use]
-pub fn checkpoint_path(run: &Path, name: &str) -> PathBuf {
-    run.join(format!("{name}.safetensors"))
+/// A checkpoint of a run.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum SavedAs {
+    /// Of the epoch with the best test accuracy.
+    Best,
+    /// The latest.
+    Last,
+}
+
+impl SavedAs {
+    /// Its path in a run's folder.
+    #[must_use]
+    pub fn path(self, run: &Path) -> PathBuf {
+        run.join(match self {
+            Self::Best => "best.safetensors",
+            Self::Last => "last.safetensors",
+        })
+    }
+}
+
+/// The text of a run's `metrics.jsonl`; `None` if there is no such file.
+///
+/// # Errors
+/// If it cannot be read.
+pub(crate) fn read_metrics(run: &Path) -> Result<Option<String>, Failure> {
+    let path = run.join(METRICS);
+    let failed = |code, text: String| Err(Failure::new(code, format!("{text}: {}", path.display())));
+    match fs::read_to_string(&path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) => match error.kind() {
+            io::ErrorKind::NotFound => Ok(None),
+            io::ErrorKind::InvalidData => failed(ExitCode::Data, format!("damaged metrics: {error}")), // no UTF-8
+            _ => failed(ExitCode::TryAgain, format!("failed to read the metrics: {error}")),
+        },
+    }
+}
+
+fn refused(text: impl Display, path: &Path) -> Failure {
+    Failure::new(ExitCode::Config, format!("{text}: {}", path.display()))
 }
 
 /// Any entry of a folder except our lock and our staging files; `None` if there is no folder.
@@ -228,31 +190,24 @@ fn first_entry(path: &Path) -> io::Result<Option<String>> {
     Ok(names.into_iter().min())
 }
 
-/// Whether the folder's `config.toml` is a recipe; other programs also have files of that name.
-fn has_recipe(path: &Path) -> bool {
-    Config::load(Some(&path.join(CONFIG))).is_ok()
-}
-
-fn check_config(path: &Path, config: &Config) -> Result<(), RunError> {
-    let file = path.join(CONFIG);
-    let io = |source| RunError::Io { action: "read the run's configuration", path: file.clone(), source };
-    let table = |text: &str| text.parse::<toml::Table>().unwrap_or_default();
-    let text = fs::read_to_string(&file).map_err(io)?;
-    // Parsed and serialised again: a recipe without a newer key means its default.
-    let text = Config::parse(&text, &file).map_or(text, |config| config.to_toml());
-    let was = flatten(&table(&text), "");
-    let is = keys(config);
+/// Refuses to resume with another recipe than that which the run was begun with.
+fn check_config(begun_with: &Config, config: &Config, path: &Path) -> Result<(), Failure> {
     let epochs_shape_steps = config.training.schedule == Schedule::Cosine;
-    let keys: Vec<String> = is
-        .iter()
-        .filter(|(key, _)| key != "training.patience_epochs" && (key != "training.epochs" || epochs_shape_steps))
-        .filter_map(|(key, value)| {
-            let before = was.iter().find(|(other, _)| other == key).map_or("nothing", |(_, value)| value);
+    let other: Vec<String> = keys(begun_with)
+        .into_iter()
+        .zip(keys(config))
+        .filter(|((key, _), _)| key != "training.patience_epochs" && (key != "training.epochs" || epochs_shape_steps))
+        .filter(|(was, is)| was != is)
+        .map(|((key, was), (_, is))| {
             let why = if key == "training.epochs" { ": a cosine schedule depends on it" } else { "" };
-            (before != value).then(|| format!("{key} ({before} then, {value} now{why})"))
+            format!("{key} ({was} then, {is} now{why})")
         })
         .collect();
-    if keys.is_empty() { Ok(()) } else { Err(RunError::OtherConfig { keys, path: path.to_owned() }) }
+    if other.is_empty() {
+        return Ok(());
+    }
+    let text = format!("the run was begun with another configuration, which differs in {}", other.join(", "));
+    Err(refused(text, path))
 }
 
 /// The keys of a recipe with their values; keys of tables as `table.key`.

@@ -1,10 +1,9 @@
 //! Scores of the predicted qualities of a set besides the accuracy at ½: ranking (precision–recall, ROC), calibration,
 //! errors of the grasps, and confidence intervals for samples that are correlated within a scene.
 
+use network::checkpoint::Confusion;
 use schema::{Purpose, Stream};
 use serde::Serialize;
-
-use crate::metrics::Confusion;
 
 /// A prediction and its label.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,6 +7,7 @@
 
 use std::collections::BTreeSet;
 
+use program::{ExitCode, Failure};
 use schema::{Purpose, Stream};
 
 use crate::config::{SplitBy, SplitConfig};
@@ -22,30 +23,11 @@ pub struct Split {
     pub test_scenes: Vec<usize>,
 }
 
-/// A set that must not be empty is empty.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error(
-    "the split leaves {train} samples to train on, {test_attempts} test attempts and {test_scenes} samples of test \
-     scenes, of {samples} samples in {scenes} scenes: none may be 0, take more data or other shares"
-)]
-pub struct EmptySplit {
-    /// Number of training samples.
-    pub train: usize,
-    /// Held-out attempts.
-    pub test_attempts: usize,
-    /// Samples of held-out scenes.
-    pub test_scenes: usize,
-    /// Total number of samples.
-    pub samples: usize,
-    /// Scenes with samples.
-    pub scenes: usize,
-}
-
 /// Splits samples, given as (scene, attempt) ids.
 ///
 /// # Errors
-/// [`EmptySplit`] if a set would be empty.
-pub fn split(ids: &[(u64, u32)], seed: u64, config: &SplitConfig) -> Result<Split, EmptySplit> {
+/// If a set would be empty.
+pub fn split(ids: &[(u64, u32)], seed: u64, config: &SplitConfig) -> Result<Split, Failure> {
     let (scene_share, attempt_share) = match config.by {
         SplitBy::Attempt => (config.other_share, config.test_share),
         SplitBy::Scene => (config.test_share, config.other_share),
@@ -69,14 +51,14 @@ pub fn split(ids: &[(u64, u32)], seed: u64, config: &SplitConfig) -> Result<Spli
         numbers
     };
     let split = Split { train: ascending(train), test_attempts: ascending(ranked), test_scenes: in_test_scenes };
-    if split.train.is_empty() || split.test_attempts.is_empty() || split.test_scenes.is_empty() {
-        return Err(EmptySplit {
-            train: split.train.len(),
-            test_attempts: split.test_attempts.len(),
-            test_scenes: split.test_scenes.len(),
-            samples: ids.len(),
-            scenes: scenes.len(),
-        });
+    let counts = [&split.train, &split.test_attempts, &split.test_scenes].map(Vec::len);
+    if counts.contains(&0) {
+        let ([train, test_attempts, test_scenes], samples, scenes) = (counts, ids.len(), scenes.len());
+        let text = format!(
+            "the split leaves {train} samples to train on, {test_attempts} test attempts and {test_scenes} samples of test \
+             scenes, of {samples} samples in {scenes} scenes: none may be 0, take more data or other shares"
+        );
+        return Err(Failure::new(ExitCode::Config, text));
     }
     Ok(split)
 }
@@ -117,14 +99,16 @@ mod tests {
     #[test]
     fn the_same_seed_splits_the_same_way() {
         let ids = ids(50, 20);
-        assert_eq!(split(&ids, 7, &BY_ATTEMPT), split(&ids, 7, &BY_ATTEMPT));
-        assert_ne!(split(&ids, 7, &BY_ATTEMPT), split(&ids, 8, &BY_ATTEMPT));
+        let of = |seed: u64| split(&ids, seed, &BY_ATTEMPT).unwrap();
+        assert_eq!(of(7), of(7));
+        assert_ne!(of(7), of(8));
     }
 
     #[test]
     fn one_scene_cannot_be_split() {
-        let error = split(&ids(1, 60), 0, &BY_ATTEMPT).unwrap_err();
-        assert_eq!((error.train, error.test_scenes), (0, 60));
-        assert!(error.to_string().contains("none may be 0"));
+        let error = split(&ids(1, 60), 0, &BY_ATTEMPT).unwrap_err().to_string();
+        for words in ["leaves 0 samples to train on", " 60 samples of test scenes", "none may be 0"] {
+            assert!(error.contains(words), "{words} is not in {error}");
+        }
     }
 }

@@ -27,71 +27,61 @@ pub struct StepResult {
 /// Shapes: `vector` as [`network::layers::parameter_slots`] lays it out.
 #[must_use]
 pub fn step(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> StepResult {
-    match device {
-        Device::Host => sum(vector.len(), part_steps(vector, batch, mode)),
-        #[cfg(feature = "graph")]
-        Device::Burn(device) => crate::graph::step_by_graph(vector, batch, mode, device),
-    }
+    sum(vector.len(), part_steps(vector, batch, mode, device))
 }
 
 /// Losses and predictions of a batch, without a gradient.
 #[must_use]
 pub fn evaluate(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> Vec<SampleResult> {
-    match device {
-        Device::Host => evaluate_on_host(vector, batch, mode),
+    let results: Vec<Vec<SampleResult>> = match device {
+        Device::Host => {
+            let network = VoxelNetwork::new(vector, mode);
+            batch.by_parts(|part| {
+                let seen = network.forward(&part.inputs);
+                seen.heads().zip(&part.targets).map(|(heads, target)| sample_loss(&heads, target)).collect()
+            })
+        }
         #[cfg(feature = "graph")]
-        Device::Burn(device) => crate::graph::evaluate_by_graph(vector, batch, mode, device),
-    }
-}
-
-fn evaluate_on_host(vector: &[f32], batch: &Batch, mode: Upsampling) -> Vec<SampleResult> {
-    let network = VoxelNetwork::new(vector, mode);
-    let parts = batch.parts();
-    let evaluated = parts.par_iter().map(|range| {
-        let part = batch.part(range.clone());
-        let seen = network.forward(&part.inputs);
-        seen.heads().zip(&part.targets).map(|(heads, target)| sample_loss(&heads, target)).collect::<Vec<_>>()
-    });
-    evaluated.collect::<Vec<_>>().concat()
+        Device::Burn(device) => batch.by_parts(|part| crate::graph::part_results(vector, part, mode, device)),
+    };
+    results.concat()
 }
 
 /// The contribution of each part of a batch to [`step`].
-fn part_steps(vector: &[f32], batch: &Batch, mode: Upsampling) -> Vec<StepResult> {
-    let network = VoxelNetwork::new(vector, mode);
-    let transposed = network.transposed();
+fn part_steps(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> Vec<StepResult> {
     let weight = 1.0 / batch.samples.len() as f32;
-    let parts = batch.parts();
-    let steps = parts.par_iter().map(|range| {
-        let part = batch.part(range.clone());
-        let seen = network.forward(&part.inputs);
-        let heads: Vec<[f32; HEAD_OUTPUTS]> = seen.heads().collect();
-        let samples = || heads.iter().zip(&part.targets);
-        let d_heads: Vec<_> = samples().map(|(heads, target)| loss_gradient(heads, target, weight)).collect();
-        StepResult {
-            gradient: network.gradient(&transposed, &part.inputs, &seen, &d_heads),
-            samples: samples().map(|(heads, target)| sample_loss(heads, target)).collect(),
+    match device {
+        Device::Host => {
+            let network = VoxelNetwork::new(vector, mode);
+            let transposed = network.transposed();
+            batch.by_parts(|part| {
+                let seen = network.forward(&part.inputs);
+                let heads: Vec<[f32; HEAD_OUTPUTS]> = seen.heads().collect();
+                let samples = || heads.iter().zip(&part.targets);
+                let d_heads: Vec<_> = samples().map(|(heads, target)| loss_gradient(heads, target, weight)).collect();
+                StepResult {
+                    gradient: network.gradient(&transposed, &part.inputs, &seen, &d_heads),
+                    samples: samples().map(|(heads, target)| sample_loss(heads, target)).collect(),
+                }
+            })
         }
-    });
-    steps.collect()
+        #[cfg(feature = "graph")]
+        Device::Burn(device) => batch.by_parts(|part| crate::graph::part_step(vector, part, mode, weight, device)),
+    }
 }
 
 /// Adds the gradients of parts, each value in the order of parts.
 fn sum(parameters: usize, parts: Vec<StepResult>) -> StepResult {
-    let mut parts = parts.into_iter();
-    let Some(StepResult { mut gradient, mut samples }) = parts.next() else {
-        return StepResult { gradient: vec![0.0; parameters], samples: Vec::new() };
-    };
-    let others: Vec<StepResult> = parts.collect();
-    let chunk = gradient.len().div_ceil(64);
+    let mut gradient = vec![-0.0; parameters]; // adding to −0 changes no bit of a number
+    let chunk = parameters.div_ceil(64);
     gradient.par_chunks_mut(chunk).enumerate().for_each(|(number, sum)| {
-        for other in &others {
-            for (sum, more) in sum.iter_mut().zip(&other.gradient[number * chunk..]) {
+        for part in &parts {
+            for (sum, more) in sum.iter_mut().zip(&part.gradient[number * chunk..]) {
                 *sum += more;
             }
         }
     });
-    samples.extend(others.into_iter().flat_map(|other| other.samples));
-    StepResult { gradient, samples }
+    StepResult { gradient, samples: parts.into_iter().flat_map(|part| part.samples).collect() }
 }
 
 #[cfg(test)]
@@ -127,7 +117,7 @@ mod tests {
         let (batch, mode) = (batch(), Upsampling::Linear);
         let vector = initial_vector(3);
         let whole = step(&vector, &batch, mode, &Device::Host);
-        let parts = part_steps(&vector, &batch, mode);
+        let parts = part_steps(&vector, &batch, mode, &Device::Host);
         assert!(parts.len() > 2, "{}", parts.len());
         let samples: Vec<_> = parts.iter().flat_map(|part| part.samples.clone()).collect();
         assert_eq!(samples, whole.samples);

@@ -31,7 +31,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     start_threads(arguments.threads)?;
     let device = arguments.device.open()?;
     let phase = |name: &str| print_error(&format!("measuring {name}"));
-    let report = bench(arguments.batch.into(), arguments.data.as_ref(), &std::env::temp_dir(), &device, &phase)?;
+    let report = bench(arguments.batch.into(), arguments.data.as_ref(), &device, &phase)?;
     print(if arguments.json { json(&report)? } else { report.document().markdown() })?;
     Ok(ExitCode::Ok)
 }

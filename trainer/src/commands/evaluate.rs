@@ -1,16 +1,13 @@
 //! `trainer evaluate`: a checkpoint's results on a dataset.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use program::{ExitCode, Failure, json, print, start_threads};
 use shards::{Location, LocationParser};
-use trainer::evaluate::evaluate;
 use trainer::evaluate::report::{document, write_report};
-use trainer::run_folder::checkpoint_path;
-
-use super::SplitArgument;
+use trainer::evaluate::{TestSet, examine};
+use trainer::run_folder::SavedAs;
 
 /// Evaluate a checkpoint on a dataset: accuracy, precision–recall, calibration, errors of the grasps.
 #[derive(Args)]
@@ -20,8 +17,8 @@ pub(crate) struct Arguments {
     #[arg(long, required_unless_present = "model")]
     run: Option<PathBuf>,
     /// Which of its checkpoints.
-    #[arg(long, value_enum, default_value_t = Which::Best)]
-    checkpoint: Which,
+    #[arg(long, value_enum, default_value_t = SavedAs::Best)]
+    checkpoint: SavedAs,
     /// A checkpoint's file, in place of a run's.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "checkpoint"])]
     model: Option<PathBuf>,
@@ -29,8 +26,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_parser = LocationParser)]
     data: Location,
     /// Which samples.
-    #[arg(long, value_enum, default_value_t = SplitArgument::TestAttempts)]
-    split: SplitArgument,
+    #[arg(long, value_enum, default_value_t = TestSet::TestAttempts)]
+    split: TestSet,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -42,26 +39,13 @@ pub(crate) struct Arguments {
     threads: Option<u16>,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum Which {
-    /// Of the epoch with the best test accuracy.
-    Best,
-    /// The latest.
-    Last,
-}
-
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     start_threads(arguments.threads)?;
-    let name = match arguments.checkpoint {
-        Which::Best => "best",
-        Which::Last => "last",
-    };
     let path = match (&arguments.model, &arguments.run) {
         (Some(model), _) => model.clone(),
-        (None, run) => checkpoint_path(run.as_deref().unwrap_or(Path::new(".")), name), // clap asks for one of the two
+        (None, run) => arguments.checkpoint.path(run.as_deref().unwrap_or(Path::new("."))), // clap asks for one of the two
     };
-    let (scratch, stop) = (std::env::temp_dir(), AtomicBool::new(false));
-    let evaluation = evaluate(&path, &arguments.data, arguments.split.into(), &scratch, &stop, &|| {})?;
+    let evaluation = examine(&path, &arguments.data, arguments.split, 0)?.evaluation;
     print(if arguments.json { json(&evaluation)? } else { document(&evaluation).text() })?;
     if let Some(folder) = &arguments.report {
         write_report(&evaluation, folder)?;

@@ -7,8 +7,8 @@ use program::{Context, ExitCode, Failure, print, start_threads, stop_on_signals}
 use shards::{Location, LocationParser};
 use trainer::config::Config;
 use trainer::device::DeviceName;
-use trainer::fit::{Ending, Job, fit_job};
-use trainer::run_folder::checkpoint_path;
+use trainer::fit::{Ending, Job, fit};
+use trainer::run_folder::SavedAs;
 
 use super::console::Screen;
 
@@ -49,7 +49,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let (data, run, device) = (&arguments.data, arguments.run.as_path(), arguments.device.open()?);
     let job = Job { data, config: &config, run, resume: arguments.resume, device: &device };
     let screen = Screen::new(&config);
-    let ending = fit_job(&job, &stop, &|event| screen.show(&event))?;
+    let ending = fit(&job, &stop, &|event| screen.show(&event))?;
     screen.end();
     match ending {
         Ending::Done => {
@@ -59,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
                  metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg\n\
                  TensorBoard   tensorboard --logdir {run}/tensorboard\n\
                  next          trainer evaluate --run {run} --data {data}\n",
-                checkpoint_path(&arguments.run, "best").display()
+                SavedAs::Best.path(&arguments.run).display()
             ))?;
             Ok(ExitCode::Ok)
         }

@@ -1,16 +1,13 @@
 //! `trainer report`: a run as a page.
 
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use program::{ExitCode, Failure, print, start_threads, write};
 use shards::{Location, LocationParser};
-use trainer::evaluate::examine;
+use trainer::evaluate::{TestSet, examine};
 use trainer::page::{MISTAKES, TrainedRun};
-use trainer::run_folder::checkpoint_path;
-
-use super::SplitArgument;
+use trainer::run_folder::SavedAs;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -32,8 +29,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_parser = LocationParser)]
     data: Option<Location>,
     /// Which of its samples.
-    #[arg(long, value_enum, default_value_t = SplitArgument::TestAttempts, requires = "data")]
-    split: SplitArgument,
+    #[arg(long, value_enum, default_value_t = TestSet::TestAttempts, requires = "data")]
+    split: TestSet,
     /// Threads; all cores by default.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -42,14 +39,8 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     start_threads(arguments.threads)?;
     let run = TrainedRun::read(&arguments.run)?;
-    let examined = match &arguments.data {
-        None => None,
-        Some(data) => {
-            let best = checkpoint_path(&arguments.run, "best");
-            let (scratch, stop) = (std::env::temp_dir(), AtomicBool::new(false));
-            Some(examine(&best, data, arguments.split.into(), &scratch, &stop, &|| {}, MISTAKES)?)
-        }
-    };
+    let best = SavedAs::Best.path(&arguments.run);
+    let examined = arguments.data.as_ref().map(|data| examine(&best, data, arguments.split, MISTAKES)).transpose()?;
     write(&arguments.html, run.document(examined.as_ref())?.html()?)?;
     print(format_args!("{}\n", arguments.html.display()))?;
     Ok(ExitCode::Ok)

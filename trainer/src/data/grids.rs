@@ -10,39 +10,16 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use program::{Exit, ExitCode};
-
 use network::receptive_field::RESOLUTION;
 
 const VALUES: usize = RESOLUTION.pow(3);
 const BYTES: usize = 4 * VALUES;
 
-/// The spool file cannot be created, written or read.
-#[derive(Debug, thiserror::Error)]
-#[error("failed to {action} the file of decoded grids ({bytes} bytes in all): {source}: {}", .path.display())]
-pub struct SpoolError {
-    /// The operation.
-    pub action: &'static str,
-    /// Size of the whole file.
-    pub bytes: u64,
-    /// Its folder.
-    pub path: PathBuf,
-    /// What the system said.
-    pub source: io::Error,
-}
-
-impl Exit for SpoolError {
-    /// [`ExitCode::TryAgain`]: the disk may have space later.
-    fn exit_code(&self) -> ExitCode {
-        ExitCode::TryAgain
-    }
-}
-
 /// The grids of all scenes, 40³ values each.
 #[derive(Debug)]
-pub struct Grids {
+pub(super) struct Grids {
     file: Mutex<File>,
-    path: PathBuf,
+    folder: PathBuf,
     count: usize,
 }
 
@@ -50,35 +27,20 @@ impl Grids {
     /// A file for `count` grids in `folder`, which must exist.
     ///
     /// # Errors
-    /// [`SpoolError`] if the file cannot be created.
-    pub fn create(folder: &Path, count: usize) -> Result<Self, SpoolError> {
-        let path = folder.to_owned();
-        let bytes = (count * BYTES) as u64;
-        let made = tempfile::tempfile_in(folder);
-        let file = made.map_err(|source| SpoolError { action: "make", bytes, path: path.clone(), source })?;
-        Ok(Self { file: Mutex::new(file), path, count })
-    }
-
-    /// Number of grids.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.count
-    }
-
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.count == 0
+    /// If the file cannot be created.
+    pub(super) fn create(folder: &Path, count: usize) -> io::Result<Self> {
+        let file = tempfile::tempfile_in(folder).map_err(|error| failed("make", count, folder, &error))?;
+        Ok(Self { file: Mutex::new(file), folder: folder.to_owned(), count })
     }
 
     /// Writes a grid.
     ///
     /// # Errors
-    /// [`SpoolError`], for example on a full disk.
+    /// The system's error, for example on a full disk.
     ///
     /// # Panics
     /// If there is no such grid or it is not 40³.
-    pub fn write(&self, number: usize, values: &[f32]) -> Result<(), SpoolError> {
+    pub(super) fn write(&self, number: usize, values: &[f32]) -> io::Result<()> {
         assert!(number < self.count && values.len() == VALUES, "grid {number} of {}", self.count);
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         self.at(number, "write", |file| file.write_all(&bytes))
@@ -87,32 +49,29 @@ impl Grids {
     /// Reads a grid.
     ///
     /// # Errors
-    /// [`SpoolError`].
+    /// The system's error.
     ///
     /// # Panics
     /// If there is no such grid.
-    pub fn read(&self, number: usize) -> Result<Arc<[f32]>, SpoolError> {
+    pub(super) fn read(&self, number: usize) -> io::Result<Arc<[f32]>> {
         assert!(number < self.count, "grid {number} of {}", self.count);
         let mut bytes = vec![0; BYTES];
         self.at(number, "read", |file| file.read_exact(&mut bytes))?;
         Ok(bytes.as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect())
     }
 
-    fn at(
-        &self,
-        number: usize,
-        action: &'static str,
-        act: impl FnOnce(&mut File) -> io::Result<()>,
-    ) -> Result<(), SpoolError> {
+    fn at(&self, number: usize, action: &str, act: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
-        let offset = (number * BYTES) as u64;
-        file.seek(SeekFrom::Start(offset)).and_then(|_| act(&mut file)).map_err(|source| SpoolError {
-            action,
-            bytes: (self.count * BYTES) as u64,
-            path: self.path.clone(),
-            source,
-        })
+        let done = file.seek(SeekFrom::Start((number * BYTES) as u64)).and_then(|_| act(&mut file));
+        done.map_err(|error| failed(action, self.count, &self.folder, &error))
     }
+}
+
+/// The system's error with the size and the folder of the file.
+fn failed(action: &str, count: usize, folder: &Path, error: &io::Error) -> io::Error {
+    let (bytes, folder) = (count * BYTES, folder.display());
+    let text = format!("failed to {action} the file of decoded grids ({bytes} bytes in all): {error}: {folder}");
+    io::Error::new(error.kind(), text)
 }
 
 #[cfg(test)]
@@ -138,6 +97,6 @@ mod tests {
     fn no_folder_is_told_with_the_path() {
         let error = Grids::create(Path::new("/nonexistent/folder"), 1).unwrap_err();
         assert!(error.to_string().contains("/nonexistent/folder"), "{error}");
-        assert_eq!(error.exit_code(), ExitCode::TryAgain);
+        assert_eq!(program::Exit::exit_code(&error), program::ExitCode::TryAgain);
     }
 }

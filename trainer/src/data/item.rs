@@ -1,12 +1,13 @@
 //! The samples as a `burn-dataset`, and batches of them.
 
 use core::ops::RangeInclusive;
+use std::io;
 use std::sync::Arc;
 
 use burn_dataset::Dataset;
 use schema::{Quat, Rule};
 
-use super::grids::{Grids, SpoolError};
+use super::grids::Grids;
 use crate::augmentation::{Augmentation, Motion};
 use crate::batch::{Batch, Sample};
 use crate::loss::{ClassWeights, Target};
@@ -97,8 +98,8 @@ impl GraspDataset {
     /// A batch of samples, sorted so that those of a scene share its grid.
     ///
     /// # Errors
-    /// [`SpoolError`] if a grid cannot be read.
-    pub fn batch(&self, samples: &[usize]) -> Result<Batch, SpoolError> {
+    /// If a grid cannot be read.
+    pub fn batch(&self, samples: &[usize]) -> io::Result<Batch> {
         let mut sorted = samples.to_vec();
         sorted.sort_unstable();
         let mut batch = Batch::default();
@@ -122,7 +123,7 @@ impl GraspDataset {
     ///
     /// # Errors
     /// As [`Self::batch`].
-    pub fn training_batch(&self, samples: &[usize], transform: &TrainingTransform) -> Result<Batch, SpoolError> {
+    pub fn training_batch(&self, samples: &[usize], transform: &TrainingTransform) -> io::Result<Batch> {
         let TrainingTransform { seed, epoch, augmentation, weights } = *transform;
         let mut batch = self.batch(samples)?;
         for sample in &mut batch.samples {
@@ -167,8 +168,8 @@ impl Record {
     }
 }
 
-impl Dataset<GraspItem, SpoolError> for GraspDataset {
-    fn get(&self, index: usize) -> Result<GraspItem, SpoolError> {
+impl Dataset<GraspItem, io::Error> for GraspDataset {
+    fn get(&self, index: usize) -> io::Result<GraspItem> {
         let record = &self.records[index];
         let grid = self.grids.read(record.scene as usize)?;
         Ok(GraspItem { grid, voxel: record.voxel.map(usize::from), target: record.target() })

@@ -3,82 +3,62 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure};
 use rayon::prelude::*;
 use schema::{AttemptRecord, Grasp, Grid};
-use shards::{Dataset, ReadError};
+use shards::Dataset;
 
-use super::grids::{Grids, SpoolError};
+use super::grids::Grids;
 use super::item::{GraspDataset, Record};
 use network::receptive_field::RESOLUTION;
-
-/// Why a dataset cannot be loaded.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadError {
-    /// There is no dataset, or it is incomplete, damaged or has an unknown version.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// The grid is not the network's.
-    #[error("the network takes grids of {RESOLUTION}^3 voxels, the dataset has {0}^3")]
-    Resolution(usize),
-    /// Too many scenes for the samples' four-byte scene numbers.
-    #[error("at most 4294967295 scenes can be trained on, the dataset has {0}")]
-    Scenes(u64),
-    /// The decoded grids cannot be stored.
-    #[error(transparent)]
-    Spool(#[from] SpoolError),
-    /// A signal stopped the loading.
-    #[error("stopped by a signal while reading the dataset")]
-    Stopped,
-}
-
-impl Exit for LoadError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Read(error) => error.exit_code(),
-            Self::Resolution(_) | Self::Scenes(_) => ExitCode::Config,
-            Self::Spool(error) => error.exit_code(),
-            Self::Stopped => ExitCode::TryAgain,
-        }
-    }
-}
 
 /// Reads every attempt and decodes every grid once to a file in `folder`. Shards are read in parallel; after a failed
 /// shard no later ones are read. Files are checked against the manifest's checksums. `scene_done` is called once per
 /// scene, from any thread.
 ///
 /// # Errors
-/// [`LoadError`]; the first in the order of shards.
+/// If the dataset cannot be read or trained on, the grids cannot be stored, or `stop` is set; the first error in the
+/// order of shards.
 pub fn load(
     dataset: &Dataset,
     folder: &Path,
     stop: &AtomicBool,
     scene_done: &(dyn Fn() + Sync),
-) -> Result<GraspDataset, LoadError> {
+) -> Result<GraspDataset, Failure> {
     let info = dataset.info();
     if info.grid.resolution != RESOLUTION {
-        return Err(LoadError::Resolution(info.grid.resolution));
+        let text =
+            format!("the network takes grids of {RESOLUTION}^3 voxels, the dataset has {}^3", info.grid.resolution);
+        return Err(Failure::new(ExitCode::Config, text));
     }
-    let scenes = u32::try_from(info.scene_count).map_err(|_| LoadError::Scenes(info.scene_count))?;
+    // Samples have four bytes for the number of their scene.
+    let scenes = u32::try_from(info.scene_count).map_err(|_| {
+        let text = format!("at most {} scenes can be trained on, the dataset has {}", u32::MAX, info.scene_count);
+        Failure::new(ExitCode::Config, text)
+    })?;
     let grids = Grids::create(folder, scenes as usize)?;
     let failed = AtomicU32::new(u32::MAX); // the lowest shard that failed
     let shards: Vec<(Vec<Record>, u64)> = (0..info.shard_count)
         .into_par_iter()
         .map(|shard| {
             if failed.load(Ordering::Relaxed) < shard {
-                return Err(LoadError::Stopped); // after the failure, so the result is not used
+                return Err(stopped()); // after the failure, so the result is not used
             }
             let records = load_shard(dataset, shard, &grids, stop, scene_done);
             records.inspect_err(|_| {
                 failed.fetch_min(shard, Ordering::Relaxed);
             })
         })
-        .collect::<Vec<Result<_, LoadError>>>()
+        .collect::<Vec<Result<_, Failure>>>()
         .into_iter()
         .collect::<Result<_, _>>()?;
     let outside = shards.iter().map(|(_, outside)| outside).sum();
     let records = shards.into_iter().flat_map(|(records, _)| records).collect();
     Ok(GraspDataset { records, grids, outside })
+}
+
+fn stopped() -> Failure {
+    Failure::new(ExitCode::TryAgain, "stopped by a signal while reading the dataset")
 }
 
 /// Reads the samples of a shard and writes their grids to the file; also returns the number of grasps outside the grid.
@@ -88,16 +68,16 @@ fn load_shard(
     grids: &Grids,
     stop: &AtomicBool,
     scene_done: &(dyn Fn() + Sync),
-) -> Result<(Vec<Record>, u64), LoadError> {
+) -> Result<(Vec<Record>, u64), Failure> {
     if stop.load(Ordering::Relaxed) {
-        return Err(LoadError::Stopped);
+        return Err(stopped());
     }
     for scene in dataset.scenes(shard)? {
         let scene = scene?;
         grids.write(scene.scene_id as usize, &scene.tsdf)?;
         scene_done();
         if stop.load(Ordering::Relaxed) {
-            return Err(LoadError::Stopped);
+            return Err(stopped());
         }
     }
     let samples = schema::samples_of(&dataset.read_attempts(shard)?, &dataset.info().gripper);

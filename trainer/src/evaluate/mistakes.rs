@@ -1,8 +1,5 @@
 //! The worst errors of a network: failed attempts with the highest predicted qualities, and held attempts with the
-//! lowest. Only a limited number is kept.
-
-use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+//! lowest.
 
 use crate::scores::Score;
 
@@ -17,68 +14,20 @@ pub struct Mistake {
     pub score: Score,
 }
 
-/// The worst errors, worst first; equal ones in the order of scenes and attempts.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Mistakes {
-    /// Failed attempts with the highest qualities.
-    pub overrated: Vec<Mistake>,
-    /// Held attempts with the lowest qualities.
-    pub underrated: Vec<Mistake>,
-}
-
-/// Collects the worst attempts.
-#[derive(Debug)]
-pub(super) struct Keeper {
-    most: usize,
-    overrated: BinaryHeap<Kept>,
-    underrated: BinaryHeap<Kept>,
-}
-
-/// The maximum of a heap is the least bad attempt, which is removed first.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Kept(Mistake);
-
-impl Keeper {
-    /// Keeps up to `most` of each kind.
-    pub(super) fn new(most: usize) -> Self {
-        Self { most, overrated: BinaryHeap::new(), underrated: BinaryHeap::new() }
-    }
-
-    /// Adds an attempt. A quality that is NaN is ignored.
-    pub(super) fn see(&mut self, mistake: Mistake) {
-        if mistake.score.logit.is_nan() {
-            return;
-        }
-        let heap = if mistake.score.held { &mut self.underrated } else { &mut self.overrated };
-        heap.push(Kept(mistake));
-        if heap.len() > self.most {
-            heap.pop();
-        }
-    }
-
-    pub(super) fn into_mistakes(self) -> Mistakes {
-        let worst_first = |heap: BinaryHeap<Kept>| heap.into_sorted_vec().into_iter().map(|kept| kept.0).collect();
-        Mistakes { overrated: worst_first(self.overrated), underrated: worst_first(self.underrated) }
-    }
-}
-
-impl Ord for Kept {
-    fn cmp(&self, other: &Self) -> Ordering {
-        let (a, b) = (&self.0, &other.0);
+/// The worst `most` of the attempts that held or of those that failed, worst first; equal ones in the order of scenes
+/// and attempts. A quality that is NaN is ignored.
+pub(super) fn worst(all: &[Mistake], held: bool, most: usize) -> Vec<Mistake> {
+    let own = all.iter().filter(|one| one.score.held == held && !one.score.logit.is_nan());
+    let mut worst: Vec<Mistake> = own.copied().collect();
+    worst.sort_by(|a, b| {
         let by_logit = a.score.logit.total_cmp(&b.score.logit);
-        // A heap has one kind: high qualities are bad for failures, low ones for successes.
-        let by_badness = if a.score.held { by_logit } else { by_logit.reverse() };
+        // High qualities are bad for failures, low ones for successes.
+        let by_badness = if held { by_logit } else { by_logit.reverse() };
         by_badness.then_with(|| (a.scene_id, a.attempt_id).cmp(&(b.scene_id, b.attempt_id)))
-    }
+    });
+    worst.truncate(most);
+    worst
 }
-
-impl PartialOrd for Kept {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Eq for Kept {}
 
 #[cfg(test)]
 mod tests {
@@ -86,22 +35,9 @@ mod tests {
 
     use super::*;
 
-    /// The sorted attempts of one kind.
-    fn slowly(all: &[Mistake], held: bool, most: usize) -> Vec<Mistake> {
-        let mut own: Vec<Mistake> = all.iter().filter(|one| one.score.held == held).copied().collect();
-        own.retain(|one| !one.score.logit.is_nan());
-        let sign = if held { 1.0 } else { -1.0 };
-        own.sort_by(|a, b| {
-            let [x, y] = [a, b].map(|one| (sign * one.score.logit, one.scene_id, one.attempt_id));
-            x.partial_cmp(&y).unwrap()
-        });
-        own.truncate(most);
-        own
-    }
-
     proptest! {
         #[test]
-        fn the_worst_are_those_that_sorting_everything_finds(
+        fn the_worst_are_no_better_than_what_is_left_out_and_stand_in_order(
             logits in prop::collection::vec((-4_i8..5, any::<bool>()), 0..80), most in 0_usize..9,
         ) {
             let all: Vec<Mistake> = logits.iter().enumerate().map(|(at, (logit, held))| {
@@ -109,14 +45,21 @@ mod tests {
                 let (scene_id, attempt_id) = (at as u64 / 7, at as u32 % 7);
                 Mistake { scene_id, attempt_id, score: Score { logit, held: *held } }
             }).collect();
-            let mut keeper = Keeper::new(most);
-            for (seen, one) in all.iter().enumerate() {
-                keeper.see(*one);
-                prop_assert!(keeper.overrated.len() + keeper.underrated.len() <= (2 * most).min(seen + 1));
+            for held in [false, true] {
+                let key = |one: &Mistake| {
+                    let goodness = if held { one.score.logit } else { -one.score.logit };
+                    (goodness, one.scene_id, one.attempt_id)
+                };
+                let own: Vec<_> =
+                    all.iter().filter(|one| one.score.held == held).map(key).filter(|key| !key.0.is_nan()).collect();
+                let found: Vec<_> = worst(&all, held, most).iter().map(key).collect();
+                prop_assert_eq!(found.len(), most.min(own.len()));
+                prop_assert!(found.is_sorted_by(|a, b| a < b));
+                prop_assert!(found.iter().all(|one| own.contains(one)));
+                if let Some(last) = found.last() {
+                    prop_assert_eq!(own.iter().filter(|one| *one <= last).count(), found.len());
+                }
             }
-            let found = keeper.into_mistakes();
-            prop_assert_eq!(found.overrated, slowly(&all, false, most));
-            prop_assert_eq!(found.underrated, slowly(&all, true, most));
         }
     }
 }

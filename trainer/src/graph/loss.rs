@@ -1,6 +1,6 @@
 //! The loss of [`crate::loss`] on tensors.
 
-use burn::tensor::activation::{relu, sigmoid};
+use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, TensorData};
 use network::layers::NORM_SQUARED_MIN;
 use schema::Quat;
@@ -92,12 +92,6 @@ pub fn sample_losses(prediction: &Prediction, targets: &Targets) -> SampleLosses
 pub fn normalise<const D: usize>(vectors: Tensor<D>, axis: usize) -> Tensor<D> {
     let norm = vectors.clone().square().sum_dim(axis).clamp_min(NORM_SQUARED_MIN).sqrt();
     vectors / norm
-}
-
-/// The grasp quality of a logit.
-#[must_use]
-pub fn quality(logit: Tensor<1>) -> Tensor<1> {
-    sigmoid(logit)
 }
 
 #[cfg(test)]

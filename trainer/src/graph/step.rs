@@ -3,146 +3,103 @@
 
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Int, Tensor};
-use rayon::prelude::*;
 
-use network::layers::LAYERS;
-use network::receptive_field::{COARSEST, PatchSizes};
+use network::VoxelInputs;
+use network::layers::{LAYERS, LayerShape};
+use network::receptive_field::COARSEST;
 use network::upsampling::Upsampling;
 
-use super::columns::{FIRST_ROWS, first_columns, padded_rows, valid_rows};
+use super::columns::{first_columns, input_rows};
 use super::doubling::{double_patches, doublings};
 use super::loss::{Prediction, SampleLosses, Targets, normalise, sample_losses};
-use super::matrices::Matrices;
-use super::{to_device, to_host};
-use crate::batch::{Batch, BatchPart};
+use super::{parameters, to_device};
+use crate::batch::BatchPart;
 use crate::loss::SampleResult;
 use crate::step::StepResult;
 
-/// Like [`crate::step::step`], with gradients by autodiff.
-#[must_use]
-pub fn step_by_graph(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> StepResult {
-    let matrices = Matrices::from_vector(&to_device(vector, device));
-    let weight = 1.0 / batch.samples.len() as f32;
-    let parts = batch.parts();
-    let parts = parts.par_iter().map(|part| part_by_graph(&matrices, &batch.part(part.clone()), mode, weight));
-    let (mut sum, mut samples) = (None, Vec::with_capacity(batch.samples.len()));
-    for (gradient, results) in parts.collect::<Vec<_>>() {
-        samples.extend(results);
-        sum = Some(match sum {
-            None => gradient,
-            Some(before) => add(before, gradient),
-        });
-    }
-    let gradient = sum.map_or_else(|| vec![0.0; vector.len()], |sum| to_host(sum.into_vector()));
-    StepResult { gradient, samples }
-}
-
-/// Like [`crate::step::evaluate`].
-#[must_use]
-pub fn evaluate_by_graph(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> Vec<SampleResult> {
-    let matrices = Matrices::from_vector(&to_device(vector, device));
-    let parts = batch.parts();
-    let evaluated = parts.par_iter().map(|part| {
-        let part = batch.part(part.clone());
-        let (prediction, losses) = part_losses(&matrices, &part, mode);
-        results(&part, prediction, losses)
-    });
-    evaluated.collect::<Vec<_>>().concat()
-}
-
-fn part_by_graph(
-    matrices: &Matrices,
+/// The gradient of `weight` times the losses of a part of a batch, by autodiff. Graphs without a common leaf have no
+/// common lock, so each part copies the parameters and runs on its own thread.
+pub(crate) fn part_step(
+    vector: &[f32],
     part: &BatchPart<'_>,
     mode: Upsampling,
     weight: f32,
-) -> (Matrices, Vec<SampleResult>) {
-    let leaves = matrices.leaves();
-    let (prediction, losses) = part_losses(&leaves, part, mode);
+    device: &Device,
+) -> StepResult {
+    let vector = to_device(vector, device).autodiff().require_grad();
+    let (prediction, losses) = part_losses(&vector, part, mode);
     let mut gradients = (losses.total.clone().sum() * weight).backward();
-    let gradient = Matrices {
-        weights: leaves
-            .weights
-            .iter()
-            .map(|w| w.grad_remove(&mut gradients).unwrap_or_else(|| w.zeros_like().inner()))
-            .collect(),
-        biases: leaves
-            .biases
-            .iter()
-            .map(|b| b.grad_remove(&mut gradients).unwrap_or_else(|| b.zeros_like().inner()))
-            .collect(),
-    };
-    (gradient, results(part, prediction, losses))
+    let gradient = vector.grad_remove(&mut gradients).expect("every loss depends on the parameters");
+    StepResult { gradient: to_host(gradient), samples: results(part, prediction, losses) }
 }
 
-fn add(a: Matrices, b: Matrices) -> Matrices {
-    Matrices {
-        weights: a.weights.into_iter().zip(b.weights).map(|(a, b)| a + b).collect(),
-        biases: a.biases.into_iter().zip(b.biases).map(|(a, b)| a + b).collect(),
-    }
+/// Losses and predictions of a part of a batch.
+pub(crate) fn part_results(
+    vector: &[f32],
+    part: &BatchPart<'_>,
+    mode: Upsampling,
+    device: &Device,
+) -> Vec<SampleResult> {
+    let (prediction, losses) = part_losses(&to_device(vector, device), part, mode);
+    results(part, prediction, losses)
 }
 
-fn part_losses(matrices: &Matrices, part: &BatchPart<'_>, mode: Upsampling) -> (Prediction, SampleLosses) {
-    let device = matrices.biases[0].device().inner();
-    let inputs = &part.inputs;
-    let prediction = predict(matrices, &inputs.grids, &inputs.grid_of_sample, &inputs.voxels, mode, &device);
+fn part_losses(vector: &Tensor<1>, part: &BatchPart<'_>, mode: Upsampling) -> (Prediction, SampleLosses) {
+    let device = vector.device().inner();
+    let prediction = predict(vector, &part.inputs, mode, &device);
     let losses = sample_losses(&prediction, &Targets::new(&part.targets, &device));
     (prediction, losses)
 }
 
+/// A layer with its weights as a matrix for products with gathered rows, `[x · y · z · in, out]`, and its bias.
+type Layer = (LayerShape, Tensor<2>, Tensor<1>);
+
 /// The network at one voxel per sample.
-///
-/// `grids` have 40³ values each; sample i uses grid `grid_of_sample[i]` and voxel `voxels[i]`.
-#[must_use]
-pub fn predict(
-    matrices: &Matrices,
-    grids: &[&[f32]],
-    grid_of_sample: &[usize],
-    voxels: &[[usize; 3]],
-    mode: Upsampling,
-    device: &Device,
-) -> Prediction {
-    let coarse = encode(matrices, grids, device);
-    let (samples, sizes) = (voxels.len(), PatchSizes::new(mode));
-    let coarse = coarse.reshape([grids.len(), COARSEST.pow(3) * 64]);
-    let coarse = if grids.len() == samples {
+fn predict(vector: &Tensor<1>, inputs: &VoxelInputs<'_>, mode: Upsampling, device: &Device) -> Prediction {
+    let layers: Vec<Layer> = LAYERS
+        .into_iter()
+        .zip(parameters(vector))
+        .map(|(layer, (weight, bias))| {
+            (layer, weight.permute([2, 3, 4, 1, 0]).reshape([layer.fan_in(), layer.channels_out]), bias)
+        })
+        .collect();
+    let coarse = encode(&layers, &inputs.grids, device);
+    let (samples, channels) = (inputs.voxels.len(), LAYERS[3].channels_out);
+    let coarse = coarse.reshape([inputs.grids.len(), COARSEST.pow(3) * channels]);
+    let coarse = if inputs.grids.len() == samples {
         coarse
     } else {
-        let numbers: Vec<i64> = grid_of_sample.iter().map(|grid| *grid as i64).collect();
+        let numbers: Vec<i64> = inputs.grid_of_sample.iter().map(|grid| *grid as i64).collect();
         coarse.select(0, Tensor::<1, Int>::from_data(numbers.as_slice(), device))
     };
-    let [x, y, z] = doublings(voxels, mode, device);
-    let patches = coarse.reshape([samples, COARSEST, COARSEST, COARSEST, 64]);
-    let patches = double_patches(patches, [x.to_10, y.to_10, z.to_10]);
-    let patches = convolve_patches(matrices, 4, patches, sizes.conv2_out, device);
-    let patches = double_patches(patches, [x.to_20, y.to_20, z.to_20]);
-    let patches = convolve_patches(matrices, 5, patches, sizes.conv3_out, device);
-    let patches = double_patches(patches, [x.to_40, y.to_40, z.to_40]);
-    heads(matrices, patches.reshape([samples, LAYERS[6].fan_in()]))
+    let [to_10, to_20, to_40] = doublings(&inputs.voxels, mode, device);
+    let patches = coarse.reshape([samples, COARSEST, COARSEST, COARSEST, channels]);
+    let patches = convolve_patches(&layers[4], double_patches(patches, to_10.each_ref()), device);
+    let patches = convolve_patches(&layers[5], double_patches(patches, to_20.each_ref()), device);
+    let patches = double_patches(patches, to_40.each_ref());
+    // The three heads read the same rows of 5³ · 16 inputs, so they are one product.
+    let weights = Tensor::cat(layers[6..].iter().map(|(_, weights, _)| weights.clone()).collect(), 1);
+    let biases = Tensor::cat(layers[6..].iter().map(|(.., biases)| biases.clone()).collect(), 0);
+    prediction_of(&(patches.reshape([samples, LAYERS[6].fan_in()]).matmul(weights) + biases.unsqueeze()))
 }
 
 /// Encoder and the first decoder convolution: `[grids · 5³, 64]`.
-fn encode(matrices: &Matrices, grids: &[&[f32]], device: &Device) -> Tensor<2> {
-    let count = grids.len();
-    let first = Tensor::cat(vec![matrices.weights[0].clone(), matrices.biases[0].clone().unsqueeze()], 0);
-    // [count · 20³ + 1, 16], the last row zero.
-    let x = relu(first_columns(grids, device).matmul(first));
-    debug_assert_eq!(x.dims()[0], count * FIRST_ROWS + 1);
-    let x = product(matrices, 1, x, padded_rows(count, 20, 3, 2, device));
-    let x = product(matrices, 2, with_zero_row(x), padded_rows(count, 10, 3, 2, device));
-    product(matrices, 3, with_zero_row(x), padded_rows(count, 5, 3, 1, device))
-}
-
-fn with_zero_row(x: Tensor<2>) -> Tensor<2> {
-    let zero = Tensor::zeros([1, x.dims()[1]], &x.device().inner());
-    Tensor::cat(vec![x, zero], 0)
+fn encode(layers: &[Layer], grids: &[&[f32]], device: &Device) -> Tensor<2> {
+    let (_, weights, biases) = &layers[0];
+    let mut x = relu(first_columns(grids, device).matmul(weights.clone()) + biases.clone().unsqueeze());
+    for (layer, n) in layers[1..].iter().zip([20, 10, 5]) {
+        let zero_row = Tensor::zeros([1, x.dims()[1]], device);
+        let rows = input_rows(grids.len(), n, layer.0, layer.0.padding(), device);
+        x = product(layer, Tensor::cat(vec![x, zero_row], 0), rows);
+    }
+    x
 }
 
 /// A convolution and its ReLU: gathers the rows of its inputs and multiplies.
-fn product(matrices: &Matrices, layer: usize, x: Tensor<2>, rows: Tensor<1, Int>) -> Tensor<2> {
-    let fan_in = LAYERS[layer].fan_in();
-    let outputs = rows.dims()[0] * LAYERS[layer].channels_in / fan_in;
-    let gathered = gather(x, rows).reshape([outputs, fan_in]);
-    relu(gathered.matmul(matrices.weights[layer].clone()) + matrices.biases[layer].clone().unsqueeze())
+fn product((layer, weights, biases): &Layer, x: Tensor<2>, rows: Tensor<1, Int>) -> Tensor<2> {
+    let outputs = rows.dims()[0] / layer.kernel.pow(3);
+    let gathered = gather(x, rows).reshape([outputs, layer.fan_in()]);
+    relu(gathered.matmul(weights.clone()) + biases.clone().unsqueeze())
 }
 
 /// Maximum number of rows per gather. GPUs support at most 65,535 work groups per dimension, and gathering more rows
@@ -161,19 +118,12 @@ fn gather(x: Tensor<2>, rows: Tensor<1, Int>) -> Tensor<2> {
     Tensor::cat(pieces.collect(), 0)
 }
 
-/// Shapes: `[b, n, n, n, in]` to `[b, m, m, m, out]`.
-fn convolve_patches(matrices: &Matrices, layer: usize, patches: Tensor<5>, m: usize, device: &Device) -> Tensor<5> {
+/// Shapes: `[b, n, n, n, in]` to `[b, m, m, m, out]`, without padding.
+fn convolve_patches(layer: &Layer, patches: Tensor<5>, device: &Device) -> Tensor<5> {
     let [batch, n, _, _, channels] = patches.dims();
-    let rows = valid_rows(batch, n, LAYERS[layer].kernel, device);
-    let x = product(matrices, layer, patches.reshape([batch * n.pow(3), channels]), rows);
-    x.reshape([batch, m, m, m, LAYERS[layer].channels_out])
-}
-
-/// The three heads on rows of 5³ · 16 inputs.
-fn heads(matrices: &Matrices, rows: Tensor<2>) -> Prediction {
-    let weights = Tensor::cat(matrices.weights[6..].to_vec(), 1);
-    let biases = Tensor::cat(matrices.biases[6..].to_vec(), 0);
-    prediction_of(&(rows.matmul(weights) + biases.unsqueeze()))
+    let m = n + 1 - layer.0.kernel;
+    let rows = input_rows(batch, n, layer.0, 0, device);
+    product(layer, patches.reshape([batch * n.pow(3), channels]), rows).reshape([batch, m, m, m, layer.0.channels_out])
 }
 
 /// The prediction of the heads' six outputs, `[b, 6]`.
@@ -188,10 +138,9 @@ pub(super) fn prediction_of(out: &Tensor<2>) -> Prediction {
 
 /// The results of the samples of a part.
 fn results(part: &BatchPart<'_>, prediction: Prediction, losses: SampleLosses) -> Vec<SampleResult> {
-    let values = |tensor: Tensor<1>| tensor.inner().into_data().iter::<f32>().collect::<Vec<_>>();
-    let (total, quality) = (values(losses.total), values(losses.quality));
-    let (rotation, width) = (values(losses.rotation), values(losses.width));
-    let logits = values(prediction.quality_logit);
+    let (total, quality) = (to_host(losses.total.inner()), to_host(losses.quality.inner()));
+    let (rotation, width) = (to_host(losses.rotation.inner()), to_host(losses.width.inner()));
+    let logits = to_host(prediction.quality_logit.inner());
     let samples = part.targets.iter().enumerate();
     samples
         .map(|(at, target)| SampleResult {
@@ -203,4 +152,8 @@ fn results(part: &BatchPart<'_>, prediction: Prediction, losses: SampleLosses) -
             label: target.label,
         })
         .collect()
+}
+
+fn to_host(vector: Tensor<1>) -> Vec<f32> {
+    vector.into_data().iter::<f32>().collect()
 }

@@ -15,8 +15,8 @@ pub(super) fn section(examined: &Examination) -> Result<Vec<Block>, ReadError> {
     let mut blocks = vec![Block::Heading("Worst mistakes".to_owned()), Block::Text(text.to_owned())];
     let mut rows = Vec::new();
     for (text, mistakes) in [
-        ("It was surest of these, and they failed:", &examined.mistakes.overrated),
-        ("It gave these up, and they held:", &examined.mistakes.underrated),
+        ("It was surest of these, and they failed:", &examined.overrated),
+        ("It gave these up, and they held:", &examined.underrated),
     ] {
         let mut pictures = Vec::new();
         for mistake in mistakes {

@@ -153,10 +153,12 @@ fn of_evaluation(evaluation: &Evaluation) -> Vec<String> {
 mod tests {
     use std::path::{Path, PathBuf};
 
+    use network::checkpoint::Confusion;
+
     use super::*;
     use crate::config::Config;
     use crate::evaluate::TestSet;
-    use crate::metrics::{Confusion, Tally};
+    use crate::metrics::Tally;
     use crate::scores::{GraspErrors, Score, calibration, ranking};
 
     fn set(loss: Option<f64>) -> Set {

@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use network::DenseNetwork;
 use network::upsampling::Upsampling;
-use trainer::graph::{Network, to_device};
+use trainer::graph;
 
 use crate::formula::{grid, parameters};
 
@@ -22,13 +22,12 @@ fn inference_is_the_plain_network_everywhere() {
     let device = Device::flex();
     let vector = parameters();
     for mode in Upsampling::ALL {
-        let (plain, dense) =
-            (Network::from_vector(to_device(&vector, &device), mode), DenseNetwork::new(&vector, mode));
+        let (parameters, dense) = (graph::to_device(&vector, &device), DenseNetwork::new(&vector, mode));
         for number in 0..2 {
             let grid = grid(number);
             let ours = dense.infer(&grid);
             let tsdf = TensorData::new(grid, [1, 1, 40, 40, 40]);
-            let expected = plain.forward(Tensor::from_data(tsdf, &device));
+            let expected = graph::dense(&parameters, Tensor::from_data(tsdf, &device), mode);
             let logit = apart(&ours.quality_logit, expected.quality_logit);
             let rotation = apart(&ours.rotation, expected.rotation);
             let width = apart(&ours.width_voxels, expected.width_voxels);

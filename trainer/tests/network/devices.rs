@@ -4,9 +4,8 @@
 use network::upsampling::Upsampling;
 use schema::Quat;
 use trainer::batch::{Batch, Sample};
-use trainer::device::Device::Host;
+use trainer::device::Device::{Burn, Host};
 use trainer::device::DeviceName;
-use trainer::graph::step_by_graph;
 use trainer::loss::Target;
 use trainer::step::{evaluate, step};
 
@@ -50,9 +49,9 @@ fn check(name: DeviceName) {
 #[test]
 fn automatic_differentiation_finds_what_is_written_out() {
     let (vector, batch) = (parameters(), batch(2));
-    let flex = burn::tensor::Device::flex();
+    let flex = Burn(burn::tensor::Device::flex());
     for mode in Upsampling::ALL {
-        let (ours, graph) = (step(&vector, &batch, mode, &Host), step_by_graph(&vector, &batch, mode, &flex));
+        let (ours, graph) = (step(&vector, &batch, mode, &Host), step(&vector, &batch, mode, &flex));
         let error = relative_error(&graph.gradient, &ours.gradient);
         assert!(error < 1e-5, "{mode:?}: gradient off by {error:e}");
         for (a, b) in ours.samples.iter().zip(&graph.samples) {

@@ -3,16 +3,16 @@
 use std::sync::Arc;
 
 use crate::formula::{grid, noise, parameters, relative_error};
+use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor, TensorData};
 use network::layers::parameter_slots;
 use network::upsampling::Upsampling;
 use safetensors::SafeTensors;
 use schema::Quat;
-use trainer::adam::Adam;
+use trainer::adam;
 use trainer::batch::{Batch, Sample};
 use trainer::device::Device::Host;
-use trainer::graph::loss::quality;
-use trainer::graph::{Network, to_device};
+use trainer::graph::{dense, to_device};
 use trainer::loss::{SampleResult, Target};
 use trainer::step::step;
 
@@ -88,10 +88,10 @@ fn the_dense_forward_is_pytorchs() {
         let golden = Golden::read(mode);
         let grids: Vec<f32> = (0..GRIDS).flat_map(grid).collect();
         let tsdf = Tensor::from_data(TensorData::new(grids, [GRIDS as usize, 1, 40, 40, 40]), &device);
-        let output = Network::from_vector(to_device(&parameters(), &device), mode).forward(tsdf);
+        let output = dense(&to_device(&parameters(), &device), tsdf, mode);
         let count = output.quality_logit.shape().num_elements();
         let error = golden
-            .check("forward.quality", &floats(quality(output.quality_logit.reshape([count]))), 400)
+            .check("forward.quality", &floats(sigmoid(output.quality_logit.reshape([count]))), 400)
             .max(golden.check("forward.rotation", &floats(output.rotation), 401))
             .max(golden.check("forward.width", &floats(output.width_voxels), 402));
         println!("{mode:?}: worst relative error of the forward {error:e}");
@@ -103,7 +103,7 @@ fn losses_gradients_and_ten_adam_steps_are_pytorchs() {
     for mode in Upsampling::ALL {
         let golden = Golden::read(mode);
         let (mut vector, batch) = (parameters(), golden.batch());
-        let mut adam = Adam::new(3e-4);
+        let mut moments = None;
         for (number, expected) in golden.floats("adam.losses").into_iter().enumerate() {
             let result = step(&vector, &batch, mode, &Host);
             let loss = result.samples.iter().map(|sample| sample.total).sum::<f32>() / batch.samples.len() as f32;
@@ -125,7 +125,7 @@ fn losses_gradients_and_ten_adam_steps_are_pytorchs() {
                 let error = golden.check_parameters("gradient", &result.gradient, 500);
                 println!("{mode:?}: worst relative error of a gradient {error:e}");
             }
-            adam.step(&mut vector, &result.gradient);
+            adam::step(&mut moments, 3e-4, &mut vector, &result.gradient);
         }
         let error = golden.check_parameters("adam", &vector, 600);
         println!("{mode:?}: worst relative error of a parameter after ten steps {error:e}");

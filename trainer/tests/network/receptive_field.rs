@@ -11,7 +11,7 @@ use schema::Quat;
 use trainer::batch::{Batch, Sample};
 use trainer::device::Device::Host;
 use trainer::graph::loss::{Prediction, Targets, sample_losses};
-use trainer::graph::{Network, to_device};
+use trainer::graph::to_device;
 use trainer::loss::Target;
 use trainer::step::step;
 
@@ -33,9 +33,9 @@ fn batch(voxels: &[[usize; 3]]) -> Batch {
 /// Per-sample losses and the gradient of their mean, by the dense network and Burn's own convolutions.
 fn dense(vector: &[f32], batch: &Batch, mode: Upsampling) -> (Vec<f32>, Vec<f32>) {
     let device = Device::flex();
-    let network = Network::from_vector(to_device(vector, &device).autodiff(), mode);
+    let vector = to_device(vector, &device).autodiff().require_grad();
     let tsdf = TensorData::new(batch.grids[0].to_vec(), [1, 1, 40, 40, 40]);
-    let output = network.forward(Tensor::<5>::from_data(tsdf, &device).autodiff());
+    let output = trainer::graph::dense(&vector, Tensor::from_data(tsdf, &device).autodiff(), mode);
     let at = |map: &Tensor<5>, [x, y, z]: [usize; 3]| {
         let channels = map.dims()[1];
         map.clone().slice([0..1, 0..channels, x..x + 1, y..y + 1, z..z + 1]).reshape([1, channels])
@@ -49,11 +49,7 @@ fn dense(vector: &[f32], batch: &Batch, mode: Upsampling) -> (Vec<f32>, Vec<f32>
     let targets: Vec<Target> = batch.samples.iter().map(|sample| sample.target).collect();
     let losses = sample_losses(&prediction, &Targets::new(&targets, &device));
     let gradients = losses.total.clone().mean().backward();
-    let mut gradient = Vec::new();
-    for conv in network.convs() {
-        gradient.extend(conv.weight.val().grad(&gradients).unwrap().into_data().try_to_vec::<f32>().unwrap());
-        gradient.extend(conv.bias.val().grad(&gradients).unwrap().into_data().try_to_vec::<f32>().unwrap());
-    }
+    let gradient = vector.grad(&gradients).unwrap().into_data().try_to_vec().unwrap();
     (losses.total.inner().into_data().try_to_vec().unwrap(), gradient)
 }
 

@@ -2,9 +2,15 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::atomic::AtomicBool;
 
+use program::Failure;
 use schema::{Outcome, Purpose, SceneRows, Stream, Vec3};
 use shards::{DatasetInfo, Draft, Finalized, synthetic};
+use trainer::config::Config;
+use trainer::device::Device;
+use trainer::events::Event;
+use trainer::fit::{Ending, Job};
 
 const N: usize = 40;
 const TABLE_VOXELS: f32 = 6.0;
@@ -62,6 +68,19 @@ fn scene_rows(scene: u64, info: &DatasetInfo) -> SceneRows {
         };
     }
     rows
+}
+
+/// Trains on the host.
+pub(crate) fn fit(
+    data: &Path,
+    config: &Config,
+    run: &Path,
+    resume: bool,
+    stop: &AtomicBool,
+    observe: &(dyn Fn(Event<'_>) + Sync),
+) -> Result<Ending, Failure> {
+    let job = Job { data: &data.into(), config, run, resume, device: &Device::Host };
+    trainer::fit::fit(&job, stop, observe)
 }
 
 /// Runs the program.

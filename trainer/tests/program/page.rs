@@ -101,11 +101,9 @@ fn a_page_has_the_numbers_of_the_evaluation_and_the_metrics() {
 fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     let place = Place::trained();
     let best = place.run.join("best.safetensors");
-    let (scratch, stop) = (tempfile::tempdir().unwrap(), AtomicBool::new(false));
-    let set = TestSet::All;
-    let examined = examine(&best, place.data.as_path(), set, scratch.path(), &stop, &|| {}, 6).unwrap();
+    let examined = examine(&best, place.data.as_path(), TestSet::All, 6).unwrap();
 
-    let samples = load(&examined.dataset, scratch.path(), &stop, &|| {}).unwrap();
+    let samples = load(&examined.dataset, place.dir.path(), &AtomicBool::new(false), &|| {}).unwrap();
     let vector = network::checkpoint::read(&best).unwrap().vector;
     // (whether it held, badness, scene, attempt)
     let alone = |at: usize| {
@@ -119,7 +117,7 @@ fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     let all: Vec<(bool, f32, u64, u32)> = (0..samples.ids().len()).map(alone).collect();
     let page = place.page(&["--data", text(&place.data), "--split", "all"]);
     let mut places = Vec::new();
-    for (held, found) in [(false, &examined.mistakes.overrated), (true, &examined.mistakes.underrated)] {
+    for (held, found) in [(false, &examined.overrated), (true, &examined.underrated)] {
         let mut own: Vec<_> = all.iter().filter(|one| one.0 == held).copied().collect();
         own.sort_by(|a, b| if held { a.1.total_cmp(&b.1) } else { b.1.total_cmp(&a.1) });
         assert!(own.len() > 6, "{own:?}");

@@ -5,11 +5,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use crate::fixture::{check_fails, trainer, write_config, write_dataset};
+use crate::fixture::{check_fails, fit, trainer, write_config, write_dataset};
 use crate::resume::{check_same_run, metrics};
 use trainer::config::Config;
 use trainer::events::Event;
-use trainer::fit::{Ending, fit};
+use trainer::fit::Ending;
 
 struct Place {
     dir: tempfile::TempDir,

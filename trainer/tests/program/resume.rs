@@ -6,10 +6,10 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::fixture::{trainer, write_config, write_dataset};
+use crate::fixture::{fit, trainer, write_config, write_dataset};
 use trainer::config::Config;
 use trainer::events::Event;
-use trainer::fit::{Ending, fit};
+use trainer::fit::Ending;
 
 /// The metrics without the time that they took.
 pub(crate) fn metrics(run: &Path) -> Vec<serde_json::Value> {
