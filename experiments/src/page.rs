@@ -6,15 +6,16 @@ mod pictures;
 mod warnings;
 
 use std::fs;
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use program::text::{grouped, percent};
 use program::{ExitCode, Failure};
 use report::document::{Block, Cell, Document, Drawing, Picture, Table, below};
+use serde::de::DeserializeOwned;
 
-use crate::report::{About, details, headline, headline_rates, is_any_point, origin, rates_figure, read, side_by_side};
-use crate::round::Round;
+use crate::record::Round;
+use crate::report::{Report, details, headline, headline_rates, is_any_point, origin, rates_figure, side_by_side};
 use crate::run::{JOURNAL, journalled};
 use crate::statistics::{DRAWS, Interval, Results};
 
@@ -24,8 +25,7 @@ use pictures::Stage;
 #[derive(Debug)]
 pub struct Played {
     folder: PathBuf,
-    results: Results,
-    about: About,
+    report: Report,
     /// None where the journal was not kept.
     rounds: Option<Vec<Round>>,
     /// `None` where `run.json` was not kept.
@@ -39,48 +39,45 @@ impl Played {
     /// # Errors
     /// If there is no experiment that is done, or a file cannot be read or is not what a run writes.
     pub fn read(folder: &Path) -> Result<Self, Failure> {
-        let path = folder.join("report.json");
         let missing = || {
             let text = "no experiment that is done here, report.json comes after the last round";
             Failure::new(ExitCode::Config, format!("{text}: {}", folder.display()))
         };
-        let (results, about) = self::read(&read_text(&path)?.ok_or_else(missing)?).map_err(|e| damaged(&path, &e))?;
+        let report: Report = json(&folder.join("report.json"))?.ok_or_else(missing)?;
         let path = folder.join(JOURNAL);
         let rounds = journalled(folder).map_err(|source| unread(&path, &source))?;
         // A run that was made shorter keeps the rounds that it does not count any more.
-        let counted = |rounds: Vec<Round>| rounds.into_iter().filter(|r| r.record.round < results.rounds).collect();
+        let counted = |rounds: Vec<Round>| rounds.into_iter().filter(|r| r.round < report.results.rounds).collect();
         let rounds = rounds.map(counted);
         let stage = Stage::read(folder)?;
-        Ok(Self { folder: folder.to_owned(), results, about, rounds, stage })
+        Ok(Self { folder: folder.to_owned(), report, rounds, stage })
     }
-}
-
-/// A file that is not what a run writes.
-fn damaged(path: &Path, reason: &dyn std::fmt::Display) -> Failure {
-    Failure::new(ExitCode::Data, format!("damaged {}: {reason}", path.display()))
 }
 
 fn unread(path: &Path, source: &io::Error) -> Failure {
     match source.kind() {
-        io::ErrorKind::InvalidData => damaged(path, source),
+        // A file that is not what a run writes.
+        ErrorKind::InvalidData => Failure::new(ExitCode::Data, format!("damaged {}: {source}", path.display())),
         _ => Failure::new(ExitCode::TryAgain, format!("failed to read: {source}: {}", path.display())),
     }
 }
 
-/// A file's text; `None` if there is no such file.
-fn read_text(path: &Path) -> Result<Option<String>, Failure> {
-    match fs::read_to_string(path) {
-        Ok(text) => Ok(Some(text)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(source) => Err(unread(path, &source)),
-    }
+/// What a JSON file holds; `None` if there is no such file.
+fn json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, Failure> {
+    let read = match fs::read_to_string(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        read => {
+            read.and_then(|text| serde_json::from_str(&text).map_err(|e| io::Error::new(ErrorKind::InvalidData, e)))
+        }
+    };
+    read.map(Some).map_err(|source| unread(path, &source))
 }
 
 /// One or several experiments as a page. The same folders give the same document.
 #[must_use]
 pub fn document(all: &[Played]) -> Document {
     let names = names(all);
-    let results: Vec<Results> = all.iter().map(|one| one.results.clone()).collect();
+    let results: Vec<Results> = all.iter().map(|one| one.report.results.clone()).collect();
     let warnings = Block::Warnings(warnings::warnings(all, &names));
     let (title, mut blocks) = if let [one] = results.as_slice() {
         let lead = format!(
@@ -105,7 +102,7 @@ pub fn document(all: &[Played]) -> Document {
         blocks.extend(differences::blocks(all, &names));
     }
     for (one, name) in all.iter().zip(&names) {
-        let mut own = details(&one.results, true);
+        let mut own = details(&one.report.results, true);
         own.extend(pictures::section(one));
         own.extend(whole_origin(one));
         if all.len() > 1 { blocks.extend(below(name, own)) } else { blocks.extend(own) }
@@ -116,8 +113,8 @@ pub fn document(all: &[Played]) -> Document {
 /// What experiments are called: by their protocols; where two have the same, by their folders too.
 fn names(all: &[Played]) -> Vec<String> {
     let name = |one: &Played| {
-        let protocol = &one.results.protocol;
-        if all.iter().filter(|other| other.results.protocol == *protocol).count() > 1 {
+        let protocol = &one.report.results.protocol;
+        if all.iter().filter(|other| other.report.results.protocol == *protocol).count() > 1 {
             format!("{protocol} ({})", one.folder.display())
         } else {
             protocol.clone()
@@ -171,10 +168,10 @@ fn rates(results: &[Results], names: &[String]) -> [Block; 3] {
 fn whole_origin(one: &Played) -> Vec<Block> {
     let row = |key: &str, value: String| vec![Cell::code(key), Cell::Code(value)];
     let told = one.stage.iter().flat_map(|stage| &stage.told).map(|(key, value)| row(key, value.clone()));
-    let keys = differences::keys(&one.about.config).into_iter().map(|(key, value)| row(&key, value));
+    let keys = differences::keys(&one.report.about.config).into_iter().map(|(key, value)| row(&key, value));
     let rows = [row("folder", one.folder.display().to_string())].into_iter().chain(told).chain(keys);
     let text = "From these the rounds can be played again: the same scenes, grasps and outcomes.";
-    let mut blocks = origin(&one.results.protocol, &one.about).to_vec();
+    let mut blocks = origin(&one.report.results.protocol, &one.report.about).to_vec();
     blocks.extend([Block::Text(text.to_owned()), Block::Table(Table::new(["key", "value"], rows))]);
     blocks
 }

@@ -1,10 +1,12 @@
-//! The rows of an experiment: one per round, one per attempt.
+//! The rows of an experiment: one per round, one per attempt. As JSON, a round is a line of the journal.
 
-use schema::{HitKind, Outcome, Pose, Vec3};
+use schema::{HitKind, Outcome, Pose, Quat, pose_from_parts};
+use serde::{Deserialize, Serialize};
 use simulator::SceneObject;
 
 /// How a round ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Ending {
     /// No object was left.
     Cleared,
@@ -19,9 +21,6 @@ pub enum Ending {
 }
 
 impl Ending {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::Cleared, Self::NoGrasp, Self::Failures, Self::AttemptsMax, Self::Unsettled];
-
     /// Its name in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -33,9 +32,7 @@ impl Ending {
             Self::Unsettled => "unsettled",
         }
     }
-}
 
-impl Ending {
     /// A short description.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
@@ -50,8 +47,8 @@ impl Ending {
 }
 
 /// A round: one scene, cleared as far as possible.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RoundRecord {
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Round {
     /// Number of the round among those of all seeds.
     pub round: u64,
     /// The seed.
@@ -68,24 +65,21 @@ pub struct RoundRecord {
     pub removed_count: u32,
     /// Objects that left the workspace without being held.
     pub lost_count: u32,
-    /// Grasps that were executed.
-    pub attempt_count: u32,
     /// How it ended.
     pub ending: Ending,
+    /// The grasps that were executed, in order.
+    pub trials: Vec<Trial>,
 }
 
 /// An executed grasp.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TrialRecord {
-    /// The round.
-    pub round: u64,
-    /// Number within the round, from 0.
-    pub trial: u32,
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Trial {
     /// Objects on the table before it.
     pub object_count: u32,
     /// Number of grasps in the plan.
     pub planned_count: u32,
     /// The executed one: the first that was not tried on the same scene before.
+    #[serde(with = "PoseParts")]
     pub workspace_from_grasp: Pose,
     /// Its predicted width.
     pub width_m: f32,
@@ -107,7 +101,7 @@ pub struct TrialRecord {
     pub plan_ms: f32,
 }
 
-impl TrialRecord {
+impl Trial {
     /// Name of the target: the kind of solid, or a catalogue's name.
     #[must_use]
     pub fn target(&self) -> &str {
@@ -116,17 +110,18 @@ impl TrialRecord {
 }
 
 /// An object on the table.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialObject {
     /// Name of its body.
     pub body: String,
     /// Bounding box along its axes.
-    pub size_m: Vec3,
+    pub size_m: [f32; 3],
     /// Mass.
     pub mass_kg: f32,
     /// Coulomb friction coefficient.
     pub friction: f32,
     /// Its pose.
+    #[serde(with = "PoseParts")]
     pub workspace_from_object: Pose,
 }
 
@@ -134,10 +129,34 @@ impl From<&SceneObject> for TrialObject {
     fn from(object: &SceneObject) -> Self {
         Self {
             body: object.body.name().to_owned(),
-            size_m: object.body.extents_m(),
+            size_m: object.body.extents_m().to_array(),
             mass_kg: object.mass_kg,
             friction: object.friction,
             workspace_from_object: object.workspace_from_object,
         }
+    }
+}
+
+/// A pose in the journal.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Pose")]
+struct PoseParts {
+    #[serde(getter = "position_m")]
+    position_m: [f32; 3],
+    #[serde(getter = "quaternion_xyzw")]
+    quaternion_xyzw: [f32; 4],
+}
+
+fn position_m(pose: &Pose) -> [f32; 3] {
+    pose.translation.to_array()
+}
+
+fn quaternion_xyzw(pose: &Pose) -> [f32; 4] {
+    pose.rotation.to_array()
+}
+
+impl From<PoseParts> for Pose {
+    fn from(parts: PoseParts) -> Self {
+        pose_from_parts(Quat::from_array(parts.quaternion_xyzw), parts.position_m.into())
     }
 }

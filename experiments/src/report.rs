@@ -26,30 +26,13 @@ pub struct About {
     pub versions: BTreeMap<String, String>,
 }
 
-/// What the JSON holds.
-#[derive(Serialize)]
-struct Page<'a> {
-    results: &'a Results,
-    about: &'a About,
-}
-
-/// The results as JSON, over several lines.
-#[must_use]
-pub fn json(results: &Results, about: &About) -> String {
-    serde_json::to_string_pretty(&Page { results, about }).unwrap_or_default() + "\n" // numbers and names: cannot fail
-}
-
-/// The results in a JSON that [`json`] wrote, and where they come from.
-///
-/// # Errors
-/// If it is another text.
-pub fn read(text: &str) -> Result<(Results, About), serde_json::Error> {
-    #[derive(Deserialize)]
-    struct Read {
-        results: Results,
-        about: About,
-    }
-    serde_json::from_str::<Read>(text).map(|read| (read.results, read.about))
+/// An experiment's results and where they come from: `report.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// The results.
+    pub results: Results,
+    /// Where they come from.
+    pub about: About,
 }
 
 /// The success rate and the cleared share of experiments.
@@ -79,7 +62,7 @@ pub(crate) fn rates_figure(rows: impl IntoIterator<Item = (String, Rates)>) -> I
 
 /// An experiment.
 #[must_use]
-pub fn document(results: &Results, about: &About) -> Document {
+pub fn document(Report { results, about }: &Report) -> Document {
     let by_target = results.by_target.iter().map(|target| target.success_rate);
     let groups = results.by_group.iter().chain(&results.by_seed).flat_map(|group| group_rates(&group.rates));
     let has_point = is_any_point(headline_rates(results).into_iter().chain(by_target).chain(groups));
@@ -216,10 +199,10 @@ fn table_or_none(head: &[&str], rows: Vec<Vec<Cell>>) -> Block {
 }
 
 fn outcomes(results: &Results, with_held: bool) -> Block {
-    let is_failed = |(outcome, _): &&(Outcome, u64)| *outcome != Outcome::Held;
+    let is_failed = |(outcome, _): &(&Outcome, &u64)| **outcome != Outcome::Held;
     let failed: u64 = results.outcomes.iter().filter(is_failed).map(|(_, count)| count).sum();
     let shown = results.outcomes.iter().filter(|one| with_held || is_failed(one));
-    let row = |(outcome, count): &(Outcome, u64)| {
+    let row = |(outcome, count): (&Outcome, &u64)| {
         let of_failures = if *outcome == Outcome::Held { "–".to_owned() } else { percent_of(*count, failed) };
         vec![
             Cell::code(outcome.name()),
@@ -233,7 +216,7 @@ fn outcomes(results: &Results, with_held: bool) -> Block {
 }
 
 fn endings(results: &Results) -> Block {
-    let row = |(ending, count): &(Ending, u64)| {
+    let row = |(ending, count): (&Ending, &u64)| {
         vec![Cell::code(ending.name()), Cell::Count(*count), part(*count, results.rounds), Cell::note(ending.meaning())]
     };
     table_or_none(&["ending", "rounds", "of all rounds", "meaning"], results.endings.iter().map(row).collect())
@@ -352,8 +335,8 @@ mod tests {
                 cleared_share: interval(0.75, 0.5, 1.0),
                 rounds_cleared_share: interval(0.5, 0.0, 1.0),
             },
-            endings: vec![(Ending::Cleared, 2), (Ending::Failures, 2)],
-            outcomes: vec![(Outcome::Empty, 1), (Outcome::Slipped, 3), (Outcome::Held, 6)],
+            endings: [(Ending::Cleared, 2), (Ending::Failures, 2)].into(),
+            outcomes: [(Outcome::Empty, 1), (Outcome::Slipped, 3), (Outcome::Held, 6)].into(),
             by_group: vec![group("hard", 2, 1), group("easy", 2, 0)],
             by_seed: Vec::new(),
             by_target: vec![
@@ -384,6 +367,10 @@ mod tests {
             model_id: "c0ffee".to_owned(),
             versions: versions.map(|(name, version)| (name.to_owned(), version.to_owned())).into(),
         }
+    }
+
+    fn report(results: Results) -> Report {
+        Report { results, about: about() }
     }
 
     const PAGE: &str = r#"# Experiment pile
@@ -446,12 +433,12 @@ name = "```"
 
     #[test]
     fn the_page_is_this_one() {
-        assert_eq!(document(&small("pile"), &about()).markdown(), PAGE);
+        assert_eq!(document(&report(small("pile"))).markdown(), PAGE);
     }
 
     #[test]
     fn a_page_of_nothing_has_dashes_and_no_numbers_that_are_none() {
-        let page = document(&results("pile", &[], &[]), &about()).markdown();
+        let page = document(&report(results("pile", &[]))).markdown();
         assert!(page.contains("| pile | 0 | 0 | – | – | – | – |\n"), "{page}");
         assert!(page.contains("## Failures by outcome, pile\n\nNone.\n"), "{page}");
         assert!(!page.contains("NaN") && !page.contains("without width"), "{page}");
@@ -459,7 +446,7 @@ name = "```"
 
     #[test]
     fn the_json_has_these_keys_and_reads_back_as_the_same_numbers() {
-        let text = json(&small("pile"), &about());
+        let text = program::json(&report(small("pile"))).unwrap();
         let read: serde_json::Value = serde_json::from_str(&text).unwrap();
         let keys = |at: &str| -> Vec<String> {
             let object = read.pointer(at).and_then(serde_json::Value::as_object).unwrap();
@@ -488,7 +475,7 @@ name = "```"
         let mut best = small("ours");
         best.rates.success_rate = interval(0.9, 0.76, 0.97);
         let touching = Results { protocol: "touching".to_owned(), ..small("") };
-        let nothing = results("nothing", &[], &[]);
+        let nothing = results("nothing", &[]);
         let text = comparison(&[small("vgn"), best.clone(), touching.clone(), nothing]).markdown();
         let rows: Vec<&str> = text.lines().filter(|line| line.starts_with("| ")).collect();
         assert_eq!(rows.len(), 5, "{text}");
@@ -521,7 +508,7 @@ name = "```"
         seeds[1].rates.success_rate = interval(0.7, 0.5, 0.9);
         let told = "Mean and standard deviation over 2 seeds: GSR 60.0 ± 10.0 %, % cleared 75.0 ± 0.0 %.";
         assert_eq!(over_seeds(&seeds), told);
-        let page = document(&Results { by_seed: seeds, ..small("pile") }, &about()).markdown();
+        let page = document(&report(Results { by_seed: seeds, ..small("pile") })).markdown();
         assert!(page.contains("## By seed, pile") && page.contains(told), "{page}");
     }
 }

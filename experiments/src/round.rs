@@ -13,21 +13,12 @@ use schema::{Camera, Outcome, Pose, Purpose, Stream, Vec3};
 use simulator::{AttemptWorld, Scene, SceneObject, SceneRays, SettleParams, Settled, Unsettled, settle_again};
 
 use crate::config::Config;
-use crate::record::{Ending, RoundRecord, TrialObject, TrialRecord};
+use crate::record::{Ending, Round, Trial, TrialObject};
 use crate::start::{Start, start};
 
 /// Objects slower than this may be trembling.
 const TREMBLING_M_S: f32 = 0.05;
 const TREMBLING_RAD_S: f32 = 1.0;
-
-/// A round's rows.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Round {
-    /// The round.
-    pub record: RoundRecord,
-    /// Its grasps.
-    pub trials: Vec<TrialRecord>,
-}
 
 /// Why a round failed.
 #[derive(Debug, thiserror::Error)]
@@ -59,35 +50,41 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
     let began = start(config, seed, scene_id);
     let Start { mut scene, group, unviable_count } =
         began.ok_or(RoundError::NoScene { round, tries: config.scene.settle.tries_max })?;
-    let object_count = scene.objects.len() as u32;
-    let (mut removed_count, mut failures, mut trials) = (0, 0, Vec::new());
+    let mut played = Round {
+        round,
+        seed,
+        scene_id,
+        group,
+        unviable_count,
+        object_count: scene.objects.len() as u32,
+        removed_count: 0,
+        lost_count: 0,
+        ending: Ending::Cleared,
+        trials: Vec::new(),
+    };
     // The number of changes of the scene, and the grasps of its plan that were tried. An unchanged scene gives the same
     // observation.
     let (mut look, mut tried) = (0, 0);
-    let cameras = config.cameras();
-    let ending = loop {
+    let mut failures = 0;
+    played.ending = loop {
         if scene.objects.is_empty() {
             break Ending::Cleared;
         }
         if failures >= config.stop.failures_max {
             break Ending::Failures;
         }
-        if trials.len() >= config.stop.attempts_max as usize {
+        if played.trials.len() >= config.stop.attempts_max as usize {
             break Ending::AttemptsMax;
         }
-        let Some((trial, left)) = try_once(
-            config,
-            planner,
-            &cameras,
-            &scene,
-            Place { round, seed, scene_id, trial: trials.len() as u32, look, tried },
-        )?
-        else {
+        let mut noise = Stream::new(seed, scene_id, Purpose::DepthNoise, look);
+        let found = try_once(config, planner, &scene, &mut noise, tried);
+        let Some((trial, left)) = found.map_err(|source| RoundError::Plan { round, source })? else {
             break Ending::NoGrasp;
         };
         let is_held = trial.outcome == Outcome::Held;
-        (removed_count, failures) = if is_held { (removed_count + 1, 0) } else { (removed_count, failures + 1) };
-        trials.push(trial);
+        played.removed_count += u32::from(is_held);
+        failures = if is_held { 0 } else { failures + 1 };
+        played.trials.push(trial);
         if !is_held && left == scene.objects {
             tried += 1;
             continue;
@@ -98,20 +95,9 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
             Err(_) => break Ending::Unsettled,
         }
     };
-    let left_count = if ending == Ending::Cleared { 0 } else { scene.objects.len() as u32 };
-    let record = RoundRecord {
-        round,
-        seed,
-        scene_id,
-        group,
-        unviable_count,
-        object_count,
-        removed_count,
-        lost_count: (object_count - removed_count).saturating_sub(left_count),
-        attempt_count: trials.len() as u32,
-        ending,
-    };
-    Ok(Round { record, trials })
+    let left_count = scene.objects.len() as u32; // none if the table was cleared
+    played.lost_count = (played.object_count - played.removed_count).saturating_sub(left_count);
+    Ok(played)
 }
 
 /// The scene after an attempt, at rest. Hulls of many faces, such as a duck's, can tremble on the table indefinitely,
@@ -129,42 +115,27 @@ fn rest_again(config: &generator::Config, left: &[SceneObject]) -> Result<Settle
     })
 }
 
-/// The state of a round.
-#[derive(Clone, Copy)]
-struct Place {
-    round: u64,
-    seed: u64,
-    scene_id: u64,
-    trial: u32,
-    look: u32,
-    tried: usize,
-}
-
-/// One observation, one plan, one grasp; returns the resulting scene, not at rest yet. `None` without a grasp.
+/// One observation, one plan, one grasp: the first but `tried`; returns the resulting scene, not at rest yet. `None`
+/// without a grasp.
 fn try_once(
     config: &Config,
     planner: &Planner,
-    cameras: &[Camera],
     scene: &Scene,
-    place: Place,
-) -> Result<Option<(TrialRecord, Vec<SceneObject>)>, RoundError> {
-    let Place { round, trial, .. } = place;
+    noise: &mut Stream,
+    tried: usize,
+) -> Result<Option<(Trial, Vec<SceneObject>)>, PlanError> {
     let began = Instant::now();
-    let views = observe(config, cameras, scene, place);
+    let views = observe(config, scene, noise);
     let observe_ms = milliseconds(began);
     let began = Instant::now();
-    let plan = planner
-        .plan(&Observation::Views(views), &Wishes::default())
-        .map_err(|source| RoundError::Plan { round, source })?;
+    let plan = planner.plan(&Observation::Views(views), &Wishes::default())?;
     let plan_ms = milliseconds(began);
-    let Some(best) = plan.grasps.get(place.tried) else { return Ok(None) };
+    let Some(best) = plan.grasps.get(tried) else { return Ok(None) };
     let pose = best.grasp.workspace_from_grasp;
     let target = nearest(scene, pose.translation);
     let world = AttemptWorld::new(&config.scene.physics, &config.scene.gripper, &config.scene.procedure, scene);
     let (execution, poses) = world.execute_leaving(&pose, target);
-    let record = TrialRecord {
-        round,
-        trial,
+    let trial = Trial {
         object_count: scene.objects.len() as u32,
         planned_count: plan.grasps.len() as u32,
         workspace_from_grasp: pose,
@@ -179,7 +150,7 @@ fn try_once(
         plan_ms,
     };
     let gone = (execution.outcome == Outcome::Held).then_some(target);
-    Ok(Some((record, moved(scene, &poses, gone))))
+    Ok(Some((trial, moved(scene, &poses, gone))))
 }
 
 fn milliseconds(since: Instant) -> f32 {
@@ -201,13 +172,12 @@ fn nearest(scene: &Scene, point_m: Vec3) -> usize {
 }
 
 /// Renders the observation.
-fn observe(config: &Config, cameras: &[Camera], scene: &Scene, place: Place) -> Vec<SeenView> {
+fn observe(config: &Config, scene: &Scene, noise: &mut Stream) -> Vec<SeenView> {
     let rays = SceneRays::new(scene);
-    let mut noise = Stream::new(place.seed, place.scene_id, Purpose::DepthNoise, place.look);
-    let seen = |camera: &Camera| {
-        let mut image = rays.render(camera);
-        add_depth_noise(&mut image, &config.noise, &mut noise);
-        SeenView { image, camera: *camera }
+    let seen = |camera: Camera| {
+        let mut image = rays.render(&camera);
+        add_depth_noise(&mut image, &config.noise, noise);
+        SeenView { image, camera }
     };
-    cameras.iter().map(seen).collect()
+    config.cameras().into_iter().map(seen).collect()
 }

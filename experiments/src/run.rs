@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufRead as _, BufReader, Write as _};
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -16,8 +16,8 @@ use program::{Exit, ExitCode};
 use rayon::ThreadPoolBuilder;
 
 use crate::config::Config;
-use crate::round::{Round, RoundError, play};
-use crate::tables::Line;
+use crate::record::Round;
+use crate::round::{RoundError, play};
 
 /// Why an experiment cannot be run.
 #[derive(Debug, thiserror::Error)]
@@ -89,9 +89,9 @@ pub fn run(
         rounds: if config.seeds.len() > 1 { config.rounds } else { 0 },
     };
     let mut rounds = journal(&path, &identity)?;
-    rounds.retain(|round| round.record.round < config.round_count());
+    rounds.retain(|round| round.round < config.round_count());
     rounds.iter().for_each(on_round);
-    let played: BTreeSet<u64> = rounds.iter().map(|round| round.record.round).collect();
+    let played: BTreeSet<u64> = rounds.iter().map(|round| round.round).collect();
     let missing: Vec<u64> = (0..config.round_count()).filter(|round| !played.contains(round)).collect();
     let file = Mutex::new(OpenOptions::new().append(true).open(&path).map_err(failed)?);
     let play_one = |round: &u64| -> Result<Option<Round>, RunError> {
@@ -99,12 +99,12 @@ pub fn run(
             return Ok(None);
         }
         let round = play(config, planner, *round)?;
-        append(&file, &Line::from(&round)).map_err(failed)?;
+        append(&file, &round).map_err(failed)?;
         on_round(&round);
         Ok(Some(round))
     };
     rounds.extend(in_threads(threads, &missing, &play_one)?);
-    rounds.sort_by_key(|round| round.record.round);
+    rounds.sort_by_key(|round| round.round);
     Ok(rounds)
 }
 
@@ -148,19 +148,27 @@ fn in_threads(
 /// # Errors
 /// The system's error; `InvalidData` if it is not a journal.
 pub fn journalled(folder: &Path) -> io::Result<Option<Vec<Round>>> {
-    let text = match fs::read_to_string(folder.join(JOURNAL)) {
+    let text = match whole_lines(&folder.join(JOURNAL)) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         read => read?,
     };
-    let whole = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
-    let damaged = |line: usize| io::Error::new(io::ErrorKind::InvalidData, format!("line {line} is not a round"));
-    let mut rounds = Vec::new();
-    for (at, line) in whole.lines().enumerate().skip(1) {
-        let round = serde_json::from_str::<Line>(line).ok().and_then(|line| line.round());
-        rounds.push(round.ok_or_else(|| damaged(at + 1))?);
-    }
-    rounds.sort_by_key(|round: &Round| round.record.round);
+    let mut rounds = rounds_of(&text)?;
+    rounds.sort_by_key(|round| round.round);
     Ok(Some(rounds))
+}
+
+/// The lines of a journal, without a truncated last one.
+fn whole_lines(path: &Path) -> io::Result<String> {
+    let mut bytes = fs::read(path)?;
+    bytes.truncate(bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1));
+    String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
+
+/// The rounds of a journal. Its first line names the experiment.
+fn rounds_of(text: &str) -> io::Result<Vec<Round>> {
+    let damaged = |line: usize| io::Error::new(io::ErrorKind::InvalidData, format!("line {line} is not a round"));
+    let round = |(at, line)| serde_json::from_str(line).map_err(|_| damaged(at + 1));
+    text.lines().enumerate().skip(1).map(round).collect()
 }
 
 /// The journal's name.
@@ -180,24 +188,14 @@ fn journal(path: &Path, identity: &Identity) -> Result<Vec<Round>, RunError> {
         fs::write(path, text).map_err(failed)?;
         return Ok(Vec::new());
     }
-    let mut reader = BufReader::new(File::open(path).map_err(failed)?);
-    let (mut line, mut whole_bytes, mut rounds) = (String::new(), 0, Vec::new());
-    while reader.read_line(&mut line).map_err(failed)? > 0 && line.ends_with('\n') {
-        if whole_bytes == 0 {
-            if serde_json::from_str::<Identity>(&line).ok().as_ref() != Some(identity) {
-                return Err(RunError::Other(path.to_owned()));
-            }
-        } else {
-            let round = serde_json::from_str::<Line>(&line).ok().and_then(|line| line.round());
-            rounds.push(round.ok_or_else(|| RunError::Other(path.to_owned()))?);
-        }
-        whole_bytes += line.len() as u64;
-        line.clear();
+    let other = || RunError::Other(path.to_owned());
+    let text = whole_lines(path).map_err(failed)?;
+    let first = text.lines().next().and_then(|line| serde_json::from_str::<Identity>(line).ok());
+    if first.as_ref() != Some(identity) {
+        return Err(other());
     }
-    if whole_bytes == 0 {
-        return Err(RunError::Other(path.to_owned()));
-    }
+    let rounds = rounds_of(&text).map_err(|_| other())?;
     let file = OpenOptions::new().write(true).open(path).map_err(failed)?;
-    file.set_len(whole_bytes).map_err(failed)?;
+    file.set_len(text.len() as u64).map_err(failed)?;
     Ok(rounds)
 }

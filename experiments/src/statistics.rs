@@ -1,15 +1,14 @@
 //! The results of an experiment, computed from its rows: rates with intervals, counts, times.
 //!
 //! Rounds are the independent units, not attempts, because attempts of a round share a scene. Therefore every interval
-//! is a percentile bootstrap over whole rounds. Attempts of an interrupted round, which has no row, are excluded.
+//! is a percentile bootstrap over whole rounds.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use schema::{Outcome, Purpose, Stream};
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
-use crate::record::{Ending, RoundRecord, TrialRecord};
+use crate::record::{Ending, Round, Trial};
 
 /// The results of an experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -29,11 +28,9 @@ pub struct Results {
     /// The rates.
     pub rates: Rates,
     /// Rounds by ending, for the endings that occurred.
-    #[serde(serialize_with = "by_ending", deserialize_with = "endings")]
-    pub endings: Vec<(Ending, u64)>,
+    pub endings: BTreeMap<Ending, u64>,
     /// Attempts by outcome, for the outcomes that occurred.
-    #[serde(serialize_with = "by_outcome", deserialize_with = "outcomes")]
-    pub outcomes: Vec<(Outcome, u64)>,
+    pub outcomes: BTreeMap<Outcome, u64>,
     /// Rounds by the kind of scene.
     pub by_group: Vec<GroupResults>,
     /// Rounds by seed, if there are several.
@@ -116,61 +113,56 @@ pub struct Percentiles {
 /// Number of bootstrap draws.
 pub const DRAWS: u32 = 2000;
 
-/// Computes the results of an experiment. Rows may be in any order.
+/// Computes the results of an experiment. Rounds and their trials may be in any order.
 #[must_use]
-pub fn results(protocol: &str, rounds: &[RoundRecord], trials: &[TrialRecord]) -> Results {
-    let rounds: BTreeMap<u64, &RoundRecord> = rounds.iter().map(|round| (round.round, round)).collect();
-    let trials: Vec<&TrialRecord> = trials.iter().filter(|trial| rounds.contains_key(&trial.round)).collect();
-    let GroupResults { objects: object_count, attempts: attempt_count, held, rates, .. } =
-        group(String::new(), &rounds, &trials);
-    let removed = rounds.values().map(|round| u64::from(round.removed_count)).sum();
-    let seeds = by(&rounds, &trials, |round| format!("seed {}", round.seed));
-    let planned: u64 = trials.iter().map(|trial| u64::from(trial.planned_count)).sum();
+pub fn results(protocol: &str, rounds: &[Round]) -> Results {
+    let mut rounds: Vec<&Round> = rounds.iter().collect();
+    rounds.sort_by_key(|round| round.round);
+    let trials = || rounds.iter().flat_map(|round| &round.trials);
+    let GroupResults { objects, attempts, held, rates, .. } = group(String::new(), &rounds);
+    let seeds = by(&rounds, |round| format!("seed {}", round.seed));
     Results {
         protocol: protocol.to_owned(),
         rounds: rounds.len() as u64,
-        objects: object_count,
-        attempts: attempt_count,
+        objects,
+        attempts,
         held,
-        removed,
+        removed: rounds.iter().map(|round| u64::from(round.removed_count)).sum(),
         rates,
-        endings: counts(rounds.values().map(|round| round.ending)),
-        outcomes: counts(trials.iter().map(|trial| trial.outcome)),
-        by_group: by(&rounds, &trials, |round| round.group.clone()),
+        endings: counts(rounds.iter().map(|round| round.ending)),
+        outcomes: counts(trials().map(|trial| trial.outcome)),
+        by_group: by(&rounds, |round| round.group.clone()),
         by_seed: if seeds.len() > 1 { seeds } else { Vec::new() },
-        by_target: by_target(&rounds, &trials),
-        plan_ms: Percentiles::of(trials.iter().map(|trial| trial.plan_ms).collect()),
-        observe_ms: Percentiles::of(trials.iter().map(|trial| trial.observe_ms).collect()),
-        planned_per_trial_mean: quotient(planned, attempt_count),
+        by_target: by_target(&rounds),
+        plan_ms: Percentiles::of(trials().map(|trial| trial.plan_ms).collect()),
+        observe_ms: Percentiles::of(trials().map(|trial| trial.observe_ms).collect()),
+        planned_per_trial_mean: quotient(trials().map(|trial| u64::from(trial.planned_count)).sum(), attempts),
     }
 }
 
-type Rounds<'a> = BTreeMap<u64, &'a RoundRecord>;
-
-/// The rounds grouped by name, in the order of first occurrence.
-fn by(rounds: &Rounds<'_>, trials: &[&TrialRecord], name: impl Fn(&RoundRecord) -> String) -> Vec<GroupResults> {
-    let mut groups: Vec<(String, Rounds<'_>)> = Vec::new();
-    for (number, round) in rounds {
+/// The results of rounds of each name, in the order in which names appear.
+fn by(rounds: &[&Round], name: impl Fn(&Round) -> String) -> Vec<GroupResults> {
+    let mut groups: Vec<(String, Vec<&Round>)> = Vec::new();
+    for round in rounds {
         let name = name(round);
-        let place = groups.iter().position(|group| group.0 == name).unwrap_or(groups.len());
-        if place == groups.len() {
-            groups.push((name, Rounds::new()));
+        match groups.iter_mut().find(|group| group.0 == name) {
+            Some((_, rounds)) => rounds.push(round),
+            None => groups.push((name, vec![round])),
         }
-        groups[place].1.insert(*number, round);
     }
-    groups.into_iter().map(|(name, rounds)| group(name, &rounds, trials)).collect()
+    groups.into_iter().map(|(name, rounds)| group(name, &rounds)).collect()
 }
 
-fn group(name: String, rounds: &Rounds<'_>, trials: &[&TrialRecord]) -> GroupResults {
-    let attempts = held_by_round(rounds, trials, None);
-    let objects: Vec<(u64, u64)> = rounds.values().map(|round| objects_of(round)).collect();
-    let cleared: Vec<(u64, u64)> =
-        rounds.values().map(|round| (u64::from(round.ending == Ending::Cleared), 1)).collect();
+fn group(name: String, rounds: &[&Round]) -> GroupResults {
+    let attempts = held_by_round(rounds, |_| true);
+    let objects: Vec<(u64, u64)> =
+        rounds.iter().map(|round| (round.removed_count.into(), round.object_count.into())).collect();
+    let cleared: Vec<(u64, u64)> = rounds.iter().map(|round| ((round.ending == Ending::Cleared).into(), 1)).collect();
     let (held, attempt_count) = sum(&attempts);
     GroupResults {
         name,
         rounds: rounds.len() as u64,
-        unviable: rounds.values().map(|round| u64::from(round.unviable_count)).sum(),
+        unviable: rounds.iter().map(|round| u64::from(round.unviable_count)).sum(),
         objects: sum(&objects).1,
         attempts: attempt_count,
         held,
@@ -182,38 +174,33 @@ fn group(name: String, rounds: &Rounds<'_>, trials: &[&TrialRecord]) -> GroupRes
     }
 }
 
-fn by_target(rounds: &Rounds<'_>, trials: &[&TrialRecord]) -> Vec<TargetResults> {
-    let tried = counts(trials.iter().map(|trial| trial.target()));
-    let targets = tried.into_iter().map(|(name, attempts)| {
-        let pairs = held_by_round(rounds, trials, Some(name));
-        TargetResults { name: name.to_owned(), attempts, held: sum(&pairs).0, success_rate: Interval::over(&pairs) }
+fn by_target(rounds: &[&Round]) -> Vec<TargetResults> {
+    let names: BTreeSet<&str> = rounds.iter().flat_map(|round| &round.trials).map(Trial::target).collect();
+    let targets = names.into_iter().map(|name| {
+        let pairs = held_by_round(rounds, |trial| trial.target() == name);
+        let (held, attempts) = sum(&pairs);
+        TargetResults { name: name.to_owned(), attempts, held, success_rate: Interval::over(&pairs) }
     });
     targets.collect()
 }
 
-/// Held attempts and all attempts of each round, for one kind of object or for all.
-fn held_by_round(rounds: &Rounds<'_>, trials: &[&TrialRecord], target: Option<&str>) -> Vec<(u64, u64)> {
-    let mut pairs: BTreeMap<u64, (u64, u64)> = rounds.keys().map(|round| (*round, (0, 0))).collect();
-    for trial in trials.iter().filter(|trial| target.is_none_or(|target| trial.target() == target)) {
-        if let Some(pair) = pairs.get_mut(&trial.round) {
-            pair.0 += u64::from(trial.outcome.label());
-            pair.1 += 1;
-        }
-    }
-    pairs.into_values().collect()
-}
-
-fn objects_of(round: &RoundRecord) -> (u64, u64) {
-    (u64::from(round.removed_count), u64::from(round.object_count))
+/// For each round, how many of the trials that `counts` held, and their number.
+fn held_by_round(rounds: &[&Round], counts: impl Fn(&Trial) -> bool) -> Vec<(u64, u64)> {
+    let label = |trial: &Trial| (u64::from(trial.outcome.label()), 1);
+    let held = |round: &&Round| {
+        let labels: Vec<(u64, u64)> = round.trials.iter().filter(|trial| counts(trial)).map(label).collect();
+        sum(&labels)
+    };
+    rounds.iter().map(held).collect()
 }
 
 /// Counts of each value, in their own order.
-fn counts<T: Ord>(found: impl Iterator<Item = T>) -> Vec<(T, u64)> {
+fn counts<T: Ord>(found: impl Iterator<Item = T>) -> BTreeMap<T, u64> {
     let mut counts = BTreeMap::new();
     for one in found {
         *counts.entry(one).or_insert(0) += 1;
     }
-    counts.into_iter().collect()
+    counts
 }
 
 fn sum(pairs: &[(u64, u64)]) -> (u64, u64) {
@@ -285,35 +272,6 @@ impl Percentiles {
     }
 }
 
-fn by_ending<S: Serializer>(counts: &[(Ending, u64)], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(counts.iter().map(|(ending, count)| (ending.name(), count)))
-}
-
-fn by_outcome<S: Serializer>(counts: &[(Outcome, u64)], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(counts.iter().map(|(outcome, count)| (outcome.name(), count)))
-}
-
-fn endings<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<(Ending, u64)>, D::Error> {
-    named(deserializer, |name| Ending::ALL.into_iter().find(|ending| ending.name() == name))
-}
-
-fn outcomes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<(Outcome, u64)>, D::Error> {
-    named(deserializer, |name| Outcome::ALL.into_iter().find(|outcome| outcome.name() == name))
-}
-
-fn named<'de, D: Deserializer<'de>, T: Ord>(
-    deserializer: D,
-    meant: impl Fn(&str) -> Option<T>,
-) -> Result<Vec<(T, u64)>, D::Error> {
-    let counts = BTreeMap::<String, u64>::deserialize(deserializer)?;
-    let one = |(name, count): (String, u64)| {
-        meant(&name).map(|what| (what, count)).ok_or_else(|| D::Error::custom(format!("{name} is not known")))
-    };
-    let mut counts = counts.into_iter().map(one).collect::<Result<Vec<_>, _>>()?;
-    counts.sort_by(|a, b| a.0.cmp(&b.0));
-    Ok(counts)
-}
-
 #[cfg(test)]
 mod tests {
     use schema::Pose;
@@ -321,8 +279,8 @@ mod tests {
     use super::*;
     use crate::record::TrialObject;
 
-    fn round(round: u64, object_count: u32, removed_count: u32, attempt_count: u32, ending: Ending) -> RoundRecord {
-        RoundRecord {
+    fn round(round: u64, object_count: u32, removed_count: u32, ending: Ending, trials: Vec<Trial>) -> Round {
+        Round {
             round,
             seed: round % 2,
             scene_id: round / 2,
@@ -331,24 +289,22 @@ mod tests {
             object_count,
             removed_count,
             lost_count: 0,
-            attempt_count,
             ending,
+            trials,
         }
     }
 
-    fn trial(round: u64, trial: u32, target: &str, outcome: Outcome, plan_ms: f32) -> TrialRecord {
+    fn trial(number: u32, target: &str, outcome: Outcome, plan_ms: f32) -> Trial {
         let object = |body: &str| TrialObject {
             body: body.to_owned(),
-            size_m: schema::Vec3::splat(0.05),
+            size_m: [0.05; 3],
             mass_kg: 0.1,
             friction: 1.0,
             workspace_from_object: Pose::IDENTITY,
         };
-        TrialRecord {
-            round,
-            trial,
+        Trial {
             object_count: 5,
-            planned_count: 10 + trial,
+            planned_count: 10 + number,
             workspace_from_grasp: Pose::IDENTITY,
             width_m: 0.05,
             quality: 0.9,
@@ -362,25 +318,17 @@ mod tests {
         }
     }
 
-    /// Three rounds: cleared, given up after a failure, and one without a grasp; and an attempt of a fourth,
-    /// interrupted.
-    fn rows() -> (Vec<RoundRecord>, Vec<TrialRecord>) {
+    /// Three rounds: cleared, given up after a failure, and one without a grasp.
+    fn rows() -> Vec<Round> {
         use Outcome::{Empty, Held, Slipped};
         let (cuboid, cylinder) = ("cuboid", "cylinder");
-        let rounds = vec![
-            round(0, 2, 2, 2, Ending::Cleared),
-            round(1, 3, 1, 3, Ending::Failures),
-            round(2, 3, 0, 0, Ending::NoGrasp),
-        ];
-        let trials = vec![
-            trial(0, 0, cuboid, Held, 10.0),
-            trial(0, 1, cylinder, Held, 11.0),
-            trial(1, 0, cuboid, Held, 12.0),
-            trial(1, 1, cuboid, Slipped, 13.0),
-            trial(1, 2, cuboid, Empty, 14.0),
-            trial(3, 0, cylinder, Held, 999.0),
-        ];
-        (rounds, trials)
+        let cleared = vec![trial(0, cuboid, Held, 10.0), trial(1, cylinder, Held, 11.0)];
+        let failed = vec![trial(0, cuboid, Held, 12.0), trial(1, cuboid, Slipped, 13.0), trial(2, cuboid, Empty, 14.0)];
+        vec![
+            round(0, 2, 2, Ending::Cleared, cleared),
+            round(1, 3, 1, Ending::Failures, failed),
+            round(2, 3, 0, Ending::NoGrasp, Vec::new()),
+        ]
     }
 
     fn value(interval: Option<Interval>) -> f64 {
@@ -389,15 +337,14 @@ mod tests {
 
     #[test]
     fn rates_and_counts_are_those_of_the_rows() {
-        let (rounds, trials) = rows();
-        let found = results("pile", &rounds, &trials);
+        let found = results("pile", &rows());
         assert_eq!((found.protocol.as_str(), found.rounds, found.objects, found.removed), ("pile", 3, 8, 3));
         assert_eq!((found.attempts, found.held), (5, 3));
         assert_eq!(value(found.rates.success_rate), 0.6);
         assert_eq!(value(found.rates.cleared_share), 0.375);
         assert_eq!(value(found.rates.rounds_cleared_share), 1.0 / 3.0);
-        assert_eq!(found.endings, [(Ending::Cleared, 1), (Ending::NoGrasp, 1), (Ending::Failures, 1)]);
-        assert_eq!(found.outcomes, [(Outcome::Empty, 1), (Outcome::Slipped, 1), (Outcome::Held, 3)]);
+        assert_eq!(found.endings, [(Ending::Cleared, 1), (Ending::NoGrasp, 1), (Ending::Failures, 1)].into());
+        assert_eq!(found.outcomes, [(Outcome::Empty, 1), (Outcome::Slipped, 1), (Outcome::Held, 3)].into());
         assert_eq!(found.planned_per_trial_mean, Some(10.8));
         assert_eq!(found.plan_ms, Some(Percentiles { p50: 12.0, p90: 14.0, p99: 14.0 }));
         assert_eq!(found.observe_ms, Some(Percentiles { p50: 24.0, p90: 28.0, p99: 28.0 }));
@@ -420,8 +367,7 @@ mod tests {
 
     #[test]
     fn results_come_back_from_their_json() {
-        let (rounds, trials) = rows();
-        let found = results("pile", &rounds, &trials);
+        let found = results("pile", &rows());
         let text = serde_json::to_string(&found).unwrap();
         assert_eq!(serde_json::from_str::<Results>(&text).unwrap(), found);
         assert!(serde_json::from_str::<Results>(&text.replace("\"held\":3", "\"hold\":3")).is_err());
@@ -429,26 +375,26 @@ mod tests {
 
     #[test]
     fn intervals_hold_their_share_and_the_order_of_rows_is_nothing() {
-        let (mut rounds, mut trials) = rows();
-        let found = results("pile", &rounds, &trials);
+        let mut rounds = rows();
+        let found = results("pile", &rounds);
         let Rates { success_rate, cleared_share, rounds_cleared_share } = &found.rates;
         for interval in [success_rate, cleared_share, rounds_cleared_share] {
             let Interval { value, low, high } = interval.unwrap();
             assert!(0.0 <= low && low < value && value < high && high <= 1.0, "{low} {value} {high}");
         }
         rounds.reverse();
-        trials.reverse();
-        assert_eq!(results("pile", &rounds, &trials), found);
+        rounds.iter_mut().for_each(|round| round.trials.reverse());
+        assert_eq!(results("pile", &rounds), found);
     }
 
     #[test]
     fn nothing_is_divided_by_nothing() {
-        let found = results("pile", &[], &[]);
+        let found = results("pile", &[]);
         assert_eq!(found.rates, Rates { success_rate: None, cleared_share: None, rounds_cleared_share: None });
         assert_eq!((found.plan_ms, found.observe_ms, found.planned_per_trial_mean), (None, None, None));
         assert!(found.endings.is_empty() && found.outcomes.is_empty() && found.by_target.is_empty());
-        let no_grasp = [round(0, 5, 0, 0, Ending::NoGrasp), round(1, 5, 0, 0, Ending::NoGrasp)];
-        let rates = results("pile", &no_grasp, &[]).rates;
+        let no_grasp = [0, 1].map(|number| round(number, 5, 0, Ending::NoGrasp, Vec::new()));
+        let rates = results("pile", &no_grasp).rates;
         assert_eq!(rates.success_rate, None);
         assert_eq!(rates.cleared_share, Some(Interval { value: 0.0, low: 0.0, high: 0.0 }));
     }

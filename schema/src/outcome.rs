@@ -1,7 +1,10 @@
 //! How an attempt ended. A failed grasp is data, never an error.
 
+use serde::{Deserialize, Serialize};
+
 /// The outcome of an executed grasp attempt; the first that applies, in this order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// The open hand at the pre-grasp pose comes within the clearance of something.
     PregraspCollision,
@@ -62,7 +65,8 @@ impl Outcome {
 }
 
 /// What the hand, or the object it held, ran into.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum HitKind {
     /// The object to be grasped.
     Target,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use experiments::report::{comparison, figure, read};
+use experiments::report::{Report, comparison, figure};
 use experiments::statistics::Results;
 use program::{Context, ExitCode, Failure, print, write};
 
@@ -32,7 +32,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 fn results_of(folder: &Path) -> Result<Results, Failure> {
     let path = folder.join("report.json");
     let text = std::fs::read_to_string(&path).context(format_args!("failed to read {}", path.display()))?;
-    let damaged = |error| format!("not the report of an experiment: {error}: {}", path.display());
-    let (results, _) = read(&text).map_err(|error| Failure::new(ExitCode::Data, damaged(error)))?;
-    Ok(results)
+    let damaged = |error: serde_json::Error| format!("not the report of an experiment: {error}: {}", path.display());
+    let report: Report = serde_json::from_str(&text).map_err(|error| Failure::new(ExitCode::Data, damaged(error)))?;
+    Ok(report.results)
 }

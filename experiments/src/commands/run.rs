@@ -5,14 +5,13 @@ use std::sync::{Mutex, PoisonError};
 
 use clap::Args;
 use experiments::config::Config;
-use experiments::record::{RoundRecord, TrialRecord};
-use experiments::report::{About, document, figure, json};
-use experiments::round::Round;
+use experiments::record::Round;
+use experiments::report::{About, Report, document, figure};
 use experiments::run::run as run_rounds;
 use experiments::statistics::results;
 use experiments::tables::{bodies, conditions, objects_table, rounds_table, trials_table};
 use indicatif::{ProgressBar, ProgressStyle};
-use program::{Context, ExitCode, Failure, command_line, print, print_error, stop_on_signals, write};
+use program::{Context, ExitCode, Failure, command_line, json, print, print_error, stop_on_signals, write};
 
 /// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.md, report.json,
 /// report.svg
@@ -63,8 +62,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let counts = Mutex::new((0_u64, 0_u64));
     let on_round = |round: &Round| {
         let mut counts = counts.lock().unwrap_or_else(PoisonError::into_inner);
-        counts.0 += u64::from(round.record.attempt_count);
-        counts.1 += u64::from(round.record.removed_count);
+        counts.0 += round.trials.len() as u64;
+        counts.1 += u64::from(round.removed_count);
         bar.set_message(format!("{} of {} grasps held", counts.1, counts.0));
         bar.inc(1);
     };
@@ -73,29 +72,26 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if (rounds.len() as u64) < config.round_count() {
         return Ok(ExitCode::TryAgain);
     }
-    write_reports(&config, planner.model_id(), rounds, &arguments.out)?;
+    write_reports(&config, planner.model_id(), &rounds, &arguments.out)?;
     Ok(ExitCode::Ok)
 }
 
-fn write_reports(config: &Config, model_id: &str, rounds: Vec<Round>, folder: &Path) -> Result<(), Failure> {
-    let (records, trials): (Vec<RoundRecord>, Vec<Vec<TrialRecord>>) =
-        rounds.into_iter().map(|round| (round.record, round.trials)).unzip();
-    let trials: Vec<TrialRecord> = trials.into_iter().flatten().collect();
-    let results = results(&config.protocol, &records, &trials);
+fn write_reports(config: &Config, model_id: &str, rounds: &[Round], folder: &Path) -> Result<(), Failure> {
     let about = About {
         command: command_line("experiments"),
         config: config.text.clone(),
         model_id: model_id.to_owned(),
         versions: [("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
     };
-    write(&folder.join("rounds.parquet"), rounds_table(&records)?)?;
-    write(&folder.join("attempts.parquet"), trials_table(&trials)?)?;
-    write(&folder.join("objects.parquet"), objects_table(&trials)?)?;
+    let report = Report { results: results(&config.protocol, rounds), about };
+    write(&folder.join("rounds.parquet"), rounds_table(rounds)?)?;
+    write(&folder.join("attempts.parquet"), trials_table(rounds)?)?;
+    write(&folder.join("objects.parquet"), objects_table(rounds)?)?;
     write(&folder.join("bodies.json"), bodies(config))?;
     write(&folder.join("run.json"), conditions(config))?;
-    write(&folder.join("report.json"), json(&results, &about))?;
-    write(&folder.join("report.svg"), figure(std::slice::from_ref(&results)).svg()?)?;
-    let text = document(&results, &about).markdown();
+    write(&folder.join("report.json"), json(&report)?)?;
+    write(&folder.join("report.svg"), figure(std::slice::from_ref(&report.results)).svg()?)?;
+    let text = document(&report).markdown();
     write(&folder.join("report.md"), &text)?;
     print(text)
 }

@@ -33,10 +33,10 @@ fn flatten(table: &toml::Table, prefix: &str, into: &mut BTreeMap<String, String
 /// A row for each setting in which experiments differ, and the weights and versions among them.
 pub(super) fn blocks(all: &[Played], names: &[String]) -> Vec<Block> {
     let settings = |one: &Played| {
-        let mut keys = keys(&one.about.config);
+        let mut keys = keys(&one.report.about.config);
         keys.remove("protocol"); // the name
-        keys.insert("network".to_owned(), one.about.model_id.clone());
-        keys.extend(one.about.versions.iter().map(|(name, version)| (name.clone(), version.clone())));
+        keys.insert("network".to_owned(), one.report.about.model_id.clone());
+        keys.extend(one.report.about.versions.iter().map(|(name, version)| (name.clone(), version.clone())));
         keys
     };
     let settings: Vec<BTreeMap<String, String>> = all.iter().map(settings).collect();

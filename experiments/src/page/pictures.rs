@@ -6,12 +6,11 @@ use std::path::Path;
 use program::Failure;
 use report::document::{Block, Drawing, Picture};
 use report::picture::{Hand, Scene, svg};
-use schema::{HitKind, Outcome, Polyhedron, ShapeKind, Solid, Vec3};
+use schema::{Outcome, Polyhedron, ShapeKind, Solid, Vec3};
 use serde::Deserialize;
 
-use super::{Played, damaged, read_text};
-use crate::record::{RoundRecord, TrialObject, TrialRecord};
-use crate::round::Round;
+use super::{Played, json};
+use crate::record::{Round, Trial, TrialObject};
 
 /// Rounds that are shown.
 const ROUNDS_SHOWN: usize = 8;
@@ -74,11 +73,6 @@ impl Stage {
     }
 }
 
-fn json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, Failure> {
-    let Some(text) = read_text(path)? else { return Ok(None) };
-    serde_json::from_str(&text).map(Some).map_err(|e| damaged(path, &e))
-}
-
 /// `None` for corners without a volume, which no run writes.
 fn hull(corners_m: &[[f32; 3]]) -> Option<Polyhedron> {
     let corners_m: Vec<Vec3> = corners_m.iter().map(|corner| Vec3::from_array(*corner)).collect();
@@ -115,37 +109,37 @@ pub(super) fn section(one: &Played) -> Vec<Block> {
 }
 
 fn round_picture(stage: &Stage, side_m: f32, round: &Round) -> Picture {
-    let RoundRecord { round: number, seed, scene_id, object_count, removed_count, ending, .. } = &round.record;
-    let held = round.trials.iter().filter(|trial| trial.outcome == Outcome::Held).count();
-    let grasps = round.trials.len();
+    let Round { round: number, seed, scene_id, group, object_count, removed_count, ending, trials, .. } = round;
+    let held = trials.iter().filter(|trial| trial.outcome == Outcome::Held).count();
+    let grasps = trials.len();
     Picture::new(
-        Drawing::Svg(picture(stage, side_m, &round.trials[0], &round.trials)),
+        Drawing::Svg(picture(stage, side_m, &trials[0], trials)),
         format!("Round {number}: {}", ending.name()),
         format!(
-            "{held} of {grasps} grasps held, {removed_count} of {object_count} objects removed; seed {seed}, scene {scene_id}, {}",
-            round.record.group
+            "{held} of {grasps} grasps held, {removed_count} of {object_count} objects removed; seed {seed}, scene {scene_id}, {group}"
         ),
     )
 }
 
 /// The first failed grasp of each round, as many as are shown.
 fn failures(stage: &Stage, side_m: f32, rounds: &[Round]) -> Vec<Picture> {
-    let first = |round: &Round| round.trials.iter().find(|trial| trial.outcome != Outcome::Held).cloned();
-    let trials = rounds.iter().filter_map(first).take(FAILURES_SHOWN);
-    let shown = trials.map(|trial| {
-        let hit = trial.hit.map_or_else(String::new, |hit: HitKind| format!(", hit {}", hit.name()));
+    let failed = |trial: &Trial| trial.outcome != Outcome::Held;
+    let shown = |(round, number): (&Round, usize)| {
+        let trial = &round.trials[number];
+        let hit = trial.hit.map_or_else(String::new, |hit| format!(", hit {}", hit.name()));
         Picture::new(
-            Drawing::Svg(picture(stage, side_m, &trial, std::slice::from_ref(&trial))),
-            format!("Round {}, grasp {}: {}", trial.round, trial.trial, trial.outcome.name()),
+            Drawing::Svg(picture(stage, side_m, trial, std::slice::from_ref(trial))),
+            format!("Round {}, grasp {number}: {}", round.round, trial.outcome.name()),
             format!("aimed at {}, quality {:.2}{hit}", trial.target(), trial.quality),
         )
-    });
-    shown.collect()
+    };
+    let first = rounds.iter().filter_map(|round| Some((round, round.trials.iter().position(failed)?)));
+    first.take(FAILURES_SHOWN).map(shown).collect()
 }
 
 /// What lay there before a grasp, and hands.
-fn picture(stage: &Stage, size_m: f32, before: &TrialRecord, trials: &[TrialRecord]) -> String {
-    let hand = |trial: &TrialRecord| Hand {
+fn picture(stage: &Stage, size_m: f32, before: &Trial, trials: &[Trial]) -> String {
+    let hand = |trial: &Trial| Hand {
         workspace_from_grasp: trial.workspace_from_grasp,
         width_m: trial.width_m,
         held: trial.outcome == Outcome::Held,
@@ -171,7 +165,7 @@ fn side_m(rounds: &[Round]) -> f32 {
 /// The convex parts of an object where it lay; none if nobody knows its shape.
 fn body(stage: &Stage, object: &TrialObject) -> Vec<Polyhedron> {
     let parts = stage.bodies.get(&object.body).cloned().or_else(|| {
-        let solid = Solid::new(ShapeKind::from_name(&object.body)?, object.size_m).ok()?;
+        let solid = Solid::new(ShapeKind::from_name(&object.body)?, object.size_m.into()).ok()?;
         Some(vec![Polyhedron::from(&solid)])
     });
     parts.unwrap_or_default().iter().map(|part| part.moved(&object.workspace_from_object)).collect()

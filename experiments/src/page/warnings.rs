@@ -25,15 +25,16 @@ pub(super) fn warnings(all: &[Played], names: &[String]) -> Vec<String> {
         (count > 1)
             .then(|| format!("The experiments were run with {count} {what}: they differ in more than their settings."))
     };
-    let versions = all.iter().filter_map(|one| one.about.versions.get("experiments")).map(String::as_str).collect();
-    let networks = all.iter().map(|one| one.about.model_id.as_str()).collect();
+    let versions =
+        all.iter().filter_map(|one| one.report.about.versions.get("experiments")).map(String::as_str).collect();
+    let networks = all.iter().map(|one| one.report.about.model_id.as_str()).collect();
     warnings.extend(several("versions of the program", versions));
     warnings.extend(several("networks", networks));
     warnings
 }
 
 fn of(one: &Played) -> Vec<String> {
-    let results = &one.results;
+    let results = &one.report.results;
     let mut warnings = Vec::new();
     if results.rounds < ROUNDS_MIN {
         warnings.push(format!(
@@ -46,7 +47,7 @@ fn of(one: &Played) -> Vec<String> {
     } else if is_any_point(headline_rates(results)) {
         warnings.push("A rate's interval has no width: all rounds ended alike, which is not certainty.".to_owned());
     }
-    let ended = |ending: Ending| results.endings.iter().find(|(one, _)| *one == ending).map_or(0, |(_, count)| *count);
+    let ended = |ending: Ending| results.endings.get(&ending).copied().unwrap_or_default();
     let unsettled = ended(Ending::Unsettled);
     if unsettled > 0 {
         warnings.push(format!(
@@ -63,12 +64,12 @@ fn of(one: &Played) -> Vec<String> {
         ));
     }
     if let Some(rounds) = &one.rounds {
-        let lost: u64 = rounds.iter().map(|round| u64::from(round.record.lost_count)).sum();
+        let lost: u64 = rounds.iter().map(|round| u64::from(round.lost_count)).sum();
         if lost > 0 {
             let objects = if lost == 1 { "object" } else { "objects" };
             warnings.push(format!("{} {objects} left the workspace without being held.", grouped(lost)));
         }
-        let seeds: BTreeSet<u64> = rounds.iter().map(|round| round.record.seed).collect();
+        let seeds: BTreeSet<u64> = rounds.iter().map(|round| round.seed).collect();
         if let (1, Some(seed)) = (seeds.len(), seeds.first()) {
             warnings.push(format!(
                 "All scenes are of one seed, {seed}: the intervals tell what other rounds of it would give. Several seeds (seeds = [1, 2, 3]) \
@@ -83,7 +84,7 @@ fn of(one: &Played) -> Vec<String> {
             ));
         }
     }
-    let made = one.about.versions.get("experiments").map_or("an unknown version", String::as_str);
+    let made = one.report.about.versions.get("experiments").map_or("an unknown version", String::as_str);
     if made != env!("CARGO_PKG_VERSION") {
         warnings.push(format!(
             "The rounds were played by version {made} of the program, this page is made by {}.",
@@ -101,28 +102,13 @@ mod tests {
     use schema::{Outcome, Pose};
 
     use super::*;
-    use crate::record::{RoundRecord, TrialRecord};
-    use crate::report::About;
-    use crate::round::Round;
+    use crate::record::{Round, Trial};
+    use crate::report::{About, Report};
     use crate::statistics::results;
 
     fn round(number: u64) -> Round {
         let held = !number.is_multiple_of(3);
-        let record = RoundRecord {
-            round: number,
-            seed: number % 2,
-            scene_id: number,
-            group: "pile".to_owned(),
-            unviable_count: 0,
-            object_count: 1,
-            removed_count: u32::from(held),
-            lost_count: 0,
-            attempt_count: 1,
-            ending: if held { Ending::Cleared } else { Ending::Failures },
-        };
-        let trial = TrialRecord {
-            round: number,
-            trial: 0,
+        let trial = Trial {
             object_count: 1,
             planned_count: 1,
             workspace_from_grasp: Pose::IDENTITY,
@@ -136,16 +122,25 @@ mod tests {
             observe_ms: 1.0,
             plan_ms: 1.0,
         };
-        Round { record, trials: vec![trial] }
+        Round {
+            round: number,
+            seed: number % 2,
+            scene_id: number,
+            group: "pile".to_owned(),
+            unviable_count: 0,
+            object_count: 1,
+            removed_count: u32::from(held),
+            lost_count: 0,
+            ending: if held { Ending::Cleared } else { Ending::Failures },
+            trials: vec![trial],
+        }
     }
 
     fn played(rounds: Vec<Round>) -> Played {
-        let records: Vec<RoundRecord> = rounds.iter().map(|round| round.record.clone()).collect();
-        let trials: Vec<TrialRecord> = rounds.iter().flat_map(|round| round.trials.clone()).collect();
         let versions = BTreeMap::from([("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]);
         let about = About { command: String::new(), config: String::new(), model_id: "c0ffee".to_owned(), versions };
-        let results = results("pile", &records, &trials);
-        Played { folder: PathBuf::from("out"), results, about, rounds: Some(rounds), stage: None }
+        let report = Report { results: results("pile", &rounds), about };
+        Played { folder: PathBuf::from("out"), report, rounds: Some(rounds), stage: None }
     }
 
     fn fine() -> Vec<Round> {
@@ -167,10 +162,10 @@ mod tests {
             assert!(warnings.len() == 1 && warnings[0].contains(word), "{word}: {warnings:?}");
         };
         told(&|rounds| rounds.truncate(29), "Only 29 rounds");
-        told(&|rounds| rounds[3].record.ending = Ending::Unsettled, "1 of 30 rounds ended because objects");
-        told(&|rounds| rounds.iter_mut().for_each(|round| round.record.seed = 7), "one seed, 7");
-        told(&|rounds| rounds[4].record.lost_count = 2, "2 objects left the workspace");
-        told(&|rounds| rounds[..20].iter_mut().for_each(|r| r.record.ending = Ending::NoGrasp), "66.7 % of the rounds");
+        told(&|rounds| rounds[3].ending = Ending::Unsettled, "1 of 30 rounds ended because objects");
+        told(&|rounds| rounds.iter_mut().for_each(|round| round.seed = 7), "one seed, 7");
+        told(&|rounds| rounds[4].lost_count = 2, "2 objects left the workspace");
+        told(&|rounds| rounds[..20].iter_mut().for_each(|r| r.ending = Ending::NoGrasp), "66.7 % of the rounds");
         let all_held = |rounds: &mut Vec<Round>| rounds.iter_mut().for_each(|r| r.trials[0].outcome = Outcome::Held);
         told(&all_held, "no width");
         let nothing = |rounds: &mut Vec<Round>| rounds.iter_mut().for_each(|round| round.trials.clear());
@@ -180,8 +175,8 @@ mod tests {
     #[test]
     fn other_builds_and_networks_are_told() {
         let mut old = played(fine());
-        old.about.versions.insert("experiments".to_owned(), "0.0.1".to_owned());
-        old.about.model_id = "other".to_owned();
+        old.report.about.versions.insert("experiments".to_owned(), "0.0.1".to_owned());
+        old.report.about.model_id = "other".to_owned();
         let found = of_several(&[played(fine()), old]);
         for word in ["number 1: The rounds were played by version 0.0.1", "2 versions of the program", "2 networks"] {
             assert!(found.iter().any(|warning| warning.contains(word)), "{word}: {found:?}");
