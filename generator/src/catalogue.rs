@@ -4,7 +4,7 @@
 //! experiments read the same files; [`crate::import_objects`] writes them from meshes.
 
 use std::f64::consts::{PI, TAU};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
 use serde::Deserialize;
@@ -32,35 +32,6 @@ pub struct CatalogueObject {
     pub mass_kg: f32,
     /// Coulomb friction coefficient.
     pub friction: f32,
-}
-
-/// Why a catalogue is refused.
-#[derive(Debug, thiserror::Error)]
-pub enum CatalogueError {
-    /// The file cannot be read.
-    #[error("failed to read the objects: {source}: {}", .path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The file is not a catalogue.
-    #[error("{message}: {}", .path.display())]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// What and where.
-        message: String,
-    },
-    /// Invalid objects, all of them.
-    #[error("{} problem{} in the objects {}:\n  {}", .problems.len(), if .problems.len() == 1 { "" } else { "s" }, .path.display(), .problems.join("\n  "))]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// One message each.
-        problems: Vec<String>,
-    },
 }
 
 #[derive(Deserialize)]
@@ -103,21 +74,19 @@ impl Catalogue {
     /// Reads a file; `None` is the built-in catalogue.
     ///
     /// # Errors
-    /// [`CatalogueError`]; [`CatalogueError::Invalid`] lists all problems.
-    pub fn read(path: Option<&Path>) -> Result<Self, CatalogueError> {
+    /// A message; [`CatalogueError::Invalid`] lists all problems.
+    pub fn read(path: Option<&Path>) -> Result<Self, String> {
         let Some(path) = path else { return Self::parse(EVERYDAY, Path::new("configs/objects/everyday.toml")) };
-        let text =
-            std::fs::read_to_string(path).map_err(|source| CatalogueError::Read { path: path.to_owned(), source })?;
-        Self::parse(&text, path)
+        let unread = |error| format!("failed to read the objects: {error}: {}", path.display());
+        Self::parse(&std::fs::read_to_string(path).map_err(unread)?, path)
     }
 
-    /// Parses a catalogue; errors name it by `path`.
+    /// Parses a catalogue; `path` is for messages.
     ///
     /// # Errors
-    /// [`CatalogueError`] except [`CatalogueError::Read`].
-    pub fn parse(text: &str, path: &Path) -> Result<Self, CatalogueError> {
-        let syntax = |e: toml::de::Error| CatalogueError::Syntax { path: path.to_owned(), message: e.to_string() };
-        let raw: Raw = toml::from_str(text).map_err(syntax)?;
+    /// A message with everything that is wrong.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, String> {
+        let raw: Raw = toml::from_str(text).map_err(|e| format!("{e}: {}", path.display()))?;
         let mut problems = Vec::new();
         let mut things: Vec<CatalogueObject> = Vec::new();
         for object in &raw.object {
@@ -140,10 +109,10 @@ impl Catalogue {
             sets.push((name.clone(), objects.iter().filter_map(number).collect()));
         }
         if problems.is_empty() {
-            Ok(Self { things, sets })
-        } else {
-            Err(CatalogueError::Invalid { path: path.to_owned(), problems })
+            return Ok(Self { things, sets });
         }
+        let (count, plural) = (problems.len(), if problems.len() == 1 { "" } else { "s" });
+        Err(format!("{count} problem{plural} in the objects {}:\n  {}", path.display(), problems.join("\n  ")))
     }
 
     /// All objects, in the file's order.
@@ -245,10 +214,8 @@ mod tests {
     "#;
 
     fn problems(text: &str) -> Vec<String> {
-        match Catalogue::parse(text, Path::new("objects.toml")) {
-            Err(CatalogueError::Invalid { problems, .. }) => problems,
-            other => panic!("{other:?}"),
-        }
+        let told = Catalogue::parse(text, Path::new("objects.toml")).unwrap_err();
+        told.lines().skip(1).map(|line| line.trim().to_owned()).collect()
     }
 
     #[test]

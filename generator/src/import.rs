@@ -8,16 +8,17 @@ use std::fmt::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use program::{Exit, ExitCode};
+use glamx::{DSymmetricEigen3, DVec3};
 use rayon::prelude::*;
-use schema::{Grid, Gripper, MODELS_MAX, Polyhedron, Vec3};
+use schema::{Grid, Gripper, HullError, MODELS_MAX, Polyhedron, Vec3};
 use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull, hull_volume_m3};
 
-use crate::catalogue::{Catalogue, CatalogueError};
-use crate::mass_integrals::{MassIntegrals, principal_values, relative_difference};
+use crate::catalogue::Catalogue;
+use crate::mass_integrals::{MassIntegrals, relative_difference};
 use crate::mesh::{Mesh, Seams};
-use crate::mesh_file::{ENDINGS, MeshFileError, ending, read_mesh};
+use crate::mesh_file::{ENDINGS, ImportError, ending, read_mesh};
+use crate::models::Models;
 
 /// A mesh is convex if its hull is larger by less than this share.
 const CONVEX_SHARE: f64 = 0.01;
@@ -36,22 +37,15 @@ const OVERLAP_SHARE: f64 = 0.05;
 /// Decimals of a corner in a catalogue: a tenth of a micrometre.
 const DECIMALS: usize = 7;
 
-/// The mass of an object.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Weight {
-    /// Density in kilograms per cubic metre.
-    Density(f64),
-    /// Mass in kilograms for any size.
-    Mass(f64),
-}
-
 /// Settings of the import.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportParams {
     /// Metres per unit of the files.
     pub scale_m: f64,
-    /// The mass.
-    pub weight: Weight,
+    /// Density of all objects in kg/m³.
+    pub density_kg_m3: f64,
+    /// Mass of each object in kg, instead.
+    pub mass_kg: Option<f64>,
     /// Coulomb friction coefficient.
     pub friction: f32,
     /// How finely meshes are decomposed.
@@ -121,58 +115,10 @@ pub struct ImportedObject {
     pub warnings: Vec<String>,
 }
 
-/// Why an import failed.
-#[derive(Debug, thiserror::Error)]
-pub enum ImportError {
-    /// A folder cannot be listed.
-    #[error("failed to list the folder: {source}: {}", .path.display())]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// There are no meshes.
-    #[error("there is no .{} file: {}", ENDINGS.join(" or ."), .0.display())]
-    NoMeshes(PathBuf),
-    /// Two files would give objects of the same name.
-    #[error("two files make an object called {name}: {} and {}", .files[0].display(), .files[1].display())]
-    SameName {
-        /// The name.
-        name: String,
-        /// The files.
-        files: Box<[PathBuf; 2]>,
-    },
-    /// Files that cannot be used, all of them.
-    #[error("{} of the files cannot be used:\n  {}", .problems.len(), .problems.join("\n  "))]
-    Files {
-        /// One message each.
-        problems: Vec<String>,
-        /// Whether a file is damaged; otherwise files cannot be read.
-        is_damaged: bool,
-    },
-    /// The objects break a rule of catalogues.
-    #[error(transparent)]
-    Catalogue(#[from] CatalogueError),
-}
-
-impl Exit for ImportError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Files { is_damaged: true, .. } => ExitCode::Data,
-            Self::Files { is_damaged: false, .. }
-            | Self::Folder { .. }
-            | Self::NoMeshes(_)
-            | Self::SameName { .. }
-            | Self::Catalogue(_) => ExitCode::Config,
-        }
-    }
-}
-
 /// The mesh files of some paths: files as given, and the meshes in folders, sorted by name.
 ///
 /// # Errors
-/// [`ImportError::Folder`] or [`ImportError::NoMeshes`].
+/// [`ImportError`] for a folder that cannot be listed or has no mesh.
 pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, ImportError> {
     let mut files = Vec::new();
     for path in paths {
@@ -180,12 +126,13 @@ pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, ImportError> {
             files.push(path.clone());
             continue;
         }
-        let unlisted = |source| ImportError::Folder { path: path.clone(), source };
+        let shown = path.display();
+        let unlisted = |error| ImportError::unusable(format!("failed to list the folder: {error}: {shown}"));
         let entries = std::fs::read_dir(path).map_err(unlisted)?.collect::<Result<Vec<_>, _>>().map_err(unlisted)?;
         let mut found: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
         found.retain(|file| ending(file).is_some_and(|ending| ENDINGS.contains(&ending.as_str())));
         if found.is_empty() {
-            return Err(ImportError::NoMeshes(path.clone()));
+            return Err(ImportError::unusable(format!("there is no .{} file: {shown}", ENDINGS.join(" or ."))));
         }
         found.sort();
         files.extend(found);
@@ -197,17 +144,18 @@ pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, ImportError> {
 /// depend on the number of threads.
 ///
 /// # Errors
-/// [`ImportError`]; [`ImportError::Files`] lists all files that cannot be used.
+/// [`ImportError`], which lists all files that cannot be used.
 pub fn import_objects(files: &[PathBuf], params: &ImportParams) -> Result<Imported, ImportError> {
     for (place, file) in files.iter().enumerate() {
         let name = name_of(file);
         if let Some(other) = files[..place].iter().find(|other| name_of(other) == name) {
-            return Err(ImportError::SameName { name, files: Box::new([other.clone(), file.clone()]) });
+            let (other, file) = (other.display(), file.display());
+            return Err(ImportError::unusable(format!("two files make an object called {name}: {other} and {file}")));
         }
     }
     if files.len() > MODELS_MAX {
-        let problems = vec![format!("a dataset has at most {MODELS_MAX} objects, got {} files", files.len())];
-        return Err(ImportError::Files { problems, is_damaged: false });
+        let got = files.len();
+        return Err(unusable_files(&[format!("a dataset has at most {MODELS_MAX} objects, got {got} files")]));
     }
     let made: Vec<_> = files.par_iter().with_max_len(1).map(|file| guarded(file, params)).collect();
     let (mut objects, mut catalogue) = (Vec::new(), HEAD.to_owned());
@@ -218,27 +166,24 @@ pub fn import_objects(files: &[PathBuf], params: &ImportParams) -> Result<Import
                 objects.push(object);
                 catalogue += &text;
             }
-            Err((problem, damaged)) => {
-                problems.push(problem);
-                is_damaged |= damaged;
+            Err(error) => {
+                problems.push(error.message);
+                is_damaged |= error.is_damaged;
             }
         }
     }
     if !problems.is_empty() {
-        return Err(ImportError::Files { problems, is_damaged });
+        return Err(ImportError { is_damaged, ..unusable_files(&problems) });
     }
     // The written text must be readable: masses have limits, and rounded corners must still have hulls.
-    let read = Catalogue::parse(&catalogue, Path::new("the new catalogue"))?;
-    for thing in read.objects() {
-        match thing.body.to_model(thing.mass_kg, thing.friction) {
-            Ok(model) => problems.extend(model.problems()),
-            Err(error) => problems.push(error.to_string()),
-        }
-    }
-    if !problems.is_empty() {
-        return Err(ImportError::Files { problems, is_damaged: false });
-    }
+    let read = Catalogue::parse(&catalogue, Path::new("the new catalogue")).map_err(ImportError::unusable)?;
+    Models::of(&read).map_err(|problems| unusable_files(&problems))?;
     Ok(Imported { objects, catalogue })
+}
+
+fn unusable_files(problems: &[String]) -> ImportError {
+    let count = problems.len();
+    ImportError::unusable(format!("{count} of the files cannot be used:\n  {}", problems.join("\n  ")))
 }
 
 const HEAD: &str = "\
@@ -252,36 +197,29 @@ fn name_of(file: &Path) -> String {
     stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
-type Problem = (String, bool);
-
 /// The hull library panics on some scans. Such a file is reported, and the others continue.
-fn guarded(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), Problem> {
-    let failed =
-        |_| Err((format!("it cannot be decomposed, because a hull could not be made: {}", file.display()), true));
+fn guarded(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), ImportError> {
+    let failed = |_| Err(ImportError::damaged("it cannot be decomposed, because a hull could not be made", file));
     catch_unwind(AssertUnwindSafe(|| import_one(file, params))).unwrap_or_else(failed)
 }
 
-fn import_one(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), Problem> {
-    let mesh = read_mesh(file, params.scale_m).map_err(|e| {
-        let is_damaged = matches!(e, MeshFileError::Damaged { .. } | MeshFileError::Mesh { .. });
-        (e.to_string(), is_damaged)
-    })?;
-    let damaged = |message: String| (format!("{message}: {}", file.display()), true);
+fn import_one(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), ImportError> {
+    let mesh = read_mesh(file, params.scale_m)?;
+    let damaged = |error: HullError| ImportError::damaged(&error.to_string(), file);
     let measured = Measured::of(mesh);
-    let longest_m = measured.extents_m.into_iter().fold(0.0, f64::max);
+    let longest_m = measured.extents_m.max_element();
     if longest_m > LONGEST_M {
         let (file, scale) = (file.display(), params.scale_m * 0.001);
-        let wrong = format!(
+        return Err(ImportError::unusable(format!(
             "it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}"
-        );
-        return Err((wrong, false));
+        )));
     }
     let hull_of = |parts_max| {
         let parts = PartsParams { parts_max, ..params.parts };
-        convex_parts(&measured.corners_m, measured.mesh.triangles(), &parts).map_err(|e| damaged(e.to_string()))
+        convex_parts(&measured.corners_m, &measured.mesh.triangles, &parts).map_err(damaged)
     };
     let is_convex =
-        measured.solid.is_some_and(|solid| solid.volume_m3() >= (1.0 - CONVEX_SHARE) * measured.hull_volume_m3);
+        measured.solid.is_some_and(|solid| solid.volume_m3 >= (1.0 - CONVEX_SHARE) * measured.hull_volume_m3);
     let parts = hull_of(if is_convex { 1 } else { params.parts.parts_max })?;
     let object = described(file, params, &measured, &parts).map_err(damaged)?;
     let text = catalogue_text(&object, params, &parts);
@@ -293,9 +231,9 @@ struct Measured {
     mesh: Mesh,
     seams: Seams,
     was_inside_out: bool,
-    extents_m: [f64; 3],
+    extents_m: DVec3,
     /// The centre of the bounding box, in the file's frame; all other fields are relative to it.
-    middle_m: [f64; 3],
+    middle_m: DVec3,
     corners_m: Vec<Vec3>,
     /// The integrals, if the mesh is watertight and encloses a volume.
     solid: Option<MassIntegrals>,
@@ -306,27 +244,27 @@ impl Measured {
     fn of(mesh: Mesh) -> Self {
         let seams = mesh.seams();
         let [low, high] = mesh.bounds_m();
-        let middle_m = core::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+        let middle_m = 0.5 * (low + high);
         let integrals = MassIntegrals::of(mesh.triangles_about(middle_m));
-        let was_inside_out = seams.is_watertight() && integrals.volume_m3() < 0.0;
+        let was_inside_out = seams.is_watertight() && integrals.volume_m3 < 0.0;
         let mesh = if was_inside_out { mesh.turned_inside_out() } else { mesh };
         let solid = seams.is_watertight().then(|| MassIntegrals::of(mesh.triangles_about(middle_m)));
         let corners_m = mesh.corners_about(middle_m);
         Self {
             seams,
             was_inside_out,
-            extents_m: core::array::from_fn(|axis| high[axis] - low[axis]),
+            extents_m: high - low,
             middle_m,
             hull_volume_m3: hull_volume_m3(&corners_m).unwrap_or(0.0),
             corners_m,
-            solid: solid.filter(|solid| solid.volume_m3() > 0.0),
+            solid: solid.filter(|solid| solid.volume_m3 > 0.0),
             mesh,
         }
     }
 }
 
 fn integrals_of(hull: &Polyhedron) -> MassIntegrals {
-    let corners: Vec<[f64; 3]> = hull.corners_m().iter().map(|c| c.to_array().map(f64::from)).collect();
+    let corners: Vec<DVec3> = hull.corners_m().iter().map(|c| c.as_dvec3()).collect();
     MassIntegrals::of(hull.triangles().into_iter().map(|triangle| triangle.map(|i| corners[i])))
 }
 
@@ -335,133 +273,124 @@ fn described(
     params: &ImportParams,
     measured: &Measured,
     parts: &ConvexParts,
-) -> Result<ImportedObject, String> {
-    let of_parts = parts.hulls.iter().map(integrals_of).fold(MassIntegrals::default(), |sum, part| sum.plus(&part));
+) -> Result<ImportedObject, HullError> {
+    let of_parts = parts.hulls.iter().map(integrals_of).fold(MassIntegrals::ZERO, |sum, part| sum.plus(&part));
     let balance = measured.solid.unwrap_or(of_parts);
-    let mass_kg = match params.weight {
-        Weight::Mass(mass_kg) => mass_kg,
-        Weight::Density(density) => density * balance.volume_m3(),
-    };
+    let mass_kg = params.mass_kg.unwrap_or(params.density_kg_m3 * balance.volume_m3);
     let inertia = balance.inertia_kg_m2(mass_kg);
-    let whole = few_cornered_hull(&measured.corners_m, WIDTH_CORNERS).map_err(|e| e.to_string())?.0;
+    let whole = few_cornered_hull(&measured.corners_m, WIDTH_CORNERS)?.0;
     let smallest_width_m = smallest_width_m(&whole, &measured.corners_m);
-    let diagonal_m = measured.extents_m.iter().map(|e| e * e).sum::<f64>().sqrt();
     let mut object = ImportedObject {
         name: name_of(file),
         file: file.to_owned(),
-        triangles: measured.mesh.triangles().len(),
+        triangles: measured.mesh.triangles.len(),
         is_watertight: measured.seams.is_watertight(),
         bad_edges: measured.seams.open_edges + measured.seams.twisted_edges,
-        extents_m: measured.extents_m,
-        volume_m3: measured.solid.map(|solid| solid.volume_m3()),
+        extents_m: measured.extents_m.to_array(),
+        volume_m3: measured.solid.map(|solid| solid.volume_m3),
         mass_kg,
-        centre_of_mass_m: {
-            let centre = balance.centre_m();
-            core::array::from_fn(|axis| centre[axis] + measured.middle_m[axis])
-        },
-        inertia_kg_m2: principal_values(inertia),
+        centre_of_mass_m: (balance.centre_m() + measured.middle_m).to_array(),
+        inertia_kg_m2: DSymmetricEigen3::eigenvalues(inertia).to_array(),
         hull_volume_m3: measured.hull_volume_m3,
         parts: parts.hulls.len(),
         part_corners_max: parts.hulls.iter().map(|hull| hull.corners_m().len()).max().unwrap_or(0),
         simplified_m: f64::from(parts.simplified_m),
-        parts_volume_m3: of_parts.volume_m3(),
-        parts_volume_share: measured.solid.map(|solid| of_parts.volume_m3() / solid.volume_m3()),
+        parts_volume_m3: of_parts.volume_m3,
+        parts_volume_share: measured.solid.map(|solid| of_parts.volume_m3 / solid.volume_m3),
         parts_overlap_share: overlap_share(&parts.hulls),
-        parts_inertia_difference: measured
-            .solid
-            .map(|_| relative_difference(&of_parts.inertia_kg_m2(mass_kg), &inertia)),
+        parts_inertia_difference: measured.solid.map(|_| relative_difference(of_parts.inertia_kg_m2(mass_kg), inertia)),
         smallest_width_m,
         fits_gripper: smallest_width_m < f64::from(params.gripper.opening_m_max),
-        fits_workspace: diagonal_m <= f64::from(params.grid.size_m),
+        fits_workspace: measured.extents_m.length() <= f64::from(params.grid.size_m),
         warnings: Vec::new(),
     };
     object.warnings = warnings(&object, params, measured);
     Ok(object)
 }
 
+/// What is unusual about an object, one sentence each.
 fn warnings(object: &ImportedObject, params: &ImportParams, measured: &Measured) -> Vec<String> {
-    let mut told = Vec::new();
-    let mut tell = |holds: bool, message: &dyn Fn() -> String| told.extend(holds.then(message));
-    let longest_m = object.extents_m.into_iter().fold(0.0, f64::max);
-    tell(!object.is_watertight, &|| {
-        let Seams { open_edges, twisted_edges } = measured.seams;
-        format!(
-            "not watertight: {open_edges} edges do not belong to two triangles, {twisted_edges} have theirs turned against \
-             each other; volume, mass and inertia are those of the parts"
-        )
-    });
-    tell(object.is_watertight && object.volume_m3.is_none(), &|| {
-        "watertight, but without a volume; volume, mass and inertia are those of the parts".to_owned()
-    });
-    tell(measured.was_inside_out, &|| "its triangles were inside out; they were reversed".to_owned());
-    tell(measured.mesh.degenerate_count() > 0, &|| {
-        format!("{} triangles without an area were dropped", measured.mesh.degenerate_count())
-    });
-    tell(longest_m > PLAUSIBLE_M[1], &|| {
-        format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {}", params.scale_m * 0.001)
-    });
-    tell(longest_m < PLAUSIBLE_M[0], &|| {
-        let mm = longest_m * 1000.0;
-        format!("{mm:.3} mm long: if the file is in metres, give --scale {}", params.scale_m * 1000.0)
-    });
-    tell(!object.fits_gripper, &|| {
-        let (width, opening) = (object.smallest_width_m * 1000.0, params.gripper.opening_m_max * 1000.0);
-        format!(
-            "{width:.1} mm at its narrowest, and the hand opens {opening:.1} mm: only a rim or a handle can be held"
-        )
-    });
-    tell(!object.fits_workspace, &|| {
-        format!(
-            "its bounding box's diagonal must be at most the workspace's side, {} m, to be dropped",
-            params.grid.size_m
-        )
-    });
-    tell(object.parts_volume_share.is_some_and(|share| (share - 1.0).abs() > VOLUME_SHARE), &|| {
-        let share = object.parts_volume_share.unwrap_or(1.0);
-        let cure = if share > 1.0 {
-            "--hulls-max: the parts fill hollows"
-        } else {
-            "--corners-max: the parts cut off rounded surfaces"
-        };
-        format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * share)
-    });
-    tell(object.parts_inertia_difference.is_some_and(|share| share > INERTIA_SHARE), &|| {
-        let percent = 100.0 * object.parts_inertia_difference.unwrap_or(0.0);
-        format!("the parts' inertia is {percent:.1} % from the mesh's")
-    });
-    tell(object.parts_overlap_share > OVERLAP_SHARE, &|| {
-        format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share)
-    });
-    told
+    let longest_m = measured.extents_m.max_element();
+    let Seams { open_edges, twisted_edges } = measured.seams;
+    let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, params.gripper.opening_m_max * 1000.0);
+    let volume_share = object.parts_volume_share.unwrap_or(1.0);
+    let inertia_share = object.parts_inertia_difference.unwrap_or(0.0);
+    let cure = if volume_share > 1.0 {
+        "--hulls-max: the parts fill hollows"
+    } else {
+        "--corners-max: the parts cut off rounded surfaces"
+    };
+    let of_parts = "volume, mass and inertia are those of the parts";
+    let told = [
+        (
+            !object.is_watertight,
+            format!(
+                "not watertight: {open_edges} edges do not belong to two triangles, {twisted_edges} have theirs turned against \
+                 each other; {of_parts}"
+            ),
+        ),
+        (object.is_watertight && object.volume_m3.is_none(), format!("watertight, but without a volume; {of_parts}")),
+        (measured.was_inside_out, "its triangles were inside out; they were reversed".to_owned()),
+        (
+            measured.mesh.degenerate_count > 0,
+            format!("{} triangles without an area were dropped", measured.mesh.degenerate_count),
+        ),
+        (
+            longest_m > PLAUSIBLE_M[1],
+            format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {}", params.scale_m * 0.001),
+        ),
+        (
+            longest_m < PLAUSIBLE_M[0],
+            format!(
+                "{:.3} mm long: if the file is in metres, give --scale {}",
+                longest_m * 1000.0,
+                params.scale_m * 1000.0
+            ),
+        ),
+        (
+            !object.fits_gripper,
+            format!(
+                "{width_mm:.1} mm at its narrowest, and the hand opens {opening_mm:.1} mm: only a rim or a handle can be held"
+            ),
+        ),
+        (
+            !object.fits_workspace,
+            format!(
+                "its bounding box's diagonal must be at most the workspace's side, {} m, to be dropped",
+                params.grid.size_m
+            ),
+        ),
+        (
+            (volume_share - 1.0).abs() > VOLUME_SHARE,
+            format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * volume_share),
+        ),
+        (
+            inertia_share > INERTIA_SHARE,
+            format!("the parts' inertia is {:.1} % from the mesh's", 100.0 * inertia_share),
+        ),
+        (
+            object.parts_overlap_share > OVERLAP_SHARE,
+            format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share),
+        ),
+    ];
+    told.into_iter().filter(|(holds, _)| *holds).map(|(_, warning)| warning).collect()
 }
 
 /// The smallest width of points over the directions in which a hull can be narrowest: normal to a face, or to two
 /// edges.
 fn smallest_width_m(hull: &Polyhedron, points_m: &[Vec3]) -> f64 {
-    let mut edges: Vec<Vec3> = Vec::new();
-    for edge in hull.edges_m().iter().filter_map(|edge| edge.try_normalize()) {
-        if !edges.iter().any(|other| other.cross(edge).length_squared() < 1e-8) {
-            edges.push(edge);
-        }
-    }
+    let edges = hull.edges_m();
     let faces = hull.planes().map(|plane| plane.normal);
     let across = edges.iter().enumerate().flat_map(|(i, a)| edges[..i].iter().map(|b| a.cross(*b)));
-    let width_m = |axis: Vec3| {
-        let [low, high] = points_m.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], point| {
-            let x = axis.dot(*point);
-            [low.min(x), high.max(x)]
-        });
-        high - low
-    };
-    // The hull's own corners first: few directions need a check of all points.
-    let own_m = |axis: Vec3| {
-        let along = hull.corners_m().iter().map(|c| axis.dot(*c));
+    let width_m = |points_m: &[Vec3], axis: Vec3| {
+        let along = points_m.iter().map(|point| axis.dot(*point));
         along.clone().fold(f32::NEG_INFINITY, f32::max) - along.fold(f32::INFINITY, f32::min)
     };
     let mut best_m = f32::INFINITY;
     for axis in faces.chain(across).filter_map(Vec3::try_normalize) {
-        if own_m(axis) < best_m {
-            best_m = best_m.min(width_m(axis));
+        // The hull's own corners first: few directions need a check of all points.
+        if width_m(hull.corners_m(), axis) < best_m {
+            best_m = best_m.min(width_m(points_m, axis));
         }
     }
     f64::from(best_m)

@@ -2,153 +2,108 @@
 
 use std::collections::BTreeMap;
 
+use glamx::DVec3;
 use schema::Vec3;
 
 /// Triangles in space, in metres. Corners at exactly the same position are merged.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Mesh {
-    corners_m: Vec<[f64; 3]>,
-    triangles: Vec<[u32; 3]>,
-    degenerate_count: usize,
+pub(crate) struct Mesh {
+    /// The corners, in metres; each belongs to a triangle.
+    pub(crate) corners_m: Vec<DVec3>,
+    /// The triangles as corner indices.
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Number of the file's triangles with two equal corners; they are dropped.
+    pub(crate) degenerate_count: usize,
 }
 
 /// How a mesh's triangles meet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Seams {
+pub(crate) struct Seams {
     /// Edges that do not belong to exactly two triangles.
-    pub open_edges: usize,
+    pub(crate) open_edges: usize,
     /// Edges that both triangles traverse in the same direction, so one of the two is inside out.
-    pub twisted_edges: usize,
+    pub(crate) twisted_edges: usize,
 }
 
 impl Seams {
     /// Whether the mesh encloses a volume: every edge belongs to two triangles that traverse it in opposite directions.
-    #[must_use]
-    pub fn is_watertight(self) -> bool {
+    pub(crate) fn is_watertight(self) -> bool {
         self.open_edges == 0 && self.twisted_edges == 0
     }
 }
 
-/// Why triangles are refused as a mesh.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum MeshError {
-    /// There are none.
-    #[error("it has no triangles")]
-    Empty,
-    /// There are too many.
-    #[error("it must have at most {TRIANGLES_MAX} triangles, got {0}: simplify it first")]
-    TooMany(usize),
-    /// A coordinate is not finite.
-    #[error("its coordinates must be numbers, got {1} at corner {0}")]
-    NotANumber(usize, f64),
-    /// A triangle has an index without a corner.
-    #[error("triangle {triangle} names corner {corner}, and there are {count}")]
-    NoSuchCorner {
-        /// The triangle, from 0.
-        triangle: usize,
-        /// The index, from 0.
-        corner: u32,
-        /// How many there are.
-        count: usize,
-    },
-}
-
 /// Maximum number of triangles of a mesh.
-pub const TRIANGLES_MAX: usize = 1_000_000;
+pub(crate) const TRIANGLES_MAX: usize = 1_000_000;
 
 impl Mesh {
     /// A mesh from corners in the file's units of `scale_m` metres, and triangles as corner indices.
     ///
     /// # Errors
-    /// [`MeshError`].
-    pub fn new(corners: &[[f64; 3]], triangles: &[[u32; 3]], scale_m: f64) -> Result<Self, MeshError> {
-        if triangles.is_empty() {
-            return Err(MeshError::Empty);
+    /// Why these are no mesh.
+    pub(crate) fn new(corners: &[[f64; 3]], triangles: &[[u32; 3]], scale_m: f64) -> Result<Self, String> {
+        let (count, triangle_count) = (corners.len(), triangles.len());
+        if triangle_count > TRIANGLES_MAX {
+            return Err(format!(
+                "it must have at most {TRIANGLES_MAX} triangles, got {triangle_count}: simplify it first"
+            ));
         }
-        if triangles.len() > TRIANGLES_MAX {
-            return Err(MeshError::TooMany(triangles.len()));
-        }
-        let mut numbers: BTreeMap<[u64; 3], u32> = BTreeMap::new();
-        let mut corners_m = Vec::new();
-        let mut number_of = Vec::with_capacity(corners.len());
-        for (place, corner) in corners.iter().enumerate() {
-            let metres = corner.map(|x| x * scale_m + 0.0); // −0 is 0
-            if let Some(x) = metres.into_iter().find(|x| !x.is_finite()) {
-                return Err(MeshError::NotANumber(place, x));
+        let all_m: Vec<DVec3> = corners.iter().map(|c| DVec3::from_array(*c) * scale_m + DVec3::ZERO).collect(); // −0 is 0
+        // The first corner at a position stands for all that are there.
+        let mut first_at: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+        let mut first_of = Vec::with_capacity(count);
+        for (place, corner_m) in (0..).zip(&all_m) {
+            if let Some(x) = corner_m.to_array().into_iter().find(|x| !x.is_finite()) {
+                return Err(format!("its coordinates must be numbers, got {x} at corner {place}"));
             }
-            number_of.push(*numbers.entry(metres.map(f64::to_bits)).or_insert_with(|| {
-                corners_m.push(metres);
-                corners_m.len() as u32 - 1
-            }));
+            first_of.push(*first_at.entry(corner_m.to_array().map(f64::to_bits)).or_insert(place));
         }
-        let mut joined = Vec::with_capacity(triangles.len());
+        let mut joined = Vec::with_capacity(triangle_count);
         for (place, triangle) in triangles.iter().enumerate() {
-            if let Some(corner) = triangle.iter().copied().find(|i| *i as usize >= number_of.len()) {
-                return Err(MeshError::NoSuchCorner { triangle: place, corner, count: number_of.len() });
+            if let Some(corner) = triangle.iter().find(|i| **i as usize >= count) {
+                return Err(format!("triangle {place} names corner {corner}, and there are {count}"));
             }
-            joined.push(triangle.map(|i| number_of[i as usize]));
+            joined.push(triangle.map(|i| first_of[i as usize]));
         }
-        let is_flat = |[a, b, c]: &[u32; 3]| a == b || b == c || a == c;
-        let mut triangles: Vec<[u32; 3]> = joined.iter().copied().filter(|t| !is_flat(t)).collect();
-        let degenerate_count = joined.len() - triangles.len();
-        let corners_m = used_alone(&corners_m, &mut triangles);
-        if triangles.is_empty() { Err(MeshError::Empty) } else { Ok(Self { corners_m, triangles, degenerate_count }) }
-    }
-
-    /// The corners, in metres.
-    #[must_use]
-    pub fn corners_m(&self) -> &[[f64; 3]] {
-        &self.corners_m
-    }
-
-    /// The triangles as corner indices.
-    #[must_use]
-    pub fn triangles(&self) -> &[[u32; 3]] {
-        &self.triangles
-    }
-
-    /// Number of the file's triangles with two equal corners; they are dropped.
-    #[must_use]
-    pub fn degenerate_count(&self) -> usize {
-        self.degenerate_count
-    }
-
-    /// The lower and the upper corner of the bounding box of all triangles, in metres.
-    #[must_use]
-    pub fn bounds_m(&self) -> [[f64; 3]; 2] {
-        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for corner in self.triangles.iter().flatten().map(|i| self.corners_m[*i as usize]) {
-            for (axis, x) in corner.into_iter().enumerate() {
-                bounds[0][axis] = bounds[0][axis].min(x);
-                bounds[1][axis] = bounds[1][axis].max(x);
-            }
+        joined.retain(|[a, b, c]| a != b && b != c && a != c);
+        if joined.is_empty() {
+            return Err("it has no triangles".to_owned());
         }
-        bounds
+        // Corners of a scan that belong to no triangle are dropped.
+        let mut used = joined.as_flattened().to_vec();
+        used.sort_unstable();
+        used.dedup();
+        let number = |place: u32| used.partition_point(|other| *other < place) as u32;
+        Ok(Self {
+            corners_m: used.iter().map(|place| all_m[*place as usize]).collect(),
+            degenerate_count: triangle_count - joined.len(),
+            triangles: joined.into_iter().map(|triangle| triangle.map(number)).collect(),
+        })
+    }
+
+    /// The lower and the upper corner of the bounding box, in metres.
+    pub(crate) fn bounds_m(&self) -> [DVec3; 2] {
+        let corners_m = || self.corners_m.iter().copied();
+        [corners_m().fold(DVec3::INFINITY, DVec3::min), corners_m().fold(DVec3::NEG_INFINITY, DVec3::max)]
     }
 
     /// Every triangle's corners about a point, in metres.
-    pub fn triangles_about(&self, origin_m: [f64; 3]) -> impl Iterator<Item = [[f64; 3]; 3]> + '_ {
-        let about = move |i: u32| core::array::from_fn(|axis| self.corners_m[i as usize][axis] - origin_m[axis]);
-        self.triangles.iter().map(move |triangle| triangle.map(about))
+    pub(crate) fn triangles_about(&self, origin_m: DVec3) -> impl Iterator<Item = [DVec3; 3]> {
+        self.triangles.iter().map(move |triangle| triangle.map(|i| self.corners_m[i as usize] - origin_m))
     }
 
     /// The corners about a point in single precision, in metres.
-    #[must_use]
-    pub fn corners_about(&self, origin_m: [f64; 3]) -> Vec<Vec3> {
-        let about = |c: &[f64; 3]| Vec3::from_array(core::array::from_fn(|axis| (c[axis] - origin_m[axis]) as f32));
-        self.corners_m.iter().map(about).collect()
+    pub(crate) fn corners_about(&self, origin_m: DVec3) -> Vec<Vec3> {
+        self.corners_m.iter().map(|corner_m| (*corner_m - origin_m).as_vec3()).collect()
     }
 
     /// The same surface with reversed orientation.
-    #[must_use]
-    pub fn turned_inside_out(mut self) -> Self {
+    pub(crate) fn turned_inside_out(mut self) -> Self {
         self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         self
     }
 
     /// How the triangles meet at their edges.
-    #[must_use]
-    pub fn seams(&self) -> Seams {
+    pub(crate) fn seams(&self) -> Seams {
         // For every edge, the number of triangles that traverse it in ascending and descending order of indices.
         let mut edges: BTreeMap<[u32; 2], [u32; 2]> = BTreeMap::new();
         for [a, b, c] in &self.triangles {
@@ -161,20 +116,6 @@ impl Mesh {
         let twisted_edges = edges.values().filter(|[up, down]| up + down == 2 && up != down).count();
         Seams { open_edges, twisted_edges }
     }
-}
-
-/// The corners that belong to a triangle, in order; unused corners of a scan are dropped.
-fn used_alone(corners_m: &[[f64; 3]], triangles: &mut [[u32; 3]]) -> Vec<[f64; 3]> {
-    let mut used = vec![false; corners_m.len()];
-    triangles.iter().flatten().for_each(|corner| used[*corner as usize] = true);
-    let mut next = 0;
-    let mut number = |used: &bool| {
-        next += u32::from(*used);
-        next.saturating_sub(1) // index of the last kept corner; never read for an unused corner
-    };
-    let numbers: Vec<u32> = used.iter().map(&mut number).collect();
-    triangles.iter_mut().flatten().for_each(|corner| *corner = numbers[*corner as usize]);
-    corners_m.iter().zip(&used).filter(|(_, used)| **used).map(|(corner, _)| *corner).collect()
 }
 
 #[cfg(test)]
@@ -197,7 +138,8 @@ pub(crate) mod tests {
         triangles.iter_mut().flatten().for_each(|corner| *corner += u32::from(*corner >= 3));
         let mesh = Mesh::new(&corners, &triangles, 1.0).unwrap();
         let (corners, triangles) = closed_box([1.0, 2.0, 3.0]);
-        assert_eq!((mesh.corners_m(), mesh.triangles()), (&corners[..], &triangles[..]));
+        let corners: Vec<DVec3> = corners.into_iter().map(DVec3::from_array).collect();
+        assert_eq!((mesh.corners_m, mesh.triangles), (corners, triangles));
     }
 
     #[test]
@@ -218,23 +160,24 @@ pub(crate) mod tests {
         let soup: Vec<[f64; 3]> = triangles.iter().flatten().map(|i| corners[*i as usize]).collect();
         let numbers: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         let mesh = Mesh::new(&soup, &numbers, 0.001).unwrap();
-        assert_eq!(mesh.corners_m().len(), 8);
+        assert_eq!(mesh.corners_m.len(), 8);
         assert!(mesh.seams().is_watertight());
-        assert_eq!(mesh.bounds_m(), [[0.0; 3], [0.001; 3]]);
+        assert_eq!(mesh.bounds_m(), [DVec3::ZERO, DVec3::splat(0.001)]);
     }
 
     #[test]
     fn what_is_no_mesh_is_refused() {
         let (mut corners, mut triangles) = closed_box([1.0, 1.0, 1.0]);
-        assert_eq!(Mesh::new(&corners, &[], 1.0), Err(MeshError::Empty));
-        assert_eq!(Mesh::new(&corners, &[[0, 0, 1]], 1.0), Err(MeshError::Empty), "no triangle has an area");
+        assert_eq!(Mesh::new(&corners, &[], 1.0).unwrap_err(), "it has no triangles");
+        assert_eq!(Mesh::new(&corners, &[[0, 0, 1]], 1.0).unwrap_err(), "it has no triangles", "none has an area");
         triangles[4] = [0, 1, 8];
         let error = Mesh::new(&corners, &triangles, 1.0).unwrap_err();
-        assert_eq!(error.to_string(), "triangle 4 names corner 8, and there are 8");
+        assert_eq!(error, "triangle 4 names corner 8, and there are 8");
         corners[5][1] = f64::NAN;
         let error = Mesh::new(&corners, &triangles, 1.0).unwrap_err();
-        assert_eq!(error.to_string(), "its coordinates must be numbers, got NaN at corner 5");
+        assert_eq!(error, "its coordinates must be numbers, got NaN at corner 5");
         let many = vec![[0, 1, 2]; TRIANGLES_MAX + 1];
-        assert_eq!(Mesh::new(&corners, &many, 1.0), Err(MeshError::TooMany(TRIANGLES_MAX + 1)));
+        let error = Mesh::new(&corners, &many, 1.0).unwrap_err();
+        assert_eq!(error, "it must have at most 1000000 triangles, got 1000001: simplify it first");
     }
 }

@@ -3,12 +3,14 @@
 //! Polygons are split as fans. Colours, normals, textures and materials are ignored.
 
 use std::io::{BufReader, Cursor};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{PropertyAccess, PropertyAccessResult};
 
-use crate::mesh::{Mesh, MeshError, TRIANGLES_MAX};
+use program::{Exit, ExitCode};
+
+use crate::mesh::{Mesh, TRIANGLES_MAX};
 
 /// Supported file extensions, in lower case.
 pub(crate) const ENDINGS: [&str; 3] = ["obj", "stl", "ply"];
@@ -16,49 +18,31 @@ pub(crate) const ENDINGS: [&str; 3] = ["obj", "stl", "ply"];
 /// Maximum file size.
 const BYTES_MAX: u64 = 1 << 30;
 
-/// Why a file gives no mesh.
+/// Why meshes are refused.
 #[derive(Debug, thiserror::Error)]
-pub enum MeshFileError {
-    /// It cannot be read.
-    #[error("failed to read it: {source}: {}", .path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The extension is not supported.
-    #[error("its name must end with .{}: {}", ENDINGS.join(", ."), .0.display())]
-    Ending(PathBuf),
-    /// It is too large.
-    #[error("it must have at most {BYTES_MAX} bytes, got {bytes}: {}", .path.display())]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Its size.
-        bytes: u64,
-    },
-    /// The file is damaged, or not of this kind.
-    #[error("not a whole {kind} file: {message}: {}", .path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What it should be.
-        kind: &'static str,
-        /// What is wrong.
-        message: String,
-    },
-    /// The content is not a mesh.
-    #[error("{source}: {}", .path.display())]
-    Mesh {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: MeshError,
-    },
+#[error("{message}")]
+pub struct ImportError {
+    pub(crate) message: String,
+    /// Whether a file is damaged; otherwise files cannot be read or used.
+    pub(crate) is_damaged: bool,
 }
 
-/// Corners in the file's units, and triangles as corner indices.
+impl ImportError {
+    pub(crate) fn unusable(message: impl Into<String>) -> Self {
+        Self { message: message.into(), is_damaged: false }
+    }
+
+    pub(crate) fn damaged(message: &str, file: &Path) -> Self {
+        Self { message: format!("{message}: {}", file.display()), is_damaged: true }
+    }
+}
+
+impl Exit for ImportError {
+    fn exit_code(&self) -> ExitCode {
+        if self.is_damaged { ExitCode::Data } else { ExitCode::Config }
+    }
+}
+
 type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 /// The reader of a kind of file.
@@ -67,23 +51,27 @@ type Read = fn(&[u8]) -> Result<Parts, String>;
 /// Reads a mesh; one unit of the file is `scale_m` metres.
 ///
 /// # Errors
-/// [`MeshFileError`].
-pub fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, MeshFileError> {
-    let unread = |source| MeshFileError::Read { path: path.to_owned(), source };
+/// [`ImportError`].
+pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, ImportError> {
+    let shown = path.display();
+    let unread = |source| ImportError::unusable(format!("failed to read it: {source}: {shown}"));
     let bytes = std::fs::metadata(path).map_err(unread)?.len();
     if bytes > BYTES_MAX {
-        return Err(MeshFileError::TooLarge { path: path.to_owned(), bytes });
+        return Err(ImportError::unusable(format!("it must have at most {BYTES_MAX} bytes, got {bytes}: {shown}")));
     }
     let (kind, read): (_, Read) = match ending(path).as_deref() {
         Some("obj") => ("OBJ", obj),
         Some("stl") => ("STL", stl),
         Some("ply") => ("PLY", ply),
-        _ => return Err(MeshFileError::Ending(path.to_owned())),
+        _ => {
+            let endings = ENDINGS.join(", .");
+            return Err(ImportError::unusable(format!("its name must end with .{endings}: {shown}")));
+        }
     };
-    let bytes = std::fs::read(path).map_err(unread)?;
-    let (corners, triangles) =
-        read(&bytes).map_err(|message| MeshFileError::Damaged { path: path.to_owned(), kind, message })?;
-    Mesh::new(&corners, &triangles, scale_m).map_err(|source| MeshFileError::Mesh { path: path.to_owned(), source })
+    let damaged = |message: String| ImportError::damaged(&message, path);
+    let (corners, triangles) = read(&std::fs::read(path).map_err(unread)?)
+        .map_err(|message| damaged(format!("not a whole {kind} file: {message}")))?;
+    Mesh::new(&corners, &triangles, scale_m).map_err(damaged)
 }
 
 /// The extension of a file's name in lower case.
@@ -276,11 +264,11 @@ mod tests {
     }
 
     fn assert_is_the_box(mesh: &Mesh) {
-        assert_eq!(mesh.corners_m().len(), 8);
-        assert_eq!(mesh.triangles().len(), 12);
+        assert_eq!(mesh.corners_m.len(), 8);
+        assert_eq!(mesh.triangles.len(), 12);
         assert!(mesh.seams().is_watertight());
         let [low, high] = mesh.bounds_m();
-        let extents: [f64; 3] = core::array::from_fn(|axis| high[axis] - low[axis]);
+        let extents = (high - low).to_array();
         assert!(extents.iter().zip(SIZE).all(|(got, size)| (got - 0.1 * size).abs() < 1e-12), "{extents:?}");
     }
 
@@ -389,6 +377,6 @@ mod tests {
         let far = ply_text(8).replace("3 0 2 3", "3 0 2 99");
         assert!(of("a.ply", &far).contains("triangle 0 names corner 99"), "{}", of("a.ply", &far));
         let missing = read_mesh(Path::new("nowhere.obj"), 1.0).unwrap_err();
-        assert!(matches!(missing, MeshFileError::Read { .. }));
+        assert!(missing.to_string().contains("failed to read it") && !missing.is_damaged, "{missing}");
     }
 }

@@ -21,22 +21,38 @@ impl Models {
     /// All objects of a catalogue, or what is wrong with the file or with its objects, one message each.
     fn read_catalogue(name: &str, folder: &Path) -> Result<Self, Vec<String>> {
         let path = (name != EVERYDAY).then(|| folder.join(name));
-        let catalogue = Catalogue::read(path.as_deref()).map_err(|e| vec![e.to_string()])?;
-        let models: Vec<_> =
-            catalogue.objects().iter().map(|thing| thing.body.to_model(thing.mass_kg, thing.friction)).collect();
-        let mut problems: Vec<String> =
-            models.iter().filter_map(|model| model.as_ref().err()?.to_string().into()).collect();
-        let stored: Vec<Arc<Model>> = models.into_iter().flatten().map(Arc::new).collect();
-        problems.extend(stored.iter().flat_map(|model| model.problems()));
-        if stored.len() > MODELS_MAX {
-            problems.push(format!("objects.catalogue must have at most {MODELS_MAX} objects, got {}", stored.len()));
+        let models = Self::of(&Catalogue::read(path.as_deref()).map_err(|e| vec![e])?)?;
+        if models.stored.len() > MODELS_MAX {
+            let got = models.stored.len();
+            return Err(vec![format!("objects.catalogue must have at most {MODELS_MAX} objects, got {got}")]);
         }
-        if stored.is_empty() && problems.is_empty() {
-            problems.push(format!("objects.catalogue must have at least one object: {name}"));
+        if models.is_empty() {
+            return Err(vec![format!("objects.catalogue must have at least one object: {name}")]);
+        }
+        Ok(models)
+    }
+
+    /// A catalogue's objects as a dataset stores them.
+    ///
+    /// # Errors
+    /// What a dataset cannot store.
+    pub(crate) fn of(catalogue: &Catalogue) -> Result<Self, Vec<String>> {
+        let (mut stored, mut problems) = (Vec::new(), Vec::new());
+        for thing in catalogue.objects() {
+            match thing.body.to_model(thing.mass_kg, thing.friction) {
+                Ok(model) => {
+                    problems.extend(model.problems());
+                    stored.push(Arc::new(model));
+                }
+                Err(error) => problems.push(error.to_string()),
+            }
+        }
+        if !problems.is_empty() {
+            return Err(problems);
         }
         // The physics uses the stored shapes, now and when attempts are repeated.
         let bodies = bodies_of(&stored).map_err(|e| vec![e.to_string()])?;
-        if problems.is_empty() { Ok(Self { stored, bodies }) } else { Err(problems) }
+        Ok(Self { stored, bodies })
     }
 
     /// Whether objects are primitives.

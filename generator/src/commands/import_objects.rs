@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, Weight, import_objects, mesh_files};
+use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, import_objects, mesh_files};
 use program::text::{grouped, percent};
 use program::{Context, ExitCode, Failure, json, print, write};
 use simulator::PartsParams;
@@ -75,17 +75,21 @@ fn positive(text: &str) -> Result<f64, String> {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let Config { gripper, grid, .. } = Config::load(arguments.config.as_deref(), Overrides::default())?;
-    let weight = match (arguments.mass, arguments.density) {
-        (Some(mass_kg), _) => Weight::Mass(mass_kg),
-        (None, density) => Weight::Density(density.unwrap_or(DENSITY_KG_M3)),
-    };
     let parts = PartsParams {
         parts_max: arguments.hulls_max.into(),
         corners_max: arguments.corners_max.into(),
         resolution: arguments.voxels,
         concavity: 0.002,
     };
-    let params = ImportParams { scale_m: arguments.scale, weight, friction: arguments.friction, parts, gripper, grid };
+    let params = ImportParams {
+        scale_m: arguments.scale,
+        density_kg_m3: arguments.density.unwrap_or(DENSITY_KG_M3),
+        mass_kg: arguments.mass,
+        friction: arguments.friction,
+        parts,
+        gripper,
+        grid,
+    };
     check_target(&arguments.out)?;
     let imported = import_objects(&mesh_files(&arguments.meshes)?, &params)?;
     write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;
