@@ -1,8 +1,8 @@
 //! The start of a round: objects are drawn, released and come to rest.
 
-use generator::draw_drops;
-use schema::{Polyhedron, Pose, Purpose, Stream, Vec3};
-use simulator::{ReleasedObject, Scene, SceneObject, Settled, Unsettled, settle, settle_again};
+use generator::{draw_drops, draw_release};
+use schema::{Polyhedron, Purpose, Stream, Vec3};
+use simulator::{Scene, SceneObject, Settled, Unsettled, settle, settle_again};
 
 use crate::catalogue::CatalogueObject;
 use crate::config::{Config, Objects};
@@ -52,23 +52,17 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
         Objects::Things(groups) => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
             let (_, things) = &groups[scene_id as usize % groups.len()];
-            let mut drops: Vec<ReleasedObject> =
-                things.iter().map(|thing| release(config, thing, &mut stream)).collect();
+            let release = |thing: &CatalogueObject| SceneObject {
+                body: thing.body.clone(),
+                mass_kg: thing.mass_kg,
+                friction: thing.friction,
+                workspace_from_object: draw_release(objects, grid, thing.body.bounding_radius_m(), &mut stream),
+            };
+            let mut drops: Vec<SceneObject> = things.iter().map(release).collect();
             shuffle(&mut drops, &mut stream);
             settle(physics, params, grid, &drops)
         }
     }
-}
-
-/// A pose over the centre of the workspace in a uniform orientation.
-fn release(config: &Config, thing: &CatalogueObject, stream: &mut Stream) -> ReleasedObject {
-    let (grid, drop_height_m) = (&config.scene.grid, config.scene.objects.drop_height_m);
-    let middle = 0.5 * grid.size_m;
-    let reach = (middle - thing.body.bounding_radius_m()).max(0.0);
-    let aside = Vec3::new(stream.uniform(-reach, reach), stream.uniform(-reach, reach), 0.0);
-    let at = Vec3::new(middle, middle, grid.table_z_m + drop_height_m) + aside;
-    let workspace_from_object = Pose::from_parts(at, stream.rotation());
-    ReleasedObject { body: thing.body.clone(), mass_kg: thing.mass_kg, friction: thing.friction, workspace_from_object }
 }
 
 /// A uniform random order (Fisher and Yates).

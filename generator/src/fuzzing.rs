@@ -37,7 +37,7 @@ pub fn config(data: &[u8]) -> Result<(), String> {
 /// An info, and of its laws, whose numbers may change in their last digit when they are read, what [`crate::repeat`]
 /// takes from them.
 fn as_used(info: DatasetInfo) -> (DatasetInfo, Result<Physics, String>) {
-    let physics = physics_of(&info.config);
+    let physics = physics_of(&info.config).map_err(|e| e.to_string());
     (DatasetInfo { config: serde_json::Value::Null, ..info }, physics)
 }
 

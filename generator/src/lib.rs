@@ -30,11 +30,12 @@ pub use bench::{Agreement, BenchReport, BenchSize, OutcomeCost, RunCost, StageCo
 pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ObjectParams, Overrides, Sampler};
-pub use depth_images::{DepthImagesError, Views, write_depth_images};
+pub use depth_images::{Views, write_depth_images};
 pub use import::{ImportParams, Imported, ImportedObject, import_objects, mesh_files};
+pub use laws::DatasetError;
 pub use mesh_file::ImportError;
 pub use models::Models;
-pub use objects::draw_drops;
-pub use repeat::{Difference, RepeatError, Repeated, repeat};
+pub use objects::{draw_drops, draw_release};
+pub use repeat::{Difference, Repeated, repeat};
 pub use replay::{AttemptId, Replay, replay};
 pub use run::{Event, GenerateError, LOOK_SHARDS_MAX, Report, attempts_of, generate};

@@ -1,45 +1,38 @@
 //! Draws the objects of a scene and their release poses (paper 2.3: random models, "arbitrarily scaled and rotated").
 
 use schema::{Grid, Pose, Purpose, ShapeKind, Solid, Stream, Vec3};
-use simulator::ReleasedObject;
+use simulator::{Body, SceneObject};
 
 use crate::config::ObjectParams;
 
 /// Draws the objects of a scene and the pose at which each is released. `attempt` counts the tries at this scene, from
 /// 0.
 #[must_use]
-pub fn draw_drops(params: &ObjectParams, grid: &Grid, seed: u64, scene_id: u64, attempt: u32) -> Vec<ReleasedObject> {
+pub fn draw_drops(params: &ObjectParams, grid: &Grid, seed: u64, scene_id: u64, attempt: u32) -> Vec<SceneObject> {
     let mut objects = Stream::new(seed, scene_id, Purpose::Objects, attempt);
     let mut drops = Stream::new(seed, scene_id, Purpose::Drops, attempt);
     let count = draw_count(params, &mut objects);
     (0..count)
         .map(|_| {
-            if !params.catalogue.is_empty() {
-                return draw_model(params, grid, &mut objects, &mut drops);
-            }
-            let solid = draw_solid(params, &mut objects);
-            let density_kg_m3 = objects.uniform(params.density_kg_m3[0], params.density_kg_m3[1]);
-            ReleasedObject {
-                body: solid.into(),
-                mass_kg: density_kg_m3 * solid.volume_m3(),
-                friction: objects.uniform(params.friction[0], params.friction[1]),
-                workspace_from_object: draw_release(params, grid, solid.bounding_radius_m(), &mut drops),
-            }
+            let (body, mass_kg, friction) = draw_body(params, &mut objects);
+            let workspace_from_object = draw_release(params, grid, body.bounding_radius_m(), &mut drops);
+            SceneObject { body, mass_kg, friction, workspace_from_object }
         })
         .collect()
 }
 
-/// A uniformly drawn object of the catalogue, with its own size, mass and friction.
-fn draw_model(params: &ObjectParams, grid: &Grid, objects: &mut Stream, drops: &mut Stream) -> ReleasedObject {
+/// A body, its mass and its friction: a primitive, or a uniformly drawn object of the catalogue.
+fn draw_body(params: &ObjectParams, stream: &mut Stream) -> (Body, f32, f32) {
     let models = &params.catalogue;
-    let number = objects.index(models.bodies().len());
-    let (body, model) = (&models.bodies()[number], &models.stored()[number]);
-    ReleasedObject {
-        body: body.clone(),
-        mass_kg: model.mass_kg,
-        friction: model.friction,
-        workspace_from_object: draw_release(params, grid, body.bounding_radius_m(), drops),
+    if models.is_empty() {
+        let solid = draw_solid(params, stream);
+        let density_kg_m3 = stream.uniform(params.density_kg_m3[0], params.density_kg_m3[1]);
+        let friction = stream.uniform(params.friction[0], params.friction[1]);
+        return (solid.into(), density_kg_m3 * solid.volume_m3(), friction);
     }
+    let number = stream.index(models.bodies().len());
+    let model = &models.stored()[number];
+    (models.bodies()[number].clone(), model.mass_kg, model.friction)
 }
 
 fn draw_count(params: &ObjectParams, stream: &mut Stream) -> usize {
@@ -68,7 +61,8 @@ fn draw_solid(params: &ObjectParams, stream: &mut Stream) -> Solid {
 
 /// A uniform position over the workspace at which the object's bounding ball clears the walls, in a uniform
 /// orientation.
-fn draw_release(params: &ObjectParams, grid: &Grid, radius_m: f32, stream: &mut Stream) -> Pose {
+#[must_use]
+pub fn draw_release(params: &ObjectParams, grid: &Grid, radius_m: f32, stream: &mut Stream) -> Pose {
     let middle = 0.5 * grid.size_m;
     let reach = (middle - radius_m).max(0.0);
     let at = Vec3::new(

@@ -1,6 +1,6 @@
 //! Records an attempt for display: poses at up to sixty frames per second, events, and contacts.
 
-use report::view::{Class, Event, EventKind, Frame, Points, flat_points};
+use report::view::{Class, Event, EventKind, Frame, Points, View, flat_points};
 use schema::{Gripper, Outcome, Pose, Vec3};
 use simulator::{AttemptEvent, Contact, Execution, Moment, Phase, Toucher, Watcher};
 
@@ -12,7 +12,6 @@ const APPROACH_TIME_S: f32 = 0.6;
 /// All poses in one frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Shot {
-    pub(crate) time_s: f32,
     pub(crate) objects: Vec<Pose>,
     /// Poses of the boxes of the open hand.
     pub(crate) hand: [Pose; 3],
@@ -26,9 +25,10 @@ pub(crate) struct Recorder<'a> {
     target: usize,
     /// The scene at rest.
     at_rest: Vec<Pose>,
+    /// Frames, events and contacts.
+    pub(crate) view: View,
+    /// The poses in each frame.
     pub(crate) shots: Vec<Shot>,
-    pub(crate) events: Vec<Event>,
-    pub(crate) contacts: Vec<Points>,
     phase: Option<Phase>,
     /// Time at which the open hand was at the grasp, and the step of the last frame since then.
     grasp_time_s: f32,
@@ -49,17 +49,12 @@ impl<'a> Recorder<'a> {
             workspace_from_grasp,
             target,
             at_rest,
+            view: View::new(String::new()),
             shots: Vec::new(),
-            events: Vec::new(),
-            contacts: Vec::new(),
             phase: None,
             grasp_time_s: 0.0,
             shot_steps: None,
         }
-    }
-
-    pub(crate) fn frames(&self) -> Vec<Frame> {
-        self.shots.iter().map(|shot| Frame { time_s: shot.time_s }).collect()
     }
 
     /// Adds frames of the open hand moving `travel_m` from the pre-grasp, which is `distance_m` back.
@@ -76,7 +71,7 @@ impl<'a> Recorder<'a> {
             let pose = self.workspace_from_grasp * Pose::from_translation(Vec3::Z * (gone_m - distance_m));
             self.still(frame as f32 / FRAME_RATE_HZ, [pose; 3]);
         }
-        self.grasp_time_s = self.shots.last().map_or(0.0, |shot| shot.time_s);
+        self.grasp_time_s = self.view.frames.last().map_or(0.0, |frame| frame.time_s);
     }
 
     /// Adds frames of free fingers closing for some steps, which are not simulated.
@@ -95,21 +90,27 @@ impl<'a> Recorder<'a> {
     }
 
     fn still(&mut self, time_s: f32, hand: [Pose; 3]) {
-        self.shots.push(Shot { time_s, objects: self.at_rest.clone(), hand });
+        self.add(time_s, Shot { objects: self.at_rest.clone(), hand });
+    }
+
+    fn add(&mut self, time_s: f32, shot: Shot) {
+        self.view.frames.push(Frame { time_s });
+        self.shots.push(shot);
     }
 
     /// Adds a frame, unless the last frame was of the same step.
     fn shoot(&mut self, moment: &Moment<'_>) {
-        if self.shot_steps == Some(moment.steps()) {
+        if self.shot_steps == Some(moment.steps) {
             return;
         }
-        self.shot_steps = Some(moment.steps());
-        let time_s = self.grasp_time_s + moment.steps() as f32 / self.step_rate_hz;
-        self.shots.push(Shot { time_s, objects: moment.objects(), hand: moment.hand() });
+        self.shot_steps = Some(moment.steps);
+        let time_s = self.grasp_time_s + moment.steps as f32 / self.step_rate_hz;
+        self.add(time_s, Shot { objects: moment.objects(), hand: moment.hand() });
         let frame = self.shots.len() - 1;
         let mut contacts: Vec<Contact> = moment.contacts();
-        contacts.retain(|contact| contact.between.iter().any(|t| self.is_of_interest(*t)));
-        self.contacts.extend(contacts.into_iter().map(|contact| Points {
+        let is_shown = |c: &Contact| !c.points_m.is_empty() && c.between.iter().any(|t| self.is_of_interest(*t));
+        contacts.retain(is_shown);
+        self.view.points.extend(contacts.into_iter().map(|contact| Points {
             class: Class::Contact,
             label: told(&contact),
             points_m: flat_points(contact.points_m),
@@ -128,7 +129,7 @@ impl<'a> Recorder<'a> {
     /// Adds an event at the time of the last frame, or before the first.
     pub(crate) fn happens(&mut self, kind: EventKind, text: impl Into<String>) {
         let frame = self.shots.len().saturating_sub(1);
-        self.events.push(Event { frame, kind, text: text.into() });
+        self.view.events.push(Event { frame, kind, text: text.into() });
     }
 
     fn begin(&mut self, phase: Phase) {
@@ -149,8 +150,8 @@ impl<'a> Recorder<'a> {
 
 impl Watcher for Recorder<'_> {
     fn step(&mut self, moment: &Moment<'_>) {
-        self.begin(moment.phase());
-        if moment.steps().is_multiple_of(self.stride()) {
+        self.begin(moment.phase);
+        if moment.steps.is_multiple_of(self.stride()) {
             self.shoot(moment);
         }
     }

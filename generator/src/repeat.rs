@@ -1,12 +1,11 @@
 //! Executes a dataset's attempts again and compares the results with the stored rows.
 
-use program::{Exit, ExitCode};
 use rayon::prelude::*;
-use schema::{AttemptRecord, Outcome};
-use shards::{Dataset, ReadError};
-use simulator::{AttemptWorld, Body, Execution, ModelError, Physics, Scene, bodies_of};
+use schema::{AttemptRecord, ObjectRecord, Outcome};
+use shards::Dataset;
+use simulator::{AttemptWorld, Body, Execution, Physics, Scene, bodies_of};
 
-use crate::laws::physics_of;
+use crate::laws::{DatasetError, physics_of};
 
 /// The result of the comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -30,43 +29,12 @@ pub struct Difference {
     pub now: Outcome,
 }
 
-/// Why attempts could not be executed again.
-#[derive(Debug, thiserror::Error)]
-pub enum RepeatError {
-    /// The dataset cannot be read.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// The dataset does not say how the engine was run.
-    #[error("meta/info.json has no engine settings that this program knows: {0}")]
-    Physics(String),
-    /// The target of an attempt is not in its scene.
-    #[error("attempt {attempt_id} of scene {scene_id} has a target that is not among the scene's objects")]
-    NoTarget {
-        /// The scene.
-        scene_id: u64,
-        /// The attempt.
-        attempt_id: u32,
-    },
-    /// A model of the dataset is no body.
-    #[error("meta/info.json: {0}")]
-    Model(#[from] ModelError),
-}
-
-impl Exit for RepeatError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Read(error) => error.exit_code(),
-            Self::Physics(_) | Self::Model(_) | Self::NoTarget { .. } => ExitCode::Data,
-        }
-    }
-}
-
 /// Executes the attempts of the first `scene_count` scenes again, using only their rows.
 ///
 /// # Errors
-/// [`RepeatError`] if the dataset cannot be read or was not made by this engine.
-pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, RepeatError> {
-    let physics = physics_of(&dataset.info().config).map_err(RepeatError::Physics)?;
+/// [`DatasetError`] if the dataset cannot be read or was not made by this engine.
+pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, DatasetError> {
+    let physics = physics_of(&dataset.info().config)?;
     let bodies = bodies_of(&dataset.info().models)?;
     let mut repeated = Repeated { attempts: 0, different: Vec::new() };
     for shard in 0..dataset.shard_count() {
@@ -77,11 +45,11 @@ pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, RepeatErr
         }
         let (objects, attempts) = (dataset.read_objects(shard)?, dataset.read_attempts(shard)?);
         // The tables were checked one by one; references between them are checked here.
-        let lacks_target = |row: &schema::AttemptRecord| {
+        let lacks_target = |row: &AttemptRecord| {
             row.object_id as usize >= objects[range_of(&objects, row.scene_id, |object| object.scene_id)].len()
         };
         if let Some(row) = attempts.iter().find(|row| lacks_target(row)) {
-            return Err(RepeatError::NoTarget { scene_id: row.scene_id, attempt_id: row.attempt_id });
+            return Err(DatasetError::NoTarget { scene_id: row.scene_id, attempt_id: row.attempt_id });
         }
         let found: Vec<Repeated> = ids
             .into_par_iter()
@@ -107,13 +75,13 @@ fn range_of<T>(rows: &[T], scene_id: u64, of: impl Fn(&T) -> u64) -> std::ops::R
 fn repeat_scene(
     dataset: &Dataset,
     (physics, bodies): (&Physics, &[Body]),
-    objects: &[schema::ObjectRecord],
-    attempts: &[schema::AttemptRecord],
+    objects: &[ObjectRecord],
+    attempts: &[AttemptRecord],
 ) -> Repeated {
     let info = dataset.info();
     let scene = Scene::from_records(info.grid.table_z_m, objects, bodies);
     let world = AttemptWorld::new(physics, &info.gripper, &info.procedure, &scene);
-    let again = |row: &schema::AttemptRecord| {
+    let again = |row: &AttemptRecord| {
         let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);
         let is_same = is_as_stored(row, &now);
         let (scene_id, attempt_id) = (row.scene_id, row.attempt_id);

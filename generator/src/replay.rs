@@ -6,11 +6,11 @@ use std::str::FromStr;
 use report::view::{Body, Class, EventKind, Line, Points, View, flat, flat_points};
 use schema::{AttemptRecord, HandBox, Outcome, Pose, SceneRows};
 use shards::{Dataset, DatasetInfo, ReadError, object_bodies};
-use simulator::{AttemptWorld, Execution, Obstruction, Scene, bodies_of};
+use simulator::{AttemptWorld, Execution, Obstruction, Physics, Scene, bodies_of};
 
-use crate::laws::physics_of;
-use crate::recorder::{Recorder, ended, outcome_told};
-use crate::repeat::{RepeatError, is_as_stored};
+use crate::laws::{DatasetError, physics_of};
+use crate::recorder::{Recorder, Shot, ended, outcome_told};
+use crate::repeat::is_as_stored;
 
 /// Names of the boxes of the hand.
 const HAND: [&str; 3] = ["left finger", "right finger", "palm"];
@@ -84,10 +84,10 @@ fn stored_told(stored: &AttemptRecord) -> String {
 /// dataset apply here, too; the recording then says so.
 ///
 /// # Errors
-/// [`RepeatError`] if the dataset cannot be read, has no such attempt, or was not made by this engine.
-pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, RepeatError> {
+/// [`DatasetError`] if the dataset cannot be read, has no such attempt, or was not made by this engine.
+pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, DatasetError> {
     let info = dataset.info();
-    let physics = physics_of(&info.config).map_err(RepeatError::Physics)?;
+    let physics = physics_of(&info.config)?;
     let rows = dataset.read_scene(id.scene_id)?;
     let limit = rows.attempts.len() as u64;
     let out_of_range = || ReadError::OutOfRange { what: "attempt", limit, got: u64::from(id.attempt_id) };
@@ -106,10 +106,11 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, RepeatError> {
     }
     let now = world.execute_watched(&grasp, target, &mut recorder);
 
-    let mut view = View::new(format!("Scene {}, attempt {}: {}", id.scene_id, id.attempt_id, ended(&now)));
+    let Recorder { mut view, shots, .. } = recorder;
+    view.title = format!("Scene {}, attempt {}: {}", id.scene_id, id.attempt_id, ended(&now));
     view.bodies.push(Body::table(info.grid.size_m, info.grid.table_z_m));
-    view.bodies.extend(objects(&rows, &stored, &now, &recorder));
-    view.bodies.extend(hand(info, &recorder));
+    view.bodies.extend(objects(&rows, &stored, &now, &shots));
+    view.bodies.extend(hand(info, &shots));
     if let Some(obstruction) = &obstruction {
         view.bodies.extend(swept(info, &grasp, obstruction));
         view.points.push(Points {
@@ -120,12 +121,8 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, RepeatError> {
         });
     }
     view.lines.push(Line::workspace(info.grid.size_m));
-    let contacts = std::mem::take(&mut recorder.contacts);
-    view.points.extend(contacts.into_iter().filter(|contact| !contact.points_m.is_empty()));
-    view.frames = recorder.frames();
-    view.events = recorder.events;
-    let replay = Replay { view, stored, now };
-    Ok(with_facts(replay, dataset, physics.shortcuts, physics.step_rate_hz))
+    add_facts(&mut view, dataset.id(), &stored, &now, &physics);
+    Ok(Replay { view, stored, now })
 }
 
 fn obstruction_told(info: &DatasetInfo, obstruction: &Obstruction) -> String {
@@ -142,7 +139,7 @@ fn obstruction_told(info: &DatasetInfo, obstruction: &Obstruction) -> String {
 }
 
 /// The objects; an object that never moves has one pose.
-fn objects(rows: &SceneRows, stored: &AttemptRecord, now: &Execution, recorder: &Recorder<'_>) -> Vec<Body> {
+fn objects(rows: &SceneRows, stored: &AttemptRecord, now: &Execution, shots: &[Shot]) -> Vec<Body> {
     let pieces_of = |(id, row): (usize, &schema::ObjectRecord)| {
         let class = match now.hit.and_then(|hit| hit.object_id) {
             _ if id == stored.object_id as usize => Class::Target,
@@ -151,7 +148,7 @@ fn objects(rows: &SceneRows, stored: &AttemptRecord, now: &Execution, recorder: 
         };
         let mut pieces = object_bodies(class, row);
         for piece in &mut pieces {
-            piece.poses = recorder.shots.iter().map(|shot| flat(&shot.objects[id])).collect();
+            piece.poses = shots.iter().map(|shot| flat(&shot.objects[id])).collect();
             still(piece);
         }
         pieces
@@ -159,9 +156,9 @@ fn objects(rows: &SceneRows, stored: &AttemptRecord, now: &Execution, recorder: 
     rows.objects.iter().enumerate().flat_map(pieces_of).collect()
 }
 
-fn hand(info: &DatasetInfo, recorder: &Recorder<'_>) -> Vec<Body> {
+fn hand(info: &DatasetInfo, shots: &[Shot]) -> Vec<Body> {
     let boxed = |part: usize| {
-        let poses: Vec<Pose> = recorder.shots.iter().map(|shot| shot.hand[part]).collect();
+        let poses: Vec<Pose> = shots.iter().map(|shot| shot.hand[part]).collect();
         let mut body = Body::of_box(Class::Hand, HAND[part], &info.gripper.open_hand()[part], &poses);
         still(&mut body);
         body
@@ -193,23 +190,19 @@ fn swept(info: &DatasetInfo, workspace_from_grasp: &Pose, obstruction: &Obstruct
     boxes.iter().enumerate().map(body).collect()
 }
 
-fn with_facts(mut replay: Replay, dataset: &Dataset, has_shortcuts: bool, step_rate_hz: f32) -> Replay {
-    let (is_reproduced, stored, steps) = (replay.is_reproduced(), replay.stored.clone(), replay.now.steps);
-    let now = ended(&replay.now);
-    let view = &mut replay.view;
+fn add_facts(view: &mut View, dataset_id: &str, stored: &AttemptRecord, now: &Execution, physics: &Physics) {
     let degrees = |angle_rad: f32| format!("{:.2}°", angle_rad.to_degrees());
     let mm = |length_m: f32| format!("{:.2} mm", length_m * 1000.0);
-    view.fact("dataset", dataset.id().get(..12).unwrap_or_default());
+    view.fact("dataset", dataset_id.get(..12).unwrap_or_default());
     view.fact("target", format!("object {}", stored.object_id));
     view.fact("rule", stored.rule.name());
     view.fact("closes along", stored.closing.map_or("–", schema::Axis::name));
     view.fact("tilt, turn", format!("{}, {}", degrees(stored.tilt_rad), degrees(stored.turn_rad)));
     view.fact("depth, slide", format!("{}, {}", mm(stored.depth_m), mm(stored.slide_m)));
-    view.fact("stored", stored_told(&stored));
-    view.fact("now", now);
+    view.fact("stored", stored_told(stored));
+    view.fact("now", ended(now));
     view.fact("opening, stored", stored.width_m.map_or("–".to_owned(), |width_m| format!("{width_m:?} m")));
-    view.fact("reproduced", if is_reproduced { "yes, to the bit" } else { "NO" });
-    view.fact("steps simulated", format!("{steps}, {step_rate_hz} a second"));
-    view.fact("shortcuts", if has_shortcuts { "on, as in the dataset" } else { "off, as in the dataset" });
-    replay
+    view.fact("reproduced", if is_as_stored(stored, now) { "yes, to the bit" } else { "NO" });
+    view.fact("steps simulated", format!("{}, {} a second", now.steps, physics.step_rate_hz));
+    view.fact("shortcuts", if physics.shortcuts { "on, as in the dataset" } else { "off, as in the dataset" });
 }

@@ -81,21 +81,13 @@ pub enum GenerateError {
     /// Threads could not be started.
     #[error("failed to start threads: {0}")]
     Threads(String),
-    /// There is no such shard.
-    #[error("shard index must be below the number of shards, {shard_count}, got {index}")]
-    NoSuchShard {
-        /// What was asked for.
-        index: u32,
-        /// Shards in the dataset.
-        shard_count: u32,
-    },
 }
 
 impl Exit for GenerateError {
     fn exit_code(&self) -> ExitCode {
         match self {
             Self::Begin(error) => error.exit_code(),
-            Self::Scene(_) | Self::NoSuchShard { .. } => ExitCode::Config,
+            Self::Scene(_) => ExitCode::Config,
             Self::Threads(_) => ExitCode::TryAgain,
             Self::Write(error) => error.exit_code(),
             Self::Store(error) => error.exit_code(),
@@ -117,9 +109,6 @@ pub fn generate(
     on_event: &(dyn Fn(Event) + Sync),
 ) -> Result<Report, GenerateError> {
     let info = config.dataset_info();
-    if let Some(index) = wanted.iter().copied().find(|index| *index >= info.shard_count) {
-        return Err(GenerateError::NoSuchShard { index, shard_count: info.shard_count });
-    }
     let draft = Draft::begin(at, &info)?;
     let is_all = wanted.len() == info.shard_count as usize;
     let missing = missing_of(&draft, wanted)?;

@@ -42,7 +42,7 @@ pub use law::{Law, SLIDE_SHARE, TIP_DEPTH_M, Tilt, law_of};
 pub use model::{CORNERS_MAX, MODELS_MAX, Model, NAME_MAX, ObjectShape, PARTS_MAX, Shape};
 pub use outcome::{HitKind, Outcome};
 pub use points::samples_of;
-pub use polyhedron::{Face, HullError, Polyhedron};
+pub use polyhedron::{Face, HullError, Polyhedron, bounds_m};
 pub use pose::{Mat3, Pose, Quat, Vec3, axis_angle, pose_from_parts};
 pub use procedure::Procedure;
 pub use record::{AttemptRecord, ObjectRecord, SceneRecord, SceneRejections, SceneRows};

@@ -197,10 +197,12 @@ impl From<&Solid> for Polyhedron {
     }
 }
 
-/// The lower and the upper corner of the bounding box of some points.
-fn bounds_m(points_m: &[Vec3]) -> [Vec3; 2] {
-    let low = points_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
-    [low, points_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max)]
+/// The lower and the upper corner of the points' bounding box; infinite and the wrong way round without points.
+#[must_use]
+pub fn bounds_m<'a>(points_m: impl IntoIterator<Item = &'a Vec3>) -> [Vec3; 2] {
+    points_m
+        .into_iter()
+        .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], point_m| [low.min(*point_m), high.max(*point_m)])
 }
 
 /// Consecutive pairs of a ring.

@@ -2,13 +2,13 @@
 
 use divan::Bencher;
 use schema::{Camera, Grid, Gripper, Intrinsics, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
-use simulator::{AttemptWorld, Gate, Physics, ReleasedObject, Scene, SceneRays, SettleParams, settle};
+use simulator::{AttemptWorld, Gate, Physics, Scene, SceneObject, SceneRays, SettleParams, settle};
 
 fn main() {
     divan::main();
 }
 
-fn drops(count: usize) -> Vec<ReleasedObject> {
+fn drops(count: usize) -> Vec<SceneObject> {
     (0..count)
         .map(|i| {
             let kind = ShapeKind::ALL[i % 4];
@@ -18,7 +18,7 @@ fn drops(count: usize) -> Vec<ReleasedObject> {
                 _ => Vec3::new(0.04, 0.05, 0.06),
             };
             let at = Vec3::new(0.1 + 0.05 * (i % 3) as f32, 0.1 + 0.05 * (i / 3) as f32, 0.25);
-            ReleasedObject {
+            SceneObject {
                 body: Solid::new(kind, extents_m).expect("a solid").into(),
                 mass_kg: 0.1,
                 friction: 1.0,

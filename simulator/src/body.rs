@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use schema::{HullError, Model, Plane, Polyhedron, Pose, Solid, Vec3};
+use schema::{Model, Plane, Polyhedron, Pose, Solid, Vec3, bounds_m};
 
 use crate::convex_hull::convex_hull;
 
@@ -50,27 +50,18 @@ pub enum PartShape {
 }
 
 /// Why parts are refused as a compound.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum CompoundError {
     /// The name is empty.
+    #[error("a compound must have a name")]
     NoName,
     /// There are no parts.
+    #[error("a compound must have at least one part")]
     NoParts,
     /// The pose of a part (by its index, from 0) is not finite, or its rotation does not have length 1.
+    #[error("the pose of part {0} must be finite, with a rotation of length 1")]
     Pose(usize),
 }
-
-impl core::fmt::Display for CompoundError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::NoName => write!(f, "a compound must have a name"),
-            Self::NoParts => write!(f, "a compound must have at least one part"),
-            Self::Pose(part) => write!(f, "the pose of part {part} must be finite, with a rotation of length 1"),
-        }
-    }
-}
-
-impl core::error::Error for CompoundError {}
 
 impl PartShape {
     fn polyhedron(&self) -> Polyhedron {
@@ -111,8 +102,7 @@ impl Compound {
             parts.iter().map(|p| p.shape.polyhedron().moved(&p.object_from_part)).collect()
         };
         let placed = polyhedra(&parts);
-        let low = corners_m(&placed).copied().fold(Vec3::INFINITY, Vec3::min);
-        let high = corners_m(&placed).copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+        let [low, high] = bounds_m(corners_m(&placed));
         let centre_m = 0.5 * (low + high);
         if centre_m.length() > SHIFT_M_MIN {
             for part in &mut parts {
@@ -120,12 +110,6 @@ impl Compound {
             }
         }
         Ok(Self { name, polyhedra: polyhedra(&parts), parts, extents_m: high - low })
-    }
-
-    /// The name.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.name
     }
 
     /// The parts, in the object's frame.
@@ -141,7 +125,7 @@ impl Body {
     pub fn name(&self) -> &str {
         match self {
             Self::Solid(solid) => solid.kind.name(),
-            Self::Compound(compound) => compound.name(),
+            Self::Compound(compound) => &compound.name,
         }
     }
 
@@ -215,36 +199,9 @@ impl Body {
 }
 
 /// Why a dataset's model is refused as a body.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum ModelError {
-    /// A part has no hull.
-    Part {
-        /// The model's name.
-        model: String,
-        /// The part, from 0.
-        part: usize,
-        /// Why.
-        error: HullError,
-    },
-    /// The parts are refused as a compound.
-    Compound {
-        /// The model's name.
-        model: String,
-        /// Why.
-        error: CompoundError,
-    },
-}
-
-impl core::fmt::Display for ModelError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Part { model, part, error } => write!(f, "model {model}, part {part}: {error}"),
-            Self::Compound { model, error } => write!(f, "model {model}: {error}"),
-        }
-    }
-}
-
-impl core::error::Error for ModelError {}
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct ModelError(String);
 
 impl Body {
     /// The body of a dataset's model: the hulls of its parts' corners.
@@ -252,13 +209,13 @@ impl Body {
     /// # Errors
     /// [`ModelError`] if a part has no hull.
     pub fn of_model(model: &Model) -> Result<Self, ModelError> {
-        let name = || model.name.clone();
+        let name = &model.name;
         let part = |(part, corners): (usize, &Vec<Vec3>)| {
-            let hull = convex_hull(corners).map_err(|error| ModelError::Part { model: name(), part, error })?;
+            let hull = convex_hull(corners).map_err(|e| ModelError(format!("model {name}, part {part}: {e}")))?;
             Ok(Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY })
         };
         let parts = model.parts_m.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
-        let compound = Compound::new(name(), parts).map_err(|error| ModelError::Compound { model: name(), error })?;
+        let compound = Compound::new(name, parts).map_err(|e| ModelError(format!("model {name}: {e}")))?;
         Ok(compound.into())
     }
 

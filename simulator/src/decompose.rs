@@ -7,7 +7,7 @@
 
 use parry3d::transformation::try_convex_hull;
 use parry3d::transformation::vhacd::{VHACD, VHACDParameters};
-use schema::{HullError, Plane, Polyhedron, Vec3};
+use schema::{HullError, Plane, Polyhedron, Vec3, bounds_m};
 
 use crate::convex_hull::convex_hull;
 
@@ -52,8 +52,7 @@ pub fn convex_parts(
     triangles: &[[u32; 3]],
     params: &PartsParams,
 ) -> Result<ConvexParts, HullError> {
-    let low = corners_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
-    let high = corners_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let [low, high] = bounds_m(corners_m);
     let size_m = (high - low).max_element();
     if !corners_m.iter().all(|c| c.is_finite()) {
         return Err(HullError::Corner);
@@ -78,8 +77,7 @@ pub fn convex_parts(
 /// # Errors
 /// [`HullError`] if the points have no hull.
 pub fn few_cornered_hull(points_m: &[Vec3], corners_max: usize) -> Result<(Polyhedron, f32), HullError> {
-    let low = points_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
-    let high = points_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let [low, high] = bounds_m(points_m);
     if !points_m.iter().all(|p| p.is_finite()) {
         return Err(HullError::Corner);
     }

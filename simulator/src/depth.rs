@@ -31,15 +31,12 @@ impl SceneRays {
     #[must_use]
     pub fn seen_from(&self, camera: &Camera) -> ViewRays {
         let camera_from_workspace = camera.workspace_from_camera.inverse();
-        let face = |plane: &Plane| {
-            let plane = plane.moved(&camera_from_workspace);
-            Face { normal: plane.normal, gap_m: plane.offset_m }
-        };
+        let face = |plane: Plane| plane.moved(&camera_from_workspace);
         let parts = self.parts.iter().map(|part| SeenPart {
             window: Window::around(part.corners_m(), &camera_from_workspace, &camera.intrinsics),
-            faces: part.planes().map(|plane| face(&plane)).collect(),
+            faces: part.planes().map(face).collect(),
         });
-        let table = face(&Plane { normal: Vec3::Z, offset_m: self.table_z_m });
+        let table = face(Plane { normal: Vec3::Z, offset_m: self.table_z_m });
         ViewRays { intrinsics: camera.intrinsics, table, parts: parts.collect() }
     }
 
@@ -59,21 +56,14 @@ impl SceneRays {
 #[derive(Debug, Clone)]
 pub struct ViewRays {
     intrinsics: Intrinsics,
-    table: Face,
+    table: Plane,
     parts: Vec<SeenPart>,
 }
 
 #[derive(Debug, Clone)]
 struct SeenPart {
     window: Window,
-    faces: Vec<Face>,
-}
-
-/// A face in the camera's frame. `gap_m`: how far the camera lies behind it, along its outward normal.
-#[derive(Debug, Clone, Copy)]
-struct Face {
-    normal: Vec3,
-    gap_m: f32,
+    faces: Vec<Plane>,
 }
 
 /// The pixels that a part may cover: first and last column, first and last row.
@@ -116,8 +106,8 @@ impl ViewRays {
         let table_speed = self.table.normal.dot(ray);
         let mut nearest = f32::INFINITY;
         // A camera under the table does not see it.
-        if table_speed < 0.0 && self.table.gap_m < 0.0 {
-            nearest = self.table.gap_m / table_speed;
+        if table_speed < 0.0 && self.table.offset_m < 0.0 {
+            nearest = self.table.offset_m / table_speed;
         }
         for part in &self.parts {
             if part.window.holds(u, v) {
@@ -129,15 +119,15 @@ impl ViewRays {
 }
 
 /// Depth at which the ray from the origin enters the part bounded by `faces`, if less than `nearest`; else `nearest`.
-fn enter(faces: &[Face], ray: Vec3, nearest: f32) -> f32 {
+fn enter(faces: &[Plane], ray: Vec3, nearest: f32) -> f32 {
     let (mut entry, mut exit) = (0.0_f32, nearest);
     for face in faces {
         let speed = face.normal.dot(ray);
         if speed < 0.0 {
-            entry = entry.max(face.gap_m / speed);
+            entry = entry.max(face.offset_m / speed);
         } else if speed > 0.0 {
-            exit = exit.min(face.gap_m / speed);
-        } else if face.gap_m < 0.0 {
+            exit = exit.min(face.offset_m / speed);
+        } else if face.offset_m < 0.0 {
             return nearest;
         }
         if entry > exit {

@@ -39,5 +39,5 @@ pub use gate::{Gate, Hit};
 pub use obstruction::Obstruction;
 pub use scene::{Scene, SceneObject};
 pub use schema::{Physics, SettleParams};
-pub use settle::{ReleasedObject, Settled, Unsettled, settle, settle_again};
+pub use settle::{Settled, Unsettled, settle, settle_again};
 pub use watch::{AttemptEvent, Contact, Moment, Phase, Toucher, Watcher};

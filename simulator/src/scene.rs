@@ -4,7 +4,7 @@ use schema::{ObjectRecord, ObjectShape, Pose};
 
 use crate::Body;
 
-/// An object at rest in the workspace.
+/// An object in the workspace.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneObject {
     /// Shape and size.
@@ -13,7 +13,7 @@ pub struct SceneObject {
     pub mass_kg: f32,
     /// Coulomb friction coefficient.
     pub friction: f32,
-    /// Where it rests.
+    /// Where it rests or, for [`crate::settle`], is released.
     pub workspace_from_object: Pose,
 }
 

@@ -8,20 +8,7 @@ use rapier3d::prelude::*;
 use schema::{Grid, Physics, Pose, SettleParams, Vec3};
 
 use crate::engine::{EngineBody, World};
-use crate::{Body, Scene, SceneObject};
-
-/// An object about to fall.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ReleasedObject {
-    /// Shape and size.
-    pub body: Body,
-    /// Mass in kilograms.
-    pub mass_kg: f32,
-    /// Coulomb friction coefficient.
-    pub friction: f32,
-    /// Pose at which it is released.
-    pub workspace_from_object: Pose,
-}
+use crate::{Scene, SceneObject};
 
 /// A scene that came to rest.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,50 +47,26 @@ pub fn settle(
     physics: &Physics,
     params: &SettleParams,
     grid: &Grid,
-    drops: &[ReleasedObject],
+    drops: &[SceneObject],
 ) -> Result<Settled, Unsettled> {
-    let physics = &Physics { solver_iterations: params.solver_iterations, ..*physics };
-    let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
-    world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
-    let mut pipeline = PhysicsPipeline::new();
-    let walls = add_walls(&mut world, physics, grid);
-    let mut bodies = Vec::with_capacity(drops.len());
-    let mut steps = 0;
+    let mut pile = Pile::new(physics, params, grid);
+    let walls = pile.add_walls();
     for drop in drops {
-        let low_z_m = lowest_z_m(&drop.body.vertices_m(), &drop.workspace_from_object);
-        let fall = Fall::until_near(physics, params, low_z_m - top_z_m(&world, &bodies, drops, grid));
+        let low_z_m = lowest_z_m(drop);
+        let fall = Fall::until_near(physics, params, low_z_m - pile.top_z_m(drops));
         let mut pose = drop.workspace_from_object;
         pose.translation.z -= fall.way_m;
-        let body = world.add_object(&EngineBody::new(&drop.body, drop.mass_kg, drop.friction), pose);
-        world.let_settle(body, params, -Vec3::Z * fall.speed_m_s);
-        bodies.push(body);
-        steps += fall.steps + rest(&mut world, &mut pipeline, physics, params, &bodies)?;
+        pile.add(drop, pose, -Vec3::Z * fall.speed_m_s);
+        pile.steps += fall.steps;
+        pile.rest()?;
     }
     for wall in walls {
-        world.remove_fixed(wall);
+        pile.world.remove_fixed(wall);
     }
-    steps += rest(&mut world, &mut pipeline, physics, params, &bodies)?;
-
-    let mut objects = Vec::with_capacity(drops.len());
-    for (drop, body) in drops.iter().zip(&bodies) {
-        let workspace_from_object = world.pose(*body);
-        if !is_sane(&workspace_from_object, &drop.body, grid) {
-            return Err(Unsettled::Unstable);
-        }
-        if is_over_workspace(workspace_from_object.translation, grid) {
-            objects.push(SceneObject {
-                body: drop.body.clone(),
-                mass_kg: drop.mass_kg,
-                friction: drop.friction,
-                workspace_from_object,
-            });
-        }
-    }
-    if objects.is_empty() {
-        return Err(Unsettled::Empty);
-    }
-    let scene = Scene { table_z_m: grid.table_z_m, objects };
-    Ok(Settled { scene, settle_time_s: steps as f32 * physics.dt_s() })
+    pile.rest()?;
+    let mut objects = pile.objects(drops)?;
+    objects.retain(|object| is_over_workspace(object, grid));
+    if objects.is_empty() { Err(Unsettled::Empty) } else { Ok(pile.settled(objects)) }
 }
 
 /// Lets the `objects` that an attempt left behind come to rest, without walls. An object that rests outside the
@@ -117,49 +80,111 @@ pub fn settle_again(
     grid: &Grid,
     objects: &[SceneObject],
 ) -> Result<Settled, Unsettled> {
-    let physics = &Physics { solver_iterations: params.solver_iterations, ..*physics };
     let mut objects = objects.to_vec();
     let mut steps = 0;
     // The loop ends: every round but the last has fewer objects.
     loop {
-        let count = objects.len();
-        steps += rest_from(physics, params, grid, &mut objects)?;
-        objects.retain(|object| is_over_workspace(object.workspace_from_object.translation, grid));
-        if objects.len() == count {
-            let scene = Scene { table_z_m: grid.table_z_m, objects };
-            return Ok(Settled { scene, settle_time_s: steps as f32 * physics.dt_s() });
+        let mut pile = Pile { steps, ..Pile::new(physics, params, grid) };
+        all_sane(&objects, grid)?;
+        for object in &objects {
+            pile.add(object, object.workspace_from_object, Vec3::ZERO);
         }
+        if !objects.is_empty() {
+            pile.rest()?;
+        }
+        let count = objects.len();
+        objects = pile.objects(&objects)?;
+        objects.retain(|object| is_over_workspace(object, grid));
+        if objects.len() == count {
+            return Ok(pile.settled(objects));
+        }
+        steps = pile.steps;
     }
 }
 
-/// Moves objects to their resting poses on the bare table; returns the number of steps.
-fn rest_from(
-    physics: &Physics,
-    params: &SettleParams,
-    grid: &Grid,
-    objects: &mut [SceneObject],
-) -> Result<usize, Unsettled> {
-    let sane = |object: &SceneObject| is_sane(&object.workspace_from_object, &object.body, grid);
-    if !objects.iter().all(sane) {
-        return Err(Unsettled::Unstable);
+/// A world in which objects come to rest on the table.
+struct Pile<'a> {
+    physics: Physics,
+    params: &'a SettleParams,
+    grid: &'a Grid,
+    world: World,
+    pipeline: PhysicsPipeline,
+    bodies: Vec<RigidBodyHandle>,
+    steps: usize,
+}
+
+impl<'a> Pile<'a> {
+    fn new(physics: &Physics, params: &'a SettleParams, grid: &'a Grid) -> Self {
+        let physics = Physics { solver_iterations: params.solver_iterations, ..*physics };
+        let mut world = World::new(&physics, -Vec3::Z * physics.gravity_m_s2);
+        world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
+        Self { physics, params, grid, world, pipeline: PhysicsPipeline::new(), bodies: Vec::new(), steps: 0 }
     }
-    if objects.is_empty() {
-        return Ok(0);
-    }
-    let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
-    world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
-    let mut bodies = Vec::with_capacity(objects.len());
-    for object in &*objects {
+
+    fn add(&mut self, object: &SceneObject, pose: Pose, velocity_m_s: Vec3) {
         let engine_body = EngineBody::new(&object.body, object.mass_kg, object.friction);
-        let body = world.add_object(&engine_body, object.workspace_from_object);
-        world.let_settle(body, params, Vec3::ZERO);
-        bodies.push(body);
+        let body = self.world.add_object(&engine_body, pose);
+        self.world.let_settle(body, self.params, velocity_m_s);
+        self.bodies.push(body);
     }
-    let steps = rest(&mut world, &mut PhysicsPipeline::new(), physics, params, &bodies)?;
-    for (object, body) in objects.iter_mut().zip(&bodies) {
-        object.workspace_from_object = world.pose(*body);
+
+    fn add_walls(&mut self) -> [ColliderHandle; 4] {
+        let middle = 0.5 * self.grid.size_m;
+        let out = middle + 0.5 * WALL_THICKNESS_M;
+        let centre_z = self.grid.table_z_m + 0.5 * WALL_HEIGHT_M;
+        let long = middle + WALL_THICKNESS_M;
+        [(out, 0.0), (-out, 0.0), (0.0, out), (0.0, -out)].map(|(x, y)| {
+            let half = if y == 0.0 { [0.5 * WALL_THICKNESS_M, long] } else { [long, 0.5 * WALL_THICKNESS_M] };
+            let pose = Pose::from_translation(Vec3::new(middle + x, middle + y, centre_z));
+            let half_m = Vec3::new(half[0], half[1], 0.5 * WALL_HEIGHT_M);
+            self.world.add_fixed_box(pose, half_m, self.physics.table_friction)
+        })
     }
-    if objects.iter().all(sane) { Ok(steps) } else { Err(Unsettled::Unstable) }
+
+    /// Height of the highest corner of the dropped objects, or of the table.
+    fn top_z_m(&self, drops: &[SceneObject]) -> f32 {
+        let corner_z_m = self.bodies.iter().zip(drops).flat_map(|(body, drop)| {
+            let pose = self.world.pose(*body);
+            drop.body.vertices_m().into_iter().map(move |corner| pose.transform_point(corner).z)
+        });
+        corner_z_m.fold(self.grid.table_z_m, f32::max)
+    }
+
+    /// Simulates until every body rests.
+    fn rest(&mut self) -> Result<(), Unsettled> {
+        let (physics, params) = (self.physics, self.params);
+        let (wanted, limit) = (physics.steps(params.rest_time_s), physics.steps(params.time_s_max));
+        let mut resting = 0;
+        for step in 1..=limit {
+            self.world.step(&mut self.pipeline);
+            let still = self.bodies.iter().all(|body| {
+                let [linear_m_s, angular_rad_s] = self.world.velocities(*body).map(Vec3::length);
+                linear_m_s <= params.linear_speed_m_s_max && angular_rad_s <= params.angular_speed_rad_s_max
+            });
+            resting = if still { resting + 1 } else { 0 };
+            if resting >= wanted {
+                self.steps += step;
+                return Ok(());
+            }
+        }
+        Err(Unsettled::Moving)
+    }
+
+    /// The objects at the poses that they have now.
+    fn objects(&self, objects: &[SceneObject]) -> Result<Vec<SceneObject>, Unsettled> {
+        let moved = |(object, body): (&SceneObject, &RigidBodyHandle)| SceneObject {
+            workspace_from_object: self.world.pose(*body),
+            ..object.clone()
+        };
+        let objects: Vec<SceneObject> = objects.iter().zip(&self.bodies).map(moved).collect();
+        all_sane(&objects, self.grid)?;
+        Ok(objects)
+    }
+
+    fn settled(&self, objects: Vec<SceneObject>) -> Settled {
+        let scene = Scene { table_z_m: self.grid.table_z_m, objects };
+        Settled { scene, settle_time_s: self.steps as f32 * self.physics.dt_s() }
+    }
 }
 
 /// A fall through empty air.
@@ -184,62 +209,22 @@ impl Fall {
     }
 }
 
-/// Height of the lowest of some corners.
-fn lowest_z_m(corners_m: &[Vec3], pose: &Pose) -> f32 {
-    corners_m.iter().map(|corner| pose.transform_point(*corner).z).fold(f32::INFINITY, f32::min)
+/// Height of an object's lowest corner.
+fn lowest_z_m(object: &SceneObject) -> f32 {
+    let z_m = |corner: &Vec3| object.workspace_from_object.transform_point(*corner).z;
+    object.body.vertices_m().iter().map(z_m).fold(f32::INFINITY, f32::min)
 }
 
-/// Height of the highest corner of the dropped objects, or of the table.
-fn top_z_m(world: &World, bodies: &[RigidBodyHandle], drops: &[ReleasedObject], grid: &Grid) -> f32 {
-    let corner_z_m = bodies.iter().zip(drops).flat_map(|(body, drop)| {
-        let pose = world.pose(*body);
-        drop.body.vertices_m().into_iter().map(move |corner| pose.transform_point(corner).z)
-    });
-    corner_z_m.fold(grid.table_z_m, f32::max)
-}
-
-fn add_walls(world: &mut World, physics: &Physics, grid: &Grid) -> [ColliderHandle; 4] {
-    let middle = 0.5 * grid.size_m;
-    let out = middle + 0.5 * WALL_THICKNESS_M;
-    let centre_z = grid.table_z_m + 0.5 * WALL_HEIGHT_M;
-    let long = middle + WALL_THICKNESS_M;
-    [(out, 0.0), (-out, 0.0), (0.0, out), (0.0, -out)].map(|(x, y)| {
-        let half = if y == 0.0 { [0.5 * WALL_THICKNESS_M, long] } else { [long, 0.5 * WALL_THICKNESS_M] };
-        let pose = Pose::from_parts(Vec3::new(middle + x, middle + y, centre_z), schema::Quat::IDENTITY);
-        world.add_fixed_box(pose, Vec3::new(half[0], half[1], 0.5 * WALL_HEIGHT_M), physics.table_friction)
-    })
-}
-
-/// Simulates until every body rests; returns the number of steps.
-fn rest(
-    world: &mut World,
-    pipeline: &mut PhysicsPipeline,
-    physics: &Physics,
-    params: &SettleParams,
-    bodies: &[RigidBodyHandle],
-) -> Result<usize, Unsettled> {
-    let (wanted, limit) = (physics.steps(params.rest_time_s), physics.steps(params.time_s_max));
-    let mut resting = 0;
-    for step in 1..=limit {
-        world.step(pipeline);
-        let still = bodies.iter().all(|body| {
-            let [linear_m_s, angular_rad_s] = world.velocities(*body).map(Vec3::length);
-            linear_m_s <= params.linear_speed_m_s_max && angular_rad_s <= params.angular_speed_rad_s_max
-        });
-        resting = if still { resting + 1 } else { 0 };
-        if resting >= wanted {
-            return Ok(step);
-        }
-    }
-    Err(Unsettled::Moving)
-}
-
-fn is_sane(pose: &Pose, body: &Body, grid: &Grid) -> bool {
+fn all_sane(objects: &[SceneObject], grid: &Grid) -> Result<(), Unsettled> {
     let middle = Vec3::splat(0.5 * grid.size_m);
-    let lowest = lowest_z_m(&body.vertices_m(), pose);
-    (pose.translation - middle).length() < ESCAPE_DISTANCE_M && lowest > grid.table_z_m - SUNK_DEPTH_M
+    let is_sane = |object: &SceneObject| {
+        (object.workspace_from_object.translation - middle).length() < ESCAPE_DISTANCE_M
+            && lowest_z_m(object) > grid.table_z_m - SUNK_DEPTH_M
+    };
+    if objects.iter().all(is_sane) { Ok(()) } else { Err(Unsettled::Unstable) }
 }
 
-fn is_over_workspace(point: Vec3, grid: &Grid) -> bool {
+fn is_over_workspace(object: &SceneObject, grid: &Grid) -> bool {
+    let point = object.workspace_from_object.translation;
     [point.x, point.y].iter().all(|c| (0.0..grid.size_m).contains(c))
 }

@@ -132,8 +132,10 @@ pub struct Contact {
 
 /// The state of an attempt after a step.
 pub struct Moment<'r> {
-    pub(crate) phase: Phase,
-    pub(crate) steps: usize,
+    /// The phase of the attempt.
+    pub phase: Phase,
+    /// Steps since the open hand was at the grasp, including skipped steps.
+    pub steps: usize,
     pub(crate) setup: &'r AttemptWorld<'r>,
     pub(crate) world: &'r World,
     pub(crate) hand: &'r Hand,
@@ -141,25 +143,7 @@ pub struct Moment<'r> {
     pub(crate) workspace_from_grasp: Pose,
 }
 
-impl std::fmt::Debug for Moment<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Moment").field("phase", &self.phase).field("steps", &self.steps).finish_non_exhaustive()
-    }
-}
-
 impl Moment<'_> {
-    /// The phase of the attempt.
-    #[must_use]
-    pub fn phase(&self) -> Phase {
-        self.phase
-    }
-
-    /// Steps since the open hand was at the grasp, including skipped steps.
-    #[must_use]
-    pub fn steps(&self) -> usize {
-        self.steps
-    }
-
     /// Poses of the objects in the workspace.
     #[must_use]
     pub fn objects(&self) -> Vec<Pose> {

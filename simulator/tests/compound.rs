@@ -7,8 +7,8 @@ use schema::{
     axis_angle,
 };
 use simulator::{
-    AttemptWorld, Body, Compound, CompoundError, Execution, Gate, Part, PartShape, Physics, ReleasedObject, Scene,
-    SceneObject, SceneRays, SettleParams, convex_hull, settle, settle_again,
+    AttemptWorld, Body, Compound, CompoundError, Execution, Gate, Part, PartShape, Physics, Scene, SceneObject,
+    SceneRays, SettleParams, convex_hull, settle, settle_again,
 };
 
 const PI: f32 = core::f32::consts::PI;
@@ -169,7 +169,7 @@ fn what_is_cut_or_wrapped_comes_to_rest_alike() {
     for _ in 0..15 {
         let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.18), stream.rotation());
         let [plain, others @ ..] = alike().map(|body| {
-            let drop = ReleasedObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object: at };
+            let drop = SceneObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object: at };
             settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[drop]).unwrap().scene.objects[0]
                 .workspace_from_object
         });
@@ -223,7 +223,7 @@ fn one_solid_alone_is_that_solid_to_the_bit() {
         let alone = Compound::new("alone", vec![part(PartShape::Solid(solid), Vec3::ZERO)]).unwrap();
         let [plain, alone] = [Body::from(solid), alone.into()].map(|body| {
             let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.15), axis_angle(Vec3::X, 0.4));
-            let drop = ReleasedObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object: at };
+            let drop = SceneObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object: at };
             let settled = settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[drop]).unwrap();
             let pose = settled.scene.objects[0].workspace_from_object;
             let end = both(&settled.scene, &from_above(pose.translation.x, pose.translation.z));
@@ -300,7 +300,7 @@ fn a_pile_of_compounds_comes_to_rest() {
     for body in [ring(0.03, 0.045, 0.025), l_shape(), ring(0.02, 0.035, 0.05), l_shape(), filled(&l_shape())] {
         let at = stream.point(Vec3::new(0.1, 0.1, 0.3), Vec3::new(0.2, 0.2, 0.3));
         let workspace_from_object = Pose::from_parts(at, stream.rotation());
-        drops.push(ReleasedObject { body, mass_kg: 0.1, friction: 0.8, workspace_from_object });
+        drops.push(SceneObject { body, mass_kg: 0.1, friction: 0.8, workspace_from_object });
     }
     let scene = settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &drops).unwrap().scene;
     assert!(scene.objects.len() >= 4, "{} of 5 stayed", scene.objects.len());

@@ -3,17 +3,17 @@
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use schema::{Grid, Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
-use simulator::{AttemptWorld, Execution, Physics, ReleasedObject, Scene, SceneObject, SettleParams, settle};
+use simulator::{AttemptWorld, Execution, Physics, Scene, SceneObject, SettleParams, settle};
 
 const PI: f32 = core::f32::consts::PI;
 fn gripper() -> Gripper {
     Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
 }
 
-fn object(kind: ShapeKind, extents_m: [f32; 3], mass_kg: f32, friction: f32) -> ReleasedObject {
+fn object(kind: ShapeKind, extents_m: [f32; 3], mass_kg: f32, friction: f32) -> SceneObject {
     let solid = Solid::new(kind, Vec3::from_array(extents_m)).unwrap();
     let at = Vec3::new(0.15, 0.15, 0.05 + 0.5 * extents_m[2] + 0.0005);
-    ReleasedObject {
+    SceneObject {
         body: solid.into(),
         mass_kg,
         friction,
@@ -21,7 +21,7 @@ fn object(kind: ShapeKind, extents_m: [f32; 3], mass_kg: f32, friction: f32) -> 
     }
 }
 
-fn at_rest(drop: ReleasedObject) -> Scene {
+fn at_rest(drop: SceneObject) -> Scene {
     settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[drop]).expect("the object comes to rest").scene
 }
 
@@ -30,7 +30,7 @@ fn from_above(tip_z_m: f32) -> Pose {
     Pose::from_parts(Vec3::new(0.15, 0.15, tip_z_m), axis_angle(Vec3::X, PI))
 }
 
-fn attempt(drop: ReleasedObject, grasp: Pose, procedure: &Procedure) -> Execution {
+fn attempt(drop: SceneObject, grasp: Pose, procedure: &Procedure) -> Execution {
     both(&at_rest(drop), &grasp, procedure)
 }
 

@@ -41,8 +41,8 @@ struct Notes {
 
 impl Watcher for Notes {
     fn step(&mut self, moment: &Moment<'_>) {
-        self.phases.push(moment.phase());
-        self.steps.push(moment.steps());
+        self.phases.push(moment.phase);
+        self.steps.push(moment.steps);
         self.last_target = Some(moment.objects()[0]);
     }
 

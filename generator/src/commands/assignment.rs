@@ -3,150 +3,94 @@
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
-use std::str::FromStr;
 
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure};
+use shards::SHARDS_MAX;
 
 /// Variables that hold the index of a task: our own, Slurm's arrays, Kubernetes' Indexed Jobs, AWS Batch's arrays.
 pub(crate) const VARIABLES: [&str; 4] =
     ["SHARD_INDEX", "SLURM_ARRAY_TASK_ID", "JOB_COMPLETION_INDEX", "AWS_BATCH_JOB_ARRAY_INDEX"];
 
-/// The shards of a process.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Assignment {
-    /// All.
-    All,
-    /// These shards, and the source of the choice.
-    Shards(BTreeSet<u32>, &'static str),
-    /// Every T-th.
-    Task(Task),
+/// The shards of this process, in order, of a dataset of so many, and the variable that names them, if one does: those
+/// of the flags, otherwise of the environment, otherwise all.
+pub(crate) fn assigned(
+    indices: Option<&BTreeSet<u32>>,
+    task: Option<Task>,
+    variable: impl Fn(&str) -> Option<OsString>,
+    shard_count: u32,
+) -> Result<(Vec<u32>, Option<&'static str>), Failure> {
+    if let Some([task, tasks]) = task {
+        return Ok(((task..shard_count).step_by(tasks as usize).collect(), None));
+    }
+    let (indices, variable) = match indices {
+        Some(indices) => (indices.clone(), None),
+        None => match index_of_environment(variable)? {
+            Some((index, name)) => (BTreeSet::from([index]), Some(name)),
+            None => return Ok(((0..shard_count).collect(), None)),
+        },
+    };
+    if let Some(index) = indices.last().filter(|index| **index >= shard_count) {
+        let source = variable.unwrap_or("--shard-index");
+        return Err(refused(format!(
+            "shard index must be below the number of shards, {shard_count}, got {index} from {source}"
+        )));
+    }
+    Ok((indices.into_iter().collect(), variable))
 }
 
-/// Task `t` of `T`: the shards t, t + T, t + 2T, ...
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Task {
-    task: u32,
-    tasks: u32,
+/// The index in the scheduler's variables and the first that holds it.
+fn index_of_environment(variable: impl Fn(&str) -> Option<OsString>) -> Result<Option<(u32, &'static str)>, Failure> {
+    let mut found = Vec::new();
+    for name in VARIABLES {
+        let Some(value) = variable(name) else { continue };
+        let value = value.to_string_lossy();
+        let index = value.parse::<u32>().map_err(|_| {
+            refused(format!(
+                "{name} must be a shard index, a whole number from 0, got {value:?}; --shard-index or --task takes precedence"
+            ))
+        })?;
+        found.push((index, name));
+    }
+    if found.iter().all(|(index, _)| *index == found[0].0) {
+        return Ok(found.first().copied());
+    }
+    let told: Vec<String> = found.iter().map(|(index, name)| format!("{name}={index}")).collect();
+    let told = told.join(" and ");
+    Err(refused(format!("{told} disagree: unset all but one, or give --shard-index or --task")))
+}
+
+fn refused(text: String) -> Failure {
+    Failure::new(ExitCode::Config, text)
 }
 
 /// Shard indices from text such as `0,4,8-11`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct ShardIndices(pub BTreeSet<u32>);
-
-/// Why the selection is refused.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum AssignmentError {
-    /// A variable holds no index.
-    #[error(
-        "{variable} must be a shard index, a whole number from 0, got {value:?}; --shard-index or --task takes precedence"
-    )]
-    NoIndex { variable: &'static str, value: String },
-    /// Two variables say different things.
-    #[error("{} disagree: unset all but one, or give --shard-index or --task", .0.join(" and "))]
-    Disagree(Vec<String>),
-    /// There is no such shard.
-    #[error("shard index must be below the number of shards, {shard_count}, got {index} from {source_name}")]
-    NoSuchShard { index: u32, shard_count: u32, source_name: &'static str },
+pub(crate) fn shard_indices(text: &str) -> Result<BTreeSet<u32>, String> {
+    let number = |part: &str| part.trim().parse::<u32>().map_err(|_| format!("`{part}` is no shard index"));
+    let mut indices = BTreeSet::new();
+    for part in text.split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let (first, last) = (number(first)?, number(last)?);
+        if first > last {
+            return Err(format!("the range `{part}` is empty"));
+        }
+        if last >= SHARDS_MAX {
+            return Err(format!("a shard index must be below {SHARDS_MAX}, got {last}"));
+        }
+        indices.extend(first..=last);
+    }
+    Ok(indices)
 }
 
-impl Exit for AssignmentError {
-    fn exit_code(&self) -> ExitCode {
-        ExitCode::Config
-    }
-}
+/// Task `t` of `T`: the shards t, t + T, t + 2T, ...
+pub(crate) type Task = [u32; 2];
 
-impl Assignment {
-    /// The shards from the flags, otherwise from the environment, otherwise all.
-    pub(crate) fn new(
-        indices: Option<&ShardIndices>,
-        task: Option<Task>,
-        variable: impl Fn(&str) -> Option<OsString>,
-    ) -> Result<Self, AssignmentError> {
-        if let Some(task) = task {
-            return Ok(Self::Task(task));
-        }
-        if let Some(ShardIndices(indices)) = indices {
-            return Ok(Self::Shards(indices.clone(), "--shard-index"));
-        }
-        let mut found = Vec::new();
-        for name in VARIABLES {
-            let Some(value) = variable(name) else { continue };
-            let value = value.to_string_lossy().into_owned();
-            let index = value.parse::<u32>().map_err(|_| AssignmentError::NoIndex { variable: name, value })?;
-            found.push((index, name));
-        }
-        match found.first() {
-            None => Ok(Self::All),
-            Some(first) if found.iter().all(|other| other.0 == first.0) => {
-                Ok(Self::Shards(BTreeSet::from([first.0]), first.1))
-            }
-            Some(_) => {
-                Err(AssignmentError::Disagree(found.iter().map(|(index, name)| format!("{name}={index}")).collect()))
-            }
-        }
-    }
-
-    /// The shards, in order, of a dataset of so many.
-    pub(crate) fn shards(&self, shard_count: u32) -> Result<Vec<u32>, AssignmentError> {
-        match self {
-            Self::All => Ok((0..shard_count).collect()),
-            Self::Task(Task { task, tasks }) => Ok((*task..shard_count).step_by(*tasks as usize).collect()),
-            Self::Shards(indices, source_name) => match indices.last() {
-                Some(index) if *index >= shard_count => {
-                    Err(AssignmentError::NoSuchShard { index: *index, shard_count, source_name })
-                }
-                _ => Ok(indices.iter().copied().collect()),
-            },
-        }
-    }
-
-    /// The variable that was followed.
-    pub(crate) fn variable(&self) -> Option<&'static str> {
-        match self {
-            Self::Shards(_, name) if VARIABLES.contains(name) => Some(name),
-            _ => None,
-        }
-    }
-}
-
-/// Upper limit of a shard index in a range.
-const INDICES_MAX: u32 = shards::SHARDS_MAX;
-
-impl FromStr for ShardIndices {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let number = |part: &str| part.trim().parse::<u32>().map_err(|_| format!("`{part}` is no shard index"));
-        let mut indices = BTreeSet::new();
-        for part in text.split(',') {
-            let (first, last) = match part.split_once('-') {
-                Some((first, last)) => (number(first)?, number(last)?),
-                None => (number(part)?, number(part)?),
-            };
-            if first > last {
-                return Err(format!("the range `{part}` is empty"));
-            }
-            if last >= INDICES_MAX {
-                return Err(format!("a shard index must be below {INDICES_MAX}, got {last}"));
-            }
-            indices.extend(first..=last);
-        }
-        Ok(Self(indices))
-    }
-}
-
-impl FromStr for Task {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parsed = text.split_once('/').and_then(|(task, tasks)| Some((task.parse().ok()?, tasks.parse().ok()?)));
-        match parsed {
-            Some((task, tasks)) if task < tasks => Ok(Self { task, tasks }),
-            Some((task, tasks)) => {
-                Err(format!("a task's number must be below the number of tasks, {tasks}, got {task}"))
-            }
-            None => Err("must be a task's number and how many there are, such as 3/100".to_owned()),
-        }
+/// A task from text such as `3/100`.
+pub(crate) fn task(text: &str) -> Result<Task, String> {
+    let parsed = text.split_once('/').and_then(|(task, tasks)| Some([task.parse().ok()?, tasks.parse().ok()?]));
+    match parsed {
+        Some([task, tasks]) if task < tasks => Ok([task, tasks]),
+        Some([task, tasks]) => Err(format!("a task's number must be below the number of tasks, {tasks}, got {task}")),
+        None => Err("must be a task's number and how many there are, such as 3/100".to_owned()),
     }
 }
 
@@ -170,15 +114,14 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> Result<Vec<u32>, String> {
-        text.parse::<ShardIndices>().map(|indices| indices.0.into_iter().collect())
+        shard_indices(text).map(|indices| indices.into_iter().collect())
     }
 
     fn assigned(flags: (Option<&str>, Option<&str>), variables: &[(&str, &str)]) -> Result<Vec<u32>, String> {
-        let indices = flags.0.map(|text| text.parse().unwrap());
-        let task = flags.1.map(|text| text.parse().unwrap());
+        let indices = flags.0.map(|text| shard_indices(text).unwrap());
+        let task = flags.1.map(|text| task(text).unwrap());
         let variable = |name: &str| variables.iter().find(|v| v.0 == name).map(|v| OsString::from(v.1));
-        let assignment = Assignment::new(indices.as_ref(), task, variable).map_err(|e| e.to_string())?;
-        assignment.shards(10).map_err(|e| e.to_string())
+        super::assigned(indices.as_ref(), task, variable, 10).map(|(shards, _)| shards).map_err(|e| e.to_string())
     }
 
     #[test]
@@ -218,7 +161,7 @@ mod tests {
         assert_eq!(all, (0..10).collect::<Vec<_>>());
         assert!(of("11/12").is_empty());
         for bad in ["3", "3/3", "4/3", "-1/3", "0/0", "x/3", "1/"] {
-            assert!(bad.parse::<Task>().is_err(), "{bad}");
+            assert!(task(bad).is_err(), "{bad}");
         }
     }
 

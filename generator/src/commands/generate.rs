@@ -1,5 +1,6 @@
 //! `generator` without a command: makes the shards of this process.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
@@ -10,7 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use program::{Context, ExitCode, Failure, print, print_error, start_threads, stop_on_signals};
 use shards::{DatasetInfo, Finalized, Location, LocationParser};
 
-use super::assignment::{Assignment, ShardIndices, Task, index_list};
+use super::assignment::{Task, assigned, index_list, shard_indices, task};
 use super::table;
 
 #[derive(Debug, Args)]
@@ -21,11 +22,11 @@ pub(crate) struct Arguments {
 
     /// Only these shards: one, several, or ranges, such as 3 or 0,4,8-11 [default: the scheduler's index, see below, or
     /// all]
-    #[arg(long, value_name = "LIST")]
-    shard_index: Option<ShardIndices>,
+    #[arg(long, value_name = "LIST", value_parser = shard_indices)]
+    shard_index: Option<BTreeSet<u32>>,
 
     /// Only every T-th shard, from t on: t, t+T, t+2T, ...; for schedulers whose arrays are short
-    #[arg(long, value_name = "t/T", conflicts_with = "shard_index")]
+    #[arg(long, value_name = "t/T", conflicts_with = "shard_index", value_parser = task)]
     task: Option<Task>,
 
     /// Attempts in the whole dataset [default: the config's]
@@ -53,9 +54,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let Some(out) = &arguments.out else { return Err(Failure::new(ExitCode::Usage, "--out is missing")) };
     let overrides = Overrides { seed: arguments.seed, shards: arguments.shards, attempts: arguments.attempts };
     let config = Config::load(arguments.config.as_deref(), overrides)?;
-    let assignment = Assignment::new(arguments.shard_index.as_ref(), arguments.task, |name| std::env::var_os(name))?;
-    let wanted = assignment.shards(config.shards)?;
-    if let Some(variable) = assignment.variable() {
+    let environment = |name: &str| std::env::var_os(name);
+    let (wanted, variable) = assigned(arguments.shard_index.as_ref(), arguments.task, environment, config.shards)?;
+    if let Some(variable) = variable {
         let (shard, of) = (index_list(&wanted), config.shards);
         print_error(&format!("shard {shard} of {of}, as {variable} says (--task 0/1 makes all)"));
     }
