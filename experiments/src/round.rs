@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use perception::add_depth_noise;
 use planner::{Observation, PlanError, Planner, SeenView, Wishes};
+use program::{ExitCode, Failure, error_chain};
 use schema::{Camera, Outcome, Pose, Purpose, Stream, Vec3};
 use simulator::{AttemptWorld, Scene, SceneObject, SceneRays, SettleParams, Settled, Unsettled, settle_again};
 
@@ -20,36 +21,16 @@ use crate::start::{Start, start};
 const TREMBLING_M_S: f32 = 0.05;
 const TREMBLING_RAD_S: f32 = 1.0;
 
-/// Why a round failed.
-#[derive(Debug, thiserror::Error)]
-pub enum RoundError {
-    /// No try at the scene came to rest.
-    #[error("round {round}: no scene in {tries} tries")]
-    NoScene {
-        /// The round.
-        round: u64,
-        /// Tries.
-        tries: u32,
-    },
-    /// The planner refuses the observation.
-    #[error("round {round}: {source}")]
-    Plan {
-        /// The round.
-        round: u64,
-        /// Why.
-        source: PlanError,
-    },
-}
-
 /// Runs round number `round` of all seeds' rounds: a pure function of its arguments, except for the times in its rows.
 ///
 /// # Errors
-/// [`RoundError`].
-pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, RoundError> {
+/// If there is no scene, or the planner refuses the observation.
+pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Failure> {
     let (seed, scene_id) = (config.seeds[(round / config.rounds) as usize], round % config.rounds);
+    let failed = |why: String| Failure::new(ExitCode::Config, format!("round {round}: {why}"));
     let began = start(config, seed, scene_id);
     let Start { mut scene, group, unviable_count } =
-        began.ok_or(RoundError::NoScene { round, tries: config.scene.settle.tries_max })?;
+        began.ok_or_else(|| failed(format!("no scene in {} tries", config.scene.settle.tries_max)))?;
     let mut played = Round {
         round,
         seed,
@@ -78,7 +59,7 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Rou
         }
         let mut noise = Stream::new(seed, scene_id, Purpose::DepthNoise, look);
         let found = try_once(config, planner, &scene, &mut noise, tried);
-        let Some((trial, left)) = found.map_err(|source| RoundError::Plan { round, source })? else {
+        let Some((trial, left)) = found.map_err(|error| failed(error_chain(&error)))? else {
             break Ending::NoGrasp;
         };
         let is_held = trial.outcome == Outcome::Held;

@@ -7,52 +7,17 @@
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use planner::Planner;
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure, ThreadsError};
 use rayon::ThreadPoolBuilder;
 
 use crate::config::Config;
 use crate::record::Round;
-use crate::round::{RoundError, play};
-
-/// Why an experiment cannot be run.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// A round failed.
-    #[error(transparent)]
-    Round(#[from] RoundError),
-    /// A file cannot be written.
-    #[error("failed to write: {source}: {}", .path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// Threads cannot be started.
-    #[error("failed to start the threads: {0}")]
-    Threads(rayon::ThreadPoolBuildError),
-    /// A round ended in a defect of the program.
-    #[error("a round ended in a defect of the program")]
-    Panicked,
-    /// The folder holds another experiment.
-    #[error("the folder holds another experiment: its experiment.toml, network or program differs: {}", .0.display())]
-    Other(PathBuf),
-}
-
-impl Exit for RunError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Round(_) | Self::Other(_) => ExitCode::Config,
-            Self::Io { .. } | Self::Threads(_) => ExitCode::TryAgain,
-            Self::Panicked => ExitCode::Internal,
-        }
-    }
-}
+use crate::round::play;
 
 /// The head of the journal: the program and experiment that wrote it.
 #[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -68,7 +33,7 @@ struct Identity {
 /// Returns the rounds in order, all of them unless `stop` was set.
 ///
 /// # Errors
-/// [`RunError`].
+/// If a round fails, a file cannot be written, or the folder holds another experiment.
 pub fn run(
     config: &Config,
     planner: &Planner,
@@ -76,10 +41,9 @@ pub fn run(
     folder: &Path,
     stop: &AtomicBool,
     on_round: &(dyn Fn(&Round) + Sync),
-) -> Result<Vec<Round>, RunError> {
+) -> Result<Vec<Round>, Failure> {
     let path = folder.join(JOURNAL);
-    let failed = |source| RunError::Io { path: path.clone(), source };
-    fs::create_dir_all(folder).map_err(failed)?;
+    fs::create_dir_all(folder).map_err(unwritten(&path))?;
     let identity = Identity {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         model: planner.model_id().to_owned(),
@@ -93,13 +57,13 @@ pub fn run(
     rounds.iter().for_each(on_round);
     let played: BTreeSet<u64> = rounds.iter().map(|round| round.round).collect();
     let missing: Vec<u64> = (0..config.round_count()).filter(|round| !played.contains(round)).collect();
-    let file = Mutex::new(OpenOptions::new().append(true).open(&path).map_err(failed)?);
-    let play_one = |round: &u64| -> Result<Option<Round>, RunError> {
+    let file = Mutex::new(OpenOptions::new().append(true).open(&path).map_err(unwritten(&path))?);
+    let play_one = |round: &u64| -> Result<Option<Round>, Failure> {
         if stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
         let round = play(config, planner, *round)?;
-        append(&file, &round).map_err(failed)?;
+        append(&file, &round).map_err(unwritten(&path))?;
         on_round(&round);
         Ok(Some(round))
     };
@@ -108,15 +72,19 @@ pub fn run(
     Ok(rounds)
 }
 
+fn unwritten(path: &Path) -> impl Fn(io::Error) -> Failure {
+    move |error| Failure::new(ExitCode::TryAgain, format!("failed to write: {error}: {}", path.display()))
+}
+
 /// Runs rounds on a number of threads.
 fn in_threads(
     threads: usize,
     missing: &[u64],
-    play_one: &(dyn Fn(&u64) -> Result<Option<Round>, RunError> + Sync),
-) -> Result<Vec<Round>, RunError> {
+    play_one: &(dyn Fn(&u64) -> Result<Option<Round>, Failure> + Sync),
+) -> Result<Vec<Round>, Failure> {
     let next = AtomicUsize::new(0);
-    let work = || -> Result<Vec<Round>, RunError> {
-        let pool = ThreadPoolBuilder::new().num_threads(1).build().map_err(RunError::Threads)?;
+    let work = || -> Result<Vec<Round>, Failure> {
+        let pool = ThreadPoolBuilder::new().num_threads(1).build().map_err(ThreadsError::from)?;
         let mut played = Vec::new();
         while let Some(round) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
             match pool.install(|| play_one(round)) {
@@ -131,9 +99,10 @@ fn in_threads(
         }
         Ok(played)
     };
-    let all: Vec<Result<Vec<Round>, RunError>> = std::thread::scope(|scope| {
+    let all: Vec<Result<Vec<Round>, Failure>> = std::thread::scope(|scope| {
         let workers: Vec<_> = (0..threads.max(1)).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().map(|worker| worker.join().unwrap_or(Err(RunError::Panicked))).collect()
+        let panicked = |_| Err(Failure::new(ExitCode::Internal, "a round ended in a defect of the program"));
+        workers.into_iter().map(|worker| worker.join().unwrap_or_else(panicked)).collect()
     });
     let mut rounds = Vec::new();
     for played in all {
@@ -181,21 +150,23 @@ fn append(file: &Mutex<File>, line: &impl serde::Serialize) -> io::Result<()> {
 }
 
 /// The rounds of the journal, which is created if missing. A truncated last line is removed.
-fn journal(path: &Path, identity: &Identity) -> Result<Vec<Round>, RunError> {
-    let failed = |source| RunError::Io { path: path.to_owned(), source };
+fn journal(path: &Path, identity: &Identity) -> Result<Vec<Round>, Failure> {
     if !path.exists() {
-        let text = serde_json::to_string(identity).map_err(|e| failed(e.into()))? + "\n";
-        fs::write(path, text).map_err(failed)?;
+        let line = serde_json::to_string(identity).map_err(io::Error::from);
+        line.and_then(|line| fs::write(path, line + "\n")).map_err(unwritten(path))?;
         return Ok(Vec::new());
     }
-    let other = || RunError::Other(path.to_owned());
-    let text = whole_lines(path).map_err(failed)?;
+    let other = || {
+        let text = "the folder holds another experiment: its experiment.toml, network or program differs";
+        Failure::new(ExitCode::Config, format!("{text}: {}", path.display()))
+    };
+    let text = whole_lines(path).map_err(unwritten(path))?;
     let first = text.lines().next().and_then(|line| serde_json::from_str::<Identity>(line).ok());
     if first.as_ref() != Some(identity) {
         return Err(other());
     }
     let rounds = rounds_of(&text).map_err(|_| other())?;
-    let file = OpenOptions::new().write(true).open(path).map_err(failed)?;
-    file.set_len(text.len() as u64).map_err(failed)?;
+    let file = OpenOptions::new().write(true).open(path);
+    file.and_then(|file| file.set_len(text.len() as u64)).map_err(unwritten(path))?;
     Ok(rounds)
 }

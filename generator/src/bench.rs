@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+use program::{Failure, ThreadsError};
 use rayon::prelude::*;
 use schema::{Outcome, SceneRows};
 use serde::Serialize;
@@ -12,7 +13,7 @@ use simulator::{AttemptWorld, Physics, Scene};
 
 use crate::build::{Stage, make_scene, make_scene_timed};
 use crate::config::Config;
-use crate::run::{GenerateError, generate};
+use crate::run::generate;
 
 /// The extent of the measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,7 +110,7 @@ pub fn bench(
     size: BenchSize,
     scratch: &Path,
     on_phase: &dyn Fn(&str),
-) -> Result<BenchReport, GenerateError> {
+) -> Result<BenchReport, Failure> {
     let mut widths = vec![1, size.threads];
     widths.dedup();
     let mut runs = Vec::new();
@@ -156,11 +157,11 @@ pub fn bench(
     })
 }
 
-fn pool(threads: usize) -> Result<rayon::ThreadPool, GenerateError> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| GenerateError::Threads(e.to_string()))
+fn pool(threads: usize) -> Result<rayon::ThreadPool, Failure> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| ThreadsError::from(e).into())
 }
 
-fn whole_run(config: &Config, threads: usize, dir: &Path) -> Result<(RunCost, u64), GenerateError> {
+fn whole_run(config: &Config, threads: usize, dir: &Path) -> Result<(RunCost, u64), Failure> {
     let shards: Vec<u32> = (0..config.shards).collect();
     let pool = pool(threads)?;
     let (began, cpu_began_s) = (Instant::now(), cpu_time_s());
@@ -175,7 +176,7 @@ fn whole_run(config: &Config, threads: usize, dir: &Path) -> Result<(RunCost, u6
 }
 
 /// The stages of every scene, sequentially on this thread.
-fn stages(config: &Config, dir: &Path) -> Result<(Vec<StageCost>, Vec<OutcomeCost>), GenerateError> {
+fn stages(config: &Config, dir: &Path) -> Result<(Vec<StageCost>, Vec<OutcomeCost>), Failure> {
     let info = config.dataset_info();
     let draft = Draft::begin(dir, &info)?;
     let names = ["settle", "depth and TSDF, a view", "prepare a scene", "gate", "physics", "Parquet, a scene"];
@@ -216,12 +217,12 @@ fn stages(config: &Config, dir: &Path) -> Result<(Vec<StageCost>, Vec<OutcomeCos
 }
 
 /// The attempts of the first scenes with the config's settings and with `physics`.
-fn agreement(config: &Config, size: BenchSize, settings: String, physics: Physics) -> Result<Agreement, GenerateError> {
+fn agreement(config: &Config, size: BenchSize, settings: String, physics: Physics) -> Result<Agreement, Failure> {
     let info = config.dataset_info();
     let scenes = size.repeated_attempts.div_ceil(u64::from(info.attempts_per_scene)).min(info.scene_count);
     let compare = |scene_id: u64| {
         let rows = make_scene(config, scene_id, info.attempts_of_scene(scene_id))?;
-        Ok::<_, GenerateError>((repeat(config, &config.physics, &rows), repeat(config, &physics, &rows)))
+        Ok::<_, Failure>((repeat(config, &config.physics, &rows), repeat(config, &physics, &rows)))
     };
     let mut found =
         Agreement { settings, attempts: 0, same_label: 0, same_outcome: 0, positives: [0; 2], total_s: [0.0; 2] };

@@ -8,9 +8,9 @@ use perception::camera_at;
 use program::{Context, Failure, write};
 use schema::{Camera, CameraParams, DepthImage, Intrinsics, View};
 use shards::Dataset;
-use simulator::{Scene, SceneRays, bodies_of};
+use simulator::{Scene, SceneRays};
 
-use crate::laws::DatasetError;
+use crate::laws::{bodies_of, info_lacks};
 
 /// Metres per unit of the images: a tenth of a millimetre, so that rounding is negligible against a voxel.
 const SCALE_M: f32 = 1e-4;
@@ -31,13 +31,12 @@ pub enum Views {
 pub fn write_depth_images(dataset: &Dataset, scene_id: u64, views: Views, folder: &Path) -> Result<PathBuf, Failure> {
     let info = dataset.info();
     let rows = dataset.read_scene(scene_id)?;
-    let lens = info.section::<CameraParams>("camera").ok_or(DatasetError::Camera)?.intrinsics();
+    let lens = info.section::<CameraParams>("camera").ok_or_else(|| info_lacks(" has no camera"))?.intrinsics();
     let views = match views {
         Views::Stored => rows.scene.views.clone(),
         Views::Around(count) => around(count, info.grid.size_m),
     };
-    let bodies = bodies_of(&info.models).map_err(DatasetError::Model)?;
-    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies);
+    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(info)?);
     let rays = SceneRays::new(&scene);
     fs::create_dir_all(folder).context(format_args!("failed to write {}", folder.display()))?;
     let mut text = head(dataset, scene_id, &lens);

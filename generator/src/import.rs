@@ -9,6 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use glamx::{DSymmetricEigen3, DVec3};
+use program::{ExitCode, Failure};
 use rayon::prelude::*;
 use schema::{Grid, Gripper, HullError, MODELS_MAX, Polyhedron, Vec3};
 use serde::Serialize;
@@ -17,7 +18,7 @@ use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull, hull_
 use crate::catalogue::Catalogue;
 use crate::mass_integrals::{MassIntegrals, relative_difference};
 use crate::mesh::{Mesh, Seams};
-use crate::mesh_file::{ENDINGS, ImportError, ending, read_mesh};
+use crate::mesh_file::{ENDINGS, damaged, ending, read_mesh, unusable};
 use crate::models::Models;
 
 /// A mesh is convex if its hull is larger by less than this share.
@@ -118,8 +119,8 @@ pub struct ImportedObject {
 /// The mesh files of some paths: files as given, and the meshes in folders, sorted by name.
 ///
 /// # Errors
-/// [`ImportError`] for a folder that cannot be listed or has no mesh.
-pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, ImportError> {
+/// For a folder that cannot be listed or has no mesh.
+pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     for path in paths {
         if !path.is_dir() {
@@ -127,12 +128,12 @@ pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, ImportError> {
             continue;
         }
         let shown = path.display();
-        let unlisted = |error| ImportError::unusable(format!("failed to list the folder: {error}: {shown}"));
+        let unlisted = |error| unusable(format!("failed to list the folder: {error}: {shown}"));
         let entries = std::fs::read_dir(path).map_err(unlisted)?.collect::<Result<Vec<_>, _>>().map_err(unlisted)?;
         let mut found: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
         found.retain(|file| ending(file).is_some_and(|ending| ENDINGS.contains(&ending.as_str())));
         if found.is_empty() {
-            return Err(ImportError::unusable(format!("there is no .{} file: {shown}", ENDINGS.join(" or ."))));
+            return Err(unusable(format!("there is no .{} file: {shown}", ENDINGS.join(" or ."))));
         }
         found.sort();
         files.extend(found);
@@ -144,22 +145,25 @@ pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, ImportError> {
 /// depend on the number of threads.
 ///
 /// # Errors
-/// [`ImportError`], which lists all files that cannot be used.
-pub fn import_objects(files: &[PathBuf], params: &ImportParams) -> Result<Imported, ImportError> {
+/// With all files that cannot be used.
+pub fn import_objects(files: &[PathBuf], params: &ImportParams) -> Result<Imported, Failure> {
     for (place, file) in files.iter().enumerate() {
         let name = name_of(file);
         if let Some(other) = files[..place].iter().find(|other| name_of(other) == name) {
             let (other, file) = (other.display(), file.display());
-            return Err(ImportError::unusable(format!("two files make an object called {name}: {other} and {file}")));
+            return Err(unusable(format!("two files make an object called {name}: {other} and {file}")));
         }
     }
     if files.len() > MODELS_MAX {
         let got = files.len();
-        return Err(unusable_files(&[format!("a dataset has at most {MODELS_MAX} objects, got {got} files")]));
+        return Err(unusable_files(
+            ExitCode::Config,
+            &[format!("a dataset has at most {MODELS_MAX} objects, got {got} files")],
+        ));
     }
     let made: Vec<_> = files.par_iter().with_max_len(1).map(|file| guarded(file, params)).collect();
     let (mut objects, mut catalogue) = (Vec::new(), HEAD.to_owned());
-    let (mut problems, mut is_damaged) = (Vec::new(), false);
+    let (mut problems, mut code) = (Vec::new(), ExitCode::Config); // or `Data`, if a file is damaged
     for one in made {
         match one {
             Ok((object, text)) => {
@@ -167,23 +171,23 @@ pub fn import_objects(files: &[PathBuf], params: &ImportParams) -> Result<Import
                 catalogue += &text;
             }
             Err(error) => {
-                problems.push(error.message);
-                is_damaged |= error.is_damaged;
+                code = code.min(error.exit_code());
+                problems.push(error.to_string());
             }
         }
     }
     if !problems.is_empty() {
-        return Err(ImportError { is_damaged, ..unusable_files(&problems) });
+        return Err(unusable_files(code, &problems));
     }
     // The written text must be readable: masses have limits, and rounded corners must still have hulls.
-    let read = Catalogue::parse(&catalogue, Path::new("the new catalogue")).map_err(ImportError::unusable)?;
-    Models::of(&read).map_err(|problems| unusable_files(&problems))?;
+    let read = Catalogue::parse(&catalogue, Path::new("the new catalogue")).map_err(unusable)?;
+    Models::of(&read).map_err(|problems| unusable_files(ExitCode::Config, &problems))?;
     Ok(Imported { objects, catalogue })
 }
 
-fn unusable_files(problems: &[String]) -> ImportError {
+fn unusable_files(code: ExitCode, problems: &[String]) -> Failure {
     let count = problems.len();
-    ImportError::unusable(format!("{count} of the files cannot be used:\n  {}", problems.join("\n  ")))
+    Failure::new(code, format!("{count} of the files cannot be used:\n  {}", problems.join("\n  ")))
 }
 
 const HEAD: &str = "\
@@ -198,19 +202,19 @@ fn name_of(file: &Path) -> String {
 }
 
 /// The hull library panics on some scans. Such a file is reported, and the others continue.
-fn guarded(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), ImportError> {
-    let failed = |_| Err(ImportError::damaged("it cannot be decomposed, because a hull could not be made", file));
+fn guarded(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), Failure> {
+    let failed = |_| Err(damaged("it cannot be decomposed, because a hull could not be made", file));
     catch_unwind(AssertUnwindSafe(|| import_one(file, params))).unwrap_or_else(failed)
 }
 
-fn import_one(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), ImportError> {
+fn import_one(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), Failure> {
     let mesh = read_mesh(file, params.scale_m)?;
-    let damaged = |error: HullError| ImportError::damaged(&error.to_string(), file);
+    let damaged = |error: HullError| damaged(&error.to_string(), file);
     let measured = Measured::of(mesh);
     let longest_m = measured.extents_m.max_element();
     if longest_m > LONGEST_M {
         let (file, scale) = (file.display(), params.scale_m * 0.001);
-        return Err(ImportError::unusable(format!(
+        return Err(unusable(format!(
             "it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}"
         )));
     }

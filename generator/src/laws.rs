@@ -1,10 +1,10 @@
 //! What a dataset says of the config that made it: its identity, and the settings that its rows were drawn by.
 
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure};
 use schema::Physics;
 use serde_json::{Value, json};
-use shards::{DatasetInfo, FormatVersion, ReadError};
-use simulator::ModelError;
+use shards::{DatasetInfo, FormatVersion};
+use simulator::Body;
 
 use crate::config::{Config, OF_PRIMITIVES};
 
@@ -59,45 +59,22 @@ impl Config {
 }
 
 /// The engine's settings from a dataset's config, as [`Config::dataset_info`] writes them.
-pub(crate) fn physics_of(config: &Value) -> Result<Physics, DatasetError> {
+pub(crate) fn physics_of(config: &Value) -> Result<Physics, Failure> {
+    let unknown = |why: String| info_lacks(&format!(" has no engine settings that this program knows: {why}"));
     let mut physics = config["physics"].clone();
     let engine = physics.as_object_mut().and_then(|physics| physics.remove("engine")).unwrap_or_default();
     if engine != ENGINE {
-        return Err(DatasetError::Physics(format!("the engine must be {ENGINE:?}, got {engine}")));
+        return Err(unknown(format!("the engine must be {ENGINE:?}, got {engine}")));
     }
-    settings::read_stored(&physics, "physics").map_err(|faults| DatasetError::Physics(faults.join("; ")))
+    settings::read_stored(&physics, "physics").map_err(|faults| unknown(faults.join("; ")))
 }
 
-/// Why a dataset's scenes cannot be made again from their rows.
-#[derive(Debug, thiserror::Error)]
-pub enum DatasetError {
-    /// The dataset cannot be read.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// The dataset does not say how the engine was run.
-    #[error("meta/info.json has no engine settings that this program knows: {0}")]
-    Physics(String),
-    /// The dataset does not say what its camera was.
-    #[error("meta/info.json has no camera")]
-    Camera,
-    /// A model of the dataset is no body.
-    #[error("meta/info.json: {0}")]
-    Model(#[from] ModelError),
-    /// The target of an attempt is not in its scene.
-    #[error("attempt {attempt_id} of scene {scene_id} has a target that is not among the scene's objects")]
-    NoTarget {
-        /// The scene.
-        scene_id: u64,
-        /// The attempt.
-        attempt_id: u32,
-    },
+/// The bodies of a dataset's models.
+pub(crate) fn bodies_of(info: &DatasetInfo) -> Result<Vec<Body>, Failure> {
+    simulator::bodies_of(&info.models).map_err(|error| info_lacks(&format!(": {error}")))
 }
 
-impl Exit for DatasetError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Read(error) => error.exit_code(),
-            Self::Physics(_) | Self::Camera | Self::Model(_) | Self::NoTarget { .. } => ExitCode::Data,
-        }
-    }
+/// What is wrong with `meta/info.json`.
+pub(crate) fn info_lacks(what: &str) -> Failure {
+    Failure::new(ExitCode::Data, format!("meta/info.json{what}"))
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{PropertyAccess, PropertyAccessResult};
 
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure};
 
 use crate::mesh::{Mesh, TRIANGLES_MAX};
 
@@ -18,29 +18,14 @@ pub(crate) const ENDINGS: [&str; 3] = ["obj", "stl", "ply"];
 /// Maximum file size.
 const BYTES_MAX: u64 = 1 << 30;
 
-/// Why meshes are refused.
-#[derive(Debug, thiserror::Error)]
-#[error("{message}")]
-pub struct ImportError {
-    pub(crate) message: String,
-    /// Whether a file is damaged; otherwise files cannot be read or used.
-    pub(crate) is_damaged: bool,
+/// Why files cannot be read or used.
+pub(crate) fn unusable(message: impl Into<String>) -> Failure {
+    Failure::new(ExitCode::Config, message)
 }
 
-impl ImportError {
-    pub(crate) fn unusable(message: impl Into<String>) -> Self {
-        Self { message: message.into(), is_damaged: false }
-    }
-
-    pub(crate) fn damaged(message: &str, file: &Path) -> Self {
-        Self { message: format!("{message}: {}", file.display()), is_damaged: true }
-    }
-}
-
-impl Exit for ImportError {
-    fn exit_code(&self) -> ExitCode {
-        if self.is_damaged { ExitCode::Data } else { ExitCode::Config }
-    }
+/// What is wrong in a file.
+pub(crate) fn damaged(message: &str, file: &Path) -> Failure {
+    Failure::new(ExitCode::Data, format!("{message}: {}", file.display()))
 }
 
 type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
@@ -51,13 +36,13 @@ type Read = fn(&[u8]) -> Result<Parts, String>;
 /// Reads a mesh; one unit of the file is `scale_m` metres.
 ///
 /// # Errors
-/// [`ImportError`].
-pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, ImportError> {
+/// If the file cannot be read or is no mesh.
+pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
     let shown = path.display();
-    let unread = |source| ImportError::unusable(format!("failed to read it: {source}: {shown}"));
+    let unread = |source| unusable(format!("failed to read it: {source}: {shown}"));
     let bytes = std::fs::metadata(path).map_err(unread)?.len();
     if bytes > BYTES_MAX {
-        return Err(ImportError::unusable(format!("it must have at most {BYTES_MAX} bytes, got {bytes}: {shown}")));
+        return Err(unusable(format!("it must have at most {BYTES_MAX} bytes, got {bytes}: {shown}")));
     }
     let (kind, read): (_, Read) = match ending(path).as_deref() {
         Some("obj") => ("OBJ", obj),
@@ -65,10 +50,10 @@ pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, ImportError> 
         Some("ply") => ("PLY", ply),
         _ => {
             let endings = ENDINGS.join(", .");
-            return Err(ImportError::unusable(format!("its name must end with .{endings}: {shown}")));
+            return Err(unusable(format!("its name must end with .{endings}: {shown}")));
         }
     };
-    let damaged = |message: String| ImportError::damaged(&message, path);
+    let damaged = |message: String| self::damaged(&message, path);
     let (corners, triangles) = read(&std::fs::read(path).map_err(unread)?)
         .map_err(|message| damaged(format!("not a whole {kind} file: {message}")))?;
     Mesh::new(&corners, &triangles, scale_m).map_err(damaged)
@@ -377,6 +362,9 @@ mod tests {
         let far = ply_text(8).replace("3 0 2 3", "3 0 2 99");
         assert!(of("a.ply", &far).contains("triangle 0 names corner 99"), "{}", of("a.ply", &far));
         let missing = read_mesh(Path::new("nowhere.obj"), 1.0).unwrap_err();
-        assert!(missing.to_string().contains("failed to read it") && !missing.is_damaged, "{missing}");
+        assert!(
+            missing.to_string().contains("failed to read it") && missing.exit_code() == ExitCode::Config,
+            "{missing}"
+        );
     }
 }

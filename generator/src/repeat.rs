@@ -1,11 +1,12 @@
 //! Executes a dataset's attempts again and compares the results with the stored rows.
 
+use program::{ExitCode, Failure};
 use rayon::prelude::*;
 use schema::{AttemptRecord, ObjectRecord, Outcome};
 use shards::Dataset;
-use simulator::{AttemptWorld, Body, Execution, Physics, Scene, bodies_of};
+use simulator::{AttemptWorld, Body, Execution, Physics, Scene};
 
-use crate::laws::{DatasetError, physics_of};
+use crate::laws::{bodies_of, physics_of};
 
 /// The result of the comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,10 +33,10 @@ pub struct Difference {
 /// Executes the attempts of the first `scene_count` scenes again, using only their rows.
 ///
 /// # Errors
-/// [`DatasetError`] if the dataset cannot be read or was not made by this engine.
-pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, DatasetError> {
+/// If the dataset cannot be read or was not made by this engine.
+pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, Failure> {
     let physics = physics_of(&dataset.info().config)?;
-    let bodies = bodies_of(&dataset.info().models)?;
+    let bodies = bodies_of(dataset.info())?;
     let mut repeated = Repeated { attempts: 0, different: Vec::new() };
     for shard in 0..dataset.shard_count() {
         let ids = dataset.info().scenes_of(shard);
@@ -49,7 +50,9 @@ pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, DatasetEr
             row.object_id as usize >= objects[range_of(&objects, row.scene_id, |object| object.scene_id)].len()
         };
         if let Some(row) = attempts.iter().find(|row| lacks_target(row)) {
-            return Err(DatasetError::NoTarget { scene_id: row.scene_id, attempt_id: row.attempt_id });
+            let AttemptRecord { scene_id, attempt_id, .. } = row;
+            let has = "has a target that is not among the scene's objects";
+            return Err(Failure::new(ExitCode::Data, format!("attempt {attempt_id} of scene {scene_id} {has}")));
         }
         let found: Vec<Repeated> = ids
             .into_par_iter()

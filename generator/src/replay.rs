@@ -3,12 +3,13 @@
 use std::fmt::Write as _;
 use std::str::FromStr;
 
+use program::Failure;
 use report::view::{Body, Class, EventKind, Line, Points, View, flat, flat_points};
 use schema::{AttemptRecord, HandBox, Outcome, Pose, SceneRows};
 use shards::{Dataset, DatasetInfo, ReadError, object_bodies};
-use simulator::{AttemptWorld, Execution, Obstruction, Physics, Scene, bodies_of};
+use simulator::{AttemptWorld, Execution, Obstruction, Physics, Scene};
 
-use crate::laws::{DatasetError, physics_of};
+use crate::laws::{bodies_of, physics_of};
 use crate::recorder::{Recorder, Shot, ended, outcome_told};
 use crate::repeat::is_as_stored;
 
@@ -84,15 +85,15 @@ fn stored_told(stored: &AttemptRecord) -> String {
 /// dataset apply here, too; the recording then says so.
 ///
 /// # Errors
-/// [`DatasetError`] if the dataset cannot be read, has no such attempt, or was not made by this engine.
-pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, DatasetError> {
+/// If the dataset cannot be read, has no such attempt, or was not made by this engine.
+pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, Failure> {
     let info = dataset.info();
     let physics = physics_of(&info.config)?;
     let rows = dataset.read_scene(id.scene_id)?;
     let limit = rows.attempts.len() as u64;
     let out_of_range = || ReadError::OutOfRange { what: "attempt", limit, got: u64::from(id.attempt_id) };
     let stored = rows.attempts.get(id.attempt_id as usize).ok_or_else(out_of_range)?.clone();
-    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(&info.models)?);
+    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(info)?);
     let world = AttemptWorld::new(&physics, &info.gripper, &info.procedure, &scene);
     let (grasp, target) = (stored.workspace_from_grasp, stored.object_id as usize);
 

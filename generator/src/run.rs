@@ -4,12 +4,10 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use program::{Exit, ExitCode};
+use program::{Exit, ExitCode, Failure};
 use rayon::prelude::*;
 use schema::SceneRows;
-use shards::{
-    BeginError, Counts, DatasetInfo, Draft, FinalizeError, Finalized, Location, ShardWriter, StoreError, WriteError,
-};
+use shards::{Counts, DatasetInfo, Draft, Finalized, Location, ShardWriter, StoreError};
 
 use crate::build::{NoScene, make_scene};
 use crate::config::Config;
@@ -60,39 +58,9 @@ pub struct Report {
     pub dataset: Option<Finalized>,
 }
 
-/// Why a run failed.
-#[derive(Debug, thiserror::Error)]
-pub enum GenerateError {
-    /// The folder cannot take this dataset.
-    #[error(transparent)]
-    Begin(#[from] BeginError),
-    /// A scene could not be built.
-    #[error(transparent)]
-    Scene(#[from] NoScene),
-    /// A shard could not be written.
-    #[error(transparent)]
-    Write(#[from] WriteError),
-    /// A shard's marker could not be read.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// The dataset could not be completed.
-    #[error(transparent)]
-    Finalize(#[from] FinalizeError),
-    /// Threads could not be started.
-    #[error("failed to start threads: {0}")]
-    Threads(String),
-}
-
-impl Exit for GenerateError {
+impl Exit for NoScene {
     fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Begin(error) => error.exit_code(),
-            Self::Scene(_) => ExitCode::Config,
-            Self::Threads(_) => ExitCode::TryAgain,
-            Self::Write(error) => error.exit_code(),
-            Self::Store(error) => error.exit_code(),
-            Self::Finalize(error) => error.exit_code(),
-        }
+        ExitCode::Config
     }
 }
 
@@ -100,14 +68,14 @@ impl Exit for GenerateError {
 /// is set, the run ends soon and drops its incomplete shard.
 ///
 /// # Errors
-/// [`GenerateError`]; committed shards remain.
+/// If a scene cannot be built or a shard not be written; committed shards remain.
 pub fn generate(
     config: &Config,
     at: impl Into<Location>,
     wanted: &[u32],
     stop: &AtomicBool,
     on_event: &(dyn Fn(Event) + Sync),
-) -> Result<Report, GenerateError> {
+) -> Result<Report, Failure> {
     let info = config.dataset_info();
     let draft = Draft::begin(at, &info)?;
     let is_all = wanted.len() == info.shard_count as usize;
@@ -124,7 +92,7 @@ pub fn generate(
         let is_stopped = build_scenes(config, &info, &missing, stop, on_event, &send);
         drop(send);
         let made = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-        Ok::<_, GenerateError>((made, is_stopped?))
+        Ok::<_, Failure>((made, is_stopped?))
     })?;
     let looks = is_all || info.shard_count <= LOOK_SHARDS_MAX;
     Ok(Report { made, is_stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
@@ -141,7 +109,7 @@ fn missing_of(draft: &Draft, wanted: &[u32]) -> Result<Vec<u32>, StoreError> {
 }
 
 /// Completes the dataset if all markers exist.
-fn complete(draft: &Draft) -> Result<Finalized, GenerateError> {
+fn complete(draft: &Draft) -> Result<Finalized, Failure> {
     let missing = draft.unmarked()?;
     Ok(if missing.is_empty() { draft.finalize()? } else { Finalized::Incomplete { missing } })
 }
@@ -155,7 +123,7 @@ fn build_scenes(
     stop: &AtomicBool,
     on_event: &(dyn Fn(Event) + Sync),
     send: &SyncSender<Vec<(u32, SceneRows)>>,
-) -> Result<bool, GenerateError> {
+) -> Result<bool, Failure> {
     let scenes: Vec<(u32, u64)> =
         shards.iter().flat_map(|shard| info.scenes_of(*shard).map(|scene_id| (*shard, scene_id))).collect();
     for batch in scenes.chunks(SCENES_AT_ONCE) {
@@ -183,7 +151,7 @@ fn write_shards(
     draft: &Draft,
     receive: Receiver<Vec<(u32, SceneRows)>>,
     on_event: &(dyn Fn(Event) + Sync),
-) -> Result<Counts, GenerateError> {
+) -> Result<Counts, Failure> {
     let mut made = Counts::zero();
     let mut open: Option<(u64, ShardWriter)> = None;
     for (shard, rows) in receive.into_iter().flatten() {
