@@ -3,7 +3,8 @@
 use schema::{HandBox, Outcome, Pose, Vec3};
 
 use crate::attempt::AttemptWorld;
-use crate::gate::{Gate, Hit};
+use crate::gate::Hit;
+use crate::tested_part::PlacedPart;
 
 /// Number of bisections: to a micrometre on the longest approach.
 const HALVINGS: usize = 20;
@@ -33,28 +34,34 @@ impl AttemptWorld<'_> {
     #[must_use]
     pub fn obstruction(&self, workspace_from_grasp: &Pose, target: usize) -> Option<Obstruction> {
         let (outcome, hit) = self.gate.blocked(workspace_from_grasp, target)?;
-        let obstacle = Obstacle::new(self, workspace_from_grasp, hit);
+        let touched = |travel_m: f32| self.touched(workspace_from_grasp, hit, &self.swept(travel_m));
         let way_m = if outcome == Outcome::PregraspCollision { 0.0 } else { self.procedure.pregrasp_distance_m };
         let (mut near_m, mut far_m) = (0.0, way_m);
-        if obstacle.first_of(self.swept(near_m)).is_some() {
+        if touched(near_m).is_some() {
             far_m = near_m;
         }
         for _ in 0..HALVINGS {
             let middle_m = 0.5 * (near_m + far_m);
-            let touches = obstacle.first_of(self.swept(middle_m)).is_some();
-            if touches { far_m = middle_m } else { near_m = middle_m }
+            if touched(middle_m).is_some() { far_m = middle_m } else { near_m = middle_m }
         }
-        let boxes = self.swept(far_m);
         // Because of rounding, an obstacle of the gate's own boxes may just miss these; then it is closest to the last.
-        let part = obstacle.first_of(boxes).unwrap_or(boxes.len() - 1);
-        let point_m = obstacle.point_in(&boxes[part]);
-        Some(Obstruction {
-            outcome,
-            hit,
-            travel_m: far_m,
-            part,
-            point_m: workspace_from_grasp.transform_point(point_m),
-        })
+        let boxes = self.swept(far_m);
+        let (part, at_m) = touched(far_m).unwrap_or((boxes.len() - 1, boxes[boxes.len() - 1].centre_m));
+        Some(Obstruction { outcome, hit, travel_m: far_m, part, point_m: workspace_from_grasp.transform_point(at_m) })
+    }
+
+    /// The first box that touches the obstacle, and a point that they share, up to rounding.
+    fn touched(&self, workspace_from_grasp: &Pose, hit: Hit, boxes: &[HandBox; 3]) -> Option<(usize, Vec3)> {
+        let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
+        let height_m = self.table_z_m - workspace_from_grasp.translation.z;
+        let shared_m = |hand_box: &HandBox| match hit.object_id {
+            Some(id) => {
+                let parts = self.gate.overlapped(id, workspace_from_grasp, &[*hand_box]);
+                parts.first().map(|part| point_in(part, hand_box))
+            }
+            None => Some(lowest_corner_m(hand_box, up)).filter(|corner_m| up.dot(*corner_m) < height_m),
+        };
+        boxes.iter().enumerate().find_map(|(number, hand_box)| Some((number, shared_m(hand_box)?)))
     }
 
     /// The hand's boxes swept from the pre-grasp over `travel_m`, enlarged by the clearance.
@@ -67,60 +74,19 @@ impl AttemptWorld<'_> {
     }
 }
 
-/// The obstacle.
-enum Obstacle<'a> {
-    Object {
-        gate: &'a Gate,
-        id: usize,
-        workspace_from_grasp: Pose,
-    },
-    /// Up and the table's height in the frame of the grasp.
-    Table {
-        up: Vec3,
-        height_m: f32,
-    },
-}
-
-impl<'a> Obstacle<'a> {
-    fn new(setup: &'a AttemptWorld<'_>, workspace_from_grasp: &Pose, hit: Hit) -> Self {
-        match hit.object_id {
-            Some(id) => Self::Object { gate: &setup.gate, id, workspace_from_grasp: *workspace_from_grasp },
-            None => Self::Table {
-                up: workspace_from_grasp.rotation.inverse() * Vec3::Z,
-                height_m: setup.table_z_m - workspace_from_grasp.translation.z,
-            },
+/// A point of a part and a box that overlap.
+fn point_in(part: &PlacedPart, hand_box: &HandBox) -> Vec3 {
+    let (low, high) = (hand_box.centre_m - hand_box.half_m, hand_box.centre_m + hand_box.half_m);
+    let mut point = part.centre_m;
+    // Alternating projections onto convex sets converge to a common point.
+    for _ in 0..ROUNDS {
+        for normal in &part.normals {
+            let ([least, most], reach) = (part.span(*normal), normal.dot(point));
+            point += *normal * (reach.clamp(least, most) - reach);
         }
+        point = point.clamp(low, high);
     }
-
-    /// The first box that touches the obstacle.
-    fn first_of(&self, boxes: [HandBox; 3]) -> Option<usize> {
-        boxes.iter().position(|b| match self {
-            Self::Object { gate, id, workspace_from_grasp } => {
-                !gate.overlapped(*id, workspace_from_grasp, &[*b]).is_empty()
-            }
-            Self::Table { up, height_m } => up.dot(lowest_corner_m(b, *up)) < *height_m,
-        })
-    }
-
-    /// A point that the obstacle shares with a box, up to rounding.
-    fn point_in(&self, hand_box: &HandBox) -> Vec3 {
-        let parts = match self {
-            Self::Object { gate, id, workspace_from_grasp } => gate.overlapped(*id, workspace_from_grasp, &[*hand_box]),
-            Self::Table { up, .. } => return lowest_corner_m(hand_box, *up),
-        };
-        let Some(part) = parts.first() else { return hand_box.centre_m };
-        let (low, high) = (hand_box.centre_m - hand_box.half_m, hand_box.centre_m + hand_box.half_m);
-        let mut point = part.centre_m;
-        // Alternating projections onto convex sets converge to a common point.
-        for _ in 0..ROUNDS {
-            for normal in &part.normals {
-                let ([least, most], reach) = (part.span(*normal), normal.dot(point));
-                point += *normal * (reach.clamp(least, most) - reach);
-            }
-            point = point.clamp(low, high);
-        }
-        point
-    }
+    point
 }
 
 fn lowest_corner_m(hand_box: &HandBox, up: Vec3) -> Vec3 {
