@@ -327,7 +327,7 @@ pub fn rows() -> Vec<Row> {
 fn objects(keys: &ObjectKeys, catalogue: Option<&Path>) -> Result<Objects, String> {
     Ok(match keys.kind {
         Kind::Pile => Objects::Pile { count: keys.count },
-        Kind::Packed => Objects::Packed(PackedParams { count: keys.count, ..PackedParams::default() }),
+        Kind::Packed => Objects::Packed(PackedParams::of(keys.count)),
         Kind::Things => {
             let catalogue = Catalogue::read(catalogue).map_err(|e| format!("objects.catalogue: {e}"))?;
             let group = |name: &String| {

@@ -10,43 +10,33 @@ use simulator::SceneObject;
 /// Height above the table at which an object is released.
 const DROP_M: f32 = 0.0005;
 
-/// The distribution of the objects of a packed scene.
+/// Free extents in the plane, uniform. Half-cylinders are half as deep as wide.
+const WIDTH_M: [f32; 2] = [0.03, 0.06];
+/// Height, uniform.
+const HEIGHT_M: [f32; 2] = [0.06, 0.14];
+/// Density, uniform.
+const DENSITY_KG_M3: [f32; 2] = [200.0, 800.0];
+/// Friction coefficient, uniform.
+const FRICTION: [f32; 2] = [0.8, 1.2];
+/// Objects have their centres at least this far inside the workspace: as in VGN, in [0.08, 0.22] m of 0.30 m.
+const MARGIN_M: f32 = 0.08;
+
+/// The objects of a packed scene: household-sized, of all shapes evenly.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PackedParams {
-    /// Shapes, drawn evenly.
-    pub shapes: Vec<ShapeKind>,
     /// Number of objects.
     pub count: usize,
-    /// Free extents in the plane, uniform. Half-cylinders are half as deep as wide.
-    pub width_m: [f32; 2],
-    /// Height, uniform.
-    pub height_m: [f32; 2],
-    /// Density, uniform.
-    pub density_kg_m3: [f32; 2],
-    /// Friction coefficient, uniform.
-    pub friction: [f32; 2],
-    /// Objects have their centres at least this far inside the workspace.
-    pub margin_m: f32,
     /// Minimum distance of their bounding rectangles.
     pub gap_m: f32,
     /// Maximum number of positions to try for an object.
     pub tries_max: u32,
 }
 
-impl Default for PackedParams {
-    /// Five household-sized objects with centres as in VGN: in [0.08, 0.22] m of 0.30 m.
-    fn default() -> Self {
-        Self {
-            shapes: ShapeKind::ALL.to_vec(),
-            count: 5,
-            width_m: [0.03, 0.06],
-            height_m: [0.06, 0.14],
-            density_kg_m3: [200.0, 800.0],
-            friction: [0.8, 1.2],
-            margin_m: 0.08,
-            gap_m: 0.001,
-            tries_max: 1_000,
-        }
+impl PackedParams {
+    /// So many objects, a millimetre apart.
+    #[must_use]
+    pub fn of(count: usize) -> Self {
+        Self { count, gap_m: 0.001, tries_max: 1_000 }
     }
 }
 
@@ -56,9 +46,9 @@ pub fn draw_packed(params: &PackedParams, grid: &Grid, stream: &mut Stream) -> V
     let mut placed = Vec::with_capacity(params.count);
     let mut taken: Vec<Footprint> = Vec::with_capacity(params.count);
     for _ in 0..params.count {
-        let solid = draw_solid(params, stream);
-        let density_kg_m3 = stream.uniform(params.density_kg_m3[0], params.density_kg_m3[1]);
-        let friction = stream.uniform(params.friction[0], params.friction[1]);
+        let solid = draw_solid(stream);
+        let density_kg_m3 = stream.uniform(DENSITY_KG_M3[0], DENSITY_KG_M3[1]);
+        let friction = stream.uniform(FRICTION[0], FRICTION[1]);
         if let Some((workspace_from_object, footprint)) = find_place(params, grid, &solid, &taken, stream) {
             let mass_kg = density_kg_m3 * solid.volume_m3();
             placed.push(SceneObject { body: solid.into(), mass_kg, friction, workspace_from_object });
@@ -69,17 +59,17 @@ pub fn draw_packed(params: &PackedParams, grid: &Grid, stream: &mut Stream) -> V
 }
 
 /// A shape with uniform free extents. Every shape makes the same number of draws.
-fn draw_solid(params: &PackedParams, stream: &mut Stream) -> Solid {
-    let kind = params.shapes[stream.index(params.shapes.len())];
-    let [a, b] = [(); 2].map(|()| stream.uniform(params.width_m[0], params.width_m[1]));
-    let height = stream.uniform(params.height_m[0], params.height_m[1]);
+fn draw_solid(stream: &mut Stream) -> Solid {
+    let kind = ShapeKind::ALL[stream.index(ShapeKind::ALL.len())];
+    let [a, b] = [(); 2].map(|()| stream.uniform(WIDTH_M[0], WIDTH_M[1]));
+    let height = stream.uniform(HEIGHT_M[0], HEIGHT_M[1]);
     let extents_m = match kind {
         ShapeKind::Cuboid => Vec3::new(a, b, height),
         ShapeKind::Cylinder => Vec3::new(a, a, height),
         ShapeKind::TriPrism => Vec3::new(height, a, b),
         ShapeKind::HalfCylinder => Vec3::new(height, a, 0.5 * a),
     };
-    Solid::new(kind, extents_m).expect("the parameters' extents are above 0")
+    Solid::new(kind, extents_m).expect("the widths and heights are above 0")
 }
 
 /// The first of at most `tries_max` positions at which the object hits nothing.
@@ -92,7 +82,7 @@ fn find_place(
 ) -> Option<(Pose, Footprint)> {
     let stance = Stance::of(solid);
     let z_m = grid.table_z_m + DROP_M + 0.5 * stance.height_m;
-    let [low, high] = [params.margin_m, grid.size_m - params.margin_m];
+    let [low, high] = [MARGIN_M, grid.size_m - MARGIN_M];
     (0..params.tries_max).find_map(|_| {
         let at = Vec3::new(stream.uniform(low, high), stream.uniform(low, high), z_m);
         let yaw = axis_angle(Vec3::Z, stream.uniform(0.0, core::f32::consts::TAU));
@@ -198,7 +188,7 @@ mod tests {
     #[test]
     fn nothing_overlaps_and_the_sampling_would_see_it() {
         for number in 0..25 {
-            let mut objects = scene(&PackedParams::default(), number);
+            let mut objects = scene(&PackedParams::of(5), number);
             let [_, one, more] = samples(&objects);
             assert!(one > 500 && more == 0, "scene {number}: {one} in one object, {more} in several");
             let at = objects[0].workspace_from_object.translation;
@@ -210,7 +200,7 @@ mod tests {
 
     #[test]
     fn all_stand_upright_on_the_table_and_inside_the_workspace() {
-        let params = PackedParams::default();
+        let params = PackedParams::of(5);
         let mut kinds = [0; 4];
         for object in (0..100).flat_map(|number| scene(&params, number)) {
             let corners = corners_m(&object);
@@ -231,7 +221,7 @@ mod tests {
 
     #[test]
     fn the_default_law_reaches_its_count() {
-        let params = PackedParams::default();
+        let params = PackedParams::of(5);
         let full = (0..2_000).filter(|number| scene(&params, *number).len() == params.count).count();
         assert!(full > 1_980, "{full} of 2000");
     }
@@ -240,7 +230,7 @@ mod tests {
     fn objects_without_a_place_are_given_up_after_tries_max() {
         // No position is a metre from the first object: 6 draws for each of 5 objects, 3 for the first one's position,
         // 3 for each of 7 tries of the 4 others.
-        let params = PackedParams { gap_m: 1.0, tries_max: 7, ..PackedParams::default() };
+        let params = PackedParams { gap_m: 1.0, tries_max: 7, ..PackedParams::of(5) };
         let mut stream = Stream::new(3, 0, Purpose::Objects, 0);
         assert_eq!(draw_packed(&params, &Grid::PAPER, &mut stream).len(), 1);
         let mut fresh = Stream::new(3, 0, Purpose::Objects, 0);
@@ -252,7 +242,7 @@ mod tests {
 
     #[test]
     fn the_same_stream_gives_the_same_scene() {
-        let params = PackedParams::default();
+        let params = PackedParams::of(5);
         assert_eq!(scene(&params, 5), scene(&params, 5));
         assert_ne!(scene(&params, 5), scene(&params, 6));
     }

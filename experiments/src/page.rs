@@ -167,7 +167,7 @@ fn rates(results: &[Results], names: &[String]) -> [Block; 3] {
 /// How it was run, with every key.
 fn whole_origin(one: &Played) -> Vec<Block> {
     let row = |key: &str, value: String| vec![Cell::code(key), Cell::Code(value)];
-    let told = one.stage.iter().flat_map(|stage| &stage.told).map(|(key, value)| row(key, value.clone()));
+    let told = one.stage.iter().flat_map(Stage::told).map(|(key, value)| row(&key, value));
     let keys = differences::keys(&one.report.about.config).into_iter().map(|(key, value)| row(&key, value));
     let rows = [row("folder", one.folder.display().to_string())].into_iter().chain(told).chain(keys);
     let text = "From these the rounds can be played again: the same scenes, grasps and outcomes.";

@@ -20,21 +20,14 @@ const FAILURES_SHOWN: usize = 8;
 const SIDE_STEP_M: f32 = 0.05;
 
 /// What scenes stand on, and the shapes that a catalogue's objects have.
-#[derive(Debug)]
-pub(super) struct Stage {
-    size_m: Option<f32>,
-    table_z_m: f32,
-    bodies: BTreeMap<String, Vec<Polyhedron>>,
-    /// Keys of `run.json` that a reader wants to know.
-    pub(super) told: Vec<(String, String)>,
-}
-
 #[derive(Debug, Deserialize)]
-struct Conditions {
+pub(super) struct Stage {
     size_m: Option<f32>,
     table_z_m: f32,
     gripper: GripperName,
     physics: BTreeMap<String, serde_json::Value>,
+    #[serde(skip)]
+    bodies: BTreeMap<String, Vec<Polyhedron>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -55,21 +48,20 @@ struct PartCorners {
 impl Stage {
     /// Reads `run.json` and `bodies.json`; `None` without the first.
     pub(super) fn read(folder: &Path) -> Result<Option<Self>, Failure> {
-        let Some(conditions) = json::<Conditions>(&folder.join("run.json"))? else { return Ok(None) };
+        let Some(stage) = json::<Self>(&folder.join("run.json"))? else { return Ok(None) };
         let parts: BTreeMap<String, Parts> = json(&folder.join("bodies.json"))?.unwrap_or_default();
         let hulls = |parts: Parts| parts.parts.iter().filter_map(|part| hull(&part.vertices_m)).collect();
-        let mut told = vec![("gripper".to_owned(), conditions.gripper.name)];
-        let physics = conditions.physics.into_iter();
-        told.extend(physics.map(|(key, value)| {
+        let bodies = parts.into_iter().map(|(name, parts)| (name, hulls(parts))).collect();
+        Ok(Some(Self { bodies, ..stage }))
+    }
+
+    /// Keys of `run.json` that a reader wants to know.
+    pub(super) fn told(&self) -> impl Iterator<Item = (String, String)> {
+        let physics = self.physics.iter().map(|(key, value)| {
             let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             (format!("physics.{key}"), value)
-        }));
-        Ok(Some(Self {
-            size_m: conditions.size_m,
-            table_z_m: conditions.table_z_m,
-            bodies: parts.into_iter().map(|(name, parts)| (name, hulls(parts))).collect(),
-            told,
-        }))
+        });
+        [("gripper".to_owned(), self.gripper.name.clone())].into_iter().chain(physics)
     }
 }
 
