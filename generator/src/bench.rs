@@ -15,15 +15,6 @@ use crate::build::{Stage, make_scene, make_scene_timed};
 use crate::config::Config;
 use crate::run::generate;
 
-/// The extent of the measurement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct BenchSize {
-    /// Threads of the widest run.
-    pub threads: usize,
-    /// Attempts to execute again with slower settings; 0 for none.
-    pub repeated_attempts: u64,
-}
-
 /// All measurements.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BenchReport {
@@ -107,11 +98,12 @@ pub struct Agreement {
 /// As [`generate`].
 pub fn bench(
     config: &Config,
-    size: BenchSize,
+    threads: usize,
+    repeated_attempts: u64,
     scratch: &Path,
     on_phase: &dyn Fn(&str),
 ) -> Result<BenchReport, Failure> {
-    let mut widths = vec![1, size.threads];
+    let mut widths = vec![1, threads];
     widths.dedup();
     let mut runs = Vec::new();
     let mut bytes = 0;
@@ -129,7 +121,7 @@ pub fn bench(
     });
     let memory_bytes = peak_memory_bytes();
     let mut agreements = Vec::new();
-    if size.repeated_attempts > 0 {
+    if repeated_attempts > 0 {
         let solver_iterations = config.physics.solver_iterations.max(Physics::FAITHFUL.solver_iterations);
         let faithful = Physics { solver_iterations, shortcuts: false, ..config.physics };
         for (settings, physics) in [
@@ -140,7 +132,7 @@ pub fn bench(
             ),
         ] {
             on_phase(&format!("attempts again: {settings}"));
-            agreements.push(agreement(config, size, settings, physics)?);
+            agreements.push(agreement(config, threads, repeated_attempts, settings, physics)?);
         }
     }
     Ok(BenchReport {
@@ -217,16 +209,22 @@ fn stages(config: &Config, dir: &Path) -> Result<(Vec<StageCost>, Vec<OutcomeCos
 }
 
 /// The attempts of the first scenes with the config's settings and with `physics`.
-fn agreement(config: &Config, size: BenchSize, settings: String, physics: Physics) -> Result<Agreement, Failure> {
+fn agreement(
+    config: &Config,
+    threads: usize,
+    repeated_attempts: u64,
+    settings: String,
+    physics: Physics,
+) -> Result<Agreement, Failure> {
     let info = config.dataset_info();
-    let scenes = size.repeated_attempts.div_ceil(u64::from(info.attempts_per_scene)).min(info.scene_count);
+    let scenes = repeated_attempts.div_ceil(u64::from(info.attempts_per_scene)).min(info.scene_count);
     let compare = |scene_id: u64| {
         let rows = make_scene(config, scene_id, info.attempts_of_scene(scene_id))?;
         Ok::<_, Failure>((repeat(config, &config.physics, &rows), repeat(config, &physics, &rows)))
     };
     let mut found =
         Agreement { settings, attempts: 0, same_label: 0, same_outcome: 0, positives: [0; 2], total_s: [0.0; 2] };
-    let pairs: Result<Vec<_>, _> = pool(size.threads)?.install(|| (0..scenes).into_par_iter().map(compare).collect());
+    let pairs: Result<Vec<_>, _> = pool(threads)?.install(|| (0..scenes).into_par_iter().map(compare).collect());
     for ((ours, our_time), (theirs, their_time)) in pairs? {
         found.attempts += ours.len() as u64;
         for (a, b) in ours.iter().zip(&theirs) {

@@ -15,26 +15,24 @@ use crate::laws::{bodies_of, info_lacks};
 /// Metres per unit of the images: a tenth of a millimetre, so that rounding is negligible against a voxel.
 const SCALE_M: f32 = 1e-4;
 
-/// The views of a scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Views {
-    /// The views of its TSDF.
-    Stored,
-    /// This many views evenly around it (VGN: 30° from the vertical, two workspaces away).
-    Around(usize),
-}
-
 /// Writes `depth-0.png` (16 bit) and so on, and `views.toml`, into `folder`; returns the path of the latter.
+/// The images are from the views of the scene's TSDF, or from so many views evenly around it (VGN: 30° from the
+/// vertical, two workspaces away).
 ///
 /// # Errors
 /// If the dataset does not say what its cameras saw, or the folder cannot be written.
-pub fn write_depth_images(dataset: &Dataset, scene_id: u64, views: Views, folder: &Path) -> Result<PathBuf, Failure> {
+pub fn write_depth_images(
+    dataset: &Dataset,
+    scene_id: u64,
+    views: Option<u8>,
+    folder: &Path,
+) -> Result<PathBuf, Failure> {
     let info = dataset.info();
     let rows = dataset.read_scene(scene_id)?;
     let lens = info.section::<CameraParams>("camera").ok_or_else(|| info_lacks(" has no camera"))?.intrinsics();
     let views = match views {
-        Views::Stored => rows.scene.views.clone(),
-        Views::Around(count) => around(count, info.grid.size_m),
+        None => rows.scene.views.clone(),
+        Some(count) => around(count, info.grid.size_m),
     };
     let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(info)?);
     let rays = SceneRays::new(&scene);
@@ -51,8 +49,8 @@ pub fn write_depth_images(dataset: &Dataset, scene_id: u64, views: Views, folder
     Ok(path)
 }
 
-fn around(count: usize, size_m: f32) -> Vec<View> {
-    let azimuth = |number: usize| core::f32::consts::TAU * number as f32 / count as f32;
+fn around(count: u8, size_m: f32) -> Vec<View> {
+    let azimuth = |number: u8| core::f32::consts::TAU * f32::from(number) / f32::from(count);
     (0..count)
         .map(|number| View {
             radius_m: 2.0 * size_m,

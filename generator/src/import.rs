@@ -8,16 +8,19 @@ use std::fmt::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use glamx::{DSymmetricEigen3, DVec3};
+use clap::Args;
+use glamx::DSymmetricEigen3;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{Grid, Gripper, HullError, MODELS_MAX, Polyhedron, Vec3};
+use schema::{HullError, MODELS_MAX};
 use serde::Serialize;
-use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull, hull_volume_m3};
+use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
 use crate::catalogue::Catalogue;
+use crate::config::Config;
 use crate::mass_integrals::{MassIntegrals, relative_difference};
-use crate::mesh::{Mesh, Seams};
+use crate::measured::{Measured, integrals_of, overlap_share, smallest_width_m};
+use crate::mesh::Seams;
 use crate::mesh_file::{ENDINGS, damaged, ending, read_mesh, unusable};
 use crate::models::Models;
 
@@ -25,8 +28,8 @@ use crate::models::Models;
 const CONVEX_SHARE: f64 = 0.01;
 /// Maximum number of hull corners for measuring the smallest width.
 const WIDTH_CORNERS: usize = 64;
-/// Cells along each side of the lattice for measuring overlaps.
-const LATTICE: usize = 48;
+/// Maximum concavity of a part, as a share of the longest side.
+const CONCAVITY: f32 = 0.002;
 /// If an object's longest side is not between these, a warning questions its units.
 const PLAUSIBLE_M: [f64; 2] = [0.005, 1.0];
 /// Maximum accepted length of the longest side.
@@ -38,23 +41,47 @@ const OVERLAP_SHARE: f64 = 0.05;
 /// Decimals of a corner in a catalogue: a tenth of a micrometre.
 const DECIMALS: usize = 7;
 
+/// Friction unless given: wood, card and plastic against rubber.
+const FRICTION: f32 = 0.8;
+/// Density unless given, in kg/m³: hollow plastic, light wood.
+const DENSITY_KG_M3: f64 = 400.0;
+
 /// Settings of the import.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Args)]
 pub struct ImportParams {
-    /// Metres per unit of the files.
-    pub scale_m: f64,
-    /// Density of all objects in kg/m³.
-    pub density_kg_m3: f64,
-    /// Mass of each object in kg, instead.
-    pub mass_kg: Option<f64>,
-    /// Coulomb friction coefficient.
-    pub friction: f32,
-    /// How finely meshes are decomposed.
-    pub parts: PartsParams,
-    /// The hand that objects should fit.
-    pub gripper: Gripper,
-    /// The workspace that objects should fit.
-    pub grid: Grid,
+    /// Metres per unit of the files: 0.001 for millimetres
+    #[arg(long, value_name = "METRES", default_value_t = 1.0, value_parser = positive)]
+    scale: f64,
+
+    /// Density of all objects in kg/m3 [default: 400]
+    #[arg(long, value_name = "KG/M3", value_parser = positive)]
+    density: Option<f64>,
+
+    /// Mass of each object in kg, instead
+    #[arg(long, value_name = "KG", conflicts_with = "density", value_parser = positive)]
+    mass: Option<f64>,
+
+    /// Friction coefficient of all objects
+    #[arg(long, value_name = "MU", default_value_t = FRICTION)]
+    friction: f32,
+
+    /// Most convex parts of an object; 1 makes it its convex hull
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
+    hulls_max: u8,
+
+    /// Most corners of a part; an attempt takes longer with more
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u8).range(8..=64))]
+    corners_max: u8,
+
+    /// Voxels along an object's longest side; objects are cut along voxels
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(16..=256))]
+    voxels: u32,
+}
+
+/// A number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("must be above 0, got {text}")) }
 }
 
 /// The result of an import.
@@ -146,7 +173,7 @@ pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 ///
 /// # Errors
 /// With all files that cannot be used.
-pub fn import_objects(files: &[PathBuf], params: &ImportParams) -> Result<Imported, Failure> {
+pub fn import_objects(files: &[PathBuf], params: &ImportParams, config: &Config) -> Result<Imported, Failure> {
     for (place, file) in files.iter().enumerate() {
         let name = name_of(file);
         if let Some(other) = files[..place].iter().find(|other| name_of(other) == name) {
@@ -161,7 +188,7 @@ pub fn import_objects(files: &[PathBuf], params: &ImportParams) -> Result<Import
             &[format!("a dataset has at most {MODELS_MAX} objects, got {got} files")],
         ));
     }
-    let made: Vec<_> = files.par_iter().with_max_len(1).map(|file| guarded(file, params)).collect();
+    let made: Vec<_> = files.par_iter().with_max_len(1).map(|file| guarded(file, params, config)).collect();
     let (mut objects, mut catalogue) = (Vec::new(), HEAD.to_owned());
     let (mut problems, mut code) = (Vec::new(), ExitCode::Config); // or `Data`, if a file is damaged
     for one in made {
@@ -202,85 +229,50 @@ fn name_of(file: &Path) -> String {
 }
 
 /// The hull library panics on some scans. Such a file is reported, and the others continue.
-fn guarded(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), Failure> {
+fn guarded(file: &Path, params: &ImportParams, config: &Config) -> Result<(ImportedObject, String), Failure> {
     let failed = |_| Err(damaged("it cannot be decomposed, because a hull could not be made", file));
-    catch_unwind(AssertUnwindSafe(|| import_one(file, params))).unwrap_or_else(failed)
+    catch_unwind(AssertUnwindSafe(|| import_one(file, params, config))).unwrap_or_else(failed)
 }
 
-fn import_one(file: &Path, params: &ImportParams) -> Result<(ImportedObject, String), Failure> {
-    let mesh = read_mesh(file, params.scale_m)?;
+fn import_one(file: &Path, params: &ImportParams, config: &Config) -> Result<(ImportedObject, String), Failure> {
+    let mesh = read_mesh(file, params.scale)?;
     let damaged = |error: HullError| damaged(&error.to_string(), file);
     let measured = Measured::of(mesh);
     let longest_m = measured.extents_m.max_element();
     if longest_m > LONGEST_M {
-        let (file, scale) = (file.display(), params.scale_m * 0.001);
+        let (file, scale) = (file.display(), params.scale * 0.001);
         return Err(unusable(format!(
             "it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}"
         )));
     }
     let hull_of = |parts_max| {
-        let parts = PartsParams { parts_max, ..params.parts };
+        let parts = PartsParams {
+            parts_max,
+            corners_max: params.corners_max.into(),
+            resolution: params.voxels,
+            concavity: CONCAVITY,
+        };
         convex_parts(&measured.corners_m, &measured.mesh.triangles, &parts).map_err(damaged)
     };
     let is_convex =
         measured.solid.is_some_and(|solid| solid.volume_m3 >= (1.0 - CONVEX_SHARE) * measured.hull_volume_m3);
-    let parts = hull_of(if is_convex { 1 } else { params.parts.parts_max })?;
-    let object = described(file, params, &measured, &parts).map_err(damaged)?;
+    let parts = hull_of(if is_convex { 1 } else { params.hulls_max.into() })?;
+    let object = described(file, params, config, &measured, &parts).map_err(damaged)?;
     let text = catalogue_text(&object, params, &parts);
     Ok((object, text))
-}
-
-/// A mesh and its measurements before decomposition.
-struct Measured {
-    mesh: Mesh,
-    seams: Seams,
-    was_inside_out: bool,
-    extents_m: DVec3,
-    /// The centre of the bounding box, in the file's frame; all other fields are relative to it.
-    middle_m: DVec3,
-    corners_m: Vec<Vec3>,
-    /// The integrals, if the mesh is watertight and encloses a volume.
-    solid: Option<MassIntegrals>,
-    hull_volume_m3: f64,
-}
-
-impl Measured {
-    fn of(mesh: Mesh) -> Self {
-        let seams = mesh.seams();
-        let [low, high] = mesh.bounds_m();
-        let middle_m = 0.5 * (low + high);
-        let integrals = MassIntegrals::of(mesh.triangles_about(middle_m));
-        let was_inside_out = seams.is_watertight() && integrals.volume_m3 < 0.0;
-        let mesh = if was_inside_out { mesh.turned_inside_out() } else { mesh };
-        let solid = seams.is_watertight().then(|| MassIntegrals::of(mesh.triangles_about(middle_m)));
-        let corners_m = mesh.corners_about(middle_m);
-        Self {
-            seams,
-            was_inside_out,
-            extents_m: high - low,
-            middle_m,
-            hull_volume_m3: hull_volume_m3(&corners_m).unwrap_or(0.0),
-            corners_m,
-            solid: solid.filter(|solid| solid.volume_m3 > 0.0),
-            mesh,
-        }
-    }
-}
-
-fn integrals_of(hull: &Polyhedron) -> MassIntegrals {
-    let corners: Vec<DVec3> = hull.corners_m().iter().map(|c| c.as_dvec3()).collect();
-    MassIntegrals::of(hull.triangles().into_iter().map(|triangle| triangle.map(|i| corners[i])))
 }
 
 fn described(
     file: &Path,
     params: &ImportParams,
+    config: &Config,
     measured: &Measured,
     parts: &ConvexParts,
 ) -> Result<ImportedObject, HullError> {
     let of_parts = parts.hulls.iter().map(integrals_of).fold(MassIntegrals::ZERO, |sum, part| sum.plus(&part));
     let balance = measured.solid.unwrap_or(of_parts);
-    let mass_kg = params.mass_kg.unwrap_or(params.density_kg_m3 * balance.volume_m3);
+    let density_kg_m3 = params.density.unwrap_or(DENSITY_KG_M3);
+    let mass_kg = params.mass.unwrap_or(density_kg_m3 * balance.volume_m3);
     let inertia = balance.inertia_kg_m2(mass_kg);
     let whole = few_cornered_hull(&measured.corners_m, WIDTH_CORNERS)?.0;
     let smallest_width_m = smallest_width_m(&whole, &measured.corners_m);
@@ -304,117 +296,69 @@ fn described(
         parts_overlap_share: overlap_share(&parts.hulls),
         parts_inertia_difference: measured.solid.map(|_| relative_difference(of_parts.inertia_kg_m2(mass_kg), inertia)),
         smallest_width_m,
-        fits_gripper: smallest_width_m < f64::from(params.gripper.opening_m_max),
-        fits_workspace: measured.extents_m.length() <= f64::from(params.grid.size_m),
+        fits_gripper: smallest_width_m < f64::from(config.gripper.opening_m_max),
+        fits_workspace: measured.extents_m.length() <= f64::from(config.grid.size_m),
         warnings: Vec::new(),
     };
-    object.warnings = warnings(&object, params, measured);
+    object.warnings = warnings(&object, params.scale, config, measured);
     Ok(object)
 }
 
 /// What is unusual about an object, one sentence each.
-fn warnings(object: &ImportedObject, params: &ImportParams, measured: &Measured) -> Vec<String> {
+fn warnings(object: &ImportedObject, scale: f64, config: &Config, measured: &Measured) -> Vec<String> {
     let longest_m = measured.extents_m.max_element();
-    let Seams { open_edges, twisted_edges } = measured.seams;
-    let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, params.gripper.opening_m_max * 1000.0);
-    let volume_share = object.parts_volume_share.unwrap_or(1.0);
-    let inertia_share = object.parts_inertia_difference.unwrap_or(0.0);
-    let cure = if volume_share > 1.0 {
-        "--hulls-max: the parts fill hollows"
-    } else {
-        "--corners-max: the parts cut off rounded surfaces"
-    };
     let of_parts = "volume, mass and inertia are those of the parts";
-    let told = [
-        (
-            !object.is_watertight,
-            format!(
-                "not watertight: {open_edges} edges do not belong to two triangles, {twisted_edges} have theirs turned against \
-                 each other; {of_parts}"
-            ),
-        ),
-        (object.is_watertight && object.volume_m3.is_none(), format!("watertight, but without a volume; {of_parts}")),
-        (measured.was_inside_out, "its triangles were inside out; they were reversed".to_owned()),
-        (
-            measured.mesh.degenerate_count > 0,
-            format!("{} triangles without an area were dropped", measured.mesh.degenerate_count),
-        ),
-        (
-            longest_m > PLAUSIBLE_M[1],
-            format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {}", params.scale_m * 0.001),
-        ),
-        (
-            longest_m < PLAUSIBLE_M[0],
-            format!(
-                "{:.3} mm long: if the file is in metres, give --scale {}",
-                longest_m * 1000.0,
-                params.scale_m * 1000.0
-            ),
-        ),
-        (
-            !object.fits_gripper,
-            format!(
-                "{width_mm:.1} mm at its narrowest, and the hand opens {opening_mm:.1} mm: only a rim or a handle can be held"
-            ),
-        ),
-        (
-            !object.fits_workspace,
-            format!(
-                "its bounding box's diagonal must be at most the workspace's side, {} m, to be dropped",
-                params.grid.size_m
-            ),
-        ),
-        (
-            (volume_share - 1.0).abs() > VOLUME_SHARE,
-            format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * volume_share),
-        ),
-        (
-            inertia_share > INERTIA_SHARE,
-            format!("the parts' inertia is {:.1} % from the mesh's", 100.0 * inertia_share),
-        ),
-        (
-            object.parts_overlap_share > OVERLAP_SHARE,
-            format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share),
-        ),
-    ];
-    told.into_iter().filter(|(holds, _)| *holds).map(|(_, warning)| warning).collect()
-}
-
-/// The smallest width of points over the directions in which a hull can be narrowest: normal to a face, or to two
-/// edges.
-fn smallest_width_m(hull: &Polyhedron, points_m: &[Vec3]) -> f64 {
-    let edges = hull.edges_m();
-    let faces = hull.planes().map(|plane| plane.normal);
-    let across = edges.iter().enumerate().flat_map(|(i, a)| edges[..i].iter().map(|b| a.cross(*b)));
-    let width_m = |points_m: &[Vec3], axis: Vec3| {
-        let along = points_m.iter().map(|point| axis.dot(*point));
-        along.clone().fold(f32::NEG_INFINITY, f32::max) - along.fold(f32::INFINITY, f32::min)
-    };
-    let mut best_m = f32::INFINITY;
-    for axis in faces.chain(across).filter_map(Vec3::try_normalize) {
-        // The hull's own corners first: few directions need a check of all points.
-        if width_m(hull.corners_m(), axis) < best_m {
-            best_m = best_m.min(width_m(points_m, axis));
-        }
+    let mut told = Vec::new();
+    if !object.is_watertight {
+        let Seams { open_edges, twisted_edges } = measured.seams;
+        told.push(format!(
+            "not watertight: {open_edges} edges do not belong to two triangles, {twisted_edges} have theirs turned against \
+             each other; {of_parts}"
+        ));
+    } else if object.volume_m3.is_none() {
+        told.push(format!("watertight, but without a volume; {of_parts}"));
     }
-    f64::from(best_m)
-}
-
-/// The share of the parts' union that lies in more than one of them, by sampling a lattice.
-fn overlap_share(hulls: &[Polyhedron]) -> f64 {
-    let corners = || hulls.iter().flat_map(Polyhedron::corners_m).copied();
-    let (low, high) = (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
-    let planes: Vec<_> = hulls.iter().map(|hull| hull.planes().collect::<Vec<_>>()).collect();
-    let (mut once, mut more) = (0_u64, 0_u64);
-    for cell in 0..LATTICE.pow(3) {
-        let along = [cell / LATTICE / LATTICE, cell / LATTICE % LATTICE, cell % LATTICE];
-        let share = Vec3::from_array(along.map(|k| (k as f32 + 0.5) / LATTICE as f32));
-        let point = low + (high - low) * share;
-        let holders = planes.iter().filter(|of| of.iter().all(|p| p.normal.dot(point) < p.offset_m)).take(2).count();
-        once += u64::from(holders >= 1);
-        more += u64::from(holders >= 2);
+    if measured.was_inside_out {
+        told.push("its triangles were inside out; they were reversed".to_owned());
     }
-    if once == 0 { 0.0 } else { more as f64 / once as f64 }
+    if measured.mesh.degenerate_count > 0 {
+        told.push(format!("{} triangles without an area were dropped", measured.mesh.degenerate_count));
+    }
+    if longest_m > PLAUSIBLE_M[1] {
+        let scale = scale * 0.001;
+        told.push(format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {scale}"));
+    }
+    if longest_m < PLAUSIBLE_M[0] {
+        let (longest_mm, scale) = (longest_m * 1000.0, scale * 1000.0);
+        told.push(format!("{longest_mm:.3} mm long: if the file is in metres, give --scale {scale}"));
+    }
+    if !object.fits_gripper {
+        let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, config.gripper.opening_m_max * 1000.0);
+        told.push(format!(
+            "{width_mm:.1} mm at its narrowest, and the hand opens {opening_mm:.1} mm: only a rim or a handle can be held"
+        ));
+    }
+    if !object.fits_workspace {
+        let side_m = config.grid.size_m;
+        told.push(format!(
+            "its bounding box's diagonal must be at most the workspace's side, {side_m} m, to be dropped"
+        ));
+    }
+    if let Some(share) = object.parts_volume_share.filter(|share| (share - 1.0).abs() > VOLUME_SHARE) {
+        let cure = if share > 1.0 {
+            "--hulls-max: the parts fill hollows"
+        } else {
+            "--corners-max: the parts cut off rounded surfaces"
+        };
+        told.push(format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * share));
+    }
+    if let Some(share) = object.parts_inertia_difference.filter(|share| *share > INERTIA_SHARE) {
+        told.push(format!("the parts' inertia is {:.1} % from the mesh's", 100.0 * share));
+    }
+    if object.parts_overlap_share > OVERLAP_SHARE {
+        told.push(format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share));
+    }
+    told
 }
 
 /// The object as a catalogue entry. Corners are relative to the centre of the mesh's bounding box.
@@ -424,7 +368,7 @@ fn catalogue_text(object: &ImportedObject, params: &ImportParams, parts: &Convex
         Some(share) => format!("parts with {:.1} % of its volume", 100.0 * share),
         None => "not watertight".to_owned(),
     };
-    let source = format!("{name_of_file}, {} m a unit; {} triangles; {state}", params.scale_m, object.triangles);
+    let source = format!("{name_of_file}, {} m a unit; {} triangles; {state}", params.scale, object.triangles);
     let mut text = String::new();
     let mass_kg = (object.mass_kg * 1e6).round() / 1e6;
     let _ = write!(

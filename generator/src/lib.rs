@@ -11,11 +11,10 @@ mod candidates;
 pub mod catalogue;
 mod config;
 mod depth_images;
-#[cfg(any(test, fuzzing))]
-pub mod fuzzing;
 mod import;
 mod laws;
 mod mass_integrals;
+mod measured;
 mod mesh;
 mod mesh_file;
 mod models;
@@ -26,11 +25,11 @@ mod repeat;
 mod replay;
 mod run;
 
-pub use bench::{Agreement, BenchReport, BenchSize, OutcomeCost, RunCost, StageCost, bench};
+pub use bench::{Agreement, BenchReport, OutcomeCost, RunCost, StageCost, bench};
 pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ObjectParams, Overrides, Sampler};
-pub use depth_images::{Views, write_depth_images};
+pub use depth_images::write_depth_images;
 pub use import::{ImportParams, Imported, ImportedObject, import_objects, mesh_files};
 pub use models::Models;
 pub use objects::{draw_drops, draw_release};

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::{Polyhedron, ShapeKind, Solid, Vec3};
+use crate::{Polyhedron, ShapeKind, Solid, Vec3, bounds_m};
 
 /// An object of convex parts. Everything that physics takes from it stands here, so that a dataset needs no other file.
 #[derive(Debug, Clone, PartialEq)]
@@ -181,7 +181,7 @@ impl Model {
             must((low..=high).contains(&value), format!("{key} must be between {low} and {high}, got {value}"));
         }
         let corners = || self.parts_m.iter().flatten().copied();
-        let (low, high) = (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
+        let [low, high] = bounds_m(self.parts_m.iter().flatten());
         let is_bounds = |a: Vec3, b: Vec3| (a - b).abs().max_element() <= BOUNDS_M;
         must(
             corners().all(Vec3::is_finite) && is_bounds(high - low, self.extents_m) && is_bounds(high, -low),

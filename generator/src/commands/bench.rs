@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use generator::{BenchSize, Config, Overrides, bench};
+use generator::{Config, Overrides, bench};
 use indicatif::ProgressBar;
 use program::{Context, ExitCode, Failure, command_line, json, print, write};
 
@@ -49,11 +49,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let config = Config::load(arguments.config.as_deref(), overrides)?;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = arguments.threads.map_or_else(cores, usize::from);
-    let size = BenchSize { threads, repeated_attempts: arguments.repeat };
     let scratch = tempfile::tempdir().context("failed to make a temporary folder")?;
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(Duration::from_millis(200));
-    let report = bench(&config, size, scratch.path(), &|phase| spinner.set_message(phase.to_owned()))?;
+    let on_phase = |phase: &str| spinner.set_message(phase.to_owned());
+    let report = bench(&config, threads, arguments.repeat, scratch.path(), &on_phase)?;
     spinner.finish_and_clear();
     let text = bench_text::document(&report, &command_line("generator")).markdown();
     if let Some(path) = &arguments.markdown {

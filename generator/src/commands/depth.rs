@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use generator::{Views, write_depth_images};
+use generator::write_depth_images;
 use program::{ExitCode, Failure, print};
 use shards::{Dataset, Location, LocationParser};
 
@@ -29,8 +29,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let dataset = Dataset::open(&arguments.dataset)?;
-    let views = arguments.views.map_or(Views::Stored, |count| Views::Around(count.into()));
-    let path = write_depth_images(&dataset, arguments.scene, views, &arguments.out)?;
+    let path = write_depth_images(&dataset, arguments.scene, arguments.views, &arguments.out)?;
     print(format_args!("{}\n", path.display()))?;
     Ok(ExitCode::Ok)
 }
