@@ -14,7 +14,7 @@ use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensorError, SafeTensors};
 
 use crate::DenseNetwork;
-use crate::layers::{parameter_count, parameter_slots};
+use crate::layers::{ParameterSlot, parameter_slots, vector_of};
 use crate::upsampling::Upsampling;
 
 pub(crate) use header::ARCHITECTURE;
@@ -159,9 +159,7 @@ pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
 pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
     let (_, metadata) = SafeTensors::read_metadata(file).map_err(|source| damaged(source, path))?;
     let tensors = SafeTensors::deserialize(file).map_err(|source| damaged(source, path))?;
-    let vector = |prefix: &str| {
-        vector(&tensors, prefix).map_err(|problems| CheckpointError::Architecture { problems, path: path.to_owned() })
-    };
+    let vector = |prefix: &str| vector(&tensors, prefix, path);
     let parameters = vector("")?;
     let header = header::read(metadata.metadata().as_ref(), path)?;
     let moments = match header.adam_steps {
@@ -178,28 +176,21 @@ pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, CheckpointErro
     })
 }
 
-/// The flat vector of the tensors whose names begin with `prefix`, or the differences from this network.
-fn vector(tensors: &SafeTensors<'_>, prefix: &str) -> Result<Vec<f32>, Vec<String>> {
-    let mut values: Vec<f32> = Vec::with_capacity(parameter_count());
-    let mut problems = Vec::new();
-    for slot in parameter_slots() {
+/// The flat vector of the tensors whose names begin with `prefix`.
+fn vector(tensors: &SafeTensors<'_>, prefix: &str, path: &Path) -> Result<Vec<f32>, CheckpointError> {
+    let values = |slot: &ParameterSlot| {
         let name = format!("{prefix}{}", slot.name);
-        match tensors.tensor(&name) {
-            Ok(view) if view.dtype() == Dtype::F32 && view.shape() == slot.shape => {
-                values.extend(view.data().as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)));
-            }
-            Ok(view) => problems.push(format!(
-                "{name} must be {:?} of shape {:?}, got {:?} of shape {:?}",
-                Dtype::F32,
-                slot.shape,
-                view.dtype(),
-                view.shape()
-            )),
-            Err(_) => problems.push(format!("{name} is missing")),
+        let view = tensors.tensor(&name).map_err(|_| format!("{name} is missing"))?;
+        let (kind, shape, expected) = (view.dtype(), view.shape(), &slot.shape);
+        if kind != Dtype::F32 || shape != expected {
+            return Err(format!("{name} must be F32 of shape {expected:?}, got {kind:?} of shape {shape:?}"));
         }
-    }
-    problems.truncate(PROBLEMS_MAX);
-    if problems.is_empty() { Ok(values) } else { Err(problems) }
+        Ok(view.data().as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect())
+    };
+    vector_of(values).map_err(|mut problems| {
+        problems.truncate(PROBLEMS_MAX);
+        CheckpointError::Architecture { problems, path: path.to_owned() }
+    })
 }
 
 fn bytes(vector: &[f32]) -> Vec<u8> {

@@ -95,6 +95,18 @@ pub fn parameter_slots() -> Vec<ParameterSlot> {
     slots
 }
 
+/// The flat vector of the values that a file has for each parameter, or everything that is wrong with them.
+pub(crate) fn vector_of(values: impl Fn(&ParameterSlot) -> Result<Vec<f32>, String>) -> Result<Vec<f32>, Vec<String>> {
+    let (mut vector, mut problems) = (Vec::with_capacity(parameter_count()), Vec::new());
+    for slot in parameter_slots() {
+        match values(&slot) {
+            Ok(values) => vector.extend(values),
+            Err(problem) => problems.push(problem),
+        }
+    }
+    if problems.is_empty() { Ok(vector) } else { Err(problems) }
+}
+
 /// Number of trainable parameters: 313,238 for the paper's network.
 #[must_use]
 pub fn parameter_count() -> usize {

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::element::Element;
 use super::problem::{Problem, damaged, shown};
-use crate::layers::{ParameterSlot, parameter_count, parameter_slots};
+use crate::layers::{ParameterSlot, parameter_slots, vector_of};
 
 /// Prefixes that wrappers add to every name: `DataParallel`, `torch.compile`.
 const PREFIXES: [&str; 2] = ["module.", "_orig_mod."];
@@ -92,24 +92,16 @@ pub(super) struct Parameters {
 /// [`Problem::Architecture`] lists missing and surplus tensors and wrong shapes.
 pub(super) fn parameters(tensors: &BTreeMap<String, StoredTensor<'_>>) -> Result<Parameters, Problem> {
     let prefix = prefix(tensors);
-    let (mut values, mut problems) = (Vec::with_capacity(parameter_count()), Vec::new());
-    let (mut names, mut converted_from) = (BTreeSet::new(), BTreeSet::new());
-    for slot in parameter_slots() {
-        match tensors.get(&format!("{prefix}{}", slot.name)) {
-            None => problems.push(format!("{} is missing", slot.name)),
-            Some(tensor) => match slot_values(&slot, tensor) {
-                Ok(read) => {
-                    values.extend(read);
-                    converted_from.insert(tensor.element.name());
-                }
-                Err(problem) => problems.push(problem),
-            },
-        }
-        names.insert(slot.name);
-    }
+    let values = vector_of(|slot| {
+        let tensor = tensors.get(&format!("{prefix}{}", slot.name));
+        slot_values(slot, tensor.ok_or_else(|| format!("{} is missing", slot.name))?)
+    });
+    let (values, mut problems) = values.map_or_else(|problems| (Vec::new(), problems), |values| (values, Vec::new()));
+    let names: BTreeSet<String> = parameter_slots().into_iter().map(|slot| slot.name).collect();
     let extra = tensors.keys().filter_map(|name| name.strip_prefix(&prefix)).filter(|name| !names.contains(*name));
     problems.extend(extra.map(|name| format!("{} is not in the network", shown(name))));
     if problems.is_empty() {
+        let mut converted_from: BTreeSet<&str> = tensors.values().map(|tensor| tensor.element.name()).collect();
         converted_from.remove(Element::Float32.name());
         return Ok(Parameters { values, prefix, converted_from: converted_from.into_iter().collect() });
     }
