@@ -136,14 +136,15 @@ pub fn examine(
         return refused("the dataset has no attempt whose grasp lies in the grid".to_owned());
     }
     let results = results(&checkpoint.vector, &samples, &chosen, checkpoint.upsampling)?;
-    let found = || chosen.iter().copied().zip(&results);
-    let mistakes = found().map(|(at, result)| {
-        let (scene_id, attempt_id) = (samples.scene(at), samples.attempt(at));
-        Mistake { scene_id, attempt_id, score: score(result) }
+    let found = || chosen.iter().map(|at| samples.record(*at)).zip(&results);
+    let mistakes = found().map(|(record, result)| Mistake {
+        scene_id: record.scene.into(),
+        attempt_id: record.attempt,
+        score: Score { logit: result.quality_logit, held: result.label == 1 },
     });
     let mistakes: Vec<Mistake> = mistakes.collect();
     let scores: Vec<Score> = mistakes.iter().map(|mistake| mistake.score).collect();
-    let scenes: Vec<(u64, u64)> = tallies(found().map(|(at, result)| (samples.scene(at), result)))
+    let scenes: Vec<(u64, u64)> = tallies(found().map(|(record, result)| (record.scene, result)))
         .into_values()
         .map(|tally| (tally.confusion.true_positive + tally.confusion.true_negative, tally.confusion.count()))
         .collect();
@@ -164,8 +165,8 @@ pub fn examine(
         ranking: ranking(&scores),
         calibration: calibration(&scores),
         errors: errors(&results, dataset.info().grid.voxel_size_m()),
-        by_shape: summaries(tallies(found().map(|(at, result)| (samples.rule(at).shape.kind_name(), result)))),
-        by_rule: summaries(tallies(found().map(|(at, result)| (samples.rule(at).name(), result)))),
+        by_shape: summaries(tallies(found().map(|(record, result)| (record.rule.shape.kind_name(), result)))),
+        by_rule: summaries(tallies(found().map(|(record, result)| (record.rule.name(), result)))),
     };
     let [overrated, underrated] = [false, true].map(|held| worst(&mistakes, held, mistakes_max));
     Ok(Examination { evaluation, overrated, underrated, dataset })
@@ -183,10 +184,6 @@ fn results(vector: &[f32], samples: &GraspDataset, set: &[usize], mode: Upsampli
         ControlFlow::Continue(())
     })?;
     Ok(results)
-}
-
-fn score(result: &SampleResult) -> Score {
-    Score { logit: result.quality_logit, held: result.label == 1 }
 }
 
 fn tallies<'a, K: Ord>(results: impl Iterator<Item = (K, &'a SampleResult)>) -> BTreeMap<K, Tally> {

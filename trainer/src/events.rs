@@ -46,7 +46,7 @@ impl LabelCount {
     /// The labels of some samples of a dataset.
     #[must_use]
     pub fn of(samples: &GraspDataset, set: &[usize]) -> Self {
-        Self { samples: set.len(), held: set.iter().filter(|at| samples.label(**at) == 1).count() }
+        Self { samples: set.len(), held: set.iter().filter(|at| samples.record(**at).label == 1).count() }
     }
 
     /// The accuracy of always answering "failure"; 1 without samples.
@@ -74,7 +74,7 @@ pub struct Beginning {
 impl Beginning {
     pub(crate) fn of(samples: &GraspDataset, split: &Split, progress: &Progress) -> Self {
         Self {
-            outside: samples.outside_count(),
+            outside: samples.outside,
             train: LabelCount::of(samples, &split.train),
             test_attempts: LabelCount::of(samples, &split.test_attempts),
             test_scenes: LabelCount::of(samples, &split.test_scenes),

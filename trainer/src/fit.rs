@@ -176,7 +176,7 @@ impl Training<'_> {
     fn train(&self, state: &mut Checkpoint) -> Result<(), Failure> {
         let Config { seed, augmentation, training: TrainingParams { batch, samples_per_scene, .. }, .. } = *self.config;
         let epoch = state.progress.epoch;
-        let order = epoch_order(&self.split.train, |at| self.samples.scene(at), samples_per_scene, seed, epoch);
+        let order = epoch_order(&self.split.train, |at| self.samples.record(at).scene, samples_per_scene, seed, epoch);
         let transform = TrainingTransform { seed, epoch, augmentation, weights: self.weights };
         let done = (state.progress.batch as usize * batch).min(order.len());
         let mut outcome = Ok(());

@@ -11,7 +11,7 @@ use schema::{Purpose, Stream};
 #[must_use]
 pub fn epoch_order(
     samples: &[usize],
-    scene_of: impl Fn(usize) -> u64,
+    scene_of: impl Fn(usize) -> u32,
     samples_per_scene: usize,
     seed: u64,
     epoch: u32,
@@ -33,7 +33,7 @@ mod tests {
 
     fn order(samples_per_scene: usize, epoch: u32) -> Vec<usize> {
         let samples: Vec<usize> = (0..600).collect();
-        epoch_order(&samples, |sample| (sample / 60) as u64, samples_per_scene, 5, epoch)
+        epoch_order(&samples, |sample| (sample / 60) as u32, samples_per_scene, 5, epoch)
     }
 
     #[test]

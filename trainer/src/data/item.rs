@@ -38,14 +38,21 @@ pub struct TrainingTransform {
 
 /// A sample without its grid, 40 bytes, held in memory for every attempt.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Record {
-    pub(super) scene: u32,
-    pub(super) attempt: u32,
-    pub(super) voxel: [u8; 3],
-    pub(super) rule: Rule,
-    pub(super) label: u8,
-    pub(super) rotation: [f32; 4],
-    pub(super) width_voxels: f32,
+pub struct Record {
+    /// The scene.
+    pub scene: u32,
+    /// The attempt within its scene that represents the sample.
+    pub attempt: u32,
+    /// The voxel that holds the grasp's origin.
+    pub voxel: [u8; 3],
+    /// The rule that drew the attempt: target shape and approach axis.
+    pub rule: Rule,
+    /// 1 if the attempt held its object, else 0.
+    pub label: u8,
+    /// Quaternion xyzw.
+    pub rotation: [f32; 4],
+    /// Opening width in voxels; 0 unless held.
+    pub width_voxels: f32,
 }
 
 /// All samples of a dataset whose grasp is inside the grid, by scene and attempt: one per attempt by a rule, one per
@@ -54,45 +61,21 @@ pub(super) struct Record {
 pub struct GraspDataset {
     pub(super) records: Vec<Record>,
     pub(super) grids: Grids,
-    /// Number of samples dropped because their grasp's origin is outside the grid.
-    pub(super) outside: u64,
+    /// Number of attempts without a sample, because their grasp's origin is outside the grid.
+    pub outside: u64,
 }
 
 impl GraspDataset {
-    /// Number of attempts without a sample, because their grasp's origin is outside the grid.
+    /// A sample without its grid.
     #[must_use]
-    pub fn outside_count(&self) -> u64 {
-        self.outside
-    }
-
-    /// The scene of a sample.
-    #[must_use]
-    pub fn scene(&self, sample: usize) -> u64 {
-        u64::from(self.records[sample].scene)
-    }
-
-    /// The attempt within its scene that represents a sample.
-    #[must_use]
-    pub fn attempt(&self, sample: usize) -> u32 {
-        self.records[sample].attempt
+    pub fn record(&self, sample: usize) -> &Record {
+        &self.records[sample]
     }
 
     /// Scene and attempt of every sample, ascending.
     #[must_use]
     pub fn ids(&self) -> Vec<(u64, u32)> {
         self.records.iter().map(|record| (u64::from(record.scene), record.attempt)).collect()
-    }
-
-    /// The rule that drew a sample's attempt: target shape and approach axis.
-    #[must_use]
-    pub fn rule(&self, sample: usize) -> Rule {
-        self.records[sample].rule
-    }
-
-    /// 1 if the sample's attempt held its object, else 0.
-    #[must_use]
-    pub fn label(&self, sample: usize) -> u8 {
-        self.records[sample].label
     }
 
     /// A batch of samples, sorted so that those of a scene share its grid.
