@@ -28,7 +28,12 @@ const HELD_OUT: [HeldOut; 2] =
 pub(super) fn warnings(run: &TrainedRun, evaluation: Option<&Evaluation>) -> Vec<String> {
     let mut warnings = Vec::new();
     warnings.extend(no_numbers(run));
-    warnings.extend(HELD_OUT.iter().filter_map(|set| no_better_than_failure(run, *set)));
+    warnings.extend(HELD_OUT.iter().filter_map(|(name, set)| {
+        let Set { accuracy, baseline_accuracy, accuracy_95, .. } = *set(best(run));
+        let whose = format!("The best epoch's accuracy on {name}");
+        let moral = ": the network has learned nothing that helps";
+        no_better_than_failure(&whose, (accuracy, baseline_accuracy), ("95 %", accuracy_95), moral)
+    }));
     warnings.extend(stopped_early(run));
     let rising: Vec<String> = HELD_OUT.iter().filter_map(|set| rising(run, *set)).collect();
     // More epochs of overfitting help nobody.
@@ -50,20 +55,23 @@ fn no_numbers(run: &TrainedRun) -> Option<String> {
     ))
 }
 
-fn no_better_than_failure(run: &TrainedRun, (name, set): HeldOut) -> Option<String> {
-    let Set { accuracy: Some(accuracy), baseline_accuracy: Some(baseline), accuracy_95, .. } = *set(best(run)) else {
-        return None;
-    };
+/// An accuracy that is not, or may not be, above that of always answering "failure". `whose` begins the sentence, `drawn`
+/// says how the interval was made, `moral` ends the sentence.
+fn no_better_than_failure(
+    whose: &str,
+    shares: (Option<f64>, Option<f64>),
+    (drawn, interval): (&str, Option<(f64, f64)>),
+    moral: &str,
+) -> Option<String> {
+    let (accuracy, baseline) = shares.0.zip(shares.1)?;
     if accuracy <= baseline {
         return Some(format!(
-            "The best epoch's accuracy on {name}, {accuracy:.3}, is not above that of always answering \"failure\", {baseline:.3}: the \
-             network has learned nothing that helps."
+            "{whose}, {accuracy:.3}, is not above that of always answering \"failure\", {baseline:.3}{moral}."
         ));
     }
-    let interval = accuracy_95.filter(|(low, _)| *low <= baseline)?;
+    let interval = range(Some(interval.filter(|(low, _)| *low <= baseline)?));
     Some(format!(
-        "The best epoch's accuracy on {name}, {accuracy:.3} (95 %: {}), may be no better than always answering \"failure\", {baseline:.3}.",
-        range(Some(interval))
+        "{whose}, {accuracy:.3} ({drawn}: {interval}), may be no better than always answering \"failure\", {baseline:.3}."
     ))
 }
 
@@ -116,22 +124,10 @@ fn of_evaluation(evaluation: &Evaluation) -> Vec<String> {
     if !all.loss.is_finite() {
         warnings.push("The evaluation's loss is no number: the checkpoint's weights are broken.".to_owned());
     }
-    if let (Some(accuracy), Some(baseline)) = (all.accuracy, all.baseline_accuracy) {
-        let low = evaluation.accuracy_95_by_scene.map_or(all.accuracy_95.0, |(low, _)| low);
-        if accuracy <= baseline {
-            warnings.push(format!(
-                "On {} the accuracy, {accuracy:.3}, is not above that of always answering \"failure\", {baseline:.3}.",
-                evaluation.split.description()
-            ));
-        } else if low <= baseline {
-            warnings.push(format!(
-                "On {} the accuracy, {accuracy:.3} (95 %, scenes drawn: {}), may be no better than always answering \"failure\", \
-                 {baseline:.3}.",
-                evaluation.split.description(),
-                range(evaluation.accuracy_95_by_scene.or(Some(all.accuracy_95)))
-            ));
-        }
-    }
+    let whose = format!("On {} the accuracy", evaluation.split.description());
+    let interval = evaluation.accuracy_95_by_scene.or(Some(all.accuracy_95));
+    let shares = (all.accuracy, all.baseline_accuracy);
+    warnings.extend(no_better_than_failure(&whose, shares, ("95 %, scenes drawn", interval), ""));
     let error = evaluation.calibration.expected_error;
     if error > CALIBRATION_ERROR_MAX {
         warnings.push(format!(
