@@ -27,11 +27,8 @@ impl Watch {
             Event::Loading(_) | Event::SceneLoaded | Event::NoBetter(_) => {}
             Event::Begun(beginning) => {
                 let folder = self.run.join(FOLDER);
-                let begun = Events::begin(
-                    &folder,
-                    self.checkpoint_every_steps,
-                    (beginning.progress.step, beginning.progress.epoch),
-                );
+                let place = (beginning.progress.step, beginning.progress.epoch);
+                let begun = Events::begin(&folder, self.checkpoint_every_steps, place);
                 *self.events.lock().unwrap_or_else(PoisonError::into_inner) = warned(begun);
             }
             Event::Step { step, loss, .. } => self.keep(|events| events.step(*step, *loss)),
@@ -54,11 +51,5 @@ impl Watch {
 }
 
 fn warned<T>(outcome: std::io::Result<T>) -> Option<T> {
-    match outcome {
-        Ok(value) => Some(value),
-        Err(error) => {
-            tracing::warn!("TensorBoard events are no longer written: {error}");
-            None
-        }
-    }
+    outcome.inspect_err(|error| tracing::warn!("TensorBoard events are no longer written: {error}")).ok()
 }

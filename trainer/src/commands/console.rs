@@ -10,7 +10,7 @@ use trainer::metrics::Summary;
 /// Progress bars and the table of epochs.
 pub(crate) struct Screen {
     config: Config,
-    bar: Mutex<ProgressBar>,
+    bar: ProgressBar,
     last: Mutex<Option<EpochReport>>,
 }
 
@@ -19,23 +19,20 @@ const ESTIMATE_AFTER_STEPS: u64 = 20;
 
 impl Screen {
     pub(crate) fn new(config: &Config) -> Self {
-        Self { config: config.clone(), bar: Mutex::new(ProgressBar::hidden()), last: Mutex::new(None) }
+        Self { config: config.clone(), bar: ProgressBar::no_length(), last: Mutex::new(None) }
     }
 
-    fn bar(&self) -> ProgressBar {
-        self.bar.lock().map_or_else(|poisoned| poisoned.into_inner().clone(), |bar| bar.clone())
-    }
-
-    fn replace(&self, bar: ProgressBar) {
-        self.bar().finish_and_clear();
-        if let Ok(mut slot) = self.bar.lock() {
-            *slot = bar;
-        }
+    /// Begins the bar anew.
+    fn begin_bar(&self, len: u64, template: &str) {
+        self.bar.finish_and_clear();
+        self.bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()));
+        self.bar.set_length(len);
+        self.bar.reset();
     }
 
     /// Clears the bar and, if an epoch was done, prints its results.
     pub(crate) fn end(&self) {
-        self.bar().finish_and_clear();
+        self.bar.finish_and_clear();
         let last = self.last.lock().ok().and_then(|last| last.clone());
         let Some(report) = last else { return };
         print(&format!("\nafter epoch {}:", report.epoch));
@@ -53,18 +50,17 @@ impl Screen {
         match event {
             Event::Loading(dataset) => {
                 let info = dataset.info();
-                self.replace(bar(info.scene_count, "reading scenes {bar:30} {pos}/{len} {eta}"));
+                self.begin_bar(info.scene_count, "reading scenes {bar:30} {pos}/{len} {eta}");
                 let (attempts, scenes) = (info.attempt_count, info.scene_count);
                 self.line(&format!("dataset   {attempts} attempts in {scenes} scenes, {}", dataset.location()));
             }
-            Event::SceneLoaded => self.bar().inc(1),
+            Event::SceneLoaded => self.bar.inc(1),
             Event::Begun(beginning) => self.begin(beginning),
             Event::Step { samples, loss, .. } => {
-                let bar = self.bar();
-                bar.inc(*samples as u64);
-                bar.set_message(format!("loss {loss:.3}"));
-                if bar.position().div_ceil(self.config.training.batch as u64) == ESTIMATE_AFTER_STEPS {
-                    self.line(&format!("estimate  {} to go", HumanDuration(bar.eta())));
+                self.bar.inc(*samples as u64);
+                self.bar.set_message(format!("loss {loss:.3}"));
+                if self.bar.position().div_ceil(self.config.training.batch as u64) == ESTIMATE_AFTER_STEPS {
+                    self.line(&format!("estimate  {} to go", HumanDuration(self.bar.eta())));
                 }
             }
             Event::NoBetter(epochs) => {
@@ -85,7 +81,7 @@ impl Screen {
         let sets = [train, test_attempts, test_scenes];
         let left = u64::from(self.config.training.epochs.saturating_sub(progress.epoch)) * train.samples as u64;
         let done = u64::from(progress.batch) * self.config.training.batch as u64;
-        self.replace(bar(left.saturating_sub(done), "{bar:30} {percent}% {msg}, {per_sec}, {eta} to go"));
+        self.begin_bar(left.saturating_sub(done), "{bar:30} {percent}% {msg}, {per_sec}, {eta} to go");
         let [training, attempts, scenes] = sets.map(|set| set.samples);
         self.line(&format!("samples   {training} train, {attempts} test attempts, {scenes} of test scenes"));
         self.line(&format!("          {outside} attempts lie outside the grid and are left out"));
@@ -106,18 +102,13 @@ impl Screen {
 
     /// Prints above the bar.
     fn line(&self, text: &str) {
-        self.bar().suspend(|| print(text));
+        self.bar.suspend(|| print(text));
     }
 }
 
 /// A line to standard output. Training must not end because its output cannot be written.
 fn print(text: &str) {
     let _ = program::print(format_args!("{}\n", text.trim_end_matches(' ')));
-}
-
-fn bar(len: u64, template: &str) -> ProgressBar {
-    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(len).with_style(style)
 }
 
 fn epoch_line(report: &EpochReport, epochs: u32) -> String {
