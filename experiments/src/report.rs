@@ -102,11 +102,12 @@ pub(crate) fn side_by_side(results: &[Results], names: &[String]) -> Vec<Block> 
         let heads = names.iter().flat_map(|name| [format!("{name}: held of attempts"), "GSR (95 %)".to_owned()]);
         blocks.push(Block::Table(Table::new(["scene".to_owned()].into_iter().chain(heads), rows)));
     }
-    let rates: Vec<_> = results.iter().map(|one| one.rates.success_rate).collect();
-    let told = |at: usize| format!("{}, {}", names[at], share(rates[at]));
-    let apart: Vec<String> = comparison_of_rates(&rates)
-        .into_iter()
-        .map(|(high, low)| format!("{}, is above {}", told(high), told(low)))
+    let rates: Vec<_> = names.iter().zip(results.iter().map(|one| one.rates.success_rate)).collect();
+    let apart: Vec<String> = rates
+        .iter()
+        .flat_map(|high| rates.iter().map(move |low| (high, low)))
+        .filter(|(high, low)| high.1.zip(low.1).is_some_and(|(high, low)| high.is_above(&low)))
+        .map(|(high, low)| format!("{}, {}, is above {}, {}", high.0, share(high.1), low.0, share(low.1)))
         .collect();
     if apart.is_empty() {
         blocks.push(Block::Text("No GSR interval is above another.".to_owned()));
@@ -114,16 +115,6 @@ pub(crate) fn side_by_side(results: &[Results], names: &[String]) -> Vec<Block> 
         blocks.extend([Block::Text("GSR intervals that do not overlap:".to_owned()), Block::List(apart)]);
     }
     blocks
-}
-
-/// The ordered pairs, by number, whose first is above its second.
-fn comparison_of_rates(rates: &[Option<Interval>]) -> Vec<(usize, usize)> {
-    let is_above = |(better, worse): &(usize, usize)| match (rates[*better], rates[*worse]) {
-        (Some(high), Some(low)) => high.is_above(&low),
-        _ => false,
-    };
-    let pairs = (0..rates.len()).flat_map(|better| (0..rates.len()).map(move |worse| (better, worse)));
-    pairs.filter(is_above).collect()
 }
 
 /// A row for each experiment, and what the rates mean.

@@ -1,7 +1,8 @@
 //! Records an attempt for display: poses at up to sixty frames per second, events, and contacts.
 
 use report::view::{Class, Event, EventKind, Frame, Points, View, flat_points};
-use schema::{Gripper, Outcome, Pose, Vec3};
+use schema::{AttemptRecord, HitKind, Outcome, Physics, Pose, Vec3};
+use shards::DatasetInfo;
 use simulator::{AttemptEvent, Contact, Execution, Moment, Phase, Toucher, Watcher};
 
 /// Frames a second.
@@ -19,10 +20,9 @@ pub(crate) struct Shot {
 
 /// A recording of an attempt.
 pub(crate) struct Recorder<'a> {
-    gripper: &'a Gripper,
+    info: &'a DatasetInfo,
     step_rate_hz: f32,
-    workspace_from_grasp: Pose,
-    target: usize,
+    stored: &'a AttemptRecord,
     /// The scene at rest.
     at_rest: Vec<Pose>,
     /// Frames, events and contacts.
@@ -36,18 +36,11 @@ pub(crate) struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    pub(crate) fn new(
-        gripper: &'a Gripper,
-        step_rate_hz: f32,
-        workspace_from_grasp: Pose,
-        target: usize,
-        at_rest: Vec<Pose>,
-    ) -> Self {
+    pub(crate) fn new(info: &'a DatasetInfo, physics: &Physics, stored: &'a AttemptRecord, at_rest: Vec<Pose>) -> Self {
         Self {
-            gripper,
-            step_rate_hz,
-            workspace_from_grasp,
-            target,
+            info,
+            step_rate_hz: physics.step_rate_hz,
+            stored,
             at_rest,
             view: View::new(String::new()),
             shots: Vec::new(),
@@ -57,8 +50,9 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Adds frames of the open hand moving `travel_m` from the pre-grasp, which is `distance_m` back.
-    pub(crate) fn approach(&mut self, distance_m: f32, travel_m: f32) {
+    /// Adds frames of the open hand moving `travel_m` from the pre-grasp.
+    pub(crate) fn approach(&mut self, travel_m: f32) {
+        let distance_m = self.info.procedure.pregrasp_distance_m;
         self.happens(EventKind::Phase, "approach");
         self.happens(
             EventKind::Note,
@@ -68,7 +62,7 @@ impl<'a> Recorder<'a> {
         let count = (time_s * FRAME_RATE_HZ).ceil() as usize;
         for frame in 0..=count {
             let gone_m = if count == 0 { travel_m } else { travel_m * frame as f32 / count as f32 };
-            let pose = self.workspace_from_grasp * Pose::from_translation(Vec3::Z * (gone_m - distance_m));
+            let pose = self.stored.workspace_from_grasp * Pose::from_translation(Vec3::Z * (gone_m - distance_m));
             self.still(frame as f32 / FRAME_RATE_HZ, [pose; 3]);
         }
         self.grasp_time_s = self.view.frames.last().map_or(0.0, |frame| frame.time_s);
@@ -78,9 +72,10 @@ impl<'a> Recorder<'a> {
     fn close_freely(&mut self, steps: usize) {
         let stride = self.stride();
         for step in (stride..=steps).step_by(stride) {
-            let closed_m = self.gripper.closing_speed_m_s / self.step_rate_hz * step as f32;
-            let moved = |inward: f32| self.workspace_from_grasp * Pose::from_translation(Vec3::Y * (inward * closed_m));
-            let hand = [moved(1.0), moved(-1.0), self.workspace_from_grasp];
+            let closed_m = self.info.gripper.closing_speed_m_s / self.step_rate_hz * step as f32;
+            let moved =
+                |inward: f32| self.stored.workspace_from_grasp * Pose::from_translation(Vec3::Y * (inward * closed_m));
+            let hand = [moved(1.0), moved(-1.0), self.stored.workspace_from_grasp];
             self.still(self.grasp_time_s + step as f32 / self.step_rate_hz, hand);
         }
     }
@@ -120,7 +115,7 @@ impl<'a> Recorder<'a> {
 
     fn is_of_interest(&self, toucher: Toucher) -> bool {
         match toucher {
-            Toucher::Object(id) => id == self.target,
+            Toucher::Object(id) => id == self.stored.object_id as usize,
             Toucher::Table => false,
             Toucher::LeftFinger | Toucher::RightFinger | Toucher::Palm => true,
         }
@@ -224,14 +219,10 @@ pub(crate) fn ended(execution: &Execution) -> String {
 }
 
 /// An outcome with what was hit and the opening, as text.
-pub(crate) fn outcome_told(
-    outcome: Outcome,
-    hit: Option<(schema::HitKind, Option<u32>)>,
-    width_m: Option<f32>,
-) -> String {
+pub(crate) fn outcome_told(outcome: Outcome, hit: Option<(HitKind, Option<u32>)>, width_m: Option<f32>) -> String {
     let hit = match hit {
         None => String::new(),
-        Some((schema::HitKind::Other, Some(id))) => format!(" with object {id}"),
+        Some((HitKind::Other, Some(id))) => format!(" with object {id}"),
         Some((kind, _)) => format!(" with the {}", kind.name()),
     };
     let width = width_m.map_or(String::new(), |width_m| format!(", {}", mm(width_m)));

@@ -98,10 +98,9 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, Failure> {
     let (grasp, target) = (stored.workspace_from_grasp, stored.object_id as usize);
 
     let at_rest = rows.objects.iter().map(|row| row.workspace_from_object).collect();
-    let mut recorder = Recorder::new(&info.gripper, physics.step_rate_hz, grasp, target, at_rest);
+    let mut recorder = Recorder::new(info, &physics, &stored, at_rest);
     let obstruction = world.obstruction(&grasp, target);
-    let distance_m = info.procedure.pregrasp_distance_m;
-    recorder.approach(distance_m, obstruction.map_or(distance_m, |o| o.travel_m));
+    recorder.approach(obstruction.map_or(info.procedure.pregrasp_distance_m, |o| o.travel_m));
     if let Some(obstruction) = &obstruction {
         recorder.happens(EventKind::Note, obstruction_told(info, obstruction));
     }
