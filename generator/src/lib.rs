@@ -11,6 +11,8 @@ mod candidates;
 pub mod catalogue;
 mod config;
 mod depth_images;
+#[cfg(any(test, fuzzing))]
+pub mod fuzzing;
 mod import;
 mod laws;
 mod mass_integrals;

@@ -47,7 +47,8 @@ impl Mesh {
                 "it must have at most {TRIANGLES_MAX} triangles, got {triangle_count}: simplify it first"
             ));
         }
-        let all_m: Vec<DVec3> = corners.iter().map(|c| DVec3::from_array(*c) * scale_m + DVec3::ZERO).collect(); // −0 is 0
+        // Adding 0 makes 0 of −0.
+        let all_m: Vec<DVec3> = corners.iter().map(|c| DVec3::from_array(*c) * scale_m + DVec3::ZERO).collect();
         // The first corner at a position stands for all that are there.
         let mut first_at: BTreeMap<[u64; 3], u32> = BTreeMap::new();
         let mut first_of = Vec::with_capacity(count);

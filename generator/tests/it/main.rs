@@ -5,7 +5,6 @@ mod bad_input;
 mod cluster;
 mod commands;
 mod determinism;
-mod fuzzing;
 mod labels;
 mod objects;
 mod replay;

@@ -3,10 +3,12 @@
 
 use std::path::Path;
 
-use generator::{Config, Overrides};
 use schema::{Gripper, Physics};
 use settings::Document;
 use shards::DatasetInfo;
+
+use crate::laws::physics_of;
+use crate::{Config, Overrides};
 
 /// The text of a config, a NUL, the text of a gripper's file.
 ///
@@ -15,7 +17,7 @@ use shards::DatasetInfo;
 ///
 /// # Panics
 /// If a config is accepted whose dataset would be refused.
-pub(crate) fn config(data: &[u8]) -> Result<(), String> {
+pub fn config(data: &[u8]) -> Result<(), String> {
     let mut parts = data.split(|byte| *byte == 0).map(String::from_utf8_lossy);
     let mut next = || parts.next().unwrap_or_default();
     let config = Document::parse(&next(), Path::new("fuzzed"))
@@ -32,12 +34,10 @@ pub(crate) fn config(data: &[u8]) -> Result<(), String> {
     config.and(gripper).map(drop)
 }
 
-/// An info, and of its laws, whose numbers may change in their last digit when they are read, what
-/// [`generator::repeat`] takes from them.
-fn as_used(info: DatasetInfo) -> (DatasetInfo, Result<Physics, Vec<String>>) {
-    let mut physics = info.config["physics"].clone();
-    physics.as_object_mut().and_then(|keys| keys.remove("engine"));
-    let physics = settings::read_stored(&physics, "physics");
+/// An info, and of its laws, whose numbers may change in their last digit when they are read, what [`crate::repeat`]
+/// takes from them.
+fn as_used(info: DatasetInfo) -> (DatasetInfo, Result<Physics, String>) {
+    let physics = physics_of(&info.config).map_err(|e| e.to_string());
     (DatasetInfo { config: serde_json::Value::Null, ..info }, physics)
 }
 
