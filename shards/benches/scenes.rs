@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use schema::SceneRows;
-use shards::{Dataset, DatasetInfo, Draft, synthetic};
+use shards::{Dataset, DatasetInfo, Draft};
+
+#[path = "../../tests/support/synthetic.rs"]
+mod synthetic;
 
 fn main() {
     divan::main();

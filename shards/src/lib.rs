@@ -19,8 +19,9 @@
 //! ```
 //! # let dir = tempfile::tempdir().unwrap();
 //! # let dir = dir.path();
-//! let mut info = shards::synthetic::info(7, 2, 60, 10);
-//! info.grid.resolution = 8;
+//! // A copy of another dataset: its scenes are as good as any.
+//! let sample = shards::Dataset::open(std::path::Path::new("tests/data/format-1"))?;
+//! let info = sample.info().clone();
 //! let draft = shards::Draft::begin(dir, &info)?;
 //! for shard in 0..info.shard_count {
 //!     if draft.is_committed(shard)? {
@@ -28,7 +29,7 @@
 //!     }
 //!     let mut writer = draft.shard(shard)?;
 //!     for scene in info.scenes_of(shard) {
-//!         writer.push(&shards::synthetic::scene_rows(scene, info.seed, &info))?;
+//!         writer.push(&sample.read_scene(scene)?)?;
 //!     }
 //!     writer.commit()?;
 //! }
@@ -36,18 +37,24 @@
 //!
 //! let dataset = shards::Dataset::open(dir)?;
 //! let attempts = dataset.read_attempts(0)?;
-//! assert_eq!(attempts.len(), 30);
+//! assert_eq!(attempts, sample.read_attempts(0)?);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! A shard's bytes are a pure function of its rows: no clock, no host name, no library version. Every error has an
 //! exit code ([`program::Exit`]).
 
+#[cfg(any(test, fuzzing))]
+extern crate self as shards; // as the files of tests/support name it
+
 mod argument;
 mod format;
 mod look;
 mod read;
 mod store;
+#[cfg(any(test, fuzzing))]
+#[path = "../../tests/support/synthetic.rs"]
+mod synthetic;
 mod write;
 
 pub use argument::LocationParser;
@@ -65,10 +72,10 @@ pub use look::{
     inspection, object_bodies, scene_view, tsdf, verify,
 };
 #[cfg(any(test, fuzzing))]
-pub use read::fuzzing;
+pub use read::tests::fuzzing;
 pub use read::{Dataset, ReadError, Scenes};
 pub use store::{Location, LocationError, StoreError, Sweep, Swept};
 pub use write::{
     BeginError, Draft, FinalizeError, Finalized, PlainColumn, PlainTableError, ShardWriter, TableError, WriteError,
-    plain_table, pretend_shard, synthetic,
+    plain_table,
 };

@@ -5,8 +5,6 @@ mod card;
 mod draft;
 mod finalize;
 mod plain_table;
-mod pretend;
-pub mod synthetic;
 mod table_writer;
 mod writer;
 
@@ -14,6 +12,5 @@ pub use begin::BeginError;
 pub use draft::Draft;
 pub use finalize::{FinalizeError, Finalized};
 pub use plain_table::{PlainColumn, PlainTableError, plain_table};
-pub use pretend::pretend_shard;
 pub use table_writer::TableError;
 pub use writer::{ShardWriter, WriteError};

@@ -49,8 +49,8 @@ const OWNED: &[(&str, &str)] = &[
 /// Dependencies that no code names: they turn on a feature of a crate that another dependency brings.
 const FOR_FEATURES: &[(&str, &str)] = &[("shards", "reqwest")];
 
-/// Folders that belong to no crate, from which any crate may include a file.
-const SHARED: &[&str] = &["configs", "docs", "models"];
+/// Folders from which any crate may include a file: they belong to no crate, or hold what only tests need.
+const SHARED: &[&str] = &["configs", "docs", "models", "tests"];
 
 /// A member's direct dependencies.
 #[derive(Debug, Default, PartialEq, Eq)]

@@ -3,6 +3,8 @@
 
 mod page;
 mod stored_scene;
+#[path = "../../../tests/support/synthetic.rs"]
+mod synthetic;
 
 use std::fs;
 use std::path::{Path, PathBuf};

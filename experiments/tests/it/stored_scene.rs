@@ -5,7 +5,9 @@ use planner::answer::Answer;
 use planner::input::read_tsdf;
 use planner::{Config, Observation, Planner, Wishes};
 use schema::{Grid, VoxelGrid};
-use shards::{Dataset, Draft, synthetic};
+use shards::{Dataset, Draft};
+
+use crate::synthetic;
 
 #[test]
 fn a_stored_scenes_file_gives_the_plan_of_its_stored_values() {

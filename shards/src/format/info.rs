@@ -365,7 +365,7 @@ fn sorted(value: &Value) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::write::synthetic;
+    use crate::synthetic;
 
     #[test]
     fn json_leads_back_and_is_the_same_twice() {

@@ -112,7 +112,7 @@ mod tests {
     use schema::{Pose, Vec3};
 
     use super::*;
-    use crate::write::synthetic;
+    use crate::synthetic;
 
     fn sample() -> (DatasetInfo, SceneRows) {
         let mut info = synthetic::info(5, 1, 60, 20);

@@ -110,8 +110,8 @@ pub(crate) const FOLDERS: [&str; 6] = ["attempts", "scenes", "objects", "meta/sh
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::synthetic;
     use crate::write::finalize::Finalized;
-    use crate::write::synthetic;
 
     #[test]
     fn a_sweep_leaves_the_manifest_of_a_writer_that_completes_the_dataset() {

@@ -284,7 +284,7 @@ mod tests {
     use super::*;
     use crate::Draft;
     use crate::store::{Fault, Kind, Store};
-    use crate::write::synthetic;
+    use crate::synthetic;
     use std::path::Path;
     use std::process::{Command, Stdio};
 

@@ -8,7 +8,9 @@ use std::path::Path;
 
 use program::{Exit, ExitCode};
 use schema::{AttemptRecord, Vec3, samples_of};
-use shards::{Dataset, DatasetInfo, Draft, ExportError, ExportFormat, Exported, Location, export, synthetic};
+use shards::{Dataset, DatasetInfo, Draft, ExportError, ExportFormat, Exported, Location, export};
+
+use crate::synthetic;
 
 use crate::sample;
 

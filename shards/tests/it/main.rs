@@ -12,3 +12,5 @@ mod program;
 mod remote;
 mod round_trip;
 mod sample;
+#[path = "../../../tests/support/synthetic.rs"]
+mod synthetic;

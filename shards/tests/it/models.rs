@@ -5,7 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use schema::{AttemptRecord, Model, ObjectShape, Rule, SceneRows, Vec3};
-use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, inspection, report, synthetic, verify};
+use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, inspection, report, verify};
+
+use crate::synthetic;
 
 /// A wedge and a box, the latter of two parts.
 fn models() -> Vec<Arc<Model>> {

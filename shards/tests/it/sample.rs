@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use schema::SceneRows;
-use shards::{DatasetInfo, Draft, Finalized, ShardSummary, synthetic};
+use shards::{DatasetInfo, Draft, Finalized, ShardSummary};
+
+use crate::synthetic;
 
 /// 2 shards, 10 scenes, 58 attempts, 8³ voxels.
 pub(crate) fn info(seed: u64) -> DatasetInfo {

@@ -118,11 +118,11 @@ fn an_empty_split_is_78() {
 fn a_grid_that_is_not_the_networks_is_78() {
     let mut place = Place::new();
     place.data = place.data.with_file_name("coarse");
-    let mut info = shards::synthetic::info(1, 1, 6, 6);
+    let mut info = crate::synthetic::info(1, 1, 6, 6);
     info.grid.resolution = 8;
     let draft = shards::Draft::begin(&place.data, &info).unwrap();
     let mut writer = draft.shard(0).unwrap();
-    writer.push(&shards::synthetic::scene_rows(0, 1, &info)).unwrap();
+    writer.push(&crate::synthetic::scene_rows(0, 1, &info)).unwrap();
     writer.commit().unwrap();
     draft.finalize().unwrap();
     check_fails(&place.fit(&[]), 78, &["grids of 40^3 voxels, the dataset has 8^3"]);

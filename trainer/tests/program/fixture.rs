@@ -6,11 +6,13 @@ use std::sync::atomic::AtomicBool;
 
 use program::Failure;
 use schema::{Outcome, Purpose, SceneRows, Stream, Vec3};
-use shards::{DatasetInfo, Draft, Finalized, synthetic};
+use shards::{DatasetInfo, Draft, Finalized};
 use trainer::config::Config;
 use trainer::device::Device;
 use trainer::events::Event;
 use trainer::fit::{Ending, Job};
+
+use crate::synthetic;
 
 const N: usize = 40;
 const TABLE_VOXELS: f32 = 6.0;

@@ -9,4 +9,6 @@ mod models;
 mod page;
 mod recipe;
 mod resume;
+#[path = "../../../tests/support/synthetic.rs"]
+mod synthetic;
 mod watching;

@@ -68,7 +68,7 @@ mod tests {
 
     use super::*;
     use crate::format::encode;
-    use crate::write::synthetic;
+    use crate::synthetic;
 
     #[test]
     fn a_row_has_every_column_and_its_values() {

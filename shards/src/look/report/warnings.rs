@@ -74,11 +74,11 @@ mod tests {
     /// A report without warnings.
     fn fine() -> Report {
         let folder = tempfile::tempdir().unwrap();
-        let info = crate::write::synthetic::info(7, 1, 1200, 60);
+        let info = crate::synthetic::info(7, 1, 1200, 60);
         let draft = crate::Draft::begin(folder.path(), &info).unwrap();
         let mut writer = draft.shard(0).unwrap();
         for scene in info.scenes_of(0) {
-            writer.push(&crate::write::synthetic::scene_rows(scene, info.seed, &info)).unwrap();
+            writer.push(&crate::synthetic::scene_rows(scene, info.seed, &info)).unwrap();
         }
         writer.commit().unwrap();
         draft.finalize().unwrap();

@@ -6,7 +6,7 @@ use program::{Exit, ExitCode};
 use super::*;
 use crate::store::fault::Kind;
 use crate::store::storage::Storage;
-use crate::write::synthetic;
+use crate::synthetic;
 use crate::{Dataset, DatasetInfo, Draft, Finalized, ReadError, ShardSummary, WriteError};
 
 fn info() -> DatasetInfo {

@@ -13,7 +13,7 @@ use crate::format::frame::Expected;
 use crate::format::summary::ShardSummary;
 use crate::format::{decode, seal};
 use crate::read::table_reader::{Batches, PANICKED, Part};
-use crate::write::synthetic;
+use crate::synthetic;
 use crate::{DatasetInfo, Manifest, Table};
 
 /// Panics of parquet-rs 60 on values in pages, which become errors; any other is a finding.

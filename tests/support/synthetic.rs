@@ -6,11 +6,11 @@ use schema::{
     SceneRecord, SceneRejections, SceneRows, ShapeKind, Solid, Stream, Vec3, View, axis_angle, pose_from_parts,
 };
 
-use crate::{DatasetInfo, FormatVersion};
+use shards::{DatasetInfo, FormatVersion};
 
 /// The info of a synthetic dataset on the paper's grid. Lower `grid.resolution` for small files.
 #[must_use]
-pub fn info(seed: u64, shard_count: u32, attempt_count: u64, attempts_per_scene: u32) -> DatasetInfo {
+pub(crate) fn info(seed: u64, shard_count: u32, attempt_count: u64, attempts_per_scene: u32) -> DatasetInfo {
     DatasetInfo {
         format_version: FormatVersion::CURRENT,
         code_version: "synthetic".to_owned(),
@@ -64,7 +64,7 @@ fn procedure() -> Procedure {
 ///
 /// The scene's number of attempts is [`DatasetInfo::attempts_of_scene`].
 #[must_use]
-pub fn scene_rows(scene_id: u64, seed: u64, info: &DatasetInfo) -> SceneRows {
+pub(crate) fn scene_rows(scene_id: u64, seed: u64, info: &DatasetInfo) -> SceneRows {
     let mut draw = Stream::new(seed, scene_id, Purpose::Objects, 0);
     let count = 1 + draw.index(5) as u32;
     let objects: Vec<ObjectRecord> = (0..count).map(|id| object(scene_id, id, &info.grid, &mut draw)).collect();
@@ -264,34 +264,5 @@ impl Body {
             }
         }
         (enter < leave).then_some(enter)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::format::check;
-
-    #[test]
-    fn made_up_scenes_keep_every_rule_and_hold_some_grasps() {
-        let mut info = info(3, 2, 600, 20);
-        info.grid.resolution = 12;
-        let mut held = 0;
-        for scene in 0..info.scene_count {
-            let rows = scene_rows(scene, info.seed, &info);
-            check::scene_rows(&rows, &info).unwrap_or_else(|e| panic!("scene {scene}: {e}"));
-            held += rows.attempts.iter().filter(|a| a.outcome == Outcome::Held).count();
-            let seen = rows.scene.tsdf.iter().filter(|v| **v > 0.0).count();
-            assert!(seen * 10 > info.grid.len(), "scene {scene}: {seen} voxels seen");
-        }
-        assert!((60..400).contains(&held), "{held} of 600 held");
-    }
-
-    #[test]
-    fn the_same_scene_twice_is_the_same() {
-        let mut info = info(3, 1, 40, 20);
-        info.grid.resolution = 8;
-        assert_eq!(scene_rows(1, 3, &info), scene_rows(1, 3, &info));
-        assert_ne!(scene_rows(1, 3, &info).attempts, scene_rows(1, 4, &info).attempts);
     }
 }

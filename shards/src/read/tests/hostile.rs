@@ -12,9 +12,9 @@ use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersion};
 use schema::{Purpose, Stream};
 
+use super::fuzzing;
 use crate::format::{layout, seal};
-use crate::read::fuzzing;
-use crate::write::synthetic;
+use crate::synthetic;
 use crate::{Dataset, Draft, Finalized, Manifest, Table, verify};
 
 fn write(dir: &Path) -> Manifest {
