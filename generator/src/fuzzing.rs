@@ -28,7 +28,7 @@ pub fn config(data: &[u8]) -> Result<(), String> {
     let with_gripper =
         infos.iter().zip(&gripper).map(|(info, gripper)| DatasetInfo { gripper: gripper.clone(), ..info.clone() });
     for info in infos.iter().cloned().chain(with_gripper) {
-        let back = DatasetInfo::from_json(&info.to_json()).map_err(|e| e.to_string());
+        let back = DatasetInfo::from_json(info.to_json());
         assert_eq!(back.map(as_used), Ok(as_used(info)), "an accepted config makes what can be read");
     }
     config.and(gripper).map(drop)

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use program::Failure;
 use report::view::{Body, Class, EventKind, Line, Points, View, flat, flat_points};
 use schema::{AttemptRecord, HandBox, Outcome, Pose, SceneRows};
-use shards::{Dataset, DatasetInfo, ReadError, object_bodies};
+use shards::{Dataset, DatasetInfo, object_bodies};
 use simulator::{AttemptWorld, Execution, Obstruction, Physics, Scene};
 
 use crate::laws::{bodies_of, physics_of};
@@ -91,7 +91,7 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, Failure> {
     let physics = physics_of(&info.config)?;
     let rows = dataset.read_scene(id.scene_id)?;
     let limit = rows.attempts.len() as u64;
-    let out_of_range = || ReadError::OutOfRange { what: "attempt", limit, got: u64::from(id.attempt_id) };
+    let out_of_range = || shards::Error::out_of_range("attempt", limit, id.attempt_id.into());
     let stored = rows.attempts.get(id.attempt_id as usize).ok_or_else(out_of_range)?.clone();
     let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(info)?);
     let world = AttemptWorld::new(&physics, &info.gripper, &info.procedure, &scene);

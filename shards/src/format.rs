@@ -14,5 +14,5 @@ mod thrift;
 mod version;
 
 pub use column::{Column, Kind, Table};
-pub use info::{ATTEMPTS_MAX, DatasetInfo, InfoError, RESOLUTION_MAX, SHARDS_MAX};
-pub use version::{FormatVersion, UnreadableVersion};
+pub use info::{ATTEMPTS_MAX, DatasetInfo, RESOLUTION_MAX, SHARDS_MAX};
+pub use version::FormatVersion;

@@ -48,6 +48,7 @@
 extern crate self as shards; // as the files of tests/support name it
 
 mod argument;
+mod error;
 mod format;
 mod look;
 mod read;
@@ -58,24 +59,18 @@ mod synthetic;
 mod write;
 
 pub use argument::LocationParser;
-pub use format::check::{POSITION_M_MAX, QUATERNION_TOLERANCE, RowError, VIEWS_MAX, WIDTH_TOLERANCE_M};
+pub use error::Error;
+pub use format::check::{POSITION_M_MAX, QUATERNION_TOLERANCE, VIEWS_MAX, WIDTH_TOLERANCE_M};
 pub use format::layout::{self, SCENES_PER_ROW_GROUP};
-pub use format::seal::SealError;
 pub use format::summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, Tally};
-pub use format::{
-    ATTEMPTS_MAX, Column, DatasetInfo, FormatVersion, InfoError, Kind, RESOLUTION_MAX, SHARDS_MAX, Table,
-    UnreadableVersion,
-};
+pub use format::{ATTEMPTS_MAX, Column, DatasetInfo, FormatVersion, Kind, RESOLUTION_MAX, SHARDS_MAX, Table};
 pub use look::report::{self, Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use look::{
-    ExportCounts, ExportError, ExportFormat, ExportOrigin, Exported, ExportedFile, PROBLEMS_MAX, Verified, export,
-    inspection, object_bodies, scene_view, tsdf, verify,
+    ExportCounts, ExportFormat, ExportOrigin, Exported, ExportedFile, PROBLEMS_MAX, Verified, export, inspection,
+    object_bodies, scene_view, tsdf, verify,
 };
 #[cfg(any(test, fuzzing))]
 pub use read::tests::fuzzing;
-pub use read::{Dataset, ReadError, Scenes};
+pub use read::{Dataset, Scenes};
 pub use store::{Location, LocationError, StoreError, Sweep, Swept};
-pub use write::{
-    BeginError, Draft, FinalizeError, Finalized, PlainColumn, PlainTableError, ShardWriter, TableError, WriteError,
-    plain_table,
-};
+pub use write::{Draft, Finalized, PlainColumn, ShardWriter, plain_table};

@@ -6,7 +6,7 @@ pub mod report;
 mod verify;
 mod view;
 
-pub use export::{ExportCounts, ExportError, ExportFormat, ExportOrigin, Exported, ExportedFile, export, tsdf};
+pub use export::{ExportCounts, ExportFormat, ExportOrigin, Exported, ExportedFile, export, tsdf};
 pub use inspect::inspection;
 pub use verify::{PROBLEMS_MAX, Verified, verify};
 pub use view::{object_bodies, scene_view};

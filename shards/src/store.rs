@@ -20,7 +20,7 @@ pub(crate) use folder::is_staging;
 pub use folder::{Sweep, Swept};
 pub use location::{Location, LocationError};
 pub(crate) use staged::{Ready, Staged, Trouble};
-pub(crate) use storage::{Published, Storage, Unread, size_problem};
+pub(crate) use storage::{Published, Storage, size_problem};
 
 /// What lies in a folder: names, and the sizes of those that are files.
 pub(crate) type Listing = BTreeMap<String, Option<u64>>;

@@ -8,9 +8,7 @@ mod plain_table;
 mod table_writer;
 mod writer;
 
-pub use begin::BeginError;
 pub use draft::Draft;
-pub use finalize::{FinalizeError, Finalized};
-pub use plain_table::{PlainColumn, PlainTableError, plain_table};
-pub use table_writer::TableError;
-pub use writer::{ShardWriter, WriteError};
+pub use finalize::Finalized;
+pub use plain_table::{PlainColumn, plain_table};
+pub use writer::ShardWriter;

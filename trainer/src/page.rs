@@ -11,7 +11,6 @@ use network::checkpoint::{self, CheckpointError};
 use program::text::grouped;
 use program::{ExitCode, Failure};
 use report::document::{Block, Cell, Document, Table};
-use shards::ReadError;
 
 use crate::config::Config;
 use crate::curves::{self, Epoch};
@@ -62,8 +61,8 @@ impl TrainedRun {
     /// document.
     ///
     /// # Errors
-    /// [`ReadError`] if a scene that is to be shown cannot be read.
-    pub fn document(&self, examined: Option<&Examination>) -> Result<Document, ReadError> {
+    /// [`shards::Error`] if a scene that is to be shown cannot be read.
+    pub fn document(&self, examined: Option<&Examination>) -> Result<Document, shards::Error> {
         let evaluation = examined.map(|examined| &examined.evaluation);
         let mut numbers = training::tiles(self);
         numbers.extend(evaluation.into_iter().flat_map(tiles));

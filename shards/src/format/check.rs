@@ -8,11 +8,6 @@ use schema::{
 
 use crate::DatasetInfo;
 
-/// A row that breaks a rule.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct RowError(pub String);
-
 /// A quaternion's length may differ from 1 by this.
 pub const QUATERNION_TOLERANCE: f32 = 1e-4;
 /// Positions lie within this distance of the workspace's origin, in metres.
@@ -24,10 +19,11 @@ pub const VIEWS_MAX: usize = 256;
 /// Observed TSDF values are in this range: (±0.98 + 1) / 2 with a tolerance for rounding.
 const TSDF: (f32, f32) = (0.0099, 0.9901);
 
-type Checked = Result<(), RowError>;
+/// What is wrong: the rule, the value and the limit.
+type Checked = Result<(), String>;
 
 fn must(holds: bool, message: impl FnOnce() -> String) -> Checked {
-    if holds { Ok(()) } else { Err(RowError(message())) }
+    if holds { Ok(()) } else { Err(message()) }
 }
 
 fn within(name: &str, value: f32, low: f32, high: f32) -> Checked {
@@ -51,9 +47,6 @@ fn view(view: &View) -> Checked {
 }
 
 /// Checks a scene's own row, without its grid.
-///
-/// # Errors
-/// [`RowError`] with the rule, the value and the limit.
 pub(crate) fn scene_head(scene: &SceneRecord, info: &DatasetInfo) -> Checked {
     let expected = info.attempts_of_scene(scene.scene_id);
     must(scene.scene_id < info.scene_count, || {
@@ -71,9 +64,6 @@ pub(crate) fn scene_head(scene: &SceneRecord, info: &DatasetInfo) -> Checked {
 }
 
 /// Checks a scene's grid.
-///
-/// # Errors
-/// [`RowError`] with the rule, the value and the limit.
 pub(crate) fn tsdf(values: &[f32], info: &DatasetInfo) -> Checked {
     must(values.len() == info.grid.len(), || {
         format!("tsdf must have {} values, got {}", info.grid.len(), values.len())
@@ -87,13 +77,10 @@ pub(crate) fn tsdf(values: &[f32], info: &DatasetInfo) -> Checked {
 }
 
 /// Checks an object by itself.
-///
-/// # Errors
-/// [`RowError`] with the rule, the value and the limit.
 pub(crate) fn object(object: &ObjectRecord) -> Checked {
     let name = format!("object {}", object.object_id);
     if let ObjectShape::Solid(solid) = object.shape {
-        Solid::new(solid.kind, solid.extents_m).map_err(|e| RowError(format!("{name} {e}")))?;
+        Solid::new(solid.kind, solid.extents_m).map_err(|e| format!("{name} {e}"))?;
     }
     within(&format!("{name} size"), object.shape.extents_m().max_element(), 0.0, POSITION_M_MAX)?;
     within(&format!("{name} mass_kg"), object.mass_kg, f32::MIN_POSITIVE, 1e4)?;
@@ -112,9 +99,6 @@ fn model(object: &ObjectRecord, info: &DatasetInfo) -> Checked {
 }
 
 /// Checks an attempt by itself.
-///
-/// # Errors
-/// [`RowError`] with the rule, the value and the limit.
 pub(crate) fn attempt(attempt: &AttemptRecord, gripper: &Gripper) -> Checked {
     let name = format!("attempt {}", attempt.attempt_id);
     let turn = core::f32::consts::TAU;
@@ -140,10 +124,10 @@ fn width(name: &str, attempt: &AttemptRecord, gripper: &Gripper) -> Checked {
     let outcome = attempt.outcome;
     match (outcome, attempt.width_m) {
         (Outcome::PregraspCollision | Outcome::ApproachCollision, Some(width)) => {
-            Err(RowError(format!("{name} width_m must be absent for {}, got {width}", outcome.name())))
+            Err(format!("{name} width_m must be absent for {}, got {width}", outcome.name()))
         }
         (Outcome::Held | Outcome::Slipped | Outcome::Empty, None) => {
-            Err(RowError(format!("{name} width_m must be there for {}", outcome.name())))
+            Err(format!("{name} width_m must be there for {}", outcome.name()))
         }
         (_, Some(width)) => {
             within(&format!("{name} width_m"), width, -WIDTH_TOLERANCE_M, gripper.opening_m_max + WIDTH_TOLERANCE_M)
@@ -173,9 +157,6 @@ fn hit(name: &str, attempt: &AttemptRecord) -> Checked {
 }
 
 /// Checks all rows of a scene, each by itself and with one another.
-///
-/// # Errors
-/// [`RowError`] with the rule, the value and the limit.
 pub(crate) fn scene_rows(rows: &SceneRows, info: &DatasetInfo) -> Checked {
     scene_head(&rows.scene, info)?;
     tsdf(&rows.scene.tsdf, info)?;
@@ -185,9 +166,6 @@ pub(crate) fn scene_rows(rows: &SceneRows, info: &DatasetInfo) -> Checked {
 }
 
 /// Checks the keys among the rows of one scene: ids count up from 0, and attempts refer to objects of their shape.
-///
-/// # Errors
-/// [`RowError`] with the rule, the value and the limit.
 pub(crate) fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
     count("object_count", scene.object_count, objects.len())?;
     count("attempt_count", scene.attempt_count, attempts.len())?;
@@ -197,7 +175,7 @@ pub(crate) fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[A
     for (expected, attempt) in (0_u32..).zip(attempts) {
         ids("attempt", (scene.scene_id, expected), (attempt.scene_id, attempt.attempt_id))?;
         let target = objects.get(attempt.object_id as usize).ok_or_else(|| {
-            RowError(format!("attempt {expected} has no target: object {} of {}", attempt.object_id, objects.len()))
+            format!("attempt {expected} has no target: object {} of {}", attempt.object_id, objects.len())
         })?;
         must(target.shape.shape() == attempt.rule.shape, || {
             let (rule, shape) = (attempt.rule.name(), target.shape.name());

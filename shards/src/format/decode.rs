@@ -3,17 +3,17 @@
 
 use std::sync::Arc;
 
-use arrow::array::{Array, ArrayRef, AsArray, Int32Array, RecordBatch, StringArray};
+use arrow::array::{Array, ArrayRef, ArrowPrimitiveType, AsArray, PrimitiveArray, RecordBatch, StringArray};
 use arrow::datatypes::{Float32Type, Int32Type, Int64Type, UInt8Type};
 use schema::{
     AttemptRecord, Axis, HitKind, Model, ObjectRecord, ObjectShape, Outcome, Pose, Quat, Rule, SceneRecord,
     SceneRejections, Shape, Solid, Vec3, View, pose_from_parts,
 };
 
-use crate::format::check::{RowError, is_volume};
+use crate::format::check::is_volume;
 use crate::format::encode::NO_AXIS;
 
-type Decoded<T> = Result<T, RowError>;
+type Decoded<T> = Result<T, String>;
 
 /// The rows of an `attempts` batch of a dataset with these models.
 pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Vec<AttemptRecord>> {
@@ -26,46 +26,37 @@ pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Ve
     let (depth, slide) = (columns.f32s("depth_m")?, columns.f32s("slide_m")?);
     let poses = columns.poses()?;
     let outcome = columns.names("outcome", Outcome::from_name)?;
-    let hit = columns.names("hit", HitKind::from_name)?;
-    let hit_object =
-        columns.get("hit_object_id")?.as_primitive_opt::<Int32Type>().ok_or_else(|| wrong("hit_object_id"))?;
-    let width = columns.get("width_m")?.as_primitive_opt::<Float32Type>().ok_or_else(|| wrong("width_m"))?;
-    let label = columns.get("label")?.as_primitive_opt::<UInt8Type>().ok_or_else(|| wrong("label"))?;
-    let there = |name: &str, row: usize| RowError(format!("{name} must not be null, row {row}"));
+    let hit = columns.names_or_null("hit", HitKind::from_name)?;
+    let hit_object = columns.numbers::<Int32Type>("hit_object_id")?;
+    let width = columns.numbers::<Float32Type>("width_m")?;
+    let label = columns.numbers::<UInt8Type>("label")?;
     (0..batch.num_rows())
         .map(|row| {
-            let named = rule[row].ok_or_else(|| there("rule", row))?;
+            let named = rule[row];
             // A model's rule does not name the model; the shape does.
-            let found = Rule {
-                shape: shape[row].ok_or_else(|| there("shape", row))?,
-                approach: approach[row].ok_or_else(|| there("approach_axis", row))?,
-            };
+            let found = Rule { shape: shape[row], approach: approach[row] };
             if found.index() != named.index() || found.approach != named.approach {
-                return Err(RowError(format!("rule {} does not fit shape and approach_axis, row {row}", named.name())));
+                return Err(format!("rule {} does not fit shape and approach_axis, row {row}", named.name()));
             }
             let record = AttemptRecord {
                 scene_id: scene[row],
                 attempt_id: attempt[row],
                 object_id: object[row],
                 rule: found,
-                closing: closing[row].ok_or_else(|| there("closing_axis", row))?,
+                closing: closing[row],
                 tilt_rad: tilt[row],
                 turn_rad: turn[row],
                 depth_m: depth[row],
                 slide_m: slide[row],
                 workspace_from_grasp: poses[row],
-                outcome: outcome[row].ok_or_else(|| there("outcome", row))?,
+                outcome: outcome[row],
                 hit: hit[row],
                 hit_object_id: if hit_object.is_null(row) { None } else { Some(unsigned(hit_object.value(row))?) },
                 width_m: width.is_valid(row).then(|| width.value(row)),
             };
             if label.value(row) != record.label() {
                 let outcome = record.outcome.name();
-                return Err(RowError(format!(
-                    "label must be {} for {outcome}, got {}",
-                    record.label(),
-                    label.value(row)
-                )));
+                return Err(format!("label must be {} for {outcome}, got {}", record.label(), label.value(row)));
             }
             Ok(record)
         })
@@ -87,9 +78,8 @@ pub(crate) fn objects(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Vec
     let poses = columns.poses()?;
     (0..batch.num_rows())
         .map(|row| {
-            let shape = shape[row].ok_or_else(|| RowError(format!("shape must not be null, row {row}")))?;
-            let shape = object_shape(shape, Vec3::new(x[row], y[row], z[row]), models)
-                .map_err(|e| RowError(format!("{e}, row {row}")))?;
+            let shape = object_shape(shape[row], Vec3::new(x[row], y[row], z[row]), models)
+                .map_err(|e| format!("{e}, row {row}"))?;
             let record = ObjectRecord {
                 scene_id: scene[row],
                 object_id: object[row],
@@ -101,7 +91,7 @@ pub(crate) fn objects(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Vec
             if is_volume(volume[row], &record) {
                 return Ok(record);
             }
-            Err(RowError(format!("volume_m3 must be {}, got {}, row {row}", record.shape.volume_m3(), volume[row])))
+            Err(format!("volume_m3 must be {}, got {}, row {row}", record.shape.volume_m3(), volume[row]))
         })
         .collect()
 }
@@ -158,43 +148,48 @@ struct Columns<'a>(&'a RecordBatch);
 
 impl<'a> Columns<'a> {
     fn get(&self, name: &str) -> Decoded<&'a ArrayRef> {
-        self.0.column_by_name(name).ok_or_else(|| RowError(format!("column {name} is missing")))
+        self.0.column_by_name(name).ok_or_else(|| format!("column {name} is missing"))
     }
 
     fn f32s(&self, name: &str) -> Decoded<&'a [f32]> {
         floats(name, self.get(name)?)
     }
 
+    fn numbers<T: ArrowPrimitiveType>(&self, name: &str) -> Decoded<&'a PrimitiveArray<T>> {
+        self.get(name)?.as_primitive_opt().ok_or_else(|| wrong(name))
+    }
+
     fn i32s(&self, name: &str) -> Decoded<Vec<u32>> {
-        let column = self.get(name)?.as_primitive_opt::<Int32Type>().ok_or_else(|| wrong(name))?;
+        let column = self.numbers::<Int32Type>(name)?;
         not_null(name, column)?;
         column.values().iter().map(|v| unsigned(*v)).collect()
     }
 
     fn i64s(&self, name: &str) -> Decoded<Vec<u64>> {
-        let column = self.get(name)?.as_primitive_opt::<Int64Type>().ok_or_else(|| wrong(name))?;
+        let column = self.numbers::<Int64Type>(name)?;
         not_null(name, column)?;
-        let unsigned = |v: &i64| u64::try_from(*v).map_err(|_| RowError(format!("{name} must be at least 0, got {v}")));
+        let unsigned = |v: &i64| u64::try_from(*v).map_err(|_| format!("{name} must be at least 0, got {v}"));
         column.values().iter().map(unsigned).collect()
     }
 
     /// A column of names, each parsed once per dictionary entry.
-    fn names<T: Copy>(&self, name: &str, parse: impl Fn(&str) -> Option<T>) -> Decoded<Vec<Option<T>>> {
+    fn names<T: Copy>(&self, name: &str, parse: impl Fn(&str) -> Option<T>) -> Decoded<Vec<T>> {
+        let names = self.names_or_null(name, parse)?.into_iter().collect::<Option<_>>();
+        names.ok_or_else(|| format!("{name} must not be null"))
+    }
+
+    fn names_or_null<T: Copy>(&self, name: &str, parse: impl Fn(&str) -> Option<T>) -> Decoded<Vec<Option<T>>> {
         let column = self.get(name)?.as_dictionary_opt::<Int32Type>().ok_or_else(|| wrong(name))?;
         let values: &StringArray = column.values().as_string_opt().ok_or_else(|| wrong(name))?;
         let parsed: Vec<Option<T>> = values.iter().map(|v| v.and_then(&parse)).collect();
-        let keys: &Int32Array = column.keys();
-        keys.iter()
-            .map(|key| {
-                let Some(key) = key else { return Ok(None) };
-                let index = unsigned(key)? as usize;
-                let found = parsed.get(index).copied().flatten();
-                found.map(Some).ok_or_else(|| {
-                    let text = if index < values.len() { values.value(index) } else { "nothing" };
-                    RowError(format!("{name} must be one of the known names, got {text:?}"))
-                })
+        let known = |key: i32| {
+            let index = unsigned(key)? as usize;
+            parsed.get(index).copied().flatten().ok_or_else(|| {
+                let text = if index < values.len() { values.value(index) } else { "nothing" };
+                format!("{name} must be one of the known names, got {text:?}")
             })
-            .collect()
+        };
+        column.keys().iter().map(|key| key.map(known).transpose()).collect()
     }
 
     fn poses(&self) -> Decoded<Vec<Pose>> {
@@ -222,13 +217,13 @@ fn floats<'a>(name: &str, column: &'a ArrayRef) -> Decoded<&'a [f32]> {
 }
 
 fn not_null(name: &str, column: &dyn Array) -> Decoded<()> {
-    if column.null_count() == 0 { Ok(()) } else { Err(RowError(format!("{name} must not be null"))) }
+    if column.null_count() == 0 { Ok(()) } else { Err(format!("{name} must not be null")) }
 }
 
 fn unsigned(value: i32) -> Decoded<u32> {
-    u32::try_from(value).map_err(|_| RowError(format!("a number or count must be at least 0, got {value}")))
+    u32::try_from(value).map_err(|_| format!("a number or count must be at least 0, got {value}"))
 }
 
-fn wrong(name: &str) -> RowError {
-    RowError(format!("column {name} has the wrong type"))
+fn wrong(name: &str) -> String {
+    format!("column {name} has the wrong type")
 }

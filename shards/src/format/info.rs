@@ -4,7 +4,6 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use program::{Exit, ExitCode};
 use schema::{
     CameraParams, FACETS, Grid, Gripper, MODELS_MAX, Model, Physics, Procedure, SettleParams, TsdfParams, Vec3,
     ViewParams,
@@ -13,8 +12,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use settings::{Setting, faults_of, read_stored, stored_faults};
 
+use crate::FormatVersion;
 use crate::format::seal;
-use crate::{FormatVersion, UnreadableVersion};
 
 /// Everything that determines a dataset's bytes.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,27 +42,6 @@ pub struct DatasetInfo {
     pub config: Value,
     /// Its objects, if they are not primitives; `shape` in its rows is then a model's name.
     pub models: Vec<Arc<Model>>,
-}
-
-/// Why a `meta/info.json` is refused.
-#[derive(Debug, thiserror::Error)]
-pub enum InfoError {
-    /// Not JSON, or not these keys.
-    #[error("not a dataset's info: {0}")]
-    Parse(String),
-    /// An unsupported version.
-    #[error(transparent)]
-    Version(#[from] UnreadableVersion),
-    /// Values out of range, all of them.
-    #[error("{}", .0.join("; "))]
-    Range(Vec<String>),
-}
-
-impl Exit for InfoError {
-    /// [`ExitCode::Data`]: what is on disk is not what was written.
-    fn exit_code(&self) -> ExitCode {
-        ExitCode::Data
-    }
 }
 
 /// Maximum number of shards: their indices have five digits.
@@ -227,11 +205,12 @@ impl DatasetInfo {
     /// The info in a `meta/info.json`.
     ///
     /// # Errors
-    /// [`InfoError`] if the text is not such a file, has an unknown version, or contains invalid values.
-    pub fn from_json(text: &str) -> Result<Self, InfoError> {
-        let head: HeadJson = serde_json::from_str(text).map_err(|e| InfoError::Parse(e.to_string()))?;
+    /// What is wrong, if the text is not such a file, has an unknown version, or contains invalid values.
+    pub fn from_json(text: impl AsRef<[u8]>) -> Result<Self, String> {
+        let foreign = |e| format!("not a dataset's info: {e}");
+        let head: HeadJson = serde_json::from_slice(text.as_ref()).map_err(foreign)?;
         head.format_version.check_readable()?;
-        let json: InfoJson = serde_json::from_str(text).map_err(|e| InfoError::Parse(e.to_string()))?;
+        let json: InfoJson = serde_json::from_slice(text.as_ref()).map_err(foreign)?;
         let info = Self {
             format_version: json.format_version,
             code_version: json.code_version,
@@ -247,7 +226,7 @@ impl DatasetInfo {
             models: json.models.into_iter().map(|model| Arc::new(model.into())).collect(),
         };
         let problems = info.problems();
-        if problems.is_empty() { Ok(info) } else { Err(InfoError::Range(problems)) }
+        if problems.is_empty() { Ok(info) } else { Err(problems.join("; ")) }
     }
 
     /// The id of a dataset that is begun with this info: SHA-256 of [`Self::to_json`], in hex. For an existing dataset
@@ -386,7 +365,7 @@ mod tests {
             "physics": { "engine": "a", "step_rate_hz": 1e9, "shortcuts": 1 },
             "views": { "counts": [0, 6] },
         });
-        let told = DatasetInfo::from_json(&info.to_json()).unwrap_err().to_string();
+        let told = DatasetInfo::from_json(info.to_json()).unwrap_err().to_string();
         assert_eq!(
             told.split("; ").collect::<Vec<_>>(),
             [
@@ -404,7 +383,7 @@ mod tests {
     fn settings_of_another_version_are_readable_and_not_taken_for_whole() {
         let mut info = synthetic::info(7, 3, 100, 12);
         info.config = serde_json::json!({ "camera": { "width_px": 640, "lens": "wide" }, "kind": null });
-        let read = DatasetInfo::from_json(&info.to_json()).unwrap();
+        let read = DatasetInfo::from_json(info.to_json()).unwrap();
         assert_eq!(read.section::<CameraParams>("camera"), None);
         info.config = serde_json::json!({ "camera": { "width_px": 640, "height_px": 480, "focal_px": 540.0 } });
         let camera = CameraParams { width_px: 640, height_px: 480, focal_px: 540.0 };
@@ -438,7 +417,7 @@ mod tests {
         info.shard_count = 40;
         info.grid.resolution = 400;
         info.gripper.friction = -1.0;
-        let message = DatasetInfo::from_json(&info.to_json()).unwrap_err().to_string();
+        let message = DatasetInfo::from_json(info.to_json()).unwrap_err().to_string();
         for part in ["shard_count must be at most the scene count 9, got 40", "grid.resolution must be", "friction"] {
             assert!(message.contains(part), "{message}");
         }
@@ -447,6 +426,7 @@ mod tests {
     #[test]
     fn a_newer_file_is_refused_by_its_version_not_its_keys() {
         let text = "{\"format_version\": 3, \"brand_new\": true}";
-        assert!(matches!(DatasetInfo::from_json(text), Err(InfoError::Version(_))));
+        let told = DatasetInfo::from_json(text).unwrap_err();
+        assert_eq!(told, "format_version must be between 1 and 2, got 3; read it with a newer graspmill");
     }
 }

@@ -8,20 +8,6 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
-/// Why a sealed text is refused.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum SealError {
-    /// The seal at the end is missing.
-    #[error("it does not end with its seal; it was cut off or edited")]
-    Missing,
-    /// The seal does not match the text.
-    #[error("its seal does not fit; it was edited or damaged")]
-    Broken,
-    /// The seal matches, but the content is not as expected.
-    #[error("not understood: {0}")]
-    Parse(String),
-}
-
 const HEAD: &str = ",\n  \"seal\": \"";
 const TAIL: &str = "\"\n}\n";
 const END: &str = "\n}\n";
@@ -48,11 +34,7 @@ pub(crate) fn sha256_of_file(file: &mut File) -> std::io::Result<String> {
 
 /// Bytes in lower-case hex.
 pub(crate) fn hex(bytes: &[u8]) -> String {
-    use std::fmt::Write as _;
-    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}"); // writing to a String cannot fail
-        text
-    })
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Pretty JSON with a final newline. Types with string keys cannot fail.
@@ -75,18 +57,19 @@ pub(crate) fn seal(value: &impl Serialize) -> String {
 /// Parses a sealed text.
 ///
 /// # Errors
-/// [`SealError`] unless the text is exactly as [`seal`] wrote it.
-pub(crate) fn unseal<T: DeserializeOwned>(mut text: Vec<u8>) -> Result<T, SealError> {
-    let rest = text.strip_suffix(TAIL.as_bytes()).ok_or(SealError::Missing)?;
-    let length = rest.len().checked_sub(HEAD.len() + DIGEST_LENGTH).ok_or(SealError::Missing)?;
+/// What is wrong, unless the text is exactly as [`seal`] wrote it.
+pub(crate) fn unseal<T: DeserializeOwned>(mut text: Vec<u8>) -> Result<T, String> {
+    let missing = "it does not end with its seal; it was cut off or edited";
+    let rest = text.strip_suffix(TAIL.as_bytes()).ok_or(missing)?;
+    let length = rest.len().checked_sub(HEAD.len() + DIGEST_LENGTH).ok_or(missing)?;
     let (body, seal) = rest.split_at(length);
-    let digest = seal.strip_prefix(HEAD.as_bytes()).ok_or(SealError::Missing)?;
+    let digest = seal.strip_prefix(HEAD.as_bytes()).ok_or(missing)?;
     if sha256_hex(body).as_bytes() != digest {
-        return Err(SealError::Broken);
+        return Err("its seal does not fit; it was edited or damaged".to_owned());
     }
     text.truncate(length);
     text.extend_from_slice(END.as_bytes());
-    serde_json::from_slice(&text).map_err(|e| SealError::Parse(e.to_string()))
+    serde_json::from_slice(&text).map_err(|e| format!("not understood: {e}"))
 }
 
 #[cfg(test)]

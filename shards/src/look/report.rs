@@ -17,7 +17,7 @@ use serde::Serialize;
 use self::coverage::Coverage;
 use self::fit::{Fit, Fits};
 use crate::format::summary::{RejectionCounts, Tally};
-use crate::{Dataset, ReadError, Table};
+use crate::{Dataset, Error, Table};
 
 /// The statistics of a dataset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -130,8 +130,8 @@ const TIP_BIN_M: f64 = 0.0025;
 /// Reads all attempts and scene heads of a dataset and counts them.
 ///
 /// # Errors
-/// [`ReadError`] if a shard is damaged.
-pub fn report(dataset: &Dataset) -> Result<Report, ReadError> {
+/// [`Error`] if a shard is damaged.
+pub fn report(dataset: &Dataset) -> Result<Report, Error> {
     let mut counting = Counting::new(dataset);
     for shard in 0..dataset.shard_count() {
         let mut object_counts = BTreeMap::new();

@@ -1,15 +1,16 @@
 //! Checks a complete dataset: every checksum, every row, every key, and that there are no other files which a glob
 //! would read as data.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use program::ExitCode;
-use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
+use schema::{AttemptRecord, ObjectRecord, SceneRecord};
 
 use crate::format::summary::{Counts, ShardSummary};
 use crate::format::{check, layout, seal};
+use crate::read::joined;
 use crate::store::is_staging;
-use crate::{Dataset, Location, ReadError, Table};
+use crate::{Dataset, Error, Location, Table};
 
 /// The result of a check.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,9 +53,9 @@ pub const PROBLEMS_MAX: usize = 50;
 /// Reads and cross-checks the whole dataset. `progress` is called for each finished shard.
 ///
 /// # Errors
-/// [`ReadError`] if there is no complete dataset, or its info or manifest is damaged, so that nothing else can be
+/// [`Error`] if there is no complete dataset, or its info or manifest is damaged, so that nothing else can be
 /// checked; also if an object store stops answering.
-pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, ReadError> {
+pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, Error> {
     let dataset = Dataset::open_with_any_files(&at.into())?;
     let bytes = Table::ALL.into_iter().map(|table| dataset.manifest().bytes(table)).sum();
     let mut found = Verified { counts: Counts::zero(), bytes, problems: Vec::new(), more: 0, unread: 0, listed: true };
@@ -88,11 +89,11 @@ impl Verified {
 
     /// Records a problem and continues; but errors that would repeat for every file of an object store (refused access,
     /// a full scratch folder) end the check.
-    fn keep<T>(&mut self, dataset: &Dataset, result: Result<T, ReadError>) -> Result<Option<T>, ReadError> {
+    fn keep<T>(&mut self, dataset: &Dataset, result: Result<T, Error>) -> Result<Option<T>, Error> {
         match result {
-            Err(ReadError::Store(error)) if matches!(dataset.location(), Location::Url(_)) => Err(error.into()),
+            Err(Error::Store(error)) if matches!(dataset.location(), Location::Url(_)) => Err(error.into()),
             Err(error) => {
-                self.unread += u64::from(matches!(error, ReadError::Store(_)));
+                self.unread += u64::from(matches!(error, Error::Store(_)));
                 self.tell([error.to_string()]);
                 Ok(None)
             }
@@ -102,7 +103,7 @@ impl Verified {
 }
 
 /// Files in a table's folder that are not in the manifest; `None` if the store does not support listing.
-fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, ReadError> {
+fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, Error> {
     let Some(listing) = dataset.list(table)? else { return Ok(None) }; // missing files are reported by shard
     let shards = dataset.manifest().shards.iter();
     let known: BTreeSet<&str> = shards.map(|s| s.file(table).path.as_str()).collect();
@@ -113,20 +114,20 @@ fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, Rea
 }
 
 /// The problem of a marker, which must exist and agree with the manifest.
-fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, ReadError> {
+fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, Error> {
     let name = layout::marker(shard);
     let at = dataset.location().join(&name);
     let wrong = |message: &str| Ok(Some(format!("shard {shard}: {message}: {at}")));
     let Some(bytes) = dataset.read_meta(&name)? else { return wrong("the marker is missing") };
     match seal::unseal::<ShardSummary>(bytes) {
-        Err(e) => wrong(&e.to_string()),
+        Err(e) => wrong(&e),
         Ok(marker) if marker == dataset.manifest().shards[shard as usize] => Ok(None),
         Ok(_) => wrong("the marker must say what the manifest says"),
     }
 }
 
 /// Reads a shard's three tables, each alone, then together. Returns the counts, unless a table is damaged.
-fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Result<Option<Counts>, ReadError> {
+fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Result<Option<Counts>, Error> {
     let attempts = found.keep(dataset, dataset.read_attempts(shard))?;
     let objects = found.keep(dataset, dataset.read_objects(shard))?;
     let scenes = dataset.scenes(shard).and_then(|scenes| {
@@ -149,22 +150,11 @@ fn link(
     attempts: Vec<AttemptRecord>,
     found: &mut Verified,
 ) -> Counts {
-    let mut objects_of: BTreeMap<u64, Vec<ObjectRecord>> = BTreeMap::new();
-    for object in objects {
-        objects_of.entry(object.scene_id).or_default().push(object);
-    }
-    let mut attempts_of: BTreeMap<u64, Vec<AttemptRecord>> = BTreeMap::new();
-    for attempt in attempts {
-        attempts_of.entry(attempt.scene_id).or_default().push(attempt);
-    }
+    let mut join = joined(objects, attempts);
     let mut counts = Counts::zero();
     for scene in scenes {
         let id = scene.scene_id;
-        let rows = SceneRows {
-            objects: objects_of.remove(&id).unwrap_or_default(),
-            attempts: attempts_of.remove(&id).unwrap_or_default(),
-            scene,
-        };
+        let rows = join(scene);
         if let Err(e) = check::links(&rows.scene, &rows.objects, &rows.attempts) {
             found.tell([format!("shard {shard}, scene {id}: {e}")]);
         }

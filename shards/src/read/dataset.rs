@@ -5,15 +5,16 @@ use std::fs::File;
 use std::sync::atomic::AtomicBool;
 
 use arrow::array::RecordBatch;
+use program::ExitCode;
 use schema::{AttemptRecord, ObjectRecord, SceneRows};
 
-use crate::format::check::{self, RowError};
+use crate::format::check;
 use crate::format::frame::Expected;
 use crate::format::summary::Manifest;
 use crate::format::{decode, layout, seal};
 use crate::read::table_reader::{Batches, Part};
-use crate::store::{Listing, Storage, StoreError, Unread, size_problem};
-use crate::{DatasetInfo, InfoError, Location, ReadError, SCENES_PER_ROW_GROUP, Scenes, Table};
+use crate::store::{Listing, Storage, StoreError, size_problem};
+use crate::{DatasetInfo, Error, Location, SCENES_PER_ROW_GROUP, Scenes, Table};
 
 /// A complete dataset, on disk or in an object store. Rows are read on request.
 #[derive(Debug)]
@@ -32,11 +33,13 @@ const BATCH_ROWS: usize = 8192;
 const BATCH_SCENES: usize = 8;
 
 /// Reads and checks `meta/info.json`; returns the info and the dataset's id.
-pub(crate) fn read_info(storage: &Storage, at: &Location) -> Result<(DatasetInfo, String), ReadError> {
-    let bytes = storage.read(layout::INFO)?.ok_or_else(|| ReadError::NotADataset(at.clone()))?;
-    let wrong = |error| ReadError::Info { source: error, at: storage.location(layout::INFO) };
-    let text = std::str::from_utf8(&bytes).map_err(|e| wrong(InfoError::Parse(e.to_string())))?;
-    let info = DatasetInfo::from_json(text).map_err(wrong)?;
+pub(crate) fn read_info(storage: &Storage, at: &Location) -> Result<(DatasetInfo, String), Error> {
+    let none = || Error::Wrong(ExitCode::Config, format!("no dataset here, there is no {}: {at}", layout::INFO));
+    let bytes = storage.read(layout::INFO)?.ok_or_else(none)?;
+    let info = DatasetInfo::from_json(&bytes).map_err(|wrong| {
+        let text = format!("{wrong}: {}", storage.location(layout::INFO));
+        Error::Wrong(ExitCode::Data, text)
+    })?;
     Ok((info, seal::sha256_hex(&bytes)))
 }
 
@@ -45,15 +48,15 @@ impl Dataset {
     /// a size is checked when the file is read.
     ///
     /// # Errors
-    /// [`ReadError`] if there is no dataset, or it is incomplete, has an unknown version, or is visibly damaged without
+    /// [`Error`] if there is no dataset, or it is incomplete, has an unknown version, or is visibly damaged without
     /// reading the shards.
-    pub fn open(at: impl Into<Location>) -> Result<Self, ReadError> {
+    pub fn open(at: impl Into<Location>) -> Result<Self, Error> {
         let dataset = Self::open_with_any_files(&at.into())?;
         dataset.look_at_sizes()?;
         Ok(dataset)
     }
 
-    pub(crate) fn look_at_sizes(&self) -> Result<(), ReadError> {
+    pub(crate) fn look_at_sizes(&self) -> Result<(), Error> {
         let mut listings = Vec::new();
         for table in Table::ALL {
             listings.push((table, self.list(table)?));
@@ -65,7 +68,7 @@ impl Dataset {
                 let name = expected.path.rsplit('/').next().unwrap_or_default();
                 let found = listing.get(name).copied().flatten();
                 if let Some(problem) = size_problem(expected, found) {
-                    return Err(self.wrong(shard, *table, problem));
+                    return Err(self.wrong(shard, *table, &problem));
                 }
             }
         }
@@ -73,18 +76,26 @@ impl Dataset {
     }
 
     /// Opens a dataset without checking its shards, so that faults can be reported for each shard.
-    pub(crate) fn open_with_any_files(at: &Location) -> Result<Self, ReadError> {
+    pub(crate) fn open_with_any_files(at: &Location) -> Result<Self, Error> {
         Self::of_storage(Storage::open(at)?, at)
     }
 
-    pub(crate) fn of_storage(storage: Storage, at: &Location) -> Result<Self, ReadError> {
+    pub(crate) fn of_storage(storage: Storage, at: &Location) -> Result<Self, Error> {
         let (info, dataset_id) = read_info(&storage, at)?;
-        let bytes = storage.read(layout::MANIFEST)?.ok_or_else(|| ReadError::Incomplete(at.clone()))?;
-        let wrong = |problems| ReadError::Manifest { problems, at: storage.location(layout::MANIFEST) };
-        let manifest: Manifest = seal::unseal(bytes).map_err(|e| wrong(vec![e.to_string()]))?;
+        let none = || {
+            let name = layout::MANIFEST;
+            let text = format!("the dataset is not complete, there is no {name}: run the missing shards and finalize");
+            Error::Wrong(ExitCode::Incomplete, format!("{text}: {at}"))
+        };
+        let bytes = storage.read(layout::MANIFEST)?.ok_or_else(none)?;
+        let wrong = |text: &str| {
+            let text = format!("{text}: {}", storage.location(layout::MANIFEST));
+            Error::Wrong(ExitCode::Data, text)
+        };
+        let manifest: Manifest = seal::unseal(bytes).map_err(|e| wrong(&e))?;
         let problems = manifest.problems(&info, &dataset_id);
         if !problems.is_empty() {
-            return Err(wrong(problems));
+            return Err(wrong(&problems.join("; ")));
         }
         let is_checked = manifest.shards.iter().map(|_| Default::default()).collect();
         Ok(Self { location: at.clone(), storage, info, manifest, is_checked })
@@ -131,17 +142,16 @@ impl Dataset {
     /// `Dataset` value; the reading functions call it themselves.
     ///
     /// # Errors
-    /// [`ReadError::File`] for the first file that differs.
-    pub fn verify_shard_bytes(&self, shard: u32) -> Result<(), ReadError> {
-        self.known(shard)?;
+    /// [`Error`] for the first file that differs.
+    pub fn verify_shard_bytes(&self, shard: u32) -> Result<(), Error> {
         Table::ALL.into_iter().try_for_each(|table| self.open_file(shard, table).map(drop))
     }
 
     /// All attempts of a shard, in order.
     ///
     /// # Errors
-    /// [`ReadError`] if the file is damaged or a row breaks a rule.
-    pub fn read_attempts(&self, shard: u32) -> Result<Vec<AttemptRecord>, ReadError> {
+    /// [`Error`] if the file is damaged or a row breaks a rule.
+    pub fn read_attempts(&self, shard: u32) -> Result<Vec<AttemptRecord>, Error> {
         let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
         let rows = self.read(shard, Table::Attempts, part, |batch| decode::attempts(batch, &self.info.models))?;
         let scenes = self.info.scenes_of(shard);
@@ -149,10 +159,7 @@ impl Dataset {
         self.check(shard, Table::Attempts, || {
             rows.iter().try_for_each(|row| check::attempt(row, &self.info.gripper))?;
             let found = rows.iter().map(|r| (r.scene_id, r.attempt_id));
-            found
-                .eq(expected)
-                .then_some(())
-                .ok_or_else(|| RowError("attempt ids must count up in every scene".to_owned()))
+            found.eq(expected).then_some(()).ok_or_else(|| "attempt ids must count up in every scene".to_owned())
         })?;
         Ok(rows)
     }
@@ -160,8 +167,8 @@ impl Dataset {
     /// All objects of a shard, in order.
     ///
     /// # Errors
-    /// [`ReadError`] if the file is damaged or a row breaks a rule.
-    pub fn read_objects(&self, shard: u32) -> Result<Vec<ObjectRecord>, ReadError> {
+    /// [`Error`] if the file is damaged or a row breaks a rule.
+    pub fn read_objects(&self, shard: u32) -> Result<Vec<ObjectRecord>, Error> {
         let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
         let rows = self.read(shard, Table::Objects, part, |batch| decode::objects(batch, &self.info.models))?;
         self.check(shard, Table::Objects, || {
@@ -174,20 +181,20 @@ impl Dataset {
     /// Iterates over the scenes of a shard; a few grids at a time are in memory.
     ///
     /// # Errors
-    /// [`ReadError`] if the file is damaged; each item is an error if a row breaks a rule.
-    pub fn scenes(&self, shard: u32) -> Result<Scenes<'_>, ReadError> {
+    /// [`Error`] if the file is damaged; each item is an error if a row breaks a rule.
+    pub fn scenes(&self, shard: u32) -> Result<Scenes<'_>, Error> {
         self.scenes_with(shard, None)
     }
 
     /// Like [`Self::scenes`] but without the grids: `tsdf` is empty. Reads a thousandth of the bytes.
     ///
     /// # Errors
-    /// [`ReadError`] if the file is damaged; each item is an error if a row breaks a rule.
-    pub fn scene_heads(&self, shard: u32) -> Result<Scenes<'_>, ReadError> {
+    /// [`Error`] if the file is damaged; each item is an error if a row breaks a rule.
+    pub fn scene_heads(&self, shard: u32) -> Result<Scenes<'_>, Error> {
         self.scenes_with(shard, Some("tsdf"))
     }
 
-    fn scenes_with(&self, shard: u32, without: Option<&'static str>) -> Result<Scenes<'_>, ReadError> {
+    fn scenes_with(&self, shard: u32, without: Option<&'static str>) -> Result<Scenes<'_>, Error> {
         let part = Part { batch_rows: BATCH_SCENES, without, ..Part::default() };
         let batches = self.batches(shard, Table::Scenes, part)?;
         Ok(Scenes::new(self, shard, batches, without.is_none()))
@@ -196,10 +203,10 @@ impl Dataset {
     /// All rows of one scene. Reads one row group of the small tables and a few pages of the grids.
     ///
     /// # Errors
-    /// [`ReadError`] if there is no such scene, a file is damaged, or a row breaks a rule.
-    pub fn read_scene(&self, scene_id: u64) -> Result<SceneRows, ReadError> {
-        let out_of_range = ReadError::OutOfRange { what: "scene", limit: self.info.scene_count, got: scene_id };
-        let shard = self.info.shard_of(scene_id).ok_or(out_of_range)?;
+    /// [`Error`] if there is no such scene, a file is damaged, or a row breaks a rule.
+    pub fn read_scene(&self, scene_id: u64) -> Result<SceneRows, Error> {
+        let out_of_range = || Error::out_of_range("scene", self.info.scene_count, scene_id);
+        let shard = self.info.shard_of(scene_id).ok_or_else(out_of_range)?;
         let place = scene_id - self.info.scenes_of(shard).start;
         let in_group = (place % SCENES_PER_ROW_GROUP) as usize; // below 256
         let group = usize::try_from(place / SCENES_PER_ROW_GROUP).ok();
@@ -212,7 +219,7 @@ impl Dataset {
         let attempts =
             self.read(shard, Table::Attempts, of_scene, |batch| decode::attempts(batch, &self.info.models))?;
         let scene = self.read(shard, Table::Scenes, one, decode::scenes)?.into_iter().find(|s| s.scene_id == scene_id);
-        let missing = || self.wrong(shard, Table::Scenes, format!("scene {scene_id} is not where it should be"));
+        let missing = || self.wrong(shard, Table::Scenes, &format!("scene {scene_id} is not where it should be"));
         let rows = SceneRows { scene: scene.ok_or_else(missing)?, objects, attempts };
         self.check(shard, Table::Attempts, || check::scene_rows(&rows, &self.info))?;
         Ok(rows)
@@ -228,59 +235,50 @@ impl Dataset {
         self.storage.list(table.name())
     }
 
-    fn known(&self, shard: u32) -> Result<std::ops::Range<u64>, ReadError> {
-        if shard < self.shard_count() {
-            return Ok(self.info.scenes_of(shard));
-        }
-        Err(ReadError::OutOfRange { what: "shard", limit: u64::from(self.shard_count()), got: u64::from(shard) })
-    }
-
     fn read<R>(
         &self,
         shard: u32,
         table: Table,
         part: Part,
-        decode: impl Fn(&RecordBatch) -> Result<Vec<R>, RowError>,
-    ) -> Result<Vec<R>, ReadError> {
+        decode: impl Fn(&RecordBatch) -> Result<Vec<R>, String>,
+    ) -> Result<Vec<R>, Error> {
         let mut rows = Vec::new();
         for batch in self.batches(shard, table, part)? {
-            let batch = batch.map_err(|message| self.wrong(shard, table, message))?;
-            rows.extend(decode(&batch).map_err(|e| self.wrong(shard, table, e.to_string()))?);
+            let batch = batch.map_err(|message| self.wrong(shard, table, &message))?;
+            rows.extend(decode(&batch).map_err(|e| self.wrong(shard, table, &e))?);
         }
         Ok(rows)
     }
 
-    fn batches(&self, shard: u32, table: Table, part: Part) -> Result<Batches, ReadError> {
-        self.known(shard)?;
+    fn batches(&self, shard: u32, table: Table, part: Part) -> Result<Batches, Error> {
         let file = self.open_file(shard, table)?;
         let rows = self.manifest.shards[shard as usize].file(table).rows;
         let expected = Expected { table, resolution: self.info.grid.resolution, rows };
-        Batches::open(file, expected, part).map_err(|m| self.wrong(shard, table, m))
+        Batches::open(file, expected, part).map_err(|m| self.wrong(shard, table, &m))
     }
 
     /// Opens a file after checking its size and checksum.
-    fn open_file(&self, shard: u32, table: Table) -> Result<File, ReadError> {
-        let expected = self.manifest.shards[shard as usize].file(table);
+    fn open_file(&self, shard: u32, table: Table) -> Result<File, Error> {
+        let summary = self.manifest.shards.get(shard as usize);
+        let summary = summary.ok_or_else(|| Error::out_of_range("shard", self.shard_count().into(), shard.into()))?;
         let is_checked = &self.is_checked[shard as usize][table as usize];
-        self.storage.open_file(expected, is_checked).map_err(|unread| match unread {
-            Unread::Wrong(message) => self.wrong(shard, table, message),
-            Unread::Store(error) => ReadError::Store(error),
-        })
+        let opened = self.storage.open_file(summary.file(table), is_checked)?;
+        opened.map_err(|message| self.wrong(shard, table, &message))
     }
 
-    pub(crate) fn wrong(&self, shard: u32, table: Table, message: String) -> ReadError {
-        let name = layout::table_file(table, shard, self.info.shard_count);
-        ReadError::File { shard, message, at: self.storage.location(&name) }
+    pub(crate) fn wrong(&self, shard: u32, table: Table, message: &str) -> Error {
+        let at = self.storage.location(&layout::table_file(table, shard, self.info.shard_count));
+        Error::Wrong(ExitCode::Data, format!("shard {shard}: {message}: {at}"))
     }
 
-    fn check(&self, shard: u32, table: Table, rule: impl FnOnce() -> Result<(), RowError>) -> Result<(), ReadError> {
-        rule().map_err(|e| self.wrong(shard, table, e.to_string()))
+    fn check(&self, shard: u32, table: Table, rule: impl FnOnce() -> Result<(), String>) -> Result<(), Error> {
+        rule().map_err(|e| self.wrong(shard, table, &e))
     }
 }
 
 /// Checks that objects are numbered from 0 in every scene of the shard, and that every scene has one.
-fn object_ids(rows: &[ObjectRecord], scenes: std::ops::Range<u64>, expected: u64) -> Result<(), RowError> {
-    let wrong = |message: String| Err(RowError(message));
+fn object_ids(rows: &[ObjectRecord], scenes: std::ops::Range<u64>, expected: u64) -> Result<(), String> {
+    let wrong = |message: String| Err(message);
     if rows.len() as u64 != expected {
         return wrong(format!("objects must have {expected} rows, got {}", rows.len()));
     }

@@ -1,11 +1,11 @@
 //! Iterates over a shard's scenes without holding all of them in memory.
 
-use schema::SceneRecord;
+use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 
-use crate::format::check::{self, RowError};
+use crate::format::check;
 use crate::format::decode;
 use crate::read::table_reader::Batches;
-use crate::{Dataset, ReadError, Table};
+use crate::{Dataset, Error, Table};
 
 /// The scenes of a shard, decoded a few at a time.
 pub struct Scenes<'a> {
@@ -37,7 +37,7 @@ impl<'a> Scenes<'a> {
                 return self.checked(scene).map(Some);
             }
             match self.batches.next() {
-                Some(batch) => self.buffer = decode::scenes(&batch?).map_err(|e| e.to_string())?.into_iter(),
+                Some(batch) => self.buffer = decode::scenes(&batch?)?.into_iter(),
                 None if self.ids.is_empty() => return Ok(None),
                 None => return Err(format!("scene {} is missing", self.ids.start)),
             }
@@ -50,7 +50,7 @@ impl<'a> Scenes<'a> {
             return Err(format!("scene ids must count up: expected {expected:?}, got {}", scene.scene_id));
         }
         let info = self.dataset.info();
-        let in_scene = |e: RowError| format!("scene {}: {e}", scene.scene_id);
+        let in_scene = |e: String| format!("scene {}: {e}", scene.scene_id);
         check::scene_head(&scene, info).map_err(in_scene)?;
         if self.has_grids {
             check::tsdf(&scene.tsdf, info).map_err(in_scene)?;
@@ -60,7 +60,7 @@ impl<'a> Scenes<'a> {
 }
 
 impl Iterator for Scenes<'_> {
-    type Item = Result<SceneRecord, ReadError>;
+    type Item = Result<SceneRecord, Error>;
 
     /// The next scene; none after an error.
     fn next(&mut self) -> Option<Self::Item> {
@@ -69,6 +69,19 @@ impl Iterator for Scenes<'_> {
         }
         let advanced = self.advance();
         self.is_over = !matches!(advanced, Ok(Some(_)));
-        advanced.map_err(|message| self.dataset.wrong(self.shard, Table::Scenes, message)).transpose()
+        advanced.map_err(|message| self.dataset.wrong(self.shard, Table::Scenes, &message)).transpose()
+    }
+}
+
+/// Adds to each scene of a shard, in their order, its rows of the other tables, which are in the same order.
+pub(crate) fn joined(objects: Vec<ObjectRecord>, attempts: Vec<AttemptRecord>) -> impl FnMut(SceneRecord) -> SceneRows {
+    let (mut objects, mut attempts) = (objects.into_iter().peekable(), attempts.into_iter().peekable());
+    move |scene| {
+        let id = scene.scene_id;
+        SceneRows {
+            objects: std::iter::from_fn(|| objects.next_if(|row| row.scene_id == id)).collect(),
+            attempts: std::iter::from_fn(|| attempts.next_if(|row| row.scene_id == id)).collect(),
+            scene,
+        }
     }
 }

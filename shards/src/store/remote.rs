@@ -75,10 +75,8 @@ impl std::fmt::Debug for Remote {
 pub(crate) enum Fetched {
     /// The complete file, rewound, and its SHA-256 in hex.
     Whole(File, String),
-    /// There is no such file.
-    Missing,
-    /// It has another size, this one, and was not fetched.
-    OtherSize(u64),
+    /// It has another size, this one, or there is none.
+    Not(Option<u64>),
 }
 
 impl Remote {
@@ -209,9 +207,9 @@ impl Remote {
         let mut file = tempfile::tempfile().map_err(scratch)?;
         let mut hash = Sha256::new();
         let fetch = async {
-            let Some(found) = self.get(name).await? else { return Ok(Ok(Fetched::Missing)) };
+            let Some(found) = self.get(name).await? else { return Ok(Ok(Fetched::Not(None))) };
             if found.meta.size != bytes {
-                return Ok(Ok(Fetched::OtherSize(found.meta.size)));
+                return Ok(Ok(Fetched::Not(Some(found.meta.size))));
             }
             let (mut pieces, mut got) = (found.into_stream(), 0);
             while let Some(piece) = pieces.next().await {
@@ -223,7 +221,7 @@ impl Remote {
                 }
             }
             if got != bytes {
-                return Ok(Ok(Fetched::OtherSize(got)));
+                return Ok(Ok(Fetched::Not(Some(got))));
             }
             let sha256 = crate::format::seal::hex(&hash.finalize());
             Ok(file.rewind().map(|()| Fetched::Whole(file, sha256)))

@@ -6,15 +6,17 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::Location;
+use program::ExitCode;
+
 use crate::format::layout;
-use crate::format::seal::sha256_of_file;
+use crate::format::seal::{sha256_hex, sha256_of_file};
 use crate::format::summary::FileSummary;
 use crate::store::Listing;
 use crate::store::error::StoreError;
 use crate::store::folder::{Store, Sweep, Swept};
 use crate::store::remote::{Fetched, Patience, Remote};
 use crate::store::staged::{Ready, Staged};
+use crate::{Error, Location};
 
 /// The storage of a dataset.
 #[derive(Debug, Clone)]
@@ -23,21 +25,6 @@ pub(crate) enum Storage {
     Folder(Store),
     /// An object store: files are fetched, and uploaded in one piece.
     Remote(Arc<Remote>),
-}
-
-/// Why a file was not read.
-#[derive(Debug)]
-pub(crate) enum Unread {
-    /// The file differs from the written one.
-    Wrong(String),
-    /// The storage failed.
-    Store(StoreError),
-}
-
-impl From<StoreError> for Unread {
-    fn from(error: StoreError) -> Self {
-        Self::Store(error)
-    }
 }
 
 /// The result of publishing a small file that should not exist yet.
@@ -113,29 +100,34 @@ impl Storage {
     }
 
     /// A shard's file, after a check of its size and checksum. On a disk the checksum is checked once, as recorded in
-    /// `is_checked`; a fetched file is checked each time.
-    pub(crate) fn open_file(&self, expected: &FileSummary, is_checked: &AtomicBool) -> Result<File, Unread> {
+    /// `is_checked`; a fetched file is checked each time. The inner error is what is wrong with the file.
+    pub(crate) fn open_file(
+        &self,
+        expected: &FileSummary,
+        is_checked: &AtomicBool,
+    ) -> Result<Result<File, String>, StoreError> {
         let (file, sha256) = match self {
             Self::Folder(store) => {
-                size_problem(expected, store.size(&expected.path)?).map_or(Ok(()), |p| Err(Unread::Wrong(p)))?;
+                if let Some(problem) = size_problem(expected, store.size(&expected.path)?) {
+                    return Ok(Err(problem));
+                }
                 let mut file = store.open(&expected.path)?;
                 if is_checked.load(Ordering::Acquire) {
-                    return Ok(file);
+                    return Ok(Ok(file));
                 }
                 let sha256 = sha256_of_file(&mut file).map_err(|e| self.unreadable(&expected.path, e))?;
                 (file, sha256)
             }
             Self::Remote(remote) => match remote.fetch(&expected.path, expected.bytes)? {
                 Fetched::Whole(file, sha256) => (file, sha256),
-                Fetched::Missing => return Err(Unread::Wrong(MISSING.to_owned())),
-                Fetched::OtherSize(bytes) => return Err(Unread::Wrong(other_size(expected, bytes))),
+                Fetched::Not(found) => return Ok(Err(size_problem(expected, found).unwrap_or_default())),
             },
         };
         if sha256 != expected.sha256 {
-            return Err(Unread::Wrong(format!("sha256 must be {}, got {sha256}", expected.sha256)));
+            return Ok(Err(format!("sha256 must be {}, got {sha256}", expected.sha256)));
         }
         is_checked.store(true, Ordering::Release);
-        Ok(file)
+        Ok(Ok(file))
     }
 
     /// The SHA-256 of a file in hex, `None` if there is none.
@@ -225,10 +217,13 @@ impl Storage {
         store.root().ancestors().skip(1).try_for_each(|above| store.flush(above))
     }
 
-    /// Whether the dataset with this id is here.
-    pub(crate) fn holds(&self, dataset_id: &str) -> Result<bool, StoreError> {
-        let info = self.read(layout::INFO)?;
-        Ok(info.is_some_and(|info| crate::format::seal::sha256_hex(&info) == dataset_id))
+    /// Checks that the dataset with this id is still here.
+    pub(crate) fn check_in_place(&self, dataset_id: &str) -> Result<(), Error> {
+        if self.read(layout::INFO)?.is_some_and(|info| sha256_hex(&info) == dataset_id) {
+            return Ok(());
+        }
+        let text = format!("the dataset is gone, or another is in its place: {}", self.location(""));
+        Err(Error::Wrong(ExitCode::Config, text))
     }
 
     /// Checks that the store refuses to upload an existing object again.
@@ -265,18 +260,12 @@ impl Storage {
     }
 }
 
-const MISSING: &str = "the file is missing";
-
-fn other_size(expected: &FileSummary, bytes: u64) -> String {
-    format!("size must be {} bytes, got {bytes}", expected.bytes)
-}
-
 /// The error for a missing file or one of a wrong size.
 pub(crate) fn size_problem(expected: &FileSummary, found: Option<u64>) -> Option<String> {
     match found {
         Some(bytes) if bytes == expected.bytes => None,
-        Some(bytes) => Some(other_size(expected, bytes)),
-        None => Some(MISSING.to_owned()),
+        Some(bytes) => Some(format!("size must be {} bytes, got {bytes}", expected.bytes)),
+        None => Some("the file is missing".to_owned()),
     }
 }
 

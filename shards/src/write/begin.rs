@@ -1,59 +1,11 @@
 //! Begins a dataset: an empty location becomes the dataset, the same dataset is opened, and anything else is refused.
 
-use std::path::PathBuf;
-
-use program::{Exit, ExitCode};
+use program::ExitCode;
 use serde_json::Value;
 
 use crate::format::layout;
 use crate::store::{Published, Storage, StoreError, is_staging};
-use crate::{DatasetInfo, Draft, Location, Table};
-
-/// Why a dataset cannot begin in a folder.
-#[derive(Debug, thiserror::Error)]
-pub enum BeginError {
-    /// The info is out of range.
-    #[error("{}", .0.join("; "))]
-    Range(Vec<String>),
-    /// The location contains something else than a dataset.
-    #[error("it holds {entry:?} and no {info}: give an empty or a new place: {at}", info = layout::INFO)]
-    NotEmpty {
-        /// The place.
-        at: Location,
-        /// The first thing found.
-        entry: String,
-    },
-    /// The location is not a folder.
-    #[error("the dataset must go to a folder, got a file: {}", .0.display())]
-    NotAFolder(PathBuf),
-    /// The location contains another dataset.
-    #[error("it holds another dataset, which differs in {}: {at}", .differences.join(", "))]
-    Other {
-        /// The place.
-        at: Location,
-        /// The first keys that differ, each with both values.
-        differences: Vec<String>,
-    },
-    /// The location contains a dataset with a damaged info.
-    #[error("not a dataset's info; it is damaged: {at}")]
-    Damaged {
-        /// The info.
-        at: Location,
-    },
-    /// The storage failed.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-}
-
-impl Exit for BeginError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Range(_) | Self::NotEmpty { .. } | Self::NotAFolder(_) | Self::Other { .. } => ExitCode::Config,
-            Self::Damaged { .. } => ExitCode::Data,
-            Self::Store(error) => error.exit_code(),
-        }
-    }
-}
+use crate::{DatasetInfo, Draft, Error, Location, Table};
 
 /// Maximum number of reported differences.
 const DIFFERENCES_MAX: usize = 4;
@@ -62,34 +14,37 @@ impl Draft {
     /// Publishes `meta/info.json`, or finds an equal one.
     ///
     /// # Errors
-    /// [`BeginError`] if the info is out of range, the location contains another dataset or other files, or the storage
+    /// [`Error`] if the info is out of range, the location contains another dataset or other files, or the storage
     /// fails.
-    pub fn begin(at: impl Into<Location>, info: &DatasetInfo) -> Result<Self, BeginError> {
+    pub fn begin(at: impl Into<Location>, info: &DatasetInfo) -> Result<Self, Error> {
         let problems = info.problems();
         if !problems.is_empty() {
-            return Err(BeginError::Range(problems));
+            return Err(Error::Wrong(ExitCode::Config, problems.join("; ")));
         }
         Self::begin_in(Storage::open_to_write(&at.into())?, info)
     }
 
-    pub(crate) fn begin_in(storage: Storage, info: &DatasetInfo) -> Result<Self, BeginError> {
+    pub(crate) fn begin_in(storage: Storage, info: &DatasetInfo) -> Result<Self, Error> {
+        let refused = |text| Err(Error::Wrong(ExitCode::Config, text));
         let at = storage.location("");
         if let Some(dir) = storage.folder().filter(|dir| dir.is_file()) {
-            return Err(BeginError::NotAFolder(dir.to_owned()));
+            return refused(format!("the dataset must go to a folder, got a file: {}", dir.display()));
         }
         let text = info.to_json();
         // In this order, because another process may be beginning the same dataset, and it publishes the info first.
         if let Some(entry) = first_foreign_entry(&storage)?
             && storage.size(layout::INFO)?.is_none()
         {
-            return Err(BeginError::NotEmpty { at, entry });
+            return refused(format!("it holds {entry:?} and no {}: give an empty or a new place: {at}", layout::INFO));
         }
         match storage.publish_new(layout::INFO, text.as_bytes())? {
             Published::Existing(existing) if existing != text.as_bytes() => {
-                return Err(match differences(&existing, &text) {
-                    Some(differences) => BeginError::Other { at, differences },
-                    None => BeginError::Damaged { at: storage.location(layout::INFO) },
-                });
+                let Some(differences) = differences(&existing, &text) else {
+                    let at = storage.location(layout::INFO);
+                    return Err(Error::Wrong(ExitCode::Data, format!("not a dataset's info; it is damaged: {at}")));
+                };
+                let differences = differences.join(", ");
+                return refused(format!("it holds another dataset, which differs in {differences}: {at}"));
             }
             Published::New | Published::Existing(_) => storage.check_creates_once(layout::INFO, text.as_bytes())?,
         }
@@ -157,6 +112,8 @@ fn compare(path: &str, existing: &Value, asked: &Value, found: &mut Vec<String>)
 mod tests {
     use std::fs;
     use std::path::Path;
+
+    use program::Exit;
 
     use super::*;
     use crate::synthetic;

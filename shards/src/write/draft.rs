@@ -5,8 +5,8 @@ use crate::format::summary::ShardSummary;
 use crate::format::{layout, seal};
 use crate::read::dataset::read_info;
 use crate::store::{Storage, StoreError, Sweep, Swept};
-use crate::write::writer::{ShardWriter, WriteError};
-use crate::{DatasetInfo, Location, ReadError, Table};
+use crate::write::writer::ShardWriter;
+use crate::{DatasetInfo, Error, Location, Table};
 
 /// A dataset that is being written, in a folder or an object store.
 #[derive(Debug)]
@@ -20,8 +20,8 @@ impl Draft {
     /// Opens a dataset that [`Draft::begin`] has begun.
     ///
     /// # Errors
-    /// [`ReadError`] if there is no dataset, or its info is damaged.
-    pub fn open(at: impl Into<Location>) -> Result<Self, ReadError> {
+    /// [`Error`] if there is no dataset, or its info is damaged.
+    pub fn open(at: impl Into<Location>) -> Result<Self, Error> {
         let at = at.into();
         let storage = Storage::open_to_write(&at)?;
         let (info, dataset_id) = read_info(&storage, &at)?;
@@ -43,8 +43,8 @@ impl Draft {
     /// Begins a shard.
     ///
     /// # Errors
-    /// [`WriteError`] if there is no such shard or the storage fails.
-    pub fn shard(&self, shard: u32) -> Result<ShardWriter, WriteError> {
+    /// [`Error`] if there is no such shard or the storage fails.
+    pub fn shard(&self, shard: u32) -> Result<ShardWriter, Error> {
         ShardWriter::create(self.storage.clone(), &self.info, &self.dataset_id, shard)
     }
 
@@ -76,11 +76,6 @@ impl Draft {
     /// [`StoreError`] if the storage fails.
     pub fn flush(&self) -> Result<(), StoreError> {
         self.storage.flush(&FOLDERS)
-    }
-
-    /// Whether this dataset is still at its location.
-    pub(crate) fn is_in_place(&self) -> Result<bool, StoreError> {
-        self.storage.holds(&self.dataset_id)
     }
 
     /// Removes leftovers of killed writers. In an object store there are none, because objects are uploaded in one

@@ -3,13 +3,13 @@
 
 use std::collections::BTreeSet;
 
-use program::{Exit, ExitCode};
+use program::ExitCode;
 
 use crate::format::summary::{Manifest, ShardSummary};
 use crate::format::{layout, seal};
 use crate::store::{Listing, Published, StoreError, Sweep, size_problem};
 use crate::write::card;
-use crate::{Draft, Location, Table};
+use crate::{Draft, Error, Table};
 
 /// The result of completing a dataset.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,44 +21,6 @@ pub enum Finalized {
         /// Their indices, in order.
         missing: Vec<u32>,
     },
-}
-
-/// Why a dataset cannot be completed.
-#[derive(Debug, thiserror::Error)]
-pub enum FinalizeError {
-    /// The storage failed.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// The dataset was removed or replaced while it was being completed.
-    #[error("the dataset is gone, or another is in its place: {at}")]
-    Replaced {
-        /// The place.
-        at: Location,
-    },
-    /// A different manifest exists.
-    #[error(
-        "{} is there, sealed, and not what the markers make it, SHA-256 {before} there and {now} now: was a shard made \
-         again by another program? If so, delete it, {} and {}, and finalize again",
-        layout::MANIFEST,
-        layout::CARD,
-        layout::SUCCESS
-    )]
-    NotReproduced {
-        /// SHA-256 of the existing manifest.
-        before: String,
-        /// SHA-256 of the new one.
-        now: String,
-    },
-}
-
-impl Exit for FinalizeError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Store(error) => error.exit_code(),
-            Self::Replaced { .. } => ExitCode::Config,
-            Self::NotReproduced { .. } => ExitCode::Data,
-        }
-    }
 }
 
 impl Draft {
@@ -113,16 +75,12 @@ impl Draft {
         Table::ALL.into_iter().map(|table| Ok((table, self.storage.must_list(table.name())?))).collect()
     }
 
-    fn check_in_place(&self) -> Result<(), FinalizeError> {
-        if self.is_in_place()? { Ok(()) } else { Err(FinalizeError::Replaced { at: self.location() }) }
-    }
-
     /// Writes `README.md`, `meta/manifest.json` and `_SUCCESS` if every shard exists. An existing card remains, because
     /// users may edit it. An existing manifest must be equal.
     ///
     /// # Errors
-    /// [`FinalizeError`] if the storage fails, or a different manifest exists.
-    pub fn finalize(&self) -> Result<Finalized, FinalizeError> {
+    /// [`Error`] if the storage fails, or a different manifest exists.
+    pub fn finalize(&self) -> Result<Finalized, Error> {
         let mut shards = Vec::new();
         let missing = self.committed(|summary| shards.push(summary))?;
         if !missing.is_empty() {
@@ -131,16 +89,22 @@ impl Draft {
         // The writers of these files may have been killed before they flushed the folders.
         self.flush()?;
         let manifest = Manifest::new(&self.info, self.dataset_id.clone(), shards);
-        self.check_in_place()?;
+        self.storage.check_in_place(&self.dataset_id)?;
         self.storage.publish_new(layout::CARD, card::card(&self.info, &manifest).as_bytes())?;
         let text = seal::seal(&manifest);
-        self.check_in_place()?;
+        self.storage.check_in_place(&self.dataset_id)?;
         if let Published::Existing(before) = self.storage.publish_new(layout::MANIFEST, text.as_bytes())?
             && before != text.as_bytes()
         {
             if seal::unseal::<Manifest>(before.clone()).is_ok() {
                 let (before, now) = (seal::sha256_hex(&before), seal::sha256_hex(text.as_bytes()));
-                return Err(FinalizeError::NotReproduced { before, now });
+                let (manifest, card, success) = (layout::MANIFEST, layout::CARD, layout::SUCCESS);
+                let text = format!(
+                    "{manifest} is there, sealed, and not what the markers make it, SHA-256 {before} there and {now} \
+                     now: was a shard made again by another program? If so, delete it, {card} and {success}, and \
+                     finalize again"
+                );
+                return Err(Error::Wrong(ExitCode::Data, text));
             }
             self.storage.publish(layout::MANIFEST, text.as_bytes())?; // replaces a damaged one
         }

@@ -6,7 +6,9 @@ use arrow::array::{ArrayRef, Float32Array, RecordBatch, StringArray, UInt64Array
 use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::{WriterProperties, WriterVersion};
-use program::{Exit, ExitCode};
+use program::ExitCode;
+
+use crate::Error;
 
 /// A column of a flat table.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,24 +21,12 @@ pub enum PlainColumn {
     Text(Vec<String>),
 }
 
-/// Why a flat table cannot be made.
-#[derive(Debug, thiserror::Error)]
-#[error("failed to write a table: {0}")]
-pub struct PlainTableError(String);
-
-impl Exit for PlainTableError {
-    /// [`ExitCode::Internal`]: only columns of unequal length have no table.
-    fn exit_code(&self) -> ExitCode {
-        ExitCode::Internal
-    }
-}
-
 /// The bytes of a Parquet file with these columns, in this order; a pure function of them.
 ///
 /// # Errors
-/// [`PlainTableError`] if the columns differ in length.
-pub fn plain_table(columns: Vec<(&str, PlainColumn)>) -> Result<Vec<u8>, PlainTableError> {
-    let failed = |e: &dyn std::fmt::Display| PlainTableError(e.to_string());
+/// [`Error`] if the columns differ in length.
+pub fn plain_table(columns: Vec<(&str, PlainColumn)>) -> Result<Vec<u8>, Error> {
+    let failed = |e: &dyn std::fmt::Display| Error::Wrong(ExitCode::Internal, format!("failed to write a table: {e}"));
     let array = |column: PlainColumn| -> ArrayRef {
         match column {
             PlainColumn::Whole(values) => Arc::new(UInt64Array::from(values)),

@@ -12,28 +12,13 @@ use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::errors::ParquetError;
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersion};
 use parquet::schema::types::ColumnPath;
+use program::ExitCode;
 
 use crate::format::column::{Kind, float_leaves};
 use crate::format::layout;
 use crate::format::summary::FileSummary;
-use crate::store::{Ready, Staged, Storage, StoreError, Trouble};
-use crate::{FormatVersion, Table};
-
-/// Why a table could not be written.
-#[derive(Debug, thiserror::Error)]
-pub enum TableError {
-    /// The storage failed.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// The columns could not be made or written.
-    #[error("failed to write {table}: {message}", table = .table.name())]
-    Write {
-        /// The table.
-        table: Table,
-        /// The error.
-        message: String,
-    },
-}
+use crate::store::{Ready, Staged, Storage, Trouble};
+use crate::{Error, FormatVersion, Table};
 
 /// zstd level of every column.
 const ZSTD_LEVEL: i32 = 1;
@@ -53,7 +38,7 @@ impl TableWriter {
         table: Table,
         [shard, shard_count]: [u32; 2],
         resolution: usize,
-    ) -> Result<Self, TableError> {
+    ) -> Result<Self, Error> {
         let name = layout::table_file(table, shard, shard_count);
         let staged = storage.stage(&name)?;
         let trouble = staged.trouble();
@@ -62,18 +47,18 @@ impl TableWriter {
         Ok(Self { table, name, rows: 0, trouble, parquet })
     }
 
-    pub(crate) fn write(&mut self, batch: &RecordBatch) -> Result<(), TableError> {
+    pub(crate) fn write(&mut self, batch: &RecordBatch) -> Result<(), Error> {
         self.rows += batch.num_rows() as u64;
         self.parquet.write(batch).map_err(|e| broken(self.table, &self.trouble, &e))
     }
 
     /// Ends the row group.
-    pub(crate) fn flush(&mut self) -> Result<(), TableError> {
+    pub(crate) fn flush(&mut self) -> Result<(), Error> {
         self.parquet.flush().map_err(|e| broken(self.table, &self.trouble, &e))
     }
 
     /// Writes the footer and flushes the file to the disk, without publishing it yet.
-    pub(crate) fn finish(self) -> Result<(Ready, FileSummary), TableError> {
+    pub(crate) fn finish(self) -> Result<(Ready, FileSummary), Error> {
         let staged = self.parquet.into_inner().map_err(|e| broken(self.table, &self.trouble, &e))?;
         let ready = staged.finish()?;
         let summary =
@@ -82,8 +67,8 @@ impl TableWriter {
     }
 }
 
-fn properties(table: Table) -> Result<WriterProperties, TableError> {
-    let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(|e| TableError::Write { table, message: e.to_string() })?;
+fn properties(table: Table) -> Result<WriterProperties, Error> {
+    let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(|e| unwritten(table, &e))?;
     let mut builder = WriterProperties::builder()
         .set_created_by(format!("graspmill format {}", FormatVersion::CURRENT.number()))
         .set_writer_version(WriterVersion::PARQUET_1_0)
@@ -103,6 +88,11 @@ fn properties(table: Table) -> Result<WriterProperties, TableError> {
 }
 
 /// The disk's error, if the disk caused it.
-fn broken(table: Table, trouble: &Trouble, error: &ParquetError) -> TableError {
-    trouble.error().map_or_else(|| TableError::Write { table, message: error.to_string() }, TableError::Store)
+fn broken(table: Table, trouble: &Trouble, error: &ParquetError) -> Error {
+    trouble.error().map_or_else(|| unwritten(table, error), Error::Store)
+}
+
+/// Columns that could not be made or written: a defect of the program.
+pub(crate) fn unwritten(table: Table, error: &dyn std::fmt::Display) -> Error {
+    Error::Wrong(ExitCode::Internal, format!("failed to write {}: {error}", table.name()))
 }

@@ -2,98 +2,18 @@
 
 use std::ops::Range;
 
-use program::{Exit, ExitCode};
+use program::ExitCode;
 use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 
-use crate::format::check::{self, RowError};
+use crate::format::check;
 use crate::format::summary::{Counts, FileSummary, ShardSummary};
 use crate::format::{encode, layout, seal};
-use crate::store::{Published, Ready, Storage, StoreError};
-use crate::write::table_writer::{TableError, TableWriter};
-use crate::{DatasetInfo, Location, SCENES_PER_ROW_GROUP, Table};
+use crate::store::{Published, Ready, Storage};
+use crate::write::table_writer::{TableWriter, unwritten};
+use crate::{DatasetInfo, Error, SCENES_PER_ROW_GROUP, Table};
 
 /// Scenes encoded at once; limits a writer's memory to 4 MB of grids.
 const SCENES_PER_BATCH: usize = 16;
-
-/// Why a shard was not written.
-#[derive(Debug, thiserror::Error)]
-pub enum WriteError {
-    /// There is no such shard.
-    #[error("shard must be below {shard_count}, got {shard}")]
-    NoSuchShard {
-        /// The requested shard.
-        shard: u32,
-        /// The number of shards.
-        shard_count: u32,
-    },
-    /// A row breaks a rule: a defect of the program that made it.
-    #[error("shard {shard}, scene {scene_id}: {source}")]
-    Row {
-        /// The shard.
-        shard: u32,
-        /// The scene.
-        scene_id: u64,
-        /// The rule.
-        source: RowError,
-    },
-    /// Scenes are out of order or missing.
-    #[error("shard {shard} must go on with scene {expected} of {}..{}, got {got}", .scenes.start, .scenes.end)]
-    Order {
-        /// The shard.
-        shard: u32,
-        /// Its scenes.
-        scenes: Range<u64>,
-        /// The next scene.
-        expected: u64,
-        /// What was written instead.
-        got: String,
-    },
-    /// The storage failed.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// A table could not be written.
-    #[error("shard {shard}: {source}")]
-    Table {
-        /// The shard.
-        shard: u32,
-        /// The error.
-        source: TableError,
-    },
-    /// The dataset was removed or replaced while the shard was being made.
-    #[error("the dataset that this shard belongs to is gone, or another is in its place: {at}")]
-    Replaced {
-        /// The place.
-        at: Location,
-    },
-    /// The shard exists with other bytes.
-    #[error(
-        "shard {shard} came out differently from before, {file} has SHA-256 {before} there and {now} now: is the code or \
-         the machine another? If the file is damaged, delete it and run again"
-    )]
-    NotReproduced {
-        /// The shard.
-        shard: u32,
-        /// The file, or the marker.
-        file: String,
-        /// SHA-256 of the existing file.
-        before: String,
-        /// SHA-256 of the new one.
-        now: String,
-    },
-}
-
-impl Exit for WriteError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::NoSuchShard { .. } | Self::Replaced { .. } => ExitCode::Config,
-            Self::Row { .. } | Self::Order { .. } => ExitCode::Internal,
-            Self::Store(error) => error.exit_code(),
-            Self::Table { source: TableError::Store(error), .. } => error.exit_code(),
-            Self::Table { .. } => ExitCode::Internal,
-            Self::NotReproduced { .. } => ExitCode::Data,
-        }
-    }
-}
 
 /// Writes one shard. If dropped before [`ShardWriter::commit`], it leaves no shard.
 pub struct ShardWriter {
@@ -116,19 +36,13 @@ impl std::fmt::Debug for ShardWriter {
 }
 
 impl ShardWriter {
-    pub(crate) fn create(
-        storage: Storage,
-        info: &DatasetInfo,
-        dataset_id: &str,
-        shard: u32,
-    ) -> Result<Self, WriteError> {
+    pub(crate) fn create(storage: Storage, info: &DatasetInfo, dataset_id: &str, shard: u32) -> Result<Self, Error> {
         if shard >= info.shard_count {
-            return Err(WriteError::NoSuchShard { shard, shard_count: info.shard_count });
+            let text = format!("shard must be below {}, got {shard}", info.shard_count);
+            return Err(Error::Wrong(ExitCode::Config, text));
         }
-        let open = |table| {
-            TableWriter::create(&storage, table, [shard, info.shard_count], info.grid.resolution)
-                .map_err(|source| WriteError::Table { shard, source })
-        };
+        let sizes = [shard, info.shard_count];
+        let open = |table| TableWriter::create(&storage, table, sizes, info.grid.resolution);
         let scenes = info.scenes_of(shard);
         Ok(Self {
             attempts: (open(Table::Attempts)?, Vec::new()),
@@ -153,16 +67,15 @@ impl ShardWriter {
     /// Adds a scene, strictly in the order of scene ids.
     ///
     /// # Errors
-    /// [`WriteError`] if the scene is not the next one, a row breaks a rule, or the storage fails.
-    pub fn push(&mut self, rows: &SceneRows) -> Result<(), WriteError> {
+    /// [`Error`] if the scene is not the next one, a row breaks a rule, or the storage fails.
+    pub fn push(&mut self, rows: &SceneRows) -> Result<(), Error> {
         let scene_id = rows.scene.scene_id;
         if scene_id != self.next || !self.scenes.contains(&scene_id) {
-            return Err(self.out_of_order(format!("scene {scene_id}")));
+            return Err(self.out_of_order(&format!("scene {scene_id}")));
         }
-        check::scene_rows(rows, &self.info).map_err(|source| WriteError::Row {
-            shard: self.shard,
-            scene_id,
-            source,
+        check::scene_rows(rows, &self.info).map_err(|rule| {
+            let text = format!("shard {}, scene {scene_id}: {rule}", self.shard);
+            Error::Wrong(ExitCode::Internal, text)
         })?;
         self.counts.count(rows);
         self.attempts.1.extend_from_slice(&rows.attempts);
@@ -171,19 +84,19 @@ impl ShardWriter {
         self.next += 1;
         let ends_row_group = (self.next - self.scenes.start).is_multiple_of(SCENES_PER_ROW_GROUP);
         if ends_row_group || self.grids.1.len() >= SCENES_PER_BATCH {
-            self.write_batch(ends_row_group).map_err(|source| WriteError::Table { shard: self.shard, source })?;
+            self.write_batch(ends_row_group)?;
         }
         Ok(())
     }
 
-    fn out_of_order(&self, got: String) -> WriteError {
-        WriteError::Order { shard: self.shard, scenes: self.scenes.clone(), expected: self.next, got }
+    fn out_of_order(&self, got: &str) -> Error {
+        let Self { shard, scenes: Range { start, end }, next, .. } = self;
+        let text = format!("shard {shard} must go on with scene {next} of {start}..{end}, got {got}");
+        Error::Wrong(ExitCode::Internal, text)
     }
 
-    fn write_batch(&mut self, ends_row_group: bool) -> Result<(), TableError> {
-        let made = |table, batch: Result<_, arrow::error::ArrowError>| {
-            batch.map_err(|e| TableError::Write { table, message: e.to_string() })
-        };
+    fn write_batch(&mut self, ends_row_group: bool) -> Result<(), Error> {
+        let made = |table, batch: Result<_, arrow::error::ArrowError>| batch.map_err(|e| unwritten(table, &e));
         if !self.grids.1.is_empty() {
             self.attempts.0.write(&made(Table::Attempts, encode::attempts(&self.attempts.1, &self.info.models))?)?;
             self.objects.0.write(&made(Table::Objects, encode::objects(&self.objects.1, &self.info.models))?)?;
@@ -205,23 +118,22 @@ impl ShardWriter {
     /// are compared, not replaced, because all writers of a shard write the same bytes.
     ///
     /// # Errors
-    /// [`WriteError`] if scenes are missing, the storage fails, or the shard exists with other bytes.
-    pub fn commit(mut self) -> Result<ShardSummary, WriteError> {
+    /// [`Error`] if scenes are missing, the storage fails, or the shard exists with other bytes.
+    pub fn commit(mut self) -> Result<ShardSummary, Error> {
         if self.next != self.scenes.end {
-            return Err(self.out_of_order("the end".to_owned()));
+            return Err(self.out_of_order("the end"));
         }
         let shard = self.shard;
-        let in_shard = |source| WriteError::Table { shard, source };
-        self.write_batch(false).map_err(in_shard)?;
-        let (attempts_file, attempts) = self.attempts.0.finish().map_err(in_shard)?;
-        let (objects_file, objects) = self.objects.0.finish().map_err(in_shard)?;
-        let (scenes_file, scenes) = self.grids.0.finish().map_err(in_shard)?;
+        self.write_batch(false)?;
+        let (attempts_file, attempts) = self.attempts.0.finish()?;
+        let (objects_file, objects) = self.objects.0.finish()?;
+        let (scenes_file, scenes) = self.grids.0.finish()?;
         let summary =
             ShardSummary { dataset_id: self.dataset_id, shard, attempts, scenes, objects, counts: self.counts };
         let marker = layout::marker(shard);
         let text = seal::seal(&summary);
         // The folder may have been emptied and another dataset begun in it in the meantime.
-        check_identity(&self.storage, &summary.dataset_id)?;
+        self.storage.check_in_place(&summary.dataset_id)?;
         // An equal marker proves our bytes: any other existing file is damaged.
         let is_proven = match self.storage.read(&marker)? {
             Some(before) => compare(shard, &marker, &before, &text)?,
@@ -231,7 +143,7 @@ impl ShardWriter {
         for (file, table) in files {
             publish(&self.storage, shard, file, summary.file(table), is_proven)?;
         }
-        check_identity(&self.storage, &summary.dataset_id)?;
+        self.storage.check_in_place(&summary.dataset_id)?;
         if let Published::Existing(before) = self.storage.publish_new(&marker, text.as_bytes())?
             && !compare(shard, &marker, &before, &text)?
         {
@@ -241,18 +153,8 @@ impl ShardWriter {
     }
 }
 
-fn check_identity(storage: &Storage, dataset_id: &str) -> Result<(), WriteError> {
-    if storage.holds(dataset_id)? { Ok(()) } else { Err(WriteError::Replaced { at: storage.location("") }) }
-}
-
 /// Publishes a file, or finds an equal one. A different one is replaced only if ours is proven to be correct.
-fn publish(
-    storage: &Storage,
-    shard: u32,
-    file: Ready,
-    summary: &FileSummary,
-    is_proven: bool,
-) -> Result<(), WriteError> {
+fn publish(storage: &Storage, shard: u32, file: Ready, summary: &FileSummary, is_proven: bool) -> Result<(), Error> {
     let before = if is_proven { storage.digest(&summary.path)? } else { None };
     if before.is_some_and(|before| before != summary.sha256) {
         return Ok(file.publish()?);
@@ -264,11 +166,11 @@ fn publish(
     if before == summary.sha256 {
         return Ok(());
     }
-    Err(WriteError::NotReproduced { shard, file: summary.path.clone(), before, now: summary.sha256.clone() })
+    Err(not_reproduced(shard, &summary.path, &before, &summary.sha256))
 }
 
 /// Whether an existing marker is equal; false if it is damaged.
-fn compare(shard: u32, marker: &str, before: &[u8], now: &str) -> Result<bool, WriteError> {
+fn compare(shard: u32, marker: &str, before: &[u8], now: &str) -> Result<bool, Error> {
     if before == now.as_bytes() {
         return Ok(true);
     }
@@ -276,11 +178,22 @@ fn compare(shard: u32, marker: &str, before: &[u8], now: &str) -> Result<bool, W
         return Ok(false);
     }
     let (before, now) = (seal::sha256_hex(before), seal::sha256_hex(now.as_bytes()));
-    Err(WriteError::NotReproduced { shard, file: marker.to_owned(), before, now })
+    Err(not_reproduced(shard, marker, &before, &now))
+}
+
+/// The error of a shard that exists with other bytes.
+fn not_reproduced(shard: u32, file: &str, before: &str, now: &str) -> Error {
+    let text = format!(
+        "shard {shard} came out differently from before, {file} has SHA-256 {before} there and {now} now: is the code \
+         or the machine another? If the file is damaged, delete it and run again"
+    );
+    Error::Wrong(ExitCode::Data, text)
 }
 
 #[cfg(test)]
 mod tests {
+    use program::Exit;
+
     use super::*;
     use crate::Draft;
     use crate::store::{Fault, Kind, Store};
@@ -294,7 +207,7 @@ mod tests {
         info
     }
 
-    fn write(dir: &Path, fault: Fault) -> Result<ShardSummary, WriteError> {
+    fn write(dir: &Path, fault: Fault) -> Result<ShardSummary, Error> {
         let draft = Draft::begin(dir, &info()).unwrap();
         let draft = Draft { storage: Storage::Folder(Store::faulty(dir, fault)), ..draft };
         let mut writer = draft.shard(1)?;

@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 
 use program::{Exit, ExitCode};
-use shards::{Dataset, ReadError, layout, verify};
+use shards::{Dataset, Error, layout, verify};
 
 use crate::sample;
 
 /// The result of reading everything, as a trainer does.
-fn read_all(dir: &Path) -> Result<(), ReadError> {
+fn read_all(dir: &Path) -> Result<(), Error> {
     let dataset = Dataset::open(dir)?;
     for shard in 0..dataset.shard_count() {
         dataset.verify_shard_bytes(shard)?;

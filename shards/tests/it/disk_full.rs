@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use program::{Exit, ExitCode};
-use shards::{Draft, WriteError};
+use shards::{Draft, Error};
 
 use crate::sample;
 
@@ -34,7 +34,7 @@ fn mount(dir: &Path, options: &str) -> bool {
     command.status().is_ok_and(|status| status.success())
 }
 
-fn write(draft: &Draft, shard: u32) -> Result<(), WriteError> {
+fn write(draft: &Draft, shard: u32) -> Result<(), Error> {
     let mut writer = draft.shard(shard)?;
     for rows in sample::rows(draft.info(), shard) {
         writer.push(&rows)?;

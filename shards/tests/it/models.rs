@@ -124,7 +124,7 @@ fn an_info_whose_models_cannot_be_is_refused() {
     for (change, expected) in cases {
         let mut info = info();
         change(&mut info);
-        let message = DatasetInfo::from_json(&info.to_json()).unwrap_err().to_string();
+        let message = DatasetInfo::from_json(info.to_json()).unwrap_err().to_string();
         assert!(message.contains(expected), "{expected}: {message}");
         let dir = tempfile::tempdir().unwrap();
         assert!(Draft::begin(dir.path(), &info).unwrap_err().to_string().contains(expected));

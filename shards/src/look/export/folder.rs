@@ -5,12 +5,13 @@
 
 use std::path::Path;
 
+use program::ExitCode;
 use serde::{Deserialize, Serialize};
 
-use super::{ExportError, ExportFormat};
+use super::ExportFormat;
 use crate::format::seal::pretty;
 use crate::store::{Storage, StoreError, Sweep, Swept, failed, is_staging};
-use crate::{Dataset, Location};
+use crate::{Dataset, Error, Location};
 
 /// The file that describes a complete export.
 const DONE: &str = "export.json";
@@ -75,9 +76,18 @@ pub struct Exported {
 }
 
 impl ExportOrigin {
+    /// A sentence for the export's page.
+    pub(super) fn told(&self) -> String {
+        let Self { exporter_version, dataset_id, dataset_code_version, dataset_seed, .. } = self;
+        format!(
+            "Exported by Graspmill {exporter_version} from dataset `{dataset_id}` (made by {dataset_code_version} from seed \
+             {dataset_seed})."
+        )
+    }
+
     pub(super) fn of(dataset: &Dataset, format: ExportFormat) -> Self {
         Self {
-            format: format.name().to_owned(),
+            format: format.name(),
             exporter_version: env!("CARGO_PKG_VERSION").to_owned(),
             dataset_id: dataset.id().to_owned(),
             dataset_code_version: dataset.info().code_version.clone(),
@@ -89,8 +99,9 @@ impl ExportOrigin {
 /// An export that is being written.
 #[derive(Debug)]
 pub(super) struct ExportFolder {
-    storage: Storage,
-    origin: ExportOrigin,
+    /// The folder for files.
+    pub(super) storage: Storage,
+    pub(super) origin: ExportOrigin,
 }
 
 /// The result of beginning an export.
@@ -104,51 +115,37 @@ pub(super) enum Beginning {
 
 impl ExportFolder {
     /// Begins an export in an empty or new folder, or continues this export.
-    pub(super) fn begin(folder: &Path, origin: ExportOrigin) -> Result<Beginning, ExportError> {
+    pub(super) fn begin(folder: &Path, origin: ExportOrigin) -> Result<Beginning, Error> {
         let at = Location::Path(folder.to_owned());
         if folder.is_file() {
-            return Err(ExportError::NotAFolder(at));
+            let text = format!("the export must go to a folder, got a file: {at}");
+            return Err(Error::Wrong(ExitCode::Config, text));
         }
+        let refused = |text| Error::Wrong(ExitCode::Config, format!("{text}: give an empty or a new folder: {at}"));
+        let damaged = |_| refused("what it says about its export is damaged".to_owned());
+        let check = |there: &ExportOrigin| {
+            let ExportOrigin { format, exporter_version: version, dataset_id, .. } = there;
+            let other =
+                || refused(format!("it holds an export as {format} of dataset {dataset_id} by version {version}"));
+            if *there == origin { Ok(()) } else { Err(other()) }
+        };
         let storage = Storage::open_to_write(&at)?;
         if let Some(bytes) = storage.read(DONE)? {
-            let done: Exported = serde_json::from_slice(&bytes).map_err(|_| ExportError::NotOurs(at.clone()))?;
-            if done.origin != origin {
-                return Err(ExportError::Other { there: Box::new(done.origin), at });
-            }
+            let done: Exported = serde_json::from_slice(&bytes).map_err(damaged)?;
+            check(&done.origin)?;
             remove(folder, BEGUN)?; // a run was killed at the very end
             return Ok(Beginning::Done(done));
         }
-        match storage.read(BEGUN)? {
-            Some(bytes) => {
-                let there: ExportOrigin =
-                    serde_json::from_slice(&bytes).map_err(|_| ExportError::NotOurs(at.clone()))?;
-                if there != origin {
-                    return Err(ExportError::Other { there: Box::new(there), at });
-                }
+        if let Some(bytes) = storage.read(BEGUN)? {
+            check(&serde_json::from_slice(&bytes).map_err(damaged)?)?;
+        } else {
+            let is_foreign = |name: &String| !is_staging(name) && name != "lost+found";
+            if let Some(entry) = storage.names("")?.into_iter().filter(is_foreign).min() {
+                return Err(refused(format!("it holds {entry:?}, which is no export")));
             }
-            None => {
-                let is_foreign = |name: &String| !is_staging(name) && name != "lost+found";
-                if let Some(entry) = storage.names("")?.into_iter().filter(is_foreign).min() {
-                    return Err(ExportError::NotEmpty { entry, at });
-                }
-                storage.publish(BEGUN, pretty(&origin).as_bytes())?;
-            }
+            storage.publish(BEGUN, pretty(&origin).as_bytes())?;
         }
         Ok(Beginning::Open(Self { storage, origin }))
-    }
-
-    pub(super) fn origin(&self) -> &ExportOrigin {
-        &self.origin
-    }
-
-    /// The folder for files.
-    pub(super) fn storage(&self) -> &Storage {
-        &self.storage
-    }
-
-    /// The folder, or a file in it.
-    pub(super) fn location(&self, name: &str) -> Location {
-        self.storage.location(name)
     }
 
     /// Removes leftovers of killed writers from one of its folders.
@@ -157,7 +154,7 @@ impl ExportFolder {
     }
 
     /// Writes `export.json`, which completes the export.
-    pub(super) fn finish(self, counts: ExportCounts, files: Vec<ExportedFile>) -> Result<Exported, ExportError> {
+    pub(super) fn finish(self, counts: ExportCounts, files: Vec<ExportedFile>) -> Result<Exported, Error> {
         let done = Exported { origin: self.origin, counts, files };
         self.storage.publish(DONE, pretty(&done).as_bytes())?;
         if let Some(folder) = self.storage.folder() {

@@ -1,19 +1,25 @@
 //! One scene's TSDF as a file that the planner reads.
 
+use program::ExitCode;
 use schema::Grid;
 
-use super::{ExportError, npy};
-use crate::Dataset;
+use super::npy;
+use crate::{Dataset, Error};
 
 /// A scene's TSDF as a `.npy` of float32, `[40, 40, 40]`, in VGN's values: `planner plan --tsdf` plans on it.
 ///
 /// # Errors
-/// [`ExportError::Read`] if the scene cannot be read, [`ExportError::Grid`] if the dataset's grid is not the planner's.
-pub fn tsdf(dataset: &Dataset, scene_id: u64) -> Result<Vec<u8>, ExportError> {
+/// [`Error`] if the scene cannot be read, or the dataset's grid is not the planner's.
+pub fn tsdf(dataset: &Dataset, scene_id: u64) -> Result<Vec<u8>, Error> {
     let (grid, wanted) = (dataset.info().grid, Grid::PAPER);
     if grid.resolution != wanted.resolution || (grid.size_m - wanted.size_m).abs() >= 1e-6 {
-        let (resolution, size_m, at) = (grid.resolution, grid.size_m, dataset.location().clone());
-        return Err(ExportError::Grid { resolution, size_m, at });
+        let told = |grid: Grid| (grid.resolution, grid.size_m);
+        let ((side, wanted_m), (resolution, size_m)) = (told(wanted), told(grid));
+        let text = format!(
+            "the dataset's grid must have {side} voxels a side over {wanted_m} m, got {resolution} over {size_m} m: {}",
+            dataset.location()
+        );
+        return Err(Error::Wrong(ExitCode::Config, text));
     }
     Ok(npy::f32s(&[grid.resolution; 3], &dataset.read_scene(scene_id)?.scene.tsdf))
 }

@@ -13,17 +13,14 @@
 //! `clean_balance_data.py`) is left out: grasps nearer to the workspace's faces than 20 mm. Some of them would have no
 //! voxel, or none after a quarter turn.
 
-use std::io::BufWriter;
-
 use program::text::grouped;
 use schema::{AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of};
 use serde::Serialize;
 
 use super::folder::{ExportCounts, ExportFolder, Exported};
-use super::{ExportError, npy, scene_name, unwritten};
+use super::{npy, scene_name, unwritten};
 use crate::format::seal::pretty;
-use crate::store::Staged;
-use crate::{Dataset, DatasetInfo};
+use crate::{Dataset, DatasetInfo, Error};
 
 /// Voxels along a side in VGN's and GIGA's code, where the number stands in the network and the augmentation.
 pub(super) const RESOLUTION: usize = 40;
@@ -63,47 +60,18 @@ impl Row {
         }
     }
 
+    /// Its line of a table that measures lengths in this unit.
+    fn line(&self, unit_m: f32) -> String {
+        let [x, y, z] = self.origin_m.to_array();
+        let lengths = [x, y, z, self.width_m].map(|length_m| length_m / unit_m);
+        let reals: String = self.quaternion.into_iter().chain(lengths).map(|real| format!("{real},")).collect();
+        format!("{},{reals}{}\n", scene_name(self.scene_id), self.label)
+    }
+
     fn is_inside(&self, info: &DatasetInfo) -> bool {
         let margin_m = MARGIN_M.max(info.grid.voxel_size_m());
         let range = margin_m..=info.grid.size_m - margin_m;
         self.origin_m.to_array().iter().all(|coordinate| range.contains(coordinate))
-    }
-}
-
-/// A table of grasps on its way.
-struct Table {
-    name: &'static str,
-    /// Length that counts as 1, in metres.
-    unit_m: f32,
-    csv: csv::Writer<BufWriter<Staged>>,
-}
-
-impl Table {
-    fn begin(folder: &ExportFolder, name: &'static str, axes: [&str; 3], unit_m: f32) -> Result<Self, ExportError> {
-        let staged = folder.storage().stage(name)?;
-        let mut table = Self { name, unit_m, csv: csv::Writer::from_writer(BufWriter::new(staged)) };
-        let [x, y, z] = axes;
-        table.record(folder, &["scene_id", "qx", "qy", "qz", "qw", x, y, z, "width", "label"].map(str::to_owned))?;
-        Ok(table)
-    }
-
-    fn push(&mut self, folder: &ExportFolder, row: &Row) -> Result<(), ExportError> {
-        let [x, y, z] = row.origin_m.to_array();
-        let reals = row.quaternion.into_iter().chain([x, y, z, row.width_m].map(|length_m| length_m / self.unit_m));
-        let mut cells = vec![scene_name(row.scene_id)];
-        cells.extend(reals.map(|real| real.to_string()));
-        cells.push(row.label.to_string());
-        self.record(folder, &cells)
-    }
-
-    fn record(&mut self, folder: &ExportFolder, cells: &[String]) -> Result<(), ExportError> {
-        self.csv.write_record(cells).map_err(|e| unwritten(folder, self.name)(e.into()).into())
-    }
-
-    fn finish(self, folder: &ExportFolder) -> Result<(), ExportError> {
-        let buffer = self.csv.into_inner().map_err(|e| unwritten(folder, self.name)(e.into_error()))?;
-        let staged = buffer.into_inner().map_err(|e| unwritten(folder, self.name)(e.into_error()))?;
-        Ok(staged.finish()?.publish()?)
     }
 }
 
@@ -112,45 +80,39 @@ pub(super) fn write(
     dataset: &Dataset,
     folder: ExportFolder,
     scenes_done: &mut dyn FnMut(u64),
-) -> Result<Exported, ExportError> {
+) -> Result<Exported, Error> {
     let info = dataset.info();
     for part in ["", SCENES, "raw"] {
-        folder.storage().create_folder(part)?;
+        folder.storage.create_folder(part)?;
         folder.sweep(part)?;
     }
-    let mut tables = [
-        Table::begin(&folder, VOXELS, ["i", "j", "k"], info.grid.voxel_size_m())?,
-        Table::begin(&folder, METRES, ["x", "y", "z"], 1.0)?,
-    ];
+    // The length that counts as 1 in each table, in metres.
+    let (mut voxels, voxel_m) = (folder.storage.stage(VOXELS)?, info.grid.voxel_size_m());
+    let (mut metres, metre_m) = (folder.storage.stage(METRES)?, 1.0);
+    voxels.put(b"scene_id,qx,qy,qz,qw,i,j,k,width,label\n")?;
+    metres.put(b"scene_id,qx,qy,qz,qw,x,y,z,width,label\n")?;
     let mut counts = ExportCounts { attempts: info.attempt_count, ..ExportCounts::default() };
     for shard in 0..dataset.shard_count() {
-        let attempts = dataset.read_attempts(shard)?;
-        let samples = samples_of(&attempts, &info.gripper);
-        let rows: Vec<Row> = samples.iter().map(|sample| Row::new(sample, &info.gripper)).collect();
-        let mut scenes: Vec<u64> = Vec::new();
-        for row in &rows {
-            if !row.is_inside(info) {
-                counts.left_out += 1;
-                continue;
-            }
-            for table in &mut tables {
-                table.push(&folder, row)?;
-            }
-            counts.grasps += 1;
-            counts.positives += u64::from(row.label);
-            if scenes.last() != Some(&row.scene_id) {
-                scenes.push(row.scene_id);
-            }
+        let samples = samples_of(&dataset.read_attempts(shard)?, &info.gripper);
+        let rows = samples.iter().map(|sample| Row::new(sample, &info.gripper));
+        let rows: Vec<Row> = rows.filter(|row| row.is_inside(info)).collect();
+        for (table, unit_m) in [(&mut voxels, voxel_m), (&mut metres, metre_m)] {
+            table.put(rows.iter().map(|row| row.line(unit_m)).collect::<String>().as_bytes())?;
         }
+        let mut scenes: Vec<u64> = rows.iter().map(|row| row.scene_id).collect();
+        scenes.dedup();
+        counts.left_out += (samples.len() - rows.len()) as u64;
+        counts.grasps += rows.len() as u64;
+        counts.positives += rows.iter().map(|row| u64::from(row.label)).sum::<u64>();
         counts.scenes += scenes.len() as u64;
         write_grids(dataset, shard, &scenes, &folder, scenes_done)?;
     }
     counts.scenes_left_out = info.scene_count - counts.scenes;
-    for table in tables {
-        table.finish(&folder)?;
+    for table in [voxels, metres] {
+        table.finish()?.publish()?;
     }
-    folder.storage().publish(SETUP, setup(info).as_bytes())?;
-    folder.storage().publish(PAGE, page(&folder, info, &counts).as_bytes())?;
+    folder.storage.publish(SETUP, setup(info).as_bytes())?;
+    folder.storage.publish(PAGE, page(&folder, info, &counts).as_bytes())?;
     folder.finish(counts, Vec::new())
 }
 
@@ -161,16 +123,16 @@ fn write_grids(
     scenes: &[u64],
     folder: &ExportFolder,
     scenes_done: &mut dyn FnMut(u64),
-) -> Result<(), ExportError> {
+) -> Result<(), Error> {
     let name = |scene_id: u64| format!("{SCENES}/{}.npz", scene_name(scene_id));
     let mut missing = Vec::new();
     for scene_id in scenes {
-        if folder.storage().size(&name(*scene_id))?.is_none() {
+        if folder.storage.size(&name(*scene_id))?.is_none() {
             missing.push(*scene_id);
         }
     }
-    let all = dataset.info().scenes_of(shard);
     if missing.is_empty() {
+        let all = dataset.info().scenes_of(shard);
         scenes_done(all.end - all.start);
         return Ok(());
     }
@@ -180,7 +142,7 @@ fn write_grids(
             let name = name(scene.scene_id);
             let grid = npy::f32s(&[1, RESOLUTION, RESOLUTION, RESOLUTION], &scene.tsdf);
             let bytes = npy::npz("grid", &grid).map_err(unwritten(folder, &name))?;
-            folder.storage().publish(&name, &bytes)?;
+            folder.storage.publish(&name, &bytes)?;
         }
         scenes_done(1);
     }
@@ -219,11 +181,10 @@ fn setup(info: &DatasetInfo) -> String {
 }
 
 fn page(folder: &ExportFolder, info: &DatasetInfo, counts: &ExportCounts) -> String {
-    let origin = folder.origin();
     format!(
         "# Grasps in VGN's format
 
-Exported by Graspmill {exporter} from dataset `{id}` (made by {code} from seed {seed}).
+{told}
 
 {grasps} grasps ({positives} held) of {attempts} attempts in {scenes} scenes. {left_out} grasps were left out because their origin lies
 nearer than {margin_mm} mm to a face of the workspace, as VGN's recipe does, and {scenes_left_out} scenes because no grasp of theirs was
@@ -237,10 +198,7 @@ left. The attempts along one point's normal make one grasp, the middle of the wi
 - `width`: opening between the fingers at the end of the hold; where the object was not held, the hand's largest opening.
 - `grid`: (tsdf + 1) / 2 where observed and |tsdf| < 0.98, else 0; `grid[0, x, y, z]`.
 ",
-        exporter = origin.exporter_version,
-        id = origin.dataset_id,
-        code = origin.dataset_code_version,
-        seed = origin.dataset_seed,
+        told = folder.origin.told(),
         grasps = grouped(counts.grasps),
         positives = grouped(counts.positives),
         attempts = grouped(counts.attempts),

@@ -18,9 +18,10 @@ use schema::{AttemptRecord, SceneRows};
 use tar::{Builder, EntryType, Header};
 
 use super::folder::{ExportCounts, ExportFolder, Exported, ExportedFile};
-use super::{ExportError, npy, rows, scene_name, unwritten};
+use super::{npy, rows, scene_name, unwritten};
 use crate::format::encode;
-use crate::{Dataset, DatasetInfo, Table};
+use crate::read::joined;
+use crate::{Dataset, DatasetInfo, Error, Table};
 
 const INFO: &str = "info.json";
 const PAGE: &str = "README.md";
@@ -30,7 +31,7 @@ pub(super) fn write(
     dataset: &Dataset,
     folder: ExportFolder,
     scenes_done: &mut dyn FnMut(u64),
-) -> Result<Exported, ExportError> {
+) -> Result<Exported, Error> {
     let info = dataset.info();
     folder.sweep("")?;
     let mut files = Vec::new();
@@ -38,7 +39,7 @@ pub(super) fn write(
         let name = tar_name(shard, info.shard_count);
         let scenes = info.scenes_of(shard);
         let scenes = scenes.end - scenes.start;
-        let (bytes, sha256) = match (folder.storage().size(&name)?, folder.storage().digest(&name)?) {
+        let (bytes, sha256) = match (folder.storage.size(&name)?, folder.storage.digest(&name)?) {
             (Some(bytes), Some(sha256)) => {
                 scenes_done(scenes);
                 (bytes, sha256)
@@ -56,8 +57,8 @@ pub(super) fn write(
         scenes: info.scene_count,
         scenes_left_out: 0,
     };
-    folder.storage().publish(INFO, info.to_json().as_bytes())?;
-    folder.storage().publish(PAGE, page(&folder, info, &counts).as_bytes())?;
+    folder.storage.publish(INFO, info.to_json().as_bytes())?;
+    folder.storage.publish(PAGE, page(&folder, info, &counts).as_bytes())?;
     folder.finish(counts, files)
 }
 
@@ -72,20 +73,12 @@ fn write_shard(
     name: &str,
     folder: &ExportFolder,
     scenes_done: &mut dyn FnMut(u64),
-) -> Result<(u64, String), ExportError> {
+) -> Result<(u64, String), Error> {
     let failed = |error: io::Error| unwritten(folder, name)(error);
-    let mut attempts = dataset.read_attempts(shard)?.into_iter().peekable();
-    let mut objects = dataset.read_objects(shard)?.into_iter().peekable();
-    let mut tar = Builder::new(BufWriter::new(folder.storage().stage(name)?));
+    let mut join = joined(dataset.read_objects(shard)?, dataset.read_attempts(shard)?);
+    let mut tar = Builder::new(BufWriter::new(folder.storage.stage(name)?));
     for scene in dataset.scenes(shard)? {
-        let scene = scene?;
-        let id = scene.scene_id;
-        let rows = SceneRows {
-            scene,
-            objects: std::iter::from_fn(|| objects.next_if(|row| row.scene_id == id)).collect(),
-            attempts: std::iter::from_fn(|| attempts.next_if(|row| row.scene_id == id)).collect(),
-        };
-        append_sample(&mut tar, &rows, dataset.info()).map_err(failed)?;
+        append_sample(&mut tar, &join(scene?), dataset.info()).map_err(failed)?;
         scenes_done(1);
     }
     let buffer = tar.into_inner().map_err(failed)?;
@@ -133,12 +126,11 @@ fn append(tar: &mut Builder<impl Write>, name: &str, bytes: &[u8]) -> io::Result
 }
 
 fn page(folder: &ExportFolder, info: &DatasetInfo, counts: &ExportCounts) -> String {
-    let origin = folder.origin();
     let last = info.shard_count - 1;
     format!(
         "# Grasp attempts as a WebDataset
 
-Exported by Graspmill {exporter} from dataset `{id}` (made by {code} from seed {seed}). `info.json` is the dataset's: units, frames,
+{told} `info.json` is the dataset's: units, frames,
 hand, procedure, config.
 
 {attempts} attempts ({positives} held) in {scenes} scenes; nothing was left out. A sample is a scene:
@@ -162,10 +154,7 @@ for grid, grasps, labels in samples.to_tuple(\"grid.npy\", \"grasps.npy\", \"lab
 
 Rows of one scene may share a voxel: the yaws at one point of VGN's sampler are attempts of their own.
 ",
-        exporter = origin.exporter_version,
-        id = origin.dataset_id,
-        code = origin.dataset_code_version,
-        seed = origin.dataset_seed,
+        told = folder.origin.told(),
         attempts = grouped(counts.attempts),
         positives = grouped(counts.positives),
         scenes = grouped(counts.scenes),

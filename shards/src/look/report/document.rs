@@ -12,7 +12,7 @@ use super::coverage::{AZIMUTHS, HEIGHTS};
 use super::fit::{Fit, Law};
 use super::scenes::gallery;
 use super::{Bin, Group, Report};
-use crate::{Dataset, DatasetInfo, ReadError, Tally};
+use crate::{Dataset, DatasetInfo, Error, Tally};
 
 /// Scenes that are shown.
 const SCENES_SHOWN: u64 = 12;
@@ -37,8 +37,8 @@ pub fn document(report: &Report, info: &DatasetInfo) -> Document {
 /// the last of its files, if they have times.
 ///
 /// # Errors
-/// [`ReadError`] if a scene cannot be read.
-pub fn page(report: &Report, dataset: &Dataset, written_over: Option<Duration>) -> Result<Document, ReadError> {
+/// [`Error`] if a scene cannot be read.
+pub fn page(report: &Report, dataset: &Dataset, written_over: Option<Duration>) -> Result<Document, Error> {
     let mut page = document(report, dataset.info());
     if let Some(span) = written_over.filter(|span| span.as_secs_f64() >= 1.0) {
         let rate = report.labels.attempts as f64 / span.as_secs_f64();

@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use arrow::array::RecordBatch;
 use schema::{AttemptRecord, SceneRecord};
 
-use crate::format::check::{self, RowError};
+use crate::format::check;
 use crate::format::frame::Expected;
 use crate::format::summary::ShardSummary;
 use crate::format::{decode, seal};
@@ -80,13 +80,13 @@ fn rows<R>(
     file: &File,
     expected: Expected,
     part: Part,
-    decode: impl Fn(&RecordBatch) -> Result<Vec<R>, RowError>,
-    check: impl Fn(&R) -> Result<(), RowError>,
+    decode: impl Fn(&RecordBatch) -> Result<Vec<R>, String>,
+    check: impl Fn(&R) -> Result<(), String>,
 ) -> Result<(), String> {
     let file = file.try_clone().map_err(|e| e.to_string())?;
     for batch in Batches::open(file, expected, part)? {
-        let rows = decode(&batch?).map_err(|e| e.to_string())?;
-        rows.iter().try_for_each(&check).map_err(|e| e.to_string())?;
+        let rows = decode(&batch?)?;
+        rows.iter().try_for_each(&check)?;
     }
     Ok(())
 }
@@ -102,10 +102,10 @@ fn rows<R>(
 pub fn metadata(data: &[u8]) -> Result<(), String> {
     let mut parts = data.split(|byte| *byte == 0).map(String::from_utf8_lossy);
     let mut next = || parts.next().unwrap_or_default();
-    let given = DatasetInfo::from_json(&next()).map_err(|e| e.to_string());
+    let given = DatasetInfo::from_json(next().as_bytes());
     let info = given.clone().unwrap_or_else(|_| info(0));
     let id = info.dataset_id();
-    let back = DatasetInfo::from_json(&info.to_json()).map_err(|e| e.to_string());
+    let back = DatasetInfo::from_json(info.to_json());
     assert_eq!(back.map(without_config), Ok(without_config(info.clone())), "an info comes back as it was");
     for shard in [0, info.shard_count / 2, info.shard_count - 1] {
         let scenes = info.scenes_of(shard);
@@ -131,7 +131,7 @@ fn without_config(info: DatasetInfo) -> DatasetInfo {
 }
 
 fn unseal<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String> {
-    let sealed = seal::unseal(text.as_bytes().to_vec()).map_err(|e| e.to_string());
+    let sealed = seal::unseal(text.as_bytes().to_vec());
     sealed.or_else(|_| serde_json::from_str(text).map_err(|e| e.to_string()))
 }
 

@@ -7,7 +7,7 @@ use super::*;
 use crate::store::fault::Kind;
 use crate::store::storage::Storage;
 use crate::synthetic;
-use crate::{Dataset, DatasetInfo, Draft, Finalized, ReadError, ShardSummary, WriteError};
+use crate::{Dataset, DatasetInfo, Draft, Error, Finalized, ShardSummary};
 
 fn info() -> DatasetInfo {
     let mut info = synthetic::info(5, 2, 40, 8);
@@ -25,7 +25,7 @@ fn draft(store: &Arc<InMemory>, fault: Fault) -> Draft {
     Draft::begin_in(storage(store, "sets/one", fault), &info()).unwrap()
 }
 
-fn write(draft: &Draft, shard: u32) -> Result<ShardSummary, WriteError> {
+fn write(draft: &Draft, shard: u32) -> Result<ShardSummary, Error> {
     let mut writer = draft.shard(shard)?;
     for scene in draft.info().scenes_of(shard) {
         writer.push(&synthetic::scene_rows(scene, draft.info().seed, draft.info()))?;
@@ -58,7 +58,7 @@ fn objects(store: &InMemory) -> BTreeMap<String, Vec<u8>> {
     })
 }
 
-fn open(store: &Arc<InMemory>, prefix: &str) -> Result<Dataset, ReadError> {
+fn open(store: &Arc<InMemory>, prefix: &str) -> Result<Dataset, Error> {
     let url = Url::parse(&format!("s3://bucket/{prefix}")).unwrap();
     let dataset = Dataset::of_storage(storage(store, prefix, Fault::default()), &place(&url))?;
     dataset.look_at_sizes()?;
