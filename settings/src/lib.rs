@@ -9,6 +9,7 @@
 
 mod document;
 mod error;
+mod flat;
 mod limits;
 mod macros;
 mod reader;
@@ -16,6 +17,7 @@ mod setting;
 
 pub use document::{Document, faults_of, read_stored, stored_faults};
 pub use error::Error;
+pub use flat::{flat, flattened};
 pub use limits::{Limits, above};
 pub use reader::Reader;
 pub use serde;

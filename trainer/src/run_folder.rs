@@ -212,13 +212,5 @@ fn check_config(begun_with: &Config, config: &Config, path: &Path) -> Result<(),
 
 /// The keys of a recipe with their values; keys of tables as `table.key`.
 pub(crate) fn keys(config: &Config) -> Vec<(String, String)> {
-    flatten(&config.to_toml().parse::<toml::Table>().unwrap_or_default(), "")
-}
-
-fn flatten(table: &toml::Table, prefix: &str) -> Vec<(String, String)> {
-    let rows = table.iter().map(|(key, value)| match value {
-        toml::Value::Table(inner) => flatten(inner, &format!("{prefix}{key}.")),
-        value => vec![(format!("{prefix}{key}"), value.to_string())],
-    });
-    rows.collect::<Vec<_>>().concat()
+    settings::flat(&config.to_toml(), "")
 }

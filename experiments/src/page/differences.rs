@@ -12,22 +12,7 @@ const PLANNER: &str = "\n# Planner\n";
 /// The settings of a report as keys and values; the planner's are `plan.key`. A text that is no TOML has none.
 pub(super) fn keys(config: &str) -> BTreeMap<String, String> {
     let (experiment, plan) = config.split_once(PLANNER).unwrap_or((config, ""));
-    let mut keys = BTreeMap::new();
-    for (text, prefix) in [(experiment, ""), (plan, "plan.")] {
-        flatten(&text.parse().unwrap_or_default(), prefix, &mut keys);
-    }
-    keys
-}
-
-fn flatten(table: &toml::Table, prefix: &str, into: &mut BTreeMap<String, String>) {
-    for (key, value) in table {
-        match value {
-            toml::Value::Table(inner) => flatten(inner, &format!("{prefix}{key}."), into),
-            value => {
-                into.insert(format!("{prefix}{key}"), value.to_string());
-            }
-        }
-    }
+    [settings::flat(experiment, ""), settings::flat(plan, "plan.")].into_iter().flatten().collect()
 }
 
 /// A row for each setting in which experiments differ, and the weights and versions among them.
