@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 
-use clap::builder::TypedValueParser;
+use clap::builder::{TypedValueParser, ValueParserFactory};
 use clap::error::ErrorKind;
 use clap::{Arg, Command, Error};
 
@@ -20,5 +20,14 @@ impl TypedValueParser for LocationParser {
             let name = argument.map(ToString::to_string).unwrap_or_default();
             Error::raw(ErrorKind::ValueValidation, format!("invalid value for '{name}': {error}\n")).with_cmd(command)
         })
+    }
+}
+
+/// Any argument that is a [`Location`] is read by [`LocationParser`].
+impl ValueParserFactory for Location {
+    type Parser = LocationParser;
+
+    fn value_parser() -> LocationParser {
+        LocationParser
     }
 }

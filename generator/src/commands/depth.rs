@@ -5,13 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use generator::write_depth_images;
 use program::{ExitCode, Failure, print};
-use shards::{Dataset, Location, LocationParser};
+use shards::{Dataset, Location};
 
 /// Write a stored scene's depth images, and a views.toml for planner plan
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Folder or URL of the dataset
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
 
     /// Which scene

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use program::{ExitCode, Failure, print};
-use shards::{Draft, Finalized, Location, LocationParser};
+use shards::{Draft, Finalized, Location};
 
 use super::table;
 
@@ -12,7 +12,6 @@ use super::table;
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Folder or URL of the dataset
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
 }
 

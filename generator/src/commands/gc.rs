@@ -3,13 +3,12 @@
 use clap::Args;
 use program::text::bytes;
 use program::{ExitCode, Failure, print};
-use shards::{Draft, Location, LocationParser, Sweep, Swept};
+use shards::{Draft, Location, Sweep, Swept};
 
 /// Remove what killed writers left behind
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Folder or URL of the dataset
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
 
     /// Count, remove nothing

@@ -9,7 +9,7 @@ use clap::Args;
 use generator::{Config, Event, Overrides, attempts_of, generate};
 use indicatif::{ProgressBar, ProgressStyle};
 use program::{Context, ExitCode, Failure, print, print_error, start_threads, stop_on_signals};
-use shards::{DatasetInfo, Finalized, Location, LocationParser};
+use shards::{DatasetInfo, Finalized, Location};
 
 use super::assignment::{Task, assigned, index_list, shard_indices, task};
 use super::table;
@@ -46,7 +46,7 @@ pub(crate) struct Arguments {
     config: Option<PathBuf>,
 
     /// Folder or URL of the dataset; created if missing
-    #[arg(long, value_name = "DIR|URL", required = true, value_parser = LocationParser)]
+    #[arg(long, value_name = "DIR|URL", required = true)]
     out: Option<Location>,
 }
 

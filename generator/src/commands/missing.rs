@@ -2,7 +2,7 @@
 
 use clap::Args;
 use program::{ExitCode, Failure, print};
-use shards::{Draft, Location, LocationParser};
+use shards::{Draft, Location};
 
 use super::assignment::index_list;
 
@@ -10,7 +10,6 @@ use super::assignment::index_list;
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Folder or URL of the dataset
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
 
     /// Print tasks instead: the t of --task t/T that have a missing shard

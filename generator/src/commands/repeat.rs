@@ -5,13 +5,12 @@ use std::time::Instant;
 use clap::Args;
 use generator::repeat;
 use program::{ExitCode, Failure, print, start_threads};
-use shards::{Dataset, Location, LocationParser};
+use shards::{Dataset, Location};
 
 /// Execute a dataset's attempts again from its rows, and compare the outcomes
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Folder or URL of the dataset
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
 
     /// Only the first N scenes [default: all]

@@ -5,13 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use generator::{AttemptId, replay};
 use program::{ExitCode, Failure, print, print_error, write};
-use shards::{Dataset, Location, LocationParser};
+use shards::{Dataset, Location};
 
 /// Execute one stored attempt again and show each step; exit 65 if the outcome differs
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Folder or URL of the dataset
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
 
     /// Which attempt of which scene, both from 0

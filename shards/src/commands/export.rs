@@ -4,7 +4,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use program::text::grouped;
 use program::{ExitCode, Failure, print};
-use shards::{Dataset, ExportFormat, Location, LocationParser};
+use shards::{Dataset, ExportFormat, Location};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -18,13 +18,12 @@ An interrupted export continues when it is run again. docs/exporting.md describe
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL.
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
     /// The format.
     #[arg(long, value_enum)]
     format: ExportFormat,
     /// A new or an empty folder, or that of the same export, interrupted: it continues there.
-    #[arg(long, value_parser = LocationParser)]
+    #[arg(long)]
     out: Location,
 }
 

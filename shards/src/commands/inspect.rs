@@ -2,13 +2,12 @@
 
 use clap::Args;
 use program::{ExitCode, Failure, print};
-use shards::{Dataset, Location, LocationParser, inspection};
+use shards::{Dataset, Location, inspection};
 
 /// Show one scene: objects, cameras, attempts, two cuts through its voxel grid.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL.
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
     /// The scene's number, from 0.
     #[arg(long)]

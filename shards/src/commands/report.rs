@@ -6,13 +6,12 @@ use std::time::Duration;
 use clap::Args;
 use program::{ExitCode, Failure, print, write};
 use shards::report::{document, page};
-use shards::{Dataset, Location, LocationParser};
+use shards::{Dataset, Location};
 
 /// Count attempts: positives by shape, rule and objects in the scene; outcomes, widths, angles, sizes.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL.
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
     /// Print JSON.
     #[arg(long, conflicts_with = "html")]

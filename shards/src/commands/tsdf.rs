@@ -4,13 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use program::{ExitCode, Failure, write};
-use shards::{Dataset, Location, LocationParser, tsdf};
+use shards::{Dataset, Location, tsdf};
 
 /// Write one scene's TSDF as NumPy's array, [40, 40, 40] in VGN's values, for `planner plan --tsdf`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL.
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
     /// The scene's number, from 0.
     #[arg(long)]

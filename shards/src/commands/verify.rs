@@ -5,7 +5,7 @@ use std::io::{self, IsTerminal, Write as _};
 
 use clap::Args;
 use program::{ExitCode, Failure, print};
-use shards::{Location, LocationParser, Verified};
+use shards::{Location, Verified};
 
 /// Check every checksum, row, key and count; exit 65 and name what is wrong.
 #[derive(Debug, Args)]
@@ -14,7 +14,6 @@ To repair a damaged shard, delete the named file and run the generator again wit
 makes that shard again, byte for byte, and leaves the others alone.")]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL.
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
 }
 

@@ -4,13 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use program::{ExitCode, Failure, print, write};
-use shards::{Dataset, Location, LocationParser, scene_view};
+use shards::{Dataset, Location, scene_view};
 
 /// Show one scene in 3-D: objects, surface, cameras and every attempt, as a page that needs no other file.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL.
-    #[arg(value_parser = LocationParser)]
     dataset: Location,
     /// The scene's number, from 0.
     #[arg(long)]

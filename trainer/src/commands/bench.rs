@@ -2,7 +2,7 @@
 
 use clap::Args;
 use program::{ExitCode, Failure, json, print, print_error, start_threads};
-use shards::{Location, LocationParser};
+use shards::Location;
 use trainer::bench::bench;
 use trainer::device::DeviceName;
 
@@ -14,7 +14,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u16).range(1..=4096))]
     batch: u16,
     /// A dataset's folder or URL, to measure reading too.
-    #[arg(long, value_parser = LocationParser)]
+    #[arg(long)]
     data: Option<Location>,
     /// Threads; all cores by default.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]

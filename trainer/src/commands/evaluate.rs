@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use program::{ExitCode, Failure, json, print, start_threads};
-use shards::{Location, LocationParser};
+use shards::Location;
 use trainer::evaluate::report::{document, write_report};
 use trainer::evaluate::{TestSet, examine};
 use trainer::run_folder::SavedAs;
@@ -23,7 +23,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "checkpoint"])]
     model: Option<PathBuf>,
     /// The dataset's folder or URL.
-    #[arg(long, value_parser = LocationParser)]
+    #[arg(long)]
     data: Location,
     /// Which samples.
     #[arg(long, value_enum, default_value_t = TestSet::TestAttempts)]

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use program::{Context, ExitCode, Failure, print, start_threads, stop_on_signals};
-use shards::{Location, LocationParser};
+use shards::Location;
 use trainer::config::Config;
 use trainer::device::DeviceName;
 use trainer::fit::{Ending, Job, fit};
@@ -17,7 +17,7 @@ use super::console::Screen;
 #[command(after_help = format!("{}\n\n{}", Location::HELP, ExitCode::HELP))]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL.
-    #[arg(long, value_parser = LocationParser)]
+    #[arg(long)]
     data: Location,
     /// The recipe [default: the built-in configs/train/paper.toml].
     #[arg(long, value_name = "FILE")]

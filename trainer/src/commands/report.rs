@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use program::{ExitCode, Failure, print, start_threads, write};
-use shards::{Location, LocationParser};
+use shards::Location;
 use trainer::evaluate::{TestSet, examine};
 use trainer::page::{MISTAKES, TrainedRun};
 use trainer::run_folder::SavedAs;
@@ -26,7 +26,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     html: PathBuf,
     /// A dataset's folder or URL, to evaluate the best checkpoint on.
-    #[arg(long, value_parser = LocationParser)]
+    #[arg(long)]
     data: Option<Location>,
     /// Which of its samples.
     #[arg(long, value_enum, default_value_t = TestSet::TestAttempts, requires = "data")]
