@@ -7,6 +7,7 @@ mod tsdf;
 mod verify;
 mod view;
 
+use ::report::document::{Block, Document};
 use clap::{CommandFactory, Parser, Subcommand};
 use program::manual::Manual;
 use program::{ExitCode, Failure};
@@ -62,6 +63,9 @@ const RESOLUTION: usize = 40;
 
 /// The reference ends with what all programs share: the tables on disk and the exit codes.
 fn chapters() -> String {
-    let tables = Table::ALL.map(|table| format!("\n## Table `{}`\n\n{}", table.name(), table.markdown(RESOLUTION)));
-    format!("{}\n## Exit codes\n\n```text\n{}\n```\n", tables.concat(), ExitCode::HELP)
+    let tables = Table::ALL.into_iter().flat_map(|table| {
+        [Block::Heading(format!("Table `{}`", table.name())), Block::Table(table.described(RESOLUTION))]
+    });
+    let exits = [Block::Heading("Exit codes".to_owned()), Block::Code("text", ExitCode::HELP.to_owned())];
+    format!("\n{}", Document { blocks: tables.chain(exits).collect(), ..Document::default() }.markdown())
 }

@@ -1,10 +1,10 @@
 //! The columns of the three tables. This is the only definition of a column's name, type, unit and meaning: the Arrow
 //! schema, the dataset card and the reference in the docs are made from it.
 
-use std::fmt::Write as _;
 use std::sync::Arc;
 
 use arrow::datatypes::{DataType, Field, Fields, Metadata, Schema, SchemaRef};
+use report::document;
 
 /// The three tables of a dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -172,17 +172,15 @@ impl Table {
         Arc::new(Schema::new(fields))
     }
 
-    /// Its columns as a table of Markdown, for the card and the reference.
+    /// Its columns as a table, for the card and the reference.
     #[must_use]
-    pub fn markdown(self, resolution: usize) -> String {
-        let mut text = "| column | type | meaning |\n|---|---|---|\n".to_owned();
-        for column in self.columns() {
+    pub fn described(self, resolution: usize) -> document::Table {
+        let rows = self.columns().iter().map(|column| {
             let null = if column.nullable { ", nullable" } else { "" };
             let kind = column.kind.describe(resolution);
-            // Writing to a String cannot fail.
-            let _ = writeln!(text, "| `{}` | {kind}{null} | {} |", column.name, column.doc.replace('|', "\\|"));
-        }
-        text
+            vec![format!("`{}`", column.name).into(), format!("{kind}{null}").into(), column.doc.into()]
+        });
+        document::Table::new(["column", "type", "meaning"], rows)
     }
 }
 
@@ -263,7 +261,8 @@ mod tests {
     #[test]
     fn the_markdown_has_every_column() {
         for table in Table::ALL {
-            let text = table.markdown(40);
+            let blocks = vec![document::Block::Table(table.described(40))];
+            let text = document::Document { blocks, ..document::Document::default() }.markdown();
             assert!(table.columns().iter().all(|column| text.contains(&format!("| `{}` |", column.name))), "{text}");
             assert_eq!(text.matches("\n| `").count(), table.columns().len());
         }

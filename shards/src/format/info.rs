@@ -96,62 +96,50 @@ impl DatasetInfo {
         let mut problems = faults_of(&self.gripper, "gripper");
         problems.extend(faults_of(&self.procedure, "procedure"));
         problems.extend(self.config_problems());
-        let mut must = |holds: bool, message: String| {
-            if !holds {
-                problems.push(message);
-            }
-        };
         let Grid { resolution, size_m, table_z_m } = self.grid;
-        must(
-            (1..=RESOLUTION_MAX).contains(&resolution),
-            format!("grid.resolution must be between 1 and {RESOLUTION_MAX}, got {resolution}"),
-        );
-        must(size_m > 0.0 && size_m <= 10.0, format!("grid.size_m must be above 0 and at most 10, got {size_m}"));
-        must(
-            table_z_m >= 0.0 && table_z_m <= size_m,
-            format!("grid.table_z_m must be between 0 and {size_m}, got {table_z_m}"),
-        );
-        must(
-            (1..=SHARDS_MAX).contains(&self.shard_count),
-            format!("shard_count must be between 1 and {SHARDS_MAX}, got {}", self.shard_count),
-        );
-        must(
-            u64::from(self.shard_count) <= self.scene_count,
-            format!("shard_count must be at most the scene count {}, got {}", self.scene_count, self.shard_count),
-        );
-        must(
-            (1..=ATTEMPTS_MAX).contains(&self.attempt_count),
-            format!("attempt_count must be between 1 and {ATTEMPTS_MAX}, got {}", self.attempt_count),
-        );
-        must(
-            (1..=100_000).contains(&self.attempts_per_scene),
-            format!("attempts_per_scene must be between 1 and 100000, got {}", self.attempts_per_scene),
-        );
-        let scenes = self.attempt_count.div_ceil(u64::from(self.attempts_per_scene.max(1)));
-        must(
-            scenes == self.scene_count,
-            format!(
-                "scene_count must be attempt_count / attempts_per_scene rounded up, {scenes}, got {}",
-                self.scene_count
-            ),
-        );
-        let models = &self.models;
-        must(models.len() <= MODELS_MAX, format!("models must be at most {MODELS_MAX}, got {}", models.len()));
+        let (attempts, shards, models) = (self.attempt_count, self.shard_count, &self.models);
+        let scenes = attempts.div_ceil(u64::from(self.attempts_per_scene.max(1)));
         let version = if models.is_empty() { FormatVersion::CURRENT } else { FormatVersion::MODELS };
-        must(
-            self.format_version == version,
-            format!(
-                "format_version must be {} for {} models, got {}",
-                version.number(),
-                models.len(),
-                self.format_version.number()
+        let up_to = |name: &str, got: u64, most: u64| {
+            ((1..=most).contains(&got), format!("{name} must be between 1 and {most}, got {got}"))
+        };
+        let rules = [
+            up_to("grid.resolution", resolution as u64, RESOLUTION_MAX as u64),
+            (size_m > 0.0 && size_m <= 10.0, format!("grid.size_m must be above 0 and at most 10, got {size_m}")),
+            (
+                (0.0..=size_m).contains(&table_z_m),
+                format!("grid.table_z_m must be between 0 and {size_m}, got {table_z_m}"),
             ),
-        );
+            up_to("shard_count", shards.into(), SHARDS_MAX.into()),
+            (
+                u64::from(shards) <= self.scene_count,
+                format!("shard_count must be at most the scene count {}, got {shards}", self.scene_count),
+            ),
+            up_to("attempt_count", attempts, ATTEMPTS_MAX),
+            up_to("attempts_per_scene", self.attempts_per_scene.into(), 100_000),
+            (
+                scenes == self.scene_count,
+                format!(
+                    "scene_count must be attempt_count / attempts_per_scene rounded up, {scenes}, got {}",
+                    self.scene_count
+                ),
+            ),
+            (models.len() <= MODELS_MAX, format!("models must be at most {MODELS_MAX}, got {}", models.len())),
+            (
+                self.format_version == version,
+                format!(
+                    "format_version must be {} for {} models, got {}",
+                    version.number(),
+                    models.len(),
+                    self.format_version.number()
+                ),
+            ),
+        ];
+        problems.extend(rules.into_iter().filter_map(|(holds, problem)| (!holds).then_some(problem)));
         for (place, model) in models.iter().enumerate() {
-            must(
-                models[..place].iter().all(|other| other.name != model.name),
-                format!("there is another model {}", model.name),
-            );
+            if models[..place].iter().any(|other| other.name == model.name) {
+                problems.push(format!("there is another model {}", model.name));
+            }
         }
         problems.extend(models.iter().flat_map(|model| model.problems()));
         problems

@@ -1,22 +1,26 @@
 //! What a dataset holds, in numbers: computed from its rows in one pass, never from what the manifest says.
 
+mod bins;
 pub mod coverage;
 mod document;
 pub mod fit;
 mod scenes;
 mod warnings;
 
+pub use bins::Bin;
 pub use document::{document, page};
 pub use scenes::scene_svg;
 
 use std::collections::BTreeMap;
 
-use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, Shape, Vec3};
+use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, SceneRows, Shape, Vec3};
 use serde::Serialize;
 
+use self::bins::{bin, bins};
 use self::coverage::Coverage;
 use self::fit::{Fit, Fits};
 use crate::format::summary::{RejectionCounts, Tally};
+use crate::read::joined;
 use crate::{Dataset, Error, Table};
 
 /// The statistics of a dataset.
@@ -87,19 +91,6 @@ pub struct OutcomeGroup {
     pub hits: BTreeMap<String, u64>,
 }
 
-/// A bar of a histogram: `low <= value < high`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Bin {
-    /// Lower end.
-    pub low: f64,
-    /// Upper end.
-    pub high: f64,
-    /// Attempts.
-    pub attempts: u64,
-    /// Of these positive.
-    pub positives: u64,
-}
-
 /// A table's size on disk.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TableSize {
@@ -119,12 +110,10 @@ pub struct TableSize {
 const WIDTH_BINS: usize = 8;
 /// Degrees of a bar of the angles' histogram; twelve bars make 180°.
 const ANGLE_BIN_DEG: f64 = 15.0;
-const ANGLE_BINS: usize = 12;
-/// Metres of a bar of the neighbours' histogram; the last holds what is further, and lone objects.
+/// Metres of a bar of the neighbours' histogram; the last of nine holds what is further, and lone objects.
 const NEIGHBOUR_BIN_M: f64 = 0.02;
-const NEIGHBOUR_BINS: usize = 9;
-/// Metres of a bar of the tips' histogram, and from where to where it goes.
-const TIP_RANGE_M: [f64; 2] = [0.015, 0.035];
+/// From where the tips' histogram goes, in metres, and its eight bars.
+const TIP_M_MIN: f64 = 0.015;
 const TIP_BIN_M: f64 = 0.0025;
 
 /// Reads all attempts and scene heads of a dataset and counts them.
@@ -134,24 +123,9 @@ const TIP_BIN_M: f64 = 0.0025;
 pub fn report(dataset: &Dataset) -> Result<Report, Error> {
     let mut counting = Counting::new(dataset);
     for shard in 0..dataset.shard_count() {
-        let mut object_counts = BTreeMap::new();
+        let mut join = joined(dataset.read_objects(shard)?, dataset.read_attempts(shard)?);
         for scene in dataset.scene_heads(shard)? {
-            let scene = scene?;
-            object_counts.insert(scene.scene_id, scene.object_count);
-            counting.rejections.count(scene.rejections);
-        }
-        let objects = dataset.read_objects(shard)?;
-        objects
-            .iter()
-            .filter_map(|object| object.shape.as_solid())
-            .for_each(|solid| counting.fits.count_object(&solid));
-        for attempt in dataset.read_attempts(shard)? {
-            let count = object_counts.get(&attempt.scene_id).copied().unwrap_or_default();
-            counting.count(&attempt, count);
-            // Rows are in the order of scenes and objects: those of a scene are found by bisection.
-            let first = objects.partition_point(|object| object.scene_id < attempt.scene_id);
-            let last = objects.partition_point(|object| object.scene_id <= attempt.scene_id);
-            counting.count_target(&attempt, &objects[first..last]);
+            counting.count_scene(&join(scene?));
         }
     }
     Ok(counting.finish())
@@ -165,9 +139,9 @@ struct Counting<'a> {
     object_counts: BTreeMap<u32, Tally>,
     outcomes: BTreeMap<Outcome, (u64, BTreeMap<HitKind, u64>)>,
     widths: [Tally; WIDTH_BINS],
-    angles: [Tally; ANGLE_BINS],
-    tips: Vec<Tally>,
-    neighbours: [Tally; NEIGHBOUR_BINS],
+    angles: [Tally; 12],
+    tips: [Tally; 8],
+    neighbours: [Tally; 9],
     coverage: Coverage,
     fits: Fits,
     outside_grid: Tally,
@@ -187,7 +161,7 @@ impl<'a> Counting<'a> {
             outcomes: Outcome::ALL.into_iter().map(|outcome| (outcome, Default::default())).collect(),
             widths: Default::default(),
             angles: Default::default(),
-            tips: vec![Tally::default(); ((TIP_RANGE_M[1] - TIP_RANGE_M[0]) / TIP_BIN_M).round() as usize],
+            tips: Default::default(),
             neighbours: Default::default(),
             coverage: Coverage::default(),
             fits: Fits::new(free_extents_m(dataset)),
@@ -196,14 +170,23 @@ impl<'a> Counting<'a> {
         }
     }
 
-    fn count(&mut self, attempt: &AttemptRecord, objects: u32) {
+    fn count_scene(&mut self, rows: &SceneRows) {
+        self.rejections.count(rows.scene.rejections);
+        rows.objects.iter().filter_map(|object| object.shape.as_solid()).for_each(|of| self.fits.count_object(&of));
+        for attempt in &rows.attempts {
+            self.object_counts.entry(rows.scene.object_count).or_default().count(attempt);
+            self.count(attempt);
+            self.count_target(attempt, &rows.objects);
+        }
+    }
+
+    fn count(&mut self, attempt: &AttemptRecord) {
         self.labels.count(attempt);
         self.shapes.entry(attempt.rule.shape).or_default().count(attempt);
         // The models' rules have one name.
         let is_primitive = matches!(attempt.rule.shape, Shape::Primitive(_));
         let rule = if is_primitive { attempt.rule } else { Rule::of_model(0) };
         self.rules.entry(rule).or_default().count(attempt);
-        self.object_counts.entry(objects).or_default().count(attempt);
         let (count, hits) = self.outcomes.entry(attempt.outcome).or_default();
         *count += 1;
         if let Some(hit) = attempt.hit {
@@ -214,7 +197,7 @@ impl<'a> Counting<'a> {
             let share = width_m / info.gripper.opening_m_max;
             self.widths[bin(f64::from(share) * WIDTH_BINS as f64, WIDTH_BINS)].count(attempt);
         }
-        self.angles[bin(approach_angle_deg(attempt) / ANGLE_BIN_DEG, ANGLE_BINS)].count(attempt);
+        self.angles[bin(approach_angle_deg(attempt) / ANGLE_BIN_DEG, self.angles.len())].count(attempt);
         if info.grid.voxel_at(attempt.workspace_from_grasp.translation).is_none() {
             self.outside_grid.count(attempt);
         }
@@ -223,22 +206,27 @@ impl<'a> Counting<'a> {
     /// Counts what takes the target and its neighbours to know.
     fn count_target(&mut self, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
         self.coverage.count(attempt);
-        let Some(target) = objects.iter().find(|object| object.object_id == attempt.object_id) else { return };
+        let Some(target) = objects.get(attempt.object_id as usize) else { return };
         if let (Some(approach), Some(solid)) = (attempt.rule.approach, target.shape.as_solid()) {
             self.fits.count_attempt(attempt, &solid);
             let tip_m = f64::from(attempt.depth_m + 0.5 * approach.of(solid.extents_m));
-            let place = bin((tip_m - TIP_RANGE_M[0]) / TIP_BIN_M, self.tips.len());
-            self.tips[place].count(attempt);
+            self.tips[bin((tip_m - TIP_M_MIN) / TIP_BIN_M, self.tips.len())].count(attempt);
         }
         let centre = |object: &ObjectRecord| object.workspace_from_object.translation;
         let others = objects.iter().filter(|object| object.object_id != attempt.object_id);
         let nearest_m = others.map(|other| (centre(other) - centre(target)).length()).fold(f32::INFINITY, f32::min);
-        self.neighbours[bin(f64::from(nearest_m) / NEIGHBOUR_BIN_M, NEIGHBOUR_BINS)].count(attempt);
+        self.neighbours[bin(f64::from(nearest_m) / NEIGHBOUR_BIN_M, self.neighbours.len())].count(attempt);
     }
 
     fn finish(self) -> Report {
         let (info, manifest) = (self.dataset.info(), self.dataset.manifest());
         let width_step = f64::from(info.gripper.opening_m_max) / WIDTH_BINS as f64;
+        let shapes = self.shapes.into_iter().map(|(shape, tally)| group(shape.name(&info.models), tally));
+        let outcomes = self.outcomes.into_iter().map(|(outcome, (attempts, hits))| OutcomeGroup {
+            outcome: outcome.name().to_owned(),
+            attempts,
+            hits: hits.into_iter().map(|(hit, count)| (hit.name().to_owned(), count)).collect(),
+        });
         Report {
             dataset_id: manifest.dataset_id.clone(),
             code_version: info.code_version.clone(),
@@ -247,25 +235,13 @@ impl<'a> Counting<'a> {
             scenes: info.scene_count,
             objects: manifest.totals.objects,
             labels: self.labels,
-            shapes: self
-                .shapes
-                .into_iter()
-                .map(|(shape, tally)| group(shape.name(&info.models).to_owned(), tally))
-                .collect(),
-            rules: self.rules.into_iter().map(|(rule, tally)| group(rule.name().to_owned(), tally)).collect(),
-            object_counts: self.object_counts.into_iter().map(|(count, t)| group(count.to_string(), t)).collect(),
-            outcomes: self
-                .outcomes
-                .into_iter()
-                .map(|(outcome, (attempts, hits))| OutcomeGroup {
-                    outcome: outcome.name().to_owned(),
-                    attempts,
-                    hits: hits.into_iter().map(|(hit, count)| (hit.name().to_owned(), count)).collect(),
-                })
-                .collect(),
+            shapes: shapes.collect(),
+            rules: self.rules.into_iter().map(|(rule, tally)| group(rule.name(), tally)).collect(),
+            object_counts: self.object_counts.into_iter().map(|(count, t)| group(&count.to_string(), t)).collect(),
+            outcomes: outcomes.collect(),
             width_m: bins(&self.widths, 0.0, width_step),
             approach_deg: bins(&self.angles, 0.0, ANGLE_BIN_DEG),
-            tip_depth_m: bins(&self.tips, TIP_RANGE_M[0], TIP_BIN_M),
+            tip_depth_m: bins(&self.tips, TIP_M_MIN, TIP_BIN_M),
             neighbour_m: bins(&self.neighbours, 0.0, NEIGHBOUR_BIN_M),
             coverage: self.coverage,
             fits: self.fits.finish(),
@@ -289,21 +265,8 @@ fn approach_angle_deg(attempt: &AttemptRecord) -> f64 {
     libm::acos(f64::from(-approach.z).clamp(-1.0, 1.0)).to_degrees()
 }
 
-/// The bin of a value counted in bins; what lies outside counts at the ends.
-fn bin(value: f64, count: usize) -> usize {
-    (value.max(0.0) as usize).min(count - 1) // whole, from 0, cut at the top
-}
-
-fn bins(tallies: &[Tally], first: f64, step: f64) -> Vec<Bin> {
-    // To a micrometre or microdegree, so that 3 * 0.01 reads 0.03.
-    let edge = |i: usize| ((first + i as f64 * step) * 1e6).round() / 1e6;
-    let bin =
-        |(i, t): (usize, &Tally)| Bin { low: edge(i), high: edge(i + 1), attempts: t.attempts, positives: t.positives };
-    tallies.iter().enumerate().map(bin).collect()
-}
-
-fn group(name: String, tally: Tally) -> Group {
-    Group { name, attempts: tally.attempts, positives: tally.positives }
+fn group(name: &str, tally: Tally) -> Group {
+    Group { name: name.to_owned(), attempts: tally.attempts, positives: tally.positives }
 }
 
 fn size(dataset: &Dataset, table: Table) -> TableSize {

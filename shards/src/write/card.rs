@@ -4,11 +4,13 @@
 use std::fmt::Write as _;
 
 use program::text::{bytes, grouped, percent, ratio};
+use report::document::{Block, Cell, Document, Table as Shown};
 use schema::{Outcome, Rule};
 
 use crate::format::summary::Manifest;
 use crate::{DatasetInfo, Table};
 
+const TITLE: &str = "Grasp attempts in simulation";
 const READING: &str = include_str!("../../../docs/reading.md");
 
 /// The Hub's value for an unspecified licence. Only the owners of the data can choose one; they edit the card, which is
@@ -17,27 +19,28 @@ const LICENCE: &str = "unknown";
 
 /// The text of the card. The same dataset always has the same card.
 pub(crate) fn card(info: &DatasetInfo, manifest: &Manifest) -> String {
-    let mut text = front_matter(manifest);
-    // Writing to a String cannot fail, here and below.
-    let _ = write!(
-        text,
-        "\n# Grasp attempts in simulation\n\n\
-         {attempts} parallel-jaw grasp attempts on {objects} objects in {scenes} random stacked scenes, executed in \
+    let totals = &manifest.totals;
+    let lead = format!(
+        "{attempts} parallel-jaw grasp attempts on {objects} objects in {scenes} random stacked scenes, executed in \
          physics and labelled by how they ended. Made by Graspmill \
-         {version} from seed {seed}; `meta/info.json` holds everything needed to make it again, byte for byte.\n",
-        attempts = grouped(manifest.totals.labels.attempts),
-        objects = grouped(manifest.totals.objects),
-        scenes = grouped(manifest.totals.scenes),
+         {version} from seed {seed}; `meta/info.json` holds everything needed to make it again, byte for byte.",
+        attempts = grouped(totals.labels.attempts),
+        objects = grouped(totals.objects),
+        scenes = grouped(totals.scenes),
         version = info.code_version,
         seed = info.seed,
     );
-    statistics(&mut text, manifest);
-    models(&mut text, info);
-    columns(&mut text, info);
-    text.push_str(CONVENTIONS);
-    text.push('\n');
-    text.push_str(&nested(READING));
-    text
+    let mut blocks = vec![Block::Text(lead)];
+    blocks.extend(statistics(manifest));
+    blocks.extend(models(info));
+    blocks.push(Block::Heading("Columns".to_owned()));
+    for table in Table::ALL {
+        let columns = table.described(info.grid.resolution);
+        blocks.extend([Block::Subheading(table.name().to_owned()), Block::Table(columns)]);
+    }
+    blocks.extend([Block::Heading("Conventions".to_owned()), Block::Text(CONVENTIONS.to_owned())]);
+    let document = Document { title: TITLE.to_owned(), blocks, ..Document::default() };
+    format!("{}\n{}\n{}", front_matter(manifest), document.markdown(), nested(READING))
 }
 
 fn front_matter(manifest: &Manifest) -> String {
@@ -52,7 +55,7 @@ fn front_matter(manifest: &Manifest) -> String {
         _ => "n>1B",
     };
     let mut text = format!(
-        "---\npretty_name: Grasp attempts in simulation\nlicense: {LICENCE}\ntask_categories:\n- robotics\ntags:\n- robotics\n- grasping\n\
+        "---\npretty_name: {TITLE}\nlicense: {LICENCE}\ntask_categories:\n- robotics\ntags:\n- robotics\n- grasping\n\
          - simulation\n- parallel-jaw\n- tsdf\nsize_categories:\n- {size}\nconfigs:\n"
     );
     for table in Table::ALL {
@@ -65,92 +68,79 @@ fn front_matter(manifest: &Manifest) -> String {
 }
 
 /// The meaning of some columns for grasps along normals.
-const ALONG_NORMALS: &str = "
+const ALONG_NORMALS: &str = "\
 Rules that end in `_normal` are VGN's: the hand comes along the normal of a seen surface point, and several attempts in a row
 share the point. There `approach_axis` and `closing_axis` are `normal`, `depth_m` is how far behind the surface the finger tips end, and
-`turn_rad` is the yaw about the approach.
-";
+`turn_rad` is the yaw about the approach.";
 
-fn statistics(text: &mut String, manifest: &Manifest) {
+fn statistics(manifest: &Manifest) -> Vec<Block> {
     let totals = &manifest.totals;
     let labels = totals.labels;
-    let _ = write!(
-        text,
-        "\n## What is in it\n\nPositives : negatives = **{}** ({} of attempts held the object).\n\n\
-         | outcome | attempts | share |\n|---|---:|---:|\n",
-        ratio(labels.positives, labels.negatives()),
-        percent(labels.positive_share()),
-    );
-    for outcome in Outcome::ALL {
+    let name = |name: &str| Cell::Text(format!("`{name}`"));
+    let number = |number: u64| Cell::Number(grouped(number));
+    let outcomes = Outcome::ALL.into_iter().map(|outcome| {
         let count = totals.outcome(outcome);
         let share = count as f64 / labels.attempts.max(1) as f64;
-        let _ = writeln!(text, "| `{}` | {} | {} |", outcome.name(), grouped(count), percent(share));
-    }
-    text.push_str("\n| rule | attempts | positive |\n|---|---:|---:|\n");
+        vec![name(outcome.name()), number(count), Cell::Number(percent(share))]
+    });
     let has = |rule: &Rule| totals.rule(*rule).attempts > 0;
     let along_normals = Rule::along_normals().into_iter().chain([Rule::of_model(0)]).filter(has);
     let by_axes = Rule::all().into_iter().filter(|_| !has(&Rule::of_model(0)));
-    for rule in by_axes.chain(along_normals) {
+    let rules = by_axes.chain(along_normals.clone()).map(|rule| {
         let tally = totals.rule(rule);
-        let share = percent(tally.positive_share());
-        let _ = writeln!(text, "| `{}` | {} | {share} |", rule.name(), grouped(tally.attempts));
-    }
-    if Rule::along_normals().iter().chain([&Rule::of_model(0)]).any(has) {
-        text.push_str(ALONG_NORMALS);
-    }
-    text.push_str("\n| table | rows | bytes |\n|---|---:|---:|\n");
-    for table in Table::ALL {
+        vec![name(rule.name()), number(tally.attempts), Cell::Number(percent(tally.positive_share()))]
+    });
+    let tables = Table::ALL.into_iter().map(|table| {
         let rows = manifest.shards.iter().map(|s| s.file(table).rows).sum();
-        let _ = writeln!(text, "| `{}` | {} | {} |", table.name(), grouped(rows), bytes(manifest.bytes(table)));
-    }
+        vec![name(table.name()), number(rows), Cell::Number(bytes(manifest.bytes(table)))]
+    });
+    let (ratio, share) = (ratio(labels.positives, labels.negatives()), percent(labels.positive_share()));
     let rejected = totals.rejections;
-    let _ = writeln!(
-        text,
-        "\n{} scenes were thrown away on the way: {} did not come to rest, {} lost every object, {} broke the physics.",
+    let mut blocks = vec![
+        Block::Heading("What is in it".to_owned()),
+        Block::Text(format!("Positives : negatives = **{ratio}** ({share} of attempts held the object).")),
+        Block::Table(Shown::new(["outcome", "attempts", "share"], outcomes)),
+        Block::Table(Shown::new(["rule", "attempts", "positive"], rules)),
+    ];
+    blocks.extend(along_normals.clone().next().map(|_| Block::Text(ALONG_NORMALS.to_owned())));
+    blocks.push(Block::Table(Shown::new(["table", "rows", "bytes"], tables)));
+    blocks.push(Block::Text(format!(
+        "{} scenes were thrown away on the way: {} did not come to rest, {} lost every object, {} broke the physics.",
         grouped(rejected.total()),
         grouped(rejected.unsettled),
         grouped(rejected.empty),
         grouped(rejected.unstable),
-    );
+    )));
+    blocks
 }
 
 /// The objects, if they are not primitives.
-fn models(text: &mut String, info: &DatasetInfo) {
+fn models(info: &DatasetInfo) -> Vec<Block> {
     if info.models.is_empty() {
-        return;
+        return Vec::new();
     }
-    text.push_str(MODELS);
-    for model in &info.models {
+    let rows = info.models.iter().map(|model| {
         let [x, y, z] = (model.extents_m * 1000.0).to_array();
-        let (name, grams, parts) = (&model.name, model.mass_kg * 1000.0, model.parts_m.len());
-        let _ = writeln!(text, "| `{name}` | {x:.1} × {y:.1} × {z:.1} | {grams:.1} | {} | {parts} |", model.friction);
-    }
+        let numbers = [
+            format!("{x:.1} × {y:.1} × {z:.1}"),
+            format!("{:.1}", model.mass_kg * 1000.0),
+            model.friction.to_string(),
+            model.parts_m.len().to_string(),
+        ];
+        [Cell::Text(format!("`{}`", model.name))].into_iter().chain(numbers.map(Cell::Number)).collect()
+    });
+    let table = Shown::new(["model", "size, mm", "mass, g", "friction", "parts"], rows);
+    vec![Block::Heading("Objects".to_owned()), Block::Text(MODELS.to_owned()), Block::Table(table)]
 }
 
-const MODELS: &str = "
-## Objects
-
+const MODELS: &str = "\
 The objects are models, and `shape` is a model's name. `models` in `meta/info.json` has them whole: mass, friction, and of each
-convex part the corners in the object's frame. `size_x_m` and so on are the bounding box, `volume_m3` is the sum of the parts.
+convex part the corners in the object's frame. `size_x_m` and so on are the bounding box, `volume_m3` is the sum of the parts.";
 
-| model | size, mm | mass, g | friction | parts |
-|---|---:|---:|---:|---:|
-";
-
-fn columns(text: &mut String, info: &DatasetInfo) {
-    text.push_str("\n## Columns\n");
-    for table in Table::ALL {
-        let _ = write!(text, "\n### {}\n\n{}", table.name(), table.markdown(info.grid.resolution));
-    }
-}
-
-const CONVENTIONS: &str = "
-## Conventions
-
+const CONVENTIONS: &str = "\
 SI units; a name carries its unit. Quaternions are xyzw. `workspace`: a cube, origin at a lower corner, z up. `grasp`:
 origin midway between the finger tips, +z approach, +y closing; a half turn about z is the same grasp. Round objects
-have flat facets everywhere. Frames, gripper and the attempt's procedure stand in `meta/info.json`.
-";
+have flat facets everywhere. Frames, gripper and the attempt's procedure stand in `meta/info.json`.";
 
 /// Markdown with every heading one level deeper, except inside code fences.
 fn nested(markdown: &str) -> String {

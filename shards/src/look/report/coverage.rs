@@ -3,6 +3,7 @@
 use schema::{AttemptRecord, Vec3};
 use serde::Serialize;
 
+use super::bins::bin;
 use crate::Tally;
 
 /// Patches around the vertical.
@@ -28,9 +29,8 @@ impl Coverage {
         let towards = attempt.workspace_from_grasp.rotation * Vec3::Z;
         let height = 0.5 * f64::from(1.0 + towards.z.clamp(-1.0, 1.0));
         let turn = libm::atan2(f64::from(towards.y), f64::from(towards.x)) / core::f64::consts::TAU;
-        let place = |share: f64, count: usize| ((share * count as f64).max(0.0) as usize).min(count - 1);
-        let azimuth = place(turn.rem_euclid(1.0), AZIMUTHS);
-        self.patches[place(height, HEIGHTS) * AZIMUTHS + azimuth].count(attempt);
+        let azimuth = bin(turn.rem_euclid(1.0) * AZIMUTHS as f64, AZIMUTHS);
+        self.patches[bin(height * HEIGHTS as f64, HEIGHTS) * AZIMUTHS + azimuth].count(attempt);
     }
 
     /// Share of the sphere with attempts.

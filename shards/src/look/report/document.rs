@@ -7,6 +7,7 @@ use report::document::{Block, Cell, Document, Picture, Table};
 use report::figure::{BLUE, Bars, Colour, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 use schema::Outcome;
 use serde_json::Value;
+use settings::flattened;
 
 use super::coverage::{AZIMUTHS, HEIGHTS};
 use super::fit::{Fit, Law};
@@ -120,26 +121,18 @@ fn outcomes(report: &Report) -> Section {
 }
 
 fn positives(report: &Report) -> Section {
-    let mut neighbours = Picture::figure(
-        shares_of_bins(
-            "Held, by distance to the next object",
-            Scale::steps("nearest other object's centre, cm", 0.0, 18.0, 2.0),
-            &report.neighbour_m,
-            100.0,
-        ),
+    let distances = Scale::steps("nearest other object's centre, cm", 0.0, 18.0, 2.0);
+    let neighbours = histogram(
+        shares_of_bins("Held, by distance to the next object", distances, &report.neighbour_m, 100.0),
         "Clutter: distance between centres. The last bar also holds what is further, and lone objects.",
+        bin_table("nearest object, cm", &report.neighbour_m, 100.0),
     );
-    neighbours.numbers = Some(bin_table("nearest object, cm", &report.neighbour_m, 100.0));
-    let mut angles = Picture::figure(
-        shares_of_bins(
-            "Held, by angle of the approach",
-            Scale::steps("degrees from straight down", 0.0, 180.0, 30.0),
-            &report.approach_deg,
-            1.0,
-        ),
+    let degrees = Scale::steps("degrees from straight down", 0.0, 180.0, 30.0);
+    let angles = histogram(
+        shares_of_bins("Held, by angle of the approach", degrees, &report.approach_deg, 1.0),
         "0 is a grasp from above, 90 one from the side.",
+        bin_table("degrees off vertical", &report.approach_deg, 1.0),
     );
-    angles.numbers = Some(bin_table("degrees off vertical", &report.approach_deg, 1.0));
     let text = "Which attempts held: by the target's shape, by the rule that drew the grasp, by clutter and by direction. Bars \
                 show the share that held.";
     let blocks = vec![
@@ -149,6 +142,10 @@ fn positives(report: &Report) -> Section {
         Block::Figures(vec![neighbours, angles]),
     ];
     ("Positives", text.to_owned(), blocks)
+}
+
+fn histogram(figure: Figure, caption: &str, numbers: Table) -> Picture {
+    Picture { numbers: Some(numbers), ..Picture::figure(figure, caption) }
 }
 
 /// Groups of which there is anything.
@@ -192,26 +189,20 @@ fn shares_of_bins(title: &str, x: Scale, bins: &[Bin], factor: f64) -> Figure {
     }
 }
 
-fn around(label: &str, bins: &[Bin], factor: f64) -> Scale {
-    let low = bins.first().map_or(0.0, |bin| bin.low * factor);
-    let high = bins.last().map_or(1.0, |bin| bin.high * factor);
-    Scale::around(label, low, high)
-}
-
 fn hand(report: &Report) -> Section {
-    let mut widths = Picture::figure(
+    let widths = histogram(
         counts_of_bins("Opening of the hand", "opening, mm", &report.width_m, 1000.0),
         "Attempts that closed the hand: at the end of the hold if held, else when closing stopped; green held. Below the smallest extent the \
          hand met nothing.",
+        bin_table("width, mm, if closed", &report.width_m, 1000.0),
     );
-    widths.numbers = Some(bin_table("width, mm, if closed", &report.width_m, 1000.0));
-    let mut depths = Picture::figure(
+    let depths = histogram(
         counts_of_bins("Depth of the tips", "behind the near face, mm", &report.tip_depth_m, 1000.0),
         "As drawn by the rules of Appendix A: d_z + l_z / 2; green held.",
+        bin_table("depth of the tips, mm", &report.tip_depth_m, 1000.0),
     );
-    depths.numbers = Some(bin_table("depth of the tips, mm", &report.tip_depth_m, 1000.0));
-    let has_depths = report.tip_depth_m.iter().any(|bin| bin.attempts > 0);
-    let pictures = [Some(widths), has_depths.then_some(depths)].into_iter().flatten().collect();
+    let mut pictures = vec![widths];
+    pictures.extend(report.tip_depth_m.iter().any(|bin| bin.attempts > 0).then_some(depths));
     let text = "The opening of the hand, and how far its tips reached behind the near face.".to_owned();
     ("Widths and depths", text, vec![Block::Figures(pictures)])
 }
@@ -227,7 +218,7 @@ fn counts_of_bins(title: &str, label: &str, bins: &[Bin], factor: f64) -> Figure
     let failed = bins.iter().map(|bin| bar(bin, bin.positives, bin.attempts)).collect();
     Figure {
         title: title.to_owned(),
-        x: around(label, bins, factor),
+        x: Scale::around(label, bins[0].low * factor, bins[bins.len() - 1].high * factor),
         y: Scale::around(if thousands { "attempts, thousands" } else { "attempts" }, 0.0, (most / unit).max(1.0)),
         lines: Vec::new(),
         bars: vec![
@@ -370,25 +361,11 @@ fn sizes(report: &Report) -> Section {
 
 fn provenance(dataset: &Dataset) -> Table {
     // What is said of frames and units is the same for all; the corners of models are shown by the pictures.
-    let mut told: Value = serde_json::from_str(&dataset.info().to_json()).unwrap_or_default();
-    if let Value::Object(map) = &mut told {
-        map.retain(|key, _| !["about", "facets", "frames", "units", "models"].contains(&key.as_str()));
-    }
-    let mut keys = vec![("dataset".to_owned(), dataset.id().to_owned())];
-    flatten("", &told, &mut keys);
-    Table::new(["key", "value"], keys.into_iter().map(|(key, value)| vec![Cell::Code(key), Cell::Code(value)]))
-}
-
-/// A config's keys and values, tables as `table.key`.
-fn flatten(prefix: &str, value: &Value, into: &mut Vec<(String, String)>) {
-    match value {
-        Value::Object(map) => {
-            for (key, inner) in map {
-                let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-                flatten(&name, inner, into);
-            }
-        }
-        Value::String(text) => into.push((prefix.to_owned(), text.clone())),
-        other => into.push((prefix.to_owned(), other.to_string())),
-    }
+    let text = dataset.info().to_json();
+    let mut told: serde_json::Map<String, Value> = serde_json::from_str(&text).unwrap_or_default();
+    told.retain(|key, _| !["about", "facets", "frames", "units", "models"].contains(&key.as_str()));
+    let row = |key: &str, value: &str| vec![Cell::code(key), Cell::code(value)];
+    let keys = flattened(&told, "", Value::as_object).into_iter();
+    let rows = keys.map(|(key, value)| row(&key, value.as_str().unwrap_or(&value.to_string())));
+    Table::new(["key", "value"], [row("dataset", dataset.id())].into_iter().chain(rows))
 }

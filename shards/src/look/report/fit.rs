@@ -3,6 +3,8 @@
 use schema::{AttemptRecord, Axis, SLIDE_SHARE, ShapeKind, Solid, TIP_DEPTH_M, Tilt, law_of};
 use serde::Serialize;
 
+use super::bins::bin;
+
 /// Number of bars of a histogram.
 const BARS: usize = 24;
 /// Bars with a smaller expected count are merged with their neighbours for χ².
@@ -65,8 +67,7 @@ impl Fit {
 
     fn count(&mut self, value: f64) {
         let [low, high] = self.range;
-        let place = (value - low) / (high - low) * BARS as f64;
-        self.counts[(place.max(0.0) as usize).min(BARS - 1)] += 1; // whole, and within
+        self.counts[bin((value - low) / (high - low) * BARS as f64, BARS)] += 1;
     }
 
     /// Number of draws.
