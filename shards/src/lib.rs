@@ -58,9 +58,7 @@ mod store;
 mod synthetic;
 mod write;
 
-pub use argument::LocationParser;
 pub use error::Error;
-pub use format::check::{POSITION_M_MAX, QUATERNION_TOLERANCE, VIEWS_MAX, WIDTH_TOLERANCE_M};
 pub use format::layout::{self, SCENES_PER_ROW_GROUP};
 pub use format::summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, Tally};
 pub use format::{ATTEMPTS_MAX, Column, DatasetInfo, FormatVersion, Kind, RESOLUTION_MAX, SHARDS_MAX, Table};
@@ -69,8 +67,8 @@ pub use look::{
     ExportCounts, ExportFormat, ExportOrigin, Exported, ExportedFile, PROBLEMS_MAX, Verified, export, inspection,
     object_bodies, scene_view, tsdf, verify,
 };
+pub use read::Dataset;
 #[cfg(any(test, fuzzing))]
 pub use read::tests::fuzzing;
-pub use read::{Dataset, Scenes};
-pub use store::{Location, LocationError, StoreError, Sweep, Swept};
+pub use store::{Location, StoreError, Sweep, Swept};
 pub use write::{Draft, Finalized, PlainColumn, ShardWriter, plain_table};

@@ -7,5 +7,4 @@ mod table_reader;
 pub(crate) mod tests;
 
 pub use dataset::Dataset;
-pub use scenes::Scenes;
 pub(crate) use scenes::joined;

@@ -18,9 +18,9 @@ pub(crate) use fault::{Fault, Kind};
 pub(crate) use folder::Store;
 pub(crate) use folder::is_staging;
 pub use folder::{Sweep, Swept};
-pub use location::{Location, LocationError};
+pub use location::Location;
 pub(crate) use staged::{Ready, Staged, Trouble};
-pub(crate) use storage::{Published, Storage, size_problem};
+pub(crate) use storage::{Published, Storage, file_name, size_in, size_problem};
 
 /// What lies in a folder: names, and the sizes of those that are files.
 pub(crate) type Listing = BTreeMap<String, Option<u64>>;

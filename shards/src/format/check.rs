@@ -9,13 +9,13 @@ use schema::{
 use crate::DatasetInfo;
 
 /// A quaternion's length may differ from 1 by this.
-pub const QUATERNION_TOLERANCE: f32 = 1e-4;
+const QUATERNION_TOLERANCE: f32 = 1e-4;
 /// Positions lie within this distance of the workspace's origin, in metres.
-pub const POSITION_M_MAX: f32 = 10.0;
+const POSITION_M_MAX: f32 = 10.0;
 /// An opening may exceed its range by this, in metres, because contacts are slightly soft.
-pub const WIDTH_TOLERANCE_M: f32 = 0.002;
+const WIDTH_TOLERANCE_M: f32 = 0.002;
 /// Maximum number of camera poses of a scene.
-pub const VIEWS_MAX: usize = 256;
+pub(crate) const VIEWS_MAX: usize = 256;
 /// Observed TSDF values are in this range: (±0.98 + 1) / 2 with a tolerance for rounding.
 const TSDF: (f32, f32) = (0.0099, 0.9901);
 

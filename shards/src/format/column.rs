@@ -159,8 +159,7 @@ impl Table {
     }
 
     /// Its Arrow schema, each field with its meaning as metadata; `resolution` is the TSDF's voxels along a side.
-    #[must_use]
-    pub fn arrow_schema(self, resolution: usize) -> SchemaRef {
+    pub(crate) fn arrow_schema(self, resolution: usize) -> SchemaRef {
         let fields: Vec<Field> = self
             .columns()
             .iter()

@@ -159,11 +159,10 @@ impl<'a> Frame<'a> {
         })?;
         let mut fields = table.columns().iter().zip(expected.get_fields().iter().zip(found.get_fields()));
         let other = fields.find(|(_, (expected, found))| expected != found);
-        must(other.is_none(), || {
-            let kinds = other.map(|(column, _)| (column.name, column.kind.describe(resolution), column.nullable));
-            let (name, kind, nullable) = kinds.unwrap_or_default();
-            format!("column {name} must be {kind}{}, its type is another", if nullable { " or null" } else { "" })
-        })
+        let Some((column, _)) = other else { return Ok(()) };
+        let null = if column.nullable { " or null" } else { "" };
+        let kind = column.kind.describe(resolution);
+        Err(format!("column {} must be {kind}{null}, its type is another", column.name))
     }
 
     /// Row groups must have the expected number of rows, and their column chunks as many values. Chunks must not

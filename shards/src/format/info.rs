@@ -67,8 +67,7 @@ impl DatasetInfo {
     }
 
     /// The shard that holds a scene, or `None` if there is no such scene.
-    #[must_use]
-    pub fn shard_of(&self, scene_id: u64) -> Option<u32> {
+    pub(crate) fn shard_of(&self, scene_id: u64) -> Option<u32> {
         if scene_id >= self.scene_count {
             return None;
         }
@@ -85,8 +84,7 @@ impl DatasetInfo {
     }
 
     /// Attempts of all scenes before one.
-    #[must_use]
-    pub fn attempts_before(&self, scene_id: u64) -> u64 {
+    pub(crate) fn attempts_before(&self, scene_id: u64) -> u64 {
         scene_id.saturating_mul(u64::from(self.attempts_per_scene)).min(self.attempt_count)
     }
 

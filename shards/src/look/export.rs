@@ -11,15 +11,12 @@ mod tsdf;
 mod vgn;
 mod webdataset;
 
-use std::io;
-
 pub use folder::{ExportCounts, ExportOrigin, Exported, ExportedFile};
 pub use tsdf::tsdf;
 
 use clap::ValueEnum;
 use program::ExitCode;
 
-use crate::store::StoreError;
 use crate::{Dataset, Error, Location};
 use folder::{Beginning, ExportFolder};
 
@@ -82,10 +79,4 @@ pub fn export(
 /// VGN's code could not make a file name of it.
 fn scene_name(scene_id: u64) -> String {
     format!("scene-{scene_id:09}")
-}
-
-/// The error of a file that could not be written.
-fn unwritten(folder: &ExportFolder, name: &str) -> impl FnOnce(io::Error) -> StoreError {
-    let at = folder.storage.location(name);
-    move |source| StoreError { action: "write a file", at, source }
 }

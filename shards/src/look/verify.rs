@@ -104,7 +104,7 @@ impl Verified {
 
 /// Files in a table's folder that are not in the manifest; `None` if the store does not support listing.
 fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, Error> {
-    let Some(listing) = dataset.list(table)? else { return Ok(None) }; // missing files are reported by shard
+    let Some(listing) = dataset.storage.list(table.name())? else { return Ok(None) }; // missing files are reported by shard
     let shards = dataset.manifest().shards.iter();
     let known: BTreeSet<&str> = shards.map(|s| s.file(table).path.as_str()).collect();
     let names = listing.into_keys().filter(|name| !is_staging(name)).map(|name| format!("{}/{name}", table.name()));
@@ -118,7 +118,7 @@ fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, Error> {
     let name = layout::marker(shard);
     let at = dataset.location().join(&name);
     let wrong = |message: &str| Ok(Some(format!("shard {shard}: {message}: {at}")));
-    let Some(bytes) = dataset.read_meta(&name)? else { return wrong("the marker is missing") };
+    let Some(bytes) = dataset.storage.read(&name)? else { return wrong("the marker is missing") };
     match seal::unseal::<ShardSummary>(bytes) {
         Err(e) => wrong(&e),
         Ok(marker) if marker == dataset.manifest().shards[shard as usize] => Ok(None),

@@ -72,15 +72,9 @@ fn attempt_label(attempt: &AttemptRecord) -> String {
 
 fn surface(info: &DatasetInfo, rows: &SceneRows) -> Points {
     let grid = &info.grid;
-    let side = 0..grid.resolution;
-    let voxels = side.clone().flat_map(|i| {
-        side.clone().flat_map({
-            let side = side.clone();
-            move |j| side.clone().map(move |k| [i, j, k])
-        })
-    });
-    let near = voxels.filter(|voxel| SURFACE.contains(&rows.scene.tsdf[grid.flat(*voxel)]));
-    let points_m = flat_points(near.map(|voxel| grid.centre_m(voxel)));
+    let side = grid.resolution;
+    let near = (0..).zip(&rows.scene.tsdf).filter(|(_, value)| SURFACE.contains(value));
+    let points_m = flat_points(near.map(|(at, _)| grid.centre_m([at / side.pow(2), at / side % side, at % side])));
     let label = format!("voxels of {:.1} mm within 0.8 voxels of the surface", grid.voxel_size_m() * 1000.0);
     Points { class: Class::Surface, label, points_m, frames: None }
 }

@@ -6,21 +6,21 @@ use std::sync::atomic::AtomicBool;
 
 use arrow::array::RecordBatch;
 use program::ExitCode;
-use schema::{AttemptRecord, ObjectRecord, SceneRows};
+use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 
 use crate::format::check;
 use crate::format::frame::Expected;
 use crate::format::summary::Manifest;
 use crate::format::{decode, layout, seal};
+use crate::read::scenes::scenes;
 use crate::read::table_reader::{Batches, Part};
-use crate::store::{Listing, Storage, StoreError, size_problem};
-use crate::{DatasetInfo, Error, Location, SCENES_PER_ROW_GROUP, Scenes, Table};
+use crate::store::{Storage, size_in, size_problem};
+use crate::{DatasetInfo, Error, Location, SCENES_PER_ROW_GROUP, Table};
 
 /// A complete dataset, on disk or in an object store. Rows are read on request.
 #[derive(Debug)]
 pub struct Dataset {
-    location: Location,
-    storage: Storage,
+    pub(crate) storage: Storage,
     info: DatasetInfo,
     manifest: Manifest,
     /// Whether a file's checksum was verified, by shard, in the order of [`Table::ALL`].
@@ -33,8 +33,11 @@ const BATCH_ROWS: usize = 8192;
 const BATCH_SCENES: usize = 8;
 
 /// Reads and checks `meta/info.json`; returns the info and the dataset's id.
-pub(crate) fn read_info(storage: &Storage, at: &Location) -> Result<(DatasetInfo, String), Error> {
-    let none = || Error::Wrong(ExitCode::Config, format!("no dataset here, there is no {}: {at}", layout::INFO));
+pub(crate) fn read_info(storage: &Storage) -> Result<(DatasetInfo, String), Error> {
+    let none = || {
+        let text = format!("no dataset here, there is no {}: {}", layout::INFO, storage.location(""));
+        Error::Wrong(ExitCode::Config, text)
+    };
     let bytes = storage.read(layout::INFO)?.ok_or_else(none)?;
     let info = DatasetInfo::from_json(&bytes).map_err(|wrong| {
         let text = format!("{wrong}: {}", storage.location(layout::INFO));
@@ -59,15 +62,13 @@ impl Dataset {
     pub(crate) fn look_at_sizes(&self) -> Result<(), Error> {
         let mut listings = Vec::new();
         for table in Table::ALL {
-            listings.push((table, self.list(table)?));
+            listings.push((table, self.storage.list(table.name())?));
         }
         for shard in 0..self.shard_count() {
             for (table, listing) in &listings {
                 let Some(listing) = listing else { continue };
                 let expected = self.manifest.shards[shard as usize].file(*table);
-                let name = expected.path.rsplit('/').next().unwrap_or_default();
-                let found = listing.get(name).copied().flatten();
-                if let Some(problem) = size_problem(expected, found) {
+                if let Some(problem) = size_problem(expected, size_in(listing, &expected.path)) {
                     return Err(self.wrong(shard, *table, &problem));
                 }
             }
@@ -77,15 +78,15 @@ impl Dataset {
 
     /// Opens a dataset without checking its shards, so that faults can be reported for each shard.
     pub(crate) fn open_with_any_files(at: &Location) -> Result<Self, Error> {
-        Self::of_storage(Storage::open(at)?, at)
+        Self::of_storage(Storage::open(at)?)
     }
 
-    pub(crate) fn of_storage(storage: Storage, at: &Location) -> Result<Self, Error> {
-        let (info, dataset_id) = read_info(&storage, at)?;
+    pub(crate) fn of_storage(storage: Storage) -> Result<Self, Error> {
+        let (info, dataset_id) = read_info(&storage)?;
         let none = || {
             let name = layout::MANIFEST;
             let text = format!("the dataset is not complete, there is no {name}: run the missing shards and finalize");
-            Error::Wrong(ExitCode::Incomplete, format!("{text}: {at}"))
+            Error::Wrong(ExitCode::Incomplete, format!("{text}: {}", storage.location("")))
         };
         let bytes = storage.read(layout::MANIFEST)?.ok_or_else(none)?;
         let wrong = |text: &str| {
@@ -98,13 +99,13 @@ impl Dataset {
             return Err(wrong(&problems.join("; ")));
         }
         let is_checked = manifest.shards.iter().map(|_| Default::default()).collect();
-        Ok(Self { location: at.clone(), storage, info, manifest, is_checked })
+        Ok(Self { storage, info, manifest, is_checked })
     }
 
     /// Its location.
     #[must_use]
-    pub fn location(&self) -> &Location {
-        &self.location
+    pub fn location(&self) -> Location {
+        self.storage.location("")
     }
 
     /// Its id: the SHA-256 of its `meta/info.json` in hex.
@@ -136,15 +137,6 @@ impl Dataset {
     #[must_use]
     pub fn shard_count(&self) -> u32 {
         self.info.shard_count
-    }
-
-    /// Compares size and SHA-256 of the shard's three files with the manifest. On a disk this reads each file once per
-    /// `Dataset` value; the reading functions call it themselves.
-    ///
-    /// # Errors
-    /// [`Error`] for the first file that differs.
-    pub fn verify_shard_bytes(&self, shard: u32) -> Result<(), Error> {
-        Table::ALL.into_iter().try_for_each(|table| self.open_file(shard, table).map(drop))
     }
 
     /// All attempts of a shard, in order.
@@ -182,7 +174,7 @@ impl Dataset {
     ///
     /// # Errors
     /// [`Error`] if the file is damaged; each item is an error if a row breaks a rule.
-    pub fn scenes(&self, shard: u32) -> Result<Scenes<'_>, Error> {
+    pub fn scenes(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRecord, Error>>, Error> {
         self.scenes_with(shard, None)
     }
 
@@ -190,14 +182,18 @@ impl Dataset {
     ///
     /// # Errors
     /// [`Error`] if the file is damaged; each item is an error if a row breaks a rule.
-    pub fn scene_heads(&self, shard: u32) -> Result<Scenes<'_>, Error> {
+    pub fn scene_heads(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRecord, Error>>, Error> {
         self.scenes_with(shard, Some("tsdf"))
     }
 
-    fn scenes_with(&self, shard: u32, without: Option<&'static str>) -> Result<Scenes<'_>, Error> {
+    fn scenes_with(
+        &self,
+        shard: u32,
+        without: Option<&'static str>,
+    ) -> Result<impl Iterator<Item = Result<SceneRecord, Error>>, Error> {
         let part = Part { batch_rows: BATCH_SCENES, without, ..Part::default() };
         let batches = self.batches(shard, Table::Scenes, part)?;
-        Ok(Scenes::new(self, shard, batches, without.is_none()))
+        Ok(scenes(self, shard, batches, without.is_none()))
     }
 
     /// All rows of one scene. Reads one row group of the small tables and a few pages of the grids.
@@ -223,16 +219,6 @@ impl Dataset {
         let rows = SceneRows { scene: scene.ok_or_else(missing)?, objects, attempts };
         self.check(shard, Table::Attempts, || check::scene_rows(&rows, &self.info))?;
         Ok(rows)
-    }
-
-    /// A file of `meta/`, `None` if there is none.
-    pub(crate) fn read_meta(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        self.storage.read(name)
-    }
-
-    /// The listing of a table's folder; `None` if listing is not supported.
-    pub(crate) fn list(&self, table: Table) -> Result<Option<Listing>, StoreError> {
-        self.storage.list(table.name())
     }
 
     fn read<R>(

@@ -1,7 +1,6 @@
 //! Errors of the disk and the object store.
 
 use std::io;
-use std::path::Path;
 
 use program::{Exit, ExitCode};
 
@@ -32,7 +31,8 @@ impl Exit for StoreError {
     }
 }
 
-pub(crate) fn failed(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> StoreError {
-    let at = path.into();
+/// What makes an operation's error of the system's.
+pub(crate) fn failed(action: &'static str, at: impl Into<Location>) -> impl FnOnce(io::Error) -> StoreError {
+    let at = at.into();
     move |source| StoreError { action, at, source }
 }

@@ -15,11 +15,6 @@ pub enum Location {
     Url(Box<Url>),
 }
 
-/// A text that is not a location.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct LocationError(String);
-
 /// Schemes of URLs that can be read, besides `file`.
 const SCHEMES: [&str; 9] = ["s3", "s3a", "gs", "az", "azure", "abfs", "abfss", "http", "https"];
 
@@ -34,12 +29,12 @@ AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. A shard of a st
     /// A path, or a URL if it contains `://` after a scheme.
     ///
     /// # Errors
-    /// [`LocationError`] if the scheme is unknown, the URL has no host or bucket, or it has parts that a dataset's
+    /// What is wrong, if the scheme is unknown, the URL has no host or bucket, or it has parts that a dataset's
     /// files cannot have: a query, or a password, which belongs in the environment.
-    pub fn parse(text: impl AsRef<OsStr>) -> Result<Self, LocationError> {
+    pub fn parse(text: impl AsRef<OsStr>) -> Result<Self, String> {
         let text = text.as_ref();
         if text.is_empty() {
-            return Err(LocationError("a place must not be empty: is a variable unset?".to_owned()));
+            return Err("a place must not be empty: is a variable unset?".to_owned());
         }
         let path = || Ok(Self::Path(PathBuf::from(text)));
         let Some(written) = text.to_str() else { return path() };
@@ -49,30 +44,24 @@ AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. A shard of a st
         {
             return path();
         }
-        let wrong = |what: String| Err(LocationError(what));
-        let url = match Url::parse(written) {
-            Ok(url) => url,
-            Err(e) => return wrong(format!("not a URL: {e}")),
-        };
+        let url = Url::parse(written).map_err(|e| format!("not a URL: {e}"))?;
         if url.query().is_some() || url.fragment().is_some() {
-            return wrong("the URL must have neither ? nor #: the dataset's files lie below it".to_owned());
+            return Err("the URL must have neither ? nor #: the dataset's files lie below it".to_owned());
         }
         if url.scheme() == "file" {
-            return match url.to_file_path() {
-                Ok(path) => Ok(Self::Path(path)),
-                Err(()) => wrong("a file URL must be file:///path".to_owned()),
-            };
+            let path = url.to_file_path().map(Self::Path);
+            return path.map_err(|()| "a file URL must be file:///path".to_owned());
         }
         if !SCHEMES.contains(&url.scheme()) {
             let known = SCHEMES.join(", ");
-            return wrong(format!("the scheme must be file, {known}, got {}", url.scheme()));
+            return Err(format!("the scheme must be file, {known}, got {}", url.scheme()));
         }
         if url.host_str().unwrap_or_default().is_empty() {
-            return wrong(format!("the URL must be {}://bucket/prefix", url.scheme()));
+            return Err(format!("the URL must be {}://bucket/prefix", url.scheme()));
         }
         // `abfss://container@account` is no credential; a name before a web server may be a token.
         if url.password().is_some() || (url.scheme().starts_with("http") && !url.username().is_empty()) {
-            return wrong("credentials must be in the environment, not in the URL".to_owned());
+            return Err("credentials must be in the environment, not in the URL".to_owned());
         }
         Ok(Self::Url(Box::new(url)))
     }

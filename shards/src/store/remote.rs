@@ -25,7 +25,7 @@ use tokio::runtime::{Builder, Runtime};
 use url::Url;
 
 use crate::Location;
-use crate::store::error::StoreError;
+use crate::store::error::{StoreError, failed};
 use crate::store::fault::Fault;
 use crate::store::{Listing, META_BYTES_MAX};
 pub(crate) use connect::Patience;
@@ -82,7 +82,7 @@ pub(crate) enum Fetched {
 impl Remote {
     /// Prepares a connection without any request.
     pub(crate) fn open(url: &Url, patience: Patience) -> Result<Self, StoreError> {
-        let failed = |source| StoreError { action: "use the object store", at: place(url), source };
+        let failed = |source| failed("use the object store", place(url))(source);
         // There was no request yet, so any error is permanent.
         let wrong = |e| failed(io::Error::new(io::ErrorKind::InvalidInput, explain(&e).to_string()));
         let (store, prefix, lists) = connect(url, patience).map_err(wrong)?;
@@ -96,8 +96,7 @@ impl Remote {
     /// Reads from this store.
     pub(crate) fn new(url: &Url, store: Arc<dyn ObjectStore>, prefix: Path, lists: bool) -> Result<Self, StoreError> {
         let runtime = Builder::new_multi_thread().worker_threads(NETWORK_THREADS).enable_all().build();
-        let failed = |source| StoreError { action: "start threads for", at: place(url), source };
-        let runtime = runtime.map_err(failed)?;
+        let runtime = runtime.map_err(failed("start threads for", place(url)))?;
         Ok(Self { url: url.clone(), prefix, store, lists, runtime, fault: Fault::default() })
     }
 
@@ -141,34 +140,22 @@ impl Remote {
             let body = async { found.bytes().await.map_err(|e| explain(&e)) };
             Ok(Some(within(time_for(bytes), body).await?.to_vec()))
         };
-        read.await.map_err(self.failed("read a file", name))
+        read.await.map_err(failed("read a file", self.location(name)))
     }
 
     async fn get(&self, name: &str) -> io::Result<Option<GetResult>> {
         let path = self.path(name);
-        let ask = || async {
-            match self.store.get(&path).await {
-                Err(error) if is_absent(&error) => Ok(None),
-                found => found.map(Some).map_err(|e| explain(&e)),
-            }
-        };
-        asked(ANSWER, ask).await
+        answer(|| self.store.get(&path)).await
     }
 
     /// The size of a file in bytes, `None` if there is none.
     pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
-        self.runtime.block_on(self.head(name)).map_err(self.failed("look at a file", name))
+        self.runtime.block_on(self.head(name)).map_err(failed("look at a file", self.location(name)))
     }
 
     async fn head(&self, name: &str) -> io::Result<Option<u64>> {
         let path = self.path(name);
-        let ask = || async {
-            match self.store.head(&path).await {
-                Err(error) if is_absent(&error) => Ok(None),
-                found => found.map(|meta| Some(meta.size)).map_err(|e| explain(&e)),
-            }
-        };
-        asked(ANSWER, ask).await
+        Ok(answer(|| self.store.head(&path)).await?.map(|meta| meta.size))
     }
 
     /// The listing of a folder; `None` if listing is not supported.
@@ -184,7 +171,7 @@ impl Remote {
             }
         }));
         let name = |path: &Path| path.filename().unwrap_or_default().to_owned();
-        Ok(listed.map_err(self.failed("list a folder", folder))?.map(|listed| {
+        Ok(listed.map_err(failed("list a folder", self.location(folder)))?.map(|listed| {
             // Some tools create an empty object for the folder itself.
             let files = listed.objects.iter().filter(|object| object.location != path);
             let files = files.map(|object| (name(&object.location), Some(object.size)));
@@ -195,16 +182,12 @@ impl Remote {
 
     /// Fetches a file with an expected size.
     pub(crate) fn fetch(&self, name: &str, bytes: u64) -> Result<Fetched, StoreError> {
-        let failed = self.failed("fetch a file", name);
-        let scratch = |source| StoreError {
-            action: "keep a fetched file among temporary files",
-            at: Location::Path(std::env::temp_dir()),
-            source,
-        };
+        let at_store = failed("fetch a file", self.location(name));
+        let scratch = || failed("keep a fetched file among temporary files", Location::Path(std::env::temp_dir()));
         if bytes > FETCH_BYTES_MAX {
-            return Err(failed(too_large(bytes, FETCH_BYTES_MAX)));
+            return Err(at_store(too_large(bytes, FETCH_BYTES_MAX)));
         }
-        let mut file = tempfile::tempfile().map_err(scratch)?;
+        let mut file = tempfile::tempfile().map_err(scratch())?;
         let mut hash = Sha256::new();
         let fetch = async {
             let Some(found) = self.get(name).await? else { return Ok(Ok(Fetched::Not(None))) };
@@ -226,7 +209,7 @@ impl Remote {
             let sha256 = crate::format::seal::hex(&hash.finalize());
             Ok(file.rewind().map(|()| Fetched::Whole(file, sha256)))
         };
-        self.runtime.block_on(within(time_for(bytes), fetch)).map_err(failed)?.map_err(scratch)
+        self.runtime.block_on(within(time_for(bytes), fetch)).map_err(at_store)?.map_err(scratch())
     }
 
     /// The SHA-256 of a file in hex, `None` if there is none.
@@ -244,19 +227,19 @@ impl Remote {
             within(limit, body).await?;
             Ok(Some(crate::format::seal::hex(&hash.finalize())))
         };
-        self.runtime.block_on(read).map_err(self.failed("read a file", name))
+        self.runtime.block_on(read).map_err(failed("read a file", self.location(name)))
     }
 
     /// Uploads an object and replaces an existing one.
     pub(crate) fn put(&self, name: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
         let put = self.put_again(name, bytes.into(), PutMode::Overwrite);
-        self.runtime.block_on(put).map(drop).map_err(self.failed("write a file", name))
+        self.runtime.block_on(put).map(drop).map_err(failed("write a file", self.location(name)))
     }
 
     /// Uploads an object unless it exists; returns whether it did.
     pub(crate) fn put_new(&self, name: &str, bytes: Vec<u8>) -> Result<bool, StoreError> {
         let put = self.put_again(name, bytes.into(), PutMode::Create);
-        self.runtime.block_on(put).map_err(self.failed("publish a file", name))
+        self.runtime.block_on(put).map_err(failed("publish a file", self.location(name)))
     }
 
     /// Uploads an object, with retries if the answer is lost or the store is busy. Afterwards the object exists.
@@ -301,11 +284,6 @@ impl Remote {
     fn path(&self, name: &str) -> Path {
         name.split('/').fold(self.prefix.clone(), |path, part| path.join(part))
     }
-
-    fn failed(&self, action: &'static str, name: &str) -> impl FnOnce(io::Error) -> StoreError {
-        let at = self.location(name);
-        move |source| StoreError { action, at, source }
-    }
 }
 
 fn place(url: &Url) -> Location {
@@ -330,6 +308,17 @@ async fn asked<T, F: Future<Output = io::Result<T>>>(limit: Duration, ask: impl 
         }
     }
     within(limit, ask()).await
+}
+
+/// The answer to a request about an object, `None` if there is none.
+async fn answer<T, F: Future<Output = Result<T, Error>>>(ask: impl Fn() -> F) -> io::Result<Option<T>> {
+    let ask = || async {
+        match ask().await {
+            Err(error) if is_absent(&error) => Ok(None),
+            found => found.map(Some).map_err(|e| explain(&e)),
+        }
+    };
+    asked(ANSWER, ask).await
 }
 
 fn late(limit: Duration) -> io::Error {

@@ -12,7 +12,7 @@ use crate::format::layout;
 use crate::format::seal::{sha256_hex, sha256_of_file};
 use crate::format::summary::FileSummary;
 use crate::store::Listing;
-use crate::store::error::StoreError;
+use crate::store::error::{StoreError, failed};
 use crate::store::folder::{Store, Sweep, Swept};
 use crate::store::remote::{Fetched, Patience, Remote};
 use crate::store::staged::{Ready, Staged};
@@ -115,7 +115,7 @@ impl Storage {
                 if is_checked.load(Ordering::Acquire) {
                     return Ok(Ok(file));
                 }
-                let sha256 = sha256_of_file(&mut file).map_err(|e| self.unreadable(&expected.path, e))?;
+                let sha256 = sha256_of_file(&mut file).map_err(failed("read a file", self.location(&expected.path)))?;
                 (file, sha256)
             }
             Self::Remote(remote) => match remote.fetch(&expected.path, expected.bytes)? {
@@ -135,14 +135,10 @@ impl Storage {
         match self {
             Self::Folder(store) if store.size(name)?.is_none() => Ok(None),
             Self::Folder(store) => {
-                sha256_of_file(&mut store.open(name)?).map(Some).map_err(|e| self.unreadable(name, e))
+                sha256_of_file(&mut store.open(name)?).map(Some).map_err(failed("read a file", self.location(name)))
             }
             Self::Remote(remote) => remote.digest(name),
         }
-    }
-
-    fn unreadable(&self, name: &str, source: io::Error) -> StoreError {
-        StoreError { action: "read a file", at: self.location(name), source }
     }
 
     /// Creates a staging file for `name`.
@@ -177,7 +173,7 @@ impl Storage {
     pub(crate) fn vanished(&self, name: &str) -> StoreError {
         let source =
             io::Error::new(io::ErrorKind::NotFound, "it existed and is gone: does another program delete files?");
-        StoreError { action: "publish a file", at: self.location(name), source }
+        failed("publish a file", self.location(name))(source)
     }
 
     fn stage_bytes(&self, name: &str, bytes: &[u8]) -> Result<Ready, StoreError> {
@@ -198,7 +194,7 @@ impl Storage {
     pub(crate) fn must_list(&self, folder: &str) -> Result<Listing, StoreError> {
         self.list(folder)?.ok_or_else(|| {
             let source = io::Error::new(io::ErrorKind::PermissionDenied, "writing takes the right to list");
-            StoreError { action: "list a folder", at: self.location(folder), source }
+            failed("list a folder", self.location(folder))(source)
         })
     }
 
@@ -234,7 +230,7 @@ impl Storage {
         }
         let text = "this store replaces an existing object in spite of the condition If-None-Match: *";
         let source = io::Error::new(io::ErrorKind::InvalidInput, text);
-        Err(StoreError { action: "use the object store", at: self.location(name), source })
+        Err(failed("use the object store", self.location(name))(source))
     }
 
     /// The folder, unless this is an object store.
@@ -258,6 +254,16 @@ impl Storage {
             Self::Remote(_) => Ok(()),
         }
     }
+}
+
+/// The last part of a path.
+pub(crate) fn file_name(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or_default()
+}
+
+/// The size of a file in its folder's listing, `None` if it is not there.
+pub(crate) fn size_in(listing: &Listing, path: &str) -> Option<u64> {
+    listing.get(file_name(path)).copied().flatten()
 }
 
 /// The error for a missing file or one of a wrong size.

@@ -22,9 +22,8 @@ impl Draft {
     /// # Errors
     /// [`Error`] if there is no dataset, or its info is damaged.
     pub fn open(at: impl Into<Location>) -> Result<Self, Error> {
-        let at = at.into();
-        let storage = Storage::open_to_write(&at)?;
-        let (info, dataset_id) = read_info(&storage, &at)?;
+        let storage = Storage::open_to_write(&at.into())?;
+        let (info, dataset_id) = read_info(&storage)?;
         Ok(Self { storage, info, dataset_id })
     }
 

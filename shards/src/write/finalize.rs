@@ -7,7 +7,7 @@ use program::ExitCode;
 
 use crate::format::summary::{Manifest, ShardSummary};
 use crate::format::{layout, seal};
-use crate::store::{Listing, Published, StoreError, Sweep, size_problem};
+use crate::store::{Listing, Published, StoreError, Sweep, file_name, size_in, size_problem};
 use crate::write::card;
 use crate::{Draft, Error, Table};
 
@@ -121,10 +121,6 @@ impl Draft {
 fn is_listed(summary: &ShardSummary, listings: &[(Table, Listing)]) -> bool {
     listings.iter().all(|(table, listing)| {
         let file = summary.file(*table);
-        size_problem(file, listing.get(file_name(&file.path)).copied().flatten()).is_none()
+        size_problem(file, size_in(listing, &file.path)).is_none()
     })
-}
-
-fn file_name(path: &str) -> &str {
-    path.rsplit('/').next().unwrap_or_default()
 }

@@ -58,12 +58,6 @@ impl ShardWriter {
         })
     }
 
-    /// The next scene; the end of the shard's range after the last.
-    #[must_use]
-    pub fn next_scene(&self) -> u64 {
-        self.next
-    }
-
     /// Adds a scene, strictly in the order of scene ids.
     ///
     /// # Errors

@@ -12,7 +12,6 @@ use crate::sample;
 fn read_all(dir: &Path) -> Result<(), Error> {
     let dataset = Dataset::open(dir)?;
     for shard in 0..dataset.shard_count() {
-        dataset.verify_shard_bytes(shard)?;
         dataset.read_attempts(shard)?;
         dataset.read_objects(shard)?;
         dataset.scenes(shard)?.try_for_each(|scene| scene.map(drop))?;

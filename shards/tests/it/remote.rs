@@ -148,7 +148,7 @@ fn damage_is_65_and_named() {
             None => std::fs::remove_file(place.file()).unwrap(),
         }
         let dataset = Dataset::open(server.location()).unwrap();
-        let error = dataset.scenes(1).unwrap_err();
+        let error = dataset.scenes(1).map(drop).unwrap_err();
         assert_eq!(error.exit_code(), ExitCode::Data, "{error}");
         let told = error.to_string();
         assert!(told.contains("shard 1") && told.contains(part) && told.ends_with(FILE), "{told}");

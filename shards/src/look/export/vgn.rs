@@ -18,8 +18,9 @@ use schema::{AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of}
 use serde::Serialize;
 
 use super::folder::{ExportCounts, ExportFolder, Exported};
-use super::{npy, scene_name, unwritten};
+use super::{npy, scene_name};
 use crate::format::seal::pretty;
+use crate::store::failed;
 use crate::{Dataset, DatasetInfo, Error};
 
 /// Voxels along a side in VGN's and GIGA's code, where the number stands in the network and the augmentation.
@@ -141,7 +142,7 @@ fn write_grids(
         if missing.binary_search(&scene.scene_id).is_ok() {
             let name = name(scene.scene_id);
             let grid = npy::f32s(&[1, RESOLUTION, RESOLUTION, RESOLUTION], &scene.tsdf);
-            let bytes = npy::npz("grid", &grid).map_err(unwritten(folder, &name))?;
+            let bytes = npy::npz("grid", &grid).map_err(failed("write a file", folder.storage.location(&name)))?;
             folder.storage.publish(&name, &bytes)?;
         }
         scenes_done(1);

@@ -18,9 +18,10 @@ use schema::{AttemptRecord, SceneRows};
 use tar::{Builder, EntryType, Header};
 
 use super::folder::{ExportCounts, ExportFolder, Exported, ExportedFile};
-use super::{npy, rows, scene_name, unwritten};
+use super::{npy, rows, scene_name};
 use crate::format::encode;
 use crate::read::joined;
+use crate::store::failed;
 use crate::{Dataset, DatasetInfo, Error, Table};
 
 const INFO: &str = "info.json";
@@ -36,7 +37,7 @@ pub(super) fn write(
     folder.sweep("")?;
     let mut files = Vec::new();
     for shard in 0..dataset.shard_count() {
-        let name = tar_name(shard, info.shard_count);
+        let name = format!("shard-{shard:05}-of-{:05}.tar", info.shard_count);
         let scenes = info.scenes_of(shard);
         let scenes = scenes.end - scenes.start;
         let (bytes, sha256) = match (folder.storage.size(&name)?, folder.storage.digest(&name)?) {
@@ -62,10 +63,6 @@ pub(super) fn write(
     folder.finish(counts, files)
 }
 
-fn tar_name(shard: u32, shard_count: u32) -> String {
-    format!("shard-{shard:05}-of-{shard_count:05}.tar")
-}
-
 /// Writes the tar of a shard; returns its size and SHA-256.
 fn write_shard(
     dataset: &Dataset,
@@ -74,7 +71,7 @@ fn write_shard(
     folder: &ExportFolder,
     scenes_done: &mut dyn FnMut(u64),
 ) -> Result<(u64, String), Error> {
-    let failed = |error: io::Error| unwritten(folder, name)(error);
+    let failed = |error: io::Error| failed("write a file", folder.storage.location(name))(error);
     let mut join = joined(dataset.read_objects(shard)?, dataset.read_attempts(shard)?);
     let mut tar = Builder::new(BufWriter::new(folder.storage.stage(name)?));
     for scene in dataset.scenes(shard)? {

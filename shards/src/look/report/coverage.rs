@@ -34,14 +34,12 @@ impl Coverage {
     }
 
     /// Share of the sphere with attempts.
-    #[must_use]
-    pub fn tried(&self) -> f64 {
+    pub(crate) fn tried(&self) -> f64 {
         self.share(|patch| patch.attempts > 0)
     }
 
     /// Share of the sphere with held attempts.
-    #[must_use]
-    pub fn held(&self) -> f64 {
+    pub(crate) fn held(&self) -> f64 {
         self.share(|patch| patch.positives > 0)
     }
 

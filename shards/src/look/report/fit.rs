@@ -71,14 +71,12 @@ impl Fit {
     }
 
     /// Number of draws.
-    #[must_use]
-    pub fn total(&self) -> u64 {
+    pub(crate) fn total(&self) -> u64 {
         self.counts.iter().sum()
     }
 
     /// The deviation of the draws from the distribution; `None` for too few draws.
-    #[must_use]
-    pub fn chi_square(&self) -> Option<ChiSquare> {
+    pub(crate) fn chi_square(&self) -> Option<ChiSquare> {
         let total = self.total() as f64;
         let mut joined: Vec<(f64, f64)> = Vec::new();
         let mut open = (0.0, 0.0);

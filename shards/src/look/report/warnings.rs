@@ -19,8 +19,7 @@ const P_MIN: f64 = 1e-6;
 
 impl Report {
     /// Unusual properties of the dataset, one sentence each.
-    #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
+    pub(crate) fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         let share = self.labels.positive_share();
         let by_rules = self.rules.iter().any(|group| group.attempts > 0 && is_of_the_paper(&group.name));

@@ -59,8 +59,7 @@ fn objects(store: &InMemory) -> BTreeMap<String, Vec<u8>> {
 }
 
 fn open(store: &Arc<InMemory>, prefix: &str) -> Result<Dataset, Error> {
-    let url = Url::parse(&format!("s3://bucket/{prefix}")).unwrap();
-    let dataset = Dataset::of_storage(storage(store, prefix, Fault::default()), &place(&url))?;
+    let dataset = Dataset::of_storage(storage(store, prefix, Fault::default()))?;
     dataset.look_at_sizes()?;
     Ok(dataset)
 }
@@ -74,7 +73,7 @@ fn what_is_in_a_bucket_is_read() {
     let info = info();
     let rows = info.scenes_of(1).map(|scene| synthetic::scene_rows(scene, info.seed, &info));
     assert_eq!(dataset.read_attempts(1).unwrap(), rows.flat_map(|rows| rows.attempts).collect::<Vec<_>>());
-    assert_eq!(dataset.list(crate::Table::Scenes).unwrap().unwrap().len(), 2);
+    assert_eq!(dataset.storage.list("scenes").unwrap().unwrap().len(), 2);
     assert_eq!(open(&store, "sets/two").unwrap_err().exit_code(), ExitCode::Config);
 }
 
