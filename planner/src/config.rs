@@ -5,10 +5,9 @@ use std::str::FromStr;
 
 use perception::{ClusterParams, PlaneParams};
 use schema::Gripper;
-use serde::Serialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use settings::{Document, Reader, settings, words};
-
-use crate::refine::RefinementParams;
 
 /// The settings that come with the program.
 pub const PAPER: &str = include_str!("../../configs/plan/paper.toml");
@@ -158,6 +157,39 @@ settings! {
     }
 }
 
+settings! {
+    /// Settings of the hand search.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct RefinementParams {
+        /// Turns about the approach, evenly over half a turn; 0 switches refinement off.
+        pub turns: usize where 0..=180,
+        /// Number of tilted approaches, evenly around the vertical one.
+        pub tilts: usize where 0..=24,
+        /// Their angle from the vertical.
+        pub tilt_rad: f32 where 0.0..=1.2,
+        /// Number of depths: the finger tips end this many steps behind the nearest point between them, at most.
+        pub depths: usize where 1..=50,
+        /// Length of a depth step.
+        pub depth_m: f32 where 1e-4..=0.1,
+        /// Maximum distance of a supporting point behind the contact …
+        pub flat_m: f32 where 1e-4..=0.05,
+        /// … and maximum angle of its normal to the closing direction.
+        pub normal_rad_max: f32 where 0.0..=1.5,
+        /// Whether a hidden side is assumed to be vertical below the observed outline.
+        pub outlines: bool,
+        /// The support of a hand is halved if the middle of the held object is this far beside its fingers.
+        pub arm_m: f32 where 1e-3..=10.0,
+        /// Minimum number of points at each finger.
+        pub points_min: usize where 1..=10_000,
+    }
+}
+
+impl<'de> Deserialize<'de> for Policy {
+    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
+        String::deserialize(source)?.parse().map_err(D::Error::custom)
+    }
+}
+
 impl FromStr for Policy {
     type Err = String;
 
@@ -225,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_is_wrong_is_told_at_once() {
+    fn all_that_is_wrong_is_reported_at_once() {
         let bad = PAPER
             .replace("quality_min = 0.9", "quality_min = 1.5")
             .replace("policy = \"paper\"", "policy = \"best\"")
@@ -247,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_missing_and_misfit_keys_are_told() {
+    fn unknown_missing_and_misfit_keys_are_reported() {
         let unknown = problems(&PAPER.replace("[cloud]", "[cloud]\nsize = 3"));
         assert_eq!(unknown, ["cloud.size is no key of this file"]);
         let missing = problems(&PAPER.replace("pitch_m = 0.0025", ""));

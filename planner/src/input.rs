@@ -14,25 +14,20 @@ mod exr_image;
 mod file;
 mod lists;
 mod lzf;
-#[cfg(test)]
-mod mutations;
 mod npy;
 mod pcd;
 mod ply;
 mod points;
 mod raw_depth;
 mod request;
+#[cfg(test)]
+mod tests;
 mod tsdf;
 
 pub use assemble::{Request, assemble, from_file, from_json};
-pub use camera::{IntrinsicsInput, OrientationInput, PoseInput, PosePartsInput, intrinsics, orientation, pose};
-pub use cloud::read_cloud;
-pub use depth::{DepthFormat, ReadDepth, judge_depth, read_depth};
+pub use camera::{IntrinsicsInput, OrientationInput, PoseInput, PosePartsInput};
 pub use error::InputError;
-pub use file::read_file;
-pub use npy::{Npy, NpyNumber, read_npy, write_npy_f32};
-pub use points::{POINTS_MAX, ReadCloud};
-pub use raw_depth::SIDE_PX_MAX;
+pub(crate) use file::read_file;
 pub(crate) use request::parse_toml;
 pub use request::{DataInput, RequestInput, SourceInput, ViewInput, parse_file};
 pub use tsdf::read_tsdf;

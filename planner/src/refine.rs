@@ -11,10 +11,8 @@
 
 use rayon::prelude::*;
 use schema::{Grasp, Gripper, Plane, Quat, Vec3, axis_angle, pose_from_parts};
-use serde::Serialize;
-use settings::settings;
 
-use crate::config::CollisionParams;
+use crate::config::{CollisionParams, RefinementParams};
 use crate::hand::WRIST_DOWN;
 use crate::plan::SegmentedCloud;
 
@@ -26,33 +24,6 @@ const BIN_M: f32 = 0.000_25;
 const CELL_M: f32 = 0.01;
 /// Range beside the fingers in which the middle of the held object is determined.
 const MIDDLE_M: f32 = 0.05;
-
-settings! {
-    /// Settings of the hand search.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-    pub struct RefinementParams {
-        /// Turns about the approach, evenly over half a turn; 0 switches refinement off.
-        pub turns: usize where 0..=180,
-        /// Number of tilted approaches, evenly around the vertical one.
-        pub tilts: usize where 0..=24,
-        /// Their angle from the vertical.
-        pub tilt_rad: f32 where 0.0..=1.2,
-        /// Number of depths: the finger tips end this many steps behind the nearest point between them, at most.
-        pub depths: usize where 1..=50,
-        /// Length of a depth step.
-        pub depth_m: f32 where 1e-4..=0.1,
-        /// Maximum distance of a supporting point behind the contact …
-        pub flat_m: f32 where 1e-4..=0.05,
-        /// … and maximum angle of its normal to the closing direction.
-        pub normal_rad_max: f32 where 0.0..=1.5,
-        /// Whether a hidden side is assumed to be vertical below the observed outline.
-        pub outlines: bool,
-        /// The support of a hand is halved if the middle of the held object is this far beside its fingers.
-        pub arm_m: f32 where 1e-3..=10.0,
-        /// Minimum number of points at each finger.
-        pub points_min: usize where 1..=10_000,
-    }
-}
 
 /// A hand pose that closes on a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -282,47 +253,55 @@ impl Point {
     }
 }
 
-/// Points in square cells perpendicular to an approach.
-struct Things {
+/// Square cells perpendicular to an approach, over all points of a cloud.
+struct Squares {
+    side_m: f32,
     low_m: Vec3,
     rows: usize,
     columns: usize,
-    /// Start of each cell's points, with one more entry at the end.
-    starts: Vec<usize>,
-    points: Vec<Point>,
+}
+
+impl Squares {
+    fn over(points_m: impl Iterator<Item = Vec3> + Clone, side_m: f32) -> Self {
+        let low_m = points_m.clone().fold(Vec3::INFINITY, Vec3::min);
+        let high_m = points_m.fold(Vec3::NEG_INFINITY, Vec3::max);
+        let [rows, columns] = [high_m.x - low_m.x, high_m.y - low_m.y].map(|m| (m.max(0.0) / side_m) as usize + 1);
+        Self { side_m, low_m, rows, columns }
+    }
+
+    /// The number of the cell of one of the points.
+    fn at(&self, point_m: Vec3) -> usize {
+        let [row, column] = [point_m.x - self.low_m.x, point_m.y - self.low_m.y].map(|m| (m / self.side_m) as usize);
+        row * self.columns + column
+    }
+}
+
+/// The points of each cell.
+struct Things {
+    squares: Squares,
+    cells: Vec<Vec<Point>>,
 }
 
 impl Things {
-    fn new(points: Vec<Point>) -> Self {
-        let low_m = points.iter().fold(Vec3::INFINITY, |low, p| low.min(p.at));
-        let high_m = points.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(p.at));
-        let [rows, columns] = [high_m.x - low_m.x, high_m.y - low_m.y].map(|m| (m.max(0.0) / CELL_M) as usize + 1);
-        let cell = |p: &Point| {
-            let [row, column] = [p.at.x - low_m.x, p.at.y - low_m.y].map(|m| (m / CELL_M) as usize);
-            row * columns + column
-        };
-        let mut starts = vec![0; rows * columns + 1];
-        points.iter().for_each(|p| starts[cell(p) + 1] += 1);
-        for at in 1..starts.len() {
-            starts[at] += starts[at - 1];
+    fn new(points: &[Point]) -> Self {
+        let squares = Squares::over(points.iter().map(|p| p.at), CELL_M);
+        let mut cells = vec![Vec::new(); squares.rows * squares.columns];
+        for point in points {
+            cells[squares.at(point.at)].push(*point);
         }
-        let mut sorted = points;
-        sorted.sort_by_cached_key(cell);
-        Self { low_m, rows, columns, starts, points: sorted }
+        Self { squares, cells }
     }
 
     /// The points near the line along the approach through `origin`, relative to `origin`.
     fn within(&self, origin: Vec3, reach_m: f32) -> Vec<Point> {
-        let first = |at: f32| ((at - reach_m).max(0.0) / CELL_M) as usize;
-        let end = |at: f32, count: usize| (((at + reach_m).max(0.0) / CELL_M) as usize + 1).min(count);
-        let at = origin - self.low_m;
-        let (from, to) = (first(at.y).min(self.columns), end(at.y, self.columns));
-        let rows = first(at.x)..end(at.x, self.rows);
-        let cells = rows.filter(|_| from < to).flat_map(|row| {
-            let row = row * self.columns;
-            &self.points[self.starts[row + from]..self.starts[row + to]]
-        });
-        cells.map(|p| Point { at: p.at - origin, ..*p }).filter(|p| p.is_within(reach_m)).collect()
+        let Squares { low_m, rows, columns, .. } = self.squares;
+        let at = origin - low_m;
+        let near = |at: f32, count: usize| {
+            let [first, last] = [at - reach_m, at + reach_m].map(|m| (m.max(0.0) / CELL_M) as usize);
+            first.min(count)..(last + 1).min(count)
+        };
+        let cells = near(at.x, rows).flat_map(|row| &self.cells[row * columns..][near(at.y, columns)]);
+        cells.flatten().map(|p| Point { at: p.at - origin, ..*p }).filter(|p| p.is_within(reach_m)).collect()
     }
 }
 
@@ -346,7 +325,7 @@ impl Seen {
         let table = cloud.plane.as_ref().map(|found| turned(&found.plane));
         let points = points_m.into_iter().zip(normals).map(|(at, normal)| Point { at, normal: back * *normal });
         let is_thing = |p: &Point| table.is_none_or(|plane| plane.normal.dot(p.at) > plane.offset_m + TABLE_M);
-        Self { approach, things: Things::new(points.filter(is_thing).collect()), table, fine, coarse }
+        Self { approach, things: Things::new(&points.filter(is_thing).collect::<Vec<_>>()), table, fine, coarse }
     }
 
     /// Whether a point is above the table, or there is no table.
@@ -355,44 +334,39 @@ impl Seen {
     }
 }
 
-/// The height map: the nearest point's z for each square cell perpendicular to an approach.
+/// The height map: the nearest point's z for each cell.
 struct Heights {
-    cell_m: f32,
-    low_m: Vec3,
-    columns: usize,
+    squares: Squares,
     nearest_z_m: Vec<f32>,
 }
 
 impl Heights {
-    fn new(points_m: &[Vec3], cell_m: f32) -> Self {
-        let low_m = points_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
-        let high_m = points_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
-        let cells = |low: f32, high: f32| if low <= high { ((high - low) / cell_m) as usize + 1 } else { 0 };
-        let (rows, columns) = (cells(low_m.x, high_m.x), cells(low_m.y, high_m.y));
-        let mut nearest_z_m = vec![f32::INFINITY; rows * columns];
+    fn new(points_m: &[Vec3], side_m: f32) -> Self {
+        let squares = Squares::over(points_m.iter().copied(), side_m);
+        let mut nearest_z_m = vec![f32::INFINITY; squares.rows * squares.columns];
         for point in points_m {
-            let [row, column] = [(point.x - low_m.x) / cell_m, (point.y - low_m.y) / cell_m].map(|at| at as usize);
-            let slot = &mut nearest_z_m[row * columns + column];
+            let slot = &mut nearest_z_m[squares.at(*point)];
             *slot = slot.min(point.z);
         }
-        Self { cell_m, low_m, columns, nearest_z_m }
+        Self { squares, nearest_z_m }
     }
 
     /// Whether all points under a rectangle around `centre_y_m` along the turned y are beyond `z_m`.
     fn is_lower(&self, tips: Vec3, turn: Quat, centre_y_m: f32, half_m: [f32; 2], z_m: f32) -> bool {
-        let steps = half_m.map(|half| (2.0 * half / self.cell_m).ceil() as usize);
+        let Squares { side_m, low_m, columns, .. } = self.squares;
+        let steps = half_m.map(|half| (2.0 * half / side_m).ceil() as usize);
         let (along_x, along_y) = (turn * Vec3::X, turn * Vec3::Y);
         let at = |half: f32, step: usize, steps: usize| half * (2.0 * step as f32 / steps as f32 - 1.0);
-        let centre = tips + along_y * centre_y_m - self.low_m;
+        let centre = tips + along_y * centre_y_m - low_m;
         (0..=steps[0]).all(|i| {
             let line = centre + along_x * at(half_m[0], i, steps[0]);
             (0..=steps[1]).all(|j| {
-                let place = (line + along_y * at(half_m[1], j, steps[1])) / self.cell_m;
+                let place = (line + along_y * at(half_m[1], j, steps[1])) / side_m;
                 // Outside the map there is nothing. A cast of a negative number gives 0, so the sign is tested first.
-                if place.x < 0.0 || place.y < 0.0 || place.y as usize >= self.columns {
+                if place.x < 0.0 || place.y < 0.0 || place.y as usize >= columns {
                     return true;
                 }
-                let cell = place.x as usize * self.columns + place.y as usize;
+                let cell = place.x as usize * columns + place.y as usize;
                 self.nearest_z_m.get(cell).is_none_or(|nearest| *nearest > z_m)
             })
         })

@@ -95,16 +95,16 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let planner = arguments.network.planner()?;
-    let Request { observation, wishes, warnings } = request(arguments, *planner.grid())?;
+    let Request { observation, wishes, warnings } = request(arguments, planner.grid)?;
     let mut plan = planner.plan(&observation, &wishes)?;
     plan.warnings.extend(warnings);
     if let Some(path) = &arguments.picture {
-        write(path, draw(&plan, planner.gripper(), &title(arguments))?)?;
+        write(path, draw(&plan, &planner.config.gripper, &title(arguments))?)?;
     }
     if let Some(path) = &arguments.ply {
         write(path, write_ply(&plan))?;
     }
-    let answer = json(&Answer::new(&plan, &planner, planner.policy(&wishes)))?;
+    let answer = json(&Answer::new(&plan, &planner))?;
     match &arguments.out {
         Some(path) => write(path, answer)?,
         None => print(answer)?,
@@ -138,9 +138,7 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     if !arguments.eye.is_empty() {
         input.eyes_m = Some(arguments.eye.clone());
     }
-    if let Some(policy) = arguments.policy {
-        input.policy = Some(policy.name().to_owned());
-    }
+    input.policy = arguments.policy.or(input.policy);
     input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
     input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
     input.explain = arguments.explain.then_some(true).or(input.explain);

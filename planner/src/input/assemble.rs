@@ -9,13 +9,13 @@ use schema::{Camera, Grid, Pose, Vec3};
 
 use crate::input::camera::{IntrinsicsInput, intrinsics, orientation, point, pose};
 use crate::input::cloud::read_cloud;
-use crate::input::depth::{judge_depth, read_depth_within};
-use crate::input::error::{InputError, shown};
+use crate::input::depth::{judge_depth, read_depth};
+use crate::input::error::{InputError, refuse, shown};
 use crate::input::file::read_file;
 use crate::input::raw_depth::SIDE_PX_MAX;
 use crate::input::request::{EYES_MAX, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
 use crate::input::tsdf::read_tsdf;
-use crate::{Observation, Policy, SeenView, Wishes};
+use crate::{Observation, SeenView, Wishes};
 
 /// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
@@ -78,10 +78,6 @@ pub fn from_file(path: &Path, grid: Grid) -> Result<Request, InputError> {
     assemble(&parse_file(path)?, Some(folder), grid).map_err(|error| error.at(&path.display().to_string()))
 }
 
-fn refuse<T>(what: String) -> Result<T, InputError> {
-    Err(InputError::Value(what))
-}
-
 /// The options of a request.
 ///
 /// # Errors
@@ -96,17 +92,11 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
     Ok(Wishes {
         base_from_workspace: base_from_workspace.transpose()?,
         workspace_from_wrist: workspace_from_wrist.transpose()?,
-        policy: input.policy.as_deref().map(policy).transpose()?,
+        policy: input.policy,
         check_collisions: input.check_collisions,
         grasps_max: input.grasps_max,
         explain: input.explain.unwrap_or(false),
     })
-}
-
-fn policy(name: &str) -> Result<Policy, InputError> {
-    let unknown =
-        |_| InputError::Value(format!("must be paper, vgn-random or vgn-best, got `{}`: policy", shown(name)));
-    name.parse().map_err(unknown)
 }
 
 /// The content of a source, parsed by `read`, with the key's path on every error.
@@ -185,7 +175,7 @@ fn read_view(
     let depth_at = format!("{at}.depth");
     let scale_m = view.depth_scale_m.map(|scale_m| scale_m as f32);
     let (depth, odd) = read_source(&view.depth, folder, &depth_at, |bytes| {
-        let depth = read_depth_within(bytes, scale_m, pixels_max)?;
+        let depth = read_depth(bytes, scale_m, pixels_max)?;
         let odd = judge_depth(&depth)?;
         Ok((depth, odd))
     })?;
@@ -226,8 +216,8 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::*;
-    use crate::input::depth::tests::png_of;
-    use crate::input::npy::write_npy_f32;
+    use crate::Policy;
+    use crate::input::tests::{npy_of, png_of};
 
     fn base64(bytes: &[u8]) -> Value {
         json!({ "data": STANDARD.encode(bytes) })
@@ -309,10 +299,10 @@ mod tests {
     #[test]
     fn grids_and_clouds_are_taken_too() {
         let grid = VoxelGrid::new(Grid::PAPER, vec![0.25; 64_000]).unwrap();
-        let request = json!({ "tsdf": base64(&write_npy_f32(&[1, 40, 40, 40], &grid.values)) });
+        let request = json!({ "tsdf": base64(&npy_of(&[1, 40, 40, 40], &grid.values)) });
         assert_eq!(read(&request).unwrap().observation, Observation::Tsdf(grid));
         let points = [0.1, 0.1, 0.1, f32::NAN, 0.0, 0.0, f32::NAN, 0.0, 0.0];
-        let request = json!({ "cloud": base64(&write_npy_f32(&[3, 3], &points)), "eyes_m": [[0, 0, 1], [0, 1, 1]] });
+        let request = json!({ "cloud": base64(&npy_of(&[3, 3], &points)), "eyes_m": [[0, 0, 1], [0, 1, 1]] });
         let read = read(&request).unwrap();
         let (points_m, eyes_m) = (vec![Vec3::splat(0.1)], vec![Vec3::Z, Vec3::new(0.0, 1.0, 1.0)]);
         assert_eq!(read.observation, Observation::Cloud { points_m, eyes_m });
@@ -350,7 +340,7 @@ mod tests {
             ("/views", Value::Null, "exactly one of views, tsdf and cloud, got 0"),
             ("/tsdf", base64(b""), "exactly one of views, tsdf and cloud, got 2"),
             ("/eyes_m", json!([[0, 0, 0]]), "eyes_m goes with cloud"),
-            ("/policy", json!("best"), "must be paper, vgn-random or vgn-best, got `best`: policy"),
+            ("/policy", json!("best"), "policy must be one of paper, vgn-random, vgn-best, flattest, got best: policy"),
             ("/grasps_max", json!(0), "must be between 1 and 10000, got 0: grasps_max"),
             ("/grasps_max", json!(-1), ": grasps_max"),
             ("/eyes_m", json!([[0, 0, 1], [0, 0]]), "must have 3 numbers, got 2: eyes_m[1]"),
@@ -359,13 +349,13 @@ mod tests {
             ("/workspace_from_wrist", json!({ "quaternion_xyzw": [0, 0, 1] }), ": workspace_from_wrist"),
         ];
         for (pointer, value, wanted) in cases {
-            let told = with(pointer, value);
-            assert!(told.contains(wanted), "{pointer}: {told}");
+            let message = with(pointer, value);
+            assert!(message.contains(wanted), "{pointer}: {message}");
         }
     }
 
     #[test]
-    fn what_is_not_json_is_told_from_what_is_wrong() {
+    fn what_is_not_json_is_distinguished_from_what_is_wrong() {
         for text in ["", "{", "views", "{\"views\": [}", "\u{0}"] {
             assert!(from_json(text.as_bytes(), Grid::PAPER).unwrap_err().is_syntax(), "{text}");
         }
@@ -416,7 +406,7 @@ mod tests {
 
     #[test]
     fn a_cloud_has_at_most_32_eyes_wherever_they_come_from() {
-        let cloud = base64(&write_npy_f32(&[1, 3], &[0.1; 3]));
+        let cloud = base64(&npy_of(&[1, 3], &[0.1; 3]));
         let seen_from = |count: usize| json!({ "cloud": cloud, "eyes_m": vec![[0, 0, 1]; count] });
         assert!(read(&seen_from(32)).is_ok());
         assert_eq!(message(&seen_from(33)), "must have at most 32 entries, got 33: eyes_m");
@@ -425,7 +415,7 @@ mod tests {
             eyes_m: Some(vec![[0.0, 0.0, 1.0]; 33]),
             ..RequestInput::default()
         };
-        let told = assemble(&flags, Some(Path::new("")), Grid::PAPER).unwrap_err().to_string();
-        assert_eq!(told, "must have at most 32 entries, got 33: eyes_m");
+        let message = assemble(&flags, Some(Path::new("")), Grid::PAPER).unwrap_err().to_string();
+        assert_eq!(message, "must have at most 32 entries, got 33: eyes_m");
     }
 }

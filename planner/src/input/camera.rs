@@ -4,6 +4,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use glamx::{DMat3, DQuat, DVec3};
 use schema::{Intrinsics, Pose, Quat, Vec3, pose_from_parts};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
@@ -12,7 +13,7 @@ use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, OneOfBuilder, Schema};
 use utoipa::{PartialSchema, ToSchema};
 
-use crate::input::error::InputError;
+use crate::input::error::{InputError, refuse};
 use crate::input::lists::{Numbers, first_entries, numbers};
 use crate::input::raw_depth::SIDE_PX_MAX;
 
@@ -137,12 +138,12 @@ fn list_of(item: RefOr<Schema>, count: usize, what: &str) -> ArrayBuilder {
 ///
 /// # Errors
 /// [`InputError::Value`] if a number is out of range or the sizes differ; `at` is the key's path.
-pub fn intrinsics(
+pub(crate) fn intrinsics(
     input: &IntrinsicsInput,
     [width_px, height_px]: [usize; 2],
     at: &str,
 ) -> Result<Intrinsics, InputError> {
-    let refuse = |what: String| Err(InputError::Value(format!("{what}: {at}")));
+    let refuse = |what: String| refuse(format!("{what}: {at}"));
     for (key, given, of_image) in [("width_px", input.width_px, width_px), ("height_px", input.height_px, height_px)] {
         if let Some(given) = given.filter(|given| *given != of_image) {
             return refuse(format!("{key} must be the image's {of_image}, got {given}"));
@@ -170,118 +171,94 @@ pub fn intrinsics(
 ///
 /// # Errors
 /// [`InputError::Value`] if it is not a rigid transform or far away; `at` is the key's path.
-pub fn pose(input: &PoseInput, at: &str) -> Result<Pose, InputError> {
+pub(crate) fn pose(input: &PoseInput, at: &str) -> Result<Pose, InputError> {
     let (rotation, translation) = match input {
         PoseInput::Matrix(matrix) => from_matrix(matrix),
         PoseInput::Parts(parts) => from_parts(parts),
     }
     .map_err(|error| error.at(at))?;
-    if let Some(far) = translation.into_iter().find(|metres| !(-TRANSLATION_M_MAX..=TRANSLATION_M_MAX).contains(metres))
-    {
-        return Err(InputError::Value(format!(
+    let is_far = |metres: &f64| !(-TRANSLATION_M_MAX..=TRANSLATION_M_MAX).contains(metres);
+    if let Some(far) = translation.to_array().into_iter().find(is_far) {
+        return refuse(format!(
             "a translation must be at most {TRANSLATION_M_MAX} m, got {far}: are these millimetres?: {at}"
-        )));
+        ));
     }
-    Ok(pose_from_parts(rotation, Vec3::from_array(translation.map(|metres| metres as f32))))
+    Ok(pose_from_parts(rotation, translation.as_vec3()))
 }
 
 /// The unit quaternion of four numbers that are nearly normalised.
 ///
 /// # Errors
 /// [`InputError::Value`] if they are not; `at` is the key's path.
-pub fn orientation(input: &OrientationInput, at: &str) -> Result<Quat, InputError> {
+pub(crate) fn orientation(input: &OrientationInput, at: &str) -> Result<Quat, InputError> {
     unit_quaternion(input.quaternion_xyzw).map_err(|error| error.at(at))
 }
 
 /// A point of three finite numbers.
 pub(crate) fn point(xyz: [f64; 3], at: &str) -> Result<Vec3, InputError> {
-    finite("a point", xyz).map(|xyz| Vec3::from_array(xyz.map(|metres| metres as f32))).map_err(|error| error.at(at))
+    finite("a point", xyz).map(|xyz| xyz.as_vec3()).map_err(|error| error.at(at))
 }
 
-fn refuse<T>(what: String) -> Result<T, InputError> {
-    Err(InputError::Value(what))
-}
-
-fn finite(what: &str, xyz: [f64; 3]) -> Result<[f64; 3], InputError> {
+fn finite(what: &str, xyz: [f64; 3]) -> Result<DVec3, InputError> {
     if xyz.iter().all(|number| number.is_finite()) {
-        return Ok(xyz);
+        return Ok(DVec3::from_array(xyz));
     }
     refuse(format!("{what} must have finite numbers, got {xyz:?}"))
 }
 
-fn from_parts(parts: &PosePartsInput) -> Result<(Quat, [f64; 3]), InputError> {
+fn from_parts(parts: &PosePartsInput) -> Result<(Quat, DVec3), InputError> {
     let position_m = finite("position_m", parts.position_m)?;
     Ok((unit_quaternion(parts.quaternion_xyzw)?, position_m))
 }
 
 fn unit_quaternion(xyzw: [f64; 4]) -> Result<Quat, InputError> {
-    let norm = xyzw.iter().map(|n| n * n).sum::<f64>().sqrt();
+    let rotation = DQuat::from_array(xyzw);
+    let norm = rotation.length();
     if !(1.0 - RIGID_TOLERANCE..=1.0 + RIGID_TOLERANCE).contains(&norm) {
         return refuse(format!("quaternion_xyzw must have a length of 1 within {RIGID_TOLERANCE}, got {norm:.4}"));
     }
-    Ok(normalised(xyzw))
+    Ok(in_single_precision(rotation))
 }
 
-fn normalised(xyzw: [f64; 4]) -> Quat {
-    let norm = xyzw.iter().map(|n| n * n).sum::<f64>().sqrt();
-    let [x, y, z, w] = xyzw.map(|n| (n / norm) as f32);
-    Quat::from_xyzw(x, y, z, w).normalize()
+fn in_single_precision(rotation: DQuat) -> Quat {
+    rotation.normalize().as_quat().normalize()
 }
 
-fn from_matrix(matrix: &[[f64; 4]; 4]) -> Result<(Quat, [f64; 3]), InputError> {
-    if matrix.iter().flatten().any(|number| !number.is_finite()) {
-        return refuse("a matrix must have finite numbers".to_owned());
+fn from_matrix(rows: &[[f64; 4]; 4]) -> Result<(Quat, DVec3), InputError> {
+    if rows.iter().flatten().any(|number| !number.is_finite()) {
+        return refuse("a matrix must have finite numbers");
     }
     let misses = |(got, wanted): (&f64, f64)| (got - wanted).abs() > LAST_ROW_TOLERANCE;
-    if matrix[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(misses) {
-        let hint = if matrix.iter().take(3).all(|row| row[3].abs() < LAST_ROW_TOLERANCE) {
+    if rows[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(misses) {
+        let hint = if rows.iter().take(3).all(|row| row[3].abs() < LAST_ROW_TOLERANCE) {
             ": is it transposed? rows come first"
         } else {
             ""
         };
-        return refuse(format!("a matrix's last row must be 0 0 0 1, got {:?}{hint}", matrix[3]));
+        return refuse(format!("a matrix's last row must be 0 0 0 1, got {:?}{hint}", rows[3]));
     }
-    let rotation = [0, 1, 2].map(|row| [matrix[row][0], matrix[row][1], matrix[row][2]]);
-    check_rotation(&rotation)?;
-    Ok((normalised(quaternion_of(&rotation)), [matrix[0][3], matrix[1][3], matrix[2][3]]))
+    let [x, y, z, translation] =
+        [0, 1, 2, 3].map(|column| DVec3::new(rows[0][column], rows[1][column], rows[2][column]));
+    check_rotation([x, y, z])?;
+    Ok((in_single_precision(DQuat::from_mat3(&DMat3::from_cols(x, y, z))), translation))
 }
 
-/// Checks that three rows are a rotation, by the lengths of its columns, their angles, and its orientation.
-fn check_rotation(rows: &[[f64; 3]; 3]) -> Result<(), InputError> {
-    let columns = [0, 1, 2].map(|column| rows.map(|row| row[column]));
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let lengths = columns.map(|column| dot(column, column).sqrt());
+/// Checks that three columns are a rotation, by their lengths, their angles, and its orientation.
+fn check_rotation([x, y, z]: [DVec3; 3]) -> Result<(), InputError> {
+    let lengths = [x, y, z].map(DVec3::length);
     if lengths.iter().any(|length| (length - 1.0).abs() > RIGID_TOLERANCE) {
         let [x, y, z] = lengths;
         return refuse(format!("not a rigid transform: its columns have lengths {x:.3}, {y:.3}, {z:.3}"));
     }
-    let [x, y, z] = columns;
-    let cosines = [dot(x, y), dot(y, z), dot(z, x)];
+    let cosines = [x.dot(y), y.dot(z), z.dot(x)];
     if cosines.iter().any(|cosine| cosine.abs() > RIGID_TOLERANCE) {
-        let [xy, yz, zx] = cosines;
-        let told = format!("the cosines between its columns are {xy:.3}, {yz:.3}, {zx:.3}, not 0");
-        return refuse(format!("not a rigid transform: {told}"));
+        let [xy, yz, zx] = cosines.map(|cosine| format!("{cosine:.3}"));
+        return refuse(format!("not a rigid transform: the cosines between its columns are {xy}, {yz}, {zx}, not 0"));
     }
-    let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-    if dot(cross, z) < 0.0 {
-        return refuse("not a rigid transform: the rotation's determinant is -1 (a reflection)".to_owned());
+    if x.cross(y).dot(z) < 0.0 {
+        return refuse("not a rigid transform: the rotation's determinant is -1 (a reflection)");
     }
     Ok(())
-}
-
-/// x, y, z, w of a rotation, from the largest of the four to avoid division by nearly 0 (Shepperd's method).
-fn quaternion_of(m: &[[f64; 3]; 3]) -> [f64; 4] {
-    let trace = m[0][0] + m[1][1] + m[2][2];
-    let squares = [m[0][0], m[1][1], m[2][2], trace].map(|s| 1.0 - trace + 2.0 * s);
-    let largest = (0..4).max_by(|a, b| squares[*a].total_cmp(&squares[*b])).unwrap_or(3);
-    let [xy, yz, zx] = [m[0][1] + m[1][0], m[1][2] + m[2][1], m[2][0] + m[0][2]];
-    let [wx, wy, wz] = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]];
-    match largest {
-        0 => [squares[0], xy, zx, wx],
-        1 => [xy, squares[1], yz, wy],
-        2 => [zx, yz, squares[2], wz],
-        _ => [wx, wy, wz, squares[3]],
-    }
 }
 
 #[cfg(test)]
@@ -334,11 +311,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_rigid_is_refused_and_told_why() {
+    fn what_is_not_rigid_is_refused_with_the_reason() {
         let reflected = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]);
-        let told =
+        let expected =
             "not a rigid transform: the rotation's determinant is -1 (a reflection): views[1].workspace_from_camera";
-        assert_eq!(message(reflected), told);
+        assert_eq!(message(reflected), expected);
         let scaled = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0.5, 0], [0, 0, 0, 1]]);
         assert!(message(scaled).contains("lengths 1.000, 1.000, 0.500"));
         let sheared = json!([[1, 0.6, 0, 0], [0, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);

@@ -3,7 +3,7 @@
 
 use schema::Vec3;
 
-use crate::input::error::InputError;
+use crate::input::error::{InputError, refuse};
 use crate::input::points::{ReadCloud, check_count};
 use crate::input::{npy, pcd, ply};
 
@@ -11,7 +11,7 @@ use crate::input::{npy, pcd, ply};
 ///
 /// # Errors
 /// [`InputError`] if the format is unknown, the bytes are damaged, or there are no coordinates or too many points.
-pub fn read_cloud(bytes: &[u8]) -> Result<ReadCloud, InputError> {
+pub(crate) fn read_cloud(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     if npy::is_npy(bytes) {
         read_array(bytes)
     } else if ply::is_ply(bytes) {
@@ -29,13 +29,10 @@ fn read_array(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     let (points, columns) = match header.shape[..] {
         [points, columns] if columns >= 3 => (points, columns),
         [height, width, columns] if columns >= 3 => (height.saturating_mul(width), columns),
-        _ => {
-            let got = &header.shape;
-            return Err(InputError::Value(format!("a cloud must have the shape [N, 3] or [H, W, 3], got {got:?}")));
-        }
+        _ => return refuse(format!("a cloud must have the shape [N, 3] or [H, W, 3], got {:?}", header.shape)),
     };
     check_count(points, data.len(), columns)?;
-    let values = header.decode(data).values;
+    let values = header.decode(data);
     let points_m = values.chunks_exact(columns).map(|row| Vec3::new(row[0], row[1], row[2])).collect();
     Ok(ReadCloud::of(points_m, None))
 }
@@ -43,23 +40,23 @@ fn read_array(bytes: &[u8]) -> Result<ReadCloud, InputError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::input::npy::write_npy_f32;
     use crate::input::points::POINTS_MAX;
+    use crate::input::tests::npy_of;
 
     #[test]
     fn arrays_give_their_first_three_columns() {
         let rows = [1.0, 2.0, 3.0, 9.0, 4.0, f32::NAN, 6.0, 9.0, 7.0, 8.0, 9.0, 9.0];
         let wanted =
             ReadCloud { points_m: vec![Vec3::new(1.0, 2.0, 3.0), Vec3::new(7.0, 8.0, 9.0)], eye_m: None, dropped: 1 };
-        assert_eq!(read_cloud(&write_npy_f32(&[3, 4], &rows)).unwrap(), wanted);
-        assert_eq!(read_cloud(&write_npy_f32(&[1, 3, 4], &rows)).unwrap(), wanted);
+        assert_eq!(read_cloud(&npy_of(&[3, 4], &rows)).unwrap(), wanted);
+        assert_eq!(read_cloud(&npy_of(&[1, 3, 4], &rows)).unwrap(), wanted);
     }
 
     #[test]
     fn other_shapes_and_formats_are_refused() {
         let message = |bytes: &[u8]| read_cloud(bytes).unwrap_err().to_string();
-        assert!(message(&write_npy_f32(&[3], &[0.0; 3])).contains("[N, 3] or [H, W, 3], got [3]"));
-        assert!(message(&write_npy_f32(&[3, 2], &[0.0; 6])).contains("got [3, 2]"));
+        assert!(message(&npy_of(&[3], &[0.0; 3])).contains("[N, 3] or [H, W, 3], got [3]"));
+        assert!(message(&npy_of(&[3, 2], &[0.0; 6])).contains("got [3, 2]"));
         assert!(message(b"solid stl").contains("PLY, PCD or NPY"));
     }
 

@@ -6,10 +6,10 @@ use std::io::Cursor;
 use png::{BitDepth, ColorType, DecodingError};
 use schema::DepthImage;
 
-use crate::input::error::InputError;
-use crate::input::npy::NpyNumber;
-use crate::input::raw_depth::{RawDepth, SIDE_PX_MAX, check_size};
-use crate::input::{exr_image, npy};
+use crate::input::error::{InputError, refuse};
+use crate::input::exr_image::read_exr;
+use crate::input::npy;
+use crate::input::raw_depth::{RawDepth, check_size};
 
 /// Default metres per unit of an integer image: millimetres, as cameras deliver.
 const WHOLE_NUMBER_SCALE_M: f32 = 0.001;
@@ -25,84 +25,43 @@ const SEEN_SHARE_MIN: f64 = 0.1;
 const PNG_BYTES_MAX: usize = 4 << 20;
 /// Maximum expansion factor of Deflate.
 const DEFLATE_RATIO_MAX: usize = 1032;
-
-/// A format of depth images.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DepthFormat {
-    /// Grey PNG of 16 bits.
-    Png,
-    /// NumPy array of two axes.
-    Npy,
-    /// `OpenEXR` with a depth channel.
-    Exr,
-}
-
-impl DepthFormat {
-    /// The format of a file with these first bytes.
-    #[must_use]
-    pub fn of(bytes: &[u8]) -> Option<Self> {
-        if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-            Some(Self::Png)
-        } else if npy::is_npy(bytes) {
-            Some(Self::Npy)
-        } else {
-            bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]).then_some(Self::Exr)
-        }
-    }
-
-    /// Its name.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Png => "PNG",
-            Self::Npy => "NPY",
-            Self::Exr => "EXR",
-        }
-    }
-}
+const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+const EXR_SIGNATURE: &[u8] = b"\x76\x2f\x31\x01";
 
 /// A depth image with statistics for warnings.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ReadDepth {
+pub(crate) struct ReadDepth {
     /// The image; 0 where nothing was seen.
-    pub image: DepthImage,
-    /// The file format.
-    pub format: DepthFormat,
+    pub(crate) image: DepthImage,
     /// Metres per stored unit that were used.
-    pub scale_m: f32,
+    pub(crate) scale_m: f32,
     /// Pixels that were not finite numbers.
-    pub not_finite: usize,
+    pub(crate) not_finite: usize,
     /// Pixels below 0.
-    pub negative: usize,
+    pub(crate) negative: usize,
 }
 
-/// Reads a depth image. `scale_m` is metres per stored unit; by default integers are millimetres and floats metres.
+/// Reads a depth image of at most `pixels_max` pixels. `scale_m` is metres per stored unit; by default integers are
+/// millimetres and floats metres.
 ///
 /// # Errors
 /// [`InputError`] if the format is unknown, the bytes are damaged, or the image is not a depth image of at most
-/// [`SIDE_PX_MAX`] pixels a side.
-pub fn read_depth(bytes: &[u8], scale_m: Option<f32>) -> Result<ReadDepth, InputError> {
-    read_depth_within(bytes, scale_m, SIDE_PX_MAX * SIDE_PX_MAX)
-}
-
-/// Like [`read_depth`], but refuses an image of more than `pixels_max` pixels before decoding it.
-pub(crate) fn read_depth_within(
-    bytes: &[u8],
-    scale_m: Option<f32>,
-    pixels_max: usize,
-) -> Result<ReadDepth, InputError> {
+/// `SIDE_PX_MAX` pixels a side.
+pub(crate) fn read_depth(bytes: &[u8], scale_m: Option<f32>, pixels_max: usize) -> Result<ReadDepth, InputError> {
     if let Some(scale_m) = scale_m.filter(|scale_m| !(SCALE_M_MIN..=SCALE_M_MAX).contains(scale_m)) {
-        return Err(value(format!("depth_scale_m must be between {SCALE_M_MIN:e} and {SCALE_M_MAX}, got {scale_m}")));
+        return refuse(format!("depth_scale_m must be between {SCALE_M_MIN:e} and {SCALE_M_MAX}, got {scale_m}"));
     }
-    let unknown = || InputError::Damaged("a depth image must be a PNG, NPY or EXR file, got other bytes".to_owned());
-    let format = DepthFormat::of(bytes).ok_or_else(unknown)?;
-    let raw = match format {
-        DepthFormat::Png => read_png(bytes, pixels_max),
-        DepthFormat::Npy => read_array(bytes, pixels_max),
-        DepthFormat::Exr => exr_image::read_exr(bytes, pixels_max),
+    let raw = if bytes.starts_with(PNG_SIGNATURE) {
+        read_png(bytes, pixels_max)
+    } else if npy::is_npy(bytes) {
+        read_array(bytes, pixels_max)
+    } else if bytes.starts_with(EXR_SIGNATURE) {
+        read_exr(bytes, pixels_max)
+    } else {
+        Err(InputError::Damaged("a depth image must be a PNG, NPY or EXR file, got other bytes".to_owned()))
     }?;
     let by_default = if raw.are_whole_numbers { WHOLE_NUMBER_SCALE_M } else { 1.0 };
-    Ok(in_metres(raw, format, scale_m.unwrap_or(by_default)))
+    Ok(in_metres(raw, scale_m.unwrap_or(by_default)))
 }
 
 /// Warnings about a readable image.
@@ -110,19 +69,19 @@ pub(crate) fn read_depth_within(
 /// # Errors
 /// [`InputError::Value`] if no pixel has a depth, or the median depth is implausible for a table in front of a robot,
 /// which mostly means a wrong unit.
-pub fn judge_depth(depth: &ReadDepth) -> Result<Vec<String>, InputError> {
+pub(crate) fn judge_depth(depth: &ReadDepth) -> Result<Vec<String>, InputError> {
     let mut seen: Vec<f32> = depth.image.depth_m.iter().copied().filter(|depth_m| *depth_m > 0.0).collect();
     let pixels = depth.image.depth_m.len();
     if seen.is_empty() {
-        return Err(value(format!("no pixel has a depth{}", odd_pixels(depth))));
+        return refuse(format!("no pixel has a depth{}", odd_pixels(depth)));
     }
     let middle = seen.len() / 2;
     let median_m = *seen.select_nth_unstable_by(middle, f32::total_cmp).1;
     if !(MEDIAN_M_MIN..=MEDIAN_M_MAX).contains(&median_m) {
         let hint = scale_hint(depth.scale_m, median_m);
-        return Err(value(format!(
+        return refuse(format!(
             "the median depth must be between {MEDIAN_M_MIN} and {MEDIAN_M_MAX} m, got {median_m} m: {hint}"
-        )));
+        ));
     }
     let mut warnings = Vec::new();
     let seen_share = seen.len() as f64 / pixels as f64;
@@ -133,10 +92,6 @@ pub fn judge_depth(depth: &ReadDepth) -> Result<Vec<String>, InputError> {
         warnings.push(format!("{} pixels with a negative depth count as not seen", depth.negative));
     }
     Ok(warnings)
-}
-
-fn value(message: String) -> InputError {
-    InputError::Value(message)
 }
 
 fn odd_pixels(depth: &ReadDepth) -> String {
@@ -158,7 +113,7 @@ fn scale_hint(scale_m: f32, median_m: f32) -> String {
     }
 }
 
-fn in_metres(raw: RawDepth, format: DepthFormat, scale_m: f32) -> ReadDepth {
+fn in_metres(raw: RawDepth, scale_m: f32) -> ReadDepth {
     let (mut not_finite, mut negative) = (0, 0);
     let mut depth_m = raw.values;
     for depth in &mut depth_m {
@@ -168,21 +123,20 @@ fn in_metres(raw: RawDepth, format: DepthFormat, scale_m: f32) -> ReadDepth {
         *depth = if scaled.is_finite() && scaled > 0.0 { scaled } else { 0.0 };
     }
     let image = DepthImage { width_px: raw.width_px, height_px: raw.height_px, depth_m };
-    ReadDepth { image, format, scale_m, not_finite, negative }
+    ReadDepth { image, scale_m, not_finite, negative }
 }
 
 fn read_array(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
     let (header, data) = npy::split(bytes)?;
     let (height_px, width_px) = match header.shape[..] {
         [height, width] | [height, width, 1] => (height, width),
-        _ => return Err(value(format!("a depth array must have the shape [H, W], got {:?}", header.shape))),
+        _ => return refuse(format!("a depth array must have the shape [H, W], got {:?}", header.shape)),
     };
     check_size(width_px, height_px, pixels_max)?;
-    if header.number == NpyNumber::U8 {
-        return Err(value("a depth array must not be of 8 bits: 256 depths are a coloured picture of them".to_owned()));
+    if header.number.is_byte() {
+        return refuse("a depth array must not be of 8 bits: 256 depths are a coloured picture of them");
     }
-    let are_whole_numbers = !matches!(header.number, NpyNumber::F32 | NpyNumber::F64);
-    Ok(RawDepth { width_px, height_px, values: header.decode(data).values, are_whole_numbers })
+    Ok(RawDepth { width_px, height_px, values: header.decode(data), are_whole_numbers: !header.number.is_float() })
 }
 
 fn read_png(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
@@ -214,12 +168,12 @@ fn read_png(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
 fn check_grey(color: ColorType, depth: BitDepth) -> Result<(), InputError> {
     match (color, depth) {
         (ColorType::Grayscale, BitDepth::Sixteen) => Ok(()),
-        (ColorType::Grayscale, depth) => Err(value(format!(
-            "a depth PNG must have 16 bits a pixel, got {}: fewer cannot tell millimetres apart",
-            depth as u8
-        ))),
+        (ColorType::Grayscale, depth) => {
+            let got = depth as u8;
+            refuse(format!("a depth PNG must have 16 bits a pixel, got {got}: fewer cannot tell millimetres apart"))
+        }
         (color, _) => {
-            Err(value(format!("a depth PNG must be grey, got {color:?}: is this the colour image, or a rendered one?")))
+            refuse(format!("a depth PNG must be grey, got {color:?}: is this the colour image, or a rendered one?"))
         }
     }
 }
@@ -233,20 +187,12 @@ fn damaged_png(error: DecodingError) -> InputError {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
+    use crate::input::tests::{npy_of, png_of};
 
-    /// A grey PNG of 16 bits.
-    pub(crate) fn png_of(width: u32, height: u32, units: &[u16]) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, width, height);
-        encoder.set_color(ColorType::Grayscale);
-        encoder.set_depth(BitDepth::Sixteen);
-        let mut writer = encoder.write_header().unwrap();
-        let pixels: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
-        writer.write_image_data(&pixels).unwrap();
-        writer.finish().unwrap();
-        bytes
+    fn read_whole(bytes: &[u8], scale_m: Option<f32>) -> Result<ReadDepth, InputError> {
+        read_depth(bytes, scale_m, usize::MAX)
     }
 
     fn message(result: Result<ReadDepth, InputError>) -> String {
@@ -256,52 +202,52 @@ pub(crate) mod tests {
     #[test]
     fn a_png_is_millimetres_row_by_row() {
         let bytes = png_of(3, 2, &[0, 500, 1000, 65535, 1, 2]);
-        let read = read_depth(&bytes, None).unwrap();
-        assert_eq!((read.image.width_px, read.image.height_px, read.format), (3, 2, DepthFormat::Png));
+        let read = read_whole(&bytes, None).unwrap();
+        assert_eq!((read.image.width_px, read.image.height_px), (3, 2));
         assert_eq!(read.image.at([0, 0]), None);
         assert_eq!(read.image.at([1, 0]), Some(0.5));
         assert!((read.image.at([0, 1]).unwrap() - 65.535).abs() < 1e-4);
-        let scaled = read_depth(&bytes, Some(0.0002)).unwrap();
+        let scaled = read_whole(&bytes, Some(0.0002)).unwrap();
         assert!((scaled.image.at([1, 0]).unwrap() - 0.1).abs() < 1e-6, "5000 units a metre, as TUM's datasets have");
     }
 
     #[test]
     fn arrays_of_each_kind_are_read() {
-        let floats = npy::write_npy_f32(&[2, 2, 1], &[0.5, f32::NAN, -1.0, f32::INFINITY]);
-        let read = read_depth(&floats, None).unwrap();
+        let floats = npy_of(&[2, 2, 1], &[0.5, f32::NAN, -1.0, f32::INFINITY]);
+        let read = read_whole(&floats, None).unwrap();
         assert_eq!(read.image.depth_m, [0.5, 0.0, 0.0, 0.0]);
         assert_eq!((read.not_finite, read.negative, read.scale_m), (2, 1, 1.0));
         let mut whole = b"\x93NUMPY\x01\x00\x3b\x00".to_vec();
         whole.extend(format!("{:<59}", "{'descr': '<u2', 'fortran_order': True, 'shape': (1, 2)}").bytes());
         whole.extend([0xf4, 0x01, 0xe8, 0x03]);
-        assert_eq!(read_depth(&whole, None).unwrap().image.depth_m, [0.5, 1.0]);
+        assert_eq!(read_whole(&whole, None).unwrap().image.depth_m, [0.5, 1.0]);
     }
 
     #[test]
     fn what_is_no_depth_is_refused() {
         let mut grey8 = Vec::new();
         png::Encoder::new(&mut grey8, 1, 1).write_header().unwrap().write_image_data(&[7]).unwrap();
-        assert!(message(read_depth(&grey8, None)).contains("16 bits a pixel, got 8"));
+        assert!(message(read_whole(&grey8, None)).contains("16 bits a pixel, got 8"));
         let mut rgb = Vec::new();
         let mut encoder = png::Encoder::new(&mut rgb, 1, 1);
         encoder.set_color(ColorType::Rgb);
         encoder.write_header().unwrap().write_image_data(&[7; 3]).unwrap();
-        assert!(message(read_depth(&rgb, None)).contains("must be grey, got Rgb"));
-        assert!(message(read_depth(b"GIF89a", None)).contains("PNG, NPY or EXR"));
-        assert!(message(read_depth(&npy::write_npy_f32(&[4], &[1.0; 4]), None)).contains("shape [H, W], got [4]"));
-        assert!(message(read_depth(&npy::write_npy_f32(&[0, 4], &[]), None)).contains("got 4 x 0"));
+        assert!(message(read_whole(&rgb, None)).contains("must be grey, got Rgb"));
+        assert!(message(read_whole(b"GIF89a", None)).contains("PNG, NPY or EXR"));
+        assert!(message(read_whole(&npy_of(&[4], &[1.0; 4]), None)).contains("shape [H, W], got [4]"));
+        assert!(message(read_whole(&npy_of(&[0, 4], &[]), None)).contains("got 4 x 0"));
         let good = png_of(1, 1, &[500]);
         for scale_m in [5.0, 0.0, -1.0, f32::NAN] {
-            assert!(message(read_depth(&good, Some(scale_m))).contains("between 1e-6 and 1, got"), "{scale_m}");
+            assert!(message(read_whole(&good, Some(scale_m))).contains("between 1e-6 and 1, got"), "{scale_m}");
         }
-        assert!(message(read_depth_within(&png_of(2, 2, &[1; 4]), None, 3)).contains("too many pixels"));
+        assert!(message(read_depth(&png_of(2, 2, &[1; 4]), None, 3)).contains("too many pixels"));
     }
 
     #[test]
     fn a_png_cut_anywhere_is_damaged() {
         let whole = png_of(4, 4, &[700; 16]);
         for end in 8..whole.len() {
-            assert!(matches!(read_depth(&whole[..end], None), Err(InputError::Damaged(_))), "cut at {end}");
+            assert!(matches!(read_whole(&whole[..end], None), Err(InputError::Damaged(_))), "cut at {end}");
         }
     }
 
@@ -322,16 +268,16 @@ pub(crate) mod tests {
             bytes[29..33].copy_from_slice(&(!crc).to_be_bytes());
             bytes
         };
-        assert!(message(read_depth(&promising(4096), None)).contains("cannot hold the 4096 x 4096 pixels"));
-        assert!(message(read_depth(&promising(4097), None)).contains("1 to 4096 pixels a side"));
-        assert!(read_depth(&promising(0x7fff_ffff), None).is_err());
+        assert!(message(read_whole(&promising(4096), None)).contains("cannot hold the 4096 x 4096 pixels"));
+        assert!(message(read_whole(&promising(4097), None)).contains("1 to 4096 pixels a side"));
+        assert!(read_whole(&promising(0x7fff_ffff), None).is_err());
     }
 
     #[test]
-    fn absurd_depths_are_told_with_the_likely_unit() {
+    fn absurd_depths_are_refused_with_the_likely_unit() {
         let judged = |values: &[f32], scale_m| {
-            let bytes = npy::write_npy_f32(&[1, values.len()], values);
-            judge_depth(&read_depth(&bytes, scale_m).unwrap())
+            let bytes = npy_of(&[1, values.len()], values);
+            judge_depth(&read_whole(&bytes, scale_m).unwrap())
         };
         let said = |values: &[f32], scale_m| judged(values, scale_m).unwrap_err().to_string();
         assert!(judged(&[0.6, 0.7, 0.0], None).unwrap().is_empty());

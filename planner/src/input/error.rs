@@ -46,12 +46,6 @@ impl InputError {
         matches!(self, Self::Syntax(_))
     }
 
-    /// Whether the outside world failed, so that a retry may help.
-    #[must_use]
-    pub fn is_io(&self) -> bool {
-        self.exit_code() == ExitCode::TryAgain
-    }
-
     /// Adds the place of the error; errors that already name a file are unchanged.
     #[must_use]
     pub fn at(self, place: &str) -> Self {
@@ -62,6 +56,11 @@ impl InputError {
             named => named,
         }
     }
+}
+
+/// Refuses a key, a shape or a value.
+pub(crate) fn refuse<T>(what: impl Into<String>) -> Result<T, InputError> {
+    Err(InputError::Value(what.into()))
 }
 
 /// Outside text made safe to print: without control characters and shortened.
@@ -79,7 +78,7 @@ mod tests {
     fn each_kind_has_its_code() {
         let io = InputError::Io { path: "a".into(), source: std::io::Error::other("disk on fire") };
         assert_eq!(io.exit_code(), ExitCode::TryAgain);
-        assert!(io.is_io() && !io.is_syntax());
+        assert!(!io.is_syntax());
         assert_eq!(io.to_string(), "failed to read a: disk on fire");
         assert_eq!(InputError::Damaged(String::new()).exit_code(), ExitCode::Data);
         assert_eq!(InputError::Missing("a".into()).exit_code(), ExitCode::Config);
@@ -87,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn strangers_texts_are_cut_and_escaped() {
+    fn texts_from_outside_are_cut_and_escaped() {
         assert_eq!(shown("a\u{1b}[31m\n"), "a\\u{1b}[31m\\n");
         assert_eq!(shown(&"x".repeat(1000)).chars().count(), 241);
     }

@@ -13,7 +13,7 @@ use exr::meta::attribute::{ChannelList, IntegerBounds, LevelMode, SampleType};
 use exr::meta::header::Header;
 use exr::prelude::{Compression, Vec2, f16};
 
-use crate::input::error::{InputError, shown};
+use crate::input::error::{InputError, refuse, shown};
 use crate::input::raw_depth::{RawDepth, SIDE_PX_MAX, check_size};
 
 /// Colours, depth, and a few masks.
@@ -36,7 +36,7 @@ fn damaged(error: Error) -> InputError {
 fn decode(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
     let reader = exr::block::read(Cursor::new(bytes), false).map_err(damaged)?;
     let [header] = reader.headers() else {
-        return Err(InputError::Value(format!("a depth EXR must have one part, got {}", reader.headers().len())));
+        return refuse(format!("a depth EXR must have one part, got {}", reader.headers().len()));
     };
     check_header(header, bytes.len(), pixels_max)?;
     let channels = header.channels.clone();
@@ -59,7 +59,6 @@ fn decode(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
 }
 
 fn check_header(header: &Header, file_bytes: usize, pixels_max: usize) -> Result<(), InputError> {
-    let refuse = |what: String| Err(InputError::Value(what));
     check_size(header.layer_size.0, header.layer_size.1, pixels_max)?;
     let (data, display) = (header.data_window(), header.shared_attributes.display_window);
     if data != display {
@@ -142,22 +141,14 @@ fn fill<const N: usize>(row: &mut [f32], bytes: &[u8], convert: impl Fn([u8; N])
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-    use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
-    use exr::meta::header::LayerAttributes;
-    use exr::prelude::{SmallVec, WritableImage};
+mod tests {
+    use exr::image::{Encoding, FlatSamples};
 
     use super::*;
-    use crate::input::depth::read_depth;
+    use crate::input::tests::exr_of;
 
-    /// An EXR of 5 × 3 pixels with these channels.
-    pub(crate) fn exr_of(encoding: Encoding, channels: Vec<(&str, FlatSamples)>) -> Vec<u8> {
-        let channels: Vec<_> = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
-        let channels = AnyChannels::sort(SmallVec::from_vec(channels));
-        let layer = Layer::new((5, 3), LayerAttributes::named("seen"), encoding, channels);
-        let mut bytes = Cursor::new(Vec::new());
-        Image::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
-        bytes.into_inner()
+    fn read_whole(bytes: &[u8]) -> Result<RawDepth, InputError> {
+        read_exr(bytes, usize::MAX)
     }
 
     fn ramp() -> Vec<f32> {
@@ -171,14 +162,14 @@ pub(crate) mod tests {
         for encoding in encodings {
             let half = ramp().iter().map(|depth| f16::from_f32(*depth)).collect();
             for samples in [FlatSamples::F32(ramp()), FlatSamples::F16(half)] {
-                let read = read_depth(&exr_of(encoding, vec![("Z", samples)]), None).unwrap();
-                assert_eq!((read.image.width_px, read.image.height_px), (5, 3));
-                assert_eq!(read.image.depth_m, ramp(), "quarters are exact in both, {encoding:?}");
+                let read = read_whole(&exr_of(encoding, vec![("Z", samples)])).unwrap();
+                assert_eq!((read.width_px, read.height_px, read.are_whole_numbers), (5, 3, false));
+                assert_eq!(read.values, ramp(), "quarters are exact in both, {encoding:?}");
             }
         }
         let whole = FlatSamples::U32((0..15).collect());
-        let read = read_depth(&exr_of(Encoding::SMALL_LOSSLESS, vec![("depth.V", whole)]), Some(0.25)).unwrap();
-        assert_eq!(read.image.depth_m, ramp());
+        let read = read_whole(&exr_of(Encoding::SMALL_LOSSLESS, vec![("depth.V", whole)])).unwrap();
+        assert!(read.are_whole_numbers && read.values.iter().map(|value| 0.25 * value).eq(ramp()));
     }
 
     #[test]
@@ -189,8 +180,8 @@ pub(crate) mod tests {
             [(["A", "ViewLayer.Depth.Z"], true), (["A", "Depth"], true), (["G", "R"], true), (["G", "B"], false)]
         {
             let bytes = exr_of(Encoding::UNCOMPRESSED, vec![(names[0], other()), (names[1], mine())]);
-            match read_depth(&bytes, None) {
-                Ok(read) => assert!(is_found && read.image.depth_m == ramp(), "{names:?}"),
+            match read_whole(&bytes) {
+                Ok(read) => assert!(is_found && read.values == ramp(), "{names:?}"),
                 Err(error) => assert!(!is_found && error.to_string().contains("got B, G"), "{error}"),
             }
         }
@@ -200,11 +191,11 @@ pub(crate) mod tests {
     fn lossy_and_cut_files_are_refused() {
         let lossy = Encoding { compression: Compression::B44, ..Encoding::UNCOMPRESSED };
         let half = FlatSamples::F16(vec![f16::from_f32(1.0); 15]);
-        let message = read_depth(&exr_of(lossy, vec![("Z", half)]), None).unwrap_err().to_string();
+        let message = read_whole(&exr_of(lossy, vec![("Z", half)])).unwrap_err().to_string();
         assert!(message.contains("got b44 compression"), "{message}");
         let whole = exr_of(Encoding::SMALL_LOSSLESS, vec![("Z", FlatSamples::F32(ramp()))]);
         for end in 4..whole.len() {
-            assert!(matches!(read_depth(&whole[..end], None), Err(InputError::Damaged(_))), "cut at {end}");
+            assert!(matches!(read_whole(&whole[..end]), Err(InputError::Damaged(_))), "cut at {end}");
         }
     }
 
@@ -221,20 +212,12 @@ pub(crate) mod tests {
         let message = |window: &str, corners: [i32; 4]| {
             let mut bytes = whole.clone();
             put_window(&mut bytes, window, corners);
-            read_depth(&bytes, None).unwrap_err().to_string()
+            read_whole(&bytes).unwrap_err().to_string()
         };
-        let told = "the data window must be the display window (0,0)-(639,479), got (0,0)-(4,2): a cropped image";
-        assert!(message("displayWindow", [0, 0, 639, 479]).starts_with(told));
+        let expected = "the data window must be the display window (0,0)-(639,479), got (0,0)-(4,2): a cropped image";
+        assert!(message("displayWindow", [0, 0, 639, 479]).starts_with(expected));
         assert!(message("displayWindow", [-1, 0, 3, 2]).contains("display window (-1,0)-(3,2), got (0,0)-(4,2)"));
         assert!(message("dataWindow", [10, 20, 14, 22]).contains("got (10,20)-(14,22)"));
-    }
-
-    #[test]
-    fn whole_numbers_are_millimetres() {
-        let whole = FlatSamples::U32((600..615).collect());
-        let read = read_depth(&exr_of(Encoding::SMALL_LOSSLESS, vec![("Z", whole)]), None).unwrap();
-        assert_eq!(read.scale_m, 0.001);
-        assert!((read.image.depth_m[0] - 0.6).abs() < 1e-6, "{}", read.image.depth_m[0]);
     }
 
     #[test]
@@ -243,8 +226,8 @@ pub(crate) mod tests {
         for side in [4096, 1_000_000, i32::MAX - 1] {
             put_window(&mut bytes, "dataWindow", [0, 0, side - 1, side - 1]);
             put_window(&mut bytes, "displayWindow", [0, 0, side - 1, side - 1]);
-            let told = read_depth(&bytes, None).unwrap_err().to_string();
-            assert!(!told.contains("display window"), "{side}: {told}");
+            let message = read_whole(&bytes).unwrap_err().to_string();
+            assert!(!message.contains("display window"), "{side}: {message}");
         }
     }
 }

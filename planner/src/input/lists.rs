@@ -24,14 +24,16 @@ pub(crate) fn numbers<'de, D: Deserializer<'de>, const N: usize>(source: D) -> R
     if count == N { kept.try_into().map_err(|_| wrong()) } else { Err(wrong()) }
 }
 
-/// Reads a list of at most `count_max` entries.
-pub(crate) fn at_most<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
-    source: D,
-    count_max: usize,
-) -> Result<Vec<T>, D::Error> {
-    match entries(source, count_max, "a list")? {
-        (kept, count) if count <= count_max => Ok(kept),
-        (_, count) => Err(D::Error::custom(format!("must have at most {count_max} entries, got {count}"))),
+/// A list of at most `MAX` entries.
+#[derive(Debug)]
+pub(crate) struct AtMost<T, const MAX: usize>(pub(crate) Vec<T>);
+
+impl<'de, T: Deserialize<'de>, const MAX: usize> Deserialize<'de> for AtMost<T, MAX> {
+    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
+        match entries(source, MAX, "a list")? {
+            (kept, count) if count <= MAX => Ok(Self(kept)),
+            (_, count) => Err(D::Error::custom(format!("must have at most {MAX} entries, got {count}"))),
+        }
     }
 }
 
@@ -83,7 +85,7 @@ mod tests {
     use super::*;
 
     fn points_of(json: &str) -> Result<Vec<Numbers<3>>, serde_json::Error> {
-        at_most(&mut serde_json::Deserializer::from_str(json), 2)
+        serde_json::from_str::<AtMost<_, 2>>(json).map(|list| list.0)
     }
 
     #[test]
@@ -98,7 +100,7 @@ mod tests {
     #[test]
     fn what_is_too_much_or_too_little_is_counted() {
         let message = |json: &str| points_of(json).unwrap_err().to_string();
-        for (json, told) in [
+        for (json, expected) in [
             ("[[1, 2, 3], [1, 2, 3], 7, {}, []]", "must have at most 2 entries, got 5"),
             ("[[1, 2]]", "must have 3 numbers, got 2"),
             ("[[]]", "must have 3 numbers, got 0"),
@@ -106,7 +108,7 @@ mod tests {
             ("[7]", "expected a list of numbers"),
             ("7", "expected a list"),
         ] {
-            assert!(message(json).contains(told), "{json}: {}", message(json));
+            assert!(message(json).contains(expected), "{json}: {}", message(json));
         }
     }
 }

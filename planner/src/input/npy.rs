@@ -7,69 +7,33 @@ const MAGIC: &[u8; 6] = b"\x93NUMPY";
 const HEADER_BYTES_MAX: usize = 64 * 1024;
 const RANK_MAX: usize = 5;
 
-/// The number type of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum NpyNumber {
-    /// Single precision.
-    F32,
-    /// Double precision.
-    F64,
-    /// Bytes.
-    U8,
-    /// Unsigned 16 bits, as depth cameras deliver.
-    U16,
-    /// Unsigned 32 bits.
-    U32,
-    /// Signed 16 bits.
-    I16,
-    /// Signed 32 bits.
-    I32,
-    /// Signed 64 bits.
-    I64,
+/// A number type: its code in a dtype, its size, and how its numbers are read, whose bytes may be in big-endian order.
+#[derive(Debug)]
+pub(crate) struct NumberType {
+    code: &'static str,
+    size_bytes: usize,
+    read: fn(&[u8], bool) -> Vec<f32>,
 }
 
-/// An array.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Npy {
-    /// Length of each axis.
-    pub shape: Vec<usize>,
-    /// Values with the last axis fastest, for any order in the file.
-    pub values: Vec<f32>,
-    /// Their type in the file.
-    pub number: NpyNumber,
-}
+static NUMBER_TYPES: [NumberType; 8] = [
+    NumberType { code: "f4", size_bytes: 4, read: |data, is_big| each(data, is_big, f32::from_le_bytes) },
+    NumberType { code: "f8", size_bytes: 8, read: |data, is_big| each(data, is_big, |n| f64::from_le_bytes(n) as f32) },
+    NumberType { code: "u1", size_bytes: 1, read: |data, is_big| each(data, is_big, |n| u8::from_le_bytes(n).into()) },
+    NumberType { code: "u2", size_bytes: 2, read: |data, is_big| each(data, is_big, |n| u16::from_le_bytes(n).into()) },
+    NumberType { code: "u4", size_bytes: 4, read: |data, is_big| each(data, is_big, |n| u32::from_le_bytes(n) as f32) },
+    NumberType { code: "i2", size_bytes: 2, read: |data, is_big| each(data, is_big, |n| i16::from_le_bytes(n).into()) },
+    NumberType { code: "i4", size_bytes: 4, read: |data, is_big| each(data, is_big, |n| i32::from_le_bytes(n) as f32) },
+    NumberType { code: "i8", size_bytes: 8, read: |data, is_big| each(data, is_big, |n| i64::from_le_bytes(n) as f32) },
+];
 
-/// Reads an array file.
-///
-/// # Errors
-/// [`InputError::Damaged`] if the bytes are not a complete array file, [`InputError::Value`] if the array does not
-/// contain plain numbers.
-pub fn read_npy(bytes: &[u8]) -> Result<Npy, InputError> {
-    let (header, data) = split(bytes)?;
-    Ok(header.decode(data))
-}
+impl NumberType {
+    pub(crate) fn is_float(&self) -> bool {
+        self.code.starts_with('f')
+    }
 
-/// An array file (version 1.0, `<f4`, C order) of these values.
-///
-/// # Panics
-/// If the number of values differs from the shape.
-#[must_use]
-pub fn write_npy_f32(shape: &[usize], values: &[f32]) -> Vec<u8> {
-    assert_eq!(shape.iter().product::<usize>(), values.len(), "the shape must fit the values");
-    let axes: String = shape.iter().map(|axis| format!("{axis}, ")).collect();
-    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", axes.trim_end());
-    // NumPy aligns the data to 64 bytes; the header ends with a newline.
-    let before = MAGIC.len() + 4;
-    let padded = (before + header.len() + 1).next_multiple_of(64) - before;
-    header.push_str(&" ".repeat(padded - 1 - header.len()));
-    header.push('\n');
-    let mut bytes = Vec::with_capacity(before + header.len() + 4 * values.len());
-    bytes.extend_from_slice(MAGIC);
-    bytes.extend_from_slice(&[1, 0]);
-    bytes.extend_from_slice(&(header.len() as u16).to_le_bytes());
-    bytes.extend_from_slice(header.as_bytes());
-    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-    bytes
+    pub(crate) const fn is_byte(&self) -> bool {
+        self.size_bytes == 1
+    }
 }
 
 /// Whether these bytes begin with the signature of an array file.
@@ -78,10 +42,11 @@ pub(crate) fn is_npy(bytes: &[u8]) -> bool {
 }
 
 /// The header of a file.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(crate) struct NpyHeader {
+    /// Length of each axis.
     pub(crate) shape: Vec<usize>,
-    pub(crate) number: NpyNumber,
+    pub(crate) number: &'static NumberType,
     is_big_endian: bool,
     is_fortran: bool,
 }
@@ -140,7 +105,7 @@ fn parse(text: &str) -> Result<NpyHeader, InputError> {
 }
 
 /// The number type of a dtype such as `<f4`, and whether it is big-endian.
-fn number_of(descr: &str) -> Result<(NpyNumber, bool), InputError> {
+fn number_of(descr: &str) -> Result<(&'static NumberType, bool), InputError> {
     let (order, code) = descr.split_at_checked(1).unwrap_or(("", descr));
     let wrong = || {
         let known = "<f4, <f8, |u1, <u2, <u4, <i2, <i4 or <i8 (or big-endian, with >)";
@@ -149,22 +114,11 @@ fn number_of(descr: &str) -> Result<(NpyNumber, bool), InputError> {
     if code.starts_with('O') {
         return Err(InputError::Value("an array of pickled Python objects is refused: save plain numbers".to_owned()));
     }
-    let number = match code {
-        "f4" => NpyNumber::F32,
-        "f8" => NpyNumber::F64,
-        "u1" => NpyNumber::U8,
-        "u2" => NpyNumber::U16,
-        "u4" => NpyNumber::U32,
-        "i2" => NpyNumber::I16,
-        "i4" => NpyNumber::I32,
-        "i8" => NpyNumber::I64,
-        _ => return Err(wrong()),
-    };
-    match (order, number) {
-        ("<", _) | ("|", NpyNumber::U8) => Ok((number, false)),
-        (">", _) => Ok((number, true)),
-        _ => Err(wrong()),
+    let number = NUMBER_TYPES.iter().find(|number| number.code == code).ok_or_else(wrong)?;
+    if order == "<" || order == ">" || (order == "|" && number.is_byte()) {
+        return Ok((number, order == ">"));
     }
+    Err(wrong())
 }
 
 /// The unparsed rest of a Python literal.
@@ -234,21 +188,10 @@ impl<'a> Literal<'a> {
     }
 }
 
-impl NpyNumber {
-    const fn size_bytes(self) -> usize {
-        match self {
-            Self::U8 => 1,
-            Self::U16 | Self::I16 => 2,
-            Self::F32 | Self::U32 | Self::I32 => 4,
-            Self::F64 | Self::I64 => 8,
-        }
-    }
-}
-
 impl NpyHeader {
     fn check_length(&self, got: usize) -> Result<(), InputError> {
         let count = self.shape.iter().try_fold(1_usize, |product, &axis| product.checked_mul(axis));
-        let expected = count.and_then(|count| count.checked_mul(self.number.size_bytes()));
+        let expected = count.and_then(|count| count.checked_mul(self.number.size_bytes));
         if expected == Some(got) {
             return Ok(());
         }
@@ -256,21 +199,10 @@ impl NpyHeader {
         Err(InputError::Damaged(format!("an array of shape {:?} needs {expected} bytes, got {got}", self.shape)))
     }
 
-    /// The values, the last axis fastest.
-    pub(crate) fn decode(self, data: &[u8]) -> Npy {
-        let is_big = self.is_big_endian;
-        let values = match self.number {
-            NpyNumber::F32 => each(data, is_big, f32::from_le_bytes),
-            NpyNumber::F64 => each(data, is_big, |bytes| f64::from_le_bytes(bytes) as f32),
-            NpyNumber::U8 => each(data, is_big, |bytes: [u8; 1]| f32::from(bytes[0])),
-            NpyNumber::U16 => each(data, is_big, |bytes| f32::from(u16::from_le_bytes(bytes))),
-            NpyNumber::U32 => each(data, is_big, |bytes| u32::from_le_bytes(bytes) as f32),
-            NpyNumber::I16 => each(data, is_big, |bytes| f32::from(i16::from_le_bytes(bytes))),
-            NpyNumber::I32 => each(data, is_big, |bytes| i32::from_le_bytes(bytes) as f32),
-            NpyNumber::I64 => each(data, is_big, |bytes| i64::from_le_bytes(bytes) as f32),
-        };
-        let values = if self.is_fortran { last_axis_fastest(&self.shape, &values) } else { values };
-        Npy { shape: self.shape, values, number: self.number }
+    /// The values with the last axis fastest, for any order in the file.
+    pub(crate) fn decode(&self, data: &[u8]) -> Vec<f32> {
+        let values = (self.number.read)(data, self.is_big_endian);
+        if self.is_fortran { last_axis_fastest(&self.shape, &values) } else { values }
     }
 }
 
@@ -289,31 +221,31 @@ fn each<const N: usize>(data: &[u8], is_big_endian: bool, convert: impl Fn([u8; 
 
 /// Reorders values from first-axis-fastest to last-axis-fastest.
 fn last_axis_fastest(shape: &[usize], values: &[f32]) -> Vec<f32> {
-    let mut strides = Vec::with_capacity(shape.len());
     let mut stride = 1;
-    for &axis in shape {
-        strides.push(stride);
-        stride *= axis;
+    let mut axes: Vec<(usize, usize)> = Vec::with_capacity(shape.len());
+    for &length in shape {
+        axes.push((length, stride));
+        stride *= length;
     }
-    let mut index = vec![0; shape.len()];
-    let mut ordered = Vec::with_capacity(values.len());
-    for _ in 0..values.len() {
-        let flat: usize = index.iter().zip(&strides).map(|(i, stride)| i * stride).sum();
-        ordered.push(values[flat]);
-        for (place, &length) in index.iter_mut().zip(shape).rev() {
-            *place += 1;
-            if *place < length {
-                break;
-            }
-            *place = 0;
+    let place_of = |mut flat: usize| {
+        let mut place = 0;
+        for (length, stride) in axes.iter().rev() {
+            place += flat % length * stride;
+            flat /= length;
         }
-    }
-    ordered
+        place
+    };
+    (0..values.len()).map(|flat| values[place_of(flat)]).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::input::tests::npy_of;
+
+    fn read(bytes: &[u8]) -> Result<Vec<f32>, InputError> {
+        split(bytes).map(|(header, data)| header.decode(data))
+    }
 
     /// A file with this header and this data.
     fn file(version: u8, header: &str, data: &[u8]) -> Vec<u8> {
@@ -335,9 +267,10 @@ mod tests {
         for shape in [vec![], vec![3], vec![2, 3], vec![1, 2, 2, 2], vec![0, 4]] {
             let count = shape.iter().product();
             let values: Vec<f32> = (0..count).map(|i: usize| i as f32 - 1.5).collect();
-            let bytes = write_npy_f32(&shape, &values);
-            assert_eq!((bytes.len() - 4 * count) % 64, 0, "aligned as NumPy does it");
-            assert_eq!(read_npy(&bytes).unwrap(), Npy { shape, values, number: NpyNumber::F32 });
+            let bytes = npy_of(&shape, &values);
+            let (header, data) = split(&bytes).unwrap();
+            assert_eq!((header.decode(data), header.number.is_float()), (values, true));
+            assert_eq!(header.shape, shape);
         }
     }
 
@@ -361,8 +294,8 @@ mod tests {
         both!("<i8", ">i8", i64);
         for (descr, data) in files {
             for version in [1, 2, 3] {
-                let read = read_npy(&file(version, &header(descr, "False", "(3,)"), &data)).unwrap();
-                assert_eq!(read.values, wanted, "{descr}");
+                let read = read(&file(version, &header(descr, "False", "(3,)"), &data)).unwrap();
+                assert_eq!(read, wanted, "{descr}");
             }
         }
     }
@@ -374,33 +307,33 @@ mod tests {
         for (i, j, k) in (0..2).flat_map(|i| (0..3).flat_map(move |j| (0..2).map(move |k| (i, j, k)))) {
             data[i + 2 * (j + 3 * k)] = ((i * 3 + j) * 2 + k) as u8;
         }
-        let read = read_npy(&file(1, &header("|u1", "True", "(2, 3, 2)"), &data)).unwrap();
-        assert_eq!(read.values, (0..12).map(|n| n as f32).collect::<Vec<_>>());
+        let read = read(&file(1, &header("|u1", "True", "(2, 3, 2)"), &data)).unwrap();
+        assert_eq!(read, (0..12).map(|n| n as f32).collect::<Vec<_>>());
     }
 
     #[test]
     fn files_cut_short_or_too_long_are_damaged() {
-        let whole = write_npy_f32(&[2, 2], &[1.0, 2.0, 3.0, 4.0]);
+        let whole = npy_of(&[2, 2], &[1.0, 2.0, 3.0, 4.0]);
         for end in 0..whole.len() {
-            assert!(matches!(read_npy(&whole[..end]), Err(InputError::Damaged(_))), "cut at {end}");
+            assert!(matches!(read(&whole[..end]), Err(InputError::Damaged(_))), "cut at {end}");
         }
-        assert!(read_npy(&[whole.as_slice(), &[0]].concat()).is_err());
+        assert!(read(&[whole.as_slice(), &[0]].concat()).is_err());
     }
 
     #[test]
     fn headers_that_promise_too_much_are_refused_before_anything_is_allocated() {
         let huge = "(4294967296, 4294967296, 4294967296)";
-        let message = read_npy(&file(1, &header("<f4", "False", huge), &[0; 16])).unwrap_err().to_string();
+        let message = read(&file(1, &header("<f4", "False", huge), &[0; 16])).unwrap_err().to_string();
         assert!(message.contains("needs too many bytes, got 16"), "{message}");
-        assert!(read_npy(&file(1, &header("<f4", "False", "(100000000000,)"), &[0; 16])).is_err());
+        assert!(read(&file(1, &header("<f4", "False", "(100000000000,)"), &[0; 16])).is_err());
         let mut long = file(2, "", &[]);
         long[8..12].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert!(read_npy(&long).unwrap_err().to_string().contains("at most 65536 bytes"));
+        assert!(read(&long).unwrap_err().to_string().contains("at most 65536 bytes"));
     }
 
     #[test]
     fn what_is_not_plain_numbers_is_refused() {
-        let of = |header: &str| read_npy(&file(1, header, &[0; 8])).unwrap_err().to_string();
+        let of = |header: &str| read(&file(1, header, &[0; 8])).unwrap_err().to_string();
         assert!(of(&header("|O", "False", "(1,)")).contains("pickled"));
         assert!(of(&header("<c8", "False", "(1,)")).contains("dtype"));
         assert!(of(&header("|f4", "False", "(2,)")).contains("dtype"));
@@ -409,6 +342,6 @@ mod tests {
         assert!(of("{'shape': (8,), 'color': 'red'}").contains("unknown key `color`"));
         assert!(of("{'shape': (8,), 'descr': '|u1'}").contains("lacks `fortran_order`"));
         assert!(of("{'shape': (-8,)}").contains("something other than a length"));
-        assert!(read_npy(b"\x93NUMPY\x09\x00\x00\x00").unwrap_err().to_string().contains("version"));
+        assert!(read(b"\x93NUMPY\x09\x00\x00\x00").unwrap_err().to_string().contains("version"));
     }
 }

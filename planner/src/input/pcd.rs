@@ -3,10 +3,9 @@
 
 use schema::Vec3;
 
-use crate::input::error::{InputError, shown};
+use crate::input::error::{InputError, refuse, shown};
 use crate::input::lzf;
-use crate::input::ply::{next_line, text_point};
-use crate::input::points::{ReadCloud, check_count};
+use crate::input::points::{AXES, ReadCloud, check_count, next_line, text_points};
 
 const HEADER_LINES_MAX: usize = 100;
 const HEADER_LINE_BYTES_MAX: usize = 4096;
@@ -14,15 +13,6 @@ const FIELDS_MAX: usize = 64;
 const POINT_BYTES_MAX: usize = 4096;
 /// Maximum decompressed size: the maximum number of points with 53 bytes each.
 const BYTES_MAX: usize = 256 << 20;
-
-/// A field of a point.
-#[derive(Debug, Clone, PartialEq)]
-struct Field {
-    name: String,
-    size_bytes: usize,
-    is_float: bool,
-    count: usize,
-}
 
 /// How the rows are stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,14 +24,15 @@ enum Storage {
 
 #[derive(Debug)]
 struct Header {
-    fields: Vec<Field>,
+    places: [Place; 3],
+    row_bytes: usize,
     points: usize,
     eye_m: Option<Vec3>,
     storage: Storage,
 }
 
 /// The position of a coordinate: its column in text, its first byte in a row, and its number of bytes.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct Place {
     column: usize,
     offset_bytes: usize,
@@ -57,16 +48,15 @@ pub(crate) fn is_pcd(bytes: &[u8]) -> bool {
 pub(crate) fn read_pcd(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     let mut rest = bytes;
     let header = read_header(&mut rest)?;
-    let places = header.places()?;
-    let row_bytes = header.row_bytes();
+    let Header { places, row_bytes, points, .. } = header;
     let points_m = match header.storage {
-        Storage::Text => text_points(rest, header.points, places.map(|place| place.column)),
+        Storage::Text => text_points(rest, points, places.map(|place| place.column), damaged),
         Storage::Bytes => {
-            check_count(header.points, rest.len(), row_bytes)?;
+            check_count(points, rest.len(), row_bytes)?;
             let strides = places.map(|place| (place.offset_bytes, row_bytes));
-            Ok(binary_points(rest, header.points, places, strides))
+            Ok(binary_points(rest, points, places, strides))
         }
-        Storage::Compressed => compressed_points(rest, &header, places),
+        Storage::Compressed => compressed_points(rest, &header),
     }?;
     Ok(ReadCloud::of(points_m, header.eye_m))
 }
@@ -132,10 +122,12 @@ fn header_of(lines: &Words<'_>) -> Result<Header, InputError> {
     if let Some(area) = area.filter(|area| *area != points) {
         return Err(damaged(&format!("POINTS must be WIDTH times HEIGHT, {area}, got {points}")));
     }
-    Ok(Header { fields: fields_of(lines)?, points, eye_m: eye_of(lines)?, storage })
+    let (places, row_bytes) = places_of(lines)?;
+    Ok(Header { places, row_bytes, points, eye_m: eye_of(lines)?, storage })
 }
 
-fn fields_of(lines: &Words<'_>) -> Result<Vec<Field>, InputError> {
+/// The positions of the coordinates, and the number of bytes of a point.
+fn places_of(lines: &Words<'_>) -> Result<([Place; 3], usize), InputError> {
     let names = lines.required("FIELDS")?;
     let sizes = lines.required("SIZE")?;
     let types = lines.required("TYPE")?;
@@ -144,19 +136,27 @@ fn fields_of(lines: &Words<'_>) -> Result<Vec<Field>, InputError> {
     if names.len() > FIELDS_MAX || [sizes.len(), types.len(), counts.len()] != [names.len(); 3] {
         return Err(damaged(&format!("FIELDS, SIZE, TYPE and COUNT must be equally long, at most {FIELDS_MAX}")));
     }
-    let mut fields = Vec::with_capacity(names.len());
+    let mut places = [None; 3];
+    let (mut column, mut offset_bytes) = (0, 0);
     for (at, name) in names.iter().enumerate() {
         let (size_bytes, count) = (whole_number("SIZE", sizes[at])?, whole_number("COUNT", counts[at])?);
         if ![1, 2, 4, 8].contains(&size_bytes) || count > POINT_BYTES_MAX {
             return Err(damaged(&format!("SIZE must be 1, 2, 4 or 8, and COUNT at most {POINT_BYTES_MAX}")));
         }
-        fields.push(Field { name: (*name).to_owned(), size_bytes, is_float: types[at] == "F", count });
+        let is_coordinate = types[at] == "F" && size_bytes >= 4 && count == 1;
+        if let Some(axis) = AXES.iter().position(|axis| axis == name).filter(|_| is_coordinate) {
+            places[axis].get_or_insert(Place { column, offset_bytes, size_bytes });
+        }
+        column += count;
+        offset_bytes += size_bytes * count;
     }
-    let row_bytes: usize = fields.iter().map(|field| field.size_bytes * field.count).sum();
-    if row_bytes > POINT_BYTES_MAX {
-        return Err(damaged(&format!("a point must have at most {POINT_BYTES_MAX} bytes, got {row_bytes}")));
+    if offset_bytes > POINT_BYTES_MAX {
+        return Err(damaged(&format!("a point must have at most {POINT_BYTES_MAX} bytes, got {offset_bytes}")));
     }
-    Ok(fields)
+    let [Some(x), Some(y), Some(z)] = places else {
+        return refuse("a PCD file must have fields `x`, `y` and `z` of TYPE F and SIZE 4 or 8");
+    };
+    Ok(([x, y, z], offset_bytes))
 }
 
 /// Position of the sensor; `None` if it is the origin looking along z, which writers use for unknown.
@@ -168,42 +168,6 @@ fn eye_of(lines: &Words<'_>) -> Result<Option<Vec3>, InputError> {
         [x, y, z, _, _, _, _] if words.len() == 7 => Ok(Some(Vec3::new(x, y, z))),
         _ => Err(damaged("VIEWPOINT must be seven numbers: x y z, then qw qx qy qz")),
     }
-}
-
-impl Header {
-    fn row_bytes(&self) -> usize {
-        self.fields.iter().map(|field| field.size_bytes * field.count).sum()
-    }
-
-    fn places(&self) -> Result<[Place; 3], InputError> {
-        let mut places = [Place::default(); 3];
-        for (axis, place) in ["x", "y", "z"].into_iter().zip(&mut places) {
-            let at = self.fields.iter().position(|field| field.name == axis);
-            let at = at.filter(|at| {
-                let field = &self.fields[*at];
-                field.is_float && field.size_bytes >= 4 && field.count == 1
-            });
-            let missing =
-                || InputError::Value(format!("a PCD file must have a field `{axis}` of TYPE F and SIZE 4 or 8"));
-            let at = at.ok_or_else(missing)?;
-            *place = Place {
-                column: self.fields[..at].iter().map(|field| field.count).sum(),
-                offset_bytes: self.fields[..at].iter().map(|field| field.size_bytes * field.count).sum(),
-                size_bytes: self.fields[at].size_bytes,
-            };
-        }
-        Ok(places)
-    }
-}
-
-fn text_points(mut rest: &[u8], count: usize, columns: [usize; 3]) -> Result<Vec<Vec3>, InputError> {
-    check_count(count, rest.len() + 1, 6)?;
-    let mut points_m = Vec::with_capacity(count);
-    for number in 0..count {
-        let line = next_line(&mut rest).ok_or_else(|| damaged("it ends too early"))?;
-        points_m.push(text_point(line, columns).ok_or_else(|| damaged(&format!("its point {number} has no x, y, z")))?);
-    }
-    Ok(points_m)
 }
 
 /// Reads points whose coordinates have the given first byte and distance to the next point's (`strides`) in `data`.
@@ -219,23 +183,23 @@ fn binary_points(data: &[u8], count: usize, places: [Place; 3], strides: [(usize
     (0..count).map(|number| Vec3::from_array([0, 1, 2].map(|axis| coordinate(axis, number)))).collect()
 }
 
-fn compressed_points(rest: &[u8], header: &Header, places: [Place; 3]) -> Result<Vec<Vec3>, InputError> {
+fn compressed_points(rest: &[u8], header: &Header) -> Result<Vec<Vec3>, InputError> {
+    let Header { places, row_bytes, points, .. } = *header;
     let short = || damaged("it ends too early");
     let (packed, rest) = rest.split_first_chunk::<4>().ok_or_else(short)?;
     let (unpacked, rest) = rest.split_first_chunk::<4>().ok_or_else(short)?;
     let (packed, unpacked) = (u32::from_le_bytes(*packed) as usize, u32::from_le_bytes(*unpacked) as usize);
-    check_count(header.points, usize::MAX, 1)?;
-    if unpacked != header.points * header.row_bytes() {
-        let (points, row_bytes) = (header.points, header.row_bytes());
+    check_count(points, usize::MAX, 1)?;
+    if unpacked != points * row_bytes {
         return Err(damaged(&format!("{points} points of {row_bytes} bytes cannot make {unpacked} bytes")));
     }
     if unpacked > BYTES_MAX {
-        return Err(InputError::Value(format!("a PCD file must unpack to at most {BYTES_MAX} bytes, got {unpacked}")));
+        return refuse(format!("a PCD file must unpack to at most {BYTES_MAX} bytes, got {unpacked}"));
     }
     let data = lzf::decompress(rest.get(..packed).ok_or_else(short)?, unpacked);
     let data = data.ok_or_else(|| damaged("its compressed data are wrong"))?;
-    let strides = places.map(|place| (place.offset_bytes * header.points, place.size_bytes));
-    Ok(binary_points(&data, header.points, places, strides))
+    let strides = places.map(|place| (place.offset_bytes * points, place.size_bytes));
+    Ok(binary_points(&data, points, places, strides))
 }
 
 #[cfg(test)]
@@ -314,7 +278,7 @@ pub(crate) mod tests {
         assert!(of("SIZE 4 4 4 1 8", "SIZE 4 4 4 1").contains("equally long"));
         assert!(of("SIZE 4 4 4 1 8", "SIZE 4 4 3 1 8").contains("SIZE must be"));
         assert!(of("COUNT 1 1 1 3 1", "COUNT 1 1 1 4096 1").contains("at most 4096 bytes"));
-        assert!(of("TYPE U F F U F", "TYPE U F I U F").contains("a field `x`"));
+        assert!(of("TYPE U F F U F", "TYPE U F I U F").contains("fields `x`, `y` and `z` of TYPE F"));
         assert!(of("0 0 0 1 0 0 0", "0 0 nan 1 0 0 0").contains("seven numbers"));
         assert!(of("DATA ascii", "DATA secret").contains("got `secret`"));
         assert!(of("DATA ascii", "").contains("header"));

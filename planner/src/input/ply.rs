@@ -7,8 +7,8 @@ use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 use schema::Vec3;
 
-use crate::input::error::{InputError, shown};
-use crate::input::points::{ReadCloud, check_count};
+use crate::input::error::{InputError, refuse, shown};
+use crate::input::points::{AXES, ReadCloud, check_count, next_line, text_points};
 
 /// The coordinates of a row; NaN until read. Rows of other elements are read as this type, too, and discarded.
 #[derive(Debug)]
@@ -38,8 +38,6 @@ impl PropertyAccess for Row {
     }
 }
 
-const AXES: [&str; 3] = ["x", "y", "z"];
-
 /// Whether these bytes begin like a PLY file.
 pub(crate) fn is_ply(bytes: &[u8]) -> bool {
     bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r")
@@ -55,14 +53,14 @@ pub(crate) fn read_ply(bytes: &[u8]) -> Result<ReadCloud, InputError> {
         if name == "vertex" {
             let columns = columns_of(element)?;
             let points_m = match header.encoding {
-                Encoding::Ascii => text_vertices(rest, element.count, columns),
+                Encoding::Ascii => text_points(rest, element.count, columns, damaged),
                 encoding => binary_vertices(&parser, rest, element, encoding),
             }?;
             return Ok(ReadCloud::of(points_m, None));
         }
         skip(&parser, &mut rest, element, header.encoding)?;
     }
-    Err(InputError::Value("a PLY file must have an element `vertex`".to_owned()))
+    refuse("a PLY file must have an element `vertex`")
 }
 
 fn damaged(what: &str) -> InputError {
@@ -73,7 +71,7 @@ fn damaged(what: &str) -> InputError {
 fn columns_of(vertex: &ElementDef) -> Result<[usize; 3], InputError> {
     let is_number = |kind: &PropertyType| matches!(kind, PropertyType::Scalar(_));
     if !vertex.properties.values().all(|property| is_number(&property.data_type)) {
-        return Err(InputError::Value("a PLY file's vertices must have no lists".to_owned()));
+        return refuse("a PLY file's vertices must have no lists");
     }
     let mut columns = [0; 3];
     for (axis, column) in AXES.iter().zip(&mut columns) {
@@ -125,7 +123,8 @@ fn binary_vertices(
     check_count(vertex.count, rest.len(), row_bytes)?;
     let mut points_m = Vec::with_capacity(vertex.count);
     for _ in 0..vertex.count {
-        points_m.push(point(read_row(parser, &mut rest, vertex, encoding)?.xyz));
+        let row = read_row(parser, &mut rest, vertex, encoding)?;
+        points_m.push(Vec3::from_array(row.xyz.map(|metres| metres as f32)));
     }
     Ok(points_m)
 }
@@ -138,46 +137,6 @@ fn size_bytes(kind: &PropertyType) -> usize {
         PropertyType::Scalar(ScalarType::Double) => 8,
         PropertyType::List(..) => 1,
     }
-}
-
-fn point(xyz: [f64; 3]) -> Vec3 {
-    Vec3::from_array(xyz.map(|metres| metres as f32))
-}
-
-fn text_vertices(mut rest: &[u8], count: usize, columns: [usize; 3]) -> Result<Vec<Vec3>, InputError> {
-    // Three digits and their separators; the last line may lack its newline.
-    check_count(count, rest.len() + 1, 6)?;
-    let mut points_m = Vec::with_capacity(count);
-    for number in 0..count {
-        let line = next_line(&mut rest).ok_or_else(|| damaged("it ends too early"))?;
-        points_m
-            .push(text_point(line, columns).ok_or_else(|| damaged(&format!("its vertex {number} has no x, y, z")))?);
-    }
-    Ok(points_m)
-}
-
-/// The coordinates in a line of numbers separated by blanks.
-pub(crate) fn text_point(line: &[u8], columns: [usize; 3]) -> Option<Vec3> {
-    let line = std::str::from_utf8(line).ok()?;
-    let mut xyz = [None; 3];
-    for (place, word) in line.split_ascii_whitespace().enumerate() {
-        for (slot, _) in xyz.iter_mut().zip(columns).filter(|(_, column)| *column == place) {
-            *slot = Some(word.parse::<f64>().ok()?);
-        }
-    }
-    let [Some(x), Some(y), Some(z)] = xyz else { return None };
-    Some(point([x, y, z]))
-}
-
-/// The next line without its newline; `None` after the last.
-pub(crate) fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
-    if rest.is_empty() {
-        return None;
-    }
-    let end = rest.iter().position(|byte| *byte == b'\n');
-    let (line, behind) = rest.split_at(end.unwrap_or(rest.len()));
-    *rest = behind.get(1..).unwrap_or_default();
-    Some(line)
 }
 
 #[cfg(test)]

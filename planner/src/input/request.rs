@@ -13,10 +13,11 @@ use utoipa::ToSchema;
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, Schema};
 
+use crate::Policy;
 use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput, position_schema};
 use crate::input::error::{InputError, shown};
 use crate::input::file::read_file;
-use crate::input::lists::{Numbers, at_most};
+use crate::input::lists::{AtMost, Numbers};
 
 /// Maximum number of views of a request.
 pub(crate) const VIEWS_MAX: usize = 32;
@@ -47,7 +48,8 @@ pub struct RequestInput {
     /// The wrist's orientation now, in the workspace: of a grasp and its half turn the nearer one is given.
     pub workspace_from_wrist: Option<OrientationInput>,
     /// The order of the grasps: `paper`, `vgn-random`, `vgn-best` or `flattest`.
-    pub policy: Option<String>,
+    #[schema(value_type = Option<String>)]
+    pub policy: Option<Policy>,
     /// Whether grasps that collide with the cloud are dropped.
     pub check_collisions: Option<bool>,
     /// Maximum number of grasps, 1 to 10000.
@@ -114,28 +116,13 @@ impl<'de> Visitor<'de> for SourceVisitor {
     }
 }
 
-struct Views(Vec<ViewInput>);
-
-impl<'de> Deserialize<'de> for Views {
-    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
-        at_most(source, VIEWS_MAX).map(Self)
-    }
-}
-
 fn views<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<ViewInput>>, D::Error> {
-    Ok(Option::<Views>::deserialize(source)?.map(|views| views.0))
-}
-
-struct Eyes(Vec<Numbers<3>>);
-
-impl<'de> Deserialize<'de> for Eyes {
-    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
-        at_most(source, EYES_MAX).map(Self)
-    }
+    Ok(Option::<AtMost<_, VIEWS_MAX>>::deserialize(source)?.map(|views| views.0))
 }
 
 fn eyes<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<[f64; 3]>>, D::Error> {
-    Ok(Option::<Eyes>::deserialize(source)?.map(|eyes| eyes.0.into_iter().map(|xyz| xyz.0).collect()))
+    let eyes = Option::<AtMost<Numbers<3>, EYES_MAX>>::deserialize(source)?;
+    Ok(eyes.map(|eyes| eyes.0.into_iter().map(|xyz| xyz.0).collect()))
 }
 
 fn eyes_schema() -> RefOr<Schema> {
@@ -182,9 +169,9 @@ fn unfit_json(text: &str, error: &serde_json::Error, path: &serde_path_to_error:
     if error.classify() != Category::Data && serde_json::from_str::<IgnoredAny>(text).is_err() {
         return not_json(error);
     }
-    let told = error.to_string();
+    let message = error.to_string();
     let position = format!(" at line {} column {}", error.line(), error.column());
-    unfit(told.strip_suffix(&position).unwrap_or(&told), path)
+    unfit(message.strip_suffix(&position).unwrap_or(&message), path)
 }
 
 pub(crate) fn parse_toml(bytes: &[u8]) -> Result<RequestInput, InputError> {
@@ -212,30 +199,30 @@ mod tests {
 
     /// The keys of a type, as the parser lists them for an unknown key.
     fn keys_of<T: for<'de> Deserialize<'de>>() -> BTreeSet<String> {
-        let told = serde_json::from_str::<T>("{\"?\": 0}").err().unwrap().to_string();
-        let known = told.strip_prefix("unknown field `?`, expected one of ").unwrap();
+        let message = serde_json::from_str::<T>("{\"?\": 0}").err().unwrap().to_string();
+        let known = message.strip_prefix("unknown field `?`, expected one of ").unwrap();
         known.split('`').skip(1).step_by(2).map(str::to_owned).collect()
     }
 
     #[test]
     fn the_apis_description_has_every_key_that_is_read() {
-        let told = |schema: RefOr<Schema>| serde_json::to_value(schema).unwrap();
+        let described = |schema: RefOr<Schema>| serde_json::to_value(schema).unwrap();
         let keys = |schema: &Value| schema["properties"].as_object().unwrap().keys().cloned().collect::<BTreeSet<_>>();
-        let (request, view) = (told(RequestInput::schema()), told(ViewInput::schema()));
+        let (request, view) = (described(RequestInput::schema()), described(ViewInput::schema()));
         assert_eq!(keys(&request), keys_of::<RequestInput>());
         assert_eq!(keys(&view), keys_of::<ViewInput>());
         assert_eq!(keys(&request).len(), 11);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
-        let pose = told(PoseInput::schema());
+        let pose = described(PoseInput::schema());
         assert_eq!(pose["oneOf"][0]["items"]["maxItems"], 4, "{pose}");
         assert_eq!(pose["oneOf"][1]["properties"]["position_m"]["minItems"], 3, "{pose}");
     }
 
     #[test]
-    fn the_place_of_an_error_is_told_and_nothing_else_of_the_text() {
+    fn a_message_has_the_place_of_an_error_and_nothing_else_of_the_text() {
         let message = |text: &str| parse_json(text.as_bytes()).unwrap_err().to_string();
-        let told = message("{\"views\": [{\"depth\": \"a\"},\n{\"depth\": {\"data\": 7}}]}");
-        assert_eq!(told, "invalid type: integer `7`, expected a string: views[1].depth.data");
+        let misplaced = message("{\"views\": [{\"depth\": \"a\"},\n{\"depth\": {\"data\": 7}}]}");
+        assert_eq!(misplaced, "invalid type: integer `7`, expected a string: views[1].depth.data");
         assert!(message("7").starts_with("invalid type: integer `7`") && !message("7").contains("line"));
         assert!(message("{\"views\": [").starts_with("not JSON: EOF") && message("{} {}").contains("line 1 column 4"));
         assert_eq!(message("{\"intrinsics\": {\"fx_px\": 1e999}}"), "number out of range: intrinsics.fx_px");
@@ -247,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_files_language_is_told_by_its_name_then_by_its_first_byte() {
+    fn a_files_language_is_known_by_its_name_then_by_its_first_byte() {
         assert!(is_json(Path::new("a.json"), b"") && !is_json(Path::new("a.toml"), b"{"));
         assert!(is_json(Path::new("a"), b" \n{") && !is_json(Path::new("a"), b"views"));
     }

@@ -2,7 +2,7 @@
 
 use schema::{Grid, VoxelGrid};
 
-use crate::input::error::InputError;
+use crate::input::error::{InputError, refuse};
 use crate::input::npy;
 
 /// Reads the voxels of `grid` from an array of shape `[r, r, r]` or, as VGN stores it, `[1, r, r, r]`.
@@ -13,11 +13,10 @@ pub fn read_tsdf(bytes: &[u8], grid: Grid) -> Result<VoxelGrid, InputError> {
     let (header, data) = npy::split(bytes)?;
     let side = grid.resolution;
     if header.shape != [side; 3] && header.shape != [1, side, side, side] {
-        let got = &header.shape;
         let rule = format!("a TSDF must have the shape [{side}, {side}, {side}] or [1, {side}, {side}, {side}]");
-        return Err(InputError::Value(format!("{rule}, got {got:?}")));
+        return refuse(format!("{rule}, got {:?}", header.shape));
     }
-    let values = header.decode(data).values;
+    let values = header.decode(data);
     check_values(&values, side)?;
     VoxelGrid::new(grid, values).map_err(|error| InputError::Value(error.to_string()))
 }
@@ -33,18 +32,16 @@ fn check_values(values: &[f32], side: usize) -> Result<(), InputError> {
         ""
     };
     let got = values[first];
-    Err(InputError::Value(format!(
-        "a TSDF's values must be between 0 and 1, {wrong} are not, first {got} at voxel {voxel:?}{hint}"
-    )))
+    refuse(format!("a TSDF's values must be between 0 and 1, {wrong} are not, first {got} at voxel {voxel:?}{hint}"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::input::npy::write_npy_f32;
+    use crate::input::tests::npy_of;
 
     fn read(shape: &[usize], values: &[f32]) -> Result<VoxelGrid, InputError> {
-        read_tsdf(&write_npy_f32(shape, values), Grid::PAPER)
+        read_tsdf(&npy_of(shape, values), Grid::PAPER)
     }
 
     #[test]

@@ -4,7 +4,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use planner::input::write_npy_f32;
 use serde_json::Value;
 
 fn run(arguments: &[&str]) -> Output {
@@ -28,6 +27,14 @@ fn refused(arguments: &[&str], code: i32, words: &str) {
 
 fn demo_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("demo")
+}
+
+/// An array file of these values.
+fn npy_of(shape: &[usize], values: &[f32]) -> Vec<u8> {
+    let axes: String = shape.iter().map(|axis| format!("{axis}, ")).collect();
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({axes}), }}");
+    let data: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    [b"\x93NUMPY\x01\x00\x76\x00", format!("{header:<117}\n").as_bytes(), &data].concat()
 }
 
 /// The demo's views file with one text replaced, beside its images.
@@ -65,12 +72,12 @@ fn flags_count_more_than_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let views = changed(folder.path(), "[intrinsics]", "policy = \"vgn-random\"\nexplain = true\n\n[intrinsics]");
     assert_eq!(plan(&["--views", &views])["policy"], "vgn-random");
-    let told =
+    let answer =
         plan(&["--views", &views, "--policy", "vgn-best", "--grasps", "1", "--base-from-workspace", "1,0,0,0,0,0,1"]);
-    assert_eq!(told["policy"], "vgn-best");
-    assert_eq!(told["grasps"].as_array().unwrap().len(), 1);
-    assert!(!told["dropped"].as_array().unwrap().is_empty());
-    let x = |frame: &str| told["grasps"][0][frame]["position_m"][0].as_f64().unwrap();
+    assert_eq!(answer["policy"], "vgn-best");
+    assert_eq!(answer["grasps"].as_array().unwrap().len(), 1);
+    assert!(!answer["dropped"].as_array().unwrap().is_empty());
+    let x = |frame: &str| answer["grasps"][0][frame]["position_m"][0].as_f64().unwrap();
     assert!((x("base_from_grasp") - x("workspace_from_grasp") - 1.0).abs() < 1e-6);
 }
 
@@ -78,14 +85,14 @@ fn flags_count_more_than_the_file() {
 fn a_tsdf_and_a_cloud_are_planned_on() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    fs::write(path("tsdf.npy"), write_npy_f32(&[1, 40, 40, 40], &vec![0.0; 64_000])).unwrap();
+    fs::write(path("tsdf.npy"), npy_of(&[1, 40, 40, 40], &vec![0.0; 64_000])).unwrap();
     assert_eq!(plan(&["--tsdf", &path("tsdf.npy")])["reason"], "empty scene: no surface was seen in the workspace");
     let table: Vec<f32> =
         (0..14_400).flat_map(|n| [(n / 120) as f32 * 0.0025, (n % 120) as f32 * 0.0025, 0.05]).collect();
-    fs::write(path("cloud.npy"), write_npy_f32(&[14_400, 3], &table)).unwrap();
-    let told = plan(&["--cloud", &path("cloud.npy"), "--eye", "0.15,-0.4,0.5"]);
-    assert!((told["plane"]["offset_m"].as_f64().unwrap() - 0.05).abs() < 1e-4);
-    assert!(told["reason"].as_str().unwrap().starts_with("no grasp has a quality of 0.9 or more"), "{told}");
+    fs::write(path("cloud.npy"), npy_of(&[14_400, 3], &table)).unwrap();
+    let answer = plan(&["--cloud", &path("cloud.npy"), "--eye", "0.15,-0.4,0.5"]);
+    assert!((answer["plane"]["offset_m"].as_f64().unwrap() - 0.05).abs() < 1e-4);
+    assert!(answer["reason"].as_str().unwrap().starts_with("no grasp has a quality of 0.9 or more"), "{answer}");
 }
 
 #[test]
@@ -104,11 +111,11 @@ fn bad_input_is_named_with_its_place_and_code() {
     fs::write(folder.path().join("half.png"), &fs::read(demo_folder().join("depth-0.png")).unwrap()[..3000]).unwrap();
     refused(&["--views", &at("depth-0.png", "half.png")], 65, "views[0].depth");
     let nan = folder.path().join("nan.npy");
-    fs::write(&nan, write_npy_f32(&[480, 640], &[f32::NAN; 480 * 640])).unwrap();
+    fs::write(&nan, npy_of(&[480, 640], &[f32::NAN; 480 * 640])).unwrap();
     refused(&["--views", &at("depth-0.png", "nan.npy")], 78, "no pixel has a depth");
-    fs::write(&nan, write_npy_f32(&[40, 40, 40], &vec![f32::NAN; 64_000])).unwrap();
+    fs::write(&nan, npy_of(&[40, 40, 40], &vec![f32::NAN; 64_000])).unwrap();
     refused(&["--tsdf", nan.to_str().unwrap()], 78, "tsdf");
-    fs::write(&nan, write_npy_f32(&[39, 40, 40], &vec![0.5; 62_400])).unwrap();
+    fs::write(&nan, npy_of(&[39, 40, 40], &vec![0.5; 62_400])).unwrap();
     refused(&["--tsdf", nan.to_str().unwrap()], 78, "[40, 40, 40]");
     refused(&["--demo", "--wrist", "0,0,0,2"], 78, "workspace_from_wrist");
     refused(&["--demo", "--wrist", "0,0,1"], 2, "4 numbers");

@@ -1,15 +1,62 @@
-//! Valid files of every format, damaged at random thousands of times: a reader must return a result and not panic. The
-//! damage is drawn from a fixed sequence, so failures are reproducible.
+//! Files for the readers' tests, and tests of all readers: valid files of every format are damaged at random thousands
+//! of times, and a reader must return a result and not panic. The damage is drawn from a fixed sequence, so failures are
+//! reproducible.
 
-use exr::image::{Encoding, FlatSamples};
+use std::io::Cursor;
+
+use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
+use exr::meta::header::LayerAttributes;
+use exr::prelude::{SmallVec, WritableImage};
+use png::{BitDepth, ColorType};
 use schema::Grid;
 
 use crate::input::assemble::from_json;
 use crate::input::cloud::read_cloud;
 use crate::input::depth::{judge_depth, read_depth};
-use crate::input::npy::write_npy_f32;
 use crate::input::tsdf::read_tsdf;
-use crate::input::{depth, exr_image, pcd, ply};
+use crate::input::{pcd, ply};
+
+/// An array file (version 1.0, `<f4`, C order) of these values.
+pub(crate) fn npy_of(shape: &[usize], values: &[f32]) -> Vec<u8> {
+    let axes: String = shape.iter().map(|axis| format!("{axis}, ")).collect();
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", axes.trim_end());
+    // NumPy aligns the data to 64 bytes; the header ends with a newline.
+    let header = format!("{header:<117}\n");
+    assert_eq!(header.len(), 118, "the shape must be short");
+    let data: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    [b"\x93NUMPY\x01\x00\x76\x00", header.as_bytes(), &data].concat()
+}
+
+/// A grey PNG of 16 bits.
+pub(crate) fn png_of(width: u32, height: u32, units: &[u16]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(ColorType::Grayscale);
+    encoder.set_depth(BitDepth::Sixteen);
+    let mut writer = encoder.write_header().unwrap();
+    let pixels: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+    writer.write_image_data(&pixels).unwrap();
+    writer.finish().unwrap();
+    bytes
+}
+
+/// An EXR of 5 × 3 pixels with these channels.
+pub(crate) fn exr_of(encoding: Encoding, channels: Vec<(&str, FlatSamples)>) -> Vec<u8> {
+    let channels: Vec<_> = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
+    let channels = AnyChannels::sort(SmallVec::from_vec(channels));
+    let layer = Layer::new((5, 3), LayerAttributes::named("seen"), encoding, channels);
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn an_exrs_whole_numbers_are_millimetres() {
+    let whole = FlatSamples::U32((600..615).collect());
+    let read = read_depth(&exr_of(Encoding::SMALL_LOSSLESS, vec![("Z", whole)]), None, usize::MAX).unwrap();
+    assert_eq!(read.scale_m, 0.001);
+    assert!((read.image.depth_m[0] - 0.6).abs() < 1e-6, "{}", read.image.depth_m[0]);
+}
 
 /// Reproducible pseudo-random numbers (splitmix64).
 struct Draws(u64);
@@ -55,13 +102,12 @@ fn for_each_damage(whole: &[u8], times: u64, read: impl Fn(&[u8])) {
 fn damaged_depth_images_are_answered() {
     let samples = || FlatSamples::F32(vec![0.5; 15]);
     let encodings = [Encoding::UNCOMPRESSED, Encoding::SMALL_LOSSLESS, Encoding::FAST_LOSSLESS];
-    let mut files: Vec<Vec<u8>> =
-        encodings.map(|encoding| exr_image::tests::exr_of(encoding, vec![("Z", samples())])).into();
-    files.push(depth::tests::png_of(8, 8, &(0..64).map(|i| 500 + i).collect::<Vec<_>>()));
-    files.push(write_npy_f32(&[2, 3], &[0.5; 6]));
+    let mut files: Vec<Vec<u8>> = encodings.map(|encoding| exr_of(encoding, vec![("Z", samples())])).into();
+    files.push(png_of(8, 8, &(0..64).map(|i| 500 + i).collect::<Vec<_>>()));
+    files.push(npy_of(&[2, 3], &[0.5; 6]));
     for file in files {
         for_each_damage(&file, 700, |bytes| {
-            let _ = read_depth(bytes, None).map(|depth| judge_depth(&depth));
+            let _ = read_depth(bytes, None, usize::MAX).map(|depth| judge_depth(&depth));
         });
     }
 }
@@ -76,7 +122,7 @@ fn damaged_clouds_and_grids_are_answered() {
         b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n\
           1 2 3\n"
             .to_vec(),
-        write_npy_f32(&[4, 3], &[0.5; 12]),
+        npy_of(&[4, 3], &[0.5; 12]),
     ];
     for file in files {
         for_each_damage(&file, 2000, |bytes| {
@@ -84,7 +130,7 @@ fn damaged_clouds_and_grids_are_answered() {
         });
     }
     let small = Grid { resolution: 2, ..Grid::PAPER };
-    for_each_damage(&write_npy_f32(&[2; 3], &[0.5; 8]), 2000, |bytes| {
+    for_each_damage(&npy_of(&[2; 3], &[0.5; 8]), 2000, |bytes| {
         let _ = read_tsdf(bytes, small);
     });
 }
