@@ -46,7 +46,7 @@ pub fn run(
     fs::create_dir_all(folder).map_err(unwritten(&path))?;
     let identity = Identity {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        model: planner.model_id().to_owned(),
+        model: planner.model_id.clone(),
         config: config.digest.clone(),
         seeds: config.seeds.clone(),
         // With one seed the number of rounds may change; with several seeds rounds are numbered consecutively.

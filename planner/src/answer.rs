@@ -4,8 +4,8 @@ use schema::{Grid, Pose};
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use crate::Planner;
 use crate::plan::{DroppedCandidate, Funnel, Plan, RankedGrasp, RejectReason};
-use crate::{Planner, Policy};
 
 /// Version of the answer's layout.
 pub const FORMAT: &str = "graspmill-plan/1";
@@ -129,7 +129,7 @@ pub struct DroppedAnswer {
 impl Answer {
     /// The answer for a plan.
     #[must_use]
-    pub fn new(plan: &Plan, planner: &Planner, policy: Policy) -> Self {
+    pub fn new(plan: &Plan, planner: &Planner) -> Self {
         let plane = plan.cloud.plane.as_ref().map(|found| PlaneAnswer {
             normal: found.plane.normal.to_array(),
             offset_m: found.plane.offset_m,
@@ -137,9 +137,9 @@ impl Answer {
         });
         Self {
             format: FORMAT,
-            model: planner.model_id().to_owned(),
-            policy: policy.name(),
-            gripper: planner.gripper().name.clone(),
+            model: planner.model_id.clone(),
+            policy: plan.policy.name(),
+            gripper: planner.config.gripper.name.clone(),
             grid: GridAnswer::new(&plan.grid),
             grasps: plan.grasps.iter().enumerate().map(|(at, grasp)| grasp_answer(at + 1, grasp)).collect(),
             reason: plan.reason.clone(),
@@ -177,9 +177,10 @@ fn grasp_answer(rank: usize, grasp: &RankedGrasp) -> GraspAnswer {
 }
 
 fn dropped_answer(dropped: &DroppedCandidate) -> DroppedAnswer {
+    let (why, told) = dropped.reason.word_and_text();
     DroppedAnswer {
-        why: dropped.reason.name(),
-        told: dropped.reason.to_string(),
+        why,
+        told,
         workspace_from_grasp: PoseAnswer::new(&dropped.grasp.workspace_from_grasp),
         width_m: dropped.grasp.width_m,
         quality: dropped.quality,
@@ -188,33 +189,22 @@ fn dropped_answer(dropped: &DroppedCandidate) -> DroppedAnswer {
 }
 
 impl RejectReason {
-    /// The reason as one word, for programs.
-    #[must_use]
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::FarFromSurface => "far_from_surface",
-            Self::Width { .. } => "width",
-            Self::Quality => "quality",
-            Self::Suppressed => "suppressed",
-            Self::Collision { .. } => "collision",
-            Self::NoHand => "no_hand",
-            Self::NoObject => "no_object",
-            Self::BeyondLimit => "beyond_limit",
-        }
-    }
-}
-
-impl std::fmt::Display for RejectReason {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::FarFromSurface => write!(f, "far from any surface that was seen, or on its other side"),
-            Self::Width { width_voxels } => write!(f, "a width of {width_voxels:.2} voxels is outside the limits"),
-            Self::Quality => write!(f, "quality below the threshold"),
-            Self::Suppressed => write!(f, "a better grasp is near"),
-            Self::Collision { points } => write!(f, "the hand would pass through {points} points of the cloud"),
-            Self::NoHand => write!(f, "no hand about it closes on anything flat by a free way"),
-            Self::NoObject => write!(f, "belongs to no object"),
-            Self::BeyondLimit => write!(f, "beyond the requested number of grasps"),
-        }
+    /// The reason as one word, for programs, and as text.
+    fn word_and_text(self) -> (&'static str, String) {
+        let (word, text) = match self {
+            Self::FarFromSurface => ("far_from_surface", "far from any surface that was seen, or on its other side"),
+            Self::Width { width_voxels } => {
+                return ("width", format!("a width of {width_voxels:.2} voxels is outside the limits"));
+            }
+            Self::Quality => ("quality", "quality below the threshold"),
+            Self::Suppressed => ("suppressed", "a better grasp is near"),
+            Self::Collision { points } => {
+                return ("collision", format!("the hand would pass through {points} points of the cloud"));
+            }
+            Self::NoHand => ("no_hand", "no hand about it closes on anything flat by a free way"),
+            Self::NoObject => ("no_object", "belongs to no object"),
+            Self::BeyondLimit => ("beyond_limit", "beyond the requested number of grasps"),
+        };
+        (word, text.to_owned())
     }
 }

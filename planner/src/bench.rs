@@ -48,7 +48,7 @@ pub fn bench(planner: &Planner, views: &[SeenView], plans: usize) -> Result<Benc
     let mut by_stage: Vec<(&'static str, Vec<f64>)> = Vec::new();
     for number in 0..WARM_UP + plans {
         let began = Instant::now();
-        let grid = fuse_views(views, planner.grid())?;
+        let grid = fuse_views(views, &planner.grid)?;
         let fused_ms = began.elapsed().as_secs_f64() * 1e3;
         let volume = Observation::Tsdf(grid);
         let began = Instant::now();

@@ -44,11 +44,13 @@ mod tests {
     use schema::{Grid, Vec3};
 
     use super::*;
+    use crate::config::Policy;
     use crate::plan::{Funnel, SegmentedCloud};
 
     fn plan(points_m: Vec<Vec3>, labels: Vec<PointLabel>) -> Plan {
         Plan {
             grid: Grid::PAPER,
+            policy: Policy::Paper,
             grasps: Vec::new(),
             objects: Vec::new(),
             cloud: SegmentedCloud { points_m, labels, plane: None },

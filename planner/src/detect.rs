@@ -10,9 +10,9 @@
 use schema::Grid;
 
 use crate::config::{DetectionParams, Side};
-use crate::plan::RejectReason;
+use crate::plan::{Funnel, RejectReason};
 
-/// A detection.
+/// A voxel that was detected, or rejected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Detection {
     /// x, y, z.
@@ -21,28 +21,13 @@ pub struct Detection {
     pub quality: f32,
 }
 
-/// A voxel that was rejected.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Miss {
-    /// x, y, z.
-    pub voxel: [usize; 3],
-    /// Smoothed quality.
-    pub quality: f32,
-    /// Why.
-    pub reason: RejectReason,
-}
-
 /// The result for every voxel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detected {
     /// The detections, in the order of their voxels, x slowest.
     pub found: Vec<Detection>,
-    /// Number of voxels near the surface.
-    pub near_surface: usize,
-    /// Of those, the number with a width within the limits.
-    pub width_within_limits: usize,
-    /// Of those, the number that reach the threshold.
-    pub quality_reached: usize,
+    /// Counts up to the detections.
+    pub funnel: Funnel,
     /// Highest smoothed quality of voxels near the surface with a width within the limits; 0 if there are none.
     pub quality_best: f32,
     /// The smoothed quality before any mask.
@@ -52,7 +37,7 @@ pub struct Detected {
 }
 
 /// Candidates below the threshold are listed only from this share of ε.
-const TOLD_SHARE_OF_QUALITY_MIN: f32 = 0.5;
+const LISTED_SHARE_OF_QUALITY_MIN: f32 = 0.5;
 
 /// Finds grasps: `tsdf`, `quality` and `width_voxels` have one value per voxel of `grid`, x slowest.
 ///
@@ -67,9 +52,7 @@ pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], 
     let near = near_surface(tsdf, grid, params.surface_side, params.surface_steps_max);
     let mut detected = Detected {
         found: Vec::new(),
-        near_surface: 0,
-        width_within_limits: 0,
-        quality_reached: 0,
+        funnel: Funnel { voxels: grid.len(), ..Funnel::default() },
         quality_best: 0.0,
         smoothed,
         out: Vec::with_capacity(grid.len()),
@@ -84,6 +67,7 @@ pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], 
             detected.found.push(Detection { voxel, quality: detected.smoothed[flat] });
         }
     }
+    detected.funnel.detections = detected.found.len();
     detected
 }
 
@@ -99,17 +83,17 @@ impl Detected {
         if !is_near {
             return Some(RejectReason::FarFromSurface);
         }
-        self.near_surface += 1;
+        self.funnel.near_surface += 1;
         // VGN's comparisons, except that a width that is NaN passes both there and neither here.
         if !(params.width_voxels_min..=params.width_voxels_max).contains(&width_voxels) {
             return Some(RejectReason::Width { width_voxels });
         }
-        self.width_within_limits += 1;
+        self.funnel.width_within_limits += 1;
         self.quality_best = self.quality_best.max(quality);
         if quality < params.quality_min || quality.is_nan() {
             return Some(RejectReason::Quality);
         }
-        self.quality_reached += 1;
+        self.funnel.quality_reached += 1;
         None
     }
 
@@ -123,21 +107,21 @@ impl Detected {
     /// The rejected candidates in the order of their voxels: those above the threshold with a better neighbour, and
     /// local maxima of the smoothed quality that were rejected before.
     #[must_use]
-    pub fn misses(&self, grid: &Grid, params: &DetectionParams) -> Vec<Miss> {
+    pub fn misses(&self, grid: &Grid, params: &DetectionParams) -> Vec<(Detection, RejectReason)> {
         let miss = |flat: usize| {
             let (voxel, quality) = (unflat(grid, flat), self.smoothed[flat]);
             let reason = match self.out[flat] {
                 None => self.is_suppressed(grid, voxel, params).then_some(RejectReason::Suppressed),
                 Some(reason) => self.is_peak(grid, voxel, params).then_some(reason),
             };
-            reason.map(|reason| Miss { voxel, quality, reason })
+            reason.map(|reason| (Detection { voxel, quality }, reason))
         };
         (0..grid.len()).filter_map(miss).collect()
     }
 
     fn is_peak(&self, grid: &Grid, voxel: [usize; 3], params: &DetectionParams) -> bool {
         let quality = self.smoothed[grid.flat(voxel)];
-        quality >= TOLD_SHARE_OF_QUALITY_MIN * params.quality_min
+        quality >= LISTED_SHARE_OF_QUALITY_MIN * params.quality_min
             && window(grid, voxel, params).all(|other| self.smoothed[other] <= quality)
     }
 }
@@ -279,7 +263,7 @@ mod tests {
         let detected = detect(&GRID, &tsdf, &quality, &width, &params());
         let voxels: Vec<[usize; 3]> = detected.found.iter().map(|found| found.voxel).collect();
         assert!(voxels.contains(&[21, 20, 12]), "{voxels:?}");
-        assert!(detected.quality_reached > 100 && detected.quality_best > 0.94);
+        assert!(detected.funnel.quality_reached > 100 && detected.quality_best > 0.94);
     }
 
     #[test]
@@ -326,13 +310,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_dropped_is_told() {
+    fn what_is_dropped_is_listed_with_its_reason() {
         let quality = ball([20, 20, 12], 6.0, 0.95);
         let width = vec![12.0; GRID.len()];
         let detected = detect(&GRID, &ball([20, 20, 12], 8.0, 0.6), &quality, &width, &params());
         assert!(detected.found.is_empty());
         let misses = detected.misses(&GRID, &params());
         assert!(!misses.is_empty());
-        assert!(misses.iter().all(|miss| miss.reason == RejectReason::Width { width_voxels: 12.0 }), "{misses:?}");
+        assert!(misses.iter().all(|(_, reason)| *reason == RejectReason::Width { width_voxels: 12.0 }), "{misses:?}");
     }
 }

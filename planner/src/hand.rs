@@ -39,35 +39,18 @@ impl Sweep {
         Self { boxes, middle_m: 0.5 * (low + high), radius_m: 0.5 * (high - low).length() }
     }
 
-    /// Maximum distance of the sweep from the grasp's origin.
-    #[must_use]
-    pub fn reach_m(&self) -> f32 {
-        self.middle_m.length() + self.radius_m
-    }
-
     /// The number of points in the sweep.
     #[must_use]
     pub fn points_hit(&self, workspace_from_grasp: &Pose, points_m: &[Vec3]) -> usize {
-        self.hits(workspace_from_grasp, points_m).count()
-    }
-
-    /// Whether at most `points_max` points are in the sweep; stops counting beyond that.
-    #[must_use]
-    pub fn is_free(&self, workspace_from_grasp: &Pose, points_m: &[Vec3], points_max: usize) -> bool {
-        self.hits(workspace_from_grasp, points_m).nth(points_max).is_none()
-    }
-
-    fn hits<'a>(&'a self, workspace_from_grasp: &Pose, points_m: &'a [Vec3]) -> impl Iterator<Item = &'a Vec3> + 'a {
         let middle_m = *workspace_from_grasp * self.middle_m;
-        let reach = self.radius_m * self.radius_m;
         let grasp_from_workspace = workspace_from_grasp.inverse();
-        points_m.iter().filter(move |point| {
-            if (**point - middle_m).length_squared() > reach {
-                return false;
-            }
+        let near =
+            points_m.iter().filter(|point| (**point - middle_m).length_squared() <= self.radius_m * self.radius_m);
+        near.filter(|point| {
             let local_m = grasp_from_workspace * **point;
             self.boxes.iter().any(|b| (local_m - b.centre_m).abs().cmple(b.half_m).all())
         })
+        .count()
     }
 }
 

@@ -220,6 +220,7 @@ mod tests {
 
     use super::tints::Rgb;
     use super::*;
+    use crate::config::Policy;
     use crate::plan::{Funnel, SegmentedCloud};
 
     fn gripper() -> Gripper {
@@ -270,6 +271,7 @@ mod tests {
         let objects = boxes.map(|(low, high)| SeenObject { centroid_m: (low + high) * 0.5, point_count: 2000 });
         Plan {
             grid: Grid::PAPER,
+            policy: Policy::Paper,
             grasps: vec![
                 grasp(0.075, 0.08, 0.10, 0.0, 0.04, 0.98, 0),
                 grasp(0.20, 0.07, 0.06, 0.0, 0.04, 0.95, 1),
@@ -367,13 +369,13 @@ mod tests {
 
     #[test]
     fn without_grasps_the_reason_is_written() {
-        let told = decoded(&draw(&empty(), &gripper(), "nothing").unwrap());
-        let untold = decoded(&draw(&Plan { reason: Some(String::new()), ..empty() }, &gripper(), "nothing").unwrap());
+        let spoken = decoded(&draw(&empty(), &gripper(), "nothing").unwrap());
+        let silent = decoded(&draw(&Plan { reason: Some(String::new()), ..empty() }, &gripper(), "nothing").unwrap());
         let caption = (CAPTION_Y[1] as usize / 2 - 14) * WIDTH_PX..(CAPTION_Y[1] as usize / 2 + 14) * WIDTH_PX;
         let dark = |pixels: &[Rgb]| count(&pixels[caption.clone()], |pixel| pixel[1] < 100);
-        assert_eq!(dark(&untold), 0);
-        assert!(dark(&told) > 500, "{}", dark(&told));
-        assert_eq!(told[..caption.start], untold[..caption.start]);
+        assert_eq!(dark(&silent), 0);
+        assert!(dark(&spoken) > 500, "{}", dark(&spoken));
+        assert_eq!(spoken[..caption.start], silent[..caption.start]);
     }
 
     #[test]

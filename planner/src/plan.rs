@@ -5,6 +5,8 @@ use schema::{Grasp, Grid, Pose, Vec3};
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use crate::config::Policy;
+
 /// A ranked grasp.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RankedGrasp {
@@ -122,6 +124,8 @@ pub struct Funnel {
 pub struct Plan {
     /// The workspace.
     pub grid: Grid,
+    /// The order of the grasps.
+    pub policy: Policy,
     /// The grasps, best first.
     pub grasps: Vec<RankedGrasp>,
     /// The objects, from the top.

@@ -1,7 +1,7 @@
 //! All stages of planning: volume, network, detections, objects, ranking.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use network::checkpoint::{self, CheckpointError};
@@ -12,10 +12,11 @@ use schema::{Grasp, Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_fr
 use sha2::{Digest as _, Sha256};
 
 use crate::config::{CloudParams, Config, Policy, WithoutObject};
-use crate::detect::{Detected, detect};
+use crate::detect::{Detected, Detection, detect};
 use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
+use crate::input::{InputError, read_file};
 use crate::observation::{Observation, PlanError, Wishes};
-use crate::plan::{DroppedCandidate, Funnel, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
+use crate::plan::{DroppedCandidate, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
 use crate::rank;
 use crate::refine::{Hand, Searched};
 use crate::segment::segment;
@@ -30,9 +31,12 @@ const MODEL_PATH: &str = "models/paper-200k.safetensors";
 #[derive(Debug, Clone)]
 pub struct Planner {
     network: DenseNetwork,
-    model_id: String,
-    config: Config,
-    grid: Grid,
+    /// SHA-256 of the network's file.
+    pub model_id: String,
+    /// The settings.
+    pub config: Config,
+    /// The workspace.
+    pub grid: Grid,
 }
 
 /// Why a planner cannot be made.
@@ -42,13 +46,8 @@ pub enum PlannerError {
     #[error(transparent)]
     Model(#[from] CheckpointError),
     /// The network's file cannot be read.
-    #[error("failed to read the model: {source}: {}", .path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Read(#[from] InputError),
     /// The settings.
     #[error(transparent)]
     Config(#[from] settings::Error),
@@ -58,7 +57,8 @@ impl Exit for PlannerError {
     fn exit_code(&self) -> ExitCode {
         match self {
             Self::Model(error) => error.exit_code(),
-            Self::Read { .. } | Self::Config(_) => ExitCode::Config,
+            Self::Read(error) => error.exit_code(),
+            Self::Config(error) => error.exit_code(),
         }
     }
 }
@@ -81,8 +81,7 @@ impl Planner {
     /// # Errors
     /// [`PlannerError`] if the file cannot be read or is no checkpoint of this network.
     pub fn new(model: &Path, config: Config) -> Result<Self, PlannerError> {
-        let file = std::fs::read(model).map_err(|source| PlannerError::Read { path: model.to_owned(), source })?;
-        Self::from_bytes(&file, model, config)
+        Self::from_bytes(&read_file(model)?, model, config)
     }
 
     /// A planner with the built-in network (`models/`).
@@ -99,83 +98,45 @@ impl Planner {
         Ok(Self { network, model_id, config, grid: Grid::PAPER })
     }
 
-    /// SHA-256 of the network's file.
-    #[must_use]
-    pub fn model_id(&self) -> &str {
-        &self.model_id
-    }
-
-    /// The settings.
-    #[must_use]
-    pub fn config(&self) -> &Config {
-        &self.config
-    }
-
-    /// The workspace.
-    #[must_use]
-    pub fn grid(&self) -> &Grid {
-        &self.grid
-    }
-
-    /// The hand.
-    #[must_use]
-    pub fn gripper(&self) -> &schema::Gripper {
-        &self.config.gripper
-    }
-
-    /// The policy of a plan with these wishes.
-    #[must_use]
-    pub fn policy(&self, wishes: &Wishes) -> Policy {
-        wishes.policy.unwrap_or(self.config.ranking.policy)
-    }
-
     /// Plans grasps. An empty scene, or one without a good grasp, gives a plan without grasps that says why.
     ///
     /// # Errors
     /// [`PlanError`] if the observation contradicts itself or the network.
     pub fn plan(&self, observation: &Observation, wishes: &Wishes) -> Result<Plan, PlanError> {
-        let mut clock = Clock::start();
-        let volume = fuse(observation, &self.grid, self.config.cloud)?;
-        clock.lap("fuse");
+        let mut timings_ms = Vec::new();
+        let volume = timed(&mut timings_ms, "fuse", || fuse(observation, &self.grid, self.config.cloud))?;
         let is_refined = self.config.refinement.turns > 0;
-        let field = volume.fine.as_ref().unwrap_or(&volume.grid);
-        let normals = if is_refined { perception::normals(field, &volume.points_m) } else { Vec::new() };
-        clock.lap("normals");
-        let found = self.find(&volume.grid, volume.points_m);
-        clock.laps.extend(found.timings_ms.iter().copied());
-        clock.skip();
-        let mut plan = self.rank(found, &normals, wishes);
-        clock.lap("rank");
+        let normals = timed(&mut timings_ms, "normals", || {
+            let field = volume.fine.as_ref().unwrap_or(&volume.grid);
+            if is_refined { perception::normals(field, &volume.points_m) } else { Vec::new() }
+        });
+        let found = self.find(&volume.grid, volume.points_m, &mut timings_ms);
+        let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &normals, wishes));
         plan.warnings.splice(0..0, volume.warnings);
-        plan.timings_ms = clock.laps;
+        plan.timings_ms = timings_ms;
         Ok(plan)
     }
 
     /// Runs the network with its detections and the segmentation of the cloud in parallel.
-    fn find(&self, grid: &VoxelGrid, points_m: Vec<Vec3>) -> Found {
+    fn find(&self, grid: &VoxelGrid, points_m: Vec<Vec3>, timings_ms: &mut Timings) -> Found {
+        let mut segment_ms = Vec::new();
         let network = || {
-            let mut clock = Clock::start();
-            let grids = self.network.infer(&grid.values);
-            clock.lap("network");
-            let quality: Vec<f32> = grids.quality_logit.iter().map(|logit| sigmoid(*logit)).collect();
-            let detected = detect(&self.grid, &grid.values, &quality, &grids.width_voxels, &self.config.detection);
-            clock.lap("detect");
-            (grids, detected, clock.laps)
+            let grids = timed(timings_ms, "network", || self.network.infer(&grid.values));
+            let detected = timed(timings_ms, "detect", || {
+                let quality: Vec<f32> = grids.quality_logit.iter().map(|logit| sigmoid(*logit)).collect();
+                detect(&self.grid, &grid.values, &quality, &grids.width_voxels, &self.config.detection)
+            });
+            (grids, detected)
         };
-        let objects = || {
-            let mut clock = Clock::start();
-            let segmented = segment(points_m, &self.config);
-            clock.lap("segment");
-            (segmented, clock.laps)
-        };
-        let ((grids, detected, mut timings_ms), ((cloud, objects), more)) = rayon::join(network, objects);
-        timings_ms.extend(more);
-        Found { scene: scene_number(grid), grids, detected, cloud, objects, timings_ms }
+        let objects = || timed(&mut segment_ms, "segment", || segment(points_m, &self.config));
+        let ((grids, detected), (cloud, objects)) = rayon::join(network, objects);
+        timings_ms.append(&mut segment_ms);
+        Found { scene: scene_number(grid), grids, detected, cloud, objects }
     }
 
     fn rank(&self, found: Found, normals: &[Vec3], wishes: &Wishes) -> Plan {
-        let Found { scene, grids, detected, cloud, objects, .. } = found;
-        let mut dropped = self.told(&detected, &grids, wishes);
+        let Found { scene, grids, detected, cloud, objects } = found;
+        let mut dropped = self.misses(&detected, &grids, wishes);
         let mut grasps: Vec<RankedGrasp> = detected
             .found
             .iter()
@@ -189,21 +150,14 @@ impl Planner {
                 support: None,
             })
             .collect();
-        let mut funnel = Funnel {
-            voxels: self.grid.len(),
-            near_surface: detected.near_surface,
-            width_within_limits: detected.width_within_limits,
-            quality_reached: detected.quality_reached,
-            detections: grasps.len(),
-            ..Funnel::default()
-        };
+        let mut funnel = detected.funnel;
         if self.config.refinement.turns > 0 {
             self.refine(&mut grasps, (&cloud, normals), wishes, &mut dropped);
         }
         funnel.hands_found = grasps.len();
         self.drop_colliding(&mut grasps, &cloud, wishes, &mut dropped);
         funnel.collision_free = grasps.len();
-        let policy = self.policy(wishes);
+        let policy = wishes.policy.unwrap_or(self.config.ranking.policy);
         rank::attribute(&mut grasps, &cloud, &objects, &self.config.ranking);
         drop_where(&mut grasps, &mut dropped, |ranked| {
             rank::is_left_out(ranked, policy, &self.config.ranking).then_some(RejectReason::NoObject)
@@ -217,19 +171,21 @@ impl Planner {
         }
         funnel.ranked = grasps.len();
         dropped.sort_by(|a, b| b.quality.total_cmp(&a.quality));
-        let grasps_max = wishes.grasps_max;
-        let seen = Seen { cloud: &cloud, objects: &objects, detected: &detected, funnel: &funnel, grasps_max };
-        Plan {
+        let mut plan = Plan {
             grid: self.grid,
-            reason: grasps.is_empty().then(|| self.reason(&seen)),
-            warnings: self.warnings(&seen, policy),
-            dropped: if wishes.explain { dropped } else { Vec::new() },
+            policy,
             grasps,
             objects,
             cloud,
             funnel,
+            reason: None,
+            warnings: Vec::new(),
+            dropped: if wishes.explain { dropped } else { Vec::new() },
             timings_ms: Vec::new(),
-        }
+        };
+        plan.reason = plan.grasps.is_empty().then(|| self.reason(&plan, detected.quality_best, wishes));
+        plan.warnings = self.warnings(&plan);
+        plan
     }
 
     /// The grasp that the network predicts in a voxel, turned towards the wrist.
@@ -295,28 +251,27 @@ impl Planner {
     }
 
     /// The rejected candidates, if requested.
-    fn told(&self, detected: &Detected, grids: &DenseGrids, wishes: &Wishes) -> Vec<DroppedCandidate> {
+    fn misses(&self, detected: &Detected, grids: &DenseGrids, wishes: &Wishes) -> Vec<DroppedCandidate> {
         if !wishes.explain {
             return Vec::new();
         }
         let misses = detected.misses(&self.grid, &self.config.detection).into_iter();
         misses
-            .map(|miss| DroppedCandidate {
-                grasp: self.grasp_at(miss.voxel, grids, wishes),
-                quality: miss.quality,
-                voxel: miss.voxel,
-                reason: miss.reason,
+            .map(|(Detection { voxel, quality }, reason)| DroppedCandidate {
+                grasp: self.grasp_at(voxel, grids, wishes),
+                quality,
+                voxel,
+                reason,
             })
             .collect()
     }
 
     /// Why there are no grasps: the first stage that no candidate passed.
-    fn reason(&self, seen: &Seen<'_>) -> String {
-        let params = &self.config.detection;
-        let funnel = seen.funnel;
-        if seen.grasps_max == Some(0) {
+    fn reason(&self, plan: &Plan, quality_best: f32, wishes: &Wishes) -> String {
+        let (params, funnel) = (&self.config.detection, &plan.funnel);
+        if wishes.grasps_max == Some(0) {
             "no grasps were asked for".to_owned()
-        } else if seen.cloud.points_m.is_empty() {
+        } else if plan.cloud.points_m.is_empty() {
             "empty scene: no surface was seen in the workspace".to_owned()
         } else if funnel.near_surface == 0 {
             "no voxel on the grasps' side of a surface was seen".to_owned()
@@ -325,13 +280,13 @@ impl Planner {
             format!("no grasp has a width between {low} and {high} voxels")
         } else if funnel.quality_reached == 0 {
             // Rounded down, so that 0.8997 does not become 0.9.
-            let best = (seen.detected.quality_best * 1e3).floor() * 1e-3;
+            let best = (quality_best * 1e3).floor() * 1e-3;
             format!("no grasp has a quality of {} or more: the best has {best:.3}", params.quality_min)
         } else if funnel.hands_found == 0 {
             format!("no hand closes on anything by a free way at any of {} detections", funnel.detections)
         } else if funnel.collision_free == 0 {
             format!("the hand's way is blocked for all {} detections", funnel.detections)
-        } else if seen.objects.is_empty() {
+        } else if plan.objects.is_empty() {
             "no cluster of points is large enough for an object, and grasps without one are dropped".to_owned()
         } else {
             "no grasp belongs to an object, and others are dropped".to_owned()
@@ -340,7 +295,7 @@ impl Planner {
 
     /// The network was trained with the table at one height, so an error in the workspace's pose shows here first.
     fn misplaced_table(&self, plane: &Plane) -> Option<String> {
-        let (grid, normal) = (self.grid(), plane.normal);
+        let (grid, normal) = (&self.grid, plane.normal);
         let middle = 0.5 * grid.size_m;
         let height_m = (plane.offset_m - middle * (normal.x + normal.y)) / normal.z;
         let is_level = normal.z > TABLE_COS_MIN; // otherwise the plane is a wall, not a table
@@ -354,19 +309,19 @@ impl Planner {
         })
     }
 
-    fn warnings(&self, seen: &Seen<'_>, policy: Policy) -> Vec<String> {
+    fn warnings(&self, plan: &Plan) -> Vec<String> {
         let mut warnings = Vec::new();
-        if seen.cloud.points_m.is_empty() {
+        if plan.cloud.points_m.is_empty() {
             return warnings;
         }
-        warnings.extend(seen.cloud.plane.as_ref().and_then(|found| self.misplaced_table(&found.plane)));
-        if policy != Policy::Paper {
+        warnings.extend(plan.cloud.plane.as_ref().and_then(|found| self.misplaced_table(&found.plane)));
+        if plan.policy != Policy::Paper {
             return warnings;
         }
-        if seen.cloud.plane.is_none() {
+        if plan.cloud.plane.is_none() {
             warnings.push("no plane was found: nothing was taken away before clustering".to_owned());
         }
-        if seen.objects.is_empty() && self.config.ranking.without_object == WithoutObject::Last {
+        if plan.objects.is_empty() && self.config.ranking.without_object == WithoutObject::Last {
             warnings
                 .push("no cluster of points is large enough for an object: grasps are ranked by quality".to_owned());
         }
@@ -379,15 +334,7 @@ const TABLE_OFF_M_MAX: f32 = 0.01;
 /// Cosine of the largest tilt of a table.
 const TABLE_COS_MIN: f32 = 0.9;
 
-/// The data for a plan's reason and warnings.
-struct Seen<'a> {
-    cloud: &'a SegmentedCloud,
-    objects: &'a [SeenObject],
-    detected: &'a Detected,
-    funnel: &'a Funnel,
-    grasps_max: Option<usize>,
-}
-
+/// What the network and the segmentation found.
 struct Found {
     /// A number that distinguishes scenes.
     scene: u64,
@@ -395,7 +342,6 @@ struct Found {
     detected: Detected,
     cloud: SegmentedCloud,
     objects: Vec<SeenObject>,
-    timings_ms: Vec<(&'static str, f64)>,
 }
 
 fn candidate(ranked: &RankedGrasp, reason: RejectReason) -> DroppedCandidate {
@@ -427,23 +373,13 @@ fn sigmoid(logit: f32) -> f32 {
     1.0 / (1.0 + libm::expf(-logit))
 }
 
-/// Measures the stages.
-struct Clock {
-    since: Instant,
-    laps: Vec<(&'static str, f64)>,
-}
+/// Stages and their times in milliseconds.
+type Timings = Vec<(&'static str, f64)>;
 
-impl Clock {
-    fn start() -> Self {
-        Self { since: Instant::now(), laps: Vec::new() }
-    }
-
-    fn lap(&mut self, stage: &'static str) {
-        self.laps.push((stage, self.since.elapsed().as_secs_f64() * 1e3));
-        self.skip();
-    }
-
-    fn skip(&mut self) {
-        self.since = Instant::now();
-    }
+/// Runs a stage and adds its time.
+fn timed<T>(timings_ms: &mut Timings, stage: &'static str, run: impl FnOnce() -> T) -> T {
+    let began = Instant::now();
+    let result = run();
+    timings_ms.push((stage, began.elapsed().as_secs_f64() * 1e3));
+    result
 }

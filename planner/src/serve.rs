@@ -24,7 +24,7 @@ use tower_http::limit::RequestBodyLimitLayer;
 use tower_http::timeout::TimeoutLayer;
 
 use self::connection::{Gate, Traffic};
-use self::fault::{Fault, Limits};
+use self::fault::Fault;
 use self::metrics::Metrics;
 use self::planning::Planned;
 use crate::Planner;
@@ -34,12 +34,12 @@ mod fault;
 mod handlers;
 mod metrics;
 mod model;
-mod openapi;
+mod options;
 mod planning;
 #[cfg(test)]
 mod tests;
 
-pub use openapi::openapi_json;
+pub use self::options::ServeOptions;
 
 /// Maximum number of open connections; further ones wait in the system's queue.
 const CONNECTIONS_MAX: usize = 256;
@@ -49,21 +49,6 @@ const SILENCE_MAX: Duration = Duration::from_secs(10);
 const GLANCE: Duration = Duration::from_millis(100);
 /// Time beyond the limit of a request that a stopping service gives clients to read their answers.
 const FAREWELL: Duration = Duration::from_secs(2);
-
-/// Address and limits of the service.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ServeOptions {
-    /// Address and port; port 0 selects a free port.
-    pub address: SocketAddr,
-    /// Maximum size of a body.
-    pub body_bytes_max: usize,
-    /// Maximum time from a request's header to its answer.
-    pub request_timeout: Duration,
-    /// Maximum number of concurrent plans; at least one.
-    pub concurrent_max: usize,
-    /// Maximum number of waiting plans.
-    pub queue_max: usize,
-}
 
 /// Why the service failed.
 #[derive(Debug, thiserror::Error)]
@@ -103,7 +88,7 @@ type PlanBytes = dyn Fn(&[u8]) -> Result<Planned, Fault> + Send + Sync;
 struct Shared {
     plan: Box<PlanBytes>,
     model_json: String,
-    limits: Limits,
+    options: ServeOptions,
     metrics: Metrics,
     stopping: AtomicBool,
     /// Plans in progress and waiting.
@@ -115,22 +100,15 @@ struct Shared {
 impl Shared {
     fn new(plan: Box<PlanBytes>, model_json: String, options: &ServeOptions) -> Arc<Self> {
         let turns = options.concurrent_max.clamp(1, 1 << 16);
-        let limits = Limits { body_bytes_max: options.body_bytes_max, request_timeout: options.request_timeout };
         Arc::new(Self {
             plan,
             model_json,
-            limits,
+            options: options.clone(),
             metrics: Metrics::new(),
             stopping: AtomicBool::new(false),
             places: Arc::new(Semaphore::new(turns + options.queue_max.min(1 << 16))),
             turns: Arc::new(Semaphore::new(turns)),
         })
-    }
-
-    fn of_planner(planner: Planner, options: &ServeOptions) -> Arc<Self> {
-        // Strings and finite numbers always serialize.
-        let model_json = serde_json::to_string(&model::ModelAnswer::new(&planner)).unwrap_or_default();
-        Self::new(Box::new(move |body: &[u8]| planning::plan_bytes(&planner, body)), model_json, options)
     }
 
     fn plan_and_count(&self, body: &[u8]) -> Result<Planned, Fault> {
@@ -156,16 +134,14 @@ pub fn serve(
     stop: &AtomicBool,
     on_listening: &dyn Fn(SocketAddr),
 ) -> Result<(), ServeError> {
-    serve_shared(&Shared::of_planner(planner, options), options, SILENCE_MAX, stop, on_listening)
-}
-
-/// The service without its listener, for embedding. The listener sets the time limits on connections.
-pub fn router(planner: Planner, options: &ServeOptions) -> Router {
-    routes(&Shared::of_planner(planner, options))
+    // Strings and finite numbers always serialize.
+    let model_json = serde_json::to_string(&model::ModelAnswer::new(&planner)).unwrap_or_default();
+    let plan = Box::new(move |body: &[u8]| planning::plan_bytes(&planner, body));
+    serve_shared(&Shared::new(plan, model_json, options), SILENCE_MAX, stop, on_listening)
 }
 
 fn routes(shared: &Arc<Shared>) -> Router {
-    let limits = shared.limits;
+    let options = &shared.options;
     Router::new()
         .route("/v1/plan", post(handlers::plan))
         .route("/v1/model", get(handlers::model))
@@ -175,8 +151,8 @@ fn routes(shared: &Arc<Shared>) -> Router {
         .route("/openapi.json", get(handlers::openapi))
         // From the inside out. axum's own limit of 2 MB is off; the limit of the next layer applies.
         .layer(DefaultBodyLimit::disable())
-        .layer(RequestBodyLimitLayer::new(limits.body_bytes_max))
-        .layer(TimeoutLayer::with_status_code(StatusCode::GATEWAY_TIMEOUT, limits.request_timeout))
+        .layer(RequestBodyLimitLayer::new(options.body_bytes_max))
+        .layer(TimeoutLayer::with_status_code(StatusCode::GATEWAY_TIMEOUT, options.request_timeout))
         .layer(CatchPanicLayer::custom(fault::of_panic))
         .layer(from_fn_with_state(Arc::clone(shared), observe))
         .with_state(Arc::clone(shared))
@@ -188,7 +164,7 @@ async fn observe(State(shared): State<Arc<Shared>>, request: Request, next: Next
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
     let traffic = request.extensions().get::<ConnectInfo<Traffic>>().map(|ConnectInfo(traffic)| traffic.clone());
     let _under_way = UnderWay::new(Arc::clone(&shared), traffic.clone());
-    let response = fault::as_json(next.run(request).await, &shared.limits);
+    let response = fault::as_json(next.run(request).await, &shared.options);
     let status = response.status();
     if let Some(traffic) = traffic {
         traffic.set_linger(!status.is_success());
@@ -231,7 +207,6 @@ impl Drop for UnderWay {
 
 fn serve_shared(
     shared: &Arc<Shared>,
-    options: &ServeOptions,
     silence_max: Duration,
     stop: &AtomicBool,
     on_listening: &dyn Fn(SocketAddr),
@@ -242,7 +217,7 @@ fn serve_shared(
         .enable_all()
         .build()
         .map_err(|source| ServeError::Threads { source })?;
-    let ended = runtime.block_on(listen(shared, options, silence_max, stop, on_listening));
+    let ended = runtime.block_on(listen(shared, silence_max, stop, on_listening));
     // Plans that outlive their request are not awaited.
     runtime.shutdown_background();
     ended
@@ -250,19 +225,19 @@ fn serve_shared(
 
 async fn listen(
     shared: &Arc<Shared>,
-    options: &ServeOptions,
     silence_max: Duration,
     stop: &AtomicBool,
     on_listening: &dyn Fn(SocketAddr),
 ) -> Result<(), ServeError> {
+    let options = &shared.options;
     let refused = |source| ServeError::Listen { address: options.address, source };
     let listener = TcpListener::bind(options.address).await.map_err(refused)?;
     on_listening(listener.local_addr().map_err(refused)?);
-    let (told, telling) = oneshot::channel::<()>();
+    let (stop_server, stopped) = oneshot::channel::<()>();
     let service = routes(shared).into_make_service_with_connect_info::<Traffic>();
     let server = axum::serve(Gate::new(listener, CONNECTIONS_MAX, silence_max), service)
         // An error means that the receiver is gone, which has the same effect.
-        .with_graceful_shutdown(async move { telling.await.unwrap_or_default() });
+        .with_graceful_shutdown(async move { stopped.await.unwrap_or_default() });
     let mut server = tokio::spawn(server.into_future());
     while !stop.load(Ordering::Relaxed) {
         if server.is_finished() {
@@ -272,7 +247,7 @@ async fn listen(
     }
     shared.stopping.store(true, Ordering::Relaxed);
     // The receiver is gone if the server has just ended by itself, which needs no action.
-    let _ = told.send(());
+    let _ = stop_server.send(());
     let patience = options.request_timeout.saturating_add(FAREWELL);
     if tokio::time::timeout(patience, &mut server).await.is_err() {
         tracing::warn!("some clients did not read their answers in time");

@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sparse_cloud_is_told() {
+    fn a_sparse_cloud_is_a_warning() {
         let points_m = (0..900).map(|n| Vec3::new((n / 30) as f32 * 0.01, (n % 30) as f32 * 0.01, 0.0501)).collect();
         let cloud = Observation::Cloud { points_m, eyes_m: Vec::new() };
         let volume = fuse(&cloud, &Grid::PAPER, LAW).unwrap();
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn clouds_of_other_units_and_blocks_are_told() {
+    fn clouds_of_other_units_are_warnings_and_blocks_are_refused() {
         let fused = |points_m: Vec<Vec3>| fuse(&Observation::Cloud { points_m, eyes_m: Vec::new() }, &Grid::PAPER, LAW);
         let millimetres =
             fused((0..900).map(|n| Vec3::new((n / 30) as f32 * 10.0, (n % 30) as f32 * 10.0, 50.1)).collect());

@@ -72,7 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if (rounds.len() as u64) < config.round_count() {
         return Ok(ExitCode::TryAgain);
     }
-    write_reports(&config, planner.model_id(), &rounds, &arguments.out)?;
+    write_reports(&config, &planner.model_id, &rounds, &arguments.out)?;
     Ok(ExitCode::Ok)
 }
 

@@ -33,8 +33,8 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let planner = arguments.network.planner()?;
     let request = match &arguments.views {
-        Some(path) => from_file(path, *planner.grid())?,
-        None => assemble(&demo::request()?, None, *planner.grid())?,
+        Some(path) => from_file(path, planner.grid)?,
+        None => assemble(&demo::request()?, None, planner.grid)?,
     };
     let Observation::Views(views) = &request.observation else {
         return Err(InputError::Value("the bench needs depth images: --views".to_owned()).into());

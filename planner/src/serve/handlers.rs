@@ -9,9 +9,10 @@ use axum::body::Bytes;
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{HeaderName, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use utoipa::OpenApi;
 
 use super::Shared;
-use super::fault::{ErrorAnswer, Fault, Limits, is_json, json_header};
+use super::fault::{Fault, is_json, json_header};
 use super::metrics::MEDIA_TYPE;
 use super::model::ModelAnswer;
 use super::planning::Planned;
@@ -29,24 +30,26 @@ const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
         (status = 200, description = "The plan", body = Answer, headers(
             ("Server-Timing" = String, description = "time of each stage, in milliseconds")
         )),
-        (status = 400, description = "The body is not JSON, or is incomplete", body = ErrorAnswer),
-        (status = 413, description = "The body is too large", body = ErrorAnswer),
-        (status = 415, description = "The content type is not JSON", body = ErrorAnswer),
-        (status = 422, description = "The JSON is not a request, or a value is wrong", body = ErrorAnswer),
-        (status = 500, description = "A defect of the planner", body = ErrorAnswer),
-        (status = 503, description = "Too many requests are waiting, or the service is stopping", body = ErrorAnswer, headers(
+        (status = 400, description = "The body is not JSON, or is incomplete", body = Fault),
+        (status = 413, description = "The body is too large", body = Fault),
+        (status = 415, description = "The content type is not JSON", body = Fault),
+        (status = 422, description = "The JSON is not a request, or a value is wrong", body = Fault),
+        (status = 500, description = "A defect of the planner", body = Fault),
+        (status = 503, description = "Too many requests are waiting, or the service is stopping", body = Fault, headers(
             ("Retry-After" = u32, description = "time until a retry, in seconds")
         )),
-        (status = 504, description = "Not done in time", body = ErrorAnswer)
+        (status = 504, description = "Not done in time", body = Fault)
     )
 )]
 pub(super) async fn plan(State(shared): State<Arc<Shared>>, request: Request) -> Result<Response, Fault> {
     if !is_json(request.headers()) {
-        let told = "the content type must be application/json";
-        return Err(Fault::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, told));
+        return Err(Fault::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "the content type must be application/json"));
     }
     let place = Arc::clone(&shared.places).try_acquire_owned().map_err(|_| shared.turned_away())?;
-    let body = body_of(request, &shared.limits).await?;
+    let body = Bytes::from_request(request, &()).await.map_err(|rejection| match rejection.status() {
+        StatusCode::PAYLOAD_TOO_LARGE => Fault::of_layer(StatusCode::PAYLOAD_TOO_LARGE, &shared.options),
+        _ => Fault::new(StatusCode::BAD_REQUEST, "the body is incomplete"),
+    })?;
     let turn = Arc::clone(&shared.turns).acquire_owned().await.map_err(|_| stopping())?;
     let working = Arc::clone(&shared);
     let work = move || {
@@ -62,13 +65,6 @@ pub(super) async fn plan(State(shared): State<Arc<Shared>>, request: Request) ->
         }
         Err(_) => Err(stopping()),
     }
-}
-
-async fn body_of(request: Request, limits: &Limits) -> Result<Bytes, Fault> {
-    Bytes::from_request(request, &()).await.map_err(|rejection| match rejection.status() {
-        StatusCode::PAYLOAD_TOO_LARGE => limits.fault(StatusCode::PAYLOAD_TOO_LARGE),
-        _ => Fault::new(StatusCode::BAD_REQUEST, "the body is incomplete"),
-    })
 }
 
 fn plan_response(planned: Planned) -> Response {
@@ -98,7 +94,7 @@ pub(super) async fn healthz() -> &'static str {
     path = "/readyz",
     responses(
         (status = 200, description = "ready", body = String),
-        (status = 503, description = "The service is stopping", body = ErrorAnswer)
+        (status = 503, description = "The service is stopping", body = Fault)
     )
 )]
 pub(super) async fn readyz(State(shared): State<Arc<Shared>>) -> Result<&'static str, Fault> {
@@ -119,5 +115,77 @@ pub(super) async fn metrics(State(shared): State<Arc<Shared>>) -> Result<Respons
 /// This API description.
 #[utoipa::path(get, path = "/openapi.json", responses((status = 200, description = "OpenAPI 3.1", body = serde_json::Value)))]
 pub(super) async fn openapi() -> Response {
-    (json_header(), super::openapi_json()).into_response()
+    (json_header(), description()).into_response()
+}
+
+/// The description as JSON, made from the endpoints above and their answer types.
+fn description() -> String {
+    // Maps with string keys, strings and numbers always serialise.
+    serde_json::to_string_pretty(&Description::openapi()).unwrap_or_default()
+}
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "Graspmill planner",
+        version = env!("CARGO_PKG_VERSION"),
+        description = "Ranked grasps from depth images, a TSDF or a point cloud. Metres; quaternions are x, y, z, w; \
+                       cameras look along +z, x right, y down. Every error is {\"error\": \"…\", \"status\": 422}."
+    ),
+    paths(
+        plan,
+        model,
+        healthz,
+        readyz,
+        metrics,
+        openapi
+    )
+)]
+struct Description;
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use serde_json::Value;
+
+    use super::*;
+    use crate::serve::metrics::ENDPOINTS;
+
+    fn described() -> Value {
+        serde_json::from_str(&description()).unwrap()
+    }
+
+    fn references<'a>(value: &'a Value, found: &mut BTreeSet<&'a str>) {
+        match value {
+            Value::Object(entries) => {
+                found.extend(entries.get("$ref").and_then(Value::as_str));
+                entries.values().for_each(|inner| references(inner, found));
+            }
+            Value::Array(items) => items.iter().for_each(|inner| references(inner, found)),
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn every_endpoint_is_described() {
+        let described = described();
+        assert!(described["openapi"].as_str().unwrap().starts_with("3.1"));
+        assert_eq!(described["info"]["version"], env!("CARGO_PKG_VERSION"));
+        let paths: BTreeSet<&str> = described["paths"].as_object().unwrap().keys().map(String::as_str).collect();
+        assert_eq!(paths, BTreeSet::from(ENDPOINTS));
+    }
+
+    #[test]
+    fn every_reference_leads_somewhere() {
+        let described = described();
+        let mut found = BTreeSet::new();
+        references(&described, &mut found);
+        assert!(found.contains("#/components/schemas/Answer"), "{found:?}");
+        assert!(found.contains("#/components/schemas/ErrorAnswer"), "{found:?}");
+        for reference in found {
+            let pointer = reference.strip_prefix('#').unwrap();
+            assert!(described.pointer(pointer).is_some(), "{reference} leads nowhere");
+        }
+    }
 }

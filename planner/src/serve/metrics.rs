@@ -59,8 +59,8 @@ impl Metrics {
         registry.register("requests", "Requests answered, by endpoint and status", self.requests.clone());
         registry.register("requests_in_flight", "Requests not answered yet", self.in_flight.clone());
         registry.register("rejected_requests", "Plans refused because too many were waiting", self.rejected.clone());
-        let told = "Time from body to plan, without the waiting time";
-        registry.register_with_unit("plan_duration", told, Unit::Seconds, self.plan_seconds.clone());
+        let what = "Time from body to plan, without the waiting time";
+        registry.register_with_unit("plan_duration", what, Unit::Seconds, self.plan_seconds.clone());
         registry.register("grasps_per_plan", "Grasps of a plan", self.grasps.clone());
         registry.register("empty_plans", "Plans without a grasp", self.empty_plans.clone());
     }
@@ -117,12 +117,12 @@ mod tests {
             "planner_empty_plans_total 1",
             "# EOF",
         ] {
-            assert!(text.lines().any(|told| told == line), "{line} is not in\n{text}");
+            assert!(text.lines().any(|written| written == line), "{line} is not in\n{text}");
         }
     }
 
     #[test]
-    fn strangers_paths_make_no_series() {
+    fn unknown_paths_make_no_series() {
         let metrics = Metrics::new();
         for at in 0..100 {
             metrics.answered(&format!("/{at}"), StatusCode::NOT_FOUND);

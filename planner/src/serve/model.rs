@@ -15,7 +15,7 @@ pub(crate) struct ModelAnswer {
     version: &'static str,
     /// SHA-256 of the network's weights file.
     model: String,
-    /// The default order of grasps: `paper`, `vgn-random` or `vgn-best`.
+    /// The default order of grasps: `paper`, `vgn-random`, `vgn-best` or `flattest`.
     policy: &'static str,
     /// The gripper's name.
     gripper: String,
@@ -28,13 +28,13 @@ pub(crate) struct ModelAnswer {
 
 impl ModelAnswer {
     pub(super) fn new(planner: &Planner) -> Self {
-        let (grid, config) = (planner.grid(), planner.config());
+        let config = &planner.config;
         Self {
             version: env!("CARGO_PKG_VERSION"),
-            model: planner.model_id().to_owned(),
+            model: planner.model_id.clone(),
             policy: config.ranking.policy.name(),
-            gripper: planner.gripper().name.clone(),
-            grid: GridAnswer::new(grid),
+            gripper: config.gripper.name.clone(),
+            grid: GridAnswer::new(&planner.grid),
             config: settings(config),
         }
     }
@@ -55,7 +55,7 @@ mod tests {
     use crate::config::PAPER;
 
     #[test]
-    fn settings_are_told_as_they_stand_in_the_file() {
+    fn settings_are_shown_as_they_stand_in_the_file() {
         let file: toml::Table = PAPER.parse().unwrap();
         assert_eq!(settings(&Config::built_in().unwrap()), serde_json::to_value(file).unwrap());
     }

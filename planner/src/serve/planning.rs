@@ -3,11 +3,10 @@
 use std::time::Instant;
 
 use axum::http::StatusCode;
-use program::{Exit, ExitCode};
 
 use super::fault::Fault;
 use crate::answer::Answer;
-use crate::{PlanError, Planner, input};
+use crate::{Planner, input};
 
 /// A serialised plan.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,11 +21,15 @@ pub(super) struct Planned {
 /// Parses a request, plans, and serialises the answer.
 pub(super) fn plan_bytes(planner: &Planner, body: &[u8]) -> Result<Planned, Fault> {
     let started = Instant::now();
-    let request = input::from_json(body, *planner.grid()).map_err(|e| input_fault(e.is_syntax(), e.to_string()))?;
+    // Text that is not JSON is 400; JSON that is not a request or has wrong values is 422.
+    let request = input::from_json(body, planner.grid).map_err(|error| {
+        let status = if error.is_syntax() { StatusCode::BAD_REQUEST } else { StatusCode::UNPROCESSABLE_ENTITY };
+        Fault::new(status, error.to_string())
+    })?;
     let parsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    let plan = planner.plan(&request.observation, &request.wishes).map_err(|e| plan_fault(&e))?;
-    let policy = planner.policy(&request.wishes);
-    let mut answer = Answer::new(&plan, planner, policy);
+    let plan = planner.plan(&request.observation, &request.wishes);
+    let plan = plan.map_err(|error| Fault::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()))?;
+    let mut answer = Answer::new(&plan, planner);
     answer.warnings.extend(request.warnings);
     Ok(Planned {
         body: serde_json::to_vec(&answer).map_err(|_| Fault::internal())?,
@@ -35,23 +38,8 @@ pub(super) fn plan_bytes(planner: &Planner, body: &[u8]) -> Result<Planned, Faul
     })
 }
 
-/// Text that is not JSON is 400; JSON that is not a request or has wrong values is 422.
-fn input_fault(is_syntax: bool, told: String) -> Fault {
-    Fault::new(if is_syntax { StatusCode::BAD_REQUEST } else { StatusCode::UNPROCESSABLE_ENTITY }, told)
-}
-
-fn plan_fault(error: &PlanError) -> Fault {
-    if error.exit_code() == ExitCode::Internal {
-        tracing::error!("{error}");
-        return Fault::internal();
-    }
-    Fault::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string())
-}
-
 fn server_timing<'a>(stages: impl Iterator<Item = (&'a str, f64)>) -> String {
-    // A metric's name is a token: letters, digits, `_` and `-` are safe.
-    let token = |name: &str| name.replace(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == '-'), "_");
-    stages.map(|(name, ms)| format!("{};dur={ms:.2}", token(name))).collect::<Vec<_>>().join(", ")
+    stages.map(|(name, ms)| format!("{name};dur={ms:.2}")).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
@@ -60,7 +48,7 @@ mod tests {
 
     #[test]
     fn timings_are_a_header() {
-        let stages = [("parse", 1.234), ("surface cloud, again", 10.0)];
-        assert_eq!(server_timing(stages.into_iter()), "parse;dur=1.23, surface_cloud__again;dur=10.00");
+        let stages = [("parse", 1.234), ("fuse", 10.0)];
+        assert_eq!(server_timing(stages.into_iter()), "parse;dur=1.23, fuse;dur=10.00");
     }
 }

@@ -58,13 +58,13 @@ fn start(options: ServeOptions, silence_max: Duration, go: &Arc<AtomicBool>) -> 
     };
     let shared = Shared::new(Box::new(plan), "{}".to_owned(), &options);
     let stop = Arc::new(AtomicBool::new(false));
-    let (tell, told) = mpsc::channel();
+    let (sender, receiver) = mpsc::channel();
     let (theirs, until) = (Arc::clone(&shared), Arc::clone(&stop));
     let thread = std::thread::spawn(move || {
-        let on_listening = |address| tell.send(address).unwrap();
-        serve_shared(&theirs, &options, silence_max, &until, &on_listening)
+        let on_listening = |address| sender.send(address).unwrap();
+        serve_shared(&theirs, silence_max, &until, &on_listening)
     });
-    Running { address: told.recv().unwrap(), shared, stop, thread }
+    Running { address: receiver.recv().unwrap(), shared, stop, thread }
 }
 
 fn started() -> Running {
@@ -97,12 +97,12 @@ fn answer_of(mut stream: TcpStream) -> String {
 }
 
 #[track_caller]
-fn assert_error(answer: &str, status: u16, told: &str) {
+fn assert_error(answer: &str, status: u16, text: &str) {
     assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{answer}");
     assert!(answer.to_lowercase().contains("content-type: application/json"), "{answer}");
     let body: serde_json::Value = serde_json::from_str(answer.split("\r\n\r\n").nth(1).unwrap()).unwrap();
     assert_eq!(body["status"], status, "{answer}");
-    assert!(body["error"].as_str().unwrap().contains(told), "{answer}");
+    assert!(body["error"].as_str().unwrap().contains(text), "{answer}");
 }
 
 fn until(condition: impl Fn() -> bool) {
@@ -270,10 +270,11 @@ fn a_service_that_stops_is_not_ready() {
 }
 
 #[test]
-fn a_taken_address_is_told() {
+fn a_taken_address_is_an_error() {
     let service = started();
     let taken = ServeOptions { address: service.address, ..options() };
-    let error = serve_shared(&service.shared, &taken, SILENCE_MAX, &AtomicBool::new(false), &|_| ()).unwrap_err();
+    let shared = Shared::new(Box::new(|_| Err(Fault::internal())), "{}".to_owned(), &taken);
+    let error = serve_shared(&shared, SILENCE_MAX, &AtomicBool::new(false), &|_| ()).unwrap_err();
     assert!(error.to_string().starts_with("failed to listen: "), "{error}");
     assert_eq!(error.exit_code(), ExitCode::TryAgain);
     service.end();

@@ -39,7 +39,7 @@ fn field(distance_m: impl Fn(Vec3) -> f32) -> Observation {
 #[test]
 fn the_demo_has_ranked_grasps_that_obey_the_rules() {
     for planner in [planner(), generous()] {
-        let params = planner.config().detection;
+        let params = planner.config.detection;
         let plan = plan_with(&planner, &seen(), &Wishes::default());
         assert!(!plan.grasps.is_empty() && plan.reason.is_none());
         assert_eq!(plan.funnel.ranked, plan.grasps.len());
@@ -107,8 +107,8 @@ fn a_grasp_is_given_in_the_base_frame_and_towards_the_wrist() {
 }
 
 #[test]
-fn every_candidate_that_is_dropped_is_told_why() {
-    let mut config = generous().config().clone();
+fn every_candidate_that_is_dropped_has_its_reason() {
+    let mut config = generous().config;
     config.collision.points_max = 0;
     config.gripper.opening_m_max = 0.06;
     let planner = Planner::built_in(config).unwrap();
@@ -124,7 +124,7 @@ fn every_candidate_that_is_dropped_is_told_why() {
     assert_eq!(count(|drop| *drop == RejectReason::Suppressed), plan.funnel.quality_reached - plan.funnel.detections);
     assert!(colliding > 0 && plan.grasps.len() == 2);
     // Independent of the sweep: no point of the cloud may be deep inside the fingers of the remaining grasps.
-    let fingers = planner.gripper().fingers(planner.gripper().opening_m_max);
+    let fingers = planner.config.gripper.fingers(planner.config.gripper.opening_m_max);
     for ranked in &plan.grasps {
         let grasp_from_workspace = ranked.grasp.workspace_from_grasp.inverse();
         let deep = plan.cloud.points_m.iter().filter(|point| {
@@ -160,16 +160,16 @@ fn refined_hands_close_on_something_by_a_free_way() {
     assert!(plan.grasps.len() > 5, "{}", plan.grasps.len());
     let flatness: Vec<f32> = plan.grasps.iter().map(|g| g.quality * g.support.unwrap()).collect();
     assert!(flatness.is_sorted_by(|a, b| a >= b), "{flatness:?}");
-    let fingers = |width_m: f32| planner.gripper().fingers(width_m);
+    let fingers = |width_m: f32| planner.config.gripper.fingers(width_m);
     for ranked in &plan.grasps {
         let grasp_from_workspace = ranked.grasp.workspace_from_grasp.inverse();
         let local: Vec<Vec3> = plan.cloud.points_m.iter().map(|p| grasp_from_workspace * *p).collect();
         let inside = |boxes: [schema::HandBox; 2]| {
             local.iter().filter(|p| boxes.iter().any(|b| (**p - b.centre_m).abs().cmple(b.half_m).all())).count()
         };
-        assert_eq!(inside(fingers(planner.gripper().opening_m_max)), 0, "the open fingers touch nothing");
+        assert_eq!(inside(fingers(planner.config.gripper.opening_m_max)), 0, "the open fingers touch nothing");
         assert!(inside(fingers(ranked.grasp.width_m - 0.004)) >= 8, "closed by 2 mm more a side they would");
-        assert!(ranked.grasp.width_m < planner.gripper().opening_m_max);
+        assert!(ranked.grasp.width_m < planner.config.gripper.opening_m_max);
     }
     let dropped = |reason: RejectReason| plan.dropped.iter().filter(|dropped| dropped.reason == reason).count();
     // Of detections in one column only the best is kept.
@@ -205,7 +205,7 @@ fn none_asked_for_is_a_reason_too() {
 }
 
 #[test]
-fn no_plane_and_no_cluster_are_told() {
+fn no_plane_and_no_cluster_are_warnings() {
     // An upright board that hangs in the air.
     let board = field(|p| ((p.x - 0.15).abs() - 0.015).max((p.y - 0.15).abs() - 0.04).max((p.z - 0.15).abs() - 0.12));
     let floating = plan_with(&generous(), &board, &Wishes::default());
@@ -218,15 +218,15 @@ fn no_plane_and_no_cluster_are_told() {
 }
 
 #[test]
-fn a_table_at_another_height_than_the_networks_is_told() {
-    let told = |z_m: f32| plan_with(&planner(), &field(move |p| p.z - z_m), &Wishes::default()).warnings;
+fn a_table_at_another_height_than_the_networks_is_a_warning() {
+    let warnings = |z_m: f32| plan_with(&planner(), &field(move |p| p.z - z_m), &Wishes::default()).warnings;
     let refined =
         Config::load(Some(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/plan/refined.toml")))
             .unwrap();
     let refined = plan_with(&Planner::built_in(refined).unwrap(), &field(|p| p.z - 0.07), &Wishes::default()).warnings;
     assert!(refined[0].starts_with("the largest plane lies at"), "whatever ranks the grasps: {refined:?}");
-    assert!(!told(0.052)[0].contains("largest plane"), "{:?}", told(0.052));
-    let high = told(0.07);
+    assert!(!warnings(0.052)[0].contains("largest plane"), "{:?}", warnings(0.052));
+    let high = warnings(0.07);
     assert!(
         high[0].starts_with("the largest plane lies at z = 70 mm") && high[0].contains("tables at 50 mm"),
         "{high:?}"
@@ -252,11 +252,11 @@ fn grasps_without_an_object_are_last_or_dropped() {
 
 /// Points on all walls of the workspace: every way is blocked.
 #[test]
-fn a_blocked_way_is_told() {
+fn a_blocked_way_is_a_reason() {
     let planner = generous();
     let Observation::Views(views) = seen() else { panic!("the demo has views") };
     let grid = planner::volume::fuse_views(&views, &GRID).unwrap();
-    let mut config = planner.config().clone();
+    let mut config = planner.config.clone();
     config.gripper.clearance_m = 0.02;
     config.collision.points_max = 0;
     config.gripper.finger_width_m = 0.2;
