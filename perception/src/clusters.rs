@@ -35,13 +35,33 @@ impl ClusterParams {
 pub fn clusters(points_m: &[Vec3], params: &ClusterParams) -> Vec<Option<usize>> {
     let cells = Cells::new(points_m, params.radius_m);
     let is_core = core_points(points_m, &cells, params);
-    let mut growth = Growth::new(points_m, &cells, params.radius_m);
+    let reach = params.radius_m * params.radius_m;
+    // Points of each cube without a label. Labelled points are removed, so neighbour searches become cheaper.
+    let mut unlabelled: Vec<Vec<u32>> = (0..cells.len()).map(|cube| cells.points(cube).to_vec()).collect();
+    let mut labels = vec![None; points_m.len()];
+    let mut count = 0;
     for first in 0..points_m.len() {
-        if is_core[first] && growth.labels[first].is_none() {
-            growth.grow(first, &is_core);
+        if !is_core[first] || labels[first].is_some() {
+            continue;
         }
+        // All points that are density-reachable from this core point.
+        let mut open = vec![first as u32];
+        while let Some(point) = open.pop() {
+            let from = points_m[point as usize];
+            for cube in cells.around(from) {
+                let near = unlabelled[cube]
+                    .extract_if(.., |other| (points_m[*other as usize] - from).length_squared() <= reach);
+                for other in near {
+                    labels[other as usize] = Some(count);
+                    if is_core[other as usize] {
+                        open.push(other);
+                    }
+                }
+            }
+        }
+        count += 1;
     }
-    without_small(growth.labels, params.cluster_points_min)
+    without_small(labels, params.cluster_points_min)
 }
 
 fn core_points(points_m: &[Vec3], cells: &Cells, params: &ClusterParams) -> Vec<bool> {
@@ -60,69 +80,15 @@ fn core_points(points_m: &[Vec3], cells: &Cells, params: &ClusterParams) -> Vec<
     points_m.par_iter().with_min_len(256).map(is_core).collect()
 }
 
-/// Clusters in the making.
-struct Growth<'a> {
-    points_m: &'a [Vec3],
-    cells: &'a Cells,
-    reach: f32,
-    /// Points of each cube without a label. Labelled points are removed, so neighbour searches become cheaper.
-    unlabelled: Vec<Vec<u32>>,
-    labels: Vec<Option<usize>>,
-    count: usize,
-}
-
-impl<'a> Growth<'a> {
-    fn new(points_m: &'a [Vec3], cells: &'a Cells, radius_m: f32) -> Self {
-        Self {
-            points_m,
-            cells,
-            reach: radius_m * radius_m,
-            unlabelled: (0..cells.len()).map(|cube| cells.points(cube).to_vec()).collect(),
-            labels: vec![None; points_m.len()],
-            count: 0,
-        }
-    }
-
-    /// Labels all points that are density-reachable from a core point.
-    fn grow(&mut self, first: usize, is_core: &[bool]) {
-        let label = Some(self.count);
-        self.count += 1;
-        let mut open = vec![first as u32];
-        while let Some(point) = open.pop() {
-            let from = self.points_m[point as usize];
-            for cube in self.cells.around(from) {
-                let (points_m, labels, reach) = (self.points_m, &mut self.labels, self.reach);
-                self.unlabelled[cube].retain(|&other| {
-                    let is_near = (points_m[other as usize] - from).length_squared() <= reach;
-                    if is_near {
-                        labels[other as usize] = label;
-                        if is_core[other as usize] {
-                            open.push(other);
-                        }
-                    }
-                    !is_near
-                });
-            }
-        }
-    }
-}
-
 fn without_small(mut labels: Vec<Option<usize>>, points_min: usize) -> Vec<Option<usize>> {
     let count = labels.iter().flatten().max().map_or(0, |last| last + 1);
     let mut sizes = vec![0; count];
     for label in labels.iter().flatten() {
         sizes[*label] += 1;
     }
-    let mut next = 0;
-    let numbers: Vec<Option<usize>> = sizes
-        .into_iter()
-        .map(|size| {
-            (size >= points_min).then(|| {
-                next += 1;
-                next - 1
-            })
-        })
-        .collect();
+    let mut next = 0..count;
+    let numbers: Vec<Option<usize>> =
+        sizes.into_iter().map(|size| if size >= points_min { next.next() } else { None }).collect();
     for label in &mut labels {
         *label = label.and_then(|old| numbers[old]);
     }
