@@ -34,6 +34,7 @@ mod fault;
 mod handlers;
 mod metrics;
 mod model;
+mod openapi;
 mod options;
 mod planning;
 #[cfg(test)]
@@ -148,7 +149,7 @@ fn routes(shared: &Arc<Shared>) -> Router {
         .route("/healthz", get(handlers::healthz))
         .route("/readyz", get(handlers::readyz))
         .route("/metrics", get(handlers::metrics))
-        .route("/openapi.json", get(handlers::openapi))
+        .route("/openapi.json", get(openapi::openapi))
         // From the inside out. axum's own limit of 2 MB is off; the limit of the next layer applies.
         .layer(DefaultBodyLimit::disable())
         .layer(RequestBodyLimitLayer::new(options.body_bytes_max))

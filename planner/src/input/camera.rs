@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use glamx::{DMat3, DQuat, DVec3};
+use glamx::{DQuat, DVec3};
 use schema::{Intrinsics, Pose, Quat, Vec3, pose_from_parts};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
@@ -240,7 +240,7 @@ fn from_matrix(rows: &[[f64; 4]; 4]) -> Result<(Quat, DVec3), InputError> {
     let [x, y, z, translation] =
         [0, 1, 2, 3].map(|column| DVec3::new(rows[0][column], rows[1][column], rows[2][column]));
     check_rotation([x, y, z])?;
-    Ok((in_single_precision(DQuat::from_mat3(&DMat3::from_cols(x, y, z))), translation))
+    Ok((in_single_precision(quaternion_of([x, y, z])), translation))
 }
 
 /// Checks that three columns are a rotation, by their lengths, their angles, and its orientation.
@@ -259,6 +259,22 @@ fn check_rotation([x, y, z]: [DVec3; 3]) -> Result<(), InputError> {
         return refuse("not a rigid transform: the rotation's determinant is -1 (a reflection)");
     }
     Ok(())
+}
+
+/// The rotation with these columns, from the largest of the four components to avoid division by nearly 0 (Shepperd's
+/// method); that component is positive.
+fn quaternion_of([x, y, z]: [DVec3; 3]) -> DQuat {
+    let trace = x.x + y.y + z.z;
+    let squares = [x.x, y.y, z.z, trace].map(|s| 1.0 - trace + 2.0 * s);
+    let largest = (0..4).max_by(|a, b| squares[*a].total_cmp(&squares[*b])).unwrap_or(3);
+    let [xy, yz, zx] = [y.x + x.y, z.y + y.z, x.z + z.x];
+    let [wx, wy, wz] = [y.z - z.y, z.x - x.z, x.y - y.x];
+    DQuat::from_array(match largest {
+        0 => [squares[0], xy, zx, wx],
+        1 => [xy, squares[1], yz, wy],
+        2 => [zx, yz, squares[2], wz],
+        _ => [wx, wy, wz, squares[3]],
+    })
 }
 
 #[cfg(test)]
