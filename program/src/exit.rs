@@ -2,7 +2,7 @@
 
 use std::error::Error;
 use std::fmt::{self, Display};
-use std::io;
+use std::io::{self, ErrorKind};
 
 use crate::error_chain;
 
@@ -58,10 +58,22 @@ pub trait Exit: Error + 'static {
     fn exit_code(&self) -> ExitCode;
 }
 
+/// The system's number for too many symbolic links.
+const ELOOP: i32 = if cfg!(target_os = "linux") { 40 } else { 62 };
+
 impl Exit for io::Error {
-    /// [`ExitCode::TryAgain`]: the outside world failed.
+    /// [`ExitCode::TryAgain`]: the outside world failed. [`ExitCode::Config`] where the path itself is wrong: a loop of
+    /// links, a name that is too long, a folder or a special file in the place of a file, a file in that of a folder.
+    /// [`ExitCode::Data`] for a file that is too large.
     fn exit_code(&self) -> ExitCode {
-        ExitCode::TryAgain
+        match self.kind() {
+            ErrorKind::InvalidFilename | ErrorKind::IsADirectory | ErrorKind::NotADirectory => ExitCode::Config,
+            // The system's own EINVAL is another matter.
+            ErrorKind::InvalidInput if self.raw_os_error().is_none() => ExitCode::Config,
+            ErrorKind::InvalidData => ExitCode::Data,
+            _ if self.raw_os_error() == Some(ELOOP) => ExitCode::Config,
+            _ => ExitCode::TryAgain,
+        }
     }
 }
 
@@ -125,6 +137,21 @@ impl<T, E: Into<Failure>> Context<T> for Result<T, E> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_path_that_cannot_be_is_no_reason_to_try_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths =
+            ["loop", &"n".repeat(256), &"n/".repeat(2500), "file/below", "."].map(|name| folder.path().join(name));
+        std::os::unix::fs::symlink("loop", &paths[0]).unwrap();
+        std::fs::write(folder.path().join("file"), b"").unwrap();
+        for path in paths {
+            let error = crate::read(&path, 10).unwrap_err();
+            assert_eq!(error.exit_code(), ExitCode::Config, "{error}: {}", path.display());
+        }
+        assert_eq!(io::Error::from_raw_os_error(5).exit_code(), ExitCode::TryAgain);
+    }
 
     #[test]
     fn context_keeps_the_exit_code_and_the_cause() {

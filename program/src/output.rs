@@ -1,5 +1,6 @@
 //! What a command prints and writes.
 
+use std::borrow::Cow;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
@@ -8,21 +9,34 @@ use serde::Serialize;
 
 use crate::{Context, ExitCode, Failure, publish};
 
-/// Prints to standard output. A reader that closed it, such as `head`, had enough: that is no error.
+/// Prints to standard output, control characters escaped ([`escaped`]). A reader that closed it, such as `head`, had
+/// enough: that is no error.
 ///
 /// # Errors
 /// If the output cannot be written, for example to a file on a full disk.
 pub fn print(text: impl Display) -> Result<(), Failure> {
+    let text = text.to_string();
     let mut out = io::stdout().lock();
-    match write!(out, "{text}").and_then(|()| out.flush()) {
+    match out.write_all(escaped(&text).as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         printed => printed.context("failed to print"),
     }
 }
 
-/// Prints a line to standard error. A closed standard error is no reason to fail.
+/// Prints a line to standard error, control characters escaped. A closed standard error is no reason to fail.
 pub fn print_error(text: &str) {
-    let _ = writeln!(io::stderr(), "{text}");
+    let _ = writeln!(io::stderr(), "{}", escaped(text));
+}
+
+/// A text without control characters other than line breaks and tabs: what comes from a file must not command a
+/// terminal. They are written as in JSON, `\u001b`, so that JSON stays JSON.
+fn escaped(text: &str) -> Cow<'_, str> {
+    let is_control = |letter: char| letter.is_control() && !"\n\t".contains(letter);
+    if !text.contains(is_control) {
+        return text.into();
+    }
+    let letter = |letter| if is_control(letter) { format!("\\u{:04x}", letter as u32) } else { letter.to_string() };
+    text.chars().map(letter).collect()
 }
 
 /// Writes a requested output file with [`publish`].
@@ -57,6 +71,12 @@ fn quoted(word: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn control_characters_are_shown_as_in_json() {
+        assert_eq!(escaped("a\tb\n"), "a\tb\n");
+        assert_eq!(escaped("\u{1b}[31m\r\u{7f}\u{9b}é"), r"\u001b[31m\u000d\u007f\u009bé");
+    }
 
     #[test]
     fn words_are_quoted_where_a_shell_would_split_or_change_them() {

@@ -1,5 +1,7 @@
 //! The only reader of settings: a TOML file or a built-in text, overrides, and stored settings.
 
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -23,8 +25,7 @@ impl Document {
         match path {
             None => Self::parse(built_in, Path::new(name)),
             Some(path) => {
-                let text =
-                    std::fs::read_to_string(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
+                let text = read_text(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
                 Self::parse(&text, path)
             }
         }
@@ -103,6 +104,21 @@ impl Document {
     pub fn invalid(&self, faults: Vec<String>) -> Error {
         Error::Invalid { path: self.path.clone(), faults }
     }
+}
+
+/// Largest text of settings, in bytes.
+const TEXT_BYTES_MAX: u64 = 64 << 20;
+
+/// The text of a file that a user names. It may be a pipe, as shells make them of a command's output.
+///
+/// # Errors
+/// What the system reports; [`ErrorKind::InvalidData`] if the text has more than 64 MiB or is not UTF-8.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    if File::open(path)?.take(TEXT_BYTES_MAX + 1).read_to_string(&mut text)? as u64 > TEXT_BYTES_MAX {
+        return Err(io::Error::new(ErrorKind::InvalidData, "settings must have at most 64 MiB"));
+    }
+    Ok(text)
 }
 
 /// The values out of range in settings that were not read from a document; `path` is their path.

@@ -46,7 +46,7 @@ impl<'a> Reader<'a> {
     /// What the system reports, with the path.
     pub fn text_of(&self, file: &str) -> Result<String, String> {
         let path = self.folder.join(file);
-        std::fs::read_to_string(&path).map_err(|e| format!("cannot be read: {e}: {}", path.display()))
+        crate::read_text(&path).map_err(|e| format!("cannot be read: {e}: {}", path.display()))
     }
 
     /// Notes a fault of the key that is read: `{path} {rule}`.

@@ -168,3 +168,10 @@ fn every_key_is_a_row_of_the_reference() {
     assert_eq!(rows[0].meaning, "A whole number of two lines.");
     assert_eq!(rows[1].kind, "a number above 0 and at most 0.5");
 }
+
+#[cfg(unix)]
+#[test]
+fn a_file_without_an_end_is_refused() {
+    let error = Document::load(Some(Path::new("/dev/zero")), ["", ""]).unwrap_err();
+    assert!(error.to_string().contains("settings must have at most 64 MiB"), "{error}");
+}
