@@ -1,0 +1,220 @@
+"""Changes datasets as an attacker would who also mends every checksum, id and seal."""
+
+import copy
+import hashlib
+import json
+import os
+import shutil
+import socket
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+TABLES = ("attempts", "scenes", "objects")
+INFO, MANIFEST, CARD, LAST = "meta/info.json", "meta/manifest.json", "README.md", "_SUCCESS"
+CONTROL = "\x1b[31mred\x1b]0;title\x07\x08\r\x9b"
+NUMBERS = [0, -1, 1, 2, 255, 1000, 2**31 - 1, 2**31, 2**32, 2**53, 2**63 - 1, 2**64 - 1]
+REALS = [0.0, -0.0, -1.0, 1e-45, 1e-9, 0.5, 3.0, 1e3, 1e6, 3.4e38, 1e300]
+OTHERS = [None, True, "", "x", CONTROL, "x" * 100_000, [], {}, [[]], [1, 2, 3], {"a": 1}]
+NON_FINITE = [float("nan"), float("inf"), -float("inf")]
+
+
+def sha256(data):
+    return hashlib.sha256(data).hexdigest()
+
+
+def sealed(value):
+    """The text of a marker or of the manifest, as `shards` writes it, with a matching seal."""
+    value = {key: item for key, item in value.items() if key != "seal"}
+    body = json.dumps(value, indent=2, ensure_ascii=False).removesuffix("\n}")
+    return body + f',\n  "seal": "{sha256(body.encode())}"\n}}\n'
+
+
+def leaves(value, path=()):
+    """The paths of all values that are no object or list, and of all objects and lists."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in items:
+        yield (*path, key)
+        yield from leaves(item, (*path, key))
+
+
+def changed(value, rng):
+    """Another value in the place of one of JSON: of its own type more often than of another."""
+    if isinstance(value, bool) or value is None or rng.random() < 0.2:
+        return rng.choice(OTHERS)
+    if isinstance(value, int | float):
+        factor = rng.choice([0.1, 0.9, 1.1, 2, 10, 100, -1])
+        scaled = value * factor
+        return rng.choice([scaled if isinstance(value, float) else int(scaled), rng.choice(NUMBERS), rng.choice(REALS)])
+    if isinstance(value, str):
+        return rng.choice([value + CONTROL, value[:-1], value.upper(), "../" + value, "/etc/passwd", "x\n" * 9, ""])
+    if isinstance(value, list):
+        return rng.choice([value * 2, value[:1], value[::-1], value * 1000, []])
+    return rng.choice([{}, {**value, "unknown": 1}, {**value, CONTROL: 1}, list(value.values())])
+
+
+def change_json(value, rng):
+    """A copy with one to three values changed, removed or added, and what was changed."""
+    value, done = copy.deepcopy(value), []
+    for _ in range(rng.choice([1, 1, 2, 3])):
+        paths = list(leaves(value))
+        if not paths:
+            break
+        path = rng.choice(paths)
+        holder = value
+        for key in path[:-1]:
+            holder = holder[key]
+        if rng.random() < 0.1:
+            del holder[path[-1]]
+        else:
+            holder[path[-1]] = changed(holder[path[-1]], rng)
+        shown = "removed" if path[-1] not in holder and isinstance(holder, dict) else "changed"
+        done.append(f"{'.'.join(map(str, path))} {shown}")
+    return value, ", ".join(done)
+
+
+class Mutant:
+    """A copy of a dataset to be changed, then mended."""
+
+    def __init__(self, source, folder):
+        shutil.copytree(source, folder)
+        self.folder = Path(folder)
+        self.markers = sorted((self.folder / "meta/shards").glob("*.json"))
+
+    def mend(self):
+        """Sizes, rows, checksums, ids and seals as the changed files need them."""
+        info = sha256((self.folder / INFO).read_bytes())
+        manifest = json.loads((self.folder / MANIFEST).read_text())
+        manifest["dataset_id"] = info
+        for marker, entry in zip(self.markers, manifest["shards"], strict=True):
+            value = json.loads(marker.read_text())
+            value["dataset_id"] = info
+            for table in TABLES:
+                path = self.folder / value[table]["path"]
+                value[table].update(bytes=path.stat().st_size, sha256=sha256(path.read_bytes()))
+            marker.write_text(sealed(value))
+            entry.update({key: item for key, item in value.items() if key != "seal"})
+        (self.folder / MANIFEST).write_text(sealed(manifest))
+
+    def change(self, rng):
+        """Changes one thing and mends what depends on it; says what was changed."""
+        return rng.choice([self.info, self.cells, self.cells, self.rows, self.bytes, self.promises, self.special])(rng)
+
+    def info(self, rng):
+        value, what = change_json(json.loads((self.folder / INFO).read_text()), rng)
+        (self.folder / INFO).write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n")
+        self.mend()
+        return f"{INFO}: {what}"
+
+    def table(self, rng):
+        path = rng.choice(sorted((self.folder / rng.choice(TABLES)).glob("*.parquet")))
+        return path, pq.read_table(path)
+
+    def write(self, path, table):
+        # As `shards` writes it: zstd, no dictionary for floats, statistics.
+        pq.write_table(table, path, compression="zstd", version="2.6", write_page_index=True)
+
+    def cells(self, rng):
+        """One to five cells of one column become other values of its type."""
+        path, table = self.table(rng)
+        names = [field.name for field in table.schema if not pa.types.is_nested(field.type)]
+        name = rng.choice(names)
+        field, values = table.schema.field(name), table.column(name).to_pylist()
+        for _ in range(rng.randint(1, 5)):
+            values[rng.randrange(len(values))] = self.cell(field, values, rng)
+        column = pa.array(values, pa.string() if pa.types.is_dictionary(field.type) else field.type)
+        column = column.dictionary_encode() if pa.types.is_dictionary(field.type) else column
+        table = table.set_column(table.schema.get_field_index(name), field, column.cast(field.type))
+        self.write(path, table)
+        self.mend()
+        return f"{path.name}: cells of {name}"
+
+    def cell(self, field, values, rng):
+        if field.nullable and rng.random() < 0.3:
+            return None
+        if pa.types.is_floating(field.type):
+            return rng.choice([*NON_FINITE, *(real for real in REALS if real < 1e39), rng.uniform(-7, 7)])
+        if pa.types.is_integer(field.type):
+            bits = field.type.bit_width - (not str(field.type).startswith("u"))
+            low = 0 if str(field.type).startswith("u") else -1
+            return rng.choice([number for number in [low, *NUMBERS] if number < 2**bits])
+        return rng.choice([*[value for value in values if value], "", "x", CONTROL, "y" * 10_000])
+
+    def rows(self, rng):
+        """Rows are left out, doubled or exchanged."""
+        path, table = self.table(rng)
+        order = list(range(table.num_rows))
+        kind = rng.choice(["fewer", "none", "doubled", "exchanged", "many"])
+        if kind == "fewer":
+            del order[rng.randrange(len(order))]
+        elif kind == "none":
+            order = []
+        elif kind == "doubled":
+            order.insert(rng.randrange(len(order)), rng.choice(order))
+        elif kind == "exchanged":
+            rng.shuffle(order)
+        else:
+            order = order * 200
+        self.write(path, table.take(pa.array(order, pa.int64())))
+        if rng.random() < 0.5:
+            self.promise_rows(path, len(order))
+        self.mend()
+        return f"{path.name}: {kind} rows"
+
+    def promise_rows(self, path, count):
+        marker = self.markers[int(path.name.split("-")[1])]
+        value = json.loads(marker.read_text())
+        value[path.parent.name]["rows"] = count
+        marker.write_text(sealed(value))
+
+    def bytes(self, rng):
+        """Bytes of a table are flipped, cut or added."""
+        path, _ = self.table(rng)
+        data = bytearray(path.read_bytes())
+        for _ in range(rng.choice([1, 1, 4, 16])):
+            # Footers decide more than values: half of the flips are there.
+            first = max(0, len(data) - 4000) if rng.random() < 0.5 else 0
+            data[rng.randrange(first, len(data))] ^= 1 << rng.randrange(8)
+        if rng.random() < 0.1:
+            data = data[: rng.randrange(len(data))]
+        path.write_bytes(data)
+        self.mend()
+        return f"{path.name}: bytes"
+
+    def promises(self, rng):
+        """A marker or the manifest promises something else, under a matching seal."""
+        path = rng.choice([*self.markers, self.folder / MANIFEST])
+        value, what = change_json(json.loads(path.read_text()), rng)
+        path.write_text(sealed(value) if isinstance(value, dict) and value else json.dumps(value))
+        return f"{path.name}: {what}"
+
+    def special(self, rng):
+        """Something else than a file stands in a file's place, or a strange name beside it."""
+        names = [INFO, MANIFEST, CARD, LAST, *(str(marker.relative_to(self.folder)) for marker in self.markers)]
+        names += [str(path.relative_to(self.folder)) for path in sorted(self.folder.rglob("*.parquet"))]
+        path = self.folder / rng.choice(names)
+        kind = rng.choice(["fifo", "socket", "zero", "loop", "folder", "sparse", "gone", "name", "binary"])
+        if kind == "name":
+            (path.parent / rng.choice([f"a{CONTROL}", "b\nc", "\udcff", "n" * 255])).write_bytes(b"")
+            return f"strange name beside {path.name}"
+        path.unlink()
+        if kind == "fifo":
+            os.mkfifo(path)
+        elif kind == "socket":
+            with socket.socket(socket.AF_UNIX) as server:
+                here = os.open(path.parent, os.O_PATH)
+                server.bind(f"/proc/self/fd/{here}/{path.name}")
+                os.close(here)
+        elif kind == "zero":
+            path.symlink_to("/dev/zero")
+        elif kind == "loop":
+            path.symlink_to(path.name)
+        elif kind == "folder":
+            path.mkdir()
+        elif kind == "sparse":
+            with path.open("wb") as file:
+                file.truncate(1 << 40)
+        elif kind == "binary":
+            path.write_bytes(rng.randbytes(100_000))
+        return f"{path.name}: {kind}"

@@ -1,0 +1,114 @@
+"""Hostile datasets against every program that reads one: none crashes, hangs, or takes more memory than it may.
+
+    GRASPMILL_MUTATIONS=2000 python -m pytest -s tests/python/test_mutations.py
+
+Every checksum, size, id and seal of a mutant is right, so only the programs' own checks stand between its contents and
+the code that computes. GRASPMILL_MUTATIONS_SEED chooses other mutants; a failure prints what was changed.
+"""
+
+import concurrent.futures
+import os
+import random
+import shutil
+import subprocess
+import threading
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from mutations import Mutant
+from programs import program
+
+DATASET = Path(os.environ["GRASPMILL_DATASET"]).resolve()
+COUNT = int(os.environ.get("GRASPMILL_MUTATIONS", 30))
+SEED = int(os.environ.get("GRASPMILL_MUTATIONS_SEED", 1))
+TIME_S = 20
+MEMORY_BYTES = 2 << 30
+CODES = {0, 65, 69, 75, 78}  # 75: a special file cannot be read
+TEXT = {ord(letter) for letter in "\n\t"}
+QUICK = Path(__file__).parents[2] / "configs/train/quick.toml"
+
+COMMANDS = [
+    "shards verify {data}",
+    "shards report {data}",
+    "shards report {data} --html {out}/report.html",
+    "shards inspect {data} --scene 7",
+    "shards view {data} --scene 2 --out {out}/scene.html",
+    "shards tsdf {data} --scene 6 --out {out}/scene.npy",
+    "shards export {data} --format vgn --out {out}/vgn",
+    "shards export {data} --format webdataset --out {out}/tars",
+    "generator repeat {data}",
+    "generator replay {data} --attempt 7/3",
+    "generator depth {data} --scene 2 --out {out}/depth",
+    "generator missing {data}",
+    "generator finalize {data}",
+    "generator gc {data}",
+    "trainer fit --data {data} --config {quick} --epochs 1 --run {out}/run",
+]
+
+
+def ended(command, log):
+    """Runs a program to its end; returns its exit code, its peak memory in bytes, and what it printed."""
+    with log.open("wb") as out:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=out)
+        timer = threading.Timer(TIME_S, process.kill)
+        timer.start()
+        _, status, usage = os.wait4(process.pid, 0)
+        timer.cancel()
+        process.returncode = os.waitstatus_to_exitcode(status)
+    return process.returncode, usage.ru_maxrss * 1024, log.read_bytes()
+
+
+def faults(code, memory, printed):
+    text = printed.decode(errors="replace")
+    if code not in CODES:
+        yield f"ended with {code}"
+    if memory > MEMORY_BYTES:
+        yield f"took {memory >> 20} MiB"
+    if "panicked" in text:
+        yield "panicked"
+    control = {letter for letter in text if (ord(letter) < 32 and ord(letter) not in TEXT) or 127 <= ord(letter) < 160}
+    if control:
+        yield f"printed {sorted(control)}"
+
+
+def check(number, folder):
+    """What is wrong with the programs' behaviour on one mutant, and how they ended."""
+    rng, here = random.Random(f"{SEED} {number}"), folder / str(number)
+    here.mkdir()
+    mutant = Mutant(DATASET, here / "data")
+    what, problems, codes = mutant.change(rng), [], Counter()
+    for line in COMMANDS:
+        out = here / "out"
+        out.mkdir()
+        name, *words = line.split()
+        command = [program(name), *(word.format(data=here / "data", out=out, quick=QUICK) for word in words)]
+        code, memory, printed = ended(command, here / "log")
+        codes[code] += 1
+        problems += [
+            f"mutant {number} ({what!a}): {line} {fault}: {printed[-300:]!r}" for fault in faults(code, memory, printed)
+        ]
+        shutil.rmtree(out)
+    shutil.rmtree(here)
+    return problems, codes
+
+
+def test_hostile_datasets_are_refused_or_read_in_bounds(tmp_path):
+    problems, codes = [], Counter()
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        for found, ends in pool.map(lambda number: check(number, tmp_path), range(COUNT)):
+            problems += found
+            codes += ends
+            for problem in found:
+                print(problem, flush=True)
+    print(f"seed {SEED}: {COUNT} mutants, {codes.total()} runs, exit codes {dict(sorted(codes.items()))}")
+    assert codes[0] and codes[65], codes
+    assert not problems, "\n".join(problems)
+
+
+def test_a_mutant_that_is_only_mended_is_the_dataset(tmp_path):
+    mutant = Mutant(DATASET, tmp_path / "data")
+    mutant.mend()
+    for path in DATASET.rglob("*"):
+        if path.is_file():
+            assert (tmp_path / "data" / path.relative_to(DATASET)).read_bytes() == path.read_bytes(), path
