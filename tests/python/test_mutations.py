@@ -112,3 +112,24 @@ def test_a_mutant_that_is_only_mended_is_the_dataset(tmp_path):
     for path in DATASET.rglob("*"):
         if path.is_file():
             assert (tmp_path / "data" / path.relative_to(DATASET)).read_bytes() == path.read_bytes(), path
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("procedure.retreat_distance_m", 1e6),
+        ("procedure.hold_time_s", 1e6),
+        ("config.camera.width_px", 1_000_000),
+        ("config.physics.step_rate_hz", 1e9),
+        ("gripper.opening_m_max", 5.0),
+    ],
+)
+def test_stored_settings_are_held_to_the_configs_ranges(tmp_path, key, value):
+    mutant = Mutant(DATASET, tmp_path / "data")
+    mutant.set_info(key, value)
+    for line in ("shards verify {data}", "generator repeat {data}", "generator depth {data} --scene 2 --out {out}"):
+        name, *words = line.split()
+        command = [program(name), *(word.format(data=tmp_path / "data", out=tmp_path / "out") for word in words)]
+        code, memory, printed = ended(command, tmp_path / "log")
+        assert code == 65 and memory < MEMORY_BYTES, printed
+        assert f"{key} must be between".encode() in printed and f"got {value:.0f}".encode() in printed, printed
