@@ -1,8 +1,6 @@
 //! Candidates: grasps drawn by the rules, not yet executed.
 
-use schema::{
-    Axis, Mat3, ObjectRecord, Pose, Quat, Rule, SLIDE_SHARE, Stream, TIP_DEPTH_M, Tilt, Vec3, axis_angle, law_of,
-};
+use schema::{Axis, Drawn, ObjectRecord, Pose, Rule, SLIDE_SHARE, Stream, TIP_DEPTH_M, Tilt, law_of};
 
 /// A grasp to execute, with everything that was drawn for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,11 +56,11 @@ pub fn draw_candidate(object: &ObjectRecord, object_id: usize, approach: Axis, s
         Tilt::Uniform { max_rad } => max_rad * (2.0 * turn - 1.0),
     };
     let turn_rad = if law.turns { core::f32::consts::TAU * turn } else { 0.0 };
-    let object_from_base = base_frame(&object.workspace_from_object.rotation, approach, closing);
     let across = third(approach, closing);
     let depth_m = tip - 0.5 * approach.of(solid.extents_m);
     let slide_m = if law.slides { SLIDE_SHARE * across.of(solid.extents_m) * slide } else { 0.0 };
-    let workspace_from_grasp = place(object, object_from_base, turn_rad, tilt_rad, depth_m, slide_m);
+    let drawn = Drawn { approach, closing, turn_rad, tilt_rad, depth_m, slide_m };
+    let workspace_from_grasp = drawn.workspace_from_grasp(&object.workspace_from_object);
     Candidate { object_id, rule, closing: Some(closing), tilt_rad, turn_rad, depth_m, slide_m, workspace_from_grasp }
 }
 
@@ -70,25 +68,9 @@ fn third(a: Axis, b: Axis) -> Axis {
     Axis::ALL.into_iter().find(|axis| *axis != a && *axis != b).unwrap_or(a)
 }
 
-/// The rule's frame before any draw: z along the approach axis, down in the workspace; y along the closing axis.
-fn base_frame(workspace_from_object: &Quat, approach: Axis, closing: Axis) -> Quat {
-    let points_up = (*workspace_from_object * approach.unit()).z > 0.0;
-    let z = if points_up { -approach.unit() } else { approach.unit() };
-    let y = closing.unit();
-    Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z))
-}
-
-fn place(object: &ObjectRecord, base: Quat, turn_rad: f32, tilt_rad: f32, depth_m: f32, slide_m: f32) -> Pose {
-    let rotation =
-        (object.workspace_from_object.rotation * base * axis_angle(Vec3::X, turn_rad) * axis_angle(Vec3::Y, tilt_rad))
-            .normalize();
-    let offset = rotation * Vec3::new(slide_m, 0.0, depth_m);
-    Pose::from_parts(object.workspace_from_object.translation + offset, rotation)
-}
-
 #[cfg(test)]
 mod tests {
-    use schema::{Purpose, ShapeKind, Solid};
+    use schema::{Purpose, Quat, ShapeKind, Solid, Vec3, axis_angle};
 
     use super::*;
 

@@ -8,7 +8,7 @@
 //! proportion to the area of its inner wall.
 
 use perception::camera_at;
-use schema::{Camera, Mat3, ObjectRecord, Plane, Pose, Quat, Rule, Stream, Vec3, View, axis_angle, pose_from_parts};
+use schema::{Camera, ObjectRecord, Plane, Pose, Rule, Stream, Vec3, View, along_normal, axis_angle, pose_from_parts};
 use simulator::{Scene, SceneObject, SceneRays, ViewRays};
 
 use crate::candidates::Candidate;
@@ -197,17 +197,12 @@ fn within(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<Within> {
 /// The hand along the inward normal, its tips `depth_m` behind the surface, turned by `yaw_rad` from the orientation in
 /// which its x is in the plane of the workspace's x (VGN: `sample_grasp_point`, `evaluate_grasp_point`).
 fn hand_at(touch: &Touch, yaw_rad: f32, depth_m: f32) -> Pose {
-    let z = -touch.normal;
-    let start = if z.x.abs() > 1.0 - 1e-4 { Vec3::Y } else { Vec3::X };
-    let y = z.cross(start).normalize();
-    let unturned = Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z));
-    let rotation = (unturned * axis_angle(Vec3::Z, yaw_rad)).normalize();
-    pose_from_parts(rotation, touch.point_m + z * depth_m)
+    pose_from_parts(along_normal(touch.normal, yaw_rad), touch.point_m - touch.normal * depth_m)
 }
 
 #[cfg(test)]
 mod tests {
-    use schema::{Purpose, ShapeKind, Solid};
+    use schema::{Purpose, Quat, ShapeKind, Solid};
     use simulator::Scene;
     use simulator::{Body, Compound, Part, PartShape};
 

@@ -5,7 +5,7 @@
 //! Lengths l_z and l_x are the object's extents along the axes that z and x lie on. Offsets are from the object's
 //! centre.
 
-use crate::{Axis, ShapeKind};
+use crate::{Axis, Mat3, Pose, Quat, ShapeKind, Vec3, axis_angle};
 
 const PI: f32 = core::f32::consts::PI;
 
@@ -78,6 +78,49 @@ pub fn law_of(shape: ShapeKind, approach: Axis) -> Law {
             Law { closing: &[X], tilt: Tilt::Uniform { max_rad: PI / 2.0 }, turns: false, slides: false }
         }
     }
+}
+
+/// What is drawn for a grasp by a row of Appendix A.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drawn {
+    /// The object axis of the approach.
+    pub approach: Axis,
+    /// The object axis along which the hand closes, before the turn.
+    pub closing: Axis,
+    /// r_x.
+    pub turn_rad: f32,
+    /// r_y.
+    pub tilt_rad: f32,
+    /// d_z, in metres.
+    pub depth_m: f32,
+    /// d_x, in metres.
+    pub slide_m: f32,
+}
+
+impl Drawn {
+    /// The grasp on an object.
+    #[must_use]
+    pub fn workspace_from_grasp(&self, workspace_from_object: &Pose) -> Pose {
+        let of_object = workspace_from_object.rotation;
+        let points_up = (of_object * self.approach.unit()).z > 0.0;
+        let z = if points_up { -self.approach.unit() } else { self.approach.unit() };
+        let y = self.closing.unit();
+        let base = Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z));
+        let turned = of_object * base * axis_angle(Vec3::X, self.turn_rad);
+        let rotation = (turned * axis_angle(Vec3::Y, self.tilt_rad)).normalize();
+        let offset = rotation * Vec3::new(self.slide_m, 0.0, self.depth_m);
+        Pose::from_parts(workspace_from_object.translation + offset, rotation)
+    }
+}
+
+/// A hand that comes along a surface's normal, turned about it, before its tips are moved to their depth.
+#[must_use]
+pub fn along_normal(normal: Vec3, turn_rad: f32) -> Quat {
+    let z = -normal;
+    let start = if z.x.abs() > 1.0 - 1e-4 { Vec3::Y } else { Vec3::X };
+    let y = z.cross(start).normalize();
+    let unturned = Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z));
+    (unturned * axis_angle(Vec3::Z, turn_rad)).normalize()
 }
 
 #[cfg(test)]

@@ -38,7 +38,7 @@ pub use generation::{CameraParams, Physics, SettleParams, TsdfParams, ViewParams
 pub use grasp::{Grasp, VoxelGrasp};
 pub use grid::{Grid, GridError, VoxelGrid};
 pub use gripper::{Gripper, HandBox};
-pub use law::{Law, SLIDE_SHARE, TIP_DEPTH_M, Tilt, law_of};
+pub use law::{Drawn, Law, SLIDE_SHARE, TIP_DEPTH_M, Tilt, along_normal, law_of};
 pub use model::{CORNERS_MAX, MODELS_MAX, Model, NAME_MAX, ObjectShape, PARTS_MAX, Shape};
 pub use outcome::{HitKind, Outcome};
 pub use points::samples_of;
