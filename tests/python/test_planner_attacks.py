@@ -236,7 +236,7 @@ BODIES = [
 def broken_http(chance):
     """Bytes that are not quite HTTP."""
     body = json.dumps({"views": [seen(width=4, height=4)]}).encode()
-    head = b"POST /v1/plan HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Type: application/json\r\n"
+    head = b"POST /v1/plan HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Type: application/json\r\n"
     chunked = head + b"Transfer-Encoding: chunked\r\n\r\n"
     return chance.choice([
         head + b"\r\n" + body,
@@ -251,10 +251,10 @@ def broken_http(chance):
         chunked + chance.randbytes(200),
         b"POST /v1/plan HTTP/9.9\r\n\r\n",
         b"POST\r\n\r\n",
-        b"GET " + b"/" * 70_000 + b" HTTP/1.1\r\nHost: x\r\n\r\n",
+        b"GET " + b"/" * 70_000 + b" HTTP/1.1\r\nHost: localhost\r\n\r\n",
         b"GET / HTTP/1.1\r\n" + b"".join(b"h%d: x\r\n" % n for n in range(200)) + b"\r\n",
-        b"GET / HTTP/1.1\r\nHost: x\r\na: " + b"b" * 500_000 + b"\r\n\r\n",
-        b"GET /\xff\xfe HTTP/1.1\r\nHost: x\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: localhost\r\na: " + b"b" * 500_000 + b"\r\n\r\n",
+        b"GET /\xff\xfe HTTP/1.1\r\nHost: localhost\r\n\r\n",
         b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + chance.randbytes(100),
         b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + chance.randbytes(100),
         b"\0" * 300,
@@ -279,7 +279,7 @@ def check_raw(got):
 def leave_early(service, chance):
     """Sends part of a request and disconnects, with or without a reset."""
     body = json.dumps({"views": [seen()]}).encode()
-    head = b"POST /v1/plan HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: %d\r\n\r\n"
+    head = b"POST /v1/plan HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: %d\r\n\r\n"
     request = head % len(body) + body
     with socket.create_connection(("127.0.0.1", service.port), timeout=20) as stream:
         stream.sendall(request[: chance.randrange(len(request) + 1)])
@@ -292,7 +292,7 @@ def slow_heads(service, count):
     """Connections that never complete their header; all must be closed in the end."""
     streams = [socket.create_connection(("127.0.0.1", service.port), timeout=30) for _ in range(count)]
     for number, stream in enumerate(streams):
-        stream.sendall(b"POST /v1/plan HTTP/1.1\r\nHost: x\r\n"[: number + 1])
+        stream.sendall(b"POST /v1/plan HTTP/1.1\r\nHost: localhost\r\n"[: number + 1])
     done = threading.Event()
 
     def trickle():

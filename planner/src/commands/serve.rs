@@ -1,6 +1,6 @@
 //! `planner serve`: plans over HTTP.
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::time::Duration;
 
 use clap::Args;
@@ -13,9 +13,13 @@ use super::NetworkArguments;
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
-    /// Address to listen on. There are no passwords: anyone who reaches it may use it
+    /// Address to listen on, or a name of one. There are no passwords: anyone who reaches it may use it
     #[arg(long, default_value = "127.0.0.1")]
-    host: IpAddr,
+    host: String,
+
+    /// A name by which clients may call the service, besides localhost and addresses; may be repeated
+    #[arg(long, value_name = "NAME")]
+    allow_host: Vec<String>,
 
     /// Port; 0 for any that is free
     #[arg(long, default_value_t = 8040)]
@@ -42,9 +46,11 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let address = address(&arguments.host, arguments.port)?;
     let planner = arguments.network.planner()?;
     let options = ServeOptions {
-        address: SocketAddr::new(arguments.host, arguments.port),
+        address,
+        allowed_hosts: [&arguments.host].into_iter().chain(&arguments.allow_host).cloned().collect(),
         body_bytes_max: usize::from(arguments.body_mib_max) << 20,
         request_timeout: Duration::from_secs(arguments.timeout_s.into()),
         concurrent_max: arguments.concurrent.into(),
@@ -52,7 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     };
     let on_first = || print_error("stopping after the plans under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
-    if !arguments.host.is_loopback() {
+    if !address.ip().is_loopback() {
         print_error("warning: not a loopback address, and there are no passwords: anyone who reaches it may use it");
     }
     serve(planner, &options, &stop, &|address| {
@@ -60,4 +66,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         let _ = print(format_args!("listening on http://{address}\n"));
     })?;
     Ok(ExitCode::Ok)
+}
+
+/// The first address of a host.
+fn address(host: &str, port: u16) -> Result<SocketAddr, Failure> {
+    let unknown = |reason: &str| {
+        Failure::new(ExitCode::Config, format!("--host must be an address or its name, got {host}: {reason}"))
+    };
+    let mut found = (host.trim_start_matches('[').trim_end_matches(']'), port)
+        .to_socket_addrs()
+        .map_err(|e| unknown(&e.to_string()))?;
+    found.next().ok_or_else(|| unknown("it has no address"))
 }

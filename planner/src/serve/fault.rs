@@ -104,6 +104,7 @@ mod tests {
     fn options() -> ServeOptions {
         ServeOptions {
             address: ([127, 0, 0, 1], 0).into(),
+            allowed_hosts: Vec::new(),
             body_bytes_max: 7,
             request_timeout: Duration::from_millis(1500),
             concurrent_max: 1,

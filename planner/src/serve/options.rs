@@ -8,6 +8,8 @@ use std::time::Duration;
 pub struct ServeOptions {
     /// Address and port; port 0 selects a free port.
     pub address: SocketAddr,
+    /// Names by which clients may call the service, besides `localhost` and addresses.
+    pub allowed_hosts: Vec<String>,
     /// Maximum size of a body.
     pub body_bytes_max: usize,
     /// Maximum time from a request's header to its answer.

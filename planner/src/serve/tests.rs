@@ -32,6 +32,7 @@ impl Running {
 fn options() -> ServeOptions {
     ServeOptions {
         address: (Ipv4Addr::LOCALHOST, 0).into(),
+        allowed_hosts: Vec::new(),
         body_bytes_max: 1000,
         request_timeout: Duration::from_secs(20),
         concurrent_max: 1,
@@ -73,14 +74,14 @@ fn started() -> Running {
 
 fn plan_request(body: &str) -> String {
     format!(
-        "POST /v1/plan HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Type: application/json\r\n\
+        "POST /v1/plan HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Type: application/json\r\n\
          Content-Length: {}\r\n\r\n{body}",
         body.len()
     )
 }
 
 fn get_request(path: &str) -> String {
-    format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
+    format!("GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
 }
 
 fn exchange(address: SocketAddr, request: &[u8]) -> String {
@@ -236,7 +237,7 @@ fn a_connection_serves_again_and_again() {
     let mut answer = [0; 4096];
     // Longer in total than the allowed silence.
     for _ in 0..4 {
-        stream.write_all(b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
+        stream.write_all(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
         let length = stream.read(&mut answer).unwrap();
         assert!(answer[..length].ends_with(b"ok"), "{}", String::from_utf8_lossy(&answer[..length]));
         std::thread::sleep(Duration::from_millis(250));
