@@ -94,12 +94,14 @@ impl Exit for CheckpointError {
     fn exit_code(&self) -> ExitCode {
         match self {
             Self::Missing(_) | Self::Architecture { .. } => ExitCode::Config,
-            Self::Io { .. } => ExitCode::TryAgain,
+            Self::Io { source, .. } => source.exit_code(),
             Self::Damaged { .. } => ExitCode::Data,
         }
     }
 }
 
+/// Maximum size of a file: with the optimiser's moments the network has 4 MB.
+const FILE_BYTES_MAX: u64 = 64 << 20;
 /// Maximum number of differences in a message.
 const PROBLEMS_MAX: usize = 4;
 const MOMENTS: [&str; 2] = ["adam.first.", "adam.second."];
@@ -145,7 +147,7 @@ pub(crate) fn has_header(file: &[u8]) -> bool {
 /// # Errors
 /// [`CheckpointError`] if the file is missing or damaged, or belongs to another network.
 pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
-    let file = std::fs::read(path).map_err(|source| match source.kind() {
+    let file = program::read(path, FILE_BYTES_MAX).map_err(|source| match source.kind() {
         std::io::ErrorKind::NotFound => CheckpointError::Missing(path.to_owned()),
         _ => CheckpointError::Io { action: "read", path: path.to_owned(), source },
     })?;
@@ -159,7 +161,14 @@ pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
 pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
     let (_, metadata) = SafeTensors::read_metadata(file).map_err(|source| damaged(source, path))?;
     let tensors = SafeTensors::deserialize(file).map_err(|source| damaged(source, path))?;
-    let vector = |prefix: &str| vector(&tensors, prefix, path);
+    let vector = |prefix: &str| {
+        let vector = vector(&tensors, prefix, path)?;
+        let broken = parameter_slots().into_iter().find_map(|slot| {
+            let value = vector[slot.start..][..slot.len].iter().find(|value| !value.is_finite())?;
+            Some(format!("{prefix}{} must be finite, got {value}: the training that wrote it diverged", slot.name))
+        });
+        broken.map_or(Ok(vector), |problem| Err(CheckpointError::Damaged { problem, path: path.to_owned() }))
+    };
     let parameters = vector("")?;
     let header = header::read(metadata.metadata().as_ref(), path)?;
     let moments = match header.adam_steps {
@@ -225,5 +234,28 @@ mod tests {
         save(&back, &path("b")).unwrap();
         assert!(std::fs::read(path("a")).unwrap() == std::fs::read(path("b")).unwrap());
         assert_eq!(back, checkpoint);
+    }
+
+    #[test]
+    fn a_diverged_network_is_refused_and_its_tensor_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("diverged");
+        let header = Checkpoint {
+            vector: initial_vector(1),
+            upsampling: Upsampling::Linear,
+            config: String::new(),
+            dataset_id: String::new(),
+            progress: Progress::default(),
+            moments: None,
+        };
+        let slot = parameter_slots().swap_remove(3);
+        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let mut diverged = header.clone();
+            diverged.vector[slot.start + slot.len - 1] = value;
+            save(&diverged, &path).unwrap();
+            let error = read(&path).unwrap_err();
+            assert_eq!(error.exit_code(), ExitCode::Data);
+            assert!(error.to_string().starts_with(&format!("{} must be finite, got {value}", slot.name)), "{error}");
+        }
     }
 }

@@ -21,8 +21,8 @@ mod zip;
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::fs::{self, File};
-use std::io::{self, Read as _};
+use std::fs;
+use std::io;
 use std::path::Path;
 
 use program::{Context as _, ExitCode, Failure};
@@ -184,15 +184,13 @@ fn read_safetensors(bytes: &[u8]) -> Result<BTreeMap<String, StoredTensor<'_>>, 
 fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
     let shown = path.display();
     let refused = |what: &str| Failure::new(ExitCode::Config, format!("{what}: {shown}"));
-    let mut bytes = Vec::new();
-    match File::open(path).and_then(|file| file.take(FILE_LEN_MAX + 1).read_to_end(&mut bytes)) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Err(refused("no file here")),
-        read => read.context(format_args!("failed to read {shown}"))?,
-    };
-    if bytes.len() as u64 > FILE_LEN_MAX {
-        return Err(refused("the network's weights have 1.25 MB; a file of more than 64 MiB is not read"));
+    match program::read(path, FILE_LEN_MAX) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Err(refused("no file here")),
+        Err(error) if error.kind() == io::ErrorKind::InvalidData => {
+            Err(refused("the network's weights have 1.25 MB; a file of more than 64 MiB is not read"))
+        }
+        read => read.context(format_args!("failed to read {shown}")),
     }
-    Ok(bytes)
 }
 
 /// Creates the folder of a file to write, unless the target exists.

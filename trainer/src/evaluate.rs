@@ -99,8 +99,8 @@ pub struct Examination {
     pub dataset: Dataset,
 }
 
-/// Evaluates a checkpoint on a set of a dataset, and keeps the `mistakes_max` worst errors of each kind. The decoded grids
-/// are in a temporary file.
+/// Evaluates a checkpoint on a set of a dataset, and keeps the `mistakes_max` worst errors of each kind. The decoded
+/// grids are in a temporary file.
 ///
 /// # Errors
 /// If checkpoint or dataset cannot be read, or the set has no samples.
@@ -136,6 +136,12 @@ pub fn examine(
         return refused("the dataset has no attempt whose grasp lies in the grid".to_owned());
     }
     let results = results(&checkpoint.vector, &samples, &chosen, checkpoint.upsampling)?;
+    if let Some((at, result)) = chosen.iter().zip(&results).find(|(_, result)| !result.total.is_finite()) {
+        let (record, loss) = (samples.record(*at), result.total);
+        let text =
+            format!("the loss of attempt {} of scene {} must be finite, got {loss}", record.attempt, record.scene);
+        return Err(Failure::new(ExitCode::Data, format!("{text}: {}", path.display())));
+    }
     let found = || chosen.iter().map(|at| samples.record(*at)).zip(&results);
     let mistakes = found().map(|(record, result)| Mistake {
         scene_id: record.scene.into(),
