@@ -1,12 +1,15 @@
 //! Executes a dataset's attempts again and compares the results with the stored rows.
 
-use program::{ExitCode, Failure};
+use program::Failure;
 use rayon::prelude::*;
-use schema::{AttemptRecord, ObjectRecord, Outcome};
+use schema::{AttemptRecord, Outcome, SceneRows};
 use shards::Dataset;
 use simulator::{AttemptWorld, Body, Execution, Physics, Scene};
 
 use crate::laws::{bodies_of, physics_of};
+
+/// Scenes whose rows are in memory together.
+const SCENES_AT_ONCE: usize = 16;
 
 /// The result of the comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -44,45 +47,26 @@ pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, Failure> 
         if ids.is_empty() {
             break;
         }
-        let (objects, attempts) = (dataset.read_objects(shard)?, dataset.read_attempts(shard)?);
-        // The tables were checked one by one; references between them are checked here.
-        let lacks_target = |row: &AttemptRecord| {
-            row.object_id as usize >= objects[range_of(&objects, row.scene_id, |object| object.scene_id)].len()
-        };
-        if let Some(row) = attempts.iter().find(|row| lacks_target(row)) {
-            let AttemptRecord { scene_id, attempt_id, .. } = row;
-            let has = "has a target that is not among the scene's objects";
-            return Err(Failure::new(ExitCode::Data, format!("attempt {attempt_id} of scene {scene_id} {has}")));
-        }
-        let found: Vec<Repeated> = ids
-            .into_par_iter()
-            .map(|scene_id| {
-                // Rows are sorted by scene.
-                let objects = &objects[range_of(&objects, scene_id, |row| row.scene_id)];
-                let attempts = &attempts[range_of(&attempts, scene_id, |row| row.scene_id)];
-                repeat_scene(dataset, (&physics, &bodies), objects, attempts)
-            })
-            .collect();
-        for one in found {
-            repeated.attempts += one.attempts;
-            repeated.different.extend(one.different);
+        let mut scenes = dataset.rows(shard)?.take((ids.end - ids.start) as usize); // at most a shard's
+        loop {
+            let some: Vec<SceneRows> = scenes.by_ref().take(SCENES_AT_ONCE).collect::<Result<_, _>>()?;
+            if some.is_empty() {
+                break;
+            }
+            let found: Vec<Repeated> =
+                some.par_iter().map(|rows| repeat_scene(dataset, (&physics, &bodies), rows)).collect();
+            for one in found {
+                repeated.attempts += one.attempts;
+                repeated.different.extend(one.different);
+            }
         }
     }
     Ok(repeated)
 }
 
-fn range_of<T>(rows: &[T], scene_id: u64, of: impl Fn(&T) -> u64) -> std::ops::Range<usize> {
-    rows.partition_point(|row| of(row) < scene_id)..rows.partition_point(|row| of(row) <= scene_id)
-}
-
-fn repeat_scene(
-    dataset: &Dataset,
-    (physics, bodies): (&Physics, &[Body]),
-    objects: &[ObjectRecord],
-    attempts: &[AttemptRecord],
-) -> Repeated {
-    let info = dataset.info();
-    let scene = Scene::from_records(info.grid.table_z_m, objects, bodies);
+fn repeat_scene(dataset: &Dataset, (physics, bodies): (&Physics, &[Body]), rows: &SceneRows) -> Repeated {
+    let (info, attempts) = (dataset.info(), &rows.attempts);
+    let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, bodies);
     let world = AttemptWorld::new(physics, &info.gripper, &info.procedure, &scene);
     let again = |row: &AttemptRecord| {
         let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);

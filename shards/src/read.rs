@@ -1,10 +1,8 @@
 //! Reading a dataset: every file is compared with its checksum, and every row is checked.
 
 pub(crate) mod dataset;
-mod scenes;
 mod table_reader;
 #[cfg(any(test, fuzzing))]
 pub(crate) mod tests;
 
 pub use dataset::Dataset;
-pub(crate) use scenes::joined;

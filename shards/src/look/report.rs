@@ -20,7 +20,6 @@ use self::bins::{bin, bins};
 use self::coverage::Coverage;
 use self::fit::{Fit, Fits};
 use crate::format::summary::{RejectionCounts, Tally};
-use crate::read::joined;
 use crate::{Dataset, Error, Table};
 
 /// The statistics of a dataset.
@@ -123,9 +122,8 @@ const TIP_BIN_M: f64 = 0.0025;
 pub fn report(dataset: &Dataset) -> Result<Report, Error> {
     let mut counting = Counting::new(dataset);
     for shard in 0..dataset.shard_count() {
-        let mut join = joined(dataset.read_objects(shard)?, dataset.read_attempts(shard)?);
-        for scene in dataset.scene_heads(shard)? {
-            counting.count_scene(&join(scene?));
+        for rows in dataset.rows(shard)? {
+            counting.count_scene(&rows?);
         }
     }
     Ok(counting.finish())

@@ -4,11 +4,10 @@
 use std::collections::BTreeSet;
 
 use program::ExitCode;
-use schema::{AttemptRecord, ObjectRecord, SceneRecord};
+use schema::SceneRows;
 
 use crate::format::summary::{Counts, ShardSummary};
 use crate::format::{check, layout, seal};
-use crate::read::joined;
 use crate::store::is_staging;
 use crate::{Dataset, Error, Location, Table};
 
@@ -104,7 +103,8 @@ impl Verified {
 
 /// Files in a table's folder that are not in the manifest; `None` if the store does not support listing.
 fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, Error> {
-    let Some(listing) = dataset.storage.list(table.name())? else { return Ok(None) }; // missing files are reported by shard
+    // Missing files are reported by shard.
+    let Some(listing) = dataset.storage.list(table.name())? else { return Ok(None) };
     let shards = dataset.manifest().shards.iter();
     let known: BTreeSet<&str> = shards.map(|s| s.file(table).path.as_str()).collect();
     let names = listing.into_keys().filter(|name| !is_staging(name)).map(|name| format!("{}/{name}", table.name()));
@@ -126,39 +126,36 @@ fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, Error> {
     }
 }
 
-/// Reads a shard's three tables, each alone, then together. Returns the counts, unless a table is damaged.
+/// Reads a shard's three tables together or, if one is damaged, each alone. Returns the counts, unless a table is
+/// damaged.
 fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Result<Option<Counts>, Error> {
-    let attempts = found.keep(dataset, dataset.read_attempts(shard))?;
-    let objects = found.keep(dataset, dataset.read_objects(shard))?;
-    let scenes = dataset.scenes(shard).and_then(|scenes| {
-        scenes.map(|scene| scene.map(|scene| SceneRecord { tsdf: Vec::new(), ..scene })).collect::<Result<Vec<_>, _>>()
-    });
-    let scenes = found.keep(dataset, scenes)?;
-    let (Some(attempts), Some(objects), Some(scenes)) = (attempts, objects, scenes) else { return Ok(None) };
-    let counts = link(shard, scenes, objects, attempts, found);
+    let mut counts = Counts::zero();
+    let mut problems = Vec::new();
+    let mut count = |rows: Result<SceneRows, Error>| {
+        let rows = rows?;
+        let fit = check::links(&rows.scene, &rows.objects, &rows.attempts);
+        if let Err(e) = fit.and_then(|()| check::placements(&rows.objects, &rows.attempts)) {
+            problems.push(format!("shard {shard}, scene {}: {e}", rows.scene.scene_id));
+        }
+        counts.count(&rows);
+        Ok::<(), Error>(())
+    };
+    let together = dataset.scenes(shard).and_then(|scenes| dataset.joined(shard, scenes)?.try_for_each(&mut count));
+    if let Err(error) = together {
+        if matches!((&error, dataset.location()), (Error::Store(_), Location::Url(_))) {
+            return Err(error); // which the store would repeat
+        }
+        let attempts = dataset.attempts(shard).and_then(|mut rows| rows.try_for_each(|row| row.map(drop)));
+        let objects = dataset.objects(shard).and_then(|mut rows| rows.try_for_each(|row| row.map(drop)));
+        let scenes = dataset.scenes(shard).and_then(|mut rows| rows.try_for_each(|row| row.map(drop)));
+        for table in [attempts, objects, scenes] {
+            found.keep(dataset, table)?;
+        }
+        return Ok(None);
+    }
+    found.tell(problems);
     if counts != dataset.manifest().shards[shard as usize].counts {
         found.tell([format!("shard {shard}: the counts of the manifest must be those of the rows")]);
     }
     Ok(Some(counts))
-}
-
-/// Checks the keys among the tables of a shard, and counts.
-fn link(
-    shard: u32,
-    scenes: Vec<SceneRecord>,
-    objects: Vec<ObjectRecord>,
-    attempts: Vec<AttemptRecord>,
-    found: &mut Verified,
-) -> Counts {
-    let mut join = joined(objects, attempts);
-    let mut counts = Counts::zero();
-    for scene in scenes {
-        let id = scene.scene_id;
-        let rows = join(scene);
-        if let Err(e) = check::links(&rows.scene, &rows.objects, &rows.attempts) {
-            found.tell([format!("shard {shard}, scene {id}: {e}")]);
-        }
-        counts.count(&rows);
-    }
-    counts
 }

@@ -2,6 +2,8 @@
 //! each row afterwards.
 
 use std::fs::File;
+use std::iter::{Peekable, from_fn};
+use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 
 use arrow::array::RecordBatch;
@@ -12,7 +14,6 @@ use crate::format::check;
 use crate::format::frame::Expected;
 use crate::format::summary::Manifest;
 use crate::format::{decode, layout, seal};
-use crate::read::scenes::scenes;
 use crate::read::table_reader::{Batches, Part};
 use crate::store::{Storage, size_in, size_problem};
 use crate::{DatasetInfo, Error, Location, SCENES_PER_ROW_GROUP, Table};
@@ -144,16 +145,7 @@ impl Dataset {
     /// # Errors
     /// [`Error`] if the file is damaged or a row breaks a rule.
     pub fn read_attempts(&self, shard: u32) -> Result<Vec<AttemptRecord>, Error> {
-        let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
-        let rows = self.read(shard, Table::Attempts, part, |batch| decode::attempts(batch, &self.info.models))?;
-        let scenes = self.info.scenes_of(shard);
-        let expected = scenes.flat_map(|s| (0..self.info.attempts_of_scene(s)).map(move |a| (s, a)));
-        self.check(shard, Table::Attempts, || {
-            rows.iter().try_for_each(|row| check::attempt(row, &self.info.gripper))?;
-            let found = rows.iter().map(|r| (r.scene_id, r.attempt_id));
-            found.eq(expected).then_some(()).ok_or_else(|| "attempt ids must count up in every scene".to_owned())
-        })?;
-        Ok(rows)
+        self.attempts(shard)?.collect()
     }
 
     /// All objects of a shard, in order.
@@ -161,13 +153,42 @@ impl Dataset {
     /// # Errors
     /// [`Error`] if the file is damaged or a row breaks a rule.
     pub fn read_objects(&self, shard: u32) -> Result<Vec<ObjectRecord>, Error> {
+        self.objects(shard)?.collect()
+    }
+
+    pub(crate) fn attempts(&self, shard: u32) -> Result<impl Iterator<Item = Result<AttemptRecord, Error>>, Error> {
         let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
-        let rows = self.read(shard, Table::Objects, part, |batch| decode::objects(batch, &self.info.models))?;
-        self.check(shard, Table::Objects, || {
-            rows.iter().try_for_each(check::object)?;
-            object_ids(&rows, self.info.scenes_of(shard), self.manifest.shards[shard as usize].objects.rows)
-        })?;
-        Ok(rows)
+        let scenes = self.scenes_of(shard)?;
+        let mut ids = scenes.flat_map(|scene| (0..self.info.attempts_of_scene(scene)).map(move |id| (scene, id)));
+        let check = move |row: Option<&AttemptRecord>| {
+            row.map_or(Ok(()), |row| check::attempt(row, &self.info.gripper))?;
+            let is_next = row.map(|row| (row.scene_id, row.attempt_id)) == ids.next();
+            if is_next { Ok(()) } else { Err("attempt ids must count up in every scene".to_owned()) }
+        };
+        self.checked(shard, Table::Attempts, part, |batch| decode::attempts(batch, &self.info.models), check)
+    }
+
+    pub(crate) fn objects(&self, shard: u32) -> Result<impl Iterator<Item = Result<ObjectRecord, Error>>, Error> {
+        let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
+        let scenes = self.scenes_of(shard)?;
+        let (mut next_scene, mut next_id) = (scenes.start, 0);
+        let check = move |row: Option<&ObjectRecord>| {
+            let Some(row) = row else {
+                let is_over = next_scene == scenes.end;
+                return if is_over { Ok(()) } else { Err(format!("scene {next_scene} has no objects")) };
+            };
+            check::object(row)?;
+            if (row.scene_id, row.object_id) == (next_scene, 0) {
+                (next_scene, next_id) = (next_scene + 1, 0);
+            }
+            if row.scene_id + 1 != next_scene || row.object_id != next_id {
+                let (scene, object) = (row.scene_id, row.object_id);
+                return Err(format!("object ids must count up in every scene, got scene {scene} object {object}"));
+            }
+            next_id += 1;
+            Ok(())
+        };
+        self.checked(shard, Table::Objects, part, |batch| decode::objects(batch, &self.info.models), check)
     }
 
     /// Iterates over the scenes of a shard; a few grids at a time are in memory.
@@ -192,8 +213,87 @@ impl Dataset {
         without: Option<&'static str>,
     ) -> Result<impl Iterator<Item = Result<SceneRecord, Error>>, Error> {
         let part = Part { batch_rows: BATCH_SCENES, without, ..Part::default() };
-        let batches = self.batches(shard, Table::Scenes, part)?;
-        Ok(scenes(self, shard, batches, without.is_none()))
+        let mut ids = self.scenes_of(shard)?;
+        let check = move |scene: Option<&SceneRecord>| match (ids.next(), scene) {
+            (None, None) => Ok(()),
+            (Some(expected), None) => Err(format!("scene {expected} is missing")),
+            (expected, Some(scene)) if expected == Some(scene.scene_id) => {
+                let grid = if without.is_none() { check::tsdf(&scene.tsdf, &self.info) } else { Ok(()) };
+                check::scene_head(scene, &self.info).and(grid).map_err(|e| format!("scene {}: {e}", scene.scene_id))
+            }
+            (expected, Some(scene)) => {
+                Err(format!("scene ids must count up: expected {expected:?}, got {}", scene.scene_id))
+            }
+        };
+        self.checked(shard, Table::Scenes, part, decode::scenes, check)
+    }
+
+    fn scenes_of(&self, shard: u32) -> Result<Range<u64>, Error> {
+        let out_of_range = || Error::out_of_range("shard", self.shard_count().into(), shard.into());
+        if shard < self.shard_count() { Ok(self.info.scenes_of(shard)) } else { Err(out_of_range()) }
+    }
+
+    /// The rows of a table, decoded a batch at a time; none after an error. `check` sees each row, then the end.
+    fn checked<R>(
+        &self,
+        shard: u32,
+        table: Table,
+        part: Part,
+        decode: impl Fn(&RecordBatch) -> Result<Vec<R>, String>,
+        mut check: impl FnMut(Option<&R>) -> Result<(), String>,
+    ) -> Result<impl Iterator<Item = Result<R, Error>>, Error> {
+        let mut batches = self.batches(shard, table, part)?;
+        let mut decoded = Vec::new().into_iter();
+        let mut next = move || {
+            loop {
+                if let Some(row) = decoded.next() {
+                    return check(Some(&row)).map(|()| Some(row));
+                }
+                match batches.next() {
+                    Some(batch) => decoded = decode(&batch?)?.into_iter(),
+                    None => return check(None).map(|()| None),
+                }
+            }
+        };
+        let mut is_over = false;
+        Ok(from_fn(move || {
+            if is_over {
+                return None;
+            }
+            let found = next();
+            is_over = !matches!(found, Ok(Some(_)));
+            found.map_err(|message| self.wrong(shard, table, &message)).transpose()
+        }))
+    }
+
+    /// Iterates over all rows of a shard, a scene at a time, without the grids. The rows of a scene fit together.
+    ///
+    /// # Errors
+    /// [`Error`] if a file is damaged; each item is an error if a row breaks a rule.
+    pub fn rows(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRows, Error>>, Error> {
+        Ok(self.joined(shard, self.scene_heads(shard)?)?.map(move |rows| {
+            let rows = rows?;
+            let fit = check::links(&rows.scene, &rows.objects, &rows.attempts);
+            let fit = fit.and_then(|()| check::placements(&rows.objects, &rows.attempts));
+            fit.map_err(|e| self.wrong(shard, Table::Attempts, &format!("scene {}: {e}", rows.scene.scene_id)))?;
+            Ok(rows)
+        }))
+    }
+
+    /// Adds to each scene of a shard its rows of the other tables, which are in the same order. Whether they fit
+    /// together is not checked.
+    pub(crate) fn joined(
+        &self,
+        shard: u32,
+        scenes: impl Iterator<Item = Result<SceneRecord, Error>>,
+    ) -> Result<impl Iterator<Item = Result<SceneRows, Error>>, Error> {
+        let (mut objects, mut attempts) = (self.objects(shard)?.peekable(), self.attempts(shard)?.peekable());
+        Ok(scenes.map(move |scene| {
+            let scene = scene?;
+            let objects = take_while_is(&mut objects, |row| row.scene_id == scene.scene_id)?;
+            let attempts = take_while_is(&mut attempts, |row| row.scene_id == scene.scene_id)?;
+            Ok(SceneRows { scene, objects, attempts })
+        }))
     }
 
     /// All rows of one scene. Reads one row group of the small tables and a few pages of the grids.
@@ -245,8 +345,7 @@ impl Dataset {
 
     /// Opens a file after checking its size and checksum.
     fn open_file(&self, shard: u32, table: Table) -> Result<File, Error> {
-        let summary = self.manifest.shards.get(shard as usize);
-        let summary = summary.ok_or_else(|| Error::out_of_range("shard", self.shard_count().into(), shard.into()))?;
+        let summary = &self.manifest.shards[shard as usize];
         let is_checked = &self.is_checked[shard as usize][table as usize];
         let opened = self.storage.open_file(summary.file(table), is_checked)?;
         opened.map_err(|message| self.wrong(shard, table, &message))
@@ -262,26 +361,10 @@ impl Dataset {
     }
 }
 
-/// Checks that objects are numbered from 0 in every scene of the shard, and that every scene has one.
-fn object_ids(rows: &[ObjectRecord], scenes: std::ops::Range<u64>, expected: u64) -> Result<(), String> {
-    let wrong = |message: String| Err(message);
-    if rows.len() as u64 != expected {
-        return wrong(format!("objects must have {expected} rows, got {}", rows.len()));
-    }
-    let mut next = scenes.start;
-    let mut count = 0;
-    for row in rows {
-        if row.object_id == 0 && row.scene_id == next {
-            next += 1;
-            count = 0;
-        }
-        if row.scene_id + 1 != next || row.object_id != count {
-            return wrong(format!(
-                "object ids must count up in every scene, got scene {} object {}",
-                row.scene_id, row.object_id
-            ));
-        }
-        count += 1;
-    }
-    if next == scenes.end { Ok(()) } else { wrong(format!("scene {next} has no objects")) }
+/// The next rows for which a condition holds.
+fn take_while_is<R>(
+    rows: &mut Peekable<impl Iterator<Item = Result<R, Error>>>,
+    holds: impl Fn(&R) -> bool,
+) -> Result<Vec<R>, Error> {
+    from_fn(|| rows.next_if(|row| row.as_ref().map_or(true, &holds))).collect()
 }

@@ -20,7 +20,6 @@ use tar::{Builder, EntryType, Header};
 use super::folder::{ExportCounts, ExportFolder, Exported, ExportedFile};
 use super::{npy, rows, scene_name};
 use crate::format::encode;
-use crate::read::joined;
 use crate::store::failed;
 use crate::{Dataset, DatasetInfo, Error, Table};
 
@@ -72,10 +71,9 @@ fn write_shard(
     scenes_done: &mut dyn FnMut(u64),
 ) -> Result<(u64, String), Error> {
     let failed = |error: io::Error| failed("write a file", folder.storage.location(name))(error);
-    let mut join = joined(dataset.read_objects(shard)?, dataset.read_attempts(shard)?);
     let mut tar = Builder::new(BufWriter::new(folder.storage.stage(name)?));
-    for scene in dataset.scenes(shard)? {
-        append_sample(&mut tar, &join(scene?), dataset.info()).map_err(failed)?;
+    for rows in dataset.joined(shard, dataset.scenes(shard)?)? {
+        append_sample(&mut tar, &rows?, dataset.info()).map_err(failed)?;
         scenes_done(1);
     }
     let buffer = tar.into_inner().map_err(failed)?;
