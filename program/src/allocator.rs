@@ -19,8 +19,6 @@ use crate::ExitCode;
 /// committed is safe, as after a kill.
 struct Allocator;
 
-// Fuzzers measure memory with their own allocator.
-#[cfg(not(fuzzing))]
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
 

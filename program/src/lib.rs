@@ -13,6 +13,7 @@
 //!
 //! Of our crates this one depends on `settings` alone, whose error reaches every `main`.
 
+#[cfg(not(fuzzing))] // fuzzers measure memory with their own
 mod allocator;
 mod exit;
 pub mod manual;
@@ -25,7 +26,7 @@ pub mod text;
 
 pub use exit::{Context, Exit, ExitCode, Failure};
 pub use output::{command_line, json, print, print_error, write};
-pub use publish::publish;
+pub use publish::{publish, sweep};
 pub use read::{open, read};
 pub use signals::stop_on_signals;
 pub use start::{ThreadsError, run, start_threads};

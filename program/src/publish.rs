@@ -22,9 +22,31 @@ pub fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }
 
+/// Removes what killed writers of [`publish`] left in a folder in which no other process writes now.
+///
+/// # Errors
+/// If the folder cannot be listed or a file not removed.
+pub fn sweep(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        let random = name.to_str().and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX));
+        let is_left = |random: &str| random.len() == RANDOM_LENGTH && random.bytes().all(|b| b.is_ascii_alphanumeric());
+        if random.is_some_and(is_left) && entry.file_type()?.is_file() {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+// What a temporary name is made of.
+const PREFIX: &str = ".";
+const RANDOM_LENGTH: usize = 6;
+const SUFFIX: &str = ".tmp";
+
 fn staging() -> tempfile::Builder<'static, 'static> {
     let mut staging = tempfile::Builder::new();
-    staging.prefix(".").suffix(".tmp");
+    staging.prefix(PREFIX).rand_bytes(RANDOM_LENGTH).suffix(SUFFIX);
     #[cfg(unix)] // the mode of any new file; that of temporary files lets only their owner read them
     staging.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     staging
@@ -42,6 +64,20 @@ mod tests {
         publish(&path, b"two").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"two");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_killed_writers_left_is_swept_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let (_, left) = staging().tempfile_in(folder.path()).unwrap().keep().unwrap();
+        for kept in ["x.tmp", ".seven77.tmp", ".sïx66.tmp", ".abcdef"] {
+            fs::write(folder.path().join(kept), b"").unwrap();
+        }
+        fs::create_dir(folder.path().join(".folder.tmp")).unwrap();
+        assert!(left.exists());
+        sweep(folder.path()).unwrap();
+        assert!(!left.exists());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5);
     }
 
     #[cfg(target_os = "linux")]

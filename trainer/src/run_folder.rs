@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use network::checkpoint::{self, Checkpoint, CheckpointError};
-use program::{Context as _, ExitCode, Failure, write};
+use program::{Context as _, Exit as _, ExitCode, Failure, sweep, write};
 use shards::Dataset;
 
 use crate::config::Config;
@@ -76,7 +76,8 @@ impl RunFolder {
                 let text = format!("another process trains in this folder: {}", path.display());
                 return Err(Failure::new(ExitCode::TryAgain, text));
             }
-            Ok(()) | Err(TryLockError::Error(_)) => {} // without support for locks, trust the user
+            Ok(()) => sweep(path).context(format_args!("failed to sweep the run's folder {}", path.display()))?,
+            Err(TryLockError::Error(_)) => {} // without support for locks, trust the user
         }
         Ok(Self { path: path.to_owned(), lock })
     }
@@ -159,12 +160,12 @@ impl SavedAs {
 pub(crate) fn read_metrics(run: &Path) -> Result<Option<String>, Failure> {
     let path = run.join(METRICS);
     let failed = |code, text: String| Err(Failure::new(code, format!("{text}: {}", path.display())));
-    match fs::read_to_string(&path) {
+    match settings::read_text(&path) {
         Ok(text) => Ok(Some(text)),
         Err(error) => match error.kind() {
             io::ErrorKind::NotFound => Ok(None),
             io::ErrorKind::InvalidData => failed(ExitCode::Data, format!("damaged metrics: {error}")), // no UTF-8
-            _ => failed(ExitCode::TryAgain, format!("failed to read the metrics: {error}")),
+            _ => failed(error.exit_code(), format!("failed to read the metrics: {error}")),
         },
     }
 }
