@@ -10,7 +10,7 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use program::text::{grouped, percent};
-use program::{ExitCode, Failure};
+use program::{Exit as _, ExitCode, Failure};
 use report::document::{Block, Cell, Document, Drawing, Picture, Table, below};
 use serde::de::DeserializeOwned;
 
@@ -58,7 +58,7 @@ fn unread(path: &Path, source: &io::Error) -> Failure {
     match source.kind() {
         // A file that is not what a run writes.
         ErrorKind::InvalidData => Failure::new(ExitCode::Data, format!("damaged {}: {source}", path.display())),
-        _ => Failure::new(ExitCode::TryAgain, format!("failed to read: {source}: {}", path.display())),
+        _ => Failure::new(source.exit_code(), format!("failed to read: {source}: {}", path.display())),
     }
 }
 

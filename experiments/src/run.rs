@@ -10,9 +10,10 @@ use std::io::{self, Write as _};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread;
 
 use planner::Planner;
-use program::{ExitCode, Failure, ThreadsError};
+use program::{Context as _, ExitCode, Failure, ThreadsError};
 use rayon::ThreadPoolBuilder;
 
 use crate::config::Config;
@@ -99,11 +100,14 @@ fn in_threads(
         }
         Ok(played)
     };
-    let all: Vec<Result<Vec<Round>, Failure>> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads.max(1)).map(|_| scope.spawn(work)).collect();
+    let all: Vec<Result<Vec<Round>, Failure>> = thread::scope(|scope| {
+        let start = |_| thread::Builder::new().spawn_scoped(scope, work);
+        let workers: io::Result<Vec<_>> = (0..threads.max(1)).map(start).collect();
+        let workers = workers.inspect_err(|_| next.store(missing.len(), Ordering::Relaxed));
+        let workers = workers.context("failed to start a round's thread")?;
         let panicked = |_| Err(Failure::new(ExitCode::Internal, "a round ended in a defect of the program"));
-        workers.into_iter().map(|worker| worker.join().unwrap_or_else(panicked)).collect()
-    });
+        Ok::<_, Failure>(workers.into_iter().map(|worker| worker.join().unwrap_or_else(panicked)).collect())
+    })?;
     let mut rounds = Vec::new();
     for played in all {
         rounds.extend(played?);

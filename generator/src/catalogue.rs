@@ -74,11 +74,11 @@ impl Catalogue {
     /// Reads a file; `None` is the built-in catalogue.
     ///
     /// # Errors
-    /// A message; [`CatalogueError::Invalid`] lists all problems.
+    /// A message with everything that is wrong.
     pub fn read(path: Option<&Path>) -> Result<Self, String> {
         let Some(path) = path else { return Self::parse(EVERYDAY, Path::new("configs/objects/everyday.toml")) };
         let unread = |error| format!("failed to read the objects: {error}: {}", path.display());
-        Self::parse(&std::fs::read_to_string(path).map_err(unread)?, path)
+        Self::parse(&settings::read_text(path).map_err(unread)?, path)
     }
 
     /// Parses a catalogue; `path` is for messages.

@@ -54,7 +54,7 @@ pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
         }
     };
     let damaged = |message: String| self::damaged(&message, path);
-    let (corners, triangles) = read(&std::fs::read(path).map_err(unread)?)
+    let (corners, triangles) = read(&program::read(path, BYTES_MAX).map_err(unread)?)
         .map_err(|message| damaged(format!("not a whole {kind} file: {message}")))?;
     Mesh::new(&corners, &triangles, scale_m).map_err(damaged)
 }

@@ -3,8 +3,9 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
 
-use program::{Exit, ExitCode, Failure};
+use program::{Context as _, Exit, ExitCode, Failure};
 use rayon::prelude::*;
 use schema::SceneRows;
 use shards::{Counts, DatasetInfo, Draft, Finalized, Location, ShardWriter, StoreError};
@@ -86,9 +87,10 @@ pub fn generate(
     for shard in wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_err()) {
         on_event(Event::Skipped { shard, attempts: attempts_of(&info, shard) });
     }
-    let (made, is_stopped) = std::thread::scope(|scope| {
+    let (made, is_stopped) = thread::scope(|scope| {
         let (send, receive) = sync_channel(1);
-        let writer = scope.spawn(|| write_shards(&draft, receive, on_event));
+        let writer = thread::Builder::new().spawn_scoped(scope, || write_shards(&draft, receive, on_event));
+        let writer = writer.context("failed to start the writer's thread")?;
         let is_stopped = build_scenes(config, &info, &missing, stop, on_event, &send);
         drop(send);
         let made = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;

@@ -32,6 +32,7 @@ use crate::Planner;
 mod connection;
 mod fault;
 mod handlers;
+mod host;
 mod metrics;
 mod model;
 mod openapi;
@@ -155,6 +156,7 @@ fn routes(shared: &Arc<Shared>) -> Router {
         .layer(RequestBodyLimitLayer::new(options.body_bytes_max))
         .layer(TimeoutLayer::with_status_code(StatusCode::GATEWAY_TIMEOUT, options.request_timeout))
         .layer(CatchPanicLayer::custom(fault::of_panic))
+        .layer(from_fn_with_state(Arc::clone(shared), host::must_be_known))
         .layer(from_fn_with_state(Arc::clone(shared), observe))
         .with_state(Arc::clone(shared))
 }

@@ -210,6 +210,12 @@ class Mutant:
         if kind == "name":
             (path.parent / rng.choice([f"a{CONTROL}", "b\nc", "\udcff", "n" * 255])).write_bytes(b"")
             return f"strange name beside {path.name}"
+        self.replace(path, kind)
+        return f"{path.name}: {kind}"
+
+    def replace(self, name, kind):
+        """Puts something else in a file's place."""
+        path = self.folder / name
         path.unlink()
         if kind == "fifo":
             os.mkfifo(path)
@@ -228,5 +234,4 @@ class Mutant:
             with path.open("wb") as file:
                 file.truncate(1 << 40)
         elif kind == "binary":
-            path.write_bytes(rng.randbytes(100_000))
-        return f"{path.name}: {kind}"
+            path.write_bytes(os.urandom(100_000))

@@ -16,7 +16,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from mutations import Mutant
+from mutations import CARD, INFO, LAST, MANIFEST, Mutant
 from programs import program
 
 DATASET = Path(os.environ["GRASPMILL_DATASET"]).resolve()
@@ -133,3 +133,27 @@ def test_stored_settings_are_held_to_the_configs_ranges(tmp_path, key, value):
         code, memory, printed = ended(command, tmp_path / "log")
         assert code == 65 and memory < MEMORY_BYTES, printed
         assert f"{key} must be between".encode() in printed and f"got {value:.0f}".encode() in printed, printed
+
+
+SPECIAL = [INFO, MANIFEST, CARD, LAST, "meta/shards/00001.json", "objects/shard-00000-of-00002.parquet"]
+
+
+@pytest.mark.parametrize("name", SPECIAL)
+@pytest.mark.parametrize("kind", ["fifo", "zero", "sparse", "loop"])
+def test_special_files_neither_block_nor_fill_the_memory(tmp_path, name, kind):
+    mutant = Mutant(DATASET, tmp_path / "data")
+    mutant.replace(name, kind)
+    for line in ("shards verify {data}", "generator finalize {data}", "generator missing {data}", "shards report {data}"):
+        command = [program(line.split()[0]), *(word.format(data=tmp_path / "data") for word in line.split()[1:])]
+        code, memory, printed = ended(command, tmp_path / "log")
+        assert code in {0, 65, 69, 78} and memory < 300 << 20, (line, code, memory, printed)
+
+
+def test_weights_are_not_read_from_special_files(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "endless").symlink_to("/dev/zero")
+    for name in ("fifo", "loop", "endless", "."):
+        command = [program("trainer"), "import", tmp_path / name, "--out", tmp_path / "x", "--upsampling", "linear"]
+        code, _, printed = ended(command, tmp_path / "log")
+        assert code == 78 and b"failed to read" in printed, (name, code, printed)

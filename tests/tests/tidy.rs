@@ -118,6 +118,14 @@ fn nothing_forbidden_is_written() {
 }
 
 #[test]
+fn only_the_allocator_is_unsafe() {
+    let words = concat!("expect(", "unsafe_code");
+    let unsafe_files: Vec<String> =
+        rust_files().into_iter().filter(|file| file.text.contains(words)).map(|file| file.path).collect();
+    assert_eq!(unsafe_files, ["program/src/allocator.rs"]);
+}
+
+#[test]
 fn every_file_says_what_it_is_for() {
     let mut problems = Vec::new();
     for file in rust_files() {

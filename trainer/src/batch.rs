@@ -46,7 +46,8 @@ const PART_SAMPLES_MAX: usize = 12;
 
 impl Batch {
     /// Cuts the batch into parts, as a pure function of the batch, and calls `work` with each of them, on any thread;
-    /// results are in the order of parts. A scene's samples stay together if possible, so that its grid is encoded once.
+    /// results are in the order of parts. A scene's samples stay together if possible, so that its grid is encoded
+    /// once.
     pub fn by_parts<T: Send>(&self, work: impl Fn(&BatchPart<'_>) -> T + Sync) -> Vec<T> {
         self.parts().into_par_iter().map(|part| work(&self.part(part))).collect()
     }

@@ -34,7 +34,7 @@ impl Exit for InputError {
         match self {
             Self::Syntax(_) | Self::Value(_) | Self::Missing(_) => ExitCode::Config,
             Self::Damaged(_) => ExitCode::Data,
-            Self::Io { .. } => ExitCode::TryAgain,
+            Self::Io { source, .. } => source.exit_code(),
         }
     }
 }

@@ -1,10 +1,9 @@
 //! Reads complete files up to a limit, because a path may be `/dev/zero`.
 
-use std::fs::File;
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 use std::path::Path;
 
-use crate::input::error::{InputError, refuse};
+use crate::input::error::InputError;
 
 /// Maximum size of a file.
 const BYTES_MAX: u64 = 1 << 30;
@@ -17,14 +16,10 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, InputError> {
     let failed = |source: std::io::Error| match source.kind() {
         ErrorKind::NotFound => InputError::Missing(path.to_owned()),
         ErrorKind::IsADirectory => InputError::Value(format!("must be a file, got a folder: {}", path.display())),
+        ErrorKind::InvalidInput | ErrorKind::InvalidData => InputError::Value(format!("{source}: {}", path.display())),
         _ => InputError::Io { path: path.to_owned(), source },
     };
-    let mut bytes = Vec::new();
-    File::open(path).map_err(failed)?.take(BYTES_MAX + 1).read_to_end(&mut bytes).map_err(failed)?;
-    if bytes.len() as u64 > BYTES_MAX {
-        return refuse(format!("a file must have at most {BYTES_MAX} bytes: {}", path.display()));
-    }
-    Ok(bytes)
+    program::read(path, BYTES_MAX).map_err(failed)
 }
 
 #[cfg(test)]

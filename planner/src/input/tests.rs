@@ -1,6 +1,6 @@
 //! Files for the readers' tests, and tests of all readers: valid files of every format are damaged at random thousands
-//! of times, and a reader must return a result and not panic. The damage is drawn from a fixed sequence, so failures are
-//! reproducible.
+//! of times, and a reader must return a result and not panic. The damage is drawn from a fixed sequence, so failures
+//! are reproducible.
 
 use std::io::Cursor;
 

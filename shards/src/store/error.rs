@@ -20,13 +20,13 @@ pub struct StoreError {
 
 impl Exit for StoreError {
     /// [`ExitCode::TryAgain`], or [`ExitCode::Config`] if a retry would fail in the same way: wrong credentials, no
-    /// such bucket, a file in place of a folder.
+    /// such bucket; on a disk, that of the system's error.
     fn exit_code(&self) -> ExitCode {
-        use io::ErrorKind::{FileTooLarge, InvalidInput, NotADirectory, PermissionDenied};
+        use io::ErrorKind::{FileTooLarge, InvalidInput, PermissionDenied};
         match (&self.at, self.source.kind()) {
             (Location::Url(_), FileTooLarge | InvalidInput | PermissionDenied) => ExitCode::Config,
-            (Location::Path(_), NotADirectory) => ExitCode::Config,
-            _ => ExitCode::TryAgain,
+            (Location::Url(_), _) => ExitCode::TryAgain,
+            (Location::Path(_), _) => self.source.exit_code(),
         }
     }
 }

@@ -6,7 +6,7 @@
 //! until a sweep. The lock on a staging file shows sweepers on the same host that its writer is alive.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::store::error::{StoreError, failed};
@@ -75,7 +75,7 @@ impl Store {
     /// Opens a file to read it.
     pub(crate) fn open(&self, name: &str) -> Result<File, StoreError> {
         let path = self.path(name);
-        File::open(&path).map_err(failed("open a file", &path))
+        program::open(&path).map_err(failed("open a file", &path))
     }
 
     /// The listing of a folder; empty if there is none.
@@ -102,14 +102,11 @@ impl Store {
     /// The bytes of a small file, `None` if there is none.
     pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let path = self.path(name);
-        let file = match File::open(&path) {
-            Ok(file) => file,
-            Err(e) if is_absent(&e) => return Ok(None),
-            Err(e) => return Err(failed("open a file", &path)(e)),
-        };
-        let mut bytes = Vec::new();
-        file.take(META_BYTES_MAX).read_to_end(&mut bytes).map_err(failed("read a file", &path))?;
-        Ok(Some(bytes))
+        match program::read(&path, META_BYTES_MAX) {
+            Ok(bytes) => Ok(Some(bytes)),
+            Err(e) if is_absent(&e) => Ok(None),
+            Err(e) => Err(failed("read a file", &path)(e)),
+        }
     }
 
     /// Creates a staging file for `name`.

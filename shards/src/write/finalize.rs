@@ -83,7 +83,8 @@ impl Draft {
     pub fn finalize(&self) -> Result<Finalized, Error> {
         let mut shards = Vec::new();
         let missing = self.committed(|summary| shards.push(summary))?;
-        if !missing.is_empty() {
+        if let Some(first) = missing.first() {
+            self.must_not_be_of_another(*first)?;
             return Ok(Finalized::Incomplete { missing });
         }
         // The writers of these files may have been killed before they flushed the folders.
@@ -114,6 +115,23 @@ impl Draft {
             tracing::warn!(%error, "leftovers of killed writers were not removed");
         }
         Ok(Finalized::Complete(manifest))
+    }
+}
+
+impl Draft {
+    /// A shard with a marker of another dataset is not missing: `meta/info.json` was edited, or folders were mixed.
+    fn must_not_be_of_another(&self, shard: u32) -> Result<(), Error> {
+        let name = layout::marker(shard);
+        let marker = self.storage.read(&name)?.and_then(|bytes| seal::unseal::<ShardSummary>(bytes).ok());
+        let Some(other) = marker.map(|marker| marker.dataset_id).filter(|id| *id != self.dataset_id) else {
+            return Ok(());
+        };
+        let (id, info) = (&self.dataset_id, layout::INFO);
+        let text = format!(
+            "{name} belongs to dataset {other}, and {info} is that of {id}: was {info} edited, or a folder of another \
+             dataset copied here?"
+        );
+        Err(Error::Wrong(ExitCode::Data, text))
     }
 }
 

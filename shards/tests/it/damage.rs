@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use program::{Exit, ExitCode};
-use shards::{Dataset, Error, layout, verify};
+use shards::{Dataset, Draft, Error, layout, verify};
 
 use crate::sample;
 
@@ -188,6 +188,9 @@ fn an_edited_info_and_an_unknown_version_are_told_for_what_they_are() {
     fs::write(&path, whole.replace("\"seed\": 3", "\"seed\": 4")).unwrap();
     let message = Dataset::open(dir.path()).unwrap_err().to_string();
     assert!(message.contains("the SHA-256 of meta/info.json"), "{message}");
+    let error = Draft::open(dir.path()).unwrap().finalize().unwrap_err();
+    assert_eq!(error.exit_code(), ExitCode::Data);
+    assert!(error.to_string().starts_with("meta/shards/00000.json belongs to dataset "), "{error}");
     fs::write(&path, whole.replace("\"format_version\": 1", "\"format_version\": 9")).unwrap();
     let error = Dataset::open(dir.path()).unwrap_err();
     assert_eq!(error.exit_code(), ExitCode::Data);

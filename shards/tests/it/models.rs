@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use schema::{AttemptRecord, Model, ObjectShape, Rule, SceneRows, Vec3};
+use schema::{AttemptRecord, Model, ObjectShape, Rule, SceneRows, Vec3, along_normal};
 use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, inspection, report, verify};
 
 use crate::synthetic;
@@ -61,6 +61,9 @@ fn rows(info: &DatasetInfo, scene: u64) -> SceneRows {
             panic!("a model")
         };
         (attempt.rule, attempt.closing) = (Rule::of_model(number), None);
+        (attempt.tilt_rad, attempt.slide_m) = (0.0, 0.0);
+        let grasp = &mut attempt.workspace_from_grasp;
+        grasp.rotation = along_normal(grasp.rotation * Vec3::NEG_Z, attempt.turn_rad);
     }
     rows
 }

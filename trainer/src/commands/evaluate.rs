@@ -43,7 +43,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     start_threads(arguments.threads)?;
     let path = match (&arguments.model, &arguments.run) {
         (Some(model), _) => model.clone(),
-        (None, run) => arguments.checkpoint.path(run.as_deref().unwrap_or(Path::new("."))), // clap asks for one of the two
+        // clap asks for one of the two.
+        (None, run) => arguments.checkpoint.path(run.as_deref().unwrap_or(Path::new("."))),
     };
     let evaluation = examine(&path, &arguments.data, arguments.split, 0)?.evaluation;
     print(if arguments.json { json(&evaluation)? } else { document(&evaluation).text() })?;

@@ -24,7 +24,7 @@ pub fn for_each_batch(
 ) -> io::Result<()> {
     std::thread::scope(|scope| {
         let (sender, receiver) = sync_channel(AHEAD);
-        scope.spawn(move || {
+        std::thread::Builder::new().spawn_scoped(scope, move || {
             for numbers in samples.chunks(batch) {
                 let batch = match transform {
                     None => dataset.batch(numbers),
@@ -34,7 +34,7 @@ pub fn for_each_batch(
                     return; // the visitor stopped
                 }
             }
-        });
+        })?;
         for batch in receiver {
             if visit(batch?).is_break() {
                 break;

@@ -55,8 +55,8 @@ fn no_numbers(run: &TrainedRun) -> Option<String> {
     ))
 }
 
-/// An accuracy that is not, or may not be, above that of always answering "failure". `whose` begins the sentence, `drawn`
-/// says how the interval was made, `moral` ends the sentence.
+/// An accuracy that is not, or may not be, above that of always answering "failure". `whose` begins the sentence,
+/// `drawn` says how the interval was made, `moral` ends the sentence.
 fn no_better_than_failure(
     whose: &str,
     shares: (Option<f64>, Option<f64>),

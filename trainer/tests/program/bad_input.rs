@@ -182,11 +182,11 @@ fn a_secret_in_a_url_is_not_repeated() {
 }
 
 #[test]
-fn a_run_that_cannot_be_written_is_75() {
+fn a_run_inside_a_file_is_78() {
     let mut place = Place::new();
     fs::write(&place.run, "a file").unwrap();
     place.run = place.run.join("inside");
-    check_fails(&place.fit(&[]), 75, &["run's folder"]);
+    check_fails(&place.fit(&[]), 78, &["run's folder"]);
 }
 
 #[test]
