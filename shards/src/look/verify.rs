@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use program::ExitCode;
+use program::{Exit as _, ExitCode};
 use schema::SceneRows;
 
 use crate::format::summary::{Counts, ShardSummary};
@@ -92,7 +92,7 @@ impl Verified {
         match result {
             Err(Error::Store(error)) if matches!(dataset.location(), Location::Url(_)) => Err(error.into()),
             Err(error) => {
-                self.unread += u64::from(matches!(error, Error::Store(_)));
+                self.unread += u64::from(error.exit_code() == ExitCode::TryAgain);
                 self.tell([error.to_string()]);
                 Ok(None)
             }
