@@ -3,7 +3,7 @@
 
     cargo build --release -p trainer --features flex    # with Burn, to compare
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt
-    venv/bin/python scripts/bench_training.py target/release/trainer
+    venv/bin/python scripts/bench_training.py target/release/trainer [target/debug/trainer]
 
 PyTorch runs three kinds of steps: as in VGN's train_vgn.py (the whole volume with one supervised voxel), the same with
 channels-last memory, and a step on the receptive field of the supervised voxel (the whole encoder; decoder and heads on
@@ -113,7 +113,7 @@ def median(times):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("trainer", help="the trainer program, built for release")
+    parser.add_argument("trainer", nargs="+", help="trainer programs, such as one of each profile")
     parser.add_argument("--times", type=int, default=3, help="dense steps of each kind [default: 3]")
     args = parser.parse_args()
     torch.manual_seed(0)
@@ -133,16 +133,23 @@ def main():
     rows.append((f"PyTorch, dense, {threads} threads", timed(args.times, volume_step)))
     rows.append((f"PyTorch, dense, channels last, {threads} threads", timed(args.times, volume_step, with_layout(torch.channels_last_3d))))
     dense_s = rows[-2][1]
-    done = subprocess.run([args.trainer, "bench", "--json"], capture_output=True, text=True, check=True)
-    ours = json.loads(done.stdout)
-    share = ours["step_mac"] / ours["step_s"] / ours["matmul_mac_per_s"]
-    rows.append((f"Graspmill, {ours['threads']} threads", ours["step_s"]))
-    rows.append(("Graspmill by automatic differentiation", ours["step_by_graph_s"]))
+    shares = []
+    for trainer in args.trainer:
+        done = subprocess.run([trainer, "bench", "--json"], capture_output=True, text=True, check=True)
+        ours = json.loads(done.stdout)
+        name = f"Graspmill, {ours['profile']} build"
+        rows.append((f"{name}, {ours['threads']} threads", ours["step_s"]))
+        if ours["matmul_mac_per_s"] is None:
+            shares.append(f"{name}: Burn is not built in (cargo feature flex), so there is no rate to compare with.")
+            continue
+        rows.append((f"{name}, by automatic differentiation", ours["step_by_graph_s"]))
+        rate, step = ours["matmul_mac_per_s"] / 1e9, ours["step_mac"] / ours["step_s"] / 1e9
+        shares.append(f"{name}: {step:.1f} GMAC/s, {100 * step / rate:.0f} % of Burn's products of matrices, {rate:.1f} GMAC/s.")
     print(f"torch {torch.__version__}, batch of {BATCH}, every sample of another scene\n")
     print("| training step | ms | times PyTorch's dense step |\n|---|---:|---:|")
     for name, seconds in rows:
         print(f"| {name} | {1e3 * seconds:.0f} | {dense_s / seconds:.1f} |")
-    print(f"\nGraspmill's step runs at {100 * share:.0f} % of the machine's rate for products of matrices.")
+    print("\n" + "\n".join(shares))
 
 
 if __name__ == "__main__":

@@ -29,6 +29,8 @@ const TIMES: usize = 9;
 pub struct BenchReport {
     /// This program's version.
     pub version: &'static str,
+    /// The profile that it was built with: `dev`, which tests use, or `release`.
+    pub profile: &'static str,
     /// Samples of a batch.
     pub batch: usize,
     /// Threads.
@@ -74,8 +76,9 @@ impl BenchReport {
         let by_burn = |seconds: f64| format!(", {:.1} ms by Burn's convolutions", 1e3 * seconds);
         let blocks = vec![
             Block::Text(format!(
-                "graspmill {}, {} threads{}.",
+                "graspmill {}, {} build, {} threads{}.",
                 self.version,
+                self.profile,
                 self.threads,
                 self.matmul_mac_per_s.map(products).unwrap_or_default()
             )),
@@ -138,6 +141,7 @@ pub fn bench(
     let read_s = data.map(|data| read_s(data, samples)).transpose()?;
     Ok(BenchReport {
         version: env!("CARGO_PKG_VERSION"),
+        profile: if cfg!(debug_assertions) { "dev" } else { "release" },
         batch: samples,
         threads: rayon::current_num_threads(),
         matmul_mac_per_s,
