@@ -149,8 +149,8 @@ class Mutant:
             return rng.choice([*NON_FINITE, *(real for real in REALS if real < 1e39), rng.uniform(-7, 7)])
         if pa.types.is_integer(field.type):
             bits = field.type.bit_width - (not str(field.type).startswith("u"))
-            low = 0 if str(field.type).startswith("u") else -1
-            return rng.choice([number for number in [low, *NUMBERS] if number < 2**bits])
+            low = 0 if str(field.type).startswith("u") else -(2**bits)
+            return rng.choice([number for number in [low, *NUMBERS] if low <= number < 2**bits])
         return rng.choice([*[value for value in values if value], "", "x", CONTROL, "y" * 10_000])
 
     def rows(self, rng):
