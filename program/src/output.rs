@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::{Context, ExitCode, Failure, publish};
 
-/// Prints to standard output, control characters escaped ([`escaped`]). A reader that closed it, such as `head`, had
+/// Prints to standard output, control characters escaped (as `\u001b`). A reader that closed it, such as `head`, had
 /// enough: that is no error.
 ///
 /// # Errors

@@ -23,7 +23,7 @@ impl TypedValueParser for LocationParser {
     }
 }
 
-/// Any argument that is a [`Location`] is read by [`LocationParser`].
+/// Any argument that is a [`Location`] is read by `LocationParser`.
 impl ValueParserFactory for Location {
     type Parser = LocationParser;
 

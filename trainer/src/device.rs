@@ -4,7 +4,7 @@
 //! `cuda` (needs an NVIDIA driver with NVRTC at run time; Burn's backend downloads an LLVM bundle at build time) and
 //! `wgpu` (Vulkan, Metal or DirectX). Only this module depends on them.
 //!
-//! A batch is sent to a device in the host's parts ([`crate::batch::Batch::parts`]). Whole batches would use the device
+//! A batch is sent to a device in the host's parts (`Batch::parts`). Whole batches would use the device
 //! better, which was not tried yet. Weights and the optimiser stay on the host.
 
 use std::str::FromStr;
