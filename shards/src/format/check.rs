@@ -170,7 +170,7 @@ pub(crate) fn scene_rows(rows: &SceneRows, info: &DatasetInfo) -> Checked {
 }
 
 /// Checks the keys among the rows of one scene: ids count up from 0, and attempts refer to objects of their shape.
-pub(crate) fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
+fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
     count("object_count", scene.object_count, objects.len())?;
     count("attempt_count", scene.attempt_count, attempts.len())?;
     for (expected, object) in (0_u32..).zip(objects) {
@@ -196,8 +196,14 @@ pub(crate) fn links(scene: &SceneRecord, objects: &[ObjectRecord], attempts: &[A
     Ok(())
 }
 
+/// Checks that the joined rows of a scene fit together: their keys, and every grasp its target.
+pub(crate) fn joined(rows: &SceneRows) -> Checked {
+    links(&rows.scene, &rows.objects, &rows.attempts)?;
+    placements(&rows.objects, &rows.attempts)
+}
+
 /// Checks that every grasp lies on its target as its drawn values say. The rows have passed [`links`].
-pub(crate) fn placements(objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
+fn placements(objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
     attempts.iter().try_for_each(|attempt| placement(attempt, &objects[attempt.object_id as usize]))
 }
 

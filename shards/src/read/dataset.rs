@@ -273,9 +273,8 @@ impl Dataset {
     pub fn rows(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRows, Error>>, Error> {
         Ok(self.joined(shard, self.scene_heads(shard)?)?.map(move |rows| {
             let rows = rows?;
-            let fit = check::links(&rows.scene, &rows.objects, &rows.attempts);
-            let fit = fit.and_then(|()| check::placements(&rows.objects, &rows.attempts));
-            fit.map_err(|e| self.wrong(shard, Table::Attempts, &format!("scene {}: {e}", rows.scene.scene_id)))?;
+            check::joined(&rows)
+                .map_err(|e| self.wrong(shard, Table::Attempts, &format!("scene {}: {e}", rows.scene.scene_id)))?;
             Ok(rows)
         }))
     }
