@@ -153,6 +153,9 @@ impl SavedAs {
     }
 }
 
+/// Largest `metrics.jsonl`, in bytes; an epoch takes half a kilobyte.
+const METRICS_BYTES_MAX: u64 = 64 << 20;
+
 /// The text of a run's `metrics.jsonl`; `None` if there is no such file.
 ///
 /// # Errors
@@ -160,11 +163,13 @@ impl SavedAs {
 pub(crate) fn read_metrics(run: &Path) -> Result<Option<String>, Failure> {
     let path = run.join(METRICS);
     let failed = |code, text: String| Err(Failure::new(code, format!("{text}: {}", path.display())));
-    match settings::read_text(&path) {
+    let text = |bytes| String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error));
+    match program::read(&path, METRICS_BYTES_MAX).and_then(text) {
         Ok(text) => Ok(Some(text)),
         Err(error) => match error.kind() {
             io::ErrorKind::NotFound => Ok(None),
-            io::ErrorKind::InvalidData => failed(ExitCode::Data, format!("damaged metrics: {error}")), // no UTF-8
+            // No UTF-8, or too large.
+            io::ErrorKind::InvalidData => failed(ExitCode::Data, format!("damaged metrics: {error}")),
             _ => failed(error.exit_code(), format!("failed to read the metrics: {error}")),
         },
     }
