@@ -112,7 +112,7 @@ fn try_once(
     let plan = planner.plan(&Observation::Views(views), &Wishes::default())?;
     let plan_ms = milliseconds(began);
     let Some(best) = plan.grasps.get(tried) else { return Ok(None) };
-    let pose = best.grasp.workspace_from_grasp;
+    let pose = best.workspace_from_grasp;
     let target = nearest(scene, pose.translation);
     let world = AttemptWorld::new(&config.scene.physics, &config.scene.gripper, &config.scene.procedure, scene);
     let (execution, poses) = world.execute_leaving(&pose, target);
@@ -120,7 +120,7 @@ fn try_once(
         object_count: scene.objects.len() as u32,
         planned_count: plan.grasps.len() as u32,
         workspace_from_grasp: pose,
-        width_m: best.grasp.width_m,
+        width_m: best.width_m,
         quality: best.quality,
         rho_m: best.rho_m,
         target_id: target as u32,

@@ -45,12 +45,15 @@ mod tests {
 
     use super::*;
     use crate::config::Policy;
-    use crate::plan::{Funnel, SegmentedCloud};
+    use crate::plan::{FORMAT, Funnel, SegmentedCloud};
 
     fn plan(points_m: Vec<Vec3>, labels: Vec<PointLabel>) -> Plan {
         Plan {
-            grid: Grid::PAPER,
+            format: FORMAT,
+            model: String::new(),
             policy: Policy::Paper,
+            gripper: String::new(),
+            grid: Grid::PAPER,
             grasps: Vec::new(),
             objects: Vec::new(),
             cloud: SegmentedCloud { points_m, labels, plane: None },

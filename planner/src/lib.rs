@@ -6,14 +6,13 @@
 //! points. The network's output volumes become detections ([`mod@detect`]). The points are segmented into table and
 //! objects ([`mod@segment`]). Each detection gets its object and its rank ([`rank`]). [`hand`] turns the grasp towards
 //! the wrist and checks its way for collisions; [`refine`], beyond the paper, searches better hand poses. [`Planner`]
-//! runs all stages and returns a [`plan::Plan`], which [`answer`] converts to JSON, [`picture`] draws and
-//! [`cloud_file`] writes as PLY.
+//! runs all stages and returns a [`plan::Plan`], which is printed as JSON, [`picture`] draws and [`cloud_file`] writes
+//! as PLY.
 //!
 //! [`input`] reads files and requests, [`serve`] is the HTTP service, [`mod@bench`] measures.
 //!
 //! A plan is a pure function of the observation, the network and the [`config`]; the number of threads changes no bit.
 
-pub mod answer;
 pub mod bench;
 pub mod cloud_file;
 pub mod config;

@@ -115,7 +115,7 @@ fn dropped(canvas: &mut Canvas, dropped: &[DroppedCandidate]) {
         let wanted =
             |candidate: &&DroppedCandidate| matches!(candidate.reason, RejectReason::Collision { .. }) == collisions;
         for candidate in dropped.iter().filter(wanted) {
-            canvas.dot(candidate.grasp.workspace_from_grasp.translation, 0.0, radius_px, colour);
+            canvas.dot(candidate.workspace_from_grasp.translation, 0.0, radius_px, colour);
         }
         canvas.lay(SHOWN);
     }
@@ -134,21 +134,21 @@ fn centroids(canvas: &mut Canvas, objects: &[SeenObject]) {
 
 /// The hand of the grasp with this rank (0 is the best) of `count`. Returns the end of its stem.
 fn hand(canvas: &mut Canvas, ranked: &RankedGrasp, gripper: &Gripper, place: usize, count: usize) -> Option<[f32; 2]> {
-    let (grasp, colour) = (&ranked.grasp, of_place(place, count));
-    let at = |z_m: f32| grasp.workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, z_m));
+    let (pose, colour) = (&ranked.workspace_from_grasp, of_place(place, count));
+    let at = |z_m: f32| pose.transform_point(Vec3::new(0.0, 0.0, z_m));
     let stem_end_m = at(-gripper.finger_length_m - 1.5 * gripper.palm_length_m);
     if place == 0 {
-        canvas.block(&gripper.palm(), &grasp.workspace_from_grasp, colour);
+        canvas.block(&gripper.palm(), pose, colour);
         canvas.lay(GLASS);
-        for finger in gripper.fingers(grasp.width_m) {
-            canvas.block(&finger, &grasp.workspace_from_grasp, colour);
+        for finger in gripper.fingers(ranked.width_m) {
+            canvas.block(&finger, pose, colour);
         }
         // The approach: from the stem's end to between the fingers.
         let [neck_m, tip_m] = ARROW_HEAD.map(|share| at(-share * gripper.finger_length_m));
         canvas.haloed_line(&[stem_end_m, neck_m], 4.0, INK);
         canvas.arrow_head(neck_m, tip_m, INK);
     } else {
-        let fork = Line::fork(Class::Hand, "", gripper, &grasp.workspace_from_grasp, grasp.width_m);
+        let fork = Line::fork(Class::Hand, "", gripper, pose, ranked.width_m);
         canvas.haloed_line(&points(&fork), if place < 4 { 5.0 } else { 3.4 }, colour);
     }
     canvas.lay(SHOWN);
@@ -187,7 +187,7 @@ fn summary(plan: &Plan) -> String {
         text.push_str(&format!("; the best {GRASPS_DRAWN_MAX} are drawn"));
     }
     if let Some(best) = plan.grasps.first() {
-        let width_mm = 1000.0 * best.grasp.width_m;
+        let width_mm = 1000.0 * best.width_m;
         text.push_str(&format!("; the best: quality {:.3}, width {width_mm:.0} mm", best.quality));
         if let Some(rho_m) = best.rho_m {
             text.push_str(&format!(", rho {:.1} mm", 1000.0 * rho_m));
@@ -216,12 +216,12 @@ fn legend(plan: &Plan) -> Vec<(Symbol, &'static str)> {
 #[cfg(test)]
 mod tests {
     use report::still::lit;
-    use schema::{Grasp, Grid, axis_angle, pose_from_parts};
+    use schema::{Grid, axis_angle, pose_from_parts};
 
     use super::tints::Rgb;
     use super::*;
     use crate::config::Policy;
-    use crate::plan::{Funnel, SegmentedCloud};
+    use crate::plan::{FORMAT, Funnel, SegmentedCloud};
 
     fn gripper() -> Gripper {
         Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
@@ -246,13 +246,15 @@ mod tests {
         let down = axis_angle(Vec3::X, std::f32::consts::PI);
         let pose = pose_from_parts(axis_angle(Vec3::Z, turn_rad) * down, Vec3::new(x, y, z));
         RankedGrasp {
-            grasp: Grasp { workspace_from_grasp: pose, width_m },
+            rank: 0,
+            workspace_from_grasp: pose,
             base_from_grasp: None,
+            width_m,
             quality,
-            voxel: [0; 3],
             object: Some(object),
             rho_m: Some(0.031),
             support: None,
+            voxel: [0; 3],
         }
     }
 
@@ -270,8 +272,11 @@ mod tests {
         }
         let objects = boxes.map(|(low, high)| SeenObject { centroid_m: (low + high) * 0.5, point_count: 2000 });
         Plan {
-            grid: Grid::PAPER,
+            format: FORMAT,
+            model: String::new(),
             policy: Policy::Paper,
+            gripper: String::new(),
+            grid: Grid::PAPER,
             grasps: vec![
                 grasp(0.075, 0.08, 0.10, 0.0, 0.04, 0.98, 0),
                 grasp(0.20, 0.07, 0.06, 0.0, 0.04, 0.95, 1),
@@ -391,11 +396,8 @@ mod tests {
 
     #[test]
     fn dropped_candidates_are_dots_and_have_a_legend() {
-        let dropped = |reason: RejectReason| DroppedCandidate {
-            grasp: grasp(0.27, 0.27, 0.06, 0.0, 0.04, 0.9, 0).grasp,
-            quality: 0.9,
-            voxel: [0; 3],
-            reason,
+        let dropped = |reason: RejectReason| {
+            DroppedCandidate::new(&grasp(0.27, 0.27, 0.06, 0.0, 0.04, 0.9, 0), reason)
         };
         for (reason, colour) in
             [(RejectReason::Collision { points: 7 }, COLLISION), (RejectReason::Suppressed, OTHER_DROP)]
@@ -414,8 +416,8 @@ mod tests {
         let mut odd = plan();
         odd.cloud.points_m[0] = Vec3::splat(f32::NAN);
         odd.cloud.points_m[1] = Vec3::splat(1e30);
-        odd.grasps[0].grasp.workspace_from_grasp.translation = Vec3::splat(f32::NAN);
-        odd.grasps[1].grasp.width_m = f32::INFINITY;
+        odd.grasps[0].workspace_from_grasp.translation = Vec3::splat(f32::NAN);
+        odd.grasps[1].width_m = f32::INFINITY;
         let title = format!("{}\n\u{7}", "a title that is far too long ".repeat(50));
         decoded(&draw(&odd, &gripper(), &title).unwrap());
     }

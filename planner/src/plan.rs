@@ -1,39 +1,77 @@
-//! The plan: ranked grasps, their objects, and the rejected candidates.
+//! The plan: ranked grasps, their objects, and the rejected candidates. As JSON it is the output of `planner plan` and
+//! `planner serve`; its types have names that end in `Answer` in the service's description.
 
 use perception::FoundPlane;
-use schema::{Grasp, Grid, Pose, Vec3};
-use serde::Serialize;
+use schema::{Grid, Pose, Vec3};
+use serde::{Serialize, Serializer};
 use utoipa::ToSchema;
 
 use crate::config::Policy;
 
-/// A ranked grasp.
-#[derive(Debug, Clone, PartialEq)]
+/// Version of the plan's layout as JSON.
+pub const FORMAT: &str = "graspmill-plan/1";
+
+/// A grasp: +z approach, +y closing, origin midway between the finger tips' ends.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[schema(as = GraspAnswer)]
 pub struct RankedGrasp {
+    /// 1 is the best.
+    pub rank: usize,
     /// The grasp in the workspace.
-    pub grasp: Grasp,
-    /// Its pose in the robot's base frame, if the base is known.
+    #[serde(serialize_with = "pose")]
+    #[schema(value_type = PoseAnswer)]
+    pub workspace_from_grasp: Pose,
+    /// The grasp in the robot's base frame; null if `base_from_workspace` was not given.
+    #[serde(serialize_with = "pose")]
+    #[schema(value_type = Option<PoseAnswer>)]
     pub base_from_grasp: Option<Pose>,
-    /// Smoothed grasp quality, in [0, 1].
+    /// Distance between the fingers' inner faces when holding, in metres.
+    pub width_m: f32,
+    /// Grasp quality, smoothed, between 0 and 1.
     pub quality: f32,
-    /// The voxel of the detection.
-    pub voxel: [usize; 3],
-    /// Index of its object in [`Plan::objects`], if it has one.
+    /// Index into `objects`; null without an object.
     pub object: Option<usize>,
-    /// Eq. 8's ρ in metres, if it has an object.
+    /// Eq. 8's ρ in metres: weighted distance to the object's centroid over quality; null without an object.
     pub rho_m: Option<f32>,
-    /// Support of the hand if refined: the smaller number of points under a finger, reduced with the distance from the
-    /// middle.
+    /// Support of the hand: the smaller number of cloud points under a finger, reduced with the distance from the
+    /// middle; null without refinement.
     pub support: Option<f32>,
+    /// The voxel of the detection: x, y, z.
+    pub voxel: [usize; 3],
 }
 
-/// A cluster of the cloud. Objects are numbered from the top: the one with the highest centroid is 0.
-#[derive(Debug, Clone, PartialEq)]
+/// A rigid transform `target_from_source`.
+#[derive(Serialize, ToSchema)]
+struct PoseAnswer {
+    /// Metres.
+    position_m: [f32; 3],
+    /// Unit quaternion x, y, z, w.
+    quaternion_xyzw: [f32; 4],
+}
+
+/// Writes a pose, or an optional one.
+fn pose<'a, S: Serializer>(pose: impl Into<Option<&'a Pose>>, serializer: S) -> Result<S::Ok, S::Error> {
+    let answer = |pose: &Pose| PoseAnswer {
+        position_m: pose.translation.to_array(),
+        quaternion_xyzw: pose.rotation.to_array(),
+    };
+    pose.into().map(answer).serialize(serializer)
+}
+
+/// A cluster of the surface cloud. Objects are numbered from the top: the one with the highest centroid is 0.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[schema(as = ObjectAnswer)]
 pub struct SeenObject {
-    /// Mean of its points, in the workspace.
+    /// Mean of its points in the workspace, in metres.
+    #[serde(serialize_with = "coordinates")]
+    #[schema(value_type = [f32; 3])]
     pub centroid_m: Vec3,
     /// Number of its points.
     pub point_count: usize,
+}
+
+fn coordinates<S: Serializer>(point: &Vec3, serializer: S) -> Result<S::Ok, S::Error> {
+    point.to_array().serialize(serializer)
 }
 
 /// The segment of a point.
@@ -56,6 +94,27 @@ pub struct SegmentedCloud {
     pub labels: Vec<PointLabel>,
     /// The plane under the objects, if there is one.
     pub plane: Option<FoundPlane>,
+}
+
+/// A plane: normal · x = offset, in the workspace.
+#[derive(Serialize, ToSchema)]
+struct PlaneAnswer {
+    /// Unit normal, upwards.
+    normal: [f32; 3],
+    /// Metres.
+    offset_m: f32,
+    /// Points of the cloud within the threshold.
+    inlier_count: usize,
+}
+
+/// Writes the plane of a cloud.
+fn plane<S: Serializer>(cloud: &SegmentedCloud, serializer: S) -> Result<S::Ok, S::Error> {
+    let answer = |FoundPlane { plane, inliers, .. }: &FoundPlane| PlaneAnswer {
+        normal: plane.normal.to_array(),
+        offset_m: plane.offset_m,
+        inlier_count: inliers.len(),
+    };
+    cloud.plane.as_ref().map(answer).serialize(serializer)
 }
 
 /// Why a candidate is not among the ranked grasps.
@@ -85,17 +144,58 @@ pub enum RejectReason {
     BeyondLimit,
 }
 
+impl RejectReason {
+    /// The reason as one word, for programs, and as text.
+    fn word_and_text(self) -> (&'static str, String) {
+        let (word, text) = match self {
+            Self::FarFromSurface => ("far_from_surface", "far from any surface that was seen, or on its other side"),
+            Self::Width { width_voxels } => {
+                return ("width", format!("a width of {width_voxels:.2} voxels is outside the limits"));
+            }
+            Self::Quality => ("quality", "quality below the threshold"),
+            Self::Suppressed => ("suppressed", "a better grasp is near"),
+            Self::Collision { points } => {
+                return ("collision", format!("the hand would pass through {points} points of the cloud"));
+            }
+            Self::NoHand => ("no_hand", "no hand about it closes on anything flat by a free way"),
+            Self::NoObject => ("no_object", "belongs to no object"),
+            Self::BeyondLimit => ("beyond_limit", "beyond the requested number of grasps"),
+        };
+        (word, text.to_owned())
+    }
+}
+
 /// A candidate that was dropped.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[schema(as = DroppedAnswer)]
 pub struct DroppedCandidate {
-    /// The grasp in the workspace.
-    pub grasp: Grasp,
+    /// Why.
+    #[serde(skip)]
+    pub reason: RejectReason,
+    /// `far_from_surface`, `width`, `quality`, `suppressed`, `collision`, `no_hand`, `no_object` or `beyond_limit`.
+    pub why: &'static str,
+    /// The reason as text, with the numbers.
+    pub told: String,
+    /// Its pose in the workspace.
+    #[serde(serialize_with = "pose")]
+    #[schema(value_type = PoseAnswer)]
+    pub workspace_from_grasp: Pose,
+    /// Predicted width in metres.
+    pub width_m: f32,
     /// Smoothed quality before any mask.
     pub quality: f32,
-    /// The voxel of the detection.
+    /// The voxel of the detection: x, y, z.
     pub voxel: [usize; 3],
-    /// Why.
-    pub reason: RejectReason,
+}
+
+impl DroppedCandidate {
+    /// A grasp that is dropped for this reason.
+    #[must_use]
+    pub fn new(grasp: &RankedGrasp, reason: RejectReason) -> Self {
+        let (why, told) = reason.word_and_text();
+        let RankedGrasp { workspace_from_grasp, width_m, quality, voxel, .. } = *grasp;
+        Self { reason, why, told, workspace_from_grasp, width_m, quality, voxel }
+    }
 }
 
 /// The number of candidates left after each stage.
@@ -119,28 +219,54 @@ pub struct Funnel {
     pub ranked: usize,
 }
 
+/// The workspace: a cube, its origin at a lower corner, z up.
+#[derive(Serialize, ToSchema)]
+#[serde(remote = "Grid")]
+pub(crate) struct GridAnswer {
+    /// Its side, in metres.
+    size_m: f32,
+    /// Voxels along a side.
+    resolution: usize,
+    /// Height of the table's top in the training data, in metres.
+    table_z_m: f32,
+}
+
 /// A plan.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[schema(as = Answer)]
 pub struct Plan {
-    /// The workspace.
-    pub grid: Grid,
-    /// The order of the grasps.
+    /// Layout of this document: `graspmill-plan/1`.
+    pub format: &'static str,
+    /// SHA-256 of the network's weights file.
+    pub model: String,
+    /// The order of the grasps: `paper`, `vgn-random`, `vgn-best` or `flattest`.
+    #[schema(value_type = String)]
     pub policy: Policy,
+    /// Name of the hand.
+    pub gripper: String,
+    /// The workspace.
+    #[serde(with = "GridAnswer")]
+    #[schema(value_type = GridAnswer)]
+    pub grid: Grid,
     /// The grasps, best first.
     pub grasps: Vec<RankedGrasp>,
-    /// The objects, from the top.
-    pub objects: Vec<SeenObject>,
-    /// The segmented cloud.
-    pub cloud: SegmentedCloud,
-    /// Counts by stage.
-    pub funnel: Funnel,
-    /// Why there are no grasps; `None` if there are.
+    /// Why there are no grasps; null if there are.
     pub reason: Option<String>,
     /// Warnings for the caller.
     pub warnings: Vec<String>,
-    /// On request, the dropped candidates, best first: those above the threshold that had a better neighbour, collided
-    /// or were beyond a limit, and local maxima of the smoothed quality of at least ε/2 that were rejected before.
+    /// The objects, from the top.
+    pub objects: Vec<SeenObject>,
+    /// The plane under the objects; null if none was found. It is all that JSON has of the segmented cloud.
+    #[serde(rename = "plane", serialize_with = "plane")]
+    #[schema(value_type = Option<PlaneAnswer>)]
+    pub cloud: SegmentedCloud,
+    /// The number of candidates left after each stage.
+    pub funnel: Funnel,
+    /// Dropped candidates with reasons, best first; empty unless requested: those above the threshold that had a better
+    /// neighbour, collided or were beyond a limit, and local maxima of the smoothed quality of at least ε/2 that were
+    /// rejected before.
     pub dropped: Vec<DroppedCandidate>,
     /// Times of the stages in milliseconds, in order.
+    #[serde(skip)]
     pub timings_ms: Vec<(&'static str, f64)>,
 }

@@ -8,7 +8,7 @@ use network::checkpoint::{self, CheckpointError};
 use network::{DenseGrids, DenseNetwork};
 use program::{Exit, ExitCode};
 use rayon::prelude::*;
-use schema::{Grasp, Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
+use schema::{Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 use sha2::{Digest as _, Sha256};
 
 use crate::config::{CloudParams, Config, Policy, WithoutObject};
@@ -16,7 +16,7 @@ use crate::detect::{Detected, Detection, detect};
 use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
 use crate::input::{InputError, read_file};
 use crate::observation::{Observation, PlanError, Wishes};
-use crate::plan::{DroppedCandidate, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
+use crate::plan::{DroppedCandidate, FORMAT, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
 use crate::rank;
 use crate::refine::{Hand, Searched};
 use crate::segment::segment;
@@ -69,7 +69,7 @@ fn keep_best_of_columns(grasps: &mut Vec<RankedGrasp>, dropped: &mut Vec<Dropped
     let mut seen = BTreeSet::new();
     drop_where(grasps, dropped, |ranked| {
         // The position of the tips, which for some networks is not the voxel.
-        let tips_m = ranked.grasp.workspace_from_grasp.translation;
+        let tips_m = ranked.workspace_from_grasp.translation;
         let column = [tips_m.x, tips_m.y].map(|x| (x / voxel_m).floor() as i32);
         (!seen.insert(column)).then_some(RejectReason::Suppressed)
     });
@@ -137,19 +137,8 @@ impl Planner {
     fn rank(&self, found: Found, normals: &[Vec3], wishes: &Wishes) -> Plan {
         let Found { scene, grids, detected, cloud, objects } = found;
         let mut dropped = self.misses(&detected, &grids, wishes);
-        let mut grasps: Vec<RankedGrasp> = detected
-            .found
-            .iter()
-            .map(|detection| RankedGrasp {
-                grasp: self.grasp_at(detection.voxel, &grids, wishes),
-                base_from_grasp: None,
-                quality: detection.quality,
-                voxel: detection.voxel,
-                object: None,
-                rho_m: None,
-                support: None,
-            })
-            .collect();
+        let mut grasps: Vec<RankedGrasp> =
+            detected.found.iter().map(|detection| self.grasp_at(detection, &grids, wishes)).collect();
         let mut funnel = detected.funnel;
         if self.config.refinement.turns > 0 {
             self.refine(&mut grasps, (&cloud, normals), wishes, &mut dropped);
@@ -164,22 +153,25 @@ impl Planner {
         });
         rank::order(&mut grasps, policy, Stream::new(self.config.seed, scene, Purpose::Ranking, 0));
         let beyond = grasps.split_off(grasps.len().min(wishes.grasps_max.unwrap_or(usize::MAX)));
-        dropped.extend(beyond.into_iter().map(|ranked| candidate(&ranked, RejectReason::BeyondLimit)));
-        for ranked in &mut grasps {
-            let pose = ranked.grasp.workspace_from_grasp;
-            ranked.base_from_grasp = wishes.base_from_workspace.map(|base_from_workspace| base_from_workspace * pose);
+        dropped.extend(beyond.iter().map(|ranked| DroppedCandidate::new(ranked, RejectReason::BeyondLimit)));
+        for (place, ranked) in grasps.iter_mut().enumerate() {
+            ranked.rank = place + 1;
+            ranked.base_from_grasp = wishes.base_from_workspace.map(|base| base * ranked.workspace_from_grasp);
         }
         funnel.ranked = grasps.len();
         dropped.sort_by(|a, b| b.quality.total_cmp(&a.quality));
         let mut plan = Plan {
-            grid: self.grid,
+            format: FORMAT,
+            model: self.model_id.clone(),
             policy,
+            gripper: self.config.gripper.name.clone(),
+            grid: self.grid,
             grasps,
+            reason: None,
+            warnings: Vec::new(),
             objects,
             cloud,
             funnel,
-            reason: None,
-            warnings: Vec::new(),
             dropped: if wishes.explain { dropped } else { Vec::new() },
             timings_ms: Vec::new(),
         };
@@ -189,7 +181,8 @@ impl Planner {
     }
 
     /// The grasp that the network predicts in a voxel, turned towards the wrist.
-    fn grasp_at(&self, voxel: [usize; 3], grids: &DenseGrids, wishes: &Wishes) -> Grasp {
+    fn grasp_at(&self, detection: &Detection, grids: &DenseGrids, wishes: &Wishes) -> RankedGrasp {
+        let Detection { voxel, quality } = *detection;
         let (flat, count) = (self.grid.flat(voxel), self.grid.len());
         let [x, y, z, w] = [0, 1, 2, 3].map(|part| grids.rotation[part * count + flat]);
         let rotation = Quat::from_xyzw(x, y, z, w).normalize();
@@ -197,9 +190,16 @@ impl Planner {
         let origin_m = self.grid.centre_m(voxel) + Vec3::splat(offset * self.grid.voxel_size_m());
         let position_m = origin_m + rotation * Vec3::Z * self.config.detection.origin_behind_tips_m;
         let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
-        Grasp {
+        RankedGrasp {
+            rank: 0,
             workspace_from_grasp: towards_wrist(&pose_from_parts(rotation, position_m), wrist),
+            base_from_grasp: None,
             width_m: grids.width_voxels[flat] * self.grid.voxel_size_m(),
+            quality,
+            object: None,
+            rho_m: None,
+            support: None,
+            voxel,
         }
     }
 
@@ -216,17 +216,17 @@ impl Planner {
         keep_best_of_columns(grasps, dropped, self.grid.voxel_size_m());
         let searched = Searched::new((cloud, normals), *pitch_m, gripper, refinement, collision);
         let hands: Vec<Option<Hand>> =
-            grasps.par_iter().map(|ranked| searched.hand_at(ranked.grasp.workspace_from_grasp.translation)).collect();
+            grasps.par_iter().map(|ranked| searched.hand_at(ranked.workspace_from_grasp.translation)).collect();
         let mut hands = hands.into_iter();
         grasps.retain_mut(|ranked| match hands.next().flatten() {
             Some(Hand { grasp, support }) => {
                 ranked.support = Some(support);
-                let workspace_from_grasp = towards_wrist(&grasp.workspace_from_grasp, wrist);
-                ranked.grasp = Grasp { workspace_from_grasp, ..grasp };
+                ranked.workspace_from_grasp = towards_wrist(&grasp.workspace_from_grasp, wrist);
+                ranked.width_m = grasp.width_m;
                 true
             }
             None => {
-                dropped.push(candidate(ranked, RejectReason::NoHand));
+                dropped.push(DroppedCandidate::new(ranked, RejectReason::NoHand));
                 false
             }
         });
@@ -245,7 +245,7 @@ impl Planner {
         }
         let sweep = Sweep::new(&self.config.gripper, params);
         drop_where(grasps, dropped, |ranked| {
-            let points = sweep.points_hit(&ranked.grasp.workspace_from_grasp, &cloud.points_m);
+            let points = sweep.points_hit(&ranked.workspace_from_grasp, &cloud.points_m);
             (points > params.points_max).then_some(RejectReason::Collision { points })
         });
     }
@@ -257,12 +257,7 @@ impl Planner {
         }
         let misses = detected.misses(&self.grid, &self.config.detection).into_iter();
         misses
-            .map(|(Detection { voxel, quality }, reason)| DroppedCandidate {
-                grasp: self.grasp_at(voxel, grids, wishes),
-                quality,
-                voxel,
-                reason,
-            })
+            .map(|(detection, reason)| DroppedCandidate::new(&self.grasp_at(&detection, grids, wishes), reason))
             .collect()
     }
 
@@ -344,10 +339,6 @@ struct Found {
     objects: Vec<SeenObject>,
 }
 
-fn candidate(ranked: &RankedGrasp, reason: RejectReason) -> DroppedCandidate {
-    DroppedCandidate { grasp: ranked.grasp, quality: ranked.quality, voxel: ranked.voxel, reason }
-}
-
 /// Moves grasps with a reason to drop them from one list to the other.
 fn drop_where(
     grasps: &mut Vec<RankedGrasp>,
@@ -356,7 +347,7 @@ fn drop_where(
 ) {
     grasps.retain(|ranked| match reason(ranked) {
         Some(reason) => {
-            dropped.push(candidate(ranked, reason));
+            dropped.push(DroppedCandidate::new(ranked, reason));
             false
         }
         None => true,

@@ -37,7 +37,7 @@ pub(crate) fn attribute(
     params: &RankingParams,
 ) {
     for ranked in grasps {
-        let position_m = ranked.grasp.workspace_from_grasp.translation;
+        let position_m = ranked.workspace_from_grasp.translation;
         ranked.object = object_at(position_m, cloud, params.object_distance_m_max);
         ranked.rho_m =
             ranked.object.map(|object| rho_m(position_m, objects[object].centroid_m, ranked.quality, params.weights));
@@ -72,7 +72,7 @@ pub(crate) fn is_left_out(ranked: &RankedGrasp, policy: Policy, params: &Ranking
 
 #[cfg(test)]
 mod tests {
-    use schema::{Grasp, Purpose, Quat, pose_from_parts};
+    use schema::{Purpose, Quat, pose_from_parts};
 
     use super::*;
     use crate::config::Config;
@@ -80,13 +80,15 @@ mod tests {
     fn grasp(position_m: [f32; 3], quality: f32) -> RankedGrasp {
         let workspace_from_grasp = pose_from_parts(Quat::IDENTITY, Vec3::from_array(position_m));
         RankedGrasp {
-            grasp: Grasp { workspace_from_grasp, width_m: 0.04 },
+            rank: 0,
+            workspace_from_grasp,
             base_from_grasp: None,
+            width_m: 0.04,
             quality,
-            voxel: [0; 3],
             object: None,
             rho_m: None,
             support: None,
+            voxel: [0; 3],
         }
     }
 

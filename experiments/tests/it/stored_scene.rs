@@ -1,7 +1,6 @@
 //! A dataset's scene reaches the planner by the file that `shards tsdf` writes, and gives the plan of the stored
 //! values.
 
-use planner::answer::Answer;
 use planner::input::read_tsdf;
 use planner::{Config, Observation, Planner, Wishes};
 use schema::{Grid, VoxelGrid};
@@ -29,7 +28,7 @@ fn a_stored_scenes_file_gives_the_plan_of_its_stored_values() {
     let wishes = Wishes { explain: true, ..Wishes::default() };
     let json = |voxels: VoxelGrid| {
         let plan = planner.plan(&Observation::Tsdf(voxels), &wishes).unwrap();
-        serde_json::to_string(&Answer::new(&plan, &planner)).unwrap()
+        serde_json::to_string(&plan).unwrap()
     };
     assert_eq!(json(file), json(stored));
 }

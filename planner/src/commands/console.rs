@@ -27,8 +27,8 @@ pub(crate) fn summary(plan: &Plan) -> String {
         text += &format!("no grasps: {reason}\n");
     } else {
         text += "rank  object  quality  rho, mm  width, mm   x, mm   y, mm   z, mm  from vertical\n";
-        for (number, ranked) in plan.grasps.iter().take(GRASPS_SHOWN).enumerate() {
-            add_grasp(&mut text, number + 1, ranked);
+        for ranked in plan.grasps.iter().take(GRASPS_SHOWN) {
+            add_grasp(&mut text, ranked);
         }
         if plan.grasps.len() > GRASPS_SHOWN {
             text += &format!("and {} more\n", plan.grasps.len() - GRASPS_SHOWN);
@@ -38,19 +38,20 @@ pub(crate) fn summary(plan: &Plan) -> String {
     text + &format!("ms: {}\n", times.join(", "))
 }
 
-fn add_grasp(text: &mut String, rank: usize, ranked: &RankedGrasp) {
+fn add_grasp(text: &mut String, ranked: &RankedGrasp) {
     let or_dash = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
-    let pose = ranked.grasp.workspace_from_grasp;
+    let pose = ranked.workspace_from_grasp;
     let at = pose.translation * 1e3;
     let down = -(pose.rotation * schema::Vec3::Z).z;
     // Writing into a String cannot fail.
     let _ = writeln!(
         text,
-        "{rank:>4}{:>8}{:>9.3}{:>9}{:>11.1}{:>8.1}{:>8.1}{:>8.1}{:>12.0} deg",
+        "{:>4}{:>8}{:>9.3}{:>9}{:>11.1}{:>8.1}{:>8.1}{:>8.1}{:>12.0} deg",
+        ranked.rank,
         or_dash(ranked.object.map(|object| object.to_string())),
         ranked.quality,
         or_dash(ranked.rho_m.map(|rho_m| format!("{:.1}", rho_m * 1e3))),
-        ranked.grasp.width_m * 1e3,
+        ranked.width_m * 1e3,
         at.x,
         at.y,
         at.z,

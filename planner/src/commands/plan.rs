@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use planner::answer::Answer;
 use planner::cloud_file::write_ply;
 use planner::input::{
     OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput, assemble, parse_file,
@@ -104,7 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if let Some(path) = &arguments.ply {
         write(path, write_ply(&plan))?;
     }
-    let answer = json(&Answer::new(&plan, &planner))?;
+    let answer = json(&plan)?;
     match &arguments.out {
         Some(path) => write(path, answer)?,
         None => print(answer)?,

@@ -15,8 +15,8 @@ use super::fault::{Fault, is_json, json_header};
 use super::metrics::MEDIA_TYPE;
 use super::model::ModelAnswer;
 use super::planning::Planned;
-use crate::answer::Answer;
 use crate::input::RequestInput;
+use crate::plan::Plan;
 
 const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
@@ -26,7 +26,7 @@ const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
     path = "/v1/plan",
     request_body = RequestInput,
     responses(
-        (status = 200, description = "The plan", body = Answer, headers(
+        (status = 200, description = "The plan", body = Plan, headers(
             ("Server-Timing" = String, description = "time of each stage, in milliseconds")
         )),
         (status = 400, description = "The body is not JSON, or is incomplete", body = Fault),

@@ -1,12 +1,13 @@
 //! The description of the running planner: `GET /v1/model`.
 
+use schema::Grid;
 use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
 use crate::Planner;
-use crate::answer::GridAnswer;
 use crate::config::Config;
+use crate::plan::GridAnswer;
 
 /// The planner behind the service.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
@@ -20,7 +21,9 @@ pub(crate) struct ModelAnswer {
     /// The gripper's name.
     gripper: String,
     /// The workspace.
-    grid: GridAnswer,
+    #[serde(with = "GridAnswer")]
+    #[schema(value_type = GridAnswer)]
+    grid: Grid,
     /// The settings, with the keys of `configs/plan/*.toml`.
     #[schema(value_type = Object)]
     config: Value,
@@ -34,7 +37,7 @@ impl ModelAnswer {
             model: planner.model_id.clone(),
             policy: config.ranking.policy.name(),
             gripper: config.gripper.name.clone(),
-            grid: GridAnswer::new(&planner.grid),
+            grid: planner.grid,
             config: settings(config),
         }
     }

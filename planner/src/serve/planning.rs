@@ -5,13 +5,12 @@ use std::time::Instant;
 use axum::http::StatusCode;
 
 use super::fault::Fault;
-use crate::answer::Answer;
 use crate::{Planner, input};
 
 /// A serialised plan.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Planned {
-    /// An [`Answer`] in JSON.
+    /// The plan in JSON.
     pub(super) body: Vec<u8>,
     /// Times of the stages in the format of the header `Server-Timing`.
     pub(super) server_timing: String,
@@ -28,11 +27,10 @@ pub(super) fn plan_bytes(planner: &Planner, body: &[u8]) -> Result<Planned, Faul
     })?;
     let parsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let plan = planner.plan(&request.observation, &request.wishes);
-    let plan = plan.map_err(|error| Fault::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()))?;
-    let mut answer = Answer::new(&plan, planner);
-    answer.warnings.extend(request.warnings);
+    let mut plan = plan.map_err(|error| Fault::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()))?;
+    plan.warnings.extend(request.warnings);
     Ok(Planned {
-        body: serde_json::to_vec(&answer).map_err(|_| Fault::internal())?,
+        body: serde_json::to_vec(&plan).map_err(|_| Fault::internal())?,
         server_timing: server_timing(std::iter::once(("parse", parsed_ms)).chain(plan.timings_ms.iter().copied())),
         grasp_count: plan.grasps.len(),
     })
