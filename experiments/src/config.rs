@@ -10,6 +10,7 @@ use std::sync::Arc;
 use generator::Overrides;
 use perception::{DepthNoise, DexNoise, StereoNoise, camera_at};
 use planner::Planner;
+use program::Failure;
 use schema::{Camera, Grid, View};
 use settings::{Document, Reader, Row, rows_of, settings, words};
 use sha2::{Digest as _, Sha256};
@@ -277,8 +278,8 @@ impl Config {
     /// The planner of the experiment.
     ///
     /// # Errors
-    /// [`planner::PlannerError`] if its network cannot be read.
-    pub fn planner(&self) -> Result<Planner, planner::PlannerError> {
+    /// If its network cannot be read.
+    pub fn planner(&self) -> Result<Planner, Failure> {
         match &self.model {
             Some(model) => Planner::new(model, self.plan.clone()),
             None => Planner::built_in(self.plan.clone()),

@@ -8,7 +8,8 @@
 use std::time::Instant;
 
 use perception::add_depth_noise;
-use planner::{Observation, PlanError, Planner, SeenView, Wishes};
+use planner::input::InputError;
+use planner::{Observation, Planner, SeenView, Wishes};
 use program::{ExitCode, Failure, error_chain};
 use schema::{Camera, Outcome, Pose, Purpose, Stream, Vec3};
 use simulator::{AttemptWorld, Scene, SceneObject, SceneRays, SettleParams, Settled, Unsettled, settle_again};
@@ -104,7 +105,7 @@ fn try_once(
     scene: &Scene,
     noise: &mut Stream,
     tried: usize,
-) -> Result<Option<(Trial, Vec<SceneObject>)>, PlanError> {
+) -> Result<Option<(Trial, Vec<SceneObject>)>, InputError> {
     let began = Instant::now();
     let views = observe(config, scene, noise);
     let observe_ms = milliseconds(began);

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::observation::{Observation, PlanError, SeenView, Wishes};
+use crate::input::InputError;
+use crate::observation::{Observation, SeenView, Wishes};
 use crate::planner::Planner;
 use crate::volume::fuse_views;
 
@@ -41,8 +42,8 @@ pub struct BenchReport {
 /// Plans `plans` times from the TSDF of depth images, after some warm-up plans.
 ///
 /// # Errors
-/// [`PlanError`] if the images are refused.
-pub fn bench(planner: &Planner, views: &[SeenView], plans: usize) -> Result<BenchReport, PlanError> {
+/// [`InputError`] if the images are refused.
+pub fn bench(planner: &Planner, views: &[SeenView], plans: usize) -> Result<BenchReport, InputError> {
     const WARM_UP: usize = 5;
     let (mut fusing, mut planning) = (Vec::new(), Vec::new());
     let mut by_stage: Vec<(&'static str, Vec<f64>)> = Vec::new();

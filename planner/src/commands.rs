@@ -8,7 +8,7 @@ mod serve;
 use std::path::PathBuf;
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
-use planner::{Config, Planner, PlannerError};
+use planner::{Config, Planner};
 use program::manual::{Manual, Settings};
 use program::{ExitCode, Failure, start_threads};
 
@@ -72,7 +72,7 @@ impl NetworkArguments {
     /// Starts the threads and makes the planner.
     fn planner(&self) -> Result<Planner, Failure> {
         start_threads(self.threads)?;
-        let config = Config::load(self.config.as_deref()).map_err(PlannerError::from)?;
+        let config = Config::load(self.config.as_deref())?;
         Ok(match &self.model {
             Some(model) => Planner::new(model, config)?,
             None => Planner::built_in(config)?,

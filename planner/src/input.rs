@@ -27,6 +27,7 @@ mod tsdf;
 pub use assemble::{Request, assemble, from_file, from_json};
 pub use camera::{IntrinsicsInput, OrientationInput, PoseInput, PosePartsInput};
 pub use error::InputError;
+pub(crate) use error::refuse;
 pub(crate) use file::read_file;
 pub(crate) use request::parse_toml;
 pub use request::{DataInput, RequestInput, SourceInput, ViewInput, parse_file};

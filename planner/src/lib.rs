@@ -32,5 +32,5 @@ pub mod serve;
 pub mod volume;
 
 pub use config::{Config, Policy};
-pub use observation::{Observation, PlanError, SeenView, Wishes};
-pub use planner::{Planner, PlannerError};
+pub use observation::{Observation, SeenView, Wishes};
+pub use planner::Planner;

@@ -5,8 +5,8 @@
 
 pub(crate) mod tints;
 
-use program::{Exit, ExitCode};
-use report::still::{Canvas, INK, Opacity, Outlook, Sheet, StillError, Symbol, Word};
+use program::Failure;
+use report::still::{Canvas, INK, Opacity, Outlook, Sheet, Symbol, Word};
 use report::view::{Class, Line};
 use schema::{Gripper, Vec3};
 
@@ -42,22 +42,11 @@ const ARROW_HEAD: [f32; 2] = [0.80, 0.38];
 /// Length of the axes at the workspace's origin, in its sides.
 const AXIS_SHARE: f32 = 0.13;
 
-/// Why a picture cannot be drawn.
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-pub struct PictureError(#[from] StillError);
-
-impl Exit for PictureError {
-    fn exit_code(&self) -> ExitCode {
-        ExitCode::Internal
-    }
-}
-
 /// Draws a plan as a PNG of [`WIDTH_PX`] × [`HEIGHT_PX`]. Its bytes are a pure function of the arguments.
 ///
 /// # Errors
-/// [`PictureError`] if a library fails; this does not depend on the plan.
-pub fn draw(plan: &Plan, gripper: &Gripper, title: &str) -> Result<Vec<u8>, PictureError> {
+/// If a library fails; this does not depend on the plan.
+pub fn draw(plan: &Plan, gripper: &Gripper, title: &str) -> Result<Vec<u8>, Failure> {
     let panel = |which: usize| panel(plan, gripper, VIEWS[which].1);
     let (side, above) = rayon::join(|| panel(0), || panel(1));
     let mut sheet = Sheet::new(LARGE);
@@ -68,7 +57,7 @@ pub fn draw(plan: &Plan, gripper: &Gripper, title: &str) -> Result<Vec<u8>, Pict
     let summary = plan.reason.clone().unwrap_or_else(|| summary(plan));
     sheet.line(&summary, (CAPTION_X, CAPTION_Y[1]), 34)?;
     sheet.legend(&legend(plan), (CAPTION_X, CAPTION_Y[2]), 27)?;
-    Ok(sheet.png()?)
+    sheet.png()
 }
 
 /// The scene from one side, with its labels.

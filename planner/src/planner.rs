@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
-use network::checkpoint::{self, CheckpointError};
+use network::checkpoint;
 use network::{DenseGrids, DenseNetwork};
-use program::{Exit, ExitCode};
+use program::Failure;
 use rayon::prelude::*;
 use schema::{Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 use sha2::{Digest as _, Sha256};
@@ -15,7 +15,7 @@ use crate::config::{CloudParams, Config, Policy, WithoutObject};
 use crate::detect::{Detected, Detection, detect};
 use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
 use crate::input::{InputError, read_file};
-use crate::observation::{Observation, PlanError, Wishes};
+use crate::observation::{Observation, Wishes};
 use crate::plan::{DroppedCandidate, FORMAT, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
 use crate::rank;
 use crate::refine::{Hand, Searched};
@@ -39,30 +39,6 @@ pub struct Planner {
     pub grid: Grid,
 }
 
-/// Why a planner cannot be made.
-#[derive(Debug, thiserror::Error)]
-pub enum PlannerError {
-    /// The network's file.
-    #[error(transparent)]
-    Model(#[from] CheckpointError),
-    /// The network's file cannot be read.
-    #[error(transparent)]
-    Read(#[from] InputError),
-    /// The settings.
-    #[error(transparent)]
-    Config(#[from] settings::Error),
-}
-
-impl Exit for PlannerError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Model(error) => error.exit_code(),
-            Self::Read(error) => error.exit_code(),
-            Self::Config(error) => error.exit_code(),
-        }
-    }
-}
-
 /// The cloud determines the depth of a hand, so only the best detection of each vertical column is kept.
 fn keep_best_of_columns(grasps: &mut Vec<RankedGrasp>, dropped: &mut Vec<DroppedCandidate>, voxel_m: f32) {
     grasps.sort_by(|a, b| b.quality.total_cmp(&a.quality));
@@ -79,8 +55,8 @@ impl Planner {
     /// A planner with the network of a checkpoint's file.
     ///
     /// # Errors
-    /// [`PlannerError`] if the file cannot be read or is no checkpoint of this network.
-    pub fn new(model: &Path, config: Config) -> Result<Self, PlannerError> {
+    /// If the file cannot be read or is no checkpoint of this network.
+    pub fn new(model: &Path, config: Config) -> Result<Self, Failure> {
         Self::from_bytes(&read_file(model)?, model, config)
     }
 
@@ -88,11 +64,11 @@ impl Planner {
     ///
     /// # Errors
     /// Never, as a test shows; the type is that of [`Planner::new`].
-    pub fn built_in(config: Config) -> Result<Self, PlannerError> {
+    pub fn built_in(config: Config) -> Result<Self, Failure> {
         Self::from_bytes(MODEL, Path::new(MODEL_PATH), config)
     }
 
-    fn from_bytes(file: &[u8], path: &Path, config: Config) -> Result<Self, PlannerError> {
+    fn from_bytes(file: &[u8], path: &Path, config: Config) -> Result<Self, Failure> {
         let network = checkpoint::from_bytes(file, path)?.dense();
         let model_id = Sha256::digest(file).iter().map(|byte| format!("{byte:02x}")).collect();
         Ok(Self { network, model_id, config, grid: Grid::PAPER })
@@ -101,8 +77,8 @@ impl Planner {
     /// Plans grasps. An empty scene, or one without a good grasp, gives a plan without grasps that says why.
     ///
     /// # Errors
-    /// [`PlanError`] if the observation contradicts itself or the network.
-    pub fn plan(&self, observation: &Observation, wishes: &Wishes) -> Result<Plan, PlanError> {
+    /// [`InputError`] if the observation contradicts itself or the network.
+    pub fn plan(&self, observation: &Observation, wishes: &Wishes) -> Result<Plan, InputError> {
         let mut timings_ms = Vec::new();
         let volume = timed(&mut timings_ms, "fuse", || fuse(observation, &self.grid, self.config.cloud))?;
         let is_refined = self.config.refinement.turns > 0;

@@ -5,7 +5,8 @@ use schema::{Grid, Vec3, VoxelGrid};
 
 use crate::config::CloudParams;
 use crate::level::scaled_to_table;
-use crate::observation::{Observation, PlanError, SeenView};
+use crate::input::{InputError, refuse};
+use crate::observation::{Observation, SeenView};
 
 /// A fused observation.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,10 +25,9 @@ pub struct Volume {
 /// separate, finer grid.
 ///
 /// # Errors
-/// [`PlanError::Grid`] for a TSDF on another grid, [`PlanError::Image`] for an image whose size differs from its
-/// intrinsics, [`PlanError::Eye`] for a viewpoint that cannot see the workspace, [`PlanError::Solid`] for a cloud that
-/// is not a surface.
-pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Result<Volume, PlanError> {
+/// [`InputError`] for a TSDF on another grid, an image whose size differs from its intrinsics, a viewpoint that cannot
+/// see the workspace, or a cloud that is not a surface.
+pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Result<Volume, InputError> {
     let pitch_m = params.pitch_m;
     match observation {
         Observation::Views(views) => {
@@ -46,7 +46,8 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
         }
         Observation::Tsdf(given) => {
             if given.grid.resolution != grid.resolution || (given.grid.size_m - grid.size_m).abs() > 1e-6 {
-                return Err(PlanError::Grid { expected: *grid, got: given.grid });
+                let told = |grid: &Grid| format!("{}³ voxels in {} m", grid.resolution, grid.size_m);
+                return refuse(format!("the grid must have {}, got {}: tsdf", told(grid), told(&given.grid)));
             }
             let points_m = surface_cloud(given, pitch_m);
             Ok(Volume { grid: given.clone(), points_m, fine: None, warnings: Vec::new() })
@@ -58,14 +59,18 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
 /// The TSDF of depth images.
 ///
 /// # Errors
-/// [`PlanError::Image`].
-pub fn fuse_views(views: &[SeenView], grid: &Grid) -> Result<VoxelGrid, PlanError> {
+/// [`InputError`] for an image whose size differs from its intrinsics.
+pub fn fuse_views(views: &[SeenView], grid: &Grid) -> Result<VoxelGrid, InputError> {
     let mut tsdf = Tsdf::new(*grid, TRUNCATION_VOXELS);
     for (number, SeenView { image, camera }) in views.iter().enumerate() {
         let lens = camera.intrinsics;
         let (got, expected) = ([image.width_px, image.height_px], [lens.width_px, lens.height_px]);
         if got != expected || image.depth_m.len() != got[0] * got[1] {
-            return Err(PlanError::Image { view: number, got, expected, values: image.depth_m.len() });
+            let [[width, height], [lens_width, lens_height]] = [got, expected];
+            return refuse(format!(
+                "the depth image must have the lens's {lens_width} x {lens_height} pixels, got {width} x {height}: \
+                 views[{number}]"
+            ));
         }
         tsdf.integrate(camera, |pixel| image.at(pixel).filter(|depth_m| depth_m.is_finite()));
     }
@@ -83,11 +88,14 @@ const SPARSE_PITCHES: f32 = 1.5;
 /// Clustering solid blocks of points would take minutes.
 const THINNED_MAX: usize = 300_000;
 
-fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> Result<Volume, PlanError> {
+fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> Result<Volume, InputError> {
     let mut warnings: Vec<String> = outside(points_m, grid).into_iter().collect();
     let points_m = thinned(points_m, grid, pitch_m);
     if points_m.len() > THINNED_MAX {
-        return Err(PlanError::Solid { points: points_m.len(), points_max: THINNED_MAX });
+        let got = points_m.len();
+        return refuse(format!(
+            "a cloud must be a surface, of at most {THINNED_MAX} points at the settings' pitch, got {got}: cloud"
+        ));
     }
     let (spacing_m, is_at_least) = spacing_m(&points_m, grid);
     if spacing_m > SPARSE_PITCHES * pitch_m {
@@ -103,7 +111,13 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
     let eyes_m = if eyes_m.is_empty() { &from_above } else { eyes_m };
     let mut tsdf = Tsdf::new(*grid, TRUNCATION_VOXELS);
     for eye_m in eyes_m {
-        let view = view_from(*eye_m, grid).ok_or(PlanError::Eye { eye_m: *eye_m, distance_m_min: grid.size_m })?;
+        let Some(view) = view_from(*eye_m, grid) else {
+            return refuse(format!(
+                "an eye must be above the floor and {} m to 1000 m from the middle of the workspace's floor, got \
+                 {eye_m}: eyes_m or the cloud's viewpoint",
+                grid.size_m
+            ));
+        };
         let (camera, image) = cloud_image(&points_m, &view, grid, spacing_m.max(pitch_m));
         tsdf.integrate(&camera, |pixel| image.at(pixel));
     }

@@ -9,5 +9,5 @@ mod sheet;
 
 pub use self::canvas::{Canvas, INK};
 pub use self::layer::{Opacity, Rgb, lit};
-pub use self::sheet::{Sheet, StillError, Symbol, Word};
+pub use self::sheet::{Sheet, Symbol, Word};
 pub use crate::eye::Outlook;

@@ -16,9 +16,6 @@ pub enum InputError {
     /// A key, a shape or a value breaks a rule.
     #[error("{0}")]
     Value(String),
-    /// There is no such file.
-    #[error("no such file: {}", .0.display())]
-    Missing(PathBuf),
     /// A file cannot be read.
     #[error("failed to read {}: {source}", .path.display())]
     Io {
@@ -32,7 +29,7 @@ pub enum InputError {
 impl Exit for InputError {
     fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Syntax(_) | Self::Value(_) | Self::Missing(_) => ExitCode::Config,
+            Self::Syntax(_) | Self::Value(_) => ExitCode::Config,
             Self::Damaged(_) => ExitCode::Data,
             Self::Io { source, .. } => source.exit_code(),
         }
@@ -81,7 +78,7 @@ mod tests {
         assert!(!io.is_syntax());
         assert_eq!(io.to_string(), "failed to read a: disk on fire");
         assert_eq!(InputError::Damaged(String::new()).exit_code(), ExitCode::Data);
-        assert_eq!(InputError::Missing("a".into()).exit_code(), ExitCode::Config);
+        assert_eq!(InputError::Value(String::new()).exit_code(), ExitCode::Config);
         assert!(InputError::Syntax(String::new()).is_syntax());
     }
 

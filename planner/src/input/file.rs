@@ -14,7 +14,7 @@ const BYTES_MAX: u64 = 1 << 30;
 /// [`InputError`] if the file is missing, a folder, larger than a gibibyte, or cannot be read.
 pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, InputError> {
     let failed = |source: std::io::Error| match source.kind() {
-        ErrorKind::NotFound => InputError::Missing(path.to_owned()),
+        ErrorKind::NotFound => InputError::Value(format!("no such file: {}", path.display())),
         ErrorKind::IsADirectory => InputError::Value(format!("must be a file, got a folder: {}", path.display())),
         ErrorKind::InvalidInput | ErrorKind::InvalidData => InputError::Value(format!("{source}: {}", path.display())),
         _ => InputError::Io { path: path.to_owned(), source },
@@ -24,13 +24,17 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, InputError> {
 
 #[cfg(test)]
 mod tests {
+    use program::{Exit as _, ExitCode};
+
     use super::*;
 
     #[test]
     fn what_is_not_a_file_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let nowhere = folder.path().join("nowhere.png");
-        assert!(matches!(read_file(&nowhere), Err(InputError::Missing(path)) if path == nowhere));
+        let missing = read_file(&nowhere).unwrap_err();
+        assert_eq!(missing.to_string(), format!("no such file: {}", nowhere.display()));
+        assert_eq!(missing.exit_code(), ExitCode::Config);
         assert!(read_file(folder.path()).unwrap_err().to_string().contains("got a folder"));
         let there = folder.path().join("there");
         std::fs::write(&there, b"abc").unwrap();

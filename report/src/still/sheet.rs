@@ -6,6 +6,7 @@ use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::element::{Circle, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color as _, FontStyle, IntoFont, RGBColor, TextStyle, register_font};
+use program::{ExitCode, Failure};
 
 use super::canvas::{Canvas, INK, WHITE};
 use super::layer::Rgb;
@@ -17,18 +18,7 @@ const MEAN_OF: usize = 2;
 const CHARACTERS_MAX: usize = 160;
 
 type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
-type Drawn<T> = Result<T, StillError>;
-
-/// Why a picture cannot be drawn.
-#[derive(Debug, thiserror::Error)]
-pub enum StillError {
-    /// The drawing library failed.
-    #[error("failed to draw the picture: {0}")]
-    Drawing(String),
-    /// The PNG encoder failed.
-    #[error("failed to encode the picture: {0}")]
-    Encoding(#[from] png::EncodingError),
-}
+type Drawn<T> = Result<T, Failure>;
 
 /// A picture. All lengths refer to the large picture, twice as wide and high as the PNG.
 #[derive(Debug)]
@@ -74,7 +64,7 @@ impl Sheet {
     /// label is on top.
     ///
     /// # Errors
-    /// [`StillError`] if the drawing library fails.
+    /// If the drawing library fails.
     pub fn panel(&mut self, canvas: &Canvas, [left, top]: [usize; 2], name: &str, words: &[Word]) -> Drawn<()> {
         let (width, height) = (canvas.sheet.width, canvas.sheet.height);
         for (row, colours) in canvas.sheet.colour.chunks_exact(width).enumerate() {
@@ -98,7 +88,7 @@ impl Sheet {
     /// A line of text that begins at `(x, y)`, cut if it is long.
     ///
     /// # Errors
-    /// [`StillError`] if the drawing library fails.
+    /// If the drawing library fails.
     pub fn line(&mut self, line: &str, at: (i32, i32), size: i32) -> Drawn<()> {
         let mut shown: String =
             line.chars().take(CHARACTERS_MAX).map(|c| if c.is_control() { ' ' } else { c }).collect();
@@ -111,7 +101,7 @@ impl Sheet {
     /// Symbols with their meanings, side by side from `(x, y)`.
     ///
     /// # Errors
-    /// [`StillError`] if the drawing library fails.
+    /// If the drawing library fails.
     pub fn legend(&mut self, entries: &[(Symbol, &str)], (mut x, y): (i32, i32), size: i32) -> Drawn<()> {
         let area = self.area();
         let style = style(size, INK, HPos::Left);
@@ -126,10 +116,10 @@ impl Sheet {
     /// The picture as PNG.
     ///
     /// # Errors
-    /// [`StillError`] if the encoder fails.
+    /// If the encoder fails.
     pub fn png(&self) -> Drawn<Vec<u8>> {
         let small = means(&self.pixels, self.size[0], MEAN_OF);
-        Ok(encode(&small, self.size.map(|side| (side / MEAN_OF) as u32))?)
+        encode(&small, self.size.map(|side| (side / MEAN_OF) as u32)).map_err(|e| failed(&e))
     }
 
     fn area(&mut self) -> Area<'_> {
@@ -173,6 +163,6 @@ fn drawn(area: &Area<'_>, symbol: Symbol, (x, y): (i32, i32)) -> Drawn<i32> {
     })
 }
 
-fn failed(reason: &dyn std::fmt::Display) -> StillError {
-    StillError::Drawing(reason.to_string())
+fn failed(reason: &dyn std::fmt::Display) -> Failure {
+    Failure::new(ExitCode::Internal, format!("failed to draw the picture: {reason}"))
 }
