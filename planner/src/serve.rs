@@ -5,25 +5,30 @@
 //! costs one answer. The service has neither TLS nor authentication and belongs on loopback.
 
 use std::io;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use axum::Router;
-use axum::extract::{ConnectInfo, DefaultBodyLimit, Request, State};
+use axum::extract::{DefaultBodyLimit, Request, State};
 use axum::http::StatusCode;
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::{get, post};
-use program::{Exit, ExitCode};
+use axum::serve::Listener;
+use clap::builder::TypedValueParser as _;
+use clap::{Args, value_parser};
+use program::{Context as _, ExitCode, Failure};
+use prometheus_client::metrics::gauge::Gauge;
 use tokio::net::TcpListener;
-use tokio::sync::{Semaphore, oneshot};
+use tokio::sync::{Semaphore, watch};
+use tokio::time::timeout;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::limit::RequestBodyLimitLayer;
 use tower_http::timeout::TimeoutLayer;
 
-use self::connection::{Gate, Traffic};
+use self::connection::converse;
 use self::fault::Fault;
 use self::metrics::Metrics;
 use self::planning::Planned;
@@ -36,51 +41,64 @@ mod host;
 mod metrics;
 mod model;
 mod openapi;
-mod options;
 mod planning;
 #[cfg(test)]
 mod tests;
 
-pub use self::options::ServeOptions;
-
 /// Maximum number of open connections; further ones wait in the system's queue.
-const CONNECTIONS_MAX: usize = 256;
-/// Maximum silence of a connection between requests, and maximum time for a request's header.
+const CONNECTIONS_MAX: u32 = 256;
+/// Maximum time from an answer to the next request's complete header.
 const SILENCE_MAX: Duration = Duration::from_secs(10);
 /// Interval at which the service checks whether it should stop.
 const GLANCE: Duration = Duration::from_millis(100);
 /// Time beyond the limit of a request that a stopping service gives clients to read their answers.
 const FAREWELL: Duration = Duration::from_secs(2);
 
-/// Why the service failed.
-#[derive(Debug, thiserror::Error)]
-pub enum ServeError {
-    /// The address is in use, or does not belong to this machine.
-    #[error("failed to listen: {source}: {address}")]
-    Listen {
-        /// The address.
-        address: SocketAddr,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The threads cannot be started.
-    #[error("failed to start the service's threads: {source}")]
-    Threads {
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The loop that accepts connections ended.
-    #[error("the service ended without a stop signal")]
-    Ended,
+/// Address and limits of the service.
+#[derive(Debug, Clone, Args)]
+pub struct ServeOptions {
+    /// Address to listen on, or a name of one. There are no passwords: anyone who reaches it may use it
+    #[arg(long, default_value = "127.0.0.1")]
+    pub host: String,
+
+    /// A name by which clients may call the service, besides localhost and addresses; may be repeated
+    #[arg(long, value_name = "NAME")]
+    pub allow_host: Vec<String>,
+
+    /// Port; 0 for any that is free
+    #[arg(long, default_value_t = 8040)]
+    pub port: u16,
+
+    /// Largest request
+    #[arg(long = "body-mib-max", value_name = "MIB", default_value = "64")]
+    #[arg(value_parser = value_parser!(u16).range(1..=1024).map(|mib| usize::from(mib) << 20))]
+    pub body_bytes_max: usize,
+
+    /// Seconds from a request to its answer, at most
+    #[arg(long = "timeout-s", value_name = "S", default_value = "30")]
+    #[arg(value_parser = value_parser!(u16).range(1..=3600).map(|s| Duration::from_secs(s.into())))]
+    pub request_timeout: Duration,
+
+    /// Plans made concurrently
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = value_parser!(u16).range(1..=1024))]
+    pub concurrent: u16,
+
+    /// Plans that may wait; further requests are refused
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = value_parser!(u16).range(0..=1024))]
+    pub queue: u16,
 }
 
-impl Exit for ServeError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Listen { source, .. } if source.kind() != io::ErrorKind::AddrInUse => ExitCode::Config,
-            Self::Listen { .. } | Self::Threads { .. } => ExitCode::TryAgain,
-            Self::Ended => ExitCode::Internal,
-        }
+impl ServeOptions {
+    /// The first address of the host.
+    fn address(&self) -> Result<SocketAddr, Failure> {
+        let host = &self.host;
+        let unknown = |reason: &str| {
+            Failure::new(ExitCode::Config, format!("--host must be an address or its name, got {host}: {reason}"))
+        };
+        let mut found = (host.trim_start_matches('[').trim_end_matches(']'), self.port)
+            .to_socket_addrs()
+            .map_err(|e| unknown(&e.to_string()))?;
+        found.next().ok_or_else(|| unknown("it has no address"))
     }
 }
 
@@ -101,14 +119,14 @@ struct Shared {
 
 impl Shared {
     fn new(plan: Box<PlanBytes>, model_json: String, options: &ServeOptions) -> Arc<Self> {
-        let turns = options.concurrent_max.clamp(1, 1 << 16);
+        let turns = usize::from(options.concurrent);
         Arc::new(Self {
             plan,
             model_json,
             options: options.clone(),
             metrics: Metrics::new(),
             stopping: AtomicBool::new(false),
-            places: Arc::new(Semaphore::new(turns + options.queue_max.min(1 << 16))),
+            places: Arc::new(Semaphore::new(turns + usize::from(options.queue))),
             turns: Arc::new(Semaphore::new(turns)),
         })
     }
@@ -129,13 +147,13 @@ impl Shared {
 /// Serves until `stop` is set; then finishes the requests in progress and returns. `on_listening` receives the address.
 ///
 /// # Errors
-/// [`ServeError`], before it listens.
+/// If it cannot listen.
 pub fn serve(
     planner: Planner,
     options: &ServeOptions,
     stop: &AtomicBool,
     on_listening: &dyn Fn(SocketAddr),
-) -> Result<(), ServeError> {
+) -> Result<(), Failure> {
     // Strings and finite numbers always serialize.
     let model_json = serde_json::to_string(&model::ModelAnswer::new(&planner)).unwrap_or_default();
     let plan = Box::new(move |body: &[u8]| planning::plan_bytes(&planner, body));
@@ -165,13 +183,9 @@ fn routes(shared: &Arc<Shared>) -> Router {
 async fn observe(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     let started = Instant::now();
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
-    let traffic = request.extensions().get::<ConnectInfo<Traffic>>().map(|ConnectInfo(traffic)| traffic.clone());
-    let _under_way = UnderWay::new(Arc::clone(&shared), traffic.clone());
+    let _in_flight = InFlight::new(&shared.metrics.in_flight);
     let response = fault::as_json(next.run(request).await, &shared.options);
     let status = response.status();
-    if let Some(traffic) = traffic {
-        traffic.set_linger(!status.is_success());
-    }
     shared.metrics.answered(&path, status);
     let ms = started.elapsed().as_secs_f64() * 1e3;
     tracing::info!(method = cut(method.as_str()), path = cut(&path), status = status.as_u16(), ms, "answered");
@@ -184,27 +198,18 @@ fn cut(text: &str) -> &str {
 }
 
 /// Counts a request while it exists, even if its client disconnects before the answer.
-struct UnderWay {
-    shared: Arc<Shared>,
-    traffic: Option<Traffic>,
-}
+struct InFlight(Gauge);
 
-impl UnderWay {
-    fn new(shared: Arc<Shared>, traffic: Option<Traffic>) -> Self {
-        shared.metrics.in_flight.inc();
-        if let Some(traffic) = &traffic {
-            traffic.began();
-        }
-        Self { shared, traffic }
+impl InFlight {
+    fn new(gauge: &Gauge) -> Self {
+        gauge.inc();
+        Self(gauge.clone())
     }
 }
 
-impl Drop for UnderWay {
+impl Drop for InFlight {
     fn drop(&mut self) {
-        self.shared.metrics.in_flight.dec();
-        if let Some(traffic) = &self.traffic {
-            traffic.ended();
-        }
+        self.0.dec();
     }
 }
 
@@ -213,13 +218,13 @@ fn serve_shared(
     silence_max: Duration,
     stop: &AtomicBool,
     on_listening: &dyn Fn(SocketAddr),
-) -> Result<(), ServeError> {
+) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .thread_name("serve")
         .enable_all()
         .build()
-        .map_err(|source| ServeError::Threads { source })?;
+        .context("failed to start the service's threads")?;
     let ended = runtime.block_on(listen(shared, silence_max, stop, on_listening));
     // Plans that outlive their request are not awaited.
     runtime.shutdown_background();
@@ -231,28 +236,34 @@ async fn listen(
     silence_max: Duration,
     stop: &AtomicBool,
     on_listening: &dyn Fn(SocketAddr),
-) -> Result<(), ServeError> {
+) -> Result<(), Failure> {
     let options = &shared.options;
-    let refused = |source| ServeError::Listen { address: options.address, source };
-    let listener = TcpListener::bind(options.address).await.map_err(refused)?;
+    let address = options.address()?;
+    let refused = |error: io::Error| {
+        let is_in_use = error.kind() == io::ErrorKind::AddrInUse;
+        let code = if is_in_use { ExitCode::TryAgain } else { ExitCode::Config };
+        Failure::new(code, format!("failed to listen: {error}: {address}"))
+    };
+    let mut listener = TcpListener::bind(address).await.map_err(refused)?;
     on_listening(listener.local_addr().map_err(refused)?);
-    let (stop_server, stopped) = oneshot::channel::<()>();
-    let service = routes(shared).into_make_service_with_connect_info::<Traffic>();
-    let server = axum::serve(Gate::new(listener, CONNECTIONS_MAX, silence_max), service)
-        // An error means that the receiver is gone, which has the same effect.
-        .with_graceful_shutdown(async move { stopped.await.unwrap_or_default() });
-    let mut server = tokio::spawn(server.into_future());
+    let (routes, places) = (routes(shared), Arc::new(Semaphore::new(CONNECTIONS_MAX as usize)));
+    let (running, stopped) = watch::channel(());
     while !stop.load(Ordering::Relaxed) {
-        if server.is_finished() {
-            return Err(ServeError::Ended);
-        }
-        tokio::time::sleep(GLANCE).await;
+        let accepted = timeout(GLANCE, async {
+            let place = Arc::clone(&places).acquire_owned().await;
+            (Listener::accept(&mut listener).await.0, place)
+        });
+        let Ok((stream, place)) = accepted.await else { continue };
+        let conversation = converse(stream, routes.clone(), silence_max, stopped.clone());
+        tokio::spawn(async move {
+            conversation.await;
+            drop(place);
+        });
     }
     shared.stopping.store(true, Ordering::Relaxed);
-    // The receiver is gone if the server has just ended by itself, which needs no action.
-    let _ = stop_server.send(());
+    drop((listener, running));
     let patience = options.request_timeout.saturating_add(FAREWELL);
-    if tokio::time::timeout(patience, &mut server).await.is_err() {
+    if timeout(patience, places.acquire_many(CONNECTIONS_MAX)).await.is_err() {
         tracing::warn!("some clients did not read their answers in time");
     }
     Ok(())

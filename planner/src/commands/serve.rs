@@ -1,8 +1,5 @@
 //! `planner serve`: plans over HTTP.
 
-use std::net::{SocketAddr, ToSocketAddrs};
-use std::time::Duration;
-
 use clap::Args;
 use planner::serve::{ServeOptions, serve};
 use program::{Context, ExitCode, Failure, print, print_error, stop_on_signals};
@@ -13,68 +10,25 @@ use super::NetworkArguments;
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
-    /// Address to listen on, or a name of one. There are no passwords: anyone who reaches it may use it
-    #[arg(long, default_value = "127.0.0.1")]
-    host: String,
-
-    /// A name by which clients may call the service, besides localhost and addresses; may be repeated
-    #[arg(long, value_name = "NAME")]
-    allow_host: Vec<String>,
-
-    /// Port; 0 for any that is free
-    #[arg(long, default_value_t = 8040)]
-    port: u16,
-
-    /// Largest request
-    #[arg(long, value_name = "MIB", default_value_t = 64, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    body_mib_max: u16,
-
-    /// Seconds from a request to its answer, at most
-    #[arg(long, value_name = "S", default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..=3600))]
-    timeout_s: u16,
-
-    /// Plans made concurrently
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    concurrent: u16,
-
-    /// Plans that may wait; further requests are refused
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u16).range(0..=1024))]
-    queue: u16,
+    #[command(flatten)]
+    options: ServeOptions,
 
     #[command(flatten)]
     network: NetworkArguments,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let address = address(&arguments.host, arguments.port)?;
     let planner = arguments.network.planner()?;
-    let options = ServeOptions {
-        address,
-        allowed_hosts: [&arguments.host].into_iter().chain(&arguments.allow_host).cloned().collect(),
-        body_bytes_max: usize::from(arguments.body_mib_max) << 20,
-        request_timeout: Duration::from_secs(arguments.timeout_s.into()),
-        concurrent_max: arguments.concurrent.into(),
-        queue_max: arguments.queue.into(),
-    };
     let on_first = || print_error("stopping after the plans under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
-    if !address.ip().is_loopback() {
-        print_error("warning: not a loopback address, and there are no passwords: anyone who reaches it may use it");
-    }
-    serve(planner, &options, &stop, &|address| {
+    serve(planner, &arguments.options, &stop, &|address| {
+        if !address.ip().is_loopback() {
+            print_error(
+                "warning: not a loopback address, and there are no passwords: anyone who reaches it may use it",
+            );
+        }
         // A standard output that cannot be written is no reason not to serve.
         let _ = print(format_args!("listening on http://{address}\n"));
     })?;
     Ok(ExitCode::Ok)
-}
-
-/// The first address of a host.
-fn address(host: &str, port: u16) -> Result<SocketAddr, Failure> {
-    let unknown = |reason: &str| {
-        Failure::new(ExitCode::Config, format!("--host must be an address or its name, got {host}: {reason}"))
-    };
-    let mut found = (host.trim_start_matches('[').trim_end_matches(']'), port)
-        .to_socket_addrs()
-        .map_err(|e| unknown(&e.to_string()))?;
-    found.next().ok_or_else(|| unknown("it has no address"))
 }

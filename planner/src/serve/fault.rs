@@ -11,7 +11,7 @@ use axum::response::{IntoResponse, Response};
 use serde::{Serialize, Serializer};
 use utoipa::ToSchema;
 
-use super::options::ServeOptions;
+use super::ServeOptions;
 
 /// An error answer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
@@ -103,12 +103,14 @@ mod tests {
 
     fn options() -> ServeOptions {
         ServeOptions {
-            address: ([127, 0, 0, 1], 0).into(),
-            allowed_hosts: Vec::new(),
+            host: "127.0.0.1".to_owned(),
+            allow_host: Vec::new(),
+            port: 0,
             body_bytes_max: 7,
             request_timeout: Duration::from_millis(1500),
-            concurrent_max: 1,
-            queue_max: 0,
+            concurrent: 1,
+            queue: 0,
+            silence_max: Duration::from_secs(10),
         }
     }
 

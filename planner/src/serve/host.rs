@@ -13,8 +13,8 @@ use axum::http::{HeaderMap, StatusCode, Uri, Version, header};
 use axum::middleware::Next;
 use axum::response::Response;
 
-use super::Shared;
 use super::fault::Fault;
+use super::{ServeOptions, Shared};
 
 /// Answers requests that name the service, and refuses others.
 pub(super) async fn must_be_known(
@@ -22,11 +22,13 @@ pub(super) async fn must_be_known(
     request: Request,
     next: Next,
 ) -> Result<Response, Fault> {
-    check(request.version(), request.uri(), request.headers(), &shared.options.allowed_hosts)?;
+    let ServeOptions { host, allow_host, .. } = &shared.options;
+    let allowed: Vec<&str> = allow_host.iter().chain([host]).map(String::as_str).collect();
+    check(request.version(), request.uri(), request.headers(), &allowed)?;
     Ok(next.run(request).await)
 }
 
-fn check(version: Version, uri: &Uri, headers: &HeaderMap, allowed: &[String]) -> Result<(), Fault> {
+fn check(version: Version, uri: &Uri, headers: &HeaderMap, allowed: &[&str]) -> Result<(), Fault> {
     let refused = |text: String| Err(Fault::new(StatusCode::BAD_REQUEST, text));
     let mut hosts = headers.get_all(header::HOST).iter();
     let authority = match (hosts.next(), hosts.next()) {
@@ -65,7 +67,7 @@ mod tests {
         for (name, host) in hosts {
             headers.append(name, host);
         }
-        let allowed = ["Robot.local".to_owned()];
+        let allowed = ["Robot.local"];
         check(Version::HTTP_11, &uri.parse().unwrap(), &headers, &allowed)
             .err()
             .map(|fault| fault.into_response().status().as_u16())

@@ -11,7 +11,7 @@ struct Running {
     address: SocketAddr,
     shared: Arc<Shared>,
     stop: Arc<AtomicBool>,
-    thread: JoinHandle<Result<(), ServeError>>,
+    thread: JoinHandle<Result<(), Failure>>,
 }
 
 impl Running {
@@ -31,12 +31,13 @@ impl Running {
 
 fn options() -> ServeOptions {
     ServeOptions {
-        address: (Ipv4Addr::LOCALHOST, 0).into(),
-        allowed_hosts: Vec::new(),
+        host: Ipv4Addr::LOCALHOST.to_string(),
+        allow_host: Vec::new(),
+        port: 0,
         body_bytes_max: 1000,
         request_timeout: Duration::from_secs(20),
-        concurrent_max: 1,
-        queue_max: 0,
+        concurrent: 1,
+        queue: 0,
     }
 }
 
@@ -273,7 +274,7 @@ fn a_service_that_stops_is_not_ready() {
 #[test]
 fn a_taken_address_is_an_error() {
     let service = started();
-    let taken = ServeOptions { address: service.address, ..options() };
+    let taken = ServeOptions { port: service.address.port(), ..options() };
     let shared = Shared::new(Box::new(|_| Err(Fault::internal())), "{}".to_owned(), &taken);
     let error = serve_shared(&shared, SILENCE_MAX, &AtomicBool::new(false), &|_| ()).unwrap_err();
     assert!(error.to_string().starts_with("failed to listen: "), "{error}");
