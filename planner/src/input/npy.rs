@@ -1,7 +1,9 @@
-//! A strict reader of NumPy's array files. The header is a Python literal, and the parser supports only its three keys.
-//! Nothing is allocated before the header's shape matches the number of bytes.
+//! A strict reader of NumPy's array files. The header is a Python literal of three keys. Nothing is allocated before
+//! its shape matches the number of bytes.
 
-use crate::input::error::{InputError, shown};
+use serde::Deserialize;
+
+use crate::input::error::{InputError, refuse, shown};
 
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 const HEADER_BYTES_MAX: usize = 64 * 1024;
@@ -76,115 +78,45 @@ fn damaged(what: &str) -> InputError {
     InputError::Damaged(format!("not a NumPy array file: {what}"))
 }
 
+/// The header's keys.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    descr: serde_json::Value,
+    fortran_order: bool,
+    shape: Vec<usize>,
+}
+
 fn parse(text: &str) -> Result<NpyHeader, InputError> {
-    let mut text = Literal(text);
-    let (mut descr, mut is_fortran, mut shape) = (None, None, None);
-    text.expect("{")?;
-    while !text.take("}") {
-        let key = text.quoted()?;
-        text.expect(":")?;
-        match key {
-            "descr" => descr = Some(text.descr()?),
-            "fortran_order" => is_fortran = Some(text.truth()?),
-            "shape" => shape = Some(text.shape()?),
-            other => return Err(damaged(&format!("its header has an unknown key `{}`", shown(other)))),
-        }
-        if !text.take(",") {
-            text.expect("}")?;
-            break;
-        }
+    // Such a literal is JSON but for its quotes, brackets, truth values, and commas at the end of a list.
+    let packed: String = text.split_ascii_whitespace().collect();
+    let python_and_json =
+        [(",)", "]"), (",}", "}"), ("(", "["), (")", "]"), ("'", "\""), ("True", "true"), ("False", "false")];
+    let json = python_and_json.iter().fold(packed, |text, (python, json)| text.replace(python, json));
+    let keys: Keys = serde_json::from_str(&json)
+        .map_err(|error| damaged(&format!("its header is not as it must be: {}", shown(&error.to_string()))))?;
+    if keys.shape.len() > RANK_MAX {
+        return refuse(format!("an array must have at most {RANK_MAX} axes"));
     }
-    let missing = |key: &str| damaged(&format!("its header lacks `{key}`"));
-    let (number, is_big_endian) = number_of(descr.ok_or_else(|| missing("descr"))?)?;
-    Ok(NpyHeader {
-        shape: shape.ok_or_else(|| missing("shape"))?,
-        number,
-        is_big_endian,
-        is_fortran: is_fortran.ok_or_else(|| missing("fortran_order"))?,
-    })
+    let Some(descr) = keys.descr.as_str() else {
+        return refuse("an array of records is refused: save plain numbers");
+    };
+    let (number, is_big_endian) = number_of(descr)?;
+    Ok(NpyHeader { shape: keys.shape, number, is_big_endian, is_fortran: keys.fortran_order })
 }
 
 /// The number type of a dtype such as `<f4`, and whether it is big-endian.
 fn number_of(descr: &str) -> Result<(&'static NumberType, bool), InputError> {
     let (order, code) = descr.split_at_checked(1).unwrap_or(("", descr));
-    let wrong = || {
-        let known = "<f4, <f8, |u1, <u2, <u4, <i2, <i4 or <i8 (or big-endian, with >)";
-        InputError::Value(format!("an array's dtype must be {known}, got `{}`", shown(descr)))
-    };
     if code.starts_with('O') {
-        return Err(InputError::Value("an array of pickled Python objects is refused: save plain numbers".to_owned()));
+        return refuse("an array of pickled Python objects is refused: save plain numbers");
     }
-    let number = NUMBER_TYPES.iter().find(|number| number.code == code).ok_or_else(wrong)?;
-    if order == "<" || order == ">" || (order == "|" && number.is_byte()) {
-        return Ok((number, order == ">"));
-    }
-    Err(wrong())
-}
-
-/// The unparsed rest of a Python literal.
-struct Literal<'a>(&'a str);
-
-impl<'a> Literal<'a> {
-    fn take(&mut self, token: &str) -> bool {
-        self.0 = self.0.trim_start();
-        let rest = self.0.strip_prefix(token);
-        self.0 = rest.unwrap_or(self.0);
-        rest.is_some()
-    }
-
-    fn expect(&mut self, token: &str) -> Result<(), InputError> {
-        if self.take(token) {
-            return Ok(());
+    match NUMBER_TYPES.iter().find(|number| number.code == code) {
+        Some(number) if ["<", ">"].contains(&order) || (order == "|" && number.is_byte()) => Ok((number, order == ">")),
+        _ => {
+            let known = "<f4, <f8, |u1, <u2, <u4, <i2, <i4 or <i8 (or big-endian, with >)";
+            refuse(format!("an array's dtype must be {known}, got `{}`", shown(descr)))
         }
-        Err(damaged(&format!("its header must have `{token}` before `{}`", shown(self.0.trim_end()))))
-    }
-
-    fn quoted(&mut self) -> Result<&'a str, InputError> {
-        let quote = if self.take("'") { '\'' } else { '"' };
-        if quote == '"' {
-            self.expect("\"")?;
-        }
-        let (text, rest) = self.0.split_once(quote).ok_or_else(|| damaged("its header has a text without end"))?;
-        self.0 = rest;
-        Ok(text)
-    }
-
-    fn descr(&mut self) -> Result<&'a str, InputError> {
-        if self.take("[") {
-            return Err(InputError::Value("an array of records is refused: save plain numbers".to_owned()));
-        }
-        self.quoted()
-    }
-
-    fn truth(&mut self) -> Result<bool, InputError> {
-        if self.take("True") {
-            return Ok(true);
-        }
-        self.expect("False").map(|()| false)
-    }
-
-    fn shape(&mut self) -> Result<Vec<usize>, InputError> {
-        let mut shape = Vec::new();
-        self.expect("(")?;
-        while !self.take(")") {
-            if shape.len() == RANK_MAX {
-                return Err(InputError::Value(format!("an array must have at most {RANK_MAX} axes")));
-            }
-            shape.push(self.whole_number()?);
-            if !self.take(",") {
-                self.expect(")")?;
-                break;
-            }
-        }
-        Ok(shape)
-    }
-
-    fn whole_number(&mut self) -> Result<usize, InputError> {
-        self.0 = self.0.trim_start();
-        let end = self.0.find(|c: char| !c.is_ascii_digit()).unwrap_or(self.0.len());
-        let (digits, rest) = self.0.split_at(end);
-        self.0 = rest;
-        digits.parse().map_err(|_| damaged("its header's shape has something other than a length"))
     }
 }
 
@@ -339,9 +271,9 @@ mod tests {
         assert!(of(&header("|f4", "False", "(2,)")).contains("dtype"));
         assert!(of("{'descr': [('x', '<f4')], 'fortran_order': False, 'shape': (1,), }").contains("records"));
         assert!(of(&header("|u1", "False", "(1, 1, 1, 1, 1, 8)")).contains("axes"));
-        assert!(of("{'shape': (8,), 'color': 'red'}").contains("unknown key `color`"));
-        assert!(of("{'shape': (8,), 'descr': '|u1'}").contains("lacks `fortran_order`"));
-        assert!(of("{'shape': (-8,)}").contains("something other than a length"));
+        assert!(of("{'shape': (8,), 'color': 'red'}").contains("unknown field `color`"));
+        assert!(of("{'shape': (8,), 'descr': '|u1'}").contains("missing field `fortran_order`"));
+        assert!(of("{'shape': (-8,)}").contains("invalid value: integer `-8`"));
         assert!(read(b"\x93NUMPY\x09\x00\x00\x00").unwrap_err().to_string().contains("version"));
     }
 }

@@ -41,28 +41,17 @@ pub(super) struct Metrics {
 
 impl Metrics {
     pub(super) fn new() -> Self {
-        let mut metrics = Self {
-            registry: Registry::with_prefix("planner"),
-            requests: Family::default(),
-            in_flight: Gauge::default(),
-            rejected: Counter::default(),
-            plan_seconds: Histogram::new(SECONDS),
-            grasps: Histogram::new(GRASPS),
-            empty_plans: Counter::default(),
-        };
-        metrics.register();
-        metrics
-    }
-
-    fn register(&mut self) {
-        let registry = &mut self.registry;
-        registry.register("requests", "Requests answered, by endpoint and status", self.requests.clone());
-        registry.register("requests_in_flight", "Requests not answered yet", self.in_flight.clone());
-        registry.register("rejected_requests", "Plans refused because too many were waiting", self.rejected.clone());
+        let mut registry = Registry::with_prefix("planner");
+        let (requests, in_flight, rejected) = (Family::default(), Gauge::default(), Counter::default());
+        let (plan_seconds, grasps, empty_plans) = (Histogram::new(SECONDS), Histogram::new(GRASPS), Counter::default());
+        registry.register("requests", "Requests answered, by endpoint and status", requests.clone());
+        registry.register("requests_in_flight", "Requests not answered yet", in_flight.clone());
+        registry.register("rejected_requests", "Plans refused because too many were waiting", rejected.clone());
         let what = "Time from body to plan, without the waiting time";
-        registry.register_with_unit("plan_duration", what, Unit::Seconds, self.plan_seconds.clone());
-        registry.register("grasps_per_plan", "Grasps of a plan", self.grasps.clone());
-        registry.register("empty_plans", "Plans without a grasp", self.empty_plans.clone());
+        registry.register_with_unit("plan_duration", what, Unit::Seconds, plan_seconds.clone());
+        registry.register("grasps_per_plan", "Grasps of a plan", grasps.clone());
+        registry.register("empty_plans", "Plans without a grasp", empty_plans.clone());
+        Self { registry, requests, in_flight, rejected, plan_seconds, grasps, empty_plans }
     }
 
     /// Counts an answer.
