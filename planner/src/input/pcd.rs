@@ -5,7 +5,7 @@ use schema::Vec3;
 
 use crate::input::error::{InputError, refuse, shown};
 use crate::input::lzf;
-use crate::input::points::{AXES, ReadCloud, check_count, next_line, text_points};
+use crate::input::points::{Field, Place, ReadCloud, binary_points, check_count, next_line, places, row_points, text_points};
 
 const HEADER_LINES_MAX: usize = 100;
 const HEADER_LINE_BYTES_MAX: usize = 4096;
@@ -31,14 +31,6 @@ struct Header {
     storage: Storage,
 }
 
-/// The position of a coordinate: its column in text, its first byte in a row, and its number of bytes.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    column: usize,
-    offset_bytes: usize,
-    size_bytes: usize,
-}
-
 /// Whether these bytes begin like a PCD file.
 pub(crate) fn is_pcd(bytes: &[u8]) -> bool {
     bytes.starts_with(b"# .PCD") || bytes.starts_with(b"VERSION") || bytes.starts_with(b"FIELDS")
@@ -50,12 +42,8 @@ pub(crate) fn read_pcd(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     let header = read_header(&mut rest)?;
     let Header { places, row_bytes, points, .. } = header;
     let points_m = match header.storage {
-        Storage::Text => text_points(rest, points, places.map(|place| place.column), damaged),
-        Storage::Bytes => {
-            check_count(points, rest.len(), row_bytes)?;
-            let strides = places.map(|place| (place.offset_bytes, row_bytes));
-            Ok(binary_points(rest, points, places, strides))
-        }
+        Storage::Text => text_points(rest, points, places, damaged),
+        Storage::Bytes => row_points(rest, points, places, row_bytes, false),
         Storage::Compressed => compressed_points(rest, &header),
     }?;
     Ok(ReadCloud::of(points_m, header.eye_m))
@@ -136,27 +124,20 @@ fn places_of(lines: &Words<'_>) -> Result<([Place; 3], usize), InputError> {
     if names.len() > FIELDS_MAX || [sizes.len(), types.len(), counts.len()] != [names.len(); 3] {
         return Err(damaged(&format!("FIELDS, SIZE, TYPE and COUNT must be equally long, at most {FIELDS_MAX}")));
     }
-    let mut places = [None; 3];
-    let (mut column, mut offset_bytes) = (0, 0);
+    let mut fields = Vec::with_capacity(names.len());
     for (at, name) in names.iter().enumerate() {
         let (size_bytes, count) = (whole_number("SIZE", sizes[at])?, whole_number("COUNT", counts[at])?);
         if ![1, 2, 4, 8].contains(&size_bytes) || count > POINT_BYTES_MAX {
             return Err(damaged(&format!("SIZE must be 1, 2, 4 or 8, and COUNT at most {POINT_BYTES_MAX}")));
         }
-        let is_coordinate = types[at] == "F" && size_bytes >= 4 && count == 1;
-        if let Some(axis) = AXES.iter().position(|axis| axis == name).filter(|_| is_coordinate) {
-            places[axis].get_or_insert(Place { column, offset_bytes, size_bytes });
-        }
-        column += count;
-        offset_bytes += size_bytes * count;
+        fields.push(Field { name, is_float: types[at] == "F", size_bytes, count });
     }
-    if offset_bytes > POINT_BYTES_MAX {
-        return Err(damaged(&format!("a point must have at most {POINT_BYTES_MAX} bytes, got {offset_bytes}")));
+    let row_bytes: usize = fields.iter().map(|field| field.size_bytes * field.count).sum();
+    if row_bytes > POINT_BYTES_MAX {
+        return Err(damaged(&format!("a point must have at most {POINT_BYTES_MAX} bytes, got {row_bytes}")));
     }
-    let [Some(x), Some(y), Some(z)] = places else {
-        return refuse("a PCD file must have fields `x`, `y` and `z` of TYPE F and SIZE 4 or 8");
-    };
-    Ok(([x, y, z], offset_bytes))
+    let missing = |_| refuse("a PCD file must have fields `x`, `y` and `z` of TYPE F and SIZE 4 or 8");
+    Ok((places(&fields).or_else(missing)?, row_bytes))
 }
 
 /// Position of the sensor; `None` if it is the origin looking along z, which writers use for unknown.
@@ -168,19 +149,6 @@ fn eye_of(lines: &Words<'_>) -> Result<Option<Vec3>, InputError> {
         [x, y, z, _, _, _, _] if words.len() == 7 => Ok(Some(Vec3::new(x, y, z))),
         _ => Err(damaged("VIEWPOINT must be seven numbers: x y z, then qw qx qy qz")),
     }
-}
-
-/// Reads points whose coordinates have the given first byte and distance to the next point's (`strides`) in `data`.
-fn binary_points(data: &[u8], count: usize, places: [Place; 3], strides: [(usize, usize); 3]) -> Vec<Vec3> {
-    let coordinate = |axis: usize, number: usize| {
-        let (first, stride) = strides[axis];
-        let bytes = data.get(first + number * stride..).unwrap_or_default();
-        match places[axis].size_bytes {
-            4 => bytes.first_chunk().map_or(f32::NAN, |bytes| f32::from_le_bytes(*bytes)),
-            _ => bytes.first_chunk().map_or(f32::NAN, |bytes| f64::from_le_bytes(*bytes) as f32),
-        }
-    };
-    (0..count).map(|number| Vec3::from_array([0, 1, 2].map(|axis| coordinate(axis, number)))).collect()
 }
 
 fn compressed_points(rest: &[u8], header: &Header) -> Result<Vec<Vec3>, InputError> {
@@ -199,7 +167,7 @@ fn compressed_points(rest: &[u8], header: &Header) -> Result<Vec<Vec3>, InputErr
     let data = lzf::decompress(rest.get(..packed).ok_or_else(short)?, unpacked);
     let data = data.ok_or_else(|| damaged("its compressed data are wrong"))?;
     let strides = places.map(|place| (place.offset_bytes * points, place.size_bytes));
-    Ok(binary_points(&data, points, places, strides))
+    Ok(binary_points(&data, points, places, strides, false))
 }
 
 #[cfg(test)]

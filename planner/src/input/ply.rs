@@ -1,42 +1,13 @@
-//! Points of PLY files. The `ply-rs-bw` crate reads the header and binary rows. Text rows are parsed here, because that
-//! crate supports neither `nan`, which drivers of depth cameras write, nor `.5`.
+//! Points of PLY files. The `ply-rs-bw` crate reads the header and what stands before the vertices. Vertices as text
+//! are parsed here, because that crate supports neither `nan`, which drivers of depth cameras write, nor `.5`.
 
-use std::io::Read;
+use std::fmt::Display;
 
 use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{ElementDef, Encoding, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
-use schema::Vec3;
+use ply_rs_bw::ply::{DefaultElement, ElementDef, Encoding, PropertyType, ScalarType};
 
 use crate::input::error::{InputError, refuse, shown};
-use crate::input::points::{AXES, ReadCloud, check_count, next_line, text_points};
-
-/// The coordinates of a row; NaN until read. Rows of other elements are read as this type, too, and discarded.
-#[derive(Debug)]
-struct Row {
-    xyz: [f64; 3],
-}
-
-impl Row {
-    fn put(&mut self, name: &str, value: f64) -> PropertyAccessResult {
-        let Some(axis) = AXES.iter().position(|axis| *axis == name) else { return PropertyAccessResult::Ignored };
-        self.xyz[axis] = value;
-        PropertyAccessResult::Set
-    }
-}
-
-impl PropertyAccess for Row {
-    fn new() -> Self {
-        Self { xyz: [f64::NAN; 3] }
-    }
-
-    fn set_float(&mut self, name: &str, value: f32) -> PropertyAccessResult {
-        self.put(name, f64::from(value))
-    }
-
-    fn set_double(&mut self, name: &str, value: f64) -> PropertyAccessResult {
-        self.put(name, value)
-    }
-}
+use crate::input::points::{Field, Place, ReadCloud, next_line, places, row_points, text_points};
 
 /// Whether these bytes begin like a PLY file.
 pub(crate) fn is_ply(bytes: &[u8]) -> bool {
@@ -45,16 +16,16 @@ pub(crate) fn is_ply(bytes: &[u8]) -> bool {
 
 /// Reads the vertices.
 pub(crate) fn read_ply(bytes: &[u8]) -> Result<ReadCloud, InputError> {
-    let parser = Parser::<Row>::new();
+    let parser = Parser::<DefaultElement>::new();
     let mut reader = Reader::new(bytes);
-    let header = parser.read_header(&mut reader).map_err(|error| damaged(&error.to_string()))?;
+    let header = parser.read_header(&mut reader).map_err(damaged)?;
     let mut rest = reader.into_inner();
     for (name, element) in &header.elements {
         if name == "vertex" {
-            let columns = columns_of(element)?;
+            let ((places, row_bytes), is_big) = (places_of(element)?, header.encoding == Encoding::BinaryBigEndian);
             let points_m = match header.encoding {
-                Encoding::Ascii => text_points(rest, element.count, columns, damaged),
-                encoding => binary_vertices(&parser, rest, element, encoding),
+                Encoding::Ascii => text_points(rest, element.count, places, |what| damaged(what)),
+                _ => row_points(rest, element.count, places, row_bytes, is_big),
             }?;
             return Ok(ReadCloud::of(points_m, None));
         }
@@ -63,84 +34,58 @@ pub(crate) fn read_ply(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     refuse("a PLY file must have an element `vertex`")
 }
 
-fn damaged(what: &str) -> InputError {
-    InputError::Damaged(format!("not a whole PLY file: {}", shown(what)))
+fn damaged(what: impl Display) -> InputError {
+    InputError::Damaged(format!("not a whole PLY file: {}", shown(&what.to_string())))
 }
 
-/// The columns of the coordinates.
-fn columns_of(vertex: &ElementDef) -> Result<[usize; 3], InputError> {
-    let is_number = |kind: &PropertyType| matches!(kind, PropertyType::Scalar(_));
-    if !vertex.properties.values().all(|property| is_number(&property.data_type)) {
+/// The positions of the coordinates, and the number of bytes of a vertex.
+fn places_of(vertex: &ElementDef) -> Result<([Place; 3], usize), InputError> {
+    let fields = vertex.properties.iter().map(|(name, property)| field(name, &property.data_type));
+    let Some(fields) = fields.collect::<Option<Vec<Field<'_>>>>() else {
         return refuse("a PLY file's vertices must have no lists");
-    }
-    let mut columns = [0; 3];
-    for (axis, column) in AXES.iter().zip(&mut columns) {
-        let found = vertex.properties.get_full(*axis).filter(|(_, _, property)| {
-            matches!(property.data_type, PropertyType::Scalar(ScalarType::Float | ScalarType::Double))
-        });
-        let missing = || InputError::Value(format!("a PLY file's vertices must have `{axis}`, a float or double"));
-        *column = found.ok_or_else(missing)?.0;
-    }
-    Ok(columns)
+    };
+    let missing = |axis| refuse(format!("a PLY file's vertices must have `{axis}`, a float or double"));
+    Ok((places(&fields).or_else(missing)?, fields.iter().map(|field| field.size_bytes).sum()))
+}
+
+/// A property as a column, unless it is a list.
+fn field<'a>(name: &'a str, kind: &PropertyType) -> Option<Field<'a>> {
+    let PropertyType::Scalar(kind) = kind else { return None };
+    let (size_bytes, is_float) = match kind {
+        ScalarType::Char | ScalarType::UChar => (1, false),
+        ScalarType::Short | ScalarType::UShort => (2, false),
+        ScalarType::Int | ScalarType::UInt => (4, false),
+        ScalarType::Float => (4, true),
+        ScalarType::Double => (8, true),
+    };
+    Some(Field { name, is_float, size_bytes, count: 1 })
 }
 
 /// Skips an element before the vertices.
-fn skip(parser: &Parser<Row>, rest: &mut &[u8], element: &ElementDef, encoding: Encoding) -> Result<(), InputError> {
+fn skip(
+    parser: &Parser<DefaultElement>,
+    rest: &mut &[u8],
+    element: &ElementDef,
+    encoding: Encoding,
+) -> Result<(), InputError> {
     // Each row takes at least one byte; otherwise a file of a hundred bytes could declare endless rows.
     if element.count > rest.len() || (element.properties.is_empty() && element.count > 0) {
-        return Err(damaged(&format!("its element `{}` has more rows than there are bytes", element.name)));
+        return Err(damaged(format_args!("its element `{}` has more rows than there are bytes", element.name)));
     }
     for _ in 0..element.count {
-        if encoding == Encoding::Ascii {
-            next_line(rest).ok_or_else(|| damaged("it ends too early"))?;
-        } else {
-            read_row(parser, rest, element, encoding)?;
+        match encoding {
+            Encoding::Ascii => drop(next_line(rest).ok_or_else(|| damaged("it ends too early"))?),
+            Encoding::BinaryBigEndian => drop(parser.read_big_endian_element(rest, element).map_err(damaged)?),
+            Encoding::BinaryLittleEndian => drop(parser.read_little_endian_element(rest, element).map_err(damaged)?),
         }
     }
     Ok(())
 }
 
-fn read_row<R: Read>(
-    parser: &Parser<Row>,
-    source: &mut R,
-    element: &ElementDef,
-    encoding: Encoding,
-) -> Result<Row, InputError> {
-    let row = match encoding {
-        Encoding::BinaryBigEndian => parser.read_big_endian_element(source, element),
-        _ => parser.read_little_endian_element(source, element),
-    };
-    row.map_err(|error| damaged(&error.to_string()))
-}
-
-fn binary_vertices(
-    parser: &Parser<Row>,
-    mut rest: &[u8],
-    vertex: &ElementDef,
-    encoding: Encoding,
-) -> Result<Vec<Vec3>, InputError> {
-    let row_bytes = vertex.properties.values().map(|property| size_bytes(&property.data_type)).sum();
-    check_count(vertex.count, rest.len(), row_bytes)?;
-    let mut points_m = Vec::with_capacity(vertex.count);
-    for _ in 0..vertex.count {
-        let row = read_row(parser, &mut rest, vertex, encoding)?;
-        points_m.push(Vec3::from_array(row.xyz.map(|metres| metres as f32)));
-    }
-    Ok(points_m)
-}
-
-fn size_bytes(kind: &PropertyType) -> usize {
-    match kind {
-        PropertyType::Scalar(ScalarType::Char | ScalarType::UChar) => 1,
-        PropertyType::Scalar(ScalarType::Short | ScalarType::UShort) => 2,
-        PropertyType::Scalar(ScalarType::Int | ScalarType::UInt | ScalarType::Float) => 4,
-        PropertyType::Scalar(ScalarType::Double) => 8,
-        PropertyType::List(..) => 1,
-    }
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
+    use schema::Vec3;
+
     use super::*;
 
     const BEFORE: &str = "element camera 1\nproperty float view_px\nproperty list uchar int parts\n";

@@ -8,7 +8,7 @@ use crate::input::error::{InputError, refuse};
 pub(crate) const POINTS_MAX: usize = 5_000_000;
 
 /// The names of a point's coordinates.
-pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// A cloud from a file.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,11 +41,78 @@ pub(crate) fn check_count(points: usize, bytes: usize, bytes_min: usize) -> Resu
     Ok(())
 }
 
-/// The points of `count` lines, with x, y and z in these columns. `damaged` makes the error of the format.
+/// A column of a cloud's rows, or several of one name.
+#[derive(Debug)]
+pub(crate) struct Field<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) is_float: bool,
+    pub(crate) size_bytes: usize,
+    pub(crate) count: usize,
+}
+
+/// The position of a coordinate: its column in text, its first byte in a row, and its number of bytes (4 or 8).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place {
+    column: usize,
+    pub(crate) offset_bytes: usize,
+    pub(crate) size_bytes: usize,
+}
+
+/// The positions of x, y and z, or the first that is missing.
+pub(crate) fn places(fields: &[Field<'_>]) -> Result<[Place; 3], &'static str> {
+    let mut places = [None; 3];
+    let (mut column, mut offset_bytes) = (0, 0);
+    for Field { name, is_float, size_bytes, count } in fields {
+        let is_coordinate = *is_float && [4, 8].contains(size_bytes) && *count == 1;
+        if let Some(axis) = AXES.iter().position(|axis| axis == name).filter(|_| is_coordinate) {
+            places[axis].get_or_insert(Place { column, offset_bytes, size_bytes: *size_bytes });
+        }
+        column += count;
+        offset_bytes += size_bytes * count;
+    }
+    let [x, y, z] = [0, 1, 2].map(|axis| places[axis].ok_or(AXES[axis]));
+    Ok([x?, y?, z?])
+}
+
+/// The points of `count` rows of bytes.
+pub(crate) fn row_points(
+    data: &[u8],
+    count: usize,
+    places: [Place; 3],
+    row_bytes: usize,
+    is_big_endian: bool,
+) -> Result<Vec<Vec3>, InputError> {
+    check_count(count, data.len(), row_bytes)?;
+    Ok(binary_points(data, count, places, places.map(|place| (place.offset_bytes, row_bytes)), is_big_endian))
+}
+
+/// The points whose coordinates have the given first byte and distance to the next point's (`strides`) in `data`; NaN
+/// where it ends.
+pub(crate) fn binary_points(
+    data: &[u8],
+    count: usize,
+    places: [Place; 3],
+    strides: [(usize, usize); 3],
+    is_big_endian: bool,
+) -> Vec<Vec3> {
+    let coordinate = |axis: usize, number: usize| {
+        let (first, stride) = strides[axis];
+        let bytes = data.get(first + number * stride..).unwrap_or_default();
+        match (places[axis].size_bytes, is_big_endian) {
+            (4, false) => bytes.first_chunk().map_or(f32::NAN, |bytes| f32::from_le_bytes(*bytes)),
+            (4, true) => bytes.first_chunk().map_or(f32::NAN, |bytes| f32::from_be_bytes(*bytes)),
+            (_, false) => bytes.first_chunk().map_or(f32::NAN, |bytes| f64::from_le_bytes(*bytes) as f32),
+            (_, true) => bytes.first_chunk().map_or(f32::NAN, |bytes| f64::from_be_bytes(*bytes) as f32),
+        }
+    };
+    (0..count).map(|number| Vec3::from_array([0, 1, 2].map(|axis| coordinate(axis, number)))).collect()
+}
+
+/// The points of `count` lines. `damaged` makes the error of the format.
 pub(crate) fn text_points(
     mut rest: &[u8],
     count: usize,
-    columns: [usize; 3],
+    places: [Place; 3],
     damaged: fn(&str) -> InputError,
 ) -> Result<Vec<Vec3>, InputError> {
     // Three digits and their separators; the last line may lack its newline.
@@ -53,15 +120,15 @@ pub(crate) fn text_points(
     let mut points_m = Vec::with_capacity(count);
     for number in 0..count {
         let line = next_line(&mut rest).ok_or_else(|| damaged("it ends too early"))?;
-        points_m.push(text_point(line, columns).ok_or_else(|| damaged(&format!("its point {number} has no x, y, z")))?);
+        points_m.push(text_point(line, places).ok_or_else(|| damaged(&format!("its point {number} has no x, y, z")))?);
     }
     Ok(points_m)
 }
 
 /// The coordinates in a line of numbers separated by blanks.
-fn text_point(line: &[u8], columns: [usize; 3]) -> Option<Vec3> {
+fn text_point(line: &[u8], places: [Place; 3]) -> Option<Vec3> {
     let words: Vec<&str> = std::str::from_utf8(line).ok()?.split_ascii_whitespace().collect();
-    let [x, y, z] = columns.map(|column| words.get(column)?.parse::<f64>().ok());
+    let [x, y, z] = places.map(|place| words.get(place.column)?.parse::<f64>().ok());
     Some(Vec3::new(x? as f32, y? as f32, z? as f32))
 }
 
