@@ -27,7 +27,7 @@ fn field() -> VoxelGrid {
 }
 
 fn config() -> Config {
-    Config::built_in().expect("what comes with the program is sound")
+    Config::load(None).expect("what comes with the program is sound")
 }
 
 #[divan::bench]

@@ -1,12 +1,10 @@
 //! Measures the time of a plan on this machine, stage by stage.
 
-use std::time::Instant;
-
 use serde::Serialize;
 
 use crate::input::InputError;
 use crate::observation::{Observation, SeenView, Wishes};
-use crate::planner::Planner;
+use crate::planner::{Planner, Timings, timed};
 use crate::volume::fuse_views;
 
 /// Times of one stage, in milliseconds.
@@ -39,42 +37,32 @@ pub struct BenchReport {
     pub stages: Vec<StageTime>,
 }
 
-/// Plans `plans` times from the TSDF of depth images, after some warm-up plans.
+/// Plans `plans` times, at least once, from the TSDF of depth images, after some warm-up plans.
 ///
 /// # Errors
 /// [`InputError`] if the images are refused.
 pub fn bench(planner: &Planner, views: &[SeenView], plans: usize) -> Result<BenchReport, InputError> {
     const WARM_UP: usize = 5;
-    let (mut fusing, mut planning) = (Vec::new(), Vec::new());
-    let mut by_stage: Vec<(&'static str, Vec<f64>)> = Vec::new();
-    for number in 0..WARM_UP + plans {
-        let began = Instant::now();
-        let grid = fuse_views(views, &planner.grid)?;
-        let fused_ms = began.elapsed().as_secs_f64() * 1e3;
+    // Each plan has the same stages.
+    let plan = |_| -> Result<Timings, InputError> {
+        let mut times_ms = Timings::new();
+        let grid = timed(&mut times_ms, "TSDF", || fuse_views(views, &planner.grid))?;
         let volume = Observation::Tsdf(grid);
-        let began = Instant::now();
-        let plan = planner.plan(&volume, &Wishes::default())?;
-        if number < WARM_UP {
-            continue;
-        }
-        planning.push(began.elapsed().as_secs_f64() * 1e3);
-        fusing.push(fused_ms);
-        for (stage, ms) in plan.timings_ms {
-            match by_stage.iter_mut().find(|(name, _)| *name == stage) {
-                Some((_, times)) => times.push(ms),
-                None => by_stage.push((stage, vec![ms])),
-            }
-        }
-    }
-    let image_px = views.first().map_or([0, 0], |view| [view.image.width_px, view.image.height_px]);
+        let plan = timed(&mut times_ms, "plan", || planner.plan(&volume, &Wishes::default()))?;
+        times_ms.extend(plan.timings_ms);
+        Ok(times_ms)
+    };
+    let all: Vec<Timings> = (0..WARM_UP + plans.max(1)).map(plan).collect::<Result<_, _>>()?;
+    let measured = &all[WARM_UP..];
+    let time = |at: usize| stage_time(measured[0][at].0, measured.iter().map(|times_ms| times_ms[at].1).collect());
     Ok(BenchReport {
         plans,
         threads: rayon::current_num_threads(),
         views: views.len(),
-        image_px,
-        tsdf: stage_time("TSDF", fusing),
-        plan: stage_time("plan", planning),
-        stages: by_stage.into_iter().map(|(stage, times)| stage_time(stage, times)).collect(),
+        image_px: views.first().map_or([0, 0], |view| [view.image.width_px, view.image.height_px]),
+        tsdf: time(0),
+        plan: time(1),
+        stages: (2..measured[0].len()).map(time).collect(),
     })
 }
 

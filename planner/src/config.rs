@@ -215,14 +215,6 @@ impl Config {
     pub fn document(path: Option<&Path>) -> Result<Document, settings::Error> {
         Document::load(path, [PAPER, "configs/plan/paper.toml"])
     }
-
-    /// The settings that come with the program.
-    ///
-    /// # Errors
-    /// None, as a test says; the type is that of [`Config::load`].
-    pub fn built_in() -> Result<Self, settings::Error> {
-        Self::load(None)
-    }
 }
 
 #[cfg(test)]
@@ -238,7 +230,7 @@ mod tests {
 
     #[test]
     fn the_built_in_settings_are_the_papers() {
-        let config = Config::built_in().unwrap();
+        let config = Config::load(None).unwrap();
         assert_eq!(config.plane, PlaneParams::PAPER);
         assert_eq!(config.clusters, ClusterParams::PAPER);
         assert_eq!(config.ranking.weights, [0.45, 0.45, 0.1]);
@@ -253,7 +245,7 @@ mod tests {
         let refined = Config::load(Some(&path)).unwrap();
         assert!(refined.refinement.turns > 0 && refined.collision.check);
         assert_eq!(refined.ranking.policy, Policy::Flattest);
-        assert_eq!(Config::built_in().unwrap().refinement.turns, 0);
+        assert_eq!(Config::load(None).unwrap().refinement.turns, 0);
     }
 
     #[test]

@@ -162,12 +162,9 @@ fn near_surface(tsdf: &[f32], grid: &Grid, side: Side, steps: usize) -> Vec<bool
                 continue;
             }
             let [i, j, k] = unflat(grid, flat);
-            *slot = (i > 0 && before[flat - n * n])
-                || (i + 1 < n && before[flat + n * n])
-                || (j > 0 && before[flat - n])
-                || (j + 1 < n && before[flat + n])
-                || (k > 0 && before[flat - 1])
-                || (k + 1 < n && before[flat + 1]);
+            *slot = [(i, n * n), (j, n), (k, 1)].into_iter().any(|(at, stride)| {
+                (at > 0 && before[flat - stride]) || (at + 1 < n && before[flat + stride])
+            });
         }
     }
     near
@@ -228,7 +225,7 @@ mod tests {
     const GRID: Grid = Grid::PAPER;
 
     fn params() -> DetectionParams {
-        DetectionParams { surface_side: Side::Front, ..Config::built_in().unwrap().detection }
+        DetectionParams { surface_side: Side::Front, ..Config::load(None).unwrap().detection }
     }
 
     fn ball(middle: [usize; 3], radius: f32, value: f32) -> Vec<f32> {

@@ -147,21 +147,17 @@ pub enum RejectReason {
 impl RejectReason {
     /// The reason as one word, for programs, and as text.
     fn word_and_text(self) -> (&'static str, String) {
-        let (word, text) = match self {
-            Self::FarFromSurface => ("far_from_surface", "far from any surface that was seen, or on its other side"),
-            Self::Width { width_voxels } => {
-                return ("width", format!("a width of {width_voxels:.2} voxels is outside the limits"));
-            }
-            Self::Quality => ("quality", "quality below the threshold"),
-            Self::Suppressed => ("suppressed", "a better grasp is near"),
-            Self::Collision { points } => {
-                return ("collision", format!("the hand would pass through {points} points of the cloud"));
-            }
-            Self::NoHand => ("no_hand", "no hand about it closes on anything flat by a free way"),
-            Self::NoObject => ("no_object", "belongs to no object"),
-            Self::BeyondLimit => ("beyond_limit", "beyond the requested number of grasps"),
-        };
-        (word, text.to_owned())
+        let far = "far from any surface that was seen, or on its other side";
+        match self {
+            Self::FarFromSurface => ("far_from_surface", far.into()),
+            Self::Width { width_voxels } => ("width", format!("a width of {width_voxels:.2} voxels is outside the limits")),
+            Self::Quality => ("quality", "quality below the threshold".into()),
+            Self::Suppressed => ("suppressed", "a better grasp is near".into()),
+            Self::Collision { points } => ("collision", format!("the hand would pass through {points} points of the cloud")),
+            Self::NoHand => ("no_hand", "no hand about it closes on anything flat by a free way".into()),
+            Self::NoObject => ("no_object", "belongs to no object".into()),
+            Self::BeyondLimit => ("beyond_limit", "beyond the requested number of grasps".into()),
+        }
     }
 }
 

@@ -112,7 +112,9 @@ impl Planner {
 
     fn rank(&self, found: Found, normals: &[Vec3], wishes: &Wishes) -> Plan {
         let Found { scene, grids, detected, cloud, objects } = found;
-        let mut dropped = self.misses(&detected, &grids, wishes);
+        let misses = if wishes.explain { detected.misses(&self.grid, &self.config.detection) } else { Vec::new() };
+        let missed = |(miss, reason)| DroppedCandidate::new(&self.grasp_at(&miss, &grids, wishes), reason);
+        let mut dropped: Vec<DroppedCandidate> = misses.into_iter().map(missed).collect();
         let mut grasps: Vec<RankedGrasp> =
             detected.found.iter().map(|detection| self.grasp_at(detection, &grids, wishes)).collect();
         let mut funnel = detected.funnel;
@@ -120,7 +122,14 @@ impl Planner {
             self.refine(&mut grasps, (&cloud, normals), wishes, &mut dropped);
         }
         funnel.hands_found = grasps.len();
-        self.drop_colliding(&mut grasps, &cloud, wishes, &mut dropped);
+        let collision = &self.config.collision;
+        if wishes.check_collisions.unwrap_or(collision.check) {
+            let sweep = Sweep::new(&self.config.gripper, collision);
+            drop_where(&mut grasps, &mut dropped, |ranked| {
+                let points = sweep.points_hit(&ranked.workspace_from_grasp, &cloud.points_m);
+                (points > collision.points_max).then_some(RejectReason::Collision { points })
+            });
+        }
         funnel.collision_free = grasps.len();
         let policy = wishes.policy.unwrap_or(self.config.ranking.policy);
         rank::attribute(&mut grasps, &cloud, &objects, &self.config.ranking);
@@ -194,47 +203,13 @@ impl Planner {
         let hands: Vec<Option<Hand>> =
             grasps.par_iter().map(|ranked| searched.hand_at(ranked.workspace_from_grasp.translation)).collect();
         let mut hands = hands.into_iter();
-        grasps.retain_mut(|ranked| match hands.next().flatten() {
-            Some(Hand { grasp, support }) => {
-                ranked.support = Some(support);
-                ranked.workspace_from_grasp = towards_wrist(&grasp.workspace_from_grasp, wrist);
-                ranked.width_m = grasp.width_m;
-                true
-            }
-            None => {
-                dropped.push(DroppedCandidate::new(ranked, RejectReason::NoHand));
-                false
-            }
-        });
-    }
-
-    fn drop_colliding(
-        &self,
-        grasps: &mut Vec<RankedGrasp>,
-        cloud: &SegmentedCloud,
-        wishes: &Wishes,
-        dropped: &mut Vec<DroppedCandidate>,
-    ) {
-        let params = &self.config.collision;
-        if !wishes.check_collisions.unwrap_or(params.check) {
-            return;
-        }
-        let sweep = Sweep::new(&self.config.gripper, params);
         drop_where(grasps, dropped, |ranked| {
-            let points = sweep.points_hit(&ranked.workspace_from_grasp, &cloud.points_m);
-            (points > params.points_max).then_some(RejectReason::Collision { points })
+            let Some(Hand { grasp, support }) = hands.next().flatten() else { return Some(RejectReason::NoHand) };
+            ranked.support = Some(support);
+            ranked.workspace_from_grasp = towards_wrist(&grasp.workspace_from_grasp, wrist);
+            ranked.width_m = grasp.width_m;
+            None
         });
-    }
-
-    /// The rejected candidates, if requested.
-    fn misses(&self, detected: &Detected, grids: &DenseGrids, wishes: &Wishes) -> Vec<DroppedCandidate> {
-        if !wishes.explain {
-            return Vec::new();
-        }
-        let misses = detected.misses(&self.grid, &self.config.detection).into_iter();
-        misses
-            .map(|(detection, reason)| DroppedCandidate::new(&self.grasp_at(&detection, grids, wishes), reason))
-            .collect()
     }
 
     /// Why there are no grasps: the first stage that no candidate passed.
@@ -319,14 +294,12 @@ struct Found {
 fn drop_where(
     grasps: &mut Vec<RankedGrasp>,
     dropped: &mut Vec<DroppedCandidate>,
-    mut reason: impl FnMut(&RankedGrasp) -> Option<RejectReason>,
+    mut reason: impl FnMut(&mut RankedGrasp) -> Option<RejectReason>,
 ) {
-    grasps.retain(|ranked| match reason(ranked) {
-        Some(reason) => {
-            dropped.push(DroppedCandidate::new(ranked, reason));
-            false
-        }
-        None => true,
+    grasps.retain_mut(|ranked| {
+        let reason = reason(ranked);
+        dropped.extend(reason.map(|reason| DroppedCandidate::new(ranked, reason)));
+        reason.is_none()
     });
 }
 
@@ -341,10 +314,10 @@ fn sigmoid(logit: f32) -> f32 {
 }
 
 /// Stages and their times in milliseconds.
-type Timings = Vec<(&'static str, f64)>;
+pub(crate) type Timings = Vec<(&'static str, f64)>;
 
 /// Runs a stage and adds its time.
-fn timed<T>(timings_ms: &mut Timings, stage: &'static str, run: impl FnOnce() -> T) -> T {
+pub(crate) fn timed<T>(timings_ms: &mut Timings, stage: &'static str, run: impl FnOnce() -> T) -> T {
     let began = Instant::now();
     let result = run();
     timings_ms.push((stage, began.elapsed().as_secs_f64() * 1e3));

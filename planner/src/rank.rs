@@ -17,16 +17,12 @@ pub fn rho_m(position_m: Vec3, centroid_m: Vec3, quality: f32, weights: [f32; 3]
 /// The object of the nearest object point, if that is at most `distance_m_max` away.
 #[must_use]
 pub fn object_at(position_m: Vec3, cloud: &SegmentedCloud, distance_m_max: f32) -> Option<usize> {
-    let mut nearest = (distance_m_max * distance_m_max, None);
-    for (point, label) in cloud.points_m.iter().zip(&cloud.labels) {
-        if let PointLabel::Object(object) = label {
-            let distance = (*point - position_m).length_squared();
-            if distance < nearest.0 || (nearest.1.is_none() && distance <= nearest.0) {
-                nearest = (distance, Some(*object));
-            }
-        }
-    }
-    nearest.1
+    let squares = cloud.points_m.iter().zip(&cloud.labels).filter_map(|(point, label)| match label {
+        PointLabel::Object(object) => Some(((*point - position_m).length_squared(), *object)),
+        PointLabel::Plane | PointLabel::Noise => None,
+    });
+    let (square, object) = squares.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (square <= distance_m_max * distance_m_max).then_some(object)
 }
 
 /// Assigns each grasp its object and ρ.
@@ -119,7 +115,7 @@ mod tests {
     #[test]
     fn the_paper_takes_the_highest_object_first_and_its_middle() {
         let (cloud, objects) = scene();
-        let params = Config::built_in().unwrap().ranking;
+        let params = Config::load(None).unwrap().ranking;
         let mut grasps = vec![
             grasp([0.1, 0.1, 0.07], 0.99),
             grasp([0.2, 0.115, 0.12], 0.95),
@@ -155,11 +151,11 @@ mod tests {
 
     #[test]
     fn only_the_paper_leaves_out_what_belongs_to_nothing() {
-        let params = RankingParams { without_object: WithoutObject::Drop, ..Config::built_in().unwrap().ranking };
+        let params = RankingParams { without_object: WithoutObject::Drop, ..Config::load(None).unwrap().ranking };
         let lost = grasp([0.0; 3], 0.95);
         assert!(is_left_out(&lost, Policy::Paper, &params));
         assert!(!is_left_out(&lost, Policy::VgnBest, &params));
         assert!(!is_left_out(&RankedGrasp { object: Some(0), ..lost.clone() }, Policy::Paper, &params));
-        assert!(!is_left_out(&lost, Policy::Paper, &Config::built_in().unwrap().ranking));
+        assert!(!is_left_out(&lost, Policy::Paper, &Config::load(None).unwrap().ranking));
     }
 }

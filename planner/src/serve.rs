@@ -47,7 +47,7 @@ mod tests;
 
 /// Maximum number of open connections; further ones wait in the system's queue.
 const CONNECTIONS_MAX: u32 = 256;
-/// Maximum time from an answer to the next request's complete header.
+/// [`ServeOptions::silence_max`].
 const SILENCE_MAX: Duration = Duration::from_secs(10);
 /// Interval at which the service checks whether it should stop.
 const GLANCE: Duration = Duration::from_millis(100);
@@ -86,6 +86,10 @@ pub struct ServeOptions {
     /// Plans that may wait; further requests are refused
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = value_parser!(u16).range(0..=1024))]
     pub queue: u16,
+
+    /// Maximum time from an answer to the next request's complete header
+    #[arg(skip = SILENCE_MAX)]
+    pub silence_max: Duration,
 }
 
 impl ServeOptions {
@@ -157,7 +161,7 @@ pub fn serve(
     // Strings and finite numbers always serialize.
     let model_json = serde_json::to_string(&model::ModelAnswer::new(&planner)).unwrap_or_default();
     let plan = Box::new(move |body: &[u8]| planning::plan_bytes(&planner, body));
-    serve_shared(&Shared::new(plan, model_json, options), SILENCE_MAX, stop, on_listening)
+    serve_shared(&Shared::new(plan, model_json, options), stop, on_listening)
 }
 
 fn routes(shared: &Arc<Shared>) -> Router {
@@ -213,30 +217,20 @@ impl Drop for InFlight {
     }
 }
 
-fn serve_shared(
-    shared: &Arc<Shared>,
-    silence_max: Duration,
-    stop: &AtomicBool,
-    on_listening: &dyn Fn(SocketAddr),
-) -> Result<(), Failure> {
+fn serve_shared(shared: &Arc<Shared>, stop: &AtomicBool, on_listening: &dyn Fn(SocketAddr)) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .thread_name("serve")
         .enable_all()
         .build()
         .context("failed to start the service's threads")?;
-    let ended = runtime.block_on(listen(shared, silence_max, stop, on_listening));
+    let ended = runtime.block_on(listen(shared, stop, on_listening));
     // Plans that outlive their request are not awaited.
     runtime.shutdown_background();
     ended
 }
 
-async fn listen(
-    shared: &Arc<Shared>,
-    silence_max: Duration,
-    stop: &AtomicBool,
-    on_listening: &dyn Fn(SocketAddr),
-) -> Result<(), Failure> {
+async fn listen(shared: &Arc<Shared>, stop: &AtomicBool, on_listening: &dyn Fn(SocketAddr)) -> Result<(), Failure> {
     let options = &shared.options;
     let address = options.address()?;
     let refused = |error: io::Error| {
@@ -254,7 +248,7 @@ async fn listen(
             (Listener::accept(&mut listener).await.0, place)
         });
         let Ok((stream, place)) = accepted.await else { continue };
-        let conversation = converse(stream, routes.clone(), silence_max, stopped.clone());
+        let conversation = converse(stream, routes.clone(), options.silence_max, stopped.clone());
         tokio::spawn(async move {
             conversation.await;
             drop(place);

@@ -1,5 +1,7 @@
 //! From an observation to the inputs of planning: the grid for the network and the cloud for the objects.
 
+use std::borrow::Cow;
+
 use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, surface_cloud, thinned, view_from};
 use schema::{Grid, Vec3, VoxelGrid};
 
@@ -29,31 +31,26 @@ pub struct Volume {
 /// see the workspace, or a cloud that is not a surface.
 pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Result<Volume, InputError> {
     let pitch_m = params.pitch_m;
-    match observation {
+    let (grid, fine) = match observation {
         Observation::Views(views) => {
-            let scaled: Vec<SeenView>;
-            let views = if params.scale_to_table {
-                scaled = views.iter().map(|view| scaled_to_table(view, grid)).collect();
-                &scaled
-            } else {
-                views
-            };
-            let on = |resolution: usize| fuse_views(views, &Grid { resolution, ..*grid });
-            let coarse = on(grid.resolution)?;
-            let fine = if params.resolution == grid.resolution { None } else { Some(on(params.resolution)?) };
-            let points_m = surface_cloud(fine.as_ref().unwrap_or(&coarse), pitch_m);
-            Ok(Volume { grid: coarse, points_m, fine, warnings: Vec::new() })
+            let scaled = |view| scaled_to_table(view, grid);
+            let views: Cow<'_, [SeenView]> =
+                if params.scale_to_table { views.iter().map(scaled).collect() } else { views.into() };
+            let on = |resolution: usize| fuse_views(&views, &Grid { resolution, ..*grid });
+            let fine = (params.resolution != grid.resolution).then(|| on(params.resolution)).transpose()?;
+            (on(grid.resolution)?, fine)
         }
         Observation::Tsdf(given) => {
             if given.grid.resolution != grid.resolution || (given.grid.size_m - grid.size_m).abs() > 1e-6 {
                 let told = |grid: &Grid| format!("{}³ voxels in {} m", grid.resolution, grid.size_m);
                 return refuse(format!("the grid must have {}, got {}: tsdf", told(grid), told(&given.grid)));
             }
-            let points_m = surface_cloud(given, pitch_m);
-            Ok(Volume { grid: given.clone(), points_m, fine: None, warnings: Vec::new() })
+            (given.clone(), None)
         }
-        Observation::Cloud { points_m, eyes_m } => fuse_cloud(points_m, eyes_m, grid, pitch_m),
-    }
+        Observation::Cloud { points_m, eyes_m } => return fuse_cloud(points_m, eyes_m, grid, pitch_m),
+    };
+    let points_m = surface_cloud(fine.as_ref().unwrap_or(&grid), pitch_m);
+    Ok(Volume { grid, points_m, fine, warnings: Vec::new() })
 }
 
 /// The TSDF of depth images.

@@ -9,14 +9,11 @@ pub(crate) fn decompress(data: &[u8], size: usize) -> Option<Vec<u8>> {
     }
     let mut out = Vec::with_capacity(size);
     let mut rest = data;
-    while let Some((&control, behind)) = rest.split_first() {
-        rest = behind;
-        if control < 32 {
-            let (literals, behind) = rest.split_at_checked(usize::from(control) + 1)?;
-            out.extend_from_slice(literals);
-            rest = behind;
+    while let Some(control) = rest.split_off_first() {
+        if *control < 32 {
+            out.extend_from_slice(rest.split_off(..=usize::from(*control))?);
         } else {
-            copy_reference(control, &mut rest, &mut out, size)?;
+            copy_reference(*control, &mut rest, &mut out, size)?;
         }
         if out.len() > size {
             return None;
@@ -28,10 +25,10 @@ pub(crate) fn decompress(data: &[u8], size: usize) -> Option<Vec<u8>> {
 fn copy_reference(control: u8, rest: &mut &[u8], out: &mut Vec<u8>, size: usize) -> Option<()> {
     let mut length = usize::from(control >> 5);
     if length == 7 {
-        length += usize::from(next(rest)?);
+        length += usize::from(*rest.split_off_first()?);
     }
     length += 2;
-    let back = (usize::from(control & 31) << 8) + usize::from(next(rest)?) + 1;
+    let back = (usize::from(control & 31) << 8) + usize::from(*rest.split_off_first()?) + 1;
     let from = out.len().checked_sub(back)?;
     if length > size - out.len() {
         return None;
@@ -41,12 +38,6 @@ fn copy_reference(control: u8, rest: &mut &[u8], out: &mut Vec<u8>, size: usize)
         out.push(out[at]);
     }
     Some(())
-}
-
-fn next(rest: &mut &[u8]) -> Option<u8> {
-    let (&byte, behind) = rest.split_first()?;
-    *rest = behind;
-    Some(byte)
 }
 
 #[cfg(test)]

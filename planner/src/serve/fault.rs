@@ -8,7 +8,7 @@ use std::any::Any;
 use axum::Json;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::ServeOptions;
@@ -20,18 +20,12 @@ pub(crate) struct Fault {
     /// The error: rule, value, limit, place.
     error: String,
     /// The status of the response.
-    #[serde(serialize_with = "number_of")]
-    #[schema(value_type = u16)]
-    status: StatusCode,
-}
-
-fn number_of<S: Serializer>(status: &StatusCode, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_u16(status.as_u16())
+    status: u16,
 }
 
 impl Fault {
     pub(super) fn new(status: StatusCode, error: impl Into<String>) -> Self {
-        Self { error: error.into(), status }
+        Self { error: error.into(), status: status.as_u16() }
     }
 
     /// A defect of the planner. The log has the details.
@@ -54,7 +48,8 @@ impl Fault {
 
 impl IntoResponse for Fault {
     fn into_response(self) -> Response {
-        let status = self.status;
+        // It was made from a status.
+        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let mut response = (status, Json(self)).into_response();
         if status == StatusCode::SERVICE_UNAVAILABLE {
             response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));

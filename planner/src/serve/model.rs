@@ -60,6 +60,6 @@ mod tests {
     #[test]
     fn settings_are_shown_as_they_stand_in_the_file() {
         let file: toml::Table = PAPER.parse().unwrap();
-        assert_eq!(settings(&Config::built_in().unwrap()), serde_json::to_value(file).unwrap());
+        assert_eq!(settings(&Config::load(None).unwrap()), serde_json::to_value(file).unwrap());
     }
 }

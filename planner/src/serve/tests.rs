@@ -38,11 +38,16 @@ fn options() -> ServeOptions {
         request_timeout: Duration::from_secs(20),
         concurrent: 1,
         queue: 0,
+        silence_max: SILENCE_MAX,
     }
 }
 
+fn silent_for(ms: u64) -> ServeOptions {
+    ServeOptions { silence_max: Duration::from_millis(ms), ..options() }
+}
+
 /// Bodies are commands: `panic`, `refuse`, `wait` (until `go`); anything else is planned.
-fn start(options: ServeOptions, silence_max: Duration, go: &Arc<AtomicBool>) -> Running {
+fn start(options: ServeOptions, go: &Arc<AtomicBool>) -> Running {
     let go = Arc::clone(go);
     let plan = move |body: &[u8]| match body {
         b"panic" => panic!("as ordered"),
@@ -64,13 +69,13 @@ fn start(options: ServeOptions, silence_max: Duration, go: &Arc<AtomicBool>) -> 
     let (theirs, until) = (Arc::clone(&shared), Arc::clone(&stop));
     let thread = std::thread::spawn(move || {
         let on_listening = |address| sender.send(address).unwrap();
-        serve_shared(&theirs, silence_max, &until, &on_listening)
+        serve_shared(&theirs, &until, &on_listening)
     });
     Running { address: receiver.recv().unwrap(), shared, stop, thread }
 }
 
 fn started() -> Running {
-    start(options(), SILENCE_MAX, &Arc::default())
+    start(options(), &Arc::default())
 }
 
 fn plan_request(body: &str) -> String {
@@ -175,7 +180,7 @@ fn a_panic_costs_one_answer() {
 #[test]
 fn who_finds_no_place_is_turned_away_while_health_answers() {
     let go = Arc::new(AtomicBool::new(false));
-    let service = start(options(), SILENCE_MAX, &go);
+    let service = start(options(), &go);
     let address = service.address;
     let waiting = std::thread::spawn(move || exchange(address, plan_request("wait").as_bytes()));
     until(|| service.shared.turns.available_permits() == 0);
@@ -193,7 +198,7 @@ fn who_finds_no_place_is_turned_away_while_health_answers() {
 fn a_plan_that_takes_too_long_is_504_and_keeps_its_place_until_it_ends() {
     let go = Arc::new(AtomicBool::new(false));
     let hasty = ServeOptions { request_timeout: Duration::from_millis(200), ..options() };
-    let service = start(hasty, SILENCE_MAX, &go);
+    let service = start(hasty, &go);
     assert_error(&service.plan("wait"), 504, "no answer within 0.2 s");
     assert_error(&service.plan("anything"), 503, "too many");
     go.store(true, Ordering::Relaxed);
@@ -205,7 +210,7 @@ fn a_plan_that_takes_too_long_is_504_and_keeps_its_place_until_it_ends() {
 #[test]
 fn a_body_that_never_ends_is_504() {
     let hasty = ServeOptions { request_timeout: Duration::from_millis(200), ..options() };
-    let service = start(hasty, SILENCE_MAX, &Arc::default());
+    let service = start(hasty, &Arc::default());
     let unfinished = plan_request("{}").replace("Content-Length: 2", "Content-Length: 900");
     assert_error(&service.ask(&unfinished), 504, "no answer within 0.2 s");
     until(|| service.shared.places.available_permits() == 1);
@@ -214,7 +219,7 @@ fn a_body_that_never_ends_is_504() {
 
 #[test]
 fn the_silent_and_the_trickling_are_hung_up_on() {
-    let service = start(options(), Duration::from_millis(300), &Arc::default());
+    let service = start(silent_for(300), &Arc::default());
     let silent = TcpStream::connect(service.address).unwrap();
     let mut trickling = TcpStream::connect(service.address).unwrap();
     let started = Instant::now();
@@ -232,7 +237,7 @@ fn the_silent_and_the_trickling_are_hung_up_on() {
 
 #[test]
 fn a_connection_serves_again_and_again() {
-    let service = start(options(), Duration::from_millis(500), &Arc::default());
+    let service = start(silent_for(500), &Arc::default());
     let mut stream = TcpStream::connect(service.address).unwrap();
     stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
     let mut answer = [0; 4096];
@@ -250,7 +255,7 @@ fn a_connection_serves_again_and_again() {
 #[test]
 fn a_service_that_stops_answers_what_is_under_way() {
     let go = Arc::new(AtomicBool::new(false));
-    let service = start(options(), SILENCE_MAX, &go);
+    let service = start(options(), &go);
     let address = service.address;
     let waiting = std::thread::spawn(move || exchange(address, plan_request("wait").as_bytes()));
     until(|| service.shared.turns.available_permits() == 0);
@@ -276,7 +281,7 @@ fn a_taken_address_is_an_error() {
     let service = started();
     let taken = ServeOptions { port: service.address.port(), ..options() };
     let shared = Shared::new(Box::new(|_| Err(Fault::internal())), "{}".to_owned(), &taken);
-    let error = serve_shared(&shared, SILENCE_MAX, &AtomicBool::new(false), &|_| ()).unwrap_err();
+    let error = serve_shared(&shared, &AtomicBool::new(false), &|_| ()).unwrap_err();
     assert!(error.to_string().starts_with("failed to listen: "), "{error}");
     assert_eq!(error.exit_code(), ExitCode::TryAgain);
     service.end();
