@@ -38,6 +38,9 @@ mod tests {
     #[test]
     fn the_demo_is_what_its_folder_says() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("demo/views.toml");
-        assert_eq!(assemble(&request().unwrap(), None, Grid::PAPER).unwrap(), from_file(&path, Grid::PAPER).unwrap());
+        assert_eq!(
+            assemble(&request().unwrap(), None, Grid::PAPER).unwrap(),
+            from_file(&path, Grid::PAPER, |_| ()).unwrap()
+        );
     }
 }

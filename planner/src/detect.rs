@@ -162,9 +162,9 @@ fn near_surface(tsdf: &[f32], grid: &Grid, side: Side, steps: usize) -> Vec<bool
                 continue;
             }
             let [i, j, k] = unflat(grid, flat);
-            *slot = [(i, n * n), (j, n), (k, 1)].into_iter().any(|(at, stride)| {
-                (at > 0 && before[flat - stride]) || (at + 1 < n && before[flat + stride])
-            });
+            *slot = [(i, n * n), (j, n), (k, 1)]
+                .into_iter()
+                .any(|(at, stride)| (at > 0 && before[flat - stride]) || (at + 1 < n && before[flat + stride]));
         }
     }
     near

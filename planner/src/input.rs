@@ -30,5 +30,5 @@ pub use error::InputError;
 pub(crate) use error::refuse;
 pub(crate) use file::read_file;
 pub(crate) use request::parse_toml;
-pub use request::{DataInput, RequestInput, SourceInput, ViewInput, parse_file};
+pub use request::{DataInput, RequestInput, SourceInput, ViewInput};
 pub use tsdf::read_tsdf;

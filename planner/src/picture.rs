@@ -385,9 +385,7 @@ mod tests {
 
     #[test]
     fn dropped_candidates_are_dots_and_have_a_legend() {
-        let dropped = |reason: RejectReason| {
-            DroppedCandidate::new(&grasp(0.27, 0.27, 0.06, 0.0, 0.04, 0.9, 0), reason)
-        };
+        let dropped = |reason: RejectReason| DroppedCandidate::new(&grasp(0.27, 0.27, 0.06, 0.0, 0.04, 0.9, 0), reason);
         for (reason, colour) in
             [(RejectReason::Collision { points: 7 }, COLLISION), (RejectReason::Suppressed, OTHER_DROP)]
         {

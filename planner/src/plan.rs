@@ -51,10 +51,8 @@ struct PoseAnswer {
 
 /// Writes a pose, or an optional one.
 fn pose<'a, S: Serializer>(pose: impl Into<Option<&'a Pose>>, serializer: S) -> Result<S::Ok, S::Error> {
-    let answer = |pose: &Pose| PoseAnswer {
-        position_m: pose.translation.to_array(),
-        quaternion_xyzw: pose.rotation.to_array(),
-    };
+    let answer =
+        |pose: &Pose| PoseAnswer { position_m: pose.translation.to_array(), quaternion_xyzw: pose.rotation.to_array() };
     pose.into().map(answer).serialize(serializer)
 }
 
@@ -150,10 +148,14 @@ impl RejectReason {
         let far = "far from any surface that was seen, or on its other side";
         match self {
             Self::FarFromSurface => ("far_from_surface", far.into()),
-            Self::Width { width_voxels } => ("width", format!("a width of {width_voxels:.2} voxels is outside the limits")),
+            Self::Width { width_voxels } => {
+                ("width", format!("a width of {width_voxels:.2} voxels is outside the limits"))
+            }
             Self::Quality => ("quality", "quality below the threshold".into()),
             Self::Suppressed => ("suppressed", "a better grasp is near".into()),
-            Self::Collision { points } => ("collision", format!("the hand would pass through {points} points of the cloud")),
+            Self::Collision { points } => {
+                ("collision", format!("the hand would pass through {points} points of the cloud"))
+            }
             Self::NoHand => ("no_hand", "no hand about it closes on anything flat by a free way".into()),
             Self::NoObject => ("no_object", "belongs to no object".into()),
             Self::BeyondLimit => ("beyond_limit", "beyond the requested number of grasps".into()),

@@ -6,8 +6,8 @@ use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, surface_cloud, thinned, v
 use schema::{Grid, Vec3, VoxelGrid};
 
 use crate::config::CloudParams;
-use crate::level::scaled_to_table;
 use crate::input::{InputError, refuse};
+use crate::level::scaled_to_table;
 use crate::observation::{Observation, SeenView};
 
 /// A fused observation.

@@ -33,7 +33,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let planner = arguments.network.planner()?;
     let request = match &arguments.views {
-        Some(path) => from_file(path, planner.grid)?,
+        Some(path) => from_file(path, planner.grid, |_| ())?,
         None => assemble(&demo::request()?, None, planner.grid)?,
     };
     let Observation::Views(views) = &request.observation else {

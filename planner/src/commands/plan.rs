@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use planner::cloud_file::write_ply;
 use planner::input::{
-    OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput, assemble, parse_file,
+    InputError, OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput, assemble, from_file,
 };
 use planner::picture::draw;
 use planner::{Policy, demo};
@@ -115,19 +115,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 }
 
 /// What is to be planned: a file's request or one made of flags, which count more than the file.
-fn request(arguments: &Arguments, grid: Grid) -> Result<Request, Failure> {
-    let mut input = match &arguments.views {
-        Some(path) => parse_file(path)?,
-        None if arguments.demo => demo::request()?,
-        None => RequestInput::default(),
-    };
+fn request(arguments: &Arguments, grid: Grid) -> Result<Request, InputError> {
+    if let Some(path) = &arguments.views {
+        return from_file(path, grid, |input| add_flags(arguments, input));
+    }
+    let mut input = if arguments.demo { demo::request()? } else { RequestInput::default() };
     add_flags(arguments, &mut input);
-    let folder = arguments.views.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-    let request = assemble(&input, Some(folder), grid);
-    Ok(match &arguments.views {
-        Some(path) => request.map_err(|error| error.at(&path.display().to_string())),
-        None => request,
-    }?)
+    assemble(&input, Some(Path::new("")), grid)
 }
 
 fn add_flags(arguments: &Arguments, input: &mut RequestInput) {

@@ -7,11 +7,12 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use schema::{Camera, Grid, Pose, Vec3};
 
-use crate::input::camera::{IntrinsicsInput, intrinsics, orientation, point, pose};
+use crate::input::camera::{intrinsics, orientation, point, pose};
 use crate::input::cloud::read_cloud;
 use crate::input::depth::{judge_depth, read_depth};
 use crate::input::error::{InputError, refuse, shown};
 use crate::input::file::read_file;
+use crate::input::points::ReadCloud;
 use crate::input::raw_depth::SIDE_PX_MAX;
 use crate::input::request::{EYES_MAX, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
 use crate::input::tsdf::read_tsdf;
@@ -39,13 +40,12 @@ pub struct Request {
 /// [`InputError`], naming the key.
 pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
     let wishes = wishes(input)?;
-    let mut warnings = Vec::new();
+    let mut assembly =
+        Assembly { input, folder, base_from_workspace: wishes.base_from_workspace, warnings: Vec::new() };
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
-        (Some(views), None, None) => read_views(input, views, folder, &wishes, &mut warnings),
-        (None, Some(tsdf), None) => {
-            read_source(tsdf, folder, "tsdf", |bytes| read_tsdf(bytes, grid)).map(Observation::Tsdf)
-        }
-        (None, None, Some(cloud)) => cloud_with_eyes(input, cloud, folder, &mut warnings),
+        (Some(views), None, None) => assembly.views(views),
+        (None, Some(tsdf), None) => assembly.read(tsdf, "tsdf", |bytes| read_tsdf(bytes, grid)).map(Observation::Tsdf),
+        (None, None, Some(cloud)) => assembly.cloud(cloud),
         (views, tsdf, cloud) => {
             let given = [views.is_some(), tsdf.is_some(), cloud.is_some()].into_iter().filter(|is| *is).count();
             refuse(format!("a request must have exactly one of views, tsdf and cloud, got {given}"))
@@ -58,7 +58,7 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
     if input.intrinsics.is_some() && input.views.is_none() {
         return is_out_of_place("intrinsics", "views");
     }
-    Ok(Request { observation, wishes, warnings })
+    Ok(Request { observation, wishes, warnings: assembly.warnings })
 }
 
 /// A request to the service: without paths, because the service reads no files.
@@ -69,13 +69,15 @@ pub fn from_json(bytes: &[u8], grid: Grid) -> Result<Request, InputError> {
     assemble(&parse_json(bytes)?, None, grid)
 }
 
-/// A request from a file, TOML or JSON; paths in it are relative to its folder.
+/// A request from a file, TOML or JSON, after some `changes`; its paths are relative to the file's folder.
 ///
 /// # Errors
 /// [`InputError`], naming the key and the file.
-pub fn from_file(path: &Path, grid: Grid) -> Result<Request, InputError> {
+pub fn from_file(path: &Path, grid: Grid, changes: impl FnOnce(&mut RequestInput)) -> Result<Request, InputError> {
+    let mut input = parse_file(path)?;
+    changes(&mut input);
     let folder = path.parent().unwrap_or(Path::new(""));
-    assemble(&parse_file(path)?, Some(folder), grid).map_err(|error| error.at(&path.display().to_string()))
+    assemble(&input, Some(folder), grid).map_err(|error| error.at(&path.display().to_string()))
 }
 
 /// The options of a request.
@@ -99,106 +101,95 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
     })
 }
 
-/// The content of a source, parsed by `read`, with the key's path on every error.
-fn read_source<T>(
-    source: &SourceInput,
-    folder: Option<&Path>,
-    at: &str,
-    read: impl FnOnce(&[u8]) -> Result<T, InputError>,
-) -> Result<T, InputError> {
-    let bytes = match (source, folder) {
-        (SourceInput::Data(input), _) => STANDARD.decode(&input.data).map_err(|error| {
-            InputError::Value(format!("must be base64 of the standard alphabet, padded: {error}: {at}.data"))
-        })?,
-        (SourceInput::Path(path), Some(folder)) => read_file(&folder.join(path))?,
-        (SourceInput::Path(_), None) => {
-            return refuse(format!("over HTTP a file is {{ \"data\": \"<base64>\" }}, a path is refused: {at}"));
+/// A request whose observation is being read.
+struct Assembly<'a> {
+    input: &'a RequestInput,
+    folder: Option<&'a Path>,
+    base_from_workspace: Option<Pose>,
+    warnings: Vec<String>,
+}
+
+impl Assembly<'_> {
+    /// The content of a source, parsed by `parse`, with the key's path on every error.
+    fn read<T>(
+        &self,
+        source: &SourceInput,
+        at: &str,
+        parse: impl FnOnce(&[u8]) -> Result<T, InputError>,
+    ) -> Result<T, InputError> {
+        let bytes = match (source, self.folder) {
+            (SourceInput::Data(input), _) => STANDARD.decode(&input.data).map_err(|error| {
+                InputError::Value(format!("must be base64 of the standard alphabet, padded: {error}: {at}.data"))
+            })?,
+            (SourceInput::Path(path), Some(folder)) => read_file(&folder.join(path))?,
+            (SourceInput::Path(_), None) => {
+                return refuse(format!("over HTTP a file is {{ \"data\": \"<base64>\" }}, a path is refused: {at}"));
+            }
+        };
+        parse(&bytes).map_err(|error| match source {
+            SourceInput::Path(path) => error.at(&shown(path)).at(at),
+            SourceInput::Data(_) => error.at(at),
+        })
+    }
+
+    fn views(&mut self, views: &[ViewInput]) -> Result<Observation, InputError> {
+        if !(1..=VIEWS_MAX).contains(&views.len()) {
+            return refuse(format!("must have 1 to {VIEWS_MAX} entries, got {}: views", views.len()));
         }
-    };
-    read(&bytes).map_err(|error| match source {
-        SourceInput::Path(path) => error.at(&shown(path)).at(at),
-        SourceInput::Data(_) => error.at(at),
-    })
-}
-
-fn read_views(
-    input: &RequestInput,
-    views: &[ViewInput],
-    folder: Option<&Path>,
-    wishes: &Wishes,
-    warnings: &mut Vec<String>,
-) -> Result<Observation, InputError> {
-    if !(1..=VIEWS_MAX).contains(&views.len()) {
-        return refuse(format!("must have 1 to {VIEWS_MAX} entries, got {}: views", views.len()));
-    }
-    let mut pixels_left = PIXELS_MAX;
-    let mut seen = Vec::with_capacity(views.len());
-    for (number, view) in views.iter().enumerate() {
-        let at = format!("views[{number}]");
-        let workspace_from_camera = camera_pose(view, wishes.base_from_workspace, &at)?;
-        let (view, odd) = read_view(view, input.intrinsics.as_ref(), workspace_from_camera, folder, &at, pixels_left)?;
-        warnings.extend(odd);
-        pixels_left -= view.image.depth_m.len();
-        seen.push(view);
-    }
-    Ok(Observation::Views(seen))
-}
-
-/// The pose of a view's camera in the workspace.
-fn camera_pose(view: &ViewInput, base_from_workspace: Option<Pose>, at: &str) -> Result<Pose, InputError> {
-    match (&view.workspace_from_camera, &view.base_from_camera) {
-        (Some(input), None) => pose(input, &format!("{at}.workspace_from_camera")),
-        (None, Some(input)) => {
-            let at = format!("{at}.base_from_camera");
-            let Some(base_from_workspace) = base_from_workspace else {
-                return refuse(format!("needs the request's base_from_workspace: {at}"));
-            };
-            Ok(base_from_workspace.inverse() * pose(input, &at)?)
+        let mut pixels_left = PIXELS_MAX;
+        let mut seen = Vec::with_capacity(views.len());
+        for (number, view) in views.iter().enumerate() {
+            let view = self.view(view, &format!("views[{number}]"), pixels_left)?;
+            pixels_left -= view.image.depth_m.len();
+            seen.push(view);
         }
-        _ => refuse(format!("a view must have exactly one of workspace_from_camera and base_from_camera: {at}")),
+        Ok(Observation::Views(seen))
     }
-}
 
-/// A view, with warnings about its image.
-fn read_view(
-    view: &ViewInput,
-    of_request: Option<&IntrinsicsInput>,
-    workspace_from_camera: Pose,
-    folder: Option<&Path>,
-    at: &str,
-    pixels_max: usize,
-) -> Result<(SeenView, Vec<String>), InputError> {
-    let place = if view.intrinsics.is_some() { format!("{at}.intrinsics") } else { "intrinsics".to_owned() };
-    let Some(lens) = view.intrinsics.as_ref().or(of_request) else {
-        return refuse(format!("neither the view nor the request has intrinsics: {at}"));
-    };
-    let depth_at = format!("{at}.depth");
-    let scale_m = view.depth_scale_m.map(|scale_m| scale_m as f32);
-    let (depth, odd) = read_source(&view.depth, folder, &depth_at, |bytes| {
-        let depth = read_depth(bytes, scale_m, pixels_max)?;
-        let odd = judge_depth(&depth)?;
-        Ok((depth, odd))
-    })?;
-    let size_px = [depth.image.width_px, depth.image.height_px];
-    let intrinsics = intrinsics(lens, size_px, &place)?;
-    let odd = odd.into_iter().map(|warning| format!("{warning}: {depth_at}")).collect();
-    Ok((SeenView { image: depth.image, camera: Camera { intrinsics, workspace_from_camera } }, odd))
-}
-
-fn cloud_with_eyes(
-    input: &RequestInput,
-    cloud: &SourceInput,
-    folder: Option<&Path>,
-    warnings: &mut Vec<String>,
-) -> Result<Observation, InputError> {
-    let eyes_m = input.eyes_m.as_deref().map(eyes).transpose()?;
-    let cloud = read_source(cloud, folder, "cloud", read_cloud)?;
-    if cloud.dropped > cloud.points_m.len() {
-        let (dropped, left) = (cloud.dropped, cloud.points_m.len());
-        warnings.push(format!("{dropped} points without finite coordinates were left out, {left} are left: cloud"));
+    fn view(&mut self, view: &ViewInput, at: &str, pixels_max: usize) -> Result<SeenView, InputError> {
+        let workspace_from_camera = self.camera_pose(view, at)?;
+        let (lens, lens_at) = match (&view.intrinsics, &self.input.intrinsics) {
+            (Some(lens), _) => (lens, format!("{at}.intrinsics")),
+            (None, Some(lens)) => (lens, "intrinsics".to_owned()),
+            (None, None) => return refuse(format!("neither the view nor the request has intrinsics: {at}")),
+        };
+        let depth_at = format!("{at}.depth");
+        let scale_m = view.depth_scale_m.map(|scale_m| scale_m as f32);
+        let (image, odd) = self.read(&view.depth, &depth_at, |bytes| {
+            let depth = read_depth(bytes, scale_m, pixels_max)?;
+            let odd = judge_depth(&depth)?;
+            Ok((depth.image, odd))
+        })?;
+        self.warnings.extend(odd.into_iter().map(|warning| format!("{warning}: {depth_at}")));
+        let intrinsics = intrinsics(lens, [image.width_px, image.height_px], &lens_at)?;
+        Ok(SeenView { image, camera: Camera { intrinsics, workspace_from_camera } })
     }
-    let eyes_m = eyes_m.unwrap_or_else(|| cloud.eye_m.into_iter().collect());
-    Ok(Observation::Cloud { points_m: cloud.points_m, eyes_m })
+
+    /// The pose of a view's camera in the workspace.
+    fn camera_pose(&self, view: &ViewInput, at: &str) -> Result<Pose, InputError> {
+        match (&view.workspace_from_camera, &view.base_from_camera) {
+            (Some(input), None) => pose(input, &format!("{at}.workspace_from_camera")),
+            (None, Some(input)) => {
+                let at = format!("{at}.base_from_camera");
+                let Some(base_from_workspace) = self.base_from_workspace else {
+                    return refuse(format!("needs the request's base_from_workspace: {at}"));
+                };
+                Ok(base_from_workspace.inverse() * pose(input, &at)?)
+            }
+            _ => refuse(format!("a view must have exactly one of workspace_from_camera and base_from_camera: {at}")),
+        }
+    }
+
+    fn cloud(&mut self, cloud: &SourceInput) -> Result<Observation, InputError> {
+        let given = self.input.eyes_m.as_deref().map(eyes).transpose()?;
+        let ReadCloud { points_m, eye_m, dropped } = self.read(cloud, "cloud", read_cloud)?;
+        if dropped > points_m.len() {
+            let left = points_m.len();
+            self.warnings
+                .push(format!("{dropped} points without finite coordinates were left out, {left} are left: cloud"));
+        }
+        Ok(Observation::Cloud { points_m, eyes_m: given.unwrap_or_else(|| eye_m.into_iter().collect()) })
+    }
 }
 
 fn eyes(rows: &[[f64; 3]]) -> Result<Vec<Vec3>, InputError> {
@@ -381,18 +372,21 @@ mod tests {
             path
         };
         let wanted = read(&request()).unwrap();
-        assert_eq!(from_file(&write("request.toml", toml), Grid::PAPER).unwrap(), wanted);
+        assert_eq!(from_file(&write("request.toml", toml), Grid::PAPER, |_| ()).unwrap(), wanted);
         let json = request().to_string();
-        assert_eq!(from_file(&write("request.json", &json), Grid::PAPER).unwrap(), wanted);
-        assert_eq!(from_file(&write("request", &json), Grid::PAPER).unwrap(), wanted, "by its first byte");
-        let said = |name: &str, text: &str| from_file(&write(name, text), Grid::PAPER).unwrap_err().to_string();
+        assert_eq!(from_file(&write("request.json", &json), Grid::PAPER, |_| ()).unwrap(), wanted);
+        assert_eq!(from_file(&write("request", &json), Grid::PAPER, |_| ()).unwrap(), wanted, "by its first byte");
+        let said = |name: &str, text: &str| from_file(&write(name, text), Grid::PAPER, |_| ()).unwrap_err().to_string();
         assert!(said("a.toml", &toml.replace("depth-0", "depth-1")).contains("no such file: "));
         let unknown = said("b.toml", &toml.replace("depth =", "deep ="));
         assert!(unknown.contains("views[0]") && unknown.ends_with("b.toml"), "{unknown}");
         assert!(said("c.toml", &format!("{toml}depth_scale_m = nan\n")).contains("depth_scale_m must be between"));
         assert!(said("d.toml", "views = [").starts_with("not TOML"));
         assert!(
-            from_file(&folder.path().join("none.toml"), Grid::PAPER).unwrap_err().to_string().contains("no such file")
+            from_file(&folder.path().join("none.toml"), Grid::PAPER, |_| ())
+                .unwrap_err()
+                .to_string()
+                .contains("no such file")
         );
     }
 

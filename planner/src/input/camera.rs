@@ -55,11 +55,11 @@ pub enum PoseInput {
 #[serde(deny_unknown_fields)]
 pub struct PosePartsInput {
     /// x, y, z in metres.
-    #[schema(schema_with = position_schema)]
+    #[schema(min_items = 3, max_items = 3)]
     #[serde(deserialize_with = "numbers")]
     pub position_m: [f64; 3],
     /// Unit quaternion x, y, z, w.
-    #[schema(schema_with = quaternion_schema)]
+    #[schema(min_items = 4, max_items = 4)]
     #[serde(deserialize_with = "numbers")]
     pub quaternion_xyzw: [f64; 4],
 }
@@ -69,7 +69,7 @@ pub struct PosePartsInput {
 #[serde(deny_unknown_fields)]
 pub struct OrientationInput {
     /// Unit quaternion x, y, z, w.
-    #[schema(schema_with = quaternion_schema)]
+    #[schema(min_items = 4, max_items = 4)]
     #[serde(deserialize_with = "numbers")]
     pub quaternion_xyzw: [f64; 4],
 }
@@ -116,16 +116,8 @@ impl ToSchema for PoseInput {
     }
 }
 
-/// A position, for the API description.
-pub(crate) fn position_schema() -> RefOr<Schema> {
-    numbers_schema(3, "x, y, z in metres.").into()
-}
-
-fn quaternion_schema() -> RefOr<Schema> {
-    numbers_schema(4, "Unit quaternion x, y, z, w.").into()
-}
-
-fn numbers_schema(count: usize, what: &str) -> ArrayBuilder {
+/// A list of numbers, for the API description.
+pub(crate) fn numbers_schema(count: usize, what: &str) -> ArrayBuilder {
     list_of(<f64 as PartialSchema>::schema(), count, what)
 }
 

@@ -5,7 +5,9 @@ use schema::Vec3;
 
 use crate::input::error::{InputError, refuse, shown};
 use crate::input::lzf;
-use crate::input::points::{Field, Place, ReadCloud, binary_points, check_count, next_line, places, row_points, text_points};
+use crate::input::points::{
+    Field, Place, ReadCloud, binary_points, check_count, next_line, places, row_points, text_points,
+};
 
 const HEADER_LINES_MAX: usize = 100;
 const HEADER_LINE_BYTES_MAX: usize = 4096;

@@ -14,7 +14,7 @@ use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, Schema};
 
 use crate::Policy;
-use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput, position_schema};
+use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput, numbers_schema};
 use crate::input::error::{InputError, shown};
 use crate::input::file::read_file;
 use crate::input::lists::{AtMost, Numbers};
@@ -127,7 +127,7 @@ fn eyes<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<[f64; 3]>>, D
 
 fn eyes_schema() -> RefOr<Schema> {
     let what = "Positions of the sensors that saw the cloud, in metres; by default the viewpoint of a PCD file.";
-    let items = ArrayItems::RefOrSchema(Box::new(position_schema()));
+    let items = ArrayItems::RefOrSchema(Box::new(numbers_schema(3, "x, y, z in metres.").into()));
     ArrayBuilder::new().items(items).max_items(Some(EYES_MAX)).description(Some(what)).into()
 }
 
@@ -135,7 +135,7 @@ fn eyes_schema() -> RefOr<Schema> {
 ///
 /// # Errors
 /// [`InputError`], naming the key and the file.
-pub fn parse_file(path: &Path) -> Result<RequestInput, InputError> {
+pub(crate) fn parse_file(path: &Path) -> Result<RequestInput, InputError> {
     let bytes = read_file(path)?;
     let input = if is_json(path, &bytes) { parse_json(&bytes) } else { parse_toml(&bytes) };
     input.map_err(|error| error.at(&path.display().to_string()))
