@@ -5,9 +5,7 @@ use schema::Vec3;
 
 use crate::input::error::{InputError, refuse, shown};
 use crate::input::lzf;
-use crate::input::points::{
-    Field, Place, ReadCloud, binary_points, check_count, next_line, places, row_points, text_points,
-};
+use crate::input::points::{Field, ReadCloud, Rows, check_count, next_line};
 
 const HEADER_LINES_MAX: usize = 100;
 const HEADER_LINE_BYTES_MAX: usize = 4096;
@@ -15,23 +13,6 @@ const FIELDS_MAX: usize = 64;
 const POINT_BYTES_MAX: usize = 4096;
 /// Maximum decompressed size: the maximum number of points with 53 bytes each.
 const BYTES_MAX: usize = 256 << 20;
-
-/// How the rows are stored.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Storage {
-    Text,
-    Bytes,
-    Compressed,
-}
-
-#[derive(Debug)]
-struct Header {
-    places: [Place; 3],
-    row_bytes: usize,
-    points: usize,
-    eye_m: Option<Vec3>,
-    storage: Storage,
-}
 
 /// Whether these bytes begin like a PCD file.
 pub(crate) fn is_pcd(bytes: &[u8]) -> bool {
@@ -41,14 +22,18 @@ pub(crate) fn is_pcd(bytes: &[u8]) -> bool {
 /// Reads the points.
 pub(crate) fn read_pcd(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     let mut rest = bytes;
-    let header = read_header(&mut rest)?;
-    let Header { places, row_bytes, points, .. } = header;
-    let points_m = match header.storage {
-        Storage::Text => text_points(rest, points, places, damaged),
-        Storage::Bytes => row_points(rest, points, places, row_bytes, false),
-        Storage::Compressed => compressed_points(rest, &header),
+    let lines = header_lines(&mut rest)?;
+    let (rows, eye_m) = (rows_of(&lines)?, eye_of(&lines)?);
+    let points_m = match lines.required("DATA")?.first().copied() {
+        Some("ascii") => rows.of_text(rest, damaged),
+        Some("binary") => rows.of_bytes(rest, false),
+        Some("binary_compressed") => compressed_points(rest, &rows),
+        other => {
+            let got = shown(other.unwrap_or_default());
+            Err(damaged(&format!("DATA must be ascii, binary or binary_compressed, got `{got}`")))
+        }
     }?;
-    Ok(ReadCloud::of(points_m, header.eye_m))
+    Ok(ReadCloud::of(points_m, eye_m))
 }
 
 fn damaged(what: &str) -> InputError {
@@ -76,7 +61,8 @@ fn whole_number(key: &str, word: &str) -> Result<usize, InputError> {
     word.parse().map_err(|_| damaged(&format!("{key} must be a whole number, got `{}`", shown(word))))
 }
 
-fn read_header(rest: &mut &[u8]) -> Result<Header, InputError> {
+/// The lines up to DATA.
+fn header_lines<'a>(rest: &mut &'a [u8]) -> Result<Words<'a>, InputError> {
     let mut lines = Words(Vec::new());
     for _ in 0..HEADER_LINES_MAX {
         let line = next_line(rest).ok_or_else(|| damaged("it ends within its header"))?;
@@ -88,22 +74,14 @@ fn read_header(rest: &mut &[u8]) -> Result<Header, InputError> {
         let Some(key) = words.first().copied().filter(|key| !key.starts_with('#')) else { continue };
         lines.0.push(words);
         if key == "DATA" {
-            return header_of(&lines);
+            return Ok(lines);
         }
     }
     Err(damaged(&format!("its header must end with DATA within {HEADER_LINES_MAX} lines")))
 }
 
-fn header_of(lines: &Words<'_>) -> Result<Header, InputError> {
-    let storage = match lines.required("DATA")?.first().copied() {
-        Some("ascii") => Storage::Text,
-        Some("binary") => Storage::Bytes,
-        Some("binary_compressed") => Storage::Compressed,
-        other => {
-            let got = shown(other.unwrap_or_default());
-            return Err(damaged(&format!("DATA must be ascii, binary or binary_compressed, got `{got}`")));
-        }
-    };
+/// The number of points, and the fields of each.
+fn rows_of(lines: &Words<'_>) -> Result<Rows, InputError> {
     let area = match (lines.number("WIDTH")?, lines.number("HEIGHT")?) {
         (Some(width), height) => Some(width.saturating_mul(height.unwrap_or(1))),
         (None, _) => None,
@@ -112,12 +90,6 @@ fn header_of(lines: &Words<'_>) -> Result<Header, InputError> {
     if let Some(area) = area.filter(|area| *area != points) {
         return Err(damaged(&format!("POINTS must be WIDTH times HEIGHT, {area}, got {points}")));
     }
-    let (places, row_bytes) = places_of(lines)?;
-    Ok(Header { places, row_bytes, points, eye_m: eye_of(lines)?, storage })
-}
-
-/// The positions of the coordinates, and the number of bytes of a point.
-fn places_of(lines: &Words<'_>) -> Result<([Place; 3], usize), InputError> {
     let names = lines.required("FIELDS")?;
     let sizes = lines.required("SIZE")?;
     let types = lines.required("TYPE")?;
@@ -134,12 +106,13 @@ fn places_of(lines: &Words<'_>) -> Result<([Place; 3], usize), InputError> {
         }
         fields.push(Field { name, is_float: types[at] == "F", size_bytes, count });
     }
-    let row_bytes: usize = fields.iter().map(|field| field.size_bytes * field.count).sum();
-    if row_bytes > POINT_BYTES_MAX {
-        return Err(damaged(&format!("a point must have at most {POINT_BYTES_MAX} bytes, got {row_bytes}")));
-    }
     let missing = |_| refuse("a PCD file must have fields `x`, `y` and `z` of TYPE F and SIZE 4 or 8");
-    Ok((places(&fields).or_else(missing)?, row_bytes))
+    let rows = Rows::new(points, &fields).or_else(missing)?;
+    if rows.row_bytes > POINT_BYTES_MAX {
+        let got = rows.row_bytes;
+        return Err(damaged(&format!("a point must have at most {POINT_BYTES_MAX} bytes, got {got}")));
+    }
+    Ok(rows)
 }
 
 /// Position of the sensor; `None` if it is the origin looking along z, which writers use for unknown.
@@ -153,23 +126,22 @@ fn eye_of(lines: &Words<'_>) -> Result<Option<Vec3>, InputError> {
     }
 }
 
-fn compressed_points(rest: &[u8], header: &Header) -> Result<Vec<Vec3>, InputError> {
-    let Header { places, row_bytes, points, .. } = *header;
+fn compressed_points(rest: &[u8], rows: &Rows) -> Result<Vec<Vec3>, InputError> {
+    let Rows { count, row_bytes, .. } = *rows;
     let short = || damaged("it ends too early");
     let (packed, rest) = rest.split_first_chunk::<4>().ok_or_else(short)?;
     let (unpacked, rest) = rest.split_first_chunk::<4>().ok_or_else(short)?;
     let (packed, unpacked) = (u32::from_le_bytes(*packed) as usize, u32::from_le_bytes(*unpacked) as usize);
-    check_count(points, usize::MAX, 1)?;
-    if unpacked != points * row_bytes {
-        return Err(damaged(&format!("{points} points of {row_bytes} bytes cannot make {unpacked} bytes")));
+    check_count(count, usize::MAX, 1)?;
+    if unpacked != count * row_bytes {
+        return Err(damaged(&format!("{count} points of {row_bytes} bytes cannot make {unpacked} bytes")));
     }
     if unpacked > BYTES_MAX {
         return refuse(format!("a PCD file must unpack to at most {BYTES_MAX} bytes, got {unpacked}"));
     }
     let data = lzf::decompress(rest.get(..packed).ok_or_else(short)?, unpacked);
     let data = data.ok_or_else(|| damaged("its compressed data are wrong"))?;
-    let strides = places.map(|place| (place.offset_bytes * points, place.size_bytes));
-    Ok(binary_points(&data, points, places, strides, false))
+    Ok(rows.of_fields(&data))
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{DefaultElement, ElementDef, Encoding, PropertyType, ScalarType};
 
 use crate::input::error::{InputError, refuse, shown};
-use crate::input::points::{Field, Place, ReadCloud, next_line, places, row_points, text_points};
+use crate::input::points::{Field, ReadCloud, Rows, next_line};
 
 /// Whether these bytes begin like a PLY file.
 pub(crate) fn is_ply(bytes: &[u8]) -> bool {
@@ -22,10 +22,10 @@ pub(crate) fn read_ply(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     let mut rest = reader.into_inner();
     for (name, element) in &header.elements {
         if name == "vertex" {
-            let ((places, row_bytes), is_big) = (places_of(element)?, header.encoding == Encoding::BinaryBigEndian);
+            let rows = rows_of(element)?;
             let points_m = match header.encoding {
-                Encoding::Ascii => text_points(rest, element.count, places, |what| damaged(what)),
-                _ => row_points(rest, element.count, places, row_bytes, is_big),
+                Encoding::Ascii => rows.of_text(rest, |what| damaged(what)),
+                encoding => rows.of_bytes(rest, encoding == Encoding::BinaryBigEndian),
             }?;
             return Ok(ReadCloud::of(points_m, None));
         }
@@ -38,14 +38,13 @@ fn damaged(what: impl Display) -> InputError {
     InputError::Damaged(format!("not a whole PLY file: {}", shown(&what.to_string())))
 }
 
-/// The positions of the coordinates, and the number of bytes of a vertex.
-fn places_of(vertex: &ElementDef) -> Result<([Place; 3], usize), InputError> {
+fn rows_of(vertex: &ElementDef) -> Result<Rows, InputError> {
     let fields = vertex.properties.iter().map(|(name, property)| field(name, &property.data_type));
     let Some(fields) = fields.collect::<Option<Vec<Field<'_>>>>() else {
         return refuse("a PLY file's vertices must have no lists");
     };
     let missing = |axis| refuse(format!("a PLY file's vertices must have `{axis}`, a float or double"));
-    Ok((places(&fields).or_else(missing)?, fields.iter().map(|field| field.size_bytes).sum()))
+    Rows::new(vertex.count, &fields).or_else(missing)
 }
 
 /// A property as a column, unless it is a list.

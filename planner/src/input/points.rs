@@ -52,77 +52,76 @@ pub(crate) struct Field<'a> {
 
 /// The position of a coordinate: its column in text, its first byte in a row, and its number of bytes (4 or 8).
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Place {
+struct Place {
     column: usize,
-    pub(crate) offset_bytes: usize,
-    pub(crate) size_bytes: usize,
+    offset_bytes: usize,
+    size_bytes: usize,
 }
 
-/// The positions of x, y and z, or the first that is missing.
-pub(crate) fn places(fields: &[Field<'_>]) -> Result<[Place; 3], &'static str> {
-    let mut places = [None; 3];
-    let (mut column, mut offset_bytes) = (0, 0);
-    for Field { name, is_float, size_bytes, count } in fields {
-        let is_coordinate = *is_float && [4, 8].contains(size_bytes) && *count == 1;
-        if let Some(axis) = AXES.iter().position(|axis| axis == name).filter(|_| is_coordinate) {
-            places[axis].get_or_insert(Place { column, offset_bytes, size_bytes: *size_bytes });
+/// How a file has its points: in so many rows of so many bytes, with x, y and z at these places.
+#[derive(Debug)]
+pub(crate) struct Rows {
+    pub(crate) count: usize,
+    pub(crate) row_bytes: usize,
+    places: [Place; 3],
+}
+
+impl Rows {
+    /// Rows of these fields, or the first coordinate that they lack.
+    pub(crate) fn new(count: usize, fields: &[Field<'_>]) -> Result<Self, &'static str> {
+        let mut places = [None; 3];
+        let (mut column, mut row_bytes) = (0, 0);
+        for Field { name, is_float, size_bytes, count } in fields {
+            let is_coordinate = *is_float && [4, 8].contains(size_bytes) && *count == 1;
+            if let Some(axis) = AXES.iter().position(|axis| axis == name).filter(|_| is_coordinate) {
+                places[axis].get_or_insert(Place { column, offset_bytes: row_bytes, size_bytes: *size_bytes });
+            }
+            column += count;
+            row_bytes += size_bytes * count;
         }
-        column += count;
-        offset_bytes += size_bytes * count;
+        let [x, y, z] = [0, 1, 2].map(|axis| places[axis].ok_or(AXES[axis]));
+        Ok(Self { count, row_bytes, places: [x?, y?, z?] })
     }
-    let [x, y, z] = [0, 1, 2].map(|axis| places[axis].ok_or(AXES[axis]));
-    Ok([x?, y?, z?])
-}
 
-/// The points of `count` rows of bytes.
-pub(crate) fn row_points(
-    data: &[u8],
-    count: usize,
-    places: [Place; 3],
-    row_bytes: usize,
-    is_big_endian: bool,
-) -> Result<Vec<Vec3>, InputError> {
-    check_count(count, data.len(), row_bytes)?;
-    Ok(binary_points(data, count, places, places.map(|place| (place.offset_bytes, row_bytes)), is_big_endian))
-}
-
-/// The points whose coordinates have the given first byte and distance to the next point's (`strides`) in `data`; NaN
-/// where it ends.
-pub(crate) fn binary_points(
-    data: &[u8],
-    count: usize,
-    places: [Place; 3],
-    strides: [(usize, usize); 3],
-    is_big_endian: bool,
-) -> Vec<Vec3> {
-    let coordinate = |axis: usize, number: usize| {
-        let (first, stride) = strides[axis];
-        let bytes = data.get(first + number * stride..).unwrap_or_default();
-        match (places[axis].size_bytes, is_big_endian) {
-            (4, false) => bytes.first_chunk().map_or(f32::NAN, |bytes| f32::from_le_bytes(*bytes)),
-            (4, true) => bytes.first_chunk().map_or(f32::NAN, |bytes| f32::from_be_bytes(*bytes)),
-            (_, false) => bytes.first_chunk().map_or(f32::NAN, |bytes| f64::from_le_bytes(*bytes) as f32),
-            (_, true) => bytes.first_chunk().map_or(f32::NAN, |bytes| f64::from_be_bytes(*bytes) as f32),
+    /// The points of lines of text. `damaged` makes the error of the format.
+    pub(crate) fn of_text(&self, mut rest: &[u8], damaged: fn(&str) -> InputError) -> Result<Vec<Vec3>, InputError> {
+        // Three digits and their separators; the last line may lack its newline.
+        check_count(self.count, rest.len() + 1, 6)?;
+        let mut points_m = Vec::with_capacity(self.count);
+        for number in 0..self.count {
+            let line = next_line(&mut rest).ok_or_else(|| damaged("it ends too early"))?;
+            let point_m = text_point(line, self.places);
+            points_m.push(point_m.ok_or_else(|| damaged(&format!("its point {number} has no x, y, z")))?);
         }
-    };
-    (0..count).map(|number| Vec3::from_array([0, 1, 2].map(|axis| coordinate(axis, number)))).collect()
-}
-
-/// The points of `count` lines. `damaged` makes the error of the format.
-pub(crate) fn text_points(
-    mut rest: &[u8],
-    count: usize,
-    places: [Place; 3],
-    damaged: fn(&str) -> InputError,
-) -> Result<Vec<Vec3>, InputError> {
-    // Three digits and their separators; the last line may lack its newline.
-    check_count(count, rest.len() + 1, 6)?;
-    let mut points_m = Vec::with_capacity(count);
-    for number in 0..count {
-        let line = next_line(&mut rest).ok_or_else(|| damaged("it ends too early"))?;
-        points_m.push(text_point(line, places).ok_or_else(|| damaged(&format!("its point {number} has no x, y, z")))?);
+        Ok(points_m)
     }
-    Ok(points_m)
+
+    /// The points of bytes, row by row.
+    pub(crate) fn of_bytes(&self, data: &[u8], is_big_endian: bool) -> Result<Vec<Vec3>, InputError> {
+        check_count(self.count, data.len(), self.row_bytes)?;
+        Ok(self.points(data, is_big_endian, |place| (place.offset_bytes, self.row_bytes)))
+    }
+
+    /// The points of little-endian bytes, field by field.
+    pub(crate) fn of_fields(&self, data: &[u8]) -> Vec<Vec3> {
+        self.points(data, false, |place| (place.offset_bytes * self.count, place.size_bytes))
+    }
+
+    /// The points whose coordinates have this first byte and distance to the next point's; NaN where the data end.
+    fn points(&self, data: &[u8], is_big_endian: bool, stride: impl Fn(Place) -> (usize, usize)) -> Vec<Vec3> {
+        let coordinate = |place: Place, number: usize| {
+            let (first, stride) = stride(place);
+            let bytes = data.get(first + number * stride..).unwrap_or_default();
+            match (place.size_bytes, is_big_endian) {
+                (4, false) => bytes.first_chunk().map(|bytes| f32::from_le_bytes(*bytes)),
+                (4, true) => bytes.first_chunk().map(|bytes| f32::from_be_bytes(*bytes)),
+                (_, false) => bytes.first_chunk().map(|bytes| f64::from_le_bytes(*bytes) as f32),
+                (_, true) => bytes.first_chunk().map(|bytes| f64::from_be_bytes(*bytes) as f32),
+            }
+        };
+        let point = |number| self.places.map(|place| coordinate(place, number).unwrap_or(f32::NAN));
+        (0..self.count).map(|number| Vec3::from_array(point(number))).collect()
+    }
 }
 
 /// The coordinates in a line of numbers separated by blanks.
