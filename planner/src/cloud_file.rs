@@ -9,32 +9,25 @@ use crate::plan::{Plan, PointLabel};
 const HEADER: &str = "property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n\
                       property uchar blue\nproperty int label\nend_header\n";
 
-/// Bytes per point.
-const POINT_BYTES: usize = 3 * 4 + 3 + 4;
-
 /// The cloud as binary, little-endian PLY; metres, in the workspace.
 #[must_use]
 pub fn write_ply(plan: &Plan) -> Vec<u8> {
     let points = plan.cloud.points_m.iter().zip(&plan.cloud.labels);
     let count = points.len();
     let mut bytes = format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{HEADER}").into_bytes();
-    bytes.reserve(POINT_BYTES * count);
     for (point_m, label) in points {
         for coordinate in point_m.to_array() {
             bytes.extend(coordinate.to_le_bytes());
         }
         bytes.extend(tints::of_label(*label));
-        bytes.extend(number(*label).to_le_bytes());
+        let number = match label {
+            PointLabel::Plane => -2,
+            PointLabel::Noise => -1,
+            PointLabel::Object(object) => i32::try_from(*object).unwrap_or(i32::MAX),
+        };
+        bytes.extend(number.to_le_bytes());
     }
     bytes
-}
-
-fn number(label: PointLabel) -> i32 {
-    match label {
-        PointLabel::Plane => -2,
-        PointLabel::Noise => -1,
-        PointLabel::Object(object) => i32::try_from(object).unwrap_or(i32::MAX),
-    }
 }
 
 #[cfg(test)]

@@ -1,13 +1,11 @@
 //! The planner's settings, each key as the type that the planner computes with.
 
 use std::path::Path;
-use std::str::FromStr;
 
 use perception::{ClusterParams, PlaneParams};
 use schema::Gripper;
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize};
-use settings::{Document, Reader, settings, words};
+use serde::{Deserialize, Serialize};
+use settings::{Document, Reader, Setting, settings, words};
 
 /// The settings that come with the program.
 pub const PAPER: &str = include_str!("../../configs/plan/paper.toml");
@@ -120,6 +118,8 @@ impl RankingParams {
 
 words! {
     /// An order of grasps.
+    #[derive(Deserialize)]
+    #[serde(try_from = "String")]
     pub enum Policy {
         /// Objects top-down, in each by Eq. 8.
         Paper = "paper",
@@ -184,18 +184,11 @@ settings! {
     }
 }
 
-impl<'de> Deserialize<'de> for Policy {
-    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
-        String::deserialize(source)?.parse().map_err(D::Error::custom)
-    }
-}
+impl TryFrom<String> for Policy {
+    type Error = String;
 
-impl FromStr for Policy {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let names = || Self::ALL.map(Self::name).join(", ");
-        Self::from_name(name).ok_or_else(|| format!("policy must be one of {}, got {name}", names()))
+    fn try_from(name: String) -> Result<Self, String> {
+        Self::from_name(&name).ok_or_else(|| format!("policy must be {}, got {name}", <Self as Setting>::kind(&())))
     }
 }
 

@@ -6,11 +6,11 @@ use base64::engine::general_purpose::STANDARD;
 use crate::input::{DataInput, InputError, RequestInput, SourceInput, parse_toml};
 
 const VIEWS: &[u8] = include_bytes!("../demo/views.toml");
-/// Its files: names and contents.
-const IMAGES: [(&str, &[u8]); 3] = [
-    ("depth-0.png", include_bytes!("../demo/depth-0.png")),
-    ("depth-1.png", include_bytes!("../demo/depth-1.png")),
-    ("depth-2.png", include_bytes!("../demo/depth-2.png")),
+/// Its files, in its order.
+const IMAGES: [&[u8]; 3] = [
+    include_bytes!("../demo/depth-0.png"),
+    include_bytes!("../demo/depth-1.png"),
+    include_bytes!("../demo/depth-2.png"),
 ];
 
 /// The request of `planner plan --demo`, the same as that of `planner plan --views planner/demo/views.toml`.
@@ -19,11 +19,8 @@ const IMAGES: [(&str, &[u8]); 3] = [
 /// Never, as a test shows; the type is that of other requests.
 pub fn request() -> Result<RequestInput, InputError> {
     let mut input: RequestInput = parse_toml(VIEWS)?;
-    for view in input.views.iter_mut().flatten() {
-        let found = IMAGES.iter().find(|(name, _)| matches!(&view.depth, SourceInput::Path(path) if path == name));
-        if let Some((_, bytes)) = found {
-            view.depth = SourceInput::Data(DataInput { data: STANDARD.encode(bytes) });
-        }
+    for (view, image) in input.views.iter_mut().flatten().zip(IMAGES) {
+        view.depth = SourceInput::Data(DataInput { data: STANDARD.encode(image) });
     }
     Ok(input)
 }

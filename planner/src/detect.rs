@@ -45,9 +45,7 @@ const LISTED_SHARE_OF_QUALITY_MIN: f32 = 0.5;
 /// If a length differs.
 #[must_use]
 pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], params: &DetectionParams) -> Detected {
-    for values in [tsdf, quality, width_voxels] {
-        assert_eq!(values.len(), grid.len(), "one value a voxel");
-    }
+    assert!([tsdf, quality, width_voxels].iter().all(|values| values.len() == grid.len()), "one value a voxel");
     let smoothed = smooth(quality, grid.resolution, params.gaussian_sigma_voxels);
     let near = near_surface(tsdf, grid, params.surface_side, params.surface_steps_max);
     let mut detected = Detected {

@@ -81,10 +81,9 @@ impl Planner {
     pub fn plan(&self, observation: &Observation, wishes: &Wishes) -> Result<Plan, InputError> {
         let mut timings_ms = Vec::new();
         let volume = timed(&mut timings_ms, "fuse", || fuse(observation, &self.grid, self.config.cloud))?;
-        let is_refined = self.config.refinement.turns > 0;
         let normals = timed(&mut timings_ms, "normals", || {
             let field = volume.fine.as_ref().unwrap_or(&volume.grid);
-            if is_refined { perception::normals(field, &volume.points_m) } else { Vec::new() }
+            if self.config.refinement.turns > 0 { perception::normals(field, &volume.points_m) } else { Vec::new() }
         });
         let found = self.find(&volume.grid, volume.points_m, &mut timings_ms);
         let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &normals, wishes));
@@ -99,7 +98,8 @@ impl Planner {
         let network = || {
             let grids = timed(timings_ms, "network", || self.network.infer(&grid.values));
             let detected = timed(timings_ms, "detect", || {
-                let quality: Vec<f32> = grids.quality_logit.iter().map(|logit| sigmoid(*logit)).collect();
+                let sigmoid = |logit: &f32| 1.0 / (1.0 + libm::expf(-logit));
+                let quality: Vec<f32> = grids.quality_logit.iter().map(sigmoid).collect();
                 detect(&self.grid, &grid.values, &quality, &grids.width_voxels, &self.config.detection)
             });
             (grids, detected)
@@ -307,10 +307,6 @@ fn drop_where(
 fn scene_number(grid: &VoxelGrid) -> u64 {
     let bits = grid.values.iter().map(|value| u64::from(value.to_bits()));
     bits.fold(0xcbf2_9ce4_8422_2325, |sum, bits| (sum ^ bits).wrapping_mul(0x100_0000_01b3))
-}
-
-fn sigmoid(logit: f32) -> f32 {
-    1.0 / (1.0 + libm::expf(-logit))
 }
 
 /// Stages and their times in milliseconds.

@@ -135,13 +135,6 @@ impl Shared {
         })
     }
 
-    fn plan_and_count(&self, body: &[u8]) -> Result<Planned, Fault> {
-        let started = Instant::now();
-        let planned = (self.plan)(body)?;
-        self.metrics.planned(started.elapsed().as_secs_f64(), planned.grasp_count);
-        Ok(planned)
-    }
-
     fn turned_away(&self) -> Fault {
         self.metrics.rejected.inc();
         Fault::new(StatusCode::SERVICE_UNAVAILABLE, "too many plans are waiting")

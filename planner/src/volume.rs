@@ -74,11 +74,6 @@ pub fn fuse_views(views: &[SeenView], grid: &Grid) -> Result<VoxelGrid, InputErr
     Ok(tsdf.to_voxels())
 }
 
-/// The default viewpoint: straight above, at twice the workspace's size.
-fn above(grid: &Grid) -> Vec3 {
-    Vec3::new(0.5, 0.5, 2.0) * grid.size_m
-}
-
 /// A cloud is sparse if its points are further apart than this many times the pitch.
 const SPARSE_PITCHES: f32 = 1.5;
 /// Maximum number of points of a thinned cloud: at the paper's pitch about ten times that of a full workspace.
@@ -104,7 +99,8 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
     if eyes_m.is_empty() {
         warnings.push("no viewpoint was given: the cloud is assumed to be seen from straight above".to_owned());
     }
-    let from_above = [above(grid)];
+    // Straight above, at twice the workspace's size.
+    let from_above = [Vec3::new(0.5, 0.5, 2.0) * grid.size_m];
     let eyes_m = if eyes_m.is_empty() { &from_above } else { eyes_m };
     let mut tsdf = Tsdf::new(*grid, TRUNCATION_VOXELS);
     for eye_m in eyes_m {

@@ -48,7 +48,7 @@ pub(crate) struct Arguments {
     eye: Vec<[f64; 3]>,
 
     /// How grasps are ranked: paper, vgn-random, vgn-best or flattest [default: the settings']
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = |name: &str| Policy::try_from(name.to_owned()))]
     policy: Option<Policy>,
 
     /// Most grasps to return [default: all]
@@ -128,9 +128,7 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     let source = |path: &PathBuf| SourceInput::Path(path.to_string_lossy().into_owned());
     input.tsdf = arguments.tsdf.as_ref().map(source).or(input.tsdf.take());
     input.cloud = arguments.cloud.as_ref().map(source).or(input.cloud.take());
-    if !arguments.eye.is_empty() {
-        input.eyes_m = Some(arguments.eye.clone());
-    }
+    input.eyes_m = Some(arguments.eye.clone()).filter(|eyes| !eyes.is_empty()).or(input.eyes_m.take());
     input.policy = arguments.policy.or(input.policy);
     input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
     input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
@@ -139,15 +137,14 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
         let position_m = [x, y, z];
         input.base_from_workspace = Some(PoseInput::Parts(PosePartsInput { position_m, quaternion_xyzw }));
     }
-    if let Some(quaternion_xyzw) = arguments.wrist {
-        input.workspace_from_wrist = Some(OrientationInput { quaternion_xyzw });
-    }
+    let wrist = arguments.wrist.map(|quaternion_xyzw| OrientationInput { quaternion_xyzw });
+    input.workspace_from_wrist = wrist.or(input.workspace_from_wrist.take());
 }
 
 fn title(arguments: &Arguments) -> String {
-    let file = |path: &Path| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let paths = [&arguments.views, &arguments.tsdf, &arguments.cloud];
-    paths.into_iter().flatten().next().map_or_else(|| "demo".to_owned(), |path| file(path))
+    let path = [&arguments.views, &arguments.tsdf, &arguments.cloud].into_iter().flatten().next();
+    let name = path.and_then(|path| path.file_name());
+    name.map_or_else(|| "demo".to_owned(), |name| name.to_string_lossy().into_owned())
 }
 
 /// So many numbers with commas between them.

@@ -166,7 +166,8 @@ pub(crate) fn intrinsics(
 pub(crate) fn pose(input: &PoseInput, at: &str) -> Result<Pose, InputError> {
     let (rotation, translation) = match input {
         PoseInput::Matrix(matrix) => from_matrix(matrix),
-        PoseInput::Parts(parts) => from_parts(parts),
+        PoseInput::Parts(PosePartsInput { position_m, quaternion_xyzw }) => finite("position_m", *position_m)
+            .and_then(|position_m| Ok((unit_quaternion(*quaternion_xyzw)?, position_m))),
     }
     .map_err(|error| error.at(at))?;
     let is_far = |metres: &f64| !(-TRANSLATION_M_MAX..=TRANSLATION_M_MAX).contains(metres);
@@ -196,11 +197,6 @@ fn finite(what: &str, xyz: [f64; 3]) -> Result<DVec3, InputError> {
         return Ok(DVec3::from_array(xyz));
     }
     refuse(format!("{what} must have finite numbers, got {xyz:?}"))
-}
-
-fn from_parts(parts: &PosePartsInput) -> Result<(Quat, DVec3), InputError> {
-    let position_m = finite("position_m", parts.position_m)?;
-    Ok((unit_quaternion(parts.quaternion_xyzw)?, position_m))
 }
 
 fn unit_quaternion(xyzw: [f64; 4]) -> Result<Quat, InputError> {

@@ -140,32 +140,25 @@ impl NpyHeader {
 
 /// Numbers of `N` bytes each, passed to `convert` in little-endian order.
 fn each<const N: usize>(data: &[u8], is_big_endian: bool, convert: impl Fn([u8; N]) -> f32) -> Vec<f32> {
-    let (numbers, _) = data.as_chunks::<N>();
-    let ordered = numbers.iter().map(|bytes| {
+    let number = |bytes: &[u8; N]| {
         let mut bytes = *bytes;
         if is_big_endian {
             bytes.reverse();
         }
-        bytes
-    });
-    ordered.map(convert).collect()
+        convert(bytes)
+    };
+    data.as_chunks::<N>().0.iter().map(number).collect()
 }
 
 /// Reorders values from first-axis-fastest to last-axis-fastest.
 fn last_axis_fastest(shape: &[usize], values: &[f32]) -> Vec<f32> {
-    let mut stride = 1;
-    let mut axes: Vec<(usize, usize)> = Vec::with_capacity(shape.len());
-    for &length in shape {
-        axes.push((length, stride));
-        stride *= length;
-    }
-    let place_of = |mut flat: usize| {
-        let mut place = 0;
-        for (length, stride) in axes.iter().rev() {
-            place += flat % length * stride;
-            flat /= length;
-        }
-        place
+    let place_of = |flat: usize| {
+        // From the last axis to the first: the index along it, and how far apart its neighbours are.
+        let step = |(rest, stride, place): (usize, usize, usize), length: &usize| {
+            let stride = stride / length;
+            (rest / length, stride, place + rest % length * stride)
+        };
+        shape.iter().rev().fold((flat, values.len(), 0), step).2
     };
     (0..values.len()).map(|flat| values[place_of(flat)]).collect()
 }

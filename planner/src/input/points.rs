@@ -133,11 +133,8 @@ fn text_point(line: &[u8], places: [Place; 3]) -> Option<Vec3> {
 
 /// The next line without its newline; `None` after the last.
 pub(crate) fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
-    if rest.is_empty() {
-        return None;
-    }
-    let end = rest.iter().position(|byte| *byte == b'\n');
-    let (line, behind) = rest.split_at(end.unwrap_or(rest.len()));
-    *rest = behind.get(1..).unwrap_or_default();
-    Some(line)
+    let mut parts = rest.splitn(2, |byte| *byte == b'\n');
+    let line = parts.next().filter(|_| !rest.is_empty());
+    *rest = parts.next().unwrap_or_default();
+    line
 }

@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use axum::body::Bytes;
 use axum::extract::{FromRequest, Request, State};
@@ -14,7 +15,6 @@ use super::Shared;
 use super::fault::{Fault, is_json, json_header};
 use super::metrics::MEDIA_TYPE;
 use super::model::ModelAnswer;
-use super::planning::Planned;
 use crate::input::RequestInput;
 use crate::plan::Plan;
 
@@ -51,23 +51,22 @@ pub(super) async fn plan(State(shared): State<Arc<Shared>>, request: Request) ->
     })?;
     let turn = Arc::clone(&shared.turns).acquire_owned().await.map_err(|_| stopping())?;
     let working = Arc::clone(&shared);
-    let work = move || {
+    let work = move || -> Result<Response, Fault> {
         // Kept until the plan ends, even if its request is gone.
         let _held = (place, turn);
-        working.plan_and_count(&body)
+        let started = Instant::now();
+        let planned = (working.plan)(&body)?;
+        working.metrics.planned(started.elapsed().as_secs_f64(), planned.grasp_count);
+        Ok((json_header(), [(SERVER_TIMING, planned.server_timing)], planned.body).into_response())
     };
     match tokio::task::spawn_blocking(work).await {
-        Ok(planned) => planned.map(plan_response),
+        Ok(answer) => answer,
         Err(error) if error.is_panic() => {
             tracing::error!("a plan panicked; the service continues");
             Err(Fault::internal())
         }
         Err(_) => Err(stopping()),
     }
-}
-
-fn plan_response(planned: Planned) -> Response {
-    (json_header(), [(SERVER_TIMING, planned.server_timing)], planned.body).into_response()
 }
 
 fn stopping() -> Fault {
