@@ -13,8 +13,9 @@ use axum::http::{HeaderMap, StatusCode, Uri, Version, header};
 use axum::middleware::Next;
 use axum::response::Response;
 
+use super::Shared;
 use super::fault::Fault;
-use super::{ServeOptions, Shared};
+use super::options::ServeOptions;
 
 /// Answers requests that name the service, and refuses others.
 pub(super) async fn must_be_known(

@@ -5,6 +5,7 @@ use std::net::{Ipv4Addr, TcpStream};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 
+use super::options::SILENCE_MAX;
 use super::*;
 
 struct Running {
