@@ -40,10 +40,7 @@ type Read = fn(&[u8]) -> Result<Parts, String>;
 pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
     let shown = path.display();
     let unread = |source| unusable(format!("failed to read it: {source}: {shown}"));
-    let bytes = std::fs::metadata(path).map_err(unread)?.len();
-    if bytes > BYTES_MAX {
-        return Err(unusable(format!("it must have at most {BYTES_MAX} bytes, got {bytes}: {shown}")));
-    }
+    let bytes = program::read(path, BYTES_MAX).map_err(unread)?;
     let (kind, read): (_, Read) = match ending(path).as_deref() {
         Some("obj") => ("OBJ", obj),
         Some("stl") => ("STL", stl),
@@ -54,8 +51,7 @@ pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
         }
     };
     let damaged = |message: String| self::damaged(&message, path);
-    let (corners, triangles) = read(&program::read(path, BYTES_MAX).map_err(unread)?)
-        .map_err(|message| damaged(format!("not a whole {kind} file: {message}")))?;
+    let (corners, triangles) = read(&bytes).map_err(|message| damaged(format!("not a whole {kind} file: {message}")))?;
     Mesh::new(&corners, &triangles, scale_m).map_err(damaged)
 }
 
