@@ -6,6 +6,7 @@
 //! rates, and [`report`] and [`page`] present them.
 
 pub mod config;
+mod files;
 pub mod packed;
 pub mod page;
 pub mod record;

@@ -5,18 +5,16 @@ mod differences;
 mod pictures;
 mod warnings;
 
-use std::fs;
-use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use program::text::{grouped, percent};
-use program::{Exit as _, ExitCode, Failure};
+use program::{ExitCode, Failure};
 use report::document::{Block, Cell, Document, Drawing, Picture, Table, below};
-use serde::de::DeserializeOwned;
 
+use crate::files::json_if_there;
 use crate::record::Round;
 use crate::report::{Report, details, headline, headline_rates, is_any_point, origin, rates_figure, side_by_side};
-use crate::run::{JOURNAL, journalled};
+use crate::run::journalled;
 use crate::statistics::{DRAWS, Interval, Results};
 
 use pictures::Stage;
@@ -43,34 +41,13 @@ impl Played {
             let text = "no experiment that is done here, report.json comes after the last round";
             Failure::new(ExitCode::Config, format!("{text}: {}", folder.display()))
         };
-        let report: Report = json(&folder.join("report.json"))?.ok_or_else(missing)?;
-        let path = folder.join(JOURNAL);
-        let rounds = journalled(folder).map_err(|source| unread(&path, &source))?;
+        let report: Report = json_if_there(&folder.join("report.json"))?.ok_or_else(missing)?;
         // A run that was made shorter keeps the rounds that it does not count any more.
         let counted = |rounds: Vec<Round>| rounds.into_iter().filter(|r| r.round < report.results.rounds).collect();
-        let rounds = rounds.map(counted);
+        let rounds = journalled(folder)?.map(counted);
         let stage = Stage::read(folder)?;
         Ok(Self { folder: folder.to_owned(), report, rounds, stage })
     }
-}
-
-fn unread(path: &Path, source: &io::Error) -> Failure {
-    match source.kind() {
-        // A file that is not what a run writes.
-        ErrorKind::InvalidData => Failure::new(ExitCode::Data, format!("damaged {}: {source}", path.display())),
-        _ => Failure::new(source.exit_code(), format!("failed to read: {source}: {}", path.display())),
-    }
-}
-
-/// What a JSON file holds; `None` if there is no such file.
-fn json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, Failure> {
-    let read = match fs::read_to_string(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        read => {
-            read.and_then(|text| serde_json::from_str(&text).map_err(|e| io::Error::new(ErrorKind::InvalidData, e)))
-        }
-    };
-    read.map(Some).map_err(|source| unread(path, &source))
 }
 
 /// One or several experiments as a page. The same folders give the same document.

@@ -1,15 +1,18 @@
 //! An experiment as it is read: described once, with its figure, and as JSON; several experiments side by side.
 //!
-//! A success rate without its protocol is a rumour: every table and every section says whose numbers it holds. All of
-//! it is text in, text out; the caller writes the files.
+//! A success rate without its protocol is a rumour: every table and every section says whose numbers it holds. The
+//! caller writes the files.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
+use program::Failure;
 use report::document::{Block, Cell, Document, Table};
 use report::figure::{Intervals, Rate, Row};
 use schema::Outcome;
 use serde::{Deserialize, Serialize};
 
+use crate::files::json;
 use crate::record::Ending;
 use crate::statistics::{DRAWS, GroupResults, Interval, Percentiles, Rates, Results, TargetResults};
 
@@ -33,6 +36,16 @@ pub struct Report {
     pub results: Results,
     /// Where they come from.
     pub about: About,
+}
+
+impl Report {
+    /// Reads the report in the folder of an experiment that is done.
+    ///
+    /// # Errors
+    /// If it cannot be read or is damaged.
+    pub fn read(folder: &Path) -> Result<Self, Failure> {
+        json(&folder.join("report.json"))
+    }
 }
 
 /// The success rate and the cleared share of experiments.

@@ -5,8 +5,8 @@
 //! core and contain no work of other rounds.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write as _};
+use std::fs::{File, OpenOptions};
+use std::io::{self, ErrorKind, Write as _};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -17,6 +17,7 @@ use program::{Context as _, ExitCode, Failure, ThreadsError};
 use rayon::ThreadPoolBuilder;
 
 use crate::config::Config;
+use crate::files::{BYTES_MAX, unread};
 use crate::record::Round;
 use crate::round::play;
 
@@ -31,7 +32,8 @@ struct Identity {
 }
 
 /// Runs all rounds that are not in the journal of `folder` on `threads` threads and calls `on_round` after each.
-/// Returns the rounds in order, all of them unless `stop` was set.
+/// Returns the rounds in order, all of them unless `stop` was set. The folder is there, with the caller's
+/// [`program::FolderLock`].
 ///
 /// # Errors
 /// If a round fails, a file cannot be written, or the folder holds another experiment.
@@ -44,7 +46,6 @@ pub fn run(
     on_round: &(dyn Fn(&Round) + Sync),
 ) -> Result<Vec<Round>, Failure> {
     let path = folder.join(JOURNAL);
-    fs::create_dir_all(folder).map_err(unwritten(&path))?;
     let identity = Identity {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         model: planner.model_id.clone(),
@@ -58,23 +59,20 @@ pub fn run(
     rounds.iter().for_each(on_round);
     let played: BTreeSet<u64> = rounds.iter().map(|round| round.round).collect();
     let missing: Vec<u64> = (0..config.round_count()).filter(|round| !played.contains(round)).collect();
-    let file = Mutex::new(OpenOptions::new().append(true).open(&path).map_err(unwritten(&path))?);
+    let unwritten = format!("failed to write {}", path.display());
+    let file = Mutex::new(OpenOptions::new().append(true).open(&path).context(&unwritten)?);
     let play_one = |round: &u64| -> Result<Option<Round>, Failure> {
         if stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
         let round = play(config, planner, *round)?;
-        append(&file, &round).map_err(unwritten(&path))?;
+        append(&file, &round).context(&unwritten)?;
         on_round(&round);
         Ok(Some(round))
     };
     rounds.extend(in_threads(threads, &missing, &play_one)?);
     rounds.sort_by_key(|round| round.round);
     Ok(rounds)
-}
-
-fn unwritten(path: &Path) -> impl Fn(io::Error) -> Failure {
-    move |error| Failure::new(ExitCode::TryAgain, format!("failed to write: {error}: {}", path.display()))
 }
 
 /// Runs rounds on a number of threads.
@@ -119,33 +117,34 @@ fn in_threads(
 /// Nothing is changed.
 ///
 /// # Errors
-/// The system's error; `InvalidData` if it is not a journal.
-pub fn journalled(folder: &Path) -> io::Result<Option<Vec<Round>>> {
-    let text = match whole_lines(&folder.join(JOURNAL)) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        read => read?,
-    };
-    let mut rounds = rounds_of(&text)?;
+/// If it cannot be read or is not a journal.
+pub fn journalled(folder: &Path) -> Result<Option<Vec<Round>>, Failure> {
+    let path = folder.join(JOURNAL);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let rounds = whole_lines(&path).and_then(|text| rounds_of(&text));
+    let mut rounds = rounds.map_err(|error| unread(&path, &error))?;
     rounds.sort_by_key(|round| round.round);
     Ok(Some(rounds))
 }
 
 /// The lines of a journal, without a truncated last one.
 fn whole_lines(path: &Path) -> io::Result<String> {
-    let mut bytes = fs::read(path)?;
+    let mut bytes = program::read(path, BYTES_MAX)?;
     bytes.truncate(bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1));
-    String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+    String::from_utf8(bytes).map_err(|error| io::Error::new(ErrorKind::InvalidData, error))
 }
 
 /// The rounds of a journal. Its first line names the experiment.
 fn rounds_of(text: &str) -> io::Result<Vec<Round>> {
-    let damaged = |line: usize| io::Error::new(io::ErrorKind::InvalidData, format!("line {line} is not a round"));
+    let damaged = |line: usize| io::Error::new(ErrorKind::InvalidData, format!("line {line} is not a round"));
     let round = |(at, line)| serde_json::from_str(line).map_err(|_| damaged(at + 1));
     text.lines().enumerate().skip(1).map(round).collect()
 }
 
 /// The journal's name.
-pub const JOURNAL: &str = "journal.jsonl";
+const JOURNAL: &str = "journal.jsonl";
 
 fn append(file: &Mutex<File>, line: &impl serde::Serialize) -> io::Result<()> {
     let text = serde_json::to_string(line)? + "\n";
@@ -156,21 +155,22 @@ fn append(file: &Mutex<File>, line: &impl serde::Serialize) -> io::Result<()> {
 /// The rounds of the journal, which is created if missing. A truncated last line is removed.
 fn journal(path: &Path, identity: &Identity) -> Result<Vec<Round>, Failure> {
     if !path.exists() {
-        let line = serde_json::to_string(identity).map_err(io::Error::from);
-        line.and_then(|line| fs::write(path, line + "\n")).map_err(unwritten(path))?;
+        let line = serde_json::to_string(identity).map_err(io::Error::from).context("failed to begin a journal")?;
+        program::write(path, line + "\n")?;
         return Ok(Vec::new());
     }
     let other = || {
         let text = "the folder holds another experiment: its experiment.toml, network or program differs";
         Failure::new(ExitCode::Config, format!("{text}: {}", path.display()))
     };
-    let text = whole_lines(path).map_err(unwritten(path))?;
+    let text = whole_lines(path).map_err(|error| unread(path, &error))?;
     let first = text.lines().next().and_then(|line| serde_json::from_str::<Identity>(line).ok());
     if first.as_ref() != Some(identity) {
         return Err(other());
     }
     let rounds = rounds_of(&text).map_err(|_| other())?;
     let file = OpenOptions::new().write(true).open(path);
-    file.and_then(|file| file.set_len(text.len() as u64)).map_err(unwritten(path))?;
+    let cut = file.and_then(|file| file.set_len(text.len() as u64));
+    cut.context(format_args!("failed to write {}", path.display()))?;
     Ok(rounds)
 }

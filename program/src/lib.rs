@@ -16,6 +16,7 @@
 #[cfg(not(fuzzing))] // fuzzers measure memory with their own
 mod allocator;
 mod exit;
+mod folder;
 pub mod manual;
 mod output;
 mod publish;
@@ -25,8 +26,9 @@ mod start;
 pub mod text;
 
 pub use exit::{Context, Exit, ExitCode, Failure};
+pub use folder::FolderLock;
 pub use output::{command_line, json, print, print_error, write};
-pub use publish::{publish, sweep};
+pub use publish::publish;
 pub use read::{open, read};
 pub use signals::stop_on_signals;
 pub use start::{ThreadsError, run, start_threads};

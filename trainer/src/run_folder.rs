@@ -11,13 +11,13 @@
 //! ```
 
 use std::fmt::Display;
-use std::fs::{self, File, TryLockError};
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use network::checkpoint::{self, Checkpoint, CheckpointError};
-use program::{Context as _, Exit as _, ExitCode, Failure, sweep, write};
+use program::{Context as _, Exit as _, ExitCode, Failure, FolderLock, write};
 use shards::Dataset;
 
 use crate::config::Config;
@@ -27,19 +27,11 @@ use crate::schedule::Schedule;
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
-    lock: File,
-}
-
-/// Closing the file is not enough: a child process that another thread is starting may hold it open a moment longer.
-impl Drop for RunFolder {
-    fn drop(&mut self) {
-        let _ = self.lock.unlock();
-    }
+    _lock: FolderLock,
 }
 
 pub(crate) const CONFIG: &str = "config.toml";
 pub(crate) const METRICS: &str = "metrics.jsonl";
-const LOCK: &str = ".lock";
 
 impl RunFolder {
     /// Opens a folder for a run. A new or empty folder begins a run; a folder with a run of this recipe is resumed if
@@ -68,18 +60,7 @@ impl RunFolder {
                 check_config(&begun_with, config, path)?;
             } // else the run ended before its first checkpoint
         }
-        fs::create_dir_all(path).context(format_args!("failed to make the run's folder {}", path.display()))?;
-        let lock = File::options().create(true).append(true).open(path.join(LOCK));
-        let lock = lock.context(format_args!("failed to make the lock of the run's folder {}", path.display()))?;
-        match lock.try_lock() {
-            Err(TryLockError::WouldBlock) => {
-                let text = format!("another process trains in this folder: {}", path.display());
-                return Err(Failure::new(ExitCode::TryAgain, text));
-            }
-            Ok(()) => sweep(path).context(format_args!("failed to sweep the run's folder {}", path.display()))?,
-            Err(TryLockError::Error(_)) => {} // without support for locks, trust the user
-        }
-        Ok(Self { path: path.to_owned(), lock })
+        Ok(Self { _lock: FolderLock::take(path)?, path: path.to_owned() })
     }
 
     /// Writes the recipe. Call it after [`Self::last`], so that a refused run changes nothing.
@@ -189,7 +170,7 @@ fn first_entry(path: &Path) -> io::Result<Option<String>> {
     let mut names = Vec::new();
     for entry in entries {
         let name = entry?.file_name().to_string_lossy().into_owned();
-        if name != LOCK && !name.ends_with(".tmp") {
+        if name != FolderLock::NAME && !name.ends_with(".tmp") {
             names.push(name);
         }
     }

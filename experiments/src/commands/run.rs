@@ -11,7 +11,7 @@ use experiments::run::run as run_rounds;
 use experiments::statistics::results;
 use experiments::tables::{bodies, conditions, objects_table, rounds_table, trials_table};
 use indicatif::{ProgressBar, ProgressStyle};
-use program::{Context, ExitCode, Failure, command_line, json, print, print_error, stop_on_signals, write};
+use program::{Context, ExitCode, Failure, FolderLock, command_line, json, print, print_error, stop_on_signals, write};
 
 /// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.md, report.json,
 /// report.svg
@@ -67,6 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         bar.set_message(format!("{} of {} grasps held", counts.1, counts.0));
         bar.inc(1);
     };
+    let _lock = FolderLock::take(&arguments.out)?;
     let rounds = run_rounds(&config, &planner, threads, &arguments.out, &stop, &on_round)?;
     bar.finish_and_clear();
     if (rounds.len() as u64) < config.round_count() {

@@ -9,7 +9,8 @@ use report::picture::{Hand, Scene, svg};
 use schema::{Outcome, Polyhedron, ShapeKind, Solid, Vec3};
 use serde::Deserialize;
 
-use super::{Played, json};
+use super::Played;
+use crate::files::json_if_there;
 use crate::record::{Round, Trial, TrialObject};
 
 /// Rounds that are shown.
@@ -48,8 +49,8 @@ struct PartCorners {
 impl Stage {
     /// Reads `run.json` and `bodies.json`; `None` without the first.
     pub(super) fn read(folder: &Path) -> Result<Option<Self>, Failure> {
-        let Some(stage) = json::<Self>(&folder.join("run.json"))? else { return Ok(None) };
-        let parts: BTreeMap<String, Parts> = json(&folder.join("bodies.json"))?.unwrap_or_default();
+        let Some(stage) = json_if_there::<Self>(&folder.join("run.json"))? else { return Ok(None) };
+        let parts: BTreeMap<String, Parts> = json_if_there(&folder.join("bodies.json"))?.unwrap_or_default();
         let hulls = |parts: Parts| parts.parts.iter().filter_map(|part| hull(&part.vertices_m)).collect();
         let bodies = parts.into_iter().map(|(name, parts)| (name, hulls(parts))).collect();
         Ok(Some(Self { bodies, ..stage }))

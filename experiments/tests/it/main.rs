@@ -87,6 +87,49 @@ fn another_experiment_is_not_mixed_in() {
 }
 
 #[test]
+fn a_folder_has_one_run_at_a_time_which_removes_what_killed_ones_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let [left, lock] = [".abc123.tmp", ".lock"].map(|name| folder.path().join(name));
+    fs::write(&left, "half a report").unwrap();
+    let lock = fs::File::create(lock).unwrap();
+    lock.lock().unwrap();
+    let pile = config("pile.toml");
+    let again =
+        || told(&run(&["run", pile.to_str().unwrap(), "--out", folder.path().to_str().unwrap(), "--rounds", "1"]));
+    let (code, said) = again();
+    assert_eq!(code, Some(75), "{said}");
+    assert!(said.contains("another process writes in this folder") && left.exists(), "{said}");
+    lock.unlock().unwrap();
+    assert_eq!(again().0, Some(0));
+    assert!(!left.exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_in_place_of_a_file_is_refused_without_waiting_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (pile, out) = (config("pile.toml"), folder.path().to_str().unwrap());
+    let refused = |name: &str, arguments: &[&str]| {
+        let pipe = folder.path().join(name);
+        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let (code, said) = told(&run(arguments));
+        assert_eq!(code, Some(78), "{said}");
+        assert!(said.contains("it must be a regular file") && said.contains(name), "{said}");
+        fs::remove_file(pipe).unwrap();
+    };
+    refused("journal.jsonl", &["run", pile.to_str().unwrap(), "--out", out, "--rounds", "1"]);
+    refused("report.json", &["compare", out]);
+    assert_eq!(told(&run(&["run", pile.to_str().unwrap(), "--out", out, "--rounds", "1"])).0, Some(0));
+    let html = folder.path().join("page.html");
+    for name in ["report.json", "journal.jsonl", "run.json", "bodies.json"] {
+        let kept = fs::read(folder.path().join(name)).unwrap();
+        fs::remove_file(folder.path().join(name)).unwrap();
+        refused(name, &["report", out, "--html", html.to_str().unwrap()]);
+        fs::write(folder.path().join(name), kept).unwrap();
+    }
+}
+
+#[test]
 fn a_bad_config_is_told_whole() {
     let folder = tempfile::tempdir().unwrap();
     let text = fs::read_to_string(config("pile.toml")).unwrap();

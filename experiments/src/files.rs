@@ -1,0 +1,31 @@
+//! Reading the files of an experiment's folder.
+
+use std::io::{self, ErrorKind};
+use std::path::Path;
+
+use program::{Exit as _, ExitCode, Failure};
+use serde::de::DeserializeOwned;
+
+/// Largest file that is read, in bytes: far more than the rounds that fit into memory.
+pub(crate) const BYTES_MAX: u64 = 1 << 40;
+
+/// What a JSON file holds.
+pub(crate) fn json<T: DeserializeOwned>(path: &Path) -> Result<T, Failure> {
+    let invalid = |error| io::Error::new(ErrorKind::InvalidData, error);
+    let read = program::read(path, BYTES_MAX).and_then(|text| serde_json::from_slice(&text).map_err(invalid));
+    read.map_err(|source| unread(path, &source))
+}
+
+/// What a JSON file holds; `None` if there is no such file.
+pub(crate) fn json_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, Failure> {
+    path.exists().then(|| json(path)).transpose()
+}
+
+/// The failure to read a file.
+pub(crate) fn unread(path: &Path, source: &io::Error) -> Failure {
+    match source.kind() {
+        // A file that is not what a run writes.
+        ErrorKind::InvalidData => Failure::new(ExitCode::Data, format!("damaged {}: {source}", path.display())),
+        _ => Failure::new(source.exit_code(), format!("failed to read: {source}: {}", path.display())),
+    }
+}
