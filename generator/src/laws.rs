@@ -16,6 +16,7 @@ impl Config {
     #[must_use]
     pub fn dataset_info(&self) -> DatasetInfo {
         DatasetInfo {
+            about: DatasetInfo::ABOUT.to_owned(),
             format_version: if self.objects.catalogue.is_empty() {
                 FormatVersion::CURRENT
             } else {
@@ -30,6 +31,9 @@ impl Config {
             grid: self.grid,
             gripper: self.gripper.clone(),
             procedure: self.procedure,
+            units: DatasetInfo::UNITS.to_owned(),
+            frames: DatasetInfo::FRAMES.map(str::to_owned).to_vec(),
+            facets: DatasetInfo::facets(),
             config: self.stored(),
             models: self.objects.catalogue.stored().to_vec(),
         }

@@ -51,7 +51,8 @@ pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
         }
     };
     let damaged = |message: String| self::damaged(&message, path);
-    let (corners, triangles) = read(&bytes).map_err(|message| damaged(format!("not a whole {kind} file: {message}")))?;
+    let (corners, triangles) =
+        read(&bytes).map_err(|message| damaged(format!("not a whole {kind} file: {message}")))?;
     Mesh::new(&corners, &triangles, scale_m).map_err(damaged)
 }
 

@@ -39,7 +39,7 @@ pub use grasp::{Grasp, VoxelGrasp};
 pub use grid::{Grid, GridError, VoxelGrid};
 pub use gripper::{Gripper, HandBox};
 pub use law::{Drawn, Law, SLIDE_SHARE, TIP_DEPTH_M, Tilt, along_normal, law_of};
-pub use model::{CORNERS_MAX, MODELS_MAX, Model, NAME_MAX, ObjectShape, PARTS_MAX, Shape};
+pub use model::{CORNERS_MAX, MODELS_MAX, Model, ModelPart, NAME_MAX, ObjectShape, PARTS_MAX, Shape};
 pub use outcome::{HitKind, Outcome};
 pub use points::samples_of;
 pub use polyhedron::{Face, HullError, Polyhedron, bounds_m};

@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::{Polyhedron, ShapeKind, Solid, Vec3, bounds_m};
 
 /// An object of convex parts. Everything that physics takes from it stands here, so that a dataset needs no other file.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Model {
     /// Its name, as rows have it; of a dataset's models no two share one.
     pub name: String,
@@ -17,8 +20,16 @@ pub struct Model {
     pub extents_m: Vec3,
     /// Volume of all parts in cubic metres.
     pub volume_m3: f32,
-    /// For each part the corners whose convex hull it is, in the object's frame, in metres.
-    pub parts_m: Vec<Vec<Vec3>>,
+    /// The convex parts.
+    pub parts: Vec<ModelPart>,
+}
+
+/// The convex hull of its corners.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelPart {
+    /// The corners in the object's frame, in metres.
+    pub corners_m: Vec<Vec3>,
 }
 
 /// What a name in a table's column `shape` means.
@@ -128,7 +139,9 @@ impl ObjectShape {
     pub fn parts(&self) -> Vec<Polyhedron> {
         match self {
             Self::Solid(solid) => vec![solid.into()],
-            Self::Model { model, .. } => model.parts_m.iter().flat_map(|part| Polyhedron::hull_of(part)).collect(),
+            Self::Model { model, .. } => {
+                model.parts.iter().flat_map(|part| Polyhedron::hull_of(&part.corners_m)).collect()
+            }
         }
     }
 
@@ -180,11 +193,13 @@ impl Model {
         for (key, value, low, high) in [("mass_kg", self.mass_kg, 1e-4, 1e4), ("friction", self.friction, 0.0, 100.0)] {
             must((low..=high).contains(&value), format!("{key} must be between {low} and {high}, got {value}"));
         }
-        let corners = || self.parts_m.iter().flatten().copied();
-        let [low, high] = bounds_m(self.parts_m.iter().flatten());
+        let corners = || self.parts.iter().flat_map(|part| &part.corners_m);
+        let [low, high] = bounds_m(corners());
         let is_bounds = |a: Vec3, b: Vec3| (a - b).abs().max_element() <= BOUNDS_M;
         must(
-            corners().all(Vec3::is_finite) && is_bounds(high - low, self.extents_m) && is_bounds(high, -low),
+            corners().all(|corner| corner.is_finite())
+                && is_bounds(high - low, self.extents_m)
+                && is_bounds(high, -low),
             format!("corners_m must lie in a box of extents_m {}, got {low} to {high}", self.extents_m),
         );
         let box_m3 = self.extents_m.x * self.extents_m.y * self.extents_m.z;
@@ -193,19 +208,20 @@ impl Model {
             format!("extents_m must be above 0 and at most 10, got {}", self.extents_m),
         );
         // Parts may overlap, but not all of them everywhere.
-        let most_m3 = box_m3 * self.parts_m.len() as f32 * 1.001;
+        let most_m3 = box_m3 * self.parts.len() as f32 * 1.001;
         must(
             self.volume_m3 > 0.0 && self.volume_m3 <= most_m3,
             format!("volume_m3 must be above 0 and at most {most_m3}, got {}", self.volume_m3),
         );
         must(
-            (1..=PARTS_MAX).contains(&self.parts_m.len()),
-            format!("it must have 1 to {PARTS_MAX} parts, got {}", self.parts_m.len()),
+            (1..=PARTS_MAX).contains(&self.parts.len()),
+            format!("it must have 1 to {PARTS_MAX} parts, got {}", self.parts.len()),
         );
-        for (number, part) in self.parts_m.iter().enumerate() {
+        for (number, part) in self.parts.iter().enumerate() {
+            let count = part.corners_m.len();
             must(
-                (4..=CORNERS_MAX).contains(&part.len()),
-                format!("part {number} must have 4 to {CORNERS_MAX} corners, got {}", part.len()),
+                (4..=CORNERS_MAX).contains(&count),
+                format!("part {number} must have 4 to {CORNERS_MAX} corners, got {count}"),
             );
         }
         problems
@@ -224,7 +240,7 @@ mod tests {
             friction: 0.8,
             extents_m: Vec3::new(0.04, 0.06, 0.02),
             volume_m3: 8e-6,
-            parts_m: vec![corners.map(Vec3::from_array).to_vec()],
+            parts: vec![ModelPart { corners_m: corners.map(Vec3::from_array).to_vec() }],
         }
     }
 
@@ -250,11 +266,11 @@ mod tests {
             (|m| m.mass_kg = f32::NAN, "mass_kg must be between"),
             (|m| m.friction = -0.1, "friction must be between"),
             (|m| m.extents_m.x = 0.05, "corners_m must lie in a box"),
-            (|m| m.parts_m[0].iter_mut().for_each(|c| c.z += 0.01), "corners_m must lie in a box"),
-            (|m| m.parts_m[0][2].y = f32::INFINITY, "corners_m must lie in a box"),
+            (|m| m.parts[0].corners_m.iter_mut().for_each(|c| c.z += 0.01), "corners_m must lie in a box"),
+            (|m| m.parts[0].corners_m[2].y = f32::INFINITY, "corners_m must lie in a box"),
             (|m| m.volume_m3 = 1.0, "volume_m3 must be above 0"),
-            (|m| m.parts_m.clear(), "1 to 256 parts"),
-            (|m| m.parts_m[0].truncate(3), "4 to 256 corners"),
+            (|m| m.parts.clear(), "1 to 256 parts"),
+            (|m| m.parts[0].corners_m.truncate(3), "4 to 256 corners"),
         ];
         for (change, expected) in cases {
             let mut model = wedge();

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use schema::{Model, Plane, Polyhedron, Pose, Solid, Vec3, bounds_m};
+use schema::{Model, ModelPart, Plane, Polyhedron, Pose, Solid, Vec3, bounds_m};
 
 use crate::convex_hull::convex_hull;
 
@@ -210,11 +210,11 @@ impl Body {
     /// [`ModelError`] if a part has no hull.
     pub fn of_model(model: &Model) -> Result<Self, ModelError> {
         let name = &model.name;
-        let part = |(part, corners): (usize, &Vec<Vec3>)| {
-            let hull = convex_hull(corners).map_err(|e| ModelError(format!("model {name}, part {part}: {e}")))?;
+        let part = |(part, ModelPart { corners_m }): (usize, &ModelPart)| {
+            let hull = convex_hull(corners_m).map_err(|e| ModelError(format!("model {name}, part {part}: {e}")))?;
             Ok(Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY })
         };
-        let parts = model.parts_m.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
+        let parts = model.parts.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
         let compound = Compound::new(name, parts).map_err(|e| ModelError(format!("model {name}: {e}")))?;
         Ok(compound.into())
     }
@@ -230,7 +230,7 @@ impl Body {
             friction,
             extents_m: self.extents_m(),
             volume_m3: self.volume_m3(),
-            parts_m: self.polyhedra().iter().map(|part| part.corners_m().to_vec()).collect(),
+            parts: self.polyhedra().iter().map(|part| ModelPart { corners_m: part.corners_m().to_vec() }).collect(),
         };
         // From the stored values, not from the original ones: the last digits may differ.
         let again = Self::of_model(&model)?;

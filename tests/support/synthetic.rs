@@ -12,6 +12,7 @@ use shards::{DatasetInfo, FormatVersion};
 #[must_use]
 pub(crate) fn info(seed: u64, shard_count: u32, attempt_count: u64, attempts_per_scene: u32) -> DatasetInfo {
     DatasetInfo {
+        about: DatasetInfo::ABOUT.to_owned(),
         format_version: FormatVersion::CURRENT,
         code_version: "synthetic".to_owned(),
         seed,
@@ -22,6 +23,9 @@ pub(crate) fn info(seed: u64, shard_count: u32, attempt_count: u64, attempts_per
         grid: Grid::PAPER,
         gripper: gripper(),
         procedure: procedure(),
+        units: DatasetInfo::UNITS.to_owned(),
+        frames: DatasetInfo::FRAMES.map(str::to_owned).to_vec(),
+        facets: DatasetInfo::facets(),
         config: serde_json::json!({"kind": "synthetic"}),
         models: Vec::new(),
     }

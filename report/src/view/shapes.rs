@@ -100,7 +100,7 @@ mod tests {
     use std::collections::{BTreeMap, BTreeSet};
     use std::sync::Arc;
 
-    use schema::{Model, ObjectShape, ShapeKind, Solid};
+    use schema::{Model, ModelPart, ObjectShape, ShapeKind, Solid};
 
     use super::*;
 
@@ -156,7 +156,7 @@ mod tests {
             friction: 0.5,
             extents_m: Vec3::splat(0.1),
             volume_m3: 5e-4,
-            parts_m: vec![corners.clone()],
+            parts: vec![ModelPart { corners_m: corners.clone() }],
         };
         let shape = ObjectShape::Model { number: 0, model: Arc::new(model) };
         let [ball] = <[Polyhedron; 1]>::try_from(shape.parts()).unwrap();

@@ -5,19 +5,21 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use schema::{
-    CameraParams, FACETS, Grid, Gripper, MODELS_MAX, Model, Physics, Procedure, SettleParams, TsdfParams, Vec3,
-    ViewParams,
+    CameraParams, FACETS, Grid, Gripper, MODELS_MAX, Model, Physics, Procedure, SettleParams, TsdfParams, ViewParams,
 };
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 use settings::{Setting, faults_of, read_stored, stored_faults};
 
 use crate::FormatVersion;
 use crate::format::seal;
 
-/// Everything that determines a dataset's bytes.
-#[derive(Debug, Clone, PartialEq)]
+/// Everything that determines a dataset's bytes, with the file's keys in the file's order.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct DatasetInfo {
+    /// What the file is: [`Self::ABOUT`].
+    pub about: String,
     /// Version of the format on disk.
     pub format_version: FormatVersion,
     /// Version of the code that makes the rows; another version makes another dataset.
@@ -38,9 +40,17 @@ pub struct DatasetInfo {
     pub gripper: Gripper,
     /// The attempt's procedure.
     pub procedure: Procedure,
+    /// The units of all files: [`Self::UNITS`].
+    pub units: String,
+    /// The frames of all files: [`Self::FRAMES`].
+    pub frames: Vec<String>,
+    /// How round outlines are: [`Self::facets`].
+    pub facets: String,
     /// The resolved config of the generator, in its own format.
+    #[serde(serialize_with = "in_order")]
     pub config: Value,
     /// Its objects, if they are not primitives; `shape` in its rows is then a model's name.
+    #[serde(default, skip_serializing_if = "Vec::is_empty", with = "models")]
     pub models: Vec<Arc<Model>>,
 }
 
@@ -52,6 +62,31 @@ pub const RESOLUTION_MAX: usize = 128;
 pub const ATTEMPTS_MAX: u64 = 1_000_000_000_000;
 
 impl DatasetInfo {
+    // These texts are part of the file and so of every dataset's id: changing a word makes other datasets.
+    /// What the file is.
+    pub const ABOUT: &str = "A Graspmill dataset: simulated parallel-jaw grasp attempts on random stacked scenes. This file was written \
+         before the first row; its SHA-256 is the dataset's id.";
+    /// The units.
+    pub const UNITS: &str =
+        "SI: metres, kilograms, seconds, radians, newtons. A name carries its unit (width_m, tilt_rad).";
+    /// The frames.
+    pub const FRAMES: [&str; 6] = [
+        "A transform is named target_from_source; quaternions are xyzw.",
+        "workspace: a cube of side grid.size_m, origin at a lower corner, z up, table top at z = grid.table_z_m.",
+        "grid: voxel (i, j, k) has its centre at (i + 1/2, j + 1/2, k + 1/2) * grid.size_m / grid.resolution; tsdf[x][y][z].",
+        "camera: x right, y down, z forward; on a sphere about the middle of the workspace's floor, looking at it.",
+        "object: origin at the centre of its bounding box. cuboid; cylinder: axis z; tri_prism: extruded along x, apex at +z; half_cylinder: extruded along x, flat face at -z.",
+        "grasp: origin midway between the finger tips, +z approach, +y closing, x = y cross z; a half turn about z is the same grasp.",
+    ];
+
+    /// How round outlines are.
+    #[must_use]
+    pub fn facets() -> String {
+        format!(
+            "Round outlines have {FACETS} flat sides a full turn, in physics, in depth images and in collision tests."
+        )
+    }
+
     /// The scenes of a shard, distributed evenly: `s·N/S .. (s+1)·N/S`.
     ///
     /// # Panics
@@ -167,25 +202,7 @@ impl DatasetInfo {
     /// The text of `meta/info.json`: the same bytes for the same info on every machine.
     #[must_use]
     pub fn to_json(&self) -> String {
-        let json = InfoJson {
-            about: ABOUT.to_owned(),
-            format_version: self.format_version,
-            code_version: self.code_version.clone(),
-            seed: self.seed,
-            shard_count: self.shard_count,
-            scene_count: self.scene_count,
-            attempt_count: self.attempt_count,
-            attempts_per_scene: self.attempts_per_scene,
-            grid: self.grid,
-            gripper: self.gripper.clone(),
-            procedure: self.procedure,
-            units: UNITS.to_owned(),
-            frames: FRAMES.iter().map(|line| (*line).to_owned()).collect(),
-            facets: facets(),
-            config: sorted(&self.config),
-            models: self.models.iter().map(|model| ModelJson::of(model)).collect(),
-        };
-        seal::pretty(&json)
+        seal::pretty(self)
     }
 
     /// The info in a `meta/info.json`.
@@ -196,21 +213,7 @@ impl DatasetInfo {
         let foreign = |e| format!("not a dataset's info: {e}");
         let head: HeadJson = serde_json::from_slice(text.as_ref()).map_err(foreign)?;
         head.format_version.check_readable()?;
-        let json: InfoJson = serde_json::from_slice(text.as_ref()).map_err(foreign)?;
-        let info = Self {
-            format_version: json.format_version,
-            code_version: json.code_version,
-            seed: json.seed,
-            shard_count: json.shard_count,
-            scene_count: json.scene_count,
-            attempt_count: json.attempt_count,
-            attempts_per_scene: json.attempts_per_scene,
-            grid: json.grid,
-            gripper: json.gripper,
-            procedure: json.procedure,
-            config: json.config,
-            models: json.models.into_iter().map(|model| Arc::new(model.into())).collect(),
-        };
+        let info: Self = serde_json::from_slice(text.as_ref()).map_err(foreign)?;
         let problems = info.problems();
         if problems.is_empty() { Ok(info) } else { Err(problems.join("; ")) }
     }
@@ -223,95 +226,28 @@ impl DatasetInfo {
     }
 }
 
-// These texts are part of the file and so of every dataset's id: changing a word makes other datasets.
-const ABOUT: &str = "A Graspmill dataset: simulated parallel-jaw grasp attempts on random stacked scenes. This file \
-                     was written before the first row; its SHA-256 is the dataset's id.";
-const UNITS: &str = "SI: metres, kilograms, seconds, radians, newtons. A name carries its unit (width_m, tilt_rad).";
-const FRAMES: [&str; 6] = [
-    "A transform is named target_from_source; quaternions are xyzw.",
-    "workspace: a cube of side grid.size_m, origin at a lower corner, z up, table top at z = grid.table_z_m.",
-    "grid: voxel (i, j, k) has its centre at (i + 1/2, j + 1/2, k + 1/2) * grid.size_m / grid.resolution; tsdf[x][y][z].",
-    "camera: x right, y down, z forward; on a sphere about the middle of the workspace's floor, looking at it.",
-    "object: origin at the centre of its bounding box. cuboid; cylinder: axis z; tri_prism: extruded along x, apex at +z; half_cylinder: extruded along x, flat face at -z.",
-    "grasp: origin midway between the finger tips, +z approach, +y closing, x = y cross z; a half turn about z is the same grasp.",
-];
-
-fn facets() -> String {
-    format!("Round outlines have {FACETS} flat sides a full turn, in physics, in depth images and in collision tests.")
-}
-
 /// Only the version, so that a newer file is refused for its version and not for its new keys.
 #[derive(Deserialize)]
 struct HeadJson {
     format_version: FormatVersion,
 }
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct InfoJson {
-    about: String,
-    format_version: FormatVersion,
-    code_version: String,
-    seed: u64,
-    shard_count: u32,
-    scene_count: u64,
-    attempt_count: u64,
-    attempts_per_scene: u32,
-    grid: Grid,
-    gripper: Gripper,
-    procedure: Procedure,
-    units: String,
-    frames: Vec<String>,
-    facets: String,
-    config: Value,
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    models: Vec<ModelJson>,
-}
+/// Models in the file: serde has no pointers that share.
+mod models {
+    use super::{Arc, Deserialize, Model, Serializer};
+    use serde::Deserializer;
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ModelJson {
-    name: String,
-    mass_kg: f32,
-    friction: f32,
-    extents_m: [f32; 3],
-    volume_m3: f32,
-    parts: Vec<PartJson>,
-}
+    pub(super) fn serialize<S: Serializer>(models: &[Arc<Model>], to: S) -> Result<S::Ok, S::Error> {
+        to.collect_seq(models.iter().map(Arc::as_ref))
+    }
 
-/// The convex hull of its corners, in the object's frame.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PartJson {
-    corners_m: Vec<[f32; 3]>,
-}
-
-impl ModelJson {
-    fn of(model: &Model) -> Self {
-        let part = |corners: &Vec<Vec3>| PartJson { corners_m: corners.iter().map(Vec3::to_array).collect() };
-        Self {
-            name: model.name.clone(),
-            mass_kg: model.mass_kg,
-            friction: model.friction,
-            extents_m: model.extents_m.to_array(),
-            volume_m3: model.volume_m3,
-            parts: model.parts_m.iter().map(part).collect(),
-        }
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Arc<Model>>, D::Error> {
+        Ok(Vec::deserialize(from)?.into_iter().map(Arc::new).collect())
     }
 }
 
-impl From<ModelJson> for Model {
-    fn from(json: ModelJson) -> Self {
-        let part = |part: PartJson| part.corners_m.into_iter().map(Vec3::from_array).collect();
-        Self {
-            name: json.name,
-            mass_kg: json.mass_kg,
-            friction: json.friction,
-            extents_m: Vec3::from_array(json.extents_m),
-            volume_m3: json.volume_m3,
-            parts_m: json.parts.into_iter().map(part).collect(),
-        }
-    }
+fn in_order<S: Serializer>(config: &Value, to: S) -> Result<S::Ok, S::Error> {
+    sorted(config).serialize(to)
 }
 
 /// The value with sorted keys in every object, independently of serde_json's feature for insertion order.

@@ -125,7 +125,7 @@ fn models(info: &DatasetInfo) -> Vec<Block> {
             format!("{x:.1} × {y:.1} × {z:.1}"),
             format!("{:.1}", model.mass_kg * 1000.0),
             model.friction.to_string(),
-            model.parts_m.len().to_string(),
+            model.parts.len().to_string(),
         ];
         [Cell::Text(format!("`{}`", model.name))].into_iter().chain(numbers.map(Cell::Number)).collect()
     });

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use schema::{AttemptRecord, Model, ObjectShape, Rule, SceneRows, Vec3, along_normal};
+use schema::{AttemptRecord, Model, ModelPart, ObjectShape, Rule, SceneRows, Vec3, along_normal};
 use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, inspection, report, verify};
 
 use crate::synthetic;
@@ -22,7 +22,7 @@ fn models() -> Vec<Arc<Model>> {
         friction: 0.8,
         extents_m: Vec3::new(0.04, 0.06, 0.02),
         volume_m3: 8e-6,
-        parts_m: vec![wedge.map(Vec3::from_array).to_vec()],
+        parts: vec![ModelPart { corners_m: wedge.map(Vec3::from_array).to_vec() }],
     };
     let halves = Model {
         name: "halves".to_owned(),
@@ -30,7 +30,7 @@ fn models() -> Vec<Arc<Model>> {
         friction: 0.7,
         extents_m: Vec3::new(0.06, 0.04, 0.04),
         volume_m3: 0.06 * 0.04 * 0.04,
-        parts_m: vec![half(-0.03, 0.01), half(0.01, 0.03)],
+        parts: [half(-0.03, 0.01), half(0.01, 0.03)].map(|corners_m| ModelPart { corners_m }).into(),
     };
     vec![Arc::new(wedge), Arc::new(halves)]
 }
@@ -122,7 +122,7 @@ fn an_info_whose_models_cannot_be_is_refused() {
         (|info| info.models.clear(), "format_version must be 1 for 0 models, got 2"),
         (|info| info.models[1] = info.models[0].clone(), "there is another model wedge"),
         (|info| Arc::make_mut(&mut info.models[0]).mass_kg = 0.0, "model wedge: mass_kg must be between"),
-        (|info| Arc::make_mut(&mut info.models[1]).parts_m[0][0].x = -0.04, "corners_m must lie in a box"),
+        (|info| Arc::make_mut(&mut info.models[1]).parts[0].corners_m[0].x = -0.04, "corners_m must lie in a box"),
     ];
     for (change, expected) in cases {
         let mut info = info();
