@@ -1,5 +1,9 @@
 //! Damaged and hostile files and files of other networks: each ends in an error, without delay.
 
+use std::io::{Cursor, Write as _};
+
+use ::zip::write::SimpleFileOptions;
+use ::zip::{CompressionMethod, ZipWriter};
 use proptest::prelude::*;
 
 use super::problem::Problem;
@@ -12,31 +16,19 @@ const WHOLE_MODEL: &[u8] = include_bytes!("../../tests/state_dicts/whole_model.p
 const FILES: [&[u8]; 4] = [ZIP, LEGACY, NESTED, WHOLE_MODEL];
 
 /// The entries of a file of `torch.save`.
-fn entries(file: &[u8]) -> Vec<(&str, Vec<u8>)> {
+fn entries(file: &[u8]) -> Vec<(String, Vec<u8>)> {
     zip::read(file).unwrap().into_iter().map(|(name, contents)| (name, contents.to_vec())).collect()
 }
 
 /// A zip of stored entries.
-fn packed(entries: &[(&str, Vec<u8>)]) -> Vec<u8> {
-    let (mut file, mut directory) = (Vec::new(), Vec::new());
+fn packed(entries: &[(String, Vec<u8>)]) -> Vec<u8> {
+    let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, contents) in entries {
-        let (at, len) = (file.len() as u32, contents.len() as u32);
-        let mut facts = [0; 10].to_vec(); // version, flags, method, time, date
-        for number in [zip::crc32(contents), len, len] {
-            facts.extend(number.to_le_bytes());
-        }
-        facts.extend((name.len() as u16).to_le_bytes());
-        facts.extend([0; 2]); // extra field's length
-        file.extend([b"PK\x03\x04", facts.as_slice(), name.as_bytes(), contents].concat());
-        directory.extend([b"PK\x01\x02\x00\x00", facts.as_slice(), &[0; 10]].concat());
-        directory.extend(at.to_le_bytes());
-        directory.extend(name.as_bytes());
+        zip.start_file(name, stored).unwrap();
+        zip.write_all(contents).unwrap();
     }
-    let (at, len) = (file.len() as u32, directory.len() as u32);
-    file.extend([directory, b"PK\x05\x06".to_vec(), vec![0; 8]].concat());
-    file.extend([len.to_le_bytes(), at.to_le_bytes()].concat());
-    file.extend([0; 2]);
-    file
+    zip.finish().unwrap().into_inner()
 }
 
 fn problem(file: &[u8]) -> Problem {
@@ -88,7 +80,7 @@ fn what_is_wrong_is_told() {
             packed(&entries(ZIP).into_iter().filter(|(name, _)| !name.ends_with("data/0")).collect::<Vec<_>>()),
             "missing",
         ),
-        (packed(&[("readme.txt", Vec::new())]), "a zip without data.pkl"),
+        (packed(&[("readme.txt".to_owned(), Vec::new())]), "a zip without data.pkl"),
         (ZIP[..ZIP.len() / 2].to_vec(), "a zip that is cut off"),
         (LEGACY[..LEGACY.len() - 1].to_vec(), "it ends at byte"),
         (b"\x80\x02}q\x00.".to_vec(), "not one of torch.save"),
