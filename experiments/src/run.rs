@@ -13,8 +13,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
 use planner::Planner;
-use program::{Context as _, ExitCode, Failure, ThreadsError};
-use rayon::ThreadPoolBuilder;
+use program::{Context as _, ExitCode, Failure, thread_pool};
 
 use crate::config::Config;
 use crate::files::{BYTES_MAX, unread};
@@ -83,7 +82,7 @@ fn in_threads(
 ) -> Result<Vec<Round>, Failure> {
     let next = AtomicUsize::new(0);
     let work = || -> Result<Vec<Round>, Failure> {
-        let pool = ThreadPoolBuilder::new().num_threads(1).build().map_err(ThreadsError::from)?;
+        let pool = thread_pool(1)?;
         let mut played = Vec::new();
         while let Some(round) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
             match pool.install(|| play_one(round)) {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use program::{Failure, ThreadsError};
+use program::{Failure, thread_pool};
 use rayon::prelude::*;
 use schema::{Outcome, SceneRows};
 use serde::Serialize;
@@ -149,13 +149,9 @@ pub fn bench(
     })
 }
 
-fn pool(threads: usize) -> Result<rayon::ThreadPool, Failure> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| ThreadsError::from(e).into())
-}
-
 fn whole_run(config: &Config, threads: usize, dir: &Path) -> Result<(RunCost, u64), Failure> {
     let shards: Vec<u32> = (0..config.shards).collect();
-    let pool = pool(threads)?;
+    let pool = thread_pool(threads)?;
     let (began, cpu_began_s) = (Instant::now(), cpu_time_s());
     let report = pool.install(|| generate(config, dir, &shards, &AtomicBool::new(false), &|_| {}))?;
     let wall_s = began.elapsed().as_secs_f64();
@@ -224,7 +220,7 @@ fn agreement(
     };
     let mut found =
         Agreement { settings, attempts: 0, same_label: 0, same_outcome: 0, positives: [0; 2], total_s: [0.0; 2] };
-    let pairs: Result<Vec<_>, _> = pool(threads)?.install(|| (0..scenes).into_par_iter().map(compare).collect());
+    let pairs: Result<Vec<_>, _> = thread_pool(threads)?.install(|| (0..scenes).into_par_iter().map(compare).collect());
     for ((ours, our_time), (theirs, their_time)) in pairs? {
         found.attempts += ours.len() as u64;
         for (a, b) in ours.iter().zip(&theirs) {

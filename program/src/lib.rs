@@ -31,5 +31,5 @@ pub use output::{command_line, json, print, print_error, write};
 pub use publish::publish;
 pub use read::{open, read};
 pub use signals::stop_on_signals;
-pub use start::{ThreadsError, run, start_threads};
+pub use start::{run, start_threads, thread_pool};
 pub use text::error_chain;

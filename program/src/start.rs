@@ -5,12 +5,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process;
 
 use clap::Parser;
-use rayon::{ThreadPoolBuildError, ThreadPoolBuilder};
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
 
 use crate::signals::writes_fail_at_the_file_size_limit;
-use crate::{Exit, ExitCode, Failure, print_error};
+use crate::{ExitCode, Failure, print_error};
 
 /// Parses the command line, starts logging, runs the command, prints its error if there is one, and returns its exit
 /// code. Call it once, as all of `main`. A panic, which prints where it happened, ends with [`ExitCode::Internal`].
@@ -42,23 +42,23 @@ fn start_logging() {
         .init();
 }
 
-/// The threads of a program could not be started.
-#[derive(Debug, thiserror::Error)]
-#[error("failed to start the threads: {0}")]
-pub struct ThreadsError(#[from] ThreadPoolBuildError);
-
-impl Exit for ThreadsError {
-    /// [`ExitCode::TryAgain`]: the machine had no room for them.
-    fn exit_code(&self) -> ExitCode {
-        ExitCode::TryAgain
-    }
-}
-
 /// Starts the threads that share parallel work, one per core unless `threads` says otherwise. Call it at most once,
 /// before that work begins.
 ///
 /// # Errors
-/// If the system refuses, or parallel work has begun.
-pub fn start_threads(threads: Option<u16>) -> Result<(), ThreadsError> {
-    Ok(ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0).into()).build_global()?)
+/// [`ExitCode::TryAgain`] if the system refuses, or parallel work has begun.
+pub fn start_threads(threads: Option<u16>) -> Result<(), Failure> {
+    ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0).into()).build_global().map_err(|e| not_started(&e))
+}
+
+/// A number of threads apart from those.
+///
+/// # Errors
+/// [`ExitCode::TryAgain`] if the system refuses.
+pub fn thread_pool(threads: usize) -> Result<ThreadPool, Failure> {
+    ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| not_started(&e))
+}
+
+fn not_started(error: &ThreadPoolBuildError) -> Failure {
+    Failure::new(ExitCode::TryAgain, format!("failed to start the threads: {error}"))
 }

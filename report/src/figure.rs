@@ -9,7 +9,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::register_font;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure};
 
 pub use intervals::{Intervals, Rate, Row};
 /// A colour: red, green, blue.
@@ -85,19 +85,26 @@ pub const GREEN: RGBColor = RGBColor(0, 158, 115);
 /// Grey.
 pub const GREY: RGBColor = RGBColor(90, 90, 90);
 
-/// Why a figure cannot be drawn.
-#[derive(Debug, thiserror::Error)]
-#[error("failed to draw {title:?}: {reason}")]
-pub struct FigureError {
-    title: String,
-    reason: String,
+/// The failure to draw a figure. What is drawn is ours.
+fn failed(title: &str, reason: &dyn std::fmt::Display) -> Failure {
+    Failure::new(ExitCode::Internal, format!("failed to draw {title:?}: {reason}"))
 }
 
-impl Exit for FigureError {
-    /// [`ExitCode::Internal`]: what is drawn is ours.
-    fn exit_code(&self) -> ExitCode {
-        ExitCode::Internal
+/// The SVG that `draw` draws, of a size in pixels.
+fn svg(
+    title: &str,
+    size: (u32, u32),
+    draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), DrawingAreaErrorKind<std::io::Error>>,
+) -> Result<String, Failure> {
+    let mut text = String::new();
+    {
+        let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+        draw(&area).and_then(|()| area.present()).map_err(|e| failed(title, &e))?;
     }
+    if !text.ends_with('\n') {
+        text.push('\n');
+    }
+    Ok(text)
 }
 
 /// How large a figure is drawn, in pixels of an SVG.
@@ -206,46 +213,37 @@ impl Figure {
     /// The figure as SVG.
     ///
     /// # Errors
-    /// [`FigureError`] if the library fails.
-    pub fn svg(&self) -> Result<String, FigureError> {
+    /// [`ExitCode::Internal`] if the library fails.
+    pub fn svg(&self) -> Result<String, Failure> {
         self.svg_on(ALONE)
     }
 
     /// The figure as SVG without its title, 440 × 280: for [`crate::document`].
     ///
     /// # Errors
-    /// [`FigureError`] if the library fails.
-    pub fn svg_for_page(&self) -> Result<String, FigureError> {
+    /// [`ExitCode::Internal`] if the library fails.
+    pub fn svg_for_page(&self) -> Result<String, Failure> {
         self.short().svg_on(ON_A_PAGE)
     }
 
-    fn svg_on(&self, sheet: Sheet) -> Result<String, FigureError> {
-        let mut text = String::new();
-        {
-            let root = SVGBackend::with_string(&mut text, (sheet.width, sheet.height)).into_drawing_area();
-            self.draw(&root, sheet, 1).map_err(|e| self.failed(&e))?;
-            root.present().map_err(|e| self.failed(&e))?;
-        }
-        if !text.ends_with('\n') {
-            text.push('\n');
-        }
-        Ok(text)
+    fn svg_on(&self, sheet: Sheet) -> Result<String, Failure> {
+        svg(&self.title, (sheet.width, sheet.height), |root| self.draw(root, sheet, 1))
     }
 
     /// The figure as PNG, 1200 × 750 pixels.
     ///
     /// # Errors
-    /// [`FigureError`] if a library fails.
-    pub fn png(&self) -> Result<Vec<u8>, FigureError> {
+    /// [`ExitCode::Internal`] if a library fails.
+    pub fn png(&self) -> Result<Vec<u8>, Failure> {
         let (width, height) = (ALONE.width * PNG_SCALE, ALONE.height * PNG_SCALE);
         let mut large = vec![0; (3 * width * height) as usize];
         {
             let root = BitMapBackend::with_buffer(&mut large, (width, height)).into_drawing_area();
-            self.draw(&root, ALONE, PNG_SCALE as i32).map_err(|e| self.failed(&e))?;
-            root.present().map_err(|e| self.failed(&e))?;
+            let drawn = self.draw(&root, ALONE, PNG_SCALE as i32).and_then(|()| root.present());
+            drawn.map_err(|e| failed(&self.title, &e))?;
         }
         let pixels = means(&large, width as usize, PNG_MEAN_OF as usize);
-        encode(&pixels, [width / PNG_MEAN_OF, height / PNG_MEAN_OF]).map_err(|e| self.failed(&e))
+        encode(&pixels, [width / PNG_MEAN_OF, height / PNG_MEAN_OF]).map_err(|e| failed(&self.title, &e))
     }
 
     /// Its words as a page has room for them.
@@ -257,10 +255,6 @@ impl Figure {
             words.truncate(words.find(" (").unwrap_or(words.len()));
         }
         short
-    }
-
-    fn failed(&self, reason: &dyn std::fmt::Display) -> FigureError {
-        FigureError { title: self.title.clone(), reason: reason.to_string() }
     }
 
     /// Draws on an area of `scale` times the size.

@@ -1,10 +1,10 @@
 //! Documents as pages.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use program::Failure;
 use program::text::grouped;
 
 use super::{Block, Cell, Document, Drawing, Picture, Table};
-use crate::figure::FigureError;
 
 const CSS: &str = include_str!("../page.css");
 
@@ -31,8 +31,8 @@ impl Document {
     /// The document as a page in one file. The same document always has the same bytes.
     ///
     /// # Errors
-    /// [`FigureError`] if a figure cannot be drawn.
-    pub fn html(&self) -> Result<String, FigureError> {
+    /// [`program::ExitCode::Internal`] if a figure cannot be drawn.
+    pub fn html(&self) -> Result<String, Failure> {
         let blocks = self.blocks.iter().enumerate().map(|(at, block)| block.markup(at));
         let blocks = blocks.collect::<Result<Vec<_>, _>>()?;
         let first = self.blocks.iter().position(|block| matches!(block, Block::Heading(_))).unwrap_or(blocks.len());
@@ -54,7 +54,7 @@ impl Document {
 }
 
 impl Block {
-    fn markup(&self, at: usize) -> Result<Markup, FigureError> {
+    fn markup(&self, at: usize) -> Result<Markup, Failure> {
         Ok(match self {
             Self::Heading(text) => html! { h2 id={ "s" (at) } { (text) } },
             Self::Subheading(text) => html! { h3 { (text) } },
@@ -77,13 +77,13 @@ impl Block {
     }
 }
 
-fn gallery(class: &str, pictures: &[Picture]) -> Result<Markup, FigureError> {
+fn gallery(class: &str, pictures: &[Picture]) -> Result<Markup, Failure> {
     let pictures = pictures.iter().map(Picture::markup).collect::<Result<Vec<_>, _>>()?;
     Ok(html! { div class=(class) { @for one in pictures { (one) } } })
 }
 
 impl Picture {
-    fn markup(&self) -> Result<Markup, FigureError> {
+    fn markup(&self) -> Result<Markup, Failure> {
         let svg = match &self.drawing {
             Drawing::Figure(figure) => &figure.svg_for_page()?,
             Drawing::Intervals(figure) => &figure.svg_for_page()?,

@@ -6,8 +6,9 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use program::Failure;
 
-use super::{BLUE, Colour, FONT, FigureError, GREY, ORANGE};
+use super::{BLUE, Colour, FONT, GREY, ORANGE, svg};
 
 /// A figure of intervals.
 #[derive(Debug, Clone)]
@@ -86,32 +87,22 @@ impl Intervals {
     /// The figure as SVG.
     ///
     /// # Errors
-    /// [`FigureError`] if the library fails.
-    pub fn svg(&self) -> Result<String, FigureError> {
+    /// [`program::ExitCode::Internal`] if the library fails.
+    pub fn svg(&self) -> Result<String, Failure> {
         self.svg_on(&ALONE)
     }
 
     /// The figure as SVG without its title, 440 pixels wide: for [`crate::document`].
     ///
     /// # Errors
-    /// [`FigureError`] if the library fails.
-    pub fn svg_for_page(&self) -> Result<String, FigureError> {
+    /// [`program::ExitCode::Internal`] if the library fails.
+    pub fn svg_for_page(&self) -> Result<String, Failure> {
         self.svg_on(&ON_A_PAGE)
     }
 
-    fn svg_on(&self, sheet: &Sheet) -> Result<String, FigureError> {
+    fn svg_on(&self, sheet: &Sheet) -> Result<String, Failure> {
         let bottom = sheet.top + ROW * self.rows.len() as i32;
-        let mut text = String::new();
-        {
-            let area = SVGBackend::with_string(&mut text, (sheet.width, (bottom + BOTTOM) as u32)).into_drawing_area();
-            let failed =
-                |reason: DrawingAreaErrorKind<_>| FigureError { title: self.title.clone(), reason: reason.to_string() };
-            self.draw(&area, sheet, bottom).map_err(failed)?;
-        }
-        if !text.ends_with('\n') {
-            text.push('\n');
-        }
-        Ok(text)
+        svg(&self.title, (sheet.width, (bottom + BOTTOM) as u32), |area| self.draw(area, sheet, bottom))
     }
 
     fn draw(&self, area: &Area<'_>, sheet: &Sheet, bottom: i32) -> Drawn {
