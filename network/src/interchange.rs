@@ -25,6 +25,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
+use clap::ValueEnum;
 use program::{Context as _, ExitCode, Failure};
 use safetensors::{Dtype, SafeTensors};
 use sha2::{Digest as _, Sha256};
@@ -65,11 +66,13 @@ impl Source {
 }
 
 /// The format of a file of weights to export.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Target {
-    /// The 18 tensors under VGN's names, and our header: a checkpoint without the optimiser's moments.
+    /// The weights under VGN's names.
+    // The 18 tensors and our header: a checkpoint without the optimiser's moments.
     Safetensors,
-    /// The whole network, dense, with the sigmoid and the normalisation.
+    /// The whole network.
+    // Dense, with the sigmoid and the normalisation.
     Onnx,
 }
 

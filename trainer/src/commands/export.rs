@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use network::interchange::{Target, export};
 use program::{ExitCode, Failure, print};
 
@@ -24,7 +24,7 @@ pub(crate) struct Arguments {
     checkpoint: PathBuf,
     /// What to write.
     #[arg(long, value_enum)]
-    format: Format,
+    format: Target,
     /// The file to write.
     #[arg(long)]
     out: PathBuf,
@@ -33,20 +33,8 @@ pub(crate) struct Arguments {
     force: bool,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum Format {
-    /// The weights under VGN's names.
-    Safetensors,
-    /// The whole network.
-    Onnx,
-}
-
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let target = match arguments.format {
-        Format::Safetensors => Target::Safetensors,
-        Format::Onnx => Target::Onnx,
-    };
-    let checkpoint = export(&arguments.checkpoint, &arguments.out, target, arguments.force)?;
+    let checkpoint = export(&arguments.checkpoint, &arguments.out, arguments.format, arguments.force)?;
     let (upsampling, out) = (checkpoint.upsampling.name(), arguments.out.display());
     print(format_args!("upsampling  {upsampling}\nwritten     {out}\n"))?;
     Ok(ExitCode::Ok)
