@@ -2,7 +2,6 @@
 
 use core::ops::RangeInclusive;
 use std::io;
-use std::sync::Arc;
 
 use burn_dataset::Dataset;
 use schema::{Quat, Rule};
@@ -11,17 +10,6 @@ use super::grids::Grids;
 use crate::augmentation::{Augmentation, Motion};
 use crate::batch::{Batch, Sample};
 use crate::loss::{ClassWeights, Target};
-
-/// A training sample with its grid.
-#[derive(Debug, Clone)]
-pub struct GraspItem {
-    /// The scene's TSDF, 40³ values, x slowest.
-    pub grid: Arc<[f32]>,
-    /// The voxel that holds the grasp's origin.
-    pub voxel: [usize; 3],
-    /// The result of the attempt.
-    pub target: Target,
-}
 
 /// The changes to samples in training; there are none in testing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -151,11 +139,10 @@ impl Record {
     }
 }
 
-impl Dataset<GraspItem, io::Error> for GraspDataset {
-    fn get(&self, index: usize) -> io::Result<GraspItem> {
-        let record = &self.records[index];
-        let grid = self.grids.read(record.scene as usize)?;
-        Ok(GraspItem { grid, voxel: record.voxel.map(usize::from), target: record.target() })
+/// An item is a batch of one sample.
+impl Dataset<Batch, io::Error> for GraspDataset {
+    fn get(&self, index: usize) -> io::Result<Batch> {
+        self.batch(&[index])
     }
 
     fn len(&self) -> usize {
