@@ -7,9 +7,11 @@
 mod header;
 mod progress;
 
-use std::path::{Path, PathBuf};
+use std::fmt::Display;
+use std::io::{self, ErrorKind};
+use std::path::Path;
 
-use program::{Exit, ExitCode, publish};
+use program::{Exit as _, ExitCode, Failure, publish};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensorError, SafeTensors};
 
@@ -56,50 +58,6 @@ impl Checkpoint {
     }
 }
 
-/// Why a checkpoint cannot be read or written.
-#[derive(Debug, thiserror::Error)]
-pub enum CheckpointError {
-    /// There is no checkpoint.
-    #[error("no checkpoint here: {}", .0.display())]
-    Missing(PathBuf),
-    /// The file cannot be read or written.
-    #[error("failed to {action} a checkpoint: {source}: {}", .path.display())]
-    Io {
-        /// The operation.
-        action: &'static str,
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// Truncated, not a safetensors file, not of this crate, or of an unknown version.
-    #[error("{problem}: {}", .path.display())]
-    Damaged {
-        /// What is wrong.
-        problem: String,
-        /// The file.
-        path: PathBuf,
-    },
-    /// The tensors belong to another network.
-    #[error("a checkpoint of another architecture: {}: {}", .problems.join("; "), .path.display())]
-    Architecture {
-        /// The first differences.
-        problems: Vec<String>,
-        /// The file.
-        path: PathBuf,
-    },
-}
-
-impl Exit for CheckpointError {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Missing(_) | Self::Architecture { .. } => ExitCode::Config,
-            Self::Io { source, .. } => source.exit_code(),
-            Self::Damaged { .. } => ExitCode::Data,
-        }
-    }
-}
-
 /// Maximum size of a file: with the optimiser's moments the network has 4 MB.
 const FILE_BYTES_MAX: u64 = 64 << 20;
 /// Maximum number of differences in a message.
@@ -109,14 +67,14 @@ const MOMENTS: [&str; 2] = ["adam.first.", "adam.second."];
 /// Writes a checkpoint atomically.
 ///
 /// # Errors
-/// [`CheckpointError::Io`].
-pub fn save(checkpoint: &Checkpoint, path: &Path) -> Result<(), CheckpointError> {
-    let file = encode(checkpoint, path)?;
-    publish(path, &file).map_err(|source| CheckpointError::Io { action: "write", path: path.to_owned(), source })
+/// If the file cannot be written.
+pub fn save(checkpoint: &Checkpoint, path: &Path) -> Result<(), Failure> {
+    let file = encode(checkpoint).map_err(|source| broken(source, path))?;
+    publish(path, &file).map_err(|source| failed("write", &source, path))
 }
 
-/// The bytes of a checkpoint's file; `path` is for messages.
-fn encode(checkpoint: &Checkpoint, path: &Path) -> Result<Vec<u8>, CheckpointError> {
+/// The bytes of a checkpoint's file.
+fn encode(checkpoint: &Checkpoint) -> Result<Vec<u8>, SafeTensorError> {
     let mut vectors = vec![("", &checkpoint.vector)];
     if let Some(moments) = &checkpoint.moments {
         vectors.extend([(MOMENTS[0], &moments.first), (MOMENTS[1], &moments.second)]);
@@ -126,15 +84,28 @@ fn encode(checkpoint: &Checkpoint, path: &Path) -> Result<Vec<u8>, CheckpointErr
     let named = vectors.iter().flat_map(|(prefix, bytes)| {
         slots.iter().map(move |slot| (format!("{prefix}{}", slot.name), slot, &bytes[4 * slot.start..][..4 * slot.len]))
     });
-    let views: Result<Vec<(String, TensorView<'_>)>, SafeTensorError> =
-        named.map(|(name, slot, data)| Ok((name, TensorView::new(Dtype::F32, slot.shape.clone(), data)?))).collect();
-    views
-        .and_then(|views| safetensors::serialize(views, Some(header::write(checkpoint))))
-        .map_err(|source| damaged(source, path))
+    let views = named.map(|(name, slot, data)| Ok((name, TensorView::new(Dtype::F32, slot.shape.clone(), data)?)));
+    let views = views.collect::<Result<Vec<_>, SafeTensorError>>()?;
+    safetensors::serialize(views, Some(header::write(checkpoint)))
 }
 
-fn damaged(source: SafeTensorError, path: &Path) -> CheckpointError {
-    CheckpointError::Damaged { problem: format!("damaged checkpoint: {source}"), path: path.to_owned() }
+fn failed(action: &str, source: &io::Error, path: &Path) -> Failure {
+    Failure::new(source.exit_code(), format!("failed to {action} a checkpoint: {source}: {}", path.display()))
+}
+
+fn broken(source: SafeTensorError, path: &Path) -> Failure {
+    damaged(format_args!("damaged checkpoint: {source}"), path)
+}
+
+/// A file that is truncated, no safetensors file, not of this crate, or of an unknown version.
+fn damaged(problem: impl Display, path: &Path) -> Failure {
+    Failure::new(ExitCode::Data, format!("{problem}: {}", path.display()))
+}
+
+/// A file whose tensors belong to another network, with the first differences.
+pub(crate) fn of_another_network(problems: &[String], path: &Path) -> Failure {
+    let (problems, path) = (problems.join("; "), path.display());
+    Failure::new(ExitCode::Config, format!("a checkpoint of another architecture: {problems}: {path}"))
 }
 
 /// Whether bytes are a safetensors file with a checkpoint's header of any content.
@@ -145,11 +116,11 @@ pub(crate) fn has_header(file: &[u8]) -> bool {
 /// Reads a checkpoint.
 ///
 /// # Errors
-/// [`CheckpointError`] if the file is missing or damaged, or belongs to another network.
-pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
+/// If the file is missing or damaged, or belongs to another network.
+pub fn read(path: &Path) -> Result<Checkpoint, Failure> {
     let file = program::read(path, FILE_BYTES_MAX).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => CheckpointError::Missing(path.to_owned()),
-        _ => CheckpointError::Io { action: "read", path: path.to_owned(), source },
+        ErrorKind::NotFound => Failure::new(ExitCode::Config, format!("no checkpoint here: {}", path.display())),
+        _ => failed("read", &source, path),
     })?;
     from_bytes(&file, path)
 }
@@ -158,16 +129,16 @@ pub fn read(path: &Path) -> Result<Checkpoint, CheckpointError> {
 ///
 /// # Errors
 /// As [`read`], except errors of reading the file.
-pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, CheckpointError> {
-    let (_, metadata) = SafeTensors::read_metadata(file).map_err(|source| damaged(source, path))?;
-    let tensors = SafeTensors::deserialize(file).map_err(|source| damaged(source, path))?;
+pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, Failure> {
+    let (_, metadata) = SafeTensors::read_metadata(file).map_err(|source| broken(source, path))?;
+    let tensors = SafeTensors::deserialize(file).map_err(|source| broken(source, path))?;
     let vector = |prefix: &str| {
         let vector = vector(&tensors, prefix, path)?;
-        let broken = parameter_slots().into_iter().find_map(|slot| {
+        let diverged = parameter_slots().into_iter().find_map(|slot| {
             let value = vector[slot.start..][..slot.len].iter().find(|value| !value.is_finite())?;
             Some(format!("{prefix}{} must be finite, got {value}: the training that wrote it diverged", slot.name))
         });
-        broken.map_or(Ok(vector), |problem| Err(CheckpointError::Damaged { problem, path: path.to_owned() }))
+        diverged.map_or(Ok(vector), |problem| Err(damaged(problem, path)))
     };
     let parameters = vector("")?;
     let header = header::read(metadata.metadata().as_ref(), path)?;
@@ -186,7 +157,7 @@ pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, CheckpointErro
 }
 
 /// The flat vector of the tensors whose names begin with `prefix`.
-fn vector(tensors: &SafeTensors<'_>, prefix: &str, path: &Path) -> Result<Vec<f32>, CheckpointError> {
+fn vector(tensors: &SafeTensors<'_>, prefix: &str, path: &Path) -> Result<Vec<f32>, Failure> {
     let values = |slot: &ParameterSlot| {
         let name = format!("{prefix}{}", slot.name);
         let view = tensors.tensor(&name).map_err(|_| format!("{name} is missing"))?;
@@ -198,7 +169,7 @@ fn vector(tensors: &SafeTensors<'_>, prefix: &str, path: &Path) -> Result<Vec<f3
     };
     vector_of(values).map_err(|mut problems| {
         problems.truncate(PROBLEMS_MAX);
-        CheckpointError::Architecture { problems, path: path.to_owned() }
+        of_another_network(&problems, path)
     })
 }
 

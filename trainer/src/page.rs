@@ -7,7 +7,7 @@ mod warnings;
 
 use std::path::{Path, PathBuf};
 
-use network::checkpoint::{self, CheckpointError};
+use network::checkpoint;
 use program::text::grouped;
 use program::{ExitCode, Failure};
 use report::document::{Block, Cell, Document, Table};
@@ -50,10 +50,8 @@ impl TrainedRun {
             Failure::new(code, format!("damaged recipe of the run: {error}"))
         };
         let config = if recipe.exists() { Some(Config::load(Some(&recipe)).map_err(damaged)?) } else { None };
-        let trained_on = match checkpoint::read(&SavedAs::Best.path(run)) {
-            Err(CheckpointError::Missing(_)) => None,
-            read => Some(read?.dataset_id),
-        };
+        let best = SavedAs::Best.path(run);
+        let trained_on = if best.exists() { Some(checkpoint::read(&best)?.dataset_id) } else { None };
         Ok(Self { path: run.to_owned(), epochs, config, trained_on })
     }
 

@@ -16,7 +16,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use network::checkpoint::{self, Checkpoint, CheckpointError};
+use network::checkpoint::{self, Checkpoint};
 use program::{Context as _, Exit as _, ExitCode, Failure, FolderLock, write};
 use shards::Dataset;
 
@@ -76,10 +76,11 @@ impl RunFolder {
     /// # Errors
     /// If the checkpoint is damaged or was trained on another dataset.
     pub fn last(&self, dataset: &Dataset) -> Result<Option<Checkpoint>, Failure> {
-        let found = match checkpoint::read(&SavedAs::Last.path(&self.path)) {
-            Err(CheckpointError::Missing(_)) => return Ok(None),
-            found => found?,
-        };
+        let path = SavedAs::Last.path(&self.path);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let found = checkpoint::read(&path)?;
         if !dataset.has_id(&found.dataset_id) {
             let (was, is) = (found.dataset_id, dataset.id());
             return Err(refused(format!("the run was begun on another dataset, {was}, not {is}"), &self.path));
@@ -92,7 +93,7 @@ impl RunFolder {
     /// # Errors
     /// If it cannot be written.
     pub fn save_last(&self, checkpoint: &Checkpoint) -> Result<(), Failure> {
-        Ok(checkpoint::save(checkpoint, &SavedAs::Last.path(&self.path))?)
+        checkpoint::save(checkpoint, &SavedAs::Last.path(&self.path))
     }
 
     /// Writes the weights of the best epoch.
@@ -101,7 +102,7 @@ impl RunFolder {
     /// If they cannot be written.
     pub fn save_best(&self, checkpoint: &Checkpoint) -> Result<(), Failure> {
         let weights = Checkpoint { moments: None, ..checkpoint.clone() };
-        Ok(checkpoint::save(&weights, &SavedAs::Best.path(&self.path))?)
+        checkpoint::save(&weights, &SavedAs::Best.path(&self.path))
     }
 
     /// Rewrites `metrics.jsonl`, so that it never ends with a partial line.

@@ -3,9 +3,10 @@
 
 use std::path::Path;
 
+use program::Failure;
 use serde::{Deserialize, Serialize};
 
-use super::{Checkpoint, CheckpointError, Progress};
+use super::{Checkpoint, Progress, damaged, of_another_network};
 use crate::upsampling::Upsampling;
 
 /// Version of the checkpoint's layout.
@@ -59,21 +60,21 @@ pub(super) fn is_in(metadata: Option<&Metadata>) -> bool {
 }
 
 /// The header in the metadata of a file; `path` is for messages.
-pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<Header, CheckpointError> {
-    let refused = |problem| CheckpointError::Damaged { problem, path: path.to_owned() };
+pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<Header, Failure> {
+    let refused = |problem: String| damaged(problem, path);
     let text = metadata.and_then(|metadata| metadata.get(KEY)).ok_or_else(|| {
         refused(format!(
             "weights without the {KEY:?} header that tells how they were made: not a checkpoint of trainer"
         ))
     })?;
-    let damaged = |e: serde_json::Error| refused(format!("damaged {KEY:?} header: {e}"));
-    let Head { format_version, architecture } = serde_json::from_str(text).map_err(damaged)?;
+    let broken = |e: serde_json::Error| refused(format!("damaged {KEY:?} header: {e}"));
+    let Head { format_version, architecture } = serde_json::from_str(text).map_err(broken)?;
     if architecture != ARCHITECTURE {
         let problem = format!("architecture must be {ARCHITECTURE:?}, got {architecture:?}");
-        return Err(CheckpointError::Architecture { problems: vec![problem], path: path.to_owned() });
+        return Err(of_another_network(&[problem], path));
     }
     if format_version != FORMAT_VERSION {
         return Err(refused(format!("checkpoint format must be {FORMAT_VERSION}, got {format_version}")));
     }
-    serde_json::from_str(text).map_err(damaged)
+    serde_json::from_str(text).map_err(broken)
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use program::{ExitCode, Failure};
 
-use crate::checkpoint::CheckpointError;
+use crate::checkpoint::of_another_network;
 
 /// Why bytes are refused as the network's state dict.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,7 +26,7 @@ impl Problem {
             Self::Unsupported(problem) => {
                 Failure::new(ExitCode::Config, format!("not a state dict that can be read: {problem}: {shown}"))
             }
-            Self::Architecture(problems) => CheckpointError::Architecture { problems, path: path.to_owned() }.into(),
+            Self::Architecture(problems) => of_another_network(&problems, path),
         }
     }
 }
