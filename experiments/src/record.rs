@@ -2,37 +2,28 @@
 
 use schema::{HitKind, Outcome, Pose, Quat, pose_from_parts};
 use serde::{Deserialize, Serialize};
+use settings::words;
 use simulator::SceneObject;
 
-/// How a round ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Ending {
-    /// No object was left.
-    Cleared,
-    /// The planner found no grasp.
-    NoGrasp,
-    /// Too many attempts in a row failed.
-    Failures,
-    /// The round's attempts were used up.
-    AttemptsMax,
-    /// The objects did not come to rest again.
-    Unsettled,
+words! {
+    /// How a round ended.
+    #[derive(PartialOrd, Ord, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Ending {
+        /// No object was left.
+        Cleared = "cleared",
+        /// The planner found no grasp.
+        NoGrasp = "no_grasp",
+        /// Too many attempts in a row failed.
+        Failures = "failures",
+        /// The round's attempts were used up.
+        AttemptsMax = "attempts_max",
+        /// The objects did not come to rest again.
+        Unsettled = "unsettled",
+    }
 }
 
 impl Ending {
-    /// Its name in tables.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Cleared => "cleared",
-            Self::NoGrasp => "no_grasp",
-            Self::Failures => "failures",
-            Self::AttemptsMax => "attempts_max",
-            Self::Unsettled => "unsettled",
-        }
-    }
-
     /// A short description.
     #[must_use]
     pub const fn meaning(self) -> &'static str {

@@ -1,39 +1,24 @@
 //! The rules that grasps are drawn by, by name: the rows of the paper's Appendix A, and VGN's approach along the
 //! surface's normal. `law.rs` has the distributions of the rows.
 
+use settings::words;
+
 use crate::{Shape, ShapeKind, Vec3};
 
-/// An axis of the object frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Axis {
-    /// x.
-    X,
-    /// y.
-    Y,
-    /// z.
-    Z,
+words! {
+    /// An axis of the object frame.
+    #[derive(PartialOrd, Ord)]
+    pub enum Axis {
+        /// x.
+        X = "x",
+        /// y.
+        Y = "y",
+        /// z.
+        Z = "z",
+    }
 }
 
 impl Axis {
-    /// The three axes.
-    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
-
-    /// The name in shards.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::X => "x",
-            Self::Y => "y",
-            Self::Z => "z",
-        }
-    }
-
-    /// The axis with this name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|axis| axis.name() == name)
-    }
-
     /// Unit vector.
     #[must_use]
     pub fn unit(self) -> Vec3 {
@@ -91,26 +76,14 @@ impl Rule {
     /// The name in shards and reports, such as `tri_prism_x`.
     #[must_use]
     pub fn name(self) -> &'static str {
-        const NAMES: [&str; 17] = [
-            "cuboid_x",
-            "cuboid_y",
-            "cuboid_z",
-            "cylinder_x",
-            "cylinder_y",
-            "cylinder_z",
-            "tri_prism_x",
-            "tri_prism_y",
-            "tri_prism_z",
-            "half_cylinder_x",
-            "half_cylinder_y",
-            "half_cylinder_z",
-            "cuboid_normal",
-            "cylinder_normal",
-            "tri_prism_normal",
-            "half_cylinder_normal",
-            "model_normal",
+        const NAMES: [[&str; 4]; 4] = [
+            ["cuboid_x", "cuboid_y", "cuboid_z", "cuboid_normal"],
+            ["cylinder_x", "cylinder_y", "cylinder_z", "cylinder_normal"],
+            ["tri_prism_x", "tri_prism_y", "tri_prism_z", "tri_prism_normal"],
+            ["half_cylinder_x", "half_cylinder_y", "half_cylinder_z", "half_cylinder_normal"],
         ];
-        NAMES[self.index()]
+        let Shape::Primitive(kind) = self.shape else { return "model_normal" };
+        NAMES[kind as usize][self.approach.map_or(3, |axis| axis as usize)]
     }
 
     /// The rule with this name; of the models', whose name does not say which, the first's.

@@ -5,16 +5,19 @@ use std::sync::Arc;
 
 use arrow::datatypes::{DataType, Field, Fields, Metadata, Schema, SchemaRef};
 use report::document;
+use settings::words;
 
-/// The three tables of a dataset.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Table {
-    /// One row per attempt.
-    Attempts,
-    /// One row per scene.
-    Scenes,
-    /// One row per object.
-    Objects,
+words! {
+    /// The three tables of a dataset, the default one first.
+    #[derive(PartialOrd, Ord)]
+    pub enum Table {
+        /// One row per attempt.
+        Attempts = "attempts",
+        /// One row per scene.
+        Scenes = "scenes",
+        /// One row per object.
+        Objects = "objects",
+    }
 }
 
 /// What a column holds.
@@ -135,19 +138,6 @@ const OBJECTS: &[Column] = &[
 const ELEMENT: &str = "element";
 
 impl Table {
-    /// Every table, the default one first.
-    pub const ALL: [Self; 3] = [Self::Attempts, Self::Scenes, Self::Objects];
-
-    /// Its name: the folder on disk, the config of the dataset card.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Attempts => "attempts",
-            Self::Scenes => "scenes",
-            Self::Objects => "objects",
-        }
-    }
-
     /// Its columns, in the order on disk.
     #[must_use]
     pub fn columns(self) -> &'static [Column] {
