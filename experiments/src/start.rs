@@ -59,16 +59,9 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
                 workspace_from_object: draw_release(objects, grid, thing.body.bounding_radius_m(), &mut stream),
             };
             let mut drops: Vec<SceneObject> = things.iter().map(release).collect();
-            shuffle(&mut drops, &mut stream);
+            stream.shuffle(&mut drops);
             settle(physics, params, grid, &drops)
         }
-    }
-}
-
-/// A uniform random order (Fisher and Yates).
-fn shuffle<T>(values: &mut [T], stream: &mut Stream) {
-    for last in (1..values.len()).rev() {
-        values.swap(last, stream.index(last + 1));
     }
 }
 
