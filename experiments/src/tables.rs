@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use program::Failure;
 use schema::{HitKind, Polyhedron};
 use serde_json::json;
 use shards::{PlainColumn, plain_table};
@@ -13,8 +14,8 @@ use crate::record::{Round, Trial, TrialObject};
 /// `rounds.parquet`.
 ///
 /// # Errors
-/// [`shards::Error`].
-pub fn rounds_table(rounds: &[Round]) -> Result<Vec<u8>, shards::Error> {
+/// [`Failure`].
+pub fn rounds_table(rounds: &[Round]) -> Result<Vec<u8>, Failure> {
     let whole = |value: fn(&Round) -> u64| PlainColumn::Whole(rounds.iter().map(value).collect());
     let text = |value: fn(&Round) -> String| PlainColumn::Text(rounds.iter().map(value).collect());
     plain_table(vec![
@@ -34,8 +35,8 @@ pub fn rounds_table(rounds: &[Round]) -> Result<Vec<u8>, shards::Error> {
 /// `attempts.parquet`.
 ///
 /// # Errors
-/// [`shards::Error`].
-pub fn trials_table(rounds: &[Round]) -> Result<Vec<u8>, shards::Error> {
+/// [`Failure`].
+pub fn trials_table(rounds: &[Round]) -> Result<Vec<u8>, Failure> {
     let id = |place: usize| PlainColumn::Whole(trials(rounds).map(|(id, _)| id[place]).collect());
     let trials = || trials(rounds).map(|(_, trial)| trial);
     let whole = |value: fn(&Trial) -> u64| PlainColumn::Whole(trials().map(value).collect());
@@ -73,8 +74,8 @@ fn trials(rounds: &[Round]) -> impl Iterator<Item = ([u64; 2], &Trial)> {
 /// `objects.parquet`: the objects on the table before each attempt.
 ///
 /// # Errors
-/// [`shards::Error`].
-pub fn objects_table(rounds: &[Round]) -> Result<Vec<u8>, shards::Error> {
+/// [`Failure`].
+pub fn objects_table(rounds: &[Round]) -> Result<Vec<u8>, Failure> {
     let rows: Vec<([u64; 3], &TrialObject)> = trials(rounds)
         .flat_map(|([round, trial], of)| (0..).zip(&of.objects).map(move |(id, object)| ([round, trial, id], object)))
         .collect();

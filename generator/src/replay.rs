@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::str::FromStr;
 
-use program::Failure;
+use program::{ExitCode, Failure};
 use report::view::{Body, Class, EventKind, Line, Points, View, flat, flat_points};
 use schema::{AttemptRecord, HandBox, Outcome, Pose, SceneRows};
 use shards::{Dataset, DatasetInfo, object_bodies};
@@ -90,9 +90,11 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, Failure> {
     let info = dataset.info();
     let physics = physics_of(&info.config)?;
     let rows = dataset.read_scene(id.scene_id)?;
-    let limit = rows.attempts.len() as u64;
-    let out_of_range = || shards::Error::out_of_range("attempt", limit, id.attempt_id.into());
-    let stored = rows.attempts.get(id.attempt_id as usize).ok_or_else(out_of_range)?.clone();
+    let no_such = || {
+        let text = format!("attempt must be below {}, got {}", rows.attempts.len(), id.attempt_id);
+        Failure::new(ExitCode::Config, text)
+    };
+    let stored = rows.attempts.get(id.attempt_id as usize).ok_or_else(no_such)?.clone();
     let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(info)?);
     let world = AttemptWorld::new(&physics, &info.gripper, &info.procedure, &scene);
     let (grasp, target) = (stored.workspace_from_grasp, stored.object_id as usize);

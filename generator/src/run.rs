@@ -8,7 +8,7 @@ use std::thread;
 use program::{Context as _, Exit, ExitCode, Failure};
 use rayon::prelude::*;
 use schema::SceneRows;
-use shards::{Counts, DatasetInfo, Draft, Finalized, Location, ShardWriter, StoreError};
+use shards::{Counts, DatasetInfo, Draft, Finalized, Location, ShardWriter};
 
 use crate::build::{NoScene, make_scene};
 use crate::config::Config;
@@ -101,7 +101,7 @@ pub fn generate(
 }
 
 /// The missing shards among `wanted`: checks each, or lists all at once if `wanted` is a large part of the dataset.
-fn missing_of(draft: &Draft, wanted: &[u32]) -> Result<Vec<u32>, StoreError> {
+fn missing_of(draft: &Draft, wanted: &[u32]) -> Result<Vec<u32>, Failure> {
     if wanted.len() > ASKED_ONE_BY_ONE_MAX && 4 * wanted.len() >= draft.info().shard_count as usize {
         let missing = draft.missing()?;
         return Ok(wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_ok()).collect());

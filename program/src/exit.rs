@@ -110,6 +110,8 @@ impl Display for Failure {
     }
 }
 
+impl Error for Failure {}
+
 impl<E: Exit> From<E> for Failure {
     fn from(error: E) -> Self {
         Self { text: error_chain(&error), code: error.exit_code() }

@@ -41,14 +41,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A shard's bytes are a pure function of its rows: no clock, no host name, no library version. Every error has an
-//! exit code ([`program::Exit`]).
+//! A shard's bytes are a pure function of its rows: no clock, no host name, no library version. Every error is a
+//! [`program::Failure`], which has an exit code.
 
 #[cfg(any(test, fuzzing))]
 extern crate self as shards; // as the files of tests/support name it
 
 mod argument;
-mod error;
 mod format;
 mod look;
 mod read;
@@ -58,7 +57,6 @@ mod store;
 mod synthetic;
 mod write;
 
-pub use error::Error;
 pub use format::layout::{self, SCENES_PER_ROW_GROUP};
 pub use format::summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, Tally};
 pub use format::{ATTEMPTS_MAX, Column, DatasetInfo, FormatVersion, Kind, RESOLUTION_MAX, SHARDS_MAX, Table};
@@ -70,5 +68,5 @@ pub use look::{
 pub use read::Dataset;
 #[cfg(any(test, fuzzing))]
 pub use read::tests::fuzzing;
-pub use store::{Location, StoreError, Sweep, Swept};
+pub use store::{Location, Sweep, Swept};
 pub use write::{Draft, Finalized, PlainColumn, ShardWriter, plain_table};

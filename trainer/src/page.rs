@@ -59,8 +59,8 @@ impl TrainedRun {
     /// document.
     ///
     /// # Errors
-    /// [`shards::Error`] if a scene that is to be shown cannot be read.
-    pub fn document(&self, examined: Option<&Examination>) -> Result<Document, shards::Error> {
+    /// [`Failure`] if a scene that is to be shown cannot be read.
+    pub fn document(&self, examined: Option<&Examination>) -> Result<Document, Failure> {
         let evaluation = examined.map(|examined| &examined.evaluation);
         let mut numbers = training::tiles(self);
         numbers.extend(evaluation.into_iter().flat_map(tiles));

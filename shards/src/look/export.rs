@@ -15,9 +15,9 @@ pub use folder::{ExportCounts, ExportOrigin, Exported, ExportedFile};
 pub use tsdf::tsdf;
 
 use clap::ValueEnum;
-use program::ExitCode;
+use program::{ExitCode, Failure};
 
-use crate::{Dataset, Error, Location};
+use crate::{Dataset, Location};
 use folder::{Beginning, ExportFolder};
 
 /// What to export to.
@@ -43,14 +43,14 @@ impl ExportFormat {
 /// shard and a few grids are in memory.
 ///
 /// # Errors
-/// [`Error`] if the dataset cannot be read, does not fit the format, or the folder holds something else.
+/// [`Failure`] if the dataset cannot be read, does not fit the format, or the folder holds something else.
 pub fn export(
     dataset: &Dataset,
     format: ExportFormat,
     out: &Location,
     mut scenes_done: impl FnMut(u64),
-) -> Result<Exported, Error> {
-    let refused = |text| Err(Error::Wrong(ExitCode::Config, text));
+) -> Result<Exported, Failure> {
+    let refused = |text| Err(Failure::new(ExitCode::Config, text));
     let Location::Path(path) = out else {
         return refused(format!(
             "the export must go to a folder on a disk, got {out}: export there, then copy the files"

@@ -13,6 +13,7 @@ pub use scenes::scene_svg;
 
 use std::collections::BTreeMap;
 
+use program::Failure;
 use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, SceneRows, Shape, Vec3};
 use serde::Serialize;
 
@@ -20,7 +21,7 @@ use self::bins::{bin, bins};
 use self::coverage::Coverage;
 use self::fit::{Fit, Fits};
 use crate::format::summary::{RejectionCounts, Tally};
-use crate::{Dataset, Error, Table};
+use crate::{Dataset, Table};
 
 /// The statistics of a dataset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -118,8 +119,8 @@ const TIP_BIN_M: f64 = 0.0025;
 /// Reads all attempts and scene heads of a dataset and counts them.
 ///
 /// # Errors
-/// [`Error`] if a shard is damaged.
-pub fn report(dataset: &Dataset) -> Result<Report, Error> {
+/// [`Failure`] if a shard is damaged.
+pub fn report(dataset: &Dataset) -> Result<Report, Failure> {
     let mut counting = Counting::new(dataset);
     for shard in 0..dataset.shard_count() {
         for rows in dataset.rows(shard)? {

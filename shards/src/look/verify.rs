@@ -3,13 +3,13 @@
 
 use std::collections::BTreeSet;
 
-use program::{Exit as _, ExitCode};
+use program::{ExitCode, Failure};
 use schema::SceneRows;
 
 use crate::format::summary::{Counts, ShardSummary};
 use crate::format::{check, layout, seal};
 use crate::store::is_staging;
-use crate::{Dataset, Error, Location, Table};
+use crate::{Dataset, Location, Table};
 
 /// The result of a check.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,9 +52,9 @@ pub const PROBLEMS_MAX: usize = 50;
 /// Reads and cross-checks the whole dataset. `progress` is called for each finished shard.
 ///
 /// # Errors
-/// [`Error`] if there is no complete dataset, or its info or manifest is damaged, so that nothing else can be
+/// [`Failure`] if there is no complete dataset, or its info or manifest is damaged, so that nothing else can be
 /// checked; also if an object store stops answering.
-pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, Error> {
+pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, Failure> {
     let dataset = Dataset::open_with_any_files(&at.into())?;
     let bytes = Table::ALL.into_iter().map(|table| dataset.manifest().bytes(table)).sum();
     let mut found = Verified { counts: Counts::zero(), bytes, problems: Vec::new(), more: 0, unread: 0, listed: true };
@@ -88,9 +88,9 @@ impl Verified {
 
     /// Records a problem and continues; but errors that would repeat for every file of an object store (refused access,
     /// a full scratch folder) end the check.
-    fn keep<T>(&mut self, dataset: &Dataset, result: Result<T, Error>) -> Result<Option<T>, Error> {
+    fn keep<T>(&mut self, dataset: &Dataset, result: Result<T, Failure>) -> Result<Option<T>, Failure> {
         match result {
-            Err(Error::Store(error)) if matches!(dataset.location(), Location::Url(_)) => Err(error.into()),
+            Err(error) if is_of_store(dataset, &error) => Err(error),
             Err(error) => {
                 self.unread += u64::from(error.exit_code() == ExitCode::TryAgain);
                 self.tell([error.to_string()]);
@@ -101,8 +101,13 @@ impl Verified {
     }
 }
 
+/// Whether an object store failed, which it would for every file; what is wrong with a file has another code.
+fn is_of_store(dataset: &Dataset, error: &Failure) -> bool {
+    matches!(dataset.location(), Location::Url(_)) && error.exit_code() != ExitCode::Data
+}
+
 /// Files in a table's folder that are not in the manifest; `None` if the store does not support listing.
-fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, Error> {
+fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, Failure> {
     // Missing files are reported by shard.
     let Some(listing) = dataset.storage.list(table.name())? else { return Ok(None) };
     let shards = dataset.manifest().shards.iter();
@@ -114,7 +119,7 @@ fn strangers(dataset: &Dataset, table: Table) -> Result<Option<Vec<String>>, Err
 }
 
 /// The problem of a marker, which must exist and agree with the manifest.
-fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, Error> {
+fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, Failure> {
     let name = layout::marker(shard);
     let at = dataset.location().join(&name);
     let wrong = |message: &str| Ok(Some(format!("shard {shard}: {message}: {at}")));
@@ -128,20 +133,20 @@ fn marker(dataset: &Dataset, shard: u32) -> Result<Option<String>, Error> {
 
 /// Reads a shard's three tables together or, if one is damaged, each alone. Returns the counts, unless a table is
 /// damaged.
-fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Result<Option<Counts>, Error> {
+fn rows(dataset: &Dataset, shard: u32, found: &mut Verified) -> Result<Option<Counts>, Failure> {
     let mut counts = Counts::zero();
     let mut problems = Vec::new();
-    let mut count = |rows: Result<SceneRows, Error>| {
+    let mut count = |rows: Result<SceneRows, Failure>| {
         let rows = rows?;
         if let Err(e) = check::joined(&rows) {
             problems.push(format!("shard {shard}, scene {}: {e}", rows.scene.scene_id));
         }
         counts.count(&rows);
-        Ok::<(), Error>(())
+        Ok::<(), Failure>(())
     };
     let together = dataset.scenes(shard).and_then(|scenes| dataset.joined(shard, scenes)?.try_for_each(&mut count));
     if let Err(error) = together {
-        if matches!((&error, dataset.location()), (Error::Store(_), Location::Url(_))) {
+        if is_of_store(dataset, &error) {
             return Err(error); // which the store would repeat
         }
         let attempts = dataset.attempts(shard).and_then(|mut rows| rows.try_for_each(|row| row.map(drop)));

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 
 use arrow::array::RecordBatch;
-use program::ExitCode;
+use program::{ExitCode, Failure};
 use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 
 use crate::format::check;
@@ -16,7 +16,7 @@ use crate::format::summary::Manifest;
 use crate::format::{decode, layout, seal};
 use crate::read::table_reader::{Batches, Part};
 use crate::store::{Storage, size_in, size_problem};
-use crate::{DatasetInfo, Error, Location, SCENES_PER_ROW_GROUP, Table};
+use crate::{DatasetInfo, Location, SCENES_PER_ROW_GROUP, Table};
 
 /// A complete dataset, on disk or in an object store. Rows are read on request.
 #[derive(Debug)]
@@ -34,15 +34,15 @@ const BATCH_ROWS: usize = 8192;
 const BATCH_SCENES: usize = 8;
 
 /// Reads and checks `meta/info.json`; returns the info and the dataset's id.
-pub(crate) fn read_info(storage: &Storage) -> Result<(DatasetInfo, String), Error> {
+pub(crate) fn read_info(storage: &Storage) -> Result<(DatasetInfo, String), Failure> {
     let none = || {
         let text = format!("no dataset here, there is no {}: {}", layout::INFO, storage.location(""));
-        Error::Wrong(ExitCode::Config, text)
+        Failure::new(ExitCode::Config, text)
     };
     let bytes = storage.read(layout::INFO)?.ok_or_else(none)?;
     let info = DatasetInfo::from_json(&bytes).map_err(|wrong| {
         let text = format!("{wrong}: {}", storage.location(layout::INFO));
-        Error::Wrong(ExitCode::Data, text)
+        Failure::new(ExitCode::Data, text)
     })?;
     Ok((info, seal::sha256_hex(&bytes)))
 }
@@ -52,15 +52,15 @@ impl Dataset {
     /// a size is checked when the file is read.
     ///
     /// # Errors
-    /// [`Error`] if there is no dataset, or it is incomplete, has an unknown version, or is visibly damaged without
+    /// [`Failure`] if there is no dataset, or it is incomplete, has an unknown version, or is visibly damaged without
     /// reading the shards.
-    pub fn open(at: impl Into<Location>) -> Result<Self, Error> {
+    pub fn open(at: impl Into<Location>) -> Result<Self, Failure> {
         let dataset = Self::open_with_any_files(&at.into())?;
         dataset.look_at_sizes()?;
         Ok(dataset)
     }
 
-    pub(crate) fn look_at_sizes(&self) -> Result<(), Error> {
+    pub(crate) fn look_at_sizes(&self) -> Result<(), Failure> {
         let mut listings = Vec::new();
         for table in Table::ALL {
             listings.push((table, self.storage.list(table.name())?));
@@ -78,21 +78,21 @@ impl Dataset {
     }
 
     /// Opens a dataset without checking its shards, so that faults can be reported for each shard.
-    pub(crate) fn open_with_any_files(at: &Location) -> Result<Self, Error> {
+    pub(crate) fn open_with_any_files(at: &Location) -> Result<Self, Failure> {
         Self::of_storage(Storage::open(at)?)
     }
 
-    pub(crate) fn of_storage(storage: Storage) -> Result<Self, Error> {
+    pub(crate) fn of_storage(storage: Storage) -> Result<Self, Failure> {
         let (info, dataset_id) = read_info(&storage)?;
         let none = || {
             let name = layout::MANIFEST;
             let text = format!("the dataset is not complete, there is no {name}: run the missing shards and finalize");
-            Error::Wrong(ExitCode::Incomplete, format!("{text}: {}", storage.location("")))
+            Failure::new(ExitCode::Incomplete, format!("{text}: {}", storage.location("")))
         };
         let bytes = storage.read(layout::MANIFEST)?.ok_or_else(none)?;
         let wrong = |text: &str| {
             let text = format!("{text}: {}", storage.location(layout::MANIFEST));
-            Error::Wrong(ExitCode::Data, text)
+            Failure::new(ExitCode::Data, text)
         };
         let manifest: Manifest = seal::unseal(bytes).map_err(|e| wrong(&e))?;
         let problems = manifest.problems(&info, &dataset_id);
@@ -143,20 +143,20 @@ impl Dataset {
     /// All attempts of a shard, in order.
     ///
     /// # Errors
-    /// [`Error`] if the file is damaged or a row breaks a rule.
-    pub fn read_attempts(&self, shard: u32) -> Result<Vec<AttemptRecord>, Error> {
+    /// [`Failure`] if the file is damaged or a row breaks a rule.
+    pub fn read_attempts(&self, shard: u32) -> Result<Vec<AttemptRecord>, Failure> {
         self.attempts(shard)?.collect()
     }
 
     /// All objects of a shard, in order.
     ///
     /// # Errors
-    /// [`Error`] if the file is damaged or a row breaks a rule.
-    pub fn read_objects(&self, shard: u32) -> Result<Vec<ObjectRecord>, Error> {
+    /// [`Failure`] if the file is damaged or a row breaks a rule.
+    pub fn read_objects(&self, shard: u32) -> Result<Vec<ObjectRecord>, Failure> {
         self.objects(shard)?.collect()
     }
 
-    pub(crate) fn attempts(&self, shard: u32) -> Result<impl Iterator<Item = Result<AttemptRecord, Error>>, Error> {
+    pub(crate) fn attempts(&self, shard: u32) -> Result<impl Iterator<Item = Result<AttemptRecord, Failure>>, Failure> {
         let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
         let scenes = self.scenes_of(shard)?;
         let mut ids = scenes.flat_map(|scene| (0..self.info.attempts_of_scene(scene)).map(move |id| (scene, id)));
@@ -168,7 +168,7 @@ impl Dataset {
         self.checked(shard, Table::Attempts, part, |batch| decode::attempts(batch, &self.info.models), check)
     }
 
-    pub(crate) fn objects(&self, shard: u32) -> Result<impl Iterator<Item = Result<ObjectRecord, Error>>, Error> {
+    pub(crate) fn objects(&self, shard: u32) -> Result<impl Iterator<Item = Result<ObjectRecord, Failure>>, Failure> {
         let part = Part { batch_rows: BATCH_ROWS, ..Part::default() };
         let scenes = self.scenes_of(shard)?;
         let (mut next_scene, mut next_id) = (scenes.start, 0);
@@ -194,16 +194,16 @@ impl Dataset {
     /// Iterates over the scenes of a shard; a few grids at a time are in memory.
     ///
     /// # Errors
-    /// [`Error`] if the file is damaged; each item is an error if a row breaks a rule.
-    pub fn scenes(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRecord, Error>>, Error> {
+    /// [`Failure`] if the file is damaged; each item is an error if a row breaks a rule.
+    pub fn scenes(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRecord, Failure>>, Failure> {
         self.scenes_with(shard, None)
     }
 
     /// Like [`Self::scenes`] but without the grids: `tsdf` is empty. Reads a thousandth of the bytes.
     ///
     /// # Errors
-    /// [`Error`] if the file is damaged; each item is an error if a row breaks a rule.
-    pub fn scene_heads(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRecord, Error>>, Error> {
+    /// [`Failure`] if the file is damaged; each item is an error if a row breaks a rule.
+    pub fn scene_heads(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRecord, Failure>>, Failure> {
         self.scenes_with(shard, Some("tsdf"))
     }
 
@@ -211,7 +211,7 @@ impl Dataset {
         &self,
         shard: u32,
         without: Option<&'static str>,
-    ) -> Result<impl Iterator<Item = Result<SceneRecord, Error>>, Error> {
+    ) -> Result<impl Iterator<Item = Result<SceneRecord, Failure>>, Failure> {
         let part = Part { batch_rows: BATCH_SCENES, without, ..Part::default() };
         let mut ids = self.scenes_of(shard)?;
         let check = move |scene: Option<&SceneRecord>| match (ids.next(), scene) {
@@ -228,9 +228,9 @@ impl Dataset {
         self.checked(shard, Table::Scenes, part, decode::scenes, check)
     }
 
-    fn scenes_of(&self, shard: u32) -> Result<Range<u64>, Error> {
-        let out_of_range = || Error::out_of_range("shard", self.shard_count().into(), shard.into());
-        if shard < self.shard_count() { Ok(self.info.scenes_of(shard)) } else { Err(out_of_range()) }
+    fn scenes_of(&self, shard: u32) -> Result<Range<u64>, Failure> {
+        let no_such = || out_of_range("shard", self.shard_count().into(), shard.into());
+        if shard < self.shard_count() { Ok(self.info.scenes_of(shard)) } else { Err(no_such()) }
     }
 
     /// The rows of a table, decoded a batch at a time; none after an error. `check` sees each row, then the end.
@@ -241,7 +241,7 @@ impl Dataset {
         part: Part,
         decode: impl Fn(&RecordBatch) -> Result<Vec<R>, String>,
         mut check: impl FnMut(Option<&R>) -> Result<(), String>,
-    ) -> Result<impl Iterator<Item = Result<R, Error>>, Error> {
+    ) -> Result<impl Iterator<Item = Result<R, Failure>>, Failure> {
         let mut batches = self.batches(shard, table, part)?;
         let mut decoded = Vec::new().into_iter();
         let mut next = move || {
@@ -269,8 +269,8 @@ impl Dataset {
     /// Iterates over all rows of a shard, a scene at a time, without the grids. The rows of a scene fit together.
     ///
     /// # Errors
-    /// [`Error`] if a file is damaged; each item is an error if a row breaks a rule.
-    pub fn rows(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRows, Error>>, Error> {
+    /// [`Failure`] if a file is damaged; each item is an error if a row breaks a rule.
+    pub fn rows(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRows, Failure>>, Failure> {
         Ok(self.joined(shard, self.scene_heads(shard)?)?.map(move |rows| {
             let rows = rows?;
             check::joined(&rows)
@@ -284,8 +284,8 @@ impl Dataset {
     pub(crate) fn joined(
         &self,
         shard: u32,
-        scenes: impl Iterator<Item = Result<SceneRecord, Error>>,
-    ) -> Result<impl Iterator<Item = Result<SceneRows, Error>>, Error> {
+        scenes: impl Iterator<Item = Result<SceneRecord, Failure>>,
+    ) -> Result<impl Iterator<Item = Result<SceneRows, Failure>>, Failure> {
         let (mut objects, mut attempts) = (self.objects(shard)?.peekable(), self.attempts(shard)?.peekable());
         Ok(scenes.map(move |scene| {
             let scene = scene?;
@@ -298,10 +298,10 @@ impl Dataset {
     /// All rows of one scene. Reads one row group of the small tables and a few pages of the grids.
     ///
     /// # Errors
-    /// [`Error`] if there is no such scene, a file is damaged, or a row breaks a rule.
-    pub fn read_scene(&self, scene_id: u64) -> Result<SceneRows, Error> {
-        let out_of_range = || Error::out_of_range("scene", self.info.scene_count, scene_id);
-        let shard = self.info.shard_of(scene_id).ok_or_else(out_of_range)?;
+    /// [`Failure`] if there is no such scene, a file is damaged, or a row breaks a rule.
+    pub fn read_scene(&self, scene_id: u64) -> Result<SceneRows, Failure> {
+        let no_such = || out_of_range("scene", self.info.scene_count, scene_id);
+        let shard = self.info.shard_of(scene_id).ok_or_else(no_such)?;
         let place = scene_id - self.info.scenes_of(shard).start;
         let in_group = (place % SCENES_PER_ROW_GROUP) as usize; // below 256
         let group = usize::try_from(place / SCENES_PER_ROW_GROUP).ok();
@@ -326,7 +326,7 @@ impl Dataset {
         table: Table,
         part: Part,
         decode: impl Fn(&RecordBatch) -> Result<Vec<R>, String>,
-    ) -> Result<Vec<R>, Error> {
+    ) -> Result<Vec<R>, Failure> {
         let mut rows = Vec::new();
         for batch in self.batches(shard, table, part)? {
             let batch = batch.map_err(|message| self.wrong(shard, table, &message))?;
@@ -335,7 +335,7 @@ impl Dataset {
         Ok(rows)
     }
 
-    fn batches(&self, shard: u32, table: Table, part: Part) -> Result<Batches, Error> {
+    fn batches(&self, shard: u32, table: Table, part: Part) -> Result<Batches, Failure> {
         let file = self.open_file(shard, table)?;
         let rows = self.manifest.shards[shard as usize].file(table).rows;
         let expected = Expected { table, resolution: self.info.grid.resolution, rows };
@@ -343,27 +343,32 @@ impl Dataset {
     }
 
     /// Opens a file after checking its size and checksum.
-    fn open_file(&self, shard: u32, table: Table) -> Result<File, Error> {
+    fn open_file(&self, shard: u32, table: Table) -> Result<File, Failure> {
         let summary = &self.manifest.shards[shard as usize];
         let is_checked = &self.is_checked[shard as usize][table as usize];
         let opened = self.storage.open_file(summary.file(table), is_checked)?;
         opened.map_err(|message| self.wrong(shard, table, &message))
     }
 
-    pub(crate) fn wrong(&self, shard: u32, table: Table, message: &str) -> Error {
+    pub(crate) fn wrong(&self, shard: u32, table: Table, message: &str) -> Failure {
         let at = self.storage.location(&layout::table_file(table, shard, self.info.shard_count));
-        Error::Wrong(ExitCode::Data, format!("shard {shard}: {message}: {at}"))
+        Failure::new(ExitCode::Data, format!("shard {shard}: {message}: {at}"))
     }
 
-    fn check(&self, shard: u32, table: Table, rule: impl FnOnce() -> Result<(), String>) -> Result<(), Error> {
+    fn check(&self, shard: u32, table: Table, rule: impl FnOnce() -> Result<(), String>) -> Result<(), Failure> {
         rule().map_err(|e| self.wrong(shard, table, &e))
     }
 }
 
+/// The failure to find the number of something that there is not, such as a scene.
+fn out_of_range(what: &str, limit: u64, got: u64) -> Failure {
+    Failure::new(ExitCode::Config, format!("{what} must be below {limit}, got {got}"))
+}
+
 /// The next rows for which a condition holds.
 fn take_while_is<R>(
-    rows: &mut Peekable<impl Iterator<Item = Result<R, Error>>>,
+    rows: &mut Peekable<impl Iterator<Item = Result<R, Failure>>>,
     holds: impl Fn(&R) -> bool,
-) -> Result<Vec<R>, Error> {
+) -> Result<Vec<R>, Failure> {
     from_fn(|| rows.next_if(|row| row.as_ref().map_or(true, &holds))).collect()
 }

@@ -9,7 +9,9 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::store::error::{StoreError, failed};
+use program::Failure;
+
+use crate::store::error::failed;
 use crate::store::fault::Fault;
 use crate::store::staged::{Staged, sync_folder};
 use crate::store::{Listing, META_BYTES_MAX};
@@ -62,7 +64,7 @@ impl Store {
     }
 
     /// The size of a file in bytes, `None` if there is none.
-    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
+    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, Failure> {
         let path = self.path(name);
         match fs::metadata(&path) {
             Ok(metadata) if metadata.is_file() => Ok(Some(metadata.len())),
@@ -73,13 +75,13 @@ impl Store {
     }
 
     /// Opens a file to read it.
-    pub(crate) fn open(&self, name: &str) -> Result<File, StoreError> {
+    pub(crate) fn open(&self, name: &str) -> Result<File, Failure> {
         let path = self.path(name);
         program::open(&path).map_err(failed("open a file", &path))
     }
 
     /// The listing of a folder; empty if there is none.
-    pub(crate) fn list(&self, folder: &str) -> Result<Listing, StoreError> {
+    pub(crate) fn list(&self, folder: &str) -> Result<Listing, Failure> {
         let size = |name: String| match self.size(&format!("{folder}/{name}")) {
             Ok(size) => Ok((name, size)),
             Err(error) => Err(error),
@@ -88,7 +90,7 @@ impl Store {
     }
 
     /// The names in a folder, in any order; none if there is no folder.
-    pub(crate) fn names(&self, folder: &str) -> Result<Vec<String>, StoreError> {
+    pub(crate) fn names(&self, folder: &str) -> Result<Vec<String>, Failure> {
         let folder = self.path(folder);
         let listed = match fs::read_dir(&folder) {
             Err(e) if is_absent(&e) => return Ok(Vec::new()),
@@ -100,7 +102,7 @@ impl Store {
     }
 
     /// The bytes of a small file, `None` if there is none.
-    pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+    pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, Failure> {
         let path = self.path(name);
         match program::read(&path, META_BYTES_MAX) {
             Ok(bytes) => Ok(Some(bytes)),
@@ -110,7 +112,7 @@ impl Store {
     }
 
     /// Creates a staging file for `name`.
-    pub(crate) fn stage(&self, name: &str) -> Result<Staged, StoreError> {
+    pub(crate) fn stage(&self, name: &str) -> Result<Staged, Failure> {
         let target = self.path(name);
         let folder = target.parent().unwrap_or(&self.root);
         self.create_folder(folder)?;
@@ -132,13 +134,7 @@ impl Store {
     }
 
     /// Removes leftovers of killed writers from a folder. If no leftover is needed, all of them count as dead.
-    pub(crate) fn sweep(
-        &self,
-        folder: &str,
-        sweep: Sweep,
-        is_needed: bool,
-        swept: &mut Swept,
-    ) -> Result<(), StoreError> {
+    pub(crate) fn sweep(&self, folder: &str, sweep: Sweep, is_needed: bool, swept: &mut Swept) -> Result<(), Failure> {
         for name in self.names(folder)?.into_iter().filter(|name| is_staging(name)) {
             let path = self.path(folder).join(&name);
             let bytes = fs::metadata(&path).map_or(0, |metadata| metadata.len());
@@ -157,7 +153,7 @@ impl Store {
     }
 
     /// Creates a folder and its parents; flushes each parent.
-    pub(crate) fn create_folder(&self, folder: &Path) -> Result<(), StoreError> {
+    pub(crate) fn create_folder(&self, folder: &Path) -> Result<(), Failure> {
         if folder.is_dir() {
             return Ok(());
         }
@@ -177,7 +173,7 @@ impl Store {
     }
 
     /// Flushes a folder, so that its names survive a power cut even if their writer was killed before flushing.
-    pub(crate) fn flush(&self, folder: &Path) -> Result<(), StoreError> {
+    pub(crate) fn flush(&self, folder: &Path) -> Result<(), Failure> {
         sync_folder(Some(folder), &self.fault)
     }
 }
@@ -223,7 +219,7 @@ fn host() -> String {
 
 #[cfg(test)]
 mod tests {
-    use program::{Exit, ExitCode};
+    use program::ExitCode;
 
     use super::*;
 

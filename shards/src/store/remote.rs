@@ -20,12 +20,13 @@ use std::time::Duration;
 use futures_util::StreamExt;
 use object_store::path::Path;
 use object_store::{Error, GetResult, ObjectStore, ObjectStoreExt, PutMode, PutPayload};
+use program::Failure;
 use sha2::{Digest, Sha256};
 use tokio::runtime::{Builder, Runtime};
 use url::Url;
 
 use crate::Location;
-use crate::store::error::{StoreError, failed};
+use crate::store::error::failed;
 use crate::store::fault::Fault;
 use crate::store::{Listing, META_BYTES_MAX};
 pub(crate) use connect::Patience;
@@ -81,7 +82,7 @@ pub(crate) enum Fetched {
 
 impl Remote {
     /// Prepares a connection without any request.
-    pub(crate) fn open(url: &Url, patience: Patience) -> Result<Self, StoreError> {
+    pub(crate) fn open(url: &Url, patience: Patience) -> Result<Self, Failure> {
         let failed = |source| failed("use the object store", place(url))(source);
         // There was no request yet, so any error is permanent.
         let wrong = |e| failed(io::Error::new(io::ErrorKind::InvalidInput, explain(&e).to_string()));
@@ -94,7 +95,7 @@ impl Remote {
     }
 
     /// Reads from this store.
-    pub(crate) fn new(url: &Url, store: Arc<dyn ObjectStore>, prefix: Path, lists: bool) -> Result<Self, StoreError> {
+    pub(crate) fn new(url: &Url, store: Arc<dyn ObjectStore>, prefix: Path, lists: bool) -> Result<Self, Failure> {
         let runtime = Builder::new_multi_thread().worker_threads(NETWORK_THREADS).enable_all().build();
         let runtime = runtime.map_err(failed("start threads for", place(url)))?;
         Ok(Self { url: url.clone(), prefix, store, lists, runtime, fault: Fault::default() })
@@ -110,7 +111,7 @@ impl Remote {
     }
 
     /// The bytes of a small file, `None` if there is none.
-    pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+    pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, Failure> {
         self.runtime.block_on(self.small(name))
     }
 
@@ -119,7 +120,7 @@ impl Remote {
         &self,
         names: impl Iterator<Item = String>,
         mut take: impl FnMut(Option<Vec<u8>>),
-    ) -> Result<(), StoreError> {
+    ) -> Result<(), Failure> {
         let read = |name: String| async move { self.small(&name).await };
         self.runtime.block_on(async {
             let mut files = futures_util::stream::iter(names).map(read).buffered(READS_AT_ONCE);
@@ -130,7 +131,7 @@ impl Remote {
         })
     }
 
-    async fn small(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+    async fn small(&self, name: &str) -> Result<Option<Vec<u8>>, Failure> {
         let read = async {
             let Some(found) = self.get(name).await? else { return Ok(None) };
             let bytes = found.meta.size;
@@ -149,7 +150,7 @@ impl Remote {
     }
 
     /// The size of a file in bytes, `None` if there is none.
-    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
+    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, Failure> {
         self.runtime.block_on(self.head(name)).map_err(failed("look at a file", self.location(name)))
     }
 
@@ -159,7 +160,7 @@ impl Remote {
     }
 
     /// The listing of a folder; `None` if listing is not supported.
-    pub(crate) fn list(&self, folder: &str) -> Result<Option<Listing>, StoreError> {
+    pub(crate) fn list(&self, folder: &str) -> Result<Option<Listing>, Failure> {
         if !self.lists {
             return Ok(None);
         }
@@ -181,7 +182,7 @@ impl Remote {
     }
 
     /// Fetches a file with an expected size.
-    pub(crate) fn fetch(&self, name: &str, bytes: u64) -> Result<Fetched, StoreError> {
+    pub(crate) fn fetch(&self, name: &str, bytes: u64) -> Result<Fetched, Failure> {
         let at_store = failed("fetch a file", self.location(name));
         let scratch = || failed("keep a fetched file among temporary files", Location::Path(std::env::temp_dir()));
         if bytes > FETCH_BYTES_MAX {
@@ -213,7 +214,7 @@ impl Remote {
     }
 
     /// The SHA-256 of a file in hex, `None` if there is none.
-    pub(crate) fn digest(&self, name: &str) -> Result<Option<String>, StoreError> {
+    pub(crate) fn digest(&self, name: &str) -> Result<Option<String>, Failure> {
         let read = async {
             let Some(found) = self.get(name).await? else { return Ok(None) };
             let limit = time_for(found.meta.size);
@@ -231,13 +232,13 @@ impl Remote {
     }
 
     /// Uploads an object and replaces an existing one.
-    pub(crate) fn put(&self, name: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
+    pub(crate) fn put(&self, name: &str, bytes: Vec<u8>) -> Result<(), Failure> {
         let put = self.put_again(name, bytes.into(), PutMode::Overwrite);
         self.runtime.block_on(put).map(drop).map_err(failed("write a file", self.location(name)))
     }
 
     /// Uploads an object unless it exists; returns whether it did.
-    pub(crate) fn put_new(&self, name: &str, bytes: Vec<u8>) -> Result<bool, StoreError> {
+    pub(crate) fn put_new(&self, name: &str, bytes: Vec<u8>) -> Result<bool, Failure> {
         let put = self.put_again(name, bytes.into(), PutMode::Create);
         self.runtime.block_on(put).map_err(failed("publish a file", self.location(name)))
     }

@@ -5,11 +5,12 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+use program::Failure;
 use sha2::{Digest, Sha256};
 use tempfile::TempPath;
 
 use crate::Location;
-use crate::store::error::{StoreError, failed};
+use crate::store::error::failed;
 use crate::store::fault::Fault;
 use crate::store::remote::{OBJECT_BYTES_MAX, Remote};
 
@@ -50,13 +51,13 @@ pub(crate) struct Trouble {
 
 impl Trouble {
     /// The error of the disk, if there was one.
-    pub(crate) fn error(&self) -> Option<StoreError> {
+    pub(crate) fn error(&self) -> Option<Failure> {
         let (kind, text) = self.first.get()?;
         Some(self.told(io::Error::new(*kind, text.clone())))
     }
 
-    fn told(&self, source: io::Error) -> StoreError {
-        StoreError { action: "write a file", at: self.at.clone(), source }
+    fn told(&self, source: io::Error) -> Failure {
+        failed("write a file", &self.at)(source)
     }
 }
 
@@ -110,7 +111,7 @@ impl Staged {
     }
 
     /// Writes all of a small file.
-    pub(crate) fn put(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
+    pub(crate) fn put(&mut self, bytes: &[u8]) -> Result<(), Failure> {
         self.write_all(bytes).map_err(|e| self.trouble.told(e))
     }
 
@@ -128,7 +129,7 @@ impl Staged {
     }
 
     /// The file, complete and flushed to the disk, but not renamed yet.
-    pub(crate) fn finish(self) -> Result<Ready, StoreError> {
+    pub(crate) fn finish(self) -> Result<Ready, Failure> {
         if let Body::File(StagingFile { file, target, fault, .. }) = &self.body {
             fault.check().and_then(|()| file.sync_all()).map_err(failed("flush a file", target))?;
         }
@@ -148,7 +149,7 @@ pub(crate) struct Ready {
 
 impl Ready {
     /// Publishes the file and replaces an existing one.
-    pub(crate) fn publish(self) -> Result<(), StoreError> {
+    pub(crate) fn publish(self) -> Result<(), Failure> {
         match self.body {
             Body::File(staged) => staged.publish(),
             Body::Object { remote, name, bytes } => remote.put(&name, bytes),
@@ -156,7 +157,7 @@ impl Ready {
     }
 
     /// Publishes the file unless the name is taken; returns whether it did.
-    pub(crate) fn publish_new(self) -> Result<bool, StoreError> {
+    pub(crate) fn publish_new(self) -> Result<bool, Failure> {
         match self.body {
             Body::File(staged) => staged.publish_new(),
             Body::Object { remote, name, bytes } => remote.put_new(&name, bytes),
@@ -165,14 +166,14 @@ impl Ready {
 }
 
 impl StagingFile {
-    fn publish(self) -> Result<(), StoreError> {
+    fn publish(self) -> Result<(), Failure> {
         let Self { staging, target, fault, .. } = self;
         let renamed = fault.check().and_then(|()| staging.persist(&target).map_err(|e| e.error));
         renamed.map_err(failed("publish a file", &target))?;
         sync_folder(target.parent(), &fault)
     }
 
-    fn publish_new(self) -> Result<bool, StoreError> {
+    fn publish_new(self) -> Result<bool, Failure> {
         use io::ErrorKind::{PermissionDenied, TooManyLinks, Unsupported};
         let Self { file, staging, target, fault } = self;
         let named = match fault.check() {
@@ -198,7 +199,7 @@ impl StagingFile {
 
 /// Flushes a folder. Ignores network mounts that do not support it, and folders without read permission, such as
 /// parents of users' folders.
-pub(crate) fn sync_folder(folder: Option<&Path>, fault: &Fault) -> Result<(), StoreError> {
+pub(crate) fn sync_folder(folder: Option<&Path>, fault: &Fault) -> Result<(), Failure> {
     use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
     let Some(folder) = folder.filter(|_| cfg!(unix)) else { return Ok(()) };
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };

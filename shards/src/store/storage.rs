@@ -6,17 +6,17 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use program::ExitCode;
+use program::{ExitCode, Failure};
 
+use crate::Location;
 use crate::format::layout;
 use crate::format::seal::{sha256_hex, sha256_of_file};
 use crate::format::summary::FileSummary;
 use crate::store::Listing;
-use crate::store::error::{StoreError, failed};
+use crate::store::error::failed;
 use crate::store::folder::{Store, Sweep, Swept};
 use crate::store::remote::{Fetched, Patience, Remote};
 use crate::store::staged::{Ready, Staged};
-use crate::{Error, Location};
 
 /// The storage of a dataset.
 #[derive(Debug, Clone)]
@@ -38,16 +38,16 @@ pub(crate) enum Published {
 
 impl Storage {
     /// Storage for reading.
-    pub(crate) fn open(at: &Location) -> Result<Self, StoreError> {
+    pub(crate) fn open(at: &Location) -> Result<Self, Failure> {
         Self::new(at, Patience::Reader)
     }
 
     /// Storage for writing.
-    pub(crate) fn open_to_write(at: &Location) -> Result<Self, StoreError> {
+    pub(crate) fn open_to_write(at: &Location) -> Result<Self, Failure> {
         Self::new(at, Patience::Writer)
     }
 
-    fn new(at: &Location, patience: Patience) -> Result<Self, StoreError> {
+    fn new(at: &Location, patience: Patience) -> Result<Self, Failure> {
         match at {
             Location::Path(path) => Ok(Self::Folder(Store::new(path))),
             Location::Url(url) => Remote::open(url, patience).map(|remote| Self::Remote(Arc::new(remote))),
@@ -64,7 +64,7 @@ impl Storage {
     }
 
     /// The bytes of a small file, `None` if there is none.
-    pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+    pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, Failure> {
         match self {
             Self::Folder(store) => store.read(name),
             Self::Remote(remote) => remote.read(name),
@@ -76,7 +76,7 @@ impl Storage {
         &self,
         mut names: impl Iterator<Item = String>,
         mut take: impl FnMut(Option<Vec<u8>>),
-    ) -> Result<(), StoreError> {
+    ) -> Result<(), Failure> {
         match self {
             Self::Folder(store) => names.try_for_each(|name| store.read(&name).map(&mut take)),
             Self::Remote(remote) => remote.read_each(names, take),
@@ -84,7 +84,7 @@ impl Storage {
     }
 
     /// The size of a file in bytes, `None` if there is none.
-    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
+    pub(crate) fn size(&self, name: &str) -> Result<Option<u64>, Failure> {
         match self {
             Self::Folder(store) => store.size(name),
             Self::Remote(remote) => remote.size(name),
@@ -92,7 +92,7 @@ impl Storage {
     }
 
     /// The listing of a folder; `None` if listing is not supported.
-    pub(crate) fn list(&self, folder: &str) -> Result<Option<Listing>, StoreError> {
+    pub(crate) fn list(&self, folder: &str) -> Result<Option<Listing>, Failure> {
         match self {
             Self::Folder(store) => store.list(folder).map(Some),
             Self::Remote(remote) => remote.list(folder),
@@ -105,7 +105,7 @@ impl Storage {
         &self,
         expected: &FileSummary,
         is_checked: &AtomicBool,
-    ) -> Result<Result<File, String>, StoreError> {
+    ) -> Result<Result<File, String>, Failure> {
         let (file, sha256) = match self {
             Self::Folder(store) => {
                 if let Some(problem) = size_problem(expected, store.size(&expected.path)?) {
@@ -131,7 +131,7 @@ impl Storage {
     }
 
     /// The SHA-256 of a file in hex, `None` if there is none.
-    pub(crate) fn digest(&self, name: &str) -> Result<Option<String>, StoreError> {
+    pub(crate) fn digest(&self, name: &str) -> Result<Option<String>, Failure> {
         match self {
             Self::Folder(store) if store.size(name)?.is_none() => Ok(None),
             Self::Folder(store) => {
@@ -142,7 +142,7 @@ impl Storage {
     }
 
     /// Creates a staging file for `name`.
-    pub(crate) fn stage(&self, name: &str) -> Result<Staged, StoreError> {
+    pub(crate) fn stage(&self, name: &str) -> Result<Staged, Failure> {
         match self {
             Self::Folder(store) => store.stage(name),
             Self::Remote(remote) => Ok(Staged::object(remote, name)),
@@ -150,12 +150,12 @@ impl Storage {
     }
 
     /// Publishes a small file and replaces an existing one.
-    pub(crate) fn publish(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+    pub(crate) fn publish(&self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
         self.stage_bytes(name, bytes)?.publish()
     }
 
     /// Publishes a small file unless it exists.
-    pub(crate) fn publish_new(&self, name: &str, bytes: &[u8]) -> Result<Published, StoreError> {
+    pub(crate) fn publish_new(&self, name: &str, bytes: &[u8]) -> Result<Published, Failure> {
         if let Some(existing) = self.read(name)? {
             // Its writer may have been killed before it flushed the folder.
             if let (Self::Folder(store), Some(folder)) = (self, Path::new(name).parent()) {
@@ -170,20 +170,20 @@ impl Storage {
     }
 
     /// The error for a file that existed when publishing and was gone when reading.
-    pub(crate) fn vanished(&self, name: &str) -> StoreError {
+    pub(crate) fn vanished(&self, name: &str) -> Failure {
         let source =
             io::Error::new(io::ErrorKind::NotFound, "it existed and is gone: does another program delete files?");
         failed("publish a file", self.location(name))(source)
     }
 
-    fn stage_bytes(&self, name: &str, bytes: &[u8]) -> Result<Ready, StoreError> {
+    fn stage_bytes(&self, name: &str, bytes: &[u8]) -> Result<Ready, Failure> {
         let mut staged = self.stage(name)?;
         staged.put(bytes)?;
         staged.finish()
     }
 
     /// Creates a folder, if the storage has folders.
-    pub(crate) fn create_folder(&self, name: &str) -> Result<(), StoreError> {
+    pub(crate) fn create_folder(&self, name: &str) -> Result<(), Failure> {
         match self {
             Self::Folder(store) => store.create_folder(&store.path(name)),
             Self::Remote(_) => Ok(()),
@@ -191,7 +191,7 @@ impl Storage {
     }
 
     /// The listing of a folder of a dataset that is being written; the store must support it.
-    pub(crate) fn must_list(&self, folder: &str) -> Result<Listing, StoreError> {
+    pub(crate) fn must_list(&self, folder: &str) -> Result<Listing, Failure> {
         self.list(folder)?.ok_or_else(|| {
             let source = io::Error::new(io::ErrorKind::PermissionDenied, "writing takes the right to list");
             failed("list a folder", self.location(folder))(source)
@@ -199,7 +199,7 @@ impl Storage {
     }
 
     /// The names in a folder.
-    pub(crate) fn names(&self, folder: &str) -> Result<Vec<String>, StoreError> {
+    pub(crate) fn names(&self, folder: &str) -> Result<Vec<String>, Failure> {
         match self {
             Self::Folder(store) => store.names(folder),
             Self::Remote(_) => self.must_list(folder).map(|listing| listing.into_keys().collect()),
@@ -207,23 +207,23 @@ impl Storage {
     }
 
     /// Flushes some folders and all their parents, so that their names survive a power cut.
-    pub(crate) fn flush(&self, folders: &[&str]) -> Result<(), StoreError> {
+    pub(crate) fn flush(&self, folders: &[&str]) -> Result<(), Failure> {
         let Self::Folder(store) = self else { return Ok(()) };
         folders.iter().try_for_each(|folder| store.flush(&store.path(folder)))?;
         store.root().ancestors().skip(1).try_for_each(|above| store.flush(above))
     }
 
     /// Checks that the dataset with this id is still here.
-    pub(crate) fn check_in_place(&self, dataset_id: &str) -> Result<(), Error> {
+    pub(crate) fn check_in_place(&self, dataset_id: &str) -> Result<(), Failure> {
         if self.read(layout::INFO)?.is_some_and(|info| sha256_hex(&info) == dataset_id) {
             return Ok(());
         }
         let text = format!("the dataset is gone, or another is in its place: {}", self.location(""));
-        Err(Error::Wrong(ExitCode::Config, text))
+        Err(Failure::new(ExitCode::Config, text))
     }
 
     /// Checks that the store refuses to upload an existing object again.
-    pub(crate) fn check_creates_once(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+    pub(crate) fn check_creates_once(&self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
         let Self::Remote(remote) = self else { return Ok(()) };
         if !remote.put_new(name, bytes.to_vec())? {
             return Ok(());
@@ -242,13 +242,7 @@ impl Storage {
     }
 
     /// Removes leftovers of killed writers from a folder; an object store has none.
-    pub(crate) fn sweep(
-        &self,
-        folder: &str,
-        sweep: Sweep,
-        is_needed: bool,
-        swept: &mut Swept,
-    ) -> Result<(), StoreError> {
+    pub(crate) fn sweep(&self, folder: &str, sweep: Sweep, is_needed: bool, swept: &mut Swept) -> Result<(), Failure> {
         match self {
             Self::Folder(store) => store.sweep(folder, sweep, is_needed, swept),
             Self::Remote(_) => Ok(()),
@@ -277,7 +271,7 @@ pub(crate) fn size_problem(expected: &FileSummary, found: Option<u64>) -> Option
 
 #[cfg(test)]
 mod tests {
-    use program::{Exit, ExitCode};
+    use program::ExitCode;
 
     use super::*;
     use crate::store::fault::{Fault, Kind};

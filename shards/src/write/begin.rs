@@ -1,11 +1,11 @@
 //! Begins a dataset: an empty location becomes the dataset, the same dataset is opened, and anything else is refused.
 
-use program::ExitCode;
+use program::{ExitCode, Failure};
 use serde_json::Value;
 
 use crate::format::layout;
-use crate::store::{Published, Storage, StoreError, is_staging};
-use crate::{DatasetInfo, Draft, Error, Location, Table};
+use crate::store::{Published, Storage, is_staging};
+use crate::{DatasetInfo, Draft, Location, Table};
 
 /// Maximum number of reported differences.
 const DIFFERENCES_MAX: usize = 4;
@@ -14,18 +14,18 @@ impl Draft {
     /// Publishes `meta/info.json`, or finds an equal one.
     ///
     /// # Errors
-    /// [`Error`] if the info is out of range, the location contains another dataset or other files, or the storage
+    /// [`Failure`] if the info is out of range, the location contains another dataset or other files, or the storage
     /// fails.
-    pub fn begin(at: impl Into<Location>, info: &DatasetInfo) -> Result<Self, Error> {
+    pub fn begin(at: impl Into<Location>, info: &DatasetInfo) -> Result<Self, Failure> {
         let problems = info.problems();
         if !problems.is_empty() {
-            return Err(Error::Wrong(ExitCode::Config, problems.join("; ")));
+            return Err(Failure::new(ExitCode::Config, problems.join("; ")));
         }
         Self::begin_in(Storage::open_to_write(&at.into())?, info)
     }
 
-    pub(crate) fn begin_in(storage: Storage, info: &DatasetInfo) -> Result<Self, Error> {
-        let refused = |text| Err(Error::Wrong(ExitCode::Config, text));
+    pub(crate) fn begin_in(storage: Storage, info: &DatasetInfo) -> Result<Self, Failure> {
+        let refused = |text| Err(Failure::new(ExitCode::Config, text));
         let at = storage.location("");
         if let Some(dir) = storage.folder().filter(|dir| dir.is_file()) {
             return refused(format!("the dataset must go to a folder, got a file: {}", dir.display()));
@@ -41,7 +41,7 @@ impl Draft {
             Published::Existing(existing) if existing != text.as_bytes() => {
                 let Some(differences) = differences(&existing, &text) else {
                     let at = storage.location(layout::INFO);
-                    return Err(Error::Wrong(ExitCode::Data, format!("not a dataset's info; it is damaged: {at}")));
+                    return Err(Failure::new(ExitCode::Data, format!("not a dataset's info; it is damaged: {at}")));
                 };
                 let differences = differences.join(", ");
                 return refused(format!("it holds another dataset, which differs in {differences}: {at}"));
@@ -58,7 +58,7 @@ impl Draft {
 
 /// The first entry of a location that an interrupted beginning of a dataset would not have left. Hidden files and
 /// `lost+found` are ignored.
-fn first_foreign_entry(storage: &Storage) -> Result<Option<String>, StoreError> {
+fn first_foreign_entry(storage: &Storage) -> Result<Option<String>, Failure> {
     let is_foreign = |name: &String| !name.starts_with('.') && name != "lost+found" && name != "meta";
     let in_meta =
         storage.names("meta")?.into_iter().filter(|name| !is_staging(name)).map(|name| format!("meta/{name}"));
@@ -112,8 +112,6 @@ fn compare(path: &str, existing: &Value, asked: &Value, found: &mut Vec<String>)
 mod tests {
     use std::fs;
     use std::path::Path;
-
-    use program::Exit;
 
     use super::*;
     use crate::synthetic;

@@ -1,12 +1,14 @@
 //! A dataset that is being written. Any number of processes on any machines may write the same dataset. There is no
 //! lock, no clock and no coordinator: files are created atomically and never changed.
 
+use program::Failure;
+
 use crate::format::summary::ShardSummary;
 use crate::format::{layout, seal};
 use crate::read::dataset::read_info;
-use crate::store::{Storage, StoreError, Sweep, Swept};
+use crate::store::{Storage, Sweep, Swept};
 use crate::write::writer::ShardWriter;
-use crate::{DatasetInfo, Error, Location, Table};
+use crate::{DatasetInfo, Location, Table};
 
 /// A dataset that is being written, in a folder or an object store.
 #[derive(Debug)]
@@ -20,8 +22,8 @@ impl Draft {
     /// Opens a dataset that [`Draft::begin`] has begun.
     ///
     /// # Errors
-    /// [`Error`] if there is no dataset, or its info is damaged.
-    pub fn open(at: impl Into<Location>) -> Result<Self, Error> {
+    /// [`Failure`] if there is no dataset, or its info is damaged.
+    pub fn open(at: impl Into<Location>) -> Result<Self, Failure> {
         let storage = Storage::open_to_write(&at.into())?;
         let (info, dataset_id) = read_info(&storage)?;
         Ok(Self { storage, info, dataset_id })
@@ -42,16 +44,16 @@ impl Draft {
     /// Begins a shard.
     ///
     /// # Errors
-    /// [`Error`] if there is no such shard or the storage fails.
-    pub fn shard(&self, shard: u32) -> Result<ShardWriter, Error> {
+    /// [`Failure`] if there is no such shard or the storage fails.
+    pub fn shard(&self, shard: u32) -> Result<ShardWriter, Failure> {
         ShardWriter::create(self.storage.clone(), &self.info, &self.dataset_id, shard)
     }
 
     /// Whether a shard exists: a marker of this dataset, and files of the marker's sizes.
     ///
     /// # Errors
-    /// [`StoreError`] if the storage fails.
-    pub fn is_committed(&self, shard: u32) -> Result<bool, StoreError> {
+    /// [`Failure`] if the storage fails.
+    pub fn is_committed(&self, shard: u32) -> Result<bool, Failure> {
         let marker = self.storage.read(&layout::marker(shard))?;
         let Some(summary) = marker.and_then(|bytes| self.summary(shard, bytes)) else { return Ok(false) };
         for table in Table::ALL {
@@ -72,8 +74,8 @@ impl Draft {
     /// Flushes the dataset's folders, so that all names survive a power cut.
     ///
     /// # Errors
-    /// [`StoreError`] if the storage fails.
-    pub fn flush(&self) -> Result<(), StoreError> {
+    /// [`Failure`] if the storage fails.
+    pub fn flush(&self) -> Result<(), Failure> {
         self.storage.flush(&FOLDERS)
     }
 
@@ -82,14 +84,15 @@ impl Draft {
     /// enough: a writer may be about to publish the card, the manifest or `_SUCCESS`.
     ///
     /// # Errors
-    /// [`StoreError`] if the storage fails.
-    pub fn sweep(&self, sweep: Sweep) -> Result<Swept, StoreError> {
-        let is_complete = || Ok(self.storage.size(layout::SUCCESS)?.is_some() && self.missing()?.is_empty());
+    /// [`Failure`] if the storage fails.
+    pub fn sweep(&self, sweep: Sweep) -> Result<Swept, Failure> {
+        let is_complete =
+            || Ok::<_, Failure>(self.storage.size(layout::SUCCESS)?.is_some() && self.missing()?.is_empty());
         let is_needed = sweep != Sweep::All && !is_complete()?;
         self.sweep_folders(sweep, is_needed)
     }
 
-    pub(crate) fn sweep_folders(&self, sweep: Sweep, is_needed: bool) -> Result<Swept, StoreError> {
+    pub(crate) fn sweep_folders(&self, sweep: Sweep, is_needed: bool) -> Result<Swept, Failure> {
         let mut swept = Swept::default();
         for folder in FOLDERS {
             self.storage.sweep(folder, sweep, is_needed, &mut swept)?;

@@ -3,13 +3,13 @@
 
 use std::collections::BTreeSet;
 
-use program::ExitCode;
+use program::{ExitCode, Failure};
 
 use crate::format::summary::{Manifest, ShardSummary};
 use crate::format::{layout, seal};
-use crate::store::{Listing, Published, StoreError, Sweep, file_name, size_in, size_problem};
+use crate::store::{Listing, Published, Sweep, file_name, size_in, size_problem};
 use crate::write::card;
-use crate::{Draft, Error, Table};
+use crate::{Draft, Table};
 
 /// The result of completing a dataset.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,23 +27,23 @@ impl Draft {
     /// The missing shards, in order: those without a marker of this dataset, or without files of the marker's sizes.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk refuses.
-    pub fn missing(&self) -> Result<Vec<u32>, StoreError> {
+    /// [`Failure`] if the disk refuses.
+    pub fn missing(&self) -> Result<Vec<u32>, Failure> {
         self.committed(|_| ())
     }
 
     /// The shards without a marker, in order: a quick check before a complete one.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk refuses.
-    pub fn unmarked(&self) -> Result<Vec<u32>, StoreError> {
+    /// [`Failure`] if the disk refuses.
+    pub fn unmarked(&self) -> Result<Vec<u32>, Failure> {
         let markers: BTreeSet<String> = self.storage.names("meta/shards")?.into_iter().collect();
         let has_marker = |shard: &u32| markers.contains(file_name(&layout::marker(*shard)));
         Ok((0..self.info.shard_count).filter(|shard| !has_marker(shard)).collect())
     }
 
     /// Passes on the marker of every committed shard, in order; returns the indices of the others.
-    fn committed(&self, mut take: impl FnMut(ShardSummary)) -> Result<Vec<u32>, StoreError> {
+    fn committed(&self, mut take: impl FnMut(ShardSummary)) -> Result<Vec<u32>, Failure> {
         let listings = self.listings()?;
         let (mut missing, mut doubtful) = (Vec::new(), Vec::new());
         let mut next = 0;
@@ -71,7 +71,7 @@ impl Draft {
         Ok(missing)
     }
 
-    fn listings(&self) -> Result<Vec<(Table, Listing)>, StoreError> {
+    fn listings(&self) -> Result<Vec<(Table, Listing)>, Failure> {
         Table::ALL.into_iter().map(|table| Ok((table, self.storage.must_list(table.name())?))).collect()
     }
 
@@ -79,8 +79,8 @@ impl Draft {
     /// users may edit it. An existing manifest must be equal.
     ///
     /// # Errors
-    /// [`Error`] if the storage fails, or a different manifest exists.
-    pub fn finalize(&self) -> Result<Finalized, Error> {
+    /// [`Failure`] if the storage fails, or a different manifest exists.
+    pub fn finalize(&self) -> Result<Finalized, Failure> {
         let mut shards = Vec::new();
         let missing = self.committed(|summary| shards.push(summary))?;
         if let Some(first) = missing.first() {
@@ -105,7 +105,7 @@ impl Draft {
                      now: was a shard made again by another program? If so, delete it, {card} and {success}, and \
                      finalize again"
                 );
-                return Err(Error::Wrong(ExitCode::Data, text));
+                return Err(Failure::new(ExitCode::Data, text));
             }
             self.storage.publish(layout::MANIFEST, text.as_bytes())?; // replaces a damaged one
         }
@@ -120,7 +120,7 @@ impl Draft {
 
 impl Draft {
     /// A shard with a marker of another dataset is not missing: `meta/info.json` was edited, or folders were mixed.
-    fn must_not_be_of_another(&self, shard: u32) -> Result<(), Error> {
+    fn must_not_be_of_another(&self, shard: u32) -> Result<(), Failure> {
         let name = layout::marker(shard);
         let marker = self.storage.read(&name)?.and_then(|bytes| seal::unseal::<ShardSummary>(bytes).ok());
         let Some(other) = marker.map(|marker| marker.dataset_id).filter(|id| *id != self.dataset_id) else {
@@ -131,7 +131,7 @@ impl Draft {
             "{name} belongs to dataset {other}, and {info} is that of {id}: was {info} edited, or a folder of another \
              dataset copied here?"
         );
-        Err(Error::Wrong(ExitCode::Data, text))
+        Err(Failure::new(ExitCode::Data, text))
     }
 }
 

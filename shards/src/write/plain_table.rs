@@ -6,9 +6,7 @@ use arrow::array::{ArrayRef, Float32Array, RecordBatch, StringArray, UInt64Array
 use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::{WriterProperties, WriterVersion};
-use program::ExitCode;
-
-use crate::Error;
+use program::{ExitCode, Failure};
 
 /// A column of a flat table.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,9 +22,9 @@ pub enum PlainColumn {
 /// The bytes of a Parquet file with these columns, in this order; a pure function of them.
 ///
 /// # Errors
-/// [`Error`] if the columns differ in length.
-pub fn plain_table(columns: Vec<(&str, PlainColumn)>) -> Result<Vec<u8>, Error> {
-    let failed = |e: &dyn std::fmt::Display| Error::Wrong(ExitCode::Internal, format!("failed to write a table: {e}"));
+/// [`Failure`] if the columns differ in length.
+pub fn plain_table(columns: Vec<(&str, PlainColumn)>) -> Result<Vec<u8>, Failure> {
+    let failed = |e: &dyn std::fmt::Display| Failure::new(ExitCode::Internal, format!("failed to write a table: {e}"));
     let array = |column: PlainColumn| -> ArrayRef {
         match column {
             PlainColumn::Whole(values) => Arc::new(UInt64Array::from(values)),

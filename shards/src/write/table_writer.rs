@@ -12,13 +12,13 @@ use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::errors::ParquetError;
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersion};
 use parquet::schema::types::ColumnPath;
-use program::ExitCode;
+use program::{ExitCode, Failure};
 
 use crate::format::column::{Kind, float_leaves};
 use crate::format::layout;
 use crate::format::summary::FileSummary;
 use crate::store::{Ready, Staged, Storage, Trouble};
-use crate::{Error, FormatVersion, Table};
+use crate::{FormatVersion, Table};
 
 /// zstd level of every column.
 const ZSTD_LEVEL: i32 = 1;
@@ -38,7 +38,7 @@ impl TableWriter {
         table: Table,
         [shard, shard_count]: [u32; 2],
         resolution: usize,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, Failure> {
         let name = layout::table_file(table, shard, shard_count);
         let staged = storage.stage(&name)?;
         let trouble = staged.trouble();
@@ -47,18 +47,18 @@ impl TableWriter {
         Ok(Self { table, name, rows: 0, trouble, parquet })
     }
 
-    pub(crate) fn write(&mut self, batch: &RecordBatch) -> Result<(), Error> {
+    pub(crate) fn write(&mut self, batch: &RecordBatch) -> Result<(), Failure> {
         self.rows += batch.num_rows() as u64;
         self.parquet.write(batch).map_err(|e| broken(self.table, &self.trouble, &e))
     }
 
     /// Ends the row group.
-    pub(crate) fn flush(&mut self) -> Result<(), Error> {
+    pub(crate) fn flush(&mut self) -> Result<(), Failure> {
         self.parquet.flush().map_err(|e| broken(self.table, &self.trouble, &e))
     }
 
     /// Writes the footer and flushes the file to the disk, without publishing it yet.
-    pub(crate) fn finish(self) -> Result<(Ready, FileSummary), Error> {
+    pub(crate) fn finish(self) -> Result<(Ready, FileSummary), Failure> {
         let staged = self.parquet.into_inner().map_err(|e| broken(self.table, &self.trouble, &e))?;
         let ready = staged.finish()?;
         let summary =
@@ -67,7 +67,7 @@ impl TableWriter {
     }
 }
 
-fn properties(table: Table) -> Result<WriterProperties, Error> {
+fn properties(table: Table) -> Result<WriterProperties, Failure> {
     let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(|e| unwritten(table, &e))?;
     let mut builder = WriterProperties::builder()
         .set_created_by(format!("graspmill format {}", FormatVersion::CURRENT.number()))
@@ -88,11 +88,11 @@ fn properties(table: Table) -> Result<WriterProperties, Error> {
 }
 
 /// The disk's error, if the disk caused it.
-fn broken(table: Table, trouble: &Trouble, error: &ParquetError) -> Error {
-    trouble.error().map_or_else(|| unwritten(table, error), Error::Store)
+fn broken(table: Table, trouble: &Trouble, error: &ParquetError) -> Failure {
+    trouble.error().unwrap_or_else(|| unwritten(table, error))
 }
 
 /// Columns that could not be made or written: a defect of the program.
-pub(crate) fn unwritten(table: Table, error: &dyn std::fmt::Display) -> Error {
-    Error::Wrong(ExitCode::Internal, format!("failed to write {}: {error}", table.name()))
+pub(crate) fn unwritten(table: Table, error: &dyn std::fmt::Display) -> Failure {
+    Failure::new(ExitCode::Internal, format!("failed to write {}: {error}", table.name()))
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use program::ExitCode;
+use program::{ExitCode, Failure};
 use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 
 use crate::format::check;
@@ -10,7 +10,7 @@ use crate::format::summary::{Counts, FileSummary, ShardSummary};
 use crate::format::{encode, layout, seal};
 use crate::store::{Published, Ready, Storage};
 use crate::write::table_writer::{TableWriter, unwritten};
-use crate::{DatasetInfo, Error, SCENES_PER_ROW_GROUP, Table};
+use crate::{DatasetInfo, SCENES_PER_ROW_GROUP, Table};
 
 /// Scenes encoded at once; limits a writer's memory to 4 MB of grids.
 const SCENES_PER_BATCH: usize = 16;
@@ -36,10 +36,10 @@ impl std::fmt::Debug for ShardWriter {
 }
 
 impl ShardWriter {
-    pub(crate) fn create(storage: Storage, info: &DatasetInfo, dataset_id: &str, shard: u32) -> Result<Self, Error> {
+    pub(crate) fn create(storage: Storage, info: &DatasetInfo, dataset_id: &str, shard: u32) -> Result<Self, Failure> {
         if shard >= info.shard_count {
             let text = format!("shard must be below {}, got {shard}", info.shard_count);
-            return Err(Error::Wrong(ExitCode::Config, text));
+            return Err(Failure::new(ExitCode::Config, text));
         }
         let sizes = [shard, info.shard_count];
         let open = |table| TableWriter::create(&storage, table, sizes, info.grid.resolution);
@@ -61,15 +61,15 @@ impl ShardWriter {
     /// Adds a scene, strictly in the order of scene ids.
     ///
     /// # Errors
-    /// [`Error`] if the scene is not the next one, a row breaks a rule, or the storage fails.
-    pub fn push(&mut self, rows: &SceneRows) -> Result<(), Error> {
+    /// [`Failure`] if the scene is not the next one, a row breaks a rule, or the storage fails.
+    pub fn push(&mut self, rows: &SceneRows) -> Result<(), Failure> {
         let scene_id = rows.scene.scene_id;
         if scene_id != self.next || !self.scenes.contains(&scene_id) {
             return Err(self.out_of_order(&format!("scene {scene_id}")));
         }
         check::scene_rows(rows, &self.info).map_err(|rule| {
             let text = format!("shard {}, scene {scene_id}: {rule}", self.shard);
-            Error::Wrong(ExitCode::Internal, text)
+            Failure::new(ExitCode::Internal, text)
         })?;
         self.counts.count(rows);
         self.attempts.1.extend_from_slice(&rows.attempts);
@@ -83,13 +83,13 @@ impl ShardWriter {
         Ok(())
     }
 
-    fn out_of_order(&self, got: &str) -> Error {
+    fn out_of_order(&self, got: &str) -> Failure {
         let Self { shard, scenes: Range { start, end }, next, .. } = self;
         let text = format!("shard {shard} must go on with scene {next} of {start}..{end}, got {got}");
-        Error::Wrong(ExitCode::Internal, text)
+        Failure::new(ExitCode::Internal, text)
     }
 
-    fn write_batch(&mut self, ends_row_group: bool) -> Result<(), Error> {
+    fn write_batch(&mut self, ends_row_group: bool) -> Result<(), Failure> {
         let made = |table, batch: Result<_, arrow::error::ArrowError>| batch.map_err(|e| unwritten(table, &e));
         if !self.grids.1.is_empty() {
             self.attempts.0.write(&made(Table::Attempts, encode::attempts(&self.attempts.1, &self.info.models))?)?;
@@ -112,8 +112,8 @@ impl ShardWriter {
     /// are compared, not replaced, because all writers of a shard write the same bytes.
     ///
     /// # Errors
-    /// [`Error`] if scenes are missing, the storage fails, or the shard exists with other bytes.
-    pub fn commit(mut self) -> Result<ShardSummary, Error> {
+    /// [`Failure`] if scenes are missing, the storage fails, or the shard exists with other bytes.
+    pub fn commit(mut self) -> Result<ShardSummary, Failure> {
         if self.next != self.scenes.end {
             return Err(self.out_of_order("the end"));
         }
@@ -148,10 +148,10 @@ impl ShardWriter {
 }
 
 /// Publishes a file, or finds an equal one. A different one is replaced only if ours is proven to be correct.
-fn publish(storage: &Storage, shard: u32, file: Ready, summary: &FileSummary, is_proven: bool) -> Result<(), Error> {
+fn publish(storage: &Storage, shard: u32, file: Ready, summary: &FileSummary, is_proven: bool) -> Result<(), Failure> {
     let before = if is_proven { storage.digest(&summary.path)? } else { None };
     if before.is_some_and(|before| before != summary.sha256) {
-        return Ok(file.publish()?);
+        return file.publish();
     }
     if file.publish_new()? {
         return Ok(());
@@ -164,7 +164,7 @@ fn publish(storage: &Storage, shard: u32, file: Ready, summary: &FileSummary, is
 }
 
 /// Whether an existing marker is equal; false if it is damaged.
-fn compare(shard: u32, marker: &str, before: &[u8], now: &str) -> Result<bool, Error> {
+fn compare(shard: u32, marker: &str, before: &[u8], now: &str) -> Result<bool, Failure> {
     if before == now.as_bytes() {
         return Ok(true);
     }
@@ -176,17 +176,16 @@ fn compare(shard: u32, marker: &str, before: &[u8], now: &str) -> Result<bool, E
 }
 
 /// The error of a shard that exists with other bytes.
-fn not_reproduced(shard: u32, file: &str, before: &str, now: &str) -> Error {
+fn not_reproduced(shard: u32, file: &str, before: &str, now: &str) -> Failure {
     let text = format!(
         "shard {shard} came out differently from before, {file} has SHA-256 {before} there and {now} now: is the code \
          or the machine another? If the file is damaged, delete it and run again"
     );
-    Error::Wrong(ExitCode::Data, text)
+    Failure::new(ExitCode::Data, text)
 }
 
 #[cfg(test)]
 mod tests {
-    use program::Exit;
 
     use super::*;
     use crate::Draft;
@@ -201,7 +200,7 @@ mod tests {
         info
     }
 
-    fn write(dir: &Path, fault: Fault) -> Result<ShardSummary, Error> {
+    fn write(dir: &Path, fault: Fault) -> Result<ShardSummary, Failure> {
         let draft = Draft::begin(dir, &info()).unwrap();
         let draft = Draft { storage: Storage::Folder(Store::faulty(dir, fault)), ..draft };
         let mut writer = draft.shard(1)?;

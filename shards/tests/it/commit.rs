@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use program::{Exit, ExitCode};
+use program::ExitCode;
 use schema::{HitKind, Outcome, Quat, SceneRows, pose_from_parts};
 use shards::{Dataset, Draft, Finalized, layout};
 

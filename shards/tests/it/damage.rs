@@ -3,13 +3,13 @@
 use std::fs;
 use std::path::Path;
 
-use program::{Exit, ExitCode};
-use shards::{Dataset, Draft, Error, layout, verify};
+use program::{ExitCode, Failure};
+use shards::{Dataset, Draft, layout, verify};
 
 use crate::sample;
 
 /// The result of reading everything, as a trainer does.
-fn read_all(dir: &Path) -> Result<(), Error> {
+fn read_all(dir: &Path) -> Result<(), Failure> {
     let dataset = Dataset::open(dir)?;
     for shard in 0..dataset.shard_count() {
         dataset.read_attempts(shard)?;

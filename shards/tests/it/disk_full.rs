@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use program::{Exit, ExitCode};
-use shards::{Draft, Error};
+use program::{ExitCode, Failure};
+use shards::Draft;
 
 use crate::sample;
 
@@ -34,7 +34,7 @@ fn mount(dir: &Path, options: &str) -> bool {
     command.status().is_ok_and(|status| status.success())
 }
 
-fn write(draft: &Draft, shard: u32) -> Result<(), Error> {
+fn write(draft: &Draft, shard: u32) -> Result<(), Failure> {
     let mut writer = draft.shard(shard)?;
     for rows in sample::rows(draft.info(), shard) {
         writer.push(&rows)?;

@@ -6,9 +6,9 @@ use std::fs;
 use std::io::Read;
 use std::path::Path;
 
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure};
 use schema::{AttemptRecord, Vec3, samples_of};
-use shards::{Dataset, DatasetInfo, Draft, Error, ExportFormat, Exported, Location, export};
+use shards::{Dataset, DatasetInfo, Draft, ExportFormat, Exported, Location, export};
 
 use crate::synthetic;
 
@@ -54,7 +54,7 @@ fn written_with_edges(info: &DatasetInfo) -> (tempfile::TempDir, Dataset) {
     (dir, dataset)
 }
 
-fn exported(dataset: &Dataset, format: ExportFormat, out: &Path) -> Result<Exported, Error> {
+fn exported(dataset: &Dataset, format: ExportFormat, out: &Path) -> Result<Exported, Failure> {
     export(dataset, format, &Location::Path(out.to_owned()), |_| ())
 }
 
@@ -235,7 +235,7 @@ fn the_same_dataset_gives_the_same_bytes_and_a_stopped_export_goes_on() {
 fn nothing_of_others_is_touched() {
     let (dir, dataset) = written(&small(7));
     let (_other_dir, other) = written(&small(8));
-    let code = |result: Result<Exported, Error>, part: &str| {
+    let code = |result: Result<Exported, Failure>, part: &str| {
         let error = result.unwrap_err();
         assert!(error.to_string().contains(part), "{error}");
         assert_eq!(error.exit_code(), ExitCode::Config);

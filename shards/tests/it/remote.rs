@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use program::{Exit, ExitCode};
+use program::ExitCode;
 use shards::{Dataset, Location, layout, verify};
 
 use crate::sample;

@@ -1,5 +1,6 @@
 //! The worst mistakes, with pictures of the hand in its scene.
 
+use program::Failure;
 use report::document::{Block, Cell, Drawing, Picture, Table};
 use schema::{AttemptRecord, HitKind, SceneRows};
 use shards::DatasetInfo;
@@ -8,7 +9,7 @@ use shards::report::scene_svg;
 use crate::evaluate::Examination;
 use crate::evaluate::mistakes::Mistake;
 
-pub(super) fn section(examined: &Examination) -> Result<Vec<Block>, shards::Error> {
+pub(super) fn section(examined: &Examination) -> Result<Vec<Block>, Failure> {
     let text = "The attempts with the highest qualities among those that failed, and with the lowest among those that held. The fork is the \
                 hand where it grasped: green held, red failed. A pattern among them (one shape, one direction, a neighbour in the way) is \
                 what the network has not learned. A quality on the right side of ½ is not a wrong prediction, only the nearest to one.";

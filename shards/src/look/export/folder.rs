@@ -5,13 +5,13 @@
 
 use std::path::Path;
 
-use program::ExitCode;
+use program::{ExitCode, Failure};
 use serde::{Deserialize, Serialize};
 
 use super::ExportFormat;
 use crate::format::seal::pretty;
-use crate::store::{Storage, StoreError, Sweep, Swept, failed, is_staging};
-use crate::{Dataset, Error, Location};
+use crate::store::{Storage, Sweep, Swept, failed, is_staging};
+use crate::{Dataset, Location};
 
 /// The file that describes a complete export.
 const DONE: &str = "export.json";
@@ -115,13 +115,13 @@ pub(super) enum Beginning {
 
 impl ExportFolder {
     /// Begins an export in an empty or new folder, or continues this export.
-    pub(super) fn begin(folder: &Path, origin: ExportOrigin) -> Result<Beginning, Error> {
+    pub(super) fn begin(folder: &Path, origin: ExportOrigin) -> Result<Beginning, Failure> {
         let at = Location::Path(folder.to_owned());
         if folder.is_file() {
             let text = format!("the export must go to a folder, got a file: {at}");
-            return Err(Error::Wrong(ExitCode::Config, text));
+            return Err(Failure::new(ExitCode::Config, text));
         }
-        let refused = |text| Error::Wrong(ExitCode::Config, format!("{text}: give an empty or a new folder: {at}"));
+        let refused = |text| Failure::new(ExitCode::Config, format!("{text}: give an empty or a new folder: {at}"));
         let damaged = |_| refused("what it says about its export is damaged".to_owned());
         let check = |there: &ExportOrigin| {
             let ExportOrigin { format, exporter_version: version, dataset_id, .. } = there;
@@ -149,12 +149,12 @@ impl ExportFolder {
     }
 
     /// Removes leftovers of killed writers from one of its folders.
-    pub(super) fn sweep(&self, folder: &str) -> Result<(), StoreError> {
+    pub(super) fn sweep(&self, folder: &str) -> Result<(), Failure> {
         self.storage.sweep(folder, Sweep::Dead, true, &mut Swept::default())
     }
 
     /// Writes `export.json`, which completes the export.
-    pub(super) fn finish(self, counts: ExportCounts, files: Vec<ExportedFile>) -> Result<Exported, Error> {
+    pub(super) fn finish(self, counts: ExportCounts, files: Vec<ExportedFile>) -> Result<Exported, Failure> {
         let done = Exported { origin: self.origin, counts, files };
         self.storage.publish(DONE, pretty(&done).as_bytes())?;
         if let Some(folder) = self.storage.folder() {
@@ -164,7 +164,7 @@ impl ExportFolder {
     }
 }
 
-fn remove(folder: &Path, name: &str) -> Result<(), StoreError> {
+fn remove(folder: &Path, name: &str) -> Result<(), Failure> {
     let path = folder.join(name);
     match std::fs::remove_file(&path) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(failed("remove a file", &path)(e)),

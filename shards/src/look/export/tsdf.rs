@@ -1,16 +1,16 @@
 //! One scene's TSDF as a file that the planner reads.
 
-use program::ExitCode;
+use program::{ExitCode, Failure};
 use schema::Grid;
 
 use super::npy;
-use crate::{Dataset, Error};
+use crate::Dataset;
 
 /// A scene's TSDF as a `.npy` of float32, `[40, 40, 40]`, in VGN's values: `planner plan --tsdf` plans on it.
 ///
 /// # Errors
-/// [`Error`] if the scene cannot be read, or the dataset's grid is not the planner's.
-pub fn tsdf(dataset: &Dataset, scene_id: u64) -> Result<Vec<u8>, Error> {
+/// [`Failure`] if the scene cannot be read, or the dataset's grid is not the planner's.
+pub fn tsdf(dataset: &Dataset, scene_id: u64) -> Result<Vec<u8>, Failure> {
     let (grid, wanted) = (dataset.info().grid, Grid::PAPER);
     if grid.resolution != wanted.resolution || (grid.size_m - wanted.size_m).abs() >= 1e-6 {
         let told = |grid: Grid| (grid.resolution, grid.size_m);
@@ -19,14 +19,14 @@ pub fn tsdf(dataset: &Dataset, scene_id: u64) -> Result<Vec<u8>, Error> {
             "the dataset's grid must have {side} voxels a side over {wanted_m} m, got {resolution} over {size_m} m: {}",
             dataset.location()
         );
-        return Err(Error::Wrong(ExitCode::Config, text));
+        return Err(Failure::new(ExitCode::Config, text));
     }
     Ok(npy::f32s(&[grid.resolution; 3], &dataset.read_scene(scene_id)?.scene.tsdf))
 }
 
 #[cfg(test)]
 mod tests {
-    use program::{Exit, ExitCode};
+    use program::ExitCode;
 
     use super::*;
     use crate::{Draft, synthetic};

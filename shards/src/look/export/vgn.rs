@@ -13,6 +13,7 @@
 //! `clean_balance_data.py`) is left out: grasps nearer to the workspace's faces than 20 mm. Some of them would have no
 //! voxel, or none after a quarter turn.
 
+use program::Failure;
 use program::text::grouped;
 use schema::{AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of};
 use serde::Serialize;
@@ -21,7 +22,7 @@ use super::folder::{ExportCounts, ExportFolder, Exported};
 use super::{npy, scene_name};
 use crate::format::seal::pretty;
 use crate::store::failed;
-use crate::{Dataset, DatasetInfo, Error};
+use crate::{Dataset, DatasetInfo};
 
 /// Voxels along a side in VGN's and GIGA's code, where the number stands in the network and the augmentation.
 pub(super) const RESOLUTION: usize = 40;
@@ -81,7 +82,7 @@ pub(super) fn write(
     dataset: &Dataset,
     folder: ExportFolder,
     scenes_done: &mut dyn FnMut(u64),
-) -> Result<Exported, Error> {
+) -> Result<Exported, Failure> {
     let info = dataset.info();
     for part in ["", SCENES, "raw"] {
         folder.storage.create_folder(part)?;
@@ -124,7 +125,7 @@ fn write_grids(
     scenes: &[u64],
     folder: &ExportFolder,
     scenes_done: &mut dyn FnMut(u64),
-) -> Result<(), Error> {
+) -> Result<(), Failure> {
     let name = |scene_id: u64| format!("{SCENES}/{}.npz", scene_name(scene_id));
     let mut missing = Vec::new();
     for scene_id in scenes {

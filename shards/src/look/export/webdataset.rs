@@ -13,6 +13,7 @@
 use std::io::{self, BufWriter, Write};
 
 use arrow::error::ArrowError;
+use program::Failure;
 use program::text::grouped;
 use schema::{AttemptRecord, SceneRows};
 use tar::{Builder, EntryType, Header};
@@ -21,7 +22,7 @@ use super::folder::{ExportCounts, ExportFolder, Exported, ExportedFile};
 use super::{npy, rows, scene_name};
 use crate::format::encode;
 use crate::store::failed;
-use crate::{Dataset, DatasetInfo, Error, Table};
+use crate::{Dataset, DatasetInfo, Table};
 
 const INFO: &str = "info.json";
 const PAGE: &str = "README.md";
@@ -31,7 +32,7 @@ pub(super) fn write(
     dataset: &Dataset,
     folder: ExportFolder,
     scenes_done: &mut dyn FnMut(u64),
-) -> Result<Exported, Error> {
+) -> Result<Exported, Failure> {
     let info = dataset.info();
     folder.sweep("")?;
     let mut files = Vec::new();
@@ -69,7 +70,7 @@ fn write_shard(
     name: &str,
     folder: &ExportFolder,
     scenes_done: &mut dyn FnMut(u64),
-) -> Result<(u64, String), Error> {
+) -> Result<(u64, String), Failure> {
     let failed = |error: io::Error| failed("write a file", folder.storage.location(name))(error);
     let mut tar = Builder::new(BufWriter::new(folder.storage.stage(name)?));
     for rows in dataset.joined(shard, dataset.scenes(shard)?)? {

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use program::Failure;
 use program::text::{bytes, grouped, percent, ratio};
 use report::document::{Block, Cell, Document, Picture, Table};
 use report::figure::{BLUE, Bars, Colour, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
@@ -13,7 +14,7 @@ use super::coverage::{AZIMUTHS, HEIGHTS};
 use super::fit::{Fit, Law};
 use super::scenes::gallery;
 use super::{Bin, Group, Report};
-use crate::{Dataset, DatasetInfo, Error, Tally};
+use crate::{Dataset, DatasetInfo, Tally};
 
 /// Scenes that are shown.
 const SCENES_SHOWN: u64 = 12;
@@ -38,8 +39,8 @@ pub fn document(report: &Report, info: &DatasetInfo) -> Document {
 /// the last of its files, if they have times.
 ///
 /// # Errors
-/// [`Error`] if a scene cannot be read.
-pub fn page(report: &Report, dataset: &Dataset, written_over: Option<Duration>) -> Result<Document, Error> {
+/// [`Failure`] if a scene cannot be read.
+pub fn page(report: &Report, dataset: &Dataset, written_over: Option<Duration>) -> Result<Document, Failure> {
     let mut page = document(report, dataset.info());
     if let Some(span) = written_over.filter(|span| span.as_secs_f64() >= 1.0) {
         let rate = report.labels.attempts as f64 / span.as_secs_f64();

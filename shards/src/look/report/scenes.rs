@@ -1,14 +1,15 @@
 //! Scenes of a dataset as pictures.
 
+use program::Failure;
 use program::text::grouped;
 use report::document::{Drawing, Picture};
 use report::picture::{Hand, Scene, svg, width_m};
 use schema::{AttemptRecord, ObjectRecord, Polyhedron, SceneRows};
 
-use crate::{Dataset, DatasetInfo, Error};
+use crate::{Dataset, DatasetInfo};
 
 /// Pictures of up to `count` scenes, spread evenly over the dataset.
-pub(super) fn gallery(dataset: &Dataset, count: u64) -> Result<Vec<Picture>, Error> {
+pub(super) fn gallery(dataset: &Dataset, count: u64) -> Result<Vec<Picture>, Failure> {
     let scenes = dataset.info().scene_count;
     let count = count.min(scenes);
     (0..count).map(|at| Ok(picture(dataset.info(), &dataset.read_scene(at * scenes / count)?))).collect()

@@ -1,13 +1,13 @@
 //! Tests with an object store in memory; tests/python/test_stores.py uses a real one.
 
 use object_store::memory::InMemory;
-use program::{Exit, ExitCode};
+use program::{ExitCode, Failure};
 
 use super::*;
 use crate::store::fault::Kind;
 use crate::store::storage::Storage;
 use crate::synthetic;
-use crate::{Dataset, DatasetInfo, Draft, Error, Finalized, ShardSummary};
+use crate::{Dataset, DatasetInfo, Draft, Finalized, ShardSummary};
 
 fn info() -> DatasetInfo {
     let mut info = synthetic::info(5, 2, 40, 8);
@@ -25,7 +25,7 @@ fn draft(store: &Arc<InMemory>, fault: Fault) -> Draft {
     Draft::begin_in(storage(store, "sets/one", fault), &info()).unwrap()
 }
 
-fn write(draft: &Draft, shard: u32) -> Result<ShardSummary, Error> {
+fn write(draft: &Draft, shard: u32) -> Result<ShardSummary, Failure> {
     let mut writer = draft.shard(shard)?;
     for scene in draft.info().scenes_of(shard) {
         writer.push(&synthetic::scene_rows(scene, draft.info().seed, draft.info()))?;
@@ -58,7 +58,7 @@ fn objects(store: &InMemory) -> BTreeMap<String, Vec<u8>> {
     })
 }
 
-fn open(store: &Arc<InMemory>, prefix: &str) -> Result<Dataset, Error> {
+fn open(store: &Arc<InMemory>, prefix: &str) -> Result<Dataset, Failure> {
     let dataset = Dataset::of_storage(storage(store, prefix, Fault::default()))?;
     dataset.look_at_sizes()?;
     Ok(dataset)
