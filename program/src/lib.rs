@@ -17,6 +17,7 @@
 mod allocator;
 mod exit;
 mod folder;
+mod machine;
 pub mod manual;
 mod output;
 mod publish;
@@ -27,6 +28,7 @@ pub mod text;
 
 pub use exit::{Context, Exit, ExitCode, Failure};
 pub use folder::FolderLock;
+pub use machine::peak_memory_bytes;
 pub use output::{command_line, json, print, print_error, write};
 pub use publish::publish;
 pub use read::{open, read};

@@ -9,7 +9,7 @@ use network::DenseNetwork;
 use network::layers::{LAYERS, initial_vector};
 use network::receptive_field::{PatchSizes, RESOLUTION};
 use network::upsampling::Upsampling;
-use program::Failure;
+use program::{Failure, peak_memory_bytes};
 use report::document::{Block, Cell, Document, Table};
 use schema::{Purpose, Quat, Stream};
 use serde::Serialize;
@@ -245,13 +245,6 @@ fn median_s(mut work: impl FnMut()) -> f64 {
         .collect();
     times.sort_by(f64::total_cmp);
     times[TIMES / 2]
-}
-
-/// The most memory that this process has held (Linux: `VmHWM`).
-fn peak_memory_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    Some(line.split_whitespace().next()?.parse::<u64>().ok()? * 1024)
 }
 
 #[cfg(test)]

@@ -108,7 +108,7 @@ pub(super) fn too_large(bytes: u64, limit: u64) -> io::Error {
     io::Error::new(io::ErrorKind::FileTooLarge, format!("at most {limit} bytes are read at once, got {bytes}"))
 }
 
-/// A store's error with its kind, which decides whether a retry may help ([`StoreError::exit_code`]), and with advice.
+/// A store's error with its kind, which decides whether a retry may help ([`crate::store::failed`]), and with advice.
 pub(super) fn explain(error: &Error) -> io::Error {
     let text = program::text::error_chain(error);
     let is = |part: &str| text.contains(part);
