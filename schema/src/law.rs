@@ -53,29 +53,27 @@ const CUBOID_TILT: Tilt = Tilt::Normal { std_rad: PI / 18.0 };
 #[must_use]
 pub fn law_of(shape: ShapeKind, approach: Axis) -> Law {
     use Axis::{X, Y, Z};
+    use ShapeKind::{Cuboid, Cylinder, HalfCylinder, TriPrism};
+    use Tilt::{Normal, Uniform};
     match (shape, approach) {
         // Cuboid, X Y Z: r_y ~ N(0, π/18), d_z, d_x.
-        (ShapeKind::Cuboid, X) => Law { closing: &[Y, Z], tilt: CUBOID_TILT, turns: false, slides: true },
-        (ShapeKind::Cuboid, Y) => Law { closing: &[X, Z], tilt: CUBOID_TILT, turns: false, slides: true },
-        (ShapeKind::Cuboid, Z) => Law { closing: &[X, Y], tilt: CUBOID_TILT, turns: false, slides: true },
+        (Cuboid, X) => Law { closing: &[Y, Z], tilt: CUBOID_TILT, turns: false, slides: true },
+        (Cuboid, Y) => Law { closing: &[X, Z], tilt: CUBOID_TILT, turns: false, slides: true },
+        (Cuboid, Z) => Law { closing: &[X, Y], tilt: CUBOID_TILT, turns: false, slides: true },
         // Cylinder, X Y: r_x ~ U(0, 2π), r_y ~ N(0, π/18), d_z, d_x.
-        (ShapeKind::Cylinder, X) => Law { closing: &[Y], tilt: CUBOID_TILT, turns: true, slides: true },
-        (ShapeKind::Cylinder, Y) => Law { closing: &[X], tilt: CUBOID_TILT, turns: true, slides: true },
+        (Cylinder, X) => Law { closing: &[Y], tilt: CUBOID_TILT, turns: true, slides: true },
+        (Cylinder, Y) => Law { closing: &[X], tilt: CUBOID_TILT, turns: true, slides: true },
         // Cylinder, Z: same as cuboid.
-        (ShapeKind::Cylinder, Z) => Law { closing: &[X, Y], tilt: CUBOID_TILT, turns: false, slides: true },
+        (Cylinder, Z) => Law { closing: &[X, Y], tilt: CUBOID_TILT, turns: false, slides: true },
         // Tri-prism, X: r_y ~ N(0, π/27), d_z.
-        (ShapeKind::TriPrism, X) => {
-            Law { closing: &[Y, Z], tilt: Tilt::Normal { std_rad: PI / 27.0 }, turns: false, slides: false }
-        }
+        (TriPrism, X) => Law { closing: &[Y, Z], tilt: Normal { std_rad: PI / 27.0 }, turns: false, slides: false },
         // Tri-prism, Y Z: same as cuboid.
-        (ShapeKind::TriPrism, Y | Z) => Law { closing: &[X], tilt: CUBOID_TILT, turns: false, slides: true },
+        (TriPrism, Y | Z) => Law { closing: &[X], tilt: CUBOID_TILT, turns: false, slides: true },
         // Hemicylinder, X: r_y ~ N(0, π/24), d_z.
-        (ShapeKind::HalfCylinder, X) => {
-            Law { closing: &[Y, Z], tilt: Tilt::Normal { std_rad: PI / 24.0 }, turns: false, slides: false }
-        }
+        (HalfCylinder, X) => Law { closing: &[Y, Z], tilt: Normal { std_rad: PI / 24.0 }, turns: false, slides: false },
         // Hemicylinder, Y Z: r_y ~ U(−π/2, π/2), d_z.
-        (ShapeKind::HalfCylinder, Y | Z) => {
-            Law { closing: &[X], tilt: Tilt::Uniform { max_rad: PI / 2.0 }, turns: false, slides: false }
+        (HalfCylinder, Y | Z) => {
+            Law { closing: &[X], tilt: Uniform { max_rad: PI / 2.0 }, turns: false, slides: false }
         }
     }
 }
