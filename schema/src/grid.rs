@@ -22,17 +22,11 @@ settings! {
 
 /// Why a grid cannot be.
 #[derive(Debug, thiserror::Error, PartialEq)]
-pub enum GridError {
-    /// The grid's values do not fill it.
-    #[error("a grid of {resolution}^3 voxels needs {expected} values, got {got}")]
-    Length {
-        /// Voxels along a side.
-        resolution: usize,
-        /// `resolution`³.
-        expected: usize,
-        /// How many there were.
-        got: usize,
-    },
+#[error("a grid of {resolution}^3 voxels needs {expected} values, got {got}")]
+pub struct GridError {
+    resolution: usize,
+    expected: usize,
+    got: usize,
 }
 
 impl Grid {
@@ -103,12 +97,12 @@ impl VoxelGrid {
     /// Values on a grid.
     ///
     /// # Errors
-    /// [`GridError::Length`] unless there is one value a voxel.
+    /// [`GridError`] unless there is one value a voxel.
     pub fn new(grid: Grid, values: Vec<f32>) -> Result<Self, GridError> {
         if values.len() == grid.len() {
             Ok(Self { grid, values })
         } else {
-            Err(GridError::Length { resolution: grid.resolution, expected: grid.len(), got: values.len() })
+            Err(GridError { resolution: grid.resolution, expected: grid.len(), got: values.len() })
         }
     }
 }
