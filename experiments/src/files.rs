@@ -3,7 +3,7 @@
 use std::io::{self, ErrorKind};
 use std::path::Path;
 
-use program::{Exit as _, ExitCode, Failure};
+use program::{Failure, unread};
 use serde::de::DeserializeOwned;
 
 /// Largest file that is read, in bytes: far more than the rounds that fit into memory.
@@ -19,13 +19,4 @@ pub(crate) fn json<T: DeserializeOwned>(path: &Path) -> Result<T, Failure> {
 /// What a JSON file holds; `None` if there is no such file.
 pub(crate) fn json_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, Failure> {
     path.exists().then(|| json(path)).transpose()
-}
-
-/// The failure to read a file.
-pub(crate) fn unread(path: &Path, source: &io::Error) -> Failure {
-    match source.kind() {
-        // A file that is not what a run writes.
-        ErrorKind::InvalidData => Failure::new(ExitCode::Data, format!("damaged {}: {source}", path.display())),
-        _ => Failure::new(source.exit_code(), format!("failed to read: {source}: {}", path.display())),
-    }
 }

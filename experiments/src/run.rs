@@ -13,10 +13,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
 use planner::Planner;
-use program::{Context as _, ExitCode, Failure, thread_pool};
+use program::{Context as _, ExitCode, Failure, thread_pool, unread};
 
 use crate::config::Config;
-use crate::files::{BYTES_MAX, unread};
+use crate::files::BYTES_MAX;
 use crate::record::Round;
 use crate::round::play;
 

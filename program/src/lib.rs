@@ -31,7 +31,7 @@ pub use folder::FolderLock;
 pub use machine::peak_memory_bytes;
 pub use output::{command_line, json, print, print_error, write};
 pub use publish::publish;
-pub use read::{open, read};
+pub use read::{open, read, unread};
 pub use signals::stop_on_signals;
 pub use start::{run, start_threads, thread_pool};
 pub use text::error_chain;

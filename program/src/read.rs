@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
+use crate::{Exit as _, ExitCode, Failure};
+
 /// Opens a regular file to read it, or a link to one.
 ///
 /// # Errors
@@ -34,6 +36,15 @@ pub fn read(path: &Path, bytes_max: u64) -> io::Result<Vec<u8>> {
         ));
     }
     Ok(bytes)
+}
+
+/// The failure to read a file: [`ErrorKind::InvalidData`] is a damaged file.
+#[must_use]
+pub fn unread(path: &Path, error: &io::Error) -> Failure {
+    match error.kind() {
+        ErrorKind::InvalidData => Failure::new(ExitCode::Data, format!("damaged {}: {error}", path.display())),
+        _ => Failure::new(error.exit_code(), format!("failed to read: {error}: {}", path.display())),
+    }
 }
 
 #[cfg(test)]

@@ -58,7 +58,7 @@ pub fn draw_curves(run: &Path) -> Result<Vec<PathBuf>, Failure> {
 /// The epochs of a run, at least one.
 pub(crate) fn read(run: &Path) -> Result<Vec<Epoch>, Failure> {
     let failed = |code, text: &str| Failure::new(code, format!("{text}: {}", run.join(METRICS).display()));
-    let text = read_metrics(run)?.unwrap_or_default();
+    let text = read_metrics(run)?;
     let lines = text.lines().enumerate().map(|(at, line)| {
         serde_json::from_str(line)
             .map_err(|error| failed(ExitCode::Data, &format!("damaged metrics in line {}: {error}", at + 1)))

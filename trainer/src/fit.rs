@@ -83,7 +83,7 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
         loaded => loaded?,
     };
     let split = split(&samples.ids(), config.seed, &config.split)?;
-    let mut metrics: Vec<String> = read_metrics(run)?.unwrap_or_default().lines().map(str::to_owned).collect();
+    let mut metrics: Vec<String> = read_metrics(run)?.lines().map(str::to_owned).collect();
     metrics.truncate(progress.epoch as usize);
     observe(Event::Begun(&Beginning::of(&samples, &split, &progress)));
     let labels = LabelCount::of(&samples, &split.train);

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use network::checkpoint::{self, Checkpoint};
-use program::{Context as _, Exit as _, ExitCode, Failure, FolderLock, write};
+use program::{Context as _, ExitCode, Failure, FolderLock, unread, write};
 use shards::Dataset;
 
 use crate::config::Config;
@@ -138,23 +138,17 @@ impl SavedAs {
 /// Largest `metrics.jsonl`, in bytes; an epoch takes half a kilobyte.
 const METRICS_BYTES_MAX: u64 = 64 << 20;
 
-/// The text of a run's `metrics.jsonl`; `None` if there is no such file.
+/// The text of a run's `metrics.jsonl`; empty if there is no such file.
 ///
 /// # Errors
 /// If it cannot be read.
-pub(crate) fn read_metrics(run: &Path) -> Result<Option<String>, Failure> {
+pub(crate) fn read_metrics(run: &Path) -> Result<String, Failure> {
     let path = run.join(METRICS);
-    let failed = |code, text: String| Err(Failure::new(code, format!("{text}: {}", path.display())));
-    let text = |bytes| String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error));
-    match program::read(&path, METRICS_BYTES_MAX).and_then(text) {
-        Ok(text) => Ok(Some(text)),
-        Err(error) => match error.kind() {
-            io::ErrorKind::NotFound => Ok(None),
-            // No UTF-8, or too large.
-            io::ErrorKind::InvalidData => failed(ExitCode::Data, format!("damaged metrics: {error}")),
-            _ => failed(error.exit_code(), format!("failed to read the metrics: {error}")),
-        },
+    if !path.exists() {
+        return Ok(String::new());
     }
+    let text = |bytes| String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error));
+    program::read(&path, METRICS_BYTES_MAX).and_then(text).map_err(|error| unread(&path, &error))
 }
 
 fn refused(text: impl Display, path: &Path) -> Failure {
