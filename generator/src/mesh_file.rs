@@ -6,7 +6,7 @@ use std::io::{BufReader, Cursor};
 use std::path::Path;
 
 use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{PropertyAccess, PropertyAccessResult};
+use ply_rs_bw::ply::{DefaultElement, Encoding, Property};
 
 use program::{ExitCode, Failure};
 
@@ -133,90 +133,67 @@ fn read_stl(source: &mut Cursor<impl AsRef<[u8]>>, (corners, triangles): &mut Pa
     Ok(())
 }
 
-/// A row of a PLY file: the coordinates of a vertex, or the corner indices of a face.
-#[derive(Debug, Default)]
-struct Row {
-    xyz: [Option<f64>; 3],
-    ring: Option<Vec<i64>>,
-}
-
-impl Row {
-    fn put(&mut self, name: &str, value: f64) -> PropertyAccessResult {
-        let Some(axis) = ["x", "y", "z"].iter().position(|axis| *axis == name) else {
-            return PropertyAccessResult::Ignored;
-        };
-        self.xyz[axis] = Some(value);
-        PropertyAccessResult::Set
-    }
-
-    fn put_ring<N: Into<i64>>(&mut self, name: &str, ring: Vec<N>) -> PropertyAccessResult {
-        if name != "vertex_indices" && name != "vertex_index" {
-            return PropertyAccessResult::Ignored;
-        }
-        self.ring = Some(ring.into_iter().map(Into::into).collect());
-        PropertyAccessResult::Set
-    }
-}
-
-impl PropertyAccess for Row {
-    fn new() -> Self {
-        Self::default()
-    }
-    fn set_float(&mut self, name: &str, value: f32) -> PropertyAccessResult {
-        self.put(name, f64::from(value))
-    }
-    fn set_double(&mut self, name: &str, value: f64) -> PropertyAccessResult {
-        self.put(name, value)
-    }
-    fn set_list_char(&mut self, name: &str, ring: Vec<i8>) -> PropertyAccessResult {
-        self.put_ring(name, ring)
-    }
-    fn set_list_uchar(&mut self, name: &str, ring: Vec<u8>) -> PropertyAccessResult {
-        self.put_ring(name, ring)
-    }
-    fn set_list_short(&mut self, name: &str, ring: Vec<i16>) -> PropertyAccessResult {
-        self.put_ring(name, ring)
-    }
-    fn set_list_ushort(&mut self, name: &str, ring: Vec<u16>) -> PropertyAccessResult {
-        self.put_ring(name, ring)
-    }
-    fn set_list_int(&mut self, name: &str, ring: Vec<i32>) -> PropertyAccessResult {
-        self.put_ring(name, ring)
-    }
-    fn set_list_uint(&mut self, name: &str, ring: Vec<u32>) -> PropertyAccessResult {
-        self.put_ring(name, ring)
-    }
-}
-
 fn ply(bytes: &[u8]) -> Result<Parts, String> {
-    let parser = Parser::<Row>::new();
+    let parser = Parser::<DefaultElement>::new();
     let mut reader = Reader::new(bytes);
     let header = parser.read_header(&mut reader).map_err(|e| e.to_string())?;
+    let mut rest = reader.into_inner();
     let (mut corners, mut triangles) = (Vec::new(), Vec::new());
     for (name, element) in &header.elements {
-        // Each row takes at least one byte: allocate for the bytes present, not for the declared count.
-        if element.count > reader.get_ref().len() || (element.properties.is_empty() && element.count > 0) {
+        // Each row takes at least one byte; otherwise a file of a hundred bytes could declare endless rows.
+        if element.count > rest.len() || (element.properties.is_empty() && element.count > 0) {
             return Err(format!("its element `{name}` has more rows than there are bytes"));
         }
-        let rows = parser.read_payload_for_element(&mut reader, element, &header).map_err(|e| e.to_string())?;
-        match name.as_str() {
-            "vertex" => {
-                for (place, Row { xyz, .. }) in rows.into_iter().enumerate() {
-                    let [Some(x), Some(y), Some(z)] = xyz else {
-                        return Err(format!("vertex {place} must have x, y and z, each a float or double"));
-                    };
-                    corners.push([x, y, z]);
+        for place in 0..element.count {
+            let row = match header.encoding {
+                Encoding::Ascii => parser.read_ascii_element(line_of(&mut rest)?, element),
+                Encoding::BinaryBigEndian => parser.read_big_endian_element(&mut rest, element),
+                Encoding::BinaryLittleEndian => parser.read_little_endian_element(&mut rest, element),
+            };
+            let row = row.map_err(|e| format!("{name} {place}: {e}"))?;
+            match name.as_str() {
+                "vertex" => {
+                    let missing = || format!("vertex {place} must have x, y and z, each a float or double");
+                    corners.push(position(&row).ok_or_else(missing)?);
                 }
+                "face" => fan(place, &ring(&row).ok_or("faces must have vertex_indices")?, &mut triangles)?,
+                _ => {}
             }
-            "face" => {
-                for (place, Row { ring, .. }) in rows.into_iter().enumerate() {
-                    fan(place, &ring.ok_or("faces must have vertex_indices")?, &mut triangles)?;
-                }
-            }
-            _ => {}
         }
     }
     Ok((corners, triangles))
+}
+
+fn line_of<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
+    let end = rest.iter().position(|byte| *byte == b'\n').map_or(rest.len(), |end| end + 1);
+    let (line, after) = rest.split_at(end);
+    *rest = after;
+    if line.is_empty() { Err("it ends too early".to_owned()) } else { str::from_utf8(line).map_err(|e| e.to_string()) }
+}
+
+fn position(vertex: &DefaultElement) -> Option<[f64; 3]> {
+    let coordinate = |axis: &str| match vertex.get(axis)? {
+        Property::Float(value) => Some(f64::from(*value)),
+        Property::Double(value) => Some(*value),
+        _ => None,
+    };
+    Some([coordinate("x")?, coordinate("y")?, coordinate("z")?])
+}
+
+/// The corners' indices of a face.
+fn ring(face: &DefaultElement) -> Option<Vec<i64>> {
+    fn wide<N: Copy + Into<i64>>(ring: &[N]) -> Option<Vec<i64>> {
+        Some(ring.iter().map(|index| (*index).into()).collect())
+    }
+    match face.get("vertex_indices").or_else(|| face.get("vertex_index"))? {
+        Property::ListChar(ring) => wide(ring),
+        Property::ListUChar(ring) => wide(ring),
+        Property::ListShort(ring) => wide(ring),
+        Property::ListUShort(ring) => wide(ring),
+        Property::ListInt(ring) => wide(ring),
+        Property::ListUInt(ring) => wide(ring),
+        _ => None,
+    }
 }
 
 /// The triangles of a polygon.
