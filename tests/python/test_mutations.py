@@ -9,6 +9,7 @@ the code that computes. GRASPMILL_MUTATIONS_SEED chooses other mutants; a failur
 import concurrent.futures
 import os
 import random
+import resource
 import shutil
 import subprocess
 import threading
@@ -133,6 +134,16 @@ def test_stored_settings_are_held_to_the_configs_ranges(tmp_path, key, value):
         code, memory, printed = ended(command, tmp_path / "log")
         assert code == 65 and memory < MEMORY_BYTES, printed
         assert f"{key} must be between".encode() in printed and f"got {value:.0f}".encode() in printed, printed
+
+
+def test_memory_does_not_follow_the_rows(tmp_path):
+    """Two million attempts in one table: columns decoded whole would take more than twice this limit."""
+    mutant = Mutant(DATASET, tmp_path / "data")
+    mutant.many_attempts(20, 100_000)
+    limit = lambda: resource.setrlimit(resource.RLIMIT_DATA, (160 << 20, 160 << 20))
+    command = [program("shards"), "verify", mutant.folder]
+    ended = subprocess.run(command, preexec_fn=limit, capture_output=True, text=True, timeout=TIME_S)
+    assert ended.returncode == 0 and "2000000 attempts" in ended.stdout, ended
 
 
 SPECIAL = [INFO, MANIFEST, CARD, LAST, "meta/shards/00001.json", "objects/shard-00000-of-00002.parquet"]
