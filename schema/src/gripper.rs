@@ -128,6 +128,18 @@ impl HandBox {
         Self { centre_m: self.centre_m - shift, half_m: self.half_m + shift }
     }
 
+    /// Height of its lowest corner in the workspace.
+    #[must_use]
+    pub fn lowest_z_m(&self, workspace_from_grasp: &Pose) -> f32 {
+        let centre = workspace_from_grasp.transform_point(self.centre_m);
+        let rotation = workspace_from_grasp.rotation;
+        let reach = [Vec3::X, Vec3::Y, Vec3::Z]
+            .into_iter()
+            .map(|axis| (rotation * axis).z.abs() * axis.dot(self.half_m))
+            .sum::<f32>();
+        centre.z - reach
+    }
+
     /// The box grown by `margin_m` on every side.
     #[must_use]
     pub fn grown(&self, margin_m: f32) -> Self {

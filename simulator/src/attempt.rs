@@ -10,7 +10,7 @@ use rapier3d::prelude::{ColliderHandle, PhysicsPipeline, RigidBodyHandle};
 use schema::{Gripper, Outcome, Physics, Pose, Procedure, Vec3};
 
 use crate::engine::{EngineBody, World};
-use crate::gate::{Gate, Hit, lowest_z_m};
+use crate::gate::{Gate, Hit};
 use crate::hand::Hand;
 use crate::shortcuts::{FreeClosing, LiftWatch};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
@@ -387,7 +387,7 @@ impl<'a> Run<'a> {
         let fingers = self.setup.gripper.fingers(self.setup.gripper.opening_m_max);
         let low = fingers.iter().zip(closed).zip([1.0, -1.0]).any(|((finger, closed_m), inward)| {
             let moved = schema::HandBox { centre_m: finger.centre_m + Vec3::Y * (inward * closed_m), ..*finger };
-            lowest_z_m(&moved, &self.workspace_from_grasp) < self.setup.table_z_m + 0.5 * self.setup.gripper.clearance_m
+            moved.lowest_z_m(&self.workspace_from_grasp) < self.setup.table_z_m + 0.5 * self.setup.gripper.clearance_m
         });
         if low {
             self.tell(AttemptEvent::NearTable);

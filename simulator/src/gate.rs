@@ -100,7 +100,7 @@ impl Gate {
         if let Some(id) = core::iter::once(target).chain(others).find(touches) {
             return Some(Hit::object(id, target));
         }
-        let low = boxes.iter().map(|b| lowest_z_m(b, workspace_from_grasp)).fold(f32::INFINITY, f32::min);
+        let low = boxes.iter().map(|b| b.lowest_z_m(workspace_from_grasp)).fold(f32::INFINITY, f32::min);
         (low < self.table_z_m).then_some(Hit::TABLE)
     }
 }
@@ -138,17 +138,6 @@ fn overlaps(hand_box: &HandBox, hull: &PlacedPart, edges: &[Vec3]) -> bool {
     // Parallel edges give no axis of their own.
     let useful = crossed.filter(|axis| axis.length_squared() > 1e-6);
     !axes.into_iter().chain(hull.normals.iter().copied()).chain(useful).any(parted)
-}
-
-/// Height of the lowest corner of a hand box.
-pub(crate) fn lowest_z_m(hand_box: &HandBox, workspace_from_grasp: &Pose) -> f32 {
-    let centre = workspace_from_grasp.transform_point(hand_box.centre_m);
-    let rotation = workspace_from_grasp.rotation;
-    let reach = [Vec3::X, Vec3::Y, Vec3::Z]
-        .into_iter()
-        .map(|axis| (rotation * axis).z.abs() * axis.dot(hand_box.half_m))
-        .sum::<f32>();
-    centre.z - reach
 }
 
 #[cfg(test)]

@@ -6,7 +6,6 @@
 use schema::{Physics, Vec3};
 
 use crate::attempt::{AttemptWorld, Run};
-use crate::gate::lowest_z_m;
 use crate::tested_part::PlacedPart;
 
 /// Fingers are simulated from this far before they touch something.
@@ -50,7 +49,7 @@ impl AttemptWorld<'_> {
                 let grown = PlacedPart::from_box(&finger.grown(near_m), Vec3::ZERO);
                 let to_objects = objects.iter().map(|o| grown.free_way_m(o, inward)).fold(f32::INFINITY, f32::min);
                 let sinking = -inward.dot(up);
-                let above_m = lowest_z_m(&finger, workspace_from_grasp) - near_m - self.table_z_m;
+                let above_m = finger.lowest_z_m(workspace_from_grasp) - near_m - self.table_z_m;
                 let to_table = if sinking > 0.0 { (above_m / sinking).max(0.0) } else { f32::INFINITY };
                 to_objects.min(to_table)
             })
