@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::kernels::conv::{Conv, Side, padded_grids, taps};
+use crate::kernels::conv::{Conv, Extent, padded_grids, taps};
 use crate::kernels::doubling::Doubling;
 use crate::kernels::folded::{COLUMNS, FoldedHeads, KERNEL, PHASES};
-use crate::kernels::parameters::{HEAD_COLUMNS, HEADS, Parameters};
+use crate::kernels::parameters::{HEAD_COLUMNS, HEADS, Parameters, VOXEL};
 use crate::kernels::tile::{self, Forward};
 use crate::layers::{LAYERS, NORM_SQUARED_MIN};
 use crate::receptive_field::{COARSEST, RESOLUTION};
@@ -49,7 +49,8 @@ struct Group {
 }
 
 /// The level at which the heads are evaluated.
-const LAST: Side = Side { n: RESOLUTION / 2, padding: LAYERS[HEADS].padding() };
+const LAST: Extent = Extent::cube(LAST_SIDE, LAYERS[HEADS].padding());
+const LAST_SIDE: usize = RESOLUTION / 2;
 
 impl DenseNetwork {
     /// `vector` as [`crate::layers::parameter_slots`] lays it out.
@@ -58,15 +59,14 @@ impl DenseNetwork {
     /// If it has another length.
     #[must_use]
     pub fn new(vector: &[f32], mode: Upsampling) -> Self {
-        assert_eq!(vector.len(), crate::layers::parameter_count(), "one value a parameter");
         let conv = |number: usize, n: usize, output_padding: usize| {
-            Conv::new(LAYERS[number], Side { n, padding: LAYERS[number].padding() }, output_padding)
+            Conv::new(LAYERS[number], Extent::cube(n, LAYERS[number].padding()), output_padding)
         };
         let [n5, n10, n20] = [COARSEST, 2 * COARSEST, 4 * COARSEST];
-        let parameters = Parameters::from_vector(vector);
+        let parameters = Parameters::from_vector(&VOXEL, vector);
         let (weights, bias) = parameters.stage(HEADS);
         Self {
-            heads: FoldedHeads::new(weights, bias, LAST.n, mode),
+            heads: FoldedHeads::new(weights, bias, LAST_SIDE, mode),
             convs: [conv(0, RESOLUTION, 1), conv(1, n20, 1), conv(2, n10, 1), conv(3, n5, 0), conv(4, n10, 0), {
                 conv(5, n20, LAST.padding)
             }],
@@ -93,7 +93,8 @@ impl DenseNetwork {
         let x = conv(4, &self.doublings[0].double(LAYERS[3].channels_out, &x));
         let mut x = conv(5, &self.doublings[1].double(LAYERS[4].channels_out, &x));
         hold_border(&mut x, LAST, LAYERS[HEADS].channels_in);
-        let planes: Vec<Vec<f32>> = (0..LAST.n).into_par_iter().map(|plane| self.heads_of_plane(&x, plane)).collect();
+        let planes: Vec<Vec<f32>> =
+            (0..LAST_SIDE).into_par_iter().map(|plane| self.heads_of_plane(&x, plane)).collect();
         assembled(&planes)
     }
 
@@ -101,10 +102,10 @@ impl DenseNetwork {
     fn heads_of_plane(&self, inputs: &[f32], plane: usize) -> Vec<f32> {
         let (channels, taps) = (LAYERS[HEADS].channels_in, &self.head_taps[..]);
         let run = KERNEL * channels;
-        let inputs = &inputs[plane * LAST.whole().pow(2) * channels..];
-        let mut outputs = vec![0.0; LAST.n.pow(2) * COLUMNS];
+        let inputs = &inputs[plane * LAST.whole()[1].pow(2) * channels..];
+        let mut outputs = vec![0.0; LAST_SIDE.pow(2) * COLUMNS];
         for Group { classes: [y, z], rows, places } in &self.groups {
-            let weights = self.heads.weights([FoldedHeads::class(plane, LAST.n), *y, *z]);
+            let weights = self.heads.weights([FoldedHeads::class(plane, LAST_SIDE), *y, *z]);
             let (start, outputs) = (self.heads.bias(), &mut outputs[..]);
             tile::run(Forward { inputs, rows, taps, run, weights, start, relu: false, places, outputs });
         }
@@ -114,8 +115,8 @@ impl DenseNetwork {
 
 /// Writes the outermost values of a cube to the first positions outside, where linear upsampling repeats the last
 /// position. Then only cells at the faces, with some fine neighbours outside the volume, differ from inner ones.
-fn hold_border(cube: &mut [f32], side: Side, channels: usize) {
-    let (whole, [low, high]) = (side.whole(), [side.padding, side.padding + side.n - 1]);
+fn hold_border(cube: &mut [f32], side: Extent, channels: usize) {
+    let (whole, [low, high]) = (side.whole()[0], [side.padding, side.padding + side.n[0] - 1]);
     for axis in 0..3 {
         let step = whole.pow(2 - axis) * channels; // from one position of the axis to the next
         for outer in cube.chunks_exact_mut(step * whole) {
@@ -127,14 +128,14 @@ fn hold_border(cube: &mut [f32], side: Side, channels: usize) {
 
 /// The cells of a plane by the classes of their y and z.
 fn groups() -> Vec<Group> {
-    let (n, channels) = (LAST.n, LAYERS[HEADS].channels_in);
+    let (n, channels) = (LAST_SIDE, LAYERS[HEADS].channels_in);
     let ranges: [Range<usize>; 3] = [0..1, 1..n - 1, n - 1..n];
     let pairs = ranges.iter().flat_map(|ys| ranges.iter().map(move |zs| (ys, zs)));
     let group = |(ys, zs): (&Range<usize>, &Range<usize>)| {
         let cells: Vec<(usize, usize)> = ys.clone().flat_map(|y| zs.clone().map(move |z| (y, z))).collect();
         Group {
             classes: [FoldedHeads::class(ys.start, n), FoldedHeads::class(zs.start, n)],
-            rows: cells.iter().map(|(y, z)| (y * LAST.whole() + z) * channels).collect(),
+            rows: cells.iter().map(|(y, z)| (y * LAST.whole()[2] + z) * channels).collect(),
             places: cells.iter().map(|(y, z)| (y * n + z) * COLUMNS).collect(),
         }
     };
@@ -151,7 +152,7 @@ fn assembled(planes: &[Vec<f32>]) -> DenseGrids {
     };
     for (x, plane) in planes.iter().enumerate() {
         for (cell, columns) in plane.chunks_exact(COLUMNS).enumerate() {
-            let (y, z) = (cell / LAST.n, cell % LAST.n);
+            let (y, z) = (cell / LAST_SIDE, cell % LAST_SIDE);
             for (phase, columns) in (0..PHASES).zip(columns.as_chunks::<HEAD_COLUMNS>().0) {
                 let [x, y, z] = [2 * x + (phase >> 2), 2 * y + (phase >> 1 & 1), 2 * z + (phase & 1)];
                 let voxel = (x * RESOLUTION + y) * RESOLUTION + z;

@@ -3,10 +3,11 @@
 
 use schema::{Purpose, Stream};
 
-/// A 3-D convolution with a cubic kernel, padded by half the kernel with zeros.
+/// A 3-D convolution with a cubic kernel, padded by half the kernel with zeros. With a kernel of 1 it is also a product
+/// with a matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LayerShape {
-    /// Path of the module in VGN's PyTorch class; `.weight` and `.bias` follow.
+    /// Path of the module in PyTorch (that of the paper's network in VGN's class); `.weight` and `.bias` follow.
     pub name: &'static str,
     /// Channels in.
     pub channels_in: usize,
@@ -18,7 +19,7 @@ pub struct LayerShape {
     pub stride: usize,
 }
 
-const fn layer(
+pub(crate) const fn layer(
     name: &'static str,
     channels_in: usize,
     channels_out: usize,
@@ -80,12 +81,19 @@ pub struct ParameterSlot {
     pub len: usize,
 }
 
-/// Every parameter with its position in the flat vector: for each layer its weight, then its bias.
+/// Every parameter of the paper's network with its position in the flat vector: for each layer its weight, then its
+/// bias.
 #[must_use]
 pub fn parameter_slots() -> Vec<ParameterSlot> {
+    slots_of(&LAYERS)
+}
+
+/// Every parameter of some layers with its position in the flat vector: for each layer its weight, then its bias.
+#[must_use]
+pub fn slots_of(layers: &[LayerShape]) -> Vec<ParameterSlot> {
     let mut start = 0;
-    let mut slots = Vec::with_capacity(2 * LAYERS.len());
-    for layer in LAYERS {
+    let mut slots = Vec::with_capacity(2 * layers.len());
+    for layer in layers {
         for (part, shape) in [("weight", layer.weight_shape().to_vec()), ("bias", vec![layer.channels_out])] {
             let len = shape.iter().product();
             slots.push(ParameterSlot { name: format!("{}.{part}", layer.name), shape, start, len });
@@ -96,10 +104,13 @@ pub fn parameter_slots() -> Vec<ParameterSlot> {
 }
 
 /// The flat vector of the values that a file has for each parameter, or everything that is wrong with them.
-pub(crate) fn vector_of(values: impl Fn(&ParameterSlot) -> Result<Vec<f32>, String>) -> Result<Vec<f32>, Vec<String>> {
-    let (mut vector, mut problems) = (Vec::with_capacity(parameter_count()), Vec::new());
-    for slot in parameter_slots() {
-        match values(&slot) {
+pub(crate) fn vector_of(
+    slots: &[ParameterSlot],
+    values: impl Fn(&ParameterSlot) -> Result<Vec<f32>, String>,
+) -> Result<Vec<f32>, Vec<String>> {
+    let (mut vector, mut problems) = (Vec::new(), Vec::new());
+    for slot in slots {
+        match values(slot) {
             Ok(values) => vector.extend(values),
             Err(problem) => problems.push(problem),
         }
@@ -110,7 +121,12 @@ pub(crate) fn vector_of(values: impl Fn(&ParameterSlot) -> Result<Vec<f32>, Stri
 /// Number of trainable parameters: 313,238 for the paper's network.
 #[must_use]
 pub fn parameter_count() -> usize {
-    LAYERS.iter().map(|layer| layer.weight_count() + layer.channels_out).sum()
+    count_of(&LAYERS)
+}
+
+/// Number of parameters of some layers.
+pub(crate) fn count_of(layers: &[LayerShape]) -> usize {
+    layers.iter().map(|layer| layer.weight_count() + layer.channels_out).sum()
 }
 
 /// Initial parameters as in PyTorch: U(−1/√fan_in, 1/√fan_in) for weights and biases, each layer from its own

@@ -1,10 +1,8 @@
 //! The network at one voxel per sample, forward and backward, for training.
 
-use rayon::prelude::*;
-
-use crate::kernels::conv::{Conv, Side, padded_grids};
+use crate::kernels::conv::{Conv, Extent, padded_grids};
 use crate::kernels::doubling::Doubling;
-use crate::kernels::parameters::{HEAD_COLUMNS, HEADS, Parameters, STAGES};
+use crate::kernels::parameters::{HEAD_COLUMNS, HEADS, Parameters, STAGES, VOXEL};
 use crate::kernels::tile::LANES;
 use crate::layers::LAYERS;
 use crate::receptive_field::{COARSEST, PatchSizes, RESOLUTION};
@@ -56,7 +54,7 @@ impl Activations {
 
 /// The weights in the order of the backward pass.
 #[derive(Debug)]
-pub struct TransposedWeights(Vec<Vec<f32>>);
+pub struct TransposedWeights(pub(crate) Vec<Vec<f32>>);
 
 impl VoxelNetwork {
     /// `vector` as [`crate::layers::parameter_slots`] lays it out.
@@ -65,10 +63,9 @@ impl VoxelNetwork {
     /// If it has another length.
     #[must_use]
     pub fn new(vector: &[f32], mode: Upsampling) -> Self {
-        assert_eq!(vector.len(), crate::layers::parameter_count(), "one value a parameter");
         let sizes = PatchSizes::new(mode);
         let conv = |number: usize, n: usize, padding: usize, output_padding: usize| {
-            Conv::new(LAYERS[number], Side { n, padding }, output_padding)
+            Conv::new(LAYERS[number], Extent::cube(n, padding), output_padding)
         };
         let convs = [
             conv(0, RESOLUTION, 2, 1),
@@ -78,15 +75,13 @@ impl VoxelNetwork {
             conv(4, sizes.conv2_in, 0, 0),
             conv(5, sizes.conv3_in, 0, 0),
         ];
-        Self { mode, sizes, parameters: Parameters::from_vector(vector), convs }
+        Self { mode, sizes, parameters: Parameters::from_vector(&VOXEL, vector), convs }
     }
 
     /// The weights for [`Self::gradient`].
     #[must_use]
     pub fn transposed(&self) -> TransposedWeights {
-        let stages = (0..STAGES).into_par_iter();
-        let transposed = stages.map(|stage| if stage == 0 { Vec::new() } else { self.parameters.transposed(stage) });
-        TransposedWeights(transposed.collect())
+        TransposedWeights(self.parameters.all_transposed())
     }
 
     /// The network at every sample's voxel.
@@ -133,7 +128,7 @@ impl VoxelNetwork {
         seen: &Activations,
         d_heads: &[[f32; HEAD_OUTPUTS]],
     ) -> Vec<f32> {
-        let mut sum = Parameters::zeros();
+        let mut sum = Parameters::zeros(&VOXEL);
         let mut through = |number: usize, conv: &Conv, gradients: &[f32]| {
             let (d_weights, d_bias) = sum.stage_mut(number);
             conv.add_parameters(&seen.inputs[number], gradients, d_weights, d_bias);

@@ -92,12 +92,13 @@ pub(super) struct Parameters {
 /// [`Problem::Architecture`] lists missing and surplus tensors and wrong shapes.
 pub(super) fn parameters(tensors: &BTreeMap<String, StoredTensor<'_>>) -> Result<Parameters, Problem> {
     let prefix = prefix(tensors);
-    let values = vector_of(|slot| {
+    let slots = parameter_slots();
+    let values = vector_of(&slots, |slot| {
         let tensor = tensors.get(&format!("{prefix}{}", slot.name));
         slot_values(slot, tensor.ok_or_else(|| format!("{} is missing", slot.name))?)
     });
     let (values, mut problems) = values.map_or_else(|problems| (Vec::new(), problems), |values| (values, Vec::new()));
-    let names: BTreeSet<String> = parameter_slots().into_iter().map(|slot| slot.name).collect();
+    let names: BTreeSet<String> = slots.into_iter().map(|slot| slot.name).collect();
     let extra = tensors.keys().filter_map(|name| name.strip_prefix(&prefix)).filter(|name| !names.contains(*name));
     problems.extend(extra.map(|name| format!("{} is not in the network", shown(name))));
     if problems.is_empty() {

@@ -1,41 +1,59 @@
-//! A convolution over cubes of positions, as the places in memory that its three products need.
+//! A convolution over boxes of positions, as the places in memory that its three products need.
 //!
-//! A cube of side `n` holds the channels of each position, x slowest, channels fastest, in `n + 2 · padding` positions
-//! a side of which the outer ones are zero. Those zeros are the convolution's padding; gradients that come to lie there
-//! are never looked at.
+//! A box of `n` positions along an axis holds the channels of each position, x slowest, channels fastest, in
+//! `n + 2 · padding` positions of which the outer ones are zero. Those zeros are the convolution's padding; gradients
+//! that come to lie there are never looked at.
 
 use rayon::prelude::*;
 
 use super::tile::{self, Backward, Forward, LANES, Weights};
-use crate::layers::{LAYERS, LayerShape, positions};
+use crate::layers::{LAYERS, LayerShape};
 use crate::receptive_field::RESOLUTION;
 
-/// Side and padding of a cube in memory.
+/// Sides and padding of a box in memory.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Side {
-    /// Positions along a side that hold values.
-    pub n: usize,
+pub(crate) struct Extent {
+    /// Positions along x, y and z that hold values.
+    pub n: [usize; 3],
     /// Zeros before and after them.
     pub padding: usize,
 }
 
-impl Side {
-    /// Positions along a side in memory.
-    pub(crate) const fn whole(self) -> usize {
-        self.n + 2 * self.padding
+impl Extent {
+    /// A cube of side `n`.
+    pub(crate) const fn cube(n: usize, padding: usize) -> Self {
+        Self { n: [n; 3], padding }
+    }
+
+    /// Positions along each side in memory.
+    pub(crate) const fn whole(self) -> [usize; 3] {
+        let ([x, y, z], padding) = (self.n, 2 * self.padding);
+        [x + padding, y + padding, z + padding]
+    }
+
+    /// Positions in memory.
+    pub(crate) const fn len(self) -> usize {
+        let [x, y, z] = self.whole();
+        x * y * z
     }
 
     /// Where position (x, y, z) of the values lies, in positions.
     pub(crate) const fn place(self, [x, y, z]: [usize; 3]) -> usize {
-        let (whole, padding) = (self.whole(), self.padding);
-        ((x + padding) * whole + y + padding) * whole + z + padding
+        let ([_, whole_y, whole_z], padding) = (self.whole(), self.padding);
+        ((x + padding) * whole_y + y + padding) * whole_z + z + padding
+    }
+
+    /// The positions that hold values, x slowest.
+    pub(crate) fn positions(self) -> impl Iterator<Item = [usize; 3]> {
+        let [x, y, z] = self.n;
+        (0..x * y * z).map(move |at| [at / (y * z), at / z % y, at % z])
     }
 }
 
-/// One layer's convolution, from a cube to a cube.
+/// One layer's convolution, from a box to a box.
 #[derive(Debug, Clone)]
 pub(crate) struct Conv {
-    /// Values of an input cube, and of an output cube.
+    /// Values of an input box, and of an output box.
     inputs_len: usize,
     outputs_len: usize,
     /// Columns of the products: channels out, padded to a multiple of [`LANES`].
@@ -60,24 +78,24 @@ struct Plane {
 impl Conv {
     /// The convolution of a layer whose input, padding and all, is `input`. It has an output wherever the kernel fits;
     /// `output_padding` zeros are left around them.
-    pub(crate) fn new(layer: LayerShape, input: Side, output_padding: usize) -> Self {
-        let (channels, side) = (layer.channels_in, input.whole());
-        let output = Side { n: (side - layer.kernel) / layer.stride + 1, padding: output_padding };
+    pub(crate) fn new(layer: LayerShape, input: Extent, output_padding: usize) -> Self {
+        let (channels, [_, side_y, side_z]) = (layer.channels_in, input.whole());
+        let output = output_of(layer, input, output_padding);
         let columns = layer.channels_out.next_multiple_of(LANES);
-        let positions: Vec<[usize; 3]> = positions(output.n).collect();
-        let row = |[x, y, z]: &[usize; 3]| ((x * side + y) * side + z) * layer.stride * channels;
+        let positions: Vec<[usize; 3]> = output.positions().collect();
+        let row = |[x, y, z]: &[usize; 3]| ((x * side_y + y) * side_z + z) * layer.stride * channels;
         Self {
-            inputs_len: side.pow(3) * channels,
-            outputs_len: output.whole().pow(3) * columns,
+            inputs_len: input.len() * channels,
+            outputs_len: output.len() * columns,
             columns,
             rows: positions.iter().map(row).collect(),
             places: positions.iter().map(|position| output.place(*position) * columns).collect(),
             taps: taps(layer.kernel, input, channels),
             run: layer.kernel * channels,
             plane: Plane {
-                rows: output.n.pow(2),
-                row_step: side * side * layer.stride * channels,
-                place_step: output.whole().pow(2) * columns,
+                rows: output.n[1] * output.n[2],
+                row_step: side_y * side_z * layer.stride * channels,
+                place_step: output.whole()[1] * output.whole()[2] * columns,
             },
         }
     }
@@ -96,7 +114,7 @@ impl Conv {
         }
     }
 
-    /// Output cubes, one for each input cube. `weights` are `[taps, run, columns]`, `bias` is `[columns]`.
+    /// Output boxes, one for each input box. `weights` are `[taps, run, columns]`, `bias` is `[columns]`.
     pub(crate) fn forward(&self, weights: &[f32], bias: &[f32], relu: bool, inputs: &[f32]) -> Vec<f32> {
         let mut outputs = vec![0.0; inputs.len() / self.inputs_len * self.outputs_len];
         for (inputs, outputs) in inputs.chunks_exact(self.inputs_len).zip(outputs.chunks_exact_mut(self.outputs_len)) {
@@ -106,7 +124,7 @@ impl Conv {
         outputs
     }
 
-    /// As [`Self::forward`] with ReLU, for one cube and on all threads: each does whole planes of outputs.
+    /// As [`Self::forward`] with ReLU, for one box and on all threads: each does whole planes of outputs.
     pub(crate) fn forward_by_planes(&self, weights: &[f32], bias: &[f32], input: &[f32]) -> Vec<f32> {
         let mut output = vec![0.0; self.outputs_len];
         let Plane { rows, row_step, place_step } = self.plane;
@@ -122,7 +140,7 @@ impl Conv {
         output
     }
 
-    /// From gradients as output cubes hold them to `[rows, columns]`; 0 where ReLU cut the output off.
+    /// From gradients as output boxes hold them to `[rows, columns]`; 0 where ReLU cut the output off.
     pub(crate) fn through_relu(&self, outputs: &[f32], d_outputs: &[f32]) -> Vec<f32> {
         let mut gradients = Vec::with_capacity(outputs.len() / self.outputs_len * self.rows.len() * self.columns);
         for (outputs, d_outputs) in outputs.chunks_exact(self.outputs_len).zip(d_outputs.chunks_exact(self.outputs_len))
@@ -135,28 +153,28 @@ impl Conv {
         gradients
     }
 
-    /// Adds the gradients of weights, `[taps, run, columns]`, and bias; `gradients` are `[cubes · rows, columns]`.
+    /// Adds the gradients of weights, `[taps, run, columns]`, and bias; `gradients` are `[boxes · rows, columns]`.
     pub(crate) fn add_parameters(&self, inputs: &[f32], gradients: &[f32], d_weights: &mut [f32], d_bias: &mut [f32]) {
         for row in gradients.chunks_exact(self.columns) {
             for (sum, gradient) in d_bias.iter_mut().zip(row) {
                 *sum += gradient;
             }
         }
-        let of_cubes = gradients.chunks_exact(self.rows.len() * self.columns);
-        for (inputs, gradients) in inputs.chunks_exact(self.inputs_len).zip(of_cubes) {
+        let of_boxes = gradients.chunks_exact(self.rows.len() * self.columns);
+        for (inputs, gradients) in inputs.chunks_exact(self.inputs_len).zip(of_boxes) {
             let (rows, taps, run) = (&self.rows, &self.taps, self.run);
             tile::run(Weights { inputs, rows, taps, run, gradients, d_weights });
         }
     }
 
-    /// The gradient of the input cubes; `weights` are `[taps, columns, run]`. A run must fill whole vectors, which
+    /// The gradient of the input boxes; `weights` are `[taps, columns, run]`. A run must fill whole vectors, which
     /// those of the first layer, whose inputs' gradient nobody wants, do not.
     pub(crate) fn d_inputs(&self, weights: &[f32], gradients: &[f32]) -> Vec<f32> {
         debug_assert!(self.run.is_multiple_of(LANES), "a run of {}", self.run);
-        let cubes = gradients.len() / (self.rows.len() * self.columns);
-        let mut d_inputs = vec![0.0; cubes * self.inputs_len];
-        let of_cubes = gradients.chunks_exact(self.rows.len() * self.columns);
-        for (d_inputs, gradients) in d_inputs.chunks_exact_mut(self.inputs_len).zip(of_cubes) {
+        let boxes = gradients.len() / (self.rows.len() * self.columns);
+        let mut d_inputs = vec![0.0; boxes * self.inputs_len];
+        let of_boxes = gradients.chunks_exact(self.rows.len() * self.columns);
+        for (d_inputs, gradients) in d_inputs.chunks_exact_mut(self.inputs_len).zip(of_boxes) {
             let (rows, taps, run) = (&self.rows, &self.taps, self.run);
             tile::run(Backward { gradients, rows, taps, run, weights, d_inputs });
         }
@@ -164,16 +182,21 @@ impl Conv {
     }
 }
 
+/// The box of a layer's outputs: there is one wherever the kernel fits.
+pub(crate) fn output_of(layer: LayerShape, input: Extent, padding: usize) -> Extent {
+    Extent { n: input.whole().map(|whole| (whole - layer.kernel) / layer.stride + 1), padding }
+}
+
 /// How far the run of each tap (kernel x, y) lies from the first one's, in values.
-pub(crate) fn taps(kernel: usize, input: Side, channels: usize) -> Vec<usize> {
-    let side = input.whole();
-    (0..kernel.pow(2)).map(|tap| (tap / kernel * side + tap % kernel) * side * channels).collect()
+pub(crate) fn taps(kernel: usize, input: Extent, channels: usize) -> Vec<usize> {
+    let [_, side_y, side_z] = input.whole();
+    (0..kernel.pow(2)).map(|tap| (tap / kernel * side_y + tap % kernel) * side_z * channels).collect()
 }
 
 /// Grids with the zeros that the first convolution pads with.
 pub(crate) fn padded_grids(grids: &[&[f32]]) -> Vec<f32> {
-    let side = Side { n: RESOLUTION, padding: LAYERS[0].padding() };
-    let len = side.whole().pow(3);
+    let side = Extent::cube(RESOLUTION, LAYERS[0].padding());
+    let len = side.len();
     let mut padded = vec![0.0; grids.len() * len];
     for (grid, padded) in grids.iter().zip(padded.chunks_exact_mut(len)) {
         for (line, values) in grid.chunks_exact(RESOLUTION).enumerate() {
@@ -192,23 +215,27 @@ mod tests {
 
     struct Case {
         layer: LayerShape,
-        input: Side,
+        input: Extent,
         output_padding: usize,
     }
 
     fn cases() -> impl Iterator<Item = Case> {
         let case = |[channels_in, channels_out, kernel, stride]: [usize; 4],
-                    [n, padding, output_padding]: [usize; 3]| {
+                    n: [usize; 3],
+                    [padding, output_padding]: [usize; 2]| {
             let layer = LayerShape { name: "", channels_in, channels_out, kernel, stride };
-            Case { layer, input: Side { n, padding }, output_padding }
+            Case { layer, input: Extent { n, padding }, output_padding }
         };
         [
-            case([1, 16, 5, 2], [8, 2, 1]),
-            case([16, 32, 3, 2], [6, 1, 0]),
-            case([32, 64, 3, 1], [4, 1, 2]),
-            case([16, 48, 3, 1], [5, 0, 0]),
-            case([32, 16, 5, 1], [7, 0, 0]),
-            case([64, 80, 3, 1], [3, 0, 1]),
+            case([1, 16, 5, 2], [8; 3], [2, 1]),
+            case([16, 32, 3, 2], [6; 3], [1, 0]),
+            case([32, 64, 3, 1], [4; 3], [1, 2]),
+            case([16, 48, 3, 1], [5; 3], [0, 0]),
+            case([32, 16, 5, 1], [7; 3], [0, 0]),
+            case([64, 80, 3, 1], [3; 3], [0, 1]),
+            case([4, 16, 3, 2], [4, 6, 8], [1, 1]),
+            case([16, 32, 3, 1], [2, 5, 3], [1, 0]),
+            case([32, 16, 1, 1], [2, 3, 5], [0, 0]),
         ]
         .into_iter()
     }
@@ -217,13 +244,13 @@ mod tests {
     /// `visit` with the three places.
     fn for_products(case: &Case, mut visit: impl FnMut(usize, usize, usize)) {
         let Case { layer, input, output_padding } = case;
-        let (side, channels) = (input.whole(), layer.channels_in);
-        let output = Side { n: (side - layer.kernel) / layer.stride + 1, padding: *output_padding };
-        for at in positions(output.n) {
-            for (tap, place) in positions(layer.kernel).enumerate() {
+        let ([_, side_y, side_z], channels) = (input.whole(), layer.channels_in);
+        let output = output_of(*layer, *input, *output_padding);
+        for at in output.positions() {
+            for (tap, place) in crate::layers::positions(layer.kernel).enumerate() {
                 let [x, y, z] = [0, 1, 2].map(|axis| at[axis] * layer.stride + place[axis]);
                 for channel in 0..channels {
-                    let from = ((x * side + y) * side + z) * channels + channel;
+                    let from = ((x * side_y + y) * side_z + z) * channels + channel;
                     for column in 0..layer.channels_out {
                         let weight = (tap * channels + channel) * layer.channels_out + column;
                         visit(from, weight, output.place(at) * layer.channels_out + column);
@@ -266,14 +293,14 @@ mod tests {
             conv.add_parameters(&inputs, &gradients, &mut d_weights, &mut d_bias);
 
             let mut slow_outputs = vec![0.0; outputs.len()];
-            for cube in 0..2 {
+            for number in 0..2 {
                 for place in &conv.places {
-                    let sums = &mut slow_outputs[cube * conv.outputs_len + place..][..conv.columns];
+                    let sums = &mut slow_outputs[number * conv.outputs_len + place..][..conv.columns];
                     sums.iter_mut().zip(&bias).for_each(|(sum, bias)| *sum = f64::from(*bias));
                 }
                 for_products(&case, |from, weight, to| {
-                    let input = inputs[cube * conv.inputs_len + from];
-                    slow_outputs[cube * conv.outputs_len + to] += f64::from(input) * f64::from(weights[weight]);
+                    let input = inputs[number * conv.inputs_len + from];
+                    slow_outputs[number * conv.outputs_len + to] += f64::from(input) * f64::from(weights[weight]);
                 });
             }
             let masked: Vec<f64> =
@@ -281,11 +308,11 @@ mod tests {
             slow_outputs.iter_mut().for_each(|output| *output = output.max(0.0));
             assert_close(&outputs, &slow_outputs, "output");
             let (mut slow_weights, mut slow_inputs) = (vec![0.0; weights.len()], vec![0.0; inputs.len()]);
-            for cube in 0..2 {
+            for number in 0..2 {
                 for_products(&case, |from, weight, to| {
-                    let gradient = masked[cube * conv.outputs_len + to];
-                    slow_weights[weight] += gradient * f64::from(inputs[cube * conv.inputs_len + from]);
-                    slow_inputs[cube * conv.inputs_len + from] += gradient * f64::from(weights[weight]);
+                    let gradient = masked[number * conv.outputs_len + to];
+                    slow_weights[weight] += gradient * f64::from(inputs[number * conv.inputs_len + from]);
+                    slow_inputs[number * conv.inputs_len + from] += gradient * f64::from(weights[weight]);
                 });
             }
             let slow_bias: Vec<f64> =

@@ -271,6 +271,8 @@ impl WithSimd for Weights<'_> {
                 (LANES, 1) if self.run == 5 && self.taps.len().is_multiple_of(5) => {
                     self.blocks::<S, 5, 5, 1>(simd, first)
                 }
+                // The judge's first layer: runs of twelve values.
+                (LANES, 1) if self.run == 12 => self.blocks::<S, 1, 12, 1>(simd, first),
                 (LANES, 1) => self.blocks::<S, 1, 20, 1>(simd, first),
                 (LANES, 4) => self.blocks::<S, 1, 6, 4>(simd, first),
                 (LANES, _) if vectors - first >= 2 => self.blocks::<S, 1, 12, 2>(simd, first),
