@@ -15,20 +15,19 @@ use program::{Exit as _, ExitCode, Failure, publish};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensorError, SafeTensors};
 
-use crate::DenseNetwork;
 use crate::layers::{ParameterSlot, parameter_slots, vector_of};
-use crate::upsampling::Upsampling;
+use crate::{Architecture, DenseNetwork};
 
-pub(crate) use header::ARCHITECTURE;
+pub(crate) use header::VOXEL;
 pub use progress::{Confusion, Progress};
 
 /// A network's parameters and their origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
-    /// All parameters ([`crate::layers::parameter_slots`]).
+    /// All parameters ([`Architecture::slots`]).
     pub vector: Vec<f32>,
-    /// The decoder's upsampling mode.
-    pub upsampling: Upsampling,
+    /// Which network they are of.
+    pub architecture: Architecture,
     /// The recipe, as TOML.
     pub config: String,
     /// Id of the dataset it was trained on: SHA-256 of its `meta/info.json`.
@@ -51,10 +50,12 @@ pub struct Moments {
 }
 
 impl Checkpoint {
-    /// The network, prepared for inference.
-    #[must_use]
-    pub fn dense(&self) -> DenseNetwork {
-        DenseNetwork::new(&self.vector, self.upsampling)
+    /// The paper's network, prepared for inference.
+    ///
+    /// # Errors
+    /// If these are another network's parameters.
+    pub fn dense(&self) -> Result<DenseNetwork, Failure> {
+        Ok(DenseNetwork::new(&self.vector, self.architecture.upsampling("detection")?))
     }
 }
 
@@ -80,7 +81,7 @@ fn encode(checkpoint: &Checkpoint) -> Result<Vec<u8>, SafeTensorError> {
         vectors.extend([(MOMENTS[0], &moments.first), (MOMENTS[1], &moments.second)]);
     }
     let vectors: Vec<(&str, Vec<u8>)> = vectors.into_iter().map(|(prefix, vector)| (prefix, bytes(vector))).collect();
-    let slots = parameter_slots();
+    let slots = checkpoint.architecture.slots();
     let named = vectors.iter().flat_map(|(prefix, bytes)| {
         slots.iter().map(move |slot| (format!("{prefix}{}", slot.name), slot, &bytes[4 * slot.start..][..4 * slot.len]))
     });
@@ -132,23 +133,29 @@ pub fn read(path: &Path) -> Result<Checkpoint, Failure> {
 pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, Failure> {
     let (_, metadata) = SafeTensors::read_metadata(file).map_err(|source| broken(source, path))?;
     let tensors = SafeTensors::deserialize(file).map_err(|source| broken(source, path))?;
+    let header = header::read(metadata.metadata().as_ref(), path);
+    if header.is_err() {
+        // Weights of another program: what is wrong with them says more than what they lack.
+        vector(&tensors, &parameter_slots(), "", path)?;
+    }
+    let header = header?;
+    let slots = header.architecture.slots();
     let vector = |prefix: &str| {
-        let vector = vector(&tensors, prefix, path)?;
-        let diverged = parameter_slots().into_iter().find_map(|slot| {
+        let vector = vector(&tensors, &slots, prefix, path)?;
+        let diverged = slots.iter().find_map(|slot| {
             let value = vector[slot.start..][..slot.len].iter().find(|value| !value.is_finite())?;
             Some(format!("{prefix}{} must be finite, got {value}: the training that wrote it diverged", slot.name))
         });
         diverged.map_or(Ok(vector), |problem| Err(damaged(problem, path)))
     };
     let parameters = vector("")?;
-    let header = header::read(metadata.metadata().as_ref(), path)?;
     let moments = match header.adam_steps {
         0 => None,
         steps => Some(Moments { steps, first: vector(MOMENTS[0])?, second: vector(MOMENTS[1])? }),
     };
     Ok(Checkpoint {
         vector: parameters,
-        upsampling: header.upsampling,
+        architecture: header.architecture,
         config: header.config,
         dataset_id: header.dataset_id,
         progress: header.progress,
@@ -157,7 +164,7 @@ pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, Failure> {
 }
 
 /// The flat vector of the tensors whose names begin with `prefix`.
-fn vector(tensors: &SafeTensors<'_>, prefix: &str, path: &Path) -> Result<Vec<f32>, Failure> {
+fn vector(tensors: &SafeTensors<'_>, slots: &[ParameterSlot], prefix: &str, path: &Path) -> Result<Vec<f32>, Failure> {
     let values = |slot: &ParameterSlot| {
         let name = format!("{prefix}{}", slot.name);
         let view = tensors.tensor(&name).map_err(|_| format!("{name} is missing"))?;
@@ -167,7 +174,7 @@ fn vector(tensors: &SafeTensors<'_>, prefix: &str, path: &Path) -> Result<Vec<f3
         }
         Ok(view.data().as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect())
     };
-    vector_of(values).map_err(|mut problems| {
+    vector_of(slots, values).map_err(|mut problems| {
         problems.truncate(PROBLEMS_MAX);
         of_another_network(&problems, path)
     })
@@ -179,15 +186,19 @@ fn bytes(vector: &[f32]) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    use schema::{Grid, Gripper};
+
     use super::*;
+    use crate::judge::Scope;
     use crate::layers::initial_vector;
+    use crate::upsampling::Upsampling;
 
     #[test]
     fn a_checkpoint_comes_back_and_equal_ones_make_equal_files() {
         let folder = tempfile::tempdir().unwrap();
         let checkpoint = Checkpoint {
             vector: initial_vector(1),
-            upsampling: Upsampling::Nearest,
+            architecture: Architecture::Voxel(Upsampling::Nearest),
             config: "seed = 1".to_owned(),
             dataset_id: "abc".to_owned(),
             progress: Progress {
@@ -213,7 +224,7 @@ mod tests {
         let path = folder.path().join("diverged");
         let header = Checkpoint {
             vector: initial_vector(1),
-            upsampling: Upsampling::Linear,
+            architecture: Architecture::Voxel(Upsampling::Linear),
             config: String::new(),
             dataset_id: String::new(),
             progress: Progress::default(),
@@ -228,5 +239,27 @@ mod tests {
             assert_eq!(error.exit_code(), ExitCode::Data);
             assert!(error.to_string().starts_with(&format!("{} must be finite, got {value}", slot.name)), "{error}");
         }
+    }
+
+    #[test]
+    fn a_judge_comes_back_with_what_it_was_trained_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("judge");
+        let gripper = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
+        let scope = Scope { gripper, pregrasp_distance_m: 0.07, grid: Grid::PAPER };
+        let architecture = Architecture::Judge(Box::new(scope));
+        let judge = Checkpoint {
+            vector: architecture.initial_vector(1),
+            architecture,
+            config: String::new(),
+            dataset_id: "abc".to_owned(),
+            progress: Progress::default(),
+            moments: None,
+        };
+        save(&judge, &path).unwrap();
+        let back = read(&path).unwrap();
+        assert_eq!(back, judge);
+        let message = back.dense().unwrap_err().to_string();
+        assert!(message.contains("the weights are those of a judge, which answers for hands"), "{message}");
     }
 }

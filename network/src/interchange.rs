@@ -30,6 +30,7 @@ use program::{Context as _, ExitCode, Failure};
 use safetensors::{Dtype, SafeTensors};
 use sha2::{Digest as _, Sha256};
 
+use crate::Architecture;
 use crate::checkpoint::{self, Checkpoint, Progress};
 use crate::upsampling::Upsampling;
 
@@ -101,7 +102,7 @@ pub fn import(file: &Path, out: &Path, upsampling: Upsampling, force: bool) -> R
     let Parameters { values, prefix, converted_from } = parameters;
     let checkpoint = Checkpoint {
         vector: values,
-        upsampling,
+        architecture: Architecture::Voxel(upsampling),
         config: provenance(file.file_name().unwrap_or_default(), source, &bytes),
         dataset_id: IMPORTED.to_owned(),
         progress: Progress::default(),
@@ -121,7 +122,10 @@ pub fn export(file: &Path, out: &Path, target: Target, force: bool) -> Result<Ch
     prepare(out, force)?;
     match target {
         Target::Safetensors => checkpoint::save(&checkpoint, out)?,
-        Target::Onnx => program::write(out, onnx::model(&checkpoint))?,
+        Target::Onnx => {
+            let upsampling = checkpoint.architecture.upsampling("the ONNX export")?;
+            program::write(out, onnx::model(&checkpoint, upsampling))?;
+        }
     }
     Ok(checkpoint)
 }

@@ -1,4 +1,5 @@
-//! The volumetric grasp network (paper Fig. 1; VGN, `networks.py`): its layers, its kernels on the host, its files.
+//! The networks: their layers, their kernels on the host, their files. One is the paper's volumetric grasp network
+//! (Fig. 1; VGN, `networks.py`), which answers for every voxel; the other is the judge, which answers for a hand.
 //!
 //! # Map
 //!
@@ -7,20 +8,24 @@
 //! - [`DenseNetwork`] evaluates the whole volume, for inference. [`VoxelNetwork`] evaluates one voxel per sample and
 //!   computes the gradient of every parameter, for training; [`receptive_field`] determines the part of the decoder
 //!   that a voxel needs.
+//! - [`judge`] is the judge: what it sees of a hand, its layers, its answers and their gradient.
 //! - [`checkpoint`] is the file format of a network and its training state; [`interchange`] reads and writes weights of
 //!   other programs.
 //!
 //! Parameters are a flat `[f32]` everywhere. The crate `trainer` has the same network in plain form with Burn. Its
 //! tests compare both implementations with each other and with PyTorch.
 
+mod architecture;
 pub mod checkpoint;
 mod dense;
 pub mod interchange;
+pub mod judge;
 mod kernels;
 pub mod layers;
 pub mod receptive_field;
 pub mod upsampling;
 mod voxel;
 
+pub use architecture::Architecture;
 pub use dense::{DenseGrids, DenseNetwork};
-pub use voxel::{Activations, HEAD_OUTPUTS, VoxelInputs, VoxelNetwork};
+pub use voxel::{Activations, HEAD_OUTPUTS, TransposedWeights, VoxelInputs, VoxelNetwork};

@@ -7,27 +7,44 @@ use program::Failure;
 use serde::{Deserialize, Serialize};
 
 use super::{Checkpoint, Progress, damaged, of_another_network};
+use crate::Architecture;
+use crate::judge::Scope;
 use crate::upsampling::Upsampling;
 
 /// Version of the checkpoint's layout.
 const FORMAT_VERSION: u32 = 1;
-/// The name of this crate's network in checkpoints.
-pub(crate) const ARCHITECTURE: &str = "vgn-conv-40";
+/// The names of the networks in checkpoints.
+pub(crate) const VOXEL: &str = "vgn-conv-40";
+const JUDGE: &str = "hand-judge-1";
 
 const KEY: &str = "graspmill";
 const MADE_BY: &str = concat!("graspmill trainer ", env!("CARGO_PKG_VERSION"));
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Header {
+struct Stored {
     format_version: u32,
     architecture: String,
-    pub(super) upsampling: Upsampling,
+    /// Of the paper's network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    upsampling: Option<Upsampling>,
+    /// Of a judge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    trained_for: Option<Box<Scope>>,
+    dataset_id: String,
+    config: String,
+    progress: Progress,
+    adam_steps: usize,
+    made_by: String,
+}
+
+/// What a header says, besides names and versions.
+pub(super) struct Header {
+    pub(super) architecture: Architecture,
     pub(super) dataset_id: String,
     pub(super) config: String,
     pub(super) progress: Progress,
     pub(super) adam_steps: usize,
-    made_by: String,
 }
 
 /// The keys that decide whether the rest can be understood.
@@ -41,10 +58,15 @@ struct Head {
 type Metadata = std::collections::HashMap<String, String>;
 
 pub(super) fn write(checkpoint: &Checkpoint) -> Metadata {
-    let header = Header {
+    let (architecture, upsampling, trained_for) = match &checkpoint.architecture {
+        Architecture::Voxel(upsampling) => (VOXEL, Some(*upsampling), None),
+        Architecture::Judge(scope) => (JUDGE, None, Some(scope.clone())),
+    };
+    let header = Stored {
         format_version: FORMAT_VERSION,
-        architecture: ARCHITECTURE.to_owned(),
-        upsampling: checkpoint.upsampling,
+        architecture: architecture.to_owned(),
+        upsampling,
+        trained_for,
         dataset_id: checkpoint.dataset_id.clone(),
         config: checkpoint.config.clone(),
         progress: checkpoint.progress,
@@ -69,12 +91,23 @@ pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<Header, F
     })?;
     let broken = |e: serde_json::Error| refused(format!("damaged {KEY:?} header: {e}"));
     let Head { format_version, architecture } = serde_json::from_str(text).map_err(broken)?;
-    if architecture != ARCHITECTURE {
-        let problem = format!("architecture must be {ARCHITECTURE:?}, got {architecture:?}");
+    if ![VOXEL, JUDGE].contains(&architecture.as_str()) {
+        let problem = format!("architecture must be {VOXEL:?} or {JUDGE:?}, got {architecture:?}");
         return Err(of_another_network(&[problem], path));
     }
     if format_version != FORMAT_VERSION {
         return Err(refused(format!("checkpoint format must be {FORMAT_VERSION}, got {format_version}")));
     }
-    serde_json::from_str(text).map_err(broken)
+    let stored: Stored = serde_json::from_str(text).map_err(broken)?;
+    let architecture = match (architecture.as_str(), stored.upsampling, stored.trained_for) {
+        (VOXEL, Some(upsampling), None) => Architecture::Voxel(upsampling),
+        (JUDGE, None, Some(scope)) => Architecture::Judge(scope),
+        _ => {
+            return Err(refused(format!(
+                "damaged {KEY:?} header: {architecture:?} has upsampling, a judge trained_for"
+            )));
+        }
+    };
+    let Stored { dataset_id, config, progress, adam_steps, .. } = stored;
+    Ok(Header { architecture, dataset_id, config, progress, adam_steps })
 }

@@ -4,7 +4,7 @@
 //! readable by any runtime for ONNX 1.8 (November 2020) or later.
 
 use super::protobuf::Message;
-use crate::checkpoint::{ARCHITECTURE, Checkpoint};
+use crate::checkpoint::{Checkpoint, VOXEL};
 use crate::layers::{LAYERS, LayerShape, NORM_SQUARED_MIN, parameter_slots};
 use crate::upsampling::Upsampling;
 
@@ -29,10 +29,10 @@ const DOC: &str = "Volumetric grasp network. In: tsdf [batch, 1, 40, 40, 40], tr
                    opening in voxels.";
 
 /// The ONNX file of a checkpoint's network.
-pub(super) fn model(checkpoint: &Checkpoint) -> Vec<u8> {
+pub(super) fn model(checkpoint: &Checkpoint, upsampling: Upsampling) -> Vec<u8> {
     let mut properties = [
-        ("architecture", ARCHITECTURE.to_owned()),
-        ("upsampling", checkpoint.upsampling.name().to_owned()),
+        ("architecture", VOXEL.to_owned()),
+        ("upsampling", upsampling.name().to_owned()),
         ("dataset_id", checkpoint.dataset_id.clone()),
         ("config", checkpoint.config.clone()),
         ("epoch", checkpoint.progress.epoch.to_string()),
@@ -47,18 +47,18 @@ pub(super) fn model(checkpoint: &Checkpoint) -> Vec<u8> {
         .text(2, "graspmill trainer")
         .text(3, env!("CARGO_PKG_VERSION"))
         .text(6, DOC)
-        .message(7, &graph(checkpoint))
+        .message(7, &graph(checkpoint, upsampling))
         .message(8, &Message::new().text(1, "").integer(2, OPSET)) // OperatorSetIdProto
         .messages(14, &properties) // StringStringEntryProto
         .into_bytes()
 }
 
 /// `GraphProto`.
-fn graph(checkpoint: &Checkpoint) -> Message {
+fn graph(checkpoint: &Checkpoint, upsampling: Upsampling) -> Message {
     let outputs = OUTPUTS.map(|(name, channels)| volume(name, channels));
     Message::new()
-        .messages(1, &nodes(checkpoint.upsampling))
-        .text(2, ARCHITECTURE)
+        .messages(1, &nodes(upsampling))
+        .text(2, VOXEL)
         .messages(5, &initializers(checkpoint))
         .message(11, &volume(INPUT, 1))
         .messages(12, &outputs)

@@ -1,0 +1,374 @@
+//! The judge: a network that is asked about one hand in a scene and answers how the attempt would end.
+//!
+//! One quality and one orientation a voxel cannot say that one hand holds and another at the same voxel does not. So
+//! the TSDF is resampled around the hand, in the hand's frame ([`Crop`]), and convolved there: what matters lies at the
+//! same place for every hand. What arithmetic knows for certain, that the hand would hit the table, is not asked.
+
+mod crop;
+
+use std::sync::LazyLock;
+
+use program::{ExitCode, Failure};
+use schema::{Grid, Gripper, Outcome, Purpose, Stream};
+use serde::{Deserialize, Serialize};
+
+use crate::kernels::conv::{Conv, Extent, output_of};
+use crate::kernels::parameters::{Layout, Parameters};
+use crate::kernels::tile::LANES;
+use crate::layers::{LayerShape, count_of, layer};
+use crate::voxel::TransposedWeights;
+
+pub use crop::{BOX, CHANNELS, Crop, FACTS, PaddedGrid};
+
+/// Number of outcomes, the network's outputs.
+pub const OUTCOMES: usize = Outcome::ALL.len();
+
+/// All layers, in the order of their parameters in the flat vector. From `head1` on, positions are one: its inputs are
+/// what `reduce` gives, x slowest and channels fastest, then the facts.
+pub const LAYERS: [LayerShape; 7] = [
+    layer("conv1", CHANNELS, 16, 3, 2),
+    layer("conv2", 16, 32, 3, 2),
+    layer("conv3", 32, 32, 3, 1),
+    layer("reduce", 32, REDUCED, 1, 1),
+    layer("head1", REDUCED * POSITIONS + FACTS, 128, 1, 1),
+    layer("head2", 128, 64, 1, 1),
+    layer("head3", 64, OUTCOMES, 1, 1),
+];
+
+/// Channels of a position before the head.
+const REDUCED: usize = 16;
+/// Positions before the head: 2 · 5 · 7.
+const POSITIONS: usize = 70;
+/// Number of layers before the head.
+const CONVS: usize = 4;
+
+static LAYOUT: LazyLock<Layout> = LazyLock::new(|| Layout::new(&LAYERS, LAYERS.len() - 1));
+
+/// What a judge was trained for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scope {
+    /// The hand.
+    pub gripper: Gripper,
+    /// How far behind the grasp, along its approach, the hand starts.
+    pub pregrasp_distance_m: f32,
+    /// The grid of the TSDF, and the table's height in it.
+    pub grid: Grid,
+}
+
+impl Scope {
+    /// Whether a judge of this scope may be asked about this hand in this grid.
+    ///
+    /// # Errors
+    /// If the hand or the grid is another one than it was trained with; names both.
+    pub fn must_match(&self, gripper: &Gripper, grid: &Grid) -> Result<(), Failure> {
+        let refused = |what: String| Err(Failure::new(ExitCode::Config, format!("the judge was trained {what}")));
+        if self.grid != *grid {
+            let shown = |grid: &Grid| {
+                format!("{}^3 voxels of {} m, table at {} m", grid.resolution, grid.size_m, grid.table_z_m)
+            };
+            return refused(format!("on grids of {}, not of {}", shown(&self.grid), shown(grid)));
+        }
+        if self.gripper != *gripper {
+            return refused(format!("for the hand {}, not for {} as it is given", self.gripper.name, gripper.name));
+        }
+        Ok(())
+    }
+}
+
+/// The judge, prepared for evaluation.
+#[derive(Debug, Clone)]
+pub struct JudgeNetwork {
+    parameters: Parameters,
+    convs: [Conv; CONVS],
+}
+
+/// Hands as the judge sees them, made by [`Crop::see`].
+#[derive(Debug, Clone, Default)]
+pub struct JudgeInputs {
+    /// `[hands, 10, 22, 30, CHANNELS]`: the crops with the zeros that the first convolution pads with.
+    pub crops: Vec<f32>,
+    /// What is known of each hand and its scene besides.
+    pub facts: Vec<[f32; FACTS]>,
+}
+
+/// The results of the forward pass that the backward pass needs.
+#[derive(Debug)]
+pub struct JudgeActivations {
+    /// Outputs of the first three convolutions, each with the next one's padding.
+    convs: [Vec<f32>; 3],
+    /// Inputs of the head, `[hands, 1136]`.
+    rows: Vec<f32>,
+    hidden: [Vec<f32>; 2],
+    /// `[hands, LANES]`.
+    logits: Vec<f32>,
+}
+
+impl JudgeActivations {
+    /// The logits of the outcomes, in the order of [`Outcome::ALL`], for each hand.
+    pub fn logits(&self) -> impl Iterator<Item = [f32; OUTCOMES]> {
+        self.logits.as_chunks::<LANES>().0.iter().map(|row| std::array::from_fn(|column| row[column]))
+    }
+}
+
+impl JudgeNetwork {
+    /// `vector` as [`crate::layers::slots_of`] lays out [`LAYERS`].
+    ///
+    /// # Panics
+    /// If it has another length.
+    #[must_use]
+    pub fn new(vector: &[f32]) -> Self {
+        let mut extent = Extent { n: BOX, padding: 1 };
+        let convs = [(0, 1), (1, 1), (2, 0), (3, 0)].map(|(number, output_padding)| {
+            let conv = Conv::new(LAYERS[number], extent, output_padding);
+            extent = output_of(LAYERS[number], extent, output_padding);
+            conv
+        });
+        Self { parameters: Parameters::from_vector(&LAYOUT, vector), convs }
+    }
+
+    /// The weights for [`Self::gradient`].
+    #[must_use]
+    pub fn transposed(&self) -> TransposedWeights {
+        TransposedWeights(self.parameters.all_transposed())
+    }
+
+    /// The network on some hands.
+    #[must_use]
+    pub fn forward(&self, inputs: &JudgeInputs) -> JudgeActivations {
+        let product = |number: usize, conv: &Conv, relu: bool, inputs: &[f32]| {
+            let (weights, bias) = self.parameters.stage(number);
+            conv.forward(weights, bias, relu, inputs)
+        };
+        let conv = |number: usize, inputs: &[f32]| product(number, &self.convs[number], number + 1 < CONVS, inputs);
+        let first = conv(0, &inputs.crops);
+        let second = conv(1, &first);
+        let third = conv(2, &second);
+        let reduced = conv(3, &third);
+        let rows: Vec<f32> = reduced
+            .chunks_exact(REDUCED * POSITIONS)
+            .zip(&inputs.facts)
+            .flat_map(|(reduced, facts)| reduced.iter().chain(facts).copied())
+            .collect();
+        let [head1, head2, head3] = heads(inputs.facts.len());
+        let hidden1 = product(4, &head1, true, &rows);
+        let hidden2 = product(5, &head2, true, &hidden1);
+        let logits = product(6, &head3, false, &hidden2);
+        JudgeActivations { convs: [first, second, third], rows, hidden: [hidden1, hidden2], logits }
+    }
+
+    /// The gradient of every parameter, as the flat vector. `d_logits` is the gradient of each hand's logits.
+    #[must_use]
+    pub fn gradient(
+        &self,
+        TransposedWeights(transposed): &TransposedWeights,
+        inputs: &JudgeInputs,
+        seen: &JudgeActivations,
+        d_logits: &[[f32; OUTCOMES]],
+    ) -> Vec<f32> {
+        let mut sum = Parameters::zeros(&LAYOUT);
+        let mut through = |number: usize, conv: &Conv, inputs: &[f32], gradients: &[f32]| {
+            let (d_weights, d_bias) = sum.stage_mut(number);
+            conv.add_parameters(inputs, gradients, d_weights, d_bias);
+            if number == 0 { Vec::new() } else { conv.d_inputs(&transposed[number], gradients) }
+        };
+        let [head1, head2, head3] = heads(d_logits.len());
+        let mut padded = vec![0.0; d_logits.len() * LANES];
+        for (row, own) in padded.chunks_exact_mut(LANES).zip(d_logits) {
+            row[..OUTCOMES].copy_from_slice(own);
+        }
+        let d = through(6, &head3, &seen.hidden[1], &padded);
+        let d = through(5, &head2, &seen.hidden[0], &head2.through_relu(&seen.hidden[1], &d));
+        let d_rows = through(4, &head1, &seen.rows, &head1.through_relu(&seen.hidden[0], &d));
+        let reduced = d_rows.chunks_exact(REDUCED * POSITIONS + FACTS);
+        let d: Vec<f32> = reduced.flat_map(|row| &row[..REDUCED * POSITIONS]).copied().collect();
+        let [first, second, third] = &seen.convs;
+        let [conv1, conv2, conv3, reduce] = &self.convs;
+        let d = through(3, reduce, third, &d);
+        let d = through(2, conv3, second, &conv3.through_relu(third, &d));
+        let d = through(1, conv2, first, &conv2.through_relu(second, &d));
+        through(0, conv1, &inputs.crops, &conv1.through_relu(first, &d));
+        sum.to_vector()
+    }
+}
+
+/// Initial parameters (He et al., 2015): weights U(−√(6/fan_in), √(6/fan_in)), so that signals keep their size through
+/// layers with ReLU; biases 0. Each layer has its own stream of `seed`.
+#[must_use]
+pub fn initial_vector(seed: u64) -> Vec<f32> {
+    let mut values = Vec::with_capacity(count_of(&LAYERS));
+    for (number, layer) in LAYERS.iter().enumerate() {
+        let mut stream = Stream::new(seed, number as u64, Purpose::Weights, 1);
+        let bound = (6.0 / layer.fan_in() as f32).sqrt();
+        values.extend((0..layer.weight_count()).map(|_| stream.uniform(-bound, bound)));
+        values.extend((0..layer.channels_out).map(|_| 0.0));
+    }
+    values
+}
+
+/// The head's layers as products with one row a hand.
+fn heads(hands: usize) -> [Conv; 3] {
+    [4, 5, 6].map(|number| {
+        let LayerShape { channels_in, channels_out, .. } = LAYERS[number];
+        Conv::of_rows(hands, channels_in, channels_out.next_multiple_of(LANES))
+    })
+}
+
+/// The logit of the probability that a hand holds, from the logits of the outcomes.
+#[must_use]
+pub fn quality_logit(logits: &[f32; OUTCOMES]) -> f32 {
+    let held = Outcome::Held as usize;
+    let others = || logits.iter().enumerate().filter(|(outcome, _)| *outcome != held).map(|(_, logit)| *logit);
+    let most = others().fold(f32::NEG_INFINITY, f32::max);
+    logits[held] - (most + libm::logf(others().map(|logit| libm::expf(logit - most)).sum()))
+}
+
+/// The probabilities of the outcomes.
+#[must_use]
+pub fn probabilities(logits: &[f32; OUTCOMES]) -> [f32; OUTCOMES] {
+    let most = logits.iter().fold(f32::NEG_INFINITY, |most, logit| most.max(*logit));
+    let parts = logits.map(|logit| libm::expf(logit - most));
+    let sum: f32 = parts.iter().sum();
+    parts.map(|part| part / sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layers::{positions, slots_of};
+
+    fn parameter<'a>(vector: &'a [f32], name: &str) -> &'a [f32] {
+        let slot = slots_of(&LAYERS).into_iter().find(|slot| slot.name == name).unwrap();
+        &vector[slot.start..][..slot.len]
+    }
+
+    /// A convolution from its definition, in double precision: `[channels, x, y, z]` to the same, padded by one zero.
+    fn convolved(vector: &[f32], layer: &LayerShape, n: [usize; 3], inputs: &[f64]) -> ([usize; 3], Vec<f64>) {
+        let [weights, bias] = ["weight", "bias"].map(|part| parameter(vector, &format!("{}.{part}", layer.name)));
+        let out = n.map(|n| (n + 2 * layer.padding() - layer.kernel) / layer.stride + 1);
+        let mut outputs = Vec::new();
+        for column in 0..layer.channels_out {
+            for at in (Extent { n: out, padding: 0 }).positions() {
+                let mut sum = f64::from(bias[column]);
+                for channel in 0..layer.channels_in {
+                    for (tap, place) in positions(layer.kernel).enumerate() {
+                        let from: [usize; 3] = std::array::from_fn(|axis| at[axis] * layer.stride + place[axis]);
+                        if (0..3).all(|axis| (layer.padding()..n[axis] + layer.padding()).contains(&from[axis])) {
+                            let [x, y, z] = from.map(|from| from - layer.padding());
+                            let weight = weights[(column * layer.channels_in + channel) * layer.kernel.pow(3) + tap];
+                            sum += f64::from(weight) * inputs[((channel * n[0] + x) * n[1] + y) * n[2] + z];
+                        }
+                    }
+                }
+                outputs.push(sum);
+            }
+        }
+        (out, outputs)
+    }
+
+    /// The network from its definition.
+    fn slow(vector: &[f32], crop: &[f32], facts: &[f32; FACTS]) -> Vec<f64> {
+        let padded = Extent { n: BOX, padding: 1 };
+        let mut x: Vec<f64> = (0..CHANNELS)
+            .flat_map(|channel| padded.positions().map(move |at| (channel, at)))
+            .map(|(channel, at)| f64::from(crop[padded.place(at) * CHANNELS + channel]))
+            .collect();
+        let mut n = BOX;
+        for (number, layer) in LAYERS[..CONVS].iter().enumerate() {
+            (n, x) = convolved(vector, layer, n, &x);
+            if number + 1 < CONVS {
+                x.iter_mut().for_each(|value| *value = value.max(0.0));
+            }
+        }
+        assert_eq!(n.iter().product::<usize>(), POSITIONS);
+        let mut x: Vec<f64> = (0..POSITIONS)
+            .flat_map(|at| (0..REDUCED).map(move |channel| channel * POSITIONS + at))
+            .map(|at| x[at])
+            .chain(facts.iter().map(|fact| f64::from(*fact)))
+            .collect();
+        for (number, layer) in LAYERS.iter().enumerate().skip(CONVS) {
+            let n = [1, 1, 1];
+            x = convolved(vector, layer, n, &x).1;
+            if number + 1 < LAYERS.len() {
+                x.iter_mut().for_each(|value| *value = value.max(0.0));
+            }
+        }
+        x
+    }
+
+    fn inputs(hands: usize) -> JudgeInputs {
+        let mut stream = Stream::new(5, 0, Purpose::Views, 0);
+        let padded = Extent { n: BOX, padding: 1 };
+        let mut crops = vec![0.0; hands * padded.len() * CHANNELS];
+        for crop in crops.chunks_exact_mut(padded.len() * CHANNELS) {
+            for at in padded.positions() {
+                crop[padded.place(at) * CHANNELS..][..CHANNELS].fill_with(|| stream.uniform(-1.0, 1.0));
+            }
+        }
+        let facts = (0..hands).map(|_| std::array::from_fn(|_| stream.uniform(-1.0, 1.0))).collect();
+        JudgeInputs { crops, facts }
+    }
+
+    #[test]
+    fn logits_are_those_of_the_definition() {
+        let (vector, inputs) = (initial_vector(3), inputs(3));
+        let seen = JudgeNetwork::new(&vector).forward(&inputs);
+        let crops = inputs.crops.chunks_exact(inputs.crops.len() / 3);
+        for ((ours, crop), facts) in seen.logits().zip(crops).zip(&inputs.facts) {
+            let theirs = slow(&vector, crop, facts);
+            assert!(theirs.iter().any(|logit| logit.abs() > 0.05), "{theirs:?}");
+            for (ours, theirs) in ours.iter().zip(theirs) {
+                assert!((f64::from(*ours) - theirs).abs() < 1e-4, "{ours} against {theirs}");
+            }
+        }
+    }
+
+    /// Along random directions and along single parameters of every layer, the loss changes as the gradient says.
+    #[test]
+    fn gradients_are_slopes_of_the_definition() {
+        let (vector, inputs) = (initial_vector(4), inputs(2));
+        let network = JudgeNetwork::new(&vector);
+        let mut stream = Stream::new(6, 0, Purpose::Views, 0);
+        let d_logits: Vec<[f32; OUTCOMES]> =
+            (0..2).map(|_| std::array::from_fn(|_| stream.uniform(-1.0, 1.0))).collect();
+        let gradient = network.gradient(&network.transposed(), &inputs, &network.forward(&inputs), &d_logits);
+        assert_eq!(gradient.len(), count_of(&LAYERS));
+        let value = |vector: &[f32]| -> f64 {
+            let crops = inputs.crops.chunks_exact(inputs.crops.len() / 2);
+            let logits = crops.zip(&inputs.facts).map(|(crop, facts)| slow(vector, crop, facts));
+            let products = logits
+                .zip(&d_logits)
+                .map(|(logits, d)| logits.iter().zip(d).map(|(logit, d)| logit * f64::from(*d)).sum::<f64>());
+            products.sum()
+        };
+        for slot in slots_of(&LAYERS) {
+            let direction: Vec<f32> = (0..slot.len).map(|_| stream.uniform(-1.0, 1.0)).collect();
+            let moved = |by: f32| {
+                let mut moved = vector.clone();
+                for (value, along) in moved[slot.start..][..slot.len].iter_mut().zip(&direction) {
+                    *value += by * along;
+                }
+                value(&moved)
+            };
+            let step = 1e-3 / (slot.len as f32).sqrt();
+            let slope = (moved(step) - moved(-step)) / (2.0 * f64::from(step));
+            let ours: f64 = gradient[slot.start..][..slot.len]
+                .iter()
+                .zip(&direction)
+                .map(|(slope, along)| f64::from(*slope) * f64::from(*along))
+                .sum();
+            assert!((ours - slope).abs() < 1e-2 * (slope.abs() + 1.0), "{}: {ours} against {slope}", slot.name);
+            assert!(gradient[slot.start..][..slot.len].iter().any(|slope| *slope != 0.0), "{}", slot.name);
+        }
+    }
+
+    #[test]
+    fn quality_is_the_share_of_held() {
+        let logits = [0.3, -1.0, 2.0, 0.0, -3.0, 1.5];
+        let held = f64::from(probabilities(&logits)[Outcome::Held as usize]);
+        let quality = 1.0 / (1.0 + libm::exp(-f64::from(quality_logit(&logits))));
+        assert!((held - quality).abs() < 1e-6, "{held} {quality}");
+        let sum: f32 = probabilities(&logits).iter().sum();
+        assert!((sum - 1.0).abs() < 1e-6);
+    }
+}

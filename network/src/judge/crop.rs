@@ -1,0 +1,301 @@
+//! What the judge sees of a hand: the TSDF around it, in its frame.
+//!
+//! A box of points spans the open hand, the way that it sweeps from pre-grasp to grasp, and some space beyond its tips;
+//! it scales with the hand. At each point stand the mean of the *observed* distances around it, the share of them that
+//! was observed, the height over the table, and the distance to the swept hand itself, so that one network can serve
+//! hands of other dimensions.
+
+use schema::{Gripper, HandBox, Pose, Vec3, VoxelGrid};
+
+use super::Scope;
+use crate::kernels::conv::Extent;
+
+/// Points along x, y and z of the grasp frame.
+pub const BOX: [usize; 3] = [8, 20, 28];
+/// Values of a point: distance, observed share, height over the table, distance to the hand.
+pub const CHANNELS: usize = 4;
+/// Values of a hand besides its crop.
+pub const FACTS: usize = 16;
+
+/// The box in memory, with the zeros that the first convolution pads with.
+const PADDED: Extent = Extent { n: BOX, padding: 1 };
+/// Distances are clipped here, and divided by it.
+const CLIP_M: f32 = 0.03;
+/// How far the box reaches beyond the tips.
+const BEYOND_M: f32 = 0.02;
+/// Of a point whose surroundings were observed to less than this share nothing is known.
+const SHARE_MIN: f32 = 1e-3;
+/// Lengths are facts in units of this.
+const UNIT_M: f32 = 0.1;
+/// Numbers of views are facts in units of this.
+const UNIT_VIEWS: f32 = 6.0;
+
+/// A TSDF with a border of voxels that nobody observed.
+#[derive(Debug, Clone)]
+pub struct PaddedGrid {
+    /// Voxels along a side, with the border.
+    side: usize,
+    /// VGN's values: 0 where nothing was observed.
+    values: Vec<f32>,
+}
+
+impl PaddedGrid {
+    /// From the values of a [`VoxelGrid`], x slowest.
+    #[must_use]
+    pub fn new(resolution: usize, values: &[f32]) -> Self {
+        let extent = Extent::cube(resolution, 1);
+        let mut padded = vec![0.0; extent.len()];
+        for (line, values) in values.chunks_exact(resolution).enumerate() {
+            padded[extent.place([line / resolution, line % resolution, 0])..][..resolution].copy_from_slice(values);
+        }
+        Self { side: resolution + 2, values: padded }
+    }
+
+    /// Mean of the observed distances around a point, in [−1, 1] of the truncation, and the share that was observed.
+    /// `at` is in voxels from the centre of the border's first one.
+    fn at(&self, at: Vec3) -> (f32, f32) {
+        let at = at.clamp(Vec3::ZERO, Vec3::splat((self.side - 1) as f32 - 1e-3));
+        let low = at.floor();
+        let (high, first) = (at - low, [low.x as usize, low.y as usize, low.z as usize]);
+        let [x, y] = [high.x, high.y].map(|high| [1.0 - high, high]);
+        let (mut share, mut sum) = (0.0, 0.0);
+        for (dx, wx) in x.into_iter().enumerate() {
+            for (dy, wy) in y.into_iter().enumerate() {
+                let place = ((first[0] + dx) * self.side + first[1] + dy) * self.side + first[2];
+                let weight = wx * wy;
+                for (value, wz) in self.values[place..place + 2].iter().zip([1.0 - high.z, high.z]) {
+                    let observed = if *value > 0.0 { weight * wz } else { 0.0 };
+                    share += observed;
+                    sum += observed * value;
+                }
+            }
+        }
+        if share > SHARE_MIN { (2.0 * sum / share - 1.0, share) } else { (0.0, 0.0) }
+    }
+}
+
+impl From<&VoxelGrid> for PaddedGrid {
+    fn from(grid: &VoxelGrid) -> Self {
+        Self::new(grid.grid.resolution, &grid.values)
+    }
+}
+
+/// How the judge sees a hand; made once for a hand and a grid.
+#[derive(Debug, Clone)]
+pub struct Crop {
+    /// The first point and the steps between points, in the grasp frame.
+    low_m: Vec3,
+    step_m: Vec3,
+    /// A padded box with the distances to the swept hand, and zeros for what is seen.
+    template: Vec<f32>,
+    /// What the hand sweeps, with its clearance.
+    swept: [HandBox; 3],
+    /// The hand's own facts.
+    dimensions: [f32; 9],
+    table_z_m: f32,
+    voxel_size_m: f32,
+}
+
+impl Crop {
+    /// Values of a crop with its padding.
+    pub const LEN: usize = PADDED.len() * CHANNELS;
+
+    /// How a judge of this scope sees hands.
+    #[must_use]
+    pub fn new(scope: &Scope) -> Self {
+        let Scope { gripper, pregrasp_distance_m, grid } = scope;
+        let sweep = gripper.open_hand().map(|b| b.swept_back(*pregrasp_distance_m));
+        let low = sweep.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
+        let high = sweep.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
+        let high = high + Vec3::new(0.0, 0.0, BEYOND_M);
+        let steps = Vec3::new(BOX[0] as f32, BOX[1] as f32, BOX[2] as f32) - 1.0;
+        let step_m = (high - low) / steps;
+        let mut crop = Self {
+            low_m: low,
+            step_m,
+            template: vec![0.0; Self::LEN],
+            swept: sweep.map(|b| b.grown(gripper.clearance_m)),
+            dimensions: dimensions(gripper, *pregrasp_distance_m),
+            table_z_m: grid.table_z_m,
+            voxel_size_m: grid.voxel_size_m(),
+        };
+        for at in PADDED.positions() {
+            let distance_m = sweep.iter().map(|b| distance_m(b, crop.point_m(at))).fold(f32::INFINITY, f32::min);
+            crop.template[PADDED.place(at) * CHANNELS + 3] = clipped(distance_m);
+        }
+        crop
+    }
+
+    /// A point in the grasp frame.
+    fn point_m(&self, [x, y, z]: [usize; 3]) -> Vec3 {
+        self.low_m + self.step_m * Vec3::new(x as f32, y as f32, z as f32)
+    }
+
+    /// Whether the hand, on its way to the grasp, comes nearer to the table than its clearance: then the attempt fails
+    /// for certain.
+    #[must_use]
+    pub fn hits_table(&self, workspace_from_grasp: &Pose) -> bool {
+        let lowest_m = self.swept.iter().map(|b| b.lowest_z_m(workspace_from_grasp));
+        lowest_m.fold(f32::INFINITY, f32::min) < self.table_z_m
+    }
+
+    /// Appends the crop of a hand, `[10, 22, 30, CHANNELS]`. The hand and what it closes on may be mirrored in the
+    /// grasp's x and y: a mirrored hand is the same hand, so the attempt ends alike.
+    pub fn see(&self, grid: &PaddedGrid, workspace_from_grasp: &Pose, mirrored: [bool; 2], crops: &mut Vec<f32>) {
+        let start = crops.len();
+        crops.extend_from_slice(&self.template);
+        let crop = &mut crops[start..];
+        let turn = |along: Vec3| workspace_from_grasp.rotation * along;
+        let step_m = turn(Vec3::new(0.0, 0.0, self.step_m.z));
+        // In voxels from the centre of the border's first one.
+        let (per_m, offset) = (1.0 / self.voxel_size_m, Vec3::splat(0.5));
+        let [nx, ny, nz] = BOX;
+        for x in 0..nx {
+            for y in 0..ny {
+                let first_m = workspace_from_grasp.transform_point(self.point_m([x, y, 0]));
+                let to = [if mirrored[0] { nx - 1 - x } else { x }, if mirrored[1] { ny - 1 - y } else { y }, 0];
+                let line = &mut crop[PADDED.place(to) * CHANNELS..][..nz * CHANNELS];
+                for (z, point) in line.as_chunks_mut::<CHANNELS>().0.iter_mut().enumerate() {
+                    let at_m = first_m + step_m * z as f32;
+                    let (distance, share) = grid.at(at_m * per_m + offset);
+                    [point[0], point[1], point[2]] = [distance, share, clipped(at_m.z - self.table_z_m)];
+                }
+            }
+        }
+    }
+
+    /// What is known of a hand besides its crop: where down is for it, the height of its tips, the number of views, its
+    /// dimensions.
+    #[must_use]
+    pub fn facts(&self, workspace_from_grasp: &Pose, views: usize, mirrored: [bool; 2]) -> [f32; FACTS] {
+        let mut facts = [0.0; FACTS];
+        let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
+        let [x, y] = mirrored.map(|is_mirrored| if is_mirrored { -1.0 } else { 1.0 });
+        let height_m = workspace_from_grasp.translation.z - self.table_z_m;
+        facts[..5].copy_from_slice(&[x * up.x, y * up.y, up.z, height_m / UNIT_M, views as f32 / UNIT_VIEWS]);
+        facts[5..][..self.dimensions.len()].copy_from_slice(&self.dimensions);
+        facts
+    }
+}
+
+fn dimensions(gripper: &Gripper, pregrasp_distance_m: f32) -> [f32; 9] {
+    let lengths_m = [
+        gripper.opening_m_max,
+        gripper.finger_length_m,
+        gripper.finger_width_m,
+        gripper.finger_thickness_m,
+        gripper.palm_length_m,
+        gripper.palm_width_m,
+        gripper.palm_breadth_m,
+        pregrasp_distance_m,
+    ];
+    let mut facts = [gripper.friction; 9];
+    facts[..8].copy_from_slice(&lengths_m.map(|m| m / UNIT_M));
+    facts
+}
+
+fn clipped(distance_m: f32) -> f32 {
+    (distance_m / CLIP_M).clamp(-1.0, 1.0)
+}
+
+/// Signed distance to a box.
+fn distance_m(hand_box: &HandBox, point_m: Vec3) -> f32 {
+    let outside = (point_m - hand_box.centre_m).abs() - hand_box.half_m;
+    outside.max(Vec3::ZERO).length() + outside.max_element().min(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Grid, Procedure, Purpose, Stream, axis_angle};
+
+    use super::*;
+
+    fn scope() -> Scope {
+        let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
+        Scope { gripper, pregrasp_distance_m: Procedure::PAPER.pregrasp_distance_m, grid: Grid::PAPER }
+    }
+
+    /// Distance along a slanted plane, in VGN's values.
+    fn slanted() -> (VoxelGrid, impl Fn(Vec3) -> f32) {
+        let value = |at: Vec3| 0.5 + 0.4 * (at - Vec3::splat(0.15)).dot(Vec3::new(0.6, -1.0, 0.8)) / 0.15;
+        let values = Extent::cube(40, 0).positions().map(|index| value(Grid::PAPER.centre_m(index)).max(0.0));
+        (VoxelGrid::new(Grid::PAPER, values.collect()).unwrap(), value)
+    }
+
+    fn down_at(x_m: f32, y_m: f32, z_m: f32) -> Pose {
+        Pose::from_parts(Vec3::new(x_m, y_m, z_m), axis_angle(Vec3::X, core::f32::consts::PI))
+    }
+
+    fn seen(grid: &VoxelGrid, pose: &Pose, mirrored: [bool; 2]) -> Vec<f32> {
+        let mut crop = Vec::new();
+        Crop::new(&scope()).see(&grid.into(), pose, mirrored, &mut crop);
+        assert_eq!(crop.len(), Crop::LEN);
+        crop
+    }
+
+    #[test]
+    fn a_linear_field_is_seen_as_it_is_wherever_it_was_observed() {
+        let (grid, value) = slanted();
+        let mut stream = Stream::new(2, 0, Purpose::Views, 0);
+        let mut inside = 0;
+        for _ in 0..20 {
+            let pose = Pose::from_parts(stream.point(Vec3::splat(0.1), Vec3::splat(0.2)), stream.rotation());
+            let crop = seen(&grid, &pose, [false; 2]);
+            for at in PADDED.positions() {
+                let [distance, share, height, _] =
+                    *crop[PADDED.place(at) * CHANNELS..].first_chunk::<CHANNELS>().unwrap();
+                let point = pose.transform_point(Crop::new(&scope()).point_m(at));
+                assert!((height - ((point.z - 0.05) / 0.03).clamp(-1.0, 1.0)).abs() < 1e-4);
+                if share > 0.999 {
+                    assert!((distance - (2.0 * value(point) - 1.0)).abs() < 1e-3, "{at:?}: {distance}");
+                    inside += 1;
+                }
+                let is_far_out = point.min_element() < -0.004 || point.max_element() > 0.304;
+                assert!(!is_far_out || share == 0.0, "{point}: {share}");
+            }
+        }
+        assert!(inside > 10_000, "{inside}");
+    }
+
+    #[test]
+    fn what_nobody_observed_counts_for_nothing() {
+        let (mut grid, _) = slanted();
+        for (at, value) in grid.values.iter_mut().enumerate() {
+            *value = if at % 2 == 0 { 0.25 } else { 0.0 };
+        }
+        let crop = seen(&grid, &down_at(0.15, 0.15, 0.12), [false; 2]);
+        for at in PADDED.positions() {
+            let [distance, share, ..] = *crop[PADDED.place(at) * CHANNELS..].first_chunk::<CHANNELS>().unwrap();
+            assert!((share == 0.0 && distance == 0.0) || (distance + 0.5).abs() < 1e-5, "{distance} {share}");
+        }
+    }
+
+    /// The crop of a hand in a mirrored scene is the mirrored crop.
+    #[test]
+    fn mirrored_scenes_give_mirrored_crops() {
+        let (grid, _) = slanted();
+        let mut mirrored = grid.clone();
+        for [x, y, z] in Extent::cube(40, 0).positions() {
+            mirrored.values[Grid::PAPER.flat([39 - x, y, z])] = grid.values[Grid::PAPER.flat([x, y, z])];
+        }
+        // This hand's x is the workspace's.
+        let (here, there) = (down_at(0.12, 0.16, 0.12), down_at(0.18, 0.16, 0.12));
+        let (one, other) = (seen(&grid, &here, [true, false]), seen(&mirrored, &there, [false; 2]));
+        assert!(one.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-4));
+        assert!(seen(&grid, &here, [false; 2]).iter().zip(&other).any(|(a, b)| (a - b).abs() > 0.1));
+        let crop = Crop::new(&scope());
+        let tilted = Pose::from_parts(Vec3::splat(0.1), axis_angle(Vec3::Y, 0.5));
+        let [plain, mirrored] = [[false; 2], [true, false]].map(|by| crop.facts(&tilted, 3, by));
+        assert_eq!((plain[0], plain[4]), (-mirrored[0], 0.5));
+        assert!(plain[0] != 0.0 && plain[1..] == mirrored[1..]);
+    }
+
+    #[test]
+    fn only_hands_that_reach_the_table_hit_it() {
+        let crop = Crop::new(&scope());
+        assert!(!crop.hits_table(&down_at(0.15, 0.15, 0.0512)));
+        assert!(crop.hits_table(&down_at(0.15, 0.15, 0.0508)), "the clearance is 1 mm");
+        let level = Pose::from_parts(Vec3::new(0.15, 0.15, 0.08), axis_angle(Vec3::Y, core::f32::consts::FRAC_PI_2));
+        assert!(!crop.hits_table(&level));
+    }
+}
