@@ -69,7 +69,7 @@ impl Planner {
     }
 
     fn from_bytes(file: &[u8], path: &Path, config: Config) -> Result<Self, Failure> {
-        let network = checkpoint::from_bytes(file, path)?.dense();
+        let network = checkpoint::from_bytes(file, path)?.dense()?;
         let model_id = Sha256::digest(file).iter().map(|byte| format!("{byte:02x}")).collect();
         Ok(Self { network, model_id, config, grid: Grid::PAPER })
     }
