@@ -32,6 +32,10 @@ pub enum Purpose {
     Weights = 8,
     /// Turns and shifts of training scenes (the try carries the epoch).
     Augmentation = 9,
+    /// Which hands of a training epoch are mirrored (the scene slot carries the sample, the try the epoch).
+    Mirror = 10,
+    /// Proposals of hands in a scene.
+    Proposals = 11,
     /// Which scenes a bootstrap draws (the try carries the draw).
     Bootstrap = 12,
     /// Samples of points in the search for a plane.

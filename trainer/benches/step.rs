@@ -29,7 +29,7 @@ fn batch(scenes: usize) -> Batch {
             quality_weight: 1.0,
         },
     });
-    Batch { samples: samples.collect(), grids }
+    Batch { samples: samples.collect(), grids, ..Batch::default() }
 }
 
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use network::VoxelInputs;
 use rayon::prelude::*;
+use schema::{Outcome, Pose};
 
 use crate::loss::Target;
 
@@ -20,6 +21,21 @@ pub struct Sample {
     pub target: Target,
 }
 
+/// What a judge is asked about a sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hand {
+    /// The grasp.
+    pub workspace_from_grasp: Pose,
+    /// Number of views from which the scene's TSDF was made.
+    pub views: usize,
+    /// Whether hand and scene are mirrored in the grasp's x and y.
+    pub mirrored: [bool; 2],
+    /// How the attempt ended.
+    pub outcome: Outcome,
+    /// Whether the hand hits the table, so that nothing is asked.
+    pub hits_table: bool,
+}
+
 /// Samples in the order of their grids.
 #[derive(Debug, Clone, Default)]
 pub struct Batch {
@@ -27,6 +43,8 @@ pub struct Batch {
     pub grids: Vec<Arc<[f32]>>,
     /// Samples, in ascending order of `grid`.
     pub samples: Vec<Sample>,
+    /// For each sample its hand; none for the paper's network.
+    pub hands: Vec<Hand>,
 }
 
 /// Some consecutive samples of a batch.
@@ -94,7 +112,7 @@ mod tests {
         let target = Target { label: 0, rotation: Quat::IDENTITY, width_voxels: 0.0, quality_weight: 1.0 };
         let samples = grid_of_sample.iter().map(|grid| Sample { grid: *grid, voxel: [0; 3], target }).collect();
         let count = grid_of_sample.last().map_or(0, |last| last + 1);
-        Batch { grids: (0..count).map(|grid| Arc::from([grid as f32])).collect(), samples }
+        Batch { grids: (0..count).map(|grid| Arc::from([grid as f32])).collect(), samples, ..Batch::default() }
     }
 
     proptest! {

@@ -182,13 +182,13 @@ fn batch(samples: usize, scenes: usize) -> Batch {
             quality_weight: 1.0,
         },
     });
-    Batch { samples: samples.collect(), grids }
+    Batch { samples: samples.collect(), grids, ..Batch::default() }
 }
 
 /// Seconds a batch when nothing is done with it.
 fn read_s(data: &Location, batch: usize) -> Result<f64, Failure> {
     let dataset = Dataset::open(data)?;
-    let samples = load(&dataset, &std::env::temp_dir(), &AtomicBool::new(false), &|| {})?;
+    let samples = load(&dataset, &std::env::temp_dir(), None, &AtomicBool::new(false), &|| {})?;
     // Every sample of another scene as far as there are scenes: what costs most to read.
     let all = samples.ids().len();
     let stride = (all / batch.max(1)).max(1);

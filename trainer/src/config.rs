@@ -6,8 +6,9 @@
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
-use settings::{Document, above, settings, words};
+use serde::ser::SerializeStruct as _;
+use serde::{Deserialize, Serialize, Serializer};
+use settings::{Document, Reader, above, settings, words};
 
 use crate::augmentation::Augmentation;
 use crate::schedule::Schedule;
@@ -33,14 +34,40 @@ settings! {
         /// When the state is saved.
         pub checkpoint: CheckpointParams,
     }
+    check Config::fits_the_network
 }
 
 settings! {
     /// What the recipe decides of the network.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct NetworkParams {
-        /// How the decoder doubles its grids.
-        pub upsampling: Upsampling,
+        /// Which network.
+        pub kind: Kind; or Kind::Voxel,
+        /// How the decoder of the paper's network doubles its grids.
+        pub upsampling: Upsampling; or Upsampling::Linear,
+    }
+}
+
+words! {
+    /// A network, by what it answers for.
+    pub enum Kind {
+        /// Voxels: the paper's.
+        Voxel = "voxel",
+        /// Hands: the judge.
+        Judge = "judge",
+    }
+}
+
+impl Serialize for NetworkParams {
+    /// The keys that matter for the kind. That of the paper's network goes without saying, so its recipes stay as they
+    /// were before there was another.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut table = serializer.serialize_struct("network", 1)?;
+        match self.kind {
+            Kind::Voxel => table.serialize_field("upsampling", &self.upsampling)?,
+            Kind::Judge => table.serialize_field("kind", &self.kind)?,
+        }
+        table.end()
     }
 }
 
@@ -115,6 +142,15 @@ impl Config {
     /// As [`Config::load`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, settings::Error> {
         Document::parse(text, path)?.read()
+    }
+
+    /// Nothing turns a judge's scenes, for it sees them in the hand's frame, and its outcomes are not balanced.
+    fn fits_the_network(&self, reader: &mut Reader<'_>) {
+        if self.network.kind == Kind::Judge {
+            let rule = || "must be left out for a judge";
+            reader.must("augmentation", self.augmentation == Augmentation::OFF, rule);
+            reader.must("training.positive_weight", self.training.positive_weight == 1.0, rule);
+        }
     }
 
     /// The recipe as TOML, every key written out.

@@ -5,6 +5,6 @@ mod item;
 mod load;
 mod loader;
 
-pub use item::{GraspDataset, Record, TrainingTransform};
+pub use item::{GraspDataset, HandRecord, Record, TrainingTransform};
 pub use load::load;
 pub use loader::for_each_batch;

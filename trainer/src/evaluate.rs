@@ -13,8 +13,7 @@ use std::sync::atomic::AtomicBool;
 
 use burn_dataset::Dataset as _;
 use clap::ValueEnum;
-use network::checkpoint;
-use network::upsampling::Upsampling;
+use network::{Architecture, checkpoint};
 use program::{ExitCode, Failure};
 use serde::Serialize;
 use shards::{Dataset, Location};
@@ -25,11 +24,11 @@ use crate::device::Device;
 use crate::evaluate::mistakes::{Mistake, worst};
 use crate::loss::SampleResult;
 use crate::metrics::{Summary, Tally};
+use crate::model::Model;
 use crate::scores::{
     Calibration, GraspErrors, Ranking, Score, Spread, calibration, interval_by_scene, ranking, rotation_error_deg,
 };
 use crate::split::split;
-use crate::step::evaluate;
 
 /// The set of samples to evaluate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ValueEnum)]
@@ -84,6 +83,35 @@ pub struct Evaluation {
     pub by_shape: BTreeMap<&'static str, Summary>,
     /// By rule of Appendix A: shape and approach axis.
     pub by_rule: BTreeMap<&'static str, Summary>,
+    /// What only a judge is asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hands: Option<HandScores>,
+}
+
+/// Results of a judge that those over all samples hide.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HandScores {
+    /// Attempts whose hand does not hit the table, which arithmetic knows.
+    pub table_free: TableFree,
+    /// Scenes in which some attempt held.
+    pub scenes_with_held: usize,
+    /// Of these, the share in which the attempt of the highest quality held.
+    pub best_held: Option<f64>,
+    /// By outcome.
+    pub by_outcome: BTreeMap<&'static str, Summary>,
+}
+
+/// Results on attempts whose hand does not hit the table.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TableFree {
+    /// Losses and ratios.
+    pub all: Summary,
+    /// Area under the ROC curve.
+    pub roc_auc: Option<f64>,
+    /// Average precision.
+    pub average_precision: Option<f64>,
+    /// Expected calibration error.
+    pub calibration_error: f64,
 }
 
 /// An evaluation with data for a closer look.
@@ -122,7 +150,11 @@ pub fn examine(
              out: use --split all"
         ));
     }
-    let samples = load(&dataset, &temp_dir(), &AtomicBool::new(false), &|| {})?;
+    if let Architecture::Judge(scope) = &checkpoint.architecture {
+        scope.must_match(&dataset.info().gripper, &dataset.info().grid)?;
+    }
+    let model = Model::of(&checkpoint.architecture);
+    let samples = load(&dataset, &temp_dir(), model.crop(), &AtomicBool::new(false), &|| {})?;
     let chosen = match set {
         TestSet::All => (0..samples.len()).collect(),
         TestSet::TestAttempts | TestSet::TestScenes => {
@@ -135,13 +167,8 @@ pub fn examine(
     if chosen.is_empty() {
         return refused("the dataset has no attempt whose grasp lies in the grid".to_owned());
     }
-    let results = results(&checkpoint.vector, &samples, &chosen, checkpoint.upsampling)?;
-    if let Some((at, result)) = chosen.iter().zip(&results).find(|(_, result)| !result.total.is_finite()) {
-        let (record, loss) = (samples.record(*at), result.total);
-        let text =
-            format!("the loss of attempt {} of scene {} must be finite, got {loss}", record.attempt, record.scene);
-        return Err(Failure::new(ExitCode::Data, format!("{text}: {}", path.display())));
-    }
+    let results = results(&checkpoint.vector, &samples, &chosen, &model)?;
+    must_be_finite(&samples, &chosen, &results, path)?;
     let found = || chosen.iter().map(|at| samples.record(*at)).zip(&results);
     let mistakes = found().map(|(record, result)| Mistake {
         scene_id: record.scene.into(),
@@ -170,23 +197,72 @@ pub fn examine(
         accuracy_95_by_scene: interval_by_scene(&scenes),
         ranking: ranking(&scores),
         calibration: calibration(&scores),
-        errors: errors(&results, dataset.info().grid.voxel_size_m()),
+        // A judge predicts no grasp, so it has no errors of one.
+        errors: errors(if model.crop().is_some() { &[] } else { &results }, dataset.info().grid.voxel_size_m()),
         by_shape: summaries(tallies(found().map(|(record, result)| (record.rule.shape.kind_name(), result)))),
         by_rule: summaries(tallies(found().map(|(record, result)| (record.rule.name(), result)))),
+        hands: model.crop().map(|_| hand_scores(&samples, &chosen, &results)),
     };
     let [overrated, underrated] = [false, true].map(|held| worst(&mistakes, held, mistakes_max));
     Ok(Examination { evaluation, overrated, underrated, dataset })
+}
+
+fn must_be_finite(
+    samples: &GraspDataset,
+    chosen: &[usize],
+    results: &[SampleResult],
+    path: &Path,
+) -> Result<(), Failure> {
+    let Some((at, result)) = chosen.iter().zip(results).find(|(_, result)| !result.total.is_finite()) else {
+        return Ok(());
+    };
+    let (record, loss) = (samples.record(*at), result.total);
+    let text = format!("the loss of attempt {} of scene {} must be finite, got {loss}", record.attempt, record.scene);
+    Err(Failure::new(ExitCode::Data, format!("{text}: {}", path.display())))
+}
+
+fn hand_scores(samples: &GraspDataset, chosen: &[usize], results: &[SampleResult]) -> HandScores {
+    let hands = || chosen.iter().zip(results).filter_map(|(at, result)| Some((*at, samples.hand(*at)?, result)));
+    let free: Vec<SampleResult> = hands().filter(|(_, hand, _)| !hand.hits_table).map(|(.., result)| *result).collect();
+    let score = |result: &SampleResult| Score { logit: result.quality_logit, held: result.label == 1 };
+    let scores: Vec<Score> = free.iter().map(score).collect();
+    let mut all = Tally::default();
+    all.add(&free);
+    let ranking = ranking(&scores);
+    let mut scenes = BTreeMap::<u32, (bool, Score)>::new();
+    for (at, _, result) in hands() {
+        let own = score(result);
+        let (any, best) = scenes.entry(samples.record(at).scene).or_insert((false, own));
+        *any |= own.held;
+        if own.logit > best.logit {
+            *best = own;
+        }
+    }
+    let with_held = scenes.values().filter(|(any, _)| *any).count();
+    let best_held = scenes.values().filter(|(_, best)| best.held).count();
+    let by_outcome = tallies(hands().map(|(_, hand, result)| (hand.outcome.name(), result)));
+    HandScores {
+        table_free: TableFree {
+            all: all.summary(),
+            roc_auc: ranking.roc_auc,
+            average_precision: ranking.average_precision,
+            calibration_error: calibration(&scores).expected_error,
+        },
+        scenes_with_held: with_held,
+        best_held: (with_held > 0).then(|| best_held as f64 / with_held as f64),
+        by_outcome: by_outcome.into_iter().map(|(name, tally)| (name, tally.summary())).collect(),
+    }
 }
 
 /// Samples per batch.
 const BATCH: usize = 192;
 
 /// The network's predictions for samples, in their order.
-fn results(vector: &[f32], samples: &GraspDataset, set: &[usize], mode: Upsampling) -> io::Result<Vec<SampleResult>> {
+fn results(vector: &[f32], samples: &GraspDataset, set: &[usize], model: &Model) -> io::Result<Vec<SampleResult>> {
     debug_assert!(set.is_sorted(), "a batch sorts its samples");
     let mut results = Vec::with_capacity(set.len());
     for_each_batch(samples, set, BATCH, None, |batch| {
-        results.extend(evaluate(vector, &batch, mode, &Device::Host));
+        results.extend(model.evaluate(vector, &batch, &Device::Host));
         ControlFlow::Continue(())
     })?;
     Ok(results)

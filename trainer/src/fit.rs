@@ -6,24 +6,25 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use network::Architecture;
 use network::checkpoint::{Checkpoint, Progress};
-use network::layers::initial_vector;
+use network::judge::Scope;
 use program::{ExitCode, Failure};
 use shards::{Dataset, Location};
 
 use crate::adam;
 use crate::batch::Batch;
-use crate::config::{Config, TrainingParams};
+use crate::config::{Config, Kind, TrainingParams};
 use crate::data::{GraspDataset, TrainingTransform, for_each_batch, load};
 use crate::device::Device;
 use crate::events::{Beginning, EpochReport, Event, LabelCount};
 use crate::loss::ClassWeights;
 use crate::metrics::Tally;
+use crate::model::Model;
 use crate::order::epoch_order;
 use crate::patience::epochs_without_better;
 use crate::run_folder::{RunFolder, read_metrics};
 use crate::split::{Split, split};
-use crate::step::{evaluate, step};
 use crate::watch::Watch;
 
 /// How training ended.
@@ -69,26 +70,30 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
         watch.see(&event);
         observe(event);
     };
+    let architecture = architecture(config, &dataset, device)?;
     let (vector, progress, moments) = match folder.last(&dataset)? {
         Some(last) => (last.vector, last.progress, last.moments),
-        None => (initial_vector(config.seed), Progress::default(), None),
+        None => (architecture.initial_vector(config.seed), Progress::default(), None),
     };
     folder.write_config(config)?;
-    let (upsampling, dataset_id) = (config.network.upsampling, dataset.id().to_owned());
-    let mut state = Checkpoint { vector, upsampling, config: config.to_toml(), dataset_id, progress, moments };
+    let (model, dataset_id) = (Model::of(&architecture), dataset.id().to_owned());
+    let mut state = Checkpoint { vector, architecture, config: config.to_toml(), dataset_id, progress, moments };
 
     observe(Event::Loading(&dataset));
-    let samples = match load(&dataset, run, stop, &|| observe(Event::SceneLoaded)) {
+    let samples = match load(&dataset, run, model.crop(), stop, &|| observe(Event::SceneLoaded)) {
         Err(_) if stop.load(Ordering::Relaxed) => return Ok(Ending::Stopped),
         loaded => loaded?,
     };
-    let split = split(&samples.ids(), config.seed, &config.split)?;
+    let mut split = split(&samples.ids(), config.seed, &config.split)?;
+    // Of hands that hit the table there is nothing to learn.
+    split.train.retain(|at| samples.hand(*at).is_none_or(|hand| !hand.hits_table));
     let mut metrics: Vec<String> = read_metrics(run)?.lines().map(str::to_owned).collect();
     metrics.truncate(progress.epoch as usize);
     observe(Event::Begun(&Beginning::of(&samples, &split, &progress)));
     let labels = LabelCount::of(&samples, &split.train);
     let training = Training {
         config,
+        model: &model,
         device,
         folder: &folder,
         samples: &samples,
@@ -119,9 +124,29 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
     Ok(Ending::Done)
 }
 
+/// The network that a recipe asks for.
+fn architecture(config: &Config, dataset: &Dataset, device: &Device) -> Result<Architecture, Failure> {
+    match config.network.kind {
+        Kind::Voxel => Ok(Architecture::Voxel(config.network.upsampling)),
+        Kind::Judge if *device != Device::Host => {
+            Err(Failure::new(ExitCode::Config, "a judge is trained on the host: --device cpu"))
+        }
+        Kind::Judge => {
+            let info = dataset.info();
+            let pregrasp_distance_m = info.procedure.pregrasp_distance_m;
+            Ok(Architecture::Judge(Box::new(Scope {
+                gripper: info.gripper.clone(),
+                pregrasp_distance_m,
+                grid: info.grid,
+            })))
+        }
+    }
+}
+
 /// What stays the same during training.
 struct Training<'a> {
     config: &'a Config,
+    model: &'a Model,
     device: &'a Device,
     folder: &'a RunFolder,
     samples: &'a GraspDataset,
@@ -191,7 +216,7 @@ impl Training<'_> {
     }
 
     fn step(&self, state: &mut Checkpoint, batch: &Batch) -> Result<(), Failure> {
-        let result = step(&state.vector, batch, state.upsampling, self.device);
+        let result = self.model.step(&state.vector, batch, self.device);
         let samples = result.samples.len();
         let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / samples as f64;
         let number = state.progress.step + 1;
@@ -219,7 +244,7 @@ impl Training<'_> {
             if self.is_stopped() {
                 return ControlFlow::Break(());
             }
-            tally.add(&evaluate(vector, &batch, self.config.network.upsampling, self.device));
+            tally.add(&self.model.evaluate(vector, &batch, self.device));
             ControlFlow::Continue(())
         })?;
         Ok(tally)

@@ -6,6 +6,7 @@
 //!   features, has the network in Burn: for other devices, and for comparison in tests.
 //! - [`step`] is a training step: the network at one voxel per sample, and the [`loss`], the paper's Eq. 1–5. [`batch`]
 //!   cuts a batch into parts that run on different threads.
+//! - [`judge`] is the step of the other network, the judge of hands.
 //! - [`data`] makes samples from shards, [`split`] holds some out, [`order`] shuffles the rest, [`augmentation`]
 //!   rotates and shifts their scenes.
 //! - [`mod@fit`] is the training loop, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early
@@ -36,8 +37,10 @@ pub mod fit;
 pub mod fuzzing;
 #[cfg(feature = "graph")]
 pub mod graph;
+pub mod judge;
 pub mod loss;
 pub mod metrics;
+pub mod model;
 pub mod order;
 pub mod page;
 pub mod patience;

@@ -71,7 +71,7 @@ fn part_steps(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) 
 }
 
 /// Adds the gradients of parts, each value in the order of parts.
-fn sum(parameters: usize, parts: Vec<StepResult>) -> StepResult {
+pub(crate) fn sum(parameters: usize, parts: Vec<StepResult>) -> StepResult {
     let mut gradient = vec![-0.0; parameters]; // adding to −0 changes no bit of a number
     let chunk = parameters.div_ceil(64);
     gradient.par_chunks_mut(chunk).enumerate().for_each(|(number, sum)| {
@@ -109,7 +109,7 @@ mod tests {
                 quality_weight: 1.0,
             },
         };
-        Batch { grids, samples: (0..30).map(sample).collect() }
+        Batch { grids, samples: (0..30).map(sample).collect(), ..Batch::default() }
     }
 
     #[test]

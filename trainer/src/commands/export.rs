@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use network::Architecture;
 use network::interchange::{Target, export};
 use program::{ExitCode, Failure, print};
 
@@ -35,7 +36,10 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let checkpoint = export(&arguments.checkpoint, &arguments.out, arguments.format, arguments.force)?;
-    let (upsampling, out) = (checkpoint.upsampling.name(), arguments.out.display());
-    print(format_args!("upsampling  {upsampling}\nwritten     {out}\n"))?;
+    let network = match &checkpoint.architecture {
+        Architecture::Voxel(upsampling) => format!("upsampling  {}", upsampling.name()),
+        Architecture::Judge(scope) => format!("judge of    {}", scope.gripper.name),
+    };
+    print(format_args!("{network}\nwritten     {}\n", arguments.out.display()))?;
     Ok(ExitCode::Ok)
 }

@@ -4,11 +4,11 @@ use core::ops::RangeInclusive;
 use std::io;
 
 use burn_dataset::Dataset;
-use schema::{Quat, Rule};
+use schema::{Outcome, Pose, Purpose, Quat, Rule, Stream};
 
 use super::grids::Grids;
 use crate::augmentation::{Augmentation, Motion};
-use crate::batch::{Batch, Sample};
+use crate::batch::{Batch, Hand, Sample};
 use crate::loss::{ClassWeights, Target};
 
 /// The changes to samples in training; there are none in testing.
@@ -43,11 +43,26 @@ pub struct Record {
     pub width_voxels: f32,
 }
 
-/// All samples of a dataset whose grasp is inside the grid, by scene and attempt: one per attempt by a rule, one per
-/// point of VGN's sampler.
+/// What a judge is asked about a sample, and how the attempt ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandRecord {
+    /// The grasp.
+    pub workspace_from_grasp: Pose,
+    /// Number of views of the scene.
+    pub views: u8,
+    /// How the attempt ended.
+    pub outcome: Outcome,
+    /// Whether the hand hits the table on its way.
+    pub hits_table: bool,
+}
+
+/// All samples of a dataset, by scene and attempt. For the paper's network those whose grasp is inside the grid: one
+/// per attempt by a rule, one per point of VGN's sampler. For a judge every attempt.
 #[derive(Debug)]
 pub struct GraspDataset {
     pub(super) records: Vec<Record>,
+    /// For each record its hand; none for the paper's network.
+    pub(super) hands: Vec<HandRecord>,
     pub(super) grids: Grids,
     /// Number of attempts without a sample, because their grasp's origin is outside the grid.
     pub outside: u64,
@@ -58,6 +73,12 @@ impl GraspDataset {
     #[must_use]
     pub fn record(&self, sample: usize) -> &Record {
         &self.records[sample]
+    }
+
+    /// What a judge is asked about a sample; `None` for the paper's network.
+    #[must_use]
+    pub fn hand(&self, sample: usize) -> Option<&HandRecord> {
+        self.hands.get(sample)
     }
 
     /// Scene and attempt of every sample, ascending.
@@ -86,6 +107,7 @@ impl GraspDataset {
                 voxel: record.voxel.map(usize::from),
                 target: record.target(),
             });
+            batch.hands.extend(self.hands.get(sample).map(HandRecord::hand));
         }
         Ok(batch)
     }
@@ -99,6 +121,14 @@ impl GraspDataset {
         let mut batch = self.batch(samples)?;
         for sample in &mut batch.samples {
             sample.target.quality_weight = weights.of(sample.target.label);
+        }
+        if !batch.hands.is_empty() {
+            let mut sorted = samples.to_vec();
+            sorted.sort_unstable();
+            for (hand, sample) in batch.hands.iter_mut().zip(sorted) {
+                let mut draw = Stream::new(seed, sample as u64, Purpose::Mirror, epoch);
+                hand.mirrored = [(); 2].map(|()| draw.unit() < 0.5);
+            }
         }
         if augmentation != Augmentation::OFF {
             let mut scenes: Vec<u32> = samples.iter().map(|sample| self.records[*sample].scene).collect();
@@ -125,6 +155,13 @@ impl GraspDataset {
         let (low, high) =
             own.fold((u8::MAX, 0), |(low, high), record| (low.min(record.voxel[2]), high.max(record.voxel[2])));
         usize::from(low)..=usize::from(high)
+    }
+}
+
+impl HandRecord {
+    fn hand(&self) -> Hand {
+        let Self { workspace_from_grasp, views, outcome, hits_table } = *self;
+        Hand { workspace_from_grasp, views: views.into(), mirrored: [false; 2], outcome, hits_table }
     }
 }
 
@@ -170,7 +207,7 @@ mod tests {
                 width_voxels: 5.0,
             }));
         }
-        GraspDataset { records, grids, outside: 0 }
+        GraspDataset { records, hands: Vec::new(), grids, outside: 0 }
     }
 
     #[test]

@@ -1,20 +1,22 @@
 //! From shards to samples.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use network::judge::Crop;
+use network::receptive_field::RESOLUTION;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
 use schema::{AttemptRecord, Grasp, Grid};
 use shards::Dataset;
 
 use super::grids::Grids;
-use super::item::{GraspDataset, Record};
-use network::receptive_field::RESOLUTION;
+use super::item::{GraspDataset, HandRecord, Record};
 
 /// Reads every attempt and decodes every grid once to a file in `folder`. Shards are read in parallel; after a failed
 /// shard no later ones are read. Files are checked against the manifest's checksums. `scene_done` is called once per
-/// scene, from any thread.
+/// scene, from any thread. With `crop`, samples are hands for a judge that sees them so.
 ///
 /// # Errors
 /// If the dataset cannot be read or trained on, the grids cannot be stored, or `stop` is set; the first error in the
@@ -22,6 +24,7 @@ use network::receptive_field::RESOLUTION;
 pub fn load(
     dataset: &Dataset,
     folder: &Path,
+    crop: Option<&Crop>,
     stop: &AtomicBool,
     scene_done: &(dyn Fn() + Sync),
 ) -> Result<GraspDataset, Failure> {
@@ -38,70 +41,101 @@ pub fn load(
     })?;
     let grids = Grids::create(folder, scenes as usize)?;
     let failed = AtomicU32::new(u32::MAX); // the lowest shard that failed
-    let shards: Vec<(Vec<Record>, u64)> = (0..info.shard_count)
+    let shards: Vec<Samples> = (0..info.shard_count)
         .into_par_iter()
         .map(|shard| {
             if failed.load(Ordering::Relaxed) < shard {
                 return Err(stopped()); // after the failure, so the result is not used
             }
-            let records = load_shard(dataset, shard, &grids, stop, scene_done);
-            records.inspect_err(|_| {
+            let samples = load_shard(dataset, shard, &grids, crop, stop, scene_done);
+            samples.inspect_err(|_| {
                 failed.fetch_min(shard, Ordering::Relaxed);
             })
         })
         .collect::<Vec<Result<_, Failure>>>()
         .into_iter()
         .collect::<Result<_, _>>()?;
-    let outside = shards.iter().map(|(_, outside)| outside).sum();
-    let records = shards.into_iter().flat_map(|(records, _)| records).collect();
-    Ok(GraspDataset { records, grids, outside })
+    let mut all = GraspDataset { records: Vec::new(), hands: Vec::new(), grids, outside: 0 };
+    for Samples { records, hands, outside } in shards {
+        all.records.extend(records);
+        all.hands.extend(hands);
+        all.outside += outside;
+    }
+    Ok(all)
+}
+
+/// The samples of a shard.
+struct Samples {
+    records: Vec<Record>,
+    hands: Vec<HandRecord>,
+    outside: u64,
 }
 
 fn stopped() -> Failure {
     Failure::new(ExitCode::TryAgain, "stopped by a signal while reading the dataset")
 }
 
-/// Reads the samples of a shard and writes their grids to the file; also returns the number of grasps outside the grid.
+/// Reads the samples of a shard and writes their grids to the file.
 fn load_shard(
     dataset: &Dataset,
     shard: u32,
     grids: &Grids,
+    crop: Option<&Crop>,
     stop: &AtomicBool,
     scene_done: &(dyn Fn() + Sync),
-) -> Result<(Vec<Record>, u64), Failure> {
+) -> Result<Samples, Failure> {
     if stop.load(Ordering::Relaxed) {
         return Err(stopped());
     }
+    let mut views = BTreeMap::new();
     for scene in dataset.scenes(shard)? {
         let scene = scene?;
+        views.insert(scene.scene_id, scene.views.len());
         grids.write(scene.scene_id as usize, &scene.tsdf)?;
         scene_done();
         if stop.load(Ordering::Relaxed) {
             return Err(stopped());
         }
     }
-    let samples = schema::samples_of(&dataset.read_attempts(shard)?, &dataset.info().gripper);
-    let records: Vec<Record> = samples.iter().filter_map(|sample| record(sample, &dataset.info().grid)).collect();
-    let outside = samples.len() - records.len();
-    Ok((records, outside as u64))
+    let attempts = dataset.read_attempts(shard)?;
+    if let Some(crop) = crop {
+        // A judge is asked about every hand, wherever its origin is.
+        let hand = |attempt: &AttemptRecord| HandRecord {
+            workspace_from_grasp: attempt.workspace_from_grasp,
+            views: views.get(&attempt.scene_id).copied().unwrap_or_default() as u8,
+            outcome: attempt.outcome,
+            hits_table: crop.hits_table(&attempt.workspace_from_grasp),
+        };
+        let hands = attempts.iter().map(hand).collect();
+        let records = attempts.iter().map(|attempt| record(attempt, [0; 3], 0.0)).collect();
+        return Ok(Samples { records, hands, outside: 0 });
+    }
+    let samples = schema::samples_of(&attempts, &dataset.info().gripper);
+    let records: Vec<Record> = samples.iter().filter_map(|sample| at_voxel(sample, &dataset.info().grid)).collect();
+    let outside = (samples.len() - records.len()) as u64;
+    Ok(Samples { records, hands: Vec::new(), outside })
 }
 
 /// The sample of an attempt, or `None` if its grasp's origin is outside the grid.
-fn record(attempt: &AttemptRecord, grid: &Grid) -> Option<Record> {
-    let label = attempt.label();
+fn at_voxel(attempt: &AttemptRecord, grid: &Grid) -> Option<Record> {
     let grasp = Grasp {
         workspace_from_grasp: attempt.workspace_from_grasp,
         // Only a held object's width is a target.
-        width_m: attempt.width_m.filter(|_| label == 1).unwrap_or(0.0),
+        width_m: attempt.width_m.filter(|_| attempt.label() == 1).unwrap_or(0.0),
     };
     let voxels = grasp.to_voxels(grid)?;
-    Some(Record {
+    let index = voxels.index.map(|index| index as u8);
+    Some(Record { rotation: voxels.rotation.to_array(), ..record(attempt, index, voxels.width_voxels) })
+}
+
+fn record(attempt: &AttemptRecord, voxel: [u8; 3], width_voxels: f32) -> Record {
+    Record {
         scene: attempt.scene_id as u32,
         attempt: attempt.attempt_id,
-        voxel: voxels.index.map(|index| index as u8),
+        voxel,
         rule: attempt.rule,
-        label,
-        rotation: voxels.rotation.to_array(),
-        width_voxels: voxels.width_voxels,
-    })
+        label: attempt.label(),
+        rotation: attempt.workspace_from_grasp.rotation.to_array(),
+        width_voxels,
+    }
 }

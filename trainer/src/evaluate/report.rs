@@ -8,7 +8,7 @@ use program::{Context, Failure, json, write};
 use report::document::{Block, Cell, Document, Picture, Table};
 use report::figure::{BLUE, Bars, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 
-use super::Evaluation;
+use super::{Evaluation, HandScores};
 use crate::metrics::Summary;
 use crate::scores::{BINS, Spread};
 
@@ -172,10 +172,39 @@ fn numbers(evaluation: &Evaluation) -> Table {
             "mean distance of the quality from the share that held",
         ),
         row("Brier score", format!("{:.3}", calibration.brier), "mean squared distance of the quality from the label"),
-        text(&format!("error of rotation, {} held attempts", errors.samples), spread(errors.rotation_deg, "°").into()),
-        text("error of width, the same", spread(errors.width_mm, " mm").into()),
     ];
-    Table::new(["what", "value", "meaning"], rows)
+    let grasps = || {
+        [
+            text(
+                &format!("error of rotation, {} held attempts", errors.samples),
+                spread(errors.rotation_deg, "°").into(),
+            ),
+            text("error of width, the same", spread(errors.width_mm, " mm").into()),
+        ]
+    };
+    let more = evaluation.hands.as_ref().map_or_else(|| grasps().to_vec(), |hands| hand_rows(hands).to_vec());
+    Table::new(["what", "value", "meaning"], rows.into_iter().chain(more))
+}
+
+/// What only a judge's evaluation has.
+fn hand_rows(hands: &HandScores) -> [Vec<Cell>; 3] {
+    let HandScores { table_free, scenes_with_held, best_held, .. } = hands;
+    let row = |what: &str, value: String, meaning: &str| vec![what.into(), Cell::Number(value), Cell::note(meaning)];
+    let [accuracy, auc, precision] =
+        [table_free.all.accuracy, table_free.roc_auc, table_free.average_precision].map(number);
+    [
+        row(
+            &format!("accuracy, {} attempts that do not hit the table", table_free.all.samples),
+            accuracy,
+            &format!("always \"failure\": {}", number(table_free.all.baseline_accuracy)),
+        ),
+        row("area under the ROC curve, average precision, the same", format!("{auc}, {precision}"), ""),
+        row(
+            &format!("best hand of a scene holds, {scenes_with_held} scenes"),
+            number(*best_held),
+            "of the scenes in which some attempt held",
+        ),
+    ]
 }
 
 fn kinds(title: &str, summaries: &BTreeMap<&'static str, Summary>) -> Table {

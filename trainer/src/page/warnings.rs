@@ -230,6 +230,7 @@ mod tests {
             errors: GraspErrors { samples: 30, rotation_deg: None, width_mm: None },
             by_shape: Default::default(),
             by_rule: Default::default(),
+            hands: None,
         }
     }
 

@@ -24,6 +24,7 @@ fn batch(grids: usize) -> Batch {
     Batch {
         grids: (0..grids).map(|number| grid(number as u32).into()).collect(),
         samples: (0..6 * grids).map(sample).collect(),
+        ..Batch::default()
     }
 }
 

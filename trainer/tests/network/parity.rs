@@ -54,7 +54,11 @@ impl Golden {
                 quality_weight: 1.0,
             },
         });
-        Batch { grids: (0..GRIDS).map(|number| Arc::from(grid(number))).collect(), samples: samples.collect() }
+        Batch {
+            grids: (0..GRIDS).map(|number| Arc::from(grid(number))).collect(),
+            samples: samples.collect(),
+            ..Batch::default()
+        }
     }
 
     /// Compares the entries that the script sampled, and the norm of the whole.

@@ -27,7 +27,7 @@ fn batch(voxels: &[[usize; 3]]) -> Batch {
         let target = Target { label: u8::from(at % 3 != 1), rotation, width_voxels, quality_weight };
         Sample { grid: 0, voxel: *voxel, target }
     });
-    Batch { grids: vec![Arc::from(grid(0))], samples: samples.collect() }
+    Batch { grids: vec![Arc::from(grid(0))], samples: samples.collect(), ..Batch::default() }
 }
 
 /// Per-sample losses and the gradient of their mean, by the dense network and Burn's own convolutions.

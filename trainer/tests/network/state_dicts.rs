@@ -1,6 +1,7 @@
 //! Files of PyTorch's `torch.save` (`scripts/state_dicts_torch.py`) hold the values that the script put there.
 
 use half::f16;
+use network::Architecture;
 use network::checkpoint;
 use network::interchange::{IMPORTED, Imported, Source, Target, export, import};
 use network::layers::parameter_slots;
@@ -51,7 +52,10 @@ fn new_and_old_files_hold_the_same_values() {
         assert!(imported.checkpoint.vector == expected, "{name}");
         let read = checkpoint::read(&folder.path().join(name)).unwrap();
         assert!(read.vector == expected, "{name}");
-        assert_eq!((read.dataset_id.as_str(), read.upsampling), (IMPORTED, Upsampling::Nearest));
+        assert_eq!(
+            (read.dataset_id.as_str(), &read.architecture),
+            (IMPORTED, &Architecture::Voxel(Upsampling::Nearest))
+        );
         assert!(read.config.contains(&format!("file = \"{name}.pth\"")), "{}", read.config);
         assert!(read.config.parse::<toml::Table>().unwrap().contains_key("imported"));
     }
