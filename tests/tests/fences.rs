@@ -17,6 +17,7 @@ const NEVER: &[(&str, &[&[&str]])] = &[
     ("shards", &[PHYSICS, LEARNING]),
     ("simulator", &[LEARNING, COLUMNS, NETWORK]),
     ("perception", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
+    ("hands", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
     ("generator", &[LEARNING]),
     ("network", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
     ("trainer", &[PHYSICS, BACKENDS]),

@@ -1,0 +1,296 @@
+//! Proposes hands: poses of an open hand that stand free in what was seen of a scene, and close on something.
+//!
+//! A proposal touches a point of the seen surface. Either a finger closes along the point's normal, from any side that
+//! is not below; or the hand comes along the normal, tilted a little, and closes in any direction. Where nobody saw the
+//! opposite side, it is drawn. A hand that hits the table, or sweeps through what was seen, is not proposed.
+//! Whether a proposal holds is not asked here: that is the judge's question.
+
+use core::f32::consts::{FRAC_PI_2, FRAC_PI_6, PI};
+
+use perception::{normals, surface_cloud};
+use rayon::prelude::*;
+use schema::{Grasp, Gripper, HandBox, Mat3, Quat, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts};
+
+/// Distance between the points of the surface that hands touch.
+const PITCH_M: f32 = 0.005;
+/// Points nearer to the table than this belong to the table.
+const TABLE_M: f32 = 0.004;
+/// Share of hands whose finger closes along the normal; the others come along it.
+const CLOSING_SHARE: f32 = 0.7;
+/// A finger closes along a normal only if the normal rises or falls by less than this sine.
+const CLOSING_RISE_MAX: f32 = 0.85;
+/// Maximum tilt of a hand that comes along a normal.
+const TILT_RAD_MAX: f32 = FRAC_PI_6;
+/// Approaches rise by at most this sine: they come from above or from the side.
+const APPROACH_RISE_MAX: f32 = 0.05;
+/// How far behind the touched point the tips end, and at the least before it.
+const DEPTH_M: [f32; 2] = [-0.005, 0.04];
+/// A hand leaves at least this between its fingers and what it closes on.
+const GAP_M: f32 = 0.002;
+/// The least width of what hands close on.
+const WIDTH_M_MIN: f32 = 0.006;
+/// Step of the walk through an object to its opposite side.
+const WALK_M: f32 = 0.002;
+/// Distance between the points of the swept hand at which the field is looked up.
+const LOOK_M: f32 = 0.0075;
+/// A hand is in the way of what was seen where the field is below this, in truncations: 6 mm deep in the paper's grid,
+/// because the field is coarse.
+const INSIDE: f32 = -0.2;
+/// Draws for each wanted hand after which the search ends.
+const TRIES_MAX: usize = 40;
+/// Draws that are examined together.
+const ROUND: usize = 1024;
+
+/// A hand, prepared for the search.
+#[derive(Debug, Clone)]
+pub struct Proposer<'a> {
+    gripper: &'a Gripper,
+    swept: [HandBox; 3],
+    /// Points of the swept hand in the grasp frame, the tips first.
+    looks_m: Vec<Vec3>,
+}
+
+/// What is drawn for one proposal.
+struct Draw {
+    point: usize,
+    closes: bool,
+    /// Angle of the approach about the closing direction, or of the closing direction about the approach.
+    turn_rad: f32,
+    tilt_rad: f32,
+    depth_m: f32,
+    /// Shares of what is left to choose: the width where it was not seen, the place between the fingers.
+    width: f32,
+    offset: f32,
+    flip: bool,
+}
+
+impl Draw {
+    fn new(points: usize, stream: &mut Stream) -> Self {
+        Self {
+            point: stream.index(points),
+            closes: stream.uniform(0.0, 1.0) < CLOSING_SHARE,
+            turn_rad: stream.uniform(-1.0, 1.0),
+            tilt_rad: stream.uniform(0.0, TILT_RAD_MAX),
+            depth_m: stream.uniform(DEPTH_M[0], DEPTH_M[1]),
+            width: stream.uniform(0.0, 1.0),
+            offset: stream.uniform(-1.0, 1.0),
+            flip: stream.uniform(0.0, 1.0) < 0.5,
+        }
+    }
+}
+
+impl<'a> Proposer<'a> {
+    /// Prepares a hand that starts `pregrasp_distance_m` behind its grasp.
+    #[must_use]
+    pub fn new(gripper: &'a Gripper, pregrasp_distance_m: f32) -> Self {
+        let swept = gripper.open_hand().map(|b| b.swept_back(pregrasp_distance_m).grown(gripper.clearance_m));
+        let mut looks_m: Vec<Vec3> = swept.iter().flat_map(points_of).collect();
+        looks_m.sort_by(|a, b| b.z.total_cmp(&a.z));
+        Self { gripper, swept, looks_m }
+    }
+
+    /// At most `count` hands in a scene, with the widths on which they close as far as these were seen; fewer if no
+    /// more are found. A pure function of its arguments, whatever the number of threads.
+    #[must_use]
+    pub fn propose(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
+        let above_m = field.grid.table_z_m + TABLE_M;
+        let cloud_m = surface_cloud(field, PITCH_M);
+        let normals = normals(field, &cloud_m);
+        let is_thing = |(point_m, normal): &(Vec3, Vec3)| point_m.z > above_m && *normal != Vec3::ZERO;
+        let surface: Vec<(Vec3, Vec3)> = cloud_m.into_iter().zip(normals).filter(is_thing).collect();
+        let mut found = Vec::with_capacity(count);
+        if surface.is_empty() {
+            return found;
+        }
+        for _ in 0..(count * TRIES_MAX).div_ceil(ROUND) {
+            let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(surface.len(), stream)).collect();
+            let round: Vec<Option<Grasp>> =
+                draws.par_iter().with_min_len(64).map(|draw| self.hand(field, surface[draw.point], draw)).collect();
+            found.extend(round.into_iter().flatten());
+            if found.len() >= count {
+                break;
+            }
+        }
+        found.truncate(count);
+        found
+    }
+
+    /// The hand of a draw at a point of the surface, if it is free.
+    fn hand(&self, field: &VoxelGrid, (point_m, normal): (Vec3, Vec3), draw: &Draw) -> Option<Grasp> {
+        let room_m = self.gripper.opening_m_max - 2.0 * GAP_M;
+        let (rotation, width_m, centre_m) = if draw.closes {
+            if normal.z.abs() > CLOSING_RISE_MAX {
+                return None;
+            }
+            let rotation = approach_about(normal, FRAC_PI_2 * draw.turn_rad, draw.flip);
+            let width_m =
+                walk(field, point_m, -normal, room_m).unwrap_or(WIDTH_M_MIN + draw.width * (room_m - WIDTH_M_MIN));
+            (rotation, width_m, point_m - 0.5 * width_m * normal)
+        } else {
+            let tilted = axis_angle(perpendicular(normal, PI * draw.offset), draw.tilt_rad) * normal;
+            let rotation = closing_about(-tilted, PI * draw.turn_rad);
+            (rotation, draw.width * room_m, point_m)
+        };
+        if !(WIDTH_M_MIN..=room_m).contains(&width_m) && draw.closes {
+            return None;
+        }
+        let approach = rotation * Vec3::Z;
+        if approach.z > APPROACH_RISE_MAX {
+            return None;
+        }
+        // What is between the fingers need not be in their middle.
+        let slack_m = 0.25 * (room_m - width_m) * draw.offset;
+        let tips_m = centre_m + rotation * Vec3::new(0.0, slack_m, draw.depth_m);
+        let workspace_from_grasp = pose_from_parts(rotation, tips_m);
+        let table_z_m = field.grid.table_z_m;
+        if self.swept.iter().any(|b| b.lowest_z_m(&workspace_from_grasp) < table_z_m) {
+            return None;
+        }
+        let is_free = self.looks_m.iter().all(|look_m| distance(field, tips_m + rotation * *look_m) > INSIDE);
+        is_free.then_some(Grasp { workspace_from_grasp, width_m })
+    }
+}
+
+/// The field at the voxel of a point, in truncations; 1 where nothing was observed.
+fn distance(field: &VoxelGrid, point_m: Vec3) -> f32 {
+    match field.grid.voxel_at(point_m).map(|index| field.values[field.grid.flat(index)]) {
+        Some(value) if value > 0.0 => 2.0 * value - 1.0,
+        _ => 1.0,
+    }
+}
+
+/// The width of what lies behind a surface point: the way to where the field is positive again, if that was seen within
+/// `most_m`.
+fn walk(field: &VoxelGrid, point_m: Vec3, along: Vec3, most_m: f32) -> Option<f32> {
+    let steps = (most_m / WALK_M) as usize;
+    // The first steps are in the surface itself.
+    let values = (3..=steps).map(|step| {
+        let at_m = point_m + along * (step as f32 * WALK_M);
+        let value = field.grid.voxel_at(at_m).map_or(0.0, |index| field.values[field.grid.flat(index)]);
+        (step as f32 * WALK_M, value)
+    });
+    let mut was_inside = false;
+    for (width_m, value) in values {
+        was_inside |= value > 0.0 && value < 0.5;
+        if was_inside && value >= 0.5 {
+            return Some(width_m);
+        }
+    }
+    None
+}
+
+/// The orientation that closes along `closing` and approaches in the plane across it, `turn_rad` from the steepest way
+/// down.
+fn approach_about(closing: Vec3, turn_rad: f32, flip: bool) -> Quat {
+    let y = if flip { -closing } else { closing };
+    let down = (-Vec3::Z + y * y.z).normalize();
+    let z = axis_angle(y, turn_rad) * down;
+    from_axes(y, z)
+}
+
+/// The orientation that approaches along `approach`, turned by `turn_rad` about it.
+fn closing_about(approach: Vec3, turn_rad: f32) -> Quat {
+    from_axes(perpendicular(approach, turn_rad), approach)
+}
+
+/// A unit vector across `axis`, `turn_rad` from a fixed one.
+fn perpendicular(axis: Vec3, turn_rad: f32) -> Vec3 {
+    let start = if axis.z.abs() > 0.9 { Vec3::X } else { Vec3::Z };
+    axis_angle(axis, turn_rad) * axis.cross(start).normalize()
+}
+
+fn from_axes(y: Vec3, z: Vec3) -> Quat {
+    Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z)).normalize()
+}
+
+/// Points of a box on a lattice of [`LOOK_M`], its faces included.
+fn points_of(b: &HandBox) -> impl Iterator<Item = Vec3> + use<> {
+    let [nx, ny, nz] = b.half_m.to_array().map(|half_m| libm::ceilf(2.0 * half_m / LOOK_M) as usize + 1);
+    let b = *b;
+    (0..nx * ny * nz).map(move |at| {
+        let share = |at: usize, n: usize| 2.0 * at as f32 / (n - 1) as f32 - 1.0;
+        let [x, y, z] = [share(at / (ny * nz), nx), share(at / nz % ny, ny), share(at % nz, nz)];
+        b.centre_m + b.half_m * Vec3::new(x, y, z)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Grid, Procedure, Purpose};
+
+    use super::*;
+
+    /// A box of 40 x 50 x 60 mm on the table, seen from all sides.
+    const MIDDLE_M: Vec3 = Vec3::new(0.15, 0.15, 0.08);
+    const HALF_M: Vec3 = Vec3::new(0.02, 0.025, 0.03);
+
+    fn depth_in_box_m(point_m: Vec3) -> f32 {
+        (HALF_M - (point_m - MIDDLE_M).abs()).min_element()
+    }
+
+    fn field() -> VoxelGrid {
+        let value = |index: usize| {
+            let at_m = Grid::PAPER.centre_m([index / 1600, index / 40 % 40, index % 40]);
+            let outside = ((at_m - MIDDLE_M).abs() - HALF_M).max(Vec3::ZERO).length();
+            let to_box = if outside > 0.0 { outside } else { -depth_in_box_m(at_m) };
+            let tsdf = (to_box.min(at_m.z - 0.05) / 0.03).clamp(-1.0, 1.0);
+            if tsdf.abs() < 0.98 { 0.5 * (tsdf + 1.0) } else { 0.0 }
+        };
+        VoxelGrid::new(Grid::PAPER, (0..64_000).map(value).collect()).unwrap()
+    }
+
+    fn proposed(count: usize) -> (Gripper, Vec<Grasp>) {
+        let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
+        let proposer = Proposer::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
+        let hands = proposer.propose(&field(), count, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        (gripper, hands)
+    }
+
+    #[test]
+    fn hands_are_free_and_come_from_above_or_from_the_side() {
+        let (gripper, hands) = proposed(500);
+        assert_eq!(hands.len(), 500);
+        let swept = gripper.open_hand().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m));
+        for Grasp { workspace_from_grasp: pose, .. } in &hands {
+            assert!((pose.rotation * Vec3::Z).z <= APPROACH_RISE_MAX);
+            assert!(swept.iter().all(|b| b.lowest_z_m(pose) > 0.05));
+            let deepest = swept.iter().flat_map(points_of).map(|at| depth_in_box_m(*pose * at));
+            let deepest_m = deepest.fold(f32::NEG_INFINITY, f32::max);
+            // The field's voxels are 7.5 mm, and it is looked up without interpolation.
+            assert!(deepest_m < 0.012, "{deepest_m}");
+        }
+        let level = hands.iter().filter(|hand| (hand.workspace_from_grasp.rotation * Vec3::Z).z > -0.3).count();
+        let steep = hands.iter().filter(|hand| (hand.workspace_from_grasp.rotation * Vec3::Z).z < -0.8).count();
+        assert!(level > 50 && steep > 50, "{level} {steep}");
+    }
+
+    #[test]
+    fn most_hands_have_the_box_between_their_fingers_and_know_its_width() {
+        let (gripper, hands) = proposed(500);
+        let half_y_m = 0.5 * gripper.opening_m_max;
+        let holds = |hand: &&Grasp| {
+            let steps = || (-20_i8..=20).map(|step| f32::from(step) / 20.0);
+            steps().any(|y| {
+                (1_u8..=10).any(|z| {
+                    let at = Vec3::new(0.0, y * half_y_m, -0.003 * f32::from(z));
+                    depth_in_box_m(hand.workspace_from_grasp * at) > 0.0
+                })
+            })
+        };
+        let between = hands.iter().filter(holds).count();
+        assert!(between > 300, "{between} of 500");
+        // Closing across the box: 40 or 50 mm.
+        let known = |hand: &&Grasp| [0.04, 0.05].iter().any(|side| (hand.width_m - side).abs() < 0.008);
+        let known = hands.iter().filter(known).count();
+        assert!(known > 150, "{known} of 500");
+    }
+
+    #[test]
+    fn an_empty_table_has_no_hands_and_the_same_stream_gives_the_same_hands() {
+        let empty = VoxelGrid::new(Grid::PAPER, vec![0.0; 64_000]).unwrap();
+        let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
+        let mut stream = Stream::new(1, 0, Purpose::Proposals, 0);
+        assert!(Proposer::new(&gripper, 0.05).propose(&empty, 10, &mut stream).is_empty());
+        assert_eq!(proposed(300).1, proposed(500).1[..300]);
+    }
+}
