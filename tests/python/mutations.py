@@ -44,7 +44,7 @@ def leaves(value, path=()):
 def changed(value, rng):
     """Another value in the place of one of JSON: of its own type more often than of another."""
     if isinstance(value, bool) or value is None or rng.random() < 0.2:
-        return rng.choice(OTHERS)
+        return copy.deepcopy(rng.choice(OTHERS))  # a later change may put something into it
     if isinstance(value, int | float):
         factor = rng.choice([0.1, 0.9, 1.1, 2, 10, 100, -1])
         scaled = value * factor
