@@ -10,7 +10,8 @@ use schema::{
 use simulator::{AttemptWorld, Execution, Scene, SceneRays, Settled, Unsettled, settle};
 
 use crate::candidates::{Candidate, draw_candidates};
-use crate::config::{Config, Sampler};
+use crate::config::Config;
+use crate::mixture::{Mixture, displaced, proposed};
 use crate::normals::draw_along_normals;
 use crate::objects::draw_drops;
 
@@ -80,15 +81,28 @@ pub fn make_scene_timed(
     let mut views_stream = Stream::new(config.seed, scene_id, Purpose::Views, 0);
     let views = draw_views(&config.views, &config.grid, &mut views_stream);
     let rays = SceneRays::new(&scene);
-    let tsdf = observe(config, &rays, &views).values;
+    let tsdf = observe(config, &rays, &views);
     ended(Stage::Observe { views: views.len() });
 
     let mut candidates_stream = Stream::new(config.seed, scene_id, Purpose::Candidates, 0);
     let count = attempt_count as usize;
-    let candidates = match config.sampler {
-        Sampler::Rules => draw_candidates(&objects, count, &mut candidates_stream),
-        Sampler::Vgn => draw_along_normals(config, (&scene, &objects), &rays, &views, count, &mut candidates_stream),
-    };
+    let mixture = Mixture::of(config, count);
+    let mut candidates = Vec::with_capacity(count);
+    if mixture.rules > 0 {
+        candidates.extend(draw_candidates(&objects, mixture.rules, &mut candidates_stream));
+    }
+    if mixture.normals > 0 {
+        let of = (&scene, &objects[..]);
+        candidates.extend(draw_along_normals(config, of, &rays, &views, mixture.normals, &mut candidates_stream));
+    }
+    if mixture.proposals > 0 {
+        candidates.extend(proposed(config, (&scene, &objects), &tsdf, mixture.proposals));
+    }
+    if candidates.is_empty() {
+        // Nothing was proposed and nothing else is wanted.
+        let of = (&scene, &objects[..]);
+        candidates.extend(draw_along_normals(config, of, &rays, &views, count, &mut candidates_stream));
+    }
     let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
     ended(Stage::Prepare);
 
@@ -97,7 +111,10 @@ pub fn make_scene_timed(
         ended(Stage::Attempt { outcome: execution.outcome, steps: execution.steps });
         attempt_record(scene_id, attempt_id, candidate, &execution)
     };
-    let attempts = candidates.iter().zip(0..).map(&mut execute).collect();
+    let mut attempts: Vec<AttemptRecord> = candidates.iter().zip(0..).map(&mut execute).collect();
+    // What is missing of the proposals where few were found is displaced, too.
+    let displaced = displaced(config, &attempts, count - attempts.len(), scene_id);
+    attempts.extend(displaced.iter().zip(attempts.len() as u32..).map(&mut execute));
 
     let scene = SceneRecord {
         scene_id,
@@ -107,7 +124,7 @@ pub fn make_scene_timed(
         settle_time_s: settled.settle_time_s,
         rejections,
         views,
-        tsdf,
+        tsdf: tsdf.values,
     };
     Ok(SceneRows { scene, objects, attempts })
 }

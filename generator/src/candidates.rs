@@ -1,6 +1,6 @@
 //! Candidates: grasps drawn by the rules, not yet executed.
 
-use schema::{Axis, Drawn, ObjectRecord, Pose, Rule, SLIDE_SHARE, Stream, TIP_DEPTH_M, Tilt, law_of};
+use schema::{Approach, Axis, Drawn, ObjectRecord, Pose, Rule, SLIDE_SHARE, Stream, TIP_DEPTH_M, Tilt, law_of};
 
 /// A grasp to execute, with everything that was drawn for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,7 +45,7 @@ pub fn draw_candidates(objects: &[ObjectRecord], count: usize, stream: &mut Stre
 #[must_use]
 pub fn draw_candidate(object: &ObjectRecord, object_id: usize, approach: Axis, stream: &mut Stream) -> Candidate {
     let solid = object.shape.as_solid().expect("a config with a catalogue draws along normals");
-    let rule = Rule { shape: solid.kind.into(), approach: Some(approach) };
+    let rule = Rule { shape: solid.kind.into(), approach: Approach::Axis(approach) };
     let law = law_of(solid.kind, approach);
     let closing = law.closing[stream.index(law.closing.len())];
     let (tilt, turn) = (stream.normal(0.0, 1.0), stream.uniform(0.0, 1.0));
@@ -177,7 +177,7 @@ mod tests {
     fn attempts_are_spread_evenly_over_objects_and_rules() {
         let objects = [ShapeKind::Cuboid, ShapeKind::Cylinder].map(|kind| object(kind, Quat::IDENTITY));
         let drawn = draw_candidates(&objects, 60, &mut Stream::new(1, 1, Purpose::Candidates, 0));
-        for rule in Rule::all().iter().take(6) {
+        for rule in Rule::of_the_paper().iter().take(6) {
             assert_eq!(drawn.iter().filter(|c| c.rule == *rule).count(), 10, "{}", rule.name());
         }
     }

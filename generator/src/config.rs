@@ -61,6 +61,32 @@ words! {
         Rules = "rules",
         /// VGN's: a seen point of the surface, the hand along its normal, six yaws.
         Vgn = "vgn",
+        /// Several ways, each with its share: for a judge, which must tell apart what hands of all kinds meet.
+        Mixed = "mixed",
+    }
+}
+
+settings! {
+    /// How many of a scene's attempts are drawn in which way, of `sampler = "mixed"`. The shares make 1.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct Shares {
+        /// By the paper's rules.
+        pub rules: f32 where 0.0..=1.0,
+        /// VGN's, in sixes.
+        pub normals: f32 where 0.0..=1.0,
+        /// Hands proposed on what the scene's cameras saw.
+        pub proposals: f32 where 0.0..=1.0,
+        /// Hands that held another attempt of the scene, moved by up to 30 mm and turned by up to 30 degrees.
+        pub displaced: f32 where 0.0..=1.0,
+    }
+}
+
+impl Shares {
+    /// What a config has that draws in one way.
+    pub const NONE: Self = Self { rules: 0.0, normals: 0.0, proposals: 0.0, displaced: 0.0 };
+
+    fn sum(self) -> f32 {
+        self.rules + self.normals + self.proposals + self.displaced
     }
 }
 
@@ -78,6 +104,8 @@ settings! {
         pub attempts_per_scene: u32 where 1..=10_000,
         /// How grasps are drawn.
         pub sampler: Sampler,
+        /// The shares of a mixed sampler.
+        pub shares: Shares; or Shares::NONE,
         /// The hand.
         pub gripper: Gripper; by Gripper::read_named as "a hand's name or a path that ends in .toml",
         /// The workspace.
@@ -152,7 +180,7 @@ impl Config {
                 "must be at most the number of scenes, {scenes} ({attempts} attempts, {attempts_per_scene} a scene), got {shards}"
             )
         });
-        let is_whole = *sampler == Sampler::Rules || attempts_per_scene.is_multiple_of(YAWS as u32);
+        let is_whole = *sampler != Sampler::Vgn || attempts_per_scene.is_multiple_of(YAWS as u32);
         reader.must("attempts_per_scene", is_whole, || {
             format!("must be a multiple of the {YAWS} yaws at a point, got {attempts_per_scene}")
         });
@@ -166,6 +194,11 @@ impl Config {
         reader.must("procedure.close_time_s_max", needs_s <= got + 1e-4, || {
             format!("must be at least the {needs_s:.2} s in which {} closes, got {got}", gripper.name)
         });
+        let wanted = if *sampler == Sampler::Mixed { 1.0 } else { 0.0 };
+        let got = self.shares.sum();
+        reader.must("shares", (got - wanted).abs() < 1e-3, || {
+            format!("must make {wanted} for sampler = \"{}\", got {got}", sampler.name())
+        });
         self.catalogue_fits(reader);
     }
 
@@ -175,8 +208,8 @@ impl Config {
         let Self { objects: ObjectParams { catalogue, drop_height_m, .. }, grid, .. } = self;
         reader.must(
             "objects.catalogue",
-            catalogue.is_empty() || self.sampler == Sampler::Vgn,
-            || "needs sampler = \"vgn\": the rules are those of the four primitive shapes",
+            catalogue.is_empty() || (self.sampler != Sampler::Rules && self.shares.rules == 0.0),
+            || "needs sampler = \"vgn\", or \"mixed\" without rules: the rules are those of the four primitive shapes",
         );
         for (name, size_m) in catalogue.bodies().iter().map(|body| (body.name(), 2.0 * body.bounding_radius_m())) {
             if size_m > grid.size_m {

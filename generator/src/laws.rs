@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use shards::{DatasetInfo, FormatVersion};
 use simulator::Body;
 
-use crate::config::{Config, OF_PRIMITIVES};
+use crate::config::{Config, OF_PRIMITIVES, Sampler};
 
 /// The engine, as datasets name it.
 const ENGINE: &str = "rapier3d 0.36.1";
@@ -51,6 +51,9 @@ impl Config {
             "physics": self.physics,
         });
         stored["physics"]["engine"] = json!(ENGINE);
+        if self.sampler == Sampler::Mixed {
+            stored["shares"] = json!(self.shares);
+        }
         if let Some(objects) = stored["objects"].as_object_mut() {
             let models = objects.remove("catalogue");
             if !self.objects.catalogue.is_empty() {

@@ -19,6 +19,7 @@ mod mass_integrals;
 mod measured;
 mod mesh;
 mod mesh_file;
+mod mixture;
 mod models;
 mod normals;
 mod objects;

@@ -8,7 +8,9 @@
 //! proportion to the area of its inner wall.
 
 use perception::camera_at;
-use schema::{Camera, ObjectRecord, Plane, Pose, Rule, Stream, Vec3, View, along_normal, axis_angle, pose_from_parts};
+use schema::{
+    Approach, Camera, ObjectRecord, Plane, Pose, Rule, Stream, Vec3, View, along_normal, axis_angle, pose_from_parts,
+};
 use simulator::{Scene, SceneObject, SceneRays, ViewRays};
 
 use crate::candidates::Candidate;
@@ -38,14 +40,24 @@ struct Touch {
 }
 
 /// The surface of an object at rest: the faces of its convex parts.
-struct Target {
+pub(crate) struct Target {
     parts: Vec<Vec<Plane>>,
     radius_m: f32,
     workspace_from_object: Pose,
 }
 
 impl Target {
-    fn of(object: &SceneObject) -> Self {
+    /// How far a point is outside all parts, by their planes; negative inside.
+    pub(crate) fn outside_m(&self, point_m: Vec3) -> f32 {
+        let local_m = self.workspace_from_object.inverse_transform_point(point_m);
+        let outside = |part: &Vec<Plane>| {
+            let planes = part.iter().map(|plane| plane.normal.dot(local_m) - plane.offset_m);
+            planes.fold(f32::NEG_INFINITY, f32::max)
+        };
+        self.parts.iter().map(outside).fold(f32::INFINITY, f32::min)
+    }
+
+    pub(crate) fn of(object: &SceneObject) -> Self {
         let parts = object.body.polyhedra().iter().map(|part| part.planes().collect()).collect();
         let radius_m = object.body.bounding_radius_m();
         Self { parts, radius_m, workspace_from_object: object.workspace_from_object }
@@ -82,7 +94,7 @@ pub(crate) fn draw_along_normals(
             let turn_rad = core::f32::consts::PI * yaw as f32 / YAWS as f32;
             Candidate {
                 object_id: touch.object_id,
-                rule: Rule { shape, approach: None },
+                rule: Rule { shape, approach: Approach::Normal },
                 closing: None,
                 tilt_rad: 0.0,
                 turn_rad,

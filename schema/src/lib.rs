@@ -46,6 +46,6 @@ pub use polyhedron::{Face, HullError, Polyhedron, bounds_m};
 pub use pose::{Mat3, Pose, Quat, Vec3, axis_angle, pose_from_parts};
 pub use procedure::Procedure;
 pub use record::{AttemptRecord, ObjectRecord, SceneRecord, SceneRejections, SceneRows};
-pub use rule::{Axis, Rule};
+pub use rule::{Approach, Axis, Rule};
 pub use seed::{Purpose, Stream};
 pub use solid::{FACETS, Plane, ShapeKind, Solid, SolidError};

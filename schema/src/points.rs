@@ -9,7 +9,7 @@
 
 use core::f32::consts::PI;
 
-use crate::{AttemptRecord, Gripper};
+use crate::{Approach, AttemptRecord, Gripper};
 
 /// The representative attempt of each sample, with its grasp at the network's position. An attempt by a rule is
 /// unchanged. For consecutive attempts along one point's normal it is the middle of the widest run of yaws that held
@@ -21,7 +21,7 @@ pub fn samples_of(attempts: &[AttemptRecord], gripper: &Gripper) -> Vec<AttemptR
 }
 
 fn is_along_normal(attempt: &AttemptRecord) -> bool {
-    attempt.rule.approach.is_none()
+    attempt.rule.approach == Approach::Normal
 }
 
 fn share_point(a: &AttemptRecord, b: &AttemptRecord) -> bool {
@@ -67,7 +67,7 @@ mod tests {
             scene_id: 3,
             attempt_id,
             object_id: 0,
-            rule: Rule { shape: ShapeKind::Cuboid.into(), approach },
+            rule: Rule { shape: ShapeKind::Cuboid.into(), approach: approach.map_or(Approach::Normal, Approach::Axis) },
             closing: approach.map(|_| Axis::Y),
             tilt_rad: 0.0,
             turn_rad,

@@ -60,7 +60,7 @@ pub struct AttemptRecord {
     pub attempt_id: u32,
     /// The target, by its number in the scene.
     pub object_id: u32,
-    /// Row of Appendix A, or the approach along the surface's normal.
+    /// How it was drawn: by a row of Appendix A, or otherwise.
     pub rule: Rule,
     /// Object axis along which the hand closes, before the turn; `None` if no axis of the object decides.
     pub closing: Option<Axis>,

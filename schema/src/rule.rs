@@ -1,5 +1,5 @@
-//! The rules that grasps are drawn by, by name: the rows of the paper's Appendix A, and VGN's approach along the
-//! surface's normal. `law.rs` has the distributions of the rows.
+//! The rules that grasps are drawn by, by name: the rows of the paper's Appendix A, VGN's approach along the surface's
+//! normal, proposals, and displaced hands. `law.rs` has the distributions of the rows.
 
 use settings::words;
 
@@ -36,61 +36,132 @@ impl Axis {
     }
 }
 
-/// A row of Appendix A: a shape and the object axis along which it is approached. Without an axis: the shape is
-/// approached along its surface's normal, as VGN's grasps are; models never are otherwise.
+/// How a grasp was drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Approach {
+    /// Along an object axis, by a row of Appendix A.
+    Axis(Axis),
+    /// Along the surface's normal, as VGN's grasps are.
+    Normal,
+    /// A hand proposed on what the cameras saw.
+    Proposal,
+    /// A hand of the same scene that held, displaced.
+    Displaced,
+}
+
+impl Approach {
+    /// All of them; the first three are the axes.
+    pub const ALL: [Self; 6] =
+        [Self::Axis(Axis::X), Self::Axis(Axis::Y), Self::Axis(Axis::Z), Self::Normal, Self::Proposal, Self::Displaced];
+
+    /// The object axis.
+    #[must_use]
+    pub fn axis(self) -> Option<Axis> {
+        if let Self::Axis(axis) = self { Some(axis) } else { None }
+    }
+
+    /// Place in [`Self::ALL`].
+    #[must_use]
+    pub fn index(self) -> usize {
+        match self {
+            Self::Axis(axis) => axis as usize,
+            Self::Normal => 3,
+            Self::Proposal => 4,
+            Self::Displaced => 5,
+        }
+    }
+
+    /// The name in shards.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        ["x", "y", "z", "normal", "proposal", "displaced"][self.index()]
+    }
+
+    /// The one with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|approach| approach.name() == name)
+    }
+}
+
+/// A target's shape and how the grasp was drawn. Models have no axes that Appendix A knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Rule {
     /// The shape.
     pub shape: Shape,
-    /// The object axis of the approach; `None` along the surface's normal.
-    pub approach: Option<Axis>,
+    /// How the grasp was drawn.
+    pub approach: Approach,
 }
 
 impl Rule {
+    /// Number of names: twelve rows of Appendix A, then for each other approach the four shapes and all models.
+    pub const NAMES: usize = 12 + 3 * 5;
+
     /// The twelve rows of Appendix A.
     #[must_use]
-    pub fn all() -> [Self; 12] {
-        core::array::from_fn(|i| Self { shape: ShapeKind::ALL[i / 3].into(), approach: Some(Axis::ALL[i % 3]) })
+    pub fn of_the_paper() -> [Self; 12] {
+        core::array::from_fn(|i| Self { shape: ShapeKind::ALL[i / 3].into(), approach: Approach::ALL[i % 3] })
     }
 
-    /// The four approaches along the surface's normal.
+    /// One rule for each name, in the order of [`Self::index`]. All models share a rule's name.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let others = Approach::ALL[3..].iter().flat_map(|approach| {
+            let shapes = ShapeKind::ALL.map(Shape::Primitive).into_iter().chain([Shape::Model(0)]);
+            shapes.map(|shape| Self { shape, approach: *approach })
+        });
+        Self::of_the_paper().into_iter().chain(others)
+    }
+
+    /// The rule that stands for all with the same name.
     #[must_use]
-    pub fn along_normals() -> [Self; 4] {
-        ShapeKind::ALL.map(|kind| Self { shape: kind.into(), approach: None })
+    pub fn named(self) -> Self {
+        let shape = if matches!(self.shape, Shape::Model(_)) { Shape::Model(0) } else { self.shape };
+        Self { shape, ..self }
     }
 
-    /// The approach to a model, along its surface's normal. All models share the rule's name.
-    #[must_use]
-    pub fn of_model(number: u16) -> Self {
-        Self { shape: Shape::Model(number), approach: None }
-    }
-
-    /// Place among all rules' names: [`Self::all`], then [`Self::along_normals`], then that of all models.
+    /// Place of the name among all.
     #[must_use]
     pub fn index(self) -> usize {
-        let Shape::Primitive(kind) = self.shape else { return 16 };
-        let shape = kind as usize;
-        self.approach.map_or(12 + shape, |axis| 3 * shape + axis as usize)
+        let shape = if let Shape::Primitive(kind) = self.shape { kind as usize } else { 4 };
+        match self.approach {
+            Approach::Axis(axis) => 3 * shape + axis as usize,
+            other => 12 + 5 * (other.index() - 3) + shape,
+        }
     }
 
     /// The name in shards and reports, such as `tri_prism_x`.
     #[must_use]
     pub fn name(self) -> &'static str {
-        const NAMES: [[&str; 4]; 4] = [
-            ["cuboid_x", "cuboid_y", "cuboid_z", "cuboid_normal"],
-            ["cylinder_x", "cylinder_y", "cylinder_z", "cylinder_normal"],
-            ["tri_prism_x", "tri_prism_y", "tri_prism_z", "tri_prism_normal"],
-            ["half_cylinder_x", "half_cylinder_y", "half_cylinder_z", "half_cylinder_normal"],
+        const NAMES: [[&str; 6]; 5] = [
+            ["cuboid_x", "cuboid_y", "cuboid_z", "cuboid_normal", "cuboid_proposal", "cuboid_displaced"],
+            ["cylinder_x", "cylinder_y", "cylinder_z", "cylinder_normal", "cylinder_proposal", "cylinder_displaced"],
+            [
+                "tri_prism_x",
+                "tri_prism_y",
+                "tri_prism_z",
+                "tri_prism_normal",
+                "tri_prism_proposal",
+                "tri_prism_displaced",
+            ],
+            [
+                "half_cylinder_x",
+                "half_cylinder_y",
+                "half_cylinder_z",
+                "half_cylinder_normal",
+                "half_cylinder_proposal",
+                "half_cylinder_displaced",
+            ],
+            // Models are approached along no axis; `shards` refuses such rows.
+            ["model_x", "model_y", "model_z", "model_normal", "model_proposal", "model_displaced"],
         ];
-        let Shape::Primitive(kind) = self.shape else { return "model_normal" };
-        NAMES[kind as usize][self.approach.map_or(3, |axis| axis as usize)]
+        let shape = if let Shape::Primitive(kind) = self.shape { kind as usize } else { 4 };
+        NAMES[shape][self.approach.index()]
     }
 
     /// The rule with this name; of the models', whose name does not say which, the first's.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        let all = Self::all().into_iter().chain(Self::along_normals()).chain([Self::of_model(0)]);
-        all.into_iter().find(|rule| rule.name() == name)
+        Self::all().find(|rule| rule.name() == name)
     }
 }
 
@@ -99,13 +170,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_say_shape_and_axis_and_lead_back() {
-        for (place, rule) in Rule::all().into_iter().chain(Rule::along_normals()).enumerate() {
-            let approach = rule.approach.map_or("normal", Axis::name);
-            assert_eq!(rule.name(), format!("{}_{approach}", rule.shape.name(&[])));
+    fn names_say_shape_and_approach_and_lead_back() {
+        let mut names = Vec::new();
+        for (place, rule) in Rule::all().enumerate() {
+            let shape = if let Shape::Primitive(kind) = rule.shape { kind.name() } else { "model" };
+            assert_eq!(rule.name(), format!("{shape}_{}", rule.approach.name()));
             assert_eq!((Rule::from_name(rule.name()), rule.index()), (Some(rule), place));
+            assert_eq!(Approach::from_name(rule.approach.name()), Some(rule.approach));
+            names.push(rule.name());
         }
-        assert_eq!((Rule::of_model(7).name(), Rule::of_model(7).index()), ("model_normal", 16));
-        assert_eq!(Rule::from_name("model_normal"), Some(Rule::of_model(0)));
+        assert_eq!(names.len(), Rule::NAMES);
+        let of_model = Rule { shape: Shape::Model(7), approach: Approach::Normal };
+        assert_eq!((of_model.name(), of_model.index()), ("model_normal", 16));
+        assert_eq!(of_model.named(), Rule { shape: Shape::Model(0), approach: Approach::Normal });
     }
 }

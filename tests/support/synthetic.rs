@@ -2,7 +2,7 @@
 //! outcomes that depend on the grasp, so that statistics are realistic and a network can learn from them.
 
 use schema::{
-    AttemptRecord, Axis, Grid, Gripper, HitKind, ObjectRecord, Outcome, Pose, Procedure, Purpose, Quat, Rule,
+    Approach, AttemptRecord, Axis, Grid, Gripper, HitKind, ObjectRecord, Outcome, Pose, Procedure, Purpose, Quat, Rule,
     SceneRecord, SceneRejections, SceneRows, ShapeKind, Solid, Stream, Vec3, View, axis_angle, pose_from_parts,
 };
 
@@ -151,7 +151,7 @@ fn attempt(
         scene_id: target.scene_id,
         attempt_id,
         object_id: target.object_id,
-        rule: Rule { shape: target.shape.shape(), approach: Some(approach) },
+        rule: Rule { shape: target.shape.shape(), approach: Approach::Axis(approach) },
         closing: Some(closing),
         tilt_rad,
         turn_rad: 0.0,

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use schema::{ObjectShape, Rule};
+use schema::ObjectShape;
 use serde_json::Value;
 use shards::{Dataset, FormatVersion};
 use tempfile::TempDir;
@@ -229,7 +229,7 @@ fn a_dataset_of_own_objects_is_made_verified_and_repeated_from_itself_alone() {
             seen[usize::from(*number)] += 1;
         }
         let attempts = dataset.read_attempts(shard).unwrap();
-        assert!(attempts.iter().all(|a| a.rule.name() == Rule::of_model(0).name() && a.closing.is_none()));
+        assert!(attempts.iter().all(|a| a.rule.name() == "model_normal" && a.closing.is_none()));
     }
     assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
     let report = shards::report(&dataset).unwrap();
@@ -249,7 +249,7 @@ fn a_config_says_what_is_wrong_with_its_catalogue() {
     check_fails(
         &with("sampler = \"vgn\"", "sampler = \"rules\""),
         78,
-        &["1 problem", "objects.catalogue needs sampler = \"vgn\""],
+        &["1 problem", "objects.catalogue needs sampler = \"vgn\", or \"mixed\" without rules"],
     );
     check_fails(
         &with("my-objects.toml", "other.toml"),

@@ -6,7 +6,7 @@ use std::process::Output;
 
 use generator::{AttemptId, Config, replay};
 use report::view::{Class, EventKind, View};
-use schema::{Axis, ObjectRecord, Outcome, Pose, Rule, SceneRows, ShapeKind, Solid, Vec3, axis_angle};
+use schema::{Approach, Axis, ObjectRecord, Outcome, Pose, Rule, SceneRows, ShapeKind, Solid, Vec3, axis_angle};
 use shards::Dataset;
 use simulator::{AttemptWorld, Scene};
 
@@ -103,7 +103,7 @@ fn stack(config: &Config, rows: &mut SceneRows) {
     let ended = world.execute(&above, 0);
     for attempt in &mut rows.attempts {
         (attempt.object_id, attempt.workspace_from_grasp) = (0, above);
-        attempt.rule = Rule { shape: ShapeKind::Cuboid.into(), approach: Some(Axis::Z) };
+        attempt.rule = Rule { shape: ShapeKind::Cuboid.into(), approach: Approach::Axis(Axis::Z) };
         attempt.closing = Some(Axis::Y);
         (attempt.outcome, attempt.width_m) = (ended.outcome, ended.width_m);
         attempt.hit = ended.hit.map(|hit| hit.kind);

@@ -2,8 +2,8 @@
 //! of the generator nor one of the reader becomes data.
 
 use schema::{
-    AttemptRecord, Axis, Drawn, Gripper, HitKind, ObjectRecord, ObjectShape, Outcome, Pose, SceneRecord, SceneRows,
-    Shape, Solid, Vec3, View, along_normal, pose_from_parts,
+    Approach, AttemptRecord, Axis, Drawn, Gripper, HitKind, ObjectRecord, ObjectShape, Outcome, Pose, SceneRecord,
+    SceneRows, Shape, Solid, Vec3, View, along_normal, pose_from_parts,
 };
 
 use crate::DatasetInfo;
@@ -110,13 +110,14 @@ pub(crate) fn attempt(attempt: &AttemptRecord, gripper: &Gripper) -> Checked {
     within(&format!("{name} turn_rad"), attempt.turn_rad, -turn, turn)?;
     within(&format!("{name} depth_m"), attempt.depth_m, -POSITION_M_MAX, POSITION_M_MAX)?;
     within(&format!("{name} slide_m"), attempt.slide_m, -POSITION_M_MAX, POSITION_M_MAX)?;
-    must(attempt.rule.approach.is_none() || matches!(attempt.rule.shape, Shape::Primitive(_)), || {
-        format!("{name} must come along a normal, as its target is a model")
+    let approach = attempt.rule.approach.axis();
+    must(approach.is_none() || matches!(attempt.rule.shape, Shape::Primitive(_)), || {
+        format!("{name} must not come along an axis, as its target is a model")
     })?;
-    must(attempt.rule.approach.is_some() == attempt.closing.is_some(), || {
+    must(approach.is_some() == attempt.closing.is_some(), || {
         format!("{name} must have an axis of closing if it has one of approach, and else none")
     })?;
-    must(attempt.closing.is_none() || attempt.rule.approach != attempt.closing, || {
+    must(attempt.closing.is_none() || approach != attempt.closing, || {
         format!("{name} must close across its approach, got {} for both", attempt.closing.map_or("none", Axis::name))
     })?;
     pose(&name, &attempt.workspace_from_grasp)?;
@@ -209,7 +210,9 @@ fn placements(objects: &[ObjectRecord], attempts: &[AttemptRecord]) -> Checked {
 
 fn placement(attempt: &AttemptRecord, target: &ObjectRecord) -> Checked {
     let AttemptRecord { attempt_id, rule, closing, tilt_rad, turn_rad, depth_m, slide_m, .. } = *attempt;
-    let Some((approach, closing)) = rule.approach.zip(closing) else { return along_a_normal(attempt, target) };
+    let Some((approach, closing)) = rule.approach.axis().zip(closing) else {
+        return if rule.approach == Approach::Normal { along_a_normal(attempt, target) } else { undrawn(attempt) };
+    };
     // The other half turn about the approach is the same grasp, drawn with the opposite signs.
     let [first, second] = [1.0, -1.0].map(|sign| {
         let (turn_rad, tilt_rad, slide_m) = (sign * turn_rad, sign * tilt_rad, sign * slide_m);
@@ -218,6 +221,16 @@ fn placement(attempt: &AttemptRecord, target: &ObjectRecord) -> Checked {
     });
     first.or(second).map_err(|apart| {
         format!("attempt {attempt_id} must lie where its tilt_rad, turn_rad, depth_m and slide_m put it, got {apart}")
+    })
+}
+
+/// A hand that no numbers about its target place.
+fn undrawn(attempt: &AttemptRecord) -> Checked {
+    let AttemptRecord { attempt_id, rule, tilt_rad, turn_rad, depth_m, slide_m, .. } = attempt;
+    let drawn = [*tilt_rad, *turn_rad, *depth_m, *slide_m];
+    must(drawn == [0.0; 4], || {
+        let name = rule.approach.name();
+        format!("attempt {attempt_id} ({name}) must have no tilt, turn, depth and slide, got {drawn:?}")
     })
 }
 
@@ -337,7 +350,7 @@ mod tests {
         };
         let mut rows = synthetic::scene_rows(1, 3, &info(3, 2, 600, 20));
         let mut row = rows.attempts.remove(0);
-        (row.rule.approach, row.closing) = (None, None);
+        (row.rule.approach, row.closing) = (Approach::Normal, None);
         (row.tilt_rad, row.turn_rad, row.depth_m, row.slide_m) = (0.0, 0.5, 0.02, 0.0);
         // The top's middle is at (0.1, 0.1, 0.11).
         row.workspace_from_grasp = pose_from_parts(along_normal(Vec3::Z, 0.5), Vec3::new(0.1, 0.1, 0.09));

@@ -6,12 +6,11 @@ use std::sync::Arc;
 use arrow::array::{Array, ArrayRef, ArrowPrimitiveType, AsArray, PrimitiveArray, RecordBatch, StringArray};
 use arrow::datatypes::{Float32Type, Int32Type, Int64Type, UInt8Type};
 use schema::{
-    AttemptRecord, Axis, HitKind, Model, ObjectRecord, ObjectShape, Outcome, Pose, Quat, Rule, SceneRecord,
+    Approach, AttemptRecord, HitKind, Model, ObjectRecord, ObjectShape, Outcome, Pose, Quat, Rule, SceneRecord,
     SceneRejections, Shape, Solid, Vec3, View, pose_from_parts,
 };
 
 use crate::format::check::is_volume;
-use crate::format::encode::NO_AXIS;
 
 type Decoded<T> = Result<T, String>;
 
@@ -21,7 +20,8 @@ pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Ve
     let (scene, attempt, object) = (columns.i64s("scene_id")?, columns.i32s("attempt_id")?, columns.i32s("object_id")?);
     let shape = columns.names("shape", |name| Shape::from_name(name, models))?;
     let rule = columns.names("rule", Rule::from_name)?;
-    let (approach, closing) = (columns.names("approach_axis", axis)?, columns.names("closing_axis", axis)?);
+    let [approach, closing] = ["approach_axis", "closing_axis"].map(|name| columns.names(name, Approach::from_name));
+    let (approach, closing) = (approach?, closing?);
     let (tilt, turn) = (columns.f32s("tilt_rad")?, columns.f32s("turn_rad")?);
     let (depth, slide) = (columns.f32s("depth_m")?, columns.f32s("slide_m")?);
     let poses = columns.poses()?;
@@ -35,15 +35,19 @@ pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Ve
             let named = rule[row];
             // A model's rule does not name the model; the shape does.
             let found = Rule { shape: shape[row], approach: approach[row] };
-            if found.index() != named.index() || found.approach != named.approach {
+            if found.named() != named {
                 return Err(format!("rule {} does not fit shape and approach_axis, row {row}", named.name()));
+            }
+            if closing[row].axis().is_none() && closing[row] != found.approach {
+                let (closing, approach) = (closing[row].name(), found.approach.name());
+                return Err(format!("closing_axis {closing} does not fit approach_axis {approach}, row {row}"));
             }
             let record = AttemptRecord {
                 scene_id: scene[row],
                 attempt_id: attempt[row],
                 object_id: object[row],
                 rule: found,
-                closing: closing[row],
+                closing: closing[row].axis(),
                 tilt_rad: tilt[row],
                 turn_rad: turn[row],
                 depth_m: depth[row],
@@ -61,11 +65,6 @@ pub(crate) fn attempts(batch: &RecordBatch, models: &[Arc<Model>]) -> Decoded<Ve
             Ok(record)
         })
         .collect()
-}
-
-/// An axis, or none.
-fn axis(name: &str) -> Option<Option<Axis>> {
-    if name == NO_AXIS { Some(None) } else { Axis::from_name(name).map(Some) }
 }
 
 /// The rows of an `objects` batch of a dataset with these models.

@@ -10,37 +10,33 @@ use arrow::array::{
 use arrow::buffer::OffsetBuffer;
 use arrow::datatypes::Int32Type;
 use arrow::error::ArrowError;
-use schema::{AttemptRecord, Axis, HitKind, Model, ObjectRecord, Outcome, Pose, Rule, SceneRecord, Shape, View};
+use schema::{
+    Approach, AttemptRecord, Axis, HitKind, Model, ObjectRecord, Outcome, Pose, Rule, SceneRecord, Shape, View,
+};
 
 use crate::Table;
 use crate::format::column::{element, view_fields, voxel_type};
 
 type Encoded<T> = Result<T, ArrowError>;
 
-/// The value in place of an axis for grasps along normals: the surface's normal, or the yaw about it.
-pub(crate) const NO_AXIS: &str = "normal";
-
 /// The `attempts` table of a dataset with these models.
 pub(crate) fn attempts(rows: &[AttemptRecord], models: &[Arc<Model>]) -> Encoded<RecordBatch> {
-    // Names for grasps along normals are only in the dictionaries of such datasets, so other datasets keep their bytes.
-    let has_normals = rows.iter().any(|r| r.rule.approach.is_none());
-    let axis = |of: fn(&AttemptRecord) -> Option<Axis>| {
-        let mut vocabulary = Axis::ALL.map(Axis::name).to_vec();
-        vocabulary.extend(has_normals.then_some(NO_AXIS));
-        names(&vocabulary, rows.iter().map(|r| Some(of(r).map_or(Axis::ALL.len(), |axis| axis as usize))))
-    };
-    let has_models = !models.is_empty();
-    let mut rule_names = Rule::all().map(Rule::name).to_vec();
-    rule_names.extend(Rule::along_normals().map(Rule::name).into_iter().filter(|_| has_normals));
-    rule_names.extend([Rule::of_model(0)].map(Rule::name).into_iter().filter(|_| has_models));
+    // Names of what goes beyond Appendix A are only in the dictionaries of such datasets, so others keep their bytes.
+    let last = rows.iter().map(|r| r.rule.approach.index()).max().unwrap_or_default().max(Axis::Z as usize);
+    let vocabulary = Approach::ALL[..=last].iter().map(|approach| approach.name()).collect::<Vec<_>>();
+    let approach = |of: fn(&AttemptRecord) -> Approach| names(&vocabulary, rows.iter().map(|r| Some(of(r).index())));
+    // The models' name of the last approach is there only where there are models.
+    let rule_count = 12 + 5 * (last - Axis::Z as usize) - usize::from(last > Axis::Z as usize && models.is_empty());
+    let rule_names: Vec<&str> = Rule::all().take(rule_count).map(Rule::name).collect();
     let mut columns = vec![
         i64s(rows.iter().map(|r| r.scene_id))?,
         i32s(rows.iter().map(|r| r.attempt_id))?,
         i32s(rows.iter().map(|r| r.object_id))?,
         shapes(models, rows.iter().map(|r| r.rule.shape))?,
         names(&rule_names, rows.iter().map(|r| Some(r.rule.index())))?,
-        axis(|r| r.rule.approach)?,
-        axis(|r| r.closing)?,
+        approach(|r| r.rule.approach)?,
+        // Where no axis of the object decides, the column says what does.
+        approach(|r| r.closing.map_or(r.rule.approach, Approach::Axis))?,
         f32s(rows.iter().map(|r| r.tilt_rad)),
         f32s(rows.iter().map(|r| r.turn_rad)),
         f32s(rows.iter().map(|r| r.depth_m)),

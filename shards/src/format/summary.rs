@@ -123,7 +123,7 @@ impl Counts {
             objects: 0,
             labels: Tally::default(),
             outcomes: Outcome::ALL.iter().map(|o| (o.name().to_owned(), 0)).collect(),
-            rules: Rule::all().iter().map(|r| (r.name().to_owned(), Tally::default())).collect(),
+            rules: Rule::of_the_paper().iter().map(|r| (r.name().to_owned(), Tally::default())).collect(),
             rejections: RejectionCounts::default(),
         }
     }

@@ -150,7 +150,7 @@ struct Counting<'a> {
 impl<'a> Counting<'a> {
     fn new(dataset: &'a Dataset) -> Self {
         let models = &dataset.info().models;
-        let rules = if models.is_empty() { Rule::all().to_vec() } else { vec![Rule::of_model(0)] };
+        let rules = if models.is_empty() { Rule::of_the_paper().to_vec() } else { Vec::new() };
         Self {
             dataset,
             labels: Tally::default(),
@@ -182,10 +182,7 @@ impl<'a> Counting<'a> {
     fn count(&mut self, attempt: &AttemptRecord) {
         self.labels.count(attempt);
         self.shapes.entry(attempt.rule.shape).or_default().count(attempt);
-        // The models' rules have one name.
-        let is_primitive = matches!(attempt.rule.shape, Shape::Primitive(_));
-        let rule = if is_primitive { attempt.rule } else { Rule::of_model(0) };
-        self.rules.entry(rule).or_default().count(attempt);
+        self.rules.entry(attempt.rule.named()).or_default().count(attempt);
         let (count, hits) = self.outcomes.entry(attempt.outcome).or_default();
         *count += 1;
         if let Some(hit) = attempt.hit {
@@ -206,7 +203,7 @@ impl<'a> Counting<'a> {
     fn count_target(&mut self, attempt: &AttemptRecord, objects: &[ObjectRecord]) {
         self.coverage.count(attempt);
         let Some(target) = objects.get(attempt.object_id as usize) else { return };
-        if let (Some(approach), Some(solid)) = (attempt.rule.approach, target.shape.as_solid()) {
+        if let (Some(approach), Some(solid)) = (attempt.rule.approach.axis(), target.shape.as_solid()) {
             self.fits.count_attempt(attempt, &solid);
             let tip_m = f64::from(attempt.depth_m + 0.5 * approach.of(solid.extents_m));
             self.tips[bin((tip_m - TIP_M_MIN) / TIP_BIN_M, self.tips.len())].count(attempt);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use program::text::{bytes, grouped, percent, ratio};
 use report::document::{Block, Cell, Document, Table as Shown};
-use schema::{Outcome, Rule};
+use schema::{Approach, Outcome, Rule, Shape};
 
 use crate::format::summary::Manifest;
 use crate::{DatasetInfo, Table};
@@ -68,6 +68,13 @@ fn front_matter(manifest: &Manifest) -> String {
 }
 
 /// The meaning of some columns for grasps along normals.
+const PROPOSED: &str = "\
+Rules that end in `_proposal` are hands that touch what the cameras saw of their target, from any side, and stand free there. Nothing but the pose is
+told of them: `approach_axis` and `closing_axis` are `proposal`, and the drawn values are 0.";
+
+const DISPLACED: &str = "\
+Rules that end in `_displaced` are hands that held another attempt of the same scene, moved and turned a little and executed again.";
+
 const ALONG_NORMALS: &str = "\
 Rules that end in `_normal` are VGN's: the hand comes along the normal of a seen surface point, and several attempts in a row
 share the point. There `approach_axis` and `closing_axis` are `normal`, `depth_m` is how far behind the surface the finger tips end, and
@@ -84,9 +91,10 @@ fn statistics(manifest: &Manifest) -> Vec<Block> {
         vec![name(outcome.name()), number(count), Cell::Number(percent(share))]
     });
     let has = |rule: &Rule| totals.rule(*rule).attempts > 0;
-    let along_normals = Rule::along_normals().into_iter().chain([Rule::of_model(0)]).filter(has);
-    let by_axes = Rule::all().into_iter().filter(|_| !has(&Rule::of_model(0)));
-    let rules = by_axes.chain(along_normals.clone()).map(|rule| {
+    let beyond: Vec<Rule> = Rule::all().skip(12).filter(has).collect();
+    let of_models = beyond.iter().any(|rule| matches!(rule.shape, Shape::Model(_)));
+    let by_axes = Rule::of_the_paper().into_iter().filter(|_| !of_models);
+    let rules = by_axes.chain(beyond.iter().copied()).map(|rule| {
         let tally = totals.rule(rule);
         vec![name(rule.name()), number(tally.attempts), Cell::Number(percent(tally.positive_share()))]
     });
@@ -102,7 +110,13 @@ fn statistics(manifest: &Manifest) -> Vec<Block> {
         Block::Table(Shown::new(["outcome", "attempts", "share"], outcomes)),
         Block::Table(Shown::new(["rule", "attempts", "positive"], rules)),
     ];
-    blocks.extend(along_normals.clone().next().map(|_| Block::Text(ALONG_NORMALS.to_owned())));
+    for (approach, text) in
+        [(Approach::Normal, ALONG_NORMALS), (Approach::Proposal, PROPOSED), (Approach::Displaced, DISPLACED)]
+    {
+        if beyond.iter().any(|rule| rule.approach == approach) {
+            blocks.push(Block::Text(text.to_owned()));
+        }
+    }
     blocks.push(Block::Table(Shown::new(["table", "rows", "bytes"], tables)));
     blocks.push(Block::Text(format!(
         "{} scenes were thrown away on the way: {} did not come to rest, {} lost every object, {} broke the physics.",

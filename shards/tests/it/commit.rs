@@ -189,7 +189,7 @@ fn rows_that_break_a_rule_are_refused_before_they_are_written() {
     check_refused(|r| r.attempts[0].tilt_rad = f32::NAN, "tilt_rad must be between");
     check_refused(|r| r.attempts[1].attempt_id = 7, "attempt ids must count up");
     check_refused(|r| r.attempts[1].object_id = 99, "attempt 1 has no target");
-    check_refused(|r| r.attempts[1].closing = r.attempts[1].rule.approach, "must close across its approach");
+    check_refused(|r| r.attempts[1].closing = r.attempts[1].rule.approach.axis(), "must close across its approach");
     check_refused(
         |r| {
             r.attempts[0].outcome = Outcome::Held;

@@ -40,7 +40,7 @@ fn written_with_edges(info: &DatasetInfo) -> (tempfile::TempDir, Dataset) {
                 } else if attempt.scene_id == 5 {
                     let attempt_id = attempt.attempt_id;
                     *attempt = AttemptRecord { attempt_id, closing: None, ..first.clone() };
-                    attempt.rule.approach = None;
+                    attempt.rule.approach = schema::Approach::Normal;
                     attempt.turn_rad = PI * attempt.attempt_id as f32 / 6.0;
                     attempt.workspace_from_grasp.translation = Vec3::new(0.15, 0.14, 0.1);
                 }
@@ -99,7 +99,7 @@ fn vgns_rows_are_the_grasps_that_lie_inside() {
         // The fingers of this hand are 50 mm long and the grid's voxels 7.5 mm.
         let pose = &sample.workspace_from_grasp;
         // Along a normal samples have it behind them.
-        let from_tips_m = if sample.rule.approach.is_some() { 0.05 } else { 0.0 };
+        let from_tips_m = if sample.rule.approach.axis().is_some() { 0.05 } else { 0.0 };
         let roots_m = pose.translation - pose.rotation * Vec3::new(0.0, 0.0, from_tips_m);
         if roots_m.to_array().iter().any(|x| !(0.02..=0.28).contains(x)) {
             left_out += 1;

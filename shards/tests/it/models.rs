@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use schema::{AttemptRecord, Model, ModelPart, ObjectShape, Rule, SceneRows, Vec3, along_normal};
+use schema::{Approach, AttemptRecord, Model, ModelPart, ObjectShape, Rule, SceneRows, Vec3, along_normal};
 use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, inspection, report, verify};
 
 use crate::synthetic;
@@ -60,7 +60,8 @@ fn rows(info: &DatasetInfo, scene: u64) -> SceneRows {
         let ObjectShape::Model { number, .. } = rows.objects[attempt.object_id as usize].shape else {
             panic!("a model")
         };
-        (attempt.rule, attempt.closing) = (Rule::of_model(number), None);
+        (attempt.rule, attempt.closing) =
+            (Rule { shape: schema::Shape::Model(number), approach: Approach::Normal }, None);
         (attempt.tilt_rad, attempt.slide_m) = (0.0, 0.0);
         let grasp = &mut attempt.workspace_from_grasp;
         grasp.rotation = along_normal(grasp.rotation * Vec3::NEG_Z, attempt.turn_rad);
@@ -149,7 +150,7 @@ fn rows_that_do_not_fit_the_models_are_not_written() {
     };
     let by_axis: Change = |rows| {
         let set = |attempt: &mut AttemptRecord| {
-            attempt.rule.approach = Some(schema::Axis::X);
+            attempt.rule.approach = Approach::Axis(schema::Axis::X);
             attempt.closing = Some(schema::Axis::Y);
         };
         rows.attempts.iter_mut().for_each(set);

@@ -201,7 +201,7 @@ mod tests {
                 scene,
                 attempt,
                 voxel: [3, 30, 8 + 3 * attempt as u8],
-                rule: schema::Rule::all()[0],
+                rule: schema::Rule::of_the_paper()[0],
                 label: u8::from(attempt == 0),
                 rotation: [0.0, 0.6, 0.0, 0.8],
                 width_voxels: 5.0,

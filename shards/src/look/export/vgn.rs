@@ -15,7 +15,7 @@
 
 use program::Failure;
 use program::text::grouped;
-use schema::{AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of};
+use schema::{Approach, AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of};
 use serde::Serialize;
 
 use super::folder::{ExportCounts, ExportFolder, Exported};
@@ -51,7 +51,7 @@ impl Row {
     fn new(sample: &AttemptRecord, gripper: &Gripper) -> Self {
         let pose = &sample.workspace_from_grasp;
         // Along a normal the origin of a sample is between the roots already.
-        let is_at_roots = sample.rule.approach.is_none();
+        let is_at_roots = sample.rule.approach == Approach::Normal;
         let label = sample.label();
         Self {
             scene_id: sample.scene_id,

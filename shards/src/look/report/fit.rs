@@ -157,7 +157,7 @@ impl Fits {
     }
 
     pub(crate) fn count_attempt(&mut self, attempt: &AttemptRecord, target: &Solid) {
-        let (Some(approach), Some(closing)) = (attempt.rule.approach, attempt.closing) else { return };
+        let (Some(approach), Some(closing)) = (attempt.rule.approach.axis(), attempt.closing) else { return };
         let law = law_of(target.kind, approach);
         let tilt_rad = f64::from(attempt.tilt_rad);
         match law.tilt {

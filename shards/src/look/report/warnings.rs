@@ -62,7 +62,7 @@ impl Report {
 }
 
 fn is_of_the_paper(rule: &str) -> bool {
-    Rule::from_name(rule).is_some_and(|rule| rule.approach.is_some())
+    Rule::from_name(rule).is_some_and(|rule| rule.approach.axis().is_some())
 }
 
 #[cfg(test)]

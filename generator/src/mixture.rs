@@ -1,0 +1,206 @@
+//! A mixture of samplers, for datasets that teach a judge: where hands come from matters more than how many.
+//!
+//! By the paper's rules nearly every hand that reaches its grasp holds, so its label is a collision test. Along normals
+//! and as proposals hands reach grasps of which many fail; and hands that held, displaced a little, show where holding
+//! ends.
+
+use core::f32::consts::FRAC_PI_6;
+
+use hands::Proposer;
+use schema::{
+    Approach, AttemptRecord, ObjectRecord, Pose, Purpose, Rule, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts,
+};
+use simulator::Scene;
+
+use crate::candidates::Candidate;
+use crate::config::{Config, Sampler, Shares, YAWS};
+use crate::normals::Target;
+
+/// Maximum displacement of a hand that held.
+const MOVE_M_MAX: f32 = 0.03;
+/// Maximum angle by which it is turned.
+const TURN_RAD_MAX: f32 = FRAC_PI_6;
+/// How far before the tips, along the approach, a proposed hand closes.
+const CLOSING_M: f32 = 0.01;
+
+/// How many attempts of a scene are drawn in which way; what remains is displaced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Mixture {
+    pub rules: usize,
+    pub normals: usize,
+    pub proposals: usize,
+}
+
+impl Mixture {
+    /// The mixture of `count` attempts.
+    pub(crate) fn of(config: &Config, count: usize) -> Self {
+        let none = Self { rules: 0, normals: 0, proposals: 0 };
+        match config.sampler {
+            Sampler::Rules => Self { rules: count, ..none },
+            Sampler::Vgn => Self { normals: count, ..none },
+            Sampler::Mixed => {
+                let Shares { rules, normals, proposals, .. } = config.shares;
+                let part = |share: f32| (share * count as f32).round() as usize;
+                let normals = part(normals) / YAWS * YAWS;
+                let rules = part(rules).min(count - normals.min(count));
+                Self { rules, normals, proposals: part(proposals).min(count - (rules + normals).min(count)) }
+            }
+        }
+    }
+}
+
+/// Proposals of hands on what the scene's cameras saw; fewer if so many are not found.
+pub(crate) fn proposed(
+    config: &Config,
+    (scene, objects): (&Scene, &[ObjectRecord]),
+    tsdf: &VoxelGrid,
+    count: usize,
+) -> Vec<Candidate> {
+    let mut stream = Stream::new(config.seed, objects[0].scene_id, Purpose::Proposals, 0);
+    let proposer = Proposer::new(&config.gripper, config.procedure.pregrasp_distance_m);
+    let targets: Vec<Target> = scene.objects.iter().map(Target::of).collect();
+    let candidate = |workspace_from_grasp: Pose| {
+        let closing_m = workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, -CLOSING_M));
+        let object_id = nearest(&targets, closing_m);
+        undrawn(
+            Rule { shape: objects[object_id].shape.shape(), approach: Approach::Proposal },
+            object_id,
+            workspace_from_grasp,
+        )
+    };
+    let hands = proposer.propose(tsdf, count, &mut stream);
+    hands.into_iter().map(|hand| candidate(hand.workspace_from_grasp)).collect()
+}
+
+/// The object whose surface is nearest to a point, or in which it lies deepest.
+fn nearest(targets: &[Target], point_m: Vec3) -> usize {
+    let distances = targets.iter().map(|target| target.outside_m(point_m)).enumerate();
+    distances.min_by(|(_, a), (_, b)| a.total_cmp(b)).map_or(0, |(object_id, _)| object_id)
+}
+
+/// Hands of a scene that held, in turn, each displaced at random. Where none held, any hands of it are.
+pub(crate) fn displaced(config: &Config, attempts: &[AttemptRecord], count: usize, scene_id: u64) -> Vec<Candidate> {
+    if count == 0 {
+        return Vec::new();
+    }
+    let mut stream = Stream::new(config.seed, scene_id, Purpose::Proposals, 1);
+    let held: Vec<&AttemptRecord> = attempts.iter().filter(|attempt| attempt.label() == 1).collect();
+    let from: Vec<&AttemptRecord> = if held.is_empty() { attempts.iter().collect() } else { held };
+    (0..count)
+        .map(|number| {
+            let AttemptRecord { rule, object_id, workspace_from_grasp, .. } = from[number % from.len()];
+            let axis = stream.rotation() * Vec3::Z;
+            let turn = axis_angle(axis, stream.uniform(0.0, TURN_RAD_MAX));
+            let moved_m = stream.rotation() * Vec3::new(0.0, 0.0, stream.uniform(0.0, MOVE_M_MAX));
+            let rotation = (turn * workspace_from_grasp.rotation).normalize();
+            let pose = pose_from_parts(rotation, workspace_from_grasp.translation + moved_m);
+            undrawn(Rule { approach: Approach::Displaced, ..*rule }, *object_id as usize, pose)
+        })
+        .collect()
+}
+
+/// A candidate of which nothing but the pose was drawn.
+fn undrawn(rule: Rule, object_id: usize, workspace_from_grasp: Pose) -> Candidate {
+    Candidate {
+        object_id,
+        rule,
+        closing: None,
+        tilt_rad: 0.0,
+        turn_rad: 0.0,
+        depth_m: 0.0,
+        slide_m: 0.0,
+        workspace_from_grasp,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use schema::SceneRows;
+    use settings::Document;
+
+    use super::*;
+    use crate::build::make_scene;
+    use crate::config::Overrides;
+
+    const JUDGE: &str = include_str!("../../configs/generate/judge.toml");
+
+    fn config(text: &str) -> Result<Config, settings::Error> {
+        Config::read(Document::parse(text, Path::new("judge.toml")).unwrap(), Overrides::default())
+    }
+
+    fn of(rows: &SceneRows, is_it: impl Fn(Approach) -> bool) -> Vec<&AttemptRecord> {
+        rows.attempts.iter().filter(|attempt| is_it(attempt.rule.approach)).collect()
+    }
+
+    #[test]
+    fn a_scenes_attempts_have_their_shares_and_come_again() {
+        let config = config(JUDGE).unwrap();
+        let rows = make_scene(&config, 5, 60).unwrap();
+        assert_eq!(rows, make_scene(&config, 5, 60).unwrap());
+        let counts = [
+            of(&rows, |approach| approach.axis().is_some()),
+            of(&rows, |approach| approach == Approach::Normal),
+            of(&rows, |approach| approach == Approach::Proposal),
+            of(&rows, |approach| approach == Approach::Displaced),
+        ];
+        let [rules, normals, proposals, displaced] = counts.map(|attempts| attempts.len());
+        // Where fewer hands are proposed, more are displaced.
+        assert_eq!((rules, normals, proposals + displaced), (18, 12, 30));
+        assert!((5..=21).contains(&proposals), "{proposals}");
+        // The last scene of a dataset may have fewer.
+        for count in [1, 7, 23] {
+            assert_eq!(make_scene(&config, 5, count).unwrap().attempts.len(), count as usize);
+        }
+    }
+
+    #[test]
+    fn displaced_hands_are_near_one_that_held() {
+        let config = config(JUDGE).unwrap();
+        let mut seen = 0;
+        for scene in 0..8 {
+            let rows = make_scene(&config, scene, 60).unwrap();
+            let held: Vec<&AttemptRecord> =
+                of(&rows, |approach| approach != Approach::Displaced).into_iter().filter(|a| a.label() == 1).collect();
+            for attempt in of(&rows, |approach| approach == Approach::Displaced) {
+                let is_near = |from: &&AttemptRecord| {
+                    let (here, there) = (attempt.workspace_from_grasp, from.workspace_from_grasp);
+                    let turn_rad = 2.0 * libm::acosf(here.rotation.dot(there.rotation).abs().min(1.0));
+                    (here.translation - there.translation).length() < MOVE_M_MAX + 1e-5
+                        && turn_rad < TURN_RAD_MAX + 1e-3
+                        && from.object_id == attempt.object_id
+                };
+                assert!(held.is_empty() || held.iter().any(is_near), "scene {scene}, attempt {}", attempt.attempt_id);
+                seen += usize::from(!held.is_empty());
+            }
+        }
+        assert!(seen > 36, "{seen}");
+    }
+
+    #[test]
+    fn proposals_without_anything_to_touch_give_way_to_normals() {
+        // A hand too wide to stand anywhere is never proposed.
+        let text = JUDGE
+            .replace("rules = 0.3 ", "rules = 0.0 ")
+            .replace("normals = 0.2 ", "normals = 0.0 ")
+            .replace("proposals = 0.35 ", "proposals = 1.0 ")
+            .replace("displaced = 0.15 ", "displaced = 0.0 ");
+        let mut config = config(&text).unwrap();
+        config.gripper.palm_breadth_m = 0.5;
+        config.gripper.palm_width_m = 0.5;
+        config.gripper.palm_length_m = 0.5;
+        config.gripper.finger_length_m = 0.005;
+        let rows = make_scene(&config, 1, 12).unwrap();
+        assert_eq!(rows.attempts.len(), 12);
+    }
+
+    #[test]
+    fn shares_belong_to_the_mixed_sampler_and_make_one() {
+        let refused = |text: String| config(&text).unwrap_err().to_string();
+        let message = refused(JUDGE.replace("proposals = 0.35 ", "proposals = 0.25 "));
+        assert!(message.contains("shares must make 1 for sampler = \"mixed\", got 0.9"), "{message}");
+        let message = refused(JUDGE.replace("sampler = \"mixed\"", "sampler = \"rules\""));
+        assert!(message.contains("shares must make 0 for sampler = \"rules\", got 1"), "{message}");
+    }
+}
