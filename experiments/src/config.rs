@@ -10,6 +10,7 @@ use std::sync::Arc;
 use generator::Overrides;
 use perception::{DepthNoise, DexNoise, StereoNoise, camera_at};
 use planner::Planner;
+use planner::config::JudgeParams;
 use program::Failure;
 use schema::{Camera, Grid, View};
 use settings::{Document, Reader, Row, rows_of, settings, words};
@@ -356,7 +357,10 @@ fn digest(keys: &Table, scene: &generator::Config, plan: &planner::Config, objec
     let (models, code_version) = (models.map(Arc::new).collect(), String::new());
     let info = DatasetInfo { models, code_version, ..scene.dataset_info() };
     // Settings are numbers, words and tables of them, which always have a JSON form.
-    let plan = serde_json::to_string(plan).unwrap_or_default();
+    let [plan, standard] =
+        [serde_json::to_string(plan), serde_json::to_string(&JudgeParams::STANDARD)].map(Result::unwrap_or_default);
+    // Runs that were begun before there was a judge continue.
+    let plan = plan.replacen(&format!(",\"judge\":{standard}"), "", 1);
     let all = format!("{keys}\n{}\n{plan}", info.to_json());
     Sha256::digest(all).iter().map(|byte| format!("{byte:02x}")).collect()
 }

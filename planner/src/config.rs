@@ -32,7 +32,25 @@ settings! {
         pub collision: CollisionParams,
         /// How hands are turned and shifted.
         pub refinement: RefinementParams,
+        /// Which hands a judge is asked about.
+        pub judge: JudgeParams; or JudgeParams::STANDARD,
     }
+}
+
+settings! {
+    /// How a judge is asked; for networks that answer for hands.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct JudgeParams {
+        /// Number of hands that are proposed and judged.
+        pub proposals: usize where 1..=100_000,
+        /// Of hands whose tips are nearer to each other than this, only the best is kept.
+        pub apart_m: f32 where 0.0..=0.3,
+    }
+}
+
+impl JudgeParams {
+    /// What a config without `[judge]` has.
+    pub const STANDARD: Self = Self { proposals: 512, apart_m: 0.01 };
 }
 
 settings! {

@@ -20,6 +20,7 @@ pub mod demo;
 pub mod detect;
 pub mod hand;
 pub mod input;
+mod judge;
 mod level;
 mod observation;
 pub mod picture;

@@ -27,6 +27,20 @@ pub enum Observation {
     },
 }
 
+/// A TSDF does not say from how many views it was made; a judge is told this number.
+const VIEWS_OF_A_TSDF: usize = 6;
+
+impl Observation {
+    /// The number of views, as far as it is known.
+    pub(crate) fn views(&self) -> usize {
+        match self {
+            Self::Views(views) => views.len(),
+            Self::Tsdf(_) => VIEWS_OF_A_TSDF,
+            Self::Cloud { eyes_m, .. } => eyes_m.len().max(1),
+        }
+    }
+}
+
 /// Options of a request; all have defaults.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Wishes {

@@ -2,7 +2,7 @@
 //! `planner serve`; its types have names that end in `Answer` in the service's description.
 
 use perception::FoundPlane;
-use schema::{Grid, Pose, Vec3};
+use schema::{Grid, Outcome, Pose, Vec3};
 use serde::{Serialize, Serializer};
 use utoipa::ToSchema;
 
@@ -127,6 +127,13 @@ pub enum RejectReason {
     },
     /// Quality below ε.
     Quality,
+    /// A judge expects another end, with this probability.
+    Judged {
+        /// The likeliest outcome.
+        outcome: Outcome,
+        /// Its probability.
+        probability: f32,
+    },
     /// A neighbour within the suppression window is better.
     Suppressed,
     /// The hand would pass through this many points of the cloud on its way.
@@ -152,6 +159,9 @@ impl RejectReason {
                 ("width", format!("a width of {width_voxels:.2} voxels is outside the limits"))
             }
             Self::Quality => ("quality", "quality below the threshold".into()),
+            Self::Judged { outcome, probability } => {
+                ("quality", format!("quality below the threshold: {probability:.2} {}", outcome.name()))
+            }
             Self::Suppressed => ("suppressed", "a better grasp is near".into()),
             Self::Collision { points } => {
                 ("collision", format!("the hand would pass through {points} points of the cloud"))
@@ -201,7 +211,7 @@ impl DroppedCandidate {
 pub struct Funnel {
     /// Voxels of the grid.
     pub voxels: usize,
-    /// Voxels near the surface.
+    /// Voxels near the surface; for a judge, the hands that were proposed.
     pub near_surface: usize,
     /// Of those, with a width within the limits.
     pub width_within_limits: usize,

@@ -4,8 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
-use network::checkpoint;
-use network::{DenseGrids, DenseNetwork};
+use network::{Architecture, DenseGrids, DenseNetwork, checkpoint};
 use program::Failure;
 use rayon::prelude::*;
 use schema::{Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
@@ -15,8 +14,9 @@ use crate::config::{CloudParams, Config, Policy, WithoutObject};
 use crate::detect::{Detected, Detection, detect};
 use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
 use crate::input::{InputError, read_file};
+use crate::judge::{Judge, Judged};
 use crate::observation::{Observation, Wishes};
-use crate::plan::{DroppedCandidate, FORMAT, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
+use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
 use crate::rank;
 use crate::refine::{Hand, Searched};
 use crate::segment::segment;
@@ -30,13 +30,20 @@ const MODEL_PATH: &str = "models/paper-200k.safetensors";
 /// A network and settings, ready to plan. Planning does not change it.
 #[derive(Debug, Clone)]
 pub struct Planner {
-    network: DenseNetwork,
+    network: Network,
     /// SHA-256 of the network's file.
     pub model_id: String,
     /// The settings.
     pub config: Config,
     /// The workspace.
     pub grid: Grid,
+}
+
+/// What answers: for voxels, or for hands.
+#[derive(Debug, Clone)]
+enum Network {
+    Voxel(Box<DenseNetwork>),
+    Judge(Box<Judge>),
 }
 
 /// The cloud determines the depth of a hand, so only the best detection of each vertical column is kept.
@@ -69,9 +76,15 @@ impl Planner {
     }
 
     fn from_bytes(file: &[u8], path: &Path, config: Config) -> Result<Self, Failure> {
-        let network = checkpoint::from_bytes(file, path)?.dense()?;
+        let (checkpoint, grid) = (checkpoint::from_bytes(file, path)?, Grid::PAPER);
+        let network = match &checkpoint.architecture {
+            Architecture::Voxel(_) => Network::Voxel(Box::new(checkpoint.dense()?)),
+            Architecture::Judge(scope) => {
+                Network::Judge(Box::new(Judge::new(&checkpoint.vector, scope, &config.gripper, &grid)?))
+            }
+        };
         let model_id = Sha256::digest(file).iter().map(|byte| format!("{byte:02x}")).collect();
-        Ok(Self { network, model_id, config, grid: Grid::PAPER })
+        Ok(Self { network, model_id, config, grid })
     }
 
     /// Plans grasps. An empty scene, or one without a good grasp, gives a plan without grasps that says why.
@@ -85,40 +98,113 @@ impl Planner {
             let field = volume.fine.as_ref().unwrap_or(&volume.grid);
             if self.config.refinement.turns > 0 { perception::normals(field, &volume.points_m) } else { Vec::new() }
         });
-        let found = self.find(&volume.grid, volume.points_m, &mut timings_ms);
+        let found = self.find(&volume.grid, volume.points_m, (observation.views(), wishes), &mut timings_ms);
         let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &normals, wishes));
         plan.warnings.splice(0..0, volume.warnings);
         plan.timings_ms = timings_ms;
         Ok(plan)
     }
 
-    /// Runs the network with its detections and the segmentation of the cloud in parallel.
-    fn find(&self, grid: &VoxelGrid, points_m: Vec<Vec3>, timings_ms: &mut Timings) -> Found {
+    /// Runs the network and the segmentation of the cloud in parallel.
+    fn find(
+        &self,
+        grid: &VoxelGrid,
+        points_m: Vec<Vec3>,
+        (views, wishes): (usize, &Wishes),
+        timings_ms: &mut Timings,
+    ) -> Found {
         let mut segment_ms = Vec::new();
-        let network = || {
-            let grids = timed(timings_ms, "network", || self.network.infer(&grid.values));
-            let detected = timed(timings_ms, "detect", || {
-                let sigmoid = |logit: &f32| 1.0 / (1.0 + libm::expf(-logit));
-                let quality: Vec<f32> = grids.quality_logit.iter().map(sigmoid).collect();
-                detect(&self.grid, &grid.values, &quality, &grids.width_voxels, &self.config.detection)
-            });
-            (grids, detected)
+        let scene = scene_number(grid);
+        let candidates = || match &self.network {
+            Network::Voxel(network) => self.detections(network, grid, wishes, timings_ms),
+            Network::Judge(judge) => {
+                let hands = |judge: &Judge| judge.hands(grid, views, &self.config.judge, [self.config.seed, scene]);
+                let hands = timed(timings_ms, "judge", || hands(judge));
+                self.judged(&hands, wishes)
+            }
         };
         let objects = || timed(&mut segment_ms, "segment", || segment(points_m, &self.config));
-        let ((grids, detected), (cloud, objects)) = rayon::join(network, objects);
+        let (candidates, (cloud, objects)) = rayon::join(candidates, objects);
         timings_ms.append(&mut segment_ms);
-        Found { scene: scene_number(grid), grids, detected, cloud, objects }
+        Found { scene, candidates, cloud, objects }
+    }
+
+    /// VGN's detections, with the grasps that the paper's network predicts there.
+    fn detections(
+        &self,
+        network: &DenseNetwork,
+        grid: &VoxelGrid,
+        wishes: &Wishes,
+        timings_ms: &mut Timings,
+    ) -> Candidates {
+        let grids = timed(timings_ms, "network", || network.infer(&grid.values));
+        let detected: Detected = timed(timings_ms, "detect", || {
+            let sigmoid = |logit: &f32| 1.0 / (1.0 + libm::expf(-logit));
+            let quality: Vec<f32> = grids.quality_logit.iter().map(sigmoid).collect();
+            detect(&self.grid, &grid.values, &quality, &grids.width_voxels, &self.config.detection)
+        });
+        let misses = if wishes.explain { detected.misses(&self.grid, &self.config.detection) } else { Vec::new() };
+        let missed = |(miss, reason)| DroppedCandidate::new(&self.grasp_at(&miss, &grids, wishes), reason);
+        Candidates {
+            grasps: detected.found.iter().map(|detection| self.grasp_at(detection, &grids, wishes)).collect(),
+            dropped: misses.into_iter().map(missed).collect(),
+            funnel: detected.funnel,
+            quality_best: detected.quality_best,
+        }
+    }
+
+    /// Of judged hands, best first, those that reach ε and are apart from better ones.
+    fn judged(&self, hands: &[Judged], wishes: &Wishes) -> Candidates {
+        let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
+        let (epsilon, apart_m) = (self.config.detection.quality_min, self.config.judge.apart_m);
+        let (mut grasps, mut dropped, mut reached) = (Vec::<RankedGrasp>::new(), Vec::new(), 0);
+        for judged in hands {
+            let tips_m = judged.hand.workspace_from_grasp.translation;
+            let inside_m = tips_m.clamp(Vec3::ZERO, Vec3::splat(self.grid.size_m * (1.0 - f32::EPSILON)));
+            let grasp = RankedGrasp {
+                rank: 0,
+                workspace_from_grasp: towards_wrist(&judged.hand.workspace_from_grasp, wrist),
+                base_from_grasp: None,
+                width_m: judged.hand.width_m,
+                quality: judged.quality(),
+                object: None,
+                rho_m: None,
+                support: None,
+                voxel: self.grid.voxel_at(inside_m).unwrap_or_default(),
+            };
+            let is_near = |other: &RankedGrasp| (other.workspace_from_grasp.translation - tips_m).length() < apart_m;
+            let reason = if grasp.quality < epsilon {
+                let (outcome, probability) = judged.likeliest();
+                Some(RejectReason::Judged { outcome, probability })
+            } else {
+                reached += 1;
+                grasps.iter().any(is_near).then_some(RejectReason::Suppressed)
+            };
+            match reason {
+                Some(reason) => dropped.push(DroppedCandidate::new(&grasp, reason)),
+                None => grasps.push(grasp),
+            }
+        }
+        let (voxels, proposed, detections) = (self.grid.len(), hands.len(), grasps.len());
+        let funnel = Funnel {
+            voxels,
+            near_surface: proposed,
+            width_within_limits: proposed,
+            quality_reached: reached,
+            detections,
+            ..Funnel::default()
+        };
+        Candidates { grasps, dropped, funnel, quality_best: hands.first().map_or(0.0, Judged::quality) }
     }
 
     fn rank(&self, found: Found, normals: &[Vec3], wishes: &Wishes) -> Plan {
-        let Found { scene, grids, detected, cloud, objects } = found;
-        let misses = if wishes.explain { detected.misses(&self.grid, &self.config.detection) } else { Vec::new() };
-        let missed = |(miss, reason)| DroppedCandidate::new(&self.grasp_at(&miss, &grids, wishes), reason);
-        let mut dropped: Vec<DroppedCandidate> = misses.into_iter().map(missed).collect();
-        let mut grasps: Vec<RankedGrasp> =
-            detected.found.iter().map(|detection| self.grasp_at(detection, &grids, wishes)).collect();
-        let mut funnel = detected.funnel;
-        if self.config.refinement.turns > 0 {
+        let Found {
+            scene,
+            candidates: Candidates { mut grasps, mut dropped, mut funnel, quality_best },
+            cloud,
+            objects,
+        } = found;
+        if self.config.refinement.turns > 0 && matches!(self.network, Network::Voxel(_)) {
             self.refine(&mut grasps, (&cloud, normals), wishes, &mut dropped);
         }
         funnel.hands_found = grasps.len();
@@ -160,7 +246,7 @@ impl Planner {
             dropped: if wishes.explain { dropped } else { Vec::new() },
             timings_ms: Vec::new(),
         };
-        plan.reason = plan.grasps.is_empty().then(|| self.reason(&plan, detected.quality_best, wishes));
+        plan.reason = plan.grasps.is_empty().then(|| self.reason(&plan, quality_best, wishes));
         plan.warnings = self.warnings(&plan);
         plan
     }
@@ -219,6 +305,8 @@ impl Planner {
             "no grasps were asked for".to_owned()
         } else if plan.cloud.points_m.is_empty() {
             "empty scene: no surface was seen in the workspace".to_owned()
+        } else if funnel.near_surface == 0 && matches!(self.network, Network::Judge(_)) {
+            "no hand stands free on anything that was seen".to_owned()
         } else if funnel.near_surface == 0 {
             "no voxel on the grasps' side of a surface was seen".to_owned()
         } else if funnel.width_within_limits == 0 {
@@ -284,10 +372,17 @@ const TABLE_COS_MIN: f32 = 0.9;
 struct Found {
     /// A number that distinguishes scenes.
     scene: u64,
-    grids: DenseGrids,
-    detected: Detected,
+    candidates: Candidates,
     cloud: SegmentedCloud,
     objects: Vec<SeenObject>,
+}
+
+/// Grasps that reach ε, and the others if requested.
+struct Candidates {
+    grasps: Vec<RankedGrasp>,
+    dropped: Vec<DroppedCandidate>,
+    funnel: Funnel,
+    quality_best: f32,
 }
 
 /// Moves grasps with a reason to drop them from one list to the other.
