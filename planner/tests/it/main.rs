@@ -3,4 +3,5 @@
 
 mod binary;
 mod detections;
+mod judged;
 mod plans;

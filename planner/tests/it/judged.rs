@@ -1,0 +1,73 @@
+//! Plans of a judge: hands that it expects to hold, on the demo and on an empty table.
+
+use std::path::{Path, PathBuf};
+
+use planner::plan::{Plan, RejectReason};
+use planner::{Config, Observation, Planner, Wishes, demo, input};
+use schema::{Grid, Gripper, Outcome, Vec3, VoxelGrid};
+
+fn file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name)
+}
+
+fn config() -> Config {
+    Config::load(Some(&file("configs/plan/judge.toml"))).unwrap()
+}
+
+fn judge(config: Config) -> Planner {
+    Planner::new(&file("models/judge.safetensors"), config).unwrap()
+}
+
+fn demo(planner: &Planner, threads: usize) -> Plan {
+    let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let wishes = Wishes { explain: true, ..Wishes::default() };
+    Plan { timings_ms: Vec::new(), ..pool.install(|| planner.plan(&observation, &wishes)).unwrap() }
+}
+
+#[test]
+fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_others() {
+    let config = config();
+    let (epsilon, apart_m, proposals) = (config.detection.quality_min, config.judge.apart_m, config.judge.proposals);
+    let gripper = config.gripper.clone();
+    let planner = judge(config);
+    let plan = demo(&planner, 1);
+    assert_eq!(plan, demo(&planner, 2));
+    assert!(plan.grasps.len() > 5, "{:?}", plan.reason);
+    for (place, ranked) in plan.grasps.iter().enumerate() {
+        assert!(ranked.quality >= epsilon && ranked.width_m <= gripper.opening_m_max);
+        let approach = ranked.workspace_from_grasp.rotation * Vec3::Z;
+        assert!(approach.z < 0.06, "never from below: {approach}");
+        assert!(gripper.open_hand().iter().all(|part| part.lowest_z_m(&ranked.workspace_from_grasp) >= 0.05));
+        for other in &plan.grasps[..place] {
+            let apart = other.workspace_from_grasp.translation - ranked.workspace_from_grasp.translation;
+            assert!(apart.length() >= apart_m);
+        }
+    }
+    assert_eq!((plan.funnel.near_surface, plan.funnel.ranked), (proposals, plan.grasps.len()));
+    assert_eq!(plan.grasps.len() + plan.dropped.len(), proposals);
+    let failed = |dropped: &&planner::plan::DroppedCandidate| matches!(dropped.reason, RejectReason::Judged { outcome, .. } if outcome != Outcome::Held);
+    let failed = plan.dropped.iter().find(failed).unwrap();
+    assert!(failed.quality < epsilon && failed.told.starts_with("quality below the threshold: 0."), "{}", failed.told);
+}
+
+#[test]
+fn an_empty_table_has_no_hands_and_says_so() {
+    let grid = Grid::PAPER;
+    let value = |flat: usize| {
+        let tsdf = (grid.centre_m([flat / 1600, flat / 40 % 40, flat % 40]).z - grid.table_z_m) / 0.03;
+        if tsdf.abs() < 0.98 { 0.5 * (tsdf + 1.0) } else { 0.0 }
+    };
+    let table = VoxelGrid::new(grid, (0..grid.len()).map(value).collect()).unwrap();
+    let plan = judge(config()).plan(&Observation::Tsdf(table), &Wishes::default()).unwrap();
+    assert!(plan.grasps.is_empty());
+    assert_eq!(plan.reason.unwrap(), "no hand stands free on anything that was seen");
+}
+
+#[test]
+fn a_judge_of_another_hand_is_refused_and_both_are_named() {
+    let mut config = config();
+    config.gripper = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
+    let error = Planner::new(&file("models/judge.safetensors"), config).unwrap_err().to_string();
+    assert!(error.contains("trained for the hand parallel_jaw_80, not for robotiq_2f_85"), "{error}");
+}
