@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use network::Architecture;
 use sha2::{Digest, Sha256};
 
-use crate::fixture::{trainer, write_dataset};
+use crate::fixture::{check_fails, trainer, write_dataset};
 
 fn models() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
@@ -25,10 +26,16 @@ fn each_has_its_checksum_in_the_card_and_can_be_evaluated() {
         let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
         let card = fs::read_to_string(model.with_file_name("README.md")).unwrap();
         assert!(card.contains(&digest), "{digest} is not in the card: {}", model.display());
+        let checkpoint = network::checkpoint::read(&model).unwrap();
+        assert!(card.contains(&checkpoint.dataset_id), "the card must name the dataset");
         let (model, data) = (model.to_str().unwrap(), data.to_str().unwrap());
-        let output = trainer(&["evaluate", "--model", model, "--data", data, "--split", "all", "--json"]);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert!(card.contains(found["trained_on"].as_str().unwrap()), "the card must name the dataset");
+        let args = ["evaluate", "--model", model, "--data", data, "--split", "all", "--json"];
+        if let Architecture::Judge(_) = checkpoint.architecture {
+            // The dataset's hand has another palm.
+            check_fails(&args, 78, &["trained for the hand parallel_jaw_80, not for synthetic_80"]);
+        } else {
+            let output = trainer(&args);
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        }
     }
 }

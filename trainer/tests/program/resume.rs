@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::fixture::{fit, trainer, write_config, write_dataset};
-use trainer::config::Config;
+use trainer::config::{Config, Kind};
 use trainer::events::Event;
 use trainer::fit::Ending;
 
@@ -29,6 +29,37 @@ pub(crate) fn check_same_run(a: &Path, b: &Path) {
     for file in ["last.safetensors", "best.safetensors", "config.toml"].into_iter().chain(pictures) {
         assert!(fs::read(a.join(file)).unwrap() == fs::read(b.join(file)).unwrap(), "{file} differs");
     }
+}
+
+/// A judge is trained with Adam's moments on one thread, or stopped after every step and resumed on two.
+#[test]
+fn a_judge_is_the_same_after_every_stop_and_with_any_threads() {
+    let dir = tempfile::tempdir().unwrap();
+    let (data, whole, cut) = (dir.path().join("data"), dir.path().join("whole"), dir.path().join("cut"));
+    write_dataset(&data, 5, 2, 10, 12);
+    let mut config = Config::load(Some(&write_config(dir.path(), 2, 24))).unwrap();
+    config.network.kind = Kind::Judge;
+    let on = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let ending = on(1).install(|| fit(&data, &config, &whole, false, &AtomicBool::new(false), &|_| {}));
+    assert_eq!(ending.unwrap(), Ending::Done);
+    let mut stops = 0;
+    loop {
+        let stop = AtomicBool::new(false);
+        let see = |event: Event<'_>| {
+            if matches!(event, Event::Step { .. }) {
+                stop.store(true, Ordering::Relaxed);
+            }
+        };
+        match on(2).install(|| fit(&data, &config, &cut, true, &stop, &see)).unwrap() {
+            Ending::Done => break,
+            Ending::Stopped => stops += 1,
+        }
+        assert!(stops < 100);
+    }
+    assert!(stops >= 2, "{stops}");
+    check_same_run(&whole, &cut);
+    let architecture = network::checkpoint::read(&whole.join("best.safetensors")).unwrap().architecture;
+    assert_eq!(architecture.scope("a test").unwrap().gripper.name, "synthetic_80");
 }
 
 #[test]
