@@ -42,8 +42,9 @@ impl Mixture {
                 let Shares { rules, normals, proposals, .. } = config.shares;
                 let part = |share: f32| (share * count as f32).round() as usize;
                 let normals = part(normals) / YAWS * YAWS;
-                let rules = part(rules).min(count - normals.min(count));
-                Self { rules, normals, proposals: part(proposals).min(count - (rules + normals).min(count)) }
+                // Shares are at most 1, so normals fit; the sum of rounded parts may not.
+                let rules = part(rules).min(count - normals);
+                Self { rules, normals, proposals: part(proposals).min(count - normals - rules) }
             }
         }
     }

@@ -43,8 +43,8 @@ const ROUND: usize = 1024;
 
 /// A hand, prepared for the search.
 #[derive(Debug, Clone)]
-pub struct Proposer<'a> {
-    gripper: &'a Gripper,
+pub struct Proposer {
+    opening_m_max: f32,
     swept: [HandBox; 3],
     /// Points of the swept hand in the grasp frame, the tips first.
     looks_m: Vec<Vec3>,
@@ -79,14 +79,14 @@ impl Draw {
     }
 }
 
-impl<'a> Proposer<'a> {
+impl Proposer {
     /// Prepares a hand that starts `pregrasp_distance_m` behind its grasp.
     #[must_use]
-    pub fn new(gripper: &'a Gripper, pregrasp_distance_m: f32) -> Self {
+    pub fn new(gripper: &Gripper, pregrasp_distance_m: f32) -> Self {
         let swept = gripper.open_hand().map(|b| b.swept_back(pregrasp_distance_m).grown(gripper.clearance_m));
         let mut looks_m: Vec<Vec3> = swept.iter().flat_map(points_of).collect();
         looks_m.sort_by(|a, b| b.z.total_cmp(&a.z));
-        Self { gripper, swept, looks_m }
+        Self { opening_m_max: gripper.opening_m_max, swept, looks_m }
     }
 
     /// At most `count` hands in a scene, with the widths on which they close as far as these were seen; fewer if no
@@ -117,7 +117,7 @@ impl<'a> Proposer<'a> {
 
     /// The hand of a draw at a point of the surface, if it is free.
     fn hand(&self, field: &VoxelGrid, (point_m, normal): (Vec3, Vec3), draw: &Draw) -> Option<Grasp> {
-        let room_m = self.gripper.opening_m_max - 2.0 * GAP_M;
+        let room_m = self.opening_m_max - 2.0 * GAP_M;
         let (rotation, width_m, centre_m) = if draw.closes {
             if normal.z.abs() > CLOSING_RISE_MAX {
                 return None;

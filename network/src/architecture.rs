@@ -40,15 +40,6 @@ impl Architecture {
         }
     }
 
-    /// What it is, in messages.
-    #[must_use]
-    pub const fn description(&self) -> &'static str {
-        match self {
-            Self::Voxel(_) => "the paper's network, which answers for voxels",
-            Self::Judge(_) => "a judge, which answers for hands",
-        }
-    }
-
     /// The upsampling mode of the paper's network.
     ///
     /// # Errors
@@ -56,25 +47,13 @@ impl Architecture {
     pub fn upsampling(&self, what: &str) -> Result<Upsampling, Failure> {
         match self {
             Self::Voxel(upsampling) => Ok(*upsampling),
-            Self::Judge(_) => Err(self.misplaced(what, "the paper's network, which answers for voxels")),
+            Self::Judge(_) => Err(Failure::new(
+                ExitCode::Config,
+                format!(
+                    "{what} needs the paper's network, which answers for voxels; the weights are those of a judge, which \
+                     answers for hands"
+                ),
+            )),
         }
-    }
-
-    /// What a judge was trained for.
-    ///
-    /// # Errors
-    /// If this is no judge; `what` needs one.
-    pub fn scope(&self, what: &str) -> Result<&Scope, Failure> {
-        match self {
-            Self::Judge(scope) => Ok(scope),
-            Self::Voxel(_) => Err(self.misplaced(what, "a judge, which answers for hands")),
-        }
-    }
-
-    fn misplaced(&self, what: &str, needed: &str) -> Failure {
-        Failure::new(
-            ExitCode::Config,
-            format!("{what} needs {needed}; the weights are those of {}", self.description()),
-        )
     }
 }

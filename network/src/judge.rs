@@ -9,7 +9,7 @@ mod crop;
 use std::sync::LazyLock;
 
 use program::{ExitCode, Failure};
-use schema::{Grid, Gripper, Outcome, Purpose, Stream};
+use schema::{Grid, Gripper, Outcome, Pose, Purpose, Stream};
 use serde::{Deserialize, Serialize};
 
 use crate::kernels::conv::{Conv, Extent, output_of};
@@ -83,13 +83,35 @@ pub struct JudgeNetwork {
     convs: [Conv; CONVS],
 }
 
-/// Hands as the judge sees them, made by [`Crop::see`].
+/// Hands as the judge sees them, added by [`JudgeInputs::push`].
 #[derive(Debug, Clone, Default)]
 pub struct JudgeInputs {
     /// `[hands, 10, 22, 30, CHANNELS]`: the crops with the zeros that the first convolution pads with.
     pub crops: Vec<f32>,
     /// What is known of each hand and its scene besides.
     pub facts: Vec<[f32; FACTS]>,
+}
+
+impl JudgeInputs {
+    /// No hands, with room for `hands`.
+    #[must_use]
+    pub fn with_capacity(hands: usize) -> Self {
+        Self { crops: Vec::with_capacity(hands * Crop::LEN), facts: Vec::with_capacity(hands) }
+    }
+
+    /// Adds a hand in a scene seen from `views`. Hand and scene may be mirrored in the grasp's x and y: a mirrored hand
+    /// is the same hand, so the attempt ends alike.
+    pub fn push(
+        &mut self,
+        crop: &Crop,
+        grid: &PaddedGrid,
+        workspace_from_grasp: &Pose,
+        views: usize,
+        mirrored: [bool; 2],
+    ) {
+        crop.see(grid, workspace_from_grasp, mirrored, &mut self.crops);
+        self.facts.push(crop.facts(workspace_from_grasp, views, mirrored));
+    }
 }
 
 /// The results of the forward pass that the backward pass needs.

@@ -16,7 +16,7 @@ const TOGETHER: usize = 32;
 pub(crate) struct Judge {
     network: JudgeNetwork,
     crop: Crop,
-    scope: Scope,
+    proposer: Proposer,
 }
 
 /// A hand and how its attempt would end.
@@ -47,7 +47,8 @@ impl Judge {
     /// If it was trained for another hand or another grid.
     pub(crate) fn new(vector: &[f32], scope: &Scope, gripper: &Gripper, grid: &Grid) -> Result<Self, Failure> {
         scope.must_match(gripper, grid)?;
-        Ok(Self { network: JudgeNetwork::new(vector), crop: Crop::new(scope), scope: scope.clone() })
+        let proposer = Proposer::new(gripper, scope.pregrasp_distance_m);
+        Ok(Self { network: JudgeNetwork::new(vector), crop: Crop::new(scope), proposer })
     }
 
     /// Proposes hands in a scene and judges them, best first. `scene` names the stream of the proposals.
@@ -59,8 +60,7 @@ impl Judge {
         [seed, scene]: [u64; 2],
     ) -> Vec<Judged> {
         let mut stream = Stream::new(seed, scene, Purpose::Proposals, 0);
-        let proposer = Proposer::new(&self.scope.gripper, self.scope.pregrasp_distance_m);
-        let hands = proposer.propose(field, params.proposals, &mut stream);
+        let hands = self.proposer.propose(field, params.proposals, &mut stream);
         let grid = PaddedGrid::from(field);
         let parts: Vec<Vec<Judged>> = hands.par_chunks(TOGETHER).map(|hands| self.judge(&grid, views, hands)).collect();
         let mut judged = parts.concat();
@@ -69,11 +69,9 @@ impl Judge {
     }
 
     fn judge(&self, grid: &PaddedGrid, views: usize, hands: &[Grasp]) -> Vec<Judged> {
-        let mut inputs = JudgeInputs::default();
-        inputs.crops.reserve(hands.len() * Crop::LEN);
+        let mut inputs = JudgeInputs::with_capacity(hands.len());
         for Grasp { workspace_from_grasp, .. } in hands {
-            self.crop.see(grid, workspace_from_grasp, [false; 2], &mut inputs.crops);
-            inputs.facts.push(self.crop.facts(workspace_from_grasp, views, [false; 2]));
+            inputs.push(&self.crop, grid, workspace_from_grasp, views, [false; 2]);
         }
         let seen = self.network.forward(&inputs);
         let judged = hands.iter().zip(seen.logits());

@@ -118,8 +118,8 @@ impl Planner {
         let candidates = || match &self.network {
             Network::Voxel(network) => self.detections(network, grid, wishes, timings_ms),
             Network::Judge(judge) => {
-                let hands = |judge: &Judge| judge.hands(grid, views, &self.config.judge, [self.config.seed, scene]);
-                let hands = timed(timings_ms, "judge", || hands(judge));
+                let streams = [self.config.seed, scene];
+                let hands = timed(timings_ms, "judge", || judge.hands(grid, views, &self.config.judge, streams));
                 self.judged(&hands, wishes)
             }
         };

@@ -65,13 +65,11 @@ fn by_parts<T: Send>(batch: &Batch, work: impl Fn(&[Sample], &[Hand]) -> T + Syn
 
 /// What the network sees of samples, which are in the order of their grids.
 fn inputs(batch: &Batch, asked: &[(&Sample, &Hand)], crop: &Crop) -> JudgeInputs {
-    let mut inputs = JudgeInputs::default();
-    inputs.crops.reserve(asked.len() * Crop::LEN);
+    let mut inputs = JudgeInputs::with_capacity(asked.len());
     for own in asked.chunk_by(|(a, _), (b, _)| a.grid == b.grid) {
         let grid = PaddedGrid::new(RESOLUTION, &batch.grids[own[0].0.grid]);
         for (_, Hand { workspace_from_grasp, views, mirrored, .. }) in own {
-            crop.see(&grid, workspace_from_grasp, *mirrored, &mut inputs.crops);
-            inputs.facts.push(crop.facts(workspace_from_grasp, *views, *mirrored));
+            inputs.push(crop, &grid, workspace_from_grasp, *views, *mirrored);
         }
     }
     inputs

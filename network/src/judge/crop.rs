@@ -139,9 +139,14 @@ impl Crop {
         lowest_m.fold(f32::INFINITY, f32::min) < self.table_z_m
     }
 
-    /// Appends the crop of a hand, `[10, 22, 30, CHANNELS]`. The hand and what it closes on may be mirrored in the
-    /// grasp's x and y: a mirrored hand is the same hand, so the attempt ends alike.
-    pub fn see(&self, grid: &PaddedGrid, workspace_from_grasp: &Pose, mirrored: [bool; 2], crops: &mut Vec<f32>) {
+    /// Appends the crop of a hand, `[10, 22, 30, CHANNELS]`, mirrored in the grasp's x and y or not.
+    pub(super) fn see(
+        &self,
+        grid: &PaddedGrid,
+        workspace_from_grasp: &Pose,
+        mirrored: [bool; 2],
+        crops: &mut Vec<f32>,
+    ) {
         let start = crops.len();
         crops.extend_from_slice(&self.template);
         let crop = &mut crops[start..];
@@ -166,8 +171,7 @@ impl Crop {
 
     /// What is known of a hand besides its crop: where down is for it, the height of its tips, the number of views, its
     /// dimensions.
-    #[must_use]
-    pub fn facts(&self, workspace_from_grasp: &Pose, views: usize, mirrored: [bool; 2]) -> [f32; FACTS] {
+    pub(super) fn facts(&self, workspace_from_grasp: &Pose, views: usize, mirrored: [bool; 2]) -> [f32; FACTS] {
         let mut facts = [0.0; FACTS];
         let up = workspace_from_grasp.rotation.inverse() * Vec3::Z;
         let [x, y] = mirrored.map(|is_mirrored| if is_mirrored { -1.0 } else { 1.0 });

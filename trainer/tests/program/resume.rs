@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::fixture::{fit, trainer, write_config, write_dataset};
+use network::Architecture;
 use trainer::config::{Config, Kind};
 use trainer::events::Event;
 use trainer::fit::Ending;
@@ -59,7 +60,8 @@ fn a_judge_is_the_same_after_every_stop_and_with_any_threads() {
     assert!(stops >= 2, "{stops}");
     check_same_run(&whole, &cut);
     let architecture = network::checkpoint::read(&whole.join("best.safetensors")).unwrap().architecture;
-    assert_eq!(architecture.scope("a test").unwrap().gripper.name, "synthetic_80");
+    let Architecture::Judge(scope) = architecture else { panic!("{architecture:?}") };
+    assert_eq!(scope.gripper.name, "synthetic_80");
 }
 
 #[test]
