@@ -7,10 +7,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use generator::Overrides;
-use perception::{DepthNoise, DexNoise, StereoNoise, camera_at};
-use planner::Planner;
+use generator::{Overrides, PackedParams};
+use perception::{DepthNoise, NoiseKind, camera_at};
 use planner::config::JudgeParams;
+use planner::{BuiltIn, Planner};
 use program::Failure;
 use schema::{Camera, Grid, View};
 use settings::{Document, Reader, Row, rows_of, settings, words};
@@ -19,7 +19,6 @@ use shards::DatasetInfo;
 use toml::Table;
 
 use crate::catalogue::{Catalogue, CatalogueObject};
-use crate::packed::PackedParams;
 
 /// The experiment that explains the keys: one of the files that come along.
 pub const REFERENCE: &str = include_str!("../../configs/experiment/pile.toml");
@@ -65,7 +64,12 @@ pub enum Objects {
         count: usize,
     },
     /// So many upright ones side by side.
-    Packed(PackedParams),
+    Packed {
+        /// How many.
+        count: usize,
+        /// How large: `packed` of the scene's config, if it has that.
+        params: PackedParams,
+    },
     /// Objects of a catalogue, dropped one by one: round after round the next of these names.
     Things(Vec<(String, Vec<CatalogueObject>)>),
 }
@@ -76,7 +80,7 @@ impl Objects {
     pub fn group(&self, scene_id: u64) -> String {
         match self {
             Self::Pile { .. } => "pile".to_owned(),
-            Self::Packed(_) => "packed".to_owned(),
+            Self::Packed { .. } => "packed".to_owned(),
             Self::Things(groups) => groups[scene_id as usize % groups.len()].0.clone(),
         }
     }
@@ -85,7 +89,7 @@ impl Objects {
     #[must_use]
     pub fn count_min(&self, scene_id: u64) -> usize {
         match self {
-            Self::Pile { .. } | Self::Packed(_) => 1,
+            Self::Pile { .. } | Self::Packed { .. } => 1,
             Self::Things(groups) => groups[scene_id as usize % groups.len()].1.len(),
         }
     }
@@ -130,7 +134,7 @@ settings! {
         rounds: u64 where 1..=1_000_000,
         /// `paper`, or the path of a generator's config.
         scene: String,
-        /// `paper`, or the path of a planner's settings.
+        /// `judge`, `paper` or `vgn`, or the path of a planner's settings.
         plan: String,
         /// `built-in`, or the path of a network.
         model: String,
@@ -184,20 +188,6 @@ settings! {
     }
 }
 
-words! {
-    /// A model of a sensor's faults.
-    enum NoiseKind {
-        /// None.
-        None = "none",
-        /// Independent in every pixel.
-        Gaussian = "gaussian",
-        /// A RealSense's.
-        D435 = "d435",
-        /// GIGA's.
-        Dex = "dex",
-    }
-}
-
 impl Keys {
     fn agree(&self, reader: &mut Reader<'_>) {
         let Self { seeds, objects, .. } = self;
@@ -235,12 +225,16 @@ impl Config {
         let keys: Keys = document.read()?;
         let file = |name: &str, built_in: &str| (name != built_in).then(|| document.folder().join(name));
         let scene = generator::Config::load(file(&keys.scene, "paper").as_deref(), Overrides::default())?;
-        let mut plan = planner::Config::document(file(&keys.plan, "paper").as_deref())?;
+        let plan_path = match BuiltIn::from_name(&keys.plan) {
+            Some(named) => PathBuf::from(named.name()),
+            None => document.folder().join(&keys.plan),
+        };
+        let mut plan = planner::Config::document(Some(&plan_path))?;
         let mut of_plan = of_plan.into_iter().map(|(key, value)| (key.trim_start_matches("plan."), value));
         of_plan.try_for_each(|(key, value)| plan.set(key, value))?;
         let text = format!("{}\n# Planner\n{}", document.table(), plan.table());
         let plan: planner::Config = plan.read()?;
-        let objects = objects(&keys.objects, file(&keys.objects.catalogue, "everyday").as_deref());
+        let objects = objects(&keys.objects, &scene, file(&keys.objects.catalogue, "everyday").as_deref());
         let objects = objects.map_err(|problem| document.invalid(vec![problem]))?;
         let problems = mismatches(&scene, &plan);
         if !problems.is_empty() {
@@ -251,14 +245,7 @@ impl Config {
             objects,
             viable_only: keys.objects.viable_only,
             views: keys.views,
-            noise: match keys.noise.kind {
-                NoiseKind::None => DepthNoise::None,
-                NoiseKind::Gaussian => DepthNoise::Gaussian { std_m: keys.noise.std_m },
-                NoiseKind::Dex => DepthNoise::Dex(DexNoise::GIGA),
-                NoiseKind::D435 => {
-                    DepthNoise::Stereo(StereoNoise { focal_px: scene.camera.focal_px, ..StereoNoise::D435 })
-                }
-            },
+            noise: keys.noise.kind.noise(keys.noise.std_m, scene.camera.focal_px),
             stop: keys.stop,
             model: file(&keys.model, "built-in"),
             text,
@@ -326,10 +313,10 @@ pub fn rows() -> Vec<Row> {
 }
 
 /// What lies on the tables.
-fn objects(keys: &ObjectKeys, catalogue: Option<&Path>) -> Result<Objects, String> {
+fn objects(keys: &ObjectKeys, scene: &generator::Config, catalogue: Option<&Path>) -> Result<Objects, String> {
     Ok(match keys.kind {
         Kind::Pile => Objects::Pile { count: keys.count },
-        Kind::Packed => Objects::Packed(PackedParams::of(keys.count)),
+        Kind::Packed => Objects::Packed { count: keys.count, params: scene.packed.unwrap_or(PackedParams::HOUSEHOLD) },
         Kind::Things => {
             let catalogue = Catalogue::read(catalogue).map_err(|e| format!("objects.catalogue: {e}"))?;
             let group = |name: &String| {
@@ -349,7 +336,7 @@ fn digest(keys: &Table, scene: &generator::Config, plan: &planner::Config, objec
     keys.retain(|key, _| !["seeds", "rounds"].contains(&key));
     let things = match objects {
         Objects::Things(groups) => groups.iter().flat_map(|(_, things)| things).collect(),
-        Objects::Pile { .. } | Objects::Packed(_) => Vec::new(),
+        Objects::Pile { .. } | Objects::Packed { .. } => Vec::new(),
     };
     // A catalogue's objects are models.
     let models = things.iter().filter_map(|thing| thing.body.to_model(thing.mass_kg, thing.friction).ok());
@@ -360,7 +347,7 @@ fn digest(keys: &Table, scene: &generator::Config, plan: &planner::Config, objec
     let [plan, standard] =
         [serde_json::to_string(plan), serde_json::to_string(&JudgeParams::STANDARD)].map(Result::unwrap_or_default);
     // Runs that were begun before there was a judge continue.
-    let plan = plan.replacen(&format!(",\"judge\":{standard}"), "", 1);
+    let plan = plan.replacen(&format!(",\"judge\":{standard}"), "", 1).replacen(",\"network\":\"paper\"", "", 1);
     let all = format!("{keys}\n{}\n{plan}", info.to_json());
     Sha256::digest(all).iter().map(|byte| format!("{byte:02x}")).collect()
 }
@@ -379,7 +366,8 @@ mod tests {
     #[test]
     fn the_digest_is_that_of_what_is_stored() {
         let digest = "ae9d2f1d620d6e17269a22248fc9e8dc7eed8ec845b8a7f41f6c685da14e50c0";
-        assert_eq!(digest_of(REFERENCE, &[]), digest);
+        let before = [("plan", "paper"), ("protocol", "pile, 5 objects, 6 views")];
+        assert_eq!(digest_of(REFERENCE, &before), digest);
     }
 
     #[test]
@@ -393,7 +381,8 @@ mod tests {
             ("objects.count", "4"),
             ("scene", "../generate/vgn.toml"),
             ("plan.detection.quality_min", "0.8"),
-            ("plan.ranking.policy", "vgn-best"),
+            ("plan", "paper"),
+            ("plan.ranking.policy", "paper"),
         ] {
             assert_ne!(digest_of(REFERENCE, &[(key, value)]), pile, "{key}");
         }

@@ -1,13 +1,12 @@
 //! The paper's and the community's experiments in simulation: a table of objects is scanned, planned and cleared, and
 //! every result carries its protocol's name and an interval.
 //!
-//! [`config`] parses an experiment's file, [`start`] sets up the scene (with objects of a [`catalogue`], or [`packed`]
-//! ones), [`round`] runs one round, [`run`] runs all of them, [`tables`] writes the rows, [`statistics`] computes the
+//! [`config`] parses an experiment's file, [`start`] sets up the scene (with objects of a [`catalogue`], dropped or
+//! packed), [`round`] runs one round, [`run`] runs all of them, [`tables`] writes the rows, [`statistics`] computes the
 //! rates, and [`report`] and [`page`] present them.
 
 pub mod config;
 mod files;
-pub mod packed;
 pub mod page;
 pub mod record;
 pub mod report;

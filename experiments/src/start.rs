@@ -1,12 +1,11 @@
 //! The start of a round: objects are drawn, released and come to rest.
 
-use generator::{draw_drops, draw_release};
+use generator::{draw_drops, draw_packed, draw_release};
 use schema::{Polyhedron, Purpose, Stream, Vec3};
 use simulator::{Scene, SceneObject, Settled, Unsettled, settle, settle_again};
 
 use crate::catalogue::CatalogueObject;
 use crate::config::{Config, Objects};
-use crate::packed::draw_packed;
 
 /// The scene at the beginning of a round.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,9 +44,9 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
             let objects = generator::ObjectParams { counts: vec![*count], count_weights: vec![1.0], ..objects.clone() };
             settle(physics, params, grid, &draw_drops(&objects, grid, seed, scene_id, tries))
         }
-        Objects::Packed(packed) => {
+        Objects::Packed { count, params: packed } => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
-            settle_again(physics, params, grid, &draw_packed(packed, grid, &mut stream))
+            settle_again(physics, params, grid, &draw_packed(objects, packed, grid, *count, &mut stream))
         }
         Objects::Things(groups) => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);

@@ -3,17 +3,19 @@
 use std::mem::replace;
 use std::time::{Duration, Instant};
 
-use perception::{Tsdf, camera_at, draw_views};
+use perception::{Sensor, SensorParams, Tsdf, camera_at, draw_kind};
 use schema::{
-    AttemptRecord, ObjectRecord, Outcome, Purpose, SceneRecord, SceneRejections, SceneRows, Stream, View, VoxelGrid,
+    AttemptRecord, Intrinsics, ObjectRecord, Outcome, Purpose, SceneRecord, SceneRejections, SceneRows, Stream, View,
+    VoxelGrid,
 };
-use simulator::{AttemptWorld, Execution, Scene, SceneRays, Settled, Unsettled, settle};
+use simulator::{AttemptWorld, Execution, Scene, SceneObject, SceneRays, Settled, Unsettled, settle, settle_again};
 
 use crate::candidates::{Candidate, draw_candidates};
 use crate::config::Config;
 use crate::mixture::{Mixture, displaced, proposed};
 use crate::normals::draw_along_normals;
 use crate::objects::draw_drops;
+use crate::packed::draw_packed;
 
 /// A scene that could not be built: every try was rejected.
 #[derive(Debug, thiserror::Error, Clone, Copy, PartialEq, Eq)]
@@ -79,9 +81,9 @@ pub fn make_scene_timed(
     // The attempts run on the rows, as they are stored.
     let scene = Scene::from_records(config.grid.table_z_m, &objects, config.objects.catalogue.bodies());
     let mut views_stream = Stream::new(config.seed, scene_id, Purpose::Views, 0);
-    let views = draw_views(&config.views, &config.grid, &mut views_stream);
+    let views = draw_kind(&config.views, &config.view_kinds, &config.grid, &mut views_stream);
     let rays = SceneRays::new(&scene);
-    let tsdf = observe(config, &rays, &views);
+    let tsdf = observe(config, scene_id, &rays, &views);
     ended(Stage::Observe { views: views.len() });
 
     let mut candidates_stream = Stream::new(config.seed, scene_id, Purpose::Candidates, 0);
@@ -95,8 +97,8 @@ pub fn make_scene_timed(
         let of = (&scene, &objects[..]);
         candidates.extend(draw_along_normals(config, of, &rays, &views, mixture.normals, &mut candidates_stream));
     }
-    if mixture.proposals > 0 {
-        candidates.extend(proposed(config, (&scene, &objects), &tsdf, mixture.proposals));
+    if mixture.proposals + mixture.judged > 0 {
+        candidates.extend(proposed(config, (&scene, &objects), (&tsdf, views.len()), mixture));
     }
     if candidates.is_empty() {
         // Nothing was proposed and nothing else is wanted.
@@ -131,28 +133,61 @@ pub fn make_scene_timed(
 
 fn settled_scene(config: &Config, scene_id: u64) -> Result<(Settled, u32, SceneRejections), NoScene> {
     let mut rejections = SceneRejections::default();
-    for attempt in 0..config.settle.tries_max {
-        let Config { objects, grid, seed, .. } = config;
-        let drops = draw_drops(objects, grid, *seed, scene_id, attempt);
-        match settle(&config.physics, &config.settle, &config.grid, &drops) {
-            Ok(settled) => return Ok((settled, drops.len() as u32, rejections)),
+    let Config { objects, grid, seed, physics, settle: params, .. } = config;
+    for attempt in 0..params.tries_max {
+        let (count, settled) = match packed_scene(config, scene_id, attempt) {
+            Some(placed) => (placed.len(), settle_again(physics, params, grid, &placed)),
+            None => {
+                let drops = draw_drops(objects, grid, *seed, scene_id, attempt);
+                (drops.len(), settle(physics, params, grid, &drops))
+            }
+        };
+        match settled {
+            Ok(settled) => return Ok((settled, count as u32, rejections)),
             Err(Unsettled::Moving) => rejections.unsettled += 1,
             Err(Unsettled::Empty) => rejections.empty += 1,
             Err(Unsettled::Unstable) => rejections.unstable += 1,
         }
     }
-    Err(NoScene { scene_id, tries: config.settle.tries_max, rejections })
+    Err(NoScene { scene_id, tries: params.tries_max, rejections })
 }
 
-/// The TSDF of a scene from its views: a ray is cast only for pixels onto which a voxel projects.
-fn observe(config: &Config, rays: &SceneRays, views: &[View]) -> VoxelGrid {
+/// The objects of a scene that is packed, if it is one of those.
+fn packed_scene(config: &Config, scene_id: u64, attempt: u32) -> Option<Vec<SceneObject>> {
+    let (packed, objects) = (config.packed.as_ref()?, &config.objects);
+    // Whether a scene is packed does not depend on the tries.
+    let is_packed = Stream::new(config.seed, scene_id, Purpose::Packed, 0).uniform(0.0, 1.0) < packed.share;
+    let mut stream = Stream::new(config.seed, scene_id, Purpose::Packed, 1 + attempt);
+    let count = *stream.weighted(&objects.counts, &objects.count_weights);
+    is_packed.then(|| draw_packed(objects, packed, &config.grid, count, &mut stream))
+}
+
+/// The TSDF of a scene from its views.
+fn observe(config: &Config, scene_id: u64, rays: &SceneRays, views: &[View]) -> VoxelGrid {
     let mut tsdf = Tsdf::new(config.grid, config.tsdf.truncation_voxels);
-    for view in views {
-        let camera = camera_at(view, &config.grid, config.camera.intrinsics());
-        let seen = rays.seen_from(&camera);
-        tsdf.integrate(&camera, |pixel| seen.depth_at(pixel));
+    let lens = config.camera.intrinsics();
+    let cameras = views.iter().map(|view| camera_at(view, &config.grid, lens));
+    match &config.sensor {
+        // A ray is cast only for pixels onto which a voxel projects.
+        None => cameras.for_each(|camera| {
+            let seen = rays.seen_from(&camera);
+            tsdf.integrate(&camera, |pixel| seen.depth_at(pixel));
+        }),
+        Some(params) => {
+            let mut sensor = sensor(params, config.seed, scene_id, &lens);
+            cameras.for_each(|camera| {
+                let image = sensor.image(&camera, |real| rays.render(real));
+                let image = sensor.corrected(image, &camera, &config.grid);
+                tsdf.integrate(&camera, |pixel| image.at(pixel));
+            });
+        }
     }
     tsdf.to_voxels()
+}
+
+/// The sensor of a scene of a dataset.
+pub(crate) fn sensor<'a>(params: &'a SensorParams, seed: u64, scene_id: u64, lens: &Intrinsics) -> Sensor<'a> {
+    Sensor::draw(params, lens.fx_px, Stream::new(seed, scene_id, Purpose::DepthNoise, 0))
 }
 
 fn object_records(config: &Config, scene_id: u64, scene: &Scene) -> Vec<ObjectRecord> {

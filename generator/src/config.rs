@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use perception::{SensorParams, ViewKind};
 use schema::{CameraParams, Grid, Gripper, Physics, Procedure, SettleParams, ShapeKind, TsdfParams, ViewParams};
 use serde::Serialize;
 use settings::{Document, Reader, settings, words};
 use toml::Value;
 
 use crate::models::Models;
+use crate::policy::Policy;
 
 /// Yaws per point, evenly over half a turn.
 pub(crate) const YAWS: usize = 6;
@@ -54,6 +56,26 @@ impl ObjectParams {
     }
 }
 
+settings! {
+    /// Packed scenes among the dropped ones: objects of `[objects]`, but upright and of these sizes.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct PackedParams {
+        /// Share of the scenes that are packed.
+        pub share: f32 where 0.0..=1.0,
+        /// Free extents in the plane, uniform; half-cylinders are half as deep as wide.
+        pub width_m: [f32; 2] where 0.005..=0.2,
+        /// Height, uniform.
+        pub height_m: [f32; 2] where 0.005..=0.3,
+        /// Minimum distance of their bounding rectangles.
+        pub gap_m: f32 where 0.0..=0.1,
+    }
+}
+
+impl PackedParams {
+    /// Household sizes, a millimetre apart: the packed scenes of our experiments.
+    pub const HOUSEHOLD: Self = Self { share: 1.0, width_m: [0.03, 0.06], height_m: [0.06, 0.14], gap_m: 0.001 };
+}
+
 words! {
     /// How grasps are drawn.
     pub enum Sampler {
@@ -76,6 +98,8 @@ settings! {
         pub normals: f32 where 0.0..=1.0,
         /// Hands proposed on what the scene's cameras saw.
         pub proposals: f32 where 0.0..=1.0,
+        /// Proposals that the policy's judge holds for the best; without a policy, as `proposals`.
+        pub judged: f32 where 0.0..=1.0,
         /// Hands that held another attempt of the scene, moved by up to 30 mm and turned by up to 30 degrees.
         pub displaced: f32 where 0.0..=1.0,
     }
@@ -83,10 +107,10 @@ settings! {
 
 impl Shares {
     /// What a config has that draws in one way.
-    pub const NONE: Self = Self { rules: 0.0, normals: 0.0, proposals: 0.0, displaced: 0.0 };
+    pub const NONE: Self = Self { rules: 0.0, normals: 0.0, proposals: 0.0, judged: 0.0, displaced: 0.0 };
 
     fn sum(self) -> f32 {
-        self.rules + self.normals + self.proposals + self.displaced
+        self.rules + self.normals + self.proposals + self.judged + self.displaced
     }
 }
 
@@ -106,16 +130,24 @@ settings! {
         pub sampler: Sampler,
         /// The shares of a mixed sampler.
         pub shares: Shares; or Shares::NONE,
+        /// Weights of a judge, whose best hands are executed.
+        pub policy: Option<Policy>; or None,
         /// The hand.
         pub gripper: Gripper; by Gripper::read_named as "a hand's name or a path that ends in .toml",
         /// The workspace.
         pub grid: Grid,
         /// What is dropped.
         pub objects: ObjectParams,
+        /// Which scenes are packed instead.
+        pub packed: Option<PackedParams>; or None,
         /// When it rests.
         pub settle: SettleParams,
         /// Where the cameras stand.
         pub views: ViewParams,
+        /// Other kinds of observations, each with its share of the scenes; `views` has what they leave.
+        pub view_kinds: Vec<ViewKind>; or Vec::new(),
+        /// What is wrong with the cameras.
+        pub sensor: Option<SensorParams>; or None,
         /// Their lens.
         pub camera: CameraParams,
         /// What becomes of their images.
@@ -130,13 +162,15 @@ settings! {
 
 /// Overrides from the command line.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Overrides {
+pub struct Overrides<'a> {
     /// `--seed`.
     pub seed: Option<u64>,
     /// `--shards`.
     pub shards: Option<u64>,
     /// `--attempts`.
     pub attempts: Option<u64>,
+    /// `--policy`, from the working folder.
+    pub policy: Option<&'a Path>,
 }
 
 impl Config {
@@ -144,7 +178,7 @@ impl Config {
     ///
     /// # Errors
     /// [`settings::Error`] with all faults.
-    pub fn load(path: Option<&Path>, overrides: Overrides) -> Result<Self, settings::Error> {
+    pub fn load(path: Option<&Path>, overrides: Overrides<'_>) -> Result<Self, settings::Error> {
         Self::read(Document::load(path, PAPER)?, overrides)
     }
 
@@ -152,12 +186,17 @@ impl Config {
     ///
     /// # Errors
     /// [`settings::Error`] with all faults.
-    pub fn read(mut document: Document, overrides: Overrides) -> Result<Self, settings::Error> {
+    pub fn read(mut document: Document, overrides: Overrides<'_>) -> Result<Self, settings::Error> {
         let table = document.table_mut();
         for (key, value) in [("shards", overrides.shards), ("attempts", overrides.attempts)] {
             // Values that TOML cannot hold are far beyond the limits.
             let value = value.map(|value| Value::Integer(i64::try_from(value).unwrap_or(i64::MAX)));
             table.extend(value.map(|value| (key.to_owned(), value)));
+        }
+        if let Some(policy) = overrides.policy {
+            // The config's paths are taken from its folder.
+            let policy = std::path::absolute(policy).unwrap_or_else(|_| policy.to_owned());
+            table.insert("policy".to_owned(), Value::String(policy.display().to_string()));
         }
         if let Some(objects) = table.get_mut("objects").and_then(Value::as_table_mut)
             && objects.contains_key("catalogue")
@@ -199,6 +238,23 @@ impl Config {
         reader.must("shares", (got - wanted).abs() < 1e-3, || {
             format!("must make {wanted} for sampler = \"{}\", got {got}", sampler.name())
         });
+        if let Some(policy) = &self.policy {
+            let problem = || "needs shares.judged above 0: its hands have no share of the attempts".to_owned();
+            reader.must("policy", self.shares.judged > 0.0, problem);
+            if let Err(failure) = policy.judge(gripper, grid) {
+                reader.within("policy", |reader| reader.report(failure));
+            }
+        }
+        let kinds: f32 = self.view_kinds.iter().map(|kind| kind.share).sum();
+        reader.must("view_kinds", kinds < 1.0 + 1e-3, || format!("must have shares of 1 at most in all, got {kinds}"));
+        if let Some(packed) = self.packed {
+            let (most, [_, high]) = (grid.size_m - grid.table_z_m, packed.height_m);
+            reader.must("packed.height_m", high <= most, || {
+                format!("must be at most the {most} m of the workspace above the table, got {high}")
+            });
+            let problem = || "is there for primitives only, not for a catalogue".to_owned();
+            reader.must("packed", objects.catalogue.is_empty(), problem);
+        }
         self.catalogue_fits(reader);
     }
 

@@ -4,33 +4,34 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use perception::camera_at;
+use perception::{SensorParams, camera_at};
 use program::{Context, Failure, write};
 use schema::{Camera, CameraParams, DepthImage, Intrinsics, View};
 use shards::Dataset;
 use simulator::{Scene, SceneRays};
 
+use crate::build::sensor;
 use crate::laws::{bodies_of, info_lacks};
 
 /// Metres per unit of the images: a tenth of a millimetre, so that rounding is negligible against a voxel.
 const SCALE_M: f32 = 1e-4;
 
 /// Writes `depth-0.png` (16 bit) and so on, and `views.toml`, into `folder`; returns the path of the latter.
-/// The images are from the views of the scene's TSDF, or from so many views evenly around it (VGN: 30° from the
-/// vertical, two workspaces away).
+/// The images are those that the scene's TSDF was made of, with the noise of its sensor; or, without noise, from so
+/// many views evenly around it (VGN: 30° from the vertical, two workspaces away).
 ///
 /// # Errors
 /// If the dataset does not say what its cameras saw, or the folder cannot be written.
 pub fn write_depth_images(
     dataset: &Dataset,
     scene_id: u64,
-    views: Option<u8>,
+    from: Option<u8>,
     folder: &Path,
 ) -> Result<PathBuf, Failure> {
     let info = dataset.info();
     let rows = dataset.read_scene(scene_id)?;
     let lens = info.section::<CameraParams>("camera").ok_or_else(|| info_lacks(" has no camera"))?.intrinsics();
-    let views = match views {
+    let views = match from {
         None => rows.scene.views.clone(),
         Some(count) => around(count, info.grid.size_m),
     };
@@ -38,10 +39,16 @@ pub fn write_depth_images(
     let rays = SceneRays::new(&scene);
     fs::create_dir_all(folder).context(format_args!("failed to write {}", folder.display()))?;
     let mut text = head(dataset, scene_id, &lens);
+    let params = info.section::<SensorParams>("sensor").filter(|_| from.is_none());
+    let mut sensor = params.as_ref().map(|params| sensor(params, info.seed, scene_id, &lens));
     for (number, view) in views.iter().enumerate() {
         let camera = camera_at(view, &info.grid, lens);
         let name = format!("depth-{number}.png");
-        write(&folder.join(&name), png(&rays.render(&camera))?)?;
+        let image = match &mut sensor {
+            Some(sensor) => sensor.image(&camera, |real| rays.render(real)),
+            None => rays.render(&camera),
+        };
+        write(&folder.join(&name), png(&image)?)?;
         add_view(&mut text, &name, &camera);
     }
     let path = folder.join("views.toml");

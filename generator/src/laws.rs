@@ -54,6 +54,19 @@ impl Config {
         if self.sampler == Sampler::Mixed {
             stored["shares"] = json!(self.shares);
         }
+        if let Some(policy) = &self.policy {
+            stored["policy"] = json!(policy);
+        }
+        // Keys that others do not have, so that those keep their identity.
+        if let Some(packed) = self.packed {
+            stored["packed"] = json!(packed);
+        }
+        if !self.view_kinds.is_empty() {
+            stored["view_kinds"] = json!(self.view_kinds);
+        }
+        if let Some(sensor) = &self.sensor {
+            stored["sensor"] = json!(sensor);
+        }
         if let Some(objects) = stored["objects"].as_object_mut() {
             let models = objects.remove("catalogue");
             if !self.objects.catalogue.is_empty() {

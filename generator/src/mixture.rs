@@ -6,7 +6,7 @@
 
 use core::f32::consts::FRAC_PI_6;
 
-use hands::Proposer;
+use hands::{Judge, Judged, Proposer};
 use schema::{
     Approach, AttemptRecord, ObjectRecord, Pose, Purpose, Rule, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts,
 };
@@ -23,54 +23,82 @@ const TURN_RAD_MAX: f32 = FRAC_PI_6;
 /// How far before the tips, along the approach, a proposed hand closes.
 const CLOSING_M: f32 = 0.01;
 
+/// Number of proposals among which a judge chooses.
+const JUDGED_OF: usize = 256;
+/// Of hands whose tips are nearer to each other than this, a judge chooses only the best.
+const APART_M: f32 = 0.01;
+
 /// How many attempts of a scene are drawn in which way; what remains is displaced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Mixture {
     pub rules: usize,
     pub normals: usize,
     pub proposals: usize,
+    /// Those of the proposals that a judge chooses.
+    pub judged: usize,
 }
 
 impl Mixture {
     /// The mixture of `count` attempts.
     pub(crate) fn of(config: &Config, count: usize) -> Self {
-        let none = Self { rules: 0, normals: 0, proposals: 0 };
+        let none = Self { rules: 0, normals: 0, proposals: 0, judged: 0 };
         match config.sampler {
             Sampler::Rules => Self { rules: count, ..none },
             Sampler::Vgn => Self { normals: count, ..none },
             Sampler::Mixed => {
-                let Shares { rules, normals, proposals, .. } = config.shares;
+                let Shares { rules, normals, proposals, judged, .. } = config.shares;
                 let part = |share: f32| (share * count as f32).round() as usize;
                 let normals = part(normals) / YAWS * YAWS;
                 // Shares are at most 1, so normals fit; the sum of rounded parts may not.
                 let rules = part(rules).min(count - normals);
-                Self { rules, normals, proposals: part(proposals).min(count - normals - rules) }
+                let (left, judged) = (count - normals - rules, part(judged));
+                match config.policy {
+                    None => Self { rules, normals, proposals: (part(proposals) + judged).min(left), judged: 0 },
+                    Some(_) => {
+                        let judged = judged.min(left);
+                        Self { rules, normals, proposals: part(proposals).min(left - judged), judged }
+                    }
+                }
             }
         }
     }
 }
 
-/// Proposals of hands on what the scene's cameras saw; fewer if so many are not found.
+/// Proposals of hands on what the scene's cameras saw, then those that the policy holds for the best; fewer if so many
+/// are not found.
 pub(crate) fn proposed(
     config: &Config,
     (scene, objects): (&Scene, &[ObjectRecord]),
-    tsdf: &VoxelGrid,
-    count: usize,
+    (tsdf, views): (&VoxelGrid, usize),
+    Mixture { proposals, judged, .. }: Mixture,
 ) -> Vec<Candidate> {
-    let mut stream = Stream::new(config.seed, objects[0].scene_id, Purpose::Proposals, 0);
+    let stream = |number| Stream::new(config.seed, objects[0].scene_id, Purpose::Proposals, number);
     let proposer = Proposer::new(&config.gripper, config.procedure.pregrasp_distance_m);
     let targets: Vec<Target> = scene.objects.iter().map(Target::of).collect();
-    let candidate = |workspace_from_grasp: Pose| {
+    let candidate = |workspace_from_grasp: Pose, approach: Approach| {
         let closing_m = workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, -CLOSING_M));
         let object_id = nearest(&targets, closing_m);
-        undrawn(
-            Rule { shape: objects[object_id].shape.shape(), approach: Approach::Proposal },
-            object_id,
-            workspace_from_grasp,
-        )
+        undrawn(Rule { shape: objects[object_id].shape.shape(), approach }, object_id, workspace_from_grasp)
     };
-    let hands = proposer.propose(tsdf, count, &mut stream);
-    hands.into_iter().map(|hand| candidate(hand.workspace_from_grasp)).collect()
+    let hands = proposer.propose(tsdf, proposals, &mut stream(0)).into_iter();
+    let plain = hands.map(|hand| candidate(hand.workspace_from_grasp, Approach::Proposal));
+    let judge = config.policy.as_ref().and_then(|policy| policy.judge(&config.gripper, &config.grid).ok());
+    let best = judge.map_or_else(Vec::new, |judge| best(&judge, (tsdf, views), judged, &mut stream(2)));
+    plain.chain(best.iter().map(|judged| candidate(judged.hand.workspace_from_grasp, Approach::Judged))).collect()
+}
+
+/// The best hands of a scene that are apart from better ones.
+fn best(judge: &Judge, (tsdf, views): (&VoxelGrid, usize), count: usize, stream: &mut Stream) -> Vec<Judged> {
+    let mut best: Vec<Judged> = Vec::with_capacity(count);
+    if count == 0 {
+        return best;
+    }
+    for judged in judge.hands(tsdf, views, JUDGED_OF, stream) {
+        if best.len() < count && best.iter().all(|better| !better.is_near(&judged, APART_M)) {
+            best.push(judged);
+        }
+    }
+    best
 }
 
 /// The object whose surface is nearest to a point, or in which it lies deepest.
@@ -148,12 +176,43 @@ mod tests {
         ];
         let [rules, normals, proposals, displaced] = counts.map(|attempts| attempts.len());
         // Where fewer hands are proposed, more are displaced.
-        assert_eq!((rules, normals, proposals + displaced), (18, 12, 30));
-        assert!((5..=21).contains(&proposals), "{proposals}");
+        assert_eq!((rules, normals, proposals + displaced), (18, 6, 36));
+        assert!((5..=24).contains(&proposals), "{proposals}");
         // The last scene of a dataset may have fewer.
         for count in [1, 7, 23] {
             assert_eq!(make_scene(&config, 5, count).unwrap().attempts.len(), count as usize);
         }
+    }
+
+    #[test]
+    fn a_policys_hands_hold_more_often_than_proposals_and_name_it() {
+        let text = JUDGE.replace("sampler = ", "policy = \"../models/judge.safetensors\"\nsampler = ");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/judge.toml");
+        let config = Config::read(Document::parse(&text, Path::new(path)).unwrap(), Overrides::default()).unwrap();
+        let scenes: Vec<SceneRows> = (0..6).map(|scene| make_scene(&config, scene, 60).unwrap()).collect();
+        let held = |wanted: Approach| {
+            let attempts = scenes.iter().flat_map(|rows| of(rows, |approach| approach == wanted));
+            let labels: Vec<u8> = attempts.map(|attempt| attempt.label()).collect();
+            assert!(labels.len() > 30, "{wanted:?}: {}", labels.len());
+            labels.iter().map(|label| f32::from(*label)).sum::<f32>() / labels.len() as f32
+        };
+        let [judged, proposed] = [Approach::Judged, Approach::Proposal].map(held);
+        assert!(judged > proposed + 0.2, "{judged} {proposed}");
+        assert_eq!(scenes[0], make_scene(&config, 0, 60).unwrap());
+        // The digest of the weights is a part of the identity.
+        let policy = config.dataset_info().config["policy"].as_str().unwrap().to_owned();
+        let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/judge.safetensors")).unwrap();
+        assert_eq!(policy, network::checkpoint::digest(&file));
+        let refused = |text: String| {
+            Config::read(Document::parse(&text, Path::new(path)).unwrap(), Overrides::default())
+                .unwrap_err()
+                .to_string()
+        };
+        let message =
+            refused(text.replace("judged = 0.25 ", "judged = 0.0 ").replace("proposals = 0.15 ", "proposals = 0.4 "));
+        assert!(message.contains("policy needs shares.judged above 0"), "{message}");
+        let message = refused(text.replace("models/judge", "models/paper-200k"));
+        assert!(message.contains("policy: these weights are the paper's network's"), "{message}");
     }
 
     #[test]
@@ -184,8 +243,9 @@ mod tests {
         // A hand too wide to stand anywhere is never proposed.
         let text = JUDGE
             .replace("rules = 0.3 ", "rules = 0.0 ")
-            .replace("normals = 0.2 ", "normals = 0.0 ")
-            .replace("proposals = 0.35 ", "proposals = 1.0 ")
+            .replace("normals = 0.15 ", "normals = 0.0 ")
+            .replace("proposals = 0.15 ", "proposals = 1.0 ")
+            .replace("judged = 0.25 ", "judged = 0.0 ")
             .replace("displaced = 0.15 ", "displaced = 0.0 ");
         let mut config = config(&text).unwrap();
         config.gripper.palm_breadth_m = 0.5;
@@ -199,7 +259,7 @@ mod tests {
     #[test]
     fn shares_belong_to_the_mixed_sampler_and_make_one() {
         let refused = |text: String| config(&text).unwrap_err().to_string();
-        let message = refused(JUDGE.replace("proposals = 0.35 ", "proposals = 0.25 "));
+        let message = refused(JUDGE.replace("proposals = 0.15 ", "proposals = 0.05 "));
         assert!(message.contains("shares must make 1 for sampler = \"mixed\", got 0.9"), "{message}");
         let message = refused(JUDGE.replace("sampler = \"mixed\"", "sampler = \"rules\""));
         assert!(message.contains("shares must make 0 for sampler = \"rules\", got 1"), "{message}");

@@ -11,7 +11,7 @@ use crate::config::ObjectParams;
 pub fn draw_drops(params: &ObjectParams, grid: &Grid, seed: u64, scene_id: u64, attempt: u32) -> Vec<SceneObject> {
     let mut objects = Stream::new(seed, scene_id, Purpose::Objects, attempt);
     let mut drops = Stream::new(seed, scene_id, Purpose::Drops, attempt);
-    let count = draw_count(params, &mut objects);
+    let count = *objects.weighted(&params.counts, &params.count_weights);
     (0..count)
         .map(|_| {
             let (body, mass_kg, friction) = draw_body(params, &mut objects);
@@ -33,18 +33,6 @@ fn draw_body(params: &ObjectParams, stream: &mut Stream) -> (Body, f32, f32) {
     let number = stream.index(models.bodies().len());
     let model = &models.stored()[number];
     (models.bodies()[number].clone(), model.mass_kg, model.friction)
-}
-
-fn draw_count(params: &ObjectParams, stream: &mut Stream) -> usize {
-    let total: f64 = params.count_weights.iter().map(|weight| f64::from(*weight)).sum();
-    let mut left = stream.unit() * total;
-    for (count, weight) in params.counts.iter().zip(&params.count_weights) {
-        left -= f64::from(*weight);
-        if left < 0.0 {
-            return *count;
-        }
-    }
-    params.counts.last().copied().unwrap_or(1)
 }
 
 /// A shape with uniform free extents. Every shape makes the same number of draws.

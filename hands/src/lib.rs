@@ -3,13 +3,17 @@
 //! A proposal touches a point of the seen surface. Either a finger closes along the point's normal, from any side that
 //! is not below; or the hand comes along the normal, tilted a little, and closes in any direction. Where nobody saw the
 //! opposite side, it is drawn. A hand that hits the table, or sweeps through what was seen, is not proposed.
-//! Whether a proposal holds is not asked here: that is the judge's question.
+//! Whether a proposal holds is the [`Judge`]'s question.
+
+mod judge;
 
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_6, PI};
 
 use perception::{normals, surface_cloud};
 use rayon::prelude::*;
-use schema::{Grasp, Gripper, HandBox, Mat3, Quat, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts};
+use schema::{Grasp, Gripper, HandBox, Mat3, Pose, Quat, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts};
+
+pub use judge::{Judge, Judged};
 
 /// Distance between the points of the surface that hands touch.
 const PITCH_M: f32 = 0.005;
@@ -57,21 +61,24 @@ struct Draw {
     /// Angle of the approach about the closing direction, or of the closing direction about the approach.
     turn_rad: f32,
     tilt_rad: f32,
-    depth_m: f32,
-    /// Shares of what is left to choose: the width where it was not seen, the place between the fingers.
+    /// Shares of what is left to choose: the depth above the table, the width where it was not seen, the place between
+    /// the fingers.
+    depth: f32,
     width: f32,
     offset: f32,
     flip: bool,
 }
 
 impl Draw {
-    fn new(points: usize, stream: &mut Stream) -> Self {
+    /// `surfaces`: all of it, and where a finger can close.
+    fn new(surfaces: &[Vec<(Vec3, Vec3)>; 2], stream: &mut Stream) -> Self {
+        let closes = stream.uniform(0.0, 1.0) < CLOSING_SHARE && !surfaces[1].is_empty();
         Self {
-            point: stream.index(points),
-            closes: stream.uniform(0.0, 1.0) < CLOSING_SHARE,
+            point: stream.index(surfaces[usize::from(closes)].len()),
+            closes,
             turn_rad: stream.uniform(-1.0, 1.0),
             tilt_rad: stream.uniform(0.0, TILT_RAD_MAX),
-            depth_m: stream.uniform(DEPTH_M[0], DEPTH_M[1]),
+            depth: stream.uniform(0.0, 1.0),
             width: stream.uniform(0.0, 1.0),
             offset: stream.uniform(-1.0, 1.0),
             flip: stream.uniform(0.0, 1.0) < 0.5,
@@ -98,14 +105,16 @@ impl Proposer {
         let normals = normals(field, &cloud_m);
         let is_thing = |(point_m, normal): &(Vec3, Vec3)| point_m.z > above_m && *normal != Vec3::ZERO;
         let surface: Vec<(Vec3, Vec3)> = cloud_m.into_iter().zip(normals).filter(is_thing).collect();
+        let sides = surface.iter().copied().filter(|(_, normal)| normal.z.abs() <= CLOSING_RISE_MAX).collect();
+        let surfaces = [surface, sides];
         let mut found = Vec::with_capacity(count);
-        if surface.is_empty() {
+        if surfaces[0].is_empty() {
             return found;
         }
         for _ in 0..(count * TRIES_MAX).div_ceil(ROUND) {
-            let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(surface.len(), stream)).collect();
-            let round: Vec<Option<Grasp>> =
-                draws.par_iter().with_min_len(64).map(|draw| self.hand(field, surface[draw.point], draw)).collect();
+            let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&surfaces, stream)).collect();
+            let hand = |draw: &Draw| self.hand(field, surfaces[usize::from(draw.closes)][draw.point], draw);
+            let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(hand).collect();
             found.extend(round.into_iter().flatten());
             if found.len() >= count {
                 break;
@@ -119,9 +128,6 @@ impl Proposer {
     fn hand(&self, field: &VoxelGrid, (point_m, normal): (Vec3, Vec3), draw: &Draw) -> Option<Grasp> {
         let room_m = self.opening_m_max - 2.0 * GAP_M;
         let (rotation, width_m, centre_m) = if draw.closes {
-            if normal.z.abs() > CLOSING_RISE_MAX {
-                return None;
-            }
             let rotation = approach_about(normal, FRAC_PI_2 * draw.turn_rad, draw.flip);
             let width_m =
                 walk(field, point_m, -normal, room_m).unwrap_or(WIDTH_M_MIN + draw.width * (room_m - WIDTH_M_MIN));
@@ -140,10 +146,21 @@ impl Proposer {
         }
         // What is between the fingers need not be in their middle.
         let slack_m = 0.25 * (room_m - width_m) * draw.offset;
-        let tips_m = centre_m + rotation * Vec3::new(0.0, slack_m, draw.depth_m);
-        let workspace_from_grasp = pose_from_parts(rotation, tips_m);
-        let table_z_m = field.grid.table_z_m;
-        if self.swept.iter().any(|b| b.lowest_z_m(&workspace_from_grasp) < table_z_m) {
+        let middle_m = centre_m + rotation * Vec3::new(0.0, slack_m, 0.0);
+        let at_m = |depth_m: f32| pose_from_parts(rotation, middle_m + approach * depth_m);
+        let above_m = |pose: &Pose| {
+            let lowest = self.swept.iter().map(|b| b.lowest_z_m(pose));
+            lowest.fold(f32::INFINITY, f32::min) - field.grid.table_z_m
+        };
+        // The tips go no deeper than the table lets them.
+        let deepest_m = if approach.z < 0.0 { above_m(&at_m(0.0)) / -approach.z } else { DEPTH_M[1] };
+        if deepest_m < DEPTH_M[0] {
+            return None;
+        }
+        let depth_m = DEPTH_M[0] + draw.depth * (deepest_m.min(DEPTH_M[1]) - DEPTH_M[0]);
+        let workspace_from_grasp = at_m(depth_m);
+        let tips_m = workspace_from_grasp.translation;
+        if above_m(&workspace_from_grasp) < 0.0 {
             return None;
         }
         let is_free = self.looks_m.iter().all(|look_m| distance(field, tips_m + rotation * *look_m) > INSIDE);

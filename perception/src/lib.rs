@@ -12,18 +12,22 @@
 mod cells;
 mod cloud_view;
 mod clusters;
+mod level;
 mod noise;
 mod normals;
 mod plane;
+mod sensor;
 mod surface;
 mod tsdf;
 mod views;
 
 pub use cloud_view::{cloud_image, view_from};
 pub use clusters::{ClusterParams, clusters};
+pub use level::scaled_to_table;
 pub use noise::{DepthNoise, DexNoise, StereoNoise, add_depth_noise};
 pub use normals::normals;
 pub use plane::{FoundPlane, PlaneParams, find_plane};
+pub use sensor::{NoiseKind, Sensor, SensorParams};
 pub use surface::{surface_cloud, thinned};
 pub use tsdf::{TRUNCATION_VOXELS, Tsdf};
-pub use views::{camera_at, draw_views};
+pub use views::{ViewKind, camera_at, draw_kind, draw_views};

@@ -1,6 +1,49 @@
 //! Camera poses: on a sphere about the centre of the workspace's floor, looking at it.
 
 use schema::{Camera, Grid, Intrinsics, Stream, View, ViewParams};
+use serde::Serialize;
+use settings::settings;
+
+settings! {
+    /// A kind of observation, such as one camera at the side. The azimuth of the first view is uniform.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct ViewKind {
+        /// Share of the scenes that are seen so.
+        pub share: f32 where 0.0..=1.0,
+        /// Fewest and most views of a scene; uniform.
+        pub counts: [usize; 2] where 1..=100,
+        /// Shortest and longest distance from the middle of the floor, in sides of the workspace; uniform.
+        pub radius_sizes: [f32; 2] where 1.0..=100.0,
+        /// Smallest and largest angle from the vertical; uniform.
+        pub polar_rad: [f32; 2] where 0.0..=core::f32::consts::FRAC_PI_2,
+        /// Whether the views stand evenly around the scene, such as two opposite each other.
+        pub around: bool,
+    }
+}
+
+/// Draws the views of a scene that is seen in one of some kinds, or as `rest` says if their shares leave it.
+#[must_use]
+pub fn draw_kind(rest: &ViewParams, kinds: &[ViewKind], grid: &Grid, stream: &mut Stream) -> Vec<View> {
+    if kinds.is_empty() {
+        return draw_views(rest, grid, stream);
+    }
+    let mut left = stream.uniform(0.0, 1.0);
+    let kind = kinds.iter().find(|kind| {
+        left -= kind.share;
+        left < 0.0
+    });
+    let Some(&ViewKind { counts, radius_sizes, polar_rad, around, .. }) = kind else {
+        return draw_views(rest, grid, stream);
+    };
+    let mut views = draw_views(&ViewParams { counts, radius_sizes, polar_rad }, grid, stream);
+    if around {
+        let (first_rad, step_rad) = (views[0].azimuth_rad, core::f32::consts::TAU / views.len() as f32);
+        for (number, view) in views.iter_mut().enumerate() {
+            view.azimuth_rad = (first_rad + number as f32 * step_rad) % core::f32::consts::TAU;
+        }
+    }
+    views
+}
 
 /// Draws the views of a scene: their count, then radius, polar angle and azimuth of each.
 ///

@@ -20,8 +20,6 @@ pub mod demo;
 pub mod detect;
 pub mod hand;
 pub mod input;
-mod judge;
-mod level;
 mod observation;
 pub mod picture;
 pub mod plan;
@@ -32,6 +30,6 @@ pub mod segment;
 pub mod serve;
 pub mod volume;
 
-pub use config::{Config, Policy};
+pub use config::{BuiltIn, Config, Policy};
 pub use observation::{Observation, SeenView, Wishes};
-pub use planner::Planner;
+pub use planner::{Planner, Planners};

@@ -2,19 +2,19 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::OnceLock;
 use std::time::Instant;
 
+use hands::{Judge, Judged};
 use network::{Architecture, DenseGrids, DenseNetwork, checkpoint};
 use program::Failure;
 use rayon::prelude::*;
 use schema::{Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
-use sha2::{Digest as _, Sha256};
 
-use crate::config::{CloudParams, Config, Policy, WithoutObject};
+use crate::config::{BuiltIn, CloudParams, Config, Policy, WithoutObject};
 use crate::detect::{Detected, Detection, detect};
 use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
 use crate::input::{InputError, read_file};
-use crate::judge::{Judge, Judged};
 use crate::observation::{Observation, Wishes};
 use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
 use crate::rank;
@@ -22,10 +22,15 @@ use crate::refine::{Hand, Searched};
 use crate::segment::segment;
 use crate::volume::fuse;
 
-/// The built-in network.
-const MODEL: &[u8] = include_bytes!("../../models/paper-200k.safetensors");
-/// Its path in the source tree, for messages.
-const MODEL_PATH: &str = "models/paper-200k.safetensors";
+/// The built-in networks, with their paths in the source tree.
+fn weights(named: BuiltIn) -> (&'static [u8], &'static Path) {
+    let (file, path): (&[u8], _) = match named {
+        BuiltIn::Judge => (include_bytes!("../../models/judge.safetensors"), "models/judge.safetensors"),
+        BuiltIn::Paper => (include_bytes!("../../models/paper-200k.safetensors"), "models/paper-200k.safetensors"),
+        BuiltIn::Vgn => (include_bytes!("../../models/vgn.safetensors"), "models/vgn.safetensors"),
+    };
+    (file, Path::new(path))
+}
 
 /// A network and settings, ready to plan. Planning does not change it.
 #[derive(Debug, Clone)]
@@ -37,6 +42,37 @@ pub struct Planner {
     pub config: Config,
     /// The workspace.
     pub grid: Grid,
+}
+
+/// A planner, and beside it those that come with the program, for requests that name one; each is made when it is first
+/// asked for.
+#[derive(Debug)]
+pub struct Planners {
+    /// The planner of requests that name none.
+    pub own: Planner,
+    named: [OnceLock<Result<Planner, Failure>>; BuiltIn::ALL.len()],
+}
+
+impl Planners {
+    /// The planners beside `own`.
+    #[must_use]
+    pub fn new(own: Planner) -> Self {
+        Self { own, named: [const { OnceLock::new() }; BuiltIn::ALL.len()] }
+    }
+
+    /// The planner of a request. Its hand is always that of the own planner.
+    ///
+    /// # Errors
+    /// If the named settings' network was not trained for that hand.
+    pub fn of(&self, named: Option<BuiltIn>) -> Result<&Planner, InputError> {
+        let Some(named) = named else { return Ok(&self.own) };
+        let make = || {
+            let gripper = self.own.config.gripper.clone();
+            Planner::built_in(Config { gripper, ..named.config()? })
+        };
+        let made = self.named[named as usize].get_or_init(make);
+        made.as_ref().map_err(|failure| InputError::Value(format!("{failure}: config")))
+    }
 }
 
 /// What answers: for voxels, or for hands.
@@ -67,23 +103,28 @@ impl Planner {
         Self::from_bytes(&read_file(model)?, model, config)
     }
 
-    /// A planner with the built-in network (`models/`).
+    /// A planner with the weights that come with the program for these settings (`models/`).
     ///
     /// # Errors
-    /// Never, as a test shows; the type is that of [`Planner::new`].
+    /// If the settings' hand is not the one that a judge was trained for.
     pub fn built_in(config: Config) -> Result<Self, Failure> {
-        Self::from_bytes(MODEL, Path::new(MODEL_PATH), config)
+        let (file, path) = weights(config.network);
+        Self::from_bytes(file, path, config)
     }
 
     fn from_bytes(file: &[u8], path: &Path, config: Config) -> Result<Self, Failure> {
         let (checkpoint, grid) = (checkpoint::from_bytes(file, path)?, Grid::PAPER);
+        let (needed, got) = (config.network.network_kind(), checkpoint.architecture.kind());
+        if got != needed {
+            let what =
+                format!("{}: network = \"{}\" of the settings (--config)", path.display(), config.network.name());
+            return Err(got.refused(&what, needed));
+        }
         let network = match &checkpoint.architecture {
             Architecture::Voxel(_) => Network::Voxel(Box::new(checkpoint.dense()?)),
-            Architecture::Judge(scope) => {
-                Network::Judge(Box::new(Judge::new(&checkpoint.vector, scope, &config.gripper, &grid)?))
-            }
+            Architecture::Judge(_) => Network::Judge(Box::new(Judge::new(&checkpoint, &config.gripper, &grid)?)),
         };
-        let model_id = Sha256::digest(file).iter().map(|byte| format!("{byte:02x}")).collect();
+        let model_id = checkpoint::digest(file);
         Ok(Self { network, model_id, config, grid })
     }
 
@@ -118,8 +159,9 @@ impl Planner {
         let candidates = || match &self.network {
             Network::Voxel(network) => self.detections(network, grid, wishes, timings_ms),
             Network::Judge(judge) => {
-                let streams = [self.config.seed, scene];
-                let hands = timed(timings_ms, "judge", || judge.hands(grid, views, &self.config.judge, streams));
+                let mut stream = Stream::new(self.config.seed, scene, Purpose::Proposals, 0);
+                let proposals = self.config.judge.proposals;
+                let hands = timed(timings_ms, "judge", || judge.hands(grid, views, proposals, &mut stream));
                 self.judged(&hands, wishes)
             }
         };

@@ -2,12 +2,11 @@
 
 use std::borrow::Cow;
 
-use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, surface_cloud, thinned, view_from};
+use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, scaled_to_table, surface_cloud, thinned, view_from};
 use schema::{Grid, Vec3, VoxelGrid};
 
 use crate::config::CloudParams;
 use crate::input::{InputError, refuse};
-use crate::level::scaled_to_table;
 use crate::observation::{Observation, SeenView};
 
 /// A fused observation.
@@ -33,7 +32,10 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
     let pitch_m = params.pitch_m;
     let (grid, fine) = match observation {
         Observation::Views(views) => {
-            let scaled = |view| scaled_to_table(view, grid);
+            let scaled = |view: &SeenView| {
+                let SeenView { image, camera } = view;
+                SeenView { image: scaled_to_table(image, camera, grid), camera: *camera }
+            };
             let views: Cow<'_, [SeenView]> =
                 if params.scale_to_table { views.iter().map(scaled).collect() } else { views.into() };
             let on = |resolution: usize| fuse_views(&views, &Grid { resolution, ..*grid });

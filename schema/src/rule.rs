@@ -47,12 +47,21 @@ pub enum Approach {
     Proposal,
     /// A hand of the same scene that held, displaced.
     Displaced,
+    /// A proposal that a judge holds for one of the best.
+    Judged,
 }
 
 impl Approach {
     /// All of them; the first three are the axes.
-    pub const ALL: [Self; 6] =
-        [Self::Axis(Axis::X), Self::Axis(Axis::Y), Self::Axis(Axis::Z), Self::Normal, Self::Proposal, Self::Displaced];
+    pub const ALL: [Self; 7] = [
+        Self::Axis(Axis::X),
+        Self::Axis(Axis::Y),
+        Self::Axis(Axis::Z),
+        Self::Normal,
+        Self::Proposal,
+        Self::Displaced,
+        Self::Judged,
+    ];
 
     /// The object axis.
     #[must_use]
@@ -68,13 +77,14 @@ impl Approach {
             Self::Normal => 3,
             Self::Proposal => 4,
             Self::Displaced => 5,
+            Self::Judged => 6,
         }
     }
 
     /// The name in shards.
     #[must_use]
     pub fn name(self) -> &'static str {
-        ["x", "y", "z", "normal", "proposal", "displaced"][self.index()]
+        ["x", "y", "z", "normal", "proposal", "displaced", "judged"][self.index()]
     }
 
     /// The one with this name.
@@ -95,7 +105,7 @@ pub struct Rule {
 
 impl Rule {
     /// Number of names: twelve rows of Appendix A, then for each other approach the four shapes and all models.
-    pub const NAMES: usize = 12 + 3 * 5;
+    pub const NAMES: usize = 12 + 4 * 5;
 
     /// The twelve rows of Appendix A.
     #[must_use]
@@ -132,9 +142,25 @@ impl Rule {
     /// The name in shards and reports, such as `tri_prism_x`.
     #[must_use]
     pub fn name(self) -> &'static str {
-        const NAMES: [[&str; 6]; 5] = [
-            ["cuboid_x", "cuboid_y", "cuboid_z", "cuboid_normal", "cuboid_proposal", "cuboid_displaced"],
-            ["cylinder_x", "cylinder_y", "cylinder_z", "cylinder_normal", "cylinder_proposal", "cylinder_displaced"],
+        const NAMES: [[&str; 7]; 5] = [
+            [
+                "cuboid_x",
+                "cuboid_y",
+                "cuboid_z",
+                "cuboid_normal",
+                "cuboid_proposal",
+                "cuboid_displaced",
+                "cuboid_judged",
+            ],
+            [
+                "cylinder_x",
+                "cylinder_y",
+                "cylinder_z",
+                "cylinder_normal",
+                "cylinder_proposal",
+                "cylinder_displaced",
+                "cylinder_judged",
+            ],
             [
                 "tri_prism_x",
                 "tri_prism_y",
@@ -142,6 +168,7 @@ impl Rule {
                 "tri_prism_normal",
                 "tri_prism_proposal",
                 "tri_prism_displaced",
+                "tri_prism_judged",
             ],
             [
                 "half_cylinder_x",
@@ -150,9 +177,10 @@ impl Rule {
                 "half_cylinder_normal",
                 "half_cylinder_proposal",
                 "half_cylinder_displaced",
+                "half_cylinder_judged",
             ],
             // Models are approached along no axis; `shards` refuses such rows.
-            ["model_x", "model_y", "model_z", "model_normal", "model_proposal", "model_displaced"],
+            ["model_x", "model_y", "model_z", "model_normal", "model_proposal", "model_displaced", "model_judged"],
         ];
         let shape = if let Shape::Primitive(kind) = self.shape { kind as usize } else { 4 };
         NAMES[shape][self.approach.index()]

@@ -42,6 +42,8 @@ pub enum Purpose {
     Plane = 13,
     /// The order of grasps that are ranked by chance.
     Ranking = 14,
+    /// Objects of packed scenes (the first try: whether a scene is packed).
+    Packed = 15,
 }
 
 /// A reproducible stream of random numbers.
@@ -90,6 +92,20 @@ impl Stream {
     pub fn index(&mut self, count: usize) -> usize {
         assert!(count > 0, "cannot choose among nothing");
         ((u128::from(self.bits()) * count as u128) >> 64) as usize
+    }
+
+    /// One of `items`, each as often as its weight says; the last one if all weights are 0.
+    ///
+    /// # Panics
+    /// If there are no items.
+    pub fn weighted<'a, T>(&mut self, items: &'a [T], weights: &[f32]) -> &'a T {
+        let total: f64 = weights.iter().map(|weight| f64::from(*weight)).sum();
+        let mut left = self.unit() * total;
+        let chosen = items.iter().zip(weights).find(|(_, weight)| {
+            left -= f64::from(**weight);
+            left < 0.0
+        });
+        chosen.map_or(&items[items.len() - 1], |(item, _)| item)
     }
 
     /// A rotation, uniform over SO(3) (Shoemake, 1992).

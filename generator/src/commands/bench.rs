@@ -45,7 +45,8 @@ pub(crate) struct Arguments {
 /// The datasets of the bench are made in a temporary folder, which is removed.
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let shards = Some(arguments.attempts.div_ceil(3_000).max(1));
-    let overrides = Overrides { seed: arguments.seed, shards, attempts: Some(arguments.attempts) };
+    let overrides =
+        Overrides { seed: arguments.seed, shards, attempts: Some(arguments.attempts), ..Overrides::default() };
     let config = Config::load(arguments.config.as_deref(), overrides)?;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = arguments.threads.map_or_else(cores, usize::from);

@@ -45,6 +45,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 
+    /// Weights of a judge, whose best hands are executed (shares.judged) [default: the config's]
+    #[arg(long, value_name = "FILE")]
+    policy: Option<PathBuf>,
+
     /// Folder or URL of the dataset; created if missing
     #[arg(long, value_name = "DIR|URL", required = true)]
     out: Option<Location>,
@@ -52,7 +56,12 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let Some(out) = &arguments.out else { return Err(Failure::new(ExitCode::Usage, "--out is missing")) };
-    let overrides = Overrides { seed: arguments.seed, shards: arguments.shards, attempts: arguments.attempts };
+    let overrides = Overrides {
+        seed: arguments.seed,
+        shards: arguments.shards,
+        attempts: arguments.attempts,
+        policy: arguments.policy.as_deref(),
+    };
     let config = Config::load(arguments.config.as_deref(), overrides)?;
     let environment = |name: &str| std::env::var_os(name);
     let (wanted, variable) = assigned(arguments.shard_index.as_ref(), arguments.task, environment, config.shards)?;

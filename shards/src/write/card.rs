@@ -75,6 +75,9 @@ told of them: `approach_axis` and `closing_axis` are `proposal`, and the drawn v
 const DISPLACED: &str = "\
 Rules that end in `_displaced` are hands that held another attempt of the same scene, moved and turned a little and executed again.";
 
+const JUDGED: &str = "\
+Rules that end in `_judged` are proposals that a judge, named by the digest of its weights in `meta/info.json`, held for the best of their scene.";
+
 const ALONG_NORMALS: &str = "\
 Rules that end in `_normal` are VGN's: the hand comes along the normal of a seen surface point, and several attempts in a row
 share the point. There `approach_axis` and `closing_axis` are `normal`, `depth_m` is how far behind the surface the finger tips end, and
@@ -110,9 +113,12 @@ fn statistics(manifest: &Manifest) -> Vec<Block> {
         Block::Table(Shown::new(["outcome", "attempts", "share"], outcomes)),
         Block::Table(Shown::new(["rule", "attempts", "positive"], rules)),
     ];
-    for (approach, text) in
-        [(Approach::Normal, ALONG_NORMALS), (Approach::Proposal, PROPOSED), (Approach::Displaced, DISPLACED)]
-    {
+    for (approach, text) in [
+        (Approach::Normal, ALONG_NORMALS),
+        (Approach::Proposal, PROPOSED),
+        (Approach::Displaced, DISPLACED),
+        (Approach::Judged, JUDGED),
+    ] {
         if beyond.iter().any(|rule| rule.approach == approach) {
             blocks.push(Block::Text(text.to_owned()));
         }

@@ -4,9 +4,7 @@
 //! depths of a view share the factor, and most of the surroundings of the objects are table. The factor is therefore
 //! the most frequent ratio of the observed depth to the depth of a bare table.
 
-use schema::{DepthImage, Grid, Vec3};
-
-use crate::observation::SeenView;
+use schema::{Camera, DepthImage, Grid, Vec3};
 
 /// Factors are searched within this distance of 1 …
 const FACTOR_REACH: f32 = 0.15;
@@ -19,20 +17,19 @@ const STRIDE_PX: usize = 2;
 /// Minimum share of table pixels among those that could see it.
 const SHARE_MIN: f32 = 0.1;
 
-/// The view with its depths scaled so that most of them lie on the table; unchanged if the table cannot be identified.
+/// The image with its depths scaled so that most of them lie on the table; unchanged if the table cannot be identified.
 #[must_use]
-pub(crate) fn scaled_to_table(view: &SeenView, grid: &Grid) -> SeenView {
-    let factor = table_factor(view, grid).unwrap_or(1.0);
-    let depth_m = view.image.depth_m.iter().map(|depth_m| depth_m / factor).collect();
-    SeenView { image: DepthImage { depth_m, ..view.image }, camera: view.camera }
+pub fn scaled_to_table(image: &DepthImage, camera: &Camera, grid: &Grid) -> DepthImage {
+    let factor = table_factor(image, camera, grid).unwrap_or(1.0);
+    DepthImage { depth_m: image.depth_m.iter().map(|depth_m| depth_m / factor).collect(), ..*image }
 }
 
 /// The factor by which the table's depths are too long, or `None` if too little of the table was seen.
-fn table_factor(view: &SeenView, grid: &Grid) -> Option<f32> {
+fn table_factor(image: &DepthImage, camera: &Camera, grid: &Grid) -> Option<f32> {
     let bins = (2.0 * FACTOR_REACH / STEP) as usize;
     let (mut counts, mut sums) = (vec![0_u32; bins], vec![0.0_f64; bins]);
     let mut seen = 0_u32;
-    for ratio in ratios(view, grid) {
+    for ratio in ratios(image, camera, grid) {
         seen += 1;
         let bin = (ratio - 1.0 + FACTOR_REACH) / STEP;
         if bin >= 0.0 && (bin as usize) < bins {
@@ -47,14 +44,14 @@ fn table_factor(view: &SeenView, grid: &Grid) -> Option<f32> {
 }
 
 /// Ratio of the observed depth to that of a bare table, for pixels whose rays meet it in or near the workspace.
-fn ratios<'a>(view: &'a SeenView, grid: &'a Grid) -> impl Iterator<Item = f32> + 'a {
-    let (pose, lens) = (view.camera.workspace_from_camera, view.camera.intrinsics);
+fn ratios<'a>(image: &'a DepthImage, camera: &Camera, grid: &'a Grid) -> impl Iterator<Item = f32> + use<'a> {
+    let (pose, lens) = (camera.workspace_from_camera, camera.intrinsics);
     let around = -0.5 * grid.size_m..1.5 * grid.size_m;
-    let pixels = (0..view.image.height_px)
+    let pixels = (0..image.height_px)
         .step_by(STRIDE_PX)
-        .flat_map(move |v| (0..view.image.width_px).step_by(STRIDE_PX).map(move |u| [u, v]));
+        .flat_map(move |v| (0..image.width_px).step_by(STRIDE_PX).map(move |u| [u, v]));
     pixels.filter_map(move |pixel| {
-        let depth_m = view.image.at(pixel).filter(|depth_m| depth_m.is_finite())?;
+        let depth_m = image.at(pixel).filter(|depth_m| depth_m.is_finite())?;
         let ray: Vec3 = pose.rotation * lens.ray(pixel);
         let table_m = (grid.table_z_m - pose.translation.z) / ray.z;
         let at = pose.translation + ray * table_m;
@@ -65,13 +62,13 @@ fn ratios<'a>(view: &'a SeenView, grid: &'a Grid) -> impl Iterator<Item = f32> +
 
 #[cfg(test)]
 mod tests {
-    use perception::camera_at;
     use schema::{Intrinsics, View};
 
     use super::*;
+    use crate::camera_at;
 
     /// A table with a block that hides a part of it; all depths are `factor` times too long.
-    fn view(factor: f32, block: bool) -> SeenView {
+    fn view(factor: f32, block: bool) -> (DepthImage, Camera) {
         let grid = Grid::PAPER;
         let view = View { radius_m: 0.6, polar_rad: 1.0, azimuth_rad: 0.3 };
         let camera = camera_at(&view, &grid, Intrinsics::VGN);
@@ -84,28 +81,29 @@ mod tests {
             factor * if hidden { 0.45 + 1e-4 * pixel[1] as f32 } else { table_m.clamp(0.0, 3.0) }
         };
         let image = DepthImage { width_px: 640, height_px: 480, depth_m: (0..640 * 480).map(depth).collect() };
-        SeenView { image, camera }
+        (image, camera)
     }
 
     #[test]
     fn the_factor_is_found_beside_and_around_things() {
         for factor in [0.93, 0.99, 1.0, 1.04, 1.1] {
-            let found = table_factor(&view(factor, true), &Grid::PAPER).unwrap();
+            let (image, camera) = view(factor, true);
+            let found = table_factor(&image, &camera, &Grid::PAPER).unwrap();
             assert!((found / factor - 1.0).abs() < 1e-3, "{factor}: {found}");
         }
-        let (crooked, straight) = (view(1.05, true), view(1.0, true));
-        let put_right = scaled_to_table(&crooked, &Grid::PAPER);
-        for (a, b) in put_right.image.depth_m.iter().zip(&straight.image.depth_m) {
+        let ((crooked, camera), (straight, _)) = (view(1.05, true), view(1.0, true));
+        let put_right = scaled_to_table(&crooked, &camera, &Grid::PAPER);
+        for (a, b) in put_right.depth_m.iter().zip(&straight.depth_m) {
             assert!((a - b).abs() < 1e-3 * b.max(1e-3), "{a} {b}");
         }
     }
 
     #[test]
     fn without_a_table_nothing_is_changed() {
-        let mut blind = view(1.05, false);
-        blind.image.depth_m.fill(0.3);
-        assert_eq!(scaled_to_table(&blind, &Grid::PAPER), blind);
-        blind.image.depth_m.fill(0.0);
-        assert_eq!(scaled_to_table(&blind, &Grid::PAPER), blind);
+        let (mut blind, camera) = view(1.05, false);
+        for depth_m in [0.3, 0.0] {
+            blind.depth_m.fill(depth_m);
+            assert_eq!(scaled_to_table(&blind, &camera, &Grid::PAPER), blind);
+        }
     }
 }

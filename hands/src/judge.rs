@@ -1,19 +1,20 @@
 //! The judge decides: hands are proposed on what was seen, and the network says how each attempt would end.
 
-use hands::Proposer;
-use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, Scope, probabilities};
-use program::Failure;
+use network::Architecture;
+use network::checkpoint::Checkpoint;
+use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, probabilities};
+use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{Grasp, Grid, Gripper, Outcome, Purpose, Stream, VoxelGrid};
+use schema::{Grasp, Grid, Gripper, Outcome, Stream, VoxelGrid};
 
-use crate::config::JudgeParams;
+use crate::Proposer;
 
 /// Hands that one thread judges together.
 const TOGETHER: usize = 32;
 
-/// A judge, prepared for planning.
+/// A judge, prepared for a hand on a grid.
 #[derive(Debug, Clone)]
-pub(crate) struct Judge {
+pub struct Judge {
     network: JudgeNetwork,
     crop: Crop,
     proposer: Proposer,
@@ -21,7 +22,8 @@ pub(crate) struct Judge {
 
 /// A hand and how its attempt would end.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Judged {
+pub struct Judged {
+    /// The hand.
     pub hand: Grasp,
     /// Probabilities in the order of [`Outcome::ALL`].
     pub outcomes: [f32; OUTCOMES],
@@ -29,38 +31,45 @@ pub(crate) struct Judged {
 
 impl Judged {
     /// The probability that it holds.
-    pub(crate) fn quality(&self) -> f32 {
+    #[must_use]
+    pub fn quality(&self) -> f32 {
         self.outcomes[Outcome::Held as usize]
     }
 
     /// The likeliest outcome and its probability.
-    pub(crate) fn likeliest(&self) -> (Outcome, f32) {
+    #[must_use]
+    pub fn likeliest(&self) -> (Outcome, f32) {
         let outcomes = Outcome::ALL.into_iter().zip(self.outcomes);
         outcomes.fold((Outcome::Held, self.quality()), |best, one| if one.1 > best.1 { one } else { best })
+    }
+
+    /// Whether its tips are nearer than this to those of another hand.
+    #[must_use]
+    pub fn is_near(&self, other: &Self, apart_m: f32) -> bool {
+        let [here_m, there_m] = [self, other].map(|judged| judged.hand.workspace_from_grasp.translation);
+        (here_m - there_m).length() < apart_m
     }
 }
 
 impl Judge {
-    /// Prepares a judge for a hand on a grid.
+    /// Prepares the judge of a checkpoint.
     ///
     /// # Errors
-    /// If it was trained for another hand or another grid.
-    pub(crate) fn new(vector: &[f32], scope: &Scope, gripper: &Gripper, grid: &Grid) -> Result<Self, Failure> {
+    /// If these are another network's weights, or the judge was trained for another hand or another grid.
+    pub fn new(checkpoint: &Checkpoint, gripper: &Gripper, grid: &Grid) -> Result<Self, Failure> {
+        let Architecture::Judge(scope) = &checkpoint.architecture else {
+            let why = "these weights are the paper's network's, which answers for voxels, not a judge's";
+            return Err(Failure::new(ExitCode::Config, why));
+        };
         scope.must_match(gripper, grid)?;
         let proposer = Proposer::new(gripper, scope.pregrasp_distance_m);
-        Ok(Self { network: JudgeNetwork::new(vector), crop: Crop::new(scope), proposer })
+        Ok(Self { network: JudgeNetwork::new(&checkpoint.vector), crop: Crop::new(scope), proposer })
     }
 
-    /// Proposes hands in a scene and judges them, best first. `scene` names the stream of the proposals.
-    pub(crate) fn hands(
-        &self,
-        field: &VoxelGrid,
-        views: usize,
-        params: &JudgeParams,
-        [seed, scene]: [u64; 2],
-    ) -> Vec<Judged> {
-        let mut stream = Stream::new(seed, scene, Purpose::Proposals, 0);
-        let hands = self.proposer.propose(field, params.proposals, &mut stream);
+    /// Proposes hands in a scene that is seen from `views`, and judges them, best first.
+    #[must_use]
+    pub fn hands(&self, field: &VoxelGrid, views: usize, proposals: usize, stream: &mut Stream) -> Vec<Judged> {
+        let hands = self.proposer.propose(field, proposals, stream);
         let grid = PaddedGrid::from(field);
         let parts: Vec<Vec<Judged>> = hands.par_chunks(TOGETHER).map(|hands| self.judge(&grid, views, hands)).collect();
         let mut judged = parts.concat();

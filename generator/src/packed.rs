@@ -1,55 +1,38 @@
 //! Packed scenes: upright objects, taller than wide, side by side on the table, like VGN's second kind of scene.
 //!
 //! Only geometry and draws; the caller lets the result come to rest. An object that collides keeps its shape and gets
-//! another position, up to `tries_max` times. (VGN draws another object at each try, which favours small ones, and
+//! another position, up to [`TRIES_MAX`] times. (VGN draws another object at each try, which favours small ones, and
 //! stops after twelve tries in all, so some of its scenes have too few objects.)
 
 use schema::{Grid, Pose, Quat, ShapeKind, Solid, Stream, Vec3, axis_angle};
 use simulator::SceneObject;
 
+use crate::config::{ObjectParams, PackedParams};
+
 /// Height above the table at which an object is released.
 const DROP_M: f32 = 0.0005;
 
-/// Free extents in the plane, uniform. Half-cylinders are half as deep as wide.
-const WIDTH_M: [f32; 2] = [0.03, 0.06];
-/// Height, uniform.
-const HEIGHT_M: [f32; 2] = [0.06, 0.14];
-/// Density, uniform.
-const DENSITY_KG_M3: [f32; 2] = [200.0, 800.0];
-/// Friction coefficient, uniform.
-const FRICTION: [f32; 2] = [0.8, 1.2];
+/// Maximum number of positions to try for an object.
+const TRIES_MAX: u32 = 1_000;
 /// Objects have their centres at least this far inside the workspace: as in VGN, in [0.08, 0.22] m of 0.30 m.
 const MARGIN_M: f32 = 0.08;
 
-/// The objects of a packed scene: household-sized, of all shapes evenly.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PackedParams {
-    /// Number of objects.
-    pub count: usize,
-    /// Minimum distance of their bounding rectangles.
-    pub gap_m: f32,
-    /// Maximum number of positions to try for an object.
-    pub tries_max: u32,
-}
-
-impl PackedParams {
-    /// So many objects, a millimetre apart.
-    #[must_use]
-    pub fn of(count: usize) -> Self {
-        Self { count, gap_m: 0.001, tries_max: 1_000 }
-    }
-}
-
-/// Draws the objects of a packed scene and their positions; fewer than `params.count` if some found none.
+/// Draws `count` objects of a packed scene and their positions; fewer if some found none in [`TRIES_MAX`] tries.
 #[must_use]
-pub fn draw_packed(params: &PackedParams, grid: &Grid, stream: &mut Stream) -> Vec<SceneObject> {
-    let mut placed = Vec::with_capacity(params.count);
-    let mut taken: Vec<Footprint> = Vec::with_capacity(params.count);
-    for _ in 0..params.count {
-        let solid = draw_solid(stream);
-        let density_kg_m3 = stream.uniform(DENSITY_KG_M3[0], DENSITY_KG_M3[1]);
-        let friction = stream.uniform(FRICTION[0], FRICTION[1]);
-        if let Some((workspace_from_object, footprint)) = find_place(params, grid, &solid, &taken, stream) {
+pub fn draw_packed(
+    objects: &ObjectParams,
+    params: &PackedParams,
+    grid: &Grid,
+    count: usize,
+    stream: &mut Stream,
+) -> Vec<SceneObject> {
+    let mut placed = Vec::with_capacity(count);
+    let mut taken: Vec<Footprint> = Vec::with_capacity(count);
+    for _ in 0..count {
+        let solid = draw_solid(objects, params, stream);
+        let density_kg_m3 = stream.uniform(objects.density_kg_m3[0], objects.density_kg_m3[1]);
+        let friction = stream.uniform(objects.friction[0], objects.friction[1]);
+        if let Some((workspace_from_object, footprint)) = find_place(params.gap_m, grid, &solid, &taken, stream) {
             let mass_kg = density_kg_m3 * solid.volume_m3();
             placed.push(SceneObject { body: solid.into(), mass_kg, friction, workspace_from_object });
             taken.push(footprint);
@@ -59,10 +42,10 @@ pub fn draw_packed(params: &PackedParams, grid: &Grid, stream: &mut Stream) -> V
 }
 
 /// A shape with uniform free extents. Every shape makes the same number of draws.
-fn draw_solid(stream: &mut Stream) -> Solid {
-    let kind = ShapeKind::ALL[stream.index(ShapeKind::ALL.len())];
-    let [a, b] = [(); 2].map(|()| stream.uniform(WIDTH_M[0], WIDTH_M[1]));
-    let height = stream.uniform(HEIGHT_M[0], HEIGHT_M[1]);
+fn draw_solid(objects: &ObjectParams, params: &PackedParams, stream: &mut Stream) -> Solid {
+    let kind = objects.shapes[stream.index(objects.shapes.len())];
+    let [a, b] = [(); 2].map(|()| stream.uniform(params.width_m[0], params.width_m[1]));
+    let height = stream.uniform(params.height_m[0], params.height_m[1]);
     let extents_m = match kind {
         ShapeKind::Cuboid => Vec3::new(a, b, height),
         ShapeKind::Cylinder => Vec3::new(a, a, height),
@@ -72,9 +55,9 @@ fn draw_solid(stream: &mut Stream) -> Solid {
     Solid::new(kind, extents_m).expect("the widths and heights are above 0")
 }
 
-/// The first of at most `tries_max` positions at which the object hits nothing.
+/// The first of at most [`TRIES_MAX`] positions at which the object hits nothing.
 fn find_place(
-    params: &PackedParams,
+    gap_m: f32,
     grid: &Grid,
     solid: &Solid,
     taken: &[Footprint],
@@ -83,11 +66,11 @@ fn find_place(
     let stance = Stance::of(solid);
     let z_m = grid.table_z_m + DROP_M + 0.5 * stance.height_m;
     let [low, high] = [MARGIN_M, grid.size_m - MARGIN_M];
-    (0..params.tries_max).find_map(|_| {
+    (0..TRIES_MAX).find_map(|_| {
         let at = Vec3::new(stream.uniform(low, high), stream.uniform(low, high), z_m);
         let yaw = axis_angle(Vec3::Z, stream.uniform(0.0, core::f32::consts::TAU));
         let footprint = stance.footprint(at, yaw);
-        let is_free = footprint.is_inside(grid) && taken.iter().all(|other| footprint.is_apart(other, params.gap_m));
+        let is_free = footprint.is_inside(grid) && taken.iter().all(|other| footprint.is_apart(other, gap_m));
         is_free.then(|| (Pose::from_parts(at, yaw * stance.upright_from_object), footprint))
     })
 }
@@ -155,9 +138,17 @@ mod tests {
     use schema::Purpose;
 
     use super::*;
+    use crate::config::{Config, Overrides};
 
-    fn scene(params: &PackedParams, number: u64) -> Vec<SceneObject> {
-        draw_packed(params, &Grid::PAPER, &mut Stream::new(3, number, Purpose::Objects, 0))
+    const HOUSEHOLD: PackedParams = PackedParams::HOUSEHOLD;
+
+    fn drawn(params: &PackedParams, stream: &mut Stream) -> Vec<SceneObject> {
+        let config = Config::load(None, Overrides::default()).unwrap();
+        draw_packed(&config.objects, params, &Grid::PAPER, 5, stream)
+    }
+
+    fn scene(number: u64) -> Vec<SceneObject> {
+        drawn(&HOUSEHOLD, &mut Stream::new(3, number, Purpose::Objects, 0))
     }
 
     fn solid_of(object: &SceneObject) -> Solid {
@@ -188,7 +179,7 @@ mod tests {
     #[test]
     fn nothing_overlaps_and_the_sampling_would_see_it() {
         for number in 0..25 {
-            let mut objects = scene(&PackedParams::of(5), number);
+            let mut objects = scene(number);
             let [_, one, more] = samples(&objects);
             assert!(one > 500 && more == 0, "scene {number}: {one} in one object, {more} in several");
             let at = objects[0].workspace_from_object.translation;
@@ -200,9 +191,8 @@ mod tests {
 
     #[test]
     fn all_stand_upright_on_the_table_and_inside_the_workspace() {
-        let params = PackedParams::of(5);
         let mut kinds = [0; 4];
-        for object in (0..100).flat_map(|number| scene(&params, number)) {
+        for object in (0..100).flat_map(|number| scene(number)) {
             let corners = corners_m(&object);
             let low = corners.iter().copied().reduce(Vec3::min).unwrap();
             let high = corners.iter().copied().reduce(Vec3::max).unwrap();
@@ -221,20 +211,19 @@ mod tests {
 
     #[test]
     fn the_default_law_reaches_its_count() {
-        let params = PackedParams::of(5);
-        let full = (0..2_000).filter(|number| scene(&params, *number).len() == params.count).count();
+        let full = (0..2_000).filter(|number| scene(*number).len() == 5).count();
         assert!(full > 1_980, "{full} of 2000");
     }
 
     #[test]
     fn objects_without_a_place_are_given_up_after_tries_max() {
         // No position is a metre from the first object: 6 draws for each of 5 objects, 3 for the first one's position,
-        // 3 for each of 7 tries of the 4 others.
-        let params = PackedParams { gap_m: 1.0, tries_max: 7, ..PackedParams::of(5) };
+        // 3 for each try of the 4 others.
+        let params = PackedParams { gap_m: 1.0, ..HOUSEHOLD };
         let mut stream = Stream::new(3, 0, Purpose::Objects, 0);
-        assert_eq!(draw_packed(&params, &Grid::PAPER, &mut stream).len(), 1);
+        assert_eq!(drawn(&params, &mut stream).len(), 1);
         let mut fresh = Stream::new(3, 0, Purpose::Objects, 0);
-        for _ in 0..6 * 5 + 3 + 3 * 7 * 4 {
+        for _ in 0..6 * 5 + 3 + 3 * TRIES_MAX * 4 {
             fresh.bits();
         }
         assert_eq!(stream.bits(), fresh.bits());
@@ -242,8 +231,7 @@ mod tests {
 
     #[test]
     fn the_same_stream_gives_the_same_scene() {
-        let params = PackedParams::of(5);
-        assert_eq!(scene(&params, 5), scene(&params, 5));
-        assert_ne!(scene(&params, 5), scene(&params, 6));
+        assert_eq!(scene(5), scene(5));
+        assert_ne!(scene(5), scene(6));
     }
 }
