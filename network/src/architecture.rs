@@ -1,10 +1,39 @@
 //! The two networks: what a checkpoint can hold.
 
 use program::{ExitCode, Failure};
+use settings::words;
 
 use crate::judge::{self, Scope};
 use crate::layers::{self, LayerShape, ParameterSlot, slots_of};
 use crate::upsampling::Upsampling;
+
+words! {
+    /// A network, by what it answers for.
+    pub enum Kind {
+        /// Voxels: the paper's.
+        Voxel = "voxel",
+        /// Hands: the judge.
+        Judge = "judge",
+    }
+}
+
+impl Kind {
+    /// What it is called in messages.
+    #[must_use]
+    pub const fn told(self) -> &'static str {
+        match self {
+            Self::Voxel => "the paper's network, which answers for voxels",
+            Self::Judge => "a judge, which answers for hands",
+        }
+    }
+
+    /// The error where weights of this kind are given for what needs those of another.
+    #[must_use]
+    pub fn refused(self, what: &str, needed: Self) -> Failure {
+        let text = format!("{what} needs {}; the weights are those of {}", needed.told(), self.told());
+        Failure::new(ExitCode::Config, text)
+    }
+}
 
 /// A network's kind, and what belongs to it besides its parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,6 +45,15 @@ pub enum Architecture {
 }
 
 impl Architecture {
+    /// Its kind.
+    #[must_use]
+    pub const fn kind(&self) -> Kind {
+        match self {
+            Self::Voxel(_) => Kind::Voxel,
+            Self::Judge(_) => Kind::Judge,
+        }
+    }
+
     /// The layers, in the order of their parameters.
     #[must_use]
     pub fn layers(&self) -> &'static [LayerShape] {
@@ -47,13 +85,7 @@ impl Architecture {
     pub fn upsampling(&self, what: &str) -> Result<Upsampling, Failure> {
         match self {
             Self::Voxel(upsampling) => Ok(*upsampling),
-            Self::Judge(_) => Err(Failure::new(
-                ExitCode::Config,
-                format!(
-                    "{what} needs the paper's network, which answers for voxels; the weights are those of a judge, which \
-                     answers for hands"
-                ),
-            )),
+            Self::Judge(_) => Err(self.kind().refused(what, Kind::Voxel)),
         }
     }
 }

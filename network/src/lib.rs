@@ -26,6 +26,6 @@ pub mod receptive_field;
 pub mod upsampling;
 mod voxel;
 
-pub use architecture::Architecture;
+pub use architecture::{Architecture, Kind};
 pub use dense::{DenseGrids, DenseNetwork};
 pub use voxel::{Activations, HEAD_OUTPUTS, TransposedWeights, VoxelInputs, VoxelNetwork};

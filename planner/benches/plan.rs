@@ -1,7 +1,7 @@
 //! The parts of a plan on the demo: `cargo bench -p planner`. (`planner bench` times whole plans.)
 
 use perception::{clusters, find_plane, surface_cloud};
-use planner::config::Config;
+use planner::config::{BuiltIn, Config};
 use planner::detect::detect;
 use planner::segment::segment;
 use planner::volume::fuse_views;
@@ -27,7 +27,7 @@ fn field() -> VoxelGrid {
 }
 
 fn config() -> Config {
-    Config::load(None).expect("what comes with the program is sound")
+    BuiltIn::Paper.config().expect("what comes with the program is sound")
 }
 
 #[divan::bench]

@@ -39,12 +39,13 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
     }
 }
 
-const SETTINGS: [Settings; 2] = [
+const SETTINGS: [Settings; 3] = [
     Settings {
         path: "configs/plan/paper.toml",
-        toml: planner::config::PAPER,
+        toml: planner::BuiltIn::Paper.text(),
         rows: settings::rows_of::<planner::Config>,
     },
+    Settings { path: "configs/plan/judge.toml", toml: planner::BuiltIn::Judge.text(), rows: Vec::new },
     Settings {
         path: "configs/plan/refined.toml",
         toml: include_str!("../../configs/plan/refined.toml"),
@@ -55,12 +56,12 @@ const SETTINGS: [Settings; 2] = [
 /// The network and the settings.
 #[derive(Debug, Args)]
 struct NetworkArguments {
-    /// Checkpoint of the network [default: the built-in models/paper-200k.safetensors]
+    /// Checkpoint of the network [default: the built-in one of the settings]
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
 
-    /// Settings [default: the built-in configs/plan/paper.toml]
-    #[arg(long, value_name = "FILE")]
+    /// Settings: judge, paper or vgn, which come with the program, or a file [default: judge]
+    #[arg(long, value_name = "NAME|FILE")]
     config: Option<PathBuf>,
 
     /// Threads; never changes the plan [default: one per core]
@@ -85,7 +86,7 @@ Examples:
   planner plan --demo --picture demo.png
   planner plan --views views.toml --check-collisions --out plan.json
   planner plan --cloud table.pcd --eye 0.15,-0.4,0.5 --explain
-  shards tsdf grasps --scene 7 --out scene.npy && planner plan --tsdf scene.npy --policy vgn-best
+  shards tsdf grasps --scene 7 --out scene.npy && planner plan --tsdf scene.npy --config paper
   planner plan --demo --out plan.json --ply cloud.ply && python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
   planner serve --port 8040
   planner bench

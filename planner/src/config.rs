@@ -2,13 +2,55 @@
 
 use std::path::Path;
 
+use network::Kind;
 use perception::{ClusterParams, PlaneParams};
 use schema::Gripper;
 use serde::{Deserialize, Serialize};
 use settings::{Document, Reader, Setting, settings, words};
 
-/// The settings that come with the program.
-pub const PAPER: &str = include_str!("../../configs/plan/paper.toml");
+/// The settings that come with the program, in the order of [`BuiltIn::ALL`].
+const TEXTS: [&str; BuiltIn::ALL.len()] = [
+    include_str!("../../configs/plan/judge.toml"),
+    include_str!("../../configs/plan/paper.toml"),
+    include_str!("../../configs/plan/vgn.toml"),
+];
+
+words! {
+    /// A way to plan that comes with the program, with its weights.
+    pub enum BuiltIn {
+        /// A judge answers for proposed hands: the default.
+        Judge = "judge",
+        /// The paper's network and its ranking.
+        Paper = "paper",
+        /// VGN's published network and its selection.
+        Vgn = "vgn",
+    }
+}
+
+impl BuiltIn {
+    /// The settings' text.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        TEXTS[self as usize]
+    }
+
+    /// The settings.
+    ///
+    /// # Errors
+    /// Never, as a test shows; the type is that of [`Config::load`].
+    pub fn config(self) -> Result<Config, settings::Error> {
+        Config::load(Some(Path::new(self.name())))
+    }
+
+    /// Its network's kind.
+    #[must_use]
+    pub const fn network_kind(self) -> Kind {
+        match self {
+            Self::Judge => Kind::Judge,
+            Self::Paper | Self::Vgn => Kind::Voxel,
+        }
+    }
+}
 
 settings! {
     /// All settings.
@@ -18,6 +60,8 @@ settings! {
         pub seed: u64,
         /// The hand.
         pub gripper: Gripper; by Gripper::read_named as "a hand's name or a path that ends in .toml",
+        /// The network: which kind it must be, and which weights are used if no others are given.
+        pub network: BuiltIn; or BuiltIn::Paper,
         /// From the network's volumes to detections.
         pub detection: DetectionParams,
         /// The surface cloud.
@@ -211,7 +255,7 @@ impl TryFrom<String> for Policy {
 }
 
 impl Config {
-    /// Reads a file, or the settings that come with the program ([`PAPER`]).
+    /// Reads a file, or settings that come with the program: those with this name ([`BuiltIn`]), or the default.
     ///
     /// # Errors
     /// [`settings::Error`] with every unknown, missing and out-of-range key.
@@ -224,7 +268,13 @@ impl Config {
     /// # Errors
     /// [`settings::Error`] if the file cannot be read or is not TOML.
     pub fn document(path: Option<&Path>) -> Result<Document, settings::Error> {
-        Document::load(path, [PAPER, "configs/plan/paper.toml"])
+        let named = path.map_or(Some(BuiltIn::Judge), |path| BuiltIn::from_name(path.to_str()?));
+        match named {
+            Some(named) => {
+                Document::parse(named.text(), &Path::new("configs/plan").join(format!("{}.toml", named.name())))
+            }
+            None => Document::load(path, ["", ""]),
+        }
     }
 }
 
@@ -241,7 +291,7 @@ mod tests {
 
     #[test]
     fn the_built_in_settings_are_the_papers() {
-        let config = Config::load(None).unwrap();
+        let config = BuiltIn::Paper.config().unwrap();
         assert_eq!(config.plane, PlaneParams::PAPER);
         assert_eq!(config.clusters, ClusterParams::PAPER);
         assert_eq!(config.ranking.weights, [0.45, 0.45, 0.1]);
@@ -256,12 +306,14 @@ mod tests {
         let refined = Config::load(Some(&path)).unwrap();
         assert!(refined.refinement.turns > 0 && refined.collision.check);
         assert_eq!(refined.ranking.policy, Policy::Flattest);
-        assert_eq!(Config::load(None).unwrap().refinement.turns, 0);
+        assert!(BuiltIn::ALL.iter().all(|named| named.config().unwrap().refinement.turns == 0));
+        assert_eq!(Config::load(None).unwrap(), BuiltIn::Judge.config().unwrap());
     }
 
     #[test]
     fn all_that_is_wrong_is_reported_at_once() {
-        let bad = PAPER
+        let bad = BuiltIn::Paper
+            .text()
             .replace("quality_min = 0.9", "quality_min = 1.5")
             .replace("policy = \"paper\"", "policy = \"best\"")
             .replace("weights = [0.45, 0.45, 0.1]", "weights = [0.5, nan]")
@@ -283,16 +335,19 @@ mod tests {
 
     #[test]
     fn unknown_missing_and_misfit_keys_are_reported() {
-        let unknown = problems(&PAPER.replace("[cloud]", "[cloud]\nsize = 3"));
+        let unknown = problems(&BuiltIn::Paper.text().replace("[cloud]", "[cloud]\nsize = 3"));
         assert_eq!(unknown, ["cloud.size is no key of this file"]);
-        let missing = problems(&PAPER.replace("pitch_m = 0.0025", ""));
+        let missing = problems(&BuiltIn::Paper.text().replace("pitch_m = 0.0025", ""));
         assert!(missing[0].starts_with("cloud.pitch_m is missing"), "{missing:?}");
-        let negative = problems(&PAPER.replace("points_max = 5", "points_max = -5"));
+        let negative = problems(&BuiltIn::Paper.text().replace("points_max = 5", "points_max = -5"));
         assert_eq!(negative, ["collision.points_max must be between 0 and 1000000, got -5"]);
-        let side = problems(&PAPER.replace("surface_side = \"behind\"", "surface_side = \"left\""));
+        let side = problems(&BuiltIn::Paper.text().replace("surface_side = \"behind\"", "surface_side = \"left\""));
         assert_eq!(side, ["detection.surface_side must be one of front, behind, both, got left"]);
-        assert_eq!(problems(&PAPER.replace("width_voxels_max = 9.33", "width_voxels_max = 1.0")).len(), 1);
-        let weightless = problems(&PAPER.replace("weights = [0.45, 0.45, 0.1]", "weights = [0, 0, 0]"));
+        assert_eq!(
+            problems(&BuiltIn::Paper.text().replace("width_voxels_max = 9.33", "width_voxels_max = 1.0")).len(),
+            1
+        );
+        let weightless = problems(&BuiltIn::Paper.text().replace("weights = [0.45, 0.45, 0.1]", "weights = [0, 0, 0]"));
         assert_eq!(weightless, ["ranking.weights must not all be 0"]);
     }
 }

@@ -218,12 +218,12 @@ fn smooth_along(values: &[f32], n: usize, stride: usize, kernel: &[f64]) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
+    use crate::BuiltIn;
 
     const GRID: Grid = Grid::PAPER;
 
     fn params() -> DetectionParams {
-        DetectionParams { surface_side: Side::Front, ..Config::load(None).unwrap().detection }
+        DetectionParams { surface_side: Side::Front, ..BuiltIn::Paper.config().unwrap().detection }
     }
 
     fn ball(middle: [usize; 3], radius: f32, value: f32) -> Vec<f32> {

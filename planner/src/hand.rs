@@ -66,7 +66,7 @@ mod tests {
     use schema::{Purpose, Stream, axis_angle};
 
     use super::*;
-    use crate::config::Config;
+    use crate::BuiltIn;
 
     fn rotations() -> impl Strategy<Value = Quat> {
         any::<u64>().prop_map(|seed| Stream::new(seed, 0, Purpose::Candidates, 0).rotation())
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn points_are_hit_where_the_hand_passes_and_nowhere_else() {
-        let config = Config::load(None).unwrap();
+        let config = BuiltIn::Paper.config().unwrap();
         let sweep = Sweep::new(&config.gripper, &config.collision);
         let pose = pose_from_parts(WRIST_DOWN, Vec3::new(0.15, 0.15, 0.1));
         let at = |local: [f32; 3]| sweep.points_hit(&pose, &[pose * Vec3::from_array(local)]);
@@ -118,7 +118,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_ball_loses_no_point(rotation in rotations(), x in -0.2_f32..0.2, y in -0.2_f32..0.2, z in -0.3_f32..0.1) {
-            let config = Config::load(None).unwrap();
+            let config = BuiltIn::Paper.config().unwrap();
             let sweep = Sweep::new(&config.gripper, &config.collision);
             let pose = pose_from_parts(rotation, Vec3::new(0.1, 0.2, 0.1));
             let local = Vec3::new(x, y, z);

@@ -71,7 +71,7 @@ mod tests {
     use schema::{Purpose, Quat, pose_from_parts};
 
     use super::*;
-    use crate::config::Config;
+    use crate::BuiltIn;
 
     fn grasp(position_m: [f32; 3], quality: f32) -> RankedGrasp {
         let workspace_from_grasp = pose_from_parts(Quat::IDENTITY, Vec3::from_array(position_m));
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn the_paper_takes_the_highest_object_first_and_its_middle() {
         let (cloud, objects) = scene();
-        let params = Config::load(None).unwrap().ranking;
+        let params = BuiltIn::Paper.config().unwrap().ranking;
         let mut grasps = vec![
             grasp([0.1, 0.1, 0.07], 0.99),
             grasp([0.2, 0.115, 0.12], 0.95),
@@ -151,11 +151,11 @@ mod tests {
 
     #[test]
     fn only_the_paper_leaves_out_what_belongs_to_nothing() {
-        let params = RankingParams { without_object: WithoutObject::Drop, ..Config::load(None).unwrap().ranking };
+        let params = RankingParams { without_object: WithoutObject::Drop, ..BuiltIn::Paper.config().unwrap().ranking };
         let lost = grasp([0.0; 3], 0.95);
         assert!(is_left_out(&lost, Policy::Paper, &params));
         assert!(!is_left_out(&lost, Policy::VgnBest, &params));
         assert!(!is_left_out(&RankedGrasp { object: Some(0), ..lost.clone() }, Policy::Paper, &params));
-        assert!(!is_left_out(&lost, Policy::Paper, &Config::load(None).unwrap().ranking));
+        assert!(!is_left_out(&lost, Policy::Paper, &BuiltIn::Paper.config().unwrap().ranking));
     }
 }

@@ -376,7 +376,7 @@ impl Heights {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
+    use crate::BuiltIn;
     use crate::hand::Sweep;
     use crate::segment::segment;
 
@@ -422,7 +422,7 @@ mod tests {
     }
 
     fn hand(points: &[Point], origin_m: Vec3) -> Option<Hand> {
-        let config = Config::load(None).unwrap();
+        let config = BuiltIn::Paper.config().unwrap();
         let (cloud, _) = segment(places(points), &config);
         let normals: Vec<Vec3> = points.iter().map(|p| p.normal).collect();
         let collision = CollisionParams { margin_m: 0.002, ..config.collision };
@@ -454,7 +454,7 @@ mod tests {
     /// A way that is free on the map is free for the sweep over all points, up to the width of a cell.
     #[test]
     fn a_way_on_the_map_is_a_way_through_the_points() {
-        let config = Config::load(None).unwrap();
+        let config = BuiltIn::Paper.config().unwrap();
         let sweep = Sweep::new(&config.gripper, &CollisionParams { margin_m: 0.0, ..config.collision });
         let mut found = 0;
         for n in 0..60_u8 {
@@ -503,7 +503,7 @@ mod tests {
     fn the_table_goes_on_where_it_was_not_seen() {
         let mut points = scene([60, 30, 20], 0.0);
         points.retain(|p| p.at.z > 0.051 || (p.at - Vec3::new(0.15, 0.15, 0.05)).length() < 0.045);
-        let config = Config::load(None).unwrap();
+        let config = BuiltIn::Paper.config().unwrap();
         let hands = [Vec3::new(0.15, 0.15, 0.06), Vec3::new(0.17, 0.15, 0.06), Vec3::new(0.15, 0.19, 0.055)];
         let found: Vec<Hand> = hands.into_iter().filter_map(|at| hand(&points, at)).collect();
         assert!(!found.is_empty());

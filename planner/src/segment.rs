@@ -51,6 +51,7 @@ fn top_down(points_m: &[Vec3], found: &[Option<usize>]) -> (Vec<SeenObject>, Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::BuiltIn;
 
     /// The faces of a box on a lattice of 2.5 mm.
     fn boxed(low: Vec3, size: Vec3) -> Vec<Vec3> {
@@ -78,7 +79,7 @@ mod tests {
         let low = boxed(Vec3::new(0.05, 0.05, 0.05), Vec3::new(0.05, 0.05, 0.04));
         let high = boxed(Vec3::new(0.18, 0.18, 0.05), Vec3::new(0.04, 0.04, 0.08));
         let points: Vec<Vec3> = table().into_iter().chain(low).chain(high).collect();
-        let (cloud, objects) = segment(points, &Config::load(None).unwrap());
+        let (cloud, objects) = segment(points, &BuiltIn::Paper.config().unwrap());
         assert_eq!(objects.len(), 2);
         assert!((cloud.plane.as_ref().unwrap().plane.offset_m - 0.05).abs() < 5e-4);
         assert!((objects[0].centroid_m.truncate() - Vec3::splat(0.2).truncate()).length() < 1e-3, "{objects:?}");
@@ -96,7 +97,7 @@ mod tests {
 
     #[test]
     fn a_bare_table_and_nothing_have_no_objects() {
-        let config = Config::load(None).unwrap();
+        let config = BuiltIn::Paper.config().unwrap();
         let (cloud, objects) = segment(table(), &config);
         assert!(objects.is_empty() && cloud.labels.iter().all(|label| *label == PointLabel::Plane));
         let (cloud, objects) = segment(Vec::new(), &config);

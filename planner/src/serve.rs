@@ -30,7 +30,7 @@ use self::connection::converse;
 use self::fault::Fault;
 use self::metrics::Metrics;
 use self::planning::Planned;
-use crate::Planner;
+use crate::{Planner, Planners};
 
 mod connection;
 mod fault;
@@ -100,7 +100,8 @@ pub fn serve(
 ) -> Result<(), Failure> {
     // Strings and finite numbers always serialize.
     let model_json = serde_json::to_string(&model::ModelAnswer::new(&planner)).unwrap_or_default();
-    let plan = Box::new(move |body: &[u8]| planning::plan_bytes(&planner, body));
+    let planners = Planners::new(planner);
+    let plan = Box::new(move |body: &[u8]| planning::plan_bytes(&planners, body));
     serve_shared(&Shared::new(plan, model_json, options), stop, on_listening)
 }
 

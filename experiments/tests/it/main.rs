@@ -33,21 +33,11 @@ fn rounds(folder: &Path) -> Vec<String> {
     lines
 }
 
-/// Settings that let the shipped network grasp.
-fn generous(folder: &Path, name: &str) -> PathBuf {
-    let plan = planner::config::PAPER.replace("quality_min = 0.9", "quality_min = 0.5");
-    fs::write(folder.join("plan.toml"), plan).unwrap();
-    let text = fs::read_to_string(config(name)).unwrap().replace("plan = \"paper\"", "plan = \"plan.toml\"");
-    let path = folder.join(name);
-    fs::write(&path, text).unwrap();
-    path
-}
-
 #[test]
 fn an_experiment_is_the_same_in_one_go_or_cut_short_and_on_any_number_of_threads() {
     for name in ["pile.toml", "packed.toml"] {
         let folder = tempfile::tempdir().unwrap();
-        let config = generous(folder.path(), name);
+        let config = config(name);
         let at = |out: &str, more: &[&str]| {
             let out = folder.path().join(out);
             let output =
@@ -195,10 +185,10 @@ fn a_run_does_not_go_on_with_other_files() {
     let text = fs::read_to_string(config("table2.toml")).unwrap();
     let text = text
         .replace("scene = \"paper\"", "scene = \"scene.toml\"")
-        .replace("plan = \"../plan/refined.toml\"", "plan = \"plan.toml\"")
+        .replace("plan = \"judge\"", "plan = \"plan.toml\"")
         .replace("catalogue = \"everyday\"", "catalogue = \"things.toml\"");
     fs::write(at("table.toml"), text).unwrap();
-    fs::write(at("plan.toml"), planner::config::PAPER).unwrap();
+    fs::write(at("plan.toml"), planner::BuiltIn::Paper.text()).unwrap();
     fs::write(at("scene.toml"), &scene).unwrap();
     fs::write(at("things.toml"), &things).unwrap();
     let (table, out) = (at("table.toml"), at("out"));
@@ -209,7 +199,7 @@ fn a_run_does_not_go_on_with_other_files() {
     assert_eq!(again("2").0, Some(0), "more rounds of the same are welcome");
     for (file, text, from, to) in [
         ("scene.toml", scene.as_str(), "hold_time_s = 0.25", "hold_time_s = 0.3"),
-        ("plan.toml", planner::config::PAPER, "quality_min = 0.9", "quality_min = 0.8"),
+        ("plan.toml", planner::BuiltIn::Paper.text(), "quality_min = 0.9", "quality_min = 0.8"),
         ("things.toml", things.as_str(), "mass_kg = 0.21", "mass_kg = 0.22"),
     ] {
         assert!(text.contains(from), "{from}");

@@ -5,14 +5,14 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::{config, generous, run, told};
+use crate::{config, run, told};
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
 fn play(name: &str, folder: &Path, out: &str, more: &[&str]) {
-    let config = generous(folder, name);
+    let config = config(name);
     let out = folder.join(out);
     assert_eq!(told(&run(&[&["run", text(&config), "--out", text(&out)], more].concat())).0, Some(0));
 }

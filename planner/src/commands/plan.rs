@@ -8,7 +8,7 @@ use planner::input::{
     InputError, OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput, assemble, from_file,
 };
 use planner::picture::draw;
-use planner::{Policy, demo};
+use planner::{Planners, Policy, demo};
 use program::{ExitCode, Failure, json, print, print_error, write};
 use schema::Grid;
 
@@ -93,8 +93,10 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let planner = arguments.network.planner()?;
-    let Request { observation, wishes, warnings } = request(arguments, planner.grid)?;
+    let planners = Planners::new(arguments.network.planner()?);
+    let Request { observation, config, wishes, warnings } = request(arguments, planners.own.grid)?;
+    // The command line counts more than the file.
+    let planner = planners.of(config.filter(|_| arguments.network.config.is_none()))?;
     let mut plan = planner.plan(&observation, &wishes)?;
     plan.warnings.extend(warnings);
     if let Some(path) = &arguments.picture {
@@ -170,5 +172,5 @@ A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x
   depth_scale_m = 0.001       # metres per unit
   workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [-0.954, 0.0, 0.0, 0.301] }
 Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. With base_from_workspace, views may
-have base_from_camera instead. tsdf or cloud (with eyes_m) may stand in place of views. The wishes policy, grasps_max,
+have base_from_camera instead. tsdf or cloud (with eyes_m) may stand in place of views. The wishes config, policy, grasps_max,
 check_collisions, explain and workspace_from_wrist may be there, too; the command line takes precedence (a flag cannot switch one off).";

@@ -16,7 +16,7 @@ use crate::input::points::ReadCloud;
 use crate::input::raw_depth::SIDE_PX_MAX;
 use crate::input::request::{EYES_MAX, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
 use crate::input::tsdf::read_tsdf;
-use crate::{Observation, SeenView, Wishes};
+use crate::{BuiltIn, Observation, SeenView, Wishes};
 
 /// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
@@ -28,6 +28,8 @@ const GRASPS_MAX: usize = 10_000;
 pub struct Request {
     /// The observation.
     pub observation: Observation,
+    /// The settings, if not the planner's.
+    pub config: Option<BuiltIn>,
     /// The options.
     pub wishes: Wishes,
     /// Warnings about unusual but valid input.
@@ -40,6 +42,12 @@ pub struct Request {
 /// [`InputError`], naming the key.
 pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
     let wishes = wishes(input)?;
+    let config = input.config.as_deref().map(|name| {
+        let names = BuiltIn::ALL.map(BuiltIn::name).join(", ");
+        let unknown = || InputError::Value(format!("must be one of {names}, got {}: config", shown(name)));
+        BuiltIn::from_name(name).ok_or_else(unknown)
+    });
+    let config = config.transpose()?;
     let mut assembly =
         Assembly { input, folder, base_from_workspace: wishes.base_from_workspace, warnings: Vec::new() };
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
@@ -58,7 +66,7 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
     if input.intrinsics.is_some() && input.views.is_none() {
         return is_out_of_place("intrinsics", "views");
     }
-    Ok(Request { observation, wishes, warnings: assembly.warnings })
+    Ok(Request { observation, config, wishes, warnings: assembly.warnings })
 }
 
 /// A request to the service: without paths, because the service reads no files.

@@ -47,6 +47,9 @@ pub struct RequestInput {
     pub base_from_workspace: Option<PoseInput>,
     /// The wrist's orientation now, in the workspace: of a grasp and its half turn the nearer one is given.
     pub workspace_from_wrist: Option<OrientationInput>,
+    /// Settings that come with the planner, with their weights, in place of its own: `judge`, `paper` or `vgn`.
+    #[schema(value_type = Option<String>)]
+    pub config: Option<String>,
     /// The order of the grasps: `paper`, `vgn-random`, `vgn-best` or `flattest`.
     #[schema(value_type = Option<String>)]
     pub policy: Option<Policy>,
@@ -211,7 +214,7 @@ mod tests {
         let (request, view) = (described(RequestInput::schema()), described(ViewInput::schema()));
         assert_eq!(keys(&request), keys_of::<RequestInput>());
         assert_eq!(keys(&view), keys_of::<ViewInput>());
-        assert_eq!(keys(&request).len(), 11);
+        assert_eq!(keys(&request).len(), 12);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
         let pose = described(PoseInput::schema());
         assert_eq!(pose["oneOf"][0]["items"]["maxItems"], 4, "{pose}");

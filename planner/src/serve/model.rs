@@ -55,11 +55,11 @@ fn settings(config: &Config) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::PAPER;
+    use crate::BuiltIn;
 
     #[test]
     fn settings_are_shown_as_they_stand_in_the_file() {
-        let file: toml::Table = PAPER.parse().unwrap();
-        assert_eq!(settings(&Config::load(None).unwrap()), serde_json::to_value(file).unwrap());
+        let file: toml::Table = BuiltIn::Judge.text().parse().unwrap();
+        assert_eq!(settings(&BuiltIn::Judge.config().unwrap()), serde_json::to_value(file).unwrap());
     }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 use axum::http::StatusCode;
 
 use super::fault::Fault;
-use crate::{Planner, input};
+use crate::{Planners, input};
 
 /// A serialised plan.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,15 +18,16 @@ pub(super) struct Planned {
 }
 
 /// Parses a request, plans, and serialises the answer.
-pub(super) fn plan_bytes(planner: &Planner, body: &[u8]) -> Result<Planned, Fault> {
+pub(super) fn plan_bytes(planners: &Planners, body: &[u8]) -> Result<Planned, Fault> {
     let started = Instant::now();
     // Text that is not JSON is 400; JSON that is not a request or has wrong values is 422.
-    let request = input::from_json(body, planner.grid).map_err(|error| {
+    let request = input::from_json(body, planners.own.grid).map_err(|error| {
         let status = if error.is_syntax() { StatusCode::BAD_REQUEST } else { StatusCode::UNPROCESSABLE_ENTITY };
         Fault::new(status, error.to_string())
     })?;
     let parsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    let plan = planner.plan(&request.observation, &request.wishes);
+    let planner = planners.of(request.config);
+    let plan = planner.and_then(|planner| planner.plan(&request.observation, &request.wishes));
     let mut plan = plan.map_err(|error| Fault::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()))?;
     plan.warnings.extend(request.warnings);
     Ok(Planned {

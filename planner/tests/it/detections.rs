@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use planner::Config;
+use planner::BuiltIn;
 use planner::config::{DetectionParams, Side};
 use planner::detect::detect;
 use schema::Grid;
@@ -33,7 +33,7 @@ fn hash(values: &[f32]) -> String {
 fn detections_are_those_of_vgns_procedure_in_scipy() {
     let golden: Value =
         serde_json::from_str(&std::fs::read_to_string(folder().join("detections.json")).unwrap()).unwrap();
-    let params = DetectionParams { surface_side: Side::Front, ..Config::load(None).unwrap().detection };
+    let params = DetectionParams { surface_side: Side::Front, ..BuiltIn::Paper.config().unwrap().detection };
     let volumes = golden["volumes"].as_array().unwrap();
     assert!(volumes.len() >= 6);
     for volume in volumes {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use planner::plan::{Plan, RejectReason};
-use planner::{Config, Observation, Planner, Wishes, demo, input};
+use planner::{BuiltIn, Config, Observation, Planner, Planners, Policy, Wishes, demo, input};
 use schema::{Grid, Gripper, Outcome, Vec3, VoxelGrid};
 
 fn file(name: &str) -> PathBuf {
@@ -11,11 +11,11 @@ fn file(name: &str) -> PathBuf {
 }
 
 fn config() -> Config {
-    Config::load(Some(&file("configs/plan/judge.toml"))).unwrap()
+    Config::load(None).unwrap()
 }
 
 fn judge(config: Config) -> Planner {
-    Planner::new(&file("models/judge.safetensors"), config).unwrap()
+    Planner::built_in(config).unwrap()
 }
 
 fn demo(planner: &Planner, threads: usize) -> Plan {
@@ -68,6 +68,38 @@ fn an_empty_table_has_no_hands_and_says_so() {
 fn a_judge_of_another_hand_is_refused_and_both_are_named() {
     let mut config = config();
     config.gripper = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
-    let error = Planner::new(&file("models/judge.safetensors"), config).unwrap_err().to_string();
+    let error = Planner::built_in(config).unwrap_err().to_string();
     assert!(error.contains("trained for the hand parallel_jaw_80, not for robotiq_2f_85"), "{error}");
+}
+
+#[test]
+fn weights_of_the_other_kind_are_refused_and_both_are_named() {
+    for (named, model, needed, got) in [
+        (BuiltIn::Judge, "paper-200k", "a judge, which", "those of the paper's network"),
+        (BuiltIn::Paper, "judge", "the paper's network, which", "those of a judge"),
+    ] {
+        let model = file(&format!("models/{model}.safetensors"));
+        let error = Planner::new(&model, named.config().unwrap()).unwrap_err().to_string();
+        assert!(error.contains(named.name()) && error.contains(&format!("needs {needed}")), "{error}");
+        assert!(error.contains(got), "{error}");
+    }
+}
+
+#[test]
+fn a_request_may_name_other_settings_and_keeps_the_planners_hand() {
+    let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
+    let planners = Planners::new(judge(config()));
+    let model = |named| {
+        let plan = planners.of(named).unwrap().plan(&observation, &Wishes::default()).unwrap();
+        (plan.model, plan.policy)
+    };
+    let [own, same, paper, vgn] = [None, Some(BuiltIn::Judge), Some(BuiltIn::Paper), Some(BuiltIn::Vgn)].map(model);
+    assert_eq!(own, same);
+    assert!(own != paper && paper.0 != vgn.0 && paper.1 == Policy::Paper);
+    let other = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
+    let planners =
+        Planners::new(Planner::built_in(Config { gripper: other, ..BuiltIn::Paper.config().unwrap() }).unwrap());
+    assert_eq!(planners.of(Some(BuiltIn::Vgn)).unwrap().config.gripper.name, "robotiq_2f_85");
+    let error = planners.of(Some(BuiltIn::Judge)).unwrap_err().to_string();
+    assert!(error.contains("not for robotiq_2f_85") && error.ends_with("config"), "{error}");
 }

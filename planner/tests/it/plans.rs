@@ -2,18 +2,18 @@
 
 use planner::plan::{Plan, PointLabel, RejectReason};
 use planner::rank::rho_m;
-use planner::{Config, Observation, Planner, Policy, Wishes, demo, input};
+use planner::{BuiltIn, Config, Observation, Planner, Policy, Wishes, demo, input};
 use schema::{Grid, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 
 const GRID: Grid = Grid::PAPER;
 
 fn planner() -> Planner {
-    Planner::built_in(Config::load(None).unwrap()).unwrap()
+    Planner::built_in(BuiltIn::Paper.config().unwrap()).unwrap()
 }
 
 /// Settings with a threshold that the shipped network's qualities often reach.
 fn generous() -> Planner {
-    let mut config = Config::load(None).unwrap();
+    let mut config = BuiltIn::Paper.config().unwrap();
     config.detection.quality_min = 0.5;
     Planner::built_in(config).unwrap()
 }
@@ -237,7 +237,7 @@ fn a_table_at_another_height_than_the_networks_is_a_warning() {
 #[test]
 fn grasps_without_an_object_are_last_or_dropped() {
     let with = |without_object: planner::config::WithoutObject| {
-        let mut config = Config::load(None).unwrap();
+        let mut config = BuiltIn::Paper.config().unwrap();
         config.detection.quality_min = 0.5;
         config.clusters.cluster_points_min = 1_000_000;
         config.ranking.without_object = without_object;
