@@ -14,11 +14,12 @@ use std::path::Path;
 use program::{Exit as _, ExitCode, Failure, publish};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensorError, SafeTensors};
+use sha2::{Digest as _, Sha256};
 
 use crate::layers::{ParameterSlot, parameter_slots, vector_of};
 use crate::{Architecture, DenseNetwork};
 
-pub(crate) use header::VOXEL;
+pub(crate) use header::{JUDGE, VOXEL};
 pub use progress::{Confusion, Progress};
 
 /// A network's parameters and their origin.
@@ -119,11 +120,25 @@ pub(crate) fn has_header(file: &[u8]) -> bool {
 /// # Errors
 /// If the file is missing or damaged, or belongs to another network.
 pub fn read(path: &Path) -> Result<Checkpoint, Failure> {
+    Ok(read_digested(path)?.0)
+}
+
+/// Reads a checkpoint, and tells the SHA-256 of its file in hex.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_digested(path: &Path) -> Result<(Checkpoint, String), Failure> {
     let file = program::read(path, FILE_BYTES_MAX).map_err(|source| match source.kind() {
         ErrorKind::NotFound => Failure::new(ExitCode::Config, format!("no checkpoint here: {}", path.display())),
         _ => failed("read", &source, path),
     })?;
-    from_bytes(&file, path)
+    Ok((from_bytes(&file, path)?, digest(&file)))
+}
+
+/// SHA-256 of a checkpoint's file, in hex: its name wherever it is used.
+#[must_use]
+pub fn digest(file: &[u8]) -> String {
+    Sha256::digest(file).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Parses a checkpoint; `path` is for messages.

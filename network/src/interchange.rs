@@ -28,7 +28,6 @@ use std::path::Path;
 use clap::ValueEnum;
 use program::{Context as _, ExitCode, Failure};
 use safetensors::{Dtype, SafeTensors};
-use sha2::{Digest as _, Sha256};
 
 use crate::Architecture;
 use crate::checkpoint::{self, Checkpoint, Progress};
@@ -122,17 +121,14 @@ pub fn export(file: &Path, out: &Path, target: Target, force: bool) -> Result<Ch
     prepare(out, force)?;
     match target {
         Target::Safetensors => checkpoint::save(&checkpoint, out)?,
-        Target::Onnx => {
-            let upsampling = checkpoint.architecture.upsampling("the ONNX export")?;
-            program::write(out, onnx::model(&checkpoint, upsampling))?;
-        }
+        Target::Onnx => program::write(out, onnx::model(&checkpoint))?,
     }
     Ok(checkpoint)
 }
 
 /// The origin of imported weights, in place of the recipe.
 fn provenance(name: &OsStr, source: Source, bytes: &[u8]) -> String {
-    let sha256: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+    let sha256 = checkpoint::digest(bytes);
     let name = name.to_string_lossy();
     let facts = [("file", name.as_ref()), ("format", source.name()), ("sha256", &sha256)];
     let imported: toml::Table = facts.into_iter().map(|(key, value)| (key.to_owned(), value.into())).collect();

@@ -12,6 +12,7 @@ use settings::{Document, Reader, above, settings, words};
 
 use crate::augmentation::Augmentation;
 use crate::schedule::Schedule;
+use network::Kind;
 use network::upsampling::Upsampling;
 
 /// The paper's recipe, the default.
@@ -39,22 +40,14 @@ settings! {
 
 settings! {
     /// What the recipe decides of the network.
-    #[derive(Debug, Clone, Copy, PartialEq)]
+    #[derive(Debug, Clone, PartialEq)]
     pub struct NetworkParams {
         /// Which network.
         pub kind: Kind; or Kind::Voxel,
         /// How the decoder of the paper's network doubles its grids.
         pub upsampling: Upsampling; or Upsampling::Linear,
-    }
-}
-
-words! {
-    /// A network, by what it answers for.
-    pub enum Kind {
-        /// Voxels: the paper's.
-        Voxel = "voxel",
-        /// Hands: the judge.
-        Judge = "judge",
+        /// SHA-256 of the checkpoint whose weights training begins with (--from).
+        pub from: Option<String>; or None,
     }
 }
 
@@ -66,6 +59,9 @@ impl Serialize for NetworkParams {
         match self.kind {
             Kind::Voxel => table.serialize_field("upsampling", &self.upsampling)?,
             Kind::Judge => table.serialize_field("kind", &self.kind)?,
+        }
+        if let Some(from) = &self.from {
+            table.serialize_field("from", from)?;
         }
         table.end()
     }

@@ -13,8 +13,10 @@ use std::sync::atomic::AtomicBool;
 
 use burn_dataset::Dataset as _;
 use clap::ValueEnum;
+use network::judge::Crop;
 use network::{Architecture, checkpoint};
 use program::{ExitCode, Failure};
+use schema::Approach;
 use serde::Serialize;
 use shards::{Dataset, Location};
 
@@ -22,11 +24,13 @@ use crate::config::Config;
 use crate::data::{GraspDataset, for_each_batch, load};
 use crate::device::Device;
 use crate::evaluate::mistakes::{Mistake, worst};
+use crate::judge;
 use crate::loss::SampleResult;
 use crate::metrics::{Summary, Tally};
 use crate::model::Model;
 use crate::scores::{
-    Calibration, GraspErrors, Ranking, Score, Spread, calibration, interval_by_scene, ranking, rotation_error_deg,
+    Calibration, GraspErrors, Ranking, Score, Spread, best_accuracy, calibration, interval_by_scene, ranking,
+    rotation_error_deg,
 };
 use crate::split::split;
 
@@ -92,7 +96,13 @@ pub struct Evaluation {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HandScores {
     /// Attempts whose hand does not hit the table, which arithmetic knows.
-    pub table_free: TableFree,
+    pub table_free: Scores,
+    /// What arithmetic gives without a network.
+    pub arithmetic: [Arithmetic; 2],
+    /// By the way in which the hand was drawn.
+    pub by_source: BTreeMap<&'static str, Scores>,
+    /// By the number of views.
+    pub by_views: BTreeMap<&'static str, Scores>,
     /// Scenes in which some attempt held.
     pub scenes_with_held: usize,
     /// Of these, the share in which the attempt of the highest quality held.
@@ -101,9 +111,9 @@ pub struct HandScores {
     pub by_outcome: BTreeMap<&'static str, Summary>,
 }
 
-/// Results on attempts whose hand does not hit the table.
+/// Results on some of the attempts.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TableFree {
+pub struct Scores {
     /// Losses and ratios.
     pub all: Summary,
     /// Area under the ROC curve.
@@ -112,6 +122,57 @@ pub struct TableFree {
     pub average_precision: Option<f64>,
     /// Expected calibration error.
     pub calibration_error: f64,
+}
+
+impl Scores {
+    fn of(results: &[SampleResult]) -> Self {
+        let scores: Vec<Score> = results.iter().map(score).collect();
+        let ranking = ranking(&scores);
+        let mut all = Tally::default();
+        all.add(results);
+        Self {
+            all: all.summary(),
+            roc_auc: ranking.roc_auc,
+            average_precision: ranking.average_precision,
+            calibration_error: calibration(&scores).expected_error,
+        }
+    }
+
+    fn by<K: Ord>(results: impl Iterator<Item = (K, SampleResult)>) -> BTreeMap<K, Self> {
+        let mut groups = BTreeMap::<K, Vec<SampleResult>>::new();
+        for (key, result) in results {
+            groups.entry(key).or_default().push(result);
+        }
+        groups.into_iter().map(|(key, results)| (key, Self::of(&results))).collect()
+    }
+}
+
+/// What arithmetic gives without a network. Thresholds are the best for this very set, which flatters it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Arithmetic {
+    /// What is asked.
+    pub asked: &'static str,
+    /// Accuracy at the best threshold.
+    pub accuracy: Option<f64>,
+    /// The same on attempts whose hand does not hit the table.
+    pub accuracy_table_free: Option<f64>,
+    /// Area under the ROC curve.
+    pub roc_auc: Option<f64>,
+    /// Average precision.
+    pub average_precision: Option<f64>,
+}
+
+impl Arithmetic {
+    fn of(asked: &'static str, scores: &[Score], is_free: &[bool]) -> Self {
+        let Ranking { roc_auc, average_precision, .. } = ranking(scores);
+        let free: Vec<Score> = scores.iter().zip(is_free).filter_map(|(score, free)| free.then_some(*score)).collect();
+        let (accuracy, accuracy_table_free) = (best_accuracy(scores), best_accuracy(&free));
+        Self { asked, accuracy, accuracy_table_free, roc_auc, average_precision }
+    }
+}
+
+fn score(result: &SampleResult) -> Score {
+    Score { logit: result.quality_logit, held: result.label == 1 }
 }
 
 /// An evaluation with data for a closer look.
@@ -201,7 +262,7 @@ pub fn examine(
         errors: errors(if model.crop().is_some() { &[] } else { &results }, dataset.info().grid.voxel_size_m()),
         by_shape: summaries(tallies(found().map(|(record, result)| (record.rule.shape.kind_name(), result)))),
         by_rule: summaries(tallies(found().map(|(record, result)| (record.rule.name(), result)))),
-        hands: model.crop().map(|_| hand_scores(&samples, &chosen, &results)),
+        hands: model.crop().map(|crop| hand_scores(crop, &samples, &chosen, &results)).transpose()?,
     };
     let [overrated, underrated] = [false, true].map(|held| worst(&mistakes, held, mistakes_max));
     Ok(Examination { evaluation, overrated, underrated, dataset })
@@ -221,14 +282,25 @@ fn must_be_finite(
     Err(Failure::new(ExitCode::Data, format!("{text}: {}", path.display())))
 }
 
-fn hand_scores(samples: &GraspDataset, chosen: &[usize], results: &[SampleResult]) -> HandScores {
+fn hand_scores(
+    crop: &Crop,
+    samples: &GraspDataset,
+    chosen: &[usize],
+    results: &[SampleResult],
+) -> Result<HandScores, Failure> {
     let hands = || chosen.iter().zip(results).filter_map(|(at, result)| Some((*at, samples.hand(*at)?, result)));
     let free: Vec<SampleResult> = hands().filter(|(_, hand, _)| !hand.hits_table).map(|(.., result)| *result).collect();
-    let score = |result: &SampleResult| Score { logit: result.quality_logit, held: result.label == 1 };
-    let scores: Vec<Score> = free.iter().map(score).collect();
-    let mut all = Tally::default();
-    all.add(&free);
-    let ranking = ranking(&scores);
+    let is_free: Vec<bool> = hands().map(|(_, hand, _)| !hand.hits_table).collect();
+    let mut clearances = Vec::with_capacity(chosen.len());
+    for_each_batch(samples, chosen, BATCH, None, |batch| {
+        clearances.extend(judge::clearances(&batch, crop));
+        ControlFlow::Continue(())
+    })?;
+    let arithmetic = |asked, value: fn(f32, bool) -> f32| {
+        let values = clearances.iter().zip(&is_free).map(|(clearance, free)| value(*clearance, *free));
+        let scores = values.zip(results).map(|(logit, result)| Score { logit, ..score(result) });
+        Arithmetic::of(asked, &scores.collect::<Vec<_>>(), &is_free)
+    };
     let mut scenes = BTreeMap::<u32, (bool, Score)>::new();
     for (at, _, result) in hands() {
         let own = score(result);
@@ -241,17 +313,27 @@ fn hand_scores(samples: &GraspDataset, chosen: &[usize], results: &[SampleResult
     let with_held = scenes.values().filter(|(any, _)| *any).count();
     let best_held = scenes.values().filter(|(_, best)| best.held).count();
     let by_outcome = tallies(hands().map(|(_, hand, result)| (hand.outcome.name(), result)));
-    HandScores {
-        table_free: TableFree {
-            all: all.summary(),
-            roc_auc: ranking.roc_auc,
-            average_precision: ranking.average_precision,
-            calibration_error: calibration(&scores).expected_error,
-        },
+    let source = |at: usize| match samples.record(at).rule.approach {
+        Approach::Axis(_) => "rules",
+        approach => approach.name(),
+    };
+    let views = |views: usize| match views {
+        ..=1 => "1 view",
+        2 => "2 views",
+        _ => "3 views or more",
+    };
+    Ok(HandScores {
+        table_free: Scores::of(&free),
+        arithmetic: [
+            arithmetic("does the swept hand touch the table", |_, free| f32::from(u8::from(free))),
+            arithmetic("… or what was seen, by one threshold", |clearance, _| clearance),
+        ],
+        by_source: Scores::by(hands().map(|(at, _, result)| (source(at), *result))),
+        by_views: Scores::by(hands().map(|(_, hand, result)| (views(hand.views.into()), *result))),
         scenes_with_held: with_held,
         best_held: (with_held > 0).then(|| best_held as f64 / with_held as f64),
         by_outcome: by_outcome.into_iter().map(|(name, tally)| (name, tally.summary())).collect(),
-    }
+    })
 }
 
 /// Samples per batch.

@@ -6,15 +6,15 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use network::Architecture;
 use network::checkpoint::{Checkpoint, Progress};
 use network::judge::Scope;
+use network::{Architecture, Kind};
 use program::{ExitCode, Failure};
 use shards::{Dataset, Location};
 
 use crate::adam;
 use crate::batch::Batch;
-use crate::config::{Config, Kind, TrainingParams};
+use crate::config::{Config, TrainingParams};
 use crate::data::{GraspDataset, TrainingTransform, for_each_batch, load};
 use crate::device::Device;
 use crate::events::{Beginning, EpochReport, Event, LabelCount};
@@ -48,6 +48,8 @@ pub struct Job<'a> {
     pub config: &'a Config,
     /// The run's folder.
     pub run: &'a Path,
+    /// The checkpoint whose weights a new run begins with, if not with random ones.
+    pub from: Option<&'a Checkpoint>,
     /// Whether to resume an existing run.
     pub resume: bool,
     /// The compute device.
@@ -62,7 +64,7 @@ pub struct Job<'a> {
 /// # Errors
 /// If the dataset cannot be read or split, the run's folder is refused or cannot be written, or the loss diverges.
 pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync)) -> Result<Ending, Failure> {
-    let Job { data, config, run, resume, device } = *job;
+    let Job { data, config, run, from, resume, device } = *job;
     let dataset = Dataset::open(data.clone())?;
     let folder = RunFolder::open(run, config, resume)?;
     let watch = Watch::new(run, config.checkpoint.every_steps);
@@ -73,7 +75,7 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
     let architecture = architecture(config, &dataset, device)?;
     let (vector, progress, moments) = match folder.last(&dataset)? {
         Some(last) => (last.vector, last.progress, last.moments),
-        None => (architecture.initial_vector(config.seed), Progress::default(), None),
+        None => (first_vector(&architecture, config, from)?, Progress::default(), None),
     };
     folder.write_config(config)?;
     let (model, dataset_id) = (Model::of(&architecture), dataset.id().to_owned());
@@ -122,6 +124,18 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
         observe(Event::Epoch(&report));
     }
     Ok(Ending::Done)
+}
+
+/// The weights that a new run begins with.
+fn first_vector(architecture: &Architecture, config: &Config, from: Option<&Checkpoint>) -> Result<Vec<f32>, Failure> {
+    match from {
+        None => Ok(architecture.initial_vector(config.seed)),
+        Some(from) if from.architecture == *architecture => Ok(from.vector.clone()),
+        Some(_) => Err(Failure::new(
+            ExitCode::Config,
+            "the weights of --from are another network's than the recipe's, or a judge's of another hand or grid",
+        )),
+    }
 }
 
 /// The network that a recipe asks for.

@@ -58,6 +58,19 @@ pub fn evaluate(vector: &[f32], batch: &Batch, crop: &Crop) -> Vec<SampleResult>
     parts.concat()
 }
 
+/// What arithmetic alone says of each hand ([`Crop::clearance`]); the least for hands that hit the table.
+#[must_use]
+pub fn clearances(batch: &Batch, crop: &Crop) -> Vec<f32> {
+    let parts = by_parts(batch, |samples, hands| {
+        let asked: Vec<(&Sample, &Hand)> = samples.iter().zip(hands).collect();
+        let seen = inputs(batch, &asked, crop);
+        let clearances = seen.crops.chunks_exact(Crop::LEN).zip(hands);
+        let clearance = |(crop, hand): (&[f32], &Hand)| if hand.hits_table { NEVER } else { Crop::clearance(crop) };
+        clearances.map(clearance).collect::<Vec<f32>>()
+    });
+    parts.concat()
+}
+
 fn by_parts<T: Send>(batch: &Batch, work: impl Fn(&[Sample], &[Hand]) -> T + Sync) -> Vec<T> {
     let parts = batch.samples.par_chunks(PART).zip(batch.hands.par_chunks(PART));
     parts.map(|(samples, hands)| work(samples, hands)).collect()

@@ -10,6 +10,7 @@
 //! tensorboard/         the same numbers, and the loss of steps, as TensorBoard's events
 //! ```
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::fs;
 use std::io;
@@ -175,14 +176,18 @@ fn first_entry(path: &Path) -> io::Result<Option<String>> {
 /// Refuses to resume with another recipe than that which the run was begun with.
 fn check_config(begun_with: &Config, config: &Config, path: &Path) -> Result<(), Failure> {
     let epochs_shape_steps = config.training.schedule == Schedule::Cosine;
-    let other: Vec<String> = keys(begun_with)
+    let [was, is] = [begun_with, config].map(|config| keys(config).into_iter().collect::<BTreeMap<_, _>>());
+    let told = |value: Option<&String>| value.map_or("left out", String::as_str).to_owned();
+    let names: BTreeSet<&String> = was.keys().chain(is.keys()).collect();
+    let other: Vec<String> = names
         .into_iter()
-        .zip(keys(config))
-        .filter(|((key, _), _)| key != "training.patience_epochs" && (key != "training.epochs" || epochs_shape_steps))
-        .filter(|(was, is)| was != is)
-        .map(|((key, was), (_, is))| {
+        .filter(|key| {
+            key.as_str() != "training.patience_epochs" && (key.as_str() != "training.epochs" || epochs_shape_steps)
+        })
+        .filter(|key| was.get(*key) != is.get(*key))
+        .map(|key| {
             let why = if key == "training.epochs" { ": a cosine schedule depends on it" } else { "" };
-            format!("{key} ({was} then, {is} now{why})")
+            format!("{key} ({} then, {} now{why})", told(was.get(key)), told(is.get(key)))
         })
         .collect();
     if other.is_empty() {

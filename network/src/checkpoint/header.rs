@@ -15,7 +15,7 @@ use crate::upsampling::Upsampling;
 const FORMAT_VERSION: u32 = 1;
 /// The names of the networks in checkpoints.
 pub(crate) const VOXEL: &str = "vgn-conv-40";
-const JUDGE: &str = "hand-judge-1";
+pub(crate) const JUDGE: &str = "hand-judge-1";
 
 const KEY: &str = "graspmill";
 const MADE_BY: &str = concat!("graspmill trainer ", env!("CARGO_PKG_VERSION"));

@@ -1,17 +1,20 @@
-//! The network as an ONNX model: the dense network and the sigmoid, node by node.
+//! A network as an ONNX model, node by node: the dense network and the sigmoid, or the judge and the softmax.
 //!
 //! Operators of opset 13 (onnx/docs/Operators.md), messages and field numbers from onnx/onnx.proto, IR version 7:
 //! readable by any runtime for ONNX 1.8 (November 2020) or later.
 
 use super::protobuf::Message;
-use crate::checkpoint::{Checkpoint, VOXEL};
-use crate::layers::{LAYERS, LayerShape, NORM_SQUARED_MIN, parameter_slots};
+use crate::Architecture;
+use crate::checkpoint::{Checkpoint, JUDGE, VOXEL};
+use crate::judge::{self, BOX, CHANNELS, FACTS, OUTCOMES};
+use crate::layers::{LAYERS, LayerShape, NORM_SQUARED_MIN};
 use crate::upsampling::Upsampling;
 
 const IR_VERSION: i64 = 7;
 const OPSET: i64 = 13;
-/// `TensorProto.DataType.FLOAT`.
+/// `TensorProto.DataType`.
 const FLOAT: i64 = 1;
+const INT64: i64 = 7;
 /// Voxels along an axis.
 const SIDE: i64 = 40;
 
@@ -28,11 +31,29 @@ const DOC: &str = "Volumetric grasp network. In: tsdf [batch, 1, 40, 40, 40], tr
                    hand's orientation in the workspace as a unit quaternion x, y, z, w; width [batch, 1, ...], the \
                    opening in voxels.";
 
+/// The judge's inputs and output.
+const CROP: &str = "crop";
+const KNOWN: &str = "facts";
+const ANSWER: &str = "outcomes";
+/// The shape of the head's inputs, as products of matrices over one position.
+const ROW: &str = "row.shape";
+
+const JUDGE_DOC: &str = "A judge of hands. In: crop [batch, 4, 8, 20, 28], the TSDF in the hand's frame, and facts \
+                         [batch, 16], as scripts/judge_onnx.py computes them. Out: outcomes [batch, 6], the \
+                         probabilities of pregrasp_collision, approach_collision, empty, slipped, hit_other and held.";
+
 /// The ONNX file of a checkpoint's network.
-pub(super) fn model(checkpoint: &Checkpoint, upsampling: Upsampling) -> Vec<u8> {
+pub(super) fn model(checkpoint: &Checkpoint) -> Vec<u8> {
+    let (name, doc, own) = match &checkpoint.architecture {
+        Architecture::Voxel(upsampling) => (VOXEL, DOC, ("upsampling", upsampling.name().to_owned())),
+        // Numbers and a name under fixed keys always have a JSON form.
+        Architecture::Judge(scope) => {
+            (JUDGE, JUDGE_DOC, ("trained_for", serde_json::to_string(scope).unwrap_or_default()))
+        }
+    };
     let mut properties = [
-        ("architecture", VOXEL.to_owned()),
-        ("upsampling", upsampling.name().to_owned()),
+        ("architecture", name.to_owned()),
+        own,
         ("dataset_id", checkpoint.dataset_id.clone()),
         ("config", checkpoint.config.clone()),
         ("epoch", checkpoint.progress.epoch.to_string()),
@@ -46,32 +67,72 @@ pub(super) fn model(checkpoint: &Checkpoint, upsampling: Upsampling) -> Vec<u8> 
         .integer(1, IR_VERSION)
         .text(2, "graspmill trainer")
         .text(3, env!("CARGO_PKG_VERSION"))
-        .text(6, DOC)
-        .message(7, &graph(checkpoint, upsampling))
+        .text(6, doc)
+        .message(7, &graph(checkpoint, name))
         .message(8, &Message::new().text(1, "").integer(2, OPSET)) // OperatorSetIdProto
         .messages(14, &properties) // StringStringEntryProto
         .into_bytes()
 }
 
 /// `GraphProto`.
-fn graph(checkpoint: &Checkpoint, upsampling: Upsampling) -> Message {
-    let outputs = OUTPUTS.map(|(name, channels)| volume(name, channels));
+fn graph(checkpoint: &Checkpoint, name: &str) -> Message {
+    let (nodes, constants, inputs, outputs) = match &checkpoint.architecture {
+        Architecture::Voxel(upsampling) => (
+            nodes(*upsampling),
+            vec![constant(SCALES, &[5], &[1.0, 1.0, 2.0, 2.0, 2.0]), constant(NORM_MIN, &[1], &[NORM_SQUARED_MIN])],
+            vec![volume(INPUT, 1)],
+            OUTPUTS.map(|(name, channels)| volume(name, channels)).to_vec(),
+        ),
+        Architecture::Judge(_) => {
+            let [x, y, z] = BOX.map(|n| n as i64);
+            let row = Message::new().integers(1, &[5]).integer(2, INT64).text(8, ROW);
+            let row = row.bytes(9, &[0, -1, 1, 1, 1].map(i64::to_le_bytes).concat());
+            (
+                judge_nodes(),
+                vec![row],
+                vec![tensor(CROP, &[CHANNELS as i64, x, y, z]), tensor(KNOWN, &[FACTS as i64])],
+                vec![tensor(ANSWER, &[OUTCOMES as i64])],
+            )
+        }
+    };
     Message::new()
-        .messages(1, &nodes(upsampling))
-        .text(2, VOXEL)
-        .messages(5, &initializers(checkpoint))
-        .message(11, &volume(INPUT, 1))
+        .messages(1, &nodes)
+        .text(2, name)
+        .messages(5, parameters(checkpoint).iter().chain(&constants))
+        .messages(11, &inputs)
         .messages(12, &outputs)
+}
+
+fn judge_nodes() -> Vec<Message> {
+    let [conv1, conv2, conv3, reduce, head1, head2, head3] = judge::LAYERS;
+    let (mut nodes, mut x) = (Vec::new(), CROP.to_owned());
+    for layer in [conv1, conv2, conv3] {
+        x = activated(&mut nodes, layer, &x);
+    }
+    nodes.extend([
+        convolution(reduce, &x, "reduced"),
+        node("Transpose", &["reduced"], "reduced.last", &[integers("perm", &[0, 2, 3, 4, 1])]),
+        node("Flatten", &["reduced.last"], "reduced.row", &[integer("axis", 1)]),
+        node("Concat", &["reduced.row", KNOWN], "row", &[integer("axis", 1)]),
+        node("Reshape", &["row", ROW], "row.shaped", &[]),
+    ]);
+    x = "row.shaped".to_owned();
+    for layer in [head1, head2] {
+        x = activated(&mut nodes, layer, &x);
+    }
+    nodes.extend([
+        convolution(head3, &x, "logits.shaped"),
+        node("Flatten", &["logits.shaped"], "logits", &[integer("axis", 1)]),
+        node("Softmax", &["logits"], ANSWER, &[integer("axis", 1)]),
+    ]);
+    nodes
 }
 
 fn nodes(upsampling: Upsampling) -> Vec<Message> {
     let [enc1, enc2, enc3, dec1, dec2, dec3, qual, rot, width] = LAYERS;
     let (mut nodes, mut x) = (Vec::new(), INPUT.to_owned());
     for layer in [enc1, enc2, enc3, dec1, dec2, dec3] {
-        let [convolved, activated] = ["conv", "relu"].map(|part| format!("{}.{part}", layer.name));
-        nodes.push(convolution(layer, &x, &convolved));
-        nodes.push(node("Relu", &[&convolved], &activated, &[]));
-        x = activated;
+        x = activated(&mut nodes, layer, &x);
         if [dec1, dec2, dec3].contains(&layer) {
             let doubled = format!("{}.doubled", layer.name);
             nodes.push(doubling(upsampling, &x, &doubled));
@@ -90,6 +151,14 @@ fn nodes(upsampling: Upsampling) -> Vec<Message> {
         convolution(width, &x, "width"),
     ]);
     nodes
+}
+
+/// Adds a layer and its ReLU; gives the name of their output.
+fn activated(nodes: &mut Vec<Message>, layer: LayerShape, input: &str) -> String {
+    let [convolved, activated] = ["conv", "relu"].map(|part| format!("{}.{part}", layer.name));
+    nodes.push(convolution(layer, input, &convolved));
+    nodes.push(node("Relu", &[&convolved], &activated, &[]));
+    activated
 }
 
 fn convolution(layer: LayerShape, input: &str, output: &str) -> Message {
@@ -136,26 +205,28 @@ fn text(name: &str, value: &str) -> Message {
     Message::new().text(1, name).text(4, value).integer(20, 3)
 }
 
-/// `ValueInfoProto` of `[batch, channels, 40, 40, 40]`, the batch of any length.
+/// `ValueInfoProto` of `[batch, channels, 40, 40, 40]`.
 fn volume(name: &str, channels: i64) -> Message {
+    tensor(name, &[channels, SIDE, SIDE, SIDE])
+}
+
+/// `ValueInfoProto` of `[batch, …]`, the batch of any length.
+fn tensor(name: &str, shape: &[i64]) -> Message {
     let batch = Message::new().text(2, "batch");
-    let [channels, side] = [channels, SIDE].map(|len| Message::new().integer(1, len));
-    let shape = Message::new().messages(1, [&batch, &channels, &side, &side, &side]);
+    let lengths: Vec<Message> = shape.iter().map(|len| Message::new().integer(1, *len)).collect();
+    let shape = Message::new().messages(1, [batch].iter().chain(&lengths));
     let tensor = Message::new().integer(1, FLOAT).message(2, &shape);
     Message::new().text(1, name).message(2, &Message::new().message(1, &tensor))
 }
 
-/// The parameters under VGN's names, and two constants.
-fn initializers(checkpoint: &Checkpoint) -> Vec<Message> {
+/// The parameters under their names.
+fn parameters(checkpoint: &Checkpoint) -> Vec<Message> {
     let values = &checkpoint.vector;
-    let slots = parameter_slots();
-    let parameters = slots.iter().map(|slot| {
+    let parameters = checkpoint.architecture.slots().into_iter().map(|slot| {
         let shape: Vec<i64> = slot.shape.iter().map(|len| *len as i64).collect();
         constant(&slot.name, &shape, &values[slot.start..slot.start + slot.len])
     });
-    parameters
-        .chain([constant(SCALES, &[5], &[1.0, 1.0, 2.0, 2.0, 2.0]), constant(NORM_MIN, &[1], &[NORM_SQUARED_MIN])])
-        .collect()
+    parameters.collect()
 }
 
 /// `TensorProto`.

@@ -35,8 +35,8 @@ const UNIT_VIEWS: f32 = 6.0;
 pub struct PaddedGrid {
     /// Voxels along a side, with the border.
     side: usize,
-    /// VGN's values: 0 where nothing was observed.
-    values: Vec<f32>,
+    /// Of each voxel whether it was observed, 1 or 0, and VGN's value, which is 0 where nothing was observed.
+    values: Vec<[f32; 2]>,
 }
 
 impl PaddedGrid {
@@ -44,32 +44,40 @@ impl PaddedGrid {
     #[must_use]
     pub fn new(resolution: usize, values: &[f32]) -> Self {
         let extent = Extent::cube(resolution, 1);
-        let mut padded = vec![0.0; extent.len()];
+        let mut padded = vec![[0.0; 2]; extent.len()];
         for (line, values) in values.chunks_exact(resolution).enumerate() {
-            padded[extent.place([line / resolution, line % resolution, 0])..][..resolution].copy_from_slice(values);
+            let line = &mut padded[extent.place([line / resolution, line % resolution, 0])..][..resolution];
+            for (voxel, value) in line.iter_mut().zip(values) {
+                *voxel = [if *value > 0.0 { 1.0 } else { 0.0 }, *value];
+            }
         }
         Self { side: resolution + 2, values: padded }
     }
 
     /// Mean of the observed distances around a point, in [−1, 1] of the truncation, and the share that was observed.
     /// `at` is in voxels from the centre of the border's first one.
+    #[inline]
     fn at(&self, at: Vec3) -> (f32, f32) {
-        let at = at.clamp(Vec3::ZERO, Vec3::splat((self.side - 1) as f32 - 1e-3));
-        let low = at.floor();
-        let (high, first) = (at - low, [low.x as usize, low.y as usize, low.z as usize]);
-        let [x, y] = [high.x, high.y].map(|high| [1.0 - high, high]);
-        let (mut share, mut sum) = (0.0, 0.0);
-        for (dx, wx) in x.into_iter().enumerate() {
-            for (dy, wy) in y.into_iter().enumerate() {
-                let place = ((first[0] + dx) * self.side + first[1] + dy) * self.side + first[2];
-                let weight = wx * wy;
-                for (value, wz) in self.values[place..place + 2].iter().zip([1.0 - high.z, high.z]) {
-                    let observed = if *value > 0.0 { weight * wz } else { 0.0 };
-                    share += observed;
-                    sum += observed * value;
+        let last = (self.side - 1) as f32 - 1e-3;
+        let [(x, high_x), (y, high_y), (z, high_z)] = at.to_array().map(|at| {
+            let at = at.max(0.0).min(last);
+            let low = at as i32;
+            (low as usize, at - low as f32)
+        });
+        let lines = &self.values.as_flattened()[2 * ((x * self.side + y) * self.side + z)..];
+        // Two voxels along z lie side by side: four numbers.
+        let mut pair = [0.0; 4];
+        for (wx, line) in [(1.0 - high_x, 0), (high_x, self.side)] {
+            for (wy, line) in [(1.0 - high_y, line), (high_y, line + 1)] {
+                let Some(values) = lines.get(2 * line * self.side..).and_then(|line| line.first_chunk::<4>()) else {
+                    continue;
+                };
+                for (sum, value) in pair.iter_mut().zip(values) {
+                    *sum += wx * wy * value;
                 }
             }
         }
+        let [share, sum] = [0, 1].map(|part| (1.0 - high_z) * pair[part] + high_z * pair[2 + part]);
         if share > SHARE_MIN { (2.0 * sum / share - 1.0, share) } else { (0.0, 0.0) }
     }
 }
@@ -167,6 +175,15 @@ impl Crop {
                 }
             }
         }
+    }
+
+    /// The least distance, in [−1, 1] of the truncation, that was seen where a hand of a crop sweeps: what arithmetic
+    /// alone says of it. 1 where nothing was seen.
+    #[must_use]
+    pub fn clearance(crop: &[f32]) -> f32 {
+        let points = PADDED.positions().map(|at| &crop[PADDED.place(at) * CHANNELS..][..CHANNELS]);
+        let in_hand = points.filter(|point| point[3] <= 0.0 && point[1] > 0.0);
+        in_hand.map(|point| point[0]).fold(1.0, f32::min)
     }
 
     /// What is known of a hand besides its crop: where down is for it, the height of its tips, the number of views, its

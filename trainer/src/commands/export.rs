@@ -12,10 +12,12 @@ Examples:
   trainer export runs/paper/best.safetensors --format onnx --out vgn.onnx
   trainer export runs/paper/best.safetensors --format safetensors --out vgn.safetensors
 
-safetensors: the 18 tensors of VGN's ConvNet; in PyTorch,
+safetensors: the 18 tensors of VGN's ConvNet, or the 14 of a judge; in PyTorch,
   net.load_state_dict(safetensors.torch.load_file(FILE), strict=True)
 onnx: input tsdf [batch, 1, 40, 40, 40]; outputs quality (0 to 1), rotation (unit quaternion
-  x, y, z, w) and width (voxels)";
+  x, y, z, w) and width (voxels)
+onnx of a judge: inputs crop [batch, 4, 8, 20, 28] and facts [batch, 16], which scripts/judge_onnx.py computes;
+  output outcomes [batch, 6]";
 
 /// Write a checkpoint's weights for PyTorch or an ONNX runtime.
 #[derive(Args)]

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use network::checkpoint;
 use program::{Context, ExitCode, Failure, print, start_threads, stop_on_signals};
 use shards::Location;
 use trainer::config::Config;
@@ -29,6 +30,9 @@ pub(crate) struct Arguments {
     /// Continue from the run's last checkpoint, or begin if there is none.
     #[arg(long)]
     resume: bool,
+    /// Begin with the weights of a checkpoint instead of random ones; with --resume give the same file.
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
     /// Epochs, in place of the recipe's.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     epochs: Option<u32>,
@@ -47,7 +51,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     start_threads(arguments.threads)?;
     let stop = stop_on_signals(|| ()).context("failed to listen for signals")?;
     let (data, run, device) = (&arguments.data, arguments.run.as_path(), arguments.device.open()?);
-    let job = Job { data, config: &config, run, resume: arguments.resume, device: &device };
+    let from = arguments.from.as_deref().map(checkpoint::read_digested).transpose()?;
+    let (from, digest) = from.unzip();
+    config.network.from = digest.or(config.network.from);
+    let job = Job { data, config: &config, run, from: from.as_ref(), resume: arguments.resume, device: &device };
     let screen = Screen::new(&config);
     let ending = fit(&job, &stop, &|event| screen.show(&event))?;
     screen.end();

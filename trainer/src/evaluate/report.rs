@@ -8,7 +8,7 @@ use program::{Context, Failure, json, write};
 use report::document::{Block, Cell, Document, Picture, Table};
 use report::figure::{BLUE, Bars, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 
-use super::{Evaluation, HandScores};
+use super::{Evaluation, HandScores, Scores};
 use crate::metrics::Summary;
 use crate::scores::{BINS, Spread};
 
@@ -126,8 +126,18 @@ pub(crate) fn blocks(evaluation: &Evaluation) -> Vec<Block> {
         qualities(evaluation),
         "The number of attempts by quality, those that held below those that failed.",
     );
-    vec![
-        Block::Table(numbers(evaluation)),
+    let mut blocks = vec![Block::Table(numbers(evaluation))];
+    if let Some(hands) = &evaluation.hands {
+        blocks.extend([
+            heading("Beside arithmetic"),
+            Block::Table(arithmetic(evaluation, hands)),
+            heading("By source"),
+            Block::Table(groups("source", &hands.by_source)),
+            heading("By views"),
+            Block::Table(groups("views", &hands.by_views)),
+        ]);
+    }
+    blocks.extend([
         heading("Confusion at ½"),
         Block::Table(confusion),
         heading("By shape"),
@@ -139,7 +149,8 @@ pub(crate) fn blocks(evaluation: &Evaluation) -> Vec<Block> {
         heading("Calibration"),
         Block::Figures(vec![honesty, qualities]),
         Block::Table(bins(evaluation)),
-    ]
+    ]);
+    blocks
 }
 
 fn numbers(evaluation: &Evaluation) -> Table {
@@ -205,6 +216,40 @@ fn hand_rows(hands: &HandScores) -> [Vec<Cell>; 3] {
             "of the scenes in which some attempt held",
         ),
     ]
+}
+
+/// The judge beside what arithmetic gives without a network.
+fn arithmetic(evaluation: &Evaluation, hands: &HandScores) -> Table {
+    let Evaluation { all, ranking, .. } = evaluation;
+    let free = &hands.table_free.all;
+    let row = |who: &str, values: [Option<f64>; 4]| {
+        [vec![who.into()], values.map(|value| Cell::Number(number(value))).to_vec()].concat()
+    };
+    let judge = [all.accuracy, free.accuracy, ranking.roc_auc, ranking.average_precision];
+    let rows = hands
+        .arithmetic
+        .iter()
+        .map(|it| row(it.asked, [it.accuracy, it.accuracy_table_free, it.roc_auc, it.average_precision]));
+    let always = row("always \"failure\"", [all.baseline_accuracy, free.baseline_accuracy, None, None]);
+    let head = ["who answers", "accuracy", "off the table", "area under ROC", "average precision"];
+    Table::new(head, [always].into_iter().chain(rows).chain([row("the judge", judge)]))
+}
+
+fn groups(title: &str, groups: &BTreeMap<&'static str, Scores>) -> Table {
+    let row = |(name, scores): (&&'static str, &Scores)| {
+        let Scores { all, roc_auc, average_precision, calibration_error } = scores;
+        vec![
+            (*name).into(),
+            Cell::Count(all.samples),
+            Cell::Number(number(all.baseline_accuracy.map(|failed| 1.0 - failed))),
+            Cell::Bar(all.accuracy.unwrap_or(0.0), number(all.accuracy)),
+            Cell::Number(number(*roc_auc)),
+            Cell::Number(number(*average_precision)),
+            Cell::Number(format!("{calibration_error:.3}")),
+        ]
+    };
+    let head = [title, "samples", "held", "accuracy", "area under ROC", "average precision", "calibration error"];
+    Table::new(head, groups.iter().map(row))
 }
 
 fn kinds(title: &str, summaries: &BTreeMap<&'static str, Summary>) -> Table {

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::fixture::{fit, trainer, write_config, write_dataset};
-use network::Architecture;
-use trainer::config::{Config, Kind};
+use network::{Architecture, Kind};
+use trainer::config::Config;
 use trainer::events::Event;
 use trainer::fit::Ending;
 
@@ -62,6 +62,44 @@ fn a_judge_is_the_same_after_every_stop_and_with_any_threads() {
     let architecture = network::checkpoint::read(&whole.join("best.safetensors")).unwrap().architecture;
     let Architecture::Judge(scope) = architecture else { panic!("{architecture:?}") };
     assert_eq!(scope.gripper.name, "synthetic_80");
+}
+
+/// Training goes on from a checkpoint's weights, says which, and takes no other network's.
+#[test]
+fn a_run_may_begin_with_the_weights_of_another() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    write_dataset(&data, 5, 2, 10, 12);
+    let config = write_config(dir.path(), 1, 24);
+    let judge = dir.path().join("judge.toml");
+    let text = fs::read_to_string(&config).unwrap();
+    fs::write(&judge, text.replace("upsampling = \"nearest\"", "kind = \"judge\"")).unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let arguments = |config: &Path, run: &str, from: &[&str]| {
+        let fixed =
+            ["fit", "--data", data.to_str().unwrap(), "--config", config.to_str().unwrap(), "--run", &path(run)];
+        fixed.iter().chain(from).map(|part| (*part).to_owned()).collect::<Vec<_>>()
+    };
+    let fit = |config: &Path, run: &str, from: &[&str]| {
+        let arguments = arguments(config, run, from);
+        let output = trainer(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    assert_eq!(fit(&config, "first", &[]).0, Some(0));
+    let first = path("first/last.safetensors");
+    assert_eq!(fit(&config, "second", &["--from", &first]).0, Some(0));
+    let [first_loss, second_loss] =
+        ["first", "second"].map(|run| metrics(&dir.path().join(run))[0]["train"]["loss"].as_f64().unwrap());
+    assert!(second_loss < first_loss, "{second_loss} {first_loss}");
+    let digest = network::checkpoint::read_digested(Path::new(&first)).unwrap().1;
+    assert!(fs::read_to_string(path("second/config.toml")).unwrap().contains(&digest));
+    let (code, said) = fit(&config, "second", &["--resume"]);
+    assert_eq!(code, Some(78));
+    assert!(said.contains("network.from (") && said.contains("then, left out now)"), "{said}");
+    assert_eq!(fit(&config, "second", &["--resume", "--from", &first]).0, Some(0));
+    let (code, said) = fit(&judge, "third", &["--from", &first]);
+    assert_eq!(code, Some(78));
+    assert!(said.contains("another network's than the recipe's"), "{said}");
 }
 
 #[test]

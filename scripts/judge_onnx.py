@@ -1,0 +1,142 @@
+"""Judges hands without Graspmill: a judge exported to ONNX, asked through onnxruntime and NumPy.
+
+    trainer export models/judge.safetensors --format onnx --out judge.onnx
+    python scripts/judge_onnx.py judge.onnx scene.npy plan.json --views 6
+
+`scene.npy` is a TSDF in VGN's values, [40, 40, 40] or [1, 40, 40, 40]; `plan.json` has the hands, as `planner plan` or
+`[{"position_m": [x, y, z], "quaternion_xyzw": [x, y, z, w]}, …]` gives them: grasps in the workspace, +z the approach,
++y the closing direction, the origin midway between the tips. Prints the probability of each outcome.
+
+This file is also the definition of what the network is given (`Judge.crop`, `Judge.facts`), as plain as it can be
+written; docs/judge.md explains it.
+"""
+
+import argparse
+import json
+import sys
+
+import numpy as np
+
+OUTCOMES = ["pregrasp_collision", "approach_collision", "empty", "slipped", "hit_other", "held"]
+BOX = (8, 20, 28)  # points along x, y, z of the grasp frame
+CLIP_M = 0.03
+BEYOND_M = 0.02
+
+
+def rotation(quaternion_xyzw):
+    """The matrix of a unit quaternion."""
+    x, y, z, w = np.asarray(quaternion_xyzw, dtype=np.float64)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def hand_boxes(hand):
+    """Two fingers and the palm of the open hand in the grasp frame: (centre, half side) each, in metres."""
+    gap, length = 0.5 * hand["opening_m_max"], hand["finger_length_m"]
+    thick, wide = hand["finger_thickness_m"], hand["finger_width_m"]
+    half_finger = np.array([wide, thick, length]) / 2
+    fingers = [(np.array([0, side * (gap + thick / 2), -length / 2]), half_finger) for side in (-1, 1)]
+    palm = np.array([hand["palm_width_m"], hand["palm_breadth_m"], hand["palm_length_m"]]) / 2
+    return [*fingers, (np.array([0, 0, -length - palm[2]]), palm)]
+
+
+class Judge:
+    """A judge and the hand and grid that it was trained for."""
+
+    def __init__(self, path):
+        import onnxruntime
+
+        self.session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+        scope = json.loads(self.session.get_modelmeta().custom_metadata_map["trained_for"])
+        self.hand, self.grid = scope["gripper"], scope["grid"]
+        self.way_m = scope["pregrasp_distance_m"]
+        # What the hand sweeps from its pre-grasp pose: each box, longer towards −z.
+        back = np.array([0, 0, self.way_m / 2])
+        self.swept = [(centre - back, half + back) for centre, half in hand_boxes(self.hand)]
+        low = np.min([centre - half for centre, half in self.swept], axis=0)
+        high = np.max([centre + half for centre, half in self.swept], axis=0) + [0, 0, BEYOND_M]
+        axes = [np.linspace(low[axis], high[axis], BOX[axis]) for axis in range(3)]
+        self.points_m = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        self.to_hand_m = np.min([self.distance_m(centre, half) for centre, half in self.swept], axis=0)
+
+    def distance_m(self, centre, half):
+        """Signed distance of the points to a box."""
+        off = np.abs(self.points_m - centre) - half
+        return np.linalg.norm(np.maximum(off, 0), axis=-1) + np.minimum(off.max(axis=-1), 0)
+
+    def crop(self, tsdf, position_m, turn):
+        """[4, 8, 20, 28]: mean of the observed distances, observed share, height over the table, distance to the hand."""
+        side = self.grid["size_m"] / self.grid["resolution"]
+        at_m = self.points_m @ turn.T + position_m
+        padded = np.pad(tsdf, 1)  # nobody observed what lies around the grid
+        place = np.clip(at_m / side + 0.5, 0, padded.shape[0] - 1 - 1e-3)
+        low = place.astype(int)
+        part = place - low
+        share, total = np.zeros(BOX), np.zeros(BOX)
+        for corner in np.ndindex(2, 2, 2):
+            weight = np.prod(np.where(corner, part, 1 - part), axis=-1)
+            value = padded[tuple((low + corner)[..., axis] for axis in range(3))]
+            share += weight * (value > 0)
+            total += weight * value
+        known = share > 1e-3
+        mean = np.where(known, 2 * total / np.where(known, share, 1) - 1, 0)
+        height = np.clip((at_m[..., 2] - self.grid["table_z_m"]) / CLIP_M, -1, 1)
+        return np.stack([mean, np.where(known, share, 0), height, np.clip(self.to_hand_m / CLIP_M, -1, 1)])
+
+    def facts(self, position_m, turn, views):
+        """[16]: where up is for the hand, the height of its tips, the number of views, its dimensions."""
+        lengths = [
+            "opening_m_max",
+            "finger_length_m",
+            "finger_width_m",
+            "finger_thickness_m",
+            "palm_length_m",
+            "palm_width_m",
+            "palm_breadth_m",
+        ]
+        height_m = position_m[2] - self.grid["table_z_m"]
+        own = [*(self.hand[key] / 0.1 for key in lengths), self.way_m / 0.1, self.hand["friction"]]
+        known = [*turn[2], height_m / 0.1, views / 6, *own]
+        return np.pad(known, (0, 16 - len(known)))
+
+    def outcomes(self, tsdf, hands, views):
+        """[hands, 6]: the probabilities of the outcomes of hands, given as (position, quaternion)."""
+        poses = [(np.asarray(position, dtype=np.float64), rotation(turn)) for position, turn in hands]
+        crops = np.array([self.crop(tsdf, *pose) for pose in poses], dtype=np.float32)
+        facts = np.array([self.facts(*pose, views) for pose in poses], dtype=np.float32)
+        return self.session.run(["outcomes"], {"crop": crops, "facts": facts})[0]
+
+
+def hands_of(path):
+    """The hands in a file, as (position, quaternion)."""
+    with open(path, encoding="utf-8") as file:
+        listed = json.load(file)
+    if isinstance(listed, dict):
+        listed = [grasp["workspace_from_grasp"] for grasp in listed["grasps"]]
+    return [(hand["position_m"], hand["quaternion_xyzw"]) for hand in listed]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("judge", help="a judge in ONNX")
+    parser.add_argument("tsdf", help="NPY file of the scene's TSDF")
+    parser.add_argument("hands", help="JSON file of hands, or a plan")
+    parser.add_argument("--views", type=int, default=6, help="number of views from which the TSDF was made")
+    arguments = parser.parse_args()
+    judge = Judge(arguments.judge)
+    tsdf = np.load(arguments.tsdf).reshape([judge.grid["resolution"]] * 3)
+    hands = hands_of(arguments.hands)
+    if not hands:
+        sys.exit("no hands: " + arguments.hands)
+    print("  ".join(["hand", *OUTCOMES]))
+    for number, row in enumerate(judge.outcomes(tsdf, hands, arguments.views)):
+        print(f"{number:4}  " + "  ".join(f"{value:{len(name)}.3f}" for name, value in zip(OUTCOMES, row)))
+
+
+if __name__ == "__main__":
+    main()
