@@ -25,51 +25,60 @@ run() {
     "$experiments" run "$here/configs/experiment/$config.toml" --out "$out/$name" --set "protocol=$protocol" "$@" > /dev/null
 }
 
-# Two thresholds for VGN: its own, 0.9, and 0.5, at which our network finds grasps. With refinement a position needs a quality of
-# 0.05; for VGN's network, in whose training successes had a weight of 4.9, the same odds are 0.2.
-vgn_network=(--set model=../../models/vgn-200k.safetensors)
-vgn_places=(--set plan.detection.surface_side=front --set plan.detection.origin_behind_tips_m=0.05 --set plan.detection.quality_min=0.2)
-vgn_plan=(--set plan=../plan/vgn.toml --set plan.detection.voxel_offset=0.5)
+# VGN's network with its own threshold, 0.9, and with 0.5. With refinement a position needs a quality of 0.05; for VGN's network, in whose
+# training successes had a weight of 4.9, the same odds are 0.2.
+vgn=(--set plan=vgn)
 half=(--set plan.detection.quality_min=0.5)
-vgn_policy=(--set plan=paper --set plan.ranking.policy=vgn-best --set plan.detection.quality_min=0.5)
-paper_policy=(--set plan=paper --set plan.detection.quality_min=0.5)
+vgn_refined=(--set plan=../plan/refined.toml --set model=../../models/vgn.safetensors --set plan.detection.surface_side=front
+    --set plan.detection.origin_behind_tips_m=0.05 --set plan.detection.voxel_offset=0 --set plan.detection.quality_min=0.2)
+refined=(--set plan=../plan/refined.toml)
+refined_one_view=(--set plan=../plan/refined-one-view.toml)
+paper=(--set plan=paper "${half[@]}")
+eq8=(--set plan.ranking.policy=paper --set plan.detection.quality_min=0.9)
+scaled=(--set plan.cloud.scale_to_table=true)
+hard=(--set scene=../generate/judge.toml)
+everyday=(--set scene=../generate/everyday.toml)
 
 # Rounds of a seed that was not used for tuning.
+held=(--set 'seeds=[1001]')
 for kind in pile packed; do
-    held=(--set 'seeds=[1001]')
-    run "$kind-ours" "$kind-refined" "$kind: our network, refined" "${held[@]}"
-    run "$kind-vgn" "$kind" "$kind: VGN, 0.9" "${held[@]}" "${vgn_network[@]}" "${vgn_plan[@]}"
-    run "$kind-vgn-half" "$kind" "$kind: VGN, 0.5" "${held[@]}" "${vgn_network[@]}" "${vgn_plan[@]}" "${half[@]}"
-    run "$kind-vgn-paper" "$kind" "$kind: VGN's network, Eq. 8, 0.5" "${held[@]}" "${vgn_network[@]}" "${vgn_plan[@]}" "${half[@]}" --set plan.ranking.policy=paper
-    run "$kind-vgn-refined" "$kind-refined" "$kind: VGN's network, refined" "${held[@]}" "${vgn_network[@]}" "${vgn_places[@]}"
-    run "$kind-ours-vgn" "$kind" "$kind: our network, VGN's choice, 0.5" "${held[@]}" "${vgn_policy[@]}"
-    run "$kind-ours-paper" "$kind" "$kind: our network, Eq. 8, 0.5" "${held[@]}" "${paper_policy[@]}"
+    run "$kind-judge" "$kind" "$kind: the judge" "${held[@]}"
+    run "$kind-judge-eq8" "$kind" "$kind: the judge, 0.9, Eq. 8" "${held[@]}" "${eq8[@]}"
+    run "$kind-refined" "$kind" "$kind: the paper's network, refined" "${held[@]}" "${refined[@]}"
+    run "$kind-paper" "$kind" "$kind: the paper's network, Eq. 8, 0.5" "${held[@]}" "${paper[@]}"
+    run "$kind-vgn" "$kind" "$kind: VGN, 0.9" "${held[@]}" "${vgn[@]}"
+    run "$kind-vgn-half" "$kind" "$kind: VGN, 0.5" "${held[@]}" "${vgn[@]}" "${half[@]}"
+    run "$kind-vgn-refined" "$kind" "$kind: VGN's network, refined" "${held[@]}" "${vgn_refined[@]}"
+done
+run everyday-judge pile "everyday objects in piles of five: the judge" "${held[@]}" "${everyday[@]}"
+run everyday-refined pile "everyday objects in piles of five: the paper's network, refined" "${held[@]}" "${everyday[@]}" "${refined[@]}"
+run everyday-vgn pile "everyday objects in piles of five: VGN, 0.9" "${held[@]}" "${everyday[@]}" "${vgn[@]}"
+
+for table in table1 table2 table3; do
+    run "$table-judge" "$table" "$table: the judge, 0.9, Eq. 8" "${eq8[@]}"
+    run "$table-judge-best" "$table" "$table: the judge, surest first"
+    run "$table-refined" "$table" "$table: the paper's network, refined" "${refined[@]}"
+    run "$table-paper" "$table" "$table: the paper's network, Eq. 8, 0.5" "${paper[@]}"
+    run "$table-vgn" "$table" "$table: VGN, 0.9" "${vgn[@]}"
+    run "$table-vgn-half" "$table" "$table: VGN, 0.5" "${vgn[@]}" "${half[@]}"
 done
 
-run table1 table1 "Table 1: refined"
-run table2 table2 "Table 2: refined"
-run table3 table3 "Table 3: refined"
-run table4-vgn table3 "Table 4: VGN, 0.5" "${vgn_network[@]}" "${vgn_plan[@]}" "${half[@]}"
-run table4-vgn-paper table3 "Table 4: VGN's network, Eq. 8, 0.5" "${vgn_network[@]}" "${vgn_plan[@]}" "${half[@]}" --set plan.ranking.policy=paper
-run table4-vgn-refined table3 "Table 4: VGN's network, refined" "${vgn_network[@]}" "${vgn_places[@]}"
-run table4-ours-paper table3 "Table 4: our network, Eq. 8, 0.5" "${paper_policy[@]}"
-run table4-ours-vgn table3 "Table 4: our network, VGN's choice, 0.5" "${vgn_policy[@]}"
-run table1-paper table1 "Table 1: Eq. 8, 0.5" "${paper_policy[@]}"
-run table2-paper table2 "Table 2: Eq. 8, 0.5" "${paper_policy[@]}"
-
 # Depth does not depend on light, but on the sensor's noise.
-run noise-d435 table2 "Table 2: refined, D435-like noise" --set noise.kind=d435
-run noise-dex table2 "Table 2: refined, dex noise" --set noise.kind=dex
-run noise-dex-scaled table2 "Table 2: refined, dex noise, scaled to the table" --set noise.kind=dex --set plan.cloud.scale_to_table=true
+for noise in d435 dex; do
+    run "noise-$noise" table2 "Table 2: the judge, $noise noise" --set "noise.kind=$noise"
+done
 
+# One noisy view from the side.
+one=(--set 'seeds=[1002]')
 for kind in pile packed; do
-    one=(--set 'seeds=[1000]')
-    run "giga-$kind" "giga-$kind" "GIGA $kind: our network, refined, one view" "${one[@]}"
-    run "giga-$kind-vgn-scaled" "giga-$kind" "GIGA $kind: VGN, 0.5, scaled to the table" "${one[@]}" "${vgn_network[@]}" "${vgn_plan[@]}" "${half[@]}" \
-        --set plan.cloud.scale_to_table=true
-    run "giga-$kind-vgn" "giga-$kind" "GIGA $kind: VGN, 0.5" "${vgn_network[@]}" "${vgn_plan[@]}" "${half[@]}"
+    run "giga-$kind-judge" "giga-$kind" "GIGA $kind: the judge" "${one[@]}"
+    run "giga-$kind-judge-hard" "giga-$kind" "GIGA $kind, larger objects: the judge" "${one[@]}" "${hard[@]}"
+    run "giga-$kind-refined" "giga-$kind" "GIGA $kind: the paper's network, refined" "${one[@]}" "${refined_one_view[@]}"
+    run "giga-$kind-refined-hard" "giga-$kind" "GIGA $kind, larger objects: the paper's network, refined" "${one[@]}" "${refined_one_view[@]}" "${hard[@]}"
+    run "giga-$kind-vgn" "giga-$kind" "GIGA $kind: VGN, 0.9, scaled to the table" "${one[@]}" "${vgn[@]}" "${scaled[@]}"
+    run "giga-$kind-vgn-hard" "giga-$kind" "GIGA $kind, larger objects: VGN, 0.9, scaled to the table" "${one[@]}" "${vgn[@]}" "${scaled[@]}" "${hard[@]}"
 done
 
 for views in 1 2 3; do
-    run "views-$views" pile-refined "pile: refined, $views views" --set "views.count=$views" --set 'seeds=[1001]'
+    run "views-$views" pile "pile: the judge, $views views" --set "views.count=$views" "${held[@]}"
 done

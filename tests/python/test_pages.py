@@ -51,7 +51,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     run(trainer, "fit", "--data", data, "--config", "configs/train/quick.toml", "--epochs", 2, "--run", folder / "run")
     run(trainer, "report", folder / "run", "--data", data, "--html", made["run"])
     experiments = program("experiments")
-    run(experiments, "run", "configs/experiment/pile-refined.toml", "--rounds", 2, "--out", folder / "pile")
+    run(experiments, "run", "configs/experiment/pile.toml", "--rounds", 2, "--out", folder / "pile")
     run(experiments, "report", folder / "pile", "--html", made["experiment"])
     return made
 

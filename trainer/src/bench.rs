@@ -16,7 +16,7 @@ use serde::Serialize;
 use shards::{Dataset, Location};
 
 use crate::batch::{Batch, Sample};
-use crate::data::{for_each_batch, load};
+use crate::data::{Seen, for_each_batch, load};
 use crate::device::Device;
 use crate::loss::Target;
 use crate::step::{evaluate, step};
@@ -188,7 +188,7 @@ fn batch(samples: usize, scenes: usize) -> Batch {
 /// Seconds a batch when nothing is done with it.
 fn read_s(data: &Location, batch: usize) -> Result<f64, Failure> {
     let dataset = Dataset::open(data)?;
-    let samples = load(&dataset, &std::env::temp_dir(), None, &AtomicBool::new(false), &|| {})?;
+    let samples = load(&dataset, &std::env::temp_dir(), Seen::OURS, &AtomicBool::new(false), &|| {})?;
     // Every sample of another scene as far as there are scenes: what costs most to read.
     let all = samples.ids().len();
     let stride = (all / batch.max(1)).max(1);

@@ -6,5 +6,5 @@ mod load;
 mod loader;
 
 pub use item::{GraspDataset, HandRecord, Record, TrainingTransform};
-pub use load::load;
+pub use load::{Seen, load};
 pub use loader::for_each_batch;

@@ -189,7 +189,7 @@ pub struct Examination {
 }
 
 /// Evaluates a checkpoint on a set of a dataset, and keeps the `mistakes_max` worst errors of each kind. The decoded
-/// grids are in a temporary file.
+/// grids are in a temporary file. `voxel_offset` is that of [`crate::data::Seen`].
 ///
 /// # Errors
 /// If checkpoint or dataset cannot be read, or the set has no samples.
@@ -197,6 +197,7 @@ pub fn examine(
     path: &Path,
     data: impl Into<Location>,
     set: TestSet,
+    voxel_offset: f32,
     mistakes_max: usize,
 ) -> Result<Examination, Failure> {
     let checkpoint = checkpoint::read(path)?;
@@ -215,7 +216,7 @@ pub fn examine(
         scope.must_match(&dataset.info().gripper, &dataset.info().grid)?;
     }
     let model = Model::of(&checkpoint.architecture);
-    let samples = load(&dataset, &temp_dir(), model.crop(), &AtomicBool::new(false), &|| {})?;
+    let samples = load(&dataset, &temp_dir(), model.seen(voxel_offset), &AtomicBool::new(false), &|| {})?;
     let chosen = match set {
         TestSet::All => (0..samples.len()).collect(),
         TestSet::TestAttempts | TestSet::TestScenes => {

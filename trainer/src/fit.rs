@@ -82,7 +82,7 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
     let mut state = Checkpoint { vector, architecture, config: config.to_toml(), dataset_id, progress, moments };
 
     observe(Event::Loading(&dataset));
-    let samples = match load(&dataset, run, model.crop(), stop, &|| observe(Event::SceneLoaded)) {
+    let samples = match load(&dataset, run, model.seen(0.5), stop, &|| observe(Event::SceneLoaded)) {
         Err(_) if stop.load(Ordering::Relaxed) => return Ok(Ending::Stopped),
         loaded => loaded?,
     };

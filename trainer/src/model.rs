@@ -5,6 +5,7 @@ use network::judge::Crop;
 use network::upsampling::Upsampling;
 
 use crate::batch::Batch;
+use crate::data::Seen;
 use crate::device::Device;
 use crate::loss::SampleResult;
 use crate::step::StepResult;
@@ -36,6 +37,12 @@ impl Model {
             Self::Voxel(_) => None,
             Self::Judge(crop) => Some(crop),
         }
+    }
+
+    /// How it sees grasps; voxels with their grasps at `voxel_offset`.
+    #[must_use]
+    pub fn seen(&self, voxel_offset: f32) -> Seen<'_> {
+        self.crop().map_or(Seen::Voxels { offset: voxel_offset }, Seen::Hands)
     }
 
     /// Loss and gradient of a batch; a judge's are computed on the host.

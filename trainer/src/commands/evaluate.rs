@@ -28,6 +28,9 @@ pub(crate) struct Arguments {
     /// Which samples.
     #[arg(long, value_enum, default_value_t = TestSet::TestAttempts)]
     split: TestSet,
+    /// Place of a grasp in its voxel along each axis, from 0 to 1: 0 for VGN's weights, because VGN rounds positions.
+    #[arg(long, value_name = "X", default_value_t = 0.5, value_parser = share)]
+    voxel_offset: f32,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -46,10 +49,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         // clap asks for one of the two.
         (None, run) => arguments.checkpoint.path(run.as_deref().unwrap_or(Path::new("."))),
     };
-    let evaluation = examine(&path, &arguments.data, arguments.split, 0)?.evaluation;
+    let evaluation = examine(&path, &arguments.data, arguments.split, arguments.voxel_offset, 0)?.evaluation;
     print(if arguments.json { json(&evaluation)? } else { document(&evaluation).text() })?;
     if let Some(folder) = &arguments.report {
         write_report(&evaluation, folder)?;
     }
     Ok(ExitCode::Ok)
+}
+
+fn share(text: &str) -> Result<f32, String> {
+    let read = text.parse::<f32>().ok().filter(|share| (0.0..=1.0).contains(share));
+    read.ok_or_else(|| "must be a number from 0 to 1".to_owned())
 }

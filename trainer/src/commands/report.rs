@@ -40,7 +40,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     start_threads(arguments.threads)?;
     let run = TrainedRun::read(&arguments.run)?;
     let best = SavedAs::Best.path(&arguments.run);
-    let examined = arguments.data.as_ref().map(|data| examine(&best, data, arguments.split, MISTAKES)).transpose()?;
+    let examined =
+        arguments.data.as_ref().map(|data| examine(&best, data, arguments.split, 0.5, MISTAKES)).transpose()?;
     write(&arguments.html, run.document(examined.as_ref())?.html()?)?;
     print(format_args!("{}\n", arguments.html.display()))?;
     Ok(ExitCode::Ok)

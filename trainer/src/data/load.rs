@@ -8,15 +8,34 @@ use network::judge::Crop;
 use network::receptive_field::RESOLUTION;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{AttemptRecord, Grasp, Grid};
+use schema::{AttemptRecord, Grasp, Grid, Vec3};
 use shards::Dataset;
 
 use super::grids::Grids;
 use super::item::{GraspDataset, HandRecord, Record};
 
+/// How a network sees grasps.
+#[derive(Debug, Clone, Copy)]
+pub enum Seen<'a> {
+    /// In voxels. `offset` is the place of a grasp in its voxel along each axis: 0.5, the centre, for our networks; 0, a
+    /// corner, for VGN's weights, because VGN rounds positions to voxels.
+    Voxels {
+        /// The place.
+        offset: f32,
+    },
+    /// As hands, by a judge.
+    Hands(&'a Crop),
+}
+
+impl Seen<'_> {
+    /// In the voxels of our networks.
+    pub const OURS: Self = Self::Voxels { offset: 0.5 };
+}
+
 /// Reads every attempt and decodes every grid once to a file in `folder`. Shards are read in parallel; after a failed
 /// shard no later ones are read. Files are checked against the manifest's checksums. `scene_done` is called once per
-/// scene, from any thread. With `crop`, samples are hands for a judge that sees them so.
+/// scene, from any thread. `seen` is how the network
+/// sees grasps.
 ///
 /// # Errors
 /// If the dataset cannot be read or trained on, the grids cannot be stored, or `stop` is set; the first error in the
@@ -24,7 +43,7 @@ use super::item::{GraspDataset, HandRecord, Record};
 pub fn load(
     dataset: &Dataset,
     folder: &Path,
-    crop: Option<&Crop>,
+    seen: Seen<'_>,
     stop: &AtomicBool,
     scene_done: &(dyn Fn() + Sync),
 ) -> Result<GraspDataset, Failure> {
@@ -47,7 +66,7 @@ pub fn load(
             if failed.load(Ordering::Relaxed) < shard {
                 return Err(stopped()); // after the failure, so the result is not used
             }
-            let samples = load_shard(dataset, shard, &grids, crop, stop, scene_done);
+            let samples = load_shard(dataset, shard, &grids, seen, stop, scene_done);
             samples.inspect_err(|_| {
                 failed.fetch_min(shard, Ordering::Relaxed);
             })
@@ -80,7 +99,7 @@ fn load_shard(
     dataset: &Dataset,
     shard: u32,
     grids: &Grids,
-    crop: Option<&Crop>,
+    seen: Seen<'_>,
     stop: &AtomicBool,
     scene_done: &(dyn Fn() + Sync),
 ) -> Result<Samples, Failure> {
@@ -98,28 +117,34 @@ fn load_shard(
         }
     }
     let attempts = dataset.read_attempts(shard)?;
-    if let Some(crop) = crop {
+    let voxel_offset = match seen {
+        Seen::Voxels { offset } => offset,
         // A judge is asked about every hand, wherever its origin is.
-        let hand = |attempt: &AttemptRecord| HandRecord {
-            workspace_from_grasp: attempt.workspace_from_grasp,
-            views: views.get(&attempt.scene_id).copied().unwrap_or_default() as u8,
-            outcome: attempt.outcome,
-            hits_table: crop.hits_table(&attempt.workspace_from_grasp),
-        };
-        let hands = attempts.iter().map(hand).collect();
-        let records = attempts.iter().map(|attempt| record(attempt, [0; 3], 0.0)).collect();
-        return Ok(Samples { records, hands, outside: 0 });
-    }
+        Seen::Hands(crop) => {
+            let hand = |attempt: &AttemptRecord| HandRecord {
+                workspace_from_grasp: attempt.workspace_from_grasp,
+                views: views.get(&attempt.scene_id).copied().unwrap_or_default() as u8,
+                outcome: attempt.outcome,
+                hits_table: crop.hits_table(&attempt.workspace_from_grasp),
+            };
+            let hands = attempts.iter().map(hand).collect();
+            let records = attempts.iter().map(|attempt| record(attempt, [0; 3], 0.0)).collect();
+            return Ok(Samples { records, hands, outside: 0 });
+        }
+    };
     let samples = schema::samples_of(&attempts, &dataset.info().gripper);
-    let records: Vec<Record> = samples.iter().filter_map(|sample| at_voxel(sample, &dataset.info().grid)).collect();
+    let records: Vec<Record> =
+        samples.iter().filter_map(|sample| at_voxel(sample, &dataset.info().grid, voxel_offset)).collect();
     let outside = (samples.len() - records.len()) as u64;
     Ok(Samples { records, hands: Vec::new(), outside })
 }
 
 /// The sample of an attempt, or `None` if its grasp's origin is outside the grid.
-fn at_voxel(attempt: &AttemptRecord, grid: &Grid) -> Option<Record> {
+fn at_voxel(attempt: &AttemptRecord, grid: &Grid, offset: f32) -> Option<Record> {
+    let mut workspace_from_grasp = attempt.workspace_from_grasp;
+    workspace_from_grasp.translation += Vec3::splat((0.5 - offset) * grid.voxel_size_m());
     let grasp = Grasp {
-        workspace_from_grasp: attempt.workspace_from_grasp,
+        workspace_from_grasp,
         // Only a held object's width is a target.
         width_m: attempt.width_m.filter(|_| attempt.label() == 1).unwrap_or(0.0),
     };

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use network::upsampling::Upsampling;
-use trainer::data::load;
+use trainer::data::{Seen, load};
 use trainer::device::Device;
 use trainer::evaluate::{TestSet, examine};
 
@@ -101,9 +101,9 @@ fn a_page_has_the_numbers_of_the_evaluation_and_the_metrics() {
 fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     let place = Place::trained();
     let best = place.run.join("best.safetensors");
-    let examined = examine(&best, place.data.as_path(), TestSet::All, 6).unwrap();
+    let examined = examine(&best, place.data.as_path(), TestSet::All, 0.5, 6).unwrap();
 
-    let samples = load(&examined.dataset, place.dir.path(), None, &AtomicBool::new(false), &|| {}).unwrap();
+    let samples = load(&examined.dataset, place.dir.path(), Seen::OURS, &AtomicBool::new(false), &|| {}).unwrap();
     let vector = network::checkpoint::read(&best).unwrap().vector;
     // (whether it held, badness, scene, attempt)
     let alone = |at: usize| {

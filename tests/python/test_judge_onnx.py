@@ -1,0 +1,83 @@
+"""A judge in ONNX, given what scripts/judge_onnx.py computes, says what `planner plan` says.
+
+    python -m pytest tests/python/test_judge_onnx.py      # GRASPMILL_BIN, or target/debug
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
+from judge_onnx import OUTCOMES, Judge, hands_of  # noqa: E402
+
+PROGRAMS = Path(os.environ.get("GRASPMILL_TRAINER", ROOT / "target" / "debug" / "trainer")).resolve().parent
+# A TSDF does not say from how many views it was made; the planner then assumes six.
+VIEWS = 6
+
+
+def run(program, *args):
+    done = subprocess.run([str(word) for word in (PROGRAMS / program, *args)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{args}: {done.returncode}: {done.stderr}"
+
+
+def tsdf():
+    """A box and a cylinder on the table, seen from above: what is under them was not."""
+    at = (np.stack(np.meshgrid(*[np.arange(40)] * 3, indexing="ij"), axis=-1) + 0.5) * 0.0075
+    box = np.abs(at - [0.10, 0.12, 0.075]) - [0.02, 0.03, 0.025]
+    box = np.linalg.norm(np.maximum(box, 0), axis=-1) + np.minimum(box.max(axis=-1), 0)
+    off = np.stack([np.hypot(at[..., 0] - 0.2, at[..., 1] - 0.18) - 0.025, np.abs(at[..., 2] - 0.085) - 0.035], axis=-1)
+    can = np.linalg.norm(np.maximum(off, 0), axis=-1) + np.minimum(off.max(axis=-1), 0)
+    distance = np.minimum(np.minimum(box, can), at[..., 2] - 0.05) / 0.03
+    return np.where(np.abs(distance) < 0.98, (distance + 1) / 2, 0).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    if not (PROGRAMS / "planner").exists():
+        pytest.fail(f"no planner in {PROGRAMS}: cargo build, or set GRASPMILL_TRAINER")
+    place = tmp_path_factory.mktemp("judge")
+    run("trainer", "export", ROOT / "models/judge.safetensors", "--format", "onnx", "--out", place / "judge.onnx")
+    np.save(place / "scene.npy", tsdf())
+    run("planner", "plan", "--tsdf", place / "scene.npy", "--explain", "--quiet", "--out", place / "plan.json")
+    return place
+
+
+def test_the_judge_in_onnx_says_what_the_planner_says(folder):
+    plan = json.loads((folder / "plan.json").read_text())
+    judge = Judge(folder / "judge.onnx")
+    hands = hands_of(folder / "plan.json")
+    assert len(hands) > 10
+    # The planner turns a hand by half a turn if that suits the wrist better; it judged the other.
+    turned = [(position, [y, -x, w, -z]) for position, (x, y, z, w) in hands]
+    both = np.stack([judge.outcomes(tsdf(), poses, VIEWS) for poses in (hands, turned)])
+    np.testing.assert_allclose(both.sum(axis=-1), 1, atol=1e-5)
+    held = both[..., OUTCOMES.index("held")]
+    expected = np.array([grasp["quality"] for grasp in plan["grasps"]])
+    apart = np.abs(held - expected).min(axis=0)
+    assert apart.max() < 2e-4, apart
+    # One of the two is right for each hand, and they are not the same.
+    assert np.abs(held[0] - held[1]).max() > 1e-3
+
+
+def test_an_export_says_what_it_was_trained_for(folder):
+    judge = Judge(folder / "judge.onnx")
+    assert judge.hand["name"] == "parallel_jaw_80"
+    assert judge.grid == {"resolution": 40, "size_m": 0.3, "table_z_m": 0.05}
+    shapes = {put.name: put.shape for put in (*judge.session.get_inputs(), *judge.session.get_outputs())}
+    assert shapes == {"crop": ["batch", 4, 8, 20, 28], "facts": ["batch", 16], "outcomes": ["batch", 6]}
+
+
+def test_a_picture_of_what_the_network_is_given(folder):
+    arguments = [folder / "judge.onnx", folder / "scene.npy", folder / "plan.json", "--picture", folder / "seen.png"]
+    script = [sys.executable, ROOT / "scripts/judge_onnx.py", *arguments]
+    done = subprocess.run([str(word) for word in script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].split() == ["hand", *OUTCOMES] and len(lines) > 10
+    assert (folder / "seen.png").stat().st_size > 1_000
