@@ -104,12 +104,18 @@ class Judge:
         known = [*turn[2], height_m / 0.1, views / 6, *own]
         return np.pad(known, (0, 16 - len(known)))
 
-    def outcomes(self, tsdf, hands, views):
-        """[hands, 6]: the probabilities of the outcomes of hands, given as (position, quaternion)."""
+    def outcomes(self, tsdf, hands, views, mirrored=(False, False)):
+        """[hands, 6]: the probabilities of the outcomes of hands, given as (position, quaternion).
+
+        Hand and scene may be mirrored in the grasp's x and y. The planner takes the mean over the four for its best hands.
+        """
         poses = [(np.asarray(position, dtype=np.float64), rotation(turn)) for position, turn in hands]
         crops = np.array([self.crop(tsdf, *pose) for pose in poses], dtype=np.float32)
         facts = np.array([self.facts(*pose, views) for pose in poses], dtype=np.float32)
-        return self.session.run(["outcomes"], {"crop": crops, "facts": facts})[0]
+        for axis in np.flatnonzero(mirrored):
+            crops = np.flip(crops, axis=2 + axis)
+            facts[:, axis] *= -1
+        return self.session.run(["outcomes"], {"crop": np.ascontiguousarray(crops), "facts": facts})[0]
 
 
 def picture(judge, tsdf, hand, path):

@@ -184,6 +184,29 @@ mod tests {
         }
     }
 
+    /// Noise changes what is seen and nothing else; packed scenes have their share and stand upright.
+    #[test]
+    fn labels_stay_the_truth_whatever_the_cameras_see() {
+        let noisy = config(JUDGE).unwrap();
+        let clean = Config { sensor: None, ..noisy.clone() };
+        let mut packed = 0;
+        for scene in 0..12 {
+            let [noisy, clean] = [&noisy, &clean].map(|config| make_scene(config, scene, 30).unwrap());
+            assert_eq!((&noisy.objects, &noisy.scene.views), (&clean.objects, &clean.scene.views));
+            assert_ne!(noisy.scene.tsdf, clean.scene.tsdf, "scene {scene}");
+            // The rules do not look at images.
+            let by_rules = |rows: &SceneRows| of(rows, |a| a.axis().is_some()).into_iter().cloned().collect::<Vec<_>>();
+            assert_eq!(by_rules(&noisy), by_rules(&clean));
+            let upright = noisy.objects.iter().all(|object| {
+                let extents_m = object.shape.extents_m();
+                let up = object.workspace_from_object.rotation.inverse() * Vec3::Z;
+                up.abs().max_element() > 0.99 && extents_m.max_element() >= 0.04
+            });
+            packed += usize::from(upright && noisy.objects.iter().any(|o| o.shape.extents_m().max_element() > 0.1));
+        }
+        assert!((1..=8).contains(&packed), "{packed}");
+    }
+
     #[test]
     fn a_policys_hands_hold_more_often_than_proposals_and_name_it() {
         let text = JUDGE.replace("sampler = ", "policy = \"../models/judge.safetensors\"\nsampler = ");

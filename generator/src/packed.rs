@@ -192,7 +192,7 @@ mod tests {
     #[test]
     fn all_stand_upright_on_the_table_and_inside_the_workspace() {
         let mut kinds = [0; 4];
-        for object in (0..100).flat_map(|number| scene(number)) {
+        for object in (0..100).flat_map(scene) {
             let corners = corners_m(&object);
             let low = corners.iter().copied().reduce(Vec3::min).unwrap();
             let high = corners.iter().copied().reduce(Vec3::max).unwrap();

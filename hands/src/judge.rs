@@ -12,6 +12,14 @@ use crate::Proposer;
 /// Hands that one thread judges together.
 const TOGETHER: usize = 32;
 
+/// Where fewer than [`SURE_MIN`] hands hold with more than this probability, hands are proposed again …
+const SURE: f32 = 0.95;
+const SURE_MIN: usize = 3;
+/// … up to this many times in all.
+const SEARCHES_MAX: usize = 4;
+/// Number of hands whose mirror images are judged, too.
+const ASKED_AGAIN: usize = 32;
+
 /// A judge, prepared for a hand on a grid.
 #[derive(Debug, Clone)]
 pub struct Judge {
@@ -66,24 +74,60 @@ impl Judge {
         Ok(Self { network: JudgeNetwork::new(&checkpoint.vector), crop: Crop::new(scope), proposer })
     }
 
-    /// Proposes hands in a scene that is seen from `views`, and judges them, best first.
+    /// Proposes hands in a scene that is seen from `views`, and judges them, best first: `proposals`, or several times
+    /// as many where few are good. The best are asked about again in each mirror image: a hand and its mirror image end
+    /// alike, so where the answers differ their mean is nearer to the truth.
     #[must_use]
     pub fn hands(&self, field: &VoxelGrid, views: usize, proposals: usize, stream: &mut Stream) -> Vec<Judged> {
-        let hands = self.proposer.propose(field, proposals, stream);
-        let grid = PaddedGrid::from(field);
-        let parts: Vec<Vec<Judged>> = hands.par_chunks(TOGETHER).map(|hands| self.judge(&grid, views, hands)).collect();
-        let mut judged = parts.concat();
-        judged.sort_by(|a, b| b.quality().total_cmp(&a.quality()));
-        judged
+        let scene = (&PaddedGrid::from(field), views);
+        let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
+        let mut judged: Vec<Judged> = Vec::new();
+        for _ in 0..SEARCHES_MAX {
+            let hands = self.proposer.propose(field, proposals, stream);
+            let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
+            judged.extend(parts.into_iter().flatten());
+            if hands.is_empty() || judged.iter().filter(|judged| judged.quality() > SURE).count() >= SURE_MIN {
+                break;
+            }
+        }
+        let (mut best, mut rest) = (sorted(judged), Vec::new());
+        if best.len() > ASKED_AGAIN {
+            rest = best.split_off(ASKED_AGAIN);
+        }
+        let hands: Vec<Grasp> = best.iter().map(|judged| judged.hand).collect();
+        let mirrored = [[true, false], [false, true], [true, true]];
+        let again: Vec<_> = mirrored.par_iter().map(|mirrored| self.judge(scene, &hands, *mirrored)).collect();
+        for outcomes in again {
+            for (judged, outcomes) in best.iter_mut().zip(outcomes) {
+                judged.outcomes.iter_mut().zip(outcomes).for_each(|(sum, outcome)| *sum += outcome);
+            }
+        }
+        for judged in &mut best {
+            judged.outcomes = judged.outcomes.map(|sum| sum / (1 + mirrored.len()) as f32);
+        }
+        best.extend(rest);
+        sorted(best)
     }
 
-    fn judge(&self, grid: &PaddedGrid, views: usize, hands: &[Grasp]) -> Vec<Judged> {
+    /// The probabilities of the outcomes of hands, which are seen mirrored or not.
+    fn judge(&self, (grid, views): (&PaddedGrid, usize), hands: &[Grasp], mirrored: [bool; 2]) -> Vec<[f32; OUTCOMES]> {
+        if hands.is_empty() {
+            return Vec::new();
+        }
         let mut inputs = JudgeInputs::with_capacity(hands.len());
         for Grasp { workspace_from_grasp, .. } in hands {
-            inputs.push(&self.crop, grid, workspace_from_grasp, views, [false; 2]);
+            inputs.push(&self.crop, grid, workspace_from_grasp, views, mirrored);
         }
-        let seen = self.network.forward(&inputs);
-        let judged = hands.iter().zip(seen.logits());
-        judged.map(|(hand, logits)| Judged { hand: *hand, outcomes: probabilities(&logits) }).collect()
+        self.network.forward(&inputs).logits().map(|logits| probabilities(&logits)).collect()
     }
+}
+
+fn pair(hands: &[Grasp], outcomes: &[[f32; OUTCOMES]]) -> Vec<Judged> {
+    hands.iter().zip(outcomes).map(|(hand, outcomes)| Judged { hand: *hand, outcomes: *outcomes }).collect()
+}
+
+/// Best first.
+fn sorted(mut judged: Vec<Judged>) -> Vec<Judged> {
+    judged.sort_by(|a, b| b.quality().total_cmp(&a.quality()));
+    judged
 }

@@ -107,13 +107,14 @@ impl Proposer {
         let surface: Vec<(Vec3, Vec3)> = cloud_m.into_iter().zip(normals).filter(is_thing).collect();
         let sides = surface.iter().copied().filter(|(_, normal)| normal.z.abs() <= CLOSING_RISE_MAX).collect();
         let surfaces = [surface, sides];
+        let space = Space::new(field);
         let mut found = Vec::with_capacity(count);
         if surfaces[0].is_empty() {
             return found;
         }
         for _ in 0..(count * TRIES_MAX).div_ceil(ROUND) {
             let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&surfaces, stream)).collect();
-            let hand = |draw: &Draw| self.hand(field, surfaces[usize::from(draw.closes)][draw.point], draw);
+            let hand = |draw: &Draw| self.hand(&space, surfaces[usize::from(draw.closes)][draw.point], draw);
             let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(hand).collect();
             found.extend(round.into_iter().flatten());
             if found.len() >= count {
@@ -125,12 +126,12 @@ impl Proposer {
     }
 
     /// The hand of a draw at a point of the surface, if it is free.
-    fn hand(&self, field: &VoxelGrid, (point_m, normal): (Vec3, Vec3), draw: &Draw) -> Option<Grasp> {
+    fn hand(&self, space: &Space<'_>, (point_m, normal): (Vec3, Vec3), draw: &Draw) -> Option<Grasp> {
         let room_m = self.opening_m_max - 2.0 * GAP_M;
         let (rotation, width_m, centre_m) = if draw.closes {
             let rotation = approach_about(normal, FRAC_PI_2 * draw.turn_rad, draw.flip);
             let width_m =
-                walk(field, point_m, -normal, room_m).unwrap_or(WIDTH_M_MIN + draw.width * (room_m - WIDTH_M_MIN));
+                space.width_m(point_m, -normal, room_m).unwrap_or(WIDTH_M_MIN + draw.width * (room_m - WIDTH_M_MIN));
             (rotation, width_m, point_m - 0.5 * width_m * normal)
         } else {
             let tilted = axis_angle(perpendicular(normal, PI * draw.offset), draw.tilt_rad) * normal;
@@ -150,7 +151,7 @@ impl Proposer {
         let at_m = |depth_m: f32| pose_from_parts(rotation, middle_m + approach * depth_m);
         let above_m = |pose: &Pose| {
             let lowest = self.swept.iter().map(|b| b.lowest_z_m(pose));
-            lowest.fold(f32::INFINITY, f32::min) - field.grid.table_z_m
+            lowest.fold(f32::INFINITY, f32::min) - space.field.grid.table_z_m
         };
         // The tips go no deeper than the table lets them.
         let deepest_m = if approach.z < 0.0 { above_m(&at_m(0.0)) / -approach.z } else { DEPTH_M[1] };
@@ -163,37 +164,60 @@ impl Proposer {
         if above_m(&workspace_from_grasp) < 0.0 {
             return None;
         }
-        let is_free = self.looks_m.iter().all(|look_m| distance(field, tips_m + rotation * *look_m) > INSIDE);
+        let is_free = !space.is_in_the_way(rotation, tips_m, &self.looks_m);
         is_free.then_some(Grasp { workspace_from_grasp, width_m })
     }
 }
 
-/// The field at the voxel of a point, in truncations; 1 where nothing was observed.
-fn distance(field: &VoxelGrid, point_m: Vec3) -> f32 {
-    match field.grid.voxel_at(point_m).map(|index| field.values[field.grid.flat(index)]) {
-        Some(value) if value > 0.0 => 2.0 * value - 1.0,
-        _ => 1.0,
-    }
+/// What was seen of a scene, for many questions about single points.
+struct Space<'a> {
+    field: &'a VoxelGrid,
+    /// Voxels in a metre.
+    per_m: f32,
+    side: f32,
 }
 
-/// The width of what lies behind a surface point: the way to where the field is positive again, if that was seen within
-/// `most_m`.
-fn walk(field: &VoxelGrid, point_m: Vec3, along: Vec3, most_m: f32) -> Option<f32> {
-    let steps = (most_m / WALK_M) as usize;
-    // The first steps are in the surface itself.
-    let values = (3..=steps).map(|step| {
-        let at_m = point_m + along * (step as f32 * WALK_M);
-        let value = field.grid.voxel_at(at_m).map_or(0.0, |index| field.values[field.grid.flat(index)]);
-        (step as f32 * WALK_M, value)
-    });
-    let mut was_inside = false;
-    for (width_m, value) in values {
-        was_inside |= value > 0.0 && value < 0.5;
-        if was_inside && value >= 0.5 {
-            return Some(width_m);
-        }
+impl<'a> Space<'a> {
+    fn new(field: &'a VoxelGrid) -> Self {
+        Self { field, per_m: 1.0 / field.grid.voxel_size_m(), side: field.grid.resolution as f32 }
     }
-    None
+
+    /// The value of the voxel around a point, which is given in voxels; 0 where nothing was observed.
+    fn value(&self, at: Vec3) -> f32 {
+        let inside = 0.0..self.side;
+        if !(inside.contains(&at.x) && inside.contains(&at.y) && inside.contains(&at.z)) {
+            return 0.0;
+        }
+        // The coordinates are not negative, so rounding to zero is rounding down.
+        let index = at.to_array().map(|at| at as i32 as usize);
+        self.field.values[self.field.grid.flat(index)]
+    }
+
+    /// Whether points of a hand at a pose are in the way of something.
+    fn is_in_the_way(&self, rotation: Quat, tips_m: Vec3, points_m: &[Vec3]) -> bool {
+        let (tips, turn) = (tips_m * self.per_m, Mat3::from_quat(rotation) * self.per_m);
+        points_m.iter().any(|point_m| {
+            let value = self.value(tips + turn * *point_m);
+            value > 0.0 && 2.0 * value - 1.0 <= INSIDE
+        })
+    }
+
+    /// The width of what lies behind a surface point: the way to where the field is positive again, if that was seen
+    /// within `most_m`.
+    fn width_m(&self, point_m: Vec3, along: Vec3, most_m: f32) -> Option<f32> {
+        let steps = (most_m / WALK_M) as usize;
+        let (start, step) = (point_m * self.per_m, along * (WALK_M * self.per_m));
+        let mut was_inside = false;
+        // The first steps are in the surface itself.
+        for number in 3..=steps {
+            let value = self.value(start + step * number as f32);
+            was_inside |= value > 0.0 && value < 0.5;
+            if was_inside && value >= 0.5 {
+                return Some(number as f32 * WALK_M);
+            }
+        }
+        None
+    }
 }
 
 /// The orientation that closes along `closing` and approaches in the plane across it, `turn_rad` from the steepest way

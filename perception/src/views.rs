@@ -151,6 +151,34 @@ mod tests {
     }
 
     #[test]
+    fn kinds_come_by_their_shares_and_views_around_a_scene_are_evenly_spaced() {
+        let side =
+            ViewKind { share: 0.3, counts: [1, 1], radius_sizes: [2.0, 2.5], polar_rad: [0.8, 1.2], around: false };
+        let ring = ViewKind { share: 0.2, counts: [2, 4], polar_rad: [0.4, 0.5], around: true, ..side };
+        let (params, grid, scenes) = (ViewParams { polar_rad: [0.0, 0.3], ..ViewParams::VGN }, Grid::PAPER, 4_000);
+        let drawn =
+            |kinds: &[ViewKind], scene| draw_kind(&params, kinds, &grid, &mut Stream::new(5, scene, Purpose::Views, 0));
+        let (mut sides, mut rings) = (0, 0);
+        for views in (0..scenes).map(|scene| drawn(&[side, ring], scene)) {
+            if views[0].polar_rad > 0.7 {
+                sides += 1;
+                assert!(views.len() == 1 && views[0].polar_rad <= 1.2 && views[0].radius_m >= 0.6);
+            } else if views[0].polar_rad > 0.35 {
+                rings += 1;
+                assert!((2..=4).contains(&views.len()));
+                let step_rad = core::f32::consts::TAU / views.len() as f32;
+                for pair in views.windows(2) {
+                    let turn_rad = (pair[1].azimuth_rad - pair[0].azimuth_rad).rem_euclid(core::f32::consts::TAU);
+                    assert!((turn_rad - step_rad).abs() < 1e-4, "{views:?}");
+                }
+            }
+        }
+        assert!((1_130..1_270).contains(&sides) && (730..870).contains(&rings), "{sides} {rings}");
+        // Without kinds nothing more is drawn.
+        assert_eq!(drawn(&[], 7), draw_views(&params, &grid, &mut Stream::new(5, 7, Purpose::Views, 0)));
+    }
+
+    #[test]
     fn drawn_views_fill_the_laws_ranges_and_stay_inside() {
         let (params, grid) = (ViewParams::VGN, Grid::PAPER);
         let mut counts = [0_u32; 7];

@@ -55,14 +55,19 @@ def test_the_judge_in_onnx_says_what_the_planner_says(folder):
     assert len(hands) > 10
     # The planner turns a hand by half a turn if that suits the wrist better; it judged the other.
     turned = [(position, [y, -x, w, -z]) for position, (x, y, z, w) in hands]
-    both = np.stack([judge.outcomes(tsdf(), poses, VIEWS) for poses in (hands, turned)])
-    np.testing.assert_allclose(both.sum(axis=-1), 1, atol=1e-5)
-    held = both[..., OUTCOMES.index("held")]
+    # Its best hands it judged in all four mirror images, the others as they are.
+    mirrored = [(False, False), (True, False), (False, True), (True, True)]
+    each = np.stack([[judge.outcomes(tsdf(), poses, VIEWS, by) for by in mirrored] for poses in (hands, turned)])
+    np.testing.assert_allclose(each.sum(axis=-1), 1, atol=1e-5)
+    held = each[..., OUTCOMES.index("held")]
     expected = np.array([grasp["quality"] for grasp in plan["grasps"]])
-    apart = np.abs(held - expected).min(axis=0)
-    assert apart.max() < 2e-4, apart
-    # One of the two is right for each hand, and they are not the same.
-    assert np.abs(held[0] - held[1]).max() > 1e-3
+    means, singles = held.mean(axis=1), held[:, 0]
+    apart_mean, apart_single = (np.abs(values - expected).min(axis=0) for values in (means, singles))
+    assert np.minimum(apart_mean, apart_single).max() < 2e-4, (apart_mean, apart_single)
+    # The half turn is the hand mirrored in both, so the mean is the same for the two, and only the mean.
+    assert np.abs(means[0] - means[1]).max() < 2e-4
+    assert np.abs(singles[0] - singles[1]).max() > 1e-3
+    assert apart_mean[:10].max() < 2e-4, apart_mean
 
 
 def test_an_export_says_what_it_was_trained_for(folder):

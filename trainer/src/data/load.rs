@@ -17,8 +17,8 @@ use super::item::{GraspDataset, HandRecord, Record};
 /// How a network sees grasps.
 #[derive(Debug, Clone, Copy)]
 pub enum Seen<'a> {
-    /// In voxels. `offset` is the place of a grasp in its voxel along each axis: 0.5, the centre, for our networks; 0, a
-    /// corner, for VGN's weights, because VGN rounds positions to voxels.
+    /// In voxels. `offset` is the place of a grasp in its voxel along each axis: 0.5, the centre, for our networks; 0,
+    /// a corner, for VGN's weights, because VGN rounds positions to voxels.
     Voxels {
         /// The place.
         offset: f32,
