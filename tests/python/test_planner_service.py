@@ -35,7 +35,21 @@ def test_health_readiness_and_model(service):
     assert status == 200 and headers["content-type"] == "application/json"
     assert re.fullmatch(r"[0-9a-f]{64}", model["model"])
     assert model["grid"]["resolution"] == 40 and model["gripper"] == "parallel_jaw_80"
-    assert model["config"] == tomllib.loads((ROOT / "configs" / "plan" / "paper.toml").read_text())
+    assert model["config"] == tomllib.loads((ROOT / "configs" / "plan" / "judge.toml").read_text())
+
+
+def test_a_request_may_name_settings_that_come_with_the_planner(service):
+    own = json.loads(service.ask("GET", "/v1/model")[2])["model"]
+    models = {}
+    for name in ("judge", "paper", "vgn"):
+        body = json.dumps(demo_request() | {"config": name}).encode()
+        status, _, answer = service.ask("POST", "/v1/plan", body, JSON)
+        assert status == 200, answer
+        models[name] = json.loads(answer)["model"]
+    assert models["judge"] == own and len(set(models.values())) == 3
+    body = json.dumps(demo_request() | {"config": "best"}).encode()
+    status, _, answer = service.ask("POST", "/v1/plan", body, JSON)
+    assert status == 422 and b"must be one of judge, paper, vgn, got best: config" in answer
 
 
 def references(value):
