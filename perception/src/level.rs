@@ -17,11 +17,12 @@ const STRIDE_PX: usize = 2;
 /// Minimum share of table pixels among those that could see it.
 const SHARE_MIN: f32 = 0.1;
 
-/// The image with its depths scaled so that most of them lie on the table; unchanged if the table cannot be identified.
+/// The image with its depths scaled so that most of them lie on the table, and the factor by which they were too long;
+/// unchanged if the table cannot be identified.
 #[must_use]
-pub fn scaled_to_table(image: &DepthImage, camera: &Camera, grid: &Grid) -> DepthImage {
+pub fn scaled_to_table(image: &DepthImage, camera: &Camera, grid: &Grid) -> (DepthImage, f32) {
     let factor = table_factor(image, camera, grid).unwrap_or(1.0);
-    DepthImage { depth_m: image.depth_m.iter().map(|depth_m| depth_m / factor).collect(), ..*image }
+    (DepthImage { depth_m: image.depth_m.iter().map(|depth_m| depth_m / factor).collect(), ..*image }, factor)
 }
 
 /// The factor by which the table's depths are too long, or `None` if too little of the table was seen.
@@ -92,7 +93,8 @@ mod tests {
             assert!((found / factor - 1.0).abs() < 1e-3, "{factor}: {found}");
         }
         let ((crooked, camera), (straight, _)) = (view(1.05, true), view(1.0, true));
-        let put_right = scaled_to_table(&crooked, &camera, &Grid::PAPER);
+        let (put_right, factor) = scaled_to_table(&crooked, &camera, &Grid::PAPER);
+        assert!((factor / 1.05 - 1.0).abs() < 1e-3);
         for (a, b) in put_right.depth_m.iter().zip(&straight.depth_m) {
             assert!((a - b).abs() < 1e-3 * b.max(1e-3), "{a} {b}");
         }
@@ -103,7 +105,7 @@ mod tests {
         let (mut blind, camera) = view(1.05, false);
         for depth_m in [0.3, 0.0] {
             blind.depth_m.fill(depth_m);
-            assert_eq!(scaled_to_table(&blind, &camera, &Grid::PAPER), blind);
+            assert_eq!(scaled_to_table(&blind, &camera, &Grid::PAPER), (blind.clone(), 1.0));
         }
     }
 }

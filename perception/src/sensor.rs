@@ -94,7 +94,7 @@ impl<'a> Sensor<'a> {
     /// The image as it is fused.
     #[must_use]
     pub fn corrected(&self, image: DepthImage, camera: &Camera, grid: &Grid) -> DepthImage {
-        if self.params.scale_to_table { scaled_to_table(&image, camera, grid) } else { image }
+        if self.params.scale_to_table { scaled_to_table(&image, camera, grid).0 } else { image }
     }
 
     /// Where the camera stands that is believed to be `camera`.

@@ -30,14 +30,18 @@ pub struct Volume {
 /// see the workspace, or a cloud that is not a surface.
 pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Result<Volume, InputError> {
     let pitch_m = params.pitch_m;
+    let mut warnings = Vec::new();
     let (grid, fine) = match observation {
         Observation::Views(views) => {
-            let scaled = |view: &SeenView| {
+            views.iter().enumerate().try_for_each(must_fit)?;
+            let scaled = |(number, view): (usize, &SeenView)| {
                 let SeenView { image, camera } = view;
-                SeenView { image: scaled_to_table(image, camera, grid), camera: *camera }
+                let (image, factor) = scaled_to_table(image, camera, grid);
+                warnings.extend(far_off(number, factor));
+                SeenView { image, camera: *camera }
             };
             let views: Cow<'_, [SeenView]> =
-                if params.scale_to_table { views.iter().map(scaled).collect() } else { views.into() };
+                if params.scale_to_table { views.iter().enumerate().map(scaled).collect() } else { views.into() };
             let on = |resolution: usize| fuse_views(&views, &Grid { resolution, ..*grid });
             let fine = (params.resolution != grid.resolution).then(|| on(params.resolution)).transpose()?;
             (on(grid.resolution)?, fine)
@@ -52,7 +56,22 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
         Observation::Cloud { points_m, eyes_m } => return fuse_cloud(points_m, eyes_m, grid, pitch_m),
     };
     let points_m = surface_cloud(fine.as_ref().unwrap_or(&grid), pitch_m);
-    Ok(Volume { grid, points_m, fine, warnings: Vec::new() })
+    Ok(Volume { grid, points_m, fine, warnings })
+}
+
+/// A sensor's depths are hardly wrong by more than this share; a camera's pose or the workspace's height may be.
+const FACTOR_OFF_MAX: f32 = 0.02;
+
+/// The warning for a table that was seen far from where it is.
+fn far_off(number: usize, factor: f32) -> Option<String> {
+    let percent = (factor - 1.0).abs() * 100.0;
+    let where_to = if factor > 1.0 { "beyond" } else { "before" };
+    ((factor - 1.0).abs() > FACTOR_OFF_MAX).then(|| {
+        format!(
+            "the table was seen {percent:.1} % {where_to} where it is believed to be, and the depths were scaled to it: check the \
+             camera's pose, its depth scale and the workspace's height: views[{number}]"
+        )
+    })
 }
 
 /// The TSDF of depth images.
@@ -61,19 +80,24 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
 /// [`InputError`] for an image whose size differs from its intrinsics.
 pub fn fuse_views(views: &[SeenView], grid: &Grid) -> Result<VoxelGrid, InputError> {
     let mut tsdf = Tsdf::new(*grid, TRUNCATION_VOXELS);
-    for (number, SeenView { image, camera }) in views.iter().enumerate() {
-        let lens = camera.intrinsics;
-        let (got, expected) = ([image.width_px, image.height_px], [lens.width_px, lens.height_px]);
-        if got != expected || image.depth_m.len() != got[0] * got[1] {
-            let [[width, height], [lens_width, lens_height]] = [got, expected];
-            return refuse(format!(
-                "the depth image must have the lens's {lens_width} x {lens_height} pixels, got {width} x {height}: \
-                 views[{number}]"
-            ));
-        }
+    views.iter().enumerate().try_for_each(must_fit)?;
+    for SeenView { image, camera } in views {
         tsdf.integrate(camera, |pixel| image.at(pixel).filter(|depth_m| depth_m.is_finite()));
     }
     Ok(tsdf.to_voxels())
+}
+
+/// Whether an image has its lens's pixels.
+fn must_fit((number, SeenView { image, camera }): (usize, &SeenView)) -> Result<(), InputError> {
+    let lens = camera.intrinsics;
+    let (got, expected) = ([image.width_px, image.height_px], [lens.width_px, lens.height_px]);
+    if got == expected && image.depth_m.len() == got[0] * got[1] {
+        return Ok(());
+    }
+    let [[width, height], [lens_width, lens_height]] = [got, expected];
+    refuse(format!(
+        "the depth image must have the lens's {lens_width} x {lens_height} pixels, got {width} x {height}: views[{number}]"
+    ))
 }
 
 /// A cloud is sparse if its points are further apart than this many times the pitch.
@@ -184,12 +208,28 @@ mod tests {
         assert!((field(&from_cloud) - field(&volume)).abs() < 0.02, "at {level:?}");
     }
 
+    /// Scaling to the table would hide that a camera is believed to be 20 mm lower than it is.
+    #[test]
+    fn a_table_far_from_where_it_is_believed_to_be_is_told() {
+        let scaling = CloudParams { scale_to_table: true, ..LAW };
+        let view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
+        let mut low = view.clone();
+        low.camera.workspace_from_camera.translation.z -= 0.02;
+        let volume = fuse(&Observation::Views(vec![view, low]), &Grid::PAPER, scaling).unwrap();
+        assert!(volume.points_m.iter().all(|point| (point.z - 0.05).abs() < 1e-3));
+        let [warning] = &volume.warnings[..] else { panic!("{:?}", volume.warnings) };
+        assert!(warning.starts_with("the table was seen 4.0 % beyond") && warning.ends_with("views[1]"), "{warning}");
+    }
+
     #[test]
     fn what_does_not_fit_is_refused() {
         let mut view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
         view.image.width_px = 600;
-        let error = fuse(&Observation::Views(vec![view]), &Grid::PAPER, LAW).unwrap_err().to_string();
-        assert_eq!(error, "the depth image must have the lens's 640 x 480 pixels, got 600 x 480: views[0]");
+        for scale_to_table in [false, true] {
+            let law = CloudParams { scale_to_table, ..LAW };
+            let error = fuse(&Observation::Views(vec![view.clone()]), &Grid::PAPER, law).unwrap_err().to_string();
+            assert_eq!(error, "the depth image must have the lens's 640 x 480 pixels, got 600 x 480: views[0]");
+        }
         let other = VoxelGrid::new(Grid { resolution: 4, ..Grid::PAPER }, vec![0.0; 64]).unwrap();
         assert!(fuse(&Observation::Tsdf(other), &Grid::PAPER, LAW).is_err());
         let inside = Observation::Cloud { points_m: Vec::new(), eyes_m: vec![Vec3::splat(0.1)] };

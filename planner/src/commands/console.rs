@@ -2,24 +2,27 @@
 
 use std::fmt::Write as _;
 
+use network::Kind;
 use planner::bench::{BenchReport, StageTime};
-use planner::plan::{Plan, RankedGrasp};
+use planner::plan::{Funnel, Plan, RankedGrasp};
 
 /// Maximum number of grasps in the summary; the JSON has all.
 const GRASPS_SHOWN: usize = 10;
 
 /// The summary of a plan.
-pub(crate) fn summary(plan: &Plan) -> String {
-    let funnel = &plan.funnel;
-    let mut text = format!(
-        "{} voxels near the surface, {} with a fitting width, {} good enough, {} detections, {} grasps; {} objects\n",
-        funnel.near_surface,
-        funnel.width_within_limits,
-        funnel.quality_reached,
-        funnel.detections,
-        funnel.ranked,
-        plan.objects.len()
-    );
+pub(crate) fn summary(plan: &Plan, network: Kind) -> String {
+    let Funnel { near_surface, width_within_limits, quality_reached, detections, ranked, .. } = plan.funnel;
+    let objects = plan.objects.len();
+    let mut text = match network {
+        Kind::Voxel => format!(
+            "{near_surface} voxels near the surface, {width_within_limits} with a fitting width, {quality_reached} good \
+             enough, {detections} detections, {ranked} grasps; {objects} objects\n"
+        ),
+        Kind::Judge => format!(
+            "{near_surface} hands proposed, {quality_reached} good enough, {detections} of them apart from better ones, \
+             {ranked} grasps; {objects} objects\n"
+        ),
+    };
     for warning in &plan.warnings {
         text += &format!("warning: {warning}\n");
     }

@@ -111,7 +111,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         None => print(answer)?,
     }
     if !arguments.quiet {
-        print_error(console::summary(&plan).trim_end());
+        print_error(console::summary(&plan, planner.config.network.network_kind()).trim_end());
     }
     Ok(ExitCode::Ok)
 }
