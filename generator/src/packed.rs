@@ -17,7 +17,7 @@ const TRIES_MAX: u32 = 1_000;
 /// Objects have their centres at least this far inside the workspace: as in VGN, in [0.08, 0.22] m of 0.30 m.
 const MARGIN_M: f32 = 0.08;
 
-/// Draws `count` objects of a packed scene and their positions; fewer if some found none in [`TRIES_MAX`] tries.
+/// Draws `count` objects of a packed scene and their positions; fewer if some found none in many tries.
 #[must_use]
 pub fn draw_packed(
     objects: &ObjectParams,
