@@ -152,7 +152,7 @@ def main():
         if others is not None:
             rows.setdefault("Open3D's TSDF", []).append(others)
         for threads in (2, 1):
-            command = [args.planner, "bench", "--json", "--plans", str(args.rounds), "--threads", str(threads), "--views", args.views]
+            command = [args.planner, "bench", "--config", "paper", "--json", "--plans", str(args.rounds), "--threads", str(threads), "--views", args.views]
             report = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
             rows.setdefault(f"our TSDF, {threads} threads", []).append(report["tsdf"]["median_ms"])
             rows.setdefault(f"our plan, TSDF to ranked grasps, {threads} threads", []).append(report["plan"]["median_ms"])
