@@ -7,7 +7,7 @@ use program::{ExitCode, Failure};
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Stream, VoxelGrid};
 
-use crate::Proposer;
+use crate::{Proposer, Space};
 
 /// Hands that one thread judges together.
 const TOGETHER: usize = 32;
@@ -79,11 +79,11 @@ impl Judge {
     /// alike, so where the answers differ their mean is nearer to the truth.
     #[must_use]
     pub fn hands(&self, field: &VoxelGrid, views: usize, proposals: usize, stream: &mut Stream) -> Vec<Judged> {
-        let scene = (&PaddedGrid::from(field), views);
+        let (space, scene) = (Space::new(field), (&PaddedGrid::from(field), views));
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let mut judged: Vec<Judged> = Vec::new();
         for _ in 0..SEARCHES_MAX {
-            let hands = self.proposer.propose(field, proposals, stream);
+            let hands = self.proposer.search(&space, proposals, stream);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
             judged.extend(parts.into_iter().flatten());
             if hands.is_empty() || judged.iter().filter(|judged| judged.quality() > SURE).count() >= SURE_MIN {

@@ -100,21 +100,18 @@ impl Proposer {
     /// more are found. A pure function of its arguments, whatever the number of threads.
     #[must_use]
     pub fn propose(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
-        let above_m = field.grid.table_z_m + TABLE_M;
-        let cloud_m = surface_cloud(field, PITCH_M);
-        let normals = normals(field, &cloud_m);
-        let is_thing = |(point_m, normal): &(Vec3, Vec3)| point_m.z > above_m && *normal != Vec3::ZERO;
-        let surface: Vec<(Vec3, Vec3)> = cloud_m.into_iter().zip(normals).filter(is_thing).collect();
-        let sides = surface.iter().copied().filter(|(_, normal)| normal.z.abs() <= CLOSING_RISE_MAX).collect();
-        let surfaces = [surface, sides];
-        let space = Space::new(field);
+        self.search(&Space::new(field), count, stream)
+    }
+
+    /// [`Self::propose`] in a scene that is prepared, for several searches.
+    fn search(&self, space: &Space<'_>, count: usize, stream: &mut Stream) -> Vec<Grasp> {
         let mut found = Vec::with_capacity(count);
-        if surfaces[0].is_empty() {
+        if space.surfaces[0].is_empty() {
             return found;
         }
         for _ in 0..(count * TRIES_MAX).div_ceil(ROUND) {
-            let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&surfaces, stream)).collect();
-            let hand = |draw: &Draw| self.hand(&space, surfaces[usize::from(draw.closes)][draw.point], draw);
+            let draws: Vec<Draw> = (0..ROUND).map(|_| Draw::new(&space.surfaces, stream)).collect();
+            let hand = |draw: &Draw| self.hand(space, space.surfaces[usize::from(draw.closes)][draw.point], draw);
             let round: Vec<Option<Grasp>> = draws.par_iter().with_min_len(64).map(hand).collect();
             found.extend(round.into_iter().flatten());
             if found.len() >= count {
@@ -172,6 +169,8 @@ impl Proposer {
 /// What was seen of a scene, for many questions about single points.
 struct Space<'a> {
     field: &'a VoxelGrid,
+    /// Points of the surface of things with their normals: all, and those on which a finger can close.
+    surfaces: [Vec<(Vec3, Vec3)>; 2],
     /// Voxels in a metre.
     per_m: f32,
     side: f32,
@@ -179,7 +178,14 @@ struct Space<'a> {
 
 impl<'a> Space<'a> {
     fn new(field: &'a VoxelGrid) -> Self {
-        Self { field, per_m: 1.0 / field.grid.voxel_size_m(), side: field.grid.resolution as f32 }
+        let above_m = field.grid.table_z_m + TABLE_M;
+        let cloud_m = surface_cloud(field, PITCH_M);
+        let normals = normals(field, &cloud_m);
+        let is_thing = |(point_m, normal): &(Vec3, Vec3)| point_m.z > above_m && *normal != Vec3::ZERO;
+        let all: Vec<(Vec3, Vec3)> = cloud_m.into_iter().zip(normals).filter(is_thing).collect();
+        let sides = all.iter().copied().filter(|(_, normal)| normal.z.abs() <= CLOSING_RISE_MAX).collect();
+        let (per_m, side) = (1.0 / field.grid.voxel_size_m(), field.grid.resolution as f32);
+        Self { field, surfaces: [all, sides], per_m, side }
     }
 
     /// The value of the voxel around a point, which is given in voxels; 0 where nothing was observed.

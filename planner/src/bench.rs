@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::input::InputError;
 use crate::observation::{Observation, SeenView, Wishes};
 use crate::planner::{Planner, Timings, timed};
-use crate::volume::fuse_views;
+use crate::volume::{corrected, fuse_views};
 
 /// Times of one stage, in milliseconds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -46,7 +46,11 @@ pub fn bench(planner: &Planner, views: &[SeenView], plans: usize) -> Result<Benc
     // Each plan has the same stages.
     let plan = |_| -> Result<Timings, InputError> {
         let mut times_ms = Timings::new();
-        let grid = timed(&mut times_ms, "TSDF", || fuse_views(views, &planner.grid))?;
+        // As a plan from the images does it.
+        let grid = timed(&mut times_ms, "TSDF", || {
+            let views = corrected(views, &planner.grid, planner.config.cloud, &mut Vec::new())?;
+            fuse_views(&views, &planner.grid)
+        })?;
         let volume = Observation::Tsdf(grid);
         let plan = timed(&mut times_ms, "plan", || planner.plan(&volume, &Wishes::default()))?;
         times_ms.extend(plan.timings_ms);

@@ -199,7 +199,7 @@ impl Planner {
     fn judged(&self, hands: &[Judged], wishes: &Wishes) -> Candidates {
         let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
         let (epsilon, apart_m) = (self.config.detection.quality_min, self.config.judge.apart_m);
-        let (mut grasps, mut dropped, mut reached) = (Vec::<RankedGrasp>::new(), Vec::new(), 0);
+        let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&Judged>::new(), Vec::new(), 0);
         for judged in hands {
             let tips_m = judged.hand.workspace_from_grasp.translation;
             let inside_m = tips_m.clamp(Vec3::ZERO, Vec3::splat(self.grid.size_m * (1.0 - f32::EPSILON)));
@@ -214,17 +214,19 @@ impl Planner {
                 support: None,
                 voxel: self.grid.voxel_at(inside_m).unwrap_or_default(),
             };
-            let is_near = |other: &RankedGrasp| (other.workspace_from_grasp.translation - tips_m).length() < apart_m;
             let reason = if grasp.quality < epsilon {
                 let (outcome, probability) = judged.likeliest();
                 Some(RejectReason::Judged { outcome, probability })
             } else {
                 reached += 1;
-                grasps.iter().any(is_near).then_some(RejectReason::Suppressed)
+                kept.iter().any(|better| better.is_near(judged, apart_m)).then_some(RejectReason::Suppressed)
             };
             match reason {
                 Some(reason) => dropped.push(DroppedCandidate::new(&grasp, reason)),
-                None => grasps.push(grasp),
+                None => {
+                    grasps.push(grasp);
+                    kept.push(judged);
+                }
             }
         }
         let (voxels, proposed, detections) = (self.grid.len(), hands.len(), grasps.len());

@@ -33,15 +33,7 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
     let mut warnings = Vec::new();
     let (grid, fine) = match observation {
         Observation::Views(views) => {
-            views.iter().enumerate().try_for_each(must_fit)?;
-            let scaled = |(number, view): (usize, &SeenView)| {
-                let SeenView { image, camera } = view;
-                let (image, factor) = scaled_to_table(image, camera, grid);
-                warnings.extend(far_off(number, factor));
-                SeenView { image, camera: *camera }
-            };
-            let views: Cow<'_, [SeenView]> =
-                if params.scale_to_table { views.iter().enumerate().map(scaled).collect() } else { views.into() };
+            let views = corrected(views, grid, params, &mut warnings)?;
             let on = |resolution: usize| fuse_views(&views, &Grid { resolution, ..*grid });
             let fine = (params.resolution != grid.resolution).then(|| on(params.resolution)).transpose()?;
             (on(grid.resolution)?, fine)
@@ -57,6 +49,28 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
     };
     let points_m = surface_cloud(fine.as_ref().unwrap_or(&grid), pitch_m);
     Ok(Volume { grid, points_m, fine, warnings })
+}
+
+/// Depth images as they are fused: scaled to the table if the settings say so.
+///
+/// # Errors
+/// [`InputError`] for an image whose size differs from its intrinsics.
+pub(crate) fn corrected<'a>(
+    views: &'a [SeenView],
+    grid: &Grid,
+    params: CloudParams,
+    warnings: &mut Vec<String>,
+) -> Result<Cow<'a, [SeenView]>, InputError> {
+    if !params.scale_to_table {
+        return Ok(views.into());
+    }
+    views.iter().enumerate().try_for_each(must_fit)?;
+    let scaled = |(number, SeenView { image, camera }): (usize, &SeenView)| {
+        let (image, factor) = scaled_to_table(image, camera, grid);
+        warnings.extend(far_off(number, factor));
+        SeenView { image, camera: *camera }
+    };
+    Ok(views.iter().enumerate().map(scaled).collect())
 }
 
 /// A sensor's depths are hardly wrong by more than this share; a camera's pose or the workspace's height may be.
