@@ -32,7 +32,6 @@ half=(--set plan.detection.quality_min=0.5)
 vgn_refined=(--set plan=../plan/refined.toml --set model=../../models/vgn.safetensors --set plan.detection.surface_side=front
     --set plan.detection.origin_behind_tips_m=0.05 --set plan.detection.voxel_offset=0 --set plan.detection.quality_min=0.2)
 refined=(--set plan=../plan/refined.toml)
-refined_one_view=(--set plan=../plan/refined-one-view.toml)
 paper=(--set plan=paper "${half[@]}")
 eq8=(--set plan.ranking.policy=paper --set plan.detection.quality_min=0.9)
 scaled=(--set plan.cloud.scale_to_table=true)
@@ -73,8 +72,6 @@ one=(--set 'seeds=[1002]')
 for kind in pile packed; do
     run "giga-$kind-judge" "giga-$kind" "GIGA $kind: the judge" "${one[@]}"
     run "giga-$kind-judge-hard" "giga-$kind" "GIGA $kind, larger objects: the judge" "${one[@]}" "${hard[@]}"
-    run "giga-$kind-refined" "giga-$kind" "GIGA $kind: the paper's network, refined" "${one[@]}" "${refined_one_view[@]}"
-    run "giga-$kind-refined-hard" "giga-$kind" "GIGA $kind, larger objects: the paper's network, refined" "${one[@]}" "${refined_one_view[@]}" "${hard[@]}"
     run "giga-$kind-vgn" "giga-$kind" "GIGA $kind: VGN, 0.9, scaled to the table" "${one[@]}" "${vgn[@]}" "${scaled[@]}"
     run "giga-$kind-vgn-hard" "giga-$kind" "GIGA $kind, larger objects: VGN, 0.9, scaled to the table" "${one[@]}" "${vgn[@]}" "${scaled[@]}" "${hard[@]}"
 done

@@ -237,8 +237,6 @@ settings! {
         pub flat_m: f32 where 1e-4..=0.05,
         /// … and maximum angle of its normal to the closing direction.
         pub normal_rad_max: f32 where 0.0..=1.5,
-        /// Whether a hidden side is assumed to be vertical below the observed outline.
-        pub outlines: bool,
         /// The support of a hand is halved if the middle of the held object is this far beside its fingers.
         pub arm_m: f32 where 1e-3..=10.0,
         /// Minimum number of points at each finger.

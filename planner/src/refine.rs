@@ -100,7 +100,7 @@ impl<'a> Searched<'a> {
         let between: Vec<Point> = near.iter().map(|p| p.turned(back)).filter(is_between).collect();
         // A finger's support is at most the number of points that face it.
         let facing = |side: f32| between.iter().filter(|p| side * p.normal.y > self.normal_cos_min).count();
-        let support_max = if params.outlines { between.len() } else { facing(-1.0).min(facing(1.0)) };
+        let support_max = facing(-1.0).min(facing(1.0));
         let is_better = |support: f32, best: Option<Hand>| best.is_none_or(|hand| support > hand.support);
         if support_max < params.points_min || !is_better(support_max as f32, best) {
             return best;
@@ -111,7 +111,7 @@ impl<'a> Searched<'a> {
             let [before_m, tips_z_m] = [depth - 1, depth].map(|steps| nearest_z_m + params.depth_m * steps as f32);
             let newly = between.iter().filter(|p| (before_m..tips_z_m).contains(&p.at.z));
             newly.for_each(|point| closing.add(point, self.normal_cos_min));
-            let touch = closing.touch(params, gripper.opening_m_max - 2.0 * gripper.clearance_m);
+            let touch = closing.touch(params.points_min, gripper.opening_m_max - 2.0 * gripper.clearance_m);
             let Some(touch) = touch.filter(|touch| is_better(touch.support as f32, best)) else { continue };
             let support = touch.support as f32 / (1.0 + square(arm_m(around, back, &touch) / params.arm_m));
             if !is_better(support, best) {
@@ -184,8 +184,7 @@ impl Closing {
     }
 
     /// The contacts of both fingers, if each has enough support and they are at most `width_m_max` apart.
-    fn touch(&self, params: &RefinementParams, width_m_max: f32) -> Option<Touch> {
-        let points_min = params.points_min;
+    fn touch(&self, points_min: usize, width_m_max: f32) -> Option<Touch> {
         if self.count < 2 * points_min {
             return None;
         }
@@ -204,11 +203,7 @@ impl Closing {
         }
         let from_low = |bins: &[u32]| bins.iter().skip(low).take(self.flat_bins).sum::<u32>();
         let from_high = |bins: &[u32]| bins[..=high].iter().rev().take(self.flat_bins).sum::<u32>();
-        let mut at = [from_low(&self.facing_low), from_high(&self.facing_high)];
-        if params.outlines {
-            at = [at[0].max(from_low(&self.all)), at[1].max(from_high(&self.all))];
-        }
-        let support = at[0].min(at[1]) as usize;
+        let support = from_low(&self.facing_low).min(from_high(&self.facing_high)) as usize;
         (support >= points_min).then_some(Touch { low_m, high_m, support })
     }
 }
@@ -388,7 +383,6 @@ mod tests {
         depth_m: 0.008,
         flat_m: 0.002,
         normal_rad_max: 0.5,
-        outlines: false,
         arm_m: 0.02,
         points_min: 16,
     };
