@@ -1,6 +1,7 @@
 //! What training costs on this machine.
 
 use std::ops::ControlFlow;
+use std::slice;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -188,7 +189,7 @@ fn batch(samples: usize, scenes: usize) -> Batch {
 /// Seconds a batch when nothing is done with it.
 fn read_s(data: &Location, batch: usize) -> Result<f64, Failure> {
     let dataset = Dataset::open(data)?;
-    let samples = load(&dataset, &std::env::temp_dir(), Seen::OURS, &AtomicBool::new(false), &|| {})?;
+    let samples = load(slice::from_ref(&dataset), &std::env::temp_dir(), Seen::OURS, &AtomicBool::new(false), &|| {})?;
     // Every sample of another scene as far as there are scenes: what costs most to read.
     let all = samples.ids().len();
     let stride = (all / batch.max(1)).max(1);

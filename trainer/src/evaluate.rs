@@ -9,10 +9,12 @@ use std::env::temp_dir;
 use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::slice;
 use std::sync::atomic::AtomicBool;
 
 use burn_dataset::Dataset as _;
 use clap::ValueEnum;
+use network::checkpoint::Checkpoint;
 use network::judge::Crop;
 use network::{Architecture, checkpoint};
 use program::{ExitCode, Failure};
@@ -203,20 +205,13 @@ pub fn examine(
     let checkpoint = checkpoint::read(path)?;
     let dataset = Dataset::open(data)?;
     let dataset_id = dataset.id().to_owned();
-    let is_the_same = dataset.has_id(&checkpoint.dataset_id);
-    let trained_on = if is_the_same { dataset_id.clone() } else { checkpoint.dataset_id };
-    let refused = |text: String| Err(Failure::new(ExitCode::Config, text));
-    if set != TestSet::All && !is_the_same {
-        return refused(format!(
-            "the network was trained on another dataset, {trained_on}, so nothing of this one, {dataset_id}, is held \
-             out: use --split all"
-        ));
-    }
+    let trained_on = trained_on(&checkpoint, &dataset, set)?;
     if let Architecture::Judge(scope) = &checkpoint.architecture {
         scope.must_match(&dataset.info().gripper, &dataset.info().grid)?;
     }
     let model = Model::of(&checkpoint.architecture);
-    let samples = load(&dataset, &temp_dir(), model.seen(voxel_offset), &AtomicBool::new(false), &|| {})?;
+    let samples =
+        load(slice::from_ref(&dataset), &temp_dir(), model.seen(voxel_offset), &AtomicBool::new(false), &|| {})?;
     let chosen = match set {
         TestSet::All => (0..samples.len()).collect(),
         TestSet::TestAttempts | TestSet::TestScenes => {
@@ -227,7 +222,8 @@ pub fn examine(
         }
     };
     if chosen.is_empty() {
-        return refused("the dataset has no attempt whose grasp lies in the grid".to_owned());
+        let what = "the dataset has no attempt whose grasp lies in the grid";
+        return Err(Failure::new(ExitCode::Config, what));
     }
     let results = results(&checkpoint.vector, &samples, &chosen, &model)?;
     must_be_finite(&samples, &chosen, &results, path)?;
@@ -267,6 +263,30 @@ pub fn examine(
     };
     let [overrated, underrated] = [false, true].map(|held| worst(&mistakes, held, mistakes_max));
     Ok(Examination { evaluation, overrated, underrated, dataset })
+}
+
+/// What a network was trained on, as the evaluation names it.
+///
+/// # Errors
+/// If nothing of the dataset is held out, or the network saw it with others, so that no one knows what.
+fn trained_on(checkpoint: &Checkpoint, dataset: &Dataset, set: TestSet) -> Result<String, Failure> {
+    let (is, was) = (dataset.id(), &checkpoint.dataset_id);
+    let refused = |text: String| Err(Failure::new(ExitCode::Config, text));
+    if !was.split('+').any(|id| dataset.has_id(id)) {
+        return match set {
+            TestSet::All => Ok(was.clone()),
+            TestSet::TestAttempts | TestSet::TestScenes => refused(format!(
+                "the network was trained on another dataset, {was}, so nothing of this one, {is}, is held out: use \
+                 --split all"
+            )),
+        };
+    }
+    if was.contains('+') {
+        return refused(format!(
+            "the network was trained on several datasets, {is} among them: evaluate it on one that it never saw"
+        ));
+    }
+    Ok(is.to_owned())
 }
 
 fn must_be_finite(

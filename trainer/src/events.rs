@@ -12,8 +12,8 @@ use crate::split::Split;
 /// An event.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// The dataset is open; its grids are about to be decoded.
-    Loading(&'a Dataset),
+    /// The datasets are open; their grids are about to be decoded.
+    Loading(&'a [Dataset]),
     /// A scene is decoded. Sent from any thread.
     SceneLoaded,
     /// Training begins or resumes.

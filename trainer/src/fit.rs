@@ -23,7 +23,7 @@ use crate::metrics::Tally;
 use crate::model::Model;
 use crate::order::epoch_order;
 use crate::patience::epochs_without_better;
-use crate::run_folder::{RunFolder, read_metrics};
+use crate::run_folder::{RunFolder, id_of, read_metrics};
 use crate::split::{Split, split};
 use crate::watch::Watch;
 
@@ -42,8 +42,8 @@ const TEST_BATCH: usize = 192;
 /// A training job.
 #[derive(Debug, Clone, Copy)]
 pub struct Job<'a> {
-    /// The location of the dataset.
-    pub data: &'a Location,
+    /// The locations of the datasets.
+    pub data: &'a [Location],
     /// The recipe.
     pub config: &'a Config,
     /// The run's folder.
@@ -56,7 +56,7 @@ pub struct Job<'a> {
     pub device: &'a Device,
 }
 
-/// Trains the network on a dataset and writes checkpoints and metrics to a folder.
+/// Trains the network on one or several datasets and writes checkpoints and metrics to a folder.
 ///
 /// On the CPU the result is a pure function of dataset and configuration: neither the number of threads nor stopping
 /// and resuming at any batch changes a bit of it.
@@ -65,24 +65,24 @@ pub struct Job<'a> {
 /// If the dataset cannot be read or split, the run's folder is refused or cannot be written, or the loss diverges.
 pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync)) -> Result<Ending, Failure> {
     let Job { data, config, run, from, resume, device } = *job;
-    let dataset = Dataset::open(data.clone())?;
+    let datasets = open(data)?;
     let folder = RunFolder::open(run, config, resume)?;
     let watch = Watch::new(run, config.checkpoint.every_steps);
     let observe: &(dyn Fn(Event<'_>) + Sync) = &|event| {
         watch.see(&event);
         observe(event);
     };
-    let architecture = architecture(config, &dataset, device)?;
-    let (vector, progress, moments) = match folder.last(&dataset)? {
+    let (architecture, dataset_id) = (architecture(config, &datasets[0], device)?, id_of(&datasets));
+    let (vector, progress, moments) = match folder.last(&datasets)? {
         Some(last) => (last.vector, last.progress, last.moments),
         None => (first_vector(&architecture, config, from)?, Progress::default(), None),
     };
     folder.write_config(config)?;
-    let (model, dataset_id) = (Model::of(&architecture), dataset.id().to_owned());
+    let model = Model::of(&architecture);
     let mut state = Checkpoint { vector, architecture, config: config.to_toml(), dataset_id, progress, moments };
 
-    observe(Event::Loading(&dataset));
-    let samples = match load(&dataset, run, model.seen(0.5), stop, &|| observe(Event::SceneLoaded)) {
+    observe(Event::Loading(&datasets));
+    let samples = match load(&datasets, run, model.seen(0.5), stop, &|| observe(Event::SceneLoaded)) {
         Err(_) if stop.load(Ordering::Relaxed) => return Ok(Ending::Stopped),
         loaded => loaded?,
     };
@@ -124,6 +124,31 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
         observe(Event::Epoch(&report));
     }
     Ok(Ending::Done)
+}
+
+/// Opens datasets that can be trained on together.
+fn open(data: &[Location]) -> Result<Vec<Dataset>, Failure> {
+    let refused = |why: String| Failure::new(ExitCode::Config, why);
+    let datasets: Vec<Dataset> = data.iter().cloned().map(Dataset::open).collect::<Result<_, _>>()?;
+    let Some((first, others)) = datasets.split_first() else {
+        return Err(refused("no dataset to train on".to_owned()));
+    };
+    for (number, other) in others.iter().enumerate() {
+        let (a, b) = (first.info(), other.info());
+        let differs = [
+            ("grids", a.grid != b.grid),
+            ("grippers", a.gripper != b.gripper),
+            ("procedures", a.procedure != b.procedure),
+        ];
+        if let Some((what, _)) = differs.into_iter().find(|(_, differ)| *differ) {
+            let (here, there) = (first.location(), other.location());
+            return Err(refused(format!("datasets of other {what} cannot be trained on together: {here}, {there}")));
+        }
+        if datasets[..=number].iter().any(|earlier| earlier.id() == other.id()) {
+            return Err(refused(format!("the dataset is given twice: {}", other.location())));
+        }
+    }
+    Ok(datasets)
 }
 
 /// The weights that a new run begins with.

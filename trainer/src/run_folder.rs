@@ -75,15 +75,16 @@ impl RunFolder {
     /// The checkpoint to continue from, or `None` if the run has none yet.
     ///
     /// # Errors
-    /// If the checkpoint is damaged or was trained on another dataset.
-    pub fn last(&self, dataset: &Dataset) -> Result<Option<Checkpoint>, Failure> {
+    /// If the checkpoint is damaged or was trained on other datasets.
+    pub fn last(&self, datasets: &[Dataset]) -> Result<Option<Checkpoint>, Failure> {
         let path = SavedAs::Last.path(&self.path);
         if !path.exists() {
             return Ok(None);
         }
         let found = checkpoint::read(&path)?;
-        if !dataset.has_id(&found.dataset_id) {
-            let (was, is) = (found.dataset_id, dataset.id());
+        let ids: Vec<&str> = found.dataset_id.split('+').collect();
+        if ids.len() != datasets.len() || !datasets.iter().zip(ids).all(|(dataset, id)| dataset.has_id(id)) {
+            let (was, is) = (found.dataset_id, id_of(datasets));
             return Err(refused(format!("the run was begun on another dataset, {was}, not {is}"), &self.path));
         }
         Ok(Some(found))
@@ -114,6 +115,12 @@ impl RunFolder {
         let text: String = lines.iter().flat_map(|line| [line.as_str(), "\n"]).collect();
         write(&self.path.join(METRICS), text)
     }
+}
+
+/// What a checkpoint says it was trained on.
+pub(crate) fn id_of(datasets: &[Dataset]) -> String {
+    let ids: Vec<&str> = datasets.iter().map(Dataset::id).collect();
+    ids.join("+")
 }
 
 /// A checkpoint of a run.

@@ -48,11 +48,13 @@ impl Screen {
 
     pub(crate) fn show(&self, event: &Event<'_>) {
         match event {
-            Event::Loading(dataset) => {
-                let info = dataset.info();
-                self.begin_bar(info.scene_count, "reading scenes {bar:30} {pos}/{len} {eta}");
-                let (attempts, scenes) = (info.attempt_count, info.scene_count);
-                self.line(&format!("dataset   {attempts} attempts in {scenes} scenes, {}", dataset.location()));
+            Event::Loading(datasets) => {
+                let scenes = datasets.iter().map(|dataset| dataset.info().scene_count).sum();
+                self.begin_bar(scenes, "reading scenes {bar:30} {pos}/{len} {eta}");
+                for dataset in *datasets {
+                    let (attempts, scenes) = (dataset.info().attempt_count, dataset.info().scene_count);
+                    self.line(&format!("dataset   {attempts} attempts in {scenes} scenes, {}", dataset.location()));
+                }
             }
             Event::SceneLoaded => self.bar.inc(1),
             Event::Begun(beginning) => self.begin(beginning),

@@ -17,9 +17,9 @@ use super::console::Screen;
 #[derive(Args)]
 #[command(after_help = format!("{}\n\n{}", Location::HELP, ExitCode::HELP))]
 pub(crate) struct Arguments {
-    /// The dataset's folder or URL.
-    #[arg(long)]
-    data: Location,
+    /// The dataset's folder or URL; several are trained on together.
+    #[arg(long, required = true)]
+    data: Vec<Location>,
     /// The recipe [default: the built-in configs/train/paper.toml].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -50,7 +50,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     config.training.epochs = arguments.epochs.unwrap_or(config.training.epochs);
     start_threads(arguments.threads)?;
     let stop = stop_on_signals(|| ()).context("failed to listen for signals")?;
-    let (data, run, device) = (&arguments.data, arguments.run.as_path(), arguments.device.open()?);
+    let (data, run, device) = (arguments.data.as_slice(), arguments.run.as_path(), arguments.device.open()?);
     let from = arguments.from.as_deref().map(checkpoint::read_digested).transpose()?;
     let (from, digest) = from.unzip();
     config.network.from = digest.or(config.network.from);
@@ -61,11 +61,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     match ending {
         Ending::Done => {
             let run = run.display();
+            // Of several datasets nothing is held out that could be found again.
+            let next = if let [one] = data { one.to_string() } else { "ANOTHER".to_owned() };
             print(format_args!(
                 "\nbest weights  {}\n\
                  metrics       {run}/metrics.jsonl, loss.svg, accuracy.svg\n\
                  TensorBoard   tensorboard --logdir {run}/tensorboard\n\
-                 next          trainer evaluate --run {run} --data {data}\n",
+                 next          trainer evaluate --run {run} --data {next}\n",
                 SavedAs::Best.path(&arguments.run).display()
             ))?;
             Ok(ExitCode::Ok)

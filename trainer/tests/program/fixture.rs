@@ -81,7 +81,7 @@ pub(crate) fn fit(
     stop: &AtomicBool,
     observe: &(dyn Fn(Event<'_>) + Sync),
 ) -> Result<Ending, Failure> {
-    let job = Job { data: &data.into(), config, run, from: None, resume, device: &Device::Host };
+    let job = Job { data: &[data.into()], config, run, from: None, resume, device: &Device::Host };
     trainer::fit::fit(&job, stop, observe)
 }
 

@@ -27,7 +27,7 @@ fn each_has_its_checksum_in_the_card_and_can_be_evaluated() {
         let card = fs::read_to_string(model.with_file_name("README.md")).unwrap();
         assert!(card.contains(&digest), "{digest} is not in the card: {}", model.display());
         let checkpoint = network::checkpoint::read(&model).unwrap();
-        assert!(card.contains(&checkpoint.dataset_id), "the card must name the dataset");
+        assert!(checkpoint.dataset_id.split('+').all(|id| card.contains(id)), "the card must name the datasets");
         let (model, data) = (model.to_str().unwrap(), data.to_str().unwrap());
         let args = ["evaluate", "--model", model, "--data", data, "--split", "all", "--json"];
         if let Architecture::Judge(_) = checkpoint.architecture {

@@ -103,7 +103,9 @@ fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     let best = place.run.join("best.safetensors");
     let examined = examine(&best, place.data.as_path(), TestSet::All, 0.5, 6).unwrap();
 
-    let samples = load(&examined.dataset, place.dir.path(), Seen::OURS, &AtomicBool::new(false), &|| {}).unwrap();
+    let samples =
+        load(std::slice::from_ref(&examined.dataset), place.dir.path(), Seen::OURS, &AtomicBool::new(false), &|| {})
+            .unwrap();
     let vector = network::checkpoint::read(&best).unwrap().vector;
     // (whether it held, badness, scene, attempt)
     let alone = |at: usize| {

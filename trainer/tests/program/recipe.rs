@@ -7,7 +7,9 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use crate::fixture::{check_fails, fit, trainer, write_config, write_dataset};
 use crate::resume::{check_same_run, metrics};
+use shards::Dataset;
 use trainer::config::Config;
+use trainer::data::{Seen, load};
 use trainer::events::Event;
 use trainer::fit::Ending;
 
@@ -186,4 +188,39 @@ fn patience_ends_training_early_and_outlives_being_resumed() {
     patient.training.patience_epochs = 3;
     assert_eq!(place.fit(&patient, &cut), Ending::Done);
     assert_eq!(metrics(&cut).len(), 4);
+}
+
+#[test]
+fn several_datasets_are_trained_on_as_one_and_their_order_is_part_of_the_run() {
+    let place = Place::new(1, "", "");
+    let (run, more) = (place.run("run"), place.run("more"));
+    write_dataset(&more, 6, 1, 5, 12);
+    let more = more.to_str().unwrap();
+    let data = place.data.to_str().unwrap();
+    let output = trainer(&place.args(&run, &["--data", more]));
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(told.contains("120 attempts in 10 scenes") && told.contains("60 attempts in 5 scenes"), "{told}");
+    let epoch = &metrics(&run)[0];
+    let samples = |set: &str| epoch[set]["samples"].as_u64().unwrap();
+    assert_eq!(samples("train") + samples("test_attempts") + samples("test_scenes"), 180);
+    let datasets = [data, more].map(|at| Dataset::open(Path::new(at)).unwrap());
+    let loaded =
+        |datasets: &[Dataset]| load(datasets, place.dir.path(), Seen::OURS, &AtomicBool::new(false), &|| {}).unwrap();
+    let (all, second) = (loaded(&datasets), loaded(&datasets[1..]));
+    let first = all.ids().len() - second.ids().len();
+    for at in 0..second.ids().len() {
+        let [together, alone] = [all.batch(&[first + at]).unwrap(), second.batch(&[at]).unwrap()];
+        assert_eq!((&together.grids, &together.samples), (&alone.grids, &alone.samples));
+        assert_eq!(all.record(first + at).scene, second.record(at).scene + 10);
+    }
+    let config = place.config.to_str().unwrap();
+    check_fails(
+        &["fit", "--data", more, "--data", data, "--config", config, "--run", run.to_str().unwrap(), "--resume"],
+        78,
+        &["begun on another dataset"],
+    );
+    let run = run.to_str().unwrap();
+    check_fails(&["evaluate", "--run", run, "--data", more, "--split", "all"], 78, &["several datasets", "among them"]);
+    check_fails(&place.args(&place.run("twice"), &["--data", data]), 78, &["given twice"]);
 }
