@@ -7,7 +7,7 @@
 `[{"position_m": [x, y, z], "quaternion_xyzw": [x, y, z, w]}, …]` gives them: grasps in the workspace, +z the approach,
 +y the closing direction, the origin midway between the tips. Prints the probability of each outcome.
 
-This file is also the definition of what the network is given (`Judge.crop`, `Judge.facts`), as plain as it can be
+This file is also the definition of what the network is given (`Judge.crop`, `Judge.surroundings`, `Judge.facts`), as plain as it can be
 written; docs/judge.md explains it.
 """
 
@@ -21,6 +21,8 @@ OUTCOMES = ["pregrasp_collision", "approach_collision", "empty", "slipped", "hit
 BOX = (8, 20, 28)  # points along x, y, z of the grasp frame
 CLIP_M = 0.03
 BEYOND_M = 0.02
+WIDE_BOX = (12, 8, 8)  # points of the surroundings …
+WIDE_M = np.array([0.088, 0.06, 0.06])  # … and how far they reach from the tips
 
 
 def rotation(quaternion_xyzw):
@@ -45,6 +47,12 @@ def hand_boxes(hand):
     return [*fingers, (np.array([0, 0, -length - palm[2]]), palm)]
 
 
+def lattice(low, high, count):
+    """[x, y, z, 3]: so many points along each axis, the corners included."""
+    axes = [np.linspace(low[axis], high[axis], count[axis]) for axis in range(3)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
 class Judge:
     """A judge and the hand and grid that it was trained for."""
 
@@ -60,8 +68,8 @@ class Judge:
         self.swept = [(centre - back, half + back) for centre, half in hand_boxes(self.hand)]
         low = np.min([centre - half for centre, half in self.swept], axis=0)
         high = np.max([centre + half for centre, half in self.swept], axis=0) + [0, 0, BEYOND_M]
-        axes = [np.linspace(low[axis], high[axis], BOX[axis]) for axis in range(3)]
-        self.points_m = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        self.points_m = lattice(low, high, BOX)
+        self.wide_m = lattice(-WIDE_M, WIDE_M, WIDE_BOX)
         self.to_hand_m = np.min([self.distance_m(centre, half) for centre, half in self.swept], axis=0)
 
     def distance_m(self, centre, half):
@@ -69,15 +77,15 @@ class Judge:
         off = np.abs(self.points_m - centre) - half
         return np.linalg.norm(np.maximum(off, 0), axis=-1) + np.minimum(off.max(axis=-1), 0)
 
-    def crop(self, tsdf, position_m, turn):
-        """[4, 8, 20, 28]: mean of the observed distances, observed share, height over the table, distance to the hand."""
+    def seen(self, tsdf, points_m, position_m, turn):
+        """Three values a point: mean of the observed distances, observed share, height over the table."""
         side = self.grid["size_m"] / self.grid["resolution"]
-        at_m = self.points_m @ turn.T + position_m
+        at_m = points_m @ turn.T + position_m
         padded = np.pad(tsdf, 1)  # nobody observed what lies around the grid
         place = np.clip(at_m / side + 0.5, 0, padded.shape[0] - 1 - 1e-3)
         low = place.astype(int)
         part = place - low
-        share, total = np.zeros(BOX), np.zeros(BOX)
+        share, total = np.zeros(at_m.shape[:3]), np.zeros(at_m.shape[:3])
         for corner in np.ndindex(2, 2, 2):
             weight = np.prod(np.where(corner, part, 1 - part), axis=-1)
             value = padded[tuple((low + corner)[..., axis] for axis in range(3))]
@@ -86,7 +94,16 @@ class Judge:
         known = share > 1e-3
         mean = np.where(known, 2 * total / np.where(known, share, 1) - 1, 0)
         height = np.clip((at_m[..., 2] - self.grid["table_z_m"]) / CLIP_M, -1, 1)
-        return np.stack([mean, np.where(known, share, 0), height, np.clip(self.to_hand_m / CLIP_M, -1, 1)])
+        return np.stack([mean, np.where(known, share, 0), height])
+
+    def crop(self, tsdf, position_m, turn):
+        """[4, 8, 20, 28]: what is seen where the hand sweeps, and the distance to the hand."""
+        to_hand = np.clip(self.to_hand_m / CLIP_M, -1, 1)
+        return np.concatenate([self.seen(tsdf, self.points_m, position_m, turn), to_hand[None]])
+
+    def surroundings(self, tsdf, position_m, turn):
+        """[3, 12, 8, 8]: what is seen about the tips, wider and coarser."""
+        return self.seen(tsdf, self.wide_m, position_m, turn)
 
     def facts(self, position_m, turn, views):
         """[16]: where up is for the hand, the height of its tips, the number of views, its dimensions."""
@@ -111,11 +128,13 @@ class Judge:
         """
         poses = [(np.asarray(position, dtype=np.float64), rotation(turn)) for position, turn in hands]
         crops = np.array([self.crop(tsdf, *pose) for pose in poses], dtype=np.float32)
+        wide = np.array([self.surroundings(tsdf, *pose) for pose in poses], dtype=np.float32)
         facts = np.array([self.facts(*pose, views) for pose in poses], dtype=np.float32)
         for axis in np.flatnonzero(mirrored):
-            crops = np.flip(crops, axis=2 + axis)
+            crops, wide = (np.flip(seen, axis=2 + axis) for seen in (crops, wide))
             facts[:, axis] *= -1
-        return self.session.run(["outcomes"], {"crop": np.ascontiguousarray(crops), "facts": facts})[0]
+        inputs = {"crop": np.ascontiguousarray(crops), "surroundings": np.ascontiguousarray(wide), "facts": facts}
+        return self.session.run(["outcomes"], inputs)[0]
 
 
 def picture(judge, tsdf, hand, path):

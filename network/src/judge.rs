@@ -18,29 +18,39 @@ use crate::kernels::tile::LANES;
 use crate::layers::{LayerShape, count_of, layer};
 use crate::voxel::TransposedWeights;
 
-pub use crop::{BOX, CHANNELS, Crop, FACTS, PaddedGrid};
+pub use crop::{BOX, CHANNELS, Crop, FACTS, PaddedGrid, WIDE_BOX, WIDE_CHANNELS};
 
 /// Number of outcomes, the network's outputs.
 pub const OUTCOMES: usize = Outcome::ALL.len();
 
-/// All layers, in the order of their parameters in the flat vector. From `head1` on, positions are one: its inputs are
-/// what `reduce` gives, x slowest and channels fastest, then the facts.
-pub const LAYERS: [LayerShape; 7] = [
+/// All layers, in the order of their parameters in the flat vector. The first four see the crop, the next two the
+/// surroundings. From `head1` on, positions are one: its inputs are what `reduce` and `wide2` give, x slowest and
+/// channels fastest, then the facts.
+pub const LAYERS: [LayerShape; 9] = [
     layer("conv1", CHANNELS, 16, 3, 2),
     layer("conv2", 16, 32, 3, 2),
     layer("conv3", 32, 32, 3, 1),
     layer("reduce", 32, REDUCED, 1, 1),
-    layer("head1", REDUCED * POSITIONS + FACTS, 128, 1, 1),
+    layer("wide1", WIDE_CHANNELS, 16, 3, 2),
+    layer("wide2", 16, REDUCED, 3, 2),
+    layer("head1", ROW, 128, 1, 1),
     layer("head2", 128, 64, 1, 1),
     layer("head3", 64, OUTCOMES, 1, 1),
 ];
 
 /// Channels of a position before the head.
 const REDUCED: usize = 16;
-/// Positions before the head: 2 · 5 · 7.
-const POSITIONS: usize = 70;
+/// Values before the head, of 2 · 5 · 7 positions of the crop …
+const SEEN: usize = REDUCED * 70;
+/// … and of 3 · 2 · 2 of the surroundings.
+const SEEN_WIDE: usize = REDUCED * 12;
+/// Inputs of the head.
+const ROW: usize = SEEN + SEEN_WIDE + FACTS;
 /// Number of layers before the head.
-const CONVS: usize = 4;
+const CONVS: usize = 6;
+/// Whether the outputs of the layers before the head have padding, and are cut off at zero.
+const PADDED: [bool; CONVS] = [true, true, false, false, true, false];
+const CUT_OFF: [bool; CONVS] = [true, true, true, false, true, false];
 
 static LAYOUT: LazyLock<Layout> = LazyLock::new(|| Layout::new(&LAYERS, LAYERS.len() - 1));
 
@@ -88,6 +98,8 @@ pub struct JudgeNetwork {
 pub struct JudgeInputs {
     /// `[hands, 10, 22, 30, CHANNELS]`: the crops with the zeros that the first convolution pads with.
     pub crops: Vec<f32>,
+    /// `[hands, 14, 10, 10, WIDE_CHANNELS]`: the surroundings, likewise.
+    pub wide: Vec<f32>,
     /// What is known of each hand and its scene besides.
     pub facts: Vec<[f32; FACTS]>,
 }
@@ -96,7 +108,11 @@ impl JudgeInputs {
     /// No hands, with room for `hands`.
     #[must_use]
     pub fn with_capacity(hands: usize) -> Self {
-        Self { crops: Vec::with_capacity(hands * Crop::LEN), facts: Vec::with_capacity(hands) }
+        Self {
+            crops: Vec::with_capacity(hands * Crop::LEN),
+            wide: Vec::with_capacity(hands * Crop::WIDE_LEN),
+            facts: Vec::with_capacity(hands),
+        }
     }
 
     /// Adds a hand in a scene seen from `views`. Hand and scene may be mirrored in the grasp's x and y: a mirrored hand
@@ -110,6 +126,7 @@ impl JudgeInputs {
         mirrored: [bool; 2],
     ) {
         crop.see(grid, workspace_from_grasp, mirrored, &mut self.crops);
+        crop.see_wide(grid, workspace_from_grasp, mirrored, &mut self.wide);
         self.facts.push(crop.facts(workspace_from_grasp, views, mirrored));
     }
 }
@@ -119,7 +136,9 @@ impl JudgeInputs {
 pub struct JudgeActivations {
     /// Outputs of the first three convolutions, each with the next one's padding.
     convs: [Vec<f32>; 3],
-    /// Inputs of the head, `[hands, 1136]`.
+    /// Output of the first convolution of the surroundings, likewise.
+    wide: Vec<f32>,
+    /// Inputs of the head, `[hands, ROW]`.
     rows: Vec<f32>,
     hidden: [Vec<f32>; 2],
     /// `[hands, LANES]`.
@@ -141,9 +160,13 @@ impl JudgeNetwork {
     #[must_use]
     pub fn new(vector: &[f32]) -> Self {
         let mut extent = Extent { n: BOX, padding: 1 };
-        let convs = [(0, 1), (1, 1), (2, 0), (3, 0)].map(|(number, output_padding)| {
-            let conv = Conv::new(LAYERS[number], extent, output_padding);
-            extent = output_of(LAYERS[number], extent, output_padding);
+        let convs = std::array::from_fn(|number| {
+            if LAYERS[number].name == "wide1" {
+                extent = Extent { n: WIDE_BOX, padding: 1 };
+            }
+            let (layer, padding) = (LAYERS[number], usize::from(PADDED[number]));
+            let conv = Conv::new(layer, extent, padding);
+            extent = output_of(layer, extent, padding);
             conv
         });
         Self { parameters: Parameters::from_vector(&LAYOUT, vector), convs }
@@ -162,21 +185,25 @@ impl JudgeNetwork {
             let (weights, bias) = self.parameters.stage(number);
             conv.forward(weights, bias, relu, inputs)
         };
-        let conv = |number: usize, inputs: &[f32]| product(number, &self.convs[number], number + 1 < CONVS, inputs);
+        let conv = |number: usize, inputs: &[f32]| product(number, &self.convs[number], CUT_OFF[number], inputs);
         let first = conv(0, &inputs.crops);
         let second = conv(1, &first);
         let third = conv(2, &second);
         let reduced = conv(3, &third);
-        let rows: Vec<f32> = reduced
-            .chunks_exact(REDUCED * POSITIONS)
-            .zip(&inputs.facts)
-            .flat_map(|(reduced, facts)| reduced.iter().chain(facts).copied())
-            .collect();
+        let wide = conv(4, &inputs.wide);
+        let reduced_wide = conv(5, &wide);
+        let mut rows = Vec::with_capacity(inputs.facts.len() * ROW);
+        let seen = reduced.chunks_exact(SEEN).zip(reduced_wide.chunks_exact(SEEN_WIDE));
+        for ((narrow, wide), facts) in seen.zip(&inputs.facts) {
+            rows.extend_from_slice(narrow);
+            rows.extend_from_slice(wide);
+            rows.extend_from_slice(facts);
+        }
         let [head1, head2, head3] = heads(inputs.facts.len());
-        let hidden1 = product(4, &head1, true, &rows);
-        let hidden2 = product(5, &head2, true, &hidden1);
-        let logits = product(6, &head3, false, &hidden2);
-        JudgeActivations { convs: [first, second, third], rows, hidden: [hidden1, hidden2], logits }
+        let hidden1 = product(CONVS, &head1, true, &rows);
+        let hidden2 = product(CONVS + 1, &head2, true, &hidden1);
+        let logits = product(CONVS + 2, &head3, false, &hidden2);
+        JudgeActivations { convs: [first, second, third], wide, rows, hidden: [hidden1, hidden2], logits }
     }
 
     /// The gradient of every parameter, as the flat vector. `d_logits` is the gradient of each hand's logits.
@@ -192,24 +219,31 @@ impl JudgeNetwork {
         let mut through = |number: usize, conv: &Conv, inputs: &[f32], gradients: &[f32]| {
             let (d_weights, d_bias) = sum.stage_mut(number);
             conv.add_parameters(inputs, gradients, d_weights, d_bias);
-            if number == 0 { Vec::new() } else { conv.d_inputs(&transposed[number], gradients) }
+            if matches!(LAYERS[number].name, "conv1" | "wide1") {
+                Vec::new()
+            } else {
+                conv.d_inputs(&transposed[number], gradients)
+            }
         };
         let [head1, head2, head3] = heads(d_logits.len());
         let mut padded = vec![0.0; d_logits.len() * LANES];
         for (row, own) in padded.chunks_exact_mut(LANES).zip(d_logits) {
             row[..OUTCOMES].copy_from_slice(own);
         }
-        let d = through(6, &head3, &seen.hidden[1], &padded);
-        let d = through(5, &head2, &seen.hidden[0], &head2.through_relu(&seen.hidden[1], &d));
-        let d_rows = through(4, &head1, &seen.rows, &head1.through_relu(&seen.hidden[0], &d));
-        let reduced = d_rows.chunks_exact(REDUCED * POSITIONS + FACTS);
-        let d: Vec<f32> = reduced.flat_map(|row| &row[..REDUCED * POSITIONS]).copied().collect();
+        let d = through(CONVS + 2, &head3, &seen.hidden[1], &padded);
+        let d = through(CONVS + 1, &head2, &seen.hidden[0], &head2.through_relu(&seen.hidden[1], &d));
+        let d_rows = through(CONVS, &head1, &seen.rows, &head1.through_relu(&seen.hidden[0], &d));
+        let part = |from: usize, len: usize| -> Vec<f32> {
+            d_rows.chunks_exact(ROW).flat_map(|row| &row[from..][..len]).copied().collect()
+        };
         let [first, second, third] = &seen.convs;
-        let [conv1, conv2, conv3, reduce] = &self.convs;
-        let d = through(3, reduce, third, &d);
+        let [conv1, conv2, conv3, reduce, wide1, wide2] = &self.convs;
+        let d = through(3, reduce, third, &part(0, SEEN));
         let d = through(2, conv3, second, &conv3.through_relu(third, &d));
         let d = through(1, conv2, first, &conv2.through_relu(second, &d));
         through(0, conv1, &inputs.crops, &conv1.through_relu(first, &d));
+        let d = through(5, wide2, &seen.wide, &part(SEEN, SEEN_WIDE));
+        through(4, wide1, &inputs.wide, &wide1.through_relu(&seen.wide, &d));
         sum.to_vector()
     }
 }
@@ -230,8 +264,8 @@ pub fn initial_vector(seed: u64) -> Vec<f32> {
 
 /// The head's layers as products with one row a hand.
 fn heads(hands: usize) -> [Conv; 3] {
-    [4, 5, 6].map(|number| {
-        let LayerShape { channels_in, channels_out, .. } = LAYERS[number];
+    [0, 1, 2].map(|number| {
+        let LayerShape { channels_in, channels_out, .. } = LAYERS[CONVS + number];
         Conv::of_rows(hands, channels_in, channels_out.next_multiple_of(LANES))
     })
 }
@@ -288,26 +322,36 @@ mod tests {
         (out, outputs)
     }
 
-    /// The network from its definition.
-    fn slow(vector: &[f32], crop: &[f32], facts: &[f32; FACTS]) -> Vec<f64> {
-        let padded = Extent { n: BOX, padding: 1 };
-        let mut x: Vec<f64> = (0..CHANNELS)
+    /// Layers on a box from their definition; what they give, x slowest and channels fastest.
+    fn convolved_by<const VALUES: usize>(
+        vector: &[f32],
+        layers: &[LayerShape],
+        mut n: [usize; 3],
+        box_: &[f32],
+    ) -> Vec<f64> {
+        let padded = Extent { n, padding: 1 };
+        let mut x: Vec<f64> = (0..VALUES)
             .flat_map(|channel| padded.positions().map(move |at| (channel, at)))
-            .map(|(channel, at)| f64::from(crop[padded.place(at) * CHANNELS + channel]))
+            .map(|(channel, at)| f64::from(box_[padded.place(at) * VALUES + channel]))
             .collect();
-        let mut n = BOX;
-        for (number, layer) in LAYERS[..CONVS].iter().enumerate() {
+        for (number, layer) in layers.iter().enumerate() {
             (n, x) = convolved(vector, layer, n, &x);
-            if number + 1 < CONVS {
+            if number + 1 < layers.len() {
                 x.iter_mut().for_each(|value| *value = value.max(0.0));
             }
         }
-        assert_eq!(n.iter().product::<usize>(), POSITIONS);
-        let mut x: Vec<f64> = (0..POSITIONS)
-            .flat_map(|at| (0..REDUCED).map(move |channel| channel * POSITIONS + at))
-            .map(|at| x[at])
-            .chain(facts.iter().map(|fact| f64::from(*fact)))
-            .collect();
+        let positions: usize = n.iter().product();
+        (0..positions).flat_map(|at| x.iter().copied().skip(at).step_by(positions)).collect()
+    }
+
+    /// The network from its definition.
+    fn slow(vector: &[f32], hand: usize, inputs: &JudgeInputs) -> Vec<f64> {
+        let crop = &inputs.crops[hand * Crop::LEN..][..Crop::LEN];
+        let wide = &inputs.wide[hand * Crop::WIDE_LEN..][..Crop::WIDE_LEN];
+        let mut x = convolved_by::<CHANNELS>(vector, &LAYERS[..4], BOX, crop);
+        x.extend(convolved_by::<WIDE_CHANNELS>(vector, &LAYERS[4..CONVS], WIDE_BOX, wide));
+        x.extend(inputs.facts[hand].iter().map(|fact| f64::from(*fact)));
+        assert_eq!(x.len(), ROW);
         for (number, layer) in LAYERS.iter().enumerate().skip(CONVS) {
             let n = [1, 1, 1];
             x = convolved(vector, layer, n, &x).1;
@@ -318,26 +362,32 @@ mod tests {
         x
     }
 
-    fn inputs(hands: usize) -> JudgeInputs {
-        let mut stream = Stream::new(5, 0, Purpose::Views, 0);
-        let padded = Extent { n: BOX, padding: 1 };
-        let mut crops = vec![0.0; hands * padded.len() * CHANNELS];
-        for crop in crops.chunks_exact_mut(padded.len() * CHANNELS) {
+    /// Boxes of random values with zeros around them.
+    fn boxes(hands: usize, n: [usize; 3], values: usize, stream: &mut Stream) -> Vec<f32> {
+        let padded = Extent { n, padding: 1 };
+        let mut boxes = vec![0.0; hands * padded.len() * values];
+        for one in boxes.chunks_exact_mut(padded.len() * values) {
             for at in padded.positions() {
-                crop[padded.place(at) * CHANNELS..][..CHANNELS].fill_with(|| stream.uniform(-1.0, 1.0));
+                one[padded.place(at) * values..][..values].fill_with(|| stream.uniform(-1.0, 1.0));
             }
         }
+        boxes
+    }
+
+    fn inputs(hands: usize) -> JudgeInputs {
+        let mut stream = Stream::new(5, 0, Purpose::Views, 0);
+        let crops = boxes(hands, BOX, CHANNELS, &mut stream);
+        let wide = boxes(hands, WIDE_BOX, WIDE_CHANNELS, &mut stream);
         let facts = (0..hands).map(|_| std::array::from_fn(|_| stream.uniform(-1.0, 1.0))).collect();
-        JudgeInputs { crops, facts }
+        JudgeInputs { crops, wide, facts }
     }
 
     #[test]
     fn logits_are_those_of_the_definition() {
         let (vector, inputs) = (initial_vector(3), inputs(3));
         let seen = JudgeNetwork::new(&vector).forward(&inputs);
-        let crops = inputs.crops.chunks_exact(inputs.crops.len() / 3);
-        for ((ours, crop), facts) in seen.logits().zip(crops).zip(&inputs.facts) {
-            let theirs = slow(&vector, crop, facts);
+        for (hand, ours) in seen.logits().enumerate() {
+            let theirs = slow(&vector, hand, &inputs);
             assert!(theirs.iter().any(|logit| logit.abs() > 0.05), "{theirs:?}");
             for (ours, theirs) in ours.iter().zip(theirs) {
                 assert!((f64::from(*ours) - theirs).abs() < 1e-4, "{ours} against {theirs}");
@@ -356,8 +406,7 @@ mod tests {
         let gradient = network.gradient(&network.transposed(), &inputs, &network.forward(&inputs), &d_logits);
         assert_eq!(gradient.len(), count_of(&LAYERS));
         let value = |vector: &[f32]| -> f64 {
-            let crops = inputs.crops.chunks_exact(inputs.crops.len() / 2);
-            let logits = crops.zip(&inputs.facts).map(|(crop, facts)| slow(vector, crop, facts));
+            let logits = (0..2).map(|hand| slow(vector, hand, &inputs));
             let products = logits
                 .zip(&d_logits)
                 .map(|(logits, d)| logits.iter().zip(d).map(|(logit, d)| logit * f64::from(*d)).sum::<f64>());
@@ -372,7 +421,8 @@ mod tests {
                 }
                 value(&moved)
             };
-            let step = 1e-3 / (slot.len as f32).sqrt();
+            // Small, so that few values cross zero, where ReLU bends.
+            let step = 3e-4 / (slot.len as f32).sqrt();
             let slope = (moved(step) - moved(-step)) / (2.0 * f64::from(step));
             let ours: f64 = gradient[slot.start..][..slot.len]
                 .iter()

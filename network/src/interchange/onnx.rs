@@ -6,7 +6,7 @@
 use super::protobuf::Message;
 use crate::Architecture;
 use crate::checkpoint::{Checkpoint, JUDGE, VOXEL};
-use crate::judge::{self, BOX, CHANNELS, FACTS, OUTCOMES};
+use crate::judge::{self, BOX, CHANNELS, FACTS, OUTCOMES, WIDE_BOX, WIDE_CHANNELS};
 use crate::layers::{LAYERS, LayerShape, NORM_SQUARED_MIN};
 use crate::upsampling::Upsampling;
 
@@ -33,13 +33,14 @@ const DOC: &str = "Volumetric grasp network. In: tsdf [batch, 1, 40, 40, 40], tr
 
 /// The judge's inputs and output.
 const CROP: &str = "crop";
+const WIDE: &str = "surroundings";
 const KNOWN: &str = "facts";
 const ANSWER: &str = "outcomes";
 /// The shape of the head's inputs, as products of matrices over one position.
 const ROW: &str = "row.shape";
 
-const JUDGE_DOC: &str = "A judge of hands. In: crop [batch, 4, 8, 20, 28], the TSDF in the hand's frame, and facts \
-                         [batch, 16], as scripts/judge_onnx.py computes them. Out: outcomes [batch, 6], the \
+const JUDGE_DOC: &str = "A judge of hands. In: crop [batch, 4, 8, 20, 28] and surroundings [batch, 3, 12, 8, 8], the \
+                         TSDF in the hand's frame, and facts [batch, 16], as scripts/judge_onnx.py computes them. Out: outcomes [batch, 6], the \
                          probabilities of pregrasp_collision, approach_collision, empty, slipped, hit_other and held.";
 
 /// The ONNX file of a checkpoint's network.
@@ -84,13 +85,19 @@ fn graph(checkpoint: &Checkpoint, name: &str) -> Message {
             OUTPUTS.map(|(name, channels)| volume(name, channels)).to_vec(),
         ),
         Architecture::Judge(_) => {
-            let [x, y, z] = BOX.map(|n| n as i64);
+            let volume = |name: &str, channels: usize, [x, y, z]: [usize; 3]| {
+                tensor(name, &[channels as i64, x as i64, y as i64, z as i64])
+            };
             let row = Message::new().integers(1, &[5]).integer(2, INT64).text(8, ROW);
             let row = row.bytes(9, &[0, -1, 1, 1, 1].map(i64::to_le_bytes).concat());
             (
                 judge_nodes(),
                 vec![row],
-                vec![tensor(CROP, &[CHANNELS as i64, x, y, z]), tensor(KNOWN, &[FACTS as i64])],
+                vec![
+                    volume(CROP, CHANNELS, BOX),
+                    volume(WIDE, WIDE_CHANNELS, WIDE_BOX),
+                    tensor(KNOWN, &[FACTS as i64]),
+                ],
                 vec![tensor(ANSWER, &[OUTCOMES as i64])],
             )
         }
@@ -104,19 +111,26 @@ fn graph(checkpoint: &Checkpoint, name: &str) -> Message {
 }
 
 fn judge_nodes() -> Vec<Message> {
-    let [conv1, conv2, conv3, reduce, head1, head2, head3] = judge::LAYERS;
-    let (mut nodes, mut x) = (Vec::new(), CROP.to_owned());
-    for layer in [conv1, conv2, conv3] {
-        x = activated(&mut nodes, layer, &x);
+    let [conv1, conv2, conv3, reduce, wide1, wide2, head1, head2, head3] = judge::LAYERS;
+    let mut nodes = Vec::new();
+    for (input, activations, last) in [(CROP, &[conv1, conv2, conv3][..], reduce), (WIDE, &[wide1], wide2)] {
+        let mut x = input.to_owned();
+        for layer in activations {
+            x = activated(&mut nodes, *layer, &x);
+        }
+        let [seen, turned, row] = ["seen", "last", "row"].map(|what| format!("{input}.{what}"));
+        nodes.extend([
+            convolution(last, &x, &seen),
+            node("Transpose", &[&seen], &turned, &[integers("perm", &[0, 2, 3, 4, 1])]),
+            node("Flatten", &[&turned], &row, &[integer("axis", 1)]),
+        ]);
     }
+    let [crop, wide] = [CROP, WIDE].map(|input| format!("{input}.row"));
     nodes.extend([
-        convolution(reduce, &x, "reduced"),
-        node("Transpose", &["reduced"], "reduced.last", &[integers("perm", &[0, 2, 3, 4, 1])]),
-        node("Flatten", &["reduced.last"], "reduced.row", &[integer("axis", 1)]),
-        node("Concat", &["reduced.row", KNOWN], "row", &[integer("axis", 1)]),
+        node("Concat", &[&crop, &wide, KNOWN], "row", &[integer("axis", 1)]),
         node("Reshape", &["row", ROW], "row.shaped", &[]),
     ]);
-    x = "row.shaped".to_owned();
+    let mut x = "row.shaped".to_owned();
     for layer in [head1, head2] {
         x = activated(&mut nodes, layer, &x);
     }

@@ -3,7 +3,8 @@
 //! A box of points spans the open hand, the way that it sweeps from pre-grasp to grasp, and some space beyond its tips;
 //! it scales with the hand. At each point stand the mean of the *observed* distances around it, the share of them that
 //! was observed, the height over the table, and the distance to the swept hand itself, so that one network can serve
-//! hands of other dimensions.
+//! hands of other dimensions. A wider and coarser box about the tips shows what the hand would hold as a whole, and
+//! what lies around it: whether it is gripped beside its middle, and what else would move.
 
 use schema::{Gripper, HandBox, Pose, Vec3, VoxelGrid};
 
@@ -14,11 +15,18 @@ use crate::kernels::conv::Extent;
 pub const BOX: [usize; 3] = [8, 20, 28];
 /// Values of a point: distance, observed share, height over the table, distance to the hand.
 pub const CHANNELS: usize = 4;
+/// Points of the surroundings along x, y and z of the grasp frame.
+pub const WIDE_BOX: [usize; 3] = [12, 8, 8];
+/// Values of a point of the surroundings: distance, observed share, height over the table.
+pub const WIDE_CHANNELS: usize = 3;
 /// Values of a hand besides its crop.
 pub const FACTS: usize = 16;
 
-/// The box in memory, with the zeros that the first convolution pads with.
+/// The boxes in memory, with the zeros that the first convolutions pad with.
 const PADDED: Extent = Extent { n: BOX, padding: 1 };
+const WIDE_PADDED: Extent = Extent { n: WIDE_BOX, padding: 1 };
+/// How far the surroundings reach from the tips along x, y and z.
+const WIDE_M: Vec3 = Vec3::new(0.088, 0.06, 0.06);
 /// Distances are clipped here, and divided by it.
 const CLIP_M: f32 = 0.03;
 /// How far the box reaches beyond the tips.
@@ -88,12 +96,31 @@ impl From<&VoxelGrid> for PaddedGrid {
     }
 }
 
+/// A box of points in the grasp frame.
+#[derive(Debug, Clone, Copy)]
+struct Lattice {
+    padded: Extent,
+    /// The first point and the steps between points.
+    low_m: Vec3,
+    step_m: Vec3,
+}
+
+impl Lattice {
+    fn new(padded: Extent, low_m: Vec3, high_m: Vec3) -> Self {
+        let [nx, ny, nz] = padded.n.map(|n| n as f32 - 1.0);
+        Self { padded, low_m, step_m: (high_m - low_m) / Vec3::new(nx, ny, nz) }
+    }
+
+    fn point_m(&self, [x, y, z]: [usize; 3]) -> Vec3 {
+        self.low_m + self.step_m * Vec3::new(x as f32, y as f32, z as f32)
+    }
+}
+
 /// How the judge sees a hand; made once for a hand and a grid.
 #[derive(Debug, Clone)]
 pub struct Crop {
-    /// The first point and the steps between points, in the grasp frame.
-    low_m: Vec3,
-    step_m: Vec3,
+    narrow: Lattice,
+    wide: Lattice,
     /// A padded box with the distances to the swept hand, and zeros for what is seen.
     template: Vec<f32>,
     /// What the hand sweeps, with its clearance.
@@ -107,6 +134,8 @@ pub struct Crop {
 impl Crop {
     /// Values of a crop with its padding.
     pub const LEN: usize = PADDED.len() * CHANNELS;
+    /// Values of the surroundings with their padding.
+    pub const WIDE_LEN: usize = WIDE_PADDED.len() * WIDE_CHANNELS;
 
     /// How a judge of this scope sees hands.
     #[must_use]
@@ -116,11 +145,9 @@ impl Crop {
         let low = sweep.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
         let high = sweep.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
         let high = high + Vec3::new(0.0, 0.0, BEYOND_M);
-        let steps = Vec3::new(BOX[0] as f32, BOX[1] as f32, BOX[2] as f32) - 1.0;
-        let step_m = (high - low) / steps;
         let mut crop = Self {
-            low_m: low,
-            step_m,
+            narrow: Lattice::new(PADDED, low, high),
+            wide: Lattice::new(WIDE_PADDED, -WIDE_M, WIDE_M),
             template: vec![0.0; Self::LEN],
             swept: sweep.map(|b| b.grown(gripper.clearance_m)),
             dimensions: dimensions(gripper, *pregrasp_distance_m),
@@ -128,15 +155,10 @@ impl Crop {
             voxel_size_m: grid.voxel_size_m(),
         };
         for at in PADDED.positions() {
-            let distance_m = sweep.iter().map(|b| distance_m(b, crop.point_m(at))).fold(f32::INFINITY, f32::min);
+            let distance_m = sweep.iter().map(|b| distance_m(b, crop.narrow.point_m(at))).fold(f32::INFINITY, f32::min);
             crop.template[PADDED.place(at) * CHANNELS + 3] = clipped(distance_m);
         }
         crop
-    }
-
-    /// A point in the grasp frame.
-    fn point_m(&self, [x, y, z]: [usize; 3]) -> Vec3 {
-        self.low_m + self.step_m * Vec3::new(x as f32, y as f32, z as f32)
     }
 
     /// Whether the hand, on its way to the grasp, comes nearer to the table than its clearance: then the attempt fails
@@ -148,27 +170,44 @@ impl Crop {
     }
 
     /// Appends the crop of a hand, `[10, 22, 30, CHANNELS]`, mirrored in the grasp's x and y or not.
-    pub(super) fn see(
+    pub(super) fn see(&self, grid: &PaddedGrid, workspace_from_grasp: &Pose, mirrored: [bool; 2], to: &mut Vec<f32>) {
+        let start = to.len();
+        to.extend_from_slice(&self.template);
+        self.look::<CHANNELS>(self.narrow, grid, workspace_from_grasp, mirrored, &mut to[start..]);
+    }
+
+    /// Appends the surroundings of a hand, `[14, 10, 10, WIDE_CHANNELS]`.
+    pub(super) fn see_wide(
         &self,
         grid: &PaddedGrid,
         workspace_from_grasp: &Pose,
         mirrored: [bool; 2],
-        crops: &mut Vec<f32>,
+        to: &mut Vec<f32>,
     ) {
-        let start = crops.len();
-        crops.extend_from_slice(&self.template);
-        let crop = &mut crops[start..];
-        let turn = |along: Vec3| workspace_from_grasp.rotation * along;
-        let step_m = turn(Vec3::new(0.0, 0.0, self.step_m.z));
+        let start = to.len();
+        to.resize(start + Self::WIDE_LEN, 0.0);
+        self.look::<WIDE_CHANNELS>(self.wide, grid, workspace_from_grasp, mirrored, &mut to[start..]);
+    }
+
+    /// Sets the first three values of each point.
+    fn look<const VALUES: usize>(
+        &self,
+        lattice: Lattice,
+        grid: &PaddedGrid,
+        workspace_from_grasp: &Pose,
+        mirrored: [bool; 2],
+        to: &mut [f32],
+    ) {
+        let step_m = workspace_from_grasp.rotation * Vec3::new(0.0, 0.0, lattice.step_m.z);
         // In voxels from the centre of the border's first one.
         let (per_m, offset) = (1.0 / self.voxel_size_m, Vec3::splat(0.5));
-        let [nx, ny, nz] = BOX;
+        let [nx, ny, nz] = lattice.padded.n;
         for x in 0..nx {
             for y in 0..ny {
-                let first_m = workspace_from_grasp.transform_point(self.point_m([x, y, 0]));
-                let to = [if mirrored[0] { nx - 1 - x } else { x }, if mirrored[1] { ny - 1 - y } else { y }, 0];
-                let line = &mut crop[PADDED.place(to) * CHANNELS..][..nz * CHANNELS];
-                for (z, point) in line.as_chunks_mut::<CHANNELS>().0.iter_mut().enumerate() {
+                let first_m = workspace_from_grasp.transform_point(lattice.point_m([x, y, 0]));
+                let at = [if mirrored[0] { nx - 1 - x } else { x }, if mirrored[1] { ny - 1 - y } else { y }, 0];
+                let line = &mut to[lattice.padded.place(at) * VALUES..][..nz * VALUES];
+                for (z, point) in line.as_chunks_mut::<VALUES>().0.iter_mut().enumerate() {
                     let at_m = first_m + step_m * z as f32;
                     let (distance, share) = grid.at(at_m * per_m + offset);
                     [point[0], point[1], point[2]] = [distance, share, clipped(at_m.z - self.table_z_m)];
@@ -265,7 +304,7 @@ mod tests {
             for at in PADDED.positions() {
                 let [distance, share, height, _] =
                     *crop[PADDED.place(at) * CHANNELS..].first_chunk::<CHANNELS>().unwrap();
-                let point = pose.transform_point(Crop::new(&scope()).point_m(at));
+                let point = pose.transform_point(Crop::new(&scope()).narrow.point_m(at));
                 assert!((height - ((point.z - 0.05) / 0.03).clamp(-1.0, 1.0)).abs() < 1e-4);
                 if share > 0.999 {
                     assert!((distance - (2.0 * value(point) - 1.0)).abs() < 1e-3, "{at:?}: {distance}");
