@@ -67,7 +67,8 @@ def test_the_judge_in_onnx_says_what_the_planner_says(folder):
     # The half turn is the hand mirrored in both, so the mean is the same for the two, and only the mean.
     assert np.abs(means[0] - means[1]).max() < 2e-4
     assert np.abs(singles[0] - singles[1]).max() > 1e-3
-    assert apart_mean[:10].max() < 2e-4, apart_mean
+    # Hands near better ones are left out of a plan, so it soon comes to those that were asked once.
+    assert apart_mean[:5].max() < 2e-4, apart_mean
 
 
 def test_an_export_says_what_it_was_trained_for(folder):
@@ -75,7 +76,12 @@ def test_an_export_says_what_it_was_trained_for(folder):
     assert judge.hand["name"] == "parallel_jaw_80"
     assert judge.grid == {"resolution": 40, "size_m": 0.3, "table_z_m": 0.05}
     shapes = {put.name: put.shape for put in (*judge.session.get_inputs(), *judge.session.get_outputs())}
-    assert shapes == {"crop": ["batch", 4, 8, 20, 28], "facts": ["batch", 16], "outcomes": ["batch", 6]}
+    assert shapes == {
+        "crop": ["batch", 4, 8, 20, 28],
+        "surroundings": ["batch", 3, 12, 8, 8],
+        "facts": ["batch", 16],
+        "outcomes": ["batch", 6],
+    }
 
 
 def test_a_picture_of_what_the_network_is_given(folder):

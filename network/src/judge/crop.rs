@@ -64,7 +64,7 @@ impl PaddedGrid {
 
     /// Mean of the observed distances around a point, in [−1, 1] of the truncation, and the share that was observed.
     /// `at` is in voxels from the centre of the border's first one.
-    #[inline]
+    #[inline(always)]
     fn at(&self, at: Vec3) -> (f32, f32) {
         let last = (self.side - 1) as f32 - 1e-3;
         let [(x, high_x), (y, high_y), (z, high_z)] = at.to_array().map(|at| {

@@ -72,6 +72,12 @@ impl Forward<'_> {
         for (rows, places) in rows.iter().zip(places) {
             self.tile::<S, T, R>(simd, first, rows, places);
         }
+        // One row at a time would wait for each product.
+        let (rows, rest) = rest.as_chunks::<4>();
+        let (places, places_of_rest) = places_of_rest.as_chunks::<4>();
+        for (rows, places) in rows.iter().zip(places) {
+            self.tile::<S, 4, R>(simd, first, rows, places);
+        }
         for (row, place) in rest.iter().zip(places_of_rest) {
             self.tile::<S, 1, R>(simd, first, &[*row], &[*place]);
         }
