@@ -40,8 +40,9 @@ const ANSWER: &str = "outcomes";
 const ROW: &str = "row.shape";
 
 const JUDGE_DOC: &str = "A judge of hands. In: crop [batch, 4, 8, 20, 28] and surroundings [batch, 3, 12, 8, 8], the \
-                         TSDF in the hand's frame, and facts [batch, 16], as scripts/judge_onnx.py computes them. Out: outcomes [batch, 6], the \
-                         probabilities of pregrasp_collision, approach_collision, empty, slipped, hit_other and held.";
+                         TSDF in the hand's frame, and facts [batch, 16], as scripts/judge_onnx.py computes them. Out: \
+                         outcomes [batch, 6], the probabilities of pregrasp_collision, approach_collision, \
+                         empty, slipped, hit_other and held.";
 
 /// The ONNX file of a checkpoint's network.
 pub(super) fn model(checkpoint: &Checkpoint) -> Vec<u8> {
