@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use program::{Failure, peak_memory_bytes, thread_pool};
 use rayon::prelude::*;
-use schema::{Outcome, SceneRows};
+use schema::{Engine, Outcome, SceneRows};
 use serde::Serialize;
 use shards::{Draft, Finalized, Table};
 use simulator::{AttemptWorld, Physics, Scene};
@@ -82,6 +82,8 @@ pub struct Agreement {
     pub settings: String,
     /// Attempts.
     pub attempts: u64,
+    /// Those that the gate lets pass.
+    pub closing: u64,
     /// Number with the same label.
     pub same_label: u64,
     /// Number with the same outcome.
@@ -124,7 +126,9 @@ pub fn bench(
     if repeated_attempts > 0 {
         let solver_iterations = config.physics.solver_iterations.max(Physics::FAITHFUL.solver_iterations);
         let faithful = Physics { solver_iterations, shortcuts: false, ..config.physics };
+        let other = if config.physics.engine == Engine::Rapier { Engine::Stepper } else { Engine::Rapier };
         for (settings, physics) in [
+            (format!("by engine {:?}", other.name()), Physics { engine: other, ..config.physics }),
             (format!("everything simulated, {solver_iterations} iterations"), faithful),
             (
                 format!("everything simulated, {solver_iterations} iterations at {} Hz", 2.0 * faithful.step_rate_hz),
@@ -218,12 +222,20 @@ fn agreement(
         let rows = make_scene(config, scene_id, info.attempts_of_scene(scene_id))?;
         Ok::<_, Failure>((repeat(config, &config.physics, &rows), repeat(config, &physics, &rows)))
     };
-    let mut found =
-        Agreement { settings, attempts: 0, same_label: 0, same_outcome: 0, positives: [0; 2], total_s: [0.0; 2] };
+    let mut found = Agreement {
+        settings,
+        attempts: 0,
+        closing: 0,
+        same_label: 0,
+        same_outcome: 0,
+        positives: [0; 2],
+        total_s: [0.0; 2],
+    };
     let pairs: Result<Vec<_>, _> = thread_pool(threads)?.install(|| (0..scenes).into_par_iter().map(compare).collect());
     for ((ours, our_time), (theirs, their_time)) in pairs? {
         found.attempts += ours.len() as u64;
         for (a, b) in ours.iter().zip(&theirs) {
+            found.closing += u64::from(!matches!(a, Outcome::PregraspCollision | Outcome::ApproachCollision));
             found.same_label += u64::from(a.label() == b.label());
             found.same_outcome += u64::from(a == b);
             found.positives[0] += u64::from(a.label());

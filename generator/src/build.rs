@@ -171,7 +171,7 @@ fn observe(config: &Config, scene_id: u64, rays: &SceneRays, views: &[View]) -> 
         // A ray is cast only for pixels onto which a voxel projects.
         None => cameras.for_each(|camera| {
             let seen = rays.seen_from(&camera);
-            tsdf.integrate(&camera, |pixel| seen.depth_at(pixel));
+            tsdf.integrate_lines(&camera, |pixels, depths_m| seen.depths_at(pixels, depths_m));
         }),
         Some(params) => {
             let mut sensor = sensor(params, config.seed, scene_id, &lens);

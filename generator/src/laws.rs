@@ -1,15 +1,20 @@
 //! What a dataset says of the config that made it: its identity, and the settings that its rows were drawn by.
 
 use program::{ExitCode, Failure};
-use schema::Physics;
+use schema::{Engine, Physics};
 use serde_json::{Value, json};
 use shards::{DatasetInfo, FormatVersion};
 use simulator::Body;
 
 use crate::config::{Config, OF_PRIMITIVES, Sampler};
 
-/// The engine, as datasets name it.
-const ENGINE: &str = "rapier3d 0.36.1";
+/// The engine, as datasets name it: with its version, because other versions give other labels.
+const fn stored_name(engine: Engine) -> &'static str {
+    match engine {
+        Engine::Rapier => "rapier3d 0.36.1",
+        Engine::Stepper => "stepper 1",
+    }
+}
 
 impl Config {
     /// What goes to `meta/info.json`: the dataset's identity.
@@ -50,7 +55,7 @@ impl Config {
             "tsdf": self.tsdf,
             "physics": self.physics,
         });
-        stored["physics"]["engine"] = json!(ENGINE);
+        stored["physics"]["engine"] = json!(stored_name(self.physics.engine));
         if self.sampler == Sampler::Mixed {
             stored["shares"] = json!(self.shares);
         }
@@ -82,9 +87,13 @@ impl Config {
 pub(crate) fn physics_of(config: &Value) -> Result<Physics, Failure> {
     let unknown = |why: String| info_lacks(&format!(" has no engine settings that this program knows: {why}"));
     let mut physics = config["physics"].clone();
-    let engine = physics.as_object_mut().and_then(|physics| physics.remove("engine")).unwrap_or_default();
-    if engine != ENGINE {
-        return Err(unknown(format!("the engine must be {ENGINE:?}, got {engine}")));
+    let known = Engine::ALL.into_iter().find(|engine| physics["engine"] == stored_name(*engine));
+    let Some(engine) = known else {
+        let names = Engine::ALL.map(|engine| format!("{:?}", stored_name(engine))).join(" or ");
+        return Err(unknown(format!("the engine must be {names}, got {}", physics["engine"])));
+    };
+    if let Some(physics) = physics.as_object_mut() {
+        physics.insert("engine".to_owned(), json!(engine));
     }
     settings::read_stored(&physics, "physics").map_err(|faults| unknown(faults.join("; ")))
 }

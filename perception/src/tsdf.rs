@@ -49,12 +49,22 @@ impl Tsdf {
     /// requested pixel, which gives the same field as rendering the image first. Only pixels onto which a voxel's
     /// centre projects are requested, some of them more than once.
     pub fn integrate(&mut self, camera: &Camera, mut depth_at: impl FnMut([usize; 2]) -> Option<f32>) {
+        self.integrate_lines(camera, |pixels, depths_m| {
+            for (pixel, depth_m) in pixels.iter().zip(depths_m) {
+                *depth_m = depth_at(*pixel).unwrap_or(f32::INFINITY);
+            }
+        });
+    }
+
+    /// The same; `look_up(pixels, depths_m)` gives the depths in the pixels of a line in the image, infinite where the
+    /// camera saw nothing.
+    pub fn integrate_lines(&mut self, camera: &Camera, mut look_up: impl FnMut(&[[usize; 2]], &mut [f32])) {
         let side = self.grid.resolution;
         let mut column = Column::new(camera, &self.grid);
         for i in 0..side {
             for j in 0..side {
                 column.project(i, j);
-                column.look_up(&mut depth_at);
+                column.look_up(&mut look_up);
                 let flat = self.grid.flat([i, j, 0]);
                 column.fuse(self.truncation_m, &mut self.mean[flat..flat + side], &mut self.weight[flat..flat + side]);
             }
@@ -97,10 +107,11 @@ struct Column {
     v: Vec<f32>,
     /// Depth of the voxels' centres, in metres.
     z_m: Vec<f32>,
-    /// Seen depth in metres; NaN where nothing was seen.
+    /// Seen depth in metres; infinite where nothing was seen.
     depth_m: Vec<f32>,
     /// Square of the length of the pixel's ray: of distance per depth.
     ray2: Vec<f32>,
+    pixels: Vec<[usize; 2]>,
 }
 
 impl Column {
@@ -121,6 +132,7 @@ impl Column {
             z_m: blank.clone(),
             depth_m: blank.clone(),
             ray2: blank,
+            pixels: vec![[0; 2]; grid.resolution],
         }
     }
 
@@ -139,20 +151,25 @@ impl Column {
     }
 
     /// Looks up the depths.
-    fn look_up(&mut self, depth_at: &mut impl FnMut([usize; 2]) -> Option<f32>) {
+    fn look_up(&mut self, look_up: &mut impl FnMut(&[[usize; 2]], &mut [f32])) {
         let (width, height) = (self.lens.width_px as f32, self.lens.height_px as f32);
-        let slots = self.depth_m.iter_mut().zip(&mut self.ray2);
-        for ((u, v), (depth_m, ray2)) in self.u.iter().zip(&self.v).zip(slots) {
-            *depth_m = f32::NAN;
-            // False for NaN, which marks voxels behind the camera.
-            if *u >= 0.0 && *v >= 0.0 && *u < width && *v < height {
-                let pixel = [*u as u32 as usize, *v as u32 as usize];
-                *ray2 = self.ray_x2[pixel[0]] + self.ray_y2[pixel[1]] + 1.0;
-                if let Some(seen_m) = depth_at(pixel) {
-                    *depth_m = seen_m;
-                }
+        // False for NaN, which marks voxels behind the camera.
+        let has = |u: f32, v: f32| u >= 0.0 && v >= 0.0 && u < width && v < height;
+        // What is seen of a column is in one piece, unless rounding breaks it.
+        let mut from = 0;
+        for k in 0..self.u.len() {
+            let (u, v) = (self.u[k], self.v[k]);
+            if has(u, v) {
+                let pixel = [u as u32 as usize, v as u32 as usize];
+                self.pixels[k] = pixel;
+                self.ray2[k] = self.ray_x2[pixel[0]] + self.ray_y2[pixel[1]] + 1.0;
+            } else {
+                look_up(&self.pixels[from..k], &mut self.depth_m[from..k]);
+                self.depth_m[k] = f32::INFINITY;
+                from = k + 1;
             }
         }
+        look_up(&self.pixels[from..], &mut self.depth_m[from..]);
     }
 
     /// Updates the running means with this view.
@@ -164,8 +181,7 @@ impl Column {
         let weight = &mut weight[..side];
         for k in 0..side {
             let distance_m = (depth_m[k] - z_m[k]) * ray2[k].sqrt();
-            // 0 for NaN, which means "nothing was seen".
-            let near = f32::from(u8::from(distance_m > -truncation_m));
+            let near = f32::from(u8::from(distance_m > -truncation_m && distance_m < f32::INFINITY));
             let distance = (distance_m * per_truncation).min(1.0);
             let fused = (mean[k] * weight[k] + distance) / (weight[k] + 1.0);
             mean[k] = if near > 0.0 { fused } else { mean[k] };

@@ -34,7 +34,7 @@ mod seed;
 mod solid;
 
 pub use camera::{Camera, DepthImage, Intrinsics, View};
-pub use generation::{CameraParams, Physics, SettleParams, TsdfParams, ViewParams};
+pub use generation::{CameraParams, Engine, Physics, SettleParams, TsdfParams, ViewParams};
 pub use grasp::{Grasp, VoxelGrasp};
 pub use grid::{Grid, GridError, VoxelGrid};
 pub use gripper::{Gripper, HandBox};

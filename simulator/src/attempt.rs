@@ -6,15 +6,15 @@
 //! 4. The outcome is the first that applies: `pregrasp_collision`, `approach_collision`, `empty`, `slipped`,
 //!    `hit_other`, `held`.
 
-use rapier3d::prelude::{ColliderHandle, PhysicsPipeline, RigidBodyHandle};
-use schema::{Gripper, Outcome, Physics, Pose, Procedure, Vec3};
+use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Vec3};
 
-use crate::engine::{EngineBody, World};
+use crate::Scene;
+use crate::engine::EngineBody;
 use crate::gate::{Gate, Hit};
-use crate::hand::Hand;
+use crate::rig::{RapierRig, Rig};
 use crate::shortcuts::{FreeClosing, LiftWatch};
+use crate::stepper::{Stepper, Thing};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
-use crate::{Scene, SceneObject};
 
 /// Fingers slower than this stand still …
 const STOPPED_SPEED_M_S: f32 = 0.002;
@@ -41,7 +41,13 @@ pub struct AttemptWorld<'a> {
     pub(crate) procedure: &'a Procedure,
     pub(crate) table_z_m: f32,
     pub(crate) gate: Gate,
-    engine_bodies: Vec<(EngineBody, Pose)>,
+    objects: Objects,
+}
+
+/// The objects as the engine wants them.
+enum Objects {
+    Stepper(Vec<Thing>),
+    Rapier(Vec<(EngineBody, Pose)>),
 }
 
 impl<'a> AttemptWorld<'a> {
@@ -49,10 +55,13 @@ impl<'a> AttemptWorld<'a> {
     /// attempts.
     #[must_use]
     pub fn new(physics: &'a Physics, gripper: &'a Gripper, procedure: &'a Procedure, scene: &Scene) -> Self {
-        let engine_body = |o: &SceneObject| (EngineBody::new(&o.body, o.mass_kg, o.friction), o.workspace_from_object);
-        let engine_bodies = scene.objects.iter().map(engine_body).collect();
+        let objects = scene.objects.iter();
+        let objects = match physics.engine {
+            Engine::Stepper => Objects::Stepper(objects.map(Thing::of).collect()),
+            Engine::Rapier => Objects::Rapier(objects.map(|o| (EngineBody::of(o), o.workspace_from_object)).collect()),
+        };
         let gate = Gate::new(scene, gripper, procedure);
-        Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, engine_bodies }
+        Self { physics, gripper, procedure, table_z_m: scene.table_z_m, gate, objects }
     }
 
     /// Tries one grasp of object `target`.
@@ -129,11 +138,24 @@ impl<'a> AttemptWorld<'a> {
     #[must_use]
     pub fn execute_leaving(&self, workspace_from_grasp: &Pose, target: usize) -> (Execution, Vec<Pose>) {
         if let Some(blocked) = self.blocked(workspace_from_grasp, target) {
-            return (blocked, self.engine_bodies.iter().map(|(_, pose)| *pose).collect());
+            return (blocked, self.objects.poses());
         }
         let mut run = Run::start(self, *workspace_from_grasp, target, 0, false);
         let execution = run.finish();
         (execution, run.workspace_poses())
+    }
+
+    /// A fresh copy of the scene with a hand in it.
+    fn rig(&self, workspace_from_grasp: &Pose, closed_m: f32, all_awake: bool) -> Box<dyn Rig + '_> {
+        let (physics, gripper, table_z_m) = (self.physics, self.gripper, self.table_z_m);
+        match &self.objects {
+            Objects::Stepper(things) => {
+                Box::new(Stepper::new(physics, gripper, things, table_z_m, workspace_from_grasp, closed_m, all_awake))
+            }
+            Objects::Rapier(bodies) => {
+                Box::new(RapierRig::new(physics, gripper, bodies, table_z_m, workspace_from_grasp, closed_m, all_awake))
+            }
+        }
     }
 
     /// The end of an attempt that the gate stops.
@@ -143,13 +165,28 @@ impl<'a> AttemptWorld<'a> {
     }
 }
 
+impl Objects {
+    fn len(&self) -> usize {
+        match self {
+            Self::Stepper(things) => things.len(),
+            Self::Rapier(bodies) => bodies.len(),
+        }
+    }
+
+    /// Where they are in the scene.
+    fn poses(&self) -> Vec<Pose> {
+        match self {
+            Self::Stepper(things) => things.iter().map(|thing| thing.workspace_from_object).collect(),
+            Self::Rapier(bodies) => bodies.iter().map(|(_, pose)| *pose).collect(),
+        }
+    }
+}
+
 /// An attempt under way.
 pub(crate) struct Run<'a> {
     pub(crate) setup: &'a AttemptWorld<'a>,
-    pub(crate) world: World,
-    pipeline: PhysicsPipeline,
-    pub(crate) hand: Hand,
-    pub(crate) bodies: Vec<RigidBodyHandle>,
+    pub(crate) rig: Box<dyn Rig + 'a>,
+    object_count: usize,
     /// Steps of closing that were left out.
     skipped_steps: usize,
     /// Whether what decides nothing is left out.
@@ -159,7 +196,6 @@ pub(crate) struct Run<'a> {
     up: Vec3,
     workspace_from_grasp: Pose,
     pub(crate) target: usize,
-    pub(crate) target_collider: ColliderHandle,
     phase: Phase,
     lift: Option<Lift>,
     watcher: Option<&'a mut (dyn Watcher + 'a)>,
@@ -187,31 +223,19 @@ impl<'a> Run<'a> {
         skipped_steps: usize,
         shortcuts: bool,
     ) -> Self {
-        let grasp_from_workspace = workspace_from_grasp.inverse();
-        let down = grasp_from_workspace.rotation * -Vec3::Z;
-        let mut world = World::new(setup.physics, down * setup.physics.gravity_m_s2);
-        world.add_table(&grasp_from_workspace, setup.table_z_m, setup.physics.table_friction);
-        let add = |(engine_body, workspace_from_object): &(EngineBody, Pose)| {
-            let pose = grasp_from_workspace * *workspace_from_object;
-            if shortcuts { world.add_resting_object(engine_body, pose) } else { world.add_object(engine_body, pose) }
-        };
-        let bodies: Vec<RigidBodyHandle> = setup.engine_bodies.iter().map(add).collect();
-        let hand = Hand::insert(&mut world, setup.gripper, skipped_steps as f32 * setup.closing_step_m());
-        let target_collider = world.bodies[bodies[target]].colliders()[0];
-        let pipeline = PhysicsPipeline::new();
+        let closed_m = skipped_steps as f32 * setup.closing_step_m();
+        let object_count = setup.objects.len();
+        assert!(target < object_count, "the scene has {object_count} objects, and the target is number {target}");
         Self {
             setup,
-            world,
-            pipeline,
-            hand,
-            bodies,
+            rig: setup.rig(&workspace_from_grasp, closed_m, !shortcuts),
+            object_count,
             skipped_steps,
             shortcuts,
             steps: 0,
-            up: -down,
+            up: workspace_from_grasp.inverse().rotation * Vec3::Z,
             workspace_from_grasp,
             target,
-            target_collider,
             phase: Phase::Close,
             lift: None,
             watcher: None,
@@ -230,7 +254,7 @@ impl<'a> Run<'a> {
         if !held {
             return self.ended(Outcome::Slipped, None, width_m);
         }
-        let width_m = self.hand.width_m(&self.world);
+        let width_m = self.width_m();
         let hit = match pushed {
             Some(hit) => Some(hit),
             None => self.raised(&before),
@@ -246,7 +270,7 @@ impl<'a> Run<'a> {
     }
 
     fn step(&mut self) {
-        self.world.step(&mut self.pipeline);
+        self.rig.step();
         self.steps += 1;
         if self.watcher.is_some() {
             self.show(|watcher, moment| watcher.step(moment));
@@ -263,14 +287,19 @@ impl<'a> Run<'a> {
         let moment = Moment {
             phase: self.phase,
             steps: self.skipped_steps + self.steps,
-            setup: self.setup,
-            world: &self.world,
-            hand: &self.hand,
-            bodies: &self.bodies,
+            rig: &*self.rig,
+            object_count: self.object_count,
+            width_m: self.width_m(),
             workspace_from_grasp: self.workspace_from_grasp,
         };
         how(watcher, &moment);
         self.watcher = Some(watcher);
+    }
+
+    /// Opening between the fingers' inner faces, in metres.
+    fn width_m(&self) -> f32 {
+        let [left, right] = self.rig.closed_m();
+        (self.setup.gripper.opening_m_max - left - right).max(0.0)
     }
 
     /// Closes until both fingers stand still; gives the opening.
@@ -278,15 +307,15 @@ impl<'a> Run<'a> {
         let physics = self.setup.physics;
         let wanted = physics.steps(STOPPED_TIME_S);
         let slow = STOPPED_SPEED_M_S * physics.dt_s();
-        let mut last = self.hand.closed_m(&self.world);
+        let mut last = self.rig.closed_m();
         let mut stopped = 0;
         for _ in self.skipped_steps..physics.steps(self.setup.procedure.close_time_s_max) {
             self.step();
-            let now = self.hand.closed_m(&self.world);
+            let now = self.rig.closed_m();
             let still = now.iter().zip(&last).all(|(a, b)| (a - b).abs() < slow);
             stopped = if still { stopped + 1 } else { 0 };
             last = now;
-            let width_m = self.hand.width_m(&self.world);
+            let width_m = self.width_m();
             if width_m <= self.setup.procedure.empty_width_m {
                 self.tell(AttemptEvent::JawsMet { width_m });
                 return width_m;
@@ -296,7 +325,7 @@ impl<'a> Run<'a> {
                 return width_m;
             }
         }
-        let width_m = self.hand.width_m(&self.world);
+        let width_m = self.width_m();
         self.tell(AttemptEvent::ClosingTimeOver { width_m });
         width_m
     }
@@ -310,7 +339,7 @@ impl<'a> Run<'a> {
             let last_m = lift.distance_m;
             self.phase = if lift.step < lift.retreat_steps { Phase::Retreat } else { Phase::Hold };
             self.lift_once(&mut lift);
-            let width_m = self.hand.width_m(&self.world);
+            let width_m = self.width_m();
             if width_m <= procedure.empty_width_m {
                 self.tell(AttemptEvent::JawsMetLifting { width_m });
                 return false;
@@ -329,7 +358,7 @@ impl<'a> Run<'a> {
         let travel_m = (self.positions()[self.target] - target_start_m).dot(lift.direction);
         let travel_m_min = procedure.held_travel_share_min * procedure.retreat_distance_m;
         let came_along = travel_m >= travel_m_min;
-        let is_held = came_along && self.hand.grips(&self.world, self.target_collider);
+        let is_held = came_along && self.rig.is_gripped(self.target);
         self.tell(match (came_along, is_held) {
             (false, _) => AttemptEvent::LeftBehind { travel_m, travel_m_min },
             (true, false) => AttemptEvent::NotGripped,
@@ -341,7 +370,7 @@ impl<'a> Run<'a> {
     fn begin_lift(&self) -> Lift {
         let (physics, procedure) = (self.setup.physics, self.setup.procedure);
         let retreat_steps = physics.steps(procedure.retreat_distance_m / procedure.retreat_speed_m_s);
-        let [left, right] = self.hand.closed_m(&self.world);
+        let [left, right] = self.rig.closed_m();
         Lift {
             direction: self.retreat_direction(),
             asymmetry_m: left - right,
@@ -358,8 +387,8 @@ impl<'a> Run<'a> {
         let share = lift.share();
         // Smoothstep: the hand starts and stops without a jolt.
         lift.distance_m = self.setup.procedure.retreat_distance_m * share * share * (3.0 - 2.0 * share);
-        self.hand.press(&mut self.world, lift.asymmetry_m);
-        self.hand.move_to(&mut self.world, lift.direction * lift.distance_m);
+        self.rig.press(lift.asymmetry_m);
+        self.rig.move_to(lift.direction * lift.distance_m);
         self.step();
         self.lift = Some(*lift);
     }
@@ -383,7 +412,7 @@ impl<'a> Run<'a> {
             self.tell(AttemptEvent::Pushed { object_id, moved_m: moved_m(object_id) });
             return Some(Hit::object(object_id, self.target));
         }
-        let closed = self.hand.closed_m(&self.world);
+        let closed = self.rig.closed_m();
         let fingers = self.setup.gripper.fingers(self.setup.gripper.opening_m_max);
         let low = fingers.iter().zip(closed).zip([1.0, -1.0]).any(|((finger, closed_m), inward)| {
             let moved = schema::HandBox { centre_m: finger.centre_m + Vec3::Y * (inward * closed_m), ..*finger };
@@ -407,20 +436,20 @@ impl<'a> Run<'a> {
 
     pub(crate) fn others(&self) -> impl Iterator<Item = usize> {
         let target = self.target;
-        (0..self.bodies.len()).filter(move |id| *id != target)
+        (0..self.object_count).filter(move |id| *id != target)
     }
 
     fn positions(&self) -> Vec<Vec3> {
-        self.bodies.iter().map(|body| self.world.pose(*body).translation).collect()
+        (0..self.object_count).map(|id| self.rig.pose(id).translation).collect()
     }
 
     /// Where the objects are now, in the workspace. (The world's frame is that of the hand at the grasp.)
     fn workspace_poses(&self) -> Vec<Pose> {
-        let in_workspace = |body: &RigidBodyHandle| {
-            let pose = self.workspace_from_grasp * self.world.pose(*body);
+        let in_workspace = |id: usize| {
+            let pose = self.workspace_from_grasp * self.rig.pose(id);
             Pose::from_parts(pose.translation, pose.rotation.normalize())
         };
-        self.bodies.iter().map(in_workspace).collect()
+        (0..self.object_count).map(in_workspace).collect()
     }
 
     /// Where the hand goes with its catch: back along the approach if that is near enough to straight down, else up.
@@ -442,9 +471,10 @@ mod tests {
     use schema::{Quat, ShapeKind, Solid, axis_angle};
 
     use super::*;
+    use crate::SceneObject;
 
     /// How far a block of `mass_kg` has fallen behind the hand at the end of lift and hold, in metres.
-    fn lag_m(mass_kg: f32, hold_time_s: f32) -> f32 {
+    fn lag_m(physics: &Physics, mass_kg: f32, hold_time_s: f32) -> f32 {
         let gripper = Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap();
         let procedure = Procedure { hold_time_s, ..Procedure::PAPER };
         let solid = Solid::new(ShapeKind::Cuboid, Vec3::new(0.04, 0.04, 0.06)).unwrap();
@@ -452,7 +482,7 @@ mod tests {
         let workspace_from_object = Pose::from_parts(at, Quat::IDENTITY);
         let block = SceneObject { body: solid.into(), mass_kg, friction: 1.0, workspace_from_object };
         let scene = Scene { table_z_m: 0.05, objects: vec![block] };
-        let setup = AttemptWorld::new(&Physics::FAITHFUL, &gripper, &procedure, &scene);
+        let setup = AttemptWorld::new(physics, &gripper, &procedure, &scene);
         let mut run = Run::start(&setup, Pose::from_parts(at, axis_angle(Vec3::X, core::f32::consts::PI)), 0, 0, false);
         run.close();
         let start_m = run.positions()[0];
@@ -466,9 +496,19 @@ mod tests {
     fn a_heavy_block_slides_as_far_as_coulomb_says_and_does_not_creep() {
         let wanted = 6.0 * 0.1 / (0.5 * 0.5);
         let expected_m = 0.1 * (1.0_f32 - (40.0 / 3.6 - 9.81) / wanted).powi(3);
-        let (lifted_m, held_m) = (lag_m(3.6, 0.0), lag_m(3.6, 1.0));
-        assert!((lifted_m - expected_m).abs() < 0.003, "{lifted_m} m, by the closed form {expected_m} m");
-        assert!((held_m - lifted_m).abs() < 5e-5, "crept {} m in a second", held_m - lifted_m);
-        assert!(lag_m(0.5, 1.0).abs() < 5e-5);
+        let faithful = Physics::FAITHFUL;
+        for physics in [
+            Physics { engine: Engine::Rapier, ..faithful },
+            Physics { engine: Engine::Stepper, ..faithful },
+            Physics { engine: Engine::Stepper, solver_iterations: 4, ..faithful },
+        ] {
+            let (lifted_m, held_m) = (lag_m(&physics, 3.6, 0.0), lag_m(&physics, 3.6, 1.0));
+            assert!(
+                (lifted_m - expected_m).abs() < 0.003,
+                "{lifted_m} m, by the closed form {expected_m} m: {physics:?}"
+            );
+            assert!((held_m - lifted_m).abs() < 5e-5, "crept {} m in a second: {physics:?}", held_m - lifted_m);
+            assert!(lag_m(&physics, 0.5, 1.0).abs() < 5e-5, "{physics:?}");
+        }
     }
 }

@@ -5,6 +5,7 @@
 //! only for a requested pixel, so the TSDF costs a fraction of a rendered image.
 
 use schema::{Camera, DepthImage, Intrinsics, Plane, Polyhedron, Pose, Vec3};
+use wide::f32x4;
 
 use crate::Scene;
 
@@ -45,8 +46,14 @@ impl SceneRays {
     pub fn render(&self, camera: &Camera) -> DepthImage {
         let (width_px, height_px) = (camera.intrinsics.width_px, camera.intrinsics.height_px);
         let view = self.seen_from(camera);
-        let depth_m =
-            (0..width_px * height_px).map(|i| view.depth_at([i % width_px, i / width_px]).unwrap_or(0.0)).collect();
+        let mut depth_m = vec![0.0; width_px * height_px];
+        for (v, row) in depth_m.chunks_mut(width_px).enumerate() {
+            let pixels: Vec<[usize; 2]> = (0..width_px).map(|u| [u, v]).collect();
+            view.depths_at(&pixels, row);
+        }
+        for depth_m in depth_m.iter_mut().filter(|depth_m| depth_m.is_infinite()) {
+            *depth_m = 0.0;
+        }
         DepthImage { width_px, height_px, depth_m }
     }
 }
@@ -92,8 +99,9 @@ impl Window {
         window
     }
 
-    fn holds(&self, u: f32, v: f32) -> bool {
-        self.u_px[0] <= u && u <= self.u_px[1] && self.v_px[0] <= v && v <= self.v_px[1]
+    fn holds(&self, u: f32x4, v: f32x4) -> f32x4 {
+        let within = |x: f32x4, [low, high]: [f32; 2]| x.simd_ge(f32x4::splat(low)) & x.simd_le(f32x4::splat(high));
+        within(u, self.u_px) & within(v, self.v_px)
     }
 }
 
@@ -101,40 +109,65 @@ impl ViewRays {
     /// Depth along the camera's z at a pixel, in metres; `None` if the ray hits nothing.
     #[must_use]
     pub fn depth_at(&self, pixel: [usize; 2]) -> Option<f32> {
-        let ray = self.intrinsics.ray(pixel);
-        let [u, v] = pixel.map(|x| x as u32 as f32);
-        let table_speed = self.table.normal.dot(ray);
-        let mut nearest = f32::INFINITY;
-        // A camera under the table does not see it.
-        if table_speed < 0.0 && self.table.offset_m < 0.0 {
-            nearest = self.table.offset_m / table_speed;
-        }
-        for part in &self.parts {
-            if part.window.holds(u, v) {
-                nearest = enter(&part.faces, ray, nearest);
+        let mut depth_m = [0.0];
+        self.depths_at(&[pixel], &mut depth_m);
+        depth_m[0].is_finite().then_some(depth_m[0])
+    }
+
+    /// The same of many pixels, four rays at a time; infinite where a ray hits nothing. Neighbours should stand side by
+    /// side, because a part is asked for all four if one of them may see it.
+    pub fn depths_at(&self, pixels: &[[usize; 2]], depths_m: &mut [f32]) {
+        let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = self.intrinsics;
+        for (pixels, depths_m) in pixels.chunks(4).zip(depths_m.chunks_mut(4)) {
+            let at = |lane: usize| pixels.get(lane).copied().unwrap_or(pixels[0]).map(|x| x as u32 as f32);
+            let [[u0, v0], [u1, v1], [u2, v2], [u3, v3]] = [at(0), at(1), at(2), at(3)];
+            let (u, v) = (f32x4::new([u0, u1, u2, u3]), f32x4::new([v0, v1, v2, v3]));
+            // The arithmetic of [`Intrinsics::ray`].
+            let ray =
+                [(u - f32x4::splat(cx_px)) / f32x4::splat(fx_px), (v - f32x4::splat(cy_px)) / f32x4::splat(fy_px)];
+            let table_speed = speed(&self.table, ray);
+            let mut nearest = f32x4::splat(f32::INFINITY);
+            // A camera under the table does not see it.
+            if self.table.offset_m < 0.0 {
+                let met = f32x4::splat(self.table.offset_m) / table_speed;
+                nearest = table_speed.simd_lt(f32x4::ZERO).bitselect(met, nearest);
             }
+            for part in &self.parts {
+                let may_see = part.window.holds(u, v);
+                if may_see.any() {
+                    nearest = may_see.bitselect(enter(&part.faces, ray, nearest), nearest);
+                }
+            }
+            depths_m.copy_from_slice(&nearest.to_array()[..depths_m.len()]);
         }
-        nearest.is_finite().then_some(nearest)
     }
 }
 
-/// Depth at which the ray from the origin enters the part bounded by `faces`, if less than `nearest`; else `nearest`.
-fn enter(faces: &[Plane], ray: Vec3, nearest: f32) -> f32 {
-    let (mut entry, mut exit) = (0.0_f32, nearest);
+/// How fast rays through (x, y, 1) leave a plane's half-space.
+#[inline(always)]
+fn speed(plane: &Plane, [x, y]: [f32x4; 2]) -> f32x4 {
+    let Vec3 { x: nx, y: ny, z: nz } = plane.normal;
+    f32x4::splat(nx) * x + f32x4::splat(ny) * y + f32x4::splat(nz)
+}
+
+/// Depths at which rays from the origin enter the part bounded by `faces`, if less than `nearest`; else `nearest`.
+#[inline(always)]
+fn enter(faces: &[Plane], ray: [f32x4; 2], nearest: f32x4) -> f32x4 {
+    let (mut entry, mut exit) = (f32x4::ZERO, nearest);
     for face in faces {
-        let speed = face.normal.dot(ray);
-        if speed < 0.0 {
-            entry = entry.max(face.offset_m / speed);
-        } else if speed > 0.0 {
-            exit = exit.min(face.offset_m / speed);
-        } else if face.offset_m < 0.0 {
-            return nearest;
+        let speed = speed(face, ray);
+        let met = f32x4::splat(face.offset_m) / speed;
+        entry = speed.simd_lt(f32x4::ZERO).bitselect(entry.fast_max(met), entry);
+        exit = speed.simd_gt(f32x4::ZERO).bitselect(exit.fast_min(met), exit);
+        if face.offset_m < 0.0 {
+            // Beside the face and outside.
+            exit = speed.simd_eq(f32x4::ZERO).bitselect(f32x4::splat(f32::NEG_INFINITY), exit);
         }
-        if entry > exit {
+        if entry.simd_gt(exit).all() {
             return nearest;
         }
     }
-    if entry > 0.0 { entry } else { nearest }
+    (entry.simd_le(exit) & entry.simd_gt(f32x4::ZERO)).bitselect(entry, nearest)
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 use rapier3d::prelude::*;
 use schema::{Mat3, Physics, Pose, SettleParams};
 
+use crate::SceneObject;
 use crate::body::{Body, Compound, PartShape};
 use crate::faceted::{shape_of, shape_of_hull};
 
@@ -46,7 +47,7 @@ const TABLE_HALF_M: schema::Vec3 = schema::Vec3::new(1.5, 1.5, 0.5);
 /// An object as the engine knows it, ready to be put into worlds.
 pub(crate) struct EngineBody {
     shape: SharedShape,
-    mass_properties: MassProperties,
+    pub(crate) mass_properties: MassProperties,
     friction: f32,
 }
 
@@ -58,6 +59,10 @@ impl EngineBody {
         };
         mass_properties.set_mass(mass_kg, true);
         Self { shape, mass_properties, friction }
+    }
+
+    pub(crate) fn of(object: &SceneObject) -> Self {
+        Self::new(&object.body, object.mass_kg, object.friction)
     }
 }
 

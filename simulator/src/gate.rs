@@ -141,12 +141,12 @@ fn overlaps(hand_box: &HandBox, hull: &PlacedPart, edges: &[Vec3]) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use schema::{Purpose, ShapeKind, Solid, Stream};
 
     use super::*;
 
-    type V = [f64; 3];
+    pub(crate) type V = [f64; 3];
 
     fn dot(a: V, b: V) -> f64 {
         a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -156,13 +156,13 @@ mod tests {
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     }
 
-    fn points(vertices: &[Vec3], pose: &Pose) -> Vec<V> {
+    pub(crate) fn points(vertices: &[Vec3], pose: &Pose) -> Vec<V> {
         vertices.iter().map(|v| pose.transform_point(*v).to_array().map(f64::from)).collect()
     }
 
     /// Width of the widest gap between two convex point sets along any axis that could part them (negative: overlap).
     /// The slow, obvious way: in double precision, every difference of two corners is taken for an edge.
-    fn widest_gap(a: &[V], b: &[V]) -> f64 {
+    pub(crate) fn widest_gap(a: &[V], b: &[V]) -> f64 {
         let edges = |p: &[V]| -> Vec<V> {
             let all = p
                 .iter()

@@ -18,8 +18,8 @@ use crate::engine::{UNITS_PER_M, World};
 
 /// Stiffness and damping of the gear between the fingers. Stiff enough that 3 N of weight shifts a grip by less than a
 /// millimetre; soft and damped enough that an explicit integrator at 240 Hz can do the same.
-const GEAR_STIFFNESS_N_M: f32 = 2_000.0;
-const GEAR_DAMPING_N_S_M: f32 = 20.0;
+pub(crate) const GEAR_STIFFNESS_N_M: f32 = 2_000.0;
+pub(crate) const GEAR_DAMPING_N_S_M: f32 = 20.0;
 /// Gain of the closing drive: large, so that only the force limit keeps a finger from its speed.
 const DRIVE_GAIN: f32 = 1e5;
 
@@ -28,7 +28,6 @@ pub(crate) struct Hand {
     palm: RigidBodyHandle,
     palm_collider: ColliderHandle,
     fingers: [Finger; 2],
-    opening_m_max: f32,
     force_n: f32,
 }
 
@@ -75,19 +74,13 @@ impl Hand {
             let joint = world.joints.insert(palm, body, joint, true);
             Finger { body, collider, joint, inward, open_m: finger.centre_m }
         });
-        Self { palm, palm_collider, fingers, opening_m_max: gripper.opening_m_max, force_n: gripper.finger_force_n }
+        Self { palm, palm_collider, fingers, force_n: gripper.finger_force_n }
     }
 
     /// How far each finger has closed, in metres.
     pub(crate) fn closed_m(&self, world: &World) -> [f32; 2] {
         let palm_y_m = world.pose(self.palm).translation.y;
         self.fingers.each_ref().map(|f| (world.pose(f.body).translation.y - palm_y_m - f.open_m.y) * f.inward)
-    }
-
-    /// Opening between the inner faces, in metres.
-    pub(crate) fn width_m(&self, world: &World) -> f32 {
-        let [left, right] = self.closed_m(world);
-        (self.opening_m_max - left - right).max(0.0)
     }
 
     /// Presses with the finger force and keeps the fingers' present asymmetry (call before every step of the lift).
@@ -122,15 +115,10 @@ impl Hand {
         self.fingers.iter().all(|finger| world.contact_force_n(finger.collider, collider) > 0.0)
     }
 
-    /// Its boxes as when it is open and at the origin, and by how much each has moved since.
-    pub(crate) fn boxes(&self, world: &World, gripper: &Gripper) -> [(HandBox, Vec3); 3] {
-        let [left, right] = gripper.fingers(gripper.opening_m_max);
+    /// By how much its boxes have moved since it was open and at the origin: left and right finger, palm.
+    pub(crate) fn moved_m(&self, world: &World) -> [Vec3; 3] {
         let moved = |finger: &Finger| world.pose(finger.body).translation - finger.open_m;
-        [
-            (left, moved(&self.fingers[0])),
-            (right, moved(&self.fingers[1])),
-            (gripper.palm(), world.pose(self.palm).translation),
-        ]
+        [moved(&self.fingers[0]), moved(&self.fingers[1]), world.pose(self.palm).translation]
     }
 
     /// Its colliders.

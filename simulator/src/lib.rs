@@ -24,9 +24,11 @@ mod faceted;
 mod gate;
 mod hand;
 mod obstruction;
+mod rig;
 mod scene;
 mod settle;
 mod shortcuts;
+mod stepper;
 mod tested_part;
 mod watch;
 
@@ -37,7 +39,8 @@ pub use decompose::{ConvexParts, PartsParams, convex_parts, few_cornered_hull, h
 pub use depth::{SceneRays, ViewRays};
 pub use gate::{Gate, Hit};
 pub use obstruction::Obstruction;
+pub use rig::{Contact, Toucher};
 pub use scene::{Scene, SceneObject};
 pub use schema::{Physics, SettleParams};
 pub use settle::{Settled, Unsettled, settle, settle_again};
-pub use watch::{AttemptEvent, Contact, Moment, Phase, Toucher, Watcher};
+pub use watch::{AttemptEvent, Moment, Phase, Watcher};

@@ -4,10 +4,11 @@
 //! comes to rest again. The free part of a fall is not simulated, and resting objects sleep until something touches
 //! them. Objects that have left the workspace are not part of the scene.
 
-use rapier3d::prelude::*;
-use schema::{Grid, Physics, Pose, SettleParams, Vec3};
+use schema::{Engine, Grid, Physics, Pose, SettleParams, Vec3};
 
-use crate::engine::{EngineBody, World};
+use crate::engine::EngineBody;
+use crate::rig::{Heap, RapierHeap};
+use crate::stepper::{Stepper, Thing};
 use crate::{Scene, SceneObject};
 
 /// A scene that came to rest.
@@ -32,9 +33,6 @@ pub enum Unsettled {
 
 /// A falling object is simulated from this far above what it may hit.
 const NEAR_M: f32 = 0.005;
-/// Thickness and height of the temporary walls, in metres: high enough for objects dropped from 0.2 m.
-const WALL_THICKNESS_M: f32 = 0.1;
-const WALL_HEIGHT_M: f32 = 0.4;
 /// An object this far from the workspace's centre, or this deep in the table, was shot away by the engine.
 const ESCAPE_DISTANCE_M: f32 = 2.0;
 const SUNK_DEPTH_M: f32 = 0.01;
@@ -49,20 +47,19 @@ pub fn settle(
     grid: &Grid,
     drops: &[SceneObject],
 ) -> Result<Settled, Unsettled> {
-    let mut pile = Pile::new(physics, params, grid);
-    let walls = pile.add_walls();
-    for drop in drops {
+    let things = things(physics, drops);
+    let mut pile = Pile::new(physics, params, grid, drops, &things);
+    pile.heap.add_walls(grid.size_m);
+    for (drop, known) in drops.iter().zip(0..) {
         let low_z_m = lowest_z_m(drop);
-        let fall = Fall::until_near(physics, params, low_z_m - pile.top_z_m(drops));
+        let fall = Fall::until_near(physics, params, low_z_m - pile.top_z_m(&drops[..known]));
         let mut pose = drop.workspace_from_object;
         pose.translation.z -= fall.way_m;
-        pile.add(drop, pose, -Vec3::Z * fall.speed_m_s);
+        pile.add(&pose, -Vec3::Z * fall.speed_m_s);
         pile.steps += fall.steps;
         pile.rest()?;
     }
-    for wall in walls {
-        pile.world.remove_fixed(wall);
-    }
+    pile.heap.remove_walls();
     pile.rest()?;
     let mut objects = pile.objects(drops)?;
     objects.retain(|object| is_over_workspace(object, grid));
@@ -84,67 +81,73 @@ pub fn settle_again(
     let mut steps = 0;
     // The loop ends: every round but the last has fewer objects.
     loop {
-        let mut pile = Pile { steps, ..Pile::new(physics, params, grid) };
         all_sane(&objects, grid)?;
+        let things = things(physics, &objects);
+        let mut pile = Pile { steps, ..Pile::new(physics, params, grid, &objects, &things) };
         for object in &objects {
-            pile.add(object, object.workspace_from_object, Vec3::ZERO);
+            pile.add(&object.workspace_from_object, Vec3::ZERO);
         }
         if !objects.is_empty() {
             pile.rest()?;
         }
         let count = objects.len();
-        objects = pile.objects(&objects)?;
-        objects.retain(|object| is_over_workspace(object, grid));
-        if objects.len() == count {
-            return Ok(pile.settled(objects));
+        let mut rested = pile.objects(&objects)?;
+        rested.retain(|object| is_over_workspace(object, grid));
+        if rested.len() == count {
+            return Ok(pile.settled(rested));
         }
         steps = pile.steps;
+        objects = rested;
     }
 }
 
-/// A world in which objects come to rest on the table.
+/// Objects that come to rest on the table.
 struct Pile<'a> {
-    physics: Physics,
+    physics: &'a Physics,
     params: &'a SettleParams,
     grid: &'a Grid,
-    world: World,
-    pipeline: PhysicsPipeline,
-    bodies: Vec<RigidBodyHandle>,
+    heap: Box<dyn Heap + 'a>,
+    count: usize,
     steps: usize,
 }
 
+/// The objects as the stepper wants them; none where rapier is asked.
+fn things(physics: &Physics, objects: &[SceneObject]) -> Vec<Thing> {
+    match physics.engine {
+        Engine::Stepper => objects.iter().map(Thing::of).collect(),
+        Engine::Rapier => Vec::new(),
+    }
+}
+
 impl<'a> Pile<'a> {
-    fn new(physics: &Physics, params: &'a SettleParams, grid: &'a Grid) -> Self {
-        let physics = Physics { solver_iterations: params.solver_iterations, ..*physics };
-        let mut world = World::new(&physics, -Vec3::Z * physics.gravity_m_s2);
-        world.add_table(&Pose::IDENTITY, grid.table_z_m, physics.table_friction);
-        Self { physics, params, grid, world, pipeline: PhysicsPipeline::new(), bodies: Vec::new(), steps: 0 }
+    /// A table for `objects`, of which none is there yet.
+    fn new(
+        physics: &'a Physics,
+        params: &'a SettleParams,
+        grid: &'a Grid,
+        objects: &[SceneObject],
+        things: &'a [Thing],
+    ) -> Self {
+        let settling = Physics { solver_iterations: params.solver_iterations, ..*physics };
+        let heap: Box<dyn Heap + 'a> = match physics.engine {
+            Engine::Stepper => Box::new(Stepper::pile(&settling, params.damping_1_s, things, grid.table_z_m)),
+            Engine::Rapier => {
+                let objects = objects.iter().map(EngineBody::of).collect();
+                Box::new(RapierHeap::new(&settling, params, objects, grid.table_z_m))
+            }
+        };
+        Self { physics, params, grid, heap, count: 0, steps: 0 }
     }
 
-    fn add(&mut self, object: &SceneObject, pose: Pose, velocity_m_s: Vec3) {
-        let engine_body = EngineBody::new(&object.body, object.mass_kg, object.friction);
-        let body = self.world.add_object(&engine_body, pose);
-        self.world.let_settle(body, self.params, velocity_m_s);
-        self.bodies.push(body);
-    }
-
-    fn add_walls(&mut self) -> [ColliderHandle; 4] {
-        let middle = 0.5 * self.grid.size_m;
-        let out = middle + 0.5 * WALL_THICKNESS_M;
-        let centre_z = self.grid.table_z_m + 0.5 * WALL_HEIGHT_M;
-        let long = middle + WALL_THICKNESS_M;
-        [(out, 0.0), (-out, 0.0), (0.0, out), (0.0, -out)].map(|(x, y)| {
-            let half = if y == 0.0 { [0.5 * WALL_THICKNESS_M, long] } else { [long, 0.5 * WALL_THICKNESS_M] };
-            let pose = Pose::from_translation(Vec3::new(middle + x, middle + y, centre_z));
-            let half_m = Vec3::new(half[0], half[1], 0.5 * WALL_HEIGHT_M);
-            self.world.add_fixed_box(pose, half_m, self.physics.table_friction)
-        })
+    fn add(&mut self, pose: &Pose, velocity_m_s: Vec3) {
+        self.heap.add(pose, velocity_m_s);
+        self.count += 1;
     }
 
     /// Height of the highest corner of the dropped objects, or of the table.
-    fn top_z_m(&self, drops: &[SceneObject]) -> f32 {
-        let corner_z_m = self.bodies.iter().zip(drops).flat_map(|(body, drop)| {
-            let pose = self.world.pose(*body);
+    fn top_z_m(&self, dropped: &[SceneObject]) -> f32 {
+        let corner_z_m = dropped.iter().zip(0..).flat_map(|(drop, id)| {
+            let pose = self.heap.pose(id);
             drop.body.vertices_m().into_iter().map(move |corner| pose.transform_point(corner).z)
         });
         corner_z_m.fold(self.grid.table_z_m, f32::max)
@@ -156,14 +159,15 @@ impl<'a> Pile<'a> {
         let (wanted, limit) = (physics.steps(params.rest_time_s), physics.steps(params.time_s_max));
         let mut resting = 0;
         for step in 1..=limit {
-            self.world.step(&mut self.pipeline);
-            let still = self.bodies.iter().all(|body| {
-                let [linear_m_s, angular_rad_s] = self.world.velocities(*body).map(Vec3::length);
+            self.heap.step();
+            let still = (0..self.count).all(|id| {
+                let [linear_m_s, angular_rad_s] = self.heap.velocities(id).map(Vec3::length);
                 linear_m_s <= params.linear_speed_m_s_max && angular_rad_s <= params.angular_speed_rad_s_max
             });
             resting = if still { resting + 1 } else { 0 };
             if resting >= wanted {
                 self.steps += step;
+                self.heap.fall_asleep();
                 return Ok(());
             }
         }
@@ -172,11 +176,11 @@ impl<'a> Pile<'a> {
 
     /// The objects at the poses that they have now.
     fn objects(&self, objects: &[SceneObject]) -> Result<Vec<SceneObject>, Unsettled> {
-        let moved = |(object, body): (&SceneObject, &RigidBodyHandle)| SceneObject {
-            workspace_from_object: self.world.pose(*body),
+        let moved = |(object, id): (&SceneObject, usize)| SceneObject {
+            workspace_from_object: self.heap.pose(id),
             ..object.clone()
         };
-        let objects: Vec<SceneObject> = objects.iter().zip(&self.bodies).map(moved).collect();
+        let objects: Vec<SceneObject> = objects.iter().zip(0..).map(moved).collect();
         all_sane(&objects, self.grid)?;
         Ok(objects)
     }

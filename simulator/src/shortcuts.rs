@@ -100,17 +100,17 @@ impl LiftWatch {
 
 impl Run<'_> {
     fn rides_along(&self, velocity_m_s: Vec3) -> bool {
-        let [linear_m_s, angular_rad_s] = self.world.velocities(self.bodies[self.target]);
+        let [linear_m_s, angular_rad_s] = self.rig.velocities(self.target);
         (linear_m_s - velocity_m_s).length() <= STEADY_SPEED_M_S
             && angular_rad_s.length() <= STEADY_TURN_RAD_S
-            && self.hand.grips(&self.world, self.target_collider)
-            && !self.world.is_touched_except_by(self.target_collider, &self.hand.colliders())
+            && self.rig.is_gripped(self.target)
+            && !self.rig.is_touched_by_others(self.target)
     }
 
     fn others_rest(&self) -> bool {
-        self.others().map(|id| self.bodies[id]).all(|body| {
-            let [linear_m_s, angular_rad_s] = self.world.velocities(body);
-            self.world.is_asleep(body)
+        self.others().all(|id| {
+            let [linear_m_s, angular_rad_s] = self.rig.velocities(id);
+            self.rig.is_asleep(id)
                 || (linear_m_s.length() <= STEADY_SPEED_M_S && angular_rad_s.length() <= STEADY_TURN_RAD_S)
         })
     }
@@ -118,9 +118,10 @@ impl Run<'_> {
     fn way_is_free(&self, rest_m: Vec3) -> bool {
         let length_m = rest_m.length();
         let Some(direction) = rest_m.try_normalize() else { return true };
-        let placed = |id: usize| self.setup.gate.placed_at(id, &self.world.pose(self.bodies[id]));
+        let placed = |id: usize| self.setup.gate.placed_at(id, &self.rig.pose(id));
         let mut movers = placed(self.target);
-        movers.extend(self.hand.boxes(&self.world, self.setup.gripper).map(|(b, at)| PlacedPart::from_box(&b, at)));
+        let hand = self.setup.gripper.open_hand().into_iter().zip(self.rig.hand_moved_m());
+        movers.extend(hand.map(|(hand_box, moved_m)| PlacedPart::from_box(&hand_box, moved_m)));
         self.others().flat_map(placed).all(|other| {
             movers.iter().all(|mover| {
                 let apart = other.centre_m - mover.centre_m;

@@ -3,12 +3,10 @@
 //! A watcher receives every step and every decision. It cannot change anything, so a watched attempt ends like an
 //! unwatched one. Without a watcher a step costs one additional null check.
 
-use rapier3d::prelude::{ColliderHandle, RigidBodyHandle};
-use schema::{Pose, Vec3};
+use schema::Pose;
 
-use crate::attempt::{AttemptWorld, Execution};
-use crate::engine::World;
-use crate::hand::Hand;
+use crate::attempt::Execution;
+use crate::rig::{Contact, Rig};
 
 /// An observer of an attempt.
 pub trait Watcher {
@@ -104,42 +102,15 @@ pub enum AttemptEvent {
     Decided(Execution),
 }
 
-/// A body that can touch another.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Toucher {
-    /// The finger at −y of the grasp.
-    LeftFinger,
-    /// The finger at +y of the grasp.
-    RightFinger,
-    /// The palm.
-    Palm,
-    /// An object, by its index.
-    Object(usize),
-    /// The table.
-    Table,
-}
-
-/// Two bodies that press on each other.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Contact {
-    /// Which.
-    pub between: [Toucher; 2],
-    /// The contact points that carry load, in the workspace, in metres.
-    pub points_m: Vec<Vec3>,
-    /// Force in the last step, in newtons.
-    pub force_n: f32,
-}
-
 /// The state of an attempt after a step.
 pub struct Moment<'r> {
     /// The phase of the attempt.
     pub phase: Phase,
     /// Steps since the open hand was at the grasp, including skipped steps.
     pub steps: usize,
-    pub(crate) setup: &'r AttemptWorld<'r>,
-    pub(crate) world: &'r World,
-    pub(crate) hand: &'r Hand,
-    pub(crate) bodies: &'r [RigidBodyHandle],
+    pub(crate) rig: &'r dyn Rig,
+    pub(crate) object_count: usize,
+    pub(crate) width_m: f32,
     pub(crate) workspace_from_grasp: Pose,
 }
 
@@ -147,44 +118,29 @@ impl Moment<'_> {
     /// Poses of the objects in the workspace.
     #[must_use]
     pub fn objects(&self) -> Vec<Pose> {
-        self.bodies.iter().map(|body| self.workspace_from_grasp * self.world.pose(*body)).collect()
+        (0..self.object_count).map(|id| self.workspace_from_grasp * self.rig.pose(id)).collect()
     }
 
     /// Workspace poses of the boxes of [`schema::Gripper::open_hand`]: each maps the open hand's frame to where that
     /// box is now.
     #[must_use]
     pub fn hand(&self) -> [Pose; 3] {
-        let boxes = self.hand.boxes(self.world, self.setup.gripper);
-        boxes.map(|(_, moved_m)| self.workspace_from_grasp * Pose::from_translation(moved_m))
+        self.rig.hand_moved_m().map(|moved_m| self.workspace_from_grasp * Pose::from_translation(moved_m))
     }
 
     /// Opening in metres.
     #[must_use]
     pub fn width_m(&self) -> f32 {
-        self.hand.width_m(self.world)
+        self.width_m
     }
 
     /// All contacts on the hand or on an object.
     #[must_use]
     pub fn contacts(&self) -> Vec<Contact> {
-        let known = |contact: crate::engine::Pressing| Contact {
-            between: contact.colliders.map(|collider| self.toucher(collider)),
-            points_m: contact.points_m.iter().map(|p| self.workspace_from_grasp.transform_point(*p)).collect(),
-            force_n: contact.force_n,
+        let in_workspace = |contact: Contact| {
+            let points_m = contact.points_m.iter().map(|p| self.workspace_from_grasp.transform_point(*p)).collect();
+            Contact { points_m, ..contact }
         };
-        self.world.pressing().into_iter().map(known).collect()
-    }
-
-    fn toucher(&self, collider: ColliderHandle) -> Toucher {
-        let [left, right, palm] = self.hand.colliders();
-        if let Some(id) = self.bodies.iter().position(|body| self.world.bodies[*body].colliders().contains(&collider)) {
-            return Toucher::Object(id);
-        }
-        match collider {
-            _ if collider == left => Toucher::LeftFinger,
-            _ if collider == right => Toucher::RightFinger,
-            _ if collider == palm => Toucher::Palm,
-            _ => Toucher::Table,
-        }
+        self.rig.contacts().into_iter().map(in_workspace).collect()
     }
 }

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
-use schema::{Grid, Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
+use schema::{Engine, Grid, Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
 use simulator::{AttemptWorld, Physics, Scene, SceneObject, SettleParams, Unsettled, settle_again};
 
 fn gripper() -> Gripper {
@@ -40,7 +40,17 @@ fn turn(a: &Pose, b: &Pose) -> f32 {
     1.0 - a.rotation.dot(b.rotation).abs()
 }
 
+/// The outcome and the poses by the stepper; rapier's must be near.
 fn leave(physics: &Physics, scene: &Scene, grasp: &Pose) -> (Outcome, Vec<Pose>) {
+    let [ours, rapiers] = Engine::ALL.map(|engine| leave_by(&Physics { engine, ..*physics }, scene, grasp));
+    assert_eq!(ours.0, rapiers.0);
+    for (a, b) in ours.1.iter().zip(&rapiers.1) {
+        assert!(distance_m(a, b) < 0.005 && turn(a, b) < 0.001, "{a:?} {b:?}");
+    }
+    ours
+}
+
+fn leave_by(physics: &Physics, scene: &Scene, grasp: &Pose) -> (Outcome, Vec<Pose>) {
     let gripper = gripper();
     let world = AttemptWorld::new(physics, &gripper, &Procedure::PAPER, scene);
     let (execution, poses) = world.execute_leaving(grasp, 0);

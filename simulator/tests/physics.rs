@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
-use schema::{Grid, Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
+use schema::{Engine, Grid, Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
 use simulator::{AttemptWorld, Execution, Physics, Scene, SceneObject, SettleParams, settle};
 
 const PI: f32 = core::f32::consts::PI;
@@ -34,11 +34,18 @@ fn attempt(drop: SceneObject, grasp: Pose, procedure: &Procedure) -> Execution {
     both(&at_rest(drop), &grasp, procedure)
 }
 
-/// An attempt on the first object, with everything simulated and with shortcuts: they must end the same.
+/// An attempt on the first object, by either engine, with everything simulated and with shortcuts: all must end the
+/// same.
 fn both(scene: &Scene, grasp: &Pose, procedure: &Procedure) -> Execution {
+    let [ours, rapier] = Engine::ALL.map(|engine| by(engine, scene, grasp, procedure));
+    assert_eq!((ours.outcome, ours.hit), (rapier.outcome, rapier.hit), "{ours:?} {rapier:?}");
+    ours
+}
+
+fn by(engine: Engine, scene: &Scene, grasp: &Pose, procedure: &Procedure) -> Execution {
     let gripper = gripper();
     let [slow, quick] = [Physics::FAITHFUL, Physics::STANDARD]
-        .map(|physics| AttemptWorld::new(&physics, &gripper, procedure, scene).execute(grasp, 0));
+        .map(|physics| AttemptWorld::new(&Physics { engine, ..physics }, &gripper, procedure, scene).execute(grasp, 0));
     assert_eq!((slow.outcome, slow.hit), (quick.outcome, quick.hit), "{slow:?} {quick:?}");
     let width = |end: Execution| end.width_m.unwrap_or(0.0);
     assert!((width(slow) - width(quick)).abs() < 3e-4, "{slow:?} {quick:?}");

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
-use schema::{Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
+use schema::{Engine, Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
 use simulator::{AttemptEvent, AttemptWorld, Contact, Moment, Phase, Physics, Scene, SceneObject, Toucher, Watcher};
 
 fn gripper() -> Gripper {
@@ -71,66 +71,85 @@ fn watched(physics: &Physics, scene: &Scene, grasp: &Pose) -> (simulator::Execut
 
 #[test]
 fn a_shortcut_s_end_is_told_and_the_rest_is_shown() {
-    let (execution, notes) = watched(&Physics::STANDARD, &scene(0.1, 1.0), &grasp(0.11, 0.075));
-    assert_eq!(execution.outcome, Outcome::Held);
-    let told = |wanted: fn(&AttemptEvent) -> bool| notes.events.iter().any(wanted);
-    assert!(told(|event| matches!(event, AttemptEvent::ClosedFreely { steps } if *steps > 10)), "{:?}", notes.events);
-    assert!(told(|event| matches!(event, AttemptEvent::FingersStopped { .. })), "{:?}", notes.events);
-    assert!(told(|event| matches!(event, AttemptEvent::RidesAlong { rest_m } if *rest_m > 0.0)), "{:?}", notes.events);
-    assert!(notes.phases.contains(&Phase::After), "{:?}", notes.phases);
-    let raised_m = notes.last_target.unwrap().translation.z - 0.075;
-    assert!((raised_m - 0.1).abs() < 0.002, "the target is shown to the end of its way, {raised_m} m up");
+    for engine in Engine::ALL {
+        let (execution, notes) =
+            watched(&Physics { engine, ..Physics::STANDARD }, &scene(0.1, 1.0), &grasp(0.11, 0.075));
+        assert_eq!(execution.outcome, Outcome::Held);
+        let told = |wanted: fn(&AttemptEvent) -> bool| notes.events.iter().any(wanted);
+        assert!(
+            told(|event| matches!(event, AttemptEvent::ClosedFreely { steps } if *steps > 10)),
+            "{:?}",
+            notes.events
+        );
+        assert!(told(|event| matches!(event, AttemptEvent::FingersStopped { .. })), "{:?}", notes.events);
+        assert!(
+            told(|event| matches!(event, AttemptEvent::RidesAlong { rest_m } if *rest_m > 0.0)),
+            "{:?}",
+            notes.events
+        );
+        assert!(notes.phases.contains(&Phase::After), "{:?}", notes.phases);
+        let raised_m = notes.last_target.unwrap().translation.z - 0.075;
+        assert!((raised_m - 0.1).abs() < 0.002, "the target is shown to the end of its way, {raised_m} m up");
+    }
 }
 
 #[test]
 fn what_is_simulated_to_its_end_has_nothing_after() {
-    let (execution, notes) = watched(&Physics::FAITHFUL, &scene(0.1, 1.0), &grasp(0.11, 0.075));
-    assert_eq!(execution.outcome, Outcome::Held);
-    assert!(!notes.phases.contains(&Phase::After));
-    for phase in [Phase::Close, Phase::Retreat, Phase::Hold] {
-        assert!(notes.phases.contains(&phase), "{phase:?}");
+    for engine in Engine::ALL {
+        let (execution, notes) =
+            watched(&Physics { engine, ..Physics::FAITHFUL }, &scene(0.1, 1.0), &grasp(0.11, 0.075));
+        assert_eq!(execution.outcome, Outcome::Held);
+        assert!(!notes.phases.contains(&Phase::After));
+        for phase in [Phase::Close, Phase::Retreat, Phase::Hold] {
+            assert!(notes.phases.contains(&phase), "{phase:?}");
+        }
+        assert!(notes.events.iter().any(|event| matches!(event, AttemptEvent::Gripped { .. })), "{:?}", notes.events);
     }
-    assert!(notes.events.iter().any(|event| matches!(event, AttemptEvent::Gripped { .. })), "{:?}", notes.events);
 }
 
 /// Held at rest, each finger presses with its finger force, at the target's faces.
 #[test]
 fn contacts_are_where_the_fingers_are_and_as_strong() {
-    let (_, notes) = watched(&Physics::FAITHFUL, &scene(0.1, 1.0), &grasp(0.11, 0.075));
-    let (contacts, target, width_m) = notes.decided.unwrap();
-    let inverse = target.inverse();
-    // The hand is upside down: its left finger, at −y of the grasp, is at +y of the workspace.
-    for (finger, side) in [(Toucher::LeftFinger, 1.0), (Toucher::RightFinger, -1.0)] {
-        let of = contacts.iter().find(|contact| contact.between.contains(&finger)).unwrap();
-        assert!(of.between.contains(&Toucher::Object(0)), "{of:?}");
-        assert!((of.force_n - gripper().finger_force_n).abs() < 1.0, "{of:?}");
-        assert!(!of.points_m.is_empty());
-        for point in &of.points_m {
-            let in_target = inverse.transform_point(*point);
-            assert!((in_target.y - side * 0.02).abs() < 0.001, "{finger:?} at {in_target}");
-            assert!(in_target.x.abs() < 0.0201 && in_target.z.abs() < 0.0251, "{finger:?} at {in_target}");
+    for engine in Engine::ALL {
+        let (_, notes) = watched(&Physics { engine, ..Physics::FAITHFUL }, &scene(0.1, 1.0), &grasp(0.11, 0.075));
+        let (contacts, target, width_m) = notes.decided.unwrap();
+        let inverse = target.inverse();
+        // The hand is upside down: its left finger, at −y of the grasp, is at +y of the workspace.
+        for (finger, side) in [(Toucher::LeftFinger, 1.0), (Toucher::RightFinger, -1.0)] {
+            let of = contacts.iter().find(|contact| contact.between.contains(&finger)).unwrap();
+            assert!(of.between.contains(&Toucher::Object(0)), "{of:?}");
+            assert!((of.force_n - gripper().finger_force_n).abs() < 1.0, "{of:?}");
+            assert!(!of.points_m.is_empty());
+            for point in &of.points_m {
+                let in_target = inverse.transform_point(*point);
+                assert!((in_target.y - side * 0.02).abs() < 0.001, "{finger:?} at {in_target}");
+                assert!(in_target.x.abs() < 0.0201 && in_target.z.abs() < 0.0251, "{finger:?} at {in_target}");
+            }
         }
+        assert!((width_m - 0.04).abs() < 0.001);
     }
-    assert!((width_m - 0.04).abs() < 0.001);
 }
 
 #[test]
 fn every_way_to_lose_is_told() {
-    let (slipped, notes) = watched(&Physics::STANDARD, &scene(8.0, 0.05), &grasp(0.11, 0.075));
-    assert_eq!(slipped.outcome, Outcome::Slipped);
-    let is_loss = |event: &AttemptEvent| {
-        matches!(
-            event,
-            AttemptEvent::LeftBehind { .. } | AttemptEvent::JawsMetLifting { .. } | AttemptEvent::NotGripped
-        )
-    };
-    assert!(notes.events.iter().any(is_loss), "{:?}", notes.events);
-    let (empty, notes) = watched(&Physics::STANDARD, &scene(0.1, 1.0), &grasp(0.11, 0.16));
-    assert_eq!(empty.outcome, Outcome::Empty);
-    assert!(matches!(notes.events[0], AttemptEvent::NothingBetween { .. }), "{:?}", notes.events);
-    let (empty, notes) = watched(&Physics::FAITHFUL, &scene(0.1, 1.0), &grasp(0.11, 0.16));
-    assert_eq!(empty.outcome, Outcome::Empty);
-    assert!(matches!(notes.events[0], AttemptEvent::JawsMet { .. }), "{:?}", notes.events);
+    for engine in Engine::ALL {
+        let (slipped, notes) =
+            watched(&Physics { engine, ..Physics::STANDARD }, &scene(8.0, 0.05), &grasp(0.11, 0.075));
+        assert_eq!(slipped.outcome, Outcome::Slipped);
+        let is_loss = |event: &AttemptEvent| {
+            matches!(
+                event,
+                AttemptEvent::LeftBehind { .. } | AttemptEvent::JawsMetLifting { .. } | AttemptEvent::NotGripped
+            )
+        };
+        assert!(notes.events.iter().any(is_loss), "{:?}", notes.events);
+        let (empty, notes) = watched(&Physics { engine, ..Physics::STANDARD }, &scene(0.1, 1.0), &grasp(0.11, 0.16));
+        assert_eq!(empty.outcome, Outcome::Empty);
+        assert!(matches!(notes.events[0], AttemptEvent::NothingBetween { .. }), "{:?}", notes.events);
+        let (empty, notes) = watched(&Physics { engine, ..Physics::FAITHFUL }, &scene(0.1, 1.0), &grasp(0.11, 0.16));
+        assert_eq!(empty.outcome, Outcome::Empty);
+        assert!(matches!(notes.events[0], AttemptEvent::JawsMet { .. }), "{:?}", notes.events);
+    }
 }
 
 #[test]

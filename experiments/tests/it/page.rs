@@ -69,7 +69,7 @@ fn a_page_has_the_numbers_of_the_report_and_a_hand_for_each_grasp() {
         let (name, attempts) = (target["name"].as_str().unwrap(), &target["attempts"]);
         check_holds(&found, &[&format!(">{name}</code></td><td class=\"number\">{attempts}</td>")]);
     }
-    check_holds(&found, &["Only 4 rounds", "All scenes are of one seed, 1", "plan.detection.quality_min", "rapier3d"]);
+    check_holds(&found, &["Only 4 rounds", "All scenes are of one seed, 1", "plan.detection.quality_min", "stepper"]);
 
     // All four rounds are shown with all of their grasps, and the first failed grasp of each once more.
     let rounds = rounds(&out);

@@ -72,12 +72,26 @@ fn outcomes(report: &BenchReport) -> Block {
 
 fn agreements(report: &BenchReport) -> Block {
     let row = |a: &Agreement| {
-        let share = |part: u64| format!("{:.2} %", 100.0 * part as f64 / a.attempts.max(1) as f64);
+        let of = |all: u64, part: u64| format!("{:.2} %", 100.0 * part as f64 / all.max(1) as f64);
+        let share = |part: u64| of(a.attempts, part);
+        // The gate decides the others alike.
+        let closing = of(a.closing, a.closing - (a.attempts - a.same_label));
         let [here, there] = a.positives.map(share);
         let slower = format!("{:.1}", a.total_s[1] / a.total_s[0]);
-        row(&a.settings, [grouped(a.attempts), share(a.same_label), share(a.same_outcome), here, there, slower])
+        row(
+            &a.settings,
+            [grouped(a.attempts), share(a.same_label), closing, share(a.same_outcome), here, there, slower],
+        )
     };
-    let head =
-        ["settings", "attempts", "same label", "same outcome", "positive here", "positive there", "times slower"];
+    let head = [
+        "settings",
+        "attempts",
+        "same label",
+        "of those that close",
+        "same outcome",
+        "positive here",
+        "positive there",
+        "times slower",
+    ];
     Block::Table(Table::new(head, report.agreements.iter().map(row)))
 }

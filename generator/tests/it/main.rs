@@ -5,6 +5,7 @@ mod bad_input;
 mod cluster;
 mod commands;
 mod determinism;
+mod heaps;
 mod labels;
 mod objects;
 mod replay;

@@ -185,7 +185,7 @@ impl DatasetInfo {
         };
         [
             faults("camera", stored_faults::<CameraParams>),
-            faults("physics", stored_faults::<Physics>),
+            faults("physics", physics_faults),
             faults("settle", stored_faults::<SettleParams>),
             faults("tsdf", stored_faults::<TsdfParams>),
             faults("views", stored_faults::<ViewParams>),
@@ -261,6 +261,15 @@ fn sorted(value: &Value) -> Value {
         Value::Array(items) => Value::Array(items.iter().map(sorted).collect()),
         other => other.clone(),
     }
+}
+
+/// As [`stored_faults`], but for the engine: datasets name it with its version, configs without.
+fn physics_faults(section: &Value, path: &str) -> Vec<String> {
+    let mut section = section.clone();
+    if let Some(section) = section.as_object_mut() {
+        section.remove("engine");
+    }
+    stored_faults::<Physics>(&section, path)
 }
 
 #[cfg(test)]

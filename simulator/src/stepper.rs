@@ -1,0 +1,523 @@
+//! A stepper made for grasp attempts and for piles: a table, a hand, walls, and a few bodies of convex parts.
+//!
+//! The method is rapier's: substeps with warm-started, soft contacts and Coulomb cones, each solved once with and twice
+//! without the push against overlap (with one such pass, what is pressed from both sides trembles: the fingers take 97
+//! steps to stop and lift instead of 60). What makes it fast is what an attempt is: few bodies of which most never
+//! move, a hand that does not turn (so that its boxes stay parallel to the axes), and fingers with one direction of
+//! freedom, which need no joints. Bodies sleep until something comes within [`patch::PREDICTION_M`] of them.
+//!
+//! All arithmetic is in single precision, four lanes wide on every machine, with nothing fused: the same bits anywhere.
+
+mod contact;
+mod jaws;
+mod patch;
+mod shape;
+#[cfg(test)]
+mod tests;
+
+use schema::{Gripper, Physics, Pose, Quat, Vec3};
+use wide::f32x4;
+
+use crate::rig::{Bodies, Contact as Pressing, Heap, Rig, Toucher};
+use contact::{Answer, Contact, Double, Memory, Motion, Pass, Relative, Single, Touched, lanes};
+use jaws::Jaws;
+use patch::{Frame, Patch, Scratch};
+
+pub(crate) use shape::Thing;
+
+/// rapier's damping ratio of contact springs.
+const CONTACT_DAMPING_RATIO: f32 = 10.0;
+/// What [`Single::first`] is for the table; then come the hand's boxes, then the walls.
+const TABLE: usize = 0;
+const WALLS: usize = 4;
+
+/// The state of an attempt, in the frame of the grasp, or of a pile, in that of the workspace.
+pub(crate) struct Stepper<'a> {
+    things: &'a [Thing],
+    table_friction: f32,
+    step_s: f32,
+    substeps: usize,
+    gravity_m_s2: Vec3,
+    damping_1_s: f32,
+    /// The table, then walls.
+    planes: Vec<Plane>,
+    passes: [Pass; 3],
+    jaws: Jaws,
+    /// Of the first things.
+    bodies: Vec<Body>,
+    singles: Vec<Single>,
+    doubles: Vec<Double>,
+    last: Vec<(u64, Memory)>,
+    /// Axes along which parts of two bodies were apart when last asked.
+    apart: Vec<(u64, Vec3)>,
+    queue: Vec<usize>,
+    scratch: Scratch,
+}
+
+/// Where a half-space ends that nothing enters: normal·x = offset.
+struct Plane {
+    normal: Vec3,
+    offset_m: f32,
+}
+
+struct Body {
+    rotation: Quat,
+    frame: Frame,
+    answer: Answer,
+    velocity_m_s: Vec3,
+    spin_rad_s: Vec3,
+    speeds: Motion,
+    /// The integral of that since the step began.
+    ways: Motion,
+    is_awake: bool,
+}
+
+impl Body {
+    fn new(thing: &Thing, pose: &Pose, is_awake: bool) -> Self {
+        let answer = Answer {
+            centre_m: pose.transform_point(thing.centre_m),
+            inverse_mass: 1.0 / thing.mass_kg,
+            principal: [Vec3::ZERO; 3],
+            scaled_axes: [Vec3::ZERO; 3],
+        };
+        let mut body = Self {
+            rotation: pose.rotation,
+            frame: Frame { axes: [Vec3::ZERO; 3], origin_m: Vec3::ZERO },
+            answer,
+            velocity_m_s: Vec3::ZERO,
+            spin_rad_s: Vec3::ZERO,
+            speeds: Motion::default(),
+            ways: Motion::default(),
+            is_awake,
+        };
+        body.place(thing);
+        body
+    }
+
+    /// Brings what follows from centre and rotation up to date.
+    fn place(&mut self, thing: &Thing) {
+        let axes_of = |rotation: Quat| [rotation * Vec3::X, rotation * Vec3::Y, rotation * Vec3::Z];
+        let axes = axes_of(self.rotation);
+        let turned = Frame { axes, origin_m: Vec3::ZERO }.turn(thing.centre_m);
+        self.frame = Frame { axes, origin_m: self.answer.centre_m - turned };
+        self.answer.principal =
+            if thing.principal == Quat::IDENTITY { axes } else { axes_of(self.rotation * thing.principal) };
+        let roots = thing.root_inverse_inertia.to_array();
+        self.answer.scaled_axes = core::array::from_fn(|i| self.answer.principal[i] * roots[i]);
+    }
+
+    fn begin_step(&mut self, thing: &Thing) {
+        let roots = thing.root_inverse_inertia.to_array();
+        let angular = [0, 1, 2].map(|i| self.answer.principal[i].dot(self.spin_rad_s) / roots[i]);
+        self.speeds = Motion { linear: lanes(self.velocity_m_s), angular: lanes(Vec3::from_array(angular)) };
+        self.ways = Motion::default();
+    }
+
+    /// Linear and angular part of speeds or ways, in the world.
+    fn in_world(&self, motion: Motion) -> [Vec3; 2] {
+        let ([x, y, z, _], [a, b, c, _]) = (motion.linear.to_array(), motion.angular.to_array());
+        let [first, second, third] = self.answer.scaled_axes;
+        [Vec3::new(x, y, z), first * a + second * b + third * c]
+    }
+
+    fn end_step(&mut self, thing: &Thing) {
+        [self.velocity_m_s, self.spin_rad_s] = self.in_world(self.speeds);
+        let [way_m, turn_rad] = self.in_world(self.ways);
+        self.answer.centre_m += way_m;
+        let half = turn_rad * 0.5;
+        self.rotation = (Quat::from_xyzw(half.x, half.y, half.z, 1.0) * self.rotation).normalize();
+        self.place(thing);
+    }
+}
+
+impl<'a> Stepper<'a> {
+    /// The `things` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose fingers have closed
+    /// by `closed_m` each. Things are asleep until touched, unless `all_awake`.
+    pub(crate) fn new(
+        physics: &Physics,
+        gripper: &Gripper,
+        things: &'a [Thing],
+        table_z_m: f32,
+        workspace_from_grasp: &Pose,
+        closed_m: f32,
+        all_awake: bool,
+    ) -> Self {
+        let grasp_from_workspace = workspace_from_grasp.inverse();
+        let mut stepper = Self::empty(physics, things, table_z_m, &grasp_from_workspace);
+        stepper.jaws = Jaws::new(gripper, closed_m);
+        let body = |thing: &Thing| Body::new(thing, &(grasp_from_workspace * thing.workspace_from_object), all_awake);
+        stepper.bodies.extend(things.iter().map(body));
+        stepper
+    }
+
+    /// A table for a pile of `things`, of which none is there yet.
+    pub(crate) fn pile(physics: &Physics, damping_1_s: f32, things: &'a [Thing], table_z_m: f32) -> Self {
+        Self { damping_1_s, ..Self::empty(physics, things, table_z_m, &Pose::IDENTITY) }
+    }
+
+    fn empty(physics: &Physics, things: &'a [Thing], table_z_m: f32, world_from_workspace: &Pose) -> Self {
+        let up = world_from_workspace.rotation * Vec3::Z;
+        let table_m = up.dot(world_from_workspace.transform_point(Vec3::new(0.0, 0.0, table_z_m)));
+        let substep_s = physics.dt_s() / physics.solver_iterations as f32;
+        let frequency = core::f32::consts::TAU * physics.contact_frequency_hz;
+        let correction_1_s = frequency / (substep_s * frequency + 2.0 * CONTACT_DAMPING_RATIO);
+        let left = 1.0 / (substep_s * correction_1_s) - 1.0;
+        let compliance = left * left / ((1.0 + left) * 4.0 * CONTACT_DAMPING_RATIO * CONTACT_DAMPING_RATIO);
+        let pass = |corrects: bool| Pass {
+            corrects,
+            rate_hz: 1.0 / substep_s,
+            correction_1_s,
+            softness: 1.0 / (1.0 + compliance),
+        };
+        Self {
+            things,
+            table_friction: physics.table_friction,
+            step_s: physics.dt_s(),
+            substeps: physics.solver_iterations,
+            gravity_m_s2: up * -physics.gravity_m_s2,
+            damping_1_s: 0.0,
+            planes: vec![Plane { normal: up, offset_m: table_m }],
+            passes: [pass(true), pass(false), pass(false)],
+            jaws: Jaws::absent(),
+            bodies: Vec::with_capacity(things.len()),
+            singles: Vec::new(),
+            doubles: Vec::new(),
+            last: Vec::new(),
+            apart: Vec::new(),
+            queue: Vec::new(),
+            scratch: Scratch::default(),
+        }
+    }
+
+    fn find_contacts(&mut self) {
+        self.last.clear();
+        self.last.extend(self.singles.drain(..).map(|contact| (contact.key, contact.memory)));
+        self.last.extend(self.doubles.drain(..).map(|contact| (contact.key, contact.memory)));
+        self.queue.clear();
+        for id in 0..self.bodies.len() {
+            if self.bodies[id].is_awake || self.is_near_hand(id) {
+                self.bodies[id].is_awake = true;
+                self.queue.push(id);
+            }
+        }
+        let mut next = 0;
+        while next < self.queue.len() {
+            let id = self.queue[next];
+            next += 1;
+            self.touch_planes(id);
+            for other in 0..self.bodies.len() {
+                // Those before it in the queue have asked already.
+                if !self.queue[..next].contains(&other) {
+                    self.touch_each_other(id, other);
+                }
+            }
+        }
+        for which in [2, 0, 1] {
+            for id in 0..self.bodies.len() {
+                if self.bodies[id].is_awake {
+                    self.touch_hand(which, id);
+                }
+            }
+        }
+    }
+
+    fn is_near_hand(&mut self, id: usize) -> bool {
+        let (body, thing) = (&self.bodies[id], &self.things[id]);
+        (0..3).any(|which| {
+            let (centre_m, half_m) = self.jaws.box_at(which);
+            patch::ball_near_box(body.answer.centre_m, thing.radius_m, centre_m, half_m)
+                && thing
+                    .parts
+                    .iter()
+                    .any(|part| patch::on_box(centre_m, half_m, &body.frame, part, &mut self.scratch).is_some())
+        })
+    }
+
+    fn touch_planes(&mut self, id: usize) {
+        let (body, thing) = (&self.bodies[id], &self.things[id]);
+        for (which, plane) in self.planes.iter().enumerate() {
+            let Plane { normal, offset_m } = *plane;
+            if normal.dot(body.answer.centre_m) - thing.radius_m - offset_m > patch::PREDICTION_M {
+                continue;
+            }
+            let obstacle = if which == 0 { TABLE } else { WALLS + which - 1 };
+            for (part, shape) in thing.parts.iter().enumerate() {
+                if let Some(patch) = patch::on_plane(normal, offset_m, &body.frame, shape, &mut self.scratch) {
+                    let friction = self.table_friction * thing.friction;
+                    let key = key([obstacle, 0], [id, part]);
+                    let last = remembered(&self.last, key);
+                    let side = Touched::Fixed;
+                    let contact = Contact::new(key, [obstacle, id], friction, &patch, side, &body.answer, last);
+                    self.singles.push(contact);
+                }
+            }
+        }
+    }
+
+    fn touch_hand(&mut self, which: usize, id: usize) {
+        let (body, thing) = (&self.bodies[id], &self.things[id]);
+        let (centre_m, half_m) = self.jaws.box_at(which);
+        if !patch::ball_near_box(body.answer.centre_m, thing.radius_m, centre_m, half_m) {
+            return;
+        }
+        for (part, shape) in thing.parts.iter().enumerate() {
+            if let Some(patch) = patch::on_box(centre_m, half_m, &body.frame, shape, &mut self.scratch) {
+                let inverse_mass = self.jaws.finger_inverse_mass;
+                let side = if which < 2 { Touched::Finger { inverse_mass } } else { Touched::Fixed };
+                let friction = self.jaws.friction * thing.friction;
+                let key = key([1 + which, 0], [id, part]);
+                let last = remembered(&self.last, key);
+                let contact = Contact::new(key, [1 + which, id], friction, &patch, side, &body.answer, last);
+                self.singles.push(contact);
+            }
+        }
+    }
+
+    fn touch_each_other(&mut self, id: usize, other: usize) {
+        let (first, second) = (id.min(other), id.max(other));
+        let reach_m = self.things[first].radius_m + self.things[second].radius_m + patch::PREDICTION_M;
+        let apart_m = self.bodies[first].answer.centre_m - self.bodies[second].answer.centre_m;
+        if apart_m.length_squared() > reach_m * reach_m {
+            return;
+        }
+        let things = self.things;
+        for (part, shape) in things[first].parts.iter().enumerate() {
+            for (other_part, other_shape) in things[second].parts.iter().enumerate() {
+                let key = key([64 + first, part], [second, other_part]);
+                if let Some(patch) = self.patch_between(key, [first, second], [shape, other_shape]) {
+                    let [a, b] = [&self.bodies[first].answer, &self.bodies[second].answer];
+                    let friction = things[first].friction * things[second].friction;
+                    let last = remembered(&self.last, key);
+                    let side = Touched::Body(a);
+                    self.doubles.push(Contact::new(key, [first, second], friction, &patch, side, b, last));
+                    if !self.bodies[other].is_awake {
+                        self.bodies[other].is_awake = true;
+                        self.queue.push(other);
+                    }
+                }
+            }
+        }
+    }
+
+    fn patch_between(&mut self, key: u64, ids: [usize; 2], parts: [&shape::Part; 2]) -> Option<Patch> {
+        let frames = ids.map(|id| &self.bodies[id].frame);
+        let centres_m: [Vec3; 2] = core::array::from_fn(|i| frames[i].in_world(parts[i].hull.centre_m));
+        let apart_m = centres_m[1] - centres_m[0];
+        let reach_m = parts[0].hull.radius_m + parts[1].hull.radius_m + patch::PREDICTION_M;
+        if apart_m.length_squared() > reach_m * reach_m {
+            return None;
+        }
+        let known = self.apart.iter().position(|(of, _)| *of == key);
+        if let Some(known) = known {
+            let axis = self.apart[known].1;
+            let span =
+                |i: usize| parts[i].hull.span(frames[i].turn_back(axis)).map(|x| x + axis.dot(frames[i].origin_m));
+            if span(1)[0] - span(0)[1] > patch::PREDICTION_M {
+                return None;
+            }
+        }
+        match patch::between(parts, frames, &mut self.scratch) {
+            Ok(patch) => Some(patch),
+            Err(axis) => {
+                match (axis, known) {
+                    (Some(axis), Some(known)) => self.apart[known].1 = axis,
+                    (Some(axis), None) => self.apart.push((key, axis)),
+                    (None, _) => {}
+                }
+                None
+            }
+        }
+    }
+
+    fn solve(&mut self) {
+        let substep_s = self.step_s / self.substeps as f32;
+        let closed_m = self.jaws.closed_m();
+        for (body, thing) in self.bodies.iter_mut().zip(self.things).filter(|(body, _)| body.is_awake) {
+            body.begin_step(thing);
+        }
+        self.jaws.begin_step();
+        let (gained, kept) = (lanes(self.gravity_m_s2 * substep_s), 1.0 / (1.0 + self.damping_1_s * substep_s));
+        for substep in 0..self.substeps {
+            let begun_s = substep as f32 * substep_s;
+            for body in self.bodies.iter_mut().filter(|body| body.is_awake) {
+                body.speeds.linear = (body.speeds.linear + gained) * f32x4::splat(kept);
+                body.speeds.angular *= f32x4::splat(kept);
+            }
+            self.warm_start();
+            self.jaws.begin_substep(closed_m, begun_s);
+            for (pass, time_s) in self.passes.into_iter().zip([begun_s, begun_s + substep_s, begun_s + substep_s]) {
+                self.jaws.solve(substep_s);
+                self.pass(pass, time_s);
+                if pass.corrects {
+                    for body in self.bodies.iter_mut().filter(|body| body.is_awake) {
+                        body.ways.linear += body.speeds.linear * f32x4::splat(substep_s);
+                        body.ways.angular += body.speeds.angular * f32x4::splat(substep_s);
+                    }
+                    self.jaws.advance(substep_s);
+                }
+            }
+            self.singles.iter_mut().for_each(Contact::count_pressed);
+            self.doubles.iter_mut().for_each(Contact::count_pressed);
+        }
+    }
+
+    fn warm_start(&mut self) {
+        for contact in &self.doubles {
+            let push = contact.warm_start();
+            push_both(&mut self.bodies, contact, push);
+        }
+        for contact in &self.singles {
+            let push = contact.warm_start();
+            push_one(&mut self.bodies[contact.second], &mut self.jaws, contact, push);
+        }
+        self.jaws.warm_start();
+    }
+
+    /// One pass over all contacts, `time_s` after the step began.
+    fn pass(&mut self, pass: Pass, time_s: f32) {
+        for contact in &mut self.doubles {
+            let [a, b] = [&self.bodies[contact.first], &self.bodies[contact.second]];
+            let relative =
+                |a: Motion, b: Motion| Relative { linear: b.linear - a.linear, angular: [b.angular, a.angular] };
+            if let Some(push) = contact.solve(pass, &relative(a.speeds, b.speeds), &relative(a.ways, b.ways)) {
+                push_both(&mut self.bodies, contact, push);
+            }
+        }
+        for contact in &mut self.singles {
+            let body = &mut self.bodies[contact.second];
+            let [speed, way] = self.jaws.motion(contact.first, time_s);
+            let speeds = Relative { linear: body.speeds.linear - speed, angular: [body.speeds.angular] };
+            let ways = Relative { linear: body.ways.linear - way, angular: [body.ways.angular] };
+            if let Some(push) = contact.solve(pass, &speeds, &ways) {
+                push_one(body, &mut self.jaws, contact, push);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn push_one(body: &mut Body, jaws: &mut Jaws, contact: &Single, push: contact::Push<1>) {
+    body.speeds.linear += push.impulse * f32x4::splat(body.answer.inverse_mass);
+    body.speeds.angular += push.angular[0];
+    jaws.push(contact.first, push.impulse);
+}
+
+#[inline(always)]
+fn push_both(bodies: &mut [Body], contact: &Double, push: contact::Push<2>) {
+    let second = &mut bodies[contact.second];
+    second.speeds.linear += push.impulse * f32x4::splat(second.answer.inverse_mass);
+    second.speeds.angular += push.angular[0];
+    let first = &mut bodies[contact.first];
+    first.speeds.linear -= push.impulse * f32x4::splat(first.answer.inverse_mass);
+    first.speeds.angular += push.angular[1];
+}
+
+impl Bodies for Stepper<'_> {
+    fn step(&mut self) {
+        self.find_contacts();
+        self.solve();
+        for (body, thing) in self.bodies.iter_mut().zip(self.things).filter(|(body, _)| body.is_awake) {
+            body.end_step(thing);
+        }
+        self.jaws.end_step(self.step_s);
+    }
+
+    fn pose(&self, object_id: usize) -> Pose {
+        let body = &self.bodies[object_id];
+        Pose::from_parts(body.frame.origin_m, body.rotation)
+    }
+
+    fn velocities(&self, object_id: usize) -> [Vec3; 2] {
+        let body = &self.bodies[object_id];
+        [body.velocity_m_s, body.spin_rad_s]
+    }
+}
+
+impl Heap for Stepper<'_> {
+    fn add(&mut self, pose: &Pose, velocity_m_s: Vec3) {
+        let body = Body::new(&self.things[self.bodies.len()], pose, true);
+        self.bodies.push(Body { velocity_m_s, ..body });
+    }
+
+    fn add_walls(&mut self, size_m: f32) {
+        let walls = [(Vec3::X, 0.0), (-Vec3::X, -size_m), (Vec3::Y, 0.0), (-Vec3::Y, -size_m)];
+        self.planes.extend(walls.map(|(normal, offset_m)| Plane { normal, offset_m }));
+    }
+
+    fn remove_walls(&mut self) {
+        self.planes.truncate(1);
+        for body in &mut self.bodies {
+            body.is_awake = true;
+        }
+    }
+
+    fn fall_asleep(&mut self) {
+        for body in &mut self.bodies {
+            (body.is_awake, body.velocity_m_s, body.spin_rad_s) = (false, Vec3::ZERO, Vec3::ZERO);
+        }
+    }
+}
+
+impl Rig for Stepper<'_> {
+    fn closed_m(&self) -> [f32; 2] {
+        self.jaws.closed_m()
+    }
+
+    fn press(&mut self, asymmetry_at_contact_m: f32) {
+        self.jaws.press(asymmetry_at_contact_m);
+    }
+
+    fn move_to(&mut self, position_m: Vec3) {
+        self.jaws.move_to(position_m, self.step_s);
+    }
+
+    fn hand_moved_m(&self) -> [Vec3; 3] {
+        self.jaws.moved_m()
+    }
+
+    fn is_asleep(&self, object_id: usize) -> bool {
+        !self.bodies[object_id].is_awake
+    }
+
+    fn is_gripped(&self, object_id: usize) -> bool {
+        let by =
+            |finger: usize| self.singles.iter().any(|c| c.first == 1 + finger && c.second == object_id && c.presses());
+        by(0) && by(1)
+    }
+
+    fn is_touched_by_others(&self, object_id: usize) -> bool {
+        self.singles.iter().any(|c| c.first == TABLE && c.second == object_id && c.presses())
+            || self.doubles.iter().any(|c| (c.first == object_id || c.second == object_id) && c.presses())
+    }
+
+    fn contacts(&self) -> Vec<Pressing> {
+        let hand = [Toucher::Table, Toucher::LeftFinger, Toucher::RightFinger, Toucher::Palm];
+        let singles = self.singles.iter().map(|c| (hand[c.first], c.second, c.bearing()));
+        let doubles = self.doubles.iter().map(|c| (Toucher::Object(c.first), c.second, c.bearing()));
+        let mut pressing: Vec<Pressing> = Vec::new();
+        for (first, second, (points_m, impulse)) in singles.chain(doubles) {
+            let (between, force_n) = ([first, Toucher::Object(second)], impulse / self.step_s);
+            if points_m.is_empty() {
+                continue;
+            }
+            // The parts of two bodies press as one.
+            match pressing.iter_mut().find(|known| known.between == between) {
+                Some(known) => {
+                    known.points_m.extend(points_m);
+                    known.force_n += force_n;
+                }
+                None => pressing.push(Pressing { between, points_m, force_n }),
+            }
+        }
+        pressing
+    }
+}
+
+/// Identifies the contact of two parts.
+fn key([first, first_part]: [usize; 2], [second, second_part]: [usize; 2]) -> u64 {
+    (first as u64) << 48 | (first_part as u64) << 32 | (second as u64) << 16 | second_part as u64
+}
+
+fn remembered(last: &[(u64, Memory)], key: u64) -> Option<&Memory> {
+    last.iter().find(|(of, _)| *of == key).map(|(_, memory)| memory)
+}

@@ -1,0 +1,200 @@
+//! The two fingers in the solver: each has one direction of freedom, the world's y, and a drive.
+
+use schema::{Gripper, HandBox, Vec3};
+use wide::f32x4;
+
+use super::contact::lanes;
+use crate::hand::{GEAR_DAMPING_N_S_M, GEAR_STIFFNESS_N_M};
+
+/// A hand's palm and fingers.
+pub(super) struct Jaws {
+    /// As when the hand is open and at the origin.
+    boxes: [HandBox; 3],
+    half_opening_m: f32,
+    closing_speed_m_s: f32,
+    force_n: f32,
+    palm_m: Vec3,
+    palm_velocity_m_s: Vec3,
+    pub(super) finger_inverse_mass: f32,
+    pub(super) friction: f32,
+    fingers: [Finger; 2],
+    /// How far each finger is to close; while closing, as far as it can.
+    targets_m: Option<[f32; 2]>,
+}
+
+/// A finger along y.
+#[derive(Clone, Copy)]
+struct Finger {
+    /// Direction of closing.
+    inward: f32,
+    y_m: f32,
+    /// Along y.
+    velocity_m_s: f32,
+    /// Along y since the step began.
+    way_m: f32,
+    /// The drive's impulse in the last substep, inwards.
+    impulse: f32,
+    /// How far it had closed when the substep began.
+    travel_m: f32,
+}
+
+impl Jaws {
+    /// A hand at the origin, its fingers closed by `closed_m` each, and closing if that is above 0.
+    pub(super) fn new(gripper: &Gripper, closed_m: f32) -> Self {
+        let [left, right] = gripper.fingers(gripper.opening_m_max);
+        let speed_m_s = if closed_m > 0.0 { gripper.closing_speed_m_s } else { 0.0 };
+        let finger = |(opened, inward): (HandBox, f32)| Finger {
+            inward,
+            y_m: opened.centre_m.y + inward * closed_m,
+            velocity_m_s: inward * speed_m_s,
+            way_m: 0.0,
+            impulse: 0.0,
+            travel_m: closed_m,
+        };
+        Self {
+            boxes: [left, right, gripper.palm()],
+            half_opening_m: 0.5 * gripper.opening_m_max,
+            closing_speed_m_s: gripper.closing_speed_m_s,
+            force_n: gripper.finger_force_n,
+            palm_m: Vec3::ZERO,
+            palm_velocity_m_s: Vec3::ZERO,
+            finger_inverse_mass: 1.0 / gripper.finger_mass_kg,
+            friction: gripper.friction,
+            fingers: [(left, 1.0), (right, -1.0)].map(finger),
+            targets_m: None,
+        }
+    }
+
+    /// No hand: one without size, far from everything.
+    pub(super) fn absent() -> Self {
+        let point = HandBox { centre_m: Vec3::splat(1e6), half_m: Vec3::ZERO };
+        let finger = Finger { inward: 1.0, y_m: 1e6, velocity_m_s: 0.0, way_m: 0.0, impulse: 0.0, travel_m: 0.0 };
+        Self {
+            boxes: [point; 3],
+            half_opening_m: 0.0,
+            closing_speed_m_s: 0.0,
+            force_n: 0.0,
+            palm_m: Vec3::ZERO,
+            palm_velocity_m_s: Vec3::ZERO,
+            finger_inverse_mass: 0.0,
+            friction: 0.0,
+            fingers: [finger, finger],
+            targets_m: None,
+        }
+    }
+
+    pub(super) fn closed_m(&self) -> [f32; 2] {
+        core::array::from_fn(|i| {
+            (self.fingers[i].y_m - self.palm_m.y - self.boxes[i].centre_m.y) * self.fingers[i].inward
+        })
+    }
+
+    /// By how much each box has moved from where it is when the hand is open and at the origin.
+    pub(super) fn moved_m(&self) -> [Vec3; 3] {
+        let [left, right] = core::array::from_fn(|i| {
+            Vec3::new(self.palm_m.x, self.fingers[i].y_m - self.boxes[i].centre_m.y, self.palm_m.z)
+        });
+        [left, right, self.palm_m]
+    }
+
+    /// Centre and half extents of a box.
+    pub(super) fn box_at(&self, which: usize) -> (Vec3, Vec3) {
+        (self.boxes[which].centre_m + self.moved_m()[which], self.boxes[which].half_m)
+    }
+
+    /// Velocity and way since the step began, `time_s` ago, of an obstacle: the table, the fingers, the palm.
+    #[inline(always)]
+    pub(super) fn motion(&self, obstacle: usize, time_s: f32) -> [f32x4; 2] {
+        let palm = lanes(self.palm_velocity_m_s);
+        let finger = |finger: &Finger| {
+            let along_y = |y: f32, [x, _, z, _]: [f32; 4]| f32x4::from([x, y, z, 0.0]);
+            let way = palm * f32x4::splat(time_s);
+            [along_y(finger.velocity_m_s, palm.to_array()), along_y(finger.way_m, way.to_array())]
+        };
+        match obstacle {
+            1 => finger(&self.fingers[0]),
+            2 => finger(&self.fingers[1]),
+            3 => [palm, palm * f32x4::splat(time_s)],
+            _ => [f32x4::ZERO; 2],
+        }
+    }
+
+    /// Takes the other half of an impulse on a body.
+    #[inline(always)]
+    pub(super) fn push(&mut self, obstacle: usize, impulse: f32x4) {
+        if let 1 | 2 = obstacle {
+            self.fingers[obstacle - 1].velocity_m_s -= impulse.as_array()[1] * self.finger_inverse_mass;
+        }
+    }
+
+    pub(super) fn press(&mut self, asymmetry_at_contact_m: f32) {
+        let [left, right] = self.closed_m();
+        let pressing_m = 0.5 * (left + right) + self.force_n / GEAR_STIFFNESS_N_M;
+        self.targets_m = Some([0.5, -0.5].map(|side| pressing_m + side * asymmetry_at_contact_m));
+    }
+
+    /// Says where the palm is to be at the end of the next step.
+    pub(super) fn move_to(&mut self, position_m: Vec3, step_s: f32) {
+        self.palm_velocity_m_s = (position_m - self.palm_m) / step_s;
+    }
+
+    pub(super) fn begin_step(&mut self) {
+        for finger in &mut self.fingers {
+            finger.way_m = 0.0;
+        }
+    }
+
+    pub(super) fn warm_start(&mut self) {
+        for finger in &mut self.fingers {
+            finger.velocity_m_s += finger.impulse * self.finger_inverse_mass * finger.inward;
+        }
+    }
+
+    /// A substep begins, `time_s` after the step, when the fingers had closed by `closed_m`.
+    pub(super) fn begin_substep(&mut self, closed_m: [f32; 2], time_s: f32) {
+        for (finger, closed_m) in self.fingers.iter_mut().zip(closed_m) {
+            let way_m = finger.way_m - self.palm_velocity_m_s.y * time_s;
+            finger.travel_m = closed_m + way_m * finger.inward;
+        }
+    }
+
+    /// Solves the drives.
+    pub(super) fn solve(&mut self, substep_s: f32) {
+        let inverse_mass = self.finger_inverse_mass;
+        for (i, finger) in self.fingers.iter_mut().enumerate() {
+            let speed_m_s = (finger.velocity_m_s - self.palm_velocity_m_s.y) * finger.inward;
+            let travel_m = finger.travel_m;
+            let (wanted, limit_n) = match self.targets_m {
+                None => (finger.impulse + (self.closing_speed_m_s - speed_m_s) / inverse_mass, self.force_n),
+                Some(targets_m) => {
+                    // A damped spring, implicit: as stiff as it is, whatever the length of a step.
+                    let softness = 1.0 / (substep_s * (GEAR_DAMPING_N_S_M + substep_s * GEAR_STIFFNESS_N_M));
+                    let pull = (travel_m - targets_m[i]) * substep_s * GEAR_STIFFNESS_N_M * softness;
+                    let change = -(speed_m_s + pull + softness * finger.impulse) / (inverse_mass + softness);
+                    (finger.impulse + change, 3.0 * self.force_n)
+                }
+            };
+            let limit = limit_n * substep_s;
+            let impulse = wanted.clamp(-limit, limit);
+            let driven_m_s = speed_m_s + (impulse - finger.impulse) * inverse_mass;
+            finger.impulse = impulse;
+            let slowest = -travel_m.max(0.0) / substep_s;
+            let fastest = (self.half_opening_m - travel_m).max(0.0) / substep_s;
+            let change_m_s = driven_m_s.clamp(slowest, fastest) - speed_m_s;
+            finger.velocity_m_s += change_m_s * finger.inward;
+        }
+    }
+
+    pub(super) fn advance(&mut self, substep_s: f32) {
+        for finger in &mut self.fingers {
+            finger.way_m += finger.velocity_m_s * substep_s;
+        }
+    }
+
+    pub(super) fn end_step(&mut self, step_s: f32) {
+        for finger in &mut self.fingers {
+            finger.y_m += finger.way_m;
+        }
+        self.palm_m += self.palm_velocity_m_s * step_s;
+    }
+}

@@ -1,0 +1,188 @@
+//! What a step asks of an object: its convex parts laid out for contacts, and its mass.
+
+use schema::{Polyhedron, Pose, Quat, Vec3};
+use wide::f32x4;
+
+use crate::SceneObject;
+use crate::engine::{EngineBody, UNITS_PER_M};
+
+/// One coordinate each of four points or normals.
+pub(super) type Wide3 = [f32x4; 3];
+
+/// An object, in its own frame.
+pub(crate) struct Thing {
+    pub(super) parts: Vec<Part>,
+    pub(super) mass_kg: f32,
+    pub(super) friction: f32,
+    /// Centre of mass.
+    pub(super) centre_m: Vec3,
+    /// Every corner is within this of the centre of mass.
+    pub(super) radius_m: f32,
+    /// Square roots of the inverse principal moments, in 1/√(kg m²).
+    pub(super) root_inverse_inertia: Vec3,
+    /// From the principal axes to the object's.
+    pub(super) principal: Quat,
+    pub(crate) workspace_from_object: Pose,
+}
+
+/// A convex part.
+pub(super) struct Part {
+    pub(super) hull: Hull,
+    pub(super) edges: Vec<Edge>,
+    pub(super) faces: Vec<FaceOf>,
+}
+
+/// Corners and faces of a part, in some frame.
+#[derive(Default, Clone)]
+pub(super) struct Hull {
+    pub(super) centre_m: Vec3,
+    pub(super) radius_m: f32,
+    pub(super) corners_m: Vec<Vec3>,
+    pub(super) normals: Vec<Vec3>,
+    pub(super) offsets_m: Vec<f32>,
+    /// Corners, then normals and offsets, four at a time; the last is repeated to fill up.
+    pub(super) wide_corners: Vec<Wide3>,
+    pub(super) wide_normals: Vec<Wide3>,
+    pub(super) wide_offsets: Vec<f32x4>,
+}
+
+/// Where two faces meet.
+pub(super) struct Edge {
+    pub(super) corners: [usize; 2],
+    pub(super) faces: [usize; 2],
+}
+
+/// A face's corners in order, and for each side the half-space on its inner side (outward normal in the face's plane,
+/// and offset).
+pub(super) struct FaceOf {
+    pub(super) ring: Vec<usize>,
+    pub(super) sides: Vec<(Vec3, f32)>,
+}
+
+impl Thing {
+    /// An object; its mass properties are rapier's.
+    pub(crate) fn of(object: &SceneObject) -> Self {
+        let SceneObject { body, mass_kg, friction, workspace_from_object } = object;
+        let mass = EngineBody::new(body, *mass_kg, *friction).mass_properties;
+        let units = UNITS_PER_M;
+        let parts: Vec<Part> = body.polyhedra().iter().map(Part::new).collect();
+        let centre_m = mass.local_com / units;
+        let moments = mass.principal_inertia() / (units * units);
+        let corners_m = parts.iter().flat_map(|part| &part.hull.corners_m);
+        Self {
+            radius_m: corners_m.map(|c| (*c - centre_m).length()).fold(0.0, f32::max),
+            parts,
+            mass_kg: mass.mass(),
+            friction: *friction,
+            centre_m,
+            root_inverse_inertia: Vec3::new(1.0 / moments.x.sqrt(), 1.0 / moments.y.sqrt(), 1.0 / moments.z.sqrt()),
+            principal: mass.principal_inertia_local_frame,
+            workspace_from_object: *workspace_from_object,
+        }
+    }
+}
+
+impl Part {
+    pub(super) fn new(polyhedron: &Polyhedron) -> Self {
+        let corners_m = polyhedron.corners_m().to_vec();
+        let faces: Vec<FaceOf> = polyhedron
+            .faces()
+            .iter()
+            .map(|face| {
+                let side = |(a, b): (usize, usize)| {
+                    let out = (corners_m[b] - corners_m[a]).cross(face.plane.normal).normalize();
+                    (out, out.dot(corners_m[a]))
+                };
+                FaceOf { ring: face.ring.clone(), sides: pairs(&face.ring).map(side).collect() }
+            })
+            .collect();
+        let mut edges = Vec::new();
+        for (first, face) in faces.iter().enumerate() {
+            for (a, b) in pairs(&face.ring) {
+                let across = |other: &FaceOf| pairs(&other.ring).any(|side| side == (b, a));
+                if let Some(second) = faces[first + 1..].iter().position(across) {
+                    edges.push(Edge { corners: [a, b], faces: [first, first + 1 + second] });
+                }
+            }
+        }
+        let mut hull = Hull {
+            centre_m: polyhedron.centre_m(),
+            radius_m: polyhedron.radius_m(),
+            corners_m,
+            normals: polyhedron.planes().map(|plane| plane.normal).collect(),
+            offsets_m: polyhedron.planes().map(|plane| plane.offset_m).collect(),
+            ..Hull::default()
+        };
+        hull.widen();
+        Self { hull, edges, faces }
+    }
+}
+
+impl Hull {
+    fn widen(&mut self) {
+        let group = |points: &[Vec3]| -> Wide3 {
+            let at = |lane: usize| points[lane.min(points.len() - 1)];
+            core::array::from_fn(|axis| f32x4::from(core::array::from_fn(|lane| at(lane)[axis])))
+        };
+        self.wide_corners.clear();
+        self.wide_corners.extend(self.corners_m.chunks(4).map(group));
+        self.wide_normals.clear();
+        self.wide_normals.extend(self.normals.chunks(4).map(group));
+        self.wide_offsets.clear();
+        self.wide_offsets.extend(
+            self.offsets_m.chunks(4).map(|o| f32x4::from(core::array::from_fn(|lane| o[lane.min(o.len() - 1)]))),
+        );
+    }
+
+    /// Makes this the hull `of`, seen from another frame: a point goes to `at_m` + its coordinates along `axes`.
+    pub(super) fn see(&mut self, of: &Self, axes: &[Vec3; 3], at_m: Vec3) {
+        let turned = |v: Vec3| axes[0] * v.x + axes[1] * v.y + axes[2] * v.z;
+        self.centre_m = at_m + turned(of.centre_m);
+        self.radius_m = of.radius_m;
+        self.corners_m.clear();
+        self.corners_m.extend(of.corners_m.iter().map(|c| at_m + turned(*c)));
+        self.normals.clear();
+        self.normals.extend(of.normals.iter().map(|n| turned(*n)));
+        self.offsets_m.clear();
+        self.offsets_m.extend(self.normals.iter().zip(&of.offsets_m).map(|(n, offset_m)| offset_m + n.dot(at_m)));
+        self.widen();
+    }
+
+    /// The interval that the hull covers along an axis.
+    pub(super) fn span(&self, axis: Vec3) -> [f32; 2] {
+        let first = self.wide_corners.first().map_or(f32x4::ZERO, |c| along(c, axis));
+        let (mut low, mut high) = (first, first);
+        for corners in &self.wide_corners[1..] {
+            let x = along(corners, axis);
+            low = low.fast_min(x);
+            high = high.fast_max(x);
+        }
+        let (low, high) = (low.to_array(), high.to_array());
+        [low[0].min(low[1]).min(low[2].min(low[3])), high[0].max(high[1]).max(high[2].max(high[3]))]
+    }
+
+    /// The face whose normal points most along `axis`.
+    pub(super) fn face_towards(&self, axis: Vec3) -> usize {
+        let mut best = (0, f32::NEG_INFINITY);
+        for (group, normals) in self.wide_normals.iter().enumerate() {
+            for (lane, x) in along(normals, axis).to_array().into_iter().enumerate() {
+                if x > best.1 {
+                    best = (4 * group + lane, x);
+                }
+            }
+        }
+        // The last may be repeated.
+        best.0.min(self.normals.len() - 1)
+    }
+}
+
+/// The coordinate of four points along an axis.
+#[inline(always)]
+pub(super) fn along(points: &Wide3, axis: Vec3) -> f32x4 {
+    points[0] * f32x4::splat(axis.x) + points[1] * f32x4::splat(axis.y) + points[2] * f32x4::splat(axis.z)
+}
+
+/// Consecutive pairs of a ring.
+fn pairs(ring: &[usize]) -> impl Iterator<Item = (usize, usize)> {
+    ring.iter().copied().zip(ring.iter().copied().cycle().skip(1))
+}
