@@ -19,7 +19,7 @@ use schema::{Gripper, Physics, Pose, Quat, Vec3};
 use wide::f32x4;
 
 use crate::rig::{Bodies, Contact as Pressing, Heap, Rig, Toucher};
-use contact::{Answer, Contact, Double, Memory, Motion, Pass, Relative, Single, Touched, lanes};
+use contact::{Answer, Contact, Contacts, Double, Motion, Pass, Relative, Single, Touched, lanes};
 use jaws::Jaws;
 use patch::{Frame, Patch, Scratch};
 
@@ -45,9 +45,8 @@ pub(crate) struct Stepper<'a> {
     jaws: Jaws,
     /// Of the first things.
     bodies: Vec<Body>,
-    singles: Vec<Single>,
-    doubles: Vec<Double>,
-    last: Vec<(u64, Memory)>,
+    singles: Contacts<1>,
+    doubles: Contacts<2>,
     /// Axes along which parts of two bodies were apart when last asked.
     apart: Vec<(u64, Vec3)>,
     queue: Vec<usize>,
@@ -180,9 +179,8 @@ impl<'a> Stepper<'a> {
             passes: [pass(true), pass(false), pass(false)],
             jaws: Jaws::absent(),
             bodies: Vec::with_capacity(things.len()),
-            singles: Vec::new(),
-            doubles: Vec::new(),
-            last: Vec::new(),
+            singles: Contacts::new(),
+            doubles: Contacts::new(),
             apart: Vec::new(),
             queue: Vec::new(),
             scratch: Scratch::default(),
@@ -190,9 +188,8 @@ impl<'a> Stepper<'a> {
     }
 
     fn find_contacts(&mut self) {
-        self.last.clear();
-        self.last.extend(self.singles.drain(..).map(|contact| (contact.key, contact.memory)));
-        self.last.extend(self.doubles.drain(..).map(|contact| (contact.key, contact.memory)));
+        self.singles.begin_step();
+        self.doubles.begin_step();
         self.queue.clear();
         for id in 0..self.bodies.len() {
             if self.bodies[id].is_awake || self.is_near_hand(id) {
@@ -245,10 +242,7 @@ impl<'a> Stepper<'a> {
                 if let Some(patch) = patch::on_plane(normal, offset_m, &body.frame, shape, &mut self.scratch) {
                     let friction = self.table_friction * thing.friction;
                     let key = key([obstacle, 0], [id, part]);
-                    let last = remembered(&self.last, key);
-                    let side = Touched::Fixed;
-                    let contact = Contact::new(key, [obstacle, id], friction, &patch, side, &body.answer, last);
-                    self.singles.push(contact);
+                    self.singles.add(key, [obstacle, id], friction, &patch, Touched::Fixed, &body.answer);
                 }
             }
         }
@@ -266,9 +260,7 @@ impl<'a> Stepper<'a> {
                 let side = if which < 2 { Touched::Finger { inverse_mass } } else { Touched::Fixed };
                 let friction = self.jaws.friction * thing.friction;
                 let key = key([1 + which, 0], [id, part]);
-                let last = remembered(&self.last, key);
-                let contact = Contact::new(key, [1 + which, id], friction, &patch, side, &body.answer, last);
-                self.singles.push(contact);
+                self.singles.add(key, [1 + which, id], friction, &patch, side, &body.answer);
             }
         }
     }
@@ -287,9 +279,7 @@ impl<'a> Stepper<'a> {
                 if let Some(patch) = self.patch_between(key, [first, second], [shape, other_shape]) {
                     let [a, b] = [&self.bodies[first].answer, &self.bodies[second].answer];
                     let friction = things[first].friction * things[second].friction;
-                    let last = remembered(&self.last, key);
-                    let side = Touched::Body(a);
-                    self.doubles.push(Contact::new(key, [first, second], friction, &patch, side, b, last));
+                    self.doubles.add(key, [first, second], friction, &patch, Touched::Body(a), b);
                     if !self.bodies[other].is_awake {
                         self.bodies[other].is_awake = true;
                         self.queue.push(other);
@@ -345,15 +335,16 @@ impl<'a> Stepper<'a> {
             }
             self.warm_start();
             self.jaws.begin_substep(closed_m, begun_s);
-            for (pass, time_s) in self.passes.into_iter().zip([begun_s, begun_s + substep_s, begun_s + substep_s]) {
+            for pass in self.passes {
                 self.jaws.solve(substep_s);
-                self.pass(pass, time_s);
+                self.pass(&pass);
                 if pass.corrects {
                     for body in self.bodies.iter_mut().filter(|body| body.is_awake) {
                         body.ways.linear += body.speeds.linear * f32x4::splat(substep_s);
                         body.ways.angular += body.speeds.angular * f32x4::splat(substep_s);
                     }
                     self.jaws.advance(substep_s);
+                    self.advance(begun_s + substep_s);
                 }
             }
             self.singles.iter_mut().for_each(Contact::count_pressed);
@@ -362,37 +353,51 @@ impl<'a> Stepper<'a> {
     }
 
     fn warm_start(&mut self) {
-        for contact in &self.doubles {
+        for contact in self.doubles.iter() {
             let push = contact.warm_start();
             push_both(&mut self.bodies, contact, push);
         }
-        for contact in &self.singles {
+        for contact in self.singles.iter() {
             let push = contact.warm_start();
             push_one(&mut self.bodies[contact.second], &mut self.jaws, contact, push);
         }
         self.jaws.warm_start();
     }
 
-    /// One pass over all contacts, `time_s` after the step began.
-    fn pass(&mut self, pass: Pass, time_s: f32) {
-        for contact in &mut self.doubles {
+    /// Tells the contacts how far the bodies have moved since the step began, `time_s` ago.
+    fn advance(&mut self, time_s: f32) {
+        for contact in self.doubles.iter_mut() {
             let [a, b] = [&self.bodies[contact.first], &self.bodies[contact.second]];
-            let relative =
-                |a: Motion, b: Motion| Relative { linear: b.linear - a.linear, angular: [b.angular, a.angular] };
-            if let Some(push) = contact.solve(pass, &relative(a.speeds, b.speeds), &relative(a.ways, b.ways)) {
+            contact.advance(&relative(a.ways, b.ways));
+        }
+        for contact in self.singles.iter_mut() {
+            let ways = self.bodies[contact.second].ways;
+            let [_, way] = self.jaws.motion(contact.first, time_s);
+            contact.advance(&Relative { linear: ways.linear - way, angular: [ways.angular] });
+        }
+    }
+
+    /// One pass over all contacts.
+    fn pass(&mut self, pass: &Pass) {
+        for contact in self.doubles.iter_mut() {
+            let [a, b] = [&self.bodies[contact.first], &self.bodies[contact.second]];
+            if let Some(push) = contact.solve(pass, &relative(a.speeds, b.speeds)) {
                 push_both(&mut self.bodies, contact, push);
             }
         }
-        for contact in &mut self.singles {
+        for contact in self.singles.iter_mut() {
             let body = &mut self.bodies[contact.second];
-            let [speed, way] = self.jaws.motion(contact.first, time_s);
+            let [speed, _] = self.jaws.motion(contact.first, 0.0);
             let speeds = Relative { linear: body.speeds.linear - speed, angular: [body.speeds.angular] };
-            let ways = Relative { linear: body.ways.linear - way, angular: [body.ways.angular] };
-            if let Some(push) = contact.solve(pass, &speeds, &ways) {
+            if let Some(push) = contact.solve(pass, &speeds) {
                 push_one(body, &mut self.jaws, contact, push);
             }
         }
     }
+}
+
+fn relative(a: Motion, b: Motion) -> Relative<2> {
+    Relative { linear: b.linear - a.linear, angular: [b.angular, a.angular] }
 }
 
 #[inline(always)]
@@ -516,8 +521,4 @@ impl Rig for Stepper<'_> {
 /// Identifies the contact of two parts.
 fn key([first, first_part]: [usize; 2], [second, second_part]: [usize; 2]) -> u64 {
     (first as u64) << 48 | (first_part as u64) << 32 | (second as u64) << 16 | second_part as u64
-}
-
-fn remembered(last: &[(u64, Memory)], key: u64) -> Option<&Memory> {
-    last.iter().find(|(of, _)| *of == key).map(|(_, memory)| memory)
 }

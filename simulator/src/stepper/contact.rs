@@ -7,19 +7,15 @@
 //! An angular velocity is along a body's principal axes and divided by the roots of its inverse moments, so that the
 //! arm by which a turn moves a point is the arm by which an impulse at the point turns the body.
 
+mod pass;
+
 use schema::Vec3;
 use wide::f32x4;
 
 use super::patch::Patch;
 use super::shape::Wide3;
+pub(super) use pass::{Pass, Push, Relative};
 
-/// Rounds over a contact's normals in a pass. With one, a heavy object slides 1.5 times as far as it should.
-const NORMAL_ROUNDS: usize = 2;
-/// Overlaps up to this are left alone: points that are pushed out of contact come back in the next step, and what they
-/// hold trembles.
-const SLOP_M: f32 = 0.000_05;
-/// Bodies that overlap are not pushed apart faster than this.
-const CORRECTION_M_S_MAX: f32 = 0.3;
 /// A point is the same as in the last step if it is this near, seen from the second body.
 const SAME_POINT_M: f32 = 0.0015;
 
@@ -65,20 +61,29 @@ pub(super) struct Contact<const T: usize> {
     count: usize,
     friction: f32,
     gaps_m: f32x4,
+    /// How far the points have moved along the three directions since the step began.
+    ways_m: [f32x4; 3],
     /// The normal and two tangents: one coordinate of all three each.
     directions: [f32x4; 3],
     /// By direction, turning body and axis: how far a turn moves each point.
     arms: [[Wide3; T]; 3],
     /// The same by direction, turning body and point: three axes.
     arms_of_point: [[[f32x4; 4]; T]; 3],
-    /// What an impulse along a point's normal adds to the speeds of all points, along the normal by their own mass (so
-    /// that it is 1 for the point itself), then along the tangents.
+    /// What an impulse along a point's normal adds to the speeds of all points, along the normal by their own mass (and
+    /// 0 for the point itself), then along the tangents.
     from_normal: [[f32x4; 4]; 3],
     /// What an impulse along a point's tangents adds to those along the tangents.
     from_tangents: [[[f32x4; 4]; 2]; 2],
     mass_normal: f32x4,
+    /// The points that are likely to press, as a mask.
+    bearing: f32x4,
+    /// What [`Self::press_each`] and [`Self::rub_each`] come to if these points press and stick and the others do not
+    /// press, as matrices: the normal impulses' changes from what is wanted, and along each tangent the friction's from
+    /// the speeds along each. A column for every point.
+    pressed_by: [f32x4; 4],
+    rubbed_by: [[[f32x4; 4]; 2]; 2],
     /// The inverse of a point's 2 × 2 block of tangents: xx, xy, yy; and of its larger eigenvalue.
-    mass_tangents: [[f32; 4]; 4],
+    mass_tangents: [f32x4; 4],
 }
 
 /// A contact with the table or the hand.
@@ -91,51 +96,104 @@ pub(super) type Double = Contact<2>;
 pub(super) struct Memory {
     tangents: [Vec3; 2],
     /// The points from the second body's centre along its principal axes.
-    anchors_m: [Vec3; 4],
-    normal: [f32; 4],
-    friction: [[f32; 4]; 2],
+    anchors_m: Wide3,
+    normal: f32x4,
+    friction: [f32x4; 2],
     /// Sum of all normal impulses of the step, in N s.
-    pub(super) pressed: [f32; 4],
-}
-
-/// What a pass of the solver goes by.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Pass {
-    /// Whether bodies that overlap are pushed apart (the second pass takes out the speed that this gave).
-    pub(super) corrects: bool,
-    /// One over the length of the substep.
-    pub(super) rate_hz: f32,
-    /// Share of an overlap that is corrected, per second, and the softness of that push.
-    pub(super) correction_1_s: f32,
-    pub(super) softness: f32,
-}
-
-/// How a contact's bodies move: the second's linear motion less the first's, and those that turn.
-pub(super) struct Relative<const T: usize> {
-    pub(super) linear: f32x4,
-    pub(super) angular: [f32x4; T],
-}
-
-/// What a pass adds: an impulse on the second body, and the turns.
-pub(super) struct Push<const T: usize> {
-    pub(super) impulse: f32x4,
-    pub(super) angular: [f32x4; T],
+    pub(super) pressed: f32x4,
 }
 
 pub(super) fn lanes(v: Vec3) -> f32x4 {
     f32x4::from([v.x, v.y, v.z, 0.0])
 }
 
-impl<const T: usize> Contact<T> {
-    pub(super) fn new(
+/// The contacts of a step, and what is left of those of the step before. Each is written where it stays: it is larger
+/// than what is computed for it in the time that moving it takes.
+pub(super) struct Contacts<const T: usize> {
+    slots: Vec<Contact<T>>,
+    count: usize,
+    last_slots: Vec<Contact<T>>,
+    last_count: usize,
+}
+
+impl<const T: usize> Contacts<T> {
+    pub(super) const fn new() -> Self {
+        Self { slots: Vec::new(), count: 0, last_slots: Vec::new(), last_count: 0 }
+    }
+
+    pub(super) fn begin_step(&mut self) {
+        core::mem::swap(&mut self.slots, &mut self.last_slots);
+        (self.last_count, self.count) = (self.count, 0);
+    }
+
+    /// A contact of what is `touched` with a `body`; `key` is the same in every step.
+    pub(super) fn add(
+        &mut self,
         key: u64,
-        [first, second]: [usize; 2],
+        ids: [usize; 2],
         friction: f32,
         patch: &Patch,
         touched: Touched<'_>,
         body: &Answer,
-        last: Option<&Memory>,
-    ) -> Self {
+    ) {
+        if self.count == self.slots.len() {
+            self.slots.push(Contact::BLANK);
+        }
+        let contact = &mut self.slots[self.count];
+        self.count += 1;
+        ([contact.first, contact.second], contact.key, contact.friction) = (ids, key, friction);
+        contact.lay_out(patch, touched, body);
+        let last = self.last_slots[..self.last_count].iter().find(|last| last.key == key);
+        contact.memory.take_from(last.map(|last| &last.memory), contact.count);
+        contact.foresee();
+    }
+}
+
+impl<const T: usize> core::ops::Deref for Contacts<T> {
+    type Target = [Contact<T>];
+
+    fn deref(&self) -> &[Contact<T>] {
+        &self.slots[..self.count]
+    }
+}
+
+impl<const T: usize> core::ops::DerefMut for Contacts<T> {
+    fn deref_mut(&mut self) -> &mut [Contact<T>] {
+        &mut self.slots[..self.count]
+    }
+}
+
+impl<const T: usize> Contact<T> {
+    const BLANK: Self = Self {
+        key: 0,
+        first: 0,
+        second: 0,
+        memory: Memory {
+            tangents: [Vec3::ZERO; 2],
+            anchors_m: [f32x4::ZERO; 3],
+            normal: f32x4::ZERO,
+            friction: [f32x4::ZERO; 2],
+            pressed: f32x4::ZERO,
+        },
+        points_m: [Vec3::ZERO; 4],
+        count: 0,
+        friction: 0.0,
+        gaps_m: f32x4::ZERO,
+        ways_m: [f32x4::ZERO; 3],
+        directions: [f32x4::ZERO; 3],
+        arms: [[[f32x4::ZERO; 3]; T]; 3],
+        arms_of_point: [[[f32x4::ZERO; 4]; T]; 3],
+        from_normal: [[f32x4::ZERO; 4]; 3],
+        from_tangents: [[[f32x4::ZERO; 4]; 2]; 2],
+        mass_normal: f32x4::ZERO,
+        bearing: f32x4::ZERO,
+        pressed_by: [f32x4::ZERO; 4],
+        rubbed_by: [[[f32x4::ZERO; 4]; 2]; 2],
+        mass_tangents: [f32x4::ZERO; 4],
+    };
+
+    /// Computes all but the impulses and what follows from them.
+    fn lay_out(&mut self, patch: &Patch, touched: Touched<'_>, body: &Answer) {
         let count = patch.count;
         let across = patch.normal.any_orthonormal_vector();
         let directions = [patch.normal, across, patch.normal.cross(across)];
@@ -146,7 +204,7 @@ impl<const T: usize> Contact<T> {
         let points = [point(0), point(1), point(2)];
         let to_second = from(points, body.centre_m);
         let anchors = in_axes(to_second, &body.principal);
-        let mut arms = [[[f32x4::ZERO; 3]; T]; 3];
+        let arms = &mut self.arms;
         // Impulses along the same direction move the bodies as a whole by the same, wherever they push.
         let mut shared = [body.inverse_mass; 3];
         let mut crossed = [0.0; 3];
@@ -168,43 +226,18 @@ impl<const T: usize> Contact<T> {
                 crossed = [inverse_mass * n * a, inverse_mass * n * b, inverse_mass * a * b];
             }
         }
-        let mut arms_of_point = [[[f32x4::ZERO; 4]; T]; 3];
-        for row in 0..3 {
-            for turning in 0..T {
-                let [x, y, z] = arms[row][turning];
-                arms_of_point[row][turning] = f32x4::transpose([x, y, z, f32x4::ZERO]);
+        for (of_point, arms) in self.arms_of_point.iter_mut().zip(&self.arms) {
+            for (of_point, [x, y, z]) in of_point.iter_mut().zip(arms) {
+                *of_point = f32x4::transpose([*x, *y, *z, f32x4::ZERO]);
             }
         }
         let gaps_m: [f32; 4] = core::array::from_fn(|i| patch.gaps_m[if i < count { i } else { 0 }]);
         let coordinate = |axis: usize| f32x4::from([directions[0][axis], across[axis], directions[2][axis], 0.0]);
-        let mut contact = Self {
-            key,
-            first,
-            second,
-            memory: Memory {
-                tangents: [directions[1], directions[2]],
-                anchors_m: columns(anchors),
-                normal: [0.0; 4],
-                friction: [[0.0; 4]; 2],
-                pressed: [0.0; 4],
-            },
-            points_m,
-            count,
-            friction,
-            gaps_m: f32x4::from(gaps_m),
-            directions: [coordinate(0), coordinate(1), coordinate(2)],
-            arms,
-            arms_of_point,
-            from_normal: [[f32x4::ZERO; 4]; 3],
-            from_tangents: [[[f32x4::ZERO; 4]; 2]; 2],
-            mass_normal: f32x4::ZERO,
-            mass_tangents: [[0.0; 4]; 4],
-        };
-        contact.weigh(shared, crossed);
-        if let Some(last) = last {
-            contact.memory.take_from(last, count);
-        }
-        contact
+        (self.memory.tangents, self.memory.anchors_m) = ([directions[1], directions[2]], anchors);
+        (self.points_m, self.count) = (points_m, count);
+        (self.gaps_m, self.ways_m) = (f32x4::from(gaps_m), [f32x4::ZERO; 3]);
+        self.directions = [coordinate(0), coordinate(1), coordinate(2)];
+        self.weigh(shared, crossed);
     }
 
     /// What the points' impulses do to each other. `shared` is what an impulse along a direction gives to every point
@@ -212,6 +245,7 @@ impl<const T: usize> Contact<T> {
     /// third.
     fn weigh(&mut self, shared: [f32; 3], crossed: [f32; 3]) {
         let mut masses = [0.0; 4];
+        let mut tangents = [[0.0; 4]; 4];
         for (point, mass) in masses.iter_mut().enumerate().take(self.count) {
             let [nn, nx, ny] = [
                 self.response(0, 0, point, shared[0]),
@@ -232,11 +266,13 @@ impl<const T: usize> Contact<T> {
             let inverse = 1.0 / (xx * yy - xy * xy);
             let (middle, apart) = (0.5 * (xx + yy), 0.5 * (xx - yy));
             let largest = middle + (apart * apart + xy * xy).sqrt();
-            self.mass_tangents[point] = [yy * inverse, -xy * inverse, xx * inverse, 1.0 / largest];
+            let entries = [yy * inverse, -xy * inverse, xx * inverse, 1.0 / largest];
+            tangents.iter_mut().zip(entries).for_each(|(row, entry)| row[point] = entry);
         }
         self.mass_normal = f32x4::from(masses);
-        for column in &mut self.from_normal[0] {
-            *column *= self.mass_normal;
+        self.mass_tangents = tangents.map(f32x4::from);
+        for (point, column) in self.from_normal[0].iter_mut().enumerate() {
+            *column *= self.mass_normal * OTHERS[point];
         }
     }
 
@@ -255,169 +291,48 @@ impl<const T: usize> Contact<T> {
 
     /// Whether anything pressed in the last step.
     pub(super) fn presses(&self) -> bool {
-        self.memory.pressed.iter().any(|impulse| *impulse > 0.0)
+        self.memory.pressed.simd_gt(f32x4::ZERO).any()
     }
 
     /// The points that pressed in the last step, in metres, and the sum of their impulses, in N s.
     pub(super) fn bearing(&self) -> (Vec<Vec3>, f32) {
-        let bearing = (0..self.count).filter(|point| self.memory.pressed[*point] > 0.0);
-        (bearing.map(|point| self.points_m[point]).collect(), self.memory.pressed.iter().sum())
-    }
-
-    /// The impulses that the contact had before.
-    #[inline(always)]
-    pub(super) fn warm_start(&self) -> Push<T> {
-        let [x, y] = self.memory.friction;
-        self.push_of([self.memory.normal, x, y])
-    }
-
-    #[inline(always)]
-    fn push_of(&self, impulses: [[f32; 4]; 3]) -> Push<T> {
-        let sums = impulses.map(|[a, b, c, d]| (a + b) + (c + d));
-        let along = f32x4::from([sums[0], sums[1], sums[2], 0.0]);
-        let mut impulse = [0.0; 4];
-        for (axis, coordinate) in self.directions.iter().enumerate() {
-            let [n, x, y, _] = (*coordinate * along).to_array();
-            impulse[axis] = n + x + y;
-        }
-        let mut angular = [f32x4::ZERO; T];
-        for (turning, angular) in angular.iter_mut().enumerate() {
-            let mut rows = [f32x4::ZERO; 3];
-            for (row, sum) in rows.iter_mut().enumerate() {
-                let arms = &self.arms_of_point[row][turning];
-                let at = |point: usize| arms[point] * f32x4::splat(impulses[row][point]);
-                *sum = (at(0) + at(1)) + (at(2) + at(3));
-            }
-            *angular = rows[0] + rows[1] + rows[2];
-        }
-        Push { impulse: f32x4::from(impulse), angular }
-    }
-
-    /// The points' speeds, or ways, along the three directions.
-    #[inline(always)]
-    fn along(&self, motion: &Relative<T>) -> [f32x4; 3] {
-        let [x, y, z, _] = motion.linear.to_array();
-        let [dx, dy, dz] = self.directions;
-        let linear = (dx * f32x4::splat(x) + dy * f32x4::splat(y) + dz * f32x4::splat(z)).to_array();
-        let mut along = [f32x4::splat(linear[0]), f32x4::splat(linear[1]), f32x4::splat(linear[2])];
-        for (turning, angular) in motion.angular.iter().enumerate() {
-            let angular = angular.to_array();
-            for (row, along) in along.iter_mut().enumerate() {
-                let [a, b, c] = self.arms[row][turning];
-                *along += a * f32x4::splat(angular[0]) + b * f32x4::splat(angular[1]) + c * f32x4::splat(angular[2]);
-            }
-        }
-        along
-    }
-
-    /// One pass over the contact: changes its impulses, and gives what they add. `ways` are since the step began.
-    #[inline(always)]
-    pub(super) fn solve(&mut self, pass: Pass, speeds: &Relative<T>, ways: &Relative<T>) -> Option<Push<T>> {
-        let ways = self.along(ways);
-        let [normal_speeds, x_speeds, y_speeds] = self.along(speeds);
-        let gaps_m = self.gaps_m + ways[0];
-        let rate = f32x4::splat(pass.rate_hz);
-        let open = gaps_m.simd_gt(f32x4::ZERO);
-        let push = if pass.corrects {
-            ((gaps_m + f32x4::splat(SLOP_M)).fast_min(f32x4::ZERO) * f32x4::splat(pass.correction_1_s))
-                .fast_max(f32x4::splat(-CORRECTION_M_S_MAX))
-        } else {
-            f32x4::ZERO
-        };
-        let normal_speeds = normal_speeds + open.bitselect(gaps_m * rate, push);
-        let before = self.memory.normal;
-        if before == [0.0; 4] && normal_speeds.simd_ge(f32x4::ZERO).all() {
-            return None;
-        }
-        let mut tangent_speeds = [x_speeds, y_speeds];
-        if pass.corrects {
-            tangent_speeds[0] += ways[1] * rate;
-            tangent_speeds[1] += ways[2] * rate;
-        }
-        let soft = f32x4::splat(if pass.corrects { pass.softness } else { 1.0 });
-        let soft = open.bitselect(f32x4::ONE, soft).to_array();
-        self.push(normal_speeds, soft);
-        let mut changes = [[0.0_f32; 4]; 3];
-        for point in 0..4 {
-            changes[0][point] = self.memory.normal[point] - before[point];
-            let change = f32x4::splat(changes[0][point]);
-            tangent_speeds[0] += self.from_normal[1][point] * change;
-            tangent_speeds[1] += self.from_normal[2][point] * change;
-        }
-        let before = self.memory.friction;
-        self.rub(tangent_speeds);
-        for tangent in 0..2 {
-            for point in 0..4 {
-                changes[1 + tangent][point] = self.memory.friction[tangent][point] - before[tangent][point];
-            }
-        }
-        Some(self.push_of(changes))
-    }
-
-    /// Normal impulses: none pulls.
-    #[inline(always)]
-    fn push(&mut self, speeds: f32x4, soft: [f32; 4]) {
-        let mut wanted = f32x4::from(self.memory.normal) - self.mass_normal * speeds;
-        for _ in 0..NORMAL_ROUNDS {
-            for (point, soft) in soft.iter().enumerate().take(self.count) {
-                let old = self.memory.normal[point];
-                let new = (soft * wanted.as_array()[point]).max(0.0);
-                // Its own share of this is the gain itself, which it has already.
-                wanted -= self.from_normal[0][point] * f32x4::splat(new - old);
-                wanted.as_mut_array()[point] += new - old;
-                self.memory.normal[point] = new;
-            }
-        }
-    }
-
-    /// Friction: in its cone at every point.
-    #[inline(always)]
-    fn rub(&mut self, [mut x_speeds, mut y_speeds]: [f32x4; 2]) {
-        for point in 0..self.count {
-            let limit = self.friction * self.memory.normal[point];
-            let old = [self.memory.friction[0][point], self.memory.friction[1][point]];
-            let (x, y) = (x_speeds.as_array()[point], y_speeds.as_array()[point]);
-            let [xx, xy, yy, both] = self.mass_tangents[point];
-            let mut new = [old[0] - (xx * x + xy * y), old[1] - (xy * x + yy * y)];
-            if new[0] * new[0] + new[1] * new[1] > limit * limit {
-                // It slides. What stops a point lies not along its velocity, for it turns the body too; friction does.
-                new = [old[0] - both * x, old[1] - both * y];
-                let squared = new[0] * new[0] + new[1] * new[1];
-                let scale = limit / squared.sqrt();
-                new = [new[0] * scale, new[1] * scale];
-            }
-            let gains = [new[0] - old[0], new[1] - old[1]];
-            let (x_gain, y_gain) = (f32x4::splat(gains[0]), f32x4::splat(gains[1]));
-            x_speeds += self.from_tangents[0][0][point] * x_gain + self.from_tangents[1][0][point] * y_gain;
-            y_speeds += self.from_tangents[0][1][point] * x_gain + self.from_tangents[1][1][point] * y_gain;
-            (self.memory.friction[0][point], self.memory.friction[1][point]) = (new[0], new[1]);
-        }
-    }
-
-    /// Counts what pressed in a substep.
-    pub(super) fn count_pressed(&mut self) {
-        for (sum, impulse) in self.memory.pressed.iter_mut().zip(self.memory.normal) {
-            *sum += impulse;
-        }
+        let pressed = self.memory.pressed.to_array();
+        let bearing = (0..self.count).filter(|point| pressed[*point] > 0.0);
+        (bearing.map(|point| self.points_m[point]).collect(), pressed.iter().sum())
     }
 }
 
 impl Memory {
     /// Starts from the impulses that the same points had in the last step.
-    fn take_from(&mut self, last: &Self, count: usize) {
-        for point in 0..count {
-            let far = |old: usize| (last.anchors_m[old] - self.anchors_m[point]).length_squared();
-            let nearest = (1..4).fold(0, |best, old| if far(old) < far(best) { old } else { best });
-            if far(nearest) < SAME_POINT_M * SAME_POINT_M {
-                self.normal[point] = last.normal[nearest];
-                let friction =
-                    last.tangents[0] * last.friction[0][nearest] + last.tangents[1] * last.friction[1][nearest];
-                self.friction[0][point] = friction.dot(self.tangents[0]);
-                self.friction[1][point] = friction.dot(self.tangents[1]);
+    fn take_from(&mut self, last: Option<&Self>, count: usize) {
+        let [mut normal, mut along_x, mut along_y] = [[0.0; 4]; 3];
+        if let Some(last) = last {
+            let anchors_m = self.anchors_m.map(f32x4::to_array);
+            for point in 0..count {
+                let [x, y, z] = [0, 1, 2].map(|axis| last.anchors_m[axis] - f32x4::splat(anchors_m[axis][point]));
+                let far = (x * x + y * y + z * z).to_array();
+                let nearest = (1..4).fold(0, |best, old| if far[old] < far[best] { old } else { best });
+                if far[nearest] < SAME_POINT_M * SAME_POINT_M {
+                    let [x, y] = last.friction.map(|impulses| impulses.as_array()[nearest]);
+                    let friction = last.tangents[0] * x + last.tangents[1] * y;
+                    normal[point] = last.normal.as_array()[nearest];
+                    along_x[point] = friction.dot(self.tangents[0]);
+                    along_y[point] = friction.dot(self.tangents[1]);
+                }
             }
         }
+        self.pressed = f32x4::ZERO;
+        (self.normal, self.friction) = (f32x4::from(normal), [f32x4::from(along_x), f32x4::from(along_y)]);
     }
 }
+
+/// One for every point but one.
+const OTHERS: [f32x4; 4] = [
+    f32x4::new([0.0, 1.0, 1.0, 1.0]),
+    f32x4::new([1.0, 0.0, 1.0, 1.0]),
+    f32x4::new([1.0, 1.0, 0.0, 1.0]),
+    f32x4::new([1.0, 1.0, 1.0, 0.0]),
+];
 
 /// Points seen from another.
 fn from(points: Wide3, at_m: Vec3) -> Wide3 {
@@ -434,9 +349,4 @@ fn in_axes(vectors: Wide3, axes: &[Vec3; 3]) -> Wide3 {
 fn turn([x, y, z]: Wide3, direction: Vec3) -> Wide3 {
     let [dx, dy, dz] = [f32x4::splat(direction.x), f32x4::splat(direction.y), f32x4::splat(direction.z)];
     [y * dz - z * dy, z * dx - x * dz, x * dy - y * dx]
-}
-
-fn columns([x, y, z]: Wide3) -> [Vec3; 4] {
-    let (x, y, z) = (x.to_array(), y.to_array(), z.to_array());
-    [0, 1, 2, 3].map(|i| Vec3::new(x[i], y[i], z[i]))
 }
