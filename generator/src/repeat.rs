@@ -2,7 +2,7 @@
 
 use program::Failure;
 use rayon::prelude::*;
-use schema::{AttemptRecord, Outcome, SceneRows};
+use schema::{AttemptRecord, Engine, Outcome, SceneRows};
 use shards::Dataset;
 use simulator::{AttemptWorld, Body, Execution, Physics, Scene};
 
@@ -33,12 +33,15 @@ pub struct Difference {
     pub now: Outcome,
 }
 
-/// Executes the attempts of the first `scene_count` scenes again, using only their rows.
+/// Executes the attempts of the first `scene_count` scenes again, using only their rows; by another engine if one is
+/// given, of which only the outcomes are compared.
 ///
 /// # Errors
-/// If the dataset cannot be read or was not made by this engine.
-pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, Failure> {
-    let physics = physics_of(&dataset.info().config)?;
+/// If the dataset cannot be read or was made by an engine that this program does not have.
+pub fn repeat(dataset: &Dataset, scene_count: u64, engine: Option<Engine>) -> Result<Repeated, Failure> {
+    let stored = physics_of(&dataset.info().config)?;
+    let physics = Physics { engine: engine.unwrap_or(stored.engine), ..stored };
+    let is_same = if physics == stored { is_as_stored } else { ended_as_stored };
     let bodies = bodies_of(dataset.info())?;
     let mut repeated = Repeated { attempts: 0, different: Vec::new() };
     for shard in 0..dataset.shard_count() {
@@ -54,7 +57,7 @@ pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, Failure> 
                 break;
             }
             let found: Vec<Repeated> =
-                some.par_iter().map(|rows| repeat_scene(dataset, (&physics, &bodies), rows)).collect();
+                some.par_iter().map(|rows| repeat_scene(dataset, (&physics, &bodies), rows, is_same)).collect();
             for one in found {
                 repeated.attempts += one.attempts;
                 repeated.different.extend(one.different);
@@ -64,17 +67,25 @@ pub fn repeat(dataset: &Dataset, scene_count: u64) -> Result<Repeated, Failure> 
     Ok(repeated)
 }
 
-fn repeat_scene(dataset: &Dataset, (physics, bodies): (&Physics, &[Body]), rows: &SceneRows) -> Repeated {
+fn repeat_scene(
+    dataset: &Dataset,
+    (physics, bodies): (&Physics, &[Body]),
+    rows: &SceneRows,
+    is_same: fn(&AttemptRecord, &Execution) -> bool,
+) -> Repeated {
     let (info, attempts) = (dataset.info(), &rows.attempts);
     let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, bodies);
     let world = AttemptWorld::new(physics, &info.gripper, &info.procedure, &scene);
     let again = |row: &AttemptRecord| {
         let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);
-        let is_same = is_as_stored(row, &now);
         let (scene_id, attempt_id) = (row.scene_id, row.attempt_id);
-        (!is_same).then_some(Difference { scene_id, attempt_id, stored: row.outcome, now: now.outcome })
+        (!is_same(row, &now)).then_some(Difference { scene_id, attempt_id, stored: row.outcome, now: now.outcome })
     };
     Repeated { attempts: attempts.len() as u64, different: attempts.iter().filter_map(again).collect() }
+}
+
+fn ended_as_stored(stored: &AttemptRecord, now: &Execution) -> bool {
+    stored.outcome == now.outcome
 }
 
 /// Whether an attempt ended as its row says, to the last bit of the opening.

@@ -70,6 +70,8 @@ fn attempts_executed_again_end_as_stored_and_a_lie_is_found() {
     let dir = workshop(&small_config());
     check_ok(&run(&dir, "ds", &[]));
     assert!(check_ok(&program(&["repeat", "ds"], dir.path())).starts_with("70 attempts executed again"));
+    let by_rapier = check_ok(&program(&["repeat", "ds", "--engine", "rapier"], dir.path()));
+    assert!(by_rapier.starts_with("70 attempts executed again"), "{by_rapier}");
     assert!(check_ok(&program(&["repeat", "ds", "--scenes", "2"], dir.path())).starts_with("24 attempts"));
     let missing = program(&["repeat", "nowhere"], dir.path());
     assert_eq!(missing.status.code(), Some(78), "{missing:?}");
