@@ -118,6 +118,9 @@ settings! {
     pub struct StopParams {
         /// So many failures in a row (VGN: 2).
         pub failures_max: u32 where 1..=1_000,
+        /// Whether the planner is told which hands failed since the last one that held, and avoids them. Otherwise the
+        /// plan's next grasp is tried while the scene is as it was.
+        pub avoid_failed: bool; or false,
         /// So many attempts in all.
         pub attempts_max: u32 where 1..=10_000,
     }

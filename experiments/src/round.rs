@@ -47,7 +47,7 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Fai
     // The number of changes of the scene, and the grasps of its plan that were tried. An unchanged scene gives the same
     // observation.
     let (mut look, mut tried) = (0, 0);
-    let mut failures = 0;
+    let (mut failures, mut failed_hands) = (0, Vec::new());
     played.ending = loop {
         if scene.objects.is_empty() {
             break Ending::Cleared;
@@ -59,16 +59,22 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Fai
             break Ending::AttemptsMax;
         }
         let mut noise = Stream::new(seed, scene_id, Purpose::DepthNoise, look);
-        let found = try_once(config, planner, &scene, &mut noise, tried);
+        let wishes = Wishes { avoid: failed_hands.clone(), ..Wishes::default() };
+        let found = try_once(config, planner, (&scene, &wishes), &mut noise, tried);
         let Some((trial, left)) = found.map_err(|error| failed(error_chain(&error)))? else {
             break Ending::NoGrasp;
         };
         let is_held = trial.outcome == Outcome::Held;
         played.removed_count += u32::from(is_held);
         failures = if is_held { 0 } else { failures + 1 };
+        if is_held {
+            failed_hands.clear();
+        } else if config.stop.avoid_failed {
+            failed_hands.push(trial.workspace_from_grasp);
+        }
         played.trials.push(trial);
         if !is_held && left == scene.objects {
-            tried += 1;
+            tried += usize::from(!config.stop.avoid_failed);
             continue;
         }
         (look, tried) = (look + 1, 0);
@@ -102,7 +108,7 @@ fn rest_again(config: &generator::Config, left: &[SceneObject]) -> Result<Settle
 fn try_once(
     config: &Config,
     planner: &Planner,
-    scene: &Scene,
+    (scene, wishes): (&Scene, &Wishes),
     noise: &mut Stream,
     tried: usize,
 ) -> Result<Option<(Trial, Vec<SceneObject>)>, InputError> {
@@ -110,7 +116,7 @@ fn try_once(
     let views = observe(config, scene, noise);
     let observe_ms = milliseconds(began);
     let began = Instant::now();
-    let plan = planner.plan(&Observation::Views(views), &Wishes::default())?;
+    let plan = planner.plan(&Observation::Views(views), wishes)?;
     let plan_ms = milliseconds(began);
     let Some(best) = plan.grasps.get(tried) else { return Ok(None) };
     let pose = best.workspace_from_grasp;

@@ -60,6 +60,17 @@ pub(crate) fn towards_wrist(workspace_from_grasp: &Pose, workspace_from_wrist: Q
     pose_from_parts(rotation, workspace_from_grasp.translation)
 }
 
+/// Hands whose tips are within this of each other, turned by no more than that, are alike.
+const ALIKE_M: f32 = 0.01;
+const ALIKE_RAD: f32 = core::f32::consts::FRAC_PI_6;
+
+/// Whether two hands are nearly the same.
+pub(crate) fn are_alike(one: &Pose, other: &Pose) -> bool {
+    let rotation = nearer_half_turn(one.rotation, other.rotation);
+    (one.translation - other.translation).length() <= ALIKE_M
+        && rotation.dot(other.rotation).abs() >= libm::cosf(0.5 * ALIKE_RAD)
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -67,6 +78,17 @@ mod tests {
 
     use super::*;
     use crate::BuiltIn;
+
+    #[test]
+    fn hands_are_alike_up_to_a_centimetre_thirty_degrees_and_a_half_turn() {
+        let down = Pose::from_parts(Vec3::new(0.1, 0.1, 0.1), WRIST_DOWN);
+        let moved = |y_m: f32, turn_rad: f32| {
+            Pose::from_parts(down.translation + Vec3::Y * y_m, axis_angle(Vec3::X, turn_rad) * down.rotation)
+        };
+        let turned = Pose::from_parts(down.translation, down.rotation * HALF_TURN);
+        assert!(are_alike(&down, &turned) && are_alike(&down, &moved(0.009, 0.5)));
+        assert!(!are_alike(&down, &moved(0.011, 0.0)) && !are_alike(&down, &moved(0.0, 0.55)));
+    }
 
     fn rotations() -> impl Strategy<Value = Quat> {
         any::<u64>().prop_map(|seed| Stream::new(seed, 0, Purpose::Candidates, 0).rotation())

@@ -57,4 +57,6 @@ pub struct Wishes {
     pub grasps_max: Option<usize>,
     /// Whether to list dropped candidates with reasons.
     pub explain: bool,
+    /// Hands that failed, in the workspace: none like them is offered.
+    pub avoid: Vec<Pose>,
 }

@@ -136,6 +136,8 @@ pub enum RejectReason {
     },
     /// A neighbour within the suppression window is better.
     Suppressed,
+    /// It is like a hand that failed.
+    Avoided,
     /// The hand would pass through this many points of the cloud on its way.
     Collision {
         /// Points inside the swept hand.
@@ -163,6 +165,7 @@ impl RejectReason {
                 ("quality", format!("quality below the threshold: {probability:.2} {}", outcome.name()))
             }
             Self::Suppressed => ("suppressed", "a better grasp is near".into()),
+            Self::Avoided => ("avoided", "like a hand that failed".into()),
             Self::Collision { points } => {
                 ("collision", format!("the hand would pass through {points} points of the cloud"))
             }
@@ -180,7 +183,8 @@ pub struct DroppedCandidate {
     /// Why.
     #[serde(skip)]
     pub reason: RejectReason,
-    /// `far_from_surface`, `width`, `quality`, `suppressed`, `collision`, `no_hand`, `no_object` or `beyond_limit`.
+    /// `far_from_surface`, `width`, `quality`, `suppressed`, `avoided`, `collision`, `no_hand`, `no_object` or
+    /// `beyond_limit`.
     pub why: &'static str,
     /// The reason as text, with the numbers.
     pub told: String,

@@ -9,11 +9,11 @@ use hands::{Judge, Judged};
 use network::{Architecture, DenseGrids, DenseNetwork, checkpoint};
 use program::Failure;
 use rayon::prelude::*;
-use schema::{Grid, Plane, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
+use schema::{Grid, Plane, Pose, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 
 use crate::config::{BuiltIn, CloudParams, Config, Policy, WithoutObject};
 use crate::detect::{Detected, Detection, detect};
-use crate::hand::{Sweep, WRIST_DOWN, towards_wrist};
+use crate::hand::{Sweep, WRIST_DOWN, are_alike, towards_wrist};
 use crate::input::{InputError, read_file};
 use crate::observation::{Observation, Wishes};
 use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
@@ -219,7 +219,11 @@ impl Planner {
                 Some(RejectReason::Judged { outcome, probability })
             } else {
                 reached += 1;
-                kept.iter().any(|better| better.is_near(judged, apart_m)).then_some(RejectReason::Suppressed)
+                if is_avoided(&grasp.workspace_from_grasp, wishes) {
+                    Some(RejectReason::Avoided)
+                } else {
+                    kept.iter().any(|better| better.is_near(judged, apart_m)).then_some(RejectReason::Suppressed)
+                }
             };
             match reason {
                 Some(reason) => dropped.push(DroppedCandidate::new(&grasp, reason)),
@@ -251,6 +255,9 @@ impl Planner {
         if self.config.refinement.turns > 0 && matches!(self.network, Network::Voxel(_)) {
             self.refine(&mut grasps, (&cloud, normals), wishes, &mut dropped);
         }
+        drop_where(&mut grasps, &mut dropped, |ranked| {
+            is_avoided(&ranked.workspace_from_grasp, wishes).then_some(RejectReason::Avoided)
+        });
         funnel.hands_found = grasps.len();
         let collision = &self.config.collision;
         if wishes.check_collisions.unwrap_or(collision.check) {
@@ -275,6 +282,7 @@ impl Planner {
         }
         funnel.ranked = grasps.len();
         dropped.sort_by(|a, b| b.quality.total_cmp(&a.quality));
+        let avoided = dropped.iter().filter(|candidate| candidate.reason == RejectReason::Avoided).count();
         let mut plan = Plan {
             format: FORMAT,
             model: self.model_id.clone(),
@@ -290,7 +298,7 @@ impl Planner {
             dropped: if wishes.explain { dropped } else { Vec::new() },
             timings_ms: Vec::new(),
         };
-        plan.reason = plan.grasps.is_empty().then(|| self.reason(&plan, quality_best, wishes));
+        plan.reason = plan.grasps.is_empty().then(|| self.reason(&plan, (quality_best, avoided), wishes));
         plan.warnings = self.warnings(&plan);
         plan
     }
@@ -343,7 +351,7 @@ impl Planner {
     }
 
     /// Why there are no grasps: the first stage that no candidate passed.
-    fn reason(&self, plan: &Plan, quality_best: f32, wishes: &Wishes) -> String {
+    fn reason(&self, plan: &Plan, (quality_best, avoided): (f32, usize), wishes: &Wishes) -> String {
         let (params, funnel) = (&self.config.detection, &plan.funnel);
         if wishes.grasps_max == Some(0) {
             "no grasps were asked for".to_owned()
@@ -360,6 +368,8 @@ impl Planner {
             // Rounded down, so that 0.8997 does not become 0.9.
             let best = (quality_best * 1e3).floor() * 1e-3;
             format!("no grasp has a quality of {} or more: the best has {best:.3}", params.quality_min)
+        } else if avoided > 0 && funnel.hands_found == 0 {
+            format!("all {avoided} grasps are like hands that failed")
         } else if funnel.hands_found == 0 {
             format!("no hand closes on anything by a free way at any of {} detections", funnel.detections)
         } else if funnel.collision_free == 0 {
@@ -430,6 +440,10 @@ struct Candidates {
 }
 
 /// Moves grasps with a reason to drop them from one list to the other.
+fn is_avoided(workspace_from_grasp: &Pose, wishes: &Wishes) -> bool {
+    wishes.avoid.iter().any(|failed| are_alike(failed, workspace_from_grasp))
+}
+
 fn drop_where(
     grasps: &mut Vec<RankedGrasp>,
     dropped: &mut Vec<DroppedCandidate>,

@@ -72,6 +72,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "QX,QY,QZ,QW", value_parser = numbers::<4>, allow_hyphen_values = true)]
     wrist: Option<[f64; 4]>,
 
+    /// A hand that failed, in the workspace: no grasp within 10 mm and 30° of it is returned; repeat for several
+    #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
+    avoid: Vec<[f64; 7]>,
+
     /// Write the plan here instead of to standard output
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -135,10 +139,12 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
     input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
     input.explain = arguments.explain.then_some(true).or(input.explain);
-    if let Some([x, y, z, quaternion_xyzw @ ..]) = arguments.base_from_workspace {
-        let position_m = [x, y, z];
-        input.base_from_workspace = Some(PoseInput::Parts(PosePartsInput { position_m, quaternion_xyzw }));
-    }
+    let pose = |[x, y, z, quaternion_xyzw @ ..]: [f64; 7]| {
+        PoseInput::Parts(PosePartsInput { position_m: [x, y, z], quaternion_xyzw })
+    };
+    input.base_from_workspace = arguments.base_from_workspace.map(pose).or(input.base_from_workspace.take());
+    let avoid = Some(arguments.avoid.iter().copied().map(pose).collect::<Vec<_>>());
+    input.avoid = avoid.filter(|hands| !hands.is_empty()).or(input.avoid.take());
     let wrist = arguments.wrist.map(|quaternion_xyzw| OrientationInput { quaternion_xyzw });
     input.workspace_from_wrist = wrist.or(input.workspace_from_wrist.take());
 }
@@ -173,4 +179,4 @@ A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x
   workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [-0.954, 0.0, 0.0, 0.301] }
 Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. With base_from_workspace, views may
 have base_from_camera instead. tsdf or cloud (with eyes_m) may stand in place of views. The wishes config, policy, grasps_max,
-check_collisions, explain and workspace_from_wrist may be there, too; the command line takes precedence (a flag cannot switch one off).";
+check_collisions, explain, avoid and workspace_from_wrist may be there, too; the command line takes precedence (a flag cannot switch one off).";

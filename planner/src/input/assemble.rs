@@ -7,14 +7,16 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use schema::{Camera, Grid, Pose, Vec3};
 
-use crate::input::camera::{intrinsics, orientation, point, pose};
+use crate::input::camera::{PoseInput, intrinsics, orientation, point, pose};
 use crate::input::cloud::read_cloud;
 use crate::input::depth::{judge_depth, read_depth};
 use crate::input::error::{InputError, refuse, shown};
 use crate::input::file::read_file;
 use crate::input::points::ReadCloud;
 use crate::input::raw_depth::SIDE_PX_MAX;
-use crate::input::request::{EYES_MAX, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
+use crate::input::request::{
+    AVOID_MAX, EYES_MAX, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json,
+};
 use crate::input::tsdf::read_tsdf;
 use crate::{BuiltIn, Observation, SeenView, Wishes};
 
@@ -99,6 +101,11 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
     if let Some(got) = input.grasps_max.filter(|count| !(1..=GRASPS_MAX).contains(count)) {
         return refuse(format!("must be between 1 and {GRASPS_MAX}, got {got}: grasps_max"));
     }
+    let avoid = input.avoid.as_deref().unwrap_or_default();
+    if avoid.len() > AVOID_MAX {
+        return refuse(format!("must have at most {AVOID_MAX} entries, got {}: avoid", avoid.len()));
+    }
+    let failed = |(number, input): (usize, &PoseInput)| pose(input, &format!("avoid[{number}]"));
     Ok(Wishes {
         base_from_workspace: base_from_workspace.transpose()?,
         workspace_from_wrist: workspace_from_wrist.transpose()?,
@@ -106,6 +113,7 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
         check_collisions: input.check_collisions,
         grasps_max: input.grasps_max,
         explain: input.explain.unwrap_or(false),
+        avoid: avoid.iter().enumerate().map(failed).collect::<Result<_, _>>()?,
     })
 }
 
@@ -342,6 +350,12 @@ mod tests {
             ("/policy", json!("best"), "policy must be one of paper, vgn-random, vgn-best, flattest, got best: policy"),
             ("/grasps_max", json!(0), "must be between 1 and 10000, got 0: grasps_max"),
             ("/grasps_max", json!(-1), ": grasps_max"),
+            ("/avoid", json!([[1]]), ": avoid"),
+            (
+                "/avoid",
+                json!(vec![json!({ "position_m": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 1] }); 257]),
+                "at most 256",
+            ),
             ("/eyes_m", json!([[0, 0, 1], [0, 0]]), "must have 3 numbers, got 2: eyes_m[1]"),
             ("/views/0/intrinsics/fx_px", json!("wide"), ": views[0].intrinsics.fx_px"),
             ("/base_from_workspace", json!([[1]]), ": base_from_workspace"),

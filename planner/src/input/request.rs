@@ -24,6 +24,9 @@ pub(crate) const VIEWS_MAX: usize = 32;
 /// Maximum number of viewpoints of a cloud.
 pub(crate) const EYES_MAX: usize = 32;
 
+/// Maximum number of hands to avoid.
+pub(crate) const AVOID_MAX: usize = 256;
+
 /// A request for a plan: exactly one of `views`, `tsdf` and `cloud`, and options.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -59,6 +62,10 @@ pub struct RequestInput {
     pub grasps_max: Option<usize>,
     /// Whether to list dropped candidates with reasons.
     pub explain: Option<bool>,
+    /// Hands that failed, at most 256: the `workspace_from_grasp` of grasps of earlier plans. No grasp is offered whose
+    /// tips are within 10 mm and whose axes are within 30° of one of them.
+    #[serde(default, deserialize_with = "avoid")]
+    pub avoid: Option<Vec<PoseInput>>,
 }
 
 /// A depth image and the camera that took it.
@@ -121,6 +128,10 @@ impl<'de> Visitor<'de> for SourceVisitor {
 
 fn views<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<ViewInput>>, D::Error> {
     Ok(Option::<AtMost<_, VIEWS_MAX>>::deserialize(source)?.map(|views| views.0))
+}
+
+fn avoid<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<PoseInput>>, D::Error> {
+    Ok(Option::<AtMost<_, AVOID_MAX>>::deserialize(source)?.map(|hands| hands.0))
 }
 
 fn eyes<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<[f64; 3]>>, D::Error> {
@@ -214,7 +225,7 @@ mod tests {
         let (request, view) = (described(RequestInput::schema()), described(ViewInput::schema()));
         assert_eq!(keys(&request), keys_of::<RequestInput>());
         assert_eq!(keys(&view), keys_of::<ViewInput>());
-        assert_eq!(keys(&request).len(), 12);
+        assert_eq!(keys(&request).len(), 13);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
         let pose = described(PoseInput::schema());
         assert_eq!(pose["oneOf"][0]["items"]["maxItems"], 4, "{pose}");

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use planner::plan::{Plan, RejectReason};
 use planner::{BuiltIn, Config, Observation, Planner, Planners, Policy, Wishes, demo, input};
-use schema::{Grid, Gripper, Outcome, Vec3, VoxelGrid};
+use schema::{Grid, Gripper, Outcome, Pose, Vec3, VoxelGrid};
 
 fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name)
@@ -49,6 +49,32 @@ fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_other
     let failed = |dropped: &&planner::plan::DroppedCandidate| matches!(dropped.reason, RejectReason::Judged { outcome, .. } if outcome != Outcome::Held);
     let failed = plan.dropped.iter().find(failed).unwrap();
     assert!(failed.quality < epsilon && failed.told.starts_with("quality below the threshold: 0."), "{}", failed.told);
+}
+
+#[test]
+fn hands_that_failed_are_not_offered_again() {
+    let planner = judge(config());
+    let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
+    let plan = |avoid: &[Pose]| {
+        let wishes = Wishes { avoid: avoid.to_vec(), explain: true, ..Wishes::default() };
+        planner.plan(&observation, &wishes).unwrap()
+    };
+    let mut failed: Vec<Pose> = Vec::new();
+    // Every hand of the demo fails, until none is left.
+    let last = loop {
+        let answer = plan(&failed);
+        let Some(best) = answer.grasps.first() else { break answer };
+        let again = |hand: &Pose| {
+            let turned = best.workspace_from_grasp.rotation.angle_between(hand.rotation);
+            (best.workspace_from_grasp.translation - hand.translation).length() < 0.01 && turned < 0.5
+        };
+        assert!(!failed.iter().any(again), "{:?} after {failed:?}", best.workspace_from_grasp);
+        failed.push(best.workspace_from_grasp);
+    };
+    assert!(failed.len() > plan(&[]).grasps.len(), "avoided hands suppress none: {}", failed.len());
+    let reason = last.reason.unwrap();
+    assert!(reason.starts_with("all ") && reason.ends_with(" grasps are like hands that failed"), "{reason}");
+    assert!(last.dropped.iter().any(|dropped| dropped.reason == RejectReason::Avoided && dropped.why == "avoided"));
 }
 
 #[test]
