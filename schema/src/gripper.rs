@@ -55,10 +55,12 @@ pub struct HandBox {
 
 impl Gripper {
     /// Names and files of the hands that need no file.
-    pub const BUILT_IN: [(&'static str, &'static str); 3] = [
+    pub const BUILT_IN: [(&'static str, &'static str); 5] = [
         ("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml")),
         ("robotiq_2f_85", include_str!("../../configs/grippers/robotiq_2f_85.toml")),
         ("slim_jaw_50", include_str!("../../configs/grippers/slim_jaw_50.toml")),
+        ("franka_hand", include_str!("../../configs/grippers/franka_hand.toml")),
+        ("wsg_50", include_str!("../../configs/grippers/wsg_50.toml")),
     ];
 
     /// Reads the name of a built-in gripper, or the path of a gripper's file, which ends in `.toml`.
