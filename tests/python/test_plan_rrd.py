@@ -98,7 +98,7 @@ def test_the_hand_is_the_plans(tmp_path):
     assert boxes["Boxes3D:centers"][0][0] == pytest.approx([0, -0.0225, -0.035])
     assert boxes["Boxes3D:half_sizes"][0][0] == pytest.approx([0.005, 0.0025, 0.035])
     done = run(tmp_path, {**made_up_plan(), "gripper": "three_fingers"}, cloud(3))
-    assert done.returncode == 1 and "none of parallel_jaw_80" in done.stderr and "Traceback" not in done.stderr
+    assert done.returncode == 1 and "none of franka_hand, parallel_jaw_80" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_what_is_no_plan_or_no_cloud_is_refused(tmp_path):
