@@ -49,18 +49,14 @@ impl<const T: usize> Contact<T> {
         let bears = self.bearing.to_array().map(|lane| lane.to_bits() != 0);
         let columns = self.from_normal[0].map(f32x4::to_array);
         let mut rows = [f32x4::ZERO; 4];
-        let mixed = |rows: &[f32x4; 4], shares: [f32; 4]| {
-            let at = |j: usize| rows[j] * f32x4::splat(shares[j]);
-            (at(0) + at(1)) + (at(2) + at(3))
-        };
+        let by_others = |rows: &[f32x4; 4], i: usize| product(rows, f32x4::from(columns.map(|column| column[i])));
         for i in (0..self.count).filter(|i| bears[*i]) {
-            rows[i] = UNIT[i] - mixed(&rows, columns.map(|column| column[i]));
+            rows[i] = UNIT[i] - by_others(&rows, i);
         }
         for _ in 0..DOUBLINGS {
             // What is left undone is done in the same way.
-            let left: [f32x4; 4] =
-                core::array::from_fn(|i| UNIT[i] - rows[i] - mixed(&rows, columns.map(|column| column[i])));
-            rows = rows.map(|row| row + mixed(&left, row.to_array()));
+            let left: [f32x4; 4] = core::array::from_fn(|i| UNIT[i] - rows[i] - by_others(&rows, i));
+            rows = rows.map(|row| row + product(&left, row));
         }
         self.pressed_by = f32x4::transpose(rows);
         let from = self.from_tangents.map(|onto| onto.map(|columns| columns.map(f32x4::to_array)));
@@ -101,13 +97,8 @@ impl<const T: usize> Contact<T> {
         let [n, t, u, _] = f32x4::transpose([x, y, z, f32x4::ZERO]);
         let mut angular = [f32x4::ZERO; T];
         for (turning, angular) in angular.iter_mut().enumerate() {
-            let mut rows = [f32x4::ZERO; 3];
-            for (row, sum) in rows.iter_mut().enumerate() {
-                let arms = &self.arms_of_point[row][turning];
-                let at = |point: usize| arms[point] * f32x4::splat(impulses[row].as_array()[point]);
-                *sum = (at(0) + at(1)) + (at(2) + at(3));
-            }
-            *angular = rows[0] + rows[1] + rows[2];
+            let [n, x, y] = [0, 1, 2].map(|row| product(&self.arms_of_point[row][turning], impulses[row]));
+            *angular = n + x + y;
         }
         Push { impulse: n + t + u, angular }
     }
@@ -173,8 +164,7 @@ impl<const T: usize> Contact<T> {
         }
         let normal_gains = self.memory.normal - before;
         for (speeds, from) in tangent_speeds.iter_mut().zip(&self.from_normal[1..]) {
-            let at = |point: usize| from[point] * f32x4::splat(normal_gains.as_array()[point]);
-            *speeds += (at(0) + at(1)) + (at(2) + at(3));
+            *speeds += product(from, normal_gains);
         }
         let before = self.memory.friction;
         let [[xx, xy], [yx, yy]] = &self.rubbed_by;
