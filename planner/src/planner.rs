@@ -439,11 +439,12 @@ struct Candidates {
     quality_best: f32,
 }
 
-/// Moves grasps with a reason to drop them from one list to the other.
+/// Whether a grasp is like a hand that failed.
 fn is_avoided(workspace_from_grasp: &Pose, wishes: &Wishes) -> bool {
     wishes.avoid.iter().any(|failed| are_alike(failed, workspace_from_grasp))
 }
 
+/// Moves grasps with a reason to drop them from one list to the other.
 fn drop_where(
     grasps: &mut Vec<RankedGrasp>,
     dropped: &mut Vec<DroppedCandidate>,
