@@ -89,13 +89,30 @@ pub struct Contact {
     pub force_n: f32,
 }
 
-/// The hand and its objects in rapier.
-pub(crate) struct RapierRig {
+/// Objects in rapier, and what is there beside them.
+pub(crate) struct InRapier<T> {
     world: World,
     pipeline: PhysicsPipeline,
-    hand: Hand,
     bodies: Vec<RigidBodyHandle>,
+    beside: T,
 }
+
+impl<T> Bodies for InRapier<T> {
+    fn step(&mut self) {
+        self.world.step(&mut self.pipeline);
+    }
+
+    fn pose(&self, object_id: usize) -> Pose {
+        self.world.pose(self.bodies[object_id])
+    }
+
+    fn velocities(&self, object_id: usize) -> [Vec3; 2] {
+        self.world.velocities(self.bodies[object_id])
+    }
+}
+
+/// The hand and its objects in rapier.
+pub(crate) type RapierRig = InRapier<Hand>;
 
 impl RapierRig {
     /// The `bodies` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose fingers have closed
@@ -119,7 +136,7 @@ impl RapierRig {
         };
         let bodies = bodies.iter().map(add).collect();
         let hand = Hand::insert(&mut world, gripper, closed_m);
-        Self { world, pipeline: PhysicsPipeline::new(), hand, bodies }
+        Self { world, pipeline: PhysicsPipeline::new(), bodies, beside: hand }
     }
 
     fn collider(&self, object_id: usize) -> ColliderHandle {
@@ -127,7 +144,7 @@ impl RapierRig {
     }
 
     fn toucher(&self, collider: ColliderHandle) -> Toucher {
-        let [left, right, palm] = self.hand.colliders();
+        let [left, right, palm] = self.beside.colliders();
         if let Some(id) = (0..self.bodies.len()).find(|id| self.collider(*id) == collider) {
             return Toucher::Object(id);
         }
@@ -140,35 +157,21 @@ impl RapierRig {
     }
 }
 
-impl Bodies for RapierRig {
-    fn step(&mut self) {
-        self.world.step(&mut self.pipeline);
-    }
-
-    fn pose(&self, object_id: usize) -> Pose {
-        self.world.pose(self.bodies[object_id])
-    }
-
-    fn velocities(&self, object_id: usize) -> [Vec3; 2] {
-        self.world.velocities(self.bodies[object_id])
-    }
-}
-
 impl Rig for RapierRig {
     fn closed_m(&self) -> [f32; 2] {
-        self.hand.closed_m(&self.world)
+        self.beside.closed_m(&self.world)
     }
 
     fn press(&mut self, asymmetry_at_contact_m: f32) {
-        self.hand.press(&mut self.world, asymmetry_at_contact_m);
+        self.beside.press(&mut self.world, asymmetry_at_contact_m);
     }
 
     fn move_to(&mut self, position_m: Vec3) {
-        self.hand.move_to(&mut self.world, position_m);
+        self.beside.move_to(&mut self.world, position_m);
     }
 
     fn hand_moved_m(&self) -> [Vec3; 3] {
-        self.hand.moved_m(&self.world)
+        self.beside.moved_m(&self.world)
     }
 
     fn is_asleep(&self, object_id: usize) -> bool {
@@ -176,11 +179,11 @@ impl Rig for RapierRig {
     }
 
     fn is_gripped(&self, object_id: usize) -> bool {
-        self.hand.grips(&self.world, self.collider(object_id))
+        self.beside.grips(&self.world, self.collider(object_id))
     }
 
     fn is_touched_by_others(&self, object_id: usize) -> bool {
-        self.world.is_touched_except_by(self.collider(object_id), &self.hand.colliders())
+        self.world.is_touched_except_by(self.collider(object_id), &self.beside.colliders())
     }
 
     fn contacts(&self) -> Vec<Contact> {
@@ -194,14 +197,14 @@ impl Rig for RapierRig {
 }
 
 /// A pile in rapier.
-pub(crate) struct RapierHeap<'a> {
+pub(crate) type RapierHeap<'a> = InRapier<PileSetup<'a>>;
+
+/// Of a pile: the objects that it is to have, and what keeps them together.
+pub(crate) struct PileSetup<'a> {
     physics: Physics,
     params: &'a SettleParams,
     table_z_m: f32,
     objects: Vec<EngineBody>,
-    world: World,
-    pipeline: PhysicsPipeline,
-    bodies: Vec<RigidBodyHandle>,
     walls: Vec<ColliderHandle>,
 }
 
@@ -214,47 +217,33 @@ impl<'a> RapierHeap<'a> {
     pub(crate) fn new(physics: &Physics, params: &'a SettleParams, objects: Vec<EngineBody>, table_z_m: f32) -> Self {
         let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
         world.add_table(&Pose::IDENTITY, table_z_m, physics.table_friction);
-        let (bodies, walls) = (Vec::new(), Vec::new());
-        Self { physics: *physics, params, table_z_m, objects, world, pipeline: PhysicsPipeline::new(), bodies, walls }
-    }
-}
-
-impl Bodies for RapierHeap<'_> {
-    fn step(&mut self) {
-        self.world.step(&mut self.pipeline);
-    }
-
-    fn pose(&self, object_id: usize) -> Pose {
-        self.world.pose(self.bodies[object_id])
-    }
-
-    fn velocities(&self, object_id: usize) -> [Vec3; 2] {
-        self.world.velocities(self.bodies[object_id])
+        let beside = PileSetup { physics: *physics, params, table_z_m, objects, walls: Vec::new() };
+        Self { world, pipeline: PhysicsPipeline::new(), bodies: Vec::new(), beside }
     }
 }
 
 impl Heap for RapierHeap<'_> {
     fn add(&mut self, pose: &Pose, velocity_m_s: Vec3) {
-        let body = self.world.add_object(&self.objects[self.bodies.len()], *pose);
-        self.world.let_settle(body, self.params, velocity_m_s);
+        let body = self.world.add_object(&self.beside.objects[self.bodies.len()], *pose);
+        self.world.let_settle(body, self.beside.params, velocity_m_s);
         self.bodies.push(body);
     }
 
     fn add_walls(&mut self, size_m: f32) {
         let middle = 0.5 * size_m;
         let out = middle + 0.5 * WALL_THICKNESS_M;
-        let centre_z = self.table_z_m + 0.5 * WALL_HEIGHT_M;
+        let centre_z = self.beside.table_z_m + 0.5 * WALL_HEIGHT_M;
         let long = middle + WALL_THICKNESS_M;
         for (x, y) in [(out, 0.0), (-out, 0.0), (0.0, out), (0.0, -out)] {
             let half = if y == 0.0 { [0.5 * WALL_THICKNESS_M, long] } else { [long, 0.5 * WALL_THICKNESS_M] };
             let pose = Pose::from_translation(Vec3::new(middle + x, middle + y, centre_z));
             let half_m = Vec3::new(half[0], half[1], 0.5 * WALL_HEIGHT_M);
-            self.walls.push(self.world.add_fixed_box(pose, half_m, self.physics.table_friction));
+            self.beside.walls.push(self.world.add_fixed_box(pose, half_m, self.beside.physics.table_friction));
         }
     }
 
     fn remove_walls(&mut self) {
-        for wall in self.walls.drain(..) {
+        for wall in self.beside.walls.drain(..) {
             self.world.remove_fixed(wall);
         }
     }
