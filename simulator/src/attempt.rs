@@ -140,6 +140,24 @@ impl<'a> AttemptWorld<'a> {
         if let Some(blocked) = self.blocked(workspace_from_grasp, target) {
             return (blocked, self.objects.poses());
         }
+        self.close_and_lift(workspace_from_grasp, target)
+    }
+
+    /// Where the open hand halts that stops at the first touch of its way instead of giving up; the grasp itself if
+    /// nothing is in the way, and `None` if something is at the pre-grasp.
+    #[must_use]
+    pub fn halted(&self, workspace_from_grasp: &Pose, target: usize) -> Option<Pose> {
+        let back_m = self.procedure.pregrasp_distance_m - self.gate.free_way_m(workspace_from_grasp, target)?;
+        let grasp_from_halted = Pose::from_translation(Vec3::new(0.0, 0.0, -back_m.max(0.0)));
+        Some(*workspace_from_grasp * grasp_from_halted)
+    }
+
+    /// As [`Self::execute_leaving`] from where the hand stands open, however it came there.
+    ///
+    /// # Panics
+    /// If the scene has no object `target`.
+    #[must_use]
+    pub fn close_and_lift(&self, workspace_from_grasp: &Pose, target: usize) -> (Execution, Vec<Pose>) {
         let mut run = Run::start(self, *workspace_from_grasp, target, 0, false);
         let execution = run.finish();
         (execution, run.workspace_poses())

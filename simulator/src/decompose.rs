@@ -17,6 +17,9 @@ const JOIN_SHARE: f64 = 0.002;
 const PIECES_MIN: usize = 64;
 /// Points of the mesh may lie outside a simplified part by at most this share of the mesh's size.
 const FLAT_SHARE: f32 = 2e-4;
+/// Corners of parts are whole multiples of this length, in 1/m: a tenth of a micrometre, as catalogues write them.
+/// Exact in single precision up to 0.8 m.
+const STEPS_PER_M: f32 = 1e7;
 
 /// How finely a mesh is decomposed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -175,6 +178,7 @@ fn joined(mut pieces: Vec<Piece>, parts_max: usize) -> Vec<Piece> {
 
 /// A hull with few corners: the outermost points along a few axes, then repeatedly the point farthest outside.
 fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result<(Polyhedron, f32), HullError> {
+    let points_m = &points_m.iter().map(|point| (*point * STEPS_PER_M).round() / STEPS_PER_M).collect::<Vec<_>>();
     let (mut chosen, mut hull) = beginning(points_m)?;
     let mut is_left = vec![true; points_m.len()];
     loop {
@@ -190,11 +194,21 @@ fn simplified(points_m: &[Vec3], corners_max: usize, tolerance_m: f32) -> Result
         is_left[next] = false;
         chosen.push(points_m[next]);
         // A point that would make almost coplanar faces is not added and counts as lying outside.
-        match convex_hull(&chosen) {
+        match lasting_hull(&chosen) {
             Ok(larger) if larger.corners_m().len() <= corners_max => hull = larger,
             _ => drop(chosen.pop()),
         }
     }
+}
+
+/// A hull that stays one when it is read again: its corners in their new order, once from a catalogue and once from a
+/// dataset, and as it is drawn. Whether almost coplanar faces are told apart depends on the order.
+fn lasting_hull(points_m: &[Vec3]) -> Result<Polyhedron, HullError> {
+    let hull = convex_hull(points_m)?;
+    let read = convex_hull(hull.corners_m())?;
+    convex_hull(read.corners_m())?;
+    Polyhedron::hull_of(read.corners_m())?;
+    Ok(hull)
 }
 
 /// The outermost points along the axes, and also along the diagonals if the former have no hull.
@@ -209,7 +223,7 @@ fn beginning(points_m: &[Vec3]) -> Result<(Vec<Vec3>, Polyhedron), HullError> {
         let outermost = points_m.iter().copied().max_by(|a, b| direction.dot(*a).total_cmp(&direction.dot(*b)));
         chosen.extend(outermost.filter(|point| !chosen.contains(point)));
         if number >= 5 {
-            match convex_hull(&chosen) {
+            match lasting_hull(&chosen) {
                 Ok(hull) if chosen.len() >= 4 => return Ok((chosen, hull)),
                 Ok(_) => {}
                 Err(error) => problem = error,
@@ -221,6 +235,8 @@ fn beginning(points_m: &[Vec3]) -> Result<(Vec<Vec3>, Polyhedron), HullError> {
 
 #[cfg(test)]
 mod tests {
+    use schema::{Purpose, Stream};
+
     use super::*;
 
     const LAW: PartsParams = PartsParams { parts_max: 8, corners_max: 32, resolution: 64, concavity: 0.01 };
@@ -281,6 +297,30 @@ mod tests {
             last_m = left_m;
         }
         assert!(last_m < 0.003, "{last_m}");
+    }
+
+    /// What a catalogue does: seven decimals, then the hull again, then once more from the dataset.
+    #[test]
+    fn parts_stay_hulls_when_they_are_written_and_read_at_any_scale() {
+        let mut stream = Stream::new(9, 0, Purpose::Objects, 0);
+        for scale in [0.01, 0.015, 0.02, 0.1] {
+            for case in 0..20 {
+                let (size, turn) = (stream.point(Vec3::splat(0.3), Vec3::splat(4.0)) * scale, stream.rotation());
+                // A box with rounded edges: faces that are flat, and faces that are bent a little.
+                let mut point = || {
+                    let direction = stream.rotation() * Vec3::X;
+                    turn * (0.7 * size * direction.signum() + 0.3 * size.min_element() * direction)
+                };
+                let points: Vec<Vec3> = (0..300).map(|_| point()).collect();
+                let (hull, _) = few_cornered_hull(&points, 32).unwrap();
+                let written = |x: f32| format!("{x:.7}").parse::<f32>().unwrap();
+                let read: Vec<Vec3> =
+                    hull.corners_m().iter().map(|corner| Vec3::from_array(corner.to_array().map(written))).collect();
+                assert_eq!(read, hull.corners_m(), "{scale} {case}: corners are what a catalogue can write");
+                let read = convex_hull(&read).unwrap_or_else(|e| panic!("{scale} {case}: {e}"));
+                assert!(convex_hull(read.corners_m()).is_ok() && Polyhedron::hull_of(read.corners_m()).is_ok());
+            }
+        }
     }
 
     #[test]

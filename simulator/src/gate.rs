@@ -64,6 +64,27 @@ impl Gate {
         })
     }
 
+    /// How far the open hand comes on its way from the pre-grasp before it touches anything, at most to the grasp, in
+    /// metres, to a thousandth of the way; `None` if it touches something at the pre-grasp.
+    #[must_use]
+    pub fn free_way_m(&self, workspace_from_grasp: &Pose, target: usize) -> Option<f32> {
+        let way_m = self.approach[0].half_m.z - self.pregrasp[0].half_m.z;
+        let free = |share: f32| {
+            let along = Vec3::new(0.0, 0.0, share * way_m);
+            let swept = self.pregrasp.map(|b| HandBox { centre_m: b.centre_m + along, half_m: b.half_m + along });
+            self.first_hit(&swept, workspace_from_grasp, target).is_none()
+        };
+        if free(1.0) {
+            return Some(2.0 * way_m);
+        }
+        let (mut low, mut high) = (free(0.0).then_some(0.0)?, 1.0);
+        for _ in 0..10 {
+            let middle = 0.5 * (low + high);
+            *if free(middle) { &mut low } else { &mut high } = middle;
+        }
+        Some(low * 2.0 * way_m)
+    }
+
     /// The parts of all objects in the frame of a grasp.
     pub(crate) fn placed(&self, workspace_from_grasp: &Pose) -> Vec<PlacedPart> {
         let grasp_from_workspace = workspace_from_grasp.inverse();

@@ -24,7 +24,10 @@ pub struct Settled {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unsettled {
     /// An object still moved at the time limit.
-    Moving,
+    Moving {
+        /// The one that moved fastest, by its place among those that were dropped.
+        fastest: usize,
+    },
     /// No object stayed in the workspace.
     Empty,
     /// A pose is not finite, or an object was shot through the table or far away.
@@ -70,7 +73,8 @@ pub fn settle(
 /// workspace is removed, and the others come to rest again. The result may be empty.
 ///
 /// # Errors
-/// [`Unsettled::Moving`] or [`Unsettled::Unstable`]; an empty scene is valid.
+/// [`Unsettled::Moving`], with a place among the objects that are left, or [`Unsettled::Unstable`]; an empty scene is
+/// valid.
 pub fn settle_again(
     physics: &Physics,
     params: &SettleParams,
@@ -171,7 +175,12 @@ impl<'a> Pile<'a> {
                 return Ok(());
             }
         }
-        Err(Unsettled::Moving)
+        let excess = |id: usize| {
+            let [linear_m_s, angular_rad_s] = self.heap.velocities(id).map(Vec3::length);
+            (linear_m_s / params.linear_speed_m_s_max).max(angular_rad_s / params.angular_speed_rad_s_max)
+        };
+        let fastest = (0..self.count).max_by(|a, b| excess(*a).total_cmp(&excess(*b)));
+        Err(Unsettled::Moving { fastest: fastest.unwrap_or(0) })
     }
 
     /// The objects at the poses that they have now.

@@ -239,11 +239,11 @@ impl<'a> Stepper<'a> {
             }
             let obstacle = if which == 0 { TABLE } else { WALLS + which - 1 };
             for (part, shape) in thing.parts.iter().enumerate() {
-                if let Some(patch) = patch::on_plane(normal, offset_m, &body.frame, shape, &mut self.scratch) {
-                    let friction = self.table_friction * thing.friction;
-                    let key = key([obstacle, 0], [id, part]);
-                    self.singles.add(key, [obstacle, id], friction, &patch, Touched::Fixed, &body.answer);
-                }
+                let friction = self.table_friction * thing.friction;
+                let key = key([obstacle, 0], [id, part]);
+                patch::on_plane(normal, offset_m, &body.frame, shape, &mut self.scratch, |patch| {
+                    self.singles.add(key, [obstacle, id], friction, patch, Touched::Fixed, &body.answer);
+                });
             }
         }
     }

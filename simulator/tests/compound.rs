@@ -8,7 +8,7 @@ use schema::{
 };
 use simulator::{
     AttemptWorld, Body, Compound, CompoundError, Execution, Gate, Part, PartShape, Physics, Scene, SceneObject,
-    SceneRays, SettleParams, convex_hull, settle, settle_again,
+    SceneRays, SettleParams, convex_hull, few_cornered_hull, settle, settle_again,
 };
 
 const PI: f32 = core::f32::consts::PI;
@@ -339,5 +339,25 @@ fn what_is_no_compound_is_refused() {
     ] {
         let bad = Part { object_from_part: pose, ..good.clone() };
         assert_eq!(Compound::new("bad", vec![good.clone(), bad]), Err(CompoundError::Pose(1)));
+    }
+}
+
+/// A hull of many faces stands on corners of several of them; none may sink in before it is seen.
+#[test]
+fn what_stands_on_hulls_of_many_faces_comes_to_rest() {
+    let mut stream = Stream::new(13, 0, Purpose::Objects, 0);
+    for case in 0..200 {
+        // Three pebbles in a row that overlap.
+        let mut pebble = |at_m: Vec3| {
+            let half_m = stream.point(Vec3::splat(0.012), Vec3::splat(0.03));
+            let points_m: Vec<Vec3> = (0..24).map(|_| half_m * (stream.rotation() * Vec3::X)).collect();
+            part(PartShape::Hull(few_cornered_hull(&points_m, 24).unwrap().0), at_m)
+        };
+        let parts = [-0.03, 0.0, 0.03].map(|x_m| pebble(Vec3::X * x_m));
+        let body = Compound::new("pebbles", parts.into()).unwrap().into();
+        let workspace_from_object = Pose::from_parts(Vec3::new(0.15, 0.15, 0.15), stream.rotation());
+        let object = SceneObject { body, mass_kg: 0.1, friction: 0.8, workspace_from_object };
+        let settled = settle(&Physics::STANDARD, &SettleParams::STANDARD, &Grid::PAPER, &[object]);
+        assert!(settled.is_ok(), "case {case}: {settled:?}");
     }
 }

@@ -143,7 +143,8 @@ impl<const T: usize> Contacts<T> {
         self.count += 1;
         ([contact.first, contact.second], contact.key, contact.friction) = (ids, key, friction);
         contact.lay_out(patch, touched, body);
-        let last = self.last_slots[..self.last_count].iter().find(|last| last.key == key);
+        // A part may touch a plane with several contacts.
+        let last = self.last_slots[..self.last_count].iter().filter(|last| last.key == key);
         contact.memory.take_from(last.map(|last| &last.memory), contact.count);
         contact.foresee();
     }
@@ -304,15 +305,17 @@ impl<const T: usize> Contact<T> {
 
 impl Memory {
     /// Starts from the impulses that the same points had in the last step.
-    fn take_from(&mut self, last: Option<&Self>, count: usize) {
+    fn take_from<'a>(&mut self, all_last: impl Iterator<Item = &'a Self>, count: usize) {
         let [mut normal, mut along_x, mut along_y] = [[0.0; 4]; 3];
-        if let Some(last) = last {
+        let mut least = [SAME_POINT_M * SAME_POINT_M; 4];
+        for last in all_last {
             let anchors_m = self.anchors_m.map(f32x4::to_array);
             for point in 0..count {
                 let [x, y, z] = [0, 1, 2].map(|axis| last.anchors_m[axis] - f32x4::splat(anchors_m[axis][point]));
                 let far = (x * x + y * y + z * z).to_array();
                 let nearest = (1..4).fold(0, |best, old| if far[old] < far[best] { old } else { best });
-                if far[nearest] < SAME_POINT_M * SAME_POINT_M {
+                if far[nearest] < least[point] {
+                    least[point] = far[nearest];
                     let [x, y] = last.friction.map(|impulses| impulses.as_array()[nearest]);
                     let friction = last.tangents[0] * x + last.tangents[1] * y;
                     normal[point] = last.normal.as_array()[nearest];

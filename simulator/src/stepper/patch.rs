@@ -1,5 +1,8 @@
 //! Where a convex part touches the table, a box of the hand, or another part: up to four points.
 //!
+//! A hull touches a plane with all corners near it, four to a contact: corners of several of its faces bear, and one
+//! that is not among the points sinks in, is pushed out, and the object trembles.
+//!
 //! Separating axes, then clipping. A face is the answer if its deepest point lies within the other's face and overlaps
 //! little: then no other axis parts the bodies by more than that overlap beyond the face's, and the edges are not
 //! asked.
@@ -93,28 +96,55 @@ impl Patch {
     }
 }
 
-/// A part over a half-space that ends at `up`·x = `height_m`; the normal is `up`.
-pub(super) fn on_plane(up: Vec3, height_m: f32, frame: &Frame, part: &Part, scratch: &mut Scratch) -> Option<Patch> {
+/// The contacts of a part with a half-space that ends at `up`·x = `height_m`; the normal is `up`.
+pub(super) fn on_plane(
+    up: Vec3,
+    height_m: f32,
+    frame: &Frame,
+    part: &Part,
+    scratch: &mut Scratch,
+    mut found: impl FnMut(&Patch),
+) {
     let hull = &part.hull;
     let here_up = frame.turn_back(up);
     let here_m = height_m - up.dot(frame.origin_m);
     if here_up.dot(hull.centre_m) - hull.radius_m - here_m > PREDICTION_M {
-        return None;
+        return;
     }
-    let low_m = hull.span(here_up)[0] - here_m;
+    if part.is_solid {
+        if let Some(patch) = face_on_plane(here_up, here_m, part, scratch) {
+            found(&frame.world(&patch));
+        }
+        return;
+    }
+    let near = &mut scratch.near;
+    near.clear();
+    near.extend(hull.corners_m.iter().map(|corner| (*corner, here_up.dot(*corner) - here_m)));
+    near.retain(|(_, gap_m)| *gap_m < PREDICTION_M);
+    while !near.is_empty() {
+        let chosen = Chosen::of(near, here_up);
+        found(&frame.world(&chosen.patch(near, here_up)));
+        let mut place = 0..;
+        near.retain(|_| place.next().is_some_and(|place| !chosen.places().contains(&place)));
+    }
+}
+
+/// The corners of the face that looks down most, or the lowest corner if that face is not as low; in the part's frame.
+fn face_on_plane(up: Vec3, height_m: f32, part: &Part, scratch: &mut Scratch) -> Option<Patch> {
+    let hull = &part.hull;
+    let low_m = hull.span(up)[0] - height_m;
     if low_m > PREDICTION_M {
         return None;
     }
-    ring_of(part, hull, hull.face_towards(-here_up), &mut scratch.polygon);
-    let patch = reduce(&scratch.polygon, (here_up, here_m), here_up, None, &mut scratch.near)
-        .filter(|p| p.is_as_deep_as(low_m));
+    ring_of(part, hull, hull.face_towards(-up), &mut scratch.polygon);
+    let patch = reduce(&scratch.polygon, (up, height_m), up, None, &mut scratch.near);
     let corner = || {
         // The lowest corner need not belong to the face that looks down most.
-        let height = |corner: &Vec3| here_up.dot(*corner);
+        let height = |corner: &Vec3| up.dot(*corner);
         let lowest = hull.corners_m.iter().copied().min_by(|a, b| height(a).total_cmp(&height(b)));
-        lowest.map(|corner| Patch::one(here_up, corner - here_up * (0.5 * low_m), low_m))
+        lowest.map(|corner| Patch::one(up, corner - up * (0.5 * low_m), low_m))
     };
-    patch.or_else(corner).map(|patch| frame.world(&patch))
+    patch.filter(|patch| patch.is_as_deep_as(low_m)).or_else(corner)
 }
 
 /// Whether a ball comes near a box.
@@ -475,9 +505,8 @@ fn clip(scratch: &mut Scratch, normal: Vec3, offset_m: f32) {
     core::mem::swap(polygon, spare);
 }
 
-/// Up to four points of a polygon near the plane `out`·x = `offset_m`, from which gaps are measured along `axis`: the
-/// deepest, the farthest from it, and the farthest to either side of these two. The normal is the axis. Where edges
-/// cross, none is deeper than the crossing.
+/// Up to four points of a polygon near the plane `out`·x = `offset_m`, from which gaps are measured along `axis`. The
+/// normal is the axis. Where edges cross, none is deeper than the crossing.
 fn reduce(
     polygon: &[Vec3],
     (out, offset_m): (Vec3, f32),
@@ -491,41 +520,56 @@ fn reduce(
     let least_m = crossing.map_or(f32::NEG_INFINITY, |(_, gap_m)| gap_m);
     let gaps = polygon.iter().map(|p| (*p, ((out.dot(*p) - offset_m) * slant).max(least_m)));
     near.extend(gaps.filter(|(_, gap_m)| *gap_m < PREDICTION_M));
-    if near.is_empty() {
-        return None;
-    }
-    let mut patch = Patch { normal: axis, count: 0, points_m: [Vec3::ZERO; 4], gaps_m: [0.0; 4] };
-    let mut push = |i: usize| {
-        let (point_m, gap_m) = near[i];
-        patch.points_m[patch.count] = point_m - axis * (0.5 * gap_m);
-        patch.gaps_m[patch.count] = gap_m;
-        patch.count += 1;
-    };
-    if near.len() <= 4 {
-        (0..near.len()).for_each(push);
-        return Some(patch);
-    }
-    let most = |value: &dyn Fn(&(Vec3, f32)) -> f32| {
-        let better = |best: (usize, f32), (i, x): (usize, f32)| if x > best.1 { (i, x) } else { best };
-        near.iter().map(value).enumerate().fold((0, f32::NEG_INFINITY), better)
-    };
-    let (a, negative_gap_m) = most(&|(_, gap_m)| -gap_m);
-    let from = near[a].0;
-    let (b, _) = most(&|(p, _)| (*p - from).length_squared());
-    let aside = axis.cross(near[b].0 - from);
-    push(a);
-    push(b);
-    for side in [aside, -aside] {
-        let beyond = |p: &Vec3| side.dot(*p - from);
-        // Those that touch next come first: on a rim that rolls they are the neighbours, which would sink in unseen.
-        let touches = |gap_m: f32| gap_m + negative_gap_m < TOUCHING_M;
-        let (mut c, mut way) = most(&|(p, gap_m)| if touches(*gap_m) { beyond(p) } else { 0.0 });
-        if way <= 1e-9 {
-            (c, way) = most(&|(p, _)| beyond(p));
+    (!near.is_empty()).then(|| Chosen::of(near, axis).patch(near, axis))
+}
+
+/// Up to four of some points with their gaps along an axis, by their places.
+struct Chosen {
+    places: [usize; 4],
+    count: usize,
+}
+
+impl Chosen {
+    /// The deepest, the farthest from it, and the farthest to either side of these two.
+    fn of(near: &[(Vec3, f32)], axis: Vec3) -> Self {
+        if near.len() <= 4 {
+            return Self { places: [0, 1, 2, 3], count: near.len() };
         }
-        if way > 1e-9 && c != a && c != b {
-            push(c);
+        let most = |value: &dyn Fn(&(Vec3, f32)) -> f32| {
+            let better = |best: (usize, f32), (i, x): (usize, f32)| if x > best.1 { (i, x) } else { best };
+            near.iter().map(value).enumerate().fold((0, f32::NEG_INFINITY), better)
+        };
+        let (a, negative_gap_m) = most(&|(_, gap_m)| -gap_m);
+        let from = near[a].0;
+        let (b, _) = most(&|(p, _)| (*p - from).length_squared());
+        let aside = axis.cross(near[b].0 - from);
+        let mut chosen = Self { places: [a, b, 0, 0], count: 2 };
+        for side in [aside, -aside] {
+            let beyond = |p: &Vec3| side.dot(*p - from);
+            // Those that touch next come first: on a rim that rolls they are the neighbours, which would sink in
+            // unseen.
+            let touches = |gap_m: f32| gap_m + negative_gap_m < TOUCHING_M;
+            let (mut c, mut way) = most(&|(p, gap_m)| if touches(*gap_m) { beyond(p) } else { 0.0 });
+            if way <= 1e-9 {
+                (c, way) = most(&|(p, _)| beyond(p));
+            }
+            if way > 1e-9 && c != a && c != b {
+                chosen.places[chosen.count] = c;
+                chosen.count += 1;
+            }
         }
+        chosen
     }
-    Some(patch)
+
+    fn places(&self) -> &[usize] {
+        &self.places[..self.count]
+    }
+
+    fn patch(&self, near: &[(Vec3, f32)], axis: Vec3) -> Patch {
+        let mut patch = Patch { normal: axis, count: self.count, points_m: [Vec3::ZERO; 4], gaps_m: [0.0; 4] };
+        for (i, (point_m, gap_m)) in self.places().iter().map(|place| near[*place]).enumerate() {
+            (patch.points_m[i], patch.gaps_m[i]) = (point_m - axis * (0.5 * gap_m), gap_m);
+        }
+        patch
+    }
 }

@@ -3,8 +3,8 @@
 use schema::{Polyhedron, Pose, Quat, Vec3};
 use wide::f32x4;
 
-use crate::SceneObject;
 use crate::engine::{EngineBody, UNITS_PER_M};
+use crate::{Body, PartShape, SceneObject};
 
 /// One coordinate each of four points or normals.
 pub(super) type Wide3 = [f32x4; 3];
@@ -30,6 +30,9 @@ pub(super) struct Part {
     pub(super) hull: Hull,
     pub(super) edges: Vec<Edge>,
     pub(super) faces: Vec<FaceOf>,
+    /// Whether it is one of the four solids. Such a one touches a plane with one face, so that datasets of primitives
+    /// keep their bytes.
+    pub(super) is_solid: bool,
 }
 
 /// Corners and faces of a part, in some frame.
@@ -65,7 +68,12 @@ impl Thing {
         let SceneObject { body, mass_kg, friction, workspace_from_object } = object;
         let mass = EngineBody::new(body, *mass_kg, *friction).mass_properties;
         let units = UNITS_PER_M;
-        let parts: Vec<Part> = body.polyhedra().iter().map(Part::new).collect();
+        let is_solid = |part: usize| match body {
+            Body::Solid(_) => true,
+            Body::Compound(compound) => matches!(compound.parts()[part].shape, PartShape::Solid(_)),
+        };
+        let polyhedra = body.polyhedra();
+        let parts: Vec<Part> = polyhedra.iter().zip(0..).map(|(part, id)| Part::new(part, is_solid(id))).collect();
         let centre_m = mass.local_com / units;
         let moments = mass.principal_inertia() / (units * units);
         let corners_m = parts.iter().flat_map(|part| &part.hull.corners_m);
@@ -83,7 +91,7 @@ impl Thing {
 }
 
 impl Part {
-    pub(super) fn new(polyhedron: &Polyhedron) -> Self {
+    pub(super) fn new(polyhedron: &Polyhedron, is_solid: bool) -> Self {
         let corners_m = polyhedron.corners_m().to_vec();
         let faces: Vec<FaceOf> = polyhedron
             .faces()
@@ -114,7 +122,7 @@ impl Part {
             ..Hull::default()
         };
         hull.widen();
-        Self { hull, edges, faces }
+        Self { hull, edges, faces, is_solid }
     }
 }
 

@@ -186,7 +186,7 @@ fn solid(stream: &mut Stream, case: usize) -> (Part, Vec<Vec3>) {
         _ => size,
     };
     let solid = Solid::new(kind, extents_m).unwrap();
-    (Part::new(&(&solid).into()), solid.vertices_m())
+    (Part::new(&(&solid).into(), true), solid.vertices_m())
 }
 
 fn frame(pose: &Pose) -> Frame {
@@ -277,7 +277,8 @@ fn contacts_are_those_of_a_search_over_all_axes() {
                 usize::from(check(patch, &other_points, &points(&corners_m, &pose), &format!("pair, case {case}")));
         }
         let lowest_m = corners_m.iter().map(|c| pose.transform_point(*c).z).fold(f32::INFINITY, f32::min);
-        let patch = on_plane(Vec3::Z, lowest_m - wanted_m, &frame(&pose), &part, &mut scratch);
+        let mut patch = None;
+        on_plane(Vec3::Z, lowest_m - wanted_m, &frame(&pose), &part, &mut scratch, |found| patch = Some(*found));
         assert_eq!(patch.is_some(), wanted_m <= PREDICTION_M, "{wanted_m}");
         if let Some(patch) = patch {
             let deepest_m = patch.gaps_m[..patch.count].iter().copied().fold(f32::INFINITY, f32::min);
@@ -315,4 +316,35 @@ fn a_wobbling_cylinder_comes_to_rest() {
         let [velocity_m_s, spin_rad_s] = stepper.velocities(0).map(Vec3::length);
         assert!(velocity_m_s < 0.005 && spin_rad_s < 0.05, "{lean_rad} rad: {velocity_m_s} m/s, {spin_rad_s} rad/s");
     }
+}
+
+#[test]
+fn every_corner_near_a_plane_bears_once() {
+    let mut stream = Stream::new(14, 0, Purpose::Objects, 0);
+    let mut scratch = Scratch::default();
+    let mut most = 0;
+    for case in 0..200 {
+        let (solid, corners_m) = solid(&mut stream, case);
+        let part = Part { is_solid: false, ..solid };
+        // As good as lying on a face, so that many corners are near.
+        let normal = part.hull.normals[case % part.hull.normals.len()];
+        let tilt = axis_angle(stream.rotation() * Vec3::X, 0.02);
+        let pose = Pose::from_parts(Vec3::ZERO, tilt * Quat::from_rotation_arc(normal, -Vec3::Z));
+        let lowest_m = corners_m.iter().map(|c| pose.transform_point(*c).z).fold(f32::INFINITY, f32::min);
+        let mut gaps_m = Vec::new();
+        on_plane(Vec3::Z, lowest_m, &frame(&pose), &part, &mut scratch, |patch| {
+            gaps_m.extend_from_slice(&patch.gaps_m[..patch.count]);
+        });
+        let heights_m = corners_m.iter().map(|c| pose.transform_point(*c).z - lowest_m);
+        let mut near_m: Vec<f32> = heights_m.filter(|gap_m| *gap_m < PREDICTION_M).collect();
+        gaps_m.sort_by(f32::total_cmp);
+        near_m.sort_by(f32::total_cmp);
+        assert_eq!(gaps_m.len(), near_m.len(), "case {case}");
+        assert!(
+            gaps_m.iter().zip(&near_m).all(|(a, b)| (a - b).abs() < 1e-6),
+            "case {case}: {gaps_m:?}, not {near_m:?}"
+        );
+        most = most.max(near_m.len());
+    }
+    assert!(most > 8, "{most}");
 }
