@@ -8,7 +8,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use settings::{Document, Reader, Setting as _, Value, settings};
 
-use crate::{Pose, Vec3};
+use crate::{Pose, Quat, Vec3};
 
 settings! {
     /// A parallel-jaw gripper.
@@ -41,6 +41,41 @@ settings! {
         pub friction: f32 where 0.0..=5.0,
         /// The approaching hand collides with what comes nearer than this.
         pub clearance_m: f32 where 0.0..=0.02,
+        /// The grasp frame in the frame of the robot's flange, `{ position_m = [x, y, z], quaternion_xyzw = [x, y, z,
+        /// w] }`: for plans, which then give the flange's poses too. No dataset stores it, because labels do not depend
+        /// on it.
+        #[serde(skip)]
+        pub flange_from_grasp: Option<PoseParts>; or None,
+    }
+}
+
+settings! {
+    /// A rigid transform in a file.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct PoseParts {
+        /// Translation x, y, z.
+        pub position_m: [f32; 3] where -1.0..=1.0,
+        /// Rotation, a unit quaternion x, y, z, w.
+        pub quaternion_xyzw: [f32; 4] where -1.0..=1.0,
+    }
+    check PoseParts::is_rotation
+}
+
+impl PoseParts {
+    /// How far from 1 the length of a quaternion may be; it is normalised.
+    const LENGTH_OFF_MAX: f32 = 1e-3;
+
+    fn is_rotation(&self, reader: &mut Reader<'_>) {
+        let length = Quat::from_array(self.quaternion_xyzw).length();
+        let rule = || format!("must have a length of 1 within {}, got {length:.4}", Self::LENGTH_OFF_MAX);
+        reader.must("quaternion_xyzw", (length - 1.0).abs() <= Self::LENGTH_OFF_MAX, rule);
+    }
+
+    /// The transform.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        let rotation = Quat::from_array(self.quaternion_xyzw).normalize();
+        Pose::from_parts(Vec3::from_array(self.position_m), rotation)
     }
 }
 
@@ -55,12 +90,14 @@ pub struct HandBox {
 
 impl Gripper {
     /// Names and files of the hands that need no file.
-    pub const BUILT_IN: [(&'static str, &'static str); 5] = [
+    pub const BUILT_IN: [(&'static str, &'static str); 7] = [
         ("parallel_jaw_80", include_str!("../../configs/grippers/parallel_jaw_80.toml")),
         ("robotiq_2f_85", include_str!("../../configs/grippers/robotiq_2f_85.toml")),
         ("slim_jaw_50", include_str!("../../configs/grippers/slim_jaw_50.toml")),
         ("franka_hand", include_str!("../../configs/grippers/franka_hand.toml")),
         ("wsg_50", include_str!("../../configs/grippers/wsg_50.toml")),
+        ("robotiq_2f_140", include_str!("../../configs/grippers/robotiq_2f_140.toml")),
+        ("robotiq_hand_e", include_str!("../../configs/grippers/robotiq_hand_e.toml")),
     ];
 
     /// Reads the name of a built-in gripper, or the path of a gripper's file, which ends in `.toml`.
@@ -92,6 +129,25 @@ impl Gripper {
         Document::parse(text, Path::new("gripper"))?.read_as("gripper")
     }
 
+    /// Its numbers, by their keys.
+    #[must_use]
+    pub fn numbers(&self) -> [(&'static str, f32); 12] {
+        [
+            ("opening_m_max", self.opening_m_max),
+            ("finger_length_m", self.finger_length_m),
+            ("finger_width_m", self.finger_width_m),
+            ("finger_thickness_m", self.finger_thickness_m),
+            ("palm_length_m", self.palm_length_m),
+            ("palm_width_m", self.palm_width_m),
+            ("palm_breadth_m", self.palm_breadth_m),
+            ("finger_mass_kg", self.finger_mass_kg),
+            ("finger_force_n", self.finger_force_n),
+            ("closing_speed_m_s", self.closing_speed_m_s),
+            ("friction", self.friction),
+            ("clearance_m", self.clearance_m),
+        ]
+    }
+
     /// The two fingers (−y, then +y) with their inner faces `width_m` apart.
     #[must_use]
     pub fn fingers(&self, width_m: f32) -> [HandBox; 2] {
@@ -112,6 +168,12 @@ impl Gripper {
     pub fn open_hand(&self) -> [HandBox; 3] {
         let [left, right] = self.fingers(self.opening_m_max);
         [left, right, self.palm()]
+    }
+
+    /// The robot's flange in the frame in which a grasp is given, if the hand's file says where it is.
+    #[must_use]
+    pub fn target_from_flange(&self, target_from_grasp: &Pose) -> Option<Pose> {
+        self.flange_from_grasp.map(|flange_from_grasp| *target_from_grasp * flange_from_grasp.pose().inverse())
     }
 
     /// The point midway between the roots of the fingers, where VGN has a grasp's origin, in the workspace.
@@ -214,6 +276,57 @@ mod tests {
         ] {
             assert!(message.contains(told), "{told} is not in {message}");
         }
+    }
+
+    #[test]
+    fn a_flange_is_read_and_neither_needed_nor_stored() {
+        let bare = Gripper::from_toml(PAPER).unwrap();
+        assert_eq!((bare.flange_from_grasp, bare.target_from_flange(&Pose::IDENTITY)), (None, None));
+        let flange =
+            "flange_from_grasp = { position_m = [0.0, 0.0, 0.1], quaternion_xyzw = [0.0, 0.0, 0.7072, 0.7072] }";
+        let mounted = Gripper::from_toml(&format!("{PAPER}\n{flange}")).unwrap();
+        let mut stored = Value::try_from(&mounted).unwrap();
+        assert_eq!(stored, Value::try_from(&bare).unwrap());
+        assert_eq!(stored.clone().try_into::<Gripper>().unwrap(), bare);
+        stored.as_table_mut().unwrap().insert("flange_from_grasp".to_owned(), true.into());
+        let refused = stored.try_into::<Gripper>().unwrap_err().to_string();
+        assert!(refused.contains("unknown field `flange_from_grasp`"), "no dataset has the key: {refused}");
+        // A hand that points straight down: its flange is 0.1 m above the tips, and a quarter turn about the approach
+        // makes the flange's x the closing direction, backwards.
+        let down = Pose::from_parts(Vec3::new(0.1, 0.2, 0.05), crate::axis_angle(Vec3::X, core::f32::consts::PI));
+        let flange = mounted.target_from_flange(&down).unwrap();
+        assert!((flange.translation - Vec3::new(0.1, 0.2, 0.15)).length() < 1e-6, "{flange:?}");
+        assert!((flange.rotation * Vec3::X - down.rotation * -Vec3::Y).length() < 1e-5, "{flange:?}");
+        assert!((flange * mounted.flange_from_grasp.unwrap().pose() * Vec3::ONE - down * Vec3::ONE).length() < 1e-5);
+        for (wrong, told) in [
+            (
+                "{ position_m = [0, 0, 112.3], quaternion_xyzw = [0, 0, 0, 1] }",
+                "gripper.flange_from_grasp.position_m must be",
+            ),
+            (
+                "{ position_m = [0, 0, 0.1], quaternion_xyzw = [0, 0, 1, 1] }",
+                "must have a length of 1 within 0.001, got 1.4142",
+            ),
+            ("{ position_m = [0, 0, 0.1], quaternion_xyzw = [0, 0, 1] }", "quaternion_xyzw must be four values"),
+            ("{ position_m = [0, 0, 0.1] }", "gripper.flange_from_grasp.quaternion_xyzw is missing"),
+        ] {
+            let message = Gripper::from_toml(&format!("{PAPER}\nflange_from_grasp = {wrong}")).unwrap_err().to_string();
+            assert!(message.contains(told), "{told} is not in {message}");
+        }
+    }
+
+    #[test]
+    fn flanges_lie_behind_the_fingers_and_turn_about_the_approach() {
+        let mut mounted = 0;
+        for (name, text) in Gripper::BUILT_IN {
+            let hand = Gripper::from_toml(text).unwrap();
+            let Some(flange_from_grasp) = hand.flange_from_grasp.map(|parts| parts.pose()) else { continue };
+            mounted += 1;
+            let tips_m = flange_from_grasp.translation;
+            assert!(tips_m.truncate().length() < 1e-6 && tips_m.z > hand.finger_length_m, "{name}: {tips_m}");
+            assert!((flange_from_grasp.rotation * Vec3::Z - Vec3::Z).length() < 1e-6, "{name}");
+        }
+        assert_eq!(mounted, 5, "all but the two that are no products");
     }
 
     #[test]

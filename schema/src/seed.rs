@@ -26,7 +26,7 @@ pub enum Purpose {
     DepthNoise = 5,
     /// Train/test split.
     Split = 6,
-    /// Order of training samples (the scene slot carries the epoch).
+    /// Order of training samples, or with try 1 of shards (the scene slot carries the epoch).
     Shuffle = 7,
     /// Initial network weights.
     Weights = 8,
@@ -44,6 +44,14 @@ pub enum Purpose {
     Ranking = 14,
     /// Objects of packed scenes (the first try: whether a scene is packed).
     Packed = 15,
+    /// Hands that are drawn (the scene slot carries the hand's number).
+    Hands = 16,
+    /// When the samples of a scene are visited in an epoch (the try carries the epoch).
+    Visits = 17,
+    /// Household objects of a catalogue (the scene slot carries the object's number, the try its kind).
+    Household = 18,
+    /// Test drops of an imported object (the scene slot carries the drop).
+    TestDrops = 19,
 }
 
 /// A reproducible stream of random numbers.

@@ -161,25 +161,32 @@ impl<T: Number> Setting for [T; 2] {
     }
 }
 
-/// One number for each axis.
-impl<T: Number> Setting for [T; 3] {
-    type Limits = Limits<T>;
+macro_rules! numbers {
+    ($count:literal, $word:literal) => {
+        impl<T: Number> Setting for [T; $count] {
+            type Limits = Limits<T>;
 
-    fn kind(limits: &Limits<T>) -> String {
-        format!("three values, each {}", T::kind(limits))
-    }
+            fn kind(limits: &Limits<T>) -> String {
+                format!(concat!($word, " values, each {}"), T::kind(limits))
+            }
 
-    fn read(value: &Value, limits: &Limits<T>, reader: &mut Reader<'_>) -> Option<Self> {
-        let numbers: Option<Vec<T>> = value.as_array().and_then(|values| values.iter().map(T::of).collect());
-        let fitting = numbers.and_then(|numbers| Self::try_from(numbers).ok());
-        let fitting = fitting.filter(|numbers| numbers.iter().all(|number| limits.hold(*number)));
-        if fitting.is_none() {
-            reader.misfit(Self::kind(limits), value);
+            fn read(value: &Value, limits: &Limits<T>, reader: &mut Reader<'_>) -> Option<Self> {
+                let numbers: Option<Vec<T>> = value.as_array().and_then(|values| values.iter().map(T::of).collect());
+                let fitting = numbers.and_then(|numbers| Self::try_from(numbers).ok());
+                let fitting = fitting.filter(|numbers| numbers.iter().all(|number| limits.hold(*number)));
+                if fitting.is_none() {
+                    reader.misfit(Self::kind(limits), value);
+                }
+                fitting
+            }
+
+            fn check(&self, limits: &Limits<T>, reader: &mut Reader<'_>) {
+                self.iter().for_each(|number| number.check(limits, reader));
+            }
         }
-        fitting
-    }
-
-    fn check(&self, limits: &Limits<T>, reader: &mut Reader<'_>) {
-        self.iter().for_each(|number| number.check(limits, reader));
-    }
+    };
 }
+
+// One number for each axis, or for each part of a quaternion; two are a range.
+numbers!(3, "three");
+numbers!(4, "four");
