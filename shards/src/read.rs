@@ -1,7 +1,7 @@
 //! Reading a dataset: every file is compared with its checksum, and every row is checked.
 
 pub(crate) mod dataset;
-mod table_reader;
+pub(crate) mod table_reader;
 #[cfg(any(test, fuzzing))]
 pub(crate) mod tests;
 

@@ -4,11 +4,13 @@ mod begin;
 mod card;
 mod draft;
 mod finalize;
+mod kept;
 mod plain_table;
 mod table_writer;
 mod writer;
 
 pub use draft::Draft;
 pub use finalize::Finalized;
+pub use kept::KeptScenes;
 pub use plain_table::{PlainColumn, plain_table};
 pub use writer::ShardWriter;

@@ -113,7 +113,26 @@ const SCENES: &[Column] = &[
         Kind::Voxels,
         "Truncated signed distance as tsdf[x][y][z]: (tsdf + 1) / 2 where observed and |tsdf| < 0.98, else 0",
     ),
+    // The last, so that tables without it are the others.
+    column(GRIPPER, Kind::Name, "The hand of the scene's attempts; its dimensions: `grippers` of `meta/info.json`"),
 ];
+
+/// The column of `scenes` that is there only where a dataset has several hands.
+pub(crate) const GRIPPER: &str = "gripper";
+
+/// What the columns of a dataset's tables depend on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Form {
+    /// Voxels of a TSDF along a side.
+    pub resolution: usize,
+    /// Whether there are several hands.
+    pub has_hands: bool,
+}
+
+impl Form {
+    /// For tables whose columns depend on nothing.
+    pub(crate) const ANY: Self = Self { resolution: 0, has_hands: false };
+}
 
 const OBJECTS: &[Column] = &[
     column("scene_id", Kind::I64, "The scene; key into `scenes`"),
@@ -140,21 +159,22 @@ const ELEMENT: &str = "element";
 impl Table {
     /// Its columns, in the order on disk.
     #[must_use]
-    pub fn columns(self) -> &'static [Column] {
+    pub fn columns(self, form: Form) -> &'static [Column] {
         match self {
             Self::Attempts => ATTEMPTS,
-            Self::Scenes => SCENES,
+            Self::Scenes if form.has_hands => SCENES,
+            Self::Scenes => &SCENES[..SCENES.len() - 1],
             Self::Objects => OBJECTS,
         }
     }
 
-    /// Its Arrow schema, each field with its meaning as metadata; `resolution` is the TSDF's voxels along a side.
-    pub(crate) fn arrow_schema(self, resolution: usize) -> SchemaRef {
+    /// Its Arrow schema, each field with its meaning as metadata.
+    pub(crate) fn arrow_schema(self, form: Form) -> SchemaRef {
         let fields: Vec<Field> = self
-            .columns()
+            .columns(form)
             .iter()
             .map(|column| {
-                Field::new(column.name, column.kind.data_type(resolution), column.nullable)
+                Field::new(column.name, column.kind.data_type(form.resolution), column.nullable)
                     .with_metadata(Metadata::from_iter([("description".to_owned(), column.doc.to_owned())]))
             })
             .collect();
@@ -163,10 +183,10 @@ impl Table {
 
     /// Its columns as a table, for the card and the reference.
     #[must_use]
-    pub fn described(self, resolution: usize) -> document::Table {
-        let rows = self.columns().iter().map(|column| {
+    pub fn described(self, form: Form) -> document::Table {
+        let rows = self.columns(form).iter().map(|column| {
             let null = if column.nullable { ", nullable" } else { "" };
-            let kind = column.kind.describe(resolution);
+            let kind = column.kind.describe(form.resolution);
             vec![format!("`{}`", column.name).into(), format!("{kind}{null}").into(), column.doc.into()]
         });
         document::Table::new(["column", "type", "meaning"], rows)
@@ -234,36 +254,41 @@ pub(crate) fn float_leaves(column: &Column) -> Vec<Vec<String>> {
 mod tests {
     use super::*;
 
+    const FORM: Form = Form { resolution: 40, has_hands: true };
+
     #[test]
     fn names_are_snake_case_and_unique_within_a_table() {
         for table in Table::ALL {
-            let mut names: Vec<&str> = table.columns().iter().map(|c| c.name).collect();
+            let mut names: Vec<&str> = table.columns(FORM).iter().map(|c| c.name).collect();
             for name in &names {
                 assert!(name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_'), "{name}");
             }
             names.sort_unstable();
             names.dedup();
-            assert_eq!(names.len(), table.columns().len());
+            assert_eq!(names.len(), table.columns(FORM).len());
         }
     }
 
     #[test]
     fn the_markdown_has_every_column() {
         for table in Table::ALL {
-            let blocks = vec![document::Block::Table(table.described(40))];
+            let blocks = vec![document::Block::Table(table.described(FORM))];
             let text = document::Document { blocks, ..document::Document::default() }.markdown();
-            assert!(table.columns().iter().all(|column| text.contains(&format!("| `{}` |", column.name))), "{text}");
-            assert_eq!(text.matches("\n| `").count(), table.columns().len());
+            assert!(
+                table.columns(FORM).iter().all(|column| text.contains(&format!("| `{}` |", column.name))),
+                "{text}"
+            );
+            assert_eq!(text.matches("\n| `").count(), table.columns(FORM).len());
         }
     }
 
     #[test]
     fn every_float_leaf_is_a_leaf_of_the_parquet_schema() {
         for table in Table::ALL {
-            let schema = table.arrow_schema(4);
+            let schema = table.arrow_schema(Form { resolution: 4, ..FORM });
             let parquet = parquet::arrow::ArrowSchemaConverter::new().convert(&schema).unwrap();
             let leaves: Vec<&[String]> = parquet.columns().iter().map(|c| c.path().parts()).collect();
-            for path in table.columns().iter().flat_map(float_leaves) {
+            for path in table.columns(FORM).iter().flat_map(float_leaves) {
                 assert!(leaves.contains(&path.as_slice()), "{path:?} is not among {leaves:?}");
             }
         }

@@ -10,7 +10,9 @@ use schema::{
     SceneRejections, Shape, Solid, Vec3, View, pose_from_parts,
 };
 
+use crate::DatasetInfo;
 use crate::format::check::is_volume;
+use crate::format::column::GRIPPER;
 
 type Decoded<T> = Result<T, String>;
 
@@ -109,8 +111,8 @@ fn object_shape(shape: Shape, extents_m: Vec3, models: &[Arc<Model>]) -> Result<
     }
 }
 
-/// The rows of a `scenes` batch; without the column `tsdf` the grids stay empty.
-pub(crate) fn scenes(batch: &RecordBatch) -> Decoded<Vec<SceneRecord>> {
+/// The rows of a `scenes` batch of a dataset; without the column `tsdf` the grids stay empty.
+pub(crate) fn scenes(batch: &RecordBatch, info: &DatasetInfo) -> Decoded<Vec<SceneRecord>> {
     let columns = Columns(batch);
     let (scene, dropped) = (columns.i64s("scene_id")?, columns.i32s("dropped_count")?);
     let (objects, attempts) = (columns.i32s("object_count")?, columns.i32s("attempt_count")?);
@@ -119,6 +121,15 @@ pub(crate) fn scenes(batch: &RecordBatch) -> Decoded<Vec<SceneRecord>> {
     let unstable = columns.i32s("rejected_unstable")?;
     let views = columns.get("views")?.as_list_opt::<i32>().ok_or_else(|| wrong("views"))?;
     let has_tsdf = batch.column_by_name("tsdf").is_some();
+    if info.form().has_hands {
+        let number = |name: &str| info.hands().iter().position(|hand| hand.name == name);
+        for (scene, number) in scene.iter().zip(columns.names(GRIPPER, number)?) {
+            let (expected, got) = (&info.hand_of(*scene).name, &info.hands()[number].name);
+            if got != expected {
+                return Err(format!("scene {scene} must have the gripper {expected}, got {got}"));
+            }
+        }
+    }
     (0..batch.num_rows())
         .map(|row| {
             Ok(SceneRecord {
@@ -225,4 +236,25 @@ fn unsigned(value: i32) -> Decoded<u32> {
 
 fn wrong(name: &str) -> String {
     format!("column {name} has the wrong type")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::encode;
+    use crate::synthetic;
+
+    #[test]
+    fn a_scene_of_another_hand_is_damaged() {
+        let mut info = synthetic::info(3, 1, 12, 6);
+        info.grid.resolution = 2;
+        let other = schema::Gripper { name: "other".to_owned(), ..info.gripper.clone() };
+        info.grippers = vec![info.gripper.clone(), other];
+        let rows = [0, 1].map(|scene| synthetic::scene_rows(scene, info.seed, &info).scene);
+        let batch = encode::scenes(&rows, &info).unwrap();
+        assert_eq!(scenes(&batch, &info).unwrap(), rows);
+        info.grippers.swap(0, 1);
+        let told = scenes(&batch, &info).unwrap_err();
+        assert_eq!(told, "scene 0 must have the gripper other, got synthetic_80");
+    }
 }

@@ -14,8 +14,8 @@ use schema::{
     Approach, AttemptRecord, Axis, HitKind, Model, ObjectRecord, Outcome, Pose, Rule, SceneRecord, Shape, View,
 };
 
-use crate::Table;
-use crate::format::column::{element, view_fields, voxel_type};
+use crate::format::column::{Form, element, view_fields, voxel_type};
+use crate::{DatasetInfo, Table};
 
 type Encoded<T> = Result<T, ArrowError>;
 
@@ -52,7 +52,7 @@ pub(crate) fn attempts(rows: &[AttemptRecord], models: &[Arc<Model>]) -> Encoded
         Arc::new(Float32Array::from_iter(rows.iter().map(|r| r.width_m))),
         Arc::new(UInt8Array::from_iter_values(rows.iter().map(AttemptRecord::label))),
     ]);
-    RecordBatch::try_new(Table::Attempts.arrow_schema(0), columns)
+    RecordBatch::try_new(Table::Attempts.arrow_schema(Form::ANY), columns)
 }
 
 /// The `objects` table of a dataset with these models.
@@ -69,12 +69,13 @@ pub(crate) fn objects(rows: &[ObjectRecord], models: &[Arc<Model>]) -> Encoded<R
         f32s(rows.iter().map(|r| r.friction)),
     ];
     columns.extend(pose(rows, |r| &r.workspace_from_object));
-    RecordBatch::try_new(Table::Objects.arrow_schema(0), columns)
+    RecordBatch::try_new(Table::Objects.arrow_schema(Form::ANY), columns)
 }
 
-/// The `scenes` table; every grid has `resolution`³ values.
-pub(crate) fn scenes(rows: &[SceneRecord], resolution: usize) -> Encoded<RecordBatch> {
-    let columns = vec![
+/// The `scenes` table of a dataset.
+pub(crate) fn scenes(rows: &[SceneRecord], info: &DatasetInfo) -> Encoded<RecordBatch> {
+    let form = info.form();
+    let mut columns = vec![
         i64s(rows.iter().map(|r| r.scene_id))?,
         i32s(rows.iter().map(|r| r.dropped_count))?,
         i32s(rows.iter().map(|r| r.object_count))?,
@@ -84,9 +85,15 @@ pub(crate) fn scenes(rows: &[SceneRecord], resolution: usize) -> Encoded<RecordB
         i32s(rows.iter().map(|r| r.rejections.empty))?,
         i32s(rows.iter().map(|r| r.rejections.unstable))?,
         views(rows)?,
-        voxels(rows, resolution)?,
+        voxels(rows, form.resolution)?,
     ];
-    RecordBatch::try_new(Table::Scenes.arrow_schema(resolution), columns)
+    if form.has_hands {
+        let hands = info.hands();
+        let vocabulary: Vec<&str> = hands.iter().map(|hand| hand.name.as_str()).collect();
+        let of_scene = |row: &SceneRecord| (row.scene_id % hands.len() as u64) as usize;
+        columns.push(names(&vocabulary, rows.iter().map(|row| Some(of_scene(row))))?);
+    }
+    RecordBatch::try_new(Table::Scenes.arrow_schema(form), columns)
 }
 
 fn pose<R>(rows: &[R], of: impl Fn(&R) -> &Pose) -> Vec<ArrayRef> {

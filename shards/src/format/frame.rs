@@ -32,7 +32,7 @@ use parquet::file::reader::{ChunkReader, Length};
 
 use crate::Table;
 use crate::format::check::VIEWS_MAX;
-use crate::format::column::Kind;
+use crate::format::column::{Form, Kind};
 use crate::format::footer::{FOOTER, PAGE_HEADER};
 use crate::format::thrift;
 
@@ -71,8 +71,8 @@ const DICTIONARY_ENCODINGS: [i64; 2] = [PLAIN, PLAIN_DICTIONARY];
 pub(crate) struct Expected {
     /// The table.
     pub(crate) table: Table,
-    /// Voxels along a side of a grid.
-    pub(crate) resolution: usize,
+    /// What its columns depend on.
+    pub(crate) form: Form,
     /// Total number of rows.
     pub(crate) rows: u64,
 }
@@ -146,9 +146,8 @@ impl<'a> Frame<'a> {
 
     /// Names, order and types must be those of the table.
     fn check_schema(&self) -> Checked {
-        let Expected { table, resolution, .. } = self.expected;
-        let expected =
-            ArrowSchemaConverter::new().convert(&table.arrow_schema(resolution)).map_err(|e| e.to_string())?;
+        let Expected { table, form, .. } = self.expected;
+        let expected = ArrowSchemaConverter::new().convert(&table.arrow_schema(form)).map_err(|e| e.to_string())?;
         let found = self.metadata.file_metadata().schema_descr().root_schema();
         let expected = expected.root_schema();
         let names = |schema: &parquet::schema::types::Type| {
@@ -157,11 +156,11 @@ impl<'a> Frame<'a> {
         must(names(expected) == names(found), || {
             format!("columns must be {:?}, got {:?}", names(expected), names(found))
         })?;
-        let mut fields = table.columns().iter().zip(expected.get_fields().iter().zip(found.get_fields()));
+        let mut fields = table.columns(form).iter().zip(expected.get_fields().iter().zip(found.get_fields()));
         let other = fields.find(|(_, (expected, found))| expected != found);
         let Some((column, _)) = other else { return Ok(()) };
         let null = if column.nullable { " or null" } else { "" };
-        let kind = column.kind.describe(resolution);
+        let kind = column.kind.describe(form.resolution);
         Err(format!("column {} must be {kind}{null}, its type is another", column.name))
     }
 
@@ -190,7 +189,7 @@ impl<'a> Frame<'a> {
     fn check_chunk(&self, chunk: &ColumnChunkMetaData, kind: Kind, rows: u64, from: u64) -> Checked<u64> {
         let (low, high) = match kind {
             Kind::Views => (rows, rows.saturating_mul(VIEWS_MAX as u64)),
-            Kind::Voxels => [rows.saturating_mul((self.expected.resolution as u64).pow(3)); 2].into(),
+            Kind::Voxels => [rows.saturating_mul((self.expected.form.resolution as u64).pow(3)); 2].into(),
             Kind::I64 | Kind::I32 | Kind::U8 | Kind::F32 | Kind::Name => (rows, rows),
         };
         let values = chunk.num_values();
@@ -210,7 +209,8 @@ impl<'a> Frame<'a> {
     }
 
     fn kind(&self, leaf: usize) -> Kind {
-        self.expected.table.columns()[self.metadata.file_metadata().schema_descr().get_column_root_idx(leaf)].kind
+        let Expected { table, form, .. } = self.expected;
+        table.columns(form)[self.metadata.file_metadata().schema_descr().get_column_root_idx(leaf)].kind
     }
 
     /// Checks the pages of a column chunk; returns their positions by rows, if these are known without decoding.
@@ -220,7 +220,7 @@ impl<'a> Frame<'a> {
         let pages = self.walk(chunk).map_err(in_chunk)?;
         let values_of_row = match self.kind(leaf) {
             Kind::Views => return Ok(None),
-            Kind::Voxels => (self.expected.resolution as i64).pow(3),
+            Kind::Voxels => (self.expected.form.resolution as i64).pow(3),
             Kind::I64 | Kind::I32 | Kind::U8 | Kind::F32 | Kind::Name => 1,
         };
         let location = |page: &Page| PageLocation {

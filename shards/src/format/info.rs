@@ -2,16 +2,19 @@
 //! bytes and is part of every marker, so shards of another config, seed or code version cannot be mixed in.
 
 use std::ops::Range;
+use std::slice;
 use std::sync::Arc;
 
 use schema::{
-    CameraParams, FACETS, Grid, Gripper, MODELS_MAX, Model, Physics, Procedure, SettleParams, TsdfParams, ViewParams,
+    CameraParams, FACETS, Grid, Gripper, Hands, MODELS_MAX, Model, Physics, Procedure, SettleParams, TsdfParams,
+    ViewParams, hand_of,
 };
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 use settings::{Setting, faults_of, read_stored, stored_faults};
 
 use crate::FormatVersion;
+use crate::format::column::Form;
 use crate::format::seal;
 
 /// Everything that determines a dataset's bytes, with the file's keys in the file's order.
@@ -36,7 +39,7 @@ pub struct DatasetInfo {
     pub attempts_per_scene: u32,
     /// The grid of the TSDFs.
     pub grid: Grid,
-    /// The hand.
+    /// The hand; the first of several.
     pub gripper: Gripper,
     /// The attempt's procedure.
     pub procedure: Procedure,
@@ -52,6 +55,9 @@ pub struct DatasetInfo {
     /// Its objects, if they are not primitives; `shape` in its rows is then a model's name.
     #[serde(default, skip_serializing_if = "Vec::is_empty", with = "models")]
     pub models: Vec<Arc<Model>>,
+    /// Its hands if they are several, which take turns: scene i has number i modulo their count.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub grippers: Vec<Gripper>,
 }
 
 /// Maximum number of shards: their indices have five digits.
@@ -123,16 +129,54 @@ impl DatasetInfo {
         scene_id.saturating_mul(u64::from(self.attempts_per_scene)).min(self.attempt_count)
     }
 
+    /// Its hands.
+    #[must_use]
+    pub fn hands(&self) -> &[Gripper] {
+        if self.grippers.is_empty() { slice::from_ref(&self.gripper) } else { &self.grippers }
+    }
+
+    /// The hand of a scene.
+    #[must_use]
+    pub fn hand_of(&self, scene_id: u64) -> &Gripper {
+        hand_of(self.hands(), scene_id)
+    }
+
+    /// How far the widest of its hands opens.
+    #[must_use]
+    pub fn opening_m_max(&self) -> f32 {
+        self.hands().iter().map(|hand| hand.opening_m_max).fold(0.0, f32::max)
+    }
+
+    /// What its tables' columns depend on.
+    #[must_use]
+    pub fn form(&self) -> Form {
+        Form { resolution: self.grid.resolution, has_hands: !self.grippers.is_empty() }
+    }
+
+    /// The lowest version that describes it.
+    #[must_use]
+    pub fn version(&self) -> FormatVersion {
+        match (self.grippers.is_empty(), self.models.is_empty()) {
+            (false, _) => FormatVersion::HANDS,
+            (true, false) => FormatVersion::MODELS,
+            (true, true) => FormatVersion::CURRENT,
+        }
+    }
+
     /// The values out of range, one message each.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
         let mut problems = faults_of(&self.gripper, "gripper");
+        for (number, hand) in self.grippers.iter().enumerate() {
+            problems.extend(faults_of(hand, &format!("grippers.{number}")));
+        }
+        problems.extend(self.hands_problem().map(|problem| format!("grippers {problem}")));
         problems.extend(faults_of(&self.procedure, "procedure"));
         problems.extend(self.config_problems());
         let Grid { resolution, size_m, table_z_m } = self.grid;
         let (attempts, shards, models) = (self.attempt_count, self.shard_count, &self.models);
         let scenes = attempts.div_ceil(u64::from(self.attempts_per_scene.max(1)));
-        let version = if models.is_empty() { FormatVersion::CURRENT } else { FormatVersion::MODELS };
+        let version = self.version();
         let up_to = |name: &str, got: u64, most: u64| {
             ((1..=most).contains(&got), format!("{name} must be between 1 and {most}, got {got}"))
         };
@@ -161,9 +205,8 @@ impl DatasetInfo {
             (
                 self.format_version == version,
                 format!(
-                    "format_version must be {} for {} models, got {}",
+                    "format_version must be {}, the lowest that describes the dataset, got {}",
                     version.number(),
-                    models.len(),
                     self.format_version.number()
                 ),
             ),
@@ -176,6 +219,16 @@ impl DatasetInfo {
         }
         problems.extend(models.iter().flat_map(|model| model.problems()));
         problems
+    }
+
+    /// What is wrong with its hands as a whole.
+    fn hands_problem(&self) -> Option<String> {
+        let first = self.grippers.first()?;
+        if self.grippers.len() == 1 {
+            return Some("must be left out for a single hand".to_owned());
+        }
+        let differs = (*first != self.gripper).then(|| "must begin with gripper".to_owned());
+        differs.or_else(|| Hands::problem(&self.grippers))
     }
 
     /// What is out of range in the stored config. Another version may have had other keys.
@@ -356,8 +409,8 @@ mod tests {
 
     #[test]
     fn a_newer_file_is_refused_by_its_version_not_its_keys() {
-        let text = "{\"format_version\": 3, \"brand_new\": true}";
+        let text = "{\"format_version\": 4, \"brand_new\": true}";
         let told = DatasetInfo::from_json(text).unwrap_err();
-        assert_eq!(told, "format_version must be between 1 and 2, got 3; read it with a newer graspmill");
+        assert_eq!(told, "format_version must be between 1 and 3, got 4; read it with a newer graspmill");
     }
 }

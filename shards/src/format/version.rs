@@ -13,8 +13,10 @@ impl FormatVersion {
     pub const CURRENT: Self = Self(1);
     /// The version of datasets whose objects are models: `meta/info.json` has `models`, and `shape` is a model's name.
     pub const MODELS: Self = Self(2);
+    /// The version of datasets with several hands: `meta/info.json` has `grippers`, and `scenes` the column `gripper`.
+    pub const HANDS: Self = Self(3);
     /// The newest version that this program reads.
-    pub const NEWEST: Self = Self::MODELS;
+    pub const NEWEST: Self = Self::HANDS;
     /// The oldest version that this program reads.
     pub const OLDEST: Self = Self(1);
 
@@ -52,8 +54,9 @@ mod tests {
     fn versions_from_the_future_and_from_nowhere_are_refused() {
         assert!(FormatVersion::CURRENT.check_readable().is_ok());
         assert!(FormatVersion::MODELS.check_readable().is_ok());
+        assert!(FormatVersion::HANDS.check_readable().is_ok());
         let future = FormatVersion::new(FormatVersion::NEWEST.number() + 1).check_readable().unwrap_err();
-        assert_eq!(future, "format_version must be between 1 and 2, got 3; read it with a newer graspmill");
+        assert_eq!(future, "format_version must be between 1 and 3, got 4; read it with a newer graspmill");
         assert!(FormatVersion::new(0).check_readable().is_err());
     }
 }

@@ -161,7 +161,7 @@ impl Dataset {
         let scenes = self.scenes_of(shard)?;
         let mut ids = scenes.flat_map(|scene| (0..self.info.attempts_of_scene(scene)).map(move |id| (scene, id)));
         let check = move |row: Option<&AttemptRecord>| {
-            row.map_or(Ok(()), |row| check::attempt(row, &self.info.gripper))?;
+            row.map_or(Ok(()), |row| check::attempt(row, self.info.hand_of(row.scene_id)))?;
             let is_next = row.map(|row| (row.scene_id, row.attempt_id)) == ids.next();
             if is_next { Ok(()) } else { Err("attempt ids must count up in every scene".to_owned()) }
         };
@@ -196,7 +196,45 @@ impl Dataset {
     /// # Errors
     /// [`Failure`] if the file is damaged; each item is an error if a row breaks a rule.
     pub fn scenes(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRecord, Failure>>, Failure> {
-        self.scenes_with(shard, None)
+        self.scenes_with(shard, None, None)
+    }
+
+    /// Some scenes of a shard, each with its attempts. `wanted` has their ids, ascending; no other grid is read. A few
+    /// grids at a time are in memory, and each file is opened once.
+    ///
+    /// # Errors
+    /// [`Failure`] if a file is damaged; each item is an error if a row breaks a rule.
+    ///
+    /// # Panics
+    /// If a scene is not in the shard.
+    pub fn some_scenes(
+        &self,
+        shard: u32,
+        wanted: Vec<u64>,
+    ) -> Result<impl Iterator<Item = Result<(SceneRecord, Vec<AttemptRecord>), Failure>>, Failure> {
+        let all = self.scenes_of(shard)?;
+        assert!(wanted.iter().all(|scene| all.contains(scene)), "scenes of shard {shard} are {all:?}");
+        let is_whole = wanted.len() as u64 == all.end - all.start;
+        let scenes = self.scenes_with(shard, None, (!is_whole).then_some(wanted))?;
+        let mut attempts = self.attempts(shard)?.peekable();
+        Ok(scenes.map(move |scene| {
+            let scene = scene?;
+            while attempts.next_if(|row| row.as_ref().is_ok_and(|row| row.scene_id < scene.scene_id)).is_some() {}
+            let own = take_while_is(&mut attempts, |row| row.scene_id == scene.scene_id)?;
+            Ok((scene, own))
+        }))
+    }
+
+    /// The attempts of a shard, a scene at a time.
+    ///
+    /// # Errors
+    /// [`Failure`] if the file is damaged; each item is an error if a row breaks a rule.
+    pub fn attempts_by_scene(
+        &self,
+        shard: u32,
+    ) -> Result<impl Iterator<Item = Result<Vec<AttemptRecord>, Failure>>, Failure> {
+        let mut attempts = self.attempts(shard)?.peekable();
+        Ok(self.scenes_of(shard)?.map(move |scene| take_while_is(&mut attempts, |row| row.scene_id == scene)))
     }
 
     /// Like [`Self::scenes`] but without the grids: `tsdf` is empty. Reads a thousandth of the bytes.
@@ -204,16 +242,19 @@ impl Dataset {
     /// # Errors
     /// [`Failure`] if the file is damaged; each item is an error if a row breaks a rule.
     pub fn scene_heads(&self, shard: u32) -> Result<impl Iterator<Item = Result<SceneRecord, Failure>>, Failure> {
-        self.scenes_with(shard, Some("tsdf"))
+        self.scenes_with(shard, Some("tsdf"), None)
     }
 
     fn scenes_with(
         &self,
         shard: u32,
         without: Option<&'static str>,
+        wanted: Option<Vec<u64>>,
     ) -> Result<impl Iterator<Item = Result<SceneRecord, Failure>>, Failure> {
-        let part = Part { batch_rows: BATCH_SCENES, without, ..Part::default() };
-        let mut ids = self.scenes_of(shard)?;
+        let scenes = self.scenes_of(shard)?;
+        let rows = wanted.as_ref().map(|ids| ids.iter().map(|id| (id - scenes.start) as usize).collect::<Vec<_>>());
+        let part = Part { batch_rows: BATCH_SCENES, without, rows: rows.as_deref(), ..Part::default() };
+        let mut ids = wanted.unwrap_or_else(|| scenes.collect()).into_iter();
         let check = move |scene: Option<&SceneRecord>| match (ids.next(), scene) {
             (None, None) => Ok(()),
             (Some(expected), None) => Err(format!("scene {expected} is missing")),
@@ -225,7 +266,7 @@ impl Dataset {
                 Err(format!("scene ids must count up: expected {expected:?}, got {}", scene.scene_id))
             }
         };
-        self.checked(shard, Table::Scenes, part, decode::scenes, check)
+        self.checked(shard, Table::Scenes, part, |batch| decode::scenes(batch, &self.info), check)
     }
 
     fn scenes_of(&self, shard: u32) -> Result<Range<u64>, Failure> {
@@ -234,14 +275,18 @@ impl Dataset {
     }
 
     /// The rows of a table, decoded a batch at a time; none after an error. `check` sees each row, then the end.
-    fn checked<R>(
-        &self,
+    fn checked<'a, R, D, C>(
+        &'a self,
         shard: u32,
         table: Table,
-        part: Part,
-        decode: impl Fn(&RecordBatch) -> Result<Vec<R>, String>,
-        mut check: impl FnMut(Option<&R>) -> Result<(), String>,
-    ) -> Result<impl Iterator<Item = Result<R, Failure>>, Failure> {
+        part: Part<'_>,
+        decode: D,
+        mut check: C,
+    ) -> Result<impl Iterator<Item = Result<R, Failure>> + use<'a, R, D, C>, Failure>
+    where
+        D: Fn(&RecordBatch) -> Result<Vec<R>, String>,
+        C: FnMut(Option<&R>) -> Result<(), String>,
+    {
         let mut batches = self.batches(shard, table, part)?;
         let mut decoded = Vec::new().into_iter();
         let mut next = move || {
@@ -313,7 +358,8 @@ impl Dataset {
         objects.retain(|object| object.scene_id == scene_id);
         let attempts =
             self.read(shard, Table::Attempts, of_scene, |batch| decode::attempts(batch, &self.info.models))?;
-        let scene = self.read(shard, Table::Scenes, one, decode::scenes)?.into_iter().find(|s| s.scene_id == scene_id);
+        let scene = self.read(shard, Table::Scenes, one, |batch| decode::scenes(batch, &self.info))?;
+        let scene = scene.into_iter().find(|scene| scene.scene_id == scene_id);
         let missing = || self.wrong(shard, Table::Scenes, &format!("scene {scene_id} is not where it should be"));
         let rows = SceneRows { scene: scene.ok_or_else(missing)?, objects, attempts };
         self.check(shard, Table::Attempts, || check::scene_rows(&rows, &self.info))?;
@@ -324,7 +370,7 @@ impl Dataset {
         &self,
         shard: u32,
         table: Table,
-        part: Part,
+        part: Part<'_>,
         decode: impl Fn(&RecordBatch) -> Result<Vec<R>, String>,
     ) -> Result<Vec<R>, Failure> {
         let mut rows = Vec::new();
@@ -335,10 +381,10 @@ impl Dataset {
         Ok(rows)
     }
 
-    fn batches(&self, shard: u32, table: Table, part: Part) -> Result<Batches, Failure> {
+    fn batches(&self, shard: u32, table: Table, part: Part<'_>) -> Result<Batches, Failure> {
         let file = self.open_file(shard, table)?;
         let rows = self.manifest.shards[shard as usize].file(table).rows;
-        let expected = Expected { table, resolution: self.info.grid.resolution, rows };
+        let expected = Expected { table, form: self.info.form(), rows };
         Batches::open(file, expected, part).map_err(|m| self.wrong(shard, table, &m))
     }
 
@@ -366,9 +412,9 @@ fn out_of_range(what: &str, limit: u64, got: u64) -> Failure {
 }
 
 /// The next rows for which a condition holds.
-fn take_while_is<R>(
-    rows: &mut Peekable<impl Iterator<Item = Result<R, Failure>>>,
+pub(crate) fn take_while_is<R, E>(
+    rows: &mut Peekable<impl Iterator<Item = Result<R, E>>>,
     holds: impl Fn(&R) -> bool,
-) -> Result<Vec<R>, Failure> {
+) -> Result<Vec<R>, E> {
     from_fn(|| rows.next_if(|row| row.as_ref().map_or(true, &holds))).collect()
 }

@@ -9,7 +9,7 @@ use std::sync::{Arc, Once};
 use arrow::array::RecordBatch;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{
-    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder, RowSelection,
 };
 
 use crate::format::frame::{Expected, Frame};
@@ -19,9 +19,11 @@ pub(crate) const PANICKED: &str = "the Parquet decoder panicked: ";
 
 /// The rows and columns to read.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Part {
+pub(crate) struct Part<'a> {
     /// Only this row group.
     pub(crate) row_group: Option<usize>,
+    /// Only these rows, ascending.
+    pub(crate) rows: Option<&'a [usize]>,
     /// Of the selected rows, skip this many ...
     pub(crate) offset: usize,
     /// ... and read at most this many.
@@ -37,7 +39,7 @@ pub(crate) struct Batches(ParquetRecordBatchReader);
 
 impl Batches {
     /// Opens a file with a verified checksum.
-    pub(crate) fn open(file: File, expected: Expected, part: Part) -> Result<Self, String> {
+    pub(crate) fn open(file: File, expected: Expected, part: Part<'_>) -> Result<Self, String> {
         guard(|| {
             let frame = Frame::read(&file, expected)?;
             let groups = match part.row_group {
@@ -47,16 +49,22 @@ impl Batches {
                 Some(group) => group..group + 1,
                 None => 0..frame.groups(),
             };
-            let columns = expected.table.columns().iter().enumerate();
+            let columns = expected.table.columns(expected.form).iter().enumerate();
             let kept: Vec<usize> =
                 columns.filter(|(_, c)| Some(c.name) != part.without).map(|(column, _)| column).collect();
-            let metadata = frame.check_pages(groups.clone(), &kept, part.row_group.is_some())?;
-            let options = ArrowReaderOptions::new().with_schema(expected.table.arrow_schema(expected.resolution));
+            let is_skipping = part.row_group.is_some() || part.rows.is_some();
+            let metadata = frame.check_pages(groups.clone(), &kept, is_skipping)?;
+            let options = ArrowReaderOptions::new().with_schema(expected.table.arrow_schema(expected.form));
             let metadata = ArrowReaderMetadata::try_new(Arc::new(metadata), options).map_err(text)?;
             let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata);
             let mask = ProjectionMask::roots(builder.parquet_schema(), kept);
             let builder = builder.with_projection(mask).with_row_groups(groups.collect());
             let mut builder = builder.with_batch_size(part.batch_rows).with_offset(part.offset);
+            if let Some(rows) = part.rows {
+                let ranges = rows.iter().map(|row| *row..*row + 1);
+                builder =
+                    builder.with_row_selection(RowSelection::from_consecutive_ranges(ranges, expected.rows as usize));
+            }
             if let Some(limit) = part.limit {
                 builder = builder.with_limit(limit);
             }

@@ -66,6 +66,14 @@ AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY and so on. A shard of a st
         Ok(Self::Url(Box::new(url)))
     }
 
+    /// Its last part, for titles.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let text = self.to_string();
+        let name = text.trim_end_matches('/').rsplit('/').next().unwrap_or_default();
+        if [".", "..", ""].contains(&name) { "dataset".to_owned() } else { name.to_owned() }
+    }
+
     /// The location of a file below this one.
     #[must_use]
     pub fn join(&self, name: &str) -> Self {

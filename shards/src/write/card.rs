@@ -35,7 +35,7 @@ pub(crate) fn card(info: &DatasetInfo, manifest: &Manifest) -> String {
     blocks.extend(models(info));
     blocks.push(Block::Heading("Columns".to_owned()));
     for table in Table::ALL {
-        let columns = table.described(info.grid.resolution);
+        let columns = table.described(info.form());
         blocks.extend([Block::Subheading(table.name().to_owned()), Block::Table(columns)]);
     }
     blocks.extend([Block::Heading("Conventions".to_owned()), Block::Text(CONVENTIONS.to_owned())]);

@@ -14,7 +14,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersi
 use parquet::schema::types::ColumnPath;
 use program::{ExitCode, Failure};
 
-use crate::format::column::{Kind, float_leaves};
+use crate::format::column::{Form, Kind, float_leaves};
 use crate::format::layout;
 use crate::format::summary::FileSummary;
 use crate::store::{Ready, Staged, Storage, Trouble};
@@ -37,12 +37,12 @@ impl TableWriter {
         storage: &Storage,
         table: Table,
         [shard, shard_count]: [u32; 2],
-        resolution: usize,
+        form: Form,
     ) -> Result<Self, Failure> {
         let name = layout::table_file(table, shard, shard_count);
         let staged = storage.stage(&name)?;
         let trouble = staged.trouble();
-        let parquet = ArrowWriter::try_new(staged, table.arrow_schema(resolution), Some(properties(table)?))
+        let parquet = ArrowWriter::try_new(staged, table.arrow_schema(form), Some(properties(table, form)?))
             .map_err(|e| broken(table, &trouble, &e))?;
         Ok(Self { table, name, rows: 0, trouble, parquet })
     }
@@ -67,14 +67,14 @@ impl TableWriter {
     }
 }
 
-fn properties(table: Table) -> Result<WriterProperties, Failure> {
+fn properties(table: Table, form: Form) -> Result<WriterProperties, Failure> {
     let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(|e| unwritten(table, &e))?;
     let mut builder = WriterProperties::builder()
         .set_created_by(format!("graspmill format {}", FormatVersion::CURRENT.number()))
         .set_writer_version(WriterVersion::PARQUET_1_0)
         .set_max_row_group_row_count(None) // the writer ends row groups: in all tables after the same scene
         .set_compression(Compression::ZSTD(level));
-    for column in table.columns() {
+    for column in table.columns(form) {
         for path in float_leaves(column).into_iter().map(ColumnPath::new) {
             builder = builder
                 .set_column_dictionary_enabled(path.clone(), false)

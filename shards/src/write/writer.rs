@@ -9,6 +9,7 @@ use crate::format::check;
 use crate::format::summary::{Counts, FileSummary, ShardSummary};
 use crate::format::{encode, layout, seal};
 use crate::store::{Published, Ready, Storage};
+use crate::write::kept;
 use crate::write::table_writer::{TableWriter, unwritten};
 use crate::{DatasetInfo, SCENES_PER_ROW_GROUP, Table};
 
@@ -42,7 +43,7 @@ impl ShardWriter {
             return Err(Failure::new(ExitCode::Config, text));
         }
         let sizes = [shard, info.shard_count];
-        let open = |table| TableWriter::create(&storage, table, sizes, info.grid.resolution);
+        let open = |table| TableWriter::create(&storage, table, sizes, info.form());
         let scenes = info.scenes_of(shard);
         Ok(Self {
             attempts: (open(Table::Attempts)?, Vec::new()),
@@ -94,8 +95,7 @@ impl ShardWriter {
         if !self.grids.1.is_empty() {
             self.attempts.0.write(&made(Table::Attempts, encode::attempts(&self.attempts.1, &self.info.models))?)?;
             self.objects.0.write(&made(Table::Objects, encode::objects(&self.objects.1, &self.info.models))?)?;
-            let resolution = self.info.grid.resolution;
-            self.grids.0.write(&made(Table::Scenes, encode::scenes(&self.grids.1, resolution))?)?;
+            self.grids.0.write(&made(Table::Scenes, encode::scenes(&self.grids.1, &self.info))?)?;
         }
         self.attempts.1.clear();
         self.objects.1.clear();
@@ -108,44 +108,104 @@ impl ShardWriter {
         Ok(())
     }
 
+    /// The shard.
+    #[must_use]
+    pub fn shard(&self) -> u32 {
+        self.shard
+    }
+
+    /// Leaves out the scenes before this one: the shard can then not be committed any more, but kept.
+    pub fn skip_to(&mut self, scene_id: u64) {
+        self.next = self.next.max(scene_id);
+    }
+
+    /// Keeps the scenes so far for a later run, which finds them by [`Draft::kept`](crate::Draft::kept), and
+    /// returns what
+    /// is kept. In an object store that is nothing. What another run kept of the shard stays if it is as much; if the
+    /// shard is there, nothing is kept.
+    ///
+    /// # Errors
+    /// [`Failure`] if the storage fails.
+    pub fn keep(self) -> Result<Counts, Failure> {
+        let (shard, shard_count) = (self.shard, self.info.shard_count);
+        if self.storage.folder().is_none() || self.storage.size(&layout::marker(shard))?.is_some() {
+            return Ok(Counts::zero());
+        }
+        let before = kept::summary((&self.storage, &self.info, &self.dataset_id), shard).unwrap_or_default();
+        if let Some(before) = before.as_ref().filter(|before| before.counts.scenes >= self.counts.scenes) {
+            return Ok(before.counts.clone());
+        }
+        let (storage, files, mut summary) = self.finish()?;
+        storage.check_in_place(&summary.dataset_id)?;
+        for (table, file) in files {
+            let told = summary.file_mut(table);
+            told.path = layout::kept_file(table, shard, shard_count, &told.sha256);
+            file.publish_as(&told.path)?;
+        }
+        storage.publish(&layout::kept_marker(shard), seal::seal(&summary).as_bytes())?;
+        for table in Table::ALL {
+            if let Some(file) =
+                before.as_ref().map(|before| before.file(table)).filter(|file| *file != summary.file(table))
+            {
+                storage.remove(&file.path);
+            }
+        }
+        Ok(summary.counts)
+    }
+
     /// Commits the shard: the three files are published, then the marker, with which the shard exists. Existing files
     /// are compared, not replaced, because all writers of a shard write the same bytes.
     ///
     /// # Errors
     /// [`Failure`] if scenes are missing, the storage fails, or the shard exists with other bytes.
-    pub fn commit(mut self) -> Result<ShardSummary, Failure> {
+    pub fn commit(self) -> Result<ShardSummary, Failure> {
         if self.next != self.scenes.end {
             return Err(self.out_of_order("the end"));
         }
-        let shard = self.shard;
+        let count = self.scenes.end - self.scenes.start;
+        if self.counts.scenes != count {
+            let text = format!("shard {} must have {count} scenes, got {}", self.shard, self.counts.scenes);
+            return Err(Failure::new(ExitCode::Internal, text));
+        }
+        let info = self.info.clone();
+        let (storage, files, summary) = self.finish()?;
+        let shard = summary.shard;
+        let marker = layout::marker(shard);
+        let text = seal::seal(&summary);
+        // The folder may have been emptied and another dataset begun in it in the meantime.
+        storage.check_in_place(&summary.dataset_id)?;
+        // An equal marker proves our bytes: any other existing file is damaged.
+        let is_proven = match storage.read(&marker)? {
+            Some(before) => compare(shard, &marker, &before, &text)?,
+            None => false,
+        };
+        for (table, file) in files {
+            publish(&storage, shard, file, summary.file(table), is_proven)?;
+        }
+        storage.check_in_place(&summary.dataset_id)?;
+        if let Published::Existing(before) = storage.publish_new(&marker, text.as_bytes())?
+            && !compare(shard, &marker, &before, &text)?
+        {
+            storage.publish(&marker, text.as_bytes())?; // replaces a damaged one
+        }
+        kept::remove((&storage, &info, &summary.dataset_id), shard);
+        Ok(summary)
+    }
+
+    /// Writes the footers.
+    fn finish(mut self) -> Result<Finished, Failure> {
         self.write_batch(false)?;
         let (attempts_file, attempts) = self.attempts.0.finish()?;
         let (objects_file, objects) = self.objects.0.finish()?;
         let (scenes_file, scenes) = self.grids.0.finish()?;
-        let summary =
-            ShardSummary { dataset_id: self.dataset_id, shard, attempts, scenes, objects, counts: self.counts };
-        let marker = layout::marker(shard);
-        let text = seal::seal(&summary);
-        // The folder may have been emptied and another dataset begun in it in the meantime.
-        self.storage.check_in_place(&summary.dataset_id)?;
-        // An equal marker proves our bytes: any other existing file is damaged.
-        let is_proven = match self.storage.read(&marker)? {
-            Some(before) => compare(shard, &marker, &before, &text)?,
-            None => false,
-        };
-        let files = [(attempts_file, Table::Attempts), (objects_file, Table::Objects), (scenes_file, Table::Scenes)];
-        for (file, table) in files {
-            publish(&self.storage, shard, file, summary.file(table), is_proven)?;
-        }
-        self.storage.check_in_place(&summary.dataset_id)?;
-        if let Published::Existing(before) = self.storage.publish_new(&marker, text.as_bytes())?
-            && !compare(shard, &marker, &before, &text)?
-        {
-            self.storage.publish(&marker, text.as_bytes())?; // replaces a damaged one
-        }
-        Ok(summary)
+        let Self { storage, dataset_id, shard, counts, .. } = self;
+        let files = [(Table::Attempts, attempts_file), (Table::Objects, objects_file), (Table::Scenes, scenes_file)];
+        Ok((storage, files, ShardSummary { dataset_id, shard, attempts, scenes, objects, counts }))
     }
 }
+
+/// A shard's complete files, not published yet, where they lie, and what the marker says of them.
+type Finished = (Storage, [(Table, Ready); 3], ShardSummary);
 
 /// Publishes a file, or finds an equal one. A different one is replaced only if ours is proven to be correct.
 fn publish(storage: &Storage, shard: u32, file: Ready, summary: &FileSummary, is_proven: bool) -> Result<(), Failure> {

@@ -43,13 +43,13 @@ fn read_table(data: &[u8]) -> Result<(), String> {
     let number = usize::from(*selector) / 3 % INFOS;
     let info = info(number);
     let table = Table::ALL[usize::from(*selector) % 3];
-    let expected = Expected { table, resolution: info.grid.resolution, rows: row_count(table, number, &info) };
+    let expected = Expected { table, form: info.form(), rows: row_count(table, number, &info) };
     let file = file(bytes);
     let whole = Part { batch_rows: 8192, ..Part::default() };
     let one = Part { row_group: Some(0), offset: 1, limit: Some(1), batch_rows: 1, ..Part::default() };
     match table {
         Table::Attempts => {
-            let checked = |row: &AttemptRecord| check::attempt(row, &info.gripper);
+            let checked = |row: &AttemptRecord| check::attempt(row, info.hand_of(row.scene_id));
             let of_scene = Part { offset: 3, limit: Some(3), batch_rows: 8192, ..one };
             let read = [whole, of_scene]
                 .map(|part| rows(&file, expected, part, |batch| decode::attempts(batch, &info.models), checked));
@@ -65,10 +65,16 @@ fn read_table(data: &[u8]) -> Result<(), String> {
             let eight = Part { batch_rows: 8, ..whole };
             let heads = Part { without: Some("tsdf"), ..eight };
             let read = [eight, heads, one].map(|part| {
-                rows(&file, expected, part, decode::scenes, |scene: &SceneRecord| {
-                    check::scene_head(scene, &info)?;
-                    if part.without.is_some() { Ok(()) } else { check::tsdf(&scene.tsdf, &info) }
-                })
+                rows(
+                    &file,
+                    expected,
+                    part,
+                    |batch| decode::scenes(batch, &info),
+                    |scene: &SceneRecord| {
+                        check::scene_head(scene, &info)?;
+                        if part.without.is_some() { Ok(()) } else { check::tsdf(&scene.tsdf, &info) }
+                    },
+                )
             });
             read.into_iter().collect()
         }
@@ -79,7 +85,7 @@ fn read_table(data: &[u8]) -> Result<(), String> {
 fn rows<R>(
     file: &File,
     expected: Expected,
-    part: Part,
+    part: Part<'_>,
     decode: impl Fn(&RecordBatch) -> Result<Vec<R>, String>,
     check: impl Fn(&R) -> Result<(), String>,
 ) -> Result<(), String> {
