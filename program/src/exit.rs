@@ -18,6 +18,8 @@ pub enum ExitCode {
     Usage = 2,
     /// Data are damaged, of an unknown version, or came out differently from an earlier run. Do not retry.
     Data = 65,
+    /// Done in part: some inputs could not be used and are listed. Running again will not help.
+    Partial = 66,
     /// The dataset is not complete yet: run the missing shards.
     Incomplete = 69,
     /// The outside world failed (disk full, out of memory, I/O error) or a signal stopped the program. Run it again.
@@ -34,6 +36,7 @@ Exit codes:
    1  internal error
    2  wrong command line
   65  data damaged, of an unknown version, or not reproduced
+  66  done in part: some inputs could not be used, and are listed
   69  dataset incomplete
   75  I/O trouble, out of memory, or stopped by a signal: run again
   78  wrong configuration, or the folder holds something else";

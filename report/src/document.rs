@@ -1,13 +1,16 @@
 //! A result as an ordered list of blocks, which is described once and becomes a page, Markdown or a terminal's text.
 //!
-//! A page is one file: no script, no network, light and dark, from a phone's width to a wall's. Pages show everything;
-//! Markdown and terminals leave out what only a page has room for: figures that lie in no file of their own, and
-//! columns of notes.
+//! A page is one file (a folder's pages share their scripts): no network, light and dark, from a phone's width to a
+//! wall's. Pages show everything; Markdown and terminals leave out what only a page has room for: figures that lie in
+//! no file of their own, and columns of notes.
 
 pub(crate) mod html;
 mod plain;
 
+use schema::Outcome;
+
 use crate::figure::{Figure, Intervals};
+use crate::view::folder::Facet;
 
 /// A result that is described.
 #[derive(Debug, Clone, Default)]
@@ -41,6 +44,12 @@ pub enum Block {
     Figures(Vec<Picture>),
     /// Small pictures, more of them side by side; on pages only.
     Gallery(Vec<Picture>),
+    /// Pages beside this one: words and file; on pages only.
+    Links(Vec<(String, String)>),
+    /// What the pictures of scenes in the gallery below can be chosen by; on pages of a folder only.
+    Filter(Vec<Facet>),
+    /// The colours that hands in pictures have by these outcomes; on pages only.
+    Legend(Vec<Outcome>),
     /// A program's input in the language that is named.
     Code(&'static str, String),
 }
@@ -58,6 +67,8 @@ pub struct Picture {
     pub file: Option<&'static str>,
     /// The numbers that it shows, for readers who have no pictures.
     pub numbers: Option<Table>,
+    /// The page that it leads to.
+    pub link: Option<String>,
 }
 
 /// What a picture draws.
@@ -87,6 +98,8 @@ pub enum Cell {
     Text(String),
     /// Something from a program: a name, a hash, a path.
     Code(String),
+    /// An outcome, beside the colour that it has in pictures.
+    Outcome(Outcome),
     /// A number, as it is to be read.
     Number(String),
     /// A count: `1,234` where people read it, `1234` in Markdown.
@@ -107,7 +120,7 @@ impl Picture {
 
     /// Anything that is drawn.
     pub fn new(drawing: Drawing, title: impl Into<String>, caption: impl Into<String>) -> Self {
-        Self { drawing, title: title.into(), caption: caption.into(), file: None, numbers: None }
+        Self { drawing, title: title.into(), caption: caption.into(), file: None, numbers: None, link: None }
     }
 }
 

@@ -3,9 +3,11 @@
 //! This crate knows what a solid and a hand are (`schema`) and nothing of datasets, networks or physics; who has
 //! numbers gives them to it.
 
+mod assets;
 pub mod document;
 mod eye;
 pub mod figure;
+pub mod hand;
 pub mod picture;
 pub mod still;
 pub mod view;

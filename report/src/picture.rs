@@ -1,25 +1,28 @@
-//! A small picture of a scene: convex bodies on a table, and hands as forks, green if they held and red if not.
+//! A small picture of a scene: convex bodies on a table, and hands as forks, coloured by how their attempts ended.
 //!
 //! The view is from above and the front, without perspective, so lengths along an axis are equal everywhere. Bodies are
 //! painted from back to front without the faces that point away; hands are on top, because they are the subject.
 
 use std::fmt::Write as _;
 
-use schema::{Gripper, Polyhedron, Pose, Vec3};
+use maud::Escaper;
+use schema::{Gripper, Outcome, Polyhedron, Pose, Vec3, bounds_m};
 
 use crate::eye::{Eye, Seen};
 
 /// A hand at a grasp.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Hand {
     /// Pose of the grasp.
     pub workspace_from_grasp: Pose,
     /// Opening between the fingers, in metres.
     pub width_m: f32,
-    /// Whether it held.
-    pub held: bool,
+    /// How its attempt ended.
+    pub outcome: Outcome,
     /// Opacity, from 0 to 1.
     pub strength: f32,
+    /// What a page says where the mouse rests on it, first its id: `7/19`.
+    pub label: String,
 }
 
 /// Bodies and hands on a table, in the workspace.
@@ -44,11 +47,18 @@ const CROWD: usize = 12;
 const TINTS: [[f32; 3]; 5] =
     [[150.0, 180.0, 214.0], [214.0, 188.0, 140.0], [178.0, 166.0, 208.0], [160.0, 196.0, 196.0], [205.0, 170.0, 190.0]];
 
+/// From above and the front.
+const TOWARDS_EYE: Vec3 = Vec3::new(0.45, -1.0, 1.15);
+/// A cell of a sheet: columns, side in pixels and in metres.
+const COLUMNS: usize = 9;
+const CELL_PX: f32 = 110.0;
+const CELL_M: f32 = 0.19;
+
 /// The view from above and the front: the table's diagonal fits.
 fn eye(scene: &Scene) -> Eye {
     let middle_m = Vec3::new(0.5 * scene.size_m, 0.5 * scene.size_m, scene.table_z_m + 0.2 * scene.size_m);
     let px_per_m = WIDTH_PX / (1.34 * scene.size_m);
-    Eye::parallel(Vec3::new(0.45, -1.0, 1.15), middle_m, px_per_m, [0.5 * WIDTH_PX, 0.5 * HEIGHT_PX])
+    Eye::parallel(TOWARDS_EYE, middle_m, px_per_m, [0.5 * WIDTH_PX, 0.5 * HEIGHT_PX])
 }
 
 /// The scene as SVG; some colours come from the page's style sheet.
@@ -66,19 +76,45 @@ pub fn svg(scene: &Scene) -> String {
         paint(&mut text, &eye, body, TINTS[tint % TINTS.len()]);
     }
     let mut hands: Vec<&Hand> = scene.hands.iter().collect();
-    hands.sort_by_key(|hand| hand.held); // held grasps on top
+    hands.sort_by_key(|hand| hand.outcome); // held grasps on top, collisions below
     let is_crowded = hands.len() > CROWD;
     for hand in hands {
-        let class = if hand.held { "held" } else { "failed" };
-        let width = if is_crowded { 1.0 } else { 1.5 } * if hand.held { 1.6_f32 } else { 1.2 };
-        let strength = hand.strength;
+        let (class, strength) = (hand.outcome.name(), hand.strength);
+        let width = if is_crowded { 1.0 } else { 1.5 } * if hand.outcome == Outcome::Held { 1.6_f32 } else { 1.2 };
         let lines = fork(hand).map(|line| format!("M{}", points(&eye, line.into_iter()).replace(' ', "L"))).concat();
         let _ = write!(
             text,
-            "<path class=\"{class}\" stroke-width=\"{width:.1}\" stroke-opacity=\"{strength:.2}\" d=\"{lines}\"/>"
+            "<path class=\"{class}\" stroke-width=\"{width:.1}\" stroke-opacity=\"{strength:.2}\" d=\"{lines}\"><title>"
         );
+        let _ = Escaper::new(&mut text).write_str(&hand.label);
+        text += "</title></path>";
     }
     text + "</svg>"
+}
+
+/// Bodies side by side at one scale, each above its name, as an SVG file; the number selects the colour.
+#[must_use]
+pub fn sheet(bodies: &[(&str, Vec<Polyhedron>, usize)]) -> String {
+    let (width, height) = (CELL_PX * COLUMNS as f32, CELL_PX * bodies.len().div_ceil(COLUMNS) as f32);
+    let mut text = format!("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\">");
+    text += "<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>";
+    for (number, (name, parts, tint)) in bodies.iter().enumerate() {
+        let [left, top] = [number % COLUMNS, number / COLUMNS].map(|cells| CELL_PX * cells as f32);
+        let [low, high] = bounds_m(parts.iter().flat_map(Polyhedron::corners_m));
+        let at_px = [left + 0.5 * CELL_PX, top + 0.45 * CELL_PX];
+        let eye = Eye::parallel(TOWARDS_EYE, 0.5 * (low + high), CELL_PX / CELL_M, at_px);
+        let mut parts: Vec<&Polyhedron> = parts.iter().collect();
+        parts.sort_by(|a, b| eye.towards().dot(middle_m(a)).total_cmp(&eye.towards().dot(middle_m(b))));
+        for part in parts {
+            paint(&mut text, &eye, part, TINTS[tint % TINTS.len()]);
+        }
+        let (x, y) = (at_px[0], top + 0.97 * CELL_PX);
+        let _ = write!(
+            text,
+            "<text x=\"{x}\" y=\"{y}\" text-anchor=\"middle\" font-family=\"sans-serif\" font-size=\"11\">{name}</text>"
+        );
+    }
+    text + "</svg>\n"
 }
 
 fn paint(text: &mut String, eye: &Eye, body: &Polyhedron, tint: [f32; 3]) {
@@ -135,17 +171,25 @@ mod tests {
     #[test]
     fn of_a_block_three_faces_are_seen_and_hands_lie_on_top() {
         let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.09), Quat::IDENTITY);
-        let hand = |held| Hand { workspace_from_grasp: at, width_m: 0.06, held, strength: 0.5 };
+        let hand = |outcome| Hand {
+            workspace_from_grasp: at,
+            width_m: 0.06,
+            outcome,
+            strength: 0.5,
+            label: "7/19 <".to_owned(),
+        };
         let scene = Scene {
             size_m: 0.3,
             table_z_m: 0.05,
             bodies: vec![(block().moved(&at), 0)],
-            hands: vec![hand(true), hand(false)],
+            hands: vec![hand(Outcome::Held), hand(Outcome::Slipped), hand(Outcome::PregraspCollision)],
         };
         let svg = svg(&scene);
         assert_eq!(svg.matches("class=\"face\"").count(), 3, "{svg}");
-        let places = ["class=\"face\"", "class=\"failed\"", "class=\"held\""].map(|word| svg.find(word).unwrap());
+        let classes = ["face", "pregrasp_collision", "slipped", "held"];
+        let places = classes.map(|class| svg.find(&format!("class=\"{class}\"")).unwrap());
         assert!(places.is_sorted(), "{svg}");
+        assert_eq!(svg.matches("<title>7/19 &lt;</title></path>").count(), 3, "{svg}");
     }
 
     #[test]
@@ -157,5 +201,14 @@ mod tests {
             let Seen { x, y, .. } = eye.see(Vec3::new(side(1), side(2), 0.05 + 0.4 * side(4))).unwrap();
             assert!((0.0..=WIDTH_PX).contains(&x) && (0.0..=HEIGHT_PX).contains(&y), "{corner}: {x} {y}");
         }
+    }
+
+    #[test]
+    fn a_sheet_has_its_bodies_side_by_side_above_their_names() {
+        let cells: Vec<_> = (0..=COLUMNS).map(|cell| ("block", vec![block()], cell)).collect();
+        let sheet = sheet(&cells);
+        assert_eq!((sheet.matches("class=\"face\"").count(), sheet.matches(">block</text>").count()), (30, 10));
+        let (width, height) = (CELL_PX * COLUMNS as f32, 2.0 * CELL_PX);
+        assert!(sheet.contains(&format!("viewBox=\"0 0 {width} {height}\"")), "{sheet}");
     }
 }

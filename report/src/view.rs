@@ -3,6 +3,7 @@
 //! A [`View`] is the common format of all programs: it is serialised as JSON, and [`View::page`] makes a self-contained
 //! HTML file of it. All positions are in the workspace frame: metres, z up.
 
+pub mod folder;
 mod page;
 pub(crate) mod shapes;
 

@@ -6,10 +6,22 @@
   const byId = (id) => document.getElementById(id);
   const canvas = byId("canvas"), pen = canvas.getContext("2d"), tip = byId("tip");
   const isDark = matchMedia("(prefers-color-scheme: dark)");
+  // In a folder: the pages that clicks on lines open, by the lines' places.
+  const opens = JSON.parse(byId("opens")?.textContent ?? "{}");
+  view.lines.forEach((line, at) => { line.opens = opens[at]; });
 
   // Colours that stay apart for the colour-blind (Okabe and Ito, 2008); x: drawn over all, a: opacity of a body that hides nothing.
-  const [GREEN, VERMILION, SKY, BLUE, ORANGE, PURPLE] =
-    [[0, 158, 115], [213, 94, 0], [86, 180, 233], [0, 114, 178], [230, 159, 0], [204, 121, 167]];
+  const [SKY, BLUE, ORANGE, PURPLE] = [[86, 180, 233], [0, 114, 178], [230, 159, 0], [204, 121, 167]];
+  // Those of outcomes are the style's, as in still pictures.
+  const hues = new Map();
+  isDark.addEventListener("change", () => hues.clear());
+  const hue = (name) => {
+    if (!hues.has(name)) {
+      const hex = getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+      hues.set(name, [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16)));
+    }
+    return hues.get(name);
+  };
   const grey = () => (isDark.matches ? [150, 160, 170] : [120, 130, 140]);
   const STYLES = {
     object: { name: "objects", rgb: () => (isDark.matches ? [139, 150, 161] : [186, 196, 205]) },
@@ -17,12 +29,12 @@
     hit: { name: "what was hit", rgb: () => ORANGE },
     hand: { name: "hand", rgb: () => (isDark.matches ? [205, 211, 217] : [92, 102, 112]) },
     swept: { name: "swept by the hand", rgb: () => PURPLE, a: 0.2 },
-    held: { name: "held", rgb: () => GREEN, wide: 2.2 },
-    slipped: { name: "slipped", rgb: () => VERMILION, wide: 1.6 },
-    hit_other: { name: "hit other", rgb: () => VERMILION, wide: 1.6 },
-    empty: { name: "empty", rgb: () => VERMILION, wide: 1.6 },
-    approach_collision: { name: "collision on approach", rgb: () => VERMILION, wide: 1.1 },
-    pregrasp_collision: { name: "collision before approach", rgb: () => VERMILION, wide: 1.1 },
+    held: { name: "held", rgb: () => hue("held"), wide: 2.2 },
+    slipped: { name: "slipped", rgb: () => hue("slipped"), wide: 1.6 },
+    hit_other: { name: "hit other", rgb: () => hue("hit_other"), wide: 1.6 },
+    empty: { name: "empty", rgb: () => hue("empty"), wide: 1.6 },
+    approach_collision: { name: "approach collision", rgb: () => hue("approach_collision"), wide: 1.1 },
+    pregrasp_collision: { name: "pregrasp collision", rgb: () => hue("pregrasp_collision"), wide: 1.1 },
     contact: { name: "contacts", rgb: () => (isDark.matches ? [240, 228, 66] : [20, 20, 20]), x: true, wide: 2 },
     surface: { name: "surface as seen (TSDF)", rgb: () => BLUE },
     camera: { name: "cameras", rgb: grey },
@@ -46,6 +58,10 @@
   // What is shown, and the moment.
   const shown = new Set([...view.bodies, ...view.lines, ...view.points].map((item) => item.class));
   view.hidden.forEach((name) => shown.delete(name));
+  // Of attempts those that the page before had chosen.
+  const OUTCOMES = ["held", "slipped", "hit_other", "empty", "approach_collision", "pregrasp_collision"];
+  const asked = new URLSearchParams(location.hash.slice(1)).get("outcome");
+  if (asked) OUTCOMES.forEach((name) => shown[name === asked ? "add" : "delete"](name));
   let frame = 0, marked = null;
   const isThere = (item) => shown.has(item.class) && (!item.frames || (item.frames[0] <= frame && frame <= item.frames[1]));
 
@@ -272,10 +288,22 @@
     if (found !== marked) redraw();
     marked = found;
     tip.hidden = !found;
+    canvas.classList.toggle("opens", Boolean(found?.opens));
     if (!found) return;
-    tip.textContent = found.label;
+    tip.textContent = found.opens ? `${found.label}\nclick: replay` : found.label;
     tip.style.left = `${Math.max(4, Math.min(x + 14, width - tip.offsetWidth - 6))}px`;
     tip.style.top = `${y + 18 + tip.offsetHeight > height ? Math.max(4, y - tip.offsetHeight - 12) : y + 18}px`;
+  }
+
+  function open(page) {
+    const choice = location.hash.slice(1).replace(/&?play=1/, "");
+    location.href = `${page}#${[choice, "play=1"].filter(Boolean).join("&")}`;
+  }
+  // The id of what is marked, such as 7/19, to the clipboard.
+  function copy() {
+    const id = marked?.label.match(/^\d+\/\d+/)?.[0];
+    if (!id) return;
+    navigator.clipboard?.writeText(id).then(() => { tip.textContent = `${id} copied`; }, () => {});
   }
 
   // One pointer turns, two zoom and shift.
@@ -313,10 +341,19 @@
   for (const name of ["pointerup", "pointercancel"]) {
     canvas.addEventListener(name, (event) => {
       pointers.delete(event.pointerId);
-      if (name === "pointerup" && moved < 6) point(event, event.pointerType === "touch" ? 22 : 9);
+      if (name !== "pointerup" || moved >= 6) return;
+      const before = marked, isTouch = event.pointerType === "touch";
+      point(event, isTouch ? 22 : 9);
+      // A finger's first touch shows what is there, its second opens it.
+      if (marked?.opens && (!isTouch || before === marked)) open(marked.opens);
     });
   }
-  canvas.addEventListener("pointerleave", () => { tip.hidden = true; marked = null; redraw(); });
+  canvas.addEventListener("pointerleave", (event) => {
+    if (event.pointerType === "touch") return; // a finger that is lifted leaves what it showed
+    tip.hidden = true;
+    marked = null;
+    redraw();
+  });
   canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(Math.exp(event.deltaY * 0.0012)); redraw(); }, { passive: false });
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("dblclick", () => { camera = home(); redraw(); });
@@ -395,15 +432,74 @@
     const typed = event.target.closest?.("button, select, input");
     if (event.ctrlKey || event.metaKey || event.altKey || (typed && typed.id !== "scrub")) return;
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (event.key === " ") play();
+    if (event.key === "c") copy();
+    else if (event.key === " ") play();
     else if (step) go(frame + step * (event.shiftKey ? 10 : 1));
     else if (event.key === "Home") go(0);
     else if (event.key === "End") go(last);
     else return;
     event.preventDefault();
   });
+  // Depth images: rays from a camera, whose pyramid goes from its eye through its corners, against the planes of bodies; the
+  // table has no end.
+  function drawDepth(camera, image, caption) {
+    const [from, a, b, , , d] = camera.points_m, corner = less(a, from), across = less(b, a), along = less(d, a);
+    const ahead = unit(cross(across, along)), scale = 1 / dot(corner, ahead);
+    const wide = 160, high = Math.round((wide * Math.hypot(...along)) / Math.hypot(...across)), depths = new Float32Array(wide * high);
+    const still = view.bodies.filter((body) => !["hand", "swept"].includes(body.class)).map(placed);
+    for (let at = 0; at < depths.length; at++) {
+      const [u, v] = [(at % wide) / (wide - 1), Math.floor(at / wide) / (high - 1)];
+      const ray = times(add(corner, add(times(across, u), times(along, v))), scale), far = dot(ray, ray);
+      let nearest = Infinity;
+      for (const { body, planes, middle, radius } of still) {
+        const off = less(middle, from), reach = dot(off, ray);
+        if (body.class !== "table" && dot(off, off) - (reach * reach) / far > radius * radius) continue;
+        let enter = 0, leave = Infinity;
+        for (const [x, y, z, level] of planes) {
+          if (body.class === "table" && z < 0.5) continue;
+          const speed = x * ray[0] + y * ray[1] + z * ray[2], gap = level - (x * from[0] + y * from[1] + z * from[2]);
+          if (speed < 0) enter = Math.max(enter, gap / speed);
+          else if (speed > 0) leave = Math.min(leave, gap / speed);
+          else if (gap < 0) leave = 0;
+        }
+        if (enter > 0 && enter < leave) nearest = Math.min(nearest, enter);
+      }
+      depths[at] = nearest;
+    }
+    const seen = depths.filter(Number.isFinite), near = seen.reduce((x, y) => Math.min(x, y), Infinity), most = seen.reduce((x, y) => Math.max(x, y), 0);
+    [image.width, image.height] = [wide, high];
+    const pixels = new ImageData(wide, high);
+    depths.forEach((depth, at) => {
+      const light = 235 - (205 * (depth - near)) / Math.max(most - near, 1e-6);
+      if (Number.isFinite(depth)) pixels.data.set([light, light, light, 255], 4 * at);
+    });
+    image.getContext("2d").putImageData(pixels, 0, 0);
+    const mm = (depth) => (Number.isFinite(depth) ? `${(1000 * depth).toFixed(0)} mm` : "nothing");
+    const range = `${camera.label.split(":")[0]}: ${mm(near)} to ${mm(most)}`;
+    caption.textContent = range;
+    image.onpointermove = (event) => {
+      const box = image.getBoundingClientRect(), share = (x, start, length, count) => Math.min(count - 1, Math.max(0, Math.floor(((x - start) / length) * count)));
+      caption.textContent = mm(depths[share(event.clientY, box.top, box.height, high) * wide + share(event.clientX, box.left, box.width, wide)]);
+    };
+    image.onpointerleave = () => { caption.textContent = range; };
+  }
+  const cameras = view.lines.filter((line) => line.class === "camera" && line.points_m.length > 5);
+  const drawNext = () => {
+    const camera = cameras.shift();
+    if (!camera) return;
+    const figure = document.createElement("figure"), image = document.createElement("canvas"), caption = document.createElement("figcaption");
+    image.setAttribute("role", "img");
+    image.setAttribute("aria-label", `depth image of ${camera.label}`);
+    figure.append(image, caption);
+    byId("depth").hidden = false;
+    byId("depth").querySelector("div").append(figure);
+    drawDepth(camera, image, caption);
+    setTimeout(drawNext);
+  };
+  setTimeout(drawNext);
   new ResizeObserver(redraw).observe(canvas);
   const wanted = new URLSearchParams(location.hash.slice(1)); // page.html#frame=40
   if (wanted.has("frame")) go(Number(wanted.get("frame")) || 0);
+  if (wanted.has("play")) play();
   redraw();
 })();

@@ -1,5 +1,6 @@
 //! The commands of `shards`, one file each.
 
+mod browse;
 mod export;
 mod inspect;
 mod report;
@@ -11,7 +12,7 @@ use ::report::document::{Block, Document};
 use clap::{CommandFactory, Parser, Subcommand};
 use program::manual::Manual;
 use program::{ExitCode, Failure};
-use shards::{Location, Table};
+use shards::{Form, Location, Table};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -20,6 +21,7 @@ Examples:
   shards report data/demo --json        the same for programs
   shards report data/demo --html r.html the same as a page, with pictures of scenes
   shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid
+  shards browse data/demo --out pages   scenes, replays and the report as pages that lead to each other
   shards view data/demo --scene 17 --out scene.html   the same in 3-D, for a browser
   shards tsdf data/demo --scene 17 --out scene.npy    its voxel grid, for planner plan --tsdf
   shards verify s3://bucket/demo        the same in an object store
@@ -41,6 +43,7 @@ enum Command {
     Tsdf(tsdf::Arguments),
     Export(export::Arguments),
     View(view::Arguments),
+    Browse(browse::Arguments),
     /// Write shell completions, man pages, or this program's reference.
     #[command(subcommand)]
     Manual(Manual),
@@ -53,19 +56,20 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Tsdf(arguments) => tsdf::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Browse(arguments) => browse::run(&arguments),
         Command::View(arguments) => view::run(&arguments),
         Command::Manual(manual) => manual.run(Cli::command(), &[], &chapters()),
     }
 }
 
-/// Voxels along a side, in the reference: the paper's.
-const RESOLUTION: usize = 40;
+/// The tables in the reference: the paper's voxels, and all columns.
+const FORM: Form = Form { resolution: 40, has_hands: true };
 
 /// The reference ends with what all programs share: the tables on disk and the exit codes.
 fn chapters() -> String {
-    let tables = Table::ALL.into_iter().flat_map(|table| {
-        [Block::Heading(format!("Table `{}`", table.name())), Block::Table(table.described(RESOLUTION))]
-    });
+    let tables = Table::ALL
+        .into_iter()
+        .flat_map(|table| [Block::Heading(format!("Table `{}`", table.name())), Block::Table(table.described(FORM))]);
     let exits = [Block::Heading("Exit codes".to_owned()), Block::Code("text", ExitCode::HELP.to_owned())];
     format!("\n{}", Document { blocks: tables.chain(exits).collect(), ..Document::default() }.markdown())
 }

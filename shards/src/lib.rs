@@ -59,14 +59,14 @@ mod write;
 
 pub use format::layout::{self, SCENES_PER_ROW_GROUP};
 pub use format::summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, Tally};
-pub use format::{ATTEMPTS_MAX, Column, DatasetInfo, FormatVersion, Kind, RESOLUTION_MAX, SHARDS_MAX, Table};
+pub use format::{ATTEMPTS_MAX, Column, DatasetInfo, Form, FormatVersion, Kind, RESOLUTION_MAX, SHARDS_MAX, Table};
 pub use look::report::{self, Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use look::{
-    ExportCounts, ExportFormat, ExportOrigin, Exported, ExportedFile, PROBLEMS_MAX, Verified, export, inspection,
-    object_bodies, scene_view, tsdf, verify,
+    ExportCounts, ExportFormat, ExportOrigin, Exported, ExportedFile, PROBLEMS_MAX, Verified, begin_browsing, browse,
+    export, inspection, object_bodies, scene_view, tsdf, verify,
 };
 pub use read::Dataset;
 #[cfg(any(test, fuzzing))]
 pub use read::tests::fuzzing;
 pub use store::{Location, Sweep, Swept};
-pub use write::{Draft, Finalized, PlainColumn, ShardWriter, plain_table};
+pub use write::{Draft, Finalized, KeptScenes, PlainColumn, ShardWriter, plain_table};

@@ -1,11 +1,13 @@
 //! Looking at a dataset: checking all of it, statistics, single scenes, and copies in formats of others.
 
+mod browse;
 mod export;
 mod inspect;
 pub mod report;
 mod verify;
 mod view;
 
+pub use browse::{begin_browsing, browse};
 pub use export::{ExportCounts, ExportFormat, ExportOrigin, Exported, ExportedFile, export, tsdf};
 pub use inspect::inspection;
 pub use verify::{PROBLEMS_MAX, Verified, verify};

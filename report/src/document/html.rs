@@ -3,13 +3,20 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use program::Failure;
 use program::text::grouped;
+use schema::Outcome;
+
+use crate::assets::{OUTCOMES, PAGE_STYLE};
+use crate::view::folder::{self, Facet};
 
 use super::{Block, Cell, Document, Drawing, Picture, Table};
 
-const CSS: &str = include_str!("../page.css");
+/// The longest name that stays in one line, in bytes.
+const SHORT_MAX: usize = 32;
+/// Tiles in a row, at most.
+const TILES_MAX: usize = 6;
 
-/// Everything that all pages have.
-pub(crate) fn whole(title: &str, css: &str, body: &Markup) -> String {
+/// Everything that all pages have; those of a folder name their style themselves.
+pub(crate) fn whole(title: &str, css: Option<&str>, body: &Markup) -> String {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -19,7 +26,7 @@ pub(crate) fn whole(title: &str, css: &str, body: &Markup) -> String {
                 meta name="color-scheme" content="light dark";
                 link rel="icon" href="data:,";
                 title { (title) }
-                style { (PreEscaped(css)) }
+                @if let Some(css) = css { style { (PreEscaped(OUTCOMES)) (PreEscaped(css)) } }
             }
             body { (body) }
         }
@@ -49,7 +56,7 @@ impl Document {
                 footer { (self.footer) }
             }
         };
-        Ok(whole(&self.title, CSS, &body))
+        Ok(whole(&self.title, Some(PAGE_STYLE), &body))
     }
 }
 
@@ -61,7 +68,9 @@ impl Block {
             Self::Text(text) => html! { p { (text) } },
             Self::List(lines) => html! { ul { @for line in lines { li { (line) } } } },
             Self::Tiles(tiles) => html! {
-                div class="tiles" { @for (value, what) in tiles { div { b { (value) } span { (what) } } } }
+                div class="tiles" style={ "--columns:" (columns(tiles.len())) } {
+                    @for (value, what) in tiles { div { b { (value) } span { (what) } } }
+                }
             },
             Self::Warnings(none) if none.is_empty() => html! { p class="fine" { "Nothing to worry about was found." } },
             Self::Warnings(all) => html! {
@@ -70,11 +79,49 @@ impl Block {
             Self::Table(table) => table.markup(),
             Self::Figures(pictures) => gallery("figures", pictures)?,
             Self::Gallery(pictures) => gallery("figures gallery", pictures)?,
+            Self::Links(links) => {
+                html! { p class="links" { @for (words, file) in links { a href=(file) { (words) } " " } } }
+            }
+            Self::Filter(facets) => filter(facets),
+            Self::Legend(outcomes) => html! {
+                p class="legend" { @for outcome in outcomes { span { (swatch(*outcome)) (in_words(*outcome)) } " " } }
+            },
             Self::Code(language, code) => html! {
                 details { summary { (language) } pre { code { (code.trim_end()) } } }
             },
         })
     }
+}
+
+/// Tiles in a row, so that all rows are about as full.
+fn columns(tiles: usize) -> usize {
+    tiles.div_ceil(tiles.div_ceil(TILES_MAX).max(1)).max(1)
+}
+
+/// Choices that the page's scripts act on; nothing without scripts, for then all is shown.
+fn filter(facets: &[Facet]) -> Markup {
+    html! {
+        form #filter hidden {
+            @for facet in facets {
+                label { (facet.name) " " select name=(facet.name) {
+                    option value="" { "all" }
+                    @for choice in &facet.choices { option { (choice) } }
+                } }
+            }
+            output #found {}
+        }
+        script src=(folder::LISTING) {}
+        script src=(folder::BROWSE) defer {}
+    }
+}
+
+fn swatch(outcome: Outcome) -> Markup {
+    html! { i class={ "swatch " (outcome.name()) } {} }
+}
+
+/// As people read it.
+pub(crate) fn in_words(outcome: Outcome) -> String {
+    outcome.name().replace('_', " ")
 }
 
 fn gallery(class: &str, pictures: &[Picture]) -> Result<Markup, Failure> {
@@ -91,8 +138,12 @@ impl Picture {
         };
         Ok(html! {
             figure {
-                (PreEscaped(svg))
-                figcaption { b { (self.title) } (self.caption) }
+                @if let Some(link) = &self.link { a href=(link) aria-label=(self.title) { (PreEscaped(svg)) } }
+                @else { (PreEscaped(svg)) }
+                figcaption {
+                    b { @if let Some(link) = &self.link { a href=(link) { (self.title) } } @else { (self.title) } }
+                    (self.caption)
+                }
                 @if let Some(table) = &self.numbers { details { summary { "numbers" } (table.markup()) } }
             }
         })
@@ -103,16 +154,30 @@ impl Table {
     fn markup(&self) -> Markup {
         html! {
             div class="wide" {
-                table {
+                table style={ "--columns:" ((0..self.head.len()).filter(|at| !self.is_below(*at)).count()) } {
                     thead { tr {
                         @for (at, head) in self.head.iter().enumerate() {
-                            th scope="col" class=[self.has_numbers(at).then_some("number")] { (head) }
+                            @let number = self.has_numbers(at).then_some("number");
+                            th scope="col" class=[number.or(self.is_below(at).then_some("below"))] { (head) }
                         }
                     } }
-                    tbody { @for row in &self.rows { tr { @for cell in row { (cell.markup()) } } } }
+                    tbody {
+                        @for row in &self.rows { tr {
+                            @for (at, (cell, head)) in row.iter().zip(&self.head).enumerate() {
+                                (cell.markup(self.is_below(at).then_some(head)))
+                            }
+                        } }
+                    }
                 }
             }
         }
+    }
+
+    /// Whether a column stands below its row where a page is as narrow as a phone: words, and what is as long.
+    fn is_below(&self, column: usize) -> bool {
+        let cells = || self.rows.iter().filter_map(|row| row.get(column));
+        let is_long = |cell: &Cell| matches!(cell, Cell::Code(text) if text.len() > SHORT_MAX);
+        column > 0 && cells().all(|cell| matches!(cell, Cell::Text(_) | Cell::Note(_)) || is_long(cell))
     }
 
     fn has_numbers(&self, column: usize) -> bool {
@@ -122,11 +187,18 @@ impl Table {
 }
 
 impl Cell {
-    fn markup(&self) -> Markup {
+    /// `below`: the head of a column that stands below its row on phones.
+    fn markup(&self, below: Option<&String>) -> Markup {
+        let class = below.map(|_| "below");
         match self {
-            Self::Text(text) | Self::Note(text) => html! { td { (text) } },
+            Self::Text(text) | Self::Note(text) => html! { td class=[class] data-head=[below] { (text) } },
             // Names stay in one line; hashes, which are longer, may not.
-            Self::Code(text) => html! { td { code class=[(text.len() <= 32).then_some("short")] { (text) } } },
+            Self::Code(text) => html! {
+                td class=[class] data-head=[below] {
+                    code class=[(text.len() <= SHORT_MAX).then_some("short")] { (text) }
+                }
+            },
+            Self::Outcome(outcome) => html! { td { (swatch(*outcome)) code.short { (outcome.name()) } } },
             Self::Number(text) => html! { td class="number" { (text) } },
             Self::Count(count) => html! { td class="number" { (grouped(*count)) } },
             Self::Bar(share, text) => {
@@ -160,6 +232,45 @@ mod tests {
         let html = page().html().unwrap();
         assert!(html.contains("<th scope=\"col\" class=\"number\">attempts</th>"), "{html}");
         assert!(html.contains("<td class=\"number\">1,200</td>") && html.contains("width:100.0%"), "{html}");
+    }
+
+    #[test]
+    fn rows_of_tiles_are_full() {
+        assert_eq!([1, 2, 5, 6, 7, 8, 9, 13].map(columns), [1, 2, 5, 6, 4, 4, 5, 5]);
+        assert_eq!(columns(0), 1);
+    }
+
+    #[test]
+    fn words_stand_below_their_row_on_a_phone_and_numbers_in_it() {
+        let row = |hit: &str| vec![Cell::Outcome(Outcome::HitOther), Cell::Count(9), hit.into(), Cell::note("why")];
+        let table = Table::new(["outcome", "attempts", "hit", "meaning"], [row("other 9"), row("")]);
+        let html = table.markup().into_string();
+        assert!(
+            html.contains("style=\"--columns:2\"") && html.contains("<th scope=\"col\" class=\"below\">hit</th>"),
+            "{html}"
+        );
+        assert!(html.contains("<td class=\"below\" data-head=\"hit\"></td>"), "an empty cell takes no place: {html}");
+        assert!(html.contains("<td><i class=\"swatch hit_other\"></i><code class=\"short\">hit_other</code></td>"));
+    }
+
+    #[test]
+    fn a_picture_that_leads_on_is_a_link() {
+        let mut picture = Picture::new(Drawing::Svg("<svg/>".to_owned()), "Scene 7", "three objects");
+        assert!(!picture.markup().unwrap().into_string().contains("<a "));
+        picture.link = Some("scene-7.html".to_owned());
+        assert_eq!(picture.markup().unwrap().into_string().matches("<a href=\"scene-7.html\"").count(), 2);
+    }
+
+    #[test]
+    fn every_outcome_has_a_colour_of_its_own_in_the_light_and_in_the_dark() {
+        for outcome in Outcome::ALL {
+            assert_eq!(OUTCOMES.matches(&format!("--{}: #", outcome.name())).count(), 2, "{outcome:?}");
+            assert!(OUTCOMES.contains(&format!(".{} {{ stroke: var(--{0}); }}", outcome.name())), "{outcome:?}");
+        }
+        let mut colours: Vec<&str> = OUTCOMES.split(": #").skip(1).map(|rest| &rest[..6]).collect();
+        colours.sort_unstable();
+        colours.dedup();
+        assert_eq!(colours.len(), 12, "{colours:?}");
     }
 
     #[test]

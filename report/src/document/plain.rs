@@ -57,7 +57,7 @@ impl Block {
             Self::Tiles(tiles) => tiles.iter().map(|(value, what)| format!("- {value}: {what}\n")).collect(),
             Self::Table(table) => table.markdown(),
             Self::Figures(pictures) => pictures.iter().filter_map(Picture::markdown).collect(),
-            Self::Gallery(_) => String::new(),
+            Self::Gallery(_) | Self::Legend(_) | Self::Links(_) | Self::Filter(_) => String::new(),
             Self::Code(language, code) => fenced(language, code),
         }
     }
@@ -76,7 +76,7 @@ impl Block {
                 let tables = pictures.iter().filter_map(|picture| picture.numbers.as_ref());
                 tables.map(Table::text).collect::<Vec<_>>().join("\n")
             }
-            Self::Gallery(_) => String::new(),
+            Self::Gallery(_) | Self::Legend(_) | Self::Links(_) | Self::Filter(_) => String::new(),
             Self::Code(_, code) => format!("{}\n", code.trim_end()),
         }
     }
@@ -149,6 +149,7 @@ impl Cell {
             Self::Text(text) | Self::Code(text) | Self::Number(text) | Self::Note(text) | Self::Bar(_, text) => {
                 text.clone()
             }
+            Self::Outcome(outcome) => outcome.name().to_owned(),
             Self::Count(count) => grouped(*count),
         }
     }

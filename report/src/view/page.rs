@@ -1,23 +1,39 @@
-//! The page of a view: one file, no network, no library.
+//! The page of a view: one file, or one of a folder's; no network, no library.
+
+use std::collections::BTreeMap;
 
 use maud::{Markup, PreEscaped, html};
 
+use super::folder::{BROWSE, LISTING, Place, VIEWER, VIEWER_STYLE};
 use super::{EventKind, View};
-use crate::document::html::whole;
+use crate::assets;
+use crate::document::html::{in_words, whole};
 
-const STYLE: &str = include_str!("../viewer.css");
-const SCRIPT: &str = include_str!("../viewer.js");
 const PICTURE: &str = "a picture in space that can be turned about";
-const HINT: &str =
-    "drag to turn · wheel or pinch to zoom · right button or two fingers to shift · double click to go back";
+const HINT: &str = "drag to turn · wheel or pinch to zoom · right button or two fingers to shift · double click to go back · c copies the id under the \
+     mouse";
 
 impl View {
     /// One HTML file that shows it and lets it be turned about. Without a script only what is known besides can be
     /// read.
     #[must_use]
     pub fn page(&self) -> String {
-        let body = html! {
-            header { h1 { (self.title) } }
+        whole(&self.title, Some(assets::VIEWER_STYLE), &self.body(None))
+    }
+
+    /// Its page in a folder, which has the style and the scripts.
+    #[must_use]
+    pub fn page_in(&self, place: &Place) -> String {
+        whole(&self.title, None, &self.body(Some(place)))
+    }
+
+    fn body(&self, place: Option<&Place>) -> Markup {
+        let opens: &[(usize, String)] = place.map_or(&[], |place| &place.opens);
+        html! {
+            header {
+                h1 { (self.title) }
+                @if let Some(place) = place { (navigation(place)) }
+            }
             main {
                 div #stage {
                     canvas #canvas tabindex="0" role="img" aria-label=(PICTURE) {}
@@ -29,13 +45,25 @@ impl View {
             }
             aside {
                 section { h2 { "Shown" } div #legend {} }
+                section #depth hidden {
+                    h2 { "Depth images" }
+                    div {}
+                    p { "As its cameras see the scene, without a sensor's noise; near is light." }
+                }
+                @if let Some(place) = place.filter(|place| !place.attempts.is_empty()) { (attempts(place)) }
                 @if !self.events.is_empty() { (self.event_list()) }
                 @if !self.facts.is_empty() { (self.fact_list()) }
             }
             script #view type="application/json" { (PreEscaped(in_script(&self.to_json()))) }
-            script { (PreEscaped(SCRIPT)) }
-        };
-        whole(&self.title, STYLE, &body)
+            @if place.is_some() {
+                script #opens type="application/json" { (PreEscaped(in_script(&opens_json(opens)))) }
+                script src=(VIEWER) {}
+                script src=(LISTING) {}
+                script src=(BROWSE) {}
+            } @else {
+                script { (PreEscaped(assets::VIEWER)) }
+            }
+        }
     }
 
     fn moves(&self) -> bool {
@@ -71,6 +99,43 @@ impl View {
     }
 }
 
+fn navigation(place: &Place) -> Markup {
+    let way = |id: &str, words: &str, file: &Option<String>| {
+        html! { a id=(id) href=[file.as_ref()] hidden[file.is_none()] { (words) } }
+    };
+    html! {
+        link rel="stylesheet" href=(VIEWER_STYLE);
+        nav {
+            (way("previous", "← previous", &place.previous))
+            (way("next", "next →", &place.next))
+            @for (words, file) in &place.links { a href=(file) { (words) } }
+        }
+    }
+}
+
+fn attempts(place: &Place) -> Markup {
+    html! {
+        section {
+            h2 { "Attempts " span #chosen {} }
+            ol #attempts {
+                @for one in &place.attempts {
+                    li data-attempt=(one.attempt) {
+                        i class={ "swatch " (one.outcome.name()) } {}
+                        @if let Some(file) = &one.link { a href=(file) title="replay" { (one.id) " ▶" } } @else { (one.id) }
+                        span { (in_words(one.outcome)) } small { (one.words) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The pages that lines open, by the lines' places.
+fn opens_json(opens: &[(usize, String)]) -> String {
+    let map: BTreeMap<usize, &String> = opens.iter().map(|(at, file)| (*at, file)).collect();
+    serde_json::to_string(&map).expect("numbers and strings are always JSON")
+}
+
 fn player() -> Markup {
     html! {
         div #player {
@@ -102,7 +167,8 @@ fn in_script(json: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Class, Fact, Frame, Points};
+    use super::super::folder::ListedAttempt;
+    use super::super::{Class, Fact, Frame, Line, Points};
     use super::*;
 
     fn view() -> View {
@@ -143,6 +209,43 @@ mod tests {
             assert!(!page.contains(word), "{word}");
         }
         assert!(page.contains("<noscript>"));
+    }
+
+    #[test]
+    fn a_page_of_a_folder_shares_its_scripts_and_leads_on() {
+        let mut view = View::new("Scene 7");
+        view.lines.push(Line::workspace(0.3));
+        let attempt = ListedAttempt {
+            attempt: 19,
+            id: "7/19".to_owned(),
+            outcome: schema::Outcome::HitOther,
+            words: "cuboid_x".to_owned(),
+            link: Some("replay-7-19.html".to_owned()),
+        };
+        let place = Place {
+            next: Some("scene-9.html".to_owned()),
+            links: vec![("all scenes".to_owned(), "index.html".to_owned())],
+            opens: vec![(0, "replay-7-19.html".to_owned())],
+            attempts: vec![attempt],
+            ..Place::default()
+        };
+        let page = view.page_in(&place);
+        assert!(!page.contains("getContext") && page.contains("<script src=\"viewer.js\"></script>"), "{page}");
+        assert!(page.contains("{\"0\":\"replay-7-19.html\"}"), "{page}");
+        for link in [
+            "<a id=\"previous\" hidden>",
+            "<a id=\"next\" href=\"scene-9.html\">",
+            "<a href=\"index.html\">all scenes</a>",
+        ] {
+            assert!(page.contains(link), "{link}: {page}");
+        }
+        assert!(
+            page.contains("<a href=\"replay-7-19.html\" title=\"replay\">7/19 ▶</a><span>hit other</span>"),
+            "{page}"
+        );
+        for word in ["http:", "https:", "@import", "url(", "fetch(", "XMLHttpRequest"] {
+            assert!(!page.contains(word), "{word}");
+        }
     }
 
     #[test]

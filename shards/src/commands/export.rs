@@ -1,8 +1,10 @@
 //! `shards export`: arguments, progress, and the summary at the end.
 
+use std::fmt::Write;
+
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
-use program::text::grouped;
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use program::text::{grouped, per_second};
 use program::{ExitCode, Failure, print};
 use shards::{Dataset, ExportFormat, Location};
 
@@ -45,7 +47,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 }
 
 fn progress_bar(scenes: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} scenes · {per_sec} · {eta} left");
+    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} scenes · {rate} · {eta} left");
+    let rate = |state: &ProgressState, out: &mut dyn Write| {
+        let _ = out.write_str(&per_second(state.per_sec()));
+    };
+    let style = style.map(|style| style.with_key("rate", rate));
     let bar = ProgressBar::new(scenes);
     // Without a terminal indicatif draws nothing.
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))

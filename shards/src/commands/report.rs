@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 use program::{ExitCode, Failure, print, write};
-use shards::report::{document, page};
+use shards::report::{PageParts, document, page};
 use shards::{Dataset, Location};
 
 /// Count attempts: positives by shape, rule and objects in the scene; outcomes, widths, angles, sizes.
@@ -26,7 +26,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let report = shards::report(&dataset)?;
     match &arguments.html {
         Some(path) => {
-            write(path, page(&report, &dataset, written_over(&dataset))?.html()?)?;
+            let parts = PageParts { written_over: written_over(&dataset), ..PageParts::default() };
+            write(path, page(&report, &dataset, &parts)?.html()?)?;
             print(format_args!("{}\n", path.display()))?;
         }
         None if arguments.json => print(report.to_json())?,

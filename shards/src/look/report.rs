@@ -8,8 +8,9 @@ mod scenes;
 mod warnings;
 
 pub use bins::Bin;
-pub use document::{document, page};
-pub use scenes::scene_svg;
+pub use document::{PageParts, document, page};
+pub(crate) use scenes::picture as picture_of;
+pub use scenes::{scene_svg, spread};
 
 use std::collections::BTreeMap;
 
@@ -143,6 +144,8 @@ struct Counting<'a> {
     neighbours: [Tally; 9],
     coverage: Coverage,
     fits: Fits,
+    /// Objects by the number of their model.
+    models: Vec<u64>,
     outside_grid: Tally,
     rejections: RejectionCounts,
 }
@@ -164,6 +167,7 @@ impl<'a> Counting<'a> {
             neighbours: Default::default(),
             coverage: Coverage::default(),
             fits: Fits::new(free_extents_m(dataset)),
+            models: vec![0; models.len()],
             outside_grid: Tally::default(),
             rejections: RejectionCounts::default(),
         }
@@ -172,6 +176,13 @@ impl<'a> Counting<'a> {
     fn count_scene(&mut self, rows: &SceneRows) {
         self.rejections.count(rows.scene.rejections);
         rows.objects.iter().filter_map(|object| object.shape.as_solid()).for_each(|of| self.fits.count_object(&of));
+        for object in &rows.objects {
+            if let Shape::Model(number) = object.shape.shape()
+                && let Some(count) = self.models.get_mut(usize::from(number))
+            {
+                *count += 1;
+            }
+        }
         for attempt in &rows.attempts {
             self.object_counts.entry(rows.scene.object_count).or_default().count(attempt);
             self.count(attempt);
@@ -190,7 +201,7 @@ impl<'a> Counting<'a> {
         }
         let info = self.dataset.info();
         if let Some(width_m) = attempt.width_m {
-            let share = width_m / info.gripper.opening_m_max;
+            let share = width_m / info.opening_m_max();
             self.widths[bin(f64::from(share) * WIDTH_BINS as f64, WIDTH_BINS)].count(attempt);
         }
         self.angles[bin(approach_angle_deg(attempt) / ANGLE_BIN_DEG, self.angles.len())].count(attempt);
@@ -216,7 +227,8 @@ impl<'a> Counting<'a> {
 
     fn finish(self) -> Report {
         let (info, manifest) = (self.dataset.info(), self.dataset.manifest());
-        let width_step = f64::from(info.gripper.opening_m_max) / WIDTH_BINS as f64;
+        let models = (!self.models.is_empty()).then(|| Fit::of_models(self.models));
+        let width_step = f64::from(info.opening_m_max()) / WIDTH_BINS as f64;
         let shapes = self.shapes.into_iter().map(|(shape, tally)| group(shape.name(&info.models), tally));
         let outcomes = self.outcomes.into_iter().map(|(outcome, (attempts, hits))| OutcomeGroup {
             outcome: outcome.name().to_owned(),
@@ -240,7 +252,7 @@ impl<'a> Counting<'a> {
             tip_depth_m: bins(&self.tips, TIP_M_MIN, TIP_BIN_M),
             neighbour_m: bins(&self.neighbours, 0.0, NEIGHBOUR_BIN_M),
             coverage: self.coverage,
-            fits: self.fits.finish(),
+            fits: self.fits.finish().into_iter().chain(models).collect(),
             outside_grid: self.outside_grid,
             rejections: self.rejections,
             tables: Table::ALL.map(|table| size(self.dataset, table)).to_vec(),

@@ -14,7 +14,11 @@ const SURFACE: std::ops::Range<f32> = 0.4..0.6;
 #[must_use]
 pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> View {
     let (scene, grid) = (&rows.scene, &info.grid);
-    let mut view = View::new(format!("Scene {} of {}", scene.scene_id, short(dataset_id)));
+    let held = rows.attempts.iter().filter(|attempt| attempt.label() == 1).count();
+    let objects =
+        if rows.objects.len() == 1 { "1 object".to_owned() } else { format!("{} objects", rows.objects.len()) };
+    let attempts = rows.attempts.len();
+    let mut view = View::new(format!("Scene {}: {objects}, {held} of {attempts} attempts held", scene.scene_id));
     view.bodies.push(Body::table(grid.size_m, grid.table_z_m));
     view.bodies.extend(rows.objects.iter().flat_map(|object| object_bodies(Class::Object, object)));
     view.lines.push(Line::workspace(grid.size_m));
@@ -25,11 +29,12 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
         let label = format!("view {number}: {:.3} m away, polar {polar:.1}°, azimuth {azimuth:.1}°", camera.radius_m);
         view.lines.push(Line::camera(label, &camera.workspace_from_camera(grid), &lens));
     }
+    let hand = info.hand_of(scene.scene_id);
     for is_held in [false, true] {
         for attempt in rows.attempts.iter().filter(|a| (a.outcome == Outcome::Held) == is_held) {
-            let width_m = attempt.width_m.unwrap_or(info.gripper.opening_m_max);
+            let width_m = attempt.width_m.unwrap_or(hand.opening_m_max);
             let (class, label) = (Class::of_outcome(attempt.outcome), attempt_label(attempt));
-            view.lines.push(Line::fork(class, label, &info.gripper, &attempt.workspace_from_grasp, width_m));
+            view.lines.push(Line::fork(class, label, hand, &attempt.workspace_from_grasp, width_m));
         }
     }
     view.points.push(surface(info, rows));
@@ -57,8 +62,8 @@ pub fn object_bodies(class: Class, object: &ObjectRecord) -> Vec<Body> {
     parts.map(|part| Body::of_part(class, label.clone(), &part, &[object.workspace_from_object])).collect()
 }
 
-/// An attempt in words: its rule, its outcome and what it hit, its width.
-fn attempt_label(attempt: &AttemptRecord) -> String {
+/// An attempt in words: its id as commands take it, its outcome and what it hit, its width, its target and rule.
+pub(super) fn attempt_label(attempt: &AttemptRecord) -> String {
     let closing = attempt.closing.map_or(String::new(), |axis| format!(", closes along {}", Axis::name(axis)));
     let hit = match (attempt.hit, attempt.hit_object_id) {
         (None, _) => String::new(),
@@ -66,8 +71,8 @@ fn attempt_label(attempt: &AttemptRecord) -> String {
         (Some(kind), _) => format!(" with the {}", kind.name()),
     };
     let width = attempt.width_m.map_or("never closed".to_owned(), |width_m| format!("{:.1} mm", width_m * 1000.0));
-    let (id, object, rule) = (attempt.attempt_id, attempt.object_id, attempt.rule.name());
-    format!("attempt {id} at object {object}\nrule {rule}{closing}\n{}{hit}, {width}", attempt.outcome.name())
+    let (scene, id, object, rule) = (attempt.scene_id, attempt.attempt_id, attempt.object_id, attempt.rule.name());
+    format!("{scene}/{id} at object {object}\n{}{hit}, {width}\nrule {rule}{closing}", attempt.outcome.name())
 }
 
 fn surface(info: &DatasetInfo, rows: &SceneRows) -> Points {
@@ -93,7 +98,8 @@ fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows
         let count = rows.attempts.iter().filter(|a| a.outcome == outcome).count();
         view.fact(outcome.name(), count.to_string());
     }
-    view.fact("hand", format!("{}, opens {:.0} mm", info.gripper.name, info.gripper.opening_m_max * 1000.0));
+    let hand = info.hand_of(scene.scene_id);
+    view.fact("hand", format!("{}, opens {:.0} mm", hand.name, hand.opening_m_max * 1000.0));
 }
 
 /// The first digits of a dataset's id.
@@ -130,17 +136,19 @@ mod tests {
             assert_eq!(body.faces.len(), row.shape.as_solid().unwrap().planes().len());
             assert!(body.label.starts_with(&format!("object {}: {}", row.object_id, row.shape.name())));
         }
-        assert!(view.title.contains("Scene 1 of 0123456789ab"), "{}", view.title);
+        let held = rows.attempts.iter().filter(|attempt| attempt.outcome == Outcome::Held).count();
+        let (objects, attempts) = (rows.objects.len(), rows.attempts.len());
+        assert_eq!(view.title, format!("Scene 1: {objects} objects, {held} of {attempts} attempts held"));
     }
 
     #[test]
     fn every_attempt_is_a_fork_of_its_outcome_and_width() {
         let (info, rows) = sample();
         let view = scene_view(&info, "", &rows);
-        let grasps: Vec<&Line> = view.lines.iter().filter(|line| line.label.starts_with("attempt ")).collect();
+        let grasps: Vec<&Line> = view.lines.iter().filter(|line| line.label.starts_with("1/")).collect();
         assert_eq!(grasps.len(), rows.attempts.len());
         for row in &rows.attempts {
-            let label = format!("attempt {} at object {}\n", row.attempt_id, row.object_id);
+            let label = format!("1/{} at object {}\n", row.attempt_id, row.object_id);
             let fork = grasps.iter().find(|line| line.label.starts_with(&label)).unwrap();
             assert_eq!(fork.class, Class::of_outcome(row.outcome));
             let [first, last] = [0, 6].map(|i| Vec3::from_array(fork.points_m[i]));

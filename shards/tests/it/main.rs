@@ -6,6 +6,7 @@ mod damage;
 mod disk_full;
 mod export;
 mod golden;
+mod hands;
 mod killed;
 mod models;
 mod program;

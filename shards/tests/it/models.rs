@@ -119,8 +119,11 @@ fn rows_and_models_come_back_as_they_were() {
 fn an_info_whose_models_cannot_be_is_refused() {
     type Case = (fn(&mut DatasetInfo), &'static str);
     let cases: [Case; 5] = [
-        (|info| info.format_version = FormatVersion::CURRENT, "format_version must be 2 for 2 models, got 1"),
-        (|info| info.models.clear(), "format_version must be 1 for 0 models, got 2"),
+        (
+            |info| info.format_version = FormatVersion::CURRENT,
+            "format_version must be 2, the lowest that describes the dataset, got 1",
+        ),
+        (|info| info.models.clear(), "format_version must be 1, the lowest that describes the dataset, got 2"),
         (|info| info.models[1] = info.models[0].clone(), "there is another model wedge"),
         (|info| Arc::make_mut(&mut info.models[0]).mass_kg = 0.0, "model wedge: mass_kg must be between"),
         (|info| Arc::make_mut(&mut info.models[1]).parts[0].corners_m[0].x = -0.04, "corners_m must lie in a box"),

@@ -50,6 +50,9 @@ fn a_report_is_a_page_that_holds_its_numbers_and_needs_nothing_else() {
         }
     }
     assert_eq!(html.matches("<svg class=\"scene\"").count(), 12);
+    let places = ["class=\"tiles\"", "class=\"warnings\"", ">Scenes</h2>", ">How attempts ended</h2>"]
+        .map(|word| html.find(word));
+    assert!(places.iter().all(Option::is_some) && places.is_sorted(), "the summary and scenes come first: {places:?}");
     assert!(html.contains(json["dataset_id"].as_str().unwrap()));
     for word in ["http://", "https://", "<script", "src=", "url("] {
         assert!(!html.replace("http://www.w3.org/2000/svg", "").contains(word), "{word}");
@@ -93,6 +96,63 @@ fn a_view_is_a_page_or_json() {
     let output = shards(&["view", text(dir.path()), "--scene", "3", "--out", text(&nowhere)]);
     assert_eq!(output.status.code(), Some(75), "{output:?}");
     assert!(String::from_utf8(output.stderr).unwrap().starts_with("error: failed to write "));
+}
+
+#[test]
+fn scenes_are_browsed_as_pages_that_lead_to_each_other() {
+    let dir = dataset();
+    let out = dir.path().join("pages");
+    let browse =
+        |more: &[&str]| shards(&[&["browse", text(dir.path()), "--out", text(&out), "--no-replays"], more].concat());
+    let output = browse(&["--scenes", "5"]);
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), format!("{}\n", out.join("index.html").display()));
+    let page = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    let scenes: Vec<String> = std::fs::read_dir(&out)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.starts_with("scene-"))
+        .collect();
+    let (index, report) = (page("index.html"), page("report.html"));
+    assert_eq!((scenes.len(), index.matches("<svg class=\"scene\"").count()), (5, 5));
+    for scene in &scenes {
+        let link = format!("href=\"{scene}\"");
+        assert!(index.contains(&link) && report.contains(&link), "{scene}");
+        assert!(page(scene).contains("href=\"index.html\"") && page(scene).contains("href=\"report.html\""));
+        assert!(!page(scene).contains("replay-"), "there are none");
+    }
+    for outcome in ["held", "slipped", "pregrasp_collision"] {
+        assert!(index.contains(&format!("<option>{outcome}</option>")), "{outcome}");
+    }
+    let before = (index, page("scenes.js"));
+    assert!(browse(&["--scenes", "5"]).status.success());
+    assert!((page("index.html"), page("scenes.js")) == before, "the same bytes again");
+    assert!(browse(&["--scene", "7", "--scene", "3", "--scene", "7"]).status.success());
+    assert!(page("scene-3.html").contains("<a id=\"next\" href=\"scene-7.html\">"));
+    assert!(
+        scenes
+            .iter()
+            .all(|scene| ["scene-3.html", "scene-7.html"].contains(&scene.as_str()) || !out.join(scene).exists())
+    );
+    let refused = browse(&["--scene", "30"]);
+    assert_eq!(refused.status.code(), Some(78));
+    assert_eq!(String::from_utf8(refused.stderr).unwrap(), "error: scene must be below 30, got 30\n");
+    let mine = shards(&["browse", text(dir.path()), "--out", text(dir.path())]);
+    assert_eq!(mine.status.code(), Some(78), "the dataset's own folder is no folder of pages: {mine:?}");
+}
+
+#[test]
+fn without_the_generator_pages_have_no_replays_and_that_is_said() {
+    let dir = dataset();
+    let own = Path::new(env!("CARGO_BIN_EXE_shards"));
+    let alone = tempfile::tempdir_in(own.parent().unwrap()).unwrap();
+    let program = alone.path().join("shards");
+    std::fs::hard_link(own, &program).unwrap();
+    let out = dir.path().join("pages");
+    let arguments = ["browse", text(dir.path()), "--out", text(&out), "--scene", "3"];
+    let output = Command::new(program).args(arguments).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.starts_with("no replays: they are made by the program "), "{said}");
+    assert!(out.join("scene-3.html").is_file());
 }
 
 #[test]

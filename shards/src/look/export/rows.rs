@@ -5,11 +5,11 @@ use std::fmt::Write as _;
 use arrow::array::{Array, AsArray, RecordBatch};
 use arrow::datatypes::{Float32Type, Int32Type, Int64Type, UInt8Type};
 
-use crate::{Kind, Table};
+use crate::{Column, Form, Kind, Table};
 
 /// Every row of a table as a JSON object without its voxels. The columns of `batch` are those of `table`.
-pub(super) fn json(table: Table, batch: &RecordBatch) -> Vec<String> {
-    (0..batch.num_rows()).map(|row| object(table, batch, row)).collect()
+pub(super) fn json(table: Table, form: Form, batch: &RecordBatch) -> Vec<String> {
+    (0..batch.num_rows()).map(|row| object(table.columns(form), batch, row)).collect()
 }
 
 /// An array of JSON values, one per line.
@@ -17,8 +17,8 @@ pub(super) fn array(values: &[String]) -> String {
     if values.is_empty() { "[]\n".to_owned() } else { format!("[\n{}\n]\n", values.join(",\n")) }
 }
 
-fn object(table: Table, batch: &RecordBatch, row: usize) -> String {
-    let columns = table.columns().iter().zip(batch.columns()).filter(|(column, _)| column.kind != Kind::Voxels);
+fn object(columns: &[Column], batch: &RecordBatch, row: usize) -> String {
+    let columns = columns.iter().zip(batch.columns()).filter(|(column, _)| column.kind != Kind::Voxels);
     let cells: Vec<String> =
         columns.map(|(column, cells)| format!("\"{}\": {}", column.name, cell(column.kind, cells, row))).collect();
     format!("{{{}}}", cells.join(", "))
@@ -74,11 +74,11 @@ mod tests {
     fn a_row_has_every_column_and_its_values() {
         let info = synthetic::info(5, 1, 40, 40);
         let rows = synthetic::scene_rows(0, info.seed, &info);
-        let text = array(&json(Table::Attempts, &encode::attempts(&rows.attempts, &[]).unwrap()));
+        let text = array(&json(Table::Attempts, info.form(), &encode::attempts(&rows.attempts, &[]).unwrap()));
         let found: Vec<Value> = serde_json::from_str(&text).unwrap();
         assert_eq!(found.len(), rows.attempts.len());
         for (found, row) in found.iter().zip(&rows.attempts) {
-            let keys = Table::Attempts.columns().iter().map(|column| column.name);
+            let keys = Table::Attempts.columns(info.form()).iter().map(|column| column.name);
             assert!(keys.clone().all(|key| found.get(key).is_some()), "{found}");
             assert_eq!(found.as_object().unwrap().len(), keys.count());
             assert_eq!(found["rule"], row.rule.name());
@@ -89,7 +89,7 @@ mod tests {
         assert!(found.iter().any(|row| row["hit"].is_null()) && found.iter().any(|row| row["hit"].is_string()));
 
         let scenes =
-            json(Table::Scenes, &encode::scenes(std::slice::from_ref(&rows.scene), info.grid.resolution).unwrap());
+            json(Table::Scenes, info.form(), &encode::scenes(std::slice::from_ref(&rows.scene), &info).unwrap());
         let scene: Value = serde_json::from_str(&scenes[0]).unwrap();
         assert!(scene.get("tsdf").is_none());
         assert_eq!(scene["views"].as_array().unwrap().len(), rows.scene.views.len());

@@ -13,8 +13,8 @@
 //! `clean_balance_data.py`) is left out: grasps nearer to the workspace's faces than 20 mm. Some of them would have no
 //! voxel, or none after a quarter turn.
 
-use program::Failure;
 use program::text::grouped;
+use program::{ExitCode, Failure};
 use schema::{Approach, AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of};
 use serde::Serialize;
 
@@ -84,6 +84,10 @@ pub(super) fn write(
     scenes_done: &mut dyn FnMut(u64),
 ) -> Result<Exported, Failure> {
     let info = dataset.info();
+    let [hand] = info.hands() else {
+        let text = format!("VGN's format has one hand, the dataset has {}", info.hands().len());
+        return Err(Failure::new(ExitCode::Config, text));
+    };
     for part in ["", SCENES, "raw"] {
         folder.storage.create_folder(part)?;
         folder.sweep(part)?;
@@ -95,8 +99,8 @@ pub(super) fn write(
     metres.put(b"scene_id,qx,qy,qz,qw,x,y,z,width,label\n")?;
     let mut counts = ExportCounts { attempts: info.attempt_count, ..ExportCounts::default() };
     for shard in 0..dataset.shard_count() {
-        let samples = samples_of(&dataset.read_attempts(shard)?, &info.gripper);
-        let rows = samples.iter().map(|sample| Row::new(sample, &info.gripper));
+        let samples = samples_of(&dataset.read_attempts(shard)?, hand);
+        let rows = samples.iter().map(|sample| Row::new(sample, hand));
         let rows: Vec<Row> = rows.filter(|row| row.is_inside(info)).collect();
         for (table, unit_m) in [(&mut voxels, voxel_m), (&mut metres, metre_m)] {
             table.put(rows.iter().map(|row| row.line(unit_m)).collect::<String>().as_bytes())?;

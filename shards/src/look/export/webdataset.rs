@@ -86,21 +86,21 @@ fn write_shard(
 }
 
 fn append_sample(tar: &mut Builder<impl Write>, rows: &SceneRows, info: &DatasetInfo) -> io::Result<()> {
-    let resolution = info.grid.resolution;
+    let (form, resolution) = (info.form(), info.grid.resolution);
     let told = |error: ArrowError| io::Error::other(error.to_string());
     let key = scene_name(rows.scene.scene_id);
     let grasps: Vec<f32> = rows.attempts.iter().flat_map(grasp).collect();
     let labels: Vec<u8> = rows.attempts.iter().map(AttemptRecord::label).collect();
     let attempts = encode::attempts(&rows.attempts, &info.models).map_err(told)?;
     let objects = encode::objects(&rows.objects, &info.models).map_err(told)?;
-    let scene = encode::scenes(std::slice::from_ref(&rows.scene), resolution).map_err(told)?;
+    let scene = encode::scenes(std::slice::from_ref(&rows.scene), info).map_err(told)?;
     let mut append = |ending: &str, bytes: &[u8]| append(tar, &format!("{key}.{ending}"), bytes);
     append("grid.npy", &npy::f32s(&[1, resolution, resolution, resolution], &rows.scene.tsdf))?;
     append("grasps.npy", &npy::f32s(&[rows.attempts.len(), 8], &grasps))?;
     append("labels.npy", &npy::u8s(&labels))?;
-    append("attempts.json", rows::array(&rows::json(Table::Attempts, &attempts)).as_bytes())?;
-    append("objects.json", rows::array(&rows::json(Table::Objects, &objects)).as_bytes())?;
-    append("scene.json", format!("{}\n", rows::json(Table::Scenes, &scene).concat()).as_bytes())
+    append("attempts.json", rows::array(&rows::json(Table::Attempts, form, &attempts)).as_bytes())?;
+    append("objects.json", rows::array(&rows::json(Table::Objects, form, &objects)).as_bytes())?;
+    append("scene.json", format!("{}\n", rows::json(Table::Scenes, form, &scene).concat()).as_bytes())
 }
 
 fn grasp(attempt: &AttemptRecord) -> [f32; 8] {

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use program::Failure;
-use program::text::{bytes, grouped, percent, ratio};
+use program::text::{bytes, grouped, percent, ratio, setting};
 use report::document::{Block, Cell, Document, Picture, Table};
 use report::figure::{BLUE, Bars, Colour, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 use schema::Outcome;
@@ -12,18 +12,18 @@ use settings::flattened;
 
 use super::coverage::{AZIMUTHS, HEIGHTS};
 use super::fit::{Fit, Law};
-use super::scenes::gallery;
+use super::scenes::{gallery, spread};
 use super::{Bin, Group, Report};
 use crate::{Dataset, DatasetInfo, Tally};
 
 /// Scenes that are shown.
-const SCENES_SHOWN: u64 = 12;
+const SCENES_SHOWN: usize = 12;
 
 /// The report, for a terminal.
 #[must_use]
 pub fn document(report: &Report, info: &DatasetInfo) -> Document {
     let mut blocks =
-        vec![Block::Text(lead(report, info)), Block::Warnings(report.warnings()), Block::Tiles(tiles(report))];
+        vec![Block::Text(lead(report, info)), Block::Tiles(tiles(report)), Block::Warnings(report.warnings())];
     let sections =
         [outcomes(report), positives(report), hand(report), laws(report), orientations(report), sizes(report)];
     for (title, text, shown) in sections {
@@ -35,14 +35,25 @@ pub fn document(report: &Report, info: &DatasetInfo) -> Document {
     Document { title: "Grasp attempts in simulation".to_owned(), blocks, footer }
 }
 
-/// The report as a page shows it: with pictures of scenes and the dataset's origin. `written_over`: from the first to
-/// the last of its files, if they have times.
+/// What a page has besides the report.
+#[derive(Debug, Clone, Default)]
+pub struct PageParts {
+    /// The scenes that are shown; of more than `SCENES_SHOWN` some, evenly spread. None: of the whole dataset.
+    pub scenes: Option<Vec<u64>>,
+    /// Whether the report lies in a folder with a page for each of these scenes.
+    pub has_scene_pages: bool,
+    /// From the first to the last of the dataset's files, if they have times.
+    pub written_over: Option<Duration>,
+}
+
+/// The report as a page shows it: with pictures of scenes first, and the dataset's origin last.
 ///
 /// # Errors
 /// [`Failure`] if a scene cannot be read.
-pub fn page(report: &Report, dataset: &Dataset, written_over: Option<Duration>) -> Result<Document, Failure> {
+pub fn page(report: &Report, dataset: &Dataset, parts: &PageParts) -> Result<Document, Failure> {
     let mut page = document(report, dataset.info());
-    if let Some(span) = written_over.filter(|span| span.as_secs_f64() >= 1.0) {
+    page.title = format!("{}: {} grasp attempts", dataset.location().name(), grouped(report.labels.attempts));
+    if let Some(span) = parts.written_over.filter(|span| span.as_secs_f64() >= 1.0) {
         let rate = report.labels.attempts as f64 / span.as_secs_f64();
         let what = format!("attempts a second, by the files' times: first to last {:.0} s", span.as_secs_f64());
         let speed = (grouped(rate.round() as u64), what);
@@ -53,12 +64,20 @@ pub fn page(report: &Report, dataset: &Dataset, written_over: Option<Duration>) 
         });
     }
     let heading = |title: &str, text: &str| [Block::Heading(title.to_owned()), Block::Text(text.to_owned())];
-    page.blocks.extend(heading(
-        "Scenes",
-        "Evenly spread over the dataset. A fork is a hand: green held, red failed. \"shards view DIR --scene N\" shows a scene that can \
-         be turned.",
-    ));
-    page.blocks.push(Block::Gallery(gallery(dataset, SCENES_SHOWN)?));
+    let how = if parts.has_scene_pages {
+        "A picture leads to its scene, which can be turned; a grasp there leads to its replay."
+    } else {
+        "\"shards view DIR --scene N\" shows a scene that can be turned, \"shards browse DIR\" many that lead to each other."
+    };
+    let all: Vec<u64> = parts.scenes.clone().unwrap_or_else(|| (0..dataset.info().scene_count).collect());
+    let shown = spread(&all, SCENES_SHOWN);
+    let text =
+        format!("Evenly spread over the dataset. A fork is a hand, which names its attempt under the mouse. {how}");
+    let mut scenes = heading("Scenes", &text).to_vec();
+    scenes.push(Block::Legend(Outcome::ALL.to_vec()));
+    scenes.push(Block::Gallery(gallery(dataset, &shown, parts.has_scene_pages)?));
+    let first = page.blocks.iter().position(|block| matches!(block, Block::Heading(_))).unwrap_or(page.blocks.len());
+    page.blocks.splice(first..first, scenes);
     page.blocks.extend(heading(
         "Provenance",
         "From meta/info.json, which is shown here, the dataset can be made again, byte for byte.",
@@ -69,18 +88,26 @@ pub fn page(report: &Report, dataset: &Dataset, written_over: Option<Duration>) 
 
 fn lead(report: &Report, info: &DatasetInfo) -> String {
     format!(
-        "{} attempts on {} objects in {} scenes, executed in physics with the hand \"{}\" and labelled by how they ended.\n\
+        "{} attempts on {} objects in {} scenes, executed in physics with {} and labelled by how they ended.\n\
          Dataset {}, {} {}, code {}, seed {}.",
         grouped(report.labels.attempts),
         grouped(report.objects),
         grouped(report.scenes),
-        info.gripper.name,
+        hands(info),
         &report.dataset_id[..12],
         grouped(report.shards.into()),
         if report.shards == 1 { "shard" } else { "shards" },
         report.code_version,
         report.seed,
     )
+}
+
+/// The hand or the number of hands in words.
+fn hands(info: &DatasetInfo) -> String {
+    match info.hands() {
+        [hand] => format!("the hand \"{}\"", hand.name),
+        hands => format!("{} hands, from {} to {}", hands.len(), hands[0].name, hands[hands.len() - 1].name),
+    }
 }
 
 fn tiles(report: &Report) -> Vec<(String, String)> {
@@ -109,7 +136,7 @@ fn outcomes(report: &Report) -> Section {
     let rows = report.outcomes.iter().map(|group| {
         let hits: Vec<String> = group.hits.iter().map(|(hit, count)| format!("{hit} {}", grouped(*count))).collect();
         vec![
-            Cell::code(&group.outcome),
+            Outcome::from_name(&group.outcome).map_or_else(|| Cell::code(&group.outcome), Cell::Outcome),
             Cell::Count(group.attempts),
             share(group.attempts, report.labels.attempts),
             hits.join(", ").into(),
@@ -367,6 +394,6 @@ fn provenance(dataset: &Dataset) -> Table {
     told.retain(|key, _| !["about", "facets", "frames", "units", "models"].contains(&key.as_str()));
     let row = |key: &str, value: &str| vec![Cell::code(key), Cell::code(value)];
     let keys = flattened(&told, "", Value::as_object).into_iter();
-    let rows = keys.map(|(key, value)| row(&key, value.as_str().unwrap_or(&value.to_string())));
+    let rows = keys.map(|(key, value)| row(&key, &setting(value)));
     Table::new(["key", "value"], [row("dataset", dataset.id())].into_iter().chain(rows))
 }

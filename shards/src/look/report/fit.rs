@@ -10,6 +10,9 @@ const BARS: usize = 24;
 /// Bars with a smaller expected count are merged with their neighbours for χ².
 const EXPECTED_MIN: f64 = 5.0;
 
+/// The name of the fit of a catalogue's objects.
+pub(crate) const MODELS: &str = "objects of the catalogue";
+
 /// The distribution of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -63,6 +66,20 @@ impl Fit {
         };
         let expected = (0..BARS).map(share).collect();
         Self { name, unit, law, complete, range, counts: vec![0; BARS], expected }
+    }
+
+    /// Objects of a catalogue by their numbers: each is drawn as often as the others.
+    pub(crate) fn of_models(counts: Vec<u64>) -> Self {
+        let bars = counts.len();
+        Self {
+            name: MODELS,
+            unit: "number in the catalogue",
+            law: Law::Uniform,
+            complete: false,
+            range: [0.0, bars as f64],
+            expected: vec![1.0 / bars as f64; bars],
+            counts,
+        }
     }
 
     fn count(&mut self, value: f64) {
@@ -237,6 +254,13 @@ mod tests {
         // A tenth of the range is never drawn: two bars and a part of one stay empty.
         assert!(even(0.9).p < 1e-12, "{:?}", even(0.9));
         assert_eq!(even(1.0).degrees, BARS - 1);
+    }
+
+    #[test]
+    fn an_object_that_is_missing_shows_among_the_others() {
+        let of = |counts: [u64; 4]| Fit::of_models(counts.to_vec()).chi_square().unwrap();
+        assert!(of([50, 52, 47, 51]).p > 0.9 && of([66, 66, 66, 2]).p < 1e-9);
+        assert_eq!(of([50, 52, 47, 51]).degrees, 3);
     }
 
     #[test]

@@ -4,21 +4,37 @@ use program::Failure;
 use program::text::grouped;
 use report::document::{Drawing, Picture};
 use report::picture::{Hand, Scene, svg, width_m};
+use report::view::folder::scene_file;
 use schema::{AttemptRecord, ObjectRecord, Polyhedron, SceneRows};
 
+use crate::look::view::attempt_label;
 use crate::{Dataset, DatasetInfo};
 
-/// Pictures of up to `count` scenes, spread evenly over the dataset.
-pub(super) fn gallery(dataset: &Dataset, count: u64) -> Result<Vec<Picture>, Failure> {
-    let scenes = dataset.info().scene_count;
-    let count = count.min(scenes);
-    (0..count).map(|at| Ok(picture(dataset.info(), &dataset.read_scene(at * scenes / count)?))).collect()
+/// Up to `count` of these scenes, one from each of as many equal parts: at places within the parts that do not repeat
+/// (multiples of the golden ratio), for hands take turns from scene to scene.
+#[must_use]
+pub fn spread(scenes: &[u64], count: usize) -> Vec<u64> {
+    const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
+    let count = count.min(scenes.len());
+    let start = |part: usize| part * scenes.len() / count;
+    let place = |part: usize| {
+        let long = (start(part + 1) - start(part)) as u128;
+        start(part) + ((u128::from(GOLDEN.wrapping_mul(part as u64)) * long) >> 64) as usize
+    };
+    (0..count).map(|part| scenes[place(part)]).collect()
 }
 
-fn picture(info: &DatasetInfo, rows: &SceneRows) -> Picture {
+/// Pictures of scenes; `are_links`: they lead to the scenes' pages in the same folder.
+pub(super) fn gallery(dataset: &Dataset, scenes: &[u64], are_links: bool) -> Result<Vec<Picture>, Failure> {
+    let shown = |scene: &u64| Ok(picture(dataset.info(), &dataset.read_scene(*scene)?, are_links));
+    scenes.iter().map(shown).collect()
+}
+
+/// A scene with all its attempts; `is_link`: it leads to the scene's page in the same folder.
+pub(crate) fn picture(info: &DatasetInfo, rows: &SceneRows, is_link: bool) -> Picture {
     let held = rows.attempts.iter().filter(|attempt| attempt.label() == 1).count();
     let objects = rows.objects.len();
-    Picture::new(
+    let picture = Picture::new(
         Drawing::Svg(scene_svg(info, rows, &rows.attempts, 0.4)),
         format!("Scene {}", grouped(rows.scene.scene_id)),
         format!(
@@ -26,7 +42,8 @@ fn picture(info: &DatasetInfo, rows: &SceneRows) -> Picture {
             if objects == 1 { "object" } else { "objects" },
             rows.attempts.len()
         ),
-    )
+    );
+    Picture { link: is_link.then(|| scene_file(rows.scene.scene_id)), ..picture }
 }
 
 /// A scene and the hand of each of these attempts, as SVG; hands that failed are drawn with a strength from 0 to 1.
@@ -34,8 +51,9 @@ fn picture(info: &DatasetInfo, rows: &SceneRows) -> Picture {
 pub fn scene_svg(info: &DatasetInfo, rows: &SceneRows, attempts: &[AttemptRecord], failed_strength: f32) -> String {
     let hand = |attempt: &AttemptRecord| Hand {
         workspace_from_grasp: attempt.workspace_from_grasp,
-        width_m: width_m(&info.gripper, attempt.width_m),
-        held: attempt.label() == 1,
+        width_m: width_m(info.hand_of(attempt.scene_id), attempt.width_m),
+        outcome: attempt.outcome,
+        label: attempt_label(attempt),
         strength: if attempt.label() == 1 { 1.0 } else { failed_strength },
     };
     svg(&Scene {
@@ -49,4 +67,28 @@ pub fn scene_svg(info: &DatasetInfo, rows: &SceneRows, attempts: &[AttemptRecord
 fn bodies(object: &ObjectRecord) -> impl Iterator<Item = (Polyhedron, usize)> {
     let parts = object.shape.parts().into_iter();
     parts.map(|part| (part.moved(&object.workspace_from_object), object.object_id as usize))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_are_spread_without_repeating_and_do_not_walk_in_step() {
+        let all: Vec<u64> = (0..100).collect();
+        let shown = spread(&all, 12);
+        assert!(shown.len() == 12 && shown.windows(2).all(|pair| pair[0] < pair[1]), "{shown:?}");
+        assert!(
+            shown
+                .iter()
+                .enumerate()
+                .all(|(part, scene)| (part as u64 * 100 / 12..(part as u64 + 1) * 100 / 12).contains(scene))
+        );
+        for hands in 2..=4 {
+            let turns: std::collections::BTreeSet<u64> = shown.iter().map(|scene| scene % hands).collect();
+            assert_eq!(turns.len() as u64, hands, "of {hands} hands that take turns all are seen: {shown:?}");
+        }
+        assert_eq!(spread(&[3, 5], 12), [3, 5]);
+        assert_eq!(spread(&[], 12), Vec::<u64>::new());
+    }
 }

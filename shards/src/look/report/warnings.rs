@@ -4,6 +4,7 @@ use program::text::{grouped, percent, ratio};
 use schema::Rule;
 
 use crate::look::report::Report;
+use crate::look::report::fit::MODELS;
 
 /// The usual range of the share of positives. The paper reports about one positive to three negatives for its rules: a
 /// quarter.
@@ -14,6 +15,8 @@ const TRIED_MIN: u64 = 100;
 const REJECTED_SHARE_MAX: f64 = 0.1;
 /// Share of grasps outside the grid that causes a warning.
 const OUTSIDE_SHARE_MAX: f64 = 0.01;
+/// Objects of a catalogue that a warning names, at most.
+const RARE_MAX: usize = 5;
 /// p-value for a warning: once in a million datasets.
 const P_MIN: f64 = 1e-6;
 
@@ -57,7 +60,24 @@ impl Report {
                 ));
             }
         }
+        warnings.extend(self.missing_models());
         warnings
+    }
+
+    /// The objects of a catalogue that are rarer than they were drawn, if chance does not explain it.
+    fn missing_models(&self) -> Option<String> {
+        let fit = self.fits.iter().find(|fit| fit.name == MODELS)?;
+        let test = fit.chi_square().filter(|test| test.p < P_MIN)?;
+        let expected = fit.total() as f64 / fit.counts.len() as f64;
+        let mut rare: Vec<_> = fit.counts.iter().zip(&self.shapes).filter(|(n, _)| (**n as f64) < expected).collect();
+        rare.sort_by_key(|(count, _)| **count);
+        let rare =
+            rare.iter().take(RARE_MAX).map(|(count, of)| format!("{} {count}", of.name)).collect::<Vec<_>>().join(", ");
+        Some(format!(
+            "The objects of the catalogue are not there as often as they were drawn: χ² = {:.1} with {} degrees of freedom; \
+             {expected:.1} of each are expected, the rarest are {rare}. They fell off the table, or their scenes were thrown away.",
+            test.statistic, test.degrees
+        ))
     }
 }
 
@@ -69,6 +89,7 @@ fn is_of_the_paper(rule: &str) -> bool {
 mod tests {
     use super::*;
     use crate::look::report::Group;
+    use crate::look::report::fit::Fit;
 
     /// A report without warnings.
     fn fine() -> Report {
@@ -101,5 +122,9 @@ mod tests {
         told(|r| r.rules[0] = Group { name: "cuboid_x".to_owned(), attempts: 100, positives: 0 }, "cuboid_x");
         told(|r| r.rejections.unsettled = r.scenes, "50.0 %");
         told(|r| r.outside_grid.attempts = 60, "5.0 %");
+        told(|r| r.fits.push(Fit::of_models(vec![3, 66, 65, 66])), "the rarest are cuboid 3.");
+        let mut even = fine;
+        even.fits.push(Fit::of_models(vec![40, 61, 52, 47]));
+        assert_eq!(even.warnings(), Vec::<String>::new());
     }
 }
