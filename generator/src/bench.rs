@@ -1,5 +1,6 @@
 //! Measures the cost of generating, stage by stage, and the effect of the shortcuts.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -157,7 +158,7 @@ fn whole_run(config: &Config, threads: usize, dir: &Path) -> Result<(RunCost, u6
     let shards: Vec<u32> = (0..config.shards).collect();
     let pool = thread_pool(threads)?;
     let (began, cpu_began_s) = (Instant::now(), cpu_time_s());
-    let report = pool.install(|| generate(config, dir, &shards, &AtomicBool::new(false), &|_| {}))?;
+    let report = pool.install(|| generate(config, dir, &shards, 1.0, &AtomicBool::new(false), &|_| {}))?;
     let wall_s = began.elapsed().as_secs_f64();
     let cpu_s = cpu_time_s().zip(cpu_began_s).map(|(now, before)| now - before);
     let bytes = match &report.dataset {
@@ -180,6 +181,7 @@ fn stages(config: &Config, dir: &Path) -> Result<(Vec<StageCost>, Vec<OutcomeCos
         for scene_id in info.scenes_of(shard) {
             let mut add = |stage: Stage, time: Duration| {
                 let (slot, count) = match stage {
+                    Stage::Rejected { .. } => (0, 0),
                     Stage::Settle => (0, 1),
                     Stage::Observe { views } => (1, views as u64),
                     Stage::Prepare => (2, 1),
@@ -194,6 +196,7 @@ fn stages(config: &Config, dir: &Path) -> Result<(Vec<StageCost>, Vec<OutcomeCos
                 };
                 stages[slot].count += count;
                 stages[slot].total_s += time.as_secs_f64();
+                ControlFlow::Continue(())
             };
             let rows = make_scene_timed(config, scene_id, info.attempts_of_scene(scene_id), &mut add)?;
             let began = Instant::now();
@@ -250,7 +253,7 @@ fn agreement(
 fn repeat(config: &Config, physics: &Physics, rows: &SceneRows) -> (Vec<Outcome>, Duration) {
     let began = Instant::now();
     let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, config.objects.catalogue.bodies());
-    let world = AttemptWorld::new(physics, &config.gripper, &config.procedure, &scene);
+    let world = AttemptWorld::new(physics, config.gripper.of_scene(rows.scene.scene_id), &config.procedure, &scene);
     let attempts = rows.attempts.iter();
     let outcomes = attempts.map(|a| world.execute(&a.workspace_from_grasp, a.object_id as usize).outcome).collect();
     (outcomes, began.elapsed())

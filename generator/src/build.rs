@@ -1,12 +1,13 @@
 //! A scene's rows from its number: objects, rest, views, TSDF, candidates, attempts.
 
 use std::mem::replace;
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use perception::{Sensor, SensorParams, Tsdf, camera_at, draw_kind};
 use schema::{
-    AttemptRecord, Intrinsics, ObjectRecord, Outcome, Purpose, SceneRecord, SceneRejections, SceneRows, Stream, View,
-    VoxelGrid,
+    AttemptRecord, Intrinsics, ObjectRecord, Outcome, Purpose, SceneRecord, SceneRejections, SceneRows, Shape, Stream,
+    View, VoxelGrid,
 };
 use simulator::{AttemptWorld, Execution, Scene, SceneObject, SceneRays, Settled, Unsettled, settle, settle_again};
 
@@ -17,25 +18,39 @@ use crate::normals::draw_along_normals;
 use crate::objects::draw_drops;
 use crate::packed::draw_packed;
 
-/// A scene that could not be built: every try was rejected.
+/// Why there is no scene.
 #[derive(Debug, thiserror::Error, Clone, Copy, PartialEq, Eq)]
-#[error(
-    "scene {scene_id} was rejected {tries} times ({} unsettled, {} empty, {} unstable); \
-     the limit is settle.tries_max = {tries}",
-    .rejections.unsettled, .rejections.empty, .rejections.unstable
-)]
-pub struct NoScene {
-    /// The scene.
-    pub scene_id: u64,
-    /// Tries.
-    pub tries: u32,
-    /// Why each failed.
-    pub rejections: SceneRejections,
+pub enum NoScene {
+    /// Every try was rejected.
+    #[error(
+        "scene {scene_id} was rejected {tries} times ({} unsettled, {} empty, {} unstable); \
+         the limit is settle.tries_max = {tries}",
+        .rejections.unsettled, .rejections.empty, .rejections.unstable
+    )]
+    Rejected {
+        /// The scene.
+        scene_id: u64,
+        /// Tries.
+        tries: u32,
+        /// Why each failed.
+        rejections: SceneRejections,
+    },
+    /// Who asked for it does not want it any more.
+    #[error("scene {scene_id} was abandoned")]
+    Abandoned {
+        /// The scene.
+        scene_id: u64,
+    },
 }
 
 /// A part of the work on a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
+    /// Dropping objects that do not come to rest: a scene that is thrown away.
+    Rejected {
+        /// What moved on, if something did.
+        moving: Option<Shape>,
+    },
     /// Dropping objects until they rest.
     Settle,
     /// Depth and TSDF of this many views.
@@ -59,23 +74,27 @@ pub enum Stage {
 /// # Errors
 /// [`NoScene`] if no try came to rest.
 pub fn make_scene(config: &Config, scene_id: u64, attempt_count: u32) -> Result<SceneRows, NoScene> {
-    make_scene_timed(config, scene_id, attempt_count, &mut |_, _| {})
+    make_scene_timed(config, scene_id, attempt_count, &mut |_, _| ControlFlow::Continue(()))
 }
 
-/// [`make_scene`], which also reports the time of each stage.
+/// [`make_scene`], which also reports the time of each stage, and abandons the scene if `on_stage` breaks.
 ///
 /// # Errors
-/// [`NoScene`] if no try came to rest.
+/// [`NoScene`] if no try came to rest, or the scene was abandoned.
 pub fn make_scene_timed(
     config: &Config,
     scene_id: u64,
     attempt_count: u32,
-    on_stage: &mut dyn FnMut(Stage, Duration),
+    on_stage: &mut dyn FnMut(Stage, Duration) -> ControlFlow<()>,
 ) -> Result<SceneRows, NoScene> {
     let mut began = Instant::now();
-    let mut ended = |stage: Stage| on_stage(stage, replace(&mut began, Instant::now()).elapsed());
-    let (settled, dropped_count, rejections) = settled_scene(config, scene_id)?;
-    ended(Stage::Settle);
+    let mut ended = |stage: Stage| match on_stage(stage, replace(&mut began, Instant::now()).elapsed()) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(NoScene::Abandoned { scene_id }),
+    };
+    let (settled, dropped_count, rejections) =
+        settled_scene(config, scene_id, &mut |moving| ended(Stage::Rejected { moving }))?;
+    ended(Stage::Settle)?;
 
     let objects = object_records(config, scene_id, &settled.scene);
     // The attempts run on the rows, as they are stored.
@@ -84,7 +103,7 @@ pub fn make_scene_timed(
     let views = draw_kind(&config.views, &config.view_kinds, &config.grid, &mut views_stream);
     let rays = SceneRays::new(&scene);
     let tsdf = observe(config, scene_id, &rays, &views);
-    ended(Stage::Observe { views: views.len() });
+    ended(Stage::Observe { views: views.len() })?;
 
     let mut candidates_stream = Stream::new(config.seed, scene_id, Purpose::Candidates, 0);
     let count = attempt_count as usize;
@@ -105,18 +124,20 @@ pub fn make_scene_timed(
         let of = (&scene, &objects[..]);
         candidates.extend(draw_along_normals(config, of, &rays, &views, count, &mut candidates_stream));
     }
-    let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
-    ended(Stage::Prepare);
+    let world = AttemptWorld::new(&config.physics, config.gripper.of_scene(scene_id), &config.procedure, &scene);
+    ended(Stage::Prepare)?;
 
     let mut execute = |(candidate, attempt_id): (&Candidate, u32)| {
         let execution = world.execute(&candidate.workspace_from_grasp, candidate.object_id);
-        ended(Stage::Attempt { outcome: execution.outcome, steps: execution.steps });
-        attempt_record(scene_id, attempt_id, candidate, &execution)
+        ended(Stage::Attempt { outcome: execution.outcome, steps: execution.steps })?;
+        Ok::<_, NoScene>(attempt_record(scene_id, attempt_id, candidate, &execution))
     };
-    let mut attempts: Vec<AttemptRecord> = candidates.iter().zip(0..).map(&mut execute).collect();
+    let mut attempts: Vec<AttemptRecord> = candidates.iter().zip(0..).map(&mut execute).collect::<Result<_, _>>()?;
     // What is missing of the proposals where few were found is displaced, too.
     let displaced = displaced(config, &attempts, count - attempts.len(), scene_id);
-    attempts.extend(displaced.iter().zip(attempts.len() as u32..).map(&mut execute));
+    for placed in displaced.iter().zip(attempts.len() as u32..) {
+        attempts.push(execute(placed)?);
+    }
 
     let scene = SceneRecord {
         scene_id,
@@ -131,25 +152,39 @@ pub fn make_scene_timed(
     Ok(SceneRows { scene, objects, attempts })
 }
 
-fn settled_scene(config: &Config, scene_id: u64) -> Result<(Settled, u32, SceneRejections), NoScene> {
+/// A scene at rest, the number of objects dropped, and the tries before. `on_rejected` is told what moved on.
+fn settled_scene(
+    config: &Config,
+    scene_id: u64,
+    on_rejected: &mut dyn FnMut(Option<Shape>) -> Result<(), NoScene>,
+) -> Result<(Settled, u32, SceneRejections), NoScene> {
     let mut rejections = SceneRejections::default();
     let Config { objects, grid, seed, physics, settle: params, .. } = config;
     for attempt in 0..params.tries_max {
-        let (count, settled) = match packed_scene(config, scene_id, attempt) {
-            Some(placed) => (placed.len(), settle_again(physics, params, grid, &placed)),
+        let (drops, settled) = match packed_scene(config, scene_id, attempt) {
+            Some(placed) => {
+                let settled = settle_again(physics, params, grid, &placed);
+                (placed, settled)
+            }
             None => {
                 let drops = draw_drops(objects, grid, *seed, scene_id, attempt);
-                (drops.len(), settle(physics, params, grid, &drops))
+                let settled = settle(physics, params, grid, &drops);
+                (drops, settled)
             }
         };
+        let mut moving = None;
         match settled {
-            Ok(settled) => return Ok((settled, count as u32, rejections)),
-            Err(Unsettled::Moving) => rejections.unsettled += 1,
+            Ok(settled) => return Ok((settled, drops.len() as u32, rejections)),
+            Err(Unsettled::Moving { fastest }) => {
+                rejections.unsettled += 1;
+                moving = drops.get(fastest).map(|drop| objects.catalogue.shape_of(&drop.body).shape());
+            }
             Err(Unsettled::Empty) => rejections.empty += 1,
             Err(Unsettled::Unstable) => rejections.unstable += 1,
         }
+        on_rejected(moving)?;
     }
-    Err(NoScene { scene_id, tries: params.tries_max, rejections })
+    Err(NoScene::Rejected { scene_id, tries: params.tries_max, rejections })
 }
 
 /// The objects of a scene that is packed, if it is one of those.

@@ -4,6 +4,7 @@
 //! experiments read the same files; [`crate::import_objects`] writes them from meshes.
 
 use std::f64::consts::{PI, TAU};
+use std::fmt::Write as _;
 use std::path::Path;
 
 use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
@@ -12,6 +13,9 @@ use simulator::{Body, Compound, Part, PartShape, convex_hull};
 
 /// The built-in catalogue.
 const EVERYDAY: &str = include_str!("../../configs/objects/everyday.toml");
+
+/// Smallest and largest mass.
+pub(crate) const MASS_KG: [f32; 2] = [1e-3, 100.0];
 
 /// Number of points on an ellipsoid.
 const ELLIPSOID_POINTS: usize = 60;
@@ -141,7 +145,9 @@ impl Catalogue {
 }
 
 fn thing(object: &RawObject) -> Result<CatalogueObject, String> {
-    for (key, value, low, high) in [("mass_kg", object.mass_kg, 1e-3, 100.0), ("friction", object.friction, 0.0, 5.0)] {
+    for (key, value, low, high) in
+        [("mass_kg", object.mass_kg, MASS_KG[0], MASS_KG[1]), ("friction", object.friction, 0.0, 5.0)]
+    {
         if !(low..=high).contains(&value) {
             return Err(format!("{key} must be between {low} and {high}, got {value}"));
         }
@@ -176,7 +182,7 @@ fn part(raw: &RawPart) -> Result<Part, String> {
 
 /// Points spread evenly over an ellipsoid with these axes: a spiral from pole to pole (Fibonacci lattice), plus both
 /// poles and the four ends of the other axes, so that its lengths are exact.
-fn ellipsoid(size_m: Vec3) -> Vec<Vec3> {
+pub(crate) fn ellipsoid(size_m: Vec3) -> Vec<Vec3> {
     let golden = TAU * (1.0 - 1.0 / ((1.0 + 5.0_f64.sqrt()) / 2.0));
     let spiral = (0..ELLIPSOID_POINTS).map(|number| {
         let z = 1.0 - (2.0 * number as f64 + 1.0) / ELLIPSOID_POINTS as f64;
@@ -186,6 +192,42 @@ fn ellipsoid(size_m: Vec3) -> Vec<Vec3> {
     });
     let ends = [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
     spiral.chain(ends).map(|point| 0.5 * size_m * point).collect()
+}
+
+/// An object of hulls as an entry of a catalogue; corners in metres have at most so many decimals.
+pub(crate) fn object_text<'a>(
+    name: &str,
+    mass_kg: f64,
+    friction: f32,
+    source: String,
+    parts: impl Iterator<Item = &'a [Vec3]>,
+    decimals: usize,
+) -> String {
+    let mut text = String::new();
+    let (mass_kg, source) = ((mass_kg * 1e6).round() / 1e6, toml::Value::String(source));
+    // Writing to a String cannot fail, here and below.
+    let _ = write!(
+        text,
+        "\n[[object]]\nname = \"{name}\"\nmass_kg = {mass_kg:?}\nfriction = {friction:?}\nsource = {source}\n"
+    );
+    for corners_m in parts {
+        text +=
+            "\n[[object.part]]\nshape = \"hull\"\nat_m = [0.0, 0.0, 0.0]\nturn_deg = [0.0, 0.0, 0.0]\ncorners_m = [\n";
+        for corner_m in corners_m {
+            let [x, y, z] = corner_m.to_array().map(|metres| decimal(metres, decimals));
+            let _ = writeln!(text, "    [{x}, {y}, {z}],");
+        }
+        text += "]\n";
+    }
+    text
+}
+
+/// A length with as many decimals as it needs, at least one.
+fn decimal(metres: f32, decimals: usize) -> String {
+    let text = format!("{metres:.decimals$}");
+    let short = text.trim_end_matches('0');
+    let short = if short.ends_with('.') { format!("{short}0") } else { short.to_owned() };
+    if short == "-0.0" { "0.0".to_owned() } else { short }
 }
 
 #[cfg(test)]

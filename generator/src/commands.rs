@@ -8,6 +8,7 @@ mod finalize;
 mod gc;
 mod generate;
 mod import_objects;
+mod make_objects;
 mod missing;
 mod repeat;
 mod replay;
@@ -22,7 +23,9 @@ use shards::Location;
 /// Generate a grasp dataset: random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards.
 ///
 /// Running the same command again continues: committed shards are skipped, and the bytes are those of an uninterrupted
-/// run. A dataset is a pure function of the config, the seed and this program's version.
+/// run. A run that a signal stops (Ctrl-C, SIGTERM) ends within a second or two and loses at most the scene that each
+/// thread is in: in a folder, finished scenes of incomplete shards are kept, and the next run takes them up.
+/// A dataset is a pure function of the config, the seed and this program's version.
 #[derive(Debug, Parser)]
 #[command(name = "generator", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{ENVIRONMENT}\n\n{}", ExitCode::HELP, Location::HELP))]
 #[command(subcommand_negates_reqs = true, args_conflicts_with_subcommands = true, subcommand_value_name = "COMMAND")]
@@ -44,6 +47,7 @@ enum Command {
     Finalize(finalize::Arguments),
     Gc(gc::Arguments),
     ImportObjects(import_objects::Arguments),
+    MakeObjects(make_objects::Arguments),
     /// Write shell completions, man pages, or this program's reference
     #[command(subcommand)]
     Manual(Manual),
@@ -60,6 +64,7 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Some(Command::Finalize(arguments)) => finalize::run(&arguments),
         Some(Command::Gc(arguments)) => gc::run(&arguments),
         Some(Command::ImportObjects(arguments)) => import_objects::run(&arguments),
+        Some(Command::MakeObjects(arguments)) => make_objects::run(&arguments),
         Some(Command::Manual(manual)) => manual.run(Cli::command(), &SETTINGS, ""),
     }
 }
@@ -89,6 +94,7 @@ Examples:
   generator depth grasps --scene 7 --out scene-7 && planner plan --views scene-7/views.toml
   generator replay grasps --attempt 7/12 --out attempt.html    one attempt, for a browser
   generator import-objects meshes --scale 0.001 --out my-objects.toml
+  generator make-objects --count 270 --seed 1 --out household.toml
   generator bench --markdown bench.md                   what an attempt costs on this machine
 
 GRASPMILL_LOG=info shows which shards are skipped and committed.";

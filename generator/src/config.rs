@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use perception::{SensorParams, ViewKind};
-use schema::{CameraParams, Grid, Gripper, Physics, Procedure, SettleParams, ShapeKind, TsdfParams, ViewParams};
+use schema::{CameraParams, Grid, Hands, Physics, Procedure, SettleParams, ShapeKind, TsdfParams, ViewParams};
 use serde::Serialize;
 use settings::{Document, Reader, settings, words};
 use toml::Value;
@@ -17,7 +17,7 @@ pub(crate) const YAWS: usize = 6;
 const PAPER: [&str; 2] =
     [include_str!("../../configs/generate/paper.toml"), "the built-in configs/generate/paper.toml"];
 
-/// Keys of `[objects]` for primitives only; a config with a catalogue may omit them.
+/// Keys of `[objects]` for primitives only; a config with a catalogue has none of them.
 pub(crate) const OF_PRIMITIVES: [&str; 4] = ["shapes", "size_m", "density_kg_m3", "friction"];
 
 settings! {
@@ -132,8 +132,8 @@ settings! {
         pub shares: Shares; or Shares::NONE,
         /// Weights of a judge, whose best hands are executed.
         pub policy: Option<Policy>; or None,
-        /// The hand.
-        pub gripper: Gripper; by Gripper::read_named as "a hand's name or a path that ends in .toml",
+        /// The hand, or several that take turns from scene to scene: their names or files, or a table of ranges.
+        pub gripper: Hands,
         /// The workspace.
         pub grid: Grid,
         /// What is dropped.
@@ -171,6 +171,8 @@ pub struct Overrides<'a> {
     pub attempts: Option<u64>,
     /// `--policy`, from the working folder.
     pub policy: Option<&'a Path>,
+    /// `--set`: keys and their values.
+    pub set: &'a [(String, String)],
 }
 
 impl Config {
@@ -187,6 +189,7 @@ impl Config {
     /// # Errors
     /// [`settings::Error`] with all faults.
     pub fn read(mut document: Document, overrides: Overrides<'_>) -> Result<Self, settings::Error> {
+        overrides.set.iter().try_for_each(|(key, value)| document.set(key, value))?;
         let table = document.table_mut();
         for (key, value) in [("shards", overrides.shards), ("attempts", overrides.attempts)] {
             // Values that TOML cannot hold are far beyond the limits.
@@ -198,15 +201,28 @@ impl Config {
             let policy = std::path::absolute(policy).unwrap_or_else(|_| policy.to_owned());
             table.insert("policy".to_owned(), Value::String(policy.display().to_string()));
         }
+        let mut without_effect = Vec::new();
         if let Some(objects) = table.get_mut("objects").and_then(Value::as_table_mut)
             && objects.contains_key("catalogue")
         {
             let paper = Document::parse(PAPER[0], Path::new(PAPER[1]))?;
             for key in OF_PRIMITIVES {
-                objects.entry(key).or_insert_with(|| paper.table()["objects"][key].clone());
+                if objects.insert(key.to_owned(), paper.table()["objects"][key].clone()).is_some() {
+                    without_effect.push(format!(
+                        "objects.{key} must be left out beside objects.catalogue: it is for primitives, and a catalogue's objects \
+                         have their own"
+                    ));
+                }
             }
         }
-        let config: Self = document.read()?;
+        let config = match document.read::<Self>() {
+            Ok(config) if without_effect.is_empty() => config,
+            Ok(_) => return Err(document.invalid(without_effect)),
+            Err(settings::Error::Invalid { faults, .. }) => {
+                return Err(document.invalid([faults, without_effect].concat()));
+            }
+            Err(error) => return Err(error),
+        };
         Ok(Self { seed: overrides.seed.unwrap_or(config.seed), ..config })
     }
 
@@ -229,10 +245,12 @@ impl Config {
             format!("must be a range [low, high] within [0.002, {most}], got [{low}, {high}]")
         });
         // A hand without enough time to close would label narrow objects as slipped.
-        let (needs_s, got) = (0.5 * gripper.opening_m_max / gripper.closing_speed_m_s, procedure.close_time_s_max);
-        reader.must("procedure.close_time_s_max", needs_s <= got + 1e-4, || {
-            format!("must be at least the {needs_s:.2} s in which {} closes, got {got}", gripper.name)
-        });
+        for hand in gripper.all() {
+            let (needs_s, got) = (0.5 * hand.opening_m_max / hand.closing_speed_m_s, procedure.close_time_s_max);
+            reader.must("procedure.close_time_s_max", needs_s <= got + 1e-4, || {
+                format!("must be at least the {needs_s:.2} s in which {} closes, got {got}", hand.name)
+            });
+        }
         let wanted = if *sampler == Sampler::Mixed { 1.0 } else { 0.0 };
         let got = self.shares.sum();
         reader.must("shares", (got - wanted).abs() < 1e-3, || {
@@ -241,7 +259,8 @@ impl Config {
         if let Some(policy) = &self.policy {
             let problem = || "needs shares.judged above 0: its hands have no share of the attempts".to_owned();
             reader.must("policy", self.shares.judged > 0.0, problem);
-            if let Err(failure) = policy.judge(gripper, grid) {
+            let failure = gripper.all().iter().find_map(|hand| policy.judge(hand, grid).err());
+            if let Some(failure) = failure {
                 reader.within("policy", |reader| reader.report(failure));
             }
         }
@@ -337,6 +356,21 @@ mod tests {
         let expected =
             "procedure.close_time_s_max must be at least the 0.80 s in which parallel_jaw_80 closes, got 0.7";
         assert_eq!(problems, [expected]);
+    }
+
+    #[test]
+    fn keys_that_a_catalogue_leaves_without_effect_are_refused() {
+        let everyday = include_str!("../../configs/generate/everyday.toml");
+        assert!(Config::read(Document::parse(everyday, Path::new("x")).unwrap(), Overrides::default()).is_ok());
+        let problems =
+            problems(&everyday.replace("[objects]\n", "[objects]\nsize_m = [0.03, 0.08]\nfriction = \"high\"\n"));
+        assert_eq!(problems.len(), 2, "{problems:#?}");
+        for (problem, key) in problems.iter().zip(["size_m", "friction"]) {
+            assert!(
+                problem.starts_with(&format!("objects.{key} must be left out beside objects.catalogue")),
+                "{problem}"
+            );
+        }
     }
 
     #[test]

@@ -1,10 +1,19 @@
-//! Objects from meshes: each mesh is measured, decomposed into convex parts, measured again, and written to a
-//! catalogue.
+//! Objects from meshes: each mesh is measured, decomposed into convex parts, measured again, dropped some times, and
+//! written to a catalogue.
 //!
 //! The mass properties of a watertight mesh are exact, but the physics uses its parts. Both are reported side by side,
-//! with warnings about anything unusual.
+//! with warnings about anything unusual. A file that cannot be used is listed with the reason, and the others go on.
 
-use std::fmt::Write as _;
+mod drops;
+mod source;
+mod told;
+mod units;
+mod urdf;
+
+pub use drops::TestDrops;
+pub use source::{Source, sources};
+pub use told::ImportedObject;
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
@@ -16,12 +25,15 @@ use schema::{HullError, MODELS_MAX};
 use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
-use crate::catalogue::Catalogue;
+use self::source::URDF;
+use self::told::{catalogue_text, opening_m, warnings};
+use self::units::{Own, guessed_scale_m, own_values};
+use self::urdf::{Described, described};
+use crate::catalogue::{Catalogue, MASS_KG};
 use crate::config::Config;
 use crate::mass_integrals::{MassIntegrals, relative_difference};
 use crate::measured::{Measured, integrals_of, overlap_share, smallest_width_m};
-use crate::mesh::Seams;
-use crate::mesh_file::{ENDINGS, damaged, ending, read_mesh, unusable};
+use crate::mesh_file::{damaged, ending, read_mesh, unusable};
 use crate::models::Models;
 
 /// A mesh is convex if its hull is larger by less than this share.
@@ -30,16 +42,13 @@ const CONVEX_SHARE: f64 = 0.01;
 const WIDTH_CORNERS: usize = 64;
 /// Maximum concavity of a part, as a share of the longest side.
 const CONCAVITY: f32 = 0.002;
-/// If an object's longest side is not between these, a warning questions its units.
-const PLAUSIBLE_M: [f64; 2] = [0.005, 1.0];
 /// Maximum accepted length of the longest side.
 const LONGEST_M: f64 = 10.0;
-/// Larger differences between mesh and parts cause a warning: volume, inertia, overlap.
-const VOLUME_SHARE: f64 = 0.05;
-const INERTIA_SHARE: f64 = 0.1;
-const OVERLAP_SHARE: f64 = 0.05;
-/// Decimals of a corner in a catalogue: a tenth of a micrometre.
-const DECIMALS: usize = 7;
+/// How much coarser parts become, as a share of the voxels and corners asked for, where finer ones are refused.
+const COARSER: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
+/// Fewest corners of a part, and fewest voxels, which `--corners-max` and `--voxels` can ask for.
+const CORNERS_MIN: usize = 8;
+const VOXELS_MIN: u32 = 16;
 
 /// Friction unless given: wood, card and plastic against rubber.
 const FRICTION: f32 = 0.8;
@@ -49,11 +58,12 @@ const DENSITY_KG_M3: f64 = 400.0;
 /// Settings of the import.
 #[derive(Debug, Clone, PartialEq, Args)]
 pub struct ImportParams {
-    /// Metres per unit of the files: 0.001 for millimetres
-    #[arg(long, value_name = "METRES", default_value_t = 1.0, value_parser = positive)]
-    scale: f64,
+    /// Metres per unit of the files: 0.001 for millimetres; a URDF's own scale applies besides [default: guessed from
+    /// the sizes, metres for URDF]
+    #[arg(long, value_name = "METRES", value_parser = positive)]
+    scale: Option<f64>,
 
-    /// Density of all objects in kg/m3 [default: 400]
+    /// Density of all objects in kg/m3 [default: a URDF's mass, else 400]
     #[arg(long, value_name = "KG/M3", value_parser = positive)]
     density: Option<f64>,
 
@@ -64,6 +74,10 @@ pub struct ImportParams {
     /// Friction coefficient of all objects
     #[arg(long, value_name = "MU", default_value_t = FRICTION)]
     friction: f32,
+
+    /// What differs for single objects: tables `[name]` with scale, mass_kg or density_kg_m3, friction (TOML)
+    #[arg(long, value_name = "FILE")]
+    each: Option<PathBuf>,
 
     /// Most convex parts of an object; 1 makes it its convex hull
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
@@ -76,6 +90,14 @@ pub struct ImportParams {
     /// Voxels along an object's longest side; objects are cut along voxels
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(16..=256))]
     voxels: u32,
+
+    /// Test drops of each object; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    drops: u32,
+
+    /// Leave out objects that come to rest in a smaller share of their test drops
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    rests_min: f64,
 }
 
 /// A number above 0.
@@ -84,114 +106,66 @@ fn positive(text: &str) -> Result<f64, String> {
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("must be above 0, got {text}")) }
 }
 
+/// A number from 0 to 1.
+fn share(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
+    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(format!("must be between 0 and 1, got {text}")) }
+}
+
 /// The result of an import.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Imported {
     /// The objects, in the files' order.
     pub objects: Vec<ImportedObject>,
+    /// The files that could not be used.
+    pub left_out: Vec<LeftOut>,
+    /// Metres per unit of the files.
+    pub scale_m: f64,
+    /// Whether nobody gave that scale.
+    pub is_scale_guessed: bool,
     /// The catalogue's text, which [`Catalogue::parse`] reads.
     #[serde(skip)]
     pub catalogue: String,
 }
 
-/// An imported mesh.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ImportedObject {
-    /// Its name: the file's without its extension, in lower case.
-    pub name: String,
+/// A file that made no object.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LeftOut {
     /// The file.
     pub file: PathBuf,
-    /// Triangles with a positive area.
-    pub triangles: usize,
-    /// Whether it encloses a volume.
-    pub is_watertight: bool,
-    /// Edges that do not belong to two triangles of opposite direction.
-    pub bad_edges: usize,
-    /// Full lengths of its bounding box along the file's axes, in metres.
-    pub extents_m: [f64; 3],
-    /// Volume of the mesh in cubic metres, if it is watertight.
-    pub volume_m3: Option<f64>,
-    /// Mass in kilograms.
-    pub mass_kg: f64,
-    /// Centre of mass in the file's frame, in metres: of the mesh if it is watertight, otherwise of the parts.
-    pub centre_of_mass_m: [f64; 3],
-    /// Principal moments of inertia about it, in kg m², smallest first; of the mesh or of the parts.
-    pub inertia_kg_m2: [f64; 3],
-    /// Volume of its convex hull in cubic metres.
-    pub hull_volume_m3: f64,
-    /// Convex parts.
-    pub parts: usize,
-    /// Largest number of corners of a part.
-    pub part_corners_max: usize,
-    /// Largest distance in metres by which the mesh lies outside its simplified parts.
-    pub simplified_m: f64,
-    /// Volume of all parts in cubic metres; overlaps count twice, as in the mass.
-    pub parts_volume_m3: f64,
-    /// The parts' volume as a share of the mesh's.
-    pub parts_volume_share: Option<f64>,
-    /// Share of the union of the parts that lies in more than one of them.
-    pub parts_overlap_share: f64,
-    /// Relative difference of the parts' inertia from the mesh's.
-    pub parts_inertia_difference: Option<f64>,
-    /// The smallest distance between two parallel planes that enclose the object, in metres.
-    pub smallest_width_m: f64,
-    /// Whether the open hand spans that distance.
-    pub fits_gripper: bool,
-    /// Whether it fits the workspace in any orientation.
-    pub fits_workspace: bool,
-    /// Warnings as text.
-    pub warnings: Vec<String>,
-}
-
-/// The mesh files of some paths: files as given, and the meshes in folders, sorted by name.
-///
-/// # Errors
-/// For a folder that cannot be listed or has no mesh.
-pub fn mesh_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
-    let mut files = Vec::new();
-    for path in paths {
-        if !path.is_dir() {
-            files.push(path.clone());
-            continue;
-        }
-        let shown = path.display();
-        let unlisted = |error| unusable(format!("failed to list the folder: {error}: {shown}"));
-        let entries = std::fs::read_dir(path).map_err(unlisted)?.collect::<Result<Vec<_>, _>>().map_err(unlisted)?;
-        let mut found: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
-        found.retain(|file| ending(file).is_some_and(|ending| ENDINGS.contains(&ending.as_str())));
-        if found.is_empty() {
-            return Err(unusable(format!("there is no .{} file: {shown}", ENDINGS.join(" or ."))));
-        }
-        found.sort();
-        files.extend(found);
-    }
-    Ok(files)
+    /// The reason, which names the file.
+    pub reason: String,
 }
 
 /// Measures and decomposes meshes and makes a catalogue of them. Files are processed in parallel; the result does not
-/// depend on the number of threads.
+/// depend on the number of threads. `on_file` is called with each file, and with the reason if it is left out.
 ///
 /// # Errors
-/// With all files that cannot be used.
-pub fn import_objects(files: &[PathBuf], params: &ImportParams, config: &Config) -> Result<Imported, Failure> {
-    for (place, file) in files.iter().enumerate() {
-        let name = name_of(file);
-        if let Some(other) = files[..place].iter().find(|other| name_of(other) == name) {
-            let (other, file) = (other.display(), file.display());
-            return Err(unusable(format!("two files make an object called {name}: {other} and {file}")));
-        }
+/// If no file can be used, with all reasons; if there are too many; if the table of single objects is wrong.
+pub fn import_objects(
+    sources: &[Source],
+    params: &ImportParams,
+    config: &Config,
+    on_file: &(dyn Fn(&Path, Option<&str>) + Sync),
+) -> Result<Imported, Failure> {
+    if sources.len() > MODELS_MAX {
+        let got = sources.len();
+        return Err(unusable(format!("a dataset has at most {MODELS_MAX} objects, got {got} files")));
     }
-    if files.len() > MODELS_MAX {
-        let got = files.len();
-        return Err(unusable_files(
-            ExitCode::Config,
-            &[format!("a dataset has at most {MODELS_MAX} objects, got {got} files")],
-        ));
-    }
-    let made: Vec<_> = files.par_iter().with_max_len(1).map(|file| guarded(file, params, config)).collect();
-    let (mut objects, mut catalogue) = (Vec::new(), HEAD.to_owned());
-    let (mut problems, mut code) = (Vec::new(), ExitCode::Config); // or `Data`, if a file is damaged
-    for one in made {
+    let each = params.each.as_deref().map(|path| own_values(path, sources)).transpose()?.unwrap_or_default();
+    let own = |source: &Source| each.get(&source.name).copied().unwrap_or_default();
+    let without_own: Vec<&Source> = sources.iter().filter(|source| own(source).scale.is_none()).collect();
+    let scale_m = params.scale.unwrap_or_else(|| guessed_scale_m(&without_own));
+    let made = |source: &Source| {
+        let import = Import { source, own: own(source), scale_m, params, config };
+        let made = import.object();
+        on_file(&source.file, made.as_ref().err().map(ToString::to_string).as_deref());
+        made
+    };
+    let made: Vec<_> = sources.par_iter().with_max_len(1).map(made).collect();
+    let (mut objects, mut left_out, mut catalogue) = (Vec::new(), Vec::new(), HEAD.to_owned());
+    let mut code = ExitCode::Config; // or `Data`, if a file is damaged
+    for (source, one) in sources.iter().zip(made) {
         match one {
             Ok((object, text)) => {
                 objects.push(object);
@@ -199,22 +173,16 @@ pub fn import_objects(files: &[PathBuf], params: &ImportParams, config: &Config)
             }
             Err(error) => {
                 code = code.min(error.exit_code());
-                problems.push(error.to_string());
+                left_out.push(LeftOut { file: source.file.clone(), reason: error.to_string() });
             }
         }
     }
-    if !problems.is_empty() {
-        return Err(unusable_files(code, &problems));
+    if objects.is_empty() {
+        let reasons: Vec<&str> = left_out.iter().map(|one| one.reason.as_str()).collect();
+        return Err(Failure::new(code, format!("none of the files can be used:\n  {}", reasons.join("\n  "))));
     }
-    // The written text must be readable: masses have limits, and rounded corners must still have hulls.
-    let read = Catalogue::parse(&catalogue, Path::new("the new catalogue")).map_err(unusable)?;
-    Models::of(&read).map_err(|problems| unusable_files(ExitCode::Config, &problems))?;
-    Ok(Imported { objects, catalogue })
-}
-
-fn unusable_files(code: ExitCode, problems: &[String]) -> Failure {
-    let count = problems.len();
-    Failure::new(code, format!("{count} of the files cannot be used:\n  {}", problems.join("\n  ")))
+    let is_scale_guessed = params.scale.is_none();
+    Ok(Imported { objects, left_out, scale_m, is_scale_guessed, catalogue })
 }
 
 const HEAD: &str = "\
@@ -222,178 +190,165 @@ const HEAD: &str = "\
 # and names may be changed by hand; sets of objects may be added.
 ";
 
-/// An object's name: characters that need no quotes in a table or a query.
-fn name_of(file: &Path) -> String {
-    let stem = file.file_stem().map_or_else(Default::default, |stem| stem.to_string_lossy().to_ascii_lowercase());
-    stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
+/// The import of one object.
+struct Import<'a> {
+    source: &'a Source,
+    own: Own,
+    scale_m: f64,
+    params: &'a ImportParams,
+    config: &'a Config,
 }
 
-/// The hull library panics on some scans. Such a file is reported, and the others continue.
-fn guarded(file: &Path, params: &ImportParams, config: &Config) -> Result<(ImportedObject, String), Failure> {
-    let failed = |_| Err(damaged("it cannot be decomposed, because a hull could not be made", file));
-    catch_unwind(AssertUnwindSafe(|| import_one(file, params, config))).unwrap_or_else(failed)
-}
-
-fn import_one(file: &Path, params: &ImportParams, config: &Config) -> Result<(ImportedObject, String), Failure> {
-    let mesh = read_mesh(file, params.scale)?;
-    let damaged = |error: HullError| damaged(&error.to_string(), file);
-    let measured = Measured::of(mesh);
-    let longest_m = measured.extents_m.max_element();
-    if longest_m > LONGEST_M {
-        let (file, scale) = (file.display(), params.scale * 0.001);
-        return Err(unusable(format!(
-            "it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}"
-        )));
+impl Import<'_> {
+    /// The object and its entry in the catalogue.
+    fn object(&self) -> Result<(ImportedObject, String), Failure> {
+        let file = &self.source.file;
+        let (measured, mass_kg) = self.measured()?;
+        let mut refused = None;
+        for share in COARSER {
+            // The hull library panics on some scans; cut elsewhere, they have hulls.
+            let parts = catch_unwind(AssertUnwindSafe(|| self.parts(&measured, share)));
+            let unmade = || damaged("it cannot be decomposed, because a hull could not be made", file);
+            let made = match parts {
+                Ok(Ok(parts)) => self.with_parts(&measured, mass_kg, &parts),
+                Ok(Err(error)) => Err(damaged(&error.to_string(), file)),
+                Err(_) => Err(unmade()),
+            };
+            match made {
+                Err(error) if error.exit_code() == ExitCode::Data => refused = refused.or(Some(error)),
+                made => return made,
+            }
+        }
+        Err(refused.unwrap_or_else(|| unusable(format!("it has no parts: {}", file.display()))))
     }
-    let hull_of = |parts_max| {
+
+    /// The mesh in metres, and the mass in kilograms if the file has one.
+    fn measured(&self) -> Result<(Measured, Option<f64>), Failure> {
+        let Self { source, own, params, .. } = self;
+        let file = &source.file;
+        let scale_m = self.scale_m_of();
+        let (mesh, mass_kg) = if ending(file).as_deref() == Some(URDF) {
+            let Described { mesh, mass_kg } = described(file, scale_m)?;
+            (mesh, mass_kg)
+        } else {
+            (read_mesh(file, scale_m)?, None)
+        };
+        let measured = Measured::of(mesh);
+        let longest_m = measured.extents_m.max_element();
+        if longest_m > LONGEST_M {
+            let (file, scale) = (file.display(), scale_m * 0.001);
+            return Err(unusable(format!(
+                "it must be at most {LONGEST_M} m long, got {longest_m} m: in millimetres? --scale {scale}: {file}"
+            )));
+        }
+        let of_file = mass_kg.filter(|_| params.density.is_none() && own.density_kg_m3.is_none());
+        let given = own.mass_kg.or(params.mass.filter(|_| own.density_kg_m3.is_none()));
+        Ok((measured, given.or(of_file)))
+    }
+
+    /// Metres per unit of the file, or, of a description, besides its own scale.
+    fn scale_m_of(&self) -> f64 {
+        let is_urdf = ending(&self.source.file).as_deref() == Some(URDF);
+        let otherwise = if is_urdf { self.params.scale.unwrap_or(1.0) } else { self.scale_m };
+        self.own.scale.unwrap_or(otherwise)
+    }
+
+    /// The convex parts, by a share of the voxels and corners that are asked for.
+    fn parts(&self, measured: &Measured, share: f64) -> Result<ConvexParts, HullError> {
+        let params = self.params;
+        let is_convex =
+            measured.solid.is_some_and(|solid| solid.volume_m3 >= (1.0 - CONVEX_SHARE) * measured.hull_volume_m3);
         let parts = PartsParams {
-            parts_max,
-            corners_max: params.corners_max.into(),
-            resolution: params.voxels,
+            parts_max: if is_convex { 1 } else { params.hulls_max.into() },
+            corners_max: ((share * f64::from(params.corners_max)) as usize).max(CORNERS_MIN),
+            resolution: ((share * f64::from(params.voxels)) as u32).max(VOXELS_MIN),
             concavity: CONCAVITY,
         };
-        convex_parts(&measured.corners_m, &measured.mesh.triangles, &parts).map_err(damaged)
-    };
-    let is_convex =
-        measured.solid.is_some_and(|solid| solid.volume_m3 >= (1.0 - CONVEX_SHARE) * measured.hull_volume_m3);
-    let parts = hull_of(if is_convex { 1 } else { params.hulls_max.into() })?;
-    let object = described(file, params, config, &measured, &parts).map_err(damaged)?;
-    let text = catalogue_text(&object, params, &parts);
-    Ok((object, text))
-}
+        convex_parts(&measured.corners_m, &measured.mesh.triangles, &parts)
+    }
 
-fn described(
-    file: &Path,
-    params: &ImportParams,
-    config: &Config,
-    measured: &Measured,
-    parts: &ConvexParts,
-) -> Result<ImportedObject, HullError> {
-    let of_parts = parts.hulls.iter().map(integrals_of).fold(MassIntegrals::ZERO, |sum, part| sum.plus(&part));
-    let balance = measured.solid.unwrap_or(of_parts);
-    let density_kg_m3 = params.density.unwrap_or(DENSITY_KG_M3);
-    let mass_kg = params.mass.unwrap_or(density_kg_m3 * balance.volume_m3);
-    let inertia = balance.inertia_kg_m2(mass_kg);
-    let whole = few_cornered_hull(&measured.corners_m, WIDTH_CORNERS)?.0;
-    let smallest_width_m = smallest_width_m(&whole, &measured.corners_m);
-    let mut object = ImportedObject {
-        name: name_of(file),
-        file: file.to_owned(),
-        triangles: measured.mesh.triangles.len(),
-        is_watertight: measured.seams.is_watertight(),
-        bad_edges: measured.seams.open_edges + measured.seams.twisted_edges,
-        extents_m: measured.extents_m.to_array(),
-        volume_m3: measured.solid.map(|solid| solid.volume_m3),
-        mass_kg,
-        centre_of_mass_m: (balance.centre_m() + measured.middle_m).to_array(),
-        inertia_kg_m2: DSymmetricEigen3::eigenvalues(inertia).to_array(),
-        hull_volume_m3: measured.hull_volume_m3,
-        parts: parts.hulls.len(),
-        part_corners_max: parts.hulls.iter().map(|hull| hull.corners_m().len()).max().unwrap_or(0),
-        simplified_m: f64::from(parts.simplified_m),
-        parts_volume_m3: of_parts.volume_m3,
-        parts_volume_share: measured.solid.map(|solid| of_parts.volume_m3 / solid.volume_m3),
-        parts_overlap_share: overlap_share(&parts.hulls),
-        parts_inertia_difference: measured.solid.map(|_| relative_difference(of_parts.inertia_kg_m2(mass_kg), inertia)),
-        smallest_width_m,
-        fits_gripper: smallest_width_m < f64::from(config.gripper.opening_m_max),
-        fits_workspace: measured.extents_m.length() <= f64::from(config.grid.size_m),
-        warnings: Vec::new(),
-    };
-    object.warnings = warnings(&object, params.scale, config, measured);
-    Ok(object)
-}
-
-/// What is unusual about an object, one sentence each.
-fn warnings(object: &ImportedObject, scale: f64, config: &Config, measured: &Measured) -> Vec<String> {
-    let longest_m = measured.extents_m.max_element();
-    let of_parts = "volume, mass and inertia are those of the parts";
-    let mut told = Vec::new();
-    if !object.is_watertight {
-        let Seams { open_edges, twisted_edges } = measured.seams;
-        told.push(format!(
-            "not watertight: {open_edges} edges do not belong to two triangles, {twisted_edges} have theirs turned against \
-             each other; {of_parts}"
-        ));
-    } else if object.volume_m3.is_none() {
-        told.push(format!("watertight, but without a volume; {of_parts}"));
-    }
-    if measured.was_inside_out {
-        told.push("its triangles were inside out; they were reversed".to_owned());
-    }
-    if measured.mesh.degenerate_count > 0 {
-        told.push(format!("{} triangles without an area were dropped", measured.mesh.degenerate_count));
-    }
-    if longest_m > PLAUSIBLE_M[1] {
-        let scale = scale * 0.001;
-        told.push(format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {scale}"));
-    }
-    if longest_m < PLAUSIBLE_M[0] {
-        let (longest_mm, scale) = (longest_m * 1000.0, scale * 1000.0);
-        told.push(format!("{longest_mm:.3} mm long: if the file is in metres, give --scale {scale}"));
-    }
-    if !object.fits_gripper {
-        let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, config.gripper.opening_m_max * 1000.0);
-        told.push(format!(
-            "{width_mm:.1} mm at its narrowest, and the hand opens {opening_mm:.1} mm: only a rim or a handle can be held"
-        ));
-    }
-    if !object.fits_workspace {
-        let side_m = config.grid.size_m;
-        told.push(format!(
-            "its bounding box's diagonal must be at most the workspace's side, {side_m} m, to be dropped"
-        ));
-    }
-    if let Some(share) = object.parts_volume_share.filter(|share| (share - 1.0).abs() > VOLUME_SHARE) {
-        let cure = if share > 1.0 {
-            "--hulls-max: the parts fill hollows"
-        } else {
-            "--corners-max: the parts cut off rounded surfaces"
-        };
-        told.push(format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * share));
-    }
-    if let Some(share) = object.parts_inertia_difference.filter(|share| *share > INERTIA_SHARE) {
-        told.push(format!("the parts' inertia is {:.1} % from the mesh's", 100.0 * share));
-    }
-    if object.parts_overlap_share > OVERLAP_SHARE {
-        told.push(format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share));
-    }
-    told
-}
-
-/// The object as a catalogue entry. Corners are relative to the centre of the mesh's bounding box.
-fn catalogue_text(object: &ImportedObject, params: &ImportParams, parts: &ConvexParts) -> String {
-    let name_of_file = object.file.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
-    let state = match object.parts_volume_share {
-        Some(share) => format!("parts with {:.1} % of its volume", 100.0 * share),
-        None => "not watertight".to_owned(),
-    };
-    let source = format!("{name_of_file}, {} m a unit; {} triangles; {state}", params.scale, object.triangles);
-    let mut text = String::new();
-    let mass_kg = (object.mass_kg * 1e6).round() / 1e6;
-    let _ = write!(
-        text,
-        "\n[[object]]\nname = \"{}\"\nmass_kg = {mass_kg:?}\nfriction = {:?}\nsource = {}\n",
-        object.name,
-        params.friction,
-        toml::Value::String(source)
-    );
-    for hull in &parts.hulls {
-        text +=
-            "\n[[object.part]]\nshape = \"hull\"\nat_m = [0.0, 0.0, 0.0]\nturn_deg = [0.0, 0.0, 0.0]\ncorners_m = [\n";
-        for corner in hull.corners_m() {
-            let [x, y, z] = corner.to_array().map(decimal);
-            let _ = writeln!(text, "    [{x}, {y}, {z}],");
+    /// The object with these parts, as it is read from the catalogue. A part that is refused there is an error with
+    /// [`ExitCode::Data`].
+    fn with_parts(
+        &self,
+        measured: &Measured,
+        mass_kg: Option<f64>,
+        parts: &ConvexParts,
+    ) -> Result<(ImportedObject, String), Failure> {
+        let Self { source, params, config, .. } = self;
+        let file = &source.file;
+        let damaged = |message: &str| damaged(message, file);
+        let mut object = self.described(measured, mass_kg, parts).map_err(|error| damaged(&error.to_string()))?;
+        let [least, most] = MASS_KG.map(f64::from);
+        if !(least..=most).contains(&object.mass_kg) {
+            let (mass_g, longest_mm) = (object.mass_kg * 1e3, measured.extents_m.max_element() * 1e3);
+            return Err(unusable(format!(
+                "its mass must be between {:.0} g and {most} kg, got {mass_g:.3} g: it is {longest_mm:.1} mm long with {} m a unit; \
+                 give --scale, or --mass: {}",
+                least * 1e3,
+                object.scale_m,
+                file.display()
+            )));
         }
-        text += "]\n";
+        let text = catalogue_text(&object, parts);
+        let read = Catalogue::parse(&text, Path::new("the new catalogue")).map_err(|error| damaged(&error))?;
+        let models = Models::of(&read).map_err(|problems| damaged(&problems.join("; ")))?;
+        let (body, thing) = (&models.bodies()[0], &models.stored()[0]);
+        object.test_drops = TestDrops::of(body, thing.mass_kg, thing.friction, config, params.drops);
+        object.warnings = warnings(&object, config, measured);
+        if let Some(drops) = object.test_drops
+            && f64::from(drops.rested) < params.rests_min * f64::from(drops.count())
+        {
+            let (rested, count, least, file) = (drops.rested, drops.count(), params.rests_min, file.display());
+            return Err(unusable(format!(
+                "it must come to rest in a share of {least} of its test drops, got {rested} of {count}: {file}"
+            )));
+        }
+        Ok((object, text))
     }
-    text
-}
 
-/// A length with as many decimals as it needs, at least one and at most [`DECIMALS`].
-fn decimal(metres: f32) -> String {
-    let text = format!("{metres:.DECIMALS$}");
-    let short = text.trim_end_matches('0');
-    let short = if short.ends_with('.') { format!("{short}0") } else { short.to_owned() };
-    if short == "-0.0" { "0.0".to_owned() } else { short }
+    fn described(
+        &self,
+        measured: &Measured,
+        mass_kg: Option<f64>,
+        parts: &ConvexParts,
+    ) -> Result<ImportedObject, HullError> {
+        let Self { source, own, params, config, .. } = self;
+        let of_parts = parts.hulls.iter().map(integrals_of).fold(MassIntegrals::ZERO, |sum, part| sum.plus(&part));
+        let balance = measured.solid.unwrap_or(of_parts);
+        let density_kg_m3 = own.density_kg_m3.or(params.density).unwrap_or(DENSITY_KG_M3);
+        let mass_kg = mass_kg.unwrap_or(density_kg_m3 * balance.volume_m3);
+        let inertia = balance.inertia_kg_m2(mass_kg);
+        let share = |solid: MassIntegrals| of_parts.volume_m3 / solid.volume_m3;
+        let difference = |_| relative_difference(of_parts.inertia_kg_m2(mass_kg), inertia);
+        let whole = few_cornered_hull(&measured.corners_m, WIDTH_CORNERS)?.0;
+        let smallest_width_m = smallest_width_m(&whole, &measured.corners_m);
+        Ok(ImportedObject {
+            name: source.name.clone(),
+            file: source.file.clone(),
+            scale_m: self.scale_m_of(),
+            triangles: measured.mesh.triangles.len(),
+            is_watertight: measured.seams.is_watertight(),
+            bad_edges: measured.seams.open_edges + measured.seams.twisted_edges,
+            extents_m: measured.extents_m.to_array(),
+            volume_m3: measured.solid.map(|solid| solid.volume_m3),
+            mass_kg,
+            friction: own.friction.unwrap_or(params.friction),
+            centre_of_mass_m: (balance.centre_m() + measured.middle_m).to_array(),
+            inertia_kg_m2: DSymmetricEigen3::eigenvalues(inertia).to_array(),
+            hull_volume_m3: measured.hull_volume_m3,
+            parts: parts.hulls.len(),
+            part_corners_max: parts.hulls.iter().map(|hull| hull.corners_m().len()).max().unwrap_or(0),
+            simplified_m: f64::from(parts.simplified_m),
+            parts_volume_m3: of_parts.volume_m3,
+            parts_volume_share: measured.solid.map(share),
+            parts_overlap_share: overlap_share(&parts.hulls),
+            parts_inertia_difference: measured.solid.map(difference),
+            smallest_width_m,
+            fits_gripper: smallest_width_m < f64::from(opening_m(config)),
+            fits_workspace: measured.extents_m.length() <= f64::from(config.grid.size_m),
+            test_drops: None,
+            warnings: Vec::new(),
+        })
+    }
 }

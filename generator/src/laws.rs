@@ -20,13 +20,9 @@ impl Config {
     /// What goes to `meta/info.json`: the dataset's identity.
     #[must_use]
     pub fn dataset_info(&self) -> DatasetInfo {
-        DatasetInfo {
+        let mut info = DatasetInfo {
             about: DatasetInfo::ABOUT.to_owned(),
-            format_version: if self.objects.catalogue.is_empty() {
-                FormatVersion::CURRENT
-            } else {
-                FormatVersion::MODELS
-            },
+            format_version: FormatVersion::CURRENT,
             code_version: env!("CARGO_PKG_VERSION").to_owned(),
             seed: self.seed,
             shard_count: self.shards,
@@ -34,14 +30,17 @@ impl Config {
             attempt_count: self.attempts,
             attempts_per_scene: self.attempts_per_scene,
             grid: self.grid,
-            gripper: self.gripper.clone(),
+            gripper: self.gripper.of_scene(0).clone(),
             procedure: self.procedure,
             units: DatasetInfo::UNITS.to_owned(),
             frames: DatasetInfo::FRAMES.map(str::to_owned).to_vec(),
             facets: DatasetInfo::facets(),
             config: self.stored(),
             models: self.objects.catalogue.stored().to_vec(),
-        }
+            grippers: if self.gripper.only().is_some() { Vec::new() } else { self.gripper.all().to_vec() },
+        };
+        info.format_version = info.version();
+        info
     }
 
     /// What [`DatasetInfo`] has no field for.

@@ -16,7 +16,7 @@ use crate::mesh::{Mesh, TRIANGLES_MAX};
 pub(crate) const ENDINGS: [&str; 3] = ["obj", "stl", "ply"];
 
 /// Maximum file size.
-const BYTES_MAX: u64 = 1 << 30;
+pub(crate) const BYTES_MAX: u64 = 1 << 30;
 
 /// Why files cannot be read or used.
 pub(crate) fn unusable(message: impl Into<String>) -> Failure {
@@ -28,7 +28,8 @@ pub(crate) fn damaged(message: &str, file: &Path) -> Failure {
     Failure::new(ExitCode::Data, format!("{message}: {}", file.display()))
 }
 
-type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+/// Corners in the file's units, and triangles as corner indices.
+pub(crate) type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 /// The reader of a kind of file.
 type Read = fn(&[u8]) -> Result<Parts, String>;
@@ -38,6 +39,15 @@ type Read = fn(&[u8]) -> Result<Parts, String>;
 /// # Errors
 /// If the file cannot be read or is no mesh.
 pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
+    let (corners, triangles) = read_parts(path)?;
+    Mesh::new(&corners, &triangles, scale_m).map_err(|message| damaged(&message, path))
+}
+
+/// Reads a file's corners and triangles as they are.
+///
+/// # Errors
+/// If the file cannot be read or is no mesh.
+pub(crate) fn read_parts(path: &Path) -> Result<Parts, Failure> {
     let shown = path.display();
     let unread = |source| unusable(format!("failed to read it: {source}: {shown}"));
     let bytes = program::read(path, BYTES_MAX).map_err(unread)?;
@@ -50,10 +60,7 @@ pub(crate) fn read_mesh(path: &Path, scale_m: f64) -> Result<Mesh, Failure> {
             return Err(unusable(format!("its name must end with .{endings}: {shown}")));
         }
     };
-    let damaged = |message: String| self::damaged(&message, path);
-    let (corners, triangles) =
-        read(&bytes).map_err(|message| damaged(format!("not a whole {kind} file: {message}")))?;
-    Mesh::new(&corners, &triangles, scale_m).map_err(damaged)
+    read(&bytes).map_err(|message| damaged(&format!("not a whole {kind} file: {message}"), path))
 }
 
 /// The extension of a file's name in lower case.

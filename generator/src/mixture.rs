@@ -72,8 +72,10 @@ pub(crate) fn proposed(
     (tsdf, views): (&VoxelGrid, usize),
     Mixture { proposals, judged, .. }: Mixture,
 ) -> Vec<Candidate> {
-    let stream = |number| Stream::new(config.seed, objects[0].scene_id, Purpose::Proposals, number);
-    let proposer = Proposer::new(&config.gripper, config.procedure.pregrasp_distance_m);
+    let scene_id = objects[0].scene_id;
+    let hand = config.gripper.of_scene(scene_id);
+    let stream = |number| Stream::new(config.seed, scene_id, Purpose::Proposals, number);
+    let proposer = Proposer::new(hand, config.procedure.pregrasp_distance_m);
     let targets: Vec<Target> = scene.objects.iter().map(Target::of).collect();
     let candidate = |workspace_from_grasp: Pose, approach: Approach| {
         let closing_m = workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, -CLOSING_M));
@@ -82,7 +84,7 @@ pub(crate) fn proposed(
     };
     let hands = proposer.propose(tsdf, proposals, &mut stream(0)).into_iter();
     let plain = hands.map(|hand| candidate(hand.workspace_from_grasp, Approach::Proposal));
-    let judge = config.policy.as_ref().and_then(|policy| policy.judge(&config.gripper, &config.grid).ok());
+    let judge = config.policy.as_ref().and_then(|policy| policy.judge(hand, &config.grid).ok());
     let best = judge.map_or_else(Vec::new, |judge| best(&judge, (tsdf, views), judged, &mut stream(2)));
     plain.chain(best.iter().map(|judged| candidate(judged.hand.workspace_from_grasp, Approach::Judged))).collect()
 }
@@ -271,10 +273,10 @@ mod tests {
             .replace("judged = 0.25 ", "judged = 0.0 ")
             .replace("displaced = 0.15 ", "displaced = 0.0 ");
         let mut config = config(&text).unwrap();
-        config.gripper.palm_breadth_m = 0.5;
-        config.gripper.palm_width_m = 0.5;
-        config.gripper.palm_length_m = 0.5;
-        config.gripper.finger_length_m = 0.005;
+        let mut hand = config.gripper.all()[0].clone();
+        (hand.palm_breadth_m, hand.palm_width_m, hand.palm_length_m) = (0.5, 0.5, 0.5);
+        hand.finger_length_m = 0.005;
+        config.gripper = hand.into();
         let rows = make_scene(&config, 1, 12).unwrap();
         assert_eq!(rows.attempts.len(), 12);
     }

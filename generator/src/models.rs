@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use schema::{MODELS_MAX, Model, ObjectShape};
 use serde::{Serialize, Serializer};
-use settings::{Reader, Setting, Value};
+use settings::{Reader, Row, Setting, Value};
 use simulator::{Body, bodies_of};
 
 use crate::catalogue::Catalogue;
+use crate::household::{HouseholdParams, household};
 
 /// A catalogue's objects. If there are none, objects are primitives.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -30,6 +31,12 @@ impl Models {
             return Err(vec![format!("objects.catalogue must have at least one object: {name}")]);
         }
         Ok(models)
+    }
+
+    /// Household objects: those that the catalogue of `generator make-objects` has.
+    fn draw_household(params: &HouseholdParams) -> Result<Self, Vec<String>> {
+        let text = household(params).map_err(|e| vec![e])?;
+        Self::of(&Catalogue::parse(&text, Path::new("drawn by objects.catalogue")).map_err(|e| vec![e])?)
     }
 
     /// A catalogue's objects as a dataset stores them.
@@ -87,21 +94,29 @@ impl Models {
     }
 }
 
-/// A setting that is read by the catalogue's name; without any, objects are primitives.
+/// A setting that is read by the catalogue's name or drawn as its table says; without any, objects are primitives.
 impl Setting for Models {
     type Limits = ();
 
     fn kind((): &()) -> String {
-        format!("`{EVERYDAY}` or the path of a catalogue, or left out")
+        format!("`{EVERYDAY}`, the path of a catalogue, or a table of household objects, or left out")
     }
 
     fn read(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
-        let name = String::read(value, &(), reader)?;
-        let read = Self::read_catalogue(&name, reader.folder());
+        let read = if value.is_table() {
+            Self::draw_household(&HouseholdParams::read(value, &(), reader)?)
+        } else {
+            Self::read_catalogue(&String::read(value, &(), reader)?, reader.folder())
+        };
         read.map_err(|problems| problems.into_iter().for_each(|problem| reader.report(problem))).ok()
     }
 
     fn check(&self, (): &(), _: &mut Reader<'_>) {}
+
+    fn add_rows(prefix: &str, rows: &mut Vec<Row>) -> bool {
+        HouseholdParams::add_rows(prefix, rows);
+        false
+    }
 }
 
 /// Written as the objects' names.

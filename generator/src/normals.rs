@@ -87,7 +87,7 @@ pub(crate) fn draw_along_normals(
     let mut candidates = Vec::with_capacity(count.next_multiple_of(YAWS));
     while candidates.len() < count {
         let touch = draw_seen(config, &targets, &cameras, stream);
-        let length_m = config.gripper.finger_length_m;
+        let length_m = config.gripper.of_scene(objects[0].scene_id).finger_length_m;
         let depth_m = length_m * stream.uniform(-DEPTH_SHARE, 1.0 + DEPTH_SHARE);
         let shape = objects[touch.object_id].shape.shape();
         candidates.extend((0..YAWS).map(|yaw| {

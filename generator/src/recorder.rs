@@ -72,7 +72,7 @@ impl<'a> Recorder<'a> {
     fn close_freely(&mut self, steps: usize) {
         let stride = self.stride();
         for step in (stride..=steps).step_by(stride) {
-            let closed_m = self.info.gripper.closing_speed_m_s / self.step_rate_hz * step as f32;
+            let closed_m = self.info.hand_of(self.stored.scene_id).closing_speed_m_s / self.step_rate_hz * step as f32;
             let moved =
                 |inward: f32| self.stored.workspace_from_grasp * Pose::from_translation(Vec3::Y * (inward * closed_m));
             let hand = [moved(1.0), moved(-1.0), self.stored.workspace_from_grasp];

@@ -75,7 +75,7 @@ fn repeat_scene(
 ) -> Repeated {
     let (info, attempts) = (dataset.info(), &rows.attempts);
     let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, bodies);
-    let world = AttemptWorld::new(physics, &info.gripper, &info.procedure, &scene);
+    let world = AttemptWorld::new(physics, info.hand_of(rows.scene.scene_id), &info.procedure, &scene);
     let again = |row: &AttemptRecord| {
         let now = world.execute(&row.workspace_from_grasp, row.object_id as usize);
         let (scene_id, attempt_id) = (row.scene_id, row.attempt_id);

@@ -4,9 +4,11 @@ use std::fmt::Write as _;
 use std::str::FromStr;
 
 use program::{ExitCode, Failure};
+use rayon::prelude::*;
+use report::view::folder::{INDEX, Place, replay_file, scene_file};
 use report::view::{Body, Class, EventKind, Line, Points, View, flat, flat_points};
-use schema::{AttemptRecord, HandBox, Outcome, Pose, SceneRows};
-use shards::{Dataset, DatasetInfo, object_bodies};
+use schema::{AttemptRecord, Gripper, HandBox, Outcome, Pose, SceneRows};
+use shards::{Dataset, object_bodies};
 use simulator::{AttemptWorld, Execution, Obstruction, Physics, Scene};
 
 use crate::laws::{bodies_of, physics_of};
@@ -87,16 +89,54 @@ fn stored_told(stored: &AttemptRecord) -> String {
 /// # Errors
 /// If the dataset cannot be read, has no such attempt, or was not made by this engine.
 pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, Failure> {
+    replay_of(dataset, &dataset.read_scene(id.scene_id)?, id)
+}
+
+/// The pages of all attempts of a scene, for a folder of `shards browse`: their files' names, texts, and whether they
+/// end as stored. Each leads to the scene, to all scenes and to the scene's other attempts.
+///
+/// # Errors
+/// As of [`replay`].
+pub fn replay_pages(dataset: &Dataset, scene_id: u64) -> Result<Vec<(String, String, bool)>, Failure> {
+    let rows = dataset.read_scene(scene_id)?;
+    let file = |attempt: &AttemptRecord| replay_file(scene_id, attempt.attempt_id);
+    let page = |(at, attempt): (usize, &AttemptRecord)| {
+        let id = AttemptId { scene_id, attempt_id: attempt.attempt_id };
+        let mut replay = replay_of(dataset, &rows, id)?;
+        shorten(&mut replay.view);
+        let place = Place {
+            previous: at.checked_sub(1).map(|before| file(&rows.attempts[before])),
+            next: rows.attempts.get(at + 1).map(file),
+            links: vec![
+                (format!("scene {scene_id}"), scene_file(scene_id)),
+                ("all scenes".to_owned(), INDEX.to_owned()),
+            ],
+            ..Place::default()
+        };
+        Ok((file(attempt), replay.view.page_in(&place), replay.is_reproduced()))
+    };
+    rows.attempts.par_iter().enumerate().map(page).collect()
+}
+
+/// Rounds what moves to 0.01 mm and a quaternion's last seen digits: there are as many replays as attempts.
+fn shorten(view: &mut View) {
+    let round = |value: &mut f32| *value = (*value * 1e5).round() / 1e5;
+    let poses = view.bodies.iter_mut().filter(|body| body.poses.len() > 1).flat_map(|body| &mut body.poses);
+    poses.flatten().for_each(round);
+    view.points.iter_mut().flat_map(|points| &mut points.points_m).flatten().for_each(round);
+}
+
+fn replay_of(dataset: &Dataset, rows: &SceneRows, id: AttemptId) -> Result<Replay, Failure> {
     let info = dataset.info();
     let physics = physics_of(&info.config)?;
-    let rows = dataset.read_scene(id.scene_id)?;
     let no_such = || {
         let text = format!("attempt must be below {}, got {}", rows.attempts.len(), id.attempt_id);
         Failure::new(ExitCode::Config, text)
     };
     let stored = rows.attempts.get(id.attempt_id as usize).ok_or_else(no_such)?.clone();
     let scene = Scene::from_records(info.grid.table_z_m, &rows.objects, &bodies_of(info)?);
-    let world = AttemptWorld::new(&physics, &info.gripper, &info.procedure, &scene);
+    let gripper = info.hand_of(id.scene_id);
+    let world = AttemptWorld::new(&physics, gripper, &info.procedure, &scene);
     let (grasp, target) = (stored.workspace_from_grasp, stored.object_id as usize);
 
     let at_rest = rows.objects.iter().map(|row| row.workspace_from_object).collect();
@@ -104,20 +144,20 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, Failure> {
     let obstruction = world.obstruction(&grasp, target);
     recorder.approach(obstruction.map_or(info.procedure.pregrasp_distance_m, |o| o.travel_m));
     if let Some(obstruction) = &obstruction {
-        recorder.happens(EventKind::Note, obstruction_told(info, obstruction));
+        recorder.happens(EventKind::Note, obstruction_told(gripper, obstruction));
     }
     let now = world.execute_watched(&grasp, target, &mut recorder);
 
     let Recorder { mut view, shots, .. } = recorder;
-    view.title = format!("Scene {}, attempt {}: {}", id.scene_id, id.attempt_id, ended(&now));
+    view.title = format!("{}/{}: {}", id.scene_id, id.attempt_id, ended(&now));
     view.bodies.push(Body::table(info.grid.size_m, info.grid.table_z_m));
-    view.bodies.extend(objects(&rows, &stored, &now, &shots));
-    view.bodies.extend(hand(info, &shots));
+    view.bodies.extend(objects(rows, &stored, &now, &shots));
+    view.bodies.extend(hand(gripper, &shots));
     if let Some(obstruction) = &obstruction {
-        view.bodies.extend(swept(info, &grasp, obstruction));
+        view.bodies.extend(swept((gripper, info.procedure.pregrasp_distance_m), &grasp, obstruction));
         view.points.push(Points {
             class: Class::Contact,
-            label: obstruction_told(info, obstruction),
+            label: obstruction_told(gripper, obstruction),
             points_m: flat_points([obstruction.point_m]),
             frames: None,
         });
@@ -127,12 +167,12 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, Failure> {
     Ok(Replay { view, stored, now })
 }
 
-fn obstruction_told(info: &DatasetInfo, obstruction: &Obstruction) -> String {
+fn obstruction_told(gripper: &Gripper, obstruction: &Obstruction) -> String {
     let what = match obstruction.hit.object_id {
         Some(id) => format!("object {id}"),
         None => "the table".to_owned(),
     };
-    let (part, clearance_mm) = (HAND[obstruction.part], info.gripper.clearance_m * 1000.0);
+    let (part, clearance_mm) = (HAND[obstruction.part], gripper.clearance_m * 1000.0);
     let when = match obstruction.outcome {
         Outcome::PregraspCollision => "already before the approach".to_owned(),
         _ => format!("after {:.1} mm of the approach", obstruction.travel_m * 1000.0),
@@ -158,10 +198,10 @@ fn objects(rows: &SceneRows, stored: &AttemptRecord, now: &Execution, shots: &[S
     rows.objects.iter().enumerate().flat_map(pieces_of).collect()
 }
 
-fn hand(info: &DatasetInfo, shots: &[Shot]) -> Vec<Body> {
+fn hand(gripper: &Gripper, shots: &[Shot]) -> Vec<Body> {
     let boxed = |part: usize| {
         let poses: Vec<Pose> = shots.iter().map(|shot| shot.hand[part]).collect();
-        let mut body = Body::of_box(Class::Hand, HAND[part], &info.gripper.open_hand()[part], &poses);
+        let mut body = Body::of_box(Class::Hand, HAND[part], &gripper.open_hand()[part], &poses);
         still(&mut body);
         body
     };
@@ -176,17 +216,16 @@ fn still(body: &mut Body) {
 }
 
 /// What the gate tested when it blocked the hand: the open hand or its sweep, with the clearance.
-fn swept(info: &DatasetInfo, workspace_from_grasp: &Pose, obstruction: &Obstruction) -> Vec<Body> {
-    let distance_m = info.procedure.pregrasp_distance_m;
+fn swept((gripper, distance_m): (&Gripper, f32), workspace_from_grasp: &Pose, obstruction: &Obstruction) -> Vec<Body> {
     let looked_at = |hand_box: HandBox| match obstruction.outcome {
         Outcome::PregraspCollision => {
             HandBox { centre_m: hand_box.centre_m - schema::Vec3::Z * distance_m, ..hand_box }
         }
         _ => hand_box.swept_back(distance_m),
     };
-    let boxes = info.gripper.open_hand().map(|b| looked_at(b).grown(info.gripper.clearance_m));
+    let boxes = gripper.open_hand().map(|b| looked_at(b).grown(gripper.clearance_m));
     let body = |(part, hand_box): (usize, &HandBox)| {
-        let label = format!("{} on its way, with {:.1} mm around it", HAND[part], info.gripper.clearance_m * 1000.0);
+        let label = format!("{} on its way, with {:.1} mm around it", HAND[part], gripper.clearance_m * 1000.0);
         Body::of_box(Class::Swept, label, hand_box, &[*workspace_from_grasp])
     };
     boxes.iter().enumerate().map(body).collect()

@@ -1,16 +1,20 @@
 //! Generating shards: scenes are built in parallel, rows are written in order, and a shard is committed when it is
 //! complete. A separate thread encodes rows while the others simulate.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::collections::BTreeMap;
+use std::iter::Peekable;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
+use program::text::percent;
 use program::{Context as _, Exit, ExitCode, Failure};
 use rayon::prelude::*;
-use schema::SceneRows;
-use shards::{Counts, DatasetInfo, Draft, Finalized, Location, ShardWriter};
+use schema::{SceneRows, Shape};
+use shards::{Counts, DatasetInfo, Draft, Finalized, KeptScenes, Location, ShardWriter};
 
-use crate::build::{NoScene, make_scene};
+use crate::build::{NoScene, Stage, make_scene_timed};
 use crate::config::Config;
 
 /// Scenes of a parallel batch, from one shard or several: enough that cores rarely wait for the last scene of a batch.
@@ -34,6 +38,11 @@ pub enum Event {
         /// Its attempts.
         attempts: u64,
     },
+    /// A scene was taken up that an earlier run had finished before it was stopped.
+    TakenUp {
+        /// Its attempts.
+        attempts: u64,
+    },
     /// A scene has been built.
     Scene {
         /// Its attempts.
@@ -53,27 +62,89 @@ pub enum Event {
 pub struct Report {
     /// Rows made by this run, in shards that it committed.
     pub made: Counts,
-    /// Whether the run was stopped before its shards were done.
-    pub is_stopped: bool,
+    /// Scenes that this run threw away, by what moved on.
+    pub rejected: Rejected,
+    /// Scenes that an earlier run had finished before it was stopped, and that this run did not build again.
+    pub taken_up: Counts,
+    /// Set if the run was stopped before its shards were done.
+    pub stopped: Option<Stopped>,
     /// The state of the whole dataset; `None` if that was not looked at (see [`LOOK_SHARDS_MAX`]).
     pub dataset: Option<Finalized>,
 }
 
+/// What a stopped run leaves beside committed shards.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stopped {
+    /// Finished scenes of shards that are not complete, which the next run takes up.
+    pub kept: Counts,
+    /// Scenes that were begun and not finished, at most one a thread.
+    pub abandoned: u64,
+}
+
+/// Scenes that a run threw away.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Rejected {
+    /// Scenes that came to rest.
+    pub kept: u64,
+    /// Scenes that were thrown away, for any reason.
+    pub thrown_away: u64,
+    /// Of these, the ones in which an object moved on, by its name; the most frequent first.
+    pub moving: Vec<(String, u64)>,
+}
+
+/// The share of rejected scenes above which a run ends, unless another is given. More, and what is left is not what was
+/// drawn: the objects that do not come to rest are missing.
+pub const REJECTED_SHARE_MAX: f64 = 0.1;
+/// Standard deviations by which the share must exceed the limit, so that few scenes decide nothing.
+const REJECTED_DEVIATIONS: f64 = 3.0;
+/// Objects that a message names, at most.
+const NAMED_MAX: usize = 5;
+
+impl Rejected {
+    /// The share of the scenes that were thrown away.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        self.thrown_away as f64 / (self.kept + self.thrown_away).max(1) as f64
+    }
+
+    /// What moved on, and how often: `mug 12, teddy 3`.
+    #[must_use]
+    pub fn moved_on(&self) -> String {
+        let named = self.moving.iter().take(NAMED_MAX).map(|(name, count)| format!("{name} {count}"));
+        let more = self.moving.len().saturating_sub(NAMED_MAX);
+        let more = (more > 0).then(|| format!("{more} others"));
+        named.chain(more).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Whether the share is above `share_max` beyond chance.
+    fn is_above(&self, share_max: f64) -> bool {
+        let (share, tries) = (self.share(), (self.kept + self.thrown_away).max(1) as f64);
+        share - REJECTED_DEVIATIONS * (share * (1.0 - share) / tries).sqrt() > share_max
+    }
+}
+
 impl Exit for NoScene {
     fn exit_code(&self) -> ExitCode {
-        ExitCode::Config
+        match self {
+            Self::Rejected { .. } => ExitCode::Config,
+            Self::Abandoned { .. } => ExitCode::TryAgain,
+        }
     }
 }
 
 /// Generates the shards `wanted` of a dataset, skips existing ones, and completes the dataset if possible. When `stop`
-/// is set, the run ends soon and drops its incomplete shard.
+/// is set, the run ends soon: it abandons the scenes under way, and keeps the finished scenes of incomplete
+/// shards for the
+/// next run ([`ShardWriter::keep`]).
 ///
 /// # Errors
-/// If a scene cannot be built or a shard not be written; committed shards remain.
+/// If a scene cannot be built or a shard not be written, or if more than `rejected_max` of the scenes are thrown away;
+/// committed shards remain.
 pub fn generate(
     config: &Config,
     at: impl Into<Location>,
     wanted: &[u32],
+    rejected_max: f64,
     stop: &AtomicBool,
     on_event: &(dyn Fn(Event) + Sync),
 ) -> Result<Report, Failure> {
@@ -87,17 +158,19 @@ pub fn generate(
     for shard in wanted.iter().copied().filter(|shard| missing.binary_search(shard).is_err()) {
         on_event(Event::Skipped { shard, attempts: attempts_of(&info, shard) });
     }
-    let (made, is_stopped) = thread::scope(|scope| {
+    let (mut rejected, mut taken_up) = (Rejected::default(), Counts::zero());
+    let run = Run { config, draft: &draft, rejected_max, stop, on_event };
+    let (made, stopped) = thread::scope(|scope| {
         let (send, receive) = sync_channel(1);
-        let writer = thread::Builder::new().spawn_scoped(scope, || write_shards(&draft, receive, on_event));
+        let writer = thread::Builder::new().spawn_scoped(scope, || run.write_shards(receive));
         let writer = writer.context("failed to start the writer's thread")?;
-        let is_stopped = build_scenes(config, &info, &missing, stop, on_event, &send);
+        let abandoned = run.build_scenes(&missing, (&mut rejected, &mut taken_up), &send);
         drop(send);
-        let made = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-        Ok::<_, Failure>((made, is_stopped?))
+        let (made, kept) = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        Ok::<_, Failure>((made, abandoned?.map(|abandoned| Stopped { kept, abandoned })))
     })?;
     let looks = is_all || info.shard_count <= LOOK_SHARDS_MAX;
-    Ok(Report { made, is_stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
+    Ok(Report { made, rejected, taken_up, stopped, dataset: looks.then(|| complete(&draft)).transpose()? })
 }
 
 /// The missing shards among `wanted`: checks each, or lists all at once if `wanted` is a large part of the dataset.
@@ -116,64 +189,223 @@ fn complete(draft: &Draft) -> Result<Finalized, Failure> {
     Ok(if missing.is_empty() { draft.finalize()? } else { Finalized::Incomplete { missing } })
 }
 
-/// Builds the scenes of `shards` in parallel and sends them in order, each with its shard. Returns whether the run was
-/// stopped. Also ends early if the receiver is gone.
-fn build_scenes(
-    config: &Config,
-    info: &DatasetInfo,
-    shards: &[u32],
-    stop: &AtomicBool,
-    on_event: &(dyn Fn(Event) + Sync),
-    send: &SyncSender<Vec<(u32, SceneRows)>>,
-) -> Result<bool, Failure> {
-    let scenes: Vec<(u32, u64)> =
-        shards.iter().flat_map(|shard| info.scenes_of(*shard).map(|scene_id| (*shard, scene_id))).collect();
-    for batch in scenes.chunks(SCENES_AT_ONCE) {
-        let build = |(shard, scene_id): &(u32, u64)| {
-            if stop.load(Ordering::Relaxed) {
-                return Ok(None);
-            }
-            let rows = make_scene(config, *scene_id, info.attempts_of_scene(*scene_id))?;
-            let positives = rows.attempts.iter().map(|a| u64::from(a.label())).sum();
-            on_event(Event::Scene { attempts: rows.attempts.len() as u64, positives });
-            Ok(Some((*shard, rows)))
-        };
-        let built: Result<Vec<Option<_>>, NoScene> = batch.par_iter().with_max_len(1).map(build).collect();
-        let built: Option<Vec<_>> = built?.into_iter().collect();
-        let Some(built) = built else { return Ok(true) };
-        if send.send(built).is_err() {
-            break;
-        }
-    }
-    Ok(false)
+/// What the threads of a run share.
+#[derive(Clone, Copy)]
+struct Run<'a> {
+    config: &'a Config,
+    draft: &'a Draft,
+    rejected_max: f64,
+    stop: &'a AtomicBool,
+    on_event: &'a (dyn Fn(Event) + Sync),
 }
 
-/// Writes scenes as they arrive and commits a shard when it has all its scenes; an incomplete shard is dropped.
-fn write_shards(
-    draft: &Draft,
-    receive: Receiver<Vec<(u32, SceneRows)>>,
-    on_event: &(dyn Fn(Event) + Sync),
-) -> Result<Counts, Failure> {
-    let mut made = Counts::zero();
-    let mut open: Option<(u64, ShardWriter)> = None;
-    for (shard, rows) in receive.into_iter().flatten() {
-        let (missing, mut writer) = match open.take() {
-            Some(open) => open,
-            None => (draft.info().scenes_of(shard).count() as u64, draft.shard(shard)?),
-        };
-        writer.push(&rows)?;
-        if missing > 1 {
-            open = Some((missing - 1, writer));
-        } else {
-            made.add(&writer.commit()?.counts);
-            on_event(Event::Committed { shard });
-        }
+/// A finished scene with its shard, and what moved on in each try before it if this run built it.
+type Finished = ((u32, SceneRows), Option<Vec<Option<Shape>>>);
+
+impl Run<'_> {
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
-    Ok(made)
+
+    /// Builds the scenes of `shards` in parallel and sends them in order, each with its shard; those that an
+    /// earlier run
+    /// kept are taken up instead. If the run is stopped, what is finished is sent, and the number of abandoned scenes
+    /// returned. Also ends early if the receiver is gone.
+    fn build_scenes(
+        &self,
+        shards: &[u32],
+        (rejected, taken_up): (&mut Rejected, &mut Counts),
+        send: &SyncSender<Vec<(u32, SceneRows)>>,
+    ) -> Result<Option<u64>, Failure> {
+        let info = self.draft.info();
+        let scenes: Vec<(u32, u64)> =
+            shards.iter().flat_map(|shard| info.scenes_of(*shard).map(|scene_id| (*shard, scene_id))).collect();
+        let mut by_shape: BTreeMap<Shape, u64> = BTreeMap::new();
+        let mut kept = Kept { draft: self.draft, open: None };
+        let abandoned = AtomicU64::new(0);
+        for batch in scenes.chunks(SCENES_AT_ONCE) {
+            let work: Vec<(u32, u64, Option<SceneRows>)> = batch
+                .iter()
+                .map(|(shard, id)| (*shard, *id, self.take_up(&mut kept, (*shard, *id), taken_up)))
+                .collect();
+            let built: Result<Vec<Option<Finished>>, NoScene> = work
+                .into_par_iter()
+                .with_max_len(1)
+                .map(|(shard, id, rows)| match rows {
+                    Some(rows) => Ok(Some(((shard, rows), None))),
+                    None => self.build(shard, id, &abandoned),
+                })
+                .collect();
+            let built = built?;
+            let is_whole = built.iter().all(Option::is_some);
+            let (mut built, moved): (Vec<_>, Vec<_>) = built.into_iter().flatten().unzip();
+            let moved: Vec<_> = moved.into_iter().flatten().collect();
+            rejected.kept += moved.len() as u64;
+            for moving in moved.into_iter().flatten() {
+                rejected.thrown_away += 1;
+                moving.into_iter().for_each(|shape| *by_shape.entry(shape).or_default() += 1);
+            }
+            rejected.moving = most_first(&by_shape, info);
+            let is_stopped = !is_whole || self.is_stopped();
+            if is_stopped {
+                // Otherwise less would be kept of the last shard than before.
+                built.extend(kept.rest());
+            } else if rejected.is_above(self.rejected_max) {
+                return Err(too_many(rejected, self.rejected_max));
+            }
+            let is_over = built.last().map(|(_, rows)| rows.scene.scene_id) == scenes.last().map(|(_, id)| *id);
+            if send.send(built).is_err() {
+                break;
+            }
+            if is_stopped && !(is_whole && is_over) {
+                return Ok(Some(abandoned.into_inner()));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The rows of a scene that an earlier run kept.
+    fn take_up(&self, kept: &mut Kept<'_>, scene: (u32, u64), taken_up: &mut Counts) -> Option<SceneRows> {
+        let rows = kept.take(scene)?;
+        taken_up.count(&rows);
+        (self.on_event)(Event::TakenUp { attempts: rows.attempts.len() as u64 });
+        Some(rows)
+    }
+
+    /// Builds a scene; nothing if the run is stopped before it is finished.
+    fn build(&self, shard: u32, scene_id: u64, abandoned: &AtomicU64) -> Result<Option<Finished>, NoScene> {
+        if self.is_stopped() {
+            return Ok(None);
+        }
+        let mut moved = Vec::new();
+        let attempts = self.draft.info().attempts_of_scene(scene_id);
+        let made = make_scene_timed(self.config, scene_id, attempts, &mut |stage, _| {
+            if let Stage::Rejected { moving } = stage {
+                moved.push(moving);
+            }
+            if self.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        let rows = match made {
+            Err(NoScene::Abandoned { .. }) => {
+                abandoned.fetch_add(1, Ordering::Relaxed);
+                return Ok(None);
+            }
+            made => made?,
+        };
+        let positives = rows.attempts.iter().map(|a| u64::from(a.label())).sum();
+        (self.on_event)(Event::Scene { attempts: rows.attempts.len() as u64, positives });
+        Ok(Some(((shard, rows), Some(moved))))
+    }
+
+    /// Writes scenes as they arrive and commits a shard when it has all its scenes. Returns the counts of what was
+    /// committed and, if the run is stopped, of what is kept of incomplete shards; otherwise these are dropped.
+    fn write_shards(&self, receive: Receiver<Vec<(u32, SceneRows)>>) -> Result<(Counts, Counts), Failure> {
+        let (mut made, mut kept) = (Counts::zero(), Counts::zero());
+        let mut open: Option<(u64, ShardWriter)> = None;
+        for (shard, rows) in receive.into_iter().flatten() {
+            if let Some((_, unfinished)) = open.take_if(|(_, writer)| self.is_stopped() && writer.shard() != shard) {
+                keep(unfinished, &mut kept);
+            }
+            let (missing, mut writer) = match open.take() {
+                Some(open) => open,
+                None => (self.draft.info().scenes_of(shard).count() as u64, self.draft.shard(shard)?),
+            };
+            if self.is_stopped() {
+                writer.skip_to(rows.scene.scene_id);
+            }
+            writer.push(&rows)?;
+            if missing > 1 {
+                open = Some((missing - 1, writer));
+            } else {
+                made.add(&writer.commit()?.counts);
+                (self.on_event)(Event::Committed { shard });
+            }
+        }
+        if let Some((_, unfinished)) = open.filter(|_| self.is_stopped()) {
+            keep(unfinished, &mut kept);
+        }
+        Ok((made, kept))
+    }
+}
+
+/// Keeps the scenes of an incomplete shard. If that fails, they are lost as after a kill.
+fn keep(unfinished: ShardWriter, kept: &mut Counts) {
+    let shard = unfinished.shard();
+    match unfinished.keep() {
+        Ok(counts) => kept.add(&counts),
+        Err(error) => tracing::warn!(shard, %error, "finished scenes of the shard could not be kept"),
+    }
+}
+
+/// The scenes that an earlier run kept, asked for in order.
+struct Kept<'a> {
+    draft: &'a Draft,
+    /// The shard that was asked for last.
+    open: Option<(u32, Peekable<KeptScenes<'a>>)>,
+}
+
+impl Kept<'_> {
+    fn take(&mut self, (shard, scene_id): (u32, u64)) -> Option<SceneRows> {
+        if self.open.as_ref().is_none_or(|(open, _)| *open != shard) {
+            self.open = Some((shard, self.draft.kept(shard).peekable()));
+        }
+        let (_, scenes) = self.open.as_mut()?;
+        scenes.next_if(|rows| rows.scene.scene_id == scene_id)
+    }
+
+    /// What is left of the shard that was asked for last: no more than a batch, for a run that built scenes
+    /// before these
+    /// has come to where an earlier one was stopped, and that one was at most a batch ahead.
+    fn rest(&mut self) -> impl Iterator<Item = (u32, SceneRows)> {
+        let rest = self.open.take().into_iter().flat_map(|(shard, scenes)| scenes.map(move |rows| (shard, rows)));
+        rest.take(SCENES_AT_ONCE)
+    }
+}
+
+/// Shapes by name, the most frequent first.
+fn most_first(by_shape: &BTreeMap<Shape, u64>, info: &DatasetInfo) -> Vec<(String, u64)> {
+    let mut named: Vec<_> = by_shape.iter().map(|(shape, n)| (shape.name(&info.models).to_owned(), *n)).collect();
+    named.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+    named
+}
+
+fn too_many(rejected: &Rejected, share_max: f64) -> Failure {
+    let (share, tries) = (percent(rejected.share()), rejected.kept + rejected.thrown_away);
+    let moved = if rejected.moving.is_empty() { "nothing".to_owned() } else { rejected.moved_on() };
+    let text = format!(
+        "{share} of the first {tries} scenes were thrown away, more than --rejected-max {share_max}; what moved on, and how \
+         often: {moved}. Leave such objects out (generator import-objects --rests-min), or allow more"
+    );
+    Failure::new(ExitCode::Config, text)
 }
 
 /// Attempts of a shard.
 #[must_use]
 pub fn attempts_of(info: &DatasetInfo, shard: u32) -> u64 {
     info.scenes_of(shard).map(|scene| u64::from(info.attempts_of_scene(scene))).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_scenes_decide_nothing_and_many_do() {
+        let of = |kept, thrown_away| Rejected { kept, thrown_away, moving: Vec::new() };
+        assert!(!of(3, 3).is_above(0.1) && !of(128, 14).is_above(0.1) && !Rejected::default().is_above(0.1));
+        assert!(of(50, 204).is_above(0.1) && of(100, 40).is_above(0.1) && !of(50, 204).is_above(1.0));
+    }
+
+    #[test]
+    fn what_moves_on_most_is_named_first() {
+        let moving = ["a", "b", "c", "d", "e", "f", "g"].into_iter().zip([9, 7, 5, 3, 2, 1, 1]);
+        let rejected =
+            Rejected { kept: 100, thrown_away: 28, moving: moving.map(|(n, c)| (n.to_owned(), c)).collect() };
+        assert_eq!(rejected.moved_on(), "a 9, b 7, c 5, d 3, e 2, 2 others");
+        let text = too_many(&rejected, 0.1).to_string();
+        assert!(
+            text.starts_with("21.9 % of the first 128 scenes were thrown away, more than --rejected-max 0.1"),
+            "{text}"
+        );
+    }
 }

@@ -1,13 +1,15 @@
 //! `generator` without a command: makes the shards of this process.
 
 use std::collections::BTreeSet;
+use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use clap::Args;
-use generator::{Config, Event, Overrides, attempts_of, generate};
-use indicatif::{ProgressBar, ProgressStyle};
+use generator::{Config, Event, Overrides, REJECTED_SHARE_MAX, attempts_of, generate};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use program::text::{key_and_value, per_second};
 use program::{Context, ExitCode, Failure, print, print_error, start_threads, stop_on_signals};
 use shards::{DatasetInfo, Finalized, Location};
 
@@ -49,6 +51,16 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     policy: Option<PathBuf>,
 
+    /// A key of the config, such as gripper or objects.size_m, in place of the file's; may be repeated. Paths begin in
+    /// the config's folder
+    #[arg(long, value_name = "KEY=VALUE", value_parser = key_and_value)]
+    set: Vec<(String, String)>,
+
+    /// End with 78 if a larger share of the scenes that this run builds is thrown away, because objects do not come to
+    /// rest; 1 for no limit
+    #[arg(long, value_name = "SHARE", default_value_t = REJECTED_SHARE_MAX)]
+    rejected_max: f64,
+
     /// Folder or URL of the dataset; created if missing
     #[arg(long, value_name = "DIR|URL", required = true)]
     out: Option<Location>,
@@ -61,6 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         shards: arguments.shards,
         attempts: arguments.attempts,
         policy: arguments.policy.as_deref(),
+        set: &arguments.set,
     };
     let config = Config::load(arguments.config.as_deref(), overrides)?;
     let environment = |name: &str| std::env::var_os(name);
@@ -70,17 +83,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         print_error(&format!("shard {shard} of {of}, as {variable} says (--task 0/1 makes all)"));
     }
     start_threads(arguments.threads)?;
-    let on_first = || print_error("stopping after the scenes under way; a second signal stops at once");
+    let on_first = || print_error("stopping: abandoning the scenes under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
 
     let info = config.dataset_info();
     let progress = Progress::new(&info, &wanted);
     let started = Instant::now();
-    let report = generate(&config, out, &wanted, &stop, &|event| progress.show(event))?;
+    let report = generate(&config, out, &wanted, arguments.rejected_max, &stop, &|event| progress.show(event))?;
     progress.bar.finish_and_clear();
     print(table::render(&report, out, started.elapsed().as_secs_f64()))?;
     Ok(match report.dataset {
-        _ if report.is_stopped => ExitCode::TryAgain,
+        _ if report.stopped.is_some() => ExitCode::TryAgain,
         Some(Finalized::Incomplete { .. }) if wanted.len() == info.shard_count as usize => ExitCode::Incomplete,
         _ => ExitCode::Ok,
     })
@@ -96,7 +109,11 @@ struct Progress {
 impl Progress {
     fn new(info: &DatasetInfo, wanted: &[u32]) -> Self {
         let style =
-            ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} attempts · {per_sec} · {msg} · {eta} left");
+            ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} attempts · {rate} · {msg} · {eta} left");
+        let rate = |state: &ProgressState, out: &mut dyn Write| {
+            let _ = out.write_str(&per_second(state.per_sec()));
+        };
+        let style = style.map(|style| style.with_key("rate", rate));
         let bar = ProgressBar::new(wanted.iter().map(|shard| attempts_of(info, *shard)).sum());
         // Without a terminal indicatif draws nothing.
         let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
@@ -109,6 +126,7 @@ impl Progress {
                 tracing::info!(shard, "skipped: an earlier run committed it");
                 self.bar.dec_length(attempts);
             }
+            Event::TakenUp { attempts } => self.bar.dec_length(attempts),
             Event::Scene { attempts, positives } => {
                 let made = self.made.fetch_add(attempts, Ordering::Relaxed) + attempts;
                 let held = self.held.fetch_add(positives, Ordering::Relaxed) + positives;

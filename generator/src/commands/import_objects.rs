@@ -4,15 +4,16 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, import_objects, mesh_files};
+use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, import_objects, sources};
+use indicatif::{ProgressBar, ProgressStyle};
 use program::text::percent;
-use program::{Context, ExitCode, Failure, json, print, write};
+use program::{Context, ExitCode, Failure, json, print, print_error, write};
 use report::document::{Block, Cell, Document, Table};
 
 /// Make objects of your own meshes: measure them, decompose them into convex parts, write a catalogue
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
-    /// Meshes (.obj, .stl, .ply), and folders of them
+    /// Meshes (.obj, .stl, .ply), robot descriptions (.urdf), and folders of them, with all folders within
     #[arg(required = true, value_name = "FOLDER|FILE")]
     meshes: Vec<PathBuf>,
 
@@ -39,14 +40,27 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let config = Config::load(arguments.config.as_deref(), Overrides::default())?;
     check_target(&arguments.out)?;
-    let imported = import_objects(&mesh_files(&arguments.meshes)?, &arguments.params, &config)?;
+    let sources = sources(&arguments.meshes)?;
+    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} files · {msg} · {eta} left");
+    // Without a terminal indicatif draws nothing.
+    let bar = ProgressBar::new(sources.len() as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let on_file = |file: &Path, problem: Option<&str>| {
+        if let Some(problem) = problem {
+            bar.suspend(|| print_error(&format!("left out: {problem}")));
+        }
+        bar.set_message(file.display().to_string());
+        bar.inc(1);
+    };
+    let imported = import_objects(&sources, &arguments.params, &config, &on_file);
+    bar.finish_and_clear();
+    let imported = imported?;
     write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;
     print(if arguments.json { json(&imported)? } else { document(&imported, &arguments.out).text() })?;
-    Ok(ExitCode::Ok)
+    Ok(if imported.left_out.is_empty() { ExitCode::Ok } else { ExitCode::Partial })
 }
 
 /// Decomposing meshes takes minutes, so unwritable outputs are reported before.
-fn check_target(path: &Path) -> Result<(), Failure> {
+pub(super) fn check_target(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if folder.is_dir() && !path.is_dir() {
         return Ok(());
@@ -56,7 +70,7 @@ fn check_target(path: &Path) -> Result<(), Failure> {
 }
 
 /// Leaves an existing file as it is, unless `replaces`.
-fn write_catalogue(path: &Path, text: &str, replaces: bool) -> Result<(), Failure> {
+pub(super) fn write_catalogue(path: &Path, text: &str, replaces: bool) -> Result<(), Failure> {
     match std::fs::read(path) {
         Ok(existing) if existing == text.as_bytes() => return Ok(()),
         Ok(_) if !replaces => {
@@ -86,6 +100,7 @@ fn document(imported: &Imported, out: &Path) -> Document {
             or_none(object.parts_inertia_difference, &percent),
             percent(object.parts_overlap_share),
             format!("{:.1}", object.smallest_width_m * 1000.0),
+            object.test_drops.map_or("-".to_owned(), |drops| format!("{}/{}", drops.rested, drops.count())),
         ];
         let (name, triangles) = (Cell::from(object.name.as_str()), Cell::Count(object.triangles as u64));
         let closed = Cell::number(if object.is_watertight { "yes" } else { "no" });
@@ -105,14 +120,23 @@ fn document(imported: &Imported, out: &Path) -> Document {
         "inertia off",
         "overlap",
         "narrowest, mm",
+        "rests",
     ];
     let warnings = |o: &ImportedObject| o.warnings.iter().map(|text| format!("{}: {text}", o.name)).collect::<Vec<_>>();
     let count = imported.objects.len();
     let plural = if count == 1 { "" } else { "s" };
+    let left_out = imported.left_out.iter().map(|one| format!("left out: {}", one.reason));
+    let origin = if imported.is_scale_guessed { "guessed from the sizes; --scale decides" } else { "--scale" };
+    let scale_m = imported.scale_m;
     let blocks = vec![
         Block::Table(Table::new(head, imported.objects.iter().map(row))),
-        Block::Warnings(imported.objects.iter().flat_map(warnings).collect()),
-        Block::Text(format!("{count} object{plural} written to {}", out.display())),
+        Block::Warnings(imported.objects.iter().flat_map(warnings).chain(left_out).collect()),
+        Block::Text(format!("one unit of a mesh file is {scale_m} m ({origin})")),
+        Block::Text(format!(
+            "{count} object{plural} written to {}, {} left out",
+            out.display(),
+            imported.left_out.len()
+        )),
     ];
     Document { blocks, ..Document::default() }
 }

@@ -9,6 +9,7 @@ mod heaps;
 mod labels;
 mod objects;
 mod replay;
+mod stopping;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

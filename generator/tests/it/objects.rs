@@ -5,8 +5,10 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use generator::{Config, Overrides};
 use schema::ObjectShape;
 use serde_json::Value;
+use settings::Document;
 use shards::{Dataset, FormatVersion};
 use tempfile::TempDir;
 
@@ -22,6 +24,12 @@ fn config() -> String {
         .replace("[objects]\n", "[objects]\ncatalogue = \"my-objects.toml\"\n")
         .replace("counts = [1, 2, 3, 4, 5] ", "counts = [1, 2] ")
         .replace("count_weights = [1.0, 1.0, 1.3, 1.3, 1.3] ", "count_weights = [1.0, 1.0] ");
+    let (before, objects) = config.split_once("[objects]").unwrap();
+    let (objects, after) = objects.split_once("\n[").unwrap();
+    let is_for_primitives =
+        |line: &&str| ["shapes", "size_m", "density", "friction"].iter().any(|key| line.starts_with(key));
+    let objects = objects.lines().filter(|line| !is_for_primitives(line)).collect::<Vec<_>>().join("\n");
+    let config = format!("{before}[objects]{objects}\n[{after}");
     assert!(config.contains("catalogue") && config.contains("attempts = 72"), "{config}");
     config
 }
@@ -177,26 +185,117 @@ fn files_that_are_no_meshes_are_told_together() {
     assert!(told.contains("warning: open: not watertight: 3 edges do not belong to two triangles"), "{told}");
     fs::remove_file(dir.path().join("my-objects.toml")).unwrap();
 
+    // What cannot be used is listed, and the others become objects.
     fs::write(folder.join("cut.stl"), b"0123456789").unwrap();
     fs::write(folder.join("empty.obj"), "").unwrap();
     obj(&folder.join("flat.obj"), prism(&SQUARE, &SQUARE_CAP, 0.0));
     let nan = corners.iter().map(|[x, y, z]| [*x, *y, if *z > 0.0 { f64::NAN } else { 0.0 }]).collect();
     obj(&folder.join("nan.obj"), (nan, triangles));
     let problems =
-        ["4 of the files", "cut.stl", "it has no triangles", "empty.obj", "flat.obj", "must be numbers", "nan.obj"];
-    check_fails(&import(&dir, &[]), 65, &problems);
-    assert!(!dir.path().join("my-objects.toml").exists());
+        ["left out", "cut.stl", "it has no triangles", "empty.obj", "flat.obj", "must be numbers", "nan.obj"];
+    let partly = import(&dir, &["--json"]);
+    check_fails(&partly, 66, &problems);
+    let told: Value = serde_json::from_slice(&partly.stdout).unwrap();
+    let count = |key: &str| told[key].as_array().unwrap().len();
+    assert_eq!((count("objects"), count("left_out")), (4, 4), "{told}");
+    let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
+    let catalogue = generator::catalogue::Catalogue::parse(&text, Path::new("x")).unwrap();
+    assert_eq!(catalogue.names(), ["cube", "ell", "open", "wedge_piece"]);
 
-    obj(&folder.join("CUBE.obj"), prism(&SQUARE, &SQUARE_CAP, 40.0));
-    check_fails(&import(&dir, &[]), 78, &["two files make an object called cube"]);
-    check_fails(&program(&dir, &["import-objects", "nowhere.obj", "--out", "x.toml"]), 78, &["nowhere.obj"]);
-    fs::create_dir(dir.path().join("nothing")).unwrap();
+    let only = |files: &[&str], more: &[&str]| {
+        program(&dir, &[&["import-objects"], files, &["--out", "x.toml"], more].concat())
+    };
     check_fails(
-        &program(&dir, &["import-objects", "nothing", "--out", "x.toml"]),
-        78,
-        &["there is no .obj or .stl or .ply"],
+        &only(&["meshes/cut.stl", "meshes/flat.obj"], &[]),
+        65,
+        &["none of the files can be used", "cut.stl", "flat.obj"],
     );
-    check_fails(&program(&dir, &["import-objects", "meshes", "--out", "x.toml", "--scale=-1"]), 2, &["above 0"]);
+    check_fails(&only(&["nowhere.obj"], &[]), 78, &["nowhere.obj"]);
+    fs::create_dir(dir.path().join("nothing")).unwrap();
+    check_fails(&only(&["nothing"], &[]), 78, &["there is no .obj, .stl, .ply or .urdf file"]);
+    check_fails(&only(&["meshes"], &["--scale=-1"]), 2, &["above 0"]);
+    assert!(!dir.path().join("x.toml").exists());
+}
+
+#[test]
+fn a_mass_that_no_object_has_names_the_unit() {
+    let dir = with_meshes();
+    let tiny = program(&dir, &["import-objects", "meshes/Cube.obj", "--scale", "0.00001", "--out", "x.toml"]);
+    check_fails(
+        &tiny,
+        78,
+        &["between 1 g and 100 kg, got 0.000 g", "0.4 mm long with 0.00001 m a unit", "--scale", "Cube.obj"],
+    );
+}
+
+#[test]
+fn the_unit_is_guessed_and_said() {
+    let dir = with_meshes();
+    let told = check_ok(&program(&dir, &["import-objects", "meshes", "--out", "x.toml"]));
+    assert!(told.contains("one unit of a mesh file is 0.001 m (guessed from the sizes; --scale decides)"), "{told}");
+    assert!(told.contains("40.0 x 40.0 x 40.0"), "{told}");
+    let told = check_ok(&import(&dir, &[]));
+    assert!(told.contains("one unit of a mesh file is 0.001 m (--scale)"), "{told}");
+}
+
+#[test]
+fn folders_within_folders_name_what_files_do_not() {
+    let dir = with_meshes();
+    for (name, height) in [("002_can", 40.0), ("025_mug", 20.0)] {
+        let folder = dir.path().join("ycb").join(name).join("google_16k");
+        fs::create_dir_all(&folder).unwrap();
+        obj(&folder.join("textured.obj"), prism(&SQUARE, &SQUARE_CAP, height));
+    }
+    fs::write(dir.path().join("each.toml"), "[025_mug]\nscale = 0.002\nmass_kg = 0.3\nfriction = 0.4\n").unwrap();
+    let import =
+        |more: &[&str]| program(&dir, &[&["import-objects", "ycb", "--out", "x.toml", "--force"], more].concat());
+    let told = check_ok(&import(&["--scale", "0.001", "--each", "each.toml"]));
+    assert!(told.contains("40.0 x 40.0 x 40.0") && told.contains("80.0 x 80.0 x 40.0"), "{told}");
+    let text = fs::read_to_string(dir.path().join("x.toml")).unwrap();
+    assert!(text.contains("name = \"002_can\"\nmass_kg = 0.0256\nfriction = 0.8\n"), "{text}");
+    assert!(text.contains("name = \"025_mug\"\nmass_kg = 0.3\nfriction = 0.4\n"), "{text}");
+    fs::write(dir.path().join("each.toml"), "[cup]\nscale = 0.0\n").unwrap();
+    check_fails(
+        &import(&["--each", "each.toml"]),
+        78,
+        &["cup: there is no object of that name", "scale must be above 0, got 0"],
+    );
+}
+
+#[test]
+fn a_description_is_one_body_of_its_links() {
+    let dir = with_meshes();
+    // A cube of 40 mm and, turned by a quarter and 60 mm along x, a plate of 20 x 40 x 10 mm on a joint.
+    let robot = r#"<?xml version="1.0"?><robot name="two"><!-- links -->
+        <link name="base"><inertial><mass value="0.2"/></inertial>
+            <visual><geometry><box size="9 9 9"/></geometry></visual>
+            <collision><geometry><mesh filename="package://parts/Cube.obj" scale="0.001 0.001 -0.001"/></geometry></collision>
+        </link>
+        <link name="plate"><inertial><mass value="0.1"/></inertial>
+            <collision><origin rpy="0 0 1.5707963267948966"/><geometry><box size="0.02 0.04 0.01"/></geometry></collision>
+        </link>
+        <joint name="j" type="fixed"><parent link="base"/><child link="plate"/><origin xyz="0.06 0.02 -0.005"/></joint></robot>"#;
+    let folder = dir.path().join("urdf/parts");
+    fs::create_dir_all(&folder).unwrap();
+    fs::rename(dir.path().join("meshes/Cube.obj"), folder.join("Cube.obj")).unwrap();
+    fs::write(folder.join("two.urdf"), robot).unwrap();
+    let import = || program(&dir, &["import-objects", "urdf", "--out", "x.toml", "--json", "--force"]);
+    let told: Value = serde_json::from_str(&check_ok(&import())).unwrap();
+    assert_eq!(told["objects"].as_array().unwrap().len(), 1, "the cube is a part: {told}");
+    let body = &told["objects"][0];
+    let near = |got: &Value, expected: f64| {
+        assert!((got.as_f64().unwrap() - expected).abs() < 1e-6 * expected.abs().max(1.0), "{got}");
+    };
+    near(&body["mass_kg"], 0.3);
+    near(&body["volume_m3"], 0.04_f64.powi(3) + 0.02 * 0.04 * 0.01);
+    for (axis, expected) in [0.08, 0.04, 0.04].into_iter().enumerate() {
+        near(&body["extents_m"][axis], expected);
+    }
+    assert!((body["parts_volume_share"].as_f64().unwrap() - 1.0).abs() < 0.05, "{body}");
+    fs::write(folder.join("two.urdf"), robot.replace("</robot>", "")).unwrap();
+    check_fails(&import(), 66, &["left out: not a whole URDF file", "two.urdf"]);
+    fs::write(folder.join("two.urdf"), robot.replace("box size=\"0.02 0.04 0.01\"", "box size=\"0.02 0.04\"")).unwrap();
+    check_fails(&import(), 65, &["size of box must be 3 numbers, got \"0.02 0.04\""]);
 }
 
 #[test]
@@ -260,11 +359,48 @@ fn a_config_says_what_is_wrong_with_its_catalogue() {
     check_fails(&with("catalogue = ", "catalog = "), 78, &["objects.catalog is no key of this file"]);
     let small = with("size_m = 0.30 ", "size_m = 0.06 ");
     check_fails(&small, 78, &["objects.catalogue: ell must fit into grid.size_m 0.06 in any pose"]);
-    let unnamed = with("shapes = [\"cuboid\", \"cylinder\", \"tri_prism\", \"half_cylinder\"]\n", "");
-    check_ok(&unnamed);
+    let of_primitives = with("[objects]\n", "[objects]\nshapes = [\"cuboid\"]\nsize_m = [0.03, 0.08]\n");
+    check_fails(
+        &of_primitives,
+        78,
+        &["objects.shapes must be left out", "objects.size_m must be left out beside objects.catalogue"],
+    );
+    check_ok(&with("[objects]", "[objects]"));
     // Facts about primitives are not written for models.
     let info = fs::read_to_string(dir.path().join("ds/meta/info.json")).unwrap();
     assert!(info.contains("\"format_version\": 2") && !info.contains("density_kg_m3"), "{info}");
     fs::remove_dir_all(dir.path().join("ds")).unwrap();
     check_ok(&with("\"my-objects.toml\"", "\"everyday\""));
+}
+
+#[test]
+fn household_objects_are_the_same_from_a_file_and_from_a_config() {
+    let dir = workshop("");
+    let make = |more: &[&str]| {
+        let fixed = ["make-objects", "--split", "held-out", "--count", "20", "--seed", "7", "--out", "household.toml"];
+        program(&dir, &[&fixed[..], more].concat())
+    };
+    let told = check_ok(&make(&["--picture", "household.svg"]));
+    assert!(told.contains("mug") && told.contains("20 objects written to household.toml"), "{told}");
+    let picture = fs::read_to_string(dir.path().join("household.svg")).unwrap();
+    assert_eq!(picture.matches("<text").count(), 9, "{picture}");
+    let bytes = || fs::read(dir.path().join("household.toml")).unwrap();
+    let first = bytes();
+    check_ok(&make(&[]));
+    assert_eq!(bytes(), first);
+    check_fails(&make(&["--kinds", "mug"]), 78, &["--force replaces it"]);
+    check_fails(&make(&["--kinds", "mug,cup"]), 78, &["--kinds must be of the split held-out, got cup"]);
+    check_fails(&make(&["--kinds", "cat"]), 2, &["must be one of cup"]);
+
+    let read = |catalogue: &str| {
+        let text = config().replace("catalogue = \"my-objects.toml\"", &format!("catalogue = {catalogue}"));
+        Config::read(Document::parse(&text, &dir.path().join("config.toml")).unwrap(), Overrides::default())
+    };
+    let file = read("\"household.toml\"").unwrap().objects.catalogue;
+    assert_eq!(read("{ split = \"held-out\", count = 20, seed = 7 }").unwrap().objects.catalogue, file);
+    assert_ne!(read("{ split = \"held-out\", count = 20, seed = 8 }").unwrap().objects.catalogue, file);
+    let faults = read("{ split = \"train\", kinds = [\"mug\"], count = 0, seed = 7 }").unwrap_err().to_string();
+    assert!(faults.contains("objects.catalogue.count must be between 1 and 1000, got 0"), "{faults}");
+    let faults = read("{ split = \"train\", kinds = [\"mug\"], count = 5, seed = 7 }").unwrap_err().to_string();
+    assert!(faults.contains("objects.catalogue: kinds must be of the split train, got mug"), "{faults}");
 }

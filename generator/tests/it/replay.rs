@@ -98,7 +98,7 @@ fn stack(config: &Config, rows: &mut SceneRows) {
     rows.objects = vec![object(0, [0.04, 0.04, 0.06], 0.08, 0.2), object(1, [0.04, 0.03, 0.01], 0.115, 0.03)];
     (rows.scene.object_count, rows.scene.dropped_count) = (2, 2);
     let scene = Scene::from_records(config.grid.table_z_m, &rows.objects, &[]);
-    let world = AttemptWorld::new(&config.physics, &config.gripper, &config.procedure, &scene);
+    let world = AttemptWorld::new(&config.physics, config.gripper.of_scene(0), &config.procedure, &scene);
     let above = Pose::from_parts(Vec3::new(0.15, 0.15, 0.085), axis_angle(Vec3::X, core::f32::consts::PI));
     let ended = world.execute(&above, 0);
     for attempt in &mut rows.attempts {
@@ -145,12 +145,12 @@ fn a_page_or_json_is_written_and_what_is_not_there_is_told() {
     let text = check_ok(&replayed(dir.path(), "ds", &["--attempt", "1/3", "--out", "a.html"]));
     assert!(text.contains("approach") && text.contains("\nas stored: "), "{text}");
     let page = std::fs::read_to_string(dir.path().join("a.html")).unwrap();
-    assert!(page.starts_with("<!DOCTYPE html>") && page.contains("Scene 1, attempt 3: "), "{}", &page[..200]);
+    assert!(page.starts_with("<!DOCTYPE html>") && page.contains("1/3: "), "{}", &page[..200]);
 
     let json = check_ok(&replayed(dir.path(), "ds", &["--attempt", "1/3", "--json"]));
     let view: View = serde_json::from_str(&json).unwrap();
     assert!(page.contains(&json.trim_end().replace('<', "\\u003c")), "the page shows what the JSON says");
-    assert!(view.title.starts_with("Scene 1, attempt 3: "), "{}", view.title);
+    assert!(view.title.starts_with("1/3: "), "{}", view.title);
     check_ok(&replayed(dir.path(), "ds", &["--attempt", "1/3", "--json", "--out", "a.json"]));
     assert_eq!(std::fs::read_to_string(dir.path().join("a.json")).unwrap(), json);
 
@@ -160,6 +160,40 @@ fn a_page_or_json_is_written_and_what_is_not_there_is_told() {
     assert_fails(&replayed(dir.path(), "nowhere", &["--attempt", "0/0"]), 78, "no dataset here");
     let nowhere = replayed(dir.path(), "ds", &["--attempt", "1/3", "--out", "no/a.html"]);
     assert_fails(&nowhere, 75, "failed to write");
+}
+
+#[test]
+fn all_attempts_of_scenes_become_pages_that_lead_to_each_other() {
+    let dir = workshop(&small_config());
+    check_ok(&run(&dir, "ds", &[]));
+    std::fs::create_dir(dir.path().join("pages")).unwrap();
+    let told = check_ok(&replayed(dir.path(), "ds", &["--scene", "1", "--scene", "4", "--into", "pages"]));
+    assert_eq!(told, "24 attempts executed again, 0 of them end otherwise than stored\n");
+    let page = |name: &str| std::fs::read_to_string(dir.path().join("pages").join(name)).unwrap();
+    let (first, middle) = (page("replay-1-0.html"), page("replay-4-3.html"));
+    assert!(first.contains("<a id=\"previous\" hidden>") && first.contains("<a id=\"next\" href=\"replay-1-1.html\">"));
+    for link in ["replay-4-2.html", "replay-4-4.html", "scene-4.html", "index.html"] {
+        assert!(middle.contains(&format!("href=\"{link}\"")), "{link}");
+    }
+    assert!(!middle.contains("getContext"), "the folder has the script");
+    let single = check_ok(&replayed(dir.path(), "ds", &["--attempt", "4/3", "--json"]));
+    let json = middle.split("<script id=\"view\" type=\"application/json\">").nth(1).unwrap();
+    let (short, whole): (View, View) = (
+        serde_json::from_str(json.split("</script>").next().unwrap()).unwrap(),
+        serde_json::from_str(&single).unwrap(),
+    );
+    assert_eq!((&short.title, &short.events, short.bodies.len()), (&whole.title, &whole.events, whole.bodies.len()));
+    for (short, whole) in short.bodies.iter().zip(&whole.bodies) {
+        let pairs = short.poses.as_flattened().iter().zip(whole.poses.as_flattened());
+        assert!(pairs.clone().all(|(a, b)| (a - b).abs() <= 6e-6), "{}", whole.label);
+    }
+    let fails =
+        |more: &[&str], code| assert_eq!(replayed(dir.path(), "ds", more).status.code(), Some(code), "{more:?}");
+    fails(&["--scene", "6", "--into", "pages"], 78);
+    fails(&["--scene", "1", "--into", "no/pages"], 75);
+    fails(&["--scene", "1"], 2);
+    fails(&["--scene", "1", "--into", "pages", "--attempt", "1/3"], 2);
+    fails(&[], 2);
 }
 
 #[test]

@@ -1,0 +1,157 @@
+//! What an import makes objects of: meshes and robot descriptions, found in folders, each with a name of its own.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use program::Failure;
+use schema::NAME_MAX;
+
+use super::urdf;
+use crate::mesh_file::{ENDINGS, ending, unusable};
+
+/// The ending of a robot description.
+pub(super) const URDF: &str = "urdf";
+/// Folders within folders, at most; a link may lead back.
+const DEPTH_MAX: usize = 16;
+
+/// What becomes an object.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Source {
+    /// The object's name.
+    pub name: String,
+    /// A mesh or a robot description.
+    pub file: PathBuf,
+}
+
+/// The objects of some paths: files as given, and what is in folders and the folders within them, in the order of their
+/// paths. A mesh that a robot description names is a part of it and no object of its own. Files of one name in several
+/// folders are named by what tells the folders apart.
+///
+/// # Errors
+/// For a folder that cannot be listed, or that has nothing to import.
+pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Failure> {
+    let mut found: Vec<(PathBuf, Vec<String>)> = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            found.push((path.clone(), Vec::new()));
+            continue;
+        }
+        let before = found.len();
+        list(path, &mut Vec::new(), &mut found)?;
+        if found.len() == before {
+            let endings = ENDINGS.join(", .");
+            return Err(unusable(format!("there is no .{endings} or .{URDF} file: {}", path.display())));
+        }
+    }
+    let mut parts = BTreeSet::new();
+    for (file, _) in found.iter().filter(|(file, _)| ending(file).as_deref() == Some(URDF)) {
+        // A description that cannot be read says so when it is imported.
+        parts.extend(urdf::meshes_of(file).into_iter().filter_map(|mesh| mesh.canonicalize().ok()));
+    }
+    found.retain(|(file, _)| !file.canonicalize().is_ok_and(|file| parts.contains(&file)));
+    Ok(named(found))
+}
+
+/// Adds the files below a folder, each with the names of the folders on the way to it.
+fn list(folder: &Path, way: &mut Vec<String>, found: &mut Vec<(PathBuf, Vec<String>)>) -> Result<(), Failure> {
+    let unlisted = |error| unusable(format!("failed to list the folder: {error}: {}", folder.display()));
+    let entries = std::fs::read_dir(folder).map_err(unlisted)?.collect::<Result<Vec<_>, _>>().map_err(unlisted)?;
+    let mut entries: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+    entries.sort();
+    for entry in entries {
+        let name = entry.file_name().map_or_else(Default::default, |name| plain(&name.to_string_lossy()));
+        if entry.is_dir() {
+            if way.len() < DEPTH_MAX {
+                way.push(name);
+                list(&entry, way, found)?;
+                way.pop();
+            }
+        } else if ending(&entry).is_some_and(|ending| ending == URDF || ENDINGS.contains(&ending.as_str())) {
+            found.push((entry, way.clone()));
+        }
+    }
+    Ok(())
+}
+
+/// Gives every file a name. Of a name that several files would have, each takes the name of its folder, without the
+/// folders that all of them have, as long as necessary; then a number.
+fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<Source> {
+    let stem = |file: &Path| plain(&file.file_stem().map_or_else(Default::default, |stem| stem.to_string_lossy()));
+    let mut ways: BTreeMap<String, Vec<Vec<String>>> = BTreeMap::new();
+    for (file, way) in &found {
+        ways.entry(stem(file)).or_default().push(way.clone());
+    }
+    let mut taken = BTreeSet::new();
+    let mut sources = Vec::with_capacity(found.len());
+    for (file, way) in found {
+        let stem = stem(&file);
+        let base = if ways[&stem].len() == 1 { stem } else { by_folder(&stem, &way, &ways[&stem]) };
+        // The end of a name tells more than its beginning.
+        let cut = |text: &str, most: usize| text[text.len().saturating_sub(most)..].to_owned();
+        let mut name = cut(&base, NAME_MAX);
+        for number in 2_usize.. {
+            if taken.insert(name.clone()) {
+                break;
+            }
+            let suffix = format!("_{number}");
+            name = cut(&base, NAME_MAX - suffix.len()) + &suffix;
+        }
+        sources.push(Source { name, file });
+    }
+    sources
+}
+
+/// The name of a file by the folders on its way, where files at `all` ways have the same `stem`.
+fn by_folder(stem: &str, way: &[String], all: &[Vec<String>]) -> String {
+    let shared = (1..).take_while(|n| all.iter().all(|other| other.len() >= *n && ends(other, *n) == ends(way, *n)));
+    let kept = |way: &[String], shared: usize| way[..way.len().saturating_sub(shared)].to_vec();
+    let shared = shared.last().unwrap_or(0);
+    let (own, others) = (kept(way, shared), all.iter().map(|other| kept(other, shared)).collect::<Vec<_>>());
+    for count in 1..=own.len() {
+        if others.iter().filter(|other| ends(other, count) == ends(&own, count)).count() == 1 {
+            return ends(&own, count).join("_");
+        }
+    }
+    stem.to_owned()
+}
+
+/// The last folders of a way.
+fn ends(way: &[String], count: usize) -> &[String] {
+    &way[way.len().saturating_sub(count)..]
+}
+
+/// A name of characters that need no quotes in a table or a query.
+fn plain(name: &str) -> String {
+    name.to_ascii_lowercase().chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(files: &[&str]) -> Vec<String> {
+        let way = |file: &str| file.split('/').rev().skip(1).map(plain).collect::<Vec<_>>().into_iter().rev().collect();
+        let found = files.iter().map(|file| (PathBuf::from(file), way(file))).collect();
+        named(found).into_iter().map(|source| source.name).collect()
+    }
+
+    #[test]
+    fn files_of_one_name_are_named_by_their_folders() {
+        let ycb = ["002_chef_can/google_16k/textured.obj", "025_mug/google_16k/textured.obj"];
+        assert_eq!(names(&ycb), ["002_chef_can", "025_mug"]);
+        assert_eq!(names(&["a/x/m.obj", "b/x/m.obj", "a/y/m.obj"]), ["a_x", "b_x", "y"]);
+        assert_eq!(names(&["a/bowl.obj", "b/Cup 1.obj"]), ["bowl", "cup_1"]);
+        assert_eq!(names(&["a/mesh.obj", "mesh.obj"]), ["a", "mesh"]);
+    }
+
+    #[test]
+    fn no_two_objects_have_one_name_and_none_is_too_long() {
+        assert_eq!(
+            names(&["Cube.obj", "CUBE.obj", "cube.stl", "cube_2.obj"]),
+            ["cube", "cube_2", "cube_3", "cube_2_2"]
+        );
+        let long = "x".repeat(60) + ".obj";
+        let got = names(&[&long, &long.to_uppercase()]);
+        assert!(got.iter().all(|name| name.len() == NAME_MAX) && got[0] != got[1], "{got:?}");
+    }
+}

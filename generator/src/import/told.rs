@@ -1,0 +1,158 @@
+//! An imported object, and what is said of it: warnings, and its entry in the catalogue.
+
+use std::path::PathBuf;
+
+use schema::Polyhedron;
+use serde::Serialize;
+use simulator::ConvexParts;
+
+use super::drops::TestDrops;
+use crate::catalogue::object_text;
+use crate::config::Config;
+use crate::measured::Measured;
+use crate::mesh::Seams;
+
+/// If an object's longest side is not between these, a warning questions its units.
+const PLAUSIBLE_M: [f64; 2] = [0.005, 1.0];
+/// Larger differences between mesh and parts cause a warning: volume, inertia, overlap.
+const VOLUME_SHARE: f64 = 0.05;
+const INERTIA_SHARE: f64 = 0.1;
+const OVERLAP_SHARE: f64 = 0.05;
+/// Decimals of a corner in a catalogue: a tenth of a micrometre.
+const DECIMALS: usize = 7;
+
+/// An imported mesh.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ImportedObject {
+    /// Its name: the file's without its extension, or a folder's, in lower case.
+    pub name: String,
+    /// The file.
+    pub file: PathBuf,
+    /// Metres per unit of the file.
+    pub scale_m: f64,
+    /// Triangles with a positive area.
+    pub triangles: usize,
+    /// Whether it encloses a volume.
+    pub is_watertight: bool,
+    /// Edges that do not belong to two triangles of opposite direction.
+    pub bad_edges: usize,
+    /// Full lengths of its bounding box along the file's axes, in metres.
+    pub extents_m: [f64; 3],
+    /// Volume of the mesh in cubic metres, if it is watertight.
+    pub volume_m3: Option<f64>,
+    /// Mass in kilograms.
+    pub mass_kg: f64,
+    /// Friction coefficient.
+    pub friction: f32,
+    /// Centre of mass in the file's frame, in metres: of the mesh if it is watertight, otherwise of the parts.
+    pub centre_of_mass_m: [f64; 3],
+    /// Principal moments of inertia about it, in kg m², smallest first; of the mesh or of the parts.
+    pub inertia_kg_m2: [f64; 3],
+    /// Volume of its convex hull in cubic metres.
+    pub hull_volume_m3: f64,
+    /// Convex parts.
+    pub parts: usize,
+    /// Largest number of corners of a part.
+    pub part_corners_max: usize,
+    /// Largest distance in metres by which the mesh lies outside its simplified parts.
+    pub simplified_m: f64,
+    /// Volume of all parts in cubic metres; overlaps count twice, as in the mass.
+    pub parts_volume_m3: f64,
+    /// The parts' volume as a share of the mesh's.
+    pub parts_volume_share: Option<f64>,
+    /// Share of the union of the parts that lies in more than one of them.
+    pub parts_overlap_share: f64,
+    /// Relative difference of the parts' inertia from the mesh's.
+    pub parts_inertia_difference: Option<f64>,
+    /// The smallest distance between two parallel planes that enclose the object, in metres.
+    pub smallest_width_m: f64,
+    /// Whether the open hand spans that distance.
+    pub fits_gripper: bool,
+    /// Whether it fits the workspace in any orientation.
+    pub fits_workspace: bool,
+    /// How its test drops ended, if it fits into a scene.
+    pub test_drops: Option<TestDrops>,
+    /// Warnings as text.
+    pub warnings: Vec<String>,
+}
+
+/// How far the widest hand opens.
+pub(super) fn opening_m(config: &Config) -> f32 {
+    config.gripper.all().iter().map(|hand| hand.opening_m_max).fold(0.0, f32::max)
+}
+
+/// What is unusual about an object, one sentence each.
+pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Measured) -> Vec<String> {
+    let longest_m = measured.extents_m.max_element();
+    let of_parts = "volume, mass and inertia are those of the parts";
+    let mut told = Vec::new();
+    if !object.is_watertight {
+        let Seams { open_edges, twisted_edges } = measured.seams;
+        told.push(format!(
+            "not watertight: {open_edges} edges do not belong to two triangles, {twisted_edges} have theirs turned against \
+             each other; {of_parts}"
+        ));
+    } else if object.volume_m3.is_none() {
+        told.push(format!("watertight, but without a volume; {of_parts}"));
+    }
+    if measured.was_inside_out {
+        told.push("its triangles were inside out; they were reversed".to_owned());
+    }
+    if measured.mesh.degenerate_count > 0 {
+        told.push(format!("{} triangles without an area were dropped", measured.mesh.degenerate_count));
+    }
+    if longest_m > PLAUSIBLE_M[1] {
+        let scale = object.scale_m * 0.001;
+        told.push(format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {scale}"));
+    }
+    if longest_m < PLAUSIBLE_M[0] {
+        let (longest_mm, scale) = (longest_m * 1000.0, object.scale_m * 1000.0);
+        told.push(format!("{longest_mm:.3} mm long: if the file is in metres, give --scale {scale}"));
+    }
+    if !object.fits_gripper {
+        let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, opening_m(config) * 1000.0);
+        told.push(format!(
+            "{width_mm:.1} mm at its narrowest, and the hand opens {opening_mm:.1} mm: only a rim or a handle can be held"
+        ));
+    }
+    if !object.fits_workspace {
+        let side_m = config.grid.size_m;
+        told.push(format!(
+            "its bounding box's diagonal must be at most the workspace's side, {side_m} m, to be dropped"
+        ));
+    }
+    if let Some(share) = object.parts_volume_share.filter(|share| (share - 1.0).abs() > VOLUME_SHARE) {
+        let cure = if share > 1.0 {
+            "--hulls-max: the parts fill hollows"
+        } else {
+            "--corners-max: the parts cut off rounded surfaces"
+        };
+        told.push(format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * share));
+    }
+    if let Some(share) = object.parts_inertia_difference.filter(|share| *share > INERTIA_SHARE) {
+        told.push(format!("the parts' inertia is {:.1} % from the mesh's", 100.0 * share));
+    }
+    if object.parts_overlap_share > OVERLAP_SHARE {
+        told.push(format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share));
+    }
+    if let Some(drops) = object.test_drops.filter(|drops| drops.rested < drops.count()) {
+        let (rested, count, moved_on, left) = (drops.rested, drops.count(), drops.moved_on, drops.left);
+        told.push(format!(
+            "it came to rest in {rested} of {count} test drops: {moved_on} times it moved on, {left} times it left the workspace; \
+             --rests-min leaves such objects out"
+        ));
+    }
+    told
+}
+
+/// The object as a catalogue entry. Corners are relative to the centre of the mesh's bounding box.
+pub(super) fn catalogue_text(object: &ImportedObject, parts: &ConvexParts) -> String {
+    let name_of_file = object.file.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
+    let state = match object.parts_volume_share {
+        Some(share) => format!("parts with {:.1} % of its volume", 100.0 * share),
+        None => "not watertight".to_owned(),
+    };
+    let source = format!("{name_of_file}, {} m a unit; {} triangles; {state}", object.scale_m, object.triangles);
+    let parts = parts.hulls.iter().map(Polyhedron::corners_m);
+    object_text(&object.name, object.mass_kg, object.friction, source, parts, DECIMALS)
+}
