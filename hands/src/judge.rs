@@ -70,8 +70,12 @@ impl Judge {
             return Err(Failure::new(ExitCode::Config, why));
         };
         scope.must_match(gripper, grid)?;
-        let proposer = Proposer::new(gripper, scope.pregrasp_distance_m);
-        Ok(Self { network: JudgeNetwork::new(&checkpoint.vector), crop: Crop::new(scope), proposer })
+        let (proposer, pregrasp_m) = (Proposer::new(gripper, scope.pregrasp_distance_m), scope.pregrasp_distance_m);
+        Ok(Self {
+            network: JudgeNetwork::new(&checkpoint.vector),
+            crop: Crop::new(gripper, pregrasp_m, grid),
+            proposer,
+        })
     }
 
     /// Proposes hands in a scene that is seen from `views`, and judges them, best first: `proposals`, or several times

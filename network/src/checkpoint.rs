@@ -261,7 +261,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("judge");
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
-        let scope = Scope { gripper, pregrasp_distance_m: 0.07, grid: Grid::PAPER };
+        let scope = Scope::of(&[gripper], 0.07, Grid::PAPER);
         let architecture = Architecture::Judge(Box::new(scope));
         let judge = Checkpoint {
             vector: architecture.initial_vector(1),

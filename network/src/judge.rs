@@ -58,19 +58,49 @@ static LAYOUT: LazyLock<Layout> = LazyLock::new(|| Layout::new(&LAYERS, LAYERS.l
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scope {
-    /// The hand.
+    /// The hand, or the first of several.
     pub gripper: Gripper,
+    /// Of several hands the smallest and the largest value of each number, in the order of [`Gripper::numbers`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hands: Option<[[f32; 2]; 12]>,
     /// How far behind the grasp, along its approach, the hand starts.
     pub pregrasp_distance_m: f32,
     /// The grid of the TSDF, and the table's height in it.
     pub grid: Grid,
 }
 
+/// A hand may lie outside of those of training by this share of their range.
+const EDGE_SHARE: f32 = 0.03;
+
 impl Scope {
-    /// Whether a judge of this scope may be asked about this hand in this grid.
+    /// The scope of a judge that is trained with these hands, at least one.
+    #[must_use]
+    pub fn of(hands: &[Gripper], pregrasp_distance_m: f32, grid: Grid) -> Self {
+        let span = |number: usize| {
+            let values = hands.iter().map(|hand| hand.numbers()[number].1);
+            values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
+        };
+        let spans = hands.iter().any(|hand| hand.numbers() != hands[0].numbers());
+        let spans = spans.then(|| std::array::from_fn(span));
+        // Where a hand is mounted decides no label, and is not stored.
+        let gripper = Gripper { flange_from_grasp: None, ..hands[0].clone() };
+        Self { gripper, hands: spans, pregrasp_distance_m, grid }
+    }
+
+    /// The hand or the number of different hands in words.
+    #[must_use]
+    pub fn hand_in_words(&self) -> String {
+        match &self.hands {
+            None => format!("the hand {}", self.gripper.name),
+            Some(spans) => format!("hands that open {} to {} m", spans[0][0], spans[0][1]),
+        }
+    }
+
+    /// Whether a judge of this scope may be asked about this hand in this grid: about the hand that it was trained
+    /// with, or one between those that it was trained with, whatever its name is.
     ///
     /// # Errors
-    /// If the hand or the grid is another one than it was trained with; names both.
+    /// If the hand or the grid is another one; names what differs.
     pub fn must_match(&self, gripper: &Gripper, grid: &Grid) -> Result<(), Failure> {
         let refused = |what: String| Err(Failure::new(ExitCode::Config, format!("the judge was trained {what}")));
         if self.grid != *grid {
@@ -79,10 +109,17 @@ impl Scope {
             };
             return refused(format!("on grids of {}, not of {}", shown(&self.grid), shown(grid)));
         }
-        if self.gripper != *gripper {
-            return refused(format!("for the hand {}, not for {} as it is given", self.gripper.name, gripper.name));
-        }
-        Ok(())
+        let spans = self.hands.unwrap_or_else(|| self.gripper.numbers().map(|(_, value)| [value; 2]));
+        // Of some hundred hands that are drawn none lies at the very ends.
+        let is_outside = |(got, [low, high]): (f32, [f32; 2])| {
+            let slack = EDGE_SHARE * (high - low);
+            got < low - slack || got > high + slack
+        };
+        let outside = gripper.numbers().into_iter().zip(spans).find(|((_, got), span)| is_outside((*got, *span)));
+        let Some(((key, got), [low, high])) = outside else { return Ok(()) };
+        let expected = if low == high { low.to_string() } else { format!("{low} to {high}") };
+        let (trained, given) = (self.hand_in_words(), &gripper.name);
+        refused(format!("for {trained}, not for {given} as it is given: {key} must be {expected}, got {got}"))
     }
 }
 
@@ -296,6 +333,36 @@ mod tests {
     fn parameter<'a>(vector: &'a [f32], name: &str) -> &'a [f32] {
         let slot = slots_of(&LAYERS).into_iter().find(|slot| slot.name == name).unwrap();
         &vector[slot.start..][..slot.len]
+    }
+
+    settings::settings! {
+        struct Held {
+            gripper: schema::Hands,
+        }
+    }
+
+    #[test]
+    fn a_judge_answers_for_its_hand_or_for_those_between_its_hands() {
+        let read = |name: &str| {
+            let text = format!("gripper = \"{name}\"");
+            let document = settings::Document::parse(&text, std::path::Path::new("test.toml")).unwrap();
+            document.read::<Held>().unwrap().gripper
+        };
+        let many = Scope::of(read("any_jaw").all(), 0.05, Grid::PAPER);
+        for (name, _) in Gripper::BUILT_IN {
+            many.must_match(&read(name).all()[0], &Grid::PAPER).unwrap();
+        }
+        let own = read("wsg_50").all()[0].clone();
+        let wide = Gripper { opening_m_max: 0.2, ..own.clone() };
+        let told = many.must_match(&wide, &Grid::PAPER).unwrap_err().to_string();
+        assert!(told.contains("opening_m_max must be 0.0") && told.ends_with("got 0.2"), "{told}");
+        let one = Scope::of(std::slice::from_ref(&own), 0.05, Grid::PAPER);
+        assert_eq!(one.hands, None);
+        one.must_match(&Gripper { name: "mine".to_owned(), ..own.clone() }, &Grid::PAPER).unwrap();
+        let told = one.must_match(&Gripper { friction: 0.81, ..own }, &Grid::PAPER).unwrap_err().to_string();
+        let expected =
+            "the judge was trained for the hand wsg_50, not for wsg_50 as it is given: friction must be 0.8, got 0.81";
+        assert_eq!(told, expected);
     }
 
     /// A convolution from its definition, in double precision: `[channels, x, y, z]` to the same, padded by one zero.

@@ -6,9 +6,8 @@
 //! hands of other dimensions. A wider and coarser box about the tips shows what the hand would hold as a whole, and
 //! what lies around it: whether it is gripped beside its middle, and what else would move.
 
-use schema::{Gripper, HandBox, Pose, Vec3, VoxelGrid};
+use schema::{Grid, Gripper, HandBox, Pose, Vec3, VoxelGrid};
 
-use super::Scope;
 use crate::kernels::conv::Extent;
 
 /// Points along x, y and z of the grasp frame.
@@ -35,6 +34,8 @@ const BEYOND_M: f32 = 0.02;
 const SHARE_MIN: f32 = 1e-3;
 /// Lengths are facts in units of this.
 const UNIT_M: f32 = 0.1;
+/// Closing forces are facts in units of this, less 1: judges of one hand were trained without this fact, at 0.
+const UNIT_N: f32 = 20.0;
 /// Numbers of views are facts in units of this.
 const UNIT_VIEWS: f32 = 6.0;
 
@@ -126,7 +127,7 @@ pub struct Crop {
     /// What the hand sweeps, with its clearance.
     swept: [HandBox; 3],
     /// The hand's own facts.
-    dimensions: [f32; 9],
+    dimensions: [f32; 10],
     table_z_m: f32,
     voxel_size_m: f32,
 }
@@ -137,11 +138,10 @@ impl Crop {
     /// Values of the surroundings with their padding.
     pub const WIDE_LEN: usize = WIDE_PADDED.len() * WIDE_CHANNELS;
 
-    /// How a judge of this scope sees hands.
+    /// How a judge sees this hand, which starts `pregrasp_distance_m` behind its grasp, in this grid.
     #[must_use]
-    pub fn new(scope: &Scope) -> Self {
-        let Scope { gripper, pregrasp_distance_m, grid } = scope;
-        let sweep = gripper.open_hand().map(|b| b.swept_back(*pregrasp_distance_m));
+    pub fn new(gripper: &Gripper, pregrasp_distance_m: f32, grid: &Grid) -> Self {
+        let sweep = gripper.open_hand().map(|b| b.swept_back(pregrasp_distance_m));
         let low = sweep.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
         let high = sweep.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
         let high = high + Vec3::new(0.0, 0.0, BEYOND_M);
@@ -150,7 +150,7 @@ impl Crop {
             wide: Lattice::new(WIDE_PADDED, -WIDE_M, WIDE_M),
             template: vec![0.0; Self::LEN],
             swept: sweep.map(|b| b.grown(gripper.clearance_m)),
-            dimensions: dimensions(gripper, *pregrasp_distance_m),
+            dimensions: dimensions(gripper, pregrasp_distance_m),
             table_z_m: grid.table_z_m,
             voxel_size_m: grid.voxel_size_m(),
         };
@@ -238,7 +238,7 @@ impl Crop {
     }
 }
 
-fn dimensions(gripper: &Gripper, pregrasp_distance_m: f32) -> [f32; 9] {
+fn dimensions(gripper: &Gripper, pregrasp_distance_m: f32) -> [f32; 10] {
     let lengths_m = [
         gripper.opening_m_max,
         gripper.finger_length_m,
@@ -249,8 +249,10 @@ fn dimensions(gripper: &Gripper, pregrasp_distance_m: f32) -> [f32; 9] {
         gripper.palm_breadth_m,
         pregrasp_distance_m,
     ];
-    let mut facts = [gripper.friction; 9];
+    let mut facts = [0.0; 10];
     facts[..8].copy_from_slice(&lengths_m.map(|m| m / UNIT_M));
+    facts[8] = gripper.friction;
+    facts[9] = gripper.finger_force_n / UNIT_N - 1.0;
     facts
 }
 
@@ -266,13 +268,13 @@ fn distance_m(hand_box: &HandBox, point_m: Vec3) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use schema::{Grid, Procedure, Purpose, Stream, axis_angle};
+    use schema::{Procedure, Purpose, Stream, axis_angle};
 
     use super::*;
 
-    fn scope() -> Scope {
+    fn view() -> Crop {
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
-        Scope { gripper, pregrasp_distance_m: Procedure::PAPER.pregrasp_distance_m, grid: Grid::PAPER }
+        Crop::new(&gripper, Procedure::PAPER.pregrasp_distance_m, &Grid::PAPER)
     }
 
     /// Distance along a slanted plane, in VGN's values.
@@ -288,7 +290,7 @@ mod tests {
 
     fn seen(grid: &VoxelGrid, pose: &Pose, mirrored: [bool; 2]) -> Vec<f32> {
         let mut crop = Vec::new();
-        Crop::new(&scope()).see(&grid.into(), pose, mirrored, &mut crop);
+        view().see(&grid.into(), pose, mirrored, &mut crop);
         assert_eq!(crop.len(), Crop::LEN);
         crop
     }
@@ -304,7 +306,7 @@ mod tests {
             for at in PADDED.positions() {
                 let [distance, share, height, _] =
                     *crop[PADDED.place(at) * CHANNELS..].first_chunk::<CHANNELS>().unwrap();
-                let point = pose.transform_point(Crop::new(&scope()).narrow.point_m(at));
+                let point = pose.transform_point(view().narrow.point_m(at));
                 assert!((height - ((point.z - 0.05) / 0.03).clamp(-1.0, 1.0)).abs() < 1e-4);
                 if share > 0.999 {
                     assert!((distance - (2.0 * value(point) - 1.0)).abs() < 1e-3, "{at:?}: {distance}");
@@ -343,19 +345,19 @@ mod tests {
         let (one, other) = (seen(&grid, &here, [true, false]), seen(&mirrored, &there, [false; 2]));
         assert!(one.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-4));
         assert!(seen(&grid, &here, [false; 2]).iter().zip(&other).any(|(a, b)| (a - b).abs() > 0.1));
-        let crop = Crop::new(&scope());
+        let hand = view();
         let tilted = Pose::from_parts(Vec3::splat(0.1), axis_angle(Vec3::Y, 0.5));
-        let [plain, mirrored] = [[false; 2], [true, false]].map(|by| crop.facts(&tilted, 3, by));
+        let [plain, mirrored] = [[false; 2], [true, false]].map(|by| hand.facts(&tilted, 3, by));
         assert_eq!((plain[0], plain[4]), (-mirrored[0], 0.5));
         assert!(plain[0] != 0.0 && plain[1..] == mirrored[1..]);
     }
 
     #[test]
     fn only_hands_that_reach_the_table_hit_it() {
-        let crop = Crop::new(&scope());
-        assert!(!crop.hits_table(&down_at(0.15, 0.15, 0.0512)));
-        assert!(crop.hits_table(&down_at(0.15, 0.15, 0.0508)), "the clearance is 1 mm");
+        let hand = view();
+        assert!(!hand.hits_table(&down_at(0.15, 0.15, 0.0512)));
+        assert!(hand.hits_table(&down_at(0.15, 0.15, 0.0508)), "the clearance is 1 mm");
         let level = Pose::from_parts(Vec3::new(0.15, 0.15, 0.08), axis_angle(Vec3::Y, core::f32::consts::FRAC_PI_2));
-        assert!(!crop.hits_table(&level));
+        assert!(!hand.hits_table(&level));
     }
 }
