@@ -8,6 +8,7 @@ use network::VoxelInputs;
 use rayon::prelude::*;
 use schema::{Outcome, Pose};
 
+use crate::data::Record;
 use crate::loss::Target;
 
 /// One supervised voxel.
@@ -24,6 +25,8 @@ pub struct Sample {
 /// What a judge is asked about a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hand {
+    /// Which of the hands it is.
+    pub crop: usize,
     /// The grasp.
     pub workspace_from_grasp: Pose,
     /// Number of views from which the scene's TSDF was made.
@@ -45,6 +48,8 @@ pub struct Batch {
     pub samples: Vec<Sample>,
     /// For each sample its hand; none for the paper's network.
     pub hands: Vec<Hand>,
+    /// For each sample what the dataset has of it; none for samples that are in no dataset.
+    pub records: Vec<Record>,
 }
 
 /// Some consecutive samples of a batch.

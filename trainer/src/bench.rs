@@ -1,7 +1,7 @@
 //! What training costs on this machine.
 
 use std::ops::ControlFlow;
-use std::slice;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -17,9 +17,12 @@ use serde::Serialize;
 use shards::{Dataset, Location};
 
 use crate::batch::{Batch, Sample};
-use crate::data::{Seen, for_each_batch, load};
+use crate::config::{Config, PAPER};
+use crate::data::{GraspDataset, Seen, for_each_batch};
 use crate::device::Device;
 use crate::loss::Target;
+use crate::order::{epoch_steps, epoch_tour};
+use crate::split::split;
 use crate::step::{evaluate, step};
 
 /// Times everything is done; the median counts.
@@ -55,8 +58,23 @@ pub struct BenchReport {
     pub dense_one_thread_s: f64,
     /// The dense network by Burn's convolutions.
     pub dense_by_graph_s: Option<f64>,
-    /// Reading a batch, without training: `None` without a dataset.
-    pub read_s: Option<f64>,
+    /// Reading, without training: `None` without a dataset.
+    pub reading: Option<Reading>,
+    /// The most memory the process has held for the training steps, in bytes, where the system tells.
+    pub memory_bytes: Option<u64>,
+}
+
+/// Reading in the order of the paper's training, every sample of another scene as far as there are scenes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Reading {
+    /// Attempts in the data.
+    pub attempts: u64,
+    /// Time to look at every attempt once, before the first epoch.
+    pub survey_s: f64,
+    /// Batches that were read: an epoch, or as many as there are in four windows of scenes.
+    pub batches: u32,
+    /// Reading a batch; the first window, which has to be filled, counts.
+    pub batch_s: f64,
     /// The most memory the process has held, in bytes, where the system tells.
     pub memory_bytes: Option<u64>,
 }
@@ -71,10 +89,20 @@ impl BenchReport {
         ];
         rows.extend(self.step_by_graph_s.map(|s| self.row("the same as the first, by Burn's autodiff", s, true)));
         rows.push(self.row("test step, each sample of another scene", self.test_s, false));
-        rows.extend(self.read_s.map(|read_s| self.row("reading alone", read_s, false)));
+        rows.extend(self.reading.as_ref().map(|reading| self.row("reading alone", reading.batch_s, false)));
         let head = [&format!("batch of {}", self.batch), "ms", "samples/s", "GMAC/s", "of the products' rate"];
         let products = |rate: f64| format!("; products of matrices: {:.1} GMAC/s", rate / 1e9);
         let by_burn = |seconds: f64| format!(", {:.1} ms by Burn's convolutions", 1e3 * seconds);
+        let bytes = |bytes: Option<u64>| bytes.map_or("unknown".to_owned(), program::text::bytes);
+        let reading = self.reading.as_ref().map(|reading| {
+            let Reading { attempts, survey_s, batches, memory_bytes, .. } = reading;
+            format!(
+                "\nOf {} attempts, looked at in {survey_s:.1} s, {} batches were read. Memory at most {}.",
+                program::text::grouped(*attempts),
+                program::text::grouped(u64::from(*batches)),
+                bytes(*memory_bytes)
+            )
+        });
         let blocks = vec![
             Block::Text(format!(
                 "graspmill {}, {} build, {} threads{}.",
@@ -85,11 +113,12 @@ impl BenchReport {
             )),
             Block::Table(Table::new(head, rows)),
             Block::Text(format!(
-                "Dense network, one grid: {:.1} ms ({:.1} ms on one thread{}).\nMemory of the training steps at most {}.",
+                "Dense network, one grid: {:.1} ms ({:.1} ms on one thread{}).\nMemory of the training steps at most {}.{}",
                 1e3 * self.dense_s,
                 1e3 * self.dense_one_thread_s,
                 self.dense_by_graph_s.map(by_burn).unwrap_or_default(),
-                self.memory_bytes.map_or("unknown".to_owned(), program::text::bytes)
+                bytes(self.memory_bytes),
+                reading.unwrap_or_default()
             )),
         ];
         Document { blocks, ..Document::default() }
@@ -110,13 +139,14 @@ impl BenchReport {
     }
 }
 
-/// Measures at the given batch size on a device; with a dataset also how fast batches are read.
+/// Measures at the given batch size on a device; with a dataset, as if it were there so many times, also how fast
+/// batches are read.
 ///
 /// # Errors
 /// If the dataset cannot be read.
 pub fn bench(
     samples: usize,
-    data: Option<&Location>,
+    data: Option<(&Location, usize)>,
     device: &Device,
     on_phase: &dyn Fn(&str),
 ) -> Result<BenchReport, Failure> {
@@ -139,7 +169,7 @@ pub fn bench(
     on_phase("the same by Burn");
     let [matmul_mac_per_s, step_by_graph_s, dense_by_graph_s] = by_burn(&vector, &many, mode, device);
     on_phase("reading");
-    let read_s = data.map(|data| read_s(data, samples)).transpose()?;
+    let reading = data.map(|(data, times)| read(data, times, samples)).transpose()?;
     Ok(BenchReport {
         version: env!("CARGO_PKG_VERSION"),
         profile: if cfg!(debug_assertions) { "dev" } else { "release" },
@@ -154,7 +184,7 @@ pub fn bench(
         dense_s,
         dense_one_thread_s,
         dense_by_graph_s,
-        read_s,
+        reading,
         memory_bytes,
     })
 }
@@ -186,20 +216,32 @@ fn batch(samples: usize, scenes: usize) -> Batch {
     Batch { samples: samples.collect(), grids, ..Batch::default() }
 }
 
-/// Seconds a batch when nothing is done with it.
-fn read_s(data: &Location, batch: usize) -> Result<f64, Failure> {
-    let dataset = Dataset::open(data)?;
-    let samples = load(slice::from_ref(&dataset), &std::env::temp_dir(), Seen::OURS, &AtomicBool::new(false), &|| {})?;
-    // Every sample of another scene as far as there are scenes: what costs most to read.
-    let all = samples.ids().len();
-    let stride = (all / batch.max(1)).max(1);
-    let order: Vec<usize> = (0..all).map(|at| at * stride % all).collect();
+/// Windows of scenes that are read to measure reading.
+const WINDOWS: usize = 4;
+
+fn read(data: &Location, times: usize, batch: usize) -> Result<Reading, Failure> {
+    let datasets = (0..times).map(|_| Dataset::open(data)).collect::<Result<Vec<_>, _>>()?;
+    let began = Instant::now();
+    let mut samples = GraspDataset::survey(&datasets, Seen::OURS, &AtomicBool::new(false), &|| {})?;
+    let survey_s = began.elapsed().as_secs_f64();
+    let mut config = Config::parse(PAPER, Path::new("configs/train/paper.toml"))?;
+    config.training.batch = batch;
+    split(&mut samples.marks, config.seed, &config.split)?;
+    let (attempts, scenes) = datasets
+        .iter()
+        .map(Dataset::info)
+        .fold((0, 0), |(attempts, scenes), info| (attempts + info.attempt_count, scenes + info.scene_count));
+    let scenes_read = (WINDOWS * config.training.shuffle_scenes) as u64;
+    let batches_max = (attempts * scenes_read.min(scenes) / scenes.max(1)).div_ceil(batch as u64) as u32;
+    let tour = epoch_tour(&samples.marks, &config, 0);
+    let steps = epoch_steps(&samples.marks, &tour, &config, 0);
     let (began, mut batches) = (Instant::now(), 0);
-    for_each_batch(&samples, &order, batch, None, |_| {
+    for_each_batch(&samples, (&tour, 0), steps, None, |_, _| {
         batches += 1;
-        ControlFlow::Continue(())
+        if batches == batches_max { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
-    Ok(began.elapsed().as_secs_f64() / f64::from(batches.max(1)))
+    let batch_s = began.elapsed().as_secs_f64() / f64::from(batches.max(1));
+    Ok(Reading { attempts, survey_s, batches, batch_s, memory_bytes: peak_memory_bytes() })
 }
 
 /// Burn's products in multiply-adds a second, and its times of a step and of the dense network, if the program has its

@@ -7,6 +7,7 @@ mod evaluate;
 mod export;
 mod fit;
 mod import;
+mod recipe;
 mod report;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -24,6 +25,7 @@ pub(crate) struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Fit(fit::Arguments),
+    Recipe(recipe::Arguments),
     Evaluate(evaluate::Arguments),
     Curves(curves::Arguments),
     Report(report::Arguments),
@@ -38,6 +40,7 @@ enum Command {
 pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
     match cli.command {
         Command::Fit(arguments) => fit::run(&arguments),
+        Command::Recipe(arguments) => recipe::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Curves(arguments) => curves::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
@@ -59,5 +62,6 @@ Examples:
   trainer fit --data grasps --run runs/paper                                the paper's recipe; --resume continues
   trainer fit --data grasps --config configs/train/quick.toml --run runs/quick
   trainer evaluate --data grasps --run runs/paper --split test-scenes --report runs/paper/report
+  trainer recipe my_hand.toml --out my-hand                                 from a hand to a judge's weights
   trainer report runs/paper --data grasps --html paper.html                 the run as a page
   trainer export runs/paper/best.safetensors --format onnx --out vgn.onnx";

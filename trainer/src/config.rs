@@ -86,6 +86,21 @@ settings! {
         /// Samples of one scene that stay together in the order of an epoch: 1 is a plain shuffle; more share the
         /// encoder's work and make batches less mixed.
         pub samples_per_scene: usize where 1..=4096,
+        /// Scenes in memory, 256 kB each. Among so many an epoch is shuffled fully; of more it is a shuffle in a window
+        /// of so many.
+        pub shuffle_scenes: usize where 1..=1_000_000; or 4096,
+        /// What a voxel is to answer of several attempts that have their origin in it.
+        pub targets: Targets; or Targets::Attempt,
+    }
+}
+
+words! {
+    /// What the paper's network is to answer of several attempts with their origin in one voxel.
+    pub enum Targets {
+        /// How each of them ended: the paper.
+        Attempt = "attempt",
+        /// Whether any of them held; they are one sample, the first that held or else the first.
+        Voxel = "voxel",
     }
 }
 
@@ -146,6 +161,7 @@ impl Config {
             let rule = || "must be left out for a judge";
             reader.must("augmentation", self.augmentation == Augmentation::OFF, rule);
             reader.must("training.positive_weight", self.training.positive_weight == 1.0, rule);
+            reader.must("training.targets", self.training.targets == Targets::Attempt, rule);
         }
     }
 

@@ -111,7 +111,8 @@ fn figure(epochs: &[Epoch], title: &str, label: &str, value: fn(&Set) -> Option<
     }
 }
 
-fn points(epochs: &[Epoch], set: fn(&Epoch) -> &Set, value: fn(&Set) -> Option<f64>) -> Vec<(f64, f64)> {
+/// The value of a set by epoch, where it is a number.
+pub(crate) fn points(epochs: &[Epoch], set: fn(&Epoch) -> &Set, value: fn(&Set) -> Option<f64>) -> Vec<(f64, f64)> {
     let points = epochs.iter().filter_map(|epoch| Some((f64::from(epoch.epoch), value(set(epoch))?)));
     points.filter(|(_, y)| y.is_finite()).collect()
 }

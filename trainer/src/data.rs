@@ -1,10 +1,11 @@
-//! Training samples from a dataset's shards: attempts in memory, grids in a spool file.
+//! Training samples from a dataset's shards. In memory are two bits for each attempt, and the scenes that are in use.
 
-mod grids;
 mod item;
 mod load;
 mod loader;
+pub(crate) mod marks;
 
-pub use item::{GraspDataset, HandRecord, Record, TrainingTransform};
-pub use load::{Seen, load};
+pub use item::{HandRecord, Record, Scene, TrainingTransform, batch};
+pub use load::{GraspDataset, Seen};
 pub use loader::for_each_batch;
+pub use marks::{Marks, Set};

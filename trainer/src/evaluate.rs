@@ -5,31 +5,30 @@ pub mod mistakes;
 pub mod report;
 
 use std::collections::BTreeMap;
-use std::env::temp_dir;
-use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::slice;
 use std::sync::atomic::AtomicBool;
 
-use burn_dataset::Dataset as _;
 use clap::ValueEnum;
 use network::checkpoint::Checkpoint;
-use network::judge::Crop;
 use network::{Architecture, checkpoint};
 use program::{ExitCode, Failure};
 use schema::Approach;
 use serde::Serialize;
 use shards::{Dataset, Location};
 
-use crate::config::Config;
-use crate::data::{GraspDataset, for_each_batch, load};
+use crate::batch::Hand;
+use crate::config::{Config, Targets};
+use crate::data::marks::NO_SAMPLE;
+use crate::data::{GraspDataset, Record, Set, for_each_batch};
 use crate::device::Device;
 use crate::evaluate::mistakes::{Mistake, worst};
 use crate::judge;
 use crate::loss::SampleResult;
 use crate::metrics::{Summary, Tally};
 use crate::model::Model;
+use crate::order::{Tour, steps_in_order};
 use crate::scores::{
     Calibration, GraspErrors, Ranking, Score, Spread, best_accuracy, calibration, interval_by_scene, ranking,
     rotation_error_deg,
@@ -190,8 +189,16 @@ pub struct Examination {
     pub dataset: Dataset,
 }
 
-/// Evaluates a checkpoint on a set of a dataset, and keeps the `mistakes_max` worst errors of each kind. The decoded
-/// grids are in a temporary file. `voxel_offset` is that of [`crate::data::Seen`].
+/// A sample of the set and its result: 64 bytes, in memory for each.
+struct Found {
+    record: Record,
+    /// Of a judge: what it was asked, and what arithmetic alone says of it.
+    hand: Option<(Hand, f32)>,
+    result: SampleResult,
+}
+
+/// Evaluates a checkpoint on a set of a dataset, and keeps the `mistakes_max` worst errors of each kind. `voxel_offset`
+/// is that of [`crate::data::Seen`].
 ///
 /// # Errors
 /// If checkpoint or dataset cannot be read, or the set has no samples.
@@ -207,41 +214,29 @@ pub fn examine(
     let dataset_id = dataset.id().to_owned();
     let trained_on = trained_on(&checkpoint, &dataset, set)?;
     if let Architecture::Judge(scope) = &checkpoint.architecture {
-        scope.must_match(&dataset.info().gripper, &dataset.info().grid)?;
+        let info = dataset.info();
+        info.hands().iter().try_for_each(|hand| scope.must_match(hand, &info.grid))?;
     }
-    let model = Model::of(&checkpoint.architecture);
-    let samples =
-        load(slice::from_ref(&dataset), &temp_dir(), model.seen(voxel_offset), &AtomicBool::new(false), &|| {})?;
-    let chosen = match set {
-        TestSet::All => (0..samples.len()).collect(),
-        TestSet::TestAttempts | TestSet::TestScenes => {
-            let damaged = |error| Failure::new(ExitCode::Data, format!("damaged recipe in the checkpoint: {error}"));
-            let config = Config::parse(&checkpoint.config, path).map_err(damaged)?;
-            let split = split(&samples.ids(), config.seed, &config.split)?;
-            if set == TestSet::TestAttempts { split.test_attempts } else { split.test_scenes }
-        }
-    };
-    if chosen.is_empty() {
+    let model = Model::of(&checkpoint.architecture, dataset.info().hands().iter());
+    let found = results(&checkpoint, &dataset, &model, (set, voxel_offset), path)?;
+    if found.is_empty() {
         let what = "the dataset has no attempt whose grasp lies in the grid";
         return Err(Failure::new(ExitCode::Config, what));
     }
-    let results = results(&checkpoint.vector, &samples, &chosen, &model)?;
-    must_be_finite(&samples, &chosen, &results, path)?;
-    let found = || chosen.iter().map(|at| samples.record(*at)).zip(&results);
-    let mistakes = found().map(|(record, result)| Mistake {
+    must_be_finite(&found, path)?;
+    let mistakes = found.iter().map(|Found { record, result, .. }| Mistake {
         scene_id: record.scene.into(),
         attempt_id: record.attempt,
-        score: Score { logit: result.quality_logit, held: result.label == 1 },
+        score: score(result),
     });
     let mistakes: Vec<Mistake> = mistakes.collect();
     let scores: Vec<Score> = mistakes.iter().map(|mistake| mistake.score).collect();
-    let scenes: Vec<(u64, u64)> = tallies(found().map(|(record, result)| (record.scene, result)))
+    let scenes: Vec<(u64, u64)> = tallies(found.iter().map(|own| (own.record.scene, &own.result)))
         .into_values()
         .map(|tally| (tally.confusion.true_positive + tally.confusion.true_negative, tally.confusion.count()))
         .collect();
-    let summaries = |tallies: BTreeMap<&'static str, Tally>| {
-        tallies.into_iter().map(|(name, tally)| (name, tally.summary())).collect()
-    };
+    let by = |key: fn(&Record) -> &'static str| summaries(found.iter().map(|own| (key(&own.record), &own.result)));
+    let results: Vec<SampleResult> = found.iter().map(|own| own.result).collect();
     let mut all = Tally::default();
     all.add(&results);
     let evaluation = Evaluation {
@@ -256,13 +251,51 @@ pub fn examine(
         ranking: ranking(&scores),
         calibration: calibration(&scores),
         // A judge predicts no grasp, so it has no errors of one.
-        errors: errors(if model.crop().is_some() { &[] } else { &results }, dataset.info().grid.voxel_size_m()),
-        by_shape: summaries(tallies(found().map(|(record, result)| (record.rule.shape.kind_name(), result)))),
-        by_rule: summaries(tallies(found().map(|(record, result)| (record.rule.name(), result)))),
-        hands: model.crop().map(|crop| hand_scores(crop, &samples, &chosen, &results)).transpose()?,
+        errors: errors(if model.crops().is_some() { &[] } else { &results }, dataset.info().grid.voxel_size_m()),
+        by_shape: by(|record| record.rule.shape.kind_name()),
+        by_rule: by(|record| record.rule.name()),
+        hands: model.crops().map(|_| hand_scores(&found)),
     };
     let [overrated, underrated] = [false, true].map(|held| worst(&mistakes, held, mistakes_max));
     Ok(Examination { evaluation, overrated, underrated, dataset })
+}
+
+/// The network's predictions for a set, by scene and attempt.
+fn results(
+    checkpoint: &Checkpoint,
+    dataset: &Dataset,
+    model: &Model,
+    (set, voxel_offset): (TestSet, f32),
+    path: &Path,
+) -> Result<Vec<Found>, Failure> {
+    let stop = AtomicBool::new(false);
+    let config = Config::parse(&checkpoint.config, path);
+    // Weights from elsewhere have no recipe.
+    let targets = config.as_ref().map_or(Targets::Attempt, |config| config.training.targets);
+    let seen = model.seen(voxel_offset, targets);
+    let mut samples = GraspDataset::survey(slice::from_ref(dataset), seen, &stop, &|| {})?;
+    let wanted = match set {
+        TestSet::All => None,
+        TestSet::TestAttempts => Some(Set::TestAttempts),
+        TestSet::TestScenes => Some(Set::TestScenes),
+    };
+    if wanted.is_some() {
+        let damaged = |error| Failure::new(ExitCode::Data, format!("damaged recipe in the checkpoint: {error}"));
+        let config = config.map_err(damaged)?;
+        split(&mut samples.marks, config.seed, &config.split)?;
+    }
+    let set_of = |mark: u8| (if let Some(set) = wanted { mark == set as u8 } else { mark != NO_SAMPLE }).then_some(0);
+    let tour = Tour::ascending(&samples.marks, |mark| set_of(mark).is_some());
+    let mut found = Vec::new();
+    for_each_batch(&samples, (&tour, 0), steps_in_order(&samples.marks, &tour, BATCH, set_of), None, |_, batch| {
+        let results = model.evaluate(&checkpoint.vector, &batch, &Device::Host);
+        let clearances = model.crops().map(|crops| judge::clearances(&batch, crops)).unwrap_or_default();
+        let mut hands = batch.hands.iter().copied().zip(clearances);
+        let own = batch.records.iter().zip(results);
+        found.extend(own.map(|(record, result)| Found { record: *record, hand: hands.next(), result }));
+        ControlFlow::Continue(())
+    })?;
+    Ok(found)
 }
 
 /// What a network was trained on, as the evaluation names it.
@@ -289,43 +322,31 @@ fn trained_on(checkpoint: &Checkpoint, dataset: &Dataset, set: TestSet) -> Resul
     Ok(is.to_owned())
 }
 
-fn must_be_finite(
-    samples: &GraspDataset,
-    chosen: &[usize],
-    results: &[SampleResult],
-    path: &Path,
-) -> Result<(), Failure> {
-    let Some((at, result)) = chosen.iter().zip(results).find(|(_, result)| !result.total.is_finite()) else {
+fn must_be_finite(found: &[Found], path: &Path) -> Result<(), Failure> {
+    let Some(Found { record, result, .. }) = found.iter().find(|own| !own.result.total.is_finite()) else {
         return Ok(());
     };
-    let (record, loss) = (samples.record(*at), result.total);
-    let text = format!("the loss of attempt {} of scene {} must be finite, got {loss}", record.attempt, record.scene);
+    let (attempt, scene, loss) = (record.attempt, record.scene, result.total);
+    let text = format!("the loss of attempt {attempt} of scene {scene} must be finite, got {loss}");
     Err(Failure::new(ExitCode::Data, format!("{text}: {}", path.display())))
 }
 
-fn hand_scores(
-    crop: &Crop,
-    samples: &GraspDataset,
-    chosen: &[usize],
-    results: &[SampleResult],
-) -> Result<HandScores, Failure> {
-    let hands = || chosen.iter().zip(results).filter_map(|(at, result)| Some((*at, samples.hand(*at)?, result)));
-    let free: Vec<SampleResult> = hands().filter(|(_, hand, _)| !hand.hits_table).map(|(.., result)| *result).collect();
-    let is_free: Vec<bool> = hands().map(|(_, hand, _)| !hand.hits_table).collect();
-    let mut clearances = Vec::with_capacity(chosen.len());
-    for_each_batch(samples, chosen, BATCH, None, |batch| {
-        clearances.extend(judge::clearances(&batch, crop));
-        ControlFlow::Continue(())
-    })?;
+fn hand_scores(found: &[Found]) -> HandScores {
+    let hands = || found.iter().filter_map(|own| Some((&own.record, own.hand.as_ref()?, &own.result)));
+    let free: Vec<SampleResult> =
+        hands().filter(|(_, (hand, _), _)| !hand.hits_table).map(|(.., result)| *result).collect();
+    let is_free: Vec<bool> = hands().map(|(_, (hand, _), _)| !hand.hits_table).collect();
     let arithmetic = |asked, value: fn(f32, bool) -> f32| {
-        let values = clearances.iter().zip(&is_free).map(|(clearance, free)| value(*clearance, *free));
-        let scores = values.zip(results).map(|(logit, result)| Score { logit, ..score(result) });
-        Arithmetic::of(asked, &scores.collect::<Vec<_>>(), &is_free)
+        let score = |(_, (hand, clearance), result): (_, &(Hand, f32), _)| Score {
+            logit: value(*clearance, !hand.hits_table),
+            ..score(result)
+        };
+        Arithmetic::of(asked, &hands().map(score).collect::<Vec<_>>(), &is_free)
     };
     let mut scenes = BTreeMap::<u32, (bool, Score)>::new();
-    for (at, _, result) in hands() {
+    for (record, _, result) in hands() {
         let own = score(result);
-        let (any, best) = scenes.entry(samples.record(at).scene).or_insert((false, own));
+        let (any, best) = scenes.entry(record.scene).or_insert((false, own));
         *any |= own.held;
         if own.logit > best.logit {
             *best = own;
@@ -333,8 +354,7 @@ fn hand_scores(
     }
     let with_held = scenes.values().filter(|(any, _)| *any).count();
     let best_held = scenes.values().filter(|(_, best)| best.held).count();
-    let by_outcome = tallies(hands().map(|(_, hand, result)| (hand.outcome.name(), result)));
-    let source = |at: usize| match samples.record(at).rule.approach {
+    let source = |record: &Record| match record.rule.approach {
         Approach::Axis(_) => "rules",
         approach => approach.name(),
     };
@@ -343,32 +363,25 @@ fn hand_scores(
         2 => "2 views",
         _ => "3 views or more",
     };
-    Ok(HandScores {
+    HandScores {
         table_free: Scores::of(&free),
         arithmetic: [
             arithmetic("does the swept hand touch the table", |_, free| f32::from(u8::from(free))),
             arithmetic("… or what was seen, by one threshold", |clearance, _| clearance),
         ],
-        by_source: Scores::by(hands().map(|(at, _, result)| (source(at), *result))),
-        by_views: Scores::by(hands().map(|(_, hand, result)| (views(hand.views.into()), *result))),
+        by_source: Scores::by(hands().map(|(record, _, result)| (source(record), *result))),
+        by_views: Scores::by(hands().map(|(_, (hand, _), result)| (views(hand.views), *result))),
         scenes_with_held: with_held,
         best_held: (with_held > 0).then(|| best_held as f64 / with_held as f64),
-        by_outcome: by_outcome.into_iter().map(|(name, tally)| (name, tally.summary())).collect(),
-    })
+        by_outcome: summaries(hands().map(|(_, (hand, _), result)| (hand.outcome.name(), result))),
+    }
 }
 
 /// Samples per batch.
 const BATCH: usize = 192;
 
-/// The network's predictions for samples, in their order.
-fn results(vector: &[f32], samples: &GraspDataset, set: &[usize], model: &Model) -> io::Result<Vec<SampleResult>> {
-    debug_assert!(set.is_sorted(), "a batch sorts its samples");
-    let mut results = Vec::with_capacity(set.len());
-    for_each_batch(samples, set, BATCH, None, |batch| {
-        results.extend(model.evaluate(vector, &batch, &Device::Host));
-        ControlFlow::Continue(())
-    })?;
-    Ok(results)
+fn summaries<'a>(results: impl Iterator<Item = (&'static str, &'a SampleResult)>) -> BTreeMap<&'static str, Summary> {
+    tallies(results).into_iter().map(|(name, tally)| (name, tally.summary())).collect()
 }
 
 fn tallies<'a, K: Ord>(results: impl Iterator<Item = (K, &'a SampleResult)>) -> BTreeMap<K, Tally> {

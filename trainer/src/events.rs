@@ -5,16 +5,15 @@ use serde::Serialize;
 use shards::Dataset;
 
 use crate::config::SplitBy;
-use crate::data::GraspDataset;
 use crate::metrics::Summary;
-use crate::split::Split;
+use crate::split::Labels;
 
 /// An event.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// The datasets are open; their grids are about to be decoded.
+    /// The datasets are open and about to be read.
     Loading(&'a [Dataset]),
-    /// A scene is decoded. Sent from any thread.
+    /// A scene is read: its attempts, or its grid where all are kept. Sent from any thread.
     SceneLoaded,
     /// Training begins or resumes.
     Begun(&'a Beginning),
@@ -33,54 +32,15 @@ pub enum Event<'a> {
     NoBetter(u32),
 }
 
-/// Labels of a set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LabelCount {
-    /// Samples.
-    pub samples: usize,
-    /// Successes among them.
-    pub held: usize,
-}
-
-impl LabelCount {
-    /// The labels of some samples of a dataset.
-    #[must_use]
-    pub fn of(samples: &GraspDataset, set: &[usize]) -> Self {
-        Self { samples: set.len(), held: set.iter().filter(|at| samples.record(**at).label == 1).count() }
-    }
-
-    /// The accuracy of always answering "failure"; 1 without samples.
-    #[must_use]
-    pub fn baseline_accuracy(&self) -> f64 {
-        1.0 - self.held as f64 / self.samples.max(1) as f64
-    }
-}
-
 /// The state when training begins.
 #[derive(Debug, Clone)]
 pub struct Beginning {
     /// Attempts without a sample, because their grasp is outside the grid.
     pub outside: u64,
-    /// Labels of the training samples.
-    pub train: LabelCount,
-    /// Labels of held-out attempts.
-    pub test_attempts: LabelCount,
-    /// Labels in held-out scenes.
-    pub test_scenes: LabelCount,
+    /// Labels of the sets.
+    pub labels: Labels,
     /// The progress at which training resumes; zero for a new run.
     pub progress: Progress,
-}
-
-impl Beginning {
-    pub(crate) fn of(samples: &GraspDataset, split: &Split, progress: &Progress) -> Self {
-        Self {
-            outside: samples.outside,
-            train: LabelCount::of(samples, &split.train),
-            test_attempts: LabelCount::of(samples, &split.test_attempts),
-            test_scenes: LabelCount::of(samples, &split.test_scenes),
-            progress: *progress,
-        }
-    }
 }
 
 /// The metrics of an epoch; a line of `metrics.jsonl`.

@@ -1,6 +1,5 @@
 //! Training, top to bottom: the paper's recipe (section 2.3).
 
-use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,21 +9,22 @@ use network::checkpoint::{Checkpoint, Progress};
 use network::judge::Scope;
 use network::{Architecture, Kind};
 use program::{ExitCode, Failure};
+use schema::Gripper;
 use shards::{Dataset, Location};
 
 use crate::adam;
 use crate::batch::Batch;
 use crate::config::{Config, TrainingParams};
-use crate::data::{GraspDataset, TrainingTransform, for_each_batch, load};
+use crate::data::{GraspDataset, Seen, Set, TrainingTransform, for_each_batch};
 use crate::device::Device;
-use crate::events::{Beginning, EpochReport, Event, LabelCount};
+use crate::events::{Beginning, EpochReport, Event};
 use crate::loss::ClassWeights;
 use crate::metrics::Tally;
 use crate::model::Model;
-use crate::order::epoch_order;
+use crate::order::{Tour, epoch_steps, epoch_tour, steps_in_order};
 use crate::patience::epochs_without_better;
 use crate::run_folder::{RunFolder, id_of, read_metrics};
-use crate::split::{Split, split};
+use crate::split::{Labels, split};
 use crate::watch::Watch;
 
 /// How training ended.
@@ -72,38 +72,34 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
         watch.see(&event);
         observe(event);
     };
-    let (architecture, dataset_id) = (architecture(config, &datasets[0], device)?, id_of(&datasets));
+    let (architecture, dataset_id) = (architecture(config, &datasets, device)?, id_of(&datasets));
     let (vector, progress, moments) = match folder.last(&datasets)? {
         Some(last) => (last.vector, last.progress, last.moments),
         None => (first_vector(&architecture, config, from)?, Progress::default(), None),
     };
     folder.write_config(config)?;
-    let model = Model::of(&architecture);
+    let model = Model::of(&architecture, hands_of(&datasets));
     let mut state = Checkpoint { vector, architecture, config: config.to_toml(), dataset_id, progress, moments };
 
     observe(Event::Loading(&datasets));
-    let samples = match load(&datasets, run, model.seen(0.5), stop, &|| observe(Event::SceneLoaded)) {
+    let seen = model.seen(0.5, config.training.targets);
+    let (samples, labels) = match load(&datasets, seen, config, stop, &|| observe(Event::SceneLoaded)) {
         Err(_) if stop.load(Ordering::Relaxed) => return Ok(Ending::Stopped),
         loaded => loaded?,
     };
-    let mut split = split(&samples.ids(), config.seed, &config.split)?;
-    // Of hands that hit the table there is nothing to learn.
-    split.train.retain(|at| samples.hand(*at).is_none_or(|hand| !hand.hits_table));
     let mut metrics: Vec<String> = read_metrics(run)?.lines().map(str::to_owned).collect();
     metrics.truncate(progress.epoch as usize);
-    observe(Event::Begun(&Beginning::of(&samples, &split, &progress)));
-    let labels = LabelCount::of(&samples, &split.train);
+    observe(Event::Begun(&Beginning { outside: samples.outside, labels, progress }));
     let training = Training {
         config,
         model: &model,
         device,
         folder: &folder,
         samples: &samples,
-        split: &split,
         stop,
         observe,
-        weights: ClassWeights::new(config.training.positive_weight, labels.held, labels.samples),
-        steps: labels.samples.div_ceil(config.training.batch) as u64,
+        weights: ClassWeights::new(config.training.positive_weight, labels.train.held, labels.train.samples),
+        steps: labels.train.samples.div_ceil(config.training.batch) as u64,
     };
     while state.progress.epoch < config.training.epochs {
         let without_better = epochs_without_better(&metrics);
@@ -111,9 +107,13 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
             observe(Event::NoBetter(without_better));
             break;
         }
-        let Some(report) = training.epoch(&mut state)? else {
-            folder.save_last(&state)?;
-            return Ok(Ending::Stopped);
+        let report = match training.epoch(&mut state) {
+            Ok(Some(report)) => report,
+            stopped => {
+                // A store that cannot be reached costs no step.
+                folder.save_last(&state)?;
+                return stopped.map(|_| Ending::Stopped);
+            }
         };
         if report.is_best {
             folder.save_best(&state)?;
@@ -135,11 +135,7 @@ fn open(data: &[Location]) -> Result<Vec<Dataset>, Failure> {
     };
     for (number, other) in others.iter().enumerate() {
         let (a, b) = (first.info(), other.info());
-        let differs = [
-            ("grids", a.grid != b.grid),
-            ("grippers", a.gripper != b.gripper),
-            ("procedures", a.procedure != b.procedure),
-        ];
+        let differs = [("grids", a.grid != b.grid), ("procedures", a.procedure != b.procedure)];
         if let Some((what, _)) = differs.into_iter().find(|(_, differ)| *differ) {
             let (here, there) = (first.location(), other.location());
             return Err(refused(format!("datasets of other {what} cannot be trained on together: {here}, {there}")));
@@ -151,35 +147,65 @@ fn open(data: &[Location]) -> Result<Vec<Dataset>, Failure> {
     Ok(datasets)
 }
 
+/// Surveys and splits the samples; reads their scenes too where these are few.
+fn load<'a>(
+    datasets: &'a [Dataset],
+    seen: Seen<'a>,
+    config: &Config,
+    stop: &AtomicBool,
+    scene_done: &(dyn Fn() + Sync),
+) -> Result<(GraspDataset<'a>, Labels), Failure> {
+    let scenes: u64 = datasets.iter().map(|dataset| dataset.info().scene_count).sum();
+    let is_small = scenes <= config.training.shuffle_scenes as u64;
+    let mut samples = GraspDataset::survey(datasets, seen, stop, if is_small { &|| () } else { scene_done })?;
+    let labels = split(&mut samples.marks, config.seed, &config.split)?;
+    if is_small {
+        samples.keep(stop, scene_done)?;
+    }
+    Ok((samples, labels))
+}
+
 /// The weights that a new run begins with.
 fn first_vector(architecture: &Architecture, config: &Config, from: Option<&Checkpoint>) -> Result<Vec<f32>, Failure> {
     match from {
         None => Ok(architecture.initial_vector(config.seed)),
-        Some(from) if from.architecture == *architecture => Ok(from.vector.clone()),
+        Some(from) if can_begin_with(&from.architecture, architecture) => Ok(from.vector.clone()),
         Some(_) => Err(Failure::new(
             ExitCode::Config,
-            "the weights of --from are another network's than the recipe's, or a judge's of another hand or grid",
+            "the weights of --from are another network's than the recipe's, or a judge's of another grid",
         )),
     }
 }
 
+/// Whether training may begin with another network's weights: a judge may come from other hands.
+fn can_begin_with(from: &Architecture, own: &Architecture) -> bool {
+    match (from, own) {
+        (Architecture::Judge(from), Architecture::Judge(own)) => from.grid == own.grid,
+        _ => from == own,
+    }
+}
+
 /// The network that a recipe asks for.
-fn architecture(config: &Config, dataset: &Dataset, device: &Device) -> Result<Architecture, Failure> {
+fn architecture(config: &Config, datasets: &[Dataset], device: &Device) -> Result<Architecture, Failure> {
+    let hands: Vec<Gripper> = hands_of(datasets).cloned().collect();
+    let info = datasets[0].info();
+    let scope = Scope::of(&hands, info.procedure.pregrasp_distance_m, info.grid);
     match config.network.kind {
+        Kind::Voxel if scope.hands.is_some() => {
+            let text = "the paper's network knows nothing of hands: train it on data of one hand, or a judge on these";
+            Err(Failure::new(ExitCode::Config, text))
+        }
         Kind::Voxel => Ok(Architecture::Voxel(config.network.upsampling)),
         Kind::Judge if *device != Device::Host => {
             Err(Failure::new(ExitCode::Config, "a judge is trained on the host: --device cpu"))
         }
-        Kind::Judge => {
-            let info = dataset.info();
-            let pregrasp_distance_m = info.procedure.pregrasp_distance_m;
-            Ok(Architecture::Judge(Box::new(Scope {
-                gripper: info.gripper.clone(),
-                pregrasp_distance_m,
-                grid: info.grid,
-            })))
-        }
+        Kind::Judge => Ok(Architecture::Judge(Box::new(scope))),
     }
+}
+
+/// The hands of the first dataset, then those of the next.
+fn hands_of(datasets: &[Dataset]) -> impl Iterator<Item = &Gripper> {
+    datasets.iter().flat_map(|dataset| dataset.info().hands())
 }
 
 /// What stays the same during training.
@@ -188,8 +214,7 @@ struct Training<'a> {
     model: &'a Model,
     device: &'a Device,
     folder: &'a RunFolder,
-    samples: &'a GraspDataset,
-    split: &'a Split,
+    samples: &'a GraspDataset<'a>,
     stop: &'a AtomicBool,
     observe: &'a (dyn Fn(Event<'_>) + Sync),
     weights: ClassWeights,
@@ -212,8 +237,7 @@ impl Training<'_> {
     fn epoch(&self, state: &mut Checkpoint) -> Result<Option<EpochReport>, Failure> {
         let began = Instant::now();
         self.train(state)?;
-        let test_attempts = self.test(&state.vector, &self.split.test_attempts)?;
-        let test_scenes = self.test(&state.vector, &self.split.test_scenes)?;
+        let [test_attempts, test_scenes] = self.test(&state.vector)?;
         if self.is_stopped() {
             return Ok(None);
         }
@@ -238,13 +262,14 @@ impl Training<'_> {
 
     /// The rest of the steps of an epoch, or those until a signal.
     fn train(&self, state: &mut Checkpoint) -> Result<(), Failure> {
-        let Config { seed, augmentation, training: TrainingParams { batch, samples_per_scene, .. }, .. } = *self.config;
-        let epoch = state.progress.epoch;
-        let order = epoch_order(&self.split.train, |at| self.samples.record(at).scene, samples_per_scene, seed, epoch);
+        let Config { seed, augmentation, .. } = *self.config;
+        let (epoch, marks) = (state.progress.epoch, &self.samples.marks);
+        let tour = epoch_tour(marks, self.config, epoch);
+        let mut steps = epoch_steps(marks, &tour, self.config, epoch);
+        let start = steps.by_ref().take(state.progress.batch as usize).last().map_or(0, |last| last.done);
         let transform = TrainingTransform { seed, epoch, augmentation, weights: self.weights };
-        let done = (state.progress.batch as usize * batch).min(order.len());
         let mut outcome = Ok(());
-        for_each_batch(self.samples, &order[done..], batch, Some(&transform), |batch| {
+        for_each_batch(self.samples, (&tour, start), steps, Some(&transform), |_, batch| {
             if self.is_stopped() {
                 return ControlFlow::Break(());
             }
@@ -276,16 +301,25 @@ impl Training<'_> {
         if every > 0 && number.is_multiple_of(every) { self.folder.save_last(state) } else { Ok(()) }
     }
 
-    /// The results of a test set, or of a part of it if a signal stops it.
-    fn test(&self, vector: &[f32], set: &[usize]) -> io::Result<Tally> {
-        let mut tally = Tally::default();
-        for_each_batch(self.samples, set, TEST_BATCH, None, |batch| {
-            if self.is_stopped() {
-                return ControlFlow::Break(());
-            }
-            tally.add(&self.model.evaluate(vector, &batch, self.device));
-            ControlFlow::Continue(())
-        })?;
-        Ok(tally)
+    /// The results of held-out attempts and of held-out scenes, or of a part of them if a signal stops it.
+    fn test(&self, vector: &[f32]) -> Result<[Tally; 2], Failure> {
+        let marks = &self.samples.marks;
+        let set_of = |mark: u8| [Set::TestAttempts as u8, Set::TestScenes as u8].iter().position(|set| *set == mark);
+        let tour = Tour::ascending(marks, |mark| set_of(mark).is_some());
+        let mut tallies = [Tally::default(); 2];
+        for_each_batch(
+            self.samples,
+            (&tour, 0),
+            steps_in_order(marks, &tour, TEST_BATCH, set_of),
+            None,
+            |set, batch| {
+                if self.is_stopped() {
+                    return ControlFlow::Break(());
+                }
+                tallies[set].add(&self.model.evaluate(vector, &batch, self.device));
+                ControlFlow::Continue(())
+            },
+        )?;
+        Ok(tallies)
     }
 }

@@ -21,13 +21,13 @@ const NEVER: f32 = -30.0;
 
 /// Loss and gradient of a batch; no hand of it may hit the table.
 #[must_use]
-pub fn step(vector: &[f32], batch: &Batch, crop: &Crop) -> StepResult {
+pub fn step(vector: &[f32], batch: &Batch, crops: &[Crop]) -> StepResult {
     let network = JudgeNetwork::new(vector);
     let transposed = network.transposed();
     let weight = 1.0 / batch.samples.len() as f32;
     let parts = by_parts(batch, |samples, hands| {
         let asked: Vec<(&Sample, &Hand)> = samples.iter().zip(hands).collect();
-        let inputs = inputs(batch, &asked, crop);
+        let inputs = inputs(batch, &asked, crops);
         let seen = network.forward(&inputs);
         let d_logits: Vec<[f32; OUTCOMES]> =
             seen.logits().zip(hands).map(|(logits, hand)| d_loss(&logits, hand, weight)).collect();
@@ -41,14 +41,14 @@ pub fn step(vector: &[f32], batch: &Batch, crop: &Crop) -> StepResult {
 
 /// Losses and predictions of a batch, without a gradient.
 #[must_use]
-pub fn evaluate(vector: &[f32], batch: &Batch, crop: &Crop) -> Vec<SampleResult> {
+pub fn evaluate(vector: &[f32], batch: &Batch, crops: &[Crop]) -> Vec<SampleResult> {
     let network = JudgeNetwork::new(vector);
     let parts = by_parts(batch, |samples, hands| {
         let asked: Vec<(&Sample, &Hand)> = samples.iter().zip(hands).filter(|(_, hand)| !hand.hits_table).collect();
         if asked.is_empty() {
             return hands.iter().map(certain).collect();
         }
-        let seen = network.forward(&inputs(batch, &asked, crop));
+        let seen = network.forward(&inputs(batch, &asked, crops));
         let mut asked = results(&seen, asked.iter().map(|(_, hand)| *hand));
         hands
             .iter()
@@ -60,10 +60,10 @@ pub fn evaluate(vector: &[f32], batch: &Batch, crop: &Crop) -> Vec<SampleResult>
 
 /// What arithmetic alone says of each hand ([`Crop::clearance`]); the least for hands that hit the table.
 #[must_use]
-pub fn clearances(batch: &Batch, crop: &Crop) -> Vec<f32> {
+pub fn clearances(batch: &Batch, crops: &[Crop]) -> Vec<f32> {
     let parts = by_parts(batch, |samples, hands| {
         let asked: Vec<(&Sample, &Hand)> = samples.iter().zip(hands).collect();
-        let seen = inputs(batch, &asked, crop);
+        let seen = inputs(batch, &asked, crops);
         let clearances = seen.crops.chunks_exact(Crop::LEN).zip(hands);
         let clearance = |(crop, hand): (&[f32], &Hand)| if hand.hits_table { NEVER } else { Crop::clearance(crop) };
         clearances.map(clearance).collect::<Vec<f32>>()
@@ -77,12 +77,12 @@ fn by_parts<T: Send>(batch: &Batch, work: impl Fn(&[Sample], &[Hand]) -> T + Syn
 }
 
 /// What the network sees of samples, which are in the order of their grids.
-fn inputs(batch: &Batch, asked: &[(&Sample, &Hand)], crop: &Crop) -> JudgeInputs {
+fn inputs(batch: &Batch, asked: &[(&Sample, &Hand)], crops: &[Crop]) -> JudgeInputs {
     let mut inputs = JudgeInputs::with_capacity(asked.len());
     for own in asked.chunk_by(|(a, _), (b, _)| a.grid == b.grid) {
         let grid = PaddedGrid::new(RESOLUTION, &batch.grids[own[0].0.grid]);
-        for (_, Hand { workspace_from_grasp, views, mirrored, .. }) in own {
-            inputs.push(crop, &grid, workspace_from_grasp, *views, *mirrored);
+        for (_, Hand { workspace_from_grasp, views, mirrored, crop, .. }) in own {
+            inputs.push(&crops[*crop], &grid, workspace_from_grasp, *views, *mirrored);
         }
     }
     inputs

@@ -44,6 +44,7 @@ pub mod model;
 pub mod order;
 pub mod page;
 pub mod patience;
+pub mod recipe;
 pub mod run_folder;
 pub mod schedule;
 pub mod scores;

@@ -3,8 +3,10 @@
 use network::Architecture;
 use network::judge::Crop;
 use network::upsampling::Upsampling;
+use schema::Gripper;
 
 use crate::batch::Batch;
+use crate::config::Targets;
 use crate::data::Seen;
 use crate::device::Device;
 use crate::loss::SampleResult;
@@ -16,33 +18,35 @@ use crate::{judge, step};
 pub enum Model {
     /// The paper's, on a device.
     Voxel(Upsampling),
-    /// A judge, and how it sees hands.
-    Judge(Box<Crop>),
+    /// A judge, and how it sees each hand.
+    Judge(Vec<Crop>),
 }
 
 impl Model {
-    /// The network of a checkpoint.
+    /// The network of a checkpoint for these hands.
     #[must_use]
-    pub fn of(architecture: &Architecture) -> Self {
+    pub fn of<'a>(architecture: &Architecture, hands: impl Iterator<Item = &'a Gripper>) -> Self {
         match architecture {
             Architecture::Voxel(upsampling) => Self::Voxel(*upsampling),
-            Architecture::Judge(scope) => Self::Judge(Box::new(Crop::new(scope))),
+            Architecture::Judge(scope) => {
+                Self::Judge(hands.map(|hand| Crop::new(hand, scope.pregrasp_distance_m, &scope.grid)).collect())
+            }
         }
     }
 
-    /// How a judge sees hands.
+    /// How a judge sees each hand.
     #[must_use]
-    pub fn crop(&self) -> Option<&Crop> {
+    pub fn crops(&self) -> Option<&[Crop]> {
         match self {
             Self::Voxel(_) => None,
-            Self::Judge(crop) => Some(crop),
+            Self::Judge(crops) => Some(crops),
         }
     }
 
-    /// How it sees grasps; voxels with their grasps at `voxel_offset`.
+    /// How it sees grasps; voxels with their grasps at `voxel_offset` and these targets.
     #[must_use]
-    pub fn seen(&self, voxel_offset: f32) -> Seen<'_> {
-        self.crop().map_or(Seen::Voxels { offset: voxel_offset }, Seen::Hands)
+    pub fn seen(&self, voxel_offset: f32, targets: Targets) -> Seen<'_> {
+        self.crops().map_or(Seen::Voxels { offset: voxel_offset, targets }, Seen::Hands)
     }
 
     /// Loss and gradient of a batch; a judge's are computed on the host.
@@ -50,7 +54,7 @@ impl Model {
     pub fn step(&self, vector: &[f32], batch: &Batch, device: &Device) -> StepResult {
         match self {
             Self::Voxel(mode) => step::step(vector, batch, *mode, device),
-            Self::Judge(crop) => judge::step(vector, batch, crop),
+            Self::Judge(crops) => judge::step(vector, batch, crops),
         }
     }
 
@@ -59,7 +63,7 @@ impl Model {
     pub fn evaluate(&self, vector: &[f32], batch: &Batch, device: &Device) -> Vec<SampleResult> {
         match self {
             Self::Voxel(mode) => step::evaluate(vector, batch, *mode, device),
-            Self::Judge(crop) => judge::evaluate(vector, batch, crop),
+            Self::Judge(crops) => judge::evaluate(vector, batch, crops),
         }
     }
 }

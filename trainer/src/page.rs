@@ -2,8 +2,11 @@
 //! wrong.
 
 mod mistakes;
+mod side_by_side;
 mod training;
 mod warnings;
+
+pub use side_by_side::comparison;
 
 use std::path::{Path, PathBuf};
 
@@ -66,8 +69,8 @@ impl TrainedRun {
         numbers.extend(evaluation.into_iter().flat_map(tiles));
         let mut blocks = vec![
             Block::Text(self.lead(evaluation.is_some())),
-            Block::Warnings(warnings::warnings(self, evaluation)),
             Block::Tiles(numbers),
+            Block::Warnings(warnings::warnings(self, evaluation)),
         ];
         blocks.extend(training::section(self));
         blocks.push(Block::Heading("Evaluation".to_owned()));
@@ -80,10 +83,17 @@ impl TrainedRun {
         }
         blocks.extend(self.provenance(examined));
         Ok(Document {
-            title: "A training run of the grasp network".to_owned(),
+            title: format!("Training run {}", self.name()),
             blocks,
             footer: format!("trainer report, Graspmill {}; run {}", env!("CARGO_PKG_VERSION"), self.path.display()),
         })
+    }
+
+    /// Its folder's name.
+    fn name(&self) -> String {
+        let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
+        let absolute = || std::path::absolute(&self.path).ok().as_deref().and_then(name);
+        name(&self.path).or_else(absolute).unwrap_or_else(|| self.path.display().to_string())
     }
 
     fn lead(&self, is_evaluated: bool) -> String {
@@ -123,7 +133,7 @@ impl TrainedRun {
                 row("evaluated on dataset", format!("{} at {}", evaluation.dataset_id, dataset.location())),
                 row("its code_version", info.code_version.clone()),
                 row("its seed", info.seed.to_string()),
-                row("its gripper", info.gripper.name.clone()),
+                row("its gripper", info.hands().iter().map(|hand| hand.name.as_str()).collect::<Vec<_>>().join(", ")),
             ]);
         }
         let recipe = self.config.as_ref().map(keys).unwrap_or_default();

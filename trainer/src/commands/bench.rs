@@ -16,6 +16,9 @@ pub(crate) struct Arguments {
     /// A dataset's folder or URL, to measure reading too.
     #[arg(long)]
     data: Option<Location>,
+    /// Read as if the dataset were there so many times, each with scenes of its own.
+    #[arg(long, default_value_t = 1, requires = "data", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    times: u16,
     /// Threads; all cores by default.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -31,7 +34,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     start_threads(arguments.threads)?;
     let device = arguments.device.open()?;
     let phase = |name: &str| print_error(&format!("measuring {name}"));
-    let report = bench(arguments.batch.into(), arguments.data.as_ref(), &device, &phase)?;
+    let report = bench(
+        arguments.batch.into(),
+        arguments.data.as_ref().map(|data| (data, arguments.times.into())),
+        &device,
+        &phase,
+    )?;
     print(if arguments.json { json(&report)? } else { report.document().markdown() })?;
     Ok(ExitCode::Ok)
 }

@@ -1,11 +1,14 @@
 //! What people see while training and after.
 
+use std::fmt::Write;
 use std::sync::Mutex;
 
-use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
+use program::text::per_second;
 use trainer::config::{Config, SplitBy};
 use trainer::events::{Beginning, EpochReport, Event};
 use trainer::metrics::Summary;
+use trainer::split::Labels;
 
 /// Progress bars and the table of epochs.
 pub(crate) struct Screen {
@@ -25,7 +28,11 @@ impl Screen {
     /// Begins the bar anew.
     fn begin_bar(&self, len: u64, template: &str) {
         self.bar.finish_and_clear();
-        self.bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()));
+        let rate = |state: &ProgressState, out: &mut dyn Write| {
+            let _ = out.write_str(&per_second(state.per_sec()));
+        };
+        let style = ProgressStyle::with_template(template).map(|style| style.with_key("rate", rate));
+        self.bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         self.bar.set_length(len);
         self.bar.reset();
     }
@@ -79,11 +86,11 @@ impl Screen {
     }
 
     fn begin(&self, beginning: &Beginning) {
-        let Beginning { outside, train, test_attempts, test_scenes, progress } = beginning;
+        let Beginning { outside, labels: Labels { train, test_attempts, test_scenes }, progress } = beginning;
         let sets = [train, test_attempts, test_scenes];
         let left = u64::from(self.config.training.epochs.saturating_sub(progress.epoch)) * train.samples as u64;
         let done = u64::from(progress.batch) * self.config.training.batch as u64;
-        self.begin_bar(left.saturating_sub(done), "{bar:30} {percent}% {msg}, {per_sec}, {eta} to go");
+        self.begin_bar(left.saturating_sub(done), "{bar:30} {percent}% {msg}, {rate}, {eta} to go");
         let [training, attempts, scenes] = sets.map(|set| set.samples);
         self.line(&format!("samples   {training} train, {attempts} test attempts, {scenes} of test scenes"));
         self.line(&format!("          {outside} attempts lie outside the grid and are left out"));

@@ -24,7 +24,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// The run's folder: checkpoints, metrics, curves (loss.svg, accuracy.svg, also as PNG), events for TensorBoard
-    /// (tensorboard/), and during training 256 kB of decoded grids per scene.
+    /// (tensorboard/).
     #[arg(long)]
     run: PathBuf,
     /// Continue from the run's last checkpoint, or begin if there is none.

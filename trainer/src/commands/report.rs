@@ -6,22 +6,24 @@ use clap::Args;
 use program::{ExitCode, Failure, print, start_threads, write};
 use shards::Location;
 use trainer::evaluate::{TestSet, examine};
-use trainer::page::{MISTAKES, TrainedRun};
+use trainer::page::{MISTAKES, TrainedRun, comparison};
 use trainer::run_folder::SavedAs;
 
 const EXAMPLES: &str = "\
 Examples:
   trainer report runs/paper --html run.html
   trainer report runs/paper --html run.html --data grasps --split test-scenes
-  trainer report runs/paper --html run.html --data s3://bucket/other --split all";
+  trainer report runs/paper --html run.html --data s3://bucket/other --split all
+  trainer report runs/paper runs/other --html runs.html";
 
 /// Show a run as a page, one file with everything in it: curves, recipe and, on a dataset, the best checkpoint's
-/// results and its worst mistakes, with pictures.
+/// results and its worst mistakes, with pictures. Several runs are shown in one chart.
 #[derive(Args)]
 #[command(after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
 pub(crate) struct Arguments {
-    /// The run's folder.
-    run: PathBuf,
+    /// The run's folder; several are compared.
+    #[arg(required = true)]
+    run: Vec<PathBuf>,
     /// The page to write; replaces an existing file.
     #[arg(long, value_name = "FILE")]
     html: PathBuf,
@@ -38,11 +40,24 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     start_threads(arguments.threads)?;
-    let run = TrainedRun::read(&arguments.run)?;
-    let best = SavedAs::Best.path(&arguments.run);
-    let examined =
-        arguments.data.as_ref().map(|data| examine(&best, data, arguments.split, 0.5, MISTAKES)).transpose()?;
-    write(&arguments.html, run.document(examined.as_ref())?.html()?)?;
+    let document = match (arguments.run.as_slice(), &arguments.data) {
+        ([path], data) => {
+            let run = TrainedRun::read(path)?;
+            let best = SavedAs::Best.path(path);
+            let examined =
+                data.as_ref().map(|data| examine(&best, data, arguments.split, 0.5, MISTAKES)).transpose()?;
+            run.document(examined.as_ref())?
+        }
+        (_, Some(_)) => {
+            let text = "--data evaluates one run, give one or leave it out: trainer evaluate compares on a dataset";
+            return Err(Failure::new(ExitCode::Config, text));
+        }
+        (paths, None) => {
+            let runs = paths.iter().map(|path| TrainedRun::read(path)).collect::<Result<Vec<_>, _>>()?;
+            comparison(&runs)
+        }
+    };
+    write(&arguments.html, document.html()?)?;
     print(format_args!("{}\n", arguments.html.display()))?;
     Ok(ExitCode::Ok)
 }

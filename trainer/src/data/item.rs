@@ -1,13 +1,12 @@
-//! The samples as a `burn-dataset`, and batches of them.
+//! Scenes with their samples, and batches of them.
 
 use core::ops::RangeInclusive;
-use std::io;
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use burn_dataset::Dataset;
 use schema::{Outcome, Pose, Purpose, Quat, Rule, Stream};
 
-use super::grids::Grids;
-use crate::augmentation::{Augmentation, Motion};
+use crate::augmentation::Augmentation;
 use crate::batch::{Batch, Hand, Sample};
 use crate::loss::{ClassWeights, Target};
 
@@ -24,7 +23,7 @@ pub struct TrainingTransform {
     pub weights: ClassWeights,
 }
 
-/// A sample without its grid, 40 bytes, held in memory for every attempt.
+/// A sample without its grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
     /// The scene.
@@ -46,6 +45,8 @@ pub struct Record {
 /// What a judge is asked about a sample, and how the attempt ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandRecord {
+    /// Which of the hands it is.
+    pub crop: u16,
     /// The grasp.
     pub workspace_from_grasp: Pose,
     /// Number of views of the scene.
@@ -56,112 +57,81 @@ pub struct HandRecord {
     pub hits_table: bool,
 }
 
-/// All samples of a dataset, by scene and attempt. For the paper's network those whose grasp is inside the grid: one
-/// per attempt by a rule, one per point of VGN's sampler. For a judge every attempt.
-#[derive(Debug)]
-pub struct GraspDataset {
-    pub(super) records: Vec<Record>,
+/// A scene: its grid and all of its samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// Its number among the scenes of all datasets.
+    pub number: u32,
+    /// The number of its first attempt among the attempts of all datasets.
+    pub first_attempt: u64,
+    /// TSDF, 40³ values, x slowest.
+    pub grid: Arc<[f32]>,
+    /// Its samples by attempt. For the paper's network those whose grasp is inside the grid: one per attempt by a
+    /// rule, one per point of VGN's sampler. For a judge every attempt.
+    pub records: Vec<Record>,
     /// For each record its hand; none for the paper's network.
-    pub(super) hands: Vec<HandRecord>,
-    pub(super) grids: Grids,
-    /// Number of attempts without a sample, because their grasp's origin is outside the grid.
-    pub outside: u64,
+    pub hands: Vec<HandRecord>,
 }
 
-impl GraspDataset {
-    /// A sample without its grid.
-    #[must_use]
-    pub fn record(&self, sample: usize) -> &Record {
-        &self.records[sample]
-    }
-
-    /// What a judge is asked about a sample; `None` for the paper's network.
-    #[must_use]
-    pub fn hand(&self, sample: usize) -> Option<&HandRecord> {
-        self.hands.get(sample)
-    }
-
-    /// Scene and attempt of every sample, ascending.
-    #[must_use]
-    pub fn ids(&self) -> Vec<(u64, u32)> {
-        self.records.iter().map(|record| (u64::from(record.scene), record.attempt)).collect()
-    }
-
-    /// A batch of samples, sorted so that those of a scene share its grid.
-    ///
-    /// # Errors
-    /// If a grid cannot be read.
-    pub fn batch(&self, samples: &[usize]) -> io::Result<Batch> {
-        let mut sorted = samples.to_vec();
-        sorted.sort_unstable();
-        let mut batch = Batch::default();
-        let mut last = None;
-        for sample in sorted {
-            let record = &self.records[sample];
-            if last != Some(record.scene) {
-                batch.grids.push(self.grids.read(record.scene as usize)?);
-                last = Some(record.scene);
-            }
-            batch.samples.push(Sample {
-                grid: batch.grids.len() - 1,
-                voxel: record.voxel.map(usize::from),
-                target: record.target(),
-            });
-            batch.hands.extend(self.hands.get(sample).map(HandRecord::hand));
-        }
-        Ok(batch)
-    }
-
-    /// A batch of training samples: a pure function of the samples and the transform.
-    ///
-    /// # Errors
-    /// As [`Self::batch`].
-    pub fn training_batch(&self, samples: &[usize], transform: &TrainingTransform) -> io::Result<Batch> {
-        let TrainingTransform { seed, epoch, augmentation, weights } = *transform;
-        let mut batch = self.batch(samples)?;
-        for sample in &mut batch.samples {
-            sample.target.quality_weight = weights.of(sample.target.label);
-        }
-        if !batch.hands.is_empty() {
-            let mut sorted = samples.to_vec();
-            sorted.sort_unstable();
-            for (hand, sample) in batch.hands.iter_mut().zip(sorted) {
-                let mut draw = Stream::new(seed, sample as u64, Purpose::Mirror, epoch);
-                hand.mirrored = [(); 2].map(|()| draw.unit() < 0.5);
-            }
-        }
-        if augmentation != Augmentation::OFF {
-            let mut scenes: Vec<u32> = samples.iter().map(|sample| self.records[*sample].scene).collect();
-            scenes.sort_unstable();
-            scenes.dedup(); // in the order of the batch's grids
-            let draw = |scene: &u32| augmentation.draw(seed, epoch, u64::from(*scene), self.heights(*scene));
-            let motions: Vec<Motion> = scenes.iter().map(draw).collect();
-            for (grid, motion) in batch.grids.iter_mut().zip(&motions) {
-                *grid = motion.grid(grid);
-            }
-            for sample in &mut batch.samples {
-                let motion = motions[sample.grid];
-                sample.voxel = motion.voxel(sample.voxel);
-                sample.target.rotation = motion.rotation(sample.target.rotation);
-            }
-        }
-        Ok(batch)
-    }
-
-    /// The range of heights of a scene's samples, in voxels.
-    fn heights(&self, scene: u32) -> RangeInclusive<usize> {
-        let start = self.records.partition_point(|record| record.scene < scene);
-        let own = self.records[start..].iter().take_while(|record| record.scene == scene);
-        let (low, high) =
-            own.fold((u8::MAX, 0), |(low, high), record| (low.min(record.voxel[2]), high.max(record.voxel[2])));
+impl Scene {
+    /// The range of heights of its samples, in voxels.
+    fn heights(&self) -> RangeInclusive<usize> {
+        let fold = |(low, high): (u8, u8), record: &Record| (low.min(record.voxel[2]), high.max(record.voxel[2]));
+        let (low, high) = self.records.iter().fold((u8::MAX, 0), fold);
         usize::from(low)..=usize::from(high)
     }
 }
 
+/// A batch of samples, given by scene and attempt and sorted so that those of a scene share its grid. A batch of
+/// training samples is a pure function of the samples and the transform.
+///
+/// # Panics
+/// If there is no such scene or sample.
+#[must_use]
+pub fn batch(
+    scenes: &BTreeMap<u32, Arc<Scene>>,
+    mut samples: Vec<(u32, u32)>,
+    transform: Option<&TrainingTransform>,
+) -> Batch {
+    samples.sort_unstable();
+    let mut batch = Batch::default();
+    for own in samples.chunk_by(|a, b| a.0 == b.0) {
+        let scene = &scenes[&own[0].0];
+        let off = |transform: &&TrainingTransform| transform.augmentation != Augmentation::OFF;
+        let motion = transform.filter(off).map(|TrainingTransform { seed, epoch, augmentation, .. }| {
+            augmentation.draw(*seed, *epoch, scene.number.into(), scene.heights())
+        });
+        batch.grids.push(motion.map_or_else(|| scene.grid.clone(), |motion| motion.grid(&scene.grid)));
+        for (_, attempt) in own {
+            let at = scene.records.partition_point(|record| record.attempt < *attempt);
+            let record = scene.records[at];
+            let mut sample =
+                Sample { grid: batch.grids.len() - 1, voxel: record.voxel.map(usize::from), target: record.target() };
+            let mut hand = scene.hands.get(at).map(HandRecord::hand);
+            if let Some(TrainingTransform { seed, epoch, weights, .. }) = transform {
+                sample.target.quality_weight = weights.of(sample.target.label);
+                if let Some(hand) = &mut hand {
+                    let number = scene.first_attempt + u64::from(*attempt);
+                    let mut draw = Stream::new(*seed, number, Purpose::Mirror, *epoch);
+                    hand.mirrored = [(); 2].map(|()| draw.unit() < 0.5);
+                }
+            }
+            if let Some(motion) = motion {
+                sample.voxel = motion.voxel(sample.voxel);
+                sample.target.rotation = motion.rotation(sample.target.rotation);
+            }
+            batch.records.push(record);
+            batch.samples.push(sample);
+            batch.hands.extend(hand);
+        }
+    }
+    batch
+}
+
 impl HandRecord {
     fn hand(&self) -> Hand {
-        let Self { workspace_from_grasp, views, outcome, hits_table } = *self;
-        Hand { workspace_from_grasp, views: views.into(), mirrored: [false; 2], outcome, hits_table }
+        let Self { crop, workspace_from_grasp, views, outcome, hits_table } = *self;
+        Hand { crop: crop.into(), workspace_from_grasp, views: views.into(), mirrored: [false; 2], outcome, hits_table }
     }
 }
 
@@ -176,66 +146,65 @@ impl Record {
     }
 }
 
-/// An item is a batch of one sample.
-impl Dataset<Batch, io::Error> for GraspDataset {
-    fn get(&self, index: usize) -> io::Result<Batch> {
-        self.batch(&[index])
-    }
-
-    fn len(&self) -> usize {
-        self.records.len()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn dataset(folder: &std::path::Path) -> GraspDataset {
-        let grids = Grids::create(folder, 3).unwrap();
-        let mut records = Vec::new();
-        for scene in 0..3_u32 {
-            let values: Vec<f32> = (0..64_000).map(|at| (at + scene) as f32 / 64_000.0).collect();
-            grids.write(scene as usize, &values).unwrap();
-            records.extend((0..4_u32).map(|attempt| Record {
-                scene,
+    fn scenes() -> BTreeMap<u32, Arc<Scene>> {
+        let scene = |number: u32| {
+            let records = (0..4_u32).map(|attempt| Record {
+                scene: number,
                 attempt,
                 voxel: [3, 30, 8 + 3 * attempt as u8],
                 rule: schema::Rule::of_the_paper()[0],
                 label: u8::from(attempt == 0),
                 rotation: [0.0, 0.6, 0.0, 0.8],
                 width_voxels: 5.0,
-            }));
-        }
-        GraspDataset { records, hands: Vec::new(), grids, outside: 0 }
+            });
+            Scene {
+                number,
+                first_attempt: 4 * u64::from(number),
+                grid: (0..64_000).map(|at| (at + number) as f32 / 64_000.0).collect(),
+                records: records.collect(),
+                hands: Vec::new(),
+            }
+        };
+        (0..3).map(|number| (number, Arc::new(scene(number)))).collect()
+    }
+
+    fn sample(number: u32) -> (u32, u32) {
+        (number / 4, number % 4)
     }
 
     #[test]
     fn without_augmentation_and_weights_training_sees_the_dataset() {
-        let folder = tempfile::tempdir().unwrap();
-        let dataset = dataset(folder.path());
+        let (scenes, samples) = (scenes(), [7, 2, 5].map(sample).to_vec());
         let off =
             TrainingTransform { seed: 1, epoch: 2, augmentation: Augmentation::OFF, weights: ClassWeights::EQUAL };
-        let (plain, treated) = (dataset.batch(&[7, 2, 5]).unwrap(), dataset.training_batch(&[7, 2, 5], &off).unwrap());
+        let (plain, treated) = (batch(&scenes, samples.clone(), None), batch(&scenes, samples, Some(&off)));
         assert_eq!((&plain.grids, &plain.samples), (&treated.grids, &treated.samples));
+        assert_eq!(
+            plain.records.iter().map(|record| (record.scene, record.attempt)).collect::<Vec<_>>(),
+            [2, 5, 7].map(sample)
+        );
     }
 
     #[test]
     fn a_scenes_samples_move_with_its_grid_whatever_batch_they_are_in() {
-        let folder = tempfile::tempdir().unwrap();
-        let dataset = dataset(folder.path());
+        let scenes = scenes();
         let augmentation = Augmentation { quarter_turns: true, shift_z_voxels_max: 30 };
         let weights = ClassWeights::new(3.0, 3, 12);
         let mut moved = 0;
         for epoch in 0..20 {
             let transform = TrainingTransform { seed: 1, epoch, augmentation, weights };
-            let all = dataset.training_batch(&(0..12).collect::<Vec<_>>(), &transform).unwrap();
+            let all = batch(&scenes, (0..12).map(sample).collect(), Some(&transform));
             for number in 0..12 {
                 let [alone, plain] =
-                    [dataset.training_batch(&[number], &transform).unwrap(), dataset.batch(&[number]).unwrap()];
+                    [Some(&transform), None].map(|transform| batch(&scenes, vec![sample(number)], transform));
                 let (one, was) = (alone.samples[0], plain.samples[0]);
-                assert_eq!(one, Sample { grid: 0, ..all.samples[number] });
-                assert_eq!(alone.grids[0], all.grids[all.samples[number].grid]);
+                let same = all.samples[number as usize];
+                assert_eq!(one, Sample { grid: 0, ..same });
+                assert_eq!(alone.grids[0], all.grids[same.grid]);
                 assert_eq!(one.target.quality_weight, weights.of(was.target.label));
                 let value = |batch: &Batch, [i, j, k]: [usize; 3]| batch.grids[0][(i * 40 + j) * 40 + k];
                 assert_eq!(value(&alone, one.voxel), value(&plain, was.voxel));

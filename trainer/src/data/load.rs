@@ -1,18 +1,20 @@
 //! From shards to samples.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use network::judge::Crop;
 use network::receptive_field::RESOLUTION;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{AttemptRecord, Grasp, Grid, Vec3};
+use schema::{AttemptRecord, Grasp, Grid, SceneRecord, SceneRows, Vec3};
 use shards::Dataset;
 
-use super::grids::Grids;
-use super::item::{GraspDataset, HandRecord, Record};
+use crate::config::Targets;
+
+use super::item::{HandRecord, Record, Scene};
+use super::marks::{FAILED, HELD, HITS_TABLE, Marks, NO_SAMPLE, shard_of};
 
 /// How a network sees grasps.
 #[derive(Debug, Clone, Copy)]
@@ -22,137 +24,237 @@ pub enum Seen<'a> {
     Voxels {
         /// The place.
         offset: f32,
+        /// Whether all attempts of a voxel are one sample.
+        targets: Targets,
     },
-    /// As hands, by a judge.
-    Hands(&'a Crop),
+    /// As hands, by a judge: those of the first dataset, then those of the next.
+    Hands(&'a [Crop]),
 }
 
 impl Seen<'_> {
     /// In the voxels of our networks.
-    pub const OURS: Self = Self::Voxels { offset: 0.5 };
+    pub const OURS: Self = Self::Voxels { offset: 0.5, targets: Targets::Attempt };
 }
 
-/// Reads every attempt and decodes every grid once to a file in `folder`. Shards are read in parallel; after a failed
-/// shard no later ones are read. Files are checked against the manifest's checksums. `scene_done` is called once per
-/// scene, from any thread. `seen` is how the network sees grasps. Scenes of several datasets are numbered on.
-///
-/// # Errors
-/// If a dataset cannot be read or trained on, the grids cannot be stored, or `stop` is set; the first error in the
-/// order of shards.
-pub fn load(
-    datasets: &[Dataset],
-    folder: &Path,
-    seen: Seen<'_>,
-    stop: &AtomicBool,
-    scene_done: &(dyn Fn() + Sync),
-) -> Result<GraspDataset, Failure> {
-    let mut scenes = 0_u64;
-    let mut shards = Vec::new();
-    for dataset in datasets {
-        let info = dataset.info();
-        if info.grid.resolution != RESOLUTION {
-            let text =
-                format!("the network takes grids of {RESOLUTION}^3 voxels, the dataset has {}^3", info.grid.resolution);
-            return Err(Failure::new(ExitCode::Config, text));
-        }
-        shards.extend((0..info.shard_count).map(|shard| Shard { dataset, shard, first_scene: scenes as u32 }));
-        scenes += info.scene_count;
-        // Samples have four bytes for the number of their scene.
-        if scenes > u64::from(u32::MAX) {
-            let text = format!("at most {} scenes can be trained on, the data have {scenes}", u32::MAX);
-            return Err(Failure::new(ExitCode::Config, text));
-        }
-    }
-    let grids = Grids::create(folder, scenes as usize)?;
-    let failed = AtomicUsize::new(usize::MAX); // the first shard that failed
-    let read: Vec<Samples> = shards
-        .par_iter()
-        .enumerate()
-        .map(|(number, shard)| {
+/// The samples of some datasets, whose scenes are numbered on. In memory are two bits for each attempt, and the scenes
+/// themselves only if they are few ([`Self::keep`]).
+#[derive(Debug)]
+pub struct GraspDataset<'a> {
+    shards: Vec<Shard<'a>>,
+    seen: Seen<'a>,
+    /// For each shard the marks of its attempts.
+    pub marks: Vec<Marks>,
+    /// Number of attempts without a sample, because their grasp's origin is outside the grid.
+    pub outside: u64,
+    /// Every scene by its number, or none.
+    pub(super) kept: BTreeMap<u32, Arc<Scene>>,
+}
+
+impl<'a> GraspDataset<'a> {
+    /// Reads every attempt, but no grid, and marks how it ended. Shards are read in parallel; after a failed shard no
+    /// later ones are read. Files are checked against the manifest's checksums. `scene_done` is called once per scene,
+    /// from any thread. `seen` is how the network sees grasps.
+    ///
+    /// # Errors
+    /// If a dataset cannot be read or trained on, or `stop` is set; the first error in the order of shards.
+    pub fn survey(
+        datasets: &'a [Dataset],
+        seen: Seen<'a>,
+        stop: &AtomicBool,
+        scene_done: &(dyn Fn() + Sync),
+    ) -> Result<Self, Failure> {
+        let shards = Shard::all(datasets)?;
+        let failed = AtomicUsize::new(usize::MAX); // the first shard that failed
+        let survey = |(number, shard): (usize, &Shard<'_>)| {
             if failed.load(Ordering::Relaxed) < number {
                 return Err(stopped()); // after the failure, so the result is not used
             }
-            shard.load(&grids, seen, stop, scene_done).inspect_err(|_| {
+            shard.survey(seen, stop, scene_done).inspect_err(|_| {
                 failed.fetch_min(number, Ordering::Relaxed);
             })
-        })
-        .collect::<Vec<Result<_, Failure>>>()
-        .into_iter()
-        .collect::<Result<_, _>>()?;
-    let mut all = GraspDataset { records: Vec::new(), hands: Vec::new(), grids, outside: 0 };
-    for Samples { records, hands, outside } in read {
-        all.records.extend(records);
-        all.hands.extend(hands);
-        all.outside += outside;
+        };
+        let surveyed: Vec<Result<_, Failure>> = shards.par_iter().enumerate().map(survey).collect();
+        let surveyed: Vec<(Marks, u64)> = surveyed.into_iter().collect::<Result<_, _>>()?;
+        let outside = surveyed.iter().map(|(_, outside)| outside).sum();
+        let marks = surveyed.into_iter().map(|(marks, _)| marks).collect();
+        Ok(Self { shards, seen, marks, outside, kept: BTreeMap::new() })
     }
-    Ok(all)
+
+    /// Scene and attempt of every sample, ascending.
+    pub fn ids(&self) -> impl Iterator<Item = (u32, u32)> {
+        let of_scene = |marks: &'_ Marks, scene| {
+            let own = marks.of_scene(scene).filter(|(_, mark)| *mark != NO_SAMPLE);
+            own.map(|(attempt, _)| (scene, attempt)).collect::<Vec<_>>()
+        };
+        self.marks.iter().flat_map(move |marks| marks.scenes().flat_map(move |scene| of_scene(marks, scene)))
+    }
+
+    /// The place among all shards of the one that has a scene.
+    pub(super) fn shard_of(&self, scene: u32) -> usize {
+        shard_of(&self.marks, scene)
+    }
+
+    /// Reads some scenes of a shard, ascending.
+    pub(super) fn read(
+        &self,
+        shard: usize,
+        scenes: &[u32],
+    ) -> Result<impl Iterator<Item = Result<Scene, Failure>>, Failure> {
+        let (shard, seen) = (&self.shards[shard], self.seen);
+        let wanted = scenes.iter().map(|scene| u64::from(scene - shard.first_scene)).collect();
+        let rows = shard.dataset.some_scenes(shard.shard, wanted)?;
+        Ok(rows.map(move |rows| rows.map(|(scene, attempts)| shard.scene(scene, &attempts, seen))))
+    }
 }
 
-fn stopped() -> Failure {
+/// An item is a scene with its samples, read alone.
+impl burn_dataset::Dataset<Scene, Failure> for GraspDataset<'_> {
+    fn get(&self, index: usize) -> Result<Scene, Failure> {
+        let scene = index as u32; // below `len`
+        let shard = &self.shards[self.shard_of(scene)];
+        let SceneRows { scene, attempts, .. } = shard.dataset.read_scene(u64::from(scene - shard.first_scene))?;
+        Ok(shard.scene(scene, &attempts, self.seen))
+    }
+
+    fn len(&self) -> usize {
+        self.marks.last().map_or(0, |last| last.scenes().end as usize)
+    }
+}
+
+pub(super) fn stopped() -> Failure {
     Failure::new(ExitCode::TryAgain, "stopped by a signal while reading the dataset")
 }
 
-/// The samples of a shard.
+/// A shard of one of the datasets.
+#[derive(Debug)]
+struct Shard<'a> {
+    dataset: &'a Dataset,
+    shard: u32,
+    /// The number that its dataset's first scene has among all.
+    first_scene: u32,
+    /// The same of its dataset's first attempt.
+    first_attempt: u64,
+    /// The same of its dataset's first hand.
+    first_hand: usize,
+}
+
+impl<'a> Shard<'a> {
+    /// All shards of some datasets.
+    fn all(datasets: &'a [Dataset]) -> Result<Vec<Self>, Failure> {
+        let (mut scenes, mut first_attempt, mut first_hand) = (0_u64, 0, 0);
+        let mut shards = Vec::new();
+        for dataset in datasets {
+            let info = dataset.info();
+            if info.grid.resolution != RESOLUTION {
+                let has = info.grid.resolution;
+                let text = format!("the network takes grids of {RESOLUTION}^3 voxels, the dataset has {has}^3");
+                return Err(Failure::new(ExitCode::Config, text));
+            }
+            let first_scene = scenes as u32; // checked below
+            let shard = |shard| Self { dataset, shard, first_scene, first_attempt, first_hand };
+            shards.extend((0..info.shard_count).map(shard));
+            first_hand += info.hands().len();
+            scenes += info.scene_count;
+            first_attempt += info.attempt_count;
+            // Samples have four bytes for the number of their scene.
+            if scenes > u64::from(u32::MAX) {
+                let text = format!("at most {} scenes can be trained on, the data have {scenes}", u32::MAX);
+                return Err(Failure::new(ExitCode::Config, text));
+            }
+        }
+        Ok(shards)
+    }
+
+    /// Marks how its attempts ended, and counts those without a sample.
+    fn survey(
+        &self,
+        seen: Seen<'_>,
+        stop: &AtomicBool,
+        scene_done: &(dyn Fn() + Sync),
+    ) -> Result<(Marks, u64), Failure> {
+        let info = self.dataset.info();
+        let ids = info.scenes_of(self.shard);
+        let attempts = ids.clone().map(|scene| info.attempts_of_scene(scene) as usize).sum();
+        let scenes = self.first_scene + ids.start as u32..self.first_scene + ids.end as u32;
+        let (mut marks, mut outside) = (Marks::new(scenes, info.attempts_per_scene as usize, attempts), 0);
+        for attempts in self.dataset.attempts_by_scene(self.shard)? {
+            if stop.load(Ordering::Relaxed) {
+                return Err(stopped());
+            }
+            let Samples { records, hands, outside: own_outside } = self.samples(&attempts?, 0, seen);
+            outside += own_outside;
+            for (at, record) in records.iter().enumerate() {
+                let mark = match hands.get(at) {
+                    Some(hand) if hand.hits_table => HITS_TABLE,
+                    _ if record.label == 1 => HELD,
+                    _ => FAILED,
+                };
+                marks.set(record.scene, record.attempt, mark);
+            }
+            scene_done();
+        }
+        Ok((marks, outside))
+    }
+
+    fn scene(&self, scene: SceneRecord, attempts: &[AttemptRecord], seen: Seen<'_>) -> Scene {
+        let Samples { records, hands, .. } = self.samples(attempts, scene.views.len(), seen);
+        Scene {
+            number: self.first_scene + scene.scene_id as u32,
+            first_attempt: self.first_attempt + scene.scene_id * u64::from(self.dataset.info().attempts_per_scene),
+            grid: scene.tsdf.into(),
+            records,
+            hands,
+        }
+    }
+
+    /// The samples of a scene with so many views.
+    fn samples(&self, attempts: &[AttemptRecord], views: usize, seen: Seen<'_>) -> Samples {
+        let numbered = |record: Record| Record { scene: self.first_scene + record.scene, ..record };
+        let info = self.dataset.info();
+        let (voxel_offset, targets) = match seen {
+            Seen::Voxels { offset, targets } => (offset, targets),
+            // A judge is asked about every hand, wherever its origin is.
+            Seen::Hands(crops) => {
+                let count = info.hands().len() as u64;
+                let hand = |attempt: &AttemptRecord| {
+                    let crop = self.first_hand + (attempt.scene_id % count) as usize;
+                    HandRecord {
+                        crop: crop as u16,
+                        workspace_from_grasp: attempt.workspace_from_grasp,
+                        views: views as u8,
+                        outcome: attempt.outcome,
+                        hits_table: crops[crop].hits_table(&attempt.workspace_from_grasp),
+                    }
+                };
+                let hands = attempts.iter().map(hand).collect();
+                let records = attempts.iter().map(|attempt| numbered(record(attempt, [0; 3], 0.0))).collect();
+                return Samples { records, hands, outside: 0 };
+            }
+        };
+        let samples = schema::samples_of(attempts, &info.gripper);
+        let inside = samples.iter().filter_map(|sample| at_voxel(sample, &info.grid, voxel_offset));
+        let mut records: Vec<Record> = inside.map(numbered).collect();
+        let outside = (samples.len() - records.len()) as u64;
+        if targets == Targets::Voxel {
+            records = one_per_voxel(records);
+        }
+        Samples { records, hands: Vec::new(), outside }
+    }
+}
+
+/// The samples of a scene, and how many attempts are none.
 struct Samples {
     records: Vec<Record>,
     hands: Vec<HandRecord>,
     outside: u64,
 }
 
-/// A shard of one of the datasets.
-struct Shard<'a> {
-    dataset: &'a Dataset,
-    shard: u32,
-    /// The number that its dataset's first scene has among all.
-    first_scene: u32,
-}
-
-impl Shard<'_> {
-    /// Reads the samples and writes their grids to the file.
-    fn load(
-        &self,
-        grids: &Grids,
-        seen: Seen<'_>,
-        stop: &AtomicBool,
-        scene_done: &(dyn Fn() + Sync),
-    ) -> Result<Samples, Failure> {
-        if stop.load(Ordering::Relaxed) {
-            return Err(stopped());
-        }
-        let Self { dataset, shard, first_scene } = *self;
-        let mut views = BTreeMap::new();
-        for scene in dataset.scenes(shard)? {
-            let scene = scene?;
-            views.insert(scene.scene_id, scene.views.len());
-            grids.write(first_scene as usize + scene.scene_id as usize, &scene.tsdf)?;
-            scene_done();
-            if stop.load(Ordering::Relaxed) {
-                return Err(stopped());
-            }
-        }
-        let attempts = dataset.read_attempts(shard)?;
-        let numbered = |record: Record| Record { scene: first_scene + record.scene, ..record };
-        let voxel_offset = match seen {
-            Seen::Voxels { offset } => offset,
-            // A judge is asked about every hand, wherever its origin is.
-            Seen::Hands(crop) => {
-                let hand = |attempt: &AttemptRecord| HandRecord {
-                    workspace_from_grasp: attempt.workspace_from_grasp,
-                    views: views.get(&attempt.scene_id).copied().unwrap_or_default() as u8,
-                    outcome: attempt.outcome,
-                    hits_table: crop.hits_table(&attempt.workspace_from_grasp),
-                };
-                let hands = attempts.iter().map(hand).collect();
-                let records = attempts.iter().map(|attempt| numbered(record(attempt, [0; 3], 0.0))).collect();
-                return Ok(Samples { records, hands, outside: 0 });
-            }
-        };
-        let samples = schema::samples_of(&attempts, &dataset.info().gripper);
-        let inside = samples.iter().filter_map(|sample| at_voxel(sample, &dataset.info().grid, voxel_offset));
-        let records: Vec<Record> = inside.map(numbered).collect();
-        let outside = (samples.len() - records.len()) as u64;
-        Ok(Samples { records, hands: Vec::new(), outside })
-    }
+/// Of a scene's samples one for each voxel: the first that held, or else the first; by attempt.
+fn one_per_voxel(mut records: Vec<Record>) -> Vec<Record> {
+    records.sort_by_key(|record| (record.voxel, record.label == 0, record.attempt));
+    records.dedup_by_key(|record| record.voxel);
+    records.sort_by_key(|record| record.attempt);
+    records
 }
 
 /// The sample of an attempt, or `None` if its grasp's origin is outside the grid.
@@ -178,5 +280,35 @@ fn record(attempt: &AttemptRecord, voxel: [u8; 3], width_voxels: f32) -> Record 
         label: attempt.label(),
         rotation: attempt.workspace_from_grasp.rotation.to_array(),
         width_voxels,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::Rule;
+
+    use super::*;
+
+    #[test]
+    fn a_voxel_held_if_any_of_its_attempts_did() {
+        let rule = Rule::of_the_paper()[0];
+        let sample = |attempt: u32, x: u8, label: u8| Record {
+            scene: 3,
+            attempt,
+            voxel: [x, 1, 2],
+            rule,
+            label,
+            rotation: [0.0, 0.0, 0.0, 1.0],
+            width_voxels: f32::from(label) * attempt as f32,
+        };
+        let all = [(0, 5, 0), (1, 9, 0), (2, 5, 1), (4, 9, 0), (5, 5, 1), (7, 0, 1), (8, 0, 0)];
+        let records = all.map(|(attempt, x, label)| sample(attempt, x, label)).to_vec();
+        let kept = one_per_voxel(records.clone());
+        assert_eq!(kept, [records[1], records[2], records[5]]);
+        for record in &records {
+            let own: Vec<&Record> = kept.iter().filter(|kept| kept.voxel == record.voxel).collect();
+            let any = records.iter().any(|other| other.voxel == record.voxel && other.label == 1);
+            assert_eq!((own.len(), own[0].label), (1, u8::from(any)));
+        }
     }
 }

@@ -1,45 +1,163 @@
-//! Batches, read ahead by a separate thread.
+//! Batches, read ahead by separate threads.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::ops::ControlFlow;
-use std::sync::mpsc::sync_channel;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::{Builder, Scope};
 
-use super::item::{GraspDataset, TrainingTransform};
+use program::{ExitCode, Failure};
+
+use super::item::{Scene, TrainingTransform, batch};
+use super::load::{GraspDataset, stopped};
+use super::marks::NO_SAMPLE;
 use crate::batch::Batch;
+use crate::order::{LANES, Step, Tour};
 
 /// Number of batches to read ahead.
 const AHEAD: usize = 2;
+/// Number of scenes that each lane reads ahead: 256 MB in all, and most of a shard of 10,000 attempts.
+const AHEAD_SCENES: usize = 128;
 
-/// Calls `visit` with the samples in batches of `batch`, in order, until it breaks. The next batches are read in the
-/// background. Those of training are changed by `transform`, on the reading thread.
+/// Calls `visit` with the batches of some steps and their sets, in order, until it breaks. Scenes are read in the order
+/// of the tour, from place `start` on, each once. The next batches are read in the background. Those of training are
+/// changed by `transform`, on the reading thread.
 ///
 /// # Errors
-/// If a grid cannot be read.
+/// If a scene cannot be read.
 pub fn for_each_batch(
-    dataset: &GraspDataset,
-    samples: &[usize],
-    batch: usize,
+    dataset: &GraspDataset<'_>,
+    (tour, start): (&Tour, usize),
+    steps: impl Iterator<Item = Step> + Send,
     transform: Option<&TrainingTransform>,
-    mut visit: impl FnMut(Batch) -> ControlFlow<()>,
-) -> io::Result<()> {
+    mut visit: impl FnMut(usize, Batch) -> ControlFlow<()>,
+) -> Result<(), Failure> {
     std::thread::scope(|scope| {
+        let mut window = Window::open(scope, dataset, tour, start)?;
         let (sender, receiver) = sync_channel(AHEAD);
-        std::thread::Builder::new().spawn_scoped(scope, move || {
-            for numbers in samples.chunks(batch) {
-                let batch = match transform {
-                    None => dataset.batch(numbers),
-                    Some(transform) => dataset.training_batch(numbers, transform),
-                };
-                if sender.send(batch).is_err() {
+        Builder::new().spawn_scoped(scope, move || {
+            for step in steps {
+                let read = window.batch(step, transform);
+                let is_over = read.is_err();
+                if sender.send(read).is_err() || is_over {
                     return; // the visitor stopped
                 }
             }
         })?;
-        for batch in receiver {
-            if visit(batch?).is_break() {
+        for read in receiver {
+            let (set, batch) = read?;
+            if visit(set, batch).is_break() {
                 break;
             }
         }
         Ok(())
     })
+}
+
+/// The scenes of a tour that are in memory.
+pub(super) struct Window<'a> {
+    tour: &'a Tour,
+    dataset: &'a GraspDataset<'a>,
+    lanes: Vec<Receiver<Result<Scene, Failure>>>,
+    /// Scenes of the tour that were read, and that were left behind.
+    read: usize,
+    left: usize,
+    pub(super) open: BTreeMap<u32, Arc<Scene>>,
+}
+
+impl<'a> Window<'a> {
+    /// Begins to read scenes, unless all are in memory.
+    pub(super) fn open<'scope>(
+        scope: &'scope Scope<'scope, 'a>,
+        dataset: &'a GraspDataset<'a>,
+        tour: &'a Tour,
+        start: usize,
+    ) -> io::Result<Self> {
+        let mut lanes = Vec::new();
+        for lane in (0..LANES).take_while(|_| dataset.kept.is_empty()) {
+            let (sender, receiver) = sync_channel(AHEAD_SCENES);
+            Builder::new().spawn_scoped(scope, move || read_lane(dataset, tour, start, lane, &sender))?;
+            lanes.push(receiver);
+        }
+        Ok(Self { tour, dataset, lanes, read: start, left: start, open: dataset.kept.clone() })
+    }
+
+    /// Reads on until a scene is in memory.
+    pub(super) fn reach(&mut self, scene: u32) -> Result<(), Failure> {
+        while !self.open.contains_key(&scene) {
+            let next = self.tour.scenes.get(self.read).copied();
+            let lane = next.map(|next| &self.lanes[self.tour.lane(&self.dataset.marks, next)]);
+            let (Some(next), Some(Ok(read))) = (next, lane.map(Receiver::recv)) else {
+                return Err(Failure::new(ExitCode::Internal, format!("scene {scene} was not read")));
+            };
+            self.open.insert(next, Arc::new(read?));
+            self.read += 1;
+        }
+        Ok(())
+    }
+
+    fn batch(&mut self, step: Step, transform: Option<&TrainingTransform>) -> Result<(usize, Batch), Failure> {
+        step.samples.iter().try_for_each(|(scene, _)| self.reach(*scene))?;
+        let batch = batch(&self.open, step.samples, transform);
+        for scene in &self.tour.scenes[self.left..step.done.max(self.left)] {
+            self.open.remove(scene);
+        }
+        self.left = step.done.max(self.left);
+        Ok((step.set, batch))
+    }
+}
+
+/// Reads the scenes of a lane, a shard after another, until nobody wants them.
+fn read_lane(
+    dataset: &GraspDataset<'_>,
+    tour: &Tour,
+    start: usize,
+    lane: usize,
+    sender: &SyncSender<Result<Scene, Failure>>,
+) {
+    let own = tour.scenes[start.min(tour.scenes.len())..].iter().copied();
+    let mut own = own.filter(|scene| tour.lane(&dataset.marks, *scene) == lane).peekable();
+    while let Some(first) = own.next() {
+        let shard = dataset.shard_of(first);
+        let scenes = dataset.marks[shard].scenes();
+        let mut wanted = vec![first];
+        wanted.extend(std::iter::from_fn(|| own.next_if(|scene| scenes.contains(scene))));
+        let read = match dataset.read(shard, &wanted) {
+            Ok(read) => read,
+            Err(failure) => {
+                let _ = sender.send(Err(failure)); // nobody may want it any more
+                return;
+            }
+        };
+        for scene in read {
+            let is_over = scene.is_err();
+            if sender.send(scene).is_err() || is_over {
+                return;
+            }
+        }
+    }
+}
+
+impl GraspDataset<'_> {
+    /// Reads every scene that has a sample, to keep it: 256 kB each.
+    ///
+    /// # Errors
+    /// If a scene cannot be read, or `stop` is set.
+    pub fn keep(&mut self, stop: &AtomicBool, scene_done: &dyn Fn()) -> Result<(), Failure> {
+        let tour = Tour::ascending(&self.marks, |mark| mark != NO_SAMPLE);
+        self.kept = std::thread::scope(|scope| {
+            let mut window = Window::open(scope, self, &tour, 0)?;
+            for scene in &tour.scenes {
+                window.reach(*scene)?;
+                scene_done();
+                if stop.load(Ordering::Relaxed) {
+                    return Err(stopped());
+                }
+            }
+            Ok(window.open)
+        })?;
+        Ok(())
+    }
 }

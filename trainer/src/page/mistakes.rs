@@ -2,7 +2,7 @@
 
 use program::Failure;
 use report::document::{Block, Cell, Drawing, Picture, Table};
-use schema::{AttemptRecord, HitKind, SceneRows};
+use schema::{AttemptRecord, HitKind, Outcome, SceneRows};
 use shards::DatasetInfo;
 use shards::report::scene_svg;
 
@@ -11,9 +11,13 @@ use crate::evaluate::mistakes::Mistake;
 
 pub(super) fn section(examined: &Examination) -> Result<Vec<Block>, Failure> {
     let text = "The attempts with the highest qualities among those that failed, and with the lowest among those that held. The fork is the \
-                hand where it grasped: green held, red failed. A pattern among them (one shape, one direction, a neighbour in the way) is \
+                hand where it grasped. A pattern among them (one shape, one direction, a neighbour in the way) is \
                 what the network has not learned. A quality on the right side of ½ is not a wrong prediction, only the nearest to one.";
-    let mut blocks = vec![Block::Heading("Worst mistakes".to_owned()), Block::Text(text.to_owned())];
+    let mut blocks = vec![
+        Block::Heading("Worst mistakes".to_owned()),
+        Block::Text(text.to_owned()),
+        Block::Legend(Outcome::ALL.to_vec()),
+    ];
     let mut rows = Vec::new();
     for (text, mistakes) in [
         ("It was surest of these, and they failed:", &examined.overrated),
@@ -39,7 +43,7 @@ pub(super) fn section(examined: &Examination) -> Result<Vec<Block>, Failure> {
 fn picture(info: &DatasetInfo, rows: &SceneRows, attempt: &AttemptRecord, mistake: &Mistake) -> Picture {
     Picture::new(
         Drawing::Svg(scene_svg(info, rows, std::slice::from_ref(attempt), 1.0)),
-        format!("Scene {}, attempt {}: quality {}", mistake.scene_id, mistake.attempt_id, quality(mistake)),
+        format!("{}/{}: quality {}", mistake.scene_id, mistake.attempt_id, quality(mistake)),
         format!("{}; drawn by the rule {}", happened(attempt), attempt.rule.name()),
     )
 }
@@ -47,7 +51,7 @@ fn picture(info: &DatasetInfo, rows: &SceneRows, attempt: &AttemptRecord, mistak
 fn row(location: &str, attempt: &AttemptRecord, mistake: &Mistake) -> Vec<Cell> {
     let (scene, attempt_id) = (mistake.scene_id, mistake.attempt_id);
     vec![
-        format!("{scene} / {attempt_id}").into(),
+        Cell::Code(format!("{scene}/{attempt_id}")),
         Cell::Number(quality(mistake)),
         happened(attempt).into(),
         Cell::code(attempt.rule.name()),

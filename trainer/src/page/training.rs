@@ -129,7 +129,7 @@ fn row(epoch: &Epoch, best: u32) -> Vec<Cell> {
 }
 
 /// Seconds as people say them.
-fn duration(seconds: f64) -> String {
+pub(super) fn duration(seconds: f64) -> String {
     let minutes = (seconds / 60.0).round();
     if seconds < 60.0 {
         format!("{seconds:.1} s")

@@ -20,16 +20,21 @@ const TABLE_VOXELS: f32 = 6.0;
 /// Writes a dataset and gives its info.
 pub(crate) fn write_dataset(dir: &Path, seed: u64, shards: u32, scenes: u64, attempts_per_scene: u32) -> DatasetInfo {
     let info = synthetic::info(seed, shards, scenes * u64::from(attempts_per_scene), attempts_per_scene);
-    let draft = Draft::begin(dir, &info).unwrap();
-    for shard in 0..shards {
+    write_dataset_of(dir, &info);
+    info
+}
+
+/// Writes the dataset of an info.
+pub(crate) fn write_dataset_of(dir: &Path, info: &DatasetInfo) {
+    let draft = Draft::begin(dir, info).unwrap();
+    for shard in 0..info.shard_count {
         let mut writer = draft.shard(shard).unwrap();
         for scene in info.scenes_of(shard) {
-            writer.push(&scene_rows(scene, &info)).unwrap();
+            writer.push(&scene_rows(scene, info)).unwrap();
         }
         writer.commit().unwrap();
     }
     assert!(matches!(draft.finalize().unwrap(), Finalized::Complete(_)));
-    info
 }
 
 fn scene_rows(scene: u64, info: &DatasetInfo) -> SceneRows {

@@ -3,6 +3,7 @@
 
 mod bad_input;
 mod fixture;
+mod hands;
 mod interchange;
 mod learning;
 mod models;

@@ -32,7 +32,11 @@ fn each_has_its_checksum_in_the_card_and_can_be_evaluated() {
         let args = ["evaluate", "--model", model, "--data", data, "--split", "all", "--json"];
         if let Architecture::Judge(_) = checkpoint.architecture {
             // The dataset's hand has another palm.
-            check_fails(&args, 78, &["trained for the hand parallel_jaw_80, not for synthetic_80"]);
+            check_fails(
+                &args,
+                78,
+                &["trained for the hand parallel_jaw_80, not for synthetic_80", "palm_width_m must be"],
+            );
         } else {
             let output = trainer(&args);
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

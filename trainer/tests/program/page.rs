@@ -2,10 +2,12 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use burn_dataset::Dataset as _;
 use network::upsampling::Upsampling;
-use trainer::data::{Seen, load};
+use trainer::data::{GraspDataset, Seen, batch};
 use trainer::device::Device;
 use trainer::evaluate::{TestSet, examine};
 
@@ -103,20 +105,20 @@ fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     let best = place.run.join("best.safetensors");
     let examined = examine(&best, place.data.as_path(), TestSet::All, 0.5, 6).unwrap();
 
-    let samples =
-        load(std::slice::from_ref(&examined.dataset), place.dir.path(), Seen::OURS, &AtomicBool::new(false), &|| {})
-            .unwrap();
+    let data = std::slice::from_ref(&examined.dataset);
+    let samples = GraspDataset::survey(data, Seen::OURS, &AtomicBool::new(false), &|| {}).unwrap();
     let vector = network::checkpoint::read(&best).unwrap().vector;
     // (whether it held, badness, scene, attempt)
-    let alone = |at: usize| {
-        let batch = samples.batch(&[at]).unwrap();
+    let alone = |(scene, attempt): (u32, u32)| {
+        let scenes = [(scene, Arc::new(samples.get(scene as usize).unwrap()))].into();
+        let batch = batch(&scenes, vec![(scene, attempt)], None);
         let result = trainer::step::evaluate(&vector, &batch, Upsampling::Nearest, &Device::Host)[0];
-        let (scene, attempt) = samples.ids()[at];
+        let scene = u64::from(scene);
         let row = &examined.dataset.read_scene(scene).unwrap().attempts[attempt as usize];
         assert_eq!((row.attempt_id, row.label()), (attempt, result.label));
         (row.label() == 1, result.quality_logit, scene, attempt)
     };
-    let all: Vec<(bool, f32, u64, u32)> = (0..samples.ids().len()).map(alone).collect();
+    let all: Vec<(bool, f32, u64, u32)> = samples.ids().map(alone).collect();
     let page = place.page(&["--data", text(&place.data), "--split", "all"]);
     let mut places = Vec::new();
     for (held, found) in [(false, &examined.overrated), (true, &examined.underrated)] {
@@ -130,8 +132,7 @@ fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
             assert_eq!(quick.score.held, held);
             let own = all.iter().find(|one| (one.2, one.3) == (quick.scene_id, quick.attempt_id)).unwrap();
             assert!((own.1 - quick.score.logit).abs() < 1e-4, "{own:?} {quick:?}");
-            let title =
-                format!("Scene {}, attempt {}: quality {:.3}", quick.scene_id, quick.attempt_id, quick.score.quality());
+            let title = format!("{}/{}: quality {:.3}", quick.scene_id, quick.attempt_id, quick.score.quality());
             places.push(page.find(&title).unwrap());
             let (data, scene, attempt) = (text(&place.data), quick.scene_id, quick.attempt_id);
             check_holds(
@@ -146,7 +147,7 @@ fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     assert!(places.is_sorted(), "{places:?}");
     assert_eq!(page.matches("<svg class=\"scene\"").count(), 12);
     assert_eq!(page.matches("class=\"held\"").count(), 6, "a hand is drawn in each");
-    assert_eq!(page.matches("class=\"failed\"").count(), 6);
+    assert_eq!(page.matches("</title></path>").count(), 12, "and one that failed in as many");
 }
 
 #[test]
@@ -174,6 +175,37 @@ fn worries_stand_on_the_page() {
     fs::write(&config, fs::read_to_string(&config).unwrap().replace("epochs = 2", "epochs = 7")).unwrap();
     let page = place.page(&[]);
     check_holds(&page, &["no numbers in 1 of 3 epochs, first in epoch 3", "3 of the recipe's 7 epochs are done"]);
+}
+
+#[test]
+fn several_runs_are_in_one_chart_with_what_differs() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    for (name, seed) in [("calm", 1), ("wild", 2)] {
+        fs::create_dir(path(name)).unwrap();
+        let config = write_config(dir.path(), 1, 24);
+        let text = fs::read_to_string(config).unwrap().replace("seed = 3\n", &format!("seed = {seed}\n"));
+        fs::write(path(name).join("config.toml"), text).unwrap();
+        let line = |epoch: u32| {
+            let of = |loss: f64| {
+                format!("{{\"loss\": {loss}, \"accuracy\": {}, \"baseline_accuracy\": 0.74}}", 1.0 - loss / 2.0)
+            };
+            let set = of(f64::from(seed) * 0.2 / f64::from(epoch));
+            format!("{{\"epoch\":{epoch},\"train\":{set},\"test_attempts\":{set},\"test_scenes\":{set}}}\n")
+        };
+        fs::write(path(name).join("metrics.jsonl"), (1..=3).map(line).collect::<String>()).unwrap();
+    }
+    let (calm, wild, html) = (path("calm"), path("wild"), path("runs.html"));
+    succeed(&["report", text(&calm), text(&wild), "--html", text(&html)]);
+    let page = fs::read_to_string(&html).unwrap();
+    assert!(page.contains("<title>Training runs: calm, wild</title>"), "{page}");
+    // 1 − 0.2 / 3 / 2 and 1 − 0.4 / 3 / 2
+    assert!(page.contains(">0.967<") && page.contains(">0.933<"), "{page}");
+    assert_eq!(page.matches("<figcaption><b>").count(), 2, "two charts with both runs in each");
+    assert!(page.matches("calm").count() >= 5 && page.matches("wild").count() >= 5, "{page}");
+    assert!(page.contains("<code class=\"short\">seed</code>"), "the seeds differ: {page}");
+    let several = ["report", text(&calm), text(&wild), "--html", text(&html), "--data", "/nowhere"];
+    check_fails(&several, 78, &["--data evaluates one run"]);
 }
 
 #[test]

@@ -7,9 +7,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use crate::fixture::{check_fails, fit, trainer, write_config, write_dataset};
 use crate::resume::{check_same_run, metrics};
+use burn_dataset::Dataset as _;
 use shards::Dataset;
 use trainer::config::Config;
-use trainer::data::{Seen, load};
+use trainer::data::{GraspDataset, Record, Seen};
 use trainer::events::Event;
 use trainer::fit::Ending;
 
@@ -111,8 +112,17 @@ fn a_run_begun_before_these_keys_goes_on_and_is_evaluated() {
         .lines()
         .filter(|line| {
             let key = line.split(' ').next().unwrap();
-            !["schedule", "positive_weight", "patience_epochs", "[augmentation]", "quarter_turns", "shift_z_voxels_max"]
-                .contains(&key)
+            ![
+                "schedule",
+                "positive_weight",
+                "patience_epochs",
+                "shuffle_scenes",
+                "targets",
+                "[augmentation]",
+                "quarter_turns",
+                "shift_z_voxels_max",
+            ]
+            .contains(&key)
         })
         .flat_map(|line| [line, "\n"])
         .collect();
@@ -205,14 +215,16 @@ fn several_datasets_are_trained_on_as_one_and_their_order_is_part_of_the_run() {
     let samples = |set: &str| epoch[set]["samples"].as_u64().unwrap();
     assert_eq!(samples("train") + samples("test_attempts") + samples("test_scenes"), 180);
     let datasets = [data, more].map(|at| Dataset::open(Path::new(at)).unwrap());
-    let loaded =
-        |datasets: &[Dataset]| load(datasets, place.dir.path(), Seen::OURS, &AtomicBool::new(false), &|| {}).unwrap();
-    let (all, second) = (loaded(&datasets), loaded(&datasets[1..]));
-    let first = all.ids().len() - second.ids().len();
-    for at in 0..second.ids().len() {
-        let [together, alone] = [all.batch(&[first + at]).unwrap(), second.batch(&[at]).unwrap()];
-        assert_eq!((&together.grids, &together.samples), (&alone.grids, &alone.samples));
-        assert_eq!(all.record(first + at).scene, second.record(at).scene + 10);
+    let survey = |datasets| GraspDataset::survey(datasets, Seen::OURS, &AtomicBool::new(false), &|| {}).unwrap();
+    let (all, second) = (survey(&datasets), survey(&datasets[1..]));
+    assert_eq!((all.len(), second.len(), all.ids().count()), (15, 5, 180));
+    for scene in 0..5 {
+        let [together, alone] = [all.get(10 + scene).unwrap(), second.get(scene).unwrap()];
+        assert_eq!((&together.grid, together.number), (&alone.grid, alone.number + 10));
+        assert_eq!((together.first_attempt, alone.first_attempt), (120 + 12 * scene as u64, 12 * scene as u64));
+        for (together, alone) in together.records.iter().zip(&alone.records) {
+            assert_eq!(*together, Record { scene: alone.scene + 10, ..*alone });
+        }
     }
     let config = place.config.to_str().unwrap();
     check_fails(

@@ -35,11 +35,22 @@ pub(crate) fn check_same_run(a: &Path, b: &Path) {
 /// A judge is trained with Adam's moments on one thread, or stopped after every step and resumed on two.
 #[test]
 fn a_judge_is_the_same_after_every_stop_and_with_any_threads() {
+    check_judge(4096);
+}
+
+/// The same where three of ten scenes are in memory.
+#[test]
+fn so_is_one_that_does_not_fit_into_memory() {
+    check_judge(3);
+}
+
+fn check_judge(shuffle_scenes: usize) {
     let dir = tempfile::tempdir().unwrap();
     let (data, whole, cut) = (dir.path().join("data"), dir.path().join("whole"), dir.path().join("cut"));
     write_dataset(&data, 5, 2, 10, 12);
     let mut config = Config::load(Some(&write_config(dir.path(), 2, 24))).unwrap();
     config.network.kind = Kind::Judge;
+    config.training.shuffle_scenes = shuffle_scenes;
     let on = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let ending = on(1).install(|| fit(&data, &config, &whole, false, &AtomicBool::new(false), &|_| {}));
     assert_eq!(ending.unwrap(), Ending::Done);
