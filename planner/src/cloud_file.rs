@@ -46,6 +46,7 @@ mod tests {
             model: String::new(),
             policy: Policy::Paper,
             gripper: String::new(),
+            flange_from_grasp: None,
             grid: Grid::PAPER,
             grasps: Vec::new(),
             objects: Vec::new(),

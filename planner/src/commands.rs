@@ -2,6 +2,7 @@
 
 mod bench;
 mod console;
+mod gripper;
 mod plan;
 mod serve;
 
@@ -25,6 +26,7 @@ enum Command {
     Plan(Box<plan::Arguments>),
     Serve(serve::Arguments),
     Bench(bench::Arguments),
+    Gripper(gripper::Arguments),
     /// Write shell completions, man pages, or this program's reference
     #[command(subcommand)]
     Manual(Manual),
@@ -35,6 +37,7 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Gripper(arguments) => gripper::run(&arguments),
         Command::Manual(manual) => manual.run(Cli::command(), &SETTINGS, ""),
     }
 }
@@ -88,7 +91,8 @@ Examples:
   planner plan --cloud table.pcd --eye 0.15,-0.4,0.5 --explain
   shards tsdf grasps --scene 7 --out scene.npy && planner plan --tsdf scene.npy --config paper
   planner plan --demo --out plan.json --ply cloud.ply && python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
+  planner gripper franka_hand --picture hand.svg
   planner serve --port 8040
   planner bench
 
-A plan without grasps is a plan, and says why: exit code 0.";
+A plan without grasps is a plan, and says why: exit code 0. Programs read the plan with --json or from the file of --out.";

@@ -14,6 +14,7 @@ mod exr_image;
 mod file;
 mod lists;
 mod lzf;
+mod mistakes;
 mod npy;
 mod pcd;
 mod ply;

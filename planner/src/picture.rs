@@ -238,6 +238,8 @@ mod tests {
             rank: 0,
             workspace_from_grasp: pose,
             base_from_grasp: None,
+            workspace_from_flange: None,
+            base_from_flange: None,
             width_m,
             quality,
             object: Some(object),
@@ -265,6 +267,7 @@ mod tests {
             model: String::new(),
             policy: Policy::Paper,
             gripper: String::new(),
+            flange_from_grasp: None,
             grid: Grid::PAPER,
             grasps: vec![
                 grasp(0.075, 0.08, 0.10, 0.0, 0.04, 0.98, 0),

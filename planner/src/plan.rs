@@ -25,6 +25,14 @@ pub struct RankedGrasp {
     #[serde(serialize_with = "pose")]
     #[schema(value_type = Option<PoseAnswer>)]
     pub base_from_grasp: Option<Pose>,
+    /// The robot's flange at the grasp, in the workspace; null if the hand's file has no `flange_from_grasp`.
+    #[serde(serialize_with = "pose")]
+    #[schema(value_type = Option<PoseAnswer>)]
+    pub workspace_from_flange: Option<Pose>,
+    /// The robot's flange at the grasp, in the robot's base frame; null if either is not known.
+    #[serde(serialize_with = "pose")]
+    #[schema(value_type = Option<PoseAnswer>)]
+    pub base_from_flange: Option<Pose>,
     /// Distance between the fingers' inner faces when holding, in metres.
     pub width_m: f32,
     /// Grasp quality, smoothed, between 0 and 1.
@@ -256,6 +264,10 @@ pub struct Plan {
     pub policy: Policy,
     /// Name of the hand.
     pub gripper: String,
+    /// The grasp frame in the frame of the robot's flange, as the hand's file says; null if it does not.
+    #[serde(serialize_with = "pose")]
+    #[schema(value_type = Option<PoseAnswer>)]
+    pub flange_from_grasp: Option<Pose>,
     /// The workspace.
     #[serde(with = "GridAnswer")]
     #[schema(value_type = GridAnswer)]

@@ -207,6 +207,8 @@ impl Planner {
                 rank: 0,
                 workspace_from_grasp: towards_wrist(&judged.hand.workspace_from_grasp, wrist),
                 base_from_grasp: None,
+                workspace_from_flange: None,
+                base_from_flange: None,
                 width_m: judged.hand.width_m,
                 quality: judged.quality(),
                 object: None,
@@ -277,8 +279,12 @@ impl Planner {
         let beyond = grasps.split_off(grasps.len().min(wishes.grasps_max.unwrap_or(usize::MAX)));
         dropped.extend(beyond.iter().map(|ranked| DroppedCandidate::new(ranked, RejectReason::BeyondLimit)));
         for (place, ranked) in grasps.iter_mut().enumerate() {
+            let workspace_from_flange = self.config.gripper.target_from_flange(&ranked.workspace_from_grasp);
+            let in_base = |workspace_from: Pose| wishes.base_from_workspace.map(|base| base * workspace_from);
             ranked.rank = place + 1;
-            ranked.base_from_grasp = wishes.base_from_workspace.map(|base| base * ranked.workspace_from_grasp);
+            ranked.base_from_grasp = in_base(ranked.workspace_from_grasp);
+            ranked.workspace_from_flange = workspace_from_flange;
+            ranked.base_from_flange = workspace_from_flange.and_then(in_base);
         }
         funnel.ranked = grasps.len();
         dropped.sort_by(|a, b| b.quality.total_cmp(&a.quality));
@@ -288,6 +294,7 @@ impl Planner {
             model: self.model_id.clone(),
             policy,
             gripper: self.config.gripper.name.clone(),
+            flange_from_grasp: self.config.gripper.flange_from_grasp.map(|parts| parts.pose()),
             grid: self.grid,
             grasps,
             reason: None,
@@ -317,6 +324,8 @@ impl Planner {
             rank: 0,
             workspace_from_grasp: towards_wrist(&pose_from_parts(rotation, position_m), wrist),
             base_from_grasp: None,
+            workspace_from_flange: None,
+            base_from_flange: None,
             width_m: grids.width_voxels[flat] * self.grid.voxel_size_m(),
             quality,
             object: None,

@@ -79,6 +79,8 @@ mod tests {
             rank: 0,
             workspace_from_grasp,
             base_from_grasp: None,
+            workspace_from_flange: None,
+            base_from_flange: None,
             width_m: 0.04,
             quality,
             object: None,

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, scaled_to_table, surface_cloud, thinned, view_from};
-use schema::{Grid, Vec3, VoxelGrid};
+use schema::{Camera, DepthImage, Grid, Vec3, VoxelGrid};
 
 use crate::config::CloudParams;
 use crate::input::{InputError, refuse};
@@ -143,6 +143,7 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
     let from_above = [Vec3::new(0.5, 0.5, 2.0) * grid.size_m];
     let eyes_m = if eyes_m.is_empty() { &from_above } else { eyes_m };
     let mut tsdf = Tsdf::new(*grid, TRUNCATION_VOXELS);
+    let mut hidden_m = points_m.clone();
     for eye_m in eyes_m {
         let Some(view) = view_from(*eye_m, grid) else {
             return refuse(format!(
@@ -151,10 +152,38 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
                 grid.size_m
             ));
         };
-        let (camera, image) = cloud_image(&points_m, &view, grid, spacing_m.max(pitch_m));
+        let spacing_m = spacing_m.max(pitch_m);
+        let (camera, image) = cloud_image(&points_m, &view, grid, spacing_m);
         tsdf.integrate(&camera, |pixel| image.at(pixel));
+        hidden_m.retain(|point_m| !is_seen(*point_m, &camera, &image, HIDDEN_SPACINGS * spacing_m));
     }
+    warnings.extend(hidden(hidden_m.len(), points_m.len(), eyes_m.len()));
     Ok(Volume { grid: tsdf.to_voxels(), points_m, fine: None, warnings })
+}
+
+/// A point is hidden if something is nearer to the eye by more than this many spacings, as in [`cloud_image`].
+const HIDDEN_SPACINGS: f32 = 4.0;
+/// A cloud that was seen from its eyes has hardly more hidden points than this share.
+const HIDDEN_SHARE_MAX: f32 = 0.05;
+
+/// Whether nothing of a cloud's image is before a point.
+fn is_seen(point_m: Vec3, camera: &Camera, image: &DepthImage, tolerance_m: f32) -> bool {
+    let seen_m = camera.workspace_from_camera.inverse() * point_m;
+    let depth_m = camera.intrinsics.project(seen_m).and_then(|pixel| image.at(pixel));
+    depth_m.is_some_and(|depth_m| seen_m.z <= depth_m + tolerance_m)
+}
+
+/// The warning for a cloud of which a part cannot have been seen from its viewpoints.
+fn hidden(hidden: usize, points: usize, eyes: usize) -> Option<String> {
+    let share = hidden as f32 / points.max(1) as f32;
+    (share > HIDDEN_SHARE_MAX).then(|| {
+        let from = if eyes == 1 { "the viewpoint".to_owned() } else { format!("any of the {eyes} viewpoints") };
+        format!(
+            "{:.0} % of the cloud's points cannot be seen from {from} and count as not seen: if it was merged from several views, \
+             give the position of each sensor: eyes_m (--eye, once for each)",
+            1e2 * share
+        )
+    })
 }
 
 /// The warning for a cloud that is mostly outside the workspace.
@@ -259,6 +288,32 @@ mod tests {
         }
         let volume = fuse(&Observation::Views(vec![view]), &Grid::PAPER, LAW).unwrap();
         assert!(volume.points_m.is_empty() && volume.grid.values.iter().all(|value| *value == 0.0));
+    }
+
+    /// A cube with all its sides, on a table: as if merged from views all around.
+    #[test]
+    fn a_merged_cloud_with_one_viewpoint_is_a_warning() {
+        let lattice = |n: usize| (0..n * n).map(move |at| [(at / n) as f32 * 0.0025, (at % n) as f32 * 0.0025]);
+        let mut points_m: Vec<Vec3> = lattice(120).map(|[x, y]| Vec3::new(x, y, 0.0501)).collect();
+        for [u, v] in lattice(40) {
+            let [low, high] = [0.1, 0.1975];
+            points_m.extend([low, high].map(|x| Vec3::new(x, low + u, 0.0501 + v)));
+            points_m.extend([low, high].map(|y| Vec3::new(low + u, y, 0.0501 + v)));
+            points_m.push(Vec3::new(low + u, low + v, 0.1476));
+        }
+        let warnings = |eyes: &[[f32; 3]]| {
+            let eyes_m = eyes.iter().copied().map(Vec3::from_array).collect();
+            fuse(&Observation::Cloud { points_m: points_m.clone(), eyes_m }, &Grid::PAPER, LAW).unwrap().warnings
+        };
+        let one = warnings(&[[0.6, 0.15, 0.4]]);
+        assert!(
+            one.len() == 1 && one[0].contains("cannot be seen from the viewpoint and count as not seen"),
+            "{one:?}"
+        );
+        let around = [[0.6, 0.15, 0.4], [-0.3, 0.15, 0.4], [0.15, 0.6, 0.4], [0.15, -0.3, 0.4]];
+        assert_eq!(warnings(&around), Vec::<String>::new());
+        let two = warnings(&around[..2]);
+        assert!(two.len() == 1 && two[0].contains("from any of the 2 viewpoints"), "{two:?}");
     }
 
     #[test]

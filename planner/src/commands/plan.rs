@@ -14,7 +14,7 @@ use schema::Grid;
 
 use super::{EXAMPLES, NetworkArguments, console};
 
-/// From depth images, a TSDF or a cloud to ranked grasps, as JSON
+/// From depth images, a TSDF or a cloud to ranked grasps: a table, or everything as JSON
 #[derive(Debug, Args)]
 #[command(after_help = format!("{VIEWS_FILE}\n\n{EXAMPLES}\n\n{}", ExitCode::HELP))]
 #[group(id = "source", required = true, multiple = false, args = ["views", "tsdf", "cloud", "demo"])]
@@ -76,9 +76,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
     avoid: Vec<[f64; 7]>,
 
-    /// Write the plan here instead of to standard output
+    /// Write the plan here, as JSON
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+
+    /// Print the plan as JSON, and the table to standard error
+    #[arg(long)]
+    json: bool,
 
     /// Draw the scene and its grasps
     #[arg(long, value_name = "PNG")]
@@ -88,7 +92,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "PLY")]
     ply: Option<PathBuf>,
 
-    /// Print no summary
+    /// Print no table
     #[arg(long, short)]
     quiet: bool,
 
@@ -109,13 +113,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if let Some(path) = &arguments.ply {
         write(path, write_ply(&plan))?;
     }
-    let answer = json(&plan)?;
-    match &arguments.out {
-        Some(path) => write(path, answer)?,
-        None => print(answer)?,
+    if let Some(path) = &arguments.out {
+        write(path, json(&plan)?)?;
     }
-    if !arguments.quiet {
-        print_error(console::summary(&plan, planner.config.network.network_kind()).trim_end());
+    if arguments.json {
+        print(json(&plan)?)?;
+    }
+    let table = console::summary(&plan, planner.config.network.network_kind());
+    match (arguments.quiet, arguments.json) {
+        (true, _) => {}
+        (false, true) => print_error(table.trim_end()),
+        (false, false) => print(table)?,
     }
     Ok(ExitCode::Ok)
 }
@@ -177,6 +185,7 @@ A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x
   depth = \"depth-0.png\"       # 16-bit PNG, NPY or EXR; beside this file
   depth_scale_m = 0.001       # metres per unit
   workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [-0.954, 0.0, 0.0, 0.301] }
-Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. With base_from_workspace, views may
-have base_from_camera instead. tsdf or cloud (with eyes_m) may stand in place of views. The wishes config, policy, grasps_max,
-check_collisions, explain, avoid and workspace_from_wrist may be there, too; the command line takes precedence (a flag cannot switch one off).";
+Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. Instead of workspace_from_camera,
+a view may have its inverse camera_from_workspace or, with base_from_workspace, base_from_camera or camera_from_base.
+tsdf or cloud (with eyes_m) may stand in place of views. The wishes config, policy, grasps_max, check_collisions, explain, avoid and
+workspace_from_wrist may be there, too; the command line takes precedence (a flag cannot switch one off).";

@@ -12,6 +12,7 @@ use crate::input::cloud::read_cloud;
 use crate::input::depth::{judge_depth, read_depth};
 use crate::input::error::{InputError, refuse, shown};
 use crate::input::file::read_file;
+use crate::input::mistakes::{Extrinsics, table_elsewhere};
 use crate::input::points::ReadCloud;
 use crate::input::raw_depth::SIDE_PX_MAX;
 use crate::input::request::{
@@ -51,7 +52,7 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
     });
     let config = config.transpose()?;
     let mut assembly =
-        Assembly { input, folder, base_from_workspace: wishes.base_from_workspace, warnings: Vec::new() };
+        Assembly { input, folder, grid, base_from_workspace: wishes.base_from_workspace, warnings: Vec::new() };
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
         (Some(views), None, None) => assembly.views(views),
         (None, Some(tsdf), None) => assembly.read(tsdf, "tsdf", |bytes| read_tsdf(bytes, grid)).map(Observation::Tsdf),
@@ -121,6 +122,7 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
 struct Assembly<'a> {
     input: &'a RequestInput,
     folder: Option<&'a Path>,
+    grid: Grid,
     base_from_workspace: Option<Pose>,
     warnings: Vec<String>,
 }
@@ -153,17 +155,26 @@ impl Assembly<'_> {
             return refuse(format!("must have 1 to {VIEWS_MAX} entries, got {}: views", views.len()));
         }
         let mut pixels_left = PIXELS_MAX;
-        let mut seen = Vec::with_capacity(views.len());
+        let (mut seen, mut extrinsics) = (Vec::with_capacity(views.len()), Vec::with_capacity(views.len()));
         for (number, view) in views.iter().enumerate() {
-            let view = self.view(view, &format!("views[{number}]"), pixels_left)?;
+            let at = format!("views[{number}]");
+            let given = self.extrinsics(view, &at)?;
+            let view = self.view(view, given.workspace_from_camera(), &at, pixels_left)?;
             pixels_left -= view.image.depth_m.len();
             seen.push(view);
+            extrinsics.push(given);
         }
+        self.warnings.extend(table_elsewhere(&seen, &extrinsics, &self.grid));
         Ok(Observation::Views(seen))
     }
 
-    fn view(&mut self, view: &ViewInput, at: &str, pixels_max: usize) -> Result<SeenView, InputError> {
-        let workspace_from_camera = self.camera_pose(view, at)?;
+    fn view(
+        &mut self,
+        view: &ViewInput,
+        workspace_from_camera: Pose,
+        at: &str,
+        pixels_max: usize,
+    ) -> Result<SeenView, InputError> {
         let (lens, lens_at) = match (&view.intrinsics, &self.input.intrinsics) {
             (Some(lens), _) => (lens, format!("{at}.intrinsics")),
             (None, Some(lens)) => (lens, "intrinsics".to_owned()),
@@ -181,19 +192,27 @@ impl Assembly<'_> {
         Ok(SeenView { image, camera: Camera { intrinsics, workspace_from_camera } })
     }
 
-    /// The pose of a view's camera in the workspace.
-    fn camera_pose(&self, view: &ViewInput, at: &str) -> Result<Pose, InputError> {
-        match (&view.workspace_from_camera, &view.base_from_camera) {
-            (Some(input), None) => pose(input, &format!("{at}.workspace_from_camera")),
-            (None, Some(input)) => {
-                let at = format!("{at}.base_from_camera");
-                let Some(base_from_workspace) = self.base_from_workspace else {
-                    return refuse(format!("needs the request's base_from_workspace: {at}"));
-                };
-                Ok(base_from_workspace.inverse() * pose(input, &at)?)
-            }
-            _ => refuse(format!("a view must have exactly one of workspace_from_camera and base_from_camera: {at}")),
-        }
+    /// The pose of a view's camera as it is given: under one of four keys.
+    fn extrinsics(&self, view: &ViewInput, at: &str) -> Result<Extrinsics, InputError> {
+        let poses = [
+            ("workspace_from_camera", &view.workspace_from_camera),
+            ("camera_from_workspace", &view.camera_from_workspace),
+            ("base_from_camera", &view.base_from_camera),
+            ("camera_from_base", &view.camera_from_base),
+        ];
+        let mut given = poses.iter().filter_map(|(key, input)| Some((*key, input.as_ref()?)));
+        let (Some((key, input)), None) = (given.next(), given.next()) else {
+            let [keys @ .., last] = poses.map(|(key, _)| key);
+            return refuse(format!("a view must have exactly one of {} and {last}: {at}", keys.join(", ")));
+        };
+        let at = format!("{at}.{key}");
+        let workspace_from_base = self.base_from_workspace.map(|base_from_workspace| base_from_workspace.inverse());
+        let is_of_base = [poses[2].0, poses[3].0].contains(&key);
+        let Some(workspace_from_target) = (if is_of_base { workspace_from_base } else { Some(Pose::IDENTITY) }) else {
+            return refuse(format!("needs the request's base_from_workspace: {at}"));
+        };
+        let is_inverse = [poses[1].0, poses[3].0].contains(&key);
+        Ok(Extrinsics { key, given: pose(input, &at)?, is_inverse, workspace_from_target })
     }
 
     fn cloud(&mut self, cloud: &SourceInput) -> Result<Observation, InputError> {
@@ -287,6 +306,25 @@ mod tests {
         let at_m = views(&read)[0].camera.workspace_from_camera.translation;
         assert!((at_m - Vec3::new(1.0, 0.0, 2.0)).length() < 1e-6, "{at_m}");
         assert!(read.wishes.base_from_workspace.is_some());
+        // The inverse under its own name: the camera's frame has the axes of the base, so the base is at (-1, -1, -2).
+        let view = request["views"][0].as_object_mut().unwrap();
+        view.remove("base_from_camera");
+        view.insert(
+            "camera_from_base".to_owned(),
+            json!({ "position_m": [-1, -1, -2], "quaternion_xyzw": [0, 0, 0, 1] }),
+        );
+        let inverse = super::tests::read(&request).unwrap();
+        assert_eq!(views(&inverse)[0].camera, views(&read)[0].camera);
+    }
+
+    #[test]
+    fn an_extrinsic_matrix_may_be_given_as_it_is() {
+        let mut request = request();
+        let view = request["views"][0].as_object_mut().unwrap();
+        view.remove("workspace_from_camera");
+        view.insert("camera_from_workspace".to_owned(), shifted());
+        let at_m = views(&read(&request).unwrap())[0].camera.workspace_from_camera.translation;
+        assert!((at_m + Vec3::X).length() < 1e-6, "{at_m}");
     }
 
     #[test]
@@ -338,7 +376,7 @@ mod tests {
             (
                 "/views/0/base_from_camera",
                 shifted(),
-                "exactly one of workspace_from_camera and base_from_camera: views[0]",
+                "exactly one of workspace_from_camera, camera_from_workspace, base_from_camera and camera_from_base: views[0]",
             ),
             ("/views/0/workspace_from_camera", Value::Null, "exactly one of"),
             ("/views/0/intrinsics", Value::Null, "has intrinsics: views[0]"),

@@ -26,6 +26,14 @@ pub(crate) fn read_cloud(bytes: &[u8]) -> Result<ReadCloud, InputError> {
 /// An array of points, one per row or, for an organised cloud, one per pixel; columns after the third are ignored.
 fn read_array(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     let (header, data) = npy::split(bytes)?;
+    if let [3 | 4, .., last] = header.shape[..]
+        && last > 4
+    {
+        let shape = &header.shape;
+        return refuse(format!(
+            "a cloud must have the shape [N, 3] or [H, W, 3], one point a row, got {shape:?}: is it transposed? save its transpose"
+        ));
+    }
     let (points, columns) = match header.shape[..] {
         [points, columns] if columns >= 3 => (points, columns),
         [height, width, columns] if columns >= 3 => (height.saturating_mul(width), columns),
@@ -57,6 +65,11 @@ mod tests {
         let message = |bytes: &[u8]| read_cloud(bytes).unwrap_err().to_string();
         assert!(message(&npy_of(&[3], &[0.0; 3])).contains("[N, 3] or [H, W, 3], got [3]"));
         assert!(message(&npy_of(&[3, 2], &[0.0; 6])).contains("got [3, 2]"));
+        for transposed in [&[3, 5][..], &[4, 6], &[3, 2, 8]] {
+            let zeros = vec![0.0; transposed.iter().product()];
+            let message = message(&npy_of(transposed, &zeros));
+            assert!(message.contains(&format!("got {transposed:?}: is it transposed?")), "{message}");
+        }
         assert!(message(b"solid stl").contains("PLY, PCD or NPY"));
     }
 

@@ -81,8 +81,12 @@ pub struct ViewInput {
     pub intrinsics: Option<IntrinsicsInput>,
     /// The camera in the workspace: x right, y down, z forward.
     pub workspace_from_camera: Option<PoseInput>,
+    /// Its inverse instead, the workspace in the camera's frame: extrinsics as OpenCV has them.
+    pub camera_from_workspace: Option<PoseInput>,
     /// The camera in the robot's base frame instead; needs the request's `base_from_workspace`.
     pub base_from_camera: Option<PoseInput>,
+    /// Its inverse instead, the robot's base in the camera's frame; needs `base_from_workspace`, too.
+    pub camera_from_base: Option<PoseInput>,
 }
 
 /// The bytes of a file.
@@ -226,6 +230,7 @@ mod tests {
         assert_eq!(keys(&request), keys_of::<RequestInput>());
         assert_eq!(keys(&view), keys_of::<ViewInput>());
         assert_eq!(keys(&request).len(), 13);
+        assert_eq!(keys(&view).len(), 7);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
         let pose = described(PoseInput::schema());
         assert_eq!(pose["oneOf"][0]["items"]["maxItems"], 4, "{pose}");
