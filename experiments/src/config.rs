@@ -44,6 +44,8 @@ pub struct Config {
     pub noise: DepthNoise,
     /// When a round ends.
     pub stop: StopParams,
+    /// What becomes of a hand that touches something.
+    pub touching: Touching,
     /// The planner's settings.
     pub plan: planner::Config,
     /// The network's file; `None` for the one that comes with the program.
@@ -149,6 +151,8 @@ settings! {
         noise: NoiseKeys,
         /// When a round ends.
         stop: StopParams,
+        /// What becomes of a hand that touches something on its way or moves another object.
+        touching: Touching; or Touching::Fails,
     }
     check Keys::agree
 }
@@ -166,6 +170,16 @@ settings! {
         names: Vec<String>,
         /// Whether placements that the hand cannot span are drawn anew.
         viable_only: bool,
+    }
+}
+
+words! {
+    /// What becomes of a hand that touches something on its way, or moves another object.
+    pub enum Touching {
+        /// The attempt has failed: the label's contract.
+        Fails = "fails",
+        /// The hand halts at the first touch and closes there, and may move other objects: rounds of VGN and GIGA.
+        Halts = "halts",
     }
 }
 
@@ -227,7 +241,7 @@ impl Config {
         own.into_iter().try_for_each(|(key, value)| document.set(key, value))?;
         let keys: Keys = document.read()?;
         let file = |name: &str, built_in: &str| (name != built_in).then(|| document.folder().join(name));
-        let scene = generator::Config::load(file(&keys.scene, "paper").as_deref(), Overrides::default())?;
+        let mut scene = generator::Config::load(file(&keys.scene, "paper").as_deref(), Overrides::default())?;
         let plan_path = match BuiltIn::from_name(&keys.plan) {
             Some(named) => PathBuf::from(named.name()),
             None => document.folder().join(&keys.plan),
@@ -237,9 +251,11 @@ impl Config {
         of_plan.try_for_each(|(key, value)| plan.set(key, value))?;
         let text = format!("{}\n# Planner\n{}", document.table(), plan.table());
         let plan: planner::Config = plan.read()?;
+        // Who plans executes.
+        scene.gripper = plan.gripper.clone().into();
         let objects = objects(&keys.objects, &scene, file(&keys.objects.catalogue, "everyday").as_deref());
         let objects = objects.map_err(|problem| document.invalid(vec![problem]))?;
-        let problems = mismatches(&scene, &plan);
+        let problems = mismatches(&scene);
         if !problems.is_empty() {
             return Err(document.invalid(problems));
         }
@@ -250,6 +266,7 @@ impl Config {
             views: keys.views,
             noise: keys.noise.kind.noise(keys.noise.std_m, scene.camera.focal_px),
             stop: keys.stop,
+            touching: keys.touching,
             model: file(&keys.model, "built-in"),
             text,
             protocol: keys.protocol,
@@ -294,17 +311,12 @@ impl Config {
 }
 
 /// What planner and scenes must have in common.
-fn mismatches(scene: &generator::Config, plan: &planner::Config) -> Vec<String> {
+fn mismatches(scene: &generator::Config) -> Vec<String> {
     let (grid, expected) = (scene.grid, Grid::PAPER);
     let mut problems = Vec::new();
     if (grid.resolution, grid.size_m) != (expected.resolution, expected.size_m) {
         let (n, side_m) = (expected.resolution, expected.size_m);
         problems.push(format!("the scenes' grid must be the planner's, {n}\u{b3} voxels in {side_m} m: scene"));
-    }
-    if scene.gripper != plan.gripper {
-        let (planned, executed) = (&plan.gripper.name, &scene.gripper.name);
-        problems
-            .push(format!("the planner's hand, {planned}, must be the one that executes, {executed}: plan.gripper"));
     }
     problems
 }
@@ -336,16 +348,16 @@ fn objects(keys: &ObjectKeys, scene: &generator::Config, catalogue: Option<&Path
 /// Digest of what decides a round, as it is stored: no name in this code is part of it.
 fn digest(keys: &Table, scene: &generator::Config, plan: &planner::Config, objects: &Objects) -> String {
     let mut keys = keys.clone();
-    keys.retain(|key, _| !["seeds", "rounds"].contains(&key));
-    let things = match objects {
-        Objects::Things(groups) => groups.iter().flat_map(|(_, things)| things).collect(),
-        Objects::Pile { .. } | Objects::Packed { .. } => Vec::new(),
-    };
-    // A catalogue's objects are models.
-    let models = things.iter().filter_map(|thing| thing.body.to_model(thing.mass_kg, thing.friction).ok());
-    // The journal has the program's version beside the digest.
-    let (models, code_version) = (models.map(Arc::new).collect(), String::new());
-    let info = DatasetInfo { models, code_version, ..scene.dataset_info() };
+    // Runs that were begun before there was the key continue.
+    let is_default = |key: &str, value: &toml::Value| key == "touching" && value.as_str() == Some("fails");
+    keys.retain(|key, value| !["seeds", "rounds"].contains(&key) && !is_default(key, value));
+    let mut info = DatasetInfo { code_version: String::new(), ..scene.dataset_info() }; // the journal has the version
+    if let Objects::Things(groups) = objects {
+        // A catalogue's objects are models.
+        let things = groups.iter().flat_map(|(_, things)| things);
+        let models = things.filter_map(|thing| thing.body.to_model(thing.mass_kg, thing.friction).ok());
+        info.models = models.map(Arc::new).collect();
+    }
     // Settings are numbers, words and tables of them, which always have a JSON form.
     let [plan, standard] =
         [serde_json::to_string(plan), serde_json::to_string(&JudgeParams::STANDARD)].map(Result::unwrap_or_default);
@@ -384,6 +396,8 @@ mod tests {
             ("objects.count", "4"),
             ("scene", "../generate/vgn.toml"),
             ("plan.detection.quality_min", "0.8"),
+            ("scene", "../generate/everyday.toml"),
+            ("touching", "halts"),
             ("plan", "paper"),
             ("plan.ranking.policy", "paper"),
         ] {

@@ -63,15 +63,16 @@ pub fn document(all: &[Played]) -> Document {
             grouped(one.rounds),
             grouped(one.attempts)
         );
-        (format!("Experiment: {}", one.protocol), vec![Block::Text(lead), warnings, Block::Tiles(tiles(one))])
+        (format!("Experiment: {}", one.protocol), vec![Block::Text(lead), Block::Tiles(tiles(one))])
     } else {
         let attempts: u64 = results.iter().map(|one| one.attempts).sum();
         let lead = format!("{} experiments, {} grasps executed in physics.", all.len(), grouped(attempts));
-        ("Experiments side by side".to_owned(), vec![Block::Text(lead), warnings])
+        ("Experiments side by side".to_owned(), vec![Block::Text(lead)])
     };
     blocks.extend(rates(&results, &names));
     let has_point = is_any_point(results.iter().flat_map(headline_rates));
     blocks.extend(headline(&results, &names, has_point));
+    blocks.push(warnings);
     if all.len() > 1 {
         let text = "Which success rates are apart, and what was different: a rate without its protocol is a rumour.";
         blocks.extend([Block::Heading("Side by side".to_owned()), Block::Text(text.to_owned())]);

@@ -86,6 +86,21 @@ pub fn document(Report { results, about }: &Report) -> Document {
     Document { title: format!("Experiment {}", results.protocol), blocks, footer: String::new() }
 }
 
+/// An experiment's result in a few lines: its rates with their protocol, as they are read last in a terminal.
+#[must_use]
+pub fn in_short(results: &Results) -> String {
+    let [success, cleared, rounds] = headline_rates(results).map(share);
+    let row = |what: &str, value: String, of: String| vec![what.into(), Cell::Number(value), of.into()];
+    let rows = [
+        row("grasps that held (GSR)", success, format!("{} of {}", results.held, results.attempts)),
+        row("objects cleared", cleared, format!("{} of {}", results.removed, results.objects)),
+        row("rounds cleared", rounds, format!("of {}", results.rounds)),
+        row("a plan, ms", times(results.plan_ms), "p50 / p90 / p99".to_owned()),
+    ];
+    let title = format!("{}, {} rounds; rates with 95 % intervals", results.protocol, results.rounds);
+    Document { title, blocks: vec![Block::Table(Table::new(["", "", ""], rows))], footer: String::new() }.text()
+}
+
 /// Several experiments in a table, and which success rates are apart.
 #[must_use]
 pub fn comparison(results: &[Results]) -> Document {
@@ -209,7 +224,7 @@ fn outcomes(results: &Results, with_held: bool) -> Block {
     let row = |(outcome, count): (&Outcome, &u64)| {
         let of_failures = if *outcome == Outcome::Held { "–".to_owned() } else { percent_of(*count, failed) };
         vec![
-            Cell::code(outcome.name()),
+            Cell::Outcome(*outcome),
             Cell::Count(*count),
             Cell::Number(of_failures),
             part(*count, results.attempts),
@@ -504,6 +519,19 @@ name = "```"
         assert!(text.contains(row), "{text}");
         let other = Results { by_group: vec![group("alone", 1, 0)], ..small("other") };
         assert!(!comparison(&[small("ours"), other]).markdown().contains("| scene |"));
+    }
+
+    #[test]
+    fn in_short_an_experiment_is_its_rates_with_their_protocol() {
+        let text = in_short(&small("pile"));
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 6, "{text}");
+        assert_eq!(lines[0], "pile, 4 rounds; rates with 95 % intervals");
+        assert!(
+            lines[2].starts_with("grasps that held (GSR)") && lines[2].ends_with("60.0 % (41.2 to 75.0)  6 of 10"),
+            "{text}"
+        );
+        assert!(lines[3].ends_with("6 of 8") && lines[4].ends_with("of 4"), "{text}");
     }
 
     #[test]

@@ -12,9 +12,11 @@ use planner::input::InputError;
 use planner::{Observation, Planner, SeenView, Wishes};
 use program::{ExitCode, Failure, error_chain};
 use schema::{Camera, Outcome, Pose, Purpose, Stream, Vec3};
-use simulator::{AttemptWorld, Scene, SceneObject, SceneRays, SettleParams, Settled, Unsettled, settle_again};
+use simulator::{
+    AttemptWorld, Execution, Scene, SceneObject, SceneRays, SettleParams, Settled, Unsettled, settle_again,
+};
 
-use crate::config::Config;
+use crate::config::{Config, Touching};
 use crate::record::{Ending, Round, Trial, TrialObject};
 use crate::start::{Start, start};
 
@@ -120,9 +122,8 @@ fn try_once(
     let plan_ms = milliseconds(began);
     let Some(best) = plan.grasps.get(tried) else { return Ok(None) };
     let pose = best.workspace_from_grasp;
-    let target = nearest(scene, pose.translation);
-    let world = AttemptWorld::new(&config.scene.physics, &config.scene.gripper, &config.scene.procedure, scene);
-    let (execution, poses) = world.execute_leaving(&pose, target);
+    let world = AttemptWorld::new(&config.scene.physics, &config.plan.gripper, &config.scene.procedure, scene);
+    let (target, (execution, poses)) = execute(config.touching, &world, scene, &pose);
     let trial = Trial {
         object_count: scene.objects.len() as u32,
         planned_count: plan.grasps.len() as u32,
@@ -139,6 +140,27 @@ fn try_once(
     };
     let gone = (execution.outcome == Outcome::Held).then_some(target);
     Ok(Some((trial, moved(scene, &poses, gone))))
+}
+
+/// Tries a grasp of the object that is nearest to it, and gives what it leaves behind.
+fn execute(
+    touching: Touching,
+    world: &AttemptWorld<'_>,
+    scene: &Scene,
+    workspace_from_grasp: &Pose,
+) -> (usize, (Execution, Vec<Pose>)) {
+    let target = nearest(scene, workspace_from_grasp.translation);
+    let halted = match touching {
+        Touching::Fails => None,
+        Touching::Halts => world.halted(workspace_from_grasp, target),
+    };
+    let Some(halted) = halted else { return (target, world.execute_leaving(workspace_from_grasp, target)) };
+    let target = nearest(scene, halted.translation);
+    let (mut execution, poses) = world.close_and_lift(&halted, target);
+    if execution.outcome == Outcome::HitOther {
+        execution = Execution { outcome: Outcome::Held, hit: None, ..execution };
+    }
+    (target, (execution, poses))
 }
 
 fn milliseconds(since: Instant) -> f32 {

@@ -66,7 +66,7 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
 
 /// Whether a hand from above can span some part of the object along some horizontal direction.
 fn is_viable(config: &Config, object: &SceneObject) -> bool {
-    let gripper = &config.scene.gripper;
+    let gripper = &config.plan.gripper;
     let width_m = |part: &Polyhedron, degrees: u16| {
         let (sin, cos) = libm::sincosf(f32::from(degrees).to_radians());
         let along = part.corners_m().iter().map(|corner| corner.dot(Vec3::new(cos, sin, 0.0)));

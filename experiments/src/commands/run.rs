@@ -6,11 +6,12 @@ use std::sync::{Mutex, PoisonError};
 use clap::Args;
 use experiments::config::Config;
 use experiments::record::Round;
-use experiments::report::{About, Report, document, figure};
+use experiments::report::{About, Report, document, figure, in_short};
 use experiments::run::run as run_rounds;
 use experiments::statistics::results;
 use experiments::tables::{bodies, conditions, objects_table, rounds_table, trials_table};
 use indicatif::{ProgressBar, ProgressStyle};
+use program::text::key_and_value;
 use program::{Context, ExitCode, Failure, FolderLock, command_line, json, print, print_error, stop_on_signals, write};
 
 /// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.md, report.json,
@@ -26,7 +27,7 @@ pub(crate) struct Arguments {
     out: PathBuf,
 
     /// A key of the experiment or, as plan.KEY, of the planner's settings, in place of the file's; may be repeated
-    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
+    #[arg(long, value_name = "KEY=VALUE", value_parser = key_and_value)]
     set: Vec<(String, String)>,
 
     /// Rounds per seed [default: the config's]
@@ -40,12 +41,6 @@ pub(crate) struct Arguments {
     /// Rounds at once; changes times, not results [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-}
-
-/// `views.count=3` in two.
-fn assignment(text: &str) -> Result<(String, String), String> {
-    let parts = text.split_once('=').ok_or_else(|| format!("must be KEY=VALUE, got {text}"))?;
-    Ok((parts.0.trim().to_owned(), parts.1.trim().to_owned()))
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
@@ -92,9 +87,13 @@ fn write_reports(config: &Config, model_id: &str, rounds: &[Round], folder: &Pat
     write(&folder.join("run.json"), conditions(config))?;
     write(&folder.join("report.json"), json(&report)?)?;
     write(&folder.join("report.svg"), figure(std::slice::from_ref(&report.results)).svg()?)?;
-    let text = document(&report).markdown();
-    write(&folder.join("report.md"), &text)?;
-    print(text)
+    write(&folder.join("report.md"), document(&report).markdown())?;
+    let file = |name: &str| folder.join(name).display().to_string();
+    print(format_args!(
+        "{}  failures, scenes and how it was run; also report.json, report.svg and tables as Parquet\n\n{}",
+        file("report.md"),
+        in_short(&report.results)
+    ))
 }
 
 fn progress_bar(rounds: u64) -> ProgressBar {

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use program::Failure;
+use program::text::setting;
 use report::document::{Block, Drawing, Picture};
 use report::picture::{Hand, Scene, svg};
 use schema::{Outcome, Polyhedron, ShapeKind, Solid, Vec3};
@@ -58,10 +59,7 @@ impl Stage {
 
     /// Keys of `run.json` that a reader wants to know.
     pub(super) fn told(&self) -> impl Iterator<Item = (String, String)> {
-        let physics = self.physics.iter().map(|(key, value)| {
-            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            (format!("physics.{key}"), value)
-        });
+        let physics = self.physics.iter().map(|(key, value)| (format!("physics.{key}"), setting(value)));
         [("gripper".to_owned(), self.gripper.name.clone())].into_iter().chain(physics)
     }
 }
@@ -88,9 +86,10 @@ pub(super) fn section(one: &Played) -> Vec<Block> {
         return Vec::new();
     }
     let mut blocks = section(
-        "Rounds evenly spread over the experiment, as they began, with all grasps of the round: green held, red failed. Objects may \
-         have moved before later grasps.",
+        "Rounds evenly spread over the experiment, as they began, with all grasps of the round. Objects may have moved before later \
+         grasps.",
     );
+    blocks.push(Block::Legend(Outcome::ALL.to_vec()));
     blocks.push(Block::Gallery(shown));
     let failures = failures(stage, side_m, rounds);
     if !failures.is_empty() {
@@ -135,8 +134,9 @@ fn picture(stage: &Stage, size_m: f32, before: &Trial, trials: &[Trial]) -> Stri
     let hand = |trial: &Trial| Hand {
         workspace_from_grasp: trial.workspace_from_grasp,
         width_m: trial.width_m,
-        held: trial.outcome == Outcome::Held,
+        outcome: trial.outcome,
         strength: 1.0,
+        label: format!("{}, aimed at {}", trial.outcome.name(), trial.target()),
     };
     let objects = before.objects.iter().enumerate();
     svg(&Scene {

@@ -44,7 +44,13 @@ fn an_experiment_is_the_same_in_one_go_or_cut_short_and_on_any_number_of_threads
                 run(&[&["run", config.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rounds", "4"], more]
                     .concat());
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-            assert!(String::from_utf8(output.stdout).unwrap().contains("5 objects, 6 views"));
+            let printed = String::from_utf8(output.stdout).unwrap();
+            let lines: Vec<&str> = printed.lines().collect();
+            assert!(lines.len() <= 10 && lines[0].contains("report.md"), "{printed}");
+            assert!(
+                lines[2].contains("5 objects, 6 views") && lines[lines.len() - 1].starts_with("a plan, ms"),
+                "{printed}"
+            );
             out
         };
         let whole = at("whole", &["--threads", "1"]);

@@ -82,7 +82,8 @@ fn a_page_has_the_numbers_of_the_report_and_a_hand_for_each_grasp() {
     assert!(held > 0 && broken > 0, "{all:?}");
     assert_eq!(found.matches("<svg class=\"scene\"").count(), all.len() + broken);
     assert_eq!(found.matches("<path class=\"held\"").count(), held);
-    assert_eq!(found.matches("<path class=\"failed\"").count(), all.concat().len() - held + broken);
+    let failed = all.concat().len() - held + broken;
+    assert_eq!(found.matches("</title></path>").count(), held + failed, "every hand says how it ended");
     for (number, round) in rounds.iter().enumerate() {
         check_holds(&found, &[&format!("Round {number}: {}", round["ending"].as_str().unwrap())]);
     }
