@@ -114,7 +114,7 @@ def both_ways(planner, weights, dataset):
             wanted = {tuple(int(x) for x in voxel) for voxel in select(good)}
             path = Path(folder) / "tsdf.npy"
             np.save(path, grid)
-            command = [planner, "plan", "--tsdf", path, "--config", config, "--policy", "vgn-best", "--quiet"]
+            command = [planner, "plan", "--tsdf", path, "--config", config, "--policy", "vgn-best", "--json", "--quiet"]
             plan = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
             got = {tuple(grasp["voxel"]) for grasp in plan["grasps"]}
             scenes, theirs, ours = scenes + 1, theirs + len(wanted), ours + len(got)

@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
-# The whole pipeline on a small dataset: builds, generates a dataset in physics, verifies it, prints its statistics, trains the
-# grasp network on it, and evaluates it on held-out attempts. Needs only a Rust toolchain and a C compiler.
+# The whole pipeline on a small dataset: builds, generates a dataset in physics, verifies it, trains the grasp network on it, evaluates
+# it on held-out attempts, and ends with pages to look at: a report, a scene, a replay, a plan. Needs only a Rust toolchain and a C
+# compiler.
 # Usage: scripts/demo.sh [FOLDER]      (default: demo; running it again continues an interrupted run)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 folder=${1:-demo}
-data=$folder/dataset
-run=$folder/run
+data=$folder/grasps
+run=$folder/runs/first
 
 say() { printf '\n\033[1m%s\033[0m\n' "$*"; }
 
@@ -22,24 +23,27 @@ say "2/6 generating 2,400 grasp attempts in 40 scenes"
 say "3/6 verifying every byte and row"
 "$bin/shards" verify "$data"
 
-say "4/6 what is in it"
-"$bin/shards" report "$data"
-
-say "5/6 training"
+say "4/6 training"
 "$bin/trainer" fit --data "$data" --config configs/train/quick.toml --run "$run" --resume
 
-say "6/6 evaluating the best checkpoint on attempts that it has not seen"
+say "5/6 evaluating the best checkpoint on attempts that it has not seen"
 "$bin/trainer" evaluate --data "$data" --run "$run" --checkpoint best
 
-say "done in $((SECONDS - start)) s"
-cat <<END
-dataset     $data
-            (open it in DuckDB, polars, pyarrow or datasets: docs/reading.md; its card: $data/README.md)
-run         $run
-            (loss.png, accuracy.png, tensorboard/, metrics.jsonl; checkpoints as safetensors)
+say "6/6 pages, and a plan by the built-in judge for what a camera would see of scene 7"
+"$bin/shards" report "$data" --html "$folder/report.html"
+"$bin/shards" view "$data" --scene 7 --out "$folder/scene.html"
+"$bin/generator" replay "$data" --attempt 0/4 --out "$folder/attempt.html"
+"$bin/generator" depth "$data" --scene 7 --views 3 --out "$folder/scene-7"
+"$bin/planner" plan --views "$folder/scene-7/views.toml" --out "$folder/plan.json" --picture "$folder/plan.png"
 
-next:
-  $bin/shards inspect $data --scene 0
-  $bin/generator --shards 64 --out paper                      the paper's 200,000 attempts
-  $bin/trainer fit --data paper --config configs/train/paper.toml --run runs/paper
+say "done in $((SECONDS - start)) s; open these"
+cat <<END
+what is in the dataset        $folder/report.html
+a scene and its attempts      $folder/scene.html
+an attempt, step by step      $folder/attempt.html
+a plan from depth images      $folder/plan.png
+the training's curves         $run/accuracy.svg
+the dataset's card            $data/README.md      (DuckDB, polars, pyarrow and datasets open it: docs/reading.md)
+
+next: docs/tutorial.md; the paper's 200,000 attempts: $bin/generator --shards 64 --out grasps
 END

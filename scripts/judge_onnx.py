@@ -14,6 +14,8 @@ written; docs/judge.md explains it.
 import argparse
 import json
 import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 
@@ -56,12 +58,14 @@ def lattice(low, high, count):
 class Judge:
     """A judge and the hand and grid that it was trained for."""
 
-    def __init__(self, path):
+    def __init__(self, path, hand=None):
         import onnxruntime
 
         self.session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
         scope = json.loads(self.session.get_modelmeta().custom_metadata_map["trained_for"])
-        self.hand, self.grid = scope["gripper"], scope["grid"]
+        if hand is None and "hands" in scope:
+            raise SystemExit("the judge was trained for many hands: give yours with --gripper")
+        self.hand, self.grid = hand or scope["gripper"], scope["grid"]
         self.way_m = scope["pregrasp_distance_m"]
         # What the hand sweeps from its pre-grasp pose: each box, longer towards −z.
         back = np.array([0, 0, self.way_m / 2])
@@ -117,7 +121,8 @@ class Judge:
             "palm_breadth_m",
         ]
         height_m = position_m[2] - self.grid["table_z_m"]
-        own = [*(self.hand[key] / 0.1 for key in lengths), self.way_m / 0.1, self.hand["friction"]]
+        own = [*(self.hand[key] / 0.1 for key in lengths), self.way_m / 0.1]
+        own += [self.hand["friction"], self.hand["finger_force_n"] / 20 - 1]
         known = [*turn[2], height_m / 0.1, views / 6, *own]
         return np.pad(known, (0, 16 - len(known)))
 
@@ -190,9 +195,11 @@ def main():
     parser.add_argument("tsdf", help="NPY file of the scene's TSDF")
     parser.add_argument("hands", help="JSON file of hands, or a plan")
     parser.add_argument("--views", type=int, default=6, help="number of views from which the TSDF was made")
+    parser.add_argument("--gripper", help="the hand's file, for a judge of many hands")
     parser.add_argument("--picture", help="PNG of what the network is given of the first hand")
     arguments = parser.parse_args()
-    judge = Judge(arguments.judge)
+    hand = arguments.gripper and tomllib.loads(Path(arguments.gripper).read_text(encoding="utf-8"))
+    judge = Judge(arguments.judge, hand)
     tsdf = np.load(arguments.tsdf).reshape([judge.grid["resolution"]] * 3)
     hands = hands_of(arguments.hands)
     if not hands:

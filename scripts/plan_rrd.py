@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes a Rerun recording of a plan for the Rerun viewer.
 
-    planner plan ... > plan.json
+    planner plan ... --out plan.json
     python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
     rerun plan.rrd
 
@@ -103,7 +103,7 @@ def record(plan: dict, cloud: np.ndarray, gripper: dict, recording_id: str, out:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("plan", type=Path, help="what `planner plan` printed")
+    parser.add_argument("plan", type=Path, help="what `planner plan --out` wrote")
     parser.add_argument("--cloud", type=Path, required=True, help="the segmented cloud (PLY)")
     parser.add_argument("--out", type=Path, required=True, help="the recording (.rrd)")
     parser.add_argument("--gripper", type=Path, help="the hand's file, if it is not among configs/grippers")

@@ -16,7 +16,7 @@ from .contract import OUTCOMES, Attempt, Environment, Gripper, Procedure, Scene,
 from .pose import Pose
 
 # Of datasets of primitives, and of those whose info has models.
-FORMAT_VERSIONS = (1, 2)
+FORMAT_VERSIONS = (1, 2, 3)
 POSE = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
 OBJECT_COLUMNS = ["scene_id", "object_id", "shape", "size_x_m", "size_y_m", "size_z_m", "mass_kg", "friction", *POSE]
 ATTEMPT_COLUMNS = ["scene_id", "attempt_id", "object_id", "shape", "rule", *POSE, "outcome", "hit", "width_m"]
@@ -36,12 +36,16 @@ class Dataset:
 
     name: str
     seed: int
-    gripper: Gripper
+    grippers: list[Gripper]
     procedure: Procedure
     environment: Environment
     step_rate_hz: float
     scenes: list[Scene]
     scene_count: int
+
+    def hand_of(self, scene: Scene) -> Gripper:
+        """Several hands take turns."""
+        return self.grippers[scene.scene_id % len(self.grippers)]
 
 
 def read(folder: Path, scene_count: int | None) -> Dataset:
@@ -50,13 +54,14 @@ def read(folder: Path, scene_count: int | None) -> Dataset:
     try:
         physics = info["config"]["physics"]
         environment = Environment(info["grid"]["table_z_m"], physics["table_friction"], physics["gravity_m_s2"])
-        gripper, procedure = build(Gripper, info["gripper"]), build(Procedure, info["procedure"])
+        grippers = [build(Gripper, one) for one in info.get("grippers", [info["gripper"]])]
+        procedure = build(Procedure, info["procedure"])
         models = {m["name"]: compound_of(m["name"], [p["corners_m"] for p in m["parts"]]) for m in info.get("models", [])}
         total, seed, rate = int(info["scene_count"]), int(info["seed"]), float(physics["step_rate_hz"])
     except (KeyError, TypeError, ValueError) as error:
         raise DamagedDataset(f"meta/info.json: {error!r}") from error
     scenes = _read_scenes(folder, total if scene_count is None else min(scene_count, total), models)
-    return Dataset(folder.resolve().name, seed, gripper, procedure, environment, rate, scenes, total)
+    return Dataset(folder.resolve().name, seed, grippers, procedure, environment, rate, scenes, total)
 
 
 def _read_info(folder: Path) -> dict:

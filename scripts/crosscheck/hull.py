@@ -11,7 +11,9 @@ import numpy as np
 
 POINTS_MAX = 256
 # Points within this share of the hull's size are on a plane; coordinates are rounded to single precision.
-PLANE_TOLERANCE = 1e-6
+# Where a face is neither
+# clearly flat nor clearly bent at the first, the next tells its triangles apart.
+PLANE_TOLERANCES = (1e-6, 1e-7, 1e-8)
 # Triples looked at in one go, for memory's sake.
 CHUNK = 20_000
 
@@ -79,19 +81,26 @@ def hull_of(points_m: Iterable[Iterable[float]]) -> Hull:
     points = np.array(points_m, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or not 4 <= len(points) <= POINTS_MAX or not np.isfinite(points).all():
         raise ValueError(f"a hull needs 4 to {POINTS_MAX} finite points of 3 coordinates, got an array of shape {points.shape}")
-    tolerance = PLANE_TOLERANCE * (np.ptp(points, axis=0).max() + np.abs(points).max())
-    points = _apart(points, tolerance)
+    size = np.ptp(points, axis=0).max() + np.abs(points).max()
+    points = _apart(points, PLANE_TOLERANCES[0] * size)
+    for share in PLANE_TOLERANCES:
+        faces = _faces(points, share * size)
+        areas = np.array([_area_vector(points[face]) for face in faces]).reshape(-1, 3)
+        if len(faces) >= 4 and np.linalg.norm(areas.sum(axis=0)) <= 1e-3 * np.linalg.norm(areas, axis=1).sum():
+            used = np.unique(np.concatenate(faces))
+            return Hull(points[used], tuple(np.searchsorted(used, face) for face in faces))
+    raise ValueError("the points span no volume, or a hull that does not close")
+
+
+def _faces(points: np.ndarray, tolerance: float) -> list[np.ndarray]:
+    """The corners of each face, by number and counter-clockwise seen from outside."""
     faces: list[np.ndarray] = []
     for normal, offset, triple in _supporting_planes(points, tolerance):
         if any(np.isin(triple, face).all() for face in faces):
             continue
         on_plane = np.flatnonzero(np.abs(points @ normal - offset) <= tolerance)
         faces.append(on_plane[_turning(points[on_plane], normal)])
-    areas = np.array([_area_vector(points[face]) for face in faces]).reshape(-1, 3)
-    if len(faces) < 4 or np.linalg.norm(areas.sum(axis=0)) > 1e-3 * np.linalg.norm(areas, axis=1).sum():
-        raise ValueError("the points span no volume, or a hull that does not close")
-    used = np.unique(np.concatenate(faces))
-    return Hull(points[used], tuple(np.searchsorted(used, face) for face in faces))
+    return faces
 
 
 def _supporting_planes(points: np.ndarray, tolerance: float) -> list[tuple[np.ndarray, float, np.ndarray]]:

@@ -52,7 +52,7 @@ def gate_pass(dataset: Dataset) -> list[gate.GateResult]:
 
 
 def _gate(dataset: Dataset, scene: Scene, poses: list[Pose]) -> list[gate.GateResult]:
-    return gate.judge(scene, poses, dataset.gripper, dataset.procedure, dataset.environment.table_z_m)
+    return gate.judge(scene, poses, dataset.hand_of(scene), dataset.procedure, dataset.environment.table_z_m)
 
 
 def same_gate(name: str, dataset: Dataset, engine: Engine, jitter: Jitter | None = None) -> Pass:
@@ -62,7 +62,7 @@ def same_gate(name: str, dataset: Dataset, engine: Engine, jitter: Jitter | None
         poses = [jitter(a, scene) if jitter else a.workspace_from_grasp for a in scene.attempts]
         verdicts = _gate(dataset, scene, poses)
         start = perf_counter()
-        runner = Runner(engine, scene, dataset.gripper, dataset.procedure, dataset.environment)
+        runner = Runner(engine, scene, dataset.hand_of(scene), dataset.procedure, dataset.environment)
         for attempt, pose, verdict in zip(scene.attempts, poses, verdicts):
             if verdict.outcome is None:
                 executions.append(runner.from_closing(attempt, pose))
@@ -78,7 +78,7 @@ def own_approach(name: str, dataset: Dataset, engine: Engine) -> Pass:
     executions, seconds = [], 0.0
     for scene in _shown(name, dataset):
         start = perf_counter()
-        runner = Runner(engine, scene, dataset.gripper, dataset.procedure, dataset.environment)
+        runner = Runner(engine, scene, dataset.hand_of(scene), dataset.procedure, dataset.environment)
         executions += [runner.own_approach(attempt, attempt.workspace_from_grasp) for attempt in scene.attempts]
         seconds += perf_counter() - start
     return Pass(name, executions, len(executions), seconds)
@@ -96,7 +96,7 @@ def drift(dataset: Dataset, engine: Engine) -> Drift:
 
 def scene_drift(dataset: Dataset, scene: Scene, engine: Engine) -> Drift:
     """Lets one scene rest for half a second."""
-    engine.load(scene, dataset.gripper, dataset.environment)
+    engine.load(scene, dataset.hand_of(scene), dataset.environment)
     engine.begin(None, None)
     before, quats = engine.positions_m(), engine.quats_xyzw()
     for _ in range(round(DRIFT_TIME_S * engine.step_rate_hz)):

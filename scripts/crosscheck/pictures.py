@@ -24,7 +24,7 @@ TARGET, OTHER, HAND, TABLE = (0.9, 0.45, 0.1, 1), (0.6, 0.6, 0.65, 1), (0.15, 0.
 def draw(dataset: Dataset, scene: Scene, attempt: Attempt, path: Path) -> None:
     """Executes an attempt in PyBullet and writes its three stages side by side as a PNG."""
     engine = CompoundBullet()
-    runner = Runner(engine, scene, dataset.gripper, dataset.procedure, dataset.environment)
+    runner = Runner(engine, scene, dataset.hand_of(scene), dataset.procedure, dataset.environment)
     panels: list[np.ndarray] = []
     runner.from_closing(attempt, attempt.workspace_from_grasp, lambda stage: panels.append(_panel(engine, scene, attempt)))
     engine.close()

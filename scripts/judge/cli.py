@@ -52,7 +52,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _engine(data: Dataset) -> dict:
     """What judges: the settings depend on the hand."""
     engine = engines.make("pybullet")
-    engine.load(data.scenes[0], data.gripper, data.environment)
+    engine.load(data.scenes[0], data.hand_of(data.scenes[0]), data.environment)
     described = engines.describe(engine)
     engine.close()
     return described

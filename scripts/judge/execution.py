@@ -36,10 +36,10 @@ def execute(data: Dataset, scene: Scene, engine: Engine) -> Execution:
     """Executes the scene's only grasp: the geometric gate first, then physics from closing on, as in the cross-check."""
     [attempt] = scene.attempts
     pose = attempt.workspace_from_grasp
-    [verdict] = gate.judge(scene, [pose], data.gripper, data.procedure, data.environment.table_z_m)
+    [verdict] = gate.judge(scene, [pose], data.hand_of(scene), data.procedure, data.environment.table_z_m)
     if verdict.outcome is not None:
         return Execution(verdict.outcome, verdict.hit)
-    return Runner(engine, scene, data.gripper, data.procedure, data.environment).from_closing(attempt, pose)
+    return Runner(engine, scene, data.hand_of(scene), data.procedure, data.environment).from_closing(attempt, pose)
 
 
 class _Worker:

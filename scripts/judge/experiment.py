@@ -62,7 +62,7 @@ def read(folder: Path, round_count: int | None) -> Experiment:
     compounds = _compounds(folder / BODIES)
     scenes = _scenes(folder, round_count, compounds)
     name = folder.resolve().name
-    return Experiment(name, protocol, seeds, Dataset(name, seed, gripper, procedure, environment, rate, scenes, len(scenes)))
+    return Experiment(name, protocol, seeds, Dataset(name, seed, [gripper], procedure, environment, rate, scenes, len(scenes)))
 
 
 def _json(path: Path) -> dict:

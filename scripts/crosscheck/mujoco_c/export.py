@@ -29,7 +29,7 @@ def main() -> None:
     data = dataset.read(args.dataset, None)
     args.out.mkdir(parents=True, exist_ok=True)
     options = mujoco_engine.MujocoOptions(step_rate_hz=args.rate, contact_time_s=2 / args.rate)
-    g, p, e = data.gripper, data.procedure, data.environment
+    [g], p, e = data.grippers, data.procedure, data.environment  # of a dataset with one hand
     total = sum(len(scene.attempts) for scene in data.scenes)
     numbers = [g.opening_m_max, g.finger_force_n, g.closing_speed_m_s, g.clearance_m, p.retreat_distance_m,
                p.retreat_speed_m_s, p.close_time_s_max, p.hold_time_s, p.empty_width_m, p.held_travel_share_min,
