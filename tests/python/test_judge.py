@@ -71,6 +71,26 @@ def test_points_without_a_volume_have_no_hull(points):
         hull_of(points)
 
 
+# A part of a mesh that was imported, in units of 0.1 µm. Three of its corners are on a plane to 1e-6 of its
+# size, or not, by the plane.
+PART = np.array([
+    [124949, -310909, -159425], [592639, -305603, 164741], [38978, -310909, 159410], [491654, -294959, 164741], [38978, -2702, 154111],
+    [576673, -273702, 164741], [587278, -61135, 154111], [613908, 7973, -154126], [608547, -300265, -143496], [273776, -172725, -159425],
+    [38978, 7942, -148587], [38978, 7942, -159425], [38978, -310909, -159425], [528831, -305603, -143496], [592639, -305603, 74370],
+    [597942, -2702, 79701], [268415, 7942, -26535], [263112, 7942, -159425], [597942, 7942, -90315], [613908, 7973, -116906],
+    [608547, -300265, -111575], [613908, -39878, -111607], [597942, -257752, 106292], [592639, -71779, 154111], [587278, -8009, 148812],
+])
+
+
+def test_a_part_whose_faces_are_almost_flat_has_a_hull_that_closes():
+    hull = hull_of((PART * 1e-7).astype(np.float32))
+    corners, edges = len(hull.vertices_m), sum(len(face) for face in hull.faces) / 2
+    assert corners == len(PART) and corners - edges + len(hull.faces) == 2
+    heights = hull.normals @ hull.vertices_m.T
+    offsets = np.array([height[face].max() for height, face in zip(heights, hull.faces, strict=True)])
+    assert (heights <= offsets[:, None] + 1e-7).all()
+
+
 def test_a_cuboid_in_two_parts_weighs_as_in_one():
     whole = Solid("cuboid", (0.04, 0.05, 0.06))
     lower = [[-0.02, y, z] for y, z in product((-0.025, 0.025), (-0.03, 0.03))]

@@ -227,7 +227,7 @@ BROKEN = [
     (f"{BOX}.resources.limits.memory", "2GiBy", "no quantity"),
     (f"{POD}.volumes.0.emptyDir.sizeLimit", "1 Gi", "no quantity"),
     # Right for Kubernetes, wrong for this program.
-    (f"{RULES}.1.onExitCodes.values", [66], "values must be one of"),
+    (f"{RULES}.1.onExitCodes.values", [67], "values must be one of"),
     (f"{RULES}.1.onExitCodes.values", [65, 75], "must be [2, 65, 78], got [2, 65, 75, 78]"),
     (f"{RULES}.2.onExitCodes.values", [78], "must be [2, 65, 78], got [65, 78]"),
     (f"{RULES}.1.action", "FailJob", "FailIndex must be for"),

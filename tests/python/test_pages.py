@@ -3,6 +3,7 @@ width and in dark mode."""
 
 import io
 import json
+import math
 import os
 import re
 import shutil
@@ -20,7 +21,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 # Disables Chromium's own requests, which would be counted.
 QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking", "--disable-component-update", "--disable-sync"]
 SCREENS = {"desktop": (1280, 900), "phone": (390, 800)}
-PAGES = ["report", "view", "replay", "run", "experiment"]
+PAGES = ["report", "view", "replay", "run", "runs", "experiment", "index", "scene", "scene-replay"]
 
 
 def run(*words: object) -> None:
@@ -50,6 +51,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     trainer = program("trainer")
     run(trainer, "fit", "--data", data, "--config", "configs/train/quick.toml", "--epochs", 2, "--run", folder / "run")
     run(trainer, "report", folder / "run", "--data", data, "--html", made["run"])
+    run(trainer, "report", folder / "run", folder / "run", "--html", made["runs"])
+    browsed, shown = folder / "browsed", held(data).split("/")
+    run(program("shards"), "browse", data, "--out", browsed, "--scene", shown[0], "--scene", 1, "--scene", 2)
+    made["index"], made["scene"] = browsed / "index.html", browsed / f"scene-{shown[0]}.html"
+    made["scene-replay"] = browsed / f"replay-{shown[0]}-{shown[1]}.html"
     experiments = program("experiments")
     run(experiments, "run", "configs/experiment/pile.toml", "--rounds", 2, "--out", folder / "pile")
     run(experiments, "report", folder / "pile", "--html", made["experiment"])
@@ -66,6 +72,12 @@ def browser():
         opened.close()
 
 
+def is_own(url: str, path: Path) -> bool:
+    """The page itself, or a script or a style beside it if it is one of a folder's pages."""
+    folder = path.parent if (path.parent / "scenes.js").exists() else path
+    return url.split("#")[0].startswith(folder.as_uri())
+
+
 def opened(browser, path: Path, screen: str, scheme: str):
     """The page, with the messages and requests while it was opened."""
     width, height = SCREENS[screen]
@@ -74,7 +86,7 @@ def opened(browser, path: Path, screen: str, scheme: str):
     said: list[str] = []
     page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
     page.on("pageerror", lambda error: said.append(f"error: {error}"))
-    page.on("request", lambda request: said.append(f"request: {request.url}") if request.url != path.as_uri() else None)
+    page.on("request", lambda request: said.append(f"request: {request.url}") if not is_own(request.url, path) else None)
     page.goto(path.as_uri())
     page.wait_for_load_state("load")
     page.wait_for_timeout(200)
@@ -178,3 +190,66 @@ def test_a_scene_turns_and_a_replay_plays(browser, pages) -> None:
     page.wait_for_timeout(100)
     assert slider.input_value() != first, "an arrow key goes to the next frame"
     assert said == []
+
+
+def test_filters_choose_scenes_and_the_choice_leads_to_replays(browser, pages) -> None:
+    page, said = opened(browser, pages["index"], "desktop", "light")
+    cards = page.locator(".gallery figure:visible")
+    assert cards.count() == len(list(pages["index"].parent.glob("scene-*.html")))
+    page.select_option("select[name=outcome]", "held")
+    found = page.locator("#found").inner_text()
+    held_hands = page.evaluate("document.querySelectorAll('.gallery figure:not([hidden]) path.held').length")
+    assert found.startswith(f"{held_hands} attempts in {cards.count()} of "), found
+    assert page.evaluate("document.querySelectorAll('.scene path:not(.held):not(.other)').length") == 0, "others are faint"
+    cards.first.locator("a").first.click()
+    page.wait_for_selector("#canvas")
+    rows = page.locator("#attempts li:visible")
+    assert rows.count() > 0 and set(rows.locator("span").all_inner_texts()) == {"held"}
+    assert page.locator("#depth canvas").count() > 0, "depth images stand beside the scene"
+    first = rows.first.locator("a").inner_text().split()[0]
+    rows.first.locator("a").click()
+    page.wait_for_function("document.title.includes(': held')")
+    assert page.title().startswith(f"{first}: held")
+    before = page.locator("#scrub").input_value()
+    page.wait_for_timeout(400)
+    assert page.locator("#scrub").input_value() != before, "it plays at once"
+    page.locator("#next").click()
+    page.wait_for_function("([first]) => !document.title.startsWith(first)", arg=[f"{first}:"])
+    assert ": held" in page.title(), "the next one is chosen by the same filter"
+    page.get_by_text("all scenes").click()
+    page.wait_for_selector("#filter")
+    assert page.locator("select[name=outcome]").input_value() == "held"
+    assert said == []
+
+
+def test_a_click_on_a_grasp_opens_its_replay(browser, pages) -> None:
+    page, _ = opened(browser, pages["scene"], "desktop", "light")
+    box = page.locator("#canvas").bounding_box()
+    for step in range(2500):  # a spiral from the middle, until the mouse rests on a grasp
+        x, y = box["width"] / 2, box["height"] / 2
+        angle, away = 0.4 * step, 0.1 * step
+        at = [box["x"] + x + away * math.cos(angle), box["y"] + y + away * math.sin(angle)]
+        page.mouse.move(*at)
+        if "opens" in (page.locator("#canvas").get_attribute("class") or ""):
+            break
+    told = page.locator("#tip").inner_text()
+    assert re.match(r"\d+/\d+ at object", told) and told.endswith("click: replay"), told
+    page.mouse.down()
+    page.mouse.up()
+    page.wait_for_selector("#scrub")
+    assert page.title().startswith(told.split()[0] + ": ")
+
+
+def test_depth_images_show_what_the_generator_renders(browser, pages, tmp_path) -> None:
+    """The page casts its own rays: its depths must be those of `generator depth`, but for half a pixel at edges."""
+    image = pytest.importorskip("PIL.Image")
+    data = Path(os.environ["GRASPMILL_DATASET"]).resolve()
+    page, _ = opened(browser, pages["scene"], "desktop", "light")
+    page.wait_for_timeout(500)
+    scene = int(re.search(r"scene-(\d+)", pages["scene"].name).group(1))
+    run(program("generator"), "depth", data, "--scene", scene, "--out", tmp_path)
+    told = page.locator("#depth figcaption").first.inner_text()
+    near, far = (int(word) for word in re.findall(r"(\d+) mm", told))
+    with image.open(tmp_path / "depth-0.png") as opened_image:
+        units = [value for value in opened_image.get_flattened_data() if value]
+    assert abs(near - min(units) / 10) <= 6 and abs(far - max(units) / 10) <= 6, (told, min(units), max(units))

@@ -137,7 +137,7 @@ def test_metrics_count_what_happens(service):
 
 
 def test_it_plans_what_the_command_plans_each_time_with_the_same_bytes(service):
-    command = [PLANNER, "plan", "--views", DEMO / "views.toml"]
+    command = [PLANNER, "plan", "--json", "--views", DEMO / "views.toml"]
     printed = subprocess.run(command, capture_output=True, check=False)
     assert printed.returncode == 0, printed.stderr
     status, headers, body = service.plan(demo_request())

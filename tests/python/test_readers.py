@@ -158,15 +158,61 @@ def test_the_hub_reads_the_cards_metadata():
     assert [config["config_name"] for config in data.configs] == TABLES
 
 
+def snippets(page):
+    """A page's Python, with the dataset of these tests: what needs PyTorch, and the rest."""
+    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    with_torch = [block for block in blocks if "import torch" in block]
+    code = "\n".join(block for block in blocks if block not in with_torch)
+    code, count = re.subn(r'^dataset = ".*"$', f"dataset = {str(DATASET)!r}", code, flags=re.MULTILINE)
+    assert count == 1, "the page names its dataset once"
+    return code, "\n".join(with_torch)
+
+
 @pytest.mark.parametrize("page", [SNIPPETS, DATASET / "README.md"], ids=["docs", "card"])
 def test_the_snippets_work(page, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(datasets.config, "HF_DATASETS_CACHE", tmp_path)
-    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
-    assert len(blocks) >= 6
-    code = "\n".join(blocks)
-    code, count = re.subn(r'^dataset = ".*"$', f"dataset = {str(DATASET)!r}", code, flags=re.MULTILINE)
-    assert count == 1, "the page names its dataset once"
-    exec(compile(code, str(page), "exec"), {"__name__": "snippets"})
+    code, with_torch = snippets(page)
+    names = {"__name__": "snippets"}
+    exec(compile(code, str(page), "exec"), names)
     printed = capsys.readouterr().out
     assert f"({SIDE}, {SIDE}, {SIDE}) grid," in printed
     assert f"{ROWS['attempts']} attempts," in printed
+    compile(with_torch, str(page), "exec")
+    if page == SNIPPETS:  # a card may be older than the page
+        check_samples(names)
+
+
+def check_samples(names):
+    """The page's samples, from the tables in another way."""
+    grids = {}
+    for table in pads.dataset(DATASET / "scenes", format="parquet").to_batches(columns=["scene_id", "tsdf"]):
+        ids, flat = table["scene_id"].to_pylist(), table["tsdf"]
+        for _ in range(3):
+            flat = flat.flatten()
+        grids.update(zip(ids, np.asarray(flat).reshape(-1, SIDE, SIDE, SIDE)))
+    rows = duckdb.sql(f"SELECT scene_id, x_m, y_m, z_m, qw, label FROM '{glob('attempts')}'").fetchall()
+    rows = [row for row in rows if row[0] in set(names["scene_ids"].tolist())]
+    size_m = INFO["grid"]["size_m"]
+    inside = [row for row in rows if all(0 <= at < size_m for at in row[1:4])]
+    samples, chosen = names["Samples"], [*names["train"], *names["test"]]
+    assert len(chosen) == len(inside) and len(rows) == len(names["attempts"])
+    found = []
+    for number, row in enumerate(chosen):
+        tsdf, voxel, quaternion, label = samples(chosen)[number]
+        scene = names["attempts"]["scene_id"][int(row)]
+        assert tsdf.shape == (1, SIDE, SIDE, SIDE) and tsdf.dtype == np.float32
+        np.testing.assert_array_equal(tsdf[0], grids[scene])
+        at_m = names["attempts"].select("x_m", "y_m", "z_m").row(int(row))
+        assert all(0 <= at / size_m * SIDE - index < 1 + 1e-4 for at, index in zip(at_m, voxel)), (at_m, voxel)
+        found.append((scene, *at_m, float(quaternion[3]), float(label)))
+    assert sorted(found) == sorted(tuple(map(float, row)) for row in inside)
+    scenes_of = [{names["attempts"]["scene_id"][int(row)] for row in names[part]} for part in ("train", "test")]
+    assert scenes_of[0] and scenes_of[1] and not scenes_of[0] & scenes_of[1]
+
+
+def test_the_snippet_for_pytorch_works(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("torch", reason="PyTorch is not installed, its packages take 3 GB: scripts/requirements-golden.txt has it")
+    monkeypatch.setattr(datasets.config, "HF_DATASETS_CACHE", tmp_path)
+    exec(compile("\n".join(snippets(SNIPPETS)), str(SNIPPETS), "exec"), {"__name__": "snippets"})
+    loss = capsys.readouterr().out.rsplit("loss of the last batch: ", 1)[1]
+    assert 0.0 < float(loss) < 10.0

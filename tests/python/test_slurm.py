@@ -230,7 +230,7 @@ def test_a_task_stops_before_its_time_limit_and_starts_again(tmp_path):
         cluster.until((tmp_path / "grasps/meta/info.json").exists, PROGRAM_S, "the generator does not begin")
         warn(cluster, f"{job}_0")
         cluster.until(lambda: starts(tmp_path, job) == 2, PROGRAM_S, "the task does not start again")
-    assert log_of(tmp_path, job).count("stopping after the scenes under way") == 1
+    assert log_of(tmp_path, job).count("stopping: abandoning the scenes under way") == 1
 
 
 def requeue(cluster, job):

@@ -11,6 +11,7 @@ import http.server
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import socket
@@ -313,7 +314,8 @@ def test_the_server_dies_while_it_is_written_and_read(tmp_path):
         server, reason = start(tmp_path, port)
         assert server is not None, reason
         ended = generate(url, env)
-        assert (ended.returncode, f"complete: {url}" in ended.stdout) == (0, True), ended
+        # the run before may have lost the server after its last marker, which leaves nothing to make
+        assert ended.returncode == 0 and re.search(f"complete(?: already)?: {url}$", ended.stdout, re.M), ended
         assert objects(port, "grasps/made") == files(DATASET)
 
         with ThreadPoolExecutor(1) as pool:

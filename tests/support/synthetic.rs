@@ -28,6 +28,7 @@ pub(crate) fn info(seed: u64, shard_count: u32, attempt_count: u64, attempts_per
         facets: DatasetInfo::facets(),
         config: serde_json::json!({"kind": "synthetic"}),
         models: Vec::new(),
+        grippers: Vec::new(),
     }
 }
 
@@ -46,6 +47,7 @@ fn gripper() -> Gripper {
         closing_speed_m_s: 0.1,
         friction: 1.0,
         clearance_m: 0.001,
+        flange_from_grasp: None,
     }
 }
 
