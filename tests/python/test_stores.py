@@ -303,12 +303,11 @@ def test_the_server_dies_while_it_is_written_and_read(tmp_path):
             assert first.result().returncode == 0, first.result().stderr
             assert run("generator", "missing", url, env=env).stdout == "1\n"
 
+            server.send_signal(signal.SIGSTOP)  # it answers no more, so that the writer is not done before it is gone
             command = list(map(str, [PROGRAMS / "generator", *RECIPE, "--threads", 1, "--out", url]))
             second = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True)
-            time.sleep(0.1)
-            second.send_signal(signal.SIGSTOP)  # so that it is not done before the server is gone
+            time.sleep(1)
             kill()
-            second.send_signal(signal.SIGCONT)
             said = second.communicate(timeout=FAIL_S)[1]
             assert second.returncode == 75 and "s3://grasps/made/" in said, said
         server, reason = start(tmp_path, port)
