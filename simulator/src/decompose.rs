@@ -11,6 +11,8 @@ use schema::{HullError, Plane, Polyhedron, Vec3, bounds_m};
 
 use crate::convex_hull::convex_hull;
 
+mod trim;
+
 /// Parts are merged if their common hull adds no more than this share of the volume of all parts.
 const JOIN_SHARE: f64 = 0.002;
 /// The decomposition is asked for at least this many pieces: merging considers all pairs, a cut only one piece.
@@ -32,6 +34,8 @@ pub struct PartsParams {
     pub resolution: u32,
     /// A piece is cut further if its hull exceeds the piece by more than this share of the volume of the mesh's hull.
     pub concavity: f32,
+    /// Whether the mesh is closed: then what several parts fill and the mesh does not is cut off.
+    pub is_closed: bool,
 }
 
 /// A mesh as convex parts.
@@ -71,7 +75,13 @@ pub fn convex_parts(
         parts.simplified_m = parts.simplified_m.max(left_m);
         parts.hulls.push(hull);
     }
-    if parts.hulls.is_empty() { Err(HullError::Flat) } else { Ok(parts) }
+    if parts.hulls.is_empty() {
+        return Err(HullError::Flat);
+    }
+    if params.is_closed && params.parts_max > 1 {
+        parts.hulls = trim::trimmed(parts.hulls, corners_m, triangles, params.corners_max);
+    }
+    Ok(parts)
 }
 
 /// The hull of some points with at most `corners_max` corners, all of them among the points, and the largest distance
@@ -239,7 +249,8 @@ mod tests {
 
     use super::*;
 
-    const LAW: PartsParams = PartsParams { parts_max: 8, corners_max: 32, resolution: 64, concavity: 0.01 };
+    const LAW: PartsParams =
+        PartsParams { parts_max: 8, corners_max: 32, resolution: 64, concavity: 0.01, is_closed: true };
 
     /// An L of two boxes, 80 × 80 × 30 mm with legs of 30 mm, as a closed mesh.
     fn ell() -> (Vec<Vec3>, Vec<[u32; 3]>) {
