@@ -5,10 +5,12 @@
 //! with warnings about anything unusual. A file that cannot be used is listed with the reason, and the others go on.
 
 mod drops;
+mod mjcf;
 mod source;
 mod told;
 mod units;
 mod urdf;
+mod xml;
 
 pub use drops::TestDrops;
 pub use source::{Source, sources};
@@ -25,15 +27,15 @@ use schema::{HullError, MODELS_MAX};
 use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
-use self::source::URDF;
+use self::source::{described, is_description};
 use self::told::{catalogue_text, opening_m, warnings};
 use self::units::{Own, guessed_scale_m, own_values};
-use self::urdf::{Described, described};
+use self::xml::Described;
 use crate::catalogue::{Catalogue, MASS_KG};
 use crate::config::Config;
 use crate::mass_integrals::{MassIntegrals, relative_difference};
 use crate::measured::{Measured, integrals_of, overlap_share, smallest_width_m};
-use crate::mesh_file::{damaged, ending, read_mesh, unusable};
+use crate::mesh_file::{damaged, read_mesh, unusable};
 use crate::models::Models;
 
 /// A mesh is convex if its hull is larger by less than this share.
@@ -58,12 +60,12 @@ const DENSITY_KG_M3: f64 = 400.0;
 /// Settings of the import.
 #[derive(Debug, Clone, PartialEq, Args)]
 pub struct ImportParams {
-    /// Metres per unit of the files: 0.001 for millimetres; a URDF's own scale applies besides [default: guessed from
-    /// the sizes, metres for URDF]
+    /// Metres per unit of the files: 0.001 for millimetres; a URDF's or MJCF's own scale applies besides [default:
+    /// guessed from the sizes, metres for URDF and MJCF]
     #[arg(long, value_name = "METRES", value_parser = positive)]
     scale: Option<f64>,
 
-    /// Density of all objects in kg/m3 [default: a URDF's mass, else 400]
+    /// Density of all objects in kg/m3 [default: a URDF's or MJCF's mass, else 400]
     #[arg(long, value_name = "KG/M3", value_parser = positive)]
     density: Option<f64>,
 
@@ -88,7 +90,7 @@ pub struct ImportParams {
     corners_max: u8,
 
     /// Voxels along an object's longest side; objects are cut along voxels
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(16..=256))]
+    #[arg(long, value_name = "N", default_value_t = 96, value_parser = clap::value_parser!(u32).range(16..=256))]
     voxels: u32,
 
     /// Test drops of each object; 0 for none
@@ -227,7 +229,7 @@ impl Import<'_> {
         let Self { source, own, params, .. } = self;
         let file = &source.file;
         let scale_m = self.scale_m_of();
-        let (mesh, mass_kg) = if ending(file).as_deref() == Some(URDF) {
+        let (mesh, mass_kg) = if is_description(file) {
             let Described { mesh, mass_kg } = described(file, scale_m)?;
             (mesh, mass_kg)
         } else {
@@ -248,8 +250,7 @@ impl Import<'_> {
 
     /// Metres per unit of the file, or, of a description, besides its own scale.
     fn scale_m_of(&self) -> f64 {
-        let is_urdf = ending(&self.source.file).as_deref() == Some(URDF);
-        let otherwise = if is_urdf { self.params.scale.unwrap_or(1.0) } else { self.scale_m };
+        let otherwise = if is_description(&self.source.file) { self.params.scale.unwrap_or(1.0) } else { self.scale_m };
         self.own.scale.unwrap_or(otherwise)
     }
 
@@ -263,6 +264,7 @@ impl Import<'_> {
             corners_max: ((share * f64::from(params.corners_max)) as usize).max(CORNERS_MIN),
             resolution: ((share * f64::from(params.voxels)) as u32).max(VOXELS_MIN),
             concavity: CONCAVITY,
+            is_closed: measured.solid.is_some(),
         };
         convex_parts(&measured.corners_m, &measured.mesh.triangles, &parts)
     }

@@ -1,10 +1,12 @@
-//! Triangle meshes from files: Wavefront OBJ, STL (text and binary), PLY (text and binary, both byte orders).
+//! Triangle meshes from files: Wavefront OBJ, STL (text and binary), PLY (text and binary, both byte orders), binary
+//! glTF (GLB).
 //!
 //! Polygons are split as fans. Colours, normals, textures and materials are ignored.
 
 use std::io::{BufReader, Cursor};
 use std::path::Path;
 
+use glamx::{DMat4, DVec3};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{DefaultElement, Encoding, Property};
 
@@ -13,7 +15,7 @@ use program::{ExitCode, Failure};
 use crate::mesh::{Mesh, TRIANGLES_MAX};
 
 /// Supported file extensions, in lower case.
-pub(crate) const ENDINGS: [&str; 3] = ["obj", "stl", "ply"];
+pub(crate) const ENDINGS: [&str; 4] = ["obj", "stl", "ply", "glb"];
 
 /// Maximum file size.
 pub(crate) const BYTES_MAX: u64 = 1 << 30;
@@ -55,6 +57,7 @@ pub(crate) fn read_parts(path: &Path) -> Result<Parts, Failure> {
         Some("obj") => ("OBJ", obj),
         Some("stl") => ("STL", stl),
         Some("ply") => ("PLY", ply),
+        Some("glb") => ("GLB", glb),
         _ => {
             let endings = ENDINGS.join(", .");
             return Err(unusable(format!("its name must end with .{endings}: {shown}")));
@@ -213,6 +216,81 @@ fn fan(place: usize, ring: &[i64], triangles: &mut Vec<[u32; 3]>) -> Result<(), 
         return Err(format!("it must have at most {TRIANGLES_MAX} triangles"));
     }
     Ok(())
+}
+
+/// Nodes within nodes, at most.
+const NODES_DEEP: usize = 100;
+
+/// The triangles of a binary glTF's scene, in its frame (y up).
+fn glb(bytes: &[u8]) -> Result<Parts, String> {
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(bytes).map_err(|e| e.to_string())?;
+    if let Some(extension) = document.extensions_required().next() {
+        return Err(format!("it requires {extension}, which is not supported: write it without compression"));
+    }
+    let buffer = |buffer: gltf::Buffer<'_>| match buffer.source() {
+        gltf::buffer::Source::Bin => blob.as_deref().filter(|blob| blob.len() >= buffer.length()),
+        gltf::buffer::Source::Uri(_) => None,
+    };
+    for (place, one) in document.buffers().enumerate() {
+        buffer(one).ok_or_else(|| format!("its buffer {place} must be in the file, whole"))?;
+    }
+    for (place, accessor) in document.accessors().enumerate() {
+        let view = accessor.view().ok_or_else(|| format!("accessor {place} must have a view and not be sparse"))?;
+        let step = view.stride().unwrap_or(accessor.size());
+        let last = accessor.count().saturating_sub(1).checked_mul(step);
+        let end = last.and_then(|last| last.checked_add(accessor.offset())?.checked_add(accessor.size()));
+        if accessor.sparse().is_some() || end.is_none_or(|end| end > view.length()) {
+            return Err(format!("accessor {place} must lie within its view and not be sparse"));
+        }
+        if view.offset().checked_add(view.length()).is_none_or(|end| end > view.buffer().length()) {
+            return Err(format!("the view of accessor {place} must lie within its buffer"));
+        }
+    }
+    let scene = document.default_scene().or_else(|| document.scenes().next()).ok_or("it must have a scene")?;
+    let mut open: Vec<(gltf::Node<'_>, DMat4, usize)> = scene.nodes().map(|node| (node, DMat4::IDENTITY, 0)).collect();
+    let (mut corners, mut triangles) = (Vec::new(), Vec::new());
+    while let Some((node, scene_from_parent, depth)) = open.pop() {
+        if depth > NODES_DEEP {
+            return Err(format!("its nodes must be nested at most {NODES_DEEP} deep"));
+        }
+        let scene_from_node = scene_from_parent
+            * DMat4::from_cols_array_2d(&node.transform().matrix().map(|column| column.map(f64::from)));
+        open.extend(node.children().map(|child| (child, scene_from_node, depth + 1)));
+        for primitive in node.mesh().into_iter().flat_map(|mesh| mesh.primitives()) {
+            use gltf::mesh::Mode;
+            let reader = primitive.reader(buffer);
+            let positions = reader.read_positions().ok_or("a primitive must have positions")?;
+            let first = u32::try_from(corners.len()).map_err(|e| e.to_string())?;
+            corners.extend(
+                positions.map(|p| scene_from_node.transform_point3(DVec3::from_array(p.map(f64::from))).to_array()),
+            );
+            let own = corners.len() as u32 - first;
+            let indices: Vec<u32> = match reader.read_indices() {
+                Some(indices) => indices.into_u32().map(|i| first.saturating_add(i)).collect(),
+                None => (first..first + own).collect(),
+            };
+            let mut add = |[a, b, c]: [u32; 3]| {
+                let is_mirrored = scene_from_node.determinant() < 0.0;
+                triangles.push(if is_mirrored { [a, c, b] } else { [a, b, c] });
+            };
+            match primitive.mode() {
+                Mode::Triangles => indices.chunks_exact(3).for_each(|t| add([t[0], t[1], t[2]])),
+                Mode::TriangleStrip => {
+                    let turned =
+                        |(i, t): (usize, &[u32])| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
+                    indices.windows(3).enumerate().map(turned).for_each(&mut add);
+                }
+                Mode::TriangleFan => {
+                    indices.get(1..).unwrap_or_default().windows(2).for_each(|t| add([indices[0], t[0], t[1]]))
+                }
+                Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => {}
+            }
+            if triangles.len() > TRIANGLES_MAX {
+                return Err(format!("it must have at most {TRIANGLES_MAX} triangles"));
+            }
+        }
+    }
+    Ok((corners, triangles))
 }
 
 #[cfg(test)]

@@ -6,11 +6,13 @@ use std::path::{Path, PathBuf};
 use program::Failure;
 use schema::NAME_MAX;
 
-use super::urdf;
+use super::xml::Described;
+use super::{mjcf, urdf};
 use crate::mesh_file::{ENDINGS, ending, unusable};
 
-/// The ending of a robot description.
-pub(super) const URDF: &str = "urdf";
+/// The endings of descriptions of bodies: robot descriptions, and models of MuJoCo.
+const URDF: &str = "urdf";
+const MJCF: &str = "xml";
 /// Folders within folders, at most; a link may lead back.
 const DEPTH_MAX: usize = 16;
 
@@ -19,12 +21,24 @@ const DEPTH_MAX: usize = 16;
 pub struct Source {
     /// The object's name.
     pub name: String,
-    /// A mesh or a robot description.
+    /// A mesh or a description.
     pub file: PathBuf,
 }
 
+/// Whether a file's name is a description's.
+pub(super) fn is_description(file: &Path) -> bool {
+    ending(file).is_some_and(|ending| [URDF, MJCF].contains(&ending.as_str()))
+}
+
+/// Reads a description and the meshes that it names. One unit of a mesh is `scale_m` metres, besides the description's
+/// own scale.
+pub(super) fn described(file: &Path, scale_m: f64) -> Result<Described, Failure> {
+    let read = if ending(file).as_deref() == Some(URDF) { urdf::described } else { mjcf::described };
+    read(file, scale_m)
+}
+
 /// The objects of some paths: files as given, and what is in folders and the folders within them, in the order of their
-/// paths. A mesh that a robot description names is a part of it and no object of its own. Files of one name in several
+/// paths. A mesh that a description names is a part of it and no object of its own. Files of one name in several
 /// folders are named by what tells the folders apart.
 ///
 /// # Errors
@@ -40,13 +54,17 @@ pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Failure> {
         list(path, &mut Vec::new(), &mut found)?;
         if found.len() == before {
             let endings = ENDINGS.join(", .");
-            return Err(unusable(format!("there is no .{endings} or .{URDF} file: {}", path.display())));
+            return Err(unusable(format!(
+                "there is no .{endings}, .{URDF} or MuJoCo .{MJCF} file: {}",
+                path.display()
+            )));
         }
     }
     let mut parts = BTreeSet::new();
-    for (file, _) in found.iter().filter(|(file, _)| ending(file).as_deref() == Some(URDF)) {
+    for (file, _) in found.iter().filter(|(file, _)| is_description(file)) {
         // A description that cannot be read says so when it is imported.
-        parts.extend(urdf::meshes_of(file).into_iter().filter_map(|mesh| mesh.canonicalize().ok()));
+        let meshes_of = if ending(file).as_deref() == Some(URDF) { urdf::meshes_of } else { mjcf::meshes_of };
+        parts.extend(meshes_of(file).into_iter().filter_map(|mesh| mesh.canonicalize().ok()));
     }
     found.retain(|(file, _)| !file.canonicalize().is_ok_and(|file| parts.contains(&file)));
     Ok(named(found))
@@ -66,7 +84,10 @@ fn list(folder: &Path, way: &mut Vec<String>, found: &mut Vec<(PathBuf, Vec<Stri
                 list(&entry, way, found)?;
                 way.pop();
             }
-        } else if ending(&entry).is_some_and(|ending| ending == URDF || ENDINGS.contains(&ending.as_str())) {
+        } else if ending(&entry).is_some_and(|ending| match ending.as_str() {
+            MJCF => mjcf::is_model(&entry),
+            ending => ending == URDF || ENDINGS.contains(&ending),
+        }) {
             found.push((entry, way.clone()));
         }
     }
