@@ -1,18 +1,20 @@
 #!/usr/bin/env bash
-# All checks that a change must pass. Usage: scripts/test.sh [--rust-only]
+# All checks that a change must pass. Usage: scripts/test.sh [--rust-only|--no-torch]
 #
 # Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless --rust-only. Python
-# packages are installed in .venv/. As root on Debian or Ubuntu, Slurm, strace, faketime and Chromium are installed, too; elsewhere
+# packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the tests that need it. As root on Debian or Ubuntu, Slurm, strace, faketime and Chromium are installed, too; elsewhere
 # the tests that need them are skipped with a message. Every step runs even if an earlier one failed, unless it depends on it. The
 # table at the end lists the results and times. Exit code: 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 rust_only=no
+requirements=(scripts/requirements.txt scripts/requirements-golden.txt)
 case "${1-}" in
     '') ;;
     --rust-only) rust_only=yes ;;
-    *) echo "usage: scripts/test.sh [--rust-only]" >&2; exit 2 ;;
+    --no-torch) requirements=(scripts/requirements.txt) ;;
+    *) echo "usage: scripts/test.sh [--rust-only|--no-torch]" >&2; exit 2 ;;
 esac
 
 scratch=$(mktemp -d)
@@ -71,13 +73,13 @@ venv() {
         echo "python3 has no venv module; on Debian and Ubuntu: apt-get install python3-venv" >&2
         return 1
     fi
-    if cmp -s scripts/requirements.txt "$stamp"; then
+    if cat "${requirements[@]}" | cmp -s - "$stamp"; then
         return 0
     fi
     rm -rf .venv \
         && python3 -m venv .venv \
-        && .venv/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements.txt \
-        && cp scripts/requirements.txt "$stamp"
+        && .venv/bin/python -m pip install --quiet --disable-pip-version-check "${requirements[@]/#/-r}" \
+        && cat "${requirements[@]}" >"$stamp"
 }
 
 # A Slurm to run on, what disturbs programs, and a browser for the pages. Without them the tests that need them are skipped.

@@ -116,7 +116,7 @@ def test_safetensors_come_out_as_they_went_in(folder, mode):
         assert list(file.metadata()) == ["graspmill"]
 
 
-# From here on with PyTorch, which scripts/test.sh does not install; scripts/requirements-golden.txt does.
+# From here on with PyTorch.
 
 
 def conv_net(torch, mode):
