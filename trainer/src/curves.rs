@@ -98,10 +98,12 @@ fn figure(epochs: &[Epoch], title: &str, label: &str, value: fn(&Set) -> Option<
         Line::new("test scenes", GREEN, stroke, points(epochs, |epoch| &epoch.test_scenes, value)),
     ];
     lines.extend(more);
-    let values = || lines.iter().flat_map(|line| &line.points).map(|point| point.1);
-    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-    let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
-    let last = epochs.last().map_or(1, |epoch| epoch.epoch);
+    by_epoch(title, label, lines, epochs.last().map_or(1, |epoch| epoch.epoch))
+}
+
+/// Lines over the epochs up to the last.
+pub(crate) fn by_epoch(title: &str, label: &str, lines: Vec<Line>, last: u32) -> Figure {
+    let (low, high) = range(&lines);
     Figure {
         title: title.to_owned(),
         x: Scale::whole("epoch", last),
@@ -109,6 +111,13 @@ fn figure(epochs: &[Epoch], title: &str, label: &str, value: fn(&Set) -> Option<
         lines,
         bars: Vec::new(),
     }
+}
+
+/// The least and the greatest value of some lines; 0 to 1 if they have none.
+pub(crate) fn range(lines: &[Line]) -> (f64, f64) {
+    let values = || lines.iter().flat_map(|line| &line.points).map(|point| point.1);
+    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+    if low <= high { (low, high) } else { (0.0, 1.0) }
 }
 
 /// The value of a set by epoch, where it is a number.

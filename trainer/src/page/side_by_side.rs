@@ -4,11 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use program::text::grouped;
 use report::document::{Block, Cell, Document, Picture, Table};
-use report::figure::{BLUE, Colour, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
+use report::figure::{BLUE, Colour, Figure, GREEN, GREY, Line, ORANGE, Stroke};
 
 use super::TrainedRun;
 use super::training::{best, duration, set_name, test};
-use crate::curves::{Epoch, Set, points};
+use crate::curves::{Epoch, Set, by_epoch, points, range};
 use crate::evaluate::report::number;
 use crate::run_folder::keys;
 
@@ -63,21 +63,13 @@ fn chart(title: &str, label: &str, runs: &[TrainedRun], names: &[String], value:
         Line::new(name, COLOURS[at % COLOURS.len()], stroke, points(&run.epochs, test, value))
     };
     let mut lines: Vec<Line> = runs.iter().zip(names).enumerate().map(line).collect();
-    let values = || lines.iter().flat_map(|line| &line.points).map(|point| point.1);
-    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-    let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
+    let (low, high) = range(&lines);
     if low < high {
         let marks = runs.iter().map(|run| (f64::from(best(run).epoch), low, high)).collect();
         lines.push(Line { intervals: marks, ..Line::new("best epochs", GREY, Stroke::Solid, Vec::new()) });
     }
     let last = runs.iter().filter_map(|run| run.epochs.last()).map(|epoch| epoch.epoch).max().unwrap_or(1);
-    Figure {
-        title: title.to_owned(),
-        x: Scale::whole("epoch", last),
-        y: Scale::around(label, low, high),
-        lines,
-        bars: Vec::new(),
-    }
+    by_epoch(title, label, lines, last)
 }
 
 fn table(runs: &[TrainedRun], names: &[String]) -> Table {
