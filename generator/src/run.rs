@@ -134,8 +134,7 @@ impl Exit for NoScene {
 
 /// Generates the shards `wanted` of a dataset, skips existing ones, and completes the dataset if possible. When `stop`
 /// is set, the run ends soon: it abandons the scenes under way, and keeps the finished scenes of incomplete
-/// shards for the
-/// next run ([`ShardWriter::keep`]).
+/// shards for the next run ([`ShardWriter::keep`]).
 ///
 /// # Errors
 /// If a scene cannot be built or a shard not be written, or if more than `rejected_max` of the scenes are thrown away;
@@ -208,9 +207,8 @@ impl Run<'_> {
     }
 
     /// Builds the scenes of `shards` in parallel and sends them in order, each with its shard; those that an
-    /// earlier run
-    /// kept are taken up instead. If the run is stopped, what is finished is sent, and the number of abandoned scenes
-    /// returned. Also ends early if the receiver is gone.
+    /// earlier run kept are taken up instead. If the run is stopped, what is finished is sent, and the number of
+    /// abandoned scenes returned. Also ends early if the receiver is gone.
     fn build_scenes(
         &self,
         shards: &[u32],
@@ -354,8 +352,7 @@ impl Kept<'_> {
     }
 
     /// What is left of the shard that was asked for last: no more than a batch, for a run that built scenes
-    /// before these
-    /// has come to where an earlier one was stopped, and that one was at most a batch ahead.
+    /// before these has come to where an earlier one was stopped, and that one was at most a batch ahead.
     fn rest(&mut self) -> impl Iterator<Item = (u32, SceneRows)> {
         let rest = self.open.take().into_iter().flat_map(|(shard, scenes)| scenes.map(move |rows| (shard, rows)));
         rest.take(SCENES_AT_ONCE)

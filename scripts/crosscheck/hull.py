@@ -11,8 +11,7 @@ import numpy as np
 
 POINTS_MAX = 256
 # Points within this share of the hull's size are on a plane; coordinates are rounded to single precision.
-# Where a face is neither
-# clearly flat nor clearly bent at the first, the next tells its triangles apart.
+# Where a face is neither clearly flat nor clearly bent at the first, the next tells its triangles apart.
 PLANE_TOLERANCES = (1e-6, 1e-7, 1e-8)
 # Triples looked at in one go, for memory's sake.
 CHUNK = 20_000

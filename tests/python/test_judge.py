@@ -71,8 +71,8 @@ def test_points_without_a_volume_have_no_hull(points):
         hull_of(points)
 
 
-# A part of a mesh that was imported, in units of 0.1 µm. Three of its corners are on a plane to 1e-6 of its
-# size, or not, by the plane.
+# A part of a mesh that was imported, in units of 0.1 µm. Three of its corners are on a plane to 1e-6 of its size,
+# or not, by the plane.
 PART = np.array([
     [124949, -310909, -159425], [592639, -305603, 164741], [38978, -310909, 159410], [491654, -294959, 164741], [38978, -2702, 154111],
     [576673, -273702, 164741], [587278, -61135, 154111], [613908, 7973, -154126], [608547, -300265, -143496], [273776, -172725, -159425],

@@ -179,8 +179,8 @@ fn an_interrupted_program_says_what_it_keeps_and_takes_it_up() {
     let began = Instant::now();
     check_ok(&run(&dir, "whole", &["--threads", "2"]));
     let mut wait = began.elapsed() / 2;
-    // The machine may be busier or less busy than it was: then the run was stopped too early or too late to
-    // show anything.
+    // The machine may be busier or less busy than it was: then the run was stopped too early or
+    // too late to show anything.
     for number in 0..10 {
         let out = format!("stopped-{number}");
         let child = generator(&dir, &out, &["--threads", "2"]).stdout(std::process::Stdio::piped()).spawn().unwrap();

@@ -22,9 +22,8 @@ pub fn table_file(table: Table, shard: u32, shard_count: u32) -> String {
 }
 
 /// The marker of the scenes that a stopped run kept of a shard. Like the name below, it is one of staging,
-/// which readers
-/// ignore, and completing the dataset removes it. No host's name makes such a name, so `gc` takes no host for
-/// its owner.
+/// which readers ignore, and completing the dataset removes it. No host's name makes such a name, so `gc` takes no host
+/// for its owner.
 pub(crate) fn kept_marker(shard: u32) -> String {
     format!("meta/shards/.{shard:05}.json#kept.tmp")
 }

@@ -87,9 +87,8 @@ impl Draft {
     }
 
     /// Removes leftovers of killed writers; what stopped runs kept counts as needed. In an object store there
-    /// are none, because objects are uploaded in one
-    /// piece. If the dataset is complete, no leftover is needed, so [`Sweep::Dead`] removes all. All shards are not
-    /// enough: a writer may be about to publish the card, the manifest or `_SUCCESS`.
+    /// are none, because objects are uploaded in one piece. If the dataset is complete, no leftover is needed, so
+    /// [`Sweep::Dead`] removes all. All shards are not enough: a writer may be about to publish the card, the manifest or `_SUCCESS`.
     ///
     /// # Errors
     /// [`Failure`] if the storage fails.

@@ -120,8 +120,7 @@ impl ShardWriter {
     }
 
     /// Keeps the scenes so far for a later run, which finds them by [`Draft::kept`](crate::Draft::kept), and
-    /// returns what
-    /// is kept. In an object store that is nothing. What another run kept of the shard stays if it is as much; if the
+    /// returns what is kept. In an object store that is nothing. What another run kept of the shard stays if it is as much; if the
     /// shard is there, nothing is kept.
     ///
     /// # Errors
