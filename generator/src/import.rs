@@ -319,7 +319,9 @@ impl Import<'_> {
         let of_parts = parts.hulls.iter().map(integrals_of).fold(MassIntegrals::ZERO, |sum, part| sum.plus(&part));
         let balance = measured.solid.unwrap_or(of_parts);
         let density_kg_m3 = own.density_kg_m3.or(params.density).unwrap_or(DENSITY_KG_M3);
-        let mass_kg = mass_kg.unwrap_or(density_kg_m3 * balance.volume_m3);
+        // An open mesh encloses nothing: its parts are thin or full as the voxels find its holes. Its hull is neither.
+        let filled_m3 = measured.solid.map_or(measured.hull_volume_m3, |solid| solid.volume_m3);
+        let mass_kg = mass_kg.unwrap_or(density_kg_m3 * filled_m3);
         let inertia = balance.inertia_kg_m2(mass_kg);
         let share = |solid: MassIntegrals| of_parts.volume_m3 / solid.volume_m3;
         let difference = |_| relative_difference(of_parts.inertia_kg_m2(mass_kg), inertia);

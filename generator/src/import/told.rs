@@ -84,7 +84,7 @@ pub(super) fn opening_m(config: &Config) -> f32 {
 /// What is unusual about an object, one sentence each.
 pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Measured) -> Vec<String> {
     let longest_m = measured.extents_m.max_element();
-    let of_parts = "volume, mass and inertia are those of the parts";
+    let of_parts = "its mass, unless given, is that of its hull, its inertia that of its parts";
     let mut told = Vec::new();
     if !object.is_watertight {
         let Seams { open_edges, twisted_edges } = measured.seams;

@@ -201,6 +201,9 @@ fn files_that_are_no_meshes_are_told_together() {
     let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
     let catalogue = generator::catalogue::Catalogue::parse(&text, Path::new("x")).unwrap();
     assert_eq!(catalogue.names(), ["cube", "ell", "open", "wedge_piece"]);
+    // The mass of an open mesh is that of its hull, here of the whole cube.
+    let open = told["objects"].as_array().unwrap().iter().find(|object| object["name"] == "open").unwrap();
+    assert!((open["mass_kg"].as_f64().unwrap() - 400.0 * 0.04_f64.powi(3)).abs() < 1e-6, "{open}");
 
     let only = |files: &[&str], more: &[&str]| {
         program(&dir, &[&["import-objects"], files, &["--out", "x.toml"], more].concat())
