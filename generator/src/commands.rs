@@ -24,8 +24,8 @@ use shards::Location;
 ///
 /// Running the same command again continues: committed shards are skipped, and the bytes are those of an uninterrupted
 /// run. A run that a signal stops (Ctrl-C, SIGTERM) ends within a second or two and loses at most the scene that each
-/// thread is in: in a folder, finished scenes of incomplete shards are kept, and the next run takes them up. A dataset is
-/// a pure function of the config, the seed and this program's version.
+/// thread is in: in a folder, finished scenes of incomplete shards are kept, and the next run takes them up. A dataset
+/// is a pure function of the config, the seed and this program's version.
 #[derive(Debug, Parser)]
 #[command(name = "generator", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{ENVIRONMENT}\n\n{}", ExitCode::HELP, Location::HELP))]
 #[command(subcommand_negates_reqs = true, args_conflicts_with_subcommands = true, subcommand_value_name = "COMMAND")]

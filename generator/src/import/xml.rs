@@ -1,4 +1,5 @@
-//! What descriptions of bodies in XML have in common: elements with attributes, poses, and the shapes of a body as one mesh.
+//! What descriptions of bodies in XML have in common: elements with attributes, poses, and the shapes of a body as one
+//! mesh.
 
 use std::path::Path;
 

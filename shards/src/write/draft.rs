@@ -86,9 +86,9 @@ impl Draft {
         self.storage.flush(&FOLDERS)
     }
 
-    /// Removes leftovers of killed writers; what stopped runs kept counts as needed. In an object store there
-    /// are none, because objects are uploaded in one piece. If the dataset is complete, no leftover is needed, so
-    /// [`Sweep::Dead`] removes all. All shards are not enough: a writer may be about to publish the card, the manifest or `_SUCCESS`.
+    /// Removes leftovers of killed writers; what stopped runs kept counts as needed. In an object store there are none,
+    /// because objects are uploaded in one piece. If the dataset is complete, no leftover is needed, so [`Sweep::Dead`]
+    /// removes all. All shards are not enough: a writer may be about to publish the card, the manifest or `_SUCCESS`.
     ///
     /// # Errors
     /// [`Failure`] if the storage fails.

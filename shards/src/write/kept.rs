@@ -1,9 +1,9 @@
 //! What a stopped run keeps: the scenes that it finished of a shard that is not complete, for the next run.
 //!
-//! They are the shard's three tables as far as they came, and a marker that names them by their SHA-256, all
-//! under names of staging. The marker is written last. It belongs to one dataset, whose id covers config, seed and
-//! version, and is gone when the shard is there. Scenes are a function of that id and their number, so any number of processes may keep
-//! and take up the same ones: at worst a scene is made again.
+//! They are the shard's three tables as far as they came, and a marker that names them by their SHA-256, all under
+//! names of staging. The marker is written last. It belongs to one dataset, whose id covers config, seed and version,
+//! and is gone when the shard is there. Scenes are a function of that id and their number, so any number of processes
+//! may keep and take up the same ones: at worst a scene is made again.
 
 use std::iter::from_fn;
 use std::sync::atomic::AtomicBool;

@@ -119,9 +119,9 @@ impl ShardWriter {
         self.next = self.next.max(scene_id);
     }
 
-    /// Keeps the scenes so far for a later run, which finds them by [`Draft::kept`](crate::Draft::kept), and
-    /// returns what is kept. In an object store that is nothing. What another run kept of the shard stays if it is as much; if the
-    /// shard is there, nothing is kept.
+    /// Keeps the scenes so far for a later run, which finds them by [`Draft::kept`](crate::Draft::kept), and returns
+    /// what is kept. In an object store that is nothing. What another run kept of the shard stays if it is as much; if
+    /// the shard is there, nothing is kept.
     ///
     /// # Errors
     /// [`Failure`] if the storage fails.
