@@ -26,7 +26,8 @@ const EXPERIMENTS: [(&str, &str); 3] = [
     ("giga-pile", include_str!("../../configs/experiment/giga-pile.toml")),
 ];
 
-/// The generator's settings for experiments with the objects besides the primitives.
+/// The test set, and the generator's settings for it and for experiments with the objects besides the primitives.
+const TEST: &str = "test";
 const TRIED: &str = "tried-objects.toml";
 
 /// Share of the attempts in the first round.
@@ -46,10 +47,11 @@ const ATTEMPTS_PER_SCENE: u64 = 60;
 const SHARDS_MAX: u64 = 64;
 /// In experiments lies what the hand can span.
 const VIABLE: &str = "objects.viable_only=true";
-/// Attempts from which the time is estimated.
+/// Attempts from whose recipe the time is estimated.
 const PILOT_ATTEMPTS: u64 = 6_000;
-/// Rounds of an experiment, which take about a second each, on a seed that nothing is tuned on.
+/// Rounds of an experiment, on a seed that nothing is tuned on, and the time that one takes.
 const ROUNDS: u32 = 100;
+const ROUND: Duration = Duration::from_millis(1_200);
 
 words! {
     /// From where scenes are seen.
@@ -204,8 +206,8 @@ impl Recipe {
         let policy = self.out.join("first/best.safetensors");
         steps.extend(self.generated("round-2", self.attempts - first, self.seed + 1, Some(&policy)));
         steps.push(self.trained("judge", &["round-1", "round-2"], EPOCHS));
-        steps.extend(self.generated("test", TEST_ATTEMPTS, self.seed + 2, None));
-        steps.extend(self.parts("test", 0).into_iter().map(|(name, ..)| {
+        steps.extend(self.generated(TEST, TEST_ATTEMPTS, self.seed + 2, None));
+        steps.extend(self.parts(TEST, 0).into_iter().map(|(name, ..)| {
             let report = self.at(&format!("{name}-report"));
             Step {
                 what: format!("evaluate on {name}"),
@@ -246,46 +248,48 @@ impl Recipe {
         Ok(steps)
     }
 
-    /// A small part of the recipe, from whose times [`Self::time`] estimates the whole: attempts, and an epoch on them.
-    #[must_use]
-    pub fn pilot(&self, folder: &Path) -> [Step; 2] {
-        let at = |name: &str| folder.join(name).display().to_string();
-        let (generate, train, data, run) = (self.at("generate.toml"), self.at("train.toml"), at("data"), at("run"));
-        let step = |program: &'static str, fixed: &[&str]| Step {
-            what: "estimate".to_owned(),
-            program,
-            arguments: fixed.iter().map(|part| (*part).to_owned()).collect(),
-            done: folder.to_owned(),
+    /// The same recipe with few attempts, up to the judge, from whose times [`Self::time`] estimates the whole.
+    ///
+    /// # Errors
+    /// If there is no such hand.
+    pub fn pilot(&self, folder: &Path) -> Result<(Self, Vec<Step>), Failure> {
+        let pilot = Self {
+            hand: self.hand.clone(),
+            out: folder.to_owned(),
+            attempts: PILOT_ATTEMPTS,
+            objects: self.objects.clone(),
+            ..*self
         };
-        let attempts = PILOT_ATTEMPTS.to_string();
-        [
-            step("generator", &["--config", &generate, "--attempts", &attempts, "--shards", "4", "--out", &data]),
-            step("trainer", &["fit", "--config", &train, "--epochs", "1", "--data", &data, "--run", &run]),
-        ]
+        let mut steps = pilot.steps()?;
+        let judge = pilot.weights();
+        steps.truncate(1 + steps.iter().position(|step| step.done == judge).unwrap_or(0));
+        Ok((pilot, steps))
     }
 
     /// How long all steps take if the pilot's took this long.
     #[must_use]
-    pub fn time(&self, [execute, train]: [Duration; 2]) -> Duration {
-        let first = self.attempts as f64 * FIRST_SHARE;
-        let attempts = (self.attempts + TEST_ATTEMPTS) as f64;
-        let epochs = f64::from(FIRST_EPOCHS) * first + f64::from(EPOCHS) * self.attempts as f64;
-        let parts = attempts / PILOT_ATTEMPTS as f64 * execute.as_secs_f64()
-            + epochs / PILOT_ATTEMPTS as f64 * train.as_secs_f64();
+    pub fn time(&self, pilot: &[Duration]) -> Duration {
+        let times = |share: f64, part: &[Duration]| part.iter().sum::<Duration>().mul_f64(share);
+        // The test set is drawn as the first round.
+        let first = &pilot[..self.parts(TEST, 0).len().min(pilot.len())];
         let hands = self.tried_hands().map_or(1, |hands| hands.len());
         let tried = EXPERIMENTS.len() + usize::from(self.objects.is_some());
-        let rounds = hands * tried * ROUNDS as usize;
-        Duration::from_secs_f64(parts) + Duration::from_secs(rounds as u64)
+        times(self.attempts as f64 / PILOT_ATTEMPTS as f64, pilot)
+            + times(TEST_ATTEMPTS as f64 / (FIRST_SHARE * PILOT_ATTEMPTS as f64), first)
+            + ROUND * (hands * tried) as u32 * ROUNDS
     }
 
     /// The datasets of a name, with their settings and attempts: one of primitives, and one of the catalogue's objects.
     fn parts(&self, name: &str, attempts: u64) -> Vec<(String, &'static str, u64)> {
         match self.objects {
             None => vec![(name.to_owned(), "generate.toml", attempts)],
-            Some(_) => vec![
-                (name.to_owned(), "generate.toml", attempts - attempts / 2),
-                (format!("{name}-objects"), "generate-objects.toml", attempts / 2),
-            ],
+            Some(_) => {
+                let objects = if name == TEST { TRIED } else { "generate-objects.toml" };
+                vec![
+                    (name.to_owned(), "generate.toml", attempts - attempts / 2),
+                    (format!("{name}-objects"), objects, attempts / 2),
+                ]
+            }
         }
     }
 
@@ -451,7 +455,11 @@ mod tests {
         assert_eq!(recipe.tried_hands().unwrap().len(), Gripper::BUILT_IN.len());
         assert_eq!(recipe.steps().unwrap().len(), 6 + 3 * Gripper::BUILT_IN.len());
         assert_eq!(file(&recipe, "plan-wsg_50.toml")["gripper"].as_str(), Some("wsg_50"));
-        assert!(recipe.time([Duration::from_secs(2), Duration::from_secs(3)]) > Duration::from_secs(1500));
+        // 15 times a pilot of 40 s, 30 times its first step, and 21 experiments of two minutes.
+        let (_, steps) = recipe.pilot(Path::new("/pilot")).unwrap();
+        let spent = [Duration::from_secs(10); 4];
+        assert_eq!(steps.len(), spent.len());
+        assert_eq!(recipe.time(&spent).as_secs(), 15 * 40 + 30 * 10 + 21 * 120);
     }
 
     #[test]

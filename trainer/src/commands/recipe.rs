@@ -67,9 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     };
     let steps = recipe.steps()?;
     fs::create_dir_all(&recipe.out).context(format_args!("failed to make {}", recipe.out.display()))?;
-    for (name, text) in recipe.settings()? {
-        write(&recipe.out.join(name), text)?;
-    }
+    write_settings(&recipe)?;
     let left: Vec<&Step> = steps.iter().filter(|step| !step.done.exists()).collect();
     if arguments.dry_run || left.len() == steps.len() {
         let minutes = estimated(&recipe)?.as_secs() / 60 + 1;
@@ -87,6 +85,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     for (number, step) in steps.iter().enumerate() {
         let Step { what, program, arguments, .. } = step;
         print(format_args!("\n[{} of {}] {what}\n{program} {}\n", number + 1, steps.len(), arguments.join(" ")))?;
+        // The other programs know what is done.
+        if arguments[0] == "evaluate" && step.done.exists() {
+            continue;
+        }
         let code = started(program, arguments)?;
         let code = if code == 0 && stop.load(Ordering::Relaxed) { ExitCode::TryAgain.code().into() } else { code };
         if code != 0 {
@@ -103,10 +105,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::Ok)
 }
 
-/// Runs a program that lies beside this one; its exit code.
-fn started(program: &str, arguments: &[String]) -> Result<i32, Failure> {
+fn write_settings(recipe: &Recipe) -> Result<(), Failure> {
+    recipe.settings()?.into_iter().try_for_each(|(name, text)| write(&recipe.out.join(name), text))
+}
+
+/// The path of a program that lies beside this one.
+fn beside(program: &str) -> Result<PathBuf, Failure> {
     let own = std::env::current_exe().context("failed to find this program's folder")?;
-    let path = own.with_file_name(program);
+    Ok(own.with_file_name(program))
+}
+
+/// Runs a program; its exit code.
+fn started(program: &str, arguments: &[String]) -> Result<i32, Failure> {
+    let path = beside(program)?;
     let status = Command::new(&path).args(arguments).status();
     let status = status.context(format_args!("failed to start {}, which must lie beside trainer", path.display()))?;
     // A signal ended it.
@@ -120,20 +131,21 @@ fn known(code: i32) -> ExitCode {
     all.into_iter().find(|known| i32::from(known.code()) == code).unwrap_or(Internal)
 }
 
-/// How long the recipe takes, from a small part of it: attempts executed and trained on once.
+/// How long the recipe takes, from the same one with few attempts.
 fn estimated(recipe: &Recipe) -> Result<Duration, Failure> {
     let folder = tempfile::tempdir().context("failed to make a folder for the estimate")?;
-    let mut spent = [Duration::ZERO; 2];
-    for (step, spent) in recipe.pilot(folder.path()).iter().zip(&mut spent) {
+    let (pilot, steps) = recipe.pilot(folder.path())?;
+    write_settings(&pilot)?;
+    let mut spent = Vec::new();
+    for step in &steps {
         let began = Instant::now();
-        let own = std::env::current_exe().context("failed to find this program's folder")?;
-        let output = Command::new(own.with_file_name(step.program)).args(&step.arguments).output();
+        let output = Command::new(beside(step.program)?).args(&step.arguments).output();
         let output = output.context(format_args!("failed to start {}", step.program))?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
             return Err(Failure::new(ExitCode::Config, said.trim_start_matches("error: ").to_owned()));
         }
-        *spent = began.elapsed();
+        spent.push(began.elapsed());
     }
-    Ok(recipe.time(spent))
+    Ok(recipe.time(&spent))
 }
