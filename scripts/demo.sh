@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The whole pipeline on a small dataset: builds, generates a dataset in physics, verifies it, trains the grasp network on it, evaluates
-# it on held-out attempts, and ends with pages to look at: a report, a scene, a replay, a plan. Needs only a Rust toolchain and a C
+# it on held-out attempts, and ends with pages to look at: scenes, a report, replays, a plan. Needs only a Rust toolchain and a C
 # compiler.
 # Usage: scripts/demo.sh [FOLDER]      (default: demo; running it again continues an interrupted run)
 set -euo pipefail
@@ -30,17 +30,13 @@ say "5/6 evaluating the best checkpoint on attempts that it has not seen"
 "$bin/trainer" evaluate --data "$data" --run "$run" --checkpoint best
 
 say "6/6 pages, and a plan by the built-in judge for what a camera would see of scene 7"
-"$bin/shards" report "$data" --html "$folder/report.html"
-"$bin/shards" view "$data" --scene 7 --out "$folder/scene.html"
-"$bin/generator" replay "$data" --attempt 0/4 --out "$folder/attempt.html"
+"$bin/shards" browse "$data" --out "$folder/pages"
 "$bin/generator" depth "$data" --scene 7 --views 3 --out "$folder/scene-7"
 "$bin/planner" plan --views "$folder/scene-7/views.toml" --out "$folder/plan.json" --picture "$folder/plan.png"
 
 say "done in $((SECONDS - start)) s; open these"
 cat <<END
-what is in the dataset        $folder/report.html
-a scene and its attempts      $folder/scene.html
-an attempt, step by step      $folder/attempt.html
+scenes, report and replays    $folder/pages/index.html
 a plan from depth images      $folder/plan.png
 the training's curves         $run/accuracy.svg
 the dataset's card            $data/README.md      (DuckDB, polars, pyarrow and datasets open it: docs/reading.md)

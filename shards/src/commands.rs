@@ -16,16 +16,16 @@ use shards::{Form, Location, Table};
 
 const EXAMPLES: &str = "\
 Examples:
-  shards verify data/demo               read and check everything
-  shards report data/demo               statistics with bars
-  shards report data/demo --json        the same for programs
-  shards report data/demo --html r.html the same as a page, with pictures of scenes
-  shards inspect data/demo --scene 17   one scene: objects, attempts, cuts through its grid
-  shards browse data/demo --out pages   scenes, replays and the report as pages that lead to each other
-  shards view data/demo --scene 17 --out scene.html   the same in 3-D, for a browser
-  shards tsdf data/demo --scene 17 --out scene.npy    its voxel grid, for planner plan --tsdf
-  shards verify s3://bucket/demo        the same in an object store
-  shards export data/demo --format vgn --out data/demo-vgn    what VGN's and GIGA's Python code trains on";
+  shards verify grasps               read and check everything
+  shards report grasps               statistics with bars
+  shards report grasps --json        the same for programs
+  shards report grasps --html r.html the same as a page, with pictures of scenes
+  shards inspect grasps --scene 17   one scene: objects, attempts, cuts through its grid
+  shards browse grasps --out pages   scenes, replays and the report as pages that lead to each other
+  shards view grasps --scene 17 --out scene.html   the same in 3-D, for a browser
+  shards tsdf grasps --scene 17 --out scene.npy    its voxel grid, for planner plan --tsdf
+  shards verify s3://bucket/grasps  the same in an object store
+  shards export grasps --format vgn --out grasps-vgn    what VGN's and GIGA's Python code trains on";
 
 /// Verify, report on, inspect and export a dataset of grasp attempts. No command changes the dataset.
 #[derive(Debug, Parser)]

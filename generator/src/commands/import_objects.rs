@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, import_objects, sources};
+use generator::{Config, FileState, ImportParams, Imported, ImportedObject, Overrides, import_objects, sources};
 use indicatif::{ProgressBar, ProgressStyle};
 use program::text::percent;
 use program::{Context, ExitCode, Failure, json, print, print_error, write};
@@ -45,12 +45,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} files · {msg} · {eta} left");
     // Without a terminal indicatif draws nothing.
     let bar = ProgressBar::new(sources.len() as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    let on_file = |file: &Path, problem: Option<&str>| {
-        if let Some(problem) = problem {
-            bar.suspend(|| print_error(&format!("left out: {problem}")));
+    let on_file = |file: &Path, state: FileState<'_>| match state {
+        FileState::Begun => bar.set_message(file.display().to_string()),
+        FileState::Made => bar.inc(1),
+        FileState::LeftOut(reason) => {
+            bar.suspend(|| print_error(&format!("left out: {reason}")));
+            bar.inc(1);
         }
-        bar.set_message(file.display().to_string());
-        bar.inc(1);
     };
     let imported = import_objects(&sources, &arguments.params, &config, &on_file);
     bar.finish_and_clear();

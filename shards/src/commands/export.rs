@@ -10,8 +10,8 @@ use shards::{Dataset, ExportFormat, Location};
 
 const EXAMPLES: &str = "\
 Examples:
-  shards export data/demo --format vgn --out data/demo-vgn
-  shards export s3://bucket/demo --format webdataset --out data/demo-tars
+  shards export grasps --format vgn --out grasps-vgn
+  shards export s3://bucket/grasps --format webdataset --out grasps-tars
 
 An interrupted export continues when it is run again. docs/exporting.md describes the files and how to read them.";
 

@@ -166,7 +166,7 @@ impl<'a> Counting<'a> {
             tips: Default::default(),
             neighbours: Default::default(),
             coverage: Coverage::default(),
-            fits: Fits::new(free_extents_m(dataset)),
+            fits: Fits::new(free_extents_m(dataset), dropped(dataset)),
             models: vec![0; models.len()],
             outside_grid: Tally::default(),
             rejections: RejectionCounts::default(),
@@ -175,6 +175,7 @@ impl<'a> Counting<'a> {
 
     fn count_scene(&mut self, rows: &SceneRows) {
         self.rejections.count(rows.scene.rejections);
+        self.fits.count_dropped(rows.scene.dropped_count);
         rows.objects.iter().filter_map(|object| object.shape.as_solid()).for_each(|of| self.fits.count_object(&of));
         for object in &rows.objects {
             if let Shape::Model(number) = object.shape.shape()
@@ -265,6 +266,16 @@ fn free_extents_m(dataset: &Dataset) -> Option<[f64; 2]> {
     let range = dataset.info().config.get("objects")?.get("size_m")?;
     let range: [f64; 2] = serde_json::from_value(range.clone()).ok()?;
     (range[0] < range[1]).then_some(range)
+}
+
+/// The law of the number of objects in a scene, if the config is one of our generator's. In packed scenes those that
+/// find no place are missing.
+fn dropped(dataset: &Dataset) -> Option<Fit> {
+    let config = &dataset.info().config;
+    let objects = config.get("objects")?;
+    let numbers: Vec<u64> = serde_json::from_value(objects.get("counts")?.clone()).ok()?;
+    let weights: Vec<f64> = serde_json::from_value(objects.get("count_weights")?.clone()).ok()?;
+    Fit::of_dropped(&numbers, &weights, config.get("packed").is_none_or(serde_json::Value::is_null))
 }
 
 /// Angle between the grasp's +z and straight down, in degrees.

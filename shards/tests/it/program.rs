@@ -221,7 +221,7 @@ fn export_says_how_much_and_refuses_what_is_taken() {
 #[test]
 fn help_shows_examples_and_exit_codes() {
     let help = String::from_utf8(shards(&["--help"]).stdout).unwrap();
-    for part in ["Examples:", "shards inspect data/demo --scene 17", "Exit codes:", "65  data damaged"] {
+    for part in ["Examples:", "shards inspect grasps --scene 17", "Exit codes:", "65  data damaged"] {
         assert!(help.contains(part), "{help}");
     }
 }

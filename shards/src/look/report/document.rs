@@ -289,6 +289,7 @@ fn law_in_words(fit: &Fit) -> String {
     match fit.law {
         Law::Uniform => format!("uniform, {:.0} to {:.0} {}", fit.range[0], fit.range[1], fit.unit),
         Law::StandardNormal => "normal".to_owned(),
+        Law::Weights => "the config's weights".to_owned(),
     }
 }
 

@@ -10,6 +10,9 @@ const BARS: usize = 24;
 /// Bars with a smaller expected count are merged with their neighbours for χ².
 const EXPECTED_MIN: f64 = 5.0;
 
+/// Most different numbers of objects in a scene that are compared with their law.
+const DROPPED_MAX: u64 = 100;
+
 /// The name of the fit of a catalogue's objects.
 pub(crate) const MODELS: &str = "objects of the catalogue";
 
@@ -21,6 +24,8 @@ pub enum Law {
     Uniform,
     /// Standard normal.
     StandardNormal,
+    /// Whole numbers with the weights of the config.
+    Weights,
 }
 
 /// A histogram with its expected shares. Values outside the range count in the outermost bars.
@@ -82,9 +87,32 @@ impl Fit {
         }
     }
 
+    /// Objects dropped in a scene: numbers, and their relative frequencies. `None` if they do not make a law.
+    pub(crate) fn of_dropped(numbers: &[u64], weights: &[f64], complete: bool) -> Option<Self> {
+        let (low, high) = (*numbers.iter().min()?, *numbers.iter().max()?);
+        let all: f64 = weights.iter().sum();
+        if weights.len() != numbers.len() || high - low > DROPPED_MAX || all <= 0.0 {
+            return None;
+        }
+        let bars = (high - low) as usize + 1;
+        let mut expected = vec![0.0; bars];
+        for (number, weight) in numbers.iter().zip(weights) {
+            expected[(number - low) as usize] += weight / all;
+        }
+        Some(Self {
+            name: "objects dropped in a scene",
+            unit: "objects",
+            law: Law::Weights,
+            complete,
+            range: [low as f64 - 0.5, high as f64 + 0.5],
+            counts: vec![0; bars],
+            expected,
+        })
+    }
+
     fn count(&mut self, value: f64) {
-        let [low, high] = self.range;
-        self.counts[bin((value - low) / (high - low) * BARS as f64, BARS)] += 1;
+        let ([low, high], bars) = (self.range, self.counts.len());
+        self.counts[bin((value - low) / (high - low) * bars as f64, bars)] += 1;
     }
 
     /// Number of draws.
@@ -118,6 +146,7 @@ impl Law {
         match self {
             Self::Uniform => (value - range[0]) / (range[1] - range[0]),
             Self::StandardNormal => 0.5 * libm::erfc(-value / core::f64::consts::SQRT_2),
+            Self::Weights => unreachable!("its shares are given"),
         }
     }
 }
@@ -149,11 +178,13 @@ pub(crate) struct Fits {
     tip_depth: Fit,
     slide: Fit,
     size: Option<Fit>,
+    dropped: Option<Fit>,
 }
 
 impl Fits {
-    /// `size_m`: smallest and largest free extent, if the config contains it.
-    pub(crate) fn new(size_m: Option<[f64; 2]>) -> Self {
+    /// `size_m`: smallest and largest free extent, if the config contains it; `dropped`: the fit of the number of
+    /// objects, likewise.
+    pub(crate) fn new(size_m: Option<[f64; 2]>, dropped: Option<Fit>) -> Self {
         let normal = |name| Fit::new(name, "σ", Law::StandardNormal, true, [-4.0, 4.0]);
         let tip_mm = TIP_DEPTH_M.map(|m| 1000.0 * f64::from(m));
         let size = size_m.map(|range| Fit::new("free extents", "mm", Law::Uniform, false, range.map(|m| 1000.0 * m)));
@@ -170,6 +201,7 @@ impl Fits {
             ),
             slide: normal("slide d_x, in l_x / 6"),
             size,
+            dropped,
         }
     }
 
@@ -192,6 +224,10 @@ impl Fits {
         }
     }
 
+    pub(crate) fn count_dropped(&mut self, objects: u32) {
+        self.dropped.iter_mut().for_each(|fit| fit.count(f64::from(objects)));
+    }
+
     pub(crate) fn count_object(&mut self, solid: &Solid) {
         let Some(size) = &mut self.size else { return };
         let [x, y, z] = solid.extents_m.to_array();
@@ -205,8 +241,8 @@ impl Fits {
 
     /// Those with any draws.
     pub(crate) fn finish(self) -> Vec<Fit> {
-        let Self { tilt_normal, tilt_uniform, turn, tip_depth, slide, size } = self;
-        let all = [Some(tip_depth), Some(tilt_normal), Some(tilt_uniform), Some(turn), Some(slide), size];
+        let Self { tilt_normal, tilt_uniform, turn, tip_depth, slide, size, dropped } = self;
+        let all = [Some(tip_depth), Some(tilt_normal), Some(tilt_uniform), Some(turn), Some(slide), size, dropped];
         all.into_iter().flatten().filter(|fit| fit.total() > 0).collect()
     }
 }
@@ -261,6 +297,21 @@ mod tests {
         let of = |counts: [u64; 4]| Fit::of_models(counts.to_vec()).chi_square().unwrap();
         assert!(of([50, 52, 47, 51]).p > 0.9 && of([66, 66, 66, 2]).p < 1e-9);
         assert_eq!(of([50, 52, 47, 51]).degrees, 3);
+    }
+
+    #[test]
+    fn scenes_of_few_objects_show_where_others_are_thrown_away() {
+        let of = |counts: [u32; 5]| {
+            let mut fit = Fit::of_dropped(&[1, 2, 3, 4, 6], &[1.0, 1.0, 1.0, 1.5, 1.5], true).unwrap();
+            for (number, count) in [1, 2, 3, 4, 6].into_iter().zip(counts) {
+                (0..count).for_each(|_| fit.count(f64::from(number)));
+            }
+            assert_eq!((fit.total(), fit.counts[4]), (u64::from(counts.iter().sum::<u32>()), 0));
+            fit.chi_square().unwrap()
+        };
+        assert!(of([100, 100, 100, 150, 150]).p > 0.999, "{:?}", of([100, 100, 100, 150, 150]));
+        assert!(of([324, 100, 80, 60, 36]).p < 1e-12);
+        assert!(Fit::of_dropped(&[1, 2], &[1.0], true).is_none() && Fit::of_dropped(&[], &[], true).is_none());
     }
 
     #[test]
