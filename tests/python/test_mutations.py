@@ -11,8 +11,9 @@ import os
 import random
 import resource
 import shutil
+import signal
 import subprocess
-import threading
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -48,16 +49,30 @@ COMMANDS = [
 ]
 
 
+# Starts a program and writes its exit code and its peak memory in KiB. A program started from here would count the memory of this
+# process, which has PyTorch in it.
+WATCH = """
+import os, resource, sys
+code = os.spawnvp(os.P_WAIT, sys.argv[2], sys.argv[2:])
+with open(sys.argv[1], "w") as told:
+    told.write(f"{code} {resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss}")
+"""
+
+
 def ended(command, log):
     """Runs a program to its end; returns its exit code, its peak memory in bytes, and what it printed."""
+    told = log.with_suffix(".code")
     with log.open("wb") as out:
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=out)
-        timer = threading.Timer(TIME_S, process.kill)
-        timer.start()
-        _, status, usage = os.wait4(process.pid, 0)
-        timer.cancel()
-        process.returncode = os.waitstatus_to_exitcode(status)
-    return process.returncode, usage.ru_maxrss * 1024, log.read_bytes()
+        watch = [sys.executable, "-I", "-S", "-c", WATCH, told, *command]
+        process = subprocess.Popen(watch, stdin=subprocess.DEVNULL, stdout=out, stderr=out, start_new_session=True)
+        try:
+            process.wait(TIME_S)
+            code, memory_kib = map(int, told.read_text().split())
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            code, memory_kib = -signal.SIGKILL, 0
+    return code, memory_kib * 1024, log.read_bytes()
 
 
 def faults(code, memory, printed):
