@@ -281,7 +281,7 @@ fn glb(bytes: &[u8]) -> Result<Parts, String> {
                     indices.windows(3).enumerate().map(turned).for_each(&mut add);
                 }
                 Mode::TriangleFan => {
-                    indices.get(1..).unwrap_or_default().windows(2).for_each(|t| add([indices[0], t[0], t[1]]))
+                    indices.get(1..).unwrap_or_default().windows(2).for_each(|t| add([indices[0], t[0], t[1]]));
                 }
                 Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => {}
             }

@@ -169,7 +169,7 @@ impl<'a> Model<'a> {
         } else {
             let [w, x, y, z] = numbers(sayings, "quat", Some([1.0, 0.0, 0.0, 0.0]))?;
             let turn = DQuat::from_xyzw(x, y, z, w);
-            if !(turn.length() > 0.0) {
+            if turn.length().is_nan() || turn.length() <= 0.0 {
                 return Err("quat must not be zero".to_owned());
             }
             DMat3::from_quat(turn.normalize())
