@@ -1,5 +1,5 @@
 //! Triangle meshes from files: Wavefront OBJ, STL (text and binary), PLY (text and binary, both byte orders), binary
-//! glTF (GLB).
+//! glTF (GLB), MuJoCo's own (MSH).
 //!
 //! Polygons are split as fans. Colours, normals, textures and materials are ignored.
 
@@ -15,7 +15,7 @@ use program::{ExitCode, Failure};
 use crate::mesh::{Mesh, TRIANGLES_MAX};
 
 /// Supported file extensions, in lower case.
-pub(crate) const ENDINGS: [&str; 4] = ["obj", "stl", "ply", "glb"];
+pub(crate) const ENDINGS: [&str; 5] = ["obj", "stl", "ply", "glb", "msh"];
 
 /// Maximum file size.
 pub(crate) const BYTES_MAX: u64 = 1 << 30;
@@ -58,6 +58,7 @@ pub(crate) fn read_parts(path: &Path) -> Result<Parts, Failure> {
         Some("stl") => ("STL", stl),
         Some("ply") => ("PLY", ply),
         Some("glb") => ("GLB", glb),
+        Some("msh") => ("MSH", msh),
         _ => {
             let endings = ENDINGS.join(", .");
             return Err(unusable(format!("its name must end with .{endings}: {shown}")));
@@ -220,6 +221,28 @@ fn fan(place: usize, ring: &[i64], triangles: &mut Vec<[u32; 3]>) -> Result<(), 
 
 /// Nodes within nodes, at most.
 const NODES_DEEP: usize = 100;
+
+/// MuJoCo's binary format: four counts, then corners, normals, texture coordinates and triangles, all of four bytes.
+fn msh(bytes: &[u8]) -> Result<Parts, String> {
+    let (words, rest) = bytes.as_chunks::<4>();
+    let counts = words.first_chunk::<4>().map(|counts| counts.map(u32::from_le_bytes).map(u64::from));
+    let Some([corners, normals, textures, triangles]) = counts else {
+        return Err("it must begin with four counts".to_owned());
+    };
+    let expected = 4 + 3 * corners + 3 * normals + 2 * textures + 3 * triangles;
+    if !rest.is_empty() || words.len() as u64 != expected {
+        return Err(format!(
+            "one of {corners} corners and {triangles} triangles has {} bytes, got {}",
+            4 * expected,
+            bytes.len()
+        ));
+    }
+    let (corners, after) = words[4..].split_at(3 * corners as usize);
+    let triangles = &after[after.len() - 3 * triangles as usize..];
+    let three = |words: &[[u8; 4]]| [words[0], words[1], words[2]];
+    let corners = corners.chunks_exact(3).map(|words| three(words).map(|word| f32::from_le_bytes(word).into()));
+    Ok((corners.collect(), triangles.chunks_exact(3).map(|words| three(words).map(u32::from_le_bytes)).collect()))
+}
 
 /// The triangles of a binary glTF's scene, in its frame (y up).
 fn glb(bytes: &[u8]) -> Result<Parts, String> {

@@ -22,6 +22,7 @@ MODEL = """
     <mesh file="wedge.obj" scale="0.001 0.001 0.002"/>
     <mesh name="mirrored" file="wedge.obj" scale="-0.001 0.001 0.001"/>
     <mesh name="shown" file="wedge.obj"/>
+    <mesh name="own" file="wedge.msh" scale="0.0012 0.001 0.001"/>
   </asset>
   <worldbody>
     <geom type="plane" size="1 1 1"/>
@@ -36,6 +37,10 @@ MODEL = """
         <geom type="mesh" mesh="mirrored" euler="0 90 0"/>
         <geom type="cylinder" size="0.01 0.02" pos="0 0.03 0"/>
         <geom type="capsule" size="0.01 0.02" pos="0 -0.03 0"/>
+        <geom type="cylinder" size="0.004" fromto="0.01 0.02 0 0.08 -0.06 0.05"/>
+        <geom type="capsule" size="0.003" fromto="0 0 0 -0.05 0.03 -0.08"/>
+        <geom size="0.002" fromto="0 0.01 0 0.02 0.09 0.03"/>
+        <geom type="mesh" mesh="own" pos="-0.06 0 0.02" euler="30 0 40"/>
         <geom type="ellipsoid" size="0.01 0.02 0.03" pos="0 0 -0.05"/>
       </body>
     </body>
@@ -91,6 +96,7 @@ def test_a_model_of_mujoco_is_where_mujoco_has_it(tmp_path, round_shapes, near_m
     (tmp_path / "parts").mkdir()
     lines = [*("v {} {} {}".format(*corner) for corner in WEDGE), *("f {} {} {}".format(*(face + 1)) for face in FACES)]
     (tmp_path / "parts" / "wedge.obj").write_text("\n".join(lines))
+    (tmp_path / "parts" / "wedge.msh").write_bytes(msh())
     (tmp_path / "model.xml").write_text(model)
     (tmp_path / "package.xml").write_text("<package/>")  # of a robot's software, no model
     body = imported(tmp_path)
@@ -116,10 +122,28 @@ def test_what_a_model_says_wrongly_is_named(tmp_path, wrong, message):
     assert wrong[0] in MODEL
     file.write_text(MODEL.replace(*wrong))
     (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "wedge.msh").write_bytes(msh())
     (tmp_path / "parts" / "wedge.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     command = [program("generator"), "import-objects", file, "--out", tmp_path / "x.toml"]
     ended = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     assert ended.returncode in (65, 78) and message in ended.stderr, ended
+
+
+def msh() -> bytes:
+    """The wedge in MuJoCo's own format, with normals and texture coordinates that nobody reads."""
+    counts = np.array([4, 4, 4, 4], dtype=np.int32)
+    normals = np.tile(np.array([0, 0, 1], dtype=np.float32), (4, 1))
+    parts = [counts, WEDGE, normals, np.zeros((4, 2), dtype=np.float32), FACES.astype(np.int32)]
+    return b"".join(part.tobytes() for part in parts)
+
+
+@pytest.mark.parametrize("change", [lambda b: b[:-4], lambda b: b + b"abcd", lambda b: b[:9], lambda b: b"\xff" * 4 + b[4:]])
+def test_a_damaged_mesh_of_mujoco_is_refused(tmp_path, change):
+    file = tmp_path / "wedge.msh"
+    file.write_bytes(change(msh()))
+    command = [program("generator"), "import-objects", file, "--out", tmp_path / "x.toml"]
+    ended = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+    assert ended.returncode == 65 and "not a whole MSH file" in ended.stderr, ended
 
 
 def glb(document: dict, blob: bytes) -> bytes:

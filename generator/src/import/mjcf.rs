@@ -17,7 +17,7 @@ const ROOT: &str = "mujoco";
 /// Bodies within bodies, at most.
 const DEPTH_MAX: usize = 100;
 /// What changes a shape's place or size in a way that is not followed.
-const UNREAD: [&str; 6] = ["fromto", "xyaxes", "zaxis", "vertex", "refpos", "refquat"];
+const UNREAD: [&str; 5] = ["xyaxes", "zaxis", "vertex", "refpos", "refquat"];
 
 /// Whether a file is such a model, as far as it can be read.
 pub(super) fn is_model(file: &Path) -> bool {
@@ -184,7 +184,17 @@ impl<'a> Model<'a> {
         damaged: impl Fn(String) -> Failure,
     ) -> Result<(Placed, Shape), Failure> {
         let sayings = self.sayings(geom.element, geom.class);
-        let at = geom.body.then(self.pose_of(&sayings).map_err(&damaged)?);
+        let ends = said(&sayings, "fromto").map(|_| numbers::<6>(&sayings, "fromto", None)).transpose();
+        let ends = ends.map_err(&damaged)?.map(|[a, b, c, d, e, f]| [DVec3::new(a, b, c), DVec3::new(d, e, f)]);
+        let own = match ends {
+            Some([from, to]) => {
+                let along =
+                    (from - to).try_normalize().ok_or_else(|| damaged("fromto must have two ends".to_owned()))?;
+                Placed { turn: DMat3::from_quat(DQuat::from_rotation_arc(DVec3::Z, along)), at_m: 0.5 * (from + to) }
+            }
+            None => self.pose_of(&sayings).map_err(&damaged)?,
+        };
+        let at = geom.body.then(own);
         let name = said(&sayings, "mesh");
         let kind = said(&sayings, "type").unwrap_or(if name.is_some() { "mesh" } else { "sphere" });
         if kind == "mesh" {
@@ -194,7 +204,12 @@ impl<'a> Model<'a> {
         // Half lengths; how many are read depends on the kind.
         let sizes = said(&sayings, "size").unwrap_or("").split_whitespace().map(|word| word.parse::<f64>().ok());
         let sizes: Option<Vec<f64>> = sizes.collect();
-        let sizes = sizes.filter(|sizes| sizes.iter().all(|size| size.is_finite() && *size > 0.0)).unwrap_or_default();
+        let mut sizes =
+            sizes.filter(|sizes| sizes.iter().all(|size| size.is_finite() && *size > 0.0)).unwrap_or_default();
+        if let (Some([from, to]), Some(first)) = (ends, sizes.first().copied()) {
+            let half = 0.5 * (from - to).length();
+            sizes = if matches!(kind, "capsule" | "cylinder") { vec![first, half] } else { vec![first, first, half] };
+        }
         let shape = match (kind, &sizes[..]) {
             ("box", [x, y, z, ..]) => xml::solid(ShapeKind::Cuboid, [2.0 * x, 2.0 * y, 2.0 * z]),
             ("cylinder", [r, half, ..]) => xml::solid(ShapeKind::Cylinder, [2.0 * r, 2.0 * r, 2.0 * half]),

@@ -67,7 +67,29 @@ pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Failure> {
         parts.extend(meshes_of(file).into_iter().filter_map(|mesh| mesh.canonicalize().ok()));
     }
     found.retain(|(file, _)| !file.canonicalize().is_ok_and(|file| parts.contains(&file)));
-    Ok(named(found))
+    Ok(named(one_format(found)))
+}
+
+/// Of the files of a folder that have one name but for the ending, the one that comes first in [`ENDINGS`]: they are
+/// the same mesh in several formats.
+fn one_format(found: Vec<(PathBuf, Vec<String>)>) -> Vec<(PathBuf, Vec<String>)> {
+    let place = |file: &Path| ENDINGS.iter().position(|one| ending(file).as_deref() == Some(one));
+    let mut first: BTreeMap<PathBuf, PathBuf> = BTreeMap::new();
+    for (file, _) in found.iter().filter(|(file, _)| place(file).is_some()) {
+        let chosen = first.entry(file.with_extension("")).or_insert_with(|| file.clone());
+        if place(file) < place(chosen) {
+            chosen.clone_from(file);
+        }
+    }
+    let is_chosen = |file: &Path| {
+        let chosen = first.get(&file.with_extension("")).filter(|_| place(file).is_some());
+        if let Some(chosen) = chosen.filter(|chosen| ending(chosen) != ending(file)) {
+            tracing::warn!("{} is imported, not {}", chosen.display(), file.display());
+            return false;
+        }
+        true
+    };
+    found.into_iter().filter(|(file, _)| is_chosen(file)).collect()
 }
 
 /// Adds the files below a folder, each with the names of the folders on the way to it.
@@ -102,11 +124,20 @@ fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<Source> {
     for (file, way) in &found {
         ways.entry(stem(file)).or_default().push(way.clone());
     }
+    let base = |(file, way): &(PathBuf, Vec<String>)| {
+        let stem = stem(file);
+        if ways[&stem].len() == 1 { stem } else { by_folder(&stem, way, &ways[&stem]) }
+    };
+    // A folder of many such files is no name for any of them.
+    let mut stems: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for one in &found {
+        stems.entry(base(one)).or_default().insert(stem(&one.0));
+    }
     let mut taken = BTreeSet::new();
     let mut sources = Vec::with_capacity(found.len());
-    for (file, way) in found {
-        let stem = stem(&file);
-        let base = if ways[&stem].len() == 1 { stem } else { by_folder(&stem, &way, &ways[&stem]) };
+    for one in &found {
+        let (stem, base) = (stem(&one.0), base(one));
+        let base = if stems[&base].len() > 1 && base != stem { format!("{base}_{stem}") } else { base };
         // The end of a name tells more than its beginning.
         let cut = |text: &str, most: usize| text[text.len().saturating_sub(most)..].to_owned();
         let mut name = cut(&base, NAME_MAX);
@@ -117,7 +148,7 @@ fn named(found: Vec<(PathBuf, Vec<String>)>) -> Vec<Source> {
             let suffix = format!("_{number}");
             name = cut(&base, NAME_MAX - suffix.len()) + &suffix;
         }
-        sources.push(Source { name, file });
+        sources.push(Source { name, file: one.0.clone() });
     }
     sources
 }
@@ -163,6 +194,18 @@ mod tests {
         assert_eq!(names(&["a/x/m.obj", "b/x/m.obj", "a/y/m.obj"]), ["a_x", "b_x", "y"]);
         assert_eq!(names(&["a/bowl.obj", "b/Cup 1.obj"]), ["bowl", "cup_1"]);
         assert_eq!(names(&["a/mesh.obj", "mesh.obj"]), ["a", "mesh"]);
+        assert_eq!(
+            names(&["can.xml", "milk.xml", "meshes/can.obj", "meshes/milk.obj", "meshes/nut.obj"]),
+            ["can", "milk", "meshes_can", "meshes_milk", "nut"]
+        );
+    }
+
+    #[test]
+    fn a_mesh_in_several_formats_is_one_object() {
+        let found = ["a/can.stl", "a/can.obj", "a/can.xml", "b/can.msh", "a/can.1.obj"];
+        let left = one_format(found.map(|file| (PathBuf::from(file), Vec::new())).to_vec());
+        let left: Vec<&Path> = left.iter().map(|(file, _)| file.as_path()).collect();
+        assert_eq!(left, ["a/can.obj", "a/can.xml", "b/can.msh", "a/can.1.obj"].map(Path::new));
     }
 
     #[test]

@@ -215,7 +215,7 @@ fn files_that_are_no_meshes_are_told_together() {
     );
     check_fails(&only(&["nowhere.obj"], &[]), 78, &["nowhere.obj"]);
     fs::create_dir(dir.path().join("nothing")).unwrap();
-    check_fails(&only(&["nothing"], &[]), 78, &["there is no .obj, .stl, .ply, .glb, .urdf or MuJoCo .xml file"]);
+    check_fails(&only(&["nothing"], &[]), 78, &["there is no .obj, .stl, .ply, .glb, .msh, .urdf or MuJoCo .xml file"]);
     check_fails(&only(&["meshes"], &["--scale=-1"]), 2, &["above 0"]);
     assert!(!dir.path().join("x.toml").exists());
 }
