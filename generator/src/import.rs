@@ -97,7 +97,8 @@ pub struct ImportParams {
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(0..=1000))]
     drops: u32,
 
-    /// Leave out objects that come to rest in a smaller share of their test drops
+    /// Leave out objects that come to rest in a smaller share of their test drops; above 0 also those that do not fit
+    /// into the workspace
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
     rests_min: f64,
 }
@@ -310,13 +311,17 @@ impl Import<'_> {
         let (body, thing) = (&models.bodies()[0], &models.stored()[0]);
         object.test_drops = TestDrops::of(body, thing.mass_kg, thing.friction, config, params.drops);
         object.warnings = warnings(&object, config, measured);
-        if let Some(drops) = object.test_drops
-            && f64::from(drops.rested) < params.rests_min * f64::from(drops.count())
+        let (least, file) = (params.rests_min, file.display());
+        if let Some(drops) =
+            object.test_drops.filter(|drops| f64::from(drops.rested) < least * f64::from(drops.count()))
         {
-            let (rested, count, least, file) = (drops.rested, drops.count(), params.rests_min, file.display());
+            let (rested, count) = (drops.rested, drops.count());
             return Err(unusable(format!(
                 "it must come to rest in a share of {least} of its test drops, got {rested} of {count}: {file}"
             )));
+        }
+        if object.test_drops.is_none() && params.drops > 0 && least > 0.0 {
+            return Err(unusable(format!("it does not fit into a scene to be dropped: {file}")));
         }
         Ok((object, text))
     }

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use report::view::folder::{INDEX, Place, replay_file, scene_file};
+use report::view::folder::{INDEX, Place, REPORT, replay_file, scene_file};
 use report::view::{Body, Class, EventKind, Line, Points, View, flat, flat_points};
 use schema::{AttemptRecord, Gripper, HandBox, Outcome, Pose, SceneRows};
 use shards::{Dataset, object_bodies};
@@ -93,7 +93,7 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, Failure> {
 }
 
 /// The pages of all attempts of a scene, for a folder of `shards browse`: their files' names, texts, and whether they
-/// end as stored. Each leads to the scene, to all scenes and to the scene's other attempts.
+/// end as stored. Each leads to the scene, to all scenes, to the report and to the scene's other attempts.
 ///
 /// # Errors
 /// As of [`replay`].
@@ -110,6 +110,7 @@ pub fn replay_pages(dataset: &Dataset, scene_id: u64) -> Result<Vec<(String, Str
             links: vec![
                 (format!("scene {scene_id}"), scene_file(scene_id)),
                 ("all scenes".to_owned(), INDEX.to_owned()),
+                ("report".to_owned(), REPORT.to_owned()),
             ],
             ..Place::default()
         };

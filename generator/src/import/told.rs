@@ -118,7 +118,8 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
     if !object.fits_workspace {
         let side_m = config.grid.size_m;
         told.push(format!(
-            "its bounding box's diagonal must be at most the workspace's side, {side_m} m, to be dropped"
+            "its bounding box's diagonal must be at most the workspace's side, {side_m} m, to be dropped; --rests-min leaves such \
+             objects out"
         ));
     }
     if let Some(share) = object.parts_volume_share.filter(|share| (share - 1.0).abs() > VOLUME_SHARE) {

@@ -172,7 +172,7 @@ fn all_attempts_of_scenes_become_pages_that_lead_to_each_other() {
     let page = |name: &str| std::fs::read_to_string(dir.path().join("pages").join(name)).unwrap();
     let (first, middle) = (page("replay-1-0.html"), page("replay-4-3.html"));
     assert!(first.contains("<a id=\"previous\" hidden>") && first.contains("<a id=\"next\" href=\"replay-1-1.html\">"));
-    for link in ["replay-4-2.html", "replay-4-4.html", "scene-4.html", "index.html"] {
+    for link in ["replay-4-2.html", "replay-4-4.html", "scene-4.html", "index.html", "report.html"] {
         assert!(middle.contains(&format!("href=\"{link}\"")), "{link}");
     }
     assert!(!middle.contains("getContext"), "the folder has the script");
