@@ -11,7 +11,7 @@ use std::slice;
 use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
-use network::checkpoint::Checkpoint;
+use network::checkpoint::{Checkpoint, Confusion};
 use network::{Architecture, checkpoint};
 use program::{ExitCode, Failure};
 use schema::Approach;
@@ -30,8 +30,8 @@ use crate::metrics::{Summary, Tally};
 use crate::model::Model;
 use crate::order::{Tour, steps_in_order};
 use crate::scores::{
-    Calibration, GraspErrors, Ranking, Score, Spread, best_accuracy, calibration, interval_by_scene, ranking,
-    rotation_error_deg,
+    Calibration, GraspErrors, Ranking, Score, Spread, average_precision_by_scene, best_accuracy, calibration,
+    interval_by_scene, ranking, rotation_error_deg,
 };
 use crate::split::split;
 
@@ -98,6 +98,8 @@ pub struct Evaluation {
 pub struct HandScores {
     /// Attempts whose hand does not hit the table, which arithmetic knows.
     pub table_free: Scores,
+    /// 95 % interval of their average precision by bootstrap over scenes.
+    pub average_precision_95_by_scene: Option<(f64, f64)>,
     /// What arithmetic gives without a network.
     pub arithmetic: [Arithmetic; 2],
     /// By the way in which the hand was drawn.
@@ -108,6 +110,8 @@ pub struct HandScores {
     pub scenes_with_held: usize,
     /// Of these, the share in which the attempt of the highest quality held.
     pub best_held: Option<f64>,
+    /// Wilson's 95 % interval of that share.
+    pub best_held_95: Option<(f64, f64)>,
     /// By outcome.
     pub by_outcome: BTreeMap<&'static str, Summary>,
 }
@@ -198,7 +202,7 @@ struct Found {
 }
 
 /// Evaluates a checkpoint on a set of a dataset, and keeps the `mistakes_max` worst errors of each kind. `voxel_offset`
-/// is that of [`crate::data::Seen`].
+/// is that of [`crate::data::Seen`]; without `targets` those of the recipe are asked.
 ///
 /// # Errors
 /// If checkpoint or dataset cannot be read, or the set has no samples.
@@ -206,7 +210,7 @@ pub fn examine(
     path: &Path,
     data: impl Into<Location>,
     set: TestSet,
-    voxel_offset: f32,
+    (voxel_offset, targets): (f32, Option<Targets>),
     mistakes_max: usize,
 ) -> Result<Examination, Failure> {
     let checkpoint = checkpoint::read(path)?;
@@ -218,7 +222,7 @@ pub fn examine(
         info.hands().iter().try_for_each(|hand| scope.must_match(hand, &info.grid))?;
     }
     let model = Model::of(&checkpoint.architecture, dataset.info().hands().iter());
-    let found = results(&checkpoint, &dataset, &model, (set, voxel_offset), path)?;
+    let found = results(&checkpoint, &dataset, &model, (set, voxel_offset, targets), path)?;
     if found.is_empty() {
         let what = "the dataset has no attempt whose grasp lies in the grid";
         return Err(Failure::new(ExitCode::Config, what));
@@ -265,13 +269,13 @@ fn results(
     checkpoint: &Checkpoint,
     dataset: &Dataset,
     model: &Model,
-    (set, voxel_offset): (TestSet, f32),
+    (set, voxel_offset, targets): (TestSet, f32, Option<Targets>),
     path: &Path,
 ) -> Result<Vec<Found>, Failure> {
     let stop = AtomicBool::new(false);
     let config = Config::parse(&checkpoint.config, path);
     // Weights from elsewhere have no recipe.
-    let targets = config.as_ref().map_or(Targets::Attempt, |config| config.training.targets);
+    let targets = targets.unwrap_or(config.as_ref().map_or(Targets::Attempt, |config| config.training.targets));
     let seen = model.seen(voxel_offset, targets);
     let mut samples = GraspDataset::survey(slice::from_ref(dataset), seen, &stop, &|| {})?;
     let wanted = match set {
@@ -335,6 +339,10 @@ fn hand_scores(found: &[Found]) -> HandScores {
     let hands = || found.iter().filter_map(|own| Some((&own.record, own.hand.as_ref()?, &own.result)));
     let free: Vec<SampleResult> =
         hands().filter(|(_, (hand, _), _)| !hand.hits_table).map(|(.., result)| *result).collect();
+    let of_scenes: Vec<(u32, Score)> = hands()
+        .filter(|(_, (hand, _), _)| !hand.hits_table)
+        .map(|(record, _, result)| (record.scene, score(result)))
+        .collect();
     let is_free: Vec<bool> = hands().map(|(_, (hand, _), _)| !hand.hits_table).collect();
     let arithmetic = |asked, value: fn(f32, bool) -> f32| {
         let score = |(_, (hand, clearance), result): (_, &(Hand, f32), _)| Score {
@@ -354,6 +362,8 @@ fn hand_scores(found: &[Found]) -> HandScores {
     }
     let with_held = scenes.values().filter(|(any, _)| *any).count();
     let best_held = scenes.values().filter(|(_, best)| best.held).count();
+    let (held, failed) = (best_held as u64, (with_held - best_held) as u64);
+    let counts = Confusion { true_positive: held, false_positive: failed, ..Confusion::default() };
     let source = |record: &Record| match record.rule.approach {
         Approach::Axis(_) => "rules",
         approach => approach.name(),
@@ -365,6 +375,7 @@ fn hand_scores(found: &[Found]) -> HandScores {
     };
     HandScores {
         table_free: Scores::of(&free),
+        average_precision_95_by_scene: average_precision_by_scene(&of_scenes),
         arithmetic: [
             arithmetic("does the swept hand touch the table", |_, free| f32::from(u8::from(free))),
             arithmetic("… or what was seen, by one threshold", |clearance, _| clearance),
@@ -373,6 +384,7 @@ fn hand_scores(found: &[Found]) -> HandScores {
         by_views: Scores::by(hands().map(|(_, (hand, _), result)| (views(hand.views), *result))),
         scenes_with_held: with_held,
         best_held: (with_held > 0).then(|| best_held as f64 / with_held as f64),
+        best_held_95: (with_held > 0).then(|| counts.interval()),
         by_outcome: summaries(hands().map(|(_, (hand, _), result)| (hand.outcome.name(), result))),
     }
 }

@@ -223,18 +223,57 @@ pub fn interval_by_scene(scenes: &[(u64, u64)]) -> Option<(f64, f64)> {
     if scenes.len() < 2 {
         return None;
     }
-    let mut accuracies: Vec<f64> = (0..DRAWS)
-        .map(|draw| {
-            let mut stream = Stream::new(0, 0, Purpose::Bootstrap, draw);
-            let (right, samples) = (0..scenes.len()).fold((0, 0), |(right, samples), _| {
-                let scene = scenes[stream.index(scenes.len())];
-                (right + scene.0, samples + scene.1)
-            });
-            right as f64 / samples.max(1) as f64
-        })
-        .collect();
-    accuracies.sort_by(f64::total_cmp);
-    Some((quantile(&accuracies, 0.025), quantile(&accuracies, 0.975)))
+    let accuracy = |draw| {
+        let mut stream = Stream::new(0, 0, Purpose::Bootstrap, draw);
+        let (right, samples) = (0..scenes.len()).fold((0, 0), |(right, samples), _| {
+            let scene = scenes[stream.index(scenes.len())];
+            (right + scene.0, samples + scene.1)
+        });
+        right as f64 / samples.max(1) as f64
+    };
+    Some(interval((0..DRAWS).map(accuracy).collect()))
+}
+
+/// The same of the average precision, of each sample's scene and score. `None` for fewer than two scenes or if nothing
+/// held.
+#[must_use]
+pub fn average_precision_by_scene(samples: &[(u32, Score)]) -> Option<(f64, f64)> {
+    let mut numbers: Vec<u32> = samples.iter().map(|(scene, _)| *scene).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    if numbers.len() < 2 || !samples.iter().any(|(_, score)| score.held) {
+        return None;
+    }
+    // By falling logit, with the place of the scene.
+    let place = |scene: u32| numbers.partition_point(|number| *number < scene);
+    let mut sorted: Vec<(usize, Score)> = samples.iter().map(|(scene, score)| (place(*scene), *score)).collect();
+    sorted.sort_by(|a, b| b.1.logit.total_cmp(&a.1.logit));
+    let precision = |draw| {
+        let mut stream = Stream::new(0, 0, Purpose::Bootstrap, draw);
+        let mut times = vec![0_u32; numbers.len()];
+        (0..numbers.len()).for_each(|_| times[stream.index(numbers.len())] += 1);
+        let (mut held, mut all, mut sum) = (0.0, 0.0, 0.0);
+        for tied in sorted.chunk_by(|a, b| a.1.logit == b.1.logit) {
+            let of =
+                |held: bool| tied.iter().filter(move |(_, score)| score.held == held).map(|(scene, _)| times[*scene]);
+            let held_here = f64::from(of(true).sum::<u32>());
+            held += held_here;
+            all += held_here + f64::from(of(false).sum::<u32>());
+            if all > 0.0 {
+                sum += held_here * held / all;
+            }
+        }
+        // Draws in which nothing held say nothing.
+        (held > 0.0).then(|| sum / held)
+    };
+    let precisions: Vec<f64> = (0..DRAWS).filter_map(precision).collect();
+    (!precisions.is_empty()).then(|| interval(precisions))
+}
+
+/// The middle 95 % of some values.
+fn interval(mut values: Vec<f64>) -> (f64, f64) {
+    values.sort_by(f64::total_cmp);
+    (quantile(&values, 0.025), quantile(&values, 0.975))
 }
 
 #[cfg(test)]
@@ -323,6 +362,31 @@ mod tests {
         assert!((ratio - 10.0_f64.sqrt()).abs() < 0.4, "{ratio}");
         assert_eq!(interval_by_scene(&together), Some((few_low, few_high)));
         assert_eq!(interval_by_scene(&[(3, 4)]), None);
+    }
+
+    /// Against the ranking of each draw, made by copying the drawn scenes' samples.
+    #[test]
+    fn the_interval_of_the_average_precision_is_that_of_drawn_scenes() {
+        let mut dice = Stream::new(3, 0, Purpose::Bootstrap, 0);
+        let mut sample = |scene: u32| {
+            let held = dice.unit() < 0.3;
+            let logit = (4.0 * dice.unit() + f64::from(u8::from(held))).round() as f32;
+            (7 * scene, Score { logit, held })
+        };
+        let samples: Vec<(u32, Score)> = (0..30).flat_map(|scene| [scene; 6]).map(&mut sample).collect();
+        let drawn = |draw: u32| {
+            let mut stream = Stream::new(0, 0, Purpose::Bootstrap, draw);
+            let scenes: Vec<u32> = (0..30).map(|_| 7 * stream.index(30) as u32).collect();
+            let of = |scene: &u32| samples.iter().filter(|(own, _)| own == scene).map(|(_, score)| *score).collect();
+            let all: Vec<Vec<Score>> = scenes.iter().map(of).collect();
+            ranking(&all.concat()).average_precision.unwrap()
+        };
+        let (low, high) = interval((0..DRAWS).map(drawn).collect());
+        let (found_low, found_high) = average_precision_by_scene(&samples).unwrap();
+        assert!((found_low - low).abs() < 1e-12 && (found_high - high).abs() < 1e-12, "{found_low} {found_high}");
+        let found = ranking(&samples.iter().map(|(_, score)| *score).collect::<Vec<_>>()).average_precision.unwrap();
+        assert!(low < found && found < high && high - low < 0.3, "{low} {found} {high}");
+        assert_eq!(average_precision_by_scene(&samples[..6]), None);
     }
 
     proptest! {

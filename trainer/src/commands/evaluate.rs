@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use program::{ExitCode, Failure, json, print, start_threads};
 use shards::Location;
+use trainer::config::Targets;
 use trainer::evaluate::report::{document, write_report};
 use trainer::evaluate::{TestSet, examine};
 use trainer::run_folder::SavedAs;
@@ -31,6 +32,10 @@ pub(crate) struct Arguments {
     /// Place of a grasp in its voxel along each axis, from 0 to 1: 0 for VGN's weights, because VGN rounds positions.
     #[arg(long, value_name = "X", default_value_t = 0.5, value_parser = share)]
     voxel_offset: f32,
+    /// Ask about every attempt, also a network that learned one answer a voxel (training.targets = "voxel"); with
+    /// --split all.
+    #[arg(long)]
+    per_attempt: bool,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -49,7 +54,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         // clap asks for one of the two.
         (None, run) => arguments.checkpoint.path(run.as_deref().unwrap_or(Path::new("."))),
     };
-    let evaluation = examine(&path, &arguments.data, arguments.split, arguments.voxel_offset, 0)?.evaluation;
+    if arguments.per_attempt && arguments.split != TestSet::All {
+        // What was held out of the voxels would be others than of the attempts.
+        return Err(Failure::new(ExitCode::Usage, "--per-attempt needs --split all"));
+    }
+    let asked = (arguments.voxel_offset, arguments.per_attempt.then_some(Targets::Attempt));
+    let evaluation = examine(&path, &arguments.data, arguments.split, asked, 0)?.evaluation;
     print(if arguments.json { json(&evaluation)? } else { document(&evaluation).text() })?;
     if let Some(folder) = &arguments.report {
         write_report(&evaluation, folder)?;

@@ -200,6 +200,7 @@ fn numbers(evaluation: &Evaluation) -> Table {
 /// What only a judge's evaluation has.
 fn hand_rows(hands: &HandScores) -> [Vec<Cell>; 3] {
     let HandScores { table_free, scenes_with_held, best_held, .. } = hands;
+    let (precision_95, best_95) = (range(hands.average_precision_95_by_scene), range(hands.best_held_95));
     let row = |what: &str, value: String, meaning: &str| vec![what.into(), Cell::Number(value), Cell::note(meaning)];
     let [accuracy, auc, precision] =
         [table_free.all.accuracy, table_free.roc_auc, table_free.average_precision].map(number);
@@ -209,11 +210,15 @@ fn hand_rows(hands: &HandScores) -> [Vec<Cell>; 3] {
             accuracy,
             &format!("always \"failure\": {}", number(table_free.all.baseline_accuracy)),
         ),
-        row("area under the ROC curve, average precision, the same", format!("{auc}, {precision}"), ""),
+        row(
+            "area under the ROC curve, average precision, the same",
+            format!("{auc}, {precision}"),
+            &format!("average precision, 95 % interval, scenes drawn (bootstrap): {precision_95}"),
+        ),
         row(
             &format!("best hand of a scene holds, {scenes_with_held} scenes"),
             number(*best_held),
-            "of the scenes in which some attempt held",
+            &format!("of the scenes in which some attempt held; 95 % interval {best_95}"),
         ),
     ]
 }

@@ -103,7 +103,7 @@ fn a_page_has_the_numbers_of_the_evaluation_and_the_metrics() {
 fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     let place = Place::trained();
     let best = place.run.join("best.safetensors");
-    let examined = examine(&best, place.data.as_path(), TestSet::All, 0.5, 6).unwrap();
+    let examined = examine(&best, place.data.as_path(), TestSet::All, (0.5, None), 6).unwrap();
 
     let data = std::slice::from_ref(&examined.dataset);
     let samples = GraspDataset::survey(data, Seen::OURS, &AtomicBool::new(false), &|| {}).unwrap();

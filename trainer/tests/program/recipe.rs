@@ -236,3 +236,22 @@ fn several_datasets_are_trained_on_as_one_and_their_order_is_part_of_the_run() {
     check_fails(&["evaluate", "--run", run, "--data", more, "--split", "all"], 78, &["several datasets", "among them"]);
     check_fails(&place.args(&place.run("twice"), &["--data", data]), 78, &["given twice"]);
 }
+
+#[test]
+fn a_network_of_voxels_is_asked_about_voxels_or_about_every_attempt() {
+    let place = Place::new(1, "targets = \"voxel\"", "");
+    let [run, fresh] = ["voxels", "fresh"].map(|name| place.run(name));
+    assert_eq!(place.fit(&place.config(), &run), Ending::Done);
+    // So many attempts that some have their origin in one voxel.
+    write_dataset(&fresh, 6, 2, 4, 400);
+    let [run, fresh] = [&run, &fresh].map(|path| path.to_str().unwrap());
+    let samples = |more: &[&str]| {
+        let output = trainer(&[&["evaluate", "--run", run, "--data", fresh, "--json"][..], more].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        told["all"]["samples"].as_u64().unwrap()
+    };
+    let [voxels, attempts] = [samples(&["--split", "all"]), samples(&["--split", "all", "--per-attempt"])];
+    assert!(voxels < attempts && attempts <= 1600 && attempts > 1500, "{voxels} of {attempts}");
+    check_fails(&["evaluate", "--run", run, "--data", fresh, "--per-attempt"], 2, &["--per-attempt needs --split all"]);
+}
