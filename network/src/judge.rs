@@ -92,7 +92,7 @@ impl Scope {
     pub fn hand_in_words(&self) -> String {
         match &self.hands {
             None => format!("the hand {}", self.gripper.name),
-            Some(spans) => format!("hands that open {} to {} m", spans[0][0], spans[0][1]),
+            Some(spans) => format!("hands that open {} m", shown(spans[0])),
         }
     }
 
@@ -117,10 +117,15 @@ impl Scope {
         };
         let outside = gripper.numbers().into_iter().zip(spans).find(|((_, got), span)| is_outside((*got, *span)));
         let Some(((key, got), [low, high])) = outside else { return Ok(()) };
-        let expected = if low == high { low.to_string() } else { format!("{low} to {high}") };
+        let expected = shown([low, high]);
         let (trained, given) = (self.hand_in_words(), &gripper.name);
         refused(format!("for {trained}, not for {given} as it is given: {key} must be {expected}, got {got}"))
     }
+}
+
+/// A number, or a range to three decimals.
+fn shown([low, high]: [f32; 2]) -> String {
+    if low == high { low.to_string() } else { format!("{low:.3} to {high:.3}") }
 }
 
 /// The judge, prepared for evaluation.

@@ -67,6 +67,10 @@ struct NetworkArguments {
     #[arg(long, value_name = "NAME|FILE")]
     config: Option<PathBuf>,
 
+    /// The hand, in place of the settings': a built-in name, or the path of a file that ends in .toml
+    #[arg(long, value_name = "NAME|FILE")]
+    gripper: Option<String>,
+
     /// Threads; never changes the plan [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -76,7 +80,10 @@ impl NetworkArguments {
     /// Starts the threads and makes the planner.
     fn planner(&self) -> Result<Planner, Failure> {
         start_threads(self.threads)?;
-        let config = Config::load(self.config.as_deref())?;
+        let mut config = Config::load(self.config.as_deref())?;
+        if let Some(hand) = &self.gripper {
+            config.gripper = gripper::named(hand)?;
+        }
         Ok(match &self.model {
             Some(model) => Planner::new(model, config)?,
             None => Planner::built_in(config)?,

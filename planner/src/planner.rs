@@ -22,14 +22,34 @@ use crate::refine::{Hand, Searched};
 use crate::segment::segment;
 use crate::volume::fuse;
 
-/// The built-in networks, with their paths in the source tree.
-fn weights(named: BuiltIn) -> (&'static [u8], &'static Path) {
-    let (file, path): (&[u8], _) = match named {
-        BuiltIn::Judge => (include_bytes!("../../models/judge.safetensors"), "models/judge.safetensors"),
-        BuiltIn::Paper => (include_bytes!("../../models/paper-200k.safetensors"), "models/paper-200k.safetensors"),
-        BuiltIn::Vgn => (include_bytes!("../../models/vgn.safetensors"), "models/vgn.safetensors"),
-    };
-    (file, Path::new(path))
+/// A network's file, and its path in the source tree.
+type Weights = (&'static [u8], &'static str);
+
+/// The built-in networks for some settings: one for a single hand, and one for those that it does not answer for.
+fn weights(named: BuiltIn) -> (Weights, Option<Weights>) {
+    match named {
+        BuiltIn::Judge => (
+            (include_bytes!("../../models/judge.safetensors"), "models/judge.safetensors"),
+            Some((include_bytes!("../../models/judge-any-jaw.safetensors"), "models/judge-any-jaw.safetensors")),
+        ),
+        BuiltIn::Paper => {
+            ((include_bytes!("../../models/paper-200k.safetensors"), "models/paper-200k.safetensors"), None)
+        }
+        BuiltIn::Vgn => ((include_bytes!("../../models/vgn.safetensors"), "models/vgn.safetensors"), None),
+    }
+}
+
+/// The warning for a built-in network that answers for voxels if another hand is asked for than the one that its
+/// settings have: it has no input for a hand.
+fn other_hand(config: &Config) -> Result<Option<String>, Failure> {
+    let own = config.network.config()?.gripper;
+    if matches!(config.network, BuiltIn::Judge) || own.numbers() == config.gripper.numbers() {
+        return Ok(None);
+    }
+    let (network, own, given) = (config.network.name(), own.name, &config.gripper.name);
+    Ok(Some(format!(
+        "the network {network} was trained for the hand {own}, not for {given}: its widths and qualities are those of {own}"
+    )))
 }
 
 /// A network and settings, ready to plan. Planning does not change it.
@@ -42,6 +62,8 @@ pub struct Planner {
     pub config: Config,
     /// The workspace.
     pub grid: Grid,
+    /// A warning for every plan.
+    warning: Option<String>,
 }
 
 /// A planner, and beside it those that come with the program, for requests that name one; each is made when it is first
@@ -103,13 +125,16 @@ impl Planner {
         Self::from_bytes(&read_file(model)?, model, config)
     }
 
-    /// A planner with the weights that come with the program for these settings (`models/`).
+    /// A planner with the weights that come with the program for these settings and this hand (`models/`).
     ///
     /// # Errors
-    /// If the settings' hand is not the one that a judge was trained for.
+    /// If no judge was trained for the settings' hand.
     pub fn built_in(config: Config) -> Result<Self, Failure> {
-        let (file, path) = weights(config.network);
-        Self::from_bytes(file, path, config)
+        let warning = other_hand(&config)?;
+        let (own, others) = weights(config.network);
+        let of = |(file, path): Weights| Self::from_bytes(file, Path::new(path), config.clone());
+        let made = of(own).or_else(|why| others.map_or(Err(why), of))?;
+        Ok(Self { warning, ..made })
     }
 
     fn from_bytes(file: &[u8], path: &Path, config: Config) -> Result<Self, Failure> {
@@ -125,7 +150,7 @@ impl Planner {
             Architecture::Judge(_) => Network::Judge(Box::new(Judge::new(&checkpoint, &config.gripper, &grid)?)),
         };
         let model_id = checkpoint::digest(file);
-        Ok(Self { network, model_id, config, grid })
+        Ok(Self { network, model_id, config, grid, warning: None })
     }
 
     /// Plans grasps. An empty scene, or one without a good grasp, gives a plan without grasps that says why.
@@ -141,7 +166,7 @@ impl Planner {
         });
         let found = self.find(&volume.grid, volume.points_m, (observation.views(), wishes), &mut timings_ms);
         let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &normals, wishes));
-        plan.warnings.splice(0..0, volume.warnings);
+        plan.warnings.splice(0..0, self.warning.iter().cloned().chain(volume.warnings));
         plan.timings_ms = timings_ms;
         Ok(plan)
     }

@@ -29,10 +29,15 @@ settings! {
     }
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+/// The hand that an argument names.
+pub(crate) fn named(hand: &str) -> Result<Gripper, Failure> {
     let mut document = Document::parse("", Path::new("HAND"))?;
-    document.table_mut().insert("gripper".to_owned(), Value::String(arguments.hand.clone()));
-    let gripper = document.read::<Named>()?.gripper;
+    document.table_mut().insert("gripper".to_owned(), Value::String(hand.to_owned()));
+    Ok(document.read::<Named>()?.gripper)
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let gripper = named(&arguments.hand)?;
     if let Some(path) = &arguments.picture {
         write(path, hand::svg(&gripper))?;
     }

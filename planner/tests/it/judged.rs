@@ -94,8 +94,36 @@ fn an_empty_table_has_no_hands_and_says_so() {
 fn a_judge_of_another_hand_is_refused_and_both_are_named() {
     let mut config = config();
     config.gripper = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
-    let error = Planner::built_in(config).unwrap_err().to_string();
+    let error = Planner::new(&file("models/judge.safetensors"), config).unwrap_err().to_string();
     assert!(error.contains("trained for the hand parallel_jaw_80, not for robotiq_2f_85"), "{error}");
+}
+
+#[test]
+fn hands_without_a_judge_of_their_own_share_one_within_its_ranges() {
+    let of = |gripper: Gripper| Planner::built_in(Config { gripper, ..config() });
+    let models = Gripper::BUILT_IN.map(|(name, text)| (name, of(Gripper::from_toml(text).unwrap()).unwrap().model_id));
+    let own = &models.iter().find(|(name, _)| *name == "parallel_jaw_80").unwrap().1;
+    let shared: Vec<&String> = models.iter().map(|(_, id)| id).filter(|id| *id != own).collect();
+    assert!(shared.len() == models.len() - 1 && shared.iter().all(|id| *id == shared[0]));
+    let huge = Gripper { opening_m_max: 0.3, palm_breadth_m: 0.3, name: "huge".to_owned(), ..config().gripper };
+    let error = of(huge).unwrap_err().to_string();
+    assert!(
+        error.contains("not for huge as it is given: opening_m_max must be 0.0") && error.contains("got 0.3"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_network_of_voxels_says_that_it_was_trained_for_another_hand() {
+    let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
+    let warnings = |gripper: Option<Gripper>| {
+        let paper = BuiltIn::Paper.config().unwrap();
+        let planner = Planner::built_in(Config { gripper: gripper.unwrap_or(paper.gripper.clone()), ..paper }).unwrap();
+        planner.plan(&observation, &Wishes::default()).unwrap().warnings
+    };
+    assert_eq!(warnings(None), Vec::<String>::new());
+    let told = warnings(Some(Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap()));
+    assert!(told[0].starts_with("the network paper was trained for the hand parallel_jaw_80, not for robotiq_2f_85"));
 }
 
 #[test]
