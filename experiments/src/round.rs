@@ -18,7 +18,7 @@ use simulator::{
 
 use crate::config::{Config, Touching};
 use crate::record::{Ending, Round, Trial, TrialObject};
-use crate::start::{Start, start};
+use crate::start::{Start, UNVIABLE_MAX, start};
 
 /// Objects slower than this may be trembling.
 const TREMBLING_M_S: f32 = 0.05;
@@ -32,8 +32,13 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Fai
     let (seed, scene_id) = (config.seeds[(round / config.rounds) as usize], round % config.rounds);
     let failed = |why: String| Failure::new(ExitCode::Config, format!("round {round}: {why}"));
     let began = start(config, seed, scene_id);
-    let Start { mut scene, group, unviable_count } =
-        began.ok_or_else(|| failed(format!("no scene in {} tries", config.scene.settle.tries_max)))?;
+    let none = || {
+        let tries_max = config.scene.settle.tries_max;
+        failed(format!(
+            "no scene: {tries_max} were rejected, or {UNVIABLE_MAX} had an object that the hand cannot span"
+        ))
+    };
+    let Start { mut scene, group, unviable_count } = began.ok_or_else(none)?;
     let mut played = Round {
         round,
         seed,
