@@ -123,9 +123,10 @@ impl Scope {
     }
 }
 
-/// A number, or a range to three decimals.
+/// A number, or a range to at most three decimals.
 fn shown([low, high]: [f32; 2]) -> String {
-    if low == high { low.to_string() } else { format!("{low:.3} to {high:.3}") }
+    let [from, to] = [low, high].map(|end| (1e3 * end).round() / 1e3);
+    if low == high { low.to_string() } else { format!("{from} to {to}") }
 }
 
 /// The judge, prepared for evaluation.

@@ -49,8 +49,8 @@ COMMANDS = [
 ]
 
 
-# Starts a program and writes its exit code and its peak memory in KiB. A program started from here would count the memory of this
-# process, which has PyTorch in it.
+# Starts a program and writes its exit code and its peak memory in KiB. A program started from here would count the
+# memory of this process, which has PyTorch in it.
 WATCH = """
 import os, resource, sys
 code = os.spawnvp(os.P_WAIT, sys.argv[2], sys.argv[2:])

@@ -13,8 +13,8 @@ use report::document::{Block, Cell, Document, Table};
 /// Make objects of your own meshes: measure them, decompose them into convex parts, write a catalogue
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
-    /// Meshes (.obj, .stl, .ply, .glb, .msh), descriptions (.urdf, MuJoCo's .xml), and folders of them, with all folders
-    /// within
+    /// Meshes (.obj, .stl, .ply, .glb, .msh), descriptions (.urdf, MuJoCo's .xml), and folders of them, with all
+    /// folders within
     #[arg(required = true, value_name = "FOLDER|FILE")]
     meshes: Vec<PathBuf>,
 

@@ -153,7 +153,12 @@ fn a_request_may_name_other_settings_and_keeps_the_planners_hand() {
     let other = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
     let planners =
         Planners::new(Planner::built_in(Config { gripper: other, ..BuiltIn::Paper.config().unwrap() }).unwrap());
-    assert_eq!(planners.of(Some(BuiltIn::Vgn)).unwrap().config.gripper.name, "robotiq_2f_85");
+    for named in [BuiltIn::Vgn, BuiltIn::Judge] {
+        assert_eq!(planners.of(Some(named)).unwrap().config.gripper.name, "robotiq_2f_85");
+    }
+    let huge = Gripper { opening_m_max: 0.3, palm_breadth_m: 0.3, name: "huge".to_owned(), ..config().gripper };
+    let planners =
+        Planners::new(Planner::built_in(Config { gripper: huge, ..BuiltIn::Paper.config().unwrap() }).unwrap());
     let error = planners.of(Some(BuiltIn::Judge)).unwrap_err().to_string();
-    assert!(error.contains("not for robotiq_2f_85") && error.ends_with("config"), "{error}");
+    assert!(error.contains("not for huge") && error.ends_with("config"), "{error}");
 }
