@@ -51,7 +51,7 @@ const VIABLE: &str = "objects.viable_only=true";
 const PILOT_ATTEMPTS: u64 = 6_000;
 /// Rounds of an experiment, on a seed that nothing is tuned on, and the time that one takes.
 const ROUNDS: u32 = 100;
-const ROUND: Duration = Duration::from_millis(1_200);
+const ROUND: Duration = Duration::from_millis(600);
 
 words! {
     /// From where scenes are seen.
@@ -455,11 +455,11 @@ mod tests {
         assert_eq!(recipe.tried_hands().unwrap().len(), Gripper::BUILT_IN.len());
         assert_eq!(recipe.steps().unwrap().len(), 6 + 3 * Gripper::BUILT_IN.len());
         assert_eq!(file(&recipe, "plan-wsg_50.toml")["gripper"].as_str(), Some("wsg_50"));
-        // 15 times a pilot of 40 s, 30 times its first step, and 21 experiments of two minutes.
+        // 15 times a pilot of 40 s, 30 times its first step, and 21 experiments of a minute.
         let (_, steps) = recipe.pilot(Path::new("/pilot")).unwrap();
         let spent = [Duration::from_secs(10); 4];
         assert_eq!(steps.len(), spent.len());
-        assert_eq!(recipe.time(&spent).as_secs(), 15 * 40 + 30 * 10 + 21 * 120);
+        assert_eq!(recipe.time(&spent).as_secs(), 15 * 40 + 30 * 10 + 21 * 60);
     }
 
     #[test]
