@@ -7,8 +7,8 @@ use simulator::{Scene, SceneObject, Settled, Unsettled, settle, settle_again};
 use crate::catalogue::CatalogueObject;
 use crate::config::{Config, Objects};
 
-/// Most scenes of a round with an object that the hand cannot span: five objects for a hand that opens 50 mm take 30
-/// such scenes on average.
+/// Most scenes of a round with an object that the hand cannot span: 100 rounds of five objects for a hand that opens
+/// 50 mm met 23 of them a round, and 108 in one.
 pub(crate) const UNVIABLE_MAX: u32 = 10_000;
 
 /// The scene at the beginning of a round.
