@@ -46,6 +46,8 @@ pub struct Config {
     pub stop: StopParams,
     /// What becomes of a hand that touches something.
     pub touching: Touching,
+    /// Which grasp of a plan is executed.
+    pub choice: Choice,
     /// The planner's settings.
     pub plan: planner::Config,
     /// The network's file; `None` for the one that comes with the program.
@@ -153,6 +155,8 @@ settings! {
         stop: StopParams,
         /// What becomes of a hand that touches something on its way or moves another object.
         touching: Touching; or Touching::Fails,
+        /// Which grasp of a plan is executed.
+        choice: Choice; or Choice::First,
     }
     check Keys::agree
 }
@@ -180,6 +184,17 @@ words! {
         Fails = "fails",
         /// The hand halts at the first touch and closes there, and may move other objects: rounds of VGN and GIGA.
         Halts = "halts",
+    }
+}
+
+words! {
+    /// Which grasp of a plan is executed.
+    pub enum Choice {
+        /// The first.
+        First = "first",
+        /// The first that will hold; without one the round ends. It shows what a planner that knew every outcome
+        /// would clear with the hands that it considers (with `plan.detection.quality_min=1e-6`).
+        Holds = "holds",
     }
 }
 
@@ -267,6 +282,7 @@ impl Config {
             noise: keys.noise.kind.noise(keys.noise.std_m, scene.camera.focal_px),
             stop: keys.stop,
             touching: keys.touching,
+            choice: keys.choice,
             model: file(&keys.model, "built-in"),
             text,
             protocol: keys.protocol,
@@ -348,8 +364,10 @@ fn objects(keys: &ObjectKeys, scene: &generator::Config, catalogue: Option<&Path
 /// Digest of what decides a round, as it is stored: no name in this code is part of it.
 fn digest(keys: &Table, scene: &generator::Config, plan: &planner::Config, objects: &Objects) -> String {
     let mut keys = keys.clone();
-    // Runs that were begun before there was the key continue.
-    let is_default = |key: &str, value: &toml::Value| key == "touching" && value.as_str() == Some("fails");
+    // Runs that were begun before there were these keys continue.
+    let defaults = [("touching", "fails"), ("choice", "first")];
+    let is_default =
+        |key: &str, value: &toml::Value| defaults.iter().any(|it| it.0 == key && value.as_str() == Some(it.1));
     keys.retain(|key, value| !["seeds", "rounds"].contains(&key) && !is_default(key, value));
     let mut info = DatasetInfo { code_version: String::new(), ..scene.dataset_info() }; // the journal has the version
     if let Objects::Things(groups) = objects {
@@ -398,6 +416,7 @@ mod tests {
             ("plan.detection.quality_min", "0.8"),
             ("scene", "../generate/everyday.toml"),
             ("touching", "halts"),
+            ("choice", "holds"),
             ("plan", "paper"),
             ("plan.ranking.policy", "paper"),
         ] {

@@ -16,7 +16,7 @@ use simulator::{
     AttemptWorld, Execution, Scene, SceneObject, SceneRays, SettleParams, Settled, Unsettled, settle_again,
 };
 
-use crate::config::{Config, Touching};
+use crate::config::{Choice, Config, Touching};
 use crate::record::{Ending, Round, Trial, TrialObject};
 use crate::start::{Start, UNVIABLE_MAX, start};
 
@@ -125,10 +125,16 @@ fn try_once(
     let began = Instant::now();
     let plan = planner.plan(&Observation::Views(views), wishes)?;
     let plan_ms = milliseconds(began);
-    let Some(best) = plan.grasps.get(tried) else { return Ok(None) };
-    let pose = best.workspace_from_grasp;
     let world = AttemptWorld::new(&config.scene.physics, &config.plan.gripper, &config.scene.procedure, scene);
-    let (target, (execution, poses)) = execute(config.touching, &world, scene, &pose);
+    let mut ends = plan.grasps.iter().skip(tried).map(|best| {
+        let pose = best.workspace_from_grasp;
+        (best, pose, execute(config.touching, &world, scene, &pose))
+    });
+    let chosen = match config.choice {
+        Choice::First => ends.next(),
+        Choice::Holds => ends.find(|(.., (_, (execution, _)))| execution.outcome == Outcome::Held),
+    };
+    let Some((best, pose, (target, (execution, poses)))) = chosen else { return Ok(None) };
     let trial = Trial {
         object_count: scene.objects.len() as u32,
         planned_count: plan.grasps.len() as u32,
