@@ -11,7 +11,7 @@ use program::{ExitCode, Failure};
 /// Clears tables in simulation and counts.
 #[derive(Debug, Parser)]
 #[command(version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
-pub(crate) struct Cli {
+pub struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -26,7 +26,11 @@ enum Command {
     Manual(Manual),
 }
 
-pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
+/// Runs the command.
+///
+/// # Errors
+/// As its message says; the exit code is documented in the help.
+pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     match cli.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),

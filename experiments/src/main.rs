@@ -1,7 +1,5 @@
 //! The program `experiments`: clears tables in simulation and counts.
 
-mod commands;
-
 fn main() -> std::process::ExitCode {
-    program::run(commands::run)
+    program::run(experiments::commands::run)
 }

@@ -29,7 +29,7 @@ use shards::Location;
 #[derive(Debug, Parser)]
 #[command(name = "generator", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{ENVIRONMENT}\n\n{}", ExitCode::HELP, Location::HELP))]
 #[command(subcommand_negates_reqs = true, args_conflicts_with_subcommands = true, subcommand_value_name = "COMMAND")]
-pub(crate) struct Cli {
+pub struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
 
@@ -53,7 +53,11 @@ enum Command {
     Manual(Manual),
 }
 
-pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
+/// Runs the command.
+///
+/// # Errors
+/// As its message says; the exit code is documented in the help.
+pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     match cli.command {
         None => generate::run(&cli.generate),
         Some(Command::Bench(arguments)) => bench::run(&arguments),

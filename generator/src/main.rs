@@ -1,7 +1,5 @@
 //! The program `generator`: writes grasp datasets.
 
-mod commands;
-
 fn main() -> std::process::ExitCode {
-    program::run(commands::run)
+    program::run(generator::commands::run)
 }

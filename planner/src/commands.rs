@@ -8,15 +8,15 @@ mod serve;
 
 use std::path::PathBuf;
 
+use crate::{Config, Planner};
 use clap::{Args, CommandFactory, Parser, Subcommand};
-use planner::{Config, Planner};
 use program::manual::{Manual, Settings};
 use program::{ExitCode, Failure, start_threads};
 
 /// Plans grasps from what a robot sees.
 #[derive(Debug, Parser)]
 #[command(version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
-pub(crate) struct Cli {
+pub struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -32,7 +32,11 @@ enum Command {
     Manual(Manual),
 }
 
-pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
+/// Runs the command.
+///
+/// # Errors
+/// As its message says; the exit code is documented in the help.
+pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     match cli.command {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
@@ -45,10 +49,10 @@ pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
 const SETTINGS: [Settings; 3] = [
     Settings {
         path: "configs/plan/paper.toml",
-        toml: planner::BuiltIn::Paper.text(),
-        rows: settings::rows_of::<planner::Config>,
+        toml: crate::BuiltIn::Paper.text(),
+        rows: settings::rows_of::<crate::Config>,
     },
-    Settings { path: "configs/plan/judge.toml", toml: planner::BuiltIn::Judge.text(), rows: Vec::new },
+    Settings { path: "configs/plan/judge.toml", toml: crate::BuiltIn::Judge.text(), rows: Vec::new },
     Settings {
         path: "configs/plan/refined.toml",
         toml: include_str!("../../configs/plan/refined.toml"),

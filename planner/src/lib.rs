@@ -15,6 +15,7 @@
 
 pub mod bench;
 pub mod cloud_file;
+pub mod commands;
 pub mod config;
 pub mod demo;
 pub mod detect;

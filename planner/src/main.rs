@@ -1,7 +1,5 @@
 //! The program `planner`: plans grasps from what a robot sees.
 
-mod commands;
-
 fn main() -> std::process::ExitCode {
-    program::run(commands::run)
+    program::run(planner::commands::run)
 }

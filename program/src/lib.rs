@@ -33,5 +33,5 @@ pub use output::{command_line, json, print, print_error, write};
 pub use publish::publish;
 pub use read::{open, read, unread};
 pub use signals::stop_on_signals;
-pub use start::{run, start_threads, thread_pool};
+pub use start::{embed, run, run_to_code, start_beside, start_threads, thread_pool};
 pub use text::error_chain;

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::start::words;
 use crate::{Context, ExitCode, Failure, publish};
 
 /// Prints to standard output, control characters escaped (as `\u001b`). A reader that closed it, such as `head`, had
@@ -59,7 +60,8 @@ pub fn json(value: &impl Serialize) -> Result<String, Failure> {
 /// The command line of this process, as a person would type it into a shell.
 #[must_use]
 pub fn command_line(program: &str) -> String {
-    std::env::args().skip(1).fold(program.to_owned(), |line, word| line + " " + &quoted(&word))
+    let words = words().into_iter().skip(1);
+    words.fold(program.to_owned(), |line, word| line + " " + &quoted(&word.to_string_lossy()))
 }
 
 /// A word as a shell takes it.

@@ -30,7 +30,7 @@ Examples:
 /// Verify, report on, inspect and export a dataset of grasp attempts. No command changes the dataset.
 #[derive(Debug, Parser)]
 #[command(name = "shards", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
-pub(crate) struct Cli {
+pub struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -49,7 +49,11 @@ enum Command {
     Manual(Manual),
 }
 
-pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
+/// Runs the command.
+///
+/// # Errors
+/// As its message says; the exit code is documented in the help.
+pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     match cli.command {
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),

@@ -17,7 +17,7 @@ use program::{ExitCode, Failure};
 /// Trains the volumetric grasp network on a Graspmill dataset.
 #[derive(Parser)]
 #[command(version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
-pub(crate) struct Cli {
+pub struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -37,7 +37,11 @@ enum Command {
     Manual(Manual),
 }
 
-pub(crate) fn run(cli: Cli) -> Result<ExitCode, Failure> {
+/// Runs the command.
+///
+/// # Errors
+/// As its message says; the exit code is documented in the help.
+pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     match cli.command {
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Recipe(arguments) => recipe::run(&arguments),

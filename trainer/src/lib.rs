@@ -22,10 +22,13 @@
 //! So neither the number of threads nor stopping and resuming changes a bit. [`device`] lists the other devices; there
 //! gradients are computed by autodiff.
 
+extern crate self as trainer; // as its commands name it
+
 pub mod adam;
 pub mod augmentation;
 pub mod batch;
 pub mod bench;
+pub mod commands;
 pub mod config;
 pub mod curves;
 pub mod data;

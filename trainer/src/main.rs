@@ -1,7 +1,5 @@
 //! The program `trainer`: trains the volumetric grasp network.
 
-mod commands;
-
 fn main() -> std::process::ExitCode {
-    program::run(commands::run)
+    program::run(trainer::commands::run)
 }

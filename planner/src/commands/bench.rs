@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use crate::bench::bench;
+use crate::input::{InputError, assemble, from_file};
+use crate::{Observation, demo};
 use clap::Args;
-use planner::bench::bench;
-use planner::input::{InputError, assemble, from_file};
-use planner::{Observation, demo};
 use program::{ExitCode, Failure, json, print};
 
 use super::{NetworkArguments, console};

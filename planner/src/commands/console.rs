@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
+use crate::bench::{BenchReport, StageTime};
+use crate::plan::{Funnel, Plan, RankedGrasp};
 use network::Kind;
-use planner::bench::{BenchReport, StageTime};
-use planner::plan::{Funnel, Plan, RankedGrasp};
 
 /// Maximum number of grasps in the summary; the JSON has all.
 const GRASPS_SHOWN: usize = 10;

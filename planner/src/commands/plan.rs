@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use planner::cloud_file::write_ply;
-use planner::input::{
+use crate::cloud_file::write_ply;
+use crate::input::{
     InputError, OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput, assemble, from_file,
 };
-use planner::picture::draw;
-use planner::{Planners, Policy, demo};
+use crate::picture::draw;
+use crate::{Planners, Policy, demo};
+use clap::Args;
 use program::{ExitCode, Failure, json, print, print_error, write};
 use schema::Grid;
 

@@ -1,7 +1,7 @@
 //! `planner serve`: plans over HTTP.
 
+use crate::serve::{ServeOptions, serve};
 use clap::Args;
-use planner::serve::{ServeOptions, serve};
 use program::{Context, ExitCode, Failure, print, print_error, stop_on_signals};
 
 use super::NetworkArguments;

@@ -1,10 +1,10 @@
 //! `shards browse`: scenes of a dataset as a folder of pages.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use clap::Args;
-use program::{Context, ExitCode, Failure, print, print_error};
+use program::{Context, ExitCode, Failure, print, print_error, start_beside};
 use shards::report::spread;
 use shards::{Dataset, Location, begin_browsing, browse};
 
@@ -54,17 +54,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 /// Has the program beside this one execute the scenes' attempts again. Without it, or if the dataset is not of its
 /// engine, the pages have no replays, which is said.
 fn replay(dataset: &Dataset, scenes: &[u64], folder: &Path) -> Result<(), Failure> {
-    let own = std::env::current_exe().context("failed to find this program's folder")?;
-    let generator = own.with_file_name(format!("generator{}", std::env::consts::EXE_SUFFIX));
-    if !generator.is_file() {
-        print_error(&format!("no replays: they are made by the program {}, which is not there", generator.display()));
-        return Ok(());
-    }
-    let mut command = Command::new(&generator);
+    let mut command = match start_beside("generator") {
+        Ok(command) => command,
+        Err(failure) => {
+            print_error(&format!("no replays: {failure}"));
+            return Ok(());
+        }
+    };
     command.arg("replay").arg(dataset.location().to_string()).arg("--into").arg(folder);
     command.args(scenes.iter().flat_map(|scene| ["--scene".to_owned(), scene.to_string()]));
-    let output =
-        command.stdin(Stdio::null()).output().context(format_args!("failed to start {}", generator.display()))?;
+    let output = command.stdin(Stdio::null()).output().context("failed to start generator")?;
     let code = output.status.code();
     if code == Some(i32::from(ExitCode::Data.code())) && output.stderr.is_empty() {
         // It counts attempts that do not end as stored; their pages say so, too.

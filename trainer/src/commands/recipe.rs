@@ -2,12 +2,11 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use program::{Context, ExitCode, Failure, print, stop_on_signals, write};
+use program::{Context, ExitCode, Failure, print, start_beside, stop_on_signals, write};
 use trainer::recipe::{Recipe, Seen, Step, Things, card};
 
 /// From a hand to weights: execute attempts, train a judge, execute its own choices, train it on both, and try it.
@@ -109,17 +108,10 @@ fn write_settings(recipe: &Recipe) -> Result<(), Failure> {
     recipe.settings()?.into_iter().try_for_each(|(name, text)| write(&recipe.out.join(name), text))
 }
 
-/// The path of a program that lies beside this one.
-fn beside(program: &str) -> Result<PathBuf, Failure> {
-    let own = std::env::current_exe().context("failed to find this program's folder")?;
-    Ok(own.with_file_name(program))
-}
-
 /// Runs a program; its exit code.
 fn started(program: &str, arguments: &[String]) -> Result<i32, Failure> {
-    let path = beside(program)?;
-    let status = Command::new(&path).args(arguments).status();
-    let status = status.context(format_args!("failed to start {}, which must lie beside trainer", path.display()))?;
+    let status = start_beside(program)?.args(arguments).status();
+    let status = status.context(format_args!("failed to start {program}"))?;
     // A signal ended it.
     Ok(status.code().unwrap_or(i32::from(ExitCode::TryAgain.code())))
 }
@@ -139,7 +131,7 @@ fn estimated(recipe: &Recipe) -> Result<Duration, Failure> {
     let mut spent = Vec::new();
     for step in &steps {
         let began = Instant::now();
-        let output = Command::new(beside(step.program)?).args(&step.arguments).output();
+        let output = start_beside(step.program)?.args(&step.arguments).output();
         let output = output.context(format_args!("failed to start {}", step.program))?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
