@@ -110,6 +110,12 @@ dataset() {
         && "$generator" --config scripts/crosscheck/coulomb.toml --out "$scratch/coulomb"
 }
 
+# The Python package as users install it, in the profile of the tests; scripts/wheel.sh builds the one to give away.
+wheel() {
+    .venv/bin/python -m maturin build --quiet --locked --profile dev --auditwheel skip --out "$scratch/wheels" \
+        && .venv/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$scratch"/wheels/*.whl
+}
+
 readers() {
     GRASPMILL_DATASET="$scratch/dataset" GRASPMILL_COULOMB="$scratch/coulomb" \
         GRASPMILL_SHARDS="${CARGO_TARGET_DIR:-target}/debug/shards" \
@@ -131,7 +137,8 @@ if [[ $rust_only == no ]]; then
     step engines '' engines
     step venv '' venv
     step dataset build dataset
-    step readers 'venv dataset' readers
+    step wheel 'build venv' wheel
+    step readers 'venv dataset wheel' readers
 fi
 
 # Rust: "test result: ok. 5 passed; 1 failed; ..."; pytest: "3 passed, 1 failed in 2.10s" in any order.

@@ -11,7 +11,7 @@ use perception::add_depth_noise;
 use planner::input::InputError;
 use planner::{Observation, Planner, SeenView, Wishes};
 use program::{ExitCode, Failure, error_chain};
-use schema::{Camera, Outcome, Pose, Purpose, Stream, Vec3};
+use schema::{Camera, Outcome, Pose, Purpose, Stream};
 use simulator::{
     AttemptWorld, Execution, Scene, SceneObject, SceneRays, SettleParams, Settled, Unsettled, settle_again,
 };
@@ -160,13 +160,13 @@ fn execute(
     scene: &Scene,
     workspace_from_grasp: &Pose,
 ) -> (usize, (Execution, Vec<Pose>)) {
-    let target = nearest(scene, workspace_from_grasp.translation);
+    let target = scene.nearest(workspace_from_grasp.translation).unwrap_or(0);
     let halted = match touching {
         Touching::Fails => None,
         Touching::Halts => world.halted(workspace_from_grasp, target),
     };
     let Some(halted) = halted else { return (target, world.execute_leaving(workspace_from_grasp, target)) };
-    let target = nearest(scene, halted.translation);
+    let target = scene.nearest(halted.translation).unwrap_or(0);
     let (mut execution, poses) = world.close_and_lift(&halted, target);
     if execution.outcome == Outcome::HitOther {
         execution = Execution { outcome: Outcome::Held, hit: None, ..execution };
@@ -182,14 +182,6 @@ fn milliseconds(since: Instant) -> f32 {
 fn moved(scene: &Scene, poses: &[Pose], gone: Option<usize>) -> Vec<SceneObject> {
     let objects = scene.objects.iter().zip(poses).enumerate().filter(|(id, _)| Some(*id) != gone);
     objects.map(|(_, (object, pose))| SceneObject { workspace_from_object: *pose, ..object.clone() }).collect()
-}
-
-/// The target of a grasp: the object whose surface is nearest to its origin.
-fn nearest(scene: &Scene, point_m: Vec3) -> usize {
-    let outside_m =
-        |object: &SceneObject| object.body.distance_outside_m(object.workspace_from_object.inverse() * point_m);
-    let distances = scene.objects.iter().map(outside_m).enumerate();
-    distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(id, _)| id)
 }
 
 /// Renders the observation.

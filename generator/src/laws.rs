@@ -83,7 +83,10 @@ impl Config {
 }
 
 /// The engine's settings from a dataset's config, as [`Config::dataset_info`] writes them.
-pub(crate) fn physics_of(config: &Value) -> Result<Physics, Failure> {
+///
+/// # Errors
+/// [`ExitCode::Data`] if they are not of an engine that this program has.
+pub fn physics_of(config: &Value) -> Result<Physics, Failure> {
     let unknown = |why: String| info_lacks(&format!(" has no engine settings that this program knows: {why}"));
     let mut physics = config["physics"].clone();
     let known = Engine::ALL.into_iter().find(|engine| physics["engine"] == stored_name(*engine));
@@ -97,8 +100,11 @@ pub(crate) fn physics_of(config: &Value) -> Result<Physics, Failure> {
     settings::read_stored(&physics, "physics").map_err(|faults| unknown(faults.join("; ")))
 }
 
-/// The bodies of a dataset's models.
-pub(crate) fn bodies_of(info: &DatasetInfo) -> Result<Vec<Body>, Failure> {
+/// The bodies of a dataset's models, in their order.
+///
+/// # Errors
+/// [`ExitCode::Data`] if a model is not one.
+pub fn bodies_of(info: &DatasetInfo) -> Result<Vec<Body>, Failure> {
     simulator::bodies_of(&info.models).map_err(|error| info_lacks(&format!(": {error}")))
 }
 

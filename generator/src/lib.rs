@@ -43,6 +43,7 @@ pub use household::{HouseholdParams, Kind, Split, household};
 pub use import::{
     FileState, ImportParams, Imported, ImportedObject, LeftOut, Source, TestDrops, import_objects, sources,
 };
+pub use laws::{bodies_of, physics_of};
 pub use models::Models;
 pub use objects::{draw_drops, draw_release};
 pub use packed::draw_packed;

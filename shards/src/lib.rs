@@ -65,8 +65,8 @@ pub use look::{
     ExportCounts, ExportFormat, ExportOrigin, Exported, ExportedFile, PROBLEMS_MAX, Verified, begin_browsing, browse,
     export, inspection, object_bodies, scene_view, tsdf, verify,
 };
-pub use read::Dataset;
 #[cfg(any(test, fuzzing))]
 pub use read::tests::fuzzing;
+pub use read::{ArrowStream, Dataset};
 pub use store::{Location, Sweep, Swept};
 pub use write::{Draft, Finalized, KeptScenes, PlainColumn, ShardWriter, plain_table};

@@ -1,6 +1,6 @@
 //! A scene at rest.
 
-use schema::{ObjectRecord, ObjectShape, Pose};
+use schema::{ObjectRecord, ObjectShape, Pose, Vec3};
 
 use crate::Body;
 
@@ -48,5 +48,15 @@ impl Scene {
             })
             .collect();
         Self { table_z_m, objects }
+    }
+
+    /// The object whose surface is nearest to a point of the workspace, or that contains it: the target of a hand with
+    /// its tips there. `None` without objects.
+    #[must_use]
+    pub fn nearest(&self, point_m: Vec3) -> Option<usize> {
+        let outside_m =
+            |object: &SceneObject| object.body.distance_outside_m(object.workspace_from_object.inverse() * point_m);
+        let distances = self.objects.iter().map(outside_m).enumerate();
+        distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, _)| number)
     }
 }

@@ -23,6 +23,7 @@ const NEVER: &[(&str, &[&[&str]])] = &[
     ("trainer", &[PHYSICS, BACKENDS]),
     ("planner", &[PHYSICS, LEARNING, COLUMNS, STORES]),
     ("experiments", &[LEARNING]),
+    ("python", &[BACKENDS]),
     ("workspace-tests", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
 ];
 
@@ -40,9 +41,11 @@ const OWNED: &[(&str, &str)] = &[
     ("arrow", "shards"),
     ("axum", "planner"),
     ("burn", "trainer"),
+    ("numpy", "python"),
     ("object_store", "shards"),
     ("parquet", "shards"),
     ("parry3d", "simulator"),
+    ("pyo3", "python"),
     ("rapier3d", "simulator"),
     ("reqwest", "shards"),
 ];

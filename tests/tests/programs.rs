@@ -30,7 +30,8 @@ fn problem(name: &str, output: &Output, error: &str) -> Option<String> {
 fn every_main_is_short_and_starts_like_the_others() {
     let problems = PROGRAMS.into_iter().filter_map(|name| {
         let text = read(&format!("{name}/src/main.rs"));
-        let is_right = text.lines().count() < MAIN_LINES_MAX && text.contains("    program::run(commands::run)\n");
+        let is_right = text.lines().count() < MAIN_LINES_MAX
+            && text.contains(&format!("    program::run({name}::commands::run)\n"));
         (!is_right)
             .then(|| format!("{name}: main.rs must call program::run alone, in less than {MAIN_LINES_MAX} lines"))
     });

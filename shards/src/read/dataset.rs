@@ -269,7 +269,7 @@ impl Dataset {
         self.checked(shard, Table::Scenes, part, |batch| decode::scenes(batch, &self.info), check)
     }
 
-    fn scenes_of(&self, shard: u32) -> Result<Range<u64>, Failure> {
+    pub(crate) fn scenes_of(&self, shard: u32) -> Result<Range<u64>, Failure> {
         let no_such = || out_of_range("shard", self.shard_count().into(), shard.into());
         if shard < self.shard_count() { Ok(self.info.scenes_of(shard)) } else { Err(no_such()) }
     }
@@ -381,7 +381,7 @@ impl Dataset {
         Ok(rows)
     }
 
-    fn batches(&self, shard: u32, table: Table, part: Part<'_>) -> Result<Batches, Failure> {
+    pub(crate) fn batches(&self, shard: u32, table: Table, part: Part<'_>) -> Result<Batches, Failure> {
         let file = self.open_file(shard, table)?;
         let rows = self.manifest.shards[shard as usize].file(table).rows;
         let expected = Expected { table, form: self.info.form(), rows };

@@ -1,0 +1,167 @@
+"""Checks of arguments: every message names the argument, the rule and the value."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError
+
+#: How far from a rotation a matrix may be: the largest entry of RᵀR − 1.
+RIGID_OFF_MAX = 1e-3
+#: Largest distance from the origin, in metres, that physics takes.
+FAR_M_MAX = 1e3
+
+Floats = NDArray[np.float32]
+
+
+def shown(value: object) -> str:
+    """A value, short enough for a message."""
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def floats(name: str, value: ArrayLike, shape: Sequence[int | None], what: str = "") -> Floats:
+    """An array of finite numbers of this shape (``None``: any length), as float32 in C order.
+
+    Args:
+        name: The argument's name.
+        value: What was given.
+        shape: The wanted shape.
+        what: What the shape means, for the message.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise InputError(f"{name} must be an array of numbers, got rows of several lengths") from error
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{name} must be an array of numbers, got one of dtype {array.dtype}")
+    is_shape = array.ndim == len(shape) and all(want is None or want == got for want, got in zip(shape, array.shape))
+    if not is_shape:
+        wanted = ", ".join("N" if want is None else str(want) for want in shape)
+        turned = " (is it transposed?)" if array.ndim == len(shape) and _fits(array.shape[::-1], shape) else ""
+        raise InputError(f"{name} must have the shape [{wanted}]{what}, got {list(array.shape)}{turned}")
+    with np.errstate(over="ignore"):
+        array = np.ascontiguousarray(array, dtype=np.float32)
+    if not np.isfinite(array).all():
+        raise InputError(f"{name} must be finite in single precision, got {int((~np.isfinite(array)).sum())} values that are not")
+    return array
+
+
+def _fits(got: Sequence[int], shape: Sequence[int | None]) -> bool:
+    return all(want is None or want == have for want, have in zip(shape, got))
+
+
+def number(name: str, value: Any, low: float, high: float) -> float:
+    """A number between two limits, included."""
+    try:
+        given = float(value)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be a number, got {shown(value)}") from error
+    if not (math.isfinite(given) and low <= given <= high):
+        raise InputError(f"{name} must be between {low:g} and {high:g}, got {given:g}")
+    return given
+
+
+def whole(name: str, value: Any, low: int, high: int) -> int:
+    """A whole number between two limits, included."""
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        raise InputError(f"{name} must be a whole number, got {shown(value)}")
+    given = int(value.__index__())
+    if not low <= given <= high:
+        raise InputError(f"{name} must be between {low} and {high}, got {given}")
+    return given
+
+
+def poses(name: str, value: ArrayLike) -> Floats:
+    """Rigid transforms as ``[N, 7]``: position in metres, then quaternion x, y, z, w.
+
+    Takes ``[N, 7]``, whose unit quaternions keep their bits, or matrices ``[N, 4, 4]``.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise InputError(f"{name} must be poses, got rows of several lengths") from error
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{name} must be an array of numbers, got one of dtype {array.dtype}")
+    if array.ndim == 3 and array.shape[1:] == (4, 4):
+        rows = _of_matrices(name, array.astype(np.float64))
+    elif array.ndim == 2 and array.shape[1] == 7:
+        rows = floats(name, array, (None, 7))
+        lengths = np.linalg.norm(rows[:, 3:].astype(np.float64), axis=1)
+        if len(rows) and (off := np.abs(lengths - 1.0)).max() > RIGID_OFF_MAX:
+            worst = int(off.argmax())
+            raise InputError(f"{name} must have quaternions of length 1 within {RIGID_OFF_MAX:g}, got {lengths[worst]:.4g} in pose {worst}")
+    else:
+        raise InputError(
+            f"{name} must have the shape [N, 4, 4] (matrices) or [N, 7] (x, y, z, qx, qy, qz, qw), got {list(array.shape)}"
+        )
+    if len(rows) and (far := np.abs(rows[:, :3]).max()) > FAR_M_MAX:
+        raise InputError(f"{name} must be positions in metres within {FAR_M_MAX:g}, got {far:g}")
+    return rows
+
+
+def pose(name: str, value: ArrayLike) -> list[float]:
+    """One rigid transform, a matrix ``[4, 4]`` or seven numbers, as seven numbers."""
+    array = np.asarray(value)
+    if array.shape not in ((4, 4), (7,)):
+        raise InputError(f"{name} must have the shape [4, 4] or [7], got {list(array.shape)}")
+    return [float(part) for part in poses(name, array[None])[0]]
+
+
+def _of_matrices(name: str, matrices: NDArray[np.float64]) -> Floats:
+    if not np.isfinite(matrices).all():
+        raise InputError(f"{name} must be finite, got {int((~np.isfinite(matrices)).sum())} values that are not")
+    if not len(matrices):
+        return np.empty((0, 7), np.float32)
+    rotations = matrices[:, :3, :3]
+    off = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
+    off = np.maximum(off, np.abs(matrices[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1))
+    off = np.where(np.linalg.det(rotations) > 0.0, off, np.inf)
+    if off.max() > RIGID_OFF_MAX:
+        worst = int(off.argmax())
+        raise InputError(
+            f"{name} must be rigid (a rotation and a translation, last row 0 0 0 1) within {RIGID_OFF_MAX:g}, "
+            f"got {'a reflection' if np.isinf(off[worst]) else f'{off[worst]:.3g}'} in pose {worst}"
+        )
+    rows = np.concatenate([matrices[:, :3, 3], quaternions(rotations)], axis=1)
+    return np.ascontiguousarray(rows, dtype=np.float32)
+
+
+def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit quaternions x, y, z, w, ``[N, 4]``, of rotation matrices ``[N, 3, 3]`` (Shepperd's choice of the largest)."""
+    m = rotations
+    trace = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
+    squares = np.stack([m[:, 0, 0], m[:, 1, 1], m[:, 2, 2], trace], axis=1)
+    out = np.empty((len(m), 4))
+    for largest in range(4):
+        rows = np.nonzero(squares.argmax(axis=1) == largest)[0]
+        a = m[rows]
+        if largest == 3:
+            parts = [a[:, 2, 1] - a[:, 1, 2], a[:, 0, 2] - a[:, 2, 0], a[:, 1, 0] - a[:, 0, 1], 1.0 + trace[rows]]
+        else:
+            i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+            parts = [None] * 4  # type: ignore[list-item]
+            parts[i] = 1.0 + a[:, i, i] - a[:, j, j] - a[:, k, k]
+            parts[j] = a[:, j, i] + a[:, i, j]
+            parts[k] = a[:, k, i] + a[:, i, k]
+            parts[3] = a[:, k, j] - a[:, j, k]
+        out[rows] = np.stack(parts, axis=1)
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    return out
+
+
+def matrices(rows: ArrayLike) -> NDArray[np.float64]:
+    """Matrices ``[N, 4, 4]`` of poses ``[N, 7]``."""
+    rows = np.asarray(rows, dtype=np.float64)
+    x, y, z, w = (rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)).T
+    out = np.zeros((len(rows), 4, 4))
+    out[:, 0, 0], out[:, 0, 1], out[:, 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    out[:, 1, 0], out[:, 1, 1], out[:, 1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    out[:, 2, 0], out[:, 2, 1], out[:, 2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    out[:, :3, 3] = rows[:, :3]
+    out[:, 3, 3] = 1.0
+    return out

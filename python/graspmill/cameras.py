@@ -1,0 +1,97 @@
+"""Cameras: lens, pose, and the conventions of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _arrays
+from .errors import InputError
+
+#: OpenGL's and Blender's cameras look along −z with y up; ours, OpenCV's and ROS's optical frames along +z with y down.
+_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+_SIZE_PX_MAX = 16_384
+_FOCAL_PX_MAX = 1e6
+
+Convention = Literal["opencv", "opengl"]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole depth camera in the workspace.
+
+    Args:
+        width_px: Pixels in a row.
+        height_px: Rows.
+        fx_px: Focal length along u, in pixels.
+        fy_px: Focal length along v.
+        cx_px: Principal point, u; pixel centres are whole numbers.
+        cy_px: Principal point, v.
+        workspace_from_camera: The camera's pose, a matrix ``[4, 4]`` or position and quaternion ``[7]``.
+        convention: The axes of that pose: ``"opencv"`` (x right, y down, z forward) or ``"opengl"`` (x right, y up, z back).
+    """
+
+    width_px: int
+    height_px: int
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    workspace_from_camera: NDArray[np.float64] = field(compare=False)
+    convention: Convention = "opencv"
+
+    def __post_init__(self) -> None:
+        for name in ("width_px", "height_px"):
+            object.__setattr__(self, name, _arrays.whole(name, getattr(self, name), 1, _SIZE_PX_MAX))
+        for name in ("fx_px", "fy_px"):
+            object.__setattr__(self, name, _arrays.number(name, getattr(self, name), 1e-3, _FOCAL_PX_MAX))
+        for name in ("cx_px", "cy_px"):
+            object.__setattr__(self, name, _arrays.number(name, getattr(self, name), -_FOCAL_PX_MAX, _FOCAL_PX_MAX))
+        if self.convention not in ("opencv", "opengl"):
+            raise InputError(f"convention must be 'opencv' or 'opengl', got {_arrays.shown(self.convention)}")
+        given = np.asarray(self.workspace_from_camera)
+        rows = _arrays.pose("workspace_from_camera", given)
+        matrix = given.astype(np.float64) if given.shape == (4, 4) else _arrays.matrices([rows])[0]
+        if self.convention == "opengl":
+            matrix = matrix @ _OPENGL
+        object.__setattr__(self, "workspace_from_camera", matrix)
+        object.__setattr__(self, "convention", "opencv")
+
+    @classmethod
+    def looking(
+        cls,
+        eye_m: ArrayLike,
+        target_m: ArrayLike = (0.15, 0.15, 0.05),
+        *,
+        width_px: int = 640,
+        height_px: int = 480,
+        focal_px: float = 540.0,
+    ) -> Camera:
+        """A camera at a point that looks at another, upright; the lens is that of the shipped configs.
+
+        Args:
+            eye_m: Where it is, ``[3]`` in the workspace, in metres.
+            target_m: At what it looks, ``[3]``; by default the middle of the table.
+        """
+        eye, target = (_arrays.floats(name, value, (3,)).astype(np.float64) for name, value in (("eye_m", eye_m), ("target_m", target_m)))
+        forward = target - eye
+        if np.linalg.norm(forward) < 1e-6:
+            raise InputError("eye_m must not be target_m")
+        forward /= np.linalg.norm(forward)
+        up = np.array([0.0, 1.0, 0.0]) if abs(forward[2]) > 1.0 - 1e-9 else np.array([0.0, 0.0, 1.0])
+        right = np.cross(forward, up)
+        right /= np.linalg.norm(right)
+        pose = np.eye(4)
+        pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, np.cross(forward, right), forward, eye
+        return cls(width_px, height_px, focal_px, focal_px, width_px / 2.0, height_px / 2.0, pose)
+
+    def lens(self) -> list[float]:
+        """Width, height, fx, fy, cx, cy in pixels."""
+        return [float(self.width_px), float(self.height_px), self.fx_px, self.fy_px, self.cx_px, self.cy_px]
+
+    def seven(self) -> list[float]:
+        """The pose as position and quaternion."""
+        return _arrays.pose("workspace_from_camera", self.workspace_from_camera)

@@ -1,0 +1,299 @@
+"""Datasets: making them, reading them, looking at them."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from typing import Any, Callable, Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _arrays, _native
+from .cameras import Camera
+from .errors import InputError
+from .pages import Page
+from .scene import Outcomes, Scene, setting_pairs
+
+#: Called with the attempts that are there, all attempts of the dataset, and the positive ones that this call made.
+Progress = Callable[[int, int, int], None]
+
+
+def generate(
+    config: str | os.PathLike[str] | None,
+    out: str | os.PathLike[str],
+    *,
+    shards: int | None = None,
+    attempts: int | None = None,
+    seed: int | None = None,
+    policy: str | os.PathLike[str] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    rejected_max: float = 0.1,
+    threads: int | None = None,
+    progress: Progress | bool = False,
+) -> Dataset:
+    """Makes a dataset, or goes on with it: what ``graspmill generator`` does, with the same bytes.
+
+    Args:
+        config: A config's file, or ``None`` for the paper's.
+        out: The dataset's folder or URL.
+        shards: In place of the config's.
+        attempts: In place of the config's.
+        seed: In place of the config's.
+        policy: Weights of a judge, whose best hands are executed, too.
+        settings: Other keys of the config, such as ``{"gripper": "franka_hand", "objects.size_m": [0.02, 0.1]}``.
+        rejected_max: The share of scenes that may be thrown away because objects do not come to rest.
+        threads: By default one per core; never changes the bytes.
+        progress: ``True`` for a bar (needs tqdm), or a function; an exception that it raises stops the work.
+
+    Returns:
+        The dataset.
+
+    Raises:
+        InputError: If the config is wrong, or the folder holds another dataset.
+        OutsideError: If the disk or the store fails; the same call goes on.
+        KeyboardInterrupt: By Ctrl-C; finished scenes are kept, and the same call goes on.
+    """
+    where = _location(out)
+    limits = {"shards": shards, "attempts": attempts, "seed": seed}
+    shards, attempts, seed = (None if value is None else _arrays.whole(name, value, 0, 2**63 - 1) for name, value in limits.items())
+    count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
+    share = _arrays.number("rejected_max", rejected_max, 0.0, 1.0)
+    paths = [None if path is None else os.path.abspath(os.fspath(path)) for path in (config, policy)]
+    pairs = setting_pairs(settings)
+
+    def run(tell: Progress | None) -> None:
+        _native.generate(where, paths[0], shards, attempts, seed, paths[1], pairs, share, count, tell)
+
+    if progress is True:
+        with _bar() as bar:
+
+            def show(done: int, total: int, held: int) -> None:
+                bar.total = total
+                bar.update(done - bar.n)
+
+            run(show)
+    else:
+        run(progress or None)
+    return Dataset(where)
+
+
+def _bar() -> Any:
+    try:
+        from tqdm.auto import tqdm  # type: ignore[import-untyped, unused-ignore]
+    except ImportError as error:
+        raise InputError("progress=True needs tqdm: pip install tqdm, or give a function") from error
+    return tqdm(unit=" attempts", total=None)
+
+
+def _location(path: str | os.PathLike[str]) -> str:
+    text = os.fspath(path)
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise InputError(f"the dataset must be a folder or a URL, got {_arrays.shown(path)}")
+    return text
+
+
+class Table:
+    """A table's rows, read when they are asked for: give it to ``polars.DataFrame``, ``pyarrow.table`` or
+    ``pandas.DataFrame.from_arrow``; it is an Arrow stream (``__arrow_c_stream__``) and may be read several times."""
+
+    def __init__(self, dataset: _native.Dataset, name: str, shards: range, grids: bool) -> None:
+        self._dataset, self.name, self._shards, self._grids = dataset, name, shards, grids
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        return self._dataset.stream(self.name, self._shards.start, self._shards.stop, self._grids)
+
+    def to_polars(self) -> Any:
+        """A ``polars.DataFrame``."""
+        import polars  # type: ignore[import-not-found, unused-ignore]
+
+        return polars.DataFrame(self)
+
+    def to_arrow(self) -> Any:
+        """A ``pyarrow.Table``."""
+        import pyarrow  # type: ignore[import-untyped, unused-ignore]
+
+        return pyarrow.table(self)
+
+    def to_pandas(self) -> Any:
+        """A ``pandas.DataFrame``."""
+        return self.to_arrow().to_pandas()
+
+
+@dataclass(frozen=True)
+class StoredScene:
+    """A scene of a dataset with its attempts.
+
+    Attributes:
+        scene_id: Its number.
+        scene: Its objects at rest. :func:`graspmill.execute` executes grasps in it by the dataset's own laws.
+        cameras: Those that saw it.
+        tsdf: ``[resolution] * 3`` float32 (x, y, z) in VGN's values: (tsdf + 1) / 2 where observed, else 0.
+        workspace_from_grasp: ``[N, 7]`` float32, its attempts: position in metres, quaternion x, y, z, w.
+        outcomes: How they ended.
+        rules: ``[N]`` names of how they were drawn.
+    """
+
+    scene_id: int
+    scene: Scene
+    cameras: list[Camera]
+    tsdf: NDArray[np.float32]
+    workspace_from_grasp: NDArray[np.float32]
+    outcomes: Outcomes
+    rules: list[str]
+    _dataset: _native.Dataset
+
+    def replay(self, attempt_id: int) -> Page:
+        """An attempt, executed again, as a page with an animation."""
+        number = _arrays.whole("attempt_id", attempt_id, 0, max(len(self.outcomes) - 1, 0))
+        return Page(self._dataset.replay_page(self.scene_id, number))
+
+    def page(self) -> Page:
+        """The scene in 3-D, with its surface, cameras and every attempt."""
+        return Page(self._dataset.scene_page(self.scene_id))
+
+    def _repr_html_(self) -> str:
+        return self.page()._repr_html_()
+
+
+class Dataset:
+    """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``). Rows are read on request.
+
+    Args:
+        path: Its folder or URL.
+
+    Raises:
+        InputError: If there is no dataset.
+        IncompleteError: If shards are missing.
+        DataError: If it is visibly damaged.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path = _location(path)
+        self._open: _native.Dataset | None = _native.Dataset(self._path)
+
+    @property
+    def _native(self) -> _native.Dataset:
+        if self._open is None:
+            raise InputError(f"the dataset is closed: {self._path}")
+        return self._open
+
+    def close(self) -> None:
+        """Lets go of it; every later use is an error."""
+        self._open = None
+
+    def __enter__(self) -> Dataset:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __getstate__(self) -> str:
+        return self._native.location
+
+    def __setstate__(self, path: str) -> None:
+        self.__init__(path)  # type: ignore[misc]
+
+    def __repr__(self) -> str:
+        return f"Dataset({self._native.location!r}: {self.attempt_count:,} attempts, {self.positive_count:,} held, {self.scene_count:,} scenes)"
+
+    @property
+    def id(self) -> str:
+        """SHA-256 of its ``meta/info.json``: the same dataset has the same id anywhere."""
+        return self._native.id
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """Its ``meta/info.json``: the whole configuration."""
+        info: dict[str, Any] = json.loads(self._native.info())
+        return info
+
+    @property
+    def shard_count(self) -> int:
+        """Shards."""
+        return self._native.counts[0]
+
+    @property
+    def scene_count(self) -> int:
+        """Scenes."""
+        return self._native.counts[1]
+
+    @property
+    def attempt_count(self) -> int:
+        """Attempts."""
+        return self._native.counts[2]
+
+    @property
+    def positive_count(self) -> int:
+        """Attempts with label 1."""
+        return self._native.counts[3]
+
+    def __len__(self) -> int:
+        return self.scene_count
+
+    def scene(self, scene_id: int) -> StoredScene:
+        """A scene with its attempts.
+
+        Args:
+            scene_id: Its number, from 0.
+        """
+        number = _arrays.whole("scene_id", scene_id, 0, self.scene_count - 1)
+        scene, laws, rows = self._native.scene(number)
+        width, height, fx, fy, cx, cy = self._native.intrinsics()
+        cameras = [Camera(int(width), int(height), fx, fy, cx, cy, pose) for pose in rows["workspace_from_camera"]]
+        names = ("outcome", "width_m", "hit", "hit_object", "target")
+        return StoredScene(
+            number,
+            Scene._wrap(scene, laws),
+            cameras,
+            rows["tsdf"],
+            rows["workspace_from_grasp"],
+            Outcomes(*(rows[name] for name in names)),
+            rows["rule"],
+            self._native,
+        )
+
+    def __getitem__(self, scene_id: int) -> StoredScene:
+        if not -self.scene_count <= scene_id < self.scene_count:
+            raise IndexError(scene_id)  # ends a for loop over the scenes
+        return self.scene(scene_id % self.scene_count)
+
+    def __iter__(self) -> Iterator[StoredScene]:
+        return (self.scene(number) for number in range(self.scene_count))
+
+    def attempts(self, shards: range | None = None) -> Table:
+        """The table of attempts (``docs/reference/columns.md``), of some shards or of all."""
+        return self._table("attempts", shards, False)
+
+    def objects(self, shards: range | None = None) -> Table:
+        """The table of objects."""
+        return self._table("objects", shards, False)
+
+    def scenes(self, shards: range | None = None, *, grids: bool = False) -> Table:
+        """The table of scenes; with their TSDFs if ``grids``, which are nearly all of its bytes."""
+        return self._table("scenes", shards, grids)
+
+    def _table(self, name: str, shards: range | None, grids: bool) -> Table:
+        wanted = range(self.shard_count) if shards is None else shards
+        if not isinstance(wanted, range) or wanted.step != 1 or not 0 <= wanted.start <= wanted.stop <= self.shard_count:
+            raise InputError(f"shards must be a range within range({self.shard_count}), got {_arrays.shown(shards)}")
+        return Table(self._native, name, wanted, grids)
+
+    def verify(self) -> list[str]:
+        """Reads and checks everything; what is wrong, or an empty list."""
+        problems, more = self._native.verify()
+        return problems + ([f"… and {more} more problems"] if more else [])
+
+    def report(self) -> dict[str, Any]:
+        """Statistics, as ``graspmill shards report --json`` has them."""
+        report: dict[str, Any] = json.loads(self._native.report(False))
+        return report
+
+    def page(self) -> Page:
+        """The report as a page with figures."""
+        return Page(self._native.report(True))
+
+    def _repr_html_(self) -> str:
+        return self.page()._repr_html_()
+

@@ -1,0 +1,33 @@
+"""Pages that people look at: in a notebook, or as a file."""
+
+from __future__ import annotations
+
+import html
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page in one file, with everything in it. A notebook shows it.
+
+    Attributes:
+        html: Its text.
+    """
+
+    html: str
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Writes it to a file, for a browser."""
+        file = Path(path)
+        file.write_text(self.html, encoding="utf-8")
+        return file
+
+    def __repr__(self) -> str:
+        return f"Page({len(self.html):,} characters)"
+
+    def _repr_html_(self) -> str:
+        # In a frame of its own: the page's style and scripts stay inside.
+        frame = '<iframe sandbox="allow-scripts" style="width: 100%; height: 640px; border: 0" srcdoc="{}"></iframe>'
+        return frame.format(html.escape(self.html))

@@ -1,0 +1,256 @@
+"""Planning in this process: from depth images, a cloud or a TSDF to ranked grasps."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _arrays, _native
+from .cameras import Camera
+from .errors import InputError
+from .scene import _images, _laws
+
+#: Most hands that a plan can be told to avoid.
+AVOID_MAX = 256
+#: Settings and networks that come with the package.
+BUILT_IN = ("judge", "paper", "vgn")
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """A ranked grasp.
+
+    Attributes:
+        workspace_from_grasp: ``[4, 4]``; +z is the approach, +y the closing direction, the origin midway between the finger tips.
+        width_m: Distance between the fingers' inner faces when holding.
+        quality: The probability that it holds (a judge's), or the network's smoothed quality; 0 to 1.
+        object: Index into the plan's objects, or ``None``.
+        base_from_grasp: ``[4, 4]`` in the robot's base, if ``base_from_workspace`` was given.
+        workspace_from_flange: ``[4, 4]``, if the hand's file says where the flange is.
+        base_from_flange: ``[4, 4]``, if both are known.
+    """
+
+    workspace_from_grasp: NDArray[np.float64] = field(compare=False)
+    width_m: float
+    quality: float
+    object: int | None
+    base_from_grasp: NDArray[np.float64] | None = field(default=None, compare=False)
+    workspace_from_flange: NDArray[np.float64] | None = field(default=None, compare=False)
+    base_from_flange: NDArray[np.float64] | None = field(default=None, compare=False)
+
+
+class Plan(Sequence[Grasp]):
+    """Ranked grasps, best first; a sequence of :class:`Grasp`. Without one, ``reason`` says why."""
+
+    def __init__(self, native: _native.Plan) -> None:
+        self._native = native
+        self._text = native.json()
+
+    @cached_property
+    def answer(self) -> dict[str, Any]:
+        """Everything, as the command's and the service's JSON has it (``docs/planning.md``)."""
+        answer: dict[str, Any] = json.loads(self._text)
+        return answer
+
+    def to_json(self) -> str:
+        """The JSON that the command and the service answer."""
+        return self._text
+
+    @cached_property
+    def grasps(self) -> list[Grasp]:
+        """The grasps, best first."""
+        frames = ("base_from_grasp", "workspace_from_flange", "base_from_flange")
+        return [
+            Grasp(
+                _matrix(row["workspace_from_grasp"]),
+                row["width_m"],
+                row["quality"],
+                row["object"],
+                **{name: None if row[name] is None else _matrix(row[name]) for name in frames},
+            )
+            for row in self.answer["grasps"]
+        ]
+
+    def __len__(self) -> int:
+        return len(self.answer["grasps"])
+
+    def __getitem__(self, place: Any) -> Any:
+        return self.grasps[place]
+
+    @property
+    def workspace_from_grasp(self) -> NDArray[np.float64]:
+        """All grasps, ``[N, 4, 4]``: what :func:`graspmill.execute` takes."""
+        return np.stack([grasp.workspace_from_grasp for grasp in self.grasps]) if len(self) else np.empty((0, 4, 4))
+
+    @property
+    def qualities(self) -> NDArray[np.float64]:
+        """Their qualities, ``[N]``."""
+        return np.array([grasp.quality for grasp in self.grasps])
+
+    @property
+    def reason(self) -> str | None:
+        """Why there are no grasps; ``None`` if there are."""
+        reason: str | None = self.answer["reason"]
+        return reason
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings."""
+        warnings: list[str] = self.answer["warnings"]
+        return warnings
+
+    @property
+    def timings_ms(self) -> dict[str, float]:
+        """Milliseconds of its stages."""
+        return dict(self._native.timings_ms)
+
+    def cloud(self) -> NDArray[np.float32]:
+        """The seen surface, ``[N, 3]`` in the workspace, in metres."""
+        return self._native.cloud().reshape(-1, 3)
+
+    def picture(self, title: str = "") -> bytes:
+        """A picture of the scene and its grasps, as a PNG."""
+        return self._native.picture(str(title))
+
+    def _repr_png_(self) -> bytes:
+        return self.picture()
+
+    def __repr__(self) -> str:
+        if not len(self):
+            return f"Plan(no grasps: {self.reason})"
+        return f"Plan({len(self)} grasps, the best {self.grasps[0].quality:.3f})"
+
+
+def _matrix(pose: dict[str, list[float]]) -> NDArray[np.float64]:
+    matrix: NDArray[np.float64] = _arrays.matrices([[*pose["position_m"], *pose["quaternion_xyzw"]]])[0]
+    return matrix
+
+
+class Planner:
+    """A network and settings, ready to plan. It may be shared by threads; a plan does not change it.
+
+    Args:
+        config: ``"judge"``, ``"paper"`` or ``"vgn"``, which come with the package, or the path of a planner's settings.
+        model: A network's file, in place of the settings' own.
+        gripper: A built-in hand, such as ``"franka_hand"``, or the path of a hand's file; by default the settings' own.
+        threads: By default one per core; never changes the plan.
+
+    Raises:
+        InputError: If a file is no network or no settings, or the network was not trained for the hand.
+    """
+
+    def __init__(
+        self,
+        config: str | os.PathLike[str] = "judge",
+        *,
+        model: str | os.PathLike[str] | None = None,
+        gripper: str | os.PathLike[str] | None = None,
+        threads: int | None = None,
+    ) -> None:
+        hand = None if gripper is None else _laws(gripper, None)
+        count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
+        self._native = _native.Planner(os.fspath(config), None if model is None else os.fspath(model), hand, count)
+
+    @property
+    def gripper(self) -> str:
+        """The hand's name."""
+        return self._native.gripper_name
+
+    @property
+    def model_id(self) -> str:
+        """SHA-256 of the network's file."""
+        return self._native.model_id
+
+    @property
+    def size_m(self) -> float:
+        """Side of the workspace, in metres."""
+        return self._native.grid[0]
+
+    def __repr__(self) -> str:
+        return f"Planner(model {self.model_id[:12]}, hand {self.gripper})"
+
+    def plan(
+        self,
+        depths: Sequence[ArrayLike] | ArrayLike,
+        cameras: Sequence[Camera] | Camera,
+        **wishes: Any,
+    ) -> Plan:
+        """Plans from depth images.
+
+        Args:
+            depths: One image or several, ``[height, width]`` each, float, in metres along the camera's z; 0 or NaN where nothing was seen.
+            cameras: Their cameras, as many.
+            **wishes: See :meth:`plan_tsdf`.
+        """
+        if isinstance(cameras, Camera):
+            cameras, depths = [cameras], [np.asarray(depths)]
+        images, given = _images(list(depths), list(cameras))  # type: ignore[arg-type]
+        lenses, places = [camera.lens() for camera in given], [camera.seven() for camera in given]
+        return Plan(self._native.plan_views(images, lenses, places, _asked(**wishes)))
+
+    def plan_cloud(self, points_m: ArrayLike, *, eyes_m: ArrayLike | None = None, **wishes: Any) -> Plan:
+        """Plans from a point cloud.
+
+        Args:
+            points_m: ``[N, 3]`` in the workspace, in metres; points outside are dropped.
+            eyes_m: ``[M, 3]``, where the sensors were; by default straight above.
+            **wishes: See :meth:`plan_tsdf`.
+        """
+        points = _arrays.floats("points_m", points_m, (None, 3), " (x, y, z)")
+        eyes = np.empty((0, 3), np.float32) if eyes_m is None else _arrays.floats("eyes_m", eyes_m, (None, 3))
+        if len(eyes) > 32:
+            raise InputError(f"eyes_m must be at most 32, got {len(eyes)}")
+        return Plan(self._native.plan_cloud(points, eyes, _asked(**wishes)))
+
+    def plan_tsdf(self, tsdf: ArrayLike, **wishes: Any) -> Plan:
+        """Plans from a TSDF.
+
+        Args:
+            tsdf: ``[40, 40, 40]`` (x, y, z) in VGN's values, 0 to 1: (tsdf + 1) / 2 where observed, else 0.
+            **wishes: ``base_from_workspace`` (``[4, 4]`` or ``[7]``: grasps are given in the robot's base, too), ``workspace_from_wrist``
+                (quaternion ``[4]``: of a grasp and its half turn the nearer one is given), ``policy`` (``"paper"``, ``"vgn-random"``,
+                ``"vgn-best"``, ``"flattest"``), ``check_collisions`` (bool), ``grasps_max`` (1 to 10000), ``explain`` (bool: dropped
+                candidates with reasons in ``answer``), ``avoid`` (poses ``[N, 4, 4]`` or ``[N, 7]`` of hands that failed).
+        """
+        side = self._native.grid[1]
+        values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
+        if values.size and not 0.0 <= float(values.min()) <= float(values.max()) <= 1.0:
+            raise InputError(f"tsdf must be between 0 and 1 (VGN's values), got {values.min():g} to {values.max():g}")
+        return Plan(self._native.plan_tsdf(values.ravel(), _asked(**wishes)))
+
+
+def _asked(
+    *,
+    base_from_workspace: ArrayLike | None = None,
+    workspace_from_wrist: ArrayLike | None = None,
+    policy: str | None = None,
+    check_collisions: bool | None = None,
+    grasps_max: int | None = None,
+    explain: bool = False,
+    avoid: ArrayLike | None = None,
+) -> dict[str, Any]:
+    """The wishes of a plan, checked."""
+    wrist = None
+    if workspace_from_wrist is not None:
+        wrist = [float(part) for part in _arrays.floats("workspace_from_wrist", workspace_from_wrist, (4,))]
+        length = float(np.linalg.norm(wrist))
+        if abs(length - 1.0) > _arrays.RIGID_OFF_MAX:
+            raise InputError(f"workspace_from_wrist must have length 1 within {_arrays.RIGID_OFF_MAX:g}, got {length:.4g}")
+    hands = np.empty((0, 7), np.float32) if avoid is None else _arrays.poses("avoid", avoid)
+    if len(hands) > AVOID_MAX:
+        raise InputError(f"avoid must be at most {AVOID_MAX} hands, got {len(hands)}")
+    return {
+        "base_from_workspace": None if base_from_workspace is None else _arrays.pose("base_from_workspace", base_from_workspace),
+        "workspace_from_wrist": wrist,
+        "policy": None if policy is None else str(policy),
+        "check_collisions": None if check_collisions is None else bool(check_collisions),
+        "grasps_max": None if grasps_max is None else _arrays.whole("grasps_max", grasps_max, 1, 10_000),
+        "explain": bool(explain),
+        "avoid": [[float(part) for part in row] for row in hands],
+    }

@@ -1,0 +1,393 @@
+"""Scenes and the label oracle: any grasps in, their outcomes in physics out.
+
+Frames: the workspace is a cube with its origin at a lower corner and z up. A grasp's origin is midway between the finger tips; +z is its
+approach, +y its closing direction. ``workspace_from_grasp`` maps a grasp's coordinates to the workspace. Metres, kilograms, radians.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, field
+from typing import Any, Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _arrays, _native
+from .cameras import Camera
+from .errors import InputError
+
+#: The outcomes of an attempt, by their numbers; the label is 1 for the last, ``held``.
+OUTCOMES: tuple[str, ...] = tuple(_native.Dataset.names()[0])
+#: What a hand may hit, by its number; -1 is nothing.
+HITS: tuple[str, ...] = tuple(_native.Dataset.names()[1])
+
+#: kg/m³ of objects without a mass of their own: the middle of what ``paper.toml`` draws.
+DENSITY_KG_M3 = 500.0
+_SETTINGS_HELP = "docs/reference/generator.md lists the keys"
+
+
+@dataclass(frozen=True)
+class Object:
+    """An object: a shape with mass and friction, at a pose.
+
+    Make one with :meth:`cuboid`, :meth:`solid` or :meth:`mesh`.
+
+    Attributes:
+        name: The shape's name, or the mesh's.
+        extents_m: Full lengths of the bounding box along the object's axes, ``[3]``.
+        mass_kg: Mass.
+        friction: Coulomb coefficient; contacts multiply it with the hand's or the table's.
+        workspace_from_object: Its pose, ``[4, 4]``. The origin of its frame is the middle of its bounding box.
+    """
+
+    mass_kg: float
+    friction: float
+    workspace_from_object: NDArray[np.float64] = field(compare=False)
+    _body: _native.Body = field(repr=False, compare=False)
+    _seven: tuple[float, ...] = field(repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """The shape's name, or the mesh's."""
+        return self._body.name
+
+    @property
+    def extents_m(self) -> NDArray[np.float64]:
+        """Full lengths of the bounding box along the object's axes, ``[3]``."""
+        return np.array(self._body.extents_m, dtype=np.float64)
+
+    @classmethod
+    def _of(cls, body: _native.Body, pose: ArrayLike, mass_kg: float | None, friction: float) -> Object:
+        seven = _arrays.pose("pose", pose)
+        mass = DENSITY_KG_M3 * body.volume_m3 if mass_kg is None else mass_kg
+        return cls(
+            _arrays.number("mass_kg", mass, 1e-6, 1e3),
+            _arrays.number("friction", friction, 0.0, 10.0),
+            _arrays.matrices([seven])[0],
+            body,
+            tuple(seven),
+        )
+
+    @classmethod
+    def solid(
+        cls, shape: str, extents_m: ArrayLike, pose: ArrayLike, *, mass_kg: float | None = None, friction: float = 1.0
+    ) -> Object:
+        """One of the primitive shapes: ``cuboid``, ``cylinder``, ``tri_prism`` or ``half_cylinder``.
+
+        Args:
+            shape: Its name.
+            extents_m: Full lengths along its axes, ``[3]``.
+            pose: ``workspace_from_object``, ``[4, 4]`` or ``[7]``.
+            mass_kg: Mass; by default that of 500 kg/m³.
+            friction: Coulomb coefficient.
+        """
+        extents = [float(part) for part in _arrays.floats("extents_m", extents_m, (3,))]
+        return cls._of(_native.Body.solid(str(shape), extents), pose, mass_kg, friction)
+
+    @classmethod
+    def cuboid(cls, extents_m: ArrayLike, pose: ArrayLike, *, mass_kg: float | None = None, friction: float = 1.0) -> Object:
+        """A box; see :meth:`solid`."""
+        return cls.solid("cuboid", extents_m, pose, mass_kg=mass_kg, friction=friction)
+
+    @classmethod
+    def mesh(
+        cls,
+        mesh: Any,
+        pose: ArrayLike,
+        *,
+        name: str = "mesh",
+        mass_kg: float | None = None,
+        friction: float = 1.0,
+        parts_max: int = 8,
+        corners_max: int = 64,
+    ) -> Object:
+        """A triangle mesh, decomposed into convex parts.
+
+        Args:
+            mesh: ``(vertices, faces)`` of shapes ``[V, 3]`` (metres) and ``[F, 3]``, or an object with these attributes, such as a
+                ``trimesh.Trimesh``.
+            pose: ``workspace_from_mesh``: the pose of the mesh's own frame.
+            name: Its name in messages.
+            parts_max: Most convex parts, 1 to 64.
+            corners_max: Most corners of a part, 8 to 256.
+        """
+        vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "vertices") else _two(mesh)
+        corners = _arrays.floats("mesh vertices", vertices, (None, 3))
+        triangles = np.asarray(faces)
+        if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
+            raise InputError(f"mesh faces must be whole numbers of shape [F, 3], got {triangles.dtype} {list(triangles.shape)}")
+        if triangles.size and not 0 <= triangles.min() <= triangles.max() < max(len(corners), 1):
+            raise InputError(f"mesh faces must be from 0 to below the number of vertices, {len(corners)}")
+        if not len(triangles):
+            raise InputError("mesh faces must not be empty")
+        closed = _is_closed(triangles)
+        body = _native.Body.mesh(
+            str(name) or "mesh",
+            corners,
+            np.ascontiguousarray(triangles, dtype=np.uint32),
+            _arrays.whole("parts_max", parts_max, 1, 64),
+            _arrays.whole("corners_max", corners_max, 8, 256),
+            closed,
+        )
+        workspace_from_mesh = _arrays.matrices([_arrays.pose("pose", pose)])[0]
+        centre = np.eye(4)
+        centre[:3, 3] = body.centre_m
+        return cls._of(body, workspace_from_mesh @ centre, mass_kg, friction)
+
+    def parts(self) -> list[NDArray[np.float32]]:
+        """The corners of each convex part, ``[N, 3]`` in the object's frame, in metres: what physics and cameras see."""
+        return self._body.parts()
+
+
+def _two(mesh: Any) -> tuple[Any, Any]:
+    try:
+        vertices, faces = mesh
+    except (TypeError, ValueError) as error:
+        raise InputError("mesh must be (vertices, faces), or have these attributes") from error
+    return vertices, faces
+
+
+def _is_closed(triangles: NDArray[Any]) -> bool:
+    """Whether every edge is between two triangles, once in each direction."""
+    edges = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    there = {(int(a), int(b)) for a, b in edges}
+    return len(there) == len(edges) and all((b, a) in there for a, b in there)
+
+
+class Scene:
+    """Objects on a table.
+
+    Args:
+        objects: The objects, where they are; :meth:`settle` lets them come to rest.
+        table_z_m: Height of the table's top in the workspace, in metres; the shipped configs have 0.05.
+    """
+
+    def __init__(self, objects: Iterable[Object], *, table_z_m: float = 0.05) -> None:
+        given = list(objects)
+        for number, one in enumerate(given):
+            if not isinstance(one, Object):
+                raise InputError(f"objects must be graspmill.Object, got {_arrays.shown(one)} as number {number}")
+        poses = np.array([one._seven for one in given], dtype=np.float32).reshape(len(given), 7)
+        self._native = _native.Scene(
+            [one._body for one in given],
+            [one.mass_kg for one in given],
+            [one.friction for one in given],
+            poses,
+            _arrays.number("table_z_m", table_z_m, -1.0, 1.0),
+        )
+        self._laws: _native.Laws | None = None
+
+    @classmethod
+    def _wrap(cls, scene: _native.Scene, laws: _native.Laws | None = None) -> Scene:
+        made = cls.__new__(cls)
+        made._native, made._laws = scene, laws
+        return made
+
+    def __len__(self) -> int:
+        return len(self._native)
+
+    def __repr__(self) -> str:
+        names = ", ".join(one.name for one in self.objects)
+        return f"Scene([{names}])"
+
+    @property
+    def objects(self) -> list[Object]:
+        """The objects, with their poses."""
+        poses = self._native.poses()
+        rows = []
+        for number, seven in enumerate(poses):
+            found = self._native.object(number)
+            assert found is not None
+            body, mass_kg, friction = found
+            rows.append(Object(mass_kg, friction, _arrays.matrices([seven])[0], body, tuple(float(part) for part in seven)))
+        return rows
+
+    @property
+    def table_z_m(self) -> float:
+        """Height of the table's top, in metres."""
+        return self._native.table_z_m
+
+    def settle(self, *, drop: bool = False, settings: Mapping[str, Any] | None = None) -> Scene:
+        """The scene at rest, by our physics; objects that leave the workspace are gone.
+
+        Args:
+            drop: Whether the objects fall one after the other into a box about the workspace, as in generated piles. Otherwise all are
+                let go where they are.
+            settings: Keys of a generator's config, such as ``{"settle.time_s_max": 8.0}``.
+
+        Raises:
+            DataError: If they do not come to rest, or overlap.
+        """
+        return Scene._wrap(self._native.settle(_laws(None, settings), bool(drop)), self._laws)
+
+    def render(self, camera: Camera) -> NDArray[np.float32]:
+        """The depth image of a camera, ``[height, width]``: metres along its z, 0 where it sees nothing."""
+        if not isinstance(camera, Camera):
+            raise InputError(f"camera must be a graspmill.Camera, got {_arrays.shown(camera)}")
+        return self._native.render(camera.lens(), camera.seven())
+
+    def tsdf(self, cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30) -> NDArray[np.float32]:
+        """What cameras see of the scene as a TSDF, ``[resolution] * 3`` (x, y, z) in VGN's values: (tsdf + 1) / 2 where it was
+        observed, else 0; the surface is at 0.5."""
+        return tsdf([self.render(camera) for camera in cameras], cameras, resolution=resolution, size_m=size_m)
+
+
+def tsdf(
+    depths: Sequence[ArrayLike], cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30, truncation_voxels: float = 4.0
+) -> NDArray[np.float32]:
+    """Depth images fused into a TSDF in VGN's values.
+
+    Args:
+        depths: Images, ``[height, width]`` each in metres; 0 or NaN where nothing was seen.
+        cameras: Their cameras.
+        resolution: Voxels along a side, 2 to 256.
+        size_m: Side of the workspace in metres.
+        truncation_voxels: Truncation in voxels.
+
+    Returns:
+        ``[resolution] * 3`` (x, y, z), float32.
+    """
+    images, cameras = _images(depths, cameras)
+    side = _arrays.whole("resolution", resolution, 2, 256)
+    values = _native.fuse(
+        images,
+        [camera.lens() for camera in cameras],
+        [camera.seven() for camera in cameras],
+        side,
+        _arrays.number("size_m", size_m, 0.01, 10.0),
+        _arrays.number("truncation_voxels", truncation_voxels, 0.5, 64.0),
+    )
+    return values.reshape(side, side, side)
+
+
+def _images(depths: Sequence[ArrayLike], cameras: Sequence[Camera]) -> tuple[list[NDArray[np.float32]], list[Camera]]:
+    """Depth images that fit their cameras; what is not finite and positive becomes 0."""
+    cameras = list(cameras)
+    if len(depths) != len(cameras):
+        raise InputError(f"there must be as many cameras as depth images, {len(depths)}, got {len(cameras)}")
+    if not 1 <= len(cameras) <= 32:
+        raise InputError(f"there must be 1 to 32 depth images, got {len(cameras)}")
+    images = []
+    for number, (depth, camera) in enumerate(zip(depths, cameras)):
+        if not isinstance(camera, Camera):
+            raise InputError(f"camera {number} must be a graspmill.Camera, got {_arrays.shown(camera)}")
+        array = np.asarray(depth)
+        if array.dtype.kind != "f":
+            hint = "; divide a 16-bit image in millimetres by 1000" if array.dtype.kind in "iu" else ""
+            raise InputError(f"depth image {number} must have a float dtype, in metres, got {array.dtype}{hint}")
+        if array.shape != (camera.height_px, camera.width_px):
+            raise InputError(
+                f"depth image {number} must have its camera's shape [height, width], {[camera.height_px, camera.width_px]}, "
+                f"got {list(array.shape)}"
+            )
+        with np.errstate(invalid="ignore", over="ignore"):
+            single = array.astype(np.float32)
+            images.append(np.ascontiguousarray(np.where(np.isfinite(single) & (single > 0.0), single, np.float32(0.0))))
+    return images, cameras
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """How attempts ended, an entry for each.
+
+    Attributes:
+        outcome: ``[N]`` uint8, numbers of :data:`OUTCOMES`.
+        width_m: ``[N]`` float32, the opening between the fingers at the end; NaN where they never closed.
+        hit: ``[N]`` int8, what was hit, a number of :data:`HITS`; -1 for nothing.
+        hit_object: ``[N]`` int32, which object was hit; -1 for none.
+        target: ``[N]`` uint32, the object that each grasp was to hold.
+    """
+
+    outcome: NDArray[np.uint8]
+    width_m: NDArray[np.float32]
+    hit: NDArray[np.int8]
+    hit_object: NDArray[np.int32]
+    target: NDArray[np.uint32]
+
+    def __len__(self) -> int:
+        return len(self.outcome)
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """``[N]`` bool: the label."""
+        return np.equal(self.outcome, len(OUTCOMES) - 1)
+
+    @property
+    def names(self) -> list[str]:
+        """The outcomes' names."""
+        return [OUTCOMES[number] for number in self.outcome]
+
+    def __repr__(self) -> str:
+        counts = {name: int((self.outcome == number).sum()) for number, name in enumerate(OUTCOMES)}
+        return "Outcomes(" + ", ".join(f"{name}={count}" for name, count in counts.items() if count) + ")"
+
+
+def execute(
+    scene: Scene,
+    grasps: ArrayLike,
+    *,
+    gripper: str | os.PathLike[str] | None = None,
+    targets: ArrayLike | None = None,
+    settings: Mapping[str, Any] | None = None,
+    threads: int | None = None,
+) -> Outcomes:
+    """Executes grasps in physics, each in a fresh copy of the scene: the label oracle.
+
+    The open hand appears 50 mm behind the grasp and approaches straight; closes; retreats; holds. ``docs/label.md`` is the contract.
+    The same arguments give the same bits on any number of threads.
+
+    Args:
+        scene: Objects at rest.
+        grasps: ``workspace_from_grasp``, matrices ``[N, 4, 4]`` or positions and quaternions ``[N, 7]``.
+        gripper: A built-in hand, such as ``"franka_hand"``, or the path of a hand's file. By default that of a stored scene, else
+            ``parallel_jaw_80``.
+        targets: ``[N]``, the object that each grasp is for; by default the one nearest to the finger tips.
+        settings: Keys of a generator's config, such as ``{"physics.engine": "rapier", "procedure.hold_time_s": 1.0}``.
+        threads: By default one per core; 1 is the caller's own thread.
+
+    Returns:
+        The outcomes, in the grasps' order.
+
+    Raises:
+        InputError: If an argument is wrong; the message names it.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene must be a graspmill.Scene, got {_arrays.shown(scene)}")
+    rows = _arrays.poses("grasps", grasps)
+    laws = scene._laws if scene._laws is not None and gripper is None and not settings else _laws(gripper, settings)
+    chosen = None
+    if targets is not None:
+        given = np.asarray(targets)
+        if given.shape != (len(rows),) or given.dtype.kind not in "iu":
+            raise InputError(f"targets must be whole numbers of shape [{len(rows)}], got {given.dtype} {list(given.shape)}")
+        if given.size and not 0 <= given.min() <= given.max() < len(scene):
+            raise InputError(f"targets must be from 0 to below the number of objects, {len(scene)}, got {given.min()} to {given.max()}")
+        chosen = np.ascontiguousarray(given, dtype=np.uint32)
+    count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
+    return Outcomes(*_native.execute(scene._native, rows, chosen, laws, count))
+
+
+def _laws(gripper: str | os.PathLike[str] | None, settings: Mapping[str, Any] | None) -> _native.Laws:
+    pairs = setting_pairs(settings)
+    if gripper is not None:
+        name = os.fspath(gripper)
+        path = os.path.abspath(name) if name.endswith(".toml") else name
+        pairs.append(("gripper", json.dumps(path)))
+    return _native.Laws(None, pairs)
+
+
+def setting_pairs(settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """Settings as the programs' ``--set`` has them: keys, and values in TOML."""
+    pairs = []
+    for key, value in (settings or {}).items():
+        if not isinstance(key, str):
+            raise InputError(f"settings must have strings as keys, got {_arrays.shown(key)}; {_SETTINGS_HELP}")
+        if isinstance(value, np.generic):
+            value = value.item()
+        try:
+            pairs.append((key, json.dumps(value, allow_nan=False)))
+        except (TypeError, ValueError) as error:
+            raise InputError(f"settings[{key!r}] must be a number, a string, a bool or a list of them, got {_arrays.shown(value)}") from error
+    return pairs

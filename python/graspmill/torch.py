@@ -1,0 +1,331 @@
+"""For PyTorch: datasets that read shards, and the paper's network.
+
+Needs ``pip install graspmill[torch]``. What is trained on is what ``graspmill trainer fit`` trains on: the same samples, the same split.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Iterator, Literal, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _arrays, _native
+from .dataset import Dataset
+from .errors import InputError
+
+try:
+    import torch
+    import torch.nn.functional as F
+    from torch import Tensor, nn
+except ImportError as error:  # pragma: no cover
+    raise ImportError("graspmill.torch needs PyTorch: pip install graspmill[torch]") from error
+
+Split = Literal["train", "test", "test-attempts", "test-scenes", "all"]
+
+#: Numbers of the sets in the split, by their names.
+_SETS = {"train": 1, "test-attempts": 2, "test-scenes": 3}
+
+
+class Batch(TypedDict):
+    """Samples of some scenes; each scene's grid is there once.
+
+    ``tsdf`` is ``[S, 1, 40, 40, 40]``; of the others each has ``B`` entries: ``scene`` (index into ``tsdf``), ``voxel`` ``[B, 3]`` (x, y,
+    z), ``label`` (1 if the attempt held), ``rotation`` ``[B, 4]`` (quaternion x, y, z, w), ``width`` (opening in voxels; 0 unless held).
+    """
+
+    tsdf: Tensor
+    scene: Tensor
+    voxel: Tensor
+    label: Tensor
+    rotation: Tensor
+    width: Tensor
+
+
+class _Samples:
+    """The samples of a split, by scene."""
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str] | Dataset,
+        split: Split,
+        by: Literal["attempt", "scene"],
+        test_share: float,
+        other_share: float,
+        seed: int,
+    ) -> None:
+        self.dataset = path if isinstance(path, Dataset) else Dataset(path)
+        if by not in ("attempt", "scene"):
+            raise InputError(f"by must be 'attempt' or 'scene', got {_arrays.shown(by)}")
+        shares = [_arrays.number(name, value, 1e-9, 0.45) for name, value in (("test_share", test_share), ("other_share", other_share))]
+        native = self.dataset._native
+        self.marks: NDArray[np.uint8] = native.split(_arrays.whole("seed", seed, 0, 2**63 - 1), by, *shares)
+        name = {"test": f"test-{by}s"}.get(split, split)
+        if name not in {*_SETS, "all"}:
+            raise InputError(f"split must be one of train, test, test-attempts, test-scenes, all, got {_arrays.shown(split)}")
+        self.wanted = self.marks > 0 if name == "all" else self.marks == _SETS[name]
+        info = self.dataset.info
+        self.per_scene = int(info["attempts_per_scene"])
+        self.voxel_m = info["grid"]["size_m"] / info["grid"]["resolution"]
+        self.side = int(info["grid"]["resolution"])
+
+    def __len__(self) -> int:
+        return int(self.wanted.sum())
+
+    def of_scene(self, scene: int) -> NDArray[np.intp]:
+        """The attempts of a scene that are wanted."""
+        start = scene * self.per_scene
+        return np.nonzero(self.wanted[start : start + self.per_scene])[0]
+
+    def read(self, shard: int, scenes: list[int]) -> tuple[NDArray[np.float32], dict[tuple[int, int], int], dict[str, NDArray[Any]]]:
+        """Grids of scenes of a shard, ascending; the row of each (place of its scene, attempt); the rows."""
+        grids, place, attempt, poses, width, label = self.dataset._native.samples(shard, scenes)
+        voxel = np.floor(poses[:, :3] / np.float32(self.voxel_m)).astype(np.int64)
+        held = label == 1
+        rows = {
+            "place": place,
+            "voxel": voxel,
+            "label": label.astype(np.float32),
+            "rotation": poses[:, 3:],
+            "width": np.where(held & np.isfinite(width), width / np.float32(self.voxel_m), np.float32(0.0)),
+        }
+        where = {(int(p), int(a)): row for row, (p, a) in enumerate(zip(place, attempt))}
+        return grids.reshape(len(scenes), 1, self.side, self.side, self.side), where, rows
+
+
+def _batch(grids: NDArray[np.float32], scene: NDArray[Any], rows: dict[str, NDArray[Any]], chosen: NDArray[Any]) -> Batch:
+    return Batch(
+        tsdf=torch.from_numpy(grids),
+        scene=torch.from_numpy(scene.astype(np.int64)),
+        voxel=torch.from_numpy(rows["voxel"][chosen]),
+        label=torch.from_numpy(rows["label"][chosen]),
+        rotation=torch.from_numpy(rows["rotation"][chosen]),
+        width=torch.from_numpy(rows["width"][chosen].astype(np.float32)),
+    )
+
+
+class GraspDataset(torch.utils.data.Dataset[dict[str, Tensor]]):
+    """Samples one by one, at random places: a grid ``tsdf`` ``[1, 40, 40, 40]``, ``voxel`` ``[3]``, ``label``, ``rotation`` ``[4]``, ``width``.
+
+    Each item decodes a scene; :class:`GraspStream` decodes a scene once for several samples and is many times faster.
+
+    Args:
+        path: A dataset, its folder or URL.
+        split: ``"train"``, ``"test"`` (the set that ``by`` names), ``"test-attempts"``, ``"test-scenes"`` or ``"all"``.
+        by: Whether single attempts are *the* test set, as the paper does, or whole scenes.
+        test_share: Share of all samples in that test set.
+        other_share: Share in the other one.
+        seed: Seed of the split; the trainer's recipes have 1.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str] | Dataset,
+        split: Split = "train",
+        *,
+        by: Literal["attempt", "scene"] = "attempt",
+        test_share: float = 0.1,
+        other_share: float = 0.03,
+        seed: int = 1,
+    ) -> None:
+        self._samples = _Samples(path, split, by, test_share, other_share, seed)
+        self._places = np.nonzero(self._samples.wanted)[0]
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __getitem__(self, index: int) -> dict[str, Tensor]:
+        if not -len(self) <= index < len(self):
+            raise IndexError(index)
+        scene, attempt = divmod(int(self._places[index]), self._samples.per_scene)
+        grids, where, rows = self._samples.read(_shard_of(self._samples.dataset, scene), [scene])
+        row = where[0, attempt]
+        item = {name: torch.as_tensor(rows[name][row]) for name in ("voxel", "label", "rotation", "width")}
+        return {"tsdf": torch.from_numpy(grids[0]), **item}
+
+
+def _shard_of(dataset: Dataset, scene: int) -> int:
+    low, high = 0, dataset.shard_count - 1
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (middle + 1, high) if dataset._native.scenes_of(middle)[1] <= scene else (low, middle)
+    return low
+
+
+class GraspStream(torch.utils.data.IterableDataset[Batch]):
+    """Batches in a shuffled order: give it to ``DataLoader(stream, batch_size=None, num_workers=…)``.
+
+    A seeded order of blocks of scenes, read one after the other by each worker; scenes are shuffled within a buffer. The order is a pure
+    function of the seed, the epoch and the number of workers. Memory is bounded by ``buffer_scenes`` a worker, a quarter of a megabyte each.
+
+    Args:
+        path: A dataset, its folder or URL (of a URL with workers: ``multiprocessing_context="spawn"``).
+        split: See :class:`GraspDataset`.
+        batch: Samples in a batch.
+        samples_per_scene: Most samples of a scene in a batch, which share its grid; in the paper's recipe one.
+        buffer_scenes: Scenes that are shuffled with each other.
+        shuffle: Whether the order is shuffled; otherwise as stored.
+        by, test_share, other_share, seed: See :class:`GraspDataset`; the seed is also that of the order.
+    """
+
+    #: Scenes that are read together.
+    BLOCK = 64
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str] | Dataset,
+        split: Split = "train",
+        *,
+        batch: int = 48,
+        samples_per_scene: int = 8,
+        buffer_scenes: int = 512,
+        shuffle: bool = True,
+        by: Literal["attempt", "scene"] = "attempt",
+        test_share: float = 0.1,
+        other_share: float = 0.03,
+        seed: int = 1,
+    ) -> None:
+        self._samples = _Samples(path, split, by, test_share, other_share, seed)
+        self.batch = _arrays.whole("batch", batch, 1, 1_000_000)
+        self.samples_per_scene = _arrays.whole("samples_per_scene", samples_per_scene, 1, self.batch)
+        self.buffer_scenes = _arrays.whole("buffer_scenes", buffer_scenes, 1, 1_000_000)
+        self.shuffle, self.seed, self.epoch = bool(shuffle), seed, 0
+
+    def set_epoch(self, epoch: int) -> None:
+        """The epoch, from 0: each has another order."""
+        self.epoch = _arrays.whole("epoch", epoch, 0, 2**31)
+
+    @property
+    def sample_count(self) -> int:
+        """Samples of the split."""
+        return len(self._samples)
+
+    def __iter__(self) -> Iterator[Batch]:
+        worker = torch.utils.data.get_worker_info()
+        number, count = (0, 1) if worker is None else (worker.id, worker.num_workers)
+        order = np.random.default_rng([self.seed, self.epoch])
+        blocks: list[tuple[int, range]] = []
+        for shard in range(self._samples.dataset.shard_count):
+            first, end = self._samples.dataset._native.scenes_of(shard)
+            blocks.extend((shard, range(at, min(at + self.BLOCK, end))) for at in range(first, end, self.BLOCK))
+        if self.shuffle:
+            order.shuffle(blocks)
+        own = np.random.default_rng([self.seed, self.epoch, number])
+        yield from self._joined(self._parts(blocks[number::count], own))
+
+    def _parts(self, blocks: list[tuple[int, range]], own: np.random.Generator) -> Iterator[tuple[Any, Any, Any]]:
+        """Each scene's grid with some of its rows."""
+        waiting: list[tuple[Any, Any, Any]] = []
+        for shard, scenes in blocks:
+            wanted = [scene for scene in scenes if len(self._samples.of_scene(scene))]
+            if not wanted:
+                continue
+            grids, where, rows = self._samples.read(shard, wanted)
+            for place, scene in enumerate(wanted):
+                attempts = self._samples.of_scene(scene)
+                if self.shuffle:
+                    own.shuffle(attempts)
+                own_rows = np.array([where[place, int(attempt)] for attempt in attempts])
+                for at in range(0, len(own_rows), self.samples_per_scene):
+                    waiting.append((grids[place], rows, own_rows[at : at + self.samples_per_scene]))
+            while len(waiting) > self.buffer_scenes:
+                yield waiting.pop(int(own.integers(len(waiting))) if self.shuffle else 0)
+        while waiting:
+            yield waiting.pop(int(own.integers(len(waiting))) if self.shuffle else 0)
+
+    def _joined(self, parts: Iterator[tuple[Any, Any, Any]]) -> Iterator[Batch]:
+        """Parts of scenes as batches; the last may be smaller."""
+        held: list[tuple[Any, Any, Any]] = []
+        size = 0
+        for grid, rows, chosen in parts:
+            while size + len(chosen) >= self.batch:
+                room = self.batch - size
+                held.append((grid, rows, chosen[:room]))
+                yield self._together(held)
+                held, size, chosen = [], 0, chosen[room:]
+            if len(chosen):
+                held.append((grid, rows, chosen))
+                size += len(chosen)
+        if held:
+            yield self._together(held)
+
+    @staticmethod
+    def _together(held: list[tuple[Any, Any, Any]]) -> Batch:
+        names = ("voxel", "label", "rotation", "width")
+        rows = {name: np.concatenate([rows[name][chosen] for _, rows, chosen in held]) for name in names}
+        scene = np.repeat(np.arange(len(held)), [len(chosen) for *_, chosen in held])
+        return _batch(np.stack([grid for grid, *_ in held]), scene, rows, np.arange(len(scene)))
+
+
+class VoxelNetwork(nn.Module):
+    """The paper's network, which is VGN's: for every voxel a quality, an orientation and an opening.
+
+    ``load_state_dict(..., strict=True)`` takes the tensors of ``graspmill trainer export --format safetensors`` (:meth:`load`), and
+    ``graspmill trainer import`` takes a saved state dict (:meth:`save`).
+
+    Args:
+        upsampling: ``"linear"`` (trilinear, the shipped configs) or ``"nearest"``.
+    """
+
+    def __init__(self, upsampling: Literal["linear", "nearest"] = "linear") -> None:
+        super().__init__()
+        if upsampling not in ("linear", "nearest"):
+            raise InputError(f"upsampling must be 'linear' or 'nearest', got {_arrays.shown(upsampling)}")
+        self.upsampling = upsampling
+
+        def conv(c_in: int, c_out: int, k: int, stride: int = 1) -> nn.Conv3d:
+            return nn.Conv3d(c_in, c_out, k, stride, k // 2)
+
+        self.encoder = nn.ModuleDict({"conv1": conv(1, 16, 5, 2), "conv2": conv(16, 32, 3, 2), "conv3": conv(32, 64, 3, 2)})
+        self.decoder = nn.ModuleDict({"conv1": conv(64, 64, 3), "conv2": conv(64, 32, 3), "conv3": conv(32, 16, 5)})
+        self.conv_qual, self.conv_rot, self.conv_width = conv(16, 1, 5), conv(16, 4, 5), conv(16, 1, 5)
+
+    def features(self, tsdf: Tensor) -> Tensor:
+        """``[B, 1, 40, 40, 40]`` to ``[B, 16, 40, 40, 40]``."""
+        x = tsdf
+        for layer in self.encoder.values():
+            x = F.relu(layer(x))
+        for layer, size in zip(self.decoder.values(), (10, 20, 40)):
+            x = F.relu(layer(x))
+            x = F.interpolate(x, size, mode="trilinear", align_corners=False) if self.upsampling == "linear" else F.interpolate(x, size)
+        return x
+
+    def forward(self, tsdf: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """From TSDFs in VGN's values, ``[B, 1, 40, 40, 40]``, to quality (0 to 1, ``[B, 1, …]``), rotation (unit quaternion x, y, z, w,
+        ``[B, 4, …]``) and width (voxels, ``[B, 1, …]``)."""
+        x = self.features(tsdf)
+        return torch.sigmoid(self.conv_qual(x)), F.normalize(self.conv_rot(x), dim=1), self.conv_width(x)
+
+    def at(self, batch: Batch) -> tuple[Tensor, Tensor, Tensor]:
+        """Quality ``[B]``, rotation ``[B, 4]`` and width ``[B]`` at a batch's voxels."""
+        i, j, k = batch["voxel"].T
+        quality, rotation, width = self(batch["tsdf"])
+        at = batch["scene"]
+        return quality[at, 0, i, j, k], rotation[at, :, i, j, k], width[at, 0, i, j, k]
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], upsampling: Literal["linear", "nearest"] = "linear") -> VoxelNetwork:
+        """The network with the weights of a safetensors file of ``graspmill trainer export``."""
+        from safetensors.torch import load_file
+
+        net = cls(upsampling)
+        net.load_state_dict(load_file(os.fspath(path)), strict=True)
+        return net
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the weights for ``graspmill trainer import``."""
+        from safetensors.torch import save_file
+
+        save_file({name: tensor.contiguous() for name, tensor in self.state_dict().items()}, os.fspath(path))
+
+
+def loss(quality: Tensor, rotation: Tensor, width: Tensor, batch: Batch) -> Tensor:
+    """The paper's loss (Eq. 1 to 5), a number: cross-entropy of quality; of held grasps the distance of the orientation to the grasp or its
+    half turn, whichever is nearer, and 0.01 times the squared difference of the opening in voxels."""
+    label, target = batch["label"], batch["rotation"]
+    x, y, z, w = target.unbind(1)
+    turned = torch.stack([y, -x, w, -z], dim=1)
+    apart = torch.minimum(*(1.0 - (rotation * one).sum(1).abs() for one in (target, turned)))
+    terms = F.binary_cross_entropy(quality, label, reduction="none") + label * apart + 0.01 * label * (width - batch["width"]) ** 2
+    return terms.mean()

@@ -1,0 +1,276 @@
+//! Datasets.
+
+use std::process;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
+use numpy::{IntoPyArray, PyArray1, PyArray2, ToPyArray};
+use program::{ExitCode, Failure};
+use pyo3::prelude::*;
+use pyo3::types::{PyCapsule, PyDict};
+use schema::{Camera, HitKind, SceneRows};
+use shards::report::PageParts;
+use shards::{Location, Table, scene_view};
+use trainer::config::{SplitBy, SplitConfig};
+use trainer::data::{GraspDataset, Marks, Seen};
+use trainer::split::split;
+
+use crate::fault::{free, raised, wrong};
+use crate::pool::on_threads;
+use crate::scene::{Laws, Scene, names, place, rows, seven};
+
+/// A complete dataset.
+#[pyclass(frozen, module = "graspmill._native")]
+#[derive(Debug)]
+pub(crate) struct Dataset {
+    dataset: Arc<shards::Dataset>,
+    /// The process that opened it: the client of a store has threads, which do not outlive a fork.
+    process: u32,
+}
+
+impl Dataset {
+    /// The dataset, if this process may read it.
+    fn read(&self) -> PyResult<&Arc<shards::Dataset>> {
+        let is_folder = matches!(self.dataset.location(), Location::Path(_));
+        if is_folder || self.process == process::id() {
+            return Ok(&self.dataset);
+        }
+        let text =
+            format!("a dataset of a store must be opened again in a forked process: {}", self.dataset.location());
+        Err(wrong(text))
+    }
+
+    fn scene_rows(&self, py: Python<'_>, scene_id: u64) -> PyResult<SceneRows> {
+        let dataset = self.read()?;
+        free(py, || dataset.read_scene(scene_id))
+    }
+}
+
+#[pymethods]
+impl Dataset {
+    /// Opens the dataset in a folder or at a URL.
+    #[new]
+    fn new(py: Python<'_>, path: &str) -> PyResult<Self> {
+        let location = Location::parse(path).map_err(wrong)?;
+        let dataset = Arc::new(free(py, || shards::Dataset::open(location))?);
+        Ok(Self { dataset, process: process::id() })
+    }
+
+    /// Its id.
+    #[getter]
+    fn id(&self) -> &str {
+        self.dataset.id()
+    }
+
+    /// Its folder or URL.
+    #[getter]
+    fn location(&self) -> String {
+        self.dataset.location().to_string()
+    }
+
+    /// `meta/info.json`.
+    fn info(&self) -> String {
+        self.dataset.info().to_json()
+    }
+
+    /// The numbers of shards, scenes and attempts, and of attempts with label 1.
+    #[getter]
+    fn counts(&self) -> (u32, u64, u64, u64) {
+        let info = self.dataset.info();
+        let held = self.dataset.manifest().shards.iter().map(|shard| shard.counts.labels.positives).sum();
+        (info.shard_count, info.scene_count, info.attempt_count, held)
+    }
+
+    /// The scenes of a shard, from and to.
+    fn scenes_of(&self, shard: u32) -> PyResult<(u64, u64)> {
+        if shard >= self.dataset.shard_count() {
+            return Err(wrong(format!("shard must be below {}, got {shard}", self.dataset.shard_count())));
+        }
+        let scenes = self.dataset.info().scenes_of(shard);
+        Ok((scenes.start, scenes.end))
+    }
+
+    /// The rows of a table in some shards as a capsule of Arrow's C stream.
+    fn stream<'py>(
+        &self,
+        py: Python<'py>,
+        table: &str,
+        from_: u32,
+        to: u32,
+        grids: bool,
+    ) -> PyResult<Bound<'py, PyCapsule>> {
+        let tables = || Table::ALL.map(Table::name).join(", ");
+        let table = Table::from_name(table)
+            .ok_or_else(|| wrong(format!("table must be one of {}, got {table:?}", tables())))?;
+        let stream = self.read()?.stream(table, from_..to, grids).map_err(|failure| raised(&failure))?;
+        PyCapsule::new_with_value(py, stream, c"arrow_array_stream")
+    }
+
+    /// A scene: its objects at rest, the laws of its attempts, and its rows as arrays.
+    fn scene<'py>(&self, py: Python<'py>, scene_id: u64) -> PyResult<(Scene, Laws, Bound<'py, PyDict>)> {
+        let (rows_, info) = (self.scene_rows(py, scene_id)?, self.dataset.info());
+        let bodies = bodies_of(info).map_err(|failure| raised(&failure))?;
+        let scene = simulator::Scene::from_records(info.grid.table_z_m, &rows_.objects, &bodies);
+        let laws = Laws {
+            gripper: info.hand_of(scene_id).clone(),
+            physics: physics_of(&info.config).map_err(|failure| raised(&failure))?,
+            procedure: info.procedure,
+            settle: Config::load(None, Overrides::default()).map_err(|error| raised(&error.into()))?.settle,
+            grid: info.grid,
+        };
+        let found = PyDict::new(py);
+        let SceneRows { scene: head, attempts, .. } = &rows_;
+        let side = info.grid.resolution;
+        found.set_item("tsdf", head.tsdf.to_pyarray(py).call_method1("reshape", (side, side, side))?)?;
+        let cameras = head.views.iter().map(|view| view.workspace_from_camera(&info.grid));
+        found.set_item("workspace_from_camera", rows(py, cameras)?)?;
+        found.set_item("workspace_from_grasp", rows(py, attempts.iter().map(|row| row.workspace_from_grasp))?)?;
+        let column =
+            |value: &dyn Fn(&schema::AttemptRecord) -> f32| -> Vec<f32> { attempts.iter().map(value).collect() };
+        found.set_item("width_m", column(&|row| row.width_m.unwrap_or(f32::NAN)).to_pyarray(py))?;
+        let outcomes: Vec<u8> = attempts.iter().map(|row| row.outcome as u8).collect();
+        found.set_item("outcome", outcomes.to_pyarray(py))?;
+        let targets: Vec<u32> = attempts.iter().map(|row| row.object_id).collect();
+        found.set_item("target", targets.to_pyarray(py))?;
+        let hits: Vec<i8> =
+            attempts.iter().map(|row| row.hit.map_or(-1, |hit| place(&HitKind::ALL, &hit) as i8)).collect();
+        found.set_item("hit", hits.to_pyarray(py))?;
+        let objects: Vec<i32> = attempts.iter().map(|row| row.hit_object_id.map_or(-1, |id| id as i32)).collect();
+        found.set_item("hit_object", objects.to_pyarray(py))?;
+        let rules: Vec<&str> = attempts.iter().map(|row| row.rule.name()).collect();
+        found.set_item("rule", rules)?;
+        Ok((Scene { scene }, laws, found))
+    }
+
+    /// The samples of some scenes of a shard, ascending: their grids, flat in one array, and of each sample its scene's
+    /// place among them, its attempt, its pose (`[N, 7]`), its opening and its label.
+    #[expect(clippy::type_complexity, reason = "its caller in Python unpacks it")]
+    fn samples<'py>(
+        &self,
+        py: Python<'py>,
+        shard: u32,
+        scenes: Vec<u64>,
+    ) -> PyResult<(
+        Bound<'py, PyArray1<f32>>,
+        Bound<'py, PyArray1<u32>>,
+        Bound<'py, PyArray1<u32>>,
+        Bound<'py, PyArray2<f32>>,
+        Bound<'py, PyArray1<f32>>,
+        Bound<'py, PyArray1<u8>>,
+    )> {
+        let (first, end) = self.scenes_of(shard)?;
+        if !scenes.is_sorted() || scenes.iter().any(|scene| !(first..end).contains(scene)) {
+            return Err(wrong(format!("scenes of shard {shard} must be ascending, from {first} to below {end}")));
+        }
+        let dataset = self.read()?;
+        let read = || {
+            let some = dataset.some_scenes(shard, scenes)?.collect::<Result<Vec<_>, Failure>>()?;
+            let mut grids = Vec::with_capacity(some.iter().map(|(scene, _)| scene.tsdf.len()).sum());
+            let mut samples = Vec::new();
+            for (place, (scene, attempts)) in (0_u32..).zip(some) {
+                grids.extend(scene.tsdf);
+                let own = schema::samples_of(&attempts, dataset.info().hand_of(scene.scene_id));
+                samples.extend(own.into_iter().map(|row| (place, row)));
+            }
+            Ok::<_, Failure>((grids, samples))
+        };
+        let (grids, samples) = free(py, read)?;
+        Ok((
+            grids.into_pyarray(py),
+            samples.iter().map(|(place, _)| *place).collect::<Vec<_>>().into_pyarray(py),
+            samples.iter().map(|(_, row)| row.attempt_id).collect::<Vec<_>>().into_pyarray(py),
+            rows(py, samples.iter().map(|(_, row)| row.workspace_from_grasp))?,
+            samples.iter().map(|(_, row)| row.width_m.unwrap_or(f32::NAN)).collect::<Vec<_>>().into_pyarray(py),
+            samples.iter().map(|(_, row)| row.label()).collect::<Vec<_>>().into_pyarray(py),
+        ))
+    }
+
+    /// The set of every attempt as the trainer splits them for the paper's network: 0 for none, 1 to train on, 2 for
+    /// held-out attempts, 3 for held-out scenes.
+    fn split<'py>(
+        &self,
+        py: Python<'py>,
+        seed: u64,
+        by: &str,
+        test_share: f64,
+        other_share: f64,
+    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
+        let by = if by == "scene" { SplitBy::Scene } else { SplitBy::Attempt };
+        let (config, location) = (SplitConfig { by, test_share, other_share }, self.dataset.location());
+        self.read()?;
+        let marked = || {
+            let datasets = [shards::Dataset::open(location)?];
+            let marks = on_threads(0, || {
+                let mut found = GraspDataset::survey(&datasets, Seen::OURS, &AtomicBool::new(false), &|| ())?;
+                split(&mut found.marks, seed, &config)?;
+                Ok::<_, Failure>(found.marks)
+            })??;
+            let of_shard = |marks: &Marks| {
+                marks.scenes().flat_map(|scene| marks.of_scene(scene)).map(|(_, mark)| mark).collect::<Vec<u8>>()
+            };
+            Ok::<_, Failure>(marks.iter().flat_map(of_shard).collect::<Vec<u8>>())
+        };
+        Ok(free(py, marked)?.into_pyarray(py))
+    }
+
+    /// The lens of the scenes' cameras: width, height, fx, fy, cx, cy in pixels.
+    fn intrinsics(&self) -> PyResult<[f32; 6]> {
+        let camera = settings_of(&self.dataset)?;
+        let schema::Intrinsics { width_px, height_px, fx_px, fy_px, cx_px, cy_px } = camera.intrinsics;
+        Ok([width_px as f32, height_px as f32, fx_px, fy_px, cx_px, cy_px])
+    }
+
+    /// Reads and checks everything: problems, and how many more there are than those.
+    fn verify(&self, py: Python<'_>) -> PyResult<(Vec<String>, u64)> {
+        let location = self.dataset.location();
+        let found = free(py, || shards::verify(location, |_| ()))?;
+        Ok((found.problems, found.more))
+    }
+
+    /// Statistics: as JSON, or as a page.
+    fn report(&self, py: Python<'_>, html: bool) -> PyResult<String> {
+        let dataset = self.read()?;
+        let made = || {
+            let report = shards::report(dataset)?;
+            if html {
+                shards::report::page(&report, dataset, &PageParts::default())?.html()
+            } else {
+                Ok(report.to_json())
+            }
+        };
+        free(py, made)
+    }
+
+    /// A scene in 3-D, as a page.
+    fn scene_page(&self, py: Python<'_>, scene_id: u64) -> PyResult<String> {
+        let rows = self.scene_rows(py, scene_id)?;
+        Ok(scene_view(self.dataset.info(), self.dataset.id(), &rows).page())
+    }
+
+    /// An attempt, executed again before the reader's eyes, as a page.
+    fn replay_page(&self, py: Python<'_>, scene_id: u64, attempt_id: u32) -> PyResult<String> {
+        let dataset = self.read()?;
+        Ok(free(py, || replay(dataset, AttemptId { scene_id, attempt_id }))?.view.page())
+    }
+
+    /// The names of outcomes and of what may be hit, in the order of their numbers.
+    #[staticmethod]
+    fn names() -> (Vec<&'static str>, Vec<&'static str>) {
+        names()
+    }
+}
+
+/// A camera with the dataset's lens.
+fn settings_of(dataset: &shards::Dataset) -> PyResult<Camera> {
+    let lens = &dataset.info().config["camera"];
+    let number = |key: &str| lens[key].as_f64().map(|number| number as f32);
+    let (Some(width_px), Some(height_px), Some(focal_px)) =
+        (number("width_px"), number("height_px"), number("focal_px"))
+    else {
+        let failure = Failure::new(ExitCode::Data, "meta/info.json has no camera that this program knows");
+        return Err(raised(&failure));
+    };
+    let six = [width_px, height_px, focal_px, focal_px, width_px / 2.0, height_px / 2.0];
+    Ok(crate::scene::camera(six, seven(&schema::Pose::IDENTITY)))
+}

@@ -1,0 +1,30 @@
+//! The Python package's native half: the programs, and what they are made of, as functions on NumPy arrays.
+//!
+//! The package's Python half (`python/graspmill`) has the names that users see. It checks arguments, so that a message
+//! names them; here arrays have the right types. All work runs without the interpreter's lock, on threads of this
+//! module's own ([`pool`]), and a panic becomes an exception ([`fault`]).
+
+mod dataset;
+mod fault;
+mod generate;
+mod plan;
+mod pool;
+mod programs;
+mod scene;
+
+use pyo3::prelude::*;
+
+/// The module `graspmill._native`.
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use crate::dataset::Dataset;
+    #[pymodule_export]
+    use crate::generate::generate;
+    #[pymodule_export]
+    use crate::plan::{Plan, Planner};
+    #[pymodule_export]
+    use crate::programs::run_program;
+    #[pymodule_export]
+    use crate::scene::{Body, Laws, Scene, execute, fuse};
+}

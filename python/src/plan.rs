@@ -1,0 +1,171 @@
+//! The planner, in this process.
+
+use std::path::PathBuf;
+
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use planner::{Config, Observation, Policy, SeenView, Wishes};
+use program::{Failure, json};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use schema::{Gripper, Quat, Vec3, VoxelGrid};
+
+use crate::fault::{free, raised, wrong};
+use crate::pool::on_threads;
+use crate::scene::{Laws, Seven, camera, image, pose};
+
+/// A network and settings, ready to plan; planning changes nothing, so any number of threads may.
+#[pyclass(frozen, module = "graspmill._native")]
+#[derive(Debug)]
+pub(crate) struct Planner {
+    planner: planner::Planner,
+    threads: usize,
+}
+
+/// Options of a plan, as Python has them.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Asked {
+    base_from_workspace: Option<Seven>,
+    workspace_from_wrist: Option<[f32; 4]>,
+    policy: Option<String>,
+    check_collisions: Option<bool>,
+    grasps_max: Option<usize>,
+    explain: bool,
+    avoid: Vec<Seven>,
+}
+
+impl Asked {
+    fn wishes(self) -> PyResult<Wishes> {
+        Ok(Wishes {
+            base_from_workspace: self.base_from_workspace.map(pose),
+            workspace_from_wrist: self.workspace_from_wrist.map(|wrist| Quat::from_array(wrist).normalize()),
+            policy: self.policy.map(Policy::try_from).transpose().map_err(wrong)?,
+            check_collisions: self.check_collisions,
+            grasps_max: self.grasps_max,
+            explain: self.explain,
+            avoid: self.avoid.into_iter().map(pose).collect(),
+        })
+    }
+}
+
+#[pymethods]
+impl Planner {
+    /// A planner with settings (a name or a file), a network's file, and a hand.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        config: Option<PathBuf>,
+        model: Option<PathBuf>,
+        hand: Option<&Laws>,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let hand = hand.map(|laws| laws.gripper.clone());
+        let made = || {
+            let mut config = Config::load(config.as_deref())?;
+            config.gripper = hand.unwrap_or(config.gripper);
+            match &model {
+                Some(model) => planner::Planner::new(model, config),
+                None => planner::Planner::built_in(config),
+            }
+        };
+        Ok(Self { planner: free(py, made)?, threads })
+    }
+
+    /// The workspace: its side in metres, voxels along a side, the table's height in metres.
+    #[getter]
+    fn grid(&self) -> (f32, usize, f32) {
+        let grid = self.planner.grid;
+        (grid.size_m, grid.resolution, grid.table_z_m)
+    }
+
+    /// SHA-256 of the network's file.
+    #[getter]
+    fn model_id(&self) -> &str {
+        &self.planner.model_id
+    }
+
+    /// The hand's name.
+    #[getter]
+    fn gripper_name(&self) -> &str {
+        &self.planner.config.gripper.name
+    }
+
+    /// A plan from depth images, `[height, width]` each in metres.
+    fn plan_views(
+        &self,
+        py: Python<'_>,
+        depths: Vec<PyReadonlyArray2<'_, f32>>,
+        intrinsics: Vec<[f32; 6]>,
+        workspace_from_camera: Vec<Seven>,
+        asked: Asked,
+    ) -> PyResult<Plan> {
+        let cameras = intrinsics.into_iter().zip(workspace_from_camera);
+        let seen = depths.iter().zip(cameras);
+        let views = seen.map(|(depth, (lens, at))| SeenView { image: image(depth), camera: camera(lens, at) });
+        self.plan(py, Observation::Views(views.collect()), asked)
+    }
+
+    /// A plan from a cloud, `[N, 3]` in the workspace, seen from `[M, 3]`, in metres.
+    fn plan_cloud(
+        &self,
+        py: Python<'_>,
+        points_m: PyReadonlyArray2<'_, f32>,
+        eyes_m: PyReadonlyArray2<'_, f32>,
+        asked: Asked,
+    ) -> PyResult<Plan> {
+        let points = |rows: &PyReadonlyArray2<'_, f32>| -> Vec<Vec3> {
+            rows.as_array().rows().into_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect()
+        };
+        self.plan(py, Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) }, asked)
+    }
+
+    /// A plan from a TSDF in VGN's values, flat.
+    fn plan_tsdf(&self, py: Python<'_>, values: PyReadonlyArray1<'_, f32>, asked: Asked) -> PyResult<Plan> {
+        let values = values.as_array().iter().copied().collect();
+        let grid = VoxelGrid::new(self.planner.grid, values).map_err(|error| wrong(format!("{error}: tsdf")))?;
+        self.plan(py, Observation::Tsdf(grid), asked)
+    }
+}
+
+impl Planner {
+    fn plan(&self, py: Python<'_>, observation: Observation, asked: Asked) -> PyResult<Plan> {
+        let wishes = asked.wishes()?;
+        let planned = || on_threads(self.threads, || self.planner.plan(&observation, &wishes).map_err(Failure::from))?;
+        let plan = free(py, planned)?;
+        Ok(Plan { plan, gripper: self.planner.config.gripper.clone() })
+    }
+}
+
+/// Ranked grasps.
+#[pyclass(frozen, module = "graspmill._native")]
+#[derive(Debug)]
+pub(crate) struct Plan {
+    plan: planner::plan::Plan,
+    gripper: Gripper,
+}
+
+#[pymethods]
+impl Plan {
+    /// The plan as JSON, the same as the command's and the service's.
+    fn json(&self) -> PyResult<String> {
+        json(&self.plan).map_err(|failure| raised(&failure))
+    }
+
+    /// The milliseconds of its stages.
+    #[getter]
+    fn timings_ms(&self) -> Vec<(&'static str, f64)> {
+        self.plan.timings_ms.clone()
+    }
+
+    /// A picture of the scene and its grasps, as a PNG.
+    fn picture<'py>(&self, py: Python<'py>, title: &str) -> PyResult<Bound<'py, PyBytes>> {
+        let drawn = || on_threads(0, || planner::picture::draw(&self.plan, &self.gripper, title))?;
+        Ok(PyBytes::new(py, &free(py, drawn)?))
+    }
+
+    /// The points of the segmented surface, flat, in metres.
+    fn cloud<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        let flat: Vec<f32> = self.plan.cloud.points_m.iter().flat_map(|point| point.to_array()).collect();
+        flat.to_pyarray(py)
+    }
+}

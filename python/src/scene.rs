@@ -1,0 +1,378 @@
+//! Scenes and the label oracle.
+
+use generator::{Config, Overrides};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use perception::Tsdf;
+use program::{ExitCode, Failure};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use schema::{
+    Camera, DepthImage, Grid, Gripper, HitKind, Intrinsics, Outcome, Physics, Pose, Procedure, Quat, SettleParams,
+    ShapeKind, Solid, Vec3, VoxelGrid,
+};
+use simulator::{
+    AttemptWorld, Compound, Execution, Part, PartShape, PartsParams, SceneObject, SceneRays, Settled, Unsettled,
+    convex_parts, settle, settle_again,
+};
+use std::path::PathBuf;
+
+use crate::fault::{free, raised, wrong};
+use crate::pool::on_threads;
+
+/// Attempts between two looks for a signal.
+const TOGETHER: usize = 2048;
+
+/// A pose as Python gives it: a position in metres and a quaternion x, y, z, w.
+pub(crate) type Seven = [f32; 7];
+
+/// The pose of seven numbers. A quaternion of length 1 keeps its bits.
+pub(crate) fn pose([x, y, z, qx, qy, qz, qw]: Seven) -> Pose {
+    let rotation = Quat::from_xyzw(qx, qy, qz, qw);
+    let is_unit = (rotation.length_squared() - 1.0).abs() < 1e-5;
+    Pose::from_parts(Vec3::new(x, y, z), if is_unit { rotation } else { rotation.normalize() })
+}
+
+/// The seven numbers of a pose.
+pub(crate) fn seven(pose: &Pose) -> Seven {
+    let ([x, y, z], [qx, qy, qz, qw]) = (pose.translation.to_array(), pose.rotation.to_array());
+    [x, y, z, qx, qy, qz, qw]
+}
+
+/// Rows of poses.
+pub(crate) fn poses(rows: &PyReadonlyArray2<'_, f32>) -> Vec<Pose> {
+    let rows = rows.as_array();
+    rows.rows().into_iter().map(|row| pose(std::array::from_fn(|number| row[number]))).collect()
+}
+
+/// Poses as rows.
+pub(crate) fn rows<'py>(py: Python<'py>, poses: impl Iterator<Item = Pose>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let flat: Vec<f32> = poses.flat_map(|pose| seven(&pose)).collect();
+    let count = flat.len() / 7;
+    flat.to_pyarray(py).reshape([count, 7])
+}
+
+/// A camera of six numbers (width, height, fx, fy, cx, cy; in pixels) and a pose.
+pub(crate) fn camera([width, height, fx_px, fy_px, cx_px, cy_px]: [f32; 6], at: Seven) -> Camera {
+    let intrinsics = Intrinsics { width_px: width as usize, height_px: height as usize, fx_px, fy_px, cx_px, cy_px };
+    Camera { intrinsics, workspace_from_camera: pose(at) }
+}
+
+/// The laws of an attempt and of rest: a hand, an engine, a procedure.
+#[pyclass(frozen, module = "graspmill._native")]
+#[derive(Debug)]
+pub(crate) struct Laws {
+    pub(crate) gripper: Gripper,
+    pub(crate) physics: Physics,
+    pub(crate) procedure: Procedure,
+    pub(crate) settle: SettleParams,
+    pub(crate) grid: Grid,
+}
+
+#[pymethods]
+impl Laws {
+    /// Those of a generator's config (the paper's without a file), with some keys set.
+    #[new]
+    fn new(config: Option<PathBuf>, set: Vec<(String, String)>) -> PyResult<Self> {
+        let overrides = Overrides { set: &set, ..Overrides::default() };
+        let config = Config::load(config.as_deref(), overrides).map_err(|error| raised(&error.into()))?;
+        let Config { physics, procedure, settle, grid, gripper, .. } = config;
+        let Some(gripper) = gripper.only().cloned() else {
+            return Err(wrong("gripper must be one hand, got several or ranges"));
+        };
+        Ok(Self { gripper, physics, procedure, settle, grid })
+    }
+
+    /// The hand's numbers, by their names in its file.
+    #[getter]
+    fn gripper(&self) -> Vec<(&'static str, f32)> {
+        self.gripper.numbers().to_vec()
+    }
+
+    /// The hand's name.
+    #[getter]
+    fn gripper_name(&self) -> &str {
+        &self.gripper.name
+    }
+}
+
+/// The shape of an object.
+#[pyclass(frozen, module = "graspmill._native")]
+#[derive(Debug, Clone)]
+pub(crate) struct Body {
+    body: simulator::Body,
+    /// The middle of its bounding box in the frame in which it was given.
+    centre_m: Vec3,
+}
+
+#[pymethods]
+impl Body {
+    /// One of the four primitive shapes.
+    #[staticmethod]
+    fn solid(kind: &str, extents_m: [f32; 3]) -> PyResult<Self> {
+        let names = || ShapeKind::ALL.map(ShapeKind::name).join(", ");
+        let kind = ShapeKind::from_name(kind)
+            .ok_or_else(|| wrong(format!("shape must be one of {}, got {kind:?}", names())))?;
+        let solid = Solid::new(kind, Vec3::from_array(extents_m)).map_err(|error| wrong(error.to_string()))?;
+        Ok(Self { body: solid.into(), centre_m: Vec3::ZERO })
+    }
+
+    /// A mesh, decomposed into convex parts.
+    #[staticmethod]
+    fn mesh(
+        py: Python<'_>,
+        name: String,
+        vertices_m: PyReadonlyArray2<'_, f32>,
+        triangles: PyReadonlyArray2<'_, u32>,
+        parts_max: usize,
+        corners_max: usize,
+        is_closed: bool,
+    ) -> PyResult<Self> {
+        let corners: Vec<Vec3> =
+            vertices_m.as_array().rows().into_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect();
+        let triangles: Vec<[u32; 3]> =
+            triangles.as_array().rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect();
+        if let Some(corner) = triangles.iter().flatten().find(|corner| **corner as usize >= corners.len()) {
+            return Err(wrong(format!("faces must be below the number of vertices, {}, got {corner}", corners.len())));
+        }
+        let params = PartsParams { parts_max, corners_max, resolution: 100, concavity: 0.02, is_closed };
+        let made = || {
+            let parts = on_threads(0, || convex_parts(&corners, &triangles, &params))?;
+            let refused = |error: String| Failure::new(ExitCode::Config, format!("mesh {name}: {error}"));
+            let parts = parts.map_err(|error| refused(error.to_string()))?;
+            let [low, high] = schema::bounds_m(parts.hulls.iter().flat_map(|hull| hull.corners_m()));
+            let part = |hull| Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY };
+            let compound = Compound::new(name.clone(), parts.hulls.into_iter().map(part).collect());
+            let compound = compound.map_err(|error| refused(error.to_string()))?;
+            Ok::<_, Failure>(Self { body: compound.into(), centre_m: 0.5 * (low + high) })
+        };
+        free(py, made)
+    }
+
+    /// What it is called.
+    #[getter]
+    fn name(&self) -> &str {
+        self.body.name()
+    }
+
+    /// Full lengths of its bounding box, in metres.
+    #[getter]
+    fn extents_m(&self) -> [f32; 3] {
+        self.body.extents_m().to_array()
+    }
+
+    /// Volume of its parts in cubic metres.
+    #[getter]
+    fn volume_m3(&self) -> f32 {
+        self.body.volume_m3()
+    }
+
+    /// The middle of its bounding box in the frame in which it was given, in metres.
+    #[getter]
+    fn centre_m(&self) -> [f32; 3] {
+        self.centre_m.to_array()
+    }
+
+    /// The corners of each of its convex parts in its frame, in metres, `[N, 3]` each.
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
+        let part = |polyhedron: &schema::Polyhedron| {
+            let flat: Vec<f32> = polyhedron.corners_m().iter().flat_map(|corner| corner.to_array()).collect();
+            let count = flat.len() / 3;
+            flat.to_pyarray(py).reshape([count, 3])
+        };
+        self.body.polyhedra().iter().map(part).collect()
+    }
+}
+
+/// Objects on a table.
+#[pyclass(frozen, module = "graspmill._native")]
+#[derive(Debug, Clone)]
+pub(crate) struct Scene {
+    pub(crate) scene: simulator::Scene,
+}
+
+#[pymethods]
+impl Scene {
+    /// Objects with their poses, `[N, 7]`, on a table of this height.
+    #[new]
+    fn new(
+        bodies: Vec<Py<Body>>,
+        masses_kg: Vec<f32>,
+        frictions: Vec<f32>,
+        workspace_from_object: PyReadonlyArray2<'_, f32>,
+        table_z_m: f32,
+    ) -> Self {
+        let given = bodies.iter().zip(masses_kg).zip(frictions).zip(poses(&workspace_from_object));
+        let object = |(((body, mass_kg), friction), at): (((&Py<Body>, f32), f32), Pose)| SceneObject {
+            body: body.get().body.clone(),
+            mass_kg,
+            friction,
+            workspace_from_object: at,
+        };
+        Self { scene: simulator::Scene { table_z_m, objects: given.map(object).collect() } }
+    }
+
+    /// The scene at rest: objects dropped one by one into a box about the workspace, or let go where they are.
+    fn settle(&self, py: Python<'_>, laws: &Laws, drop: bool) -> PyResult<Self> {
+        let Laws { physics, settle: params, grid, .. } = laws;
+        let grid = Grid { table_z_m: self.scene.table_z_m, ..*grid };
+        let objects = &self.scene.objects;
+        let rest = || {
+            let settled = if drop {
+                settle(physics, params, &grid, objects)
+            } else {
+                settle_again(physics, params, &grid, objects)
+            };
+            settled.map_err(|unsettled| {
+                let text = match unsettled {
+                    Unsettled::Moving { fastest } => {
+                        let name = objects.get(fastest).map_or("an object", |object| object.body.name());
+                        format!(
+                            "the objects must rest within {} s of the last drop; {name} moved on",
+                            params.time_s_max
+                        )
+                    }
+                    Unsettled::Empty => "no object stayed in the workspace".to_owned(),
+                    Unsettled::Unstable => "objects overlap, or one was shot away".to_owned(),
+                };
+                Failure::new(ExitCode::Data, text)
+            })
+        };
+        let Settled { scene, .. } = free(py, rest)?;
+        Ok(Self { scene })
+    }
+
+    /// The number of objects.
+    fn __len__(&self) -> usize {
+        self.scene.objects.len()
+    }
+
+    /// The table's height in metres.
+    #[getter]
+    fn table_z_m(&self) -> f32 {
+        self.scene.table_z_m
+    }
+
+    /// The shape, mass and friction of an object.
+    fn object(&self, number: usize) -> Option<(Body, f32, f32)> {
+        let object = self.scene.objects.get(number)?;
+        Some((Body { body: object.body.clone(), centre_m: Vec3::ZERO }, object.mass_kg, object.friction))
+    }
+
+    /// The objects' poses, `[N, 7]`.
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        rows(py, self.scene.objects.iter().map(|object| object.workspace_from_object))
+    }
+
+    /// The depth image of a camera, `[height, width]`, in metres along its z; 0 where it sees nothing.
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        intrinsics: [f32; 6],
+        workspace_from_camera: Seven,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let camera = camera(intrinsics, workspace_from_camera);
+        let image = free(py, || on_threads(0, || SceneRays::new(&self.scene).render(&camera)))?;
+        image.depth_m.to_pyarray(py).reshape([image.height_px, image.width_px])
+    }
+}
+
+/// The TSDF of depth images, flat, in VGN's values: `depths` of `[height, width]` each, with a camera.
+#[pyfunction]
+pub(crate) fn fuse<'py>(
+    py: Python<'py>,
+    depths: Vec<PyReadonlyArray2<'py, f32>>,
+    intrinsics: Vec<[f32; 6]>,
+    workspace_from_camera: Vec<Seven>,
+    resolution: usize,
+    size_m: f32,
+    truncation_voxels: f32,
+) -> PyResult<Bound<'py, PyArray1<f32>>> {
+    let grid = Grid { size_m, resolution, ..Grid::PAPER };
+    let images: Vec<DepthImage> = depths.iter().map(image).collect();
+    let cameras: Vec<Camera> =
+        intrinsics.into_iter().zip(workspace_from_camera).map(|(lens, at)| camera(lens, at)).collect();
+    let fused = || {
+        let mut tsdf = Tsdf::new(grid, truncation_voxels);
+        for (image, camera) in images.iter().zip(&cameras) {
+            tsdf.integrate(camera, |pixel| image.at(pixel));
+        }
+        Ok::<VoxelGrid, Failure>(tsdf.to_voxels())
+    };
+    Ok(free(py, fused)?.values.to_pyarray(py))
+}
+
+/// A depth image of an array.
+pub(crate) fn image(depth_m: &PyReadonlyArray2<'_, f32>) -> DepthImage {
+    let depth_m = depth_m.as_array();
+    let (height_px, width_px) = depth_m.dim();
+    DepthImage { width_px, height_px, depth_m: depth_m.iter().copied().collect() }
+}
+
+/// Outcomes as numbers of [`Outcome::ALL`], openings (NaN where the fingers never closed), what was hit (-1 for
+/// nothing, else the number in [`HitKind::ALL`]), which object (-1 for none), and the targets.
+type Executed<'py> = (
+    Bound<'py, PyArray1<u8>>,
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray1<i8>>,
+    Bound<'py, PyArray1<i32>>,
+    Bound<'py, PyArray1<u32>>,
+);
+
+/// Executes grasps, `[N, 7]`, each in a fresh copy of the scene. `targets` has the object of each; without them it is
+/// the one that is nearest to the tips. One thread is the caller's.
+#[pyfunction]
+pub(crate) fn execute<'py>(
+    py: Python<'py>,
+    scene: &Scene,
+    workspace_from_grasp: PyReadonlyArray2<'py, f32>,
+    targets: Option<PyReadonlyArray1<'py, u32>>,
+    laws: &Laws,
+    threads: usize,
+) -> PyResult<Executed<'py>> {
+    let (scene, grasps) = (&scene.scene, poses(&workspace_from_grasp));
+    let targets: Vec<usize> = match targets {
+        Some(targets) => targets.as_array().iter().map(|target| *target as usize).collect(),
+        None => grasps.iter().map(|grasp| scene.nearest(grasp.translation).unwrap_or(usize::MAX)).collect(),
+    };
+    if let Some(target) = targets.iter().find(|target| **target >= scene.objects.len()) {
+        let text = if *target == usize::MAX {
+            "the scene has no objects".to_owned()
+        } else {
+            format!("targets must be below the number of objects, {}, got {target}", scene.objects.len())
+        };
+        return Err(wrong(text));
+    }
+    let asked: Vec<(Pose, usize)> = grasps.into_iter().zip(targets).collect();
+    let mut ended: Vec<Execution> = Vec::with_capacity(asked.len());
+    for some in asked.chunks(TOGETHER) {
+        py.check_signals()?;
+        let work = || {
+            let world = AttemptWorld::new(&laws.physics, &laws.gripper, &laws.procedure, scene);
+            let run = |(grasp, target): &(Pose, usize)| world.execute(grasp, *target);
+            if threads == 1 {
+                return Ok(some.iter().map(run).collect());
+            }
+            on_threads(threads, || some.par_iter().map(run).collect::<Vec<_>>())
+        };
+        ended.extend(free(py, work)?);
+    }
+    let kind = |execution: &Execution| execution.hit.map_or(-1, |hit| place(&HitKind::ALL, &hit.kind) as i8);
+    let object = |execution: &Execution| execution.hit.and_then(|hit| hit.object_id).map_or(-1, |id| id as i32);
+    Ok((
+        ended.iter().map(|execution| execution.outcome as u8).collect::<Vec<_>>().to_pyarray(py),
+        ended.iter().map(|execution| execution.width_m.unwrap_or(f32::NAN)).collect::<Vec<_>>().to_pyarray(py),
+        ended.iter().map(kind).collect::<Vec<_>>().to_pyarray(py),
+        ended.iter().map(object).collect::<Vec<_>>().to_pyarray(py),
+        asked.iter().map(|(_, target)| *target as u32).collect::<Vec<_>>().to_pyarray(py),
+    ))
+}
+
+/// The place of a word among all.
+pub(crate) fn place<T: PartialEq>(all: &[T], one: &T) -> usize {
+    all.iter().position(|other| other == one).unwrap_or(0)
+}
+
+/// The names of outcomes and of what may be hit, in the order of their numbers.
+pub(crate) fn names() -> (Vec<&'static str>, Vec<&'static str>) {
+    (Outcome::ALL.map(Outcome::name).to_vec(), HitKind::ALL.map(HitKind::name).to_vec())
+}

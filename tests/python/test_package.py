@@ -1,0 +1,344 @@
+"""The Python package as it is installed: the label oracle, scenes, datasets, plans, pages, the programs, and what is refused."""
+
+import json
+import multiprocessing
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+
+CENTRE = (0.15, 0.15, 0.075, 0, 0, 0, 1)
+DOWN = np.array([[1, 0, 0, 0.15], [0, -1, 0, 0.15], [0, 0, -1, 0.06], [0, 0, 0, 1]], dtype=float)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), CENTRE)])
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    return graspmill.generate(None, tmp_path_factory.mktemp("generated") / "ds", shards=2, attempts=600, seed=5)
+
+
+@pytest.fixture(scope="module")
+def planner():
+    return graspmill.Planner()
+
+
+def test_it_is_the_installed_wheel_and_not_the_source_tree():
+    assert "site-packages" in graspmill.__file__
+
+
+def test_stored_attempts_end_bit_for_bit_as_stored_on_any_number_of_threads(dataset):
+    names = ("outcome", "width_m", "hit", "hit_object", "target")
+    for stored in dataset:
+        for threads in (None, 1, 3):
+            target = stored.outcomes.target
+            now = graspmill.execute(stored.scene, stored.workspace_from_grasp, targets=target, threads=threads)
+            for name in names:
+                old, new = getattr(stored.outcomes, name), getattr(now, name)
+                assert old.dtype == new.dtype and old.tobytes() == new.tobytes(), name
+
+
+def test_a_box_between_the_fingers_is_held_and_one_turned_away_is_not(scene):
+    turned = DOWN.copy()
+    turned[:3, :2] = DOWN[:3, :2] @ [[0, -1], [1, 0]]
+    beside, high = DOWN.copy(), DOWN.copy()
+    beside[0, 3] += 0.1
+    high[2, 3] += 0.1
+    told = graspmill.execute(scene, [DOWN, turned, beside, high])
+    assert told.held[:2].all() and told.names[2:] == ["empty", "empty"]
+    # Along y it is 60 mm wide, along x 40.
+    assert np.allclose(told.width_m[:2], [0.06, 0.04], atol=1e-3)
+    low = beside.copy()
+    low[2, 3] = 0.045
+    assert graspmill.HITS[graspmill.execute(scene, [low]).hit[0]] == "table"
+
+
+def test_matrices_and_quaternions_are_the_same_poses(scene):
+    rng = np.random.default_rng(1)
+    rotations = np.linalg.qr(rng.normal(size=(200, 3, 3)))[0]
+    rotations *= np.linalg.det(rotations)[:, None, None]
+    matrices = np.tile(np.eye(4), (200, 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = rotations, rng.uniform(0.0, 0.3, (200, 3))
+    rows = graspmill._arrays.poses("x", matrices)
+    assert np.abs(graspmill._arrays.matrices(rows) - matrices).max() < 1e-6
+    axes = np.array([np.diag(signs) for signs in ([1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1])], dtype=float)
+    assert np.allclose(np.abs(graspmill._arrays.quaternions(axes)), np.eye(4)[[3, 0, 1, 2]])
+
+
+def test_another_hand_and_other_settings_decide(scene):
+    # It opens 50 mm, the box is 60 mm wide.
+    assert graspmill.execute(scene, [DOWN], gripper="slim_jaw_50").names == ["approach_collision"]
+    slippery = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), CENTRE, mass_kg=5.0, friction=0.1)])
+    assert graspmill.execute(slippery, [DOWN]).names == ["slipped"]
+    for engine in ("stepper", "rapier"):
+        assert graspmill.execute(scene, [DOWN], settings={"physics.engine": engine}).held[0]
+
+
+def test_a_mesh_rests_where_it_falls_and_is_held():
+    corners = np.array([[x, y, z] for x in (0, 0.04) for y in (0, 0.05) for z in (0, 0.06)])
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4]]
+    faces += [[1, 5, 7], [1, 7, 3]]
+    pose = np.eye(4)
+    pose[:3, 3] = (0.13, 0.125, 0.055)
+    box = graspmill.Object.mesh((corners, np.array(faces)), pose, name="box")
+    assert np.allclose(box.extents_m, [0.04, 0.05, 0.06]) and np.isclose(box.mass_kg, 0.06, rtol=1e-3)
+    scene = graspmill.Scene([box]).settle()
+    rest = scene.objects[0].workspace_from_object
+    assert np.allclose(rest[:3, 3], [0.15, 0.15, 0.08], atol=1e-3) and np.allclose(rest[:3, :3], np.eye(3), atol=1e-3)
+    grasp = DOWN.copy()
+    grasp[2, 3] = 0.08
+    assert graspmill.execute(scene, [grasp]).held[0]
+    assert len(graspmill.Scene([box]).settle(drop=True)) == 1
+
+
+def test_depth_images_and_tsdf_are_those_of_the_generator(dataset, scene):
+    camera = graspmill.Camera.looking((0.15, 0.15, 0.6))
+    depth = scene.render(camera)
+    assert depth.dtype == np.float32 and depth.shape == (480, 640)
+    assert np.isclose(depth[240, 320], 0.5, atol=1e-4) and np.isclose(depth[5, 5], 0.55, atol=1e-4)
+    stored = dataset[0]
+    assert np.abs(stored.scene.tsdf(stored.cameras) - stored.tsdf).max() < 1e-3
+
+
+def test_cameras_of_opengl_look_the_other_way():
+    ours = graspmill.Camera.looking((0.1, -0.3, 0.5))
+    theirs = ours.workspace_from_camera @ np.diag([1, -1, -1, 1])
+    same = graspmill.Camera(640, 480, 540.0, 540.0, 320.0, 240.0, theirs, convention="opengl")
+    assert np.allclose(same.workspace_from_camera, ours.workspace_from_camera)
+
+
+def test_a_plan_is_the_programs_plan_and_its_grasps_hold(planner, scene, tmp_path):
+    camera = graspmill.Camera.looking((0.15, -0.2, 0.5))
+    depth = scene.render(camera)
+    plan = planner.plan(depth, camera, explain=True)
+    assert len(plan) > 5 and plan[0].quality > 0.9 and plan.reason is None
+    assert graspmill.execute(scene, plan.workspace_from_grasp).held.mean() > 0.8
+    np.save(tmp_path / "depth.npy", depth)
+    position, quaternion = camera.seven()[:3], camera.seven()[3:]
+    (tmp_path / "views.toml").write_text(
+        f"[intrinsics]\nfx_px = 540.0\nfy_px = 540.0\ncx_px = 320.0\ncy_px = 240.0\n[[views]]\ndepth = 'depth.npy'\n"
+        f"workspace_from_camera = {{ position_m = {position}, quaternion_xyzw = {quaternion} }}\n"
+    )
+    words = [sys.executable, "-m", "graspmill", "planner", "plan", "--views", tmp_path / "views.toml", "--json", "--quiet", "--explain"]
+    said = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert json.loads(said) == json.loads(plan.to_json())
+    avoided = planner.plan(depth, camera, avoid=plan.workspace_from_grasp[:1])
+    assert np.linalg.norm(avoided[0].workspace_from_grasp[:3, 3] - plan[0].workspace_from_grasp[:3, 3]) > 1e-6
+    assert plan.picture().startswith(b"\x89PNG") and plan.cloud().shape[1] == 3
+    empty = planner.plan_tsdf(np.zeros((40, 40, 40)))
+    assert not len(empty) and empty.reason and empty.workspace_from_grasp.shape == (0, 4, 4)
+    turned = planner.plan_cloud(plan.cloud(), eyes_m=[(0.15, -0.2, 0.5)], base_from_workspace=np.eye(4))
+    assert np.allclose(turned[0].base_from_grasp, turned[0].workspace_from_grasp, atol=1e-6)
+
+
+def test_threads_share_a_planner(planner, dataset):
+    stored = dataset[1]
+    want, got = planner.plan_tsdf(stored.tsdf).to_json(), []
+    threads = [threading.Thread(target=lambda: got.append(planner.plan_tsdf(stored.tsdf).to_json())) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert got == [want] * 4
+
+
+def test_tables_are_arrow_streams(dataset):
+    polars = pytest.importorskip("polars")
+    attempts, scenes = dataset.attempts().to_polars(), dataset.scenes(grids=True).to_polars()
+    assert len(attempts) == dataset.attempt_count == 600 and attempts["label"].sum() == dataset.positive_count
+    assert len(scenes) == dataset.scene_count and "tsdf" in scenes.columns
+    assert "tsdf" not in dataset.scenes().to_arrow().column_names
+    direct = polars.read_parquet(f"{dataset._native.location}/attempts/*.parquet")
+    assert attempts.equals(direct)
+    assert len(dataset.attempts(range(1, 2)).to_arrow()) == 300
+
+
+def test_a_dataset_goes_on_where_it_was_stopped_and_is_that_of_the_program(tmp_path):
+    calls = []
+
+    def interrupt(done, total, held):
+        calls.append((done, total, held))
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+
+    settings = {"objects.counts": [2, 3], "objects.count_weights": [1.0, 1.0]}
+    arguments = {"shards": 2, "attempts": 30_000, "seed": 3, "settings": settings}
+    with pytest.raises(KeyboardInterrupt):
+        graspmill.generate(None, tmp_path / "a", progress=interrupt, **arguments)
+    with pytest.raises(graspmill.IncompleteError):
+        graspmill.Dataset(tmp_path / "a")
+    made = graspmill.generate(None, tmp_path / "a", **arguments)
+    assert made.verify() == []
+    words = [sys.executable, "-m", "graspmill", "generator", "--shards", "2", "--attempts", "30000", "--seed", "3", "--out"]
+    sets = ["--set", "objects.counts=[2, 3]", "--set", "objects.count_weights=[1.0, 1.0]"]
+    subprocess.run([*words, tmp_path / "b", *sets], check=True, capture_output=True)
+    for file in sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*.parquet")):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+def test_ctrl_c_stops_a_generator_soon(tmp_path):
+    code = f"import graspmill; graspmill.generate(None, {str(tmp_path / 'ds')!r}, attempts=10**8, shards=100)"
+    started = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)
+    with pytest.raises(subprocess.TimeoutExpired):
+        started.wait(3)
+    started.send_signal(signal.SIGINT)
+    assert b"KeyboardInterrupt" in started.communicate(timeout=30)[1]
+
+
+def test_pages_show_in_notebooks(dataset, planner):
+    stored = dataset[2]
+    for page in (dataset.page(), stored.page(), stored.replay(1)):
+        assert page._repr_html_().startswith("<iframe") and page.html.lstrip().lower().startswith("<!doctype html>")
+    assert planner.plan_tsdf(stored.tsdf)._repr_png_().startswith(b"\x89PNG")
+    assert dataset.report()["labels"]["attempts"] == 600
+
+
+def test_the_programs_are_there_and_find_each_other(dataset, tmp_path):
+    script = Path(sys.executable).with_name("graspmill")
+    assert subprocess.run([script], capture_output=True).returncode == 2
+    told = subprocess.run([script, "--help"], capture_output=True, text=True, check=True).stdout
+    for program in ("generator", "shards", "trainer", "planner", "experiments"):
+        assert program in told
+        text = subprocess.run([script, program, "--help"], capture_output=True, text=True, check=True).stdout
+        assert f"graspmill {program}" in text
+    where = dataset._native.location
+    subprocess.run([script, "shards", "browse", where, "--scenes", "1", "--out", tmp_path / "pages"], check=True, capture_output=True)
+    assert list((tmp_path / "pages").glob("replay-*.html"))
+    assert subprocess.run([script, "shards", "verify", tmp_path], capture_output=True).returncode == 78
+    assert subprocess.run([script, "grinder"], capture_output=True).returncode == 2
+
+
+def _in_a_child(path, scene, queue):
+    held = graspmill.execute(scene.scene, scene.workspace_from_grasp).held.sum()
+    queue.put((int(held), len(graspmill.Dataset(path).attempts().to_arrow())))
+
+
+def test_forked_processes_have_threads_of_their_own(dataset):
+    stored = dataset[3]
+    graspmill.execute(stored.scene, stored.workspace_from_grasp)  # the parent's threads run
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    child = context.Process(target=_in_a_child, args=(dataset._native.location, stored, queue))
+    child.start()
+    assert queue.get(timeout=60) == (int(stored.outcomes.held.sum()), 600)
+    child.join()
+
+
+def test_a_dataset_can_be_sent_to_another_process_and_closed(dataset):
+    again = pickle.loads(pickle.dumps(dataset))
+    assert again.id == dataset.id and len(again) == len(dataset)
+    with again:
+        pass
+    with pytest.raises(graspmill.InputError, match="closed"):
+        again.scene(0)
+
+
+def test_many_calls_keep_no_memory(scene):
+    def resident_mb():
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    def calls(count):
+        for _ in range(count):
+            graspmill.execute(scene, [DOWN], threads=1)
+
+    calls(2_000)
+    before = resident_mb()
+    calls(10_000)
+    assert resident_mb() - before < 2.0
+
+
+def refused(match, call):
+    with pytest.raises(graspmill.InputError, match=match) as told:
+        call()
+    assert isinstance(told.value, ValueError) and told.value.exit_code == 78
+
+
+def test_wrong_arguments_are_named_with_rule_and_value(scene, planner, dataset):
+    box, camera = graspmill.Object.cuboid, graspmill.Camera.looking((0.15, 0.15, 0.6))
+    depth = scene.render(camera)
+    reflection, scaled, nothing = np.diag([1.0, 1.0, -1.0, 1.0]), 2 * np.eye(4), np.full((1, 7), np.nan)
+    refused(r"grasps must have the shape .*got \[3, 1\]", lambda: graspmill.execute(scene, np.zeros((3, 1))))
+    refused("grasps must be rigid.*reflection", lambda: graspmill.execute(scene, [reflection]))
+    refused("grasps must be rigid.*got 3 in pose 0", lambda: graspmill.execute(scene, [scaled]))
+    refused("grasps must be finite", lambda: graspmill.execute(scene, nothing))
+    refused("dtype <U1", lambda: graspmill.execute(scene, [["a"] * 7]))
+    refused("rows of several lengths", lambda: graspmill.execute(scene, [[1, 2], [3]]))
+    refused("length 1", lambda: graspmill.execute(scene, np.zeros((1, 7))))
+    refused("targets .*below the number of objects, 1", lambda: graspmill.execute(scene, [DOWN], targets=[3]))
+    refused("targets .*shape", lambda: graspmill.execute(scene, [DOWN], targets=[0, 0]))
+    refused("threads must be between 1", lambda: graspmill.execute(scene, [DOWN], threads=0))
+    refused("gripper must be .*got claw", lambda: graspmill.execute(scene, [DOWN], gripper="claw"))
+    refused("no key physics.glue", lambda: graspmill.execute(scene, [DOWN], settings={"physics.glue": 1}))
+    refused("number, a string", lambda: graspmill.execute(scene, [DOWN], settings={"physics.engine": object()}))
+    refused("no objects", lambda: graspmill.execute(graspmill.Scene([]), [DOWN]))
+    refused("scene must be", lambda: graspmill.execute("scene", [DOWN]))
+    refused("mass_kg must be between", lambda: box((0.1, 0.1, 0.1), CENTRE, mass_kg=-1))
+    refused("shape must be one of", lambda: graspmill.Object.solid("sphere", (0.1, 0.1, 0.1), CENTRE))
+    refused("extents", lambda: box((0.1, 0.1, -0.1), CENTRE))
+    refused("objects must be", lambda: graspmill.Scene([1]))
+    refused("faces", lambda: graspmill.Object.mesh((np.zeros((3, 3)), [[0, 1, 7]]), CENTRE))
+    refused("mesh", lambda: graspmill.Object.mesh((np.zeros((3, 3)), [[0, 1, 2]]), CENTRE))
+    refused("float dtype.*divide", lambda: planner.plan((1000 * depth).astype(np.uint16), camera))
+    refused("shape .height, width.", lambda: planner.plan(depth.T, camera))
+    refused("as many cameras", lambda: planner.plan([depth, depth], [camera]))
+    refused(r"shape \[N, 3\].*transposed", lambda: planner.plan_cloud(np.zeros((3, 100))))
+    refused("between 0 and 1", lambda: planner.plan_tsdf(np.full((40, 40, 40), 2.0)))
+    refused("policy must be", lambda: planner.plan(depth, camera, policy="random"))
+    refused("grasps_max must be between 1", lambda: planner.plan(depth, camera, grasps_max=0))
+    refused("convention", lambda: graspmill.Camera(640, 480, 1.0, 1.0, 0.0, 0.0, np.eye(4), convention="ros"))
+    refused("trained for|failed to read", lambda: graspmill.Planner("nowhere.toml"))
+    refused("scene_id must be between 0 and 9", lambda: dataset.scene(10))
+    refused("shards must be a range", lambda: dataset.attempts(range(5)))
+    refused("no dataset here", lambda: graspmill.Dataset("/nowhere/at/all"))
+    refused("shards must be", lambda: graspmill.generate(None, "/tmp/never", shards=0))
+
+
+def test_whatever_numbers_come_there_is_an_answer_or_an_error(scene, planner):
+    hypothesis = pytest.importorskip("hypothesis")
+    from hypothesis import strategies as st
+    from hypothesis.extra import numpy as arrays
+
+    shapes = st.sampled_from([(0, 7), (1, 7), (2, 4, 4), (7,), (3, 3), (1, 7, 1), (2, 7)])
+    dtypes = st.sampled_from([np.float64, np.float32, np.float16, np.int32, np.uint8, np.complex64, np.bool_, object])
+
+    @hypothesis.settings(max_examples=150, deadline=None)
+    @hypothesis.given(st.tuples(dtypes, shapes).flatmap(lambda of: _array(arrays, st, *of)))
+    def ask(array):
+        for call in (lambda: graspmill.execute(scene, array, threads=1), lambda: planner.plan_cloud(array)):
+            try:
+                call()
+            except graspmill.InputError:
+                pass
+
+    ask()
+
+
+def _array(arrays, st, dtype, shape):
+    if dtype is object:
+        return st.just(np.full(shape, None, dtype=object))
+    return arrays.arrays(dtype, shape)
+
+
+def test_types_hold_and_the_stubs_are_those_of_the_module():
+    pytest.importorskip("mypy")
+    checked = subprocess.run([sys.executable, "-m", "mypy", "--strict", "-p", "graspmill"], capture_output=True, text=True, cwd="/")
+    assert checked.returncode == 0, checked.stdout
+    words = [sys.executable, "-m", "mypy.stubtest", "graspmill._native", "--ignore-disjoint-bases"]
+    checked = subprocess.run(words, capture_output=True, text=True, cwd="/")
+    assert checked.returncode == 0, checked.stdout
+
+
+def test_importing_it_is_quick_and_needs_numpy_alone():
+    code = "import sys, graspmill; print([m for m in ('torch', 'pyarrow', 'pandas', 'polars', 'tqdm') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"

@@ -1,0 +1,109 @@
+"""`graspmill.torch`: the trainer's samples and split, the order, workers, and weights to and from the trainer."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+torch = pytest.importorskip("torch")
+
+import graspmill.torch as gt  # noqa: E402
+
+PROGRAM = [sys.executable, "-m", "graspmill"]
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    return graspmill.generate(None, tmp_path_factory.mktemp("learned") / "ds", shards=3, attempts=1_500, seed=6)
+
+
+def test_the_split_is_the_trainers(dataset, tmp_path):
+    run = tmp_path / "run"
+    words = [*PROGRAM, "trainer", "fit", "--data", dataset._native.location, "--run", run, "--epochs", "1"]
+    subprocess.run(words, capture_output=True, check=True)
+    metrics = json.loads((run / "metrics.jsonl").read_text().splitlines()[0])
+    counts = {split: gt.GraspStream(dataset, split).sample_count for split in ("train", "test-attempts", "test-scenes")}
+    assert counts == {name: metrics[name.replace("-", "_")]["samples"] for name in counts}
+    assert sum(counts.values()) == gt.GraspStream(dataset, "all").sample_count
+    labels = {split: float(torch.cat([b["label"] for b in gt.GraspStream(dataset, split)]).mean()) for split in counts}
+    for split in ("test-attempts", "test-scenes"):
+        matrix = metrics[split.replace("-", "_")]["confusion"]
+        held = matrix["true_positive"] + matrix["false_negative"]
+        assert np.isclose(labels[split], held / counts[split])
+
+
+def test_samples_are_the_rows_of_the_tables(dataset):
+    samples = gt.GraspDataset(dataset, "all")
+    rows = dataset.attempts().to_polars()
+    voxel_m = 0.3 / 40
+    for index in (0, 17, len(samples) - 1):
+        place = int(samples._places[index])
+        row, item = rows.row(place, named=True), samples[index]
+        at = np.floor(np.array([row["x_m"], row["y_m"], row["z_m"]], np.float32) / np.float32(voxel_m))
+        assert item["voxel"].tolist() == at.tolist() and item["label"] == row["label"]
+        assert np.allclose(item["rotation"], [row["qx"], row["qy"], row["qz"], row["qw"]])
+        assert np.array_equal(item["tsdf"][0], dataset.scene(row["scene_id"]).tsdf)
+        assert bool(item["width"] > 0) == bool(row["label"])
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_stream_has_every_sample_once_in_a_seeded_order(dataset, workers):
+    def epoch(number, **more):
+        stream = gt.GraspStream(dataset, "train", batch=32, buffer_scenes=16, **more)
+        stream.set_epoch(number)
+        seen = []
+        for batch in torch.utils.data.DataLoader(stream, batch_size=None, num_workers=workers):
+            assert batch["tsdf"].shape[1:] == (1, 40, 40, 40) and batch["scene"].max() < len(batch["tsdf"])
+            assert len(batch["label"]) <= 32
+            keys = torch.cat([batch["voxel"].float(), batch["rotation"], batch["label"][:, None]], dim=1)
+            seen.extend(tuple(key.tolist()) for key in keys)
+        return seen, stream.sample_count
+
+    first, count = epoch(0)
+    assert len(first) == count and epoch(0)[0] == first
+    second = epoch(1)[0]
+    assert second != first and sorted(second) == sorted(first)
+    stored = sorted(epoch(0, shuffle=False)[0])
+    assert stored == sorted(first)
+
+
+def test_the_networks_weights_go_both_ways(dataset, tmp_path):
+    net = gt.VoxelNetwork()
+    net.save(tmp_path / "made.safetensors")
+    words = [*PROGRAM, "trainer", "import", tmp_path / "made.safetensors", "--out", tmp_path / "ours.safetensors"]
+    subprocess.run(words, check=True, capture_output=True)
+    words = [*PROGRAM, "trainer", "export", tmp_path / "ours.safetensors", "--format", "safetensors", "--out"]
+    subprocess.run([*words, tmp_path / "back.safetensors"], check=True, capture_output=True)
+    back = gt.VoxelNetwork.load(tmp_path / "back.safetensors")
+    for name, tensor in net.state_dict().items():
+        assert torch.equal(tensor, back.state_dict()[name]), name
+
+
+def test_thirty_lines_of_pytorch_learn(dataset):
+    torch.manual_seed(1)
+    net, stream = gt.VoxelNetwork(), gt.GraspStream(dataset, "train", batch=48, samples_per_scene=16)
+    optimiser = torch.optim.Adam(net.parameters(), lr=1e-3)
+    losses = []
+    for step, batch in enumerate(torch.utils.data.DataLoader(stream, batch_size=None)):
+        value = gt.loss(*net.at(batch), batch)
+        optimiser.zero_grad()
+        value.backward()
+        optimiser.step()
+        losses.append(value.item())
+        if step == 4:
+            break
+    assert np.isfinite(losses).all() and losses[-1] < losses[0]
+
+
+def test_what_is_wrong_is_named(dataset):
+    for match, arguments in (
+        ("split must be one of", {"split": "validation"}),
+        ("by must be", {"by": "shape"}),
+        ("test_share must be between", {"test_share": 0.9}),
+        ("batch must be between", {"batch": 0}),
+    ):
+        with pytest.raises(graspmill.InputError, match=match):
+            gt.GraspStream(dataset, **arguments)
