@@ -95,7 +95,7 @@ fn best(judge: &Judge, (tsdf, views): (&VoxelGrid, usize), count: usize, stream:
     if count == 0 {
         return best;
     }
-    for judged in judge.hands(tsdf, views, JUDGED_OF, stream) {
+    for judged in judge.hands(tsdf, views, JUDGED_OF, stream, &|_| true) {
         if best.len() < count && best.iter().all(|better| !better.is_near(&judged, APART_M)) {
             best.push(judged);
         }

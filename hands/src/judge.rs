@@ -80,17 +80,27 @@ impl Judge {
 
     /// Proposes hands in a scene that is seen from `views`, and judges them, best first: `proposals`, or several times
     /// as many where few are good. The best are asked about again in each mirror image: a hand and its mirror image end
-    /// alike, so where the answers differ their mean is nearer to the truth.
+    /// alike, so where the answers differ their mean is nearer to the truth. Of the proposed hands only those that are
+    /// wanted are judged.
     #[must_use]
-    pub fn hands(&self, field: &VoxelGrid, views: usize, proposals: usize, stream: &mut Stream) -> Vec<Judged> {
+    pub fn hands(
+        &self,
+        field: &VoxelGrid,
+        views: usize,
+        proposals: usize,
+        stream: &mut Stream,
+        is_wanted: &dyn Fn(&Grasp) -> bool,
+    ) -> Vec<Judged> {
         let (space, scene) = (Space::new(field), (&PaddedGrid::from(field), views));
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let mut judged: Vec<Judged> = Vec::new();
         for _ in 0..SEARCHES_MAX {
-            let hands = self.proposer.search(&space, proposals, stream);
+            let mut hands = self.proposer.search(&space, proposals, stream);
+            let is_bare = hands.is_empty();
+            hands.retain(is_wanted);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
             judged.extend(parts.into_iter().flatten());
-            if hands.is_empty() || judged.iter().filter(|judged| judged.quality() > SURE).count() >= SURE_MIN {
+            if is_bare || judged.iter().filter(|judged| judged.quality() > SURE).count() >= SURE_MIN {
                 break;
             }
         }

@@ -21,6 +21,7 @@ pub mod demo;
 pub mod detect;
 pub mod hand;
 pub mod input;
+mod limits;
 mod observation;
 pub mod picture;
 pub mod plan;
@@ -32,5 +33,5 @@ pub mod serve;
 pub mod volume;
 
 pub use config::{BuiltIn, Config, Policy};
-pub use observation::{Observation, SeenView, Wishes};
+pub use observation::{Cone, Limits, Observation, SeenView, Target, Wishes};
 pub use planner::{Planner, Planners};

@@ -1,6 +1,6 @@
 //! The input of a plan: depth images, a grid, or a cloud.
 
-use schema::{Camera, DepthImage, Pose, Quat, Vec3, VoxelGrid};
+use schema::{Camera, DepthImage, Plane, Pose, Quat, Vec3, VoxelGrid};
 
 /// A depth image and the camera that took it.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,4 +59,37 @@ pub struct Wishes {
     pub explain: bool,
     /// Hands that failed, in the workspace: none like them is offered.
     pub avoid: Vec<Pose>,
+    /// Which grasps are wanted.
+    pub limits: Limits,
+}
+
+/// What a request limits, in the workspace's frame; by default nothing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Limits {
+    /// The approach is within an angle of a direction.
+    pub approach: Option<Cone>,
+    /// The open hand, from pre-grasp to grasp, stays on the side of each plane to which its normal points.
+    pub keep_out: Vec<Plane>,
+    /// The tips' middle is within a box: its lower and upper corner, in metres.
+    pub reach_m: Option<[Vec3; 2]>,
+    /// Only what this is.
+    pub target: Option<Target>,
+}
+
+/// Directions about one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cone {
+    /// A unit vector.
+    pub direction: Vec3,
+    /// Largest angle from it, in radians.
+    pub angle_rad_max: f32,
+}
+
+/// What is to be grasped.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Target {
+    /// The object at a point, in metres: the cluster of the surface that is nearest to it.
+    Point(Vec3),
+    /// What these pixels show: for each view of the observation a mask of its image, row by row, or none.
+    Seen(Vec<Option<Vec<bool>>>),
 }

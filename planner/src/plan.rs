@@ -123,6 +123,35 @@ fn plane<S: Serializer>(cloud: &SegmentedCloud, serializer: S) -> Result<S::Ok, 
     cloud.plane.as_ref().map(answer).serialize(serializer)
 }
 
+/// A limit that a grasp breaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Limit {
+    /// It comes from another direction.
+    Approach,
+    /// The hand would be beyond a plane.
+    KeepOut,
+    /// The tips would be outside the box.
+    Reach,
+    /// It would hold something else.
+    Target,
+}
+
+impl Limit {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Approach, Self::KeepOut, Self::Reach, Self::Target];
+
+    /// Its key in a request.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Approach => "approach",
+            Self::KeepOut => "keep_out",
+            Self::Reach => "reach",
+            Self::Target => "target",
+        }
+    }
+}
+
 /// Why a candidate is not among the ranked grasps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RejectReason {
@@ -146,6 +175,11 @@ pub enum RejectReason {
     Suppressed,
     /// It is like a hand that failed.
     Avoided,
+    /// It breaks a limit of the request.
+    Limited {
+        /// Which.
+        limit: Limit,
+    },
     /// The hand would pass through this many points of the cloud on its way.
     Collision {
         /// Points inside the swept hand.
@@ -174,6 +208,7 @@ impl RejectReason {
             }
             Self::Suppressed => ("suppressed", "a better grasp is near".into()),
             Self::Avoided => ("avoided", "like a hand that failed".into()),
+            Self::Limited { limit } => ("limited", format!("the request does not allow it: {}", limit.name())),
             Self::Collision { points } => {
                 ("collision", format!("the hand would pass through {points} points of the cloud"))
             }
@@ -191,8 +226,8 @@ pub struct DroppedCandidate {
     /// Why.
     #[serde(skip)]
     pub reason: RejectReason,
-    /// `far_from_surface`, `width`, `quality`, `suppressed`, `avoided`, `collision`, `no_hand`, `no_object` or
-    /// `beyond_limit`.
+    /// `far_from_surface`, `width`, `quality`, `suppressed`, `avoided`, `limited`, `collision`, `no_hand`,
+    /// `no_object` or `beyond_limit`.
     pub why: &'static str,
     /// The reason as text, with the numbers.
     pub told: String,

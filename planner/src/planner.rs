@@ -9,13 +9,14 @@ use hands::{Judge, Judged};
 use network::{Architecture, DenseGrids, DenseNetwork, checkpoint};
 use program::Failure;
 use rayon::prelude::*;
-use schema::{Grid, Plane, Pose, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
+use schema::{Grasp, Grid, Plane, Pose, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 
 use crate::config::{BuiltIn, CloudParams, Config, Policy, WithoutObject};
 use crate::detect::{Detected, Detection, detect};
 use crate::hand::{Sweep, WRIST_DOWN, are_alike, towards_wrist};
-use crate::input::{InputError, read_file};
-use crate::observation::{Observation, Wishes};
+use crate::input::{InputError, read_file, refuse};
+use crate::limits::{Limiter, object_points, seen_points};
+use crate::observation::{Limits, Observation, SeenView, Target, Wishes};
 use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
 use crate::rank;
 use crate::refine::{Hand, Searched};
@@ -164,11 +165,40 @@ impl Planner {
             let field = volume.fine.as_ref().unwrap_or(&volume.grid);
             if self.config.refinement.turns > 0 { perception::normals(field, &volume.points_m) } else { Vec::new() }
         });
-        let found = self.find(&volume.grid, volume.points_m, (observation.views(), wishes), &mut timings_ms);
-        let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &normals, wishes));
+        let points_m = self.target_points(observation, &volume.points_m, &wishes.limits)?;
+        let Config { gripper, collision, .. } = &self.config;
+        let limiter = Limiter::new(&wishes.limits, gripper, collision.pregrasp_distance_m, points_m);
+        let asked = (observation.views(), wishes, &limiter);
+        let found = self.find(&volume.grid, volume.points_m, asked, &mut timings_ms);
+        let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &normals, (wishes, &limiter)));
         plan.warnings.splice(0..0, self.warning.iter().cloned().chain(volume.warnings));
         plan.timings_ms = timings_ms;
         Ok(plan)
+    }
+
+    /// The points of the surface that are the target's, and the others; none if everything is wanted.
+    fn target_points(
+        &self,
+        observation: &Observation,
+        points_m: &[Vec3],
+        limits: &Limits,
+    ) -> Result<Option<[Vec<Vec3>; 2]>, InputError> {
+        match (&limits.target, observation) {
+            (None, _) => Ok(None),
+            (Some(Target::Point(target_m)), _) => {
+                Ok(Some(object_points(&segment(points_m.to_vec(), &self.config).0, *target_m)))
+            }
+            (Some(Target::Seen(masks)), Observation::Views(views)) => {
+                let fit = |(view, mask): (&SeenView, &Option<Vec<bool>>)| {
+                    mask.as_ref().is_none_or(|mask| mask.len() == view.image.depth_m.len())
+                };
+                if masks.len() != views.len() || !views.iter().zip(masks).all(fit) {
+                    return refuse("masks must have the sizes of their depth images, one for each view or none: mask");
+                }
+                Ok(Some(seen_points(points_m, views, masks, self.grid.table_z_m)))
+            }
+            (Some(Target::Seen(_)), _) => refuse("masks go with views: mask"),
+        }
     }
 
     /// Runs the network and the segmentation of the cloud in parallel.
@@ -176,7 +206,7 @@ impl Planner {
         &self,
         grid: &VoxelGrid,
         points_m: Vec<Vec3>,
-        (views, wishes): (usize, &Wishes),
+        (views, wishes, limiter): (usize, &Wishes, &Limiter<'_>),
         timings_ms: &mut Timings,
     ) -> Found {
         let mut segment_ms = Vec::new();
@@ -186,7 +216,8 @@ impl Planner {
             Network::Judge(judge) => {
                 let mut stream = Stream::new(self.config.seed, scene, Purpose::Proposals, 0);
                 let proposals = self.config.judge.proposals;
-                let hands = timed(timings_ms, "judge", || judge.hands(grid, views, proposals, &mut stream));
+                let is_wanted = |hand: &Grasp| limiter.broken(&hand.workspace_from_grasp).is_none();
+                let hands = timed(timings_ms, "judge", || judge.hands(grid, views, proposals, &mut stream, &is_wanted));
                 self.judged(&hands, wishes)
             }
         };
@@ -272,7 +303,7 @@ impl Planner {
         Candidates { grasps, dropped, funnel, quality_best: hands.first().map_or(0.0, Judged::quality) }
     }
 
-    fn rank(&self, found: Found, normals: &[Vec3], wishes: &Wishes) -> Plan {
+    fn rank(&self, found: Found, normals: &[Vec3], (wishes, limiter): (&Wishes, &Limiter<'_>)) -> Plan {
         let Found {
             scene,
             candidates: Candidates { mut grasps, mut dropped, mut funnel, quality_best },
@@ -285,6 +316,12 @@ impl Planner {
         drop_where(&mut grasps, &mut dropped, |ranked| {
             is_avoided(&ranked.workspace_from_grasp, wishes).then_some(RejectReason::Avoided)
         });
+        if matches!(self.network, Network::Voxel(_)) {
+            drop_where(&mut grasps, &mut dropped, |ranked| {
+                limiter.broken(&ranked.workspace_from_grasp).map(|limit| RejectReason::Limited { limit })
+            });
+        }
+        let limited = limiter.told();
         funnel.hands_found = grasps.len();
         let collision = &self.config.collision;
         if wishes.check_collisions.unwrap_or(collision.check) {
@@ -330,7 +367,7 @@ impl Planner {
             dropped: if wishes.explain { dropped } else { Vec::new() },
             timings_ms: Vec::new(),
         };
-        plan.reason = plan.grasps.is_empty().then(|| self.reason(&plan, (quality_best, avoided), wishes));
+        plan.reason = plan.grasps.is_empty().then(|| self.reason(&plan, (quality_best, avoided, limited), wishes));
         plan.warnings = self.warnings(&plan);
         plan
     }
@@ -385,12 +422,19 @@ impl Planner {
     }
 
     /// Why there are no grasps: the first stage that no candidate passed.
-    fn reason(&self, plan: &Plan, (quality_best, avoided): (f32, usize), wishes: &Wishes) -> String {
+    fn reason(
+        &self,
+        plan: &Plan,
+        (quality_best, avoided, limited): (f32, usize, Option<String>),
+        wishes: &Wishes,
+    ) -> String {
         let (params, funnel) = (&self.config.detection, &plan.funnel);
         if wishes.grasps_max == Some(0) {
             "no grasps were asked for".to_owned()
         } else if plan.cloud.points_m.is_empty() {
             "empty scene: no surface was seen in the workspace".to_owned()
+        } else if let (true, Some(told)) = (funnel.near_surface == 0 || funnel.hands_found == 0, &limited) {
+            format!("no hand keeps the limits that were asked for: {told}")
         } else if funnel.near_surface == 0 && matches!(self.network, Network::Judge(_)) {
             "no hand stands free on anything that was seen".to_owned()
         } else if funnel.near_surface == 0 {

@@ -79,6 +79,7 @@ class Planner:
         depths: Sequence[_Floats],
         intrinsics: Sequence[Sequence[float]],
         workspace_from_camera: Sequence[Sequence[float]],
+        masks: Sequence[NDArray[np.bool_]] | None,
         asked: dict[str, Any],
     ) -> Plan: ...
     def plan_cloud(self, points_m: _Floats, eyes_m: _Floats, asked: dict[str, Any]) -> Plan: ...

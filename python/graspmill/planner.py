@@ -18,6 +18,8 @@ from .scene import _images, _laws
 
 #: Most hands that a plan can be told to avoid.
 AVOID_MAX = 256
+#: Most planes that keep a hand out.
+KEEP_OUT_MAX = 64
 #: Settings and networks that come with the package.
 BUILT_IN = ("judge", "paper", "vgn")
 
@@ -179,6 +181,8 @@ class Planner:
         self,
         depths: Sequence[ArrayLike] | ArrayLike,
         cameras: Sequence[Camera] | Camera,
+        *,
+        mask: Sequence[ArrayLike] | ArrayLike | None = None,
         **wishes: Any,
     ) -> Plan:
         """Plans from depth images.
@@ -186,13 +190,18 @@ class Planner:
         Args:
             depths: One image or several, ``[height, width]`` each, float, in metres along the camera's z; 0 or NaN where nothing was seen.
             cameras: Their cameras, as many.
+            mask: What to grasp: a mask for each image, ``[height, width]`` of bool or uint8, not 0 where the target is.
             **wishes: See :meth:`plan_tsdf`.
         """
         if isinstance(cameras, Camera):
             cameras, depths = [cameras], [np.asarray(depths)]
+            mask = None if mask is None else [np.asarray(mask)]
         images, given = _images(list(depths), list(cameras))  # type: ignore[arg-type]
         lenses, places = [camera.lens() for camera in given], [camera.seven() for camera in given]
-        return Plan(self._native.plan_views(images, lenses, places, _asked(**wishes)))
+        masks = None if mask is None else _masks(list(mask), images)  # type: ignore[arg-type]
+        if masks is not None and wishes.get("target_m") is not None:
+            raise InputError("mask and target_m must not both be given")
+        return Plan(self._native.plan_views(images, lenses, places, masks, _asked(**wishes)))
 
     def plan_cloud(self, points_m: ArrayLike, *, eyes_m: ArrayLike | None = None, **wishes: Any) -> Plan:
         """Plans from a point cloud.
@@ -216,7 +225,10 @@ class Planner:
             **wishes: ``base_from_workspace`` (``[4, 4]`` or ``[7]``: grasps are given in the robot's base, too), ``workspace_from_wrist``
                 (quaternion ``[4]``: of a grasp and its half turn the nearer one is given), ``policy`` (``"paper"``, ``"vgn-random"``,
                 ``"vgn-best"``, ``"flattest"``), ``check_collisions`` (bool), ``grasps_max`` (1 to 10000), ``explain`` (bool: dropped
-                candidates with reasons in ``answer``), ``avoid`` (poses ``[N, 4, 4]`` or ``[N, 7]`` of hands that failed).
+                candidates with reasons in ``answer``), ``avoid`` (poses ``[N, 4, 4]`` or ``[N, 7]`` of hands that failed),
+                ``target_m`` (``[3]``: only the object at this point), ``approach`` (a direction ``[3]`` and the largest angle from it, in
+                radians), ``keep_out`` (``[N, 4]``: planes that the open hand does not cross, a normal that points to where it may be and an
+                offset in metres), ``reach`` (the lower and upper corner of a box for the tips, ``[2, 3]``). All in the workspace.
         """
         side = self._native.grid[1]
         values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
@@ -234,6 +246,10 @@ def _asked(
     grasps_max: int | None = None,
     explain: bool = False,
     avoid: ArrayLike | None = None,
+    target_m: ArrayLike | None = None,
+    approach: tuple[ArrayLike, float] | None = None,
+    keep_out: ArrayLike | None = None,
+    reach: ArrayLike | None = None,
 ) -> dict[str, Any]:
     """The wishes of a plan, checked."""
     wrist = None
@@ -253,4 +269,54 @@ def _asked(
         "grasps_max": None if grasps_max is None else _arrays.whole("grasps_max", grasps_max, 1, 10_000),
         "explain": bool(explain),
         "avoid": [[float(part) for part in row] for row in hands],
+        "target_m": None if target_m is None else _numbers(_arrays.floats("target_m", target_m, (3,))),
+        "approach": None if approach is None else _cone(approach),
+        "keep_out": [] if keep_out is None else _planes(keep_out),
+        "reach": None if reach is None else _box(reach),
     }
+
+
+def _numbers(array: _arrays.Floats) -> list[float]:
+    return [float(part) for part in array]
+
+
+def _cone(approach: Any) -> tuple[list[float], float]:
+    try:
+        direction, angle = approach
+    except (TypeError, ValueError) as error:
+        raise InputError("approach must be a direction and an angle in radians, such as ((0, 0, -1), 0.5)") from error
+    vector = _arrays.floats("approach direction", direction, (3,))
+    if np.linalg.norm(vector) < 1e-6:
+        raise InputError("approach must have a direction, got zeros")
+    return _numbers(vector), _arrays.number("approach angle", angle, 0.0, float(np.pi))
+
+
+def _planes(keep_out: ArrayLike) -> list[list[float]]:
+    planes = _arrays.floats("keep_out", keep_out, (None, 4), " (nx, ny, nz, offset)")
+    if len(planes) > KEEP_OUT_MAX:
+        raise InputError(f"keep_out must be at most {KEEP_OUT_MAX} planes, got {len(planes)}")
+    if len(planes) and np.linalg.norm(planes[:, :3], axis=1).min() < 1e-6:
+        raise InputError("keep_out must have normals, got zeros")
+    return [_numbers(plane) for plane in planes]
+
+
+def _box(reach: ArrayLike) -> list[list[float]]:
+    corners = _arrays.floats("reach", reach, (2, 3))
+    if (corners[0] > corners[1]).any():
+        raise InputError(f"reach must be a lower and an upper corner, got {corners[0].tolist()} and {corners[1].tolist()}")
+    return [_numbers(corner) for corner in corners]
+
+
+def _masks(masks: list[Any], images: list[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
+    """Masks that fit their images."""
+    if len(masks) != len(images):
+        raise InputError(f"there must be as many masks as depth images, {len(images)}, got {len(masks)}")
+    fitting = []
+    for number, (mask, image) in enumerate(zip(masks, images)):
+        array = np.asarray(mask)
+        if array.dtype.kind not in "bu" or array.shape != image.shape:
+            raise InputError(
+                f"mask {number} must be bool or uint8 of its image's shape, {list(image.shape)}, got {array.dtype} {list(array.shape)}"
+            )
+        fitting.append(np.ascontiguousarray(array != 0))
+    return fitting

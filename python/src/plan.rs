@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
-use planner::{Config, Observation, Policy, SeenView, Wishes};
+use planner::{Cone, Config, Limits, Observation, Policy, SeenView, Target, Wishes};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use schema::{Gripper, Quat, Vec3, VoxelGrid};
+use schema::{Gripper, Plane, Quat, Vec3, VoxelGrid};
 
 use crate::fault::{free, raised, wrong};
 use crate::pool::on_threads;
@@ -32,6 +32,13 @@ struct Asked {
     grasps_max: Option<usize>,
     explain: bool,
     avoid: Vec<Seven>,
+    /// A direction and an angle.
+    approach: Option<([f32; 3], f32)>,
+    /// Normals and offsets.
+    keep_out: Vec<[f32; 4]>,
+    /// The lower and the upper corner.
+    reach: Option<[[f32; 3]; 2]>,
+    target_m: Option<[f32; 3]>,
 }
 
 impl Asked {
@@ -44,8 +51,21 @@ impl Asked {
             grasps_max: self.grasps_max,
             explain: self.explain,
             avoid: self.avoid.into_iter().map(pose).collect(),
+            limits: Limits {
+                approach: self.approach.map(|(direction, angle_rad_max)| Cone {
+                    direction: Vec3::from_array(direction).normalize(),
+                    angle_rad_max,
+                }),
+                keep_out: self.keep_out.into_iter().map(plane).collect(),
+                reach_m: self.reach.map(|corners| corners.map(Vec3::from_array)),
+                target: self.target_m.map(|point_m| Target::Point(Vec3::from_array(point_m))),
+            },
         })
     }
+}
+
+fn plane([x, y, z, offset_m]: [f32; 4]) -> Plane {
+    Plane { normal: Vec3::new(x, y, z).normalize(), offset_m }
 }
 
 #[pymethods]
@@ -90,19 +110,25 @@ impl Planner {
         &self.planner.config.gripper.name
     }
 
-    /// A plan from depth images, `[height, width]` each in metres.
+    /// A plan from depth images, `[height, width]` each in metres, of what masks of their sizes show, or of everything.
     fn plan_views(
         &self,
         py: Python<'_>,
         depths: Vec<PyReadonlyArray2<'_, f32>>,
         intrinsics: Vec<[f32; 6]>,
         workspace_from_camera: Vec<Seven>,
+        masks: Option<Vec<PyReadonlyArray2<'_, bool>>>,
         asked: Asked,
     ) -> PyResult<Plan> {
+        let mut wishes = asked.wishes()?;
+        if let Some(masks) = masks {
+            let pixels = |mask: &PyReadonlyArray2<'_, bool>| Some(mask.as_array().iter().copied().collect());
+            wishes.limits.target = Some(Target::Seen(masks.iter().map(pixels).collect()));
+        }
         let cameras = intrinsics.into_iter().zip(workspace_from_camera);
         let seen = depths.iter().zip(cameras);
         let views = seen.map(|(depth, (lens, at))| SeenView { image: image(depth), camera: camera(lens, at) });
-        self.plan(py, Observation::Views(views.collect()), asked)
+        self.plan(py, Observation::Views(views.collect()), wishes)
     }
 
     /// A plan from a cloud, `[N, 3]` in the workspace, seen from `[M, 3]`, in metres.
@@ -116,20 +142,19 @@ impl Planner {
         let points = |rows: &PyReadonlyArray2<'_, f32>| -> Vec<Vec3> {
             rows.as_array().rows().into_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect()
         };
-        self.plan(py, Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) }, asked)
+        self.plan(py, Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) }, asked.wishes()?)
     }
 
     /// A plan from a TSDF in VGN's values, flat.
     fn plan_tsdf(&self, py: Python<'_>, values: PyReadonlyArray1<'_, f32>, asked: Asked) -> PyResult<Plan> {
         let values = values.as_array().iter().copied().collect();
         let grid = VoxelGrid::new(self.planner.grid, values).map_err(|error| wrong(format!("{error}: tsdf")))?;
-        self.plan(py, Observation::Tsdf(grid), asked)
+        self.plan(py, Observation::Tsdf(grid), asked.wishes()?)
     }
 }
 
 impl Planner {
-    fn plan(&self, py: Python<'_>, observation: Observation, asked: Asked) -> PyResult<Plan> {
-        let wishes = asked.wishes()?;
+    fn plan(&self, py: Python<'_>, observation: Observation, wishes: Wishes) -> PyResult<Plan> {
         let planned = || on_threads(self.threads, || self.planner.plan(&observation, &wishes).map_err(Failure::from))?;
         let plan = free(py, planned)?;
         Ok(Plan { plan, gripper: self.planner.config.gripper.clone() })

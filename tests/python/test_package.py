@@ -342,3 +342,76 @@ def test_types_hold_and_the_stubs_are_those_of_the_module():
 def test_importing_it_is_quick_and_needs_numpy_alone():
     code = "import sys, graspmill; print([m for m in ('torch', 'pyarrow', 'pandas', 'polars', 'tqdm') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+
+
+def two_boxes():
+    left, right = ((x, 0.15, 0.075, 0, 0, 0, 1) for x in (0.09, 0.21))
+    scene = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.05, 0.05), pose) for pose in (left, right)])
+    camera = graspmill.Camera.looking((0.15, -0.2, 0.5))
+    return scene, camera, scene.render(camera)
+
+
+def test_a_target_is_the_object_at_a_point_or_what_a_mask_shows(planner):
+    scene, camera, depth = two_boxes()
+    alone = graspmill.Scene(scene.objects[:1]).render(camera)
+    mask = (np.abs(alone - depth) < 1e-5) & (np.abs(alone - graspmill.Scene([]).render(camera)) > 1e-4)
+    assert 100 < mask.sum() < 20_000
+    both = planner.plan(depth, camera)
+    assert {int(target) for target in graspmill.execute(scene, both.workspace_from_grasp).target} == {0, 1}
+    for wishes in ({"target_m": (0.09, 0.15, 0.09)}, {"mask": mask}, {"mask": mask.astype(np.uint8) * 255}):
+        plan = planner.plan(depth, camera, **wishes)
+        outcomes = graspmill.execute(scene, plan.workspace_from_grasp)
+        assert len(plan) > 3 and set(outcomes.target) == {0} and outcomes.held.mean() > 0.7, wishes.keys()
+    nothing = planner.plan(depth, camera, target_m=(0.15, 0.02, 0.1))
+    assert not len(nothing) and "by target" in nothing.reason
+    assert not len(planner.plan(depth, camera, mask=np.zeros_like(mask)))
+
+
+@pytest.mark.parametrize("config", ["judge", "paper"])
+def test_limits_of_the_hands_way_are_kept(config):
+    planner = graspmill.Planner(config)
+    scene, camera, depth = two_boxes()
+    epsilon = {} if config == "judge" else {"explain": True}
+    free = planner.plan(depth, camera, **epsilon)
+    poses = free.workspace_from_grasp
+    for wishes, keeps in (
+        ({"approach": ((0, 0, -2), 0.3)}, lambda pose: np.arccos(-pose[2, 2]) <= 0.3 + 1e-4),
+        ({"reach": ((0, 0, 0), (0.15, 0.3, 0.3))}, lambda pose: pose[0, 3] <= 0.15),
+        ({"keep_out": [(0, 1, 0, 0.05), (0, -1, 0, -0.25)]}, lambda pose: 0.05 <= pose[1, 3] <= 0.25),
+    ):
+        plan = planner.plan(depth, camera, **wishes)
+        assert all(keeps(pose) for pose in plan.workspace_from_grasp), wishes
+        if config == "judge":
+            assert len(plan) and not all(keeps(pose) for pose in poses) or "keep_out" in wishes
+    shut = planner.plan(depth, camera, approach=((0, 0, 1), 0.1))
+    assert not len(shut) and (config == "paper" or "by approach" in shut.reason)
+
+
+def test_limits_are_the_programs(planner, tmp_path):
+    scene, camera, depth = two_boxes()
+    np.save(tmp_path / "depth.npy", depth)
+    mask = np.zeros(depth.shape, bool)
+    mask[:, :320] = True
+    np.save(tmp_path / "mask.npy", mask)
+    view = {"depth": "depth.npy", "mask": "mask.npy", "workspace_from_camera": camera.workspace_from_camera.tolist()}
+    lens = {"fx_px": 540, "fy_px": 540, "cx_px": 320, "cy_px": 240}
+    (tmp_path / "views.json").write_text(json.dumps({"views": [view], "intrinsics": lens}))
+    words = [sys.executable, "-m", "graspmill", "planner", "plan", "--views", tmp_path / "views.json", "--json", "--quiet"]
+    words += ["--approach", "0,0,-1,0.4", "--keep-out", "0,1,0,0.03", "--reach", "0,0,0,0.3,0.3,0.3"]
+    said = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    ours = planner.plan(
+        depth, camera, mask=mask, approach=((0, 0, -1), 0.4), keep_out=[(0, 1, 0, 0.03)], reach=np.array([[0, 0, 0], [0.3] * 3])
+    )
+    assert said == json.loads(ours.to_json()) and len(ours)
+
+
+def test_wrong_limits_are_refused(planner):
+    scene, camera, depth = two_boxes()
+    refused("as many masks", lambda: planner.plan([depth], [camera], mask=[]))
+    refused("mask 0 must be bool or uint8", lambda: planner.plan(depth, camera, mask=depth))
+    refused("must not both", lambda: planner.plan(depth, camera, mask=depth > 0, target_m=(0, 0, 0)))
+    refused("approach must be", lambda: planner.plan(depth, camera, approach=1.0))
+    refused("approach angle must be between", lambda: planner.plan(depth, camera, approach=((0, 0, -1), 4.0)))
+    refused("keep_out must have normals", lambda: planner.plan(depth, camera, keep_out=[(0, 0, 0, 1)]))
+    refused("keep_out must have the shape", lambda: planner.plan(depth, camera, keep_out=[(0, 0, 1)]))
+    refused("lower and an upper", lambda: planner.plan(depth, camera, reach=((1, 1, 1), (0, 0, 0))))

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use crate::cloud_file::write_ply;
 use crate::input::{
-    InputError, OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput, assemble, from_file,
+    BoxInput, ConeInput, InputError, OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput,
+    assemble, from_file,
 };
 use crate::picture::draw;
 use crate::{Planners, Policy, demo};
@@ -75,6 +76,24 @@ pub(crate) struct Arguments {
     /// A hand that failed, in the workspace: no grasp within 10 mm and 30° of it is returned; repeat for several
     #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
     avoid: Vec<[f64; 7]>,
+
+    /// Only grasps of the object at this point of the workspace; masks of single objects go into the views file
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    target: Option<[f64; 3]>,
+
+    /// Only grasps that approach within an angle, in radians, of a direction of the workspace: 0,0,-1,0.5 is down within
+    /// 29°
+    #[arg(long, value_name = "X,Y,Z,RAD", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    approach: Option<[f64; 4]>,
+
+    /// A plane that the open hand does not cross on its way: its normal, which points to where the hand may be, and its
+    /// offset in metres; repeat for several. 0,1,0,0.05 keeps the hand at y of 50 mm or more
+    #[arg(long, value_name = "NX,NY,NZ,OFFSET", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    keep_out: Vec<[f64; 4]>,
+
+    /// Only grasps whose tips are within this box of the workspace: its lower and its upper corner
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
+    reach: Option<[f64; 6]>,
 
     /// Write the plan here, as JSON
     #[arg(long, value_name = "FILE")]
@@ -153,6 +172,13 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     input.base_from_workspace = arguments.base_from_workspace.map(pose).or(input.base_from_workspace.take());
     let avoid = Some(arguments.avoid.iter().copied().map(pose).collect::<Vec<_>>());
     input.avoid = avoid.filter(|hands| !hands.is_empty()).or(input.avoid.take());
+    input.target_m = arguments.target.or(input.target_m);
+    let cone = |[x, y, z, angle_rad_max]: [f64; 4]| ConeInput { direction: [x, y, z], angle_rad_max };
+    input.approach = arguments.approach.map(cone).or(input.approach);
+    let planes = Some(arguments.keep_out.clone()).filter(|planes| !planes.is_empty());
+    input.keep_out = planes.or(input.keep_out.take());
+    let corners = |[x, y, z, high @ ..]: [f64; 6]| BoxInput { low_m: [x, y, z], high_m: high };
+    input.reach = arguments.reach.map(corners).or(input.reach);
     let wrist = arguments.wrist.map(|quaternion_xyzw| OrientationInput { quaternion_xyzw });
     input.workspace_from_wrist = wrist.or(input.workspace_from_wrist.take());
 }
@@ -187,5 +213,5 @@ A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x
   workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [-0.954, 0.0, 0.0, 0.301] }
 Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. Instead of workspace_from_camera,
 a view may have its inverse camera_from_workspace or, with base_from_workspace, base_from_camera or camera_from_base.
-tsdf or cloud (with eyes_m) may stand in place of views. The wishes config, policy, grasps_max, check_collisions, explain, avoid and
-workspace_from_wrist may be there, too; the command line takes precedence (a flag cannot switch one off).";
+tsdf or cloud (with eyes_m) may stand in place of views. The wishes config, policy, grasps_max, check_collisions, explain, avoid,
+workspace_from_wrist, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";

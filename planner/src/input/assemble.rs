@@ -5,24 +5,28 @@ use std::path::Path;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use schema::{Camera, Grid, Pose, Vec3};
+use schema::{Camera, Grid, Plane, Pose, Vec3};
 
 use crate::input::camera::{PoseInput, intrinsics, orientation, point, pose};
 use crate::input::cloud::read_cloud;
 use crate::input::depth::{judge_depth, read_depth};
 use crate::input::error::{InputError, refuse, shown};
 use crate::input::file::read_file;
+use crate::input::mask::read_mask;
 use crate::input::mistakes::{Extrinsics, table_elsewhere};
 use crate::input::points::ReadCloud;
 use crate::input::raw_depth::SIDE_PX_MAX;
 use crate::input::request::{
-    AVOID_MAX, EYES_MAX, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json,
+    AVOID_MAX, BoxInput, ConeInput, EYES_MAX, KEEP_OUT_MAX, RequestInput, SourceInput, VIEWS_MAX, ViewInput,
+    parse_file, parse_json,
 };
 use crate::input::tsdf::read_tsdf;
-use crate::{BuiltIn, Observation, SeenView, Wishes};
+use crate::{BuiltIn, Cone, Limits, Observation, SeenView, Target, Wishes};
 
 /// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
+/// Shortest vector that is a direction.
+const DIRECTION_MIN: f32 = 1e-6;
 /// Maximum number of requested grasps.
 const GRASPS_MAX: usize = 10_000;
 
@@ -44,7 +48,7 @@ pub struct Request {
 /// # Errors
 /// [`InputError`], naming the key.
 pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
-    let wishes = wishes(input)?;
+    let mut wishes = wishes(input)?;
     let config = input.config.as_deref().map(|name| {
         let names = BuiltIn::ALL.map(BuiltIn::name).join(", ");
         let unknown = || InputError::Value(format!("must be one of {names}, got {}: config", shown(name)));
@@ -54,7 +58,12 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
     let mut assembly =
         Assembly { input, folder, grid, base_from_workspace: wishes.base_from_workspace, warnings: Vec::new() };
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
-        (Some(views), None, None) => assembly.views(views),
+        (Some(views), None, None) => assembly.views(views).map(|(seen, masks)| {
+            if masks.iter().any(Option::is_some) {
+                wishes.limits.target = Some(Target::Seen(masks));
+            }
+            seen
+        }),
         (None, Some(tsdf), None) => assembly.read(tsdf, "tsdf", |bytes| read_tsdf(bytes, grid)).map(Observation::Tsdf),
         (None, None, Some(cloud)) => assembly.cloud(cloud),
         (views, tsdf, cloud) => {
@@ -106,6 +115,7 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
     if avoid.len() > AVOID_MAX {
         return refuse(format!("must have at most {AVOID_MAX} entries, got {}: avoid", avoid.len()));
     }
+    let limits = limits(input)?;
     let failed = |(number, input): (usize, &PoseInput)| pose(input, &format!("avoid[{number}]"));
     Ok(Wishes {
         base_from_workspace: base_from_workspace.transpose()?,
@@ -115,6 +125,51 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
         grasps_max: input.grasps_max,
         explain: input.explain.unwrap_or(false),
         avoid: avoid.iter().enumerate().map(failed).collect::<Result<_, _>>()?,
+        limits,
+    })
+}
+
+/// The limits of a request, but for masks.
+///
+/// # Errors
+/// [`InputError`], naming the key.
+fn limits(input: &RequestInput) -> Result<Limits, InputError> {
+    let unit = |xyz: [f64; 3], at: &str| {
+        let vector = point(xyz, at)?;
+        let length = vector.length();
+        if length < DIRECTION_MIN {
+            return refuse(format!("must be a direction, got {xyz:?}: {at}"));
+        }
+        Ok(vector / length)
+    };
+    let approach = input.approach.map(|ConeInput { direction, angle_rad_max }| {
+        if !(0.0..=std::f64::consts::PI).contains(&angle_rad_max) {
+            return refuse(format!("must be between 0 and 3.1416, got {angle_rad_max}: approach.angle_rad_max"));
+        }
+        Ok(Cone { direction: unit(direction, "approach.direction")?, angle_rad_max: angle_rad_max as f32 })
+    });
+    let planes = input.keep_out.as_deref().unwrap_or_default();
+    if planes.len() > KEEP_OUT_MAX {
+        return refuse(format!("must have at most {KEEP_OUT_MAX} entries, got {}: keep_out", planes.len()));
+    }
+    let plane = |(number, [x, y, z, offset_m]): (usize, &[f64; 4])| {
+        let at = format!("keep_out[{number}]");
+        let offset = point([*offset_m; 3], &at)?;
+        Ok(Plane { normal: unit([*x, *y, *z], &at)?, offset_m: offset.x })
+    };
+    let reach_m = input.reach.map(|BoxInput { low_m, high_m }| {
+        let [low, high] = [point(low_m, "reach.low_m")?, point(high_m, "reach.high_m")?];
+        if low.cmpgt(high).any() {
+            return refuse(format!("must be at least low_m, {low_m:?}, got {high_m:?}: reach.high_m"));
+        }
+        Ok([low, high])
+    });
+    let target = input.target_m.map(|target_m| point(target_m, "target_m").map(Target::Point));
+    Ok(Limits {
+        approach: approach.transpose()?,
+        keep_out: planes.iter().enumerate().map(plane).collect::<Result<_, InputError>>()?,
+        reach_m: reach_m.transpose()?,
+        target: target.transpose()?,
     })
 }
 
@@ -150,22 +205,31 @@ impl Assembly<'_> {
         })
     }
 
-    fn views(&mut self, views: &[ViewInput]) -> Result<Observation, InputError> {
+    /// The views, and of each its mask.
+    fn views(&mut self, views: &[ViewInput]) -> Result<(Observation, Vec<Option<Vec<bool>>>), InputError> {
         if !(1..=VIEWS_MAX).contains(&views.len()) {
             return refuse(format!("must have 1 to {VIEWS_MAX} entries, got {}: views", views.len()));
         }
         let mut pixels_left = PIXELS_MAX;
+        if let (Some(number), Some(_)) = (views.iter().position(|view| view.mask.is_some()), self.input.target_m) {
+            return refuse(format!("a request has either masks or target_m: views[{number}].mask"));
+        }
         let (mut seen, mut extrinsics) = (Vec::with_capacity(views.len()), Vec::with_capacity(views.len()));
+        let mut masks = Vec::with_capacity(views.len());
         for (number, view) in views.iter().enumerate() {
             let at = format!("views[{number}]");
             let given = self.extrinsics(view, &at)?;
+            let given_mask = view.mask.as_ref();
             let view = self.view(view, given.workspace_from_camera(), &at, pixels_left)?;
+            let size = [view.image.width_px, view.image.height_px];
+            let read = |source| self.read(source, &format!("{at}.mask"), |bytes| read_mask(bytes, size));
+            masks.push(given_mask.map(read).transpose()?);
             pixels_left -= view.image.depth_m.len();
             seen.push(view);
             extrinsics.push(given);
         }
         self.warnings.extend(table_elsewhere(&seen, &extrinsics, &self.grid));
-        Ok(Observation::Views(seen))
+        Ok((Observation::Views(seen), masks))
     }
 
     fn view(

@@ -25,7 +25,7 @@ const SEEN_SHARE_MIN: f64 = 0.1;
 const PNG_BYTES_MAX: usize = 4 << 20;
 /// Maximum expansion factor of Deflate.
 const DEFLATE_RATIO_MAX: usize = 1032;
-const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+pub(crate) const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 const EXR_SIGNATURE: &[u8] = b"\x76\x2f\x31\x01";
 
 /// A depth image with statistics for warnings.
@@ -139,10 +139,16 @@ fn read_array(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
     Ok(RawDepth { width_px, height_px, values: header.decode(data), are_whole_numbers: !header.number.is_float() })
 }
 
-fn read_png(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
-    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: PNG_BYTES_MAX });
+/// A decoder that takes little memory besides the pixels.
+pub(crate) fn png_decoder(bytes: Cursor<&[u8]>) -> png::Decoder<Cursor<&[u8]>> {
+    let mut decoder = png::Decoder::new_with_limits(bytes, png::Limits { bytes: PNG_BYTES_MAX });
     decoder.set_ignore_text_chunk(true);
     decoder.set_ignore_iccp_chunk(true);
+    decoder
+}
+
+fn read_png(bytes: &[u8], pixels_max: usize) -> Result<RawDepth, InputError> {
+    let mut decoder = png_decoder(Cursor::new(bytes));
     let header = decoder.read_header_info().map_err(damaged_png)?;
     let (width_px, height_px) = (header.width as usize, header.height as usize);
     check_grey(header.color_type, header.bit_depth)?;
@@ -178,7 +184,7 @@ fn check_grey(color: ColorType, depth: BitDepth) -> Result<(), InputError> {
     }
 }
 
-fn damaged_png(error: DecodingError) -> InputError {
+pub(crate) fn damaged_png(error: DecodingError) -> InputError {
     match error {
         DecodingError::IoError(_) => InputError::Damaged("the PNG ends too early".to_owned()),
         DecodingError::LimitsExceeded => InputError::Damaged("the PNG takes too much memory".to_owned()),

@@ -17,7 +17,8 @@ pub(crate) struct NumberType {
     read: fn(&[u8], bool) -> Vec<f32>,
 }
 
-static NUMBER_TYPES: [NumberType; 8] = [
+static NUMBER_TYPES: [NumberType; 9] = [
+    NumberType { code: "b1", size_bytes: 1, read: |data, is_big| each(data, is_big, |n| u8::from_le_bytes(n).into()) },
     NumberType { code: "f4", size_bytes: 4, read: |data, is_big| each(data, is_big, f32::from_le_bytes) },
     NumberType { code: "f8", size_bytes: 8, read: |data, is_big| each(data, is_big, |n| f64::from_le_bytes(n) as f32) },
     NumberType { code: "u1", size_bytes: 1, read: |data, is_big| each(data, is_big, |n| u8::from_le_bytes(n).into()) },

@@ -17,7 +17,7 @@ use crate::Policy;
 use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput, numbers_schema};
 use crate::input::error::{InputError, shown};
 use crate::input::file::read_file;
-use crate::input::lists::{AtMost, Numbers};
+use crate::input::lists::{AtMost, Numbers, numbers};
 
 /// Maximum number of views of a request.
 pub(crate) const VIEWS_MAX: usize = 32;
@@ -26,6 +26,8 @@ pub(crate) const EYES_MAX: usize = 32;
 
 /// Maximum number of hands to avoid.
 pub(crate) const AVOID_MAX: usize = 256;
+/// Maximum number of planes that keep the hand out.
+pub(crate) const KEEP_OUT_MAX: usize = 64;
 
 /// A request for a plan: exactly one of `views`, `tsdf` and `cloud`, and options.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, ToSchema)]
@@ -66,6 +68,46 @@ pub struct RequestInput {
     /// tips are within 10 mm and whose axes are within 30° of one of them.
     #[serde(default, deserialize_with = "avoid")]
     pub avoid: Option<Vec<PoseInput>>,
+    /// Only grasps of the object at this point of the workspace, in metres: of the cluster of the seen surface that is
+    /// nearest to it, and within 50 mm. For single objects in a heap give masks.
+    #[schema(schema_with = point_schema)]
+    #[serde(default, deserialize_with = "point")]
+    pub target_m: Option<[f64; 3]>,
+    /// Only grasps that approach within an angle of a direction.
+    pub approach: Option<ConeInput>,
+    /// Planes that the open hand does not cross on its way, at most 64: each a normal x, y, z, which points to where
+    /// the hand may be, and its offset in metres, in the workspace.
+    #[schema(schema_with = keep_out_schema)]
+    #[serde(default, deserialize_with = "keep_out")]
+    pub keep_out: Option<Vec<[f64; 4]>>,
+    /// Only grasps whose tips are within this box of the workspace.
+    pub reach: Option<BoxInput>,
+}
+
+/// Directions about one, in the workspace.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ConeInput {
+    /// The direction: x, y, z of any length; straight down is 0, 0, -1.
+    #[schema(schema_with = direction_schema)]
+    #[serde(deserialize_with = "numbers")]
+    pub direction: [f64; 3],
+    /// Largest angle from it, in radians, 0 to π.
+    pub angle_rad_max: f64,
+}
+
+/// A box along the axes of the workspace.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoxInput {
+    /// The lower corner: x, y, z in metres.
+    #[schema(schema_with = corner_schema)]
+    #[serde(deserialize_with = "numbers")]
+    pub low_m: [f64; 3],
+    /// The upper corner.
+    #[schema(schema_with = corner_schema)]
+    #[serde(deserialize_with = "numbers")]
+    pub high_m: [f64; 3],
 }
 
 /// A depth image and the camera that took it.
@@ -75,6 +117,9 @@ pub struct ViewInput {
     /// The image: a grey PNG of 16 bits, an NPY or an EXR file.
     #[schema(value_type = DataInput)]
     pub depth: SourceInput,
+    /// What to grasp: a grey PNG or an NPY file (bool or uint8) of the image's size, not 0 where the target is.
+    #[schema(value_type = Option<DataInput>)]
+    pub mask: Option<SourceInput>,
     /// Metres per stored unit; by default integers are millimetres and floats metres.
     pub depth_scale_m: Option<f64>,
     /// The camera's intrinsics; by default those of the request.
@@ -136,6 +181,34 @@ fn views<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<ViewInput>>,
 
 fn avoid<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<PoseInput>>, D::Error> {
     Ok(Option::<AtMost<_, AVOID_MAX>>::deserialize(source)?.map(|hands| hands.0))
+}
+
+fn point<'de, D: Deserializer<'de>>(source: D) -> Result<Option<[f64; 3]>, D::Error> {
+    Ok(Option::<Numbers<3>>::deserialize(source)?.map(|numbers| numbers.0))
+}
+
+fn keep_out<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<[f64; 4]>>, D::Error> {
+    let planes = Option::<AtMost<Numbers<4>, KEEP_OUT_MAX>>::deserialize(source)?;
+    Ok(planes.map(|planes| planes.0.into_iter().map(|plane| plane.0).collect()))
+}
+
+fn point_schema() -> RefOr<Schema> {
+    numbers_schema(3, "Only grasps of the object at this point: x, y, z in metres.").into()
+}
+
+fn direction_schema() -> RefOr<Schema> {
+    numbers_schema(3, "The direction: x, y, z of any length; straight down is 0, 0, -1.").into()
+}
+
+fn corner_schema() -> RefOr<Schema> {
+    numbers_schema(3, "A corner: x, y, z in metres.").into()
+}
+
+fn keep_out_schema() -> RefOr<Schema> {
+    let what =
+        "Planes that the open hand does not cross: a normal, which points to where it may be, and an offset in metres.";
+    let items = ArrayItems::RefOrSchema(Box::new(numbers_schema(4, "nx, ny, nz, offset in metres.").into()));
+    ArrayBuilder::new().items(items).max_items(Some(KEEP_OUT_MAX)).description(Some(what)).into()
 }
 
 fn eyes<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<[f64; 3]>>, D::Error> {
@@ -229,8 +302,8 @@ mod tests {
         let (request, view) = (described(RequestInput::schema()), described(ViewInput::schema()));
         assert_eq!(keys(&request), keys_of::<RequestInput>());
         assert_eq!(keys(&view), keys_of::<ViewInput>());
-        assert_eq!(keys(&request).len(), 13);
-        assert_eq!(keys(&view).len(), 7);
+        assert_eq!(keys(&request).len(), 17);
+        assert_eq!(keys(&view).len(), 8);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
         let pose = described(PoseInput::schema());
         assert_eq!(pose["oneOf"][0]["items"]["maxItems"], 4, "{pose}");

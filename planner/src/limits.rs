@@ -1,0 +1,212 @@
+//! Which grasps are wanted: of what, from where, and where the hand may be.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use schema::{Gripper, HandBox, Plane, Pose, Vec3};
+
+use crate::observation::{Cone, Limits, SeenView};
+use crate::plan::{Limit, PointLabel, SegmentedCloud};
+
+/// A point of the surface is what a pixel shows if their depths differ by no more than this.
+const SAME_M: f32 = 0.015;
+/// The object of a target point is the one with a point of its surface within this.
+const TARGET_NEAR_M: f32 = 0.05;
+/// Points no higher than this over the table belong to no object.
+const TABLE_M: f32 = 0.004;
+/// What is between the fingers reaches this far beyond the tips and beside the fingers.
+const BETWEEN_MARGIN_M: f32 = 0.002;
+
+/// Limits, ready to be held against grasps; it counts what they refuse.
+#[derive(Debug)]
+pub(crate) struct Limiter<'a> {
+    limits: &'a Limits,
+    /// The corners of the open hand at the grasp and before it, in the grasp frame.
+    corners_m: Vec<Vec3>,
+    /// What is between the fingers, in the grasp frame.
+    between: HandBox,
+    /// Points of the surface off the table: the target's, and the others.
+    points_m: Option<[Vec<Vec3>; 2]>,
+    refused: [AtomicUsize; 4],
+}
+
+impl<'a> Limiter<'a> {
+    /// Limits for a hand that approaches over this distance. `target_points` has the surface's points that are the
+    /// target's, and the others; none if there is no target.
+    pub(crate) fn new(
+        limits: &'a Limits,
+        gripper: &Gripper,
+        pregrasp_m: f32,
+        points_m: Option<[Vec<Vec3>; 2]>,
+    ) -> Self {
+        let swept = gripper.open_hand().map(|part| part.swept_back(pregrasp_m));
+        let corners_m = swept.iter().flat_map(corners).collect();
+        let half_m = Vec3::new(
+            0.5 * gripper.finger_width_m + BETWEEN_MARGIN_M,
+            0.5 * gripper.opening_m_max,
+            0.5 * (gripper.finger_length_m + BETWEEN_MARGIN_M),
+        );
+        let centre_m = Vec3::new(0.0, 0.0, BETWEEN_MARGIN_M - half_m.z);
+        Self { limits, corners_m, between: HandBox { centre_m, half_m }, points_m, refused: Default::default() }
+    }
+
+    /// The first limit that a grasp breaks.
+    pub(crate) fn broken(&self, workspace_from_grasp: &Pose) -> Option<Limit> {
+        let broken = self.find(workspace_from_grasp);
+        if let Some(limit) = broken {
+            self.refused[limit as usize].fetch_add(1, Ordering::Relaxed);
+        }
+        broken
+    }
+
+    fn find(&self, workspace_from_grasp: &Pose) -> Option<Limit> {
+        let Limits { approach, keep_out, reach_m, target: _ } = self.limits;
+        if let Some(Cone { direction, angle_rad_max }) = approach {
+            let cos = (workspace_from_grasp.rotation * Vec3::Z).dot(*direction);
+            if libm::acosf(cos.clamp(-1.0, 1.0)) > *angle_rad_max {
+                return Some(Limit::Approach);
+            }
+        }
+        if let Some([low, high]) = reach_m {
+            let tips_m = workspace_from_grasp.translation;
+            if tips_m.cmplt(*low).any() || tips_m.cmpgt(*high).any() {
+                return Some(Limit::Reach);
+            }
+        }
+        let is_beyond = |plane: &Plane| {
+            self.corners_m.iter().any(|corner| plane.normal.dot(*workspace_from_grasp * *corner) < plane.offset_m)
+        };
+        if keep_out.iter().any(is_beyond) {
+            return Some(Limit::KeepOut);
+        }
+        let [of_target, of_others] = self.points_m.as_ref()?;
+        let within = |points_m: &[Vec3]| self.within(workspace_from_grasp, points_m);
+        let wanted = within(of_target);
+        (wanted == 0 || within(of_others) > wanted).then_some(Limit::Target)
+    }
+
+    /// The number of points between the fingers.
+    fn within(&self, workspace_from_grasp: &Pose, points_m: &[Vec3]) -> usize {
+        let HandBox { centre_m, half_m } = self.between;
+        let (middle_m, radius_m) = (*workspace_from_grasp * centre_m, half_m.length());
+        let grasp_from_workspace = workspace_from_grasp.inverse();
+        let near = points_m.iter().filter(|point| (**point - middle_m).length_squared() <= radius_m * radius_m);
+        near.filter(|point| (grasp_from_workspace * **point - centre_m).abs().cmple(half_m).all()).count()
+    }
+
+    /// What was refused, in words: `412 by approach, 7 by target`; none if nothing was.
+    pub(crate) fn told(&self) -> Option<String> {
+        let counts = Limit::ALL.map(|limit| (self.refused[limit as usize].load(Ordering::Relaxed), limit.name()));
+        let told: Vec<String> =
+            counts.iter().filter(|(count, _)| *count > 0).map(|(count, name)| format!("{count} by {name}")).collect();
+        (!told.is_empty()).then(|| told.join(", "))
+    }
+}
+
+fn corners(part: &HandBox) -> impl Iterator<Item = Vec3> {
+    let HandBox { centre_m, half_m } = *part;
+    (0..8).map(move |corner| {
+        let side = |axis: u8| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
+        centre_m + half_m * Vec3::new(side(0), side(1), side(2))
+    })
+}
+
+/// The points of a surface off the table that masks show, and the others. A point is shown by a pixel of a view with a
+/// mask onto which it falls and whose depth is its own.
+pub(crate) fn seen_points(
+    points_m: &[Vec3],
+    views: &[SeenView],
+    masks: &[Option<Vec<bool>>],
+    table_z_m: f32,
+) -> [Vec<Vec3>; 2] {
+    let masked: Vec<_> = views
+        .iter()
+        .zip(masks)
+        .filter_map(|(view, mask)| Some((view, mask.as_ref()?, view.camera.workspace_from_camera.inverse())))
+        .collect();
+    let is_target = |point_m: &Vec3| {
+        masked.iter().any(|(view, mask, camera_from_workspace)| {
+            let local_m = *camera_from_workspace * *point_m;
+            let Some([u, v]) = view.camera.intrinsics.project(local_m) else { return false };
+            let is_it = view.image.at([u, v]).is_some_and(|depth_m| (depth_m - local_m.z).abs() <= SAME_M);
+            is_it && mask[v * view.image.width_px + u]
+        })
+    };
+    let off_table = points_m.iter().copied().filter(|point| point.z > table_z_m + TABLE_M);
+    let (target, others) = off_table.partition(is_target);
+    [target, others]
+}
+
+/// The points of the object at a point, and those of everything else but the table. Without an object near it there are
+/// none of it.
+pub(crate) fn object_points(cloud: &SegmentedCloud, target_m: Vec3) -> [Vec<Vec3>; 2] {
+    let of_objects = || {
+        cloud.points_m.iter().zip(&cloud.labels).filter_map(|(point_m, label)| match label {
+            PointLabel::Object(object) => Some((*point_m, *object)),
+            PointLabel::Plane | PointLabel::Noise => None,
+        })
+    };
+    let nearest = of_objects().min_by(|a, b| (a.0 - target_m).length().total_cmp(&(b.0 - target_m).length()));
+    let chosen =
+        nearest.filter(|(point_m, _)| (*point_m - target_m).length() <= TARGET_NEAR_M).map(|(_, object)| object);
+    let (target, others): (Vec<_>, Vec<_>) = of_objects().partition(|(_, object)| Some(*object) == chosen);
+    [target, others].map(|points| points.into_iter().map(|(point_m, _)| point_m).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::axis_angle;
+
+    use super::*;
+    use crate::hand::WRIST_DOWN;
+    use crate::{BuiltIn, Target};
+
+    fn broken(limits: &Limits, grasp: &Pose) -> Option<Limit> {
+        let gripper = BuiltIn::Judge.config().unwrap().gripper;
+        Limiter::new(limits, &gripper, 0.05, None).broken(grasp)
+    }
+
+    #[test]
+    fn each_limit_refuses_what_breaks_it_and_nothing_else() {
+        let down = Pose::from_parts(Vec3::new(0.1, 0.2, 0.08), WRIST_DOWN);
+        let tilted = Pose::from_parts(down.translation, axis_angle(Vec3::X, 0.5) * WRIST_DOWN);
+        let cone = |angle_rad_max| Some(Cone { direction: Vec3::NEG_Z, angle_rad_max });
+        let approach = |angle| Limits { approach: cone(angle), ..Limits::default() };
+        assert_eq!(broken(&approach(0.1), &down), None);
+        assert_eq!(broken(&approach(0.49), &tilted), Some(Limit::Approach));
+        assert_eq!(broken(&approach(0.51), &tilted), None);
+        let reach = |low: f32| Limits { reach_m: Some([Vec3::splat(low), Vec3::splat(0.3)]), ..Limits::default() };
+        assert_eq!((broken(&reach(0.07), &down), broken(&reach(0.09), &down)), (None, Some(Limit::Reach)));
+        // The palm is 120 mm broad along the closing direction, here y: it reaches to 0.2 - 0.06.
+        let wall = |y_m: f32| Plane { normal: Vec3::Y, offset_m: y_m };
+        let keep_out = |y_m: f32| Limits { keep_out: vec![wall(y_m)], ..Limits::default() };
+        assert_eq!((broken(&keep_out(0.135), &down), broken(&keep_out(0.145), &down)), (None, Some(Limit::KeepOut)));
+        // Under a shelf: the hand comes from 50 mm behind.
+        let shelf =
+            |z_m: f32| Limits { keep_out: vec![Plane { normal: Vec3::NEG_Z, offset_m: -z_m }], ..Limits::default() };
+        let gripper = BuiltIn::Judge.config().unwrap().gripper;
+        let top_m = 0.08 + gripper.finger_length_m + gripper.palm_length_m + 0.05;
+        assert_eq!(broken(&shelf(top_m - 0.001), &down), Some(Limit::KeepOut));
+        assert_eq!(broken(&shelf(top_m + 0.001), &down), None);
+    }
+
+    #[test]
+    fn a_hand_holds_the_target_if_most_between_its_fingers_is_of_it() {
+        let gripper = BuiltIn::Judge.config().unwrap().gripper;
+        let target = Target::Point(Vec3::ZERO);
+        let limits = Limits { target: Some(target), ..Limits::default() };
+        let down = Pose::from_parts(Vec3::new(0.1, 0.2, 0.08), WRIST_DOWN);
+        let (here, there) = (Vec3::new(0.1, 0.2, 0.09), Vec3::new(0.1, 0.23, 0.1));
+        let cases = [
+            ([vec![here], vec![]], None),
+            ([vec![], vec![here]], Some(Limit::Target)),
+            ([vec![here], vec![there, there]], Some(Limit::Target)),
+            ([vec![here; 2], vec![there; 2]], None),
+            ([vec![Vec3::new(0.2, 0.2, 0.09)], vec![]], Some(Limit::Target)),
+        ];
+        for (points, expected) in cases {
+            let limiter = Limiter::new(&limits, &gripper, 0.05, Some(points.clone()));
+            assert_eq!(limiter.broken(&down), expected, "{points:?}");
+            assert_eq!(limiter.told(), expected.map(|_| "1 by target".to_owned()));
+        }
+    }
+}
