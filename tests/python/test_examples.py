@@ -1,0 +1,46 @@
+"""The examples of python/examples, run as a user runs them, with the wheel that is installed."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+EXAMPLES = Path(__file__).parents[2] / "python" / "examples"
+
+
+def run(folder, name, *words):
+    done = subprocess.run([sys.executable, EXAMPLES / name, *words], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_first_dataset(tmp_path):
+    said = run(tmp_path, "first_dataset.py", "first")
+    assert "Dataset(" in said and "1 positive to" in said
+    assert all((tmp_path / "first" / page).stat().st_size > 10_000 for page in ("attempt.html", "report.html"))
+
+
+def test_labels_for_grasps_of_ones_own(tmp_path):
+    said = run(tmp_path, "label_your_grasps.py")
+    assert said.count("held=") == 3
+
+
+def test_training_in_pytorch(tmp_path):
+    pytest.importorskip("torch")
+    graspmill.generate(None, tmp_path / "ds", shards=1, attempts=600, seed=2)
+    assert "accuracy on unseen scenes" in run(tmp_path, "train_in_pytorch.py", "ds")
+    words = ["trainer", "import", "paper.safetensors", "--upsampling", "linear", "--out", "ours.safetensors"]
+    subprocess.run([sys.executable, "-m", "graspmill", *words], cwd=tmp_path, check=True, capture_output=True)
+
+
+def test_a_plan_from_a_realsense_frame(tmp_path):
+    said = run(tmp_path, "plan_from_realsense.py")
+    assert said.count("quality") == 3 and (tmp_path / "plan.png").stat().st_size > 10_000
+
+
+def test_mujoco_lifts_what_was_planned(tmp_path):
+    pytest.importorskip("mujoco")
+    told = [run(tmp_path, "mujoco_loop.py", str(seed)) for seed in (2, 3)]
+    assert all("0 of 4 objects left" in said for said in told), told
