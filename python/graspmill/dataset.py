@@ -263,7 +263,7 @@ class Dataset:
         return (self.scene(number) for number in range(self.scene_count))
 
     def attempts(self, shards: range | None = None) -> Table:
-        """The table of attempts (``docs/reference/columns.md``), of some shards or of all."""
+        """The table of attempts (``docs/reference/shards.md``), of some shards or of all."""
         return self._table("attempts", shards, False)
 
     def objects(self, shards: range | None = None) -> Table:

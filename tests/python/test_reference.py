@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,13 @@ def output_of(*words: str) -> str:
 def test_the_reference_is_up_to_date(name: str) -> None:
     page = ROOT / "docs/reference" / f"{name}.md"
     assert page.read_text() == output_of(program(name), "manual", "markdown"), "run scripts/reference.sh"
+
+
+def test_the_page_of_the_python_package_is_up_to_date() -> None:
+    for module in ("graspmill", "torch"):
+        pytest.importorskip(module)
+    script = ROOT / "scripts/python_reference.py"
+    assert (ROOT / "docs/reference/python.md").read_text() == output_of(sys.executable, str(script)), f"run {script}"
 
 
 @pytest.mark.parametrize("name", PROGRAMS)

@@ -1,0 +1,84 @@
+#!/usr/bin/env python3
+"""Prints docs/reference/python.md: what the docstrings of the installed package say.
+
+    python scripts/python_reference.py > docs/reference/python.md
+
+Needs PyTorch for graspmill.torch. tests/python/test_reference.py fails if the page is out of date.
+"""
+
+import importlib
+import inspect
+import re
+
+HEAD = """# The Python package
+
+Printed by `scripts/python_reference.py`. The guide is [docs/python.md](../python.md). Shapes are in brackets; lengths are metres, masses kilograms, angles radians;
+`workspace_from_grasp` maps a grasp's coordinates to the workspace.
+"""
+SECTIONS = ("Args:", "Attributes:", "Returns:", "Raises:")
+
+
+def described(text: str) -> str:
+    """A docstring as Markdown: its sections become lists."""
+    lines, section = [], ""
+    for line in inspect.cleandoc(text).splitlines():
+        line = re.sub(r":(?:class|func|meth|data):`~?([^`]*)`", r"`\1`", line.replace("``", "`"))
+        if line in SECTIONS:
+            section = line
+            lines.extend([f"*{line[:-1]}*", ""])
+        elif section and (entry := re.match(r" {4}(\*{0,2}\w+): (.*)", line)) and section != "Returns:":
+            lines.append(f"- `{entry[1]}`: {entry[2]}")
+        elif section and line.startswith("    "):
+            lines.append(("  " if section != "Returns:" else "") + line.strip())
+        else:
+            section = "" if line else section
+            lines.append(line)
+    return "\n".join(lines).strip()
+
+
+def signature(name: str, value: object) -> str:
+    text = re.sub(r"'([\w\[\]|., ]+)'", r"\1", str(inspect.signature(value)))
+    text = re.sub(r"\((?:self|cls)(?:, )?", "(", text, count=1)
+    return f"{name}{text}".replace("'", "").removesuffix(" -> None")
+
+
+def members(value: type) -> list[str]:
+    """Methods and properties of a class itself that have docstrings."""
+    blocks = []
+    for name, member in vars(value).items():
+        is_own = not name.startswith("_") and getattr(member, "__doc__", None)
+        if not is_own or name == "exit_code":
+            continue
+        if isinstance(member, property) or type(member).__name__ == "cached_property":
+            blocks.append(f"**`{name}`** – {described(member.__doc__)}")
+        else:
+            function = getattr(member, "__func__", member)
+            if inspect.isfunction(function):
+                blocks.append(f"**`{signature(name, function)}`**\n\n{described(function.__doc__)}")
+    return blocks
+
+
+def page(module_name: str, names: list[str]) -> str:
+    module = importlib.import_module(module_name)
+    blocks = [f"## {module_name}"]
+    for name in names:
+        value = getattr(module, name)
+        if inspect.isclass(value):
+            is_error = issubclass(value, Exception)
+            shown = name if is_error or "TypedDict" in str(type(value)) or not hasattr(value, "__init__") else signature(name, value.__init__)
+            blocks.extend([f"### {name}", f"`{shown}`", described(value.__doc__), *members(value)])
+        elif callable(value):
+            blocks.extend([f"### {name}", f"`{signature(name, value)}`", described(value.__doc__)])
+        else:
+            blocks.extend([f"### {name}", f"`{value!r}`"])
+    return "\n\n".join(blocks)
+
+
+def main() -> None:
+    package = importlib.import_module("graspmill")
+    torch = ["Batch", "GraspDataset", "GraspStream", "VoxelNetwork", "loss"]
+    print("\n\n".join([HEAD.strip(), page("graspmill", package.__all__), page("graspmill.torch", torch)]))
+
+
+if __name__ == "__main__":
+    main()
