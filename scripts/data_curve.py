@@ -147,7 +147,7 @@ def draw(results: dict, path: Path) -> None:
     import matplotlib.pyplot as plt
 
     widths = [3, 3, 5, 3, 2]
-    figure, axes = plt.subplots(2, len(BASE), figsize=(12, 5.4), sharey="row", width_ratios=widths, layout="constrained")
+    figure, axes = plt.subplots(2, len(BASE), figsize=(13, 5.4), sharey="row", width_ratios=widths, layout="constrained")
     series = [
         [("mixture", "as trained", "#0072b2"), ("normals", "VGN's normals", "#d55e00"), ("everyday", "everyday objects", "#009e73")],
         [("six-held", "six clean views: held", "#0072b2"), ("six-cleared", "cleared", "#56b4e9"),
@@ -172,7 +172,7 @@ def draw(results: dict, path: Path) -> None:
     axes[0][0].set_ylabel("average precision")
     axes[1][0].set_ylabel("per cent")
     for row in range(2):
-        axes[row][-1].legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 0.0))
+        axes[row][-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
     figure.savefig(path, metadata={"Date": None})
 
 

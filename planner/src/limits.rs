@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use schema::{Gripper, HandBox, Plane, Pose, Vec3};
 
-use crate::observation::{Cone, Limits, SeenView};
+use crate::observation::{Cone, Limits, Mask, SeenView};
 use crate::plan::{Limit, PointLabel, SegmentedCloud};
 
 /// A point of the surface is what a pixel shows if their depths differ by no more than this.
@@ -115,7 +115,7 @@ fn corners(part: &HandBox) -> impl Iterator<Item = Vec3> {
 pub(crate) fn seen_points(
     points_m: &[Vec3],
     views: &[SeenView],
-    masks: &[Option<Vec<bool>>],
+    masks: &[Option<Mask>],
     table_z_m: f32,
 ) -> [Vec<Vec3>; 2] {
     let masked: Vec<_> = views

@@ -85,11 +85,14 @@ pub struct Cone {
     pub angle_rad_max: f32,
 }
 
+/// Of each pixel of a depth image, row by row, whether it shows what is wanted.
+pub type Mask = Vec<bool>;
+
 /// What is to be grasped.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Target {
     /// The object at a point, in metres: the cluster of the surface that is nearest to it.
     Point(Vec3),
     /// What these pixels show: for each view of the observation a mask of its image, row by row, or none.
-    Seen(Vec<Option<Vec<bool>>>),
+    Seen(Vec<Option<Mask>>),
 }

@@ -96,7 +96,7 @@ def main() -> int:
     camera = graspmill.Camera.looking((0.15, -0.2, 0.5), width_px=320, height_px=240, focal_px=270.0)
     planner, left, held, failed = graspmill.Planner(), set(range(OBJECTS)), 0, []
     for attempt in range(2 * OBJECTS):
-        plan = planner.plan(depth_image(m, d, camera), camera, avoid=failed or None)
+        plan = planner.plan(depth_image(m, d, camera), camera, avoid=failed)
         if not left or not len(plan):
             break
         grasp = plan[0].workspace_from_grasp

@@ -39,8 +39,8 @@ def live() -> tuple[np.ndarray, dict[str, float]]:
 
 
 depth, lens = live() if "--live" in sys.argv else recorded()
-# Where the camera is: from your calibration, such as a marker on the table. The workspace is a cube of 0.30 m whose floor is 50 mm below
-# the table's top.
+# Where the camera is: from your calibration, such as a marker on the table. The workspace is a cube of 0.30 m whose
+# floor is 50 mm below the table's top.
 workspace_from_camera = np.array(json.loads((HERE / "workspace_from_camera.json").read_text()))
 
 height, width = depth.shape

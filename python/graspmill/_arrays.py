@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import operator
+import os
 from typing import Any, Sequence
 
 import numpy as np
@@ -37,6 +39,8 @@ def floats(name: str, value: ArrayLike, shape: Sequence[int | None], what: str =
         array = np.asarray(value)
     except ValueError as error:
         raise InputError(f"{name} must be an array of numbers, got rows of several lengths") from error
+    if array.shape == (0,) and len(shape) > 1 and shape[0] is None:
+        array = np.empty([0 if want is None else want for want in shape])
     if array.dtype.kind not in "fiu":
         raise InputError(f"{name} must be an array of numbers, got one of dtype {array.dtype}")
     is_shape = array.ndim == len(shape) and all(want is None or want == got for want, got in zip(shape, array.shape))
@@ -55,11 +59,26 @@ def _fits(got: Sequence[int], shape: Sequence[int | None]) -> bool:
     return all(want is None or want == have for want, have in zip(shape, got))
 
 
+def path(name: str, value: Any) -> str:
+    """A path, or a name, as text."""
+    try:
+        text = os.fspath(value)
+    except TypeError as error:
+        raise InputError(f"{name} must be a path or a name, got {shown(value)}") from error
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise InputError(f"{name} must be a path or a name in text, got {shown(value)}")
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise InputError(f"{name} must be a path in UTF-8, got {shown(value)}") from error
+    return text
+
+
 def number(name: str, value: Any, low: float, high: float) -> float:
     """A number between two limits, included."""
     try:
         given = float(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} must be a number, got {shown(value)}") from error
     if not (math.isfinite(given) and low <= given <= high):
         raise InputError(f"{name} must be between {low:g} and {high:g}, got {given:g}")
@@ -68,9 +87,12 @@ def number(name: str, value: Any, low: float, high: float) -> float:
 
 def whole(name: str, value: Any, low: int, high: int) -> int:
     """A whole number between two limits, included."""
-    if isinstance(value, bool) or not hasattr(value, "__index__"):
-        raise InputError(f"{name} must be a whole number, got {shown(value)}")
-    given = int(value.__index__())
+    try:
+        given = operator.index(value)
+    except TypeError as error:
+        raise InputError(f"{name} must be a whole number, got {shown(value)}") from error
+    if isinstance(value, bool):
+        raise InputError(f"{name} must be a whole number, got {value}")
     if not low <= given <= high:
         raise InputError(f"{name} must be between {low} and {high}, got {given}")
     return given
@@ -85,6 +107,8 @@ def poses(name: str, value: ArrayLike) -> Floats:
         array = np.asarray(value)
     except ValueError as error:
         raise InputError(f"{name} must be poses, got rows of several lengths") from error
+    if array.shape == (0,):
+        return np.empty((0, 7), np.float32)
     if array.dtype.kind not in "fiu":
         raise InputError(f"{name} must be an array of numbers, got one of dtype {array.dtype}")
     if array.ndim == 3 and array.shape[1:] == (4, 4):
@@ -106,7 +130,10 @@ def poses(name: str, value: ArrayLike) -> Floats:
 
 def pose(name: str, value: ArrayLike) -> list[float]:
     """One rigid transform, a matrix ``[4, 4]`` or seven numbers, as seven numbers."""
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise InputError(f"{name} must be a pose, got rows of several lengths") from error
     if array.shape not in ((4, 4), (7,)):
         raise InputError(f"{name} must have the shape [4, 4] or [7], got {list(array.shape)}")
     return [float(part) for part in poses(name, array[None])[0]]

@@ -14,6 +14,7 @@ class Laws:
     gripper: list[tuple[str, float]]
     gripper_name: str
     def __new__(cls, config: _Path | None, set: Sequence[tuple[str, str]]) -> Laws: ...
+    def adjusted(self, set: Sequence[tuple[str, str]]) -> Laws: ...
 
 @final
 class Body:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -19,7 +19,7 @@ _FOCAL_PX_MAX = 1e6
 Convention = Literal["opencv", "opengl"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole depth camera in the workspace.
 
@@ -40,7 +40,7 @@ class Camera:
     fy_px: float
     cx_px: float
     cy_px: float
-    workspace_from_camera: NDArray[np.float64] = field(compare=False)
+    workspace_from_camera: NDArray[np.float64]
     convention: Convention = "opencv"
 
     def __post_init__(self) -> None:
@@ -86,7 +86,8 @@ class Camera:
         right /= np.linalg.norm(right)
         pose = np.eye(4)
         pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, np.cross(forward, right), forward, eye
-        return cls(width_px, height_px, focal_px, focal_px, width_px / 2.0, height_px / 2.0, pose)
+        width, height = _arrays.whole("width_px", width_px, 1, _SIZE_PX_MAX), _arrays.whole("height_px", height_px, 1, _SIZE_PX_MAX)
+        return cls(width, height, focal_px, focal_px, width / 2.0, height / 2.0, pose)
 
     def lens(self) -> list[float]:
         """Width, height, fx, fy, cx, cy in pixels."""

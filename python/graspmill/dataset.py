@@ -56,11 +56,14 @@ def generate(
         KeyboardInterrupt: By Ctrl-C; finished scenes are kept, and the same call goes on.
     """
     where = _location(out)
+    if not (progress is True or progress is False or progress is None or callable(progress)):
+        raise InputError(f"progress must be True, False or a function, got {_arrays.shown(progress)}")
     limits = {"shards": shards, "attempts": attempts, "seed": seed}
     shards, attempts, seed = (None if value is None else _arrays.whole(name, value, 0, 2**63 - 1) for name, value in limits.items())
     count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
     share = _arrays.number("rejected_max", rejected_max, 0.0, 1.0)
-    paths = [None if path is None else os.path.abspath(os.fspath(path)) for path in (config, policy)]
+    files = (("config", config), ("policy", policy))
+    paths = [None if path is None else os.path.abspath(_arrays.path(name, path)) for name, path in files]
     pairs = setting_pairs(settings)
 
     def run(tell: Progress | None) -> None:
@@ -88,10 +91,8 @@ def _bar() -> Any:
 
 
 def _location(path: str | os.PathLike[str]) -> str:
-    text = os.fspath(path)
-    if not isinstance(text, str) or not text or "\0" in text:
-        raise InputError(f"the dataset must be a folder or a URL, got {_arrays.shown(path)}")
-    return text
+    text = _arrays.path("the dataset", path)
+    return text if "://" in text else os.path.abspath(text)
 
 
 class Table:
@@ -121,7 +122,7 @@ class Table:
         return self.to_arrow().to_pandas()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StoredScene:
     """A scene of a dataset with its attempts.
 
@@ -180,7 +181,7 @@ class Dataset:
         return self._open
 
     def close(self) -> None:
-        """Lets go of it; every later use is an error."""
+        """Lets go of it; every later use of it is an error. What was read from it stays."""
         self._open = None
 
     def __enter__(self) -> Dataset:
@@ -196,6 +197,8 @@ class Dataset:
         self.__init__(path)  # type: ignore[misc]
 
     def __repr__(self) -> str:
+        if self._open is None:
+            return f"Dataset({self._path!r}: closed)"
         return f"Dataset({self._native.location!r}: {self.attempt_count:,} attempts, {self.positive_count:,} held, {self.scene_count:,} scenes)"
 
     @property
@@ -255,9 +258,10 @@ class Dataset:
         )
 
     def __getitem__(self, scene_id: int) -> StoredScene:
-        if not -self.scene_count <= scene_id < self.scene_count:
+        number = _arrays.whole("scene_id", scene_id, -(2**63), 2**63 - 1)
+        if not -self.scene_count <= number < self.scene_count:
             raise IndexError(scene_id)  # ends a for loop over the scenes
-        return self.scene(scene_id % self.scene_count)
+        return self.scene(number % self.scene_count)
 
     def __iter__(self) -> Iterator[StoredScene]:
         return (self.scene(number) for number in range(self.scene_count))

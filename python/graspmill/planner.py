@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Sequence
 
@@ -24,7 +24,7 @@ KEEP_OUT_MAX = 64
 BUILT_IN = ("judge", "paper", "vgn")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Grasp:
     """A ranked grasp.
 
@@ -38,13 +38,13 @@ class Grasp:
         base_from_flange: ``[4, 4]``, if both are known.
     """
 
-    workspace_from_grasp: NDArray[np.float64] = field(compare=False)
+    workspace_from_grasp: NDArray[np.float64]
     width_m: float
     quality: float
     object: int | None
-    base_from_grasp: NDArray[np.float64] | None = field(default=None, compare=False)
-    workspace_from_flange: NDArray[np.float64] | None = field(default=None, compare=False)
-    base_from_flange: NDArray[np.float64] | None = field(default=None, compare=False)
+    base_from_grasp: NDArray[np.float64] | None = None
+    workspace_from_flange: NDArray[np.float64] | None = None
+    base_from_flange: NDArray[np.float64] | None = None
 
 
 class Plan(Sequence[Grasp]):
@@ -157,7 +157,8 @@ class Planner:
     ) -> None:
         hand = None if gripper is None else _laws(gripper, None)
         count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
-        self._native = _native.Planner(os.fspath(config), None if model is None else os.fspath(model), hand, count)
+        weights = None if model is None else _arrays.path("model", model)
+        self._native = _native.Planner(_arrays.path("config", config), weights, hand, count)
 
     @property
     def gripper(self) -> str:

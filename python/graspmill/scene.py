@@ -23,12 +23,14 @@ OUTCOMES: tuple[str, ...] = tuple(_native.Dataset.names()[0])
 #: What a hand may hit, by its number; -1 is nothing.
 HITS: tuple[str, ...] = tuple(_native.Dataset.names()[1])
 
+#: Longest object, in metres.
+EXTENT_M_MAX = 2.0
 #: kg/m³ of objects without a mass of their own: the middle of what ``paper.toml`` draws.
 DENSITY_KG_M3 = 500.0
 _SETTINGS_HELP = "docs/reference/generator.md lists the keys"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Object:
     """An object: a shape with mass and friction, at a pose.
 
@@ -44,9 +46,9 @@ class Object:
 
     mass_kg: float
     friction: float
-    workspace_from_object: NDArray[np.float64] = field(compare=False)
-    _body: _native.Body = field(repr=False, compare=False)
-    _seven: tuple[float, ...] = field(repr=False, compare=False)
+    workspace_from_object: NDArray[np.float64]
+    _body: _native.Body = field(repr=False)
+    _seven: tuple[float, ...] = field(repr=False)
 
     @property
     def name(self) -> str:
@@ -61,7 +63,11 @@ class Object:
     @classmethod
     def _of(cls, body: _native.Body, pose: ArrayLike, mass_kg: float | None, friction: float) -> Object:
         seven = _arrays.pose("pose", pose)
-        mass = DENSITY_KG_M3 * body.volume_m3 if mass_kg is None else mass_kg
+        size_m = max(body.extents_m)
+        if not 1e-3 <= size_m <= EXTENT_M_MAX:
+            raise InputError(f"the object must be 0.001 to {EXTENT_M_MAX:g} m long, got {size_m:g}: are its lengths in metres?")
+        # What is thin is light, but not weightless.
+        mass = max(DENSITY_KG_M3 * body.volume_m3, 1e-6) if mass_kg is None else mass_kg
         return cls(
             _arrays.number("mass_kg", mass, 1e-6, 1e3),
             _arrays.number("friction", friction, 0.0, 10.0),
@@ -115,7 +121,12 @@ class Object:
         """
         vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "vertices") else _two(mesh)
         corners = _arrays.floats("mesh vertices", vertices, (None, 3))
-        triangles = np.asarray(faces)
+        if len(corners) and (size_m := float(np.ptp(corners, axis=0).max())) > EXTENT_M_MAX:
+            raise InputError(f"mesh vertices must be within {EXTENT_M_MAX:g} m of each other, got {size_m:g}: are they in metres?")
+        try:
+            triangles = np.asarray(faces)
+        except ValueError as error:
+            raise InputError("mesh faces must be whole numbers of shape [F, 3], got rows of several lengths") from error
         if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
             raise InputError(f"mesh faces must be whole numbers of shape [F, 3], got {triangles.dtype} {list(triangles.shape)}")
         if triangles.size and not 0 <= triangles.min() <= triangles.max() < max(len(corners), 1):
@@ -151,9 +162,10 @@ def _two(mesh: Any) -> tuple[Any, Any]:
 
 def _is_closed(triangles: NDArray[Any]) -> bool:
     """Whether every edge is between two triangles, once in each direction."""
-    edges = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
-    there = {(int(a), int(b)) for a, b in edges}
-    return len(there) == len(edges) and all((b, a) in there for a, b in there)
+    edges = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]).astype(np.int64)
+    count = int(edges.max()) + 1
+    there, back = (np.unique(edges[:, a] * count + edges[:, b]) for a, b in ((0, 1), (1, 0)))
+    return len(there) == len(edges) and np.array_equal(there, back)
 
 
 class Scene:
@@ -165,7 +177,10 @@ class Scene:
     """
 
     def __init__(self, objects: Iterable[Object], *, table_z_m: float = 0.05) -> None:
-        given = list(objects)
+        try:
+            given = list(objects)
+        except TypeError as error:
+            raise InputError(f"objects must be a list, got {_arrays.shown(objects)}") from error
         for number, one in enumerate(given):
             if not isinstance(one, Object):
                 raise InputError(f"objects must be graspmill.Object, got {_arrays.shown(one)} as number {number}")
@@ -217,10 +232,19 @@ class Scene:
                 let go where they are.
             settings: Keys of a generator's config, such as ``{"settle.time_s_max": 8.0}``.
 
+        Objects must not overlap at the start; what lies in each other may stay so.
+
         Raises:
-            DataError: If they do not come to rest, or overlap.
+            DataError: If they do not come to rest, or are shot apart.
         """
-        return Scene._wrap(self._native.settle(_laws(None, settings), bool(drop)), self._laws)
+        return Scene._wrap(self._native.settle(self._own_laws(None, settings), bool(drop)), self._laws)
+
+    def _own_laws(self, gripper: str | os.PathLike[str] | None, settings: Mapping[str, Any] | None) -> _native.Laws:
+        """The laws of a stored scene, or the paper's, with what is asked for."""
+        if self._laws is None:
+            return _laws(gripper, settings)
+        pairs = _pairs(gripper, settings)
+        return self._laws.adjusted(pairs) if pairs else self._laws
 
     def render(self, camera: Camera) -> NDArray[np.float32]:
         """The depth image of a camera, ``[height, width]``: metres along its z, 0 where it sees nothing."""
@@ -231,6 +255,8 @@ class Scene:
     def tsdf(self, cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30) -> NDArray[np.float32]:
         """What cameras see of the scene as a TSDF, ``[resolution] * 3`` (x, y, z) in VGN's values: (tsdf + 1) / 2 where it was
         observed, else 0; the surface is at 0.5."""
+        if isinstance(cameras, Camera):
+            cameras = [cameras]
         return tsdf([self.render(camera) for camera in cameras], cameras, resolution=resolution, size_m=size_m)
 
 
@@ -264,7 +290,10 @@ def tsdf(
 
 def _images(depths: Sequence[ArrayLike], cameras: Sequence[Camera]) -> tuple[list[NDArray[np.float32]], list[Camera]]:
     """Depth images that fit their cameras; what is not finite and positive becomes 0."""
-    cameras = list(cameras)
+    try:
+        depths, cameras = list(depths), list(cameras)
+    except TypeError as error:
+        raise InputError("depth images and cameras must be lists, as long as each other") from error
     if len(depths) != len(cameras):
         raise InputError(f"there must be as many cameras as depth images, {len(depths)}, got {len(cameras)}")
     if not 1 <= len(cameras) <= 32:
@@ -288,7 +317,7 @@ def _images(depths: Sequence[ArrayLike], cameras: Sequence[Camera]) -> tuple[lis
     return images, cameras
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Outcomes:
     """How attempts ended, an entry for each.
 
@@ -344,7 +373,8 @@ def execute(
         gripper: A built-in hand, such as ``"franka_hand"``, or the path of a hand's file. By default that of a stored scene, else
             ``parallel_jaw_80``.
         targets: ``[N]``, the object that each grasp is for; by default the one nearest to the finger tips.
-        settings: Keys of a generator's config, such as ``{"physics.engine": "rapier", "procedure.hold_time_s": 1.0}``.
+        settings: Keys of a generator's config, such as ``{"physics.engine": "rapier", "procedure.hold_time_s": 1.0}``; the others are a
+            stored scene's, else the paper's.
         threads: By default one per core; 1 is the caller's own thread.
 
     Returns:
@@ -356,10 +386,11 @@ def execute(
     if not isinstance(scene, Scene):
         raise InputError(f"scene must be a graspmill.Scene, got {_arrays.shown(scene)}")
     rows = _arrays.poses("grasps", grasps)
-    laws = scene._laws if scene._laws is not None and gripper is None and not settings else _laws(gripper, settings)
+    laws = scene._own_laws(gripper, settings)
     chosen = None
     if targets is not None:
         given = np.asarray(targets)
+        given = given.astype(np.uint32) if given.shape == (0,) else given
         if given.shape != (len(rows),) or given.dtype.kind not in "iu":
             raise InputError(f"targets must be whole numbers of shape [{len(rows)}], got {given.dtype} {list(given.shape)}")
         if given.size and not 0 <= given.min() <= given.max() < len(scene):
@@ -370,24 +401,30 @@ def execute(
 
 
 def _laws(gripper: str | os.PathLike[str] | None, settings: Mapping[str, Any] | None) -> _native.Laws:
+    return _native.Laws(None, _pairs(gripper, settings))
+
+
+def _pairs(gripper: str | os.PathLike[str] | None, settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     pairs = setting_pairs(settings)
     if gripper is not None:
-        name = os.fspath(gripper)
+        name = _arrays.path("gripper", gripper)
         path = os.path.abspath(name) if name.endswith(".toml") else name
-        pairs.append(("gripper", json.dumps(path)))
-    return _native.Laws(None, pairs)
+        pairs.append(("gripper", json.dumps(path, ensure_ascii=False)))
+    return pairs
 
 
 def setting_pairs(settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     """Settings as the programs' ``--set`` has them: keys, and values in TOML."""
     pairs = []
+    if settings is not None and not isinstance(settings, Mapping):
+        raise InputError(f"settings must be a dict, got {_arrays.shown(settings)}; {_SETTINGS_HELP}")
     for key, value in (settings or {}).items():
         if not isinstance(key, str):
             raise InputError(f"settings must have strings as keys, got {_arrays.shown(key)}; {_SETTINGS_HELP}")
         if isinstance(value, np.generic):
             value = value.item()
         try:
-            pairs.append((key, json.dumps(value, allow_nan=False)))
+            pairs.append((key, json.dumps(value, allow_nan=False, ensure_ascii=False)))
         except (TypeError, ValueError) as error:
             raise InputError(f"settings[{key!r}] must be a number, a string, a bool or a list of them, got {_arrays.shown(value)}") from error
     return pairs

@@ -61,8 +61,8 @@ class _Samples:
         shares = [_arrays.number(name, value, 1e-9, 0.45) for name, value in (("test_share", test_share), ("other_share", other_share))]
         native = self.dataset._native
         self.marks: NDArray[np.uint8] = native.split(_arrays.whole("seed", seed, 0, 2**63 - 1), by, *shares)
-        name = {"test": f"test-{by}s"}.get(split, split)
-        if name not in {*_SETS, "all"}:
+        name = f"test-{by}s" if split == "test" else split
+        if not isinstance(split, str) or name not in {*_SETS, "all"}:
             raise InputError(f"split must be one of train, test, test-attempts, test-scenes, all, got {_arrays.shown(split)}")
         self.wanted = self.marks > 0 if name == "all" else self.marks == _SETS[name]
         info = self.dataset.info
@@ -157,14 +157,15 @@ class GraspStream(torch.utils.data.IterableDataset[Batch]):
     """Batches in a shuffled order: give it to ``DataLoader(stream, batch_size=None, num_workers=…)``.
 
     A seeded order of blocks of scenes, read one after the other by each worker; scenes are shuffled within a buffer. The order is a pure
-    function of the seed, the epoch and the number of workers. Memory is bounded by ``buffer_scenes`` a worker, a quarter of a megabyte each.
+    function of the seed, the epoch and the number of workers. A worker holds at most ``buffer_scenes`` grids, a quarter of a megabyte each, and a
+    block of 64 scenes.
 
     Args:
         path: A dataset, its folder or URL (of a URL with workers: ``multiprocessing_context="spawn"``).
         split: See :class:`GraspDataset`.
         batch: Samples in a batch.
-        samples_per_scene: Most samples of a scene in a batch, which share its grid; in the paper's recipe one.
-        buffer_scenes: Scenes that are shuffled with each other.
+        samples_per_scene: Most samples of a scene that stay together and share its grid; by default 8, or the batch if that is smaller.
+        buffer_scenes: How many such groups are shuffled with each other.
         shuffle: Whether the order is shuffled; otherwise as stored.
         by, test_share, other_share, seed: See :class:`GraspDataset`; the seed is also that of the order.
     """
@@ -178,7 +179,7 @@ class GraspStream(torch.utils.data.IterableDataset[Batch]):
         split: Split = "train",
         *,
         batch: int = 48,
-        samples_per_scene: int = 8,
+        samples_per_scene: int | None = None,
         buffer_scenes: int = 512,
         shuffle: bool = True,
         by: Literal["attempt", "scene"] = "attempt",
@@ -188,7 +189,8 @@ class GraspStream(torch.utils.data.IterableDataset[Batch]):
     ) -> None:
         self._samples = _Samples(path, split, by, test_share, other_share, seed)
         self.batch = _arrays.whole("batch", batch, 1, 1_000_000)
-        self.samples_per_scene = _arrays.whole("samples_per_scene", samples_per_scene, 1, self.batch)
+        together = min(8, self.batch) if samples_per_scene is None else samples_per_scene
+        self.samples_per_scene = _arrays.whole("samples_per_scene", together, 1, self.batch)
         self.buffer_scenes = _arrays.whole("buffer_scenes", buffer_scenes, 1, 1_000_000)
         self.shuffle, self.seed, self.epoch = bool(shuffle), seed, 0
 
@@ -223,12 +225,13 @@ class GraspStream(torch.utils.data.IterableDataset[Batch]):
                 continue
             grids, where, rows = self._samples.read(shard, wanted)
             for place, scene in enumerate(wanted):
+                grid = grids[place].copy()  # a view would keep the whole block
                 attempts = self._samples.of_scene(scene)
                 if self.shuffle:
                     own.shuffle(attempts)
                 own_rows = np.array([where[place, int(attempt)] for attempt in attempts])
                 for at in range(0, len(own_rows), self.samples_per_scene):
-                    waiting.append((grids[place], rows, own_rows[at : at + self.samples_per_scene]))
+                    waiting.append((grid, rows, own_rows[at : at + self.samples_per_scene]))
             while len(waiting) > self.buffer_scenes:
                 yield waiting.pop(int(own.integers(len(waiting))) if self.shuffle else 0)
         while waiting:

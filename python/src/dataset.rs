@@ -1,8 +1,8 @@
 //! Datasets.
 
-use std::process;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::{mem, process};
 
 use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
 use numpy::{IntoPyArray, PyArray1, PyArray2, ToPyArray};
@@ -29,11 +29,25 @@ pub(crate) struct Dataset {
     process: u32,
 }
 
+impl Drop for Dataset {
+    /// In a forked child the threads of a store's client are not there, and to wait for them would take for ever: what
+    /// the child has of them stays.
+    fn drop(&mut self) {
+        if self.is_foreign() {
+            mem::forget(Arc::clone(&self.dataset));
+        }
+    }
+}
+
 impl Dataset {
+    /// Whether it has threads of another process.
+    fn is_foreign(&self) -> bool {
+        self.process != process::id() && !matches!(self.dataset.location(), Location::Path(_))
+    }
+
     /// The dataset, if this process may read it.
     fn read(&self) -> PyResult<&Arc<shards::Dataset>> {
-        let is_folder = matches!(self.dataset.location(), Location::Path(_));
-        if is_folder || self.process == process::id() {
+        if !self.is_foreign() {
             return Ok(&self.dataset);
         }
         let text =

@@ -2,7 +2,7 @@
 //!
 //! The package's Python half (`python/graspmill`) has the names that users see. It checks arguments, so that a message
 //! names them; here arrays have the right types. All work runs without the interpreter's lock, on threads of this
-//! module's own ([`pool`]), and a panic becomes an exception ([`fault`]).
+//! module's own (`pool`), and a panic becomes an exception (`fault`).
 
 mod dataset;
 mod fault;

@@ -65,7 +65,9 @@ impl Asked {
 }
 
 fn plane([x, y, z, offset_m]: [f32; 4]) -> Plane {
-    Plane { normal: Vec3::new(x, y, z).normalize(), offset_m }
+    let normal = Vec3::new(x, y, z);
+    let length = normal.length();
+    Plane { normal: normal / length, offset_m: offset_m / length }
 }
 
 #[pymethods]

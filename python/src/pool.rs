@@ -11,18 +11,18 @@ use rayon::ThreadPool;
 /// Pools by process and number of threads.
 static POOLS: Mutex<BTreeMap<(u32, usize), Arc<ThreadPool>>> = Mutex::new(BTreeMap::new());
 
-/// Runs work on so many threads; 0 for one per core.
+/// Runs work on so many threads; 0 for one per core. More than cores would change nothing.
 pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
-    let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
-    let pool = {
-        let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
-        match pools.get(&(process::id(), threads)) {
-            Some(pool) => Arc::clone(pool),
-            None => {
-                let pool = Arc::new(thread_pool(threads)?);
-                pools.insert((process::id(), threads), Arc::clone(&pool));
-                pool
-            }
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let key = (process::id(), if threads == 0 { cores } else { threads.min(cores) });
+    let pools = || POOLS.lock().unwrap_or_else(PoisonError::into_inner);
+    let found = pools().get(&key).map(Arc::clone);
+    let pool = match found {
+        Some(pool) => pool,
+        // Made without the lock, which a fork at that moment would leave locked in the child.
+        None => {
+            let made = Arc::new(thread_pool(key.1)?);
+            Arc::clone(pools().entry(key).or_insert(made))
         }
     };
     Ok(pool.install(work))

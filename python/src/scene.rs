@@ -10,6 +10,7 @@ use schema::{
     Camera, DepthImage, Grid, Gripper, HitKind, Intrinsics, Outcome, Physics, Pose, Procedure, Quat, SettleParams,
     ShapeKind, Solid, Vec3, VoxelGrid,
 };
+use serde_json::json;
 use simulator::{
     AttemptWorld, Compound, Execution, Part, PartShape, PartsParams, SceneObject, SceneRays, Settled, Unsettled,
     convex_parts, settle, settle_again,
@@ -80,6 +81,19 @@ impl Laws {
             return Err(wrong("gripper must be one hand, got several or ranges"));
         };
         Ok(Self { gripper, physics, procedure, settle, grid })
+    }
+
+    /// The same with some keys set: the rest stays as it is, the hand, too, unless it is set.
+    fn adjusted(&self, set: Vec<(String, String)>) -> PyResult<Self> {
+        let own =
+            [("physics", json!(self.physics)), ("procedure", json!(self.procedure)), ("settle", json!(self.settle))];
+        let own = own.iter().flat_map(|(section, values)| {
+            let values = values.as_object().into_iter().flatten();
+            values.map(move |(key, value)| (format!("{section}.{key}"), value.to_string()))
+        });
+        let is_other_hand = set.iter().any(|(key, _)| key == "gripper" || key.starts_with("gripper."));
+        let made = Self::new(None, own.chain(set).collect())?;
+        Ok(if is_other_hand { made } else { Self { gripper: self.gripper.clone(), ..made } })
     }
 
     /// The hand's numbers, by their names in its file.

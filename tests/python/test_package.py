@@ -283,6 +283,16 @@ def test_wrong_arguments_are_named_with_rule_and_value(scene, planner, dataset):
     refused("number, a string", lambda: graspmill.execute(scene, [DOWN], settings={"physics.engine": object()}))
     refused("no objects", lambda: graspmill.execute(graspmill.Scene([]), [DOWN]))
     refused("scene must be", lambda: graspmill.execute("scene", [DOWN]))
+    refused("are its lengths in metres", lambda: box((40, 60, 50), CENTRE))
+    refused("gripper must be a path or a name", lambda: graspmill.execute(scene, [DOWN], gripper=3))
+    refused("settings must be a dict", lambda: graspmill.execute(scene, [DOWN], settings=[1]))
+    refused("threads must be a whole number", lambda: graspmill.execute(scene, [DOWN], threads=np.array([1, 2])))
+    refused("mass_kg must be a number", lambda: box((0.1, 0.1, 0.1), CENTRE, mass_kg=10**400))
+    refused("pose must be a pose", lambda: box((0.1, 0.1, 0.1), [[1, 2], [3]]))
+    refused("objects must be a list", lambda: graspmill.Scene(scene.objects[0]))
+    refused("config must be a path", lambda: graspmill.Planner(b"judge"))
+    refused("must be a path or a name", lambda: graspmill.Dataset(3))
+    refused("progress must be", lambda: graspmill.generate(None, "/tmp/never", progress=1))
     refused("mass_kg must be between", lambda: box((0.1, 0.1, 0.1), CENTRE, mass_kg=-1))
     refused("shape must be one of", lambda: graspmill.Object.solid("sphere", (0.1, 0.1, 0.1), CENTRE))
     refused("extents", lambda: box((0.1, 0.1, -0.1), CENTRE))
@@ -415,3 +425,98 @@ def test_wrong_limits_are_refused(planner):
     refused("keep_out must have normals", lambda: planner.plan(depth, camera, keep_out=[(0, 0, 0, 1)]))
     refused("keep_out must have the shape", lambda: planner.plan(depth, camera, keep_out=[(0, 0, 1)]))
     refused("lower and an upper", lambda: planner.plan(depth, camera, reach=((1, 1, 1), (0, 0, 0))))
+
+
+def test_a_stored_scene_keeps_its_hand_and_laws_when_a_setting_is_given(tmp_path):
+    settings = {"gripper": "franka_hand", "procedure.pregrasp_distance_m": 0.03, "physics.engine": "rapier"}
+    dataset = graspmill.generate(None, tmp_path / "ds", attempts=60, shards=1, seed=3, settings=settings)
+    stored = dataset[0]
+
+    def ends(**more):
+        return graspmill.execute(stored.scene, stored.workspace_from_grasp, targets=stored.outcomes.target, **more)
+
+    hold = {"procedure.hold_time_s": 0.26}
+    kept, told = ends(settings=hold), ends(settings={**settings, **hold})
+    assert kept.outcome.tobytes() == told.outcome.tobytes() and kept.width_m.tobytes() == told.width_m.tobytes()
+    assert ends(gripper="franka_hand").outcome.tobytes() == stored.outcomes.outcome.tobytes()
+    assert (ends(gripper="slim_jaw_50").outcome != stored.outcomes.outcome).any()
+    assert len(stored.scene.settle()) == len(stored.scene)
+
+
+def test_empty_lists_are_none_of_a_thing(scene, planner):
+    assert len(graspmill.execute(scene, [])) == 0 and len(graspmill.execute(scene, [], targets=[])) == 0
+    camera = graspmill.Camera.looking((0.15, -0.2, 0.5))
+    depth = scene.render(camera)
+    assert planner.plan(depth, camera, avoid=[], keep_out=[]).to_json() == planner.plan(depth, camera).to_json()
+    assert planner.plan_cloud([]).reason
+
+
+def test_planes_of_any_length_are_half_spaces(planner):
+    scene, camera, depth = two_boxes()
+    one, two = (planner.plan(depth, camera, keep_out=[[0, 0, k, 0.06 * k]]).to_json() for k in (1, 2))
+    assert one == two
+
+
+def test_things_are_equal_to_themselves_alone():
+    cameras = [graspmill.Camera.looking((0.15, y, 0.5)) for y in (-0.2, 0.5)]
+    assert cameras[0] == cameras[0] != cameras[1] and len(set(cameras)) == 2
+    boxes = [graspmill.Object.cuboid((0.04, 0.06, 0.05), (x, 0.15, 0.075, 0, 0, 0, 1)) for x in (0.1, 0.2)]
+    assert boxes[0] != boxes[1] and boxes.index(boxes[1]) == 1
+
+
+def test_a_dataset_of_a_relative_path_stays_where_it_is(dataset, monkeypatch):
+    folder = Path(dataset._native.location)
+    monkeypatch.chdir(folder.parent)
+    relative = graspmill.Dataset(folder.name)
+    monkeypatch.chdir("/")
+    assert relative[0].scene_id == 0 and pickle.loads(pickle.dumps(relative)).id == dataset.id
+    relative.close()
+    assert "closed" in repr(relative)
+
+
+def test_no_more_threads_than_cores_are_started(scene):
+    for threads in range(2, 200):
+        graspmill.execute(scene, [DOWN], threads=threads)
+    cores = len(os.sched_getaffinity(0))
+    assert len(os.listdir("/proc/self/task")) < 40 + cores * cores
+
+
+def _gives_up(url, queue):
+    dataset = graspmill.Dataset(url)
+    queue.put(dataset[0].scene_id)
+
+
+def test_a_forked_child_lets_go_of_a_stores_dataset(dataset):
+    import http.server
+
+    folder = Path(dataset._native.location)
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def __init__(self, *arguments):
+            super().__init__(*arguments, directory=str(folder))
+
+        def log_message(self, *_):
+            pass
+
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Quiet)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    url = f"http://127.0.0.1:{server.server_address[1]}"
+    inherited = graspmill.Dataset(url)
+    assert inherited[0].scene_id == 0
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+
+    def child():
+        try:
+            inherited.scene(0)
+        except graspmill.InputError as error:
+            queue.put("opened again" in str(error))
+        inherited.close()
+        _gives_up(url, queue)
+
+    process = context.Process(target=child)
+    process.start()
+    assert queue.get(timeout=60) is True and queue.get(timeout=60) == 0
+    process.join(60)
+    server.shutdown()
+    assert process.exitcode == 0

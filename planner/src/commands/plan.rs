@@ -81,8 +81,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
     target: Option<[f64; 3]>,
 
-    /// Only grasps that approach within an angle, in radians, of a direction of the workspace: 0,0,-1,0.5 is down within
-    /// 29°
+    /// Only grasps that approach within an angle, in radians, of a direction of the workspace: 0,0,-1,0.5 is down
+    /// within 29°
     #[arg(long, value_name = "X,Y,Z,RAD", value_parser = numbers::<4>, allow_hyphen_values = true)]
     approach: Option<[f64; 4]>,
 

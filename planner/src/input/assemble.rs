@@ -21,12 +21,13 @@ use crate::input::request::{
     parse_file, parse_json,
 };
 use crate::input::tsdf::read_tsdf;
-use crate::{BuiltIn, Cone, Limits, Observation, SeenView, Target, Wishes};
+use crate::{BuiltIn, Cone, Limits, Mask, Observation, SeenView, Target, Wishes};
 
 /// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
-/// Shortest vector that is a direction.
-const DIRECTION_MIN: f32 = 1e-6;
+/// Lengths of vectors that are directions.
+const DIRECTION_MIN: f64 = 1e-6;
+const DIRECTION_MAX: f64 = 1e6;
 /// Maximum number of requested grasps.
 const GRASPS_MAX: usize = 10_000;
 
@@ -135,18 +136,17 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
 /// [`InputError`], naming the key.
 fn limits(input: &RequestInput) -> Result<Limits, InputError> {
     let unit = |xyz: [f64; 3], at: &str| {
-        let vector = point(xyz, at)?;
-        let length = vector.length();
-        if length < DIRECTION_MIN {
-            return refuse(format!("must be a direction, got {xyz:?}: {at}"));
+        let length = xyz.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if !(DIRECTION_MIN..=DIRECTION_MAX).contains(&length) {
+            return refuse(format!("must be a direction, of a length of 1e-6 to 1e6, got {xyz:?}: {at}"));
         }
-        Ok(vector / length)
+        Ok((point(xyz.map(|x| x / length), at)?, length))
     };
     let approach = input.approach.map(|ConeInput { direction, angle_rad_max }| {
         if !(0.0..=std::f64::consts::PI).contains(&angle_rad_max) {
             return refuse(format!("must be between 0 and 3.1416, got {angle_rad_max}: approach.angle_rad_max"));
         }
-        Ok(Cone { direction: unit(direction, "approach.direction")?, angle_rad_max: angle_rad_max as f32 })
+        Ok(Cone { direction: unit(direction, "approach.direction")?.0, angle_rad_max: angle_rad_max as f32 })
     });
     let planes = input.keep_out.as_deref().unwrap_or_default();
     if planes.len() > KEEP_OUT_MAX {
@@ -154,8 +154,8 @@ fn limits(input: &RequestInput) -> Result<Limits, InputError> {
     }
     let plane = |(number, [x, y, z, offset_m]): (usize, &[f64; 4])| {
         let at = format!("keep_out[{number}]");
-        let offset = point([*offset_m; 3], &at)?;
-        Ok(Plane { normal: unit([*x, *y, *z], &at)?, offset_m: offset.x })
+        let (normal, length) = unit([*x, *y, *z], &at)?;
+        Ok(Plane { normal, offset_m: point([*offset_m / length; 3], &at)?.x })
     };
     let reach_m = input.reach.map(|BoxInput { low_m, high_m }| {
         let [low, high] = [point(low_m, "reach.low_m")?, point(high_m, "reach.high_m")?];
@@ -206,7 +206,7 @@ impl Assembly<'_> {
     }
 
     /// The views, and of each its mask.
-    fn views(&mut self, views: &[ViewInput]) -> Result<(Observation, Vec<Option<Vec<bool>>>), InputError> {
+    fn views(&mut self, views: &[ViewInput]) -> Result<(Observation, Vec<Option<Mask>>), InputError> {
         if !(1..=VIEWS_MAX).contains(&views.len()) {
             return refuse(format!("must have 1 to {VIEWS_MAX} entries, got {}: views", views.len()));
         }

@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use png::{ColorType, Transformations};
+use png::{BitDepth, ColorType, Transformations};
 
 use crate::input::depth::{PNG_SIGNATURE, damaged_png, png_decoder};
 use crate::input::error::{InputError, refuse, shown};
@@ -35,19 +35,19 @@ pub(crate) fn read_mask(bytes: &[u8], [width_px, height_px]: [usize; 2]) -> Resu
         ));
     }
     let mut decoder = png_decoder(Cursor::new(bytes));
-    decoder.set_transformations(Transformations::EXPAND | Transformations::STRIP_16);
+    decoder.set_transformations(Transformations::EXPAND);
     let header = decoder.read_header_info().map_err(damaged_png)?;
     let (width, height, color) = (header.width as usize, header.height as usize, header.color_type);
+    let pixel_bytes = if header.bit_depth == BitDepth::Sixteen { 2 } else { 1 };
     if color != ColorType::Grayscale {
         return refuse(format!("a mask must be a grey PNG, got {color:?}"));
     }
     fits(width, height)?;
     let mut reader = decoder.read_info().map_err(damaged_png)?;
-    // One byte a pixel, of an image that is there already; 16 bits that are not 0 may become 0 only below 256.
-    let mut pixels = vec![0; width_px * height_px];
+    let mut pixels = vec![0; pixel_bytes * width_px * height_px]; // of an image whose depths are there already
     reader.next_frame(&mut pixels).map_err(damaged_png)?;
     reader.finish().map_err(damaged_png)?;
-    Ok(pixels.into_iter().map(|value| value != 0).collect())
+    Ok(pixels.chunks_exact(pixel_bytes).map(|pixel| pixel.iter().any(|byte| *byte != 0)).collect())
 }
 
 #[cfg(test)]
@@ -95,7 +95,10 @@ mod tests {
         for end in 8..whole.len() {
             assert!(read_mask(&whole[..end], [3, 2]).is_err(), "cut at {end}");
         }
-        // 16 bits are taken, too.
-        assert_eq!(read_mask(&png_of(3, 2, &[65_535; 6]), [3, 2]).unwrap(), [true; 6]);
+        // 16 bits, as numbers of instances have, are taken, too.
+        assert_eq!(
+            read_mask(&png_of(3, 2, &[7, 0, 255, 256, 65_535, 0]), [3, 2]).unwrap(),
+            [true, false, true, true, true, false]
+        );
     }
 }

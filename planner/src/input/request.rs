@@ -76,7 +76,7 @@ pub struct RequestInput {
     /// Only grasps that approach within an angle of a direction.
     pub approach: Option<ConeInput>,
     /// Planes that the open hand does not cross on its way, at most 64: each a normal x, y, z, which points to where
-    /// the hand may be, and its offset in metres, in the workspace.
+    /// the hand may be, and its offset in metres, in the workspace. The hand stays where normal · x ≥ offset.
     #[schema(schema_with = keep_out_schema)]
     #[serde(default, deserialize_with = "keep_out")]
     pub keep_out: Option<Vec<[f64; 4]>>,
