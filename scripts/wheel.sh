@@ -17,7 +17,9 @@ target=${GRASPMILL_TARGET:-$(rustc -vV | sed -n 's/^host: //p')}
 SOURCE_DATE_EPOCH=$(git log -1 --format=%ct)
 export SOURCE_DATE_EPOCH
 export RUSTFLAGS="--remap-path-prefix=$PWD=graspmill --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo"
-# The licences of what is linked.
-"$python" scripts/third_party_licences.py "$target" >python/graspmill/THIRD-PARTY-LICENCES.txt
+# The licences of what is linked; the file is there only while the package is built.
+licences=python/graspmill/THIRD-PARTY-LICENCES.txt
+trap 'rm -f "$licences"' EXIT
+"$python" scripts/third_party_licences.py "$target" >"$licences"
 "$python" -m maturin build --profile dist --zig --target "$target" --compatibility manylinux_2_28 --out "$out"
 "$python" -m maturin sdist --out "$out"
