@@ -16,7 +16,7 @@ use crate::detect::{Detected, Detection, detect};
 use crate::hand::{Sweep, WRIST_DOWN, are_alike, towards_wrist};
 use crate::input::{InputError, read_file, refuse};
 use crate::limits::{Limiter, object_points, seen_points};
-use crate::observation::{Limits, Observation, SeenView, Target, Wishes};
+use crate::observation::{Limits, Mask, Observation, SeenView, Target, Wishes};
 use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
 use crate::rank;
 use crate::refine::{Hand, Searched};
@@ -189,7 +189,7 @@ impl Planner {
                 Ok(Some(object_points(&segment(points_m.to_vec(), &self.config).0, *target_m)))
             }
             (Some(Target::Seen(masks)), Observation::Views(views)) => {
-                let fit = |(view, mask): (&SeenView, &Option<Vec<bool>>)| {
+                let fit = |(view, mask): (&SeenView, &Option<Mask>)| {
                     mask.as_ref().is_none_or(|mask| mask.len() == view.image.depth_m.len())
                 };
                 if masks.len() != views.len() || !views.iter().zip(masks).all(fit) {

@@ -52,8 +52,8 @@ class Camera:
             object.__setattr__(self, name, _arrays.number(name, getattr(self, name), -_FOCAL_PX_MAX, _FOCAL_PX_MAX))
         if self.convention not in ("opencv", "opengl"):
             raise InputError(f"convention must be 'opencv' or 'opengl', got {_arrays.shown(self.convention)}")
+        rows = _arrays.pose("workspace_from_camera", self.workspace_from_camera)
         given = np.asarray(self.workspace_from_camera)
-        rows = _arrays.pose("workspace_from_camera", given)
         matrix = given.astype(np.float64) if given.shape == (4, 4) else _arrays.matrices([rows])[0]
         if self.convention == "opengl":
             matrix = matrix @ _OPENGL

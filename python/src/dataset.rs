@@ -1,7 +1,7 @@
 //! Datasets.
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
 use std::{mem, process};
 
 use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
@@ -9,22 +9,25 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, ToPyArray};
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict};
-use schema::{Camera, HitKind, SceneRows};
+use schema::{CameraParams, HitKind, Intrinsics, SceneRows};
 use shards::report::PageParts;
 use shards::{Location, Table, scene_view};
+use simulator::Body;
 use trainer::config::{SplitBy, SplitConfig};
 use trainer::data::{GraspDataset, Marks, Seen};
 use trainer::split::split;
 
 use crate::fault::{free, raised, wrong};
 use crate::pool::on_threads;
-use crate::scene::{Laws, Scene, names, place, rows, seven};
+use crate::scene::{Laws, Scene, names, place, rows};
 
 /// A complete dataset.
 #[pyclass(frozen, module = "graspmill._native")]
 #[derive(Debug)]
 pub(crate) struct Dataset {
     dataset: Arc<shards::Dataset>,
+    /// The bodies of its models, whose hulls are computed when the first scene is asked for.
+    bodies: OnceLock<Vec<Body>>,
     /// The process that opened it: the client of a store has threads, which do not outlive a fork.
     process: u32,
 }
@@ -55,6 +58,14 @@ impl Dataset {
         Err(wrong(text))
     }
 
+    fn bodies(&self) -> PyResult<&[Body]> {
+        if let Some(bodies) = self.bodies.get() {
+            return Ok(bodies);
+        }
+        let bodies = bodies_of(self.dataset.info()).map_err(|failure| raised(&failure))?;
+        Ok(self.bodies.get_or_init(|| bodies))
+    }
+
     fn scene_rows(&self, py: Python<'_>, scene_id: u64) -> PyResult<SceneRows> {
         let dataset = self.read()?;
         free(py, || dataset.read_scene(scene_id))
@@ -68,7 +79,7 @@ impl Dataset {
     fn new(py: Python<'_>, path: &str) -> PyResult<Self> {
         let location = Location::parse(path).map_err(wrong)?;
         let dataset = Arc::new(free(py, || shards::Dataset::open(location))?);
-        Ok(Self { dataset, process: process::id() })
+        Ok(Self { dataset, bodies: OnceLock::new(), process: process::id() })
     }
 
     /// Its id.
@@ -124,8 +135,7 @@ impl Dataset {
     /// A scene: its objects at rest, the laws of its attempts, and its rows as arrays.
     fn scene<'py>(&self, py: Python<'py>, scene_id: u64) -> PyResult<(Scene, Laws, Bound<'py, PyDict>)> {
         let (rows_, info) = (self.scene_rows(py, scene_id)?, self.dataset.info());
-        let bodies = bodies_of(info).map_err(|failure| raised(&failure))?;
-        let scene = simulator::Scene::from_records(info.grid.table_z_m, &rows_.objects, &bodies);
+        let scene = simulator::Scene::from_records(info.grid.table_z_m, &rows_.objects, self.bodies()?);
         let laws = Laws {
             gripper: info.hand_of(scene_id).clone(),
             physics: physics_of(&info.config).map_err(|failure| raised(&failure))?,
@@ -230,8 +240,11 @@ impl Dataset {
 
     /// The lens of the scenes' cameras: width, height, fx, fy, cx, cy in pixels.
     fn intrinsics(&self) -> PyResult<[f32; 6]> {
-        let camera = settings_of(&self.dataset)?;
-        let schema::Intrinsics { width_px, height_px, fx_px, fy_px, cx_px, cy_px } = camera.intrinsics;
+        let Some(camera) = self.dataset.info().section::<CameraParams>("camera") else {
+            let failure = Failure::new(ExitCode::Data, "meta/info.json has no camera that this program knows");
+            return Err(raised(&failure));
+        };
+        let Intrinsics { width_px, height_px, fx_px, fy_px, cx_px, cy_px } = camera.intrinsics();
         Ok([width_px as f32, height_px as f32, fx_px, fy_px, cx_px, cy_px])
     }
 
@@ -273,18 +286,4 @@ impl Dataset {
     fn names() -> (Vec<&'static str>, Vec<&'static str>) {
         names()
     }
-}
-
-/// A camera with the dataset's lens.
-fn settings_of(dataset: &shards::Dataset) -> PyResult<Camera> {
-    let lens = &dataset.info().config["camera"];
-    let number = |key: &str| lens[key].as_f64().map(|number| number as f32);
-    let (Some(width_px), Some(height_px), Some(focal_px)) =
-        (number("width_px"), number("height_px"), number("focal_px"))
-    else {
-        let failure = Failure::new(ExitCode::Data, "meta/info.json has no camera that this program knows");
-        return Err(raised(&failure));
-    };
-    let six = [width_px, height_px, focal_px, focal_px, width_px / 2.0, height_px / 2.0];
-    Ok(crate::scene::camera(six, seven(&schema::Pose::IDENTITY)))
 }

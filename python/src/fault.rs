@@ -30,14 +30,16 @@ pub(crate) fn wrong(text: impl Into<String>) -> PyErr {
     classes::InputError::new_err(text.into())
 }
 
-/// Does work without the interpreter's lock. A panic, which prints where it happened, is a defect of ours.
+/// Does work. A panic, which prints where it happened, is a defect of ours.
+pub(crate) fn caught<T, E: Into<Failure>>(work: impl FnOnce() -> Result<T, E>) -> Result<T, Failure> {
+    let done = catch_unwind(AssertUnwindSafe(|| work().map_err(Into::into)));
+    done.unwrap_or_else(|_| Err(Failure::new(ExitCode::Internal, "a defect of graspmill; please report it")))
+}
+
+/// Does work without the interpreter's lock.
 pub(crate) fn free<T: Send, E: Into<Failure> + Send>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, E> + Send,
 ) -> PyResult<T> {
-    py.detach(|| {
-        let done = catch_unwind(AssertUnwindSafe(|| work().map_err(Into::into)));
-        done.unwrap_or_else(|_| Err(Failure::new(ExitCode::Internal, "a defect of graspmill; please report it")))
-    })
-    .map_err(|failure| raised(&failure))
+    py.detach(|| caught(work)).map_err(|failure| raised(&failure))
 }

@@ -1,6 +1,6 @@
 //! `graspmill.generate`: the generator, with progress and Ctrl-C.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::resume_unwind;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
@@ -11,7 +11,7 @@ use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use shards::{Finalized, Location};
 
-use crate::fault::{raised, wrong};
+use crate::fault::{caught, raised, wrong};
 use crate::pool::on_threads;
 
 /// How often progress is told and a signal looked for.
@@ -59,7 +59,7 @@ pub(crate) fn generate(
     let work =
         || on_threads(threads, || ::generator::generate(&config, location, &wanted, rejected_max, &stop, &on_event));
     let (ended, told) = thread::scope(|scope| {
-        let worker = scope.spawn(|| catch_unwind(AssertUnwindSafe(|| work().and_then(|done| done))));
+        let worker = scope.spawn(|| caught(|| work().and_then(|done| done)));
         let mut told = Ok(());
         while !worker.is_finished() {
             py.detach(|| thread::sleep(LOOK));
@@ -69,12 +69,11 @@ pub(crate) fn generate(
                 stop.store(told.is_err(), Ordering::Relaxed);
             }
         }
-        let ended = py.detach(|| worker.join()).and_then(|caught| caught);
+        let ended = py.detach(|| worker.join()).unwrap_or_else(|panic| resume_unwind(panic)); // none is left
         (ended, told)
     });
     told?;
-    let defect = |_| Failure::new(ExitCode::Internal, "a defect of graspmill; please report it");
-    let report = ended.map_err(defect).and_then(|report| report).map_err(|failure| raised(&failure))?;
+    let report = ended.map_err(|failure| raised(&failure))?;
     tell(py)?;
     if let Some(Finalized::Incomplete { missing }) = &report.dataset {
         let text = format!("{} shards are missing, {} the first of them", missing.len(), missing[0]);
