@@ -172,6 +172,18 @@ impl JudgeInputs {
         crop.see_wide(grid, workspace_from_grasp, mirrored, &mut self.wide);
         self.facts.push(crop.facts(workspace_from_grasp, views, mirrored));
     }
+
+    /// For other programs, without padding: crops `[hands, 8, 20, 28, CHANNELS]`, surroundings
+    /// `[hands, 12, 8, 8, WIDE_CHANNELS]` and facts `[hands, FACTS]`.
+    #[must_use]
+    pub fn without_padding(&self) -> [Vec<f32>; 3] {
+        let facts = self.facts.as_flattened().to_vec();
+        [
+            crop::bare::<CHANNELS>(crop::PADDED, &self.crops),
+            crop::bare::<WIDE_CHANNELS>(crop::WIDE_PADDED, &self.wide),
+            facts,
+        ]
+    }
 }
 
 /// The results of the forward pass that the backward pass needs.

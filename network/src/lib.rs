@@ -25,6 +25,7 @@ pub mod layers;
 pub mod receptive_field;
 pub mod upsampling;
 mod voxel;
+mod windows;
 
 pub use architecture::{Architecture, Kind};
 pub use dense::{DenseGrids, DenseNetwork};

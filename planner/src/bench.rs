@@ -41,18 +41,19 @@ pub struct BenchReport {
 ///
 /// # Errors
 /// [`InputError`] if the images are refused.
-pub fn bench(planner: &Planner, views: &[SeenView], plans: usize) -> Result<BenchReport, InputError> {
+pub fn bench(planner: &Planner, views: &[SeenView], wishes: &Wishes, plans: usize) -> Result<BenchReport, InputError> {
     const WARM_UP: usize = 5;
+    let grid = wishes.workspace(&planner.grid);
     // Each plan has the same stages.
     let plan = |_| -> Result<Timings, InputError> {
         let mut times_ms = Timings::new();
         // As a plan from the images does it.
         let grid = timed(&mut times_ms, "TSDF", || {
-            let views = corrected(views, &planner.grid, planner.config.cloud, &mut Vec::new())?;
-            fuse_views(&views, &planner.grid)
+            let views = corrected(views, &grid, planner.config.cloud, &mut Vec::new())?;
+            fuse_views(&views, &grid)
         })?;
         let volume = Observation::Tsdf(grid);
-        let plan = timed(&mut times_ms, "plan", || planner.plan(&volume, &Wishes::default()))?;
+        let plan = timed(&mut times_ms, "plan", || planner.plan(&volume, wishes))?;
         times_ms.extend(plan.timings_ms);
         Ok(times_ms)
     };

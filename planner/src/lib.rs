@@ -33,5 +33,5 @@ pub mod serve;
 pub mod volume;
 
 pub use config::{BuiltIn, Config, Policy};
-pub use observation::{Cone, Limits, Mask, Observation, SeenView, Target, Wishes};
+pub use observation::{Cone, Limits, Mask, Observation, SeenView, Target, WORKSPACE_M, Wishes, plane};
 pub use planner::{Planner, Planners};

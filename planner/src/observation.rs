@@ -1,6 +1,8 @@
 //! The input of a plan: depth images, a grid, or a cloud.
 
-use schema::{Camera, DepthImage, Plane, Pose, Quat, Vec3, VoxelGrid};
+use std::ops::RangeInclusive;
+
+use schema::{Camera, DepthImage, Grid, Plane, Pose, Quat, Vec3, VoxelGrid};
 
 /// A depth image and the camera that took it.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,9 +43,14 @@ impl Observation {
     }
 }
 
+/// Sides that a workspace may have, in metres.
+pub const WORKSPACE_M: RangeInclusive<f32> = 0.2..=0.6;
+
 /// Options of a request; all have defaults.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Wishes {
+    /// The side of the workspace, in [`WORKSPACE_M`], if it is not the network's.
+    pub workspace_size_m: Option<f32>,
     /// The workspace in the robot's base frame: grasps are given there, too.
     pub base_from_workspace: Option<Pose>,
     /// The wrist's orientation now, in the workspace (hand axes as a grasp's); of a grasp and its half turn the nearer
@@ -61,6 +68,14 @@ pub struct Wishes {
     pub avoid: Vec<Pose>,
     /// Which grasps are wanted.
     pub limits: Limits,
+}
+
+impl Wishes {
+    /// The workspace, if the network's is `grid`: its voxels, but as many as its side takes.
+    #[must_use]
+    pub fn workspace(&self, grid: &Grid) -> Grid {
+        self.workspace_size_m.map_or(*grid, |size_m| grid.over(size_m))
+    }
 }
 
 /// What a request limits, in the workspace's frame; by default nothing.
@@ -83,6 +98,21 @@ pub struct Cone {
     pub direction: Vec3,
     /// Largest angle from it, in radians.
     pub angle_rad_max: f32,
+}
+
+impl Cone {
+    /// The directions about one of any length.
+    #[must_use]
+    pub fn about(direction: Vec3, angle_rad_max: f32) -> Self {
+        Self { direction: direction.normalize(), angle_rad_max }
+    }
+}
+
+/// The plane with a normal of any length: normal · x = offset.
+#[must_use]
+pub fn plane(normal: Vec3, offset_m: f32) -> Plane {
+    let length = normal.length();
+    Plane { normal: normal / length, offset_m: offset_m / length }
 }
 
 /// Of each pixel of a depth image, row by row, whether it shows what is wanted.

@@ -1,6 +1,7 @@
 //! All stages of planning: volume, network, detections, objects, ranking.
 
 use std::collections::BTreeSet;
+use std::mem::take;
 use std::path::Path;
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -61,7 +62,7 @@ pub struct Planner {
     pub model_id: String,
     /// The settings.
     pub config: Config,
-    /// The workspace.
+    /// The workspace that the network was trained in: that of requests that want no other.
     pub grid: Grid,
     /// A warning for every plan.
     warning: Option<String>,
@@ -160,33 +161,39 @@ impl Planner {
     /// [`InputError`] if the observation contradicts itself or the network.
     pub fn plan(&self, observation: &Observation, wishes: &Wishes) -> Result<Plan, InputError> {
         let mut timings_ms = Vec::new();
-        let volume = timed(&mut timings_ms, "fuse", || fuse(observation, &self.grid, self.config.cloud))?;
+        let grid = wishes.workspace(&self.grid);
+        let volume = timed(&mut timings_ms, "fuse", || fuse(observation, &grid, self.config.cloud))?;
         let normals = timed(&mut timings_ms, "normals", || {
             let field = volume.fine.as_ref().unwrap_or(&volume.grid);
             if self.config.refinement.turns > 0 { perception::normals(field, &volume.points_m) } else { Vec::new() }
         });
-        let points_m = self.target_points(observation, &volume.points_m, &wishes.limits)?;
+        let mut surface = Surface::Points(volume.points_m);
+        let points_m = self.target_points(observation, &mut surface, &wishes.limits)?;
         let Config { gripper, collision, .. } = &self.config;
         let limiter = Limiter::new(&wishes.limits, gripper, collision.pregrasp_distance_m, points_m);
         let asked = (observation.views(), wishes, &limiter);
-        let found = self.find(&volume.grid, volume.points_m, asked, &mut timings_ms);
+        let found = self.find(&volume.grid, surface, asked, &mut timings_ms);
         let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &normals, (wishes, &limiter)));
         plan.warnings.splice(0..0, self.warning.iter().cloned().chain(volume.warnings));
         plan.timings_ms = timings_ms;
         Ok(plan)
     }
 
-    /// The points of the surface that are the target's, and the others; none if everything is wanted.
+    /// The points of the surface that are the target's, and the others; none if everything is wanted. The object at a
+    /// point takes the segments.
     fn target_points(
         &self,
         observation: &Observation,
-        points_m: &[Vec3],
+        surface: &mut Surface,
         limits: &Limits,
     ) -> Result<Option<[Vec<Vec3>; 2]>, InputError> {
         match (&limits.target, observation) {
             (None, _) => Ok(None),
             (Some(Target::Point(target_m)), _) => {
-                Ok(Some(object_points(&segment(points_m.to_vec(), &self.config).0, *target_m)))
+                let (cloud, objects) = take(surface).segmented(&self.config);
+                let points_m = object_points(&cloud, *target_m);
+                *surface = Surface::Segments(cloud, objects);
+                Ok(Some(points_m))
             }
             (Some(Target::Seen(masks)), Observation::Views(views)) => {
                 let fit = |(view, mask): (&SeenView, &Option<Mask>)| {
@@ -195,7 +202,7 @@ impl Planner {
                 if masks.len() != views.len() || !views.iter().zip(masks).all(fit) {
                     return refuse("masks must have the sizes of their depth images, one for each view or none: mask");
                 }
-                Ok(Some(seen_points(points_m, views, masks, self.grid.table_z_m)))
+                Ok(Some(seen_points(surface.points_m(), views, masks, self.grid.table_z_m)))
             }
             (Some(Target::Seen(_)), _) => refuse("masks go with views: mask"),
         }
@@ -205,7 +212,7 @@ impl Planner {
     fn find(
         &self,
         grid: &VoxelGrid,
-        points_m: Vec<Vec3>,
+        surface: Surface,
         (views, wishes, limiter): (usize, &Wishes, &Limiter<'_>),
         timings_ms: &mut Timings,
     ) -> Found {
@@ -215,16 +222,18 @@ impl Planner {
             Network::Voxel(network) => self.detections(network, grid, wishes, timings_ms),
             Network::Judge(judge) => {
                 let mut stream = Stream::new(self.config.seed, scene, Purpose::Proposals, 0);
-                let proposals = self.config.judge.proposals;
+                // As dense in a larger workspace as in the network's.
+                let areas = (grid.grid.size_m / self.grid.size_m).powi(2).max(1.0);
+                let proposals = (self.config.judge.proposals as f32 * areas).round() as usize;
                 let is_wanted = |hand: &Grasp| limiter.broken(&hand.workspace_from_grasp).is_none();
                 let hands = timed(timings_ms, "judge", || judge.hands(grid, views, proposals, &mut stream, &is_wanted));
-                self.judged(&hands, wishes)
+                self.judged(&grid.grid, &hands, wishes)
             }
         };
-        let objects = || timed(&mut segment_ms, "segment", || segment(points_m, &self.config));
+        let objects = || timed(&mut segment_ms, "segment", || surface.segmented(&self.config));
         let (candidates, (cloud, objects)) = rayon::join(candidates, objects);
         timings_ms.append(&mut segment_ms);
-        Found { scene, candidates, cloud, objects }
+        Found { grid: grid.grid, scene, candidates, cloud, objects }
     }
 
     /// VGN's detections, with the grasps that the paper's network predicts there.
@@ -235,16 +244,17 @@ impl Planner {
         wishes: &Wishes,
         timings_ms: &mut Timings,
     ) -> Candidates {
-        let grids = timed(timings_ms, "network", || network.infer(&grid.values));
+        let VoxelGrid { grid, values } = grid;
+        let grids = timed(timings_ms, "network", || network.infer_over(grid.resolution, values));
         let detected: Detected = timed(timings_ms, "detect", || {
             let sigmoid = |logit: &f32| 1.0 / (1.0 + libm::expf(-logit));
             let quality: Vec<f32> = grids.quality_logit.iter().map(sigmoid).collect();
-            detect(&self.grid, &grid.values, &quality, &grids.width_voxels, &self.config.detection)
+            detect(grid, values, &quality, &grids.width_voxels, &self.config.detection)
         });
-        let misses = if wishes.explain { detected.misses(&self.grid, &self.config.detection) } else { Vec::new() };
-        let missed = |(miss, reason)| DroppedCandidate::new(&self.grasp_at(&miss, &grids, wishes), reason);
+        let misses = if wishes.explain { detected.misses(grid, &self.config.detection) } else { Vec::new() };
+        let missed = |(miss, reason)| DroppedCandidate::new(&self.grasp_at(grid, &miss, &grids, wishes), reason);
         Candidates {
-            grasps: detected.found.iter().map(|detection| self.grasp_at(detection, &grids, wishes)).collect(),
+            grasps: detected.found.iter().map(|detection| self.grasp_at(grid, detection, &grids, wishes)).collect(),
             dropped: misses.into_iter().map(missed).collect(),
             funnel: detected.funnel,
             quality_best: detected.quality_best,
@@ -252,13 +262,13 @@ impl Planner {
     }
 
     /// Of judged hands, best first, those that reach ε and are apart from better ones.
-    fn judged(&self, hands: &[Judged], wishes: &Wishes) -> Candidates {
+    fn judged(&self, grid: &Grid, hands: &[Judged], wishes: &Wishes) -> Candidates {
         let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
         let (epsilon, apart_m) = (self.config.detection.quality_min, self.config.judge.apart_m);
         let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&Judged>::new(), Vec::new(), 0);
         for judged in hands {
             let tips_m = judged.hand.workspace_from_grasp.translation;
-            let inside_m = tips_m.clamp(Vec3::ZERO, Vec3::splat(self.grid.size_m * (1.0 - f32::EPSILON)));
+            let inside_m = tips_m.clamp(Vec3::ZERO, Vec3::splat(grid.size_m * (1.0 - f32::EPSILON)));
             let grasp = RankedGrasp {
                 rank: 0,
                 workspace_from_grasp: towards_wrist(&judged.hand.workspace_from_grasp, wrist),
@@ -270,7 +280,7 @@ impl Planner {
                 object: None,
                 rho_m: None,
                 support: None,
-                voxel: self.grid.voxel_at(inside_m).unwrap_or_default(),
+                voxel: grid.voxel_at(inside_m).unwrap_or_default(),
             };
             let reason = if grasp.quality < epsilon {
                 let (outcome, probability) = judged.likeliest();
@@ -291,7 +301,7 @@ impl Planner {
                 }
             }
         }
-        let (voxels, proposed, detections) = (self.grid.len(), hands.len(), grasps.len());
+        let (voxels, proposed, detections) = (grid.len(), hands.len(), grasps.len());
         let funnel = Funnel {
             voxels,
             near_surface: proposed,
@@ -305,6 +315,7 @@ impl Planner {
 
     fn rank(&self, found: Found, normals: &[Vec3], (wishes, limiter): (&Wishes, &Limiter<'_>)) -> Plan {
         let Found {
+            grid,
             scene,
             candidates: Candidates { mut grasps, mut dropped, mut funnel, quality_best },
             cloud,
@@ -357,7 +368,7 @@ impl Planner {
             policy,
             gripper: self.config.gripper.name.clone(),
             flange_from_grasp: self.config.gripper.flange_from_grasp.map(|parts| parts.pose()),
-            grid: self.grid,
+            grid,
             grasps,
             reason: None,
             warnings: Vec::new(),
@@ -373,13 +384,13 @@ impl Planner {
     }
 
     /// The grasp that the network predicts in a voxel, turned towards the wrist.
-    fn grasp_at(&self, detection: &Detection, grids: &DenseGrids, wishes: &Wishes) -> RankedGrasp {
+    fn grasp_at(&self, grid: &Grid, detection: &Detection, grids: &DenseGrids, wishes: &Wishes) -> RankedGrasp {
         let Detection { voxel, quality } = *detection;
-        let (flat, count) = (self.grid.flat(voxel), self.grid.len());
+        let (flat, count) = (grid.flat(voxel), grid.len());
         let [x, y, z, w] = [0, 1, 2, 3].map(|part| grids.rotation[part * count + flat]);
         let rotation = Quat::from_xyzw(x, y, z, w).normalize();
         let offset = self.config.detection.voxel_offset - 0.5;
-        let origin_m = self.grid.centre_m(voxel) + Vec3::splat(offset * self.grid.voxel_size_m());
+        let origin_m = grid.centre_m(voxel) + Vec3::splat(offset * grid.voxel_size_m());
         let position_m = origin_m + rotation * Vec3::Z * self.config.detection.origin_behind_tips_m;
         let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
         RankedGrasp {
@@ -388,7 +399,7 @@ impl Planner {
             base_from_grasp: None,
             workspace_from_flange: None,
             base_from_flange: None,
-            width_m: grids.width_voxels[flat] * self.grid.voxel_size_m(),
+            width_m: grids.width_voxels[flat] * grid.voxel_size_m(),
             quality,
             object: None,
             rho_m: None,
@@ -460,8 +471,8 @@ impl Planner {
     }
 
     /// The network was trained with the table at one height, so an error in the workspace's pose shows here first.
-    fn misplaced_table(&self, plane: &Plane) -> Option<String> {
-        let (grid, normal) = (&self.grid, plane.normal);
+    fn misplaced_table(&self, grid: &Grid, plane: &Plane) -> Option<String> {
+        let normal = plane.normal;
         let middle = 0.5 * grid.size_m;
         let height_m = (plane.offset_m - middle * (normal.x + normal.y)) / normal.z;
         let is_level = normal.z > TABLE_COS_MIN; // otherwise the plane is a wall, not a table
@@ -480,7 +491,7 @@ impl Planner {
         if plan.cloud.points_m.is_empty() {
             return warnings;
         }
-        warnings.extend(plan.cloud.plane.as_ref().and_then(|found| self.misplaced_table(&found.plane)));
+        warnings.extend(plan.cloud.plane.as_ref().and_then(|found| self.misplaced_table(&plan.grid, &found.plane)));
         if plan.policy != Policy::Paper {
             return warnings;
         }
@@ -500,8 +511,37 @@ const TABLE_OFF_M_MAX: f32 = 0.01;
 /// Cosine of the largest tilt of a table.
 const TABLE_COS_MIN: f32 = 0.9;
 
+/// What was seen, before its objects are known and after.
+enum Surface {
+    Points(Vec<Vec3>),
+    Segments(SegmentedCloud, Vec<SeenObject>),
+}
+
+impl Default for Surface {
+    fn default() -> Self {
+        Self::Points(Vec::new())
+    }
+}
+
+impl Surface {
+    fn points_m(&self) -> &[Vec3] {
+        match self {
+            Self::Points(points_m) | Self::Segments(SegmentedCloud { points_m, .. }, _) => points_m,
+        }
+    }
+
+    fn segmented(self, config: &Config) -> (SegmentedCloud, Vec<SeenObject>) {
+        match self {
+            Self::Points(points_m) => segment(points_m, config),
+            Self::Segments(cloud, objects) => (cloud, objects),
+        }
+    }
+}
+
 /// What the network and the segmentation found.
 struct Found {
+    /// The workspace.
+    grid: Grid,
     /// A number that distinguishes scenes.
     scene: u64,
     candidates: Candidates,

@@ -35,7 +35,9 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
         Observation::Views(views) => {
             let views = corrected(views, grid, params, &mut warnings)?;
             let on = |resolution: usize| fuse_views(&views, &Grid { resolution, ..*grid });
-            let fine = (params.resolution != grid.resolution).then(|| on(params.resolution)).transpose()?;
+            // In a larger workspace as fine as in the network's.
+            let resolution = params.resolution * grid.resolution / Grid::PAPER.resolution;
+            let fine = (resolution != grid.resolution).then(|| on(resolution)).transpose()?;
             (on(grid.resolution)?, fine)
         }
         Observation::Tsdf(given) => {

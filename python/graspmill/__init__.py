@@ -15,6 +15,7 @@ from importlib.metadata import version as _version
 from .cameras import Camera
 from .dataset import Dataset, StoredScene, Table, generate
 from .errors import DataError, Error, IncompleteError, InputError, InternalError, OutsideError
+from .hands import HandCrops, hand_crops
 from .pages import Page
 from .planner import Grasp, Plan, Planner
 from .scene import HITS, OUTCOMES, Object, Outcomes, Scene, execute, tsdf
@@ -29,6 +30,7 @@ __all__ = [
     "Dataset",
     "Error",
     "Grasp",
+    "HandCrops",
     "IncompleteError",
     "InputError",
     "InternalError",
@@ -43,5 +45,6 @@ __all__ = [
     "Table",
     "execute",
     "generate",
+    "hand_crops",
     "tsdf",
 ]

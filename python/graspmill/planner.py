@@ -20,6 +20,8 @@ from .scene import _images, _laws
 AVOID_MAX = 256
 #: Most planes that keep a hand out.
 KEEP_OUT_MAX = 64
+#: Smallest and largest side of a workspace, in metres.
+WORKSPACE_M = (0.2, 0.6)
 #: Settings and networks that come with the package.
 BUILT_IN = ("judge", "paper", "vgn")
 
@@ -173,7 +175,7 @@ class Planner:
     @property
     def size_m(self) -> float:
         """Side of the workspace, in metres."""
-        return self._native.grid[0]
+        return self._native.grid(None)[0]
 
     def __repr__(self) -> str:
         return f"Planner(model {self.model_id[:12]}, hand {self.gripper})"
@@ -183,7 +185,7 @@ class Planner:
         depths: Sequence[ArrayLike] | ArrayLike,
         cameras: Sequence[Camera] | Camera,
         *,
-        mask: Sequence[ArrayLike] | ArrayLike | None = None,
+        mask: Sequence[ArrayLike | None] | ArrayLike | None = None,
         **wishes: Any,
     ) -> Plan:
         """Plans from depth images.
@@ -191,7 +193,7 @@ class Planner:
         Args:
             depths: One image or several, ``[height, width]`` each, float, in metres along the camera's z; 0 or NaN where nothing was seen.
             cameras: Their cameras, as many.
-            mask: What to grasp: a mask for each image, ``[height, width]`` of bool or uint8, not 0 where the target is.
+            mask: What to grasp: for each image a mask, ``[height, width]`` of bool or uint8, not 0 where the target is, or ``None``.
             **wishes: See :meth:`plan_tsdf`.
         """
         if isinstance(cameras, Camera):
@@ -222,8 +224,9 @@ class Planner:
         """Plans from a TSDF.
 
         Args:
-            tsdf: ``[40, 40, 40]`` (x, y, z) in VGN's values, 0 to 1: (tsdf + 1) / 2 where observed, else 0.
-            **wishes: ``base_from_workspace`` (``[4, 4]`` or ``[7]``: grasps are given in the robot's base, too), ``workspace_from_wrist``
+            tsdf: ``[40, 40, 40]`` (x, y, z) in VGN's values, 0 to 1: (tsdf + 1) / 2 where observed, else 0. Of another workspace as many
+                voxels of 7.5 mm as its side takes.
+            **wishes: ``workspace_size_m`` (0.2 to 0.6; by default 0.3: the workspace's side, rounded up to whole voxels), ``base_from_workspace`` (``[4, 4]`` or ``[7]``: grasps are given in the robot's base, too), ``workspace_from_wrist``
                 (quaternion ``[4]``: of a grasp and its half turn the nearer one is given), ``policy`` (``"paper"``, ``"vgn-random"``,
                 ``"vgn-best"``, ``"flattest"``), ``check_collisions`` (bool), ``grasps_max`` (1 to 10000), ``explain`` (bool: dropped
                 candidates with reasons in ``answer``), ``avoid`` (poses ``[N, 4, 4]`` or ``[N, 7]`` of hands that failed),
@@ -231,15 +234,17 @@ class Planner:
                 radians), ``keep_out`` (``[N, 4]``: planes that the open hand does not cross, a normal that points to where it may be and an
                 offset in metres), ``reach`` (the lower and upper corner of a box for the tips, ``[2, 3]``). All in the workspace.
         """
-        side = self._native.grid[1]
+        asked = _asked(**wishes)
+        side = self._native.grid(asked["workspace_size_m"])[1]
         values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
         if values.size and not 0.0 <= float(values.min()) <= float(values.max()) <= 1.0:
             raise InputError(f"tsdf must be between 0 and 1 (VGN's values), got {values.min():g} to {values.max():g}")
-        return Plan(self._native.plan_tsdf(values.ravel(), _asked(**wishes)))
+        return Plan(self._native.plan_tsdf(values.ravel(), asked))
 
 
 def _asked(
     *,
+    workspace_size_m: float | None = None,
     base_from_workspace: ArrayLike | None = None,
     workspace_from_wrist: ArrayLike | None = None,
     policy: str | None = None,
@@ -263,6 +268,7 @@ def _asked(
     if len(hands) > AVOID_MAX:
         raise InputError(f"avoid must be at most {AVOID_MAX} hands, got {len(hands)}")
     return {
+        "workspace_size_m": None if workspace_size_m is None else _arrays.number("workspace_size_m", workspace_size_m, *WORKSPACE_M),
         "base_from_workspace": None if base_from_workspace is None else _arrays.pose("base_from_workspace", base_from_workspace),
         "workspace_from_wrist": wrist,
         "policy": None if policy is None else str(policy),
@@ -308,16 +314,21 @@ def _box(reach: ArrayLike) -> list[list[float]]:
     return [_numbers(corner) for corner in corners]
 
 
-def _masks(masks: list[Any], images: list[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
+def _masks(masks: list[Any], images: list[NDArray[np.float32]]) -> list[NDArray[np.bool_] | None]:
     """Masks that fit their images."""
     if len(masks) != len(images):
         raise InputError(f"there must be as many masks as depth images, {len(images)}, got {len(masks)}")
-    fitting = []
+    fitting: list[NDArray[np.bool_] | None] = []
     for number, (mask, image) in enumerate(zip(masks, images)):
+        if mask is None:
+            fitting.append(None)
+            continue
         array = np.asarray(mask)
         if array.dtype.kind not in "bu" or array.shape != image.shape:
             raise InputError(
                 f"mask {number} must be bool or uint8 of its image's shape, {list(image.shape)}, got {array.dtype} {list(array.shape)}"
             )
         fitting.append(np.ascontiguousarray(array != 0))
+    if not any(mask is not None for mask in fitting):
+        raise InputError("at least one image must have a mask, got none")
     return fitting

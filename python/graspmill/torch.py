@@ -6,7 +6,7 @@ Needs ``pip install graspmill[torch]``. What is trained on is what ``graspmill t
 from __future__ import annotations
 
 import os
-from typing import Any, Iterator, Literal, TypedDict
+from typing import Any, Generic, Iterator, Literal, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from . import _arrays, _native
 from .dataset import Dataset
 from .errors import InputError
+from .hands import CROP, FACTS, SURROUNDINGS
+from .scene import OUTCOMES
 
 try:
     import torch
@@ -43,8 +45,27 @@ class Batch(TypedDict):
     width: Tensor
 
 
+class HandBatch(TypedDict):
+    """Hands as a judge sees them (:func:`graspmill.hand_crops`), ``B`` of them.
+
+    ``crop`` ``[B, 4, 8, 20, 28]``, ``surroundings`` ``[B, 3, 12, 8, 8]``, ``facts`` ``[B, 16]``, ``outcome`` (index into
+    ``graspmill.OUTCOMES``), ``label`` (1 if the attempt held), ``hits_table`` (bool: it fails for certain, and there is nothing to ask; none of
+    these is in the training set).
+    """
+
+    crop: Tensor
+    surroundings: Tensor
+    facts: Tensor
+    outcome: Tensor
+    label: Tensor
+    hits_table: Tensor
+
+
+_B = TypeVar("_B", Batch, HandBatch)
+
+
 class _Samples:
-    """The samples of a split, by scene."""
+    """The samples of a split, by scene: of voxels, or of hands."""
 
     def __init__(
         self,
@@ -54,13 +75,16 @@ class _Samples:
         test_share: float,
         other_share: float,
         seed: int,
+        of_hands: bool,
     ) -> None:
+        self.of_hands = of_hands
+        self._crops: _native.Crops | None = None
         self.dataset = path if isinstance(path, Dataset) else Dataset(path)
         if by not in ("attempt", "scene"):
             raise InputError(f"by must be 'attempt' or 'scene', got {_arrays.shown(by)}")
         shares = [_arrays.number(name, value, 1e-9, 0.45) for name, value in (("test_share", test_share), ("other_share", other_share))]
         native = self.dataset._native
-        self.marks: NDArray[np.uint8] = native.split(_arrays.whole("seed", seed, 0, 2**63 - 1), by, *shares)
+        self.marks: NDArray[np.uint8] = native.split(_arrays.whole("seed", seed, 0, 2**63 - 1), by, shares, of_hands)
         name = f"test-{by}s" if split == "test" else split
         if not isinstance(split, str) or name not in {*_SETS, "all"}:
             raise InputError(f"split must be one of train, test, test-attempts, test-scenes, all, got {_arrays.shown(split)}")
@@ -69,6 +93,9 @@ class _Samples:
         self.per_scene = int(info["attempts_per_scene"])
         self.voxel_m = info["grid"]["size_m"] / info["grid"]["resolution"]
         self.side = int(info["grid"]["resolution"])
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_crops": None}
 
     def __len__(self) -> int:
         return int(self.wanted.sum())
@@ -80,32 +107,79 @@ class _Samples:
 
     def read(self, shard: int, scenes: list[int]) -> tuple[NDArray[np.float32], dict[tuple[int, int], int], dict[str, NDArray[Any]]]:
         """Grids of scenes of a shard, ascending; the row of each (place of its scene, attempt); the rows."""
-        grids, place, attempt, poses, width, label = self.dataset._native.samples(shard, scenes)
-        voxel = np.floor(poses[:, :3] / np.float32(self.voxel_m)).astype(np.int64)
-        held = label == 1
-        rows = {
-            "place": place,
-            "voxel": voxel,
-            "label": label.astype(np.float32),
-            "rotation": poses[:, 3:],
-            "width": np.where(held & np.isfinite(width), width / np.float32(self.voxel_m), np.float32(0.0)),
-        }
-        where = {(int(p), int(a)): row for row, (p, a) in enumerate(zip(place, attempt))}
+        grids, poses, width, numbers = self.dataset._native.samples(shard, scenes, self.of_hands)
+        held = numbers[:, 2] == OUTCOMES.index("held")
+        rows = {"label": held.astype(np.float32), "pose": poses, "outcome": numbers[:, 2].astype(np.int64)}
+        if self.of_hands:
+            rows |= {"hand": numbers[:, 3], "views": numbers[:, 4]}
+        else:
+            known = held & np.isfinite(width)
+            rows["voxel"] = np.floor(poses[:, :3] / np.float32(self.voxel_m)).astype(np.int64)
+            rows["width"] = np.where(known, width / np.float32(self.voxel_m), np.float32(0.0)).astype(np.float32)
+        where = {(int(place), int(attempt)): row for row, (place, attempt, *_) in enumerate(numbers)}
         return grids.reshape(len(scenes), 1, self.side, self.side, self.side), where, rows
 
+    def voxels(self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]]) -> Batch:
+        """Rows as samples of voxels of the scenes' grids."""
+        return Batch(
+            tsdf=torch.from_numpy(grids),
+            scene=torch.from_numpy(scene.astype(np.int64)),
+            voxel=torch.from_numpy(rows["voxel"]),
+            label=torch.from_numpy(rows["label"]),
+            rotation=torch.from_numpy(rows["pose"][:, 3:].copy()),
+            width=torch.from_numpy(rows["width"]),
+        )
 
-def _batch(grids: NDArray[np.float32], scene: NDArray[Any], rows: dict[str, NDArray[Any]], chosen: NDArray[Any]) -> Batch:
-    return Batch(
-        tsdf=torch.from_numpy(grids),
-        scene=torch.from_numpy(scene.astype(np.int64)),
-        voxel=torch.from_numpy(rows["voxel"][chosen]),
-        label=torch.from_numpy(rows["label"][chosen]),
-        rotation=torch.from_numpy(rows["rotation"][chosen]),
-        width=torch.from_numpy(rows["width"][chosen].astype(np.float32)),
-    )
+    def hands(
+        self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]], mirrored: NDArray[np.uint32]
+    ) -> HandBatch:
+        """Rows as hands in the scenes' grids, mirrored in x (1), y (2), both (3) or not (0)."""
+        if self._crops is None:
+            self._crops = self.dataset._native.crops()
+        numbers = np.stack([scene.astype(np.uint32), rows["hand"], rows["views"], mirrored], axis=1)
+        (crop, surroundings, facts), hits_table = self._crops.see(grids.ravel(), rows["pose"], numbers)
+        count = len(numbers)
+        return HandBatch(
+            crop=torch.from_numpy(crop.reshape(count, *CROP)).permute(0, 4, 1, 2, 3),
+            surroundings=torch.from_numpy(surroundings.reshape(count, *SURROUNDINGS)).permute(0, 4, 1, 2, 3),
+            facts=torch.from_numpy(facts.reshape(count, FACTS)),
+            outcome=torch.from_numpy(rows["outcome"]),
+            label=torch.from_numpy(rows["label"]),
+            hits_table=torch.from_numpy(hits_table),
+        )
 
 
-class GraspDataset(torch.utils.data.Dataset[dict[str, Tensor]]):
+class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
+    """Samples one by one."""
+
+    _of_hands: bool
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str] | Dataset,
+        split: Split = "train",
+        *,
+        by: Literal["attempt", "scene"] = "attempt",
+        test_share: float = 0.1,
+        other_share: float = 0.03,
+        seed: int = 1,
+    ) -> None:
+        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._of_hands)
+        self._places = np.nonzero(self._samples.wanted)[0]
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def _row(self, index: int) -> tuple[NDArray[np.float32], dict[str, NDArray[Any]]]:
+        if not -len(self) <= index < len(self):
+            raise IndexError(index)
+        scene, attempt = divmod(int(self._places[index]), self._samples.per_scene)
+        grids, where, rows = self._samples.read(_shard_of(self._samples.dataset, scene), [scene])
+        row = where[0, attempt]
+        return grids, {name: values[row : row + 1] for name, values in rows.items()}
+
+
+class GraspDataset(_Items):
     """Samples one by one, at random places: a grid ``tsdf`` ``[1, 40, 40, 40]``, ``voxel`` ``[3]``, ``label``, ``rotation`` ``[4]``, ``width``.
 
     Each item decodes a scene; :class:`GraspStream` decodes a scene once for several samples and is many times faster.
@@ -119,30 +193,26 @@ class GraspDataset(torch.utils.data.Dataset[dict[str, Tensor]]):
         seed: Seed of the split; the trainer's recipes have 1.
     """
 
-    def __init__(
-        self,
-        path: str | os.PathLike[str] | Dataset,
-        split: Split = "train",
-        *,
-        by: Literal["attempt", "scene"] = "attempt",
-        test_share: float = 0.1,
-        other_share: float = 0.03,
-        seed: int = 1,
-    ) -> None:
-        self._samples = _Samples(path, split, by, test_share, other_share, seed)
-        self._places = np.nonzero(self._samples.wanted)[0]
-
-    def __len__(self) -> int:
-        return len(self._places)
+    _of_hands = False
 
     def __getitem__(self, index: int) -> dict[str, Tensor]:
-        if not -len(self) <= index < len(self):
-            raise IndexError(index)
-        scene, attempt = divmod(int(self._places[index]), self._samples.per_scene)
-        grids, where, rows = self._samples.read(_shard_of(self._samples.dataset, scene), [scene])
-        row = where[0, attempt]
-        item = {name: torch.as_tensor(rows[name][row]) for name in ("voxel", "label", "rotation", "width")}
-        return {"tsdf": torch.from_numpy(grids[0]), **item}
+        grids, row = self._row(index)
+        batch = self._samples.voxels(grids, np.zeros(1, np.intp), row)
+        return {"tsdf": batch["tsdf"][0], **{name: batch[name][0] for name in ("voxel", "label", "rotation", "width")}}
+
+
+class HandDataset(_Items):
+    """Hands one by one, as a judge sees them: the entries of :class:`HandBatch` without ``B``. None is mirrored.
+
+    Args: those of :class:`GraspDataset`.
+    """
+
+    _of_hands = True
+
+    def __getitem__(self, index: int) -> dict[str, Tensor]:
+        grids, row = self._row(index)
+        batch = self._samples.hands(grids, np.zeros(1, np.intp), row, np.zeros(1, np.uint32))
+        return {name: values[0] for name, values in batch.items()}  # type: ignore[index]
 
 
 def _shard_of(dataset: Dataset, scene: int) -> int:
@@ -153,7 +223,7 @@ def _shard_of(dataset: Dataset, scene: int) -> int:
     return low
 
 
-class GraspStream(torch.utils.data.IterableDataset[Batch]):
+class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     """Batches in a shuffled order: give it to ``DataLoader(stream, batch_size=None, num_workers=…)``.
 
     A seeded order of blocks of scenes, read one after the other by each worker; scenes are shuffled within a buffer. The order is a pure
@@ -172,6 +242,7 @@ class GraspStream(torch.utils.data.IterableDataset[Batch]):
 
     #: Scenes that are read together.
     BLOCK = 64
+    _of_hands: bool
 
     def __init__(
         self,
@@ -187,7 +258,7 @@ class GraspStream(torch.utils.data.IterableDataset[Batch]):
         other_share: float = 0.03,
         seed: int = 1,
     ) -> None:
-        self._samples = _Samples(path, split, by, test_share, other_share, seed)
+        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._of_hands)
         self.batch = _arrays.whole("batch", batch, 1, 1_000_000)
         together = min(8, self.batch) if samples_per_scene is None else samples_per_scene
         self.samples_per_scene = _arrays.whole("samples_per_scene", together, 1, self.batch)
@@ -203,7 +274,7 @@ class GraspStream(torch.utils.data.IterableDataset[Batch]):
         """Samples of the split."""
         return len(self._samples)
 
-    def __iter__(self) -> Iterator[Batch]:
+    def __iter__(self) -> Iterator[_B]:
         worker = torch.utils.data.get_worker_info()
         number, count = (0, 1) if worker is None else (worker.id, worker.num_workers)
         order = np.random.default_rng([self.seed, self.epoch])
@@ -214,7 +285,7 @@ class GraspStream(torch.utils.data.IterableDataset[Batch]):
         if self.shuffle:
             order.shuffle(blocks)
         own = np.random.default_rng([self.seed, self.epoch, number])
-        yield from self._joined(self._parts(blocks[number::count], own))
+        yield from self._joined(self._parts(blocks[number::count], own), own)
 
     def _parts(self, blocks: list[tuple[int, range]], own: np.random.Generator) -> Iterator[tuple[Any, Any, Any]]:
         """Each scene's grid with some of its rows."""
@@ -237,7 +308,7 @@ class GraspStream(torch.utils.data.IterableDataset[Batch]):
         while waiting:
             yield waiting.pop(int(own.integers(len(waiting))) if self.shuffle else 0)
 
-    def _joined(self, parts: Iterator[tuple[Any, Any, Any]]) -> Iterator[Batch]:
+    def _joined(self, parts: Iterator[tuple[Any, Any, Any]], own: np.random.Generator) -> Iterator[_B]:
         """Parts of scenes as batches; the last may be smaller."""
         held: list[tuple[Any, Any, Any]] = []
         size = 0
@@ -245,20 +316,45 @@ class GraspStream(torch.utils.data.IterableDataset[Batch]):
             while size + len(chosen) >= self.batch:
                 room = self.batch - size
                 held.append((grid, rows, chosen[:room]))
-                yield self._together(held)
+                yield self._together(held, own)
                 held, size, chosen = [], 0, chosen[room:]
             if len(chosen):
                 held.append((grid, rows, chosen))
                 size += len(chosen)
         if held:
-            yield self._together(held)
+            yield self._together(held, own)
 
-    @staticmethod
-    def _together(held: list[tuple[Any, Any, Any]]) -> Batch:
-        names = ("voxel", "label", "rotation", "width")
-        rows = {name: np.concatenate([rows[name][chosen] for _, rows, chosen in held]) for name in names}
+    def _together(self, held: list[tuple[Any, Any, Any]], own: np.random.Generator) -> _B:
+        rows = {name: np.concatenate([rows[name][chosen] for _, rows, chosen in held]) for name in held[0][1]}
         scene = np.repeat(np.arange(len(held)), [len(chosen) for *_, chosen in held])
-        return _batch(np.stack([grid for grid, *_ in held]), scene, rows, np.arange(len(scene)))
+        return self._batch(np.stack([grid for grid, *_ in held]), scene, rows, own)
+
+    def _batch(self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]], own: np.random.Generator) -> _B:
+        raise NotImplementedError
+
+
+class GraspStream(_Stream[Batch]):
+    __doc__ = _Stream.__doc__
+    _of_hands = False
+
+    def _batch(self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]], own: np.random.Generator) -> Batch:
+        return self._samples.voxels(grids, scene, rows)
+
+
+class HandStream(_Stream[HandBatch]):
+    """The same for hands, as a judge sees them (:class:`HandBatch`); a shuffled stream mirrors them at random, as the trainer does.
+
+    Args: those of :class:`GraspStream`.
+    """
+
+    _of_hands = True
+
+    def _batch(
+        self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]], own: np.random.Generator
+    ) -> HandBatch:
+        count = len(rows["label"])
+        mirrored = own.integers(0, 4, count, dtype=np.uint32) if self.shuffle else np.zeros(count, np.uint32)
+        return self._samples.hands(grids, scene, rows, mirrored)
 
 
 class VoxelNetwork(nn.Module):

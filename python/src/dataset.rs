@@ -5,11 +5,11 @@ use std::sync::{Arc, OnceLock};
 use std::{mem, process};
 
 use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
-use numpy::{IntoPyArray, PyArray1, PyArray2, ToPyArray};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, ToPyArray};
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict};
-use schema::{CameraParams, HitKind, Intrinsics, SceneRows};
+use schema::{AttemptRecord, CameraParams, HitKind, Intrinsics, SceneRows, SettleParams, samples_of};
 use shards::report::PageParts;
 use shards::{Location, Table, scene_view};
 use simulator::Body;
@@ -17,6 +17,7 @@ use trainer::config::{SplitBy, SplitConfig};
 use trainer::data::{GraspDataset, Marks, Seen};
 use trainer::split::split;
 
+use crate::crops::Crops;
 use crate::fault::{free, raised, wrong};
 use crate::pool::on_threads;
 use crate::scene::{Laws, Scene, names, place, rows};
@@ -64,6 +65,15 @@ impl Dataset {
         }
         let bodies = bodies_of(self.dataset.info()).map_err(|failure| raised(&failure))?;
         Ok(self.bodies.get_or_init(|| bodies))
+    }
+
+    /// How its objects came to rest; of datasets that do not say it, the paper's way.
+    fn settle(&self) -> PyResult<SettleParams> {
+        if let Some(settle) = self.dataset.info().section::<SettleParams>("settle") {
+            return Ok(settle);
+        }
+        let paper = Config::load(None, Overrides::default()).map_err(|error| raised(&error.into()))?;
+        Ok(paper.settle)
     }
 
     fn scene_rows(&self, py: Python<'_>, scene_id: u64) -> PyResult<SceneRows> {
@@ -140,7 +150,7 @@ impl Dataset {
             gripper: info.hand_of(scene_id).clone(),
             physics: physics_of(&info.config).map_err(|failure| raised(&failure))?,
             procedure: info.procedure,
-            settle: Config::load(None, Overrides::default()).map_err(|error| raised(&error.into()))?.settle,
+            settle: self.settle()?,
             grid: info.grid,
         };
         let found = PyDict::new(py);
@@ -167,66 +177,77 @@ impl Dataset {
         Ok((Scene { scene }, laws, found))
     }
 
-    /// The samples of some scenes of a shard, ascending: their grids, flat in one array, and of each sample its scene's
-    /// place among them, its attempt, its pose (`[N, 7]`), its opening and its label.
+    /// The samples of some scenes of a shard, ascending, of voxels or of hands: their grids, flat in one array; of each
+    /// sample its pose (`[N, 7]`) and its opening; and of each its scene's place among them, its attempt, its outcome,
+    /// the number of its hand and that of its scene's views (`[N, 5]`).
     #[expect(clippy::type_complexity, reason = "its caller in Python unpacks it")]
     fn samples<'py>(
         &self,
         py: Python<'py>,
         shard: u32,
         scenes: Vec<u64>,
+        of_hands: bool,
     ) -> PyResult<(
         Bound<'py, PyArray1<f32>>,
-        Bound<'py, PyArray1<u32>>,
-        Bound<'py, PyArray1<u32>>,
         Bound<'py, PyArray2<f32>>,
         Bound<'py, PyArray1<f32>>,
-        Bound<'py, PyArray1<u8>>,
+        Bound<'py, PyArray2<u32>>,
     )> {
         let (first, end) = self.scenes_of(shard)?;
         if !scenes.is_sorted() || scenes.iter().any(|scene| !(first..end).contains(scene)) {
             return Err(wrong(format!("scenes of shard {shard} must be ascending, from {first} to below {end}")));
         }
-        let dataset = self.read()?;
+        let (dataset, hands) = (self.read()?, self.dataset.info().hands().len() as u64);
         let read = || {
             let some = dataset.some_scenes(shard, scenes)?.collect::<Result<Vec<_>, Failure>>()?;
             let mut grids = Vec::with_capacity(some.iter().map(|(scene, _)| scene.tsdf.len()).sum());
             let mut samples = Vec::new();
             for (place, (scene, attempts)) in (0_u32..).zip(some) {
                 grids.extend(scene.tsdf);
-                let own = schema::samples_of(&attempts, dataset.info().hand_of(scene.scene_id));
-                samples.extend(own.into_iter().map(|row| (place, row)));
+                let (hand, views) = ((scene.scene_id % hands) as u32, scene.views.len() as u32);
+                let own =
+                    if of_hands { attempts } else { samples_of(&attempts, dataset.info().hand_of(scene.scene_id)) };
+                samples
+                    .extend(own.into_iter().map(|row| ([place, row.attempt_id, row.outcome as u32, hand, views], row)));
             }
             Ok::<_, Failure>((grids, samples))
         };
         let (grids, samples) = free(py, read)?;
+        let (numbers, samples): (Vec<[u32; 5]>, Vec<AttemptRecord>) = samples.into_iter().unzip();
         Ok((
             grids.into_pyarray(py),
-            samples.iter().map(|(place, _)| *place).collect::<Vec<_>>().into_pyarray(py),
-            samples.iter().map(|(_, row)| row.attempt_id).collect::<Vec<_>>().into_pyarray(py),
-            rows(py, samples.iter().map(|(_, row)| row.workspace_from_grasp))?,
-            samples.iter().map(|(_, row)| row.width_m.unwrap_or(f32::NAN)).collect::<Vec<_>>().into_pyarray(py),
-            samples.iter().map(|(_, row)| row.label()).collect::<Vec<_>>().into_pyarray(py),
+            rows(py, samples.iter().map(|row| row.workspace_from_grasp))?,
+            samples.iter().map(|row| row.width_m.unwrap_or(f32::NAN)).collect::<Vec<_>>().into_pyarray(py),
+            numbers.into_flattened().into_pyarray(py).reshape([samples.len(), 5])?,
         ))
     }
 
-    /// The set of every attempt as the trainer splits them for the paper's network: 0 for none, 1 to train on, 2 for
-    /// held-out attempts, 3 for held-out scenes.
+    /// How its hands are seen by a judge.
+    fn crops(&self) -> Crops {
+        let info = self.dataset.info();
+        let hands = info.hands().iter().map(|hand| (hand, info.procedure.pregrasp_distance_m));
+        Crops::of(hands, &info.grid)
+    }
+
+    /// The set of every attempt as the trainer splits them for the paper's network, or for a judge: 0 for none, 1 to
+    /// train on, 2 for held-out attempts, 3 for held-out scenes.
     fn split<'py>(
         &self,
         py: Python<'py>,
         seed: u64,
         by: &str,
-        test_share: f64,
-        other_share: f64,
+        shares: [f64; 2],
+        of_hands: bool,
     ) -> PyResult<Bound<'py, PyArray1<u8>>> {
         let by = if by == "scene" { SplitBy::Scene } else { SplitBy::Attempt };
+        let ([test_share, other_share], crops) = (shares, self.crops().crops);
+        let seen = if of_hands { Seen::Hands(&crops) } else { Seen::OURS };
         let (config, location) = (SplitConfig { by, test_share, other_share }, self.dataset.location());
         self.read()?;
         let marked = || {
             let datasets = [shards::Dataset::open(location)?];
             let marks = on_threads(0, || {
-                let mut found = GraspDataset::survey(&datasets, Seen::OURS, &AtomicBool::new(false), &|| ())?;
+                let mut found = GraspDataset::survey(&datasets, seen, &AtomicBool::new(false), &|| ())?;
                 split(&mut found.marks, seed, &config)?;
                 Ok::<_, Failure>(found.marks)
             })??;

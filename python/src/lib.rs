@@ -4,6 +4,7 @@
 //! names them; here arrays have the right types. All work runs without the interpreter's lock, on threads of this
 //! module's own (`pool`), and a panic becomes an exception (`fault`).
 
+mod crops;
 mod dataset;
 mod fault;
 mod generate;
@@ -17,6 +18,8 @@ use pyo3::prelude::*;
 /// The module `graspmill._native`.
 #[pymodule]
 mod _native {
+    #[pymodule_export]
+    use crate::crops::Crops;
     #[pymodule_export]
     use crate::dataset::Dataset;
     #[pymodule_export]

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
-use planner::{Cone, Config, Limits, Observation, Policy, SeenView, Target, Wishes};
+use planner::{Cone, Config, Limits, Observation, Policy, SeenView, Target, Wishes, plane};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use schema::{Gripper, Plane, Quat, Vec3, VoxelGrid};
+use schema::{Gripper, Quat, Vec3, VoxelGrid};
 
 use crate::fault::{free, raised, wrong};
 use crate::pool::on_threads;
@@ -25,6 +25,7 @@ pub(crate) struct Planner {
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct Asked {
+    workspace_size_m: Option<f32>,
     base_from_workspace: Option<Seven>,
     workspace_from_wrist: Option<[f32; 4]>,
     policy: Option<String>,
@@ -44,6 +45,7 @@ struct Asked {
 impl Asked {
     fn wishes(self) -> PyResult<Wishes> {
         Ok(Wishes {
+            workspace_size_m: self.workspace_size_m,
             base_from_workspace: self.base_from_workspace.map(pose),
             workspace_from_wrist: self.workspace_from_wrist.map(|wrist| Quat::from_array(wrist).normalize()),
             policy: self.policy.map(Policy::try_from).transpose().map_err(wrong)?,
@@ -52,22 +54,13 @@ impl Asked {
             explain: self.explain,
             avoid: self.avoid.into_iter().map(pose).collect(),
             limits: Limits {
-                approach: self.approach.map(|(direction, angle_rad_max)| Cone {
-                    direction: Vec3::from_array(direction).normalize(),
-                    angle_rad_max,
-                }),
-                keep_out: self.keep_out.into_iter().map(plane).collect(),
+                approach: self.approach.map(|(direction, angle)| Cone::about(Vec3::from_array(direction), angle)),
+                keep_out: self.keep_out.into_iter().map(|[x, y, z, off]| plane(Vec3::new(x, y, z), off)).collect(),
                 reach_m: self.reach.map(|corners| corners.map(Vec3::from_array)),
                 target: self.target_m.map(|point_m| Target::Point(Vec3::from_array(point_m))),
             },
         })
     }
-}
-
-fn plane([x, y, z, offset_m]: [f32; 4]) -> Plane {
-    let normal = Vec3::new(x, y, z);
-    let length = normal.length();
-    Plane { normal: normal / length, offset_m: offset_m / length }
 }
 
 #[pymethods]
@@ -93,10 +86,10 @@ impl Planner {
         Ok(Self { planner: free(py, made)?, threads })
     }
 
-    /// The workspace: its side in metres, voxels along a side, the table's height in metres.
-    #[getter]
-    fn grid(&self) -> (f32, usize, f32) {
-        let grid = self.planner.grid;
+    /// A workspace of a size, by default the network's: its side in metres, voxels along a side, the table's height in
+    /// metres.
+    fn grid(&self, workspace_size_m: Option<f32>) -> (f32, usize, f32) {
+        let grid = Wishes { workspace_size_m, ..Wishes::default() }.workspace(&self.planner.grid);
         (grid.size_m, grid.resolution, grid.table_z_m)
     }
 
@@ -119,13 +112,14 @@ impl Planner {
         depths: Vec<PyReadonlyArray2<'_, f32>>,
         intrinsics: Vec<[f32; 6]>,
         workspace_from_camera: Vec<Seven>,
-        masks: Option<Vec<PyReadonlyArray2<'_, bool>>>,
+        masks: Option<Vec<Option<PyReadonlyArray2<'_, bool>>>>,
         asked: Asked,
     ) -> PyResult<Plan> {
         let mut wishes = asked.wishes()?;
         if let Some(masks) = masks {
-            let pixels = |mask: &PyReadonlyArray2<'_, bool>| Some(mask.as_array().iter().copied().collect());
-            wishes.limits.target = Some(Target::Seen(masks.iter().map(pixels).collect()));
+            let pixels = |mask: &PyReadonlyArray2<'_, bool>| mask.as_array().iter().copied().collect();
+            let masks = masks.iter().map(|mask| mask.as_ref().map(pixels)).collect();
+            wishes.limits.target = Some(Target::Seen(masks));
         }
         let cameras = intrinsics.into_iter().zip(workspace_from_camera);
         let seen = depths.iter().zip(cameras);
@@ -149,9 +143,10 @@ impl Planner {
 
     /// A plan from a TSDF in VGN's values, flat.
     fn plan_tsdf(&self, py: Python<'_>, values: PyReadonlyArray1<'_, f32>, asked: Asked) -> PyResult<Plan> {
-        let values = values.as_array().iter().copied().collect();
-        let grid = VoxelGrid::new(self.planner.grid, values).map_err(|error| wrong(format!("{error}: tsdf")))?;
-        self.plan(py, Observation::Tsdf(grid), asked.wishes()?)
+        let (values, wishes) = (values.as_array().iter().copied().collect(), asked.wishes()?);
+        let grid = wishes.workspace(&self.planner.grid);
+        let grid = VoxelGrid::new(grid, values).map_err(|error| wrong(format!("{error}: tsdf")))?;
+        self.plan(py, Observation::Tsdf(grid), wishes)
     }
 }
 

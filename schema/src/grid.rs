@@ -33,6 +33,16 @@ impl Grid {
     /// The paper's and VGN's grid: 40³ voxels of 7.5 mm, the table at 0.05 m.
     pub const PAPER: Self = Self { resolution: 40, size_m: 0.30, table_z_m: 0.05 };
 
+    /// A grid of the same voxels, with the table at the same height, for a workspace whose sides are so long, rounded
+    /// up to whole voxels.
+    #[must_use]
+    pub fn over(&self, size_m: f32) -> Self {
+        // A side that is so many voxels but for rounding.
+        let resolution = (size_m / self.voxel_size_m() - 1e-3).ceil() as usize;
+        let size_m = if resolution == self.resolution { self.size_m } else { resolution as f32 * self.voxel_size_m() };
+        Self { resolution, size_m, ..*self }
+    }
+
     fn table_fits(&self, reader: &mut Reader<'_>) {
         let (got, most) = (self.table_z_m, 0.5 * self.size_m);
         reader.must("table_z_m", got <= most, || format!("must be between 0 and {most}, got {got}"));
@@ -116,6 +126,17 @@ mod tests {
         let grid = Grid::PAPER;
         for index in [[0, 0, 0], [39, 39, 39], [3, 17, 25]] {
             assert_eq!(grid.voxel_at(grid.centre_m(index)), Some(index));
+        }
+    }
+
+    #[test]
+    fn a_workspace_of_another_size_has_the_same_voxels() {
+        let grid = Grid::PAPER;
+        assert_eq!(grid.over(0.3), grid);
+        for (size_m, resolution) in [(0.2, 27), (0.2025, 27), (0.301, 41), (0.45, 60), (0.6, 80)] {
+            let other = grid.over(size_m);
+            assert_eq!((other.resolution, other.table_z_m), (resolution, grid.table_z_m), "{size_m}");
+            assert!((other.voxel_size_m() - grid.voxel_size_m()).abs() < 1e-8 && other.size_m > size_m - 1e-6);
         }
     }
 

@@ -3,6 +3,8 @@
 import json
 import subprocess
 import sys
+import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -68,6 +70,59 @@ def test_a_stream_has_every_sample_once_in_a_seeded_order(dataset, workers):
     assert second != first and sorted(second) == sorted(first)
     stored = sorted(epoch(0, shuffle=False)[0])
     assert stored == sorted(first)
+
+
+def test_a_stream_holds_no_more_grids_than_it_may(dataset):
+    """All 25 scenes of the dataset would be 6.4 MB."""
+    stream = gt.GraspStream(dataset, "train", batch=8, samples_per_scene=8, buffer_scenes=3)
+    stream.BLOCK = 2
+    tracemalloc.start()
+    for _ in stream:
+        pass
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 12 * 256_000, peak
+
+
+def test_hands_are_what_the_trainers_judge_sees(dataset, tmp_path):
+    rows = dataset.attempts().to_polars()
+    samples = gt.HandDataset(dataset, "all")
+    for index in (0, 5, len(samples) - 1):
+        row, item = rows.row(int(samples._places[index]), named=True), samples[index]
+        scene = dataset.scene(row["scene_id"])
+        pose = [row[name] for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")]
+        seen = graspmill.hand_crops(scene.tsdf, [pose], views=len(scene.cameras))
+        assert np.array_equal(item["crop"].permute(1, 2, 3, 0), seen.crop[0])
+        assert np.array_equal(item["surroundings"].permute(1, 2, 3, 0), seen.surroundings[0])
+        assert np.array_equal(item["facts"], seen.facts[0]) and bool(item["hits_table"]) == seen.hits_table[0]
+        assert graspmill.OUTCOMES[int(item["outcome"])] == row["outcome"] and int(item["label"]) == row["label"]
+        # The height over the table of the box's first point, by hand: clipped at 30 mm.
+        assert -1.0 <= float(seen.crop[0, ..., 2].min()) and float(seen.crop[0, ..., 2].max()) <= 1.0
+    config = Path(__file__).parents[2] / "configs" / "train" / "judge.toml"
+    words = [*PROGRAM, "trainer", "fit", "--config", config, "--data", dataset._native.location, "--run", tmp_path / "run"]
+    subprocess.run([*words, "--epochs", "1"], capture_output=True, check=True)
+    metrics = json.loads((tmp_path / "run" / "metrics.jsonl").read_text().splitlines()[0])
+    for split in ("train", "test-attempts", "test-scenes"):
+        stream = gt.HandStream(dataset, split, by="scene", test_share=0.05, other_share=0.02)
+        assert stream.sample_count == metrics[split.replace("-", "_")]["samples"], split
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_stream_of_hands_is_seeded_and_mirrored(dataset, workers):
+    def epoch(shuffle):
+        stream = gt.HandStream(dataset, "train", batch=64, shuffle=shuffle)
+        batches = list(torch.utils.data.DataLoader(stream, batch_size=None, num_workers=workers))
+        assert batches[0]["crop"].shape == (64, 4, 8, 20, 28) and not any(b["hits_table"].any() for b in batches)
+        return {name: torch.cat([b[name] for b in batches]) for name in batches[0]}
+
+    first, again, stored = epoch(True), epoch(True), epoch(False)
+    assert all(torch.equal(first[name], again[name]) for name in first)
+    assert first["label"].sum() == stored["label"].sum() and len(first["crop"]) == len(stored["crop"])
+    # Mirrored in x: the sign of where up is along x. Of many hands about as many are as are not.
+    by_size = lambda seen: sorted(zip(seen["facts"][:, 3].tolist(), seen["facts"][:, 2].tolist(), seen["facts"][:, 0].tolist()))
+    pairs = [(a, b) for a, b in zip(by_size(first), by_size(stored)) if abs(b[2]) > 0.05]
+    turned = np.mean([np.sign(a[2]) != np.sign(b[2]) for a, b in pairs])
+    assert len(pairs) > 50 and 0.3 < turned < 0.7
 
 
 def test_the_networks_weights_go_both_ways(dataset, tmp_path):

@@ -22,8 +22,8 @@ pub const WIDE_CHANNELS: usize = 3;
 pub const FACTS: usize = 16;
 
 /// The boxes in memory, with the zeros that the first convolutions pad with.
-const PADDED: Extent = Extent { n: BOX, padding: 1 };
-const WIDE_PADDED: Extent = Extent { n: WIDE_BOX, padding: 1 };
+pub(super) const PADDED: Extent = Extent { n: BOX, padding: 1 };
+pub(super) const WIDE_PADDED: Extent = Extent { n: WIDE_BOX, padding: 1 };
 /// How far the surroundings reach from the tips along x, y and z.
 const WIDE_M: Vec3 = Vec3::new(0.088, 0.06, 0.06);
 /// Distances are clipped here, and divided by it.
@@ -236,6 +236,14 @@ impl Crop {
         facts[5..][..self.dimensions.len()].copy_from_slice(&self.dimensions);
         facts
     }
+}
+
+/// The values of boxes that are padded in memory, without the padding.
+pub(super) fn bare<const VALUES: usize>(padded: Extent, values: &[f32]) -> Vec<f32> {
+    let boxes = values.chunks_exact(padded.len() * VALUES);
+    let point =
+        |of: &[f32], at| -> [f32; VALUES] { std::array::from_fn(|value| of[padded.place(at) * VALUES + value]) };
+    boxes.flat_map(|of| padded.positions().flat_map(move |at| point(of, at))).collect()
 }
 
 fn dimensions(gripper: &Gripper, pregrasp_distance_m: f32) -> [f32; 10] {

@@ -64,6 +64,10 @@ pub(crate) struct Arguments {
     #[arg(long)]
     explain: bool,
 
+    /// Side of the workspace, 0.2 to 0.6 m, in which objects stand and are grasped [default: 0.3]
+    #[arg(long, value_name = "M")]
+    workspace_size: Option<f64>,
+
     /// The workspace in the robot's base frame: grasps are returned in that frame too
     #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
     base_from_workspace: Option<[f64; 7]>,
@@ -166,6 +170,7 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
     input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
     input.explain = arguments.explain.then_some(true).or(input.explain);
+    input.workspace_size_m = arguments.workspace_size.or(input.workspace_size_m);
     let pose = |[x, y, z, quaternion_xyzw @ ..]: [f64; 7]| {
         PoseInput::Parts(PosePartsInput { position_m: [x, y, z], quaternion_xyzw })
     };
@@ -214,4 +219,4 @@ A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x
 Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. Instead of workspace_from_camera,
 a view may have its inverse camera_from_workspace or, with base_from_workspace, base_from_camera or camera_from_base.
 tsdf or cloud (with eyes_m) may stand in place of views. The wishes config, policy, grasps_max, check_collisions, explain, avoid,
-workspace_from_wrist, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";
+workspace_from_wrist, workspace_size_m, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";

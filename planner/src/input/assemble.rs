@@ -5,7 +5,7 @@ use std::path::Path;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use schema::{Camera, Grid, Plane, Pose, Vec3};
+use schema::{Camera, Grid, Pose, Vec3};
 
 use crate::input::camera::{PoseInput, intrinsics, orientation, point, pose};
 use crate::input::cloud::read_cloud;
@@ -21,7 +21,7 @@ use crate::input::request::{
     parse_file, parse_json,
 };
 use crate::input::tsdf::read_tsdf;
-use crate::{BuiltIn, Cone, Limits, Mask, Observation, SeenView, Target, Wishes};
+use crate::{BuiltIn, Cone, Limits, Mask, Observation, SeenView, Target, WORKSPACE_M, Wishes, plane};
 
 /// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
@@ -50,6 +50,7 @@ pub struct Request {
 /// [`InputError`], naming the key.
 pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
     let mut wishes = wishes(input)?;
+    let grid = wishes.workspace(&grid);
     let config = input.config.as_deref().map(|name| {
         let names = BuiltIn::ALL.map(BuiltIn::name).join(", ");
         let unknown = || InputError::Value(format!("must be one of {names}, got {}: config", shown(name)));
@@ -116,9 +117,15 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
     if avoid.len() > AVOID_MAX {
         return refuse(format!("must have at most {AVOID_MAX} entries, got {}: avoid", avoid.len()));
     }
+    let workspace_size_m = input.workspace_size_m.map(|size_m| size_m as f32);
+    if let Some(got) = workspace_size_m.filter(|size_m| !WORKSPACE_M.contains(size_m)) {
+        let (low, high) = (WORKSPACE_M.start(), WORKSPACE_M.end());
+        return refuse(format!("must be between {low} and {high}, got {got}: workspace_size_m"));
+    }
     let limits = limits(input)?;
     let failed = |(number, input): (usize, &PoseInput)| pose(input, &format!("avoid[{number}]"));
     Ok(Wishes {
+        workspace_size_m,
         base_from_workspace: base_from_workspace.transpose()?,
         workspace_from_wrist: workspace_from_wrist.transpose()?,
         policy: input.policy,
@@ -135,27 +142,27 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
 /// # Errors
 /// [`InputError`], naming the key.
 fn limits(input: &RequestInput) -> Result<Limits, InputError> {
-    let unit = |xyz: [f64; 3], at: &str| {
+    let direction = |xyz: [f64; 3], at: &str| {
         let length = xyz.iter().map(|x| x * x).sum::<f64>().sqrt();
         if !(DIRECTION_MIN..=DIRECTION_MAX).contains(&length) {
             return refuse(format!("must be a direction, of a length of 1e-6 to 1e6, got {xyz:?}: {at}"));
         }
-        Ok((point(xyz.map(|x| x / length), at)?, length))
+        Ok(Vec3::from_array(xyz.map(|x| x as f32)))
     };
-    let approach = input.approach.map(|ConeInput { direction, angle_rad_max }| {
+    let approach = input.approach.map(|ConeInput { direction: given, angle_rad_max }| {
         if !(0.0..=std::f64::consts::PI).contains(&angle_rad_max) {
             return refuse(format!("must be between 0 and 3.1416, got {angle_rad_max}: approach.angle_rad_max"));
         }
-        Ok(Cone { direction: unit(direction, "approach.direction")?.0, angle_rad_max: angle_rad_max as f32 })
+        Ok(Cone::about(direction(given, "approach.direction")?, angle_rad_max as f32))
     });
     let planes = input.keep_out.as_deref().unwrap_or_default();
     if planes.len() > KEEP_OUT_MAX {
         return refuse(format!("must have at most {KEEP_OUT_MAX} entries, got {}: keep_out", planes.len()));
     }
-    let plane = |(number, [x, y, z, offset_m]): (usize, &[f64; 4])| {
+    let beyond = |(number, [x, y, z, offset_m]): (usize, &[f64; 4])| {
         let at = format!("keep_out[{number}]");
-        let (normal, length) = unit([*x, *y, *z], &at)?;
-        Ok(Plane { normal, offset_m: point([*offset_m / length; 3], &at)?.x })
+        let plane = plane(direction([*x, *y, *z], &at)?, *offset_m as f32);
+        point([f64::from(plane.offset_m); 3], &at).map(|_| plane)
     };
     let reach_m = input.reach.map(|BoxInput { low_m, high_m }| {
         let [low, high] = [point(low_m, "reach.low_m")?, point(high_m, "reach.high_m")?];
@@ -167,7 +174,7 @@ fn limits(input: &RequestInput) -> Result<Limits, InputError> {
     let target = input.target_m.map(|target_m| point(target_m, "target_m").map(Target::Point));
     Ok(Limits {
         approach: approach.transpose()?,
-        keep_out: planes.iter().enumerate().map(plane).collect::<Result<_, InputError>>()?,
+        keep_out: planes.iter().enumerate().map(beyond).collect::<Result<_, InputError>>()?,
         reach_m: reach_m.transpose()?,
         target: target.transpose()?,
     })

@@ -38,7 +38,8 @@ pub struct RequestInput {
     pub views: Option<Vec<ViewInput>>,
     /// The intrinsics of all views without their own.
     pub intrinsics: Option<IntrinsicsInput>,
-    /// A TSDF instead: an NPY file of shape [40, 40, 40] or [1, 40, 40, 40] in VGN's values, 0 to 1.
+    /// A TSDF instead: an NPY file of shape [40, 40, 40] or [1, 40, 40, 40] in VGN's values, 0 to 1; of another
+    /// workspace as many voxels as it has.
     #[schema(value_type = Option<DataInput>)]
     pub tsdf: Option<SourceInput>,
     /// A point cloud in the workspace frame instead: a PLY, PCD or NPY file, in metres.
@@ -48,6 +49,8 @@ pub struct RequestInput {
     #[schema(schema_with = eyes_schema)]
     #[serde(default, deserialize_with = "eyes")]
     pub eyes_m: Option<Vec<[f64; 3]>>,
+    /// Side of the workspace, in metres, 0.2 to 0.6; rounded up to whole voxels of 7.5 mm. By default it is 0.3.
+    pub workspace_size_m: Option<f64>,
     /// The workspace in the robot's base frame: grasps are given there, too.
     pub base_from_workspace: Option<PoseInput>,
     /// The wrist's orientation now, in the workspace: of a grasp and its half turn the nearer one is given.
@@ -302,7 +305,7 @@ mod tests {
         let (request, view) = (described(RequestInput::schema()), described(ViewInput::schema()));
         assert_eq!(keys(&request), keys_of::<RequestInput>());
         assert_eq!(keys(&view), keys_of::<ViewInput>());
-        assert_eq!(keys(&request).len(), 17);
+        assert_eq!(keys(&request).len(), 18);
         assert_eq!(keys(&view).len(), 8);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
         let pose = described(PoseInput::schema());

@@ -1,0 +1,97 @@
+"""Workspaces of other sizes: from Python, from the command line, for both kinds of networks."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
+
+PROGRAM = [sys.executable, "-m", "graspmill"]
+#: Four boxes and a cylinder on a table of 0.45 m; but for the first all are beyond 0.3 m.
+PLACES = ((0.10, 0.10), (0.36, 0.10), (0.10, 0.36), (0.36, 0.36), (0.37, 0.23))
+
+
+def boxes(shift=(0.0, 0.0), places=PLACES):
+    things = []
+    for number, (x, y) in enumerate(places):
+        size = (0.035, 0.045 + 0.005 * number, 0.05)
+        pose = (x + shift[0], y + shift[1], 0.075, 0, 0, 0, 1)
+        things.append(graspmill.Object.solid("cylinder", (0.05, 0.05, 0.05), pose) if number == 4 else graspmill.Object.cuboid(size, pose))
+    return graspmill.Scene(things)
+
+
+def seen(scene, middle):
+    eyes = [(middle + 0.35 * np.cos(turn), middle + 0.35 * np.sin(turn), 0.6) for turn in (0.3, 2.4, 4.5)]
+    cameras = [graspmill.Camera.looking(eye, (middle, middle, 0.05)) for eye in eyes]
+    return [scene.render(camera) for camera in cameras], cameras
+
+
+@pytest.mark.parametrize("config", ["judge", "vgn"])
+def test_what_stands_far_out_is_grasped_in_a_larger_workspace(config):
+    scene = boxes()
+    depths, cameras = seen(scene, 0.225)
+    planner = graspmill.Planner(config)
+    small = planner.plan(depths, cameras)
+    assert small.workspace_from_grasp[:, :2, 3].max() < 0.3 + 0.001
+    plan = planner.plan(depths, cameras, workspace_size_m=0.45, check_collisions=True)
+    assert plan.answer["grid"] == {"size_m": pytest.approx(0.45), "resolution": 60, "table_z_m": pytest.approx(0.05)}
+    outcomes = graspmill.execute(scene, plan.workspace_from_grasp)
+    tips = plan.workspace_from_grasp[:, :2, 3]
+    near = [np.linalg.norm(tips - place, axis=1) < 0.05 for place in np.array(PLACES)]
+    if config == "judge":
+        assert all(outcomes.held[at].any() for at in near), outcomes
+        assert outcomes.held.mean() > 0.9
+    else:
+        assert sum(outcomes.held[at].any() for at in near) >= 4, outcomes
+
+
+def test_a_scene_in_a_corner_is_planned_as_in_a_workspace_of_its_own():
+    """Shifted by whole voxels in a larger workspace, hands about it hold as they do in the small one."""
+    places = ((0.10, 0.10), (0.20, 0.12), (0.12, 0.20))
+    planner = graspmill.Planner()
+    here, there = boxes(places=places), boxes((0.15, 0.15), places)
+    depths, cameras = seen(here, 0.15)
+    large_depths, large_cameras = seen(there, 0.30)
+    assert all(np.abs(a - b).max() < 1e-5 for a, b in zip(depths, large_depths))
+    small = planner.plan(depths, cameras)
+    large = planner.plan(large_depths, large_cameras, workspace_size_m=0.6)
+    assert abs(small[0].quality - large[0].quality) < 0.03 and len(large) > 0.5 * len(small)
+    for scene, plan in ((here, small), (there, large)):
+        assert graspmill.execute(scene, plan.workspace_from_grasp[:10]).held.all()
+
+
+def test_the_command_line_plans_the_same(tmp_path):
+    scene = boxes()
+    depths, cameras = seen(scene, 0.225)
+    tsdf = graspmill.tsdf(depths, cameras, resolution=60, size_m=0.45)
+    plan = graspmill.Planner().plan_tsdf(tsdf, workspace_size_m=0.45)
+    np.save(tmp_path / "grid.npy", tsdf)
+    words = [*PROGRAM, "planner", "plan", "--tsdf", tmp_path / "grid.npy", "--workspace-size", "0.45", "--json", "--quiet"]
+    told = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert json.loads(told.stdout) == plan.answer
+    points = np.array([[x, y, 0.05] for x in np.arange(0, 0.6, 0.004) for y in np.arange(0, 0.6, 0.004)], np.float32)
+    cloud = graspmill.Planner().plan_cloud(points, eyes_m=[(0.3, 0.3, 1.2)], workspace_size_m=0.6)
+    assert len(cloud) == 0 and cloud.answer["grid"]["resolution"] == 80 and cloud.cloud()[:, 0].max() > 0.59
+
+
+def test_a_smaller_workspace_leaves_out_what_is_beyond():
+    scene = boxes(places=((0.10, 0.10), (0.25, 0.25)))
+    depths, cameras = seen(scene, 0.15)
+    plan = graspmill.Planner().plan(depths, cameras, workspace_size_m=0.2)
+    assert plan.answer["grid"]["resolution"] == 27 and 0 < len(plan)
+    assert np.linalg.norm(plan.workspace_from_grasp[:, :2, 3] - 0.10, axis=1).max() < 0.06
+    assert graspmill.execute(scene, plan.workspace_from_grasp[:5]).held.all()
+
+
+def test_sizes_that_cannot_be_are_refused():
+    planner, grid = graspmill.Planner(), np.full((40, 40, 40), 0.6, np.float32)
+    for size in (0.19, 0.61, float("nan"), "large"):
+        with pytest.raises(graspmill.InputError, match="workspace_size_m must be"):
+            planner.plan_tsdf(grid, workspace_size_m=size)
+    with pytest.raises(graspmill.InputError, match=r"tsdf must have shape \(60, 60, 60\)|tsdf must .*60"):
+        planner.plan_tsdf(grid, workspace_size_m=0.45)
+    done = subprocess.run([*PROGRAM, "planner", "plan", "--demo", "--workspace-size", "0.7"], capture_output=True, text=True)
+    assert done.returncode == 78 and "must be between 0.2 and 0.6, got 0.7: workspace_size_m" in done.stderr
