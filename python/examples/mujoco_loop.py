@@ -119,8 +119,8 @@ def main() -> int:
         failed = [] if lifted else [*failed, grasp]
         move(m, d, park, park, 0.5, -5.0)
     print(f"{held} grasps held, {len(left)} of {OBJECTS} objects left")
-    return 0 if not left else 1
+    return len(left)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+if __name__ == "__main__" and main():
+    sys.exit("not all were lifted")

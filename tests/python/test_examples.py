@@ -1,10 +1,14 @@
 """The examples of python/examples, run as a user runs them, with the wheel that is installed."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+import notebooks  # noqa: E402
 
 graspmill = pytest.importorskip("graspmill", reason="the wheel is not installed: scripts/test.sh builds it")
 EXAMPLES = Path(__file__).parents[2] / "python" / "examples"
@@ -44,3 +48,12 @@ def test_mujoco_lifts_what_was_planned(tmp_path):
     pytest.importorskip("mujoco")
     told = [run(tmp_path, "mujoco_loop.py", str(seed)) for seed in (2, 3)]
     assert all("0 of 4 objects left" in said for said in told), told
+
+
+@pytest.mark.parametrize("name", notebooks.MADE)
+def test_a_notebook_is_its_example_and_was_executed(name):
+    stored = json.loads((notebooks.NOTEBOOKS / f"{name}.ipynb").read_text())
+    code = [(cell["cell_type"], "".join(cell["source"])) for cell in stored["cells"]]
+    assert code == notebooks.cells(name), "python scripts/notebooks.py renews it"
+    outputs = [output for cell in stored["cells"] for output in cell.get("outputs", [])]
+    assert outputs and not any(output["output_type"] == "error" for output in outputs)
