@@ -86,8 +86,13 @@ def resident_mb() -> float:
 
 def loader(dataset) -> None:
     import torch
-    from graspmill.torch import GraspStream
+    from graspmill.torch import GraspStream, HandStream
 
+    for workers in (0, 2):
+        hands = HandStream(dataset, "train", batch=256)
+        loaded = torch.utils.data.DataLoader(hands, batch_size=None, num_workers=workers)
+        spent = seconds(lambda: sum(len(batch["label"]) for batch in loaded), 3)
+        row(f"`HandStream`, {workers} workers", f"{hands.sample_count / spent:,.0f} hands/s")
     for samples_per_scene in (8, 60):
         for workers in (0, 2):
             stream = GraspStream(dataset, "train", batch=240, samples_per_scene=samples_per_scene)
@@ -142,6 +147,42 @@ def plans(dataset, scratch: Path) -> None:
         served.wait()
 
 
+def workspaces() -> None:
+    """Five objects on every 0.3 m square, seen from three sides; of each scene the hand that the planner has first."""
+    planner, turns = graspmill.Planner(), (0.3, 2.4, 4.5)
+    for side in (0.30, 0.45, 0.60):
+        rng, held, spent = np.random.default_rng(7502), [], []
+        for _ in range(100):
+            scene = scattered(rng, side)
+            middle, away = 0.5 * side, 0.8 * side
+            eyes = [(middle + away * np.cos(turn), middle + away * np.sin(turn), 0.05 + 1.2 * side) for turn in turns]
+            cameras = [graspmill.Camera.looking(eye, (middle, middle, 0.05), focal_px=480.0) for eye in eyes]
+            images = [scene.render(camera) for camera in cameras]
+            began = time.perf_counter()
+            plan = planner.plan(images, cameras, workspace_size_m=side)
+            spent.append(time.perf_counter() - began)
+            held.append(len(plan) > 0 and bool(graspmill.execute(scene, plan.workspace_from_grasp[:1]).held[0]))
+        row(f"a workspace of {side:.2f} m, 100 scenes: the first hand held; median of a plan", f"{sum(held)}; {1e3 * np.median(spent):.0f} ms")
+
+
+def scattered(rng: np.random.Generator, side: float) -> graspmill.Scene:
+    """Primitive shapes that stand apart from each other."""
+    kinds = ("cuboid", "cylinder", "tri_prism", "half_cylinder")
+    line = np.arange(0.06, side - 0.05, 0.09)
+    places = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    places = rng.permutation(places)[: round(5 * (side / 0.3) ** 2)] + rng.uniform(-0.01, 0.01, 2)
+    things = []
+    for x, y in places:
+        size, yaw, kind = rng.uniform(0.03, 0.06, 3), rng.uniform(0.0, 2.0 * np.pi), kinds[rng.integers(len(kinds))]
+        if kind == "cylinder":
+            size[1] = size[0]
+        if kind == "half_cylinder":
+            size[2] = 0.5 * size[1]
+        pose = (x, y, 0.0505 + 0.5 * size[2], 0.0, 0.0, np.sin(0.5 * yaw), np.cos(0.5 * yaw))
+        things.append(graspmill.Object.solid(kind, size, pose))
+    return graspmill.Scene(things)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scratch", type=Path)
@@ -152,6 +193,7 @@ def main() -> int:
     imports()
     oracle(dataset)
     plans(dataset, scratch)
+    workspaces()
     loader(dataset)
     return 0
 

@@ -46,6 +46,8 @@ else
     # --target, so that the flag is not for build scripts and procedural macros, which cannot be static; paths of this machine are cut
     # out of panic messages, so that another checkout gives the same bytes.
     flags="--remap-path-prefix=$root=graspmill --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo"
+    # A static glibc hides getrandom(2) from the crate of that name, which then needs /dev/urandom, and an empty root has none.
+    flags="$flags --cfg getrandom_backend=\"linux_getrandom\""
     RUSTFLAGS="-C target-feature=+crt-static $flags" SOURCE_DATE_EPOCH=$time cargo build --locked --profile dist \
         --target "$target" --workspace --bins
     built=$(cd "${CARGO_TARGET_DIR:-target}/$target/dist" && pwd)
@@ -99,6 +101,17 @@ for program in "${programs[@]}"; do
     linked=$(ldd "$tried" 2>&1 | sed 's/^[[:space:]]*//' | paste -sd ';' || true)
     printf '%-18s %5d kB  %s\n' "$told" "$(($(stat -c %s "$tried") / 1000))" "$linked"
 done
-(cd "$stage/tried" && "$name/bin/planner" plan --demo --quiet --out plan.json && grep -q '"grasps"' plan.json)
+# As root in a root folder that has nothing else in it.
+cd "$stage/tried/$name"
+run() {
+    local program=$1
+    shift
+    if ((EUID == 0)); then chroot . "/bin/$program" "$@"; else "bin/$program" "$@"; fi
+}
+run planner plan --demo --quiet --out plan.json
+grep -q '"grasps"' plan.json
+run generator --config configs/generate/demo.toml --attempts 60 --shards 1 --out tried
+run shards verify tried
+cd "$root"
 printf '%s: %s kB, SHA-256 %s\n' "$out/$archive" "$(($(stat -c %s "$out/$archive") / 1000))" \
     "$(sha256sum "$out/$archive" | cut -d ' ' -f 1)"

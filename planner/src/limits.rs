@@ -17,7 +17,6 @@ const TABLE_M: f32 = 0.004;
 const BETWEEN_MARGIN_M: f32 = 0.002;
 
 /// Limits, ready to be held against grasps; it counts what they refuse.
-#[derive(Debug)]
 pub(crate) struct Limiter<'a> {
     limits: &'a Limits,
     /// The corners of the open hand at the grasp and before it, in the grasp frame.
@@ -26,7 +25,9 @@ pub(crate) struct Limiter<'a> {
     between: HandBox,
     /// Points of the surface off the table: the target's, and the others.
     points_m: Option<[Vec<Vec3>; 2]>,
-    refused: [AtomicUsize; 4],
+    /// The caller's own.
+    will_do: &'a (dyn Fn(&Pose) -> bool + Sync),
+    refused: [AtomicUsize; Limit::ALL.len()],
 }
 
 impl<'a> Limiter<'a> {
@@ -37,6 +38,7 @@ impl<'a> Limiter<'a> {
         gripper: &Gripper,
         pregrasp_m: f32,
         points_m: Option<[Vec<Vec3>; 2]>,
+        will_do: &'a (dyn Fn(&Pose) -> bool + Sync),
     ) -> Self {
         let swept = gripper.open_hand().map(|part| part.swept_back(pregrasp_m));
         let corners_m = swept.iter().flat_map(corners).collect();
@@ -46,7 +48,14 @@ impl<'a> Limiter<'a> {
             0.5 * (gripper.finger_length_m + BETWEEN_MARGIN_M),
         );
         let centre_m = Vec3::new(0.0, 0.0, BETWEEN_MARGIN_M - half_m.z);
-        Self { limits, corners_m, between: HandBox { centre_m, half_m }, points_m, refused: Default::default() }
+        Self {
+            limits,
+            corners_m,
+            between: HandBox { centre_m, half_m },
+            points_m,
+            will_do,
+            refused: Default::default(),
+        }
     }
 
     /// The first limit that a grasp breaks.
@@ -78,10 +87,14 @@ impl<'a> Limiter<'a> {
         if keep_out.iter().any(is_beyond) {
             return Some(Limit::KeepOut);
         }
-        let [of_target, of_others] = self.points_m.as_ref()?;
-        let within = |points_m: &[Vec3]| self.within(workspace_from_grasp, points_m);
-        let wanted = within(of_target);
-        (wanted == 0 || within(of_others) > wanted).then_some(Limit::Target)
+        if let Some([of_target, of_others]) = &self.points_m {
+            let within = |points_m: &[Vec3]| self.within(workspace_from_grasp, points_m);
+            let wanted = within(of_target);
+            if wanted == 0 || within(of_others) > wanted {
+                return Some(Limit::Target);
+            }
+        }
+        (!(self.will_do)(workspace_from_grasp)).then_some(Limit::Accept)
     }
 
     /// The number of points between the fingers.
@@ -162,7 +175,7 @@ mod tests {
 
     fn broken(limits: &Limits, grasp: &Pose) -> Option<Limit> {
         let gripper = BuiltIn::Judge.config().unwrap().gripper;
-        Limiter::new(limits, &gripper, 0.05, None).broken(grasp)
+        Limiter::new(limits, &gripper, 0.05, None, &|_| true).broken(grasp)
     }
 
     #[test]
@@ -187,6 +200,11 @@ mod tests {
         let top_m = 0.08 + gripper.finger_length_m + gripper.palm_length_m + 0.05;
         assert_eq!(broken(&shelf(top_m - 0.001), &down), Some(Limit::KeepOut));
         assert_eq!(broken(&shelf(top_m + 0.001), &down), None);
+        let (none, left) = (Limits::default(), |pose: &Pose| pose.translation.x < 0.1);
+        let limiter = Limiter::new(&none, &gripper, 0.05, None, &left);
+        let beside = Pose::from_parts(Vec3::new(0.09, 0.2, 0.08), WRIST_DOWN);
+        assert_eq!((limiter.broken(&down), limiter.broken(&beside)), (Some(Limit::Accept), None));
+        assert_eq!(limiter.told().as_deref(), Some("1 by accept"));
     }
 
     #[test]
@@ -204,7 +222,7 @@ mod tests {
             ([vec![Vec3::new(0.2, 0.2, 0.09)], vec![]], Some(Limit::Target)),
         ];
         for (points, expected) in cases {
-            let limiter = Limiter::new(&limits, &gripper, 0.05, Some(points.clone()));
+            let limiter = Limiter::new(&limits, &gripper, 0.05, Some(points.clone()), &|_| true);
             assert_eq!(limiter.broken(&down), expected, "{points:?}");
             assert_eq!(limiter.told(), expected.map(|_| "1 by target".to_owned()));
         }

@@ -134,11 +134,13 @@ pub enum Limit {
     Reach,
     /// It would hold something else.
     Target,
+    /// The caller's own, which only programs have that link the planner: Python's `accept`.
+    Accept,
 }
 
 impl Limit {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Approach, Self::KeepOut, Self::Reach, Self::Target];
+    pub const ALL: [Self; 5] = [Self::Approach, Self::KeepOut, Self::Reach, Self::Target, Self::Accept];
 
     /// Its key in a request.
     #[must_use]
@@ -148,6 +150,7 @@ impl Limit {
             Self::KeepOut => "keep_out",
             Self::Reach => "reach",
             Self::Target => "target",
+            Self::Accept => "accept",
         }
     }
 }

@@ -21,7 +21,7 @@ use crate::observation::{Limits, Mask, Observation, SeenView, Target, Wishes};
 use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
 use crate::rank;
 use crate::refine::{Hand, Searched};
-use crate::segment::segment;
+use crate::segment::Surface;
 use crate::volume::fuse;
 
 /// A network's file, and its path in the source tree.
@@ -160,6 +160,20 @@ impl Planner {
     /// # Errors
     /// [`InputError`] if the observation contradicts itself or the network.
     pub fn plan(&self, observation: &Observation, wishes: &Wishes) -> Result<Plan, InputError> {
+        self.plan_with(observation, wishes, &|_| true)
+    }
+
+    /// The same with a limit of the caller's: whether a grasp, in the workspace, will do. A judge is asked about no
+    /// hand that will not, and proposes more where few are left.
+    ///
+    /// # Errors
+    /// As [`Self::plan`].
+    pub fn plan_with(
+        &self,
+        observation: &Observation,
+        wishes: &Wishes,
+        will_do: &(dyn Fn(&Pose) -> bool + Sync),
+    ) -> Result<Plan, InputError> {
         let mut timings_ms = Vec::new();
         let grid = wishes.workspace(&self.grid);
         let volume = timed(&mut timings_ms, "fuse", || fuse(observation, &grid, self.config.cloud))?;
@@ -170,7 +184,7 @@ impl Planner {
         let mut surface = Surface::Points(volume.points_m);
         let points_m = self.target_points(observation, &mut surface, &wishes.limits)?;
         let Config { gripper, collision, .. } = &self.config;
-        let limiter = Limiter::new(&wishes.limits, gripper, collision.pregrasp_distance_m, points_m);
+        let limiter = Limiter::new(&wishes.limits, gripper, collision.pregrasp_distance_m, points_m, will_do);
         let asked = (observation.views(), wishes, &limiter);
         let found = self.find(&volume.grid, surface, asked, &mut timings_ms);
         let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &normals, (wishes, &limiter)));
@@ -510,33 +524,6 @@ impl Planner {
 const TABLE_OFF_M_MAX: f32 = 0.01;
 /// Cosine of the largest tilt of a table.
 const TABLE_COS_MIN: f32 = 0.9;
-
-/// What was seen, before its objects are known and after.
-enum Surface {
-    Points(Vec<Vec3>),
-    Segments(SegmentedCloud, Vec<SeenObject>),
-}
-
-impl Default for Surface {
-    fn default() -> Self {
-        Self::Points(Vec::new())
-    }
-}
-
-impl Surface {
-    fn points_m(&self) -> &[Vec3] {
-        match self {
-            Self::Points(points_m) | Self::Segments(SegmentedCloud { points_m, .. }, _) => points_m,
-        }
-    }
-
-    fn segmented(self, config: &Config) -> (SegmentedCloud, Vec<SeenObject>) {
-        match self {
-            Self::Points(points_m) => segment(points_m, config),
-            Self::Segments(cloud, objects) => (cloud, objects),
-        }
-    }
-}
 
 /// What the network and the segmentation found.
 struct Found {

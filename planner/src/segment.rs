@@ -6,6 +6,33 @@ use schema::{Purpose, Stream, Vec3};
 use crate::config::Config;
 use crate::plan::{PointLabel, SeenObject, SegmentedCloud};
 
+/// What was seen, before its objects are known and after.
+pub(crate) enum Surface {
+    Points(Vec<Vec3>),
+    Segments(SegmentedCloud, Vec<SeenObject>),
+}
+
+impl Default for Surface {
+    fn default() -> Self {
+        Self::Points(Vec::new())
+    }
+}
+
+impl Surface {
+    pub(crate) fn points_m(&self) -> &[Vec3] {
+        match self {
+            Self::Points(points_m) | Self::Segments(SegmentedCloud { points_m, .. }, _) => points_m,
+        }
+    }
+
+    pub(crate) fn segmented(self, config: &Config) -> (SegmentedCloud, Vec<SeenObject>) {
+        match self {
+            Self::Points(points_m) => segment(points_m, config),
+            Self::Segments(cloud, objects) => (cloud, objects),
+        }
+    }
+}
+
 /// Finds the plane and clusters the remaining points; objects are numbered by the heights of their centroids, from the
 /// top.
 #[must_use]

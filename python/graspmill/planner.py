@@ -6,7 +6,7 @@ import json
 import os
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Sequence
+from typing import Any, Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -232,7 +232,9 @@ class Planner:
                 candidates with reasons in ``answer``), ``avoid`` (poses ``[N, 4, 4]`` or ``[N, 7]`` of hands that failed),
                 ``target_m`` (``[3]``: only the object at this point), ``approach`` (a direction ``[3]`` and the largest angle from it, in
                 radians), ``keep_out`` (``[N, 4]``: planes that the open hand does not cross, a normal that points to where it may be and an
-                offset in metres), ``reach`` (the lower and upper corner of a box for the tips, ``[2, 3]``). All in the workspace.
+                offset in metres), ``reach`` (the lower and upper corner of a box for the tips, ``[2, 3]``), ``accept`` (a function of
+                ``workspace_from_grasp``, ``[4, 4]``, that says whether it will do, such as whether your arm reaches it: it is asked of every
+                hand that is proposed, some hundreds; what it raises, the plan raises). All in the workspace.
         """
         asked = _asked(**wishes)
         side = self._native.grid(asked["workspace_size_m"])[1]
@@ -256,6 +258,7 @@ def _asked(
     approach: tuple[ArrayLike, float] | None = None,
     keep_out: ArrayLike | None = None,
     reach: ArrayLike | None = None,
+    accept: Callable[[NDArray[np.float64]], bool] | None = None,
 ) -> dict[str, Any]:
     """The wishes of a plan, checked."""
     wrist = None
@@ -280,7 +283,14 @@ def _asked(
         "approach": None if approach is None else _cone(approach),
         "keep_out": [] if keep_out is None else _planes(keep_out),
         "reach": None if reach is None else _box(reach),
+        "accept": None if accept is None else _accepting(accept),
     }
+
+
+def _accepting(accept: Callable[[NDArray[np.float64]], bool]) -> Callable[[list[float]], bool]:
+    if not callable(accept):
+        raise InputError(f"accept must be a function of a pose, got {_arrays.shown(accept)}")
+    return lambda seven: bool(accept(_arrays.matrices([seven])[0]))
 
 
 def _numbers(array: _arrays.Floats) -> list[float]:

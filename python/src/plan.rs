@@ -1,13 +1,14 @@
 //! The planner, in this process.
 
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
 use planner::{Cone, Config, Limits, Observation, Policy, SeenView, Target, Wishes, plane};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use schema::{Gripper, Quat, Vec3, VoxelGrid};
+use schema::{Gripper, Pose, Quat, Vec3, VoxelGrid};
 
 use crate::fault::{free, raised, wrong};
 use crate::pool::on_threads;
@@ -40,11 +41,13 @@ struct Asked {
     /// The lower and the upper corner.
     reach: Option<[[f32; 3]; 2]>,
     target_m: Option<[f32; 3]>,
+    /// Called with a grasp, position and quaternion.
+    accept: Option<Py<PyAny>>,
 }
 
 impl Asked {
-    fn wishes(self) -> PyResult<Wishes> {
-        Ok(Wishes {
+    fn wishes(self) -> PyResult<(Wishes, Option<Py<PyAny>>)> {
+        let wishes = Wishes {
             workspace_size_m: self.workspace_size_m,
             base_from_workspace: self.base_from_workspace.map(pose),
             workspace_from_wrist: self.workspace_from_wrist.map(|wrist| Quat::from_array(wrist).normalize()),
@@ -59,7 +62,8 @@ impl Asked {
                 reach_m: self.reach.map(|corners| corners.map(Vec3::from_array)),
                 target: self.target_m.map(|point_m| Target::Point(Vec3::from_array(point_m))),
             },
-        })
+        };
+        Ok((wishes, self.accept))
     }
 }
 
@@ -115,7 +119,7 @@ impl Planner {
         masks: Option<Vec<Option<PyReadonlyArray2<'_, bool>>>>,
         asked: Asked,
     ) -> PyResult<Plan> {
-        let mut wishes = asked.wishes()?;
+        let (mut wishes, accept) = asked.wishes()?;
         if let Some(masks) = masks {
             let pixels = |mask: &PyReadonlyArray2<'_, bool>| mask.as_array().iter().copied().collect();
             let masks = masks.iter().map(|mask| mask.as_ref().map(pixels)).collect();
@@ -124,7 +128,7 @@ impl Planner {
         let cameras = intrinsics.into_iter().zip(workspace_from_camera);
         let seen = depths.iter().zip(cameras);
         let views = seen.map(|(depth, (lens, at))| SeenView { image: image(depth), camera: camera(lens, at) });
-        self.plan(py, Observation::Views(views.collect()), wishes)
+        self.plan(py, Observation::Views(views.collect()), wishes, accept)
     }
 
     /// A plan from a cloud, `[N, 3]` in the workspace, seen from `[M, 3]`, in metres.
@@ -138,22 +142,46 @@ impl Planner {
         let points = |rows: &PyReadonlyArray2<'_, f32>| -> Vec<Vec3> {
             rows.as_array().rows().into_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect()
         };
-        self.plan(py, Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) }, asked.wishes()?)
+        let (wishes, accept) = asked.wishes()?;
+        self.plan(py, Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) }, wishes, accept)
     }
 
     /// A plan from a TSDF in VGN's values, flat.
     fn plan_tsdf(&self, py: Python<'_>, values: PyReadonlyArray1<'_, f32>, asked: Asked) -> PyResult<Plan> {
-        let (values, wishes) = (values.as_array().iter().copied().collect(), asked.wishes()?);
+        let (values, (wishes, accept)) = (values.as_array().iter().copied().collect(), asked.wishes()?);
         let grid = wishes.workspace(&self.planner.grid);
         let grid = VoxelGrid::new(grid, values).map_err(|error| wrong(format!("{error}: tsdf")))?;
-        self.plan(py, Observation::Tsdf(grid), wishes)
+        self.plan(py, Observation::Tsdf(grid), wishes, accept)
     }
 }
 
 impl Planner {
-    fn plan(&self, py: Python<'_>, observation: Observation, wishes: Wishes) -> PyResult<Plan> {
-        let planned = || on_threads(self.threads, || self.planner.plan(&observation, &wishes).map_err(Failure::from))?;
-        let plan = free(py, planned)?;
+    fn plan(
+        &self,
+        py: Python<'_>,
+        observation: Observation,
+        wishes: Wishes,
+        accept: Option<Py<PyAny>>,
+    ) -> PyResult<Plan> {
+        let raised = Mutex::new(None);
+        let called = |accept: &Py<PyAny>, pose: &Pose| {
+            let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
+            let ([x, y, z], [qx, qy, qz, qw]) = (pose.translation.to_array(), pose.rotation.to_array());
+            // After an exception nothing more is asked.
+            raised.is_none()
+                && Python::attach(|py| accept.call1(py, ([x, y, z, qx, qy, qz, qw],))?.extract(py)).unwrap_or_else(
+                    |error| {
+                        *raised = Some(error);
+                        false
+                    },
+                )
+        };
+        let will_do = |pose: &Pose| accept.as_ref().is_none_or(|accept| called(accept, pose));
+        let plan = || self.planner.plan_with(&observation, &wishes, &will_do).map_err(Failure::from);
+        let plan = free(py, || on_threads(self.threads, plan)?)?;
+        if let Some(error) = raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            return Err(error);
+        }
         Ok(Plan { plan, gripper: self.planner.config.gripper.clone() })
     }
 }

@@ -398,6 +398,34 @@ def test_limits_of_the_hands_way_are_kept(config):
     assert not len(shut) and (config == "paper" or "by approach" in shut.reason)
 
 
+def test_a_function_says_which_grasps_will_do(planner, scene):
+    camera = graspmill.Camera.looking((0.15, -0.2, 0.5))
+    image, asked = scene.render(camera), []
+
+    def accept(workspace_from_grasp):
+        asked.append(workspace_from_grasp)
+        return workspace_from_grasp[2, 2] < -0.95  # from above
+
+    plan = planner.plan(image, camera, accept=accept)
+    assert len(plan) > 3 and (plan.workspace_from_grasp[:, 2, 2] < -0.95).all()
+    assert len(asked) > 100 and all(pose.shape == (4, 4) and abs(np.linalg.det(pose[:3, :3]) - 1.0) < 1e-5 for pose in asked)
+    everything = planner.plan(image, camera)
+    assert planner.plan(image, camera, accept=lambda _: True).to_json() == everything.to_json()
+    assert "by accept" in planner.plan(image, camera, accept=lambda _: False).reason
+    for limit, match in ((lambda _: 1 / 0, "division"), (lambda pose: pose["x"], "indices")):
+        with pytest.raises((ZeroDivisionError, IndexError), match=match):
+            planner.plan(image, camera, accept=limit)
+    with pytest.raises(graspmill.InputError, match="accept must be a function"):
+        planner.plan(image, camera, accept=3)
+    # It may use the package itself, from two threads at once.
+    plans = []
+    held = lambda pose: bool(graspmill.execute(scene, pose[None]).held[0])  # noqa: E731
+    threads = [threading.Thread(target=lambda: plans.append(planner.plan(image, camera, accept=held))) for _ in range(2)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert len(plans) == 2 and all(graspmill.execute(scene, plan.workspace_from_grasp).held.all() for plan in plans)
+
+
 def test_limits_are_the_programs(planner, tmp_path):
     scene, camera, depth = two_boxes()
     np.save(tmp_path / "depth.npy", depth)
