@@ -3,6 +3,8 @@
 
     pip install WHEEL nbclient==0.10.2 ipykernel==6.30.1 torch mujoco && python scripts/notebooks.py [NAME…]
 
+train_in_pytorch reads what first_dataset has made: name both.
+
 tests/python/test_examples.py fails if a notebook's code is not that of its example.
 """
 
@@ -30,7 +32,7 @@ def cells(name: str) -> list[tuple[str, str]]:
     """Kinds and sources: the docstring, how the script is called, then its code, cut before comments that begin a paragraph."""
     text = (EXAMPLES / f"{name}.py").read_text()
     words, shown = MADE[name]
-    docstring = ast.get_docstring(ast.parse(text)) or ""
+    docstring = ast.get_docstring(ast.parse(text), clean=False) or ""
     code = text.split('"""', 2)[2].strip()
     title, _, rest = docstring.partition("\n")
     rest = re.sub(r"^    .*\n?", "", rest, flags=re.M).strip()
@@ -64,7 +66,7 @@ def main() -> None:
         at.mkdir(parents=True)
         (Path(folder) / "python").symlink_to(ROOT / "python")
         os.environ["TQDM_DISABLE"] = "1"
-        for name in sys.argv[1:] or MADE:
+        for name in [name for name in MADE if name in (sys.argv[1:] or MADE)]:
             notebook = nbformat.reads(json.dumps(made(name)), as_version=4)
             NotebookClient(notebook, timeout=900, resources={"metadata": {"path": str(at)}}, record_timing=False).execute()
             (NOTEBOOKS / f"{name}.ipynb").write_text(nbformat.writes(notebook).replace(f"{at}/", "") + "\n")

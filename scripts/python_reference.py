@@ -43,9 +43,11 @@ def signature(name: str, value: object) -> str:
 
 
 def members(value: type) -> list[str]:
-    """Methods and properties of a class itself that have docstrings."""
-    blocks = []
-    for name, member in vars(value).items():
+    """Methods and properties that have docstrings, of a class and of what it extends in the package."""
+    blocks, found = [], {}
+    for one in reversed([base for base in value.__mro__ if base.__module__.startswith("graspmill")]):
+        found |= vars(one)
+    for name, member in found.items():
         is_own = not name.startswith("_") and getattr(member, "__doc__", None)
         if not is_own or name == "exit_code":
             continue
@@ -76,7 +78,7 @@ def page(module_name: str, names: list[str]) -> str:
 
 def main() -> None:
     package = importlib.import_module("graspmill")
-    torch = ["Batch", "GraspDataset", "GraspStream", "VoxelNetwork", "loss"]
+    torch = ["Batch", "GraspDataset", "GraspStream", "HandBatch", "HandDataset", "HandStream", "VoxelNetwork", "loss"]
     print("\n\n".join([HEAD.strip(), page("graspmill", package.__all__), page("graspmill.torch", torch)]))
 
 

@@ -37,12 +37,19 @@ pub struct BenchReport {
     pub stages: Vec<StageTime>,
 }
 
-/// Plans `plans` times, at least once, from the TSDF of depth images, after some warm-up plans.
+/// Plans `plans` times, at least once, from the TSDF of depth images, after some warm-up plans; the workspace's side is
+/// the network's, unless it is given.
 ///
 /// # Errors
 /// [`InputError`] if the images are refused.
-pub fn bench(planner: &Planner, views: &[SeenView], wishes: &Wishes, plans: usize) -> Result<BenchReport, InputError> {
+pub fn bench(
+    planner: &Planner,
+    views: &[SeenView],
+    workspace_size_m: Option<f32>,
+    plans: usize,
+) -> Result<BenchReport, InputError> {
     const WARM_UP: usize = 5;
+    let wishes = Wishes { workspace_size_m, ..Wishes::default() };
     let grid = wishes.workspace(&planner.grid);
     // Each plan has the same stages.
     let plan = |_| -> Result<Timings, InputError> {
@@ -53,7 +60,7 @@ pub fn bench(planner: &Planner, views: &[SeenView], wishes: &Wishes, plans: usiz
             fuse_views(&views, &grid)
         })?;
         let volume = Observation::Tsdf(grid);
-        let plan = timed(&mut times_ms, "plan", || planner.plan(&volume, wishes))?;
+        let plan = timed(&mut times_ms, "plan", || planner.plan(&volume, &wishes))?;
         times_ms.extend(plan.timings_ms);
         Ok(times_ms)
     };

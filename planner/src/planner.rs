@@ -239,7 +239,10 @@ impl Planner {
                 // As dense in a larger workspace as in the network's.
                 let areas = (grid.grid.size_m / self.grid.size_m).powi(2).max(1.0);
                 let proposals = (self.config.judge.proposals as f32 * areas).round() as usize;
-                let is_wanted = |hand: &Grasp| limiter.broken(&hand.workspace_from_grasp).is_none();
+                // As it is offered: of a hand and its half turn the one nearer to the wrist.
+                let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
+                let is_wanted =
+                    |hand: &Grasp| limiter.broken(&towards_wrist(&hand.workspace_from_grasp, wrist)).is_none();
                 let hands = timed(timings_ms, "judge", || judge.hands(grid, views, proposals, &mut stream, &is_wanted));
                 self.judged(&grid.grid, &hands, wishes)
             }

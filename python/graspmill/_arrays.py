@@ -74,6 +74,12 @@ def path(name: str, value: Any) -> str:
     return text
 
 
+def vgn_values(name: str, values: Floats) -> None:
+    """Refuses a TSDF that is not in VGN's values."""
+    if values.size and not 0.0 <= float(values.min()) <= float(values.max()) <= 1.0:
+        raise InputError(f"{name} must be between 0 and 1 (VGN's values), got {values.min():g} to {values.max():g}")
+
+
 def number(name: str, value: Any, low: float, high: float) -> float:
     """A number between two limits, included."""
     try:

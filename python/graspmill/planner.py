@@ -233,14 +233,17 @@ class Planner:
                 ``target_m`` (``[3]``: only the object at this point), ``approach`` (a direction ``[3]`` and the largest angle from it, in
                 radians), ``keep_out`` (``[N, 4]``: planes that the open hand does not cross, a normal that points to where it may be and an
                 offset in metres), ``reach`` (the lower and upper corner of a box for the tips, ``[2, 3]``), ``accept`` (a function of
-                ``workspace_from_grasp``, ``[4, 4]``, that says whether it will do, such as whether your arm reaches it: it is asked of every
-                hand that is proposed, some hundreds; what it raises, the plan raises). All in the workspace.
+                ``workspace_from_grasp``, ``[4, 4]``, that says whether it will do, such as whether your arm reaches it; what it raises, the
+                plan raises). All in the workspace.
+
+        ``accept`` is called for one grasp after the other, on a thread of the planner's own. A judge's planner calls it for every hand that
+        is proposed, before the judge is asked: for 512, for four times as many where few will do, and for more in a larger workspace. The
+        other networks' planners call it for what they have found. Ctrl-C is heard when the plan ends.
         """
         asked = _asked(**wishes)
         side = self._native.grid(asked["workspace_size_m"])[1]
         values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
-        if values.size and not 0.0 <= float(values.min()) <= float(values.max()) <= 1.0:
-            raise InputError(f"tsdf must be between 0 and 1 (VGN's values), got {values.min():g} to {values.max():g}")
+        _arrays.vgn_values("tsdf", values)
         return Plan(self._native.plan_tsdf(values.ravel(), asked))
 
 

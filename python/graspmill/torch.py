@@ -202,7 +202,7 @@ class GraspDataset(_Items):
 
 
 class HandDataset(_Items):
-    """Hands one by one, as a judge sees them: the entries of :class:`HandBatch` without ``B``. None is mirrored.
+    """Hands one by one, as a judge sees them in the dataset's grids: the entries of :class:`HandBatch` without ``B``. None is mirrored.
 
     Args: those of :class:`GraspDataset`.
     """

@@ -13,6 +13,9 @@ use crate::scene::{Laws, poses};
 /// Hands that one thread cuts out together.
 const TOGETHER: usize = 64;
 
+/// Hands that are cut out before they are added to the others.
+const AT_A_TIME: usize = 4096;
+
 /// How some hands are seen in grids of one kind.
 #[pyclass(frozen, module = "graspmill._native")]
 #[derive(Debug)]
@@ -30,10 +33,10 @@ impl Crops {
 
 #[pymethods]
 impl Crops {
-    /// Of one hand, in grids of so many voxels of 7.5 mm along a side.
+    /// Of one hand, in grids of so many voxels along a side, of a size, with the table's top at a height, in metres.
     #[new]
-    fn new(hand: &Laws, resolution: usize) -> Self {
-        let grid = Grid { resolution, size_m: resolution as f32 * Grid::PAPER.voxel_size_m(), ..Grid::PAPER };
+    fn new(hand: &Laws, resolution: usize, size_m: f32, table_z_m: f32) -> Self {
+        let grid = Grid { resolution, size_m, table_z_m };
         Self::of([(&hand.gripper, hand.procedure.pregrasp_distance_m)].into_iter(), &grid)
     }
 
@@ -65,10 +68,13 @@ impl Crops {
                     }
                     inputs.without_padding()
                 };
-                let parts: Vec<_> = poses.par_chunks(TOGETHER).zip(rows.par_chunks(TOGETHER)).map(part).collect();
+                // Some at a time, so that no more than the result is held twice.
                 let mut all = [const { Vec::new() }; 3];
-                for part in parts {
-                    all.iter_mut().zip(part).for_each(|(all, part)| all.extend(part));
+                for (poses, rows) in poses.chunks(AT_A_TIME).zip(rows.chunks(AT_A_TIME)) {
+                    let parts: Vec<_> = poses.par_chunks(TOGETHER).zip(rows.par_chunks(TOGETHER)).map(part).collect();
+                    for part in parts {
+                        all.iter_mut().zip(part).for_each(|(all, part)| all.extend(part));
+                    }
                 }
                 all
             })

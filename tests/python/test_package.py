@@ -408,6 +408,8 @@ def test_a_function_says_which_grasps_will_do(planner, scene):
 
     plan = planner.plan(image, camera, accept=accept)
     assert len(plan) > 3 and (plan.workspace_from_grasp[:, 2, 2] < -0.95).all()
+    # It is asked about the very poses that are offered, not about their half turns.
+    assert all(any(np.allclose(pose, one, atol=1e-6) for one in asked) for pose in plan.workspace_from_grasp)
     assert len(asked) > 100 and all(pose.shape == (4, 4) and abs(np.linalg.det(pose[:3, :3]) - 1.0) < 1e-5 for pose in asked)
     everything = planner.plan(image, camera)
     assert planner.plan(image, camera, accept=lambda _: True).to_json() == everything.to_json()

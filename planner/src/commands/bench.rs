@@ -39,7 +39,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let Observation::Views(views) = &request.observation else {
         return Err(InputError::Value("the bench needs depth images: --views".to_owned()).into());
     };
-    let report = bench(&planner, views, &request.wishes, arguments.plans as usize)?;
+    let report = bench(&planner, views, request.wishes.workspace_size_m, arguments.plans as usize)?;
     print(if arguments.json { json(&report)? } else { console::bench(&report) })?;
     Ok(ExitCode::Ok)
 }
