@@ -36,7 +36,8 @@ def cells(name: str) -> list[tuple[str, str]]:
     code = text.split('"""', 2)[2].strip()
     title, _, rest = docstring.partition("\n")
     rest = re.sub(r"^    .*\n?", "", rest, flags=re.M).strip()
-    told = f"# {title.rstrip('.')}\n\n{rest}\n\nMade by `scripts/notebooks.py` from [{name}.py](../../python/examples/{name}.py)."
+    made_by = f"Made by `scripts/notebooks.py` from [{name}.py](../../python/examples/{name}.py)."
+    told = "\n\n".join(part for part in (f"# {title.rstrip('.')}", rest, made_by) if part)
     argv = [f"{name}.py", *words]
     # As a script has them.
     called = f'import sys\n\nsys.argv, __file__ = {json.dumps(argv)}, "../../python/examples/{name}.py"'

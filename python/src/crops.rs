@@ -43,6 +43,7 @@ impl Crops {
     /// Crops, surroundings and facts, flat, of poses in grids (flat; VGN's values). Of each pose its grid's place among
     /// them, which of the hands it is, the number of views, and whether it is mirrored in x (1), y (2) or both (3). And
     /// of each whether it hits the table for certain, so that there is nothing to ask.
+    #[expect(clippy::type_complexity, reason = "its caller in Python unpacks it")]
     fn see<'py>(
         &self,
         py: Python<'py>,

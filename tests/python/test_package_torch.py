@@ -111,7 +111,7 @@ def looked_up(tsdf, points_m):
 def test_a_hands_crop_is_what_lies_at_its_points(dataset):
     scene = dataset.scene(3)
     half = (0.088, 0.06, 0.06)
-    # parallel_jaw_80: opening 80, fingers 50 x 20 x 10, palm 40 x 40 x 120 mm; 50 mm of approach, 20 mm beyond the tips.
+    # parallel_jaw_80: opening 80, fingers 50 x 20 x 10, palm 40 x 40 x 120 mm; 50 mm of approach, 20 beyond the tips.
     sides = (((-0.02, -0.06, -0.14), (0.02, 0.06, 0.02), (8, 20, 28)), (np.negative(half), half, (12, 8, 8)))
     for pose in matrices(scene.workspace_from_grasp[:12]):
         seen = graspmill.hand_crops(scene.tsdf, pose[None], views=3)

@@ -24,7 +24,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     views: Option<PathBuf>,
 
-    /// NPY file of a TSDF in VGN's values, [40, 40, 40] or [1, 40, 40, 40]; of another workspace as many voxels as it has
+    /// NPY file of a TSDF in VGN's values, [40, 40, 40] or [1, 40, 40, 40]; as many as --workspace-size takes
     #[arg(long, value_name = "FILE")]
     tsdf: Option<PathBuf>,
 
