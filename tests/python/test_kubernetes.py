@@ -398,19 +398,24 @@ def image_problems(text, folder):
         found.append(f"the builder must have Rust {rust}")
     if ("RUN", "cargo build --locked --release --bins") not in lines:
         found.append("cargo must build --locked --release --bins")
+    service = [rest for word, rest in lines if word == "RUN" and "--bin planner" in rest]
+    if not any("--locked" in rest and "+crt-static" in rest and rest.endswith("/planner") for rest in service):
+        found.append("the service's program must be static, built --locked, and lie in /planner")
+    if lines[-1][0] != "CMD" or ("ENTRYPOINT", '["/planner"]') not in lines:
+        found.append("the last image must be the service")
     [workdir] = [rest for word, rest in lines if word == "WORKDIR"]
     programs = sorted(path.parents[1].name for path in ROOT.glob("*/src/main.rs"))
     wanted = " ".join(f"{workdir}/target/release/{program}" for program in programs)
-    if ("COPY", f"--from=builder {wanted} /usr/local/bin/") not in lines:
+    if ("COPY", f"--from=programs {wanted} /usr/local/bin/") not in lines:
         found.append(f"the image must have {', '.join(programs)}, from {workdir}/target/release")
     user = pod(JOBS["kubernetes.yaml"])["securityContext"]["runAsUser"]
-    if ("USER", f"{user}:{user}") not in lines:
+    if lines.count(("USER", f"{user}:{user}")) != 2:
         found.append(f"the user must be {user}, as in the manifests")
     return found
 
 
 def test_the_image_is_made_of_what_is_there(tmp_path):
-    assert image_problems((CLUSTER / "Containerfile").read_text(), tmp_path) == []
+    assert image_problems((ROOT / "Containerfile").read_text(), tmp_path) == []
 
 
 @pytest.mark.parametrize(
@@ -425,10 +430,12 @@ def test_the_image_is_made_of_what_is_there(tmp_path):
         (" --locked", "", "--locked"),
         ("release/trainer", "release/train", "the image must have"),
         ("USER 65532:65532\n", "", "the user must be"),
+        ("+crt-static", "-crt-static", "must be static"),
+        ('ENTRYPOINT ["/planner"]\n', "", "must be the service"),
     ],
 )
 def test_a_broken_image_is_refused(tmp_path, old, new, problem):
-    text = (CLUSTER / "Containerfile").read_text()
+    text = (ROOT / "Containerfile").read_text()
     assert old in text
     found = image_problems(text.replace(old, new), tmp_path)
     assert any(problem in one for one in found), found
