@@ -46,8 +46,9 @@ step() {
     printf '%-10s %-7s %4ds\n' "$name" "$result" $((SECONDS - start)) | tee -a "$table"
 }
 
+# With the features of the tests, so that clippy's results for other crates are used.
 docs() {
-    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --features python/as-tests
 }
 
 # The fuzz targets compile, with the versions of their own Cargo.lock; what they found is replayed by `cargo test`.
@@ -112,7 +113,7 @@ dataset() {
 
 # The Python package as users install it, in the profile of the tests; scripts/wheel.sh builds the one to give away.
 wheel() {
-    .venv/bin/python -m maturin build --quiet --locked --profile dev --auditwheel skip --out "$scratch/wheels" \
+    .venv/bin/python -m maturin build --quiet --locked --profile dev --features as-tests --auditwheel skip --out "$scratch/wheels" \
         && .venv/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$scratch"/wheels/*.whl
 }
 
