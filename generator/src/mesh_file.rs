@@ -19,6 +19,8 @@ pub(crate) const ENDINGS: [&str; 5] = ["obj", "stl", "ply", "glb", "msh"];
 
 /// Maximum file size.
 pub(crate) const BYTES_MAX: u64 = 1 << 30;
+/// Nodes of a glTF within nodes, at most.
+const NODES_DEEP: usize = 100;
 
 /// Why files cannot be read or used.
 pub(crate) fn unusable(message: impl Into<String>) -> Failure {
@@ -218,9 +220,6 @@ fn fan(place: usize, ring: &[i64], triangles: &mut Vec<[u32; 3]>) -> Result<(), 
     }
     Ok(())
 }
-
-/// Nodes within nodes, at most.
-const NODES_DEEP: usize = 100;
 
 /// MuJoCo's binary format: four counts, then corners, normals, texture coordinates and triangles, all of four bytes.
 fn msh(bytes: &[u8]) -> Result<Parts, String> {
