@@ -7,20 +7,24 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use network::DenseNetwork;
+use network::judge::Crop;
 use network::layers::{LAYERS, initial_vector};
 use network::receptive_field::{PatchSizes, RESOLUTION};
 use network::upsampling::Upsampling;
 use program::{Failure, peak_memory_bytes};
 use report::document::{Block, Cell, Document, Table};
-use schema::{Purpose, Quat, Stream};
+use schema::{Grid, Gripper, Outcome, Pose, Purpose, Quat, Stream, Vec3};
 use serde::Serialize;
 use shards::{Dataset, Location};
 
-use crate::batch::{Batch, Sample};
-use crate::config::{Config, PAPER};
-use crate::data::{GraspDataset, Seen, for_each_batch};
+use crate::batch::{Batch, Hand, Sample};
+use crate::config::{Config, JUDGE, PAPER};
+use crate::data::{GraspDataset, for_each_batch};
 use crate::device::Device;
+use crate::fit::{architecture, hands_of};
+use crate::judge;
 use crate::loss::Target;
+use crate::model::Model;
 use crate::order::{epoch_steps, epoch_tour};
 use crate::split::split;
 use crate::step::{evaluate, step};
@@ -35,7 +39,7 @@ pub struct BenchReport {
     pub version: &'static str,
     /// The profile that it was built with: `dev`, which tests use, or `release`.
     pub profile: &'static str,
-    /// Samples of a batch.
+    /// Samples of a batch of the paper's network.
     pub batch: usize,
     /// Threads.
     pub threads: usize,
@@ -60,11 +64,28 @@ pub struct BenchReport {
     pub dense_by_graph_s: Option<f64>,
     /// Reading, without training: `None` without a dataset.
     pub reading: Option<Reading>,
+    /// What training a judge costs.
+    pub judge: JudgeReport,
     /// The most memory the process has held for the training steps, in bytes, where the system tells.
     pub memory_bytes: Option<u64>,
 }
 
-/// Reading in the order of the paper's training, every sample of another scene as far as there are scenes.
+/// What training a judge costs by its recipe, `configs/train/judge.toml`; times in seconds, medians.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct JudgeReport {
+    /// Hands of a batch.
+    pub batch: usize,
+    /// Of which so many are in the same scene.
+    pub samples_per_scene: usize,
+    /// A training step.
+    pub step_s: f64,
+    /// A step without a gradient.
+    pub test_s: f64,
+    /// Reading, without training: `None` without a dataset.
+    pub reading: Option<Reading>,
+}
+
+/// Reading in the order of a recipe; in that of the paper's every sample is of another scene as far as there are scenes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reading {
     /// Attempts in the data.
@@ -83,26 +104,33 @@ impl BenchReport {
     /// The measurements for people.
     #[must_use]
     pub fn document(&self) -> Document {
+        let row = |name: &str, seconds: f64, has_rate: bool| self.row(name, self.batch, seconds, has_rate);
         let mut rows = vec![
-            self.row("training step, each sample of another scene", self.step_s, true),
-            self.row("training step, six samples a scene", self.step_of_few_scenes_s, false),
+            row("training step, each sample of another scene", self.step_s, true),
+            row("training step, six samples a scene", self.step_of_few_scenes_s, false),
         ];
-        rows.extend(self.step_by_graph_s.map(|s| self.row("the same as the first, by Burn's autodiff", s, true)));
-        rows.push(self.row("test step, each sample of another scene", self.test_s, false));
-        rows.extend(self.reading.as_ref().map(|reading| self.row("reading alone", reading.batch_s, false)));
-        let head = [&format!("batch of {}", self.batch), "ms", "samples/s", "GMAC/s", "of the products' rate"];
+        rows.extend(self.step_by_graph_s.map(|s| row("the same as the first, by Burn's autodiff", s, true)));
+        rows.push(row("test step, each sample of another scene", self.test_s, false));
+        rows.extend(self.reading.as_ref().map(|reading| row("reading alone", reading.batch_s, false)));
+        let judge = &self.judge;
+        let row = |name: &str, seconds: f64| self.row(&format!("judge: {name}"), judge.batch, seconds, false);
+        rows.push(row(&format!("training step, {} hands a scene", judge.samples_per_scene), judge.step_s));
+        rows.push(row("test step", judge.test_s));
+        rows.extend(judge.reading.as_ref().map(|reading| row("reading alone", reading.batch_s)));
+        let head = ["", "batch", "ms", "samples/s", "GMAC/s", "of the products' rate"];
         let products = |rate: f64| format!("; products of matrices: {:.1} GMAC/s", rate / 1e9);
         let by_burn = |seconds: f64| format!(", {:.1} ms by Burn's convolutions", 1e3 * seconds);
         let bytes = |bytes: Option<u64>| bytes.map_or("unknown".to_owned(), program::text::bytes);
-        let reading = self.reading.as_ref().map(|reading| {
-            let Reading { attempts, survey_s, batches, memory_bytes, .. } = reading;
-            format!(
-                "\nOf {} attempts, looked at in {survey_s:.1} s, {} batches were read. Memory at most {}.",
-                program::text::grouped(*attempts),
-                program::text::grouped(u64::from(*batches)),
-                bytes(*memory_bytes)
-            )
-        });
+        let reading = |network: &str, reading: Option<&Reading>| {
+            reading.map_or_else(String::new, |Reading { attempts, survey_s, batches, memory_bytes, .. }| {
+                format!(
+                    "\nFor {network} {} attempts were looked at in {survey_s:.1} s, and {} batches read. Memory at most {}.",
+                    program::text::grouped(*attempts),
+                    program::text::grouped(u64::from(*batches)),
+                    bytes(*memory_bytes)
+                )
+            })
+        };
         let blocks = vec![
             Block::Text(format!(
                 "graspmill {}, {} build, {} threads{}.",
@@ -113,26 +141,28 @@ impl BenchReport {
             )),
             Block::Table(Table::new(head, rows)),
             Block::Text(format!(
-                "Dense network, one grid: {:.1} ms ({:.1} ms on one thread{}).\nMemory of the training steps at most {}.{}",
+                "Dense network, one grid: {:.1} ms ({:.1} ms on one thread{}).\nMemory of the training steps at most {}.{}{}",
                 1e3 * self.dense_s,
                 1e3 * self.dense_one_thread_s,
                 self.dense_by_graph_s.map(by_burn).unwrap_or_default(),
                 bytes(self.memory_bytes),
-                reading.unwrap_or_default()
+                reading("the paper's network", self.reading.as_ref()),
+                reading("a judge", judge.reading.as_ref())
             )),
         ];
         Document { blocks, ..Document::default() }
     }
 
     /// What a batch takes, and its rate of arithmetic if that of a training step is known.
-    fn row(&self, name: &str, seconds: f64, has_rate: bool) -> Vec<Cell> {
+    fn row(&self, name: &str, batch: usize, seconds: f64, has_rate: bool) -> Vec<Cell> {
         let mac_per_s = has_rate.then_some(self.step_mac / seconds);
         let share =
             mac_per_s.zip(self.matmul_mac_per_s).map(|(mac, products)| format!("{:.0} %", 100.0 * mac / products));
         vec![
             name.into(),
+            Cell::Number(batch.to_string()),
             Cell::Number(format!("{:.1}", 1e3 * seconds)),
-            Cell::Number(format!("{:.0}", self.batch as f64 / seconds)),
+            Cell::Number(format!("{:.0}", batch as f64 / seconds)),
             Cell::Number(mac_per_s.map(|mac| format!("{:.1}", mac / 1e9)).unwrap_or_default()),
             Cell::Number(share.unwrap_or_default()),
         ]
@@ -168,8 +198,17 @@ pub fn bench(
     let dense_one_thread_s = alone.map_or_else(|_| infer(), |alone| alone.install(infer));
     on_phase("the same by Burn");
     let [matmul_mac_per_s, step_by_graph_s, dense_by_graph_s] = by_burn(&vector, &many, mode, device);
+    on_phase("the judge");
+    let recipe = Config::parse(JUDGE, Path::new("configs/train/judge.toml"))?;
+    let mut judge = judge_steps(&recipe)?;
     on_phase("reading");
-    let reading = data.map(|(data, times)| read(data, times, samples)).transpose()?;
+    let mut reading = None;
+    if let Some((data, times)) = data {
+        let mut paper = Config::parse(PAPER, Path::new("configs/train/paper.toml"))?;
+        paper.training.batch = samples;
+        reading = Some(read(data, times, paper)?);
+        judge.reading = Some(read(data, times, recipe)?);
+    }
     Ok(BenchReport {
         version: env!("CARGO_PKG_VERSION"),
         profile: if cfg!(debug_assertions) { "dev" } else { "release" },
@@ -185,6 +224,7 @@ pub fn bench(
         dense_one_thread_s,
         dense_by_graph_s,
         reading,
+        judge,
         memory_bytes,
     })
 }
@@ -216,23 +256,52 @@ fn batch(samples: usize, scenes: usize) -> Batch {
     Batch { samples: samples.collect(), grids, ..Batch::default() }
 }
 
+/// The judge's steps, on hands anywhere in noise, high enough to be asked about.
+fn judge_steps(recipe: &Config) -> Result<JudgeReport, Failure> {
+    let (samples, per_scene) = (recipe.training.batch, recipe.training.samples_per_scene.max(1));
+    let crops = [Crop::new(&Gripper::from_toml(Gripper::BUILT_IN[0].1)?, 0.05, &Grid::PAPER)];
+    let mut batch = batch(samples, samples.div_ceil(per_scene));
+    let mut draw = Stream::new(1, 0, Purpose::Views, 0);
+    let hand = |number: usize| Hand {
+        crop: 0,
+        workspace_from_grasp: Pose::from_parts(
+            Vec3::new(draw.uniform(0.05, 0.25), draw.uniform(0.05, 0.25), 0.2),
+            draw.rotation(),
+        ),
+        views: 6,
+        mirrored: [false; 2],
+        outcome: Outcome::ALL[number % Outcome::ALL.len()],
+        hits_table: false,
+    };
+    batch.hands = (0..samples).map(hand).collect();
+    let vector = network::judge::initial_vector(1);
+    Ok(JudgeReport {
+        batch: samples,
+        samples_per_scene: per_scene,
+        step_s: median_s(|| drop(judge::step(&vector, &batch, &crops))),
+        test_s: median_s(|| drop(judge::evaluate(&vector, &batch, &crops))),
+        reading: None,
+    })
+}
+
 /// Windows of scenes that are read to measure reading.
 const WINDOWS: usize = 4;
 
-fn read(data: &Location, times: usize, batch: usize) -> Result<Reading, Failure> {
+fn read(data: &Location, times: usize, config: Config) -> Result<Reading, Failure> {
     let datasets = (0..times).map(|_| Dataset::open(data)).collect::<Result<Vec<_>, _>>()?;
+    let model = Model::of(&architecture(&config, &datasets, &Device::Host)?, hands_of(&datasets));
     let began = Instant::now();
-    let mut samples = GraspDataset::survey(&datasets, Seen::OURS, &AtomicBool::new(false), &|| {})?;
+    let seen = model.seen(0.5, config.training.targets);
+    let mut samples = GraspDataset::survey(&datasets, seen, &AtomicBool::new(false), &|| {})?;
     let survey_s = began.elapsed().as_secs_f64();
-    let mut config = Config::parse(PAPER, Path::new("configs/train/paper.toml"))?;
-    config.training.batch = batch;
     split(&mut samples.marks, config.seed, &config.split)?;
     let (attempts, scenes) = datasets
         .iter()
         .map(Dataset::info)
         .fold((0, 0), |(attempts, scenes), info| (attempts + info.attempt_count, scenes + info.scene_count));
     let scenes_read = (WINDOWS * config.training.shuffle_scenes) as u64;
-    let batches_max = (attempts * scenes_read.min(scenes) / scenes.max(1)).div_ceil(batch as u64) as u32;
+    let batches_max =
+        (attempts * scenes_read.min(scenes) / scenes.max(1)).div_ceil(config.training.batch as u64) as u32;
     let tour = epoch_tour(&samples.marks, &config, 0);
     let steps = epoch_steps(&samples.marks, &tour, &config, 0);
     let (began, mut batches) = (Instant::now(), 0);

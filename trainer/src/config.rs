@@ -17,6 +17,8 @@ use network::upsampling::Upsampling;
 
 /// The paper's recipe, the default.
 pub const PAPER: &str = include_str!("../../configs/train/paper.toml");
+/// A judge's recipe.
+pub const JUDGE: &str = include_str!("../../configs/train/judge.toml");
 
 settings! {
     /// A recipe.

@@ -186,7 +186,7 @@ fn can_begin_with(from: &Architecture, own: &Architecture) -> bool {
 }
 
 /// The network that a recipe asks for.
-fn architecture(config: &Config, datasets: &[Dataset], device: &Device) -> Result<Architecture, Failure> {
+pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Device) -> Result<Architecture, Failure> {
     let hands: Vec<Gripper> = hands_of(datasets).cloned().collect();
     let info = datasets[0].info();
     let scope = Scope::of(&hands, info.procedure.pregrasp_distance_m, info.grid);
@@ -204,7 +204,7 @@ fn architecture(config: &Config, datasets: &[Dataset], device: &Device) -> Resul
 }
 
 /// The hands of the first dataset, then those of the next.
-fn hands_of(datasets: &[Dataset]) -> impl Iterator<Item = &Gripper> {
+pub(crate) fn hands_of(datasets: &[Dataset]) -> impl Iterator<Item = &Gripper> {
     datasets.iter().flat_map(|dataset| dataset.info().hands())
 }
 

@@ -15,9 +15,10 @@ use settings::{Document, settings, words};
 use shards::Dataset;
 use toml::{Table, Value};
 
+use crate::config::JUDGE;
+
 /// The parts that a recipe changes.
 const GENERATE: [&str; 2] = [include_str!("../../configs/generate/judge.toml"), "configs/generate/judge.toml"];
-const TRAIN: &str = include_str!("../../configs/train/judge.toml");
 const PLAN: [&str; 2] = [include_str!("../../configs/plan/judge.toml"), "configs/plan/judge.toml"];
 /// The experiments of a recipe.
 const EXPERIMENTS: [(&str, &str); 3] = [
@@ -153,7 +154,7 @@ impl Recipe {
     pub fn settings(&self) -> Result<Vec<(String, String)>, Failure> {
         let mut files = vec![
             ("generate.toml".to_owned(), self.generate(None)?.to_string()),
-            ("train.toml".to_owned(), TRAIN.to_owned()),
+            ("train.toml".to_owned(), JUDGE.to_owned()),
         ];
         if let Some(objects) = &self.objects {
             let generate = |split| self.generate(Some(objects.catalogue(split))).map(|table| table.to_string());
