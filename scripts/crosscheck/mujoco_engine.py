@@ -80,11 +80,10 @@ class Mujoco:
         """Fingers stand still, or close: full force when stopped, no force at full speed."""
         speed, force = self._gripper.closing_speed_m_s, self._gripper.finger_force_n
         self._actuate([0.0, 0.0] if is_open else [force, force], force / speed, force)
-        if not is_open:
-            # A standing finger is at its force limit, where the implicit step leaves the damping out: it would jump to
-            # eight times its speed, stop, and jump again.
-            for finger in FINGERS:
-                self._data.qvel[self._speeds[finger]] = speed
+        # A finger whose speed is not the one wanted is at its force limit, where the implicit step leaves the damping out:
+        # it would jump to many times its speed, stop, and jump again.
+        for finger in FINGERS:
+            self._data.qvel[self._speeds[finger]] = 0.0 if is_open else speed
 
     def _actuate(self, forces_n: list[float], damping_n_s_m: float, limit_n: float) -> None:
         self._data.ctrl[:] = forces_n

@@ -116,4 +116,4 @@ def displaced(distance_m: float, seed: int) -> Jitter:
 
 
 def _shown(name: str, dataset: Dataset) -> tqdm:
-    return tqdm(dataset.scenes, desc=name, unit="scene", smoothing=0.05)
+    return tqdm(dataset.scenes, desc=name, unit="scene", smoothing=0.05, disable=None)

@@ -26,7 +26,7 @@ class Judged:
 
 def judge(data: Dataset, jobs: int) -> Judged:
     """Executes the grasp of every scene; the result does not depend on `jobs`."""
-    found = list(tqdm(_all(data, jobs), total=len(data.scenes), desc="pybullet", unit="grasp", smoothing=0.05))
+    found = list(tqdm(_all(data, jobs), total=len(data.scenes), desc="pybullet", unit="grasp", smoothing=0.05, disable=None))
     drifts = [drift for _, drift in found]
     moved, turned = (np.concatenate([getattr(d, name) for d in drifts]) for name in ("moved_m", "turned_rad"))
     return Judged([execution for execution, _ in found], Drift(moved, turned))
