@@ -14,6 +14,8 @@ mod programs;
 mod scene;
 
 use pyo3::prelude::*;
+#[cfg(feature = "as-tests")]
+use regex_syntax as _; // for its features alone, which proptest switches on
 
 /// The module `graspmill._native`.
 #[pymodule]

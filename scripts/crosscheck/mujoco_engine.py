@@ -80,8 +80,8 @@ class Mujoco:
         """Fingers stand still, or close: full force when stopped, no force at full speed."""
         speed, force = self._gripper.closing_speed_m_s, self._gripper.finger_force_n
         self._actuate([0.0, 0.0] if is_open else [force, force], force / speed, force)
-        # A finger whose speed is not the one wanted is at its force limit, where the implicit step leaves the damping out:
-        # it would jump to many times its speed, stop, and jump again.
+        # A finger whose speed is not the one wanted is at its force limit, where the implicit step leaves the damping
+        # out: it would jump to many times its speed, stop, and jump again.
         for finger in FINGERS:
             self._data.qvel[self._speeds[finger]] = 0.0 if is_open else speed
 

@@ -85,7 +85,7 @@ pub struct JudgeReport {
     pub reading: Option<Reading>,
 }
 
-/// Reading in the order of a recipe; in that of the paper's every sample is of another scene as far as there are scenes.
+/// Reading in a recipe's order; in that of the paper every sample is of another scene as far as there are scenes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reading {
     /// Attempts in the data.
