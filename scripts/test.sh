@@ -117,12 +117,14 @@ wheel() {
         && .venv/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$scratch"/wheels/*.whl
 }
 
+# Two files at a time: half of the time goes to waiting for servers, schedulers and time limits.
 readers() {
     GRASPMILL_DATASET="$scratch/dataset" GRASPMILL_COULOMB="$scratch/coulomb" \
         GRASPMILL_SHARDS="${CARGO_TARGET_DIR:-target}/debug/shards" \
         GRASPMILL_TRAINER="${CARGO_TARGET_DIR:-target}/debug/trainer" \
         GRASPMILL_PLANNER="${CARGO_TARGET_DIR:-target}/debug/planner" \
-        GRASPMILL_PROGRAMS="${CARGO_TARGET_DIR:-target}/debug" .venv/bin/python -m pytest -rs -p no:cacheprovider tests/python
+        GRASPMILL_PROGRAMS="${CARGO_TARGET_DIR:-target}/debug" .venv/bin/python -m pytest -n 2 --dist loadfile --durations 15 -rs \
+        -p no:cacheprovider tests/python
 }
 
 # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds them.
