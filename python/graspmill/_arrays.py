@@ -151,10 +151,11 @@ def _of_matrices(name: str, matrices: NDArray[np.float64]) -> Floats:
     if not len(matrices):
         return np.empty((0, 7), np.float32)
     rotations = matrices[:, :3, :3]
-    off = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
-    off = np.maximum(off, np.abs(matrices[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1))
-    off = np.where(np.linalg.det(rotations) > 0.0, off, np.inf)
-    if off.max() > RIGID_OFF_MAX:
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers that are far too large are refused below
+        off = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
+        off = np.maximum(off, np.abs(matrices[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1))
+        off = np.where(np.linalg.det(rotations) > 0.0, off, np.inf)
+    if not off.max() <= RIGID_OFF_MAX:
         worst = int(off.argmax())
         raise InputError(
             f"{name} must be rigid (a rotation and a translation, last row 0 0 0 1) within {RIGID_OFF_MAX:g}, "
