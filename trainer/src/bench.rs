@@ -19,7 +19,7 @@ use shards::{Dataset, Location};
 
 use crate::batch::{Batch, Hand, Sample};
 use crate::config::{Config, JUDGE, PAPER};
-use crate::data::{GraspDataset, for_each_batch};
+use crate::data::{GraspDataset, Seen, for_each_batch};
 use crate::device::Device;
 use crate::fit::{architecture, hands_of};
 use crate::judge;
@@ -81,7 +81,7 @@ pub struct JudgeReport {
     pub step_s: f64,
     /// A step without a gradient.
     pub test_s: f64,
-    /// Reading, without training: `None` without a dataset.
+    /// Reading the dataset once, without training: `None` without a dataset.
     pub reading: Option<Reading>,
 }
 
@@ -206,8 +206,12 @@ pub fn bench(
     if let Some((data, times)) = data {
         let mut paper = Config::parse(PAPER, Path::new("configs/train/paper.toml"))?;
         paper.training.batch = samples;
-        reading = Some(read(data, times, paper)?);
-        judge.reading = Some(read(data, times, recipe)?);
+        let datasets = (0..times).map(|_| Dataset::open(data)).collect::<Result<Vec<_>, _>>()?;
+        reading = Some(read(&datasets, Seen::OURS, &paper)?);
+        // Once: a judge has a crop in memory for every hand of every dataset.
+        let dataset = &datasets[..1];
+        let model = Model::of(&architecture(&recipe, dataset, &Device::Host)?, hands_of(dataset));
+        judge.reading = Some(read(dataset, model.seen(0.5, recipe.training.targets), &recipe)?);
     }
     Ok(BenchReport {
         version: env!("CARGO_PKG_VERSION"),
@@ -287,12 +291,9 @@ fn judge_steps(recipe: &Config) -> Result<JudgeReport, Failure> {
 /// Windows of scenes that are read to measure reading.
 const WINDOWS: usize = 4;
 
-fn read(data: &Location, times: usize, config: Config) -> Result<Reading, Failure> {
-    let datasets = (0..times).map(|_| Dataset::open(data)).collect::<Result<Vec<_>, _>>()?;
-    let model = Model::of(&architecture(&config, &datasets, &Device::Host)?, hands_of(&datasets));
+fn read(datasets: &[Dataset], seen: Seen<'_>, config: &Config) -> Result<Reading, Failure> {
     let began = Instant::now();
-    let seen = model.seen(0.5, config.training.targets);
-    let mut samples = GraspDataset::survey(&datasets, seen, &AtomicBool::new(false), &|| {})?;
+    let mut samples = GraspDataset::survey(datasets, seen, &AtomicBool::new(false), &|| {})?;
     let survey_s = began.elapsed().as_secs_f64();
     split(&mut samples.marks, config.seed, &config.split)?;
     let (attempts, scenes) = datasets
@@ -302,8 +303,8 @@ fn read(data: &Location, times: usize, config: Config) -> Result<Reading, Failur
     let scenes_read = (WINDOWS * config.training.shuffle_scenes) as u64;
     let batches_max =
         (attempts * scenes_read.min(scenes) / scenes.max(1)).div_ceil(config.training.batch as u64) as u32;
-    let tour = epoch_tour(&samples.marks, &config, 0);
-    let steps = epoch_steps(&samples.marks, &tour, &config, 0);
+    let tour = epoch_tour(&samples.marks, config, 0);
+    let steps = epoch_steps(&samples.marks, &tour, config, 0);
     let (began, mut batches) = (Instant::now(), 0);
     for_each_batch(&samples, (&tour, 0), steps, None, |_, _| {
         batches += 1;

@@ -199,6 +199,12 @@ pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Devic
         Kind::Judge if *device != Device::Host => {
             Err(Failure::new(ExitCode::Config, "a judge is trained on the host: --device cpu"))
         }
+        // Samples have two bytes for the number of their hand.
+        Kind::Judge if hands.len() > 1 + usize::from(u16::MAX) => {
+            let (most, got) = (1 + u32::from(u16::MAX), hands.len());
+            let text = format!("a judge can be trained on at most {most} hands, the data have {got}");
+            Err(Failure::new(ExitCode::Config, text))
+        }
         Kind::Judge => Ok(Architecture::Judge(Box::new(scope))),
     }
 }

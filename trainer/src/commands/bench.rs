@@ -16,7 +16,7 @@ pub(crate) struct Arguments {
     /// A dataset's folder or URL, to measure reading too.
     #[arg(long)]
     data: Option<Location>,
-    /// Read as if the dataset were there so many times, each with scenes of its own.
+    /// Read as if the dataset were there so many times, each with scenes of its own; for the judge it is read once.
     #[arg(long, default_value_t = 1, requires = "data", value_parser = clap::value_parser!(u16).range(1..=10_000))]
     times: u16,
     /// Threads; all cores by default.

@@ -156,12 +156,7 @@ impl<'a> Shard<'a> {
             first_hand += info.hands().len();
             scenes += info.scene_count;
             first_attempt += info.attempt_count;
-            // Samples have two bytes for the number of their hand, and four for that of their scene.
-            if first_hand > 1 + usize::from(u16::MAX) {
-                let text =
-                    format!("at most {} hands can be trained on, the data have {first_hand}", 1 + u32::from(u16::MAX));
-                return Err(Failure::new(ExitCode::Config, text));
-            }
+            // Samples have four bytes for the number of their scene.
             if scenes > u64::from(u32::MAX) {
                 let text = format!("at most {} scenes can be trained on, the data have {scenes}", u32::MAX);
                 return Err(Failure::new(ExitCode::Config, text));
