@@ -111,7 +111,8 @@ dataset() {
         && "$generator" --config scripts/crosscheck/coulomb.toml --out "$scratch/coulomb"
 }
 
-# The Python package as users install it, in the profile of the tests; scripts/wheel.sh builds the one to give away.
+# The Python package as users install it, in the profile and with the features of the tests; scripts/wheel.sh builds the
+# one to give away.
 wheel() {
     .venv/bin/python -m maturin build --quiet --locked --profile dev --features as-tests --auditwheel skip --out "$scratch/wheels" \
         && .venv/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$scratch"/wheels/*.whl
