@@ -267,7 +267,7 @@ def test_killed_writers_leave_nothing_that_the_next_one_minds(port):
     env, url, dice = environment(port), "s3://grasps/killed", random.Random(6)
     command = [PROGRAMS / "generator", *RECIPE, "--threads", 1, "--out", url]
     kills = 0
-    while kills < 4:
+    while kills < 8:
         writer = subprocess.Popen(list(map(str, command)), env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         time.sleep(dice.uniform(0, 1))
         writer.kill()
