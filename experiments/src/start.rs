@@ -48,11 +48,11 @@ fn settled(config: &Config, seed: u64, scene_id: u64, tries: u32) -> Result<Sett
     match &config.objects {
         Objects::Pile { count } => {
             let objects = generator::ObjectParams { counts: vec![*count], count_weights: vec![1.0], ..objects.clone() };
-            settle(physics, params, grid, &draw_drops(&objects, grid, seed, scene_id, tries))
+            settle(physics, params, grid, &draw_drops(&objects, grid, f32::INFINITY, seed, scene_id, tries))
         }
         Objects::Packed { count, params: packed } => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
-            settle_again(physics, params, grid, &draw_packed(objects, packed, grid, *count, &mut stream))
+            settle_again(physics, params, grid, &draw_packed(objects, packed, grid, f32::INFINITY, *count, &mut stream))
         }
         Objects::Things(groups) => {
             let mut stream = Stream::new(seed, scene_id, Purpose::Drops, tries);
@@ -79,9 +79,7 @@ fn is_viable(config: &Config, object: &SceneObject) -> bool {
         let [low, high] = along.fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], x| [l.min(x), h.max(x)]);
         high - low
     };
-    let fits = |part: &Polyhedron| {
-        (0..180).any(|degrees| width_m(part, degrees) <= gripper.opening_m_max - 2.0 * gripper.clearance_m)
-    };
+    let fits = |part: &Polyhedron| (0..180).any(|degrees| width_m(part, degrees) <= gripper.span_m());
     object.body.polyhedra().iter().any(|part| fits(&part.moved(&object.workspace_from_object)))
 }
 

@@ -160,14 +160,15 @@ fn settled_scene(
 ) -> Result<(Settled, u32, SceneRejections), NoScene> {
     let mut rejections = SceneRejections::default();
     let Config { objects, grid, seed, physics, settle: params, .. } = config;
+    let span_m = span_m(config, scene_id);
     for attempt in 0..params.tries_max {
-        let (drops, settled) = match packed_scene(config, scene_id, attempt) {
+        let (drops, settled) = match packed_scene(config, span_m, scene_id, attempt) {
             Some(placed) => {
                 let settled = settle_again(physics, params, grid, &placed);
                 (placed, settled)
             }
             None => {
-                let drops = draw_drops(objects, grid, *seed, scene_id, attempt);
+                let drops = draw_drops(objects, grid, span_m, *seed, scene_id, attempt);
                 let settled = settle(physics, params, grid, &drops);
                 (drops, settled)
             }
@@ -187,14 +188,20 @@ fn settled_scene(
     Err(NoScene::Rejected { scene_id, tries: params.tries_max, rejections })
 }
 
+/// Objects that are wider than this are drawn anew.
+fn span_m(config: &Config, scene_id: u64) -> f32 {
+    let drawn = Stream::new(config.seed, scene_id, Purpose::Spanned, 0).uniform(0.0, 1.0);
+    if drawn < config.spanned_share { config.gripper.of_scene(scene_id).span_m() } else { f32::INFINITY }
+}
+
 /// The objects of a scene that is packed, if it is one of those.
-fn packed_scene(config: &Config, scene_id: u64, attempt: u32) -> Option<Vec<SceneObject>> {
+fn packed_scene(config: &Config, span_m: f32, scene_id: u64, attempt: u32) -> Option<Vec<SceneObject>> {
     let (packed, objects) = (config.packed.as_ref()?, &config.objects);
     // Whether a scene is packed does not depend on the tries.
     let is_packed = Stream::new(config.seed, scene_id, Purpose::Packed, 0).uniform(0.0, 1.0) < packed.share;
     let mut stream = Stream::new(config.seed, scene_id, Purpose::Packed, 1 + attempt);
     let count = *stream.weighted(&objects.counts, &objects.count_weights);
-    is_packed.then(|| draw_packed(objects, packed, &config.grid, count, &mut stream))
+    is_packed.then(|| draw_packed(objects, packed, &config.grid, span_m, count, &mut stream))
 }
 
 /// The TSDF of a scene from its views.

@@ -138,6 +138,8 @@ settings! {
         pub grid: Grid,
         /// What is dropped.
         pub objects: ObjectParams,
+        /// Share of the scenes in which nothing lies that the hand cannot span: wider objects are drawn anew.
+        pub spanned_share: f32 where 0.0..=1.0; or 0.0,
         /// Which scenes are packed instead.
         pub packed: Option<PackedParams>; or None,
         /// When it rests.

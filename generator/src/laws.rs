@@ -65,6 +65,9 @@ impl Config {
         if let Some(packed) = self.packed {
             stored["packed"] = json!(packed);
         }
+        if self.spanned_share > 0.0 {
+            stored["spanned_share"] = json!(self.spanned_share);
+        }
         if !self.view_kinds.is_empty() {
             stored["view_kinds"] = json!(self.view_kinds);
         }

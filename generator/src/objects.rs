@@ -1,24 +1,59 @@
 //! Draws the objects of a scene and their release poses (paper 2.3: random models, "arbitrarily scaled and rotated").
 
-use schema::{Grid, Pose, Purpose, ShapeKind, Solid, Stream, Vec3};
+use schema::{Grid, Polyhedron, Pose, Purpose, ShapeKind, Solid, Stream, Vec3, bounds_m};
 use simulator::{Body, SceneObject};
 
 use crate::config::ObjectParams;
 
-/// Draws the objects of a scene and the pose at which each is released. `attempt` counts the tries at this scene, from
-/// 0.
+/// How often an object is drawn that is too wide; a catalogue may have no other.
+const DRAWS_MAX: usize = 1_000;
+
+/// Draws the objects of a scene and the pose at which each is released. A hand that spans `span_m` can grasp each in
+/// any pose, if there are such objects. `attempt` counts the tries at this scene, from 0.
 #[must_use]
-pub fn draw_drops(params: &ObjectParams, grid: &Grid, seed: u64, scene_id: u64, attempt: u32) -> Vec<SceneObject> {
+pub fn draw_drops(
+    params: &ObjectParams,
+    grid: &Grid,
+    span_m: f32,
+    seed: u64,
+    scene_id: u64,
+    attempt: u32,
+) -> Vec<SceneObject> {
     let mut objects = Stream::new(seed, scene_id, Purpose::Objects, attempt);
     let mut drops = Stream::new(seed, scene_id, Purpose::Drops, attempt);
     let count = *objects.weighted(&params.counts, &params.count_weights);
     (0..count)
         .map(|_| {
-            let (body, mass_kg, friction) = draw_body(params, &mut objects);
+            let drawn = draw_spanned(span_m, || draw_body(params, &mut objects), |(body, ..)| middle_width_m(body));
+            let (body, mass_kg, friction) = drawn;
             let workspace_from_object = draw_release(params, grid, body.bounding_radius_m(), &mut drops);
             SceneObject { body, mass_kg, friction, workspace_from_object }
         })
         .collect()
+}
+
+/// The first of at most [`DRAWS_MAX`] objects that is not wider than `span_m`, or the last.
+pub(crate) fn draw_spanned<T>(span_m: f32, mut draw: impl FnMut() -> T, width_m: impl Fn(&T) -> f32) -> T {
+    let mut drawn = draw();
+    for _ in 1..DRAWS_MAX {
+        if span_m == f32::INFINITY || width_m(&drawn) <= span_m {
+            break;
+        }
+        drawn = draw();
+    }
+    drawn
+}
+
+/// The second longest side of the part of which it is shortest, in metres: whichever way that part lies, a hand from
+/// above can span it if it opens wider.
+pub(crate) fn middle_width_m(body: &Body) -> f32 {
+    let width_m = |part: &Polyhedron| {
+        let [low, high] = bounds_m(part.corners_m());
+        let mut sides_m = (high - low).to_array();
+        sides_m.sort_by(f32::total_cmp);
+        sides_m[1]
+    };
+    body.polyhedra().iter().map(width_m).fold(f32::INFINITY, f32::min)
 }
 
 /// A body, its mass and its friction: a primitive, or a uniformly drawn object of the catalogue.
@@ -59,4 +94,42 @@ pub fn draw_release(params: &ObjectParams, grid: &Grid, radius_m: f32, stream: &
         grid.table_z_m + params.drop_height_m,
     );
     Pose::from_parts(at, stream.rotation())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use settings::Document;
+
+    use crate::{Config, Overrides, make_scene};
+
+    fn config(text: &str, set: &[(&str, &str)]) -> Config {
+        let set: Vec<_> = set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+        let document = Document::parse(text, Path::new("judge.toml")).unwrap();
+        Config::read(document, Overrides { set: &set, ..Overrides::default() }).unwrap()
+    }
+
+    /// Of how many of 40 scenes a hand that opens 50 mm spans two sides of every object.
+    fn spanned(share: &str) -> usize {
+        let set = [("gripper", "slim_jaw_50"), ("spanned_share", share), ("sampler", "rules")];
+        let text = include_str!("../../configs/generate/judge.toml");
+        let (before, after) = text.split_once("\n[shares]").unwrap();
+        let config = config(&format!("{before}{}", &after[after.find("\n[grid]").unwrap()..]), &set);
+        let fits = |shape: &schema::ObjectShape| {
+            let wide = shape.extents_m().to_array().into_iter().filter(|side_m| *side_m > 0.048 + 1e-6);
+            wide.count() < 2
+        };
+        let all = |scene_id: &u64| {
+            let rows = make_scene(&config, *scene_id, 1).unwrap();
+            rows.objects.iter().all(|object| fits(&object.shape))
+        };
+        (0..40).filter(all).count()
+    }
+
+    #[test]
+    fn a_share_of_the_scenes_has_only_what_the_hand_spans() {
+        let [none, half, all] = ["0.0", "0.5", "1.0"].map(spanned);
+        assert!(none < 8 && (14..=28).contains(&half) && all == 40, "{none}, {half}, {all}");
+    }
 }

@@ -8,6 +8,7 @@ use schema::{Grid, Pose, Quat, ShapeKind, Solid, Stream, Vec3, axis_angle};
 use simulator::SceneObject;
 
 use crate::config::{ObjectParams, PackedParams};
+use crate::objects::{draw_spanned, middle_width_m};
 
 /// Height above the table at which an object is released.
 const DROP_M: f32 = 0.0005;
@@ -17,19 +18,22 @@ const TRIES_MAX: u32 = 1_000;
 /// Objects have their centres at least this far inside the workspace: as in VGN, in [0.08, 0.22] m of 0.30 m.
 const MARGIN_M: f32 = 0.08;
 
-/// Draws `count` objects of a packed scene and their positions; fewer if some found none in many tries.
+/// Draws `count` objects of a packed scene and their positions; fewer if some found none in many tries. A hand that
+/// spans `span_m` can grasp each, if there are such objects.
 #[must_use]
 pub fn draw_packed(
     objects: &ObjectParams,
     params: &PackedParams,
     grid: &Grid,
+    span_m: f32,
     count: usize,
     stream: &mut Stream,
 ) -> Vec<SceneObject> {
     let mut placed = Vec::with_capacity(count);
     let mut taken: Vec<Footprint> = Vec::with_capacity(count);
     for _ in 0..count {
-        let solid = draw_solid(objects, params, stream);
+        let draw = || draw_solid(objects, params, stream);
+        let solid = draw_spanned(span_m, draw, |solid| middle_width_m(&(*solid).into()));
         let density_kg_m3 = stream.uniform(objects.density_kg_m3[0], objects.density_kg_m3[1]);
         let friction = stream.uniform(objects.friction[0], objects.friction[1]);
         if let Some((workspace_from_object, footprint)) = find_place(params.gap_m, grid, &solid, &taken, stream) {
@@ -144,7 +148,7 @@ mod tests {
 
     fn drawn(params: &PackedParams, stream: &mut Stream) -> Vec<SceneObject> {
         let config = Config::load(None, Overrides::default()).unwrap();
-        draw_packed(&config.objects, params, &Grid::PAPER, 5, stream)
+        draw_packed(&config.objects, params, &Grid::PAPER, f32::INFINITY, 5, stream)
     }
 
     fn scene(number: u64) -> Vec<SceneObject> {

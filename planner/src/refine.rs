@@ -111,7 +111,7 @@ impl<'a> Searched<'a> {
             let [before_m, tips_z_m] = [depth - 1, depth].map(|steps| nearest_z_m + params.depth_m * steps as f32);
             let newly = between.iter().filter(|p| (before_m..tips_z_m).contains(&p.at.z));
             newly.for_each(|point| closing.add(point, self.normal_cos_min));
-            let touch = closing.touch(params.points_min, gripper.opening_m_max - 2.0 * gripper.clearance_m);
+            let touch = closing.touch(params.points_min, gripper.span_m());
             let Some(touch) = touch.filter(|touch| is_better(touch.support as f32, best)) else { continue };
             let support = touch.support as f32 / (1.0 + square(arm_m(around, back, &touch) / params.arm_m));
             if !is_better(support, best) {

@@ -100,6 +100,12 @@ impl Gripper {
         ("robotiq_hand_e", include_str!("../../configs/grippers/robotiq_hand_e.toml")),
     ];
 
+    /// The widest that it takes between its fingers, in metres.
+    #[must_use]
+    pub fn span_m(&self) -> f32 {
+        self.opening_m_max - 2.0 * self.clearance_m
+    }
+
     /// Reads the name of a built-in gripper, or the path of a gripper's file, which ends in `.toml`.
     pub fn read_named(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
         let name = String::read(value, &(), reader)?;

@@ -52,6 +52,8 @@ pub enum Purpose {
     Household = 18,
     /// Test drops of an imported object (the scene slot carries the drop).
     TestDrops = 19,
+    /// Which scenes have only objects that the hand can span.
+    Spanned = 20,
 }
 
 /// A reproducible stream of random numbers.
@@ -84,6 +86,12 @@ impl Stream {
     /// U(low, high).
     pub fn uniform(&mut self, low: f32, high: f32) -> f32 {
         (f64::from(low) + (f64::from(high) - f64::from(low)) * self.unit()) as f32
+    }
+
+    /// Between `low` and `high`, both positive, uniform in its logarithm.
+    pub fn log_uniform(&mut self, [low, high]: [f32; 2]) -> f32 {
+        let [from, to] = [low, high].map(|end| libm::log(f64::from(end)));
+        (libm::exp(from + (to - from) * self.unit()) as f32).clamp(low, high)
     }
 
     /// N(mean, std²) by the Box–Muller transform; two uniforms a draw, so that the count of draws is fixed.

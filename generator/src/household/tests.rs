@@ -158,7 +158,7 @@ fn dropped_objects_come_to_rest() {
         let Config { objects, settle: params, .. } = config(counts);
         let params: SettleParams = params;
         for scene in 0..scenes {
-            let drops = draw_drops(&objects, &grid, 7, scene, 0);
+            let drops = draw_drops(&objects, &grid, f32::INFINITY, 7, scene, 0);
             rejected += u32::from(settle(&physics, &params, &grid, &drops).is_err());
         }
     }
