@@ -389,7 +389,7 @@ def test_four_writers_of_all_shards(many, tmp_path):
 def test_writers_killed_among_writers(many, tmp_path):
     """Of four writers, three are killed at random times; the fourth must succeed."""
     rng, problems, kills, span = faults.dice("killed among writers"), [], 0, many.seconds
-    while kills < 8 * LONG:
+    while kills < 15 * LONG:
         out = tmp_path / str(kills)
         survivor, *victims = [faults.start("generator", *many.command(out)) for _ in range(4)]
         for victim in victims:
