@@ -91,7 +91,8 @@ impl Judge {
         stream: &mut Stream,
         is_wanted: &dyn Fn(&Grasp) -> bool,
     ) -> Vec<Judged> {
-        let (space, scene) = (Space::new(field), (&PaddedGrid::from(field), views));
+        let space = Space::new(field);
+        let scene = (&space.padded, views);
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let mut judged: Vec<Judged> = Vec::new();
         for _ in 0..SEARCHES_MAX {

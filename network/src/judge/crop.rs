@@ -63,10 +63,12 @@ impl PaddedGrid {
         Self { side: resolution + 2, values: padded }
     }
 
-    /// Mean of the observed distances around a point, in [−1, 1] of the truncation, and the share that was observed.
-    /// `at` is in voxels from the centre of the border's first one.
+    /// Mean of the observed distances at the eight voxels around a point, by their weights, in [−1, 1] of the
+    /// truncation, and the share of the eight that was observed; 0 and 0 where none was. `at` is in voxels from the
+    /// centre of the border's first one.
     #[inline(always)]
-    fn at(&self, at: Vec3) -> (f32, f32) {
+    #[must_use]
+    pub fn at(&self, at: Vec3) -> (f32, f32) {
         let last = (self.side - 1) as f32 - 1e-3;
         let [(x, high_x), (y, high_y), (z, high_z)] = at.to_array().map(|at| {
             let at = at.max(0.0).min(last);
