@@ -1,16 +1,18 @@
 //! From a hand to a judge's weights: the steps that the programs beside this one take, and what is written about them.
 //!
-//! Two rounds of "plan, execute, train" (docs/judge.md): the second dataset has the choices of the judge that learned
-//! from the first. Every step can be repeated at any time, because each program goes on where it was stopped; so a
-//! recipe needs no state of its own.
+//! For a hand that the judge of many hands answers for, one round of "plan, execute, train" (docs/judge.md): the
+//! dataset has that judge's choices, and training goes on from its weights. For others two rounds: the second dataset
+//! has the choices of the judge that learned from the first. Every step can be repeated at any time, because each
+//! program goes on where it was stopped; so a recipe needs no state of its own.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use network::checkpoint;
+use network::checkpoint::Checkpoint;
+use network::{Architecture, checkpoint};
 use program::{Context, ExitCode, Failure, read};
 use report::document::{Block, Cell, Document as Page, Table as PageTable};
-use schema::{Gripper, Hands};
+use schema::{Grid, Gripper, Hands};
 use settings::{Document, settings, words};
 use shards::Dataset;
 use toml::{Table, Value};
@@ -27,11 +29,15 @@ const EXPERIMENTS: [(&str, &str); 3] = [
     ("giga-pile", include_str!("../../configs/experiment/giga-pile.toml")),
 ];
 
+/// The judge of many hands, and its path in the source tree.
+pub const MANY_HANDS: (&[u8], &str) =
+    (include_bytes!("../../models/judge-any-jaw.safetensors"), "models/judge-any-jaw.safetensors");
+
 /// The test set, and the generator's settings for it and for experiments with the objects besides the primitives.
 const TEST: &str = "test";
 const TRIED: &str = "tried-objects.toml";
 
-/// Share of the attempts in the first round.
+/// Share of the attempts in the first of two rounds.
 const FIRST_SHARE: f64 = 1.0 / 3.0;
 /// Epochs of the first round; it need not be trained to the end.
 const FIRST_EPOCHS: u32 = 6;
@@ -46,7 +52,7 @@ const REPORT_BYTES_MAX: u64 = 64 << 20;
 /// Attempts of a scene in the generator's settings, and shards of a dataset, if it has so many scenes.
 const ATTEMPTS_PER_SCENE: u64 = 60;
 const SHARDS_MAX: u64 = 64;
-/// In experiments lies what the hand can span, and so it does in three quarters of the second round's scenes. Of
+/// In experiments lies what the hand can span, and so it does in three quarters of a round's scenes with choices. Of
 /// objects of all sizes, a hand that opens 40 mm holds a quarter as many as one of 100.
 const VIABLE: &str = "objects.viable_only=true";
 const SPANNED: &str = "spanned_share=0.75";
@@ -87,8 +93,11 @@ pub struct Recipe {
     pub out: PathBuf,
     /// Seed of the first dataset; the next two are those of the others.
     pub seed: u64,
-    /// Attempts of both rounds.
+    /// Attempts of all rounds.
     pub attempts: u64,
+    /// Weights of a judge that answers for the hand, by their absolute path: there is one round with its choices, and
+    /// training goes on from them. Without them there are two rounds, and training begins with random weights.
+    pub from: Option<PathBuf>,
     /// Where the cameras are.
     pub seen: Seen,
     /// Objects to which half of the attempts go.
@@ -143,10 +152,9 @@ impl Recipe {
     /// # Errors
     /// If there is no such hand.
     pub fn tried_hands(&self) -> Result<Vec<String>, Failure> {
-        let text = Table::from_iter([("gripper".to_owned(), Value::String(self.hand.clone()))]).to_string();
-        let Held { gripper } = Document::parse(&text, Path::new("HAND"))?.read()?;
         let one = || vec![self.hand.clone()];
-        Ok(gripper.only().map_or_else(|| Gripper::BUILT_IN.map(|(name, _)| name.to_owned()).to_vec(), |_| one()))
+        let hands = hands(&self.hand)?;
+        Ok(hands.only().map_or_else(|| Gripper::BUILT_IN.map(|(name, _)| name.to_owned()).to_vec(), |_| one()))
     }
 
     /// The names and texts of the settings that the steps use.
@@ -203,12 +211,16 @@ impl Recipe {
     /// # Errors
     /// If there is no such hand.
     pub fn steps(&self) -> Result<Vec<Step>, Failure> {
-        let first = (self.attempts as f64 * FIRST_SHARE).round() as u64;
-        let mut steps = self.generated("round-1", first, self.seed, None);
-        steps.push(self.trained("first", &["round-1"], FIRST_EPOCHS));
-        let policy = self.out.join("first/best.safetensors");
-        steps.extend(self.generated("round-2", self.attempts - first, self.seed + 1, Some(&policy)));
-        steps.push(self.trained("judge", &["round-1", "round-2"], EPOCHS));
+        let first = self.first_attempts();
+        let mut steps = self.generated("round-1", first, self.seed, self.from.as_deref());
+        if self.from.is_some() {
+            steps.push(self.trained("judge", &["round-1"], EPOCHS));
+        } else {
+            steps.push(self.trained("first", &["round-1"], FIRST_EPOCHS));
+            let policy = self.out.join("first/best.safetensors");
+            steps.extend(self.generated("round-2", self.attempts - first, self.seed + 1, Some(&policy)));
+            steps.push(self.trained("judge", &["round-1", "round-2"], EPOCHS));
+        }
         steps.extend(self.generated(TEST, TEST_ATTEMPTS, self.seed + 2, None));
         steps.extend(self.parts(TEST, 0).into_iter().map(|(name, ..)| {
             let report = self.at(&format!("{name}-report"));
@@ -261,6 +273,7 @@ impl Recipe {
             out: folder.to_owned(),
             attempts: PILOT_ATTEMPTS,
             objects: self.objects.clone(),
+            from: self.from.clone(),
             ..*self
         };
         let mut steps = pilot.steps()?;
@@ -273,13 +286,21 @@ impl Recipe {
     #[must_use]
     pub fn time(&self, pilot: &[Duration]) -> Duration {
         let times = |share: f64, part: &[Duration]| part.iter().sum::<Duration>().mul_f64(share);
-        // The test set is drawn as the first round.
+        // The test set is drawn as the first round, at most with choices less.
         let first = &pilot[..self.parts(TEST, 0).len().min(pilot.len())];
         let hands = self.tried_hands().map_or(1, |hands| hands.len());
         let tried = EXPERIMENTS.len() + usize::from(self.objects.is_some());
         times(self.attempts as f64 / PILOT_ATTEMPTS as f64, pilot)
-            + times(TEST_ATTEMPTS as f64 / (FIRST_SHARE * PILOT_ATTEMPTS as f64), first)
+            + times(
+                TEST_ATTEMPTS as f64 * self.attempts as f64 / (self.first_attempts() * PILOT_ATTEMPTS) as f64,
+                first,
+            )
             + ROUND * (hands * tried) as u32 * ROUNDS
+    }
+
+    /// Attempts of the first round, which is the only one if there are weights to begin with.
+    fn first_attempts(&self) -> u64 {
+        if self.from.is_some() { self.attempts } else { (self.attempts as f64 * FIRST_SHARE).round() as u64 }
     }
 
     /// The datasets of a name, with their settings and attempts: one of primitives, and one of the catalogue's objects.
@@ -320,6 +341,8 @@ impl Recipe {
         for (name, ..) in rounds.iter().flat_map(|round| self.parts(round, 0)) {
             arguments.extend(["--data".to_owned(), self.at(&name)]);
         }
+        let from = self.from.iter().map(|from| from.display().to_string());
+        arguments.extend(from.flat_map(|from| ["--from".to_owned(), from]));
         let done = Path::new(&out).join("best.safetensors");
         Step { what: format!("train {epochs} epochs on {}", rounds.join(" and ")), program: "trainer", arguments, done }
     }
@@ -343,6 +366,34 @@ impl Seen {
         kind.insert("share".to_owned(), Value::Float(1.0));
         Some(kind)
     }
+}
+
+/// The hands of a name or a file.
+fn hands(hand: &str) -> Result<Hands, Failure> {
+    let text = Table::from_iter([("gripper".to_owned(), Value::String(hand.to_owned()))]).to_string();
+    let Held { gripper } = Document::parse(&text, Path::new("HAND"))?.read()?;
+    Ok(gripper)
+}
+
+/// Whether the built-in judge of many hands answers for a hand. For several hands it is a peer, not a beginning.
+///
+/// # Errors
+/// If there is no such hand.
+pub fn is_known(hand: &str) -> Result<bool, Failure> {
+    let judge = checkpoint::from_bytes(MANY_HANDS.0, Path::new(MANY_HANDS.1))?;
+    Ok(hands(hand)?.only().is_some() && must_answer_for(&judge, hand).is_ok())
+}
+
+/// Whether a judge answers for a hand, or for all of a file of ranges.
+///
+/// # Errors
+/// If it does not, these are another network's weights, or there is no such hand.
+pub fn must_answer_for(weights: &Checkpoint, hand: &str) -> Result<(), Failure> {
+    let Architecture::Judge(scope) = &weights.architecture else {
+        let why = "these weights are the paper's network's, which answers for voxels, not a judge's";
+        return Err(Failure::new(ExitCode::Config, why));
+    };
+    hands(hand)?.all().iter().try_for_each(|hand| scope.must_match(hand, &Grid::PAPER))
 }
 
 /// A hand's name, also of a file.
@@ -417,7 +468,15 @@ mod tests {
     use super::*;
 
     fn recipe(hand: &str, objects: Option<Things>, seen: Seen) -> Recipe {
-        Recipe { hand: hand.to_owned(), out: PathBuf::from("/out"), seed: 7, attempts: 90_000, seen, objects }
+        Recipe {
+            hand: hand.to_owned(),
+            out: PathBuf::from("/out"),
+            seed: 7,
+            attempts: 90_000,
+            from: None,
+            seen,
+            objects,
+        }
     }
 
     fn file(recipe: &Recipe, name: &str) -> Table {
@@ -453,6 +512,43 @@ mod tests {
         assert_eq!(of(0, "--policy"), None);
         assert_eq!([0, 2, 4].map(|step| of(step, "--set")), [None, Some(SPANNED.to_owned()), None]);
         assert_eq!(steps[3].arguments.iter().filter(|part| *part == "--data").count(), 2);
+    }
+
+    #[test]
+    fn from_the_judge_of_many_hands_there_is_one_round_with_its_choices() {
+        assert!(is_known("wsg_50").unwrap());
+        assert!(!is_known("any_jaw").unwrap(), "for several hands it is a peer");
+        let from = PathBuf::from("/out/from.safetensors");
+        let recipe = Recipe { from: Some(from.clone()), ..recipe("wsg_50", None, Seen::Anywhere) };
+        let steps = recipe.steps().unwrap();
+        let told: Vec<&str> = steps.iter().map(|step| step.program).collect();
+        let tried = ["experiments"; 3];
+        assert_eq!(told, [["generator", "trainer", "generator", "trainer"].as_slice(), &tried].concat());
+        let has = |step: usize, pair: [&str; 2]| steps[step].arguments.windows(2).any(|window| window == pair);
+        assert!(has(0, ["--attempts", "90000"]) && has(0, ["--policy", "/out/from.safetensors"]));
+        assert!(has(0, ["--set", SPANNED]) && has(1, ["--from", "/out/from.safetensors"]));
+        assert!(!steps[2].arguments.contains(&"--policy".to_owned()), "the test set has no judge's choices");
+        // 15 times a pilot of 20 s, 10 times its first step, and 3 experiments of a minute.
+        let (pilot, steps) = recipe.pilot(Path::new("/pilot")).unwrap();
+        assert_eq!((steps.len(), pilot.from), (2, Some(from)));
+        assert_eq!(recipe.time(&[Duration::from_secs(10); 2]).as_secs(), 15 * 20 + 10 * 10 + 3 * 60);
+    }
+
+    #[test]
+    fn weights_to_begin_with_answer_for_the_hand() {
+        let judge = checkpoint::from_bytes(MANY_HANDS.0, Path::new(MANY_HANDS.1)).unwrap();
+        assert!(must_answer_for(&judge, "robotiq_hand_e").is_ok());
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("wide.toml");
+        let text = Gripper::BUILT_IN[0].1.replace("opening_m_max = 0.08", "opening_m_max = 0.2");
+        std::fs::write(&file, text.replace("closing_speed_m_s = 0.04", "closing_speed_m_s = 0.2")).unwrap();
+        let hand = file.display().to_string();
+        let refused = must_answer_for(&judge, &hand).unwrap_err().to_string();
+        assert!(refused.contains("opening_m_max must be"), "{refused}");
+        assert!(!is_known(&hand).unwrap());
+        let paper = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/paper-200k.safetensors");
+        let refused = must_answer_for(&checkpoint::read(Path::new(paper)).unwrap(), "wsg_50").unwrap_err().to_string();
+        assert!(refused.contains("which answers for voxels"), "{refused}");
     }
 
     #[test]

@@ -6,13 +6,15 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use network::checkpoint;
 use program::{Context, ExitCode, Failure, print, start_beside, stop_on_signals, write};
-use trainer::recipe::{Recipe, Seen, Step, Things, card};
+use trainer::recipe::{MANY_HANDS, Recipe, Seen, Step, Things, card, is_known, must_answer_for};
 
-/// From a hand to weights: execute attempts, train a judge, execute its own choices, train it on both, and try it.
+/// From a hand to weights: execute what a judge of many hands would choose, train it on the outcomes, and try it.
 ///
-/// Every step is a command of one of the programs, which is printed before it runs. Interrupt the recipe and start it
-/// again: it goes on where it stopped. The same arguments give the same weights.
+/// Where no such judge answers for the hand there are two rounds: execute attempts, train a judge, execute its own
+/// choices, train it on both. Every step is a command of one of the programs, which is printed before it runs.
+/// Interrupt the recipe and start it again: it goes on where it stopped. The same arguments give the same weights.
 #[derive(Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
@@ -22,7 +24,7 @@ pub(crate) struct Arguments {
     /// The folder of datasets, weights, settings, evaluation, and README.md, the card of the weights.
     #[arg(long)]
     out: PathBuf,
-    /// Attempts of both rounds together.
+    /// Attempts of all rounds together.
     #[arg(long, default_value_t = 1_500_000, value_parser = clap::value_parser!(u64).range(3_600..=1_000_000_000))]
     attempts: u64,
     /// From where the scenes are seen.
@@ -32,6 +34,10 @@ pub(crate) struct Arguments {
     /// of docs/household-objects.md, of which nine are kept for a test.
     #[arg(long, value_name = "FILE")]
     objects: Option<PathBuf>,
+    /// Weights to begin with, of a judge that answers for the hand, or nothing [default: the built-in judge of many
+    /// hands if it answers for this one, else nothing].
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
     /// Seed of the first dataset.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 60))]
     seed: u64,
@@ -48,13 +54,22 @@ fn seen(text: &str) -> Result<Seen, String> {
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let absolute = |path: &Path| std::path::absolute(path).context(format_args!("no path: {}", path.display()));
     let is_file = arguments.hand.ends_with(".toml");
+    let hand =
+        if is_file { absolute(Path::new(&arguments.hand))?.display().to_string() } else { arguments.hand.clone() };
+    let out = absolute(&arguments.out)?;
+    let built_in = out.join("from.safetensors");
+    let from = match arguments.from.as_deref() {
+        Some(word) if word == Path::new("nothing") => None,
+        Some(file) => Some(absolute(file)?),
+        None => is_known(&hand)?.then(|| built_in.clone()),
+    };
+    if let Some(file) = arguments.from.as_ref().and(from.as_ref()) {
+        must_answer_for(&checkpoint::read(file)?, &hand)?;
+    }
     let recipe = Recipe {
-        hand: if is_file {
-            absolute(Path::new(&arguments.hand))?.display().to_string()
-        } else {
-            arguments.hand.clone()
-        },
-        out: absolute(&arguments.out)?,
+        hand,
+        out,
+        from,
         seed: arguments.seed,
         attempts: arguments.attempts,
         seen: arguments.views,
@@ -66,6 +81,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     };
     let steps = recipe.steps()?;
     fs::create_dir_all(&recipe.out).context(format_args!("failed to make {}", recipe.out.display()))?;
+    if recipe.from.as_ref() == Some(&built_in) {
+        write(&built_in, MANY_HANDS.0)?;
+    }
     write_settings(&recipe)?;
     let left: Vec<&Step> = steps.iter().filter(|step| !step.done.exists()).collect();
     if arguments.dry_run || left.len() == steps.len() {
