@@ -1,9 +1,8 @@
 //! The judge decides: hands are proposed on what was seen, and the network says how each attempt would end.
 
-use network::Architecture;
 use network::checkpoint::Checkpoint;
 use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, probabilities};
-use program::{ExitCode, Failure};
+use program::Failure;
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Stream, VoxelGrid};
 
@@ -65,10 +64,7 @@ impl Judge {
     /// # Errors
     /// If these are another network's weights, or the judge was trained for another hand or another grid.
     pub fn new(checkpoint: &Checkpoint, gripper: &Gripper, grid: &Grid) -> Result<Self, Failure> {
-        let Architecture::Judge(scope) = &checkpoint.architecture else {
-            let why = "these weights are the paper's network's, which answers for voxels, not a judge's";
-            return Err(Failure::new(ExitCode::Config, why));
-        };
+        let scope = checkpoint.architecture.scope()?;
         scope.must_match(gripper, grid)?;
         let (proposer, pregrasp_m) = (Proposer::new(gripper, scope.pregrasp_distance_m), scope.pregrasp_distance_m);
         Ok(Self {

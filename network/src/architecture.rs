@@ -88,4 +88,18 @@ impl Architecture {
             Self::Judge(_) => Err(self.kind().refused(what, Kind::Voxel)),
         }
     }
+
+    /// What a judge answers for.
+    ///
+    /// # Errors
+    /// If this is the paper's network.
+    pub fn scope(&self) -> Result<&Scope, Failure> {
+        match self {
+            Self::Judge(scope) => Ok(scope),
+            Self::Voxel(_) => {
+                let why = "these weights are the paper's network's, which answers for voxels, not a judge's";
+                Err(Failure::new(ExitCode::Config, why))
+            }
+        }
+    }
 }

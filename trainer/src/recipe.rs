@@ -8,8 +8,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use network::checkpoint::Checkpoint;
-use network::{Architecture, checkpoint};
+use network::checkpoint::{self, Checkpoint};
 use program::{Context, ExitCode, Failure, read};
 use report::document::{Block, Cell, Document as Page, Table as PageTable};
 use schema::{Grid, Gripper, Hands};
@@ -389,10 +388,7 @@ pub fn is_known(hand: &str) -> Result<bool, Failure> {
 /// # Errors
 /// If it does not, these are another network's weights, or there is no such hand.
 pub fn must_answer_for(weights: &Checkpoint, hand: &str) -> Result<(), Failure> {
-    let Architecture::Judge(scope) = &weights.architecture else {
-        let why = "these weights are the paper's network's, which answers for voxels, not a judge's";
-        return Err(Failure::new(ExitCode::Config, why));
-    };
+    let scope = weights.architecture.scope()?;
     hands(hand)?.all().iter().try_for_each(|hand| scope.must_match(hand, &Grid::PAPER))
 }
 
@@ -541,7 +537,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("wide.toml");
         let text = Gripper::BUILT_IN[0].1.replace("opening_m_max = 0.08", "opening_m_max = 0.2");
-        std::fs::write(&file, text.replace("closing_speed_m_s = 0.04", "closing_speed_m_s = 0.2")).unwrap();
+        std::fs::write(&file, text).unwrap();
         let hand = file.display().to_string();
         let refused = must_answer_for(&judge, &hand).unwrap_err().to_string();
         assert!(refused.contains("opening_m_max must be"), "{refused}");

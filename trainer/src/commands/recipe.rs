@@ -60,12 +60,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let built_in = out.join("from.safetensors");
     let from = match arguments.from.as_deref() {
         Some(word) if word == Path::new("nothing") => None,
-        Some(file) => Some(absolute(file)?),
+        Some(file) => {
+            must_answer_for(&checkpoint::read(file)?, &hand)?;
+            Some(absolute(file)?)
+        }
         None => is_known(&hand)?.then(|| built_in.clone()),
     };
-    if let Some(file) = arguments.from.as_ref().and(from.as_ref()) {
-        must_answer_for(&checkpoint::read(file)?, &hand)?;
-    }
     let recipe = Recipe {
         hand,
         out,
