@@ -61,8 +61,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let from = match arguments.from.as_deref() {
         Some(word) if word == Path::new("nothing") => None,
         Some(file) => {
-            must_answer_for(&checkpoint::read(file)?, &hand)?;
-            Some(absolute(file)?)
+            let file = absolute(file)?;
+            must_answer_for(&checkpoint::read(&file)?, &hand)?;
+            Some(file)
         }
         None => is_known(&hand)?.then(|| built_in.clone()),
     };
