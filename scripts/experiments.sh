@@ -38,8 +38,9 @@ scaled=(--set plan.cloud.scale_to_table=true)
 hard=(--set scene=../generate/judge.toml)
 everyday=(--set scene=../generate/everyday.toml)
 
-# Rounds of a seed that was not used for tuning.
+# Rounds of seeds that were not used for tuning.
 held=(--set 'seeds=[1001]')
+one=(--set 'seeds=[1002]')
 for kind in pile packed; do
     run "$kind-judge" "$kind" "$kind: the judge" "${held[@]}"
     run "$kind-judge-eq8" "$kind" "$kind: the judge, 0.9, Eq. 8" "${held[@]}" "${eq8[@]}"
@@ -49,6 +50,8 @@ for kind in pile packed; do
     run "$kind-vgn-half" "$kind" "$kind: VGN, 0.5" "${held[@]}" "${vgn[@]}" "${half[@]}"
     run "$kind-vgn-refined" "$kind" "$kind: VGN's network, refined" "${held[@]}" "${vgn_refined[@]}"
 done
+run pile-paper-sure pile "pile: the paper's network, Eq. 8, 0.9" "${held[@]}" --set plan=paper
+run pile-paper-front pile "pile: the paper's network, Eq. 8, 0.5, in front of surfaces" "${held[@]}" "${paper[@]}" --set plan.detection.surface_side=front
 run everyday-judge pile "everyday objects in piles of five: the judge" "${held[@]}" "${everyday[@]}"
 run everyday-refined pile "everyday objects in piles of five: the paper's network, refined" "${held[@]}" "${everyday[@]}" "${refined[@]}"
 run everyday-vgn pile "everyday objects in piles of five: VGN, 0.9" "${held[@]}" "${everyday[@]}" "${vgn[@]}"
@@ -67,15 +70,26 @@ for noise in d435 dex; do
     run "noise-$noise" table2 "Table 2: the judge, $noise noise" --set "noise.kind=$noise"
 done
 
-# One noisy view from the side.
-one=(--set 'seeds=[1002]')
+# One noisy view from the side, GIGA's five seeds; "halts" forgives touches on the way, as GIGA's and VGN's simulators do.
 for kind in pile packed; do
-    run "giga-$kind-judge" "giga-$kind" "GIGA $kind: the judge" "${one[@]}"
-    run "giga-$kind-judge-hard" "giga-$kind" "GIGA $kind, larger objects: the judge" "${one[@]}" "${hard[@]}"
-    run "giga-$kind-vgn" "giga-$kind" "GIGA $kind: VGN, 0.9, scaled to the table" "${one[@]}" "${vgn[@]}" "${scaled[@]}"
-    run "giga-$kind-vgn-hard" "giga-$kind" "GIGA $kind, larger objects: VGN, 0.9, scaled to the table" "${one[@]}" "${vgn[@]}" "${scaled[@]}" "${hard[@]}"
+    for touching in fails halts; do
+        touch=(--set "touching=$touching")
+        run "giga-$kind-judge-$touching" "giga-$kind" "GIGA $kind, a touch $touching: the judge" "${touch[@]}"
+        run "giga-$kind-paper-$touching" "giga-$kind" "GIGA $kind, a touch $touching: the paper's network, Eq. 8, 0.5" "${touch[@]}" "${paper[@]}"
+        run "giga-$kind-vgn-$touching" "giga-$kind" "GIGA $kind, a touch $touching: VGN, 0.9, scaled to the table" "${touch[@]}" "${vgn[@]}" "${scaled[@]}"
+    done
+    run "giga-$kind-hard-judge" "giga-$kind" "GIGA $kind, larger objects: the judge" "${one[@]}" "${hard[@]}"
+    run "giga-$kind-hard-vgn" "giga-$kind" "GIGA $kind, larger objects: VGN, 0.9, scaled to the table" "${one[@]}" "${vgn[@]}" "${scaled[@]}" "${hard[@]}"
 done
 
-for views in 1 2 3; do
-    run "views-$views" pile "pile: the judge, $views views" --set "views.count=$views" "${held[@]}"
+# What views and noise cost the judge: six views 30° off the vertical, one from the side (60°), and others.
+look=(--set 'seeds=[8101]' --set objects.viable_only=true)
+for noise in none d435 dex; do
+    run "views-six-$noise" pile "pile, six views, $noise noise: the judge" "${look[@]}" --set "noise.kind=$noise"
+    run "views-side-$noise" giga-pile "pile, one side view, $noise noise: the judge" "${look[@]}" --set "noise.kind=$noise"
 done
+run views-72-dex giga-pile "pile, one view at 72°, dex noise: the judge" "${look[@]}" --set views.polar_rad=1.2566
+run views-30-dex giga-pile "pile, one view at 30°, dex noise: the judge" "${look[@]}" --set views.polar_rad=0.5236
+run views-above-dex giga-pile "pile, one view from above, dex noise: the judge" "${look[@]}" --set views.polar_rad=0
+run views-two-dex giga-pile "pile, two opposite views at 60°, dex noise: the judge" "${look[@]}" --set views.count=2
+run views-three-dex giga-pile "pile, three views at 60°, dex noise: the judge" "${look[@]}" --set views.count=3
