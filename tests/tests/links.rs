@@ -1,0 +1,71 @@
+//! Links of the pages lead somewhere: to a file of the repository and, after `#`, to a heading in it.
+
+use std::path::{Component, Path, PathBuf};
+
+use workspace_tests::{SourceFile, assert_none, files, root};
+
+/// The targets of `](target)` on a page, outside code.
+fn targets(page: &SourceFile) -> Vec<&str> {
+    let mut code = false;
+    let lines = page.text.lines().filter(|line| {
+        code ^= line.starts_with("```");
+        !code && !line.starts_with("    ")
+    });
+    lines.flat_map(|line| line.split("](").skip(1).filter_map(|rest| rest.split([')', ' ']).next())).collect()
+}
+
+/// What `#…` calls a heading: its words in small letters, joined by hyphens, without marks.
+fn anchor(heading: &str) -> String {
+    // Of a link in a heading the text counts.
+    let mut words = heading.split("](");
+    let mut text = words.next().unwrap_or_default().to_owned();
+    words.for_each(|rest| text.push_str(rest.split_once(')').map_or("", |(_, rest)| rest)));
+    let kept = text.trim().chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
+    kept.map(|c| if c == ' ' { '-' } else { c }).flat_map(char::to_lowercase).collect()
+}
+
+fn headings(page: &SourceFile) -> impl Iterator<Item = String> {
+    page.text.lines().filter(|line| line.starts_with('#')).map(|line| anchor(line.trim_start_matches('#')))
+}
+
+/// A path from the root, without `.` and `..`.
+fn tidy(path: &Path) -> PathBuf {
+    let mut tidy = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::ParentDir => drop(tidy.pop()),
+            Component::CurDir => {}
+            part => tidy.push(part),
+        }
+    }
+    tidy
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let pages = files(|path| path.ends_with(".md"));
+    let mut problems = Vec::new();
+    for page in &pages {
+        let here = Path::new(&page.path).parent().expect("a page lies in a folder");
+        for target in targets(page).into_iter().filter(|target| !target.contains(':')) {
+            let (path, heading) =
+                target.split_once('#').map_or((target, None), |(path, heading)| (path, Some(heading)));
+            let file = if path.is_empty() { PathBuf::from(&page.path) } else { tidy(&here.join(path)) };
+            if !root().join(&file).exists() {
+                problems.push(format!("{}: there is no {target}", page.path));
+                continue;
+            }
+            let linked = heading.zip(pages.iter().find(|other| Path::new(&other.path) == file));
+            if linked.is_some_and(|(heading, other)| !headings(other).any(|found| found == heading)) {
+                problems.push(format!("{}: {} has no heading for {target}", page.path, file.display()));
+            }
+        }
+    }
+    assert_none("links", &problems);
+}
+
+#[test]
+fn a_heading_is_called_as_forges_call_it() {
+    assert_eq!(anchor(" One noisy side view: GIGA's protocol"), "one-noisy-side-view-gigas-protocol");
+    assert_eq!(anchor(" Beyond: [the `x` page](x.md), now"), "beyond-the-x-page-now");
+}
