@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# All experiments of docs/results in sequence: clutter removal, the paper's tables, the comparison with VGN, depth noise, ablations.
+# The experiments of docs/results/experiments.md in sequence: clutter removal, the paper's tables, depth noise, one noisy side view, views.
 #
 #   scripts/experiments.sh OUT [NAME…]      all of them, or those whose name begins with one of these
 #

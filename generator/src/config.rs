@@ -98,7 +98,7 @@ settings! {
         pub normals: f32 where 0.0..=1.0,
         /// Hands proposed on what the scene's cameras saw.
         pub proposals: f32 where 0.0..=1.0,
-        /// Proposals that the policy's judge holds for the best; without a policy, as `proposals`.
+        /// Proposals that the policy's judge rates highest; without a policy, as `proposals`.
         pub judged: f32 where 0.0..=1.0,
         /// Hands that held another attempt of the scene, moved by up to 30 mm and turned by up to 30 degrees.
         pub displaced: f32 where 0.0..=1.0,

@@ -64,7 +64,7 @@ impl Mixture {
     }
 }
 
-/// Proposals of hands on what the scene's cameras saw, then those that the policy holds for the best; fewer if so many
+/// Proposals of hands on what the scene's cameras saw, then those that the policy rates highest; fewer if so many
 /// are not found.
 pub(crate) fn proposed(
     config: &Config,
