@@ -70,7 +70,7 @@ for noise in d435 dex; do
     run "noise-$noise" table2 "Table 2: the judge, $noise noise" --set "noise.kind=$noise"
 done
 
-# One noisy view from the side, GIGA's five seeds; "halts" forgives touches on the way, as GIGA's and VGN's simulators do.
+# One noisy view from the side, GIGA's five seeds (larger objects: one other seed); "halts" forgives touches on the way, as GIGA's and VGN's simulators do.
 for kind in pile packed; do
     for touching in fails halts; do
         touch=(--set "touching=$touching")
@@ -85,7 +85,8 @@ done
 # What views and noise cost the judge: six views 30° off the vertical, one from the side (60°), and others.
 look=(--set 'seeds=[8101]' --set objects.viable_only=true)
 for noise in none d435 dex; do
-    run "views-six-$noise" pile "pile, six views, $noise noise: the judge" "${look[@]}" --set "noise.kind=$noise"
+    run "views-six-$noise" giga-pile "pile, six views, $noise noise: the judge" "${look[@]}" --set "noise.kind=$noise" \
+        --set views.count=6 --set views.polar_rad=0.5236
     run "views-side-$noise" giga-pile "pile, one side view, $noise noise: the judge" "${look[@]}" --set "noise.kind=$noise"
 done
 run views-72-dex giga-pile "pile, one view at 72°, dex noise: the judge" "${look[@]}" --set views.polar_rad=1.2566

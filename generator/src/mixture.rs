@@ -237,7 +237,7 @@ mod tests {
             refused(text.replace("judged = 0.25 ", "judged = 0.0 ").replace("proposals = 0.15 ", "proposals = 0.4 "));
         assert!(message.contains("policy needs shares.judged above 0"), "{message}");
         let message = refused(text.replace("models/judge", "models/paper-200k"));
-        assert!(message.contains("policy: these weights are the paper's network's"), "{message}");
+        assert!(message.contains("policy: judging hands needs a judge"), "{message}");
     }
 
     #[test]

@@ -64,7 +64,7 @@ impl Judge {
     /// # Errors
     /// If these are another network's weights, or the judge was trained for another hand or another grid.
     pub fn new(checkpoint: &Checkpoint, gripper: &Gripper, grid: &Grid) -> Result<Self, Failure> {
-        let scope = checkpoint.architecture.scope()?;
+        let scope = checkpoint.architecture.scope("judging hands")?;
         scope.must_match(gripper, grid)?;
         let (proposer, pregrasp_m) = (Proposer::new(gripper, scope.pregrasp_distance_m), scope.pregrasp_distance_m);
         Ok(Self {

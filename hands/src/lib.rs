@@ -34,7 +34,9 @@ const DEPTH_M: [f32; 2] = [-0.005, 0.04];
 const WIDTH_M_MIN: f32 = 0.006;
 /// How deep under a touched point a hand that comes along the normal looks for the sides of what it touches.
 const INTO_M: f32 = 0.008;
-/// Step of the walk through an object to its opposite side.
+/// How deep under a touched point the walk to the opposite side begins: on the surface itself noise decides.
+const UNDER_M: f32 = 0.004;
+/// Step of the walk through an object to its side.
 const WALK_M: f32 = 0.002;
 /// Distance between the points of the swept hand at which the field is looked up.
 const LOOK_M: f32 = 0.0075;
@@ -128,14 +130,15 @@ impl Proposer {
         let span_m = self.span_m;
         let (rotation, width_m, centre_m) = if draw.closes {
             let rotation = approach_about(normal, FRAC_PI_2 * draw.turn_rad, draw.flip);
+            let behind_m = space.way_out_m(point_m - UNDER_M * normal, -normal, span_m - UNDER_M);
             let width_m =
-                space.width_m(point_m, -normal, span_m).unwrap_or(WIDTH_M_MIN + draw.width * (span_m - WIDTH_M_MIN));
+                behind_m.map_or(WIDTH_M_MIN + draw.width * (span_m - WIDTH_M_MIN), |behind_m| UNDER_M + behind_m);
             (rotation, width_m, point_m - 0.5 * width_m * normal)
         } else {
             let tilted = axis_angle(perpendicular(normal, PI * draw.offset), draw.tilt_rad) * normal;
             let rotation = closing_about(-tilted, PI * draw.turn_rad);
             let (middle_m, across) = (point_m - INTO_M * normal, rotation * Vec3::Y);
-            let [before_m, behind_m] = [-across, across].map(|along| space.width_m(middle_m, along, span_m));
+            let [before_m, behind_m] = [-across, across].map(|along| space.way_out_m(middle_m, along, span_m));
             match (before_m, behind_m) {
                 (Some(before_m), Some(behind_m)) => {
                     (rotation, before_m + behind_m, point_m + 0.5 * (behind_m - before_m) * across)
@@ -217,18 +220,18 @@ impl<'a> Space<'a> {
         })
     }
 
-    /// The width of what lies behind a point of the surface: the way to where the field is positive again, if that was
-    /// seen within `most_m`.
-    fn width_m(&self, point_m: Vec3, along: Vec3, most_m: f32) -> Option<f32> {
-        let steps = (most_m / WALK_M) as usize;
+    /// The way out of a thing from a point in it: to where the field becomes positive, if that was seen within `most_m`
+    /// or the step beyond.
+    fn way_out_m(&self, point_m: Vec3, along: Vec3, most_m: f32) -> Option<f32> {
+        let steps = (most_m / WALK_M).ceil() as usize;
         // The padded grid begins half a voxel before the workspace.
         let (start, step) = (point_m * self.per_m + 0.5, along * (WALK_M * self.per_m));
-        let mut last = 0.0;
-        // The first steps are in the surface itself.
-        for number in 2..=steps {
+        let mut last = self.padded.at(start).0;
+        for number in 1..=steps {
             let (here, share) = self.padded.at(start + step * number as f32);
-            if last < 0.0 && here >= 0.0 && share > 0.0 {
-                return Some(((number - 1) as f32 + last / (last - here)) * WALK_M);
+            // What comes after the first point outside is another thing.
+            if here >= 0.0 && share > 0.0 {
+                return (last < 0.0).then(|| ((number - 1) as f32 + last / (last - here)) * WALK_M);
             }
             last = here;
         }

@@ -92,14 +92,11 @@ impl Architecture {
     /// What a judge answers for.
     ///
     /// # Errors
-    /// If this is the paper's network.
-    pub fn scope(&self) -> Result<&Scope, Failure> {
+    /// If this is the paper's network; `what` needs a judge.
+    pub fn scope(&self, what: &str) -> Result<&Scope, Failure> {
         match self {
             Self::Judge(scope) => Ok(scope),
-            Self::Voxel(_) => {
-                let why = "these weights are the paper's network's, which answers for voxels, not a judge's";
-                Err(Failure::new(ExitCode::Config, why))
-            }
+            Self::Voxel(_) => Err(self.kind().refused(what, Kind::Judge)),
         }
     }
 }

@@ -4,14 +4,21 @@ use std::path::{Component, Path, PathBuf};
 
 use workspace_tests::{SourceFile, assert_none, files, root};
 
-/// The targets of `](target)` on a page, outside code.
-fn targets(page: &SourceFile) -> Vec<&str> {
+/// The lines of a page that are not code.
+fn prose(page: &SourceFile) -> Vec<&str> {
     let mut code = false;
     let lines = page.text.lines().filter(|line| {
-        code ^= line.starts_with("```");
-        !code && !line.starts_with("    ")
+        let fence = line.starts_with("```");
+        code ^= fence;
+        !code && !fence
     });
-    lines.flat_map(|line| line.split("](").skip(1).filter_map(|rest| rest.split([')', ' ']).next())).collect()
+    lines.collect()
+}
+
+/// The targets of `](target)` on a page.
+fn targets(page: &SourceFile) -> impl Iterator<Item = &str> {
+    let links = prose(page).into_iter().flat_map(|line| line.split("](").skip(1));
+    links.filter_map(|rest| rest.split([')', ' ']).next())
 }
 
 /// What `#…` calls a heading: its words in small letters, joined by hyphens, without marks.
@@ -25,20 +32,20 @@ fn anchor(heading: &str) -> String {
 }
 
 fn headings(page: &SourceFile) -> impl Iterator<Item = String> {
-    page.text.lines().filter(|line| line.starts_with('#')).map(|line| anchor(line.trim_start_matches('#')))
+    prose(page).into_iter().filter(|line| line.starts_with('#')).map(|line| anchor(line.trim_start_matches('#')))
 }
 
-/// A path from the root, without `.` and `..`.
-fn tidy(path: &Path) -> PathBuf {
+/// A path from the root, without `.` and `..`; none if it leaves the repository.
+fn tidy(path: &Path) -> Option<PathBuf> {
     let mut tidy = PathBuf::new();
     for part in path.components() {
         match part {
-            Component::ParentDir => drop(tidy.pop()),
+            Component::ParentDir => tidy.pop().then_some(())?,
             Component::CurDir => {}
             part => tidy.push(part),
         }
     }
-    tidy
+    Some(tidy)
 }
 
 #[test]
@@ -47,14 +54,14 @@ fn links_lead_somewhere() {
     let mut problems = Vec::new();
     for page in &pages {
         let here = Path::new(&page.path).parent().expect("a page lies in a folder");
-        for target in targets(page).into_iter().filter(|target| !target.contains(':')) {
+        for target in targets(page).filter(|target| !target.contains(':')) {
             let (path, heading) =
                 target.split_once('#').map_or((target, None), |(path, heading)| (path, Some(heading)));
-            let file = if path.is_empty() { PathBuf::from(&page.path) } else { tidy(&here.join(path)) };
-            if !root().join(&file).exists() {
+            let file = if path.is_empty() { Some(PathBuf::from(&page.path)) } else { tidy(&here.join(path)) };
+            let Some(file) = file.filter(|file| root().join(file).exists()) else {
                 problems.push(format!("{}: there is no {target}", page.path));
                 continue;
-            }
+            };
             let linked = heading.zip(pages.iter().find(|other| Path::new(&other.path) == file));
             if linked.is_some_and(|(heading, other)| !headings(other).any(|found| found == heading)) {
                 problems.push(format!("{}: {} has no heading for {target}", page.path, file.display()));

@@ -1,9 +1,9 @@
 //! From a hand to a judge's weights: the steps that the programs beside this one take, and what is written about them.
 //!
 //! For a hand that the judge of many hands answers for, one round of "plan, execute, train" (docs/judge.md): the
-//! dataset has that judge's choices, and training goes on from its weights. For others two rounds: the second dataset
-//! has the choices of the judge that learned from the first. Every step can be repeated at any time, because each
-//! program goes on where it was stopped; so a recipe needs no state of its own.
+//! dataset has some of that judge's choices, and training goes on from its weights. For others two rounds: the second
+//! dataset has some choices of the judge that learned from the first. Every step can be repeated at any time, because
+//! each program goes on where it was stopped; so a recipe needs no state of its own.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -42,7 +42,7 @@ const FIRST_SHARE: f64 = 1.0 / 3.0;
 const FIRST_EPOCHS: u32 = 6;
 /// Household objects to learn from: thirty of each kind. Of the kinds that are held out there are as many.
 const HOUSEHOLD_COUNT: i64 = 540;
-/// Epochs of the judge, which learns from both rounds.
+/// Epochs of the judge, which learns from all rounds.
 const EPOCHS: u32 = 10;
 /// Attempts of the test set.
 const TEST_ATTEMPTS: u64 = 60_000;
@@ -90,7 +90,7 @@ pub struct Recipe {
     pub hand: String,
     /// The folder of all results.
     pub out: PathBuf,
-    /// Seed of the first dataset; the next two are those of the others.
+    /// Seed of the first dataset; those of the others and of the experiments follow it.
     pub seed: u64,
     /// Attempts of all rounds.
     pub attempts: u64,
@@ -285,7 +285,7 @@ impl Recipe {
     #[must_use]
     pub fn time(&self, pilot: &[Duration]) -> Duration {
         let times = |share: f64, part: &[Duration]| part.iter().sum::<Duration>().mul_f64(share);
-        // The test set is drawn as the first round, at most with choices less.
+        // The test set is drawn as the first round, without a judge's choices: where that has some, this is too much.
         let first = &pilot[..self.parts(TEST, 0).len().min(pilot.len())];
         let hands = self.tried_hands().map_or(1, |hands| hands.len());
         let tried = EXPERIMENTS.len() + usize::from(self.objects.is_some());
@@ -388,7 +388,7 @@ pub fn is_known(hand: &str) -> Result<bool, Failure> {
 /// # Errors
 /// If it does not, these are another network's weights, or there is no such hand.
 pub fn must_answer_for(weights: &Checkpoint, hand: &str) -> Result<(), Failure> {
-    let scope = weights.architecture.scope()?;
+    let scope = weights.architecture.scope("a recipe")?;
     hands(hand)?.all().iter().try_for_each(|hand| scope.must_match(hand, &Grid::PAPER))
 }
 

@@ -65,11 +65,11 @@ impl PaddedGrid {
 
     /// Mean of the observed distances at the eight voxels around a point, by their weights, in [−1, 1] of the
     /// truncation, and the share of the eight that was observed; 0 and 0 where none was. `at` is in voxels from the
-    /// centre of the border's first one.
+    /// centre of the border's first one; beyond the border nothing is observed.
     #[inline(always)]
     #[must_use]
     pub fn at(&self, at: Vec3) -> (f32, f32) {
-        let last = (self.side - 1) as f32 - 1e-3;
+        let last = (self.side - 1) as f32 - 1e-4;
         let [(x, high_x), (y, high_y), (z, high_z)] = at.to_array().map(|at| {
             let at = at.max(0.0).min(last);
             let low = at as i32;
@@ -201,7 +201,7 @@ impl Crop {
         to: &mut [f32],
     ) {
         let step_m = workspace_from_grasp.rotation * Vec3::new(0.0, 0.0, lattice.step_m.z);
-        // In voxels from the centre of the border's first one.
+        // In voxels from the centre of the border's first one; beyond the border nothing is observed.
         let (per_m, offset) = (1.0 / self.voxel_size_m, Vec3::splat(0.5));
         let [nx, ny, nz] = lattice.padded.n;
         for x in 0..nx {

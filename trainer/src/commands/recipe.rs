@@ -10,11 +10,13 @@ use network::checkpoint;
 use program::{Context, ExitCode, Failure, print, start_beside, stop_on_signals, write};
 use trainer::recipe::{MANY_HANDS, Recipe, Seen, Step, Things, card, is_known, must_answer_for};
 
-/// From a hand to weights: execute what a judge of many hands would choose, train it on the outcomes, and try it.
+/// From a hand to weights: execute attempts, a quarter of them the choices of a judge of many hands, go on training it
+/// on the outcomes, and try it.
 ///
-/// Where no such judge answers for the hand there are two rounds: execute attempts, train a judge, execute its own
-/// choices, train it on both. Every step is a command of one of the programs, which is printed before it runs.
-/// Interrupt the recipe and start it again: it goes on where it stopped. The same arguments give the same weights.
+/// Where no such judge answers for the hand, or for many hands, there are two rounds: execute attempts, train a judge,
+/// execute some of its own choices, train it on both. Every step is a command of one of the programs, which is printed
+/// before it runs. Interrupt the recipe and start it again: it goes on where it stopped. The same arguments give the
+/// same weights.
 #[derive(Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
@@ -34,8 +36,8 @@ pub(crate) struct Arguments {
     /// of docs/household-objects.md, of which nine are kept for a test.
     #[arg(long, value_name = "FILE")]
     objects: Option<PathBuf>,
-    /// Weights to begin with, of a judge that answers for the hand, or nothing [default: the built-in judge of many
-    /// hands if it answers for this one, else nothing].
+    /// Weights to begin with, of a judge that answers for the hand, or nothing [default: for a single hand the built-in
+    /// judge of many hands if it answers for it, else nothing].
     #[arg(long, value_name = "FILE")]
     from: Option<PathBuf>,
     /// Seed of the first dataset.
@@ -82,7 +84,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     };
     let steps = recipe.steps()?;
     fs::create_dir_all(&recipe.out).context(format_args!("failed to make {}", recipe.out.display()))?;
-    if recipe.from.as_ref() == Some(&built_in) {
+    if arguments.from.is_none() && recipe.from.is_some() {
         write(&built_in, MANY_HANDS.0)?;
     }
     write_settings(&recipe)?;
