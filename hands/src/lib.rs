@@ -346,6 +346,29 @@ mod tests {
     }
 
     #[test]
+    fn a_thing_ends_where_its_neighbour_has_not_begun() {
+        // Two slabs of 20 mm across x, 15 mm apart.
+        let value = |index: usize| {
+            let x_m = Grid::PAPER.centre_m([index / 1600, 0, 0]).x;
+            let to_slab_m = [0.1_f32, 0.135].map(|middle_m| (x_m - middle_m).abs() - 0.01).into_iter().reduce(f32::min);
+            0.5 * (to_slab_m.unwrap() / 0.03).clamp(-0.9, 0.9) + 0.5
+        };
+        let slabs = VoxelGrid::new(Grid::PAPER, (0..64_000).map(value).collect()).unwrap();
+        let way_m = |x_m: f32, most_m: f32| {
+            let found = Space::new(&slabs).way_out_m(Vec3::new(x_m, 0.15, 0.15), Vec3::X, most_m);
+            found.map(|found_m| x_m + found_m)
+        };
+        let ends = |end_m: Option<f32>, at_m: f32| end_m.is_some_and(|end_m| (end_m - at_m).abs() < 0.002);
+        for from_m in [0.095, 0.1, 0.107] {
+            assert!(ends(way_m(from_m, 0.08), 0.11), "{from_m}: {:?}", way_m(from_m, 0.08));
+        }
+        assert_eq!(way_m(0.115, 0.08), None);
+        // All of the way counts, also if it is no whole number of steps; what is longer is not found.
+        assert!(ends(way_m(0.091, 0.0195), 0.11));
+        assert_eq!(way_m(0.091, 0.01), None);
+    }
+
+    #[test]
     fn an_empty_table_has_no_hands_and_the_same_stream_gives_the_same_hands() {
         let empty = VoxelGrid::new(Grid::PAPER, vec![0.0; 64_000]).unwrap();
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();

@@ -201,7 +201,7 @@ impl Crop {
         to: &mut [f32],
     ) {
         let step_m = workspace_from_grasp.rotation * Vec3::new(0.0, 0.0, lattice.step_m.z);
-        // In voxels from the centre of the border's first one; beyond the border nothing is observed.
+        // In voxels from the centre of the border's first one.
         let (per_m, offset) = (1.0 / self.voxel_size_m, Vec3::splat(0.5));
         let [nx, ny, nz] = lattice.padded.n;
         for x in 0..nx {
