@@ -75,7 +75,7 @@ for kind in pile packed; do
     for touching in fails halts; do
         touch=(--set "touching=$touching")
         run "giga-$kind-judge-$touching" "giga-$kind" "GIGA $kind, a touch $touching: the judge" "${touch[@]}"
-        run "giga-$kind-paper-$touching" "giga-$kind" "GIGA $kind, a touch $touching: the paper's network, Eq. 8, 0.5" "${touch[@]}" "${paper[@]}"
+        run "giga-$kind-paper-$touching" "giga-$kind" "GIGA $kind, a touch $touching: the paper's network, Eq. 8, 0.5, scaled to the table" "${touch[@]}" "${paper[@]}" "${scaled[@]}"
         run "giga-$kind-vgn-$touching" "giga-$kind" "GIGA $kind, a touch $touching: VGN, 0.9, scaled to the table" "${touch[@]}" "${vgn[@]}" "${scaled[@]}"
     done
     run "giga-$kind-hard-judge" "giga-$kind" "GIGA $kind, larger objects: the judge" "${one[@]}" "${hard[@]}"
