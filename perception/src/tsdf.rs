@@ -6,7 +6,8 @@
 //! surface are not updated, because the view contains no information about them. Views are averaged. This is Open3D's
 //! `UniformTSDFVolume` (Curless & Levoy 1996), which VGN used, so VGN's published weights work on our grids.
 
-use schema::{Camera, Grid, Intrinsics, Pose, Vec3, VoxelGrid};
+use rayon::prelude::*;
+use schema::{Camera, DepthImage, Grid, Intrinsics, Pose, Vec3, VoxelGrid};
 
 /// VGN's truncation: 4 voxels (`TSDFVolume.sdf_trunc`), 30 mm on the paper's grid.
 pub const TRUNCATION_VOXELS: f32 = 4.0;
@@ -14,7 +15,7 @@ pub const TRUNCATION_VOXELS: f32 = 4.0;
 /// Values of at least this magnitude count as empty or unknown in VGN's grids (Open3D: `ExtractVoxelGrid`).
 const STORED_MAX: f32 = 0.98;
 
-/// A TSDF under construction. Single-threaded; its bits depend only on the views and their order.
+/// A TSDF under construction; its bits depend only on the views and their order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tsdf {
     grid: Grid,
@@ -59,16 +60,27 @@ impl Tsdf {
     /// The same; `look_up(pixels, depths_m)` gives the depths in the pixels of a line in the image, infinite where the
     /// camera saw nothing.
     pub fn integrate_lines(&mut self, camera: &Camera, mut look_up: impl FnMut(&[[usize; 2]], &mut [f32])) {
-        let side = self.grid.resolution;
         let mut column = Column::new(camera, &self.grid);
-        for i in 0..side {
-            for j in 0..side {
-                column.project(i, j);
-                column.look_up(&mut look_up);
-                let flat = self.grid.flat([i, j, 0]);
-                column.fuse(self.truncation_m, &mut self.mean[flat..flat + side], &mut self.weight[flat..flat + side]);
-            }
+        let side = self.grid.resolution;
+        let slabs = self.mean.chunks_mut(side * side).zip(self.weight.chunks_mut(side * side));
+        for (i, (mean, weight)) in slabs.enumerate() {
+            column.fuse_slab(i, self.truncation_m, &mut look_up, (mean, weight));
         }
+    }
+
+    /// Adds a depth image, on all threads; the same bits as [`Self::integrate`].
+    pub fn integrate_image(&mut self, camera: &Camera, image: &DepthImage) {
+        let (grid, truncation_m, slab) = (self.grid, self.truncation_m, self.grid.resolution.pow(2));
+        let slabs = self.mean.par_chunks_mut(slab).zip(self.weight.par_chunks_mut(slab)).enumerate();
+        let look_up = |pixels: &[[usize; 2]], depths_m: &mut [f32]| {
+            for (pixel, depth_m) in pixels.iter().zip(depths_m) {
+                *depth_m = image.at(*pixel).unwrap_or(f32::INFINITY);
+            }
+        };
+        slabs.with_min_len(8).for_each_init(
+            || Column::new(camera, &grid),
+            |column, (i, slab)| column.fuse_slab(i, truncation_m, &mut { look_up }, slab),
+        );
     }
 
     /// The field at a voxel, in truncations: [−1, 1], positive in front of the surface; `None` if no view observed it.
@@ -133,6 +145,22 @@ impl Column {
             depth_m: blank.clone(),
             ray2: blank,
             pixels: vec![[0; 2]; grid.resolution],
+        }
+    }
+
+    /// Updates the columns (i, ·) with this view.
+    fn fuse_slab(
+        &mut self,
+        i: usize,
+        truncation_m: f32,
+        look_up: &mut impl FnMut(&[[usize; 2]], &mut [f32]),
+        (mean, weight): (&mut [f32], &mut [f32]),
+    ) {
+        let side = self.grid.resolution;
+        for (j, (mean, weight)) in mean.chunks_mut(side).zip(weight.chunks_mut(side)).enumerate() {
+            self.project(i, j);
+            self.look_up(look_up);
+            self.fuse(truncation_m, mean, weight);
         }
     }
 

@@ -127,7 +127,7 @@ proptest! {
         let (mut of_image, mut of_rays) = (Tsdf::new(grid, 4.0), Tsdf::new(grid, 4.0));
         for view in draw_views(&ViewParams::VGN, &grid, &mut Stream::new(seed, 0, Purpose::Views, 0)) {
             let camera = camera_at(&view, &grid, lens);
-            of_image.integrate(&camera, |pixel| image.at(pixel));
+            of_image.integrate_image(&camera, &image);
             of_rays.integrate(&camera, sensor);
         }
         prop_assert_eq!(of_image.to_voxels(), of_rays.to_voxels());

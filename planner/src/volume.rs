@@ -98,7 +98,7 @@ pub fn fuse_views(views: &[SeenView], grid: &Grid) -> Result<VoxelGrid, InputErr
     let mut tsdf = Tsdf::new(*grid, TRUNCATION_VOXELS);
     views.iter().enumerate().try_for_each(must_fit)?;
     for SeenView { image, camera } in views {
-        tsdf.integrate(camera, |pixel| image.at(pixel).filter(|depth_m| depth_m.is_finite()));
+        tsdf.integrate_image(camera, image);
     }
     Ok(tsdf.to_voxels())
 }
@@ -156,7 +156,7 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
         };
         let spacing_m = spacing_m.max(pitch_m);
         let (camera, image) = cloud_image(&points_m, &view, grid, spacing_m);
-        tsdf.integrate(&camera, |pixel| image.at(pixel));
+        tsdf.integrate_image(&camera, &image);
         hidden_m.retain(|point_m| !is_seen(*point_m, &camera, &image, HIDDEN_SPACINGS * spacing_m));
     }
     warnings.extend(hidden(hidden_m.len(), points_m.len(), eyes_m.len()));

@@ -308,7 +308,7 @@ pub(crate) fn fuse<'py>(
     let fused = || {
         let mut tsdf = Tsdf::new(grid, truncation_voxels);
         for (image, camera) in images.iter().zip(&cameras) {
-            tsdf.integrate(camera, |pixel| image.at(pixel));
+            tsdf.integrate_image(camera, image);
         }
         Ok::<VoxelGrid, Failure>(tsdf.to_voxels())
     };
