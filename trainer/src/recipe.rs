@@ -337,13 +337,13 @@ impl Recipe {
         let (config, epochs, out) = (self.at("train.toml"), epochs.to_string(), self.at(run));
         let fixed = ["fit", "--resume", "--config", &config, "--epochs", &epochs, "--run", &out];
         let mut arguments: Vec<String> = fixed.map(str::to_owned).to_vec();
-        for (name, ..) in rounds.iter().flat_map(|round| self.parts(round, 0)) {
-            arguments.extend(["--data".to_owned(), self.at(&name)]);
-        }
+        let parts = rounds.iter().flat_map(|round| self.parts(round, 0));
+        let names: Vec<String> = parts.map(|(name, ..)| name).collect();
+        arguments.extend(names.iter().flat_map(|name| ["--data".to_owned(), self.at(name)]));
         let from = self.from.iter().map(|from| from.display().to_string());
         arguments.extend(from.flat_map(|from| ["--from".to_owned(), from]));
         let done = Path::new(&out).join("best.safetensors");
-        Step { what: format!("train {epochs} epochs on {}", rounds.join(" and ")), program: "trainer", arguments, done }
+        Step { what: format!("train {epochs} epochs on {}", names.join(", ")), program: "trainer", arguments, done }
     }
 
     fn at(&self, name: &str) -> String {
