@@ -6,7 +6,7 @@
 
 use core::f32::consts::FRAC_PI_6;
 
-use hands::{Judge, Judged, Proposer};
+use hands::{Judge, Judged, Proposer, Seen};
 use schema::{
     Approach, AttemptRecord, ObjectRecord, Pose, Purpose, Rule, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts,
 };
@@ -95,7 +95,8 @@ fn best(judge: &Judge, (tsdf, views): (&VoxelGrid, usize), count: usize, stream:
     if count == 0 {
         return best;
     }
-    for judged in judge.hands(tsdf, views, JUDGED_OF, stream, &|_| true) {
+    let seen = Seen { field: tsdf, fine: None, views };
+    for judged in judge.hands(seen, JUDGED_OF, stream, &|_| true) {
         if best.len() < count && best.iter().all(|better| !better.is_near(&judged, APART_M)) {
             best.push(judged);
         }

@@ -4,9 +4,9 @@ use network::checkpoint::Checkpoint;
 use network::judge::{Crop, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, probabilities};
 use program::Failure;
 use rayon::prelude::*;
-use schema::{Grasp, Grid, Gripper, Outcome, Stream, VoxelGrid};
+use schema::{Grasp, Grid, Gripper, Outcome, Stream};
 
-use crate::{Proposer, Space};
+use crate::{Proposer, Seen, Space};
 
 /// Hands that one thread judges together.
 const TOGETHER: usize = 32;
@@ -74,21 +74,20 @@ impl Judge {
         })
     }
 
-    /// Proposes hands in a scene that is seen from `views`, and judges them, best first: `proposals`, or several times
+    /// Proposes hands in a scene, and judges them, best first: `proposals`, or several times
     /// as many where few are good. The best are asked about again in each mirror image: a hand and its mirror image end
     /// alike, so where the answers differ their mean is nearer to the truth. Of the proposed hands only those that are
     /// wanted are judged.
     #[must_use]
     pub fn hands(
         &self,
-        field: &VoxelGrid,
-        views: usize,
+        seen: Seen<'_>,
         proposals: usize,
         stream: &mut Stream,
         is_wanted: &dyn Fn(&Grasp) -> bool,
     ) -> Vec<Judged> {
-        let space = Space::new(field);
-        let scene = (&space.padded, views);
+        let space = Space::new(seen.field, seen.fine);
+        let scene = (&space.padded, seen.views);
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let mut judged: Vec<Judged> = Vec::new();
         for _ in 0..SEARCHES_MAX {

@@ -10,7 +10,7 @@ mod judge;
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_6, PI};
 
 use network::judge::PaddedGrid;
-use perception::{normals, surface_cloud};
+use perception::{TRUNCATION_VOXELS, normals, surface_cloud};
 use rayon::prelude::*;
 use schema::{Grasp, Gripper, HandBox, Mat3, Pose, Quat, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts};
 
@@ -43,10 +43,25 @@ const LOOK_M: f32 = 0.0075;
 /// A hand is in the way of what was seen where the field is below this, in truncations: 6 mm deep in the paper's grid,
 /// because the field is coarse.
 const INSIDE: f32 = -0.2;
+/// Where a finer field is given, it is asked too, about points that are nearer than this to a surface, in truncations …
+const NEAR: f32 = 0.3;
+/// … and a hand is in the way of what it shows where that is deeper than this.
+const INSIDE_FINE_M: f32 = 0.001;
 /// Draws for each wanted hand after which the search ends.
 const TRIES_MAX: usize = 40;
 /// Draws that are examined together.
 const ROUND: usize = 1024;
+
+/// What was seen of a scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen<'a> {
+    /// As a TSDF on the judge's grid.
+    pub field: &'a VoxelGrid,
+    /// The same on a finer grid, if there is one: hands are fitted to it more closely.
+    pub fine: Option<&'a VoxelGrid>,
+    /// From how many views.
+    pub views: usize,
+}
 
 /// A hand, prepared for the search.
 #[derive(Debug, Clone)]
@@ -103,7 +118,7 @@ impl Proposer {
     /// more are found. A pure function of its arguments, whatever the number of threads.
     #[must_use]
     pub fn propose(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
-        self.search(&Space::new(field), count, stream)
+        self.search(&Space::new(field, None), count, stream)
     }
 
     /// [`Self::propose`] in a scene that is prepared, for several searches.
@@ -181,6 +196,8 @@ impl Proposer {
 struct Space<'a> {
     field: &'a VoxelGrid,
     padded: PaddedGrid,
+    /// The finer field, and its voxels in a metre.
+    fine: Option<(PaddedGrid, f32)>,
     /// Points of the surface of things with their normals: all, and those on which a finger can close.
     surfaces: [Vec<(Vec3, Vec3)>; 2],
     /// Voxels in a metre.
@@ -189,15 +206,17 @@ struct Space<'a> {
 }
 
 impl<'a> Space<'a> {
-    fn new(field: &'a VoxelGrid) -> Self {
+    fn new(field: &'a VoxelGrid, fine: Option<&VoxelGrid>) -> Self {
         let above_m = field.grid.table_z_m + TABLE_M;
-        let cloud_m = surface_cloud(field, PITCH_M);
-        let normals = normals(field, &cloud_m);
+        let finest = fine.unwrap_or(field);
+        let cloud_m = surface_cloud(finest, PITCH_M);
+        let normals = normals(finest, &cloud_m);
         let is_thing = |(point_m, normal): &(Vec3, Vec3)| point_m.z > above_m && *normal != Vec3::ZERO;
         let all: Vec<(Vec3, Vec3)> = cloud_m.into_iter().zip(normals).filter(is_thing).collect();
         let sides = all.iter().copied().filter(|(_, normal)| normal.z.abs() <= CLOSING_RISE_MAX).collect();
         let (per_m, side) = (1.0 / field.grid.voxel_size_m(), field.grid.resolution as f32);
-        Self { field, padded: PaddedGrid::from(field), surfaces: [all, sides], per_m, side }
+        let fine = fine.map(|fine| (PaddedGrid::from(fine), 1.0 / fine.grid.voxel_size_m()));
+        Self { field, padded: PaddedGrid::from(field), fine, surfaces: [all, sides], per_m, side }
     }
 
     /// The value of the voxel around a point, which is given in voxels; 0 where nothing was observed.
@@ -216,7 +235,17 @@ impl<'a> Space<'a> {
         let (tips, turn) = (tips_m * self.per_m, Mat3::from_quat(rotation) * self.per_m);
         points_m.iter().any(|point_m| {
             let value = self.value(tips + turn * *point_m);
-            value > 0.0 && 2.0 * value - 1.0 <= INSIDE
+            let distance = 2.0 * value - 1.0;
+            let is_near = value > 0.0 && distance < NEAR;
+            is_near && (distance <= INSIDE || self.is_inside(tips_m + rotation * *point_m))
+        })
+    }
+
+    /// Whether a point is in something, as the finer field has it.
+    fn is_inside(&self, point_m: Vec3) -> bool {
+        self.fine.as_ref().is_some_and(|(fine, per_m)| {
+            let (distance, share) = fine.at(point_m * *per_m + 0.5);
+            share > 0.0 && distance * TRUNCATION_VOXELS <= -INSIDE_FINE_M * per_m
         })
     }
 
@@ -224,11 +253,12 @@ impl<'a> Space<'a> {
     /// or the step beyond.
     fn way_out_m(&self, point_m: Vec3, along: Vec3, most_m: f32) -> Option<f32> {
         let steps = (most_m / WALK_M).ceil() as usize;
+        let (field, per_m) = self.fine.as_ref().map_or((&self.padded, self.per_m), |(fine, per_m)| (fine, *per_m));
         // The padded grid begins half a voxel before the workspace.
-        let (start, step) = (point_m * self.per_m + 0.5, along * (WALK_M * self.per_m));
-        let mut last = self.padded.at(start).0;
+        let (start, step) = (point_m * per_m + 0.5, along * (WALK_M * per_m));
+        let mut last = field.at(start).0;
         for number in 1..=steps {
-            let (here, share) = self.padded.at(start + step * number as f32);
+            let (here, share) = field.at(start + step * number as f32);
             // What comes after the first point outside is another thing.
             if here >= 0.0 && share > 0.0 {
                 return (last < 0.0).then(|| ((number - 1) as f32 + last / (last - here)) * WALK_M);
@@ -288,15 +318,21 @@ mod tests {
         (HALF_M - (point_m - MIDDLE_M).abs()).min_element()
     }
 
-    fn field() -> VoxelGrid {
+    fn field_of(resolution: usize) -> VoxelGrid {
+        let (grid, n) = (Grid { resolution, ..Grid::PAPER }, resolution);
         let value = |index: usize| {
-            let at_m = Grid::PAPER.centre_m([index / 1600, index / 40 % 40, index % 40]);
+            let at_m = grid.centre_m([index / (n * n), index / n % n, index % n]);
             let outside = ((at_m - MIDDLE_M).abs() - HALF_M).max(Vec3::ZERO).length();
             let to_box = if outside > 0.0 { outside } else { -depth_in_box_m(at_m) };
-            let tsdf = (to_box.min(at_m.z - 0.05) / 0.03).clamp(-1.0, 1.0);
+            let truncation_m = TRUNCATION_VOXELS * grid.voxel_size_m();
+            let tsdf = (to_box.min(at_m.z - 0.05) / truncation_m).clamp(-1.0, 1.0);
             if tsdf.abs() < 0.98 { 0.5 * (tsdf + 1.0) } else { 0.0 }
         };
-        VoxelGrid::new(Grid::PAPER, (0..64_000).map(value).collect()).unwrap()
+        VoxelGrid::new(grid, (0..grid.len()).map(value).collect()).unwrap()
+    }
+
+    fn field() -> VoxelGrid {
+        field_of(40)
     }
 
     fn proposed(count: usize) -> (Gripper, Vec<Grasp>) {
@@ -304,6 +340,16 @@ mod tests {
         let proposer = Proposer::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
         let hands = proposer.propose(&field(), count, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         (gripper, hands)
+    }
+
+    /// How deep the deepest point of any of these hands, on its way, is in the box.
+    fn deepest_m(gripper: &Gripper, hands: &[Grasp]) -> f32 {
+        let swept = gripper.open_hand().map(|b| b.swept_back(Procedure::PAPER.pregrasp_distance_m));
+        let points_m: Vec<Vec3> = swept.iter().flat_map(points_of).collect();
+        let depths_m = hands
+            .iter()
+            .flat_map(|hand| points_m.iter().map(|point_m| depth_in_box_m(hand.workspace_from_grasp * *point_m)));
+        depths_m.fold(f32::NEG_INFINITY, f32::max)
     }
 
     #[test]
@@ -314,14 +360,26 @@ mod tests {
         for Grasp { workspace_from_grasp: pose, .. } in &hands {
             assert!((pose.rotation * Vec3::Z).z <= APPROACH_RISE_MAX);
             assert!(swept.iter().all(|b| b.lowest_z_m(pose) > 0.05));
-            let deepest = swept.iter().flat_map(points_of).map(|at| depth_in_box_m(*pose * at));
-            let deepest_m = deepest.fold(f32::NEG_INFINITY, f32::max);
-            // The field's voxels are 7.5 mm, and it is looked up without interpolation.
-            assert!(deepest_m < 0.012, "{deepest_m}");
         }
+        // The field's voxels are 7.5 mm, and it is looked up without interpolation.
+        let deepest_m = deepest_m(&gripper, &hands);
+        assert!(deepest_m < 0.012, "{deepest_m}");
         let level = hands.iter().filter(|hand| (hand.workspace_from_grasp.rotation * Vec3::Z).z > -0.3).count();
         let steep = hands.iter().filter(|hand| (hand.workspace_from_grasp.rotation * Vec3::Z).z < -0.8).count();
         assert!(level > 50 && steep > 50, "{level} {steep}");
+    }
+
+    #[test]
+    fn hands_stand_freer_in_a_finer_field() {
+        let (gripper, coarse) = proposed(500);
+        let (field, fine) = (field(), field_of(120));
+        let proposer = Proposer::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
+        let space = Space::new(&field, Some(&fine));
+        let hands = proposer.search(&space, 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        assert_eq!(hands.len(), 500);
+        let [before_m, after_m] = [&coarse, &hands].map(|hands| deepest_m(&gripper, hands));
+        // A millimetre is not in the way.
+        assert!(before_m > 0.003 && after_m < 0.002, "{before_m} {after_m}");
     }
 
     #[test]
@@ -355,7 +413,7 @@ mod tests {
         };
         let slabs = VoxelGrid::new(Grid::PAPER, (0..64_000).map(value).collect()).unwrap();
         let way_m = |x_m: f32, most_m: f32| {
-            let found = Space::new(&slabs).way_out_m(Vec3::new(x_m, 0.15, 0.15), Vec3::X, most_m);
+            let found = Space::new(&slabs, None).way_out_m(Vec3::new(x_m, 0.15, 0.15), Vec3::X, most_m);
             found.map(|found_m| x_m + found_m)
         };
         let ends = |end_m: Option<f32>, at_m: f32| end_m.is_some_and(|end_m| (end_m - at_m).abs() < 0.002);

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use hands::{Judge, Judged};
+use hands::{Judge, Judged, Seen};
 use network::{Architecture, DenseGrids, DenseNetwork, checkpoint};
 use program::Failure;
 use rayon::prelude::*;
@@ -185,8 +185,8 @@ impl Planner {
         let points_m = self.target_points(observation, &mut surface, &wishes.limits)?;
         let Config { gripper, collision, .. } = &self.config;
         let limiter = Limiter::new(&wishes.limits, gripper, collision.pregrasp_distance_m, points_m, will_do);
-        let asked = (observation.views(), wishes, &limiter);
-        let found = self.find(&volume.grid, surface, asked, &mut timings_ms);
+        let seen = Seen { field: &volume.grid, fine: volume.fine.as_ref(), views: observation.views() };
+        let found = self.find(seen, surface, (wishes, &limiter), &mut timings_ms);
         let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &normals, (wishes, &limiter)));
         plan.warnings.splice(0..0, self.warning.iter().cloned().chain(volume.warnings));
         plan.timings_ms = timings_ms;
@@ -225,12 +225,12 @@ impl Planner {
     /// Runs the network and the segmentation of the cloud in parallel.
     fn find(
         &self,
-        grid: &VoxelGrid,
+        seen: Seen<'_>,
         surface: Surface,
-        (views, wishes, limiter): (usize, &Wishes, &Limiter<'_>),
+        (wishes, limiter): (&Wishes, &Limiter<'_>),
         timings_ms: &mut Timings,
     ) -> Found {
-        let mut segment_ms = Vec::new();
+        let (grid, mut segment_ms) = (seen.field, Vec::new());
         let scene = scene_number(grid);
         let candidates = || match &self.network {
             Network::Voxel(network) => self.detections(network, grid, wishes, timings_ms),
@@ -243,7 +243,7 @@ impl Planner {
                 let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
                 let is_wanted =
                     |hand: &Grasp| limiter.broken(&towards_wrist(&hand.workspace_from_grasp, wrist)).is_none();
-                let hands = timed(timings_ms, "judge", || judge.hands(grid, views, proposals, &mut stream, &is_wanted));
+                let hands = timed(timings_ms, "judge", || judge.hands(seen, proposals, &mut stream, &is_wanted));
                 self.judged(&grid.grid, &hands, wishes)
             }
         };
