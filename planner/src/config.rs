@@ -101,8 +101,8 @@ settings! {
     /// How the surface becomes points.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct CloudParams {
-        /// Voxels along 0.3 m of the grid that depth images are fused on for it, beside the network's; a judge's hands are
-        /// fitted to it, too.
+        /// Voxels along 0.3 m of the grid that depth images are fused on for it, beside the network's; a judge's hands
+        /// are fitted to it, too.
         pub resolution: usize where 8..=200,
         /// Distance between its points.
         pub pitch_m: f32 where 5e-4..=0.1,
