@@ -74,10 +74,9 @@ impl Judge {
         })
     }
 
-    /// Proposes hands in a scene, and judges them, best first: `proposals`, or several times
-    /// as many where few are good. The best are asked about again in each mirror image: a hand and its mirror image end
-    /// alike, so where the answers differ their mean is nearer to the truth. Of the proposed hands only those that are
-    /// wanted are judged.
+    /// Proposes hands in a scene, and judges them, best first: `proposals`, or several times as many where few are
+    /// good. The best are asked about again in each mirror image: a hand and its mirror image end alike, so where the
+    /// answers differ their mean is nearer to the truth. Of the proposed hands only those that are wanted are judged.
     #[must_use]
     pub fn hands(
         &self,
