@@ -1,6 +1,6 @@
-//! One 640 × 480 view onto 40³ voxels: `cargo bench -p perception`.
+//! 640 × 480 views onto voxels: `cargo bench -p perception`.
 
-use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at};
+use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at, fuse_images};
 use schema::{Camera, DepthImage, Grid, Intrinsics, Purpose, Stream, Vec3, View};
 
 fn main() {
@@ -26,6 +26,15 @@ fn integrate_one_view(bencher: divan::Bencher<'_, '_>) {
     let (camera, image) = table_view();
     let mut tsdf = Tsdf::new(Grid::PAPER, TRUNCATION_VOXELS);
     bencher.bench_local(|| tsdf.integrate(divan::black_box(&camera), |pixel| image.at(pixel)));
+}
+
+/// Three such views, as a plan fuses them, for the judge and for its hands.
+#[divan::bench(args = [40, 120])]
+fn fuse_three_images(bencher: divan::Bencher<'_, '_>, resolution: usize) {
+    let (camera, image) = table_view();
+    let views = [(camera, &image); 3];
+    bencher
+        .bench_local(|| fuse_images(&Grid { resolution, ..Grid::PAPER }, TRUNCATION_VOXELS, divan::black_box(&views)));
 }
 
 #[divan::bench]

@@ -29,5 +29,5 @@ pub use normals::normals;
 pub use plane::{FoundPlane, PlaneParams, find_plane};
 pub use sensor::{NoiseKind, Sensor, SensorParams};
 pub use surface::{surface_cloud, thinned};
-pub use tsdf::{TRUNCATION_VOXELS, Tsdf};
+pub use tsdf::{TRUNCATION_VOXELS, Tsdf, fuse_images};
 pub use views::{ViewKind, camera_at, draw_kind, draw_views};

@@ -1,5 +1,6 @@
 //! Normals of the observed surface: the gradient of the TSDF where it changes sign.
 
+use rayon::prelude::*;
 use schema::{Vec3, VoxelGrid};
 
 /// The outward unit normal of the surface at each point, or 0 where too few voxels around it were observed.
@@ -9,7 +10,7 @@ use schema::{Vec3, VoxelGrid};
 #[must_use]
 pub fn normals(field: &VoxelGrid, points_m: &[Vec3]) -> Vec<Vec3> {
     let at_voxel = |point: &Vec3| (*point / field.grid.voxel_size_m()) - Vec3::splat(0.5);
-    points_m.iter().map(|point| normal(field, at_voxel(point))).collect()
+    points_m.par_iter().with_min_len(1024).map(|point| normal(field, at_voxel(point))).collect()
 }
 
 fn normal(field: &VoxelGrid, at: Vec3) -> Vec3 {

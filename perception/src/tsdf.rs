@@ -6,8 +6,10 @@
 //! surface are not updated, because the view contains no information about them. Views are averaged. This is Open3D's
 //! `UniformTSDFVolume` (Curless & Levoy 1996), which VGN used, so VGN's published weights work on our grids.
 
+use core::ops::Range;
+
 use rayon::prelude::*;
-use schema::{Camera, DepthImage, Grid, Intrinsics, Pose, Vec3, VoxelGrid};
+use schema::{Camera, DepthImage, Grid, Intrinsics, Mat3, Pose, Vec3, VoxelGrid};
 
 /// VGN's truncation: 4 voxels (`TSDFVolume.sdf_trunc`), 30 mm on the paper's grid.
 pub const TRUNCATION_VOXELS: f32 = 4.0;
@@ -60,27 +62,12 @@ impl Tsdf {
     /// The same; `look_up(pixels, depths_m)` gives the depths in the pixels of a line in the image, infinite where the
     /// camera saw nothing.
     pub fn integrate_lines(&mut self, camera: &Camera, mut look_up: impl FnMut(&[[usize; 2]], &mut [f32])) {
-        let mut column = Column::new(camera, &self.grid);
         let side = self.grid.resolution;
+        let mut column = Column::new(camera, &self.grid, 0..side);
         let slabs = self.mean.chunks_mut(side * side).zip(self.weight.chunks_mut(side * side));
         for (i, (mean, weight)) in slabs.enumerate() {
             column.fuse_slab(i, self.truncation_m, &mut look_up, (mean, weight));
         }
-    }
-
-    /// Adds a depth image, on all threads; the same bits as [`Self::integrate`].
-    pub fn integrate_image(&mut self, camera: &Camera, image: &DepthImage) {
-        let (grid, truncation_m, slab) = (self.grid, self.truncation_m, self.grid.resolution.pow(2));
-        let slabs = self.mean.par_chunks_mut(slab).zip(self.weight.par_chunks_mut(slab)).enumerate();
-        let look_up = |pixels: &[[usize; 2]], depths_m: &mut [f32]| {
-            for (pixel, depth_m) in pixels.iter().zip(depths_m) {
-                *depth_m = image.at(*pixel).unwrap_or(f32::INFINITY);
-            }
-        };
-        slabs.with_min_len(8).for_each_init(
-            || Column::new(camera, &grid),
-            |column, (i, slab)| column.fuse_slab(i, truncation_m, &mut { look_up }, slab),
-        );
     }
 
     /// The field at a voxel, in truncations: [−1, 1], positive in front of the surface; `None` if no view observed it.
@@ -94,11 +81,103 @@ impl Tsdf {
     /// and −0.98 < tsdf < 0.98, else 0. The surface is at ½.
     #[must_use]
     pub fn to_voxels(&self) -> VoxelGrid {
-        let stored = |(&mean, &weight): (&f32, &f32)| {
-            if weight > 0.0 && mean > -STORED_MAX && mean < STORED_MAX { (mean + 1.0) * 0.5 } else { 0.0 }
-        };
-        VoxelGrid { grid: self.grid, values: self.mean.iter().zip(&self.weight).map(stored).collect() }
+        let values = self.mean.iter().zip(&self.weight).map(|(mean, weight)| stored(*mean, *weight)).collect();
+        VoxelGrid { grid: self.grid, values }
     }
+}
+
+/// The stored value of a voxel with this mean over this many views.
+fn stored(mean: f32, weight: f32) -> f32 {
+    if weight > 0.0 && mean > -STORED_MAX && mean < STORED_MAX { (mean + 1.0) * 0.5 } else { 0.0 }
+}
+
+/// The field of depth images in VGN's values, on all threads: the bits of [`Tsdf::integrate`] and
+/// [`Tsdf::to_voxels`]. `truncation_voxels` as in [`Tsdf::new`].
+///
+/// Only heights near something that was seen are worked on: a voxel above all of it is empty for every view, one below
+/// is hidden from every view, and both are stored as 0. (A plan from three views, on grids of 40³ and 120³ voxels, takes
+/// 87 ms instead of 101 with this and the quicker search in `surface_cloud`.)
+///
+/// # Panics
+/// If the truncation is not above 0.
+#[must_use]
+pub fn fuse_images(grid: &Grid, truncation_voxels: f32, views: &[(Camera, &DepthImage)]) -> VoxelGrid {
+    assert!(truncation_voxels > 0.0, "the truncation must be above 0 voxels, got {truncation_voxels}");
+    let truncation_m = truncation_voxels * grid.voxel_size_m();
+    let (side, heights) = (grid.resolution, heights_seen(views, grid, truncation_m));
+    let mut values = vec![0.0; grid.len()];
+    if heights.is_empty() {
+        return VoxelGrid { grid: *grid, values };
+    }
+    let columns =
+        || -> Vec<Column> { views.iter().map(|(camera, _)| Column::new(camera, grid, heights.clone())).collect() };
+    let slabs = values.par_chunks_mut(side * side).enumerate().with_min_len(4);
+    slabs.for_each_init(columns, |columns, (i, slab)| {
+        let (mut mean, mut weight) = (vec![0.0; side * heights.len()], vec![0.0; side * heights.len()]);
+        for (column, (_, image)) in columns.iter_mut().zip(views) {
+            let mut look_up = |pixels: &[[usize; 2]], depths_m: &mut [f32]| {
+                for (pixel, depth_m) in pixels.iter().zip(depths_m) {
+                    *depth_m = image.at(*pixel).unwrap_or(f32::INFINITY);
+                }
+            };
+            column.fuse_slab(i, truncation_m, &mut look_up, (&mut mean, &mut weight));
+        }
+        let seen = mean.chunks(heights.len()).zip(weight.chunks(heights.len()));
+        for (column, (mean, weight)) in slab.chunks_mut(side).zip(seen) {
+            let into = column[heights.clone()].iter_mut();
+            into.zip(mean.iter().zip(weight)).for_each(|(value, (mean, weight))| *value = stored(*mean, *weight));
+        }
+    });
+    VoxelGrid { grid: *grid, values }
+}
+
+/// The layers of voxels that are within the truncation of a point that a view saw in the workspace.
+fn heights_seen(views: &[(Camera, &DepthImage)], grid: &Grid, truncation_m: f32) -> Range<usize> {
+    let ranges_m: Vec<[f32; 2]> =
+        views.par_iter().map(|(camera, image)| heights_m(camera, image, grid, truncation_m)).collect();
+    let [low_m, high_m] = ranges_m.into_iter().fold(NOTHING_M, wider);
+    let layer = |z_m: f32| (z_m / grid.voxel_size_m()).clamp(0.0, grid.resolution as f32);
+    if low_m < high_m { layer(low_m) as usize..layer(high_m).ceil() as usize } else { 0..0 }
+}
+
+/// The range of heights of no points.
+const NOTHING_M: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
+
+fn wider([low, high]: [f32; 2], [other_low, other_high]: [f32; 2]) -> [f32; 2] {
+    [low.min(other_low), high.max(other_high)]
+}
+
+/// The heights within the truncation of what one view saw in the workspace.
+fn heights_m(camera: &Camera, image: &DepthImage, grid: &Grid, truncation_m: f32) -> [f32; 2] {
+    let (from_m, lens) = (camera.workspace_from_camera.translation, camera.intrinsics);
+    let turn = Mat3::from_quat(camera.workspace_from_camera.rotation);
+    // A voxel's centre and the ray of its pixel are less than a pixel apart.
+    let pixel = 1.0 / lens.fx_px + 1.0 / lens.fy_px;
+    let rays_x: Vec<f32> = (0..image.width_px).map(|u| lens.ray([u, 0]).x).collect();
+    // Eight pixels at a time and without branches, which the compiler vectorises.
+    let (mut low_m, mut high_m) = ([f32::INFINITY; 8], [f32::NEG_INFINITY; 8]);
+    for (v, depths_m) in image.depth_m.chunks_exact(image.width_px.max(1)).enumerate() {
+        let along = turn * lens.ray([0, v]).with_x(0.0);
+        let mut look = |lane: usize, ray_x: f32, depth_m: f32| {
+            let at_m = from_m + (turn.x_axis * ray_x + along) * depth_m;
+            let margin_m = truncation_m + pixel * depth_m;
+            let [from_low, to_high] = [-margin_m, grid.size_m + margin_m];
+            // False for pixels that saw nothing: 0, infinite or NaN.
+            let is_in = (depth_m > 0.0)
+                & ((at_m.x > from_low) & (at_m.x < to_high))
+                & ((at_m.y > from_low) & (at_m.y < to_high));
+            let [low, high] = if is_in { [at_m.z - margin_m, at_m.z + margin_m] } else { NOTHING_M };
+            low_m[lane] = if low < low_m[lane] { low } else { low_m[lane] };
+            high_m[lane] = if high > high_m[lane] { high } else { high_m[lane] };
+        };
+        let (rays_x, rest_x) = rays_x.as_chunks::<8>();
+        let (depths_m, rest_m) = depths_m.as_chunks::<8>();
+        for (rays_x, depths_m) in rays_x.iter().zip(depths_m) {
+            (0..8).for_each(|lane| look(lane, rays_x[lane], depths_m[lane]));
+        }
+        rest_x.iter().zip(rest_m).for_each(|(ray_x, depth_m)| look(0, *ray_x, *depth_m));
+    }
+    low_m.into_iter().zip(high_m).map(|(low_m, high_m)| [low_m, high_m]).fold(NOTHING_M, wider)
 }
 
 /// A column of voxels along workspace z in one view, processed in three passes. The first and the last pass have no
@@ -108,6 +187,8 @@ impl Tsdf {
 struct Column {
     lens: Intrinsics,
     grid: Grid,
+    /// Which of its voxels.
+    heights: Range<usize>,
     camera_from_workspace: Pose,
     /// From one voxel to the next, in the camera frame, metres.
     step_m: Vec3,
@@ -127,11 +208,11 @@ struct Column {
 }
 
 impl Column {
-    fn new(camera: &Camera, grid: &Grid) -> Self {
+    fn new(camera: &Camera, grid: &Grid, heights: Range<usize>) -> Self {
         let lens = camera.intrinsics;
         let square = |x: f32| x * x;
         let camera_from_workspace = camera.workspace_from_camera.inverse();
-        let blank = vec![0.0; grid.resolution];
+        let blank = vec![0.0; heights.len()];
         Self {
             lens,
             grid: *grid,
@@ -144,11 +225,12 @@ impl Column {
             z_m: blank.clone(),
             depth_m: blank.clone(),
             ray2: blank,
-            pixels: vec![[0; 2]; grid.resolution],
+            pixels: vec![[0; 2]; heights.len()],
+            heights,
         }
     }
 
-    /// Updates the columns (i, ·) with this view.
+    /// Updates the columns (i, ·), of these heights, with this view.
     fn fuse_slab(
         &mut self,
         i: usize,
@@ -156,8 +238,8 @@ impl Column {
         look_up: &mut impl FnMut(&[[usize; 2]], &mut [f32]),
         (mean, weight): (&mut [f32], &mut [f32]),
     ) {
-        let side = self.grid.resolution;
-        for (j, (mean, weight)) in mean.chunks_mut(side).zip(weight.chunks_mut(side)).enumerate() {
+        let count = self.heights.len();
+        for (j, (mean, weight)) in mean.chunks_mut(count).zip(weight.chunks_mut(count)).enumerate() {
             self.project(i, j);
             self.look_up(look_up);
             self.fuse(truncation_m, mean, weight);
@@ -169,7 +251,7 @@ impl Column {
         let (lens, step_m) = (self.lens, self.step_m);
         let first_m = self.camera_from_workspace * self.grid.centre_m([i, j, 0]);
         let slots = self.u.iter_mut().zip(&mut self.v).zip(&mut self.z_m);
-        for (k, ((u, v), z_m)) in slots.enumerate() {
+        for (k, ((u, v), z_m)) in self.heights.clone().zip(slots) {
             let voxel_m = first_m + step_m * (k as u32 as f32);
             let ahead = if voxel_m.z > 0.0 { 0.5 } else { f32::NAN };
             *u = voxel_m.x * lens.fx_px / voxel_m.z + lens.cx_px + ahead;

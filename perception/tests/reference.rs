@@ -1,6 +1,6 @@
 //! Compares the field with a slow, obvious implementation: f64, voxel by voxel, explicit matrices, no shared code.
 
-use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at, draw_views};
+use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at, draw_views, fuse_images};
 use proptest::prelude::*;
 use schema::{Camera, DepthImage, Grid, Intrinsics, Purpose, Stream, ViewParams};
 
@@ -116,22 +116,23 @@ proptest! {
     }
 
     #[test]
-    fn rays_cast_as_asked_give_the_bits_of_the_whole_image(seed in 0_u64..1_000) {
-        let (grid, lens) = (Grid::PAPER, Intrinsics::VGN);
+    fn images_on_all_threads_give_the_bits_of_rays_cast_as_asked(
+        seed in 0_u64..1_000, resolution in prop::sample::select(vec![3_usize, 40, 90]), is_rough in any::<bool>(),
+    ) {
+        let (grid, lens) = (Grid { resolution, ..Grid::PAPER }, Intrinsics::VGN);
+        // Smooth, or as rough as no surface is; in places nothing.
         let sensor = |[u, v]: [usize; 2]| {
-            let depth = 0.5 + 0.1 * libm::sinf(u as f32 / 17.0) * libm::sinf(v as f32 / 29.0);
+            let wave = libm::sinf(u as f32 / 17.0) * libm::sinf(v as f32 / 29.0);
+            let depth = if is_rough { 0.6 + 0.3 * libm::sinf((u * u + 7 * v) as f32) } else { 0.6 + 0.05 * wave };
             (!(u + v).is_multiple_of(13)).then_some(depth)
         };
         let depth_m = (0..640 * 480).map(|p| sensor([p % 640, p / 640]).unwrap_or(0.0)).collect();
         let image = DepthImage { width_px: 640, height_px: 480, depth_m };
-        let (mut of_image, mut of_rays) = (Tsdf::new(grid, 4.0), Tsdf::new(grid, 4.0));
-        for view in draw_views(&ViewParams::VGN, &grid, &mut Stream::new(seed, 0, Purpose::Views, 0)) {
-            let camera = camera_at(&view, &grid, lens);
-            of_image.integrate_image(&camera, &image);
-            of_rays.integrate(&camera, sensor);
-        }
-        prop_assert_eq!(of_image.to_voxels(), of_rays.to_voxels());
-        prop_assert_eq!(of_image, of_rays);
+        let views = draw_views(&ViewParams::VGN, &grid, &mut Stream::new(seed, 0, Purpose::Views, 0));
+        let views: Vec<(Camera, &DepthImage)> = views.iter().map(|view| (camera_at(view, &grid, lens), &image)).collect();
+        let mut of_rays = Tsdf::new(grid, TRUNCATION_VOXELS);
+        views.iter().for_each(|(camera, _)| of_rays.integrate(camera, sensor));
+        prop_assert_eq!(fuse_images(&grid, TRUNCATION_VOXELS, &views), of_rays.to_voxels());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use perception::{TRUNCATION_VOXELS, Tsdf, cloud_image, scaled_to_table, surface_cloud, thinned, view_from};
+use perception::{TRUNCATION_VOXELS, cloud_image, fuse_images, scaled_to_table, surface_cloud, thinned, view_from};
 use schema::{Camera, DepthImage, Grid, Vec3, VoxelGrid};
 
 use crate::config::CloudParams;
@@ -95,12 +95,9 @@ fn far_off(number: usize, factor: f32) -> Option<String> {
 /// # Errors
 /// [`InputError`] for an image whose size differs from its intrinsics.
 pub fn fuse_views(views: &[SeenView], grid: &Grid) -> Result<VoxelGrid, InputError> {
-    let mut tsdf = Tsdf::new(*grid, TRUNCATION_VOXELS);
     views.iter().enumerate().try_for_each(must_fit)?;
-    for SeenView { image, camera } in views {
-        tsdf.integrate_image(camera, image);
-    }
-    Ok(tsdf.to_voxels())
+    let views: Vec<(Camera, &DepthImage)> = views.iter().map(|SeenView { image, camera }| (*camera, image)).collect();
+    Ok(fuse_images(grid, TRUNCATION_VOXELS, &views))
 }
 
 /// Whether an image has its lens's pixels.
@@ -144,8 +141,7 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
     // Straight above, at twice the workspace's size.
     let from_above = [Vec3::new(0.5, 0.5, 2.0) * grid.size_m];
     let eyes_m = if eyes_m.is_empty() { &from_above } else { eyes_m };
-    let mut tsdf = Tsdf::new(*grid, TRUNCATION_VOXELS);
-    let mut hidden_m = points_m.clone();
+    let (mut views, mut hidden_m) = (Vec::with_capacity(eyes_m.len()), points_m.clone());
     for eye_m in eyes_m {
         let Some(view) = view_from(*eye_m, grid) else {
             return refuse(format!(
@@ -156,11 +152,11 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
         };
         let spacing_m = spacing_m.max(pitch_m);
         let (camera, image) = cloud_image(&points_m, &view, grid, spacing_m);
-        tsdf.integrate_image(&camera, &image);
         hidden_m.retain(|point_m| !is_seen(*point_m, &camera, &image, HIDDEN_SPACINGS * spacing_m));
+        views.push(SeenView { image, camera });
     }
     warnings.extend(hidden(hidden_m.len(), points_m.len(), eyes_m.len()));
-    Ok(Volume { grid: tsdf.to_voxels(), points_m, fine: None, warnings })
+    Ok(Volume { grid: fuse_views(&views, grid)?, points_m, fine: None, warnings })
 }
 
 /// A point is hidden if something is nearer to the eye by more than this many spacings, as in [`cloud_image`].

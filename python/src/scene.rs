@@ -2,7 +2,7 @@
 
 use generator::{Config, Overrides};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
-use perception::Tsdf;
+use perception::fuse_images;
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -303,15 +303,9 @@ pub(crate) fn fuse<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
     let grid = Grid { size_m, resolution, ..Grid::PAPER };
     let images: Vec<DepthImage> = depths.iter().map(image).collect();
-    let cameras: Vec<Camera> =
-        intrinsics.into_iter().zip(workspace_from_camera).map(|(lens, at)| camera(lens, at)).collect();
-    let fused = || {
-        let mut tsdf = Tsdf::new(grid, truncation_voxels);
-        for (image, camera) in images.iter().zip(&cameras) {
-            tsdf.integrate_image(camera, image);
-        }
-        Ok::<VoxelGrid, Failure>(tsdf.to_voxels())
-    };
+    let cameras = intrinsics.into_iter().zip(workspace_from_camera).map(|(lens, at)| camera(lens, at));
+    let views: Vec<(Camera, &DepthImage)> = cameras.zip(&images).collect();
+    let fused = || Ok::<VoxelGrid, Failure>(fuse_images(&grid, truncation_voxels, &views));
     Ok(free(py, fused)?.values.to_pyarray(py))
 }
 
