@@ -209,10 +209,11 @@ impl<'a> Space<'a> {
     fn new(field: &'a VoxelGrid, fine: Option<&VoxelGrid>) -> Self {
         let above_m = field.grid.table_z_m + TABLE_M;
         let finest = fine.unwrap_or(field);
-        let cloud_m = surface_cloud(finest, PITCH_M);
-        let normals = normals(finest, &cloud_m);
-        let is_thing = |(point_m, normal): &(Vec3, Vec3)| point_m.z > above_m && *normal != Vec3::ZERO;
-        let all: Vec<(Vec3, Vec3)> = cloud_m.into_iter().zip(normals).filter(is_thing).collect();
+        let mut things_m = surface_cloud(finest, PITCH_M);
+        things_m.retain(|point_m| point_m.z > above_m);
+        let normals = normals(finest, &things_m);
+        let has_normal = |(_, normal): &(Vec3, Vec3)| *normal != Vec3::ZERO;
+        let all: Vec<(Vec3, Vec3)> = things_m.into_iter().zip(normals).filter(has_normal).collect();
         let sides = all.iter().copied().filter(|(_, normal)| normal.z.abs() <= CLOSING_RISE_MAX).collect();
         let (per_m, side) = (1.0 / field.grid.voxel_size_m(), field.grid.resolution as f32);
         let fine = fine.map(|fine| (PaddedGrid::from(fine), 1.0 / fine.grid.voxel_size_m()));
