@@ -29,16 +29,16 @@ pub struct BenchReport {
     pub views: usize,
     /// Pixels of each: width and height.
     pub image_px: [usize; 2],
-    /// Depth images in memory to TSDF.
+    /// Depth images in memory to the network's TSDF.
     pub tsdf: StageTime,
-    /// TSDF in memory to ranked grasps.
+    /// Depth images in memory to ranked grasps.
     pub plan: StageTime,
     /// The stages of the plan; the network and its detections run in parallel with the segmentation.
     pub stages: Vec<StageTime>,
 }
 
-/// Plans `plans` times, at least once, from the TSDF of depth images, after some warm-up plans; the workspace's side is
-/// the network's, unless it is given.
+/// Plans `plans` times, at least once, from depth images, after some warm-up plans; the workspace's side is the
+/// network's, unless it is given.
 ///
 /// # Errors
 /// [`InputError`] if the images are refused.
@@ -50,17 +50,16 @@ pub fn bench(
 ) -> Result<BenchReport, InputError> {
     const WARM_UP: usize = 5;
     let wishes = Wishes { workspace_size_m, ..Wishes::default() };
-    let grid = wishes.workspace(&planner.grid);
+    let (grid, seen) = (wishes.workspace(&planner.grid), Observation::Views(views.to_vec()));
     // Each plan has the same stages.
     let plan = |_| -> Result<Timings, InputError> {
         let mut times_ms = Timings::new();
-        // As a plan from the images does it.
-        let grid = timed(&mut times_ms, "TSDF", || {
+        // As a plan does it, among other things.
+        timed(&mut times_ms, "TSDF", || {
             let views = corrected(views, &grid, planner.config.cloud, &mut Vec::new())?;
             fuse_views(&views, &grid)
         })?;
-        let volume = Observation::Tsdf(grid);
-        let plan = timed(&mut times_ms, "plan", || planner.plan(&volume, &wishes))?;
+        let plan = timed(&mut times_ms, "plan", || planner.plan(&seen, &wishes))?;
         times_ms.extend(plan.timings_ms);
         Ok(times_ms)
     };

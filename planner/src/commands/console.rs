@@ -70,8 +70,9 @@ pub(crate) fn bench(report: &BenchReport) -> String {
     let mut add = |what: &str, time: &StageTime| {
         let _ = writeln!(text, "{what:<52}{:>12.2}{:>12.2}", time.median_ms, time.p90_ms);
     };
-    add(&format!("{} depth images of {width} x {height} -> TSDF", report.views), &report.tsdf);
-    add("TSDF -> ranked grasps", &report.plan);
+    let images = format!("{} depth images of {width} x {height}", report.views);
+    add(&format!("{images} -> TSDF"), &report.tsdf);
+    add(&format!("{images} -> ranked grasps"), &report.plan);
     for stage in &report.stages {
         add(&format!("  {}", stage.stage), stage);
     }
