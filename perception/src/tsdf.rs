@@ -95,7 +95,7 @@ fn stored(mean: f32, weight: f32) -> f32 {
 /// [`Tsdf::to_voxels`]. `truncation_voxels` as in [`Tsdf::new`].
 ///
 /// Only heights near something that was seen are worked on: a voxel above all of it is empty for every view, one below
-/// is hidden from every view, and both are stored as 0. (A plan from three views, on grids of 40³ and 120³ voxels, takes
+/// is hidden from every view, and both are stored as 0. (Plans from three views on grids of 40³ and 120³ voxels take
 /// 87 ms instead of 101 with this and the quicker search in `surface_cloud`.)
 ///
 /// # Panics
