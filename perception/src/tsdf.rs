@@ -36,10 +36,9 @@ impl Tsdf {
     /// If the truncation is not above 0.
     #[must_use]
     pub fn new(grid: Grid, truncation_voxels: f32) -> Self {
-        assert!(truncation_voxels > 0.0, "the truncation must be above 0 voxels, got {truncation_voxels}");
         Self {
             grid,
-            truncation_m: truncation_voxels * grid.voxel_size_m(),
+            truncation_m: truncation_m(&grid, truncation_voxels),
             mean: vec![0.0; grid.len()],
             weight: vec![0.0; grid.len()],
         }
@@ -51,12 +50,8 @@ impl Tsdf {
     /// camera saw nothing. For a whole image it is `|pixel| image.at(pixel)`. A simulator may instead cast a ray per
     /// requested pixel, which gives the same field as rendering the image first. Only pixels onto which a voxel's
     /// centre projects are requested, some of them more than once.
-    pub fn integrate(&mut self, camera: &Camera, mut depth_at: impl FnMut([usize; 2]) -> Option<f32>) {
-        self.integrate_lines(camera, |pixels, depths_m| {
-            for (pixel, depth_m) in pixels.iter().zip(depths_m) {
-                *depth_m = depth_at(*pixel).unwrap_or(f32::INFINITY);
-            }
-        });
+    pub fn integrate(&mut self, camera: &Camera, depth_at: impl FnMut([usize; 2]) -> Option<f32>) {
+        self.integrate_lines(camera, one_by_one(depth_at));
     }
 
     /// The same; `look_up(pixels, depths_m)` gives the depths in the pixels of a line in the image, infinite where the
@@ -86,6 +81,20 @@ impl Tsdf {
     }
 }
 
+fn truncation_m(grid: &Grid, truncation_voxels: f32) -> f32 {
+    assert!(truncation_voxels > 0.0, "the truncation must be above 0 voxels, got {truncation_voxels}");
+    truncation_voxels * grid.voxel_size_m()
+}
+
+/// The look-up of a line of pixels, one after the other.
+fn one_by_one(mut depth_at: impl FnMut([usize; 2]) -> Option<f32>) -> impl FnMut(&[[usize; 2]], &mut [f32]) {
+    move |pixels, depths_m| {
+        for (pixel, depth_m) in pixels.iter().zip(depths_m) {
+            *depth_m = depth_at(*pixel).unwrap_or(f32::INFINITY);
+        }
+    }
+}
+
 /// The stored value of a voxel with this mean over this many views.
 fn stored(mean: f32, weight: f32) -> f32 {
     if weight > 0.0 && mean > -STORED_MAX && mean < STORED_MAX { (mean + 1.0) * 0.5 } else { 0.0 }
@@ -102,8 +111,7 @@ fn stored(mean: f32, weight: f32) -> f32 {
 /// If the truncation is not above 0.
 #[must_use]
 pub fn fuse_images(grid: &Grid, truncation_voxels: f32, views: &[(Camera, &DepthImage)]) -> VoxelGrid {
-    assert!(truncation_voxels > 0.0, "the truncation must be above 0 voxels, got {truncation_voxels}");
-    let truncation_m = truncation_voxels * grid.voxel_size_m();
+    let truncation_m = truncation_m(grid, truncation_voxels);
     let (side, heights) = (grid.resolution, heights_seen(views, grid, truncation_m));
     let mut values = vec![0.0; grid.len()];
     if heights.is_empty() {
@@ -115,11 +123,7 @@ pub fn fuse_images(grid: &Grid, truncation_voxels: f32, views: &[(Camera, &Depth
     slabs.for_each_init(columns, |columns, (i, slab)| {
         let (mut mean, mut weight) = (vec![0.0; side * heights.len()], vec![0.0; side * heights.len()]);
         for (column, (_, image)) in columns.iter_mut().zip(views) {
-            let mut look_up = |pixels: &[[usize; 2]], depths_m: &mut [f32]| {
-                for (pixel, depth_m) in pixels.iter().zip(depths_m) {
-                    *depth_m = image.at(*pixel).unwrap_or(f32::INFINITY);
-                }
-            };
+            let mut look_up = one_by_one(|pixel| image.at(pixel));
             column.fuse_slab(i, truncation_m, &mut look_up, (&mut mean, &mut weight));
         }
         let seen = mean.chunks(heights.len()).zip(weight.chunks(heights.len()));
