@@ -15,11 +15,11 @@ use url::{Position, Url};
 /// Maximum silence of a server, while connecting and afterwards.
 const CONNECT: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(20);
-/// Time limit for retries: long enough for a server to restart. Pauses grow from a tenth of a second to [`CONNECT`].
-const RETRY_READING: Duration = Duration::from_secs(60); // more than SILENCE, otherwise a silence would end the retries
-const RETRY_WRITING: Duration = Duration::from_secs(30);
-const RETRIES_READING_MAX: usize = 24;
-const RETRIES_WRITING_MAX: usize = 1_000;
+/// Time limit for retries: long enough for a server to restart, and more than [`SILENCE`], otherwise one silence would
+/// end them. Pauses are drawn from a tenth of a second to [`CONNECT`], mostly short ones: a number of retries would
+/// say little about the time, so [`RETRIES_MAX`] is never reached first.
+const RETRY: Duration = Duration::from_secs(30);
+const RETRIES_MAX: usize = 1_000;
 
 /// How long to wait for a silent server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,12 +35,8 @@ pub(super) fn connect(url: &Url, patience: Patience) -> Result<(Arc<dyn ObjectSt
     // reqwest is built without a default TLS provider; an already installed one is fine.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let (scheme, prefix) = ObjectStoreScheme::parse(url)?;
-    let (max_retries, retry_timeout) = match patience {
-        Patience::Reader => (RETRIES_READING_MAX, RETRY_READING),
-        Patience::Writer => (RETRIES_WRITING_MAX, RETRY_WRITING),
-    };
     let backoff = BackoffConfig { max_backoff: CONNECT, ..BackoffConfig::default() };
-    let retry = RetryConfig { backoff, max_retries, retry_timeout };
+    let retry = RetryConfig { backoff, max_retries: RETRIES_MAX, retry_timeout: RETRY };
     let store: Arc<dyn ObjectStore> = match scheme {
         ObjectStoreScheme::AmazonS3 => {
             let builder = AmazonS3Builder::from_env().with_url(url.as_str()).with_retry(retry);
