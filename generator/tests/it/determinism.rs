@@ -2,9 +2,9 @@
 
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use crate::{check_ok, files, generator, run, small_config, workshop};
+use crate::{check_ok, files, run, signalled, small_config, workshop};
 
 fn assert_same(a: &Path, b: &Path) {
     let (a, b) = (files(a), files(b));
@@ -32,17 +32,9 @@ fn one_thread_two_threads_and_shards_in_any_order_give_the_same_bytes() {
 fn killed_and_resumed(signal: &str) {
     let dir = workshop(&small_config().replace("attempts = 70", "attempts = 6_000"));
     check_ok(&run(&dir, "whole", &[]));
-    let mut child = generator(&dir, "killed", &["--threads", "1"]).spawn().unwrap();
-    let marker = dir.path().join("killed/meta/shards/00000.json");
-    let began = Instant::now();
-    while !marker.exists() {
-        assert!(began.elapsed() < Duration::from_secs(120), "no shard came");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
-    let status = child.wait().unwrap();
+    let (ended, _) = signalled(&dir, "killed", "1", signal, Duration::ZERO);
     if signal == "-TERM" {
-        assert_eq!(status.code(), Some(75), "a stopped run says: run again");
+        assert_eq!(ended.status.code(), Some(75), "a stopped run says: run again");
     }
     assert!(!dir.path().join("killed/meta/manifest.json").exists(), "the run was killed too late to show anything");
     check_ok(&run(&dir, "killed", &[]));

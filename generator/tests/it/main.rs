@@ -12,10 +12,12 @@ mod replay;
 mod stopping;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use generator::{Config, Overrides};
 use settings::Document;
+use shards::layout;
 use tempfile::TempDir;
 
 /// The paper's config at a size for tests: six scenes of twelve attempts on a coarse grid, in three shards.
@@ -57,6 +59,22 @@ fn without_index(command: &mut Command) {
 
 fn run(dir: &TempDir, out: &str, flags: &[&str]) -> Output {
     generator(dir, out, flags).output().unwrap()
+}
+
+/// Runs the generator, and signals it this long after the first of its shards is committed. Its output, and how long it
+/// took to end.
+fn signalled(dir: &TempDir, out: &str, threads: &str, signal: &str, after: Duration) -> (Output, Duration) {
+    let child = generator(dir, out, &["--threads", threads]).stdout(Stdio::piped()).spawn().unwrap();
+    let committed = |shard| dir.path().join(out).join(layout::marker(shard)).exists();
+    let began = Instant::now();
+    while !(0..6).any(committed) {
+        assert!(began.elapsed() < Duration::from_secs(120), "no shard came");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    std::thread::sleep(after);
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    let began = Instant::now();
+    (child.wait_with_output().unwrap(), began.elapsed())
 }
 
 /// The program ends with a code and a message that has all these parts.

@@ -3,15 +3,14 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use generator::{Config, Event, Overrides, Report, generate};
 use settings::Document;
 use tempfile::TempDir;
 
-use crate::{check_ok, files, generator, run, small_config, workshop};
+use crate::{check_ok, files, run, signalled, small_config, workshop};
 
 const THREADS: usize = 2;
 
@@ -181,23 +180,11 @@ fn an_interrupted_program_says_what_it_keeps_and_takes_it_up() {
     // will be a little later.
     for number in 0..10 {
         let out = format!("stopped-{number}");
-        let mut child =
-            generator(&dir, &out, &["--threads", "2"]).stdout(std::process::Stdio::piped()).spawn().unwrap();
-        let committed = |shard| dir.path().join(&out).join(shards::layout::marker(shard)).exists();
-        while child.try_wait().unwrap().is_none() && !(0..6).any(committed) {
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        std::thread::sleep(Duration::from_millis(20) * number);
-        // A machine may be so busy that the run ends first.
-        if child.try_wait().unwrap().is_some() {
-            continue;
-        }
-        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-        let began = Instant::now();
-        let ended = child.wait_with_output().unwrap();
+        let (ended, took) = signalled(&dir, &out, "2", "-INT", Duration::from_millis(20) * number);
         let text = String::from_utf8_lossy(&ended.stdout).into_owned();
         assert!(matches!(ended.status.code(), Some(0 | 75)), "{text}");
-        assert!(began.elapsed() < Duration::from_secs(5), "it took {:?} to stop", began.elapsed());
+        assert!(took < Duration::from_secs(5), "it took {took:?} to stop");
+        // A machine may be so busy that the run ends first.
         if ended.status.success() || !text.contains(" finished scenes") {
             continue;
         }
