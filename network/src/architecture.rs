@@ -1,6 +1,9 @@
 //! The two networks: what a checkpoint can hold.
 
+use core::fmt::{self, Display, Formatter};
+
 use program::{ExitCode, Failure};
+use schema::{Grid, Pose, Quat, Vec3};
 use settings::words;
 
 use crate::judge::{self, Scope};
@@ -35,11 +38,76 @@ impl Kind {
     }
 }
 
+/// Where a network of voxels has the origin of a grasp. It decides which voxel answers for a grasp, so it belongs to
+/// the weights, and everything that feeds or reads a network takes it from them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GraspOrigin {
+    /// Distance of the origin behind the finger tips, against the approach: 0 is midway between the tips, the finger's
+    /// length midway between the fingers' roots.
+    pub behind_tips_m: f32,
+    /// Place of the origin in its voxel along each axis: 0.5, the centre, where positions are rounded down to a voxel,
+    /// as here; 0, the lower corner, where they are rounded to the nearest, as in VGN's code.
+    pub voxel_offset: f32,
+}
+
+/// Farthest behind the tips that an origin may lie.
+pub const BEHIND_TIPS_M_MAX: f32 = 0.3;
+
+impl GraspOrigin {
+    /// Midway between the tips: networks from before the origin was a choice.
+    pub const TIPS: Self = Self::behind_tips(0.0);
+    /// VGN's: between the roots of a Panda's fingers (its `Gripper` in `grasp.py`, `np.round` in its dataset).
+    pub const VGN: Self = Self { behind_tips_m: 0.05, voxel_offset: 0.0 };
+
+    /// So far behind the tips, in the middle of its voxel.
+    #[must_use]
+    pub const fn behind_tips(behind_tips_m: f32) -> Self {
+        Self { behind_tips_m, voxel_offset: 0.5 }
+    }
+
+    /// The origin of a grasp, in the workspace.
+    #[must_use]
+    pub fn of_m(&self, workspace_from_grasp: &Pose) -> Vec3 {
+        workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, -self.behind_tips_m))
+    }
+
+    /// The voxel that answers for a grasp, or `None` if it lies outside the grid.
+    #[must_use]
+    pub fn voxel_of(&self, workspace_from_grasp: &Pose, grid: &Grid) -> Option<[usize; 3]> {
+        grid.voxel_at(self.of_m(workspace_from_grasp) + Vec3::splat((0.5 - self.voxel_offset) * grid.voxel_size_m()))
+    }
+
+    /// The point midway between the tips of the grasp that a voxel answers with.
+    #[must_use]
+    pub fn tips_m(&self, voxel: [usize; 3], rotation: Quat, grid: &Grid) -> Vec3 {
+        let origin_m = grid.centre_m(voxel) + Vec3::splat((self.voxel_offset - 0.5) * grid.voxel_size_m());
+        origin_m + rotation * Vec3::Z * self.behind_tips_m
+    }
+}
+
+/// What belongs to the paper's network besides its parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VoxelParams {
+    /// How the decoder doubles its grids.
+    pub upsampling: Upsampling,
+    /// Where it has the origin of a grasp.
+    pub origin: GraspOrigin,
+}
+
+impl Display for VoxelParams {
+    fn fmt(&self, to: &mut Formatter<'_>) -> fmt::Result {
+        let Self { upsampling, origin: GraspOrigin { behind_tips_m, voxel_offset } } = self;
+        let behind_mm = 1e3 * behind_tips_m;
+        let name = upsampling.name();
+        write!(to, "upsampling  {name}\norigin      {behind_mm} mm behind the tips, at {voxel_offset} of its voxel")
+    }
+}
+
 /// A network's kind, and what belongs to it besides its parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Architecture {
-    /// The paper's network, which answers for every voxel; the decoder's upsampling mode.
-    Voxel(Upsampling),
+    /// The paper's network, which answers for every voxel.
+    Voxel(VoxelParams),
     /// The judge, which answers for a hand; what it was trained for.
     Judge(Box<Scope>),
 }
@@ -78,13 +146,13 @@ impl Architecture {
         }
     }
 
-    /// The upsampling mode of the paper's network.
+    /// What belongs to the paper's network.
     ///
     /// # Errors
     /// If this is another network; `what` needs the paper's.
-    pub fn upsampling(&self, what: &str) -> Result<Upsampling, Failure> {
+    pub fn voxel(&self, what: &str) -> Result<VoxelParams, Failure> {
         match self {
-            Self::Voxel(upsampling) => Ok(*upsampling),
+            Self::Voxel(params) => Ok(*params),
             Self::Judge(_) => Err(self.kind().refused(what, Kind::Voxel)),
         }
     }
@@ -98,5 +166,44 @@ impl Architecture {
             Self::Judge(scope) => Ok(scope),
             Self::Voxel(_) => Err(self.kind().refused(what, Kind::Judge)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use schema::{axis_angle, pose_from_parts};
+
+    use super::*;
+
+    proptest! {
+        /// From a grasp to its voxel and back the tips move by no more than the rounding to a voxel does.
+        #[test]
+        fn a_voxel_leads_back_to_the_tips_of_its_grasp(
+            behind_m in 0.0_f32..0.08,
+            at_m in [0.1_f32..0.2, 0.1..0.2, 0.1..0.2],
+            (axis, angle) in ([-1.0_f32..1.0, -1.0..1.0, 0.1..1.0], 0.0_f32..3.0),
+        ) {
+            let grid = Grid::PAPER;
+            let pose = pose_from_parts(axis_angle(Vec3::from_array(axis).normalize(), angle), Vec3::from_array(at_m));
+            let origins = [GraspOrigin::behind_tips(behind_m), GraspOrigin { behind_tips_m: behind_m, voxel_offset: 0.0 }];
+            for origin in origins {
+                let voxel = origin.voxel_of(&pose, &grid).unwrap();
+                let off = origin.tips_m(voxel, pose.rotation, &grid) - pose.translation;
+                prop_assert!(off.abs().max_element() <= 0.5 * grid.voxel_size_m() + 1e-6, "{off}");
+            }
+        }
+    }
+
+    /// By hand: a hand that points down at (103, 98, 60) mm has its origin 50 mm above, in voxel (13, 13, 14) of
+    /// 7.5 mm; rounded as VGN does, in (14, 13, 15).
+    #[test]
+    fn a_hand_from_above_has_its_origin_above_the_tips() {
+        let down = pose_from_parts(Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), Vec3::new(0.103, 0.098, 0.06));
+        let voxel = |origin: GraspOrigin| origin.voxel_of(&down, &Grid::PAPER);
+        assert_eq!(voxel(GraspOrigin::TIPS), Some([13, 13, 8]));
+        assert_eq!(voxel(GraspOrigin::behind_tips(0.05)), Some([13, 13, 14]));
+        assert_eq!(voxel(GraspOrigin::VGN), Some([14, 13, 15]));
+        assert_eq!(voxel(GraspOrigin::behind_tips(0.25)), None);
     }
 }

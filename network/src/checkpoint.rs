@@ -56,7 +56,7 @@ impl Checkpoint {
     /// # Errors
     /// If these are another network's parameters.
     pub fn dense(&self) -> Result<DenseNetwork, Failure> {
-        Ok(DenseNetwork::new(&self.vector, self.architecture.upsampling("detection")?))
+        Ok(DenseNetwork::new(&self.vector, self.architecture.voxel("detection")?.upsampling))
     }
 }
 
@@ -207,13 +207,17 @@ mod tests {
     use crate::judge::Scope;
     use crate::layers::initial_vector;
     use crate::upsampling::Upsampling;
+    use crate::{GraspOrigin, VoxelParams};
 
     #[test]
     fn a_checkpoint_comes_back_and_equal_ones_make_equal_files() {
         let folder = tempfile::tempdir().unwrap();
         let checkpoint = Checkpoint {
             vector: initial_vector(1),
-            architecture: Architecture::Voxel(Upsampling::Nearest),
+            architecture: Architecture::Voxel(VoxelParams {
+                upsampling: Upsampling::Nearest,
+                origin: GraspOrigin::behind_tips(0.035),
+            }),
             config: "seed = 1".to_owned(),
             dataset_id: "abc".to_owned(),
             progress: Progress {
@@ -239,7 +243,10 @@ mod tests {
         let path = folder.path().join("diverged");
         let header = Checkpoint {
             vector: initial_vector(1),
-            architecture: Architecture::Voxel(Upsampling::Linear),
+            architecture: Architecture::Voxel(VoxelParams {
+                upsampling: Upsampling::Linear,
+                origin: GraspOrigin::TIPS,
+            }),
             config: String::new(),
             dataset_id: String::new(),
             progress: Progress::default(),

@@ -29,9 +29,9 @@ use clap::ValueEnum;
 use program::{Context as _, ExitCode, Failure};
 use safetensors::{Dtype, SafeTensors};
 
-use crate::Architecture;
 use crate::checkpoint::{self, Checkpoint, Progress};
 use crate::upsampling::Upsampling;
+use crate::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, VoxelParams};
 
 use element::Element;
 use problem::Problem;
@@ -89,19 +89,51 @@ pub struct Imported {
     pub converted_from: Vec<&'static str>,
 }
 
+/// What is said about imported weights that the weights themselves do not tell. What is not said is taken from the
+/// metadata of a safetensors file that has it (`graspmill.torch` writes it), or else is VGN's.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct GivenParams {
+    /// How the decoder doubles its grids.
+    pub upsampling: Option<Upsampling>,
+    /// [`GraspOrigin::behind_tips_m`].
+    pub origin_behind_tips_m: Option<f32>,
+    /// [`GraspOrigin::voxel_offset`].
+    pub voxel_offset: Option<f32>,
+}
+
+impl GivenParams {
+    fn with_metadata(self, bytes: &[u8]) -> VoxelParams {
+        let metadata = SafeTensors::read_metadata(bytes).ok().and_then(|(_, metadata)| metadata.metadata().clone());
+        let said = |key: &str| metadata.as_ref().and_then(|said| said.get(key));
+        let number = |key: &str, most: f32| {
+            said(key).and_then(|text| text.parse::<f32>().ok()).filter(|value| (0.0..=most).contains(value))
+        };
+        let Self { upsampling, origin_behind_tips_m, voxel_offset } = self;
+        let named = || said("upsampling").and_then(|name| Upsampling::ALL.into_iter().find(|own| own.name() == name));
+        let behind_tips_m = origin_behind_tips_m.or_else(|| number("origin_behind_tips_m", BEHIND_TIPS_M_MAX));
+        let voxel_offset = voxel_offset.or_else(|| number("voxel_offset", 1.0));
+        VoxelParams {
+            upsampling: upsampling.or_else(named).unwrap_or(Upsampling::Nearest),
+            origin: GraspOrigin {
+                behind_tips_m: behind_tips_m.unwrap_or(GraspOrigin::VGN.behind_tips_m),
+                voxel_offset: voxel_offset.unwrap_or(GraspOrigin::VGN.voxel_offset),
+            },
+        }
+    }
+}
+
 /// Converts weights of VGN's network from another program to a checkpoint. `force` replaces `out`.
 ///
-/// A state dict does not contain the decoder's upsampling mode, so it is given by `upsampling`.
 ///
 /// # Errors
 /// If the file cannot be read or has no weights of this network, or `out` cannot be written. Then nothing is written.
-pub fn import(file: &Path, out: &Path, upsampling: Upsampling, force: bool) -> Result<Imported, Failure> {
+pub fn import(file: &Path, out: &Path, given: GivenParams, force: bool) -> Result<Imported, Failure> {
     let bytes = read_bounded(file)?;
     let (source, parameters) = read_weights(&bytes).map_err(|problem| problem.at(file))?;
     let Parameters { values, prefix, converted_from } = parameters;
     let checkpoint = Checkpoint {
         vector: values,
-        architecture: Architecture::Voxel(upsampling),
+        architecture: Architecture::Voxel(given.with_metadata(&bytes)),
         config: provenance(file.file_name().unwrap_or_default(), source, &bytes),
         dataset_id: IMPORTED.to_owned(),
         progress: Progress::default(),

@@ -27,6 +27,6 @@ pub mod upsampling;
 mod voxel;
 mod windows;
 
-pub use architecture::{Architecture, Kind};
+pub use architecture::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, Kind, VoxelParams};
 pub use dense::{DenseGrids, DenseNetwork};
 pub use voxel::{Activations, HEAD_OUTPUTS, TransposedWeights, VoxelInputs, VoxelNetwork};

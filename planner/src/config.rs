@@ -117,9 +117,7 @@ settings! {
     pub struct DetectionParams {
         /// Width of the Gaussian that smooths the quality.
         pub gaussian_sigma_voxels: f32 where 0.0..=10.0,
-        /// On which side of the seen surface a grasp's origin lies.
-        pub surface_side: Side,
-        /// How many steps beyond what was seen of that side it may lie.
+        /// How many steps beyond what was seen of its side of the surface a grasp's origin may lie.
         pub surface_steps_max: usize where 0..=100,
         /// Smallest width.
         pub width_voxels_min: f32 where 0.0..=100.0,
@@ -129,11 +127,6 @@ settings! {
         pub quality_min: f32 where 1e-6..=1.0,
         /// Side of the cube in which only the best is kept.
         pub suppression_window_voxels: usize where 1..=40,
-        /// Place of a grasp in its voxel, along each axis.
-        pub voxel_offset: f32 where 0.0..=1.0,
-        /// How far behind the finger tips, along the approach, the network has a grasp's origin: 0 in our datasets, a
-        /// finger's length in VGN's.
-        pub origin_behind_tips_m: f32 where 0.0..=0.3,
     }
     check DetectionParams::widths_agree
 }
@@ -142,18 +135,6 @@ impl DetectionParams {
     fn widths_agree(&self, reader: &mut Reader<'_>) {
         let (least, got) = (self.width_voxels_min, self.width_voxels_max);
         reader.must("width_voxels_max", least <= got, || format!("must be between {least} and 100, got {got}"));
-    }
-}
-
-words! {
-    /// A side of the seen surface.
-    pub enum Side {
-        /// In front: where VGN's grasps have their origin, between the roots of the fingers.
-        Front = "front",
-        /// Behind: where the paper's have theirs, between the tips.
-        Behind = "behind",
-        /// Either.
-        Both = "both",
     }
 }
 
@@ -340,8 +321,8 @@ mod tests {
         assert!(missing[0].starts_with("cloud.pitch_m is missing"), "{missing:?}");
         let negative = problems(&BuiltIn::Paper.text().replace("points_max = 5", "points_max = -5"));
         assert_eq!(negative, ["collision.points_max must be between 0 and 1000000, got -5"]);
-        let side = problems(&BuiltIn::Paper.text().replace("surface_side = \"behind\"", "surface_side = \"left\""));
-        assert_eq!(side, ["detection.surface_side must be one of front, behind, both, got left"]);
+        let policy = problems(&BuiltIn::Paper.text().replace("policy = \"paper\"", "policy = \"left\""));
+        assert_eq!(policy.len(), 1, "{policy:?}");
         assert_eq!(
             problems(&BuiltIn::Paper.text().replace("width_voxels_max = 9.33", "width_voxels_max = 1.0")).len(),
             1

@@ -7,9 +7,10 @@
 //! double precision and stores it in single precision, and this module does the same with the same borders, because
 //! ties matter.
 
+use network::GraspOrigin;
 use schema::Grid;
 
-use crate::config::{DetectionParams, Side};
+use crate::config::DetectionParams;
 use crate::plan::{Funnel, RejectReason};
 
 /// A voxel that was detected, or rejected.
@@ -39,15 +40,45 @@ pub struct Detected {
 /// Candidates below the threshold are listed only from this share of ε.
 const LISTED_SHARE_OF_QUALITY_MIN: f32 = 0.5;
 
-/// Finds grasps: `tsdf`, `quality` and `width_voxels` have one value per voxel of `grid`, x slowest.
+/// A side of the seen surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// In front of it, whence the hand comes.
+    Front,
+    /// Behind it.
+    Behind,
+    /// Either.
+    Both,
+}
+
+impl Side {
+    /// Where a network has the origins of grasps whose tips are 15 to 35 mm behind the surface (Appendix A: d_z).
+    #[must_use]
+    pub fn of(origin: GraspOrigin) -> Self {
+        match origin.behind_tips_m {
+            ..=0.015 => Self::Behind,
+            0.035.. => Self::Front,
+            _ => Self::Both,
+        }
+    }
+}
+
+/// Finds grasps: `tsdf`, `quality` and `width_voxels` have one value per voxel of `grid`, x slowest; grasps have their
+/// origin on one side of the surface.
 ///
 /// # Panics
 /// If a length differs.
 #[must_use]
-pub fn detect(grid: &Grid, tsdf: &[f32], quality: &[f32], width_voxels: &[f32], params: &DetectionParams) -> Detected {
+pub fn detect(
+    grid: &Grid,
+    tsdf: &[f32],
+    quality: &[f32],
+    width_voxels: &[f32],
+    (side, params): (Side, &DetectionParams),
+) -> Detected {
     assert!([tsdf, quality, width_voxels].iter().all(|values| values.len() == grid.len()), "one value a voxel");
     let smoothed = smooth(quality, grid.resolution, params.gaussian_sigma_voxels);
-    let near = near_surface(tsdf, grid, params.surface_side, params.surface_steps_max);
+    let near = near_surface(tsdf, grid, side, params.surface_steps_max);
     let mut detected = Detected {
         found: Vec::new(),
         funnel: Funnel { voxels: grid.len(), ..Funnel::default() },
@@ -223,7 +254,7 @@ mod tests {
     const GRID: Grid = Grid::PAPER;
 
     fn params() -> DetectionParams {
-        DetectionParams { surface_side: Side::Front, ..BuiltIn::Paper.config().unwrap().detection }
+        BuiltIn::Paper.config().unwrap().detection
     }
 
     fn ball(middle: [usize; 3], radius: f32, value: f32) -> Vec<f32> {
@@ -255,7 +286,7 @@ mod tests {
         quality[GRID.flat([21, 20, 12])] = 1.0;
         let tsdf = ball([20, 20, 12], 8.0, 0.6);
         let width = vec![4.0; GRID.len()];
-        let detected = detect(&GRID, &tsdf, &quality, &width, &params());
+        let detected = detect(&GRID, &tsdf, &quality, &width, (Side::Front, &params()));
         let voxels: Vec<[usize; 3]> = detected.found.iter().map(|found| found.voxel).collect();
         assert!(voxels.contains(&[21, 20, 12]), "{voxels:?}");
         assert!(detected.funnel.quality_reached > 100 && detected.quality_best > 0.94);
@@ -266,8 +297,9 @@ mod tests {
         let quality = ball([20, 20, 12], 6.0, 0.95);
         let near = ball([20, 20, 12], 8.0, 0.6);
         let width = vec![4.0; GRID.len()];
-        let count =
-            |tsdf: &[f32], quality: &[f32], width: &[f32]| detect(&GRID, tsdf, quality, width, &params()).found.len();
+        let count = |tsdf: &[f32], quality: &[f32], width: &[f32]| {
+            detect(&GRID, tsdf, quality, width, (Side::Front, &params())).found.len()
+        };
         assert!(count(&near, &quality, &width) > 0);
         assert_eq!(count(&vec![0.0; GRID.len()], &quality, &width), 0);
         assert_eq!(count(&vec![0.3; GRID.len()], &quality, &width), 0);
@@ -308,7 +340,7 @@ mod tests {
     fn what_is_dropped_is_listed_with_its_reason() {
         let quality = ball([20, 20, 12], 6.0, 0.95);
         let width = vec![12.0; GRID.len()];
-        let detected = detect(&GRID, &ball([20, 20, 12], 8.0, 0.6), &quality, &width, &params());
+        let detected = detect(&GRID, &ball([20, 20, 12], 8.0, 0.6), &quality, &width, (Side::Front, &params()));
         assert!(detected.found.is_empty());
         let misses = detected.misses(&GRID, &params());
         assert!(!misses.is_empty());

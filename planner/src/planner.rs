@@ -7,13 +7,13 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use hands::{Judge, Judged, Seen};
-use network::{Architecture, DenseGrids, DenseNetwork, checkpoint};
+use network::{Architecture, DenseGrids, DenseNetwork, GraspOrigin, checkpoint};
 use program::Failure;
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Plane, Pose, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 
 use crate::config::{BuiltIn, CloudParams, Config, Policy, WithoutObject};
-use crate::detect::{Detected, Detection, detect};
+use crate::detect::{Detected, Detection, Side, detect};
 use crate::hand::{Sweep, WRIST_DOWN, are_alike, towards_wrist};
 use crate::input::{InputError, read_file, refuse};
 use crate::limits::{Limiter, object_points, seen_points};
@@ -102,7 +102,7 @@ impl Planners {
 /// What answers: for voxels, or for hands.
 #[derive(Debug, Clone)]
 enum Network {
-    Voxel(Box<DenseNetwork>),
+    Voxel(Box<DenseNetwork>, GraspOrigin),
     Judge(Box<Judge>),
 }
 
@@ -148,7 +148,7 @@ impl Planner {
             return Err(got.refused(&what, needed));
         }
         let network = match &checkpoint.architecture {
-            Architecture::Voxel(_) => Network::Voxel(Box::new(checkpoint.dense()?)),
+            Architecture::Voxel(params) => Network::Voxel(Box::new(checkpoint.dense()?), params.origin),
             Architecture::Judge(_) => Network::Judge(Box::new(Judge::new(&checkpoint, &config.gripper, &grid)?)),
         };
         let model_id = checkpoint::digest(file);
@@ -233,7 +233,7 @@ impl Planner {
         let (grid, mut segment_ms) = (seen.field, Vec::new());
         let scene = scene_number(grid);
         let candidates = || match &self.network {
-            Network::Voxel(network) => self.detections(network, grid, wishes, timings_ms),
+            Network::Voxel(network, origin) => self.detections((network, *origin), grid, wishes, timings_ms),
             Network::Judge(judge) => {
                 let mut stream = Stream::new(self.config.seed, scene, Purpose::Proposals, 0);
                 // As dense in a larger workspace as in the network's.
@@ -256,22 +256,23 @@ impl Planner {
     /// VGN's detections, with the grasps that the paper's network predicts there.
     fn detections(
         &self,
-        network: &DenseNetwork,
-        grid: &VoxelGrid,
+        (network, origin): (&DenseNetwork, GraspOrigin),
+        VoxelGrid { grid, values }: &VoxelGrid,
         wishes: &Wishes,
         timings_ms: &mut Timings,
     ) -> Candidates {
-        let VoxelGrid { grid, values } = grid;
         let grids = timed(timings_ms, "network", || network.infer_over(grid.resolution, values));
         let detected: Detected = timed(timings_ms, "detect", || {
             let sigmoid = |logit: &f32| 1.0 / (1.0 + libm::expf(-logit));
             let quality: Vec<f32> = grids.quality_logit.iter().map(sigmoid).collect();
-            detect(grid, values, &quality, &grids.width_voxels, &self.config.detection)
+            let asked = (Side::of(origin), &self.config.detection);
+            detect(grid, values, &quality, &grids.width_voxels, asked)
         });
         let misses = if wishes.explain { detected.misses(grid, &self.config.detection) } else { Vec::new() };
-        let missed = |(miss, reason)| DroppedCandidate::new(&self.grasp_at(grid, &miss, &grids, wishes), reason);
+        let grasp_at = |detection: &Detection| grasp_at(grid, detection, (&grids, origin), wishes);
+        let missed = |(miss, reason)| DroppedCandidate::new(&grasp_at(&miss), reason);
         Candidates {
-            grasps: detected.found.iter().map(|detection| self.grasp_at(grid, detection, &grids, wishes)).collect(),
+            grasps: detected.found.iter().map(grasp_at).collect(),
             dropped: misses.into_iter().map(missed).collect(),
             funnel: detected.funnel,
             quality_best: detected.quality_best,
@@ -338,13 +339,13 @@ impl Planner {
             cloud,
             objects,
         } = found;
-        if self.config.refinement.turns > 0 && matches!(self.network, Network::Voxel(_)) {
+        if self.config.refinement.turns > 0 && matches!(self.network, Network::Voxel(..)) {
             self.refine(&mut grasps, (&cloud, normals), wishes, &mut dropped);
         }
         drop_where(&mut grasps, &mut dropped, |ranked| {
             is_avoided(&ranked.workspace_from_grasp, wishes).then_some(RejectReason::Avoided)
         });
-        if matches!(self.network, Network::Voxel(_)) {
+        if matches!(self.network, Network::Voxel(..)) {
             drop_where(&mut grasps, &mut dropped, |ranked| {
                 limiter.broken(&ranked.workspace_from_grasp).map(|limit| RejectReason::Limited { limit })
             });
@@ -398,31 +399,6 @@ impl Planner {
         plan.reason = plan.grasps.is_empty().then(|| self.reason(&plan, (quality_best, avoided, limited), wishes));
         plan.warnings = self.warnings(&plan);
         plan
-    }
-
-    /// The grasp that the network predicts in a voxel, turned towards the wrist.
-    fn grasp_at(&self, grid: &Grid, detection: &Detection, grids: &DenseGrids, wishes: &Wishes) -> RankedGrasp {
-        let Detection { voxel, quality } = *detection;
-        let (flat, count) = (grid.flat(voxel), grid.len());
-        let [x, y, z, w] = [0, 1, 2, 3].map(|part| grids.rotation[part * count + flat]);
-        let rotation = Quat::from_xyzw(x, y, z, w).normalize();
-        let offset = self.config.detection.voxel_offset - 0.5;
-        let origin_m = grid.centre_m(voxel) + Vec3::splat(offset * grid.voxel_size_m());
-        let position_m = origin_m + rotation * Vec3::Z * self.config.detection.origin_behind_tips_m;
-        let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
-        RankedGrasp {
-            rank: 0,
-            workspace_from_grasp: towards_wrist(&pose_from_parts(rotation, position_m), wrist),
-            base_from_grasp: None,
-            workspace_from_flange: None,
-            base_from_flange: None,
-            width_m: grids.width_voxels[flat] * grid.voxel_size_m(),
-            quality,
-            object: None,
-            rho_m: None,
-            support: None,
-            voxel,
-        }
     }
 
     /// Searches each hand on the cloud; grasps without a hand are dropped.
@@ -545,6 +521,33 @@ struct Candidates {
     dropped: Vec<DroppedCandidate>,
     funnel: Funnel,
     quality_best: f32,
+}
+
+/// The grasp that the network predicts in a voxel, turned towards the wrist.
+fn grasp_at(
+    grid: &Grid,
+    detection: &Detection,
+    (grids, origin): (&DenseGrids, GraspOrigin),
+    wishes: &Wishes,
+) -> RankedGrasp {
+    let Detection { voxel, quality } = *detection;
+    let (flat, count) = (grid.flat(voxel), grid.len());
+    let [x, y, z, w] = [0, 1, 2, 3].map(|part| grids.rotation[part * count + flat]);
+    let rotation = Quat::from_xyzw(x, y, z, w).normalize();
+    let workspace_from_grasp = pose_from_parts(rotation, origin.tips_m(voxel, rotation, grid));
+    RankedGrasp {
+        rank: 0,
+        workspace_from_grasp: towards_wrist(&workspace_from_grasp, wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN)),
+        base_from_grasp: None,
+        workspace_from_flange: None,
+        base_from_flange: None,
+        width_m: grids.width_voxels[flat] * grid.voxel_size_m(),
+        quality,
+        object: None,
+        rho_m: None,
+        support: None,
+        voxel,
+    }
 }
 
 /// Whether a grasp is like a hand that failed.

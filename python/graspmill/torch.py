@@ -5,6 +5,7 @@ Needs ``pip install graspmill[torch]``. What is trained on is what ``graspmill t
 
 from __future__ import annotations
 
+import json
 import os
 from typing import Any, Generic, Iterator, Literal, TypedDict, TypeVar
 
@@ -64,6 +65,10 @@ class HandBatch(TypedDict):
 _B = TypeVar("_B", Batch, HandBatch)
 
 
+def _behind_tips_m(value: float) -> float:
+    return _arrays.number("origin_behind_tips_m", value, 0.0, 0.3)
+
+
 class _Samples:
     """The samples of a split, by scene: of voxels, or of hands."""
 
@@ -76,15 +81,19 @@ class _Samples:
         other_share: float,
         seed: int,
         of_hands: bool,
+        origin_behind_tips_m: float,
     ) -> None:
         self.of_hands = of_hands
+        self.origin_behind_tips_m = _behind_tips_m(origin_behind_tips_m)
+        if of_hands and self.origin_behind_tips_m > 0.0:
+            raise InputError("a judge is asked about a grasp as it is: origin_behind_tips_m must be 0")
         self._crops: _native.Crops | None = None
         self.dataset = path if isinstance(path, Dataset) else Dataset(path)
         if by not in ("attempt", "scene"):
             raise InputError(f"by must be 'attempt' or 'scene', got {_arrays.shown(by)}")
         shares = [_arrays.number(name, value, 1e-9, 0.45) for name, value in (("test_share", test_share), ("other_share", other_share))]
         native = self.dataset._native
-        self.marks: NDArray[np.uint8] = native.split(_arrays.whole("seed", seed, 0, 2**63 - 1), by, shares, of_hands)
+        self.marks: NDArray[np.uint8] = native.split(_arrays.whole("seed", seed, 0, 2**63 - 1), by, shares, of_hands, self.origin_behind_tips_m)
         name = f"test-{by}s" if split == "test" else split
         if not isinstance(split, str) or name not in {*_SETS, "all"}:
             raise InputError(f"split must be one of train, test, test-attempts, test-scenes, all, got {_arrays.shown(split)}")
@@ -107,7 +116,7 @@ class _Samples:
 
     def read(self, shard: int, scenes: list[int]) -> tuple[NDArray[np.float32], dict[tuple[int, int], int], dict[str, NDArray[Any]]]:
         """Grids of scenes of a shard, ascending; the row of each (place of its scene, attempt); the rows."""
-        grids, poses, width, numbers = self.dataset._native.samples(shard, scenes, self.of_hands)
+        grids, poses, width, numbers = self.dataset._native.samples(shard, scenes, self.of_hands, self.origin_behind_tips_m)
         held = numbers[:, 2] == OUTCOMES.index("held")
         rows = {"label": held.astype(np.float32), "pose": poses, "outcome": numbers[:, 2].astype(np.int64)}
         if self.of_hands:
@@ -163,8 +172,9 @@ class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
         test_share: float = 0.1,
         other_share: float = 0.03,
         seed: int = 1,
+        origin_behind_tips_m: float = 0.0,
     ) -> None:
-        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._of_hands)
+        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._of_hands, origin_behind_tips_m)
         self._places = np.nonzero(self._samples.wanted)[0]
 
     def __len__(self) -> int:
@@ -191,6 +201,8 @@ class GraspDataset(_Items):
         test_share: Share of all samples in that test set.
         other_share: Share in the other one.
         seed: Seed of the split; the trainer's recipes have 1.
+        origin_behind_tips_m: Where the network has the origin of a grasp, and so which voxel answers for it: so far behind the finger tips,
+            against the approach (``network.origin_behind_tips_m`` of a recipe; :attr:`VoxelNetwork.origin_behind_tips_m`).
     """
 
     _of_hands = False
@@ -237,7 +249,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         samples_per_scene: Most samples of a scene that stay together and share its grid; by default 8, or the batch if that is smaller.
         buffer_scenes: How many such groups are shuffled with each other.
         shuffle: Whether the order is shuffled; otherwise as stored.
-        by, test_share, other_share, seed: See :class:`GraspDataset`; the seed is also that of the order.
+        by, test_share, other_share, seed, origin_behind_tips_m: See :class:`GraspDataset`; the seed is also that of the order.
     """
 
     #: Scenes that are read together.
@@ -257,8 +269,9 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         test_share: float = 0.1,
         other_share: float = 0.03,
         seed: int = 1,
+        origin_behind_tips_m: float = 0.0,
     ) -> None:
-        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._of_hands)
+        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._of_hands, origin_behind_tips_m)
         self.batch = _arrays.whole("batch", batch, 1, 1_000_000)
         together = min(8, self.batch) if samples_per_scene is None else samples_per_scene
         self.samples_per_scene = _arrays.whole("samples_per_scene", together, 1, self.batch)
@@ -365,13 +378,20 @@ class VoxelNetwork(nn.Module):
 
     Args:
         upsampling: ``"linear"`` (trilinear, the shipped configs) or ``"nearest"``.
+        origin_behind_tips_m: Where it has the origin of a grasp: so far behind the finger tips, against the approach. Train it on a
+            :class:`GraspStream` with the same.
+        voxel_offset: Place of that origin in its voxel along each axis: 0.5, the middle, for networks trained here; 0 for VGN's weights.
     """
 
-    def __init__(self, upsampling: Literal["linear", "nearest"] = "linear") -> None:
+    def __init__(
+        self, upsampling: Literal["linear", "nearest"] = "linear", *, origin_behind_tips_m: float = 0.0, voxel_offset: float = 0.5
+    ) -> None:
         super().__init__()
         if upsampling not in ("linear", "nearest"):
             raise InputError(f"upsampling must be 'linear' or 'nearest', got {_arrays.shown(upsampling)}")
         self.upsampling = upsampling
+        self.origin_behind_tips_m = _behind_tips_m(origin_behind_tips_m)
+        self.voxel_offset = _arrays.number("voxel_offset", voxel_offset, 0.0, 1.0)
 
         def conv(c_in: int, c_out: int, k: int, stride: int = 1) -> nn.Conv3d:
             return nn.Conv3d(c_in, c_out, k, stride, k // 2)
@@ -404,19 +424,27 @@ class VoxelNetwork(nn.Module):
         return quality[at, 0, i, j, k], rotation[at, :, i, j, k], width[at, 0, i, j, k]
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], upsampling: Literal["linear", "nearest"] = "linear") -> VoxelNetwork:
-        """The network with the weights of a safetensors file of ``graspmill trainer export``."""
-        from safetensors.torch import load_file
+    def load(cls, path: str | os.PathLike[str], upsampling: Literal["linear", "nearest"] | None = None) -> VoxelNetwork:
+        """The network with the weights of a safetensors file, of ``graspmill trainer export`` or of :meth:`save`, and with the upsampling
+        and the origin that the file names. ``upsampling`` is for files that name none."""
+        from safetensors import safe_open
 
-        net = cls(upsampling)
-        net.load_state_dict(load_file(os.fspath(path)), strict=True)
+        with safe_open(os.fspath(path), "pt") as file:
+            said = file.metadata() or {}
+            said = json.loads(said["graspmill"]) if "graspmill" in said else said
+            tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith("adam.")}
+        origin = {name: float(said[name]) for name in ("origin_behind_tips_m", "voxel_offset") if name in said}
+        net = cls(upsampling or said.get("upsampling", "linear"), **origin)
+        net.load_state_dict(tensors, strict=True)
         return net
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the weights for ``graspmill trainer import``."""
         from safetensors.torch import save_file
 
-        save_file({name: tensor.contiguous() for name, tensor in self.state_dict().items()}, os.fspath(path))
+        names = ("upsampling", "origin_behind_tips_m", "voxel_offset")
+        said = {name: str(getattr(self, name)) for name in names}
+        save_file({name: tensor.contiguous() for name, tensor in self.state_dict().items()}, os.fspath(path), said)
 
 
 def loss(quality: Tensor, rotation: Tensor, width: Tensor, batch: Batch) -> Tensor:

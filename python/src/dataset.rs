@@ -5,15 +5,16 @@ use std::sync::{Arc, OnceLock};
 use std::{mem, process};
 
 use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
+use network::GraspOrigin;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, ToPyArray};
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict};
-use schema::{AttemptRecord, CameraParams, HitKind, Intrinsics, SceneRows, SettleParams, samples_of};
+use schema::{AttemptRecord, CameraParams, HitKind, Intrinsics, Pose, SceneRows, SettleParams, samples_of};
 use shards::report::PageParts;
 use shards::{Location, Table, scene_view};
 use simulator::Body;
-use trainer::config::{SplitBy, SplitConfig};
+use trainer::config::{SplitBy, SplitConfig, Targets};
 use trainer::data::{GraspDataset, Marks, Seen};
 use trainer::split::split;
 
@@ -178,7 +179,7 @@ impl Dataset {
     }
 
     /// The samples of some scenes of a shard, ascending, of voxels or of hands: their grids, flat in one array; of each
-    /// sample its pose (`[N, 7]`) and its opening; and of each its scene's place among them, its attempt, its outcome,
+    /// sample its pose (`[N, 7]`; of voxels at the network's origin) and its opening; and of each its scene's place among them, its attempt, its outcome,
     /// the number of its hand and that of its scene's views (`[N, 5]`).
     #[expect(clippy::type_complexity, reason = "its caller in Python unpacks it")]
     fn samples<'py>(
@@ -187,6 +188,7 @@ impl Dataset {
         shard: u32,
         scenes: Vec<u64>,
         of_hands: bool,
+        origin_behind_tips_m: f32,
     ) -> PyResult<(
         Bound<'py, PyArray1<f32>>,
         Bound<'py, PyArray2<f32>>,
@@ -205,18 +207,22 @@ impl Dataset {
             for (place, (scene, attempts)) in (0_u32..).zip(some) {
                 grids.extend(scene.tsdf);
                 let (hand, views) = ((scene.scene_id % hands) as u32, scene.views.len() as u32);
-                let own =
-                    if of_hands { attempts } else { samples_of(&attempts, dataset.info().hand_of(scene.scene_id)) };
+                let own = if of_hands { attempts } else { samples_of(&attempts) };
                 samples
                     .extend(own.into_iter().map(|row| ([place, row.attempt_id, row.outcome as u32, hand, views], row)));
             }
             Ok::<_, Failure>((grids, samples))
         };
         let (grids, samples) = free(py, read)?;
+        let origin = GraspOrigin::behind_tips(if of_hands { 0.0 } else { origin_behind_tips_m });
+        let at_origin = |row: &AttemptRecord| Pose {
+            translation: origin.of_m(&row.workspace_from_grasp),
+            ..row.workspace_from_grasp
+        };
         let (numbers, samples): (Vec<[u32; 5]>, Vec<AttemptRecord>) = samples.into_iter().unzip();
         Ok((
             grids.into_pyarray(py),
-            rows(py, samples.iter().map(|row| row.workspace_from_grasp))?,
+            rows(py, samples.iter().map(at_origin))?,
             samples.iter().map(|row| row.width_m.unwrap_or(f32::NAN)).collect::<Vec<_>>().into_pyarray(py),
             numbers.into_flattened().into_pyarray(py).reshape([samples.len(), 5])?,
         ))
@@ -238,10 +244,13 @@ impl Dataset {
         by: &str,
         shares: [f64; 2],
         of_hands: bool,
+        origin_behind_tips_m: f32,
     ) -> PyResult<Bound<'py, PyArray1<u8>>> {
         let by = if by == "scene" { SplitBy::Scene } else { SplitBy::Attempt };
         let ([test_share, other_share], crops) = (shares, self.crops().crops);
-        let seen = if of_hands { Seen::Hands(&crops) } else { Seen::OURS };
+        let origin = GraspOrigin::behind_tips(origin_behind_tips_m);
+        let of_voxels = Seen::Voxels { origin, targets: Targets::Attempt };
+        let seen = if of_hands { Seen::Hands(&crops) } else { of_voxels };
         let (config, location) = (SplitConfig { by, test_share, other_share }, self.dataset.location());
         self.read()?;
         let marked = || {

@@ -36,7 +36,7 @@ mod solid;
 
 pub use camera::{Camera, DepthImage, Intrinsics, View};
 pub use generation::{CameraParams, Engine, Physics, SettleParams, TsdfParams, ViewParams};
-pub use grasp::{Grasp, VoxelGrasp};
+pub use grasp::Grasp;
 pub use grid::{Grid, GridError, VoxelGrid};
 pub use gripper::{Gripper, HandBox, PoseParts};
 pub use hands::{HANDS_MAX, Hands, hand_of};

@@ -4,20 +4,19 @@
 //! VGN (`generate_data.py`: `evaluate_grasp_point`) tries several yaws about a point's normal. The point is positive if
 //! one of them held; its orientation and width are those in the middle of the widest run of yaws that held. The
 //! published code searches that run between 0 and π. A half turn gives the same grasp, so here the run wraps around.
-//! VGN's grasps have their origin between the roots of the fingers, not between the tips, and so have these samples.
 //! The trainer and the export in VGN's format share this code.
 
 use core::f32::consts::PI;
 
-use crate::{Approach, AttemptRecord, Gripper};
+use crate::{Approach, AttemptRecord};
 
-/// The representative attempt of each sample, with its grasp at the network's position. An attempt by a rule is
-/// unchanged. For consecutive attempts along one point's normal it is the middle of the widest run of yaws that held
-/// (or the first, if none held), with its origin between the roots of the fingers. `attempts` are in the order of the
-/// table.
+/// The representative attempt of each sample. An attempt by a rule stands for itself; consecutive attempts along one
+/// point's normal are represented by the middle of the widest run of yaws that held, or by the first, if none held.
+/// `attempts` are in the order of the table.
 #[must_use]
-pub fn samples_of(attempts: &[AttemptRecord], gripper: &Gripper) -> Vec<AttemptRecord> {
-    attempts.chunk_by(|a, b| is_along_normal(a) && share_point(a, b)).map(|about| stand_in(about, gripper)).collect()
+pub fn samples_of(attempts: &[AttemptRecord]) -> Vec<AttemptRecord> {
+    let about_a_point = attempts.chunk_by(|a, b| is_along_normal(a) && share_point(a, b));
+    about_a_point.map(|about| about[widest_run(about).unwrap_or(0)].clone()).collect()
 }
 
 fn is_along_normal(attempt: &AttemptRecord) -> bool {
@@ -26,14 +25,6 @@ fn is_along_normal(attempt: &AttemptRecord) -> bool {
 
 fn share_point(a: &AttemptRecord, b: &AttemptRecord) -> bool {
     (a.scene_id, a.rule, a.workspace_from_grasp.translation) == (b.scene_id, b.rule, b.workspace_from_grasp.translation)
-}
-
-fn stand_in(about: &[AttemptRecord], gripper: &Gripper) -> AttemptRecord {
-    let mut chosen = about[widest_run(about).unwrap_or(0)].clone();
-    if is_along_normal(&chosen) {
-        chosen.workspace_from_grasp.translation = gripper.finger_roots_m(&chosen.workspace_from_grasp);
-    }
-    chosen
 }
 
 /// The middle of the longest run of yaws that held; the first of equal runs, and the earlier middle of an even run.
@@ -86,10 +77,6 @@ mod tests {
         yaws.map(|(h, yaw)| attempt(yaw, None, Vec3::splat(0.1), PI * yaw as f32 / 6.0, h == '1')).collect()
     }
 
-    fn gripper() -> Gripper {
-        Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap()
-    }
-
     /// Runs found by hand; "100011" wraps around: 4, 5, 0.
     #[test]
     fn a_point_is_its_widest_run_of_yaws() {
@@ -105,13 +92,10 @@ mod tests {
             ("01", 1),
             ("11", 0),
         ] {
-            let found = samples_of(&about(held), &gripper());
+            let found = samples_of(&about(held));
             assert_eq!(found.len(), 1, "{held}");
             assert_eq!(found[0].attempt_id, middle, "{held}");
             assert_eq!(found[0].label(), u8::from(held.contains('1')), "{held}");
-            // The hand looks straight down, its fingers are 50 mm long.
-            let at = found[0].workspace_from_grasp.translation;
-            assert!((at - Vec3::new(0.1, 0.1, 0.15)).length() < 1e-6, "{held}: {at}");
         }
     }
 
@@ -123,7 +107,7 @@ mod tests {
             row
         }));
         rows.extend((0..3).map(|id| attempt(id, Some(Axis::Z), Vec3::splat(0.2), 0.0, id == 1)));
-        let found = samples_of(&rows, &gripper());
+        let found = samples_of(&rows);
         assert_eq!(found.iter().map(|row| row.attempt_id).collect::<Vec<_>>(), [1, 4, 0, 1, 2]);
         assert!(found[2..].iter().all(|row| row.workspace_from_grasp.translation == Vec3::splat(0.2)));
     }

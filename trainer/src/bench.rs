@@ -207,11 +207,11 @@ pub fn bench(
         let mut paper = Config::parse(PAPER, Path::new("configs/train/paper.toml"))?;
         paper.training.batch = samples;
         let datasets = (0..times).map(|_| Dataset::open(data)).collect::<Result<Vec<_>, _>>()?;
-        reading = Some(read(&datasets, Seen::OURS, &paper)?);
+        reading = Some(read(&datasets, Model::Voxel(paper.network.voxel()).seen(paper.training.targets), &paper)?);
         // Once: a judge has a crop in memory for every hand of every dataset.
         let dataset = &datasets[..1];
         let model = Model::of(&architecture(&recipe, dataset, &Device::Host)?, hands_of(dataset));
-        judge.reading = Some(read(dataset, model.seen(0.5, recipe.training.targets), &recipe)?);
+        judge.reading = Some(read(dataset, model.seen(recipe.training.targets), &recipe)?);
     }
     Ok(BenchReport {
         version: env!("CARGO_PKG_VERSION"),

@@ -12,8 +12,8 @@ use settings::{Document, Reader, above, settings, words};
 
 use crate::augmentation::Augmentation;
 use crate::schedule::Schedule;
-use network::Kind;
 use network::upsampling::Upsampling;
+use network::{BEHIND_TIPS_M_MAX, GraspOrigin, Kind, VoxelParams};
 
 /// The paper's recipe, the default.
 pub const PAPER: &str = include_str!("../../configs/train/paper.toml");
@@ -48,8 +48,19 @@ settings! {
         pub kind: Kind; or Kind::Voxel,
         /// How the decoder of the paper's network doubles its grids.
         pub upsampling: Upsampling; or Upsampling::Linear,
+        /// Where the paper's network has the origin of a grasp: so far behind the finger tips, against the approach. 0 is
+        /// midway between the tips, the fingers' length midway between their roots, as VGN has it.
+        pub origin_behind_tips_m: f32 where 0.0..=BEHIND_TIPS_M_MAX; or 0.0,
         /// SHA-256 of the checkpoint whose weights training begins with (--from).
         pub from: Option<String>; or None,
+    }
+}
+
+impl NetworkParams {
+    /// What belongs to the paper's network besides its parameters.
+    #[must_use]
+    pub const fn voxel(&self) -> VoxelParams {
+        VoxelParams { upsampling: self.upsampling, origin: GraspOrigin::behind_tips(self.origin_behind_tips_m) }
     }
 }
 
@@ -59,7 +70,10 @@ impl Serialize for NetworkParams {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut table = serializer.serialize_struct("network", 1)?;
         match self.kind {
-            Kind::Voxel => table.serialize_field("upsampling", &self.upsampling)?,
+            Kind::Voxel => {
+                table.serialize_field("upsampling", &self.upsampling)?;
+                table.serialize_field("origin_behind_tips_m", &self.origin_behind_tips_m)?;
+            }
             Kind::Judge => table.serialize_field("kind", &self.kind)?,
         }
         if let Some(from) = &self.from {
@@ -164,6 +178,7 @@ impl Config {
             reader.must("augmentation", self.augmentation == Augmentation::OFF, rule);
             reader.must("training.positive_weight", self.training.positive_weight == 1.0, rule);
             reader.must("training.targets", self.training.targets == Targets::Attempt, rule);
+            reader.must("network.origin_behind_tips_m", self.network.origin_behind_tips_m == 0.0, rule);
         }
     }
 

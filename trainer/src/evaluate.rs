@@ -14,7 +14,7 @@ use clap::ValueEnum;
 use network::checkpoint::{Checkpoint, Confusion};
 use network::{Architecture, checkpoint};
 use program::{ExitCode, Failure};
-use schema::Approach;
+use schema::{Approach, Quat, Vec3};
 use serde::Serialize;
 use shards::{Dataset, Location};
 
@@ -84,6 +84,8 @@ pub struct Evaluation {
     pub calibration: Calibration,
     /// Errors of orientation and width.
     pub errors: GraspErrors,
+    /// The same of those with a quality above 0.9, the paper's ε.
+    pub errors_of_sure: GraspErrors,
     /// By target shape, with names as in the shards.
     pub by_shape: BTreeMap<&'static str, Summary>,
     /// By rule of Appendix A: shape and approach axis.
@@ -201,8 +203,8 @@ struct Found {
     result: SampleResult,
 }
 
-/// Evaluates a checkpoint on a set of a dataset, and keeps the `mistakes_max` worst errors of each kind. `voxel_offset`
-/// is that of [`crate::data::Seen`]; without `targets` those of the recipe are asked.
+/// Evaluates a checkpoint on a set of a dataset, and keeps the `mistakes_max` worst errors of each kind.
+/// Without `targets` those of the recipe are asked.
 ///
 /// # Errors
 /// If checkpoint or dataset cannot be read, or the set has no samples.
@@ -210,7 +212,7 @@ pub fn examine(
     path: &Path,
     data: impl Into<Location>,
     set: TestSet,
-    (voxel_offset, targets): (f32, Option<Targets>),
+    targets: Option<Targets>,
     mistakes_max: usize,
 ) -> Result<Examination, Failure> {
     let checkpoint = checkpoint::read(path)?;
@@ -222,7 +224,7 @@ pub fn examine(
         info.hands().iter().try_for_each(|hand| scope.must_match(hand, &info.grid))?;
     }
     let model = Model::of(&checkpoint.architecture, dataset.info().hands().iter());
-    let found = results(&checkpoint, &dataset, &model, (set, voxel_offset, targets), path)?;
+    let found = results(&checkpoint, &dataset, &model, (set, targets), path)?;
     if found.is_empty() {
         let what = "the dataset has no attempt whose grasp lies in the grid";
         return Err(Failure::new(ExitCode::Config, what));
@@ -255,7 +257,8 @@ pub fn examine(
         ranking: ranking(&scores),
         calibration: calibration(&scores),
         // A judge predicts no grasp, so it has no errors of one.
-        errors: errors(if model.crops().is_some() { &[] } else { &results }, dataset.info().grid.voxel_size_m()),
+        errors: errors(found.iter(), dataset.info().grid.voxel_size_m()),
+        errors_of_sure: errors(found.iter().filter(|own| is_sure(&own.result)), dataset.info().grid.voxel_size_m()),
         by_shape: by(|record| record.rule.shape.kind_name()),
         by_rule: by(|record| record.rule.name()),
         hands: model.crops().map(|_| hand_scores(&found)),
@@ -269,14 +272,14 @@ fn results(
     checkpoint: &Checkpoint,
     dataset: &Dataset,
     model: &Model,
-    (set, voxel_offset, targets): (TestSet, f32, Option<Targets>),
+    (set, targets): (TestSet, Option<Targets>),
     path: &Path,
 ) -> Result<Vec<Found>, Failure> {
     let stop = AtomicBool::new(false);
     let config = Config::parse(&checkpoint.config, path);
     // Weights from elsewhere have no recipe.
     let targets = targets.unwrap_or(config.as_ref().map_or(Targets::Attempt, |config| config.training.targets));
-    let seen = model.seen(voxel_offset, targets);
+    let seen = model.seen(targets);
     let mut samples = GraspDataset::survey(slice::from_ref(dataset), seen, &stop, &|| {})?;
     let wanted = match set {
         TestSet::All => None,
@@ -404,12 +407,28 @@ fn tallies<'a, K: Ord>(results: impl Iterator<Item = (K, &'a SampleResult)>) -> 
     tallies
 }
 
-fn errors(results: &[SampleResult], voxel_size_m: f32) -> GraspErrors {
-    let held = || results.iter().filter(|result| result.label == 1);
-    let width_mm = |result: &SampleResult| 1e3 * f64::from(voxel_size_m) * f64::from(result.width).sqrt();
+/// Whether the network gives a sample more than the paper's ε = 0.9.
+fn is_sure(result: &SampleResult) -> bool {
+    result.quality_logit > 9.0_f32.ln()
+}
+
+/// Of the held ones; a judge predicts no grasp, so it has no errors of one.
+fn errors<'a>(found: impl Iterator<Item = &'a Found>, voxel_size_m: f32) -> GraspErrors {
+    let predicted =
+        |own: &Found| Some((Quat::from_array(own.record.rotation), Quat::from_array(own.result.predicted?)));
+    let held: Vec<(&SampleResult, (Quat, Quat))> =
+        found.filter(|own| own.result.label == 1).filter_map(|own| Some((&own.result, predicted(own)?))).collect();
+    let apart_deg = |cosine: f32| f64::from(libm::acosf(cosine.clamp(-1.0, 1.0)).to_degrees());
+    let width_mm = |(result, _): &(&SampleResult, _)| 1e3 * f64::from(voxel_size_m) * f64::from(result.width).sqrt();
     GraspErrors {
-        samples: held().count(),
-        rotation_deg: Spread::of(held().map(|result| rotation_error_deg(result.rotation)).collect()),
-        width_mm: Spread::of(held().map(width_mm).collect()),
+        samples: held.len(),
+        rotation_deg: Spread::of(held.iter().map(|(result, _)| rotation_error_deg(result.rotation)).collect()),
+        approach_deg: Spread::of(
+            held.iter().map(|(_, (is, told))| apart_deg((*is * Vec3::Z).dot(*told * Vec3::Z))).collect(),
+        ),
+        closing_deg: Spread::of(
+            held.iter().map(|(_, (is, told))| apart_deg((*is * Vec3::Y).dot(*told * Vec3::Y).abs())).collect(),
+        ),
+        width_mm: Spread::of(held.iter().map(width_mm).collect()),
     }
 }

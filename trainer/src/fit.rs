@@ -82,7 +82,7 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
     let mut state = Checkpoint { vector, architecture, config: config.to_toml(), dataset_id, progress, moments };
 
     observe(Event::Loading(&datasets));
-    let seen = model.seen(0.5, config.training.targets);
+    let seen = model.seen(config.training.targets);
     let (samples, labels) = match load(&datasets, seen, config, stop, &|| observe(Event::SceneLoaded)) {
         Err(_) if stop.load(Ordering::Relaxed) => return Ok(Ending::Stopped),
         loaded => loaded?,
@@ -195,7 +195,7 @@ pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Devic
             let text = "the paper's network knows nothing of hands: train it on data of one hand, or a judge on these";
             Err(Failure::new(ExitCode::Config, text))
         }
-        Kind::Voxel => Ok(Architecture::Voxel(config.network.upsampling)),
+        Kind::Voxel => Ok(Architecture::Voxel(config.network.voxel())),
         Kind::Judge if *device != Device::Host => {
             Err(Failure::new(ExitCode::Config, "a judge is trained on the host: --device cpu"))
         }

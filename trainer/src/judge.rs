@@ -106,7 +106,7 @@ fn certain(hand: &Hand) -> SampleResult {
 
 fn result(loss: f32, quality_logit: f32, hand: &Hand) -> SampleResult {
     let label = hand.outcome.label();
-    SampleResult { total: loss, quality: loss, rotation: 0.0, width: 0.0, quality_logit, label }
+    SampleResult { total: loss, quality: loss, rotation: 0.0, width: 0.0, quality_logit, predicted: None, label }
 }
 
 /// The gradient of `weight` times the cross-entropy at the logits.

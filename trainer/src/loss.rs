@@ -74,6 +74,8 @@ pub struct SampleResult {
     pub width: f32,
     /// Logit of the predicted grasp quality: a success is predicted where it is above 0.
     pub quality_logit: f32,
+    /// The predicted orientation as a unit quaternion xyzw; a judge predicts none.
+    pub predicted: Option<[f32; 4]>,
     /// The true label.
     pub label: u8,
 }
@@ -146,7 +148,7 @@ pub fn sample_loss(heads: &[f32; HEAD_OUTPUTS], target: &Target) -> SampleResult
     let off = width - target_width(target);
     let width = off * off * label;
     let total = quality + rotation + width * WIDTH_WEIGHT;
-    SampleResult { total, quality, rotation, width, quality_logit: logit, label: target.label }
+    SampleResult { total, quality, rotation, width, quality_logit: logit, predicted: Some(unit), label: target.label }
 }
 
 /// The gradient of `weight` · L at the heads.

@@ -1,8 +1,7 @@
 //! The network in training, whichever of the two it is.
 
-use network::Architecture;
 use network::judge::Crop;
-use network::upsampling::Upsampling;
+use network::{Architecture, VoxelParams};
 use schema::Gripper;
 
 use crate::batch::Batch;
@@ -17,7 +16,7 @@ use crate::{judge, step};
 #[derive(Debug)]
 pub enum Model {
     /// The paper's, on a device.
-    Voxel(Upsampling),
+    Voxel(VoxelParams),
     /// A judge, and how it sees each hand.
     Judge(Vec<Crop>),
 }
@@ -27,7 +26,7 @@ impl Model {
     #[must_use]
     pub fn of<'a>(architecture: &Architecture, hands: impl Iterator<Item = &'a Gripper>) -> Self {
         match architecture {
-            Architecture::Voxel(upsampling) => Self::Voxel(*upsampling),
+            Architecture::Voxel(params) => Self::Voxel(*params),
             Architecture::Judge(scope) => {
                 Self::Judge(hands.map(|hand| Crop::new(hand, scope.pregrasp_distance_m, &scope.grid)).collect())
             }
@@ -43,17 +42,20 @@ impl Model {
         }
     }
 
-    /// How it sees grasps; voxels with their grasps at `voxel_offset` and these targets.
+    /// How it sees grasps; a network of voxels with these targets.
     #[must_use]
-    pub fn seen(&self, voxel_offset: f32, targets: Targets) -> Seen<'_> {
-        self.crops().map_or(Seen::Voxels { offset: voxel_offset, targets }, Seen::Hands)
+    pub fn seen(&self, targets: Targets) -> Seen<'_> {
+        match self {
+            Self::Voxel(params) => Seen::Voxels { origin: params.origin, targets },
+            Self::Judge(crops) => Seen::Hands(crops),
+        }
     }
 
     /// Loss and gradient of a batch; a judge's are computed on the host.
     #[must_use]
     pub fn step(&self, vector: &[f32], batch: &Batch, device: &Device) -> StepResult {
         match self {
-            Self::Voxel(mode) => step::step(vector, batch, *mode, device),
+            Self::Voxel(params) => step::step(vector, batch, params.upsampling, device),
             Self::Judge(crops) => judge::step(vector, batch, crops),
         }
     }
@@ -62,7 +64,7 @@ impl Model {
     #[must_use]
     pub fn evaluate(&self, vector: &[f32], batch: &Batch, device: &Device) -> Vec<SampleResult> {
         match self {
-            Self::Voxel(mode) => step::evaluate(vector, batch, *mode, device),
+            Self::Voxel(params) => step::evaluate(vector, batch, params.upsampling, device),
             Self::Judge(crops) => judge::evaluate(vector, batch, crops),
         }
     }

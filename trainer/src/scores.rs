@@ -163,13 +163,17 @@ pub fn calibration(scores: &[Score]) -> Calibration {
 }
 
 /// Errors of the predicted grasps over held attempts; failed attempts have no true grasp.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct GraspErrors {
     /// Held attempts.
     pub samples: usize,
     /// Angle between the predicted and the true orientation, or the latter after half a turn about its approach, in
     /// degrees.
     pub rotation_deg: Option<Spread>,
+    /// Angle between the predicted and the true approach, in degrees.
+    pub approach_deg: Option<Spread>,
+    /// Angle between the predicted and the true closing direction or its opposite, in degrees.
+    pub closing_deg: Option<Spread>,
     /// Absolute difference of predicted and true opening, in millimetres.
     pub width_mm: Option<Spread>,
 }

@@ -7,9 +7,9 @@ use program::Failure;
 use serde::{Deserialize, Serialize};
 
 use super::{Checkpoint, Progress, damaged, of_another_network};
-use crate::Architecture;
 use crate::judge::Scope;
 use crate::upsampling::Upsampling;
+use crate::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, VoxelParams};
 
 /// Version of the checkpoint's layout.
 const FORMAT_VERSION: u32 = 1;
@@ -28,6 +28,11 @@ struct Stored {
     /// Of the paper's network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     upsampling: Option<Upsampling>,
+    /// Of the paper's network, where it is not [`GraspOrigin::TIPS`]; that of a checkpoint from before there was a choice.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    origin_behind_tips_m: Option<f32>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    voxel_offset: Option<f32>,
     /// Of a judge.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     trained_for: Option<Box<Scope>>,
@@ -58,14 +63,19 @@ struct Head {
 type Metadata = std::collections::HashMap<String, String>;
 
 pub(super) fn write(checkpoint: &Checkpoint) -> Metadata {
-    let (architecture, upsampling, trained_for) = match &checkpoint.architecture {
-        Architecture::Voxel(upsampling) => (VOXEL, Some(*upsampling), None),
+    let (architecture, voxel, trained_for) = match &checkpoint.architecture {
+        Architecture::Voxel(params) => (VOXEL, Some(*params), None),
         Architecture::Judge(scope) => (JUDGE, None, Some(scope.clone())),
+    };
+    let unusual = |value: fn(GraspOrigin) -> f32| {
+        voxel.map(|params| value(params.origin)).filter(|own| *own != value(GraspOrigin::TIPS))
     };
     let header = Stored {
         format_version: FORMAT_VERSION,
         architecture: architecture.to_owned(),
-        upsampling,
+        upsampling: voxel.map(|params| params.upsampling),
+        origin_behind_tips_m: unusual(|origin| origin.behind_tips_m),
+        voxel_offset: unusual(|origin| origin.voxel_offset),
         trained_for,
         dataset_id: checkpoint.dataset_id.clone(),
         config: checkpoint.config.clone(),
@@ -100,7 +110,17 @@ pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<Header, F
     }
     let stored: Stored = serde_json::from_str(text).map_err(broken)?;
     let architecture = match (architecture.as_str(), stored.upsampling, stored.trained_for) {
-        (VOXEL, Some(upsampling), None) => Architecture::Voxel(upsampling),
+        (VOXEL, Some(upsampling), None) => {
+            let origin = GraspOrigin {
+                behind_tips_m: stored.origin_behind_tips_m.unwrap_or(GraspOrigin::TIPS.behind_tips_m),
+                voxel_offset: stored.voxel_offset.unwrap_or(GraspOrigin::TIPS.voxel_offset),
+            };
+            if !(0.0..=BEHIND_TIPS_M_MAX).contains(&origin.behind_tips_m) || !(0.0..=1.0).contains(&origin.voxel_offset)
+            {
+                return Err(refused(format!("damaged {KEY:?} header: {origin:?} is no place of a grasp's origin")));
+            }
+            Architecture::Voxel(VoxelParams { upsampling, origin })
+        }
         (JUDGE, None, Some(scope)) => Architecture::Judge(scope),
         _ => {
             return Err(refused(format!(

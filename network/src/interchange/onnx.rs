@@ -4,11 +4,11 @@
 //! readable by any runtime for ONNX 1.8 (November 2020) or later.
 
 use super::protobuf::Message;
-use crate::Architecture;
 use crate::checkpoint::{Checkpoint, JUDGE, VOXEL};
 use crate::judge::{self, BOX, CHANNELS, FACTS, OUTCOMES, WIDE_BOX, WIDE_CHANNELS};
 use crate::layers::{LAYERS, LayerShape, NORM_SQUARED_MIN};
 use crate::upsampling::Upsampling;
+use crate::{Architecture, VoxelParams};
 
 const IR_VERSION: i64 = 7;
 const OPSET: i64 = 13;
@@ -47,20 +47,28 @@ const JUDGE_DOC: &str = "A judge of hands. In: crop [batch, 4, 8, 20, 28] and su
 /// The ONNX file of a checkpoint's network.
 pub(super) fn model(checkpoint: &Checkpoint) -> Vec<u8> {
     let (name, doc, own) = match &checkpoint.architecture {
-        Architecture::Voxel(upsampling) => (VOXEL, DOC, ("upsampling", upsampling.name().to_owned())),
+        Architecture::Voxel(VoxelParams { upsampling, origin }) => (
+            VOXEL,
+            DOC,
+            vec![
+                ("upsampling", upsampling.name().to_owned()),
+                ("origin_behind_tips_m", origin.behind_tips_m.to_string()),
+                ("voxel_offset", origin.voxel_offset.to_string()),
+            ],
+        ),
         // Numbers and a name under fixed keys always have a JSON form.
         Architecture::Judge(scope) => {
-            (JUDGE, JUDGE_DOC, ("trained_for", serde_json::to_string(scope).unwrap_or_default()))
+            (JUDGE, JUDGE_DOC, vec![("trained_for", serde_json::to_string(scope).unwrap_or_default())])
         }
     };
-    let mut properties = [
+    let mut properties = vec![
         ("architecture", name.to_owned()),
-        own,
         ("dataset_id", checkpoint.dataset_id.clone()),
         ("config", checkpoint.config.clone()),
         ("epoch", checkpoint.progress.epoch.to_string()),
         ("step", checkpoint.progress.step.to_string()),
     ];
+    properties.extend(own);
     properties.sort();
     let properties: Vec<Message> =
         properties.iter().map(|(key, value)| Message::new().text(1, key).text(2, value)).collect();
@@ -79,8 +87,8 @@ pub(super) fn model(checkpoint: &Checkpoint) -> Vec<u8> {
 /// `GraphProto`.
 fn graph(checkpoint: &Checkpoint, name: &str) -> Message {
     let (nodes, constants, inputs, outputs) = match &checkpoint.architecture {
-        Architecture::Voxel(upsampling) => (
-            nodes(*upsampling),
+        Architecture::Voxel(params) => (
+            nodes(params.upsampling),
             vec![constant(SCALES, &[5], &[1.0, 1.0, 2.0, 2.0, 2.0]), constant(NORM_MIN, &[1], &[NORM_SQUARED_MIN])],
             vec![volume(INPUT, 1)],
             OUTPUTS.map(|(name, channels)| volume(name, channels)).to_vec(),

@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use planner::BuiltIn;
-use planner::config::{DetectionParams, Side};
-use planner::detect::detect;
+use planner::detect::{Side, detect};
 use schema::Grid;
 use serde_json::Value;
 
@@ -33,7 +32,7 @@ fn hash(values: &[f32]) -> String {
 fn detections_are_those_of_vgns_procedure_in_scipy() {
     let golden: Value =
         serde_json::from_str(&std::fs::read_to_string(folder().join("detections.json")).unwrap()).unwrap();
-    let params = DetectionParams { surface_side: Side::Front, ..BuiltIn::Paper.config().unwrap().detection };
+    let params = BuiltIn::Paper.config().unwrap().detection;
     let volumes = golden["volumes"].as_array().unwrap();
     assert!(volumes.len() >= 6);
     for volume in volumes {
@@ -45,7 +44,7 @@ fn detections_are_those_of_vgns_procedure_in_scipy() {
         let (divisor, width_step) = (real(&volume["divisor"]), real(&volume["width_step"]));
         let [quality, tsdf] = [0, 1].map(|part| scaled(part, &|byte| byte / divisor));
         let width = scaled(2, &|byte| byte * width_step);
-        let detected = detect(&Grid::PAPER, &tsdf, &quality, &width, &params);
+        let detected = detect(&Grid::PAPER, &tsdf, &quality, &width, (Side::Front, &params));
         for probe in volume["smooth_probes"].as_array().unwrap() {
             let (at, expected) = (whole(&probe[0]), real(&probe[1]));
             assert_eq!(detected.smoothed[at].to_bits(), expected.to_bits(), "{name}: smoothed voxel {at}");

@@ -91,16 +91,14 @@ fn vgns_rows_are_the_grasps_that_lie_inside() {
     assert_eq!(metres.len(), voxels.len());
 
     let attempts: Vec<_> = (0..2).flat_map(|shard| dataset.read_attempts(shard).unwrap()).collect();
-    let samples = samples_of(&attempts, &info.gripper);
+    let samples = samples_of(&attempts);
     assert_eq!(told.counts.left_out + told.counts.grasps, samples.len() as u64);
     let mut rows = voxels.iter().zip(&metres);
     let mut left_out = 0;
     for sample in &samples {
         // The fingers of this hand are 50 mm long and the grid's voxels 7.5 mm.
         let pose = &sample.workspace_from_grasp;
-        // Along a normal samples have it behind them.
-        let from_tips_m = if sample.rule.approach.axis().is_some() { 0.05 } else { 0.0 };
-        let roots_m = pose.translation - pose.rotation * Vec3::new(0.0, 0.0, from_tips_m);
+        let roots_m = pose.translation - pose.rotation * Vec3::new(0.0, 0.0, 0.05);
         if roots_m.to_array().iter().any(|x| !(0.02..=0.28).contains(x)) {
             left_out += 1;
             continue;

@@ -29,9 +29,6 @@ pub(crate) struct Arguments {
     /// Which samples.
     #[arg(long, value_enum, default_value_t = TestSet::TestAttempts)]
     split: TestSet,
-    /// Place of a grasp in its voxel along each axis, from 0 to 1: 0 for VGN's weights, because VGN rounds positions.
-    #[arg(long, value_name = "X", default_value_t = 0.5, value_parser = share)]
-    voxel_offset: f32,
     /// Ask about every attempt, also a network that learned one answer a voxel (training.targets = "voxel"); with
     /// --split all.
     #[arg(long)]
@@ -58,16 +55,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         // What was held out of the voxels would be others than of the attempts.
         return Err(Failure::new(ExitCode::Usage, "--per-attempt needs --split all"));
     }
-    let asked = (arguments.voxel_offset, arguments.per_attempt.then_some(Targets::Attempt));
+    let asked = arguments.per_attempt.then_some(Targets::Attempt);
     let evaluation = examine(&path, &arguments.data, arguments.split, asked, 0)?.evaluation;
     print(if arguments.json { json(&evaluation)? } else { document(&evaluation).text() })?;
     if let Some(folder) = &arguments.report {
         write_report(&evaluation, folder)?;
     }
     Ok(ExitCode::Ok)
-}
-
-fn share(text: &str) -> Result<f32, String> {
-    let read = text.parse::<f32>().ok().filter(|share| (0.0..=1.0).contains(share));
-    read.ok_or_else(|| "must be a number from 0 to 1".to_owned())
 }

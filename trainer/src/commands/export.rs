@@ -39,7 +39,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let checkpoint = export(&arguments.checkpoint, &arguments.out, arguments.format, arguments.force)?;
     let network = match &checkpoint.architecture {
-        Architecture::Voxel(upsampling) => format!("upsampling  {}", upsampling.name()),
+        Architecture::Voxel(params) => format!("{params}"),
         Architecture::Judge(scope) => format!("judge of    {}", scope.hand_in_words()),
     };
     print(format_args!("{network}\nwritten     {}\n", arguments.out.display()))?;

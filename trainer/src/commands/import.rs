@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use network::interchange::import;
+use network::BEHIND_TIPS_M_MAX;
+use network::interchange::{GivenParams, import};
 use network::upsampling::Upsampling;
 use program::{ExitCode, Failure, print};
 
@@ -26,9 +27,18 @@ pub(crate) struct Arguments {
     /// The checkpoint to write, for `evaluate --model`.
     #[arg(long)]
     out: PathBuf,
-    /// How the network doubles its grids; a state dict does not record it. VGN's code: nearest.
-    #[arg(long, value_enum, default_value_t = UpsamplingArgument::Nearest)]
-    upsampling: UpsamplingArgument,
+    /// How the network doubles its grids. Without it what the file says (graspmill.torch writes it), or else nearest, as
+    /// in VGN's code.
+    #[arg(long, value_enum)]
+    upsampling: Option<UpsamplingArgument>,
+    /// How far behind the finger tips, in metres, the network has a grasp's origin. Without it what the file says, or else
+    /// 0.05, between the roots of the fingers, as in VGN's code.
+    #[arg(long, value_name = "M")]
+    origin_behind_tips_m: Option<f32>,
+    /// Place of that origin in its voxel along each axis: 0.5 where positions were rounded down, 0 where to the nearest.
+    /// Without it what the file says, or else 0, as in VGN's code.
+    #[arg(long, value_name = "X")]
+    voxel_offset: Option<f32>,
     /// Replace an existing file.
     #[arg(long)]
     force: bool,
@@ -43,11 +53,19 @@ enum UpsamplingArgument {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let upsampling = match arguments.upsampling {
-        UpsamplingArgument::Nearest => Upsampling::Nearest,
-        UpsamplingArgument::Linear => Upsampling::Linear,
+    let within = |name: &str, value: Option<f32>, most: f32| match value.filter(|value| !(0.0..=most).contains(value)) {
+        Some(got) => Err(Failure::new(ExitCode::Usage, format!("{name} must be between 0 and {most}, got {got}"))),
+        None => Ok(value),
     };
-    let imported = import(&arguments.file, &arguments.out, upsampling, arguments.force)?;
+    let given = GivenParams {
+        upsampling: arguments.upsampling.map(|upsampling| match upsampling {
+            UpsamplingArgument::Nearest => Upsampling::Nearest,
+            UpsamplingArgument::Linear => Upsampling::Linear,
+        }),
+        origin_behind_tips_m: within("--origin-behind-tips-m", arguments.origin_behind_tips_m, BEHIND_TIPS_M_MAX)?,
+        voxel_offset: within("--voxel-offset", arguments.voxel_offset, 1.0)?,
+    };
+    let imported = import(&arguments.file, &arguments.out, given, arguments.force)?;
     let mut text = format!("read        {}: {}\n", imported.source.name(), arguments.file.display());
     if !imported.prefix.is_empty() {
         text += &format!("names       prefix {:?} removed\n", imported.prefix);
@@ -55,7 +73,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if !imported.converted_from.is_empty() {
         text += &format!("numbers     {} converted to float32\n", imported.converted_from.join(" and "));
     }
-    text += &format!("upsampling  {}: not recorded in a state dict; --upsampling changes it\n", upsampling.name());
+    let params = imported.checkpoint.architecture.voxel("an import")?;
+    text += &format!(
+        "{params}\n            (what weights do not tell: --upsampling, --origin-behind-tips-m and --voxel-offset say it)\n"
+    );
     text += &format!("checkpoint  {}\n", arguments.out.display());
     print(text)?;
     Ok(ExitCode::Ok)

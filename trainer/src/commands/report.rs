@@ -45,7 +45,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             let run = TrainedRun::read(path)?;
             let best = SavedAs::Best.path(path);
             let examined =
-                data.as_ref().map(|data| examine(&best, data, arguments.split, (0.5, None), MISTAKES)).transpose()?;
+                data.as_ref().map(|data| examine(&best, data, arguments.split, None, MISTAKES)).transpose()?;
             run.document(examined.as_ref())?
         }
         (_, Some(_)) => {

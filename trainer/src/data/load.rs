@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use network::GraspOrigin;
 use network::judge::Crop;
 use network::receptive_field::RESOLUTION;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{AttemptRecord, Grasp, Grid, SceneRecord, SceneRows, Vec3};
+use schema::{AttemptRecord, Grid, SceneRecord, SceneRows};
 use shards::Dataset;
 
 use crate::config::Targets;
@@ -19,21 +20,15 @@ use super::marks::{FAILED, HELD, HITS_TABLE, Marks, NO_SAMPLE, shard_of};
 /// How a network sees grasps.
 #[derive(Debug, Clone, Copy)]
 pub enum Seen<'a> {
-    /// In voxels. `offset` is the place of a grasp in its voxel along each axis: 0.5, the centre, for our networks; 0,
-    /// a corner, for VGN's weights, because VGN rounds positions to voxels.
+    /// In voxels.
     Voxels {
-        /// The place.
-        offset: f32,
+        /// Where the network has a grasp's origin.
+        origin: GraspOrigin,
         /// Whether all attempts of a voxel are one sample.
         targets: Targets,
     },
     /// As hands, by a judge: those of the first dataset, then those of the next.
     Hands(&'a [Crop]),
-}
-
-impl Seen<'_> {
-    /// In the voxels of our networks.
-    pub const OURS: Self = Self::Voxels { offset: 0.5, targets: Targets::Attempt };
 }
 
 /// The samples of some datasets, whose scenes are numbered on. In memory are two bits for each attempt, and the scenes
@@ -211,8 +206,8 @@ impl<'a> Shard<'a> {
     fn samples(&self, attempts: &[AttemptRecord], views: usize, seen: Seen<'_>) -> Samples {
         let numbered = |record: Record| Record { scene: self.first_scene + record.scene, ..record };
         let info = self.dataset.info();
-        let (voxel_offset, targets) = match seen {
-            Seen::Voxels { offset, targets } => (offset, targets),
+        let (origin, targets) = match seen {
+            Seen::Voxels { origin, targets } => (origin, targets),
             // A judge is asked about every hand, wherever its origin is.
             Seen::Hands(crops) => {
                 let count = info.hands().len() as u64;
@@ -231,8 +226,8 @@ impl<'a> Shard<'a> {
                 return Samples { records, hands, outside: 0 };
             }
         };
-        let samples = schema::samples_of(attempts, &info.gripper);
-        let inside = samples.iter().filter_map(|sample| at_voxel(sample, &info.grid, voxel_offset));
+        let samples = schema::samples_of(attempts);
+        let inside = samples.iter().filter_map(|sample| at_voxel(sample, &info.grid, origin));
         let mut records: Vec<Record> = inside.map(numbered).collect();
         let outside = (samples.len() - records.len()) as u64;
         if targets == Targets::Voxel {
@@ -258,17 +253,11 @@ fn one_per_voxel(mut records: Vec<Record>) -> Vec<Record> {
 }
 
 /// The sample of an attempt, or `None` if its grasp's origin is outside the grid.
-fn at_voxel(attempt: &AttemptRecord, grid: &Grid, offset: f32) -> Option<Record> {
-    let mut workspace_from_grasp = attempt.workspace_from_grasp;
-    workspace_from_grasp.translation += Vec3::splat((0.5 - offset) * grid.voxel_size_m());
-    let grasp = Grasp {
-        workspace_from_grasp,
-        // Only a held object's width is a target.
-        width_m: attempt.width_m.filter(|_| attempt.label() == 1).unwrap_or(0.0),
-    };
-    let voxels = grasp.to_voxels(grid)?;
-    let index = voxels.index.map(|index| index as u8);
-    Some(Record { rotation: voxels.rotation.to_array(), ..record(attempt, index, voxels.width_voxels) })
+fn at_voxel(attempt: &AttemptRecord, grid: &Grid, origin: GraspOrigin) -> Option<Record> {
+    let voxel = origin.voxel_of(&attempt.workspace_from_grasp, grid)?;
+    // Only a held object's width is a target.
+    let width_m = attempt.width_m.filter(|_| attempt.label() == 1).unwrap_or(0.0);
+    Some(record(attempt, voxel.map(|index| index as u8), width_m / grid.voxel_size_m()))
 }
 
 fn record(attempt: &AttemptRecord, voxel: [u8; 3], width_voxels: f32) -> Record {

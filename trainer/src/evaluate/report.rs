@@ -185,15 +185,19 @@ fn numbers(evaluation: &Evaluation) -> Table {
         row("Brier score", format!("{:.3}", calibration.brier), "mean squared distance of the quality from the label"),
     ];
     let grasps = || {
-        [
-            text(
-                &format!("error of rotation, {} held attempts", errors.samples),
-                spread(errors.rotation_deg, "°").into(),
-            ),
-            text("error of width, the same", spread(errors.width_mm, " mm").into()),
-        ]
+        let sure = &evaluation.errors_of_sure;
+        [(errors, "held attempts"), (sure, "held attempts with a quality above 0.9")].into_iter().flat_map(
+            |(own, which)| {
+                [
+                    text(&format!("error of rotation, {} {which}", own.samples), spread(own.rotation_deg, "°").into()),
+                    text("… of its approach", spread(own.approach_deg, "°").into()),
+                    text("… of its closing direction", spread(own.closing_deg, "°").into()),
+                    text("error of width, the same", spread(own.width_mm, " mm").into()),
+                ]
+            },
+        )
     };
-    let more = evaluation.hands.as_ref().map_or_else(|| grasps().to_vec(), |hands| hand_rows(hands).to_vec());
+    let more = evaluation.hands.as_ref().map_or_else(|| grasps().collect(), |hands| hand_rows(hands).to_vec());
     Table::new(["what", "value", "meaning"], rows.into_iter().chain(more))
 }
 

@@ -1,11 +1,11 @@
 //! Files of PyTorch's `torch.save` (`scripts/state_dicts_torch.py`) hold the values that the script put there.
 
 use half::f16;
-use network::Architecture;
 use network::checkpoint;
-use network::interchange::{IMPORTED, Imported, Source, Target, export, import};
+use network::interchange::{GivenParams, IMPORTED, Imported, Source, Target, export, import};
 use network::layers::parameter_slots;
 use network::upsampling::Upsampling;
+use network::{Architecture, GraspOrigin, VoxelParams};
 
 use crate::formula::noise;
 
@@ -14,7 +14,7 @@ const OFFSET: usize = 11;
 
 fn imported(name: &str, folder: &std::path::Path) -> Imported {
     let file = format!("{}/../network/tests/state_dicts/{name}.pth", env!("CARGO_MANIFEST_DIR"));
-    import(file.as_ref(), &folder.join(name), Upsampling::Nearest, false).unwrap()
+    import(file.as_ref(), &folder.join(name), GivenParams::default(), false).unwrap()
 }
 
 /// The script's tensors: strided windows of the storages of weights and biases.
@@ -54,7 +54,7 @@ fn new_and_old_files_hold_the_same_values() {
         assert!(read.vector == expected, "{name}");
         assert_eq!(
             (read.dataset_id.as_str(), &read.architecture),
-            (IMPORTED, &Architecture::Voxel(Upsampling::Nearest))
+            (IMPORTED, &Architecture::Voxel(VoxelParams { upsampling: Upsampling::Nearest, origin: GraspOrigin::VGN }))
         );
         assert!(read.config.contains(&format!("file = \"{name}.pth\"")), "{}", read.config);
         assert!(read.config.parse::<toml::Table>().unwrap().contains_key("imported"));

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use burn_dataset::Dataset as _;
+use network::GraspOrigin;
 use network::upsampling::Upsampling;
+use trainer::config::Targets;
 use trainer::data::{GraspDataset, Seen, batch};
 use trainer::device::Device;
 use trainer::evaluate::{TestSet, examine};
@@ -103,10 +105,16 @@ fn a_page_has_the_numbers_of_the_evaluation_and_the_metrics() {
 fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     let place = Place::trained();
     let best = place.run.join("best.safetensors");
-    let examined = examine(&best, place.data.as_path(), TestSet::All, (0.5, None), 6).unwrap();
+    let examined = examine(&best, place.data.as_path(), TestSet::All, None, 6).unwrap();
 
     let data = std::slice::from_ref(&examined.dataset);
-    let samples = GraspDataset::survey(data, Seen::OURS, &AtomicBool::new(false), &|| {}).unwrap();
+    let samples = GraspDataset::survey(
+        data,
+        Seen::Voxels { origin: GraspOrigin::TIPS, targets: Targets::Attempt },
+        &AtomicBool::new(false),
+        &|| {},
+    )
+    .unwrap();
     let vector = network::checkpoint::read(&best).unwrap().vector;
     // (whether it held, badness, scene, attempt)
     let alone = |(scene, attempt): (u32, u32)| {

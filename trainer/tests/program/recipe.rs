@@ -8,8 +8,9 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use crate::fixture::{check_fails, fit, trainer, write_config, write_dataset};
 use crate::resume::{check_same_run, metrics};
 use burn_dataset::Dataset as _;
+use network::GraspOrigin;
 use shards::Dataset;
-use trainer::config::Config;
+use trainer::config::{Config, Targets};
 use trainer::data::{GraspDataset, Record, Seen};
 use trainer::events::Event;
 use trainer::fit::Ending;
@@ -215,7 +216,15 @@ fn several_datasets_are_trained_on_as_one_and_their_order_is_part_of_the_run() {
     let samples = |set: &str| epoch[set]["samples"].as_u64().unwrap();
     assert_eq!(samples("train") + samples("test_attempts") + samples("test_scenes"), 180);
     let datasets = [data, more].map(|at| Dataset::open(Path::new(at)).unwrap());
-    let survey = |datasets| GraspDataset::survey(datasets, Seen::OURS, &AtomicBool::new(false), &|| {}).unwrap();
+    let survey = |datasets| {
+        GraspDataset::survey(
+            datasets,
+            Seen::Voxels { origin: GraspOrigin::TIPS, targets: Targets::Attempt },
+            &AtomicBool::new(false),
+            &|| {},
+        )
+        .unwrap()
+    };
     let (all, second) = (survey(&datasets), survey(&datasets[1..]));
     assert_eq!((all.len(), second.len(), all.ids().count()), (15, 5, 180));
     for scene in 0..5 {

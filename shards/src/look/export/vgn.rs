@@ -15,7 +15,7 @@
 
 use program::text::grouped;
 use program::{ExitCode, Failure};
-use schema::{Approach, AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of};
+use schema::{AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of};
 use serde::Serialize;
 
 use super::folder::{ExportCounts, ExportFolder, Exported};
@@ -50,13 +50,11 @@ impl Row {
     /// `sample` is one of [`samples_of`]. A grasp that failed has the hand's opening for its width, as in VGN's data.
     fn new(sample: &AttemptRecord, gripper: &Gripper) -> Self {
         let pose = &sample.workspace_from_grasp;
-        // Along a normal the origin of a sample is between the roots already.
-        let is_at_roots = sample.rule.approach == Approach::Normal;
         let label = sample.label();
         Self {
             scene_id: sample.scene_id,
             quaternion: pose.rotation.to_array(),
-            origin_m: if is_at_roots { pose.translation } else { gripper.finger_roots_m(pose) },
+            origin_m: gripper.finger_roots_m(pose),
             width_m: sample.width_m.filter(|_| label == 1).unwrap_or(gripper.opening_m_max),
             label,
         }
@@ -99,7 +97,7 @@ pub(super) fn write(
     metres.put(b"scene_id,qx,qy,qz,qw,x,y,z,width,label\n")?;
     let mut counts = ExportCounts { attempts: info.attempt_count, ..ExportCounts::default() };
     for shard in 0..dataset.shard_count() {
-        let samples = samples_of(&dataset.read_attempts(shard)?, hand);
+        let samples = samples_of(&dataset.read_attempts(shard)?);
         let rows = samples.iter().map(|sample| Row::new(sample, hand));
         let rows: Vec<Row> = rows.filter(|row| row.is_inside(info)).collect();
         for (table, unit_m) in [(&mut voxels, voxel_m), (&mut metres, metre_m)] {
