@@ -8,8 +8,8 @@
     venv/bin/python scripts/bench_planning.py target/release/planner --views six/views.toml --dataset scenes
 
 PyTorch evaluates the paper's network with two threads, scipy finds the detections as VGN's published code does, and Open3D, if
-installed, fuses the same depth images as VGN does. With --dataset every scene is planned in both ways, on VGN's side of the
-surface, with the weights of models/. The detected voxels must be equal, except where qualities differ from the threshold or
+installed, fuses the same depth images as VGN does. With --dataset every scene is planned in both ways, in front of surfaces,
+where both networks have their origins, with the weights of models/. The detected voxels must be equal, except where qualities differ from the threshold or
 from each other only by rounding.
 """
 
@@ -102,19 +102,14 @@ def both_ways(planner, weights, dataset):
     """Scenes, detections there, detections here, scenes that differ."""
     scenes = theirs = ours = 0
     different = []
-    settings = (ROOT / "configs" / "plan" / "paper.toml").read_text()
-    assert 'surface_side = "behind"' in settings
     with tempfile.TemporaryDirectory() as folder:
-        # VGN's side of the surface.
-        config = Path(folder) / "front.toml"
-        config.write_text(settings.replace('surface_side = "behind"', 'surface_side = "front"'))
         for scene, grid in enumerate(grids(dataset)):
             quality, _, width = (out.numpy()[0] for out in forward(weights, torch.from_numpy(grid)[None, None], "linear"))
             *_, good = process(quality[0], grid, width[0])
             wanted = {tuple(int(x) for x in voxel) for voxel in select(good)}
             path = Path(folder) / "tsdf.npy"
             np.save(path, grid)
-            command = [planner, "plan", "--tsdf", path, "--config", config, "--policy", "vgn-best", "--json", "--quiet"]
+            command = [planner, "plan", "--tsdf", path, "--config", "paper", "--policy", "vgn-best", "--json", "--quiet"]
             plan = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
             got = {tuple(grasp["voxel"]) for grasp in plan["grasps"]}
             scenes, theirs, ours = scenes + 1, theirs + len(wanted), ours + len(got)

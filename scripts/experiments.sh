@@ -25,14 +25,10 @@ run() {
     "$experiments" run "$here/configs/experiment/$config.toml" --out "$out/$name" --set "protocol=$protocol" "$@" > /dev/null
 }
 
-# VGN's network with its own threshold, 0.9, and with 0.5. With refinement a position needs a quality of 0.05; for VGN's network, in whose
-# training successes had a weight of 4.9, the same odds are 0.2.
+# VGN's network with its own threshold, 0.9, and with 0.5; the paper's with its own, 0.9, and Eq. 8.
 vgn=(--set plan=vgn)
 half=(--set plan.detection.quality_min=0.5)
-vgn_refined=(--set plan=../plan/refined.toml --set model=../../models/vgn.safetensors --set plan.detection.surface_side=front
-    --set plan.detection.origin_behind_tips_m=0.05 --set plan.detection.voxel_offset=0 --set plan.detection.quality_min=0.2)
-refined=(--set plan=../plan/refined.toml)
-paper=(--set plan=paper "${half[@]}")
+paper=(--set plan=paper)
 eq8=(--set plan.ranking.policy=paper --set plan.detection.quality_min=0.9)
 scaled=(--set plan.cloud.scale_to_table=true)
 hard=(--set scene=../generate/judge.toml)
@@ -44,23 +40,20 @@ one=(--set 'seeds=[1002]')
 for kind in pile packed; do
     run "$kind-judge" "$kind" "$kind: the judge" "${held[@]}"
     run "$kind-judge-eq8" "$kind" "$kind: the judge, 0.9, Eq. 8" "${held[@]}" "${eq8[@]}"
-    run "$kind-refined" "$kind" "$kind: the paper's network, refined" "${held[@]}" "${refined[@]}"
-    run "$kind-paper" "$kind" "$kind: the paper's network, Eq. 8, 0.5" "${held[@]}" "${paper[@]}"
+    run "$kind-paper" "$kind" "$kind: the paper's network, 0.9, Eq. 8" "${held[@]}" "${paper[@]}"
+    run "$kind-paper-half" "$kind" "$kind: the paper's network, 0.5, Eq. 8" "${held[@]}" "${paper[@]}" "${half[@]}"
     run "$kind-vgn" "$kind" "$kind: VGN, 0.9" "${held[@]}" "${vgn[@]}"
     run "$kind-vgn-half" "$kind" "$kind: VGN, 0.5" "${held[@]}" "${vgn[@]}" "${half[@]}"
-    run "$kind-vgn-refined" "$kind" "$kind: VGN's network, refined" "${held[@]}" "${vgn_refined[@]}"
 done
-run pile-paper-sure pile "pile: the paper's network, Eq. 8, 0.9" "${held[@]}" --set plan=paper
-run pile-paper-front pile "pile: the paper's network, Eq. 8, 0.5, in front of surfaces" "${held[@]}" "${paper[@]}" --set plan.detection.surface_side=front
 run everyday-judge pile "everyday objects in piles of five: the judge" "${held[@]}" "${everyday[@]}"
-run everyday-refined pile "everyday objects in piles of five: the paper's network, refined" "${held[@]}" "${everyday[@]}" "${refined[@]}"
+run everyday-paper pile "everyday objects in piles of five: the paper's network, 0.9, Eq. 8" "${held[@]}" "${everyday[@]}" "${paper[@]}"
 run everyday-vgn pile "everyday objects in piles of five: VGN, 0.9" "${held[@]}" "${everyday[@]}" "${vgn[@]}"
 
 for table in table1 table2 table3; do
     run "$table-judge" "$table" "$table: the judge, 0.9, Eq. 8" "${eq8[@]}"
     run "$table-judge-best" "$table" "$table: the judge, surest first"
-    run "$table-refined" "$table" "$table: the paper's network, refined" "${refined[@]}"
-    run "$table-paper" "$table" "$table: the paper's network, Eq. 8, 0.5" "${paper[@]}"
+    run "$table-paper" "$table" "$table: the paper's network, 0.9, Eq. 8" "${paper[@]}"
+    run "$table-paper-half" "$table" "$table: the paper's network, 0.5, Eq. 8" "${paper[@]}" "${half[@]}"
     run "$table-vgn" "$table" "$table: VGN, 0.9" "${vgn[@]}"
     run "$table-vgn-half" "$table" "$table: VGN, 0.5" "${vgn[@]}" "${half[@]}"
 done
@@ -75,7 +68,7 @@ for kind in pile packed; do
     for touching in fails halts; do
         touch=(--set "touching=$touching")
         run "giga-$kind-judge-$touching" "giga-$kind" "GIGA $kind, a touch $touching: the judge" "${touch[@]}"
-        run "giga-$kind-paper-$touching" "giga-$kind" "GIGA $kind, a touch $touching: the paper's network, Eq. 8, 0.5, scaled to the table" "${touch[@]}" "${paper[@]}" "${scaled[@]}"
+        run "giga-$kind-paper-$touching" "giga-$kind" "GIGA $kind, a touch $touching: the paper's network, 0.9, Eq. 8, scaled to the table" "${touch[@]}" "${paper[@]}" "${scaled[@]}"
         run "giga-$kind-vgn-$touching" "giga-$kind" "GIGA $kind, a touch $touching: VGN, 0.9, scaled to the table" "${touch[@]}" "${vgn[@]}" "${scaled[@]}"
     done
     run "giga-$kind-hard-judge" "giga-$kind" "GIGA $kind, larger objects: the judge" "${one[@]}" "${hard[@]}"

@@ -46,18 +46,13 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     }
 }
 
-const SETTINGS: [Settings; 3] = [
+const SETTINGS: [Settings; 2] = [
     Settings {
         path: "configs/plan/paper.toml",
         toml: crate::BuiltIn::Paper.text(),
         rows: settings::rows_of::<crate::Config>,
     },
     Settings { path: "configs/plan/judge.toml", toml: crate::BuiltIn::Judge.text(), rows: Vec::new },
-    Settings {
-        path: "configs/plan/refined.toml",
-        toml: include_str!("../../configs/plan/refined.toml"),
-        rows: Vec::new,
-    },
 ];
 
 /// The network and the settings.

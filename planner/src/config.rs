@@ -74,8 +74,6 @@ settings! {
         pub ranking: RankingParams,
         /// Which ways of the hand are free.
         pub collision: CollisionParams,
-        /// How hands are turned and shifted.
-        pub refinement: RefinementParams,
         /// Which hands a judge is asked about.
         pub judge: JudgeParams; or JudgeParams::STANDARD,
     }
@@ -127,6 +125,8 @@ settings! {
         pub quality_min: f32 where 1e-6..=1.0,
         /// Side of the cube in which only the best is kept.
         pub suppression_window_voxels: usize where 1..=40,
+        /// What decides the closing direction.
+        pub closing: ClosingBy; or ClosingBy::Predicted,
     }
     check DetectionParams::widths_agree
 }
@@ -135,6 +135,17 @@ impl DetectionParams {
     fn widths_agree(&self, reader: &mut Reader<'_>) {
         let (least, got) = (self.width_voxels_min, self.width_voxels_max);
         reader.must("width_voxels_max", least <= got, || format!("must be between {least} and 100, got {got}"));
+    }
+}
+
+words! {
+    /// What decides the closing direction of a detection's grasp.
+    pub enum ClosingBy {
+        /// The network.
+        Predicted = "predicted",
+        /// What was seen between the fingers: the hand is turned about the network's approach to where that is narrowest,
+        /// and it is put in their middle. Grasps that close on nothing, or whose way is not free, are dropped.
+        Seen = "seen",
     }
 }
 
@@ -171,8 +182,6 @@ words! {
         VgnRandom = "vgn-random",
         /// By quality.
         VgnBest = "vgn-best",
-        /// By how flat the fingers would lie, times quality; needs the refinement.
-        Flattest = "flattest",
     }
 }
 
@@ -198,31 +207,6 @@ settings! {
         pub margin_m: f32 where 0.0..=0.05,
         /// Points that may be in the way.
         pub points_max: usize where 0..=1_000_000,
-    }
-}
-
-settings! {
-    /// Settings of the hand search.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-    pub struct RefinementParams {
-        /// Turns about the approach, evenly over half a turn; 0 switches refinement off.
-        pub turns: usize where 0..=180,
-        /// Number of tilted approaches, evenly around the vertical one.
-        pub tilts: usize where 0..=24,
-        /// Their angle from the vertical.
-        pub tilt_rad: f32 where 0.0..=1.2,
-        /// Number of depths: the finger tips end this many steps behind the nearest point between them, at most.
-        pub depths: usize where 1..=50,
-        /// Length of a depth step.
-        pub depth_m: f32 where 1e-4..=0.1,
-        /// Maximum distance of a supporting point behind the contact …
-        pub flat_m: f32 where 1e-4..=0.05,
-        /// … and maximum angle of its normal to the closing direction.
-        pub normal_rad_max: f32 where 0.0..=1.5,
-        /// The support of a hand is halved if the middle of the held object is this far beside its fingers.
-        pub arm_m: f32 where 1e-3..=10.0,
-        /// Minimum number of points at each finger.
-        pub points_min: usize where 1..=10_000,
     }
 }
 
@@ -281,16 +265,6 @@ mod tests {
     }
 
     #[test]
-    fn the_refined_settings_are_sound() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/plan/refined.toml");
-        let refined = Config::load(Some(&path)).unwrap();
-        assert!(refined.refinement.turns > 0 && refined.collision.check);
-        assert_eq!(refined.ranking.policy, Policy::Flattest);
-        assert!(BuiltIn::ALL.iter().all(|named| named.config().unwrap().refinement.turns == 0));
-        assert_eq!(Config::load(None).unwrap(), BuiltIn::Judge.config().unwrap());
-    }
-
-    #[test]
     fn all_that_is_wrong_is_reported_at_once() {
         let bad = BuiltIn::Paper
             .text()
@@ -306,7 +280,7 @@ mod tests {
             problems[1..],
             [
                 "detection.quality_min must be between 0.000001 and 1, got 1.5",
-                "ranking.policy must be one of paper, vgn-random, vgn-best, flattest, got best",
+                "ranking.policy must be one of paper, vgn-random, vgn-best, got best",
                 "ranking.weights must be three values, each a number between 0 and 1000, got [0.5, nan]",
                 "ranking.without_object must be one of last, drop, got first",
             ]

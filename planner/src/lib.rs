@@ -5,15 +5,15 @@
 //! An [`Observation`] (depth images, a TSDF, a cloud) becomes a [`volume`]: the grid for the network and the surface as
 //! points. The network's output volumes become detections ([`mod@detect`]). The points are segmented into table and
 //! objects ([`mod@segment`]). Each detection gets its object and its rank ([`rank`]). [`hand`] turns the grasp towards
-//! the wrist and checks its way for collisions; [`refine`], beyond the paper, searches better hand poses. [`Planner`]
-//! runs all stages and returns a [`plan::Plan`], which is printed as JSON, [`picture`] draws and [`cloud_file`] writes
-//! as PLY.
+//! the wrist and checks its way for collisions. [`Planner`] runs all stages and returns a [`plan::Plan`], which is
+//! printed as JSON, [`picture`] draws and [`cloud_file`] writes as PLY.
 //!
 //! [`input`] reads files and requests, [`serve`] is the HTTP service, [`mod@bench`] measures.
 //!
 //! A plan is a pure function of the observation, the network and the [`config`]; the number of threads changes no bit.
 
 pub mod bench;
+mod closing;
 pub mod cloud_file;
 pub mod commands;
 pub mod config;
@@ -27,7 +27,6 @@ pub mod picture;
 pub mod plan;
 mod planner;
 pub mod rank;
-pub mod refine;
 pub mod segment;
 pub mod serve;
 pub mod volume;

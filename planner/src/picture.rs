@@ -244,7 +244,6 @@ mod tests {
             quality,
             object: Some(object),
             rho_m: Some(0.031),
-            support: None,
             voxel: [0; 3],
         }
     }

@@ -41,9 +41,6 @@ pub struct RankedGrasp {
     pub object: Option<usize>,
     /// Eq. 8's ρ in metres: weighted distance to the object's centroid over quality; null without an object.
     pub rho_m: Option<f32>,
-    /// Support of the hand: the smaller number of cloud points under a finger, reduced with the distance from the
-    /// middle; null without refinement.
-    pub support: Option<f32>,
     /// The voxel of the detection: x, y, z.
     pub voxel: [usize; 3],
 }
@@ -188,8 +185,8 @@ pub enum RejectReason {
         /// Points inside the swept hand.
         points: usize,
     },
-    /// No hand at the position has both a free way and flat surfaces between its fingers.
-    NoHand,
+    /// No turn about its approach closes on what was seen by a free way.
+    NoClosing,
     /// It has no object, and the config drops such grasps.
     NoObject,
     /// Beyond the requested number of grasps.
@@ -215,7 +212,9 @@ impl RejectReason {
             Self::Collision { points } => {
                 ("collision", format!("the hand would pass through {points} points of the cloud"))
             }
-            Self::NoHand => ("no_hand", "no hand about it closes on anything flat by a free way".into()),
+            Self::NoClosing => {
+                ("no_closing", "no turn about its approach closes on what was seen by a free way".into())
+            }
             Self::NoObject => ("no_object", "belongs to no object".into()),
             Self::BeyondLimit => ("beyond_limit", "beyond the requested number of grasps".into()),
         }
@@ -229,8 +228,8 @@ pub struct DroppedCandidate {
     /// Why.
     #[serde(skip)]
     pub reason: RejectReason,
-    /// `far_from_surface`, `width`, `quality`, `suppressed`, `avoided`, `limited`, `collision`, `no_hand`,
-    /// `no_object` or `beyond_limit`.
+    /// `far_from_surface`, `width`, `quality`, `suppressed`, `avoided`, `limited`, `collision`, `no_closing`, `no_object` or
+    /// `beyond_limit`.
     pub why: &'static str,
     /// The reason as text, with the numbers.
     pub told: String,
@@ -269,7 +268,7 @@ pub struct Funnel {
     pub quality_reached: usize,
     /// Of those, the best within their suppression window: VGN's detections.
     pub detections: usize,
-    /// Of those, with a hand found on the cloud (all, if hands are not refined).
+    /// Of those, unlike hands that failed and within the limits of the request.
     pub hands_found: usize,
     /// Of those, without a collision (all, if collisions were not checked).
     pub collision_free: usize,
@@ -297,7 +296,7 @@ pub struct Plan {
     pub format: &'static str,
     /// SHA-256 of the network's weights file.
     pub model: String,
-    /// The order of the grasps: `paper`, `vgn-random`, `vgn-best` or `flattest`.
+    /// The order of the grasps: `paper`, `vgn-random` or `vgn-best`.
     #[schema(value_type = String)]
     pub policy: Policy,
     /// Name of the hand.

@@ -1,6 +1,5 @@
 //! All stages of planning: volume, network, detections, objects, ranking.
 
-use std::collections::BTreeSet;
 use std::mem::take;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -12,15 +11,17 @@ use program::Failure;
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Plane, Pose, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 
-use crate::config::{BuiltIn, CloudParams, Config, Policy, WithoutObject};
+use crate::closing::Closer;
+use crate::config::{BuiltIn, ClosingBy, Config, Policy, WithoutObject};
 use crate::detect::{Detected, Detection, Side, detect};
 use crate::hand::{Sweep, WRIST_DOWN, are_alike, towards_wrist};
 use crate::input::{InputError, read_file, refuse};
 use crate::limits::{Limiter, object_points, seen_points};
 use crate::observation::{Limits, Mask, Observation, SeenView, Target, Wishes};
-use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RankedGrasp, RejectReason, SeenObject, SegmentedCloud};
+use crate::plan::{
+    DroppedCandidate, FORMAT, Funnel, Plan, PointLabel, RankedGrasp, RejectReason, SeenObject, SegmentedCloud,
+};
 use crate::rank;
-use crate::refine::{Hand, Searched};
 use crate::segment::Surface;
 use crate::volume::fuse;
 
@@ -106,18 +107,6 @@ enum Network {
     Judge(Box<Judge>),
 }
 
-/// The cloud determines the depth of a hand, so only the best detection of each vertical column is kept.
-fn keep_best_of_columns(grasps: &mut Vec<RankedGrasp>, dropped: &mut Vec<DroppedCandidate>, voxel_m: f32) {
-    grasps.sort_by(|a, b| b.quality.total_cmp(&a.quality));
-    let mut seen = BTreeSet::new();
-    drop_where(grasps, dropped, |ranked| {
-        // The position of the tips, which for some networks is not the voxel.
-        let tips_m = ranked.workspace_from_grasp.translation;
-        let column = [tips_m.x, tips_m.y].map(|x| (x / voxel_m).floor() as i32);
-        (!seen.insert(column)).then_some(RejectReason::Suppressed)
-    });
-}
-
 impl Planner {
     /// A planner with the network of a checkpoint's file.
     ///
@@ -177,17 +166,13 @@ impl Planner {
         let mut timings_ms = Vec::new();
         let grid = wishes.workspace(&self.grid);
         let volume = timed(&mut timings_ms, "fuse", || fuse(observation, &grid, self.config.cloud))?;
-        let normals = timed(&mut timings_ms, "normals", || {
-            let field = volume.fine.as_ref().unwrap_or(&volume.grid);
-            if self.config.refinement.turns > 0 { perception::normals(field, &volume.points_m) } else { Vec::new() }
-        });
         let mut surface = Surface::Points(volume.points_m);
         let points_m = self.target_points(observation, &mut surface, &wishes.limits)?;
         let Config { gripper, collision, .. } = &self.config;
         let limiter = Limiter::new(&wishes.limits, gripper, collision.pregrasp_distance_m, points_m, will_do);
         let seen = Seen { field: &volume.grid, fine: volume.fine.as_ref(), views: observation.views() };
         let found = self.find(seen, surface, (wishes, &limiter), &mut timings_ms);
-        let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &normals, (wishes, &limiter)));
+        let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, (wishes, &limiter)));
         plan.warnings.splice(0..0, self.warning.iter().cloned().chain(volume.warnings));
         plan.timings_ms = timings_ms;
         Ok(plan)
@@ -297,7 +282,6 @@ impl Planner {
                 quality: judged.quality(),
                 object: None,
                 rho_m: None,
-                support: None,
                 voxel: grid.voxel_at(inside_m).unwrap_or_default(),
             };
             let reason = if grasp.quality < epsilon {
@@ -331,7 +315,7 @@ impl Planner {
         Candidates { grasps, dropped, funnel, quality_best: hands.first().map_or(0.0, Judged::quality) }
     }
 
-    fn rank(&self, found: Found, normals: &[Vec3], (wishes, limiter): (&Wishes, &Limiter<'_>)) -> Plan {
+    fn rank(&self, found: Found, (wishes, limiter): (&Wishes, &Limiter<'_>)) -> Plan {
         let Found {
             grid,
             scene,
@@ -339,8 +323,8 @@ impl Planner {
             cloud,
             objects,
         } = found;
-        if self.config.refinement.turns > 0 && matches!(self.network, Network::Voxel(..)) {
-            self.refine(&mut grasps, (&cloud, normals), wishes, &mut dropped);
+        if self.config.detection.closing == ClosingBy::Seen && matches!(self.network, Network::Voxel(..)) {
+            self.close(&mut grasps, &cloud, wishes, &mut dropped);
         }
         drop_where(&mut grasps, &mut dropped, |ranked| {
             is_avoided(&ranked.workspace_from_grasp, wishes).then_some(RejectReason::Avoided)
@@ -401,26 +385,25 @@ impl Planner {
         plan
     }
 
-    /// Searches each hand on the cloud; grasps without a hand are dropped.
-    fn refine(
+    /// Closes each hand on what was seen; grasps of which none closes are dropped.
+    fn close(
         &self,
         grasps: &mut Vec<RankedGrasp>,
-        (cloud, normals): (&SegmentedCloud, &[Vec3]),
+        cloud: &SegmentedCloud,
         wishes: &Wishes,
         dropped: &mut Vec<DroppedCandidate>,
     ) {
-        let Config { gripper, collision, refinement, cloud: CloudParams { pitch_m, .. }, .. } = &self.config;
+        let Config { gripper, collision, .. } = &self.config;
+        let things = cloud.points_m.iter().zip(&cloud.labels).filter(|(_, label)| **label != PointLabel::Plane);
+        let closer = Closer::new(gripper, collision, &cloud.points_m, things.map(|(point, _)| *point).collect());
+        let hands: Vec<Option<Grasp>> =
+            grasps.par_iter().map(|ranked| closer.closed(&ranked.workspace_from_grasp)).collect();
         let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
-        keep_best_of_columns(grasps, dropped, self.grid.voxel_size_m());
-        let searched = Searched::new((cloud, normals), *pitch_m, gripper, refinement, collision);
-        let hands: Vec<Option<Hand>> =
-            grasps.par_iter().map(|ranked| searched.hand_at(ranked.workspace_from_grasp.translation)).collect();
         let mut hands = hands.into_iter();
         drop_where(grasps, dropped, |ranked| {
-            let Some(Hand { grasp, support }) = hands.next().flatten() else { return Some(RejectReason::NoHand) };
-            ranked.support = Some(support);
-            ranked.workspace_from_grasp = towards_wrist(&grasp.workspace_from_grasp, wrist);
-            ranked.width_m = grasp.width_m;
+            let Some(hand) = hands.next().flatten() else { return Some(RejectReason::NoClosing) };
+            ranked.workspace_from_grasp = towards_wrist(&hand.workspace_from_grasp, wrist);
+            ranked.width_m = hand.width_m;
             None
         });
     }
@@ -453,7 +436,7 @@ impl Planner {
         } else if avoided > 0 && funnel.hands_found == 0 {
             format!("all {avoided} grasps are like hands that failed")
         } else if funnel.hands_found == 0 {
-            format!("no hand closes on anything by a free way at any of {} detections", funnel.detections)
+            format!("no hand keeps the limits at any of {} detections", funnel.detections)
         } else if funnel.collision_free == 0 {
             format!("the hand's way is blocked for all {} detections", funnel.detections)
         } else if plan.objects.is_empty() {
@@ -545,7 +528,6 @@ fn grasp_at(
         quality,
         object: None,
         rho_m: None,
-        support: None,
         voxel,
     }
 }

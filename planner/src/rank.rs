@@ -45,13 +45,8 @@ pub(crate) fn order(grasps: &mut [RankedGrasp], policy: Policy, mut chance: Stre
     match policy {
         Policy::Paper => grasps.sort_by(|a, b| top_down(a, b).then(b.quality.total_cmp(&a.quality))),
         Policy::VgnBest => grasps.sort_by(|a, b| b.quality.total_cmp(&a.quality)),
-        Policy::Flattest => grasps.sort_by(|a, b| flatness(b).total_cmp(&flatness(a))),
         Policy::VgnRandom => chance.shuffle(grasps),
     }
-}
-
-fn flatness(ranked: &RankedGrasp) -> f32 {
-    ranked.quality * ranked.support.unwrap_or(1.0)
 }
 
 /// Objects are numbered from the top; grasps without an object come last.
@@ -85,7 +80,6 @@ mod tests {
             quality,
             object: None,
             rho_m: None,
-            support: None,
             voxel: [0; 3],
         }
     }

@@ -228,7 +228,7 @@ class Planner:
                 voxels of 7.5 mm as its side takes.
             **wishes: ``workspace_size_m`` (0.2 to 0.6; by default 0.3: the workspace's side, rounded up to whole voxels), ``base_from_workspace`` (``[4, 4]`` or ``[7]``: grasps are given in the robot's base, too), ``workspace_from_wrist``
                 (quaternion ``[4]``: of a grasp and its half turn the nearer one is given), ``policy`` (``"paper"``, ``"vgn-random"``,
-                ``"vgn-best"``, ``"flattest"``), ``check_collisions`` (bool), ``grasps_max`` (1 to 10000), ``explain`` (bool: dropped
+                ``"vgn-best"``), ``check_collisions`` (bool), ``grasps_max`` (1 to 10000), ``explain`` (bool: dropped
                 candidates with reasons in ``answer``), ``avoid`` (poses ``[N, 4, 4]`` or ``[N, 7]`` of hands that failed),
                 ``target_m`` (``[3]``: only the object at this point), ``approach`` (a direction ``[3]`` and the largest angle from it, in
                 radians), ``keep_out`` (``[N, 4]``: planes that the open hand does not cross, a normal that points to where it may be and an

@@ -48,7 +48,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z", requires = "cloud", value_parser = numbers::<3>, allow_hyphen_values = true)]
     eye: Vec<[f64; 3]>,
 
-    /// How grasps are ranked: paper, vgn-random, vgn-best or flattest [default: the settings']
+    /// How grasps are ranked: paper, vgn-random or vgn-best [default: the settings']
     #[arg(long, value_name = "NAME", value_parser = |name: &str| Policy::try_from(name.to_owned()))]
     policy: Option<Policy>,
 

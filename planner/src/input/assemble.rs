@@ -456,7 +456,7 @@ mod tests {
             ("/views", Value::Null, "exactly one of views, tsdf and cloud, got 0"),
             ("/tsdf", base64(b""), "exactly one of views, tsdf and cloud, got 2"),
             ("/eyes_m", json!([[0, 0, 0]]), "eyes_m goes with cloud"),
-            ("/policy", json!("best"), "policy must be one of paper, vgn-random, vgn-best, flattest, got best: policy"),
+            ("/policy", json!("best"), "policy must be one of paper, vgn-random, vgn-best, got best: policy"),
             ("/grasps_max", json!(0), "must be between 1 and 10000, got 0: grasps_max"),
             ("/grasps_max", json!(-1), ": grasps_max"),
             ("/avoid", json!([[1]]), ": avoid"),

@@ -58,7 +58,7 @@ pub struct RequestInput {
     /// Settings that come with the planner, with their weights, in place of its own: `judge`, `paper` or `vgn`.
     #[schema(value_type = Option<String>)]
     pub config: Option<String>,
-    /// The order of the grasps: `paper`, `vgn-random`, `vgn-best` or `flattest`.
+    /// The order of the grasps: `paper`, `vgn-random` or `vgn-best`.
     #[schema(value_type = Option<String>)]
     pub policy: Option<Policy>,
     /// Whether grasps that collide with the cloud are dropped.

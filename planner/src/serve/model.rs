@@ -16,7 +16,7 @@ pub(crate) struct ModelAnswer {
     version: &'static str,
     /// SHA-256 of the network's weights file.
     model: String,
-    /// The default order of grasps: `paper`, `vgn-random`, `vgn-best` or `flattest`.
+    /// The default order of grasps: `paper`, `vgn-random` or `vgn-best`.
     policy: &'static str,
     /// The gripper's name.
     gripper: String,

@@ -2,7 +2,7 @@
 
 use planner::plan::{Plan, PointLabel, RejectReason};
 use planner::rank::rho_m;
-use planner::{BuiltIn, Config, Observation, Planner, Policy, Wishes, demo, input};
+use planner::{BuiltIn, Observation, Planner, Policy, Wishes, demo, input};
 use schema::{Grid, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 
 const GRID: Grid = Grid::PAPER;
@@ -154,36 +154,6 @@ fn policies_give_the_same_grasps_in_their_own_orders() {
 }
 
 #[test]
-fn refined_hands_close_on_something_by_a_free_way() {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/plan/refined.toml");
-    let planner = Planner::built_in(Config::load(Some(&path)).unwrap()).unwrap();
-    let plan = plan_with(&planner, &seen(), &Wishes { explain: true, ..Wishes::default() });
-    assert!(plan.grasps.len() > 5, "{}", plan.grasps.len());
-    let flatness: Vec<f32> = plan.grasps.iter().map(|g| g.quality * g.support.unwrap()).collect();
-    assert!(flatness.is_sorted_by(|a, b| a >= b), "{flatness:?}");
-    let fingers = |width_m: f32| planner.config.gripper.fingers(width_m);
-    for ranked in &plan.grasps {
-        let grasp_from_workspace = ranked.workspace_from_grasp.inverse();
-        let local: Vec<Vec3> = plan.cloud.points_m.iter().map(|p| grasp_from_workspace * *p).collect();
-        let inside = |boxes: [schema::HandBox; 2]| {
-            local.iter().filter(|p| boxes.iter().any(|b| (**p - b.centre_m).abs().cmple(b.half_m).all())).count()
-        };
-        assert_eq!(inside(fingers(planner.config.gripper.opening_m_max)), 0, "the open fingers touch nothing");
-        assert!(inside(fingers(ranked.width_m - 0.004)) >= 8, "closed by 2 mm more a side they would");
-        assert!(ranked.width_m < planner.config.gripper.opening_m_max);
-    }
-    let dropped = |reason: RejectReason| plan.dropped.iter().filter(|dropped| dropped.reason == reason).count();
-    // Of detections in one column only the best is kept.
-    let columns: std::collections::BTreeSet<[usize; 2]> =
-        plan.grasps.iter().map(|g| [g.voxel[0], g.voxel[1]]).collect();
-    assert_eq!(columns.len(), plan.grasps.len());
-    assert!(
-        dropped(RejectReason::NoHand) > 0
-            && dropped(RejectReason::NoHand) + plan.grasps.len() <= plan.funnel.detections
-    );
-}
-
-#[test]
 fn where_there_is_nothing_the_plan_says_so() {
     let reason = |observation: &Observation| {
         let plan = plan_with(&planner(), observation, &Wishes::default());
@@ -221,11 +191,6 @@ fn no_plane_and_no_cluster_are_warnings() {
 #[test]
 fn a_table_at_another_height_than_the_networks_is_a_warning() {
     let warnings = |z_m: f32| plan_with(&planner(), &field(move |p| p.z - z_m), &Wishes::default()).warnings;
-    let refined =
-        Config::load(Some(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/plan/refined.toml")))
-            .unwrap();
-    let refined = plan_with(&Planner::built_in(refined).unwrap(), &field(|p| p.z - 0.07), &Wishes::default()).warnings;
-    assert!(refined[0].starts_with("the largest plane lies at"), "whatever ranks the grasps: {refined:?}");
     assert!(!warnings(0.052)[0].contains("largest plane"), "{:?}", warnings(0.052));
     let high = warnings(0.07);
     assert!(
