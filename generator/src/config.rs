@@ -102,15 +102,23 @@ settings! {
         pub judged: f32 where 0.0..=1.0,
         /// Hands that held another attempt of the scene, moved by up to 30 mm and turned by up to 30 degrees.
         pub displaced: f32 where 0.0..=1.0,
+        /// The same, moved but not turned.
+        #[serde(skip_serializing_if = "is_none")]
+        pub shifted: f32 where 0.0..=1.0; or 0.0,
     }
+}
+
+/// A share that is not stored, so that configs from before it keep their identity.
+fn is_none(share: &f32) -> bool {
+    *share == 0.0
 }
 
 impl Shares {
     /// What a config has that draws in one way.
-    pub const NONE: Self = Self { rules: 0.0, normals: 0.0, proposals: 0.0, judged: 0.0, displaced: 0.0 };
+    pub const NONE: Self = Self { rules: 0.0, normals: 0.0, proposals: 0.0, judged: 0.0, displaced: 0.0, shifted: 0.0 };
 
     fn sum(self) -> f32 {
-        self.rules + self.normals + self.proposals + self.judged + self.displaced
+        self.rules + self.normals + self.proposals + self.judged + self.displaced + self.shifted
     }
 }
 

@@ -28,7 +28,7 @@ const JUDGED_OF: usize = 256;
 /// Of hands whose tips are nearer to each other than this, a judge chooses only the best.
 const APART_M: f32 = 0.01;
 
-/// How many attempts of a scene are drawn in which way; what remains is displaced.
+/// How many attempts of a scene are drawn in which way; what remains is displaced, by moves alone or also by turns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Mixture {
     pub rules: usize,
@@ -118,11 +118,15 @@ pub(crate) fn displaced(config: &Config, attempts: &[AttemptRecord], count: usiz
     let mut stream = Stream::new(config.seed, scene_id, Purpose::Proposals, 1);
     let held: Vec<&AttemptRecord> = attempts.iter().filter(|attempt| attempt.label() == 1).collect();
     let from: Vec<&AttemptRecord> = if held.is_empty() { attempts.iter().collect() } else { held };
+    // Of what is missing of the proposals, too, in the ratio of their shares.
+    let Shares { displaced, shifted, .. } = config.shares;
+    let shifted = (count as f32 * shifted / (displaced + shifted).max(f32::MIN_POSITIVE)).round() as usize;
     (0..count)
         .map(|number| {
             let AttemptRecord { rule, object_id, workspace_from_grasp, .. } = from[number % from.len()];
             let axis = stream.rotation() * Vec3::Z;
-            let turn = axis_angle(axis, stream.uniform(0.0, TURN_RAD_MAX));
+            let turn_rad = stream.uniform(0.0, TURN_RAD_MAX);
+            let turn = axis_angle(axis, if number < shifted { 0.0 } else { turn_rad });
             let moved_m = stream.rotation() * Vec3::new(0.0, 0.0, stream.uniform(0.0, MOVE_M_MAX));
             let rotation = (turn * workspace_from_grasp.rotation).normalize();
             let pose = pose_from_parts(rotation, workspace_from_grasp.translation + moved_m);
@@ -239,6 +243,30 @@ mod tests {
         assert!(message.contains("policy needs shares.judged above 0"), "{message}");
         let message = refused(text.replace("models/judge", "models/paper-200k"));
         assert!(message.contains("policy: judging hands needs a judge"), "{message}");
+    }
+
+    /// The shipped config for networks of voxels: all of its displaced hands are turned as one that held.
+    #[test]
+    fn shifted_hands_are_turned_as_one_that_held() {
+        let text = include_str!("../../configs/generate/voxel.toml");
+        let config = config(text).unwrap();
+        let (mut seen, mut moved) = (0, 0);
+        for scene in 0..6 {
+            let rows = make_scene(&config, scene, 60).unwrap();
+            let from = of(&rows, |approach| approach != Approach::Displaced);
+            assert_eq!(from.len(), 36, "by the rules");
+            for attempt in of(&rows, |approach| approach == Approach::Displaced) {
+                let at = |from: &AttemptRecord| from.workspace_from_grasp;
+                let turned_alike = from.iter().find(|from| at(from).rotation == attempt.workspace_from_grasp.rotation);
+                let off_m = at(turned_alike.unwrap()).translation - attempt.workspace_from_grasp.translation;
+                assert!(off_m.length() < MOVE_M_MAX + 1e-5, "{off_m}");
+                (seen, moved) = (seen + 1, moved + usize::from(off_m.length() > 0.01));
+            }
+        }
+        assert!(seen == 6 * 24 && moved > seen / 3, "{seen} {moved}");
+        // Configs from before the share keep their identity.
+        let share = |text| super::tests::config(text).unwrap().dataset_info().config["shares"]["shifted"].clone();
+        assert_eq!((share(text), share(JUDGE)), (serde_json::json!(0.4_f32), serde_json::Value::Null));
     }
 
     #[test]

@@ -4,8 +4,8 @@
 ///
 /// A row is `name: type where limits; or default; by function as kind,`. Limits are a range, or
 /// [`above`](crate::above) a number. A key with a default may be left out. `function` reads the value instead of the
-/// type's [`Setting::read`](crate::Setting::read), and `kind` says what it reads. `#[serde(skip)]` before a row keeps
-/// the key out of what is stored. After the struct, `check function` names a check across keys, which runs if all keys
+/// type's [`Setting::read`](crate::Setting::read), and `kind` says what it reads. `#[serde(…)]` before a row says how the
+/// key is stored, if at all. After the struct, `check function` names a check across keys, which runs if all keys
 /// are valid on their own.
 ///
 /// ```
@@ -28,7 +28,7 @@ macro_rules! settings {
         $(#[$attribute:meta])*
         $visible:vis struct $name:ident {
             $(
-                $(#[doc = $doc:literal])* $(#[serde($serde:ident)])?
+                $(#[doc = $doc:literal])* $(#[serde($($serde:tt)*)])?
                 $access:vis $key:ident: $type:ty
                     $(where $limits:expr)? $(; or $default:expr)? $(; by $by:path as $kind:literal)?
             ),* $(,)?
@@ -37,7 +37,7 @@ macro_rules! settings {
     ) => {
         $(#[$attribute])*
         $visible struct $name {
-            $($(#[doc = $doc])* $(#[serde($serde)])? $access $key: $type,)*
+            $($(#[doc = $doc])* $(#[serde($($serde)*)])? $access $key: $type,)*
         }
 
         impl $crate::Setting for $name {
