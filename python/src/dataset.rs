@@ -204,7 +204,7 @@ impl Dataset {
             let some = dataset.some_scenes(shard, scenes)?.collect::<Result<Vec<_>, Failure>>()?;
             let mut grids = Vec::with_capacity(some.iter().map(|(scene, _)| scene.tsdf.len()).sum());
             let mut samples = Vec::new();
-            for (place, (scene, attempts)) in (0_u32..).zip(some) {
+            for (place, SceneRows { scene, attempts, .. }) in (0_u32..).zip(some) {
                 grids.extend(scene.tsdf);
                 let (hand, views) = ((scene.scene_id % hands) as u32, scene.views.len() as u32);
                 let own = if of_hands { attempts } else { samples_of(&attempts) };

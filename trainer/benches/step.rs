@@ -7,7 +7,7 @@ use network::upsampling::Upsampling;
 use schema::{Purpose, Quat, Stream};
 use trainer::batch::{Batch, Sample};
 use trainer::device::Device;
-use trainer::loss::Target;
+use trainer::loss::{Closings, Target};
 use trainer::step::{evaluate, step};
 
 fn main() {
@@ -27,6 +27,7 @@ fn batch(scenes: usize) -> Batch {
             rotation: Quat::IDENTITY,
             width_voxels: 5.0,
             quality_weight: 1.0,
+            closings: Closings::Half,
         },
     });
     Batch { samples: samples.collect(), grids, ..Batch::default() }

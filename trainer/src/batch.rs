@@ -110,11 +110,18 @@ impl Batch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::loss::Closings;
     use proptest::prelude::*;
     use schema::Quat;
 
     fn batch(grid_of_sample: &[usize]) -> Batch {
-        let target = Target { label: 0, rotation: Quat::IDENTITY, width_voxels: 0.0, quality_weight: 1.0 };
+        let target = Target {
+            label: 0,
+            rotation: Quat::IDENTITY,
+            width_voxels: 0.0,
+            quality_weight: 1.0,
+            closings: Closings::Half,
+        };
         let samples = grid_of_sample.iter().map(|grid| Sample { grid: *grid, voxel: [0; 3], target }).collect();
         let count = grid_of_sample.last().map_or(0, |last| last + 1);
         Batch { grids: (0..count).map(|grid| Arc::from([grid as f32])).collect(), samples, ..Batch::default() }

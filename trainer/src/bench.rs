@@ -23,7 +23,7 @@ use crate::data::{GraspDataset, Seen, for_each_batch};
 use crate::device::Device;
 use crate::fit::{architecture, hands_of};
 use crate::judge;
-use crate::loss::Target;
+use crate::loss::{Closings, Target};
 use crate::model::Model;
 use crate::order::{epoch_steps, epoch_tour};
 use crate::split::split;
@@ -255,6 +255,7 @@ fn batch(samples: usize, scenes: usize) -> Batch {
             rotation: Quat::IDENTITY,
             width_voxels: 5.0,
             quality_weight: 1.0,
+            closings: Closings::Half,
         },
     });
     Batch { samples: samples.collect(), grids, ..Batch::default() }

@@ -107,6 +107,8 @@ settings! {
         pub shuffle_scenes: usize where 1..=1_000_000; or 4096,
         /// What a voxel is to answer of several attempts that have their origin in it.
         pub targets: Targets; or Targets::Attempt,
+        /// Which closing directions are right where an attempt held.
+        pub closings: Closing; or Closing::Attempt,
     }
 }
 
@@ -117,6 +119,17 @@ words! {
         Attempt = "attempt",
         /// Whether any of them held; they are one sample, the first that held or else the first.
         Voxel = "voxel",
+    }
+}
+
+words! {
+    /// The closing directions that are right at the voxel of an attempt that held.
+    pub enum Closing {
+        /// That of the attempt, in either direction: Eq. 3.
+        Attempt = "attempt",
+        /// Every one by which its object can be gripped from there: across either pair of a box's sides that fits between
+        /// the fingers, any way about the axis of a cylinder.
+        Object = "object",
     }
 }
 

@@ -25,7 +25,7 @@ use crate::data::{GraspDataset, Record, Set, for_each_batch};
 use crate::device::Device;
 use crate::evaluate::mistakes::{Mistake, worst};
 use crate::judge;
-use crate::loss::SampleResult;
+use crate::loss::{Closings, SampleResult};
 use crate::metrics::{Summary, Tally};
 use crate::model::Model;
 use crate::order::{Tour, steps_in_order};
@@ -414,21 +414,30 @@ fn is_sure(result: &SampleResult) -> bool {
 
 /// Of the held ones; a judge predicts no grasp, so it has no errors of one.
 fn errors<'a>(found: impl Iterator<Item = &'a Found>, voxel_size_m: f32) -> GraspErrors {
-    let predicted =
-        |own: &Found| Some((Quat::from_array(own.record.rotation), Quat::from_array(own.result.predicted?)));
-    let held: Vec<(&SampleResult, (Quat, Quat))> =
-        found.filter(|own| own.result.label == 1).filter_map(|own| Some((&own.result, predicted(own)?))).collect();
+    let held: Vec<(&Record, &SampleResult, Quat)> = found
+        .filter(|own| own.result.label == 1)
+        .filter_map(|own| Some((&own.record, &own.result, Quat::from_array(own.result.predicted?))))
+        .collect();
+    let over = |error: &dyn Fn(&Record, &SampleResult, Quat) -> f64| {
+        Spread::of(held.iter().map(|(record, result, predicted)| error(record, result, *predicted)).collect())
+    };
+    // The cosine between an axis of the true hand and one of the predicted hand.
+    let cosine =
+        |record: &Record, axis: Vec3, predicted: Vec3| (Quat::from_array(record.rotation) * axis).dot(predicted);
     let apart_deg = |cosine: f32| f64::from(libm::acosf(cosine.clamp(-1.0, 1.0)).to_degrees());
-    let width_mm = |(result, _): &(&SampleResult, _)| 1e3 * f64::from(voxel_size_m) * f64::from(result.width).sqrt();
     GraspErrors {
         samples: held.len(),
-        rotation_deg: Spread::of(held.iter().map(|(result, _)| rotation_error_deg(result.rotation)).collect()),
-        approach_deg: Spread::of(
-            held.iter().map(|(_, (is, told))| apart_deg((*is * Vec3::Z).dot(*told * Vec3::Z))).collect(),
-        ),
-        closing_deg: Spread::of(
-            held.iter().map(|(_, (is, told))| apart_deg((*is * Vec3::Y).dot(*told * Vec3::Y).abs())).collect(),
-        ),
-        width_mm: Spread::of(held.iter().map(width_mm).collect()),
+        rotation_deg: over(&|_, result, _| rotation_error_deg(result.rotation)),
+        approach_deg: over(&|record, _, predicted| apart_deg(cosine(record, Vec3::Z, predicted * Vec3::Z))),
+        closing_deg: over(&|record, _, predicted| apart_deg(cosine(record, Vec3::Y, predicted * Vec3::Y).abs())),
+        nearest_closing_deg: over(&|record, _, predicted| {
+            let to = |axis: Vec3| cosine(record, axis, predicted * Vec3::Y).abs();
+            apart_deg(match record.closings {
+                Closings::Half => to(Vec3::Y),
+                Closings::Quarter => to(Vec3::Y).max(to(Vec3::X)),
+                Closings::Any => libm::hypotf(to(Vec3::X), to(Vec3::Y)),
+            })
+        }),
+        width_mm: over(&|_, result, _| 1e3 * f64::from(voxel_size_m) * f64::from(result.width).sqrt()),
     }
 }

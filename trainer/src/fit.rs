@@ -14,7 +14,7 @@ use shards::{Dataset, Location};
 
 use crate::adam;
 use crate::batch::Batch;
-use crate::config::{Config, TrainingParams};
+use crate::config::{Closing, Config, TrainingParams};
 use crate::data::{GraspDataset, Seen, Set, TrainingTransform, for_each_batch};
 use crate::device::Device;
 use crate::events::{Beginning, EpochReport, Event};
@@ -269,11 +269,12 @@ impl Training<'_> {
     /// The rest of the steps of an epoch, or those until a signal.
     fn train(&self, state: &mut Checkpoint) -> Result<(), Failure> {
         let Config { seed, augmentation, .. } = *self.config;
+        let any_closing = self.config.training.closings == Closing::Object;
         let (epoch, marks) = (state.progress.epoch, &self.samples.marks);
         let tour = epoch_tour(marks, self.config, epoch);
         let mut steps = epoch_steps(marks, &tour, self.config, epoch);
         let start = steps.by_ref().take(state.progress.batch as usize).last().map_or(0, |last| last.done);
-        let transform = TrainingTransform { seed, epoch, augmentation, weights: self.weights };
+        let transform = TrainingTransform { seed, epoch, augmentation, weights: self.weights, any_closing };
         let mut outcome = Ok(());
         for_each_batch(self.samples, (&tour, start), steps, Some(&transform), |_, batch| {
             if self.is_stopped() {

@@ -3,13 +3,16 @@
 //! For a sample with label y, quaternion r and width w, and a prediction q̂, r̂, ŵ at its voxel:
 //!
 //! - Eq. 2: `L_q = −(y ln q̂ + (1 − y) ln(1 − q̂))`, taken from the logit so that it stays finite;
-//! - Eq. 3, 4: `L_r = min(1 − |r̂·r|, 1 − |r̂·r_π|)`, r_π the same grasp turned by half a turn about its approach;
+//! - Eq. 3, 4: `L_r = min(1 − |r̂·r|, 1 − |r̂·r_π|)`, r_π the same grasp turned by half a turn about its approach; as an
+//!   extension the minimum over more of its turns ([`Closings`]);
 //! - width: `L_w = (ŵ − w)²`, widths in voxels;
 //! - Eq. 1, 5: `L = L_q + y (L_r + k L_w)` with k = 0.01, averaged over the batch.
 //!
 //! As an extension, a sample's L_q can have a weight ([`ClassWeights`]); in the paper it is 1 for all.
 //!
 //! Values and gradients equal those of Burn's autodiff (`graph::loss`) bit for bit, as a test shows.
+
+use core::f32::consts::FRAC_1_SQRT_2;
 
 use network::HEAD_OUTPUTS;
 use network::layers::NORM_SQUARED_MIN;
@@ -18,6 +21,18 @@ use schema::Quat;
 /// k of Eq. 5: the weight of the squared error of the width in voxels.
 pub const WIDTH_WEIGHT: f32 = 0.01;
 
+/// By which turns about its approach a hand grips the same object as well. A network with one orientation a voxel, asked
+/// for each of two crossed ways to grip a box, answers with their diagonal, which slips.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Closings {
+    /// By half a turn, which only exchanges the fingers: Eq. 3.
+    Half,
+    /// By a quarter turn: a box that fits between the fingers across either pair of its sides.
+    Quarter,
+    /// By any: a cylinder that is approached along its axis.
+    Any,
+}
+
 /// The result of the attempt, for one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
@@ -25,6 +40,8 @@ pub struct Target {
     pub label: u8,
     /// Orientation of the grasp.
     pub rotation: Quat,
+    /// Which turns of it count as the same.
+    pub closings: Closings,
     /// Opening width in voxels; counts only where `label` is 1.
     pub width_voxels: f32,
     /// Weight of Eq. 2 for this sample; 1 in the paper and in all tests.
@@ -126,6 +143,26 @@ fn dot(a: [f32; 4], b: [f32; 4]) -> f32 {
     (0..4).map(|at| a[at] * b[at]).sum()
 }
 
+/// Of a target's orientations the one nearest to a predicted one. (So its product with the prediction has the gradient of
+/// the largest product.) A turn by φ about the approach is cos(φ/2) r + sin(φ/2) r_π.
+fn nearest(unit: [f32; 4], target: &Target) -> [f32; 4] {
+    let (there, turned) = (target.rotation.to_array(), half_turn(target.rotation).to_array());
+    let (along, across) = (dot(unit, there), dot(unit, turned));
+    let mixed = |a: f32, b: f32| std::array::from_fn(|at| a * there[at] + b * turned[at]);
+    let half = if -across.abs() + 1.0 < -along.abs() + 1.0 { turned } else { there };
+    match target.closings {
+        Closings::Half => half,
+        Closings::Quarter => {
+            let quarter = mixed(FRAC_1_SQRT_2, FRAC_1_SQRT_2.copysign(along * across));
+            if dot(unit, quarter).abs() > dot(unit, half).abs() { quarter } else { half }
+        }
+        Closings::Any => match libm::hypotf(along, across) {
+            0.0 => there,
+            norm => mixed(along / norm, across / norm),
+        },
+    }
+}
+
 /// e^−|z|.
 #[expect(clippy::disallowed_methods, reason = "the system's, as in every run before: weights keep their bits")]
 fn exp_minus_abs(logit: f32) -> f32 {
@@ -141,10 +178,7 @@ pub fn sample_loss(heads: &[f32; HEAD_OUTPUTS], target: &Target) -> SampleResult
     let quality = positive_part(logit, logit) - logit * label + exp_minus_abs(logit).ln_1p();
     let quality = quality * target.quality_weight; // multiplying by 1 changes no bit
     let unit = Rotation::new([x, y, z, w]).unit;
-    let apart = |rotation: Quat| -dot(unit, rotation.to_array()).abs() + 1.0;
-    let (apart, apart_turned) = (apart(target.rotation), apart(half_turn(target.rotation)));
-    let nearest = if apart_turned < apart { apart_turned } else { apart };
-    let rotation = nearest * label;
+    let rotation = (-dot(unit, nearest(unit, target)).abs() + 1.0) * label;
     let off = width - target_width(target);
     let width = off * off * label;
     let total = quality + rotation + width * WIDTH_WEIGHT;
@@ -164,13 +198,9 @@ pub fn loss_gradient(heads: &[f32; HEAD_OUTPUTS], target: &Target, weight: f32) 
     let d_logit = positive_part(logit, d_quality) + (-d_quality * label + d_abs);
 
     let rotation = Rotation::new([x, y, z, w]);
-    let (there, turned) = (target.rotation.to_array(), half_turn(target.rotation).to_array());
-    let (dot_there, dot_turned) = (dot(rotation.unit, there), dot(rotation.unit, turned));
-    let is_turned_nearer = -dot_turned.abs() + 1.0 < -dot_there.abs() + 1.0;
-    let d_rotation = weight * label;
-    let (nearer, dot_nearer) = if is_turned_nearer { (turned, dot_turned) } else { (there, dot_there) };
-    let d_dot = -d_rotation * sign(dot_nearer);
-    let [dx, dy, dz, dw] = rotation.d_raw(nearer.map(|part| d_dot * part));
+    let nearest = nearest(rotation.unit, target);
+    let d_dot = -(weight * label) * sign(dot(rotation.unit, nearest));
+    let [dx, dy, dz, dw] = rotation.d_raw(nearest.map(|part| d_dot * part));
 
     let half = weight * WIDTH_WEIGHT * label * (width - target_width(target));
     [d_logit, dx, dy, dz, dw, half + half]
@@ -204,7 +234,7 @@ mod tests {
     #[test]
     fn a_half_turn_and_the_quaternions_sign_cost_nothing() {
         let rotation = axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
-        let target = Target { label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0 };
+        let target = Target { label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings: Closings::Half };
         for same in [rotation, -rotation, half_turn(rotation), -half_turn(rotation)] {
             let [_, _, apart, width] = losses(0.0, same, 7.0, target);
             assert!(apart.abs() < 1e-6, "{same}: {apart}");
@@ -213,8 +243,58 @@ mod tests {
     }
 
     #[test]
+    fn more_closings_cost_nothing_and_others_what_is_left_to_the_nearest() {
+        let rotation = axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
+        let target = |closings| Target { label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
+        let apart =
+            |turn_rad: f32, closings| losses(0.0, rotation * axis_angle(Vec3::Z, turn_rad), 5.0, target(closings))[2];
+        for degrees in -360_i32..360 {
+            let turn_rad = (degrees as f32).to_radians();
+            // What is left to the nearest multiple of a half, and of a quarter, turn; halved, as quaternions have it.
+            let left = |step: i32| {
+                let left = degrees.rem_euclid(step).min(step - degrees.rem_euclid(step)) as f32;
+                1.0 - libm::cosf(0.5 * left.to_radians())
+            };
+            assert!((apart(turn_rad, Closings::Half) - left(180)).abs() < 1e-6, "{degrees}");
+            assert!((apart(turn_rad, Closings::Quarter) - left(90)).abs() < 1e-6, "{degrees}");
+            assert!(apart(turn_rad, Closings::Any).abs() < 1e-6, "{degrees}");
+        }
+        let tilted = |closings| losses(0.0, rotation * axis_angle(Vec3::X, 0.4), 5.0, target(closings))[2];
+        for closings in [Closings::Half, Closings::Quarter, Closings::Any] {
+            assert!((tilted(closings) - (1.0 - libm::cosf(0.2))).abs() < 1e-6, "the approach counts: {closings:?}");
+        }
+    }
+
+    #[test]
+    fn gradients_of_all_closings_are_the_slopes_of_the_loss() {
+        let rotation = axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
+        for closings in [Closings::Half, Closings::Quarter, Closings::Any] {
+            let target = Target { label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
+            for (turn, tilt) in [(0.2, 0.3), (0.7, -0.5), (1.9, 0.1), (-2.6, 0.4)] {
+                let heads = heads(0.3, rotation * axis_angle(Vec3::Z, turn) * axis_angle(Vec3::X, tilt), 4.0);
+                let gradient = loss_gradient(&heads, &target, 1.0);
+                for at in 1..5 {
+                    let moved = |by: f32| {
+                        let mut heads = heads;
+                        heads[at] += by;
+                        f64::from(sample_loss(&heads, &target).rotation)
+                    };
+                    let slope = (moved(2e-3) - moved(-2e-3)) / 4e-3;
+                    assert!((f64::from(gradient[at]) - slope).abs() < 1e-3, "{closings:?} {turn} {tilt} {at}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn failures_teach_the_quality_only() {
-        let target = Target { label: 0, rotation: Quat::IDENTITY, width_voxels: f32::NAN, quality_weight: 1.0 };
+        let target = Target {
+            label: 0,
+            rotation: Quat::IDENTITY,
+            width_voxels: f32::NAN,
+            quality_weight: 1.0,
+            closings: Closings::Half,
+        };
         let [total, quality, rotation, width] = losses(0.0, axis_angle(Vec3::X, 1.0), 9.0, target);
         assert_eq!([rotation, width], [0.0, 0.0]);
         assert_eq!(total, quality);
@@ -223,7 +303,13 @@ mod tests {
 
     #[test]
     fn the_loss_stays_finite_for_sure_predictions() {
-        let sure_and_wrong = Target { label: 0, rotation: Quat::IDENTITY, width_voxels: 0.0, quality_weight: 1.0 };
+        let sure_and_wrong = Target {
+            label: 0,
+            rotation: Quat::IDENTITY,
+            width_voxels: 0.0,
+            quality_weight: 1.0,
+            closings: Closings::Half,
+        };
         let [_, quality, _, _] = losses(200.0, Quat::IDENTITY, 0.0, sure_and_wrong);
         assert!((quality - 200.0).abs() < 1e-3, "{quality}");
     }
@@ -237,7 +323,13 @@ mod tests {
         assert_eq!(ClassWeights::new(1.0, 31, 97), ClassWeights::EQUAL);
         for (label, logit) in [(0_u8, -1.3_f32), (0, 0.4), (1, -1.3), (1, 0.4)] {
             let weight = weights.of(label);
-            let target = Target { label, rotation: Quat::IDENTITY, width_voxels: 5.0, quality_weight: weight };
+            let target = Target {
+                label,
+                rotation: Quat::IDENTITY,
+                width_voxels: 5.0,
+                quality_weight: weight,
+                closings: Closings::Half,
+            };
             let unweighted = Target { quality_weight: 1.0, ..target };
             let turned = axis_angle(Vec3::X, 0.7);
             let [total, quality, rotation, width] = losses(logit, turned, 7.0, target);

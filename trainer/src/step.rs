@@ -92,7 +92,7 @@ mod tests {
 
     use super::*;
     use crate::batch::Sample;
-    use crate::loss::Target;
+    use crate::loss::{Closings, Target};
 
     /// Five grids of noise with six samples each: three parts.
     fn batch() -> Batch {
@@ -107,6 +107,7 @@ mod tests {
                 rotation: Quat::IDENTITY,
                 width_voxels: 6.0,
                 quality_weight: 1.0,
+                closings: Closings::Half,
             },
         };
         Batch { grids, samples: (0..30).map(sample).collect(), ..Batch::default() }

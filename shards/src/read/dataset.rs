@@ -199,7 +199,7 @@ impl Dataset {
         self.scenes_with(shard, None, None)
     }
 
-    /// Some scenes of a shard, each with its attempts. `wanted` has their ids, ascending; no other grid is read. A few
+    /// Some scenes of a shard. `wanted` has their ids, ascending; no other grid is read. A few
     /// grids at a time are in memory, and each file is opened once.
     ///
     /// # Errors
@@ -211,17 +211,20 @@ impl Dataset {
         &self,
         shard: u32,
         wanted: Vec<u64>,
-    ) -> Result<impl Iterator<Item = Result<(SceneRecord, Vec<AttemptRecord>), Failure>>, Failure> {
+    ) -> Result<impl Iterator<Item = Result<SceneRows, Failure>>, Failure> {
         let all = self.scenes_of(shard)?;
         assert!(wanted.iter().all(|scene| all.contains(scene)), "scenes of shard {shard} are {all:?}");
         let is_whole = wanted.len() as u64 == all.end - all.start;
         let scenes = self.scenes_with(shard, None, (!is_whole).then_some(wanted))?;
-        let mut attempts = self.attempts(shard)?.peekable();
+        let (mut attempts, mut objects) = (self.attempts(shard)?.peekable(), self.objects(shard)?.peekable());
         Ok(scenes.map(move |scene| {
             let scene = scene?;
-            while attempts.next_if(|row| row.as_ref().is_ok_and(|row| row.scene_id < scene.scene_id)).is_some() {}
-            let own = take_while_is(&mut attempts, |row| row.scene_id == scene.scene_id)?;
-            Ok((scene, own))
+            let id = scene.scene_id;
+            while attempts.next_if(|row| row.as_ref().is_ok_and(|row| row.scene_id < id)).is_some() {}
+            while objects.next_if(|row| row.as_ref().is_ok_and(|row| row.scene_id < id)).is_some() {}
+            let attempts = take_while_is(&mut attempts, |row| row.scene_id == id)?;
+            let objects = take_while_is(&mut objects, |row| row.scene_id == id)?;
+            Ok(SceneRows { scene, objects, attempts })
         }))
     }
 

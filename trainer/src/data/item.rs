@@ -8,7 +8,7 @@ use schema::{Outcome, Pose, Purpose, Quat, Rule, Stream};
 
 use crate::augmentation::Augmentation;
 use crate::batch::{Batch, Hand, Sample};
-use crate::loss::{ClassWeights, Target};
+use crate::loss::{ClassWeights, Closings, Target};
 
 /// The changes to samples in training; there are none in testing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,6 +21,8 @@ pub struct TrainingTransform {
     pub augmentation: Augmentation,
     /// Weights of successes and failures.
     pub weights: ClassWeights,
+    /// Whether every closing counts by which the object can be gripped, or that of the attempt alone, as in tests.
+    pub any_closing: bool,
 }
 
 /// A sample without its grid.
@@ -38,6 +40,8 @@ pub struct Record {
     pub label: u8,
     /// Quaternion xyzw.
     pub rotation: [f32; 4],
+    /// Which turns of it grip the object as well.
+    pub closings: Closings,
     /// Opening width in voxels; 0 unless held.
     pub width_voxels: f32,
 }
@@ -108,7 +112,10 @@ pub fn batch(
             let mut sample =
                 Sample { grid: batch.grids.len() - 1, voxel: record.voxel.map(usize::from), target: record.target() };
             let mut hand = scene.hands.get(at).map(HandRecord::hand);
-            if let Some(TrainingTransform { seed, epoch, weights, .. }) = transform {
+            if let Some(TrainingTransform { seed, epoch, weights, any_closing, .. }) = transform {
+                if *any_closing {
+                    sample.target.closings = record.closings;
+                }
                 sample.target.quality_weight = weights.of(sample.target.label);
                 if let Some(hand) = &mut hand {
                     let number = scene.first_attempt + u64::from(*attempt);
@@ -140,6 +147,7 @@ impl Record {
         Target {
             label: self.label,
             rotation: Quat::from_array(self.rotation),
+            closings: Closings::Half,
             width_voxels: self.width_voxels,
             quality_weight: 1.0,
         }
@@ -159,6 +167,7 @@ mod tests {
                 rule: schema::Rule::of_the_paper()[0],
                 label: u8::from(attempt == 0),
                 rotation: [0.0, 0.6, 0.0, 0.8],
+                closings: Closings::Half,
                 width_voxels: 5.0,
             });
             Scene {
@@ -179,8 +188,13 @@ mod tests {
     #[test]
     fn without_augmentation_and_weights_training_sees_the_dataset() {
         let (scenes, samples) = (scenes(), [7, 2, 5].map(sample).to_vec());
-        let off =
-            TrainingTransform { seed: 1, epoch: 2, augmentation: Augmentation::OFF, weights: ClassWeights::EQUAL };
+        let off = TrainingTransform {
+            seed: 1,
+            epoch: 2,
+            augmentation: Augmentation::OFF,
+            weights: ClassWeights::EQUAL,
+            any_closing: false,
+        };
         let (plain, treated) = (batch(&scenes, samples.clone(), None), batch(&scenes, samples, Some(&off)));
         assert_eq!((&plain.grids, &plain.samples), (&treated.grids, &treated.samples));
         assert_eq!(
@@ -196,7 +210,7 @@ mod tests {
         let weights = ClassWeights::new(3.0, 3, 12);
         let mut moved = 0;
         for epoch in 0..20 {
-            let transform = TrainingTransform { seed: 1, epoch, augmentation, weights };
+            let transform = TrainingTransform { seed: 1, epoch, augmentation, weights, any_closing: true };
             let all = batch(&scenes, (0..12).map(sample).collect(), Some(&transform));
             for number in 0..12 {
                 let [alone, plain] =

@@ -9,10 +9,11 @@ use network::judge::Crop;
 use network::receptive_field::RESOLUTION;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use schema::{AttemptRecord, Grid, SceneRecord, SceneRows};
+use schema::{AttemptRecord, Axis, Grid, ObjectRecord, Pose, SceneRows, ShapeKind, Vec3};
 use shards::Dataset;
 
 use crate::config::Targets;
+use crate::loss::Closings;
 
 use super::item::{HandRecord, Record, Scene};
 use super::marks::{FAILED, HELD, HITS_TABLE, Marks, NO_SAMPLE, shard_of};
@@ -98,7 +99,7 @@ impl<'a> GraspDataset<'a> {
         let (shard, seen) = (&self.shards[shard], self.seen);
         let wanted = scenes.iter().map(|scene| u64::from(scene - shard.first_scene)).collect();
         let rows = shard.dataset.some_scenes(shard.shard, wanted)?;
-        Ok(rows.map(move |rows| rows.map(|(scene, attempts)| shard.scene(scene, &attempts, seen))))
+        Ok(rows.map(move |rows| rows.map(|rows| shard.scene(rows, seen))))
     }
 }
 
@@ -107,8 +108,8 @@ impl burn_dataset::Dataset<Scene, Failure> for GraspDataset<'_> {
     fn get(&self, index: usize) -> Result<Scene, Failure> {
         let scene = index as u32; // below `len`
         let shard = &self.shards[self.shard_of(scene)];
-        let SceneRows { scene, attempts, .. } = shard.dataset.read_scene(u64::from(scene - shard.first_scene))?;
-        Ok(shard.scene(scene, &attempts, self.seen))
+        let rows = shard.dataset.read_scene(u64::from(scene - shard.first_scene))?;
+        Ok(shard.scene(rows, self.seen))
     }
 
     fn len(&self) -> usize {
@@ -176,7 +177,7 @@ impl<'a> Shard<'a> {
             if stop.load(Ordering::Relaxed) {
                 return Err(stopped());
             }
-            let Samples { records, hands, outside: own_outside } = self.samples(&attempts?, 0, seen);
+            let Samples { records, hands, outside: own_outside } = self.samples((&attempts?, &[]), 0, seen);
             outside += own_outside;
             for (at, record) in records.iter().enumerate() {
                 let mark = match hands.get(at) {
@@ -191,8 +192,8 @@ impl<'a> Shard<'a> {
         Ok((marks, outside))
     }
 
-    fn scene(&self, scene: SceneRecord, attempts: &[AttemptRecord], seen: Seen<'_>) -> Scene {
-        let Samples { records, hands, .. } = self.samples(attempts, scene.views.len(), seen);
+    fn scene(&self, SceneRows { scene, objects, attempts }: SceneRows, seen: Seen<'_>) -> Scene {
+        let Samples { records, hands, .. } = self.samples((&attempts, &objects), scene.views.len(), seen);
         Scene {
             number: self.first_scene + scene.scene_id as u32,
             first_attempt: self.first_attempt + scene.scene_id * u64::from(self.dataset.info().attempts_per_scene),
@@ -202,8 +203,13 @@ impl<'a> Shard<'a> {
         }
     }
 
-    /// The samples of a scene with so many views.
-    fn samples(&self, attempts: &[AttemptRecord], views: usize, seen: Seen<'_>) -> Samples {
+    /// The samples of a scene with these objects, which the survey does without, and so many views.
+    fn samples(
+        &self,
+        (attempts, objects): (&[AttemptRecord], &[ObjectRecord]),
+        views: usize,
+        seen: Seen<'_>,
+    ) -> Samples {
         let numbered = |record: Record| Record { scene: self.first_scene + record.scene, ..record };
         let info = self.dataset.info();
         let (origin, targets) = match seen {
@@ -227,9 +233,15 @@ impl<'a> Shard<'a> {
             }
         };
         let samples = schema::samples_of(attempts);
-        let inside = samples.iter().filter_map(|sample| at_voxel(sample, &info.grid, origin));
-        let mut records: Vec<Record> = inside.map(numbered).collect();
-        let outside = (samples.len() - records.len()) as u64;
+        let at = |sample: AttemptRecord| Some((numbered(at_voxel(&sample, &info.grid, origin)?), sample));
+        let count = samples.len();
+        let (mut records, inside): (Vec<Record>, Vec<AttemptRecord>) = samples.into_iter().filter_map(at).unzip();
+        for (record, sample) in records.iter_mut().zip(&inside) {
+            if let Some(object) = objects.get(sample.object_id as usize).filter(|_| record.label == 1) {
+                record.closings = closings(&sample.workspace_from_grasp, object, info.gripper.opening_m_max);
+            }
+        }
+        let outside = (count - records.len()) as u64;
         if targets == Targets::Voxel {
             records = one_per_voxel(records);
         }
@@ -260,6 +272,29 @@ fn at_voxel(attempt: &AttemptRecord, grid: &Grid, origin: GraspOrigin) -> Option
     Some(record(attempt, voxel.map(|index| index as u8), width_m / grid.voxel_size_m()))
 }
 
+/// By which turns a hand holds its object as well: those about an axis of the object along which it approaches.
+fn closings(workspace_from_grasp: &Pose, object: &ObjectRecord, opening_m_max: f32) -> Closings {
+    let Some(solid) = object.shape.as_solid() else { return Closings::Half };
+    let object_from_workspace = object.workspace_from_object.rotation.inverse();
+    let along = |grasp_axis: Vec3| {
+        let axis = object_from_workspace * (workspace_from_grasp.rotation * grasp_axis);
+        Axis::ALL.into_iter().find(|own| own.of(axis).abs() > NEAR_COS)
+    };
+    let Some(approach) = along(Vec3::Z) else { return Closings::Half };
+    let fits = |axis: Axis| axis.of(solid.extents_m) <= opening_m_max - FINGER_ROOM_M;
+    let across = || Axis::ALL.into_iter().filter(|axis| *axis != approach).all(fits);
+    match solid.kind {
+        ShapeKind::Cylinder if approach == Axis::Z => Closings::Any,
+        ShapeKind::Cuboid if along(Vec3::Y).is_some() && across() => Closings::Quarter,
+        _ => Closings::Half,
+    }
+}
+
+/// Cosine of the largest angle between an axis of the hand and the object's: 30°, three deviations of the paper's tilts.
+const NEAR_COS: f32 = 0.866;
+/// How much wider than an object the fingers must open to go about it with a few degrees of tilt.
+const FINGER_ROOM_M: f32 = 0.01;
+
 fn record(attempt: &AttemptRecord, voxel: [u8; 3], width_voxels: f32) -> Record {
     Record {
         scene: attempt.scene_id as u32,
@@ -268,15 +303,44 @@ fn record(attempt: &AttemptRecord, voxel: [u8; 3], width_voxels: f32) -> Record 
         rule: attempt.rule,
         label: attempt.label(),
         rotation: attempt.workspace_from_grasp.rotation.to_array(),
+        closings: Closings::Half,
         width_voxels,
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use schema::Rule;
+    use schema::{Quat, Rule, Solid, axis_angle, pose_from_parts};
 
     use super::*;
+
+    /// A box of 40 × 60 × 90 mm and cylinders, gripped along each axis with a few degrees of tilt.
+    #[test]
+    fn what_fits_between_the_fingers_may_be_gripped_by_more_turns() {
+        let closings_of = |kind: ShapeKind, extents_m: [f32; 3], rotation: Quat| {
+            let workspace_from_object = pose_from_parts(axis_angle(Vec3::X, 0.4), Vec3::splat(0.1));
+            let object = ObjectRecord {
+                scene_id: 0,
+                object_id: 0,
+                shape: Solid::new(kind, Vec3::from_array(extents_m)).unwrap().into(),
+                mass_kg: 0.1,
+                friction: 1.0,
+                workspace_from_object,
+            };
+            let tilted = rotation * axis_angle(Vec3::Y, 0.2);
+            closings(&(workspace_from_object * pose_from_parts(tilted, Vec3::ZERO)), &object, 0.08)
+        };
+        let (along_z, along_x) = (Quat::IDENTITY, axis_angle(Vec3::Y, core::f32::consts::FRAC_PI_2));
+        let cuboid = |extents_m, rotation| closings_of(ShapeKind::Cuboid, extents_m, rotation);
+        assert_eq!(cuboid([0.04, 0.06, 0.09], along_z), Closings::Quarter);
+        assert_eq!(cuboid([0.04, 0.06, 0.09], along_x), Closings::Half, "90 mm are too broad");
+        assert_eq!(cuboid([0.04, 0.075, 0.09], along_z), Closings::Half, "75 mm leave no room");
+        assert_eq!(cuboid([0.04, 0.06, 0.09], axis_angle(Vec3::Z, 0.7)), Closings::Half, "over a corner");
+        assert_eq!(cuboid([0.04, 0.06, 0.09], axis_angle(Vec3::X, 0.8)), Closings::Half, "over an edge");
+        let cylinder = |rotation| closings_of(ShapeKind::Cylinder, [0.04, 0.04, 0.06], rotation);
+        assert_eq!([cylinder(along_z), cylinder(along_x)], [Closings::Any, Closings::Half]);
+        assert_eq!(closings_of(ShapeKind::TriPrism, [0.04, 0.06, 0.05], along_z), Closings::Half);
+    }
 
     #[test]
     fn a_voxel_held_if_any_of_its_attempts_did() {
@@ -288,6 +352,7 @@ mod tests {
             rule,
             label,
             rotation: [0.0, 0.0, 0.0, 1.0],
+            closings: Closings::Half,
             width_voxels: f32::from(label) * attempt as f32,
         };
         let all = [(0, 5, 0), (1, 9, 0), (2, 5, 1), (4, 9, 0), (5, 5, 1), (7, 0, 1), (8, 0, 0)];

@@ -192,6 +192,7 @@ fn numbers(evaluation: &Evaluation) -> Table {
                     text(&format!("error of rotation, {} {which}", own.samples), spread(own.rotation_deg, "°").into()),
                     text("… of its approach", spread(own.approach_deg, "°").into()),
                     text("… of its closing direction", spread(own.closing_deg, "°").into()),
+                    text("… to the nearest that grips the object", spread(own.nearest_closing_deg, "°").into()),
                     text("error of width, the same", spread(own.width_mm, " mm").into()),
                 ]
             },

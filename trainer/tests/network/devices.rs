@@ -6,7 +6,7 @@ use schema::Quat;
 use trainer::batch::{Batch, Sample};
 use trainer::device::Device::{Burn, Host};
 use trainer::device::DeviceName;
-use trainer::loss::Target;
+use trainer::loss::{Closings, Target};
 use trainer::step::{evaluate, step};
 
 use crate::formula::{grid, parameters, relative_error};
@@ -19,6 +19,7 @@ fn batch(grids: usize) -> Batch {
         rotation: Quat::IDENTITY,
         width_voxels: 6.0,
         quality_weight: 1.0,
+        closings: Closings::Half,
     };
     let sample = |at: usize| Sample { grid: at / 6, voxel: voxels[at % voxels.len()], target: target(at) };
     Batch {

@@ -13,7 +13,7 @@ use trainer::adam;
 use trainer::batch::{Batch, Sample};
 use trainer::device::Device::Host;
 use trainer::graph::{dense, to_device};
-use trainer::loss::{SampleResult, Target};
+use trainer::loss::{Closings, SampleResult, Target};
 use trainer::step::step;
 
 const TOLERANCE: f64 = 1e-4;
@@ -52,6 +52,7 @@ impl Golden {
                 rotation: Quat::from_slice(&rotations[4 * at..]),
                 width_voxels: widths[at],
                 quality_weight: 1.0,
+                closings: Closings::Half,
             },
         });
         Batch {

@@ -12,7 +12,7 @@ use trainer::batch::{Batch, Sample};
 use trainer::device::Device::Host;
 use trainer::graph::loss::{Prediction, Targets, sample_losses};
 use trainer::graph::to_device;
-use trainer::loss::Target;
+use trainer::loss::{Closings, Target};
 use trainer::step::step;
 
 const TOLERANCE: f64 = 1e-4;
@@ -24,7 +24,8 @@ fn batch(voxels: &[[usize; 3]]) -> Batch {
         let part = |number: usize| 2.0 * draw[number] as f32 - 1.0;
         let rotation = Quat::from_xyzw(part(0), part(1), part(2), part(3)).normalize();
         let (width_voxels, quality_weight) = (5.0 + 4.0 * part(4), [1.0, 0.7, 1.9][at % 3]);
-        let target = Target { label: u8::from(at % 3 != 1), rotation, width_voxels, quality_weight };
+        let target =
+            Target { label: u8::from(at % 3 != 1), rotation, width_voxels, quality_weight, closings: Closings::Half };
         Sample { grid: 0, voxel: *voxel, target }
     });
     Batch { grids: vec![Arc::from(grid(0))], samples: samples.collect(), ..Batch::default() }
