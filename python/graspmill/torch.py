@@ -65,6 +65,10 @@ class HandBatch(TypedDict):
 _B = TypeVar("_B", Batch, HandBatch)
 
 
+#: Where the shipped recipes have the origin of a grasp: between the roots of the fingers.
+ORIGIN_BEHIND_TIPS_M = 0.05
+
+
 def _behind_tips_m(value: float) -> float:
     return _arrays.number("origin_behind_tips_m", value, 0.0, 0.3)
 
@@ -81,12 +85,12 @@ class _Samples:
         other_share: float,
         seed: int,
         of_hands: bool,
-        origin_behind_tips_m: float,
+        origin_behind_tips_m: float | None,
     ) -> None:
         self.of_hands = of_hands
-        self.origin_behind_tips_m = _behind_tips_m(origin_behind_tips_m)
-        if of_hands and self.origin_behind_tips_m > 0.0:
-            raise InputError("a judge is asked about a grasp as it is: origin_behind_tips_m must be 0")
+        if of_hands and origin_behind_tips_m is not None:
+            raise InputError("a judge is asked about a grasp as it is: origin_behind_tips_m must be left out")
+        self.origin_behind_tips_m = _behind_tips_m(ORIGIN_BEHIND_TIPS_M if origin_behind_tips_m is None else origin_behind_tips_m)
         self._crops: _native.Crops | None = None
         self.dataset = path if isinstance(path, Dataset) else Dataset(path)
         if by not in ("attempt", "scene"):
@@ -172,7 +176,7 @@ class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
         test_share: float = 0.1,
         other_share: float = 0.03,
         seed: int = 1,
-        origin_behind_tips_m: float = 0.0,
+        origin_behind_tips_m: float | None = None,
     ) -> None:
         self._samples = _Samples(path, split, by, test_share, other_share, seed, self._of_hands, origin_behind_tips_m)
         self._places = np.nonzero(self._samples.wanted)[0]
@@ -202,7 +206,7 @@ class GraspDataset(_Items):
         other_share: Share in the other one.
         seed: Seed of the split; the trainer's recipes have 1.
         origin_behind_tips_m: Where the network has the origin of a grasp, and so which voxel answers for it: so far behind the finger tips,
-            against the approach (``network.origin_behind_tips_m`` of a recipe; :attr:`VoxelNetwork.origin_behind_tips_m`).
+            against the approach (``network.origin_behind_tips_m`` of a recipe); 0.05, as the shipped recipes, if left out.
     """
 
     _of_hands = False
@@ -269,7 +273,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         test_share: float = 0.1,
         other_share: float = 0.03,
         seed: int = 1,
-        origin_behind_tips_m: float = 0.0,
+        origin_behind_tips_m: float | None = None,
     ) -> None:
         self._samples = _Samples(path, split, by, test_share, other_share, seed, self._of_hands, origin_behind_tips_m)
         self.batch = _arrays.whole("batch", batch, 1, 1_000_000)
@@ -384,7 +388,11 @@ class VoxelNetwork(nn.Module):
     """
 
     def __init__(
-        self, upsampling: Literal["linear", "nearest"] = "linear", *, origin_behind_tips_m: float = 0.0, voxel_offset: float = 0.5
+        self,
+        upsampling: Literal["linear", "nearest"] = "linear",
+        *,
+        origin_behind_tips_m: float = ORIGIN_BEHIND_TIPS_M,
+        voxel_offset: float = 0.5,
     ) -> None:
         super().__init__()
         if upsampling not in ("linear", "nearest"):
@@ -431,7 +439,8 @@ class VoxelNetwork(nn.Module):
 
         with safe_open(os.fspath(path), "pt") as file:
             said = file.metadata() or {}
-            said = json.loads(said["graspmill"]) if "graspmill" in said else said
+            # Our checkpoints name an origin that is not midway between the tips.
+            said = {"origin_behind_tips_m": 0.0, **json.loads(said["graspmill"])} if "graspmill" in said else said
             tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith("adam.")}
         origin = {name: float(said[name]) for name in ("origin_behind_tips_m", "voxel_offset") if name in said}
         net = cls(upsampling or said.get("upsampling", "linear"), **origin)

@@ -45,7 +45,9 @@ def test_samples_are_the_rows_of_the_tables(dataset):
     for index in (0, 17, len(samples) - 1):
         place = int(samples._places[index])
         row, item = rows.row(place, named=True), samples[index]
-        at = np.floor(np.array([row["x_m"], row["y_m"], row["z_m"]], np.float32) / np.float32(voxel_m))
+        x, y, z, w = (row[name] for name in ("qx", "qy", "qz", "qw"))
+        approach = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+        at = np.floor((np.array([row["x_m"], row["y_m"], row["z_m"]]) - 0.05 * approach) / voxel_m)
         assert item["voxel"].tolist() == at.tolist() and item["label"] == row["label"]
         assert np.allclose(item["rotation"], [row["qx"], row["qy"], row["qz"], row["qw"]])
         assert np.array_equal(item["tsdf"][0], dataset.scene(row["scene_id"]).tsdf)
@@ -185,15 +187,33 @@ def test_a_stream_of_hands_is_seeded_and_mirrored(dataset, workers):
 
 
 def test_the_networks_weights_go_both_ways(dataset, tmp_path):
-    net = gt.VoxelNetwork()
+    net = gt.VoxelNetwork("nearest", origin_behind_tips_m=0.035)
     net.save(tmp_path / "made.safetensors")
     words = [*PROGRAM, "trainer", "import", tmp_path / "made.safetensors", "--out", tmp_path / "ours.safetensors"]
     subprocess.run(words, check=True, capture_output=True)
     words = [*PROGRAM, "trainer", "export", tmp_path / "ours.safetensors", "--format", "safetensors", "--out"]
     subprocess.run([*words, tmp_path / "back.safetensors"], check=True, capture_output=True)
-    back = gt.VoxelNetwork.load(tmp_path / "back.safetensors")
-    for name, tensor in net.state_dict().items():
-        assert torch.equal(tensor, back.state_dict()[name]), name
+    for name in ("made", "back"):
+        back = gt.VoxelNetwork.load(tmp_path / f"{name}.safetensors")
+        for name, tensor in net.state_dict().items():
+            assert torch.equal(tensor, back.state_dict()[name]), name
+        for name in ("upsampling", "origin_behind_tips_m", "voxel_offset"):
+            assert getattr(back, name) == pytest.approx(getattr(net, name)), name
+
+
+def test_samples_of_another_origin_are_at_other_voxels(dataset):
+    tips, roots = (gt.GraspDataset(dataset, "all", origin_behind_tips_m=origin) for origin in (0.0, 0.05))
+    places = sorted({*tips._places} & {*roots._places})[::40]
+    assert len(places) > 5 and len(roots) < len(tips), "some roots are outside the grid"
+    for place in places:
+        a, b = (samples[int(np.searchsorted(samples._places, place))] for samples in (tips, roots))
+        x, y, z, w = a["rotation"].tolist()
+        approach = torch.tensor([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+        assert torch.allclose(a["rotation"], b["rotation"]) and a["label"] == b["label"]
+        # 50 mm are 6.67 voxels; both positions are rounded.
+        assert ((a["voxel"] - b["voxel"]) - approach * 0.05 / 0.0075).abs().max() <= 1.0
+    with pytest.raises(graspmill.InputError, match="must be left out"):
+        gt.HandStream(dataset, "train", origin_behind_tips_m=0.05)
 
 
 def test_thirty_lines_of_pytorch_learn(dataset):
