@@ -113,8 +113,12 @@ impl Setting for Models {
 
     fn check(&self, (): &(), _: &mut Reader<'_>) {}
 
-    fn add_rows(prefix: &str, rows: &mut Vec<Row>) -> bool {
-        HouseholdParams::add_rows(prefix, rows);
+    fn written(&self) -> Option<String> {
+        self.stored.is_empty().then(|| "left out".to_owned())
+    }
+
+    fn add_rows(prefix: &str, _: Option<&Self>, rows: &mut Vec<Row>) -> bool {
+        HouseholdParams::add_rows(prefix, None, rows);
         false
     }
 }

@@ -195,11 +195,11 @@ mod tests {
         }
     }
 
-    /// By hand: a hand that points down at (103, 98, 60) mm has its origin 50 mm above, in voxel (13, 13, 14) of
+    /// By hand: a hand that points down at (103, 98, 61) mm has its origin 50 mm above, in voxel (13, 13, 14) of
     /// 7.5 mm; rounded as VGN does, in (14, 13, 15).
     #[test]
     fn a_hand_from_above_has_its_origin_above_the_tips() {
-        let down = pose_from_parts(Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), Vec3::new(0.103, 0.098, 0.06));
+        let down = pose_from_parts(Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), Vec3::new(0.103, 0.098, 0.061));
         let voxel = |origin: GraspOrigin| origin.voxel_of(&down, &Grid::PAPER);
         assert_eq!(voxel(GraspOrigin::TIPS), Some([13, 13, 8]));
         assert_eq!(voxel(GraspOrigin::behind_tips(0.05)), Some([13, 13, 14]));

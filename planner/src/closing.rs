@@ -1,9 +1,9 @@
 //! Beyond the paper: the closing direction by what was seen between the fingers.
 //!
 //! A box can be gripped across either pair of its sides, and one orientation a voxel is then often wrong about the
-//! closing direction by tens of degrees, where the approach is right to a few. So the hand is turned about the network's
-//! approach, to the turn at which what lies between the fingers is narrowest, and moved along its closing direction
-//! until that is in their middle, as the paper's rules have it (Appendix A: no offset along y).
+//! closing direction by tens of degrees, where the approach is right to a few. So the hand is turned about the
+//! network's approach, to the turn at which what lies between the fingers is narrowest, and moved along its closing
+//! direction until that is in their middle, as the paper's rules have it (Appendix A: no offset along y).
 
 use core::f32::consts::FRAC_PI_4;
 
@@ -57,15 +57,23 @@ impl<'a> Closer<'a> {
             .map(|point| from_workspace * *point)
             .filter(|p| (-DEPTH_M..=0.0).contains(&p.z) && libm::hypotf(p.x, p.y) <= reach_m)
             .collect();
-        let mut hands: Vec<(f32, Grasp)> =
-            (-STEPS..=STEPS).filter_map(|step| self.turned(predicted, &about, step as f32 * STEP_RAD)).collect();
+        let turns: Vec<Option<Grasp>> =
+            (-STEPS - 1..=STEPS + 1).map(|step| self.turned(predicted, &about, step as f32 * STEP_RAD)).collect();
+        let width_m = |turned: &Option<Grasp>| turned.map_or(f32::INFINITY, |hand| hand.width_m);
+        // Only where it is narrower than to either side: otherwise the narrowest turn may be the last before a corner.
+        let narrowest = turns.windows(3).zip(-STEPS..).filter_map(|(turns, step)| {
+            let [before, here, after] = [0, 1, 2].map(|at| width_m(&turns[at]));
+            let cost_m = here + TURN_COST_M * (step as f32 * STEP_RAD).abs();
+            turns[1].filter(|_| here <= before && here <= after).map(|hand| (cost_m, hand))
+        });
+        let mut hands: Vec<(f32, Grasp)> = narrowest.collect();
         hands.sort_by(|a, b| a.0.total_cmp(&b.0));
         let is_free = |hand: &Grasp| self.sweep.points_hit(&hand.workspace_from_grasp, self.cloud_m) <= self.points_max;
         hands.into_iter().map(|(_, hand)| hand).find(is_free)
     }
 
-    /// The hand after a turn about its approach, with what it closes on in its middle, and what it costs.
-    fn turned(&self, predicted: &Pose, about: &[Vec3], turn_rad: f32) -> Option<(f32, Grasp)> {
+    /// The hand after a turn about its approach, with what it closes on in its middle.
+    fn turned(&self, predicted: &Pose, about: &[Vec3], turn_rad: f32) -> Option<Grasp> {
         let turn = axis_angle(Vec3::Z, turn_rad);
         let back = turn.inverse();
         let half_x_m = 0.5 * self.gripper.finger_width_m;
@@ -85,7 +93,7 @@ impl<'a> Closer<'a> {
         let mut workspace_from_grasp = *predicted;
         workspace_from_grasp.rotation = (predicted.rotation * turn).normalize();
         workspace_from_grasp.translation += workspace_from_grasp.rotation * Vec3::new(0.0, middle_m(thing), 0.0);
-        Some((width_m + TURN_COST_M * turn_rad.abs(), Grasp { workspace_from_grasp, width_m }))
+        Some(Grasp { workspace_from_grasp, width_m })
     }
 }
 

@@ -126,7 +126,7 @@ settings! {
         /// Side of the cube in which only the best is kept.
         pub suppression_window_voxels: usize where 1..=40,
         /// What decides the closing direction.
-        pub closing: ClosingBy; or ClosingBy::Predicted,
+        pub closing: ClosingBy,
     }
     check DetectionParams::widths_agree
 }
@@ -143,8 +143,8 @@ words! {
     pub enum ClosingBy {
         /// The network.
         Predicted = "predicted",
-        /// What was seen between the fingers: the hand is turned about the network's approach to where that is narrowest,
-        /// and it is put in their middle. Grasps that close on nothing, or whose way is not free, are dropped.
+        /// What was seen between the fingers: the hand is turned about the network's approach to where that is
+        /// narrowest, and put in its middle. Grasps that close on nothing, or whose way is not free, are dropped.
         Seen = "seen",
     }
 }

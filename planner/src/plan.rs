@@ -228,8 +228,8 @@ pub struct DroppedCandidate {
     /// Why.
     #[serde(skip)]
     pub reason: RejectReason,
-    /// `far_from_surface`, `width`, `quality`, `suppressed`, `avoided`, `limited`, `collision`, `no_closing`, `no_object` or
-    /// `beyond_limit`.
+    /// `far_from_surface`, `width`, `quality`, `suppressed`, `avoided`, `limited`, `collision`, `no_closing`,
+    /// `no_object` or `beyond_limit`.
     pub why: &'static str,
     /// The reason as text, with the numbers.
     pub told: String,
@@ -268,7 +268,8 @@ pub struct Funnel {
     pub quality_reached: usize,
     /// Of those, the best within their suppression window: VGN's detections.
     pub detections: usize,
-    /// Of those, unlike hands that failed and within the limits of the request.
+    /// Of those, closed on something where the settings ask for it, unlike hands that failed, and within the limits of
+    /// the request.
     pub hands_found: usize,
     /// Of those, without a collision (all, if collisions were not checked).
     pub collision_free: usize,

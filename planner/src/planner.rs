@@ -436,7 +436,7 @@ impl Planner {
         } else if avoided > 0 && funnel.hands_found == 0 {
             format!("all {avoided} grasps are like hands that failed")
         } else if funnel.hands_found == 0 {
-            format!("no hand keeps the limits at any of {} detections", funnel.detections)
+            format!("no hand closes on anything by a free way at any of {} detections", funnel.detections)
         } else if funnel.collision_free == 0 {
             format!("the hand's way is blocked for all {} detections", funnel.detections)
         } else if plan.objects.is_empty() {

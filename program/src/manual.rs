@@ -80,11 +80,13 @@ fn markdown(command: Command, settings: &[Settings], chapters: &str) -> String {
         let rows = rows();
         if !rows.is_empty() {
             text.push_str(
-                "\nWhat each key may be. A key's name ends with its unit.\n\n| key | value | meaning |\n|---|---|---|\n",
+                "\nWhat each key may be. A key's name ends with its unit; `[]` stands for each table of a list. A key without a \
+                 default must be there, if its table is.\n\n| key | value | default | meaning |\n|---|---|---|---|\n",
             );
         }
-        for settings::Row { key, kind, meaning } in rows {
-            let _ = writeln!(text, "| `{key}` | {kind} | {meaning} |");
+        for settings::Row { key, kind, default, meaning } in rows {
+            let default = default.map_or_else(|| "–".to_owned(), |value| format!("`{value}`"));
+            let _ = writeln!(text, "| `{key}` | {kind} | {default} | {meaning} |");
         }
     }
     text + chapters
@@ -115,7 +117,7 @@ mod tests {
     fn a_reference_has_every_command_every_flag_and_every_setting() {
         fn rows() -> Vec<settings::Row> {
             let [key, kind, meaning] = ["key", "a text", "Why."].map(str::to_owned);
-            vec![settings::Row { key, kind, meaning }]
+            vec![settings::Row { key, kind, default: Some("\"now\"".to_owned()), meaning }]
         }
         let settings = [Settings { path: "a.toml", toml: "key = 1 # why\n", rows }];
         let text = markdown(command(), &settings, "\n## More\n");
@@ -126,7 +128,7 @@ mod tests {
             "How deep",
             "## Settings: a.toml",
             "key = 1 # why\n```",
-            "| `key` | a text | Why. |",
+            "| `key` | a text | `\"now\"` | Why. |",
             "## More",
         ] {
             assert!(text.contains(words), "{words} is not in {text}");

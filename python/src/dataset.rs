@@ -179,8 +179,8 @@ impl Dataset {
     }
 
     /// The samples of some scenes of a shard, ascending, of voxels or of hands: their grids, flat in one array; of each
-    /// sample its pose (`[N, 7]`; of voxels at the network's origin) and its opening; and of each its scene's place among them, its attempt, its outcome,
-    /// the number of its hand and that of its scene's views (`[N, 5]`).
+    /// sample its pose (`[N, 7]`; of voxels at the network's origin) and its opening; and of each its scene's place
+    /// among them, its attempt, its outcome, the number of its hand and that of its scene's views (`[N, 5]`).
     #[expect(clippy::type_complexity, reason = "its caller in Python unpacks it")]
     fn samples<'py>(
         &self,
@@ -202,7 +202,7 @@ impl Dataset {
         let (dataset, hands) = (self.read()?, self.dataset.info().hands().len() as u64);
         let read = || {
             let some = dataset.some_scenes(shard, scenes)?.collect::<Result<Vec<_>, Failure>>()?;
-            let mut grids = Vec::with_capacity(some.iter().map(|(scene, _)| scene.tsdf.len()).sum());
+            let mut grids = Vec::with_capacity(some.iter().map(|rows| rows.scene.tsdf.len()).sum());
             let mut samples = Vec::new();
             for (place, SceneRows { scene, attempts, .. }) in (0_u32..).zip(some) {
                 grids.extend(scene.tsdf);

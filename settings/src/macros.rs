@@ -4,8 +4,8 @@
 ///
 /// A row is `name: type where limits; or default; by function as kind,`. Limits are a range, or
 /// [`above`](crate::above) a number. A key with a default may be left out. `function` reads the value instead of the
-/// type's [`Setting::read`](crate::Setting::read), and `kind` says what it reads. `#[serde(…)]` before a row says how the
-/// key is stored, if at all. After the struct, `check function` names a check across keys, which runs if all keys
+/// type's [`Setting::read`](crate::Setting::read), and `kind` says what it reads. `#[serde(…)]` before a row says how
+/// the key is stored, if at all. After the struct, `check function` names a check across keys, which runs if all keys
 /// are valid on their own.
 ///
 /// ```
@@ -73,15 +73,19 @@ macro_rules! settings {
                 $(if reader.is_sound() { $check(self, reader); })?
             }
 
-            fn add_rows(prefix: &str, rows: &mut Vec<$crate::Row>) -> bool {
+            fn add_rows(prefix: &str, default: Option<&Self>, rows: &mut Vec<$crate::Row>) -> bool {
                 $(
                     let key = format!("{prefix}{}", stringify!($key));
-                    let inside = format!("{key}.");
-                    if !$crate::settings!(@rows $type, inside, rows $(, $kind)?) {
+                    let own: Option<$type> = $crate::settings!(@default $($default)?);
+                    let value = own.as_ref().or(default.map(|table| &table.$key));
+                    // Before the keys of a table that may be left out, or of a list's tables.
+                    let (inside, at) = (format!("{key}."), rows.len());
+                    if !$crate::settings!(@rows $type, inside, value, rows $(, $kind)?) {
                         let limits = $crate::settings!(@limits $type $(, $limits)?);
                         let kind = $crate::settings!(@kind $type, limits $(, $kind)?);
+                        let default = value.and_then($crate::Setting::written);
                         let meaning = concat!($($doc),*).trim().to_owned();
-                        rows.push($crate::Row { key, kind, meaning });
+                        rows.insert(at, $crate::Row { key, kind, default, meaning });
                     }
                 )*
                 true
@@ -101,10 +105,10 @@ macro_rules! settings {
         let _ = &$limits;
         $kind.to_owned()
     }};
-    (@rows $type:ty, $prefix:ident, $rows:ident) => {
-        <$type as $crate::Setting>::add_rows(&$prefix, $rows)
+    (@rows $type:ty, $prefix:ident, $default:ident, $rows:ident) => {
+        <$type as $crate::Setting>::add_rows(&$prefix, $default, $rows)
     };
-    (@rows $type:ty, $prefix:ident, $rows:ident, $kind:literal) => {{
+    (@rows $type:ty, $prefix:ident, $default:ident, $rows:ident, $kind:literal) => {{
         let _ = $prefix;
         false
     }};
@@ -174,6 +178,10 @@ macro_rules! words {
             }
 
             fn check(&self, (): &(), _: &mut $crate::Reader<'_>) {}
+
+            fn written(&self) -> Option<String> {
+                Some(format!("{:?}", self.name()))
+            }
         }
 
         impl $crate::serde::Serialize for $name {

@@ -12,6 +12,8 @@ pub struct Row {
     pub key: String,
     /// Type and range.
     pub kind: String,
+    /// What a file without it means, as a file has it; `None` if it must not be left out.
+    pub default: Option<String>,
     /// Its meaning.
     pub meaning: String,
 }
@@ -30,8 +32,14 @@ pub trait Setting: Sized {
     /// Reports values out of range in a setting that was not read.
     fn check(&self, limits: &Self::Limits, reader: &mut Reader<'_>);
 
-    /// Adds the rows of a table's keys; other settings have none.
-    fn add_rows(_prefix: &str, _rows: &mut Vec<Row>) -> bool {
+    /// The value as files have it, for the reference; tables have none.
+    fn written(&self) -> Option<String> {
+        None
+    }
+
+    /// Adds the rows of a table's keys, and says whether they tell all of it; other settings have none. `default` is
+    /// the table's where it may be left out.
+    fn add_rows(_prefix: &str, _default: Option<&Self>, _rows: &mut Vec<Row>) -> bool {
         false
     }
 }
@@ -40,7 +48,7 @@ pub trait Setting: Sized {
 #[must_use]
 pub fn rows_of<T: Setting>() -> Vec<Row> {
     let mut rows = Vec::new();
-    T::add_rows("", &mut rows);
+    T::add_rows("", None, &mut rows);
     rows
 }
 
@@ -66,6 +74,10 @@ impl<T: Number> Setting for T {
             reader.fault(format_args!("must be {}, got {self}", limits.text()));
         }
     }
+
+    fn written(&self) -> Option<String> {
+        Some(self.to_string())
+    }
 }
 
 macro_rules! plain {
@@ -86,6 +98,10 @@ macro_rules! plain {
             }
 
             fn check(&self, (): &(), _: &mut Reader<'_>) {}
+
+            fn written(&self) -> Option<String> {
+                Some(format!("{self:?}"))
+            }
         }
     };
 }
@@ -107,6 +123,15 @@ impl<T: Setting> Setting for Option<T> {
 
     fn check(&self, limits: &T::Limits, reader: &mut Reader<'_>) {
         self.iter().for_each(|inner| inner.check(limits, reader));
+    }
+
+    fn written(&self) -> Option<String> {
+        self.as_ref().map_or_else(|| Some("left out".to_owned()), T::written)
+    }
+
+    fn add_rows(prefix: &str, default: Option<&Self>, rows: &mut Vec<Row>) -> bool {
+        T::add_rows(prefix, default.and_then(Option::as_ref), rows);
+        false
     }
 }
 
@@ -131,6 +156,22 @@ impl<T: Setting> Setting for Vec<T> {
     fn check(&self, limits: &T::Limits, reader: &mut Reader<'_>) {
         self.iter().for_each(|inner| inner.check(limits, reader));
     }
+
+    fn written(&self) -> Option<String> {
+        listed(self)
+    }
+
+    fn add_rows(prefix: &str, _: Option<&Self>, rows: &mut Vec<Row>) -> bool {
+        let list = prefix.strip_suffix('.').unwrap_or(prefix);
+        T::add_rows(&format!("{list}[]."), None, rows);
+        false
+    }
+}
+
+/// A list as files have it.
+fn listed<T: Setting>(values: &[T]) -> Option<String> {
+    let values: Vec<String> = values.iter().map(T::written).collect::<Option<_>>()?;
+    Some(format!("[{}]", values.join(", ")))
 }
 
 /// A range: two numbers, the lower one first.
@@ -159,6 +200,10 @@ impl<T: Number> Setting for [T; 2] {
             reader.fault(format_args!("must be a range [low, high] within {within}, got [{low}, {high}]"));
         }
     }
+
+    fn written(&self) -> Option<String> {
+        listed(self)
+    }
 }
 
 macro_rules! numbers {
@@ -182,6 +227,10 @@ macro_rules! numbers {
 
             fn check(&self, limits: &Limits<T>, reader: &mut Reader<'_>) {
                 self.iter().for_each(|number| number.check(limits, reader));
+            }
+
+            fn written(&self) -> Option<String> {
+                listed(self)
             }
         }
     };

@@ -167,6 +167,44 @@ fn every_key_is_a_row_of_the_reference() {
     assert_eq!(keys, ["count", "share", "colour", "is_on", "file", "inner.size_m", "inner.weights", "inner.counts"]);
     assert_eq!(rows[0].meaning, "A whole number of two lines.");
     assert_eq!(rows[1].kind, "a number above 0 and at most 0.5");
+    let defaults: Vec<Option<&str>> = rows.iter().map(|row| row.default.as_deref()).collect();
+    assert_eq!(defaults, [None, None, None, Some("false"), Some("left out"), None, None, None]);
+}
+
+settings! {
+    /// Tables that may be left out, and a list of tables.
+    #[derive(Debug, Clone)]
+    pub struct Outer {
+        /// One or none.
+        pub maybe: Option<Inner>; or None,
+        /// Any number.
+        pub many: Vec<Inner>,
+        /// One of its own.
+        pub usual: Inner; or Inner { size_m: [0.5, 1.0], weights: [1.0; 3], counts: vec![2, 3] },
+    }
+}
+
+#[test]
+fn tables_that_may_be_left_out_and_lists_of_tables_show_their_keys() {
+    let rows = rows_of::<Outer>();
+    let told = |row: &settings::Row| format!("{} = {}", row.key, row.default.as_deref().unwrap_or("?"));
+    assert_eq!(
+        rows.iter().map(told).collect::<Vec<_>>(),
+        [
+            "maybe = left out",
+            "maybe.size_m = ?",
+            "maybe.weights = ?",
+            "maybe.counts = ?",
+            "many = ?",
+            "many[].size_m = ?",
+            "many[].weights = ?",
+            "many[].counts = ?",
+            "usual.size_m = [0.5, 1]",
+            "usual.weights = [1, 1, 1]",
+            "usual.counts = [2, 3]",
+        ]
+    );
+    assert_eq!((rows[0].kind.as_str(), rows[4].kind.as_str()), ("a table, or left out", "a list, each a table"));
 }
 
 #[cfg(unix)]

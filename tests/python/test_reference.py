@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,23 @@ def output_of(*words: str) -> str:
 def test_the_reference_is_up_to_date(name: str) -> None:
     page = ROOT / "docs/reference" / f"{name}.md"
     assert page.read_text() == output_of(program(name), "manual", "markdown"), "run scripts/reference.sh"
+
+
+def keys_of(value: object, prefix: str = "") -> set[str]:
+    """The keys of a settings file; ``[]`` stands for each table of a list."""
+    if isinstance(value, dict):
+        return {key for name, inner in value.items() for key in keys_of(inner, f"{prefix}.{name}" if prefix else name)}
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return {key for inner in value for key in keys_of(inner, f"{prefix}[]")}
+    return {prefix}
+
+
+@pytest.mark.parametrize("folder, page", [("generate", "generator"), ("train", "trainer"), ("plan", "planner"), ("experiment", "experiments")])
+def test_every_key_of_the_shipped_settings_is_in_the_reference(folder: str, page: str) -> None:
+    text = (ROOT / "docs/reference" / f"{page}.md").read_text()
+    for path in sorted((ROOT / "configs" / folder).glob("*.toml")):
+        missing = [key for key in sorted(keys_of(tomllib.loads(path.read_text()))) if f"| `{key}` |" not in text]
+        assert not missing, path.name
 
 
 def test_the_page_of_the_python_package_is_up_to_date() -> None:

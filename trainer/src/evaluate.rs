@@ -409,7 +409,7 @@ fn tallies<'a, K: Ord>(results: impl Iterator<Item = (K, &'a SampleResult)>) -> 
 
 /// Whether the network gives a sample more than the paper's ε = 0.9.
 fn is_sure(result: &SampleResult) -> bool {
-    result.quality_logit > 9.0_f32.ln()
+    result.quality_logit > libm::logf(9.0)
 }
 
 /// Of the held ones; a judge predicts no grasp, so it has no errors of one.

@@ -3,8 +3,8 @@
 //! For a sample with label y, quaternion r and width w, and a prediction q̂, r̂, ŵ at its voxel:
 //!
 //! - Eq. 2: `L_q = −(y ln q̂ + (1 − y) ln(1 − q̂))`, taken from the logit so that it stays finite;
-//! - Eq. 3, 4: `L_r = min(1 − |r̂·r|, 1 − |r̂·r_π|)`, r_π the same grasp turned by half a turn about its approach; as an
-//!   extension the minimum over more of its turns ([`Closings`]);
+//! - Eq. 3, 4: `L_r = min(1 − |r̂·r|, 1 − |r̂·r_π|)`, r_π the same grasp turned by half a turn about its approach; as
+//!   an extension the minimum over more of its turns ([`Closings`]);
 //! - width: `L_w = (ŵ − w)²`, widths in voxels;
 //! - Eq. 1, 5: `L = L_q + y (L_r + k L_w)` with k = 0.01, averaged over the batch.
 //!
@@ -21,8 +21,8 @@ use schema::Quat;
 /// k of Eq. 5: the weight of the squared error of the width in voxels.
 pub const WIDTH_WEIGHT: f32 = 0.01;
 
-/// By which turns about its approach a hand grips the same object as well. A network with one orientation a voxel, asked
-/// for each of two crossed ways to grip a box, answers with their diagonal, which slips.
+/// By which turns about its approach a hand grips the same object as well. A network with one orientation a voxel,
+/// asked for each of two crossed ways to grip a box, answers with their diagonal, which slips.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Closings {
     /// By half a turn, which only exchanges the fingers: Eq. 3.
@@ -143,8 +143,8 @@ fn dot(a: [f32; 4], b: [f32; 4]) -> f32 {
     (0..4).map(|at| a[at] * b[at]).sum()
 }
 
-/// Of a target's orientations the one nearest to a predicted one. (So its product with the prediction has the gradient of
-/// the largest product.) A turn by φ about the approach is cos(φ/2) r + sin(φ/2) r_π.
+/// Of a target's orientations the one nearest to a predicted one. (So its product with the prediction has the gradient
+/// of the largest product.) A turn by φ about the approach is cos(φ/2) r + sin(φ/2) r_π.
 fn nearest(unit: [f32; 4], target: &Target) -> [f32; 4] {
     let (there, turned) = (target.rotation.to_array(), half_turn(target.rotation).to_array());
     let (along, across) = (dot(unit, there), dot(unit, turned));

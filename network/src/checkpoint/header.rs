@@ -28,7 +28,7 @@ struct Stored {
     /// Of the paper's network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     upsampling: Option<Upsampling>,
-    /// Of the paper's network, where it is not [`GraspOrigin::TIPS`]; that of a checkpoint from before there was a choice.
+    /// Of the paper's network where it is not [`GraspOrigin::TIPS`], which checkpoints have that do not say it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     origin_behind_tips_m: Option<f32>,
     #[serde(default, skip_serializing_if = "Option::is_none")]

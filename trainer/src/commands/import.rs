@@ -27,16 +27,16 @@ pub(crate) struct Arguments {
     /// The checkpoint to write, for `evaluate --model`.
     #[arg(long)]
     out: PathBuf,
-    /// How the network doubles its grids. Without it what the file says (graspmill.torch writes it), or else nearest, as
-    /// in VGN's code.
+    /// How the network doubles its grids. Without it what the file says (graspmill.torch writes it), or else nearest,
+    /// as in VGN's code.
     #[arg(long, value_enum)]
     upsampling: Option<UpsamplingArgument>,
-    /// How far behind the finger tips, in metres, the network has a grasp's origin. Without it what the file says, or else
-    /// 0.05, between the roots of the fingers, as in VGN's code.
+    /// How far behind the finger tips, in metres, the network has a grasp's origin. Without it what the file says, or
+    /// else 0.05, between the roots of the fingers, as in VGN's code.
     #[arg(long, value_name = "M")]
     origin_behind_tips_m: Option<f32>,
-    /// Place of that origin in its voxel along each axis: 0.5 where positions were rounded down, 0 where to the nearest.
-    /// Without it what the file says, or else 0, as in VGN's code.
+    /// Place of that origin in its voxel along each axis: 0.5 where positions were rounded down, 0 where to the
+    /// nearest. Without it what the file says, or else 0, as in VGN's code.
     #[arg(long, value_name = "X")]
     voxel_offset: Option<f32>,
     /// Replace an existing file.

@@ -290,7 +290,8 @@ fn closings(workspace_from_grasp: &Pose, object: &ObjectRecord, opening_m_max: f
     }
 }
 
-/// Cosine of the largest angle between an axis of the hand and the object's: 30°, three deviations of the paper's tilts.
+/// Cosine of the largest angle between an axis of the hand and the object's: 30°, three deviations of the paper's
+/// tilts.
 const NEAR_COS: f32 = 0.866;
 /// How much wider than an object the fingers must open to go about it with a few degrees of tilt.
 const FINGER_ROOM_M: f32 = 0.01;

@@ -21,7 +21,8 @@ fn succeeds(args: &[&str]) -> String {
 
 fn imported(dir: &Path) -> PathBuf {
     let path = dir.join("run/best.safetensors");
-    succeeds(&["import", &state_dict("legacy"), "--out", text(&path)]);
+    let origin = ["--origin-behind-tips-m", "0", "--voxel-offset", "0.5"];
+    succeeds(&[&["import", &state_dict("legacy"), "--out", text(&path)], &origin[..]].concat());
     path
 }
 
