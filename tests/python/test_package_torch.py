@@ -220,16 +220,17 @@ def test_thirty_lines_of_pytorch_learn(dataset):
     torch.manual_seed(1)
     net, stream = gt.VoxelNetwork(), gt.GraspStream(dataset, "train", batch=48, samples_per_scene=16)
     optimiser = torch.optim.Adam(net.parameters(), lr=1e-3)
-    losses = []
+    first = next(iter(stream))
+    before = gt.loss(*net.at(first), first).item()
     for step, batch in enumerate(torch.utils.data.DataLoader(stream, batch_size=None)):
         value = gt.loss(*net.at(batch), batch)
         optimiser.zero_grad()
         value.backward()
         optimiser.step()
-        losses.append(value.item())
         if step == 4:
             break
-    assert np.isfinite(losses).all() and losses[-1] < losses[0]
+    # On the same batch: from batch to batch the loss changes more than five steps do.
+    assert gt.loss(*net.at(first), first).item() < before
 
 
 def test_what_is_wrong_is_named(dataset):
