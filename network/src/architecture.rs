@@ -186,8 +186,8 @@ mod tests {
         ) {
             let grid = Grid::PAPER;
             let pose = pose_from_parts(axis_angle(Vec3::from_array(axis).normalize(), angle), Vec3::from_array(at_m));
-            let origins = [GraspOrigin::behind_tips(behind_m), GraspOrigin { behind_tips_m: behind_m, voxel_offset: 0.0 }];
-            for origin in origins {
+            for voxel_offset in [0.5, 0.0] {
+                let origin = GraspOrigin { behind_tips_m: behind_m, voxel_offset };
                 let voxel = origin.voxel_of(&pose, &grid).unwrap();
                 let off = origin.tips_m(voxel, pose.rotation, &grid) - pose.translation;
                 prop_assert!(off.abs().max_element() <= 0.5 * grid.voxel_size_m() + 1e-6, "{off}");

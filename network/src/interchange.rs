@@ -109,7 +109,7 @@ impl GivenParams {
             said(key).and_then(|text| text.parse::<f32>().ok()).filter(|value| (0.0..=most).contains(value))
         };
         let Self { upsampling, origin_behind_tips_m, voxel_offset } = self;
-        let named = || said("upsampling").and_then(|name| Upsampling::ALL.into_iter().find(|own| own.name() == name));
+        let named = || said("upsampling").and_then(|name| Upsampling::from_name(name));
         let behind_tips_m = origin_behind_tips_m.or_else(|| number("origin_behind_tips_m", BEHIND_TIPS_M_MAX));
         let voxel_offset = voxel_offset.or_else(|| number("voxel_offset", 1.0));
         VoxelParams {
@@ -123,7 +123,6 @@ impl GivenParams {
 }
 
 /// Converts weights of VGN's network from another program to a checkpoint. `force` replaces `out`.
-///
 ///
 /// # Errors
 /// If the file cannot be read or has no weights of this network, or `out` cannot be written. Then nothing is written.

@@ -265,6 +265,11 @@ mod tests {
     }
 
     #[test]
+    fn without_a_file_the_settings_are_the_judges() {
+        assert_eq!(Config::load(None).unwrap(), BuiltIn::Judge.config().unwrap());
+    }
+
+    #[test]
     fn all_that_is_wrong_is_reported_at_once() {
         let bad = BuiltIn::Paper
             .text()
@@ -295,8 +300,8 @@ mod tests {
         assert!(missing[0].starts_with("cloud.pitch_m is missing"), "{missing:?}");
         let negative = problems(&BuiltIn::Paper.text().replace("points_max = 5", "points_max = -5"));
         assert_eq!(negative, ["collision.points_max must be between 0 and 1000000, got -5"]);
-        let policy = problems(&BuiltIn::Paper.text().replace("policy = \"paper\"", "policy = \"left\""));
-        assert_eq!(policy.len(), 1, "{policy:?}");
+        let closing = problems(&BuiltIn::Paper.text().replace("closing = \"predicted\"", "closing = \"left\""));
+        assert_eq!(closing, ["detection.closing must be one of predicted, seen, got left"]);
         assert_eq!(
             problems(&BuiltIn::Paper.text().replace("width_voxels_max = 9.33", "width_voxels_max = 1.0")).len(),
             1

@@ -191,6 +191,9 @@ fn no_plane_and_no_cluster_are_warnings() {
 #[test]
 fn a_table_at_another_height_than_the_networks_is_a_warning() {
     let warnings = |z_m: f32| plan_with(&planner(), &field(move |p| p.z - z_m), &Wishes::default()).warnings;
+    let by_quality = Wishes { policy: Some(Policy::VgnBest), ..Wishes::default() };
+    let ranked_otherwise = plan_with(&planner(), &field(|p| p.z - 0.07), &by_quality).warnings;
+    assert!(ranked_otherwise[0].starts_with("the largest plane lies at"), "whatever ranks: {ranked_otherwise:?}");
     assert!(!warnings(0.052)[0].contains("largest plane"), "{:?}", warnings(0.052));
     let high = warnings(0.07);
     assert!(

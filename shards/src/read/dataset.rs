@@ -199,8 +199,8 @@ impl Dataset {
         self.scenes_with(shard, None, None)
     }
 
-    /// Some scenes of a shard. `wanted` has their ids, ascending; no other grid is read. A few
-    /// grids at a time are in memory, and each file is opened once.
+    /// Some scenes of a shard. `wanted` has their ids, ascending; no other grid is read. A few grids at a time are in
+    /// memory, and each file is opened once.
     ///
     /// # Errors
     /// [`Failure`] if a file is damaged; each item is an error if a row breaks a rule.

@@ -177,7 +177,7 @@ impl<'a> Shard<'a> {
             if stop.load(Ordering::Relaxed) {
                 return Err(stopped());
             }
-            let Samples { records, hands, outside: own_outside } = self.samples((&attempts?, &[]), 0, seen);
+            let Samples { records, hands, outside: own_outside } = self.samples(&attempts?, 0, seen);
             outside += own_outside;
             for (at, record) in records.iter().enumerate() {
                 let mark = match hands.get(at) {
@@ -193,7 +193,15 @@ impl<'a> Shard<'a> {
     }
 
     fn scene(&self, SceneRows { scene, objects, attempts }: SceneRows, seen: Seen<'_>) -> Scene {
-        let Samples { records, hands, .. } = self.samples((&attempts, &objects), scene.views.len(), seen);
+        let Samples { mut records, hands, .. } = self.samples(&attempts, scene.views.len(), seen);
+        let opening_m_max = self.dataset.info().gripper.opening_m_max;
+        for record in records.iter_mut().filter(|record| hands.is_empty() && record.label == 1) {
+            // A damaged table may name an object that its scene does not have.
+            let attempt = &attempts[record.attempt as usize];
+            if let Some(object) = objects.get(attempt.object_id as usize) {
+                record.closings = closings(&attempt.workspace_from_grasp, object, opening_m_max);
+            }
+        }
         Scene {
             number: self.first_scene + scene.scene_id as u32,
             first_attempt: self.first_attempt + scene.scene_id * u64::from(self.dataset.info().attempts_per_scene),
@@ -203,13 +211,8 @@ impl<'a> Shard<'a> {
         }
     }
 
-    /// The samples of a scene with these objects, which the survey does without, and so many views.
-    fn samples(
-        &self,
-        (attempts, objects): (&[AttemptRecord], &[ObjectRecord]),
-        views: usize,
-        seen: Seen<'_>,
-    ) -> Samples {
+    /// The samples of a scene with so many views.
+    fn samples(&self, attempts: &[AttemptRecord], views: usize, seen: Seen<'_>) -> Samples {
         let numbered = |record: Record| Record { scene: self.first_scene + record.scene, ..record };
         let info = self.dataset.info();
         let (origin, targets) = match seen {
@@ -233,15 +236,9 @@ impl<'a> Shard<'a> {
             }
         };
         let samples = schema::samples_of(attempts);
-        let at = |sample: AttemptRecord| Some((numbered(at_voxel(&sample, &info.grid, origin)?), sample));
-        let count = samples.len();
-        let (mut records, inside): (Vec<Record>, Vec<AttemptRecord>) = samples.into_iter().filter_map(at).unzip();
-        for (record, sample) in records.iter_mut().zip(&inside) {
-            if let Some(object) = objects.get(sample.object_id as usize).filter(|_| record.label == 1) {
-                record.closings = closings(&sample.workspace_from_grasp, object, info.gripper.opening_m_max);
-            }
-        }
-        let outside = (count - records.len()) as u64;
+        let inside = samples.iter().filter_map(|sample| at_voxel(sample, &info.grid, origin));
+        let mut records: Vec<Record> = inside.map(numbered).collect();
+        let outside = (samples.len() - records.len()) as u64;
         if targets == Targets::Voxel {
             records = one_per_voxel(records);
         }
