@@ -1,25 +1,13 @@
-//! Weights from and to other programs: PyTorch's state dicts and safetensors in, safetensors and ONNX out.
+//! Weights from and to other programs: safetensors in, safetensors and ONNX out.
 //!
-//! Files of other programs may be hostile. No code in a file is executed (`pickle.rs`), the sizes of files and of
-//! parsed objects are limited (64 MiB, a million objects), every loop ends, and every fault is reported.
-//!
-//! The crate `pytorch-reader` (0.23.0-pre.1, its only release) was tried on the same files. It panics on none of 24,000
-//! damaged ones and needs 16 MB, but it does not verify a zip's checksums: a flipped bit of a storage became a weight,
-//! and a storage shorter than it declares was accepted. Therefore the readers here stay.
+//! PyTorch's own files are pickles, which only PyTorch reads well; `graspmill.torch` reads them there and writes
+//! safetensors.
 
-mod cursor;
-mod element;
 mod onnx;
-mod pickle;
 mod problem;
 mod protobuf;
-mod pth;
 mod state_dict;
-#[cfg(test)]
-mod tests;
-mod zip;
 
-use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs;
 use std::io;
@@ -27,43 +15,19 @@ use std::path::Path;
 
 use clap::ValueEnum;
 use program::{Context as _, ExitCode, Failure};
-use safetensors::{Dtype, SafeTensors};
+use safetensors::SafeTensors;
 
 use crate::checkpoint::{self, Checkpoint, Progress};
 use crate::upsampling::Upsampling;
 use crate::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, VoxelParams};
 
-use element::Element;
 use problem::Problem;
-use state_dict::{Parameters, StoredTensor};
+use state_dict::Parameters;
 
 /// Maximum file size: the weights have 1.25 MB, and fifty times that is no state dict of this network.
 const FILE_LEN_MAX: u64 = 64 << 20;
 /// Replaces a dataset's id, which is a SHA-256 and therefore never equal to this.
 pub const IMPORTED: &str = "unknown (imported weights)";
-
-/// The format of a file of weights to import.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Source {
-    /// `torch.save` since PyTorch 1.6.
-    TorchZip,
-    /// `torch.save` before PyTorch 1.6.
-    TorchLegacy,
-    /// safetensors.
-    Safetensors,
-}
-
-impl Source {
-    /// The name in messages.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::TorchZip => "PyTorch (zip)",
-            Self::TorchLegacy => "PyTorch before 1.6 (pickles)",
-            Self::Safetensors => "safetensors",
-        }
-    }
-}
 
 /// The format of a file of weights to export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -81,8 +45,6 @@ pub enum Target {
 pub struct Imported {
     /// The weights; recipe and dataset record their origin.
     pub checkpoint: Checkpoint,
-    /// The file's format.
-    pub source: Source,
     /// The prefix that was removed from every name, such as `module.`.
     pub prefix: String,
     /// Number types that were converted to float32.
@@ -128,19 +90,18 @@ impl GivenParams {
 /// If the file cannot be read or has no weights of this network, or `out` cannot be written. Then nothing is written.
 pub fn import(file: &Path, out: &Path, given: GivenParams, force: bool) -> Result<Imported, Failure> {
     let bytes = read_bounded(file)?;
-    let (source, parameters) = read_weights(&bytes).map_err(|problem| problem.at(file))?;
-    let Parameters { values, prefix, converted_from } = parameters;
+    let Parameters { values, prefix, converted_from } = read_weights(&bytes).map_err(|problem| problem.at(file))?;
     let checkpoint = Checkpoint {
         vector: values,
         architecture: Architecture::Voxel(given.with_metadata(&bytes)),
-        config: provenance(file.file_name().unwrap_or_default(), source, &bytes),
+        config: provenance(file.file_name().unwrap_or_default(), &bytes),
         dataset_id: IMPORTED.to_owned(),
         progress: Progress::default(),
         moments: None,
     };
     prepare(out, force)?;
     checkpoint::save(&checkpoint, out)?;
-    Ok(Imported { checkpoint, source, prefix, converted_from })
+    Ok(Imported { checkpoint, prefix, converted_from })
 }
 
 /// Writes a checkpoint's weights for other programs and returns the checkpoint. `force` replaces `out`.
@@ -158,61 +119,34 @@ pub fn export(file: &Path, out: &Path, target: Target, force: bool) -> Result<Ch
 }
 
 /// The origin of imported weights, in place of the recipe.
-fn provenance(name: &OsStr, source: Source, bytes: &[u8]) -> String {
+fn provenance(name: &OsStr, bytes: &[u8]) -> String {
     let sha256 = checkpoint::digest(bytes);
     let name = name.to_string_lossy();
-    let facts = [("file", name.as_ref()), ("format", source.name()), ("sha256", &sha256)];
+    let facts = [("file", name.as_ref()), ("format", "safetensors"), ("sha256", &sha256)];
     let imported: toml::Table = facts.into_iter().map(|(key, value)| (key.to_owned(), value.into())).collect();
     let table = toml::Table::from_iter([("imported".to_owned(), imported.into())]);
     format!("# Weights of another program; the recipe that made them is not known.\n{table}")
 }
 
-/// The weights in a file of any supported format.
-fn read_weights(bytes: &[u8]) -> Result<(Source, Parameters), Problem> {
-    let (source, tensors) = if bytes.starts_with(zip::SIGNATURE) {
-        (Source::TorchZip, pth::read_zip(bytes)?)
-    } else if pth::is_legacy(bytes) {
-        (Source::TorchLegacy, pth::read_legacy(bytes)?)
-    } else if bytes.get(8) == Some(&b'{') {
-        (Source::Safetensors, read_safetensors(bytes)?)
-    } else {
-        return problem::unsupported(what_else(bytes));
-    };
-    Ok((source, state_dict::parameters(&tensors)?))
+/// The weights in a safetensors file.
+fn read_weights(bytes: &[u8]) -> Result<Parameters, Problem> {
+    if checkpoint::has_header(bytes) {
+        return Err(Problem::Unsupported("it is a checkpoint of trainer already, which needs no import"));
+    }
+    if bytes.get(8) != Some(&b'{') {
+        return Err(Problem::Unsupported(what_else(bytes)));
+    }
+    let file = SafeTensors::deserialize(bytes).map_err(|error| Problem::Damaged(error.to_string()))?;
+    state_dict::parameters(&file.tensors().into_iter().collect())
 }
 
 fn what_else(bytes: &[u8]) -> &'static str {
-    const TAR_AT: usize = 257;
-    if bytes.get(TAR_AT..).is_some_and(|rest| rest.starts_with(b"ustar")) {
-        "a tar file, as PyTorch before 0.2 wrote them; to convert, in PyTorch: torch.save(torch.load(FILE, \
-         map_location=\"cpu\"), NEW)"
-    } else if bytes.first() == Some(&0x80) {
-        "a pickle, but not one of torch.save; to convert, in PyTorch: torch.save(model.state_dict(), NEW)"
+    if [&b"PK\x03\x04"[..], b"\x80"].iter().any(|of_pytorch| bytes.starts_with(of_pytorch)) {
+        "PyTorch writes such files, and reads them; to convert, in Python: \
+         graspmill.torch.VoxelNetwork.load(FILE).save(\"weights.safetensors\")"
     } else {
-        "neither torch.save nor safetensors wrote it"
+        "it is no safetensors file"
     }
-}
-
-fn read_safetensors(bytes: &[u8]) -> Result<BTreeMap<String, StoredTensor<'_>>, Problem> {
-    let damaged = |error: safetensors::SafeTensorError| Problem::Damaged(error.to_string());
-    if checkpoint::has_header(bytes) {
-        return problem::unsupported("it is a checkpoint of trainer already, which needs no import");
-    }
-    let mut tensors = BTreeMap::new();
-    for (name, view) in SafeTensors::deserialize(bytes).map_err(damaged)?.tensors() {
-        let element = match view.dtype() {
-            Dtype::F64 => Element::Float64,
-            Dtype::F32 => Element::Float32,
-            Dtype::F16 => Element::Float16,
-            Dtype::BF16 => Element::BFloat16,
-            other => {
-                let name = problem::shown(&name);
-                return Err(Problem::Architecture(vec![format!("{name} must be float32, got {other:?}")]));
-            }
-        };
-        tensors.insert(name, StoredTensor::contiguous(element, view.data(), view.shape().to_vec())?);
-    }
-    Ok(tensors)
 }
 
 fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {

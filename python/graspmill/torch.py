@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import json
 import os
+import zipfile
+from pathlib import Path
 from typing import Any, Generic, Iterator, Literal, TypedDict, TypeVar
 
 import numpy as np
@@ -433,15 +435,26 @@ class VoxelNetwork(nn.Module):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], upsampling: Literal["linear", "nearest"] | None = None) -> VoxelNetwork:
-        """The network with the weights of a safetensors file, of ``graspmill trainer export`` or of :meth:`save`, and with the upsampling
-        and the origin that the file names. ``upsampling`` is for files that name none."""
-        from safetensors import safe_open
+        """The network with the weights of a file, and with the upsampling and the origin that the file names.
 
-        with safe_open(os.fspath(path), "pt") as file:
-            said = file.metadata() or {}
-            # Our checkpoints name an origin that is not midway between the tips.
-            said = {"origin_behind_tips_m": 0.0, **json.loads(said["graspmill"])} if "graspmill" in said else said
-            tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith("adam.")}
+        Args:
+            path: A safetensors file, of ``graspmill trainer export`` or of :meth:`save`; or a state dict of ``torch.save``, alone or under
+                ``"state_dict"``, ``"model_state_dict"`` or ``"model"``, which names nothing and so is taken as VGN's: nearest upsampling,
+                the origin 50 mm behind the tips in its voxel's lower corner.
+            upsampling: In place of what the file names.
+        """
+        said: dict[str, Any] = {}
+        if zipfile.is_zipfile(path) or Path(path).read_bytes()[:1] == b"\x80":
+            tensors = _state_dict(torch.load(os.fspath(path), map_location="cpu", weights_only=True))
+            said = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
+        else:
+            from safetensors import safe_open
+
+            with safe_open(os.fspath(path), "pt") as file:
+                said = file.metadata() or {}
+                # Our checkpoints name an origin that is not midway between the tips.
+                said = {"origin_behind_tips_m": 0.0, **json.loads(said["graspmill"])} if "graspmill" in said else said
+                tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith("adam.")}
         origin = {name: float(said[name]) for name in ("origin_behind_tips_m", "voxel_offset") if name in said}
         net = cls(upsampling or said.get("upsampling", "linear"), **origin)
         net.load_state_dict(tensors, strict=True)
@@ -454,6 +467,15 @@ class VoxelNetwork(nn.Module):
         names = ("upsampling", "origin_behind_tips_m", "voxel_offset")
         said = {name: str(getattr(self, name)) for name in names}
         save_file({name: tensor.contiguous() for name, tensor in self.state_dict().items()}, os.fspath(path), said)
+
+
+def _state_dict(saved: Any) -> dict[str, Tensor]:
+    """The tensors of a saved state dict, without the prefixes of wrappers."""
+    for name in ("state_dict", "model_state_dict", "model"):
+        saved = saved.get(name, saved) if isinstance(saved, dict) else saved
+    if not isinstance(saved, dict):
+        raise InputError(f"the file must hold a state dict, it holds {_arrays.shown(type(saved).__name__)}")
+    return {str(name).replace("module.", "").replace("_orig_mod.", ""): tensor for name, tensor in saved.items()}
 
 
 def loss(quality: Tensor, rotation: Tensor, width: Tensor, batch: Batch) -> Tensor:

@@ -22,7 +22,6 @@ from golden_formula import LAYERS, noise  # noqa: E402
 
 TRAINER = Path(os.environ.get("GRASPMILL_TRAINER", ROOT / "target" / "debug" / "trainer")).resolve()
 GOLDEN = ROOT / "trainer" / "tests" / "golden"
-STATE_DICTS = ROOT / "network" / "tests" / "state_dicts"
 MODES = ["linear", "nearest"]
 OUTPUTS = {"quality": 1, "rotation": 4, "width": 1}
 
@@ -46,6 +45,7 @@ def grids():
 def trainer(*args):
     done = subprocess.run([str(word) for word in (TRAINER, *args)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{args}: {done.returncode}: {done.stderr}"
+    return done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -172,19 +172,17 @@ def test_pytorch_loads_strictly_and_onnxruntime_agrees_everywhere(folder, mode, 
 
 
 @pytest.mark.parametrize("zipped", [True, False])
-def test_what_pytorch_saves_comes_back_bit_by_bit(tmp_path, zipped, torch):
-    net = conv_net(torch, "nearest")
-    torch.save(net.state_dict(), tmp_path / "net.pth", _use_new_zipfile_serialization=zipped)
-    trainer("import", tmp_path / "net.pth", "--out", tmp_path / "checkpoint.safetensors")
+@pytest.mark.parametrize("wrapped", [True, False])
+def test_what_pytorch_saves_comes_back_bit_by_bit(tmp_path, zipped, wrapped, torch):
+    """Through the package, which reads PyTorch's files with PyTorch."""
+    graspmill = pytest.importorskip("graspmill.torch")
+    state = conv_net(torch, "nearest").state_dict()
+    saved = {"epoch": 7, "state_dict": {f"module.{name}": tensor for name, tensor in state.items()}} if wrapped else state
+    torch.save(saved, tmp_path / "net.pth", _use_new_zipfile_serialization=zipped)
+    graspmill.VoxelNetwork.load(tmp_path / "net.pth").save(tmp_path / "net.safetensors")
+    said = trainer("import", tmp_path / "net.safetensors", "--out", tmp_path / "checkpoint.safetensors")
+    assert "nearest" in said and "50 mm behind the tips, at 0 of its voxel" in said
     read = load_file(tmp_path / "checkpoint.safetensors")
-    assert read.keys() == net.state_dict().keys()
-    for name, tensor in net.state_dict().items():
+    assert read.keys() == state.keys()
+    for name, tensor in state.items():
         np.testing.assert_array_equal(read[name].view(np.uint32), tensor.numpy().view(np.uint32), err_msg=name)
-
-
-@pytest.mark.parametrize("name", ["zip", "legacy"])
-def test_the_stored_state_dicts_are_what_pytorch_reads(tmp_path, name, torch):
-    trainer("import", STATE_DICTS / f"{name}.pth", "--out", tmp_path / "checkpoint.safetensors")
-    read = load_file(tmp_path / "checkpoint.safetensors")
-    for key, tensor in torch.load(STATE_DICTS / f"{name}.pth", weights_only=True).items():
-        np.testing.assert_array_equal(read[key], tensor.numpy(), err_msg=key)

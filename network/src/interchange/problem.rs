@@ -11,8 +11,8 @@ use crate::checkpoint::of_another_network;
 pub(super) enum Problem {
     /// Truncated or inconsistent.
     Damaged(String),
-    /// Complete but unsupported; the message says what to do.
-    Unsupported(String),
+    /// Of another kind; the message says what to do.
+    Unsupported(&'static str),
     /// A state dict of another network, with the differences.
     Architecture(Vec<String>),
 }
@@ -31,16 +31,8 @@ impl Problem {
     }
 }
 
-/// Maximum length of a stored or reported name. The network's longest has 21 bytes.
-pub(super) const NAME_LEN_MAX: usize = 256;
-
-pub(super) fn damaged<T>(what: impl Into<String>) -> Result<T, Problem> {
-    Err(Problem::Damaged(what.into()))
-}
-
-pub(super) fn unsupported<T>(what: impl Into<String>) -> Result<T, Problem> {
-    Err(Problem::Unsupported(what.into()))
-}
+/// Maximum length of a reported name. The network's longest has 21 bytes.
+const NAME_LEN_MAX: usize = 256;
 
 /// A name from a file made safe for messages: shortened, and without control characters.
 pub(super) fn shown(name: &str) -> String {

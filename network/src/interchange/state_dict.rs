@@ -2,78 +2,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::element::Element;
-use super::problem::{Problem, damaged, shown};
+use half::{bf16, f16};
+use safetensors::Dtype;
+use safetensors::tensor::TensorView;
+
+use super::problem::{Problem, shown};
 use crate::layers::{ParameterSlot, parameter_slots, vector_of};
 
 /// Prefixes that wrappers add to every name: `DataParallel`, `torch.compile`.
 const PREFIXES: [&str; 2] = ["module.", "_orig_mod."];
 /// Maximum number of prefixes of a name.
 const PREFIXES_MAX: usize = 4;
-/// Maximum number of axes of a tensor. The network's have 5.
-pub(super) const AXES_MAX: usize = 16;
 /// Maximum number of reported differences.
 const PROBLEMS_MAX: usize = 6;
-
-/// A tensor in a storage of a file.
-#[derive(Debug, Clone)]
-pub(super) struct StoredTensor<'a> {
-    element: Element,
-    storage: &'a [u8],
-    offset: usize,
-    shape: Vec<usize>,
-    strides: Vec<usize>,
-}
-
-impl<'a> StoredTensor<'a> {
-    /// A tensor whose first value is element `offset` of the storage; `strides` are in elements. Its last value must be
-    /// inside the storage.
-    pub(super) fn new(
-        element: Element,
-        storage: &'a [u8],
-        offset: usize,
-        shape: Vec<usize>,
-        strides: Vec<usize>,
-    ) -> Result<Self, Problem> {
-        if shape.len() != strides.len() || shape.len() > AXES_MAX {
-            return damaged(format!("a tensor of {} axes with {} strides", shape.len(), strides.len()));
-        }
-        let last = shape.iter().zip(&strides).try_fold(offset, |at, (len, stride)| {
-            len.saturating_sub(1).checked_mul(*stride).and_then(|step| at.checked_add(step))
-        });
-        let len = storage.len() / element.len();
-        let fits = shape.contains(&0) || last.is_some_and(|last| last < len);
-        if !fits {
-            return damaged(format!(
-                "a tensor of shape {shape:?} and strides {strides:?} from {offset} on does not lie in its {len} numbers"
-            ));
-        }
-        Ok(Self { element, storage, offset, shape, strides })
-    }
-
-    /// A tensor that covers its whole storage, with the last axis fastest.
-    pub(super) fn contiguous(element: Element, storage: &'a [u8], shape: Vec<usize>) -> Result<Self, Problem> {
-        let mut strides = vec![1_usize; shape.len()];
-        for axis in (1..shape.len()).rev() {
-            strides[axis - 1] = strides[axis].saturating_mul(shape[axis]);
-        }
-        Self::new(element, storage, 0, shape, strides)
-    }
-
-    /// All values, with the last axis fastest; `None` if one is not finite.
-    fn values(&self) -> Option<Vec<f32>> {
-        let count = self.shape.iter().product();
-        let value = |flat: usize| {
-            let (mut rest, mut at) = (flat, self.offset);
-            for (len, stride) in self.shape.iter().zip(&self.strides).rev() {
-                at += rest % len * stride;
-                rest /= len;
-            }
-            self.element.read(self.storage, at).filter(|value| value.is_finite())
-        };
-        (0..count).map(value).collect()
-    }
-}
 
 /// The network's parameters from a file.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,7 +31,7 @@ pub(super) struct Parameters {
 ///
 /// # Errors
 /// [`Problem::Architecture`] lists missing and surplus tensors and wrong shapes.
-pub(super) fn parameters(tensors: &BTreeMap<String, StoredTensor<'_>>) -> Result<Parameters, Problem> {
+pub(super) fn parameters(tensors: &BTreeMap<String, TensorView<'_>>) -> Result<Parameters, Problem> {
     let prefix = prefix(tensors);
     let slots = parameter_slots();
     let values = vector_of(&slots, |slot| {
@@ -102,9 +43,9 @@ pub(super) fn parameters(tensors: &BTreeMap<String, StoredTensor<'_>>) -> Result
     let extra = tensors.keys().filter_map(|name| name.strip_prefix(&prefix)).filter(|name| !names.contains(*name));
     problems.extend(extra.map(|name| format!("{} is not in the network", shown(name))));
     if problems.is_empty() {
-        let mut converted_from: BTreeSet<&str> = tensors.values().map(|tensor| tensor.element.name()).collect();
-        converted_from.remove(Element::Float32.name());
-        return Ok(Parameters { values, prefix, converted_from: converted_from.into_iter().collect() });
+        let floats = tensors.values().filter_map(|tensor| Some(float(tensor.dtype())?.0));
+        let converted_from = floats.filter(|name| *name != "float32").collect::<BTreeSet<_>>().into_iter().collect();
+        return Ok(Parameters { values, prefix, converted_from });
     }
     let more = problems.len().saturating_sub(PROBLEMS_MAX);
     problems.truncate(PROBLEMS_MAX);
@@ -114,17 +55,37 @@ pub(super) fn parameters(tensors: &BTreeMap<String, StoredTensor<'_>>) -> Result
     Err(Problem::Architecture(problems))
 }
 
-fn slot_values(slot: &ParameterSlot, tensor: &StoredTensor<'_>) -> Result<Vec<f32>, String> {
-    if !tensor.element.is_float() || tensor.shape != slot.shape {
-        let (name, shape) = (&slot.name, &slot.shape);
-        let (element, got) = (tensor.element.name(), &tensor.shape);
-        return Err(format!("{name} must be float32 of shape {shape:?}, got {element} of shape {got:?}"));
+fn slot_values(slot: &ParameterSlot, tensor: &TensorView<'_>) -> Result<Vec<f32>, String> {
+    let (name, shape) = (&slot.name, &slot.shape);
+    let Some((_, read)) = float(tensor.dtype()).filter(|_| tensor.shape() == shape) else {
+        let (got, got_shape) = (tensor.dtype(), tensor.shape());
+        return Err(format!("{name} must be F32 of shape {shape:?}, got {got:?} of shape {got_shape:?}"));
+    };
+    let values = read(tensor.data());
+    match values.iter().all(|value| value.is_finite()) {
+        true => Ok(values),
+        false => Err(format!("{name} holds values that are not finite in float32")),
     }
-    tensor.values().ok_or_else(|| format!("{} holds values that are not finite in float32", slot.name))
+}
+
+type Read = fn(&[u8]) -> Vec<f32>;
+
+/// A kind of floating-point numbers: PyTorch's name, and how its little-endian bytes become float32.
+fn float(dtype: Dtype) -> Option<(&'static str, Read)> {
+    fn each<const N: usize>(bytes: &[u8], read: impl Fn([u8; N]) -> f32) -> Vec<f32> {
+        bytes.as_chunks().0.iter().map(|bytes| read(*bytes)).collect()
+    }
+    Some(match dtype {
+        Dtype::F64 => ("float64", |bytes| each(bytes, |value| f64::from_le_bytes(value) as f32)),
+        Dtype::F32 => ("float32", |bytes| each(bytes, f32::from_le_bytes)),
+        Dtype::F16 => ("float16", |bytes| each(bytes, |value| f16::from_le_bytes(value).to_f32())),
+        Dtype::BF16 => ("bfloat16", |bytes| each(bytes, |value| bf16::from_le_bytes(value).to_f32())),
+        _ => return None,
+    })
 }
 
 /// The common prefix of all names.
-fn prefix(tensors: &BTreeMap<String, StoredTensor<'_>>) -> String {
+fn prefix(tensors: &BTreeMap<String, TensorView<'_>>) -> String {
     let mut prefix = String::new();
     for _ in 0..PREFIXES_MAX {
         let before_all = |more: &str| {
@@ -136,49 +97,4 @@ fn prefix(tensors: &BTreeMap<String, StoredTensor<'_>>) -> String {
         }
     }
     prefix
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn bytes(values: &[f32]) -> Vec<u8> {
-        values.iter().flat_map(|value| value.to_le_bytes()).collect()
-    }
-
-    #[test]
-    fn strides_choose_the_values() {
-        let storage = bytes(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-        let tensor = |offset, strides: &[usize]| {
-            StoredTensor::new(Element::Float32, &storage, offset, vec![2, 3], strides.to_vec())
-                .unwrap()
-                .values()
-                .unwrap()
-        };
-        assert_eq!(tensor(0, &[3, 1]), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
-        assert_eq!(tensor(1, &[1, 2]), [1.0, 3.0, 5.0, 2.0, 4.0, 6.0]);
-        assert_eq!(tensor(6, &[0, 0]), [6.0; 6]);
-    }
-
-    #[test]
-    fn a_tensor_beside_its_storage_is_damaged() {
-        let storage = bytes(&[0.0; 7]);
-        for (offset, shape, strides) in [
-            (2, vec![2, 3], vec![3, 1]),
-            (7, vec![], vec![]),
-            (0, vec![2], vec![usize::MAX]),
-            (usize::MAX, vec![usize::MAX], vec![2]),
-            (0, vec![2, 2], vec![1]),
-        ] {
-            let problem = StoredTensor::new(Element::Float32, &storage, offset, shape, strides).unwrap_err();
-            assert!(matches!(problem, Problem::Damaged(_)), "{problem:?}");
-        }
-    }
-
-    #[test]
-    fn numbers_beyond_float32_are_told() {
-        let storage: Vec<u8> = [1.0, 1e300].into_iter().flat_map(f64::to_le_bytes).collect();
-        let tensor = StoredTensor::contiguous(Element::Float64, &storage, vec![2]).unwrap();
-        assert_eq!(tensor.values(), None);
-    }
 }

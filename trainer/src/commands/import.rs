@@ -10,19 +10,19 @@ use program::{ExitCode, Failure, print};
 
 const EXAMPLES: &str = "\
 Examples:
-  trainer import vgn_conv.pth --out vgn.safetensors
-  trainer evaluate --model vgn.safetensors --data grasps --split all
+  trainer import weights.safetensors --out checkpoint.safetensors
+  trainer evaluate --model checkpoint.safetensors --data grasps --split all
   trainer import weights.safetensors --upsampling linear --out linear.safetensors
 
-Reads safetensors and state dicts written by torch.save, new (zip) or before PyTorch 1.6 (pickles),
-alone or under \"state_dict\", \"model_state_dict\" or \"model\". No code in a file is run. A \"module.\"
-prefix is removed from the names; float64, float16 and bfloat16 become float32.";
+Wrappers' prefixes (\"module.\", \"_orig_mod.\") are removed from the names; float64, float16 and
+bfloat16 become float32.";
 
 /// Make a checkpoint from weights written by PyTorch or another program.
 #[derive(Args)]
 #[command(after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
 pub(crate) struct Arguments {
-    /// A state dict of VGN's network: .pth, .pt or .safetensors.
+    /// A state dict of VGN's network as safetensors; PyTorch's own files are converted in Python, by
+    /// graspmill.torch.VoxelNetwork.load(FILE).save(NEW).
     file: PathBuf,
     /// The checkpoint to write, for `evaluate --model`.
     #[arg(long)]
@@ -66,7 +66,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         voxel_offset: within("--voxel-offset", arguments.voxel_offset, 1.0)?,
     };
     let imported = import(&arguments.file, &arguments.out, given, arguments.force)?;
-    let mut text = format!("read        {}: {}\n", imported.source.name(), arguments.file.display());
+    let mut text = format!("read        {}\n", arguments.file.display());
     if !imported.prefix.is_empty() {
         text += &format!("names       prefix {:?} removed\n", imported.prefix);
     }

@@ -1,82 +1,80 @@
-//! Files of PyTorch's `torch.save` (`scripts/state_dicts_torch.py`) hold the values that the script put there.
+//! Weights of another program, as `graspmill.torch` or a script writes them, come in with their values.
 
-use half::f16;
+use half::{bf16, f16};
 use network::checkpoint;
-use network::interchange::{GivenParams, IMPORTED, Imported, Source, Target, export, import};
+use network::interchange::{GivenParams, IMPORTED, Imported, Target, export, import};
 use network::layers::parameter_slots;
 use network::upsampling::Upsampling;
 use network::{Architecture, GraspOrigin, VoxelParams};
+use safetensors::Dtype;
+use safetensors::tensor::TensorView;
 
 use crate::formula::noise;
 
-const NUMBERS: usize = 2048;
-const OFFSET: usize = 11;
-
-fn imported(name: &str, folder: &std::path::Path) -> Imported {
-    let file = format!("{}/../network/tests/state_dicts/{name}.pth", env!("CARGO_MANIFEST_DIR"));
-    import(file.as_ref(), &folder.join(name), GivenParams::default(), false).unwrap()
+/// A value for every parameter, half of them at full precision.
+fn values() -> Vec<f32> {
+    let count: usize = parameter_slots().iter().map(|slot| slot.len).sum();
+    noise(count, 700).into_iter().map(|draw| (draw - 0.5) as f32).collect()
 }
 
-/// The script's tensors: strided windows of the storages of weights and biases.
-fn expected(weights: &[f32], biases: &[f32]) -> Vec<f32> {
-    let mut values = Vec::new();
-    for (number, slot) in parameter_slots().into_iter().enumerate() {
-        let (storage, strides) = match slot.shape.len() {
-            5 => (weights, &[13, 5, 3, 2, 1][..]),
-            _ => (biases, &[29][..]),
-        };
-        for flat in 0..slot.len {
-            let (mut rest, mut at) = (flat, OFFSET * number);
-            for (len, stride) in slot.shape.iter().zip(strides).rev() {
-                at += rest % len * stride;
-                rest /= len;
-            }
-            values.push(storage[at]);
-        }
-    }
-    values
-}
-
-fn storage(seed: u32) -> Vec<f32> {
-    noise(NUMBERS, seed).into_iter().map(|draw| (draw - 0.5) as f32).collect()
+/// Imports the values of `bytes` a parameter, under a prefix.
+fn imported(folder: &std::path::Path, prefix: &str, dtype: Dtype, bytes: impl Fn(f32) -> Vec<u8>) -> Imported {
+    let mut rest = &values()[..];
+    let slots: Vec<_> = parameter_slots()
+        .into_iter()
+        .map(|slot| {
+            let (own, more) = rest.split_at(slot.len);
+            rest = more;
+            (
+                format!("{prefix}{}", slot.name),
+                slot.shape,
+                own.iter().flat_map(|value| bytes(*value)).collect::<Vec<_>>(),
+            )
+        })
+        .collect();
+    let tensors = slots.iter().map(|(name, shape, data)| (name, TensorView::new(dtype, shape.clone(), data).unwrap()));
+    let file = folder.join("weights.safetensors");
+    std::fs::write(&file, safetensors::serialize(tensors, None).unwrap()).unwrap();
+    import(&file, &folder.join("checkpoint"), GivenParams::default(), false).unwrap()
 }
 
 #[test]
-fn new_and_old_files_hold_the_same_values() {
+fn weights_keep_their_values_and_are_vgns_unless_something_else_is_said() {
     let folder = tempfile::tempdir().unwrap();
-    let expected = expected(&storage(700), &storage(700));
-    for (name, source) in [("zip", Source::TorchZip), ("legacy", Source::TorchLegacy)] {
-        let imported = imported(name, folder.path());
-        assert_eq!((imported.source, imported.prefix.as_str()), (source, ""));
-        assert!(imported.converted_from.is_empty());
-        assert!(imported.checkpoint.vector == expected, "{name}");
-        let read = checkpoint::read(&folder.path().join(name)).unwrap();
-        assert!(read.vector == expected, "{name}");
-        assert_eq!(
-            (read.dataset_id.as_str(), &read.architecture),
-            (IMPORTED, &Architecture::Voxel(VoxelParams { upsampling: Upsampling::Nearest, origin: GraspOrigin::VGN }))
-        );
-        assert!(read.config.contains(&format!("file = \"{name}.pth\"")), "{}", read.config);
-        assert!(read.config.parse::<toml::Table>().unwrap().contains_key("imported"));
-    }
+    let imported = imported(folder.path(), "", Dtype::F32, |value| value.to_le_bytes().to_vec());
+    assert_eq!((imported.prefix.as_str(), imported.converted_from.len()), ("", 0));
+    let read = checkpoint::read(&folder.path().join("checkpoint")).unwrap();
+    assert!(imported.checkpoint.vector == values() && read.vector == values());
+    assert_eq!(
+        (read.dataset_id.as_str(), &read.architecture),
+        (IMPORTED, &Architecture::Voxel(VoxelParams { upsampling: Upsampling::Nearest, origin: GraspOrigin::VGN }))
+    );
+    let config = read.config.parse::<toml::Table>().unwrap();
+    assert_eq!(config["imported"]["file"].as_str(), Some("weights.safetensors"));
 }
 
 #[test]
-fn a_training_scripts_file_of_other_numbers_is_found_and_converted() {
-    let folder = tempfile::tempdir().unwrap();
-    let imported = imported("nested", folder.path());
-    assert_eq!((imported.source, imported.prefix.as_str()), (Source::TorchZip, "module."));
-    assert_eq!(imported.converted_from, ["float16", "float64"]);
-    let halves: Vec<f32> = storage(702).into_iter().map(|value| f16::from_f32(value).to_f32()).collect();
-    assert!(imported.checkpoint.vector == expected(&storage(701), &halves));
+fn wrapped_names_and_other_numbers_are_found_and_converted() {
+    type Case = (Dtype, &'static str, fn(f32) -> Vec<u8>, fn(f32) -> f32);
+    let cases: [Case; 3] = [
+        (Dtype::F64, "float64", |value| f64::from(value).to_le_bytes().to_vec(), |value| value),
+        (Dtype::F16, "float16", |value| f16::from_f32(value).to_le_bytes().to_vec(), |v| f16::from_f32(v).to_f32()),
+        (Dtype::BF16, "bfloat16", |value| bf16::from_f32(value).to_le_bytes().to_vec(), |v| bf16::from_f32(v).to_f32()),
+    ];
+    for (dtype, name, bytes, kept) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let imported = imported(folder.path(), "module._orig_mod.", dtype, bytes);
+        assert_eq!((imported.prefix.as_str(), imported.converted_from), ("module._orig_mod.", vec![name]));
+        assert!(imported.checkpoint.vector.into_iter().eq(values().into_iter().map(kept)), "{name}");
+    }
 }
 
 #[test]
 fn an_exported_checkpoint_is_one_without_moments() {
     let folder = tempfile::tempdir().unwrap();
-    let imported = imported("zip", folder.path());
+    let imported = imported(folder.path(), "", Dtype::F32, |value| value.to_le_bytes().to_vec());
     let out = folder.path().join("deeper/plain.safetensors");
-    export(&folder.path().join("zip"), &out, Target::Safetensors, false).unwrap();
+    export(&folder.path().join("checkpoint"), &out, Target::Safetensors, false).unwrap();
     let read = checkpoint::read(&out).unwrap();
     assert!(read.vector == imported.checkpoint.vector);
     assert!(read.moments.is_none());

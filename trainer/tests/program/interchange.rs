@@ -3,10 +3,22 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use safetensors::Dtype;
+use safetensors::tensor::TensorView;
+
 use crate::fixture::{check_fails, trainer, write_dataset};
 
-fn state_dict(name: &str) -> String {
-    format!("{}/../network/tests/state_dicts/{name}.pth", env!("CARGO_MANIFEST_DIR"))
+/// A safetensors file of every parameter, all of them `value`.
+fn state_dict(dir: &Path, value: f32) -> String {
+    let data: Vec<u8> = std::iter::repeat_n(value.to_le_bytes(), 1 << 18).flatten().collect();
+    let slots = network::layers::parameter_slots();
+    let tensors = slots.iter().map(|slot| {
+        let own = &data[..4 * slot.len];
+        (&slot.name, TensorView::new(Dtype::F32, slot.shape.clone(), own).unwrap())
+    });
+    let path = dir.join(format!("all-{value}.safetensors"));
+    fs::write(&path, safetensors::serialize(tensors, None).unwrap()).unwrap();
+    text(&path).to_owned()
 }
 
 fn text(path: &Path) -> &str {
@@ -22,7 +34,7 @@ fn succeeds(args: &[&str]) -> String {
 fn imported(dir: &Path) -> PathBuf {
     let path = dir.join("run/best.safetensors");
     let origin = ["--origin-behind-tips-m", "0", "--voxel-offset", "0.5"];
-    succeeds(&[&["import", &state_dict("legacy"), "--out", text(&path)], &origin[..]].concat());
+    succeeds(&[&["import", &state_dict(dir, 0.01), "--out", text(&path)], &origin[..]].concat());
     path
 }
 
@@ -45,10 +57,8 @@ fn imported_weights_are_evaluated_on_all_samples_and_nothing_is_held_out() {
 fn the_program_says_what_it_did() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("checkpoint");
-    let said = succeeds(&["import", &state_dict("nested"), "--upsampling", "linear", "--out", text(&out)]);
-    for words in ["PyTorch (zip)", "\"module.\"", "float16 and float64 converted to float32", "upsampling  linear"] {
-        assert!(said.contains(words), "{words:?} is not in {said:?}");
-    }
+    let said = succeeds(&["import", &state_dict(dir.path(), 0.01), "--upsampling", "linear", "--out", text(&out)]);
+    assert!(said.contains("all-0.01.safetensors") && said.contains("upsampling  linear"), "{said}");
     let onnx = dir.path().join("vgn.onnx");
     let said = succeeds(&["export", text(&out), "--format", "onnx", "--out", text(&onnx)]);
     assert!(said.contains("upsampling  linear"), "{said}");
@@ -63,7 +73,7 @@ fn a_file_that_is_there_stays_unless_forced() {
     let dir = tempfile::tempdir().unwrap();
     let checkpoint = imported(dir.path());
     let before = fs::read(&checkpoint).unwrap();
-    let file = state_dict("zip");
+    let file = state_dict(dir.path(), 0.02);
     let args = ["import", &file, "--out", text(&checkpoint)];
     check_fails(&args, 78, &["there is a file already", "--force", "best.safetensors"]);
     let there = dir.path().join("thesis.tex");
@@ -85,23 +95,22 @@ fn what_is_no_state_dict_of_this_network_is_told_and_nothing_is_written() {
     };
     refused(78, &["no file here"]);
     fs::write(&file, "weights").unwrap();
-    refused(78, &["neither torch.save nor safetensors"]);
-    fs::copy(state_dict("whole_model"), &file).unwrap();
-    refused(78, &["torch.nn.modules.conv.Conv3d", "torch.save(model.state_dict(), FILE)"]);
-    let legacy = fs::read(state_dict("legacy")).unwrap();
-    fs::write(&file, &legacy[..legacy.len() - 100]).unwrap();
-    refused(65, &["damaged weights", "it ends at byte"]);
+    refused(78, &["it is no safetensors file"]);
+    for of_pytorch in ["PK\x03\x04 a zip".as_bytes(), b"\x80\x02\x8a\nl\xfc"] {
+        fs::write(&file, of_pytorch).unwrap();
+        refused(78, &["graspmill.torch.VoxelNetwork.load(FILE)"]);
+    }
+    let whole = fs::read(state_dict(dir.path(), 0.01)).unwrap();
+    fs::write(&file, &whole[..whole.len() - 100]).unwrap();
+    refused(65, &["damaged weights"]);
+    fs::write(&file, fs::read(state_dict(dir.path(), f32::NAN)).unwrap()).unwrap();
+    refused(78, &["not finite in float32", "and 12 more"]);
     fs::File::create(&file).unwrap().set_len((64 << 20) + 1).unwrap();
     refused(78, &["more than 64 MiB"]);
-    let view = |shape: Vec<usize>, data: &'static [u8]| {
-        safetensors::tensor::TensorView::new(safetensors::Dtype::F32, shape, data).unwrap()
-    };
+    let view = |shape: Vec<usize>, data: &'static [u8]| TensorView::new(Dtype::F32, shape, data).unwrap();
     let tensors = [("encoder.conv1.bias", view(vec![1], &[0; 4])), ("mlp.weight", view(vec![2], &[0; 8]))];
     fs::write(&file, safetensors::serialize(tensors, None).unwrap()).unwrap();
-    refused(
-        78,
-        &["another architecture", "encoder.conv1.bias must be float32 of shape [16], got float32 of shape [1]"],
-    );
+    refused(78, &["another architecture", "encoder.conv1.bias must be F32 of shape [16], got F32 of shape [1]"]);
     let checkpoint = imported(dir.path());
     check_fails(&["import", text(&checkpoint), "--out", text(&out)], 78, &["a checkpoint of trainer already"]);
 }
@@ -115,6 +124,7 @@ fn only_a_checkpoint_is_exported() {
         assert!(!out.exists());
     };
     export("/none.safetensors", 78, &["no checkpoint here"]);
-    export(&state_dict("zip"), 65, &["damaged checkpoint"]);
+    export(&state_dict(dir.path(), 0.01), 65, &["not a checkpoint of trainer"]);
+    export(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml"), 65, &["damaged checkpoint"]);
     check_fails(&["export", "x", "--out", "y"], 2, &["--format"]);
 }
