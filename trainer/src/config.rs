@@ -226,6 +226,7 @@ mod tests {
         let config = Config::parse(OLD, Path::new("old.toml")).unwrap();
         let mut paper = Config::parse(GOOD, Path::new("paper.toml")).unwrap();
         paper.network.origin_behind_tips_m = 0.0;
+        paper.training.samples_per_scene = 1;
         assert_eq!(config, paper);
         assert_eq!(config.augmentation, Augmentation::OFF);
         let TrainingParams { schedule, positive_weight, patience_epochs, .. } = config.training;
