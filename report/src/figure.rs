@@ -1,4 +1,4 @@
-//! Figures: bars and lines in axes, as SVG and as PNG. A figure's bytes are a pure function of what it shows, for its
+//! Figures: bars and lines in axes, as SVG. A figure's bytes are a pure function of what it shows, for its
 //! text is set with the font in `report/fonts`, not with the system's.
 
 mod intervals;
@@ -119,11 +119,6 @@ struct Sheet {
 const ALONE: Sheet = Sheet { width: 800, height: 500, has_title: true };
 /// A figure on a page, where its caption is its title: words can still be read when it is as wide as a phone.
 const ON_A_PAGE: Sheet = Sheet { width: 440, height: 280, has_title: false };
-/// A PNG is drawn this many times as large …
-const PNG_SCALE: u32 = 3;
-/// … and each of its pixels is the mean of a square of that many: the drawing itself has hard edges.
-const PNG_MEAN_OF: u32 = 2;
-
 /// Height of a row of the legend.
 const LEGEND_ROW: i32 = 24;
 
@@ -227,23 +222,7 @@ impl Figure {
     }
 
     fn svg_on(&self, sheet: Sheet) -> Result<String, Failure> {
-        svg(&self.title, (sheet.width, sheet.height), |root| self.draw(root, sheet, 1))
-    }
-
-    /// The figure as PNG, 1200 × 750 pixels.
-    ///
-    /// # Errors
-    /// [`ExitCode::Internal`] if a library fails.
-    pub fn png(&self) -> Result<Vec<u8>, Failure> {
-        let (width, height) = (ALONE.width * PNG_SCALE, ALONE.height * PNG_SCALE);
-        let mut large = vec![0; (3 * width * height) as usize];
-        {
-            let root = BitMapBackend::with_buffer(&mut large, (width, height)).into_drawing_area();
-            let drawn = self.draw(&root, ALONE, PNG_SCALE as i32).and_then(|()| root.present());
-            drawn.map_err(|e| failed(&self.title, &e))?;
-        }
-        let pixels = means(&large, width as usize, PNG_MEAN_OF as usize);
-        encode(&pixels, [width / PNG_MEAN_OF, height / PNG_MEAN_OF]).map_err(|e| failed(&self.title, &e))
+        svg(&self.title, (sheet.width, sheet.height), |root| self.draw(root, sheet))
     }
 
     /// Its words as a page has room for them.
@@ -257,43 +236,42 @@ impl Figure {
         short
     }
 
-    /// Draws on an area of `scale` times the size.
+    /// Draws on an area.
     fn draw<B: DrawingBackend>(
         &self,
         root: &DrawingArea<B, Shift>,
         sheet: Sheet,
-        scale: i32,
     ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
         // A font that is part of the program and cannot be read leaves text out, and a test would say so.
         let _ = register_font(FONT, FontStyle::Normal, FONT_BYTES);
-        let text = |size: i32| TextStyle::from((FONT, size * scale).into_font()).color(&BLACK);
+        let text = |size: i32| TextStyle::from((FONT, size).into_font()).color(&BLACK);
         root.fill(&WHITE)?;
-        let (top, below) = root.split_vertically(if sheet.has_title { 40 * scale } else { 0 });
+        let (top, below) = root.split_vertically(if sheet.has_title { 40 } else { 0 });
         if sheet.has_title {
             let title = text(19).pos(Pos::new(HPos::Left, VPos::Center));
-            top.draw(&Text::new(self.title.clone(), (16 * scale, 22 * scale), title))?;
+            top.draw(&Text::new(self.title.clone(), (16, 22), title))?;
         }
-        let rows = self.draw_legend(&below, scale, &text(14))?;
-        let (_, below) = below.split_vertically(LEGEND_ROW * rows * scale);
+        let rows = self.draw_legend(&below, &text(14))?;
+        let (_, below) = below.split_vertically(LEGEND_ROW * rows);
 
         let mut chart = ChartBuilder::on(&below)
-            .margin_top(10 * scale)
-            .margin_right(24 * scale)
-            .margin_bottom(8 * scale)
-            .margin_left(8 * scale)
-            .x_label_area_size(48 * scale)
-            .y_label_area_size(64 * scale)
+            .margin_top(10)
+            .margin_right(24)
+            .margin_bottom(8)
+            .margin_left(8)
+            .x_label_area_size(48)
+            .y_label_area_size(64)
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
-            .bold_line_style(RGBColor(225, 225, 225).stroke_width(scale as u32))
-            .axis_style(GREY.stroke_width(scale as u32))
+            .bold_line_style(RGBColor(225, 225, 225).stroke_width(1))
+            .axis_style(GREY.stroke_width(1))
             .x_desc(&self.x.label)
             .y_desc(&self.y.label)
             .label_style(text(13))
             .axis_desc_style(text(14))
-            .set_all_tick_mark_size(4 * scale)
+            .set_all_tick_mark_size(4)
             .draw()?;
         for bars in &self.bars {
             let rectangles = bars
@@ -304,22 +282,22 @@ impl Figure {
         }
         // The first line is drawn last: what matters most is on top.
         for line in self.lines.iter().rev() {
-            let stroke = line.colour.stroke_width(2 * scale as u32);
+            let stroke = line.colour.stroke_width(2);
             match line.stroke {
                 Stroke::Dashed => {
                     let points = line.points.iter().copied();
-                    chart.draw_series(DashedLineSeries::new(points, 7 * scale, 5 * scale, stroke))?;
+                    chart.draw_series(DashedLineSeries::new(points, 7, 5, stroke))?;
                 }
                 Stroke::Solid | Stroke::Dotted => {
                     chart.draw_series(LineSeries::new(line.points.iter().copied(), stroke))?;
                 }
             }
             if line.stroke == Stroke::Dotted {
-                let dots = line.points.iter().map(|point| Circle::new(*point, 3 * scale, line.colour.filled()));
+                let dots = line.points.iter().map(|point| Circle::new(*point, 3, line.colour.filled()));
                 chart.draw_series(dots)?;
             }
             for (x, low, high) in &line.intervals {
-                let upright = PathElement::new(vec![(*x, *low), (*x, *high)], line.colour.stroke_width(scale as u32));
+                let upright = PathElement::new(vec![(*x, *low), (*x, *high)], line.colour.stroke_width(1));
                 chart.draw_series([upright])?;
             }
         }
@@ -330,72 +308,40 @@ impl Figure {
     fn draw_legend<B: DrawingBackend>(
         &self,
         area: &DrawingArea<B, Shift>,
-        scale: i32,
         text: &TextStyle<'_>,
     ) -> Result<i32, DrawingAreaErrorKind<B::ErrorType>> {
-        let (left, right) = (16 * scale, area.dim_in_pixel().0 as i32);
+        let (left, right) = (16, area.dim_in_pixel().0 as i32);
         let (mut x, mut row) = (left, 0);
         let bars = self.bars.iter().map(|bars| (&bars.name, bars.colour, None));
         let lines = self.lines.iter().map(|line| (&line.name, line.colour, Some(line.stroke)));
         for (name, colour, stroke) in bars.chain(lines).filter(|(name, ..)| !name.is_empty()) {
-            let width = 34 * scale + area.estimate_text_size(name, text)?.0 as i32;
+            let width = 34 + area.estimate_text_size(name, text)?.0 as i32;
             if x > left && x + width > right {
                 (x, row) = (left, row + 1);
             }
-            let y = (11 + LEGEND_ROW * row) * scale;
+            let y = 11 + LEGEND_ROW * row;
             let pieces = match stroke {
                 None => Vec::new(),
                 Some(Stroke::Dashed) => vec![(0, 8), (12, 20), (24, 28)],
                 Some(Stroke::Solid | Stroke::Dotted) => vec![(0, 28)],
             };
             for (from, to) in pieces {
-                let piece = [(x + from * scale, y), (x + to * scale, y)];
-                area.draw(&PathElement::new(piece, colour.stroke_width(2 * scale as u32)))?;
+                let piece = [(x + from, y), (x + to, y)];
+                area.draw(&PathElement::new(piece, colour.stroke_width(2)))?;
             }
             if stroke.is_none() {
-                let patch = [(x + 12 * scale, y - 5 * scale), (x + 28 * scale, y + 5 * scale)];
+                let patch = [(x + 12, y - 5), (x + 28, y + 5)];
                 area.draw(&Rectangle::new(patch, colour.filled()))?;
             }
             if stroke == Some(Stroke::Dotted) {
-                area.draw(&Circle::new((x + 14 * scale, y), 3 * scale, colour.filled()))?;
+                area.draw(&Circle::new((x + 14, y), 3, colour.filled()))?;
             }
             let style = text.clone().pos(Pos::new(HPos::Left, VPos::Center));
-            area.draw(&Text::new(name.clone(), (x + 34 * scale, y), style))?;
-            x += width + 22 * scale;
+            area.draw(&Text::new(name.clone(), (x + 34, y), style))?;
+            x += width + 22;
         }
         Ok(row + 1)
     }
-}
-
-/// A PNG of three bytes a pixel.
-pub(crate) fn encode(pixels: &[u8], [width, height]: [u32; 2]) -> Result<Vec<u8>, png::EncodingError> {
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(pixels)?;
-    writer.finish()?;
-    Ok(bytes)
-}
-
-/// A picture, three bytes a pixel, `side` times smaller in both directions.
-pub(crate) fn means(large: &[u8], width: usize, side: usize) -> Vec<u8> {
-    let small_width = width / side;
-    let small_height = large.len() / (3 * width * side);
-    let mut small = Vec::with_capacity(3 * small_width * small_height);
-    for row in 0..small_height {
-        for column in 0..small_width {
-            for channel in 0..3 {
-                let square = (0..side * side).map(|at| {
-                    let (y, x) = (row * side + at / side, column * side + at % side);
-                    usize::from(large[3 * (y * width + x) + channel])
-                });
-                small.push((square.sum::<usize>() / (side * side)) as u8);
-            }
-        }
-    }
-    small
 }
 
 #[cfg(test)]
@@ -467,25 +413,5 @@ mod tests {
             heights.len()
         };
         assert_eq!((rows(1), rows(2), rows(4)), (1, 1, 2));
-    }
-
-    #[test]
-    fn a_png_has_its_size_its_colours_and_its_text() {
-        let bytes = figure().png().unwrap();
-        assert_eq!(bytes, figure().png().unwrap());
-        let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
-        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-        let info = reader.next_frame(&mut pixels).unwrap();
-        assert_eq!((info.width, info.height), (1200, 750));
-        let pixels = pixels.as_chunks::<3>().0;
-        assert!(pixels.contains(&[0, 114, 178]));
-        // The title's letters: without a font there would be none.
-        assert!(pixels[..1200 * 60].iter().filter(|pixel| **pixel == [0; 3]).count() > 100);
-    }
-
-    #[test]
-    fn means_are_those_of_squares() {
-        let large = [[0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9], [0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9]];
-        assert_eq!(means(large.as_flattened(), 4, 2), [2, 10, 20, 8, 8, 8]);
     }
 }

@@ -2,7 +2,6 @@
 
 mod browse;
 mod export;
-mod inspect;
 mod report;
 mod tsdf;
 mod verify;
@@ -20,14 +19,13 @@ Examples:
   shards report grasps               statistics with bars
   shards report grasps --json        the same for programs
   shards report grasps --html r.html the same as a page, with pictures of scenes
-  shards inspect grasps --scene 17   one scene: objects, attempts, cuts through its grid
   shards browse grasps --out pages   scenes, replays and the report as pages that lead to each other
-  shards view grasps --scene 17 --out scene.html   the same in 3-D, for a browser
+  shards view grasps --scene 17 --out scene.html   one scene in 3-D, for a browser
   shards tsdf grasps --scene 17 --out scene.npy    its voxel grid, for planner plan --tsdf
   shards verify s3://bucket/grasps  the same in an object store
   shards export grasps --format vgn --out grasps-vgn    what VGN's and GIGA's Python code trains on";
 
-/// Verify, report on, inspect and export a dataset of grasp attempts. No command changes the dataset.
+/// Verify, report on, show and export a dataset of grasp attempts. No command changes the dataset.
 #[derive(Debug, Parser)]
 #[command(name = "shards", version, after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
 pub struct Cli {
@@ -39,7 +37,6 @@ pub struct Cli {
 enum Command {
     Verify(verify::Arguments),
     Report(report::Arguments),
-    Inspect(inspect::Arguments),
     Tsdf(tsdf::Arguments),
     Export(export::Arguments),
     View(view::Arguments),
@@ -57,7 +54,6 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     match cli.command {
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
-        Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Tsdf(arguments) => tsdf::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Browse(arguments) => browse::run(&arguments),

@@ -63,7 +63,7 @@ pub use format::{ATTEMPTS_MAX, Column, DatasetInfo, Form, FormatVersion, Kind, R
 pub use look::report::{self, Bin, Group, OutcomeGroup, Report, TableSize, report};
 pub use look::{
     ExportCounts, ExportFormat, ExportOrigin, Exported, ExportedFile, PROBLEMS_MAX, Verified, begin_browsing, browse,
-    export, inspection, object_bodies, scene_view, tsdf, verify,
+    export, object_bodies, scene_view, tsdf, verify,
 };
 #[cfg(any(test, fuzzing))]
 pub use read::tests::fuzzing;

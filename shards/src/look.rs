@@ -2,13 +2,11 @@
 
 mod browse;
 mod export;
-mod inspect;
 pub mod report;
 mod verify;
 mod view;
 
 pub use browse::{begin_browsing, browse};
 pub use export::{ExportCounts, ExportFormat, ExportOrigin, Exported, ExportedFile, export, tsdf};
-pub use inspect::inspection;
 pub use verify::{PROBLEMS_MAX, Verified, verify};
 pub use view::{object_bodies, scene_view};

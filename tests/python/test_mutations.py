@@ -34,7 +34,7 @@ COMMANDS = [
     "shards verify {data}",
     "shards report {data}",
     "shards report {data} --html {out}/report.html",
-    "shards inspect {data} --scene 7",
+    "shards view {data} --scene 7 --json",
     "shards view {data} --scene 2 --out {out}/scene.html",
     "shards tsdf {data} --scene 6 --out {out}/scene.npy",
     "shards export {data} --format vgn --out {out}/vgn",

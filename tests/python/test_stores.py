@@ -148,7 +148,7 @@ def test_it_reads_the_same_as_from_a_folder(port):
     env = environment(port)
     ended = run("shards", "verify", URL, env=env)
     assert (ended.returncode, ended.stdout) == (0, run("shards", "verify", DATASET).stdout), ended.stderr
-    for command, *more in (["report", "--json"], ["inspect", "--scene", 3]):
+    for command, *more in (["report", "--json"], ["view", "--scene", 3, "--json"]):
         there, here = (run("shards", command, data, *more, env=env) for data in (URL, DATASET))
         assert there.stdout == here.stdout, there.stderr
 

@@ -2,7 +2,6 @@
 
 mod bench;
 mod console;
-mod curves;
 mod evaluate;
 mod export;
 mod fit;
@@ -27,7 +26,6 @@ enum Command {
     Fit(fit::Arguments),
     Recipe(recipe::Arguments),
     Evaluate(evaluate::Arguments),
-    Curves(curves::Arguments),
     Report(report::Arguments),
     Bench(bench::Arguments),
     Import(import::Arguments),
@@ -46,7 +44,6 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Recipe(arguments) => recipe::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
-        Command::Curves(arguments) => curves::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),

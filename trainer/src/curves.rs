@@ -1,7 +1,7 @@
-//! The curves of a run: loss (the paper's Fig. 3) and accuracy (Fig. 4) by epoch, as SVG and PNG. They are drawn from
+//! The curves of a run: loss (the paper's Fig. 3) and accuracy (Fig. 4) by epoch, as SVG. They are drawn from
 //! `metrics.jsonl` alone, so a run that was stopped and resumed has the very pictures of one that was not.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use program::{ExitCode, Failure, write};
 use report::figure::{BLUE, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
@@ -37,22 +37,15 @@ pub(crate) struct Set {
     pub(crate) accuracy_95: Option<(f64, f64)>,
 }
 
-/// Draws `loss.svg`, `loss.png`, `accuracy.svg` and `accuracy.png` in a run's folder, in place of what is there, and
-/// gives their paths. Nothing but `metrics.jsonl` is read.
+/// Draws `loss.svg` and `accuracy.svg` in a run's folder, in place of what is there. Nothing but `metrics.jsonl` is
+/// read.
 ///
 /// # Errors
 /// If the metrics are missing, damaged or cannot be read; if a picture cannot be drawn or written.
-pub fn draw_curves(run: &Path) -> Result<Vec<PathBuf>, Failure> {
+pub(crate) fn draw_curves(run: &Path) -> Result<(), Failure> {
     let epochs = read(run)?;
-    let mut written = Vec::new();
-    for (name, figure) in [("loss", loss(&epochs)), ("accuracy", accuracy(&epochs))] {
-        for (ending, bytes) in [("svg", figure.svg()?.into_bytes()), ("png", figure.png()?)] {
-            let path = run.join(format!("{name}.{ending}"));
-            write(&path, bytes)?;
-            written.push(path);
-        }
-    }
-    Ok(written)
+    write(&run.join("loss.svg"), loss(&epochs).svg()?)?;
+    write(&run.join("accuracy.svg"), accuracy(&epochs).svg()?)
 }
 
 /// The epochs of a run, at least one.
@@ -148,16 +141,11 @@ mod tests {
     fn curves_are_drawn_again_from_the_metrics_alone() {
         let run = tempfile::tempdir().unwrap();
         fs::write(run.path().join(METRICS), (1..=30).map(line).collect::<String>()).unwrap();
-        let written = draw_curves(run.path()).unwrap();
-        let before: Vec<Vec<u8>> = written.iter().map(|path| fs::read(path).unwrap()).collect();
-        assert_eq!(written.len(), 4);
-        for path in &written {
-            fs::remove_file(path).unwrap();
-        }
         draw_curves(run.path()).unwrap();
-        for (path, before) in written.iter().zip(before) {
-            assert!(fs::read(path).unwrap() == before, "{} differs", path.display());
-        }
+        let drawn = || ["loss.svg", "accuracy.svg"].map(|name| fs::read(run.path().join(name)).unwrap());
+        let before = drawn();
+        draw_curves(run.path()).unwrap();
+        assert!(drawn() == before);
         let svg = fs::read_to_string(run.path().join("accuracy.svg")).unwrap();
         for words in ["train", "test attempts", "test scenes", "always", "epoch", "accuracy"] {
             assert!(svg.contains(words), "{words}");

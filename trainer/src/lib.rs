@@ -11,7 +11,7 @@
 //!   rotates and shifts their scenes.
 //! - [`mod@fit`] is the training loop, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early
 //!   stopping, [`metrics`] its counts, [`events`] its progress reports, [`run_folder`] its files,
-//!   [`curves`] and TensorBoard events its monitoring.
+//!   curves and TensorBoard events its monitoring.
 //! - [`mod@evaluate`] evaluates the result, [`scores`] its predicted qualities, [`evaluate::report`] writes the report,
 //!   and [`page`] shows a run and its result together.
 //!
@@ -30,7 +30,7 @@ pub mod batch;
 pub mod bench;
 pub mod commands;
 pub mod config;
-pub mod curves;
+mod curves;
 pub mod data;
 pub mod device;
 pub mod evaluate;

@@ -10,7 +10,7 @@ use program::{ExitCode, Failure};
 
 use super::canvas::{Canvas, INK, WHITE};
 use super::layer::Rgb;
-use crate::figure::{FONT, FONT_BYTES, encode, means};
+use crate::figure::{FONT, FONT_BYTES};
 
 /// Every pixel is the mean of a square of this side.
 const MEAN_OF: usize = 2;
@@ -165,4 +165,46 @@ fn drawn(area: &Area<'_>, symbol: Symbol, (x, y): (i32, i32)) -> Drawn<i32> {
 
 fn failed(reason: &dyn std::fmt::Display) -> Failure {
     Failure::new(ExitCode::Internal, format!("failed to draw the picture: {reason}"))
+}
+
+/// A PNG of three bytes a pixel.
+fn encode(pixels: &[u8], [width, height]: [u32; 2]) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(pixels)?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+/// A picture, three bytes a pixel, `side` times smaller in both directions.
+fn means(large: &[u8], width: usize, side: usize) -> Vec<u8> {
+    let small_width = width / side;
+    let small_height = large.len() / (3 * width * side);
+    let mut small = Vec::with_capacity(3 * small_width * small_height);
+    for row in 0..small_height {
+        for column in 0..small_width {
+            for channel in 0..3 {
+                let square = (0..side * side).map(|at| {
+                    let (y, x) = (row * side + at / side, column * side + at % side);
+                    usize::from(large[3 * (y * width + x) + channel])
+                });
+                small.push((square.sum::<usize>() / (side * side)) as u8);
+            }
+        }
+    }
+    small
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_those_of_squares() {
+        let large = [[0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9], [0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9]];
+        assert_eq!(means(large.as_flattened(), 4, 2), [2, 10, 20, 8, 8, 8]);
+    }
 }

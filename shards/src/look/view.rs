@@ -6,7 +6,7 @@ use schema::{AttemptRecord, Axis, CameraParams, HitKind, Intrinsics, ObjectRecor
 use crate::DatasetInfo;
 
 /// Values this near the surface's, 0.5, are points of it: with a truncation of four voxels, those nearer than 0.8
-/// voxels. The same as in `shards inspect`.
+/// voxels.
 const SURFACE: std::ops::Range<f32> = 0.4..0.6;
 
 /// A scene as things in space. Its attempts are forks, those that held last; the jaws of an attempt that never closed

@@ -65,17 +65,6 @@ fn a_report_is_a_page_that_holds_its_numbers_and_needs_nothing_else() {
 }
 
 #[test]
-fn inspect_reads_well() {
-    let dir = dataset();
-    let output = shards(&["inspect", text(dir.path()), "--scene", "3"]);
-    assert!(output.status.success());
-    insta::assert_snapshot!("inspect", String::from_utf8(output.stdout).unwrap());
-    let output = shards(&["inspect", text(dir.path()), "--scene", "30"]);
-    assert_eq!(output.status.code(), Some(78));
-    assert_eq!(String::from_utf8(output.stderr).unwrap(), "error: scene must be below 30, got 30\n");
-}
-
-#[test]
 fn a_view_is_a_page_or_json() {
     let dir = dataset();
     let out = dir.path().join("scene.html");
@@ -88,6 +77,9 @@ fn a_view_is_a_page_or_json() {
     let view: report::view::View = serde_json::from_str(&json).unwrap();
     assert_eq!((view.format.as_str(), view.frames.len()), (report::view::FORMAT, 0));
     assert!(page.contains(json.trim_end()), "the page shows what the JSON says");
+    let output = shards(&["view", text(dir.path()), "--scene", "30", "--json"]);
+    assert_eq!(output.status.code(), Some(78));
+    assert_eq!(String::from_utf8(output.stderr).unwrap(), "error: scene must be below 30, got 30\n");
     let again = shards(&["view", text(dir.path()), "--scene", "3", "--out", text(&out)]);
     assert!(again.status.success() && std::fs::read_to_string(&out).unwrap() == page, "the same bytes again");
     assert_eq!(shards(&["view", text(dir.path()), "--scene", "30", "--json"]).status.code(), Some(78));
@@ -221,7 +213,7 @@ fn export_says_how_much_and_refuses_what_is_taken() {
 #[test]
 fn help_shows_examples_and_exit_codes() {
     let help = String::from_utf8(shards(&["--help"]).stdout).unwrap();
-    for part in ["Examples:", "shards inspect grasps --scene 17", "Exit codes:", "65  data damaged"] {
+    for part in ["Examples:", "shards view grasps --scene 17", "Exit codes:", "65  data damaged"] {
         assert!(help.contains(part), "{help}");
     }
 }

@@ -23,8 +23,7 @@ pub(crate) struct Arguments {
     /// The recipe [default: the built-in configs/train/paper.toml].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// The run's folder: checkpoints, metrics, curves (loss.svg, accuracy.svg, also as PNG), events for TensorBoard
-    /// (tensorboard/).
+    /// The run's folder: checkpoints, metrics, curves (loss.svg, accuracy.svg), events for TensorBoard (tensorboard/).
     #[arg(long)]
     run: PathBuf,
     /// Continue from the run's last checkpoint, or begin if there is none.

@@ -113,7 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         let code = if code == 0 && stop.load(Ordering::Relaxed) { ExitCode::TryAgain.code().into() } else { code };
         if code != 0 {
             print(format_args!("\nthe same command goes on with this step: {what}\n"))?;
-            return Ok(known(code));
+            return Ok(ExitCode::from_code(code));
         }
     }
     let weights = recipe.out.join("judge.safetensors");
@@ -135,13 +135,6 @@ fn started(program: &str, arguments: &[String]) -> Result<i32, Failure> {
     let status = status.context(format_args!("failed to start {program}"))?;
     // A signal ended it.
     Ok(status.code().unwrap_or(i32::from(ExitCode::TryAgain.code())))
-}
-
-/// Our programs end with our codes.
-fn known(code: i32) -> ExitCode {
-    use ExitCode::{Config, Data, Incomplete, Internal, Ok, TryAgain, Usage};
-    let all = [Ok, Internal, Usage, Data, Incomplete, TryAgain, Config];
-    all.into_iter().find(|known| i32::from(known.code()) == code).unwrap_or(Internal)
 }
 
 /// How long the recipe takes, from the same one with few attempts.

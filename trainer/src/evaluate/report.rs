@@ -12,7 +12,7 @@ use super::{Evaluation, HandScores, Scores};
 use crate::metrics::Summary;
 use crate::scores::{BINS, Spread};
 
-/// Writes `evaluation.md`, `evaluation.json`, and `precision_recall` and `calibration` as SVG and PNG into a folder,
+/// Writes `evaluation.md`, `evaluation.json`, and `precision_recall.svg` and `calibration.svg` into a folder,
 /// which is made if it is not there, in place of what these files held.
 ///
 /// # Errors
@@ -24,9 +24,7 @@ pub fn write_report(evaluation: &Evaluation, folder: &Path) -> Result<(), Failur
         ("evaluation.md", document(evaluation).markdown().into_bytes()),
         ("evaluation.json", json(evaluation)?.into_bytes()),
         ("precision_recall.svg", curve.svg()?.into_bytes()),
-        ("precision_recall.png", curve.png()?),
         ("calibration.svg", honesty.svg()?.into_bytes()),
-        ("calibration.png", honesty.png()?),
     ] {
         write(&folder.join(name), bytes)?;
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::fixture::{check_fails, trainer, write_config, write_dataset};
 
-const PICTURES: [&str; 4] = ["accuracy.png", "accuracy.svg", "loss.png", "loss.svg"];
+const PICTURES: [&str; 2] = ["accuracy.svg", "loss.svg"];
 
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
@@ -39,15 +39,6 @@ fn a_run_is_drawn_and_an_evaluation_reported() {
     assert_eq!(names(run_folder), expected);
     assert_eq!(names(&run_folder.join("tensorboard")), ["test_attempts", "test_scenes", "train"]);
 
-    // Curves hang on metrics.jsonl alone.
-    let alone = dir.path().join("alone");
-    fs::create_dir(&alone).unwrap();
-    fs::copy(run_folder.join("metrics.jsonl"), alone.join("metrics.jsonl")).unwrap();
-    succeed(&["curves", "--run", alone.to_str().unwrap()]);
-    for name in PICTURES {
-        assert!(fs::read(run_folder.join(name)).unwrap() == fs::read(alone.join(name)).unwrap(), "{name} differs");
-    }
-
     // A model's file is evaluated as the run that it lies in, on a dataset of another seed.
     let model = path("run/best.safetensors");
     let (of_run, _) = succeed(&["evaluate", "--run", &run, "--data", &fresh, "--split", "all", "--json"]);
@@ -56,8 +47,8 @@ fn a_run_is_drawn_and_an_evaluation_reported() {
     assert_eq!(of_run, of_file);
     let report = Path::new(&report);
     assert_eq!(fs::read_to_string(report.join("evaluation.json")).unwrap(), of_file);
-    let files = ["calibration.png", "calibration.svg", "evaluation.json", "evaluation.md"];
-    assert_eq!(names(report), [&files[..], &["precision_recall.png", "precision_recall.svg"]].concat());
+    let files = ["calibration.svg", "evaluation.json", "evaluation.md"];
+    assert_eq!(names(report), [&files[..], &["precision_recall.svg"]].concat());
     let page = fs::read_to_string(report.join("evaluation.md")).unwrap();
     for words in ["another |", "| average precision |", "scenes drawn", "## By rule", "cuboid_z", "calibration.svg"] {
         assert!(page.contains(words), "{words} is not in\n{page}");
@@ -119,7 +110,6 @@ fn what_is_missing_is_told() {
     let dir = tempfile::tempdir().unwrap();
     let nowhere = dir.path().join("nowhere");
     let nowhere = nowhere.to_str().unwrap();
-    check_fails(&["curves", "--run", nowhere], 78, &["no metrics here", nowhere]);
     check_fails(&["evaluate", "--model", nowhere, "--data", nowhere], 78, &["no checkpoint here", nowhere]);
     check_fails(&["evaluate", "--data", nowhere], 2, &["--run"]);
     check_fails(&["evaluate", "--model", "x", "--run", "y", "--data", "z"], 2, &["--model", "--run"]);
