@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# All checks that a change must pass. Usage: scripts/test.sh [--rust-only|--no-torch]
+# All checks that a change must pass. Usage: scripts/test.sh [--quick|--rust-only|--no-torch]
 #
+# --quick: format, house rules, reference pages, locks, subjects of the last commits; under a minute where the programs are built.
 # Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless --rust-only. Python
 # packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the tests that need it. As root on Debian or Ubuntu, Slurm, strace, faketime and Chromium are installed, too; elsewhere
 # the tests that need them are skipped with a message. Every step runs even if an earlier one failed, unless it depends on it. The
@@ -9,12 +10,14 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 rust_only=no
+quick=no
 requirements=(scripts/requirements.txt scripts/requirements-golden.txt)
 case "${1-}" in
     '') ;;
+    --quick) quick=yes ;;
     --rust-only) rust_only=yes ;;
     --no-torch) requirements=(scripts/requirements.txt) ;;
-    *) echo "usage: scripts/test.sh [--rust-only|--no-torch]" >&2; exit 2 ;;
+    *) echo "usage: scripts/test.sh [--quick|--rust-only|--no-torch]" >&2; exit 2 ;;
 esac
 
 scratch=$(mktemp -d)
@@ -54,6 +57,26 @@ docs() {
 # The fuzz targets compile, with the versions of their own Cargo.lock; what they found is replayed by `cargo test`.
 fuzz() {
     RUSTFLAGS="--cfg fuzzing" cargo check --locked --manifest-path fuzz/Cargo.toml --target-dir "${CARGO_TARGET_DIR:-target}/fuzz"
+}
+
+# Both lock files have what their Cargo.toml files ask for.
+locks() {
+    cargo metadata --locked --format-version 1 >/dev/null && cargo metadata --locked --format-version 1 --manifest-path fuzz/Cargo.toml >/dev/null
+}
+
+# The pages of docs/reference are what the programs say.
+reference() {
+    local name result=0
+    for name in generator shards trainer planner experiments; do
+        "${CARGO_TARGET_DIR:-target}/debug/$name" manual markdown | diff -q - "docs/reference/$name.md" >/dev/null \
+            || { echo "docs/reference/$name.md is out of date: run scripts/reference.sh"; result=1; }
+    done
+    return $result
+}
+
+# Of commits that may still be amended; a subject on main is there for ever.
+subjects() {
+    git log --no-merges --max-count 20 --format=%s | awk 'length($0) > 72 { print "more than 72 characters: " $0; bad = 1 } END { exit bad }'
 }
 
 # Security advisories and yanked versions. `cargo test` checks licences and sources, which needs no network.
@@ -128,21 +151,30 @@ readers() {
         -p no:cacheprovider tests/python
 }
 
-# One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds them.
-# (`cargo run -p generator` alone would select other features of shared dependencies and build them again.)
-step fmt '' cargo fmt --all --check
-step build '' cargo build --workspace --bins --tests
-step test build cargo test --workspace --no-fail-fast
-step clippy '' cargo clippy --workspace --all-targets -- -D warnings
-step docs '' docs
-step fuzz '' fuzz
-step advisories '' advisories
-if [[ $rust_only == no ]]; then
-    step engines '' engines
-    step venv '' venv
-    step dataset build dataset
-    step wheel 'build venv' wheel
-    step readers 'venv dataset wheel' readers
+if [[ $quick == yes ]]; then
+    step fmt '' cargo fmt --all --check
+    step locks '' locks
+    step house '' cargo test --quiet --package workspace-tests
+    step subjects '' subjects
+    step build '' cargo build --quiet --workspace --bins --tests # as below, so that nothing is built twice
+    step reference build reference
+else
+    # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds them.
+    # (`cargo run -p generator` alone would select other features of shared dependencies and build them again.)
+    step fmt '' cargo fmt --all --check
+    step build '' cargo build --workspace --bins --tests
+    step test build cargo test --workspace --no-fail-fast
+    step clippy '' cargo clippy --workspace --all-targets -- -D warnings
+    step docs '' docs
+    step fuzz '' fuzz
+    step advisories '' advisories
+    if [[ $rust_only == no ]]; then
+        step engines '' engines
+        step venv '' venv
+        step dataset build dataset
+        step wheel 'build venv' wheel
+        step readers 'venv dataset wheel' readers
+    fi
 fi
 
 # Rust: "test result: ok. 5 passed; 1 failed; ..."; pytest: "3 passed, 1 failed in 2.10s" in any order.

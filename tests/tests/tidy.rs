@@ -1,7 +1,6 @@
 //! House rules that no linter holds. A rule that must bend names the file here, where everyone sees it.
 
 use std::os::unix::fs::PermissionsExt;
-use std::process::Command;
 
 use workspace_tests::{SourceFile, assert_none, files, member_folders, member_names, read, read_toml, root};
 
@@ -10,10 +9,6 @@ const LINES_MAX: usize = 600;
 
 /// Longest line with a comment, in characters; rustfmt holds code to the same width and leaves comments alone.
 const COMMENT_COLUMNS_MAX: usize = 120;
-
-/// Longest subject of a commit, in characters, and the last commit that need not keep to it.
-const SUBJECT_MAX: usize = 72;
-const SUBJECTS_SINCE: &str = "20d4d44df2f7";
 
 /// Files that are longer, and how long they may be. They may shrink, not grow.
 const LONG: &[(&str, usize)] = &[];
@@ -83,24 +78,6 @@ fn comments_are_not_wider_than_code() {
         }
     }
     assert_none("comments", &problems);
-}
-
-/// Runs git in the repository; what it printed, or nothing if it failed: without git, or without history.
-fn git(arguments: &[&str]) -> Option<String> {
-    let output = Command::new("git").args(arguments).current_dir(root()).output().ok()?;
-    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
-}
-
-#[test]
-fn subjects_of_commits_fit_a_line() {
-    // A shallow clone, or an archive, has no history to look at.
-    if git(&["merge-base", "--is-ancestor", SUBJECTS_SINCE, "HEAD"]).is_none() {
-        return;
-    }
-    let subjects = git(&["log", "--no-merges", "--format=%h %s", &format!("{SUBJECTS_SINCE}..HEAD")]).unwrap();
-    let columns = |line: &&str| line.split_once(' ').map_or(0, |(_, subject)| subject.chars().count());
-    let long = subjects.lines().filter(|line| columns(line) > SUBJECT_MAX);
-    assert_none("subjects", &long.map(|line| format!("{line}: at most {SUBJECT_MAX} characters")).collect::<Vec<_>>());
 }
 
 #[test]
