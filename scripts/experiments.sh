@@ -3,6 +3,8 @@
 #
 #   scripts/experiments.sh OUT [NAME…]      all of them, or those whose name begins with one of these
 #
+# VOXEL=FILE adds rows of a network that was trained by configs/train/voxel.toml, which is not shipped (docs/results/training.md).
+#
 # Finished experiments are not repeated, and interrupted ones continue. `experiments compare` makes the tables.
 set -euo pipefail
 
@@ -30,6 +32,8 @@ vgn=(--set plan=vgn)
 half=(--set plan.detection.quality_min=0.5)
 paper=(--set plan=paper)
 eq8=(--set plan.ranking.policy=paper --set plan.detection.quality_min=0.9)
+# Beyond the paper: closing directions as seen between the fingers, on a cloud of finer voxels.
+voxel=(--set plan=paper --set "model=${VOXEL:-}" --set plan.detection.closing=seen --set plan.cloud.resolution=120 --set plan.collision.points_max=0)
 scaled=(--set plan.cloud.scale_to_table=true)
 hard=(--set scene=../generate/judge.toml)
 everyday=(--set scene=../generate/everyday.toml)
@@ -42,6 +46,10 @@ for kind in pile packed; do
     run "$kind-judge-eq8" "$kind" "$kind: the judge, 0.9, Eq. 8" "${held[@]}" "${eq8[@]}"
     run "$kind-paper" "$kind" "$kind: the paper's network, 0.9, Eq. 8" "${held[@]}" "${paper[@]}"
     run "$kind-paper-half" "$kind" "$kind: the paper's network, 0.5, Eq. 8" "${held[@]}" "${paper[@]}" "${half[@]}"
+    if [ -n "${VOXEL:-}" ]; then
+        run "$kind-voxel" "$kind" "$kind: the recipe beyond the paper, 0.9, Eq. 8" "${held[@]}" "${voxel[@]}"
+        run "$kind-voxel-half" "$kind" "$kind: the recipe beyond the paper, 0.5, Eq. 8" "${held[@]}" "${voxel[@]}" "${half[@]}"
+    fi
     run "$kind-vgn" "$kind" "$kind: VGN, 0.9" "${held[@]}" "${vgn[@]}"
     run "$kind-vgn-half" "$kind" "$kind: VGN, 0.5" "${held[@]}" "${vgn[@]}" "${half[@]}"
 done
@@ -54,6 +62,10 @@ for table in table1 table2 table3; do
     run "$table-judge-best" "$table" "$table: the judge, surest first"
     run "$table-paper" "$table" "$table: the paper's network, 0.9, Eq. 8" "${paper[@]}"
     run "$table-paper-half" "$table" "$table: the paper's network, 0.5, Eq. 8" "${paper[@]}" "${half[@]}"
+    if [ -n "${VOXEL:-}" ]; then
+        run "$table-voxel" "$table" "$table: the recipe beyond the paper, 0.9, Eq. 8" "${voxel[@]}"
+        run "$table-voxel-half" "$table" "$table: the recipe beyond the paper, 0.5, Eq. 8" "${voxel[@]}" "${half[@]}"
+    fi
     run "$table-vgn" "$table" "$table: VGN, 0.9" "${vgn[@]}"
     run "$table-vgn-half" "$table" "$table: VGN, 0.5" "${vgn[@]}" "${half[@]}"
 done
