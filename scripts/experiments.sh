@@ -33,7 +33,8 @@ half=(--set plan.detection.quality_min=0.5)
 paper=(--set plan=paper)
 eq8=(--set plan.ranking.policy=paper --set plan.detection.quality_min=0.9)
 # Beyond the paper: closing directions as seen between the fingers, on a cloud of finer voxels.
-voxel=(--set plan=paper --set "model=${VOXEL:-}" --set plan.detection.closing=seen --set plan.cloud.resolution=120 --set plan.collision.points_max=0)
+seen=(--set plan=paper --set plan.detection.closing=seen --set plan.cloud.resolution=120 --set plan.collision.points_max=0)
+voxel=("${seen[@]}" --set "model=${VOXEL:-}")
 scaled=(--set plan.cloud.scale_to_table=true)
 hard=(--set scene=../generate/judge.toml)
 everyday=(--set scene=../generate/everyday.toml)
@@ -45,6 +46,7 @@ for kind in pile packed; do
     run "$kind-judge" "$kind" "$kind: the judge" "${held[@]}"
     run "$kind-judge-eq8" "$kind" "$kind: the judge, 0.9, Eq. 8" "${held[@]}" "${eq8[@]}"
     run "$kind-paper" "$kind" "$kind: the paper's network, 0.9, Eq. 8" "${held[@]}" "${paper[@]}"
+    run "$kind-paper-seen" "$kind" "$kind: the paper's network, closing as seen, 0.9, Eq. 8" "${held[@]}" "${seen[@]}"
     run "$kind-paper-half" "$kind" "$kind: the paper's network, 0.5, Eq. 8" "${held[@]}" "${paper[@]}" "${half[@]}"
     if [ -n "${VOXEL:-}" ]; then
         run "$kind-voxel" "$kind" "$kind: the recipe beyond the paper, 0.9, Eq. 8" "${held[@]}" "${voxel[@]}"
@@ -61,6 +63,7 @@ for table in table1 table2 table3; do
     run "$table-judge" "$table" "$table: the judge, 0.9, Eq. 8" "${eq8[@]}"
     run "$table-judge-best" "$table" "$table: the judge, surest first"
     run "$table-paper" "$table" "$table: the paper's network, 0.9, Eq. 8" "${paper[@]}"
+    run "$table-paper-seen" "$table" "$table: the paper's network, closing as seen, 0.9, Eq. 8" "${seen[@]}"
     run "$table-paper-half" "$table" "$table: the paper's network, 0.5, Eq. 8" "${paper[@]}" "${half[@]}"
     if [ -n "${VOXEL:-}" ]; then
         run "$table-voxel" "$table" "$table: the recipe beyond the paper, 0.9, Eq. 8" "${voxel[@]}"

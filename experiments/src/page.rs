@@ -58,8 +58,8 @@ pub fn document(all: &[Played]) -> Document {
     let warnings = Block::Warnings(warnings::warnings(all, &names));
     let (title, mut blocks) = if let [one] = results.as_slice() {
         let lead = format!(
-            "{} rounds: a table of objects is seen, planned on and grasped from until nothing is left or it is no use. {} grasps were \
-             executed in physics.",
+            "{} rounds: observe, plan, grasp; repeat until the table is empty or a stop rule applies. {} grasps were executed in \
+             physics.",
             grouped(one.rounds),
             grouped(one.attempts)
         );

@@ -95,7 +95,7 @@ pub struct TargetResults {
     pub attempts: u64,
     /// Number that held.
     pub held: u64,
-    /// Those of these.
+    /// Success rate over these attempts.
     pub success_rate: Option<Interval>,
 }
 

@@ -35,7 +35,7 @@ pub enum NoScene {
         /// Why each failed.
         rejections: SceneRejections,
     },
-    /// Who asked for it does not want it any more.
+    /// Cancelled by the caller.
     #[error("scene {scene_id} was abandoned")]
     Abandoned {
         /// The scene.

@@ -28,7 +28,7 @@ settings! {
         pub shapes: Vec<ShapeKind>,
         /// How many are dropped …
         pub counts: Vec<usize> where 1..=64,
-        /// … and how often, relative to each other.
+        /// Relative frequency of each entry of `counts`.
         pub count_weights: Vec<f32> where 0.0..=1e6,
         /// Every free extent is uniform in this range; at most half the workspace's side.
         pub size_m: [f32; 2] where 0.002..=1.5,
@@ -156,11 +156,11 @@ settings! {
         pub views: ViewParams,
         /// Other kinds of observations, each with its share of the scenes; `views` has what they leave.
         pub view_kinds: Vec<ViewKind>; or Vec::new(),
-        /// What is wrong with the cameras.
+        /// Sensor noise and errors of the cameras' poses.
         pub sensor: Option<SensorParams>; or None,
         /// Their lens.
         pub camera: CameraParams,
-        /// What becomes of their images.
+        /// TSDF fusion of the depth images.
         pub tsdf: TsdfParams,
         /// The engine's settings.
         pub physics: Physics,
@@ -351,7 +351,7 @@ mod tests {
         for expected in [
             "grid.resolution must be between 8 and 128, got 400",
             "physics.step_rate_hz must be a number, got \"fast\"",
-            "objects.bogus is no key of this file",
+            "objects.bogus is an unknown key",
             "procedure.hold_time_s is missing: a number between 0 and 60",
             "objects.shapes must be one of cuboid, cylinder, tri_prism, half_cylinder, got torus",
         ] {

@@ -3,7 +3,7 @@
 //! A proposal touches a point of the seen surface. Either a finger closes along the point's normal, from any side that
 //! is not below; or the hand comes along the normal, tilted a little, and closes in any direction. Where nobody saw the
 //! opposite side, it is drawn. A hand that hits the table, or sweeps through what was seen, is not proposed.
-//! Whether a proposal holds is the [`Judge`]'s question.
+//! The [`Judge`] predicts whether a proposal succeeds.
 
 mod judge;
 

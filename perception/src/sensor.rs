@@ -34,7 +34,8 @@ impl NoiseKind {
 }
 
 settings! {
-    /// What is wrong with the cameras of a dataset. The kind of noise is drawn for a scene, the errors for a view.
+    /// Sensor noise and errors of the cameras' poses in a dataset. The kind of noise is drawn for a scene, the errors
+    /// for a view.
     #[derive(Debug, Clone, PartialEq, Serialize)]
     pub struct SensorParams {
         /// Kinds of noise …

@@ -101,4 +101,4 @@ Examples:
   planner serve --port 8040
   planner bench
 
-A plan without grasps is a plan, and says why: exit code 0. Programs read the plan with --json or from the file of --out.";
+If no grasp is found, the plan says why, and the exit code is still 0. Programs read the plan with --json or from the file of --out.";

@@ -72,7 +72,7 @@ settings! {
         pub clusters: ClusterParams,
         /// In which order grasps are given.
         pub ranking: RankingParams,
-        /// Which ways of the hand are free.
+        /// Collision check of the approach.
         pub collision: CollisionParams,
         /// Which hands a judge is asked about.
         pub judge: JudgeParams; or JudgeParams::STANDARD,
@@ -295,7 +295,7 @@ mod tests {
     #[test]
     fn unknown_missing_and_misfit_keys_are_reported() {
         let unknown = problems(&BuiltIn::Paper.text().replace("[cloud]", "[cloud]\nsize = 3"));
-        assert_eq!(unknown, ["cloud.size is no key of this file"]);
+        assert_eq!(unknown, ["cloud.size is an unknown key"]);
         let missing = problems(&BuiltIn::Paper.text().replace("pitch_m = 0.0025", ""));
         assert!(missing[0].starts_with("cloud.pitch_m is missing"), "{missing:?}");
         let negative = problems(&BuiltIn::Paper.text().replace("points_max = 5", "points_max = -5"));

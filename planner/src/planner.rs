@@ -423,7 +423,7 @@ impl Planner {
         } else if let (true, Some(told)) = (funnel.near_surface == 0 || funnel.hands_found == 0, &limited) {
             format!("no hand keeps the limits that were asked for: {told}")
         } else if funnel.near_surface == 0 && matches!(self.network, Network::Judge(_)) {
-            "no hand stands free on anything that was seen".to_owned()
+            "no collision-free grasp candidate was found on the observed surface".to_owned()
         } else if funnel.near_surface == 0 {
             "no voxel on the grasps' side of a surface was seen".to_owned()
         } else if funnel.width_within_limits == 0 {
@@ -436,7 +436,7 @@ impl Planner {
         } else if avoided > 0 && funnel.hands_found == 0 {
             format!("all {avoided} grasps are like hands that failed")
         } else if funnel.hands_found == 0 {
-            format!("no hand closes on anything by a free way at any of {} detections", funnel.detections)
+            format!("no collision-free grasp at any of the {} detections", funnel.detections)
         } else if funnel.collision_free == 0 {
             format!("the hand's way is blocked for all {} detections", funnel.detections)
         } else if plan.objects.is_empty() {

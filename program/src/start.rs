@@ -49,9 +49,9 @@ struct Embedded {
 
 static EMBEDDED: OnceLock<Embedded> = OnceLock::new();
 
-/// Tells that this process runs a program as one of several: with these words in place of its command line, the first
-/// of which names the program in its help, and with a command that starts any of them, followed by a program's name
-/// and its arguments. Only the first call counts.
+/// Declares that this process hosts all programs. `words` replaces the command line; its first word names the program
+/// in its help. `starter` is the command that starts any of them, followed by a program's name and its arguments. Only
+/// the first call counts.
 pub fn embed(words: Vec<OsString>, starter: Vec<OsString>) {
     // A process is one program.
     let _ = EMBEDDED.set(Embedded { words, starter });

@@ -181,7 +181,7 @@ class Dataset:
         return self._open
 
     def close(self) -> None:
-        """Lets go of it; every later use of it is an error. What was read from it stays."""
+        """Closes the dataset; every later use of it is an error. What was read from it stays."""
         self._open = None
 
     def __enter__(self) -> Dataset:

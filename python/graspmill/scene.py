@@ -232,7 +232,7 @@ class Scene:
                 let go where they are.
             settings: Keys of a generator's config, such as ``{"settle.time_s_max": 8.0}``.
 
-        Objects must not overlap at the start; what lies in each other may stay so.
+        Objects must not overlap at the start; interpenetrating objects may stay interpenetrating.
 
         Raises:
             DataError: If they do not come to rest, or are shot apart.

@@ -277,7 +277,7 @@ mod tests {
         let message = Gripper::from_toml(&bad).unwrap_err().to_string();
         for told in [
             "gripper.palm_width_m must be a number, got \"x\"",
-            "gripper.clearances_m is no key of this file, did you mean clearance_m?",
+            "gripper.clearances_m is an unknown key, did you mean clearance_m?",
             "gripper.clearance_m is missing: a number between 0 and 0.02",
         ] {
             assert!(message.contains(told), "{told} is not in {message}");

@@ -115,7 +115,7 @@ impl<'a> Reader<'a> {
             let hint = nearest.filter(is_near).map(|known| format!(", did you mean {known}?")).unwrap_or_default();
             // Quoted keys may contain anything.
             let key = key.escape_debug().to_string();
-            self.within(&key, |reader| reader.fault(format_args!("is no key of this file{hint}")));
+            self.within(&key, |reader| reader.fault(format_args!("is an unknown key{hint}")));
         }
         Some(table)
     }

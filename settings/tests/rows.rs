@@ -81,12 +81,12 @@ fn all_faults_are_reported_at_once_each_with_its_path() {
     assert_eq!(
         faults(text),
         [
-            "fiel is no key of this file, did you mean file?",
+            "fiel is an unknown key, did you mean file?",
             "count must be between 1 and 10, got 11",
             "share must be above 0 and at most 0.5, got 0",
             "colour must be one of red, blue, got green",
             "is_on must be true or false, got 1",
-            "inner.something is no key of this file",
+            "inner.something is an unknown key",
             "inner.size_m must be a range [low, high] within [0.1, 2], got [1.0, 0.5]",
             "inner.weights must be three values, each a number between 0 and 1, got [0, nan, 1]",
             "inner.counts must be between 1 and 9, got 0",
@@ -122,7 +122,7 @@ fn hostile_values_are_refused_without_a_panic() {
         }
     }
     let colourful = faults(&format!("\"\\u001b[31m\" = 1\nfile = [\"\\u001b[31m\"]\n{GOOD}"));
-    assert_eq!(colourful[0], "\\u{1b}[31m is no key of this file");
+    assert_eq!(colourful[0], "\\u{1b}[31m is an unknown key");
     assert!(colourful.iter().all(|fault| !fault.contains('\u{1b}')), "{colourful:?}");
     let long = faults(&format!("share = \"{}\"\n{GOOD}", "é".repeat(1000)).replace("share = 0.5\n", ""));
     assert!(long[0].chars().count() < 150, "{long:?}");

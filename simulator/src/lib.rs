@@ -1,7 +1,8 @@
 //! The physics: objects that fall and stack, a hand that grasps them, and a depth camera that observes them.
 //!
-//! This is the only crate that uses rapier. Its interface is in the workspace frame: z up, metres, kilograms, seconds,
-//! explicit gravity. It has three functions:
+//! Two engines are behind it: our own stepper, which datasets use, and rapier, the reference; no other crate uses
+//! rapier. The interface is in the workspace frame: z up, metres, kilograms, seconds, explicit gravity. Most callers
+//! need three things:
 //!
 //! - [`settle`] drops objects into a temporary box until they rest and returns their poses: a [`Scene`].
 //! - [`AttemptWorld::execute`] executes one grasp of a free-floating parallel jaw in that scene and returns the

@@ -184,7 +184,7 @@ impl Config {
         Document::parse(text, path)?.read()
     }
 
-    /// Nothing turns a judge's scenes, for it sees them in the hand's frame, and its outcomes are not balanced.
+    /// Augmentation does not apply to a judge, whose input is in the grasp frame; its outcomes are not balanced.
     fn fits_the_network(&self, reader: &mut Reader<'_>) {
         if self.network.kind == Kind::Judge {
             let rule = || "must be left out for a judge";
@@ -250,7 +250,7 @@ mod tests {
             "training.patience_epochs must be between 0 and 10000, got -1",
             "augmentation.quarter_turns must be true or false, got 1",
             "augmentation.shift_z_voxels_max must be between 0 and 39, got 40",
-            "augmentation.flips is no key of this file",
+            "augmentation.flips is an unknown key",
         ] {
             assert!(all.contains(problem), "{problem} is not in\n{all}");
         }
@@ -268,13 +268,13 @@ mod tests {
         let all = problems.join("\n");
         for key in [
             "seed must be between 0 and 9223372036854775807, got -1",
-            "speed is no key of this file, did you mean seed?",
+            "speed is an unknown key, did you mean seed?",
             "network.upsampling must be one of linear, nearest, got cubic",
             "training.epochs must be between 1 and 10000, got 0",
             "training.batch must be a whole number, got \"many\"",
             "training.learning_rate must be above 0 and at most 1, got 0",
             "training.samples_per_scene is missing",
-            "training.deep is no key of this file",
+            "training.deep is an unknown key",
             "split.by must be one of attempt, scene, got day",
             "split.test_share must be above 0 and at most 0.45, got 0.9",
         ] {

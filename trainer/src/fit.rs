@@ -192,7 +192,7 @@ pub(crate) fn architecture(config: &Config, datasets: &[Dataset], device: &Devic
     let scope = Scope::of(&hands, info.procedure.pregrasp_distance_m, info.grid);
     match config.network.kind {
         Kind::Voxel if scope.hands.is_some() => {
-            let text = "the paper's network knows nothing of hands: train it on data of one hand, or a judge on these";
+            let text = "the voxel network has no gripper input: train it on data of one hand, or a judge on these";
             Err(Failure::new(ExitCode::Config, text))
         }
         Kind::Voxel => Ok(Architecture::Voxel(config.network.voxel())),
@@ -293,7 +293,7 @@ impl Training<'_> {
         let number = state.progress.step + 1;
         // Checked before the step, so that checkpoints never contain a diverged state.
         if !loss.is_finite() || !result.gradient.iter().map(|part| part.abs()).sum::<f32>().is_finite() {
-            let what = "the loss or its gradient is no finite number at step";
+            let what = "the loss or its gradient is not finite at step";
             return Err(Failure::new(ExitCode::Config, format!("{what} {number}: training.learning_rate is too high")));
         }
         let learning_rate = self.learning_rate(state.progress.step);

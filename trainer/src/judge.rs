@@ -94,7 +94,7 @@ fn results<'a>(
 ) -> impl Iterator<Item = SampleResult> {
     seen.logits().zip(hands).map(|(logits, hand)| {
         let loss = -libm::logf(probabilities(&logits)[hand.outcome as usize].max(f32::MIN_POSITIVE));
-        // What is no number must stay none, so that training notices.
+        // Propagate NaN, so that training detects divergence.
         let loss = if logits.iter().all(|logit| logit.is_finite()) { loss } else { f32::NAN };
         result(loss, quality_logit(&logits), hand)
     })

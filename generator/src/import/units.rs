@@ -30,7 +30,7 @@ pub(super) fn guessed_scale_m(sources: &[&Source]) -> f64 {
 fn scale_for(median: f64) -> f64 {
     let off = |scale_m: &f64| libm::log(median * scale_m / USUAL_M).abs();
     if median <= METRES_MAX {
-        return 1.0; // nobody counts in more than metres
+        return 1.0; // no file format has a unit larger than a metre
     }
     [0.1, 0.01, 0.001].into_iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(1.0)
 }

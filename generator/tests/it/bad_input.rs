@@ -17,7 +17,7 @@ fn every_problem_of_a_config_is_told_at_once() {
         &[
             "3 problems",
             "grid.resolution must be between 8 and 128, got 400",
-            "objects.typo is no key of this file",
+            "objects.typo is an unknown key",
             "objects.friction must be a range [low, high] within [0, 5], got [1.2, 0.8]",
             "config.toml",
         ],

@@ -359,7 +359,7 @@ fn a_config_says_what_is_wrong_with_its_catalogue() {
         &["objects.catalogue: failed to read the objects", "other.toml"],
     );
     check_fails(&with("\"my-objects.toml\"", "7"), 78, &["objects.catalogue must be a text, got 7"]);
-    check_fails(&with("catalogue = ", "catalog = "), 78, &["objects.catalog is no key of this file"]);
+    check_fails(&with("catalogue = ", "catalog = "), 78, &["objects.catalog is an unknown key"]);
     let small = with("size_m = 0.30 ", "size_m = 0.06 ");
     check_fails(&small, 78, &["objects.catalogue: ell must fit into grid.size_m 0.06 in any pose"]);
     let of_primitives = with("[objects]\n", "[objects]\nshapes = [\"cuboid\"]\nsize_m = [0.03, 0.08]\n");

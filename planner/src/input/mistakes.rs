@@ -1,5 +1,5 @@
-//! The usual mistakes in a camera's pose. Where the table is not seen where the workspace has it, it is tried which of
-//! them would explain that: a pose that is the inverse of what its key says, camera axes as OpenGL has them (y up, z
+//! The usual mistakes in a camera's pose. If the table is not observed at its expected height, each of them is tried as
+//! an explanation: a pose that is the inverse of what its key says, camera axes as OpenGL has them (y up, z
 //! backwards), and millimetres.
 
 use schema::{Grid, Pose, Quat, Vec3};

@@ -102,7 +102,7 @@ fn a_tsdf_and_a_cloud_are_planned_on() {
     fs::write(path("cloud.npy"), npy_of(&[14_400, 3], &table)).unwrap();
     let answer = plan(&["--cloud", &path("cloud.npy"), "--eye", "0.15,-0.4,0.5"]);
     assert!((answer["plane"]["offset_m"].as_f64().unwrap() - 0.05).abs() < 1e-4);
-    assert_eq!(answer["reason"], "no hand stands free on anything that was seen");
+    assert_eq!(answer["reason"], "no collision-free grasp candidate was found on the observed surface");
     let answer = plan(&["--cloud", &path("cloud.npy"), "--eye", "0.15,-0.4,0.5", "--config", "paper"]);
     assert!(answer["reason"].as_str().unwrap().starts_with("no grasp has a quality of 0.9 or more"), "{answer}");
 }

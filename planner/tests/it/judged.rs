@@ -87,7 +87,7 @@ fn an_empty_table_has_no_hands_and_says_so() {
     let table = VoxelGrid::new(grid, (0..grid.len()).map(value).collect()).unwrap();
     let plan = judge(config()).plan(&Observation::Tsdf(table), &Wishes::default()).unwrap();
     assert!(plan.grasps.is_empty());
-    assert_eq!(plan.reason.unwrap(), "no hand stands free on anything that was seen");
+    assert_eq!(plan.reason.unwrap(), "no collision-free grasp candidate was found on the observed surface");
 }
 
 #[test]

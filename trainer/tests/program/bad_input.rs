@@ -54,7 +54,7 @@ fn a_wrong_configuration_is_78_and_all_of_it_is_told() {
     check_fails(
         &place.fit(&[]),
         78,
-        &["training.batch must be", "training.speed is no key of this file", "split.by must be"],
+        &["training.batch must be", "training.speed is an unknown key", "split.by must be"],
     );
     check_fails(&["fit", "--data", "x", "--run", "y", "--config", "/none.toml"], 78, &["/none.toml"]);
     assert!(!place.run.exists());

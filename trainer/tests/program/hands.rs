@@ -58,6 +58,6 @@ fn a_judge_learns_from_many_hands_and_answers_for_those_between_them() {
     check_fails(
         &["fit", "--data", &two, "--config", voxel, "--run", other.to_str().unwrap()],
         78,
-        &["the paper's network knows nothing of hands"],
+        &["the voxel network has no gripper input"],
     );
 }
