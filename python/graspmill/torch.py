@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
-from pathlib import Path
+import re
 from typing import Any, Generic, Iterator, Literal, TypedDict, TypeVar
 
 import numpy as np
@@ -444,17 +443,19 @@ class VoxelNetwork(nn.Module):
             upsampling: In place of what the file names.
         """
         said: dict[str, Any] = {}
-        if zipfile.is_zipfile(path) or Path(path).read_bytes()[:1] == b"\x80":
+        with open(path, "rb") as file:
+            first = file.read(9)
+        if first[8:] != b"{":  # safetensors: the length of a JSON header, and the header
             tensors = _state_dict(torch.load(os.fspath(path), map_location="cpu", weights_only=True))
             said = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
         else:
             from safetensors import safe_open
 
-            with safe_open(os.fspath(path), "pt") as file:
-                said = file.metadata() or {}
+            with safe_open(os.fspath(path), "pt") as weights:
+                said = weights.metadata() or {}
                 # Our checkpoints name an origin that is not midway between the tips.
                 said = {"origin_behind_tips_m": 0.0, **json.loads(said["graspmill"])} if "graspmill" in said else said
-                tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith("adam.")}
+                tensors = {name: weights.get_tensor(name) for name in weights.keys() if not name.startswith("adam.")}
         origin = {name: float(said[name]) for name in ("origin_behind_tips_m", "voxel_offset") if name in said}
         net = cls(upsampling or said.get("upsampling", "linear"), **origin)
         net.load_state_dict(tensors, strict=True)
@@ -475,7 +476,7 @@ def _state_dict(saved: Any) -> dict[str, Tensor]:
         saved = saved.get(name, saved) if isinstance(saved, dict) else saved
     if not isinstance(saved, dict):
         raise InputError(f"the file must hold a state dict, it holds {_arrays.shown(type(saved).__name__)}")
-    return {str(name).replace("module.", "").replace("_orig_mod.", ""): tensor for name, tensor in saved.items()}
+    return {re.sub(r"^(module\.|_orig_mod\.)+", "", str(name)): tensor for name, tensor in saved.items()}
 
 
 def loss(quality: Tensor, rotation: Tensor, width: Tensor, batch: Batch) -> Tensor:

@@ -177,7 +177,7 @@ def test_what_pytorch_saves_comes_back_bit_by_bit(tmp_path, zipped, wrapped, tor
     """Through the package, which reads PyTorch's files with PyTorch."""
     graspmill = pytest.importorskip("graspmill.torch")
     state = conv_net(torch, "nearest").state_dict()
-    saved = {"epoch": 7, "state_dict": {f"module.{name}": tensor for name, tensor in state.items()}} if wrapped else state
+    saved = {"epoch": 7, "state_dict": {f"module._orig_mod.{name}": tensor for name, tensor in state.items()}} if wrapped else state
     torch.save(saved, tmp_path / "net.pth", _use_new_zipfile_serialization=zipped)
     graspmill.VoxelNetwork.load(tmp_path / "net.pth").save(tmp_path / "net.safetensors")
     said = trainer("import", tmp_path / "net.safetensors", "--out", tmp_path / "checkpoint.safetensors")

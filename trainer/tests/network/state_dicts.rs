@@ -6,6 +6,8 @@ use network::interchange::{GivenParams, IMPORTED, Imported, Target, export, impo
 use network::layers::parameter_slots;
 use network::upsampling::Upsampling;
 use network::{Architecture, GraspOrigin, VoxelParams};
+use program::ExitCode;
+use proptest::prelude::*;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
@@ -17,8 +19,8 @@ fn values() -> Vec<f32> {
     noise(count, 700).into_iter().map(|draw| (draw - 0.5) as f32).collect()
 }
 
-/// Imports the values of `bytes` a parameter, under a prefix.
-fn imported(folder: &std::path::Path, prefix: &str, dtype: Dtype, bytes: impl Fn(f32) -> Vec<u8>) -> Imported {
+/// A file of the values of `bytes` a parameter, under a prefix.
+fn file(prefix: &str, dtype: Dtype, bytes: impl Fn(f32) -> Vec<u8>) -> Vec<u8> {
     let mut rest = &values()[..];
     let slots: Vec<_> = parameter_slots()
         .into_iter()
@@ -33,9 +35,13 @@ fn imported(folder: &std::path::Path, prefix: &str, dtype: Dtype, bytes: impl Fn
         })
         .collect();
     let tensors = slots.iter().map(|(name, shape, data)| (name, TensorView::new(dtype, shape.clone(), data).unwrap()));
-    let file = folder.join("weights.safetensors");
-    std::fs::write(&file, safetensors::serialize(tensors, None).unwrap()).unwrap();
-    import(&file, &folder.join("checkpoint"), GivenParams::default(), false).unwrap()
+    safetensors::serialize(tensors, None).unwrap()
+}
+
+fn imported(folder: &std::path::Path, prefix: &str, dtype: Dtype, bytes: impl Fn(f32) -> Vec<u8>) -> Imported {
+    let path = folder.join("weights.safetensors");
+    std::fs::write(&path, file(prefix, dtype, bytes)).unwrap();
+    import(&path, &folder.join("checkpoint"), GivenParams::default(), false).unwrap()
 }
 
 #[test]
@@ -84,4 +90,37 @@ fn an_exported_checkpoint_is_one_without_moments() {
     names.sort_unstable();
     slots.sort_by(|a, b| a.name.cmp(&b.name));
     assert!(names.into_iter().eq(slots.iter().map(|slot| slot.name.as_str())));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Whatever the bytes say, the answer is a checkpoint or an error, and only a checkpoint leaves a file.
+    #[test]
+    fn damaged_files_are_refused_or_read_but_never_panic(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), any::<bool>()), 1..6),
+        keep in prop::option::of(any::<prop::sample::Index>()),
+        header in prop::option::of("[{}\\[\\]:,\"a-z0-9_.]{0,60}"),
+    ) {
+        let mut bytes = file("", Dtype::F32, |value| value.to_le_bytes().to_vec());
+        let header_len = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+        for (at, value, in_header) in changes {
+            let at = at.index(if in_header { header_len } else { bytes.len() });
+            bytes[at] = value;
+        }
+        if let Some(header) = header {
+            bytes.splice(..header_len, (header.len() as u64).to_le_bytes().into_iter().chain(header.into_bytes()));
+        }
+        if let Some(keep) = keep {
+            bytes.truncate(keep.index(bytes.len()));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let (path, out) = (folder.path().join("weights"), folder.path().join("checkpoint"));
+        std::fs::write(&path, bytes).unwrap();
+        let read = import(&path, &out, GivenParams::default(), false);
+        prop_assert_eq!(read.is_ok(), out.exists());
+        if let Err(failure) = read {
+            prop_assert!(matches!(failure.code(), ExitCode::Config | ExitCode::Data), "{:?}", failure.code());
+        }
+    }
 }

@@ -10,15 +10,20 @@ use crate::fixture::{check_fails, trainer, write_dataset};
 
 /// A safetensors file of every parameter, all of them `value`.
 fn state_dict(dir: &Path, value: f32) -> String {
-    let data: Vec<u8> = std::iter::repeat_n(value.to_le_bytes(), 1 << 18).flatten().collect();
+    let path = dir.join(format!("all-{value}.safetensors"));
+    fs::write(&path, weights("", Dtype::F32, &value.to_le_bytes())).unwrap();
+    text(&path).to_owned()
+}
+
+/// The bytes of such a file, of another number type, with names under a prefix.
+fn weights(prefix: &str, dtype: Dtype, value: &[u8]) -> Vec<u8> {
+    let data = value.repeat(1 << 18);
     let slots = network::layers::parameter_slots();
     let tensors = slots.iter().map(|slot| {
-        let own = &data[..4 * slot.len];
-        (&slot.name, TensorView::new(Dtype::F32, slot.shape.clone(), own).unwrap())
+        let own = &data[..value.len() * slot.len];
+        (format!("{prefix}{}", slot.name), TensorView::new(dtype, slot.shape.clone(), own).unwrap())
     });
-    let path = dir.join(format!("all-{value}.safetensors"));
-    fs::write(&path, safetensors::serialize(tensors, None).unwrap()).unwrap();
-    text(&path).to_owned()
+    safetensors::serialize(tensors, None).unwrap()
 }
 
 fn text(path: &Path) -> &str {
@@ -59,9 +64,13 @@ fn the_program_says_what_it_did() {
     let out = dir.path().join("checkpoint");
     let said = succeeds(&["import", &state_dict(dir.path(), 0.01), "--upsampling", "linear", "--out", text(&out)]);
     assert!(said.contains("all-0.01.safetensors") && said.contains("upsampling  linear"), "{said}");
+    let wrapped = dir.path().join("wrapped");
+    fs::write(&wrapped, weights("module.", Dtype::F64, &0.01_f64.to_le_bytes())).unwrap();
+    let said = succeeds(&["import", text(&wrapped), "--out", text(&out), "--force"]);
+    assert!(said.contains("prefix \"module.\" removed") && said.contains("float64 converted to float32"), "{said}");
     let onnx = dir.path().join("vgn.onnx");
     let said = succeeds(&["export", text(&out), "--format", "onnx", "--out", text(&onnx)]);
-    assert!(said.contains("upsampling  linear"), "{said}");
+    assert!(said.contains("upsampling  nearest"), "{said}");
     let bytes = fs::read(&onnx).unwrap();
     succeeds(&["export", text(&out), "--format", "onnx", "--out", text(&onnx), "--force"]);
     assert!(fs::read(&onnx).unwrap() == bytes, "the same checkpoint makes the same file");
