@@ -1,4 +1,4 @@
-"""ROS 2 example: depth image + camera info + TF -> `planner serve` -> ranked grasps as a PoseArray, best first."""
+"""ROS 2 example: depth image + camera info + TF -> `graspmill serve` -> ranked grasps as a PoseArray, best first."""
 import base64, io, json, urllib.request  # noqa: E401
 import numpy, rclpy, tf2_ros  # noqa: E401
 from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion

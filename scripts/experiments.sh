@@ -5,7 +5,7 @@
 #
 # VOXEL=FILE adds rows of a network that was trained by configs/train/voxel.toml, which is not shipped (docs/results/training.md).
 #
-# Finished experiments are not repeated, and interrupted ones continue. `experiments compare` makes the tables.
+# Finished experiments are not repeated, and interrupted ones continue. `graspmill experiment compare` makes the tables.
 set -euo pipefail
 
 out=${1:?where the runs go}

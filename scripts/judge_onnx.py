@@ -1,9 +1,9 @@
 """Judges hands without Graspmill: a judge exported to ONNX, asked through onnxruntime and NumPy.
 
-    trainer export models/judge.safetensors --format onnx --out judge.onnx
+    graspmill weights export models/judge.safetensors --format onnx --out judge.onnx
     python scripts/judge_onnx.py judge.onnx scene.npy plan.json --views 6
 
-`scene.npy` is a TSDF in VGN's values, [40, 40, 40] or [1, 40, 40, 40]; `plan.json` has the hands, as `planner plan` or
+`scene.npy` is a TSDF in VGN's values, [40, 40, 40] or [1, 40, 40, 40]; `plan.json` has the hands, as `graspmill plan` or
 `[{"position_m": [x, y, z], "quaternion_xyzw": [x, y, z, w]}, …]` gives them: grasps in the workspace, +z the approach,
 +y the closing direction, the origin midway between the tips. Prints the probability of each outcome.
 

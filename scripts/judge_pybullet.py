@@ -3,7 +3,7 @@
 
     python scripts/judge_pybullet.py DIR [--rounds N] [--jobs N] [--report F.md] [--json F.json]
 
-DIR is the folder of `experiments run CONFIG --out DIR`. Reads only the tables and JSON files there; the report goes to stdout.
+DIR is the folder of `graspmill experiment run CONFIG --out DIR`. Reads only the tables and JSON files there; the report goes to stdout.
 """
 
 import sys

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Regenerates docs/reference/*.md with the programs. Usage: scripts/reference.sh [FOLDER_OF_PROGRAMS]
+# Regenerates docs/reference/{commands,settings,tables}.md with the program. Usage: scripts/reference.sh [FOLDER_OF_PROGRAM]
 #
-# tests/python/test_reference.py fails if a page is out of date. Exit code: 0, or that of the program that failed.
+# tests/python/test_reference.py fails if a page is out of date. Exit code: 0, or that of the program.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 programs=${1-${CARGO_TARGET_DIR:-target}/debug}
 mkdir -p docs/reference
-for name in generator shards trainer planner experiments; do
-    "$programs/$name" manual markdown >"docs/reference/$name.md"
+for page in commands settings tables; do
+    "$programs/graspmill" manual markdown "$page" >"docs/reference/$page.md"
 done

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Packs a release: programs, licences (including linked crates), settings, networks, docs, man pages, completions.
+# Packs a release: the program, licences (including linked crates), settings, networks, docs, man pages, completions.
 # Usage: scripts/release.sh [OUT_DIR]
 #
 # Writes OUT_DIR/graspmill-VERSION-TARGET.tar.zst (.tar.gz without zstd), and OUT_DIR/SHA256SUMS of all archives there; the default of
@@ -13,7 +13,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 root=$PWD
 out=$(mkdir -p "${1:-dist}" && cd "${1:-dist}" && pwd)
-programs=(generator shards trainer planner experiments)
+names=(generator shards trainer planner experiments)
 documents=(README.md CHANGELOG.md ARCHITECTURE.md CONTRIBUTING.md LICENSE-MIT LICENSE-APACHE)
 folders=(configs models docs scripts)
 
@@ -49,24 +49,22 @@ else
     # A static glibc hides getrandom(2) from the crate of that name, which then needs /dev/urandom, and an empty root has none.
     flags="$flags --cfg getrandom_backend=\"linux_getrandom\""
     RUSTFLAGS="-C target-feature=+crt-static $flags" SOURCE_DATE_EPOCH=$time cargo build --locked --profile dist \
-        --target "$target" --workspace --bins
+        --target "$target" --package graspmill --bin graspmill
     built=$(cd "${CARGO_TARGET_DIR:-target}/$target/dist" && pwd)
 fi
-for program in "${programs[@]}"; do
-    [[ -x $built/$program ]] || fail 1 "no program: $built/$program"
-done
+[[ -x $built/graspmill ]] || fail 1 "no program: $built/graspmill"
 
 stage=$(mktemp -d)
 trap 'rm -rf "$stage"' EXIT
 say "2/4 gathering"
 folder=$stage/$name
 mkdir -p "$folder"/{bin,share/man/man1,share/completions}
-for program in "${programs[@]}"; do
-    install -m 755 "$built/$program" "$folder/bin/$program"
-    "$folder/bin/$program" manual man "$folder/share/man/man1"
-    for shell in bash zsh fish; do
-        "$folder/bin/$program" manual completions "$shell" >"$folder/share/completions/$program.$shell"
-    done
+install -m 755 "$built/graspmill" "$folder/bin/graspmill"
+# The same program under the names of earlier versions.
+for name_of_part in "${names[@]}"; do ln -s graspmill "$folder/bin/$name_of_part"; done
+"$folder/bin/graspmill" manual man "$folder/share/man/man1"
+for shell in bash zsh fish; do
+    "$folder/bin/graspmill" manual completions "$shell" >"$folder/share/completions/graspmill.$shell"
 done
 # Only files in git.
 git archive --format=tar HEAD -- "${documents[@]}" "${folders[@]}" | tar -xf - -C "$folder"
@@ -90,14 +88,14 @@ say "4/4 trying what was packed"
 mkdir "$stage/tried"
 "${unpack[@]}" <"$stage/$archive" | tar -xf - -C "$stage/tried"
 static=yes
-for program in "${programs[@]}"; do
+for program in graspmill "${names[@]}"; do
     tried=$stage/tried/$name/bin/$program
     told=$("$tried" --version)
-    [[ $told == "$program $version" ]] || fail 1 "$program --version must say $program $version, got $told"
+    [[ $told == "graspmill $version" ]] || fail 1 "$program --version must say graspmill $version, got $told"
     # ldd ends with 1 for a static program.
     linked=$(ldd "$tried" 2>&1 | sed 's/^[[:space:]]*//' | paste -sd ';' || true)
     [[ $linked == "statically linked" || $linked == "not a dynamic executable" ]] || static=no
-    printf '%-18s %5d kB  %s\n' "$told" "$(($(stat -c %s "$tried") / 1000))" "$linked"
+    printf '%-18s %5d kB  %s\n' "$told" "$(($(stat -L -c %s "$tried") / 1000))" "$linked"
 done
 # Static programs, as root, in a root folder that has nothing else in it.
 cd "$stage/tried/$name"
@@ -106,10 +104,10 @@ run() {
     shift
     if ((EUID == 0)) && [[ $static == yes ]]; then chroot . "/bin/$program" "$@"; else "bin/$program" "$@"; fi
 }
-run planner plan --demo --quiet --out plan.json
+run graspmill plan --demo --quiet --out plan.json
 grep -q '"grasps"' plan.json
-run generator --config configs/generate/demo.toml --attempts 60 --shards 1 --out tried
-run shards verify tried
+run graspmill generate --config configs/generate/demo.toml --attempts 60 --shards 1 --out tried
+run graspmill dataset verify tried
 cd "$root"
 mv "$stage/$archive" "$out/$archive"
 (cd "$out" && sha256sum -- graspmill-*.tar.* >"$stage/SHA256SUMS")

@@ -64,12 +64,12 @@ locks() {
     cargo metadata --locked --format-version 1 >/dev/null && cargo metadata --locked --format-version 1 --manifest-path fuzz/Cargo.toml >/dev/null
 }
 
-# The pages of docs/reference are what the programs say.
+# The pages of docs/reference are what the program says.
 reference() {
-    local name result=0
-    for name in generator shards trainer planner experiments; do
-        "${CARGO_TARGET_DIR:-target}/debug/$name" manual markdown | diff -q - "docs/reference/$name.md" >/dev/null \
-            || { echo "docs/reference/$name.md is out of date: run scripts/reference.sh"; result=1; }
+    local page result=0
+    for page in commands settings tables; do
+        "${CARGO_TARGET_DIR:-target}/debug/graspmill" manual markdown "$page" | diff -q - "docs/reference/$page.md" >/dev/null \
+            || { echo "docs/reference/$page.md is out of date: run scripts/reference.sh"; result=1; }
     done
     return $result
 }

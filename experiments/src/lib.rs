@@ -5,9 +5,6 @@
 //! packed), [`round`] runs one round, [`run`] runs all of them, [`tables`] writes the rows, [`statistics`] computes the
 //! rates, and [`report`] and [`page`] present them.
 
-extern crate self as experiments; // as its commands name it
-
-pub mod commands;
 pub mod config;
 mod files;
 pub mod page;

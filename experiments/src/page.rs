@@ -85,7 +85,7 @@ pub fn document(all: &[Played]) -> Document {
         own.extend(whole_origin(one));
         if all.len() > 1 { blocks.extend(below(name, own)) } else { blocks.extend(own) }
     }
-    Document { title, blocks, footer: format!("experiments report, Graspmill {}", env!("CARGO_PKG_VERSION")) }
+    Document { title, blocks, footer: format!("graspmill experiment report, Graspmill {}", env!("CARGO_PKG_VERSION")) }
 }
 
 /// What experiments are called: by their protocols; where two have the same, by their folders too.

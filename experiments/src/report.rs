@@ -381,7 +381,7 @@ mod tests {
     fn about() -> About {
         let versions = [("experiments", "0.2.0"), ("rapier3d", "0.36.1")];
         About {
-            command: "experiments run configs/experiment/pile.toml".to_owned(),
+            command: "graspmill experiment run configs/experiment/pile.toml".to_owned(),
             config: "seed = 1\nname = \"```\"\n".to_owned(),
             model_id: "c0ffee".to_owned(),
             versions: versions.map(|(name, version)| (name.to_owned(), version.to_owned())).into(),
@@ -441,7 +441,7 @@ Rendering the views took 50.0 / 60.0 / 70.5 ms (p50 / p90 / p99); a plan gave 12
 | rapier3d | 0.36.1 |
 
 ```sh
-experiments run configs/experiment/pile.toml
+graspmill experiment run configs/experiment/pile.toml
 ```
 
 ````toml

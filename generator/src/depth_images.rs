@@ -70,7 +70,7 @@ fn around(count: u8, size_m: f32) -> Vec<View> {
 fn head(dataset: &Dataset, scene_id: u64, lens: &Intrinsics) -> String {
     let Intrinsics { width_px, height_px, fx_px, fy_px, cx_px, cy_px } = lens;
     format!(
-        "# Scene {scene_id} of dataset {}, for planner plan --views.\n\n\
+        "# Scene {scene_id} of dataset {}, for graspmill plan --views.\n\n\
          [intrinsics]\nwidth_px = {width_px}\nheight_px = {height_px}\nfx_px = {fx_px:?}\nfy_px = {fy_px:?}\n\
          cx_px = {cx_px:?}\ncy_px = {cy_px:?}\n",
         dataset.id()

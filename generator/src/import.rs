@@ -19,7 +19,6 @@ pub use told::ImportedObject;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use clap::Args;
 use glamx::DSymmetricEigen3;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
@@ -52,67 +51,51 @@ const COARSER: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
 const CORNERS_MIN: usize = 8;
 const VOXELS_MIN: u32 = 16;
 
-/// Friction unless given: wood, card and plastic against rubber.
-const FRICTION: f32 = 0.8;
 /// Density unless given, in kg/m³: hollow plastic, light wood.
 const DENSITY_KG_M3: f64 = 400.0;
 
 /// Settings of the import.
-#[derive(Debug, Clone, PartialEq, Args)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ImportParams {
-    /// Metres per unit of the files: 0.001 for millimetres; a URDF's or MJCF's own scale applies besides [default:
-    /// guessed from the sizes, metres for URDF and MJCF]
-    #[arg(long, value_name = "METRES", value_parser = positive)]
-    scale: Option<f64>,
-
-    /// Density of all objects in kg/m3 [default: a URDF's or MJCF's mass, else 400]
-    #[arg(long, value_name = "KG/M3", value_parser = positive)]
-    density: Option<f64>,
-
-    /// Mass of each object in kg, instead
-    #[arg(long, value_name = "KG", conflicts_with = "density", value_parser = positive)]
-    mass: Option<f64>,
-
-    /// Friction coefficient of all objects
-    #[arg(long, value_name = "MU", default_value_t = FRICTION)]
-    friction: f32,
-
-    /// What differs for single objects: tables `[name]` with scale, mass_kg or density_kg_m3, friction (TOML)
-    #[arg(long, value_name = "FILE")]
-    each: Option<PathBuf>,
-
-    /// Most convex parts of an object; 1 makes it its convex hull
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
-    hulls_max: u8,
-
-    /// Most corners of a part; an attempt takes longer with more
-    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u8).range(8..=64))]
-    corners_max: u8,
-
-    /// Voxels along an object's longest side; objects are cut along voxels
-    #[arg(long, value_name = "N", default_value_t = 96, value_parser = clap::value_parser!(u32).range(16..=256))]
-    voxels: u32,
-
-    /// Test drops of each object; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(0..=1000))]
-    drops: u32,
-
-    /// Leave out objects that come to rest in a smaller share of their test drops; above 0 also those that do not fit
-    /// into the workspace
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
-    rests_min: f64,
+    /// Metres per unit of the files, above 0; a URDF's or MJCF's own scale applies besides. Guessed from the sizes if
+    /// not given; metres for URDF and MJCF.
+    pub scale: Option<f64>,
+    /// Density of all objects in kg/m³, above 0; if not given a URDF's or MJCF's mass, else 400 kg/m³.
+    pub density: Option<f64>,
+    /// Mass of each object in kg, above 0, instead.
+    pub mass: Option<f64>,
+    /// Friction coefficient of all objects.
+    pub friction: f32,
+    /// A file of what differs for single objects: tables `[name]` with scale, `mass_kg` or `density_kg_m3`, friction.
+    pub each: Option<PathBuf>,
+    /// Most convex parts of an object, 1 to 64; 1 makes it its convex hull.
+    pub hulls_max: u8,
+    /// Most corners of a part, 8 to 64; an attempt takes longer with more.
+    pub corners_max: u8,
+    /// Voxels along an object's longest side, 16 to 256; objects are cut along voxels.
+    pub voxels: u32,
+    /// Test drops of each object; 0 for none.
+    pub drops: u32,
+    /// Objects that come to rest in a smaller share of their test drops are left out; above 0 also those that do not
+    /// fit into the workspace.
+    pub rests_min: f64,
 }
 
-/// A number above 0.
-fn positive(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
-    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("must be above 0, got {text}")) }
-}
-
-/// A number from 0 to 1.
-fn share(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
-    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(format!("must be between 0 and 1, got {text}")) }
+impl Default for ImportParams {
+    fn default() -> Self {
+        Self {
+            scale: None,
+            density: None,
+            mass: None,
+            friction: 0.8, // wood, card and plastic against rubber
+            each: None,
+            hulls_max: 8,
+            corners_max: 32,
+            voxels: 96,
+            drops: 20,
+            rests_min: 0.0,
+        }
+    }
 }
 
 /// The result of an import.

@@ -5,13 +5,10 @@
 //! rows of one scene, as a pure function of config, seed and scene number. [`generate`] does this for all scenes of the
 //! requested shards, on all cores, and commits each shard when it is complete.
 
-extern crate self as generator; // as its commands name it
-
 mod bench;
 mod build;
 mod candidates;
 pub mod catalogue;
-pub mod commands;
 mod config;
 mod depth_images;
 #[cfg(any(test, fuzzing))]

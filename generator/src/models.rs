@@ -33,7 +33,7 @@ impl Models {
         Ok(models)
     }
 
-    /// Household objects: those that the catalogue of `generator make-objects` has.
+    /// Household objects: those that the catalogue of `graspmill objects make` has.
     fn draw_household(params: &HouseholdParams) -> Result<Self, Vec<String>> {
         let text = household(params).map_err(|e| vec![e])?;
         Self::of(&Catalogue::parse(&text, Path::new("drawn by objects.catalogue")).map_err(|e| vec![e])?)

@@ -92,8 +92,8 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, Failure> {
     replay_of(dataset, &dataset.read_scene(id.scene_id)?, id)
 }
 
-/// The pages of all attempts of a scene, for a folder of `shards browse`: their files' names, texts, and whether they
-/// end as stored. Each leads to the scene, to all scenes, to the report and to the scene's other attempts.
+/// The pages of all attempts of a scene, for a folder of `graspmill dataset browse`: their files' names, texts, and
+/// whether they end as stored. Each leads to the scene, to all scenes, to the report and to the scene's other attempts.
 ///
 /// # Errors
 /// As of [`replay`].

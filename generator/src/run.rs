@@ -371,7 +371,7 @@ fn too_many(rejected: &Rejected, share_max: f64) -> Failure {
     let moved = if rejected.moving.is_empty() { "nothing".to_owned() } else { rejected.moved_on() };
     let text = format!(
         "{share} of the first {tries} scenes were thrown away, more than --rejected-max {share_max}; what moved on, and how \
-         often: {moved}. Leave such objects out (generator import-objects --rests-min), or allow more"
+         often: {moved}. Leave such objects out (graspmill objects import --rests-min), or allow more"
     );
     Failure::new(ExitCode::Config, text)
 }

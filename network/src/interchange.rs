@@ -13,9 +13,9 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-use clap::ValueEnum;
 use program::{Context as _, ExitCode, Failure};
 use safetensors::SafeTensors;
+use settings::words;
 
 use crate::checkpoint::{self, Checkpoint, Progress};
 use crate::upsampling::Upsampling;
@@ -29,15 +29,14 @@ const FILE_LEN_MAX: u64 = 64 << 20;
 /// Replaces a dataset's id, which is a SHA-256 and therefore never equal to this.
 pub const IMPORTED: &str = "unknown (imported weights)";
 
-/// The format of a file of weights to export.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Target {
-    /// The weights under VGN's names.
-    // The 18 tensors and our header: a checkpoint without the optimiser's moments.
-    Safetensors,
-    /// The whole network.
-    // Dense, with the sigmoid and the normalisation.
-    Onnx,
+words! {
+    /// The format of a file of weights to export.
+    pub enum Target {
+        /// The weights under VGN's names: a checkpoint without the optimiser's moments.
+        Safetensors = "safetensors",
+        /// The whole network, dense, with the sigmoid and the normalisation.
+        Onnx = "onnx",
+    }
 }
 
 /// Imported weights.

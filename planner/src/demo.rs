@@ -13,7 +13,7 @@ const IMAGES: [&[u8]; 3] = [
     include_bytes!("../demo/depth-2.png"),
 ];
 
-/// The request of `planner plan --demo`, the same as that of `planner plan --views planner/demo/views.toml`.
+/// The request of `graspmill plan --demo`, the same as that of `graspmill plan --views planner/demo/views.toml`.
 ///
 /// # Errors
 /// Never, as a test shows; the type is that of other requests.

@@ -13,15 +13,14 @@
 //! A plan is a pure function of the observation, the network and the [`config`]; the number of threads changes no bit.
 
 pub mod bench;
-mod closing;
 pub mod cloud_file;
-pub mod commands;
 pub mod config;
 pub mod demo;
-pub mod detect;
 pub mod hand;
 pub mod input;
+mod judge;
 mod limits;
+mod method;
 mod observation;
 pub mod picture;
 pub mod plan;
@@ -29,7 +28,9 @@ mod planner;
 pub mod rank;
 pub mod segment;
 pub mod serve;
+mod timing;
 pub mod volume;
+pub mod voxel;
 
 pub use config::{BuiltIn, Config, Policy};
 pub use observation::{Cone, Limits, Mask, Observation, SeenView, Target, WORKSPACE_M, Wishes, plane};

@@ -1,5 +1,5 @@
-//! The planner over HTTP, for robot stacks without Rust: `POST /v1/plan` takes the input of `planner plan` and returns
-//! its output.
+//! The planner over HTTP, for robot stacks without Rust: `POST /v1/plan` takes the input of `graspmill plan` and
+//! returns its output.
 //!
 //! No client may stop or exhaust the service: bodies, waiting requests, connections and times are limited, and a panic
 //! costs one answer. The service has neither TLS nor authentication and belongs on loopback.

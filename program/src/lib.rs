@@ -1,5 +1,5 @@
-//! What every program of the workspace does alike: it starts, reports errors, reacts to signals, publishes files,
-//! prints numbers and its own manual, and ends with a documented exit code.
+//! What every command does alike: it starts, reports errors, reacts to signals, publishes files, prints numbers, and
+//! ends with a documented exit code.
 //!
 //! A `main` calls [`run`] with a command. Whatever a command returns with `?` must implement [`Exit`], so an error
 //! without an exit code does not compile:
@@ -18,7 +18,6 @@ mod allocator;
 mod exit;
 mod folder;
 mod machine;
-pub mod manual;
 mod output;
 mod publish;
 mod read;
@@ -33,5 +32,5 @@ pub use output::{command_line, json, print, print_error, write};
 pub use publish::publish;
 pub use read::{open, read, unread};
 pub use signals::stop_on_signals;
-pub use start::{embed, run, run_to_code, start_beside, start_threads, thread_pool};
+pub use start::{run, start_threads, thread_pool};
 pub use text::error_chain;

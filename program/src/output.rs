@@ -1,13 +1,13 @@
 //! What a command prints and writes.
 
 use std::borrow::Cow;
+use std::ffi::OsStr;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 use serde::Serialize;
 
-use crate::start::words;
 use crate::{Context, ExitCode, Failure, publish};
 
 /// Prints to standard output, control characters escaped (as `\u001b`). A reader that closed it, such as `head`, had
@@ -57,11 +57,9 @@ pub fn json(value: &impl Serialize) -> Result<String, Failure> {
     Ok(serde_json::to_string_pretty(value).map_err(failed)? + "\n")
 }
 
-/// The command line of this process, as a person would type it into a shell.
-#[must_use]
-pub fn command_line(program: &str) -> String {
-    let words = words().into_iter().skip(1);
-    words.fold(program.to_owned(), |line, word| line + " " + &quoted(&word.to_string_lossy()))
+/// The words of a command line as a person would type them into a shell.
+pub fn command_line(words: impl IntoIterator<Item = impl AsRef<OsStr>>) -> String {
+    words.into_iter().map(|word| quoted(&word.as_ref().to_string_lossy())).collect::<Vec<_>>().join(" ")
 }
 
 /// A word as a shell takes it.

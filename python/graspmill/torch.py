@@ -1,6 +1,6 @@
 """For PyTorch: datasets that read shards, and the paper's network.
 
-Needs ``pip install graspmill[torch]``. What is trained on is what ``graspmill trainer fit`` trains on: the same samples, the same split.
+Needs ``pip install graspmill[torch]``. What is trained on is what ``graspmill fit`` trains on: the same samples, the same split.
 """
 
 from __future__ import annotations
@@ -378,8 +378,8 @@ class HandStream(_Stream[HandBatch]):
 class VoxelNetwork(nn.Module):
     """The paper's network, which is VGN's: for every voxel a quality, an orientation and an opening.
 
-    ``load_state_dict(..., strict=True)`` takes the tensors of ``graspmill trainer export --format safetensors`` (:meth:`load`), and
-    ``graspmill trainer import`` takes a saved state dict (:meth:`save`).
+    ``load_state_dict(..., strict=True)`` takes the tensors of ``graspmill weights export --format safetensors`` (:meth:`load`), and
+    ``graspmill weights import`` takes a saved state dict (:meth:`save`).
 
     Args:
         upsampling: ``"linear"`` (trilinear, the shipped configs) or ``"nearest"``.
@@ -437,7 +437,7 @@ class VoxelNetwork(nn.Module):
         """The network with the weights of a file, and with the upsampling and the origin that the file names.
 
         Args:
-            path: A safetensors file, of ``graspmill trainer export`` or of :meth:`save`; or a state dict of ``torch.save``, alone or under
+            path: A safetensors file, of ``graspmill weights export`` or of :meth:`save`; or a state dict of ``torch.save``, alone or under
                 ``"state_dict"``, ``"model_state_dict"`` or ``"model"``, which names nothing and so is taken as VGN's: nearest upsampling,
                 the origin 50 mm behind the tips in its voxel's lower corner.
             upsampling: In place of what the file names.
@@ -462,7 +462,7 @@ class VoxelNetwork(nn.Module):
         return net
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the weights for ``graspmill trainer import``."""
+        """Writes the weights for ``graspmill weights import``."""
         from safetensors.torch import save_file
 
         names = ("upsampling", "origin_behind_tips_m", "voxel_offset")

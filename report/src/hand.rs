@@ -347,7 +347,7 @@ mod tests {
         let stored = std::fs::read_to_string(path).unwrap();
         assert!(
             svg(&hand("franka_hand")) == stored,
-            "planner gripper franka_hand --picture docs/pictures/franka_hand.svg"
+            "graspmill gripper franka_hand --picture docs/pictures/franka_hand.svg"
         );
     }
 

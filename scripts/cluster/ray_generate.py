@@ -49,7 +49,7 @@ def make_shard(command, shard):
 
 
 def missing(generator, out, shards):
-    """The shards to make: those that `generator missing` prints, or all if there is no dataset yet."""
+    """The shards to make: those that `graspmill dataset missing` prints, or all if there is no dataset yet."""
     listed = subprocess.run([generator, "missing", out], stdout=subprocess.PIPE, text=True)
     if listed.returncode == CONFIG:
         return list(range(shards))

@@ -26,7 +26,7 @@ class Clocked:
 
 
 def clocked(generator: Path, dataset: Path, scenes: int, attempts: int) -> Clocked:
-    """Times `generator repeat`; raises GeneratorFailed unless every attempt ends as stored."""
+    """Times `graspmill dataset repeat`; raises GeneratorFailed unless every attempt ends as stored."""
     # Resolved, for a bare name would be looked up in PATH.
     command = [generator.resolve(), "repeat", dataset, "--scenes", str(scenes), "--threads", "1"]
     start = perf_counter()

@@ -63,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="judge_pybullet.py", description="Execute the grasps of an experiment again in PyBullet, and compare how they end.",
         epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("experiment", type=Path, metavar="DIR", help="folder of `experiments run CONFIG --out DIR`")
+    parser.add_argument("experiment", type=Path, metavar="DIR", help="folder of `graspmill experiment run CONFIG --out DIR`")
     parser.add_argument("--rounds", type=positive, metavar="N", help="only the first N rounds [default: all]")
     parser.add_argument("--jobs", type=positive, default=1, metavar="N", help="processes; changes nothing but the time [default: 1]")
     parser.add_argument("--report", type=Path, metavar="F.md", help="also write the report here")

@@ -44,10 +44,9 @@
 //! A shard's bytes are a pure function of its rows: no clock, no host name, no library version. Every error is a
 //! [`program::Failure`], which has an exit code.
 
-extern crate self as shards; // as the commands and the files of tests/support name it
+#[cfg(any(test, fuzzing))]
+extern crate self as shards; // as the files of tests/support name it
 
-mod argument;
-pub mod commands;
 mod format;
 mod look;
 mod read;

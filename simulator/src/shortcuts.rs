@@ -1,7 +1,7 @@
 //! What an attempt may leave out, because it decides nothing.
 //!
 //! None of this changes what a label means: with [`Physics::shortcuts`] off, everything is simulated, and
-//! `generator bench` counts how often that ends differently.
+//! `graspmill bench generate` counts how often that ends differently.
 
 use schema::{Physics, Vec3};
 

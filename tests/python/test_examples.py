@@ -33,7 +33,7 @@ def test_labels_for_grasps_of_ones_own(tmp_path):
 
 def test_training_in_pytorch(tmp_path):
     pytest.importorskip("torch")
-    graspmill.generate(None, tmp_path / "ds", shards=1, attempts=600, seed=2)
+    graspmill.generate(tmp_path / "ds", shards=1, attempts=600, seed=2)
     assert "accuracy on unseen scenes" in run(tmp_path, "train_in_pytorch.py", "ds")
     words = ["trainer", "import", "paper.safetensors", "--upsampling", "linear", "--out", "ours.safetensors"]
     subprocess.run([sys.executable, "-m", "graspmill", *words], cwd=tmp_path, check=True, capture_output=True)

@@ -20,7 +20,7 @@ PROGRAM = [sys.executable, "-m", "graspmill"]
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    return graspmill.generate(None, tmp_path_factory.mktemp("learned") / "ds", shards=3, attempts=1_500, seed=6)
+    return graspmill.generate(tmp_path_factory.mktemp("learned") / "ds", shards=3, attempts=1_500, seed=6)
 
 
 def test_the_split_is_the_trainers(dataset, tmp_path):

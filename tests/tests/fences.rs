@@ -23,6 +23,7 @@ const NEVER: &[(&str, &[&[&str]])] = &[
     ("trainer", &[PHYSICS, BACKENDS]),
     ("planner", &[PHYSICS, LEARNING, COLUMNS, STORES]),
     ("experiments", &[LEARNING]),
+    ("graspmill", &[BACKENDS]),
     ("python", &[BACKENDS]),
     ("workspace-tests", &[PHYSICS, LEARNING, COLUMNS, NETWORK]),
 ];
@@ -40,6 +41,8 @@ const STORES: &[&str] = &["object_store", "reqwest"];
 const OWNED: &[(&str, &str)] = &[
     ("arrow", "shards"),
     ("axum", "planner"),
+    ("clap", "graspmill"),
+    ("indicatif", "graspmill"),
     ("burn", "trainer"),
     ("numpy", "python"),
     ("object_store", "shards"),
@@ -177,6 +180,30 @@ fn of_families<'a>(tree: &'a [String], families: &[&[&str]]) -> Vec<&'a String> 
     };
     let name = |line: &'a String| line.split(' ').next().unwrap_or_default();
     tree.iter().filter(|line| families.iter().copied().flatten().any(|family| is_of(name(line), family))).collect()
+}
+
+/// The program without the feature `full` runs on a robot: no physics, no columns, no clients of stores.
+#[test]
+fn the_robots_program_links_what_planning_needs() {
+    let tree = cargo_tree(&["-p", "graspmill", "--no-default-features", "-e", "normal,build"]);
+    let found = of_families(&tree, &[PHYSICS, LEARNING, COLUMNS, STORES]);
+    assert_none("the robot's program", &found.into_iter().cloned().collect::<Vec<_>>());
+    assert!(tree.iter().any(|line| line.starts_with("planner ")), "{tree:?}");
+}
+
+/// What a command needs of another is a call: exit codes and printed text are for people and schedulers.
+#[test]
+fn no_crate_starts_a_process() {
+    // The last injects faults in tests.
+    let is_test =
+        |path: &str| path.starts_with("tests/") || path.ends_with("/tests.rs") || path == "shards/src/store/fault.rs";
+    let is_product = |path: &str| path.contains("/src/") && path.ends_with(".rs") && !is_test(path);
+    let problems: Vec<String> = files(is_product)
+        .iter()
+        .filter(|file| halves(&file.path, &file.text).0.contains("process::Command"))
+        .map(|file| format!("{} starts a process", file.path))
+        .collect();
+    assert_none("processes", &problems);
 }
 
 #[test]

@@ -1,8 +1,7 @@
 //! Compute devices: the host, or a device that the program was built for.
 //!
-//! Devices other than the host are cargo features of this crate, off by default because they compile for minutes:
-//! `cuda` (needs an NVIDIA driver with NVRTC at run time; Burn's backend downloads an LLVM bundle at build time) and
-//! `wgpu` (Vulkan, Metal or DirectX). Only this module depends on them.
+//! GPUs are the cargo feature `wgpu` of this crate (Vulkan, Metal or DirectX), off by default because it compiles for
+//! minutes. Only this module depends on it.
 //!
 //! A batch is sent to a device in the host's parts (`Batch::parts`). Whole batches would use the device
 //! better, which was not tried yet. Weights and the optimiser stay on the host.
@@ -21,14 +20,12 @@ pub enum Device {
     Burn(burn::tensor::Device),
 }
 
-/// A device's name on the command line: `cpu`, `cuda`, `cuda:1`, `wgpu`, `wgpu:0`.
+/// A device's name on the command line: `cpu`, `wgpu`, `wgpu:1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DeviceName {
     /// The host, the only device with bitwise reproducible results.
     #[default]
     Cpu,
-    /// An NVIDIA GPU, by its index.
-    Cuda(usize),
     /// A graphics adapter of Vulkan, Metal or DirectX, by its index.
     Wgpu(usize),
 }
@@ -37,7 +34,6 @@ impl std::fmt::Display for DeviceName {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Cpu => write!(f, "cpu"),
-            Self::Cuda(number) => write!(f, "cuda:{number}"),
             Self::Wgpu(number) => write!(f, "wgpu:{number}"),
         }
     }
@@ -47,14 +43,13 @@ impl FromStr for DeviceName {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let unknown = || format!("a device is cpu, cuda, cuda:N, wgpu or wgpu:N, not {text:?}");
+        let unknown = || format!("a device is cpu, wgpu or wgpu:N, not {text:?}");
         let (kind, number) = match text.split_once(':') {
             Some((kind, number)) => (kind, Some(number.parse().map_err(|_| unknown())?)),
             None => (text, None),
         };
         match (kind, number) {
             ("cpu", None) => Ok(Self::Cpu),
-            ("cuda", number) => Ok(Self::Cuda(number.unwrap_or(0))),
             ("wgpu", number) => Ok(Self::Wgpu(number.unwrap_or(0))),
             _ => Err(unknown()),
         }
@@ -67,12 +62,8 @@ impl DeviceName {
     /// # Errors
     /// If the program was built without it or the machine has none: another command or machine is needed.
     pub fn open(self) -> Result<Device, Failure> {
-        let (devices, feature, number) = match self {
-            Self::Cpu => return Ok(Device::Host),
-            Self::Cuda(number) => (cuda(), "cuda", number),
-            Self::Wgpu(number) => (wgpu(), "wgpu", number),
-        };
-        let text = match devices {
+        let Self::Wgpu(number) = self else { return Ok(Device::Host) };
+        let text = match wgpu() {
             Some(mut devices) if number < devices.len() => return Ok(devices.swap_remove(number)),
             Some(devices) => {
                 let found = match devices.len() {
@@ -82,34 +73,25 @@ impl DeviceName {
                 };
                 format!("there is no device {self}: {found} found")
             }
-            None => format!(
-                "this program was built without {feature}: cargo build --release -p trainer --features {feature} makes \
-                 one that has it"
-            ),
+            None => {
+                "this program was built without wgpu: cargo build --release -p graspmill --features wgpu makes one \
+                     that has it"
+                    .to_owned()
+            }
         };
         Err(Failure::new(ExitCode::Config, text))
     }
 }
 
-/// All NVIDIA GPUs; `None` if the program was built without CUDA.
-fn cuda() -> Option<Vec<Device>> {
-    #[cfg(feature = "cuda")]
-    return Some(listed(burn::tensor::DeviceType::Cuda));
-    #[cfg(not(feature = "cuda"))]
-    None
-}
-
 /// All graphics adapters; `None` if the program was built without `wgpu`.
 fn wgpu() -> Option<Vec<Device>> {
     #[cfg(feature = "wgpu")]
-    return Some(listed(burn::tensor::DeviceType::Wgpu));
+    {
+        let adapters = burn::tensor::Device::enumerate(burn::tensor::DeviceType::Wgpu);
+        Some(adapters.to_vec().into_iter().map(Device::Burn).collect())
+    }
     #[cfg(not(feature = "wgpu"))]
     None
-}
-
-#[cfg(any(feature = "cuda", feature = "wgpu"))]
-fn listed(kind: burn::tensor::DeviceType) -> Vec<Device> {
-    burn::tensor::Device::enumerate(kind).to_vec().into_iter().map(Device::Burn).collect()
 }
 
 #[cfg(test)]
@@ -118,13 +100,13 @@ mod tests {
 
     #[test]
     fn names_are_read_and_written() {
-        for (text, name) in [("cpu", DeviceName::Cpu), ("cuda:1", DeviceName::Cuda(1)), ("wgpu:0", DeviceName::Wgpu(0))]
+        for (text, name) in [("cpu", DeviceName::Cpu), ("wgpu:1", DeviceName::Wgpu(1)), ("wgpu:0", DeviceName::Wgpu(0))]
         {
             assert_eq!(text.parse(), Ok(name));
             assert_eq!(name.to_string(), text);
         }
-        assert_eq!("cuda".parse(), Ok(DeviceName::Cuda(0)));
-        for text in ["", "gpu", "cuda:", "cuda:x", "cpu:0", "wgpu:-1"] {
+        assert_eq!("wgpu".parse(), Ok(DeviceName::Wgpu(0)));
+        for text in ["", "gpu", "cuda", "wgpu:", "wgpu:x", "cpu:0", "wgpu:-1"] {
             let error = text.parse::<DeviceName>().unwrap_err();
             assert!(error.ends_with(&format!("not {text:?}")), "{error}");
         }
@@ -133,8 +115,8 @@ mod tests {
     #[test]
     fn a_device_that_is_not_there_is_told_with_what_to_do() {
         assert_eq!(DeviceName::Cpu.open().unwrap(), Device::Host);
-        let error = DeviceName::Cuda(4096).open().unwrap_err();
-        let expected = if cfg!(feature = "cuda") { "there is no device cuda:4096" } else { "--features cuda" };
+        let error = DeviceName::Wgpu(4096).open().unwrap_err();
+        let expected = if cfg!(feature = "wgpu") { "there is no device wgpu:4096" } else { "--features wgpu" };
         assert!(error.to_string().contains(expected), "{error}");
     }
 }

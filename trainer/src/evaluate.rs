@@ -10,12 +10,12 @@ use std::path::Path;
 use std::slice;
 use std::sync::atomic::AtomicBool;
 
-use clap::ValueEnum;
 use network::checkpoint::{Checkpoint, Confusion};
 use network::{Architecture, checkpoint};
 use program::{ExitCode, Failure};
 use schema::{Approach, Quat, Vec3};
 use serde::Serialize;
+use settings::words;
 use shards::{Dataset, Location};
 
 use crate::batch::Hand;
@@ -35,16 +35,16 @@ use crate::scores::{
 };
 use crate::split::split;
 
-/// The set of samples to evaluate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum TestSet {
-    /// Held-out attempts of training scenes.
-    TestAttempts,
-    /// Held-out scenes.
-    TestScenes,
-    /// Every sample.
-    All,
+words! {
+    /// The set of samples to evaluate.
+    pub enum TestSet {
+        /// Held-out attempts of training scenes.
+        TestAttempts = "test-attempts",
+        /// Held-out scenes.
+        TestScenes = "test-scenes",
+        /// Every sample.
+        All = "all",
+    }
 }
 
 impl TestSet {

@@ -1,7 +1,7 @@
 //! The network in Burn: in plain form, for comparison with the kernels of the crate `network`, and at single voxels,
 //! for devices other than the host. Gradients are computed by autodiff.
 //!
-//! Compiled with the cargo features `cuda`, `wgpu` and `flex` (Burn's backend for the host, which the tests use).
+//! Compiled with the cargo features `wgpu` and `flex` (Burn's backend for the host, which the tests use).
 
 pub mod columns;
 pub mod doubling;

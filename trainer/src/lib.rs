@@ -22,13 +22,10 @@
 //! So neither the number of threads nor stopping and resuming changes a bit. [`device`] lists the other devices; there
 //! gradients are computed by autodiff.
 
-extern crate self as trainer; // as its commands name it
-
 pub mod adam;
 pub mod augmentation;
 pub mod batch;
 pub mod bench;
-pub mod commands;
 pub mod config;
 mod curves;
 pub mod data;
@@ -47,7 +44,6 @@ pub mod model;
 pub mod order;
 pub mod page;
 pub mod patience;
-pub mod recipe;
 pub mod run_folder;
 pub mod schedule;
 pub mod scores;

@@ -85,7 +85,11 @@ impl TrainedRun {
         Ok(Document {
             title: format!("Training run {}", self.name()),
             blocks,
-            footer: format!("trainer report, Graspmill {}; run {}", env!("CARGO_PKG_VERSION"), self.path.display()),
+            footer: format!(
+                "graspmill fit-report, Graspmill {}; run {}",
+                env!("CARGO_PKG_VERSION"),
+                self.path.display()
+            ),
         })
     }
 
@@ -110,10 +114,13 @@ impl TrainedRun {
         let row = |command: String, what: &str| vec![Cell::Code(command), what.into()];
         let rows = [
             row(
-                format!("trainer report {run} --html FILE --data DIR"),
+                format!("graspmill fit-report {run} --html FILE --data DIR"),
                 "held-out attempts of the dataset that was trained on; --split test-scenes: held-out scenes",
             ),
-            row(format!("trainer report {run} --html FILE --data OTHER --split all"), "another dataset, all of it"),
+            row(
+                format!("graspmill fit-report {run} --html FILE --data OTHER --split all"),
+                "another dataset, all of it",
+            ),
         ];
         let text = "Left out, for no dataset was given. With a dataset this page also shows the accuracy beside that of always answering \
                     \"failure\", precision and recall, calibration, the errors of the grasps, and the worst mistakes.";

@@ -16,9 +16,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use network::checkpoint::{self, Checkpoint};
 use program::{Context as _, ExitCode, Failure, FolderLock, unread, write};
+use settings::words;
 use shards::Dataset;
 
 use crate::config::Config;
@@ -123,13 +123,14 @@ pub(crate) fn id_of(datasets: &[Dataset]) -> String {
     ids.join("+")
 }
 
-/// A checkpoint of a run.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum SavedAs {
-    /// Of the epoch with the best test accuracy.
-    Best,
-    /// The latest.
-    Last,
+words! {
+    /// A checkpoint of a run.
+    pub enum SavedAs {
+        /// Of the epoch with the best test accuracy.
+        Best = "best",
+        /// The latest.
+        Last = "last",
+    }
 }
 
 impl SavedAs {

@@ -1,51 +1,44 @@
-//! What a caller sets: the command's arguments.
+//! What a caller sets: address and limits.
 
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::time::Duration;
 
-use clap::builder::TypedValueParser as _;
-use clap::{Args, value_parser};
 use program::{ExitCode, Failure};
 
-/// [`ServeOptions::silence_max`].
-pub(super) const SILENCE_MAX: Duration = Duration::from_secs(10);
-
 /// Address and limits of the service.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone)]
 pub struct ServeOptions {
-    /// Address to listen on, or a name of one. There are no passwords: anyone who reaches it may use it
-    #[arg(long, default_value = "127.0.0.1")]
+    /// Address to listen on, or a name of one. There are no passwords: anyone who reaches it may use it.
     pub host: String,
-
-    /// A name by which clients may call the service, besides localhost and addresses; may be repeated
-    #[arg(long, value_name = "NAME")]
+    /// Names by which clients may call the service, besides localhost and addresses.
     pub allow_host: Vec<String>,
-
-    /// Port; 0 for any that is free
-    #[arg(long, default_value_t = 8040)]
+    /// Port; 0 for any that is free.
     pub port: u16,
-
-    /// Largest request
-    #[arg(long = "body-mib-max", value_name = "MIB", default_value = "64")]
-    #[arg(value_parser = value_parser!(u16).range(1..=1024).map(|mib| usize::from(mib) << 20))]
+    /// Largest request.
     pub body_bytes_max: usize,
-
-    /// Seconds from a request to its answer, at most
-    #[arg(long = "timeout-s", value_name = "S", default_value = "30")]
-    #[arg(value_parser = value_parser!(u16).range(1..=3600).map(|s| Duration::from_secs(s.into())))]
+    /// Maximum time from a request to its answer.
     pub request_timeout: Duration,
-
-    /// Plans made concurrently
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = value_parser!(u16).range(1..=1024))]
+    /// Plans made concurrently.
     pub concurrent: u16,
-
-    /// Plans that may wait; further requests are refused
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = value_parser!(u16).range(0..=1024))]
+    /// Plans that may wait; further requests are refused.
     pub queue: u16,
-
-    /// Maximum time from an answer to the next request's complete header
-    #[arg(skip = SILENCE_MAX)]
+    /// Maximum time from an answer to the next request's complete header.
     pub silence_max: Duration,
+}
+
+impl Default for ServeOptions {
+    fn default() -> Self {
+        Self {
+            host: "127.0.0.1".to_owned(),
+            allow_host: Vec::new(),
+            port: 8040,
+            body_bytes_max: 64 << 20,
+            request_timeout: Duration::from_secs(30),
+            concurrent: 2,
+            queue: 16,
+            silence_max: Duration::from_secs(10),
+        }
+    }
 }
 
 impl ServeOptions {

@@ -1,11 +1,10 @@
 //! The service over real sockets, with a mock planner that follows commands in the body.
 
 use std::io::{Read, Write};
-use std::net::{Ipv4Addr, TcpStream};
+use std::net::TcpStream;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 
-use super::options::SILENCE_MAX;
 use super::*;
 
 struct Running {
@@ -32,14 +31,12 @@ impl Running {
 
 fn options() -> ServeOptions {
     ServeOptions {
-        host: Ipv4Addr::LOCALHOST.to_string(),
-        allow_host: Vec::new(),
         port: 0,
         body_bytes_max: 1000,
         request_timeout: Duration::from_secs(20),
         concurrent: 1,
         queue: 0,
-        silence_max: SILENCE_MAX,
+        ..ServeOptions::default()
     }
 }
 

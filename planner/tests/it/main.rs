@@ -1,7 +1,6 @@
 //! Tests of the planner's public interface and program.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-mod binary;
 mod detections;
 mod judged;
 mod plans;

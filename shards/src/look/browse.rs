@@ -33,7 +33,7 @@ pub fn begin_browsing(folder: &Path) -> Result<(), Failure> {
     let names = entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
     let names: BTreeSet<String> = names.collect::<std::io::Result<_>>().context(failed())?;
     if !names.is_empty() && !names.contains(LISTING) {
-        let text = format!("the folder must be new, empty or one of shards browse: {}", folder.display());
+        let text = format!("the folder must be new, empty or one of graspmill dataset browse: {}", folder.display());
         return Err(Failure::new(ExitCode::Config, text));
     }
     // The listing first: a folder that has it may be emptied again.
@@ -89,7 +89,7 @@ pub fn browse(dataset: &Dataset, scenes: &[u64], folder: &Path) -> Result<(), Fa
         Block::Legend(Outcome::ALL.to_vec()),
         Block::Gallery(pictures),
     ];
-    let footer = format!("shards browse, Graspmill {}; dataset {}", env!("CARGO_PKG_VERSION"), dataset.id());
+    let footer = format!("graspmill dataset browse, Graspmill {}; dataset {}", env!("CARGO_PKG_VERSION"), dataset.id());
     let index = Document { title: format!("{name}: scenes"), blocks, footer };
     let parts = PageParts { scenes: Some(scenes.to_vec()), has_scene_pages: true, written_over: None };
     write(folder, REPORT, &page(&report(dataset)?, dataset, &parts)?.html()?)?;

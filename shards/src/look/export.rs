@@ -14,27 +14,19 @@ mod webdataset;
 pub use folder::{ExportCounts, ExportOrigin, Exported, ExportedFile};
 pub use tsdf::tsdf;
 
-use clap::ValueEnum;
 use program::{ExitCode, Failure};
+use settings::words;
 
 use crate::{Dataset, Location};
 use folder::{Beginning, ExportFolder};
 
-/// What to export to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ExportFormat {
-    /// VGN's constructed dataset (grasps.csv in voxels, scenes/*.npz), and beside it what GIGA reads in metres
-    Vgn,
-    /// WebDataset: a tar of .npy and .json files for each shard, a sample for each scene
-    #[value(name = "webdataset")]
-    WebDataset,
-}
-
-impl ExportFormat {
-    /// Its name on the command line.
-    #[must_use]
-    pub fn name(self) -> String {
-        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+words! {
+    /// What to export to.
+    pub enum ExportFormat {
+        /// VGN's constructed dataset (grasps.csv in voxels, scenes/*.npz), and beside it what GIGA reads in metres.
+        Vgn = "vgn",
+        /// WebDataset: a tar of .npy and .json files for each shard, a sample for each scene.
+        WebDataset = "webdataset",
     }
 }
 

@@ -19,7 +19,7 @@ fn read_all(dir: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The code with which `shards verify` would end.
+/// The code with which `graspmill dataset verify` would end.
 fn verified(dir: &Path) -> ExitCode {
     match verify(dir, |_| ()) {
         Ok(verified) if verified.is_ok() => ExitCode::Ok,

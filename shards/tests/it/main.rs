@@ -9,9 +9,8 @@ mod golden;
 mod hands;
 mod killed;
 mod models;
-mod program;
-mod remote;
 mod round_trip;
+#[path = "../../../tests/support/sample.rs"]
 mod sample;
 #[path = "../../../tests/support/synthetic.rs"]
 mod synthetic;

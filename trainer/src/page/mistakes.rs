@@ -55,8 +55,8 @@ fn row(location: &str, attempt: &AttemptRecord, mistake: &Mistake) -> Vec<Cell> 
         Cell::Number(quality(mistake)),
         happened(attempt).into(),
         Cell::code(attempt.rule.name()),
-        Cell::Code(format!("generator replay {location} --attempt {scene}/{attempt_id} --out attempt.html")),
-        Cell::Code(format!("shards view {location} --scene {scene} --out scene.html")),
+        Cell::Code(format!("graspmill dataset replay {location} --attempt {scene}/{attempt_id} --out attempt.html")),
+        Cell::Code(format!("graspmill dataset view {location} --scene {scene} --out scene.html")),
     ]
 }
 

@@ -43,7 +43,7 @@ pub fn comparison(runs: &[TrainedRun]) -> Document {
     Document {
         title: format!("Training runs: {}", names.join(", ")),
         blocks,
-        footer: format!("trainer report, Graspmill {}", env!("CARGO_PKG_VERSION")),
+        footer: format!("graspmill fit-report, Graspmill {}", env!("CARGO_PKG_VERSION")),
     }
 }
 

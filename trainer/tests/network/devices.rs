@@ -63,11 +63,6 @@ fn automatic_differentiation_finds_what_is_written_out() {
 }
 
 #[test]
-fn cuda_computes_what_the_host_does() {
-    check(DeviceName::Cuda(0));
-}
-
-#[test]
 fn wgpu_computes_what_the_host_does() {
     check(DeviceName::Wgpu(0));
 }

@@ -120,7 +120,7 @@ proptest! {
         let read = import(&path, &out, GivenParams::default(), false);
         prop_assert_eq!(read.is_ok(), out.exists());
         if let Err(failure) = read {
-            prop_assert!(matches!(failure.code(), ExitCode::Config | ExitCode::Data), "{:?}", failure.code());
+            prop_assert!(matches!(failure.exit_code(), ExitCode::Config | ExitCode::Data), "{:?}", failure.exit_code());
         }
     }
 }

@@ -87,7 +87,7 @@ impl ExportOrigin {
 
     pub(super) fn of(dataset: &Dataset, format: ExportFormat) -> Self {
         Self {
-            format: format.name(),
+            format: format.name().to_owned(),
             exporter_version: env!("CARGO_PKG_VERSION").to_owned(),
             dataset_id: dataset.id().to_owned(),
             dataset_code_version: dataset.info().code_version.clone(),

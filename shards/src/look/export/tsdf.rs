@@ -6,7 +6,7 @@ use schema::Grid;
 use super::npy;
 use crate::Dataset;
 
-/// A scene's TSDF as a `.npy` of float32, `[40, 40, 40]`, in VGN's values: `planner plan --tsdf` plans on it.
+/// A scene's TSDF as a `.npy` of float32, `[40, 40, 40]`, in VGN's values: `graspmill plan --tsdf` plans on it.
 ///
 /// # Errors
 /// [`Failure`] if the scene cannot be read, or the dataset's grid is not the planner's.

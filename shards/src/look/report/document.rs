@@ -30,8 +30,11 @@ pub fn document(report: &Report, info: &DatasetInfo) -> Document {
         blocks.extend([Block::Heading(title.to_owned()), Block::Text(text)]);
         blocks.extend(shown);
     }
-    let footer =
-        format!("shards report --html, Graspmill {}; dataset {}", env!("CARGO_PKG_VERSION"), report.dataset_id);
+    let footer = format!(
+        "graspmill dataset report --html, Graspmill {}; dataset {}",
+        env!("CARGO_PKG_VERSION"),
+        report.dataset_id
+    );
     Document { title: "Grasp attempts in simulation".to_owned(), blocks, footer }
 }
 
@@ -67,7 +70,7 @@ pub fn page(report: &Report, dataset: &Dataset, parts: &PageParts) -> Result<Doc
     let how = if parts.has_scene_pages {
         "A picture leads to its scene, which can be turned; a grasp there leads to its replay."
     } else {
-        "\"shards view DIR --scene N\" shows a scene that can be turned, \"shards browse DIR\" many that lead to each other."
+        "\"graspmill dataset view DIR --scene N\" shows a scene that can be turned, \"graspmill dataset browse DIR\" many that lead to each other."
     };
     let all: Vec<u64> = parts.scenes.clone().unwrap_or_else(|| (0..dataset.info().scene_count).collect());
     let shown = spread(&all, SCENES_SHOWN);

@@ -1,0 +1,71 @@
+//! `graspmill dataset`: look at datasets, and take care of their files.
+
+mod browse;
+mod depth;
+mod export;
+mod finalize;
+mod gc;
+mod missing;
+mod repeat;
+mod replay;
+mod report;
+mod tsdf;
+mod verify;
+mod view;
+
+use clap::Subcommand;
+use program::{ExitCode, Failure};
+use shards::Location;
+
+/// Verify, report on, show, export and complete datasets of grasp attempts
+#[derive(Debug, Subcommand)]
+#[command(after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
+pub(crate) enum Command {
+    Verify(verify::Arguments),
+    Report(report::Arguments),
+    View(view::Arguments),
+    Browse(browse::Arguments),
+    Replay(replay::Arguments),
+    Repeat(repeat::Arguments),
+    Depth(depth::Arguments),
+    Tsdf(tsdf::Arguments),
+    Export(export::Arguments),
+    Missing(missing::Arguments),
+    Finalize(finalize::Arguments),
+    Gc(gc::Arguments),
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  graspmill dataset verify grasps               read and check everything
+  graspmill dataset report grasps               statistics with bars
+  graspmill dataset report grasps --json        the same for programs
+  graspmill dataset report grasps --html r.html the same as a page, with pictures of scenes
+  graspmill dataset browse grasps --out pages   scenes, replays and the report as pages that lead to each other
+  graspmill dataset view grasps --scene 17 --out scene.html   one scene in 3-D, for a browser
+  graspmill dataset replay grasps --attempt 7/12 --out attempt.html    one attempt, for a browser
+  graspmill dataset tsdf grasps --scene 17 --out scene.npy    its voxel grid, for graspmill plan --tsdf
+  graspmill dataset depth grasps --scene 7 --out scene-7 && graspmill plan --views scene-7/views.toml
+  graspmill dataset verify s3://bucket/grasps   the same in an object store
+  graspmill dataset export grasps --format vgn --out grasps-vgn    what VGN's and GIGA's Python code trains on
+  graspmill dataset missing grasps              the shards that remain to be made
+  graspmill dataset finalize grasps             completes it when all shards exist";
+
+impl Command {
+    pub(crate) fn run(&self) -> Result<ExitCode, Failure> {
+        match self {
+            Self::Verify(arguments) => verify::run(arguments),
+            Self::Report(arguments) => report::run(arguments),
+            Self::View(arguments) => view::run(arguments),
+            Self::Browse(arguments) => browse::run(arguments),
+            Self::Replay(arguments) => replay::run(arguments),
+            Self::Repeat(arguments) => repeat::run(arguments),
+            Self::Depth(arguments) => depth::run(arguments),
+            Self::Tsdf(arguments) => tsdf::run(arguments),
+            Self::Export(arguments) => export::run(arguments),
+            Self::Missing(arguments) => missing::run(arguments),
+            Self::Finalize(arguments) => finalize::run(arguments),
+            Self::Gc(arguments) => gc::run(arguments),
+        }
+    }
+}

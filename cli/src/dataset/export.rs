@@ -1,0 +1,61 @@
+//! `graspmill dataset export`: arguments, progress, and the summary at the end.
+
+use std::fmt::Write;
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use program::text::{grouped, per_second};
+use program::{ExitCode, Failure, print};
+use shards::{Dataset, ExportFormat, Location};
+
+use crate::parse::{LocationParser, one_of};
+
+const EXAMPLES: &str = "\
+Examples:
+  graspmill dataset export grasps --format vgn --out grasps-vgn
+  graspmill dataset export s3://bucket/grasps --format webdataset --out grasps-tars
+
+An interrupted export continues when it is run again. docs/exporting.md describes the files and how to read them.";
+
+/// Write the dataset in another format: VGN's and GIGA's files, or WebDataset's tars.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// The dataset's folder or URL.
+    #[arg(value_parser = LocationParser)]
+    dataset: Location,
+    /// The format: what VGN and GIGA read, or WebDataset's tars.
+    #[arg(long, value_parser = one_of!(ExportFormat))]
+    format: ExportFormat,
+    /// A new or an empty folder, or that of the same export, interrupted: it continues there.
+    #[arg(long, value_parser = LocationParser)]
+    out: Location,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let dataset = Dataset::open(&arguments.dataset)?;
+    let bar = progress_bar(dataset.info().scene_count);
+    let exported = shards::export(&dataset, arguments.format, &arguments.out, |scenes| bar.inc(scenes));
+    bar.finish_and_clear();
+    let counts = exported?.counts;
+    let (grasps, positives, scenes) = (grouped(counts.grasps), grouped(counts.positives), grouped(counts.scenes));
+    print(format_args!("{grasps} grasps ({positives} positive) in {scenes} scenes: {}\n", arguments.out))?;
+    if counts.left_out > 0 {
+        let (grasps, scenes) = (grouped(counts.left_out), grouped(counts.scenes_left_out));
+        print(format_args!(
+            "left out: {grasps} grasps outside the grid or near its faces, {scenes} scenes without others\n"
+        ))?;
+    }
+    Ok(ExitCode::Ok)
+}
+
+fn progress_bar(scenes: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} scenes · {rate} · {eta} left");
+    let rate = |state: &ProgressState, out: &mut dyn Write| {
+        let _ = out.write_str(&per_second(state.per_sec()));
+    };
+    let style = style.map(|style| style.with_key("rate", rate));
+    let bar = ProgressBar::new(scenes);
+    // Without a terminal indicatif draws nothing.
+    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}

@@ -1,0 +1,137 @@
+//! `graspmill experiment run`: runs an experiment, or continues it.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, PoisonError};
+
+use clap::Args;
+use experiments::config::Config;
+use experiments::record::Round;
+use experiments::report::{About, Report, document, figure, in_short};
+use experiments::run::run as run_rounds;
+use experiments::statistics::results;
+use experiments::tables::{bodies, conditions, objects_table, rounds_table, trials_table};
+use indicatif::{ProgressBar, ProgressStyle};
+use program::text::key_and_value;
+use program::{Context, ExitCode, Failure, FolderLock, json, print, print_error, stop_on_signals, write};
+
+use crate::command_line;
+
+/// Run an experiment, or continue it: rounds.parquet, attempts.parquet, objects.parquet, report.md, report.json,
+/// report.svg
+#[derive(Debug, Args)]
+#[command(after_help = ExitCode::HELP)]
+pub(crate) struct Arguments {
+    /// The experiment, as in configs/experiment
+    config: PathBuf,
+
+    /// Its folder; created if missing
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+
+    /// A key of the experiment or, as plan.KEY, of the planner's settings, in place of the file's; may be repeated
+    #[arg(long, value_name = "KEY=VALUE", value_parser = key_and_value)]
+    set: Vec<(String, String)>,
+
+    /// Rounds per seed [default: the config's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    rounds: Option<u64>,
+
+    /// The only seed of the scenes [default: the config's]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+
+    /// Rounds at once; changes times, not results [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let config = config(&arguments.config, &arguments.set, arguments.rounds, arguments.seed)?;
+    let threads = arguments.threads.map_or_else(cores, usize::from);
+    let on_first = || print_error("stopping after the rounds under way; a second signal stops at once");
+    let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
+    execute(&config, &arguments.out, threads, &stop, command_line())
+}
+
+/// The experiment of a file, with what is said in place of its keys.
+pub(crate) fn config(
+    file: &Path,
+    set: &[(String, String)],
+    rounds: Option<u64>,
+    seed: Option<u64>,
+) -> Result<Config, Failure> {
+    let mut set = set.to_vec();
+    set.extend(rounds.map(|rounds| ("rounds".to_owned(), rounds.to_string())));
+    set.extend(seed.map(|seed| ("seeds".to_owned(), format!("[{seed}]"))));
+    Ok(Config::read(file, &set)?)
+}
+
+/// Cores of this machine.
+pub(crate) fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Plays an experiment's rounds, with progress, and writes and prints the results. `command` is what the report names.
+pub(crate) fn execute(
+    config: &Config,
+    out: &Path,
+    threads: usize,
+    stop: &AtomicBool,
+    command: String,
+) -> Result<ExitCode, Failure> {
+    let planner = config.planner()?;
+    let bar = progress_bar(config.round_count());
+    let counts = Mutex::new((0_u64, 0_u64));
+    let on_round = |round: &Round| {
+        let mut counts = counts.lock().unwrap_or_else(PoisonError::into_inner);
+        counts.0 += round.trials.len() as u64;
+        counts.1 += u64::from(round.removed_count);
+        bar.set_message(format!("{} of {} grasps held", counts.1, counts.0));
+        bar.inc(1);
+    };
+    let _lock = FolderLock::take(out)?;
+    let rounds = run_rounds(config, &planner, threads, out, stop, &on_round)?;
+    bar.finish_and_clear();
+    if (rounds.len() as u64) < config.round_count() {
+        return Ok(ExitCode::TryAgain);
+    }
+    write_reports(config, command, &planner.model_id, &rounds, out)?;
+    Ok(ExitCode::Ok)
+}
+
+fn write_reports(
+    config: &Config,
+    command: String,
+    model_id: &str,
+    rounds: &[Round],
+    folder: &Path,
+) -> Result<(), Failure> {
+    let about = About {
+        command,
+        config: config.text.clone(),
+        model_id: model_id.to_owned(),
+        versions: [("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
+    };
+    let report = Report { results: results(&config.protocol, rounds), about };
+    write(&folder.join("rounds.parquet"), rounds_table(rounds)?)?;
+    write(&folder.join("attempts.parquet"), trials_table(rounds)?)?;
+    write(&folder.join("objects.parquet"), objects_table(rounds)?)?;
+    write(&folder.join("bodies.json"), bodies(config))?;
+    write(&folder.join("run.json"), conditions(config))?;
+    write(&folder.join("report.json"), json(&report)?)?;
+    write(&folder.join("report.svg"), figure(std::slice::from_ref(&report.results)).svg()?)?;
+    write(&folder.join("report.md"), document(&report).markdown())?;
+    let file = |name: &str| folder.join(name).display().to_string();
+    print(format_args!(
+        "{}  failures, scenes and how it was run; also report.json, report.svg and tables as Parquet\n\n{}",
+        file("report.md"),
+        in_short(&report.results)
+    ))
+}
+
+fn progress_bar(rounds: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} rounds · {msg} · {eta} left");
+    // Without a terminal indicatif draws nothing.
+    ProgressBar::new(rounds).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}

@@ -1,0 +1,171 @@
+//! `graspmill generate`: makes the shards of this process.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
+use clap::Args;
+use generator::{Config, Event, Overrides, REJECTED_SHARE_MAX, attempts_of, generate};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use program::text::{key_and_value, per_second};
+use program::{Context, ExitCode, Failure, print, print_error, start_threads, stop_on_signals};
+use shards::{DatasetInfo, Finalized, Location};
+
+use crate::assignment::{Task, assigned, index_list, shard_indices, task};
+use crate::parse::LocationParser;
+use crate::table;
+
+/// Generate a grasp dataset: random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards
+///
+/// Running the same command again continues: committed shards are skipped, and the bytes are those of an uninterrupted
+/// run. A run that a signal stops (Ctrl-C, SIGTERM) ends within a second or two and loses at most the scene that each
+/// thread is in: in a folder, finished scenes of incomplete shards are kept, and the next run takes them up. A dataset
+/// is a pure function of the config, the seed and this program's version.
+#[derive(Debug, Args)]
+#[command(after_help = format!("{EXAMPLES}\n\n{}\n\n{ENVIRONMENT}\n\n{}", ExitCode::HELP, Location::HELP))]
+pub(crate) struct Arguments {
+    /// Number of shards; part of the dataset's identity [default: the config's]
+    #[arg(long, value_name = "N")]
+    shards: Option<u64>,
+
+    /// Only these shards: one, several, or ranges, such as 3 or 0,4,8-11 [default: the scheduler's index, see below, or
+    /// all]
+    #[arg(long, value_name = "LIST", value_parser = shard_indices)]
+    shard_index: Option<BTreeSet<u32>>,
+
+    /// Only every T-th shard, from t on: t, t+T, t+2T, ...; for schedulers whose arrays are short
+    #[arg(long, value_name = "t/T", conflicts_with = "shard_index", value_parser = task)]
+    task: Option<Task>,
+
+    /// Attempts in the whole dataset [default: the config's]
+    #[arg(long, value_name = "N")]
+    attempts: Option<u64>,
+
+    /// Seed of every random draw [default: the config's]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+
+    /// Threads; never changes the bytes [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    threads: Option<u16>,
+
+    /// Config file [default: the built-in configs/generate/paper.toml]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Weights of a judge, whose best hands are executed (shares.judged) [default: the config's]
+    #[arg(long, value_name = "FILE")]
+    policy: Option<PathBuf>,
+
+    /// A key of the config, such as gripper or objects.size_m, in place of the file's; may be repeated. Paths begin in
+    /// the config's folder
+    #[arg(long, value_name = "KEY=VALUE", value_parser = key_and_value)]
+    set: Vec<(String, String)>,
+
+    /// End with 78 if a larger share of the scenes that this run builds is thrown away, because objects do not come to
+    /// rest; 1 for no limit
+    #[arg(long, value_name = "SHARE", default_value_t = REJECTED_SHARE_MAX)]
+    rejected_max: f64,
+
+    /// Folder or URL of the dataset; created if missing
+    #[arg(long, value_name = "DIR|URL", value_parser = LocationParser)]
+    out: Location,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let overrides = Overrides {
+        seed: arguments.seed,
+        shards: arguments.shards,
+        attempts: arguments.attempts,
+        policy: arguments.policy.as_deref(),
+        set: &arguments.set,
+    };
+    let config = Config::load(arguments.config.as_deref(), overrides)?;
+    let environment = |name: &str| std::env::var_os(name);
+    let (wanted, variable) = assigned(arguments.shard_index.as_ref(), arguments.task, environment, config.shards)?;
+    if let Some(variable) = variable {
+        let (shard, of) = (index_list(&wanted), config.shards);
+        print_error(&format!("shard {shard} of {of}, as {variable} says (--task 0/1 makes all)"));
+    }
+    start_threads(arguments.threads)?;
+    let on_first = || print_error("stopping: abandoning the scenes under way; a second signal stops at once");
+    let stop = stop_on_signals(on_first).context("failed to listen for signals")?;
+
+    execute(&config, &arguments.out, &wanted, arguments.rejected_max, &stop)
+}
+
+/// Makes shards, with progress, and prints the result.
+pub(crate) fn execute(
+    config: &Config,
+    out: &Location,
+    wanted: &[u32],
+    rejected_max: f64,
+    stop: &AtomicBool,
+) -> Result<ExitCode, Failure> {
+    let info = config.dataset_info();
+    let progress = Progress::new(&info, wanted);
+    let started = Instant::now();
+    let report = generate(config, out, wanted, rejected_max, stop, &|event| progress.show(event))?;
+    progress.bar.finish_and_clear();
+    print(table::render(&report, out, started.elapsed().as_secs_f64()))?;
+    Ok(match report.dataset {
+        _ if report.stopped.is_some() => ExitCode::TryAgain,
+        Some(Finalized::Incomplete { .. }) if wanted.len() == info.shard_count as usize => ExitCode::Incomplete,
+        _ => ExitCode::Ok,
+    })
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  graspmill generate --shards 64 --out grasps                    the paper's 200,000 attempts
+  graspmill generate --config my.toml --shards 4 --attempts 2400 --out small
+  graspmill generate --shards 64 --shard-index 3 --out grasps    one shard, as a cluster job does
+  graspmill generate --shards 5000 --task 3/100 --out s3://bucket/grasps
+
+GRASPMILL_LOG=info shows which shards are skipped and committed.";
+
+const ENVIRONMENT: &str = "\
+Without --shard-index and --task, the index comes from SHARD_INDEX, SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX or \
+AWS_BATCH_JOB_ARRAY_INDEX, if one is set; two that disagree are an error. (--task 0/1 makes all shards wherever it runs.) The number of \
+shards is never taken from the environment, because it is part of the dataset's identity.";
+
+/// The bar, and what it says beside it.
+struct Progress {
+    bar: ProgressBar,
+    made: AtomicU64,
+    held: AtomicU64,
+}
+
+impl Progress {
+    fn new(info: &DatasetInfo, wanted: &[u32]) -> Self {
+        let style =
+            ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} attempts · {rate} · {msg} · {eta} left");
+        let rate = |state: &ProgressState, out: &mut dyn Write| {
+            let _ = out.write_str(&per_second(state.per_sec()));
+        };
+        let style = style.map(|style| style.with_key("rate", rate));
+        let bar = ProgressBar::new(wanted.iter().map(|shard| attempts_of(info, *shard)).sum());
+        // Without a terminal indicatif draws nothing.
+        let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Self { bar, made: AtomicU64::new(0), held: AtomicU64::new(0) }
+    }
+
+    fn show(&self, event: Event) {
+        match event {
+            Event::Skipped { shard, attempts } => {
+                tracing::info!(shard, "skipped: an earlier run committed it");
+                self.bar.dec_length(attempts);
+            }
+            Event::TakenUp { attempts } => self.bar.dec_length(attempts),
+            Event::Scene { attempts, positives } => {
+                let made = self.made.fetch_add(attempts, Ordering::Relaxed) + attempts;
+                let held = self.held.fetch_add(positives, Ordering::Relaxed) + positives;
+                self.bar.set_message(format!("{:.1} % positive", 100.0 * held as f64 / made as f64));
+                self.bar.inc(attempts);
+            }
+            Event::Committed { shard } => tracing::info!(shard, "committed"),
+        }
+    }
+}

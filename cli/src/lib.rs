@@ -1,0 +1,143 @@
+//! The program `graspmill`: the only crate that parses arguments, draws progress and prints tables. A command is a
+//! struct of arguments and a function `run`; what it does is in the crates below.
+//!
+//! Without the cargo feature `full` it is the robot's program, which plans and serves.
+
+mod aliases;
+mod bench;
+mod manual;
+mod parse;
+mod planning;
+
+#[cfg(feature = "full")]
+mod assignment;
+#[cfg(feature = "full")]
+mod dataset;
+#[cfg(feature = "full")]
+mod experiment;
+#[cfg(feature = "full")]
+mod generate;
+#[cfg(feature = "full")]
+mod objects;
+#[cfg(feature = "full")]
+mod pipeline;
+#[cfg(feature = "full")]
+mod table;
+#[cfg(feature = "full")]
+mod training;
+#[cfg(feature = "full")]
+mod weights;
+
+use std::ffi::OsString;
+use std::sync::OnceLock;
+
+use clap::{Parser, Subcommand};
+use program::{ExitCode, Failure};
+
+/// Makes robot-grasp datasets in physics simulation, trains networks on them, and plans grasps.
+#[derive(Debug, Parser)]
+#[command(name = "graspmill", version, after_help = format!("{EXAMPLES}\n\n{}", ExitCode::HELP))]
+pub(crate) struct Graspmill {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    #[cfg(feature = "full")]
+    Generate(generate::Arguments),
+    #[cfg(feature = "full")]
+    #[command(subcommand)]
+    Dataset(dataset::Command),
+    #[cfg(feature = "full")]
+    #[command(subcommand)]
+    Objects(objects::Command),
+    Gripper(planning::gripper::Arguments),
+    #[cfg(feature = "full")]
+    Fit(training::fit::Arguments),
+    #[cfg(feature = "full")]
+    Evaluate(training::evaluate::Arguments),
+    #[cfg(feature = "full")]
+    FitReport(training::report::Arguments),
+    #[cfg(feature = "full")]
+    #[command(subcommand)]
+    Weights(weights::Command),
+    #[cfg(feature = "full")]
+    Pipeline(pipeline::Arguments),
+    Plan(Box<planning::plan::Arguments>),
+    Serve(planning::serve::Arguments),
+    #[cfg(feature = "full")]
+    #[command(subcommand)]
+    Experiment(experiment::Command),
+    #[command(subcommand)]
+    Bench(bench::Command),
+    #[command(subcommand)]
+    Manual(manual::Manual),
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  graspmill generate --shards 64 --out grasps
+  graspmill dataset verify grasps && graspmill dataset report grasps
+  graspmill fit --data grasps --run runs/paper
+  graspmill pipeline my_hand.toml --out my-hand
+  graspmill plan --demo --picture demo.png
+  graspmill experiment run configs/experiment/pile.toml --out runs/pile
+
+The names of earlier versions work, too: generator for graspmill generate, shards for graspmill dataset, trainer, planner and \
+experiments.
+
+GRASPMILL_LOG=info shows more on standard error.";
+
+/// All of `main`.
+#[must_use]
+pub fn main() -> std::process::ExitCode {
+    run(std::env::args_os().collect()).into()
+}
+
+/// Runs the command that these words name; the first is how the program was called.
+#[must_use]
+pub fn run(words: Vec<OsString>) -> ExitCode {
+    let words = WORDS.get_or_init(|| aliases::expanded(words));
+    let Graspmill { command } = Graspmill::parse_from(words);
+    program::run(|| command.run())
+}
+
+/// The command line of this process. A process is one program.
+static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
+
+/// The command line as a person would type it.
+#[cfg(feature = "full")]
+fn command_line() -> String {
+    program::command_line(WORDS.get().into_iter().flatten())
+}
+
+impl Command {
+    fn run(&self) -> Result<ExitCode, Failure> {
+        match self {
+            #[cfg(feature = "full")]
+            Self::Generate(arguments) => generate::run(arguments),
+            #[cfg(feature = "full")]
+            Self::Dataset(command) => command.run(),
+            #[cfg(feature = "full")]
+            Self::Objects(command) => command.run(),
+            Self::Gripper(arguments) => planning::gripper::run(arguments),
+            #[cfg(feature = "full")]
+            Self::Fit(arguments) => training::fit::run(arguments),
+            #[cfg(feature = "full")]
+            Self::Evaluate(arguments) => training::evaluate::run(arguments),
+            #[cfg(feature = "full")]
+            Self::FitReport(arguments) => training::report::run(arguments),
+            #[cfg(feature = "full")]
+            Self::Weights(command) => command.run(),
+            #[cfg(feature = "full")]
+            Self::Pipeline(arguments) => pipeline::run(arguments),
+            Self::Plan(arguments) => planning::plan::run(arguments),
+            Self::Serve(arguments) => planning::serve::run(arguments),
+            #[cfg(feature = "full")]
+            Self::Experiment(command) => command.run(),
+            Self::Bench(command) => command.run(),
+            Self::Manual(manual) => manual.run(),
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! The program `graspmill`.
+
+fn main() -> std::process::ExitCode {
+    graspmill::main()
+}

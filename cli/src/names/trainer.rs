@@ -1,0 +1,5 @@
+//! `graspmill` under the name `trainer`.
+
+fn main() -> std::process::ExitCode {
+    graspmill::main()
+}

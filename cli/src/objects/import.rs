@@ -1,0 +1,212 @@
+//! `graspmill objects import`: meshes to a catalogue of objects, with a table of the results.
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, value_parser};
+use generator::{Config, FileState, ImportParams, Imported, ImportedObject, Overrides, import_objects, sources};
+use indicatif::{ProgressBar, ProgressStyle};
+use program::text::percent;
+use program::{Context, ExitCode, Failure, json, print, print_error, write};
+use report::document::{Block, Cell, Document, Table};
+
+/// Make objects of your own meshes: measure them, decompose them into convex parts, write a catalogue
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    /// Meshes (.obj, .stl, .ply, .glb, .msh), descriptions (.urdf, MuJoCo's .xml), and folders of them, with all
+    /// folders within
+    #[arg(required = true, value_name = "FOLDER|FILE")]
+    meshes: Vec<PathBuf>,
+
+    /// The catalogue to write; a config names it in [objects] as catalogue = "FILE"
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+
+    /// Metres per unit of the files: 0.001 for millimetres; a URDF's or MJCF's own scale applies besides [default:
+    /// guessed from the sizes, metres for URDF and MJCF]
+    #[arg(long, value_name = "METRES", value_parser = positive)]
+    scale: Option<f64>,
+
+    /// Density of all objects in kg/m3 [default: a URDF's or MJCF's mass, else 400]
+    #[arg(long, value_name = "KG/M3", value_parser = positive)]
+    density: Option<f64>,
+
+    /// Mass of each object in kg, instead
+    #[arg(long, value_name = "KG", conflicts_with = "density", value_parser = positive)]
+    mass: Option<f64>,
+
+    /// Friction coefficient of all objects
+    #[arg(long, value_name = "MU", default_value_t = 0.8)]
+    friction: f32,
+
+    /// What differs for single objects: tables `[name]` with scale, mass_kg or density_kg_m3, friction (TOML)
+    #[arg(long, value_name = "FILE")]
+    each: Option<PathBuf>,
+
+    /// Most convex parts of an object; 1 makes it its convex hull
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = value_parser!(u8).range(1..=64))]
+    hulls_max: u8,
+
+    /// Most corners of a part; an attempt takes longer with more
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = value_parser!(u8).range(8..=64))]
+    corners_max: u8,
+
+    /// Voxels along an object's longest side; objects are cut along voxels
+    #[arg(long, value_name = "N", default_value_t = 96, value_parser = value_parser!(u32).range(16..=256))]
+    voxels: u32,
+
+    /// Test drops of each object; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = value_parser!(u32).range(0..=1000))]
+    drops: u32,
+
+    /// Leave out objects that come to rest in a smaller share of their test drops; above 0 also those that do not fit
+    /// into the workspace
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    rests_min: f64,
+
+    /// Config whose hand and workspace the objects must fit [default: the built-in configs/generate/paper.toml]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Replace an existing catalogue
+    #[arg(long)]
+    force: bool,
+
+    /// Print JSON instead of the table
+    #[arg(long)]
+    json: bool,
+}
+
+/// A number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("must be above 0, got {text}")) }
+}
+
+/// A number from 0 to 1.
+fn share(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
+    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(format!("must be between 0 and 1, got {text}")) }
+}
+
+impl Arguments {
+    fn params(&self) -> ImportParams {
+        ImportParams {
+            scale: self.scale,
+            density: self.density,
+            mass: self.mass,
+            friction: self.friction,
+            each: self.each.clone(),
+            hulls_max: self.hulls_max,
+            corners_max: self.corners_max,
+            voxels: self.voxels,
+            drops: self.drops,
+            rests_min: self.rests_min,
+        }
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let config = Config::load(arguments.config.as_deref(), Overrides::default())?;
+    check_target(&arguments.out)?;
+    let sources = sources(&arguments.meshes)?;
+    let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} files · {msg} · {eta} left");
+    // Without a terminal indicatif draws nothing.
+    let bar = ProgressBar::new(sources.len() as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let on_file = |file: &Path, state: FileState<'_>| match state {
+        FileState::Begun => bar.set_message(file.display().to_string()),
+        FileState::Made => bar.inc(1),
+        FileState::LeftOut(reason) => {
+            bar.suspend(|| print_error(&format!("left out: {reason}")));
+            bar.inc(1);
+        }
+    };
+    let imported = import_objects(&sources, &arguments.params(), &config, &on_file);
+    bar.finish_and_clear();
+    let imported = imported?;
+    write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;
+    print(if arguments.json { json(&imported)? } else { document(&imported, &arguments.out).text() })?;
+    Ok(if imported.left_out.is_empty() { ExitCode::Ok } else { ExitCode::Partial })
+}
+
+/// Decomposing meshes takes minutes, so unwritable outputs are reported before.
+pub(super) fn check_target(path: &Path) -> Result<(), Failure> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if folder.is_dir() && !path.is_dir() {
+        return Ok(());
+    }
+    let text = format!("--out must name a file in an existing folder: {}", path.display());
+    Err(Failure::new(ExitCode::Config, text))
+}
+
+/// Leaves an existing file as it is, unless `replaces`.
+pub(super) fn write_catalogue(path: &Path, text: &str, replaces: bool) -> Result<(), Failure> {
+    match std::fs::read(path) {
+        Ok(existing) if existing == text.as_bytes() => return Ok(()),
+        Ok(_) if !replaces => {
+            let path = path.display();
+            let text = format!("another catalogue exists, and may have been edited; --force replaces it: {path}");
+            return Err(Failure::new(ExitCode::Config, text));
+        }
+        Ok(_) => {}
+        Err(error) if error.kind() == ErrorKind::NotFound => {}
+        Err(error) => return Err(error).context(format_args!("failed to read {}", path.display())),
+    }
+    write(path, text)
+}
+
+fn document(imported: &Imported, out: &Path) -> Document {
+    let row = |object: &ImportedObject| {
+        let [x, y, z] = object.extents_m.map(|e| e * 1000.0);
+        let or_none = |value: Option<f64>, text: &dyn Fn(f64) -> String| value.map_or("-".to_owned(), text);
+        let numbers = [
+            format!("{x:.1} x {y:.1} x {z:.1}"),
+            or_none(object.volume_m3, &|volume| format!("{:.2}", volume * 1e6)),
+            format!("{:.1}", object.mass_kg * 1000.0),
+            format!("{:.2}", object.hull_volume_m3 * 1e6),
+            object.parts.to_string(),
+            object.part_corners_max.to_string(),
+            or_none(object.parts_volume_share, &percent),
+            or_none(object.parts_inertia_difference, &percent),
+            percent(object.parts_overlap_share),
+            format!("{:.1}", object.smallest_width_m * 1000.0),
+            object.test_drops.map_or("-".to_owned(), |drops| format!("{}/{}", drops.rested, drops.count())),
+        ];
+        let (name, triangles) = (Cell::from(object.name.as_str()), Cell::Count(object.triangles as u64));
+        let closed = Cell::number(if object.is_watertight { "yes" } else { "no" });
+        [name, triangles, closed].into_iter().chain(numbers.map(Cell::Number)).collect()
+    };
+    let head = [
+        "object",
+        "triangles",
+        "closed",
+        "size, mm",
+        "volume, cm3",
+        "mass, g",
+        "hull, cm3",
+        "parts",
+        "corners",
+        "parts' volume",
+        "inertia off",
+        "overlap",
+        "narrowest, mm",
+        "rests",
+    ];
+    let warnings = |o: &ImportedObject| o.warnings.iter().map(|text| format!("{}: {text}", o.name)).collect::<Vec<_>>();
+    let count = imported.objects.len();
+    let plural = if count == 1 { "" } else { "s" };
+    let left_out = imported.left_out.iter().map(|one| format!("left out: {}", one.reason));
+    let origin = if imported.is_scale_guessed { "guessed from the sizes; --scale decides" } else { "--scale" };
+    let scale_m = imported.scale_m;
+    let blocks = vec![
+        Block::Table(Table::new(head, imported.objects.iter().map(row))),
+        Block::Warnings(imported.objects.iter().flat_map(warnings).chain(left_out).collect()),
+        Block::Text(format!("one unit of a mesh file is {scale_m} m ({origin})")),
+        Block::Text(format!(
+            "{count} object{plural} written to {}, {} left out",
+            out.display(),
+            imported.left_out.len()
+        )),
+    ];
+    Document { blocks, ..Document::default() }
+}

@@ -1,0 +1,551 @@
+//! From a gripper to a judge's weights: the steps, and what is written about them.
+//!
+//! For a hand that the judge of many hands answers for, one round of "plan, execute, train" (docs/judge.md): the
+//! dataset has some of that judge's choices, and training goes on from its weights. For others two rounds: the second
+//! dataset has some choices of the judge that learned from the first. Every step can be repeated at any time, because
+//! each program goes on where it was stopped; so a pipeline needs no state of its own.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use network::checkpoint::{self, Checkpoint};
+use program::Failure;
+use schema::{Grid, Gripper, Hands};
+use settings::{Document, settings, words};
+use toml::{Table, Value};
+use trainer::config::JUDGE;
+
+use super::action::{Action, Step};
+
+/// The settings that a pipeline changes.
+const GENERATE: [&str; 2] = [include_str!("../../../configs/generate/judge.toml"), "configs/generate/judge.toml"];
+const PLAN: [&str; 2] = [include_str!("../../../configs/plan/judge.toml"), "configs/plan/judge.toml"];
+/// The experiments of a pipeline.
+const EXPERIMENTS: [(&str, &str); 3] = [
+    ("pile", include_str!("../../../configs/experiment/pile.toml")),
+    ("packed", include_str!("../../../configs/experiment/packed.toml")),
+    ("giga-pile", include_str!("../../../configs/experiment/giga-pile.toml")),
+];
+
+/// The judge of many hands, and its path in the source tree.
+pub(crate) const MANY_HANDS: (&[u8], &str) =
+    (include_bytes!("../../../models/judge-any-jaw.safetensors"), "models/judge-any-jaw.safetensors");
+
+/// The test set, and the generator's settings for it and for experiments with the objects besides the primitives.
+const TEST: &str = "test";
+const TRIED: &str = "tried-objects.toml";
+
+/// Share of the attempts in the first of two rounds.
+const FIRST_SHARE: f64 = 1.0 / 3.0;
+/// Epochs of the first round; it need not be trained to the end.
+const FIRST_EPOCHS: u32 = 6;
+/// Household objects to learn from: thirty of each kind. Of the kinds that are held out there are as many.
+const HOUSEHOLD_COUNT: i64 = 540;
+/// Epochs of the judge, which learns from all rounds.
+const EPOCHS: u32 = 10;
+/// Attempts of the test set.
+const TEST_ATTEMPTS: u64 = 60_000;
+/// Attempts of a scene in the generator's settings, and shards of a dataset, if it has so many scenes.
+const ATTEMPTS_PER_SCENE: u64 = 60;
+const SHARDS_MAX: u64 = 64;
+/// In experiments lies what the hand can span.
+const VIABLE: [&str; 2] = ["objects.viable_only", "true"];
+/// Attempts from whose pipeline the time is estimated.
+const PILOT_ATTEMPTS: u64 = 6_000;
+/// Rounds of an experiment, on a seed that nothing is tuned on, and the time that one takes.
+pub(super) const ROUNDS: u32 = 100;
+const ROUND: Duration = Duration::from_millis(600);
+
+words! {
+    /// From where scenes are seen.
+    pub(crate) enum Views {
+        /// From everywhere, by one to six cameras: `configs/generate/judge.toml`.
+        Anywhere = "anywhere",
+        /// By one camera from the side.
+        Side = "side",
+        /// By one camera from above.
+        Above = "above",
+        /// By one camera at the wrist.
+        Wrist = "wrist",
+        /// By three to six cameras around.
+        Ring = "ring",
+    }
+}
+
+settings! {
+    struct Held {
+        gripper: Hands,
+    }
+}
+
+/// What is wanted.
+#[derive(Debug)]
+pub(crate) struct Pipeline {
+    /// A hand's name, or the absolute path of its file.
+    pub(crate) hand: String,
+    /// The folder of all results.
+    pub(crate) out: PathBuf,
+    /// Seed of the first dataset; those of the others and of the experiments follow it.
+    pub(crate) seed: u64,
+    /// Attempts of all rounds.
+    pub(crate) attempts: u64,
+    /// Weights of a judge that answers for the hand, by their absolute path: there is one round with its choices, and
+    /// training goes on from them. Without them there are two rounds, and training begins with random weights.
+    pub(crate) from: Option<PathBuf>,
+    /// Where the cameras are.
+    pub(crate) views: Views,
+    /// Objects to which half of the attempts go.
+    pub(crate) objects: Option<Objects>,
+}
+
+/// Objects besides the four primitive shapes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Objects {
+    /// Household objects of the kinds to learn from; tried with those of the kinds that are held out.
+    Household,
+    /// A catalogue, by its absolute path; tried with its own objects.
+    File(PathBuf),
+}
+
+impl Objects {
+    /// `objects.catalogue` of the generator's settings, to learn from or to be tried with.
+    fn catalogue(&self, split: &str) -> Value {
+        match self {
+            Self::File(path) => Value::String(path.display().to_string()),
+            Self::Household => Value::Table(Table::from_iter([
+                ("split".to_owned(), Value::String(split.to_owned())),
+                ("count".to_owned(), Value::Integer(HOUSEHOLD_COUNT)),
+                ("seed".to_owned(), Value::Integer(1)),
+            ])),
+        }
+    }
+}
+
+impl Pipeline {
+    /// The weights.
+    #[must_use]
+    pub(crate) fn weights(&self) -> PathBuf {
+        self.out.join("judge/best.safetensors")
+    }
+
+    /// The hands on which experiments are run: the hand itself, or all built-in ones if it is a file of ranges.
+    ///
+    /// # Errors
+    /// If there is no such hand.
+    pub(crate) fn tried_hands(&self) -> Result<Vec<String>, Failure> {
+        let one = || vec![self.hand.clone()];
+        let hands = hands(&self.hand)?;
+        Ok(hands.only().map_or_else(|| Gripper::BUILT_IN.map(|(name, _)| name.to_owned()).to_vec(), |_| one()))
+    }
+
+    /// The names and texts of the settings that the steps use.
+    ///
+    /// # Errors
+    /// If the hand's file cannot be read.
+    pub(crate) fn settings(&self) -> Result<Vec<(String, String)>, Failure> {
+        let mut files = vec![
+            ("generate.toml".to_owned(), self.generate(None)?.to_string()),
+            ("train.toml".to_owned(), JUDGE.to_owned()),
+        ];
+        if let Some(objects) = &self.objects {
+            let generate = |split| self.generate(Some(objects.catalogue(split))).map(|table| table.to_string());
+            files.push(("generate-objects.toml".to_owned(), generate("train")?));
+            files.push((TRIED.to_owned(), generate("held-out")?));
+        }
+        files.extend(EXPERIMENTS.map(|(name, text)| (format!("{name}.toml"), text.to_owned())));
+        for hand in self.tried_hands()? {
+            let mut plan = Document::parse(PLAN[0], Path::new(PLAN[1]))?;
+            plan.table_mut().insert("gripper".to_owned(), Value::String(hand.clone()));
+            files.push((format!("plan-{}.toml", short(&hand)), plan.table().to_string()));
+        }
+        Ok(files)
+    }
+
+    /// The generator's settings, with objects of a catalogue or with primitives.
+    fn generate(&self, catalogue: Option<Value>) -> Result<Table, Failure> {
+        let mut document = Document::parse(GENERATE[0], Path::new(GENERATE[1]))?;
+        let table = document.table_mut();
+        table.insert("gripper".to_owned(), Value::String(self.hand.clone()));
+        if let Some(kind) = self.views.view_kind(table) {
+            table.insert("view_kinds".to_owned(), Value::Array(vec![Value::Table(kind)]));
+        }
+        if let Some(catalogue) = catalogue {
+            table.remove("packed");
+            let own = ["counts", "count_weights", "drop_height_m"];
+            if let Some(Value::Table(objects)) = table.get_mut("objects") {
+                objects.retain(|key, _| own.contains(&key));
+                objects.insert("catalogue".to_owned(), catalogue);
+            }
+            // The rules are those of primitives.
+            let share = |name: &str| table["shares"][name].as_float().unwrap_or_default();
+            let proposals = share("proposals") + share("rules");
+            if let Some(Value::Table(shares)) = table.get_mut("shares") {
+                shares.insert("rules".to_owned(), Value::Float(0.0));
+                shares.insert("proposals".to_owned(), Value::Float(proposals));
+            }
+        }
+        Ok(document.table().clone())
+    }
+
+    /// The steps, in their order.
+    ///
+    /// # Errors
+    /// If there is no such hand.
+    pub(crate) fn steps(&self) -> Result<Vec<Step>, Failure> {
+        let first = self.first_attempts();
+        let mut steps = self.generated("round-1", first, self.seed, self.from.as_deref());
+        if self.from.is_some() {
+            steps.push(self.trained("judge", &["round-1"], EPOCHS));
+        } else {
+            steps.push(self.trained("first", &["round-1"], FIRST_EPOCHS));
+            let policy = self.out.join("first/best.safetensors");
+            steps.extend(self.generated("round-2", self.attempts - first, self.seed + 1, Some(&policy)));
+            steps.push(self.trained("judge", &["round-1", "round-2"], EPOCHS));
+        }
+        steps.extend(self.generated(TEST, TEST_ATTEMPTS, self.seed + 2, None));
+        steps.extend(self.parts(TEST, 0).into_iter().map(|(name, ..)| {
+            let (run, data, report) = (self.at("judge"), self.at(&name), self.at(&format!("{name}-report")));
+            Step { what: format!("evaluate on {name}"), action: Action::Evaluate { run, data, report } }
+        }));
+        for hand in self.tried_hands()? {
+            let setting = |key: &str, path: &Path| (key.to_owned(), path.display().to_string());
+            let plan = setting("plan", &self.at(&format!("plan-{}.toml", short(&hand))));
+            let step = |name: &str, of: &str, more: Option<(String, String)>| {
+                let set = [plan.clone(), setting("model", &self.weights()), VIABLE.map(str::to_owned).into()];
+                let action = Action::Experiment {
+                    config: self.at(&format!("{of}.toml")),
+                    out: self.at(&format!("{name}-{}", short(&hand))),
+                    seed: self.seed + 3,
+                    rounds: ROUNDS,
+                    set: set.into_iter().chain(more).collect(),
+                };
+                Step { what: format!("{ROUNDS} rounds of {name} with {}", short(&hand)), action }
+            };
+            steps.extend(EXPERIMENTS.map(|(name, _)| step(name, name, None)));
+            let scene = setting("scene", &self.at(TRIED));
+            steps.extend(self.objects.iter().map(|_| step("pile-objects", "pile", Some(scene.clone()))));
+        }
+        Ok(steps)
+    }
+
+    /// The same pipeline with few attempts, up to the judge, from whose times [`Self::time`] estimates the whole.
+    ///
+    /// # Errors
+    /// If there is no such hand.
+    pub(crate) fn pilot(&self, folder: &Path) -> Result<(Self, Vec<Step>), Failure> {
+        let pilot = Self {
+            hand: self.hand.clone(),
+            out: folder.to_owned(),
+            attempts: PILOT_ATTEMPTS,
+            objects: self.objects.clone(),
+            from: self.from.clone(),
+            ..*self
+        };
+        let mut steps = pilot.steps()?;
+        let judge = pilot.weights();
+        steps.truncate(1 + steps.iter().position(|step| step.action.done() == judge).unwrap_or(0));
+        Ok((pilot, steps))
+    }
+
+    /// How long all steps take if the pilot's took this long.
+    #[must_use]
+    pub(crate) fn time(&self, pilot: &[Duration]) -> Duration {
+        let times = |share: f64, part: &[Duration]| part.iter().sum::<Duration>().mul_f64(share);
+        // The test set is drawn as the first round, without a judge's choices: where that has some, this is too much.
+        let first = &pilot[..self.parts(TEST, 0).len().min(pilot.len())];
+        let hands = self.tried_hands().map_or(1, |hands| hands.len());
+        let tried = EXPERIMENTS.len() + usize::from(self.objects.is_some());
+        times(self.attempts as f64 / PILOT_ATTEMPTS as f64, pilot)
+            + times(
+                TEST_ATTEMPTS as f64 * self.attempts as f64 / (self.first_attempts() * PILOT_ATTEMPTS) as f64,
+                first,
+            )
+            + ROUND * (hands * tried) as u32 * ROUNDS
+    }
+
+    /// Attempts of the first round, which is the only one if there are weights to begin with.
+    fn first_attempts(&self) -> u64 {
+        if self.from.is_some() { self.attempts } else { (self.attempts as f64 * FIRST_SHARE).round() as u64 }
+    }
+
+    /// The datasets of a name, with their settings and attempts: one of primitives, and one of the catalogue's objects.
+    fn parts(&self, name: &str, attempts: u64) -> Vec<(String, &'static str, u64)> {
+        match self.objects {
+            None => vec![(name.to_owned(), "generate.toml", attempts)],
+            Some(_) => {
+                let objects = if name == TEST { TRIED } else { "generate-objects.toml" };
+                vec![
+                    (name.to_owned(), "generate.toml", attempts - attempts / 2),
+                    (format!("{name}-objects"), objects, attempts / 2),
+                ]
+            }
+        }
+    }
+
+    fn generated(&self, name: &str, attempts: u64, seed: u64, policy: Option<&Path>) -> Vec<Step> {
+        let step = |(name, config, attempts): (String, &str, u64)| {
+            let action = Action::Generate {
+                config: self.at(config),
+                attempts,
+                shards: (attempts / ATTEMPTS_PER_SCENE).clamp(1, SHARDS_MAX),
+                seed,
+                policy: policy.map(Path::to_owned),
+                out: self.at(&name),
+            };
+            Step { what: format!("execute {attempts} attempts, {name}"), action }
+        };
+        self.parts(name, attempts).into_iter().map(step).collect()
+    }
+
+    fn trained(&self, run: &str, rounds: &[&str], epochs: u32) -> Step {
+        let parts = rounds.iter().flat_map(|round| self.parts(round, 0));
+        let names: Vec<String> = parts.map(|(name, ..)| name).collect();
+        let action = Action::Fit {
+            config: self.at("train.toml"),
+            epochs,
+            run: self.at(run),
+            data: names.iter().map(|name| self.at(name)).collect(),
+            from: self.from.clone(),
+        };
+        Step { what: format!("train {epochs} epochs on {}", names.join(", ")), action }
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.out.join(name)
+    }
+}
+
+impl Views {
+    /// The kind of views in the generator's settings, for all scenes; none for all kinds.
+    fn view_kind(self, table: &Table) -> Option<Table> {
+        let pair = |kind: &Table, key: &str| {
+            let number = |value: &Value| value.as_float().or(value.as_integer().map(|number| number as f64));
+            let pair: Option<Vec<f64>> = kind.get(key)?.as_array()?.iter().map(number).collect();
+            pair?.try_into().ok()
+        };
+        let is_one = |kind: &&Table| {
+            let [fewest, most]: [f64; 2] = pair(kind, "counts").unwrap_or_default();
+            let [nearest, _]: [f64; 2] = pair(kind, "radius_sizes").unwrap_or_default();
+            let [steepest, flattest]: [f64; 2] = pair(kind, "polar_rad").unwrap_or_default();
+            let (is_single, is_near) = (most == 1.0, nearest < 1.5);
+            match self {
+                Self::Anywhere => false,
+                Self::Side => is_single && !is_near && steepest >= 0.5,
+                Self::Above => is_single && !is_near && flattest <= 0.5,
+                Self::Wrist => is_single && is_near,
+                Self::Ring => fewest >= 3.0,
+            }
+        };
+        let mut kind = table.get("view_kinds")?.as_array()?.iter().filter_map(Value::as_table).find(is_one)?.clone();
+        kind.insert("share".to_owned(), Value::Float(1.0));
+        Some(kind)
+    }
+}
+
+/// The hands of a name or a file.
+fn hands(hand: &str) -> Result<Hands, Failure> {
+    let text = Table::from_iter([("gripper".to_owned(), Value::String(hand.to_owned()))]).to_string();
+    let Held { gripper } = Document::parse(&text, Path::new("HAND"))?.read()?;
+    Ok(gripper)
+}
+
+/// Whether the built-in judge of many hands answers for a hand. For several hands it is a peer, not a beginning.
+///
+/// # Errors
+/// If there is no such hand.
+pub(crate) fn is_known(hand: &str) -> Result<bool, Failure> {
+    let judge = checkpoint::from_bytes(MANY_HANDS.0, Path::new(MANY_HANDS.1))?;
+    Ok(hands(hand)?.only().is_some() && must_answer_for(&judge, hand).is_ok())
+}
+
+/// Whether a judge answers for a hand, or for all of a file of ranges.
+///
+/// # Errors
+/// If it does not, these are another network's weights, or there is no such hand.
+pub(crate) fn must_answer_for(weights: &Checkpoint, hand: &str) -> Result<(), Failure> {
+    let scope = weights.architecture.scope("a pipeline")?;
+    hands(hand)?.all().iter().try_for_each(|hand| scope.must_match(hand, &Grid::PAPER))
+}
+
+/// A hand's name, also of a file.
+fn short(hand: &str) -> String {
+    Path::new(hand).file_stem().map_or_else(|| hand.to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use clap::Parser;
+
+    use super::*;
+    use crate::Graspmill;
+
+    fn pipeline(hand: &str, objects: Option<Objects>, views: Views) -> Pipeline {
+        Pipeline {
+            hand: hand.to_owned(),
+            out: PathBuf::from("/out"),
+            seed: 7,
+            attempts: 90_000,
+            from: None,
+            views,
+            objects,
+        }
+    }
+
+    fn file(pipeline: &Pipeline, name: &str) -> Table {
+        let files = pipeline.settings().unwrap();
+        files.into_iter().find(|(file, _)| file == name).unwrap().1.parse().unwrap()
+    }
+
+    #[test]
+    fn a_pipeline_is_two_rounds_a_test_and_experiments() {
+        let steps = pipeline("wsg_50", None, Views::Anywhere).steps().unwrap();
+        assert_eq!(
+            kinds(&steps),
+            ["generate", "fit", "generate", "fit", "generate", "evaluate", "experiment", "experiment", "experiment"]
+        );
+        let datasets = steps.iter().filter_map(|step| match &step.action {
+            Action::Generate { attempts, seed, policy, .. } => Some((*attempts, *seed, policy.as_deref())),
+            _ => None,
+        });
+        let datasets: Vec<_> = datasets.collect();
+        let policy = Path::new("/out/first/best.safetensors");
+        assert_eq!(datasets, [(30_000, 7, None), (60_000, 8, Some(policy)), (60_000, 9, None)]);
+        assert_eq!(seed_of_experiments(&steps), 10, "every dataset and the experiments have seeds of their own");
+        assert!(matches!(&steps[3].action, Action::Fit { data, from: None, .. } if data.len() == 2));
+    }
+
+    /// The commands that steps stand for do what the steps do: they are read as a person's would be.
+    #[test]
+    fn steps_print_commands_that_this_program_knows() {
+        let objects = Objects::File(PathBuf::from("/my things.toml"));
+        for step in pipeline("wsg_50", Some(objects), Views::Anywhere).steps().unwrap() {
+            let command = step.action.command();
+            let words = command.replace("'/my things.toml'", "/mythings.toml");
+            let words = words.split(' ').map(|word| word.trim_matches('\''));
+            if let Err(error) = Graspmill::try_parse_from(words) {
+                panic!("{command}: {error}");
+            }
+        }
+    }
+
+    fn kinds(steps: &[Step]) -> Vec<&'static str> {
+        let kind = |step: &Step| match step.action {
+            Action::Generate { .. } => "generate",
+            Action::Fit { .. } => "fit",
+            Action::Evaluate { .. } => "evaluate",
+            Action::Experiment { .. } => "experiment",
+        };
+        steps.iter().map(kind).collect()
+    }
+
+    fn seed_of_experiments(steps: &[Step]) -> u64 {
+        let seeds: BTreeSet<u64> = steps
+            .iter()
+            .filter_map(|step| if let Action::Experiment { seed, .. } = step.action { Some(seed) } else { None })
+            .collect();
+        assert_eq!(seeds.len(), 1);
+        *seeds.first().unwrap()
+    }
+
+    #[test]
+    fn from_the_judge_of_many_hands_there_is_one_round_with_its_choices() {
+        assert!(is_known("wsg_50").unwrap());
+        assert!(!is_known("any_jaw").unwrap(), "for several hands it is a peer");
+        let from = PathBuf::from("/out/from.safetensors");
+        let pipeline = Pipeline { from: Some(from.clone()), ..pipeline("wsg_50", None, Views::Anywhere) };
+        let steps = pipeline.steps().unwrap();
+        assert_eq!(
+            kinds(&steps),
+            ["generate", "fit", "generate", "evaluate", "experiment", "experiment", "experiment"]
+        );
+        let first = steps[0].action.command();
+        assert!(first.contains("--attempts 90000") && first.contains("--set spanned_share=0.75"), "{first}");
+        assert!(first.contains("--policy /out/from.safetensors"), "{first}");
+        assert!(matches!(&steps[1].action, Action::Fit { from: Some(file), .. } if *file == from));
+        assert!(!steps[2].action.command().contains("--policy"), "the test set has no judge's choices");
+        // 15 times a pilot of 20 s, 10 times its first step, and 3 experiments of a minute.
+        let (pilot, steps) = pipeline.pilot(Path::new("/pilot")).unwrap();
+        assert_eq!((steps.len(), pilot.from), (2, Some(from)));
+        assert_eq!(pipeline.time(&[Duration::from_secs(10); 2]).as_secs(), 15 * 20 + 10 * 10 + 3 * 60);
+    }
+
+    #[test]
+    fn weights_to_begin_with_answer_for_the_hand() {
+        let judge = checkpoint::from_bytes(MANY_HANDS.0, Path::new(MANY_HANDS.1)).unwrap();
+        assert!(must_answer_for(&judge, "robotiq_hand_e").is_ok());
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("wide.toml");
+        let text = Gripper::BUILT_IN[0].1.replace("opening_m_max = 0.08", "opening_m_max = 0.2");
+        std::fs::write(&file, text).unwrap();
+        let hand = file.display().to_string();
+        let refused = must_answer_for(&judge, &hand).unwrap_err().to_string();
+        assert!(refused.contains("opening_m_max must be"), "{refused}");
+        assert!(!is_known(&hand).unwrap());
+        let paper = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/paper-200k.safetensors");
+        let refused = must_answer_for(&checkpoint::read(Path::new(paper)).unwrap(), "wsg_50").unwrap_err().to_string();
+        assert!(refused.contains("which answers for voxels"), "{refused}");
+    }
+
+    #[test]
+    fn a_judge_of_many_hands_is_tried_with_each_built_in_one() {
+        let pipeline = pipeline("any_jaw", None, Views::Anywhere);
+        assert_eq!(pipeline.tried_hands().unwrap().len(), Gripper::BUILT_IN.len());
+        assert_eq!(pipeline.steps().unwrap().len(), 6 + 3 * Gripper::BUILT_IN.len());
+        assert_eq!(file(&pipeline, "plan-wsg_50.toml")["gripper"].as_str(), Some("wsg_50"));
+        // 15 times a pilot of 40 s, 30 times its first step, and 21 experiments of a minute.
+        let (_, steps) = pipeline.pilot(Path::new("/pilot")).unwrap();
+        let spent = [Duration::from_secs(10); 4];
+        assert_eq!(steps.len(), spent.len());
+        assert_eq!(pipeline.time(&spent).as_secs(), 15 * 40 + 30 * 10 + 21 * 60);
+    }
+
+    #[test]
+    fn kinds_of_views_are_found_by_what_they_are() {
+        let comments = GENERATE[0].split("[[view_kinds]]").skip(1).map(|part| part.lines().next().unwrap());
+        let places: Vec<&str> = comments.map(|line| line.trim_start_matches([' ', '#'])).collect();
+        for (views, place) in [
+            (Views::Side, "one from the side, as GIGA's"),
+            (Views::Above, "one from above"),
+            (Views::Wrist, "one from the wrist"),
+            (Views::Ring, "a ring"),
+        ] {
+            let table: Table = GENERATE[0].parse().unwrap();
+            let at = places.iter().position(|named| *named == place).unwrap();
+            let mut expected = table["view_kinds"][at].as_table().unwrap().clone();
+            expected.insert("share".to_owned(), Value::Float(1.0));
+            assert_eq!(views.view_kind(&table), Some(expected), "{place}");
+        }
+    }
+
+    #[test]
+    fn views_and_objects_are_those_asked_for() {
+        let pipeline = pipeline("wsg_50", Some(Objects::File(PathBuf::from("/things.toml"))), Views::Side);
+        let [plain, things] = ["generate.toml", "generate-objects.toml"].map(|name| file(&pipeline, name));
+        for generate in [&plain, &things] {
+            let kinds = generate["view_kinds"].as_array().unwrap();
+            assert_eq!(
+                (kinds.len(), kinds[0]["share"].as_float(), kinds[0]["counts"].to_string()),
+                (1, Some(1.0), "[1, 1]".to_owned())
+            );
+            let shares = generate["shares"].as_table().unwrap().values().filter_map(Value::as_float);
+            assert!((shares.sum::<f64>() - 1.0).abs() < 1e-9);
+        }
+        assert!(plain.contains_key("packed") && !things.contains_key("packed"));
+        assert_eq!(things["objects"]["catalogue"].as_str(), Some("/things.toml"));
+        assert!(things["objects"].get("size_m").is_none());
+        assert_eq!(things["shares"]["rules"].as_float(), Some(0.0));
+        assert_eq!(kinds(&pipeline.steps().unwrap()).iter().filter(|kind| **kind == "generate").count(), 6);
+        let household = Pipeline { objects: Some(Objects::Household), ..pipeline };
+        let split = |name: &str| file(&household, name)["objects"]["catalogue"]["split"].as_str().map(str::to_owned);
+        assert_eq!(split("generate-objects.toml").as_deref(), Some("train"));
+        assert_eq!(split("tried-objects.toml").as_deref(), Some("held-out"));
+        let steps = household.steps().unwrap();
+        assert!(steps.last().unwrap().action.command().ends_with("--set scene=/out/tried-objects.toml"));
+        assert_eq!(kinds(&steps).iter().filter(|kind| **kind == "experiment").count(), 4);
+        let pipeline = household;
+        let wrong = Pipeline { hand: "three_fingers".to_owned(), ..pipeline };
+        assert!(wrong.steps().unwrap_err().to_string().contains("three_fingers"));
+    }
+}

@@ -1,0 +1,235 @@
+//! `graspmill plan`: an observation to ranked grasps.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use planner::cloud_file::write_ply;
+use planner::input::{
+    BoxInput, ConeInput, InputError, OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput,
+    assemble, from_file,
+};
+use planner::picture::draw;
+use planner::{Planners, Policy, demo};
+use program::{ExitCode, Failure, json, print, print_error, write};
+use schema::Grid;
+
+use super::{NetworkArguments, console};
+
+/// From depth images, a TSDF or a cloud to ranked grasps: a table, or everything as JSON
+#[derive(Debug, Args)]
+#[command(after_help = format!("{VIEWS_FILE}\n\n{EXAMPLES}\n\n{}", ExitCode::HELP))]
+#[group(id = "source", required = true, multiple = false, args = ["views", "tsdf", "cloud", "demo"])]
+pub(crate) struct Arguments {
+    /// File (TOML or JSON) that names depth images and cameras, and may hold wishes; see below
+    #[arg(long, value_name = "FILE")]
+    views: Option<PathBuf>,
+
+    /// NPY file of a TSDF in VGN's values, [40, 40, 40] or [1, 40, 40, 40]; as many as --workspace-size takes
+    #[arg(long, value_name = "FILE")]
+    tsdf: Option<PathBuf>,
+
+    /// Point cloud in the workspace frame: PLY, PCD or NPY, in metres
+    #[arg(long, value_name = "FILE")]
+    cloud: Option<PathBuf>,
+
+    /// The built-in scene
+    #[arg(long)]
+    demo: bool,
+
+    /// An option of earlier versions, refused with a hint at its replacement
+    #[arg(long, value_name = "DIR|URL", hide = true, value_parser = no_dataset)]
+    dataset: Option<String>,
+
+    /// Went with --dataset
+    #[arg(long, value_name = "N", hide = true, requires = "dataset")]
+    scene: Option<u64>,
+
+    /// Where the cloud was seen from; repeat for several places [default: a PCD file's viewpoint, else straight above]
+    #[arg(long, value_name = "X,Y,Z", requires = "cloud", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    eye: Vec<[f64; 3]>,
+
+    /// How grasps are ranked: paper, vgn-random or vgn-best [default: the settings']
+    #[arg(long, value_name = "NAME", value_parser = |name: &str| Policy::try_from(name.to_owned()))]
+    policy: Option<Policy>,
+
+    /// Most grasps to return [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    grasps: Option<u32>,
+
+    /// Drop grasps whose hand would hit the cloud on its way
+    #[arg(long)]
+    check_collisions: bool,
+
+    /// Report why candidates were dropped
+    #[arg(long)]
+    explain: bool,
+
+    /// Side of the workspace, 0.2 to 0.6 m, in which objects stand and are grasped [default: 0.3]
+    #[arg(long, value_name = "M")]
+    workspace_size: Option<f64>,
+
+    /// The workspace in the robot's base frame: grasps are returned in that frame too
+    #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
+    base_from_workspace: Option<[f64; 7]>,
+
+    /// The wrist's orientation in the workspace: of a grasp and its half turn, the nearer one is returned [default:
+    /// straight down, x along the workspace's]
+    #[arg(long, value_name = "QX,QY,QZ,QW", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    wrist: Option<[f64; 4]>,
+
+    /// A hand that failed, in the workspace: no grasp within 10 mm and 30° of it is returned; repeat for several
+    #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = numbers::<7>, allow_hyphen_values = true)]
+    avoid: Vec<[f64; 7]>,
+
+    /// Only grasps of the object at this point of the workspace; masks of single objects go into the views file
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    target: Option<[f64; 3]>,
+
+    /// Only grasps that approach within an angle, in radians, of a direction of the workspace: 0,0,-1,0.5 is down
+    /// within 29°
+    #[arg(long, value_name = "X,Y,Z,RAD", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    approach: Option<[f64; 4]>,
+
+    /// A plane that the open hand does not cross on its way: its normal, which points to where the hand may be, and its
+    /// offset in metres; repeat for several. 0,1,0,0.05 keeps the hand at y of 50 mm or more
+    #[arg(long, value_name = "NX,NY,NZ,OFFSET", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    keep_out: Vec<[f64; 4]>,
+
+    /// Only grasps whose tips are within this box of the workspace: its lower and its upper corner
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
+    reach: Option<[f64; 6]>,
+
+    /// Write the plan here, as JSON
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+
+    /// Print the plan as JSON, and the table to standard error
+    #[arg(long)]
+    json: bool,
+
+    /// Draw the scene and its grasps
+    #[arg(long, value_name = "PNG")]
+    picture: Option<PathBuf>,
+
+    /// Write the segmented cloud, for MeshLab, CloudCompare, or scripts/plan_rrd.py
+    #[arg(long, value_name = "PLY")]
+    ply: Option<PathBuf>,
+
+    /// Print no table
+    #[arg(long, short)]
+    quiet: bool,
+
+    #[command(flatten)]
+    network: NetworkArguments,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let planners = Planners::new(arguments.network.planner()?);
+    let Request { observation, config, wishes, warnings } = request(arguments, planners.own.grid)?;
+    // The command line counts more than the file.
+    let planner = planners.of(config.filter(|_| arguments.network.config.is_none()))?;
+    let mut plan = planner.plan(&observation, &wishes)?;
+    plan.warnings.extend(warnings);
+    if let Some(path) = &arguments.picture {
+        write(path, draw(&plan, &planner.config.gripper, &title(arguments))?)?;
+    }
+    if let Some(path) = &arguments.ply {
+        write(path, write_ply(&plan))?;
+    }
+    if let Some(path) = &arguments.out {
+        write(path, json(&plan)?)?;
+    }
+    if arguments.json {
+        print(json(&plan)?)?;
+    }
+    let table = console::summary(&plan);
+    match (arguments.quiet, arguments.json) {
+        (true, _) => {}
+        (false, true) => print_error(table.trim_end()),
+        (false, false) => print(table)?,
+    }
+    Ok(ExitCode::Ok)
+}
+
+/// What is to be planned: a file's request or one made of flags, which count more than the file.
+fn request(arguments: &Arguments, grid: Grid) -> Result<Request, InputError> {
+    if let Some(path) = &arguments.views {
+        return from_file(path, grid, |input| add_flags(arguments, input));
+    }
+    let mut input = if arguments.demo { demo::request()? } else { RequestInput::default() };
+    add_flags(arguments, &mut input);
+    assemble(&input, Some(Path::new("")), grid)
+}
+
+fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
+    let source = |path: &PathBuf| SourceInput::Path(path.to_string_lossy().into_owned());
+    input.tsdf = arguments.tsdf.as_ref().map(source).or(input.tsdf.take());
+    input.cloud = arguments.cloud.as_ref().map(source).or(input.cloud.take());
+    input.eyes_m = Some(arguments.eye.clone()).filter(|eyes| !eyes.is_empty()).or(input.eyes_m.take());
+    input.policy = arguments.policy.or(input.policy);
+    input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
+    input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
+    input.explain = arguments.explain.then_some(true).or(input.explain);
+    input.workspace_size_m = arguments.workspace_size.or(input.workspace_size_m);
+    let pose = |[x, y, z, quaternion_xyzw @ ..]: [f64; 7]| {
+        PoseInput::Parts(PosePartsInput { position_m: [x, y, z], quaternion_xyzw })
+    };
+    input.base_from_workspace = arguments.base_from_workspace.map(pose).or(input.base_from_workspace.take());
+    let avoid = Some(arguments.avoid.iter().copied().map(pose).collect::<Vec<_>>());
+    input.avoid = avoid.filter(|hands| !hands.is_empty()).or(input.avoid.take());
+    input.target_m = arguments.target.or(input.target_m);
+    let cone = |[x, y, z, angle_rad_max]: [f64; 4]| ConeInput { direction: [x, y, z], angle_rad_max };
+    input.approach = arguments.approach.map(cone).or(input.approach);
+    let planes = Some(arguments.keep_out.clone()).filter(|planes| !planes.is_empty());
+    input.keep_out = planes.or(input.keep_out.take());
+    let corners = |[x, y, z, high @ ..]: [f64; 6]| BoxInput { low_m: [x, y, z], high_m: high };
+    input.reach = arguments.reach.map(corners).or(input.reach);
+    let wrist = arguments.wrist.map(|quaternion_xyzw| OrientationInput { quaternion_xyzw });
+    input.workspace_from_wrist = wrist.or(input.workspace_from_wrist.take());
+}
+
+fn title(arguments: &Arguments) -> String {
+    let path = [&arguments.views, &arguments.tsdf, &arguments.cloud].into_iter().flatten().next();
+    let name = path.and_then(|path| path.file_name());
+    name.map_or_else(|| "demo".to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
+/// So many numbers with commas between them.
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let read: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+    let read = read.map_err(|e| format!("not a number: {e}"))?;
+    let count = read.len();
+    read.try_into().map_err(|_| format!("must be {N} numbers with commas between them, got {count}"))
+}
+
+/// A robot's planner reads no datasets.
+fn no_dataset(dataset: &str) -> Result<String, String> {
+    Err(format!(
+        "the planner reads no datasets: graspmill dataset tsdf {dataset} --scene N --out scene.npy, then --tsdf scene.npy"
+    ))
+}
+
+const VIEWS_FILE: &str = "\
+A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x, y, z, w:
+  intrinsics = { fx_px = 540.0, fy_px = 540.0, cx_px = 320.0, cy_px = 240.0 }
+  [[views]]
+  depth = \"depth-0.png\"       # 16-bit PNG, NPY or EXR; beside this file
+  depth_scale_m = 0.001       # metres per unit
+  workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [-0.954, 0.0, 0.0, 0.301] }
+Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. Instead of workspace_from_camera,
+a view may have its inverse camera_from_workspace or, with base_from_workspace, base_from_camera or camera_from_base.
+tsdf or cloud (with eyes_m) may stand in place of views. The wishes config, policy, grasps_max, check_collisions, explain, avoid,
+workspace_from_wrist, workspace_size_m, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";
+
+const EXAMPLES: &str = "\
+Examples:
+  graspmill plan --demo --picture demo.png
+  graspmill plan --views views.toml --check-collisions --out plan.json
+  graspmill plan --cloud table.pcd --eye 0.15,-0.4,0.5 --explain
+  graspmill dataset tsdf grasps --scene 7 --out scene.npy && graspmill plan --tsdf scene.npy --config paper
+  graspmill plan --demo --out plan.json --ply cloud.ply && python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
+  graspmill gripper franka_hand --picture hand.svg
+  graspmill serve --port 8040
+  graspmill bench plan
+
+If no grasp is found, the plan says why, and the exit code is still 0. Programs read the plan with --json or from the file of --out.";

@@ -1,0 +1,4 @@
+//! `graspmill dataset`, under the name `shards`.
+
+mod program;
+mod remote;

@@ -1,0 +1,245 @@
+//! The program as a user runs it.
+
+mod page;
+mod stored_scene;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn run(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_experiments")).args(arguments).output().unwrap()
+}
+
+fn config(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/experiment").join(name)
+}
+
+/// The journal's lines after the first, sorted, without what a clock says.
+fn rounds(folder: &Path) -> Vec<String> {
+    let text = fs::read_to_string(folder.join("journal.jsonl")).unwrap();
+    let mut rounds: Vec<serde_json::Value> =
+        text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap()).collect();
+    for trial in rounds.iter_mut().flat_map(|round| round["trials"].as_array_mut().unwrap()) {
+        let trial = trial.as_object_mut().unwrap();
+        trial.remove("plan_ms");
+        trial.remove("observe_ms");
+    }
+    let mut lines: Vec<String> = rounds.iter().map(ToString::to_string).collect();
+    lines.sort();
+    lines
+}
+
+#[test]
+fn an_experiment_is_the_same_in_one_go_or_cut_short_and_on_any_number_of_threads() {
+    for name in ["pile.toml", "packed.toml"] {
+        let folder = tempfile::tempdir().unwrap();
+        let config = config(name);
+        let at = |out: &str, more: &[&str]| {
+            let out = folder.path().join(out);
+            let output =
+                run(&[&["run", config.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rounds", "4"], more]
+                    .concat());
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            let printed = String::from_utf8(output.stdout).unwrap();
+            let lines: Vec<&str> = printed.lines().collect();
+            assert!(lines.len() <= 10 && lines[0].contains("report.md"), "{printed}");
+            assert!(
+                lines[2].contains("5 objects, 6 views") && lines[lines.len() - 1].starts_with("a plan, ms"),
+                "{printed}"
+            );
+            out
+        };
+        let whole = at("whole", &["--threads", "1"]);
+        assert_eq!(rounds(&whole).len(), 4);
+        for file in ["rounds.parquet", "attempts.parquet", "report.md", "report.json", "report.svg"] {
+            assert!(whole.join(file).metadata().unwrap().len() > 100, "{file}");
+        }
+        // A run that was killed in the middle of a line.
+        let cut = folder.path().join("cut");
+        fs::create_dir(&cut).unwrap();
+        let journal = fs::read_to_string(whole.join("journal.jsonl")).unwrap();
+        let second = journal.match_indices('\n').nth(1).unwrap().0;
+        fs::write(cut.join("journal.jsonl"), &journal[..second + 40]).unwrap();
+        assert_eq!(rounds(&at("cut", &["--threads", "3"])), rounds(&whole));
+    }
+}
+
+#[test]
+fn another_experiment_is_not_mixed_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let arguments = |seed| {
+        let pile = config("pile.toml");
+        run(&["run", pile.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rounds", "1", "--seed", seed])
+    };
+    assert!(arguments("1").status.success());
+    let other = arguments("2");
+    assert_eq!(other.status.code(), Some(78));
+    assert!(String::from_utf8(other.stderr).unwrap().contains("another experiment"));
+}
+
+#[test]
+fn a_folder_has_one_run_at_a_time_which_removes_what_killed_ones_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let [left, lock] = [".abc123.tmp", ".lock"].map(|name| folder.path().join(name));
+    fs::write(&left, "half a report").unwrap();
+    let lock = fs::File::create(lock).unwrap();
+    lock.lock().unwrap();
+    let pile = config("pile.toml");
+    let again =
+        || told(&run(&["run", pile.to_str().unwrap(), "--out", folder.path().to_str().unwrap(), "--rounds", "1"]));
+    let (code, said) = again();
+    assert_eq!(code, Some(75), "{said}");
+    assert!(said.contains("another process writes in this folder") && left.exists(), "{said}");
+    lock.unlock().unwrap();
+    assert_eq!(again().0, Some(0));
+    assert!(!left.exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_in_place_of_a_file_is_refused_without_waiting_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (pile, out) = (config("pile.toml"), folder.path().to_str().unwrap());
+    let refused = |name: &str, arguments: &[&str]| {
+        let pipe = folder.path().join(name);
+        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let (code, said) = told(&run(arguments));
+        assert_eq!(code, Some(78), "{said}");
+        assert!(said.contains("it must be a regular file") && said.contains(name), "{said}");
+        fs::remove_file(pipe).unwrap();
+    };
+    refused("journal.jsonl", &["run", pile.to_str().unwrap(), "--out", out, "--rounds", "1"]);
+    refused("report.json", &["compare", out]);
+    assert_eq!(told(&run(&["run", pile.to_str().unwrap(), "--out", out, "--rounds", "1"])).0, Some(0));
+    let html = folder.path().join("page.html");
+    for name in ["report.json", "journal.jsonl", "run.json", "bodies.json"] {
+        let kept = fs::read(folder.path().join(name)).unwrap();
+        fs::remove_file(folder.path().join(name)).unwrap();
+        refused(name, &["report", out, "--html", html.to_str().unwrap()]);
+        fs::write(folder.path().join(name), kept).unwrap();
+    }
+}
+
+#[test]
+fn a_bad_config_is_told_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fs::read_to_string(config("pile.toml")).unwrap();
+    let bad = text.replace("kind = \"pile\"", "kind = \"heap\"").replace("rounds = 100", "rounds = 0");
+    let path = folder.path().join("bad.toml");
+    fs::write(&path, bad).unwrap();
+    let output = run(&["run", path.to_str().unwrap(), "--out", folder.path().to_str().unwrap()]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(78), "{said}");
+    assert!(said.contains("objects.kind must be one of pile, packed, things, got heap"), "{said}");
+    assert!(said.contains("rounds must be between 1 and 1000000, got 0"), "{said}");
+}
+
+fn told(output: &Output) -> (Option<i32>, String) {
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn keys_are_set_from_outside_and_unknown_ones_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let pile = config("pile.toml");
+    let with = |set: &[&str]| {
+        let sets = set.iter().flat_map(|set| ["--set", set]);
+        let start = ["run", pile.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rounds", "1"];
+        run(&start.into_iter().chain(sets).collect::<Vec<_>>())
+    };
+    let quick = ["views.count=1", "views.radius_sizes=2", "protocol=one view", "plan.detection.quality_min=0.95"];
+    assert_eq!(told(&with(&quick)).0, Some(0));
+    let report = fs::read_to_string(out.join("report.md")).unwrap();
+    for text in [
+        "# Experiment one view",
+        "count = 1\n",
+        "radius_sizes = 2.0",
+        "quality_min = 0.95",
+        "--set 'protocol=one view'",
+    ] {
+        assert!(report.contains(text), "{text} is not in {report}");
+    }
+    for (set, text) in [
+        ("views.number=3", "there is no key views.number"),
+        ("plan.detection.epsilon=0.5", "there is no key detection.epsilon"),
+        ("views.count=0", "views.count must be between 1 and 32, got 0"),
+        ("seeds=[3, 3]", "seeds must be different ones"),
+        ("seeds=[]", "number of seeds must be between 1 and 1000, got 0"),
+        ("objects.names=[\"teapot\"]", "objects.names must be there for objects.kind"),
+    ] {
+        let (code, said) = told(&with(&[set]));
+        assert_eq!(code, Some(78), "{set}: {said}");
+        assert!(said.contains(text), "{set}: {said}");
+    }
+}
+
+/// What is not in the experiment's own file decides as well: the planner's settings, the hand and the procedure, the
+/// objects.
+#[test]
+fn a_run_does_not_go_on_with_other_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let scene = fs::read_to_string(root.join("configs/generate/paper.toml")).unwrap();
+    let things = fs::read_to_string(root.join("configs/objects/everyday.toml")).unwrap();
+    let text = fs::read_to_string(config("table2.toml")).unwrap();
+    let text = text
+        .replace("scene = \"paper\"", "scene = \"scene.toml\"")
+        .replace("plan = \"judge\"", "plan = \"plan.toml\"")
+        .replace("catalogue = \"everyday\"", "catalogue = \"things.toml\"");
+    fs::write(at("table.toml"), text).unwrap();
+    fs::write(at("plan.toml"), planner::BuiltIn::Paper.text()).unwrap();
+    fs::write(at("scene.toml"), &scene).unwrap();
+    fs::write(at("things.toml"), &things).unwrap();
+    let (table, out) = (at("table.toml"), at("out"));
+    let again = |rounds: &str| {
+        told(&run(&["run", table.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rounds", rounds]))
+    };
+    assert_eq!(again("1").0, Some(0));
+    assert_eq!(again("2").0, Some(0), "more rounds of the same are welcome");
+    for (file, text, from, to) in [
+        ("scene.toml", scene.as_str(), "hold_time_s = 0.25", "hold_time_s = 0.3"),
+        ("plan.toml", planner::BuiltIn::Paper.text(), "quality_min = 0.9", "quality_min = 0.8"),
+        ("things.toml", things.as_str(), "mass_kg = 0.21", "mass_kg = 0.22"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        fs::write(at(file), text.replacen(from, to, 1)).unwrap();
+        let (code, said) = again("2");
+        assert_eq!(code, Some(78), "{file}: {said}");
+        assert!(said.contains("another experiment"), "{file}: {said}");
+        fs::write(at(file), text).unwrap();
+    }
+    assert_eq!(again("2").0, Some(0));
+}
+
+#[test]
+fn seeds_are_told_apart_and_runs_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let play = |name: &str, policy: &str| {
+        let (set, protocol) = (format!("plan.ranking.policy={policy}"), format!("protocol={name}"));
+        let table = config("table3.toml");
+        let start = ["run", table.to_str().unwrap(), "--out", &out(name), "--rounds", "2", "--set", "seeds=[5, 6]"];
+        let sets =
+            ["--set", "plan=paper", "--set", "plan.detection.quality_min=0.4", "--set", &set, "--set", &protocol];
+        assert_eq!(told(&run(&[&start[..], &sets[..]].concat())).0, Some(0));
+    };
+    play("ours", "paper");
+    play("theirs", "vgn-best");
+    let report = fs::read_to_string(folder.path().join("ours/report.md")).unwrap();
+    assert!(report.contains("| seed 5 | 2 |") && report.contains("| seed 6 | 2 |"), "{report}");
+    assert!(report.contains("Mean and standard deviation over 2 seeds"), "{report}");
+    for file in ["objects.parquet", "bodies.json", "run.json"] {
+        assert!(folder.path().join("ours").join(file).metadata().unwrap().len() > 100, "{file}");
+    }
+    let figure = out("figure.svg");
+    let compared = run(&["compare", &out("ours"), &out("theirs"), "--figure", &figure]);
+    let text = String::from_utf8(compared.stdout).unwrap();
+    assert!(text.contains("| scene_1 |") && text.contains("| scene_2 |"), "{text}");
+    assert!(fs::read_to_string(figure).unwrap().contains("theirs (4 rounds"));
+    let (code, said) = told(&run(&["compare", folder.path().to_str().unwrap()]));
+    assert_eq!(code, Some(75), "{said}");
+}

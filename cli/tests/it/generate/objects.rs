@@ -1,0 +1,435 @@
+//! User-defined objects: meshes to a catalogue, and a catalogue to a self-contained dataset.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use generator::{Config, Overrides};
+use schema::ObjectShape;
+use serde_json::Value;
+use settings::Document;
+use shards::{Dataset, FormatVersion};
+use tempfile::TempDir;
+
+use super::{check_fails, check_ok, files, run, workshop};
+
+/// VGN's config at a size for tests, with a catalogue.
+fn config() -> String {
+    let config = include_str!("../../../../configs/generate/vgn.toml")
+        .replace("shards = 64", "shards = 3")
+        .replace("attempts = 200_000", "attempts = 72")
+        .replace("attempts_per_scene = 60", "attempts_per_scene = 12")
+        .replace("resolution = 40 ", "resolution = 16 ")
+        .replace("[objects]\n", "[objects]\ncatalogue = \"my-objects.toml\"\n")
+        .replace("counts = [1, 2, 3, 4, 5] ", "counts = [1, 2] ")
+        .replace("count_weights = [1.0, 1.0, 1.3, 1.3, 1.3] ", "count_weights = [1.0, 1.0] ");
+    let (before, objects) = config.split_once("[objects]").unwrap();
+    let (objects, after) = objects.split_once("\n[").unwrap();
+    let is_for_primitives =
+        |line: &&str| ["shapes", "size_m", "density", "friction"].iter().any(|key| line.starts_with(key));
+    let objects = objects.lines().filter(|line| !is_for_primitives(line)).collect::<Vec<_>>().join("\n");
+    let config = format!("{before}[objects]{objects}\n[{after}");
+    assert!(config.contains("catalogue") && config.contains("attempts = 72"), "{config}");
+    config
+}
+
+/// Corners and outward triangles of a polygon pushed along z, in millimetres.
+fn prism(outline: &[[f64; 2]], cap: &[[usize; 3]], height: f64) -> (Vec<[f64; 3]>, Vec<[usize; 3]>) {
+    let n = outline.len();
+    let corners = [0.0, height].into_iter().flat_map(|z| outline.iter().map(move |[x, y]| [*x, *y, z])).collect();
+    let mut triangles: Vec<[usize; 3]> = cap.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    triangles.extend(cap.iter().map(|triangle| triangle.map(|i| i + n)));
+    triangles.extend((0..n).flat_map(|i| [[i, (i + 1) % n, (i + 1) % n + n], [i, (i + 1) % n + n, i + n]]));
+    (corners, triangles)
+}
+
+fn obj(path: &Path, (corners, triangles): (Vec<[f64; 3]>, Vec<[usize; 3]>)) {
+    let mut text = String::new();
+    corners.iter().for_each(|[x, y, z]| writeln!(text, "v {x} {y} {z}").unwrap());
+    triangles.iter().for_each(|t| writeln!(text, "f {} {} {}", t[0] + 1, t[1] + 1, t[2] + 1).unwrap());
+    fs::write(path, text).unwrap();
+}
+
+fn stl(path: &Path, (corners, triangles): (Vec<[f64; 3]>, Vec<[usize; 3]>)) {
+    let mut bytes = vec![0; 80];
+    bytes.extend((triangles.len() as u32).to_le_bytes());
+    for triangle in triangles {
+        bytes.extend([0; 12]);
+        bytes.extend(triangle.iter().flat_map(|i| corners[*i]).flat_map(|x| (x as f32).to_le_bytes()));
+        bytes.extend([0; 2]);
+    }
+    fs::write(path, bytes).unwrap();
+}
+
+fn ply(path: &Path, (corners, triangles): (Vec<[f64; 3]>, Vec<[usize; 3]>)) {
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        corners.len(),
+        triangles.len()
+    );
+    corners.iter().for_each(|[x, y, z]| writeln!(text, "{x} {y} {z}").unwrap());
+    triangles.iter().for_each(|[a, b, c]| writeln!(text, "3 {a} {b} {c}").unwrap());
+    fs::write(path, text).unwrap();
+}
+
+const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [40.0, 0.0], [40.0, 40.0], [0.0, 40.0]];
+const SQUARE_CAP: [[usize; 3]; 2] = [[0, 1, 2], [0, 2, 3]];
+const ELL: [[f64; 2]; 6] = [[0.0, 0.0], [60.0, 0.0], [60.0, 20.0], [20.0, 20.0], [20.0, 60.0], [0.0, 60.0]];
+const ELL_CAP: [[usize; 3]; 4] = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]];
+const WEDGE: [[f64; 2]; 3] = [[0.0, 0.0], [50.0, 0.0], [0.0, 35.0]];
+
+/// A folder with a config, and three meshes in millimetres in `meshes`.
+fn with_meshes() -> TempDir {
+    let dir = workshop(&config());
+    let folder = dir.path().join("meshes");
+    fs::create_dir(&folder).unwrap();
+    obj(&folder.join("Cube.obj"), prism(&SQUARE, &SQUARE_CAP, 40.0));
+    stl(&folder.join("ell.stl"), prism(&ELL, &ELL_CAP, 30.0));
+    ply(&folder.join("wedge piece.ply"), prism(&WEDGE, &[[0, 1, 2]], 60.0));
+    fs::write(folder.join("readme.txt"), "not a mesh").unwrap();
+    dir
+}
+
+fn program(dir: &TempDir, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_generator")).current_dir(dir.path()).args(arguments).output().unwrap()
+}
+
+const IMPORT: [&str; 6] = ["import-objects", "meshes", "--scale", "0.001", "--out", "my-objects.toml"];
+
+fn import(dir: &TempDir, more: &[&str]) -> Output {
+    program(dir, &[&IMPORT[..], more].concat())
+}
+
+#[test]
+fn meshes_are_measured_and_become_a_catalogue() {
+    let dir = with_meshes();
+    let told = check_ok(&import(&dir, &["--density", "1000", "--json"]));
+    let objects: Value = serde_json::from_str(&told).unwrap();
+    let object = |name: &str| {
+        let all = objects["objects"].as_array().unwrap();
+        all.iter().find(|object| object["name"] == name).unwrap_or_else(|| panic!("{name} in {told}"))
+    };
+    let near = |got: &Value, expected: f64| {
+        let got = got.as_f64().unwrap();
+        assert!((got / expected - 1.0).abs() < 1e-6, "{got} instead of {expected}");
+    };
+    let cube = object("cube");
+    assert_eq!((&cube["triangles"], &cube["is_watertight"], &cube["parts"]), (&12.into(), &true.into(), &1.into()));
+    near(&cube["volume_m3"], 0.04_f64.powi(3));
+    near(&cube["mass_kg"], 0.064);
+    near(&cube["smallest_width_m"], 0.04);
+    for axis in 0..3 {
+        near(&cube["extents_m"][axis], 0.04);
+        near(&cube["centre_of_mass_m"][axis], 0.02);
+        near(&cube["inertia_kg_m2"][axis], 0.064 * 0.04 * 0.04 / 6.0);
+    }
+    let ell = object("ell");
+    near(&ell["volume_m3"], (0.06 * 0.02 + 0.04 * 0.02) * 0.03);
+    assert!((2..=4).contains(&ell["parts"].as_u64().unwrap()), "{ell}");
+    assert!((ell["parts_volume_share"].as_f64().unwrap() - 1.0).abs() < 0.05, "{ell}");
+    assert!(ell["parts_inertia_difference"].as_f64().unwrap() < 0.05, "{ell}");
+    assert!(ell["parts_overlap_share"].as_f64().unwrap() < 0.05, "{ell}");
+    near(&object("wedge_piece")["volume_m3"], 0.5 * 0.05 * 0.035 * 0.06);
+    assert_eq!(object("wedge_piece")["parts"], 1);
+    for name in ["cube", "ell", "wedge_piece"] {
+        assert_eq!(object(name)["warnings"], Value::Array(Vec::new()), "{name}");
+    }
+
+    let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
+    let catalogue = generator::catalogue::Catalogue::parse(&text, Path::new("x")).unwrap();
+    assert_eq!(catalogue.names(), ["cube", "ell", "wedge_piece"]);
+    // The same again, without overwriting a user's changes.
+    check_ok(&import(&dir, &["--density", "1000"]));
+    check_fails(&import(&dir, &["--mass", "0.2"]), 78, &["--force replaces it", "my-objects.toml"]);
+    let table = check_ok(&import(&dir, &["--mass", "0.2", "--friction", "0.5", "--hulls-max", "1", "--force"]));
+    assert!(table.contains("wedge_piece") && table.contains("warning: ell: the parts have"), "{table}");
+    let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
+    assert_eq!(text.matches("mass_kg = 0.2\nfriction = 0.5\n").count(), 3, "{text}");
+    assert_eq!(text.matches("[[object.part]]").count(), 3);
+}
+
+#[test]
+fn what_is_odd_about_a_mesh_is_said() {
+    let dir = with_meshes();
+    let of = |file: &str, scale: &str| {
+        let file = format!("meshes/{file}");
+        program(&dir, &["import-objects", &file, "--mass", "1", "--scale", scale, "--out", "odd.toml", "--force"])
+    };
+    // Without --scale a cube of 40 mm is one of 40 m.
+    check_fails(&of("Cube.obj", "1"), 78, &["at most 10 m long, got 40 m", "--scale 0.001", "Cube.obj"]);
+    assert!(!dir.path().join("odd.toml").exists());
+    let large = check_ok(&of("Cube.obj", "0.05"));
+    for part in ["2.000 m long: if the file is in millimetres", "the hand opens 80.0 mm", "bounding box's diagonal"] {
+        assert!(large.contains(part), "{part}: {large}");
+    }
+    let small = check_ok(&of("Cube.obj", "0.0001"));
+    assert!(small.contains("4.000 mm long: if the file is in metres"), "{small}");
+    let (corners, triangles) = prism(&SQUARE, &SQUARE_CAP, 40.0);
+    let inwards = triangles.iter().map(|[a, b, c]| [*a, *c, *b]).chain([[0, 0, 1]]).collect();
+    obj(&dir.path().join("meshes/inwards.obj"), (corners, inwards));
+    let turned = check_ok(&of("inwards.obj", "0.001"));
+    for part in ["triangles were inside out", "1 triangles without an area were dropped"] {
+        assert!(turned.contains(part), "{part}: {turned}");
+    }
+}
+
+#[test]
+fn files_that_are_no_meshes_are_told_together() {
+    let dir = with_meshes();
+    let folder = dir.path().join("meshes");
+    let (corners, triangles) = prism(&SQUARE, &SQUARE_CAP, 40.0);
+    obj(&folder.join("open.obj"), (corners.clone(), triangles[1..].to_vec()));
+    let told = check_ok(&import(&dir, &[]));
+    assert!(told.contains("warning: open: not watertight: 3 edges do not belong to two triangles"), "{told}");
+    fs::remove_file(dir.path().join("my-objects.toml")).unwrap();
+
+    // What cannot be used is listed, and the others become objects.
+    fs::write(folder.join("cut.stl"), b"0123456789").unwrap();
+    fs::write(folder.join("empty.obj"), "").unwrap();
+    obj(&folder.join("flat.obj"), prism(&SQUARE, &SQUARE_CAP, 0.0));
+    let nan = corners.iter().map(|[x, y, z]| [*x, *y, if *z > 0.0 { f64::NAN } else { 0.0 }]).collect();
+    obj(&folder.join("nan.obj"), (nan, triangles));
+    let problems =
+        ["left out", "cut.stl", "it has no triangles", "empty.obj", "flat.obj", "must be numbers", "nan.obj"];
+    let partly = import(&dir, &["--json"]);
+    check_fails(&partly, 66, &problems);
+    let told: Value = serde_json::from_slice(&partly.stdout).unwrap();
+    let count = |key: &str| told[key].as_array().unwrap().len();
+    assert_eq!((count("objects"), count("left_out")), (4, 4), "{told}");
+    let text = fs::read_to_string(dir.path().join("my-objects.toml")).unwrap();
+    let catalogue = generator::catalogue::Catalogue::parse(&text, Path::new("x")).unwrap();
+    assert_eq!(catalogue.names(), ["cube", "ell", "open", "wedge_piece"]);
+    // The mass of an open mesh is that of its hull, here of the whole cube.
+    let open = told["objects"].as_array().unwrap().iter().find(|object| object["name"] == "open").unwrap();
+    assert!((open["mass_kg"].as_f64().unwrap() - 400.0 * 0.04_f64.powi(3)).abs() < 1e-6, "{open}");
+
+    let only = |files: &[&str], more: &[&str]| {
+        program(&dir, &[&["import-objects"], files, &["--out", "x.toml"], more].concat())
+    };
+    check_fails(
+        &only(&["meshes/cut.stl", "meshes/flat.obj"], &[]),
+        65,
+        &["none of the files can be used", "cut.stl", "flat.obj"],
+    );
+    check_fails(&only(&["nowhere.obj"], &[]), 78, &["nowhere.obj"]);
+    fs::create_dir(dir.path().join("nothing")).unwrap();
+    check_fails(&only(&["nothing"], &[]), 78, &["there is no .obj, .stl, .ply, .glb, .msh, .urdf or MuJoCo .xml file"]);
+    check_fails(&only(&["meshes"], &["--scale=-1"]), 2, &["above 0"]);
+    assert!(!dir.path().join("x.toml").exists());
+}
+
+#[test]
+fn a_mass_that_no_object_has_names_the_unit() {
+    let dir = with_meshes();
+    let tiny = program(&dir, &["import-objects", "meshes/Cube.obj", "--scale", "0.00001", "--out", "x.toml"]);
+    check_fails(
+        &tiny,
+        78,
+        &["between 1 g and 100 kg, got 0.000 g", "0.4 mm long with 0.00001 m a unit", "--scale", "Cube.obj"],
+    );
+}
+
+#[test]
+fn the_unit_is_guessed_and_said() {
+    let dir = with_meshes();
+    let told = check_ok(&program(&dir, &["import-objects", "meshes", "--out", "x.toml"]));
+    assert!(told.contains("one unit of a mesh file is 0.001 m (guessed from the sizes; --scale decides)"), "{told}");
+    assert!(told.contains("40.0 x 40.0 x 40.0"), "{told}");
+    let told = check_ok(&import(&dir, &[]));
+    assert!(told.contains("one unit of a mesh file is 0.001 m (--scale)"), "{told}");
+}
+
+#[test]
+fn folders_within_folders_name_what_files_do_not() {
+    let dir = with_meshes();
+    for (name, height) in [("002_can", 40.0), ("025_mug", 20.0)] {
+        let folder = dir.path().join("ycb").join(name).join("google_16k");
+        fs::create_dir_all(&folder).unwrap();
+        obj(&folder.join("textured.obj"), prism(&SQUARE, &SQUARE_CAP, height));
+    }
+    fs::write(dir.path().join("each.toml"), "[025_mug]\nscale = 0.002\nmass_kg = 0.3\nfriction = 0.4\n").unwrap();
+    let import =
+        |more: &[&str]| program(&dir, &[&["import-objects", "ycb", "--out", "x.toml", "--force"], more].concat());
+    let told = check_ok(&import(&["--scale", "0.001", "--each", "each.toml"]));
+    assert!(told.contains("40.0 x 40.0 x 40.0") && told.contains("80.0 x 80.0 x 40.0"), "{told}");
+    let text = fs::read_to_string(dir.path().join("x.toml")).unwrap();
+    assert!(text.contains("name = \"002_can\"\nmass_kg = 0.0256\nfriction = 0.8\n"), "{text}");
+    assert!(text.contains("name = \"025_mug\"\nmass_kg = 0.3\nfriction = 0.4\n"), "{text}");
+    fs::write(dir.path().join("each.toml"), "[cup]\nscale = 0.0\n").unwrap();
+    check_fails(
+        &import(&["--each", "each.toml"]),
+        78,
+        &["cup: there is no object of that name", "scale must be above 0, got 0"],
+    );
+}
+
+#[test]
+fn a_description_is_one_body_of_its_links() {
+    let dir = with_meshes();
+    // A cube of 40 mm and, turned by a quarter and 60 mm along x, a plate of 20 x 40 x 10 mm on a joint.
+    let robot = r#"<?xml version="1.0"?><robot name="two"><!-- links -->
+        <link name="base"><inertial><mass value="0.2"/></inertial>
+            <visual><geometry><box size="9 9 9"/></geometry></visual>
+            <collision><geometry><mesh filename="package://parts/Cube.obj" scale="0.001 0.001 -0.001"/></geometry></collision>
+        </link>
+        <link name="plate"><inertial><mass value="0.1"/></inertial>
+            <collision><origin rpy="0 0 1.5707963267948966"/><geometry><box size="0.02 0.04 0.01"/></geometry></collision>
+        </link>
+        <joint name="j" type="fixed"><parent link="base"/><child link="plate"/><origin xyz="0.06 0.02 -0.005"/></joint></robot>"#;
+    let folder = dir.path().join("urdf/parts");
+    fs::create_dir_all(&folder).unwrap();
+    fs::rename(dir.path().join("meshes/Cube.obj"), folder.join("Cube.obj")).unwrap();
+    fs::write(folder.join("two.urdf"), robot).unwrap();
+    let import = || program(&dir, &["import-objects", "urdf", "--out", "x.toml", "--json", "--force"]);
+    let told: Value = serde_json::from_str(&check_ok(&import())).unwrap();
+    assert_eq!(told["objects"].as_array().unwrap().len(), 1, "the cube is a part: {told}");
+    let body = &told["objects"][0];
+    let near = |got: &Value, expected: f64| {
+        assert!((got.as_f64().unwrap() - expected).abs() < 1e-6 * expected.abs().max(1.0), "{got}");
+    };
+    near(&body["mass_kg"], 0.3);
+    near(&body["volume_m3"], 0.04_f64.powi(3) + 0.02 * 0.04 * 0.01);
+    for (axis, expected) in [0.08, 0.04, 0.04].into_iter().enumerate() {
+        near(&body["extents_m"][axis], expected);
+    }
+    assert!((body["parts_volume_share"].as_f64().unwrap() - 1.0).abs() < 0.05, "{body}");
+    fs::write(folder.join("two.urdf"), robot.replace("</robot>", "")).unwrap();
+    check_fails(&import(), 66, &["left out: not a whole URDF file", "two.urdf"]);
+    fs::write(folder.join("two.urdf"), robot.replace("box size=\"0.02 0.04 0.01\"", "box size=\"0.02 0.04\"")).unwrap();
+    check_fails(&import(), 65, &["size of box must be 3 numbers, got \"0.02 0.04\""]);
+}
+
+#[test]
+fn a_dataset_of_own_objects_is_made_verified_and_repeated_from_itself_alone() {
+    let dir = with_meshes();
+    check_ok(&import(&dir, &[]));
+    check_ok(&run(&dir, "one", &["--threads", "1"]));
+    check_ok(&run(&dir, "two", &["--threads", "2"]));
+    let at = |name: &str| dir.path().join(name);
+    assert!(files(&at("one")) == files(&at("two")), "threads must not change bytes");
+    // The catalogue and the meshes are not needed any more.
+    fs::remove_file(at("my-objects.toml")).unwrap();
+    fs::remove_dir_all(at("meshes")).unwrap();
+    assert!(shards::verify(&at("one"), |_| ()).unwrap().is_ok());
+    let text = check_ok(&program(&dir, &["repeat", "one"]));
+    assert!(text.starts_with("72 attempts executed again") && text.contains(": 0 end otherwise"), "{text}");
+    check_ok(&program(&dir, &["depth", "one", "--scene", "1", "--out", "scene-1"]));
+    assert!(at("scene-1/depth-0.png").exists());
+
+    let dataset = Dataset::open(&at("one")).unwrap();
+    let info = dataset.info();
+    assert_eq!(info.format_version, FormatVersion::MODELS);
+    let names: Vec<&str> = info.models.iter().map(|model| model.name.as_str()).collect();
+    assert_eq!(names, ["cube", "ell", "wedge_piece"]);
+    let mut seen = [0; 3];
+    for shard in 0..3 {
+        for object in dataset.read_objects(shard).unwrap() {
+            let ObjectShape::Model { number, model } = &object.shape else { panic!("{object:?}") };
+            assert_eq!((object.mass_kg, object.friction), (model.mass_kg, model.friction));
+            seen[usize::from(*number)] += 1;
+        }
+        let attempts = dataset.read_attempts(shard).unwrap();
+        assert!(attempts.iter().all(|a| a.rule.name() == "model_normal" && a.closing.is_none()));
+    }
+    assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
+    let report = shards::report(&dataset).unwrap();
+    assert!(report.labels.positives > 0, "{:?}", report.outcomes);
+}
+
+#[test]
+fn a_config_says_what_is_wrong_with_its_catalogue() {
+    let dir = with_meshes();
+    check_ok(&import(&dir, &[]));
+    let with = |from: &str, to: &str| {
+        let config = config();
+        assert!(config.contains(from), "{from}");
+        fs::write(dir.path().join("config.toml"), config.replace(from, to)).unwrap();
+        run(&dir, "ds", &["--shard-index", "0"])
+    };
+    check_fails(
+        &with("sampler = \"vgn\"", "sampler = \"rules\""),
+        78,
+        &["1 problem", "objects.catalogue needs sampler = \"vgn\", or \"mixed\" without rules"],
+    );
+    check_fails(
+        &with("my-objects.toml", "other.toml"),
+        78,
+        &["objects.catalogue: failed to read the objects", "other.toml"],
+    );
+    check_fails(&with("\"my-objects.toml\"", "7"), 78, &["objects.catalogue must be a text, got 7"]);
+    check_fails(&with("catalogue = ", "catalog = "), 78, &["objects.catalog is an unknown key"]);
+    let small = with("size_m = 0.30 ", "size_m = 0.06 ");
+    check_fails(&small, 78, &["objects.catalogue: ell must fit into grid.size_m 0.06 in any pose"]);
+    let of_primitives = with("[objects]\n", "[objects]\nshapes = [\"cuboid\"]\nsize_m = [0.03, 0.08]\n");
+    check_fails(
+        &of_primitives,
+        78,
+        &["objects.shapes must be left out", "objects.size_m must be left out beside objects.catalogue"],
+    );
+    check_ok(&with("[objects]", "[objects]"));
+    // Facts about primitives are not written for models.
+    let info = fs::read_to_string(dir.path().join("ds/meta/info.json")).unwrap();
+    assert!(info.contains("\"format_version\": 2") && !info.contains("density_kg_m3"), "{info}");
+    fs::remove_dir_all(dir.path().join("ds")).unwrap();
+    check_ok(&with("\"my-objects.toml\"", "\"everyday\""));
+}
+
+/// Nothing comes to rest within so short a time but what falls flat.
+#[test]
+fn what_does_not_rest_is_left_out_or_named_and_too_much_of_it_refused() {
+    let dir = with_meshes();
+    check_ok(&import(&dir, &[]));
+    let hasty = config().replace("time_s_max = 4.0", "time_s_max = 0.35").replace("attempts = 72", "attempts = 1800");
+    assert!(hasty.contains("0.35") && hasty.contains("1800"));
+    fs::write(dir.path().join("config.toml"), &hasty).unwrap();
+    let refused = run(&dir, "refused", &[]);
+    let moved_on = ["were thrown away, more than --rejected-max 0.1", "moved on", "cube ", "ell ", "--rests-min"];
+    check_fails(&refused, 78, &moved_on);
+    assert!(!dir.path().join("refused/_SUCCESS").exists());
+    check_ok(&run(&dir, "allowed", &["--rejected-max", "1"]));
+    assert!(dir.path().join("allowed/_SUCCESS").exists());
+    let strict = program(
+        &dir,
+        &[&["import-objects", "meshes", "--out", "x.toml", "--config", "config.toml"], &["--rests-min", "1"][..]]
+            .concat(),
+    );
+    check_fails(
+        &strict,
+        78,
+        &["none of the files can be used", "it must come to rest in a share of 1 of its test drops, got "],
+    );
+}
+
+#[test]
+fn household_objects_are_the_same_from_a_file_and_from_a_config() {
+    let dir = workshop("");
+    let make = |more: &[&str]| {
+        let fixed = ["make-objects", "--split", "held-out", "--count", "20", "--seed", "7", "--out", "household.toml"];
+        program(&dir, &[&fixed[..], more].concat())
+    };
+    let told = check_ok(&make(&["--picture", "household.svg"]));
+    assert!(told.contains("mug") && told.contains("20 objects written to household.toml"), "{told}");
+    let picture = fs::read_to_string(dir.path().join("household.svg")).unwrap();
+    assert_eq!(picture.matches("<text").count(), 9, "{picture}");
+    let bytes = || fs::read(dir.path().join("household.toml")).unwrap();
+    let first = bytes();
+    check_ok(&make(&[]));
+    assert_eq!(bytes(), first);
+    check_fails(&make(&["--kinds", "mug"]), 78, &["--force replaces it"]);
+    check_fails(&make(&["--kinds", "mug,cup"]), 78, &["--kinds must be of the split held-out, got cup"]);
+    check_fails(&make(&["--kinds", "cat"]), 2, &["must be one of cup"]);
+
+    let read = |catalogue: &str| {
+        let text = config().replace("catalogue = \"my-objects.toml\"", &format!("catalogue = {catalogue}"));
+        Config::read(Document::parse(&text, &dir.path().join("config.toml")).unwrap(), Overrides::default())
+    };
+    let file = read("\"household.toml\"").unwrap().objects.catalogue;
+    assert_eq!(read("{ split = \"held-out\", count = 20, seed = 7 }").unwrap().objects.catalogue, file);
+    assert_ne!(read("{ split = \"held-out\", count = 20, seed = 8 }").unwrap().objects.catalogue, file);
+    let faults = read("{ split = \"train\", kinds = [\"mug\"], count = 0, seed = 7 }").unwrap_err().to_string();
+    assert!(faults.contains("objects.catalogue.count must be between 1 and 1000, got 0"), "{faults}");
+    let faults = read("{ split = \"train\", kinds = [\"mug\"], count = 5, seed = 7 }").unwrap_err().to_string();
+    assert!(faults.contains("objects.catalogue: kinds must be of the split train, got mug"), "{faults}");
+}

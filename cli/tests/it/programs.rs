@@ -1,0 +1,50 @@
+//! The program under all its names starts and ends alike.
+
+use std::fs::OpenOptions;
+use std::process::{Command, Output};
+
+const PROGRAMS: [(&str, &str); 6] = [
+    ("graspmill", env!("CARGO_BIN_EXE_graspmill")),
+    ("generator", env!("CARGO_BIN_EXE_generator")),
+    ("shards", env!("CARGO_BIN_EXE_shards")),
+    ("trainer", env!("CARGO_BIN_EXE_trainer")),
+    ("planner", env!("CARGO_BIN_EXE_planner")),
+    ("experiments", env!("CARGO_BIN_EXE_experiments")),
+];
+
+fn check_is_75(name: &str, output: &Output, error: &str) {
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    let is_right = output.status.code() == Some(75) && stderr.starts_with(&format!("error: {error}"));
+    assert!(is_right, "{name}: {:?}: {stderr}", output.status);
+}
+
+#[test]
+fn a_full_disk_behind_standard_output_is_75() {
+    for (name, path) in PROGRAMS {
+        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = Command::new(path).args(["manual", "markdown"]).stdout(full).output().unwrap();
+        check_is_75(name, &output, "failed to print: ");
+    }
+}
+
+/// Without the guard the system kills the program by a signal.
+#[test]
+fn a_file_size_limit_is_75() {
+    for (name, path) in PROGRAMS {
+        let folder = tempfile::tempdir().unwrap();
+        let limited = "ulimit -f 0; exec \"$0\" manual man \"$1\"";
+        let output = Command::new("sh").args(["-c", limited, path]).arg(folder.path()).output().unwrap();
+        check_is_75(name, &output, "failed to write the manual into ");
+    }
+}
+
+#[test]
+fn every_name_has_the_help_of_its_commands_and_refuses_others() {
+    for (name, path) in PROGRAMS {
+        let said = |word: &str| Command::new(path).arg(word).output().unwrap();
+        let help = said("--help");
+        assert!(help.status.success() && String::from_utf8_lossy(&help.stdout).contains("Usage: graspmill"), "{name}");
+        assert_eq!(said("--version").stdout, format!("graspmill {}\n", env!("CARGO_PKG_VERSION")).as_bytes(), "{name}");
+        assert_eq!(said("--nonsense").status.code(), Some(2), "{name}");
+    }
+}

@@ -1,0 +1,12 @@
+//! The program on small datasets: it learns, it resumes, it refuses.
+
+mod bad_input;
+mod beyond_the_paper;
+mod fixture;
+mod hands;
+mod interchange;
+mod learning;
+mod models;
+mod page;
+mod resume;
+mod watching;

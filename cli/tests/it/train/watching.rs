@@ -1,0 +1,116 @@
+//! What a run and an evaluation leave for people to look at.
+
+use std::fs;
+use std::path::Path;
+
+use super::fixture::{check_fails, trainer, write_config, write_dataset};
+
+const PICTURES: [&str; 2] = ["accuracy.svg", "loss.svg"];
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+fn succeed(args: &[&str]) -> (String, String) {
+    let output = trainer(args);
+    let [stdout, stderr] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert!(output.status.success(), "{args:?}: {stderr}");
+    (stdout, stderr)
+}
+
+#[test]
+fn a_run_is_drawn_and_an_evaluation_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (data, fresh, run, report) = (path("data"), path("fresh"), path("run"), path("reports/fresh"));
+    write_dataset(Path::new(&data), 11, 2, 10, 12);
+    write_dataset(Path::new(&fresh), 12, 2, 6, 12);
+    let config = write_config(dir.path(), 2, 24);
+    let fit = ["fit", "--data", &data, "--config", config.to_str().unwrap(), "--run", &run];
+    let (stdout, _) = succeed(&fit);
+    assert!(stdout.contains("tensorboard --logdir"), "{stdout}");
+    let run_folder = Path::new(&run);
+    let mut expected = [&PICTURES[..], &[".lock", "best.safetensors", "config.toml", "last.safetensors"]].concat();
+    expected.extend(["metrics.jsonl", "tensorboard"]);
+    expected.sort_unstable();
+    assert_eq!(names(run_folder), expected);
+    assert_eq!(names(&run_folder.join("tensorboard")), ["test_attempts", "test_scenes", "train"]);
+
+    // A model's file is evaluated as the run that it lies in, on a dataset of another seed.
+    let model = path("run/best.safetensors");
+    let (of_run, _) = succeed(&["evaluate", "--run", &run, "--data", &fresh, "--split", "all", "--json"]);
+    let (of_file, _) =
+        succeed(&["evaluate", "--model", &model, "--data", &fresh, "--split", "all", "--json", "--report", &report]);
+    assert_eq!(of_run, of_file);
+    let report = Path::new(&report);
+    assert_eq!(fs::read_to_string(report.join("evaluation.json")).unwrap(), of_file);
+    let files = ["calibration.svg", "evaluation.json", "evaluation.md"];
+    assert_eq!(names(report), [&files[..], &["precision_recall.svg"]].concat());
+    let page = fs::read_to_string(report.join("evaluation.md")).unwrap();
+    for words in ["another |", "| average precision |", "scenes drawn", "## By rule", "cuboid_z", "calibration.svg"] {
+        assert!(page.contains(words), "{words} is not in\n{page}");
+    }
+
+    let found: serde_json::Value = serde_json::from_str(&of_file).unwrap();
+    let sum = |path: &str, key: &str| {
+        let values = found.pointer(path).unwrap();
+        let rows: Vec<&serde_json::Value> = match values {
+            serde_json::Value::Object(rows) => rows.values().collect(),
+            values => values.as_array().unwrap().iter().collect(),
+        };
+        rows.iter().map(|row| row[key].as_u64().unwrap()).sum::<u64>()
+    };
+    let samples = found["all"]["samples"].as_u64().unwrap();
+    for path in ["/by_shape", "/by_rule", "/calibration/bins"] {
+        assert_eq!(sum(path, "samples"), samples, "{path}");
+    }
+    assert_eq!(found["scenes"], 6);
+    let confusion = &found["all"]["confusion"];
+    let held = confusion["true_positive"].as_u64().unwrap() + confusion["false_negative"].as_u64().unwrap();
+    assert_eq!(found["errors"]["samples"], held);
+    let curve = found["ranking"]["precision_recall"].as_array().unwrap();
+    assert_eq!(curve.last().unwrap()["recall"], 1.0);
+    // At the first point at or below quality ½ recall is at least what it is at ½.
+    let recall = found["all"]["recall"].as_f64().unwrap();
+    let below = curve.iter().find(|point| point["threshold"].as_f64().unwrap() <= 0.5);
+    assert!(below.is_none_or(|point| point["recall"].as_f64().unwrap() >= recall));
+
+    let (text, _) = succeed(&["evaluate", "--model", &model, "--data", &fresh, "--split", "all"]);
+    for words in ["average precision", "area under the ROC curve", "Brier", "error of rotation", "mm", "0.9 to 1.0"] {
+        assert!(text.contains(words), "{words} is not in\n{text}");
+    }
+}
+
+#[test]
+fn what_cannot_be_drawn_does_not_stop_training() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (data, run) = (path("data"), path("run"));
+    write_dataset(Path::new(&data), 13, 1, 8, 6);
+    let config = write_config(dir.path(), 1, 24);
+    let mut fit = vec!["fit", "--data", &data, "--config", config.to_str().unwrap(), "--run", &run];
+    succeed(&fit);
+    fs::remove_dir_all(path("run/tensorboard")).unwrap();
+    fs::write(path("run/tensorboard"), "in the way").unwrap();
+    fs::remove_file(path("run/loss.svg")).unwrap();
+    fs::create_dir_all(path("run/loss.svg/in the way")).unwrap();
+    fit.extend(["--resume", "--epochs", "2"]);
+    let (_, stderr) = succeed(&fit);
+    for words in ["the curves are not drawn", "loss.svg", "TensorBoard events are no longer written"] {
+        assert!(stderr.contains(words), "{words} is not in\n{stderr}");
+    }
+    assert_eq!(fs::read_to_string(path("run/metrics.jsonl")).unwrap().lines().count(), 2);
+}
+
+#[test]
+fn what_is_missing_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let nowhere = dir.path().join("nowhere");
+    let nowhere = nowhere.to_str().unwrap();
+    check_fails(&["evaluate", "--model", nowhere, "--data", nowhere], 78, &["no checkpoint here", nowhere]);
+    check_fails(&["evaluate", "--data", nowhere], 2, &["--run"]);
+    check_fails(&["evaluate", "--model", "x", "--run", "y", "--data", "z"], 2, &["--model", "--run"]);
+}

@@ -1,5 +1,0 @@
-//! The program `generator`: writes grasp datasets.
-
-fn main() -> std::process::ExitCode {
-    program::run(generator::commands::run)
-}
