@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes a Rerun recording of a plan for the Rerun viewer.
 
-    planner plan ... --out plan.json
+    graspmill plan ... --out plan.json
     python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
     rerun plan.rrd
 
@@ -21,7 +21,8 @@ import numpy as np
 import rerun as rr
 
 GRIPPERS = Path(__file__).parents[1] / "configs/grippers"
-FORMAT = "graspmill-plan/1"
+#: What is read; the first of version 1 had `told` in place of `detail`.
+FORMATS = ("graspmill-plan/2", "graspmill-plan/1")
 PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "char": "i1", "int": "<i4", "uint": "<u4", "short": "<i2", "ushort": "<u2"}
 BEST, COLLISION, GREY, INK = (0, 158, 115), (213, 94, 0), (120, 120, 120), (34, 34, 34)
 
@@ -74,7 +75,7 @@ def log_grasps(recording: rr.RecordingStream, grasps: list[dict], gripper: dict)
 def log_dropped(recording: rr.RecordingStream, dropped: list[dict]) -> None:
     places = [candidate["workspace_from_grasp"]["position_m"] for candidate in dropped]
     colours = [COLLISION if candidate["why"] == "collision" else GREY for candidate in dropped]
-    points = rr.Points3D(places, colors=colours, radii=0.0015, labels=[c["told"] for c in dropped], show_labels=False)
+    points = rr.Points3D(places, colors=colours, radii=0.0015, labels=[c.get("detail", c.get("told")) for c in dropped], show_labels=False)
     recording.log("workspace/dropped", points, static=True)
 
 
@@ -103,14 +104,14 @@ def record(plan: dict, cloud: np.ndarray, gripper: dict, recording_id: str, out:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("plan", type=Path, help="what `planner plan --out` wrote")
+    parser.add_argument("plan", type=Path, help="what `graspmill plan --out` wrote")
     parser.add_argument("--cloud", type=Path, required=True, help="the segmented cloud (PLY)")
     parser.add_argument("--out", type=Path, required=True, help="the recording (.rrd)")
     parser.add_argument("--gripper", type=Path, help="the hand's file, if it is not among configs/grippers")
     args = parser.parse_args()
     plan = json.loads(args.plan.read_text())
-    if plan.get("format") != FORMAT:
-        raise SystemExit(f"{args.plan}: format must be {FORMAT}, got {plan.get('format')}")
+    if plan.get("format") not in FORMATS:
+        raise SystemExit(f"{args.plan}: format must be {" or ".join(FORMATS)}, got {plan.get('format')}")
     built_in = {path.stem: path for path in GRIPPERS.glob("*.toml")}
     file = args.gripper or built_in.get(plan["gripper"])
     if file is None:

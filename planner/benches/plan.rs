@@ -1,10 +1,10 @@
-//! The parts of a plan on the demo: `cargo bench -p planner`. (`planner bench` times whole plans.)
+//! The parts of a plan on the demo: `cargo bench -p planner`. (`graspmill bench plan` times whole plans.)
 
 use perception::{clusters, find_plane, surface_cloud};
 use planner::config::{BuiltIn, Config};
-use planner::detect::{Side, detect};
 use planner::segment::segment;
 use planner::volume::fuse_views;
+use planner::voxel::detect::{Side, detect};
 use planner::{Observation, Planner, Wishes, demo, input};
 use schema::{Grid, Purpose, Stream, Vec3, VoxelGrid};
 

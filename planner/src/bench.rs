@@ -4,7 +4,8 @@ use serde::Serialize;
 
 use crate::input::InputError;
 use crate::observation::{Observation, SeenView, Wishes};
-use crate::planner::{Planner, Timings, timed};
+use crate::planner::Planner;
+use crate::timing::{Timings, timed};
 use crate::volume::{corrected, fuse_views};
 
 /// Times of one stage, in milliseconds.

@@ -107,7 +107,7 @@ impl<'a> Limiter<'a> {
     }
 
     /// What was refused, in words: `412 by approach, 7 by target`; none if nothing was.
-    pub(crate) fn told(&self) -> Option<String> {
+    pub(crate) fn counts(&self) -> Option<String> {
         let counts = Limit::ALL.map(|limit| (self.refused[limit as usize].load(Ordering::Relaxed), limit.name()));
         let told: Vec<String> =
             counts.iter().filter(|(count, _)| *count > 0).map(|(count, name)| format!("{count} by {name}")).collect();
@@ -204,7 +204,7 @@ mod tests {
         let limiter = Limiter::new(&none, &gripper, 0.05, None, &left);
         let beside = Pose::from_parts(Vec3::new(0.09, 0.2, 0.08), WRIST_DOWN);
         assert_eq!((limiter.broken(&down), limiter.broken(&beside)), (Some(Limit::Accept), None));
-        assert_eq!(limiter.told().as_deref(), Some("1 by accept"));
+        assert_eq!(limiter.counts().as_deref(), Some("1 by accept"));
     }
 
     #[test]
@@ -224,7 +224,7 @@ mod tests {
         for (points, expected) in cases {
             let limiter = Limiter::new(&limits, &gripper, 0.05, Some(points.clone()), &|_| true);
             assert_eq!(limiter.broken(&down), expected, "{points:?}");
-            assert_eq!(limiter.told(), expected.map(|_| "1 by target".to_owned()));
+            assert_eq!(limiter.counts(), expected.map(|_| "1 by target".to_owned()));
         }
     }
 }

@@ -244,7 +244,7 @@ mod tests {
             quality,
             object: Some(object),
             rho_m: Some(0.031),
-            voxel: [0; 3],
+            voxel: None,
         }
     }
 

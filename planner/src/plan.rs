@@ -1,5 +1,5 @@
-//! The plan: ranked grasps, their objects, and the rejected candidates. As JSON it is the output of `planner plan` and
-//! `planner serve`; its types have names that end in `Answer` in the service's description.
+//! The plan: ranked grasps, their objects, and the rejected candidates. As JSON it is the output of `graspmill plan`
+//! and `graspmill serve`; its types have names that end in `Answer` in the service's description.
 
 use perception::FoundPlane;
 use schema::{Grid, Outcome, Pose, Vec3};
@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 use crate::config::Policy;
 
 /// Version of the plan's layout as JSON.
-pub const FORMAT: &str = "graspmill-plan/1";
+pub const FORMAT: &str = "graspmill-plan/2";
 
 /// A grasp: +z approach, +y closing, origin midway between the finger tips' ends.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
@@ -41,8 +41,27 @@ pub struct RankedGrasp {
     pub object: Option<usize>,
     /// Eq. 8's ρ in metres: weighted distance to the object's centroid over quality; null without an object.
     pub rho_m: Option<f32>,
-    /// The voxel of the detection: x, y, z.
-    pub voxel: [usize; 3],
+    /// The voxel of the detection: x, y, z; null for a judge's grasp.
+    pub voxel: Option<[usize; 3]>,
+}
+
+impl RankedGrasp {
+    /// A grasp of this width and quality that is not ranked yet.
+    #[must_use]
+    pub fn new(workspace_from_grasp: Pose, width_m: f32, quality: f32, voxel: Option<[usize; 3]>) -> Self {
+        Self {
+            rank: 0,
+            workspace_from_grasp,
+            base_from_grasp: None,
+            workspace_from_flange: None,
+            base_from_flange: None,
+            width_m,
+            quality,
+            object: None,
+            rho_m: None,
+            voxel,
+        }
+    }
 }
 
 /// A rigid transform `target_from_source`.
@@ -232,7 +251,7 @@ pub struct DroppedCandidate {
     /// `no_object` or `beyond_limit`.
     pub why: &'static str,
     /// The reason as text, with the numbers.
-    pub told: String,
+    pub detail: String,
     /// Its pose in the workspace.
     #[serde(serialize_with = "pose")]
     #[schema(value_type = PoseAnswer)]
@@ -241,40 +260,40 @@ pub struct DroppedCandidate {
     pub width_m: f32,
     /// Smoothed quality before any mask.
     pub quality: f32,
-    /// The voxel of the detection: x, y, z.
-    pub voxel: [usize; 3],
+    /// The voxel of the detection: x, y, z; null for a judge's candidate.
+    pub voxel: Option<[usize; 3]>,
 }
 
 impl DroppedCandidate {
     /// A grasp that is dropped for this reason.
     #[must_use]
     pub fn new(grasp: &RankedGrasp, reason: RejectReason) -> Self {
-        let (why, told) = reason.word_and_text();
+        let (why, detail) = reason.word_and_text();
         let RankedGrasp { workspace_from_grasp, width_m, quality, voxel, .. } = *grasp;
-        Self { reason, why, told, workspace_from_grasp, width_m, quality, voxel }
+        Self { reason, why, detail, workspace_from_grasp, width_m, quality, voxel }
     }
 }
 
-/// The number of candidates left after each stage.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, ToSchema)]
-pub struct Funnel {
-    /// Voxels of the grid.
-    pub voxels: usize,
-    /// Voxels near the surface; for a judge, the hands that were proposed.
-    pub near_surface: usize,
-    /// Of those, with a width within the limits.
-    pub width_within_limits: usize,
-    /// Of those, with a quality of ε or more.
-    pub quality_reached: usize,
-    /// Of those, the best within their suppression window: VGN's detections.
-    pub detections: usize,
-    /// Of those, closed on something where the settings ask for it, unlike hands that failed, and within the limits of
-    /// the request.
-    pub hands_found: usize,
-    /// Of those, without a collision (all, if collisions were not checked).
-    pub collision_free: usize,
-    /// Returned grasps.
-    pub ranked: usize,
+/// The number of candidates left after each stage, in their order. The stages are those of the network's method: of one
+/// that answers for voxels `voxels`, `near_surface`, `width_within_limits`, `quality_reached` and `detections`, of a
+/// judge `proposed` and `quality_reached`; then `found` (closed on something where the settings ask for it, apart from
+/// better ones, unlike hands that failed, within the limits of the request), `collision_free` (all, if collisions were
+/// not checked) and `ranked`.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Funnel(pub Vec<(&'static str, usize)>);
+
+impl Funnel {
+    /// Candidates that passed a stage; `None` if the method has no such stage.
+    #[must_use]
+    pub fn count(&self, stage: &str) -> Option<usize> {
+        self.0.iter().find(|(name, _)| *name == stage).map(|(_, count)| *count)
+    }
+}
+
+impl Serialize for Funnel {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().copied())
+    }
 }
 
 /// The workspace: a cube, its origin at a lower corner, z up.
@@ -293,7 +312,7 @@ pub(crate) struct GridAnswer {
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 #[schema(as = Answer)]
 pub struct Plan {
-    /// Layout of this document: `graspmill-plan/1`.
+    /// Layout of this document: `graspmill-plan/2`.
     pub format: &'static str,
     /// SHA-256 of the network's weights file.
     pub model: String,
@@ -323,6 +342,7 @@ pub struct Plan {
     #[schema(value_type = Option<PlaneAnswer>)]
     pub cloud: SegmentedCloud,
     /// The number of candidates left after each stage.
+    #[schema(value_type = std::collections::BTreeMap<String, usize>)]
     pub funnel: Funnel,
     /// Dropped candidates with reasons, best first; empty unless requested: those above the threshold that had a better
     /// neighbour, collided or were beyond a limit, and local maxima of the smoothed quality of at least ε/2 that were

@@ -80,7 +80,7 @@ mod tests {
             quality,
             object: None,
             rho_m: None,
-            voxel: [0; 3],
+            voxel: None,
         }
     }
 

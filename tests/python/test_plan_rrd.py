@@ -26,7 +26,7 @@ def pose(*position_m):
 def made_up_plan():
     common = {"base_from_grasp": None, "width_m": 0.04, "voxel": [1, 2, 3]}
     return {
-        "format": "graspmill-plan/1",
+        "format": "graspmill-plan/2",
         "model": "0" * 64,
         "policy": "paper",
         "gripper": "parallel_jaw_80",
@@ -41,7 +41,7 @@ def made_up_plan():
         "plane": None,
         "funnel": {},
         "dropped": [
-            {**common, "why": "collision", "told": "hits", "workspace_from_grasp": pose(0.2, 0.2, 0.1), "quality": 0.9}
+            {**common, "why": "collision", "detail": "hits", "workspace_from_grasp": pose(0.2, 0.2, 0.1), "quality": 0.9}
         ],
     }
 

@@ -144,7 +144,7 @@ def test_it_plans_what_the_command_plans_each_time_with_the_same_bytes(service):
     assert status == 200, body
     answer = json.loads(body)
     assert answer == json.loads(printed.stdout)
-    assert answer["grasps"] and answer["reason"] is None and answer["format"] == "graspmill-plan/1"
+    assert answer["grasps"] and answer["reason"] is None and answer["format"] == "graspmill-plan/2"
     assert re.fullmatch(r"parse;dur=[0-9.]+(, [\w-]+;dur=[0-9.]+)+", headers["server-timing"])
     assert service.plan(demo_request())[2] == body
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use planner::BuiltIn;
-use planner::detect::{Side, detect};
+use planner::voxel::detect::{Side, detect};
 use schema::Grid;
 use serde_json::Value;
 
@@ -50,8 +50,8 @@ fn detections_are_those_of_vgns_procedure_in_scipy() {
             assert_eq!(detected.smoothed[at].to_bits(), expected.to_bits(), "{name}: smoothed voxel {at}");
         }
         assert_eq!(hash(&detected.smoothed), volume["smooth_fnv1a"].as_str().unwrap(), "{name}");
-        assert_eq!(detected.funnel.near_surface, whole(&volume["near_surface"]), "{name}");
-        assert_eq!(detected.funnel.quality_reached, whole(&volume["width_fits"]), "{name}");
+        assert_eq!(detected.near_surface, whole(&volume["near_surface"]), "{name}");
+        assert_eq!(detected.quality_reached, whole(&volume["width_fits"]), "{name}");
         let found: Vec<([usize; 3], f32)> = detected.found.iter().map(|found| (found.voxel, found.quality)).collect();
         let expected: Vec<([usize; 3], f32)> = volume["detections"]
             .as_array()

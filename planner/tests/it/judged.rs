@@ -44,11 +44,20 @@ fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_other
             assert!(apart.length() >= apart_m);
         }
     }
-    assert_eq!((plan.funnel.near_surface, plan.funnel.ranked), (proposals, plan.grasps.len()));
+    assert_eq!(
+        (plan.funnel.count("proposed"), plan.funnel.count("ranked")),
+        (Some(proposals), Some(plan.grasps.len()))
+    );
+    assert_eq!(plan.funnel.count("voxels"), None, "a judge is not asked about voxels");
+    assert!(plan.grasps.iter().all(|ranked| ranked.voxel.is_none()));
     assert_eq!(plan.grasps.len() + plan.dropped.len(), proposals);
     let failed = |dropped: &&planner::plan::DroppedCandidate| matches!(dropped.reason, RejectReason::Judged { outcome, .. } if outcome != Outcome::Held);
     let failed = plan.dropped.iter().find(failed).unwrap();
-    assert!(failed.quality < epsilon && failed.told.starts_with("quality below the threshold: 0."), "{}", failed.told);
+    assert!(
+        failed.quality < epsilon && failed.detail.starts_with("quality below the threshold: 0."),
+        "{}",
+        failed.detail
+    );
 }
 
 #[test]

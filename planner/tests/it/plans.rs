@@ -43,12 +43,12 @@ fn the_demo_has_ranked_grasps_that_obey_the_rules() {
         let params = planner.config.detection;
         let plan = plan_with(&planner, &seen(), &Wishes::default());
         assert!(!plan.grasps.is_empty() && plan.reason.is_none());
-        assert_eq!(plan.funnel.ranked, plan.grasps.len());
-        assert_eq!(plan.funnel.detections, plan.funnel.collision_free);
+        assert_eq!(plan.funnel.count("ranked"), Some(plan.grasps.len()));
+        assert_eq!(plan.funnel.count("detections"), plan.funnel.count("collision_free"));
         for ranked in &plan.grasps {
             let pose = ranked.workspace_from_grasp;
             assert!(ranked.quality >= params.quality_min);
-            assert_eq!(GraspOrigin::behind_tips(0.05).voxel_of(&pose, &GRID), Some(ranked.voxel));
+            assert_eq!(GraspOrigin::behind_tips(0.05).voxel_of(&pose, &GRID), ranked.voxel);
             let voxels = ranked.width_m / GRID.voxel_size_m();
             assert!((params.width_voxels_min - 1e-4..=params.width_voxels_max + 1e-4).contains(&voxels));
             // Of the two orientations the one nearer to the default wrist.
@@ -120,9 +120,11 @@ fn every_candidate_that_is_dropped_has_its_reason() {
     assert!(silent.dropped.is_empty());
     let count = |is: fn(&RejectReason) -> bool| plan.dropped.iter().filter(|dropped| is(&dropped.reason)).count();
     let colliding = count(|drop| matches!(drop, RejectReason::Collision { .. }));
-    assert_eq!(colliding, plan.funnel.detections - plan.funnel.collision_free);
-    assert_eq!(count(|drop| *drop == RejectReason::BeyondLimit), plan.funnel.collision_free - plan.grasps.len());
-    assert_eq!(count(|drop| *drop == RejectReason::Suppressed), plan.funnel.quality_reached - plan.funnel.detections);
+    let [reached, detections, free] =
+        ["quality_reached", "detections", "collision_free"].map(|stage| plan.funnel.count(stage).unwrap());
+    assert_eq!(colliding, detections - free);
+    assert_eq!(count(|drop| *drop == RejectReason::BeyondLimit), free - plan.grasps.len());
+    assert_eq!(count(|drop| *drop == RejectReason::Suppressed), reached - detections);
     assert!(colliding > 0 && plan.grasps.len() == 2);
     // Independent of the sweep: no point of the cloud may be deep inside the fingers of the remaining grasps.
     let fingers = planner.config.gripper.fingers(planner.config.gripper.opening_m_max);

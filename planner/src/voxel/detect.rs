@@ -11,7 +11,7 @@ use network::GraspOrigin;
 use schema::Grid;
 
 use crate::config::DetectionParams;
-use crate::plan::{Funnel, RejectReason};
+use crate::plan::RejectReason;
 
 /// A voxel that was detected, or rejected.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,8 +27,12 @@ pub struct Detection {
 pub struct Detected {
     /// The detections, in the order of their voxels, x slowest.
     pub found: Vec<Detection>,
-    /// Counts up to the detections.
-    pub funnel: Funnel,
+    /// Voxels near the surface.
+    pub near_surface: usize,
+    /// Of those, with a width within the limits.
+    pub width_within_limits: usize,
+    /// Of those, with a quality of ε or more.
+    pub quality_reached: usize,
     /// Highest smoothed quality of voxels near the surface with a width within the limits; 0 if there are none.
     pub quality_best: f32,
     /// The smoothed quality before any mask.
@@ -81,7 +85,9 @@ pub fn detect(
     let near = near_surface(tsdf, grid, side, params.surface_steps_max);
     let mut detected = Detected {
         found: Vec::new(),
-        funnel: Funnel { voxels: grid.len(), ..Funnel::default() },
+        near_surface: 0,
+        width_within_limits: 0,
+        quality_reached: 0,
         quality_best: 0.0,
         smoothed,
         out: Vec::with_capacity(grid.len()),
@@ -96,7 +102,6 @@ pub fn detect(
             detected.found.push(Detection { voxel, quality: detected.smoothed[flat] });
         }
     }
-    detected.funnel.detections = detected.found.len();
     detected
 }
 
@@ -112,17 +117,17 @@ impl Detected {
         if !is_near {
             return Some(RejectReason::FarFromSurface);
         }
-        self.funnel.near_surface += 1;
+        self.near_surface += 1;
         // VGN's comparisons, except that a width that is NaN passes both there and neither here.
         if !(params.width_voxels_min..=params.width_voxels_max).contains(&width_voxels) {
             return Some(RejectReason::Width { width_voxels });
         }
-        self.funnel.width_within_limits += 1;
+        self.width_within_limits += 1;
         self.quality_best = self.quality_best.max(quality);
         if quality < params.quality_min || quality.is_nan() {
             return Some(RejectReason::Quality);
         }
-        self.funnel.quality_reached += 1;
+        self.quality_reached += 1;
         None
     }
 
@@ -289,7 +294,7 @@ mod tests {
         let detected = detect(&GRID, &tsdf, &quality, &width, (Side::Front, &params()));
         let voxels: Vec<[usize; 3]> = detected.found.iter().map(|found| found.voxel).collect();
         assert!(voxels.contains(&[21, 20, 12]), "{voxels:?}");
-        assert!(detected.funnel.quality_reached > 100 && detected.quality_best > 0.94);
+        assert!(detected.quality_reached > 100 && detected.quality_best > 0.94);
     }
 
     #[test]

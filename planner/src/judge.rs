@@ -1,0 +1,72 @@
+//! Grasps by a judge: collision-free candidates are proposed, and the judge says how likely each of them holds.
+
+use hands::{Judge, Judged, Seen};
+use schema::{Grasp, Grid, Purpose, Stream};
+
+use crate::hand::{WRIST_DOWN, towards_wrist};
+use crate::method::{Candidates, Method, Request, Stage};
+use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
+use crate::timing::{Timings, timed};
+
+/// A judge, and the workspace in which it was trained.
+#[derive(Debug)]
+pub(crate) struct JudgeMethod {
+    pub(crate) judge: Judge,
+    pub(crate) grid: Grid,
+}
+
+impl Method for JudgeMethod {
+    fn candidates(&self, seen: Seen<'_>, scene: u64, request: &Request<'_>, timings_ms: &mut Timings) -> Candidates {
+        let Request { config, wishes, limiter } = *request;
+        let mut stream = Stream::new(config.seed, scene, Purpose::Proposals, 0);
+        // As dense in a larger workspace as in the network's.
+        let areas = (seen.field.grid.size_m / self.grid.size_m).powi(2).max(1.0);
+        let proposals = (config.judge.proposals as f32 * areas).round() as usize;
+        // As it is offered: of a hand and its half turn the one nearer to the wrist.
+        let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
+        let is_wanted = |hand: &Grasp| limiter.broken(&towards_wrist(&hand.workspace_from_grasp, wrist)).is_none();
+        let judged = timed(timings_ms, "judge", || self.judge.hands(seen, proposals, &mut stream, &is_wanted));
+        selected(&judged, request)
+    }
+
+    fn settle(&self, candidates: &mut Candidates, _: &SegmentedCloud, request: &Request<'_>) {
+        let none = request.none_unlike_failed(&candidates.dropped).unwrap_or_default();
+        candidates.end_stage("found", none);
+    }
+}
+
+/// Of judged hands, best first, those that reach ε and are apart from better ones.
+fn selected(hands: &[Judged], request: &Request<'_>) -> Candidates {
+    let wrist = request.wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
+    let (epsilon, apart_m) = (request.config.detection.quality_min, request.config.judge.apart_m);
+    let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&Judged>::new(), Vec::new(), 0);
+    for judged in hands {
+        let pose = towards_wrist(&judged.hand.workspace_from_grasp, wrist);
+        let grasp = RankedGrasp::new(pose, judged.hand.width_m, judged.quality(), None);
+        let reason = if grasp.quality < epsilon {
+            let (outcome, probability) = judged.likeliest();
+            Some(RejectReason::Judged { outcome, probability })
+        } else {
+            reached += 1;
+            if request.is_avoided(&grasp.workspace_from_grasp) {
+                Some(RejectReason::Avoided)
+            } else {
+                kept.iter().any(|better| better.is_near(judged, apart_m)).then_some(RejectReason::Suppressed)
+            }
+        };
+        match reason {
+            Some(reason) => dropped.push(DroppedCandidate::new(&grasp, reason)),
+            None => {
+                grasps.push(grasp);
+                kept.push(judged);
+            }
+        }
+    }
+    let nothing = || "no collision-free grasp candidate was found on the observed surface".to_owned();
+    let best = hands.first().map_or(0.0, Judged::quality);
+    let stages = vec![
+        Stage::new("proposed", hands.len(), request.none_within_limits().unwrap_or_else(nothing)),
+        Stage::quality_reached(reached, best, epsilon),
+    ];
+    Candidates { grasps, dropped, stages }
+}

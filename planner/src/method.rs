@@ -1,0 +1,100 @@
+//! What the two ways of finding grasps have in common: candidates, and the stages that they passed.
+
+use std::fmt::Debug;
+
+use hands::Seen;
+use schema::Pose;
+
+use crate::config::Config;
+use crate::hand::are_alike;
+use crate::limits::Limiter;
+use crate::observation::Wishes;
+use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
+use crate::timing::Timings;
+
+/// A network with its way of finding grasps: [`crate::voxel`] or [`crate::judge`].
+pub(crate) trait Method: Debug + Send + Sync {
+    /// Candidates in what was seen. `scene` is a number that distinguishes scenes.
+    fn candidates(&self, seen: Seen<'_>, scene: u64, request: &Request<'_>, timings_ms: &mut Timings) -> Candidates;
+
+    /// What needs the segmented cloud, which is made at the same time as the candidates; ends with the stage of those
+    /// that are left.
+    fn settle(&self, candidates: &mut Candidates, cloud: &SegmentedCloud, request: &Request<'_>);
+}
+
+/// What was asked for.
+#[derive(Clone, Copy)]
+pub(crate) struct Request<'a> {
+    pub(crate) config: &'a Config,
+    pub(crate) wishes: &'a Wishes,
+    pub(crate) limiter: &'a Limiter<'a>,
+}
+
+impl Request<'_> {
+    /// Whether a grasp is like one that failed.
+    pub(crate) fn is_avoided(&self, workspace_from_grasp: &Pose) -> bool {
+        self.wishes.avoid.iter().any(|failed| are_alike(failed, workspace_from_grasp))
+    }
+
+    /// Why no candidate is left, if its limits refused some.
+    pub(crate) fn none_within_limits(&self) -> Option<String> {
+        self.limiter.counts().map(|counts| format!("no hand keeps the limits that were asked for: {counts}"))
+    }
+
+    /// Why no candidate is left, if some are like grasps that failed.
+    pub(crate) fn none_unlike_failed(&self, dropped: &[DroppedCandidate]) -> Option<String> {
+        let avoided = dropped.iter().filter(|candidate| candidate.reason == RejectReason::Avoided).count();
+        (avoided > 0).then(|| format!("all {avoided} grasps are like hands that failed"))
+    }
+}
+
+/// A stage of a plan.
+#[derive(Debug)]
+pub(crate) struct Stage {
+    /// Its key in the plan's JSON.
+    pub(crate) name: &'static str,
+    /// Candidates that passed it.
+    pub(crate) count: usize,
+    /// What to say if none did, and some had passed the stage before.
+    pub(crate) none: String,
+}
+
+impl Stage {
+    pub(crate) fn new(name: &'static str, count: usize, none: impl Into<String>) -> Self {
+        Self { name, count, none: none.into() }
+    }
+
+    /// Candidates with a quality of ε or more.
+    pub(crate) fn quality_reached(count: usize, quality_best: f32, quality_min: f32) -> Self {
+        // Rounded down, so that 0.8997 does not become 0.9.
+        let best = (quality_best * 1e3).floor() * 1e-3;
+        let none = format!("no grasp has a quality of {quality_min} or more: the best has {best:.3}");
+        Self::new("quality_reached", count, none)
+    }
+}
+
+/// Grasps that reach ε, and the others if requested.
+#[derive(Debug)]
+pub(crate) struct Candidates {
+    pub(crate) grasps: Vec<RankedGrasp>,
+    pub(crate) dropped: Vec<DroppedCandidate>,
+    /// In their order.
+    pub(crate) stages: Vec<Stage>,
+}
+
+impl Candidates {
+    /// Drops grasps with a reason.
+    pub(crate) fn drop_where(&mut self, mut reason: impl FnMut(&mut RankedGrasp) -> Option<RejectReason>) {
+        let dropped = &mut self.dropped;
+        self.grasps.retain_mut(|ranked| {
+            let reason = reason(ranked);
+            dropped.extend(reason.map(|reason| DroppedCandidate::new(ranked, reason)));
+            reason.is_none()
+        });
+    }
+
+    /// Ends a stage with the grasps that are left.
+    pub(crate) fn end_stage(&mut self, name: &'static str, none: impl Into<String>) {
+        self.stages.push(Stage::new(name, self.grasps.len(), none));
+    }
+}

@@ -1,0 +1,102 @@
+//! Grasps by a network that answers for every voxel, the paper's or VGN's: its detections, and the grasp that it
+//! predicts at each.
+
+pub mod detect;
+
+mod closing;
+
+use hands::Seen;
+use network::{DenseGrids, DenseNetwork, GraspOrigin};
+use rayon::prelude::*;
+use schema::{Grasp, Grid, Quat, VoxelGrid, pose_from_parts};
+
+use crate::config::{ClosingBy, Config};
+use crate::hand::{WRIST_DOWN, towards_wrist};
+use crate::method::{Candidates, Method, Request, Stage};
+use crate::plan::{DroppedCandidate, PointLabel, RankedGrasp, RejectReason, SegmentedCloud};
+use crate::timing::{Timings, timed};
+use closing::Closer;
+use detect::{Detected, Detection, Side, detect};
+
+/// A network of voxels, and where it has a grasp's origin.
+#[derive(Debug)]
+pub(crate) struct VoxelMethod {
+    pub(crate) network: DenseNetwork,
+    pub(crate) origin: GraspOrigin,
+}
+
+impl Method for VoxelMethod {
+    fn candidates(&self, seen: Seen<'_>, _: u64, request: &Request<'_>, timings_ms: &mut Timings) -> Candidates {
+        let (VoxelGrid { grid, values }, params) = (seen.field, &request.config.detection);
+        let grids = timed(timings_ms, "network", || self.network.infer_over(grid.resolution, values));
+        let detected: Detected = timed(timings_ms, "detect", || {
+            let sigmoid = |logit: &f32| 1.0 / (1.0 + libm::expf(-logit));
+            let quality: Vec<f32> = grids.quality_logit.iter().map(sigmoid).collect();
+            detect(grid, values, &quality, &grids.width_voxels, (Side::of(self.origin), params))
+        });
+        let misses = if request.wishes.explain { detected.misses(grid, params) } else { Vec::new() };
+        let grasp_at = |detection: &Detection| self.grasp_at(grid, detection, &grids, request);
+        let missed = |(miss, reason)| DroppedCandidate::new(&grasp_at(&miss), reason);
+        let (low, high) = (params.width_voxels_min, params.width_voxels_max);
+        let widths = format!("no grasp has a width between {low} and {high} voxels");
+        let stages = vec![
+            Stage::new("voxels", grid.len(), ""),
+            Stage::new("near_surface", detected.near_surface, "no voxel on the grasps' side of a surface was seen"),
+            Stage::new("width_within_limits", detected.width_within_limits, widths),
+            Stage::quality_reached(detected.quality_reached, detected.quality_best, params.quality_min),
+            Stage::new("detections", detected.found.len(), ""),
+        ];
+        Candidates {
+            grasps: detected.found.iter().map(grasp_at).collect(),
+            dropped: misses.into_iter().map(missed).collect(),
+            stages,
+        }
+    }
+
+    fn settle(&self, candidates: &mut Candidates, cloud: &SegmentedCloud, request: &Request<'_>) {
+        let detections = candidates.grasps.len();
+        if request.config.detection.closing == ClosingBy::Seen {
+            close(candidates, cloud, request);
+        }
+        candidates
+            .drop_where(|ranked| request.is_avoided(&ranked.workspace_from_grasp).then_some(RejectReason::Avoided));
+        candidates.drop_where(|ranked| {
+            request.limiter.broken(&ranked.workspace_from_grasp).map(|limit| RejectReason::Limited { limit })
+        });
+        let nothing = || format!("no collision-free grasp at any of the {detections} detections");
+        let none = request.none_within_limits().or_else(|| request.none_unlike_failed(&candidates.dropped));
+        let none = none.unwrap_or_else(nothing);
+        candidates.end_stage("found", none);
+    }
+}
+
+impl VoxelMethod {
+    /// The grasp that the network predicts in a voxel, turned towards the wrist.
+    fn grasp_at(&self, grid: &Grid, detection: &Detection, grids: &DenseGrids, request: &Request<'_>) -> RankedGrasp {
+        let Detection { voxel, quality } = *detection;
+        let (flat, count) = (grid.flat(voxel), grid.len());
+        let [x, y, z, w] = [0, 1, 2, 3].map(|part| grids.rotation[part * count + flat]);
+        let rotation = Quat::from_xyzw(x, y, z, w).normalize();
+        let workspace_from_grasp = pose_from_parts(rotation, self.origin.tips_m(voxel, rotation, grid));
+        let wrist = request.wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
+        let width_m = grids.width_voxels[flat] * grid.voxel_size_m();
+        RankedGrasp::new(towards_wrist(&workspace_from_grasp, wrist), width_m, quality, Some(voxel))
+    }
+}
+
+/// Closes each hand on what was seen; grasps of which none closes are dropped.
+fn close(candidates: &mut Candidates, cloud: &SegmentedCloud, request: &Request<'_>) {
+    let Config { gripper, collision, .. } = request.config;
+    let things = cloud.points_m.iter().zip(&cloud.labels).filter(|(_, label)| **label != PointLabel::Plane);
+    let closer = Closer::new(gripper, collision, &cloud.points_m, things.map(|(point, _)| *point).collect());
+    let hands: Vec<Option<Grasp>> =
+        candidates.grasps.par_iter().map(|ranked| closer.closed(&ranked.workspace_from_grasp)).collect();
+    let wrist = request.wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
+    let mut hands = hands.into_iter();
+    candidates.drop_where(|ranked| {
+        let Some(hand) = hands.next().flatten() else { return Some(RejectReason::NoClosing) };
+        ranked.workspace_from_grasp = towards_wrist(&hand.workspace_from_grasp, wrist);
+        ranked.width_m = hand.width_m;
+        None
+    });
+}
