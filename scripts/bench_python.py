@@ -56,7 +56,7 @@ def oracle(dataset) -> None:
     whole = seconds(lambda: subprocess.run(repeat, check=True, capture_output=True), 5)
     theirs = dataset.attempt_count / (whole - start)
     rates = f"{ours:,.0f}/s; {theirs:,.0f}/s; {100 * ours / theirs:.0f} %"
-    row("`execute`, 60 grasps a call; `generator repeat` on the same attempts, without its start", rates)
+    row("`execute`, 60 grasps a call; `graspmill dataset repeat` on the same attempts, without its start", rates)
 
     one = seconds(lambda: all_scenes(1), 3)
 
@@ -126,7 +126,7 @@ def plans(dataset, scratch: Path) -> None:
             {"depth": encoded(image), "workspace_from_camera": camera.workspace_from_camera.tolist()}
             for image, camera in zip(images, stored.cameras)
         ]
-        lens = dict(zip(("fx_px", "fy_px", "cx_px", "cy_px"), stored.cameras[0].lens()[2:]))
+        lens = dict(zip(("fx_px", "fy_px", "cx_px", "cy_px"), stored.cameras[0]._lens()[2:]))
         body = json.dumps({"views": views, "intrinsics": lens}).encode()
         request = urllib.request.Request(f"http://127.0.0.1:{port}/v1/plan", body, {"Content-Type": "application/json"})
 
@@ -156,7 +156,7 @@ def workspaces() -> None:
             scene = scattered(rng, side)
             middle, away = 0.5 * side, 0.8 * side
             eyes = [(middle + away * np.cos(turn), middle + away * np.sin(turn), 0.05 + 1.2 * side) for turn in turns]
-            cameras = [graspmill.Camera.looking(eye, (middle, middle, 0.05), focal_px=480.0) for eye in eyes]
+            cameras = [graspmill.Camera.look_at(eye, (middle, middle, 0.05), focal_px=480.0) for eye in eyes]
             images = [scene.render(camera) for camera in cameras]
             began = time.perf_counter()
             plan = planner.plan(images, cameras, workspace_size_m=side)
@@ -188,7 +188,7 @@ def main() -> int:
     parser.add_argument("--scratch", type=Path)
     arguments = parser.parse_args()
     scratch = arguments.scratch or Path(tempfile.mkdtemp())
-    dataset = graspmill.generate(None, scratch / "bench", shards=4, attempts=12_000, seed=7501)
+    dataset = graspmill.generate(scratch / "bench", shards=4, attempts=12_000, seed=7501)
     print("| what | measured |\n|---|---:|")
     imports()
     oracle(dataset)

@@ -67,7 +67,8 @@ def page(module_name: str, names: list[str]) -> str:
         value = getattr(module, name)
         if inspect.isclass(value):
             is_error = issubclass(value, Exception)
-            shown = name if is_error or "TypedDict" in str(type(value)) or not hasattr(value, "__init__") else signature(name, value.__init__)
+            is_made = value.__init__ is not object.__init__
+            shown = signature(name, value.__init__) if is_made and not is_error and "TypedDict" not in str(type(value)) else name
             blocks.extend([f"### {name}", f"`{shown}`", described(value.__doc__), *members(value)])
         elif callable(value):
             blocks.extend([f"### {name}", f"`{signature(name, value)}`", described(value.__doc__)])

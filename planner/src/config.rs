@@ -59,7 +59,7 @@ settings! {
         /// Seed of what is drawn.
         pub seed: u64,
         /// The hand.
-        pub gripper: Gripper; by Gripper::read_named as "a hand's name or a path that ends in .toml",
+        pub gripper: Gripper; by Gripper::read_named as "a hand's name, a path that ends in .toml, or what such a file has",
         /// The network: which kind it must be, and which weights are used if no others are given.
         pub network: BuiltIn; or BuiltIn::Paper,
         /// From the network's volumes to detections.

@@ -11,7 +11,7 @@ import graspmill
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "first-dataset")
 
 # 6,000 attempts by the paper's rules, 60 in each scene. Run it again and it is there already; the bytes never differ.
-dataset = graspmill.generate(None, folder / "grasps", attempts=6_000, shards=4, seed=1)
+dataset = graspmill.generate(folder / "grasps", attempts=6_000, shards=4, seed=1)
 print(dataset)
 assert dataset.verify() == []
 

@@ -93,7 +93,7 @@ def main() -> int:
     park[:3, 3] = 0.15, 0.9, 0.6
     for _ in range(500):
         mujoco.mj_step(m, d)
-    camera = graspmill.Camera.looking((0.15, -0.2, 0.5), width_px=320, height_px=240, focal_px=270.0)
+    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5), width_px=320, height_px=240, focal_px=270.0)
     planner, left, held, failed = graspmill.Planner(), set(range(OBJECTS)), 0, []
     for attempt in range(2 * OBJECTS):
         plan = planner.plan(depth_image(m, d, camera), camera, avoid=failed)

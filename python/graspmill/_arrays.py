@@ -135,13 +135,15 @@ def poses(name: str, value: ArrayLike) -> Floats:
 
 
 def pose(name: str, value: ArrayLike) -> list[float]:
-    """One rigid transform, a matrix ``[4, 4]`` or seven numbers, as seven numbers."""
+    """One rigid transform as seven numbers: of a matrix ``[4, 4]``, seven numbers, or a translation ``[3]`` alone."""
     try:
         array = np.asarray(value)
     except ValueError as error:
         raise InputError(f"{name} must be a pose, got rows of several lengths") from error
+    if array.shape == (3,) and array.dtype.kind in "fiu":
+        array = np.concatenate([array, [0.0, 0.0, 0.0, 1.0]])
     if array.shape not in ((4, 4), (7,)):
-        raise InputError(f"{name} must have the shape [4, 4] or [7], got {list(array.shape)}")
+        raise InputError(f"{name} must have the shape [4, 4], [7] or [3], got {list(array.shape)}")
     return [float(part) for part in poses(name, array[None])[0]]
 
 

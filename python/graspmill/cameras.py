@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +31,7 @@ class Camera:
         fy_px: Focal length along v.
         cx_px: Principal point, u; pixel centres are whole numbers.
         cy_px: Principal point, v.
-        workspace_from_camera: The camera's pose, a matrix ``[4, 4]`` or position and quaternion ``[7]``.
+        workspace_from_camera: The camera's pose, a matrix ``[4, 4]``, position and quaternion ``[7]``, or a position ``[3]``.
         convention: The axes of that pose: ``"opencv"`` (x right, y down, z forward) or ``"opengl"`` (x right, y up, z back).
     """
 
@@ -61,7 +62,37 @@ class Camera:
         object.__setattr__(self, "convention", "opencv")
 
     @classmethod
-    def looking(
+    def from_K(
+        cls, K: ArrayLike, shape: tuple[int, int], workspace_from_camera: ArrayLike, *, convention: Convention = "opencv"
+    ) -> Camera:
+        """A camera by its intrinsic matrix, as OpenCV and ROS have it.
+
+        Args:
+            K: ``[3, 3]``, with fx, fy, cx, cy in pixels and no skew.
+            shape: Height and width of its images: ``depth.shape``.
+            workspace_from_camera: See :class:`Camera`.
+            convention: See :class:`Camera`.
+        """
+        matrix = _arrays.floats("K", K, (3, 3)).astype(np.float64)
+        rest = matrix - np.diag(np.diag(matrix))
+        rest[:2, 2] = 0.0
+        if np.abs(rest).max() > 1e-6 or abs(matrix[2, 2] - 1.0) > 1e-6:
+            raise InputError(f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got {matrix.tolist()}")
+        try:
+            height, width = shape
+        except (TypeError, ValueError) as error:
+            raise InputError(f"shape must be (height, width), got {_arrays.shown(shape)}") from error
+        (fx, fy), (cx, cy) = np.diag(matrix)[:2], matrix[:2, 2]
+        return cls(width, height, fx, fy, cx, cy, workspace_from_camera, convention)  # type: ignore[arg-type]
+
+    @classmethod
+    def looking(cls, eye_m: ArrayLike, target_m: ArrayLike = (0.15, 0.15, 0.05), **lens: Any) -> Camera:
+        """The name of :meth:`look_at` in earlier versions."""
+        warnings.warn("Camera.looking is now Camera.look_at", DeprecationWarning, stacklevel=2)
+        return cls.look_at(eye_m, target_m, **lens)
+
+    @classmethod
+    def look_at(
         cls,
         eye_m: ArrayLike,
         target_m: ArrayLike = (0.15, 0.15, 0.05),
@@ -89,10 +120,10 @@ class Camera:
         width, height = _arrays.whole("width_px", width_px, 1, _SIZE_PX_MAX), _arrays.whole("height_px", height_px, 1, _SIZE_PX_MAX)
         return cls(width, height, focal_px, focal_px, width / 2.0, height / 2.0, pose)
 
-    def lens(self) -> list[float]:
+    def _lens(self) -> list[float]:
         """Width, height, fx, fy, cx, cy in pixels."""
         return [float(self.width_px), float(self.height_px), self.fx_px, self.fy_px, self.cx_px, self.cy_px]
 
-    def seven(self) -> list[float]:
+    def _seven(self) -> list[float]:
         """The pose as position and quaternion."""
         return _arrays.pose("workspace_from_camera", self.workspace_from_camera)

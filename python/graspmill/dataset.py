@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from dataclasses import dataclass
-from typing import Any, Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +14,24 @@ from numpy.typing import NDArray
 from . import _arrays, _native
 from .cameras import Camera
 from .errors import InputError
+from .grippers import GripperLike
 from .pages import Page
-from .scene import Outcomes, Scene, setting_pairs
+from .scene import Outcomes, Scene, _pairs
+
+if TYPE_CHECKING:
+    import pandas  # type: ignore[import-untyped, import-not-found, unused-ignore]
+    import polars  # type: ignore[import-not-found, unused-ignore]
+    import pyarrow  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
 #: Called with the attempts that are there, all attempts of the dataset, and the positive ones that this call made.
 Progress = Callable[[int, int, int], None]
 
 
 def generate(
-    config: str | os.PathLike[str] | None,
     out: str | os.PathLike[str],
+    config: str | os.PathLike[str] | None = "paper",
     *,
+    gripper: GripperLike | None = None,
     shards: int | None = None,
     attempts: int | None = None,
     seed: int | None = None,
@@ -33,11 +41,12 @@ def generate(
     threads: int | None = None,
     progress: Progress | bool = False,
 ) -> Dataset:
-    """Makes a dataset, or goes on with it: what ``graspmill generator`` does, with the same bytes.
+    """Makes a dataset, or goes on with it: what ``graspmill generate`` does, with the same bytes.
 
     Args:
-        config: A config's file, or ``None`` for the paper's.
         out: The dataset's folder or URL.
+        config: ``"paper"``, which comes with the package, or a config's file.
+        gripper: A :class:`Gripper`, a built-in one's name, or a file's path, in place of the config's.
         shards: In place of the config's.
         attempts: In place of the config's.
         seed: In place of the config's.
@@ -55,6 +64,10 @@ def generate(
         OutsideError: If the disk or the store fails; the same call goes on.
         KeyboardInterrupt: By Ctrl-C; finished scenes are kept, and the same call goes on.
     """
+    if out is None or (config not in (None, "paper") and str(out).endswith(".toml")):
+        warnings.warn("generate(config, out) is now generate(out, config)", DeprecationWarning, stacklevel=2)
+        out, config = config, out
+    config = None if config in (None, "paper") else config
     where = _location(out)
     if not (progress is True or progress is False or progress is None or callable(progress)):
         raise InputError(f"progress must be True, False or a function, got {_arrays.shown(progress)}")
@@ -64,7 +77,7 @@ def generate(
     share = _arrays.number("rejected_max", rejected_max, 0.0, 1.0)
     files = (("config", config), ("policy", policy))
     paths = [None if path is None else os.path.abspath(_arrays.path(name, path)) for name, path in files]
-    pairs = setting_pairs(settings)
+    pairs = _pairs(gripper, settings)
 
     def run(tell: Progress | None) -> None:
         _native.generate(where, paths[0], shards, attempts, seed, paths[1], pairs, share, count, tell)
@@ -105,19 +118,19 @@ class Table:
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
         return self._dataset.stream(self.name, self._shards.start, self._shards.stop, self._grids)
 
-    def to_polars(self) -> Any:
+    def to_polars(self) -> polars.DataFrame:
         """A ``polars.DataFrame``."""
-        import polars  # type: ignore[import-not-found, unused-ignore]
+        import polars
 
         return polars.DataFrame(self)
 
-    def to_arrow(self) -> Any:
+    def to_arrow(self) -> pyarrow.Table:
         """A ``pyarrow.Table``."""
-        import pyarrow  # type: ignore[import-untyped, unused-ignore]
+        import pyarrow
 
         return pyarrow.table(self)
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pandas.DataFrame:
         """A ``pandas.DataFrame``."""
         return self.to_arrow().to_pandas()
 
@@ -128,7 +141,7 @@ class StoredScene:
 
     Attributes:
         scene_id: Its number.
-        scene: Its objects at rest. :func:`graspmill.execute` executes grasps in it by the dataset's own laws.
+        scene: Its objects at rest. :func:`graspmill.execute` executes grasps in it by the dataset's own simulation.
         cameras: Those that saw it.
         tsdf: ``[resolution] * 3`` float32 (x, y, z) in VGN's values: (tsdf + 1) / 2 where observed, else 0.
         workspace_from_grasp: ``[N, 7]`` float32, its attempts: position in metres, quaternion x, y, z, w.
@@ -242,13 +255,13 @@ class Dataset:
             scene_id: Its number, from 0.
         """
         number = _arrays.whole("scene_id", scene_id, 0, self.scene_count - 1)
-        scene, laws, rows = self._native.scene(number)
+        scene, simulation, rows = self._native.scene(number)
         width, height, fx, fy, cx, cy = self._native.intrinsics()
         cameras = [Camera(int(width), int(height), fx, fy, cx, cy, pose) for pose in rows["workspace_from_camera"]]
         names = ("outcome", "width_m", "hit", "hit_object", "target")
         return StoredScene(
             number,
-            Scene._wrap(scene, laws),
+            Scene._wrap(scene, simulation),
             cameras,
             rows["tsdf"],
             rows["workspace_from_grasp"],
@@ -267,7 +280,7 @@ class Dataset:
         return (self.scene(number) for number in range(self.scene_count))
 
     def attempts(self, shards: range | None = None) -> Table:
-        """The table of attempts (``docs/reference/shards.md``), of some shards or of all."""
+        """The table of attempts (``docs/reference/tables.md``), of some shards or of all."""
         return self._table("attempts", shards, False)
 
     def objects(self, shards: range | None = None) -> Table:
@@ -290,7 +303,7 @@ class Dataset:
         return problems + ([f"… and {more} more problems"] if more else [])
 
     def report(self) -> dict[str, Any]:
-        """Statistics, as ``graspmill shards report --json`` has them."""
+        """Statistics, as ``graspmill dataset report --json`` has them."""
         report: dict[str, Any] = json.loads(self._native.report(False))
         return report
 

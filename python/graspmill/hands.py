@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _native
 from .errors import InputError
-from .scene import _laws
+from .grippers import GripperLike
+from .scene import _simulation
 
 #: Points of a crop along x, y and z of the grasp, and the values of each: distance, observed share, height over the
 #: table, distance to the hand.
@@ -52,7 +52,7 @@ def hand_crops(
     tsdf: ArrayLike,
     workspace_from_grasp: ArrayLike,
     *,
-    gripper: str | os.PathLike[str] | None = None,
+    gripper: GripperLike | None = None,
     views: int = 6,
     voxel_size_m: float = 0.0075,
     table_z_m: float = 0.05,
@@ -62,7 +62,7 @@ def hand_crops(
     Args:
         tsdf: ``[n, n, n]`` (x, y, z) in VGN's values, 0 to 1: of :func:`graspmill.tsdf` or a stored scene; n is 8 to 128.
         workspace_from_grasp: Poses, ``[N, 4, 4]`` or ``[N, 7]``, at most 100000.
-        gripper: A built-in hand or the path of a hand's file; by default ``parallel_jaw_80``.
+        gripper: A :class:`Gripper`, a built-in one's name, or a file's path; by default ``parallel_jaw_80``.
         views: How many cameras saw the scene, 1 to 32.
         voxel_size_m: Side of a voxel; the shipped judges were trained with 7.5 mm.
         table_z_m: Height of the table's top.
@@ -81,7 +81,7 @@ def hand_crops(
     rows = np.zeros((len(poses), 4), np.uint32)
     rows[:, 2] = _arrays.whole("views", views, 1, 32)
     voxel_m, table_m = _arrays.number("voxel_size_m", voxel_size_m, 1e-4, 1.0), _arrays.number("table_z_m", table_z_m, -1.0, 1.0)
-    seen = _native.Crops(_laws(gripper, None), side, side * voxel_m, table_m)
+    seen = _native.Crops(_simulation(gripper, None), side, side * voxel_m, table_m)
     (crop, surroundings, facts), hits = seen.see(values.ravel(), poses, rows)
     count = len(poses)
     return HandCrops(crop.reshape(count, *CROP), surroundings.reshape(count, *SURROUNDINGS), facts.reshape(count, FACTS), hits)

@@ -6,7 +6,8 @@ import json
 import os
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Callable, Sequence
+from inspect import Parameter, signature
+from typing import TYPE_CHECKING, Any, Callable, Literal, Sequence, TypedDict, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from . import _arrays, _native
 from .cameras import Camera
 from .errors import InputError
-from .scene import _images, _laws
+from .grippers import GripperLike
+from .scene import _images, _simulation
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 #: Most hands that a plan can be told to avoid.
 AVOID_MAX = 256
@@ -48,13 +53,62 @@ class Grasp:
     workspace_from_flange: NDArray[np.float64] | None = None
     base_from_flange: NDArray[np.float64] | None = None
 
+    @property
+    def score(self) -> float:
+        """``quality`` under the name that GraspNet and GPD give it."""
+        return self.quality
+
+
+class PlanOptions(TypedDict, total=False):
+    """What a plan may be told besides what was seen; all in the workspace.
+
+    Attributes:
+        workspace_size_m: The workspace's side, 0.2 to 0.6, rounded up to whole voxels; 0.3 by default.
+        base_from_workspace: ``[4, 4]``, ``[7]`` or ``[3]``: grasps are given in the robot's base, too.
+        workspace_from_wrist: Quaternion ``[4]``: of a grasp and its half turn the nearer one is given.
+        policy: How grasps are ranked.
+        check_collisions: Drop grasps whose gripper would hit the cloud on its way.
+        grasps_max: 1 to 10000.
+        explain: Dropped candidates with reasons in ``answer``.
+        avoid: Poses ``[N, 4, 4]`` or ``[N, 7]`` of grasps that failed.
+        target_m: ``[3]``: only the object at this point.
+        approach: A direction ``[3]`` and the largest angle from it, in radians.
+        keep_out: ``[N, 4]``: planes that the open gripper does not cross, a normal that points to where it may be and an offset in metres.
+        reach: The lower and upper corner of a box for the tips, ``[2, 3]``.
+        accept: A function of ``workspace_from_grasp``, ``[4, 4]``, that says whether it will do, such as whether your arm reaches it; what
+            it raises, the plan raises.
+
+    ``accept`` is called for one grasp after the other, on a thread of the planner's own. A judge's planner calls it for every candidate,
+    before the judge is asked: for 512, for four times as many where few will do, and for more in a larger workspace. The other networks'
+    planners call it for what they have found. Ctrl-C is heard when the plan ends.
+    """
+
+    workspace_size_m: float | None
+    base_from_workspace: ArrayLike | None
+    workspace_from_wrist: ArrayLike | None
+    policy: Literal["paper", "vgn-random", "vgn-best"] | None
+    check_collisions: bool | None
+    grasps_max: int | None
+    explain: bool
+    avoid: ArrayLike | None
+    target_m: ArrayLike | None
+    approach: tuple[ArrayLike, float] | None
+    keep_out: ArrayLike | None
+    reach: ArrayLike | None
+    accept: Callable[[NDArray[np.float64]], bool] | None
+
 
 class Plan(Sequence[Grasp]):
     """Ranked grasps, best first; a sequence of :class:`Grasp`. Without one, ``reason`` says why."""
 
-    def __init__(self, native: _native.Plan) -> None:
-        self._native = native
-        self._text = native.json()
+    _answered: _native.Plan
+    _text: str
+
+    @classmethod
+    def _of(cls, native: _native.Plan) -> Plan:
+        made = cls.__new__(cls)
+        made._answered, made._text = native, native.json()
+        return made
 
     @cached_property
     def answer(self) -> dict[str, Any]:
@@ -84,7 +138,11 @@ class Plan(Sequence[Grasp]):
     def __len__(self) -> int:
         return len(self.answer["grasps"])
 
-    def __getitem__(self, place: Any) -> Any:
+    @overload
+    def __getitem__(self, place: int) -> Grasp: ...
+    @overload
+    def __getitem__(self, place: slice) -> list[Grasp]: ...
+    def __getitem__(self, place: int | slice) -> Grasp | list[Grasp]:
         return self.grasps[place]
 
     @property
@@ -96,6 +154,11 @@ class Plan(Sequence[Grasp]):
     def qualities(self) -> NDArray[np.float64]:
         """Their qualities, ``[N]``."""
         return np.array([grasp.quality for grasp in self.grasps])
+
+    @property
+    def scores(self) -> NDArray[np.float64]:
+        """``qualities`` under the name that GraspNet and GPD give them."""
+        return self.qualities
 
     @property
     def reason(self) -> str | None:
@@ -112,15 +175,15 @@ class Plan(Sequence[Grasp]):
     @property
     def timings_ms(self) -> dict[str, float]:
         """Milliseconds of its stages."""
-        return dict(self._native.timings_ms)
+        return dict(self._answered.timings_ms)
 
     def cloud(self) -> NDArray[np.float32]:
         """The seen surface, ``[N, 3]`` in the workspace, in metres."""
-        return self._native.cloud().reshape(-1, 3)
+        return self._answered.cloud().reshape(-1, 3)
 
     def picture(self, title: str = "") -> bytes:
         """A picture of the scene and its grasps, as a PNG."""
-        return self._native.picture(str(title))
+        return self._answered.picture(str(title))
 
     def _repr_png_(self) -> bytes:
         return self.picture()
@@ -136,118 +199,7 @@ def _matrix(pose: dict[str, list[float]]) -> NDArray[np.float64]:
     return matrix
 
 
-class Planner:
-    """A network and settings, ready to plan. It may be shared by threads; a plan does not change it.
-
-    Args:
-        config: ``"judge"``, ``"paper"`` or ``"vgn"``, which come with the package, or the path of a planner's settings.
-        model: A network's file, in place of the settings' own.
-        gripper: A built-in hand, such as ``"franka_hand"``, or the path of a hand's file; by default the settings' own.
-        threads: By default one per core; never changes the plan.
-
-    Raises:
-        InputError: If a file is no network or no settings, or the network was not trained for the hand.
-    """
-
-    def __init__(
-        self,
-        config: str | os.PathLike[str] = "judge",
-        *,
-        model: str | os.PathLike[str] | None = None,
-        gripper: str | os.PathLike[str] | None = None,
-        threads: int | None = None,
-    ) -> None:
-        hand = None if gripper is None else _laws(gripper, None)
-        count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
-        weights = None if model is None else _arrays.path("model", model)
-        self._native = _native.Planner(_arrays.path("config", config), weights, hand, count)
-
-    @property
-    def gripper(self) -> str:
-        """The hand's name."""
-        return self._native.gripper_name
-
-    @property
-    def model_id(self) -> str:
-        """SHA-256 of the network's file."""
-        return self._native.model_id
-
-    @property
-    def size_m(self) -> float:
-        """Side of the workspace, in metres."""
-        return self._native.grid(None)[0]
-
-    def __repr__(self) -> str:
-        return f"Planner(model {self.model_id[:12]}, hand {self.gripper})"
-
-    def plan(
-        self,
-        depths: Sequence[ArrayLike] | ArrayLike,
-        cameras: Sequence[Camera] | Camera,
-        *,
-        mask: Sequence[ArrayLike | None] | ArrayLike | None = None,
-        **wishes: Any,
-    ) -> Plan:
-        """Plans from depth images.
-
-        Args:
-            depths: One image or several, ``[height, width]`` each, float, in metres along the camera's z; 0 or NaN where nothing was seen.
-            cameras: Their cameras, as many.
-            mask: What to grasp: for each image a mask, ``[height, width]`` of bool or uint8, not 0 where the target is, or ``None``.
-            **wishes: See :meth:`plan_tsdf`.
-        """
-        if isinstance(cameras, Camera):
-            cameras, depths = [cameras], [np.asarray(depths)]
-            mask = None if mask is None else [np.asarray(mask)]
-        images, given = _images(list(depths), list(cameras))  # type: ignore[arg-type]
-        lenses, places = [camera.lens() for camera in given], [camera.seven() for camera in given]
-        masks = None if mask is None else _masks(list(mask), images)  # type: ignore[arg-type]
-        if masks is not None and wishes.get("target_m") is not None:
-            raise InputError("mask and target_m must not both be given")
-        return Plan(self._native.plan_views(images, lenses, places, masks, _asked(**wishes)))
-
-    def plan_cloud(self, points_m: ArrayLike, *, eyes_m: ArrayLike | None = None, **wishes: Any) -> Plan:
-        """Plans from a point cloud.
-
-        Args:
-            points_m: ``[N, 3]`` in the workspace, in metres; points outside are dropped.
-            eyes_m: ``[M, 3]``, where the sensors were; by default straight above.
-            **wishes: See :meth:`plan_tsdf`.
-        """
-        points = _arrays.floats("points_m", points_m, (None, 3), " (x, y, z)")
-        eyes = np.empty((0, 3), np.float32) if eyes_m is None else _arrays.floats("eyes_m", eyes_m, (None, 3))
-        if len(eyes) > 32:
-            raise InputError(f"eyes_m must be at most 32, got {len(eyes)}")
-        return Plan(self._native.plan_cloud(points, eyes, _asked(**wishes)))
-
-    def plan_tsdf(self, tsdf: ArrayLike, **wishes: Any) -> Plan:
-        """Plans from a TSDF.
-
-        Args:
-            tsdf: ``[40, 40, 40]`` (x, y, z) in VGN's values, 0 to 1: (tsdf + 1) / 2 where observed, else 0. Of another workspace as many
-                voxels of 7.5 mm as its side takes.
-            **wishes: ``workspace_size_m`` (0.2 to 0.6; by default 0.3: the workspace's side, rounded up to whole voxels), ``base_from_workspace`` (``[4, 4]`` or ``[7]``: grasps are given in the robot's base, too), ``workspace_from_wrist``
-                (quaternion ``[4]``: of a grasp and its half turn the nearer one is given), ``policy`` (``"paper"``, ``"vgn-random"``,
-                ``"vgn-best"``), ``check_collisions`` (bool), ``grasps_max`` (1 to 10000), ``explain`` (bool: dropped
-                candidates with reasons in ``answer``), ``avoid`` (poses ``[N, 4, 4]`` or ``[N, 7]`` of hands that failed),
-                ``target_m`` (``[3]``: only the object at this point), ``approach`` (a direction ``[3]`` and the largest angle from it, in
-                radians), ``keep_out`` (``[N, 4]``: planes that the open hand does not cross, a normal that points to where it may be and an
-                offset in metres), ``reach`` (the lower and upper corner of a box for the tips, ``[2, 3]``), ``accept`` (a function of
-                ``workspace_from_grasp``, ``[4, 4]``, that says whether it will do, such as whether your arm reaches it; what it raises, the
-                plan raises). All in the workspace.
-
-        ``accept`` is called for one grasp after the other, on a thread of the planner's own. A judge's planner calls it for every hand that
-        is proposed, before the judge is asked: for 512, for four times as many where few will do, and for more in a larger workspace. The
-        other networks' planners call it for what they have found. Ctrl-C is heard when the plan ends.
-        """
-        asked = _asked(**wishes)
-        side = self._native.grid(asked["workspace_size_m"])[1]
-        values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
-        _arrays.vgn_values("tsdf", values)
-        return Plan(self._native.plan_tsdf(values.ravel(), asked))
-
-
-def _asked(
+def _checked(
     *,
     workspace_size_m: float | None = None,
     base_from_workspace: ArrayLike | None = None,
@@ -263,7 +215,7 @@ def _asked(
     reach: ArrayLike | None = None,
     accept: Callable[[NDArray[np.float64]], bool] | None = None,
 ) -> dict[str, Any]:
-    """The wishes of a plan, checked."""
+    """The options of a plan, checked, for the native half."""
     wrist = None
     if workspace_from_wrist is not None:
         wrist = [float(part) for part in _arrays.floats("workspace_from_wrist", workspace_from_wrist, (4,))]
@@ -288,6 +240,119 @@ def _asked(
         "reach": None if reach is None else _box(reach),
         "accept": None if accept is None else _accepting(accept),
     }
+
+
+_Method = TypeVar("_Method", bound=Callable[..., Plan])
+
+
+def _with_options(method: _Method) -> _Method:
+    """Names the options in the signature, for ``help`` and for editors that look at run time."""
+    own = [one for one in signature(method).parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
+    of_options = signature(_checked).parameters.values()
+    method.__signature__ = signature(method).replace(parameters=[*own, *of_options])  # type: ignore[attr-defined]
+    return method
+
+
+class Planner:
+    """A network and settings, ready to plan. It may be shared by threads; a plan does not change it.
+
+    Args:
+        config: ``"judge"``, ``"paper"`` or ``"vgn"``, which come with the package, or the path of a planner's settings.
+        model: A network's file, in place of the settings' own.
+        gripper: A :class:`Gripper`, a built-in one's name, such as ``"franka_hand"``, or a file's path; by default the settings' own.
+        threads: By default one per core; never changes the plan.
+
+    Raises:
+        InputError: If a file is no network or no settings, or the network was not trained for the gripper.
+    """
+
+    def __init__(
+        self,
+        config: str | os.PathLike[str] = "judge",
+        *,
+        model: str | os.PathLike[str] | None = None,
+        gripper: GripperLike | None = None,
+        threads: int | None = None,
+    ) -> None:
+        hand = None if gripper is None else _simulation(gripper, None)
+        count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
+        weights = None if model is None else _arrays.path("model", model)
+        self._native = _native.Planner(_arrays.path("config", config), weights, hand, count)
+
+    @property
+    def gripper(self) -> str:
+        """The hand's name."""
+        return self._native.gripper_name
+
+    @property
+    def model_id(self) -> str:
+        """SHA-256 of the network's file."""
+        return self._native.model_id
+
+    @property
+    def size_m(self) -> float:
+        """Side of the workspace, in metres."""
+        return self._native.grid(None)[0]
+
+    def __repr__(self) -> str:
+        return f"Planner(model {self.model_id[:12]}, gripper {self.gripper})"
+
+    @_with_options
+    def plan(
+        self,
+        depths: Sequence[ArrayLike] | ArrayLike,
+        cameras: Sequence[Camera] | Camera,
+        *,
+        mask: Sequence[ArrayLike | None] | ArrayLike | None = None,
+        **options: Unpack[PlanOptions],
+    ) -> Plan:
+        """Plans from depth images.
+
+        Args:
+            depths: One image or several, ``[height, width]`` each, float, in metres along the camera's z; 0 or NaN where nothing was seen.
+            cameras: Their cameras, as many.
+            mask: What to grasp: for each image a mask, ``[height, width]`` of bool or uint8, not 0 where the target is, or ``None``.
+            **options: See :class:`PlanOptions`.
+        """
+        if isinstance(cameras, Camera):
+            cameras, depths = [cameras], [np.asarray(depths)]
+            mask = None if mask is None else [np.asarray(mask)]
+        images, given = _images(list(depths), list(cameras))  # type: ignore[arg-type]
+        lenses, places = [camera._lens() for camera in given], [camera._seven() for camera in given]
+        masks = None if mask is None else _masks(list(mask), images)  # type: ignore[arg-type]
+        if masks is not None and options.get("target_m") is not None:
+            raise InputError("mask and target_m must not both be given")
+        return Plan._of(self._native.plan_views(images, lenses, places, masks, _checked(**options)))
+
+    @_with_options
+    def plan_cloud(self, points_m: ArrayLike, *, eyes_m: ArrayLike | None = None, **options: Unpack[PlanOptions]) -> Plan:
+        """Plans from a point cloud.
+
+        Args:
+            points_m: ``[N, 3]`` in the workspace, in metres; points outside are dropped.
+            eyes_m: ``[M, 3]``, where the sensors were; by default straight above.
+            **options: See :class:`PlanOptions`.
+        """
+        points = _arrays.floats("points_m", points_m, (None, 3), " (x, y, z)")
+        eyes = np.empty((0, 3), np.float32) if eyes_m is None else _arrays.floats("eyes_m", eyes_m, (None, 3))
+        if len(eyes) > 32:
+            raise InputError(f"eyes_m must be at most 32, got {len(eyes)}")
+        return Plan._of(self._native.plan_cloud(points, eyes, _checked(**options)))
+
+    @_with_options
+    def plan_tsdf(self, tsdf: ArrayLike, **options: Unpack[PlanOptions]) -> Plan:
+        """Plans from a TSDF.
+
+        Args:
+            tsdf: ``[40, 40, 40]`` (x, y, z) in VGN's values, 0 to 1: (tsdf + 1) / 2 where observed, else 0. Of another workspace as many
+                voxels of 7.5 mm as its side takes.
+            **options: See :class:`PlanOptions`.
+        """
+        checked = _checked(**options)
+        side = self._native.grid(checked["workspace_size_m"])[1]
+        values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
+        _arrays.vgn_values("tsdf", values)
+        return Plan._of(self._native.plan_tsdf(values.ravel(), checked))
 
 
 def _accepting(accept: Callable[[NDArray[np.float64]], bool]) -> Callable[[list[float]], bool]:

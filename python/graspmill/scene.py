@@ -7,16 +7,16 @@ approach, +y its closing direction. ``workspace_from_grasp`` maps a grasp's coor
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _arrays, _native
+from . import _arrays, _native, grippers
 from .cameras import Camera
 from .errors import InputError
+from .grippers import GripperLike
 
 #: The outcomes of an attempt, by their numbers; the label is 1 for the last, ``held``.
 OUTCOMES: tuple[str, ...] = tuple(_native.Dataset.names()[0])
@@ -27,10 +27,10 @@ HITS: tuple[str, ...] = tuple(_native.Dataset.names()[1])
 EXTENT_M_MAX = 2.0
 #: kg/m³ of objects without a mass of their own: the middle of what ``paper.toml`` draws.
 DENSITY_KG_M3 = 500.0
-_SETTINGS_HELP = "docs/reference/generator.md lists the keys"
+_SETTINGS_HELP = "docs/reference/settings.md lists the keys"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Object:
     """An object: a shape with mass and friction, at a pose.
 
@@ -68,13 +68,22 @@ class Object:
             raise InputError(f"the object must be 0.001 to {EXTENT_M_MAX:g} m long, got {size_m:g}: are its lengths in metres?")
         # What is thin is light, but not weightless.
         mass = max(DENSITY_KG_M3 * body.volume_m3, 1e-6) if mass_kg is None else mass_kg
-        return cls(
-            _arrays.number("mass_kg", mass, 1e-6, 1e3),
-            _arrays.number("friction", friction, 0.0, 10.0),
-            _arrays.matrices([seven])[0],
-            body,
-            tuple(seven),
-        )
+        mass = _arrays.number("mass_kg", mass, 1e-6, 1e3)
+        return cls._wrap(body, mass, _arrays.number("friction", friction, 0.0, 10.0), tuple(seven))
+
+    @classmethod
+    def _wrap(cls, body: _native.Body, mass_kg: float, friction: float, seven: tuple[float, ...]) -> Object:
+        made = cls.__new__(cls)
+        pose = _arrays.matrices([seven])[0]
+        for name, value in (("mass_kg", mass_kg), ("friction", friction), ("workspace_from_object", pose), ("_body", body), ("_seven", seven)):
+            object.__setattr__(made, name, value)
+        return made
+
+    def __copy__(self) -> Object:
+        return self
+
+    def __deepcopy__(self, _: Any) -> Object:
+        return self
 
     @classmethod
     def solid(
@@ -85,7 +94,7 @@ class Object:
         Args:
             shape: Its name.
             extents_m: Full lengths along its axes, ``[3]``.
-            pose: ``workspace_from_object``, ``[4, 4]`` or ``[7]``.
+            pose: ``workspace_from_object``, ``[4, 4]``, ``[7]`` or ``[3]``.
             mass_kg: Mass; by default that of 500 kg/m³.
             friction: Coulomb coefficient.
         """
@@ -192,16 +201,22 @@ class Scene:
             poses,
             _arrays.number("table_z_m", table_z_m, -1.0, 1.0),
         )
-        self._laws: _native.Laws | None = None
+        self._simulation: _native.Simulation | None = None
 
     @classmethod
-    def _wrap(cls, scene: _native.Scene, laws: _native.Laws | None = None) -> Scene:
+    def _wrap(cls, scene: _native.Scene, simulation: _native.Simulation | None = None) -> Scene:
         made = cls.__new__(cls)
-        made._native, made._laws = scene, laws
+        made._native, made._simulation = scene, simulation
         return made
 
     def __len__(self) -> int:
         return len(self._native)
+
+    def __copy__(self) -> Scene:
+        return self
+
+    def __deepcopy__(self, _: Any) -> Scene:
+        return self
 
     def __repr__(self) -> str:
         names = ", ".join(one.name for one in self.objects)
@@ -216,7 +231,7 @@ class Scene:
             found = self._native.object(number)
             assert found is not None
             body, mass_kg, friction = found
-            rows.append(Object(mass_kg, friction, _arrays.matrices([seven])[0], body, tuple(float(part) for part in seven)))
+            rows.append(Object._wrap(body, mass_kg, friction, tuple(float(part) for part in seven)))
         return rows
 
     @property
@@ -237,20 +252,20 @@ class Scene:
         Raises:
             DataError: If they do not come to rest, or are shot apart.
         """
-        return Scene._wrap(self._native.settle(self._own_laws(None, settings), bool(drop)), self._laws)
+        return Scene._wrap(self._native.settle(self._simulation_with(None, settings), bool(drop)), self._simulation)
 
-    def _own_laws(self, gripper: str | os.PathLike[str] | None, settings: Mapping[str, Any] | None) -> _native.Laws:
-        """The laws of a stored scene, or the paper's, with what is asked for."""
-        if self._laws is None:
-            return _laws(gripper, settings)
+    def _simulation_with(self, gripper: GripperLike | None, settings: Mapping[str, Any] | None) -> _native.Simulation:
+        """The simulation of a stored scene, or the paper's, with what is asked for."""
+        if self._simulation is None:
+            return _simulation(gripper, settings)
         pairs = _pairs(gripper, settings)
-        return self._laws.adjusted(pairs) if pairs else self._laws
+        return self._simulation.adjusted(pairs) if pairs else self._simulation
 
     def render(self, camera: Camera) -> NDArray[np.float32]:
         """The depth image of a camera, ``[height, width]``: metres along its z, 0 where it sees nothing."""
         if not isinstance(camera, Camera):
             raise InputError(f"camera must be a graspmill.Camera, got {_arrays.shown(camera)}")
-        return self._native.render(camera.lens(), camera.seven())
+        return self._native.render(camera._lens(), camera._seven())
 
     def tsdf(self, cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30) -> NDArray[np.float32]:
         """What cameras see of the scene as a TSDF, ``[resolution] * 3`` (x, y, z) in VGN's values: (tsdf + 1) / 2 where it was
@@ -279,8 +294,8 @@ def tsdf(
     side = _arrays.whole("resolution", resolution, 2, 256)
     values = _native.fuse(
         images,
-        [camera.lens() for camera in cameras],
-        [camera.seven() for camera in cameras],
+        [camera._lens() for camera in cameras],
+        [camera._seven() for camera in cameras],
         side,
         _arrays.number("size_m", size_m, 0.01, 10.0),
         _arrays.number("truncation_voxels", truncation_voxels, 0.5, 64.0),
@@ -357,7 +372,7 @@ def execute(
     scene: Scene,
     grasps: ArrayLike,
     *,
-    gripper: str | os.PathLike[str] | None = None,
+    gripper: GripperLike | None = None,
     targets: ArrayLike | None = None,
     settings: Mapping[str, Any] | None = None,
     threads: int | None = None,
@@ -370,7 +385,7 @@ def execute(
     Args:
         scene: Objects at rest.
         grasps: ``workspace_from_grasp``, matrices ``[N, 4, 4]`` or positions and quaternions ``[N, 7]``.
-        gripper: A built-in hand, such as ``"franka_hand"``, or the path of a hand's file. By default that of a stored scene, else
+        gripper: A :class:`Gripper`, a built-in one's name, such as ``"franka_hand"``, or a file's path. By default that of a stored scene, else
             ``parallel_jaw_80``.
         targets: ``[N]``, the object that each grasp is for; by default the one nearest to the finger tips.
         settings: Keys of a generator's config, such as ``{"physics.engine": "rapier", "procedure.hold_time_s": 1.0}``; the others are a
@@ -386,7 +401,7 @@ def execute(
     if not isinstance(scene, Scene):
         raise InputError(f"scene must be a graspmill.Scene, got {_arrays.shown(scene)}")
     rows = _arrays.poses("grasps", grasps)
-    laws = scene._own_laws(gripper, settings)
+    simulation = scene._simulation_with(gripper, settings)
     chosen = None
     if targets is not None:
         given = np.asarray(targets)
@@ -397,19 +412,17 @@ def execute(
             raise InputError(f"targets must be from 0 to below the number of objects, {len(scene)}, got {given.min()} to {given.max()}")
         chosen = np.ascontiguousarray(given, dtype=np.uint32)
     count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
-    return Outcomes(*_native.execute(scene._native, rows, chosen, laws, count))
+    return Outcomes(*_native.execute(scene._native, rows, chosen, simulation, count))
 
 
-def _laws(gripper: str | os.PathLike[str] | None, settings: Mapping[str, Any] | None) -> _native.Laws:
-    return _native.Laws(None, _pairs(gripper, settings))
+def _simulation(gripper: GripperLike | None, settings: Mapping[str, Any] | None) -> _native.Simulation:
+    return _native.Simulation(None, _pairs(gripper, settings))
 
 
-def _pairs(gripper: str | os.PathLike[str] | None, settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+def _pairs(gripper: GripperLike | None, settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     pairs = setting_pairs(settings)
     if gripper is not None:
-        name = _arrays.path("gripper", gripper)
-        path = os.path.abspath(name) if name.endswith(".toml") else name
-        pairs.append(("gripper", json.dumps(path, ensure_ascii=False)))
+        pairs.append(("gripper", grippers.setting(gripper)))
     return pairs
 
 
@@ -423,6 +436,9 @@ def setting_pairs(settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
             raise InputError(f"settings must have strings as keys, got {_arrays.shown(key)}; {_SETTINGS_HELP}")
         if isinstance(value, np.generic):
             value = value.item()
+        if isinstance(value, grippers.Gripper):
+            pairs.append((key, grippers.setting(value)))
+            continue
         try:
             pairs.append((key, json.dumps(value, allow_nan=False, ensure_ascii=False)))
         except (TypeError, ValueError) as error:

@@ -8,7 +8,7 @@ use schema::Grid;
 
 use crate::fault::free;
 use crate::pool::on_threads;
-use crate::scene::{Laws, poses};
+use crate::scene::{Simulation, poses};
 
 /// Hands that one thread cuts out together.
 const TOGETHER: usize = 64;
@@ -35,7 +35,7 @@ impl Crops {
 impl Crops {
     /// Of one hand, in grids of so many voxels along a side, of a size, with the table's top at a height, in metres.
     #[new]
-    fn new(hand: &Laws, resolution: usize, size_m: f32, table_z_m: f32) -> Self {
+    fn new(hand: &Simulation, resolution: usize, size_m: f32, table_z_m: f32) -> Self {
         let grid = Grid { resolution, size_m, table_z_m };
         Self::of([(&hand.gripper, hand.procedure.pregrasp_distance_m)].into_iter(), &grid)
     }

@@ -21,7 +21,7 @@ use trainer::split::split;
 use crate::crops::Crops;
 use crate::fault::{free, raised, wrong};
 use crate::pool::on_threads;
-use crate::scene::{Laws, Scene, names, place, rows};
+use crate::scene::{Scene, Simulation, names, place, rows};
 
 /// A complete dataset.
 #[pyclass(frozen, module = "graspmill._native")]
@@ -143,11 +143,11 @@ impl Dataset {
         PyCapsule::new_with_value(py, stream, c"arrow_array_stream")
     }
 
-    /// A scene: its objects at rest, the laws of its attempts, and its rows as arrays.
-    fn scene<'py>(&self, py: Python<'py>, scene_id: u64) -> PyResult<(Scene, Laws, Bound<'py, PyDict>)> {
+    /// A scene: its objects at rest, the simulation of its attempts, and its rows as arrays.
+    fn scene<'py>(&self, py: Python<'py>, scene_id: u64) -> PyResult<(Scene, Simulation, Bound<'py, PyDict>)> {
         let (rows_, info) = (self.scene_rows(py, scene_id)?, self.dataset.info());
         let scene = simulator::Scene::from_records(info.grid.table_z_m, &rows_.objects, self.bodies()?);
-        let laws = Laws {
+        let simulation = Simulation {
             gripper: info.hand_of(scene_id).clone(),
             physics: physics_of(&info.config).map_err(|failure| raised(&failure))?,
             procedure: info.procedure,
@@ -175,7 +175,7 @@ impl Dataset {
         found.set_item("hit_object", objects.to_pyarray(py))?;
         let rules: Vec<&str> = attempts.iter().map(|row| row.rule.name()).collect();
         found.set_item("rule", rules)?;
-        Ok((Scene { scene }, laws, found))
+        Ok((Scene { scene }, simulation, found))
     }
 
     /// The samples of some scenes of a shard, ascending, of voxels or of hands: their grids, flat in one array; of each

@@ -31,5 +31,5 @@ mod _native {
     #[pymodule_export]
     use crate::programs::run_program;
     #[pymodule_export]
-    use crate::scene::{Body, Laws, Scene, execute, fuse};
+    use crate::scene::{Body, Scene, Simulation, execute, fuse};
 }

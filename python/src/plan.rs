@@ -12,7 +12,7 @@ use schema::{Gripper, Pose, Quat, Vec3, VoxelGrid};
 
 use crate::fault::{free, raised, wrong};
 use crate::pool::on_threads;
-use crate::scene::{Laws, Seven, camera, image, pose};
+use crate::scene::{Seven, Simulation, camera, image, pose};
 
 /// A network and settings, ready to plan; planning changes nothing, so any number of threads may.
 #[pyclass(frozen, module = "graspmill._native")]
@@ -75,10 +75,10 @@ impl Planner {
         py: Python<'_>,
         config: Option<PathBuf>,
         model: Option<PathBuf>,
-        hand: Option<&Laws>,
+        hand: Option<&Simulation>,
         threads: usize,
     ) -> PyResult<Self> {
-        let hand = hand.map(|laws| laws.gripper.clone());
+        let hand = hand.map(|simulation| simulation.gripper.clone());
         let made = || {
             let mut config = Config::load(config.as_deref())?;
             config.gripper = hand.unwrap_or(config.gripper);

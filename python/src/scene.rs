@@ -58,10 +58,10 @@ pub(crate) fn camera([width, height, fx_px, fy_px, cx_px, cy_px]: [f32; 6], at: 
     Camera { intrinsics, workspace_from_camera: pose(at) }
 }
 
-/// The laws of an attempt and of rest: a hand, an engine, a procedure.
+/// The simulation of an attempt and of rest: a hand, an engine, a procedure.
 #[pyclass(frozen, module = "graspmill._native")]
 #[derive(Debug)]
-pub(crate) struct Laws {
+pub(crate) struct Simulation {
     pub(crate) gripper: Gripper,
     pub(crate) physics: Physics,
     pub(crate) procedure: Procedure,
@@ -70,7 +70,7 @@ pub(crate) struct Laws {
 }
 
 #[pymethods]
-impl Laws {
+impl Simulation {
     /// Those of a generator's config (the paper's without a file), with some keys set.
     #[new]
     fn new(config: Option<PathBuf>, set: Vec<(String, String)>) -> PyResult<Self> {
@@ -106,6 +106,19 @@ impl Laws {
     #[getter]
     fn gripper_name(&self) -> &str {
         &self.gripper.name
+    }
+
+    /// Its grasp frame in the frame of the robot's flange, as position and quaternion, if its file has it.
+    #[getter]
+    fn flange_from_grasp(&self) -> Option<Vec<f32>> {
+        let parts = self.gripper.flange_from_grasp?;
+        Some(parts.position_m.into_iter().chain(parts.quaternion_xyzw).collect())
+    }
+
+    /// Names of the hands that need no file.
+    #[staticmethod]
+    fn gripper_names() -> Vec<&'static str> {
+        Gripper::BUILT_IN.map(|(name, _)| name).to_vec()
     }
 }
 
@@ -226,8 +239,8 @@ impl Scene {
     }
 
     /// The scene at rest: objects dropped one by one into a box about the workspace, or let go where they are.
-    fn settle(&self, py: Python<'_>, laws: &Laws, drop: bool) -> PyResult<Self> {
-        let Laws { physics, settle: params, grid, .. } = laws;
+    fn settle(&self, py: Python<'_>, simulation: &Simulation, drop: bool) -> PyResult<Self> {
+        let Simulation { physics, settle: params, grid, .. } = simulation;
         let grid = Grid { table_z_m: self.scene.table_z_m, ..*grid };
         let objects = &self.scene.objects;
         let rest = || {
@@ -334,7 +347,7 @@ pub(crate) fn execute<'py>(
     scene: &Scene,
     workspace_from_grasp: PyReadonlyArray2<'py, f32>,
     targets: Option<PyReadonlyArray1<'py, u32>>,
-    laws: &Laws,
+    simulation: &Simulation,
     threads: usize,
 ) -> PyResult<Executed<'py>> {
     let (scene, grasps) = (&scene.scene, poses(&workspace_from_grasp));
@@ -355,7 +368,7 @@ pub(crate) fn execute<'py>(
     for some in asked.chunks(TOGETHER) {
         py.check_signals()?;
         let work = || {
-            let world = AttemptWorld::new(&laws.physics, &laws.gripper, &laws.procedure, scene);
+            let world = AttemptWorld::new(&simulation.physics, &simulation.gripper, &simulation.procedure, scene);
             let run = |(grasp, target): &(Pose, usize)| world.execute(grasp, *target);
             if threads == 1 {
                 return Ok(some.iter().map(run).collect());

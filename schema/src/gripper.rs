@@ -106,8 +106,12 @@ impl Gripper {
         self.opening_m_max - 2.0 * self.clearance_m
     }
 
-    /// Reads the name of a built-in gripper, or the path of a gripper's file, which ends in `.toml`.
+    /// Reads the name of a built-in gripper, the path of a gripper's file, which ends in `.toml`, or a table with what
+    /// such a file has.
     pub fn read_named(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
+        if matches!(value, Value::Table(_)) {
+            return Self::read(value, &(), reader);
+        }
         let name = String::read(value, &(), reader)?;
         let text = match Self::BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
             Some((_, text)) => Ok((*text).to_owned()),
@@ -235,7 +239,7 @@ mod tests {
 
     settings! {
         struct Hands {
-            hand: Gripper; by Gripper::read_named as "a hand's name or a path that ends in .toml",
+            hand: Gripper; by Gripper::read_named as "a hand's name, a path that ends in .toml, or what such a file has",
         }
     }
 

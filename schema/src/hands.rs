@@ -98,12 +98,13 @@ impl Setting for Hands {
     type Limits = ();
 
     fn kind((): &()) -> String {
-        "a hand's name, a path that ends in .toml, or any_jaw; a list of names and paths; or a table of ranges"
+        "a hand's name, a path that ends in .toml, or any_jaw; a list of names and paths; a table of a hand's file; or a table of ranges"
             .to_owned()
     }
 
     fn read(value: &Value, (): &(), reader: &mut Reader<'_>) -> Option<Self> {
         let hands = match value {
+            Value::Table(table) if table.contains_key("name") => vec![Gripper::read(value, &(), reader)?],
             Value::Table(_) => RandomHands::read(value, &(), reader)?.draw(),
             Value::Array(values) => {
                 let read: Vec<_> = values.iter().map(|value| Gripper::read_named(value, &(), reader)).collect();
@@ -201,6 +202,8 @@ mod tests {
     fn one_hand_a_list_and_ranges() {
         let one = read("gripper = \"wsg_50\"").unwrap();
         assert_eq!(one.only().unwrap().name, "wsg_50");
+        let (_, file) = Gripper::BUILT_IN.iter().find(|(name, _)| *name == "wsg_50").unwrap();
+        assert_eq!(read(&format!("[gripper]\n{file}")).unwrap(), one, "what a file has may stand in its place");
         let two = read("gripper = [\"wsg_50\", \"franka_hand\"]").unwrap();
         assert_eq!([0, 1, 2].map(|scene| two.of_scene(scene).name.as_str()), ["wsg_50", "franka_hand", "wsg_50"]);
         assert!(two.only().is_none());

@@ -26,7 +26,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    return graspmill.generate(None, tmp_path_factory.mktemp("generated") / "ds", shards=2, attempts=600, seed=5)
+    return graspmill.generate(tmp_path_factory.mktemp("generated") / "ds", shards=2, attempts=600, seed=5)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_a_mesh_rests_where_it_falls_and_is_held():
 
 
 def test_depth_images_and_tsdf_are_those_of_the_generator(dataset, scene):
-    camera = graspmill.Camera.looking((0.15, 0.15, 0.6))
+    camera = graspmill.Camera.look_at((0.15, 0.15, 0.6))
     depth = scene.render(camera)
     assert depth.dtype == np.float32 and depth.shape == (480, 640)
     assert np.isclose(depth[240, 320], 0.5, atol=1e-4) and np.isclose(depth[5, 5], 0.55, atol=1e-4)
@@ -112,20 +112,20 @@ def test_depth_images_and_tsdf_are_those_of_the_generator(dataset, scene):
 
 
 def test_cameras_of_opengl_look_the_other_way():
-    ours = graspmill.Camera.looking((0.1, -0.3, 0.5))
+    ours = graspmill.Camera.look_at((0.1, -0.3, 0.5))
     theirs = ours.workspace_from_camera @ np.diag([1, -1, -1, 1])
     same = graspmill.Camera(640, 480, 540.0, 540.0, 320.0, 240.0, theirs, convention="opengl")
     assert np.allclose(same.workspace_from_camera, ours.workspace_from_camera)
 
 
 def test_a_plan_is_the_programs_plan_and_its_grasps_hold(planner, scene, tmp_path):
-    camera = graspmill.Camera.looking((0.15, -0.2, 0.5))
+    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
     depth = scene.render(camera)
     plan = planner.plan(depth, camera, explain=True)
     assert len(plan) > 5 and plan[0].quality > 0.9 and plan.reason is None
     assert graspmill.execute(scene, plan.workspace_from_grasp).held.mean() > 0.8
     np.save(tmp_path / "depth.npy", depth)
-    position, quaternion = camera.seven()[:3], camera.seven()[3:]
+    position, quaternion = camera._seven()[:3], camera._seven()[3:]
     (tmp_path / "views.toml").write_text(
         f"[intrinsics]\nfx_px = 540.0\nfy_px = 540.0\ncx_px = 320.0\ncy_px = 240.0\n[[views]]\ndepth = 'depth.npy'\n"
         f"workspace_from_camera = {{ position_m = {position}, quaternion_xyzw = {quaternion} }}\n"
@@ -175,10 +175,10 @@ def test_a_dataset_goes_on_where_it_was_stopped_and_is_that_of_the_program(tmp_p
     settings = {"objects.counts": [2, 3], "objects.count_weights": [1.0, 1.0]}
     arguments = {"shards": 2, "attempts": 30_000, "seed": 3, "settings": settings}
     with pytest.raises(KeyboardInterrupt):
-        graspmill.generate(None, tmp_path / "a", progress=interrupt, **arguments)
+        graspmill.generate(tmp_path / "a", progress=interrupt, **arguments)
     with pytest.raises(graspmill.IncompleteError):
         graspmill.Dataset(tmp_path / "a")
-    made = graspmill.generate(None, tmp_path / "a", **arguments)
+    made = graspmill.generate(tmp_path / "a", **arguments)
     assert made.verify() == []
     words = [sys.executable, "-m", "graspmill", "generator", "--shards", "2", "--attempts", "30000", "--seed", "3", "--out"]
     sets = ["--set", "objects.counts=[2, 3]", "--set", "objects.count_weights=[1.0, 1.0]"]
@@ -188,7 +188,7 @@ def test_a_dataset_goes_on_where_it_was_stopped_and_is_that_of_the_program(tmp_p
 
 
 def test_ctrl_c_stops_a_generator_soon(tmp_path):
-    code = f"import graspmill; graspmill.generate(None, {str(tmp_path / 'ds')!r}, attempts=10**8, shards=100)"
+    code = f"import graspmill; graspmill.generate({str(tmp_path / 'ds')!r}, attempts=10**8, shards=100)"
     started = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)
     with pytest.raises(subprocess.TimeoutExpired):
         started.wait(3)
@@ -204,16 +204,16 @@ def test_pages_show_in_notebooks(dataset, planner):
     assert dataset.report()["labels"]["attempts"] == 600
 
 
-def test_the_programs_are_there_and_find_each_other(dataset, tmp_path):
+def test_the_program_is_there_under_all_its_names(dataset, tmp_path):
     script = Path(sys.executable).with_name("graspmill")
     assert subprocess.run([script], capture_output=True).returncode == 2
     told = subprocess.run([script, "--help"], capture_output=True, text=True, check=True).stdout
-    for program in ("generator", "shards", "trainer", "planner", "experiments"):
-        assert program in told
-        text = subprocess.run([script, program, "--help"], capture_output=True, text=True, check=True).stdout
-        assert f"graspmill {program}" in text
+    for command in ("generate", "dataset", "fit", "plan", "experiment"):
+        assert f"\n  {command} " in told
+        text = subprocess.run([script, command, "--help"], capture_output=True, text=True, check=True).stdout
+        assert f"Usage: graspmill {command}" in text
     where = dataset._native.location
-    subprocess.run([script, "shards", "browse", where, "--scenes", "1", "--out", tmp_path / "pages"], check=True, capture_output=True)
+    subprocess.run([script, "dataset", "browse", where, "--scenes", "1", "--out", tmp_path / "pages"], check=True, capture_output=True)
     assert list((tmp_path / "pages").glob("replay-*.html"))
     assert subprocess.run([script, "shards", "verify", tmp_path], capture_output=True).returncode == 78
     assert subprocess.run([script, "grinder"], capture_output=True).returncode == 2
@@ -265,7 +265,7 @@ def refused(match, call):
 
 
 def test_wrong_arguments_are_named_with_rule_and_value(scene, planner, dataset):
-    box, camera = graspmill.Object.cuboid, graspmill.Camera.looking((0.15, 0.15, 0.6))
+    box, camera = graspmill.Object.cuboid, graspmill.Camera.look_at((0.15, 0.15, 0.6))
     depth = scene.render(camera)
     reflection, scaled, nothing = np.diag([1.0, 1.0, -1.0, 1.0]), 2 * np.eye(4), np.full((1, 7), np.nan)
     refused(r"grasps must have the shape .*got \[3, 1\]", lambda: graspmill.execute(scene, np.zeros((3, 1))))
@@ -284,7 +284,7 @@ def test_wrong_arguments_are_named_with_rule_and_value(scene, planner, dataset):
     refused("no objects", lambda: graspmill.execute(graspmill.Scene([]), [DOWN]))
     refused("scene must be", lambda: graspmill.execute("scene", [DOWN]))
     refused("are its lengths in metres", lambda: box((40, 60, 50), CENTRE))
-    refused("gripper must be a path or a name", lambda: graspmill.execute(scene, [DOWN], gripper=3))
+    refused("gripper must be a graspmill.Gripper, a name or a path", lambda: graspmill.execute(scene, [DOWN], gripper=3))
     refused("settings must be a dict", lambda: graspmill.execute(scene, [DOWN], settings=[1]))
     refused("threads must be a whole number", lambda: graspmill.execute(scene, [DOWN], threads=np.array([1, 2])))
     refused("mass_kg must be a number", lambda: box((0.1, 0.1, 0.1), CENTRE, mass_kg=10**400))
@@ -292,7 +292,7 @@ def test_wrong_arguments_are_named_with_rule_and_value(scene, planner, dataset):
     refused("objects must be a list", lambda: graspmill.Scene(scene.objects[0]))
     refused("config must be a path", lambda: graspmill.Planner(b"judge"))
     refused("must be a path or a name", lambda: graspmill.Dataset(3))
-    refused("progress must be", lambda: graspmill.generate(None, "/tmp/never", progress=1))
+    refused("progress must be", lambda: graspmill.generate("/tmp/never", progress=1))
     refused("mass_kg must be between", lambda: box((0.1, 0.1, 0.1), CENTRE, mass_kg=-1))
     refused("shape must be one of", lambda: graspmill.Object.solid("sphere", (0.1, 0.1, 0.1), CENTRE))
     refused("extents", lambda: box((0.1, 0.1, -0.1), CENTRE))
@@ -312,7 +312,7 @@ def test_wrong_arguments_are_named_with_rule_and_value(scene, planner, dataset):
     refused("scene_id must be between 0 and 9", lambda: dataset.scene(10))
     refused("shards must be a range", lambda: dataset.attempts(range(5)))
     refused("no dataset here", lambda: graspmill.Dataset("/nowhere/at/all"))
-    refused("shards must be", lambda: graspmill.generate(None, "/tmp/never", shards=0))
+    refused("shards must be", lambda: graspmill.generate("/tmp/never", shards=0))
 
 
 def test_whatever_numbers_come_there_is_an_answer_or_an_error(scene, planner):
@@ -359,7 +359,7 @@ def test_importing_it_is_quick_and_needs_numpy_alone():
 def two_boxes():
     left, right = ((x, 0.15, 0.075, 0, 0, 0, 1) for x in (0.09, 0.21))
     scene = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.05, 0.05), pose) for pose in (left, right)])
-    camera = graspmill.Camera.looking((0.15, -0.2, 0.5))
+    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
     return scene, camera, scene.render(camera)
 
 
@@ -400,7 +400,7 @@ def test_limits_of_the_hands_way_are_kept(config):
 
 
 def test_a_function_says_which_grasps_will_do(planner, scene):
-    camera = graspmill.Camera.looking((0.15, -0.2, 0.5))
+    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
     image, asked = scene.render(camera), []
 
     def accept(workspace_from_grasp):
@@ -461,7 +461,7 @@ def test_wrong_limits_are_refused(planner):
 
 def test_a_stored_scene_keeps_its_hand_and_laws_when_a_setting_is_given(tmp_path):
     settings = {"gripper": "franka_hand", "procedure.pregrasp_distance_m": 0.03, "physics.engine": "rapier"}
-    dataset = graspmill.generate(None, tmp_path / "ds", attempts=60, shards=1, seed=3, settings=settings)
+    dataset = graspmill.generate(tmp_path / "ds", attempts=60, shards=1, seed=3, settings=settings)
     stored = dataset[0]
 
     def ends(**more):
@@ -477,7 +477,7 @@ def test_a_stored_scene_keeps_its_hand_and_laws_when_a_setting_is_given(tmp_path
 
 def test_empty_lists_are_none_of_a_thing(scene, planner):
     assert len(graspmill.execute(scene, [])) == 0 and len(graspmill.execute(scene, [], targets=[])) == 0
-    camera = graspmill.Camera.looking((0.15, -0.2, 0.5))
+    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
     depth = scene.render(camera)
     assert planner.plan(depth, camera, avoid=[], keep_out=[]).to_json() == planner.plan(depth, camera).to_json()
     assert planner.plan_cloud([]).reason
@@ -490,7 +490,7 @@ def test_planes_of_any_length_are_half_spaces(planner):
 
 
 def test_things_are_equal_to_themselves_alone():
-    cameras = [graspmill.Camera.looking((0.15, y, 0.5)) for y in (-0.2, 0.5)]
+    cameras = [graspmill.Camera.look_at((0.15, y, 0.5)) for y in (-0.2, 0.5)]
     assert cameras[0] == cameras[0] != cameras[1] and len(set(cameras)) == 2
     boxes = [graspmill.Object.cuboid((0.04, 0.06, 0.05), (x, 0.15, 0.075, 0, 0, 0, 1)) for x in (0.1, 0.2)]
     assert boxes[0] != boxes[1] and boxes.index(boxes[1]) == 1

@@ -25,7 +25,7 @@ def boxes(shift=(0.0, 0.0), places=PLACES):
 
 def seen(scene, middle):
     eyes = [(middle + 0.35 * np.cos(turn), middle + 0.35 * np.sin(turn), 0.6) for turn in (0.3, 2.4, 4.5)]
-    cameras = [graspmill.Camera.looking(eye, (middle, middle, 0.05)) for eye in eyes]
+    cameras = [graspmill.Camera.look_at(eye, (middle, middle, 0.05)) for eye in eyes]
     return [scene.render(camera) for camera in cameras], cameras
 
 

@@ -1,0 +1,104 @@
+"""Grippers: built-in ones, those of files, and your own numbers."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, fields
+from typing import Any, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _arrays, _native
+from .errors import InputError
+
+#: What functions take as a gripper.
+GripperLike = Union["Gripper", str, "os.PathLike[str]"]
+
+
+@dataclass(frozen=True, eq=False)
+class Gripper:
+    """A parallel-jaw gripper, as three boxes: two fingers and a palm (``docs/own-gripper.md``).
+
+    Lengths are along the grasp frame's axes: z is the approach, y the closing direction; the fingers reach from z = −``finger_length_m``
+    to z = 0.
+
+    Args:
+        name: Its name.
+        opening_m_max: Distance between the fingers' inner faces when open.
+        finger_length_m: Finger length along z.
+        finger_width_m: Finger width along x.
+        finger_thickness_m: Finger thickness along y.
+        palm_length_m: Palm length along z.
+        palm_width_m: Palm width along x.
+        palm_breadth_m: Palm breadth along y.
+        finger_mass_kg: Mass of a finger.
+        finger_force_n: Closing force of a finger.
+        closing_speed_m_s: Closing speed of a finger.
+        friction: Friction coefficient of the fingers and the palm.
+        clearance_m: The approaching gripper collides with what comes nearer than this.
+        flange_from_grasp: The grasp frame in the frame of the robot's flange, ``[4, 4]``, ``[7]`` or ``[3]``; plans then give the flange's
+            poses, too.
+
+    Raises:
+        InputError: If a number is outside of its limits; the message names it.
+    """
+
+    name: str
+    opening_m_max: float
+    finger_length_m: float
+    finger_width_m: float
+    finger_thickness_m: float
+    palm_length_m: float
+    palm_width_m: float
+    palm_breadth_m: float
+    finger_mass_kg: float
+    finger_force_n: float
+    closing_speed_m_s: float
+    friction: float = 1.0
+    clearance_m: float = 0.001
+    flange_from_grasp: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        if self.flange_from_grasp is not None:
+            seven = _arrays.pose("flange_from_grasp", self.flange_from_grasp)
+            object.__setattr__(self, "flange_from_grasp", _arrays.matrices([seven])[0])
+        # The native half has the limits.
+        _native.Simulation(None, [("gripper", setting(self))])
+
+    @staticmethod
+    def names() -> tuple[str, ...]:
+        """Names of the built-in grippers."""
+        return tuple(_native.Simulation.gripper_names())
+
+    @classmethod
+    def load(cls, name: str | os.PathLike[str]) -> Gripper:
+        """A built-in gripper, such as ``"franka_hand"``, or that of a file, whose path ends in ``.toml``."""
+        read = _native.Simulation(None, [("gripper", setting(name))])
+        flange = read.flange_from_grasp
+        pose = None if flange is None else _arrays.matrices([flange])[0]
+        # The shortest numbers that are these in single precision, as files have them.
+        return cls(name=read.gripper_name, flange_from_grasp=pose, **{key: float(str(np.float32(value))) for key, value in read.gripper})
+
+
+def setting(gripper: GripperLike) -> str:
+    """A gripper as a value of a settings file, in TOML."""
+    if not isinstance(gripper, Gripper):
+        try:
+            name = _arrays.path("gripper", gripper)
+        except InputError as error:
+            raise InputError(f"gripper must be a graspmill.Gripper, a name or a path, got {_arrays.shown(gripper)}") from error
+        return json.dumps(os.path.abspath(name) if name.endswith(".toml") else name, ensure_ascii=False)
+    parts: dict[str, str] = {}
+    for field in fields(gripper):
+        value: Any = getattr(gripper, field.name)
+        if field.name == "name":
+            parts["name"] = json.dumps(str(value), ensure_ascii=False)
+        elif field.name == "flange_from_grasp":
+            if value is not None:
+                *position, x, y, z, w = _arrays.pose(field.name, value)
+                parts[field.name] = f"{{ position_m = {position}, quaternion_xyzw = {[x, y, z, w]} }}"
+        else:
+            parts[field.name] = repr(_arrays.number(field.name, value, 0.0, 1e3))
+    return "{ " + ", ".join(f"{key} = {value}" for key, value in parts.items()) + " }"

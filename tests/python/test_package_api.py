@@ -1,0 +1,116 @@
+"""What editors, type checkers and users of other packages expect of the package."""
+
+import copy
+import inspect
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+graspmill = pytest.importorskip("graspmill", reason="the package is not installed")
+
+EVERY_OPTION = """
+import numpy as np
+import graspmill
+from graspmill import Gripper, Plan, Planner, PlanOptions
+
+def reachable(workspace_from_grasp: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> bool:
+    return bool(workspace_from_grasp[2, 3] > 0.06)
+
+camera = graspmill.Camera.from_K(np.array([[540.0, 0.0, 320.0], [0.0, 540.0, 240.0], [0.0, 0.0, 1.0]]), (480, 640), np.eye(4))
+planner = Planner("judge", gripper=Gripper.load("franka_hand"))
+plan: Plan = planner.plan(
+    np.zeros((480, 640)), camera, workspace_size_m=0.3, base_from_workspace=(0.0, 0.0, 0.0), workspace_from_wrist=(0.0, 0.0, 0.0, 1.0),
+    policy="paper", check_collisions=True, grasps_max=5, explain=True, avoid=np.empty((0, 7)), target_m=(0.1, 0.1, 0.1),
+    approach=((0.0, 0.0, -1.0), 0.5), keep_out=[[0.0, 1.0, 0.0, 0.05]], reach=[[0.0, 0.0, 0.0], [0.3, 0.3, 0.3]], accept=reachable)
+options: PlanOptions = {"grasps_max": 3}
+again = planner.plan_cloud(np.zeros((1, 3)), **options)
+best: float = plan[0].score
+some: list[graspmill.Grasp] = again[:2]
+dataset = graspmill.generate("grasps", gripper="wsg_50", shards=1)
+"""
+
+
+def test_a_script_with_every_option_passes_the_type_checker_and_a_wrong_one_does_not(tmp_path):
+    pytest.importorskip("mypy")
+    options = inspect.signature(graspmill.PlanOptions).parameters or graspmill.PlanOptions.__annotations__
+    assert all(f"{name}=" in EVERY_OPTION for name in graspmill.PlanOptions.__annotations__), options
+
+    def problems(text):
+        (tmp_path / "script.py").write_text(text)
+        words = [sys.executable, "-m", "mypy", "--strict", "--no-incremental", "script.py"]
+        checked = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+        return "" if checked.returncode == 0 else checked.stdout
+
+    assert problems(EVERY_OPTION) == ""
+    assert 'unexpected keyword argument "grasp_max"' in problems(EVERY_OPTION.replace("grasps_max=5", "grasp_max=5").lower())
+    assert "policy" in problems(EVERY_OPTION.replace('policy="paper"', 'policy="best"'))
+
+
+def test_options_are_seen_at_run_time_too():
+    for method in (graspmill.Planner.plan, graspmill.Planner.plan_cloud, graspmill.Planner.plan_tsdf):
+        assert set(graspmill.PlanOptions.__annotations__) < set(inspect.signature(method).parameters), method
+    with pytest.raises(TypeError, match="grasp_max"):
+        graspmill.Planner().plan_cloud(np.zeros((1, 3)), grasp_max=3)
+
+
+def test_a_gripper_is_its_numbers():
+    for name in graspmill.Gripper.names():
+        one = graspmill.Gripper.load(name)
+        assert one.name == name and 0.0 < one.opening_m_max < 0.5
+        again = pickle.loads(pickle.dumps(one))
+        assert again.opening_m_max == one.opening_m_max and np.array_equal(again.flange_from_grasp, one.flange_from_grasp)
+    numbers = {key: value for key, value in vars(graspmill.Gripper.load("wsg_50")).items() if key not in ("name", "flange_from_grasp")}
+    own = graspmill.Gripper(name="own", flange_from_grasp=(0.0, 0.0, 0.1), **numbers)
+    assert own.flange_from_grasp.shape == (4, 4) and own.flange_from_grasp[2, 3] == pytest.approx(0.1)
+    with pytest.raises(graspmill.InputError, match="gripper.opening_m_max must be between 0.005 and 0.5, got 0.9"):
+        graspmill.Gripper(**{**numbers, "name": "own", "opening_m_max": 0.9})
+    with pytest.raises(graspmill.InputError, match="three_fingers"):
+        graspmill.Gripper.load("three_fingers")
+
+
+def test_a_gripper_of_numbers_does_what_the_built_in_one_does(tmp_path):
+    box = graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075), mass_kg=0.05)
+    scene = graspmill.Scene([box])
+    hand = graspmill.Gripper.load("wsg_50")
+    plans = [graspmill.Planner(gripper=gripper).plan_tsdf(scene.tsdf([graspmill.Camera.look_at((0.15, -0.2, 0.5))])) for gripper in ("wsg_50", hand)]
+    assert len(plans[0]) and plans[0].answer["grasps"] == plans[1].answer["grasps"]
+    outcomes = [graspmill.execute(scene, plans[0].workspace_from_grasp, gripper=gripper) for gripper in ("wsg_50", hand)]
+    assert outcomes[0].held.any() and np.array_equal(outcomes[0].width_m, outcomes[1].width_m, equal_nan=True)
+    dataset = graspmill.generate(tmp_path / "ds", gripper=hand, shards=1, attempts=60, seed=3)
+    same = graspmill.generate(tmp_path / "same", settings={"gripper": "wsg_50"}, shards=1, attempts=60, seed=3)
+    assert dataset.id == same.id
+
+
+def test_cameras_by_matrix_and_translation():
+    matrix = [[600.0, 0.0, 310.0], [0.0, 610.0, 250.0], [0.0, 0.0, 1.0]]
+    camera = graspmill.Camera.from_K(matrix, np.zeros((480, 640)).shape, (0.1, 0.2, 0.5))
+    assert (camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px) == (640, 480, 600, 610, 310, 250)
+    assert np.allclose(camera.workspace_from_camera, [[1, 0, 0, 0.1], [0, 1, 0, 0.2], [0, 0, 1, 0.5], [0, 0, 0, 1]])
+    with pytest.raises(graspmill.InputError, match="K must be"):
+        graspmill.Camera.from_K(np.eye(3) + 0.5, (480, 640), (0, 0, 0))
+    with pytest.raises(graspmill.InputError, match="shape must be"):
+        graspmill.Camera.from_K(matrix, 480, (0, 0, 0))
+
+
+def test_names_of_earlier_versions_warn_and_work(tmp_path):
+    with pytest.warns(DeprecationWarning, match="look_at"):
+        camera = graspmill.Camera.looking((0.15, -0.2, 0.5), focal_px=500.0)
+    assert camera.fx_px == 500.0
+    with pytest.warns(DeprecationWarning, match="GraspmillError"):
+        assert graspmill.Error is graspmill.GraspmillError
+    with pytest.warns(DeprecationWarning, match="generate"):
+        assert len(graspmill.generate(None, tmp_path / "ds", shards=1, attempts=60, seed=2)) == 1
+    with pytest.raises(AttributeError):
+        graspmill.Nothing
+
+
+def test_what_does_not_change_is_its_own_copy():
+    scene = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))])
+    assert copy.copy(scene) is scene and copy.deepcopy({"of": scene.objects[0]})["of"].name == "cuboid"
+    with pytest.raises(TypeError):
+        graspmill.Object(1.0)
+    with pytest.raises(TypeError):
+        graspmill.Plan(1)
