@@ -6,6 +6,23 @@
 //! [`add_depth_noise`] if configured, is fused into a [`Tsdf`], which is exported as a [`schema::VoxelGrid`]. Depth is
 //! passed as a closure from pixel to metres, so this crate depends neither on the simulator nor on a camera driver.
 //!
+//! A camera that looks straight down at a bare table sees a surface where the table's top is:
+//!
+//! ```
+//! use perception::{TRUNCATION_VOXELS, fuse_images, surface_cloud};
+//! use schema::{Camera, DepthImage, Grid, Intrinsics, Pose, Vec3, axis_angle};
+//!
+//! let intrinsics = Intrinsics::VGN;
+//! let eye = Vec3::new(0.15, 0.15, 0.55);
+//! let down = Pose::from_parts(eye, axis_angle(Vec3::X, std::f32::consts::PI));
+//! let camera = Camera { intrinsics, workspace_from_camera: down };
+//! let (width_px, height_px) = (intrinsics.width_px, intrinsics.height_px);
+//! let image = DepthImage { width_px, height_px, depth_m: vec![0.5; width_px * height_px] };
+//! let tsdf = fuse_images(&Grid::PAPER, TRUNCATION_VOXELS, &[(camera, &image)]);
+//! let cloud = surface_cloud(&tsdf, 0.005);
+//! assert!(!cloud.is_empty() && cloud.iter().all(|point| (point.z - 0.05).abs() < 1e-4));
+//! ```
+//!
 //! For planning, the surface of a field becomes a cloud ([`surface_cloud`], [`normals`]). Then the table is found in
 //! the cloud ([`find_plane`]), and the remaining points are clustered into objects ([`clusters`]).
 

@@ -14,6 +14,17 @@
 //!
 //! A transform is named `target_from_source`: `workspace_from_grasp * p_grasp = p_workspace`. Quaternions are xyzw.
 //! SI units throughout; a name carries its unit (`width_m`, `tilt_rad`).
+//!
+//! ```
+//! use schema::{Grid, Gripper, Pose, Vec3, axis_angle};
+//!
+//! // A grasp from straight above, with the finger tips 20 mm over the table.
+//! let workspace_from_grasp = Pose::from_parts(Vec3::new(0.1, 0.1, 0.07), axis_angle(Vec3::X, std::f32::consts::PI));
+//! let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1)?;
+//! let roots = workspace_from_grasp * Vec3::new(0.0, 0.0, -gripper.finger_length_m);
+//! assert!((roots.z - (Grid::PAPER.table_z_m + 0.02 + gripper.finger_length_m)).abs() < 1e-6);
+//! # Ok::<(), settings::Error>(())
+//! ```
 
 mod camera;
 mod generation;

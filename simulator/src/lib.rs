@@ -14,6 +14,31 @@
 //!
 //! Every result is a pure function of its arguments. A world is always rebuilt from poses, and nothing runs in parallel
 //! inside a world.
+//!
+//! Two blocks fall on each other, and a hand from above lifts the upper one:
+//!
+//! ```
+//! use schema::{Gripper, Grid, Outcome, Physics, Pose, Procedure, SettleParams, ShapeKind, Solid, Vec3, axis_angle};
+//! use simulator::{AttemptWorld, SceneObject, settle};
+//!
+//! let block = Solid::new(ShapeKind::Cuboid, Vec3::new(0.04, 0.06, 0.05)).expect("these are lengths");
+//! let released = [0.1, 0.2].map(|z_m| SceneObject {
+//!     body: block.into(),
+//!     mass_kg: 0.06,
+//!     friction: 1.0,
+//!     workspace_from_object: Pose::from_translation(Vec3::new(0.15, 0.15, z_m)),
+//! });
+//! let physics = Physics::STANDARD;
+//! let settled = settle(&physics, &SettleParams::STANDARD, &Grid::PAPER, &released).expect("they come to rest");
+//!
+//! let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).expect("it is built in");
+//! let world = AttemptWorld::new(&physics, &gripper, &Procedure::PAPER, &settled.scene);
+//! // The approach, +z of the grasp, points down; the fingers close along y, 20 mm below the block's top.
+//! let workspace_from_grasp = Pose::from_parts(Vec3::new(0.15, 0.15, 0.13), axis_angle(Vec3::X, std::f32::consts::PI));
+//! let execution = world.execute(&workspace_from_grasp, 1);
+//! assert_eq!(execution.outcome, Outcome::Held);
+//! assert!((execution.width_m.expect("it closed") - 0.06).abs() < 0.001);
+//! ```
 
 mod attempt;
 mod body;
