@@ -111,7 +111,7 @@ def main() -> int:
     args = parser.parse_args()
     plan = json.loads(args.plan.read_text())
     if plan.get("format") not in FORMATS:
-        raise SystemExit(f"{args.plan}: format must be {" or ".join(FORMATS)}, got {plan.get('format')}")
+        raise SystemExit(f"{args.plan}: format must be {' or '.join(FORMATS)}, got {plan.get('format')}")
     built_in = {path.stem: path for path in GRIPPERS.glob("*.toml")}
     file = args.gripper or built_in.get(plan["gripper"])
     if file is None:

@@ -273,7 +273,7 @@ def test_the_finaliser_runs_where_the_shards_are_made():
 def test_what_is_missing_is_made_by_the_command_of_the_docs(tmp_path):
     blocks = re.findall(r"```bash\n(.*?)```", (ROOT / "docs/cluster.md").read_text(), re.DOTALL)
     [block] = [block for block in blocks if "generate-missing" in block]
-    tools = {"kubectl": 'cat > "$OLDPWD/applied.yaml"', "generator": "echo 1-2,10,13"}
+    tools = {"kubectl": 'cat > "$OLDPWD/applied.yaml"', "graspmill": "echo 1-2,10,13"}
     for name, body in tools.items():
         (tmp_path / name).write_text(f"#!/bin/sh\n{body}\n")
         (tmp_path / name).chmod(0o755)
@@ -398,13 +398,13 @@ def image_problems(text, folder):
         found.append(f"the builder must have Rust {rust}")
     if ("RUN", "cargo build --locked --release --bins") not in lines:
         found.append("cargo must build --locked --release --bins")
-    service = [rest for word, rest in lines if word == "RUN" and "--bin planner" in rest]
+    service = [rest for word, rest in lines if word == "RUN" and "--no-default-features --bin graspmill" in rest]
     if not any("--locked" in rest and "+crt-static" in rest and rest.endswith("/planner") for rest in service):
         found.append("the service's program must be static, built --locked, and lie in /planner")
     if lines[-1][0] != "CMD" or ("ENTRYPOINT", '["/planner"]') not in lines:
         found.append("the last image must be the service")
     [workdir] = [rest for word, rest in lines if word == "WORKDIR"]
-    programs = sorted(path.parents[1].name for path in ROOT.glob("*/src/main.rs"))
+    programs = ["graspmill", "generator"]
     wanted = " ".join(f"{workdir}/target/release/{program}" for program in programs)
     if ("COPY", f"--from=programs {wanted} /usr/local/bin/") not in lines:
         found.append(f"the image must have {', '.join(programs)}, from {workdir}/target/release")
@@ -428,7 +428,7 @@ def test_the_image_is_made_of_what_is_there(tmp_path):
         (" Cargo.lock", "", "Cargo.lock is not copied"),
         ("rust:1.", "rust:0.", "must have Rust"),
         (" --locked", "", "--locked"),
-        ("release/trainer", "release/train", "the image must have"),
+        ("release/generator", "release/generate", "the image must have"),
         ("USER 65532:65532\n", "", "the user must be"),
         ("+crt-static", "-crt-static", "must be static"),
         ('ENTRYPOINT ["/planner"]\n', "", "must be the service"),

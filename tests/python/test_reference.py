@@ -75,7 +75,7 @@ def test_bash_completes_a_command_and_a_flag(tmp_path: Path) -> None:
         COMP_WORDS=(graspmill dataset rep); COMP_CWORD=2; _graspmill graspmill rep dataset; echo "${{COMPREPLY[@]}}"
         COMP_WORDS=(graspmill dataset report --ht); COMP_CWORD=3; _graspmill graspmill --ht report; echo "${{COMPREPLY[@]}}"
     """
-    assert output_of("bash", "-c", ask).split() == ["report", "repeat", "replay", "--html"]
+    assert output_of("bash", "-c", ask).split() == ["report", "replay", "repeat", "--html"]
 
 
 def test_man_pages_are_there_for_every_command(tmp_path: Path) -> None:
