@@ -17,7 +17,9 @@ use crate::assignment::{Task, assigned, index_list, shard_indices, task};
 use crate::parse::LocationParser;
 use crate::table;
 
-/// Generate a grasp dataset: random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards
+/// Generate a grasp dataset
+///
+/// Random stacked scenes, rule-based grasps executed in physics, labels, Parquet shards.
 ///
 /// Running the same command again continues: committed shards are skipped, and the bytes are those of an uninterrupted
 /// run. A run that a signal stops (Ctrl-C, SIGTERM) ends within a second or two and loses at most the scene that each

@@ -25,17 +25,18 @@ use action::{Action, Step};
 use card::card;
 use steps::{MANY_HANDS, Objects, Pipeline, Views, is_known, must_answer_for};
 
-/// From a hand to weights: execute attempts, a quarter of them the choices of a judge of many hands, go on training it
-/// on the outcomes, and try it.
+/// Make a judge for a gripper, from data to weights
 ///
-/// Where no such judge answers for the hand, or for many hands, there are two rounds: execute attempts, train a judge,
-/// execute some of its own choices, train it on both. Before a step runs, the command that does the same is printed.
-/// Interrupt the pipeline and start it again: it goes on where it stopped. The same arguments give the same weights.
+/// Execute attempts, a quarter of them the choices of a judge of many grippers, go on training it on the outcomes, and
+/// try it. Where no such judge answers for the gripper, or for many grippers, there are two rounds: execute attempts,
+/// train a judge, execute some of its own choices, train it on both. Before a step runs, the command that does the same
+/// is printed. Interrupt the pipeline and start it again: it goes on where it stopped. The same arguments give the same
+/// weights.
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
-    /// The hand: a built-in name, the path of a file that ends in .toml (docs/own-gripper.md), or any_jaw for a judge
-    /// that serves every hand within ranges.
+    /// The gripper: a built-in name, the path of a file that ends in .toml (docs/own-gripper.md), or any_jaw for a
+    /// judge that serves every gripper within ranges.
     hand: String,
     /// The folder of datasets, weights, settings, evaluation, and README.md, the card of the weights.
     #[arg(long)]
@@ -101,7 +102,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let stop = stop_on_signals(|| ()).context("failed to listen for signals")?;
     let is_new = steps.iter().all(|step| !step.action.done().exists());
     if arguments.dry_run || is_new {
-        let Some(time) = estimated(&pipeline, &stop)? else { return Ok(ExitCode::TryAgain) };
+        let Some(time) = estimated(&pipeline, &stop)? else {
+            print("stopped by a signal, before the first step\n")?;
+            return Ok(ExitCode::TryAgain);
+        };
         let minutes = time.as_secs() / 60 + 1;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         print(format_args!("{} steps, about {} h {} min on {cores} cores\n", steps.len(), minutes / 60, minutes % 60))?;

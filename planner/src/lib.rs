@@ -3,10 +3,11 @@
 //! # Map
 //!
 //! An [`Observation`] (depth images, a TSDF, a cloud) becomes a [`volume`]: the grid for the network and the surface as
-//! points. The network's output volumes become detections ([`mod@detect`]). The points are segmented into table and
-//! objects ([`mod@segment`]). Each detection gets its object and its rank ([`rank`]). [`hand`] turns the grasp towards
-//! the wrist and checks its way for collisions. [`Planner`] runs all stages and returns a [`plan::Plan`], which is
-//! printed as JSON, [`picture`] draws and [`cloud_file`] writes as PLY.
+//! points. Candidates come from one of two methods: the detections of a network that answers for every voxel
+//! ([`mod@voxel`]), or what a judge expects of proposed grasps. The points are segmented into table and objects
+//! ([`mod@segment`]). Each candidate gets its object and its rank ([`rank`]). [`hand`] turns the grasp towards the
+//! wrist and checks its way for collisions. [`Planner`] runs all stages and returns a [`plan::Plan`], which is printed as
+//! JSON, [`picture`] draws and [`cloud_file`] writes as PLY.
 //!
 //! [`input`] reads files and requests, [`serve`] is the HTTP service, [`mod@bench`] measures.
 //!

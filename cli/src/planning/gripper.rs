@@ -9,12 +9,12 @@ use report::hand;
 use schema::Gripper;
 use settings::{Document, Value, settings};
 
-/// Show a hand's measures, and draw it, to compare it with the real one
+/// Show a gripper's measures, and draw it, to compare it with the real one
 #[derive(Debug, Args)]
 #[command(after_help = ExitCode::HELP)]
 pub(crate) struct Arguments {
-    /// The hand: a built-in name, or the path of a file that ends in .toml (docs/own-gripper.md)
-    #[arg(value_name = "HAND")]
+    /// A built-in name, or the path of a file that ends in .toml (docs/own-gripper.md)
+    #[arg(value_name = "GRIPPER")]
     hand: String,
 
     /// Draw the hand from two sides, with its measures and the grasp frame's axes

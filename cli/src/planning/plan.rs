@@ -15,7 +15,7 @@ use schema::Grid;
 
 use super::{NetworkArguments, console};
 
-/// From depth images, a TSDF or a cloud to ranked grasps: a table, or everything as JSON
+/// Plan grasps from depth images, a TSDF or a cloud
 #[derive(Debug, Args)]
 #[command(after_help = format!("{VIEWS_FILE}\n\n{EXAMPLES}\n\n{}", ExitCode::HELP))]
 #[group(id = "source", required = true, multiple = false, args = ["views", "tsdf", "cloud", "demo"])]

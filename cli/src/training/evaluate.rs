@@ -12,7 +12,9 @@ use trainer::run_folder::SavedAs;
 
 use crate::parse::{LocationParser, one_of};
 
-/// Evaluate a checkpoint on a dataset: accuracy, precision–recall, calibration, errors of the grasps.
+/// Evaluate a checkpoint on a dataset
+///
+/// Accuracy, precision–recall, calibration, errors of the grasps, by shape and by rule.
 #[derive(Debug, Args)]
 #[command(after_help = format!("{}\n\n{}", Location::HELP, ExitCode::HELP))]
 pub(crate) struct Arguments {

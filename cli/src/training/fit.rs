@@ -15,7 +15,7 @@ use trainer::run_folder::SavedAs;
 use super::console::Screen;
 use crate::parse::LocationParser;
 
-/// Train, or continue training.
+/// Train a network, or continue training it
 #[derive(Debug, Args)]
 #[command(after_help = format!("{}\n\n{}", Location::HELP, ExitCode::HELP))]
 pub(crate) struct Arguments {

@@ -18,8 +18,10 @@ Examples:
   graspmill fit-report runs/paper --html run.html --data s3://bucket/other --split all
   graspmill fit-report runs/paper runs/other --html runs.html";
 
-/// Show a run as a page, one file with everything in it: curves, recipe and, on a dataset, the best checkpoint's
-/// results and its worst mistakes, with pictures. Several runs are shown in one chart.
+/// Show training runs as a page
+///
+/// One file with everything in it: curves, settings and, on a dataset, the best checkpoint's results and its worst
+/// errors, with pictures. Several runs are shown in one chart.
 #[derive(Debug, Args)]
 #[command(after_help = format!("{EXAMPLES}\n\n{}\n\n{}", Location::HELP, ExitCode::HELP))]
 pub(crate) struct Arguments {
