@@ -2,12 +2,12 @@
 //!
 //! # Map
 //!
-//! An [`Observation`] (depth images, a TSDF, a cloud) becomes a [`volume`]: the grid for the network and the surface as
-//! points. Candidates come from one of two methods: the detections of a network that answers for every voxel
-//! ([`mod@voxel`]), or what a judge expects of proposed grasps. The points are segmented into table and objects
-//! ([`mod@segment`]). Each candidate gets its object and its rank ([`rank`]). [`hand`] turns the grasp towards the
-//! wrist and checks its way for collisions. [`Planner`] runs all stages and returns a [`plan::Plan`], which is printed as
-//! JSON, [`picture`] draws and [`cloud_file`] writes as PLY.
+//! An [`Observation`] (depth images, a TSDF, a cloud) becomes a [`volume`]: the grid for the network and the
+//! surface as points. Candidates come from one of two methods: the detections of a network that answers for every
+//! voxel ([`mod@voxel`]), or what a judge expects of proposed grasps. The points are segmented into table and
+//! objects ([`mod@segment`]). Each candidate gets its object and its rank ([`rank`]). [`hand`] turns the grasp
+//! towards the wrist and checks its way for collisions. [`Planner`] runs all stages and returns a [`plan::Plan`],
+//! which is printed as JSON, [`picture`] draws and [`cloud_file`] writes as PLY.
 //!
 //! [`input`] reads files and requests, [`serve`] is the HTTP service, [`mod@bench`] measures.
 //!
