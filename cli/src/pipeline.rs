@@ -129,10 +129,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             return ended;
         }
     }
+    finish(&pipeline, &steps)
+}
+
+/// Writes the weights and their card.
+fn finish(pipeline: &Pipeline, steps: &[Step]) -> Result<ExitCode, Failure> {
     let weights = pipeline.out.join("judge.safetensors");
     fs::copy(pipeline.weights(), &weights).context(format_args!("failed to write {}", weights.display()))?;
     let path = pipeline.out.join("README.md");
-    write(&path, card(&pipeline, &steps)?)?;
+    write(&path, card(pipeline, steps)?)?;
     let (weights, path) = (weights.display(), path.display());
     print(format_args!("\nweights  {weights}\ncard     {path}\n"))?;
     Ok(ExitCode::Ok)
