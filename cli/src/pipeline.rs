@@ -107,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             return Ok(ExitCode::TryAgain);
         };
         let minutes = time.as_secs() / 60 + 1;
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let cores = experiment::run::cores();
         print(format_args!("{} steps, about {} h {} min on {cores} cores\n", steps.len(), minutes / 60, minutes % 60))?;
     }
     if arguments.dry_run {

@@ -81,23 +81,6 @@ pub struct ImportParams {
     pub rests_min: f64,
 }
 
-impl Default for ImportParams {
-    fn default() -> Self {
-        Self {
-            scale: None,
-            density: None,
-            mass: None,
-            friction: 0.8, // wood, card and plastic against rubber
-            each: None,
-            hulls_max: 8,
-            corners_max: 32,
-            voxels: 96,
-            drops: 20,
-            rests_min: 0.0,
-        }
-    }
-}
-
 /// The result of an import.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Imported {
