@@ -10,7 +10,6 @@ mod connect;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::future::Future;
 use std::io::{self, Seek, Write};
@@ -18,6 +17,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use futures_util::StreamExt;
+use object_store::list::{PaginatedListOptions, PaginatedListStore};
 use object_store::path::Path;
 use object_store::{Error, GetResult, ObjectStore, ObjectStoreExt, PutMode, PutPayload};
 use program::Failure;
@@ -25,12 +25,12 @@ use sha2::{Digest, Sha256};
 use tokio::runtime::{Builder, Runtime};
 use url::Url;
 
-use crate::Location;
 use crate::store::error::failed;
 use crate::store::fault::Fault;
 use crate::store::{Listing, META_BYTES_MAX};
+use crate::{Location, SHARDS_MAX};
 pub(crate) use connect::Patience;
-use connect::{connect, explain, is_absent, is_refused, is_unreachable, too_large};
+use connect::{Pages, connect, explain, is_absent, is_refused, is_unreachable, too_large};
 
 /// Time limit of any request, and minimum transfer rate of a file.
 const REQUEST: Duration = Duration::from_secs(120);
@@ -43,6 +43,10 @@ pub(crate) const OBJECT_BYTES_MAX: u64 = 4 << 30;
 const ANSWER: Duration = Duration::from_secs(40);
 const ASKS_MAX: u32 = 3;
 const LISTING: Duration = Duration::from_secs(300);
+/// Most names in a listing, far more than a folder of a dataset has, and most pages of it. A store that invents names
+/// or repeats pages would go on for ever.
+const LISTED_MAX: usize = 4 * SHARDS_MAX as usize;
+const PAGES_MAX: usize = 10_000;
 /// Number of uploads of an object if the answer is lost or the store is busy, and the pause between them.
 const PUTS_MAX: u32 = 3;
 const PUT_PAUSE: Duration = Duration::from_millis(250);
@@ -59,7 +63,7 @@ pub(crate) struct Remote {
     prefix: Path,
     store: Arc<dyn ObjectStore>,
     /// Whether the store supports listing; web servers do not.
-    lists: bool,
+    pages: Option<Pages>,
     runtime: Runtime,
     fault: Fault,
 }
@@ -86,19 +90,24 @@ impl Remote {
         let failed = |source| failed("use the object store", place(url))(source);
         // There was no request yet, so any error is permanent.
         let wrong = |e| failed(io::Error::new(io::ErrorKind::InvalidInput, explain(&e).to_string()));
-        let (store, prefix, lists) = connect(url, patience).map_err(wrong)?;
-        if patience == Patience::Writer && !lists {
+        let (store, pages, prefix) = connect(url, patience).map_err(wrong)?;
+        if patience == Patience::Writer && pages.is_none() {
             let text = "a web server takes no datasets: give a folder or an s3://, gs:// or az:// URL";
             return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, text)));
         }
-        Self::new(url, store, prefix, lists)
+        Self::new(url, store, pages, prefix)
     }
 
     /// Reads from this store.
-    pub(crate) fn new(url: &Url, store: Arc<dyn ObjectStore>, prefix: Path, lists: bool) -> Result<Self, Failure> {
+    pub(crate) fn new(
+        url: &Url,
+        store: Arc<dyn ObjectStore>,
+        pages: Option<Pages>,
+        prefix: Path,
+    ) -> Result<Self, Failure> {
         let runtime = Builder::new_multi_thread().worker_threads(NETWORK_THREADS).enable_all().build();
         let runtime = runtime.map_err(failed("start threads for", place(url)))?;
-        Ok(Self { url: url.clone(), prefix, store, lists, runtime, fault: Fault::default() })
+        Ok(Self { url: url.clone(), prefix, store, pages, runtime, fault: Fault::default() })
     }
 
     #[cfg(test)]
@@ -161,24 +170,10 @@ impl Remote {
 
     /// The listing of a folder; `None` if listing is not supported.
     pub(crate) fn list(&self, folder: &str) -> Result<Option<Listing>, Failure> {
-        if !self.lists {
-            return Ok(None);
-        }
+        let Some(pages) = &self.pages else { return Ok(None) };
         let path = if folder.is_empty() { self.prefix.clone() } else { self.path(folder) };
-        let listed = self.runtime.block_on(asked(LISTING, || async {
-            match self.store.list_with_delimiter(Some(&path)).await {
-                Err(error) if is_refused(&error) || matches!(error, Error::NotImplemented { .. }) => Ok(None),
-                listed => listed.map(Some).map_err(|e| explain(&e)),
-            }
-        }));
-        let name = |path: &Path| path.filename().unwrap_or_default().to_owned();
-        Ok(listed.map_err(failed("list a folder", self.location(folder)))?.map(|listed| {
-            // Some tools create an empty object for the folder itself.
-            let files = listed.objects.iter().filter(|object| object.location != path);
-            let files = files.map(|object| (name(&object.location), Some(object.size)));
-            let folders = listed.common_prefixes.iter().map(|folder| (name(folder), None));
-            files.chain(folders).collect::<BTreeMap<_, _>>()
-        }))
+        let listed = self.runtime.block_on(within(LISTING, listed(&**pages, &path)));
+        listed.map_err(failed("list a folder", self.location(folder)))
     }
 
     /// Fetches a file with an expected size.
@@ -309,6 +304,36 @@ async fn asked<T, F: Future<Output = io::Result<T>>>(limit: Duration, ask: impl 
         }
     }
     within(limit, ask()).await
+}
+
+/// Names and sizes of the files in a folder, and its folders; `None` if the store refuses to list.
+async fn listed(pages: &dyn PaginatedListStore, folder: &Path) -> io::Result<Option<Listing>> {
+    let prefix = Some(format!("{folder}/")).filter(|_| !folder.is_root());
+    let (mut listing, mut token) = (Listing::new(), None);
+    for _ in 0..PAGES_MAX {
+        let ask = || async {
+            let page_token = token.clone();
+            let options = PaginatedListOptions { delimiter: Some("/".into()), page_token, ..Default::default() };
+            match pages.list_paginated(prefix.as_deref(), options).await {
+                Err(error) if is_refused(&error) || matches!(error, Error::NotImplemented { .. }) => Ok(None),
+                page => page.map(Some).map_err(|e| explain(&e)),
+            }
+        };
+        let Some(page) = asked(ANSWER, ask).await? else { return Ok(None) };
+        let name = |path: &Path| path.filename().unwrap_or_default().to_owned();
+        let files = page.result.objects.iter().filter(|object| object.location != *folder);
+        listing.extend(files.map(|object| (name(&object.location), Some(object.size))));
+        listing.extend(page.result.common_prefixes.iter().map(|folder| (name(folder), None)));
+        if page.page_token.is_none() {
+            return Ok(Some(listing));
+        }
+        if page.page_token == token || listing.len() > LISTED_MAX {
+            break;
+        }
+        token = page.page_token;
+    }
+    let text = format!("the store's listing repeats itself, or has more than {LISTED_MAX} names");
+    Err(io::Error::new(io::ErrorKind::InvalidInput, text))
 }
 
 /// The answer to a request about an object, `None` if there is none.

@@ -8,6 +8,7 @@ use object_store::aws::AmazonS3Builder;
 use object_store::azure::MicrosoftAzureBuilder;
 use object_store::gcp::GoogleCloudStorageBuilder;
 use object_store::http::HttpBuilder;
+use object_store::list::PaginatedListStore;
 use object_store::path::Path;
 use object_store::{BackoffConfig, ClientConfigKey, ClientOptions, Error, ObjectStore, ObjectStoreScheme, RetryConfig};
 use url::{Position, Url};
@@ -30,33 +31,44 @@ pub(crate) enum Patience {
     Writer,
 }
 
-/// The store of a URL, the path in it, and whether it supports listing. Settings come from the environment.
-pub(super) fn connect(url: &Url, patience: Patience) -> Result<(Arc<dyn ObjectStore>, Path, bool), Error> {
+/// A store that lists a folder page by page.
+pub(super) type Pages = Arc<dyn PaginatedListStore>;
+
+/// A store, its listings if it has any, and a path in it.
+type Place = (Arc<dyn ObjectStore>, Option<Pages>, Path);
+
+/// The store and the path of a URL. Settings come from the environment.
+pub(super) fn connect(url: &Url, patience: Patience) -> Result<Place, Error> {
     // reqwest is built without a default TLS provider; an already installed one is fine.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let (scheme, prefix) = ObjectStoreScheme::parse(url)?;
     let backoff = BackoffConfig { max_backoff: CONNECT, ..BackoffConfig::default() };
     let retry = RetryConfig { backoff, max_retries: RETRIES_MAX, retry_timeout: RETRY };
-    let store: Arc<dyn ObjectStore> = match scheme {
+    let (store, pages): (Arc<dyn ObjectStore>, Pages) = match scheme {
         ObjectStoreScheme::AmazonS3 => {
             let builder = AmazonS3Builder::from_env().with_url(url.as_str()).with_retry(retry);
-            Arc::new(builder.with_client_options(options("AWS_", patience)).build()?)
+            both(builder.with_client_options(options("AWS_", patience)).build()?)
         }
         ObjectStoreScheme::GoogleCloudStorage => {
             let builder = GoogleCloudStorageBuilder::from_env().with_url(url.as_str()).with_retry(retry);
-            Arc::new(builder.with_client_options(options("GOOGLE_", patience)).build()?)
+            both(builder.with_client_options(options("GOOGLE_", patience)).build()?)
         }
         ObjectStoreScheme::MicrosoftAzure => {
             let builder = MicrosoftAzureBuilder::from_env().with_url(url.as_str()).with_retry(retry);
-            Arc::new(builder.with_client_options(options("AZURE_", patience)).build()?)
+            both(builder.with_client_options(options("AZURE_", patience)).build()?)
         }
         _ => {
             let builder = HttpBuilder::new().with_url(&url[..Position::BeforePath]).with_retry(retry);
             let options = options("HTTP_", patience).with_allow_http(url.scheme() == "http");
-            return Ok((Arc::new(builder.with_client_options(options).build()?), prefix, false));
+            return Ok((Arc::new(builder.with_client_options(options).build()?), None, prefix));
         }
     };
-    Ok((store, prefix, true))
+    Ok((store, Some(pages), prefix))
+}
+
+fn both<S: ObjectStore + PaginatedListStore>(store: S) -> (Arc<dyn ObjectStore>, Pages) {
+    let store = Arc::new(store);
+    (Arc::clone(&store) as _, store)
 }
 
 /// Client options, overridden by the environment, such as `AWS_ALLOW_HTTP` or `AWS_READ_TIMEOUT`.
@@ -104,7 +116,7 @@ pub(super) fn too_large(bytes: u64, limit: u64) -> io::Error {
     io::Error::new(io::ErrorKind::FileTooLarge, format!("at most {limit} bytes are read at once, got {bytes}"))
 }
 
-/// A store's error with its kind, which decides whether a retry may help ([`crate::store::failed`]), and with advice.
+/// A store's error with its kind, which decides whether a retry may help ([`crate::store::error`]), and with advice.
 pub(super) fn explain(error: &Error) -> io::Error {
     let text = program::text::error_chain(error);
     let is = |part: &str| text.contains(part);
