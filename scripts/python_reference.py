@@ -39,7 +39,7 @@ def described(text: str) -> str:
 def signature(name: str, value: object) -> str:
     text = re.sub(r"'([\w\[\]|., ]+)'", r"\1", str(inspect.signature(value)))
     text = re.sub(r"\((?:self|cls)(?:, )?", "(", text, count=1)
-    return f"{name}{text}".replace("'", "").removesuffix(" -> None")
+    return f"{name}{text}".replace("'", "").replace('"', "").removesuffix(" -> None")
 
 
 def members(value: type) -> list[str]:
@@ -67,8 +67,9 @@ def page(module_name: str, names: list[str]) -> str:
         value = getattr(module, name)
         if inspect.isclass(value):
             is_error = issubclass(value, Exception)
-            is_made = value.__init__ is not object.__init__
-            shown = signature(name, value.__init__) if is_made and not is_error and "TypedDict" not in str(type(value)) else name
+            is_made = value.__init__ is not object.__init__ and not is_error and "TypedDict" not in str(type(value))
+            shown = signature(name, value.__init__) if is_made else name
+            shown = name if "_native" in shown else shown  # only the package makes it
             blocks.extend([f"### {name}", f"`{shown}`", described(value.__doc__), *members(value)])
         elif callable(value):
             blocks.extend([f"### {name}", f"`{signature(name, value)}`", described(value.__doc__)])
@@ -79,7 +80,7 @@ def page(module_name: str, names: list[str]) -> str:
 
 def main() -> None:
     package = importlib.import_module("graspmill")
-    torch = ["Batch", "GraspDataset", "GraspStream", "HandBatch", "HandDataset", "HandStream", "VoxelNetwork", "loss"]
+    torch = ["Batch", "GraspCropBatch", "GraspCropDataset", "GraspCropStream", "GraspDataset", "GraspStream", "VoxelNetwork", "loss"]
     print("\n\n".join([HEAD.strip(), page("graspmill", package.__all__), page("graspmill.torch", torch)]))
 
 

@@ -2,7 +2,7 @@
 
     python label_your_grasps.py
 
-Here the sampler draws hands from above at random; put yours in its place: it only has to give poses [N, 4, 4].
+The sampler here draws grasps from above at random. Replace it with yours, which must return poses [N, 4, 4].
 """
 
 import time

@@ -11,12 +11,14 @@ Outcomes(held=27)
 """
 
 from importlib.metadata import version as _version
+from typing import TYPE_CHECKING
 
+from ._renamed import renamed as _renamed_value
 from .cameras import Camera
+from .crops import GraspCrops, grasp_crops
 from .dataset import Dataset, StoredScene, Table, generate
 from .errors import DataError, GraspmillError, IncompleteError, InputError, InternalError, OutsideError
 from .grippers import Gripper
-from .hands import HandCrops, hand_crops
 from .pages import Page
 from .planner import Grasp, Plan, Planner, PlanOptions
 from .scene import HITS, OUTCOMES, Object, Outcomes, Scene, execute, tsdf
@@ -24,13 +26,10 @@ from .scene import HITS, OUTCOMES, Object, Outcomes, Scene, execute, tsdf
 __version__ = _version("graspmill")
 
 
-def __getattr__(name: str) -> object:
-    if name == "Error":
-        import warnings
+if not TYPE_CHECKING:
 
-        warnings.warn("graspmill.Error is now graspmill.GraspmillError", DeprecationWarning, stacklevel=2)
-        return GraspmillError
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    def __getattr__(name: str) -> object:
+        return _renamed_value(name, globals(), __name__)
 
 
 __all__ = [
@@ -40,9 +39,9 @@ __all__ = [
     "DataError",
     "Dataset",
     "Grasp",
+    "GraspCrops",
     "GraspmillError",
     "Gripper",
-    "HandCrops",
     "IncompleteError",
     "InputError",
     "InternalError",
@@ -58,6 +57,6 @@ __all__ = [
     "Table",
     "execute",
     "generate",
-    "hand_crops",
+    "grasp_crops",
     "tsdf",
 ]

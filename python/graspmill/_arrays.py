@@ -43,10 +43,9 @@ def floats(name: str, value: ArrayLike, shape: Sequence[int | None], what: str =
         array = np.empty([0 if want is None else want for want in shape])
     if array.dtype.kind not in "fiu":
         raise InputError(f"{name} must be an array of numbers, got one of dtype {array.dtype}")
-    is_shape = array.ndim == len(shape) and all(want is None or want == got for want, got in zip(shape, array.shape))
-    if not is_shape:
+    if not _fits(array.shape, shape):
         wanted = ", ".join("N" if want is None else str(want) for want in shape)
-        turned = " (is it transposed?)" if array.ndim == len(shape) and _fits(array.shape[::-1], shape) else ""
+        turned = " (is it transposed?)" if _fits(array.shape[::-1], shape) else ""
         raise InputError(f"{name} must have the shape [{wanted}]{what}, got {list(array.shape)}{turned}")
     with np.errstate(over="ignore"):
         array = np.ascontiguousarray(array, dtype=np.float32)
@@ -56,7 +55,7 @@ def floats(name: str, value: ArrayLike, shape: Sequence[int | None], what: str =
 
 
 def _fits(got: Sequence[int], shape: Sequence[int | None]) -> bool:
-    return all(want is None or want == have for want, have in zip(shape, got))
+    return len(got) == len(shape) and all(want is None or want == have for want, have in zip(shape, got))
 
 
 def path(name: str, value: Any) -> str:
@@ -168,7 +167,7 @@ def _of_matrices(name: str, matrices: NDArray[np.float64]) -> Floats:
 
 
 def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit quaternions x, y, z, w, ``[N, 4]``, of rotation matrices ``[N, 3, 3]`` (Shepperd's choice of the largest)."""
+    """Unit quaternions x, y, z, w, ``[N, 4]``, of rotations ``[N, 3, 3]`` (Shepperd's choice of the largest)."""
     m = rotations
     trace = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
     squares = np.stack([m[:, 0, 0], m[:, 1, 1], m[:, 2, 2], trace], axis=1)

@@ -1,4 +1,4 @@
-"""Cameras: lens, pose, and the conventions of others."""
+"""Cameras: intrinsics, pose and conventions of axes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from . import _arrays
 from .errors import InputError
 
-#: OpenGL's and Blender's cameras look along −z with y up; ours, OpenCV's and ROS's optical frames along +z with y down.
+#: The cameras of OpenGL and Blender look along −z with y up; ours, and the optical frames of OpenCV and ROS, look along
+#: +z with y down.
 _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 _SIZE_PX_MAX = 16_384
 _FOCAL_PX_MAX = 1e6
@@ -26,13 +27,14 @@ class Camera:
 
     Args:
         width_px: Pixels in a row.
-        height_px: Rows.
+        height_px: Number of rows.
         fx_px: Focal length along u, in pixels.
         fy_px: Focal length along v.
         cx_px: Principal point, u; pixel centres are whole numbers.
         cy_px: Principal point, v.
-        workspace_from_camera: The camera's pose, a matrix ``[4, 4]``, position and quaternion ``[7]``, or a position ``[3]``.
-        convention: The axes of that pose: ``"opencv"`` (x right, y down, z forward) or ``"opengl"`` (x right, y up, z back).
+        workspace_from_camera: Its pose: ``[4, 4]``, position and quaternion ``[7]``, or a position ``[3]``.
+        convention: The axes of that pose: ``"opencv"`` (x right, y down, z forward) or ``"opengl"`` (x right, y up, z
+            back).
     """
 
     width_px: int
@@ -65,11 +67,11 @@ class Camera:
     def from_K(
         cls, K: ArrayLike, shape: tuple[int, int], workspace_from_camera: ArrayLike, *, convention: Convention = "opencv"
     ) -> Camera:
-        """A camera by its intrinsic matrix, as OpenCV and ROS have it.
+        """A camera from an intrinsic matrix, as OpenCV and ROS have it.
 
         Args:
             K: ``[3, 3]``, with fx, fy, cx, cy in pixels and no skew.
-            shape: Height and width of its images: ``depth.shape``.
+            shape: Height and width of the images: ``depth.shape``.
             workspace_from_camera: See :class:`Camera`.
             convention: See :class:`Camera`.
         """
@@ -86,10 +88,9 @@ class Camera:
         return cls(width, height, fx, fy, cx, cy, workspace_from_camera, convention)  # type: ignore[arg-type]
 
     @classmethod
-    def looking(cls, eye_m: ArrayLike, target_m: ArrayLike = (0.15, 0.15, 0.05), **lens: Any) -> Camera:
-        """The name of :meth:`look_at` in earlier versions."""
+    def looking(cls, *arguments: Any, **options: Any) -> Camera:  # until the next version
         warnings.warn("Camera.looking is now Camera.look_at", DeprecationWarning, stacklevel=2)
-        return cls.look_at(eye_m, target_m, **lens)
+        return cls.look_at(*arguments, **options)
 
     @classmethod
     def look_at(
@@ -101,11 +102,14 @@ class Camera:
         height_px: int = 480,
         focal_px: float = 540.0,
     ) -> Camera:
-        """A camera at a point that looks at another, upright; the lens is that of the shipped configs.
+        """An upright camera at one point that looks at another, by default with the shipped configs' intrinsics.
 
         Args:
-            eye_m: Where it is, ``[3]`` in the workspace, in metres.
-            target_m: At what it looks, ``[3]``; by default the middle of the table.
+            eye_m: Its position, ``[3]`` in the workspace, in metres.
+            target_m: The point that it looks at, ``[3]``; by default the middle of the table.
+            width_px: See :class:`Camera`.
+            height_px: See :class:`Camera`.
+            focal_px: Focal length, in pixels.
         """
         eye, target = (_arrays.floats(name, value, (3,)).astype(np.float64) for name, value in (("eye_m", eye_m), ("target_m", target_m)))
         forward = target - eye
@@ -120,10 +124,10 @@ class Camera:
         width, height = _arrays.whole("width_px", width_px, 1, _SIZE_PX_MAX), _arrays.whole("height_px", height_px, 1, _SIZE_PX_MAX)
         return cls(width, height, focal_px, focal_px, width / 2.0, height / 2.0, pose)
 
-    def _lens(self) -> list[float]:
+    def _intrinsics(self) -> list[float]:
         """Width, height, fx, fy, cx, cy in pixels."""
         return [float(self.width_px), float(self.height_px), self.fx_px, self.fy_px, self.cx_px, self.cy_px]
 
-    def _seven(self) -> list[float]:
+    def _pose(self) -> list[float]:
         """The pose as position and quaternion."""
         return _arrays.pose("workspace_from_camera", self.workspace_from_camera)

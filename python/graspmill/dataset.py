@@ -1,7 +1,8 @@
-"""Datasets: making them, reading them, looking at them."""
+"""Datasets: generated, read and shown."""
 
 from __future__ import annotations
 
+import copyreg
 import json
 import os
 import warnings
@@ -23,8 +24,11 @@ if TYPE_CHECKING:
     import polars  # type: ignore[import-not-found, unused-ignore]
     import pyarrow  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
-#: Called with the attempts that are there, all attempts of the dataset, and the positive ones that this call made.
+#: Called with the numbers of attempts that are done, of all attempts, and of positive ones from this call.
 Progress = Callable[[int, int, int], None]
+
+# What holds an open dataset opens it again in another process.
+copyreg.pickle(_native.Dataset, lambda opened: (_native.Dataset, (opened.location,)))
 
 
 def generate(
@@ -41,28 +45,28 @@ def generate(
     threads: int | None = None,
     progress: Progress | bool = False,
 ) -> Dataset:
-    """Makes a dataset, or goes on with it: what ``graspmill generate`` does, with the same bytes.
+    """Generates a dataset, or continues it. It has the same bytes as that of ``graspmill generate``.
 
     Args:
-        out: The dataset's folder or URL.
-        config: ``"paper"``, which comes with the package, or a config's file.
-        gripper: A :class:`Gripper`, a built-in one's name, or a file's path, in place of the config's.
-        shards: In place of the config's.
-        attempts: In place of the config's.
-        seed: In place of the config's.
-        policy: Weights of a judge, whose best hands are executed, too.
-        settings: Other keys of the config, such as ``{"gripper": "franka_hand", "objects.size_m": [0.02, 0.1]}``.
-        rejected_max: The share of scenes that may be thrown away because objects do not come to rest.
-        threads: By default one per core; never changes the bytes.
-        progress: ``True`` for a bar (needs tqdm), or a function; an exception that it raises stops the work.
+        out: The folder or URL of the dataset.
+        config: ``"paper"``, which comes with the package, or the path of a config.
+        gripper: A :class:`Gripper`, the name of a built-in one, or the path of a file, in place of the config's.
+        shards: Number of shards, in place of the config's.
+        attempts: Number of attempts, in place of the config's.
+        seed: Seed, in place of the config's.
+        policy: Weights of a judge, whose best grasps are executed, too.
+        settings: Other keys of the config, such as ``{"objects.size_m": [0.02, 0.1]}``.
+        rejected_max: The share of scenes that may be discarded because objects do not come to rest.
+        threads: Number of threads, by default one per core; it never changes the bytes.
+        progress: ``True`` for a progress bar (needs tqdm), or a function; an exception that it raises stops the work.
 
     Returns:
         The dataset.
 
     Raises:
         InputError: If the config is wrong, or the folder holds another dataset.
-        OutsideError: If the disk or the store fails; the same call goes on.
-        KeyboardInterrupt: By Ctrl-C; finished scenes are kept, and the same call goes on.
+        OutsideError: If the disk or the store fails; the same call continues.
+        KeyboardInterrupt: After Ctrl-C. Finished scenes are kept, and the same call continues.
     """
     if out is None or (config not in (None, "paper") and str(out).endswith(".toml")):
         warnings.warn("generate(config, out) is now generate(out, config)", DeprecationWarning, stacklevel=2)
@@ -109,8 +113,8 @@ def _location(path: str | os.PathLike[str]) -> str:
 
 
 class Table:
-    """A table's rows, read when they are asked for: give it to ``polars.DataFrame``, ``pyarrow.table`` or
-    ``pandas.DataFrame.from_arrow``; it is an Arrow stream (``__arrow_c_stream__``) and may be read several times."""
+    """The rows of a table, which are read on request. It is an Arrow stream (``__arrow_c_stream__``) for
+    ``polars.DataFrame``, ``pyarrow.table`` or ``pandas.DataFrame.from_arrow``, and can be read several times."""
 
     def __init__(self, dataset: _native.Dataset, name: str, shards: range, grids: bool) -> None:
         self._dataset, self.name, self._shards, self._grids = dataset, name, shards, grids
@@ -119,19 +123,19 @@ class Table:
         return self._dataset.stream(self.name, self._shards.start, self._shards.stop, self._grids)
 
     def to_polars(self) -> polars.DataFrame:
-        """A ``polars.DataFrame``."""
+        """The rows as a ``polars.DataFrame``."""
         import polars
 
         return polars.DataFrame(self)
 
     def to_arrow(self) -> pyarrow.Table:
-        """A ``pyarrow.Table``."""
+        """The rows as a ``pyarrow.Table``."""
         import pyarrow
 
         return pyarrow.table(self)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """A ``pandas.DataFrame``."""
+        """The rows as a ``pandas.DataFrame``."""
         return self.to_arrow().to_pandas()
 
 
@@ -141,12 +145,12 @@ class StoredScene:
 
     Attributes:
         scene_id: Its number.
-        scene: Its objects at rest. :func:`graspmill.execute` executes grasps in it by the dataset's own simulation.
-        cameras: Those that saw it.
+        scene: Its objects at rest. :func:`graspmill.execute` uses the simulation of the dataset for it.
+        cameras: The cameras that saw it.
         tsdf: ``[resolution] * 3`` float32 (x, y, z) in VGN's values: (tsdf + 1) / 2 where observed, else 0.
-        workspace_from_grasp: ``[N, 7]`` float32, its attempts: position in metres, quaternion x, y, z, w.
-        outcomes: How they ended.
-        rules: ``[N]`` names of how they were drawn.
+        workspace_from_grasp: ``[N, 7]`` float32, the poses of its attempts: position in metres, quaternion x, y, z, w.
+        outcomes: The outcomes of its attempts.
+        rules: ``[N]``, the names of the rules by which the attempts were drawn.
     """
 
     scene_id: int
@@ -159,12 +163,12 @@ class StoredScene:
     _dataset: _native.Dataset
 
     def replay(self, attempt_id: int) -> Page:
-        """An attempt, executed again, as a page with an animation."""
+        """A page with an animation of an attempt, which is executed again."""
         number = _arrays.whole("attempt_id", attempt_id, 0, max(len(self.outcomes) - 1, 0))
         return Page(self._dataset.replay_page(self.scene_id, number))
 
     def page(self) -> Page:
-        """The scene in 3-D, with its surface, cameras and every attempt."""
+        """A page with the scene in 3-D: its surface, its cameras and every attempt."""
         return Page(self._dataset.scene_page(self.scene_id))
 
     def _repr_html_(self) -> str:
@@ -172,7 +176,8 @@ class StoredScene:
 
 
 class Dataset:
-    """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``). Rows are read on request.
+    """A complete dataset in a folder or at a URL (``s3://``, ``gs://``, ``az://``, ``https://``). Rows are read on
+    request. A pickled dataset is opened again where it is unpickled.
 
     Args:
         path: Its folder or URL.
@@ -194,7 +199,7 @@ class Dataset:
         return self._open
 
     def close(self) -> None:
-        """Closes the dataset; every later use of it is an error. What was read from it stays."""
+        """Closes the dataset; every later use of it is an error. Scenes that were read from it stay usable."""
         self._open = None
 
     def __enter__(self) -> Dataset:
@@ -203,46 +208,44 @@ class Dataset:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def __getstate__(self) -> str:
-        return self._native.location
-
-    def __setstate__(self, path: str) -> None:
-        self.__init__(path)  # type: ignore[misc]
+    def __reduce__(self) -> tuple[type[Dataset], tuple[str]]:
+        return Dataset, (self._native.location,)
 
     def __repr__(self) -> str:
         if self._open is None:
             return f"Dataset({self._path!r}: closed)"
-        return f"Dataset({self._native.location!r}: {self.attempt_count:,} attempts, {self.positive_count:,} held, {self.scene_count:,} scenes)"
+        counts = f"{self.attempt_count:,} attempts, {self.positive_count:,} held, {self.scene_count:,} scenes"
+        return f"Dataset({self._native.location!r}: {counts})"
 
     @property
     def id(self) -> str:
-        """SHA-256 of its ``meta/info.json``: the same dataset has the same id anywhere."""
+        """SHA-256 of its ``meta/info.json``; copies of a dataset have the same id."""
         return self._native.id
 
     @property
     def info(self) -> dict[str, Any]:
-        """Its ``meta/info.json``: the whole configuration."""
+        """Its ``meta/info.json``, which has the whole configuration."""
         info: dict[str, Any] = json.loads(self._native.info())
         return info
 
     @property
     def shard_count(self) -> int:
-        """Shards."""
+        """Number of shards."""
         return self._native.counts[0]
 
     @property
     def scene_count(self) -> int:
-        """Scenes."""
+        """Number of scenes."""
         return self._native.counts[1]
 
     @property
     def attempt_count(self) -> int:
-        """Attempts."""
+        """Number of attempts."""
         return self._native.counts[2]
 
     @property
     def positive_count(self) -> int:
-        """Attempts with label 1."""
+        """Number of attempts with label 1."""
         return self._native.counts[3]
 
     def __len__(self) -> int:
@@ -255,13 +258,13 @@ class Dataset:
             scene_id: Its number, from 0.
         """
         number = _arrays.whole("scene_id", scene_id, 0, self.scene_count - 1)
-        scene, simulation, rows = self._native.scene(number)
+        scene, rows = Scene._of((self._native, number))
         width, height, fx, fy, cx, cy = self._native.intrinsics()
         cameras = [Camera(int(width), int(height), fx, fy, cx, cy, pose) for pose in rows["workspace_from_camera"]]
         names = ("outcome", "width_m", "hit", "hit_object", "target")
         return StoredScene(
             number,
-            Scene._wrap(scene, simulation),
+            scene,
             cameras,
             rows["tsdf"],
             rows["workspace_from_grasp"],
@@ -280,7 +283,7 @@ class Dataset:
         return (self.scene(number) for number in range(self.scene_count))
 
     def attempts(self, shards: range | None = None) -> Table:
-        """The table of attempts (``docs/reference/tables.md``), of some shards or of all."""
+        """The table of attempts (``docs/reference/tables.md``) of some shards, or of all."""
         return self._table("attempts", shards, False)
 
     def objects(self, shards: range | None = None) -> Table:
@@ -288,7 +291,7 @@ class Dataset:
         return self._table("objects", shards, False)
 
     def scenes(self, shards: range | None = None, *, grids: bool = False) -> Table:
-        """The table of scenes; with their TSDFs if ``grids``, which are nearly all of its bytes."""
+        """The table of scenes. With ``grids`` it has their TSDFs, which are nearly all of its bytes."""
         return self._table("scenes", shards, grids)
 
     def _table(self, name: str, shards: range | None, grids: bool) -> Table:
@@ -298,7 +301,7 @@ class Dataset:
         return Table(self._native, name, wanted, grids)
 
     def verify(self) -> list[str]:
-        """Reads and checks everything; what is wrong, or an empty list."""
+        """Reads and checks everything. Returns the problems, or an empty list."""
         problems, more = self._native.verify()
         return problems + ([f"… and {more} more problems"] if more else [])
 
@@ -308,7 +311,7 @@ class Dataset:
         return report
 
     def page(self) -> Page:
-        """The report as a page with figures."""
+        """The statistics as a page with figures."""
         return Page(self._native.report(True))
 
     def _repr_html_(self) -> str:

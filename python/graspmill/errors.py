@@ -1,7 +1,4 @@
-"""What can go wrong.
-
-Each class stands for an exit code of the programs, which is its ``exit_code``, so that a script can act as a scheduler does.
-"""
+"""Errors. Each class has the exit code with which the programs end for the same reason, so that scripts can use it."""
 
 
 class GraspmillError(Exception):
@@ -24,18 +21,18 @@ class InputError(GraspmillError, ValueError):
 
 
 class DataError(GraspmillError):
-    """Data are damaged, of an unknown version, or came out differently: do not try again."""
+    """Data are damaged, have an unknown version, or differ when made again: do not retry."""
 
     exit_code = 65
 
 
 class IncompleteError(GraspmillError):
-    """The dataset is not complete yet: make the missing shards."""
+    """The dataset is not complete: generate the missing shards."""
 
     exit_code = 69
 
 
 class OutsideError(GraspmillError, OSError):
-    """The outside world failed (disk full, no memory, a store that does not answer): try again."""
+    """Disk, memory or an object store failed: try again."""
 
     exit_code = 75

@@ -1,4 +1,4 @@
-"""Grippers: built-in ones, those of files, and your own numbers."""
+"""Grippers: built-in ones, those in files, and your own."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _arrays, _native
 from .errors import InputError
 
-#: What functions take as a gripper.
+#: What functions accept as a gripper.
 GripperLike = Union["Gripper", str, "os.PathLike[str]"]
 
 
@@ -21,11 +21,11 @@ GripperLike = Union["Gripper", str, "os.PathLike[str]"]
 class Gripper:
     """A parallel-jaw gripper, as three boxes: two fingers and a palm (``docs/own-gripper.md``).
 
-    Lengths are along the grasp frame's axes: z is the approach, y the closing direction; the fingers reach from z = −``finger_length_m``
-    to z = 0.
+    Lengths are along the axes of the grasp frame: z is the approach, y the closing direction. The fingers reach from
+    z = −``finger_length_m`` to z = 0.
 
     Args:
-        name: Its name.
+        name: Name of the gripper.
         opening_m_max: Distance between the fingers' inner faces when open.
         finger_length_m: Finger length along z.
         finger_width_m: Finger width along x.
@@ -37,12 +37,12 @@ class Gripper:
         finger_force_n: Closing force of a finger.
         closing_speed_m_s: Closing speed of a finger.
         friction: Friction coefficient of the fingers and the palm.
-        clearance_m: The approaching gripper collides with what comes nearer than this.
-        flange_from_grasp: The grasp frame in the frame of the robot's flange, ``[4, 4]``, ``[7]`` or ``[3]``; plans then give the flange's
-            poses, too.
+        clearance_m: The approaching gripper counts as colliding with anything nearer than this.
+        flange_from_grasp: The grasp frame in the frame of the robot's flange, ``[4, 4]``, ``[7]`` or ``[3]``; with it,
+            plans also have the poses of the flange.
 
     Raises:
-        InputError: If a number is outside of its limits; the message names it.
+        InputError: If a number is outside its limits; the message names it.
     """
 
     name: str
@@ -62,9 +62,9 @@ class Gripper:
 
     def __post_init__(self) -> None:
         if self.flange_from_grasp is not None:
-            seven = _arrays.pose("flange_from_grasp", self.flange_from_grasp)
-            object.__setattr__(self, "flange_from_grasp", _arrays.matrices([seven])[0])
-        # The native half has the limits.
+            pose = _arrays.pose("flange_from_grasp", self.flange_from_grasp)
+            object.__setattr__(self, "flange_from_grasp", _arrays.matrices([pose])[0])
+        # The native half checks the limits.
         _native.Simulation(None, [("gripper", setting(self))])
 
     @staticmethod
@@ -74,11 +74,11 @@ class Gripper:
 
     @classmethod
     def load(cls, name: str | os.PathLike[str]) -> Gripper:
-        """A built-in gripper, such as ``"franka_hand"``, or that of a file, whose path ends in ``.toml``."""
+        """A built-in gripper, such as ``"franka_hand"``, or the one in a file, whose path ends in ``.toml``."""
         read = _native.Simulation(None, [("gripper", setting(name))])
         flange = read.flange_from_grasp
         pose = None if flange is None else _arrays.matrices([flange])[0]
-        # The shortest numbers that are these in single precision, as files have them.
+        # The shortest decimals that are the same in single precision, as files have them.
         return cls(name=read.gripper_name, flange_from_grasp=pose, **{key: float(str(np.float32(value))) for key, value in read.gripper})
 
 

@@ -1,4 +1,4 @@
-"""Pages that people look at: in a notebook, or as a file."""
+"""HTML pages, for notebooks or files."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Page:
-    """A page in one file, with everything in it. A notebook shows it.
+    """A self-contained HTML page. Notebooks show it.
 
     Attributes:
-        html: Its text.
+        html: The text of the page.
     """
 
     html: str
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Writes it to a file, for a browser."""
+        """Writes the page to a file, for a browser."""
         file = Path(path)
         file.write_text(self.html, encoding="utf-8")
         return file

@@ -1,14 +1,15 @@
-"""Scenes and the label oracle: any grasps in, their outcomes in physics out.
+"""Scenes and the label oracle, which executes grasps in physics.
 
-Frames: the workspace is a cube with its origin at a lower corner and z up. A grasp's origin is midway between the finger tips; +z is its
-approach, +y its closing direction. ``workspace_from_grasp`` maps a grasp's coordinates to the workspace. Metres, kilograms, radians.
+Frames: the workspace is a cube with its origin at a lower corner and z up. A grasp's origin is midway between the
+finger tips; +z is its approach, +y its closing direction. ``workspace_from_grasp`` maps a grasp's coordinates to the
+workspace. Lengths are metres, masses kilograms, angles radians.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from typing import Any, Iterable, Mapping, Sequence
+from typing import Any, Iterable, Mapping, Sequence, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,18 +21,31 @@ from .grippers import GripperLike
 
 #: The outcomes of an attempt, by their numbers; the label is 1 for the last, ``held``.
 OUTCOMES: tuple[str, ...] = tuple(_native.Dataset.names()[0])
-#: What a hand may hit, by its number; -1 is nothing.
+#: What the gripper may hit, by its number; -1 is nothing.
 HITS: tuple[str, ...] = tuple(_native.Dataset.names()[1])
 
 #: Longest object, in metres.
 EXTENT_M_MAX = 2.0
-#: kg/m³ of objects without a mass of their own: the middle of what ``paper.toml`` draws.
+#: Density of objects whose mass is not given, in kg/m³: the middle of the range of ``paper.toml``.
 DENSITY_KG_M3 = 500.0
 _SETTINGS_HELP = "docs/reference/settings.md lists the keys"
 
 
+_Self = TypeVar("_Self")
+
+
+class Immutable:
+    """An object that never changes is its own copy."""
+
+    def __copy__(self: _Self) -> _Self:
+        return self
+
+    def __deepcopy__(self: _Self, _: Any) -> _Self:
+        return self
+
+
 @dataclass(frozen=True, eq=False, init=False)
-class Object:
+class Object(Immutable):
     """An object: a shape with mass and friction, at a pose.
 
     Make one with :meth:`cuboid`, :meth:`solid` or :meth:`mesh`.
@@ -40,15 +54,15 @@ class Object:
         name: The shape's name, or the mesh's.
         extents_m: Full lengths of the bounding box along the object's axes, ``[3]``.
         mass_kg: Mass.
-        friction: Coulomb coefficient; contacts multiply it with the hand's or the table's.
-        workspace_from_object: Its pose, ``[4, 4]``. The origin of its frame is the middle of its bounding box.
+        friction: Coulomb coefficient; a contact multiplies it by that of the gripper or the table.
+        workspace_from_object: Its pose, ``[4, 4]``. The origin of its frame is the centre of its bounding box.
     """
 
     mass_kg: float
     friction: float
     workspace_from_object: NDArray[np.float64]
     _body: _native.Body = field(repr=False)
-    _seven: tuple[float, ...] = field(repr=False)
+    _pose: tuple[float, ...] = field(repr=False)
 
     @property
     def name(self) -> str:
@@ -62,40 +76,32 @@ class Object:
 
     @classmethod
     def _of(cls, body: _native.Body, pose: ArrayLike, mass_kg: float | None, friction: float) -> Object:
-        seven = _arrays.pose("pose", pose)
         size_m = max(body.extents_m)
         if not 1e-3 <= size_m <= EXTENT_M_MAX:
             raise InputError(f"the object must be 0.001 to {EXTENT_M_MAX:g} m long, got {size_m:g}: are its lengths in metres?")
         # What is thin is light, but not weightless.
         mass = max(DENSITY_KG_M3 * body.volume_m3, 1e-6) if mass_kg is None else mass_kg
         mass = _arrays.number("mass_kg", mass, 1e-6, 1e3)
-        return cls._wrap(body, mass, _arrays.number("friction", friction, 0.0, 10.0), tuple(seven))
+        return cls._wrap(body, mass, _arrays.number("friction", friction, 0.0, 10.0), tuple(_arrays.pose("pose", pose)))
 
     @classmethod
-    def _wrap(cls, body: _native.Body, mass_kg: float, friction: float, seven: tuple[float, ...]) -> Object:
+    def _wrap(cls, body: _native.Body, mass_kg: float, friction: float, pose: tuple[float, ...]) -> Object:
         made = cls.__new__(cls)
-        pose = _arrays.matrices([seven])[0]
-        for name, value in (("mass_kg", mass_kg), ("friction", friction), ("workspace_from_object", pose), ("_body", body), ("_seven", seven)):
-            object.__setattr__(made, name, value)
+        matrix = _arrays.matrices([pose])[0]
+        vars(made).update(mass_kg=mass_kg, friction=friction, workspace_from_object=matrix, _body=body, _pose=pose)
         return made
-
-    def __copy__(self) -> Object:
-        return self
-
-    def __deepcopy__(self, _: Any) -> Object:
-        return self
 
     @classmethod
     def solid(
         cls, shape: str, extents_m: ArrayLike, pose: ArrayLike, *, mass_kg: float | None = None, friction: float = 1.0
     ) -> Object:
-        """One of the primitive shapes: ``cuboid``, ``cylinder``, ``tri_prism`` or ``half_cylinder``.
+        """A primitive shape: ``cuboid``, ``cylinder``, ``tri_prism`` or ``half_cylinder``.
 
         Args:
-            shape: Its name.
+            shape: Name of the shape.
             extents_m: Full lengths along its axes, ``[3]``.
             pose: ``workspace_from_object``, ``[4, 4]``, ``[7]`` or ``[3]``.
-            mass_kg: Mass; by default that of 500 kg/m³.
+            mass_kg: Mass; by default that of a density of 500 kg/m³.
             friction: Coulomb coefficient.
         """
         extents = [float(part) for part in _arrays.floats("extents_m", extents_m, (3,))]
@@ -121,12 +127,14 @@ class Object:
         """A triangle mesh, decomposed into convex parts.
 
         Args:
-            mesh: ``(vertices, faces)`` of shapes ``[V, 3]`` (metres) and ``[F, 3]``, or an object with these attributes, such as a
-                ``trimesh.Trimesh``.
+            mesh: ``(vertices, faces)`` of shapes ``[V, 3]`` (metres) and ``[F, 3]``, or an object that has them, such
+                as a ``trimesh.Trimesh``.
             pose: ``workspace_from_mesh``: the pose of the mesh's own frame.
             name: Its name in messages.
-            parts_max: Most convex parts, 1 to 64.
-            corners_max: Most corners of a part, 8 to 256.
+            mass_kg: See :meth:`solid`.
+            friction: Coulomb coefficient.
+            parts_max: The largest number of convex parts, 1 to 64.
+            corners_max: The largest number of corners of a part, 8 to 256.
         """
         vertices, faces = (mesh.vertices, mesh.faces) if hasattr(mesh, "vertices") else _two(mesh)
         corners = _arrays.floats("mesh vertices", vertices, (None, 3))
@@ -157,7 +165,7 @@ class Object:
         return cls._of(body, workspace_from_mesh @ centre, mass_kg, friction)
 
     def parts(self) -> list[NDArray[np.float32]]:
-        """The corners of each convex part, ``[N, 3]`` in the object's frame, in metres: what physics and cameras see."""
+        """The corners of each convex part, ``[N, 3]`` in the object's frame, in metres, as physics uses them."""
         return self._body.parts()
 
 
@@ -177,12 +185,12 @@ def _is_closed(triangles: NDArray[Any]) -> bool:
     return len(there) == len(edges) and np.array_equal(there, back)
 
 
-class Scene:
+class Scene(Immutable):
     """Objects on a table.
 
     Args:
-        objects: The objects, where they are; :meth:`settle` lets them come to rest.
-        table_z_m: Height of the table's top in the workspace, in metres; the shipped configs have 0.05.
+        objects: The objects at their poses; :meth:`settle` lets them come to rest.
+        table_z_m: Height of the table's top in the workspace, in metres; 0.05 in the shipped configs.
     """
 
     def __init__(self, objects: Iterable[Object], *, table_z_m: float = 0.05) -> None:
@@ -193,7 +201,7 @@ class Scene:
         for number, one in enumerate(given):
             if not isinstance(one, Object):
                 raise InputError(f"objects must be graspmill.Object, got {_arrays.shown(one)} as number {number}")
-        poses = np.array([one._seven for one in given], dtype=np.float32).reshape(len(given), 7)
+        poses = np.array([one._pose for one in given], dtype=np.float32).reshape(len(given), 7)
         self._native = _native.Scene(
             [one._body for one in given],
             [one.mass_kg for one in given],
@@ -202,21 +210,34 @@ class Scene:
             _arrays.number("table_z_m", table_z_m, -1.0, 1.0),
         )
         self._simulation: _native.Simulation | None = None
+        #: The scene of a dataset that it is, or was before it settled again.
+        self._stored: tuple[_native.Dataset, int] | None = None
+
+    def _with(self, scene: _native.Scene) -> Scene:
+        """Another native half in the same simulation."""
+        made = Scene.__new__(Scene)
+        vars(made).update(vars(self), _native=scene)
+        return made
 
     @classmethod
-    def _wrap(cls, scene: _native.Scene, simulation: _native.Simulation | None = None) -> Scene:
+    def _of(cls, stored: tuple[_native.Dataset, int]) -> tuple[Scene, dict[str, Any]]:
+        """A scene of a dataset, and its rows."""
         made = cls.__new__(cls)
-        made._native, made._simulation = scene, simulation
-        return made
+        made._native, made._simulation, rows = stored[0].scene(stored[1])
+        made._stored = stored
+        return made, rows
+
+    @classmethod
+    def _again(cls, objects: list[Object], table_z_m: float, stored: tuple[_native.Dataset, int] | None) -> Scene:
+        """What pickle makes: the simulation of a stored scene is read from its dataset."""
+        made = cls(objects, table_z_m=table_z_m)
+        return made if stored is None else cls._of(stored)[0]._with(made._native)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Scene._again, (self.objects, self.table_z_m, self._stored)
 
     def __len__(self) -> int:
         return len(self._native)
-
-    def __copy__(self) -> Scene:
-        return self
-
-    def __deepcopy__(self, _: Any) -> Scene:
-        return self
 
     def __repr__(self) -> str:
         names = ", ".join(one.name for one in self.objects)
@@ -227,11 +248,11 @@ class Scene:
         """The objects, with their poses."""
         poses = self._native.poses()
         rows = []
-        for number, seven in enumerate(poses):
+        for number, pose in enumerate(poses):
             found = self._native.object(number)
             assert found is not None
             body, mass_kg, friction = found
-            rows.append(Object._wrap(body, mass_kg, friction, tuple(float(part) for part in seven)))
+            rows.append(Object._wrap(body, mass_kg, friction, tuple(float(part) for part in pose)))
         return rows
 
     @property
@@ -240,36 +261,36 @@ class Scene:
         return self._native.table_z_m
 
     def settle(self, *, drop: bool = False, settings: Mapping[str, Any] | None = None) -> Scene:
-        """The scene at rest, by our physics; objects that leave the workspace are gone.
+        """The scene at rest, after simulation. Objects that leave the workspace are removed.
+
+        Objects must not overlap at the start; those that do may stay interpenetrating.
 
         Args:
-            drop: Whether the objects fall one after the other into a box about the workspace, as in generated piles. Otherwise all are
-                let go where they are.
+            drop: Whether the objects fall one after the other into a box around the workspace, as in generated piles.
+                Otherwise all are released at their poses.
             settings: Keys of a generator's config, such as ``{"settle.time_s_max": 8.0}``.
 
-        Objects must not overlap at the start; interpenetrating objects may stay interpenetrating.
-
         Raises:
-            DataError: If they do not come to rest, or are shot apart.
+            DataError: If they do not come to rest, or are thrown apart.
         """
-        return Scene._wrap(self._native.settle(self._simulation_with(None, settings), bool(drop)), self._simulation)
+        return self._with(self._native.settle(self._simulation_with(None, settings), bool(drop)))
 
     def _simulation_with(self, gripper: GripperLike | None, settings: Mapping[str, Any] | None) -> _native.Simulation:
-        """The simulation of a stored scene, or the paper's, with what is asked for."""
+        """The simulation of a stored scene, or the paper's, with another gripper and other settings."""
         if self._simulation is None:
             return _simulation(gripper, settings)
         pairs = _pairs(gripper, settings)
         return self._simulation.adjusted(pairs) if pairs else self._simulation
 
     def render(self, camera: Camera) -> NDArray[np.float32]:
-        """The depth image of a camera, ``[height, width]``: metres along its z, 0 where it sees nothing."""
+        """The depth image of a camera, ``[height, width]``, in metres along its z; 0 where it sees nothing."""
         if not isinstance(camera, Camera):
             raise InputError(f"camera must be a graspmill.Camera, got {_arrays.shown(camera)}")
-        return self._native.render(camera._lens(), camera._seven())
+        return self._native.render(camera._intrinsics(), camera._pose())
 
     def tsdf(self, cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30) -> NDArray[np.float32]:
-        """What cameras see of the scene as a TSDF, ``[resolution] * 3`` (x, y, z) in VGN's values: (tsdf + 1) / 2 where it was
-        observed, else 0; the surface is at 0.5."""
+        """The TSDF of the scene as cameras see it, ``[resolution] * 3`` (x, y, z) in VGN's values: (tsdf + 1) / 2 where
+        it was observed, else 0; the surface is at 0.5."""
         if isinstance(cameras, Camera):
             cameras = [cameras]
         return tsdf([self.render(camera) for camera in cameras], cameras, resolution=resolution, size_m=size_m)
@@ -278,11 +299,11 @@ class Scene:
 def tsdf(
     depths: Sequence[ArrayLike], cameras: Sequence[Camera], *, resolution: int = 40, size_m: float = 0.30, truncation_voxels: float = 4.0
 ) -> NDArray[np.float32]:
-    """Depth images fused into a TSDF in VGN's values.
+    """Fuses depth images into a TSDF in VGN's values.
 
     Args:
-        depths: Images, ``[height, width]`` each in metres; 0 or NaN where nothing was seen.
-        cameras: Their cameras.
+        depths: Images, ``[height, width]`` each, in metres; 0 or NaN where nothing was seen.
+        cameras: The camera of each image.
         resolution: Voxels along a side, 2 to 256.
         size_m: Side of the workspace in metres.
         truncation_voxels: Truncation in voxels.
@@ -294,8 +315,8 @@ def tsdf(
     side = _arrays.whole("resolution", resolution, 2, 256)
     values = _native.fuse(
         images,
-        [camera._lens() for camera in cameras],
-        [camera._seven() for camera in cameras],
+        [camera._intrinsics() for camera in cameras],
+        [camera._pose() for camera in cameras],
         side,
         _arrays.number("size_m", size_m, 0.01, 10.0),
         _arrays.number("truncation_voxels", truncation_voxels, 0.5, 64.0),
@@ -334,14 +355,14 @@ def _images(depths: Sequence[ArrayLike], cameras: Sequence[Camera]) -> tuple[lis
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """How attempts ended, an entry for each.
+    """The outcomes of attempts.
 
     Attributes:
         outcome: ``[N]`` uint8, numbers of :data:`OUTCOMES`.
         width_m: ``[N]`` float32, the opening between the fingers at the end; NaN where they never closed.
         hit: ``[N]`` int8, what was hit, a number of :data:`HITS`; -1 for nothing.
         hit_object: ``[N]`` int32, which object was hit; -1 for none.
-        target: ``[N]`` uint32, the object that each grasp was to hold.
+        target: ``[N]`` uint32, the object that each grasp was meant to hold.
     """
 
     outcome: NDArray[np.uint8]
@@ -360,7 +381,7 @@ class Outcomes:
 
     @property
     def names(self) -> list[str]:
-        """The outcomes' names."""
+        """Names of the outcomes."""
         return [OUTCOMES[number] for number in self.outcome]
 
     def __repr__(self) -> str:
@@ -379,21 +400,21 @@ def execute(
 ) -> Outcomes:
     """Executes grasps in physics, each in a fresh copy of the scene: the label oracle.
 
-    The open hand appears 50 mm behind the grasp and approaches straight; closes; retreats; holds. ``docs/label.md`` is the contract.
-    The same arguments give the same bits on any number of threads.
+    The open gripper appears 50 mm behind the grasp, approaches in a straight line, closes, retreats and holds;
+    ``docs/label.md`` is the contract. The same arguments give the same bits on any number of threads.
 
     Args:
         scene: Objects at rest.
         grasps: ``workspace_from_grasp``, matrices ``[N, 4, 4]`` or positions and quaternions ``[N, 7]``.
-        gripper: A :class:`Gripper`, a built-in one's name, such as ``"franka_hand"``, or a file's path. By default that of a stored scene, else
-            ``parallel_jaw_80``.
+        gripper: A :class:`Gripper`, the name of a built-in one, such as ``"franka_hand"``, or the path of a file. By
+            default that of a stored scene, else ``parallel_jaw_80``.
         targets: ``[N]``, the object that each grasp is for; by default the one nearest to the finger tips.
-        settings: Keys of a generator's config, such as ``{"physics.engine": "rapier", "procedure.hold_time_s": 1.0}``; the others are a
-            stored scene's, else the paper's.
-        threads: By default one per core; 1 is the caller's own thread.
+        settings: Keys of a generator's config, such as ``{"procedure.hold_time_s": 1.0}``; the other keys are those of
+            a stored scene, else the paper's.
+        threads: Number of threads, by default one per core; 1 is the caller's own thread.
 
     Returns:
-        The outcomes, in the grasps' order.
+        The outcomes, in the order of the grasps.
 
     Raises:
         InputError: If an argument is wrong; the message names it.
@@ -427,7 +448,7 @@ def _pairs(gripper: GripperLike | None, settings: Mapping[str, Any] | None) -> l
 
 
 def setting_pairs(settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    """Settings as the programs' ``--set`` has them: keys, and values in TOML."""
+    """Settings as ``--set`` of the programs takes them: keys, and values in TOML."""
     pairs = []
     if settings is not None and not isinstance(settings, Mapping):
         raise InputError(f"settings must be a dict, got {_arrays.shown(settings)}; {_SETTINGS_HELP}")
@@ -442,5 +463,6 @@ def setting_pairs(settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
         try:
             pairs.append((key, json.dumps(value, allow_nan=False, ensure_ascii=False)))
         except (TypeError, ValueError) as error:
-            raise InputError(f"settings[{key!r}] must be a number, a string, a bool or a list of them, got {_arrays.shown(value)}") from error
+            wanted = "must be a number, a string, a bool or a list of them"
+            raise InputError(f"settings[{key!r}] {wanted}, got {_arrays.shown(value)}") from error
     return pairs

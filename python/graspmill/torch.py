@@ -1,6 +1,6 @@
-"""For PyTorch: datasets that read shards, and the paper's network.
+"""Datasets and the paper's network for PyTorch.
 
-Needs ``pip install graspmill[torch]``. What is trained on is what ``graspmill fit`` trains on: the same samples, the same split.
+Needs ``pip install graspmill[torch]``. The samples and the split are those of ``graspmill fit``.
 """
 
 from __future__ import annotations
@@ -8,15 +8,17 @@ from __future__ import annotations
 import json
 import os
 import re
-from typing import Any, Generic, Iterator, Literal, TypedDict, TypeVar
+from bisect import bisect_right
+from typing import TYPE_CHECKING, Any, Generic, Iterator, Literal, TypedDict, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _arrays, _native
+from ._renamed import renamed
+from .crops import cut
 from .dataset import Dataset
 from .errors import InputError
-from .hands import CROP, FACTS, SURROUNDINGS
 from .scene import OUTCOMES
 
 try:
@@ -33,10 +35,11 @@ _SETS = {"train": 1, "test-attempts": 2, "test-scenes": 3}
 
 
 class Batch(TypedDict):
-    """Samples of some scenes; each scene's grid is there once.
+    """``B`` samples of ``S`` scenes, each with one grid.
 
-    ``tsdf`` is ``[S, 1, 40, 40, 40]``; of the others each has ``B`` entries: ``scene`` (index into ``tsdf``), ``voxel`` ``[B, 3]`` (x, y,
-    z), ``label`` (1 if the attempt held), ``rotation`` ``[B, 4]`` (quaternion x, y, z, w), ``width`` (opening in voxels; 0 unless held).
+    ``tsdf`` is ``[S, 1, 40, 40, 40]``. The others have ``B`` entries: ``scene`` (index into ``tsdf``), ``voxel``
+    ``[B, 3]`` (x, y, z), ``label`` (1 if the attempt held), ``rotation`` ``[B, 4]`` (quaternion x, y, z, w), ``width``
+    (opening in voxels; 0 unless the attempt held).
     """
 
     tsdf: Tensor
@@ -47,26 +50,33 @@ class Batch(TypedDict):
     width: Tensor
 
 
-class HandBatch(TypedDict):
-    """Hands as a judge sees them (:func:`graspmill.hand_crops`), ``B`` of them.
+class GraspCropBatch(TypedDict):
+    """``B`` grasps as a judge sees them (:func:`graspmill.grasp_crops`).
 
-    ``crop`` ``[B, 4, 8, 20, 28]``, ``surroundings`` ``[B, 3, 12, 8, 8]``, ``facts`` ``[B, 16]``, ``outcome`` (index into
-    ``graspmill.OUTCOMES``), ``label`` (1 if the attempt held), ``hits_table`` (bool: it fails for certain, and there is nothing to ask; none of
-    these is in the training set).
+    ``crop`` ``[B, 4, 8, 20, 28]``, ``context`` ``[B, 3, 12, 8, 8]``, ``features`` ``[B, 16]``, ``outcome`` (index into
+    ``graspmill.OUTCOMES``), ``label`` (1 if the attempt held), ``hits_table`` (bool: the grasp fails for certain, so
+    the judge need not be asked; the training set has no such grasps).
     """
 
     crop: Tensor
-    surroundings: Tensor
-    facts: Tensor
+    context: Tensor
+    features: Tensor
     outcome: Tensor
     label: Tensor
     hits_table: Tensor
 
 
-_B = TypeVar("_B", Batch, HandBatch)
+class _Renamed(dict[str, Tensor]):
+    """A batch that still has the old names of its entries."""
+
+    def __missing__(self, name: str) -> Tensor:
+        return cast(Tensor, renamed(name, self, "GraspCropBatch", KeyError))
 
 
-#: Where the shipped recipes have the origin of a grasp: between the roots of the fingers.
+_B = TypeVar("_B", Batch, GraspCropBatch)
+
+
+#: Origin of a grasp in the shipped recipes: between the roots of the fingers.
 ORIGIN_BEHIND_TIPS_M = 0.05
 
 
@@ -75,7 +85,7 @@ def _behind_tips_m(value: float) -> float:
 
 
 class _Samples:
-    """The samples of a split, by scene: of voxels, or of hands."""
+    """The samples of a split, by scene: voxels, or crops of grasps."""
 
     def __init__(
         self,
@@ -85,12 +95,12 @@ class _Samples:
         test_share: float,
         other_share: float,
         seed: int,
-        of_hands: bool,
+        has_crops: bool,
         origin_behind_tips_m: float | None,
     ) -> None:
-        self.of_hands = of_hands
-        if of_hands and origin_behind_tips_m is not None:
-            raise InputError("a judge is asked about a grasp as it is: origin_behind_tips_m must be left out")
+        self.has_crops = has_crops
+        if has_crops and origin_behind_tips_m is not None:
+            raise InputError("crops are cut at the grasp itself: origin_behind_tips_m must be left out")
         self.origin_behind_tips_m = _behind_tips_m(ORIGIN_BEHIND_TIPS_M if origin_behind_tips_m is None else origin_behind_tips_m)
         self._crops: _native.Crops | None = None
         self.dataset = path if isinstance(path, Dataset) else Dataset(path)
@@ -98,7 +108,8 @@ class _Samples:
             raise InputError(f"by must be 'attempt' or 'scene', got {_arrays.shown(by)}")
         shares = [_arrays.number(name, value, 1e-9, 0.45) for name, value in (("test_share", test_share), ("other_share", other_share))]
         native = self.dataset._native
-        self.marks: NDArray[np.uint8] = native.split(_arrays.whole("seed", seed, 0, 2**63 - 1), by, shares, of_hands, self.origin_behind_tips_m)
+        seed = _arrays.whole("seed", seed, 0, 2**63 - 1)
+        self.marks: NDArray[np.uint8] = native.split(seed, by, shares, has_crops, self.origin_behind_tips_m)
         name = f"test-{by}s" if split == "test" else split
         if not isinstance(split, str) or name not in {*_SETS, "all"}:
             raise InputError(f"split must be one of train, test, test-attempts, test-scenes, all, got {_arrays.shown(split)}")
@@ -115,17 +126,17 @@ class _Samples:
         return int(self.wanted.sum())
 
     def of_scene(self, scene: int) -> NDArray[np.intp]:
-        """The attempts of a scene that are wanted."""
+        """The attempts of a scene that are in the split."""
         start = scene * self.per_scene
         return np.nonzero(self.wanted[start : start + self.per_scene])[0]
 
     def read(self, shard: int, scenes: list[int]) -> tuple[NDArray[np.float32], dict[tuple[int, int], int], dict[str, NDArray[Any]]]:
-        """Grids of scenes of a shard, ascending; the row of each (place of its scene, attempt); the rows."""
-        grids, poses, width, numbers = self.dataset._native.samples(shard, scenes, self.of_hands, self.origin_behind_tips_m)
+        """Grids of scenes of a shard, which ascend; the row of each (index of its scene, attempt); the rows."""
+        grids, poses, width, numbers = self.dataset._native.samples(shard, scenes, self.has_crops, self.origin_behind_tips_m)
         held = numbers[:, 2] == OUTCOMES.index("held")
         rows = {"label": held.astype(np.float32), "pose": poses, "outcome": numbers[:, 2].astype(np.int64)}
-        if self.of_hands:
-            rows |= {"hand": numbers[:, 3], "views": numbers[:, 4]}
+        if self.has_crops:
+            rows |= {"gripper": numbers[:, 3], "views": numbers[:, 4]}
         else:
             known = held & np.isfinite(width)
             rows["voxel"] = np.floor(poses[:, :3] / np.float32(self.voxel_m)).astype(np.int64)
@@ -133,40 +144,32 @@ class _Samples:
         where = {(int(place), int(attempt)): row for row, (place, attempt, *_) in enumerate(numbers)}
         return grids.reshape(len(scenes), 1, self.side, self.side, self.side), where, rows
 
-    def voxels(self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]]) -> Batch:
-        """Rows as samples of voxels of the scenes' grids."""
-        return Batch(
-            tsdf=torch.from_numpy(grids),
-            scene=torch.from_numpy(scene.astype(np.int64)),
-            voxel=torch.from_numpy(rows["voxel"]),
-            label=torch.from_numpy(rows["label"]),
-            rotation=torch.from_numpy(rows["pose"][:, 3:].copy()),
-            width=torch.from_numpy(rows["width"]),
-        )
-
-    def hands(
+    def batch(
         self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]], mirrored: NDArray[np.uint32]
-    ) -> HandBatch:
-        """Rows as hands in the scenes' grids, mirrored in x (1), y (2), both (3) or not (0)."""
-        if self._crops is None:
-            self._crops = self.dataset._native.crops()
-        numbers = np.stack([scene.astype(np.uint32), rows["hand"], rows["views"], mirrored], axis=1)
-        (crop, surroundings, facts), hits_table = self._crops.see(grids.ravel(), rows["pose"], numbers)
-        count = len(numbers)
-        return HandBatch(
-            crop=torch.from_numpy(crop.reshape(count, *CROP)).permute(0, 4, 1, 2, 3),
-            surroundings=torch.from_numpy(surroundings.reshape(count, *SURROUNDINGS)).permute(0, 4, 1, 2, 3),
-            facts=torch.from_numpy(facts.reshape(count, FACTS)),
-            outcome=torch.from_numpy(rows["outcome"]),
-            label=torch.from_numpy(rows["label"]),
-            hits_table=torch.from_numpy(hits_table),
-        )
+    ) -> dict[str, Tensor]:
+        """Rows in the scenes' grids as a batch. Crops are mirrored in x (1), y (2), both (3) or not (0)."""
+        if self.has_crops:
+            self._crops = self._crops or self.dataset._native.crops()
+            numbers = np.stack([scene.astype(np.uint32), rows["gripper"], rows["views"], mirrored], axis=1)
+            seen = cut(self._crops, grids, rows["pose"], numbers)
+            arrays: dict[str, NDArray[Any]] = {
+                "crop": np.moveaxis(seen.crop, 4, 1),
+                "context": np.moveaxis(seen.context, 4, 1),
+                "features": seen.features,
+                "outcome": rows["outcome"],
+                "label": rows["label"],
+                "hits_table": seen.hits_table,
+            }
+        else:
+            arrays = {"tsdf": grids, "scene": scene.astype(np.int64), "rotation": rows["pose"][:, 3:].copy()}
+            arrays |= {name: rows[name] for name in ("voxel", "label", "width")}
+        return _Renamed({name: torch.from_numpy(array) for name, array in arrays.items()})
 
 
 class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
     """Samples one by one."""
 
-    _of_hands: bool
+    _has_crops: bool
 
     def __init__(
         self,
@@ -179,87 +182,75 @@ class _Items(torch.utils.data.Dataset[dict[str, Tensor]]):
         seed: int = 1,
         origin_behind_tips_m: float | None = None,
     ) -> None:
-        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._of_hands, origin_behind_tips_m)
+        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._has_crops, origin_behind_tips_m)
         self._places = np.nonzero(self._samples.wanted)[0]
 
     def __len__(self) -> int:
         return len(self._places)
 
-    def _row(self, index: int) -> tuple[NDArray[np.float32], dict[str, NDArray[Any]]]:
+    def __getitem__(self, index: int) -> dict[str, Tensor]:
         if not -len(self) <= index < len(self):
             raise IndexError(index)
         scene, attempt = divmod(int(self._places[index]), self._samples.per_scene)
-        grids, where, rows = self._samples.read(_shard_of(self._samples.dataset, scene), [scene])
+        dataset = self._samples.dataset
+        shard = bisect_right(range(dataset.shard_count), scene, key=lambda shard: dataset._native.scenes_of(shard)[1])
+        grids, where, rows = self._samples.read(shard, [scene])
         row = where[0, attempt]
-        return grids, {name: values[row : row + 1] for name, values in rows.items()}
+        one = {name: values[row : row + 1] for name, values in rows.items()}
+        batch = self._samples.batch(grids, np.zeros(1, np.intp), one, np.zeros(1, np.uint32))
+        return _Renamed({name: values[0] for name, values in batch.items() if name != "scene"})
 
 
 class GraspDataset(_Items):
-    """Samples one by one, at random places: a grid ``tsdf`` ``[1, 40, 40, 40]``, ``voxel`` ``[3]``, ``label``, ``rotation`` ``[4]``, ``width``.
+    """Samples by index: ``tsdf`` ``[1, 40, 40, 40]``, ``voxel`` ``[3]``, ``label``, ``rotation`` ``[4]``, ``width``.
 
-    Each item decodes a scene; :class:`GraspStream` decodes a scene once for several samples and is many times faster.
+    Each item decodes a scene. :class:`GraspStream` decodes a scene once for several samples and is many times faster.
 
     Args:
-        path: A dataset, its folder or URL.
-        split: ``"train"``, ``"test"`` (the set that ``by`` names), ``"test-attempts"``, ``"test-scenes"`` or ``"all"``.
-        by: Whether single attempts are *the* test set, as the paper does, or whole scenes.
+        path: A dataset, or its folder or URL.
+        split: ``"train"``, ``"test"`` (the test set that ``by`` selects), ``"test-attempts"``, ``"test-scenes"`` or
+            ``"all"``.
+        by: Whether the test set is of single attempts, as in the paper, or of whole scenes.
         test_share: Share of all samples in that test set.
-        other_share: Share in the other one.
-        seed: Seed of the split; the trainer's recipes have 1.
-        origin_behind_tips_m: Where the network has the origin of a grasp, and so which voxel answers for it: so far behind the finger tips,
-            against the approach (``network.origin_behind_tips_m`` of a recipe); 0.05, as the shipped recipes, if left out.
+        other_share: Share of all samples in the other test set.
+        seed: Seed of the split; 1 in the trainer's recipes.
+        origin_behind_tips_m: Distance of the origin of a grasp behind the finger tips, against the approach; it decides
+            which voxel a grasp belongs to (``network.origin_behind_tips_m`` of a recipe). By default 0.05, as in the
+            shipped recipes.
     """
 
-    _of_hands = False
-
-    def __getitem__(self, index: int) -> dict[str, Tensor]:
-        grids, row = self._row(index)
-        batch = self._samples.voxels(grids, np.zeros(1, np.intp), row)
-        return {"tsdf": batch["tsdf"][0], **{name: batch[name][0] for name in ("voxel", "label", "rotation", "width")}}
+    _has_crops = False
 
 
-class HandDataset(_Items):
-    """Hands one by one, as a judge sees them in the dataset's grids: the entries of :class:`HandBatch` without ``B``. None is mirrored.
+class GraspCropDataset(_Items):
+    """Crops of grasps by index: the entries of :class:`GraspCropBatch` without ``B``, never mirrored.
 
-    Args: those of :class:`GraspDataset`.
+    The arguments are those of :class:`GraspDataset`.
     """
 
-    _of_hands = True
-
-    def __getitem__(self, index: int) -> dict[str, Tensor]:
-        grids, row = self._row(index)
-        batch = self._samples.hands(grids, np.zeros(1, np.intp), row, np.zeros(1, np.uint32))
-        return {name: values[0] for name, values in batch.items()}  # type: ignore[index]
-
-
-def _shard_of(dataset: Dataset, scene: int) -> int:
-    low, high = 0, dataset.shard_count - 1
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (middle + 1, high) if dataset._native.scenes_of(middle)[1] <= scene else (low, middle)
-    return low
+    _has_crops = True
 
 
 class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     """Batches in a shuffled order: give it to ``DataLoader(stream, batch_size=None, num_workers=…)``.
 
-    A seeded order of blocks of scenes, read one after the other by each worker; scenes are shuffled within a buffer. The order is a pure
-    function of the seed, the epoch and the number of workers. A worker holds at most ``buffer_scenes`` grids, a quarter of a megabyte each, and a
-    block of 64 scenes.
+    Each worker reads blocks of scenes in a seeded order and shuffles scenes in a buffer. The order depends on the seed,
+    the epoch and the number of workers alone. A worker holds at most ``buffer_scenes`` grids of a quarter of a megabyte
+    and a block of 64 scenes. Further arguments are those of :class:`GraspDataset`; the seed is also the order's.
 
     Args:
-        path: A dataset, its folder or URL (of a URL with workers: ``multiprocessing_context="spawn"``).
+        path: A dataset, or its folder or URL (for workers and a URL: ``multiprocessing_context="spawn"``).
         split: See :class:`GraspDataset`.
-        batch: Samples in a batch.
-        samples_per_scene: Most samples of a scene that stay together and share its grid; by default 8, or the batch if that is smaller.
-        buffer_scenes: How many such groups are shuffled with each other.
-        shuffle: Whether the order is shuffled; otherwise as stored.
-        by, test_share, other_share, seed, origin_behind_tips_m: See :class:`GraspDataset`; the seed is also that of the order.
+        batch: Number of samples in a batch.
+        samples_per_scene: The largest number of samples of a scene that stay together and share its grid; by default 8,
+            or ``batch`` if that is smaller.
+        buffer_scenes: Number of such groups that are shuffled with each other.
+        shuffle: Whether the order is shuffled; otherwise it is the stored one.
     """
 
     #: Scenes that are read together.
     BLOCK = 64
-    _of_hands: bool
+    _has_crops: bool
 
     def __init__(
         self,
@@ -276,7 +267,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         seed: int = 1,
         origin_behind_tips_m: float | None = None,
     ) -> None:
-        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._of_hands, origin_behind_tips_m)
+        self._samples = _Samples(path, split, by, test_share, other_share, seed, self._has_crops, origin_behind_tips_m)
         self.batch = _arrays.whole("batch", batch, 1, 1_000_000)
         together = min(8, self.batch) if samples_per_scene is None else samples_per_scene
         self.samples_per_scene = _arrays.whole("samples_per_scene", together, 1, self.batch)
@@ -284,12 +275,12 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         self.shuffle, self.seed, self.epoch = bool(shuffle), seed, 0
 
     def set_epoch(self, epoch: int) -> None:
-        """The epoch, from 0: each has another order."""
+        """Sets the epoch, from 0; each epoch has another order."""
         self.epoch = _arrays.whole("epoch", epoch, 0, 2**31)
 
     @property
     def sample_count(self) -> int:
-        """Samples of the split."""
+        """Number of samples in the split."""
         return len(self._samples)
 
     def __iter__(self) -> Iterator[_B]:
@@ -306,7 +297,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         yield from self._joined(self._parts(blocks[number::count], own), own)
 
     def _parts(self, blocks: list[tuple[int, range]], own: np.random.Generator) -> Iterator[tuple[Any, Any, Any]]:
-        """Each scene's grid with some of its rows."""
+        """Grids, each with a group of its rows."""
         waiting: list[tuple[Any, Any, Any]] = []
         for shard, scenes in blocks:
             wanted = [scene for scene in scenes if len(self._samples.of_scene(scene))]
@@ -327,7 +318,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
             yield waiting.pop(int(own.integers(len(waiting))) if self.shuffle else 0)
 
     def _joined(self, parts: Iterator[tuple[Any, Any, Any]], own: np.random.Generator) -> Iterator[_B]:
-        """Parts of scenes as batches; the last may be smaller."""
+        """Groups of samples as batches; the last may be smaller."""
         held: list[tuple[Any, Any, Any]] = []
         size = 0
         for grid, rows, chosen in parts:
@@ -345,47 +336,38 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
     def _together(self, held: list[tuple[Any, Any, Any]], own: np.random.Generator) -> _B:
         rows = {name: np.concatenate([rows[name][chosen] for _, rows, chosen in held]) for name in held[0][1]}
         scene = np.repeat(np.arange(len(held)), [len(chosen) for *_, chosen in held])
-        return self._batch(np.stack([grid for grid, *_ in held]), scene, rows, own)
-
-    def _batch(self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]], own: np.random.Generator) -> _B:
-        raise NotImplementedError
+        count = len(scene)
+        is_mirrored = self._has_crops and self.shuffle
+        mirrored = own.integers(0, 4, count, dtype=np.uint32) if is_mirrored else np.zeros(count, np.uint32)
+        return cast(_B, self._samples.batch(np.stack([grid for grid, *_ in held]), scene, rows, mirrored))
 
 
 class GraspStream(_Stream[Batch]):
     __doc__ = _Stream.__doc__
-    _of_hands = False
-
-    def _batch(self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]], own: np.random.Generator) -> Batch:
-        return self._samples.voxels(grids, scene, rows)
+    _has_crops = False
 
 
-class HandStream(_Stream[HandBatch]):
-    """The same for hands, as a judge sees them (:class:`HandBatch`); a shuffled stream mirrors them at random, as the trainer does.
+class GraspCropStream(_Stream[GraspCropBatch]):
+    """Batches of crops of grasps, as a judge sees them. A shuffled stream mirrors them at random, as the trainer does.
 
-    Args: those of :class:`GraspStream`.
+    The arguments are those of :class:`GraspStream`.
     """
 
-    _of_hands = True
-
-    def _batch(
-        self, grids: NDArray[np.float32], scene: NDArray[np.intp], rows: dict[str, NDArray[Any]], own: np.random.Generator
-    ) -> HandBatch:
-        count = len(rows["label"])
-        mirrored = own.integers(0, 4, count, dtype=np.uint32) if self.shuffle else np.zeros(count, np.uint32)
-        return self._samples.hands(grids, scene, rows, mirrored)
+    _has_crops = True
 
 
 class VoxelNetwork(nn.Module):
-    """The paper's network, which is VGN's: for every voxel a quality, an orientation and an opening.
+    """The paper's network, which is VGN's: it predicts a quality, an orientation and an opening for every voxel.
 
-    ``load_state_dict(..., strict=True)`` takes the tensors of ``graspmill weights export --format safetensors`` (:meth:`load`), and
-    ``graspmill weights import`` takes a saved state dict (:meth:`save`).
+    :meth:`load` reads the weights of ``graspmill weights export --format safetensors``; ``graspmill weights import``
+    reads those of :meth:`save`.
 
     Args:
-        upsampling: ``"linear"`` (trilinear, the shipped configs) or ``"nearest"``.
-        origin_behind_tips_m: Where it has the origin of a grasp: so far behind the finger tips, against the approach. Train it on a
-            :class:`GraspStream` with the same.
-        voxel_offset: Place of that origin in its voxel along each axis: 0.5, the middle, for networks trained here; 0 for VGN's weights.
+        upsampling: ``"linear"`` (trilinear, as in the shipped configs) or ``"nearest"``.
+        origin_behind_tips_m: Distance of the origin of a grasp behind the finger tips, against the approach. Train the
+            network on a :class:`GraspStream` with the same value.
+        voxel_offset: Position of that origin in its voxel along each axis: 0.5, the middle, for networks trained with
+            this package; 0 for VGN's weights.
     """
 
     def __init__(
@@ -420,13 +402,13 @@ class VoxelNetwork(nn.Module):
         return x
 
     def forward(self, tsdf: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """From TSDFs in VGN's values, ``[B, 1, 40, 40, 40]``, to quality (0 to 1, ``[B, 1, …]``), rotation (unit quaternion x, y, z, w,
-        ``[B, 4, …]``) and width (voxels, ``[B, 1, …]``)."""
+        """From TSDFs in VGN's values, ``[B, 1, 40, 40, 40]``, to quality (0 to 1, ``[B, 1, …]``), rotation (unit
+        quaternion x, y, z, w, ``[B, 4, …]``) and width (voxels, ``[B, 1, …]``)."""
         x = self.features(tsdf)
         return torch.sigmoid(self.conv_qual(x)), F.normalize(self.conv_rot(x), dim=1), self.conv_width(x)
 
     def at(self, batch: Batch) -> tuple[Tensor, Tensor, Tensor]:
-        """Quality ``[B]``, rotation ``[B, 4]`` and width ``[B]`` at a batch's voxels."""
+        """Quality ``[B]``, rotation ``[B, 4]`` and width ``[B]`` at the voxels of a batch."""
         i, j, k = batch["voxel"].T
         quality, rotation, width = self(batch["tsdf"])
         at = batch["scene"]
@@ -434,30 +416,31 @@ class VoxelNetwork(nn.Module):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], upsampling: Literal["linear", "nearest"] | None = None) -> VoxelNetwork:
-        """The network with the weights of a file, and with the upsampling and the origin that the file names.
+        """The network with the weights, the upsampling and the origin of a file.
 
         Args:
-            path: A safetensors file, of ``graspmill weights export`` or of :meth:`save`; or a state dict of ``torch.save``, alone or under
-                ``"state_dict"``, ``"model_state_dict"`` or ``"model"``, which names nothing and so is taken as VGN's: nearest upsampling,
-                the origin 50 mm behind the tips in its voxel's lower corner.
-            upsampling: In place of what the file names.
+            path: A safetensors file of ``graspmill weights export`` or of :meth:`save`; or a state dict of
+                ``torch.save``, alone or under ``"state_dict"``, ``"model_state_dict"`` or ``"model"``. That has neither
+                upsampling nor origin, so VGN's are used: nearest upsampling, and the origin 50 mm behind the finger
+                tips, in the lower corner of its voxel.
+            upsampling: The upsampling, in place of the file's.
         """
-        said: dict[str, Any] = {}
+        stated: dict[str, Any] = {}
         with open(path, "rb") as file:
             first = file.read(9)
         if first[8:] != b"{":  # safetensors: the length of a JSON header, and the header
             tensors = _state_dict(torch.load(os.fspath(path), map_location="cpu", weights_only=True))
-            said = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
+            stated = {"upsampling": "nearest", "origin_behind_tips_m": 0.05, "voxel_offset": 0.0}
         else:
             from safetensors import safe_open
 
             with safe_open(os.fspath(path), "pt") as weights:
-                said = weights.metadata() or {}
-                # Our checkpoints name an origin that is not midway between the tips.
-                said = {"origin_behind_tips_m": 0.0, **json.loads(said["graspmill"])} if "graspmill" in said else said
+                stated = weights.metadata() or {}
+                # Our checkpoints state an origin only if it is not midway between the tips.
+                stated = {"origin_behind_tips_m": 0.0, **json.loads(stated["graspmill"])} if "graspmill" in stated else stated
                 tensors = {name: weights.get_tensor(name) for name in weights.keys() if not name.startswith("adam.")}
-        origin = {name: float(said[name]) for name in ("origin_behind_tips_m", "voxel_offset") if name in said}
-        net = cls(upsampling or said.get("upsampling", "linear"), **origin)
+        origin = {name: float(stated[name]) for name in ("origin_behind_tips_m", "voxel_offset") if name in stated}
+        net = cls(upsampling or stated.get("upsampling", "linear"), **origin)
         net.load_state_dict(tensors, strict=True)
         return net
 
@@ -466,12 +449,12 @@ class VoxelNetwork(nn.Module):
         from safetensors.torch import save_file
 
         names = ("upsampling", "origin_behind_tips_m", "voxel_offset")
-        said = {name: str(getattr(self, name)) for name in names}
-        save_file({name: tensor.contiguous() for name, tensor in self.state_dict().items()}, os.fspath(path), said)
+        stated = {name: str(getattr(self, name)) for name in names}
+        save_file({name: tensor.contiguous() for name, tensor in self.state_dict().items()}, os.fspath(path), stated)
 
 
 def _state_dict(saved: Any) -> dict[str, Tensor]:
-    """The tensors of a saved state dict, without the prefixes of wrappers."""
+    """The tensors of a saved state dict, without the name prefixes of wrappers."""
     for name in ("state_dict", "model_state_dict", "model"):
         saved = saved.get(name, saved) if isinstance(saved, dict) else saved
     if not isinstance(saved, dict):
@@ -480,11 +463,18 @@ def _state_dict(saved: Any) -> dict[str, Tensor]:
 
 
 def loss(quality: Tensor, rotation: Tensor, width: Tensor, batch: Batch) -> Tensor:
-    """The paper's loss (Eq. 1 to 5), a number: cross-entropy of quality; of held grasps the distance of the orientation to the grasp or its
-    half turn, whichever is nearer, and 0.01 times the squared difference of the opening in voxels."""
+    """The paper's loss (Eq. 1 to 5), a scalar: the cross-entropy of the quality and, for held grasps, the distance of
+    the orientation to the grasp or its half turn, whichever is nearer, plus 0.01 times the squared error of the opening
+    in voxels."""
     label, target = batch["label"], batch["rotation"]
     x, y, z, w = target.unbind(1)
     turned = torch.stack([y, -x, w, -z], dim=1)
     apart = torch.minimum(*(1.0 - (rotation * one).sum(1).abs() for one in (target, turned)))
     terms = F.binary_cross_entropy(quality, label, reduction="none") + label * apart + 0.01 * label * (width - batch["width"]) ** 2
     return terms.mean()
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        return renamed(name, globals(), __name__)

@@ -5,18 +5,23 @@ use std::sync::{Arc, OnceLock};
 use std::{mem, process};
 
 use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
-use network::GraspOrigin;
+use inspect::scene_view;
+use network::upsampling::Upsampling;
+use network::{GraspOrigin, VoxelParams};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, ToPyArray};
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict};
 use schema::{AttemptRecord, CameraParams, HitKind, Intrinsics, Pose, SceneRows, SettleParams, samples_of};
-use shards::report::PageParts;
-use shards::{Location, Table, scene_view};
+use shards::{Location, Table};
 use simulator::Body;
 use trainer::config::{SplitBy, SplitConfig, Targets};
-use trainer::data::{GraspDataset, Marks, Seen};
+use trainer::data::{GraspDataset, SplitBits};
+use trainer::device::Device;
+use trainer::judge::Judge;
+use trainer::method::Method;
 use trainer::split::split;
+use trainer::voxel::Voxel;
 
 use crate::crops::Crops;
 use crate::fault::{free, raised, wrong};
@@ -247,20 +252,22 @@ impl Dataset {
         origin_behind_tips_m: f32,
     ) -> PyResult<Bound<'py, PyArray1<u8>>> {
         let by = if by == "scene" { SplitBy::Scene } else { SplitBy::Attempt };
-        let ([test_share, other_share], crops) = (shares, self.crops().crops);
+        let ([test_share, other_share], judge) = (shares, Judge { crops: self.crops().crops });
         let origin = GraspOrigin::behind_tips(origin_behind_tips_m);
-        let of_voxels = Seen::Voxels { origin, targets: Targets::Attempt };
-        let seen = if of_hands { Seen::Hands(&crops) } else { of_voxels };
+        let params = VoxelParams { upsampling: Upsampling::Linear, origin };
+        let voxel = Voxel::new(params, Targets::Attempt, Device::Host);
         let (config, location) = (SplitConfig { by, test_share, other_share }, self.dataset.location());
         self.read()?;
         let marked = || {
             let datasets = [shards::Dataset::open(location)?];
             let marks = on_threads(0, || {
-                let mut found = GraspDataset::survey(&datasets, seen, &AtomicBool::new(false), &|| ())?;
-                split(&mut found.marks, seed, &config)?;
-                Ok::<_, Failure>(found.marks)
+                if of_hands {
+                    marks_of(&datasets, judge, seed, &config)
+                } else {
+                    marks_of(&datasets, voxel, seed, &config)
+                }
             })??;
-            let of_shard = |marks: &Marks| {
+            let of_shard = |marks: &SplitBits| {
                 marks.scenes().flat_map(|scene| marks.of_scene(scene)).map(|(_, mark)| mark).collect::<Vec<u8>>()
             };
             Ok::<_, Failure>(marks.iter().flat_map(of_shard).collect::<Vec<u8>>())
@@ -289,12 +296,8 @@ impl Dataset {
     fn report(&self, py: Python<'_>, html: bool) -> PyResult<String> {
         let dataset = self.read()?;
         let made = || {
-            let report = shards::report(dataset)?;
-            if html {
-                shards::report::page(&report, dataset, &PageParts::default())?.html()
-            } else {
-                Ok(report.to_json())
-            }
+            let report = inspect::report(dataset)?;
+            if html { report.page(dataset, None)?.html() } else { program::json(&report) }
         };
         free(py, made)
     }
@@ -316,4 +319,16 @@ impl Dataset {
     fn names() -> (Vec<&'static str>, Vec<&'static str>) {
         names()
     }
+}
+
+/// The set of every attempt of some datasets, as the trainer splits them for a method.
+fn marks_of(
+    datasets: &[shards::Dataset],
+    method: impl Method,
+    seed: u64,
+    config: &SplitConfig,
+) -> Result<Vec<SplitBits>, Failure> {
+    let mut found = GraspDataset::survey(datasets, method, &AtomicBool::new(false), &|| ())?;
+    split(&mut found.marks, seed, config)?;
+    Ok(found.marks)
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
-use planner::{Cone, Config, Limits, Observation, Policy, SeenView, Target, Wishes, plane};
+use planner::{Cone, Config, Limits, Observation, PlanOptions, Policy, Target, View, plane};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -25,7 +25,7 @@ pub(crate) struct Planner {
 /// Options of a plan, as Python has them.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-struct Asked {
+struct Request {
     workspace_size_m: Option<f32>,
     base_from_workspace: Option<Seven>,
     workspace_from_wrist: Option<[f32; 4]>,
@@ -45,9 +45,9 @@ struct Asked {
     accept: Option<Py<PyAny>>,
 }
 
-impl Asked {
-    fn wishes(self) -> PyResult<(Wishes, Option<Py<PyAny>>)> {
-        let wishes = Wishes {
+impl Request {
+    fn options(self) -> PyResult<(PlanOptions, Option<Py<PyAny>>)> {
+        let options = PlanOptions {
             workspace_size_m: self.workspace_size_m,
             base_from_workspace: self.base_from_workspace.map(pose),
             workspace_from_wrist: self.workspace_from_wrist.map(|wrist| Quat::from_array(wrist).normalize()),
@@ -63,7 +63,7 @@ impl Asked {
                 target: self.target_m.map(|point_m| Target::Point(Vec3::from_array(point_m))),
             },
         };
-        Ok((wishes, self.accept))
+        Ok((options, self.accept))
     }
 }
 
@@ -93,7 +93,7 @@ impl Planner {
     /// A workspace of a size, by default the network's: its side in metres, voxels along a side, the table's height in
     /// metres.
     fn grid(&self, workspace_size_m: Option<f32>) -> (f32, usize, f32) {
-        let grid = Wishes { workspace_size_m, ..Wishes::default() }.workspace(&self.planner.grid);
+        let grid = PlanOptions { workspace_size_m, ..PlanOptions::default() }.workspace(&self.planner.grid);
         (grid.size_m, grid.resolution, grid.table_z_m)
     }
 
@@ -117,18 +117,18 @@ impl Planner {
         intrinsics: Vec<[f32; 6]>,
         workspace_from_camera: Vec<Seven>,
         masks: Option<Vec<Option<PyReadonlyArray2<'_, bool>>>>,
-        asked: Asked,
+        request: Request,
     ) -> PyResult<Plan> {
-        let (mut wishes, accept) = asked.wishes()?;
+        let (mut options, accept) = request.options()?;
         if let Some(masks) = masks {
             let pixels = |mask: &PyReadonlyArray2<'_, bool>| mask.as_array().iter().copied().collect();
             let masks = masks.iter().map(|mask| mask.as_ref().map(pixels)).collect();
-            wishes.limits.target = Some(Target::Seen(masks));
+            options.limits.target = Some(Target::Masks(masks));
         }
         let cameras = intrinsics.into_iter().zip(workspace_from_camera);
         let seen = depths.iter().zip(cameras);
-        let views = seen.map(|(depth, (lens, at))| SeenView { image: image(depth), camera: camera(lens, at) });
-        self.plan(py, Observation::Views(views.collect()), wishes, accept)
+        let views = seen.map(|(depth, (lens, at))| View { image: image(depth), camera: camera(lens, at) });
+        self.plan(py, Observation::Views(views.collect()), options, accept)
     }
 
     /// A plan from a cloud, `[N, 3]` in the workspace, seen from `[M, 3]`, in metres.
@@ -137,21 +137,21 @@ impl Planner {
         py: Python<'_>,
         points_m: PyReadonlyArray2<'_, f32>,
         eyes_m: PyReadonlyArray2<'_, f32>,
-        asked: Asked,
+        request: Request,
     ) -> PyResult<Plan> {
         let points = |rows: &PyReadonlyArray2<'_, f32>| -> Vec<Vec3> {
             rows.as_array().rows().into_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect()
         };
-        let (wishes, accept) = asked.wishes()?;
-        self.plan(py, Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) }, wishes, accept)
+        let (options, accept) = request.options()?;
+        self.plan(py, Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) }, options, accept)
     }
 
     /// A plan from a TSDF in VGN's values, flat.
-    fn plan_tsdf(&self, py: Python<'_>, values: PyReadonlyArray1<'_, f32>, asked: Asked) -> PyResult<Plan> {
-        let (values, (wishes, accept)) = (values.as_array().iter().copied().collect(), asked.wishes()?);
-        let grid = wishes.workspace(&self.planner.grid);
+    fn plan_tsdf(&self, py: Python<'_>, values: PyReadonlyArray1<'_, f32>, request: Request) -> PyResult<Plan> {
+        let (values, (options, accept)) = (values.as_array().iter().copied().collect(), request.options()?);
+        let grid = options.workspace(&self.planner.grid);
         let grid = VoxelGrid::new(grid, values).map_err(|error| wrong(format!("{error}: tsdf")))?;
-        self.plan(py, Observation::Tsdf(grid), wishes, accept)
+        self.plan(py, Observation::Tsdf(grid), options, accept)
     }
 }
 
@@ -160,7 +160,7 @@ impl Planner {
         &self,
         py: Python<'_>,
         observation: Observation,
-        wishes: Wishes,
+        options: PlanOptions,
         accept: Option<Py<PyAny>>,
     ) -> PyResult<Plan> {
         let raised = Mutex::new(None);
@@ -177,7 +177,7 @@ impl Planner {
                 )
         };
         let will_do = |pose: &Pose| accept.as_ref().is_none_or(|accept| called(accept, pose));
-        let plan = || self.planner.plan_with(&observation, &wishes, &will_do).map_err(Failure::from);
+        let plan = || self.planner.plan_with(&observation, &options, &will_do).map_err(Failure::from);
         let plan = free(py, || on_threads(self.threads, plan)?)?;
         if let Some(error) = raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
             return Err(error);

@@ -7,13 +7,13 @@ use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use schema::{
-    Camera, DepthImage, Grid, Gripper, HitKind, Intrinsics, Outcome, Physics, Pose, Procedure, Quat, SettleParams,
-    ShapeKind, Solid, Vec3, VoxelGrid,
+    Camera, DepthImage, Grid, Gripper, HitKind, Intrinsics, Model, ModelPart, Outcome, Physics, Polyhedron, Pose,
+    Procedure, Quat, SettleParams, ShapeKind, Solid, Vec3, VoxelGrid,
 };
 use serde_json::json;
 use simulator::{
-    AttemptWorld, Compound, Execution, Part, PartShape, PartsParams, SceneObject, SceneRays, Settled, Unsettled,
-    convex_parts, settle, settle_again,
+    AttemptWorld, Compound, Execution, Part, PartsParams, SceneObject, SceneRays, Settled, Unsettled, convex_parts,
+    settle, settle_again,
 };
 use std::path::PathBuf;
 
@@ -122,6 +122,9 @@ impl Simulation {
     }
 }
 
+/// The corners of a part, in metres.
+type Corners = Vec<[f32; 3]>;
+
 /// The shape of an object.
 #[pyclass(frozen, module = "graspmill._native")]
 #[derive(Debug, Clone)]
@@ -133,6 +136,25 @@ pub(crate) struct Body {
 
 #[pymethods]
 impl Body {
+    /// What pickle makes again: a primitive shape, or the hulls of the corners of a compound's parts.
+    #[new]
+    fn new(name: String, extents_m: [f32; 3], parts: Option<Vec<Corners>>) -> PyResult<Self> {
+        let Some(parts) = parts else { return Self::solid(&name, extents_m) };
+        let part = |corners: Corners| ModelPart { corners_m: corners.into_iter().map(Vec3::from_array).collect() };
+        let parts = parts.into_iter().map(part).collect();
+        let extents_m = Vec3::from_array(extents_m);
+        let model = Model { name, mass_kg: 0.0, friction: 0.0, extents_m, volume_m3: 0.0, parts };
+        let body = simulator::Body::of_model(&model).map_err(|error| wrong(error.to_string()))?;
+        Ok(Self { body, centre_m: Vec3::ZERO })
+    }
+
+    /// The arguments with which pickle makes it again.
+    fn __getnewargs__(&self) -> (&str, [f32; 3], Option<Vec<Corners>>) {
+        let corners = |part: &Polyhedron| part.corners_m().iter().map(|corner| corner.to_array()).collect();
+        let parts = || self.body.polyhedra().iter().map(corners).collect();
+        (self.name(), self.extents_m(), self.body.as_solid().is_none().then(parts))
+    }
+
     /// One of the four primitive shapes.
     #[staticmethod]
     fn solid(kind: &str, extents_m: [f32; 3]) -> PyResult<Self> {
@@ -167,7 +189,7 @@ impl Body {
             let refused = |error: String| Failure::new(ExitCode::Config, format!("mesh {name}: {error}"));
             let parts = parts.map_err(|error| refused(error.to_string()))?;
             let [low, high] = schema::bounds_m(parts.hulls.iter().flat_map(|hull| hull.corners_m()));
-            let part = |hull| Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY };
+            let part = |shape| Part { shape, object_from_part: Pose::IDENTITY };
             let compound = Compound::new(name.clone(), parts.hulls.into_iter().map(part).collect());
             let compound = compound.map_err(|error| refused(error.to_string()))?;
             Ok::<_, Failure>(Self { body: compound.into(), centre_m: 0.5 * (low + high) })
@@ -201,7 +223,7 @@ impl Body {
 
     /// The corners of each of its convex parts in its frame, in metres, `[N, 3]` each.
     fn parts<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
-        let part = |polyhedron: &schema::Polyhedron| {
+        let part = |polyhedron: &Polyhedron| {
             let flat: Vec<f32> = polyhedron.corners_m().iter().flat_map(|corner| corner.to_array()).collect();
             let count = flat.len() / 3;
             flat.to_pyarray(py).reshape([count, 3])

@@ -125,7 +125,7 @@ def test_a_plan_is_the_programs_plan_and_its_grasps_hold(planner, scene, tmp_pat
     assert len(plan) > 5 and plan[0].quality > 0.9 and plan.reason is None
     assert graspmill.execute(scene, plan.workspace_from_grasp).held.mean() > 0.8
     np.save(tmp_path / "depth.npy", depth)
-    position, quaternion = camera._seven()[:3], camera._seven()[3:]
+    position, quaternion = camera._pose()[:3], camera._pose()[3:]
     (tmp_path / "views.toml").write_text(
         f"[intrinsics]\nfx_px = 540.0\nfy_px = 540.0\ncx_px = 320.0\ncy_px = 240.0\n[[views]]\ndepth = 'depth.npy'\n"
         f"workspace_from_camera = {{ position_m = {position}, quaternion_xyzw = {quaternion} }}\n"
@@ -370,10 +370,10 @@ def test_a_target_is_the_object_at_a_point_or_what_a_mask_shows(planner):
     assert 100 < mask.sum() < 20_000
     both = planner.plan(depth, camera)
     assert {int(target) for target in graspmill.execute(scene, both.workspace_from_grasp).target} == {0, 1}
-    for wishes in ({"target_m": (0.09, 0.15, 0.09)}, {"mask": mask}, {"mask": mask.astype(np.uint8) * 255}):
-        plan = planner.plan(depth, camera, **wishes)
+    for limits in ({"target_m": (0.09, 0.15, 0.09)}, {"mask": mask}, {"mask": mask.astype(np.uint8) * 255}):
+        plan = planner.plan(depth, camera, **limits)
         outcomes = graspmill.execute(scene, plan.workspace_from_grasp)
-        assert len(plan) > 3 and set(outcomes.target) == {0} and outcomes.held.mean() > 0.7, wishes.keys()
+        assert len(plan) > 3 and set(outcomes.target) == {0} and outcomes.held.mean() > 0.7, limits.keys()
     nothing = planner.plan(depth, camera, target_m=(0.15, 0.02, 0.1))
     assert not len(nothing) and "by target" in nothing.reason
     assert not len(planner.plan(depth, camera, mask=np.zeros_like(mask)))
@@ -386,15 +386,15 @@ def test_limits_of_the_hands_way_are_kept(config):
     epsilon = {} if config == "judge" else {"explain": True}
     free = planner.plan(depth, camera, **epsilon)
     poses = free.workspace_from_grasp
-    for wishes, keeps in (
+    for limits, keeps in (
         ({"approach": ((0, 0, -2), 0.3)}, lambda pose: np.arccos(-pose[2, 2]) <= 0.3 + 1e-4),
         ({"reach": ((0, 0, 0), (0.15, 0.3, 0.3))}, lambda pose: pose[0, 3] <= 0.15),
         ({"keep_out": [(0, 1, 0, 0.05), (0, -1, 0, -0.25)]}, lambda pose: 0.05 <= pose[1, 3] <= 0.25),
     ):
-        plan = planner.plan(depth, camera, **wishes)
-        assert all(keeps(pose) for pose in plan.workspace_from_grasp), wishes
+        plan = planner.plan(depth, camera, **limits)
+        assert all(keeps(pose) for pose in plan.workspace_from_grasp), limits
         if config == "judge":
-            assert len(plan) and not all(keeps(pose) for pose in poses) or "keep_out" in wishes
+            assert len(plan) and not all(keeps(pose) for pose in poses) or "keep_out" in limits
     shut = planner.plan(depth, camera, approach=((0, 0, 1), 0.1))
     assert not len(shut) and (config == "paper" or "by approach" in shut.reason)
 

@@ -100,10 +100,63 @@ def test_names_of_earlier_versions_warn_and_work(tmp_path):
     assert camera.fx_px == 500.0
     with pytest.warns(DeprecationWarning, match="GraspmillError"):
         assert graspmill.Error is graspmill.GraspmillError
+    for old, new in (("HandCrops", graspmill.GraspCrops), ("hand_crops", graspmill.grasp_crops)):
+        with pytest.warns(DeprecationWarning, match=f"graspmill.{old} is now graspmill.{new.__name__}"):
+            assert getattr(graspmill, old) is new
     with pytest.warns(DeprecationWarning, match="generate"):
         assert len(graspmill.generate(None, tmp_path / "ds", shards=1, attempts=60, seed=2)) == 1
     with pytest.raises(AttributeError):
         graspmill.Nothing
+
+
+def again(value):
+    return pickle.loads(pickle.dumps(value))
+
+
+def content(value):
+    """What makes an object equal to another, in comparable parts."""
+    parts = {name: part for name, part in vars(value).items() if not name.startswith("_")}
+    return {name: (part.shape, part.tobytes()) if isinstance(part, np.ndarray) else part for name, part in parts.items()}
+
+
+def test_cameras_grasps_and_plans_can_be_sent_to_another_process():
+    camera = graspmill.Camera.look_at((0.15, -0.2, 0.5))
+    scene = graspmill.Scene([graspmill.Object.cuboid((0.04, 0.06, 0.05), (0.15, 0.15, 0.075))])
+    gripper = graspmill.Gripper.load("franka_hand")
+    planner = graspmill.Planner(gripper=gripper)
+    plan = planner.plan(scene.render(camera), camera)
+    outcomes = graspmill.execute(scene, plan.workspace_from_grasp[:3])
+    crops = graspmill.grasp_crops(scene.tsdf([camera]), plan.workspace_from_grasp[:1], gripper=gripper)
+    for one in (camera, plan[0], gripper, outcomes, crops, graspmill.Page("<p>")):
+        assert content(again(one)) == content(one) == content(copy.deepcopy(one)), one
+    for same in (again(plan), copy.deepcopy(plan)):
+        assert same.to_json() == plan.to_json() and same.timings_ms == plan.timings_ms and repr(same) == repr(plan)
+        assert np.array_equal(same.cloud(), plan.cloud()) and content(same[0]) == content(plan[0])
+    assert copy.deepcopy(plan).picture() and again(plan)._repr_png_() is None
+    with pytest.raises(graspmill.InputError, match="pickled"):
+        again(plan).picture()
+    assert again(planner).plan(scene.render(camera), camera).to_json() == plan.to_json() and copy.deepcopy(planner) is planner
+
+
+def test_objects_and_scenes_can_be_sent_to_another_process(tmp_path):
+    corners = np.array([[x, y, z] for x in (0, 0.04) for y in (0, 0.05) for z in (0, 0.06)])
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4]]
+    mesh = graspmill.Object.mesh((corners, np.array([*faces, [1, 5, 7], [1, 7, 3]])), (0.13, 0.125, 0.055), name="box")
+    objects = [mesh, graspmill.Object.solid("cylinder", (0.04, 0.04, 0.05), (0.2, 0.2, 0.075))]
+    for one in objects:
+        same = again(one)
+        assert content(same) == content(one) and same.name == one.name and np.allclose(same.extents_m, one.extents_m, atol=1e-6)
+        assert [part.shape for part in same.parts()] == [part.shape for part in one.parts()] and copy.deepcopy(one) is one
+    stored = graspmill.generate(tmp_path / "ds", attempts=60, shards=1, seed=3, settings={"physics.engine": "rapier"})[0]
+    for scene in (graspmill.Scene(objects, table_z_m=0.04), stored.scene, stored.scene.settle()):
+        same, grasps = again(scene), stored.workspace_from_grasp
+        assert repr(same) == repr(scene) and same.table_z_m == scene.table_z_m
+        assert content(graspmill.execute(same, grasps[:9]))["outcome"] == content(graspmill.execute(scene, grasps[:9]))["outcome"]
+    for same in (again(stored), copy.deepcopy(stored)):
+        assert np.array_equal(same.tsdf, stored.tsdf) and content(same.outcomes) == content(stored.outcomes)
+        assert same.replay(0).html == stored.replay(0).html
+    table = graspmill.Dataset(tmp_path / "ds").attempts()
+    assert again(table).to_arrow().equals(table.to_arrow())
 
 
 def test_what_does_not_change_is_its_own_copy():

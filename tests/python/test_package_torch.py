@@ -116,8 +116,8 @@ def test_a_hands_crop_is_what_lies_at_its_points(dataset):
     # parallel_jaw_80: opening 80, fingers 50 x 20 x 10, palm 40 x 40 x 120 mm; 50 mm of approach, 20 beyond the tips.
     sides = (((-0.02, -0.06, -0.14), (0.02, 0.06, 0.02), (8, 20, 28)), (np.negative(half), half, (12, 8, 8)))
     for pose in matrices(scene.workspace_from_grasp[:12]):
-        seen = graspmill.hand_crops(scene.tsdf, pose[None], views=3)
-        for (low, high, counts), values in zip(sides, (seen.crop[0], seen.surroundings[0])):
+        seen = graspmill.grasp_crops(scene.tsdf, pose[None], views=3)
+        for (low, high, counts), values in zip(sides, (seen.crop[0], seen.context[0])):
             points = box_of(low, high, counts) @ pose[:3, :3].T + pose[:3, 3]
             distance, share = looked_up(scene.tsdf, points)
             assert np.abs(values[..., 2] - np.clip((points[..., 2] - 0.05) / 0.03, -1, 1)).max() < 1e-3
@@ -125,10 +125,10 @@ def test_a_hands_crop_is_what_lies_at_its_points(dataset):
             sure = share > 0.05
             assert np.abs(values[..., 0] - distance)[sure].max() < 0.02
         up = pose[2, :3]
-        assert np.allclose(seen.facts[0, :5], [*up, (pose[2, 3] - 0.05) / 0.1, 0.5], atol=1e-5)
-        assert np.allclose(seen.facts[0, 5:9], [0.8, 0.5, 0.2, 0.1], atol=1e-6)
-    lower = graspmill.hand_crops(scene.tsdf, pose[None], table_z_m=0.02)
-    assert np.allclose(lower.facts[0, 3] - seen.facts[0, 3], 0.3, atol=1e-5)
+        assert np.allclose(seen.features[0, :5], [*up, (pose[2, 3] - 0.05) / 0.1, 0.5], atol=1e-5)
+        assert np.allclose(seen.features[0, 5:9], [0.8, 0.5, 0.2, 0.1], atol=1e-6)
+    lower = graspmill.grasp_crops(scene.tsdf, pose[None], table_z_m=0.02)
+    assert np.allclose(lower.features[0, 3] - seen.features[0, 3], 0.3, atol=1e-5)
 
 
 def test_wrong_grids_of_hands_are_refused(dataset):
@@ -140,37 +140,51 @@ def test_wrong_grids_of_hands_are_refused(dataset):
         (np.full((4, 4, 4), 0.5), "cube of 8 to 128"),
     ):
         with pytest.raises(graspmill.InputError, match=match):
-            graspmill.hand_crops(grid, pose)
-    with pytest.raises(graspmill.InputError, match="at most 100000 hands"):
-        graspmill.hand_crops(np.full((40, 40, 40), 0.5), np.repeat(pose, 100_001, axis=0))
-    assert graspmill.hand_crops(np.full((40, 40, 40), 0.5), pose[:0]).crop.shape == (0, 8, 20, 28, 4)
+            graspmill.grasp_crops(grid, pose)
+    with pytest.raises(graspmill.InputError, match="at most 100000 grasps"):
+        graspmill.grasp_crops(np.full((40, 40, 40), 0.5), np.repeat(pose, 100_001, axis=0))
+    assert graspmill.grasp_crops(np.full((40, 40, 40), 0.5), pose[:0]).crop.shape == (0, 8, 20, 28, 4)
 
 
-def test_hands_are_what_the_trainers_judge_sees(dataset, tmp_path):
+def test_names_of_earlier_versions_warn_and_work(dataset):
+    with pytest.warns(DeprecationWarning, match="GraspCropStream"):
+        assert gt.HandStream is gt.GraspCropStream
+    batch, item = next(iter(gt.GraspCropStream(dataset, "train"))), gt.GraspCropDataset(dataset, "train")[0]
+    crops = graspmill.grasp_crops(dataset[0].tsdf, dataset[0].workspace_from_grasp[:1])
+    for old, new in (("facts", "features"), ("surroundings", "context")):
+        with pytest.warns(DeprecationWarning, match=new):
+            assert batch[old] is batch[new] and item[old] is item[new] and getattr(crops, old) is getattr(crops, new)
+    with pytest.raises(KeyError):
+        batch["looking"]
+    with pytest.raises(AttributeError):
+        gt.Nothing
+
+
+def test_crops_are_what_the_trainers_judge_sees(dataset, tmp_path):
     rows = dataset.attempts().to_polars()
-    samples = gt.HandDataset(dataset, "all")
+    samples = gt.GraspCropDataset(dataset, "all")
     for index in (0, 5, len(samples) - 1):
         row, item = rows.row(int(samples._places[index]), named=True), samples[index]
         scene = dataset.scene(row["scene_id"])
         pose = [row[name] for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")]
-        seen = graspmill.hand_crops(scene.tsdf, [pose], views=len(scene.cameras))
+        seen = graspmill.grasp_crops(scene.tsdf, [pose], views=len(scene.cameras))
         assert np.array_equal(item["crop"].permute(1, 2, 3, 0), seen.crop[0])
-        assert np.array_equal(item["surroundings"].permute(1, 2, 3, 0), seen.surroundings[0])
-        assert np.array_equal(item["facts"], seen.facts[0]) and bool(item["hits_table"]) == seen.hits_table[0]
+        assert np.array_equal(item["context"].permute(1, 2, 3, 0), seen.context[0])
+        assert np.array_equal(item["features"], seen.features[0]) and bool(item["hits_table"]) == seen.hits_table[0]
         assert graspmill.OUTCOMES[int(item["outcome"])] == row["outcome"] and int(item["label"]) == row["label"]
     config = Path(__file__).parents[2] / "configs" / "train" / "judge.toml"
     words = [*PROGRAM, "trainer", "fit", "--config", config, "--data", dataset._native.location, "--run", tmp_path / "run"]
     subprocess.run([*words, "--epochs", "1"], capture_output=True, check=True)
     metrics = json.loads((tmp_path / "run" / "metrics.jsonl").read_text().splitlines()[0])
     for split in ("train", "test-attempts", "test-scenes"):
-        stream = gt.HandStream(dataset, split, by="scene", test_share=0.05, other_share=0.02)
+        stream = gt.GraspCropStream(dataset, split, by="scene", test_share=0.05, other_share=0.02)
         assert stream.sample_count == metrics[split.replace("-", "_")]["samples"], split
 
 
 @pytest.mark.parametrize("workers", [0, 2])
 def test_a_stream_of_hands_is_seeded_and_mirrored(dataset, workers):
     def epoch(shuffle):
-        stream = gt.HandStream(dataset, "train", batch=64, shuffle=shuffle)
+        stream = gt.GraspCropStream(dataset, "train", batch=64, shuffle=shuffle)
         batches = list(torch.utils.data.DataLoader(stream, batch_size=None, num_workers=workers))
         assert batches[0]["crop"].shape == (64, 4, 8, 20, 28) and not any(b["hits_table"].any() for b in batches)
         return {name: torch.cat([b[name] for b in batches]) for name in batches[0]}
@@ -180,7 +194,7 @@ def test_a_stream_of_hands_is_seeded_and_mirrored(dataset, workers):
     assert first["label"].sum() == stored["label"].sum() and len(first["crop"]) == len(stored["crop"])
     # Mirrored in x or y: the sign of where up is along that axis. About as many are as are not.
     for axis in (0, 1):
-        by_height = lambda seen: sorted(seen["facts"][:, [3, 2, axis]].tolist())  # noqa: B023
+        by_height = lambda seen: sorted(seen["features"][:, [3, 2, axis]].tolist())  # noqa: B023
         pairs = [(a[2], b[2]) for a, b in zip(by_height(first), by_height(stored)) if abs(b[2]) > 0.05]
         assert np.allclose(*np.abs(np.array(pairs)).T, atol=1e-5)
         assert len(pairs) > 30 and 0.25 < np.mean([a * b < 0 for a, b in pairs]) < 0.75
@@ -213,7 +227,7 @@ def test_samples_of_another_origin_are_at_other_voxels(dataset):
         # 50 mm are 6.67 voxels; both positions are rounded.
         assert ((a["voxel"] - b["voxel"]) - approach * 0.05 / 0.0075).abs().max() <= 1.0
     with pytest.raises(graspmill.InputError, match="must be left out"):
-        gt.HandStream(dataset, "train", origin_behind_tips_m=0.05)
+        gt.GraspCropStream(dataset, "train", origin_behind_tips_m=0.05)
 
 
 def test_thirty_lines_of_pytorch_learn(dataset):
