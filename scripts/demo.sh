@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# The whole pipeline on a small dataset: builds, generates a dataset in physics, verifies it, trains the grasp network on it, evaluates
-# it on held-out attempts, and ends with pages to look at: scenes, a report, replays, a plan. Needs only a Rust toolchain and a C
-# compiler.
+# The whole pipeline on a small dataset: builds, generates a dataset in physics, verifies it, trains the grasp network
+# on it, evaluates it on held-out attempts, and ends with pages to look at: scenes, a report, replays, a plan. Needs
+# only a Rust toolchain and a C compiler.
 # Usage: scripts/demo.sh [FOLDER]      (default: demo; running it again continues an interrupted run)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."

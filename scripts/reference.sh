@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Regenerates docs/reference/{commands,settings,tables}.md with the program. Usage: scripts/reference.sh [FOLDER_OF_PROGRAM]
+# Regenerates docs/reference/{commands,settings,tables}.md with the program.
+# Usage: scripts/reference.sh [FOLDER_OF_PROGRAM]
 #
 # tests/python/test_reference.py fails if a page is out of date. Exit code: 0, or that of the program.
 set -euo pipefail

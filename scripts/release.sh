@@ -2,10 +2,11 @@
 # Packs a release: the program, licences (including linked crates), settings, networks, docs, man pages, completions.
 # Usage: scripts/release.sh [OUT_DIR]
 #
-# Writes OUT_DIR/graspmill-VERSION-TARGET.tar.zst (.tar.gz without zstd), and OUT_DIR/SHA256SUMS of all archives there; the default of
-# OUT_DIR is dist. The same commit and toolchain give the same bytes: names are sorted, the owner is 0, times are those of the commit.
-# The programs are linked statically: against musl if rustup has that target and musl-gcc exists, else against glibc. (A static glibc
-# needs the same version of glibc on the machine to resolve host names; for object stores use the musl build or build from source.)
+# Writes OUT_DIR/graspmill-VERSION-TARGET.tar.zst (.tar.gz without zstd), and OUT_DIR/SHA256SUMS of all archives there;
+# the default of OUT_DIR is dist. The same commit and toolchain give the same bytes: names are sorted, the owner is 0,
+# times are those of the commit. The programs are linked statically: against musl if rustup has that target and musl-gcc
+# exists, else against glibc. (A static glibc needs the same version of glibc on the machine to resolve host names; for
+# object stores use the musl build or build from source.)
 #
 # Environment: GRASPMILL_TARGET selects another target; GRASPMILL_PROGRAMS is a folder of built programs to pack;
 # CARGO_TARGET_DIR as for cargo. Exit code: 0, or that of the failed step; 78 if the work tree differs from its commit.
@@ -43,14 +44,15 @@ if [[ -n ${GRASPMILL_PROGRAMS:-} ]]; then
     say "1/4 packing the programs of $built"
 else
     say "1/4 building $name"
-    # --target, so that the flag is not for build scripts and procedural macros, which cannot be static; paths of this machine are cut
-    # out of panic messages, so that another checkout gives the same bytes.
+    # --target, so that the flag is not for build scripts and procedural macros, which cannot be static; paths of this
+    # machine are cut out of panic messages, so that another checkout gives the same bytes.
     flags="--remap-path-prefix=$root=graspmill --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo"
-    # A static glibc hides getrandom(2) from the crate of that name, which then needs /dev/urandom, and an empty root has none.
+    # A static glibc hides getrandom(2) from the crate of that name, which then needs /dev/urandom, and an empty root
+    # has none.
     flags="$flags --cfg getrandom_backend=\"linux_getrandom\""
-    RUSTFLAGS="-C target-feature=+crt-static $flags" SOURCE_DATE_EPOCH=$time cargo build --locked --profile dist \
+    RUSTFLAGS="-C target-feature=+crt-static $flags" SOURCE_DATE_EPOCH=$time cargo build --locked --release \
         --target "$target" --package graspmill --bin graspmill
-    built=$(cd "${CARGO_TARGET_DIR:-target}/$target/dist" && pwd)
+    built=$(cd "${CARGO_TARGET_DIR:-target}/$target/release" && pwd)
 fi
 [[ -x $built/graspmill ]] || fail 1 "no program: $built/graspmill"
 

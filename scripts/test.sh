@@ -1,22 +1,25 @@
 #!/usr/bin/env bash
 # All checks that a change must pass. Usage: scripts/test.sh [--quick|--rust-only|--no-torch]
 #
-# --quick: format, house rules, reference pages, locks, subjects of the last commits; under a minute where the programs are built.
-# Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless --rust-only. Python
-# packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the tests that need it. As root on Debian or Ubuntu, Slurm, strace, faketime and Chromium are installed, too; elsewhere
-# the tests that need them are skipped with a message. Every step runs even if an earlier one failed, unless it depends on it. The
-# table at the end lists the results and times. Exit code: 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
+# --quick: format, house rules, reference pages, locks, subjects of the last commits; under a minute where the programs
+# are built. Needs a Rust toolchain with clippy and rustfmt, a C compiler (zstd), and python3 with venv unless
+# --rust-only. Python packages are installed in .venv/, PyTorch among them (3 GB) unless --no-torch, which skips the
+# tests that need it. As root on Debian or Ubuntu, Slurm, strace, faketime, Chromium, zsh and fish are installed, too;
+# elsewhere the tests that need them are skipped with a message. With GRASPMILL_NO_SKIPS=1 any other skipped test fails.
+# Every step runs even if an earlier one failed, unless it depends on it. The table at the end lists the results and
+# times. Exit code: 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 rust_only=no
 quick=no
+without=
 requirements=(scripts/requirements.txt scripts/requirements-golden.txt)
 case "${1-}" in
     '') ;;
     --quick) quick=yes ;;
     --rust-only) rust_only=yes ;;
-    --no-torch) requirements=(scripts/requirements.txt) ;;
+    --no-torch) requirements=(scripts/requirements.txt); without=torch ;;
     *) echo "usage: scripts/test.sh [--quick|--rust-only|--no-torch]" >&2; exit 2 ;;
 esac
 
@@ -106,15 +109,20 @@ venv() {
         && cat "${requirements[@]}" >"$stamp"
 }
 
-# A Slurm to run on, what disturbs programs, and a browser for the pages. Without them the tests that need them are skipped.
+# Packages that are not installed: a Slurm to run on, what disturbs programs, a browser for the pages, shells.
+packages() {
+    local PATH="$PATH:/usr/sbin" package
+    command -v slurmctld >/dev/null || echo slurm-wlm
+    command -v munged >/dev/null || echo munge
+    for package in strace faketime chromium zsh fish; do
+        command -v "$package" >/dev/null || echo "$package"
+    done
+}
+
+# Without the packages the tests that need them are skipped.
 engines() {
-    local missing=()
-    local PATH="$PATH:/usr/sbin"
-    command -v slurmctld >/dev/null || missing+=(slurm-wlm)
-    command -v munged >/dev/null || missing+=(munge)
-    command -v strace >/dev/null || missing+=(strace)
-    command -v faketime >/dev/null || missing+=(faketime)
-    command -v chromium >/dev/null || missing+=(chromium)
+    local missing
+    mapfile -t missing < <(packages)
     if ((${#missing[@]} == 0)); then
         return 0
     fi
@@ -125,6 +133,15 @@ engines() {
     export DEBIAN_FRONTEND=noninteractive
     { apt-get update -qq && apt-get install -y -qq --no-install-recommends "${missing[@]}"; } >/dev/null \
         || echo "could not be installed, and their tests are skipped: ${missing[*]}"
+}
+
+# What this machine lacks, in the words of the tests' reasons. Only these may be skipped under GRASPMILL_NO_SKIPS.
+lacking() {
+    mkdir "$scratch/disk"
+    packages
+    { mount -t tmpfs tmpfs "$scratch/disk" && umount "$scratch/disk"; } 2>/dev/null || echo mount
+    strace -qq -f -o /dev/null -e trace=getpid -e inject=getppid:retval=1 true 2>/dev/null || echo strace
+    echo "$without"
 }
 
 dataset() {
@@ -159,9 +176,14 @@ if [[ $quick == yes ]]; then
     step build '' cargo build --quiet --workspace --bins --tests # as below, so that nothing is built twice
     step reference build reference
 else
-    # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds them.
-    # (`cargo run -p generator` alone would select other features of shared dependencies and build them again.)
+    if [[ $rust_only == no ]]; then
+        step engines '' engines
+    fi
+    GRASPMILL_MISSING=$(lacking)
+    export GRASPMILL_MISSING
     step fmt '' cargo fmt --all --check
+    # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds
+    # them. (`cargo run -p generator` alone would select other features of shared dependencies and build them again.)
     step build '' cargo build --workspace --bins --tests
     step test build cargo test --workspace --no-fail-fast
     step clippy '' cargo clippy --workspace --all-targets -- -D warnings
@@ -169,7 +191,6 @@ else
     step fuzz '' fuzz
     step advisories '' advisories
     if [[ $rust_only == no ]]; then
-        step engines '' engines
         step venv '' venv
         step dataset build dataset
         step wheel 'build venv' wheel

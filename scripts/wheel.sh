@@ -2,13 +2,13 @@
 # Builds the Python package: a wheel for every Python from 3.10 on, and the source distribution.
 # Usage: scripts/wheel.sh [OUT_DIR]
 #
-# Writes OUT_DIR/graspmill-VERSION-cp310-abi3-manylinux_2_28_ARCH.whl and OUT_DIR/graspmill-VERSION.tar.gz; the default of OUT_DIR is dist.
-# Needs Rust and Python with `pip install maturin ziglang`. Zig links against the symbols of glibc 2.28, whatever this machine has, and
-# maturin's audit refuses a wheel that needs others. The same commit, toolchain and maturin give the same bytes: times are those of the
-# commit, and paths of this machine are cut out of messages.
+# Writes OUT_DIR/graspmill-VERSION-cp310-abi3-manylinux_2_28_ARCH.whl and OUT_DIR/graspmill-VERSION.tar.gz; the default
+# of OUT_DIR is dist. Needs Rust and Python with `pip install maturin ziglang`. Zig links against the symbols of glibc
+# 2.28, whatever this machine has, and maturin's audit refuses a wheel that needs others. The same commit, toolchain and
+# maturin give the same bytes: times are those of the commit, and paths of this machine are cut out of messages.
 #
-# Environment: PYTHON, default python3; GRASPMILL_TARGET selects another target that the toolchain has; CARGO_TARGET_DIR as for cargo.
-# Exit code: 0, or that of the failed step.
+# Environment: PYTHON, default python3; GRASPMILL_TARGET selects another target that the toolchain has; CARGO_TARGET_DIR
+# as for cargo. Exit code: 0, or that of the failed step.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 out=${1:-dist}
@@ -21,5 +21,5 @@ export RUSTFLAGS="--remap-path-prefix=$PWD=graspmill --remap-path-prefix=${CARGO
 licences=python/graspmill/THIRD-PARTY-LICENCES.txt
 trap 'rm -f "$licences"' EXIT
 "$python" scripts/third_party_licences.py "$target" >"$licences"
-"$python" -m maturin build --profile dist --zig --target "$target" --compatibility manylinux_2_28 --out "$out"
+"$python" -m maturin build --release --zig --target "$target" --compatibility manylinux_2_28 --out "$out"
 "$python" -m maturin sdist --out "$out"

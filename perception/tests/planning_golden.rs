@@ -1,4 +1,4 @@
-//! Planes and clusters against numpy's SVD and scikit-learn's DBSCAN (`scripts/golden_planning.py`).
+//! Planes and clusters against numpy's SVD and scikit-learn's DBSCAN (`lab/golden_planning.py`).
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::path::{Path, PathBuf};

@@ -125,32 +125,6 @@ def png(array):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
 
 
-def exr(array):
-    """An EXR of one channel, uncompressed; float32, or uint32 for whole numbers."""
-
-    def attribute(name, kind, value):
-        return f"{name}\0{kind}\0".encode() + struct.pack("<I", len(value)) + value
-
-    height, width = array.shape
-    sample = 0 if array.dtype == np.uint32 else 2
-    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
-    head = b"\x76\x2f\x31\x01\x02\0\0\0" + b"".join([
-        attribute("channels", "chlist", b"Z\0" + struct.pack("<iB3xii", sample, 0, 1, 1) + b"\0"),
-        attribute("compression", "compression", b"\0"),
-        attribute("dataWindow", "box2i", window),
-        attribute("displayWindow", "box2i", window),
-        attribute("lineOrder", "lineOrder", b"\0"),
-        attribute("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
-        attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0.0, 0.0)),
-        attribute("screenWindowWidth", "float", struct.pack("<f", 1.0)),
-    ]) + b"\0"  # fmt: skip
-    rows = array.astype(array.dtype.newbyteorder("<"))
-    lines = [struct.pack("<iI", y, 4 * width) + row.tobytes() for y, row in enumerate(rows)]
-    first = len(head) + 8 * height
-    places = (first + y * len(lines[0]) for y in range(height))
-    return head + b"".join(struct.pack("<Q", place) for place in places) + b"".join(lines)
-
-
 def seen(depth_m=None, width=64, height=48):
     """The view of a camera 0.6 m above the workspace's centre, looking down on a bare table at 0.05 m."""
     depth_m = np.full((height, width), 0.55, np.float32) if depth_m is None else depth_m

@@ -4,8 +4,7 @@
 
 The program is GRASPMILL_SHARDS, or target/debug/shards.
 
-The loaders here work like VGN's `dataset.py`, GIGA's `dataset_voxel.py` and WebDataset, with only numpy, csv and tarfile. The
-originals were run, too: docs/exporting.md has the commands.
+The loaders here work like VGN's `dataset.py` and GIGA's `dataset_voxel.py`, with only numpy and csv. The originals were run, too: docs/exporting.md has the commands.
 """
 
 import csv
@@ -13,7 +12,6 @@ import io
 import json
 import os
 import subprocess
-import tarfile
 from itertools import groupby
 from pathlib import Path
 
@@ -38,8 +36,8 @@ def shards(*args):
     return subprocess.run([str(word) for word in (SHARDS, *args)], capture_output=True, text=True, check=False)
 
 
-def exported(form, out):
-    done = shards("export", DATASET, "--format", form, "--out", out)
+def exported(out):
+    done = shards("export", DATASET, "--format", "vgn", "--out", out)
     assert done.returncode == 0, done.stderr
     return json.loads((out / "export.json").read_text())
 
@@ -63,13 +61,7 @@ def grids():
 @pytest.fixture(scope="module")
 def vgn(tmp_path_factory):
     out = tmp_path_factory.mktemp("vgn") / "out"
-    return out, exported("vgn", out)
-
-
-@pytest.fixture(scope="module")
-def tars(tmp_path_factory):
-    out = tmp_path_factory.mktemp("tars") / "out"
-    return out, exported("webdataset", out)
+    return out, exported(out)
 
 
 def approach(row):
@@ -180,45 +172,9 @@ def test_gigas_rows_are_vgns_in_metres(vgn):
             assert metre[same] == voxel[same]
 
 
-def test_a_tars_samples_are_the_scenes(tars, attempts, grids):
-    out, told = tars
-    by_scene = {scene: list(rows) for scene, rows in groupby(attempts, lambda row: row["scene_id"])}
-    objects = {scene: list(rows) for scene, rows in groupby(table("objects"), lambda row: row["scene_id"])}
-    columns = ["object_count", "settle_time_s", "views"]
-    scenes = {row["scene_id"]: row for row in table("scenes", ["scene_id", *columns])}
-    seen = []
-    for listed in told["files"]:
-        with tarfile.open(out / listed["name"]) as tar:
-            members = tar.getmembers()
-            files = {member.name: tar.extractfile(member).read() for member in members}
-        assert all((m.mtime, m.uid, m.gid, m.mode) == (0, 0, 0, 0o644) for m in members)
-        for key, names in groupby(files, lambda name: name.split(".", 1)[0]):
-            names, scene = list(names), int(key.removeprefix("scene-"))
-            endings = ["grid.npy", "grasps.npy", "labels.npy", "attempts.json", "objects.json", "scene.json"]
-            assert names == [f"{key}.{ending}" for ending in endings]
-            arrays = [np.load(io.BytesIO(files[name])) for name in names[:3]]
-            np.testing.assert_array_equal(arrays[0], grids[scene][None])
-            parts = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "width_m"]
-            rows = [[np.nan if row[part] is None else row[part] for part in parts] for row in by_scene[scene]]
-            np.testing.assert_array_equal(arrays[1], np.array(rows, dtype=np.float32))
-            np.testing.assert_array_equal(arrays[2], [row["label"] for row in by_scene[scene]])
-            for name, expected in zip(names[3:5], (by_scene[scene], objects[scene])):
-                found = json.loads(files[name])
-                assert [list(row) for row in found] == [list(row) for row in expected]
-                for row, right in zip(found, expected):
-                    assert {k: np.float32(v) if isinstance(v, float) else v for k, v in row.items()} == right
-            found = json.loads(files[names[5]])
-            assert found["object_count"] == scenes[scene]["object_count"] == len(objects[scene])
-            assert len(found["views"]) == len(scenes[scene]["views"])
-            assert np.float32(found["views"][0]["radius_m"]) == np.float32(scenes[scene]["views"][0]["radius_m"])
-            seen.append(scene)
-    assert sorted(seen) == sorted(grids) == seen
-
-
-@pytest.mark.parametrize("form", ["vgn", "webdataset"])
-def test_the_same_dataset_gives_the_same_bytes(form, vgn, tars, tmp_path):
-    first = (vgn if form == "vgn" else tars)[0]
-    exported(form, tmp_path / "again")
+def test_the_same_dataset_gives_the_same_bytes(vgn, tmp_path):
+    first = vgn[0]
+    exported(tmp_path / "again")
 
     def files(root):
         return {str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()}

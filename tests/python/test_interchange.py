@@ -2,7 +2,7 @@
 
     python -m pytest tests/python/test_interchange.py      # GRASPMILL_TRAINER=path/to/trainer, or target/debug/trainer
 
-Weights, grids and expected outputs come from scripts/golden_torch.py, so PyTorch's values are known without PyTorch.
+Weights, grids and expected outputs come from lab/golden_torch.py, so PyTorch's values are known without PyTorch.
 """
 
 import os
@@ -17,7 +17,7 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
+sys.path.insert(0, str(ROOT / "lab"))
 from golden_formula import LAYERS, noise  # noqa: E402
 
 TRAINER = Path(os.environ.get("GRASPMILL_TRAINER", ROOT / "target" / "debug" / "trainer")).resolve()

@@ -20,7 +20,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from planner_service import check_error, demo_request, exr, file_of, metrics, npy, png, read_all, running, seen
+from planner_service import check_error, demo_request, file_of, metrics, npy, png, read_all, running, seen
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def cloud_bytes(chance):
 
 def image_bytes(chance):
     depth = np.full((48, 64), 0.55, np.float32)
-    return chance.choice([npy(depth), png((depth * 1000).astype(np.uint16)), exr(depth)])
+    return chance.choice([npy(depth), png((depth * 1000).astype(np.uint16))])
 
 
 def random_bytes(chance):
@@ -121,15 +121,6 @@ def flipped_image(chance):
     for _ in range(chance.randrange(1, 8)):
         data[chance.randrange(min(len(data), 200))] = chance.randrange(256)
     return json.dumps({"views": [seen() | {"depth": file_of(bytes(data))}]}).encode(), False
-
-
-def flipped_exr(chance):
-    """In its header, its table of places, the heads of its lines, or its pixels."""
-    data = bytearray(exr(np.full((12, 16), 0.55, np.float32)))
-    for _ in range(chance.randrange(1, 8)):
-        data[chance.randrange(len(data))] = chance.choice([0, 1, 0x7F, 0x80, 0xFF, chance.randrange(256)])
-    view = seen(width=16, height=12) | {"depth": file_of(bytes(data))}
-    return json.dumps({"views": [view]}).encode(), False
 
 
 def cut_cloud(chance):
@@ -228,7 +219,7 @@ def several_sources(chance):
 
 BODIES = [
     random_bytes, cut_json, flipped_json, wrong_type, odd_number, deep, deep_inside, junk_image, cut_image,
-    flipped_image, flipped_exr, cut_cloud, flipped_cloud, wrong_shape, absurd_depth, huge_promise, not_rigid,
+    flipped_image, cut_cloud, flipped_cloud, wrong_shape, absurd_depth, huge_promise, not_rigid,
     no_unit_quaternion, bad_lens, unknown_or_missing_key, wrong_number_of_views, several_sources,
 ]  # fmt: skip
 

@@ -29,7 +29,7 @@ PROGRAMS = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "debug"
 DATASET = Path(os.environ["GRASPMILL_DATASET"]).resolve()
 URL = "s3://grasps/sets/one"
 KEY, SECRET = "test", "testtest"
-START_S = 30  # the server's time to start
+START_S = 60  # the server's time to start
 FAIL_S = 90  # a program's time to give up
 
 

@@ -1,4 +1,4 @@
-"""scripts/voxel_ceiling.py on tables with a known ceiling."""
+"""lab/voxel_ceiling.py on tables with a known ceiling."""
 
 import sys
 from itertools import combinations
@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "lab"))
 from voxel_ceiling import ceiling  # noqa: E402
 
 

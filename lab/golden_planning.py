@@ -2,8 +2,8 @@
 """Writes the golden files for comparing planning with published implementations: scipy, scikit-learn and numpy.
 
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt
-    venv/bin/python scripts/golden_planning.py            # writes planner/tests/golden and perception/tests/golden
-    venv/bin/python scripts/golden_planning.py --check    # writes nothing; exit 1 unless the files are equal
+    venv/bin/python lab/golden_planning.py            # writes planner/tests/golden and perception/tests/golden
+    venv/bin/python lab/golden_planning.py --check    # writes nothing; exit 1 unless the files are equal
 
 Made with numpy, scipy and scikit-learn as pinned in requirements-golden.txt, on x86-64; a few seconds. PyTorch is not needed.
 
@@ -455,7 +455,7 @@ def planes():
 
 def made_with():
     versions = {"numpy": np.__version__, "scipy": scipy.__version__, "scikit-learn": sklearn.__version__}
-    return json.dumps({"script": "scripts/golden_planning.py", **versions})
+    return json.dumps({"script": "lab/golden_planning.py", **versions})
 
 
 def document(fields):

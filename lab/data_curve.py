@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How much data, and of what, a judge needs: one training for each answer, tried on unseen scenes and in the closed loop.
 
-    python scripts/data_curve.py OUT [--programs DIR] [--figure FILE.svg] [--only NAME…] [--small]
+    python lab/data_curve.py OUT [--programs DIR] [--figure FILE.svg] [--only NAME…] [--small]
 
 Each row of STUDIES differs from the first in one thing. For each, attempts are executed (seed 7401), a judge is trained (8 epochs,
 seed 1), evaluated on three datasets of unseen scenes (seed 7402), and clears 100 piles seen from six sides and 100 seen by one noisy

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measures the Python package that is installed, and prints a table for docs/results.
 
-    pip install graspmill-….whl torch && python scripts/bench_python.py [--scratch DIR]
+    pip install graspmill-….whl torch && python lab/bench_python.py [--scratch DIR]
 
 Makes 12,000 attempts of the paper's config in a scratch folder. On cores without other work it takes about three minutes.
 """
@@ -86,13 +86,13 @@ def resident_mb() -> float:
 
 def loader(dataset) -> None:
     import torch
-    from graspmill.torch import GraspStream, HandStream
+    from graspmill.torch import GraspStream, GraspCropStream
 
     for workers in (0, 2):
-        hands = HandStream(dataset, "train", batch=256)
-        loaded = torch.utils.data.DataLoader(hands, batch_size=None, num_workers=workers)
+        crops = GraspCropStream(dataset, "train", batch=256)
+        loaded = torch.utils.data.DataLoader(crops, batch_size=None, num_workers=workers)
         spent = seconds(lambda: sum(len(batch["label"]) for batch in loaded), 3)
-        row(f"`HandStream`, {workers} workers", f"{hands.sample_count / spent:,.0f} hands/s")
+        row(f"`GraspCropStream`, {workers} workers", f"{crops.sample_count / spent:,.0f} grasps/s")
     for samples_per_scene in (8, 60):
         for workers in (0, 2):
             stream = GraspStream(dataset, "train", batch=240, samples_per_scene=samples_per_scene)
@@ -126,7 +126,7 @@ def plans(dataset, scratch: Path) -> None:
             {"depth": encoded(image), "workspace_from_camera": camera.workspace_from_camera.tolist()}
             for image, camera in zip(images, stored.cameras)
         ]
-        lens = dict(zip(("fx_px", "fy_px", "cx_px", "cy_px"), stored.cameras[0]._lens()[2:]))
+        lens = dict(zip(("fx_px", "fy_px", "cx_px", "cy_px"), stored.cameras[0]._intrinsics()[2:]))
         body = json.dumps({"views": views, "intrinsics": lens}).encode()
         request = urllib.request.Request(f"http://127.0.0.1:{port}/v1/plan", body, {"Content-Type": "application/json"})
 

@@ -2,7 +2,7 @@
 """Writes the golden tensors for comparing trainer/ with PyTorch.
 
     python3 -m venv venv && venv/bin/pip install -r scripts/requirements-golden.txt
-    venv/bin/python scripts/golden_torch.py            # writes trainer/tests/golden/{linear,nearest}.safetensors
+    venv/bin/python lab/golden_torch.py            # writes trainer/tests/golden/{linear,nearest}.safetensors
 
 Made with torch 2.15.0, numpy and safetensors as pinned in requirements-golden.txt; about two minutes on two cores.
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Computes the highest accuracy that any network with one quality per voxel can reach on a dataset.
 
-    python scripts/voxel_ceiling.py DATASET [--origin-behind-tips-mm MM …]
+    python lab/voxel_ceiling.py DATASET [--origin-behind-tips-mm MM …]
 
 The network predicts per voxel, but a label also depends on the approach direction. Attempts that share a voxel of a scene
 show how much. If a voxel's attempts hold with probability p, two of them disagree with probability 2 p (1 - p). Pairs of

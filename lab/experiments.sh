@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# The experiments of docs/results/experiments.md in sequence: clutter removal, the paper's tables, depth noise, one noisy side view, views.
+# The experiments of docs/results/experiments.md in sequence: clutter removal, the paper's tables, depth noise, one
+# noisy side view, views.
 #
-#   scripts/experiments.sh OUT [NAME…]      all of them, or those whose name begins with one of these
+#   lab/experiments.sh OUT [NAME…]      all of them, or those whose name begins with one of these
 #
-# VOXEL=FILE adds rows of a network that was trained by configs/train/voxel.toml, which is not shipped (docs/results/training.md).
+# VOXEL=FILE adds rows of a network that was trained by configs/train/voxel.toml, which is not shipped
+# (docs/results/training.md).
 #
 # Finished experiments are not repeated, and interrupted ones continue. `graspmill experiment compare` makes the tables.
 set -euo pipefail
@@ -78,7 +80,8 @@ for noise in d435 dex; do
     run "noise-$noise" table2 "Table 2: the judge, $noise noise" --set "noise.kind=$noise"
 done
 
-# One noisy view from the side, GIGA's five seeds (larger objects: one other seed); "halts" forgives touches on the way, as GIGA's and VGN's simulators do.
+# One noisy view from the side, GIGA's five seeds (larger objects: one other seed); "halts" forgives touches on the way,
+# as GIGA's and VGN's simulators do.
 for kind in pile packed; do
     for touching in fails halts; do
         touch=(--set "touching=$touching")
