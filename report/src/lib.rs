@@ -9,5 +9,6 @@ mod eye;
 pub mod figure;
 pub mod hand;
 pub mod picture;
+pub mod statistics;
 pub mod still;
 pub mod view;

@@ -4,33 +4,31 @@ use std::sync::Arc;
 
 use network::layers::initial_vector;
 use network::upsampling::Upsampling;
-use schema::{Purpose, Quat, Stream};
-use trainer::batch::{Batch, Sample};
+use schema::{Purpose, Quat, Rule, Stream};
+use trainer::batch::{Batch, Sample, SampleId};
 use trainer::device::Device;
-use trainer::loss::{Closings, Target};
-use trainer::step::{evaluate, step};
+use trainer::voxel::VoxelSample;
+use trainer::voxel::loss::{Closings, Target};
+use trainer::voxel::step::{evaluate, step};
 
 fn main() {
     divan::main();
 }
 
 /// A batch of 48 samples from some scenes.
-fn batch(scenes: usize) -> Batch {
+fn batch(scenes: usize) -> Batch<VoxelSample> {
     let mut draw = Stream::new(0, 0, Purpose::Views, 0);
     let grids = (0..scenes).map(|_| (0..64_000).map(|_| draw.uniform(0.0, 1.0)).collect::<Vec<f32>>());
     let grids: Vec<Arc<[f32]>> = grids.map(Arc::from).collect();
-    let samples = (0..48).map(|at| Sample {
-        grid: at * scenes / 48,
-        voxel: [draw.index(40), draw.index(40), draw.index(40)],
-        target: Target {
-            label: (at % 4 == 0).into(),
-            rotation: Quat::IDENTITY,
-            width_voxels: 5.0,
-            quality_weight: 1.0,
-            closings: Closings::Half,
-        },
+    let samples = (0..48).map(|at| {
+        let closings = Closings::Half;
+        let (label, rotation) = ((at % 4 == 0).into(), Quat::IDENTITY);
+        let target = Target { label, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
+        let voxel = [draw.index(40), draw.index(40), draw.index(40)];
+        let id = SampleId { scene: 0, attempt: 0, rule: Rule::of_the_paper()[0] };
+        Sample { id, grid: at * scenes / 48, data: VoxelSample { voxel, target, closings } }
     });
-    Batch { samples: samples.collect(), grids, ..Batch::default() }
+    Batch { samples: samples.collect(), grids }
 }
 
 #[divan::bench(args = [48, 8], sample_count = 8, sample_size = 1)]

@@ -1,149 +1,53 @@
-//! A batch: samples and their grids, each grid once.
+//! Samples, scenes and batches of them. What a sample is besides its attempt and its grid is its method's.
 
-use std::iter::repeat_n;
-use std::ops::Range;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use network::VoxelInputs;
-use rayon::prelude::*;
-use schema::{Outcome, Pose};
+use schema::Rule;
 
-use crate::data::Record;
-use crate::loss::Target;
-
-/// One supervised voxel.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample {
-    /// Index of its grid in the batch.
-    pub grid: usize,
-    /// The voxel that holds the grasp's origin: x, y, z, below 40.
-    pub voxel: [usize; 3],
-    /// The result of the attempt there.
-    pub target: Target,
+/// The attempt of which a sample is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SampleId {
+    /// The scene.
+    pub scene: u32,
+    /// The attempt within its scene that represents the sample.
+    pub attempt: u32,
+    /// The rule that drew the attempt: target shape and approach axis.
+    pub rule: Rule,
 }
 
-/// What a judge is asked about a sample.
+/// A sample for a method.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hand {
-    /// Which of the hands it is.
-    pub crop: usize,
-    /// The grasp.
-    pub workspace_from_grasp: Pose,
-    /// Number of views from which the scene's TSDF was made.
-    pub views: usize,
-    /// Whether hand and scene are mirrored in the grasp's x and y.
-    pub mirrored: [bool; 2],
-    /// How the attempt ended.
-    pub outcome: Outcome,
-    /// Whether the hand hits the table, so that nothing is asked.
-    pub hits_table: bool,
+pub struct Sample<D> {
+    /// The attempt.
+    pub id: SampleId,
+    /// Index of its grid in the batch; 0 in a scene.
+    pub grid: usize,
+    /// What the method asks, and the answer.
+    pub data: D,
 }
 
 /// Samples in the order of their grids.
-#[derive(Debug, Clone, Default)]
-pub struct Batch {
+#[derive(Debug, Clone)]
+pub struct Batch<D> {
     /// TSDFs, 40³ values each, x slowest.
     pub grids: Vec<Arc<[f32]>>,
     /// Samples, in ascending order of `grid`.
-    pub samples: Vec<Sample>,
-    /// For each sample its hand; none for the paper's network.
-    pub hands: Vec<Hand>,
-    /// For each sample what the dataset has of it; none for samples that are in no dataset.
-    pub records: Vec<Record>,
+    pub samples: Vec<Sample<D>>,
 }
 
-/// Some consecutive samples of a batch.
-#[derive(Debug, Clone)]
-pub struct BatchPart<'a> {
-    /// Their grids, each once, and their voxels.
-    pub inputs: VoxelInputs<'a>,
-    /// For each sample its target.
-    pub targets: Vec<Target>,
+/// A scene: its grid and all of its samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene<D> {
+    /// Its number among the scenes of all datasets.
+    pub number: u32,
+    /// The number of its first attempt among the attempts of all datasets.
+    pub first_attempt: u64,
+    /// TSDF, 40³ values, x slowest.
+    pub grid: Arc<[f32]>,
+    /// Its samples by attempt.
+    pub samples: Vec<Sample<D>>,
 }
 
-/// Maximum number of grids in a part of a batch. Parts run on different threads, so this limits memory. It does not
-/// depend on the number of threads, so neither do results.
-const PART_GRIDS_MAX: usize = 2;
-/// Maximum number of samples in a part of a batch.
-const PART_SAMPLES_MAX: usize = 12;
-
-impl Batch {
-    /// Cuts the batch into parts, as a pure function of the batch, and calls `work` with each of them, on any thread;
-    /// results are in the order of parts. A scene's samples stay together if possible, so that its grid is encoded
-    /// once.
-    pub fn by_parts<T: Send>(&self, work: impl Fn(&BatchPart<'_>) -> T + Sync) -> Vec<T> {
-        self.parts().into_par_iter().map(|part| work(&self.part(part))).collect()
-    }
-
-    fn parts(&self) -> Vec<Range<usize>> {
-        let mut parts = Vec::new();
-        let (mut start, mut grids) = (0, 0);
-        for (at, sample) in self.samples.iter().enumerate() {
-            let new_grid = at == start || self.samples[at - 1].grid != sample.grid;
-            if at > start && (at - start == PART_SAMPLES_MAX || (new_grid && grids == PART_GRIDS_MAX)) {
-                parts.push(start..at);
-                (start, grids) = (at, 1);
-            } else {
-                grids += usize::from(new_grid);
-            }
-        }
-        if start < self.samples.len() {
-            parts.push(start..self.samples.len());
-        }
-        parts
-    }
-
-    /// Some consecutive samples, with their grids.
-    fn part(&self, part: Range<usize>) -> BatchPart<'_> {
-        let samples = &self.samples[part];
-        let (mut grids, mut grid_of_sample) = (Vec::new(), Vec::new());
-        for (number, own) in samples.chunk_by(|a, b| a.grid == b.grid).enumerate() {
-            grids.push(&*self.grids[own[0].grid]);
-            grid_of_sample.extend(repeat_n(number, own.len()));
-        }
-        let voxels = samples.iter().map(|sample| sample.voxel).collect();
-        let targets = samples.iter().map(|sample| sample.target).collect();
-        BatchPart { inputs: VoxelInputs { grids, grid_of_sample, voxels }, targets }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::loss::Closings;
-    use proptest::prelude::*;
-    use schema::Quat;
-
-    fn batch(grid_of_sample: &[usize]) -> Batch {
-        let target = Target {
-            label: 0,
-            rotation: Quat::IDENTITY,
-            width_voxels: 0.0,
-            quality_weight: 1.0,
-            closings: Closings::Half,
-        };
-        let samples = grid_of_sample.iter().map(|grid| Sample { grid: *grid, voxel: [0; 3], target }).collect();
-        let count = grid_of_sample.last().map_or(0, |last| last + 1);
-        Batch { grids: (0..count).map(|grid| Arc::from([grid as f32])).collect(), samples, ..Batch::default() }
-    }
-
-    proptest! {
-        #[test]
-        fn parts_tile_the_batch_within_their_limits(steps in prop::collection::vec(0_usize..2, 0..100)) {
-            let grids: Vec<usize> = steps.iter().scan(0, |grid, step| { *grid += step; Some(*grid) }).collect();
-            let batch = batch(&grids);
-            let mut end = 0;
-            for part in batch.parts() {
-                prop_assert_eq!(part.start, end);
-                prop_assert!(!part.is_empty() && part.len() <= PART_SAMPLES_MAX);
-                let own = batch.part(part.clone()).inputs;
-                prop_assert!(own.grids.len() <= PART_GRIDS_MAX);
-                for (sample, number) in batch.samples[part.clone()].iter().zip(own.grid_of_sample) {
-                    prop_assert_eq!(own.grids[number][0], sample.grid as f32);
-                }
-                end = part.end;
-            }
-            prop_assert_eq!(end, batch.samples.len());
-        }
-    }
-}
+/// Scenes by their numbers.
+pub type Scenes<D> = BTreeMap<u32, Arc<Scene<D>>>;

@@ -10,8 +10,8 @@ use serde::ser::SerializeStruct as _;
 use serde::{Deserialize, Serialize, Serializer};
 use settings::{Document, Reader, above, settings, words};
 
-use crate::augmentation::Augmentation;
 use crate::schedule::Schedule;
+use crate::voxel::augmentation::Augmentation;
 use network::upsampling::Upsampling;
 use network::{BEHIND_TIPS_M_MAX, GraspOrigin, Kind, VoxelParams};
 
@@ -184,14 +184,19 @@ impl Config {
         Document::parse(text, path)?.read()
     }
 
-    /// Augmentation does not apply to a judge, whose input is in the grasp frame; its outcomes are not balanced.
+    /// The voxel network's keys do not apply to a judge. Its checkpoints have them, with the values of keys left out.
     fn fits_the_network(&self, reader: &mut Reader<'_>) {
-        if self.network.kind == Kind::Judge {
-            let rule = || "must be left out for a judge";
-            reader.must("augmentation", self.augmentation == Augmentation::OFF, rule);
-            reader.must("training.positive_weight", self.training.positive_weight == 1.0, rule);
-            reader.must("training.targets", self.training.targets == Targets::Attempt, rule);
-            reader.must("network.origin_behind_tips_m", self.network.origin_behind_tips_m == 0.0, rule);
+        let (network, training) = (&self.network, &self.training);
+        let as_left_out = [
+            ("network.upsampling", network.upsampling == Upsampling::Linear),
+            ("network.origin_behind_tips_m", network.origin_behind_tips_m == 0.0),
+            ("training.positive_weight", training.positive_weight == 1.0),
+            ("training.targets", training.targets == Targets::Attempt),
+            ("training.closings", training.closings == Closing::Attempt),
+            ("augmentation", self.augmentation == Augmentation::OFF),
+        ];
+        for (key, _) in as_left_out.into_iter().filter(|(_, holds)| network.kind == Kind::Judge && !holds) {
+            reader.within(key, |reader| reader.fault("does not apply to a judge"));
         }
     }
 
@@ -255,6 +260,22 @@ mod tests {
             assert!(all.contains(problem), "{problem} is not in\n{all}");
         }
         assert_eq!(problems.len(), 6, "{all}");
+    }
+
+    #[test]
+    fn keys_of_the_voxel_network_do_not_apply_to_a_judge_unless_they_change_nothing() {
+        let parse = |text: &str| Config::parse(text, Path::new("judge.toml"));
+        let judge = parse(JUDGE).unwrap();
+        assert_eq!(parse(&judge.to_toml()).unwrap(), judge);
+        let text = JUDGE.replace(
+            "[training]",
+            "upsampling = \"nearest\"\norigin_behind_tips_m = 0.05\n[training]\n\
+                     positive_weight = 2.0\ntargets = \"voxel\"\nclosings = \"object\"",
+        ) + "[augmentation]\nquarter_turns = true\n";
+        let Err(settings::Error::Invalid { faults, .. }) = parse(&text) else { panic!("must be refused") };
+        let keys = ["network.upsampling", "network.origin_behind_tips_m", "training.positive_weight"];
+        let keys = keys.into_iter().chain(["training.targets", "training.closings", "augmentation"]);
+        assert_eq!(faults, keys.map(|key| format!("{key} does not apply to a judge")).collect::<Vec<_>>());
     }
 
     #[test]

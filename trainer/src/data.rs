@@ -1,11 +1,11 @@
 //! Training samples from a dataset's shards. In memory are two bits for each attempt, and the scenes that are in use.
 
-mod item;
+mod batches;
 mod load;
 mod loader;
-pub(crate) mod marks;
+pub(crate) mod split_bits;
 
-pub use item::{HandRecord, Record, Scene, TrainingTransform, batch};
-pub use load::{GraspDataset, Seen};
+pub use batches::batch;
+pub use load::{GraspDataset, Rows, Shard};
 pub use loader::for_each_batch;
-pub use marks::{Marks, Set};
+pub use split_bits::{Set, SplitBits};

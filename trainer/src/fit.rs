@@ -14,17 +14,18 @@ use shards::{Dataset, Location};
 
 use crate::adam;
 use crate::batch::Batch;
-use crate::config::{Closing, Config, TrainingParams};
-use crate::data::{GraspDataset, Seen, Set, TrainingTransform, for_each_batch};
+use crate::config::{Config, TrainingParams};
+use crate::data::{GraspDataset, Set, for_each_batch};
 use crate::device::Device;
 use crate::events::{Beginning, EpochReport, Event};
-use crate::loss::ClassWeights;
+use crate::judge::Judge;
+use crate::method::{Epoch, Method};
 use crate::metrics::Tally;
-use crate::model::Model;
-use crate::order::{Tour, epoch_steps, epoch_tour, steps_in_order};
+use crate::order::{SceneOrder, epoch_order, epoch_steps, steps_in_order};
 use crate::patience::epochs_without_better;
 use crate::run_folder::{RunFolder, id_of, read_metrics};
-use crate::split::{Labels, split};
+use crate::split::{LabelCount, Labels, split};
+use crate::voxel::Voxel;
 use crate::watch::Watch;
 
 /// How training ended.
@@ -78,29 +79,36 @@ pub fn fit(job: &Job<'_>, stop: &AtomicBool, observe: &(dyn Fn(Event<'_>) + Sync
         None => (first_vector(&architecture, config, from)?, Progress::default(), None),
     };
     folder.write_config(config)?;
-    let model = Model::of(&architecture, hands_of(&datasets));
-    let mut state = Checkpoint { vector, architecture, config: config.to_toml(), dataset_id, progress, moments };
-
+    let state = Checkpoint { vector, architecture, config: config.to_toml(), dataset_id, progress, moments };
     observe(Event::Loading(&datasets));
-    let seen = model.seen(config.training.targets);
-    let (samples, labels) = match load(&datasets, seen, config, stop, &|| observe(Event::SceneLoaded)) {
+    match &state.architecture {
+        Architecture::Voxel(params) => {
+            train(Voxel::in_training(*params, config, device.clone()), state, job, &datasets, &folder, stop, observe)
+        }
+        Architecture::Judge(scope) => {
+            train(Judge::new(scope, hands_of(&datasets)), state, job, &datasets, &folder, stop, observe)
+        }
+    }
+}
+
+/// Trains by a method from a state on.
+fn train<M: Method>(
+    method: M,
+    mut state: Checkpoint,
+    Job { config, run, .. }: &Job<'_>,
+    datasets: &[Dataset],
+    folder: &RunFolder,
+    stop: &AtomicBool,
+    observe: &(dyn Fn(Event<'_>) + Sync),
+) -> Result<Ending, Failure> {
+    let (samples, labels) = match load(datasets, method, config, stop, &|| observe(Event::SceneLoaded)) {
         Err(_) if stop.load(Ordering::Relaxed) => return Ok(Ending::Stopped),
         loaded => loaded?,
     };
     let mut metrics: Vec<String> = read_metrics(run)?.lines().map(str::to_owned).collect();
-    metrics.truncate(progress.epoch as usize);
-    observe(Event::Begun(&Beginning { outside: samples.outside, labels, progress }));
-    let training = Training {
-        config,
-        model: &model,
-        device,
-        folder: &folder,
-        samples: &samples,
-        stop,
-        observe,
-        weights: ClassWeights::new(config.training.positive_weight, labels.train.held, labels.train.samples),
-        steps: labels.train.samples.div_ceil(config.training.batch) as u64,
-    };
+    metrics.truncate(state.progress.epoch as usize);
+    observe(Event::Begun(&Beginning { outside: samples.outside, labels, progress: state.progress }));
+    let training = Training { config, folder, samples: &samples, stop, observe, train: labels.train };
     while state.progress.epoch < config.training.epochs {
         let without_better = epochs_without_better(&metrics);
         if config.training.patience_epochs > 0 && without_better >= config.training.patience_epochs {
@@ -148,16 +156,16 @@ fn open(data: &[Location]) -> Result<Vec<Dataset>, Failure> {
 }
 
 /// Surveys and splits the samples; reads their scenes too where these are few.
-fn load<'a>(
+fn load<'a, M: Method>(
     datasets: &'a [Dataset],
-    seen: Seen<'a>,
+    method: M,
     config: &Config,
     stop: &AtomicBool,
     scene_done: &(dyn Fn() + Sync),
-) -> Result<(GraspDataset<'a>, Labels), Failure> {
+) -> Result<(GraspDataset<'a, M>, Labels), Failure> {
     let scenes: u64 = datasets.iter().map(|dataset| dataset.info().scene_count).sum();
     let is_small = scenes <= config.training.shuffle_scenes as u64;
-    let mut samples = GraspDataset::survey(datasets, seen, stop, if is_small { &|| () } else { scene_done })?;
+    let mut samples = GraspDataset::survey(datasets, method, stop, if is_small { &|| () } else { scene_done })?;
     let labels = split(&mut samples.marks, config.seed, &config.split)?;
     if is_small {
         samples.keep(stop, scene_done)?;
@@ -215,28 +223,25 @@ pub(crate) fn hands_of(datasets: &[Dataset]) -> impl Iterator<Item = &Gripper> {
 }
 
 /// What stays the same during training.
-struct Training<'a> {
+struct Training<'a, M: Method> {
     config: &'a Config,
-    model: &'a Model,
-    device: &'a Device,
     folder: &'a RunFolder,
-    samples: &'a GraspDataset<'a>,
+    samples: &'a GraspDataset<'a, M>,
     stop: &'a AtomicBool,
     observe: &'a (dyn Fn(Event<'_>) + Sync),
-    weights: ClassWeights,
-    /// Steps of an epoch.
-    steps: u64,
+    train: LabelCount,
 }
 
-impl Training<'_> {
+impl<M: Method> Training<'_, M> {
     fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
     /// Adam's step size at a step, counted from 0 over all epochs.
     fn learning_rate(&self, step: u64) -> f64 {
-        let TrainingParams { schedule, learning_rate, epochs, .. } = self.config.training;
-        schedule.learning_rate(learning_rate, step, u64::from(epochs) * self.steps)
+        let TrainingParams { schedule, learning_rate, epochs, batch, .. } = self.config.training;
+        let steps = u64::from(epochs) * self.train.samples.div_ceil(batch) as u64;
+        schedule.learning_rate(learning_rate, step, steps)
     }
 
     /// The rest of an epoch and its tests; `None` if a signal stopped it.
@@ -268,15 +273,13 @@ impl Training<'_> {
 
     /// The rest of the steps of an epoch, or those until a signal.
     fn train(&self, state: &mut Checkpoint) -> Result<(), Failure> {
-        let Config { seed, augmentation, .. } = *self.config;
-        let any_closing = self.config.training.closings == Closing::Object;
         let (epoch, marks) = (state.progress.epoch, &self.samples.marks);
-        let tour = epoch_tour(marks, self.config, epoch);
-        let mut steps = epoch_steps(marks, &tour, self.config, epoch);
+        let order = epoch_order(marks, self.config, epoch);
+        let mut steps = epoch_steps(marks, &order, self.config, epoch);
         let start = steps.by_ref().take(state.progress.batch as usize).last().map_or(0, |last| last.done);
-        let transform = TrainingTransform { seed, epoch, augmentation, weights: self.weights, any_closing };
+        let epoch = Epoch { seed: self.config.seed, number: epoch, train: self.train };
         let mut outcome = Ok(());
-        for_each_batch(self.samples, (&tour, start), steps, Some(&transform), |_, batch| {
+        for_each_batch(self.samples, (&order, start), steps, Some(&epoch), |_, batch| {
             if self.is_stopped() {
                 return ControlFlow::Break(());
             }
@@ -286,8 +289,8 @@ impl Training<'_> {
         outcome
     }
 
-    fn step(&self, state: &mut Checkpoint, batch: &Batch) -> Result<(), Failure> {
-        let result = self.model.step(&state.vector, batch, self.device);
+    fn step(&self, state: &mut Checkpoint, batch: &Batch<M::Data>) -> Result<(), Failure> {
+        let result = self.samples.method.step(&state.vector, batch);
         let samples = result.samples.len();
         let loss = result.samples.iter().map(|sample| f64::from(sample.total)).sum::<f64>() / samples as f64;
         let number = state.progress.step + 1;
@@ -312,18 +315,18 @@ impl Training<'_> {
     fn test(&self, vector: &[f32]) -> Result<[Tally; 2], Failure> {
         let marks = &self.samples.marks;
         let set_of = |mark: u8| [Set::TestAttempts as u8, Set::TestScenes as u8].iter().position(|set| *set == mark);
-        let tour = Tour::ascending(marks, |mark| set_of(mark).is_some());
+        let order = SceneOrder::ascending(marks, |mark| set_of(mark).is_some());
         let mut tallies = [Tally::default(); 2];
         for_each_batch(
             self.samples,
-            (&tour, 0),
-            steps_in_order(marks, &tour, TEST_BATCH, set_of),
+            (&order, 0),
+            steps_in_order(marks, &order, TEST_BATCH, set_of),
             None,
             |set, batch| {
                 if self.is_stopped() {
                     return ControlFlow::Break(());
                 }
-                tallies[set].add(&self.model.evaluate(vector, &batch, self.device));
+                tallies[set].add(&self.samples.method.evaluate(vector, &batch));
                 ControlFlow::Continue(())
             },
         )?;

@@ -1,117 +1,100 @@
-//! The judge's loss and its gradient over a batch: the cross-entropy of the outcomes, unweighted, so that their
-//! probabilities are calibrated.
-//!
-//! Where arithmetic knows that the hand hits the table, the network is not asked: the attempt fails, without a loss.
+//! The judge in training: a sample is a hand that grasps, wherever its origin is.
 
-use network::judge::{
-    Crop, JudgeActivations, JudgeInputs, JudgeNetwork, OUTCOMES, PaddedGrid, probabilities, quality_logit,
-};
-use network::receptive_field::RESOLUTION;
-use rayon::prelude::*;
+pub mod scores;
+pub mod step;
 
-use crate::batch::{Batch, Hand, Sample};
-use crate::loss::SampleResult;
-use crate::step::{StepResult, sum};
+use std::sync::Arc;
 
-/// Samples of a part of a batch, which one thread computes. It does not depend on the number of threads, so neither do
-/// results.
-const PART: usize = 32;
-/// The logit of a quality of 0, for hands that hit the table.
-const NEVER: f32 = -30.0;
+use network::judge::{Crop, Scope};
+use schema::{AttemptRecord, Gripper, Outcome, Pose, Purpose, Stream};
 
-/// Loss and gradient of a batch; no hand of it may hit the table.
-#[must_use]
-pub fn step(vector: &[f32], batch: &Batch, crops: &[Crop]) -> StepResult {
-    let network = JudgeNetwork::new(vector);
-    let transposed = network.transposed();
-    let weight = 1.0 / batch.samples.len() as f32;
-    let parts = by_parts(batch, |samples, hands| {
-        let asked: Vec<(&Sample, &Hand)> = samples.iter().zip(hands).collect();
-        let inputs = inputs(batch, &asked, crops);
-        let seen = network.forward(&inputs);
-        let d_logits: Vec<[f32; OUTCOMES]> =
-            seen.logits().zip(hands).map(|(logits, hand)| d_loss(&logits, hand, weight)).collect();
-        StepResult {
-            gradient: network.gradient(&transposed, &inputs, &seen, &d_logits),
-            samples: results(&seen, hands.iter()).collect(),
-        }
-    });
-    sum(vector.len(), parts)
+use crate::batch::{Batch, Scene};
+use crate::data::split_bits::{FAILED, HELD, HITS_TABLE};
+use crate::data::{Rows, Shard};
+use crate::method::{Epoch, Method};
+use crate::results::{Found, SampleResult, StepResult};
+use crate::scores::GraspErrors;
+use scores::{HandScores, hand_scores};
+
+type Sample = crate::batch::Sample<JudgeSample>;
+
+/// What a judge is asked, and how the attempt ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JudgeSample {
+    /// Which of the hands it is.
+    pub crop: u16,
+    /// The grasp.
+    pub workspace_from_grasp: Pose,
+    /// Number of views from which the scene's TSDF was made.
+    pub views: u8,
+    /// Whether hand and scene are mirrored in the grasp's x and y.
+    pub mirrored: [bool; 2],
+    /// How the attempt ended.
+    pub outcome: Outcome,
+    /// Whether the hand hits the table, so that nothing is asked.
+    pub hits_table: bool,
 }
 
-/// Losses and predictions of a batch, without a gradient.
-#[must_use]
-pub fn evaluate(vector: &[f32], batch: &Batch, crops: &[Crop]) -> Vec<SampleResult> {
-    let network = JudgeNetwork::new(vector);
-    let parts = by_parts(batch, |samples, hands| {
-        let asked: Vec<(&Sample, &Hand)> = samples.iter().zip(hands).filter(|(_, hand)| !hand.hits_table).collect();
-        if asked.is_empty() {
-            return hands.iter().map(certain).collect();
-        }
-        let seen = network.forward(&inputs(batch, &asked, crops));
-        let mut asked = results(&seen, asked.iter().map(|(_, hand)| *hand));
-        hands
-            .iter()
-            .map(|hand| if hand.hits_table { certain(hand) } else { asked.next().unwrap_or_else(|| certain(hand)) })
-            .collect::<Vec<_>>()
-    });
-    parts.concat()
+/// A judge of some hands: those of the first dataset, then those of the next.
+#[derive(Debug, Clone)]
+pub struct Judge {
+    /// How it sees each hand.
+    pub crops: Vec<Crop>,
 }
 
-/// What arithmetic alone says of each hand ([`Crop::clearance`]); the least for hands that hit the table.
-#[must_use]
-pub fn clearances(batch: &Batch, crops: &[Crop]) -> Vec<f32> {
-    let parts = by_parts(batch, |samples, hands| {
-        let asked: Vec<(&Sample, &Hand)> = samples.iter().zip(hands).collect();
-        let seen = inputs(batch, &asked, crops);
-        let clearances = seen.crops.chunks_exact(Crop::LEN).zip(hands);
-        let clearance = |(crop, hand): (&[f32], &Hand)| if hand.hits_table { NEVER } else { Crop::clearance(crop) };
-        clearances.map(clearance).collect::<Vec<f32>>()
-    });
-    parts.concat()
-}
-
-fn by_parts<T: Send>(batch: &Batch, work: impl Fn(&[Sample], &[Hand]) -> T + Sync) -> Vec<T> {
-    let parts = batch.samples.par_chunks(PART).zip(batch.hands.par_chunks(PART));
-    parts.map(|(samples, hands)| work(samples, hands)).collect()
-}
-
-/// What the network sees of samples, which are in the order of their grids.
-fn inputs(batch: &Batch, asked: &[(&Sample, &Hand)], crops: &[Crop]) -> JudgeInputs {
-    let mut inputs = JudgeInputs::with_capacity(asked.len());
-    for own in asked.chunk_by(|(a, _), (b, _)| a.grid == b.grid) {
-        let grid = PaddedGrid::new(RESOLUTION, &batch.grids[own[0].0.grid]);
-        for (_, Hand { workspace_from_grasp, views, mirrored, crop, .. }) in own {
-            inputs.push(&crops[*crop], &grid, workspace_from_grasp, *views, *mirrored);
-        }
+impl Judge {
+    /// The judge of a checkpoint, for these hands.
+    #[must_use]
+    pub fn new<'a>(scope: &Scope, hands: impl Iterator<Item = &'a Gripper>) -> Self {
+        Self { crops: hands.map(|hand| Crop::new(hand, scope.pregrasp_distance_m, &scope.grid)).collect() }
     }
-    inputs
 }
 
-fn results<'a>(
-    seen: &'a JudgeActivations,
-    hands: impl Iterator<Item = &'a Hand>,
-) -> impl Iterator<Item = SampleResult> {
-    seen.logits().zip(hands).map(|(logits, hand)| {
-        let loss = -libm::logf(probabilities(&logits)[hand.outcome as usize].max(f32::MIN_POSITIVE));
-        // Propagate NaN, so that training detects divergence.
-        let loss = if logits.iter().all(|logit| logit.is_finite()) { loss } else { f32::NAN };
-        result(loss, quality_logit(&logits), hand)
-    })
-}
+impl Method for Judge {
+    type Data = JudgeSample;
 
-fn certain(hand: &Hand) -> SampleResult {
-    result(0.0, NEVER, hand)
-}
+    fn samples(&self, shard: &Shard<'_>, Rows { attempts, views, .. }: Rows<'_>) -> (Vec<Sample>, u64) {
+        let count = shard.dataset.info().hands().len() as u64;
+        let sample = |attempt: &AttemptRecord| {
+            let AttemptRecord { scene_id, workspace_from_grasp, outcome, .. } = *attempt;
+            let crop = shard.first_hand + (scene_id % count) as usize;
+            let data = JudgeSample {
+                crop: crop as u16,
+                workspace_from_grasp,
+                views: views as u8,
+                mirrored: [false; 2],
+                outcome,
+                hits_table: self.crops[crop].hits_table(&workspace_from_grasp),
+            };
+            Sample { id: shard.id(attempt), grid: 0, data }
+        };
+        (attempts.iter().map(sample).collect(), 0)
+    }
 
-fn result(loss: f32, quality_logit: f32, hand: &Hand) -> SampleResult {
-    let label = hand.outcome.label();
-    SampleResult { total: loss, quality: loss, rotation: 0.0, width: 0.0, quality_logit, predicted: None, label }
-}
+    fn mark(data: &JudgeSample) -> u8 {
+        let by_label = if data.outcome.label() == 1 { HELD } else { FAILED };
+        if data.hits_table { HITS_TABLE } else { by_label }
+    }
 
-/// The gradient of `weight` times the cross-entropy at the logits.
-fn d_loss(logits: &[f32; OUTCOMES], hand: &Hand, weight: f32) -> [f32; OUTCOMES] {
-    let mut d = probabilities(logits).map(|probability| weight * probability);
-    d[hand.outcome as usize] -= weight;
-    d
+    /// Mirrors half of them in each direction.
+    fn change(&self, epoch: &Epoch, scene: &Scene<JudgeSample>, own: &mut [Sample]) -> Arc<[f32]> {
+        for sample in own {
+            let number = scene.first_attempt + u64::from(sample.id.attempt);
+            let mut draw = Stream::new(epoch.seed, number, Purpose::Mirror, epoch.number);
+            sample.data.mirrored = [(); 2].map(|()| draw.unit() < 0.5);
+        }
+        scene.grid.clone()
+    }
+
+    fn step(&self, vector: &[f32], batch: &Batch<JudgeSample>) -> StepResult {
+        step::step(vector, batch, &self.crops)
+    }
+
+    fn evaluate(&self, vector: &[f32], batch: &Batch<JudgeSample>) -> Vec<SampleResult> {
+        step::evaluate(vector, batch, &self.crops)
+    }
+
+    fn own_scores(found: &[Found<JudgeSample>], _: f32) -> ([GraspErrors; 2], Option<HandScores>) {
+        (Default::default(), Some(hand_scores(found)))
+    }
 }

@@ -2,13 +2,12 @@
 //!
 //! # Map
 //!
-//! - The crate [`network`] has the network, its kernels on the host and its checkpoints. `graph`, behind cargo
-//!   features, has the network in Burn: for other devices, and for comparison in tests.
-//! - [`step`] is a training step: the network at one voxel per sample, and the [`loss`], the paper's Eq. 1–5. [`batch`]
-//!   cuts a batch into parts that run on different threads.
-//! - [`judge`] is the step of the other network, the judge of hands.
-//! - [`data`] makes samples from shards, [`split`] holds some out, [`order`] shuffles the rest, [`augmentation`]
-//!   rotates and shifts their scenes.
+//! - The crate [`network`] has the networks, their kernels on the host and their checkpoints.
+//! - [`voxel`] is all that only the paper's network needs: its samples, the training step at one voxel per sample, the
+//!   loss (the paper's Eq. 1–5), augmentation, and behind cargo features the network in Burn (`voxel::graph`).
+//! - [`judge`] is the same for a judge of hands. [`method`] is what both answer; the rest is written once for it.
+//! - [`data`] makes samples from shards, [`batch`] is some of them, [`split`] holds some out, [`order`] shuffles the
+//!   rest.
 //! - [`mod@fit`] is the training loop, [`adam`] its optimiser, [`schedule`] its step size, [`patience`] its early
 //!   stopping, [`metrics`] its counts, [`events`] its progress reports, [`run_folder`] its files,
 //!   curves and TensorBoard events its monitoring.
@@ -23,9 +22,7 @@
 //! gradients are computed by autodiff.
 
 pub mod adam;
-pub mod augmentation;
 pub mod batch;
-pub mod bench;
 pub mod config;
 mod curves;
 pub mod data;
@@ -35,19 +32,17 @@ pub mod events;
 pub mod fit;
 #[cfg(any(test, fuzzing))]
 pub mod fuzzing;
-#[cfg(feature = "graph")]
-pub mod graph;
 pub mod judge;
-pub mod loss;
+pub mod method;
 pub mod metrics;
-pub mod model;
 pub mod order;
 pub mod page;
 pub mod patience;
+pub mod results;
 pub mod run_folder;
 pub mod schedule;
 pub mod scores;
 pub mod split;
-pub mod step;
 mod tensorboard;
+pub mod voxel;
 mod watch;

@@ -1,10 +1,12 @@
 //! Metrics over the samples of an epoch: losses, and the confusion matrix with accuracy (Eq. 6), precision and recall.
 //! A success is predicted if the quality is above ½.
 
+use std::collections::BTreeMap;
+
 use network::checkpoint::{Confusion, Progress};
 use serde::Serialize;
 
-use crate::loss::SampleResult;
+use crate::results::SampleResult;
 
 /// Running sums over samples, in order.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -31,7 +33,8 @@ impl Tally {
     pub fn add(&mut self, samples: &[SampleResult]) {
         for sample in samples {
             self.confusion.add(sample.label, sample.quality_logit > 0.0);
-            let losses = [sample.total, sample.quality, sample.rotation, sample.width];
+            let [rotation, width] = sample.grasp.map_or([0.0; 2], |grasp| [grasp.rotation, grasp.width]);
+            let losses = [sample.total, sample.quality, rotation, width];
             for (sum, loss) in self.sums.iter_mut().zip(losses) {
                 *sum += f64::from(loss);
             }
@@ -87,4 +90,20 @@ pub struct Summary {
     pub baseline_accuracy: Option<f64>,
     /// The counts.
     pub confusion: Confusion,
+}
+
+/// The summary of each group of results.
+pub(crate) fn summaries<'a>(
+    results: impl Iterator<Item = (&'static str, &'a SampleResult)>,
+) -> BTreeMap<&'static str, Summary> {
+    tallies(results).into_iter().map(|(name, tally)| (name, tally.summary())).collect()
+}
+
+/// The sums of each group of results.
+pub(crate) fn tallies<'a, K: Ord>(results: impl Iterator<Item = (K, &'a SampleResult)>) -> BTreeMap<K, Tally> {
+    let mut tallies = BTreeMap::<K, Tally>::new();
+    for (key, result) in results {
+        tallies.entry(key).or_default().add(std::slice::from_ref(result));
+    }
+    tallies
 }

@@ -12,8 +12,8 @@ use std::iter::from_fn;
 use schema::{Purpose, Stream};
 
 use crate::config::{Config, TrainingParams};
-use crate::data::marks::shard_of;
-use crate::data::{Marks, Set};
+use crate::data::split_bits::shard_of;
+use crate::data::{Set, SplitBits};
 
 /// Shards that are read at once, each by its own thread.
 pub(crate) const LANES: usize = 8;
@@ -25,23 +25,23 @@ pub struct Step {
     pub set: usize,
     /// Scene and attempt of each sample.
     pub samples: Vec<(u32, u32)>,
-    /// The first so many scenes of the tour are not needed after this batch.
+    /// The first so many scenes are not needed after this batch.
     pub done: usize,
 }
 
 /// The order in which scenes are read.
 #[derive(Debug, Clone)]
-pub struct Tour {
+pub struct SceneOrder {
     /// The scenes.
     pub scenes: Vec<u32>,
     /// For each shard the lane that reads it.
     lanes: Vec<u8>,
 }
 
-impl Tour {
+impl SceneOrder {
     /// The scenes with an attempt of some marks, ascending.
     #[must_use]
-    pub fn ascending(marks: &[Marks], is_wanted: impl Fn(u8) -> bool) -> Self {
+    pub fn ascending(marks: &[SplitBits], is_wanted: impl Fn(u8) -> bool) -> Self {
         let scenes = marks.iter().flat_map(|marks| wanted(marks, &is_wanted)).collect();
         Self { scenes, lanes: (0..marks.len()).map(|shard| (shard % LANES) as u8).collect() }
     }
@@ -49,7 +49,7 @@ impl Tour {
     /// The scenes with training samples, as an epoch reads them: shards in random order, and of those that are read at
     /// once a scene of each in turn. A shard's scenes are read in their order, so that its files are opened once and
     /// it may be of any size.
-    fn shuffled(marks: &[Marks], seed: u64, epoch: u32) -> Self {
+    fn shuffled(marks: &[SplitBits], seed: u64, epoch: u32) -> Self {
         let mut shards: Vec<usize> = (0..marks.len()).collect();
         Stream::new(seed, epoch.into(), Purpose::Shuffle, 1).shuffle(&mut shards);
         let mut lanes = vec![0; marks.len()];
@@ -69,7 +69,7 @@ impl Tour {
     }
 
     /// The lane that reads a scene.
-    pub(crate) fn lane(&self, marks: &[Marks], scene: u32) -> usize {
+    pub(crate) fn lane(&self, marks: &[SplitBits], scene: u32) -> usize {
         self.lanes[shard_of(marks, scene)].into()
     }
 }
@@ -78,44 +78,44 @@ fn is_train(mark: u8) -> bool {
     mark == Set::Train as u8
 }
 
-fn wanted(marks: &Marks, is_wanted: impl Fn(u8) -> bool) -> impl Iterator<Item = u32> {
+fn wanted(marks: &SplitBits, is_wanted: impl Fn(u8) -> bool) -> impl Iterator<Item = u32> {
     marks.scenes().filter(move |scene| marks.has(*scene, &is_wanted))
 }
 
 /// The training samples of a scene.
-fn training(marks: &[Marks], scene: u32) -> Vec<u32> {
+fn training(marks: &[SplitBits], scene: u32) -> Vec<u32> {
     let own = marks[shard_of(marks, scene)].of_scene(scene).filter(|(_, mark)| is_train(*mark));
     own.map(|(attempt, _)| attempt).collect()
 }
 
 /// The order in which an epoch reads scenes.
 #[must_use]
-pub fn epoch_tour(marks: &[Marks], config: &Config, epoch: u32) -> Tour {
+pub fn epoch_order(marks: &[SplitBits], config: &Config, epoch: u32) -> SceneOrder {
     if is_small(marks, &config.training) {
-        Tour::ascending(marks, is_train)
+        SceneOrder::ascending(marks, is_train)
     } else {
-        Tour::shuffled(marks, config.seed, epoch)
+        SceneOrder::shuffled(marks, config.seed, epoch)
     }
 }
 
 /// Whether all scenes stay in memory.
-pub(crate) fn is_small(marks: &[Marks], params: &TrainingParams) -> bool {
+pub(crate) fn is_small(marks: &[SplitBits], params: &TrainingParams) -> bool {
     marks.last().is_none_or(|last| last.scenes().end as usize <= params.shuffle_scenes)
 }
 
 /// The batches of an epoch. Each scene's samples are shuffled and cut into groups of `samples_per_scene`; then the
 /// groups are shuffled. With 1 this is a plain shuffle of all samples.
 pub fn epoch_steps<'a>(
-    marks: &'a [Marks],
-    tour: &'a Tour,
+    marks: &'a [SplitBits],
+    order: &'a SceneOrder,
     config: &Config,
     epoch: u32,
 ) -> impl Iterator<Item = Step> + Send + use<'a> {
-    let TrainingParams { samples_per_scene, shuffle_scenes, batch, .. } = config.training;
+    let batch = config.training.batch;
     let groups: Box<dyn Iterator<Item = Group> + Send + 'a> = if is_small(marks, &config.training) {
-        Box::new(full_shuffle(marks, tour, samples_per_scene, config.seed, epoch).into_iter())
+        Box::new(full_shuffle(marks, order, config, epoch).into_iter())
     } else {
-        Box::new(windowed(marks, tour, samples_per_scene, shuffle_scenes, config.seed, epoch))
+        Box::new(windowed(marks, order, config, epoch))
     };
     let mut samples = groups.flat_map(|Group { done, scene, attempts, .. }| {
         attempts.into_iter().map(move |attempt| (done, (scene, attempt)))
@@ -133,41 +133,37 @@ pub fn epoch_steps<'a>(
 /// Samples of a scene that are visited one after another.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Group {
-    /// The first so many scenes of the tour have no later group.
+    /// The first so many scenes have no later group.
     done: usize,
     scene: u32,
     attempts: Vec<u32>,
 }
 
-fn full_shuffle(marks: &[Marks], tour: &Tour, samples_per_scene: usize, seed: u64, epoch: u32) -> Vec<Group> {
-    let mut stream = Stream::new(seed, epoch.into(), Purpose::Shuffle, 0);
+fn full_shuffle(marks: &[SplitBits], order: &SceneOrder, config: &Config, epoch: u32) -> Vec<Group> {
+    let mut stream = Stream::new(config.seed, epoch.into(), Purpose::Shuffle, 0);
     let mut groups = Vec::new();
-    for scene in &tour.scenes {
+    for scene in &order.scenes {
         let mut own = training(marks, *scene);
         stream.shuffle(&mut own);
-        groups.extend(own.chunks(samples_per_scene).map(|own| Group {
-            done: 0,
-            scene: *scene,
-            attempts: own.to_vec(),
-        }));
+        let group = |own: &[u32]| Group { done: 0, scene: *scene, attempts: own.to_vec() };
+        groups.extend(own.chunks(config.training.samples_per_scene).map(group));
     }
     stream.shuffle(&mut groups);
     groups
 }
 
-/// Times are counted in parts of the step from one scene of the tour to the next.
+/// Times are counted in parts of the step from one scene to the next.
 const TIMES: u64 = 1 << 16;
 
 fn windowed<'a>(
-    marks: &'a [Marks],
-    tour: &'a Tour,
-    samples_per_scene: usize,
-    window: usize,
-    seed: u64,
+    marks: &'a [SplitBits],
+    order: &'a SceneOrder,
+    config: &Config,
     epoch: u32,
 ) -> impl Iterator<Item = Group> + use<'a> {
+    let Config { seed, training: TrainingParams { samples_per_scene, shuffle_scenes: window, .. }, .. } = *config;
     let mut open = BinaryHeap::<Reverse<(u64, u32, Vec<u32>)>>::new();
-    let mut scenes = (0_u64..).map(|place| place * TIMES).zip(&tour.scenes).peekable();
+    let mut scenes = (0_u64..).map(|place| place * TIMES).zip(&order.scenes).peekable();
     from_fn(move || {
         loop {
             // A scene's groups come after its own time, so those before the next scene's are complete.
@@ -189,15 +185,15 @@ fn windowed<'a>(
     })
 }
 
-/// Batches of the samples of an ascending tour, in its order. `set_of` names the set of a mark, below 2; a batch has
+/// Batches of the samples of ascending scenes, in their order. `set_of` names the set of a mark, below 2; a batch has
 /// samples of one set.
 pub fn steps_in_order(
-    marks: &[Marks],
-    tour: &Tour,
+    marks: &[SplitBits],
+    order: &SceneOrder,
     batch: usize,
     set_of: impl Fn(u8) -> Option<usize> + Copy + Send,
 ) -> impl Iterator<Item = Step> + Send {
-    let mut samples = tour.scenes.iter().enumerate().flat_map(move |(place, scene)| {
+    let mut samples = order.scenes.iter().enumerate().flat_map(move |(place, scene)| {
         let own = marks[shard_of(marks, *scene)].of_scene(*scene);
         own.filter_map(move |(attempt, mark)| Some((set_of(mark)?, place, (*scene, attempt))))
     });
@@ -211,7 +207,7 @@ pub fn steps_in_order(
                         break (set, place);
                     }
                 }
-                None => break (pending.iter().position(|set| !set.is_empty())?, tour.scenes.len()),
+                None => break (pending.iter().position(|set| !set.is_empty())?, order.scenes.len()),
             }
         };
         let own = std::mem::take(&mut pending[set]);
@@ -230,9 +226,9 @@ mod tests {
     use crate::config::PAPER;
 
     /// Shards of 10 scenes of 20 attempts, of which every fifth trains.
-    fn marks(shards: u32) -> Vec<Marks> {
+    fn marks(shards: u32) -> Vec<SplitBits> {
         let shard = |shard: u32| {
-            let mut marks = Marks::new(10 * shard..10 * shard + 10, 20, 200);
+            let mut marks = SplitBits::new(10 * shard..10 * shard + 10, 20, 200);
             for scene in marks.scenes() {
                 (0..20).for_each(|attempt| {
                     marks.set(scene, attempt, if attempt % 5 == 1 { 0 } else { 1 + u8::from(attempt % 5 == 2) });
@@ -249,10 +245,10 @@ mod tests {
         config
     }
 
-    fn steps(marks: &[Marks], config: &Config, epoch: u32) -> (Tour, Vec<Step>) {
-        let tour = epoch_tour(marks, config, epoch);
-        let steps = epoch_steps(marks, &tour, config, epoch).collect();
-        (tour, steps)
+    fn steps(marks: &[SplitBits], config: &Config, epoch: u32) -> (SceneOrder, Vec<Step>) {
+        let order = epoch_order(marks, config, epoch);
+        let steps = epoch_steps(marks, &order, config, epoch).collect();
+        (order, steps)
     }
 
     fn samples(steps: &[Step]) -> Vec<(u32, u32)> {
@@ -299,8 +295,8 @@ mod tests {
     #[test]
     fn a_window_is_in_memory() {
         let marks = marks(30);
-        let (tour, steps) = steps(&marks, &config(3, 40), 1);
-        let place = |scene: u32| tour.scenes.iter().position(|own| *own == scene).unwrap();
+        let (order, steps) = steps(&marks, &config(3, 40), 1);
+        let place = |scene: u32| order.scenes.iter().position(|own| *own == scene).unwrap();
         let (mut done, mut reached, mut widest) = (0, 0, 0);
         for step in &steps {
             let places: BTreeSet<usize> = step.samples.iter().map(|(scene, _)| place(*scene)).collect();
@@ -313,7 +309,7 @@ mod tests {
         }
         assert!(widest >= 38 && reached == 300, "{widest} {reached}");
         // The first scenes are of so many shards.
-        let shards: BTreeSet<u32> = tour.scenes[..LANES].iter().map(|scene| scene / 10).collect();
+        let shards: BTreeSet<u32> = order.scenes[..LANES].iter().map(|scene| scene / 10).collect();
         assert_eq!(shards.len(), LANES);
         let of_one: Vec<usize> = (0..10).map(place).collect();
         assert!(of_one.is_sorted(), "{of_one:?}");
@@ -323,8 +319,8 @@ mod tests {
     fn sets_are_visited_in_order_and_their_scenes_are_left_behind() {
         let marks = marks(5);
         let set_of = |mark: u8| (mark > 0).then(|| usize::from(mark) - 1);
-        let tour = Tour::ascending(&marks, |mark| set_of(mark).is_some());
-        let steps: Vec<Step> = steps_in_order(&marks, &tour, 64, set_of).collect();
+        let order = SceneOrder::ascending(&marks, |mark| set_of(mark).is_some());
+        let steps: Vec<Step> = steps_in_order(&marks, &order, 64, set_of).collect();
         let mut done = 0;
         for step in &steps {
             assert!(step.samples.iter().all(|(scene, _)| *scene as usize >= done));

@@ -1,10 +1,10 @@
 //! A training run as a page: one file that tells how training went and, with a dataset, what came of it and where it is
 //! wrong.
 
-mod mistakes;
 mod side_by_side;
 mod training;
 mod warnings;
+mod worst_errors;
 
 pub use side_by_side::comparison;
 
@@ -78,7 +78,7 @@ impl TrainedRun {
             None => blocks.extend(self.not_evaluated()),
             Some(examined) => {
                 blocks.extend(self::blocks(&examined.evaluation));
-                blocks.extend(mistakes::section(examined)?);
+                blocks.extend(worst_errors::section(examined)?);
             }
         }
         blocks.extend(self.provenance(examined));

@@ -2,8 +2,10 @@
 //! errors of the grasps, and confidence intervals for samples that are correlated within a scene.
 
 use network::checkpoint::Confusion;
-use schema::{Purpose, Stream};
+use report::statistics::{bootstrap, bootstrap_share, quantile};
 use serde::Serialize;
+
+use crate::results::SampleResult;
 
 /// A prediction and its label.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +22,11 @@ impl Score {
     pub fn quality(&self) -> f64 {
         1.0 / (1.0 + libm::exp(-f64::from(self.logit)))
     }
+}
+
+/// The score of a result.
+pub(crate) fn score(result: &SampleResult) -> Score {
+    Score { logit: result.quality_logit, held: result.label == 1 }
 }
 
 /// How well qualities rank attempts.
@@ -175,7 +182,7 @@ pub struct GraspErrors {
     /// Angle between the predicted and the true closing direction or its opposite, in degrees.
     pub closing_deg: Option<Spread>,
     /// The same to the nearest closing direction by which the object can be gripped as well
-    /// ([`Closings`](crate::loss::Closings)).
+    /// ([`Closings`](crate::voxel::loss::Closings)).
     pub nearest_closing_deg: Option<Spread>,
     /// Absolute difference of predicted and true opening, in millimetres.
     pub width_mm: Option<Spread>,
@@ -196,21 +203,10 @@ impl Spread {
     /// Summary of values in any order, with linearly interpolated quantiles; `None` without values.
     #[must_use]
     pub fn of(mut values: Vec<f64>) -> Option<Self> {
-        if values.is_empty() {
-            return None;
-        }
         values.sort_by(f64::total_cmp);
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        Some(Self { mean, median: quantile(&values, 0.5), p90: quantile(&values, 0.9) })
+        Some(Self { mean, median: quantile(&values, 0.5)?, p90: quantile(&values, 0.9)? })
     }
-}
-
-/// A linearly interpolated quantile of ascending values.
-fn quantile(ascending: &[f64], share: f64) -> f64 {
-    let place = share * (ascending.len() - 1) as f64;
-    let below = place as usize;
-    let above = (below + 1).min(ascending.len() - 1);
-    ascending[below] + (place - below as f64) * (ascending[above] - ascending[below])
 }
 
 /// The angle of a rotation loss `1 − |r̂·r|` (Eq. 3), in degrees.
@@ -227,18 +223,7 @@ const DRAWS: u32 = 1000;
 /// and samples of each scene. `None` for fewer than two scenes.
 #[must_use]
 pub fn interval_by_scene(scenes: &[(u64, u64)]) -> Option<(f64, f64)> {
-    if scenes.len() < 2 {
-        return None;
-    }
-    let accuracy = |draw| {
-        let mut stream = Stream::new(0, 0, Purpose::Bootstrap, draw);
-        let (right, samples) = (0..scenes.len()).fold((0, 0), |(right, samples), _| {
-            let scene = scenes[stream.index(scenes.len())];
-            (right + scene.0, samples + scene.1)
-        });
-        right as f64 / samples.max(1) as f64
-    };
-    Some(interval((0..DRAWS).map(accuracy).collect()))
+    (scenes.len() > 1).then(|| bootstrap_share(scenes, DRAWS)).flatten()
 }
 
 /// The same of the average precision, of each sample's scene and score. `None` for fewer than two scenes or if nothing
@@ -255,10 +240,9 @@ pub fn average_precision_by_scene(samples: &[(u32, Score)]) -> Option<(f64, f64)
     let place = |scene: u32| numbers.partition_point(|number| *number < scene);
     let mut sorted: Vec<(usize, Score)> = samples.iter().map(|(scene, score)| (place(*scene), *score)).collect();
     sorted.sort_by(|a, b| b.1.logit.total_cmp(&a.1.logit));
-    let precision = |draw| {
-        let mut stream = Stream::new(0, 0, Purpose::Bootstrap, draw);
+    bootstrap(numbers.len(), DRAWS, |drawn| {
         let mut times = vec![0_u32; numbers.len()];
-        (0..numbers.len()).for_each(|_| times[stream.index(numbers.len())] += 1);
+        drawn.iter().for_each(|scene| times[*scene] += 1);
         let (mut held, mut all, mut sum) = (0.0, 0.0, 0.0);
         for tied in sorted.chunk_by(|a, b| a.1.logit == b.1.logit) {
             let of =
@@ -272,15 +256,7 @@ pub fn average_precision_by_scene(samples: &[(u32, Score)]) -> Option<(f64, f64)
         }
         // Draws in which nothing held say nothing.
         (held > 0.0).then(|| sum / held)
-    };
-    let precisions: Vec<f64> = (0..DRAWS).filter_map(precision).collect();
-    (!precisions.is_empty()).then(|| interval(precisions))
-}
-
-/// The middle 95 % of some values.
-fn interval(mut values: Vec<f64>) -> (f64, f64) {
-    values.sort_by(f64::total_cmp);
-    (quantile(&values, 0.025), quantile(&values, 0.975))
+    })
 }
 
 #[cfg(test)]
@@ -288,6 +264,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use schema::{Purpose, Stream};
 
     fn scores(values: &[(f32, bool)]) -> Vec<Score> {
         values.iter().map(|(logit, held)| Score { logit: *logit, held: *held }).collect()
@@ -354,20 +331,9 @@ mod tests {
         assert_eq!(rotation_error_deg(-1e-7), 0.0);
     }
 
-    /// With one sample per scene the bootstrap interval is the binomial's. If the samples of a scene agree, its width
-    /// depends on the number of scenes: √10 times wider for ten samples per scene.
     #[test]
-    fn the_interval_by_scene_is_as_wide_as_scenes_are_few() {
-        let apart: Vec<(u64, u64)> = (0..400).map(|at| (u64::from(at % 5 > 0), 1)).collect();
-        let together: Vec<(u64, u64)> = (0..40).map(|at| (10 * u64::from(at % 5 > 0), 10)).collect();
-        let (low, high) = interval_by_scene(&apart).unwrap();
-        let width = 2.0 * 1.96 * (0.8_f64 * 0.2 / 400.0).sqrt();
-        assert!((high - low - width).abs() < 0.1 * width, "{low} {high}");
-        assert!((low + high - 1.6).abs() < 0.01, "{low} {high}");
-        let (few_low, few_high) = interval_by_scene(&together).unwrap();
-        let ratio = (few_high - few_low) / (high - low);
-        assert!((ratio - 10.0_f64.sqrt()).abs() < 0.4, "{ratio}");
-        assert_eq!(interval_by_scene(&together), Some((few_low, few_high)));
+    fn one_scene_has_no_interval() {
+        assert!(interval_by_scene(&[(3, 4), (1, 2)]).is_some());
         assert_eq!(interval_by_scene(&[(3, 4)]), None);
     }
 
@@ -388,7 +354,9 @@ mod tests {
             let all: Vec<Vec<Score>> = scenes.iter().map(of).collect();
             ranking(&all.concat()).average_precision.unwrap()
         };
-        let (low, high) = interval((0..DRAWS).map(drawn).collect());
+        let mut all: Vec<f64> = (0..DRAWS).map(drawn).collect();
+        all.sort_by(f64::total_cmp);
+        let [low, high] = [0.025, 0.975].map(|share| quantile(&all, share).unwrap());
         let (found_low, found_high) = average_precision_by_scene(&samples).unwrap();
         assert!((found_low - low).abs() < 1e-12 && (found_high - high).abs() < 1e-12, "{found_low} {found_high}");
         let found = ranking(&samples.iter().map(|(_, score)| *score).collect::<Vec<_>>()).average_precision.unwrap();

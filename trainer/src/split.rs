@@ -15,8 +15,8 @@ use rayon::prelude::*;
 use schema::{Purpose, Stream};
 
 use crate::config::{SplitBy, SplitConfig};
-use crate::data::marks::{HELD, HITS_TABLE, NO_SAMPLE, shard_of};
-use crate::data::{Marks, Set};
+use crate::data::split_bits::{HELD, HITS_TABLE, NO_SAMPLE, shard_of};
+use crate::data::{Set, SplitBits};
 
 /// The highest bits of a draw by which attempts are counted: near the limit are 24,000 of 10⁸.
 const COUNTED_BITS: u32 = 12;
@@ -37,7 +37,7 @@ pub struct Labels {
 ///
 /// # Errors
 /// If a set would be empty.
-pub fn split(marks: &mut [Marks], seed: u64, config: &SplitConfig) -> Result<Labels, Failure> {
+pub fn split(marks: &mut [SplitBits], seed: u64, config: &SplitConfig) -> Result<Labels, Failure> {
     let (scene_share, attempt_share) = match config.by {
         SplitBy::Attempt => (config.other_share, config.test_share),
         SplitBy::Scene => (config.test_share, config.other_share),
@@ -51,7 +51,7 @@ pub fn split(marks: &mut [Marks], seed: u64, config: &SplitConfig) -> Result<Lab
         left -= slots[limit];
         limit += 1;
     }
-    let assign = |marks: &mut Marks| {
+    let assign = |marks: &mut SplitBits| {
         let (mut labels, mut near) = (Labels::default(), Vec::new());
         for scene in marks.scenes() {
             let is_held_out = is_held_out(scene);
@@ -96,8 +96,8 @@ pub fn split(marks: &mut [Marks], seed: u64, config: &SplitConfig) -> Result<Lab
 }
 
 /// The number of scenes with samples, and draw and scene of the last one that is held out.
-fn hold_out_scenes(marks: &[Marks], seed: u64, share: f64) -> (usize, (u64, u32)) {
-    let own = |marks: &Marks| {
+fn hold_out_scenes(marks: &[SplitBits], seed: u64, share: f64) -> (usize, (u64, u32)) {
+    let own = |marks: &SplitBits| {
         let scenes = marks.scenes().filter(|scene| marks.has(*scene, |mark| mark != NO_SAMPLE));
         scenes.map(|scene| (draw(seed, scene, 0), scene)).collect::<Vec<_>>()
     };
@@ -109,9 +109,9 @@ fn hold_out_scenes(marks: &[Marks], seed: u64, share: f64) -> (usize, (u64, u32)
 }
 
 /// The number of samples, and of those that are in no held-out scene the number by the highest bits of their draws.
-fn count(marks: &[Marks], seed: u64, is_held_out: impl Fn(u32) -> bool + Sync) -> (usize, Vec<usize>) {
+fn count(marks: &[SplitBits], seed: u64, is_held_out: impl Fn(u32) -> bool + Sync) -> (usize, Vec<usize>) {
     let none = || (0, vec![0; 1 << COUNTED_BITS]);
-    let add = |(mut samples, mut slots): (usize, Vec<usize>), marks: &Marks| {
+    let add = |(mut samples, mut slots): (usize, Vec<usize>), marks: &SplitBits| {
         for scene in marks.scenes() {
             let own = samples_of(marks, scene);
             samples += own.len();
@@ -127,13 +127,13 @@ fn count(marks: &[Marks], seed: u64, is_held_out: impl Fn(u32) -> bool + Sync) -
 }
 
 /// Attempts of a scene with a sample, and their marks.
-fn samples_of(marks: &Marks, scene: u32) -> Vec<(u32, u8)> {
+fn samples_of(marks: &SplitBits, scene: u32) -> Vec<(u32, u8)> {
     marks.of_scene(scene).filter(|(_, mark)| *mark != NO_SAMPLE).collect()
 }
 
 impl Labels {
     /// Puts a sample into a set.
-    fn put(&mut self, marks: &mut Marks, (scene, attempt, mark): (u32, u32, u8), set: Set) {
+    fn put(&mut self, marks: &mut SplitBits, (scene, attempt, mark): (u32, u32, u8), set: Set) {
         let is_useless = set == Set::Train && mark == HITS_TABLE;
         marks.set(scene, attempt, if is_useless { NO_SAMPLE } else { set as u8 });
         let own = match set {
@@ -190,14 +190,14 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::data::marks::FAILED;
+    use crate::data::split_bits::FAILED;
 
     /// Shards of scenes with these marks.
-    fn marks(scenes: u32, attempts: u32, mark: impl Fn(u32, u32) -> u8) -> Vec<Marks> {
+    fn marks(scenes: u32, attempts: u32, mark: impl Fn(u32, u32) -> u8) -> Vec<SplitBits> {
         let edges: Vec<u32> = (0..=scenes).step_by(7).chain([scenes]).collect();
         let shard = |range: &[u32]| {
             let mut marks =
-                Marks::new(range[0]..range[1], attempts as usize, ((range[1] - range[0]) * attempts) as usize);
+                SplitBits::new(range[0]..range[1], attempts as usize, ((range[1] - range[0]) * attempts) as usize);
             for scene in marks.scenes() {
                 (0..attempts).for_each(|attempt| marks.set(scene, attempt, mark(scene, attempt)));
             }
@@ -207,9 +207,9 @@ mod tests {
     }
 
     /// Scene, attempt and mark of every attempt.
-    fn all(marks: &[Marks]) -> Vec<(u32, u32, u8)> {
+    fn all(marks: &[SplitBits]) -> Vec<(u32, u32, u8)> {
         let of_scene =
-            |marks: &Marks, scene| marks.of_scene(scene).map(move |(a, mark)| (scene, a, mark)).collect::<Vec<_>>();
+            |marks: &SplitBits, scene| marks.of_scene(scene).map(move |(a, mark)| (scene, a, mark)).collect::<Vec<_>>();
         marks.iter().flat_map(|marks| marks.scenes().flat_map(|scene| of_scene(marks, scene))).collect()
     }
 

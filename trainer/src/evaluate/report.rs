@@ -8,7 +8,8 @@ use program::{Context, Failure, json, write};
 use report::document::{Block, Cell, Document, Picture, Table};
 use report::figure::{BLUE, Bars, Figure, GREEN, GREY, Line, ORANGE, Scale, Stroke};
 
-use super::{Evaluation, HandScores, Scores};
+use super::Evaluation;
+use crate::judge::scores::{HandScores, Scores};
 use crate::metrics::Summary;
 use crate::scores::{BINS, Spread};
 

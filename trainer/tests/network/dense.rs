@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use network::DenseNetwork;
 use network::upsampling::Upsampling;
-use trainer::graph;
+use trainer::voxel::graph;
 
 use crate::formula::{grid, parameters};
 

@@ -3,16 +3,16 @@
 
 use network::upsampling::Upsampling;
 use schema::Quat;
-use trainer::batch::{Batch, Sample};
+use trainer::batch::Batch;
 use trainer::device::Device::{Burn, Host};
-use trainer::device::DeviceName;
-use trainer::loss::{Closings, Target};
-use trainer::step::{evaluate, step};
+use trainer::voxel::VoxelSample;
+use trainer::voxel::loss::{Closings, Target};
+use trainer::voxel::step::step;
 
-use crate::formula::{grid, parameters, relative_error};
+use crate::formula::{grid, parameters, relative_error, sample};
 
 /// Grids with six samples each: parts as large as they come.
-fn batch(grids: usize) -> Batch {
+fn batch(grids: usize) -> Batch<VoxelSample> {
     let voxels = [[0, 0, 0], [20, 11, 33], [39, 39, 39], [5, 30, 17], [12, 0, 39], [21, 22, 23]];
     let target = |at: usize| Target {
         label: u8::from(at.is_multiple_of(2)),
@@ -21,30 +21,10 @@ fn batch(grids: usize) -> Batch {
         quality_weight: 1.0,
         closings: Closings::Half,
     };
-    let sample = |at: usize| Sample { grid: at / 6, voxel: voxels[at % voxels.len()], target: target(at) };
+    let sample = |at: usize| sample(at / 6, voxels[at % voxels.len()], target(at));
     Batch {
         grids: (0..grids).map(|number| grid(number as u32).into()).collect(),
         samples: (0..6 * grids).map(sample).collect(),
-        ..Batch::default()
-    }
-}
-
-fn check(name: DeviceName) {
-    let device = match name.open() {
-        Ok(device) => device,
-        Err(reason) => return println!("skipped: {reason}"),
-    };
-    let (vector, batch) = (parameters(), batch(10));
-    for mode in Upsampling::ALL {
-        let (ours, theirs) = (step(&vector, &batch, mode, &Host), step(&vector, &batch, mode, &device));
-        let error = relative_error(&theirs.gradient, &ours.gradient);
-        println!("{name}, {mode:?}: gradient off by {error:e}");
-        assert!(error < 1e-4, "{name}, {mode:?}: gradient off by {error:e}");
-        let tests = evaluate(&vector, &batch, mode, &device);
-        for ((a, b), test) in ours.samples.iter().zip(&theirs.samples).zip(&tests) {
-            assert!((a.total - b.total).abs() < 1e-4 * a.total.abs().max(1.0), "{name}: loss {} {}", a.total, b.total);
-            assert!((a.total - test.total).abs() < 1e-4 * a.total.abs().max(1.0), "{name}: {} {}", a.total, test.total);
-        }
     }
 }
 
@@ -62,7 +42,21 @@ fn automatic_differentiation_finds_what_is_written_out() {
     }
 }
 
+#[cfg(feature = "wgpu")]
 #[test]
 fn wgpu_computes_what_the_host_does() {
-    check(DeviceName::Wgpu(0));
+    let name = trainer::device::DeviceName::Wgpu(0);
+    let device = name.open().unwrap();
+    let (vector, batch) = (parameters(), batch(10));
+    for mode in Upsampling::ALL {
+        let (ours, theirs) = (step(&vector, &batch, mode, &Host), step(&vector, &batch, mode, &device));
+        let error = relative_error(&theirs.gradient, &ours.gradient);
+        println!("{name}, {mode:?}: gradient off by {error:e}");
+        assert!(error < 1e-4, "{name}, {mode:?}: gradient off by {error:e}");
+        let tests = trainer::voxel::step::evaluate(&vector, &batch, mode, &device);
+        for ((a, b), test) in ours.samples.iter().zip(&theirs.samples).zip(&tests) {
+            assert!((a.total - b.total).abs() < 1e-4 * a.total.abs().max(1.0), "{name}: loss {} {}", a.total, b.total);
+            assert!((a.total - test.total).abs() < 1e-4 * a.total.abs().max(1.0), "{name}: {} {}", a.total, test.total);
+        }
+    }
 }

@@ -1,6 +1,16 @@
-//! The numbers that `scripts/golden_torch.py` computes by formula, recomputed here.
+//! The numbers that `lab/golden_torch.py` computes by formula, recomputed here.
 
 use network::layers::LAYERS;
+use schema::Rule;
+use trainer::batch::{Sample, SampleId};
+use trainer::voxel::VoxelSample;
+use trainer::voxel::loss::{Closings, Target};
+
+/// A sample of no dataset.
+pub(crate) fn sample(grid: usize, voxel: [usize; 3], target: Target) -> Sample<VoxelSample> {
+    let id = SampleId { scene: 0, attempt: 0, rule: Rule::of_the_paper()[0] };
+    Sample { id, grid, data: VoxelSample { voxel, target, closings: Closings::Half } }
+}
 
 /// Multiples of 2⁻²⁴ in [0, 1): Wellons' lowbias32 hash of the position.
 pub(crate) fn noise(count: usize, seed: u32) -> Vec<f64> {

@@ -1,8 +1,8 @@
-//! Network, loss, gradients and ten steps of Adam against PyTorch, by the goldens of `scripts/golden_torch.py`.
+//! Network, loss, gradients and ten steps of Adam against PyTorch, by the goldens of `lab/golden_torch.py`.
 
 use std::sync::Arc;
 
-use crate::formula::{grid, noise, parameters, relative_error};
+use crate::formula::{grid, noise, parameters, relative_error, sample};
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor, TensorData};
 use network::layers::parameter_slots;
@@ -10,11 +10,13 @@ use network::upsampling::Upsampling;
 use safetensors::SafeTensors;
 use schema::Quat;
 use trainer::adam;
-use trainer::batch::{Batch, Sample};
+use trainer::batch::Batch;
 use trainer::device::Device::Host;
-use trainer::graph::{dense, to_device};
-use trainer::loss::{Closings, SampleResult, Target};
-use trainer::step::step;
+use trainer::results::SampleResult;
+use trainer::voxel::VoxelSample;
+use trainer::voxel::graph::{dense, to_device};
+use trainer::voxel::loss::{Closings, Target};
+use trainer::voxel::step::step;
 
 const TOLERANCE: f64 = 1e-4;
 const GRIDS: u32 = 3;
@@ -40,26 +42,21 @@ impl Golden {
         self.bytes(name).into_iter().map(|bytes| i64::from_le_bytes(bytes) as usize).collect()
     }
 
-    fn batch(&self) -> Batch {
+    fn batch(&self) -> Batch<VoxelSample> {
         let (grids, voxels) = (self.indices("targets.grid"), self.indices("targets.voxel"));
         let (labels, rotations) = (self.indices("targets.label"), self.floats("targets.rotation"));
         let widths = self.floats("targets.width");
-        let samples = (0..labels.len()).map(|at| Sample {
-            grid: grids[at],
-            voxel: voxels[3 * at..][..3].try_into().unwrap(),
-            target: Target {
+        let samples = (0..labels.len()).map(|at| {
+            let target = Target {
                 label: labels[at] as u8,
                 rotation: Quat::from_slice(&rotations[4 * at..]),
                 width_voxels: widths[at],
                 quality_weight: 1.0,
                 closings: Closings::Half,
-            },
+            };
+            sample(grids[at], voxels[3 * at..][..3].try_into().unwrap(), target)
         });
-        Batch {
-            grids: (0..GRIDS).map(|number| Arc::from(grid(number))).collect(),
-            samples: samples.collect(),
-            ..Batch::default()
-        }
+        Batch { grids: (0..GRIDS).map(|number| Arc::from(grid(number))).collect(), samples: samples.collect() }
     }
 
     /// Compares the entries that the script sampled, and the norm of the whole.
@@ -119,8 +116,8 @@ fn losses_gradients_and_ten_adam_steps_are_pytorchs() {
                 for (name, losses) in [
                     ("total", losses(|s| s.total)),
                     ("quality", losses(|s| s.quality)),
-                    ("rotation", losses(|s| s.rotation)),
-                    ("width", losses(|s| s.width)),
+                    ("rotation", losses(|s| s.grasp.unwrap().rotation)),
+                    ("width", losses(|s| s.grasp.unwrap().width)),
                 ] {
                     let losses: Vec<f32> = losses;
                     let error = relative_error(&losses, &golden.floats(&format!("loss.{name}")));

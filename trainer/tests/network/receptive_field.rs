@@ -3,22 +3,23 @@
 
 use std::sync::Arc;
 
-use crate::formula::{grid, noise, parameters, relative_error};
+use crate::formula::{grid, noise, parameters, relative_error, sample};
 use burn::tensor::{Device, Tensor, TensorData};
 use network::layers::parameter_slots;
 use network::upsampling::Upsampling;
 use schema::Quat;
-use trainer::batch::{Batch, Sample};
+use trainer::batch::Batch;
 use trainer::device::Device::Host;
-use trainer::graph::loss::{Prediction, Targets, sample_losses};
-use trainer::graph::to_device;
-use trainer::loss::{Closings, Target};
-use trainer::step::step;
+use trainer::voxel::VoxelSample;
+use trainer::voxel::graph::loss::{Prediction, Targets, sample_losses};
+use trainer::voxel::graph::{self, to_device};
+use trainer::voxel::loss::{Closings, Target};
+use trainer::voxel::step::step;
 
 const TOLERANCE: f64 = 1e-4;
 
 /// Positive and negative targets at some voxels of one grid.
-fn batch(voxels: &[[usize; 3]]) -> Batch {
+fn batch(voxels: &[[usize; 3]]) -> Batch<VoxelSample> {
     let draws = noise(6 * voxels.len(), 700);
     let samples = voxels.iter().zip(draws.chunks(6)).enumerate().map(|(at, (voxel, draw))| {
         let part = |number: usize| 2.0 * draw[number] as f32 - 1.0;
@@ -26,28 +27,28 @@ fn batch(voxels: &[[usize; 3]]) -> Batch {
         let (width_voxels, quality_weight) = (5.0 + 4.0 * part(4), [1.0, 0.7, 1.9][at % 3]);
         let target =
             Target { label: u8::from(at % 3 != 1), rotation, width_voxels, quality_weight, closings: Closings::Half };
-        Sample { grid: 0, voxel: *voxel, target }
+        sample(0, *voxel, target)
     });
-    Batch { grids: vec![Arc::from(grid(0))], samples: samples.collect(), ..Batch::default() }
+    Batch { grids: vec![Arc::from(grid(0))], samples: samples.collect() }
 }
 
 /// Per-sample losses and the gradient of their mean, by the dense network and Burn's own convolutions.
-fn dense(vector: &[f32], batch: &Batch, mode: Upsampling) -> (Vec<f32>, Vec<f32>) {
+fn dense(vector: &[f32], batch: &Batch<VoxelSample>, mode: Upsampling) -> (Vec<f32>, Vec<f32>) {
     let device = Device::flex();
     let vector = to_device(vector, &device).autodiff().require_grad();
     let tsdf = TensorData::new(batch.grids[0].to_vec(), [1, 1, 40, 40, 40]);
-    let output = trainer::graph::dense(&vector, Tensor::from_data(tsdf, &device).autodiff(), mode);
+    let output = graph::dense(&vector, Tensor::from_data(tsdf, &device).autodiff(), mode);
     let at = |map: &Tensor<5>, [x, y, z]: [usize; 3]| {
         let channels = map.dims()[1];
         map.clone().slice([0..1, 0..channels, x..x + 1, y..y + 1, z..z + 1]).reshape([1, channels])
     };
-    let rows = |map: &Tensor<5>| Tensor::cat(batch.samples.iter().map(|s| at(map, s.voxel)).collect(), 0);
+    let rows = |map: &Tensor<5>| Tensor::cat(batch.samples.iter().map(|s| at(map, s.data.voxel)).collect(), 0);
     let prediction = Prediction {
         quality_logit: rows(&output.quality_logit).squeeze_dim(1),
         rotation: rows(&output.rotation),
         width_voxels: rows(&output.width_voxels).squeeze_dim(1),
     };
-    let targets: Vec<Target> = batch.samples.iter().map(|sample| sample.target).collect();
+    let targets: Vec<Target> = batch.samples.iter().map(|sample| sample.data.target).collect();
     let losses = sample_losses(&prediction, &Targets::new(&targets, &device));
     let gradients = losses.total.clone().mean().backward();
     let gradient = vector.grad(&gradients).unwrap().into_data().try_to_vec().unwrap();

@@ -8,12 +8,16 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use super::fixture::{check_fails, fit, trainer, write_config, write_dataset};
 use super::resume::{check_same_run, metrics};
 use burn_dataset::Dataset as _;
-use network::GraspOrigin;
+use network::upsampling::Upsampling;
+use network::{GraspOrigin, VoxelParams};
 use shards::Dataset;
+use trainer::batch::{Sample, SampleId};
 use trainer::config::{Config, Targets};
-use trainer::data::{GraspDataset, Record, Seen};
+use trainer::data::GraspDataset;
+use trainer::device::Device;
 use trainer::events::Event;
 use trainer::fit::Ending;
+use trainer::voxel::Voxel;
 
 struct Place {
     dir: tempfile::TempDir,
@@ -217,13 +221,9 @@ fn several_datasets_are_trained_on_as_one_and_their_order_is_part_of_the_run() {
     assert_eq!(samples("train") + samples("test_attempts") + samples("test_scenes"), 180);
     let datasets = [data, more].map(|at| Dataset::open(Path::new(at)).unwrap());
     let survey = |datasets| {
-        GraspDataset::survey(
-            datasets,
-            Seen::Voxels { origin: GraspOrigin::TIPS, targets: Targets::Attempt },
-            &AtomicBool::new(false),
-            &|| {},
-        )
-        .unwrap()
+        let params = VoxelParams { upsampling: Upsampling::Linear, origin: GraspOrigin::TIPS };
+        let method = Voxel::new(params, Targets::Attempt, Device::Host);
+        GraspDataset::survey(datasets, method, &AtomicBool::new(false), &|| {}).unwrap()
     };
     let (all, second) = (survey(&datasets), survey(&datasets[1..]));
     assert_eq!((all.len(), second.len(), all.ids().count()), (15, 5, 180));
@@ -231,8 +231,9 @@ fn several_datasets_are_trained_on_as_one_and_their_order_is_part_of_the_run() {
         let [together, alone] = [all.get(10 + scene).unwrap(), second.get(scene).unwrap()];
         assert_eq!((&together.grid, together.number), (&alone.grid, alone.number + 10));
         assert_eq!((together.first_attempt, alone.first_attempt), (120 + 12 * scene as u64, 12 * scene as u64));
-        for (together, alone) in together.records.iter().zip(&alone.records) {
-            assert_eq!(*together, Record { scene: alone.scene + 10, ..*alone });
+        for (together, alone) in together.samples.iter().zip(&alone.samples) {
+            let id = SampleId { scene: alone.id.scene + 10, ..alone.id };
+            assert_eq!(*together, Sample { id, ..*alone });
         }
     }
     let config = place.config.to_str().unwrap();

@@ -6,12 +6,15 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use burn_dataset::Dataset as _;
-use network::GraspOrigin;
 use network::upsampling::Upsampling;
+use network::{GraspOrigin, VoxelParams};
 use trainer::config::Targets;
-use trainer::data::{GraspDataset, Seen, batch};
+use trainer::data::GraspDataset;
+use trainer::data::batch;
 use trainer::device::Device;
 use trainer::evaluate::{TestSet, examine};
+use trainer::method::Method;
+use trainer::voxel::Voxel;
 
 use super::fixture::{check_fails, trainer, write_config, write_dataset};
 
@@ -108,19 +111,15 @@ fn the_worst_mistakes_are_those_that_looking_at_each_attempt_alone_finds() {
     let examined = examine(&best, place.data.as_path(), TestSet::All, None, 6).unwrap();
 
     let data = std::slice::from_ref(&examined.dataset);
-    let samples = GraspDataset::survey(
-        data,
-        Seen::Voxels { origin: GraspOrigin::TIPS, targets: Targets::Attempt },
-        &AtomicBool::new(false),
-        &|| {},
-    )
-    .unwrap();
+    let params = VoxelParams { upsampling: Upsampling::Nearest, origin: GraspOrigin::TIPS };
+    let method = Voxel::new(params, Targets::Attempt, Device::Host);
+    let samples = GraspDataset::survey(data, method, &AtomicBool::new(false), &|| {}).unwrap();
     let vector = network::checkpoint::read(&best).unwrap().vector;
     // (whether it held, badness, scene, attempt)
     let alone = |(scene, attempt): (u32, u32)| {
         let scenes = [(scene, Arc::new(samples.get(scene as usize).unwrap()))].into();
-        let batch = batch(&scenes, vec![(scene, attempt)], None);
-        let result = trainer::step::evaluate(&vector, &batch, Upsampling::Nearest, &Device::Host)[0];
+        let batch = batch(&samples.method, &scenes, vec![(scene, attempt)], None);
+        let result = samples.method.evaluate(&vector, &batch)[0];
         let scene = u64::from(scene);
         let row = &examined.dataset.read_scene(scene).unwrap().attempts[attempt as usize];
         assert_eq!((row.attempt_id, row.label()), (attempt, result.label));

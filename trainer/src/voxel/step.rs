@@ -6,33 +6,25 @@
 
 use network::upsampling::Upsampling;
 use network::{HEAD_OUTPUTS, VoxelNetwork};
-use rayon::prelude::*;
 
+use super::VoxelSample;
+use super::loss::{loss_gradient, sample_loss};
 use crate::batch::Batch;
 use crate::device::Device;
-use crate::loss::{SampleResult, loss_gradient, sample_loss};
-
-/// The gradient of a batch's mean loss, and the results of its samples, in the batch's order.
-#[derive(Debug, Clone)]
-pub struct StepResult {
-    /// Gradient in the order of the flat parameter vector.
-    pub gradient: Vec<f32>,
-    /// One result per sample.
-    pub samples: Vec<SampleResult>,
-}
+use crate::results::{SampleResult, StepResult, sum};
 
 /// Loss and gradient of a batch. Parts of the batch run in parallel; their gradients are added in order, so the result
 /// does not depend on the number of threads.
 ///
 /// Shapes: `vector` as [`network::layers::parameter_slots`] lays it out.
 #[must_use]
-pub fn step(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> StepResult {
+pub fn step(vector: &[f32], batch: &Batch<VoxelSample>, mode: Upsampling, device: &Device) -> StepResult {
     sum(vector.len(), part_steps(vector, batch, mode, device))
 }
 
 /// Losses and predictions of a batch, without a gradient.
 #[must_use]
-pub fn evaluate(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> Vec<SampleResult> {
+pub fn evaluate(vector: &[f32], batch: &Batch<VoxelSample>, mode: Upsampling, device: &Device) -> Vec<SampleResult> {
     let results: Vec<Vec<SampleResult>> = match device {
         Device::Host => {
             let network = VoxelNetwork::new(vector, mode);
@@ -42,13 +34,13 @@ pub fn evaluate(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device
             })
         }
         #[cfg(feature = "graph")]
-        Device::Burn(device) => batch.by_parts(|part| crate::graph::part_results(vector, part, mode, device)),
+        Device::Burn(device) => batch.by_parts(|part| super::graph::part_results(vector, part, mode, device)),
     };
     results.concat()
 }
 
 /// The contribution of each part of a batch to [`step`].
-fn part_steps(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) -> Vec<StepResult> {
+fn part_steps(vector: &[f32], batch: &Batch<VoxelSample>, mode: Upsampling, device: &Device) -> Vec<StepResult> {
     let weight = 1.0 / batch.samples.len() as f32;
     match device {
         Device::Host => {
@@ -66,22 +58,8 @@ fn part_steps(vector: &[f32], batch: &Batch, mode: Upsampling, device: &Device) 
             })
         }
         #[cfg(feature = "graph")]
-        Device::Burn(device) => batch.by_parts(|part| crate::graph::part_step(vector, part, mode, weight, device)),
+        Device::Burn(device) => batch.by_parts(|part| super::graph::part_step(vector, part, mode, weight, device)),
     }
-}
-
-/// Adds the gradients of parts, each value in the order of parts.
-pub(crate) fn sum(parameters: usize, parts: Vec<StepResult>) -> StepResult {
-    let mut gradient = vec![-0.0; parameters]; // adding to −0 changes no bit of a number
-    let chunk = parameters.div_ceil(64);
-    gradient.par_chunks_mut(chunk).enumerate().for_each(|(number, sum)| {
-        for part in &parts {
-            for (sum, more) in sum.iter_mut().zip(&part.gradient[number * chunk..]) {
-                *sum += more;
-            }
-        }
-    });
-    StepResult { gradient, samples: parts.into_iter().flat_map(|part| part.samples).collect() }
 }
 
 #[cfg(test)]
@@ -91,26 +69,23 @@ mod tests {
     use schema::{Purpose, Quat, Stream};
 
     use super::*;
-    use crate::batch::Sample;
-    use crate::loss::{Closings, Target};
+    use crate::voxel::loss::{Closings, Target};
+    use crate::voxel::tests::sample;
 
     /// Five grids of noise with six samples each: three parts.
-    fn batch() -> Batch {
+    fn batch() -> Batch<VoxelSample> {
         let mut draw = Stream::new(8, 0, Purpose::Views, 0);
         let grids = (0..5).map(|_| (0..RESOLUTION.pow(3)).map(|_| draw.uniform(0.0, 1.0)).collect::<Vec<f32>>().into());
         let grids = grids.collect();
-        let sample = |at: usize| Sample {
-            grid: at / 6,
-            voxel: [draw.index(RESOLUTION), draw.index(RESOLUTION), draw.index(RESOLUTION)],
-            target: Target {
-                label: u8::from(at.is_multiple_of(2)),
-                rotation: Quat::IDENTITY,
-                width_voxels: 6.0,
-                quality_weight: 1.0,
-                closings: Closings::Half,
-            },
+        let target = |at: usize| Target {
+            label: u8::from(at.is_multiple_of(2)),
+            rotation: Quat::IDENTITY,
+            width_voxels: 6.0,
+            quality_weight: 1.0,
+            closings: Closings::Half,
         };
-        Batch { grids, samples: (0..30).map(sample).collect(), ..Batch::default() }
+        let mut voxel = || [draw.index(RESOLUTION), draw.index(RESOLUTION), draw.index(RESOLUTION)];
+        Batch { grids, samples: (0..30).map(|at| sample(at / 6, voxel(), target(at))).collect() }
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub(crate) const HITS_TABLE: u8 = 3;
 
 /// The marks of a shard's attempts.
 #[derive(Debug, Clone)]
-pub struct Marks {
+pub struct SplitBits {
     scenes: Range<u32>,
     attempts_per_scene: usize,
     attempts: usize,
@@ -31,7 +31,7 @@ pub struct Marks {
     bits: Box<[u8]>,
 }
 
-impl Marks {
+impl SplitBits {
     /// Of scenes with so many attempts each; the last scene may have fewer.
     #[must_use]
     pub fn new(scenes: Range<u32>, attempts_per_scene: usize, attempts: usize) -> Self {
@@ -69,7 +69,7 @@ impl Marks {
 }
 
 /// The place among all shards of the one that has a scene.
-pub(crate) fn shard_of(marks: &[Marks], scene: u32) -> usize {
+pub(crate) fn shard_of(marks: &[SplitBits], scene: u32) -> usize {
     marks.partition_point(|marks| marks.scenes.end <= scene)
 }
 
@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn marks_come_back_and_leave_others_alone() {
-        let mut marks = Marks::new(7..10, 5, 13);
+        let mut marks = SplitBits::new(7..10, 5, 13);
         let mark = |scene: u32, attempt: u32| ((scene * 3 + attempt) % 4) as u8;
         for _ in 0..2 {
             for scene in [9, 7, 8] {

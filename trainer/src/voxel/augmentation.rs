@@ -115,7 +115,7 @@ impl Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::loss::half_turn;
+    use crate::voxel::loss::half_turn;
     use schema::{Vec3, axis_angle};
 
     const N: usize = RESOLUTION;

@@ -1,11 +1,11 @@
-//! The loss of [`crate::loss`] on tensors.
+//! The loss of [`crate::voxel::loss`] on tensors.
 
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, TensorData};
 use network::layers::NORM_SQUARED_MIN;
 use schema::Quat;
 
-use crate::loss::{Closings, Target, WIDTH_WEIGHT, half_turn, target_width};
+use crate::voxel::loss::{Closings, Target, WIDTH_WEIGHT, half_turn, target_width};
 
 /// The network's output at one voxel per sample.
 #[derive(Debug, Clone)]
@@ -112,8 +112,9 @@ mod tests {
     use schema::{Vec3, axis_angle};
 
     use super::*;
-    use crate::graph::step::prediction_of;
-    use crate::loss::{Closings, SampleResult, loss_gradient, sample_loss};
+    use crate::results::{GraspResult, SampleResult};
+    use crate::voxel::graph::step::prediction_of;
+    use crate::voxel::loss::{loss_gradient, sample_loss};
 
     /// Losses and gradients by autodiff: `[total, quality, rotation, width]` and the gradient at the heads.
     fn by_autodiff(heads: [f32; 6], target: Target, weight: f32) -> ([f32; 4], Vec<f32>) {
@@ -127,7 +128,8 @@ mod tests {
 
     fn check(heads: [f32; 6], target: Target, weight: f32) {
         let (losses, gradient) = by_autodiff(heads, target, weight);
-        let SampleResult { total, quality, rotation, width, .. } = sample_loss(&heads, &target);
+        let SampleResult { total, quality, grasp, .. } = sample_loss(&heads, &target);
+        let GraspResult { rotation, width, .. } = grasp.unwrap();
         let bits = |values: &[f32]| values.iter().map(|value| (value + 0.0).to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&[total, quality, rotation, width]), bits(&losses), "{heads:?} {target:?}");
         assert_eq!(bits(&loss_gradient(&heads, &target, weight)), bits(&gradient), "{heads:?} {target:?}");
@@ -178,7 +180,8 @@ mod tests {
             prop_assume!(heads[1..5].iter().map(|part| part * part).sum::<f32>() > 0.1);
             let target = Target { label: 1, rotation, width_voxels: 5.0, quality_weight: 1.0, closings };
             let (losses, gradient) = by_autodiff(heads, target, 1.0);
-            let SampleResult { total, quality, rotation, width, .. } = sample_loss(&heads, &target);
+            let SampleResult { total, quality, grasp, .. } = sample_loss(&heads, &target);
+            let GraspResult { rotation, width, .. } = grasp.unwrap();
             let own = loss_gradient(&heads, &target, 1.0);
             for (own, other) in [total, quality, rotation, width].iter().chain(&own).zip(losses.iter().chain(&gradient)) {
                 prop_assert!((own - other).abs() < 1e-4 * (1.0 + other.abs()), "{own} {other}");

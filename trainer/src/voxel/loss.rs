@@ -18,6 +18,8 @@ use network::HEAD_OUTPUTS;
 use network::layers::NORM_SQUARED_MIN;
 use schema::Quat;
 
+use crate::results::{GraspResult, SampleResult};
+
 /// k of Eq. 5: the weight of the squared error of the width in voxels.
 pub const WIDTH_WEIGHT: f32 = 0.01;
 
@@ -76,25 +78,6 @@ impl ClassWeights {
     pub fn of(&self, label: u8) -> f32 {
         if label == 1 { self.positive } else { self.negative }
     }
-}
-
-/// The losses of a sample and the network's prediction.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SampleResult {
-    /// Eq. 5.
-    pub total: f32,
-    /// Eq. 2, times the sample's weight.
-    pub quality: f32,
-    /// Eq. 3 and 4; 0 for failures.
-    pub rotation: f32,
-    /// Squared error of the width in voxels; 0 for failures.
-    pub width: f32,
-    /// Logit of the predicted grasp quality: a success is predicted where it is above 0.
-    pub quality_logit: f32,
-    /// The predicted orientation as a unit quaternion xyzw; a judge predicts none.
-    pub predicted: Option<[f32; 4]>,
-    /// The true label.
-    pub label: u8,
 }
 
 /// The same grasp turned by half a turn about its approach (z) axis.
@@ -182,7 +165,8 @@ pub fn sample_loss(heads: &[f32; HEAD_OUTPUTS], target: &Target) -> SampleResult
     let off = width - target_width(target);
     let width = off * off * label;
     let total = quality + rotation + width * WIDTH_WEIGHT;
-    SampleResult { total, quality, rotation, width, quality_logit: logit, predicted: Some(unit), label: target.label }
+    let grasp = Some(GraspResult { rotation, width, predicted: unit });
+    SampleResult { total, quality, quality_logit: logit, label: target.label, grasp, clearance: None }
 }
 
 /// The gradient of `weight` · L at the heads.
@@ -228,7 +212,8 @@ mod tests {
 
     fn losses(logit: f32, rotation: Quat, width: f32, target: Target) -> [f32; 4] {
         let result = sample_loss(&heads(logit, rotation, width), &target);
-        [result.total, result.quality, result.rotation, result.width]
+        let grasp = result.grasp.unwrap();
+        [result.total, result.quality, grasp.rotation, grasp.width]
     }
 
     #[test]
@@ -277,7 +262,7 @@ mod tests {
                     let moved = |by: f32| {
                         let mut heads = heads;
                         heads[at] += by;
-                        f64::from(sample_loss(&heads, &target).rotation)
+                        f64::from(sample_loss(&heads, &target).grasp.unwrap().rotation)
                     };
                     let slope = (moved(2e-3) - moved(-2e-3)) / 4e-3;
                     assert!((f64::from(gradient[at]) - slope).abs() < 1e-3, "{closings:?} {turn} {tilt} {at}");

@@ -1,13 +1,13 @@
 //! The worst mistakes, with pictures of the hand in its scene.
 
+use inspect::scene_svg;
 use program::Failure;
 use report::document::{Block, Cell, Drawing, Picture, Table};
 use schema::{AttemptRecord, HitKind, Outcome, SceneRows};
 use shards::DatasetInfo;
-use shards::report::scene_svg;
 
 use crate::evaluate::Examination;
-use crate::evaluate::mistakes::Mistake;
+use crate::evaluate::worst_errors::Mistake;
 
 pub(super) fn section(examined: &Examination) -> Result<Vec<Block>, Failure> {
     let text = "The attempts with the highest qualities among those that failed, and with the lowest among those that held. The fork is the \

@@ -1,0 +1,141 @@
+//! The results of a judge that those over all samples hide, and what arithmetic gives without a network.
+
+use std::collections::BTreeMap;
+
+use network::checkpoint::Confusion;
+use schema::Approach;
+use serde::Serialize;
+
+use super::{JudgeSample, Sample};
+use crate::metrics::{Summary, Tally, summaries};
+use crate::results::{Found, SampleResult};
+use crate::scores::{Ranking, Score, average_precision_by_scene, best_accuracy, calibration, ranking, score};
+
+type Answer = Found<JudgeSample>;
+
+/// Results of a judge that those over all samples hide.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HandScores {
+    /// Attempts whose hand does not hit the table, which arithmetic knows.
+    pub table_free: Scores,
+    /// 95 % interval of their average precision by bootstrap over scenes.
+    pub average_precision_95_by_scene: Option<(f64, f64)>,
+    /// What arithmetic gives without a network.
+    pub arithmetic: [Arithmetic; 2],
+    /// By the way in which the hand was drawn.
+    pub by_source: BTreeMap<&'static str, Scores>,
+    /// By the number of views.
+    pub by_views: BTreeMap<&'static str, Scores>,
+    /// Scenes in which some attempt held.
+    pub scenes_with_held: usize,
+    /// Of these, the share in which the attempt of the highest quality held.
+    pub best_held: Option<f64>,
+    /// Wilson's 95 % interval of that share.
+    pub best_held_95: Option<(f64, f64)>,
+    /// By outcome.
+    pub by_outcome: BTreeMap<&'static str, Summary>,
+}
+
+/// Results on some of the attempts.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scores {
+    /// Losses and ratios.
+    pub all: Summary,
+    /// Area under the ROC curve.
+    pub roc_auc: Option<f64>,
+    /// Average precision.
+    pub average_precision: Option<f64>,
+    /// Expected calibration error.
+    pub calibration_error: f64,
+}
+
+impl Scores {
+    fn of(results: &[SampleResult]) -> Self {
+        let scores: Vec<Score> = results.iter().map(score).collect();
+        let Ranking { roc_auc, average_precision, .. } = ranking(&scores);
+        let (mut all, calibration_error) = (Tally::default(), calibration(&scores).expected_error);
+        all.add(results);
+        Self { all: all.summary(), roc_auc, average_precision, calibration_error }
+    }
+
+    fn by<K: Ord>(results: impl Iterator<Item = (K, SampleResult)>) -> BTreeMap<K, Self> {
+        let mut groups = BTreeMap::<K, Vec<SampleResult>>::new();
+        for (key, result) in results {
+            groups.entry(key).or_default().push(result);
+        }
+        groups.into_iter().map(|(key, results)| (key, Self::of(&results))).collect()
+    }
+}
+
+/// What arithmetic gives without a network. Thresholds are the best for this very set, which flatters it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Arithmetic {
+    /// What is asked.
+    pub asked: &'static str,
+    /// Accuracy at the best threshold.
+    pub accuracy: Option<f64>,
+    /// The same on attempts whose hand does not hit the table.
+    pub accuracy_table_free: Option<f64>,
+    /// Area under the ROC curve.
+    pub roc_auc: Option<f64>,
+    /// Average precision.
+    pub average_precision: Option<f64>,
+}
+
+impl Arithmetic {
+    fn of(asked: &'static str, found: &[Answer], value: fn(f32, bool) -> f32) -> Self {
+        let score = |(sample, result): &Answer| {
+            Some(Score { logit: value(result.clearance?, is_free(sample)), ..score(result) })
+        };
+        let all: Vec<Score> = found.iter().filter_map(score).collect();
+        let free: Vec<Score> = found.iter().filter(|(sample, _)| is_free(sample)).filter_map(score).collect();
+        let Ranking { roc_auc, average_precision, .. } = ranking(&all);
+        let (accuracy, accuracy_table_free) = (best_accuracy(&all), best_accuracy(&free));
+        Self { asked, accuracy, accuracy_table_free, roc_auc, average_precision }
+    }
+}
+
+fn is_free(sample: &Sample) -> bool {
+    !sample.data.hits_table
+}
+
+pub(super) fn hand_scores(found: &[Answer]) -> HandScores {
+    let free = || found.iter().filter(|(sample, _)| is_free(sample));
+    let of_scenes: Vec<(u32, Score)> = free().map(|(sample, result)| (sample.id.scene, score(result))).collect();
+    let mut scenes = BTreeMap::<u32, (bool, Score)>::new();
+    for (sample, result) in found {
+        let own = score(result);
+        let (any, best) = scenes.entry(sample.id.scene).or_insert((false, own));
+        *any |= own.held;
+        if own.logit > best.logit {
+            *best = own;
+        }
+    }
+    let with_held = scenes.values().filter(|(any, _)| *any).count();
+    let best_held = scenes.values().filter(|(_, best)| best.held).count();
+    let (held, failed) = (best_held as u64, (with_held - best_held) as u64);
+    let counts = Confusion { true_positive: held, false_positive: failed, ..Confusion::default() };
+    let source = |sample: &Sample| match sample.id.rule.approach {
+        Approach::Axis(_) => "rules",
+        approach => approach.name(),
+    };
+    let views = |sample: &Sample| match sample.data.views {
+        ..=1 => "1 view",
+        2 => "2 views",
+        _ => "3 views or more",
+    };
+    HandScores {
+        table_free: Scores::of(&free().map(|(_, result)| *result).collect::<Vec<_>>()),
+        average_precision_95_by_scene: average_precision_by_scene(&of_scenes),
+        arithmetic: [
+            Arithmetic::of("does the swept hand touch the table", found, |_, free| f32::from(u8::from(free))),
+            Arithmetic::of("… or what was seen, by one threshold", found, |clearance, _| clearance),
+        ],
+        by_source: Scores::by(found.iter().map(|(sample, result)| (source(sample), *result))),
+        by_views: Scores::by(found.iter().map(|(sample, result)| (views(sample), *result))),
+        scenes_with_held: with_held,
+        best_held: (with_held > 0).then(|| best_held as f64 / with_held as f64),
+        best_held_95: (with_held > 0).then(|| counts.interval()),
+        by_outcome: summaries(found.iter().map(|(sample, result)| (sample.data.outcome.name(), result))),
+    }
+}

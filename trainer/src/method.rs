@@ -1,0 +1,46 @@
+//! What a method of training decides: the paper's voxel network, or a judge.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use crate::batch::{Batch, Sample, Scene};
+use crate::data::{Rows, Shard};
+use crate::judge::scores::HandScores;
+use crate::results::{Found, SampleResult, StepResult};
+use crate::scores::GraspErrors;
+use crate::split::LabelCount;
+
+/// What decides how training samples are changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Epoch {
+    /// The run's seed.
+    pub seed: u64,
+    /// The epoch, from 0.
+    pub number: u32,
+    /// Labels of all training samples.
+    pub train: LabelCount,
+}
+
+/// A method, with what it needs besides the weights.
+pub trait Method: Debug + Send + Sync {
+    /// What a sample has besides its grid.
+    type Data: Copy + Debug + Send + Sync + 'static;
+
+    /// The samples of a scene of a shard by attempt, and how many attempts have none.
+    fn samples(&self, shard: &Shard<'_>, rows: Rows<'_>) -> (Vec<Sample<Self::Data>>, u64);
+
+    /// How a sample's attempt ended, as its mark before the split.
+    fn mark(data: &Self::Data) -> u8;
+
+    /// Changes training samples of a scene for an epoch, and gives the grid that goes with them.
+    fn change(&self, epoch: &Epoch, scene: &Scene<Self::Data>, own: &mut [Sample<Self::Data>]) -> Arc<[f32]>;
+
+    /// Loss and gradient of a batch.
+    fn step(&self, vector: &[f32], batch: &Batch<Self::Data>) -> StepResult;
+
+    /// Losses and predictions of a batch, without a gradient.
+    fn evaluate(&self, vector: &[f32], batch: &Batch<Self::Data>) -> Vec<SampleResult>;
+
+    /// What only this method's results have: the errors of its grasps, of all and of the sure ones, or scores of hands.
+    fn own_scores(found: &[Found<Self::Data>], voxel_size_m: f32) -> ([GraspErrors; 2], Option<HandScores>);
+}

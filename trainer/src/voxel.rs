@@ -1,0 +1,234 @@
+//! The paper's voxel network in training: a sample is a voxel, the one that holds the grasp's origin.
+
+pub mod augmentation;
+mod errors;
+#[cfg(feature = "graph")]
+pub mod graph;
+pub mod loss;
+mod parts;
+pub mod step;
+
+use std::sync::Arc;
+
+use network::{GraspOrigin, VoxelParams};
+use schema::{AttemptRecord, Axis, ObjectRecord, Pose, ShapeKind, Vec3};
+use shards::DatasetInfo;
+
+use crate::batch::{Batch, Scene};
+use crate::config::{Closing, Config, Targets, TrainingParams};
+use crate::data::split_bits::{FAILED, HELD};
+use crate::data::{Rows, Shard};
+use crate::device::Device;
+use crate::judge::scores::HandScores;
+use crate::method::{Epoch, Method};
+use crate::results::{Found, SampleResult, StepResult};
+use crate::scores::GraspErrors;
+use augmentation::Augmentation;
+use errors::errors;
+use loss::{ClassWeights, Closings, Target};
+
+type Sample = crate::batch::Sample<VoxelSample>;
+
+/// A supervised voxel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VoxelSample {
+    /// The voxel that holds the grasp's origin: x, y, z, below 40.
+    pub voxel: [usize; 3],
+    /// The result of the attempt there.
+    pub target: Target,
+    /// Which turns of its orientation grip the object as well; in the target are those that count.
+    pub closings: Closings,
+}
+
+/// The voxel network, its device, and how samples are made for it. What changes samples is only applied in training.
+#[derive(Debug, Clone)]
+pub struct Voxel {
+    /// Where the network has a grasp's origin, and how it doubles grids.
+    pub params: VoxelParams,
+    /// Whether all attempts of a voxel are one sample.
+    pub targets: Targets,
+    /// What computes.
+    pub device: Device,
+    /// Rotations and shifts of scenes.
+    pub augmentation: Augmentation,
+    /// Whether every closing counts by which the object can be gripped, or that of the attempt alone.
+    pub any_closing: bool,
+    /// How much more a success counts than a failure.
+    pub positive_weight: f64,
+}
+
+impl Voxel {
+    /// Without changes to samples.
+    #[must_use]
+    pub const fn new(params: VoxelParams, targets: Targets, device: Device) -> Self {
+        Self { params, targets, device, augmentation: Augmentation::OFF, any_closing: false, positive_weight: 1.0 }
+    }
+
+    /// As a recipe trains it.
+    #[must_use]
+    pub fn in_training(params: VoxelParams, config: &Config, device: Device) -> Self {
+        let TrainingParams { targets, closings, positive_weight, .. } = config.training;
+        let (augmentation, any_closing) = (config.augmentation, closings == Closing::Object);
+        Self { augmentation, any_closing, positive_weight, ..Self::new(params, targets, device) }
+    }
+}
+
+impl Method for Voxel {
+    type Data = VoxelSample;
+
+    /// Those whose grasp is inside the grid: one per attempt by a rule, one per point of VGN's sampler.
+    fn samples(&self, shard: &Shard<'_>, rows: Rows<'_>) -> (Vec<Sample>, u64) {
+        let all = schema::samples_of(rows.attempts);
+        let inside = all.iter().filter_map(|attempt| at_voxel(shard, attempt, rows.objects, self.params.origin));
+        let samples: Vec<Sample> = inside.collect();
+        let (outside, of_voxels) = ((all.len() - samples.len()) as u64, self.targets == Targets::Voxel);
+        (if of_voxels { one_per_voxel(samples) } else { samples }, outside)
+    }
+
+    fn mark(data: &VoxelSample) -> u8 {
+        if data.target.label == 1 { HELD } else { FAILED }
+    }
+
+    fn change(&self, epoch: &Epoch, scene: &Scene<VoxelSample>, own: &mut [Sample]) -> Arc<[f32]> {
+        let weights = ClassWeights::new(self.positive_weight, epoch.train.held, epoch.train.samples);
+        let heights = || scene.samples.iter().map(|sample| sample.data.voxel[2]);
+        let heights = heights().min().unwrap_or_default()..=heights().max().unwrap_or_default();
+        let motion = self.augmentation.draw(epoch.seed, epoch.number, scene.number.into(), heights);
+        for VoxelSample { voxel, target, closings } in own.iter_mut().map(|sample| &mut sample.data) {
+            if self.any_closing {
+                target.closings = *closings;
+            }
+            target.quality_weight = weights.of(target.label);
+            target.rotation = motion.rotation(target.rotation);
+            *voxel = motion.voxel(*voxel);
+        }
+        motion.grid(&scene.grid)
+    }
+
+    fn step(&self, vector: &[f32], batch: &Batch<VoxelSample>) -> StepResult {
+        step::step(vector, batch, self.params.upsampling, &self.device)
+    }
+
+    fn evaluate(&self, vector: &[f32], batch: &Batch<VoxelSample>) -> Vec<SampleResult> {
+        step::evaluate(vector, batch, self.params.upsampling, &self.device)
+    }
+
+    fn own_scores(found: &[Found<VoxelSample>], voxel_size_m: f32) -> ([GraspErrors; 2], Option<HandScores>) {
+        // Those with more than the paper's ε = 0.9.
+        let sure = found.iter().filter(|(_, result)| result.quality_logit > libm::logf(9.0));
+        ([errors(found.iter(), voxel_size_m), errors(sure, voxel_size_m)], None)
+    }
+}
+
+/// Of a scene's samples one for each voxel: the first that held, or else the first; by attempt.
+fn one_per_voxel(mut samples: Vec<Sample>) -> Vec<Sample> {
+    samples.sort_by_key(|sample| (sample.data.voxel, sample.data.target.label == 0, sample.id.attempt));
+    samples.dedup_by_key(|sample| sample.data.voxel);
+    samples.sort_by_key(|sample| sample.id.attempt);
+    samples
+}
+
+/// The sample of an attempt, or `None` if its grasp's origin is outside the grid.
+fn at_voxel(
+    shard: &Shard<'_>,
+    attempt: &AttemptRecord,
+    objects: &[ObjectRecord],
+    origin: GraspOrigin,
+) -> Option<Sample> {
+    let DatasetInfo { grid, gripper, .. } = shard.dataset.info();
+    let (pose, label) = (&attempt.workspace_from_grasp, attempt.label());
+    let voxel = origin.voxel_of(pose, grid)?;
+    // Only a held object's width is a target.
+    let width_m = attempt.width_m.filter(|_| label == 1).unwrap_or(0.0);
+    let (rotation, width_voxels) = (pose.rotation, width_m / grid.voxel_size_m());
+    let target = Target { label, rotation, closings: Closings::Half, width_voxels, quality_weight: 1.0 };
+    // A damaged table may name an object that its scene does not have.
+    let object = objects.get(attempt.object_id as usize).filter(|_| label == 1);
+    let closings = object.map_or(Closings::Half, |object| closings(pose, object, gripper.opening_m_max));
+    Some(Sample { id: shard.id(attempt), grid: 0, data: VoxelSample { voxel, target, closings } })
+}
+
+/// By which turns a hand holds its object as well: those about an axis of the object along which it approaches.
+fn closings(workspace_from_grasp: &Pose, object: &ObjectRecord, opening_m_max: f32) -> Closings {
+    let Some(solid) = object.shape.as_solid() else { return Closings::Half };
+    let object_from_workspace = object.workspace_from_object.rotation.inverse();
+    let along = |grasp_axis: Vec3| {
+        let axis = object_from_workspace * (workspace_from_grasp.rotation * grasp_axis);
+        Axis::ALL.into_iter().find(|own| own.of(axis).abs() > NEAR_COS)
+    };
+    let Some(approach) = along(Vec3::Z) else { return Closings::Half };
+    let fits = |axis: Axis| axis.of(solid.extents_m) <= opening_m_max - FINGER_ROOM_M;
+    let across = || Axis::ALL.into_iter().filter(|axis| *axis != approach).all(fits);
+    match solid.kind {
+        ShapeKind::Cylinder if approach == Axis::Z => Closings::Any,
+        ShapeKind::Cuboid if along(Vec3::Y).is_some() && across() => Closings::Quarter,
+        _ => Closings::Half,
+    }
+}
+
+/// Cosine of the largest angle between an axis of the hand and the object's: 30°, three deviations of the paper's
+/// tilts.
+const NEAR_COS: f32 = 0.866;
+/// How much wider than an object the fingers must open to go about it with a few degrees of tilt.
+const FINGER_ROOM_M: f32 = 0.01;
+
+#[cfg(test)]
+mod tests {
+    use schema::{Quat, Rule, Solid, axis_angle, pose_from_parts};
+
+    use super::*;
+    use crate::batch::SampleId;
+
+    pub(super) fn sample(grid: usize, voxel: [usize; 3], target: Target) -> Sample {
+        let id = SampleId { scene: 0, attempt: 0, rule: Rule::of_the_paper()[0] };
+        Sample { id, grid, data: VoxelSample { voxel, target, closings: Closings::Half } }
+    }
+
+    /// A box of 40 × 60 × 90 mm and cylinders, gripped along each axis with a few degrees of tilt.
+    #[test]
+    fn what_fits_between_the_fingers_may_be_gripped_by_more_turns() {
+        let closings_of = |kind: ShapeKind, extents_m: [f32; 3], rotation: Quat| {
+            let workspace_from_object = pose_from_parts(axis_angle(Vec3::X, 0.4), Vec3::splat(0.1));
+            let object = ObjectRecord {
+                scene_id: 0,
+                object_id: 0,
+                shape: Solid::new(kind, Vec3::from_array(extents_m)).unwrap().into(),
+                mass_kg: 0.1,
+                friction: 1.0,
+                workspace_from_object,
+            };
+            let tilted = rotation * axis_angle(Vec3::Y, 0.2);
+            closings(&(workspace_from_object * pose_from_parts(tilted, Vec3::ZERO)), &object, 0.08)
+        };
+        let (along_z, along_x) = (Quat::IDENTITY, axis_angle(Vec3::Y, core::f32::consts::FRAC_PI_2));
+        let cuboid = |extents_m, rotation| closings_of(ShapeKind::Cuboid, extents_m, rotation);
+        assert_eq!(cuboid([0.04, 0.06, 0.09], along_z), Closings::Quarter);
+        assert_eq!(cuboid([0.04, 0.06, 0.09], along_x), Closings::Half, "90 mm are too broad");
+        assert_eq!(cuboid([0.04, 0.075, 0.09], along_z), Closings::Half, "75 mm leave no room");
+        assert_eq!(cuboid([0.04, 0.06, 0.09], axis_angle(Vec3::Z, 0.7)), Closings::Half, "over a corner");
+        assert_eq!(cuboid([0.04, 0.06, 0.09], axis_angle(Vec3::X, 0.8)), Closings::Half, "over an edge");
+        let cylinder = |rotation| closings_of(ShapeKind::Cylinder, [0.04, 0.04, 0.06], rotation);
+        assert_eq!([cylinder(along_z), cylinder(along_x)], [Closings::Any, Closings::Half]);
+        assert_eq!(closings_of(ShapeKind::TriPrism, [0.04, 0.06, 0.05], along_z), Closings::Half);
+    }
+
+    #[test]
+    fn a_voxel_held_if_any_of_its_attempts_did() {
+        let sample = |attempt: u32, x: usize, label: u8| {
+            let (rotation, closings) = (Quat::IDENTITY, Closings::Half);
+            let width_voxels = f32::from(label) * attempt as f32;
+            let target = Target { label, rotation, width_voxels, quality_weight: 1.0, closings };
+            let one = sample(0, [x, 1, 2], target);
+            Sample { id: SampleId { attempt, ..one.id }, ..one }
+        };
+        let all = [(0, 5, 0), (1, 9, 0), (2, 5, 1), (4, 9, 0), (5, 5, 1), (7, 0, 1), (8, 0, 0)];
+        let samples = all.map(|(attempt, x, label)| sample(attempt, x, label)).to_vec();
+        let kept = one_per_voxel(samples.clone());
+        assert_eq!(kept, [samples[1], samples[2], samples[5]]);
+        for VoxelSample { voxel, .. } in samples.iter().map(|sample| sample.data) {
+            let own: Vec<_> = kept.iter().filter(|kept| kept.data.voxel == voxel).collect();
+            let any = samples.iter().any(|other| other.data.voxel == voxel && other.data.target.label == 1);
+            assert_eq!((own.len(), own[0].data.target.label), (1, u8::from(any)));
+        }
+    }
+}

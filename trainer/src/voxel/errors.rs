@@ -1,0 +1,38 @@
+//! Errors of predicted grasps.
+
+use schema::{Quat, Vec3};
+
+use super::VoxelSample;
+use super::loss::Closings;
+use crate::results::Found;
+use crate::results::GraspResult;
+use crate::scores::{GraspErrors, Spread, rotation_error_deg};
+
+/// Of the held ones.
+pub(super) fn errors<'a>(found: impl Iterator<Item = &'a Found<VoxelSample>>, voxel_size_m: f32) -> GraspErrors {
+    let grasp = |(sample, result): &'a Found<VoxelSample>| Some((&sample.data, result.grasp.as_ref()?));
+    let held: Vec<_> = found.filter(|(_, result)| result.label == 1).filter_map(grasp).collect();
+    let over = |error: &dyn Fn(&VoxelSample, &GraspResult) -> f64| {
+        Spread::of(held.iter().map(|(sample, grasp)| error(sample, grasp)).collect())
+    };
+    // The cosine between an axis of the true hand and one of the predicted hand.
+    let cosine = |sample: &VoxelSample, axis: Vec3, grasp: &GraspResult, other: Vec3| {
+        (sample.target.rotation * axis).dot(Quat::from_array(grasp.predicted) * other)
+    };
+    let apart_deg = |cosine: f32| f64::from(libm::acosf(cosine.clamp(-1.0, 1.0)).to_degrees());
+    GraspErrors {
+        samples: held.len(),
+        rotation_deg: over(&|_, grasp| rotation_error_deg(grasp.rotation)),
+        approach_deg: over(&|sample, grasp| apart_deg(cosine(sample, Vec3::Z, grasp, Vec3::Z))),
+        closing_deg: over(&|sample, grasp| apart_deg(cosine(sample, Vec3::Y, grasp, Vec3::Y).abs())),
+        nearest_closing_deg: over(&|sample, grasp| {
+            let to = |axis: Vec3| cosine(sample, axis, grasp, Vec3::Y).abs();
+            apart_deg(match sample.closings {
+                Closings::Half => to(Vec3::Y),
+                Closings::Quarter => to(Vec3::Y).max(to(Vec3::X)),
+                Closings::Any => libm::hypotf(to(Vec3::X), to(Vec3::Y)),
+            })
+        }),
+        width_mm: over(&|_, grasp| 1e3 * f64::from(voxel_size_m) * f64::from(grasp.width).sqrt()),
+    }
+}
