@@ -1,5 +1,6 @@
 //! `graspmill dataset`: look at datasets, and take care of their files.
 
+mod bench;
 mod browse;
 mod depth;
 mod export;
@@ -33,6 +34,7 @@ pub(crate) enum Command {
     Missing(missing::Arguments),
     Finalize(finalize::Arguments),
     Gc(gc::Arguments),
+    Bench(bench::Arguments),
 }
 
 const EXAMPLES: &str = "\
@@ -66,6 +68,7 @@ impl Command {
             Self::Missing(arguments) => missing::run(arguments),
             Self::Finalize(arguments) => finalize::run(arguments),
             Self::Gc(arguments) => gc::run(arguments),
+            Self::Bench(arguments) => bench::run(arguments),
         }
     }
 }

@@ -13,6 +13,6 @@ pub(crate) mod summary;
 mod thrift;
 mod version;
 
-pub use column::{Column, Form, Kind, Table};
+pub use column::{Form, Table};
 pub use info::{ATTEMPTS_MAX, DatasetInfo, RESOLUTION_MAX, SHARDS_MAX};
 pub use version::FormatVersion;

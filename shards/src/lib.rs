@@ -48,7 +48,6 @@
 extern crate self as shards; // as the files of tests/support name it
 
 mod format;
-mod look;
 mod read;
 mod store;
 #[cfg(any(test, fuzzing))]
@@ -58,14 +57,9 @@ mod write;
 
 pub use format::layout::{self, SCENES_PER_ROW_GROUP};
 pub use format::summary::{Counts, FileSummary, Manifest, RejectionCounts, ShardSummary, Tally};
-pub use format::{ATTEMPTS_MAX, Column, DatasetInfo, Form, FormatVersion, Kind, RESOLUTION_MAX, SHARDS_MAX, Table};
-pub use look::report::{self, Bin, Group, OutcomeGroup, Report, TableSize, report};
-pub use look::{
-    ExportCounts, ExportFormat, ExportOrigin, Exported, ExportedFile, PROBLEMS_MAX, Verified, begin_browsing, browse,
-    export, object_bodies, scene_view, tsdf, verify,
-};
+pub use format::{ATTEMPTS_MAX, DatasetInfo, Form, FormatVersion, RESOLUTION_MAX, SHARDS_MAX, Table};
 #[cfg(any(test, fuzzing))]
 pub use read::tests::fuzzing;
-pub use read::{ArrowStream, Dataset};
+pub use read::{ArrowStream, Dataset, PROBLEMS_MAX, Verified, verify};
 pub use store::{Location, Sweep, Swept};
 pub use write::{Draft, Finalized, KeptScenes, PlainColumn, ShardWriter, plain_table};

@@ -5,6 +5,8 @@ mod stream;
 pub(crate) mod table_reader;
 #[cfg(any(test, fuzzing))]
 pub(crate) mod tests;
+mod verify;
 
 pub use dataset::Dataset;
 pub use stream::ArrowStream;
+pub use verify::{PROBLEMS_MAX, Verified, verify};

@@ -10,7 +10,6 @@ mod storage;
 
 use std::collections::BTreeMap;
 
-pub(crate) use error::failed;
 #[cfg(test)]
 pub(crate) use fault::{Fault, Kind};
 #[cfg(test)]

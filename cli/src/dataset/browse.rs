@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use generator::replay_pages;
+use inspect::{begin_browsing, browse, spread};
 use program::{Context, ExitCode, Failure, print, print_error};
-use shards::report::spread;
-use shards::{Dataset, Location, begin_browsing, browse};
+use shards::{Dataset, Location};
 
 use crate::parse::LocationParser;
 

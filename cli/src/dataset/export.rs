@@ -4,27 +4,28 @@ use std::fmt::Write;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use inspect::ExportFormat;
 use program::text::{grouped, per_second};
 use program::{ExitCode, Failure, print};
-use shards::{Dataset, ExportFormat, Location};
+use shards::{Dataset, Location};
 
 use crate::parse::{LocationParser, one_of};
 
 const EXAMPLES: &str = "\
 Examples:
   graspmill dataset export grasps --format vgn --out grasps-vgn
-  graspmill dataset export s3://bucket/grasps --format webdataset --out grasps-tars
+  graspmill dataset export s3://bucket/grasps --format vgn --out grasps-vgn
 
 An interrupted export continues when it is run again. docs/exporting.md describes the files and how to read them.";
 
-/// Write the dataset in another format: VGN's and GIGA's files, or WebDataset's tars.
+/// Write the dataset as the files that VGN's and GIGA's code trains on.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL.
     #[arg(value_parser = LocationParser)]
     dataset: Location,
-    /// The format: what VGN and GIGA read, or WebDataset's tars.
+    /// The format: what VGN and GIGA read.
     #[arg(long, value_parser = one_of!(ExportFormat))]
     format: ExportFormat,
     /// A new or an empty folder, or that of the same export, interrupted: it continues there.
@@ -35,7 +36,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let dataset = Dataset::open(&arguments.dataset)?;
     let bar = progress_bar(dataset.info().scene_count);
-    let exported = shards::export(&dataset, arguments.format, &arguments.out, |scenes| bar.inc(scenes));
+    let exported = inspect::export(&dataset, arguments.format, &arguments.out, |scenes| bar.inc(scenes));
     bar.finish_and_clear();
     let counts = exported?.counts;
     let (grasps, positives, scenes) = (grouped(counts.grasps), grouped(counts.positives), grouped(counts.scenes));

@@ -37,15 +37,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     match &arguments.out {
         Some(path) => {
             write(path, shown)?;
-            print(replay.told())?;
+            print(replay.describe())?;
         }
         None if arguments.json => {
             print(shown)?;
             if !replay.is_reproduced() {
-                print_error(replay.told().trim_end());
+                print_error(replay.describe().trim_end());
             }
         }
-        None => print(replay.told())?,
+        None => print(replay.describe())?,
     }
     Ok(if replay.is_reproduced() { ExitCode::Ok } else { ExitCode::Data })
 }

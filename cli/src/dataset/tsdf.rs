@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use inspect::tsdf;
 use program::{ExitCode, Failure, write};
-use shards::{Dataset, Location, tsdf};
+use shards::{Dataset, Location};
 
 use crate::parse::LocationParser;
 

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use inspect::scene_view;
 use program::{ExitCode, Failure, print, write};
-use shards::{Dataset, Location, scene_view};
+use shards::{Dataset, Location};
 
 use crate::parse::LocationParser;
 

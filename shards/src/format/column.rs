@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use arrow::datatypes::{DataType, Field, Fields, Metadata, Schema, SchemaRef};
+use arrow_schema::{DataType, Field, Fields, Metadata, Schema, SchemaRef};
 use report::document;
 use settings::words;
 
@@ -22,7 +22,7 @@ words! {
 
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// 64-bit integer.
     I64,
     /// 32-bit integer.
@@ -41,15 +41,15 @@ pub enum Kind {
 
 /// One column.
 #[derive(Debug, Clone, Copy)]
-pub struct Column {
+pub(crate) struct Column {
     /// Its name; carries the unit.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// What it holds.
-    pub kind: Kind,
+    pub(crate) kind: Kind,
     /// Whether values may be absent.
-    pub nullable: bool,
+    pub(crate) nullable: bool,
     /// What it means, in one line.
-    pub doc: &'static str,
+    pub(crate) doc: &'static str,
 }
 
 const fn column(name: &'static str, kind: Kind, doc: &'static str) -> Column {
@@ -158,8 +158,7 @@ const ELEMENT: &str = "element";
 
 impl Table {
     /// Its columns, in the order on disk.
-    #[must_use]
-    pub fn columns(self, form: Form) -> &'static [Column] {
+    pub(crate) fn columns(self, form: Form) -> &'static [Column] {
         match self {
             Self::Attempts => ATTEMPTS,
             Self::Scenes if form.has_hands => SCENES,
@@ -195,8 +194,7 @@ impl Table {
 
 impl Kind {
     /// The Arrow type.
-    #[must_use]
-    pub fn data_type(self, resolution: usize) -> DataType {
+    fn data_type(self, resolution: usize) -> DataType {
         match self {
             Self::I64 => DataType::Int64,
             Self::I32 => DataType::Int32,
@@ -209,8 +207,7 @@ impl Kind {
     }
 
     /// The type as text, for the card and the docs.
-    #[must_use]
-    pub fn describe(self, resolution: usize) -> String {
+    pub(crate) fn describe(self, resolution: usize) -> String {
         match self {
             Self::I64 => "int64".to_owned(),
             Self::I32 => "int32".to_owned(),

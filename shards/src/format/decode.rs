@@ -3,8 +3,9 @@
 
 use std::sync::Arc;
 
-use arrow::array::{Array, ArrayRef, ArrowPrimitiveType, AsArray, PrimitiveArray, RecordBatch, StringArray};
-use arrow::datatypes::{Float32Type, Int32Type, Int64Type, UInt8Type};
+use arrow::cast::AsArray;
+use arrow::types::{Float32Type, Int32Type, Int64Type, UInt8Type};
+use arrow::{Array, ArrayRef, ArrowPrimitiveType, PrimitiveArray, RecordBatch, StringArray};
 use schema::{
     Approach, AttemptRecord, HitKind, Model, ObjectRecord, ObjectShape, Outcome, Pose, Quat, Rule, SceneRecord,
     SceneRejections, Shape, Solid, Vec3, View, pose_from_parts,

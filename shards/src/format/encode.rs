@@ -3,13 +3,13 @@
 
 use std::sync::Arc;
 
-use arrow::array::{
+use arrow::types::Int32Type;
+use arrow::{
     ArrayRef, DictionaryArray, FixedSizeListArray, Float32Array, Int32Array, Int64Array, ListArray, RecordBatch,
     StringArray, StructArray, UInt8Array,
 };
-use arrow::buffer::OffsetBuffer;
-use arrow::datatypes::Int32Type;
-use arrow::error::ArrowError;
+use arrow_buffer::OffsetBuffer;
+use arrow_schema::ArrowError;
 use schema::{
     Approach, AttemptRecord, Axis, HitKind, Model, ObjectRecord, Outcome, Pose, Rule, SceneRecord, Shape, View,
 };
@@ -118,7 +118,7 @@ fn views(rows: &[SceneRecord]) -> Encoded<ArrayRef> {
     ];
     let values = StructArray::try_new(view_fields(), columns, None)?;
     let offsets = OffsetBuffer::from_lengths(rows.iter().map(|r| r.views.len()));
-    let field = element(arrow::datatypes::DataType::Struct(view_fields()));
+    let field = element(arrow_schema::DataType::Struct(view_fields()));
     Ok(Arc::new(ListArray::try_new(field, offsets, Arc::new(values), None)?))
 }
 

@@ -108,7 +108,8 @@ impl DatasetInfo {
     }
 
     /// The shard that holds a scene, or `None` if there is no such scene.
-    pub(crate) fn shard_of(&self, scene_id: u64) -> Option<u32> {
+    #[must_use]
+    pub fn shard_of(&self, scene_id: u64) -> Option<u32> {
         if scene_id >= self.scene_count {
             return None;
         }

@@ -89,7 +89,8 @@ impl RejectionCounts {
         self.unstable = self.unstable.saturating_add(other.unstable);
     }
 
-    pub(crate) fn count(&mut self, rejections: SceneRejections) {
+    /// Counts the scenes that were rejected before one.
+    pub fn count(&mut self, rejections: SceneRejections) {
         self.unsettled += u64::from(rejections.unsettled);
         self.empty += u64::from(rejections.empty);
         self.unstable += u64::from(rejections.unstable);

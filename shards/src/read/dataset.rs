@@ -6,7 +6,7 @@ use std::iter::{Peekable, from_fn};
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 
-use arrow::array::RecordBatch;
+use arrow::RecordBatch;
 use program::{ExitCode, Failure};
 use schema::{AttemptRecord, ObjectRecord, SceneRecord, SceneRows};
 

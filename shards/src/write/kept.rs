@@ -8,7 +8,7 @@
 use std::iter::from_fn;
 use std::sync::atomic::AtomicBool;
 
-use arrow::array::RecordBatch;
+use arrow::RecordBatch;
 use schema::SceneRows;
 
 use crate::format::frame::Expected;

@@ -6,7 +6,7 @@
 //! 0.9 ms with every codec. On scenes from physics: plain 264,322; zstd 1 44,011; over BYTE_STREAM_SPLIT 38,340; zstd 9
 //! 36,218. Higher levels cost more time than they save bytes; BYTE_STREAM_SPLIT costs nothing.
 
-use arrow::array::RecordBatch;
+use arrow::RecordBatch;
 use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::errors::ParquetError;

@@ -1,38 +1,10 @@
 //! A full disk stops a writer with "run it again"; when there is space again, it continues.
 
-use std::path::Path;
-use std::process::{Command, Stdio};
-
 use program::{ExitCode, Failure};
 use shards::Draft;
 
+use crate::disk::Disk;
 use crate::sample;
-
-/// A small separate disk; only root can mount one.
-struct Disk(tempfile::TempDir);
-
-impl Disk {
-    fn mount(kibibytes: u32) -> Option<Self> {
-        let dir = tempfile::tempdir().unwrap();
-        mount(dir.path(), &format!("size={kibibytes}k")).then_some(Self(dir))
-    }
-
-    fn grow(&self, kibibytes: u32) {
-        assert!(mount(self.0.path(), &format!("remount,size={kibibytes}k")));
-    }
-}
-
-impl Drop for Disk {
-    fn drop(&mut self) {
-        let _ = Command::new("umount").arg(self.0.path()).status();
-    }
-}
-
-fn mount(dir: &Path, options: &str) -> bool {
-    let mut command = Command::new("mount");
-    command.args(["-t", "tmpfs", "-o", options]).arg("tmpfs").arg(dir).stderr(Stdio::null());
-    command.status().is_ok_and(|status| status.success())
-}
 
 fn write(draft: &Draft, shard: u32) -> Result<(), Failure> {
     let mut writer = draft.shard(shard)?;
@@ -44,13 +16,10 @@ fn write(draft: &Draft, shard: u32) -> Result<(), Failure> {
 
 #[test]
 fn a_full_disk_loses_nothing() {
-    let Some(disk) = Disk::mount(160) else {
-        eprintln!("skipped: cannot mount a small disk here");
-        return;
-    };
+    let Some(disk) = Disk::mount(160) else { return };
     let mut info = sample::sized(2, 4, 400, 10);
     info.grid.resolution = 16;
-    let dir = disk.0.path();
+    let dir = disk.path();
     let draft = Draft::begin(dir, &info).unwrap();
     let (full, error) = (0..4).find_map(|shard| write(&draft, shard).err().map(|e| (shard, e))).unwrap();
     assert_eq!(error.exit_code(), ExitCode::TryAgain, "{error}");

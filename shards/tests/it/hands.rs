@@ -2,8 +2,8 @@
 
 use std::fs;
 
-use arrow::array::AsArray as _;
-use arrow::datatypes::Int32Type;
+use arrow::cast::AsArray as _;
+use arrow::types::Int32Type;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use schema::Gripper;
 use shards::{Dataset, DatasetInfo, Draft, Finalized, FormatVersion, verify};

@@ -3,8 +3,9 @@
 
 mod commit;
 mod damage;
+#[path = "../../../tests/support/disk.rs"]
+mod disk;
 mod disk_full;
-mod export;
 mod golden;
 mod hands;
 mod killed;

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{Seek, Write};
 use std::sync::OnceLock;
 
-use arrow::array::RecordBatch;
+use arrow::RecordBatch;
 use schema::{AttemptRecord, SceneRecord};
 
 use crate::format::check;
@@ -172,7 +172,7 @@ mod tests {
     use std::fs;
     use std::path::{Path, PathBuf};
 
-    use arrow::array::RecordBatchReader;
+    use arrow::RecordBatchReader;
     use parquet::arrow::ArrowWriter;
     use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
     use parquet::file::properties::{WriterProperties, WriterVersion};

@@ -1,28 +1,23 @@
 //! What a dataset holds, in numbers: computed from its rows in one pass, never from what the manifest says.
 
 mod bins;
-pub mod coverage;
-mod document;
-pub mod fit;
-mod scenes;
+pub(crate) mod coverage;
+pub(crate) mod goodness_of_fit;
 mod warnings;
 
 pub use bins::Bin;
-pub use document::{PageParts, document, page};
-pub(crate) use scenes::picture as picture_of;
-pub use scenes::{scene_svg, spread};
+pub use coverage::Coverage;
+pub use goodness_of_fit::{Fit, Law};
 
 use std::collections::BTreeMap;
 
 use program::Failure;
 use schema::{AttemptRecord, HitKind, ObjectRecord, Outcome, Rule, SceneRows, Shape, Vec3};
 use serde::Serialize;
+use shards::{Dataset, RejectionCounts, Table, Tally};
 
 use self::bins::{bin, bins};
-use self::coverage::Coverage;
-use self::fit::{Fit, Fits};
-use crate::format::summary::{RejectionCounts, Tally};
-use crate::{Dataset, Table};
+use self::goodness_of_fit::Fits;
 
 /// The statistics of a dataset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -75,10 +70,9 @@ pub struct Report {
 pub struct Group {
     /// What they share.
     pub name: String,
-    /// Attempts.
-    pub attempts: u64,
-    /// Of these positive.
-    pub positives: u64,
+    /// How many they are.
+    #[serde(flatten)]
+    pub labels: Tally,
 }
 
 /// Attempts with an outcome.
@@ -284,8 +278,8 @@ fn approach_angle_deg(attempt: &AttemptRecord) -> f64 {
     libm::acos(f64::from(-approach.z).clamp(-1.0, 1.0)).to_degrees()
 }
 
-fn group(name: &str, tally: Tally) -> Group {
-    Group { name: name.to_owned(), attempts: tally.attempts, positives: tally.positives }
+fn group(name: &str, labels: Tally) -> Group {
+    Group { name: name.to_owned(), labels }
 }
 
 fn size(dataset: &Dataset, table: Table) -> TableSize {
@@ -296,13 +290,5 @@ fn size(dataset: &Dataset, table: Table) -> TableSize {
         bytes,
         bytes_per_scene: bytes as f64 / dataset.info().scene_count as f64,
         bytes_per_attempt: bytes as f64 / dataset.info().attempt_count as f64,
-    }
-}
-
-impl Report {
-    /// The report as pretty JSON.
-    #[must_use]
-    pub fn to_json(&self) -> String {
-        crate::format::seal::pretty(self)
     }
 }

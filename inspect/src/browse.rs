@@ -13,10 +13,11 @@ use report::view::folder::{
     scene_file, shared_files,
 };
 use schema::{AttemptRecord, Outcome, SceneRows, Vec3};
+use shards::Dataset;
 
-use crate::Dataset;
-use crate::look::report::{PageParts, page, picture_of, report};
-use crate::look::view::{attempt_label, scene_view};
+use crate::pictures::picture;
+use crate::statistics::report;
+use crate::view::{attempt_label, scene_view};
 
 /// Degrees of a range of angles, and the ranges.
 const ANGLE_DEG: f32 = 30.0;
@@ -59,7 +60,7 @@ pub fn browse(dataset: &Dataset, scenes: &[u64], folder: &Path) -> Result<(), Fa
             folder.join(&file).is_file().then_some(file)
         };
         let opens = |attempt: &AttemptRecord| {
-            let (class, label) = (Class::of_outcome(attempt.outcome), attempt_label(attempt));
+            let (class, label) = (Class::Grasp(attempt.outcome), attempt_label(attempt));
             let line = view.lines.iter().position(|line| line.class == class && line.label == label)?;
             Some((line, link(attempt)?))
         };
@@ -71,7 +72,7 @@ pub fn browse(dataset: &Dataset, scenes: &[u64], folder: &Path) -> Result<(), Fa
             attempts: scene.attempts.iter().map(|attempt| listed(attempt, link(attempt))).collect(),
         };
         write(folder, &scene_file(scene.scene.scene_id), &view.page_in(&place))?;
-        pictures.push(picture_of(info, scene, true));
+        pictures.push(picture(info, scene, true));
     }
     let attempts: usize = rows.iter().map(|scene| scene.attempts.len()).sum();
     let name = dataset.location().name();
@@ -91,8 +92,7 @@ pub fn browse(dataset: &Dataset, scenes: &[u64], folder: &Path) -> Result<(), Fa
     ];
     let footer = format!("graspmill dataset browse, Graspmill {}; dataset {}", env!("CARGO_PKG_VERSION"), dataset.id());
     let index = Document { title: format!("{name}: scenes"), blocks, footer };
-    let parts = PageParts { scenes: Some(scenes.to_vec()), has_scene_pages: true, written_over: None };
-    write(folder, REPORT, &page(&report(dataset)?, dataset, &parts)?.html()?)?;
+    write(folder, REPORT, &report(dataset)?.page(dataset, Some(scenes))?.html()?)?;
     for (name, text) in shared_files() {
         write(folder, name, &text)?;
     }

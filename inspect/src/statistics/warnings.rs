@@ -2,9 +2,10 @@
 
 use program::text::{grouped, percent, ratio};
 use schema::Rule;
+use shards::Tally;
 
-use crate::look::report::Report;
-use crate::look::report::fit::MODELS;
+use super::Report;
+use super::goodness_of_fit::MODELS;
 
 /// The usual range of the share of positives. The paper reports about one positive to three negatives for its rules: a
 /// quarter.
@@ -25,7 +26,7 @@ impl Report {
     pub(crate) fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         let share = self.labels.positive_share();
-        let by_rules = self.rules.iter().any(|group| group.attempts > 0 && is_of_the_paper(&group.name));
+        let by_rules = self.rules.iter().any(|group| group.labels.attempts > 0 && is_of_the_paper(&group.name));
         if by_rules && self.labels.attempts >= TRIED_MIN && !(POSITIVE_SHARE[0]..=POSITIVE_SHARE[1]).contains(&share) {
             warnings.push(format!(
                 "Positives to negatives are {}: far from the paper's 1 : 3. Sizes against the hand's opening and the number of \
@@ -33,8 +34,9 @@ impl Report {
                 ratio(self.labels.positives, self.labels.negatives())
             ));
         }
-        for group in self.shapes.iter().chain(&self.rules).filter(|g| g.attempts >= TRIED_MIN && g.positives == 0) {
-            warnings.push(format!("None of {} attempts of {} held.", grouped(group.attempts), group.name));
+        let failed = |labels: Tally| labels.attempts >= TRIED_MIN && labels.positives == 0;
+        for group in self.shapes.iter().chain(&self.rules).filter(|group| failed(group.labels)) {
+            warnings.push(format!("None of {} attempts of {} held.", grouped(group.labels.attempts), group.name));
         }
         let tried = self.scenes + self.rejections.total();
         let rejected = self.rejections.total() as f64 / tried.max(1) as f64;
@@ -87,23 +89,24 @@ fn is_of_the_paper(rule: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use shards::{Dataset, Draft};
+
+    use super::super::{Fit, Group, report};
     use super::*;
-    use crate::look::report::Group;
-    use crate::look::report::fit::Fit;
 
     /// A report without warnings.
     fn fine() -> Report {
         let folder = tempfile::tempdir().unwrap();
         let info = crate::synthetic::info(7, 1, 1200, 60);
-        let draft = crate::Draft::begin(folder.path(), &info).unwrap();
+        let draft = Draft::begin(folder.path(), &info).unwrap();
         let mut writer = draft.shard(0).unwrap();
         for scene in info.scenes_of(0) {
             writer.push(&crate::synthetic::scene_rows(scene, info.seed, &info)).unwrap();
         }
         writer.commit().unwrap();
         draft.finalize().unwrap();
-        let mut report = crate::report(&crate::Dataset::open(folder.path()).unwrap()).unwrap();
-        report.labels = crate::Tally { attempts: 1200, positives: 300 };
+        let mut report = report(&Dataset::open(folder.path()).unwrap()).unwrap();
+        report.labels = Tally { attempts: 1200, positives: 300 };
         report.fits.clear();
         report
     }
@@ -119,7 +122,10 @@ mod tests {
             assert!(warnings.len() == 1 && warnings[0].contains(word), "{word}: {warnings:?}");
         };
         told(|r| r.labels.positives = 60, "1 : 19.00");
-        told(|r| r.rules[0] = Group { name: "cuboid_x".to_owned(), attempts: 100, positives: 0 }, "cuboid_x");
+        told(
+            |r| r.rules[0] = Group { name: "cuboid_x".to_owned(), labels: Tally { attempts: 100, positives: 0 } },
+            "cuboid_x",
+        );
         told(|r| r.rejections.unsettled = r.scenes, "50.0 %");
         told(|r| r.outside_grid.attempts = 60, "5.0 %");
         told(|r| r.fits.push(Fit::of_models(vec![3, 66, 65, 66])), "the rarest are cuboid 3.");

@@ -6,13 +6,12 @@ use std::fs;
 use std::io::Read;
 use std::path::Path;
 
+use inspect::{ExportFormat, Exported, export};
 use program::{ExitCode, Failure};
 use schema::{AttemptRecord, Vec3, samples_of};
-use shards::{Dataset, DatasetInfo, Draft, ExportFormat, Exported, Location, export};
+use shards::{Dataset, DatasetInfo, Draft, Location};
 
-use crate::synthetic;
-
-use crate::sample;
+use crate::{sample, synthetic};
 
 fn small(seed: u64) -> DatasetInfo {
     synthetic::info(seed, 2, 58, 6) // 10 scenes on VGN's grid
@@ -54,8 +53,8 @@ fn written_with_edges(info: &DatasetInfo) -> (tempfile::TempDir, Dataset) {
     (dir, dataset)
 }
 
-fn exported(dataset: &Dataset, format: ExportFormat, out: &Path) -> Result<Exported, Failure> {
-    export(dataset, format, &Location::Path(out.to_owned()), |_| ())
+fn exported(dataset: &Dataset, out: &Path) -> Result<Exported, Failure> {
+    export(dataset, ExportFormat::Vgn, &Location::Path(out.to_owned()), |_| ())
 }
 
 /// An array of a `.npy`: its header and its bytes.
@@ -85,7 +84,7 @@ fn vgns_rows_are_the_grasps_that_lie_inside() {
     let info = small(3);
     let (_dir, dataset) = written_with_edges(&info);
     let out = tempfile::tempdir().unwrap();
-    let told = exported(&dataset, ExportFormat::Vgn, out.path()).unwrap();
+    let told = exported(&dataset, out.path()).unwrap();
     let (voxels, metres) = (table(&out.path().join("grasps.csv")), table(&out.path().join("raw/grasps.csv")));
     assert_eq!(voxels.len() as u64, told.counts.grasps);
     assert_eq!(metres.len(), voxels.len());
@@ -128,7 +127,7 @@ fn vgns_scenes_are_the_grids() {
     let info = small(4);
     let (_dir, dataset) = written(&info);
     let out = tempfile::tempdir().unwrap();
-    let told = exported(&dataset, ExportFormat::Vgn, out.path()).unwrap();
+    let told = exported(&dataset, out.path()).unwrap();
     let named: std::collections::BTreeSet<String> =
         table(&out.path().join("grasps.csv")).iter().map(|row| row["scene_id"].clone()).collect();
     assert_eq!(told.counts.scenes, named.len() as u64);
@@ -151,82 +150,31 @@ fn vgns_scenes_are_the_grids() {
 }
 
 #[test]
-fn a_tars_samples_are_the_scenes() {
-    let info = sample::sized(5, 3, 100, 12);
-    let (_dir, dataset) = written(&info);
-    let out = tempfile::tempdir().unwrap();
-    let told = exported(&dataset, ExportFormat::WebDataset, out.path()).unwrap();
-    assert_eq!((told.counts.attempts, told.files.len()), (100, 3));
-    let mut scenes = 0;
-    for (shard, listed) in (0..3).zip(&told.files) {
-        let path = out.path().join(&listed.name);
-        assert_eq!(fs::metadata(&path).unwrap().len(), listed.bytes);
-        let mut tar = tar::Archive::new(fs::File::open(&path).unwrap());
-        let mut entries = tar.entries().unwrap();
-        let mut next = |name: String| {
-            let mut entry = entries.next().unwrap().unwrap();
-            assert_eq!(entry.path().unwrap().to_str().unwrap(), name);
-            let header = entry.header();
-            let head = (header.mtime().unwrap(), header.uid().unwrap(), header.gid().unwrap(), header.mode().unwrap());
-            assert_eq!(head, (0, 0, 0, 0o644));
-            let mut bytes = Vec::new();
-            entry.read_to_end(&mut bytes).unwrap();
-            bytes
-        };
-        for id in info.scenes_of(shard) {
-            let rows = dataset.read_scene(id).unwrap();
-            let key = format!("scene-{id:09}");
-            let bytes = next(format!("{key}.grid.npy"));
-            assert!(npy(&bytes).0.contains("(1, 8, 8, 8,)"));
-            assert_eq!(f32s(npy(&bytes).1), rows.scene.tsdf);
-            let bytes = next(format!("{key}.grasps.npy"));
-            assert!(npy(&bytes).0.contains(&format!("({}, 8,)", rows.attempts.len())));
-            for (found, row) in f32s(npy(&bytes).1).chunks_exact(8).zip(&rows.attempts) {
-                let pose = &row.workspace_from_grasp;
-                assert_eq!(found[..3], pose.translation.to_array());
-                assert_eq!(found[3..7], pose.rotation.to_array());
-                assert_eq!(row.width_m, Some(found[7]).filter(|width| !width.is_nan()));
-            }
-            let bytes = next(format!("{key}.labels.npy"));
-            let labels: Vec<u8> = rows.attempts.iter().map(|row| row.label()).collect();
-            assert_eq!(npy(&bytes).1, labels);
-            let count = |bytes: Vec<u8>| serde_json::from_slice::<Vec<serde_json::Value>>(&bytes).unwrap().len();
-            assert_eq!(count(next(format!("{key}.attempts.json"))), rows.attempts.len());
-            assert_eq!(count(next(format!("{key}.objects.json"))), rows.objects.len());
-            let scene: serde_json::Value = serde_json::from_slice(&next(format!("{key}.scene.json"))).unwrap();
-            assert_eq!(scene["object_count"], rows.objects.len());
-            scenes += 1;
-        }
-        assert!(entries.next().is_none());
-    }
-    assert_eq!(scenes, info.scene_count);
-}
-
-#[test]
 fn the_same_dataset_gives_the_same_bytes_and_a_stopped_export_goes_on() {
     let (_dir, dataset) = written(&small(6));
-    for format in [ExportFormat::Vgn, ExportFormat::WebDataset] {
-        let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-        let told = exported(&dataset, format, one.path()).unwrap();
-        exported(&dataset, format, two.path()).unwrap();
-        let files = sample::files(one.path());
-        assert_eq!(files, sample::files(two.path()));
-        assert!(!one.path().join("export-begun.json").exists());
-        assert_eq!(exported(&dataset, format, one.path()).unwrap(), told, "a complete one is left as it is");
+    let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let told = exported(&dataset, one.path()).unwrap();
+    exported(&dataset, two.path()).unwrap();
+    let files = sample::files(one.path());
+    assert_eq!(files, sample::files(two.path()));
+    let names: Vec<&str> = files.iter().filter_map(|(path, _)| path.to_str()).filter(|n| !n.ends_with("npz")).collect();
+    assert_eq!(names, ["README.md", "export.json", "grasps.csv", "raw/grasps.csv", "raw/setup.json"]);
+    assert_eq!(exported(&dataset, one.path()).unwrap(), told, "a complete one is left as it is");
 
-        // As if it had been killed in the middle: some files are there, one is half written under its staging name.
-        let origin = serde_json::to_vec_pretty(&told.origin).unwrap();
-        fs::write(two.path().join("export-begun.json"), origin).unwrap();
-        for name in ["export.json", "README.md", "grasps.csv", "shard-00001-of-00002.tar", "scenes/scene-000000003.npz"]
-        {
-            let _ = fs::remove_file(two.path().join(name)); // of either format
-        }
-        let mut scenes = 0;
-        let out = Location::Path(two.path().to_owned());
-        assert_eq!(export(&dataset, format, &out, |more| scenes += more).unwrap(), told);
-        assert_eq!(scenes, dataset.info().scene_count);
-        assert_eq!(files, sample::files(two.path()));
+    // As if it had been killed in the middle: some files are there, some half written under other names.
+    let origin = serde_json::to_vec_pretty(&told.origin).unwrap();
+    fs::write(two.path().join("export-begun.json"), origin).unwrap();
+    for name in ["export.json", "README.md", "grasps.csv", "scenes/scene-000000003.npz"] {
+        fs::remove_file(two.path().join(name)).unwrap();
     }
+    for name in ["grasps.part", "scenes/.a1B2c3.tmp", ".lock"] {
+        fs::write(two.path().join(name), "half").unwrap();
+    }
+    let mut scenes = 0;
+    let out = Location::Path(two.path().to_owned());
+    assert_eq!(export(&dataset, ExportFormat::Vgn, &out, |more| scenes += more).unwrap(), told);
+    assert_eq!(scenes, dataset.info().scene_count);
+    assert_eq!(files, sample::files(two.path()));
 }
 
 #[test]
@@ -239,20 +187,19 @@ fn nothing_of_others_is_touched() {
         assert_eq!(error.exit_code(), ExitCode::Config);
     };
     let before = sample::files(dir.path());
-    code(exported(&dataset, ExportFormat::WebDataset, dir.path()), "it holds \"README.md\", which is no export");
+    code(exported(&dataset, dir.path()), "it holds \"README.md\", which is no export");
     assert_eq!(sample::files(dir.path()), before);
 
     let out = tempfile::tempdir().unwrap();
-    exported(&dataset, ExportFormat::WebDataset, out.path()).unwrap();
-    code(exported(&other, ExportFormat::WebDataset, out.path()), "it holds an export as webdataset of dataset");
-    code(exported(&dataset, ExportFormat::Vgn, out.path()), "it holds an export as webdataset of dataset");
+    exported(&dataset, out.path()).unwrap();
+    code(exported(&other, out.path()), "it holds an export as vgn of dataset");
     fs::write(out.path().join("export.json"), "{}").unwrap();
-    code(exported(&dataset, ExportFormat::WebDataset, out.path()), "is damaged");
-    code(exported(&dataset, ExportFormat::Vgn, &out.path().join("README.md")), "must go to a folder, got a file");
+    code(exported(&dataset, out.path()), "is damaged");
+    code(exported(&dataset, &out.path().join("README.md")), "must go to a folder, got a file");
     let url = Location::parse("s3://bucket/out").unwrap();
     code(export(&dataset, ExportFormat::Vgn, &url, |_| ()), "a folder on a disk");
     let (_coarse_dir, coarse) = written(&sample::info(9));
-    code(exported(&coarse, ExportFormat::Vgn, &out.path().join("new")), "grids of 40^3 voxels, the dataset has 8^3");
+    code(exported(&coarse, &out.path().join("new")), "grids of 40^3 voxels, the dataset has 8^3");
     assert!(!out.path().join("new").exists());
 }
 
@@ -263,11 +210,8 @@ fn a_damaged_dataset_is_not_exported_as_whole() {
     let mut bytes = fs::read(&file).unwrap();
     bytes[100] ^= 1;
     fs::write(&file, bytes).unwrap();
-    for format in [ExportFormat::Vgn, ExportFormat::WebDataset] {
-        let out = tempfile::tempdir().unwrap();
-        let error = exported(&dataset, format, out.path()).unwrap_err();
-        assert_eq!(error.exit_code(), ExitCode::Data, "{error}");
-        assert!(!out.path().join("export.json").exists());
-        assert!(!out.path().join("grasps.csv").exists() && !out.path().join("shard-00001-of-00002.tar").exists());
-    }
+    let out = tempfile::tempdir().unwrap();
+    let error = exported(&dataset, out.path()).unwrap_err();
+    assert_eq!(error.exit_code(), ExitCode::Data, "{error}");
+    assert!(!out.path().join("export.json").exists() && !out.path().join("grasps.csv").exists());
 }

@@ -16,23 +16,16 @@ const ALIGNMENT_BYTES: usize = 64;
 const DEFLATE_LEVEL: i64 = 6;
 
 /// A `.npy` of single-precision values in C order.
-pub(super) fn f32s(shape: &[usize], values: &[f32]) -> Vec<u8> {
-    let mut bytes = header("<f4", shape);
+pub(crate) fn f32s(shape: &[usize], values: &[f32]) -> Vec<u8> {
+    let mut bytes = header(shape);
     bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
     bytes
 }
 
-/// A `.npy` of bytes, as a vector.
-pub(super) fn u8s(values: &[u8]) -> Vec<u8> {
-    let mut bytes = header("|u1", &[values.len()]);
-    bytes.extend_from_slice(values);
-    bytes
-}
-
-fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
+fn header(shape: &[usize]) -> Vec<u8> {
     // A tuple of one needs a trailing comma in Python; longer tuples may have one.
     let shape: String = shape.iter().map(|side| format!("{side}, ")).collect();
-    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
+    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
     let unpadded = PREAMBLE_BYTES + text.len() + 1;
     text.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(ALIGNMENT_BYTES) - unpadded));
     text.push('\n');
@@ -48,7 +41,7 @@ fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
 ///
 /// # Errors
 /// The zip writer's error.
-pub(super) fn npz(name: &str, npy: &[u8]) -> io::Result<Vec<u8>> {
+pub(crate) fn npz(name: &str, npy: &[u8]) -> io::Result<Vec<u8>> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .compression_level(Some(DEFLATE_LEVEL))
@@ -71,14 +64,14 @@ mod tests {
     #[test]
     fn headers_are_numpys() {
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes[PREAMBLE_BYTES..]).into_owned();
-        let grid = header("<f4", &[1, 40, 40, 40]);
+        let grid = header(&[1, 40, 40, 40]);
         assert_eq!(grid[..8], *b"\x93NUMPY\x01\x00");
         assert_eq!(usize::from(u16::from_le_bytes([grid[8], grid[9]])), grid.len() - PREAMBLE_BYTES);
         assert_eq!(grid.len() % ALIGNMENT_BYTES, 0);
         let told = text(grid);
         assert!(told.starts_with("{'descr': '<f4', 'fortran_order': False, 'shape': (1, 40, 40, 40,), }"), "{told}");
         assert!(told.ends_with(" \n"), "{told}");
-        assert!(text(header("|u1", &[3])).contains("'shape': (3,), "));
+        assert!(text(header(&[3])).contains("'shape': (3,), "));
     }
 
     #[test]

@@ -2,19 +2,19 @@
 
 use schema::{AttemptRecord, Vec3};
 use serde::Serialize;
+use shards::Tally;
 
 use super::bins::bin;
-use crate::Tally;
 
 /// Patches around the vertical.
-pub const AZIMUTHS: usize = 24;
+pub(crate) const AZIMUTHS: usize = 24;
 /// Patches from straight down to straight up, evenly in the cosine.
-pub const HEIGHTS: usize = 12;
+pub(crate) const HEIGHTS: usize = 12;
 
 /// Approaches by direction.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Coverage {
-    /// [`HEIGHTS`] rows, starting at straight down, of [`AZIMUTHS`] patches each, from the workspace's +x towards +y.
+    /// 12 rows, starting at straight down, of 24 patches each, from the workspace's +x towards +y.
     pub patches: Vec<Tally>,
 }
 

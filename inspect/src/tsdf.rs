@@ -2,9 +2,9 @@
 
 use program::{ExitCode, Failure};
 use schema::Grid;
+use shards::Dataset;
 
-use super::npy;
-use crate::Dataset;
+use crate::npy;
 
 /// A scene's TSDF as a `.npy` of float32, `[40, 40, 40]`, in VGN's values: `graspmill plan --tsdf` plans on it.
 ///
@@ -26,10 +26,10 @@ pub fn tsdf(dataset: &Dataset, scene_id: u64) -> Result<Vec<u8>, Failure> {
 
 #[cfg(test)]
 mod tests {
-    use program::ExitCode;
+    use shards::Draft;
 
     use super::*;
-    use crate::{Draft, synthetic};
+    use crate::synthetic;
 
     fn dataset(folder: &std::path::Path, resolution: usize) -> Dataset {
         let mut info = synthetic::info(7, 1, 20, 10);

@@ -1,9 +1,8 @@
 //! One scene to look at: its objects, what the cameras saw of them, and every attempt with how it ended.
 
-use report::view::{Body, Class, Line, Points, View, flat_points};
-use schema::{AttemptRecord, Axis, CameraParams, HitKind, Intrinsics, ObjectRecord, Outcome, SceneRows};
-
-use crate::DatasetInfo;
+use report::view::{Body, Class, Line, View, flat_points};
+use schema::{AttemptRecord, Axis, CameraParams, HitKind, Intrinsics, Outcome, SceneRows};
+use shards::DatasetInfo;
 
 /// Values this near the surface's, 0.5, are points of it: with a truncation of four voxels, those nearer than 0.8
 /// voxels.
@@ -20,7 +19,7 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     let attempts = rows.attempts.len();
     let mut view = View::new(format!("Scene {}: {objects}, {held} of {attempts} attempts held", scene.scene_id));
     view.bodies.push(Body::table(grid.size_m, grid.table_z_m));
-    view.bodies.extend(rows.objects.iter().flat_map(|object| object_bodies(Class::Object, object)));
+    view.bodies.extend(rows.objects.iter().flat_map(|object| Body::of_object(Class::Object, object)));
     view.lines.push(Line::workspace(grid.size_m));
     // The lens by which the TSDF was made, VGN's where the config does not say.
     let lens = info.section::<CameraParams>("camera").map_or(Intrinsics::VGN, |camera| camera.intrinsics());
@@ -33,7 +32,7 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     for is_held in [false, true] {
         for attempt in rows.attempts.iter().filter(|a| (a.outcome == Outcome::Held) == is_held) {
             let width_m = attempt.width_m.unwrap_or(hand.opening_m_max);
-            let (class, label) = (Class::of_outcome(attempt.outcome), attempt_label(attempt));
+            let (class, label) = (Class::Grasp(attempt.outcome), attempt_label(attempt));
             view.lines.push(Line::fork(class, label, hand, &attempt.workspace_from_grasp, width_m));
         }
     }
@@ -44,26 +43,8 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     view
 }
 
-/// A row of `objects` as bodies that stand still, one for each convex part, with what is known of it for a label.
-#[must_use]
-pub fn object_bodies(class: Class, object: &ObjectRecord) -> Vec<Body> {
-    let size_mm = object.shape.extents_m() * 1000.0;
-    let label = format!(
-        "object {}: {}\n{:.1} × {:.1} × {:.1} mm, {:.0} g, friction {:.2}",
-        object.object_id,
-        object.shape.name(),
-        size_mm.x,
-        size_mm.y,
-        size_mm.z,
-        object.mass_kg * 1000.0,
-        object.friction
-    );
-    let parts = object.shape.parts().into_iter();
-    parts.map(|part| Body::of_part(class, label.clone(), &part, &[object.workspace_from_object])).collect()
-}
-
 /// An attempt in words: its id as commands take it, its outcome and what it hit, its width, its target and rule.
-pub(super) fn attempt_label(attempt: &AttemptRecord) -> String {
+pub(crate) fn attempt_label(attempt: &AttemptRecord) -> String {
     let closing = attempt.closing.map_or(String::new(), |axis| format!(", closes along {}", Axis::name(axis)));
     let hit = match (attempt.hit, attempt.hit_object_id) {
         (None, _) => String::new(),
@@ -75,13 +56,13 @@ pub(super) fn attempt_label(attempt: &AttemptRecord) -> String {
     format!("{scene}/{id} at object {object}\n{}{hit}, {width}\nrule {rule}{closing}", attempt.outcome.name())
 }
 
-fn surface(info: &DatasetInfo, rows: &SceneRows) -> Points {
+fn surface(info: &DatasetInfo, rows: &SceneRows) -> Line {
     let grid = &info.grid;
     let side = grid.resolution;
     let near = (0..).zip(&rows.scene.tsdf).filter(|(_, value)| SURFACE.contains(value));
     let points_m = flat_points(near.map(|(at, _)| grid.centre_m([at / side.pow(2), at / side % side, at % side])));
     let label = format!("voxels of {:.1} mm within 0.8 voxels of the surface", grid.voxel_size_m() * 1000.0);
-    Points { class: Class::Surface, label, points_m, frames: None }
+    Line { class: Class::Surface, label, points_m, frames: None }
 }
 
 fn facts(view: &mut View, info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) {
@@ -150,7 +131,7 @@ mod tests {
         for row in &rows.attempts {
             let label = format!("1/{} at object {}\n", row.attempt_id, row.object_id);
             let fork = grasps.iter().find(|line| line.label.starts_with(&label)).unwrap();
-            assert_eq!(fork.class, Class::of_outcome(row.outcome));
+            assert_eq!(fork.class, Class::Grasp(row.outcome));
             let [first, last] = [0, 6].map(|i| Vec3::from_array(fork.points_m[i]));
             let width_m = row.width_m.unwrap_or(info.gripper.opening_m_max);
             assert!(((last - first).length() - width_m - info.gripper.finger_thickness_m).abs() < 1e-6, "{row:?}");

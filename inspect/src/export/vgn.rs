@@ -13,27 +13,36 @@
 //! `clean_balance_data.py`) is left out: grasps nearer to the workspace's faces than 20 mm. Some of them would have no
 //! voxel, or none after a quarter turn.
 
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
 use program::text::grouped;
-use program::{ExitCode, Failure};
+use program::{Context, Failure};
 use schema::{AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of};
 use serde::Serialize;
+use shards::{Dataset, DatasetInfo};
 
-use super::folder::{ExportCounts, ExportFolder, Exported};
-use super::{npy, scene_name};
-use crate::format::seal::pretty;
-use crate::store::failed;
-use crate::{Dataset, DatasetInfo};
+use super::{ExportCounts, ExportOrigin};
+use crate::npy;
 
 /// Voxels along a side in VGN's and GIGA's code, where the number stands in the network and the augmentation.
-pub(super) const RESOLUTION: usize = 40;
+const RESOLUTION: usize = 40;
 /// What is nearer to a face of the workspace is left out, as VGN's recipe does.
 const MARGIN_M: f32 = 0.02;
 
-const SCENES: &str = "scenes";
-const VOXELS: &str = "grasps.csv";
-const METRES: &str = "raw/grasps.csv";
-const SETUP: &str = "raw/setup.json";
-const PAGE: &str = "README.md";
+/// The folders of an export, in which its files lie.
+pub(super) const FOLDERS: [&str; 3] = ["", "scenes", "raw"];
+
+/// The hand of a dataset that fits the format; else why it does not.
+pub(super) fn suited(info: &DatasetInfo) -> Result<&Gripper, String> {
+    let (taken, got) = (RESOLUTION, info.grid.resolution);
+    match info.hands() {
+        _ if got != taken => Err(format!("VGN's code takes grids of {taken}^3 voxels, the dataset has {got}^3")),
+        [hand] => Ok(hand),
+        hands => Err(format!("VGN's format has one hand, the dataset has {}", hands.len())),
+    }
+}
 
 /// A grasp as VGN writes it, in metres.
 struct Row {
@@ -75,33 +84,61 @@ impl Row {
     }
 }
 
-/// Writes all of it.
+/// A table of grasps; it gets its name when it is complete.
+struct Table {
+    file: File,
+    path: PathBuf,
+    /// The length that counts as 1, in metres.
+    unit_m: f32,
+}
+
+impl Table {
+    /// `axes` are the names of the origin's columns.
+    fn begin(path: PathBuf, axes: &str, unit_m: f32) -> Result<Self, Failure> {
+        let file = File::create(part(&path)).context(failed(&path))?;
+        let mut table = Self { file, path, unit_m };
+        table.put(&format!("scene_id,qx,qy,qz,qw,{axes},width,label\n"))?;
+        Ok(table)
+    }
+
+    fn put(&mut self, lines: &str) -> Result<(), Failure> {
+        self.file.write_all(lines.as_bytes()).context(failed(&self.path))
+    }
+
+    fn finish(self) -> Result<(), Failure> {
+        self.file.sync_all().and_then(|()| fs::rename(part(&self.path), &self.path)).context(failed(&self.path))
+    }
+}
+
+/// A table's name while it is written. A continued export begins it anew.
+fn part(path: &Path) -> PathBuf {
+    path.with_extension("part")
+}
+
+fn failed(path: &Path) -> String {
+    format!("failed to write {}", path.display())
+}
+
+/// Writes everything but `export.json`.
 pub(super) fn write(
     dataset: &Dataset,
-    folder: ExportFolder,
+    hand: &Gripper,
+    folder: &Path,
+    origin: &ExportOrigin,
     scenes_done: &mut dyn FnMut(u64),
-) -> Result<Exported, Failure> {
+) -> Result<ExportCounts, Failure> {
     let info = dataset.info();
-    let [hand] = info.hands() else {
-        let text = format!("VGN's format has one hand, the dataset has {}", info.hands().len());
-        return Err(Failure::new(ExitCode::Config, text));
-    };
-    for part in ["", SCENES, "raw"] {
-        folder.storage.create_folder(part)?;
-        folder.sweep(part)?;
-    }
-    // The length that counts as 1 in each table, in metres.
-    let (mut voxels, voxel_m) = (folder.storage.stage(VOXELS)?, info.grid.voxel_size_m());
-    let (mut metres, metre_m) = (folder.storage.stage(METRES)?, 1.0);
-    voxels.put(b"scene_id,qx,qy,qz,qw,i,j,k,width,label\n")?;
-    metres.put(b"scene_id,qx,qy,qz,qw,x,y,z,width,label\n")?;
+    let mut tables = [
+        Table::begin(folder.join("grasps.csv"), "i,j,k", info.grid.voxel_size_m())?,
+        Table::begin(folder.join("raw/grasps.csv"), "x,y,z", 1.0)?,
+    ];
     let mut counts = ExportCounts { attempts: info.attempt_count, ..ExportCounts::default() };
     for shard in 0..dataset.shard_count() {
         let samples = samples_of(&dataset.read_attempts(shard)?);
         let rows = samples.iter().map(|sample| Row::new(sample, hand));
         let rows: Vec<Row> = rows.filter(|row| row.is_inside(info)).collect();
-        for (table, unit_m) in [(&mut voxels, voxel_m), (&mut metres, metre_m)] {
-            table.put(rows.iter().map(|row| row.line(unit_m)).collect::<String>().as_bytes())?;
+        for table in &mut tables {
+            table.put(&rows.iter().map(|row| row.line(table.unit_m)).collect::<String>())?;
         }
         let mut scenes: Vec<u64> = rows.iter().map(|row| row.scene_id).collect();
         scenes.dedup();
@@ -109,48 +146,44 @@ pub(super) fn write(
         counts.grasps += rows.len() as u64;
         counts.positives += rows.iter().map(|row| u64::from(row.label)).sum::<u64>();
         counts.scenes += scenes.len() as u64;
-        write_grids(dataset, shard, &scenes, &folder, scenes_done)?;
+        write_grids(dataset, shard, scenes, folder, scenes_done)?;
     }
     counts.scenes_left_out = info.scene_count - counts.scenes;
-    for table in [voxels, metres] {
-        table.finish()?.publish()?;
-    }
-    folder.storage.publish(SETUP, setup(info).as_bytes())?;
-    folder.storage.publish(PAGE, page(&folder, info, &counts).as_bytes())?;
-    folder.finish(counts, Vec::new())
+    tables.into_iter().try_for_each(Table::finish)?;
+    program::write(&folder.join("raw/setup.json"), setup(info)?)?;
+    program::write(&folder.join("README.md"), page(origin, info, &counts))?;
+    Ok(counts)
 }
 
-/// Writes the grids of those scenes of a shard that are named, in their order, but for those that are there.
+/// Writes the grids of these scenes of a shard, but for those that are there.
 fn write_grids(
     dataset: &Dataset,
     shard: u32,
-    scenes: &[u64],
-    folder: &ExportFolder,
+    mut scenes: Vec<u64>,
+    folder: &Path,
     scenes_done: &mut dyn FnMut(u64),
 ) -> Result<(), Failure> {
-    let name = |scene_id: u64| format!("{SCENES}/{}.npz", scene_name(scene_id));
-    let mut missing = Vec::new();
-    for scene_id in scenes {
-        if folder.storage.size(&name(*scene_id))?.is_none() {
-            missing.push(*scene_id);
-        }
-    }
-    if missing.is_empty() {
-        let all = dataset.info().scenes_of(shard);
-        scenes_done(all.end - all.start);
+    let path = |scene_id: u64| folder.join(format!("scenes/{}.npz", scene_name(scene_id)));
+    scenes.retain(|scene_id| !path(*scene_id).is_file());
+    let all = dataset.info().scenes_of(shard);
+    scenes_done(all.end - all.start - scenes.len() as u64);
+    if scenes.is_empty() {
         return Ok(());
     }
-    for scene in dataset.scenes(shard)? {
-        let scene = scene?;
-        if missing.binary_search(&scene.scene_id).is_ok() {
-            let name = name(scene.scene_id);
-            let grid = npy::f32s(&[1, RESOLUTION, RESOLUTION, RESOLUTION], &scene.tsdf);
-            let bytes = npy::npz("grid", &grid).map_err(failed("write a file", folder.storage.location(&name)))?;
-            folder.storage.publish(&name, &bytes)?;
-        }
+    for rows in dataset.some_scenes(shard, scenes)? {
+        let scene = rows?.scene;
+        let path = path(scene.scene_id);
+        let grid = npy::f32s(&[1, RESOLUTION, RESOLUTION, RESOLUTION], &scene.tsdf);
+        program::write(&path, npy::npz("grid", &grid).context(failed(&path))?)?;
         scenes_done(1);
     }
     Ok(())
+}
+
+/// The name of a scene's files. It begins with letters, because pandas would read a name of digits as a number, and
+/// VGN's code could not make a file name of it.
+fn scene_name(scene_id: u64) -> String {
+    format!("scene-{scene_id:09}")
 }
 
 #[derive(Serialize)]
@@ -170,9 +203,9 @@ struct Intrinsic {
 }
 
 /// VGN's `setup.json`: side of the workspace, camera, opening of the hand, length of its fingers.
-fn setup(info: &DatasetInfo) -> String {
+fn setup(info: &DatasetInfo) -> Result<String, Failure> {
     let lens = info.section::<CameraParams>("camera").map_or(Intrinsics::VGN, |camera| camera.intrinsics());
-    pretty(&Setup {
+    program::json(&Setup {
         size: info.grid.size_m,
         intrinsic: Intrinsic {
             width: lens.width_px,
@@ -184,11 +217,12 @@ fn setup(info: &DatasetInfo) -> String {
     })
 }
 
-fn page(folder: &ExportFolder, info: &DatasetInfo, counts: &ExportCounts) -> String {
+fn page(origin: &ExportOrigin, info: &DatasetInfo, counts: &ExportCounts) -> String {
+    let ExportOrigin { exporter_version, dataset_id, dataset_code_version, dataset_seed, .. } = origin;
     format!(
         "# Grasps in VGN's format
 
-{told}
+Exported by Graspmill {exporter_version} from dataset `{dataset_id}` (made by {dataset_code_version} from seed {dataset_seed}).
 
 {grasps} grasps ({positives} held) of {attempts} attempts in {scenes} scenes. {left_out} grasps were left out because their origin lies
 nearer than {margin_mm} mm to a face of the workspace, as VGN's recipe does, and {scenes_left_out} scenes because no grasp of theirs was
@@ -202,7 +236,6 @@ left. The attempts along one point's normal make one grasp, the middle of the wi
 - `width`: opening between the fingers at the end of the hold; where the object was not held, the hand's largest opening.
 - `grid`: (tsdf + 1) / 2 where observed and |tsdf| < 0.98, else 0; `grid[0, x, y, z]`.
 ",
-        told = folder.origin.told(),
         grasps = grouped(counts.grasps),
         positives = grouped(counts.positives),
         attempts = grouped(counts.attempts),

@@ -1,14 +1,13 @@
 //! Scenes of a dataset as pictures.
 
-use program::Failure;
 use program::text::grouped;
 use report::document::{Drawing, Picture};
-use report::picture::{Hand, Scene, svg, width_m};
+use report::picture::{Hand, Scene, svg};
 use report::view::folder::scene_file;
 use schema::{AttemptRecord, ObjectRecord, Polyhedron, SceneRows};
+use shards::DatasetInfo;
 
-use crate::look::view::attempt_label;
-use crate::{Dataset, DatasetInfo};
+use crate::view::attempt_label;
 
 /// Up to `count` of these scenes, one from each of as many equal parts: at places within the parts that do not repeat
 /// (multiples of the golden ratio), for hands take turns from scene to scene.
@@ -22,12 +21,6 @@ pub fn spread(scenes: &[u64], count: usize) -> Vec<u64> {
         start(part) + ((u128::from(GOLDEN.wrapping_mul(part as u64)) * long) >> 64) as usize
     };
     (0..count).map(|part| scenes[place(part)]).collect()
-}
-
-/// Pictures of scenes; `are_links`: they lead to the scenes' pages in the same folder.
-pub(super) fn gallery(dataset: &Dataset, scenes: &[u64], are_links: bool) -> Result<Vec<Picture>, Failure> {
-    let shown = |scene: &u64| Ok(picture(dataset.info(), &dataset.read_scene(*scene)?, are_links));
-    scenes.iter().map(shown).collect()
 }
 
 /// A scene with all its attempts; `is_link`: it leads to the scene's page in the same folder.
@@ -51,7 +44,7 @@ pub(crate) fn picture(info: &DatasetInfo, rows: &SceneRows, is_link: bool) -> Pi
 pub fn scene_svg(info: &DatasetInfo, rows: &SceneRows, attempts: &[AttemptRecord], failed_strength: f32) -> String {
     let hand = |attempt: &AttemptRecord| Hand {
         workspace_from_grasp: attempt.workspace_from_grasp,
-        width_m: width_m(info.hand_of(attempt.scene_id), attempt.width_m),
+        width_m: attempt.width_m.unwrap_or(info.hand_of(attempt.scene_id).opening_m_max),
         outcome: attempt.outcome,
         label: attempt_label(attempt),
         strength: if attempt.label() == 1 { 1.0 } else { failed_strength },

@@ -49,27 +49,29 @@ pub struct Fit {
 }
 
 /// Pearson's test.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ChiSquare {
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ChiSquare {
     /// Σ (observed − expected)² / expected.
-    pub statistic: f64,
+    pub(crate) statistic: f64,
     /// Number of bars minus one.
-    pub degrees: usize,
+    pub(crate) degrees: usize,
     /// Probability that a sample of the distribution deviates at least as much.
-    pub p: f64,
+    pub(crate) p: f64,
 }
 
 impl Fit {
     fn new(name: &'static str, unit: &'static str, law: Law, complete: bool, range: [f64; 2]) -> Self {
-        let share = |at: usize| {
-            let edge = |at: usize| match at {
-                0 => 0.0,
-                BARS => 1.0,
-                _ => law.below(range, range[0] + (range[1] - range[0]) * at as f64 / BARS as f64),
-            };
-            edge(at + 1) - edge(at)
+        // The cumulative distribution at the lower end of a bar.
+        let below = |at: usize| {
+            let value = range[0] + (range[1] - range[0]) * at as f64 / BARS as f64;
+            match law {
+                _ if at == 0 => 0.0,
+                _ if at == BARS => 1.0,
+                Law::StandardNormal => 0.5 * libm::erfc(-value / core::f64::consts::SQRT_2),
+                Law::Uniform | Law::Weights => (value - range[0]) / (range[1] - range[0]),
+            }
         };
-        let expected = (0..BARS).map(share).collect();
+        let expected = (0..BARS).map(|at| below(at + 1) - below(at)).collect();
         Self { name, unit, law, complete, range, counts: vec![0; BARS], expected }
     }
 
@@ -137,17 +139,6 @@ impl Fit {
         let degrees = joined.len() - 1;
         let statistic = joined.iter().map(|(seen, expected)| (seen - expected).powi(2) / expected).sum();
         (degrees > 0).then(|| ChiSquare { statistic, degrees, p: above(statistic, degrees) })
-    }
-}
-
-impl Law {
-    /// The cumulative distribution at a value.
-    fn below(self, range: [f64; 2], value: f64) -> f64 {
-        match self {
-            Self::Uniform => (value - range[0]) / (range[1] - range[0]),
-            Self::StandardNormal => 0.5 * libm::erfc(-value / core::f64::consts::SQRT_2),
-            Self::Weights => unreachable!("its shares are given"),
-        }
     }
 }
 

@@ -1,8 +1,7 @@
 //! Histograms of attempts.
 
 use serde::Serialize;
-
-use crate::Tally;
+use shards::Tally;
 
 /// A bar of a histogram: `low <= value < high`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -11,10 +10,9 @@ pub struct Bin {
     pub low: f64,
     /// Upper end.
     pub high: f64,
-    /// Attempts.
-    pub attempts: u64,
-    /// Of these positive.
-    pub positives: u64,
+    /// How many they are.
+    #[serde(flatten)]
+    pub labels: Tally,
 }
 
 /// The bin of a value counted in bins; what lies outside counts at the ends.
@@ -26,7 +24,6 @@ pub(super) fn bin(value: f64, count: usize) -> usize {
 pub(super) fn bins(tallies: &[Tally], first: f64, step: f64) -> Vec<Bin> {
     // To a micrometre or microdegree, so that 3 * 0.01 reads 0.03.
     let edge = |i: usize| ((first + i as f64 * step) * 1e6).round() / 1e6;
-    let bin =
-        |(i, t): (usize, &Tally)| Bin { low: edge(i), high: edge(i + 1), attempts: t.attempts, positives: t.positives };
+    let bin = |(i, labels): (usize, &Tally)| Bin { low: edge(i), high: edge(i + 1), labels: *labels };
     tallies.iter().enumerate().map(bin).collect()
 }

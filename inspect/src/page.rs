@@ -1,7 +1,5 @@
 //! The report as a document: what a terminal shows, and what a page shows besides.
 
-use std::time::Duration;
-
 use program::Failure;
 use program::text::{bytes, grouped, percent, ratio, setting};
 use report::document::{Block, Cell, Document, Picture, Table};
@@ -9,84 +7,69 @@ use report::figure::{BLUE, Bars, Colour, Figure, GREEN, GREY, Line, ORANGE, Scal
 use schema::Outcome;
 use serde_json::Value;
 use settings::flattened;
+use shards::{Dataset, DatasetInfo, Tally};
 
-use super::coverage::{AZIMUTHS, HEIGHTS};
-use super::fit::{Fit, Law};
-use super::scenes::{gallery, spread};
-use super::{Bin, Group, Report};
-use crate::{Dataset, DatasetInfo, Tally};
+use crate::pictures::{picture, spread};
+use crate::statistics::coverage::{AZIMUTHS, HEIGHTS};
+use crate::statistics::{Bin, Fit, Group, Law, Report};
 
 /// Scenes that are shown.
 const SCENES_SHOWN: usize = 12;
 
-/// The report, for a terminal.
-#[must_use]
-pub fn document(report: &Report, info: &DatasetInfo) -> Document {
-    let mut blocks =
-        vec![Block::Text(lead(report, info)), Block::Tiles(tiles(report)), Block::Warnings(report.warnings())];
-    let sections =
-        [outcomes(report), positives(report), hand(report), laws(report), orientations(report), sizes(report)];
-    for (title, text, shown) in sections {
-        blocks.extend([Block::Heading(title.to_owned()), Block::Text(text)]);
-        blocks.extend(shown);
+impl Report {
+    /// The report, for a terminal.
+    #[must_use]
+    pub fn document(&self, info: &DatasetInfo) -> Document {
+        let mut blocks =
+            vec![Block::Text(lead(self, info)), Block::Tiles(tiles(self)), Block::Warnings(self.warnings())];
+        let sections = [outcomes(self), positives(self), hand(self), laws(self), orientations(self), sizes(self)];
+        for (title, text, shown) in sections {
+            blocks.extend([Block::Heading(title.to_owned()), Block::Text(text)]);
+            blocks.extend(shown);
+        }
+        let footer = format!(
+            "graspmill dataset report --html, Graspmill {}; dataset {}",
+            env!("CARGO_PKG_VERSION"),
+            self.dataset_id
+        );
+        Document { title: "Grasp attempts in simulation".to_owned(), blocks, footer }
     }
-    let footer = format!(
-        "graspmill dataset report --html, Graspmill {}; dataset {}",
-        env!("CARGO_PKG_VERSION"),
-        report.dataset_id
-    );
-    Document { title: "Grasp attempts in simulation".to_owned(), blocks, footer }
-}
 
-/// What a page has besides the report.
-#[derive(Debug, Clone, Default)]
-pub struct PageParts {
-    /// The scenes that are shown; of more than `SCENES_SHOWN` some, evenly spread. None: of the whole dataset.
-    pub scenes: Option<Vec<u64>>,
-    /// Whether the report lies in a folder with a page for each of these scenes.
-    pub has_scene_pages: bool,
-    /// From the first to the last of the dataset's files, if they have times.
-    pub written_over: Option<Duration>,
-}
-
-/// The report as a page shows it: with pictures of scenes first, and the dataset's origin last.
-///
-/// # Errors
-/// [`Failure`] if a scene cannot be read.
-pub fn page(report: &Report, dataset: &Dataset, parts: &PageParts) -> Result<Document, Failure> {
-    let mut page = document(report, dataset.info());
-    page.title = format!("{}: {} grasp attempts", dataset.location().name(), grouped(report.labels.attempts));
-    if let Some(span) = parts.written_over.filter(|span| span.as_secs_f64() >= 1.0) {
-        let rate = report.labels.attempts as f64 / span.as_secs_f64();
-        let what = format!("attempts a second, by the files' times: first to last {:.0} s", span.as_secs_f64());
-        let speed = (grouped(rate.round() as u64), what);
-        page.blocks.iter_mut().for_each(|block| {
-            if let Block::Tiles(tiles) = block {
-                tiles.push(speed.clone());
-            }
-        });
+    /// The report as a page shows it: with pictures of scenes first, and the dataset's origin last. The pictures are
+    /// links if the scenes are `browsed`: if they have pages in the report's folder.
+    ///
+    /// # Errors
+    /// [`Failure`] if a scene cannot be read.
+    pub fn page(&self, dataset: &Dataset, browsed: Option<&[u64]>) -> Result<Document, Failure> {
+        let info = dataset.info();
+        let mut page = self.document(info);
+        page.title = format!("{}: {} grasp attempts", dataset.location().name(), grouped(self.labels.attempts));
+        let heading = |title: &str, text: &str| [Block::Heading(title.to_owned()), Block::Text(text.to_owned())];
+        let how = if browsed.is_some() {
+            "A picture leads to its scene, which can be turned; a grasp there leads to its replay."
+        } else {
+            "\"graspmill dataset view DIR --scene N\" shows a scene that can be turned, \"graspmill dataset browse DIR\" many that lead to each other."
+        };
+        let shown = match browsed {
+            Some(scenes) => spread(scenes, SCENES_SHOWN),
+            None => spread(&(0..info.scene_count).collect::<Vec<_>>(), SCENES_SHOWN),
+        };
+        let text =
+            format!("Evenly spread over the dataset. A fork is a hand, which names its attempt under the mouse. {how}");
+        let shown = shown.into_iter().map(|scene| Ok(picture(info, &dataset.read_scene(scene)?, browsed.is_some())));
+        let mut scenes = heading("Scenes", &text).to_vec();
+        scenes.push(Block::Legend(Outcome::ALL.to_vec()));
+        scenes.push(Block::Gallery(shown.collect::<Result<_, Failure>>()?));
+        let first = page.blocks.iter().position(|block| matches!(block, Block::Heading(_)));
+        let first = first.unwrap_or(page.blocks.len());
+        page.blocks.splice(first..first, scenes);
+        page.blocks.extend(heading(
+            "Provenance",
+            "From meta/info.json, which is shown here, the dataset can be made again, byte for byte.",
+        ));
+        page.blocks.push(Block::Table(provenance(dataset)));
+        Ok(page)
     }
-    let heading = |title: &str, text: &str| [Block::Heading(title.to_owned()), Block::Text(text.to_owned())];
-    let how = if parts.has_scene_pages {
-        "A picture leads to its scene, which can be turned; a grasp there leads to its replay."
-    } else {
-        "\"graspmill dataset view DIR --scene N\" shows a scene that can be turned, \"graspmill dataset browse DIR\" many that lead to each other."
-    };
-    let all: Vec<u64> = parts.scenes.clone().unwrap_or_else(|| (0..dataset.info().scene_count).collect());
-    let shown = spread(&all, SCENES_SHOWN);
-    let text =
-        format!("Evenly spread over the dataset. A fork is a hand, which names its attempt under the mouse. {how}");
-    let mut scenes = heading("Scenes", &text).to_vec();
-    scenes.push(Block::Legend(Outcome::ALL.to_vec()));
-    scenes.push(Block::Gallery(gallery(dataset, &shown, parts.has_scene_pages)?));
-    let first = page.blocks.iter().position(|block| matches!(block, Block::Heading(_))).unwrap_or(page.blocks.len());
-    page.blocks.splice(first..first, scenes);
-    page.blocks.extend(heading(
-        "Provenance",
-        "From meta/info.json, which is shown here, the dataset can be made again, byte for byte.",
-    ));
-    page.blocks.push(Block::Table(provenance(dataset)));
-    Ok(page)
 }
 
 fn lead(report: &Report, info: &DatasetInfo) -> String {
@@ -182,34 +165,39 @@ fn histogram(figure: Figure, caption: &str, numbers: Table) -> Picture {
 /// Groups of which there is anything.
 fn groups(title: &str, groups: &[Group]) -> Block {
     let row = |group: &Group| {
-        let (attempts, positives) = (group.attempts, group.positives);
+        let Tally { attempts, positives } = group.labels;
         vec![Cell::code(&group.name), Cell::Count(attempts), Cell::Count(positives), share(positives, attempts)]
     };
-    let tried = groups.iter().filter(|group| group.attempts > 0);
+    let tried = groups.iter().filter(|group| group.labels.attempts > 0);
     Block::Table(Table::new([title, "attempts", "held", "share"], tried.map(row)))
 }
 
 /// The numbers of a histogram; bars are shares of the fullest.
 fn bin_table(title: &str, bins: &[Bin], factor: f64) -> Table {
-    let most = bins.iter().map(|bin| bin.attempts).max().unwrap_or_default().max(1);
+    let most = most(bins).max(1);
     let rows = bins.iter().map(|bin| {
-        let held = bin.positives as f64 / bin.attempts as f64;
+        let labels = bin.labels;
         let edge = |at: f64| ((at * factor) * 100.0).round() / 100.0;
         vec![
             format!("{} to {}", edge(bin.low), edge(bin.high)).into(),
-            Cell::Count(bin.positives),
-            Cell::Number(if bin.attempts == 0 { "–".to_owned() } else { percent(held) }),
-            Cell::Bar(bin.attempts as f64 / most as f64, grouped(bin.attempts)),
+            Cell::Count(labels.positives),
+            Cell::Number(if labels.attempts == 0 { "–".to_owned() } else { percent(labels.positive_share()) }),
+            Cell::Bar(labels.attempts as f64 / most as f64, grouped(labels.attempts)),
         ]
     });
     Table::new([title, "held", "share", "attempts"], rows)
 }
 
+/// The attempts of the fullest bar.
+fn most(bins: &[Bin]) -> u64 {
+    bins.iter().map(|bin| bin.labels.attempts).max().unwrap_or_default()
+}
+
 /// The share of positives of each bar; ranges times `factor`.
 fn shares_of_bins(title: &str, x: Scale, bins: &[Bin], factor: f64) -> Figure {
-    let bars = bins.iter().filter(|bin| bin.attempts > 0);
-    let share = |bin: &Bin| bin.positives as f64 / bin.attempts as f64;
-    let bars: Vec<[f64; 4]> = bars.map(|bin| [bin.low * factor, bin.high * factor, 0.0, share(bin)]).collect();
+    let bars = bins.iter().filter(|bin| bin.labels.attempts > 0);
+    let bar = |bin: &Bin| [bin.low * factor, bin.high * factor, 0.0, bin.labels.positive_share()];
+    let bars: Vec<[f64; 4]> = bars.map(bar).collect();
     let most = bars.iter().map(|bar| bar[3]).fold(0.0, f64::max);
     Figure {
         title: title.to_owned(),
@@ -233,20 +221,20 @@ fn hand(report: &Report) -> Section {
         bin_table("depth of the tips, mm", &report.tip_depth_m, 1000.0),
     );
     let mut pictures = vec![widths];
-    pictures.extend(report.tip_depth_m.iter().any(|bin| bin.attempts > 0).then_some(depths));
+    pictures.extend((most(&report.tip_depth_m) > 0).then_some(depths));
     let text = "The opening of the hand, and how far its tips reached behind the near face.".to_owned();
     ("Widths and depths", text, vec![Block::Figures(pictures)])
 }
 
 /// Attempts by bar, those that held below those that failed.
 fn counts_of_bins(title: &str, label: &str, bins: &[Bin], factor: f64) -> Figure {
-    let most = bins.iter().map(|bin| bin.attempts).max().unwrap_or_default() as f64;
+    let most = most(bins) as f64;
     let thousands = most >= 10_000.0;
     let unit = if thousands { 1000.0 } else { 1.0 };
     let bar =
         |bin: &Bin, low: u64, high: u64| [bin.low * factor, bin.high * factor, low as f64 / unit, high as f64 / unit];
-    let held = bins.iter().map(|bin| bar(bin, 0, bin.positives)).collect();
-    let failed = bins.iter().map(|bin| bar(bin, bin.positives, bin.attempts)).collect();
+    let held = bins.iter().map(|bin| bar(bin, 0, bin.labels.positives)).collect();
+    let failed = bins.iter().map(|bin| bar(bin, bin.labels.positives, bin.labels.attempts)).collect();
     Figure {
         title: title.to_owned(),
         x: Scale::around(label, bins[0].low * factor, bins[bins.len() - 1].high * factor),

@@ -1,0 +1,167 @@
+//! The files that VGN's and GIGA's Python code trains on.
+//!
+//! The same dataset gives the same bytes. Each file gets its name when it is complete, so an interrupted export
+//! continues with the missing files; `export-begun.json` identifies it meanwhile. `export.json`, written last, and a
+//! page describe the content and what was excluded. `docs/exporting.md` shows how to read the files.
+
+mod vgn;
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+
+use program::{Context, ExitCode, Failure, FolderLock};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use settings::words;
+use shards::{Dataset, Location};
+
+/// The file that describes a complete export.
+const DONE: &str = "export.json";
+/// The file that identifies an incomplete export.
+const BEGUN: &str = "export-begun.json";
+/// The largest of the two that is read.
+const BYTES_MAX: u64 = 1 << 16;
+
+words! {
+    /// What to export to.
+    pub enum ExportFormat {
+        /// VGN's constructed dataset (grasps.csv in voxels, scenes/*.npz), and beside it what GIGA reads in metres.
+        Vgn = "vgn",
+    }
+}
+
+/// The identity of an export: equal for equal bytes.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExportOrigin {
+    /// The format's name.
+    pub format: String,
+    /// Version of the exporting code.
+    pub exporter_version: String,
+    /// The dataset's id, [`Dataset::id`].
+    pub dataset_id: String,
+    /// Version of the code that made the dataset.
+    pub dataset_code_version: String,
+    /// The dataset's seed.
+    pub dataset_seed: u64,
+}
+
+/// Counts of an export.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExportCounts {
+    /// Attempts of the dataset.
+    pub attempts: u64,
+    /// Exported grasps.
+    pub grasps: u64,
+    /// Of those, the grasps that held the object.
+    pub positives: u64,
+    /// Grasps excluded because their origin is outside the grid or too close to its faces.
+    pub left_out: u64,
+    /// Exported scenes.
+    pub scenes: u64,
+    /// Scenes excluded because none of their grasps is exported.
+    pub scenes_left_out: u64,
+}
+
+/// The content of `export.json`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Exported {
+    /// The identity of the export.
+    pub origin: ExportOrigin,
+    /// The counts.
+    pub counts: ExportCounts,
+}
+
+/// Writes a dataset in another format to an empty or new folder, or continues an interrupted equal export. A complete
+/// export is not changed. `scenes_done` receives the number of newly written scenes. The attempts and objects of one
+/// shard and a few grids are in memory.
+///
+/// # Errors
+/// [`Failure`] if the dataset cannot be read, does not fit the format, or the folder holds something else.
+pub fn export(
+    dataset: &Dataset,
+    format: ExportFormat,
+    out: &Location,
+    mut scenes_done: impl FnMut(u64),
+) -> Result<Exported, Failure> {
+    let refused = |text: String| Failure::new(ExitCode::Config, text);
+    let Location::Path(folder) = out else {
+        let text = format!("the export must go to a folder on a disk, got {out}: export there, then copy the files");
+        return Err(refused(text));
+    };
+    if folder.is_file() {
+        return Err(refused(format!("the export must go to a folder, got a file: {out}")));
+    }
+    let info = dataset.info();
+    let hand = vgn::suited(info).map_err(refused)?;
+    let origin = ExportOrigin {
+        format: format.name().to_owned(),
+        exporter_version: env!("CARGO_PKG_VERSION").to_owned(),
+        dataset_id: dataset.id().to_owned(),
+        dataset_code_version: info.code_version.clone(),
+        dataset_seed: info.seed,
+    };
+    if let Some(done) = begin(folder, &origin)? {
+        clear(folder); // a run was killed at the very end
+        scenes_done(info.scene_count);
+        return Ok(done);
+    }
+    let _locks =
+        vgn::FOLDERS.into_iter().map(|name| FolderLock::take(&folder.join(name))).collect::<Result<Vec<_>, _>>()?;
+    let counts = vgn::write(dataset, hand, folder, &origin, &mut scenes_done)?;
+    let done = Exported { origin, counts };
+    program::write(&folder.join(DONE), program::json(&done)?)?;
+    clear(folder);
+    Ok(done)
+}
+
+/// Begins an export in an empty or new folder, or continues this export. Returns it if it is complete.
+fn begin(folder: &Path, origin: &ExportOrigin) -> Result<Option<Exported>, Failure> {
+    let refused = |text: String| {
+        let text = format!("{text}: give an empty or a new folder: {}", folder.display());
+        Failure::new(ExitCode::Config, text)
+    };
+    let check = |there: &ExportOrigin| {
+        let ExportOrigin { format, exporter_version: version, dataset_id, .. } = there;
+        let other = || refused(format!("it holds an export as {format} of dataset {dataset_id} by version {version}"));
+        if there == origin { Ok(()) } else { Err(other()) }
+    };
+    let damaged = || refused("what it says about its export is damaged".to_owned());
+    if let Some(bytes) = bytes(&folder.join(DONE))? {
+        let done: Exported = parsed(&bytes).ok_or_else(damaged)?;
+        return check(&done.origin).map(|()| Some(done));
+    }
+    if let Some(bytes) = bytes(&folder.join(BEGUN))? {
+        return check(&parsed(&bytes).ok_or_else(damaged)?).map(|()| None);
+    }
+    let failed = || format!("failed to make or read the folder {}", folder.display());
+    fs::create_dir_all(folder).context(failed())?;
+    let names = fs::read_dir(folder).and_then(|entries| {
+        entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect::<Result<Vec<_>, _>>()
+    });
+    if let Some(name) = names.context(failed())?.into_iter().filter(|name| name != "lost+found").min() {
+        return Err(refused(format!("it holds {name:?}, which is no export")));
+    }
+    program::write(&folder.join(BEGUN), program::json(origin)?)?;
+    Ok(None)
+}
+
+/// The bytes of a small file, `None` if there is none.
+fn bytes(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
+    match program::read(path, BYTES_MAX) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        read => read.map(Some).context(format_args!("failed to read {}", path.display())),
+    }
+}
+
+fn parsed<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
+    serde_json::from_slice(bytes).ok()
+}
+
+/// Removes what only an incomplete export needs. What stays does no harm.
+fn clear(folder: &Path) {
+    let locks = vgn::FOLDERS.map(|name| folder.join(name).join(FolderLock::NAME));
+    for path in locks.into_iter().chain([folder.join(BEGUN)]) {
+        let _ = fs::remove_file(path);
+    }
+}

@@ -1,0 +1,29 @@
+//! Looking at a dataset: its statistics and a report of them, pages of its scenes, and its content in formats of
+//! others. Only reads what `shards` holds; nothing that writes or trains needs it.
+//!
+//! ```
+//! let dataset = shards::Dataset::open(std::path::Path::new("../shards/tests/data/format-1"))?;
+//! let report = inspect::report(&dataset)?;
+//! assert_eq!(report.labels.attempts, dataset.info().attempt_count);
+//! assert!(report.document(dataset.info()).text().contains("How attempts ended"));
+//! # Ok::<(), program::Failure>(())
+//! ```
+
+mod browse;
+mod export;
+mod npy;
+mod page;
+mod pictures;
+mod statistics;
+#[cfg(test)]
+#[path = "../../tests/support/synthetic.rs"]
+mod synthetic;
+mod tsdf;
+mod view;
+
+pub use browse::{begin_browsing, browse};
+pub use export::{ExportCounts, ExportFormat, ExportOrigin, Exported, export};
+pub use pictures::{scene_svg, spread};
+pub use statistics::{Bin, Coverage, Fit, Group, Law, OutcomeGroup, Report, TableSize, report};
+pub use tsdf::tsdf;
+pub use view::scene_view;
