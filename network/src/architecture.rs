@@ -21,9 +21,9 @@ words! {
 }
 
 impl Kind {
-    /// What it is called in messages.
+    /// Its description in messages.
     #[must_use]
-    pub const fn told(self) -> &'static str {
+    pub const fn describe(self) -> &'static str {
         match self {
             Self::Voxel => "the paper's network, which answers for voxels",
             Self::Judge => "a judge, which answers for hands",
@@ -33,7 +33,7 @@ impl Kind {
     /// The error where weights of this kind are given for what needs those of another.
     #[must_use]
     pub fn refused(self, what: &str, needed: Self) -> Failure {
-        let text = format!("{what} needs {}; the weights are those of {}", needed.told(), self.told());
+        let text = format!("{what} needs {}; the weights are those of {}", needed.describe(), self.describe());
         Failure::new(ExitCode::Config, text)
     }
 }

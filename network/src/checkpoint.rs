@@ -19,6 +19,7 @@ use sha2::{Digest as _, Sha256};
 use crate::layers::{ParameterSlot, parameter_slots, vector_of};
 use crate::{Architecture, DenseNetwork};
 
+use header::Stored;
 pub(crate) use header::{JUDGE, VOXEL};
 pub use progress::{Confusion, Progress};
 
@@ -100,7 +101,7 @@ fn broken(source: SafeTensorError, path: &Path) -> Failure {
 }
 
 /// A file that is truncated, no safetensors file, not of this crate, or of an unknown version.
-fn damaged(problem: impl Display, path: &Path) -> Failure {
+pub(crate) fn damaged(problem: impl Display, path: &Path) -> Failure {
     Failure::new(ExitCode::Data, format!("{problem}: {}", path.display()))
 }
 
@@ -123,7 +124,7 @@ pub fn read(path: &Path) -> Result<Checkpoint, Failure> {
     Ok(read_digested(path)?.0)
 }
 
-/// Reads a checkpoint, and tells the SHA-256 of its file in hex.
+/// Reads a checkpoint, and gives the SHA-256 of its file in hex.
 ///
 /// # Errors
 /// As [`read`].
@@ -153,8 +154,8 @@ pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, Failure> {
         // Weights of another program: what is wrong with them says more than what they lack.
         vector(&tensors, &parameter_slots(), "", path)?;
     }
-    let header = header?;
-    let slots = header.architecture.slots();
+    let (architecture, Stored { dataset_id, config, progress, adam_steps, .. }) = header?;
+    let slots = architecture.slots();
     let vector = |prefix: &str| {
         let vector = vector(&tensors, &slots, prefix, path)?;
         let diverged = slots.iter().find_map(|slot| {
@@ -164,18 +165,11 @@ pub fn from_bytes(file: &[u8], path: &Path) -> Result<Checkpoint, Failure> {
         diverged.map_or(Ok(vector), |problem| Err(damaged(problem, path)))
     };
     let parameters = vector("")?;
-    let moments = match header.adam_steps {
+    let moments = match adam_steps {
         0 => None,
         steps => Some(Moments { steps, first: vector(MOMENTS[0])?, second: vector(MOMENTS[1])? }),
     };
-    Ok(Checkpoint {
-        vector: parameters,
-        architecture: header.architecture,
-        config: header.config,
-        dataset_id: header.dataset_id,
-        progress: header.progress,
-        moments,
-    })
+    Ok(Checkpoint { vector: parameters, architecture, config, dataset_id, progress, moments })
 }
 
 /// The flat vector of the tensors whose names begin with `prefix`.

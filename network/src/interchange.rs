@@ -4,7 +4,6 @@
 //! safetensors.
 
 mod onnx;
-mod problem;
 mod protobuf;
 mod state_dict;
 
@@ -21,7 +20,6 @@ use crate::checkpoint::{self, Checkpoint, Progress};
 use crate::upsampling::Upsampling;
 use crate::{Architecture, BEHIND_TIPS_M_MAX, GraspOrigin, VoxelParams};
 
-use problem::Problem;
 use state_dict::Parameters;
 
 /// Maximum file size: the weights have 1.25 MB, and fifty times that is no state dict of this network.
@@ -89,7 +87,7 @@ impl GivenParams {
 /// If the file cannot be read or has no weights of this network, or `out` cannot be written. Then nothing is written.
 pub fn import(file: &Path, out: &Path, given: GivenParams, force: bool) -> Result<Imported, Failure> {
     let bytes = read_bounded(file)?;
-    let Parameters { values, prefix, converted_from } = read_weights(&bytes).map_err(|problem| problem.at(file))?;
+    let Parameters { values, prefix, converted_from } = read_weights(&bytes, file)?;
     let checkpoint = Checkpoint {
         vector: values,
         architecture: Architecture::Voxel(given.with_metadata(&bytes)),
@@ -128,15 +126,21 @@ fn provenance(name: &OsStr, bytes: &[u8]) -> String {
 }
 
 /// The weights in a safetensors file.
-fn read_weights(bytes: &[u8]) -> Result<Parameters, Problem> {
+fn read_weights(bytes: &[u8], path: &Path) -> Result<Parameters, Failure> {
+    let unsupported = |problem: &str| {
+        let text = format!("not a state dict that can be read: {problem}: {}", path.display());
+        Err(Failure::new(ExitCode::Config, text))
+    };
     if checkpoint::has_header(bytes) {
-        return Err(Problem::Unsupported("it is a checkpoint of trainer already, which needs no import"));
+        return unsupported("it is a checkpoint of trainer already, which needs no import");
     }
     if bytes.get(8) != Some(&b'{') {
-        return Err(Problem::Unsupported(what_else(bytes)));
+        return unsupported(what_else(bytes));
     }
-    let file = SafeTensors::deserialize(bytes).map_err(|error| Problem::Damaged(error.to_string()))?;
-    state_dict::parameters(&file.tensors().into_iter().collect())
+    let damaged = |error| checkpoint::damaged(format_args!("damaged weights: {error}"), path);
+    let file = SafeTensors::deserialize(bytes).map_err(damaged)?;
+    let parameters = state_dict::parameters(&file.tensors().into_iter().collect());
+    parameters.map_err(|problems| checkpoint::of_another_network(&problems, path))
 }
 
 fn what_else(bytes: &[u8]) -> &'static str {

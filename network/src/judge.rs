@@ -12,7 +12,7 @@ use program::{ExitCode, Failure};
 use schema::{Grid, Gripper, Outcome, Pose, Purpose, Stream};
 use serde::{Deserialize, Serialize};
 
-use crate::kernels::conv::{Conv, Extent, output_of};
+use crate::kernels::conv::{Conv, Extent, from_lanes, output_of, to_lanes};
 use crate::kernels::parameters::{Layout, Parameters};
 use crate::kernels::tile::LANES;
 use crate::layers::{LayerShape, count_of, layer};
@@ -203,7 +203,7 @@ pub struct JudgeActivations {
 impl JudgeActivations {
     /// The logits of the outcomes, in the order of [`Outcome::ALL`], for each hand.
     pub fn logits(&self) -> impl Iterator<Item = [f32; OUTCOMES]> {
-        self.logits.as_chunks::<LANES>().0.iter().map(|row| std::array::from_fn(|column| row[column]))
+        from_lanes(&self.logits)
     }
 }
 
@@ -281,11 +281,7 @@ impl JudgeNetwork {
             }
         };
         let [head1, head2, head3] = heads(d_logits.len());
-        let mut padded = vec![0.0; d_logits.len() * LANES];
-        for (row, own) in padded.chunks_exact_mut(LANES).zip(d_logits) {
-            row[..OUTCOMES].copy_from_slice(own);
-        }
-        let d = through(CONVS + 2, &head3, &seen.hidden[1], &padded);
+        let d = through(CONVS + 2, &head3, &seen.hidden[1], &to_lanes(d_logits));
         let d = through(CONVS + 1, &head2, &seen.hidden[0], &head2.through_relu(&seen.hidden[1], &d));
         let d_rows = through(CONVS, &head1, &seen.rows, &head1.through_relu(&seen.hidden[0], &d));
         let part = |from: usize, len: usize| -> Vec<f32> {

@@ -1,6 +1,6 @@
 //! The network at one voxel per sample, forward and backward, for training.
 
-use crate::kernels::conv::{Conv, Extent, padded_grids};
+use crate::kernels::conv::{Conv, Extent, from_lanes, padded_grids, to_lanes};
 use crate::kernels::doubling::Doubling;
 use crate::kernels::parameters::{HEAD_COLUMNS, HEADS, Parameters, STAGES, VOXEL};
 use crate::kernels::tile::LANES;
@@ -48,7 +48,7 @@ pub struct Activations {
 impl Activations {
     /// The heads' outputs of each sample.
     pub fn heads(&self) -> impl Iterator<Item = [f32; HEAD_OUTPUTS]> {
-        self.heads.as_chunks::<LANES>().0.iter().map(|row| std::array::from_fn(|column| row[column]))
+        from_lanes(&self.heads)
     }
 }
 
@@ -141,7 +141,7 @@ impl VoxelNetwork {
         let masked = |number: usize, outputs: &[f32], d: &[f32]| self.convs[number].through_relu(outputs, d);
         let [coarse, decoded_10, decoded_20] = &seen.outputs;
 
-        let d_patches = through(HEADS, &heads_conv(samples.voxels.len()), &padded_heads(d_heads));
+        let d_patches = through(HEADS, &heads_conv(samples.voxels.len()), &to_lanes(d_heads));
         let d = halved(2, LAYERS[5].channels_out, &d_patches);
         let d_patches = through(5, &self.convs[5], &masked(5, decoded_20, &d));
         let d = halved(1, LAYERS[4].channels_out, &d_patches);
@@ -165,15 +165,6 @@ impl VoxelNetwork {
 /// The heads as a product with one row per sample.
 fn heads_conv(samples: usize) -> Conv {
     Conv::of_rows(samples, LAYERS[HEADS].fan_in(), LANES)
-}
-
-/// The heads' columns in the layout of the product, `[samples, LANES]`.
-fn padded_heads(heads: &[[f32; HEAD_OUTPUTS]]) -> Vec<f32> {
-    let mut padded = vec![0.0; heads.len() * LANES];
-    for (row, head) in padded.chunks_exact_mut(LANES).zip(heads) {
-        row[..HEAD_OUTPUTS].copy_from_slice(head);
-    }
-    padded
 }
 
 /// The patches of consecutive samples.

@@ -1,4 +1,4 @@
-//! 640 × 480 views onto voxels: `cargo bench -p perception`.
+//! 640 × 480 views onto voxels: `cargo bench -p graspmill-perception`.
 
 use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at, fuse_images};
 use schema::{Camera, DepthImage, Grid, Intrinsics, Purpose, Stream, Vec3, View};

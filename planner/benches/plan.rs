@@ -1,18 +1,18 @@
-//! The parts of a plan on the demo: `cargo bench -p planner`. (`graspmill bench plan` times whole plans.)
+//! Plans of the demo and their parts: `cargo bench -p planner`.
 
 use perception::{clusters, find_plane, surface_cloud};
 use planner::config::{BuiltIn, Config};
 use planner::segment::segment;
 use planner::volume::fuse_views;
 use planner::voxel::detect::{Side, detect};
-use planner::{Observation, Planner, Wishes, demo, input};
+use planner::{Observation, PlanOptions, Planner, demo, input};
 use schema::{Grid, Purpose, Stream, Vec3, VoxelGrid};
 
 fn main() {
     divan::main();
 }
 
-fn views() -> Vec<planner::SeenView> {
+fn views() -> Vec<planner::View> {
     match input::assemble(&demo::request().expect("what comes with the program is sound"), None, Grid::PAPER)
         .expect("sound")
         .observation
@@ -72,5 +72,13 @@ fn detections_of_volumes(bencher: divan::Bencher<'_, '_>) {
 fn whole_plan_of_tsdf(bencher: divan::Bencher<'_, '_>) {
     let (planner, observation) =
         (Planner::built_in(config()).expect("what comes with the program is sound"), Observation::Tsdf(field()));
-    bencher.bench_local(|| planner.plan(&observation, &Wishes::default()));
+    bencher.bench_local(|| planner.plan(&observation, &PlanOptions::default()));
+}
+
+#[divan::bench(args = [BuiltIn::Judge, BuiltIn::Paper])]
+fn whole_plan_of_three_views(bencher: divan::Bencher<'_, '_>, settings: BuiltIn) {
+    let config = settings.config().expect("what comes with the program is sound");
+    let planner = Planner::built_in(config).expect("what comes with the program is sound");
+    let observation = Observation::Views(views());
+    bencher.bench_local(|| planner.plan(&observation, &PlanOptions::default()));
 }

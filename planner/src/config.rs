@@ -145,7 +145,7 @@ words! {
         Predicted = "predicted",
         /// What was seen between the fingers: the hand is turned about the network's approach to where that is
         /// narrowest, and put in its middle. Grasps that close on nothing, or whose way is not free, are dropped.
-        Seen = "seen",
+        Observed = "seen",
     }
 }
 

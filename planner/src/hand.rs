@@ -19,29 +19,35 @@ pub fn nearer_half_turn(rotation: Quat, workspace_from_wrist: Quat) -> Quat {
 /// camera on it looks forward).
 pub const WRIST_DOWN: Quat = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
 
-/// The volume that the open hand sweeps on its way to a grasp.
+/// Boxes in the grasp frame in which points are counted.
 #[derive(Debug, Clone)]
-pub struct Sweep {
-    boxes: [HandBox; 3],
-    /// A ball in the grasp frame that contains all boxes.
+pub struct HandVolume {
+    boxes: Vec<HandBox>,
+    /// A ball that contains all boxes.
     middle_m: Vec3,
     radius_m: f32,
 }
 
-impl Sweep {
-    /// The sweep of a gripper including its clearance: the same sweep decides the labels (`simulator`'s gate).
+impl HandVolume {
+    /// What the open hand sweeps on its way to a grasp, with its clearance: the same sweep decides the labels
+    /// (`simulator`'s gate).
     #[must_use]
-    pub fn new(gripper: &Gripper, params: &CollisionParams) -> Self {
+    pub fn swept(gripper: &Gripper, params: &CollisionParams) -> Self {
         let margin_m = gripper.clearance_m + params.margin_m;
-        let boxes = gripper.open_hand().map(|b| b.swept_back(params.pregrasp_distance_m).grown(margin_m));
+        let swept = gripper.open_hand().map(|b| b.swept_back(params.pregrasp_distance_m).grown(margin_m));
+        Self::new(swept.to_vec())
+    }
+
+    /// These boxes.
+    pub(crate) fn new(boxes: Vec<HandBox>) -> Self {
         let low = boxes.iter().fold(Vec3::INFINITY, |low, b| low.min(b.centre_m - b.half_m));
         let high = boxes.iter().fold(Vec3::NEG_INFINITY, |high, b| high.max(b.centre_m + b.half_m));
         Self { boxes, middle_m: 0.5 * (low + high), radius_m: 0.5 * (high - low).length() }
     }
 
-    /// The number of points in the sweep.
+    /// The number of points in it if the hand is at a grasp.
     #[must_use]
-    pub fn points_hit(&self, workspace_from_grasp: &Pose, points_m: &[Vec3]) -> usize {
+    pub fn points_inside(&self, workspace_from_grasp: &Pose, points_m: &[Vec3]) -> usize {
         let middle_m = *workspace_from_grasp * self.middle_m;
         let grasp_from_workspace = workspace_from_grasp.inverse();
         let near =
@@ -123,9 +129,9 @@ mod tests {
     #[test]
     fn points_are_hit_where_the_hand_passes_and_nowhere_else() {
         let config = BuiltIn::Paper.config().unwrap();
-        let sweep = Sweep::new(&config.gripper, &config.collision);
+        let sweep = HandVolume::swept(&config.gripper, &config.collision);
         let pose = pose_from_parts(WRIST_DOWN, Vec3::new(0.15, 0.15, 0.1));
-        let at = |local: [f32; 3]| sweep.points_hit(&pose, &[pose * Vec3::from_array(local)]);
+        let at = |local: [f32; 3]| sweep.points_inside(&pose, &[pose * Vec3::from_array(local)]);
         let (opening, thickness) = (config.gripper.opening_m_max, config.gripper.finger_thickness_m);
         let in_finger = 0.5 * (opening + thickness);
         assert_eq!(at([0.0, 0.0, 0.0]), 0, "between the fingers");
@@ -141,12 +147,12 @@ mod tests {
         #[test]
         fn the_ball_loses_no_point(rotation in rotations(), x in -0.2_f32..0.2, y in -0.2_f32..0.2, z in -0.3_f32..0.1) {
             let config = BuiltIn::Paper.config().unwrap();
-            let sweep = Sweep::new(&config.gripper, &config.collision);
+            let sweep = HandVolume::swept(&config.gripper, &config.collision);
             let pose = pose_from_parts(rotation, Vec3::new(0.1, 0.2, 0.1));
             let local = Vec3::new(x, y, z);
             let slow = sweep.boxes.iter().any(|b| (local - b.centre_m).abs().cmplt(b.half_m - 1e-5).all());
             let not = sweep.boxes.iter().all(|b| (local - b.centre_m).abs().cmpgt(b.half_m + 1e-5).any());
-            let hits = sweep.points_hit(&pose, &[pose * local]);
+            let hits = sweep.points_inside(&pose, &[pose * local]);
             prop_assert!(!slow || hits == 1);
             prop_assert!(!not || hits == 0);
         }

@@ -1,9 +1,9 @@
 //! Grasps by a judge: collision-free candidates are proposed, and the judge says how likely each of them holds.
 
-use hands::{Judge, Judged, Seen};
+use grasps::{Judge, ObservedScene, ScoredGrasp};
 use schema::{Grasp, Grid, Purpose, Stream};
 
-use crate::hand::{WRIST_DOWN, towards_wrist};
+use crate::hand::towards_wrist;
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
 use crate::timing::{Timings, timed};
@@ -16,16 +16,22 @@ pub(crate) struct JudgeMethod {
 }
 
 impl Method for JudgeMethod {
-    fn candidates(&self, seen: Seen<'_>, scene: u64, request: &Request<'_>, timings_ms: &mut Timings) -> Candidates {
-        let Request { config, wishes, limiter } = *request;
+    fn candidates(
+        &self,
+        seen: ObservedScene<'_>,
+        scene: u64,
+        request: &Request<'_>,
+        timings_ms: &mut Timings,
+    ) -> Candidates {
+        let Request { config, options, limiter } = *request;
         let mut stream = Stream::new(config.seed, scene, Purpose::Proposals, 0);
         // As dense in a larger workspace as in the network's.
         let areas = (seen.field.grid.size_m / self.grid.size_m).powi(2).max(1.0);
         let proposals = (config.judge.proposals as f32 * areas).round() as usize;
         // As it is offered: of a hand and its half turn the one nearer to the wrist.
-        let wrist = wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
+        let wrist = options.wrist();
         let is_wanted = |hand: &Grasp| limiter.broken(&towards_wrist(&hand.workspace_from_grasp, wrist)).is_none();
-        let judged = timed(timings_ms, "judge", || self.judge.hands(seen, proposals, &mut stream, &is_wanted));
+        let judged = timed(timings_ms, "judge", || self.judge.scored_grasps(seen, proposals, &mut stream, &is_wanted));
         selected(&judged, request)
     }
 
@@ -36,13 +42,12 @@ impl Method for JudgeMethod {
 }
 
 /// Of judged hands, best first, those that reach ε and are apart from better ones.
-fn selected(hands: &[Judged], request: &Request<'_>) -> Candidates {
-    let wrist = request.wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
+fn selected(hands: &[ScoredGrasp], request: &Request<'_>) -> Candidates {
     let (epsilon, apart_m) = (request.config.detection.quality_min, request.config.judge.apart_m);
-    let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&Judged>::new(), Vec::new(), 0);
+    let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&ScoredGrasp>::new(), Vec::new(), 0);
     for judged in hands {
-        let pose = towards_wrist(&judged.hand.workspace_from_grasp, wrist);
-        let grasp = RankedGrasp::new(pose, judged.hand.width_m, judged.quality(), None);
+        let pose = towards_wrist(&judged.grasp.workspace_from_grasp, request.options.wrist());
+        let grasp = RankedGrasp::new(pose, judged.grasp.width_m, judged.quality(), None);
         let reason = if grasp.quality < epsilon {
             let (outcome, probability) = judged.likeliest();
             Some(RejectReason::Judged { outcome, probability })
@@ -63,7 +68,7 @@ fn selected(hands: &[Judged], request: &Request<'_>) -> Candidates {
         }
     }
     let nothing = || "no collision-free grasp candidate was found on the observed surface".to_owned();
-    let best = hands.first().map_or(0.0, Judged::quality);
+    let best = hands.first().map_or(0.0, ScoredGrasp::quality);
     let stages = vec![
         Stage::new("proposed", hands.len(), request.none_within_limits().unwrap_or_else(nothing)),
         Stage::quality_reached(reached, best, epsilon),

@@ -9,11 +9,10 @@
 //! towards the wrist and checks its way for collisions. [`Planner`] runs all stages and returns a [`plan::Plan`],
 //! which is printed as JSON, [`picture`] draws and [`cloud_file`] writes as PLY.
 //!
-//! [`input`] reads files and requests, [`serve`] is the HTTP service, [`mod@bench`] measures.
+//! [`input`] reads files and requests, [`serve`] is the HTTP service.
 //!
 //! A plan is a pure function of the observation, the network and the [`config`]; the number of threads changes no bit.
 
-pub mod bench;
 pub mod cloud_file;
 pub mod config;
 pub mod demo;
@@ -34,5 +33,5 @@ pub mod volume;
 pub mod voxel;
 
 pub use config::{BuiltIn, Config, Policy};
-pub use observation::{Cone, Limits, Mask, Observation, SeenView, Target, WORKSPACE_M, Wishes, plane};
+pub use observation::{Cone, Limits, Mask, Observation, PlanOptions, Target, View, WORKSPACE_M, plane};
 pub use planner::{Planner, Planners};

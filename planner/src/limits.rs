@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use schema::{Gripper, HandBox, Plane, Pose, Vec3};
 
-use crate::observation::{Cone, Limits, Mask, SeenView};
+use crate::hand::HandVolume;
+use crate::observation::{Cone, Limits, Mask, View};
 use crate::plan::{Limit, PointLabel, SegmentedCloud};
 
 /// A point of the surface is what a pixel shows if their depths differ by no more than this.
@@ -21,8 +22,7 @@ pub(crate) struct Limiter<'a> {
     limits: &'a Limits,
     /// The corners of the open hand at the grasp and before it, in the grasp frame.
     corners_m: Vec<Vec3>,
-    /// What is between the fingers, in the grasp frame.
-    between: HandBox,
+    between_fingers: HandVolume,
     /// Points of the surface off the table: the target's, and the others.
     points_m: Option<[Vec<Vec3>; 2]>,
     /// The caller's own.
@@ -51,7 +51,7 @@ impl<'a> Limiter<'a> {
         Self {
             limits,
             corners_m,
-            between: HandBox { centre_m, half_m },
+            between_fingers: HandVolume::new(vec![HandBox { centre_m, half_m }]),
             points_m,
             will_do,
             refused: Default::default(),
@@ -88,30 +88,21 @@ impl<'a> Limiter<'a> {
             return Some(Limit::KeepOut);
         }
         if let Some([of_target, of_others]) = &self.points_m {
-            let within = |points_m: &[Vec3]| self.within(workspace_from_grasp, points_m);
-            let wanted = within(of_target);
-            if wanted == 0 || within(of_others) > wanted {
+            let [wanted, others] = [of_target, of_others]
+                .map(|points_m| self.between_fingers.points_inside(workspace_from_grasp, points_m));
+            if wanted == 0 || others > wanted {
                 return Some(Limit::Target);
             }
         }
         (!(self.will_do)(workspace_from_grasp)).then_some(Limit::Accept)
     }
 
-    /// The number of points between the fingers.
-    fn within(&self, workspace_from_grasp: &Pose, points_m: &[Vec3]) -> usize {
-        let HandBox { centre_m, half_m } = self.between;
-        let (middle_m, radius_m) = (*workspace_from_grasp * centre_m, half_m.length());
-        let grasp_from_workspace = workspace_from_grasp.inverse();
-        let near = points_m.iter().filter(|point| (**point - middle_m).length_squared() <= radius_m * radius_m);
-        near.filter(|point| (grasp_from_workspace * **point - centre_m).abs().cmple(half_m).all()).count()
-    }
-
     /// What was refused, in words: `412 by approach, 7 by target`; none if nothing was.
-    pub(crate) fn counts(&self) -> Option<String> {
+    pub(crate) fn rejections(&self) -> Option<String> {
         let counts = Limit::ALL.map(|limit| (self.refused[limit as usize].load(Ordering::Relaxed), limit.name()));
-        let told: Vec<String> =
+        let counts: Vec<String> =
             counts.iter().filter(|(count, _)| *count > 0).map(|(count, name)| format!("{count} by {name}")).collect();
-        (!told.is_empty()).then(|| told.join(", "))
+        (!counts.is_empty()).then(|| counts.join(", "))
     }
 }
 
@@ -125,12 +116,7 @@ fn corners(part: &HandBox) -> impl Iterator<Item = Vec3> {
 
 /// The points of a surface off the table that masks show, and the others. A point is shown by a pixel of a view with a
 /// mask onto which it falls and whose depth is its own.
-pub(crate) fn seen_points(
-    points_m: &[Vec3],
-    views: &[SeenView],
-    masks: &[Option<Mask>],
-    table_z_m: f32,
-) -> [Vec<Vec3>; 2] {
+pub(crate) fn seen_points(points_m: &[Vec3], views: &[View], masks: &[Option<Mask>], table_z_m: f32) -> [Vec<Vec3>; 2] {
     let masked: Vec<_> = views
         .iter()
         .zip(masks)
@@ -204,7 +190,7 @@ mod tests {
         let limiter = Limiter::new(&none, &gripper, 0.05, None, &left);
         let beside = Pose::from_parts(Vec3::new(0.09, 0.2, 0.08), WRIST_DOWN);
         assert_eq!((limiter.broken(&down), limiter.broken(&beside)), (Some(Limit::Accept), None));
-        assert_eq!(limiter.counts().as_deref(), Some("1 by accept"));
+        assert_eq!(limiter.rejections().as_deref(), Some("1 by accept"));
     }
 
     #[test]
@@ -224,7 +210,7 @@ mod tests {
         for (points, expected) in cases {
             let limiter = Limiter::new(&limits, &gripper, 0.05, Some(points.clone()), &|_| true);
             assert_eq!(limiter.broken(&down), expected, "{points:?}");
-            assert_eq!(limiter.counts(), expected.map(|_| "1 by target".to_owned()));
+            assert_eq!(limiter.rejections(), expected.map(|_| "1 by target".to_owned()));
         }
     }
 }

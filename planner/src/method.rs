@@ -2,20 +2,26 @@
 
 use std::fmt::Debug;
 
-use hands::Seen;
+use grasps::ObservedScene;
 use schema::Pose;
 
 use crate::config::Config;
 use crate::hand::are_alike;
 use crate::limits::Limiter;
-use crate::observation::Wishes;
+use crate::observation::PlanOptions;
 use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
 use crate::timing::Timings;
 
 /// A network with its way of finding grasps: [`crate::voxel`] or [`crate::judge`].
 pub(crate) trait Method: Debug + Send + Sync {
     /// Candidates in what was seen. `scene` is a number that distinguishes scenes.
-    fn candidates(&self, seen: Seen<'_>, scene: u64, request: &Request<'_>, timings_ms: &mut Timings) -> Candidates;
+    fn candidates(
+        &self,
+        seen: ObservedScene<'_>,
+        scene: u64,
+        request: &Request<'_>,
+        timings_ms: &mut Timings,
+    ) -> Candidates;
 
     /// What needs the segmented cloud, which is made at the same time as the candidates; ends with the stage of those
     /// that are left.
@@ -26,19 +32,19 @@ pub(crate) trait Method: Debug + Send + Sync {
 #[derive(Clone, Copy)]
 pub(crate) struct Request<'a> {
     pub(crate) config: &'a Config,
-    pub(crate) wishes: &'a Wishes,
+    pub(crate) options: &'a PlanOptions,
     pub(crate) limiter: &'a Limiter<'a>,
 }
 
 impl Request<'_> {
     /// Whether a grasp is like one that failed.
     pub(crate) fn is_avoided(&self, workspace_from_grasp: &Pose) -> bool {
-        self.wishes.avoid.iter().any(|failed| are_alike(failed, workspace_from_grasp))
+        self.options.avoid.iter().any(|failed| are_alike(failed, workspace_from_grasp))
     }
 
     /// Why no candidate is left, if its limits refused some.
     pub(crate) fn none_within_limits(&self) -> Option<String> {
-        self.limiter.counts().map(|counts| format!("no hand keeps the limits that were asked for: {counts}"))
+        self.limiter.rejections().map(|counts| format!("no hand keeps the limits that were asked for: {counts}"))
     }
 
     /// Why no candidate is left, if some are like grasps that failed.

@@ -4,9 +4,11 @@ use std::ops::RangeInclusive;
 
 use schema::{Camera, DepthImage, Grid, Plane, Pose, Quat, Vec3, VoxelGrid};
 
+use crate::hand::WRIST_DOWN;
+
 /// A depth image and the camera that took it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SeenView {
+pub struct View {
     /// Depth along the camera's z in metres; values that are not finite and positive count as not seen.
     pub image: DepthImage,
     /// Lens and pose in the workspace.
@@ -17,7 +19,7 @@ pub struct SeenView {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Observation {
     /// Depth images, from one view or several.
-    Views(Vec<SeenView>),
+    Views(Vec<View>),
     /// A TSDF in VGN's values.
     Tsdf(VoxelGrid),
     /// Points on surfaces in the workspace frame, and their viewpoints.
@@ -29,7 +31,7 @@ pub enum Observation {
     },
 }
 
-/// A TSDF does not say from how many views it was made; a judge is told this number.
+/// A TSDF does not say from how many views it was made; a judge is given this number.
 const VIEWS_OF_A_TSDF: usize = 6;
 
 impl Observation {
@@ -48,7 +50,7 @@ pub const WORKSPACE_M: RangeInclusive<f32> = 0.2..=0.6;
 
 /// Options of a request; all have defaults.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Wishes {
+pub struct PlanOptions {
     /// The side of the workspace, in [`WORKSPACE_M`], if it is not the network's.
     pub workspace_size_m: Option<f32>,
     /// The workspace in the robot's base frame: grasps are given there, too.
@@ -70,7 +72,12 @@ pub struct Wishes {
     pub limits: Limits,
 }
 
-impl Wishes {
+impl PlanOptions {
+    /// The wrist's orientation, by default [`WRIST_DOWN`].
+    pub(crate) fn wrist(&self) -> Quat {
+        self.workspace_from_wrist.unwrap_or(WRIST_DOWN)
+    }
+
     /// The workspace, if the network's is `grid`: its voxels, but as many as its side takes.
     #[must_use]
     pub fn workspace(&self, grid: &Grid) -> Grid {
@@ -124,5 +131,5 @@ pub enum Target {
     /// The object at a point, in metres: the cluster of the surface that is nearest to it.
     Point(Vec3),
     /// What these pixels show: for each view of the observation a mask of its image, row by row, or none.
-    Seen(Vec<Option<Mask>>),
+    Masks(Vec<Option<Mask>>),
 }

@@ -11,7 +11,7 @@ use report::view::{Class, Line};
 use schema::{Gripper, Vec3};
 
 use self::tints::{BEST, COLLISION, OTHER_DROP, THIN_LINE, of_label, of_place};
-use crate::plan::{DroppedCandidate, Plan, PointLabel, RankedGrasp, RejectReason, SeenObject};
+use crate::plan::{DroppedCandidate, ObjectCluster, Plan, PointLabel, RankedGrasp, RejectReason};
 
 /// Width of the picture, in pixels.
 pub const WIDTH_PX: usize = 1400;
@@ -111,7 +111,7 @@ fn dropped(canvas: &mut Canvas, dropped: &[DroppedCandidate]) {
 }
 
 /// A dot in the object's colour at each centroid, visible through the object.
-fn centroids(canvas: &mut Canvas, objects: &[SeenObject]) {
+fn centroids(canvas: &mut Canvas, objects: &[ObjectCluster]) {
     for (number, object) in objects.iter().enumerate() {
         let tint = of_label(PointLabel::Object(number));
         for (step, (radius_px, colour)) in [(13.0, [255; 3]), (10.0, INK), (6.0, tint)].into_iter().enumerate() {
@@ -260,7 +260,7 @@ mod tests {
             points_m.extend(box_points(low, high));
             labels.resize(points_m.len(), PointLabel::Object(number));
         }
-        let objects = boxes.map(|(low, high)| SeenObject { centroid_m: (low + high) * 0.5, point_count: 2000 });
+        let objects = boxes.map(|(low, high)| ObjectCluster { centroid_m: (low + high) * 0.5, point_count: 2000 });
         Plan {
             format: FORMAT,
             model: String::new(),

@@ -4,6 +4,7 @@
 use perception::FoundPlane;
 use schema::{Grid, Outcome, Pose, Vec3};
 use serde::{Serialize, Serializer};
+use settings::words;
 use utoipa::ToSchema;
 
 use crate::config::Policy;
@@ -83,7 +84,7 @@ fn pose<'a, S: Serializer>(pose: impl Into<Option<&'a Pose>>, serializer: S) -> 
 /// A cluster of the surface cloud. Objects are numbered from the top: the one with the highest centroid is 0.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 #[schema(as = ObjectAnswer)]
-pub struct SeenObject {
+pub struct ObjectCluster {
     /// Mean of its points in the workspace, in metres.
     #[serde(serialize_with = "coordinates")]
     #[schema(value_type = [f32; 3])]
@@ -139,35 +140,19 @@ fn plane<S: Serializer>(cloud: &SegmentedCloud, serializer: S) -> Result<S::Ok, 
     cloud.plane.as_ref().map(answer).serialize(serializer)
 }
 
-/// A limit that a grasp breaks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Limit {
-    /// It comes from another direction.
-    Approach,
-    /// The hand would be beyond a plane.
-    KeepOut,
-    /// The tips would be outside the box.
-    Reach,
-    /// It would hold something else.
-    Target,
-    /// The caller's own, which only programs have that link the planner: Python's `accept`.
-    Accept,
-}
-
-impl Limit {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::Approach, Self::KeepOut, Self::Reach, Self::Target, Self::Accept];
-
-    /// Its key in a request.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Approach => "approach",
-            Self::KeepOut => "keep_out",
-            Self::Reach => "reach",
-            Self::Target => "target",
-            Self::Accept => "accept",
-        }
+words! {
+    /// A limit that a grasp breaks, by its key in a request.
+    pub enum Limit {
+        /// It comes from another direction.
+        Approach = "approach",
+        /// The hand would be beyond a plane.
+        KeepOut = "keep_out",
+        /// The tips would be outside the box.
+        Reach = "reach",
+        /// It would hold something else.
+        Target = "target",
+        /// The caller's own, which only programs have that link the planner: Python's `accept`.
+        Accept = "accept",
     }
 }
 
@@ -336,7 +321,7 @@ pub struct Plan {
     /// Warnings for the caller.
     pub warnings: Vec<String>,
     /// The objects, from the top.
-    pub objects: Vec<SeenObject>,
+    pub objects: Vec<ObjectCluster>,
     /// The plane under the objects; null if none was found. It is all that JSON has of the segmented cloud.
     #[serde(rename = "plane", serialize_with = "plane")]
     #[schema(value_type = Option<PlaneAnswer>)]

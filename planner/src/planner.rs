@@ -4,22 +4,22 @@ use std::mem::take;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use hands::{Judge, Seen};
+use grasps::{Judge, ObservedScene};
 use network::{Architecture, checkpoint};
 use program::Failure;
-use schema::{Grid, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
+use schema::{Grid, Plane, Pose, Purpose, Stream, VoxelGrid};
 
 use crate::config::{BuiltIn, Config, Policy, WithoutObject};
-use crate::hand::Sweep;
+use crate::hand::HandVolume;
 use crate::input::{InputError, read_file, refuse};
 use crate::judge::JudgeMethod;
 use crate::limits::{Limiter, object_points, seen_points};
 use crate::method::{Candidates, Method, Request, Stage};
-use crate::observation::{Limits, Mask, Observation, SeenView, Target, Wishes};
-use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RejectReason, SeenObject, SegmentedCloud};
+use crate::observation::{Mask, Observation, PlanOptions, Target, View};
+use crate::plan::{DroppedCandidate, FORMAT, Funnel, Plan, RejectReason, SegmentedCloud};
 use crate::rank;
-use crate::segment::Surface;
-use crate::timing::{Timings, timed};
+use crate::segment::{Segments, segment};
+use crate::timing::timed;
 use crate::volume::fuse;
 use crate::voxel::VoxelMethod;
 
@@ -143,8 +143,8 @@ impl Planner {
     ///
     /// # Errors
     /// [`InputError`] if the observation contradicts itself or the network.
-    pub fn plan(&self, observation: &Observation, wishes: &Wishes) -> Result<Plan, InputError> {
-        self.plan_with(observation, wishes, &|_| true)
+    pub fn plan(&self, observation: &Observation, options: &PlanOptions) -> Result<Plan, InputError> {
+        self.plan_with(observation, options, &|_| true)
     }
 
     /// The same with a limit of the caller's: whether a grasp, in the workspace, will do. A judge is asked about no
@@ -155,88 +155,76 @@ impl Planner {
     pub fn plan_with(
         &self,
         observation: &Observation,
-        wishes: &Wishes,
+        options: &PlanOptions,
         will_do: &(dyn Fn(&Pose) -> bool + Sync),
     ) -> Result<Plan, InputError> {
         let mut timings_ms = Vec::new();
-        let grid = wishes.workspace(&self.grid);
-        let volume = timed(&mut timings_ms, "fuse", || fuse(observation, &grid, self.config.cloud))?;
-        let mut surface = Surface::Points(volume.points_m);
-        let points_m = self.target_points(observation, &mut surface, &wishes.limits)?;
+        let grid = options.workspace(&self.grid);
+        let mut volume = timed(&mut timings_ms, "fuse", || fuse(observation, &grid, self.config.cloud))?;
+        // The object at a point takes the segments; otherwise the network runs beside the segmentation.
+        let mut segments = None;
+        let target_points = match (&options.limits.target, observation) {
+            (None, _) => None,
+            (Some(Target::Point(target_m)), _) => {
+                let (cloud, _) = segments.insert(segment(take(&mut volume.points_m), &self.config));
+                Some(object_points(cloud, *target_m))
+            }
+            (Some(Target::Masks(masks)), Observation::Views(views)) => {
+                must_fit(masks, views)?;
+                Some(seen_points(&volume.points_m, views, masks, self.grid.table_z_m))
+            }
+            (Some(Target::Masks(_)), _) => return refuse("masks go with views: mask"),
+        };
         let Config { gripper, collision, .. } = &self.config;
-        let limiter = Limiter::new(&wishes.limits, gripper, collision.pregrasp_distance_m, points_m, will_do);
-        let seen = Seen { field: &volume.grid, fine: volume.fine.as_ref(), views: observation.views() };
-        let request = Request { config: &self.config, wishes, limiter: &limiter };
-        let found = self.find(seen, surface, &request, &mut timings_ms);
-        let mut plan = timed(&mut timings_ms, "rank", || self.rank(found, &request));
+        let limiter = Limiter::new(&options.limits, gripper, collision.pregrasp_distance_m, target_points, will_do);
+        let observed = ObservedScene { field: &volume.grid, fine: volume.fine.as_ref(), views: observation.views() };
+        let request = Request { config: &self.config, options, limiter: &limiter };
+        let (scene, mut segment_ms) = (scene_number(&volume.grid), Vec::new());
+        let (candidates, segments) = rayon::join(
+            || self.method.candidates(observed, scene, &request, &mut timings_ms),
+            || {
+                let segmented = || segments.unwrap_or_else(|| segment(volume.points_m, &self.config));
+                timed(&mut segment_ms, "segment", segmented)
+            },
+        );
+        timings_ms.append(&mut segment_ms);
+        let ranked = || self.rank(candidates, segments, (volume.grid.grid, scene), &request);
+        let mut plan = timed(&mut timings_ms, "rank", ranked);
         plan.warnings.splice(0..0, self.warning.iter().cloned().chain(volume.warnings));
         plan.timings_ms = timings_ms;
         Ok(plan)
     }
 
-    /// The points of the surface that are the target's, and the others; none if everything is wanted. The object at a
-    /// point takes the segments.
-    fn target_points(
+    fn rank(
         &self,
-        observation: &Observation,
-        surface: &mut Surface,
-        limits: &Limits,
-    ) -> Result<Option<[Vec<Vec3>; 2]>, InputError> {
-        match (&limits.target, observation) {
-            (None, _) => Ok(None),
-            (Some(Target::Point(target_m)), _) => {
-                let (cloud, objects) = take(surface).segmented(&self.config);
-                let points_m = object_points(&cloud, *target_m);
-                *surface = Surface::Segments(cloud, objects);
-                Ok(Some(points_m))
-            }
-            (Some(Target::Seen(masks)), Observation::Views(views)) => {
-                let fit = |(view, mask): (&SeenView, &Option<Mask>)| {
-                    mask.as_ref().is_none_or(|mask| mask.len() == view.image.depth_m.len())
-                };
-                if masks.len() != views.len() || !views.iter().zip(masks).all(fit) {
-                    return refuse("masks must have the sizes of their depth images, one for each view or none: mask");
-                }
-                Ok(Some(seen_points(surface.points_m(), views, masks, self.grid.table_z_m)))
-            }
-            (Some(Target::Seen(_)), _) => refuse("masks go with views: mask"),
-        }
-    }
-
-    /// Runs the network and the segmentation of the cloud in parallel.
-    fn find(&self, seen: Seen<'_>, surface: Surface, request: &Request<'_>, timings_ms: &mut Timings) -> Found {
-        let (grid, scene, mut segment_ms) = (seen.field.grid, scene_number(seen.field), Vec::new());
-        let candidates = || self.method.candidates(seen, scene, request, timings_ms);
-        let objects = || timed(&mut segment_ms, "segment", || surface.segmented(&self.config));
-        let (candidates, (cloud, objects)) = rayon::join(candidates, objects);
-        timings_ms.append(&mut segment_ms);
-        Found { grid, scene, candidates, cloud, objects }
-    }
-
-    fn rank(&self, found: Found, request: &Request<'_>) -> Plan {
-        let (Found { grid, scene, mut candidates, cloud, objects }, wishes) = (found, request.wishes);
+        mut candidates: Candidates,
+        (cloud, objects): Segments,
+        (grid, scene): (Grid, u64),
+        request: &Request<'_>,
+    ) -> Plan {
+        let options = request.options;
         self.method.settle(&mut candidates, &cloud, request);
         let (collision, found) = (&self.config.collision, candidates.grasps.len());
-        if wishes.check_collisions.unwrap_or(collision.check) {
-            let sweep = Sweep::new(&self.config.gripper, collision);
+        if options.check_collisions.unwrap_or(collision.check) {
+            let sweep = HandVolume::swept(&self.config.gripper, collision);
             candidates.drop_where(|ranked| {
-                let points = sweep.points_hit(&ranked.workspace_from_grasp, &cloud.points_m);
+                let points = sweep.points_inside(&ranked.workspace_from_grasp, &cloud.points_m);
                 (points > collision.points_max).then_some(RejectReason::Collision { points })
             });
         }
         candidates.end_stage("collision_free", format!("the hand's way is blocked for all {found} detections"));
-        let policy = wishes.policy.unwrap_or(self.config.ranking.policy);
+        let policy = options.policy.unwrap_or(self.config.ranking.policy);
         rank::attribute(&mut candidates.grasps, &cloud, &objects, &self.config.ranking);
         candidates.drop_where(|ranked| {
             rank::is_left_out(ranked, policy, &self.config.ranking).then_some(RejectReason::NoObject)
         });
         let Candidates { mut grasps, mut dropped, mut stages } = candidates;
         rank::order(&mut grasps, policy, Stream::new(self.config.seed, scene, Purpose::Ranking, 0));
-        let beyond = grasps.split_off(grasps.len().min(wishes.grasps_max.unwrap_or(usize::MAX)));
+        let beyond = grasps.split_off(grasps.len().min(options.grasps_max.unwrap_or(usize::MAX)));
         dropped.extend(beyond.iter().map(|ranked| DroppedCandidate::new(ranked, RejectReason::BeyondLimit)));
         for (place, ranked) in grasps.iter_mut().enumerate() {
             let workspace_from_flange = self.config.gripper.target_from_flange(&ranked.workspace_from_grasp);
-            let in_base = |workspace_from: Pose| wishes.base_from_workspace.map(|base| base * workspace_from);
+            let in_base = |workspace_from: Pose| options.base_from_workspace.map(|base| base * workspace_from);
             ranked.rank = place + 1;
             ranked.base_from_grasp = in_base(ranked.workspace_from_grasp);
             ranked.workspace_from_flange = workspace_from_flange;
@@ -256,13 +244,13 @@ impl Planner {
             gripper: self.config.gripper.name.clone(),
             flange_from_grasp: self.config.gripper.flange_from_grasp.map(|parts| parts.pose()),
             grid,
-            reason: grasps.is_empty().then(|| reason(&stages, &cloud, wishes)),
+            reason: grasps.is_empty().then(|| reason(&stages, &cloud, options)),
             grasps,
             warnings: Vec::new(),
             objects,
             cloud,
             funnel: Funnel(stages.iter().map(|stage| (stage.name, stage.count)).collect()),
-            dropped: if wishes.explain { dropped } else { Vec::new() },
+            dropped: if options.explain { dropped } else { Vec::new() },
             timings_ms: Vec::new(),
         };
         plan.warnings = self.warnings(&plan);
@@ -310,20 +298,18 @@ const TABLE_OFF_M_MAX: f32 = 0.01;
 /// Cosine of the largest tilt of a table.
 const TABLE_COS_MIN: f32 = 0.9;
 
-/// What the network and the segmentation found.
-struct Found {
-    /// The workspace.
-    grid: Grid,
-    /// A number that distinguishes scenes.
-    scene: u64,
-    candidates: Candidates,
-    cloud: SegmentedCloud,
-    objects: Vec<SeenObject>,
+fn must_fit(masks: &[Option<Mask>], views: &[View]) -> Result<(), InputError> {
+    let fits =
+        |(view, mask): (&View, &Option<Mask>)| mask.as_ref().is_none_or(|mask| mask.len() == view.image.depth_m.len());
+    if masks.len() != views.len() || !views.iter().zip(masks).all(fits) {
+        return refuse("masks must have the sizes of their depth images, one for each view or none: mask");
+    }
+    Ok(())
 }
 
 /// Why there are no grasps: the first stage that no candidate passed.
-fn reason(stages: &[Stage], cloud: &SegmentedCloud, wishes: &Wishes) -> String {
-    if wishes.grasps_max == Some(0) {
+fn reason(stages: &[Stage], cloud: &SegmentedCloud, options: &PlanOptions) -> String {
+    if options.grasps_max == Some(0) {
         return "no grasps were asked for".to_owned();
     }
     if cloud.points_m.is_empty() {

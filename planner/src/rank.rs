@@ -5,7 +5,7 @@ use core::cmp::Ordering;
 use schema::{Stream, Vec3};
 
 use crate::config::{Policy, RankingParams, WithoutObject};
-use crate::plan::{PointLabel, RankedGrasp, SeenObject, SegmentedCloud};
+use crate::plan::{ObjectCluster, PointLabel, RankedGrasp, SegmentedCloud};
 
 /// Eq. 8: the distance to the object's centroid, weighted by axis, over the quality; in metres.
 #[must_use]
@@ -29,7 +29,7 @@ pub fn object_at(position_m: Vec3, cloud: &SegmentedCloud, distance_m_max: f32) 
 pub(crate) fn attribute(
     grasps: &mut [RankedGrasp],
     cloud: &SegmentedCloud,
-    objects: &[SeenObject],
+    objects: &[ObjectCluster],
     params: &RankingParams,
 ) {
     for ranked in grasps {
@@ -89,7 +89,7 @@ mod tests {
     }
 
     /// A low object at x = 0.1 and a high one at x = 0.2, each of two points.
-    fn scene() -> (SegmentedCloud, Vec<SeenObject>) {
+    fn scene() -> (SegmentedCloud, Vec<ObjectCluster>) {
         let high = [Vec3::new(0.2, 0.1, 0.11), Vec3::new(0.2, 0.1, 0.13)];
         let low = [Vec3::new(0.1, 0.1, 0.06), Vec3::new(0.1, 0.1, 0.08)];
         let cloud = SegmentedCloud {
@@ -97,7 +97,7 @@ mod tests {
             labels: [0, 0, 1, 1].map(PointLabel::Object).into_iter().chain([PointLabel::Plane]).collect(),
             plane: None,
         };
-        let object = |centroid_m| SeenObject { centroid_m, point_count: 2 };
+        let object = |centroid_m| ObjectCluster { centroid_m, point_count: 2 };
         (cloud, vec![object(Vec3::new(0.2, 0.1, 0.12)), object(Vec3::new(0.1, 0.1, 0.07))])
     }
 

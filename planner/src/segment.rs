@@ -4,39 +4,15 @@ use perception::{clusters, find_plane};
 use schema::{Purpose, Stream, Vec3};
 
 use crate::config::Config;
-use crate::plan::{PointLabel, SeenObject, SegmentedCloud};
+use crate::plan::{ObjectCluster, PointLabel, SegmentedCloud};
 
-/// What was seen, before its objects are known and after.
-pub(crate) enum Surface {
-    Points(Vec<Vec3>),
-    Segments(SegmentedCloud, Vec<SeenObject>),
-}
-
-impl Default for Surface {
-    fn default() -> Self {
-        Self::Points(Vec::new())
-    }
-}
-
-impl Surface {
-    pub(crate) fn points_m(&self) -> &[Vec3] {
-        match self {
-            Self::Points(points_m) | Self::Segments(SegmentedCloud { points_m, .. }, _) => points_m,
-        }
-    }
-
-    pub(crate) fn segmented(self, config: &Config) -> (SegmentedCloud, Vec<SeenObject>) {
-        match self {
-            Self::Points(points_m) => segment(points_m, config),
-            Self::Segments(cloud, objects) => (cloud, objects),
-        }
-    }
-}
+/// The cloud with its segments, and its objects.
+pub type Segments = (SegmentedCloud, Vec<ObjectCluster>);
 
 /// Finds the plane and clusters the remaining points; objects are numbered by the heights of their centroids, from the
 /// top.
 #[must_use]
-pub fn segment(points_m: Vec<Vec3>, config: &Config) -> (SegmentedCloud, Vec<SeenObject>) {
+pub fn segment(points_m: Vec<Vec3>, config: &Config) -> Segments {
     let plane = find_plane(&points_m, &config.plane, &mut Stream::new(config.seed, 0, Purpose::Plane, 0));
     let mut labels = vec![PointLabel::Noise; points_m.len()];
     for inlier in plane.iter().flat_map(|found| &found.inliers) {
@@ -55,9 +31,9 @@ pub fn segment(points_m: Vec<Vec3>, config: &Config) -> (SegmentedCloud, Vec<See
 }
 
 /// The clusters as objects from the top, and each cluster's index among them.
-fn top_down(points_m: &[Vec3], found: &[Option<usize>]) -> (Vec<SeenObject>, Vec<usize>) {
+fn top_down(points_m: &[Vec3], found: &[Option<usize>]) -> (Vec<ObjectCluster>, Vec<usize>) {
     let count = found.iter().flatten().max().map_or(0, |last| last + 1);
-    let mut objects = vec![SeenObject { centroid_m: Vec3::ZERO, point_count: 0 }; count];
+    let mut objects = vec![ObjectCluster { centroid_m: Vec3::ZERO, point_count: 0 }; count];
     for (point, cluster) in points_m.iter().zip(found) {
         if let Some(cluster) = cluster {
             let object = &mut objects[*cluster];

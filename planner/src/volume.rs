@@ -7,7 +7,7 @@ use schema::{Camera, DepthImage, Grid, Vec3, VoxelGrid};
 
 use crate::config::CloudParams;
 use crate::input::{InputError, refuse};
-use crate::observation::{Observation, SeenView};
+use crate::observation::{Observation, View};
 
 /// A fused observation.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,7 +33,8 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
     let mut warnings = Vec::new();
     let (grid, fine) = match observation {
         Observation::Views(views) => {
-            let views = corrected(views, grid, params, &mut warnings)?;
+            views.iter().enumerate().try_for_each(must_fit)?;
+            let views = corrected(views, grid, params, &mut warnings);
             let on = |resolution: usize| fuse_views(&views, &Grid { resolution, ..*grid });
             // In a larger workspace as fine as in the network's.
             let resolution = params.resolution * grid.resolution / Grid::PAPER.resolution;
@@ -42,8 +43,8 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
         }
         Observation::Tsdf(given) => {
             if given.grid.resolution != grid.resolution || (given.grid.size_m - grid.size_m).abs() > 1e-6 {
-                let told = |grid: &Grid| format!("{}³ voxels in {} m", grid.resolution, grid.size_m);
-                return refuse(format!("the grid must have {}, got {}: tsdf", told(grid), told(&given.grid)));
+                let describe = |grid: &Grid| format!("{}³ voxels in {} m", grid.resolution, grid.size_m);
+                return refuse(format!("the grid must have {}, got {}: tsdf", describe(grid), describe(&given.grid)));
             }
             (given.clone(), None)
         }
@@ -54,25 +55,21 @@ pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Resu
 }
 
 /// Depth images as they are fused: scaled to the table if the settings say so.
-///
-/// # Errors
-/// [`InputError`] for an image whose size differs from its intrinsics.
 pub(crate) fn corrected<'a>(
-    views: &'a [SeenView],
+    views: &'a [View],
     grid: &Grid,
     params: CloudParams,
     warnings: &mut Vec<String>,
-) -> Result<Cow<'a, [SeenView]>, InputError> {
+) -> Cow<'a, [View]> {
     if !params.scale_to_table {
-        return Ok(views.into());
+        return views.into();
     }
-    views.iter().enumerate().try_for_each(must_fit)?;
-    let scaled = |(number, SeenView { image, camera }): (usize, &SeenView)| {
+    let scaled = |(number, View { image, camera }): (usize, &View)| {
         let (image, factor) = scaled_to_table(image, camera, grid);
         warnings.extend(far_off(number, factor));
-        SeenView { image, camera: *camera }
+        View { image, camera: *camera }
     };
-    Ok(views.iter().enumerate().map(scaled).collect())
+    views.iter().enumerate().map(scaled).collect()
 }
 
 /// A sensor's depths are hardly wrong by more than this share; a camera's pose or the workspace's height may be.
@@ -94,14 +91,14 @@ fn far_off(number: usize, factor: f32) -> Option<String> {
 ///
 /// # Errors
 /// [`InputError`] for an image whose size differs from its intrinsics.
-pub fn fuse_views(views: &[SeenView], grid: &Grid) -> Result<VoxelGrid, InputError> {
+pub fn fuse_views(views: &[View], grid: &Grid) -> Result<VoxelGrid, InputError> {
     views.iter().enumerate().try_for_each(must_fit)?;
-    let views: Vec<(Camera, &DepthImage)> = views.iter().map(|SeenView { image, camera }| (*camera, image)).collect();
+    let views: Vec<(Camera, &DepthImage)> = views.iter().map(|View { image, camera }| (*camera, image)).collect();
     Ok(fuse_images(grid, TRUNCATION_VOXELS, &views))
 }
 
 /// Whether an image has its lens's pixels.
-fn must_fit((number, SeenView { image, camera }): (usize, &SeenView)) -> Result<(), InputError> {
+fn must_fit((number, View { image, camera }): (usize, &View)) -> Result<(), InputError> {
     let lens = camera.intrinsics;
     let (got, expected) = ([image.width_px, image.height_px], [lens.width_px, lens.height_px]);
     if got == expected && image.depth_m.len() == got[0] * got[1] {
@@ -153,7 +150,7 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
         let spacing_m = spacing_m.max(pitch_m);
         let (camera, image) = cloud_image(&points_m, &view, grid, spacing_m);
         hidden_m.retain(|point_m| !is_seen(*point_m, &camera, &image, HIDDEN_SPACINGS * spacing_m));
-        views.push(SeenView { image, camera });
+        views.push(View { image, camera });
     }
     warnings.extend(hidden(hidden_m.len(), points_m.len(), eyes_m.len()));
     Ok(Volume { grid: fuse_views(&views, grid)?, points_m, fine: None, warnings })
@@ -217,26 +214,26 @@ fn spacing_m(points_m: &[Vec3], grid: &Grid) -> (f32, bool) {
 #[cfg(test)]
 mod tests {
     use perception::camera_at;
-    use schema::{DepthImage, Intrinsics, View};
+    use schema::{DepthImage, Intrinsics, View as Viewpoint};
 
     use super::*;
 
     const LAW: CloudParams = CloudParams { resolution: 40, pitch_m: 0.0025, scale_to_table: false };
 
-    fn level(view: &View) -> SeenView {
-        let camera = camera_at(view, &Grid::PAPER, Intrinsics::VGN);
+    fn level(viewpoint: &Viewpoint) -> View {
+        let camera = camera_at(viewpoint, &Grid::PAPER, Intrinsics::VGN);
         let pose = camera.workspace_from_camera;
         let depth_at = |p: usize| {
             let fall = (pose.rotation * camera.intrinsics.ray([p % 640, p / 640])).z;
             (0.05 - pose.translation.z) / fall
         };
         let image = DepthImage { width_px: 640, height_px: 480, depth_m: (0..640 * 480).map(depth_at).collect() };
-        SeenView { image, camera }
+        View { image, camera }
     }
 
     #[test]
     fn a_table_seen_is_a_table_in_the_cloud() {
-        let view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
+        let view = level(&Viewpoint { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
         let volume = fuse(&Observation::Views(vec![view.clone()]), &Grid::PAPER, LAW).unwrap();
         assert!(volume.points_m.len() > 13_000, "{}", volume.points_m.len());
         assert!(volume.points_m.iter().all(|point| (point.z - 0.05).abs() < 5e-4));
@@ -253,7 +250,7 @@ mod tests {
     #[test]
     fn a_table_far_from_where_it_is_believed_to_be_is_told() {
         let scaling = CloudParams { scale_to_table: true, ..LAW };
-        let view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
+        let view = level(&Viewpoint { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
         let mut low = view.clone();
         low.camera.workspace_from_camera.translation.z -= 0.02;
         let volume = fuse(&Observation::Views(vec![view, low]), &Grid::PAPER, scaling).unwrap();
@@ -264,7 +261,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_refused() {
-        let mut view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
+        let mut view = level(&Viewpoint { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
         view.image.width_px = 600;
         for scale_to_table in [false, true] {
             let law = CloudParams { scale_to_table, ..LAW };
@@ -280,7 +277,7 @@ mod tests {
 
     #[test]
     fn depths_that_are_no_numbers_are_not_seen() {
-        let mut view = level(&View { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
+        let mut view = level(&Viewpoint { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
         for (n, depth) in view.image.depth_m.iter_mut().enumerate() {
             *depth = [f32::NAN, f32::INFINITY, -1.0, 0.0][n % 4];
         }

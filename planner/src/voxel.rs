@@ -5,13 +5,13 @@ pub mod detect;
 
 mod closing;
 
-use hands::Seen;
+use grasps::ObservedScene;
 use network::{DenseGrids, DenseNetwork, GraspOrigin};
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Quat, VoxelGrid, pose_from_parts};
 
 use crate::config::{ClosingBy, Config};
-use crate::hand::{WRIST_DOWN, towards_wrist};
+use crate::hand::towards_wrist;
 use crate::method::{Candidates, Method, Request, Stage};
 use crate::plan::{DroppedCandidate, PointLabel, RankedGrasp, RejectReason, SegmentedCloud};
 use crate::timing::{Timings, timed};
@@ -26,7 +26,13 @@ pub(crate) struct VoxelMethod {
 }
 
 impl Method for VoxelMethod {
-    fn candidates(&self, seen: Seen<'_>, _: u64, request: &Request<'_>, timings_ms: &mut Timings) -> Candidates {
+    fn candidates(
+        &self,
+        seen: ObservedScene<'_>,
+        _: u64,
+        request: &Request<'_>,
+        timings_ms: &mut Timings,
+    ) -> Candidates {
         let (VoxelGrid { grid, values }, params) = (seen.field, &request.config.detection);
         let grids = timed(timings_ms, "network", || self.network.infer_over(grid.resolution, values));
         let detected: Detected = timed(timings_ms, "detect", || {
@@ -34,7 +40,7 @@ impl Method for VoxelMethod {
             let quality: Vec<f32> = grids.quality_logit.iter().map(sigmoid).collect();
             detect(grid, values, &quality, &grids.width_voxels, (Side::of(self.origin), params))
         });
-        let misses = if request.wishes.explain { detected.misses(grid, params) } else { Vec::new() };
+        let misses = if request.options.explain { detected.misses(grid, params) } else { Vec::new() };
         let grasp_at = |detection: &Detection| self.grasp_at(grid, detection, &grids, request);
         let missed = |(miss, reason)| DroppedCandidate::new(&grasp_at(&miss), reason);
         let (low, high) = (params.width_voxels_min, params.width_voxels_max);
@@ -55,7 +61,7 @@ impl Method for VoxelMethod {
 
     fn settle(&self, candidates: &mut Candidates, cloud: &SegmentedCloud, request: &Request<'_>) {
         let detections = candidates.grasps.len();
-        if request.config.detection.closing == ClosingBy::Seen {
+        if request.config.detection.closing == ClosingBy::Observed {
             close(candidates, cloud, request);
         }
         candidates
@@ -78,9 +84,8 @@ impl VoxelMethod {
         let [x, y, z, w] = [0, 1, 2, 3].map(|part| grids.rotation[part * count + flat]);
         let rotation = Quat::from_xyzw(x, y, z, w).normalize();
         let workspace_from_grasp = pose_from_parts(rotation, self.origin.tips_m(voxel, rotation, grid));
-        let wrist = request.wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
         let width_m = grids.width_voxels[flat] * grid.voxel_size_m();
-        RankedGrasp::new(towards_wrist(&workspace_from_grasp, wrist), width_m, quality, Some(voxel))
+        RankedGrasp::new(towards_wrist(&workspace_from_grasp, request.options.wrist()), width_m, quality, Some(voxel))
     }
 }
 
@@ -91,11 +96,10 @@ fn close(candidates: &mut Candidates, cloud: &SegmentedCloud, request: &Request<
     let closer = Closer::new(gripper, collision, &cloud.points_m, things.map(|(point, _)| *point).collect());
     let hands: Vec<Option<Grasp>> =
         candidates.grasps.par_iter().map(|ranked| closer.closed(&ranked.workspace_from_grasp)).collect();
-    let wrist = request.wishes.workspace_from_wrist.unwrap_or(WRIST_DOWN);
     let mut hands = hands.into_iter();
     candidates.drop_where(|ranked| {
         let Some(hand) = hands.next().flatten() else { return Some(RejectReason::NoClosing) };
-        ranked.workspace_from_grasp = towards_wrist(&hand.workspace_from_grasp, wrist);
+        ranked.workspace_from_grasp = towards_wrist(&hand.workspace_from_grasp, request.options.wrist());
         ranked.width_m = hand.width_m;
         None
     });

@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 
-use planner::bench::{BenchReport, StageTime};
 use planner::plan::{Plan, RankedGrasp};
 
 /// Maximum number of grasps in the summary; the JSON has all.
@@ -49,21 +48,4 @@ fn add_grasp(text: &mut String, ranked: &RankedGrasp) {
         at.z,
         libm::acosf(down.clamp(-1.0, 1.0)).to_degrees()
     );
-}
-
-/// The bench as a table.
-pub(crate) fn bench(report: &BenchReport) -> String {
-    let [width, height] = report.image_px;
-    let mut text = format!("{} plans on {} threads\n", report.plans, report.threads);
-    let _ = writeln!(text, "{:<52}{:>12}{:>12}", "", "median, ms", "p90, ms");
-    let mut add = |what: &str, time: &StageTime| {
-        let _ = writeln!(text, "{what:<52}{:>12.2}{:>12.2}", time.median_ms, time.p90_ms);
-    };
-    let images = format!("{} depth images of {width} x {height}", report.views);
-    add(&format!("{images} -> TSDF"), &report.tsdf);
-    add(&format!("{images} -> ranked grasps"), &report.plan);
-    for stage in &report.stages {
-        add(&format!("  {}", stage.stage), stage);
-    }
-    text
 }

@@ -41,12 +41,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if let Some(path) = &arguments.picture {
         write(path, hand::svg(&gripper))?;
     }
-    print(told(&gripper))?;
+    print(table(&gripper))?;
     Ok(ExitCode::Ok)
 }
 
 /// The numbers as a table, lengths in millimetres.
-fn told(gripper: &Gripper) -> String {
+fn table(gripper: &Gripper) -> String {
     let mut text = format!("{}\n", gripper.name);
     for (key, value) in gripper.numbers() {
         // Writing into a String cannot fail.

@@ -20,7 +20,7 @@ use super::{NetworkArguments, console};
 #[command(after_help = format!("{VIEWS_FILE}\n\n{EXAMPLES}\n\n{}", ExitCode::HELP))]
 #[group(id = "source", required = true, multiple = false, args = ["views", "tsdf", "cloud", "demo"])]
 pub(crate) struct Arguments {
-    /// File (TOML or JSON) that names depth images and cameras, and may hold wishes; see below
+    /// File (TOML or JSON) that names depth images and cameras, and may hold options; see below
     #[arg(long, value_name = "FILE")]
     views: Option<PathBuf>,
 
@@ -125,10 +125,10 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let planners = Planners::new(arguments.network.planner()?);
-    let Request { observation, config, wishes, warnings } = request(arguments, planners.own.grid)?;
+    let Request { observation, config, options, warnings } = request(arguments, planners.own.grid)?;
     // The command line counts more than the file.
     let planner = planners.of(config.filter(|_| arguments.network.config.is_none()))?;
-    let mut plan = planner.plan(&observation, &wishes)?;
+    let mut plan = planner.plan(&observation, &options)?;
     plan.warnings.extend(warnings);
     if let Some(path) = &arguments.picture {
         write(path, draw(&plan, &planner.config.gripper, &title(arguments))?)?;
@@ -213,12 +213,12 @@ const VIEWS_FILE: &str = "\
 A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x, y, z, w:
   intrinsics = { fx_px = 540.0, fy_px = 540.0, cx_px = 320.0, cy_px = 240.0 }
   [[views]]
-  depth = \"depth-0.png\"       # 16-bit PNG, NPY or EXR; beside this file
+  depth = \"depth-0.png\"       # 16-bit PNG or NPY; beside this file
   depth_scale_m = 0.001       # metres per unit
   workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [-0.954, 0.0, 0.0, 0.301] }
 Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. Instead of workspace_from_camera,
 a view may have its inverse camera_from_workspace or, with base_from_workspace, base_from_camera or camera_from_base.
-tsdf or cloud (with eyes_m) may stand in place of views. The wishes config, policy, grasps_max, check_collisions, explain, avoid,
+tsdf or cloud (with eyes_m) may stand in place of views. The options config, policy, grasps_max, check_collisions, explain, avoid,
 workspace_from_wrist, workspace_size_m, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";
 
 const EXAMPLES: &str = "\
@@ -230,6 +230,5 @@ Examples:
   graspmill plan --demo --out plan.json --ply cloud.ply && python scripts/plan_rrd.py plan.json --cloud cloud.ply --out plan.rrd
   graspmill gripper franka_hand --picture hand.svg
   graspmill serve --port 8040
-  graspmill bench plan
 
 If no grasp is found, the plan says why, and the exit code is still 0. Programs read the plan with --json or from the file of --out.";

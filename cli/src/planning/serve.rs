@@ -54,7 +54,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         request_timeout: Duration::from_secs(arguments.timeout_s.into()),
         concurrent: arguments.concurrent,
         queue: arguments.queue,
-        ..ServeOptions::default()
+        silence_max: Duration::from_secs(10),
     };
     let on_first = || print_error("stopping after the plans under way; a second signal stops at once");
     let stop = stop_on_signals(on_first).context("failed to listen for signals")?;

@@ -140,15 +140,6 @@ fn bad_input_is_named_with_its_place_and_code() {
 }
 
 #[test]
-fn a_bench_is_a_table_or_json() {
-    let table = run(&["bench", "--plans", "1"]);
-    assert!(String::from_utf8(table.stdout).unwrap().contains("3 depth images of 640 x 480 -> ranked grasps"));
-    let json: Value = serde_json::from_slice(&run(&["bench", "--plans", "1", "--json"]).stdout).unwrap();
-    assert_eq!((&json["plans"], &json["views"]), (&1.into(), &3.into()));
-    assert!(json["plan"]["median_ms"].as_f64().unwrap() > 0.0);
-}
-
-#[test]
 fn a_hand_is_told_and_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

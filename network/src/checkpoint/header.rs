@@ -22,7 +22,7 @@ const MADE_BY: &str = concat!("graspmill trainer ", env!("CARGO_PKG_VERSION"));
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Stored {
+pub(super) struct Stored {
     format_version: u32,
     architecture: String,
     /// Of the paper's network.
@@ -36,20 +36,11 @@ struct Stored {
     /// Of a judge.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     trained_for: Option<Box<Scope>>,
-    dataset_id: String,
-    config: String,
-    progress: Progress,
-    adam_steps: usize,
-    made_by: String,
-}
-
-/// What a header says, besides names and versions.
-pub(super) struct Header {
-    pub(super) architecture: Architecture,
     pub(super) dataset_id: String,
     pub(super) config: String,
     pub(super) progress: Progress,
     pub(super) adam_steps: usize,
+    made_by: String,
 }
 
 /// The keys that decide whether the rest can be understood.
@@ -91,13 +82,11 @@ pub(super) fn is_in(metadata: Option<&Metadata>) -> bool {
     metadata.is_some_and(|metadata| metadata.contains_key(KEY))
 }
 
-/// The header in the metadata of a file; `path` is for messages.
-pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<Header, Failure> {
+/// The network that the metadata of a file names, and the header there; `path` is for messages.
+pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<(Architecture, Stored), Failure> {
     let refused = |problem: String| damaged(problem, path);
     let text = metadata.and_then(|metadata| metadata.get(KEY)).ok_or_else(|| {
-        refused(format!(
-            "weights without the {KEY:?} header that tells how they were made: not a checkpoint of trainer"
-        ))
+        refused(format!("weights without the {KEY:?} header that says how they were made: not a checkpoint of trainer"))
     })?;
     let broken = |e: serde_json::Error| refused(format!("damaged {KEY:?} header: {e}"));
     let Head { format_version, architecture } = serde_json::from_str(text).map_err(broken)?;
@@ -108,8 +97,8 @@ pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<Header, F
     if format_version != FORMAT_VERSION {
         return Err(refused(format!("checkpoint format must be {FORMAT_VERSION}, got {format_version}")));
     }
-    let stored: Stored = serde_json::from_str(text).map_err(broken)?;
-    let architecture = match (architecture.as_str(), stored.upsampling, stored.trained_for) {
+    let mut stored: Stored = serde_json::from_str(text).map_err(broken)?;
+    let architecture = match (architecture.as_str(), stored.upsampling, stored.trained_for.take()) {
         (VOXEL, Some(upsampling), None) => {
             let origin = GraspOrigin {
                 behind_tips_m: stored.origin_behind_tips_m.unwrap_or(GraspOrigin::TIPS.behind_tips_m),
@@ -128,6 +117,5 @@ pub(super) fn read(metadata: Option<&Metadata>, path: &Path) -> Result<Header, F
             )));
         }
     };
-    let Stored { dataset_id, config, progress, adam_steps, .. } = stored;
-    Ok(Header { architecture, dataset_id, config, progress, adam_steps })
+    Ok((architecture, stored))
 }

@@ -6,7 +6,6 @@ use half::{bf16, f16};
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
-use super::problem::{Problem, shown};
 use crate::layers::{ParameterSlot, parameter_slots, vector_of};
 
 /// Prefixes that wrappers add to every name: `DataParallel`, `torch.compile`.
@@ -30,8 +29,8 @@ pub(super) struct Parameters {
 /// Makes the parameters from a file's tensors, which must be exactly those of the network, with its shapes.
 ///
 /// # Errors
-/// [`Problem::Architecture`] lists missing and surplus tensors and wrong shapes.
-pub(super) fn parameters(tensors: &BTreeMap<String, TensorView<'_>>) -> Result<Parameters, Problem> {
+/// Missing and surplus tensors and wrong shapes.
+pub(super) fn parameters(tensors: &BTreeMap<String, TensorView<'_>>) -> Result<Parameters, Vec<String>> {
     let prefix = prefix(tensors);
     let slots = parameter_slots();
     let values = vector_of(&slots, |slot| {
@@ -52,7 +51,13 @@ pub(super) fn parameters(tensors: &BTreeMap<String, TensorView<'_>>) -> Result<P
     if more > 0 {
         problems.push(format!("and {more} more"));
     }
-    Err(Problem::Architecture(problems))
+    Err(problems)
+}
+
+/// A name from a file made safe for messages: shortened, and without control characters. The network's longest name has
+/// 21 bytes.
+fn shown(name: &str) -> String {
+    name.chars().take(256).flat_map(char::escape_debug).collect()
 }
 
 fn slot_values(slot: &ParameterSlot, tensor: &TensorView<'_>) -> Result<Vec<f32>, String> {

@@ -193,6 +193,20 @@ pub(crate) fn taps(kernel: usize, input: Extent, channels: usize) -> Vec<usize> 
     (0..kernel.pow(2)).map(|tap| (tap / kernel * side_y + tap % kernel) * side_z * channels).collect()
 }
 
+/// Rows of values in the layout of a product's columns, `[rows, LANES]`.
+pub(crate) fn to_lanes<const N: usize>(rows: &[[f32; N]]) -> Vec<f32> {
+    let mut lanes = vec![0.0; rows.len() * LANES];
+    for (lanes, row) in lanes.chunks_exact_mut(LANES).zip(rows) {
+        lanes[..N].copy_from_slice(row);
+    }
+    lanes
+}
+
+/// The rows of values in a product's columns.
+pub(crate) fn from_lanes<const N: usize>(lanes: &[f32]) -> impl Iterator<Item = [f32; N]> {
+    lanes.as_chunks::<LANES>().0.iter().map(|row| std::array::from_fn(|column| row[column]))
+}
+
 /// Grids with the zeros that the first convolution pads with.
 pub(crate) fn padded_grids(grids: &[&[f32]]) -> Vec<f32> {
     let side = Extent::cube(RESOLUTION, LAYERS[0].padding());

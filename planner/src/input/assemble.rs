@@ -9,19 +9,17 @@ use schema::{Camera, Grid, Pose, Vec3};
 
 use crate::input::camera::{PoseInput, intrinsics, orientation, point, pose};
 use crate::input::cloud::read_cloud;
-use crate::input::depth::{judge_depth, read_depth};
+use crate::input::depth::{SIDE_PX_MAX, read_depth};
 use crate::input::error::{InputError, refuse, shown};
+use crate::input::extrinsics_check::{Extrinsics, table_elsewhere};
 use crate::input::file::read_file;
 use crate::input::mask::read_mask;
-use crate::input::mistakes::{Extrinsics, table_elsewhere};
 use crate::input::points::ReadCloud;
-use crate::input::raw_depth::SIDE_PX_MAX;
 use crate::input::request::{
-    AVOID_MAX, BoxInput, ConeInput, EYES_MAX, KEEP_OUT_MAX, RequestInput, SourceInput, VIEWS_MAX, ViewInput,
-    parse_file, parse_json,
+    BoxInput, ConeInput, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json,
 };
 use crate::input::tsdf::read_tsdf;
-use crate::{BuiltIn, Cone, Limits, Mask, Observation, SeenView, Target, WORKSPACE_M, Wishes, plane};
+use crate::{BuiltIn, Cone, Limits, Mask, Observation, PlanOptions, Target, View, WORKSPACE_M, plane};
 
 /// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
@@ -39,7 +37,7 @@ pub struct Request {
     /// The settings, if not the planner's.
     pub config: Option<BuiltIn>,
     /// The options.
-    pub wishes: Wishes,
+    pub options: PlanOptions,
     /// Warnings about unusual but valid input.
     pub warnings: Vec<String>,
 }
@@ -49,20 +47,19 @@ pub struct Request {
 /// # Errors
 /// [`InputError`], naming the key.
 pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
-    let mut wishes = wishes(input)?;
-    let grid = wishes.workspace(&grid);
+    let mut options = options(input)?;
+    let grid = options.workspace(&grid);
     let config = input.config.as_deref().map(|name| {
         let names = BuiltIn::ALL.map(BuiltIn::name).join(", ");
         let unknown = || InputError::Value(format!("must be one of {names}, got {}: config", shown(name)));
         BuiltIn::from_name(name).ok_or_else(unknown)
     });
-    let config = config.transpose()?;
     let mut assembly =
-        Assembly { input, folder, grid, base_from_workspace: wishes.base_from_workspace, warnings: Vec::new() };
+        Assembly { input, folder, grid, base_from_workspace: options.base_from_workspace, warnings: Vec::new() };
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
         (Some(views), None, None) => assembly.views(views).map(|(seen, masks)| {
             if masks.iter().any(Option::is_some) {
-                wishes.limits.target = Some(Target::Seen(masks));
+                options.limits.target = Some(Target::Masks(masks));
             }
             seen
         }),
@@ -73,14 +70,13 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
             refuse(format!("a request must have exactly one of views, tsdf and cloud, got {given}"))
         }
     }?;
-    let is_out_of_place = |key: &str, with: &str| refuse(format!("{key} goes with {with}: {key}"));
     if input.eyes_m.is_some() && input.cloud.is_none() {
-        return is_out_of_place("eyes_m", "cloud");
+        return refuse("eyes_m goes with cloud: eyes_m");
     }
     if input.intrinsics.is_some() && input.views.is_none() {
-        return is_out_of_place("intrinsics", "views");
+        return refuse("intrinsics goes with views: intrinsics");
     }
-    Ok(Request { observation, config, wishes, warnings: assembly.warnings })
+    Ok(Request { observation, config: config.transpose()?, options, warnings: assembly.warnings })
 }
 
 /// A request to the service: without paths, because the service reads no files.
@@ -106,7 +102,7 @@ pub fn from_file(path: &Path, grid: Grid, changes: impl FnOnce(&mut RequestInput
 ///
 /// # Errors
 /// [`InputError`], naming the key.
-fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
+fn options(input: &RequestInput) -> Result<PlanOptions, InputError> {
     let base_from_workspace = input.base_from_workspace.as_ref().map(|input| pose(input, "base_from_workspace"));
     let workspace_from_wrist =
         input.workspace_from_wrist.as_ref().map(|input| orientation(input, "workspace_from_wrist"));
@@ -114,9 +110,6 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
         return refuse(format!("must be between 1 and {GRASPS_MAX}, got {got}: grasps_max"));
     }
     let avoid = input.avoid.as_deref().unwrap_or_default();
-    if avoid.len() > AVOID_MAX {
-        return refuse(format!("must have at most {AVOID_MAX} entries, got {}: avoid", avoid.len()));
-    }
     let workspace_size_m = input.workspace_size_m.map(|size_m| size_m as f32);
     if let Some(got) = workspace_size_m.filter(|size_m| !WORKSPACE_M.contains(size_m)) {
         let (low, high) = (WORKSPACE_M.start(), WORKSPACE_M.end());
@@ -124,7 +117,7 @@ fn wishes(input: &RequestInput) -> Result<Wishes, InputError> {
     }
     let limits = limits(input)?;
     let failed = |(number, input): (usize, &PoseInput)| pose(input, &format!("avoid[{number}]"));
-    Ok(Wishes {
+    Ok(PlanOptions {
         workspace_size_m,
         base_from_workspace: base_from_workspace.transpose()?,
         workspace_from_wrist: workspace_from_wrist.transpose()?,
@@ -156,9 +149,6 @@ fn limits(input: &RequestInput) -> Result<Limits, InputError> {
         Ok(Cone::about(direction(given, "approach.direction")?, angle_rad_max as f32))
     });
     let planes = input.keep_out.as_deref().unwrap_or_default();
-    if planes.len() > KEEP_OUT_MAX {
-        return refuse(format!("must have at most {KEEP_OUT_MAX} entries, got {}: keep_out", planes.len()));
-    }
     let beyond = |(number, [x, y, z, offset_m]): (usize, &[f64; 4])| {
         let at = format!("keep_out[{number}]");
         let plane = plane(direction([*x, *y, *z], &at)?, *offset_m as f32);
@@ -245,7 +235,7 @@ impl Assembly<'_> {
         workspace_from_camera: Pose,
         at: &str,
         pixels_max: usize,
-    ) -> Result<SeenView, InputError> {
+    ) -> Result<View, InputError> {
         let (lens, lens_at) = match (&view.intrinsics, &self.input.intrinsics) {
             (Some(lens), _) => (lens, format!("{at}.intrinsics")),
             (None, Some(lens)) => (lens, "intrinsics".to_owned()),
@@ -253,41 +243,39 @@ impl Assembly<'_> {
         };
         let depth_at = format!("{at}.depth");
         let scale_m = view.depth_scale_m.map(|scale_m| scale_m as f32);
-        let (image, odd) = self.read(&view.depth, &depth_at, |bytes| {
-            let depth = read_depth(bytes, scale_m, pixels_max)?;
-            let odd = judge_depth(&depth)?;
-            Ok((depth.image, odd))
-        })?;
+        let (image, odd) = self.read(&view.depth, &depth_at, |bytes| read_depth(bytes, scale_m, pixels_max))?;
         self.warnings.extend(odd.into_iter().map(|warning| format!("{warning}: {depth_at}")));
         let intrinsics = intrinsics(lens, [image.width_px, image.height_px], &lens_at)?;
-        Ok(SeenView { image, camera: Camera { intrinsics, workspace_from_camera } })
+        Ok(View { image, camera: Camera { intrinsics, workspace_from_camera } })
     }
 
     /// The pose of a view's camera as it is given: under one of four keys.
     fn extrinsics(&self, view: &ViewInput, at: &str) -> Result<Extrinsics, InputError> {
+        // Each with whether it is of the base, and whether it is an inverse.
         let poses = [
-            ("workspace_from_camera", &view.workspace_from_camera),
-            ("camera_from_workspace", &view.camera_from_workspace),
-            ("base_from_camera", &view.base_from_camera),
-            ("camera_from_base", &view.camera_from_base),
+            ("workspace_from_camera", &view.workspace_from_camera, false, false),
+            ("camera_from_workspace", &view.camera_from_workspace, false, true),
+            ("base_from_camera", &view.base_from_camera, true, false),
+            ("camera_from_base", &view.camera_from_base, true, true),
         ];
-        let mut given = poses.iter().filter_map(|(key, input)| Some((*key, input.as_ref()?)));
-        let (Some((key, input)), None) = (given.next(), given.next()) else {
-            let [keys @ .., last] = poses.map(|(key, _)| key);
+        let mut given = poses.into_iter().filter(|(_, input, ..)| input.is_some());
+        let (Some((key, Some(input), is_of_base, is_inverse)), None) = (given.next(), given.next()) else {
+            let [keys @ .., last] = poses.map(|(key, ..)| key);
             return refuse(format!("a view must have exactly one of {} and {last}: {at}", keys.join(", ")));
         };
         let at = format!("{at}.{key}");
-        let workspace_from_base = self.base_from_workspace.map(|base_from_workspace| base_from_workspace.inverse());
-        let is_of_base = [poses[2].0, poses[3].0].contains(&key);
-        let Some(workspace_from_target) = (if is_of_base { workspace_from_base } else { Some(Pose::IDENTITY) }) else {
-            return refuse(format!("needs the request's base_from_workspace: {at}"));
+        let workspace_from_target = match (is_of_base, self.base_from_workspace) {
+            (false, _) => Pose::IDENTITY,
+            (true, Some(base_from_workspace)) => base_from_workspace.inverse(),
+            (true, None) => return refuse(format!("needs the request's base_from_workspace: {at}")),
         };
-        let is_inverse = [poses[1].0, poses[3].0].contains(&key);
         Ok(Extrinsics { key, given: pose(input, &at)?, is_inverse, workspace_from_target })
     }
 
     fn cloud(&mut self, cloud: &SourceInput) -> Result<Observation, InputError> {
-        let given = self.input.eyes_m.as_deref().map(eyes).transpose()?;
+        let eye = |(number, xyz): (usize, &[f64; 3])| point(*xyz, &format!("eyes_m[{number}]"));
+        let eyes = |rows: &Vec<[f64; 3]>| rows.iter().enumerate().map(eye).collect::<Result<Vec<Vec3>, _>>();
+        let given = self.input.eyes_m.as_ref().map(eyes).transpose()?;
         let ReadCloud { points_m, eye_m, dropped } = self.read(cloud, "cloud", read_cloud)?;
         if dropped > points_m.len() {
             let left = points_m.len();
@@ -296,13 +284,6 @@ impl Assembly<'_> {
         }
         Ok(Observation::Cloud { points_m, eyes_m: given.unwrap_or_else(|| eye_m.into_iter().collect()) })
     }
-}
-
-fn eyes(rows: &[[f64; 3]]) -> Result<Vec<Vec3>, InputError> {
-    if rows.len() > EYES_MAX {
-        return refuse(format!("must have at most {EYES_MAX} entries, got {}: eyes_m", rows.len()));
-    }
-    rows.iter().enumerate().map(|(number, row)| point(*row, &format!("eyes_m[{number}]"))).collect()
 }
 
 #[cfg(test)]
@@ -345,7 +326,7 @@ mod tests {
         read(request).unwrap_err().to_string()
     }
 
-    fn views(request: &Request) -> &[SeenView] {
+    fn views(request: &Request) -> &[View] {
         let Observation::Views(views) = &request.observation else { panic!("no views") };
         views
     }
@@ -358,7 +339,7 @@ mod tests {
         let lens = Intrinsics { width_px: 4, height_px: 3, fx_px: 5.0, fy_px: 5.0, cx_px: 2.0, cy_px: 1.5 };
         assert_eq!(view.camera.intrinsics, lens);
         assert_eq!(view.camera.workspace_from_camera.translation, Vec3::X);
-        assert_eq!(read.wishes, Wishes::default());
+        assert_eq!(read.options, PlanOptions::default());
         assert!(read.warnings.is_empty());
     }
 
@@ -376,7 +357,7 @@ mod tests {
         let read = read(&request).unwrap();
         let at_m = views(&read)[0].camera.workspace_from_camera.translation;
         assert!((at_m - Vec3::new(1.0, 0.0, 2.0)).length() < 1e-6, "{at_m}");
-        assert!(read.wishes.base_from_workspace.is_some());
+        assert!(read.options.base_from_workspace.is_some());
         // The inverse under its own name: the camera's frame has the axes of the base, so the base is at (-1, -1, -2).
         let view = request["views"][0].as_object_mut().unwrap();
         view.remove("base_from_camera");
@@ -399,17 +380,17 @@ mod tests {
     }
 
     #[test]
-    fn wishes_are_heard() {
+    fn options_are_read() {
         let mut request = request();
         request["policy"] = json!("vgn-best");
         request["check_collisions"] = json!(false);
         request["grasps_max"] = json!(7);
         request["explain"] = json!(true);
         request["workspace_from_wrist"] = json!({ "quaternion_xyzw": [1, 0, 0, 0] });
-        let wishes = read(&request).unwrap().wishes;
-        assert_eq!((wishes.policy, wishes.check_collisions), (Some(Policy::VgnBest), Some(false)));
-        assert_eq!((wishes.grasps_max, wishes.explain), (Some(7), true));
-        assert_eq!(wishes.workspace_from_wrist, Some(schema::Quat::from_xyzw(1.0, 0.0, 0.0, 0.0)));
+        let options = read(&request).unwrap().options;
+        assert_eq!((options.policy, options.check_collisions), (Some(Policy::VgnBest), Some(false)));
+        assert_eq!((options.grasps_max, options.explain), (Some(7), true));
+        assert_eq!(options.workspace_from_wrist, Some(schema::Quat::from_xyzw(1.0, 0.0, 0.0, 0.0)));
     }
 
     #[test]
@@ -530,17 +511,10 @@ mod tests {
     }
 
     #[test]
-    fn a_cloud_has_at_most_32_eyes_wherever_they_come_from() {
+    fn a_cloud_has_at_most_32_eyes() {
         let cloud = base64(&npy_of(&[1, 3], &[0.1; 3]));
         let seen_from = |count: usize| json!({ "cloud": cloud, "eyes_m": vec![[0, 0, 1]; count] });
         assert!(read(&seen_from(32)).is_ok());
         assert_eq!(message(&seen_from(33)), "must have at most 32 entries, got 33: eyes_m");
-        let flags = RequestInput {
-            cloud: Some(SourceInput::Path("cloud.npy".to_owned())),
-            eyes_m: Some(vec![[0.0, 0.0, 1.0]; 33]),
-            ..RequestInput::default()
-        };
-        let message = assemble(&flags, Some(Path::new("")), Grid::PAPER).unwrap_err().to_string();
-        assert_eq!(message, "must have at most 32 entries, got 33: eyes_m");
     }
 }

@@ -6,7 +6,7 @@ use std::fmt;
 
 use glamx::{DQuat, DVec3};
 use schema::{Intrinsics, Pose, Quat, Vec3, pose_from_parts};
-use serde::de::value::MapAccessDeserializer;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use utoipa::openapi::RefOr;
@@ -14,8 +14,7 @@ use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, OneOfBuilder, Schema};
 use utoipa::{PartialSchema, ToSchema};
 
 use crate::input::error::{InputError, refuse};
-use crate::input::lists::{Numbers, first_entries, numbers};
-use crate::input::raw_depth::SIDE_PX_MAX;
+use crate::input::lists::{FirstEntries, Numbers, numbers};
 
 /// Tolerance of a rotation: the error of three printed digits.
 const RIGID_TOLERANCE: f64 = 1e-3;
@@ -91,9 +90,9 @@ impl<'de> Visitor<'de> for PoseVisitor {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, rows: A) -> Result<PoseInput, A::Error> {
-        let (rows, count) = first_entries::<Numbers<4>, A>(rows, 4)?;
+        let FirstEntries { kept, count } = FirstEntries::<_, 4>::deserialize(SeqAccessDeserializer::new(rows))?;
         let wrong = || A::Error::custom(format!("a matrix must have 4 rows of 4 numbers, got {count} rows"));
-        let rows = <[Numbers<4>; 4]>::try_from(rows).ok().filter(|_| count == 4).ok_or_else(wrong)?;
+        let rows = <[Numbers<4>; 4]>::try_from(kept).ok().filter(|_| count == 4).ok_or_else(wrong)?;
         Ok(PoseInput::Matrix(rows.map(|row| row.0)))
     }
 
@@ -139,9 +138,6 @@ pub(crate) fn intrinsics(
     for (key, given, of_image) in [("width_px", input.width_px, width_px), ("height_px", input.height_px, height_px)] {
         if let Some(given) = given.filter(|given| *given != of_image) {
             return refuse(format!("{key} must be the image's {of_image}, got {given}"));
-        }
-        if !(1..=SIDE_PX_MAX).contains(&of_image) {
-            return refuse(format!("{key} must be between 1 and {SIDE_PX_MAX}, got {of_image}"));
         }
     }
     for (key, focal_px) in [("fx_px", input.fx_px), ("fy_px", input.fy_px)] {

@@ -26,18 +26,15 @@ pub(crate) fn read_cloud(bytes: &[u8]) -> Result<ReadCloud, InputError> {
 /// An array of points, one per row or, for an organised cloud, one per pixel; columns after the third are ignored.
 fn read_array(bytes: &[u8]) -> Result<ReadCloud, InputError> {
     let (header, data) = npy::split(bytes)?;
-    if let [3 | 4, .., last] = header.shape[..]
-        && last > 4
-    {
-        let shape = &header.shape;
-        return refuse(format!(
-            "a cloud must have the shape [N, 3] or [H, W, 3], one point a row, got {shape:?}: is it transposed? save its transpose"
-        ));
-    }
+    let is_transposed = matches!(header.shape[..], [3 | 4, .., last] if last > 4);
     let (points, columns) = match header.shape[..] {
-        [points, columns] if columns >= 3 => (points, columns),
-        [height, width, columns] if columns >= 3 => (height.saturating_mul(width), columns),
-        _ => return refuse(format!("a cloud must have the shape [N, 3] or [H, W, 3], got {:?}", header.shape)),
+        [points, columns] if columns >= 3 && !is_transposed => (points, columns),
+        [height, width, columns] if columns >= 3 && !is_transposed => (height.saturating_mul(width), columns),
+        _ => {
+            let (shape, hint) =
+                (&header.shape, if is_transposed { ": is it transposed? save its transpose" } else { "" });
+            return refuse(format!("a cloud must have the shape [N, 3] or [H, W, 3], got {shape:?}{hint}"));
+        }
     };
     check_count(points, data.len(), columns)?;
     let values = header.decode(data);

@@ -7,94 +7,98 @@ use std::marker::PhantomData;
 use serde::de::{Error, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
+/// The first entries of a list, at most `MAX`, and how many it has.
+pub(crate) struct FirstEntries<T, const MAX: usize> {
+    pub(crate) kept: Vec<T>,
+    pub(crate) count: usize,
+}
+
+impl<'de, T: Deserialize<'de>, const MAX: usize> Deserialize<'de> for FirstEntries<T, MAX> {
+    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
+        source.deserialize_seq(ListVisitor(PhantomData))
+    }
+}
+
+struct ListVisitor<T, const MAX: usize>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>, const MAX: usize> Visitor<'de> for ListVisitor<T, MAX> {
+    type Value = FirstEntries<T, MAX>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+        let mut kept = Vec::new();
+        while kept.len() < MAX {
+            let Some(entry) = list.next_element()? else { break };
+            kept.push(entry);
+        }
+        let mut count = kept.len();
+        while list.next_element::<IgnoredAny>()?.is_some() {
+            count += 1;
+        }
+        Ok(FirstEntries { kept, count })
+    }
+}
+
 /// Exactly `N` numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Numbers<const N: usize>(pub(crate) [f64; N]);
 
 impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
     fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
-        numbers(source).map(Self)
+        let FirstEntries { kept, count } = FirstEntries::<f64, N>::deserialize(source)?;
+        let numbers = kept.try_into().ok().filter(|_| count == N).map(Self);
+        numbers.ok_or_else(|| D::Error::custom(format!("must have {N} numbers, got {count}")))
     }
 }
 
 /// Reads exactly `N` numbers.
 pub(crate) fn numbers<'de, D: Deserializer<'de>, const N: usize>(source: D) -> Result<[f64; N], D::Error> {
-    let (kept, count) = entries::<f64, D>(source, N, "a list of numbers")?;
-    let wrong = || D::Error::custom(format!("must have {N} numbers, got {count}"));
-    if count == N { kept.try_into().map_err(|_| wrong()) } else { Err(wrong()) }
+    Numbers::deserialize(source).map(|numbers| numbers.0)
 }
 
-/// A list of at most `MAX` entries.
-#[derive(Debug)]
-pub(crate) struct AtMost<T, const MAX: usize>(pub(crate) Vec<T>);
-
-impl<'de, T: Deserialize<'de>, const MAX: usize> Deserialize<'de> for AtMost<T, MAX> {
-    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
-        match entries(source, MAX, "a list")? {
-            (kept, count) if count <= MAX => Ok(Self(kept)),
-            (_, count) => Err(D::Error::custom(format!("must have at most {MAX} entries, got {count}"))),
-        }
-    }
-}
-
-/// The first entries of a list, and its length.
-pub(crate) fn first_entries<'de, T: Deserialize<'de>, A: SeqAccess<'de>>(
-    mut list: A,
-    kept_max: usize,
-) -> Result<(Vec<T>, usize), A::Error> {
-    let (mut kept, mut count) = (Vec::new(), 0);
-    while count < kept_max {
-        let Some(entry) = list.next_element()? else { return Ok((kept, count)) };
-        kept.push(entry);
-        count += 1;
-    }
-    while list.next_element::<IgnoredAny>()?.is_some() {
-        count += 1;
-    }
-    Ok((kept, count))
-}
-
-fn entries<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+/// Reads exactly `N` numbers, or nothing.
+pub(crate) fn maybe_numbers<'de, D: Deserializer<'de>, const N: usize>(
     source: D,
-    kept_max: usize,
-    expected: &'static str,
-) -> Result<(Vec<T>, usize), D::Error> {
-    source.deserialize_seq(Entries { kept_max, expected, kind: PhantomData })
+) -> Result<Option<[f64; N]>, D::Error> {
+    Ok(Option::<Numbers<N>>::deserialize(source)?.map(|numbers| numbers.0))
 }
 
-struct Entries<T> {
-    kept_max: usize,
-    expected: &'static str,
-    kind: PhantomData<T>,
+/// Reads a list of at most `MAX` entries, or nothing.
+pub(crate) fn at_most<'de, D: Deserializer<'de>, T: Deserialize<'de>, const MAX: usize>(
+    source: D,
+) -> Result<Option<Vec<T>>, D::Error> {
+    match Option::<FirstEntries<T, MAX>>::deserialize(source)? {
+        Some(FirstEntries { count, .. }) if count > MAX => {
+            Err(D::Error::custom(format!("must have at most {MAX} entries, got {count}")))
+        }
+        list => Ok(list.map(|list| list.kept)),
+    }
 }
 
-impl<'de, T: Deserialize<'de>> Visitor<'de> for Entries<T> {
-    type Value = (Vec<T>, usize);
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.expected)
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
-        first_entries(list, self.kept_max)
-    }
+/// Reads a list of at most `MAX` times `N` numbers, or nothing.
+pub(crate) fn rows<'de, D: Deserializer<'de>, const N: usize, const MAX: usize>(
+    source: D,
+) -> Result<Option<Vec<[f64; N]>>, D::Error> {
+    let rows = at_most::<D, Numbers<N>, MAX>(source)?;
+    Ok(rows.map(|rows| rows.into_iter().map(|row| row.0).collect()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn points_of(json: &str) -> Result<Vec<Numbers<3>>, serde_json::Error> {
-        serde_json::from_str::<AtMost<_, 2>>(json).map(|list| list.0)
+    fn points_of(json: &str) -> Result<Vec<[f64; 3]>, serde_json::Error> {
+        let points = rows::<_, 3, 2>(&mut serde_json::Deserializer::from_str(json));
+        points.map(|points| points.expect("a list is given"))
     }
 
     #[test]
     fn lists_within_their_bounds_are_read() {
         assert!(points_of("[]").unwrap().is_empty());
-        assert_eq!(
-            points_of("[[1, 2, 3.5], [4, 5, 6]]").unwrap(),
-            [Numbers([1.0, 2.0, 3.5]), Numbers([4.0, 5.0, 6.0])]
-        );
+        assert_eq!(points_of("[[1, 2, 3.5], [4, 5, 6]]").unwrap(), [[1.0, 2.0, 3.5], [4.0, 5.0, 6.0]]);
     }
 
     #[test]
@@ -105,7 +109,7 @@ mod tests {
             ("[[1, 2]]", "must have 3 numbers, got 2"),
             ("[[]]", "must have 3 numbers, got 0"),
             ("[[1, 2, 3, \"four\", []]]", "must have 3 numbers, got 5"),
-            ("[7]", "expected a list of numbers"),
+            ("[7]", "expected a list"),
             ("7", "expected a list"),
         ] {
             assert!(message(json).contains(expected), "{json}: {}", message(json));

@@ -1,57 +1,42 @@
 //! Masks: images that are not 0 where the target is.
 
-use std::io::Cursor;
-
-use png::{BitDepth, ColorType, Transformations};
-
-use crate::input::depth::{PNG_SIGNATURE, damaged_png, png_decoder};
-use crate::input::error::{InputError, refuse, shown};
-use crate::input::npy;
+use crate::input::error::{InputError, refuse};
+use crate::input::{grey_png, npy};
 
 /// A mask of a depth image of this size, row by row: a grey PNG or an NPY file of bytes or truth values.
 ///
 /// # Errors
 /// [`InputError`] if it is neither, or of another size.
 pub(crate) fn read_mask(bytes: &[u8], [width_px, height_px]: [usize; 2]) -> Result<Vec<bool>, InputError> {
-    let fits = |width: usize, height: usize| {
-        let told = || format!("must have its depth image's size, {width_px} x {height_px}, got {width} x {height}");
-        if (width, height) == (width_px, height_px) { Ok(()) } else { refuse(told()) }
-    };
-    if npy::is_npy(bytes) {
-        let (header, data) = npy::split(bytes)?;
-        let [height, width] = header.shape[..] else {
-            return refuse(format!("a mask must have the shape [H, W], got {:?}", header.shape));
-        };
-        fits(width, height)?;
-        if !header.number.is_byte() {
-            return refuse("a mask's dtype must be bool or uint8: mask.astype(\"uint8\")");
+    let must_fit = |[width, height]: [usize; 2]| {
+        if [width, height] == [width_px, height_px] {
+            return Ok(());
         }
-        return Ok(header.decode(data).into_iter().map(|value| value != 0.0).collect());
+        refuse(format!("must have its depth image's size, {width_px} x {height_px}, got {width} x {height}"))
+    };
+    if grey_png::is_png(bytes) {
+        let (_, pixels) = grey_png::read_grey(bytes, "a mask", |size, _| must_fit(size))?;
+        let pixel_bytes = pixels.len() / (width_px * height_px);
+        return Ok(pixels.chunks_exact(pixel_bytes).map(|pixel| pixel.iter().any(|byte| *byte != 0)).collect());
     }
-    if !bytes.starts_with(PNG_SIGNATURE) {
-        return refuse(format!(
-            "a mask must be a PNG or NPY file, got {}",
-            shown(&format!("{:02x?}", &bytes[..bytes.len().min(8)]))
-        ));
+    if !npy::is_npy(bytes) {
+        return refuse("a mask must be a PNG or NPY file, got other bytes");
     }
-    let mut decoder = png_decoder(Cursor::new(bytes));
-    decoder.set_transformations(Transformations::EXPAND);
-    let header = decoder.read_header_info().map_err(damaged_png)?;
-    let (width, height, color) = (header.width as usize, header.height as usize, header.color_type);
-    let pixel_bytes = if header.bit_depth == BitDepth::Sixteen { 2 } else { 1 };
-    if color != ColorType::Grayscale {
-        return refuse(format!("a mask must be a grey PNG, got {color:?}"));
+    let (header, data) = npy::split(bytes)?;
+    let [height, width] = header.shape[..] else {
+        return refuse(format!("a mask must have the shape [H, W], got {:?}", header.shape));
+    };
+    must_fit([width, height])?;
+    if !header.number.is_byte() {
+        return refuse("a mask's dtype must be bool or uint8: mask.astype(\"uint8\")");
     }
-    fits(width, height)?;
-    let mut reader = decoder.read_info().map_err(damaged_png)?;
-    let mut pixels = vec![0; pixel_bytes * width_px * height_px]; // of an image whose depths are there already
-    reader.next_frame(&mut pixels).map_err(damaged_png)?;
-    reader.finish().map_err(damaged_png)?;
-    Ok(pixels.chunks_exact(pixel_bytes).map(|pixel| pixel.iter().any(|byte| *byte != 0)).collect())
+    Ok(header.decode(data).into_iter().map(|value| value != 0.0).collect())
 }
 
 #[cfg(test)]
 mod tests {
+    use png::ColorType;
+
     use super::*;
     use crate::input::tests::{npy_of, png_of};
 

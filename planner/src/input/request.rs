@@ -17,24 +17,23 @@ use crate::Policy;
 use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput, numbers_schema};
 use crate::input::error::{InputError, shown};
 use crate::input::file::read_file;
-use crate::input::lists::{AtMost, Numbers, numbers};
+use crate::input::lists::{at_most, maybe_numbers, numbers, rows};
 
 /// Maximum number of views of a request.
 pub(crate) const VIEWS_MAX: usize = 32;
 /// Maximum number of viewpoints of a cloud.
-pub(crate) const EYES_MAX: usize = 32;
-
+const EYES_MAX: usize = 32;
 /// Maximum number of hands to avoid.
-pub(crate) const AVOID_MAX: usize = 256;
+const AVOID_MAX: usize = 256;
 /// Maximum number of planes that keep the hand out.
-pub(crate) const KEEP_OUT_MAX: usize = 64;
+const KEEP_OUT_MAX: usize = 64;
 
 /// A request for a plan: exactly one of `views`, `tsdf` and `cloud`, and options.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RequestInput {
     /// Depth images with their cameras, 1 to 32.
-    #[serde(default, deserialize_with = "views")]
+    #[serde(default, deserialize_with = "at_most::<_, _, VIEWS_MAX>")]
     pub views: Option<Vec<ViewInput>>,
     /// The intrinsics of all views without their own.
     pub intrinsics: Option<IntrinsicsInput>,
@@ -47,7 +46,7 @@ pub struct RequestInput {
     pub cloud: Option<SourceInput>,
     /// Positions of the sensors that saw the cloud, at most 32; by default the viewpoint of a PCD file.
     #[schema(schema_with = eyes_schema)]
-    #[serde(default, deserialize_with = "eyes")]
+    #[serde(default, deserialize_with = "rows::<_, 3, EYES_MAX>")]
     pub eyes_m: Option<Vec<[f64; 3]>>,
     /// Side of the workspace, in metres, 0.2 to 0.6; rounded up to whole voxels of 7.5 mm. By default it is 0.3.
     pub workspace_size_m: Option<f64>,
@@ -69,19 +68,19 @@ pub struct RequestInput {
     pub explain: Option<bool>,
     /// Hands that failed, at most 256: the `workspace_from_grasp` of grasps of earlier plans. No grasp is offered whose
     /// tips are within 10 mm and whose axes are within 30° of one of them.
-    #[serde(default, deserialize_with = "avoid")]
+    #[serde(default, deserialize_with = "at_most::<_, _, AVOID_MAX>")]
     pub avoid: Option<Vec<PoseInput>>,
     /// Only grasps of the object at this point of the workspace, in metres: of the cluster of the seen surface that is
     /// nearest to it, and within 50 mm. For single objects in a heap give masks.
-    #[schema(schema_with = point_schema)]
-    #[serde(default, deserialize_with = "point")]
+    #[schema(min_items = 3, max_items = 3)]
+    #[serde(default, deserialize_with = "maybe_numbers")]
     pub target_m: Option<[f64; 3]>,
     /// Only grasps that approach within an angle of a direction.
     pub approach: Option<ConeInput>,
     /// Planes that the open hand does not cross on its way, at most 64: each a normal x, y, z, which points to where
     /// the hand may be, and its offset in metres, in the workspace. The hand stays where normal · x ≥ offset.
     #[schema(schema_with = keep_out_schema)]
-    #[serde(default, deserialize_with = "keep_out")]
+    #[serde(default, deserialize_with = "rows::<_, 4, KEEP_OUT_MAX>")]
     pub keep_out: Option<Vec<[f64; 4]>>,
     /// Only grasps whose tips are within this box of the workspace.
     pub reach: Option<BoxInput>,
@@ -92,7 +91,7 @@ pub struct RequestInput {
 #[serde(deny_unknown_fields)]
 pub struct ConeInput {
     /// The direction: x, y, z of any length; straight down is 0, 0, -1.
-    #[schema(schema_with = direction_schema)]
+    #[schema(min_items = 3, max_items = 3)]
     #[serde(deserialize_with = "numbers")]
     pub direction: [f64; 3],
     /// Largest angle from it, in radians, 0 to π.
@@ -104,11 +103,11 @@ pub struct ConeInput {
 #[serde(deny_unknown_fields)]
 pub struct BoxInput {
     /// The lower corner: x, y, z in metres.
-    #[schema(schema_with = corner_schema)]
+    #[schema(min_items = 3, max_items = 3)]
     #[serde(deserialize_with = "numbers")]
     pub low_m: [f64; 3],
     /// The upper corner.
-    #[schema(schema_with = corner_schema)]
+    #[schema(min_items = 3, max_items = 3)]
     #[serde(deserialize_with = "numbers")]
     pub high_m: [f64; 3],
 }
@@ -117,7 +116,7 @@ pub struct BoxInput {
 #[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ViewInput {
-    /// The image: a grey PNG of 16 bits, an NPY or an EXR file.
+    /// The image: a grey PNG of 16 bits or an NPY file.
     #[schema(value_type = DataInput)]
     pub depth: SourceInput,
     /// What to grasp: a grey PNG or an NPY file (bool or uint8) of the image's size, not 0 where the target is.
@@ -178,51 +177,20 @@ impl<'de> Visitor<'de> for SourceVisitor {
     }
 }
 
-fn views<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<ViewInput>>, D::Error> {
-    Ok(Option::<AtMost<_, VIEWS_MAX>>::deserialize(source)?.map(|views| views.0))
-}
-
-fn avoid<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<PoseInput>>, D::Error> {
-    Ok(Option::<AtMost<_, AVOID_MAX>>::deserialize(source)?.map(|hands| hands.0))
-}
-
-fn point<'de, D: Deserializer<'de>>(source: D) -> Result<Option<[f64; 3]>, D::Error> {
-    Ok(Option::<Numbers<3>>::deserialize(source)?.map(|numbers| numbers.0))
-}
-
-fn keep_out<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<[f64; 4]>>, D::Error> {
-    let planes = Option::<AtMost<Numbers<4>, KEEP_OUT_MAX>>::deserialize(source)?;
-    Ok(planes.map(|planes| planes.0.into_iter().map(|plane| plane.0).collect()))
-}
-
-fn point_schema() -> RefOr<Schema> {
-    numbers_schema(3, "Only grasps of the object at this point: x, y, z in metres.").into()
-}
-
-fn direction_schema() -> RefOr<Schema> {
-    numbers_schema(3, "The direction: x, y, z of any length; straight down is 0, 0, -1.").into()
-}
-
-fn corner_schema() -> RefOr<Schema> {
-    numbers_schema(3, "A corner: x, y, z in metres.").into()
+fn eyes_schema() -> RefOr<Schema> {
+    let what = "Positions of the sensors that saw the cloud, in metres; by default the viewpoint of a PCD file.";
+    rows_schema(numbers_schema(3, "x, y, z in metres."), EYES_MAX, what)
 }
 
 fn keep_out_schema() -> RefOr<Schema> {
     let what =
         "Planes that the open hand does not cross: a normal, which points to where it may be, and an offset in metres.";
-    let items = ArrayItems::RefOrSchema(Box::new(numbers_schema(4, "nx, ny, nz, offset in metres.").into()));
-    ArrayBuilder::new().items(items).max_items(Some(KEEP_OUT_MAX)).description(Some(what)).into()
+    rows_schema(numbers_schema(4, "nx, ny, nz, offset in metres."), KEEP_OUT_MAX, what)
 }
 
-fn eyes<'de, D: Deserializer<'de>>(source: D) -> Result<Option<Vec<[f64; 3]>>, D::Error> {
-    let eyes = Option::<AtMost<Numbers<3>, EYES_MAX>>::deserialize(source)?;
-    Ok(eyes.map(|eyes| eyes.0.into_iter().map(|xyz| xyz.0).collect()))
-}
-
-fn eyes_schema() -> RefOr<Schema> {
-    let what = "Positions of the sensors that saw the cloud, in metres; by default the viewpoint of a PCD file.";
-    let items = ArrayItems::RefOrSchema(Box::new(numbers_schema(3, "x, y, z in metres.").into()));
-    ArrayBuilder::new().items(items).max_items(Some(EYES_MAX)).description(Some(what)).into()
+fn rows_schema(row: ArrayBuilder, rows_max: usize, what: &str) -> RefOr<Schema> {
+    let items = ArrayItems::RefOrSchema(Box::new(row.into()));
+    ArrayBuilder::new().items(items).max_items(Some(rows_max)).description(Some(what)).into()
 }
 
 /// A request from a file, TOML or JSON, with only keys and types checked.

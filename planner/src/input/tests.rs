@@ -2,17 +2,12 @@
 //! of times, and a reader must return a result and not panic. The damage is drawn from a fixed sequence, so failures
 //! are reproducible.
 
-use std::io::Cursor;
-
-use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
-use exr::meta::header::LayerAttributes;
-use exr::prelude::{SmallVec, WritableImage};
 use png::{BitDepth, ColorType};
 use schema::Grid;
 
 use crate::input::assemble::from_json;
 use crate::input::cloud::read_cloud;
-use crate::input::depth::{judge_depth, read_depth};
+use crate::input::depth::read_depth;
 use crate::input::tsdf::read_tsdf;
 use crate::input::{pcd, ply};
 
@@ -38,24 +33,6 @@ pub(crate) fn png_of(width: u32, height: u32, units: &[u16]) -> Vec<u8> {
     writer.write_image_data(&pixels).unwrap();
     writer.finish().unwrap();
     bytes
-}
-
-/// An EXR of 5 × 3 pixels with these channels.
-pub(crate) fn exr_of(encoding: Encoding, channels: Vec<(&str, FlatSamples)>) -> Vec<u8> {
-    let channels: Vec<_> = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
-    let channels = AnyChannels::sort(SmallVec::from_vec(channels));
-    let layer = Layer::new((5, 3), LayerAttributes::named("seen"), encoding, channels);
-    let mut bytes = Cursor::new(Vec::new());
-    Image::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
-    bytes.into_inner()
-}
-
-#[test]
-fn an_exrs_whole_numbers_are_millimetres() {
-    let whole = FlatSamples::U32((600..615).collect());
-    let read = read_depth(&exr_of(Encoding::SMALL_LOSSLESS, vec![("Z", whole)]), None, usize::MAX).unwrap();
-    assert_eq!(read.scale_m, 0.001);
-    assert!((read.image.depth_m[0] - 0.6).abs() < 1e-6, "{}", read.image.depth_m[0]);
 }
 
 /// Reproducible pseudo-random numbers (splitmix64).
@@ -100,14 +77,9 @@ fn for_each_damage(whole: &[u8], times: u64, read: impl Fn(&[u8])) {
 
 #[test]
 fn damaged_depth_images_are_answered() {
-    let samples = || FlatSamples::F32(vec![0.5; 15]);
-    let encodings = [Encoding::UNCOMPRESSED, Encoding::SMALL_LOSSLESS, Encoding::FAST_LOSSLESS];
-    let mut files: Vec<Vec<u8>> = encodings.map(|encoding| exr_of(encoding, vec![("Z", samples())])).into();
-    files.push(png_of(8, 8, &(0..64).map(|i| 500 + i).collect::<Vec<_>>()));
-    files.push(npy_of(&[2, 3], &[0.5; 6]));
-    for file in files {
+    for file in [png_of(8, 8, &(0..64).map(|i| 500 + i).collect::<Vec<_>>()), npy_of(&[2, 3], &[0.5; 6])] {
         for_each_damage(&file, 700, |bytes| {
-            let _ = read_depth(bytes, None, usize::MAX).map(|depth| judge_depth(&depth));
+            let _ = read_depth(bytes, None, usize::MAX);
         });
     }
 }

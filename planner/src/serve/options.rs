@@ -26,21 +26,6 @@ pub struct ServeOptions {
     pub silence_max: Duration,
 }
 
-impl Default for ServeOptions {
-    fn default() -> Self {
-        Self {
-            host: "127.0.0.1".to_owned(),
-            allow_host: Vec::new(),
-            port: 8040,
-            body_bytes_max: 64 << 20,
-            request_timeout: Duration::from_secs(30),
-            concurrent: 2,
-            queue: 16,
-            silence_max: Duration::from_secs(10),
-        }
-    }
-}
-
 impl ServeOptions {
     /// The first address of the host.
     pub(super) fn address(&self) -> Result<SocketAddr, Failure> {

@@ -27,7 +27,7 @@ pub(super) fn plan_bytes(planners: &Planners, body: &[u8]) -> Result<Planned, Fa
     })?;
     let parsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let planner = planners.of(request.config);
-    let plan = planner.and_then(|planner| planner.plan(&request.observation, &request.wishes));
+    let plan = planner.and_then(|planner| planner.plan(&request.observation, &request.options));
     let mut plan = plan.map_err(|error| Fault::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()))?;
     plan.warnings.extend(request.warnings);
     Ok(Planned {

@@ -31,12 +31,14 @@ impl Running {
 
 fn options() -> ServeOptions {
     ServeOptions {
+        host: "127.0.0.1".to_owned(),
+        allow_host: Vec::new(),
         port: 0,
         body_bytes_max: 1000,
         request_timeout: Duration::from_secs(20),
         concurrent: 1,
         queue: 0,
-        ..ServeOptions::default()
+        silence_max: Duration::from_secs(10),
     }
 }
 

@@ -10,7 +10,7 @@ use core::f32::consts::FRAC_PI_4;
 use schema::{Grasp, Gripper, Pose, Vec3, axis_angle};
 
 use crate::config::CollisionParams;
-use crate::hand::Sweep;
+use crate::hand::HandVolume;
 
 /// Between turns that are tried: a box that is off by half of it is 2 mm wider.
 const STEP_RAD: f32 = FRAC_PI_4 / 9.0;
@@ -28,7 +28,7 @@ const TURN_COST_M: f32 = 0.005;
 /// What is needed to close a hand on a cloud.
 pub(crate) struct Closer<'a> {
     gripper: &'a Gripper,
-    sweep: Sweep,
+    sweep: HandVolume,
     points_max: usize,
     /// The whole cloud, which is in the way.
     cloud_m: &'a [Vec3],
@@ -44,7 +44,13 @@ impl<'a> Closer<'a> {
         cloud_m: &'a [Vec3],
         things_m: Vec<Vec3>,
     ) -> Self {
-        Self { gripper, sweep: Sweep::new(gripper, collision), points_max: collision.points_max, cloud_m, things_m }
+        Self {
+            gripper,
+            sweep: HandVolume::swept(gripper, collision),
+            points_max: collision.points_max,
+            cloud_m,
+            things_m,
+        }
     }
 
     /// The hand that closes on what was seen about a predicted one, by a free way.
@@ -68,7 +74,8 @@ impl<'a> Closer<'a> {
         });
         let mut hands: Vec<(f32, Grasp)> = narrowest.collect();
         hands.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let is_free = |hand: &Grasp| self.sweep.points_hit(&hand.workspace_from_grasp, self.cloud_m) <= self.points_max;
+        let is_free =
+            |hand: &Grasp| self.sweep.points_inside(&hand.workspace_from_grasp, self.cloud_m) <= self.points_max;
         hands.into_iter().map(|(_, hand)| hand).find(is_free)
     }
 

@@ -1,4 +1,4 @@
-//! Detections against VGN's procedure in scipy (`scripts/golden_planning.py`).
+//! Detections against VGN's procedure in scipy (`lab/golden_planning.py`).
 
 use std::path::{Path, PathBuf};
 

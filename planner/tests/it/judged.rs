@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use planner::plan::{Plan, RejectReason};
-use planner::{BuiltIn, Config, Observation, Planner, Planners, Policy, Wishes, demo, input};
+use planner::{BuiltIn, Config, Observation, PlanOptions, Planner, Planners, Policy, demo, input};
+use program::ExitCode;
 use schema::{Grid, Gripper, Outcome, Pose, Vec3, VoxelGrid};
 
 fn file(name: &str) -> PathBuf {
@@ -21,8 +22,8 @@ fn judge(config: Config) -> Planner {
 fn demo(planner: &Planner, threads: usize) -> Plan {
     let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let wishes = Wishes { explain: true, ..Wishes::default() };
-    Plan { timings_ms: Vec::new(), ..pool.install(|| planner.plan(&observation, &wishes)).unwrap() }
+    let options = PlanOptions { explain: true, ..PlanOptions::default() };
+    Plan { timings_ms: Vec::new(), ..pool.install(|| planner.plan(&observation, &options)).unwrap() }
 }
 
 #[test]
@@ -53,11 +54,7 @@ fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_other
     assert_eq!(plan.grasps.len() + plan.dropped.len(), proposals);
     let failed = |dropped: &&planner::plan::DroppedCandidate| matches!(dropped.reason, RejectReason::Judged { outcome, .. } if outcome != Outcome::Held);
     let failed = plan.dropped.iter().find(failed).unwrap();
-    assert!(
-        failed.quality < epsilon && failed.detail.starts_with("quality below the threshold: 0."),
-        "{}",
-        failed.detail
-    );
+    assert!(failed.quality < epsilon && failed.why == "quality", "{failed:?}");
 }
 
 #[test]
@@ -65,8 +62,8 @@ fn hands_that_failed_are_not_offered_again() {
     let planner = judge(config());
     let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
     let plan = |avoid: &[Pose]| {
-        let wishes = Wishes { avoid: avoid.to_vec(), explain: true, ..Wishes::default() };
-        planner.plan(&observation, &wishes).unwrap()
+        let options = PlanOptions { avoid: avoid.to_vec(), explain: true, ..PlanOptions::default() };
+        planner.plan(&observation, &options).unwrap()
     };
     let mut failed: Vec<Pose> = Vec::new();
     // Every hand of the demo fails, until none is left.
@@ -81,8 +78,7 @@ fn hands_that_failed_are_not_offered_again() {
         failed.push(best.workspace_from_grasp);
     };
     assert!(failed.len() > plan(&[]).grasps.len(), "avoided hands suppress none: {}", failed.len());
-    let reason = last.reason.unwrap();
-    assert!(reason.starts_with("all ") && reason.ends_with(" grasps are like hands that failed"), "{reason}");
+    assert!(last.reason.is_some() && last.funnel.count("found") == Some(0));
     assert!(last.dropped.iter().any(|dropped| dropped.reason == RejectReason::Avoided && dropped.why == "avoided"));
 }
 
@@ -94,17 +90,19 @@ fn an_empty_table_has_no_hands_and_says_so() {
         if tsdf.abs() < 0.98 { 0.5 * (tsdf + 1.0) } else { 0.0 }
     };
     let table = VoxelGrid::new(grid, (0..grid.len()).map(value).collect()).unwrap();
-    let plan = judge(config()).plan(&Observation::Tsdf(table), &Wishes::default()).unwrap();
+    let plan = judge(config()).plan(&Observation::Tsdf(table), &PlanOptions::default()).unwrap();
     assert!(plan.grasps.is_empty());
-    assert_eq!(plan.reason.unwrap(), "no collision-free grasp candidate was found on the observed surface");
+    assert!(plan.reason.is_some() && plan.funnel.count("proposed") == Some(0), "{:?}", plan.funnel);
 }
 
 #[test]
 fn a_judge_of_another_hand_is_refused_and_both_are_named() {
     let mut config = config();
     config.gripper = Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap();
-    let error = Planner::new(&file("models/judge.safetensors"), config).unwrap_err().to_string();
-    assert!(error.contains("trained for the hand parallel_jaw_80, not for robotiq_2f_85"), "{error}");
+    let error = Planner::new(&file("models/judge.safetensors"), config).unwrap_err();
+    assert_eq!(error.exit_code(), ExitCode::Config);
+    let text = error.to_string();
+    assert!(text.contains("parallel_jaw_80") && text.contains("robotiq_2f_85"), "{text}");
 }
 
 #[test]
@@ -116,10 +114,7 @@ fn hands_without_a_judge_of_their_own_share_one_within_its_ranges() {
     assert!(shared.len() == models.len() - 1 && shared.iter().all(|id| *id == shared[0]));
     let huge = Gripper { opening_m_max: 0.3, palm_breadth_m: 0.3, name: "huge".to_owned(), ..config().gripper };
     let error = of(huge).unwrap_err().to_string();
-    assert!(
-        error.contains("not for huge as it is given: opening_m_max must be 0.0") && error.contains("got 0.3"),
-        "{error}"
-    );
+    assert!(["huge", "opening_m_max", "0.3"].iter().all(|part| error.contains(part)), "{error}");
 }
 
 #[test]
@@ -128,23 +123,21 @@ fn a_network_of_voxels_says_that_it_was_trained_for_another_hand() {
     let warnings = |gripper: Option<Gripper>| {
         let paper = BuiltIn::Paper.config().unwrap();
         let planner = Planner::built_in(Config { gripper: gripper.unwrap_or(paper.gripper.clone()), ..paper }).unwrap();
-        planner.plan(&observation, &Wishes::default()).unwrap().warnings
+        planner.plan(&observation, &PlanOptions::default()).unwrap().warnings
     };
     assert_eq!(warnings(None), Vec::<String>::new());
-    let told = warnings(Some(Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap()));
-    assert!(told[0].starts_with("the network paper was trained for the hand parallel_jaw_80, not for robotiq_2f_85"));
+    let warning = &warnings(Some(Gripper::from_toml(Gripper::BUILT_IN[1].1).unwrap()))[0];
+    assert!(["paper", "parallel_jaw_80", "robotiq_2f_85"].iter().all(|part| warning.contains(part)), "{warning}");
 }
 
 #[test]
 fn weights_of_the_other_kind_are_refused_and_both_are_named() {
-    for (named, model, needed, got) in [
-        (BuiltIn::Judge, "paper-200k", "a judge, which", "those of the paper's network"),
-        (BuiltIn::Paper, "judge", "the paper's network, which", "those of a judge"),
-    ] {
-        let model = file(&format!("models/{model}.safetensors"));
-        let error = Planner::new(&model, named.config().unwrap()).unwrap_err().to_string();
-        assert!(error.contains(named.name()) && error.contains(&format!("needs {needed}")), "{error}");
-        assert!(error.contains(got), "{error}");
+    for (named, model) in [(BuiltIn::Judge, "paper-200k"), (BuiltIn::Paper, "judge")] {
+        let file = file(&format!("models/{model}.safetensors"));
+        let error = Planner::new(&file, named.config().unwrap()).unwrap_err();
+        assert_eq!(error.exit_code(), ExitCode::Config);
+        let text = error.to_string();
+        assert!(text.contains(&format!("\"{}\"", named.name())) && text.contains(model), "{text}");
     }
 }
 
@@ -153,7 +146,7 @@ fn a_request_may_name_other_settings_and_keeps_the_planners_hand() {
     let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
     let planners = Planners::new(judge(config()));
     let model = |named| {
-        let plan = planners.of(named).unwrap().plan(&observation, &Wishes::default()).unwrap();
+        let plan = planners.of(named).unwrap().plan(&observation, &PlanOptions::default()).unwrap();
         (plan.model, plan.policy)
     };
     let [own, same, paper, vgn] = [None, Some(BuiltIn::Judge), Some(BuiltIn::Paper), Some(BuiltIn::Vgn)].map(model);
@@ -169,5 +162,5 @@ fn a_request_may_name_other_settings_and_keeps_the_planners_hand() {
     let planners =
         Planners::new(Planner::built_in(Config { gripper: huge, ..BuiltIn::Paper.config().unwrap() }).unwrap());
     let error = planners.of(Some(BuiltIn::Judge)).unwrap_err().to_string();
-    assert!(error.contains("not for huge") && error.ends_with("config"), "{error}");
+    assert!(error.contains("huge") && error.ends_with(": config"), "{error}");
 }

@@ -3,7 +3,7 @@
 use network::GraspOrigin;
 use planner::plan::{Plan, PointLabel, RejectReason};
 use planner::rank::rho_m;
-use planner::{BuiltIn, Observation, Planner, Policy, Wishes, demo, input};
+use planner::{BuiltIn, Observation, PlanOptions, Planner, Policy, demo, input};
 use schema::{Grid, Purpose, Quat, Stream, Vec3, VoxelGrid, pose_from_parts};
 
 const GRID: Grid = Grid::PAPER;
@@ -23,8 +23,8 @@ fn seen() -> Observation {
     input::assemble(&demo::request().unwrap(), None, GRID).unwrap().observation
 }
 
-fn plan_with(planner: &Planner, observation: &Observation, wishes: &Wishes) -> Plan {
-    planner.plan(observation, wishes).unwrap()
+fn plan_with(planner: &Planner, observation: &Observation, options: &PlanOptions) -> Plan {
+    planner.plan(observation, options).unwrap()
 }
 
 /// A TSDF of a shape given by its signed distance (metres, positive outside).
@@ -41,7 +41,7 @@ fn field(distance_m: impl Fn(Vec3) -> f32) -> Observation {
 fn the_demo_has_ranked_grasps_that_obey_the_rules() {
     for planner in [planner(), generous()] {
         let params = planner.config.detection;
-        let plan = plan_with(&planner, &seen(), &Wishes::default());
+        let plan = plan_with(&planner, &seen(), &PlanOptions::default());
         assert!(!plan.grasps.is_empty() && plan.reason.is_none());
         assert_eq!(plan.funnel.count("ranked"), Some(plan.grasps.len()));
         assert_eq!(plan.funnel.count("detections"), plan.funnel.count("collision_free"));
@@ -74,7 +74,8 @@ fn the_demo_has_ranked_grasps_that_obey_the_rules() {
 fn threads_change_no_bit() {
     let plan_on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let mut plan = pool.install(|| plan_with(&generous(), &seen(), &Wishes { explain: true, ..Wishes::default() }));
+        let mut plan =
+            pool.install(|| plan_with(&generous(), &seen(), &PlanOptions { explain: true, ..PlanOptions::default() }));
         plan.timings_ms.clear();
         plan
     };
@@ -86,9 +87,12 @@ fn a_grasp_is_given_in_the_base_frame_and_towards_the_wrist() {
     let mut stream = Stream::new(5, 0, Purpose::Candidates, 0);
     let base_from_workspace = pose_from_parts(stream.rotation(), Vec3::new(0.4, -0.1, 0.2));
     let plan = |wrist: Option<Quat>| {
-        let wishes =
-            Wishes { base_from_workspace: Some(base_from_workspace), workspace_from_wrist: wrist, ..Wishes::default() };
-        plan_with(&generous(), &seen(), &wishes)
+        let options = PlanOptions {
+            base_from_workspace: Some(base_from_workspace),
+            workspace_from_wrist: wrist,
+            ..PlanOptions::default()
+        };
+        plan_with(&generous(), &seen(), &options)
     };
     let (forwards, backwards) = (plan(None), plan(Some(Quat::from_xyzw(0.0, 1.0, 0.0, 0.0))));
     let mut turned = 0;
@@ -113,9 +117,10 @@ fn every_candidate_that_is_dropped_has_its_reason() {
     config.collision.points_max = 0;
     config.gripper.opening_m_max = 0.06;
     let planner = Planner::built_in(config).unwrap();
-    let wishes = Wishes { explain: true, check_collisions: Some(true), grasps_max: Some(2), ..Wishes::default() };
-    let plan = plan_with(&planner, &seen(), &wishes);
-    let silent = plan_with(&planner, &seen(), &Wishes { explain: false, ..wishes.clone() });
+    let options =
+        PlanOptions { explain: true, check_collisions: Some(true), grasps_max: Some(2), ..PlanOptions::default() };
+    let plan = plan_with(&planner, &seen(), &options);
+    let silent = plan_with(&planner, &seen(), &PlanOptions { explain: false, ..options.clone() });
     assert_eq!(plan.grasps, silent.grasps);
     assert!(silent.dropped.is_empty());
     let count = |is: fn(&RejectReason) -> bool| plan.dropped.iter().filter(|dropped| is(&dropped.reason)).count();
@@ -141,8 +146,8 @@ fn every_candidate_that_is_dropped_has_its_reason() {
 #[test]
 fn policies_give_the_same_grasps_in_their_own_orders() {
     let of = |policy| {
-        let wishes = Wishes { policy: Some(policy), ..Wishes::default() };
-        plan_with(&generous(), &seen(), &wishes).grasps
+        let options = PlanOptions { policy: Some(policy), ..PlanOptions::default() };
+        plan_with(&generous(), &seen(), &options).grasps
     };
     let sorted = |mut grasps: Vec<planner::plan::RankedGrasp>| {
         grasps.sort_by_key(|ranked| ranked.voxel);
@@ -156,10 +161,11 @@ fn policies_give_the_same_grasps_in_their_own_orders() {
     assert_eq!(sorted(paper), sorted(best));
 }
 
+/// The wording of reasons; other tests read the funnel.
 #[test]
 fn where_there_is_nothing_the_plan_says_so() {
     let reason = |observation: &Observation| {
-        let plan = plan_with(&planner(), observation, &Wishes::default());
+        let plan = plan_with(&planner(), observation, &PlanOptions::default());
         assert!(plan.grasps.is_empty());
         plan.reason.unwrap()
     };
@@ -170,13 +176,13 @@ fn where_there_is_nothing_the_plan_says_so() {
     assert_eq!(reason(&cloudless), "empty scene: no surface was seen in the workspace");
     let mut strict = planner();
     strict.config.detection.quality_min = 1.0; // the shipped network gives two places at the table's edge more than 0.9
-    let table = plan_with(&strict, &field(|p| p.z - 0.05), &Wishes::default()).reason.unwrap();
+    let table = plan_with(&strict, &field(|p| p.z - 0.05), &PlanOptions::default()).reason.unwrap();
     assert!(table.starts_with("no grasp has a quality of 1 or more: the best has 0."), "{table}");
 }
 
 #[test]
 fn none_asked_for_is_a_reason_too() {
-    let plan = plan_with(&generous(), &seen(), &Wishes { grasps_max: Some(0), ..Wishes::default() });
+    let plan = plan_with(&generous(), &seen(), &PlanOptions { grasps_max: Some(0), ..PlanOptions::default() });
     assert_eq!(plan.reason.as_deref(), Some("no grasps were asked for"));
 }
 
@@ -184,27 +190,24 @@ fn none_asked_for_is_a_reason_too() {
 fn no_plane_and_no_cluster_are_warnings() {
     // An upright board that hangs in the air.
     let board = field(|p| ((p.x - 0.15).abs() - 0.015).max((p.y - 0.15).abs() - 0.04).max((p.z - 0.15).abs() - 0.12));
-    let floating = plan_with(&generous(), &board, &Wishes::default());
+    let floating = plan_with(&generous(), &board, &PlanOptions::default());
     assert!(floating.cloud.plane.is_none());
-    assert!(floating.warnings[0].starts_with("no plane was found"), "{:?}", floating.warnings);
+    assert_eq!(floating.warnings.len(), 1, "{:?}", floating.warnings);
     assert_eq!(floating.objects.len(), 1, "the board is an object all the same");
-    let table = plan_with(&planner(), &field(|p| p.z - 0.05), &Wishes::default());
-    assert!(table.warnings[0].starts_with("no cluster of points"), "{:?}", table.warnings);
+    let table = plan_with(&planner(), &field(|p| p.z - 0.05), &PlanOptions::default());
+    assert!(table.objects.is_empty() && table.warnings.len() == 1, "{:?}", table.warnings);
     assert!(table.cloud.labels.iter().all(|label| *label == PointLabel::Plane));
 }
 
 #[test]
 fn a_table_at_another_height_than_the_networks_is_a_warning() {
-    let warnings = |z_m: f32| plan_with(&planner(), &field(move |p| p.z - z_m), &Wishes::default()).warnings;
-    let by_quality = Wishes { policy: Some(Policy::VgnBest), ..Wishes::default() };
+    let warnings = |z_m: f32| plan_with(&planner(), &field(move |p| p.z - z_m), &PlanOptions::default()).warnings;
+    let by_quality = PlanOptions { policy: Some(Policy::VgnBest), ..PlanOptions::default() };
     let ranked_otherwise = plan_with(&planner(), &field(|p| p.z - 0.07), &by_quality).warnings;
-    assert!(ranked_otherwise[0].starts_with("the largest plane lies at"), "whatever ranks: {ranked_otherwise:?}");
-    assert!(!warnings(0.052)[0].contains("largest plane"), "{:?}", warnings(0.052));
-    let high = warnings(0.07);
-    assert!(
-        high[0].starts_with("the largest plane lies at z = 70 mm") && high[0].contains("tables at 50 mm"),
-        "{high:?}"
-    );
+    let names_both = |warning: &String| warning.contains("70 mm") && warning.contains("50 mm");
+    assert!(names_both(&ranked_otherwise[0]), "whatever ranks: {ranked_otherwise:?}");
+    assert!(!warnings(0.052)[0].contains("mm"), "{:?}", warnings(0.052));
+    assert!(names_both(&warnings(0.07)[0]), "{:?}", warnings(0.07));
 }
 
 #[test]
@@ -214,13 +217,17 @@ fn grasps_without_an_object_are_last_or_dropped() {
         config.detection.quality_min = 0.5;
         config.clusters.cluster_points_min = 1_000_000;
         config.ranking.without_object = without_object;
-        plan_with(&Planner::built_in(config).unwrap(), &seen(), &Wishes { explain: true, ..Wishes::default() })
+        plan_with(
+            &Planner::built_in(config).unwrap(),
+            &seen(),
+            &PlanOptions { explain: true, ..PlanOptions::default() },
+        )
     };
     let last = with(planner::config::WithoutObject::Last);
     assert!(!last.grasps.is_empty() && last.grasps.iter().all(|ranked| ranked.object.is_none()));
     let dropped = with(planner::config::WithoutObject::Drop);
     assert!(dropped.grasps.is_empty());
-    assert!(dropped.reason.unwrap().starts_with("no cluster of points is large enough"));
+    assert!(dropped.reason.is_some() && dropped.funnel.count("ranked") == Some(0));
     assert_eq!(dropped.dropped.iter().filter(|d| d.reason == RejectReason::NoObject).count(), last.grasps.len());
 }
 
@@ -236,8 +243,8 @@ fn a_blocked_way_is_a_reason() {
     config.gripper.finger_width_m = 0.2;
     config.gripper.opening_m_max = 0.01;
     let tight = Planner::built_in(config).unwrap();
-    let wishes = Wishes { check_collisions: Some(true), ..Wishes::default() };
-    let plan = plan_with(&tight, &Observation::Tsdf(grid), &wishes);
+    let options = PlanOptions { check_collisions: Some(true), ..PlanOptions::default() };
+    let plan = plan_with(&tight, &Observation::Tsdf(grid), &options);
     assert!(plan.grasps.is_empty());
-    assert!(plan.reason.unwrap().starts_with("the hand's way is blocked for all"));
+    assert!(plan.reason.is_some() && plan.funnel.count("collision_free") == Some(0));
 }

@@ -4,7 +4,7 @@
 
 use schema::{Grid, Pose, Quat, Vec3};
 
-use crate::SeenView;
+use crate::View;
 
 /// The floor is divided into so many cells along each side.
 const CELLS: usize = 10;
@@ -54,7 +54,7 @@ impl Mistakes {
     ];
 
     /// What was given instead of the pose of a key.
-    fn told(self, key: &str) -> String {
+    fn describe(self, key: &str) -> String {
         let inverse = key.split_once("_from_").map_or_else(String::new, |(to, from)| format!("{from}_from_{to}"));
         let parts = [
             (self.is_inverted, format!("the inverse, {inverse}")),
@@ -91,7 +91,7 @@ impl Extrinsics {
 
 /// Warnings for views that do not see the table where the workspace has it, but would if their poses were mistaken in a
 /// usual way; one for all views with the same mistake.
-pub(crate) fn table_elsewhere(views: &[SeenView], extrinsics: &[Extrinsics], grid: &Grid) -> Vec<String> {
+pub(crate) fn table_elsewhere(views: &[View], extrinsics: &[Extrinsics], grid: &Grid) -> Vec<String> {
     let explained: Vec<_> =
         views.iter().zip(extrinsics).map(|(view, given)| (given.key, explanation(view, given, grid))).collect();
     let mut warnings = Vec::new();
@@ -110,7 +110,7 @@ pub(crate) fn table_elsewhere(views: &[SeenView], extrinsics: &[Extrinsics], gri
              workspace, if {key} were {}: {}",
             1e3 * grid.table_z_m,
             1e2 * share,
-            mistakes.told(key),
+            mistakes.describe(key),
             alike.join(", ")
         ));
     }
@@ -119,7 +119,7 @@ pub(crate) fn table_elsewhere(views: &[SeenView], extrinsics: &[Extrinsics], gri
 
 /// The mistakes that best explain why a view does not see the table where it is, and the share of the floor in which it
 /// then would.
-fn explanation(view: &SeenView, given: &Extrinsics, grid: &Grid) -> Option<(Mistakes, f32)> {
+fn explanation(view: &View, given: &Extrinsics, grid: &Grid) -> Option<(Mistakes, f32)> {
     let share_if = |mistakes: Mistakes| table_share(view, &given.corrected(mistakes), grid);
     let share_min = SHARE_MIN.max(TIMES_MIN * share_if(Mistakes::NONE));
     if share_min > 1.0 {
@@ -131,7 +131,7 @@ fn explanation(view: &SeenView, given: &Extrinsics, grid: &Grid) -> Option<(Mist
 }
 
 /// The share of the floor's cells in which a view shows something at the table's height.
-fn table_share(SeenView { image, camera }: &SeenView, workspace_from_camera: &Pose, grid: &Grid) -> f32 {
+fn table_share(View { image, camera }: &View, workspace_from_camera: &Pose, grid: &Grid) -> f32 {
     let stride = image.width_px.div_ceil(COLUMNS).max(1);
     let mut is_seen = [false; CELLS * CELLS];
     for pixel in
@@ -157,7 +157,7 @@ mod tests {
     use crate::input::assemble;
 
     /// The demo's views.
-    fn demo_views() -> Vec<SeenView> {
+    fn demo_views() -> Vec<View> {
         let request = assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap();
         assert_eq!(request.warnings, Vec::<String>::new());
         let Observation::Views(views) = request.observation else { panic!("the demo has views") };
@@ -165,11 +165,11 @@ mod tests {
     }
 
     /// The warnings if the demo's poses are given wrongly under this key.
-    fn told(key: &'static str, given: impl Fn(&Pose) -> Pose) -> Vec<String> {
+    fn warnings(key: &'static str, given: impl Fn(&Pose) -> Pose) -> Vec<String> {
         let views = demo_views();
         let workspace_from_target = Pose::from_parts(Vec3::new(-0.4, 0.2, 0.1), Quat::from_xyzw(0.0, 0.0, 0.6, 0.8));
         let workspace_from_target = if key.contains("base") { workspace_from_target } else { Pose::IDENTITY };
-        let extrinsics = |view: &SeenView| Extrinsics {
+        let extrinsics = |view: &View| Extrinsics {
             key,
             given: given(&(workspace_from_target.inverse() * view.camera.workspace_from_camera)),
             is_inverse: key.starts_with("camera_from"),
@@ -193,7 +193,7 @@ mod tests {
     fn every_usual_mistake_is_recognised_and_named() {
         for [to, from] in [["workspace", "camera"], ["base", "camera"]] {
             let key: &'static str = if to == "base" { "base_from_camera" } else { "workspace_from_camera" };
-            assert!(told(key, |pose| *pose).is_empty());
+            assert!(warnings(key, |pose| *pose).is_empty());
             let cases: [(Mistake, String); 5] = [
                 (in_opengl, "in OpenGL's camera axes, y up and z backwards".to_owned()),
                 (|pose| pose.inverse(), format!("the inverse, {from}_from_{to}")),
@@ -203,20 +203,20 @@ mod tests {
                 (|pose| in_mm(&pose.inverse()), format!("the inverse, {from}_from_{to}, in millimetres")),
             ];
             for (mistake, expected) in cases {
-                let all = told(key, mistake);
-                let [told] = &all[..] else { panic!("{all:?}") };
-                assert!(told.starts_with("the table was not seen at z = 50 mm") && told.contains(&expected), "{told}");
-                assert!(told.ends_with(": views[0], views[1], views[2]"), "{told}");
+                let all = warnings(key, mistake);
+                let [warning] = &all[..] else { panic!("{all:?}") };
+                assert!(warning.contains(&expected), "{warning}");
+                assert!(warning.ends_with(": views[0], views[1], views[2]"), "{warning}");
             }
         }
-        let inverted = &told("camera_from_base", |pose| *pose)[0];
+        let inverted = &warnings("camera_from_base", |pose| *pose)[0];
         assert!(inverted.contains("if camera_from_base were the inverse, base_from_camera: views[0]"), "{inverted}");
-        assert!(told("camera_from_base", Pose::inverse).is_empty());
+        assert!(warnings("camera_from_base", Pose::inverse).is_empty());
     }
 
     #[test]
     fn a_pose_that_is_wrong_in_another_way_is_not_explained() {
-        let aside = told("workspace_from_camera", |pose| {
+        let aside = warnings("workspace_from_camera", |pose| {
             Pose::from_parts(pose.translation + Vec3::new(1.0, 0.0, 0.3), pose.rotation)
         });
         assert!(aside.is_empty(), "{aside:?}");

@@ -6,7 +6,7 @@ use program::Failure;
 use rayon::prelude::*;
 use schema::{Grasp, Grid, Gripper, Outcome, Stream};
 
-use crate::{Proposer, Seen, Space};
+use crate::{CandidateSampler, ObservedScene, Space};
 
 /// Hands that one thread judges together.
 const TOGETHER: usize = 32;
@@ -24,19 +24,19 @@ const ASKED_AGAIN: usize = 32;
 pub struct Judge {
     network: JudgeNetwork,
     crop: Crop,
-    proposer: Proposer,
+    sampler: CandidateSampler,
 }
 
 /// A hand and how its attempt would end.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Judged {
-    /// The hand.
-    pub hand: Grasp,
+pub struct ScoredGrasp {
+    /// The grasp.
+    pub grasp: Grasp,
     /// Probabilities in the order of [`Outcome::ALL`].
     pub outcomes: [f32; OUTCOMES],
 }
 
-impl Judged {
+impl ScoredGrasp {
     /// The probability that it holds.
     #[must_use]
     pub fn quality(&self) -> f32 {
@@ -53,7 +53,7 @@ impl Judged {
     /// Whether its tips are nearer than this to those of another hand.
     #[must_use]
     pub fn is_near(&self, other: &Self, apart_m: f32) -> bool {
-        let [here_m, there_m] = [self, other].map(|judged| judged.hand.workspace_from_grasp.translation);
+        let [here_m, there_m] = [self, other].map(|judged| judged.grasp.workspace_from_grasp.translation);
         (here_m - there_m).length() < apart_m
     }
 }
@@ -66,31 +66,28 @@ impl Judge {
     pub fn new(checkpoint: &Checkpoint, gripper: &Gripper, grid: &Grid) -> Result<Self, Failure> {
         let scope = checkpoint.architecture.scope("judging hands")?;
         scope.must_match(gripper, grid)?;
-        let (proposer, pregrasp_m) = (Proposer::new(gripper, scope.pregrasp_distance_m), scope.pregrasp_distance_m);
-        Ok(Self {
-            network: JudgeNetwork::new(&checkpoint.vector),
-            crop: Crop::new(gripper, pregrasp_m, grid),
-            proposer,
-        })
+        let (sampler, pregrasp_m) =
+            (CandidateSampler::new(gripper, scope.pregrasp_distance_m), scope.pregrasp_distance_m);
+        Ok(Self { network: JudgeNetwork::new(&checkpoint.vector), crop: Crop::new(gripper, pregrasp_m, grid), sampler })
     }
 
     /// Proposes hands in a scene, and judges them, best first: `proposals`, or several times as many where few are
     /// good. The best are asked about again in each mirror image: a hand and its mirror image end alike, so where the
     /// answers differ their mean is nearer to the truth. Of the proposed hands only those that are wanted are judged.
     #[must_use]
-    pub fn hands(
+    pub fn scored_grasps(
         &self,
-        seen: Seen<'_>,
+        seen: ObservedScene<'_>,
         proposals: usize,
         stream: &mut Stream,
         is_wanted: &dyn Fn(&Grasp) -> bool,
-    ) -> Vec<Judged> {
+    ) -> Vec<ScoredGrasp> {
         let space = Space::new(seen.field, seen.fine);
         let scene = (&space.padded, seen.views);
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
-        let mut judged: Vec<Judged> = Vec::new();
+        let mut judged: Vec<ScoredGrasp> = Vec::new();
         for _ in 0..SEARCHES_MAX {
-            let mut hands = self.proposer.search(&space, proposals, stream);
+            let mut hands = self.sampler.search(&space, proposals, stream);
             let is_bare = hands.is_empty();
             hands.retain(is_wanted);
             let parts: Vec<_> = hands.par_chunks(TOGETHER).map(|hands| pair(hands, &first(hands))).collect();
@@ -103,7 +100,7 @@ impl Judge {
         if best.len() > ASKED_AGAIN {
             rest = best.split_off(ASKED_AGAIN);
         }
-        let hands: Vec<Grasp> = best.iter().map(|judged| judged.hand).collect();
+        let hands: Vec<Grasp> = best.iter().map(|judged| judged.grasp).collect();
         let mirrored = [[true, false], [false, true], [true, true]];
         let again: Vec<_> = mirrored.par_iter().map(|mirrored| self.judge(scene, &hands, *mirrored)).collect();
         for outcomes in again {
@@ -131,12 +128,12 @@ impl Judge {
     }
 }
 
-fn pair(hands: &[Grasp], outcomes: &[[f32; OUTCOMES]]) -> Vec<Judged> {
-    hands.iter().zip(outcomes).map(|(hand, outcomes)| Judged { hand: *hand, outcomes: *outcomes }).collect()
+fn pair(hands: &[Grasp], outcomes: &[[f32; OUTCOMES]]) -> Vec<ScoredGrasp> {
+    hands.iter().zip(outcomes).map(|(grasp, outcomes)| ScoredGrasp { grasp: *grasp, outcomes: *outcomes }).collect()
 }
 
 /// Best first.
-fn sorted(mut judged: Vec<Judged>) -> Vec<Judged> {
+fn sorted(mut judged: Vec<ScoredGrasp>) -> Vec<ScoredGrasp> {
     judged.sort_by(|a, b| b.quality().total_cmp(&a.quality()));
     judged
 }

@@ -14,7 +14,7 @@ use perception::{TRUNCATION_VOXELS, normals, surface_cloud};
 use rayon::prelude::*;
 use schema::{Grasp, Gripper, HandBox, Mat3, Pose, Quat, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts};
 
-pub use judge::{Judge, Judged};
+pub use judge::{Judge, ScoredGrasp};
 
 /// Distance between the points of the surface that hands touch.
 const PITCH_M: f32 = 0.005;
@@ -54,7 +54,7 @@ const ROUND: usize = 1024;
 
 /// What was seen of a scene.
 #[derive(Debug, Clone, Copy)]
-pub struct Seen<'a> {
+pub struct ObservedScene<'a> {
     /// As a TSDF on the judge's grid.
     pub field: &'a VoxelGrid,
     /// The same on a finer grid, if there is one: hands are fitted to it more closely.
@@ -65,7 +65,7 @@ pub struct Seen<'a> {
 
 /// A hand, prepared for the search.
 #[derive(Debug, Clone)]
-pub struct Proposer {
+pub struct CandidateSampler {
     span_m: f32,
     swept: [HandBox; 3],
     /// Points of the swept hand in the grasp frame, the tips first.
@@ -104,7 +104,7 @@ impl Draw {
     }
 }
 
-impl Proposer {
+impl CandidateSampler {
     /// Prepares a hand that starts `pregrasp_distance_m` behind its grasp.
     #[must_use]
     pub fn new(gripper: &Gripper, pregrasp_distance_m: f32) -> Self {
@@ -117,11 +117,11 @@ impl Proposer {
     /// At most `count` hands in a scene, with the widths on which they close as far as these were seen; fewer if no
     /// more are found. A pure function of its arguments, whatever the number of threads.
     #[must_use]
-    pub fn propose(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
+    pub fn sample(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
         self.search(&Space::new(field, None), count, stream)
     }
 
-    /// [`Self::propose`] in a scene that is prepared, for several searches.
+    /// [`Self::sample`] in a scene that is prepared, for several searches.
     fn search(&self, space: &Space<'_>, count: usize, stream: &mut Stream) -> Vec<Grasp> {
         let mut found = Vec::with_capacity(count);
         if space.surfaces[0].is_empty() {
@@ -338,8 +338,8 @@ mod tests {
 
     fn proposed(count: usize) -> (Gripper, Vec<Grasp>) {
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
-        let proposer = Proposer::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
-        let hands = proposer.propose(&field(), count, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let sampler = CandidateSampler::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
+        let hands = sampler.sample(&field(), count, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         (gripper, hands)
     }
 
@@ -374,9 +374,9 @@ mod tests {
     fn hands_stand_freer_in_a_finer_field() {
         let (gripper, coarse) = proposed(500);
         let (field, fine) = (field(), field_of(120));
-        let proposer = Proposer::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
+        let sampler = CandidateSampler::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
         let space = Space::new(&field, Some(&fine));
-        let hands = proposer.search(&space, 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
+        let hands = sampler.search(&space, 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         assert_eq!(hands.len(), 500);
         let [before_m, after_m] = [&coarse, &hands].map(|hands| deepest_m(&gripper, hands));
         // A millimetre is not in the way.
@@ -432,7 +432,7 @@ mod tests {
         let empty = VoxelGrid::new(Grid::PAPER, vec![0.0; 64_000]).unwrap();
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
         let mut stream = Stream::new(1, 0, Purpose::Proposals, 0);
-        assert!(Proposer::new(&gripper, 0.05).propose(&empty, 10, &mut stream).is_empty());
+        assert!(CandidateSampler::new(&gripper, 0.05).sample(&empty, 10, &mut stream).is_empty());
         assert_eq!(proposed(300).1, proposed(500).1[..300]);
     }
 }

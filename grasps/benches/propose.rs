@@ -1,7 +1,7 @@
 //! A thousand hands of a scene: a box on a table.
 
 use divan::Bencher;
-use hands::Proposer;
+use grasps::CandidateSampler;
 use schema::{Grid, Gripper, Purpose, Stream, Vec3, VoxelGrid};
 
 fn main() {
@@ -19,6 +19,6 @@ fn a_thousand_hands(bencher: Bencher<'_, '_>) {
         if tsdf.abs() < 0.98 { 0.5 * (tsdf + 1.0) } else { 0.0 }
     };
     let Ok(field) = VoxelGrid::new(Grid::PAPER, (0..64_000).map(value).collect()) else { return };
-    let proposer = Proposer::new(&gripper, 0.05);
-    bencher.bench(|| proposer.propose(&field, 1000, &mut Stream::new(1, 0, Purpose::Proposals, 0)));
+    let sampler = CandidateSampler::new(&gripper, 0.05);
+    bencher.bench(|| sampler.sample(&field, 1000, &mut Stream::new(1, 0, Purpose::Proposals, 0)));
 }
