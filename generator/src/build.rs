@@ -11,10 +11,9 @@ use schema::{
 };
 use simulator::{AttemptWorld, Execution, Scene, SceneObject, SceneRays, Settled, Unsettled, settle, settle_again};
 
-use crate::candidates::{Candidate, draw_candidates};
+use crate::candidates::Candidate;
 use crate::config::Config;
-use crate::mixture::{Mixture, displaced, proposed};
-use crate::normals::draw_along_normals;
+use crate::mixture::{Observed, Source, displaced, sources};
 use crate::objects::draw_drops;
 use crate::packed::draw_packed;
 
@@ -107,22 +106,14 @@ pub fn make_scene_timed(
 
     let mut candidates_stream = Stream::new(config.seed, scene_id, Purpose::Candidates, 0);
     let count = attempt_count as usize;
-    let mixture = Mixture::of(config, count);
+    let observed = Observed { config, scene: &scene, objects: &objects, rays: &rays, views: &views, tsdf: &tsdf };
     let mut candidates = Vec::with_capacity(count);
-    if mixture.rules > 0 {
-        candidates.extend(draw_candidates(&objects, mixture.rules, &mut candidates_stream));
-    }
-    if mixture.normals > 0 {
-        let of = (&scene, &objects[..]);
-        candidates.extend(draw_along_normals(config, of, &rays, &views, mixture.normals, &mut candidates_stream));
-    }
-    if mixture.proposals + mixture.judged > 0 {
-        candidates.extend(proposed(config, (&scene, &objects), (&tsdf, views.len()), mixture));
+    for (source, count) in sources(config, count) {
+        candidates.extend(observed.draw(source, count, &mut candidates_stream));
     }
     if candidates.is_empty() {
         // Nothing was proposed and nothing else is wanted.
-        let of = (&scene, &objects[..]);
-        candidates.extend(draw_along_normals(config, of, &rays, &views, count, &mut candidates_stream));
+        candidates = observed.draw(Source::Normals, count, &mut candidates_stream);
     }
     let world = AttemptWorld::new(&config.physics, config.gripper.of_scene(scene_id), &config.procedure, &scene);
     ended(Stage::Prepare)?;

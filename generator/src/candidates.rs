@@ -23,6 +23,14 @@ pub struct Candidate {
     pub workspace_from_grasp: Pose,
 }
 
+impl Candidate {
+    /// A candidate of which nothing but the pose was drawn.
+    pub(crate) fn undrawn(rule: Rule, object_id: usize, workspace_from_grasp: Pose) -> Self {
+        let [tilt_rad, turn_rad, depth_m, slide_m] = [0.0; 4];
+        Self { object_id, rule, closing: None, tilt_rad, turn_rad, depth_m, slide_m, workspace_from_grasp }
+    }
+}
+
 /// Draws `count` candidates, distributed evenly over a scene's objects, and over each object's three rules.
 ///
 /// # Panics

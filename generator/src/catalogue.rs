@@ -7,9 +7,9 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::path::Path;
 
-use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
+use schema::{Polyhedron, Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
 use serde::Deserialize;
-use simulator::{Body, Compound, Part, PartShape, convex_hull};
+use simulator::{Body, Compound, Part, convex_hull};
 
 /// The built-in catalogue.
 const EVERYDAY: &str = include_str!("../../configs/objects/everyday.toml");
@@ -160,7 +160,7 @@ fn thing(object: &RawObject) -> Result<CatalogueObject, String> {
 
 fn part(raw: &RawPart) -> Result<Part, String> {
     let size_m = || raw.size_m.map(Vec3::from_array).ok_or_else(|| format!("a {} needs size_m", raw.shape));
-    let hull = |points_m: &[Vec3]| convex_hull(points_m).map(PartShape::Hull).map_err(|e| e.to_string());
+    let hull = |points_m: &[Vec3]| convex_hull(points_m).map_err(|e| e.to_string());
     let shape = match raw.shape.as_str() {
         "hull" => {
             let corners_m = raw.corners_m.as_ref().ok_or("a hull needs corners_m")?;
@@ -171,7 +171,7 @@ fn part(raw: &RawPart) -> Result<Part, String> {
             let kinds = ShapeKind::ALL.map(ShapeKind::name).join(", ");
             let kind = ShapeKind::from_name(name)
                 .ok_or_else(|| format!("shape must be one of {kinds}, hull, ellipsoid, got {name}"))?;
-            PartShape::Solid(Solid::new(kind, size_m()?).map_err(|e| e.to_string())?)
+            Polyhedron::from(&Solid::new(kind, size_m()?).map_err(|e| e.to_string())?)
         }
     };
     let turned = |axis: Vec3| axis_angle(axis, Vec3::from_array(raw.turn_deg).dot(axis).to_radians());
@@ -255,9 +255,9 @@ mod tests {
         objects = ["mallet", "mallet"]
     "#;
 
-    fn problems(text: &str) -> Vec<String> {
-        let told = Catalogue::parse(text, Path::new("objects.toml")).unwrap_err();
-        told.lines().skip(1).map(|line| line.trim().to_owned()).collect()
+    fn problems_of(text: &str) -> Vec<String> {
+        let error = Catalogue::parse(text, Path::new("objects.toml")).unwrap_err();
+        error.lines().skip(1).map(|line| line.trim().to_owned()).collect()
     }
 
     #[test]
@@ -273,13 +273,13 @@ mod tests {
     }
 
     #[test]
-    fn everything_that_is_wrong_is_told() {
+    fn everything_that_is_wrong_is_reported() {
         let text = ONE.replace("mass_kg = 0.2", "mass_kg = 0.0").replace("\"mallet\", \"mallet\"", "\"maul\"");
-        let told = problems(&text);
-        assert!(told[0].starts_with("mallet: mass_kg must be between"), "{told:?}");
-        assert!(told.contains(&"set two: there is no object maul".to_owned()), "{told:?}");
-        let told = problems(&ONE.replace("\"cylinder\"", "\"pipe\""));
-        assert!(told[0].contains("part 0: shape must be one of cuboid"), "{told:?}");
+        let problems = problems_of(&text);
+        assert!(problems[0].starts_with("mallet: mass_kg"), "{problems:?}");
+        assert!(problems[1].starts_with("set two:") && problems[1].contains("maul"), "{problems:?}");
+        let problems = problems_of(&ONE.replace("\"cylinder\"", "\"pipe\""));
+        assert!(problems[0].starts_with("mallet: part 0: shape"), "{problems:?}");
         assert!(Catalogue::parse("object = 1", Path::new("objects.toml")).is_err());
     }
 

@@ -340,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_that_is_wrong_is_told_at_once() {
+    fn everything_that_is_wrong_is_reported_at_once() {
         let text = PAPER[0]
             .replace("resolution = 40 ", "resolution = 400 ")
             .replace("step_rate_hz = 240.0", "step_rate_hz = \"fast\"")
@@ -348,14 +348,14 @@ mod tests {
             .replace("hold_time_s = 0.25", "")
             .replace("\"half_cylinder\"]", "\"torus\"]");
         let problems = problems(&text);
-        for expected in [
-            "grid.resolution must be between 8 and 128, got 400",
-            "physics.step_rate_hz must be a number, got \"fast\"",
-            "objects.bogus is an unknown key",
-            "procedure.hold_time_s is missing: a number between 0 and 60",
-            "objects.shapes must be one of cuboid, cylinder, tri_prism, half_cylinder, got torus",
+        for (key, value) in [
+            ("grid.resolution", "400"),
+            ("physics.step_rate_hz", "fast"),
+            ("objects.bogus", ""),
+            ("procedure.hold_time_s", ""),
+            ("objects.shapes", "torus"),
         ] {
-            assert!(problems.iter().any(|p| p == expected), "{expected:?} is not among {problems:#?}");
+            assert!(problems.iter().any(|p| p.starts_with(key) && p.contains(value)), "{key}: {problems:#?}");
         }
         assert_eq!(problems.len(), 5, "{problems:#?}");
     }
@@ -363,9 +363,7 @@ mod tests {
     #[test]
     fn a_hand_that_has_no_time_to_close_is_refused() {
         let problems = problems(&PAPER[0].replace("close_time_s_max = 1.0", "close_time_s_max = 0.7"));
-        let expected =
-            "procedure.close_time_s_max must be at least the 0.80 s in which parallel_jaw_80 closes, got 0.7";
-        assert_eq!(problems, [expected]);
+        assert!(problems.len() == 1 && problems[0].starts_with("procedure.close_time_s_max"), "{problems:?}");
     }
 
     #[test]
@@ -376,10 +374,7 @@ mod tests {
             problems(&everyday.replace("[objects]\n", "[objects]\nsize_m = [0.03, 0.08]\nfriction = \"high\"\n"));
         assert_eq!(problems.len(), 2, "{problems:#?}");
         for (problem, key) in problems.iter().zip(["size_m", "friction"]) {
-            assert!(
-                problem.starts_with(&format!("objects.{key} must be left out beside objects.catalogue")),
-                "{problem}"
-            );
+            assert!(problem.starts_with(&format!("objects.{key} ")), "{problem}");
         }
     }
 
@@ -387,8 +382,8 @@ mod tests {
     fn no_shards_and_more_shards_than_scenes_are_refused() {
         let with_shards = |shards| Overrides { shards: Some(shards), attempts: Some(120), ..Overrides::default() };
         let message = |shards| Config::load(None, with_shards(shards)).unwrap_err().to_string();
-        assert!(message(0).contains("shards must be between 1 and 100000, got 0"), "{}", message(0));
-        assert!(message(3).contains("shards must be at most the number of scenes, 2"), "{}", message(3));
+        assert!(message(0).contains("shards must be between 1"), "{}", message(0));
+        assert!(message(3).contains("shards must be at most"), "{}", message(3));
         assert!(Config::load(None, with_shards(2)).is_ok());
     }
 }

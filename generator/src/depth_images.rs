@@ -11,7 +11,7 @@ use shards::Dataset;
 use simulator::{Scene, SceneRays};
 
 use crate::build::sensor;
-use crate::laws::{bodies_of, info_lacks};
+use crate::dataset_info::{bodies_of, info_lacks};
 
 /// Metres per unit of the images: a tenth of a millimetre, so that rounding is negligible against a voxel.
 const SCALE_M: f32 = 1e-4;

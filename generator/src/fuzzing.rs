@@ -7,7 +7,7 @@ use schema::{Gripper, Physics};
 use settings::Document;
 use shards::DatasetInfo;
 
-use crate::laws::physics_of;
+use crate::dataset_info::physics_of;
 use crate::{Config, Overrides};
 
 /// The text of a config, a NUL, the text of a gripper's file.

@@ -7,14 +7,14 @@
 mod drops;
 mod mjcf;
 mod source;
-mod told;
+mod summary;
 mod units;
 mod urdf;
 mod xml;
 
 pub use drops::TestDrops;
 pub use source::{Source, sources};
-pub use told::ImportedObject;
+pub use summary::ImportedObject;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ use serde::Serialize;
 use simulator::{ConvexParts, PartsParams, convex_parts, few_cornered_hull};
 
 use self::source::{described, is_description};
-use self::told::{catalogue_text, opening_m, warnings};
+use self::summary::{catalogue_text, opening_m, warnings};
 use self::units::{Own, guessed_scale_m, own_values};
 use self::xml::Described;
 use crate::catalogue::{Catalogue, MASS_KG};
@@ -106,19 +106,8 @@ pub struct LeftOut {
     pub reason: String,
 }
 
-/// What becomes of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FileState<'a> {
-    /// Work on it begins.
-    Begun,
-    /// It became an object.
-    Made,
-    /// It could not be used, for this reason.
-    LeftOut(&'a str),
-}
-
 /// Measures and decomposes meshes and makes a catalogue of them. Files are processed in parallel; the result does not
-/// depend on the number of threads. `on_file` is called when work on a file begins and when it ends.
+/// depend on the number of threads. `on_file` is called when work on a file has ended.
 ///
 /// # Errors
 /// If no file can be used, with all reasons; if there are too many; if the table of single objects is wrong.
@@ -126,7 +115,7 @@ pub fn import_objects(
     sources: &[Source],
     params: &ImportParams,
     config: &Config,
-    on_file: &(dyn Fn(&Path, FileState<'_>) + Sync),
+    on_file: &(dyn Fn(&Path) + Sync),
 ) -> Result<Imported, Failure> {
     if sources.len() > MODELS_MAX {
         let got = sources.len();
@@ -137,10 +126,8 @@ pub fn import_objects(
     let without_own: Vec<&Source> = sources.iter().filter(|source| own(source).scale.is_none()).collect();
     let scale_m = params.scale.unwrap_or_else(|| guessed_scale_m(&without_own));
     let made = |source: &Source| {
-        on_file(&source.file, FileState::Begun);
         let made = Import { source, own: own(source), scale_m, params, config }.object();
-        let reason = made.as_ref().err().map(ToString::to_string);
-        on_file(&source.file, reason.as_deref().map_or(FileState::Made, FileState::LeftOut));
+        on_file(&source.file);
         made
     };
     let made: Vec<_> = sources.par_iter().with_max_len(1).map(made).collect();

@@ -10,12 +10,12 @@ mod build;
 mod candidates;
 pub mod catalogue;
 mod config;
+mod dataset_info;
 mod depth_images;
 #[cfg(any(test, fuzzing))]
 pub mod fuzzing;
 mod household;
 mod import;
-mod laws;
 mod mass_integrals;
 mod measured;
 mod mesh;
@@ -31,16 +31,14 @@ mod repeat;
 mod replay;
 mod run;
 
-pub use bench::{Agreement, BenchReport, OutcomeCost, RunCost, StageCost, bench};
+pub use bench::{BenchReport, Comparison, Cost, bench};
 pub use build::{NoScene, Stage, make_scene, make_scene_timed};
 pub use candidates::{Candidate, draw_candidate, draw_candidates};
 pub use config::{Config, ObjectParams, Overrides, PackedParams, Sampler};
+pub use dataset_info::{bodies_of, physics_of};
 pub use depth_images::write_depth_images;
 pub use household::{HouseholdParams, Kind, Split, household};
-pub use import::{
-    FileState, ImportParams, Imported, ImportedObject, LeftOut, Source, TestDrops, import_objects, sources,
-};
-pub use laws::{bodies_of, physics_of};
+pub use import::{ImportParams, Imported, ImportedObject, LeftOut, Source, TestDrops, import_objects, sources};
 pub use models::Models;
 pub use objects::{draw_drops, draw_release};
 pub use packed::draw_packed;

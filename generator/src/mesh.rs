@@ -156,7 +156,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn corners_told_for_every_triangle_are_one() {
+    fn corners_repeated_for_every_triangle_are_one() {
         let (corners, triangles) = closed_box([1.0, 1.0, 1.0]);
         let soup: Vec<[f64; 3]> = triangles.iter().flatten().map(|i| corners[*i as usize]).collect();
         let numbers: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
@@ -169,16 +169,16 @@ pub(crate) mod tests {
     #[test]
     fn what_is_no_mesh_is_refused() {
         let (mut corners, mut triangles) = closed_box([1.0, 1.0, 1.0]);
-        assert_eq!(Mesh::new(&corners, &[], 1.0).unwrap_err(), "it has no triangles");
-        assert_eq!(Mesh::new(&corners, &[[0, 0, 1]], 1.0).unwrap_err(), "it has no triangles", "none has an area");
+        assert!(Mesh::new(&corners, &[], 1.0).is_err());
+        assert!(Mesh::new(&corners, &[[0, 0, 1]], 1.0).is_err(), "none has an area");
         triangles[4] = [0, 1, 8];
         let error = Mesh::new(&corners, &triangles, 1.0).unwrap_err();
-        assert_eq!(error, "triangle 4 names corner 8, and there are 8");
+        assert!(error.contains("triangle 4") && error.contains("corner 8"), "{error}");
         corners[5][1] = f64::NAN;
         let error = Mesh::new(&corners, &triangles, 1.0).unwrap_err();
-        assert_eq!(error, "its coordinates must be numbers, got NaN at corner 5");
+        assert!(error.contains("NaN") && error.contains("corner 5"), "{error}");
         let many = vec![[0, 1, 2]; TRIANGLES_MAX + 1];
         let error = Mesh::new(&corners, &many, 1.0).unwrap_err();
-        assert_eq!(error, "it must have at most 1000000 triangles, got 1000001: simplify it first");
+        assert!(error.contains("1000000") && error.contains("1000001"), "{error}");
     }
 }

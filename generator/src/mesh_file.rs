@@ -3,7 +3,7 @@
 //!
 //! Polygons are split as fans. Colours, normals, textures and materials are ignored.
 
-use std::io::{BufReader, Cursor};
+use std::io::BufReader;
 use std::path::Path;
 
 use glamx::{DMat4, DVec3};
@@ -90,60 +90,53 @@ fn obj(bytes: &[u8]) -> Result<Parts, String> {
 }
 
 /// Bytes of a binary file's header, and of one triangle.
-const STL_HEAD: u64 = 84;
-const STL_TRIANGLE: u64 = 50;
+const STL_HEAD: usize = 84;
+const STL_TRIANGLE: usize = 50;
 
 fn stl(bytes: &[u8]) -> Result<Parts, String> {
-    let is_text = bytes.trim_ascii_start().starts_with(b"solid");
-    let promised = bytes.get(80..84).map(|n| u64::from(u32::from_le_bytes([n[0], n[1], n[2], n[3]])));
-    let is_whole_binary = promised.is_some_and(|n| bytes.len() as u64 == STL_HEAD + n * STL_TRIANGLE);
-    // Some binary files also begin with "solid". A triangle count beyond the file's size must not be trusted.
-    if !is_text && !is_whole_binary {
-        let (got, n) = (bytes.len(), promised.unwrap_or(0));
-        return Err(format!("a binary one of {n} triangles has {} bytes, got {got}", STL_HEAD + n * STL_TRIANGLE));
-    }
-    let mut parts = (Vec::new(), Vec::new());
-    if is_whole_binary {
-        // The library reads files that begin with "solid" as text; the header has no meaning.
-        let head: &[u8] = &[0; 80];
-        read_stl(&mut Cursor::new([head, &bytes[80..]].concat()), &mut parts)?;
+    let promised = bytes.get(80..84).map_or(0, |n| u64::from(u32::from_le_bytes([n[0], n[1], n[2], n[3]])));
+    let expected = STL_HEAD as u64 + promised * STL_TRIANGLE as u64;
+    // Some binary files also begin with "solid".
+    let corners = if bytes.len() as u64 == expected {
+        let (triangles, _) = bytes[STL_HEAD..].as_chunks::<STL_TRIANGLE>();
+        // After the normal; two bytes follow.
+        triangles.iter().flat_map(|triangle| positions(triangle[12..48].as_chunks().0)).collect()
+    } else if bytes.trim_ascii_start().starts_with(b"solid") {
+        text_stl(str::from_utf8(bytes).map_err(|e| e.to_string())?)?
     } else {
-        for solid in solids_of(std::str::from_utf8(bytes).map_err(|e| e.to_string())?)? {
-            read_stl(&mut Cursor::new(solid.as_bytes()), &mut parts)?;
-        }
-    }
-    Ok(parts)
+        let got = bytes.len();
+        return Err(format!("a binary one of {promised} triangles has {expected} bytes, got {got}"));
+    };
+    let count = corners.len() as u32 / 3; // files have less than a gigabyte
+    Ok((corners, (0..count).map(|triangle| [3 * triangle, 3 * triangle + 1, 3 * triangle + 2]).collect()))
 }
 
-/// The solids of a text file; the library itself reads only the first. The library also requires a name after "solid"
-/// and numbers for the normals, which are not used.
-fn solids_of(text: &str) -> Result<Vec<String>, String> {
-    let (mut solids, mut open) = (Vec::new(), None::<String>);
-    for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
-        if line.starts_with("solid") {
-            if open.replace("solid of_many\n".to_owned()).is_some() {
-                return Err("a solid begins before the last one ends".to_owned());
+/// The corners of all facets of a text file, which may have several solids. The facets' normals are not used.
+fn text_stl(text: &str) -> Result<Vec<[f64; 3]>, String> {
+    let (mut corners, mut facets, mut is_open) = (Vec::new(), 0, false);
+    for line in text.lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            [] => {}
+            ["solid", ..] if is_open => return Err("a solid begins before the last one ends".to_owned()),
+            ["solid", ..] => is_open = true,
+            _ if !is_open => return Err(format!("the next line must begin with solid, got {line:?}")),
+            ["facet" | "outer" | "endloop", ..] => {}
+            ["vertex", x, y, z] => {
+                let number = |word: &str| word.parse::<f32>().map_err(|e| format!("{e}: {line:?}")).map(f64::from);
+                corners.push([number(x)?, number(y)?, number(z)?]);
             }
-            continue;
-        }
-        let solid = open.as_mut().ok_or_else(|| format!("the next line must begin with solid, got {line:?}"))?;
-        solid.push_str(if line.starts_with("facet") { "facet normal 0 0 1" } else { line });
-        solid.push('\n');
-        if line.starts_with("endsolid") {
-            solids.extend(open.take());
+            ["endfacet", ..] if corners.len() == 3 * (facets + 1) => facets += 1,
+            ["endsolid", ..] if corners.len() == 3 * facets => is_open = false,
+            _ => return Err(format!("a facet must have three corners and an end, got {line:?}")),
         }
     }
-    if open.is_some() { Err("it ends before its solid does".to_owned()) } else { Ok(solids) }
+    if is_open { Err("it ends before its solid does".to_owned()) } else { Ok(corners) }
 }
 
-fn read_stl(source: &mut Cursor<impl AsRef<[u8]>>, (corners, triangles): &mut Parts) -> Result<(), String> {
-    for triangle in stl_io::create_stl_reader(source).map_err(|e| e.to_string())? {
-        let triangle = triangle.map_err(|e| e.to_string())?;
-        let first = corners.len() as u32; // at most three per 50 bytes of a gigabyte
-        corners.extend(triangle.vertices.iter().map(|v| [v[0], v[1], v[2]].map(f64::from)));
-        triangles.push([first, first + 1, first + 2]);
-    }
-    Ok(())
+/// Points of three little-endian numbers each.
+fn positions(words: &[[u8; 4]]) -> impl Iterator<Item = [f64; 3]> {
+    words.chunks_exact(3).map(|p| [p[0], p[1], p[2]].map(|word| f32::from_le_bytes(word).into()))
 }
 
 fn ply(bytes: &[u8]) -> Result<Parts, String> {
@@ -238,9 +231,8 @@ fn msh(bytes: &[u8]) -> Result<Parts, String> {
     }
     let (corners, after) = words[4..].split_at(3 * corners as usize);
     let triangles = &after[after.len() - 3 * triangles as usize..];
-    let three = |words: &[[u8; 4]]| [words[0], words[1], words[2]];
-    let corners = corners.chunks_exact(3).map(|words| three(words).map(|word| f32::from_le_bytes(word).into()));
-    Ok((corners.collect(), triangles.chunks_exact(3).map(|words| three(words).map(u32::from_le_bytes)).collect()))
+    let triangles = triangles.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(u32::from_le_bytes));
+    Ok((positions(corners).collect(), triangles.collect()))
 }
 
 /// The triangles of a binary glTF's scene, in its frame (y up).

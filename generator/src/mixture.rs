@@ -1,116 +1,128 @@
-//! A mixture of samplers, for datasets that teach a judge: where hands come from matters more than how many.
+//! A mixture of samplers, for datasets that teach a judge: where grasps come from matters more than how many.
 //!
-//! By the paper's rules nearly every hand that reaches its grasp holds, so its label is a collision test. Along normals
-//! and as proposals hands reach grasps of which many fail; and hands that held, displaced a little, show where holding
+//! By the paper's rules nearly every grasp that is reached holds, so its label is a collision test. Along normals
+//! and as proposals grasps are reached of which many fail; and grasps that held, displaced a little, show where holding
 //! ends.
 
 use core::f32::consts::FRAC_PI_6;
 
-use hands::{Judge, Judged, Proposer, Seen};
+use grasps::{CandidateSampler, Judge, ObservedScene, ScoredGrasp};
 use schema::{
-    Approach, AttemptRecord, ObjectRecord, Pose, Purpose, Rule, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts,
+    Approach, AttemptRecord, ObjectRecord, Pose, Purpose, Rule, Stream, Vec3, View, VoxelGrid, axis_angle,
+    pose_from_parts,
 };
-use simulator::Scene;
+use simulator::{Scene, SceneRays};
 
-use crate::candidates::Candidate;
+use crate::candidates::{Candidate, draw_candidates};
 use crate::config::{Config, Sampler, Shares, YAWS};
-use crate::normals::Target;
+use crate::normals::draw_along_normals;
 
-/// Maximum displacement of a hand that held.
+/// Maximum displacement of a grasp that held.
 const MOVE_M_MAX: f32 = 0.03;
 /// Maximum angle by which it is turned.
 const TURN_RAD_MAX: f32 = FRAC_PI_6;
-/// How far before the tips, along the approach, a proposed hand closes.
+/// How far before the tips, along the approach, a proposed gripper closes.
 const CLOSING_M: f32 = 0.01;
 
 /// Number of proposals among which a judge chooses.
 const JUDGED_OF: usize = 256;
-/// Of hands whose tips are nearer to each other than this, a judge chooses only the best.
+/// Of grasps whose tips are nearer to each other than this, a judge chooses only the best.
 const APART_M: f32 = 0.01;
 
-/// How many attempts of a scene are drawn in which way; what remains is displaced, by moves alone or also by turns.
+/// A way of drawing candidates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Mixture {
-    pub rules: usize,
-    pub normals: usize,
-    pub proposals: usize,
-    /// Those of the proposals that a judge chooses.
-    pub judged: usize,
+pub(crate) enum Source {
+    Rules,
+    Normals,
+    Proposals,
+    /// Proposals that the policy rates highest.
+    Judged,
 }
 
-impl Mixture {
-    /// The mixture of `count` attempts.
-    pub(crate) fn of(config: &Config, count: usize) -> Self {
-        let none = Self { rules: 0, normals: 0, proposals: 0, judged: 0 };
-        match config.sampler {
-            Sampler::Rules => Self { rules: count, ..none },
-            Sampler::Vgn => Self { normals: count, ..none },
-            Sampler::Mixed => {
-                let Shares { rules, normals, proposals, judged, .. } = config.shares;
-                let part = |share: f32| (share * count as f32).round() as usize;
-                let normals = part(normals) / YAWS * YAWS;
-                // Shares are at most 1, so normals fit; the sum of rounded parts may not.
-                let rules = part(rules).min(count - normals);
-                let (left, judged) = (count - normals - rules, part(judged));
-                match config.policy {
-                    None => Self { rules, normals, proposals: (part(proposals) + judged).min(left), judged: 0 },
-                    Some(_) => {
-                        let judged = judged.min(left);
-                        Self { rules, normals, proposals: part(proposals).min(left - judged), judged }
-                    }
-                }
+/// How many of a scene's `count` attempts come from which source, in the order in which they are drawn. What remains is
+/// displaced, by moves alone or also by turns.
+pub(crate) fn sources(config: &Config, count: usize) -> Vec<(Source, usize)> {
+    let Shares { rules, normals, proposals, judged, .. } = match config.sampler {
+        Sampler::Rules => return vec![(Source::Rules, count)],
+        Sampler::Vgn => return vec![(Source::Normals, count)],
+        Sampler::Mixed => config.shares,
+    };
+    let part = |share: f32| (share * count as f32).round() as usize;
+    let normals = part(normals) / YAWS * YAWS;
+    // Shares are at most 1, so normals fit; the sum of rounded parts may not.
+    let rules = part(rules).min(count - normals);
+    let left = count - normals - rules;
+    let (judged, proposals) = match config.policy {
+        None => (0, part(proposals) + part(judged)),
+        Some(_) => (part(judged).min(left), part(proposals)),
+    };
+    vec![
+        (Source::Rules, rules),
+        (Source::Normals, normals),
+        (Source::Proposals, proposals.min(left - judged)),
+        (Source::Judged, judged),
+    ]
+}
+
+/// A scene at rest, its rows, and what its cameras see.
+pub(crate) struct Observed<'a> {
+    pub(crate) config: &'a Config,
+    pub(crate) scene: &'a Scene,
+    pub(crate) objects: &'a [ObjectRecord],
+    pub(crate) rays: &'a SceneRays,
+    pub(crate) views: &'a [View],
+    pub(crate) tsdf: &'a VoxelGrid,
+}
+
+impl Observed<'_> {
+    /// Draws `count` candidates; fewer if so many are not proposed.
+    pub(crate) fn draw(&self, source: Source, count: usize, stream: &mut Stream) -> Vec<Candidate> {
+        let Self { config, scene, objects, rays, views, tsdf } = self;
+        let scene_id = objects[0].scene_id;
+        let gripper = config.gripper.of_scene(scene_id);
+        let own_stream = |number| Stream::new(config.seed, scene_id, Purpose::Proposals, number);
+        match source {
+            _ if count == 0 => Vec::new(),
+            Source::Rules => draw_candidates(objects, count, stream),
+            Source::Normals => draw_along_normals(config, (scene, objects), rays, views, count, stream),
+            Source::Proposals => {
+                let sampler = CandidateSampler::new(gripper, config.procedure.pregrasp_distance_m);
+                let grasps = sampler.sample(tsdf, count, &mut own_stream(0));
+                self.candidates(Approach::Proposal, grasps.iter().map(|grasp| grasp.workspace_from_grasp))
+            }
+            Source::Judged => {
+                let judge = config.policy.as_ref().and_then(|policy| policy.judge(gripper, &config.grid).ok());
+                let seen = ObservedScene { field: tsdf, fine: None, views: views.len() };
+                let best = judge.map_or_else(Vec::new, |judge| best(&judge, seen, count, &mut own_stream(2)));
+                self.candidates(Approach::Judged, best.iter().map(|scored| scored.grasp.workspace_from_grasp))
             }
         }
     }
-}
 
-/// Proposals of hands on what the scene's cameras saw, then those that the policy rates highest; fewer if so many
-/// are not found.
-pub(crate) fn proposed(
-    config: &Config,
-    (scene, objects): (&Scene, &[ObjectRecord]),
-    (tsdf, views): (&VoxelGrid, usize),
-    Mixture { proposals, judged, .. }: Mixture,
-) -> Vec<Candidate> {
-    let scene_id = objects[0].scene_id;
-    let hand = config.gripper.of_scene(scene_id);
-    let stream = |number| Stream::new(config.seed, scene_id, Purpose::Proposals, number);
-    let proposer = Proposer::new(hand, config.procedure.pregrasp_distance_m);
-    let targets: Vec<Target> = scene.objects.iter().map(Target::of).collect();
-    let candidate = |workspace_from_grasp: Pose, approach: Approach| {
-        let closing_m = workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, -CLOSING_M));
-        let object_id = nearest(&targets, closing_m);
-        undrawn(Rule { shape: objects[object_id].shape.shape(), approach }, object_id, workspace_from_grasp)
-    };
-    let hands = proposer.propose(tsdf, proposals, &mut stream(0)).into_iter();
-    let plain = hands.map(|hand| candidate(hand.workspace_from_grasp, Approach::Proposal));
-    let judge = config.policy.as_ref().and_then(|policy| policy.judge(hand, &config.grid).ok());
-    let best = judge.map_or_else(Vec::new, |judge| best(&judge, (tsdf, views), judged, &mut stream(2)));
-    plain.chain(best.iter().map(|judged| candidate(judged.hand.workspace_from_grasp, Approach::Judged))).collect()
-}
-
-/// The best hands of a scene that are apart from better ones.
-fn best(judge: &Judge, (tsdf, views): (&VoxelGrid, usize), count: usize, stream: &mut Stream) -> Vec<Judged> {
-    let mut best: Vec<Judged> = Vec::with_capacity(count);
-    if count == 0 {
-        return best;
+    /// Proposed grasps, each of the object that is nearest to where the fingers close.
+    fn candidates(&self, approach: Approach, grasps: impl Iterator<Item = Pose>) -> Vec<Candidate> {
+        let candidate = |workspace_from_grasp: Pose| {
+            let closing_m = workspace_from_grasp.transform_point(Vec3::new(0.0, 0.0, -CLOSING_M));
+            let object_id = self.scene.nearest(closing_m).unwrap_or(0);
+            let rule = Rule { shape: self.objects[object_id].shape.shape(), approach };
+            Candidate::undrawn(rule, object_id, workspace_from_grasp)
+        };
+        grasps.map(candidate).collect()
     }
-    let seen = Seen { field: tsdf, fine: None, views };
-    for judged in judge.hands(seen, JUDGED_OF, stream, &|_| true) {
-        if best.len() < count && best.iter().all(|better| !better.is_near(&judged, APART_M)) {
-            best.push(judged);
+}
+
+/// The best proposals of a scene that are apart from better ones.
+fn best(judge: &Judge, seen: ObservedScene<'_>, count: usize, stream: &mut Stream) -> Vec<ScoredGrasp> {
+    let mut best: Vec<ScoredGrasp> = Vec::with_capacity(count);
+    for scored in judge.scored_grasps(seen, JUDGED_OF, stream, &|_| true) {
+        if best.len() < count && best.iter().all(|better| !better.is_near(&scored, APART_M)) {
+            best.push(scored);
         }
     }
     best
 }
 
-/// The object whose surface is nearest to a point, or in which it lies deepest.
-fn nearest(targets: &[Target], point_m: Vec3) -> usize {
-    let distances = targets.iter().map(|target| target.outside_m(point_m)).enumerate();
-    distances.min_by(|(_, a), (_, b)| a.total_cmp(b)).map_or(0, |(object_id, _)| object_id)
-}
-
-/// Hands of a scene that held, in turn, each displaced at random. Where none held, any hands of it are.
+/// Grasps of a scene that held, in turn, each displaced at random. Where none held, any of it are.
 pub(crate) fn displaced(config: &Config, attempts: &[AttemptRecord], count: usize, scene_id: u64) -> Vec<Candidate> {
     if count == 0 {
         return Vec::new();
@@ -130,23 +142,9 @@ pub(crate) fn displaced(config: &Config, attempts: &[AttemptRecord], count: usiz
             let moved_m = stream.rotation() * Vec3::new(0.0, 0.0, stream.uniform(0.0, MOVE_M_MAX));
             let rotation = (turn * workspace_from_grasp.rotation).normalize();
             let pose = pose_from_parts(rotation, workspace_from_grasp.translation + moved_m);
-            undrawn(Rule { approach: Approach::Displaced, ..*rule }, *object_id as usize, pose)
+            Candidate::undrawn(Rule { approach: Approach::Displaced, ..*rule }, *object_id as usize, pose)
         })
         .collect()
-}
-
-/// A candidate of which nothing but the pose was drawn.
-fn undrawn(rule: Rule, object_id: usize, workspace_from_grasp: Pose) -> Candidate {
-    Candidate {
-        object_id,
-        rule,
-        closing: None,
-        tilt_rad: 0.0,
-        turn_rad: 0.0,
-        depth_m: 0.0,
-        slide_m: 0.0,
-        workspace_from_grasp,
-    }
 }
 
 #[cfg(test)]
@@ -240,9 +238,9 @@ mod tests {
         };
         let message =
             refused(text.replace("judged = 0.25 ", "judged = 0.0 ").replace("proposals = 0.15 ", "proposals = 0.4 "));
-        assert!(message.contains("policy needs shares.judged above 0"), "{message}");
+        assert!(message.contains("policy") && message.contains("shares.judged"), "{message}");
         let message = refused(text.replace("models/judge", "models/paper-200k"));
-        assert!(message.contains("policy: judging hands needs a judge"), "{message}");
+        assert!(message.contains("policy"), "{message}");
     }
 
     /// The shipped config for networks of voxels: all of its displaced hands are turned as one that held.
@@ -316,8 +314,8 @@ mod tests {
     fn shares_belong_to_the_mixed_sampler_and_make_one() {
         let refused = |text: String| config(&text).unwrap_err().to_string();
         let message = refused(JUDGE.replace("proposals = 0.15 ", "proposals = 0.05 "));
-        assert!(message.contains("shares must make 1 for sampler = \"mixed\", got 0.9"), "{message}");
+        assert!(message.contains("shares") && message.contains("0.9"), "{message}");
         let message = refused(JUDGE.replace("sampler = \"mixed\"", "sampler = \"rules\""));
-        assert!(message.contains("shares must make 0 for sampler = \"rules\", got 1"), "{message}");
+        assert!(message.contains("shares") && message.contains("\"rules\""), "{message}");
     }
 }

@@ -40,24 +40,14 @@ struct Touch {
 }
 
 /// The surface of an object at rest: the faces of its convex parts.
-pub(crate) struct Target {
+struct Target {
     parts: Vec<Vec<Plane>>,
     radius_m: f32,
     workspace_from_object: Pose,
 }
 
 impl Target {
-    /// How far a point is outside all parts, by their planes; negative inside.
-    pub(crate) fn outside_m(&self, point_m: Vec3) -> f32 {
-        let local_m = self.workspace_from_object.inverse_transform_point(point_m);
-        let outside = |part: &Vec<Plane>| {
-            let planes = part.iter().map(|plane| plane.normal.dot(local_m) - plane.offset_m);
-            planes.fold(f32::NEG_INFINITY, f32::max)
-        };
-        self.parts.iter().map(outside).fold(f32::INFINITY, f32::min)
-    }
-
-    pub(crate) fn of(object: &SceneObject) -> Self {
+    fn of(object: &SceneObject) -> Self {
         let parts = object.body.polyhedra().iter().map(|part| part.planes().collect()).collect();
         let radius_m = object.body.bounding_radius_m();
         Self { parts, radius_m, workspace_from_object: object.workspace_from_object }
@@ -92,16 +82,8 @@ pub(crate) fn draw_along_normals(
         let shape = objects[touch.object_id].shape.shape();
         candidates.extend((0..YAWS).map(|yaw| {
             let turn_rad = core::f32::consts::PI * yaw as f32 / YAWS as f32;
-            Candidate {
-                object_id: touch.object_id,
-                rule: Rule { shape, approach: Approach::Normal },
-                closing: None,
-                tilt_rad: 0.0,
-                turn_rad,
-                depth_m,
-                slide_m: 0.0,
-                workspace_from_grasp: hand_at(&touch, turn_rad, depth_m),
-            }
+            let (rule, grasp) = (Rule { shape, approach: Approach::Normal }, grasp_at(&touch, turn_rad, depth_m));
+            Candidate { turn_rad, depth_m, ..Candidate::undrawn(rule, touch.object_id, grasp) }
         }));
     }
     candidates.truncate(count);
@@ -206,9 +188,9 @@ fn within(planes: &[Plane], at_m: Vec3, direction: Vec3) -> Option<Within> {
     face.filter(|_| enter < exit).map(|normal| Within { enter_m: enter, exit_m: exit, normal })
 }
 
-/// The hand along the inward normal, its tips `depth_m` behind the surface, turned by `yaw_rad` from the orientation in
-/// which its x is in the plane of the workspace's x (VGN: `sample_grasp_point`, `evaluate_grasp_point`).
-fn hand_at(touch: &Touch, yaw_rad: f32, depth_m: f32) -> Pose {
+/// The grasp along the inward normal, its tips `depth_m` behind the surface, turned by `yaw_rad` from the orientation
+/// in which its x is in the plane of the workspace's x (VGN: `sample_grasp_point`, `evaluate_grasp_point`).
+fn grasp_at(touch: &Touch, yaw_rad: f32, depth_m: f32) -> Pose {
     pose_from_parts(along_normal(touch.normal, yaw_rad), touch.point_m - touch.normal * depth_m)
 }
 
@@ -216,7 +198,7 @@ fn hand_at(touch: &Touch, yaw_rad: f32, depth_m: f32) -> Pose {
 mod tests {
     use schema::{Purpose, Quat, ShapeKind, Solid};
     use simulator::Scene;
-    use simulator::{Body, Compound, Part, PartShape};
+    use simulator::{Body, Compound, Part};
 
     use super::*;
     use crate::config::Overrides;
@@ -259,7 +241,7 @@ mod tests {
     #[test]
     fn touches_of_parts_are_uniform_over_the_surface_of_their_union() {
         let box_at = |size: Vec3, at: Vec3| Part {
-            shape: PartShape::Solid(Solid::new(ShapeKind::Cuboid, size).unwrap()),
+            shape: (&Solid::new(ShapeKind::Cuboid, size).unwrap()).into(),
             object_from_part: Pose::from_translation(at),
         };
         let lying = box_at(Vec3::new(0.08, 0.04, 0.02), Vec3::new(0.0, 0.0, 0.01));

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hands::Judge;
+use grasps::Judge;
 use network::checkpoint::{Checkpoint, read_digested};
 use program::Failure;
 use schema::{Grid, Gripper};

@@ -1,9 +1,9 @@
 //! Records an attempt for display: poses at up to sixty frames per second, events, and contacts.
 
-use report::view::{Class, Event, EventKind, Frame, Points, View, flat_points};
+use report::view::{Class, Event, EventKind, Frame, Line, View, flat_points};
 use schema::{AttemptRecord, HitKind, Outcome, Physics, Pose, Vec3};
 use shards::DatasetInfo;
-use simulator::{AttemptEvent, Contact, Execution, Moment, Phase, Toucher, Watcher};
+use simulator::{AttemptEvent, Contact, ContactBody, Execution, Moment, Phase, Watcher};
 
 /// Frames a second.
 const FRAME_RATE_HZ: f32 = 60.0;
@@ -105,19 +105,19 @@ impl<'a> Recorder<'a> {
         let mut contacts: Vec<Contact> = moment.contacts();
         let is_shown = |c: &Contact| !c.points_m.is_empty() && c.between.iter().any(|t| self.is_of_interest(*t));
         contacts.retain(is_shown);
-        self.view.points.extend(contacts.into_iter().map(|contact| Points {
+        self.view.points.extend(contacts.into_iter().map(|contact| Line {
             class: Class::Contact,
-            label: told(&contact),
+            label: describe_contact(&contact),
             points_m: flat_points(contact.points_m),
             frames: Some([frame, frame]),
         }));
     }
 
-    fn is_of_interest(&self, toucher: Toucher) -> bool {
-        match toucher {
-            Toucher::Object(id) => id == self.stored.object_id as usize,
-            Toucher::Table => false,
-            Toucher::LeftFinger | Toucher::RightFinger | Toucher::Palm => true,
+    fn is_of_interest(&self, body: ContactBody) -> bool {
+        match body {
+            ContactBody::Object(id) => id == self.stored.object_id as usize,
+            ContactBody::Table => false,
+            ContactBody::LeftFinger | ContactBody::RightFinger | ContactBody::Palm => true,
         }
     }
 
@@ -158,15 +158,15 @@ impl Watcher for Recorder<'_> {
         match event {
             AttemptEvent::NothingBetween { steps } | AttemptEvent::ClosedFreely { steps } if steps > 0 => {
                 self.begin(Phase::Close);
-                self.happens(EventKind::Note, noted(&event));
+                self.happens(EventKind::Note, describe_event(&event));
                 self.close_freely(steps);
             }
             AttemptEvent::ClosedFreely { .. } => {}
             AttemptEvent::Decided(execution) => {
                 let kind = if execution.outcome == Outcome::Held { EventKind::Held } else { EventKind::Failed };
-                self.happens(kind, ended(&execution));
+                self.happens(kind, describe_end(&execution));
             }
-            _ => self.happens(EventKind::Note, noted(&event)),
+            _ => self.happens(EventKind::Note, describe_event(&event)),
         }
     }
 }
@@ -176,7 +176,7 @@ fn mm(metres: f32) -> String {
 }
 
 /// An event as text.
-fn noted(event: &AttemptEvent) -> String {
+fn describe_event(event: &AttemptEvent) -> String {
     match event {
         AttemptEvent::NothingBetween { steps } => {
             format!("nothing is between the jaws: closing ({steps} steps) is not simulated")
@@ -208,18 +208,18 @@ fn noted(event: &AttemptEvent) -> String {
         AttemptEvent::Raised { object_id, raised_m } => {
             format!("the lift raised object {object_id} by {}, more than the limit", mm(*raised_m))
         }
-        AttemptEvent::Decided(execution) => ended(execution),
+        AttemptEvent::Decided(execution) => describe_end(execution),
     }
 }
 
 /// The end of an attempt as text.
-pub(crate) fn ended(execution: &Execution) -> String {
+pub(crate) fn describe_end(execution: &Execution) -> String {
     let hit = execution.hit.map(|hit| (hit.kind, hit.object_id.map(|id| id as u32)));
-    outcome_told(execution.outcome, hit, execution.width_m)
+    describe_outcome(execution.outcome, hit, execution.width_m)
 }
 
 /// An outcome with what was hit and the opening, as text.
-pub(crate) fn outcome_told(outcome: Outcome, hit: Option<(HitKind, Option<u32>)>, width_m: Option<f32>) -> String {
+pub(crate) fn describe_outcome(outcome: Outcome, hit: Option<(HitKind, Option<u32>)>, width_m: Option<f32>) -> String {
     let hit = match hit {
         None => String::new(),
         Some((HitKind::Other, Some(id))) => format!(" with object {id}"),
@@ -229,13 +229,13 @@ pub(crate) fn outcome_told(outcome: Outcome, hit: Option<(HitKind, Option<u32>)>
     format!("{}{hit}{width}", outcome.name())
 }
 
-fn told(contact: &Contact) -> String {
-    let [a, b] = contact.between.map(|toucher| match toucher {
-        Toucher::LeftFinger => "left finger".to_owned(),
-        Toucher::RightFinger => "right finger".to_owned(),
-        Toucher::Palm => "palm".to_owned(),
-        Toucher::Object(id) => format!("object {id}"),
-        Toucher::Table => "table".to_owned(),
+fn describe_contact(contact: &Contact) -> String {
+    let [a, b] = contact.between.map(|body| match body {
+        ContactBody::LeftFinger => "left finger".to_owned(),
+        ContactBody::RightFinger => "right finger".to_owned(),
+        ContactBody::Palm => "palm".to_owned(),
+        ContactBody::Object(id) => format!("object {id}"),
+        ContactBody::Table => "table".to_owned(),
     });
     format!("{a} and {b}: {:.2} N", contact.force_n)
 }

@@ -6,7 +6,7 @@ use schema::{AttemptRecord, Engine, Outcome, SceneRows};
 use shards::Dataset;
 use simulator::{AttemptWorld, Body, Execution, Physics, Scene};
 
-use crate::laws::{bodies_of, physics_of};
+use crate::dataset_info::{bodies_of, physics_of};
 
 /// Scenes whose rows are in memory together.
 const SCENES_AT_ONCE: usize = 16;

@@ -6,13 +6,13 @@ use std::str::FromStr;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
 use report::view::folder::{INDEX, Place, REPORT, replay_file, scene_file};
-use report::view::{Body, Class, EventKind, Line, Points, View, flat, flat_points};
+use report::view::{Body, Class, EventKind, Line, View, flat, flat_points};
 use schema::{AttemptRecord, Gripper, HandBox, Outcome, Pose, SceneRows};
-use shards::{Dataset, object_bodies};
+use shards::Dataset;
 use simulator::{AttemptWorld, Execution, Obstruction, Physics, Scene};
 
-use crate::laws::{bodies_of, physics_of};
-use crate::recorder::{Recorder, Shot, ended, outcome_told};
+use crate::dataset_info::{bodies_of, physics_of};
+use crate::recorder::{Recorder, Shot, describe_end, describe_outcome};
 use crate::repeat::is_as_stored;
 
 /// Names of the boxes of the hand.
@@ -59,14 +59,14 @@ impl Replay {
 
     /// The events and whether the result equals the stored one, as a few lines of text.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn describe(&self) -> String {
         let mut text = String::new();
         for event in &self.view.events {
             let time_s = self.view.frames.get(event.frame).map_or(0.0, |frame| frame.time_s);
             // Writing into a String cannot fail.
             let _ = writeln!(text, "{time_s:6.2} s  {}", event.text);
         }
-        let (stored, now) = (stored_told(&self.stored), ended(&self.now));
+        let (stored, now) = (describe_stored(&self.stored), describe_end(&self.now));
         text += &match self.is_reproduced() {
             true => format!("as stored: {stored}\n"),
             false => {
@@ -79,8 +79,8 @@ impl Replay {
     }
 }
 
-fn stored_told(stored: &AttemptRecord) -> String {
-    outcome_told(stored.outcome, stored.hit.map(|kind| (kind, stored.hit_object_id)), stored.width_m)
+fn describe_stored(stored: &AttemptRecord) -> String {
+    describe_outcome(stored.outcome, stored.hit.map(|kind| (kind, stored.hit_object_id)), stored.width_m)
 }
 
 /// Executes a stored attempt again from its rows with the dataset's own settings, and records it. The shortcuts of the
@@ -145,20 +145,20 @@ fn replay_of(dataset: &Dataset, rows: &SceneRows, id: AttemptId) -> Result<Repla
     let obstruction = world.obstruction(&grasp, target);
     recorder.approach(obstruction.map_or(info.procedure.pregrasp_distance_m, |o| o.travel_m));
     if let Some(obstruction) = &obstruction {
-        recorder.happens(EventKind::Note, obstruction_told(gripper, obstruction));
+        recorder.happens(EventKind::Note, describe_obstruction(gripper, obstruction));
     }
-    let now = world.execute_watched(&grasp, target, &mut recorder);
+    let now = world.execute_watched(&grasp, target, Some(&mut recorder));
 
     let Recorder { mut view, shots, .. } = recorder;
-    view.title = format!("{}/{}: {}", id.scene_id, id.attempt_id, ended(&now));
+    view.title = format!("{}/{}: {}", id.scene_id, id.attempt_id, describe_end(&now));
     view.bodies.push(Body::table(info.grid.size_m, info.grid.table_z_m));
     view.bodies.extend(objects(rows, &stored, &now, &shots));
     view.bodies.extend(hand(gripper, &shots));
     if let Some(obstruction) = &obstruction {
         view.bodies.extend(swept((gripper, info.procedure.pregrasp_distance_m), &grasp, obstruction));
-        view.points.push(Points {
+        view.points.push(Line {
             class: Class::Contact,
-            label: obstruction_told(gripper, obstruction),
+            label: describe_obstruction(gripper, obstruction),
             points_m: flat_points([obstruction.point_m]),
             frames: None,
         });
@@ -168,7 +168,7 @@ fn replay_of(dataset: &Dataset, rows: &SceneRows, id: AttemptId) -> Result<Repla
     Ok(Replay { view, stored, now })
 }
 
-fn obstruction_told(gripper: &Gripper, obstruction: &Obstruction) -> String {
+fn describe_obstruction(gripper: &Gripper, obstruction: &Obstruction) -> String {
     let what = match obstruction.hit.object_id {
         Some(id) => format!("object {id}"),
         None => "the table".to_owned(),
@@ -189,7 +189,7 @@ fn objects(rows: &SceneRows, stored: &AttemptRecord, now: &Execution, shots: &[S
             Some(hit) if hit == id => Class::Hit,
             _ => Class::Object,
         };
-        let mut pieces = object_bodies(class, row);
+        let mut pieces = Body::of_object(class, row);
         for piece in &mut pieces {
             piece.poses = shots.iter().map(|shot| flat(&shot.objects[id])).collect();
             still(piece);
@@ -241,9 +241,8 @@ fn add_facts(view: &mut View, dataset_id: &str, stored: &AttemptRecord, now: &Ex
     view.fact("closes along", stored.closing.map_or("–", schema::Axis::name));
     view.fact("tilt, turn", format!("{}, {}", degrees(stored.tilt_rad), degrees(stored.turn_rad)));
     view.fact("depth, slide", format!("{}, {}", mm(stored.depth_m), mm(stored.slide_m)));
-    view.fact("stored", stored_told(stored));
-    view.fact("now", ended(now));
-    view.fact("opening, stored", stored.width_m.map_or("–".to_owned(), |width_m| format!("{width_m:?} m")));
+    view.fact("stored", describe_stored(stored));
+    view.fact("now", describe_end(now));
     view.fact("reproduced", if is_as_stored(stored, now) { "yes, to the bit" } else { "NO" });
     view.fact("steps simulated", format!("{}, {} a second", now.steps, physics.step_rate_hz));
     view.fact("shortcuts", if physics.shortcuts { "on, as in the dataset" } else { "off, as in the dataset" });

@@ -9,9 +9,9 @@
 use schema::{Engine, Gripper, Outcome, Physics, Pose, Procedure, Vec3};
 
 use crate::Scene;
+use crate::bodies::{AttemptEngine, RapierAttempt};
 use crate::engine::EngineBody;
 use crate::gate::{Gate, Hit};
-use crate::rig::{RapierRig, Rig};
 use crate::shortcuts::{FreeClosing, LiftWatch};
 use crate::stepper::{Stepper, Thing};
 use crate::watch::{AttemptEvent, Moment, Phase, Watcher};
@@ -74,7 +74,7 @@ impl<'a> AttemptWorld<'a> {
     /// If the scene has no object `target`.
     #[must_use]
     pub fn execute(&self, workspace_from_grasp: &Pose, target: usize) -> Execution {
-        self.execute_before(workspace_from_grasp, target, None)
+        self.execute_watched(workspace_from_grasp, target, None)
     }
 
     /// The same before the eyes of a watcher, with the same end to the bit. If the lift ends before its way does, the
@@ -83,11 +83,7 @@ impl<'a> AttemptWorld<'a> {
     /// # Panics
     /// If the scene has no object `target`.
     #[must_use]
-    pub fn execute_watched(&self, workspace_from_grasp: &Pose, target: usize, watcher: &mut dyn Watcher) -> Execution {
-        self.execute_before(workspace_from_grasp, target, Some(watcher))
-    }
-
-    fn execute_before<'w>(
+    pub fn execute_watched<'w>(
         &'w self,
         workspace_from_grasp: &Pose,
         target: usize,
@@ -138,7 +134,7 @@ impl<'a> AttemptWorld<'a> {
     #[must_use]
     pub fn execute_leaving(&self, workspace_from_grasp: &Pose, target: usize) -> (Execution, Vec<Pose>) {
         if let Some(blocked) = self.blocked(workspace_from_grasp, target) {
-            return (blocked, self.objects.poses());
+            return (blocked, self.gate.poses().collect());
         }
         self.close_and_lift(workspace_from_grasp, target)
     }
@@ -164,15 +160,21 @@ impl<'a> AttemptWorld<'a> {
     }
 
     /// A fresh copy of the scene with a hand in it.
-    fn rig(&self, workspace_from_grasp: &Pose, closed_m: f32, all_awake: bool) -> Box<dyn Rig + '_> {
+    fn engine(&self, workspace_from_grasp: &Pose, closed_m: f32, all_awake: bool) -> Box<dyn AttemptEngine + '_> {
         let (physics, gripper, table_z_m) = (self.physics, self.gripper, self.table_z_m);
         match &self.objects {
             Objects::Stepper(things) => {
                 Box::new(Stepper::new(physics, gripper, things, table_z_m, workspace_from_grasp, closed_m, all_awake))
             }
-            Objects::Rapier(bodies) => {
-                Box::new(RapierRig::new(physics, gripper, bodies, table_z_m, workspace_from_grasp, closed_m, all_awake))
-            }
+            Objects::Rapier(bodies) => Box::new(RapierAttempt::new(
+                physics,
+                gripper,
+                bodies,
+                table_z_m,
+                workspace_from_grasp,
+                closed_m,
+                all_awake,
+            )),
         }
     }
 
@@ -183,27 +185,10 @@ impl<'a> AttemptWorld<'a> {
     }
 }
 
-impl Objects {
-    fn len(&self) -> usize {
-        match self {
-            Self::Stepper(things) => things.len(),
-            Self::Rapier(bodies) => bodies.len(),
-        }
-    }
-
-    /// Where they are in the scene.
-    fn poses(&self) -> Vec<Pose> {
-        match self {
-            Self::Stepper(things) => things.iter().map(|thing| thing.workspace_from_object).collect(),
-            Self::Rapier(bodies) => bodies.iter().map(|(_, pose)| *pose).collect(),
-        }
-    }
-}
-
 /// An attempt under way.
 pub(crate) struct Run<'a> {
     pub(crate) setup: &'a AttemptWorld<'a>,
-    pub(crate) rig: Box<dyn Rig + 'a>,
+    pub(crate) engine: Box<dyn AttemptEngine + 'a>,
     object_count: usize,
     /// Steps of closing that were left out.
     skipped_steps: usize,
@@ -242,11 +227,11 @@ impl<'a> Run<'a> {
         shortcuts: bool,
     ) -> Self {
         let closed_m = skipped_steps as f32 * setup.closing_step_m();
-        let object_count = setup.objects.len();
+        let object_count = setup.gate.poses().len();
         assert!(target < object_count, "the scene has {object_count} objects, and the target is number {target}");
         Self {
             setup,
-            rig: setup.rig(&workspace_from_grasp, closed_m, !shortcuts),
+            engine: setup.engine(&workspace_from_grasp, closed_m, !shortcuts),
             object_count,
             skipped_steps,
             shortcuts,
@@ -288,7 +273,7 @@ impl<'a> Run<'a> {
     }
 
     fn step(&mut self) {
-        self.rig.step();
+        self.engine.step();
         self.steps += 1;
         if self.watcher.is_some() {
             self.show(|watcher, moment| watcher.step(moment));
@@ -305,9 +290,8 @@ impl<'a> Run<'a> {
         let moment = Moment {
             phase: self.phase,
             steps: self.skipped_steps + self.steps,
-            rig: &*self.rig,
+            engine: &*self.engine,
             object_count: self.object_count,
-            width_m: self.width_m(),
             workspace_from_grasp: self.workspace_from_grasp,
         };
         how(watcher, &moment);
@@ -316,7 +300,7 @@ impl<'a> Run<'a> {
 
     /// Opening between the fingers' inner faces, in metres.
     fn width_m(&self) -> f32 {
-        let [left, right] = self.rig.closed_m();
+        let [left, right] = self.engine.closed_m();
         (self.setup.gripper.opening_m_max - left - right).max(0.0)
     }
 
@@ -325,11 +309,11 @@ impl<'a> Run<'a> {
         let physics = self.setup.physics;
         let wanted = physics.steps(STOPPED_TIME_S);
         let slow = STOPPED_SPEED_M_S * physics.dt_s();
-        let mut last = self.rig.closed_m();
+        let mut last = self.engine.closed_m();
         let mut stopped = 0;
         for _ in self.skipped_steps..physics.steps(self.setup.procedure.close_time_s_max) {
             self.step();
-            let now = self.rig.closed_m();
+            let now = self.engine.closed_m();
             let still = now.iter().zip(&last).all(|(a, b)| (a - b).abs() < slow);
             stopped = if still { stopped + 1 } else { 0 };
             last = now;
@@ -376,7 +360,7 @@ impl<'a> Run<'a> {
         let travel_m = (self.positions()[self.target] - target_start_m).dot(lift.direction);
         let travel_m_min = procedure.held_travel_share_min * procedure.retreat_distance_m;
         let came_along = travel_m >= travel_m_min;
-        let is_held = came_along && self.rig.is_gripped(self.target);
+        let is_held = came_along && self.engine.is_gripped(self.target);
         self.tell(match (came_along, is_held) {
             (false, _) => AttemptEvent::LeftBehind { travel_m, travel_m_min },
             (true, false) => AttemptEvent::NotGripped,
@@ -388,7 +372,7 @@ impl<'a> Run<'a> {
     fn begin_lift(&self) -> Lift {
         let (physics, procedure) = (self.setup.physics, self.setup.procedure);
         let retreat_steps = physics.steps(procedure.retreat_distance_m / procedure.retreat_speed_m_s);
-        let [left, right] = self.rig.closed_m();
+        let [left, right] = self.engine.closed_m();
         Lift {
             direction: self.retreat_direction(),
             asymmetry_m: left - right,
@@ -405,8 +389,8 @@ impl<'a> Run<'a> {
         let share = lift.share();
         // Smoothstep: the hand starts and stops without a jolt.
         lift.distance_m = self.setup.procedure.retreat_distance_m * share * share * (3.0 - 2.0 * share);
-        self.rig.press(lift.asymmetry_m);
-        self.rig.move_to(lift.direction * lift.distance_m);
+        self.engine.press(lift.asymmetry_m);
+        self.engine.move_to(lift.direction * lift.distance_m);
         self.step();
         self.lift = Some(*lift);
     }
@@ -430,7 +414,7 @@ impl<'a> Run<'a> {
             self.tell(AttemptEvent::Pushed { object_id, moved_m: moved_m(object_id) });
             return Some(Hit::object(object_id, self.target));
         }
-        let closed = self.rig.closed_m();
+        let closed = self.engine.closed_m();
         let fingers = self.setup.gripper.fingers(self.setup.gripper.opening_m_max);
         let low = fingers.iter().zip(closed).zip([1.0, -1.0]).any(|((finger, closed_m), inward)| {
             let moved = schema::HandBox { centre_m: finger.centre_m + Vec3::Y * (inward * closed_m), ..*finger };
@@ -458,13 +442,13 @@ impl<'a> Run<'a> {
     }
 
     fn positions(&self) -> Vec<Vec3> {
-        (0..self.object_count).map(|id| self.rig.pose(id).translation).collect()
+        (0..self.object_count).map(|id| self.engine.pose(id).translation).collect()
     }
 
     /// Where the objects are now, in the workspace. (The world's frame is that of the hand at the grasp.)
     fn workspace_poses(&self) -> Vec<Pose> {
         let in_workspace = |id: usize| {
-            let pose = self.workspace_from_grasp * self.rig.pose(id);
+            let pose = self.workspace_from_grasp * self.engine.pose(id);
             Pose::from_parts(pose.translation, pose.rotation.normalize())
         };
         (0..self.object_count).map(in_workspace).collect()

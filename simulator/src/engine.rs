@@ -5,10 +5,11 @@
 //! PyBullet over gripped objects: see [`Physics::FAITHFUL`].
 
 use rapier3d::prelude::*;
-use schema::{Mat3, Physics, Pose, SettleParams};
+use schema::{Mat3, Physics, Polyhedron, Pose, SettleParams};
 
 use crate::SceneObject;
-use crate::body::{Body, Compound, PartShape};
+use crate::body::Body;
+use crate::contact::{Contact, ContactBody};
 use crate::faceted::{shape_of, shape_of_hull};
 
 /// The engine's parameters for a step.
@@ -55,7 +56,7 @@ impl EngineBody {
     pub(crate) fn new(body: &Body, mass_kg: f32, friction: f32) -> Self {
         let (shape, mut mass_properties) = match body {
             Body::Solid(solid) => with_mass_properties(shape_of(solid, UNITS_PER_M)),
-            Body::Compound(compound) => joined(compound),
+            Body::Compound(_) => joined(&body.polyhedra()),
         };
         mass_properties.set_mass(mass_kg, true);
         Self { shape, mass_properties, friction }
@@ -71,21 +72,15 @@ fn with_mass_properties(shape: SharedShape) -> (SharedShape, MassProperties) {
     (shape, mass_properties)
 }
 
-/// The parts of a compound as one shape, and their mass properties at density 1. One shape, not a collider for each
-/// part: contacts are then asked for by object, and the mass properties are ours, not the engine's sum (see [`sum`]).
-fn joined(compound: &Compound) -> (SharedShape, MassProperties) {
-    let shape = |part: &PartShape| match part {
-        PartShape::Solid(solid) => shape_of(solid, UNITS_PER_M),
-        PartShape::Hull(hull) => shape_of_hull(hull, UNITS_PER_M),
-    };
-    let parts: Vec<(Pose, SharedShape)> =
-        compound.parts().iter().map(|part| (in_units(part.object_from_part), shape(&part.shape))).collect();
-    if parts.len() == 1 && parts[0].0 == Pose::IDENTITY {
-        return with_mass_properties(parts[0].1.clone());
+/// Parts as one shape, and their mass properties at density 1. One shape, not a collider for each part: contacts are
+/// then asked for by object, and the mass properties are ours, not the engine's sum (see [`sum`]).
+fn joined(parts: &[Polyhedron]) -> (SharedShape, MassProperties) {
+    let shapes: Vec<SharedShape> = parts.iter().map(|part| shape_of_hull(part, UNITS_PER_M)).collect();
+    if let [shape] = &shapes[..] {
+        return with_mass_properties(shape.clone());
     }
-    let of_parts: Vec<MassProperties> =
-        parts.iter().map(|(pose, shape)| shape.mass_properties(1.0).transform_by(pose)).collect();
-    (SharedShape::compound(parts), sum(&of_parts))
+    let of_parts: Vec<MassProperties> = shapes.iter().map(|shape| shape.mass_properties(1.0)).collect();
+    (SharedShape::compound(shapes.into_iter().map(|shape| (Pose::IDENTITY, shape)).collect()), sum(&of_parts))
 }
 
 /// Mass properties of several things joined, by parallel axes.
@@ -108,16 +103,6 @@ fn sum(parts: &[MassProperties]) -> MassProperties {
         return MassProperties::new(centre, mass, diagonal);
     }
     MassProperties::with_inertia_matrix(centre, mass, inertia)
-}
-
-/// Two colliders that press on each other.
-pub(crate) struct Pressing {
-    /// Which.
-    pub(crate) colliders: [ColliderHandle; 2],
-    /// The points that carry, in metres.
-    pub(crate) points_m: Vec<Vector>,
-    /// How hard in the last step, in newtons.
-    pub(crate) force_n: f32,
 }
 
 /// All of rapier's state.
@@ -166,10 +151,24 @@ impl World {
         self.colliders.insert(surface(collider, friction))
     }
 
-    /// Adds a free object.
-    pub(crate) fn add_object(&mut self, engine_body: &EngineBody, world_from_object: Pose) -> RigidBodyHandle {
-        let body = RigidBodyBuilder::dynamic().pose(in_units(world_from_object)).can_sleep(false);
-        self.add_body(engine_body, body.build())
+    /// Adds a free object. One that is not awake stands still until something touches it.
+    pub(crate) fn add_object(
+        &mut self,
+        engine_body: &EngineBody,
+        world_from_object: Pose,
+        is_awake: bool,
+    ) -> RigidBodyHandle {
+        let body = RigidBodyBuilder::dynamic().pose(in_units(world_from_object));
+        let mut body = body.can_sleep(!is_awake).build();
+        if !is_awake {
+            // Once awake, it stays awake.
+            body.activation_mut().time_until_sleep = f32::MAX;
+            body.sleep();
+        }
+        let body = self.bodies.insert(body);
+        let collider = ColliderBuilder::new(engine_body.shape.clone()).mass_properties(engine_body.mass_properties);
+        self.add_part(body, collider, engine_body.friction);
+        body
     }
 
     /// Lets a body lose speed, and fall asleep when it rests, as the settling parameters say.
@@ -182,22 +181,6 @@ impl World {
         activation.normalized_linear_threshold = params.linear_speed_m_s_max / LENGTH_UNIT_M;
         activation.angular_threshold = params.angular_speed_rad_s_max;
         activation.time_until_sleep = params.rest_time_s;
-    }
-
-    /// Adds a free object that stands still until something touches it.
-    pub(crate) fn add_resting_object(&mut self, engine_body: &EngineBody, world_from_object: Pose) -> RigidBodyHandle {
-        let mut body = RigidBodyBuilder::dynamic().pose(in_units(world_from_object)).build();
-        // Once awake, it stays awake.
-        body.activation_mut().time_until_sleep = f32::MAX;
-        body.sleep();
-        self.add_body(engine_body, body)
-    }
-
-    fn add_body(&mut self, engine_body: &EngineBody, body: RigidBody) -> RigidBodyHandle {
-        let body = self.bodies.insert(body);
-        let collider = ColliderBuilder::new(engine_body.shape.clone()).mass_properties(engine_body.mass_properties);
-        self.add_part(body, collider, engine_body.friction);
-        body
     }
 
     /// Attaches a collider to a body.
@@ -264,32 +247,29 @@ impl World {
         })
     }
 
-    /// What pressed on each other in the last step.
-    pub(crate) fn pressing(&self) -> Vec<Pressing> {
+    /// What pressed on each other in the last step; `known` tells whose a collider is.
+    pub(crate) fn contacts(&self, known: impl Fn(ColliderHandle) -> ContactBody) -> Vec<Contact> {
         let pressed = self.narrow_phase.contact_pairs().filter(|pair| pair.total_impulse_magnitude() > 0.0);
-        pressed
-            .map(|pair| {
-                let first = self.colliders[pair.collider1].position();
-                let points_m = pair.solver_manifolds().iter().flat_map(|manifold| {
-                    let part = manifold.subshape_poses.as_ref().and_then(|poses| poses.pos1);
-                    let pose = *first * part.unwrap_or(Pose::IDENTITY);
-                    let bearing = manifold.points.iter().filter(|point| point.data.impulse > 0.0);
-                    bearing.map(move |point| pose.transform_point(point.local_p1) / UNITS_PER_M)
-                });
-                Pressing {
-                    colliders: [pair.collider1, pair.collider2],
-                    points_m: points_m.collect(),
-                    force_n: pair.total_impulse_magnitude() / (self.parameters.dt * UNITS_PER_M),
-                }
-            })
-            .collect()
+        let contact = |pair: &ContactPair| {
+            let first = self.colliders[pair.collider1].position();
+            let points_m = pair.solver_manifolds().iter().flat_map(|manifold| {
+                let part = manifold.subshape_poses.as_ref().and_then(|poses| poses.pos1);
+                let pose = *first * part.unwrap_or(Pose::IDENTITY);
+                let bearing = manifold.points.iter().filter(|point| point.data.impulse > 0.0);
+                bearing.map(move |point| pose.transform_point(point.local_p1) / UNITS_PER_M)
+            });
+            Contact {
+                between: [pair.collider1, pair.collider2].map(&known),
+                points_m: points_m.collect(),
+                force_n: pair.total_impulse_magnitude() / (self.parameters.dt * UNITS_PER_M),
+            }
+        };
+        pressed.map(contact).collect()
     }
 
-    /// Force with which two colliders press on each other in the last step, in newtons.
-    pub(crate) fn contact_force_n(&self, a: ColliderHandle, b: ColliderHandle) -> f32 {
-        self.narrow_phase
-            .contact_pair(a, b)
-            .map_or(0.0, |pair| pair.total_impulse_magnitude() / (self.parameters.dt * UNITS_PER_M))
+    /// Whether two colliders pressed on each other in the last step.
+    pub(crate) fn are_pressed(&self, a: ColliderHandle, b: ColliderHandle) -> bool {
+        self.narrow_phase.contact_pair(a, b).is_some_and(|pair| pair.total_impulse_magnitude() > 0.0)
     }
 }
 
@@ -303,10 +283,10 @@ fn surface(collider: ColliderBuilder, friction: f32) -> ColliderBuilder {
 
 #[cfg(test)]
 mod tests {
-    use schema::{Quat, ShapeKind, Solid, Vec3, axis_angle};
+    use schema::{ShapeKind, Solid, Vec3, axis_angle};
 
     use super::*;
-    use crate::Part;
+    use crate::{Compound, Part};
 
     fn cuboid(extents_m: Vec3) -> Solid {
         Solid::new(ShapeKind::Cuboid, extents_m).unwrap()
@@ -314,7 +294,7 @@ mod tests {
 
     fn compound(parts: &[(Vec3, Vec3)]) -> Body {
         let part = |(extents_m, at_m): &(Vec3, Vec3)| Part {
-            shape: PartShape::Solid(cuboid(*extents_m)),
+            shape: (&cuboid(*extents_m)).into(),
             object_from_part: Pose::from_translation(*at_m),
         };
         Compound::new("boxes", parts.iter().map(part).collect()).unwrap().into()
@@ -323,7 +303,7 @@ mod tests {
     /// Mass in kg, centre of mass in m, and inertia about it in kg m², all as the engine has them in a body of a world.
     fn mass_of(body: &Body, mass_kg: f32) -> (f32, Vec3, Mat3) {
         let mut world = World::new(&Physics::FAITHFUL, Vec3::ZERO);
-        let handle = world.add_object(&EngineBody::new(body, mass_kg, 1.0), Pose::IDENTITY);
+        let handle = world.add_object(&EngineBody::new(body, mass_kg, 1.0), Pose::IDENTITY, true);
         world.step(&mut PhysicsPipeline::new());
         let found = world.bodies[handle].mass_properties().local_mprops;
         let inertia = found.reconstruct_inertia_matrix() * (1.0 / (UNITS_PER_M * UNITS_PER_M));
@@ -366,14 +346,14 @@ mod tests {
         let (small, large, mass_kg) = (0.02, 0.04, 0.9);
         let turn = axis_angle(Vec3::Z, 0.3) * axis_angle(Vec3::Y, 0.8);
         let part = |edge: f32, along_m: f32| Part {
-            shape: PartShape::Solid(cuboid(Vec3::splat(edge))),
+            shape: (&cuboid(Vec3::splat(edge))).into(),
             object_from_part: Pose::from_parts(turn * Vec3::X * along_m, turn),
         };
-        let bell = Compound::new("dumb_bell", vec![part(small, 0.0), part(large, 0.1)]).unwrap();
-        let apart_m = bell.parts()[1].object_from_part.translation - bell.parts()[0].object_from_part.translation;
-        assert!((apart_m - turn * Vec3::X * 0.1).length() < 1e-6);
-        let expected_centre_m = bell.parts()[0].object_from_part.translation + apart_m * (8.0 / 9.0);
-        let (found_kg, centre_m, inertia) = mass_of(&bell.into(), mass_kg);
+        let bell = Compound::new("dumb_bell", vec![part(small, 0.0), part(large, 0.1)]).unwrap().into();
+        let (found_kg, centre_m, inertia) = mass_of(&bell, mass_kg);
+        let [light_m, heavy_m] = [0, 1].map(|part| bell.polyhedra()[part].centre_m());
+        assert!((heavy_m - light_m - turn * Vec3::X * 0.1).length() < 1e-6);
+        let expected_centre_m = light_m + (heavy_m - light_m) * (8.0 / 9.0);
         assert!((found_kg - mass_kg).abs() < 1e-6 && (centre_m - expected_centre_m).length() < 1e-6, "{centre_m}");
         let [light_kg, heavy_kg] = [mass_kg / 9.0, 8.0 * mass_kg / 9.0];
         let own = (light_kg * small * small + heavy_kg * large * large) / 6.0;
@@ -381,21 +361,5 @@ mod tests {
         let r = Mat3::from_quat(turn);
         let expected = r * Mat3::from_diagonal(Vec3::new(own, own + lever, own + lever)) * r.transpose();
         assert_inertia(inertia, expected, "dumb-bell");
-    }
-
-    #[test]
-    fn one_solid_alone_is_the_solid() {
-        for (kind, extents) in [
-            (ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.07)),
-            (ShapeKind::Cylinder, Vec3::new(0.04, 0.04, 0.07)),
-            (ShapeKind::TriPrism, Vec3::new(0.08, 0.05, 0.04)),
-            (ShapeKind::HalfCylinder, Vec3::new(0.06, 0.06, 0.03)),
-        ] {
-            let solid = Solid::new(kind, extents).unwrap();
-            let part =
-                Part { shape: PartShape::Solid(solid), object_from_part: Pose::from_parts(Vec3::ZERO, Quat::IDENTITY) };
-            let alone = Compound::new("alone", vec![part]).unwrap();
-            assert_eq!(mass_of(&alone.into(), 0.2), mass_of(&solid.into(), 0.2), "{kind:?}");
-        }
     }
 }

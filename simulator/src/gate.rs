@@ -85,6 +85,11 @@ impl Gate {
         Some(low * 2.0 * way_m)
     }
 
+    /// Where the objects are.
+    pub(crate) fn poses(&self) -> impl ExactSizeIterator<Item = Pose> {
+        self.obstacles.iter().map(|(_, pose)| *pose)
+    }
+
     /// The parts of all objects in the frame of a grasp.
     pub(crate) fn placed(&self, workspace_from_grasp: &Pose) -> Vec<PlacedPart> {
         let grasp_from_workspace = workspace_from_grasp.inverse();

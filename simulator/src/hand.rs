@@ -112,7 +112,7 @@ impl Hand {
 
     /// Whether both fingers press on a collider.
     pub(crate) fn grips(&self, world: &World, collider: ColliderHandle) -> bool {
-        self.fingers.iter().all(|finger| world.contact_force_n(finger.collider, collider) > 0.0)
+        self.fingers.iter().all(|finger| world.are_pressed(finger.collider, collider))
     }
 
     /// By how much its boxes have moved since it was open and at the origin: left and right finger, palm.

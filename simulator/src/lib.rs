@@ -41,7 +41,9 @@
 //! ```
 
 mod attempt;
+mod bodies;
 mod body;
+mod contact;
 mod convex_hull;
 mod decompose;
 mod depth;
@@ -50,7 +52,6 @@ mod faceted;
 mod gate;
 mod hand;
 mod obstruction;
-mod rig;
 mod scene;
 mod settle;
 mod shortcuts;
@@ -59,13 +60,13 @@ mod tested_part;
 mod watch;
 
 pub use attempt::{AttemptWorld, Execution};
-pub use body::{Body, Compound, CompoundError, ModelError, Part, PartShape, bodies_of};
+pub use body::{Body, Compound, CompoundError, ModelError, Part, bodies_of};
+pub use contact::{Contact, ContactBody};
 pub use convex_hull::convex_hull;
 pub use decompose::{ConvexParts, PartsParams, convex_parts, few_cornered_hull, hull_volume_m3};
 pub use depth::{SceneRays, ViewRays};
 pub use gate::{Gate, Hit};
 pub use obstruction::Obstruction;
-pub use rig::{Contact, Toucher};
 pub use scene::{Scene, SceneObject};
 pub use schema::{Physics, SettleParams};
 pub use settle::{Settled, Unsettled, settle, settle_again};

@@ -54,8 +54,9 @@ impl Scene {
     /// its tips there. `None` without objects.
     #[must_use]
     pub fn nearest(&self, point_m: Vec3) -> Option<usize> {
-        let outside_m =
-            |object: &SceneObject| object.body.distance_outside_m(object.workspace_from_object.inverse() * point_m);
+        let outside_m = |object: &SceneObject| {
+            object.body.distance_outside_m(object.workspace_from_object.inverse_transform_point(point_m))
+        };
         let distances = self.objects.iter().map(outside_m).enumerate();
         distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, _)| number)
     }

@@ -6,8 +6,8 @@
 
 use schema::{Engine, Grid, Physics, Pose, SettleParams, Vec3};
 
+use crate::bodies::{PileEngine, RapierPile};
 use crate::engine::EngineBody;
-use crate::rig::{Heap, RapierHeap};
 use crate::stepper::{Stepper, Thing};
 use crate::{Scene, SceneObject};
 
@@ -110,7 +110,7 @@ struct Pile<'a> {
     physics: &'a Physics,
     params: &'a SettleParams,
     grid: &'a Grid,
-    heap: Box<dyn Heap + 'a>,
+    heap: Box<dyn PileEngine + 'a>,
     count: usize,
     steps: usize,
 }
@@ -133,11 +133,11 @@ impl<'a> Pile<'a> {
         things: &'a [Thing],
     ) -> Self {
         let settling = Physics { solver_iterations: params.solver_iterations, ..*physics };
-        let heap: Box<dyn Heap + 'a> = match physics.engine {
+        let heap: Box<dyn PileEngine + 'a> = match physics.engine {
             Engine::Stepper => Box::new(Stepper::pile(&settling, params.damping_1_s, things, grid.table_z_m)),
             Engine::Rapier => {
                 let objects = objects.iter().map(EngineBody::of).collect();
-                Box::new(RapierHeap::new(&settling, params, objects, grid.table_z_m))
+                Box::new(RapierPile::new(&settling, params, objects, grid.table_z_m))
             }
         };
         Self { physics, params, grid, heap, count: 0, steps: 0 }

@@ -1,7 +1,7 @@
 //! What an attempt may leave out, because it decides nothing.
 //!
 //! None of this changes what a label means: with [`Physics::shortcuts`] off, everything is simulated, and
-//! `graspmill bench generate` counts how often that ends differently.
+//! `graspmill dataset bench` counts how often that ends differently.
 
 use schema::{Physics, Vec3};
 
@@ -100,17 +100,17 @@ impl LiftWatch {
 
 impl Run<'_> {
     fn rides_along(&self, velocity_m_s: Vec3) -> bool {
-        let [linear_m_s, angular_rad_s] = self.rig.velocities(self.target);
+        let [linear_m_s, angular_rad_s] = self.engine.velocities(self.target);
         (linear_m_s - velocity_m_s).length() <= STEADY_SPEED_M_S
             && angular_rad_s.length() <= STEADY_TURN_RAD_S
-            && self.rig.is_gripped(self.target)
-            && !self.rig.is_touched_by_others(self.target)
+            && self.engine.is_gripped(self.target)
+            && !self.engine.is_touched_by_others(self.target)
     }
 
     fn others_rest(&self) -> bool {
         self.others().all(|id| {
-            let [linear_m_s, angular_rad_s] = self.rig.velocities(id);
-            self.rig.is_asleep(id)
+            let [linear_m_s, angular_rad_s] = self.engine.velocities(id);
+            self.engine.is_asleep(id)
                 || (linear_m_s.length() <= STEADY_SPEED_M_S && angular_rad_s.length() <= STEADY_TURN_RAD_S)
         })
     }
@@ -118,9 +118,9 @@ impl Run<'_> {
     fn way_is_free(&self, rest_m: Vec3) -> bool {
         let length_m = rest_m.length();
         let Some(direction) = rest_m.try_normalize() else { return true };
-        let placed = |id: usize| self.setup.gate.placed_at(id, &self.rig.pose(id));
+        let placed = |id: usize| self.setup.gate.placed_at(id, &self.engine.pose(id));
         let mut movers = placed(self.target);
-        let hand = self.setup.gripper.open_hand().into_iter().zip(self.rig.hand_moved_m());
+        let hand = self.setup.gripper.open_hand().into_iter().zip(self.engine.hand_moved_m());
         movers.extend(hand.map(|(hand_box, moved_m)| PlacedPart::from_box(&hand_box, moved_m)));
         self.others().flat_map(placed).all(|other| {
             movers.iter().all(|mover| {

@@ -18,7 +18,8 @@ mod tests;
 use schema::{Gripper, Physics, Pose, Quat, Vec3};
 use wide::f32x4;
 
-use crate::rig::{Bodies, Contact as Pressing, Heap, Rig, Toucher};
+use crate::bodies::{AttemptEngine, Bodies, PileEngine};
+use crate::contact::{Contact as Pressing, ContactBody};
 use contact::{Answer, Contact, Contacts, Double, Motion, Pass, Relative, Single, Touched, lanes};
 use jaws::Jaws;
 use patch::{Frame, Patch, Scratch};
@@ -438,7 +439,7 @@ impl Bodies for Stepper<'_> {
     }
 }
 
-impl Heap for Stepper<'_> {
+impl PileEngine for Stepper<'_> {
     fn add(&mut self, pose: &Pose, velocity_m_s: Vec3) {
         let body = Body::new(&self.things[self.bodies.len()], pose, true);
         self.bodies.push(Body { velocity_m_s, ..body });
@@ -463,7 +464,7 @@ impl Heap for Stepper<'_> {
     }
 }
 
-impl Rig for Stepper<'_> {
+impl AttemptEngine for Stepper<'_> {
     fn closed_m(&self) -> [f32; 2] {
         self.jaws.closed_m()
     }
@@ -496,12 +497,12 @@ impl Rig for Stepper<'_> {
     }
 
     fn contacts(&self) -> Vec<Pressing> {
-        let hand = [Toucher::Table, Toucher::LeftFinger, Toucher::RightFinger, Toucher::Palm];
+        let hand = [ContactBody::Table, ContactBody::LeftFinger, ContactBody::RightFinger, ContactBody::Palm];
         let singles = self.singles.iter().map(|c| (hand[c.first], c.second, c.bearing()));
-        let doubles = self.doubles.iter().map(|c| (Toucher::Object(c.first), c.second, c.bearing()));
+        let doubles = self.doubles.iter().map(|c| (ContactBody::Object(c.first), c.second, c.bearing()));
         let mut pressing: Vec<Pressing> = Vec::new();
         for (first, second, (points_m, impulse)) in singles.chain(doubles) {
-            let (between, force_n) = ([first, Toucher::Object(second)], impulse / self.step_s);
+            let (between, force_n) = ([first, ContactBody::Object(second)], impulse / self.step_s);
             if points_m.is_empty() {
                 continue;
             }

@@ -6,7 +6,8 @@
 use schema::Pose;
 
 use crate::attempt::Execution;
-use crate::rig::{Contact, Rig};
+use crate::bodies::AttemptEngine;
+use crate::contact::Contact;
 
 /// An observer of an attempt.
 pub trait Watcher {
@@ -108,9 +109,8 @@ pub struct Moment<'r> {
     pub phase: Phase,
     /// Steps since the open hand was at the grasp, including skipped steps.
     pub steps: usize,
-    pub(crate) rig: &'r dyn Rig,
+    pub(crate) engine: &'r dyn AttemptEngine,
     pub(crate) object_count: usize,
-    pub(crate) width_m: f32,
     pub(crate) workspace_from_grasp: Pose,
 }
 
@@ -118,20 +118,14 @@ impl Moment<'_> {
     /// Poses of the objects in the workspace.
     #[must_use]
     pub fn objects(&self) -> Vec<Pose> {
-        (0..self.object_count).map(|id| self.workspace_from_grasp * self.rig.pose(id)).collect()
+        (0..self.object_count).map(|id| self.workspace_from_grasp * self.engine.pose(id)).collect()
     }
 
     /// Workspace poses of the boxes of [`schema::Gripper::open_hand`]: each maps the open hand's frame to where that
     /// box is now.
     #[must_use]
     pub fn hand(&self) -> [Pose; 3] {
-        self.rig.hand_moved_m().map(|moved_m| self.workspace_from_grasp * Pose::from_translation(moved_m))
-    }
-
-    /// Opening in metres.
-    #[must_use]
-    pub fn width_m(&self) -> f32 {
-        self.width_m
+        self.engine.hand_moved_m().map(|moved_m| self.workspace_from_grasp * Pose::from_translation(moved_m))
     }
 
     /// All contacts on the hand or on an object.
@@ -141,6 +135,6 @@ impl Moment<'_> {
             let points_m = contact.points_m.iter().map(|p| self.workspace_from_grasp.transform_point(*p)).collect();
             Contact { points_m, ..contact }
         };
-        self.rig.contacts().into_iter().map(in_workspace).collect()
+        self.engine.contacts().into_iter().map(in_workspace).collect()
     }
 }

@@ -3,7 +3,9 @@
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use schema::{Engine, Gripper, Outcome, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};
-use simulator::{AttemptEvent, AttemptWorld, Contact, Moment, Phase, Physics, Scene, SceneObject, Toucher, Watcher};
+use simulator::{
+    AttemptEvent, AttemptWorld, Contact, ContactBody, Execution, Moment, Phase, Physics, Scene, SceneObject, Watcher,
+};
 
 fn gripper() -> Gripper {
     Gripper::from_toml(include_str!("../../configs/grippers/parallel_jaw_80.toml")).unwrap()
@@ -48,17 +50,17 @@ impl Watcher for Notes {
 
     fn event(&mut self, event: AttemptEvent, moment: Option<&Moment<'_>>) {
         self.events.push(event);
-        if let (AttemptEvent::Decided(_), Some(moment)) = (event, moment) {
-            self.decided = Some((moment.contacts(), moment.objects()[0], moment.width_m()));
+        if let (AttemptEvent::Decided(Execution { width_m: Some(width_m), .. }), Some(moment)) = (event, moment) {
+            self.decided = Some((moment.contacts(), moment.objects()[0], width_m));
         }
     }
 }
 
-fn watched(physics: &Physics, scene: &Scene, grasp: &Pose) -> (simulator::Execution, Notes) {
+fn watched(physics: &Physics, scene: &Scene, grasp: &Pose) -> (Execution, Notes) {
     let gripper = gripper();
     let world = AttemptWorld::new(physics, &gripper, &Procedure::PAPER, scene);
     let mut notes = Notes::default();
-    let seen = world.execute_watched(grasp, 0, &mut notes);
+    let seen = world.execute_watched(grasp, 0, Some(&mut notes));
     assert_eq!(seen, world.execute(grasp, 0), "watching must change nothing");
     assert_eq!(seen.width_m.map(f32::to_bits), world.execute(grasp, 0).width_m.map(f32::to_bits));
     assert!(notes.steps.windows(2).all(|pair| pair[1] == pair[0] + 1), "every step is shown once");
@@ -115,9 +117,9 @@ fn contacts_are_where_the_fingers_are_and_as_strong() {
         let (contacts, target, width_m) = notes.decided.unwrap();
         let inverse = target.inverse();
         // The hand is upside down: its left finger, at −y of the grasp, is at +y of the workspace.
-        for (finger, side) in [(Toucher::LeftFinger, 1.0), (Toucher::RightFinger, -1.0)] {
+        for (finger, side) in [(ContactBody::LeftFinger, 1.0), (ContactBody::RightFinger, -1.0)] {
             let of = contacts.iter().find(|contact| contact.between.contains(&finger)).unwrap();
-            assert!(of.between.contains(&Toucher::Object(0)), "{of:?}");
+            assert!(of.between.contains(&ContactBody::Object(0)), "{of:?}");
             assert!((of.force_n - gripper().finger_force_n).abs() < 1.0, "{of:?}");
             assert!(!of.points_m.is_empty());
             for point in &of.points_m {

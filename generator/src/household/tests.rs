@@ -60,7 +60,7 @@ fn a_third_of_the_kinds_is_held_out() {
     assert_eq!((train.len(), held_out.len(), all.len()), (18, 9, 27));
     assert!(train.iter().all(|kind| !held_out.contains(kind)));
     let problem = household(&params(Split::Train, &[Kind::Cup, Kind::Mug], 2, 1)).unwrap_err();
-    assert_eq!(problem, "kinds must be of the split train, got mug");
+    assert!(problem.contains("train") && problem.contains("mug"), "{problem}");
 }
 
 /// The gap between two convex bodies: the largest along a normal of a face or of two edges. Negative if they overlap.

@@ -99,9 +99,9 @@ impl<'a> Model<'a> {
         folder.join(within).join(name)
     }
 
-    /// The elements that say something of an element, first the one that counts most: itself, its class, the classes
-    /// around that, and the class of all.
-    fn sayings(self, element: &'a Element, class: Option<&str>) -> Vec<&'a Element> {
+    /// An element and its defaults, first the one that counts most: itself, its class, the classes around that, and the
+    /// class of all.
+    fn layers(self, element: &'a Element, class: Option<&str>) -> Vec<&'a Element> {
         fn way<'a>(defaults: &'a Element, class: &str, depth: usize) -> Option<Vec<&'a Element>> {
             if defaults.attribute("class") == Some(class) {
                 return Some(vec![defaults]);
@@ -135,11 +135,11 @@ impl<'a> Model<'a> {
         let own_mass = body.child("inertial").map(|inertial| inertial.numbers::<1>("mass", None)).transpose()?;
         found.mass_kg += own_mass.map_or(0.0, |[mass]| mass);
         for geom in body.children("geom") {
-            let sayings = self.sayings(geom, class);
-            if said(&sayings, "type") == Some("plane") {
+            let layers = self.layers(geom, class);
+            if value(&layers, "type") == Some("plane") {
                 continue;
             }
-            let number = |key, otherwise| numbers::<1>(&sayings, key, Some([otherwise])).map(|[number]| number);
+            let number = |key, otherwise| numbers::<1>(&layers, key, Some([otherwise])).map(|[number]| number);
             if own_mass.is_none() {
                 found.mass_kg += number("mass", 0.0)?;
             }
@@ -149,25 +149,25 @@ impl<'a> Model<'a> {
         body.children("body").try_for_each(|inner| self.collect(inner, at, class, depth + 1, found))
     }
 
-    /// The pose that some elements say.
-    fn pose_of(self, sayings: &[&Element]) -> Result<Placed, String> {
-        if let Some(key) = UNREAD.into_iter().find(|key| said(sayings, key).is_some()) {
-            return Err(format!("{key} of {} is not followed", sayings[0].name));
+    /// The pose of an element, given with its defaults.
+    fn pose_of(self, layers: &[&Element]) -> Result<Placed, String> {
+        if let Some(key) = UNREAD.into_iter().find(|key| value(layers, key).is_some()) {
+            return Err(format!("{key} of {} is not followed", layers[0].name));
         }
         let angle = if self.compiler("angle") == Some("radian") { 1.0 } else { core::f64::consts::PI / 180.0 };
-        let at_m = DVec3::from_array(numbers(sayings, "pos", Some([0.0; 3]))?);
-        let turn = if said(sayings, "euler").is_some() {
-            let [a, b, c] = numbers::<3>(sayings, "euler", None)?.map(|degree| degree * angle);
+        let at_m = DVec3::from_array(numbers(layers, "pos", Some([0.0; 3]))?);
+        let turn = if value(layers, "euler").is_some() {
+            let [a, b, c] = numbers::<3>(layers, "euler", None)?.map(|degree| degree * angle);
             if let Some(order) = self.compiler("eulerseq").filter(|order| *order != "xyz") {
                 return Err(format!("eulerseq must be xyz, got {order}"));
             }
             DMat3::from_rotation_x(a) * DMat3::from_rotation_y(b) * DMat3::from_rotation_z(c)
-        } else if said(sayings, "axisangle").is_some() {
-            let [x, y, z, turned] = numbers(sayings, "axisangle", None)?;
+        } else if value(layers, "axisangle").is_some() {
+            let [x, y, z, turned] = numbers(layers, "axisangle", None)?;
             let axis = DVec3::new(x, y, z).try_normalize().ok_or("axisangle must have an axis")?;
             DMat3::from_axis_angle(axis, turned * angle)
         } else {
-            let [w, x, y, z] = numbers(sayings, "quat", Some([1.0, 0.0, 0.0, 0.0]))?;
+            let [w, x, y, z] = numbers(layers, "quat", Some([1.0, 0.0, 0.0, 0.0]))?;
             let turn = DQuat::from_xyzw(x, y, z, w);
             if turn.length().is_nan() || turn.length() <= 0.0 {
                 return Err("quat must not be zero".to_owned());
@@ -183,8 +183,8 @@ impl<'a> Model<'a> {
         scale_m: f64,
         damaged: impl Fn(String) -> Failure,
     ) -> Result<(Placed, Shape), Failure> {
-        let sayings = self.sayings(geom.element, geom.class);
-        let ends = said(&sayings, "fromto").map(|_| numbers::<6>(&sayings, "fromto", None)).transpose();
+        let layers = self.layers(geom.element, geom.class);
+        let ends = value(&layers, "fromto").map(|_| numbers::<6>(&layers, "fromto", None)).transpose();
         let ends = ends.map_err(&damaged)?.map(|[a, b, c, d, e, f]| [DVec3::new(a, b, c), DVec3::new(d, e, f)]);
         let own = match ends {
             Some([from, to]) => {
@@ -192,17 +192,17 @@ impl<'a> Model<'a> {
                     (from - to).try_normalize().ok_or_else(|| damaged("fromto must have two ends".to_owned()))?;
                 Placed { turn: DMat3::from_quat(DQuat::from_rotation_arc(DVec3::Z, along)), at_m: 0.5 * (from + to) }
             }
-            None => self.pose_of(&sayings).map_err(&damaged)?,
+            None => self.pose_of(&layers).map_err(&damaged)?,
         };
         let at = geom.body.then(own);
-        let name = said(&sayings, "mesh");
-        let kind = said(&sayings, "type").unwrap_or(if name.is_some() { "mesh" } else { "sphere" });
+        let name = value(&layers, "mesh");
+        let kind = value(&layers, "type").unwrap_or(if name.is_some() { "mesh" } else { "sphere" });
         if kind == "mesh" {
             let name = name.ok_or_else(|| damaged("a geom of type mesh must name its mesh".to_owned()))?;
             return Ok((at, self.mesh(name, scale_m, damaged)?));
         }
         // Half lengths; how many are read depends on the kind.
-        let sizes = said(&sayings, "size").unwrap_or("").split_whitespace().map(|word| word.parse::<f64>().ok());
+        let sizes = value(&layers, "size").unwrap_or("").split_whitespace().map(|word| word.parse::<f64>().ok());
         let sizes: Option<Vec<f64>> = sizes.collect();
         let mut sizes =
             sizes.filter(|sizes| sizes.iter().all(|size| size.is_finite() && *size > 0.0)).unwrap_or_default();
@@ -217,7 +217,7 @@ impl<'a> Model<'a> {
             ("ellipsoid", [x, y, z, ..]) => xml::round([2.0 * x, 2.0 * y, 2.0 * z], 0.0),
             ("capsule", [r, half, ..]) => xml::round([2.0 * r; 3], 2.0 * half),
             ("box" | "cylinder" | "sphere" | "ellipsoid" | "capsule", _) => {
-                Err(format!("a {kind} must have its sizes, got {:?}", said(&sayings, "size").unwrap_or("")))
+                Err(format!("a {kind} must have its sizes, got {:?}", value(&layers, "size").unwrap_or("")))
             }
             _ => Err(format!("a geom must be mesh, box, cylinder, sphere, ellipsoid or capsule, got {kind}")),
         };
@@ -231,23 +231,23 @@ impl<'a> Model<'a> {
             None => mesh.attribute("file").and_then(stem).as_deref() == Some(name),
         };
         let mesh = self.meshes().find(is_meant).ok_or_else(|| damaged(format!("there is no mesh {name}")))?;
-        let sayings = self.sayings(mesh, None);
-        if let Some(key) = UNREAD.into_iter().find(|key| said(&sayings, key).is_some()) {
+        let layers = self.layers(mesh, None);
+        if let Some(key) = UNREAD.into_iter().find(|key| value(&layers, key).is_some()) {
             return Err(damaged(format!("{key} of mesh {name} is not followed")));
         }
         let file = mesh.attribute("file").ok_or_else(|| damaged(format!("mesh {name} must have file")))?;
-        let scale = DVec3::from_array(numbers(&sayings, "scale", Some([1.0; 3])).map_err(damaged)?);
+        let scale = DVec3::from_array(numbers(&layers, "scale", Some([1.0; 3])).map_err(damaged)?);
         xml::scaled_mesh(&self.resolved(file), scale * scale_m, self.file)
     }
 }
 
-/// What the first of some elements that says it says.
-fn said<'a>(sayings: &[&'a Element], key: &str) -> Option<&'a str> {
-    sayings.iter().find_map(|element| element.attribute(key))
+/// The attribute of an element or, if it has none, of its defaults.
+fn value<'a>(layers: &[&'a Element], key: &str) -> Option<&'a str> {
+    layers.iter().find_map(|element| element.attribute(key))
 }
 
 /// The same as numbers.
-fn numbers<const N: usize>(sayings: &[&Element], key: &str, otherwise: Option<[f64; N]>) -> Result<[f64; N], String> {
-    let teller = sayings.iter().find(|element| element.attribute(key).is_some());
-    teller.unwrap_or(&sayings[0]).numbers(key, otherwise)
+fn numbers<const N: usize>(layers: &[&Element], key: &str, otherwise: Option<[f64; N]>) -> Result<[f64; N], String> {
+    let first = layers.iter().find(|element| element.attribute(key).is_some());
+    first.unwrap_or(&layers[0]).numbers(key, otherwise)
 }

@@ -7,9 +7,9 @@ use wide::f32x4;
 use super::patch::{Frame, PREDICTION_M, Scratch, between, on_box, on_plane};
 use super::shape::{Part, Thing};
 use super::{Body, Stepper};
+use crate::bodies::Bodies;
 use crate::engine::UNITS_PER_M;
 use crate::gate::tests::{V, points, widest_gap};
-use crate::rig::Bodies;
 use crate::{AttemptWorld, Scene, SceneObject};
 
 const GRAVITY_M_S2: f32 = 9.81;

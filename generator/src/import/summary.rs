@@ -85,39 +85,39 @@ pub(super) fn opening_m(config: &Config) -> f32 {
 pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Measured) -> Vec<String> {
     let longest_m = measured.extents_m.max_element();
     let of_parts = "its mass, unless given, is that of its hull, its inertia that of its parts";
-    let mut told = Vec::new();
+    let mut warnings = Vec::new();
     if !object.is_watertight {
         let Seams { open_edges, twisted_edges } = measured.seams;
-        told.push(format!(
+        warnings.push(format!(
             "not watertight: {open_edges} edges do not belong to two triangles, {twisted_edges} have theirs turned against \
              each other; {of_parts}"
         ));
     } else if object.volume_m3.is_none() {
-        told.push(format!("watertight, but without a volume; {of_parts}"));
+        warnings.push(format!("watertight, but without a volume; {of_parts}"));
     }
     if measured.was_inside_out {
-        told.push("its triangles were inside out; they were reversed".to_owned());
+        warnings.push("its triangles were inside out; they were reversed".to_owned());
     }
     if measured.mesh.degenerate_count > 0 {
-        told.push(format!("{} triangles without an area were dropped", measured.mesh.degenerate_count));
+        warnings.push(format!("{} triangles without an area were dropped", measured.mesh.degenerate_count));
     }
     if longest_m > PLAUSIBLE_M[1] {
         let scale = object.scale_m * 0.001;
-        told.push(format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {scale}"));
+        warnings.push(format!("{longest_m:.3} m long: if the file is in millimetres, give --scale {scale}"));
     }
     if longest_m < PLAUSIBLE_M[0] {
         let (longest_mm, scale) = (longest_m * 1000.0, object.scale_m * 1000.0);
-        told.push(format!("{longest_mm:.3} mm long: if the file is in metres, give --scale {scale}"));
+        warnings.push(format!("{longest_mm:.3} mm long: if the file is in metres, give --scale {scale}"));
     }
     if !object.fits_gripper {
         let (width_mm, opening_mm) = (object.smallest_width_m * 1000.0, opening_m(config) * 1000.0);
-        told.push(format!(
+        warnings.push(format!(
             "{width_mm:.1} mm at its narrowest, and the hand opens {opening_mm:.1} mm: only a rim or a handle can be held"
         ));
     }
     if !object.fits_workspace {
         let side_m = config.grid.size_m;
-        told.push(format!(
+        warnings.push(format!(
             "its bounding box's diagonal must be at most the workspace's side, {side_m} m, to be dropped; --rests-min leaves such \
              objects out"
         ));
@@ -128,22 +128,22 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
         } else {
             "--corners-max: the parts cut off rounded surfaces"
         };
-        told.push(format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * share));
+        warnings.push(format!("the parts have {:.1} % of its volume; more {cure}", 100.0 * share));
     }
     if let Some(share) = object.parts_inertia_difference.filter(|share| *share > INERTIA_SHARE) {
-        told.push(format!("the parts' inertia is {:.1} % from the mesh's", 100.0 * share));
+        warnings.push(format!("the parts' inertia is {:.1} % from the mesh's", 100.0 * share));
     }
     if object.parts_overlap_share > OVERLAP_SHARE {
-        told.push(format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share));
+        warnings.push(format!("{:.1} % of the parts' volume overlaps", 100.0 * object.parts_overlap_share));
     }
     if let Some(drops) = object.test_drops.filter(|drops| drops.rested < drops.count()) {
         let (rested, count, moved_on, left) = (drops.rested, drops.count(), drops.moved_on, drops.left);
-        told.push(format!(
+        warnings.push(format!(
             "it came to rest in {rested} of {count} test drops: {moved_on} times it moved on, {left} times it left the workspace; \
              --rests-min leaves such objects out"
         ));
     }
-    told
+    warnings
 }
 
 /// The object as a catalogue entry. Corners are relative to the centre of the mesh's bounding box.

@@ -1,12 +1,13 @@
 //! Objects on a table, as an engine has them: what attempts and piles ask of physics. The frame of an attempt is that
 //! of the grasp, the frame of a pile that of the workspace.
 //!
-//! [`Stepper`](crate::stepper::Stepper) is ours and made for this; [`RapierRig`] is the reference.
+//! [`Stepper`](crate::stepper::Stepper) is ours and made for this; [`RapierAttempt`] is the reference.
 
 use rapier3d::prelude::{ColliderHandle, PhysicsPipeline, RigidBodyHandle};
 use schema::{Gripper, Physics, Pose, SettleParams, Vec3};
 
-use crate::engine::{EngineBody, Pressing, World};
+use crate::contact::{Contact, ContactBody};
+use crate::engine::{EngineBody, World};
 use crate::hand::Hand;
 
 /// Objects that move. They are known by their indices.
@@ -22,7 +23,7 @@ pub(crate) trait Bodies {
 }
 
 /// What a pile asks of an engine.
-pub(crate) trait Heap: Bodies {
+pub(crate) trait PileEngine: Bodies {
     /// Adds the next of the objects.
     fn add(&mut self, pose: &Pose, velocity_m_s: Vec3);
 
@@ -37,7 +38,7 @@ pub(crate) trait Heap: Bodies {
 }
 
 /// What an attempt asks of an engine.
-pub(crate) trait Rig: Bodies {
+pub(crate) trait AttemptEngine: Bodies {
     /// How far each finger has closed, in metres.
     fn closed_m(&self) -> [f32; 2];
 
@@ -63,32 +64,6 @@ pub(crate) trait Rig: Bodies {
     fn contacts(&self) -> Vec<Contact>;
 }
 
-/// A body that can touch another.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Toucher {
-    /// The finger at −y of the grasp.
-    LeftFinger,
-    /// The finger at +y of the grasp.
-    RightFinger,
-    /// The palm.
-    Palm,
-    /// An object, by its index.
-    Object(usize),
-    /// The table.
-    Table,
-}
-
-/// Two bodies that press on each other.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Contact {
-    /// Which.
-    pub between: [Toucher; 2],
-    /// The contact points that carry load, in metres; a watcher gets them in the workspace.
-    pub points_m: Vec<Vec3>,
-    /// Force in the last step, in newtons.
-    pub force_n: f32,
-}
-
 /// Objects in rapier, and what is there beside them.
 pub(crate) struct InRapier<T> {
     world: World,
@@ -112,9 +87,9 @@ impl<T> Bodies for InRapier<T> {
 }
 
 /// The hand and its objects in rapier.
-pub(crate) type RapierRig = InRapier<Hand>;
+pub(crate) type RapierAttempt = InRapier<Hand>;
 
-impl RapierRig {
+impl RapierAttempt {
     /// The `bodies` at rest on a table at `table_z_m`, and a hand at `workspace_from_grasp` whose fingers have closed
     /// by `closed_m` each. Objects are asleep until touched, unless `all_awake`.
     pub(crate) fn new(
@@ -132,7 +107,7 @@ impl RapierRig {
         world.add_table(&grasp_from_workspace, table_z_m, physics.table_friction);
         let add = |(engine_body, workspace_from_object): &(EngineBody, Pose)| {
             let pose = grasp_from_workspace * *workspace_from_object;
-            if all_awake { world.add_object(engine_body, pose) } else { world.add_resting_object(engine_body, pose) }
+            world.add_object(engine_body, pose, all_awake)
         };
         let bodies = bodies.iter().map(add).collect();
         let hand = Hand::insert(&mut world, gripper, closed_m);
@@ -143,21 +118,21 @@ impl RapierRig {
         self.world.bodies[self.bodies[object_id]].colliders()[0]
     }
 
-    fn toucher(&self, collider: ColliderHandle) -> Toucher {
+    fn body(&self, collider: ColliderHandle) -> ContactBody {
         let [left, right, palm] = self.beside.colliders();
         if let Some(id) = (0..self.bodies.len()).find(|id| self.collider(*id) == collider) {
-            return Toucher::Object(id);
+            return ContactBody::Object(id);
         }
         match collider {
-            _ if collider == left => Toucher::LeftFinger,
-            _ if collider == right => Toucher::RightFinger,
-            _ if collider == palm => Toucher::Palm,
-            _ => Toucher::Table,
+            _ if collider == left => ContactBody::LeftFinger,
+            _ if collider == right => ContactBody::RightFinger,
+            _ if collider == palm => ContactBody::Palm,
+            _ => ContactBody::Table,
         }
     }
 }
 
-impl Rig for RapierRig {
+impl AttemptEngine for RapierAttempt {
     fn closed_m(&self) -> [f32; 2] {
         self.beside.closed_m(&self.world)
     }
@@ -187,17 +162,12 @@ impl Rig for RapierRig {
     }
 
     fn contacts(&self) -> Vec<Contact> {
-        let known = |pressing: Pressing| Contact {
-            between: pressing.colliders.map(|collider| self.toucher(collider)),
-            points_m: pressing.points_m,
-            force_n: pressing.force_n,
-        };
-        self.world.pressing().into_iter().map(known).collect()
+        self.world.contacts(|collider| self.body(collider))
     }
 }
 
 /// A pile in rapier.
-pub(crate) type RapierHeap<'a> = InRapier<PileSetup<'a>>;
+pub(crate) type RapierPile<'a> = InRapier<PileSetup<'a>>;
 
 /// Of a pile: the objects that it is to have, and what keeps them together.
 pub(crate) struct PileSetup<'a> {
@@ -212,7 +182,7 @@ pub(crate) struct PileSetup<'a> {
 const WALL_THICKNESS_M: f32 = 0.1;
 const WALL_HEIGHT_M: f32 = 0.4;
 
-impl<'a> RapierHeap<'a> {
+impl<'a> RapierPile<'a> {
     /// A table at `table_z_m` for the `objects`, of which none is there yet.
     pub(crate) fn new(physics: &Physics, params: &'a SettleParams, objects: Vec<EngineBody>, table_z_m: f32) -> Self {
         let mut world = World::new(physics, -Vec3::Z * physics.gravity_m_s2);
@@ -222,9 +192,9 @@ impl<'a> RapierHeap<'a> {
     }
 }
 
-impl Heap for RapierHeap<'_> {
+impl PileEngine for RapierPile<'_> {
     fn add(&mut self, pose: &Pose, velocity_m_s: Vec3) {
-        let body = self.world.add_object(&self.beside.objects[self.bodies.len()], *pose);
+        let body = self.world.add_object(&self.beside.objects[self.bodies.len()], *pose, true);
         self.world.let_settle(body, self.beside.params, velocity_m_s);
         self.bodies.push(body);
     }
