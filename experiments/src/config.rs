@@ -13,7 +13,7 @@ use planner::config::JudgeParams;
 use planner::{BuiltIn, Planner};
 use program::Failure;
 use schema::{Camera, Grid, View};
-use settings::{Document, Reader, Row, rows_of, settings, words};
+use settings::{Document, Reader, settings, words};
 use sha2::{Digest as _, Sha256};
 use shards::DatasetInfo;
 use toml::Table;
@@ -26,28 +26,14 @@ pub const REFERENCE: &str = include_str!("../../configs/experiment/pile.toml");
 /// A checked experiment.
 #[derive(Debug, Clone)]
 pub struct Config {
-    /// The protocol's name; every number carries it.
-    pub protocol: String,
-    /// Seeds of the scenes; each has all rounds.
-    pub seeds: Vec<u64>,
-    /// Rounds of a seed.
-    pub rounds: u64,
+    /// What its file holds.
+    pub keys: Keys,
     /// How scenes are made, hands close and cameras see: a generator's config.
     pub scene: generator::Config,
     /// Which objects, and how they come to lie.
     pub objects: Objects,
-    /// Whether placements that the hand cannot span are drawn anew.
-    pub viable_only: bool,
-    /// Where the cameras stand.
-    pub views: Views,
-    /// What is wrong with their depths.
+    /// What is wrong with the cameras' depths.
     pub noise: DepthNoise,
-    /// When a round ends.
-    pub stop: StopParams,
-    /// What becomes of a hand that touches something.
-    pub touching: Touching,
-    /// Which grasp of a plan is executed.
-    pub choice: Choice,
     /// The planner's settings.
     pub plan: planner::Config,
     /// The network's file; `None` for the one that comes with the program.
@@ -132,48 +118,50 @@ settings! {
 
 settings! {
     /// What an experiment's file holds.
-    struct Keys {
+    #[derive(Debug, Clone)]
+    pub struct Keys {
         /// The protocol's name; every number carries it.
-        protocol: String,
+        pub protocol: String,
         /// Seeds of the scenes; each has all rounds.
-        seeds: Vec<u64>,
+        pub seeds: Vec<u64>,
         /// Rounds of a seed.
-        rounds: u64 where 1..=1_000_000,
+        pub rounds: u64 where 1..=1_000_000,
         /// `paper`, or the path of a generator's config.
-        scene: String,
+        pub scene: String,
         /// `judge`, `paper` or `vgn`, or the path of a planner's settings.
-        plan: String,
+        pub plan: String,
         /// `built-in`, or the path of a network.
-        model: String,
+        pub model: String,
         /// Which objects, and how they come to lie.
-        objects: ObjectKeys,
+        pub objects: ObjectKeys,
         /// Where the cameras stand.
-        views: Views,
+        pub views: Views,
         /// What is wrong with their depths.
-        noise: NoiseKeys,
+        pub noise: NoiseKeys,
         /// When a round ends.
-        stop: StopParams,
+        pub stop: StopParams,
         /// What becomes of a hand that touches something on its way or moves another object.
-        touching: Touching; or Touching::Fails,
+        pub touching: Touching; or Touching::Fails,
         /// Which grasp of a plan is executed.
-        choice: Choice; or Choice::First,
+        pub choice: Choice; or Choice::First,
     }
     check Keys::agree
 }
 
 settings! {
     /// Which objects lie on the table.
-    struct ObjectKeys {
+    #[derive(Debug, Clone)]
+    pub struct ObjectKeys {
         /// How they come to lie.
-        kind: Kind,
+        pub kind: Kind,
         /// How many.
-        count: usize where 1..=20,
+        pub count: usize where 1..=20,
         /// `everyday`, or the path of a catalogue.
-        catalogue: String,
+        pub catalogue: String,
         /// The catalogue's objects or sets, round after round the next.
-        names: Vec<String>,
+        pub names: Vec<String>,
         /// Whether placements that the hand cannot span are drawn anew.
-        viable_only: bool,
+        pub viable_only: bool,
     }
 }
 
@@ -200,7 +188,7 @@ words! {
 
 words! {
     /// How objects come to lie.
-    enum Kind {
+    pub enum Kind {
         /// Dropped one by one, as in training.
         Pile = "pile",
         /// Upright, side by side.
@@ -212,11 +200,12 @@ words! {
 
 settings! {
     /// A sensor's faults.
-    struct NoiseKeys {
+    #[derive(Debug, Clone)]
+    pub struct NoiseKeys {
         /// Which model.
-        kind: NoiseKind,
+        pub kind: NoiseKind,
         /// Standard deviation of `gaussian`.
-        std_m: f32 where 0.0..=1.0,
+        pub std_m: f32 where 0.0..=1.0,
     }
 }
 
@@ -270,24 +259,13 @@ impl Config {
         scene.gripper = plan.gripper.clone().into();
         let objects = objects(&keys.objects, &scene, file(&keys.objects.catalogue, "everyday").as_deref());
         let objects = objects.map_err(|problem| document.invalid(vec![problem]))?;
-        let problems = mismatches(&scene);
-        if !problems.is_empty() {
-            return Err(document.invalid(problems));
-        }
         Ok(Self {
             digest: digest(document.table(), &scene, &plan, &objects),
             objects,
-            viable_only: keys.objects.viable_only,
-            views: keys.views,
             noise: keys.noise.kind.noise(keys.noise.std_m, scene.camera.focal_px),
-            stop: keys.stop,
-            touching: keys.touching,
-            choice: keys.choice,
             model: file(&keys.model, "built-in"),
             text,
-            protocol: keys.protocol,
-            seeds: keys.seeds,
-            rounds: keys.rounds,
+            keys,
             scene,
             plan,
         })
@@ -296,7 +274,7 @@ impl Config {
     /// Rounds of all seeds: at most 10⁹.
     #[must_use]
     pub fn round_count(&self) -> u64 {
-        self.rounds * self.seeds.len() as u64
+        self.keys.rounds * self.keys.seeds.len() as u64
     }
 
     /// The planner of the experiment.
@@ -313,7 +291,7 @@ impl Config {
     /// The cameras.
     #[must_use]
     pub fn cameras(&self) -> Vec<Camera> {
-        let Views { count, radius_sizes, polar_rad, azimuth_rad, target_z_m } = self.views;
+        let Views { count, radius_sizes, polar_rad, azimuth_rad, target_z_m } = self.keys.views;
         let turn = |number: usize| core::f32::consts::TAU * number as f32 / count as f32;
         let radius_m = radius_sizes * self.scene.grid.size_m;
         let camera = |number: usize| {
@@ -326,25 +304,13 @@ impl Config {
     }
 }
 
-/// What planner and scenes must have in common.
-fn mismatches(scene: &generator::Config) -> Vec<String> {
+/// What lies on the tables, whose workspace must be the planner's.
+fn objects(keys: &ObjectKeys, scene: &generator::Config, catalogue: Option<&Path>) -> Result<Objects, String> {
     let (grid, expected) = (scene.grid, Grid::PAPER);
-    let mut problems = Vec::new();
     if (grid.resolution, grid.size_m) != (expected.resolution, expected.size_m) {
         let (n, side_m) = (expected.resolution, expected.size_m);
-        problems.push(format!("the scenes' grid must be the planner's, {n}\u{b3} voxels in {side_m} m: scene"));
+        return Err(format!("the scenes' grid must be the planner's, {n}\u{b3} voxels in {side_m} m: scene"));
     }
-    problems
-}
-
-/// The keys of an experiment's file.
-#[must_use]
-pub fn rows() -> Vec<Row> {
-    rows_of::<Keys>()
-}
-
-/// What lies on the tables.
-fn objects(keys: &ObjectKeys, scene: &generator::Config, catalogue: Option<&Path>) -> Result<Objects, String> {
     Ok(match keys.kind {
         Kind::Pile => Objects::Pile { count: keys.count },
         Kind::Packed => Objects::Packed { count: keys.count, params: scene.packed.unwrap_or(PackedParams::HOUSEHOLD) },

@@ -59,12 +59,13 @@ pub struct Round {
     /// How it ended.
     pub ending: Ending,
     /// The grasps that were executed, in order.
-    pub trials: Vec<Trial>,
+    #[serde(rename = "trials")]
+    pub attempts: Vec<Attempt>,
 }
 
 /// An executed grasp.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Trial {
+pub struct Attempt {
     /// Objects on the table before it.
     pub object_count: u32,
     /// Number of grasps in the plan.
@@ -81,7 +82,7 @@ pub struct Trial {
     /// The target: the object nearest to the grasp, by its index in `objects`.
     pub target_id: u32,
     /// The objects on the table before it.
-    pub objects: Vec<TrialObject>,
+    pub objects: Vec<AttemptObject>,
     /// How it ended.
     pub outcome: Outcome,
     /// What was hit, for outcomes that hit something.
@@ -92,7 +93,7 @@ pub struct Trial {
     pub plan_ms: f32,
 }
 
-impl Trial {
+impl Attempt {
     /// Name of the target: the kind of solid, or a catalogue's name.
     #[must_use]
     pub fn target(&self) -> &str {
@@ -102,7 +103,7 @@ impl Trial {
 
 /// An object on the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TrialObject {
+pub struct AttemptObject {
     /// Name of its body.
     pub body: String,
     /// Bounding box along its axes.
@@ -116,7 +117,7 @@ pub struct TrialObject {
     pub workspace_from_object: Pose,
 }
 
-impl From<&SceneObject> for TrialObject {
+impl From<&SceneObject> for AttemptObject {
     fn from(object: &SceneObject) -> Self {
         Self {
             body: object.body.name().to_owned(),

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use perception::add_depth_noise;
 use planner::input::InputError;
-use planner::{Observation, Planner, SeenView, Wishes};
+use planner::{Observation, PlanOptions, Planner, View};
 use program::{ExitCode, Failure, error_chain};
 use schema::{Camera, Outcome, Pose, Purpose, Stream};
 use simulator::{
@@ -17,7 +17,7 @@ use simulator::{
 };
 
 use crate::config::{Choice, Config, Touching};
-use crate::record::{Ending, Round, Trial, TrialObject};
+use crate::record::{Attempt, AttemptObject, Ending, Round};
 use crate::start::{Start, UNVIABLE_MAX, start};
 
 /// Objects slower than this may be trembling.
@@ -29,7 +29,7 @@ const TREMBLING_RAD_S: f32 = 1.0;
 /// # Errors
 /// If there is no scene, or the planner refuses the observation.
 pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Failure> {
-    let (seed, scene_id) = (config.seeds[(round / config.rounds) as usize], round % config.rounds);
+    let (seed, scene_id) = (config.keys.seeds[(round / config.keys.rounds) as usize], round % config.keys.rounds);
     let failed = |why: String| Failure::new(ExitCode::Config, format!("round {round}: {why}"));
     let began = start(config, seed, scene_id);
     let none = || {
@@ -49,7 +49,7 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Fai
         removed_count: 0,
         lost_count: 0,
         ending: Ending::Cleared,
-        trials: Vec::new(),
+        attempts: Vec::new(),
     };
     // The number of changes of the scene, and the grasps of its plan that were tried. An unchanged scene gives the same
     // observation.
@@ -59,29 +59,29 @@ pub fn play(config: &Config, planner: &Planner, round: u64) -> Result<Round, Fai
         if scene.objects.is_empty() {
             break Ending::Cleared;
         }
-        if failures >= config.stop.failures_max {
+        if failures >= config.keys.stop.failures_max {
             break Ending::Failures;
         }
-        if played.trials.len() >= config.stop.attempts_max as usize {
+        if played.attempts.len() >= config.keys.stop.attempts_max as usize {
             break Ending::AttemptsMax;
         }
         let mut noise = Stream::new(seed, scene_id, Purpose::DepthNoise, look);
-        let wishes = Wishes { avoid: failed_hands.clone(), ..Wishes::default() };
-        let found = try_once(config, planner, (&scene, &wishes), &mut noise, tried);
-        let Some((trial, left)) = found.map_err(|error| failed(error_chain(&error)))? else {
+        let options = PlanOptions { avoid: failed_hands.clone(), ..PlanOptions::default() };
+        let found = try_once(config, planner, (&scene, &options), &mut noise, tried);
+        let Some((attempt, left)) = found.map_err(|error| failed(error_chain(&error)))? else {
             break Ending::NoGrasp;
         };
-        let is_held = trial.outcome == Outcome::Held;
+        let is_held = attempt.outcome == Outcome::Held;
         played.removed_count += u32::from(is_held);
         failures = if is_held { 0 } else { failures + 1 };
         if is_held {
             failed_hands.clear();
-        } else if config.stop.avoid_failed {
-            failed_hands.push(trial.workspace_from_grasp);
+        } else if config.keys.stop.avoid_failed {
+            failed_hands.push(attempt.workspace_from_grasp);
         }
-        played.trials.push(trial);
+        played.attempts.push(attempt);
         if !is_held && left == scene.objects {
-            tried += usize::from(!config.stop.avoid_failed);
+            tried += usize::from(!config.keys.stop.avoid_failed);
             continue;
         }
         (look, tried) = (look + 1, 0);
@@ -115,27 +115,27 @@ fn rest_again(config: &generator::Config, left: &[SceneObject]) -> Result<Settle
 fn try_once(
     config: &Config,
     planner: &Planner,
-    (scene, wishes): (&Scene, &Wishes),
+    (scene, options): (&Scene, &PlanOptions),
     noise: &mut Stream,
     tried: usize,
-) -> Result<Option<(Trial, Vec<SceneObject>)>, InputError> {
+) -> Result<Option<(Attempt, Vec<SceneObject>)>, InputError> {
     let began = Instant::now();
     let views = observe(config, scene, noise);
     let observe_ms = milliseconds(began);
     let began = Instant::now();
-    let plan = planner.plan(&Observation::Views(views), wishes)?;
+    let plan = planner.plan(&Observation::Views(views), options)?;
     let plan_ms = milliseconds(began);
     let world = AttemptWorld::new(&config.scene.physics, &config.plan.gripper, &config.scene.procedure, scene);
     let mut ends = plan.grasps.iter().skip(tried).map(|best| {
         let pose = best.workspace_from_grasp;
-        (best, pose, execute(config.touching, &world, scene, &pose))
+        (best, pose, execute(config.keys.touching, &world, scene, &pose))
     });
-    let chosen = match config.choice {
+    let chosen = match config.keys.choice {
         Choice::First => ends.next(),
         Choice::Holds => ends.find(|(.., (_, (execution, _)))| execution.outcome == Outcome::Held),
     };
     let Some((best, pose, (target, (execution, poses)))) = chosen else { return Ok(None) };
-    let trial = Trial {
+    let attempt = Attempt {
         object_count: scene.objects.len() as u32,
         planned_count: plan.grasps.len() as u32,
         workspace_from_grasp: pose,
@@ -143,14 +143,14 @@ fn try_once(
         quality: best.quality,
         rho_m: best.rho_m,
         target_id: target as u32,
-        objects: scene.objects.iter().map(TrialObject::from).collect(),
+        objects: scene.objects.iter().map(AttemptObject::from).collect(),
         outcome: execution.outcome,
         hit: execution.hit.map(|hit| hit.kind),
         observe_ms,
         plan_ms,
     };
     let gone = (execution.outcome == Outcome::Held).then_some(target);
-    Ok(Some((trial, moved(scene, &poses, gone))))
+    Ok(Some((attempt, moved(scene, &poses, gone))))
 }
 
 /// Tries a grasp of the object that is nearest to it, and gives what it leaves behind.
@@ -185,12 +185,12 @@ fn moved(scene: &Scene, poses: &[Pose], gone: Option<usize>) -> Vec<SceneObject>
 }
 
 /// Renders the observation.
-fn observe(config: &Config, scene: &Scene, noise: &mut Stream) -> Vec<SeenView> {
+fn observe(config: &Config, scene: &Scene, noise: &mut Stream) -> Vec<View> {
     let rays = SceneRays::new(scene);
     let seen = |camera: Camera| {
         let mut image = rays.render(&camera);
         add_depth_noise(&mut image, &config.noise, noise);
-        SeenView { image, camera }
+        View { image, camera }
     };
     config.cameras().into_iter().map(seen).collect()
 }

@@ -49,9 +49,9 @@ pub fn run(
         version: env!("CARGO_PKG_VERSION").to_owned(),
         model: planner.model_id.clone(),
         config: config.digest.clone(),
-        seeds: config.seeds.clone(),
+        seeds: config.keys.seeds.clone(),
         // With one seed the number of rounds may change; with several seeds rounds are numbered consecutively.
-        rounds: if config.seeds.len() > 1 { config.rounds } else { 0 },
+        rounds: if config.keys.seeds.len() > 1 { config.keys.rounds } else { 0 },
     };
     let mut rounds = journal(&path, &identity)?;
     rounds.retain(|round| round.round < config.round_count());

@@ -34,7 +34,7 @@ pub fn start(config: &Config, seed: u64, scene_id: u64) -> Option<Start> {
             rejected_count += 1;
             continue;
         };
-        if config.viable_only && !scene.objects.iter().all(|object| is_viable(config, object)) {
+        if config.keys.objects.viable_only && !scene.objects.iter().all(|object| is_viable(config, object)) {
             unviable_count += 1;
             continue;
         }

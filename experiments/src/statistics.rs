@@ -5,10 +5,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use schema::{Outcome, Purpose, Stream};
+use report::statistics::bootstrap_share;
+use schema::Outcome;
 use serde::{Deserialize, Serialize};
 
-use crate::record::{Ending, Round, Trial};
+use crate::record::{Attempt, Ending, Round};
 
 /// The results of an experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,7 +43,8 @@ pub struct Results {
     /// Rendering the views; `None` without attempts.
     pub observe_ms: Option<Percentiles>,
     /// Grasps per plan, over plans with an executed grasp; `None` without attempts.
-    pub planned_per_trial_mean: Option<f64>,
+    #[serde(rename = "planned_per_trial_mean")]
+    pub planned_per_attempt_mean: Option<f64>,
 }
 
 /// The rates for comparing experiments; `None` where the denominator is 0.
@@ -113,12 +115,12 @@ pub struct Percentiles {
 /// Number of bootstrap draws.
 pub const DRAWS: u32 = 2000;
 
-/// Computes the results of an experiment. Rounds and their trials may be in any order.
+/// Computes the results of an experiment. Rounds and their attempts may be in any order.
 #[must_use]
 pub fn results(protocol: &str, rounds: &[Round]) -> Results {
     let mut rounds: Vec<&Round> = rounds.iter().collect();
     rounds.sort_by_key(|round| round.round);
-    let trials = || rounds.iter().flat_map(|round| &round.trials);
+    let tried = || rounds.iter().flat_map(|round| &round.attempts);
     let GroupResults { objects, attempts, held, rates, .. } = group(String::new(), &rounds);
     let seeds = by(&rounds, |round| format!("seed {}", round.seed));
     Results {
@@ -130,13 +132,13 @@ pub fn results(protocol: &str, rounds: &[Round]) -> Results {
         removed: rounds.iter().map(|round| u64::from(round.removed_count)).sum(),
         rates,
         endings: counts(rounds.iter().map(|round| round.ending)),
-        outcomes: counts(trials().map(|trial| trial.outcome)),
+        outcomes: counts(tried().map(|attempt| attempt.outcome)),
         by_group: by(&rounds, |round| round.group.clone()),
         by_seed: if seeds.len() > 1 { seeds } else { Vec::new() },
         by_target: by_target(&rounds),
-        plan_ms: Percentiles::of(trials().map(|trial| trial.plan_ms).collect()),
-        observe_ms: Percentiles::of(trials().map(|trial| trial.observe_ms).collect()),
-        planned_per_trial_mean: quotient(trials().map(|trial| u64::from(trial.planned_count)).sum(), attempts),
+        plan_ms: Percentiles::of(tried().map(|attempt| attempt.plan_ms).collect()),
+        observe_ms: Percentiles::of(tried().map(|attempt| attempt.observe_ms).collect()),
+        planned_per_attempt_mean: quotient(tried().map(|attempt| u64::from(attempt.planned_count)).sum(), attempts),
     }
 }
 
@@ -175,21 +177,20 @@ fn group(name: String, rounds: &[&Round]) -> GroupResults {
 }
 
 fn by_target(rounds: &[&Round]) -> Vec<TargetResults> {
-    let names: BTreeSet<&str> = rounds.iter().flat_map(|round| &round.trials).map(Trial::target).collect();
+    let names: BTreeSet<&str> = rounds.iter().flat_map(|round| &round.attempts).map(Attempt::target).collect();
     let targets = names.into_iter().map(|name| {
-        let pairs = held_by_round(rounds, |trial| trial.target() == name);
+        let pairs = held_by_round(rounds, |attempt| attempt.target() == name);
         let (held, attempts) = sum(&pairs);
         TargetResults { name: name.to_owned(), attempts, held, success_rate: Interval::over(&pairs) }
     });
     targets.collect()
 }
 
-/// For each round, how many of the trials that `counts` held, and their number.
-fn held_by_round(rounds: &[&Round], counts: impl Fn(&Trial) -> bool) -> Vec<(u64, u64)> {
-    let label = |trial: &Trial| (u64::from(trial.outcome.label()), 1);
+/// For each round, how many of the attempts that `counts` held, and their number.
+fn held_by_round(rounds: &[&Round], counts: impl Fn(&Attempt) -> bool) -> Vec<(u64, u64)> {
     let held = |round: &&Round| {
-        let labels: Vec<(u64, u64)> = round.trials.iter().filter(|trial| counts(trial)).map(label).collect();
-        sum(&labels)
+        let counted = round.attempts.iter().filter(|attempt| counts(attempt));
+        counted.fold((0, 0), |(held, all), attempt| (held + u64::from(attempt.outcome.label()), all + 1))
     };
     rounds.iter().map(held).collect()
 }
@@ -211,6 +212,14 @@ fn quotient(part: u64, whole: u64) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
 
+impl Rates {
+    /// All of them, in the order of their importance.
+    #[must_use]
+    pub fn all(&self) -> [Option<Interval>; 3] {
+        [self.success_rate, self.cleared_share, self.rounds_cleared_share]
+    }
+}
+
 impl Interval {
     /// The share over all rounds, from the part and the whole of each. Rounds are drawn with replacement, as many as
     /// there are; draws with a zero denominator are skipped. Fewer than two non-empty rounds contain no information
@@ -221,9 +230,8 @@ impl Interval {
         if rounds.iter().filter(|(_, whole)| *whole > 0).count() < 2 {
             return Some(Self { value, low: 0.0, high: 1.0 });
         }
-        let mut drawn: Vec<f64> = (0..DRAWS).filter_map(|draw| drawn_share(rounds, draw)).collect();
-        drawn.sort_by(f64::total_cmp);
-        Some(Self { value, low: quantile(&drawn, 0.025)?, high: quantile(&drawn, 0.975)? })
+        let (low, high) = bootstrap_share(rounds, DRAWS)?;
+        Some(Self { value, low, high })
     }
 
     /// Whether the interval has no width because all rounds ended alike. This is a limitation of the bootstrap, which
@@ -238,25 +246,6 @@ impl Interval {
     pub fn is_above(&self, other: &Self) -> bool {
         self.low > other.high
     }
-}
-
-/// The share over as many rounds as there are, drawn with replacement.
-fn drawn_share(rounds: &[(u64, u64)], draw: u32) -> Option<f64> {
-    let mut stream = Stream::new(0, 0, Purpose::Bootstrap, draw);
-    let (part, whole) = (0..rounds.len()).fold((0, 0), |(part, whole), _| {
-        let round = rounds[stream.index(rounds.len())];
-        (part + round.0, whole + round.1)
-    });
-    quotient(part, whole)
-}
-
-/// A quantile of ascending values, linear between neighbours.
-fn quantile(ascending: &[f64], share: f64) -> Option<f64> {
-    let last = ascending.len().checked_sub(1)?;
-    let place = share * last as f64;
-    let below = place as usize;
-    let above = (below + 1).min(last);
-    Some(ascending[below] + (place - below as f64) * (ascending[above] - ascending[below]))
 }
 
 impl Percentiles {
@@ -277,9 +266,9 @@ mod tests {
     use schema::Pose;
 
     use super::*;
-    use crate::record::TrialObject;
+    use crate::record::AttemptObject;
 
-    fn round(round: u64, object_count: u32, removed_count: u32, ending: Ending, trials: Vec<Trial>) -> Round {
+    fn round(round: u64, object_count: u32, removed_count: u32, ending: Ending, attempts: Vec<Attempt>) -> Round {
         Round {
             round,
             seed: round % 2,
@@ -290,19 +279,19 @@ mod tests {
             removed_count,
             lost_count: 0,
             ending,
-            trials,
+            attempts,
         }
     }
 
-    fn trial(number: u32, target: &str, outcome: Outcome, plan_ms: f32) -> Trial {
-        let object = |body: &str| TrialObject {
+    fn attempt(number: u32, target: &str, outcome: Outcome, plan_ms: f32) -> Attempt {
+        let object = |body: &str| AttemptObject {
             body: body.to_owned(),
             size_m: [0.05; 3],
             mass_kg: 0.1,
             friction: 1.0,
             workspace_from_object: Pose::IDENTITY,
         };
-        Trial {
+        Attempt {
             object_count: 5,
             planned_count: 10 + number,
             workspace_from_grasp: Pose::IDENTITY,
@@ -322,8 +311,9 @@ mod tests {
     fn rows() -> Vec<Round> {
         use Outcome::{Empty, Held, Slipped};
         let (cuboid, cylinder) = ("cuboid", "cylinder");
-        let cleared = vec![trial(0, cuboid, Held, 10.0), trial(1, cylinder, Held, 11.0)];
-        let failed = vec![trial(0, cuboid, Held, 12.0), trial(1, cuboid, Slipped, 13.0), trial(2, cuboid, Empty, 14.0)];
+        let cleared = vec![attempt(0, cuboid, Held, 10.0), attempt(1, cylinder, Held, 11.0)];
+        let failed =
+            vec![attempt(0, cuboid, Held, 12.0), attempt(1, cuboid, Slipped, 13.0), attempt(2, cuboid, Empty, 14.0)];
         vec![
             round(0, 2, 2, Ending::Cleared, cleared),
             round(1, 3, 1, Ending::Failures, failed),
@@ -345,7 +335,7 @@ mod tests {
         assert_eq!(value(found.rates.rounds_cleared_share), 1.0 / 3.0);
         assert_eq!(found.endings, [(Ending::Cleared, 1), (Ending::NoGrasp, 1), (Ending::Failures, 1)].into());
         assert_eq!(found.outcomes, [(Outcome::Empty, 1), (Outcome::Slipped, 1), (Outcome::Held, 3)].into());
-        assert_eq!(found.planned_per_trial_mean, Some(10.8));
+        assert_eq!(found.planned_per_attempt_mean, Some(10.8));
         assert_eq!(found.plan_ms, Some(Percentiles { p50: 12.0, p90: 14.0, p99: 14.0 }));
         assert_eq!(found.observe_ms, Some(Percentiles { p50: 24.0, p90: 28.0, p99: 28.0 }));
         let targets: Vec<(&str, u64, u64)> =
@@ -383,7 +373,7 @@ mod tests {
             assert!(0.0 <= low && low < value && value < high && high <= 1.0, "{low} {value} {high}");
         }
         rounds.reverse();
-        rounds.iter_mut().for_each(|round| round.trials.reverse());
+        rounds.iter_mut().for_each(|round| round.attempts.reverse());
         assert_eq!(results("pile", &rounds), found);
     }
 
@@ -391,29 +381,12 @@ mod tests {
     fn nothing_is_divided_by_nothing() {
         let found = results("pile", &[]);
         assert_eq!(found.rates, Rates { success_rate: None, cleared_share: None, rounds_cleared_share: None });
-        assert_eq!((found.plan_ms, found.observe_ms, found.planned_per_trial_mean), (None, None, None));
+        assert_eq!((found.plan_ms, found.observe_ms, found.planned_per_attempt_mean), (None, None, None));
         assert!(found.endings.is_empty() && found.outcomes.is_empty() && found.by_target.is_empty());
         let no_grasp = [0, 1].map(|number| round(number, 5, 0, Ending::NoGrasp, Vec::new()));
         let rates = results("pile", &no_grasp).rates;
         assert_eq!(rates.success_rate, None);
         assert_eq!(rates.cleared_share, Some(Interval { value: 0.0, low: 0.0, high: 0.0 }));
-    }
-
-    /// With one attempt per round the bootstrap interval is the binomial's. If the attempts of a round agree, its width
-    /// depends on the number of rounds: √10 times wider for ten attempts per round.
-    #[test]
-    fn the_interval_is_as_wide_as_rounds_are_few() {
-        let apart: Vec<(u64, u64)> = (0..400).map(|at| (u64::from(at % 5 > 0), 1)).collect();
-        let together: Vec<(u64, u64)> = (0..40).map(|at| (10 * u64::from(at % 5 > 0), 10)).collect();
-        let Interval { value, low, high } = Interval::over(&apart).unwrap();
-        let width = 2.0 * 1.96 * (0.8_f64 * 0.2 / 400.0).sqrt();
-        assert_eq!(value, 0.8);
-        assert!((high - low - width).abs() < 0.1 * width, "{low} {high}");
-        assert!((low + high - 1.6).abs() < 0.01, "{low} {high}");
-        let few = Interval::over(&together).unwrap();
-        let ratio = (few.high - few.low) / (high - low);
-        assert!((ratio - 10.0_f64.sqrt()).abs() < 0.4, "{ratio}");
-        assert_eq!(Interval::over(&together), Some(few));
     }
 
     #[test]

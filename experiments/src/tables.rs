@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 
 use program::Failure;
-use schema::{HitKind, Polyhedron};
+use report::view::flat;
+use schema::{HitKind, Polyhedron, Pose};
 use serde_json::json;
 use shards::{PlainColumn, plain_table};
 use simulator::Body;
 
 use crate::config::{Config, Objects};
-use crate::record::{Round, Trial, TrialObject};
+use crate::record::{Attempt, AttemptObject, Round};
 
 /// `rounds.parquet`.
 ///
@@ -27,7 +28,7 @@ pub fn rounds_table(rounds: &[Round]) -> Result<Vec<u8>, Failure> {
         ("object_count", whole(|r| r.object_count.into())),
         ("removed_count", whole(|r| r.removed_count.into())),
         ("lost_count", whole(|r| r.lost_count.into())),
-        ("attempt_count", whole(|r| r.trials.len() as u64)),
+        ("attempt_count", whole(|r| r.attempts.len() as u64)),
         ("ending", text(|r| r.ending.name().to_owned())),
     ])
 }
@@ -36,39 +37,42 @@ pub fn rounds_table(rounds: &[Round]) -> Result<Vec<u8>, Failure> {
 ///
 /// # Errors
 /// [`Failure`].
-pub fn trials_table(rounds: &[Round]) -> Result<Vec<u8>, Failure> {
-    let id = |place: usize| PlainColumn::Whole(trials(rounds).map(|(id, _)| id[place]).collect());
-    let trials = || trials(rounds).map(|(_, trial)| trial);
-    let whole = |value: fn(&Trial) -> u64| PlainColumn::Whole(trials().map(value).collect());
-    let real = |value: fn(&Trial) -> f32| PlainColumn::Real(trials().map(|t| Some(value(t))).collect());
-    let text = |value: fn(&Trial) -> &str| PlainColumn::Text(trials().map(|t| value(t).to_owned()).collect());
-    plain_table(vec![
+pub fn attempts_table(rounds: &[Round]) -> Result<Vec<u8>, Failure> {
+    let id = |place: usize| PlainColumn::Whole(attempts(rounds).map(|(id, _)| id[place]).collect());
+    let attempts = || attempts(rounds).map(|(_, attempt)| attempt);
+    let whole = |value: fn(&Attempt) -> u64| PlainColumn::Whole(attempts().map(value).collect());
+    let real = |value: fn(&Attempt) -> f32| PlainColumn::Real(attempts().map(|t| Some(value(t))).collect());
+    let text = |value: fn(&Attempt) -> &str| PlainColumn::Text(attempts().map(|t| value(t).to_owned()).collect());
+    let poses: Vec<&Pose> = attempts().map(|t| &t.workspace_from_grasp).collect();
+    let before = [
         ("round", id(0)),
         ("trial", id(1)),
         ("object_count", whole(|t| t.object_count.into())),
         ("planned_count", whole(|t| t.planned_count.into())),
-        ("x_m", real(|t| t.workspace_from_grasp.translation.x)),
-        ("y_m", real(|t| t.workspace_from_grasp.translation.y)),
-        ("z_m", real(|t| t.workspace_from_grasp.translation.z)),
-        ("qx", real(|t| t.workspace_from_grasp.rotation.x)),
-        ("qy", real(|t| t.workspace_from_grasp.rotation.y)),
-        ("qz", real(|t| t.workspace_from_grasp.rotation.z)),
-        ("qw", real(|t| t.workspace_from_grasp.rotation.w)),
+    ];
+    let after = [
         ("width_m", real(|t| t.width_m)),
         ("quality", real(|t| t.quality)),
-        ("rho_m", PlainColumn::Real(trials().map(|t| t.rho_m).collect())),
+        ("rho_m", PlainColumn::Real(attempts().map(|t| t.rho_m).collect())),
         ("target_id", whole(|t| t.target_id.into())),
-        ("target", text(Trial::target)),
+        ("target", text(Attempt::target)),
         ("outcome", text(|t| t.outcome.name())),
         ("hit", text(|t| t.hit.map_or("", HitKind::name))),
         ("observe_ms", real(|t| t.observe_ms)),
         ("plan_ms", real(|t| t.plan_ms)),
-    ])
+    ];
+    plain_table(before.into_iter().chain(pose_columns(&poses)).chain(after).collect())
+}
+
+/// The columns of a pose.
+fn pose_columns(poses: &[&Pose]) -> impl Iterator<Item = (&'static str, PlainColumn)> {
+    let names = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"].into_iter().enumerate();
+    names.map(|(at, name)| (name, PlainColumn::Real(poses.iter().map(|pose| Some(flat(pose)[at])).collect())))
 }
 
 /// All grasps, each with its round and its number in it, from 0.
-fn trials(rounds: &[Round]) -> impl Iterator<Item = ([u64; 2], &Trial)> {
-    rounds.iter().flat_map(|of| (0..).zip(&of.trials).map(|(trial, it)| ([of.round, trial], it)))
+fn attempts(rounds: &[Round]) -> impl Iterator<Item = ([u64; 2], &Attempt)> {
+    rounds.iter().flat_map(|of| (0..).zip(&of.attempts).map(|(attempt, it)| ([of.round, attempt], it)))
 }
 
 /// `objects.parquet`: the objects on the table before each attempt.
@@ -76,12 +80,15 @@ fn trials(rounds: &[Round]) -> impl Iterator<Item = ([u64; 2], &Trial)> {
 /// # Errors
 /// [`Failure`].
 pub fn objects_table(rounds: &[Round]) -> Result<Vec<u8>, Failure> {
-    let rows: Vec<([u64; 3], &TrialObject)> = trials(rounds)
-        .flat_map(|([round, trial], of)| (0..).zip(&of.objects).map(move |(id, object)| ([round, trial, id], object)))
+    let rows: Vec<([u64; 3], &AttemptObject)> = attempts(rounds)
+        .flat_map(|([round, attempt], of)| {
+            (0..).zip(&of.objects).map(move |(id, object)| ([round, attempt, id], object))
+        })
         .collect();
     let id = |place: usize| PlainColumn::Whole(rows.iter().map(|(id, _)| id[place]).collect());
-    let real = |value: fn(&TrialObject) -> f32| PlainColumn::Real(rows.iter().map(|(_, o)| Some(value(o))).collect());
-    plain_table(vec![
+    let real = |value: fn(&AttemptObject) -> f32| PlainColumn::Real(rows.iter().map(|(_, o)| Some(value(o))).collect());
+    let poses: Vec<&Pose> = rows.iter().map(|(_, o)| &o.workspace_from_object).collect();
+    let columns = [
         ("round", id(0)),
         ("trial", id(1)),
         ("object_id", id(2)),
@@ -91,14 +98,8 @@ pub fn objects_table(rounds: &[Round]) -> Result<Vec<u8>, Failure> {
         ("size_z_m", real(|o| o.size_m[2])),
         ("mass_kg", real(|o| o.mass_kg)),
         ("friction", real(|o| o.friction)),
-        ("x_m", real(|o| o.workspace_from_object.translation.x)),
-        ("y_m", real(|o| o.workspace_from_object.translation.y)),
-        ("z_m", real(|o| o.workspace_from_object.translation.z)),
-        ("qx", real(|o| o.workspace_from_object.rotation.x)),
-        ("qy", real(|o| o.workspace_from_object.rotation.y)),
-        ("qz", real(|o| o.workspace_from_object.rotation.z)),
-        ("qw", real(|o| o.workspace_from_object.rotation.w)),
-    ])
+    ];
+    plain_table(columns.into_iter().chain(pose_columns(&poses)).collect())
 }
 
 /// `bodies.json`: the convex parts of a catalogue's objects, by name, in the object's frame.
@@ -120,14 +121,14 @@ pub fn bodies(config: &Config) -> String {
 #[must_use]
 pub fn conditions(config: &Config) -> String {
     let scene = config.scene.dataset_info();
-    let told = json!({
-        "protocol": config.protocol,
-        "seeds": config.seeds,
+    let conditions = json!({
+        "protocol": config.keys.protocol,
+        "seeds": config.keys.seeds,
         "size_m": scene.grid.size_m,
         "table_z_m": scene.grid.table_z_m,
         "gripper": scene.gripper,
         "procedure": scene.procedure,
         "physics": scene.config["physics"],
     });
-    format!("{told:#}\n")
+    format!("{conditions:#}\n")
 }

@@ -15,7 +15,7 @@ pub use intervals::{Intervals, Rate, Row};
 /// A colour: red, green, blue.
 pub use plotters::prelude::RGBColor as Colour;
 
-/// A figure. Words in parentheses, in labels and in the legend, are left out on pages, whose captions have them.
+/// A figure. Words in parentheses, in labels and in the legend, are left out; captions have them.
 #[derive(Debug, Clone)]
 pub struct Figure {
     /// The line above all.
@@ -85,40 +85,30 @@ pub const GREEN: RGBColor = RGBColor(0, 158, 115);
 /// Grey.
 pub const GREY: RGBColor = RGBColor(90, 90, 90);
 
-/// The failure to draw a figure. What is drawn is ours.
-fn failed(title: &str, reason: &dyn std::fmt::Display) -> Failure {
-    Failure::new(ExitCode::Internal, format!("failed to draw {title:?}: {reason}"))
-}
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Drawn<T> = Result<T, DrawingAreaErrorKind<std::io::Error>>;
 
-/// The SVG that `draw` draws, of a size in pixels.
-fn svg(
-    title: &str,
-    size: (u32, u32),
-    draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), DrawingAreaErrorKind<std::io::Error>>,
-) -> Result<String, Failure> {
+/// The SVG that `draw` draws, of a height in pixels. Words can still be read when it is as wide as a phone.
+fn svg(title: &str, height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn<()>) -> Result<String, Failure> {
+    // A font that is part of the program and cannot be read leaves text out, and a test would say so.
+    let _ = register_font(FONT, FontStyle::Normal, FONT_BYTES);
     let mut text = String::new();
     {
-        let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
-        draw(&area).and_then(|()| area.present()).map_err(|e| failed(title, &e))?;
+        let area = SVGBackend::with_string(&mut text, (WIDTH, height)).into_drawing_area();
+        let drawn = area.fill(&WHITE).and_then(|()| draw(&area)).and_then(|()| area.present());
+        drawn.map_err(|e| Failure::new(ExitCode::Internal, format!("failed to draw {title:?}: {e}")))?;
     }
-    if !text.ends_with('\n') {
-        text.push('\n');
-    }
-    Ok(text)
+    Ok(text.trim_end().to_owned() + "\n")
 }
 
-/// How large a figure is drawn, in pixels of an SVG.
-#[derive(Debug, Clone, Copy)]
-struct Sheet {
-    width: u32,
-    height: u32,
-    has_title: bool,
+/// Text at a height in pixels, its middle at the height of the point at which it stands.
+fn words(size: i32, anchor: HPos) -> TextStyle<'static> {
+    TextStyle::from((FONT, size).into_font()).color(&BLACK).pos(Pos::new(anchor, VPos::Center))
 }
 
-/// A figure that stands alone.
-const ALONE: Sheet = Sheet { width: 800, height: 500, has_title: true };
-/// A figure on a page, where its caption is its title: words can still be read when it is as wide as a phone.
-const ON_A_PAGE: Sheet = Sheet { width: 440, height: 280, has_title: false };
+const WIDTH: u32 = 440;
+const HEIGHT: u32 = 280;
+const LIGHT: Colour = RGBColor(225, 225, 225);
 /// Height of a row of the legend.
 const LEGEND_ROW: i32 = 24;
 
@@ -175,10 +165,6 @@ impl Scale {
         let marks = inner.chain([last]).map(f64::from).collect();
         Self { label: label.to_owned(), marks, decimals: 0 }
     }
-
-    fn text(&self, value: f64) -> String {
-        format!("{value:.*}", self.decimals)
-    }
 }
 
 impl Ranged for Scale {
@@ -200,60 +186,22 @@ impl Ranged for Scale {
 
 impl ValueFormatter<f64> for Scale {
     fn format_ext(&self, value: &f64) -> String {
-        self.text(*value)
+        format!("{value:.*}", self.decimals)
     }
 }
 
 impl Figure {
-    /// The figure as SVG.
+    /// The figure as SVG, without its title.
     ///
     /// # Errors
     /// [`ExitCode::Internal`] if the library fails.
     pub fn svg(&self) -> Result<String, Failure> {
-        self.svg_on(ALONE)
+        svg(&self.title, HEIGHT, |area| self.draw(area))
     }
 
-    /// The figure as SVG without its title, 440 × 280: for [`crate::document`].
-    ///
-    /// # Errors
-    /// [`ExitCode::Internal`] if the library fails.
-    pub fn svg_for_page(&self) -> Result<String, Failure> {
-        self.short().svg_on(ON_A_PAGE)
-    }
-
-    fn svg_on(&self, sheet: Sheet) -> Result<String, Failure> {
-        svg(&self.title, (sheet.width, sheet.height), |root| self.draw(root, sheet))
-    }
-
-    /// Its words as a page has room for them.
-    fn short(&self) -> Self {
-        let mut short = self.clone();
-        let names =
-            short.lines.iter_mut().map(|line| &mut line.name).chain(short.bars.iter_mut().map(|bars| &mut bars.name));
-        for words in names.chain([&mut short.x.label, &mut short.y.label]) {
-            words.truncate(words.find(" (").unwrap_or(words.len()));
-        }
-        short
-    }
-
-    /// Draws on an area.
-    fn draw<B: DrawingBackend>(
-        &self,
-        root: &DrawingArea<B, Shift>,
-        sheet: Sheet,
-    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-        // A font that is part of the program and cannot be read leaves text out, and a test would say so.
-        let _ = register_font(FONT, FontStyle::Normal, FONT_BYTES);
-        let text = |size: i32| TextStyle::from((FONT, size).into_font()).color(&BLACK);
-        root.fill(&WHITE)?;
-        let (top, below) = root.split_vertically(if sheet.has_title { 40 } else { 0 });
-        if sheet.has_title {
-            let title = text(19).pos(Pos::new(HPos::Left, VPos::Center));
-            top.draw(&Text::new(self.title.clone(), (16, 22), title))?;
-        }
-        let rows = self.draw_legend(&below, &text(14))?;
-        let (_, below) = below.split_vertically(LEGEND_ROW * rows);
-
+    fn draw(&self, area: &Area<'_>) -> Drawn<()> {
+        let rows = self.draw_legend(area)?;
+        let (_, below) = area.split_vertically(LEGEND_ROW * rows);
         let mut chart = ChartBuilder::on(&below)
             .margin_top(10)
             .margin_right(24)
@@ -265,36 +213,30 @@ impl Figure {
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
-            .bold_line_style(RGBColor(225, 225, 225).stroke_width(1))
+            .bold_line_style(LIGHT.stroke_width(1))
             .axis_style(GREY.stroke_width(1))
-            .x_desc(&self.x.label)
-            .y_desc(&self.y.label)
-            .label_style(text(13))
-            .axis_desc_style(text(14))
+            .x_desc(short(&self.x.label))
+            .y_desc(short(&self.y.label))
+            .label_style(TextStyle::from((FONT, 13).into_font()).color(&BLACK))
+            .axis_desc_style(TextStyle::from((FONT, 14).into_font()).color(&BLACK))
             .set_all_tick_mark_size(4)
             .draw()?;
-        for bars in &self.bars {
-            let rectangles = bars
-                .bars
-                .iter()
-                .map(|[left, right, low, high]| Rectangle::new([(*left, *low), (*right, *high)], bars.colour.filled()));
-            chart.draw_series(rectangles)?;
+        for Bars { colour, bars, .. } in &self.bars {
+            let rectangle =
+                |[left, right, low, high]: &[f64; 4]| Rectangle::new([(*left, *low), (*right, *high)], colour.filled());
+            chart.draw_series(bars.iter().map(rectangle))?;
         }
         // The first line is drawn last: what matters most is on top.
         for line in self.lines.iter().rev() {
             let stroke = line.colour.stroke_width(2);
-            match line.stroke {
-                Stroke::Dashed => {
-                    let points = line.points.iter().copied();
-                    chart.draw_series(DashedLineSeries::new(points, 7, 5, stroke))?;
-                }
-                Stroke::Solid | Stroke::Dotted => {
-                    chart.draw_series(LineSeries::new(line.points.iter().copied(), stroke))?;
-                }
+            let points = line.points.iter().copied();
+            if line.stroke == Stroke::Dashed {
+                chart.draw_series(DashedLineSeries::new(points.clone(), 7, 5, stroke))?;
+            } else {
+                chart.draw_series(LineSeries::new(points.clone(), stroke))?;
             }
             if line.stroke == Stroke::Dotted {
-                let dots = line.points.iter().map(|point| Circle::new(*point, 3, line.colour.filled()));
-                chart.draw_series(dots)?;
+                chart.draw_series(points.map(|point| Circle::new(point, 3, line.colour.filled())))?;
             }
             for (x, low, high) in &line.intervals {
                 let upright = PathElement::new(vec![(*x, *low), (*x, *high)], line.colour.stroke_width(1));
@@ -305,43 +247,41 @@ impl Figure {
     }
 
     /// Names beside pieces of their lines and bars, side by side; gives the number of rows that took.
-    fn draw_legend<B: DrawingBackend>(
-        &self,
-        area: &DrawingArea<B, Shift>,
-        text: &TextStyle<'_>,
-    ) -> Result<i32, DrawingAreaErrorKind<B::ErrorType>> {
-        let (left, right) = (16, area.dim_in_pixel().0 as i32);
+    fn draw_legend(&self, area: &Area<'_>) -> Drawn<i32> {
+        let text = words(14, HPos::Left);
+        let (left, right) = (16, WIDTH as i32);
         let (mut x, mut row) = (left, 0);
         let bars = self.bars.iter().map(|bars| (&bars.name, bars.colour, None));
         let lines = self.lines.iter().map(|line| (&line.name, line.colour, Some(line.stroke)));
         for (name, colour, stroke) in bars.chain(lines).filter(|(name, ..)| !name.is_empty()) {
-            let width = 34 + area.estimate_text_size(name, text)?.0 as i32;
+            let name = short(name);
+            let width = 34 + area.estimate_text_size(name, &text)?.0 as i32;
             if x > left && x + width > right {
                 (x, row) = (left, row + 1);
             }
             let y = 11 + LEGEND_ROW * row;
-            let pieces = match stroke {
-                None => Vec::new(),
-                Some(Stroke::Dashed) => vec![(0, 8), (12, 20), (24, 28)],
-                Some(Stroke::Solid | Stroke::Dotted) => vec![(0, 28)],
-            };
-            for (from, to) in pieces {
-                let piece = [(x + from, y), (x + to, y)];
-                area.draw(&PathElement::new(piece, colour.stroke_width(2)))?;
-            }
-            if stroke.is_none() {
-                let patch = [(x + 12, y - 5), (x + 28, y + 5)];
-                area.draw(&Rectangle::new(patch, colour.filled()))?;
+            if let Some(stroke) = stroke {
+                let dashes = [(0, 8), (12, 20), (24, 28)];
+                for (from, to) in if stroke == Stroke::Dashed { &dashes[..] } else { &[(0, 28)] } {
+                    let piece = [(x + from, y), (x + to, y)];
+                    area.draw(&PathElement::new(piece, colour.stroke_width(2)))?;
+                }
+            } else {
+                area.draw(&Rectangle::new([(x + 12, y - 5), (x + 28, y + 5)], colour.filled()))?;
             }
             if stroke == Some(Stroke::Dotted) {
                 area.draw(&Circle::new((x + 14, y), 3, colour.filled()))?;
             }
-            let style = text.clone().pos(Pos::new(HPos::Left, VPos::Center));
-            area.draw(&Text::new(name.clone(), (x + 34, y), style))?;
+            area.draw(&Text::new(name, (x + 34, y), text.clone()))?;
             x += width + 22;
         }
         Ok(row + 1)
     }
+}
+
+/// Words without what stands in parentheses at their end.
+fn short(words: &str) -> &str {
+    words.split_once(" (").map_or(words, |(short, _)| short)
 }
 
 #[cfg(test)]
@@ -368,7 +308,8 @@ mod tests {
             let range = scale.range();
             assert!(range.start <= low && range.end >= high, "{low} {high}: {range:?}");
             assert!((2..=10).contains(&scale.marks.len()), "{low} {high}: {:?}", scale.marks);
-            let texts: std::collections::BTreeSet<String> = scale.marks.iter().map(|mark| scale.text(*mark)).collect();
+            let texts: std::collections::BTreeSet<String> =
+                scale.marks.iter().map(|mark| scale.format_ext(mark)).collect();
             assert_eq!(texts.len(), scale.marks.len(), "{texts:?}");
         }
         assert_eq!(Scale::around("", 0.0, 1.0).marks.len(), 6);
@@ -381,7 +322,7 @@ mod tests {
     #[test]
     fn an_svg_holds_its_words_as_text_that_xml_allows() {
         let svg = figure().svg().unwrap();
-        for words in ["A title", "epoch", "share", "one", "two &amp; &lt;three&gt;", "0.4"] {
+        for words in ["epoch", "share", "one", "two &amp; &lt;three&gt;", "0.4"] {
             assert!(svg.contains(words), "{words} is not in {svg}");
         }
         assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
@@ -392,17 +333,16 @@ mod tests {
     fn bars_stand_where_they_should_and_have_their_names() {
         let bars = Bars::standing("shards of light", GREEN, 1.0, 2.0, &[0.4, 0.8]);
         assert_eq!(bars.bars, [[1.0, 3.0, 0.0, 0.4], [3.0, 5.0, 0.0, 0.8]]);
-        let svg = Figure { bars: vec![bars], ..figure() }.svg_for_page().unwrap();
+        let svg = Figure { bars: vec![bars], ..figure() }.svg().unwrap();
         assert_eq!(svg.matches("fill=\"#009E73\"").count(), 3, "two bars and the legend's patch: {svg}");
         assert!(svg.contains("shards of light") && svg.contains("viewBox=\"0 0 440 280\""), "{svg}");
-        assert!(!svg.contains("A title"), "{svg}");
     }
 
     #[test]
     fn a_legend_that_is_too_long_goes_on_in_the_next_row() {
         let rows = |names: usize| {
             let line = Line::new("a name of some length", BLUE, Stroke::Solid, vec![(1.0, 0.4), (2.0, 0.5)]);
-            let svg = Figure { lines: vec![line; names], ..figure() }.svg_for_page().unwrap();
+            let svg = Figure { lines: vec![line; names], ..figure() }.svg().unwrap();
             let tops = svg.split("a name of some length").count() - 1;
             assert_eq!(tops, names);
             let heights: std::collections::BTreeSet<&str> = svg

@@ -14,32 +14,35 @@ const SIDE_MAX_PX: [f32; 2] = [520.0, 460.0];
 const LEFT_PX: f32 = 150.0;
 const RIGHT_PX: f32 = 130.0;
 const TOP_PX: f32 = 96.0;
-const BOTTOM_PX: f32 = 130.0;
-/// Height of a line of text.
-const LINE_PX: f32 = 19.0;
+const BOTTOM_PX: f32 = 110.0;
 
 const PALM: &str = "#c9ced6";
 const FINGER: &str = "#7fb0dd";
 /// The axes' colours, as in other tools: x red, y green, z blue.
 const AXES: [&str; 3] = ["#c0392b", "#1e8449", "#1f4fbf"];
 
-/// A side of the hand: which axis goes to the right, and which towards the viewer. +z goes down.
+/// A side of the hand. +z goes down.
 struct Side {
     title: &'static str,
-    right: Vec3,
-    /// Which of x, y goes to the right, and whether the other points towards the viewer.
-    right_axis: usize,
-    is_towards_viewer: bool,
+    /// The axis that goes to the right, of x and y, and how the other one is seen.
+    right: (Vec3, usize),
+    other: (&'static str, usize),
+    measures: fn(&mut Drawing, &Gripper, f32),
 }
 
 const SIDES: [Side; 2] = [
     Side {
         title: "along x: the jaw closes from left and right",
-        right: Vec3::Y,
-        right_axis: 1,
-        is_towards_viewer: false,
+        right: (Vec3::Y, 1),
+        other: ("x ⊗", 0),
+        measures: Drawing::measures_along_x,
     },
-    Side { title: "against y: one finger hides the other", right: Vec3::X, right_axis: 0, is_towards_viewer: true },
+    Side {
+        title: "against y: one finger hides the other",
+        right: (Vec3::X, 0),
+        other: ("y ⊙", 1),
+        measures: Drawing::measures_against_y,
+    },
 ];
 
 /// The hand, open, along x and against y, each measure under its key in millimetres, with the grasp frame's axes and,
@@ -54,10 +57,8 @@ pub fn svg(gripper: &Gripper) -> String {
     let breadth_m = 2.0 * reach_m(Vec3::Y);
     let scale = SCALE_MAX_PX.min(SIDE_MAX_PX[0] / breadth_m).min(SIDE_MAX_PX[1] / length_m);
     let widths_px = [breadth_m, 2.0 * reach_m(Vec3::X)].map(|wide_m| LEFT_PX + wide_m.max(0.08) * scale + RIGHT_PX);
-    let texts = texts(gripper);
     let tips_px = TOP_PX + length_m * scale;
-    let height_px = tips_px + BOTTOM_PX + LINE_PX * texts.len() as f32;
-    let width_px = (widths_px[0] + widths_px[1]).max(900.0);
+    let (width_px, height_px) = ((widths_px[0] + widths_px[1]).max(900.0), tips_px + BOTTOM_PX);
     let mut drawing = Drawing {
         text: format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width_px:.0} {height_px:.0}\" font-family=\"{FONT}\" \
@@ -67,51 +68,15 @@ pub fn svg(gripper: &Gripper) -> String {
         tips_px,
         middle_px: 0.0,
     };
-    let title = format!("{}: {}", gripper.name, millimetres(gripper.opening_m_max));
-    drawing.words(20.0, 30.0, "start", "#111", &format!("{title} open"), " font-size=\"18\" font-weight=\"bold\"");
+    let title = format!("{}: {} open", gripper.name, millimetres(gripper.opening_m_max));
+    drawing.words([20.0, 30.0], "start", "#111", &title);
     for (side, (left_px, width_px)) in SIDES.iter().zip([(0.0, widths_px[0]), (widths_px[0], widths_px[1])]) {
         drawing.middle_px = left_px + LEFT_PX + 0.5 * (width_px - LEFT_PX - RIGHT_PX);
-        drawing.words(drawing.middle_px, 56.0, "middle", "#555", side.title, "");
+        drawing.words([drawing.middle_px, 56.0], "middle", "#555", side.title);
         drawing.side(side, &boxes, flange_m);
-    }
-    drawing.middle_px = LEFT_PX + 0.5 * (widths_px[0] - LEFT_PX - RIGHT_PX);
-    drawing.measures_along_x(gripper, breadth_m);
-    drawing.middle_px = widths_px[0] + LEFT_PX + 0.5 * (widths_px[1] - LEFT_PX - RIGHT_PX);
-    drawing.measures_against_y(gripper);
-    for (line, text) in texts.iter().enumerate() {
-        let y_px = tips_px + BOTTOM_PX - 14.0 + LINE_PX * line as f32;
-        drawing.words(20.0, y_px, "start", "#333", text, "");
+        (side.measures)(&mut drawing, gripper, breadth_m);
     }
     drawing.text + "</svg>\n"
-}
-
-/// What is not a length in the drawing, and how to check it.
-fn texts(gripper: &Gripper) -> Vec<String> {
-    let mut texts = vec![
-        format!(
-            "Is it your hand? Between the fingers there is room for an object {} wide and {} deep; behind that is the palm. z is \
-             the approach.",
-            millimetres(gripper.opening_m_max),
-            millimetres(gripper.finger_length_m)
-        ),
-        format!(
-            "Each finger: {} N, {} mm/s, {} g; friction {}; closer than {} on the way counts as hit.",
-            gripper.finger_force_n,
-            rounded(1e3 * gripper.closing_speed_m_s),
-            rounded(1e3 * gripper.finger_mass_kg),
-            gripper.friction,
-            millimetres(gripper.clearance_m)
-        ),
-    ];
-    texts.push(gripper.flange_from_grasp.map_or_else(
-        || "The file has no flange_from_grasp: plans give the poses of grasps, not those of the flange.".to_owned(),
-        |parts| {
-            let [x, y, z] = parts.position_m.map(millimetres);
-            let [qx, qy, qz, qw] = parts.quaternion_xyzw;
-            format!("flange_from_grasp: x {x}, y {y}, z {z}; quaternion {qx}, {qy}, {qz}, {qw}.")
-        },
-    ));
-    texts
 }
 
 /// A drawing in progress; metres become pixels by `scale`, with the grasp's origin at `middle_px`, `tips_px`.
@@ -132,11 +97,11 @@ impl Drawing {
     }
 
     // Writing to a String cannot fail, here and below.
-    fn words(&mut self, x_px: f32, y_px: f32, anchor: &str, colour: &str, words: &str, more: &str) {
+    fn words(&mut self, [x_px, y_px]: [f32; 2], anchor: &str, colour: &str, words: &str) {
         let words = words.replace('&', "&amp;").replace('<', "&lt;");
         let _ = write!(
             self.text,
-            "<text x=\"{x_px:.1}\" y=\"{y_px:.1}\" text-anchor=\"{anchor}\" fill=\"{colour}\"{more}>{words}</text>"
+            "<text x=\"{x_px:.1}\" y=\"{y_px:.1}\" text-anchor=\"{anchor}\" fill=\"{colour}\">{words}</text>"
         );
     }
 
@@ -161,8 +126,9 @@ impl Drawing {
 
     /// The boxes, the flange and the axes.
     fn side(&mut self, side: &Side, boxes: &[HandBox; 3], flange_m: Option<f32>) {
+        let (right, right_axis) = side.right;
         for (number, HandBox { centre_m, half_m }) in boxes.iter().enumerate() {
-            let (centre, half) = (centre_m.dot(side.right), half_m.dot(side.right));
+            let (centre, half) = (centre_m.dot(right), half_m.dot(right));
             let (x, y) = (self.x(centre - half), self.y(centre_m.z - half_m.z));
             let (width, height) = (2.0 * half * self.scale, 2.0 * half_m.z * self.scale);
             let (class, fill) = if number == 2 { ("palm", PALM) } else { ("finger", FINGER) };
@@ -173,116 +139,79 @@ impl Drawing {
             );
         }
         let (x, y) = (self.x(0.0), self.y(-boxes[2].centre_m.z.abs()));
-        self.words(x, y + 5.0, "middle", "#333", "palm", "");
+        self.words([x, y + 5.0], "middle", "#333", "palm");
         if let Some(flange_m) = flange_m {
             let y = self.y(-flange_m);
             self.line([x - 60.0, y], [x + 60.0, y], "stroke=\"#8e44ad\" stroke-dasharray=\"7 4\" stroke-width=\"1.6\"");
-            self.words(x, y + 15.0, "middle", "#8e44ad", "flange", "");
+            self.words([x, y + 15.0], "middle", "#8e44ad", "flange");
         }
-        let (origin, long) = ([x, self.y(0.0)], 46.0);
-        let [right, other] = [side.right_axis, 1 - side.right_axis];
-        self.arrow(origin, [x + long, origin[1]], AXES[right], 2.2);
-        self.words(x + long - 6.0, origin[1] - 8.0, "middle", AXES[right], ["x", "y"][right], "");
-        self.arrow(origin, [x, origin[1] + long], AXES[2], 2.2);
-        self.words(x + 7.0, origin[1] + long, "start", AXES[2], "z", "");
-        let _ = write!(
-            self.text,
-            "<circle cx=\"{x:.1}\" cy=\"{:.1}\" r=\"6\" fill=\"#fff\" stroke=\"{}\" stroke-width=\"2\"/>",
-            origin[1], AXES[other]
-        );
-        if side.is_towards_viewer {
-            let _ =
-                write!(self.text, "<circle cx=\"{x:.1}\" cy=\"{:.1}\" r=\"2.2\" fill=\"{}\"/>", origin[1], AXES[other]);
-        } else {
-            for sign in [-1.0, 1.0] {
-                let stroke = format!("stroke=\"{}\" stroke-width=\"1.6\"", AXES[other]);
-                self.line([x - 4.2, origin[1] - 4.2 * sign], [x + 4.2, origin[1] + 4.2 * sign], &stroke);
-            }
-        }
-        self.words(x - 11.0, origin[1] + 18.0, "end", AXES[other], ["x", "y"][other], "");
+        let (y, long) = (self.y(0.0), 46.0);
+        self.arrow([x, y], [x + long, y], AXES[right_axis], 2.2);
+        self.words([x + long - 6.0, y - 8.0], "middle", AXES[right_axis], ["x", "y"][right_axis]);
+        self.arrow([x, y], [x, y + long], AXES[2], 2.2);
+        self.words([x + 7.0, y + long], "start", AXES[2], "z");
+        self.words([x - 6.0, y + 14.0], "end", AXES[side.other.1], side.other.0);
     }
 
-    /// A measure across, so many pixels below a height or, if negative, above it; its words are beside it or at its
-    /// middle.
+    /// A measure across, so many pixels below a height or, if negative, above it, between arrows; its words are beside
+    /// it or at its middle.
     fn across(&mut self, [from_m, to_m]: [f32; 2], at_z_m: f32, (off_px, is_beside): (f32, bool), name: &str) {
         let (left, right, edge) = (self.x(from_m), self.x(to_m), self.y(at_z_m));
         let y = edge + off_px;
-        for x in [left, right] {
+        for (x, outside) in [(left, -14.0), (right, 14.0)] {
             self.line([x, edge], [x, y + 4.0 * off_px.signum()], "stroke=\"#999\" stroke-width=\"0.8\"");
-        }
-        let middle = 0.5 * (left + right);
-        // Arrows point outwards; where there is no room for them, inwards from outside.
-        if right - left > 24.0 {
-            self.arrow([middle, y], [left, y], "#222", 1.0);
-            self.arrow([middle, y], [right, y], "#222", 1.0);
-        } else {
-            self.arrow([left - 14.0, y], [left, y], "#222", 1.0);
-            self.arrow([right + 14.0, y], [right, y], "#222", 1.0);
+            self.arrow([x + outside, y], [x, y], "#222", 1.0);
         }
         let words = format!("{name} {}", millimetres(to_m - from_m));
         if is_beside {
-            self.words(right + 20.0, y + 4.0, "start", "#222", &words, "");
+            self.words([right + 20.0, y + 4.0], "start", "#222", &words);
         } else {
             let text_y = if off_px > 0.0 { y + 16.0 } else { y - 6.0 };
-            self.words(middle, text_y, "middle", "#222", &words, "");
+            self.words([0.5 * (left + right), text_y], "middle", "#222", &words);
         }
     }
 
     /// A measure along z, at the left.
-    fn along(&mut self, [from_m, to_m]: [f32; 2], edge_m: f32, column: f32, name: &str) {
+    fn along(&mut self, [from_m, to_m]: [f32; 2], edge_m: f32, name: &str) {
         let (top, bottom, edge) = (self.y(from_m), self.y(to_m), self.x(edge_m));
-        let x = edge - column;
+        let x = edge - 16.0;
         for y in [top, bottom] {
             self.line([edge, y], [x - 4.0, y], "stroke=\"#999\" stroke-width=\"0.8\"");
         }
         let middle = 0.5 * (top + bottom);
         self.arrow([x, middle], [x, top], "#222", 1.0);
         self.arrow([x, middle], [x, bottom], "#222", 1.0);
-        self.words(x - 6.0, middle - 3.0, "end", "#222", name, "");
-        self.words(x - 6.0, middle + 13.0, "end", "#222", &millimetres(to_m - from_m), "");
+        self.words([x - 6.0, middle - 3.0], "end", "#222", name);
+        self.words([x - 6.0, middle + 13.0], "end", "#222", &millimetres(to_m - from_m));
     }
 
     fn measures_along_x(&mut self, gripper: &Gripper, breadth_m: f32) {
         let &Gripper { opening_m_max, finger_length_m, finger_thickness_m, palm_length_m, palm_breadth_m, .. } =
             gripper;
-        let (edge_m, half_m) = (-0.5 * breadth_m, 0.5 * opening_m_max);
-        self.along([-finger_length_m, 0.0], edge_m, 16.0, "finger_length_m");
-        self.along([-finger_length_m - palm_length_m, -finger_length_m], edge_m, 16.0, "palm_length_m");
-        self.across(
-            [-0.5 * palm_breadth_m, 0.5 * palm_breadth_m],
-            -finger_length_m - palm_length_m,
-            (-14.0, false),
-            "palm_breadth_m",
-        );
-        self.across([-half_m, half_m], 0.0, (64.0, false), "opening_m_max");
-        self.across([half_m, half_m + finger_thickness_m], 0.0, (30.0, true), "finger_thickness_m");
+        let (edge_m, back_m) = (-0.5 * breadth_m, -finger_length_m - palm_length_m);
+        let [opening_m, palm_m] = [opening_m_max, palm_breadth_m].map(|wide_m| [-0.5 * wide_m, 0.5 * wide_m]);
+        self.along([-finger_length_m, 0.0], edge_m, "finger_length_m");
+        self.along([back_m, -finger_length_m], edge_m, "palm_length_m");
+        self.across(palm_m, back_m, (-14.0, false), "palm_breadth_m");
+        self.across(opening_m, 0.0, (64.0, false), "opening_m_max");
+        let finger_m = [opening_m[1], opening_m[1] + finger_thickness_m];
+        self.across(finger_m, 0.0, (30.0, true), "finger_thickness_m");
     }
 
-    fn measures_against_y(&mut self, gripper: &Gripper) {
+    fn measures_against_y(&mut self, gripper: &Gripper, _breadth_m: f32) {
         let &Gripper { finger_length_m, finger_width_m, palm_length_m, palm_width_m, .. } = gripper;
-        self.across(
-            [-0.5 * palm_width_m, 0.5 * palm_width_m],
-            -finger_length_m - palm_length_m,
-            (-14.0, false),
-            "palm_width_m",
-        );
-        self.across([-0.5 * finger_width_m, 0.5 * finger_width_m], 0.0, (64.0, false), "finger_width_m");
+        let [finger_m, palm_m] = [finger_width_m, palm_width_m].map(|wide_m| [-0.5 * wide_m, 0.5 * wide_m]);
+        self.across(palm_m, -finger_length_m - palm_length_m, (-14.0, false), "palm_width_m");
+        self.across(finger_m, 0.0, (64.0, false), "finger_width_m");
         if let Some(parts) = gripper.flange_from_grasp {
-            let z_m = parts.pose().translation.z;
-            let edge_m = -0.5 * palm_width_m.max(finger_width_m);
-            self.along([-z_m, 0.0], edge_m, 16.0, "tips to flange");
+            self.along([-parts.pose().translation.z, 0.0], palm_m[0].min(finger_m[0]), "tips to flange");
         }
     }
 }
 
-/// A length in millimetres, to a tenth.
+/// A length in millimetres, to a tenth, without a zero at the end.
 fn millimetres(length_m: f32) -> String {
-    format!("{} mm", rounded(1e3 * length_m))
-}
-
-/// To a tenth, without a zero at the end.
-fn rounded(value: f32) -> f32 {
-    (10.0 * value).round() / 10.0
+    format!("{} mm", (1e4 * length_m).round() / 10.0)
 }
 
 #[cfg(test)]
@@ -319,8 +248,6 @@ mod tests {
             "palm_breadth_m 204 mm",
             "tips to flange",
             ">112.3 mm<",
-            "z is the approach",
-            "30 N, 50 mm/s, 100 g; friction 1;",
         ] {
             assert!(svg.contains(words), "{words} is not in {svg}");
         }
@@ -363,6 +290,6 @@ mod tests {
                 assert!(x > 100.0 && y > 60.0 && x + width < size[0] && y + height < size[1], "{}: {svg}", hand.name);
             }
         }
-        assert!(svg(&hand("slim_jaw_50")).contains("no flange_from_grasp"));
+        assert!(!svg(&hand("slim_jaw_50")).contains("flange"));
     }
 }

@@ -6,7 +6,7 @@
 use std::fmt::Write as _;
 
 use maud::Escaper;
-use schema::{Gripper, Outcome, Polyhedron, Pose, Vec3, bounds_m};
+use schema::{Outcome, Polyhedron, Pose, Vec3, bounds_m};
 
 use crate::eye::{Eye, Seen};
 
@@ -70,11 +70,7 @@ pub fn svg(scene: &Scene) -> String {
     let side = scene.size_m;
     let table = [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]].map(|[x, y]| Vec3::new(x, y, scene.table_z_m));
     let _ = write!(text, "<polygon class=\"ground\" points=\"{}\"/>", points(&eye, table.iter().copied()));
-    let mut bodies: Vec<&(Polyhedron, usize)> = scene.bodies.iter().collect();
-    bodies.sort_by(|(a, _), (b, _)| eye.towards().dot(middle_m(a)).total_cmp(&eye.towards().dot(middle_m(b))));
-    for (body, tint) in bodies {
-        paint(&mut text, &eye, body, TINTS[tint % TINTS.len()]);
-    }
+    paint(&mut text, &eye, scene.bodies.iter().map(|(body, tint)| (body, *tint)).collect());
     let mut hands: Vec<&Hand> = scene.hands.iter().collect();
     hands.sort_by_key(|hand| hand.outcome); // held grasps on top, collisions below
     let is_crowded = hands.len() > CROWD;
@@ -103,11 +99,7 @@ pub fn sheet(bodies: &[(&str, Vec<Polyhedron>, usize)]) -> String {
         let [low, high] = bounds_m(parts.iter().flat_map(Polyhedron::corners_m));
         let at_px = [left + 0.5 * CELL_PX, top + 0.45 * CELL_PX];
         let eye = Eye::parallel(TOWARDS_EYE, 0.5 * (low + high), CELL_PX / CELL_M, at_px);
-        let mut parts: Vec<&Polyhedron> = parts.iter().collect();
-        parts.sort_by(|a, b| eye.towards().dot(middle_m(a)).total_cmp(&eye.towards().dot(middle_m(b))));
-        for part in parts {
-            paint(&mut text, &eye, part, TINTS[tint % TINTS.len()]);
-        }
+        paint(&mut text, &eye, parts.iter().map(|part| (part, *tint)).collect());
         let (x, y) = (at_px[0], top + 0.97 * CELL_PX);
         let _ = write!(
             text,
@@ -117,23 +109,27 @@ pub fn sheet(bodies: &[(&str, Vec<Polyhedron>, usize)]) -> String {
     text + "</svg>\n"
 }
 
-fn paint(text: &mut String, eye: &Eye, body: &Polyhedron, tint: [f32; 3]) {
+/// Paints bodies, the farthest first; the number selects the colour.
+fn paint(text: &mut String, eye: &Eye, mut bodies: Vec<(&Polyhedron, usize)>) {
+    let nearness = |body: &Polyhedron| {
+        let corners_m = body.corners_m();
+        eye.towards().dot(corners_m.iter().sum::<Vec3>() / corners_m.len().max(1) as f32)
+    };
+    bodies.sort_by(|(a, _), (b, _)| nearness(a).total_cmp(&nearness(b)));
     let light = Vec3::new(-0.35, -0.55, 1.0).normalize();
-    for face in body.faces() {
-        let at = |i: usize| body.corners_m()[face.ring[i]];
-        let normal = (at(1) - at(0)).cross(at(2) - at(0)).normalize_or_zero();
-        if normal.dot(eye.towards()) <= 0.0 {
-            continue;
+    for (body, tint) in bodies {
+        for face in body.faces() {
+            let at = |i: usize| body.corners_m()[face.ring[i]];
+            let normal = (at(1) - at(0)).cross(at(2) - at(0)).normalize_or_zero();
+            if normal.dot(eye.towards()) <= 0.0 {
+                continue;
+            }
+            let shade = 0.62 + 0.38 * normal.dot(light).max(0.0);
+            let [r, g, b] = TINTS[tint % TINTS.len()].map(|channel| (channel * shade) as u8);
+            let corners = points(eye, face.ring.iter().map(|corner| body.corners_m()[*corner]));
+            let _ = write!(text, "<polygon class=\"face\" fill=\"#{r:02x}{g:02x}{b:02x}\" points=\"{corners}\"/>");
         }
-        let shade = 0.62 + 0.38 * normal.dot(light).max(0.0);
-        let [r, g, b] = tint.map(|channel| (channel * shade) as u8);
-        let corners = points(eye, face.ring.iter().map(|corner| body.corners_m()[*corner]));
-        let _ = write!(text, "<polygon class=\"face\" fill=\"#{r:02x}{g:02x}{b:02x}\" points=\"{corners}\"/>");
     }
-}
-
-fn middle_m(body: &Polyhedron) -> Vec3 {
-    body.corners_m().iter().sum::<Vec3>() / body.corners_m().len().max(1) as f32
 }
 
 /// The hand as two lines: the connected fingers, and the stem behind.
@@ -149,12 +145,6 @@ fn points(eye: &Eye, points_m: impl Iterator<Item = Vec3>) -> String {
         .map(|Seen { x, y, .. }| format!("{x:.1},{y:.1}"))
         .collect::<Vec<_>>()
         .join(" ")
-}
-
-/// The opening of a hand that never closed: fully open.
-#[must_use]
-pub fn width_m(gripper: &Gripper, width_m: Option<f32>) -> f32 {
-    width_m.unwrap_or(gripper.opening_m_max)
 }
 
 #[cfg(test)]

@@ -7,14 +7,14 @@ pub mod folder;
 mod page;
 pub(crate) mod shapes;
 
-use schema::{Pose, Vec3};
+use schema::{Outcome, Pose, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// The format's name and version, the first field of the JSON.
 pub const FORMAT: &str = "graspmill-view/1";
 
 /// A 3-D view.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct View {
     /// [`FORMAT`].
@@ -25,8 +25,8 @@ pub struct View {
     pub bodies: Vec<Body>,
     /// Lines.
     pub lines: Vec<Line>,
-    /// Points.
-    pub points: Vec<Points>,
+    /// Points that no line connects.
+    pub points: Vec<Line>,
     /// Frames, in order; none if nothing moves.
     pub frames: Vec<Frame>,
     /// Events, in order.
@@ -53,7 +53,7 @@ pub struct Body {
     pub poses: Vec<[f32; 7]>,
 }
 
-/// A polyline.
+/// A polyline, or points of one kind.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Line {
@@ -64,20 +64,6 @@ pub struct Line {
     /// Its points, in metres.
     pub points_m: Vec<[f32; 3]>,
     /// The first and the last frame in which it is visible; `None`: always.
-    pub frames: Option<[usize; 2]>,
-}
-
-/// Points of one kind.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Points {
-    /// Their class.
-    pub class: Class,
-    /// Their label; may be empty.
-    pub label: String,
-    /// Their positions, in metres.
-    pub points_m: Vec<[f32; 3]>,
-    /// The first and the last frame in which they are visible; `None`: always.
     pub frames: Option<[usize; 2]>,
 }
 
@@ -143,56 +129,22 @@ pub enum Class {
     Hand,
     /// The swept volume of the hand.
     Swept,
-    /// A grasp that held.
-    Held,
-    /// A grasp that lost its object.
-    Slipped,
-    /// A grasp that moved another object.
-    HitOther,
-    /// A grasp that closed on nothing.
-    Empty,
-    /// A grasp with a collision during the approach.
-    ApproachCollision,
-    /// A grasp with a collision at the pre-grasp.
-    PregraspCollision,
     /// A camera.
     Camera,
     /// The observed surface.
     Surface,
     /// Contacts.
     Contact,
-}
-
-impl Class {
-    /// The class of a grasp with this outcome.
-    #[must_use]
-    pub fn of_outcome(outcome: schema::Outcome) -> Self {
-        match outcome {
-            schema::Outcome::Held => Self::Held,
-            schema::Outcome::Slipped => Self::Slipped,
-            schema::Outcome::HitOther => Self::HitOther,
-            schema::Outcome::Empty => Self::Empty,
-            schema::Outcome::ApproachCollision => Self::ApproachCollision,
-            schema::Outcome::PregraspCollision => Self::PregraspCollision,
-        }
-    }
+    /// A grasp, by its outcome.
+    #[serde(untagged)]
+    Grasp(Outcome),
 }
 
 impl View {
     /// An empty view.
     #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
-        Self {
-            format: FORMAT.to_owned(),
-            title: title.into(),
-            bodies: Vec::new(),
-            lines: Vec::new(),
-            points: Vec::new(),
-            frames: Vec::new(),
-            events: Vec::new(),
-            facts: Vec::new(),
-            hidden: Vec::new(),
-        }
+        Self { format: FORMAT.to_owned(), title: title.into(), ..Self::default() }
     }
 
     /// Adds a fact.

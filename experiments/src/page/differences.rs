@@ -52,9 +52,9 @@ mod tests {
     fn settings_of_the_planner_are_told_from_those_of_the_experiment() {
         let keys =
             keys("seeds = [1]\n\n[views]\ncount = 6\n\n# Planner\nseed = 2\n\n[ranking]\npolicy = \"vgn-best\"\n");
-        let told: Vec<(&str, &str)> = keys.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect();
+        let found: Vec<(&str, &str)> = keys.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect();
         let expected =
             [("plan.ranking.policy", "\"vgn-best\""), ("plan.seed", "2"), ("seeds", "[1]"), ("views.count", "6")];
-        assert_eq!(told, expected);
+        assert_eq!(found, expected);
     }
 }

@@ -6,7 +6,7 @@ use program::text::{grouped, percent};
 
 use super::Played;
 use crate::record::Ending;
-use crate::report::{headline_rates, is_any_point};
+use crate::report::Report;
 
 /// Of fewer rounds a bootstrap says little.
 const ROUNDS_MIN: u64 = 30;
@@ -20,77 +20,51 @@ pub(super) fn warnings(all: &[Played], names: &[String]) -> Vec<String> {
         let prefix = if all.len() > 1 { format!("{name}: ") } else { String::new() };
         warnings.extend(of(one).into_iter().map(|warning| format!("{prefix}{warning}")));
     }
-    let several = |what: &str, values: BTreeSet<&str>| {
-        let count = values.len();
-        (count > 1)
-            .then(|| format!("The experiments were run with {count} {what}: they differ in more than their settings."))
-    };
-    let versions =
-        all.iter().filter_map(|one| one.report.about.versions.get("experiments")).map(String::as_str).collect();
-    let networks = all.iter().map(|one| one.report.about.model_id.as_str()).collect();
-    warnings.extend(several("versions of the program", versions));
-    warnings.extend(several("networks", networks));
     warnings
 }
 
 fn of(one: &Played) -> Vec<String> {
-    let results = &one.report.results;
+    let Report { results, about } = &one.report;
     let mut warnings = Vec::new();
-    if results.rounds < ROUNDS_MIN {
-        warnings.push(format!(
-            "Only {} rounds: the intervals are wide, and still narrower than they should be, for few rounds cannot show what is rare.",
-            results.rounds
-        ));
-    }
-    if results.attempts == 0 {
-        warnings.push("No grasp was executed: the planner found none.".to_owned());
-    } else if is_any_point(headline_rates(results)) {
-        warnings.push("A rate's interval has no width: all rounds ended alike, which is not certainty.".to_owned());
-    }
+    let mut warn = |is_so: bool, text: String| warnings.extend(is_so.then_some(text));
+    let rounds = grouped(results.rounds);
+    warn(
+        results.rounds < ROUNDS_MIN,
+        format!(
+            "Only {rounds} rounds: intervals are wide, and too narrow still, for few rounds cannot show what is rare."
+        ),
+    );
+    warn(results.attempts == 0, "No grasp was executed: the planner found none.".to_owned());
+    warn(
+        results.attempts > 0 && results.rates.all().into_iter().flatten().any(|rate| rate.is_point()),
+        "A rate's interval has no width: all rounds ended alike, which is not certainty.".to_owned(),
+    );
     let ended = |ending: Ending| results.endings.get(&ending).copied().unwrap_or_default();
     let unsettled = ended(Ending::Unsettled);
-    if unsettled > 0 {
-        warnings.push(format!(
-            "{} of {} rounds ended because objects would not come to rest: what they would have given is missing.",
-            grouped(unsettled),
-            grouped(results.rounds)
-        ));
-    }
+    warn(
+        unsettled > 0,
+        format!("{} of {rounds} rounds ended because objects would not come to rest.", grouped(unsettled)),
+    );
     let share = ended(Ending::NoGrasp) as f64 / results.rounds.max(1) as f64;
-    if share > NO_GRASP_SHARE_MAX {
-        warnings.push(format!(
-            "{} of the rounds ended because the planner gave no grasp: its threshold of quality may be too high for this network.",
-            percent(share)
-        ));
-    }
-    if let Some(rounds) = &one.rounds {
-        let lost: u64 = rounds.iter().map(|round| u64::from(round.lost_count)).sum();
-        if lost > 0 {
-            let objects = if lost == 1 { "object" } else { "objects" };
-            warnings.push(format!("{} {objects} left the workspace without being held.", grouped(lost)));
-        }
-        let seeds: BTreeSet<u64> = rounds.iter().map(|round| round.seed).collect();
-        if let (1, Some(seed)) = (seeds.len(), seeds.first()) {
-            warnings.push(format!(
-                "All scenes are of one seed, {seed}: the intervals tell what other rounds of it would give. Several seeds (seeds = [1, 2, 3]) \
-                 also show how much seeds differ."
-            ));
-        }
-        if rounds.len() as u64 != results.rounds {
-            warnings.push(format!(
-                "The journal holds {} of the report's {} rounds: the pictures are of those.",
-                rounds.len(),
-                results.rounds
-            ));
-        }
-    }
-    let made = one.report.about.versions.get("experiments").map_or("an unknown version", String::as_str);
-    if made != env!("CARGO_PKG_VERSION") {
-        warnings.push(format!(
-            "The rounds were played by version {made} of the program, this page is made by {}.",
-            env!("CARGO_PKG_VERSION")
-        ));
-    }
+    warn(
+        share > NO_GRASP_SHARE_MAX,
+        format!("{} of the rounds ended without a grasp: the threshold of quality may be too high.", percent(share)),
+    );
+    let (own, made) = (env!("CARGO_PKG_VERSION"), about.versions.get("experiments").map_or("unknown", String::as_str));
+    warn(made != own, format!("Version of the program that played the rounds: {made}; of this page's: {own}."));
+    let Some(played) = &one.rounds else {
+        warn(true, "No pictures of scenes: the folder has no journal.jsonl.".to_owned());
+        return warnings;
+    };
+    let lost: u64 = played.iter().map(|round| u64::from(round.lost_count)).sum();
+    warn(lost > 0, format!("Objects that left the workspace without being held: {}.", grouped(lost)));
+    let seeds: BTreeSet<u64> = played.iter().map(|round| round.seed).collect();
+    warn(
+        seeds.len() == 1,
+        "All scenes are of one seed: several (seeds = [1, 2, 3]) also show how much seeds differ.".to_owned(),
+    );
+    let missing = results.rounds.saturating_sub(played.len() as u64);
+    warn(missing > 0, format!("Rounds of the report that the journal lacks: {}.", grouped(missing)));
     warnings
 }
 
@@ -102,13 +76,13 @@ mod tests {
     use schema::{Outcome, Pose};
 
     use super::*;
-    use crate::record::{Round, Trial};
-    use crate::report::{About, Report};
+    use crate::record::{Attempt, Round};
+    use crate::report::About;
     use crate::statistics::results;
 
     fn round(number: u64) -> Round {
         let held = !number.is_multiple_of(3);
-        let trial = Trial {
+        let attempt = Attempt {
             object_count: 1,
             planned_count: 1,
             workspace_from_grasp: Pose::IDENTITY,
@@ -132,7 +106,7 @@ mod tests {
             removed_count: u32::from(held),
             lost_count: 0,
             ending: if held { Ending::Cleared } else { Ending::Failures },
-            trials: vec![trial],
+            attempts: vec![attempt],
         }
     }
 
@@ -153,37 +127,34 @@ mod tests {
     }
 
     #[test]
-    fn each_reason_to_worry_is_told_and_none_is_invented() {
+    fn each_reason_to_worry_is_a_warning_and_none_is_invented() {
         assert_eq!(of_several(&[played(fine())]), Vec::<String>::new());
-        let told = |change: &dyn Fn(&mut Vec<Round>), word: &str| {
+        let warns = |change: &dyn Fn(&mut Vec<Round>), word: &str| {
             let mut rounds = fine();
             change(&mut rounds);
             let warnings = of_several(&[played(rounds)]);
             assert!(warnings.len() == 1 && warnings[0].contains(word), "{word}: {warnings:?}");
         };
-        told(&|rounds| rounds.truncate(29), "Only 29 rounds");
-        told(&|rounds| rounds[3].ending = Ending::Unsettled, "1 of 30 rounds ended because objects");
-        told(&|rounds| rounds.iter_mut().for_each(|round| round.seed = 7), "one seed, 7");
-        told(&|rounds| rounds[4].lost_count = 2, "2 objects left the workspace");
-        told(&|rounds| rounds[..20].iter_mut().for_each(|r| r.ending = Ending::NoGrasp), "66.7 % of the rounds");
-        let all_held = |rounds: &mut Vec<Round>| rounds.iter_mut().for_each(|r| r.trials[0].outcome = Outcome::Held);
-        told(&all_held, "no width");
-        let nothing = |rounds: &mut Vec<Round>| rounds.iter_mut().for_each(|round| round.trials.clear());
-        told(&nothing, "planner found none");
+        warns(&|rounds| rounds.truncate(29), "Only 29 rounds");
+        warns(&|rounds| rounds[3].ending = Ending::Unsettled, "1 of 30 rounds ended");
+        warns(&|rounds| rounds.iter_mut().for_each(|round| round.seed = 7), "of one seed");
+        warns(&|rounds| rounds[4].lost_count = 2, "left the workspace without being held: 2");
+        warns(&|rounds| rounds[..20].iter_mut().for_each(|r| r.ending = Ending::NoGrasp), "66.7 % of the rounds");
+        let all_held = |rounds: &mut Vec<Round>| rounds.iter_mut().for_each(|r| r.attempts[0].outcome = Outcome::Held);
+        warns(&all_held, "no width");
+        let nothing = |rounds: &mut Vec<Round>| rounds.iter_mut().for_each(|round| round.attempts.clear());
+        warns(&nothing, "planner found none");
     }
 
     #[test]
-    fn other_builds_and_networks_are_told() {
+    fn other_builds_are_warnings() {
         let mut old = played(fine());
         old.report.about.versions.insert("experiments".to_owned(), "0.0.1".to_owned());
-        old.report.about.model_id = "other".to_owned();
         let found = of_several(&[played(fine()), old]);
-        for word in ["number 1: The rounds were played by version 0.0.1", "2 versions of the program", "2 networks"] {
-            assert!(found.iter().any(|warning| warning.contains(word)), "{word}: {found:?}");
-        }
-        assert_eq!(found.len(), 3);
+        assert_eq!(found.len(), 1);
+        assert!(found[0].starts_with("number 1: ") && found[0].contains("played the rounds: 0.0.1"), "{found:?}");
         let mut cut = played(fine());
         cut.rounds.as_mut().unwrap().pop();
-        assert!(of_several(&[cut])[0].contains("29 of the report's 30 rounds"));
+        assert!(of_several(&[cut])[0].contains("lacks: 1"));
     }
 }

@@ -132,8 +132,8 @@ fn gallery(class: &str, pictures: &[Picture]) -> Result<Markup, Failure> {
 impl Picture {
     fn markup(&self) -> Result<Markup, Failure> {
         let svg = match &self.drawing {
-            Drawing::Figure(figure) => &figure.svg_for_page()?,
-            Drawing::Intervals(figure) => &figure.svg_for_page()?,
+            Drawing::Figure(figure) => &figure.svg()?,
+            Drawing::Intervals(figure) => &figure.svg()?,
             Drawing::Svg(svg) => svg,
         };
         Ok(html! {

@@ -108,38 +108,25 @@ impl Table {
 
     /// Columns as wide as they must be, two blanks between them; a bar stands beside its words.
     fn text(&self) -> String {
-        let columns = self.plain_columns();
-        let words: Vec<Vec<String>> = self
-            .rows
-            .iter()
-            .map(|row| columns.iter().filter_map(|at| row.get(*at)).map(Cell::words).collect())
-            .collect();
-        let length = |text: &str| text.chars().count();
-        let width = |at: usize, column: &usize| {
-            let cells = words.iter().filter_map(|row| row.get(at)).map(|text| length(text));
-            cells.fold(length(&self.head[*column]), usize::max)
-        };
-        let widths: Vec<usize> = columns.iter().enumerate().map(|(at, column)| width(at, column)).collect();
-        let has_bar = |column: usize| matches!(self.rows.first().and_then(|row| row.get(column)), Some(Cell::Bar(..)));
-        let line = |words: &[String], bars: Option<&Vec<Cell>>| {
-            let mut line = String::new();
-            for ((column, width), word) in columns.iter().zip(&widths).zip(words) {
-                let blank = " ".repeat(width - length(word));
-                line += &if self.is_right(*column) { blank + word } else { word.clone() + &blank };
-                if has_bar(*column) {
-                    let share = match bars.and_then(|row| row.get(*column)) {
-                        Some(Cell::Bar(share, _)) => *share,
-                        _ => 0.0,
-                    };
-                    line += &format!("  {:<BAR$}", bar(share, BAR));
+        let mut lines = vec![String::new(); self.rows.len() + 1];
+        for column in self.plain_columns() {
+            let head = Cell::from(self.head[column].as_str());
+            let cells: Vec<&Cell> =
+                [&head].into_iter().chain(self.rows.iter().filter_map(|row| row.get(column))).collect();
+            let width = cells.iter().map(|cell| cell.words().chars().count()).max().unwrap_or(0);
+            let has_bar = cells.iter().any(|cell| matches!(cell, Cell::Bar(..)));
+            for (line, cell) in lines.iter_mut().zip(cells) {
+                let words = cell.words();
+                *line +=
+                    &if self.is_right(column) { format!("{words:>width$}  ") } else { format!("{words:<width$}  ") };
+                if has_bar {
+                    let share = if let Cell::Bar(share, _) = cell { *share } else { 0.0 };
+                    *line += &format!("{:<BAR$}  ", bar(share, BAR));
                 }
-                line += "  ";
             }
-            format!("{}\n", line.trim_end())
-        };
-        let head: Vec<String> = columns.iter().map(|column| self.head[*column].clone()).collect();
-        let head = if head.iter().all(String::is_empty) { String::new() } else { line(&head, None) };
-        head + &words.iter().zip(&self.rows).map(|(words, row)| line(words, Some(row))).collect::<String>()
+        }
+        let has_head = self.head.iter().any(|head| !head.is_empty());
+        lines.iter().skip(usize::from(!has_head)).map(|line| format!("{}\n", line.trim_end())).collect()
     }
 }
 

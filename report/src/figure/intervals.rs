@@ -3,20 +3,17 @@
 //! They are drawn in pixels, without a chart in between: nothing has to be measured with a font, so the bytes are the
 //! same wherever they are drawn. A disc is the first rate of a row and a ring the second, so they can be read in grey.
 
-use plotters::coord::Shift;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::HPos;
 use program::Failure;
 
-use super::{BLUE, Colour, FONT, GREY, ORANGE, svg};
+use super::{Area, BLUE, Colour, Drawn, GREY, LIGHT, ORANGE, svg, words};
 
 /// A figure of intervals.
 #[derive(Debug, Clone)]
 pub struct Intervals {
-    /// The line above all.
+    /// What it shows.
     pub title: String,
-    /// What the axis measures.
-    pub axis: String,
     /// What is shown, from the top.
     pub rows: Vec<Row>,
 }
@@ -41,107 +38,53 @@ pub struct Rate {
     pub text: String,
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
-
-const LIGHT: Colour = Colour(225, 225, 225);
-
-/// Where things stand, in pixels.
-struct Sheet {
-    width: u32,
-    top: i32,
-    axis_left: i32,
-    axis_width: i32,
-    value_left: i32,
-    is_alone: bool,
-    marks: &'static [i32],
-}
-
-/// A figure that stands alone.
-const ALONE: Sheet = Sheet {
-    width: 800,
-    top: 48,
-    axis_left: 100,
-    axis_width: 480,
-    value_left: 600,
-    is_alone: true,
-    marks: &[0, 20, 40, 60, 80, 100],
-};
-/// A figure on a page, whose words can still be read on a phone.
-const ON_A_PAGE: Sheet = Sheet {
-    width: 440,
-    top: 8,
-    axis_left: 70,
-    axis_width: 180,
-    value_left: 268,
-    is_alone: false,
-    marks: &[0, 50, 100],
-};
-/// The axis of a figure on a page.
-const SHORT_AXIS: &str = "share, with its 95 % interval";
+// Where things stand, in pixels.
+const TOP: i32 = 8;
+const AXIS_LEFT: i32 = 70;
+const AXIS_WIDTH: i32 = 180;
+const VALUE_LEFT: i32 = 268;
 const ROW: i32 = 64;
 const BOTTOM: i32 = 56;
 const DOT_RADIUS: i32 = 5;
 
 impl Intervals {
-    /// The figure as SVG.
+    /// The figure as SVG, without its title.
     ///
     /// # Errors
     /// [`program::ExitCode::Internal`] if the library fails.
     pub fn svg(&self) -> Result<String, Failure> {
-        self.svg_on(&ALONE)
-    }
-
-    /// The figure as SVG without its title, 440 pixels wide: for [`crate::document`].
-    ///
-    /// # Errors
-    /// [`program::ExitCode::Internal`] if the library fails.
-    pub fn svg_for_page(&self) -> Result<String, Failure> {
-        self.svg_on(&ON_A_PAGE)
-    }
-
-    fn svg_on(&self, sheet: &Sheet) -> Result<String, Failure> {
-        let bottom = sheet.top + ROW * self.rows.len() as i32;
-        svg(&self.title, (sheet.width, (bottom + BOTTOM) as u32), |area| self.draw(area, sheet, bottom))
-    }
-
-    fn draw(&self, area: &Area<'_>, sheet: &Sheet, bottom: i32) -> Drawn {
-        area.fill(&WHITE)?;
-        if sheet.is_alone {
-            write(area, &self.title, (16, 20), 18, HPos::Left)?;
-        }
-        draw_axis(area, sheet, if sheet.is_alone { &self.axis } else { SHORT_AXIS }, bottom)?;
-        for (at, row) in self.rows.iter().enumerate() {
-            draw_row(area, sheet, row, sheet.top + ROW * at as i32)?;
-        }
-        area.present()
+        let bottom = TOP + ROW * self.rows.len() as i32;
+        svg(&self.title, (bottom + BOTTOM) as u32, |area| {
+            draw_axis(area, bottom)?;
+            (0..).zip(&self.rows).try_for_each(|(at, row)| draw_row(area, row, TOP + ROW * at))
+        })
     }
 }
 
-fn draw_axis(area: &Area<'_>, sheet: &Sheet, axis: &str, bottom: i32) -> Drawn {
-    for percent in sheet.marks {
-        let x = sheet.x_of(f64::from(*percent) / 100.0);
-        line(area, (x, sheet.top), (x, bottom), LIGHT, 1)?;
+fn draw_axis(area: &Area<'_>, bottom: i32) -> Drawn<()> {
+    for percent in [0, 50, 100] {
+        let x = x_of(f64::from(percent) / 100.0);
+        line(area, (x, TOP), (x, bottom), LIGHT, 1)?;
         write(area, &format!("{percent} %"), (x, bottom + 14), 13, HPos::Center)?;
     }
-    line(area, (sheet.axis_left, bottom), (sheet.axis_left + sheet.axis_width, bottom), GREY, 1)?;
-    let middle = sheet.axis_left + sheet.axis_width / 2;
-    write(area, axis, (middle, bottom + 38), 14, HPos::Center)
+    line(area, (AXIS_LEFT, bottom), (AXIS_LEFT + AXIS_WIDTH, bottom), GREY, 1)?;
+    write(area, "share, with its 95 % interval", (x_of(0.5), bottom + 38), 14, HPos::Center)
 }
 
 /// A name, and below it a line for each rate.
-fn draw_row(area: &Area<'_>, sheet: &Sheet, row: &Row, top: i32) -> Drawn {
+fn draw_row(area: &Area<'_>, row: &Row, top: i32) -> Drawn<()> {
     write(area, &row.name.replace(char::is_control, " "), (16, top + 12), 14, HPos::Left)?;
     let [disc, ring] = &row.rates;
-    draw_rate(area, sheet, disc, BLUE, top + 32)?;
-    draw_rate(area, sheet, ring, ORANGE, top + 50)
+    draw_rate(area, disc, BLUE, top + 32)?;
+    draw_rate(area, ring, ORANGE, top + 50)
 }
 
-fn draw_rate(area: &Area<'_>, sheet: &Sheet, rate: &Rate, colour: Colour, y: i32) -> Drawn {
-    write(area, rate.name, (sheet.axis_left - 14, y), 13, HPos::Right)?;
-    write(area, &rate.text, (sheet.value_left, y), 13, HPos::Left)?;
-    let Some([value, low, high]) = rate.share else { return Ok(()) };
-    let (low, high, centre) = (sheet.x_of(low), sheet.x_of(high), (sheet.x_of(value), y));
+fn draw_rate(area: &Area<'_>, rate: &Rate, colour: Colour, y: i32) -> Drawn<()> {
+    write(area, rate.name, (AXIS_LEFT - 14, y), 13, HPos::Right)?;
+    write(area, &rate.text, (VALUE_LEFT, y), 13, HPos::Left)?;
+    let Some(share) = rate.share else { return Ok(()) };
+    let [x, low, high] = share.map(x_of);
+    let centre = (x, y);
     line(area, (low, y), (high, y), colour, 2)?;
     for end in [low, high] {
         line(area, (end, y - 4), (end, y + 4), colour, 2)?;
@@ -154,20 +97,17 @@ fn draw_rate(area: &Area<'_>, sheet: &Sheet, rate: &Rate, colour: Colour, y: i32
     }
 }
 
-impl Sheet {
-    fn x_of(&self, share: f64) -> i32 {
-        self.axis_left + (f64::from(self.axis_width) * share.clamp(0.0, 1.0)).round() as i32
-    }
+fn x_of(share: f64) -> i32 {
+    AXIS_LEFT + (f64::from(AXIS_WIDTH) * share.clamp(0.0, 1.0)).round() as i32
 }
 
-fn line(area: &Area<'_>, from: (i32, i32), to: (i32, i32), colour: Colour, width: u32) -> Drawn {
+fn line(area: &Area<'_>, from: (i32, i32), to: (i32, i32), colour: Colour, width: u32) -> Drawn<()> {
     area.draw(&PathElement::new([from, to], colour.stroke_width(width)))
 }
 
 /// Text on one line, its middle at the height of `at`.
-fn write(area: &Area<'_>, text: &str, at: (i32, i32), size: i32, anchor: HPos) -> Drawn {
-    let style = TextStyle::from((FONT, size).into_font()).pos(Pos::new(anchor, VPos::Center));
-    area.draw(&Text::new(text.to_owned(), at, style))
+fn write(area: &Area<'_>, text: &str, at: (i32, i32), size: i32, anchor: HPos) -> Drawn<()> {
+    area.draw(&Text::new(text, at, words(size, anchor)))
 }
 
 #[cfg(test)]
@@ -182,7 +122,7 @@ mod tests {
             let rates = if name.starts_with("nothing") { nothing() } else { rates() };
             Row { name: (*name).to_owned(), rates }
         };
-        Intervals { title: "Rates".to_owned(), axis: "share".to_owned(), rows: names.iter().map(row).collect() }
+        Intervals { title: "Rates".to_owned(), rows: names.iter().map(row).collect() }
     }
 
     /// Reads tags as XML does, and fails where one is not closed in its turn.
@@ -217,11 +157,11 @@ mod tests {
     fn dots_stand_where_the_shares_are() {
         let figure = figure(&["pile"]).svg().unwrap();
         let circles: Vec<&str> = figure.lines().filter(|line| line.starts_with("<circle")).collect();
-        // 100 + 480 · 0.6, and twice (a white disc in a ring) 100 + 480 · 0.75.
-        let places = ["cx=\"388\" cy=\"80\"", "cx=\"460\" cy=\"98\"", "cx=\"460\" cy=\"98\""];
+        // 70 + 180 · 0.6, and twice (a white disc in a ring) 70 + 180 · 0.75.
+        let places = ["cx=\"178\" cy=\"40\"", "cx=\"205\" cy=\"58\"", "cx=\"205\" cy=\"58\""];
         assert_eq!(circles.len(), places.len(), "{figure}");
         assert!(circles.iter().zip(places).all(|(circle, place)| circle.contains(place)), "{circles:?}");
-        // The interval of the success rate: from 100 + 480 · 0.412 to 100 + 480 · 0.75.
-        assert!(figure.contains("points=\"298,80 460,80 \""), "{figure}");
+        // The interval of the success rate: from 70 + 180 · 0.412 to 70 + 180 · 0.75.
+        assert!(figure.contains("points=\"144,40 205,40 \""), "{figure}");
     }
 }

@@ -2,6 +2,8 @@
 //! their style and scripts, which are files of the folder; nothing else is asked for, so a browser opens it from a
 //! disk.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use crate::assets;
@@ -92,7 +94,7 @@ pub struct Place {
     /// Other pages: words and file.
     pub links: Vec<(String, String)>,
     /// The pages that clicks on lines of the view open: place among the lines, and file.
-    pub opens: Vec<(usize, String)>,
+    pub opens: BTreeMap<usize, String>,
     /// The view's attempts, beside it.
     pub attempts: Vec<ListedAttempt>,
 }

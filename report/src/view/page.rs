@@ -1,7 +1,5 @@
 //! The page of a view: one file, or one of a folder's; no network, no library.
 
-use std::collections::BTreeMap;
-
 use maud::{Markup, PreEscaped, html};
 
 use super::folder::{BROWSE, LISTING, Place, VIEWER, VIEWER_STYLE};
@@ -28,7 +26,6 @@ impl View {
     }
 
     fn body(&self, place: Option<&Place>) -> Markup {
-        let opens: &[(usize, String)] = place.map_or(&[], |place| &place.opens);
         html! {
             header {
                 h1 { (self.title) }
@@ -55,8 +52,9 @@ impl View {
                 @if !self.facts.is_empty() { (self.fact_list()) }
             }
             script #view type="application/json" { (PreEscaped(in_script(&self.to_json()))) }
-            @if place.is_some() {
-                script #opens type="application/json" { (PreEscaped(in_script(&opens_json(opens)))) }
+            @if let Some(place) = place {
+                @let opens = serde_json::to_string(&place.opens).expect("numbers and strings are always JSON");
+                script #opens type="application/json" { (PreEscaped(in_script(&opens))) }
                 script src=(VIEWER) {}
                 script src=(LISTING) {}
                 script src=(BROWSE) {}
@@ -130,12 +128,6 @@ fn attempts(place: &Place) -> Markup {
     }
 }
 
-/// The pages that lines open, by the lines' places.
-fn opens_json(opens: &[(usize, String)]) -> String {
-    let map: BTreeMap<usize, &String> = opens.iter().map(|(at, file)| (*at, file)).collect();
-    serde_json::to_string(&map).expect("numbers and strings are always JSON")
-}
-
 fn player() -> Markup {
     html! {
         div #player {
@@ -168,12 +160,12 @@ fn in_script(json: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::folder::ListedAttempt;
-    use super::super::{Class, Fact, Frame, Line, Points};
+    use super::super::{Class, Fact, Frame, Line};
     use super::*;
 
     fn view() -> View {
         let mut view = View::new("</script><script>alert(1)</script> & co");
-        view.points.push(Points {
+        view.points.push(Line {
             class: Class::Contact,
             label: "<b>".to_owned(),
             points_m: vec![[0.1, 0.2, 0.3]],
@@ -225,7 +217,7 @@ mod tests {
         let place = Place {
             next: Some("scene-9.html".to_owned()),
             links: vec![("all scenes".to_owned(), "index.html".to_owned())],
-            opens: vec![(0, "replay-7-19.html".to_owned())],
+            opens: [(0, "replay-7-19.html".to_owned())].into(),
             attempts: vec![attempt],
             ..Place::default()
         };

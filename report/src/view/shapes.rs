@@ -1,6 +1,6 @@
 //! Solids, hands, tables and cameras as bodies and lines of a view.
 
-use schema::{Gripper, HandBox, Intrinsics, Polyhedron, Pose, Vec3};
+use schema::{Gripper, HandBox, Intrinsics, ObjectRecord, Polyhedron, Pose, Vec3};
 
 use super::{Body, Class, Line, flat, flat_points};
 
@@ -23,6 +23,24 @@ impl Body {
             faces: part.faces().iter().map(|face| face.ring.clone()).collect(),
             poses: poses.iter().map(flat).collect(),
         }
+    }
+
+    /// An object at rest, a body for each convex part, with what is known of it for a label.
+    #[must_use]
+    pub fn of_object(class: Class, object: &ObjectRecord) -> Vec<Self> {
+        let size_mm = object.shape.extents_m() * 1000.0;
+        let label = format!(
+            "object {}: {}\n{:.1} × {:.1} × {:.1} mm, {:.0} g, friction {:.2}",
+            object.object_id,
+            object.shape.name(),
+            size_mm.x,
+            size_mm.y,
+            size_mm.z,
+            object.mass_kg * 1000.0,
+            object.friction
+        );
+        let parts = object.shape.parts().into_iter();
+        parts.map(|part| Self::of_part(class, label.clone(), &part, &[object.workspace_from_object])).collect()
     }
 
     /// An axis-parallel box in its frame.
@@ -196,7 +214,7 @@ mod tests {
     #[test]
     fn a_fork_s_tips_are_where_the_fingers_end() {
         let gripper = Gripper::from_toml(Gripper::BUILT_IN[0].1).unwrap();
-        let fork = Line::fork(Class::Held, "", &gripper, &Pose::from_translation(Vec3::X), 0.03);
+        let fork = Line::fork(Class::Hand, "", &gripper, &Pose::from_translation(Vec3::X), 0.03);
         let (first, last) = (vector(fork.points_m[0]), vector(fork.points_m[6]));
         assert!(((last - first).length() - 0.03 - gripper.finger_thickness_m).abs() < 1e-6);
         assert!((0.5 * (first + last) - Vec3::X).length() < 1e-6, "midway between the tips is the grasp");
