@@ -14,7 +14,7 @@ const ALIASES: [Alias; 5] = [
     Alias {
         program: "generator",
         commands: &[
-            ("bench", &["bench", "generate"]),
+            ("bench", &["dataset", "bench"]),
             ("depth", &["dataset", "depth"]),
             ("finalize", &["dataset", "finalize"]),
             ("gc", &["dataset", "gc"]),
@@ -31,7 +31,6 @@ const ALIASES: [Alias; 5] = [
     Alias {
         program: "trainer",
         commands: &[
-            ("bench", &["bench", "fit"]),
             ("export", &["weights", "export"]),
             ("import", &["weights", "import"]),
             ("recipe", &["pipeline"]),
@@ -39,7 +38,7 @@ const ALIASES: [Alias; 5] = [
         ],
         otherwise: &[],
     },
-    Alias { program: "planner", commands: &[("bench", &["bench", "plan"])], otherwise: &[] },
+    Alias { program: "planner", commands: &[], otherwise: &[] },
     Alias { program: "experiments", commands: &[("manual", &["manual"])], otherwise: &["experiment"] },
 ];
 

@@ -4,7 +4,6 @@
 //! Without the cargo feature `full` it is the robot's program, which plans and serves.
 
 mod aliases;
-mod bench;
 mod manual;
 mod parse;
 mod planning;
@@ -70,8 +69,6 @@ enum Command {
     #[command(subcommand)]
     Experiment(experiment::Command),
     #[command(subcommand)]
-    Bench(bench::Command),
-    #[command(subcommand)]
     Manual(manual::Manual),
 }
 
@@ -136,7 +133,6 @@ impl Command {
             Self::Serve(arguments) => planning::serve::run(arguments),
             #[cfg(feature = "full")]
             Self::Experiment(command) => command.run(),
-            Self::Bench(command) => command.run(),
             Self::Manual(manual) => manual.run(),
         }
     }

@@ -85,7 +85,7 @@ const SETTINGS: &[Settings] = &[
     Settings {
         path: "configs/experiment/pile.toml",
         toml: experiments::config::REFERENCE,
-        rows: experiments::config::rows,
+        rows: settings::rows_of::<experiments::config::Keys>,
     },
 ];
 

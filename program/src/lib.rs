@@ -17,7 +17,6 @@
 mod allocator;
 mod exit;
 mod folder;
-mod machine;
 mod output;
 mod publish;
 mod read;
@@ -27,7 +26,6 @@ pub mod text;
 
 pub use exit::{Context, Exit, ExitCode, Failure};
 pub use folder::FolderLock;
-pub use machine::peak_memory_bytes;
 pub use output::{command_line, json, print, print_error, write};
 pub use publish::publish;
 pub use read::{open, read, unread};

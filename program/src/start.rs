@@ -4,8 +4,8 @@ use std::io::{self, IsTerminal};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::prelude::*;
 
 use crate::signals::writes_fail_at_the_file_size_limit;
 use crate::{ExitCode, Failure, print_error};
@@ -13,8 +13,8 @@ use crate::{ExitCode, Failure, print_error};
 /// Starts logging, runs the command, prints its error if there is one, and returns its exit code. Call it once, as all
 /// of `main`. A panic, which prints where it happened, ends with [`ExitCode::Internal`].
 ///
-/// Log lines go to standard error. `GRASPMILL_LOG` selects them, in the syntax of `tracing_subscriber::EnvFilter`; by
-/// default warnings and errors are shown.
+/// Log lines go to standard error. `GRASPMILL_LOG` selects them, by level or as `target=level,…`
+/// (`tracing_subscriber::filter::Targets`); by default warnings and errors are shown.
 pub fn run(command: impl FnOnce() -> Result<ExitCode, Failure>) -> ExitCode {
     start_logging();
     if let Err(error) = writes_fail_at_the_file_size_limit() {
@@ -30,12 +30,10 @@ pub fn run(command: impl FnOnce() -> Result<ExitCode, Failure>) -> ExitCode {
 }
 
 fn start_logging() {
-    let filter = EnvFilter::builder().with_default_directive(LevelFilter::WARN.into()).with_env_var("GRASPMILL_LOG");
-    tracing_subscriber::fmt()
-        .with_writer(io::stderr)
-        .with_ansi(io::stderr().is_terminal())
-        .with_env_filter(filter.from_env_lossy())
-        .init();
+    let asked = std::env::var("GRASPMILL_LOG").ok().and_then(|text| text.parse().ok());
+    let targets = asked.unwrap_or_else(|| Targets::new().with_default(LevelFilter::WARN));
+    let lines = tracing_subscriber::fmt::layer().with_writer(io::stderr).with_ansi(io::stderr().is_terminal());
+    tracing_subscriber::registry().with(lines).with(targets).init();
 }
 
 /// Starts the threads that share parallel work, one per core unless `threads` says otherwise. Call it at most once,

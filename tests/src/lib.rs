@@ -56,19 +56,18 @@ pub fn member_folders() -> Vec<String> {
     members.iter().map(|member| member.as_str().expect("a member is a path").to_owned()).collect()
 }
 
-/// Package names of the workspace's members, sorted.
+/// Folder and name of every member; libraries for other projects have the prefix `graspmill-` in Cargo alone.
 ///
 /// # Panics
 /// If a member's manifest has no name.
 #[must_use]
-pub fn member_names() -> Vec<String> {
+pub fn members() -> Vec<(String, String)> {
     let name = |folder: String| {
         let manifest = read_toml(&format!("{folder}/Cargo.toml"));
-        manifest["package"]["name"].as_str().expect("a package has a name").to_owned()
+        let name = manifest["package"]["name"].as_str().expect("a package has a name");
+        (folder, name.trim_start_matches("graspmill-").to_owned())
     };
-    let mut names: Vec<String> = member_folders().into_iter().map(name).collect();
-    names.sort();
-    names
+    member_folders().into_iter().map(name).collect()
 }
 
 /// The repository's files whose path `wanted` accepts, sorted by path.

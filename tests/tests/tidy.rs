@@ -2,7 +2,7 @@
 
 use std::os::unix::fs::PermissionsExt;
 
-use workspace_tests::{SourceFile, assert_none, files, member_folders, member_names, read, read_toml, root};
+use workspace_tests::{SourceFile, assert_none, files, member_folders, members, read, read_toml, root};
 
 /// Longest Rust or Python file; a longer one owns more than one thing.
 const LINES_MAX: usize = 600;
@@ -55,9 +55,9 @@ fn files_own_one_thing() {
     assert_none("file length", &problems);
 }
 
-/// The comment in a line of Rust or Python, if there is one.
+/// The comment in a line of Rust, Python or bash, if there is one.
 fn comment<'a>(path: &str, line: &'a str) -> Option<&'a str> {
-    let mark = if path.ends_with(".py") { "#" } else { "//" };
+    let mark = if path.ends_with(".rs") { "//" } else { "#" };
     let line = line.trim_start();
     if line.starts_with(mark) { Some(line) } else { line.find(&format!(" {mark} ")).map(|at| &line[at + 1..]) }
 }
@@ -65,7 +65,8 @@ fn comment<'a>(path: &str, line: &'a str) -> Option<&'a str> {
 #[test]
 fn comments_are_not_wider_than_code() {
     let mut problems = Vec::new();
-    for file in files(|path| path.ends_with(".rs") || path.ends_with(".py")) {
+    let endings = [".rs", ".py", ".sh"];
+    for file in files(|path| endings.iter().any(|ending| path.ends_with(ending))) {
         for (number, line) in file.text.lines().enumerate() {
             let columns = line.chars().count();
             if columns > COMMENT_COLUMNS_MAX && comment(&file.path, line).is_some() {
@@ -212,12 +213,12 @@ fn the_images_are_built_from_every_member() {
 
 #[test]
 fn members_are_named_as_their_folders() {
-    let mut folders = member_folders();
-    folders.sort();
-    let folder_of = |name: String| if name == "graspmill" { "cli".to_owned() } else { name.replace("workspace-", "") };
-    let mut names: Vec<String> = member_names().into_iter().map(folder_of).collect();
-    names.sort();
-    assert_eq!(folders, names);
+    let is_so = |folder: &str, name: &str| match name {
+        "graspmill" => folder == "cli",
+        name => folder == name.trim_start_matches("workspace-"),
+    };
+    let strangers = members().into_iter().filter(|(folder, name)| !is_so(folder, name));
+    assert_none("members", &strangers.map(|(folder, name)| format!("{folder} is named {name}")).collect::<Vec<_>>());
 }
 
 #[test]
@@ -235,7 +236,7 @@ fn schema_does_no_io() {
 #[test]
 fn scripts_can_be_run_and_stop_at_errors() {
     let mut problems = Vec::new();
-    for file in files(|path| path == ".ci/run" || (path.starts_with("scripts/") && path.ends_with(".sh"))) {
+    for file in files(|path| path == ".ci/run" || (path.ends_with(".sh") && !path.starts_with('.'))) {
         let mode = root().join(&file.path).metadata().unwrap().permissions().mode();
         if mode & 0o111 == 0 {
             problems.push(format!("{}: not executable", file.path));

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use experiments::report::{Report, comparison, figure};
+use experiments::page::{Played, comparison, figure};
 use program::{ExitCode, Failure, print, write};
 
 /// Compare experiments side by side, in a table and a figure
@@ -20,11 +20,10 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let results = arguments.folders.iter().map(|folder| Ok(Report::read(folder)?.results));
-    let results = results.collect::<Result<Vec<_>, Failure>>()?;
+    let played = arguments.folders.iter().map(|folder| Played::read(folder)).collect::<Result<Vec<_>, _>>()?;
     if let Some(path) = &arguments.figure {
-        write(path, figure(&results).svg()?)?;
+        write(path, figure(&played).svg()?)?;
     }
-    print(comparison(&results).markdown())?;
+    print(comparison(&played).markdown())?;
     Ok(ExitCode::Ok)
 }

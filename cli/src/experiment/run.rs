@@ -6,11 +6,12 @@ use std::sync::{Mutex, PoisonError};
 
 use clap::Args;
 use experiments::config::Config;
+use experiments::page::{Played, document, figure, in_short};
 use experiments::record::Round;
-use experiments::report::{About, Report, document, figure, in_short};
+use experiments::report::{About, Report};
 use experiments::run::run as run_rounds;
 use experiments::statistics::results;
-use experiments::tables::{bodies, conditions, objects_table, rounds_table, trials_table};
+use experiments::tables::{attempts_table, bodies, conditions, objects_table, rounds_table};
 use indicatif::{ProgressBar, ProgressStyle};
 use program::text::key_and_value;
 use program::{Context, ExitCode, Failure, FolderLock, json, print, print_error, stop_on_signals, write};
@@ -85,7 +86,7 @@ pub(crate) fn execute(
     let counts = Mutex::new((0_u64, 0_u64));
     let on_round = |round: &Round| {
         let mut counts = counts.lock().unwrap_or_else(PoisonError::into_inner);
-        counts.0 += round.trials.len() as u64;
+        counts.0 += round.attempts.len() as u64;
         counts.1 += u64::from(round.removed_count);
         bar.set_message(format!("{} of {} grasps held", counts.1, counts.0));
         bar.inc(1);
@@ -96,7 +97,7 @@ pub(crate) fn execute(
     if (rounds.len() as u64) < config.round_count() {
         return Ok(ExitCode::TryAgain);
     }
-    write_reports(config, command, &planner.model_id, &rounds, out)?;
+    write_reports(config, command, &planner.model_id, rounds, out)?;
     Ok(ExitCode::Ok)
 }
 
@@ -104,7 +105,7 @@ fn write_reports(
     config: &Config,
     command: String,
     model_id: &str,
-    rounds: &[Round],
+    rounds: Vec<Round>,
     folder: &Path,
 ) -> Result<(), Failure> {
     let about = About {
@@ -113,20 +114,20 @@ fn write_reports(
         model_id: model_id.to_owned(),
         versions: [("experiments".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
     };
-    let report = Report { results: results(&config.protocol, rounds), about };
-    write(&folder.join("rounds.parquet"), rounds_table(rounds)?)?;
-    write(&folder.join("attempts.parquet"), trials_table(rounds)?)?;
-    write(&folder.join("objects.parquet"), objects_table(rounds)?)?;
+    let report = Report { results: results(&config.keys.protocol, &rounds), about };
+    write(&folder.join("rounds.parquet"), rounds_table(&rounds)?)?;
+    write(&folder.join("attempts.parquet"), attempts_table(&rounds)?)?;
+    write(&folder.join("objects.parquet"), objects_table(&rounds)?)?;
     write(&folder.join("bodies.json"), bodies(config))?;
     write(&folder.join("run.json"), conditions(config))?;
     write(&folder.join("report.json"), json(&report)?)?;
-    write(&folder.join("report.svg"), figure(std::slice::from_ref(&report.results)).svg()?)?;
-    write(&folder.join("report.md"), document(&report).markdown())?;
-    let file = |name: &str| folder.join(name).display().to_string();
+    let printed = in_short(&report.results);
+    let played = [Played::now(folder, report, rounds)];
+    write(&folder.join("report.svg"), figure(&played).svg()?)?;
+    write(&folder.join("report.md"), document(&played).markdown())?;
     print(format_args!(
-        "{}  failures, scenes and how it was run; also report.json, report.svg and tables as Parquet\n\n{}",
-        file("report.md"),
-        in_short(&report.results)
+        "{}  failures, scenes and how it was run; also report.json, report.svg and tables as Parquet\n\n{printed}",
+        folder.join("report.md").display(),
     ))
 }
 

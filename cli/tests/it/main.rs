@@ -3,6 +3,8 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod dataset;
+#[path = "../../../tests/support/disk.rs"]
+mod disk;
 mod experiment;
 mod generate;
 mod plan;

@@ -2,7 +2,7 @@
 //! stored values.
 
 use planner::input::read_tsdf;
-use planner::{BuiltIn, Observation, Planner, Wishes};
+use planner::{BuiltIn, Observation, PlanOptions, Planner};
 use schema::{Grid, VoxelGrid};
 use shards::{Dataset, Draft};
 
@@ -23,11 +23,11 @@ fn a_stored_scenes_file_gives_the_plan_of_its_stored_values() {
 
     let dataset = Dataset::open(folder.path()).unwrap();
     let stored = VoxelGrid::new(Grid::PAPER, dataset.read_scene(1).unwrap().scene.tsdf).unwrap();
-    let file = read_tsdf(&shards::tsdf(&dataset, 1).unwrap(), Grid::PAPER).unwrap();
+    let file = read_tsdf(&inspect::tsdf(&dataset, 1).unwrap(), Grid::PAPER).unwrap();
     let planner = Planner::built_in(BuiltIn::Paper.config().unwrap()).unwrap();
-    let wishes = Wishes { explain: true, ..Wishes::default() };
+    let options = PlanOptions { explain: true, ..PlanOptions::default() };
     let json = |voxels: VoxelGrid| {
-        let plan = planner.plan(&Observation::Tsdf(voxels), &wishes).unwrap();
+        let plan = planner.plan(&Observation::Tsdf(voxels), &options).unwrap();
         serde_json::to_string(&plan).unwrap()
     };
     assert_eq!(json(file), json(stored));

@@ -1,6 +1,6 @@
 //! Bad input: one clear message, a documented exit code, nothing lost.
 
-use std::process::Command;
+use crate::disk::Disk;
 
 use super::{check_fails, check_ok, files, run, small_config, workshop};
 
@@ -70,26 +70,11 @@ fn a_file_in_place_of_the_folder_is_named() {
 #[test]
 fn a_full_disk_loses_nothing_and_the_run_continues_when_there_is_room() {
     let dir = workshop(&small_config().replace("attempts = 70", "attempts = 700"));
-    let disk = dir.path().join("disk");
-    std::fs::create_dir(&disk).unwrap();
-    let mount = |options: &str| {
-        Command::new("mount")
-            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
-            .arg(&disk)
-            .output()
-            .is_ok_and(|o| o.status.success())
-    };
-    if !mount("size=192k") {
-        println!("skipped: mounting a small disk needs root");
-        return;
-    }
-    let output = run(&dir, "disk/ds", &[]);
-    let grown = mount("remount,size=64m");
-    let again = run(&dir, "disk/ds", &[]);
-    let complete = disk.join("ds/meta/manifest.json").exists();
-    assert!(Command::new("umount").arg(&disk).status().unwrap().success());
-    check_fails(&output, 75, &["disk/ds"]);
-    assert!(grown, "the disk did not grow");
-    check_ok(&again);
-    assert!(complete);
+    let Some(disk) = Disk::mount(192) else { return };
+    let out = disk.path().join("ds");
+    let out = out.to_str().unwrap();
+    check_fails(&run(&dir, out, &[]), 75, &[out]);
+    disk.grow(64 * 1024);
+    check_ok(&run(&dir, out, &[]));
+    assert!(disk.path().join("ds/meta/manifest.json").exists());
 }

@@ -334,8 +334,10 @@ fn a_dataset_of_own_objects_is_made_verified_and_repeated_from_itself_alone() {
         assert!(attempts.iter().all(|a| a.rule.name() == "model_normal" && a.closing.is_none()));
     }
     assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
-    let report = shards::report(&dataset).unwrap();
+    let report = inspect::report(&dataset).unwrap();
     assert!(report.labels.positives > 0, "{:?}", report.outcomes);
+    assert!(report.shapes.iter().map(|group| &group.name).eq(&names), "{:?}", report.shapes);
+    assert!(report.rules.iter().map(|group| &group.name).eq(&["model_normal"]), "{:?}", report.rules);
 }
 
 #[test]

@@ -72,7 +72,7 @@ fn every_kind_of_end_is_reproduced_and_shown() {
             assert!(replayed.is_reproduced(), "{:?} instead of {row:?}", replayed.now);
             assert_eq!(replayed.stored, row);
             check_view(&replayed.view, row.outcome);
-            assert!(replayed.told().ends_with(&format!(
+            assert!(replayed.describe().ends_with(&format!(
                 "as stored: {}\n",
                 replayed.view.facts.iter().find(|fact| fact.key == "now").unwrap().value
             )));
@@ -125,7 +125,7 @@ fn what_is_raised_with_the_target_is_reproduced_and_shown() {
     assert!(plate.label.starts_with("object 1: cuboid"), "{}", plate.label);
     let raised_m = plate.poses.last().unwrap()[2] - plate.poses[0][2];
     assert!((raised_m - 0.1).abs() < 0.005, "the plate goes up by the retreat, by {raised_m} m");
-    assert!(replayed.told().contains("the lift raised object 1 by "), "{}", replayed.told());
+    assert!(replayed.describe().contains("the lift raised object 1 by "), "{}", replayed.describe());
 }
 
 fn replayed(dir: &Path, dataset: &str, flags: &[&str]) -> Output {
