@@ -7,9 +7,9 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::path::Path;
 
-use schema::{Polyhedron, Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
+use schema::{Pose, ShapeKind, Solid, Vec3, axis_angle, pose_from_parts};
 use serde::Deserialize;
-use simulator::{Body, Compound, Part, convex_hull};
+use simulator::{Body, Compound, Part, PartShape, convex_hull};
 
 /// The built-in catalogue.
 const EVERYDAY: &str = include_str!("../../configs/objects/everyday.toml");
@@ -160,7 +160,7 @@ fn thing(object: &RawObject) -> Result<CatalogueObject, String> {
 
 fn part(raw: &RawPart) -> Result<Part, String> {
     let size_m = || raw.size_m.map(Vec3::from_array).ok_or_else(|| format!("a {} needs size_m", raw.shape));
-    let hull = |points_m: &[Vec3]| convex_hull(points_m).map_err(|e| e.to_string());
+    let hull = |points_m: &[Vec3]| convex_hull(points_m).map(PartShape::Hull).map_err(|e| e.to_string());
     let shape = match raw.shape.as_str() {
         "hull" => {
             let corners_m = raw.corners_m.as_ref().ok_or("a hull needs corners_m")?;
@@ -171,7 +171,7 @@ fn part(raw: &RawPart) -> Result<Part, String> {
             let kinds = ShapeKind::ALL.map(ShapeKind::name).join(", ");
             let kind = ShapeKind::from_name(name)
                 .ok_or_else(|| format!("shape must be one of {kinds}, hull, ellipsoid, got {name}"))?;
-            Polyhedron::from(&Solid::new(kind, size_m()?).map_err(|e| e.to_string())?)
+            PartShape::Solid(Solid::new(kind, size_m()?).map_err(|e| e.to_string())?)
         }
     };
     let turned = |axis: Vec3| axis_angle(axis, Vec3::from_array(raw.turn_deg).dot(axis).to_radians());

@@ -241,7 +241,7 @@ mod tests {
     #[test]
     fn touches_of_parts_are_uniform_over_the_surface_of_their_union() {
         let box_at = |size: Vec3, at: Vec3| Part {
-            shape: (&Solid::new(ShapeKind::Cuboid, size).unwrap()).into(),
+            shape: simulator::PartShape::Solid(Solid::new(ShapeKind::Cuboid, size).unwrap()),
             object_from_part: Pose::from_translation(at),
         };
         let lying = box_at(Vec3::new(0.08, 0.04, 0.02), Vec3::new(0.0, 0.0, 0.01));

@@ -1,4 +1,5 @@
-//! Measures the stages of a scene: settling, rays, the gate, an attempt that holds. `cargo bench -p graspmill-simulator`.
+//! Measures the stages of a scene: settling, rays, the gate, an attempt that holds.
+//! `cargo bench -p graspmill-simulator`.
 
 use divan::Bencher;
 use schema::{Camera, Grid, Gripper, Intrinsics, Pose, Procedure, ShapeKind, Solid, Vec3, axis_angle};

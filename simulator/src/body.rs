@@ -21,11 +21,13 @@ pub enum Body {
     Compound(Arc<Compound>),
 }
 
-/// Rigidly joined convex parts with a name, in the object's frame. Its origin is the centre of the bounding box.
+/// Rigidly joined convex parts with a name. The origin of the object frame is the centre of the bounding box.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compound {
     name: String,
-    parts: Vec<Polyhedron>,
+    parts: Vec<Part>,
+    /// The parts again, in the object's frame.
+    polyhedra: Vec<Polyhedron>,
     extents_m: Vec3,
 }
 
@@ -33,9 +35,18 @@ pub struct Compound {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// Its shape.
-    pub shape: Polyhedron,
+    pub shape: PartShape,
     /// Its pose.
     pub object_from_part: Pose,
+}
+
+/// The shape of a part.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PartShape {
+    /// One of the four primitive shapes.
+    Solid(Solid),
+    /// The convex hull of some points.
+    Hull(Polyhedron),
 }
 
 /// Why parts are refused as a compound.
@@ -50,6 +61,22 @@ pub enum CompoundError {
     /// The pose of a part (by its index, from 0) is not finite, or its rotation does not have length 1.
     #[error("the pose of part {0} must be finite, with a rotation of length 1")]
     Pose(usize),
+}
+
+impl PartShape {
+    fn polyhedron(&self) -> Polyhedron {
+        match self {
+            Self::Solid(solid) => solid.into(),
+            Self::Hull(hull) => hull.clone(),
+        }
+    }
+
+    fn volume_m3(&self) -> f32 {
+        match self {
+            Self::Solid(solid) => solid.volume_m3(),
+            Self::Hull(hull) => hull.volume_m3(),
+        }
+    }
 }
 
 impl Compound {
@@ -71,8 +98,9 @@ impl Compound {
         if let Some(part) = parts.iter().position(|part| !is_pose(part)) {
             return Err(CompoundError::Pose(part));
         }
-        let polyhedra =
-            |parts: &[Part]| -> Vec<Polyhedron> { parts.iter().map(|p| p.shape.moved(&p.object_from_part)).collect() };
+        let polyhedra = |parts: &[Part]| -> Vec<Polyhedron> {
+            parts.iter().map(|p| p.shape.polyhedron().moved(&p.object_from_part)).collect()
+        };
         let placed = polyhedra(&parts);
         let [low, high] = bounds_m(corners_m(&placed));
         let centre_m = 0.5 * (low + high);
@@ -81,7 +109,13 @@ impl Compound {
                 part.object_from_part.translation -= centre_m;
             }
         }
-        Ok(Self { name, parts: polyhedra(&parts), extents_m: high - low })
+        Ok(Self { name, polyhedra: polyhedra(&parts), parts, extents_m: high - low })
+    }
+
+    /// The parts, in the object's frame.
+    #[must_use]
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
     }
 }
 
@@ -109,7 +143,7 @@ impl Body {
     pub fn polyhedra(&self) -> Vec<Polyhedron> {
         match self {
             Self::Solid(solid) => vec![solid.into()],
-            Self::Compound(compound) => compound.parts.clone(),
+            Self::Compound(compound) => compound.polyhedra.clone(),
         }
     }
 
@@ -118,7 +152,7 @@ impl Body {
     pub fn vertices_m(&self) -> Vec<Vec3> {
         match self {
             Self::Solid(solid) => solid.vertices_m(),
-            Self::Compound(compound) => corners_m(&compound.parts).copied().collect(),
+            Self::Compound(compound) => corners_m(&compound.polyhedra).copied().collect(),
         }
     }
 
@@ -136,7 +170,7 @@ impl Body {
     pub fn volume_m3(&self) -> f32 {
         match self {
             Self::Solid(solid) => solid.volume_m3(),
-            Self::Compound(compound) => compound.parts.iter().map(Polyhedron::volume_m3).sum(),
+            Self::Compound(compound) => compound.parts.iter().map(|part| part.shape.volume_m3()).sum(),
         }
     }
 
@@ -145,7 +179,7 @@ impl Body {
     pub fn bounding_radius_m(&self) -> f32 {
         match self {
             Self::Solid(solid) => solid.bounding_radius_m(),
-            Self::Compound(compound) => corners_m(&compound.parts).map(|c| c.length()).fold(0.0, f32::max),
+            Self::Compound(compound) => corners_m(&compound.polyhedra).map(|c| c.length()).fold(0.0, f32::max),
         }
     }
 
@@ -158,7 +192,7 @@ impl Body {
             Self::Solid(solid) => solid.planes().into_iter().map(above).fold(f32::NEG_INFINITY, f32::max),
             Self::Compound(compound) => {
                 let outside = |part: &Polyhedron| part.planes().map(above).fold(f32::NEG_INFINITY, f32::max);
-                compound.parts.iter().map(outside).fold(f32::INFINITY, f32::min)
+                compound.polyhedra.iter().map(outside).fold(f32::INFINITY, f32::min)
             }
         }
     }
@@ -177,8 +211,8 @@ impl Body {
     pub fn of_model(model: &Model) -> Result<Self, ModelError> {
         let name = &model.name;
         let part = |(part, ModelPart { corners_m }): (usize, &ModelPart)| {
-            let shape = convex_hull(corners_m).map_err(|e| ModelError(format!("model {name}, part {part}: {e}")))?;
-            Ok(Part { shape, object_from_part: Pose::IDENTITY })
+            let hull = convex_hull(corners_m).map_err(|e| ModelError(format!("model {name}, part {part}: {e}")))?;
+            Ok(Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY })
         };
         let parts = model.parts.iter().enumerate().map(part).collect::<Result<Vec<_>, _>>()?;
         let compound = Compound::new(name, parts).map_err(|e| ModelError(format!("model {name}: {e}")))?;

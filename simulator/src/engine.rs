@@ -5,10 +5,10 @@
 //! PyBullet over gripped objects: see [`Physics::FAITHFUL`].
 
 use rapier3d::prelude::*;
-use schema::{Mat3, Physics, Polyhedron, Pose, SettleParams};
+use schema::{Mat3, Physics, Pose, SettleParams};
 
 use crate::SceneObject;
-use crate::body::Body;
+use crate::body::{Body, Compound, PartShape};
 use crate::contact::{Contact, ContactBody};
 use crate::faceted::{shape_of, shape_of_hull};
 
@@ -56,7 +56,7 @@ impl EngineBody {
     pub(crate) fn new(body: &Body, mass_kg: f32, friction: f32) -> Self {
         let (shape, mut mass_properties) = match body {
             Body::Solid(solid) => with_mass_properties(shape_of(solid, UNITS_PER_M)),
-            Body::Compound(_) => joined(&body.polyhedra()),
+            Body::Compound(compound) => joined(compound),
         };
         mass_properties.set_mass(mass_kg, true);
         Self { shape, mass_properties, friction }
@@ -72,15 +72,21 @@ fn with_mass_properties(shape: SharedShape) -> (SharedShape, MassProperties) {
     (shape, mass_properties)
 }
 
-/// Parts as one shape, and their mass properties at density 1. One shape, not a collider for each part: contacts are
-/// then asked for by object, and the mass properties are ours, not the engine's sum (see [`sum`]).
-fn joined(parts: &[Polyhedron]) -> (SharedShape, MassProperties) {
-    let shapes: Vec<SharedShape> = parts.iter().map(|part| shape_of_hull(part, UNITS_PER_M)).collect();
-    if let [shape] = &shapes[..] {
-        return with_mass_properties(shape.clone());
+/// The parts of a compound as one shape, and their mass properties at density 1. One shape, not a collider for each
+/// part: contacts are then asked for by object, and the mass properties are ours, not the engine's sum (see [`sum`]).
+fn joined(compound: &Compound) -> (SharedShape, MassProperties) {
+    let shape = |part: &PartShape| match part {
+        PartShape::Solid(solid) => shape_of(solid, UNITS_PER_M),
+        PartShape::Hull(hull) => shape_of_hull(hull, UNITS_PER_M),
+    };
+    let parts: Vec<(Pose, SharedShape)> =
+        compound.parts().iter().map(|part| (in_units(part.object_from_part), shape(&part.shape))).collect();
+    if parts.len() == 1 && parts[0].0 == Pose::IDENTITY {
+        return with_mass_properties(parts[0].1.clone());
     }
-    let of_parts: Vec<MassProperties> = shapes.iter().map(|shape| shape.mass_properties(1.0)).collect();
-    (SharedShape::compound(shapes.into_iter().map(|shape| (Pose::IDENTITY, shape)).collect()), sum(&of_parts))
+    let of_parts: Vec<MassProperties> =
+        parts.iter().map(|(pose, shape)| shape.mass_properties(1.0).transform_by(pose)).collect();
+    (SharedShape::compound(parts), sum(&of_parts))
 }
 
 /// Mass properties of several things joined, by parallel axes.
@@ -283,10 +289,10 @@ fn surface(collider: ColliderBuilder, friction: f32) -> ColliderBuilder {
 
 #[cfg(test)]
 mod tests {
-    use schema::{ShapeKind, Solid, Vec3, axis_angle};
+    use schema::{Quat, ShapeKind, Solid, Vec3, axis_angle};
 
     use super::*;
-    use crate::{Compound, Part};
+    use crate::Part;
 
     fn cuboid(extents_m: Vec3) -> Solid {
         Solid::new(ShapeKind::Cuboid, extents_m).unwrap()
@@ -294,7 +300,7 @@ mod tests {
 
     fn compound(parts: &[(Vec3, Vec3)]) -> Body {
         let part = |(extents_m, at_m): &(Vec3, Vec3)| Part {
-            shape: (&cuboid(*extents_m)).into(),
+            shape: PartShape::Solid(cuboid(*extents_m)),
             object_from_part: Pose::from_translation(*at_m),
         };
         Compound::new("boxes", parts.iter().map(part).collect()).unwrap().into()
@@ -346,14 +352,14 @@ mod tests {
         let (small, large, mass_kg) = (0.02, 0.04, 0.9);
         let turn = axis_angle(Vec3::Z, 0.3) * axis_angle(Vec3::Y, 0.8);
         let part = |edge: f32, along_m: f32| Part {
-            shape: (&cuboid(Vec3::splat(edge))).into(),
+            shape: PartShape::Solid(cuboid(Vec3::splat(edge))),
             object_from_part: Pose::from_parts(turn * Vec3::X * along_m, turn),
         };
-        let bell = Compound::new("dumb_bell", vec![part(small, 0.0), part(large, 0.1)]).unwrap().into();
-        let (found_kg, centre_m, inertia) = mass_of(&bell, mass_kg);
-        let [light_m, heavy_m] = [0, 1].map(|part| bell.polyhedra()[part].centre_m());
-        assert!((heavy_m - light_m - turn * Vec3::X * 0.1).length() < 1e-6);
-        let expected_centre_m = light_m + (heavy_m - light_m) * (8.0 / 9.0);
+        let bell = Compound::new("dumb_bell", vec![part(small, 0.0), part(large, 0.1)]).unwrap();
+        let apart_m = bell.parts()[1].object_from_part.translation - bell.parts()[0].object_from_part.translation;
+        assert!((apart_m - turn * Vec3::X * 0.1).length() < 1e-6);
+        let expected_centre_m = bell.parts()[0].object_from_part.translation + apart_m * (8.0 / 9.0);
+        let (found_kg, centre_m, inertia) = mass_of(&bell.into(), mass_kg);
         assert!((found_kg - mass_kg).abs() < 1e-6 && (centre_m - expected_centre_m).length() < 1e-6, "{centre_m}");
         let [light_kg, heavy_kg] = [mass_kg / 9.0, 8.0 * mass_kg / 9.0];
         let own = (light_kg * small * small + heavy_kg * large * large) / 6.0;
@@ -361,5 +367,21 @@ mod tests {
         let r = Mat3::from_quat(turn);
         let expected = r * Mat3::from_diagonal(Vec3::new(own, own + lever, own + lever)) * r.transpose();
         assert_inertia(inertia, expected, "dumb-bell");
+    }
+
+    #[test]
+    fn one_solid_alone_is_the_solid() {
+        for (kind, extents) in [
+            (ShapeKind::Cuboid, Vec3::new(0.03, 0.05, 0.07)),
+            (ShapeKind::Cylinder, Vec3::new(0.04, 0.04, 0.07)),
+            (ShapeKind::TriPrism, Vec3::new(0.08, 0.05, 0.04)),
+            (ShapeKind::HalfCylinder, Vec3::new(0.06, 0.06, 0.03)),
+        ] {
+            let solid = Solid::new(kind, extents).unwrap();
+            let part =
+                Part { shape: PartShape::Solid(solid), object_from_part: Pose::from_parts(Vec3::ZERO, Quat::IDENTITY) };
+            let alone = Compound::new("alone", vec![part]).unwrap();
+            assert_eq!(mass_of(&alone.into(), 0.2), mass_of(&solid.into(), 0.2), "{kind:?}");
+        }
     }
 }

@@ -60,7 +60,7 @@ mod tested_part;
 mod watch;
 
 pub use attempt::{AttemptWorld, Execution};
-pub use body::{Body, Compound, CompoundError, ModelError, Part, bodies_of};
+pub use body::{Body, Compound, CompoundError, ModelError, Part, PartShape, bodies_of};
 pub use contact::{Contact, ContactBody};
 pub use convex_hull::convex_hull;
 pub use decompose::{ConvexParts, PartsParams, convex_parts, few_cornered_hull, hull_volume_m3};

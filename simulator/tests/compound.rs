@@ -3,12 +3,12 @@
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use schema::{
-    Camera, Engine, Grid, Gripper, Intrinsics, Outcome, Polyhedron, Pose, Procedure, Purpose, Quat, ShapeKind, Solid,
-    Stream, Vec3, axis_angle,
+    Camera, Engine, Grid, Gripper, Intrinsics, Outcome, Pose, Procedure, Purpose, Quat, ShapeKind, Solid, Stream, Vec3,
+    axis_angle,
 };
 use simulator::{
-    AttemptWorld, Body, Compound, CompoundError, Execution, Gate, Part, Physics, Scene, SceneObject, SceneRays,
-    SettleParams, convex_hull, few_cornered_hull, settle, settle_again,
+    AttemptWorld, Body, Compound, CompoundError, Execution, Gate, Part, PartShape, Physics, Scene, SceneObject,
+    SceneRays, SettleParams, convex_hull, few_cornered_hull, settle, settle_again,
 };
 
 const PI: f32 = core::f32::consts::PI;
@@ -21,12 +21,12 @@ fn cuboid(extents_m: Vec3) -> Solid {
     Solid::new(ShapeKind::Cuboid, extents_m).unwrap()
 }
 
-fn part(shape: Polyhedron, at_m: Vec3) -> Part {
+fn part(shape: PartShape, at_m: Vec3) -> Part {
     Part { shape, object_from_part: Pose::from_translation(at_m) }
 }
 
 fn boxes(parts: &[(Vec3, Vec3)]) -> Body {
-    let parts = parts.iter().map(|(extents_m, at_m)| part((&cuboid(*extents_m)).into(), *at_m));
+    let parts = parts.iter().map(|(extents_m, at_m)| part(PartShape::Solid(cuboid(*extents_m)), *at_m));
     Compound::new("boxes", parts.collect()).unwrap().into()
 }
 
@@ -37,7 +37,7 @@ fn alike() -> [Body; 3] {
     let [third, rest] = [1.0, 2.0].map(|thirds: f32| Vec3::new(BOX_M.x, BOX_M.y * thirds / 3.0, BOX_M.z));
     let cut = boxes(&[(third, Vec3::ZERO), (rest, Vec3::Y * (0.5 * BOX_M.y))]);
     let hull = convex_hull(&cuboid(BOX_M).vertices_m()).unwrap();
-    let hull = Compound::new("hull", vec![part(hull, Vec3::ZERO)]).unwrap();
+    let hull = Compound::new("hull", vec![part(PartShape::Hull(hull), Vec3::ZERO)]).unwrap();
     [cuboid(BOX_M).into(), cut, hull.into()]
 }
 
@@ -53,7 +53,7 @@ fn ring(inner_m: f32, outer_m: f32, height_m: f32) -> Body {
             .flat_map(|turn| [inner_m, outer_m].map(|radius_m| (radius_m, turn)))
             .flat_map(|(radius_m, turn)| [-0.5, 0.5].map(|side| corner(radius_m, turn, side * height_m)))
             .collect();
-        part(convex_hull(&corners).unwrap(), Vec3::ZERO)
+        part(PartShape::Hull(convex_hull(&corners).unwrap()), Vec3::ZERO)
     };
     Compound::new("ring", (0..12).map(sector).collect()).unwrap().into()
 }
@@ -66,7 +66,7 @@ fn l_shape() -> Body {
 /// The same body without hollows: the hull of all its corners.
 fn filled(body: &Body) -> Body {
     let hull = convex_hull(&body.vertices_m()).unwrap();
-    Compound::new("filled", vec![part(hull, Vec3::ZERO)]).unwrap().into()
+    Compound::new("filled", vec![part(PartShape::Hull(hull), Vec3::ZERO)]).unwrap().into()
 }
 
 fn object(body: Body, mass_kg: f32, workspace_from_object: Pose) -> SceneObject {
@@ -217,6 +217,28 @@ fn what_is_cut_or_wrapped_is_held_or_not_alike() {
 }
 
 #[test]
+fn one_solid_alone_is_that_solid_to_the_bit() {
+    for (kind, extents) in [
+        (ShapeKind::Cuboid, BOX_M),
+        (ShapeKind::Cylinder, Vec3::new(0.05, 0.05, 0.07)),
+        (ShapeKind::TriPrism, Vec3::new(0.06, 0.06, 0.05)),
+        (ShapeKind::HalfCylinder, Vec3::new(0.06, 0.06, 0.03)),
+    ] {
+        let solid = Solid::new(kind, extents).unwrap();
+        let alone = Compound::new("alone", vec![part(PartShape::Solid(solid), Vec3::ZERO)]).unwrap();
+        let [plain, alone] = [Body::from(solid), alone.into()].map(|body| {
+            let at = Pose::from_parts(Vec3::new(0.15, 0.15, 0.15), axis_angle(Vec3::X, 0.4));
+            let drop = SceneObject { body, mass_kg: 0.1, friction: 1.0, workspace_from_object: at };
+            let settled = settle(&Physics::FAITHFUL, &SettleParams::STANDARD, &Grid::PAPER, &[drop]).unwrap();
+            let pose = settled.scene.objects[0].workspace_from_object;
+            let end = both(&settled.scene, &from_above(pose.translation.x, pose.translation.z));
+            (settled.settle_time_s, pose, end)
+        });
+        assert_eq!(plain, alone, "{kind:?}");
+    }
+}
+
+#[test]
 fn a_notch_is_empty() {
     let [hollow, full] = [l_shape(), filled(&l_shape())].map(|body| scene_of(standing(body, 0.1)));
     // Along y, through the notch above the foot.
@@ -264,7 +286,7 @@ fn what_stands_goes_on_standing() {
     let corners =
         (0..16).map(corner).flat_map(|(sin, cos)| [-0.04, 0.04].map(|z| Vec3::new(0.02 * cos, 0.02 * sin, z)));
     let prism = convex_hull(&corners.collect::<Vec<Vec3>>()).unwrap();
-    let prism = Compound::new("prism", vec![part(prism, Vec3::ZERO)]).unwrap().into();
+    let prism = Compound::new("prism", vec![part(PartShape::Hull(prism), Vec3::ZERO)]).unwrap().into();
     let [_, cut, hull] = alike();
     let patient = SettleParams { rest_time_s: 3.0, time_s_max: 4.0, ..SettleParams::STANDARD };
     for body in [ring(0.03, 0.045, 0.025), l_shape(), cut, hull, prism] {
@@ -308,7 +330,7 @@ fn the_frame_lies_in_the_middle_of_the_bounding_box() {
 
 #[test]
 fn what_is_no_compound_is_refused() {
-    let good = part((&cuboid(BOX_M)).into(), Vec3::ZERO);
+    let good = part(PartShape::Solid(cuboid(BOX_M)), Vec3::ZERO);
     assert_eq!(Compound::new("", vec![good.clone()]), Err(CompoundError::NoName));
     assert_eq!(Compound::new("nothing", Vec::new()), Err(CompoundError::NoParts));
     for pose in [
@@ -329,7 +351,7 @@ fn what_stands_on_hulls_of_many_faces_comes_to_rest() {
         let mut pebble = |at_m: Vec3| {
             let half_m = stream.point(Vec3::splat(0.012), Vec3::splat(0.03));
             let points_m: Vec<Vec3> = (0..24).map(|_| half_m * (stream.rotation() * Vec3::X)).collect();
-            part(few_cornered_hull(&points_m, 24).unwrap().0, at_m)
+            part(PartShape::Hull(few_cornered_hull(&points_m, 24).unwrap().0), at_m)
         };
         let parts = [-0.03, 0.0, 0.03].map(|x_m| pebble(Vec3::X * x_m));
         let body = Compound::new("pebbles", parts.into()).unwrap().into();

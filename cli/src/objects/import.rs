@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, value_parser};
-use generator::{Config, ImportParams, Imported, ImportedObject, Overrides, import_objects, sources};
+use generator::{Config, FileState, ImportParams, Imported, ImportedObject, Overrides, import_objects, sources};
 use indicatif::{ProgressBar, ProgressStyle};
 use program::text::percent;
 use program::{Context, ExitCode, Failure, json, print, print_error, write};
@@ -113,14 +113,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let style = ProgressStyle::with_template("{bar:32} {human_pos}/{human_len} files · {msg} · {eta} left");
     // Without a terminal indicatif draws nothing.
     let bar = ProgressBar::new(sources.len() as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    let on_file = |file: &Path| {
-        bar.set_message(file.display().to_string());
-        bar.inc(1);
+    let on_file = |file: &Path, state: FileState<'_>| match state {
+        FileState::Begun => bar.set_message(file.display().to_string()),
+        FileState::Made => bar.inc(1),
+        FileState::LeftOut(reason) => {
+            bar.suspend(|| print_error(&format!("left out: {reason}")));
+            bar.inc(1);
+        }
     };
     let imported = import_objects(&sources, &arguments.params(), &config, &on_file);
     bar.finish_and_clear();
     let imported = imported?;
-    imported.left_out.iter().for_each(|one| print_error(&format!("left out: {}", one.reason)));
     write_catalogue(&arguments.out, &imported.catalogue, arguments.force)?;
     print(if arguments.json { json(&imported)? } else { document(&imported, &arguments.out).text() })?;
     Ok(if imported.left_out.is_empty() { ExitCode::Ok } else { ExitCode::Partial })
@@ -192,11 +195,12 @@ fn document(imported: &Imported, out: &Path) -> Document {
     let warnings = |o: &ImportedObject| o.warnings.iter().map(|text| format!("{}: {text}", o.name)).collect::<Vec<_>>();
     let count = imported.objects.len();
     let plural = if count == 1 { "" } else { "s" };
+    let left_out = imported.left_out.iter().map(|one| format!("left out: {}", one.reason));
     let origin = if imported.is_scale_guessed { "guessed from the sizes; --scale decides" } else { "--scale" };
     let scale_m = imported.scale_m;
     let blocks = vec![
         Block::Table(Table::new(head, imported.objects.iter().map(row))),
-        Block::Warnings(imported.objects.iter().flat_map(warnings).collect()),
+        Block::Warnings(imported.objects.iter().flat_map(warnings).chain(left_out).collect()),
         Block::Text(format!("one unit of a mesh file is {scale_m} m ({origin})")),
         Block::Text(format!(
             "{count} object{plural} written to {}, {} left out",

@@ -3,8 +3,8 @@
 use schema::{Polyhedron, Pose, Quat, Vec3};
 use wide::f32x4;
 
-use crate::SceneObject;
 use crate::engine::{EngineBody, UNITS_PER_M};
+use crate::{Body, PartShape, SceneObject};
 
 /// One coordinate each of four points or normals.
 pub(super) type Wide3 = [f32x4; 3];
@@ -68,8 +68,12 @@ impl Thing {
         let SceneObject { body, mass_kg, friction, workspace_from_object } = object;
         let mass = EngineBody::new(body, *mass_kg, *friction).mass_properties;
         let units = UNITS_PER_M;
-        let is_solid = body.as_solid().is_some();
-        let parts: Vec<Part> = body.polyhedra().iter().map(|part| Part::new(part, is_solid)).collect();
+        let is_solid = |part: usize| match body {
+            Body::Solid(_) => true,
+            Body::Compound(compound) => matches!(compound.parts()[part].shape, PartShape::Solid(_)),
+        };
+        let polyhedra = body.polyhedra();
+        let parts: Vec<Part> = polyhedra.iter().zip(0..).map(|(part, id)| Part::new(part, is_solid(id))).collect();
         let centre_m = mass.local_com / units;
         let moments = mass.principal_inertia() / (units * units);
         let corners_m = parts.iter().flat_map(|part| &part.hull.corners_m);
