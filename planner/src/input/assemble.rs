@@ -47,6 +47,7 @@ pub struct Request {
 /// # Errors
 /// [`InputError`], naming the key.
 pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Result<Request, InputError> {
+    input.check_counts()?;
     let mut options = options(input)?;
     let grid = options.workspace(&grid);
     let config = input.config.as_deref().map(|name| {
@@ -54,6 +55,7 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
         let unknown = || InputError::Value(format!("must be one of {names}, got {}: config", shown(name)));
         BuiltIn::from_name(name).ok_or_else(unknown)
     });
+    let config = config.transpose()?;
     let mut assembly =
         Assembly { input, folder, grid, base_from_workspace: options.base_from_workspace, warnings: Vec::new() };
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
@@ -76,7 +78,7 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
     if input.intrinsics.is_some() && input.views.is_none() {
         return refuse("intrinsics goes with views: intrinsics");
     }
-    Ok(Request { observation, config: config.transpose()?, options, warnings: assembly.warnings })
+    Ok(Request { observation, config, options, warnings: assembly.warnings })
 }
 
 /// A request to the service: without paths, because the service reads no files.
@@ -516,5 +518,18 @@ mod tests {
         let seen_from = |count: usize| json!({ "cloud": cloud, "eyes_m": vec![[0, 0, 1]; count] });
         assert!(read(&seen_from(32)).is_ok());
         assert_eq!(message(&seen_from(33)), "must have at most 32 entries, got 33: eyes_m");
+    }
+
+    #[test]
+    fn lists_of_a_command_line_have_the_limits_of_requests() {
+        let with = RequestInput { cloud: Some(SourceInput::Path("cloud.npy".to_owned())), ..RequestInput::default() };
+        let flags = [
+            ("eyes_m", RequestInput { eyes_m: Some(vec![[0.0, 0.0, 1.0]; 33]), ..with.clone() }),
+            ("keep_out", RequestInput { keep_out: Some(vec![[0.0, 0.0, 1.0, 0.0]; 65]), ..with }),
+        ];
+        for (key, flags) in flags {
+            let message = assemble(&flags, Some(Path::new("")), Grid::PAPER).unwrap_err().to_string();
+            assert!(message.starts_with("must have at most ") && message.ends_with(key), "{message}");
+        }
     }
 }

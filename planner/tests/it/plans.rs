@@ -192,10 +192,11 @@ fn no_plane_and_no_cluster_are_warnings() {
     let board = field(|p| ((p.x - 0.15).abs() - 0.015).max((p.y - 0.15).abs() - 0.04).max((p.z - 0.15).abs() - 0.12));
     let floating = plan_with(&generous(), &board, &PlanOptions::default());
     assert!(floating.cloud.plane.is_none());
-    assert_eq!(floating.warnings.len(), 1, "{:?}", floating.warnings);
+    assert!(floating.warnings.len() == 1 && floating.warnings[0].contains("plane"), "{:?}", floating.warnings);
     assert_eq!(floating.objects.len(), 1, "the board is an object all the same");
     let table = plan_with(&planner(), &field(|p| p.z - 0.05), &PlanOptions::default());
     assert!(table.objects.is_empty() && table.warnings.len() == 1, "{:?}", table.warnings);
+    assert!(table.warnings[0].contains("cluster"), "{:?}", table.warnings);
     assert!(table.cloud.labels.iter().all(|label| *label == PointLabel::Plane));
 }
 

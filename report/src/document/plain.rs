@@ -110,9 +110,9 @@ impl Table {
     fn text(&self) -> String {
         let mut lines = vec![String::new(); self.rows.len() + 1];
         for column in self.plain_columns() {
-            let head = Cell::from(self.head[column].as_str());
-            let cells: Vec<&Cell> =
-                [&head].into_iter().chain(self.rows.iter().filter_map(|row| row.get(column))).collect();
+            let (head, empty) = (Cell::from(self.head[column].as_str()), Cell::from(""));
+            let own = self.rows.iter().map(|row| row.get(column).unwrap_or(&empty));
+            let cells: Vec<&Cell> = [&head].into_iter().chain(own).collect();
             let width = cells.iter().map(|cell| cell.words().chars().count()).max().unwrap_or(0);
             let has_bar = cells.iter().any(|cell| matches!(cell, Cell::Bar(..)));
             for (line, cell) in lines.iter_mut().zip(cells) {
