@@ -127,6 +127,13 @@ fn begin(folder: &Path, origin: &ExportOrigin) -> Result<Option<Exported>, Failu
         if there == origin { Ok(()) } else { Err(other()) }
     };
     let damaged = || refused("what it says about its export is damaged".to_owned());
+    // Listed before it is asked whose it is: what another exporter of the same writes meanwhile is not foreign.
+    let failed = || format!("failed to make or read the folder {}", folder.display());
+    fs::create_dir_all(folder).context(failed())?;
+    let names = fs::read_dir(folder).and_then(|entries| {
+        entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect::<Result<Vec<_>, _>>()
+    });
+    let names = names.context(failed())?;
     if let Some(bytes) = bytes(&folder.join(DONE))? {
         let done: Exported = parsed(&bytes).ok_or_else(damaged)?;
         return check(&done.origin).map(|()| Some(done));
@@ -134,12 +141,8 @@ fn begin(folder: &Path, origin: &ExportOrigin) -> Result<Option<Exported>, Failu
     if let Some(bytes) = bytes(&folder.join(BEGUN))? {
         return check(&parsed(&bytes).ok_or_else(damaged)?).map(|()| None);
     }
-    let failed = || format!("failed to make or read the folder {}", folder.display());
-    fs::create_dir_all(folder).context(failed())?;
-    let names = fs::read_dir(folder).and_then(|entries| {
-        entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect::<Result<Vec<_>, _>>()
-    });
-    if let Some(name) = names.context(failed())?.into_iter().filter(|name| name != "lost+found").min() {
+    let is_foreign = |name: &String| name != "lost+found" && !program::is_temporary(name);
+    if let Some(name) = names.into_iter().filter(is_foreign).min() {
         return Err(refused(format!("it holds {name:?}, which is no export")));
     }
     program::write(&folder.join(BEGUN), program::json(origin)?)?;

@@ -27,7 +27,7 @@ pub mod text;
 pub use exit::{Context, Exit, ExitCode, Failure};
 pub use folder::FolderLock;
 pub use output::{command_line, json, print, print_error, write};
-pub use publish::publish;
+pub use publish::{is_temporary, publish};
 pub use read::{open, read, unread};
 pub use signals::stop_on_signals;
 pub use start::{run, start_threads, thread_pool};

@@ -29,14 +29,18 @@ pub fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
 pub(crate) fn sweep(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
-        let name = entry.file_name();
-        let random = name.to_str().and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX));
-        let is_left = |random: &str| random.len() == RANDOM_LENGTH && random.bytes().all(|b| b.is_ascii_alphanumeric());
-        if random.is_some_and(is_left) && entry.file_type()?.is_file() {
+        if entry.file_name().to_str().is_some_and(is_temporary) && entry.file_type()?.is_file() {
             fs::remove_file(entry.path())?;
         }
     }
     Ok(())
+}
+
+/// Whether a file's name is one of [`publish`]'s temporary ones.
+#[must_use]
+pub fn is_temporary(name: &str) -> bool {
+    let random = name.strip_prefix(PREFIX).and_then(|name| name.strip_suffix(SUFFIX));
+    random.is_some_and(|random| random.len() == RANDOM_LENGTH && random.bytes().all(|b| b.is_ascii_alphanumeric()))
 }
 
 // What a temporary name is made of.

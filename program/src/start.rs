@@ -30,10 +30,16 @@ pub fn run(command: impl FnOnce() -> Result<ExitCode, Failure>) -> ExitCode {
 }
 
 fn start_logging() {
-    let asked = std::env::var("GRASPMILL_LOG").ok().and_then(|text| text.parse().ok());
-    let targets = asked.unwrap_or_else(|| Targets::new().with_default(LevelFilter::WARN));
+    let asked = std::env::var("GRASPMILL_LOG").unwrap_or_default();
+    let asked: Vec<&str> = asked.split(',').filter(|part| !part.trim().is_empty()).collect();
+    let asked = (!asked.is_empty()).then(|| asked.join(",").parse::<Targets>()).transpose();
+    let unread = asked.as_ref().err().map(ToString::to_string);
+    let targets = asked.ok().flatten().unwrap_or_else(|| Targets::new().with_default(LevelFilter::WARN));
     let lines = tracing_subscriber::fmt::layer().with_writer(io::stderr).with_ansi(io::stderr().is_terminal());
     tracing_subscriber::registry().with(lines).with(targets).init();
+    if let Some(error) = unread {
+        tracing::warn!(%error, "GRASPMILL_LOG must be levels or target=level, separated by commas");
+    }
 }
 
 /// Starts the threads that share parallel work, one per core unless `threads` says otherwise. Call it at most once,

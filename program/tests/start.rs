@@ -68,6 +68,9 @@ fn warnings_are_logged_by_default() {
     };
     assert_eq!(logged(this(&["log"]).output().unwrap()), [true, false]);
     assert_eq!(logged(this(&["log"]).env("GRASPMILL_LOG", "info").output().unwrap()), [true, true]);
+    assert_eq!(logged(this(&["log"]).env("GRASPMILL_LOG", "info,").output().unwrap()), [true, true]);
+    assert_eq!(logged(this(&["log"]).env("GRASPMILL_LOG", "").output().unwrap()), [true, false]);
+    assert_eq!(logged(this(&["log"]).env("GRASPMILL_LOG", "loud=very").output().unwrap()), [true, false]);
     assert_eq!(logged(this(&["log"]).env("GRASPMILL_LOG", "error").output().unwrap()), [false, false]);
 }
 

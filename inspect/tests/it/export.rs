@@ -161,6 +161,12 @@ fn the_same_dataset_gives_the_same_bytes_and_a_stopped_export_goes_on() {
     assert_eq!(names, ["README.md", "export.json", "grasps.csv", "raw/grasps.csv", "raw/setup.json"]);
     assert_eq!(exported(&dataset, one.path()).unwrap(), told, "a complete one is left as it is");
 
+    // As if it had been killed in its first write.
+    let first = tempfile::tempdir().unwrap();
+    fs::write(first.path().join(".a1B2c3.tmp"), "half").unwrap();
+    exported(&dataset, first.path()).unwrap();
+    assert_eq!(files, sample::files(first.path()));
+
     // As if it had been killed in the middle: some files are there, some half written under other names.
     let origin = serde_json::to_vec_pretty(&told.origin).unwrap();
     fs::write(two.path().join("export-begun.json"), origin).unwrap();
