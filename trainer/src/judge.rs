@@ -1,12 +1,15 @@
 //! The judge in training: a sample is a hand that grasps, wherever its origin is.
 
+mod sample;
 pub mod scores;
 pub mod step;
+
+pub use sample::JudgeSample;
 
 use std::sync::Arc;
 
 use network::judge::{Crop, Scope};
-use schema::{AttemptRecord, Gripper, Outcome, Pose, Purpose, Stream};
+use schema::{AttemptRecord, Gripper, Purpose, Stream};
 
 use crate::batch::{Batch, Scene};
 use crate::data::split_bits::{FAILED, HELD, HITS_TABLE};
@@ -14,26 +17,8 @@ use crate::data::{Rows, Shard};
 use crate::method::{Epoch, Method};
 use crate::results::{Found, SampleResult, StepResult};
 use crate::scores::GraspErrors;
+use sample::Sample;
 use scores::{HandScores, hand_scores};
-
-type Sample = crate::batch::Sample<JudgeSample>;
-
-/// What a judge is asked, and how the attempt ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JudgeSample {
-    /// Which of the hands it is.
-    pub crop: u16,
-    /// The grasp.
-    pub workspace_from_grasp: Pose,
-    /// Number of views from which the scene's TSDF was made.
-    pub views: u8,
-    /// Whether hand and scene are mirrored in the grasp's x and y.
-    pub mirrored: [bool; 2],
-    /// How the attempt ended.
-    pub outcome: Outcome,
-    /// Whether the hand hits the table, so that nothing is asked.
-    pub hits_table: bool,
-}
 
 /// A judge of some hands: those of the first dataset, then those of the next.
 #[derive(Debug, Clone)]

@@ -6,7 +6,7 @@ use network::checkpoint::Confusion;
 use schema::Approach;
 use serde::Serialize;
 
-use super::{JudgeSample, Sample};
+use super::sample::{JudgeSample, Sample};
 use crate::metrics::{Summary, Tally, summaries};
 use crate::results::{Found, SampleResult};
 use crate::scores::{Ranking, Score, average_precision_by_scene, best_accuracy, calibration, ranking, score};

@@ -9,7 +9,7 @@ use network::judge::{
 use network::receptive_field::RESOLUTION;
 use rayon::prelude::*;
 
-use super::{JudgeSample, Sample};
+use super::sample::{JudgeSample, Sample};
 use crate::batch::Batch;
 use crate::results::{SampleResult, StepResult, sum};
 
