@@ -38,7 +38,9 @@ pub use config::{Config, ObjectParams, Overrides, PackedParams, Sampler};
 pub use dataset_info::{bodies_of, physics_of};
 pub use depth_images::write_depth_images;
 pub use household::{HouseholdParams, Kind, Split, household};
-pub use import::{ImportParams, Imported, ImportedObject, LeftOut, Source, TestDrops, import_objects, sources};
+pub use import::{
+    FileState, ImportParams, Imported, ImportedObject, LeftOut, Source, TestDrops, import_objects, sources,
+};
 pub use models::Models;
 pub use objects::{draw_drops, draw_release};
 pub use packed::draw_packed;

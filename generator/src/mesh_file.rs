@@ -118,8 +118,11 @@ fn text_stl(text: &str) -> Result<Vec<[f64; 3]>, String> {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[..] {
             [] => {}
-            ["solid", ..] if is_open => return Err("a solid begins before the last one ends".to_owned()),
-            ["solid", ..] => is_open = true,
+            [word, ..] if word.starts_with("solid") && is_open => {
+                return Err("a solid begins before the last one ends".to_owned());
+            }
+            // The name may stand next to it.
+            [word, ..] if word.starts_with("solid") => is_open = true,
             _ if !is_open => return Err(format!("the next line must begin with solid, got {line:?}")),
             ["facet" | "outer" | "endloop", ..] => {}
             ["vertex", x, y, z] => {
@@ -127,7 +130,7 @@ fn text_stl(text: &str) -> Result<Vec<[f64; 3]>, String> {
                 corners.push([number(x)?, number(y)?, number(z)?]);
             }
             ["endfacet", ..] if corners.len() == 3 * (facets + 1) => facets += 1,
-            ["endsolid", ..] if corners.len() == 3 * facets => is_open = false,
+            [word, ..] if word.starts_with("endsolid") && corners.len() == 3 * facets => is_open = false,
             _ => return Err(format!("a facet must have three corners and an end, got {line:?}")),
         }
     }
