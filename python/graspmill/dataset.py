@@ -27,8 +27,14 @@ if TYPE_CHECKING:
 #: Called with the numbers of attempts that are done, of all attempts, and of positive ones from this call.
 Progress = Callable[[int, int, int], None]
 
+
+def _anywhere(location: str) -> str:
+    """The location for a process with another current folder."""
+    return location if "://" in location else os.path.abspath(location)
+
+
 # What holds an open dataset opens it again in another process.
-copyreg.pickle(_native.Dataset, lambda opened: (_native.Dataset, (opened.location,)))
+copyreg.pickle(_native.Dataset, lambda opened: (_native.Dataset, (_anywhere(opened.location),)))
 
 
 def generate(
@@ -209,7 +215,7 @@ class Dataset:
         self.close()
 
     def __reduce__(self) -> tuple[type[Dataset], tuple[str]]:
-        return Dataset, (self._native.location,)
+        return type(self), (_anywhere(self._native.location),)
 
     def __repr__(self) -> str:
         if self._open is None:

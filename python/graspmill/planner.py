@@ -183,7 +183,7 @@ class Plan(Immutable, Sequence[Grasp]):
     @property
     def timings_ms(self) -> dict[str, float]:
         """Milliseconds of each stage."""
-        return self._timings_ms
+        return dict(self._timings_ms)
 
     def cloud(self) -> NDArray[np.float32]:
         """The observed surface, ``[N, 3]`` in the workspace, in metres."""
@@ -258,7 +258,9 @@ class Planner(Immutable):
         count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
         weights = None if model is None else _arrays.path("model", model)
         self._native = _native.Planner(_arrays.path("config", config), weights, simulation, count)
-        self._again = partial(Planner, config, model=model, gripper=gripper, threads=threads)
+        # In another process the current folder may be another.
+        anywhere = [None if path is None else os.path.abspath(path) if os.path.isfile(path) else path for path in (config, model)]
+        self._again = partial(type(self), anywhere[0], model=anywhere[1], gripper=gripper, threads=threads)
 
     def __reduce__(self) -> tuple[partial[Planner], tuple[()]]:
         return self._again, ()
