@@ -8,5 +8,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 programs=${1-${CARGO_TARGET_DIR:-target}/debug}
 mkdir -p docs/reference
 for page in commands settings tables; do
-    "$programs/graspmill" manual markdown "$page" >"docs/reference/$page.md"
+    # Written when it is whole: without a program the old page stays.
+    made=$("$programs/graspmill" manual markdown "$page" && echo .)
+    printf '%s' "${made%.}" >"docs/reference/$page.md"
 done

@@ -232,6 +232,11 @@ def _with_options(method: _Method) -> _Method:
     return method
 
 
+def _anywhere(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
+    """A file for a process with another current folder; a built-in name stays as it is."""
+    return os.path.abspath(path) if os.path.isfile(path) else path
+
+
 class Planner(Immutable):
     """A network with its settings, ready to plan. Planning does not change it, so threads may share it.
 
@@ -258,9 +263,13 @@ class Planner(Immutable):
         count = 0 if threads is None else _arrays.whole("threads", threads, 1, 1024)
         weights = None if model is None else _arrays.path("model", model)
         self._native = _native.Planner(_arrays.path("config", config), weights, simulation, count)
-        # In another process the current folder may be another.
-        anywhere = [None if path is None else os.path.abspath(path) if os.path.isfile(path) else path for path in (config, model)]
-        self._again = partial(type(self), anywhere[0], model=anywhere[1], gripper=gripper, threads=threads)
+        self._again = partial(
+            type(self),
+            _anywhere(config),
+            model=None if model is None else _anywhere(model),
+            gripper=_anywhere(gripper) if isinstance(gripper, (str, os.PathLike)) else gripper,
+            threads=threads,
+        )
 
     def __reduce__(self) -> tuple[partial[Planner], tuple[()]]:
         return self._again, ()

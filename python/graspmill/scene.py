@@ -377,7 +377,7 @@ class Outcomes:
     @property
     def held(self) -> NDArray[np.bool_]:
         """``[N]`` bool: the label."""
-        return np.equal(self.outcome, len(OUTCOMES) - 1)
+        return np.equal(self.outcome, OUTCOMES.index("held"))
 
     @property
     def names(self) -> list[str]:
