@@ -132,8 +132,9 @@ fn pair(hands: &[Grasp], outcomes: &[[f32; OUTCOMES]]) -> Vec<ScoredGrasp> {
     hands.iter().zip(outcomes).map(|(grasp, outcomes)| ScoredGrasp { grasp: *grasp, outcomes: *outcomes }).collect()
 }
 
-/// Best first.
+/// Best first; last those whose answers are not numbers, as of weights that overflow.
 fn sorted(mut judged: Vec<ScoredGrasp>) -> Vec<ScoredGrasp> {
-    judged.sort_by(|a, b| b.quality().total_cmp(&a.quality()));
+    let key = |judged: &ScoredGrasp| Some(judged.quality()).filter(|quality| !quality.is_nan());
+    judged.sort_by(|a, b| key(b).unwrap_or(-1.0).total_cmp(&key(a).unwrap_or(-1.0)));
     judged
 }

@@ -48,7 +48,9 @@ fn selected(hands: &[ScoredGrasp], request: &Request<'_>) -> Candidates {
     for judged in hands {
         let pose = towards_wrist(&judged.grasp.workspace_from_grasp, request.options.wrist());
         let grasp = RankedGrasp::new(pose, judged.grasp.width_m, judged.quality(), None);
-        let reason = if grasp.quality < epsilon {
+        let reason = if grasp.quality.is_nan() {
+            Some(RejectReason::NotANumber)
+        } else if grasp.quality < epsilon {
             let (outcome, probability) = judged.likeliest();
             Some(RejectReason::Judged { outcome, probability })
         } else {
@@ -69,9 +71,13 @@ fn selected(hands: &[ScoredGrasp], request: &Request<'_>) -> Candidates {
     }
     let nothing = || "no collision-free grasp candidate was found on the observed surface".to_owned();
     let best = hands.first().map_or(0.0, ScoredGrasp::quality);
-    let stages = vec![
-        Stage::new("proposed", hands.len(), request.none_within_limits().unwrap_or_else(nothing)),
-        Stage::quality_reached(reached, best, epsilon),
-    ];
+    let no_numbers = hands.iter().filter(|judged| judged.quality().is_nan()).count();
+    let mut reached = Stage::quality_reached(reached, best, epsilon);
+    if no_numbers > 0 {
+        reached.none =
+            format!("of {} answers of the network {no_numbers} are not numbers: are its weights damaged?", hands.len());
+    }
+    let stages =
+        vec![Stage::new("proposed", hands.len(), request.none_within_limits().unwrap_or_else(nothing)), reached];
     Candidates { grasps, dropped, stages }
 }

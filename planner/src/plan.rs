@@ -175,6 +175,8 @@ pub enum RejectReason {
         /// Its probability.
         probability: f32,
     },
+    /// The network's answer is not a number.
+    NotANumber,
     /// A neighbour within the suppression window is better.
     Suppressed,
     /// It is like a hand that failed.
@@ -210,6 +212,7 @@ impl RejectReason {
             Self::Judged { outcome, probability } => {
                 ("quality", format!("quality below the threshold: {probability:.2} {}", outcome.name()))
             }
+            Self::NotANumber => ("not_a_number", "the network's answer is not a number".into()),
             Self::Suppressed => ("suppressed", "a better grasp is near".into()),
             Self::Avoided => ("avoided", "like a hand that failed".into()),
             Self::Limited { limit } => ("limited", format!("the request does not allow it: {}", limit.name())),
@@ -232,8 +235,8 @@ pub struct DroppedCandidate {
     /// Why.
     #[serde(skip)]
     pub reason: RejectReason,
-    /// `far_from_surface`, `width`, `quality`, `suppressed`, `avoided`, `limited`, `collision`, `no_closing`,
-    /// `no_object` or `beyond_limit`.
+    /// `far_from_surface`, `width`, `quality`, `not_a_number`, `suppressed`, `avoided`, `limited`, `collision`,
+    /// `no_closing`, `no_object` or `beyond_limit`.
     pub why: &'static str,
     /// The reason as text, with the numbers.
     pub detail: String,

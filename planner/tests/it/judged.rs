@@ -58,6 +58,19 @@ fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_other
 }
 
 #[test]
+fn answers_that_are_not_numbers_are_no_grasps() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("overflowing.safetensors");
+    let mut checkpoint = network::checkpoint::read(&file("models/judge.safetensors")).unwrap();
+    checkpoint.vector.iter_mut().for_each(|weight| *weight *= 1e20);
+    network::checkpoint::save(&checkpoint, &path).unwrap();
+    let plan = demo(&Planner::new(&path, config()).unwrap(), 2);
+    assert!(plan.grasps.is_empty() && plan.funnel.count("quality_reached") == Some(0), "{:?}", plan.funnel);
+    assert!(plan.dropped.iter().any(|dropped| dropped.why == "not_a_number"));
+    assert!(plan.reason.unwrap().contains("not numbers"));
+}
+
+#[test]
 fn hands_that_failed_are_not_offered_again() {
     let planner = judge(config());
     let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
