@@ -36,7 +36,7 @@ pub(crate) struct Arguments {
     mass: Option<f64>,
 
     /// Friction coefficient of all objects
-    #[arg(long, value_name = "MU", default_value_t = 0.8)]
+    #[arg(long, value_name = "MU", default_value_t = 0.8, value_parser = friction)]
     friction: f32,
 
     /// What differs for single objects: tables `[name]` with scale, mass_kg or density_kg_m3, friction (TOML)
@@ -81,6 +81,12 @@ pub(crate) struct Arguments {
 fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("must be above 0, got {text}")) }
+}
+
+/// What a catalogue may have.
+fn friction(text: &str) -> Result<f32, String> {
+    let value: f32 = text.parse().map_err(|e| format!("{e}"))?;
+    if (0.0..=5.0).contains(&value) { Ok(value) } else { Err(format!("must be between 0 and 5, got {text}")) }
 }
 
 /// A number from 0 to 1.

@@ -132,8 +132,8 @@ impl<'a> Model<'a> {
         }
         let class = body.attribute("childclass").or(class);
         let at = parent.then(self.pose_of(&[body])?);
-        let own_mass = body.child("inertial").map(|inertial| inertial.numbers::<1>("mass", None)).transpose()?;
-        found.mass_kg += own_mass.map_or(0.0, |[mass]| mass);
+        let own_mass = body.child("inertial").map(|inertial| inertial.mass_kg("mass", None)).transpose()?;
+        found.mass_kg += own_mass.unwrap_or(0.0);
         for geom in body.children("geom") {
             let layers = self.layers(geom, class);
             if value(&layers, "type") == Some("plane") {
@@ -141,7 +141,8 @@ impl<'a> Model<'a> {
             }
             let number = |key, otherwise| numbers::<1>(&layers, key, Some([otherwise])).map(|[number]| number);
             if own_mass.is_none() {
-                found.mass_kg += number("mass", 0.0)?;
+                let given = layers.iter().find(|element| element.attribute("mass").is_some());
+                found.mass_kg += given.map_or(Ok(0.0), |element| element.mass_kg("mass", None))?;
             }
             let collides = number("contype", 1.0)? != 0.0 || number("conaffinity", 1.0)? != 0.0;
             found.geoms.push(Geom { element: geom, class, body: at, collides });

@@ -12,6 +12,11 @@ use crate::catalogue::ellipsoid;
 use crate::mesh::Mesh;
 use crate::mesh_file::{BYTES_MAX, Parts, damaged, read_parts, unusable};
 
+/// Largest number: its square is a number, too.
+const NUMBER_MAX: f64 = 1e30;
+/// Elements within elements, at most; what is deeper is made to exhaust the stack.
+const ELEMENTS_DEEP: usize = 1000;
+
 /// A body that a description describes.
 pub(super) struct Described {
     pub(super) mesh: Mesh,
@@ -62,8 +67,17 @@ impl Element {
         let numbers: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
         numbers
             .and_then(|numbers| numbers.try_into().ok())
-            .filter(|numbers: &[f64; N]| numbers.iter().all(|number| number.is_finite()))
-            .ok_or_else(|| format!("{key} of {name} must be {N} numbers, got {text:?}"))
+            .filter(|numbers: &[f64; N]| numbers.iter().all(|number| number.abs() <= NUMBER_MAX))
+            .ok_or_else(|| format!("{key} of {name} must be {N} numbers of at most {NUMBER_MAX:e}, got {text:?}"))
+    }
+
+    /// A mass in an attribute, or `otherwise` if there is none.
+    pub(super) fn mass_kg(&self, key: &str, otherwise: Option<f64>) -> Result<f64, String> {
+        let [mass_kg] = self.numbers(key, otherwise.map(|mass_kg| [mass_kg]))?;
+        if mass_kg < 0.0 {
+            return Err(format!("{key} of {} must be 0 or more, got {mass_kg}", self.name));
+        }
+        Ok(mass_kg)
     }
 }
 
@@ -130,6 +144,9 @@ pub(super) fn read(file: &Path, kind: &str, root: &str) -> Result<Element, Failu
     let mut open = vec![Element { name: String::new(), attributes: Vec::new(), children: Vec::new() }];
     loop {
         match reader.read_event().map_err(|error| damaged(&error.to_string()))? {
+            Event::Start(_) if open.len() > ELEMENTS_DEEP => {
+                return Err(damaged(&format!("elements must be nested at most {ELEMENTS_DEEP} deep")));
+            }
             Event::Start(start) => open.push(element(&start).map_err(|error| damaged(&error))?),
             Event::Empty(start) => {
                 let element = element(&start).map_err(|error| damaged(&error))?;

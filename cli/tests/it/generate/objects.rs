@@ -298,7 +298,16 @@ fn a_description_is_one_body_of_its_links() {
     fs::write(folder.join("two.urdf"), robot.replace("</robot>", "")).unwrap();
     check_fails(&import(), 66, &["left out: not a whole URDF file", "two.urdf"]);
     fs::write(folder.join("two.urdf"), robot.replace("box size=\"0.02 0.04 0.01\"", "box size=\"0.02 0.04\"")).unwrap();
-    check_fails(&import(), 65, &["size of box must be 3 numbers, got \"0.02 0.04\""]);
+    check_fails(&import(), 65, &["size of box", "got \"0.02 0.04\""]);
+    fs::write(folder.join("two.urdf"), robot.replace("mass value=\"0.1\"", "mass value=\"-0.1\"")).unwrap();
+    check_fails(&import(), 65, &["value of mass", "-0.1"]);
+    let deep = format!("<robot>{}{}</robot>", "<a>".repeat(100_000), "</a>".repeat(100_000));
+    fs::write(folder.join("two.urdf"), deep).unwrap();
+    check_fails(&import(), 66, &["left out", "1000 deep", "two.urdf"]);
+    let far = r#"<mujoco><worldbody><body><geom type="box" size="1 1 1" quat="1e308 1e308 0 0"/></body></worldbody></mujoco>"#;
+    fs::remove_file(folder.join("two.urdf")).unwrap();
+    fs::write(folder.join("far.xml"), far).unwrap();
+    check_fails(&import(), 66, &["left out", "quat of geom", "1e30"]);
 }
 
 #[test]
