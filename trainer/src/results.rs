@@ -17,7 +17,7 @@ pub struct SampleResult {
     pub label: u8,
     /// The grasp, which a judge does not predict.
     pub grasp: Option<GraspResult>,
-    /// What arithmetic alone says of a judge's hand ([`network::judge::Crop::clearance`]).
+    /// What arithmetic alone says of a judge's hand ([`network::judge::Crop::clearance`]); not asked in training.
     pub clearance: Option<f32>,
 }
 

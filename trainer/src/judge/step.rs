@@ -31,7 +31,7 @@ pub fn step(vector: &[f32], batch: &Batch<JudgeSample>, crops: &[Crop]) -> StepR
         let d_logits: Vec<_> = seen.logits().zip(samples).map(|(logits, own)| d_loss(&logits, own, weight)).collect();
         StepResult {
             gradient: network.gradient(&transposed, &inputs, &seen, &d_logits),
-            samples: results(&inputs, &seen, samples).collect(),
+            samples: results(&inputs, &seen, samples, |_| None).collect(),
         }
     });
     sum(vector.len(), parts.collect())
@@ -43,13 +43,13 @@ pub fn evaluate(vector: &[f32], batch: &Batch<JudgeSample>, crops: &[Crop]) -> V
     let network = JudgeNetwork::new(vector);
     let parts = batch.samples.par_chunks(PART).map(|samples| {
         let asked: Vec<Sample> = samples.iter().filter(|sample| !sample.data.hits_table).copied().collect();
-        let certain = |sample: &Sample| result(0.0, NEVER, NEVER, sample);
+        let certain = |sample: &Sample| result(0.0, NEVER, Some(NEVER), sample);
         if asked.is_empty() {
             return samples.iter().map(certain).collect();
         }
         let inputs = inputs(batch, &asked, crops);
         let seen = network.forward(&inputs);
-        let mut asked = results(&inputs, &seen, &asked);
+        let mut asked = results(&inputs, &seen, &asked, |crop| Some(Crop::clearance(crop)));
         let mut answer = |sample: &Sample| if sample.data.hits_table { None } else { asked.next() };
         samples.iter().map(|sample| answer(sample).unwrap_or_else(|| certain(sample))).collect::<Vec<_>>()
     });
@@ -72,19 +72,20 @@ fn results<'a>(
     inputs: &'a JudgeInputs,
     seen: &'a JudgeActivations,
     samples: &'a [Sample],
+    clearance: impl Fn(&[f32]) -> Option<f32> + 'a,
 ) -> impl Iterator<Item = SampleResult> {
     let crops = inputs.crops.chunks_exact(Crop::LEN);
-    seen.logits().zip(samples).zip(crops).map(|((logits, sample), crop)| {
+    seen.logits().zip(samples).zip(crops).map(move |((logits, sample), crop)| {
         let loss = -libm::logf(probabilities(&logits)[sample.data.outcome as usize].max(f32::MIN_POSITIVE));
         // Propagate NaN, so that training detects divergence.
         let loss = if logits.iter().all(|logit| logit.is_finite()) { loss } else { f32::NAN };
-        result(loss, quality_logit(&logits), Crop::clearance(crop), sample)
+        result(loss, quality_logit(&logits), clearance(crop), sample)
     })
 }
 
-fn result(loss: f32, quality_logit: f32, clearance: f32, sample: &Sample) -> SampleResult {
+fn result(loss: f32, quality_logit: f32, clearance: Option<f32>, sample: &Sample) -> SampleResult {
     let label = sample.data.outcome.label();
-    SampleResult { total: loss, quality: loss, quality_logit, label, grasp: None, clearance: Some(clearance) }
+    SampleResult { total: loss, quality: loss, quality_logit, label, grasp: None, clearance }
 }
 
 /// The gradient of `weight` times the cross-entropy at the logits.

@@ -4,8 +4,7 @@ use schema::{Quat, Vec3};
 
 use super::VoxelSample;
 use super::loss::Closings;
-use crate::results::Found;
-use crate::results::GraspResult;
+use crate::results::{Found, GraspResult};
 use crate::scores::{GraspErrors, Spread, rotation_error_deg};
 
 /// Of the held ones.
