@@ -233,8 +233,9 @@ def _with_options(method: _Method) -> _Method:
 
 
 def _anywhere(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
-    """A file for a process with another current folder; a built-in name stays as it is."""
-    return os.path.abspath(path) if os.path.isfile(path) else path
+    """A file of settings for a process with another current folder. A built-in name, which has no ending, stays one, whatever
+    lies in this folder."""
+    return os.path.abspath(path) if os.path.splitext(path)[1] and os.path.isfile(path) else path
 
 
 class Planner(Immutable):
@@ -266,7 +267,7 @@ class Planner(Immutable):
         self._again = partial(
             type(self),
             _anywhere(config),
-            model=None if model is None else _anywhere(model),
+            model=None if model is None else os.path.abspath(model),
             gripper=_anywhere(gripper) if isinstance(gripper, (str, os.PathLike)) else gripper,
             threads=threads,
         )
