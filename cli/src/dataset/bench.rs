@@ -44,8 +44,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let overrides =
         Overrides { seed: arguments.seed, shards, attempts: Some(arguments.attempts), ..Overrides::default() };
     let config = Config::load(arguments.config.as_deref(), overrides)?;
-    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = arguments.threads.map_or_else(cores, usize::from);
+    let threads = arguments.threads.map_or_else(crate::experiment::run::cores, usize::from);
     let scratch = tempfile::tempdir().context("failed to make a temporary folder")?;
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(Duration::from_millis(200));

@@ -132,7 +132,7 @@ impl<'a> Model<'a> {
         }
         let class = body.attribute("childclass").or(class);
         let at = parent.then(self.pose_of(&[body])?);
-        let own_mass = body.child("inertial").map(|inertial| inertial.mass_kg("mass", None)).transpose()?;
+        let own_mass = body.child("inertial").map(|inertial| inertial.mass_kg("mass")).transpose()?;
         found.mass_kg += own_mass.unwrap_or(0.0);
         for geom in body.children("geom") {
             let layers = self.layers(geom, class);
@@ -141,8 +141,7 @@ impl<'a> Model<'a> {
             }
             let number = |key, otherwise| numbers::<1>(&layers, key, Some([otherwise])).map(|[number]| number);
             if own_mass.is_none() {
-                let given = layers.iter().find(|element| element.attribute("mass").is_some());
-                found.mass_kg += given.map_or(Ok(0.0), |element| element.mass_kg("mass", None))?;
+                found.mass_kg += giver(&layers, "mass").map_or(Ok(0.0), |element| element.mass_kg("mass"))?;
             }
             let collides = number("contype", 1.0)? != 0.0 || number("conaffinity", 1.0)? != 0.0;
             found.geoms.push(Geom { element: geom, class, body: at, collides });
@@ -242,13 +241,17 @@ impl<'a> Model<'a> {
     }
 }
 
-/// The attribute of an element or, if it has none, of its defaults.
+/// Which gives an attribute: an element or, if it has none, its defaults.
+fn giver<'a>(layers: &[&'a Element], key: &str) -> Option<&'a Element> {
+    layers.iter().copied().find(|element| element.attribute(key).is_some())
+}
+
+/// The attribute.
 fn value<'a>(layers: &[&'a Element], key: &str) -> Option<&'a str> {
-    layers.iter().find_map(|element| element.attribute(key))
+    giver(layers, key)?.attribute(key)
 }
 
 /// The same as numbers.
 fn numbers<const N: usize>(layers: &[&Element], key: &str, otherwise: Option<[f64; N]>) -> Result<[f64; N], String> {
-    let first = layers.iter().find(|element| element.attribute(key).is_some());
-    first.unwrap_or(&layers[0]).numbers(key, otherwise)
+    giver(layers, key).unwrap_or(layers[0]).numbers(key, otherwise)
 }

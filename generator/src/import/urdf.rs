@@ -46,7 +46,7 @@ pub(super) fn described(file: &Path, scale_m: f64) -> Result<Described, Failure>
     for link in robot.children("link") {
         let at = pose_of(&robot, link).map_err(damaged)?;
         if let Some(mass) = link.child("inertial").and_then(|inertial| inertial.child("mass")) {
-            mass_kg += mass.mass_kg("value", None).map_err(damaged)?;
+            mass_kg += mass.mass_kg("value").map_err(damaged)?;
         }
         let kind = if link.child("collision").is_some() { "collision" } else { "visual" };
         for shape in link.children(kind) {

@@ -71,9 +71,9 @@ impl Element {
             .ok_or_else(|| format!("{key} of {name} must be {N} numbers of at most {NUMBER_MAX:e}, got {text:?}"))
     }
 
-    /// A mass in an attribute, or `otherwise` if there is none.
-    pub(super) fn mass_kg(&self, key: &str, otherwise: Option<f64>) -> Result<f64, String> {
-        let [mass_kg] = self.numbers(key, otherwise.map(|mass_kg| [mass_kg]))?;
+    /// The mass in an attribute.
+    pub(super) fn mass_kg(&self, key: &str) -> Result<f64, String> {
+        let [mass_kg] = self.numbers(key, None)?;
         if mass_kg < 0.0 {
             return Err(format!("{key} of {} must be 0 or more, got {mass_kg}", self.name));
         }
