@@ -1,5 +1,5 @@
-//! The function of the fuzz target `generator_config`, and a test that replays its seeds and past findings. The
-//! function must return for any bytes, and an accepted config must give a readable dataset.
+//! The functions of the fuzz targets `generator_config` and `objects`, and tests that replay their seeds and past
+//! findings. They must return for any bytes, and an accepted config must give a readable dataset.
 
 use std::path::Path;
 
@@ -34,6 +34,17 @@ pub fn config(data: &[u8]) -> Result<(), String> {
     config.and(gripper).map(drop)
 }
 
+/// A byte that chooses the kind of file (OBJ, STL, PLY, GLB, MSH, URDF, MJCF), then the file.
+///
+/// # Errors
+/// What is wrong with the file.
+///
+/// # Panics
+/// If what is measured of it cannot be.
+pub fn object(data: &[u8]) -> Result<(), String> {
+    crate::import::fuzzed(data)
+}
+
 /// An info, and of its laws, whose numbers may change in their last digit when they are read, what [`crate::repeat`]
 /// takes from them.
 fn as_used(info: DatasetInfo) -> (DatasetInfo, Result<Physics, String>) {
@@ -50,16 +61,40 @@ mod tests {
     const CONFIGS: [&str; 3] =
         ["configs/generate/paper.toml", "configs/generate/demo.toml", "scripts/crosscheck/coulomb.toml"];
 
+    /// The seeds and past findings of a target by name.
+    fn seeds(target: &str) -> Vec<(String, Vec<u8>)> {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds").join(target);
+        let mut paths: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        paths.sort();
+        let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
+        paths.into_iter().map(|path| (name(&path), fs::read(&path).unwrap())).collect()
+    }
+
     /// Seeds named `whole-…` are accepted.
     #[test]
     fn seeds_and_past_findings_of_the_config_are_survived() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds/generator_config");
-        let mut names: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-        names.sort();
-        for name in names {
-            let result = config(&fs::read(folder.join(&name)).unwrap());
-            let name = name.to_string_lossy();
+        for (name, bytes) in seeds("generator_config") {
+            let result = config(&bytes);
             assert_eq!(result.is_ok(), name.starts_with("whole-"), "{name}: {result:?}");
+        }
+    }
+
+    /// Also those of objects, and each of them cut off, and with bytes changed.
+    #[test]
+    fn seeds_of_objects_are_survived_whatever_is_changed_in_them() {
+        let all = seeds("objects");
+        assert!(all.len() >= 7);
+        for (name, bytes) in all {
+            let result = object(&bytes);
+            assert_eq!(result.is_ok(), name.starts_with("whole-"), "{name}: {result:?}");
+            for place in (1..bytes.len()).step_by(bytes.len() / 60 + 1) {
+                let _ = object(&bytes[..place]); // an error is an answer
+                for value in [0, b'9', 0x7f, 0xff] {
+                    let mut changed = bytes.clone();
+                    changed[place] = value;
+                    let _ = object(&changed);
+                }
+            }
         }
     }
 

@@ -37,6 +37,29 @@ use crate::measured::{Measured, integrals_of, overlap_share, smallest_width_m};
 use crate::mesh_file::{damaged, read_mesh, unusable};
 use crate::models::Models;
 
+/// The function of the fuzz target `objects`: a byte that chooses the kind of file, then the file. What a description
+/// names is not there.
+///
+/// # Errors
+/// What is wrong with the file.
+#[cfg(any(test, fuzzing))]
+pub(crate) fn fuzzed(data: &[u8]) -> Result<(), String> {
+    let nowhere = Path::new("nowhere/fuzzed");
+    let (kind, bytes) = data.split_first().ok_or("it is empty")?;
+    let mesh = match usize::from(*kind) % 8 {
+        place @ 0..5 => {
+            let (_, read) = crate::mesh_file::reader_of(crate::mesh_file::ENDINGS[place]).ok_or("no reader")?;
+            let (corners, triangles) = read(bytes)?;
+            crate::mesh::Mesh::new(&corners, &triangles, 1.0)?
+        }
+        5 => urdf::body_of(&xml::parse(bytes, &["robot"])?, nowhere, 1.0).map_err(|e| e.to_string())?.mesh,
+        _ => mjcf::body_of(&xml::parse(bytes, &["mujoco"])?, nowhere, 1.0).map_err(|e| e.to_string())?.mesh,
+    };
+    let measured = Measured::of(mesh);
+    assert!(measured.solid.is_none_or(|solid| solid.volume_m3 > 0.0), "what encloses nothing is no solid");
+    Ok(())
+}
+
 /// A mesh is convex if its hull is larger by less than this share.
 const CONVEX_SHARE: f64 = 0.01;
 /// Maximum number of hull corners for measuring the smallest width.
@@ -243,7 +266,7 @@ impl Import<'_> {
             corners_max: ((share * f64::from(params.corners_max)) as usize).max(CORNERS_MIN),
             resolution: ((share * f64::from(params.voxels)) as u32).max(VOXELS_MIN),
             concavity: CONCAVITY,
-            is_closed: measured.solid.is_some(),
+            is_closed: measured.solid.is_some() || measured.confused_share.is_some(),
         };
         convex_parts(&measured.corners_m, &measured.mesh.triangles, &parts)
     }
@@ -303,7 +326,11 @@ impl Import<'_> {
         let balance = measured.solid.unwrap_or(of_parts);
         let density_kg_m3 = own.density_kg_m3.or(params.density).unwrap_or(DENSITY_KG_M3);
         // An open mesh encloses nothing: its parts are thin or full as the voxels find its holes. Its hull is neither.
-        let filled_m3 = measured.solid.map_or(measured.hull_volume_m3, |solid| solid.volume_m3);
+        let filled_m3 = match (measured.solid, measured.confused_share) {
+            (Some(solid), _) => solid.volume_m3,
+            (None, Some(_)) => of_parts.volume_m3,
+            (None, None) => measured.hull_volume_m3,
+        };
         let mass_kg = mass_kg.unwrap_or(density_kg_m3 * filled_m3);
         let inertia = balance.inertia_kg_m2(mass_kg);
         let share = |solid: MassIntegrals| of_parts.volume_m3 / solid.volume_m3;

@@ -1,11 +1,12 @@
 //! A triangle mesh from a file: merges equal corners and determines whether the mesh is closed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glamx::DVec3;
 use schema::Vec3;
 
-/// Triangles in space, in metres. Corners at exactly the same position are merged.
+/// Triangles in space, in metres. Corners at exactly the same position are merged; if the mesh is open then, also those
+/// within [`WELD_SHARE`] of its size, because CAD programs write the corners of neighbours one rounding step apart.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Mesh {
     /// The corners, in metres; each belongs to a triangle.
@@ -14,6 +15,8 @@ pub(crate) struct Mesh {
     pub(crate) triangles: Vec<[u32; 3]>,
     /// Number of the file's triangles with two equal corners; they are dropped.
     pub(crate) degenerate_count: usize,
+    /// Number of the file's triangles that are there once more, with the same side outside; they are dropped.
+    pub(crate) repeated_count: usize,
 }
 
 /// How a mesh's triangles meet.
@@ -34,6 +37,10 @@ impl Seams {
 
 /// Maximum number of triangles of a mesh.
 pub(crate) const TRIANGLES_MAX: usize = 1_000_000;
+/// Maximum number of corners: as many as triangles that share none have.
+pub(crate) const CORNERS_MAX: usize = 3 * TRIANGLES_MAX;
+/// Corners of an open mesh that are as near as this share of its longest side are one.
+const WELD_SHARE: f64 = 1e-6;
 
 impl Mesh {
     /// A mesh from corners in the file's units of `scale_m` metres, and triangles as corner indices.
@@ -65,10 +72,21 @@ impl Mesh {
             }
             joined.push(triangle.map(|i| first_of[i as usize]));
         }
+        let exact = Self::joined(&all_m, joined)?;
+        if exact.seams().is_watertight() { Ok(exact) } else { exact.welded() }
+    }
+
+    /// The mesh of corners and triangles, whose equal corners have one number, that of the first.
+    fn joined(all_m: &[DVec3], mut joined: Vec<[u32; 3]>) -> Result<Self, String> {
+        let count = joined.len();
         joined.retain(|[a, b, c]| a != b && b != c && a != c);
         if joined.is_empty() {
             return Err("it has no triangles".to_owned());
         }
+        let degenerate_count = count - joined.len();
+        let mut seen = BTreeSet::new();
+        joined.retain(|[a, b, c]| seen.insert([[*a, *b, *c], [*b, *c, *a], [*c, *a, *b]].into_iter().min()));
+        let repeated_count = count - degenerate_count - joined.len();
         // Corners of a scan that belong to no triangle are dropped.
         let mut used = joined.as_flattened().to_vec();
         used.sort_unstable();
@@ -76,8 +94,42 @@ impl Mesh {
         let number = |place: u32| used.partition_point(|other| *other < place) as u32;
         Ok(Self {
             corners_m: used.iter().map(|place| all_m[*place as usize]).collect(),
-            degenerate_count: triangle_count - joined.len(),
+            degenerate_count,
+            repeated_count,
             triangles: joined.into_iter().map(|triangle| triangle.map(number)).collect(),
+        })
+    }
+
+    /// The mesh with one corner for all that are nearly at the same position: the first of them.
+    fn welded(self) -> Result<Self, String> {
+        let [low, high] = self.bounds_m();
+        let near_m = (high - low).max_element() * WELD_SHARE;
+        // Wide cells: few corners are near to a second one.
+        let cell = |at_m: f64| (at_m / (8.0 * near_m)).floor() as i64;
+        let mut kept: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
+        let mut first_of = Vec::with_capacity(self.corners_m.len());
+        for (place, corner_m) in (0..).zip(&self.corners_m) {
+            let around = (*corner_m - low).to_array().map(|x| cell(x - near_m)..=cell(x + near_m));
+            let [xs, ys, zs] = around;
+            let cells = xs.flat_map(|x| {
+                ys.clone().flat_map({
+                    let zs = zs.clone();
+                    move |y| zs.clone().map(move |z| [x, y, z])
+                })
+            });
+            let is_near = |other: &u32| self.corners_m[*other as usize].distance_squared(*corner_m) <= near_m * near_m;
+            let first = cells.filter_map(|cell| kept.get(&cell)?.iter().copied().find(is_near)).min();
+            if first.is_none() {
+                kept.entry((*corner_m - low).to_array().map(cell)).or_default().push(place);
+            }
+            first_of.push(first.unwrap_or(place));
+        }
+        let joined = self.triangles.iter().map(|triangle| triangle.map(|corner| first_of[corner as usize])).collect();
+        let welded = Self::joined(&self.corners_m, joined)?;
+        Ok(Self {
+            degenerate_count: self.degenerate_count + welded.degenerate_count,
+            repeated_count: self.repeated_count + welded.repeated_count,
+            ..welded
         })
     }
 
@@ -164,6 +216,37 @@ pub(crate) mod tests {
         assert_eq!(mesh.corners_m.len(), 8);
         assert!(mesh.seams().is_watertight());
         assert_eq!(mesh.bounds_m(), [DVec3::ZERO, DVec3::splat(0.001)]);
+    }
+
+    #[test]
+    fn corners_a_rounding_step_apart_are_one_and_those_of_a_thin_wall_are_not() {
+        let (corners, triangles) = closed_box([1.0, 2.0, 3.0]);
+        let apart = |step: f64| {
+            let soup: Vec<[f64; 3]> = (0..)
+                .zip(triangles.iter().flatten())
+                .map(|(place, i)| corners[*i as usize].map(|x| x + step * f64::from(place % 3)))
+                .collect();
+            let numbers: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+            Mesh::new(&soup, &numbers, 1.0).unwrap()
+        };
+        let welded = apart(6e-7); // the farthest are 1.2e-6 · √3 apart, of 3e-6
+        assert_eq!((welded.corners_m.len(), welded.seams().is_watertight()), (8, true));
+        assert!(!apart(3e-6).seams().is_watertight());
+        let (thin, _) = closed_box([1.0, 2.0, 1e-7]);
+        assert_eq!(Mesh::new(&thin, &triangles, 1.0).unwrap().corners_m.len(), 8, "a closed mesh is left alone");
+    }
+
+    #[test]
+    fn triangles_given_many_times_count_once_and_their_backs_are_others() {
+        let (corners, triangles) = closed_box([1.0, 2.0, 3.0]);
+        let turned = |[a, b, c]: &[u32; 3]| [*b, *c, *a];
+        let doubled = [triangles.clone(), triangles.iter().map(turned).collect(), triangles.clone()].concat();
+        let mesh = Mesh::new(&corners, &doubled, 1.0).unwrap();
+        assert_eq!((mesh.triangles.len(), mesh.repeated_count), (12, 24));
+        assert!(mesh.seams().is_watertight());
+        let backs: Vec<[u32; 3]> = triangles.iter().map(|[a, b, c]| [*c, *b, *a]).collect();
+        let mesh = Mesh::new(&corners, &[triangles, backs].concat(), 1.0).unwrap();
+        assert_eq!((mesh.triangles.len(), mesh.repeated_count), (24, 0));
     }
 
     #[test]

@@ -3,7 +3,9 @@
 //!
 //! Polygons are split as fans. Colours, normals, textures and materials are ignored.
 
+use std::collections::BTreeSet;
 use std::io::BufReader;
+use std::panic::catch_unwind;
 use std::path::Path;
 
 use glamx::{DMat4, DVec3};
@@ -12,7 +14,7 @@ use ply_rs_bw::ply::{DefaultElement, Encoding, Property};
 
 use program::{ExitCode, Failure};
 
-use crate::mesh::{Mesh, TRIANGLES_MAX};
+use crate::mesh::{CORNERS_MAX, Mesh, TRIANGLES_MAX};
 
 /// Supported file extensions, in lower case.
 pub(crate) const ENDINGS: [&str; 5] = ["obj", "stl", "ply", "glb", "msh"];
@@ -36,7 +38,7 @@ pub(crate) fn damaged(message: &str, file: &Path) -> Failure {
 pub(crate) type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 /// The reader of a kind of file.
-type Read = fn(&[u8]) -> Result<Parts, String>;
+pub(crate) type Read = fn(&[u8]) -> Result<Parts, String>;
 
 /// Reads a mesh; one unit of the file is `scale_m` metres.
 ///
@@ -55,18 +57,25 @@ pub(crate) fn read_parts(path: &Path) -> Result<Parts, Failure> {
     let shown = path.display();
     let unread = |source| unusable(format!("failed to read it: {source}: {shown}"));
     let bytes = program::read(path, BYTES_MAX).map_err(unread)?;
-    let (kind, read): (_, Read) = match ending(path).as_deref() {
-        Some("obj") => ("OBJ", obj),
-        Some("stl") => ("STL", stl),
-        Some("ply") => ("PLY", ply),
-        Some("glb") => ("GLB", glb),
-        Some("msh") => ("MSH", msh),
-        _ => {
-            let endings = ENDINGS.join(", .");
-            return Err(unusable(format!("its name must end with .{endings}: {shown}")));
-        }
+    let Some((kind, read)) = ending(path).and_then(|ending| reader_of(&ending)) else {
+        let endings = ENDINGS.join(", .");
+        return Err(unusable(format!("its name must end with .{endings}: {shown}")));
     };
-    read(&bytes).map_err(|message| damaged(&format!("not a whole {kind} file: {message}"), path))
+    // A library that panics at one file must not end the others.
+    let read = catch_unwind(|| read(&bytes)).unwrap_or_else(|_| Err("its reader failed".to_owned()));
+    read.map_err(|message| damaged(&format!("not a whole {kind} file: {message}"), path))
+}
+
+/// The name of a kind of file and its reader.
+pub(crate) fn reader_of(ending: &str) -> Option<(&'static str, Read)> {
+    Some(match ending {
+        "obj" => ("OBJ", obj),
+        "stl" => ("STL", stl),
+        "ply" => ("PLY", ply),
+        "glb" => ("GLB", glb),
+        "msh" => ("MSH", msh),
+        _ => return None,
+    })
 }
 
 /// The extension of a file's name in lower case.
@@ -74,12 +83,20 @@ pub(crate) fn ending(path: &Path) -> Option<String> {
     path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase())
 }
 
+/// The lines of an OBJ file that say where its triangles are; a backslash at its end continues a line.
+fn geometry_of(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes).replace("\\\r\n", " ").replace("\\\n", " ");
+    let is_meant = |line: &&str| matches!(line.split_whitespace().next(), Some("v" | "vt" | "vn" | "f"));
+    text.lines().filter(is_meant).flat_map(|line| [line, "\n"]).collect()
+}
+
 fn obj(bytes: &[u8]) -> Result<Parts, String> {
+    let text = geometry_of(bytes);
     let options =
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
     let (models, _) =
-        tobj::load_obj_buf(&mut BufReader::new(bytes), &options, no_materials).map_err(|e| e.to_string())?;
+        tobj::load_obj_buf(&mut BufReader::new(text.as_bytes()), &options, no_materials).map_err(|e| e.to_string())?;
     let (mut corners, mut triangles) = (Vec::new(), Vec::new());
     for tobj::Model { mesh, .. } in models {
         let before = u32::try_from(corners.len()).map_err(|e| e.to_string())?;
@@ -96,13 +113,14 @@ const STL_TRIANGLE: usize = 50;
 fn stl(bytes: &[u8]) -> Result<Parts, String> {
     let promised = bytes.get(80..84).map_or(0, |n| u64::from(u32::from_le_bytes([n[0], n[1], n[2], n[3]])));
     let expected = STL_HEAD as u64 + promised * STL_TRIANGLE as u64;
-    // Some binary files also begin with "solid".
-    let corners = if bytes.len() as u64 == expected {
-        let (triangles, _) = bytes[STL_HEAD..].as_chunks::<STL_TRIANGLE>();
+    // Some binary files also begin with "solid", some have bytes after their triangles; letters as counts are huge.
+    let is_binary = bytes.len() as u64 >= expected && (promised > 0 || bytes.len() == STL_HEAD);
+    let corners = if is_binary {
+        let (triangles, _) = bytes[STL_HEAD..expected as usize].as_chunks::<STL_TRIANGLE>();
         // After the normal; two bytes follow.
         triangles.iter().flat_map(|triangle| positions(triangle[12..48].as_chunks().0)).collect()
-    } else if bytes.trim_ascii_start().starts_with(b"solid") {
-        text_stl(str::from_utf8(bytes).map_err(|e| e.to_string())?)?
+    } else if bytes.trim_ascii_start().get(..5).is_some_and(|start| start.eq_ignore_ascii_case(b"solid")) {
+        text_stl(&String::from_utf8_lossy(bytes).to_ascii_lowercase())?
     } else {
         let got = bytes.len();
         return Err(format!("a binary one of {promised} triangles has {expected} bytes, got {got}"));
@@ -240,10 +258,17 @@ fn msh(bytes: &[u8]) -> Result<Parts, String> {
 
 /// The triangles of a binary glTF's scene, in its frame (y up).
 fn glb(bytes: &[u8]) -> Result<Parts, String> {
-    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(bytes).map_err(|e| e.to_string())?;
-    if let Some(extension) = document.extensions_required().next() {
-        return Err(format!("it requires {extension}, which is not supported: write it without compression"));
+    // What it requires explains all else that is missing. The library's own checks fail where an accessor is not there.
+    let whole = gltf::Gltf::from_slice_without_validation(bytes).map_err(|e| e.to_string())?;
+    if let Some(required) = whole.extensions_required().next() {
+        return Err(format!("it requires {required}, which is not supported: write it without compression"));
     }
+    let json = whole.as_json();
+    let mut attributes = json.meshes.iter().flat_map(|mesh| &mesh.primitives).flat_map(|part| part.attributes.values());
+    if attributes.any(|accessor| accessor.value() >= json.accessors.len()) {
+        return Err("a primitive's accessors must be there".to_owned());
+    }
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(bytes).map_err(|e| e.to_string())?;
     let buffer = |buffer: gltf::Buffer<'_>| match buffer.source() {
         gltf::buffer::Source::Bin => blob.as_deref().filter(|blob| blob.len() >= buffer.length()),
         gltf::buffer::Source::Uri(_) => None,
@@ -265,49 +290,68 @@ fn glb(bytes: &[u8]) -> Result<Parts, String> {
     }
     let scene = document.default_scene().or_else(|| document.scenes().next()).ok_or("it must have a scene")?;
     let mut open: Vec<(gltf::Node<'_>, DMat4, usize)> = scene.nodes().map(|node| (node, DMat4::IDENTITY, 0)).collect();
+    let mut seen = BTreeSet::new();
     let (mut corners, mut triangles) = (Vec::new(), Vec::new());
     while let Some((node, scene_from_parent, depth)) = open.pop() {
-        if depth > NODES_DEEP {
-            return Err(format!("its nodes must be nested at most {NODES_DEEP} deep"));
+        if depth > NODES_DEEP || !seen.insert(node.index()) {
+            return Err(format!("its nodes must be a tree of at most {NODES_DEEP} levels"));
         }
         let scene_from_node = scene_from_parent
             * DMat4::from_cols_array_2d(&node.transform().matrix().map(|column| column.map(f64::from)));
         open.extend(node.children().map(|child| (child, scene_from_node, depth + 1)));
         for primitive in node.mesh().into_iter().flat_map(|mesh| mesh.primitives()) {
-            use gltf::mesh::Mode;
-            let reader = primitive.reader(buffer);
-            let positions = reader.read_positions().ok_or("a primitive must have positions")?;
             let first = u32::try_from(corners.len()).map_err(|e| e.to_string())?;
-            corners.extend(
-                positions.map(|p| scene_from_node.transform_point3(DVec3::from_array(p.map(f64::from))).to_array()),
-            );
-            let own = corners.len() as u32 - first;
-            let indices: Vec<u32> = match reader.read_indices() {
-                Some(indices) => indices.into_u32().map(|i| first.saturating_add(i)).collect(),
-                None => (first..first + own).collect(),
-            };
-            let mut add = |[a, b, c]: [u32; 3]| {
-                let is_mirrored = scene_from_node.determinant() < 0.0;
-                triangles.push(if is_mirrored { [a, c, b] } else { [a, b, c] });
-            };
-            match primitive.mode() {
-                Mode::Triangles => indices.chunks_exact(3).for_each(|t| add([t[0], t[1], t[2]])),
-                Mode::TriangleStrip => {
-                    let turned =
-                        |(i, t): (usize, &[u32])| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
-                    indices.windows(3).enumerate().map(turned).for_each(&mut add);
-                }
-                Mode::TriangleFan => {
-                    indices.get(1..).unwrap_or_default().windows(2).for_each(|t| add([indices[0], t[0], t[1]]));
-                }
-                Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => {}
+            let (positions, rings) = primitive_of(&primitive, buffer)?;
+            if corners.len() + positions.len() > CORNERS_MAX || triangles.len() + rings.len() > TRIANGLES_MAX {
+                return Err(format!("it must have at most {TRIANGLES_MAX} triangles and {CORNERS_MAX} corners"));
             }
-            if triangles.len() > TRIANGLES_MAX {
-                return Err(format!("it must have at most {TRIANGLES_MAX} triangles"));
-            }
+            corners.extend(positions.into_iter().map(|p| scene_from_node.transform_point3(p).to_array()));
+            let is_mirrored = scene_from_node.determinant() < 0.0;
+            triangles.extend(rings.into_iter().map(|ring| {
+                let [a, b, c] = ring.map(|corner| first.saturating_add(corner));
+                if is_mirrored { [a, c, b] } else { [a, b, c] }
+            }));
         }
     }
     Ok((corners, triangles))
+}
+
+/// The corners of a primitive in its node's frame, and its triangles.
+fn primitive_of<'a, 'b>(
+    primitive: &'a gltf::Primitive<'a>,
+    buffer: impl Clone + Fn(gltf::Buffer<'a>) -> Option<&'b [u8]>,
+) -> Result<(Vec<DVec3>, Vec<[u32; 3]>), String> {
+    use gltf::accessor::{DataType, Dimensions};
+    use gltf::mesh::Mode;
+    let reader = primitive.reader(buffer);
+    let is_readable = |accessor: &gltf::Accessor<'_>| {
+        accessor.data_type() == DataType::F32 && accessor.dimensions() == Dimensions::Vec3
+    };
+    let accessor = primitive.get(&gltf::Semantic::Positions).filter(is_readable);
+    let positions = accessor.and_then(|_| reader.read_positions());
+    let positions = positions.ok_or("a primitive must have positions, three floats each")?;
+    let positions: Vec<DVec3> = positions.map(|p| DVec3::from_array(p.map(f64::from))).collect();
+    let indices: Vec<u32> = match primitive.indices() {
+        Some(accessor) => {
+            let is_readable = matches!(accessor.data_type(), DataType::U8 | DataType::U16 | DataType::U32)
+                && accessor.dimensions() == Dimensions::Scalar;
+            let indices = if is_readable { reader.read_indices() } else { None };
+            indices.ok_or("a primitive's indices must be whole numbers without sign")?.into_u32().collect()
+        }
+        None => (0..positions.len() as u32).collect(), // files have less than a gigabyte
+    };
+    let triangles = match primitive.mode() {
+        Mode::Triangles => indices.as_chunks().0.to_vec(),
+        Mode::TriangleStrip => {
+            let turned = |(i, t): (usize, &[u32])| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
+            indices.windows(3).enumerate().map(turned).collect()
+        }
+        Mode::TriangleFan => {
+            indices.get(1..).unwrap_or_default().windows(2).map(|t| [indices[0], t[0], t[1]]).collect()
+        }
+        Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => Vec::new(),
+    };
+    Ok((positions, triangles))
 }
 
 #[cfg(test)]

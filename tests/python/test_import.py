@@ -21,7 +21,7 @@ MODEL = """
   <asset>
     <mesh file="wedge.obj" scale="0.001 0.001 0.002"/>
     <mesh name="mirrored" file="wedge.obj" scale="-0.001 0.001 0.001"/>
-    <mesh name="shown" file="wedge.obj"/>
+    <mesh name="shown" file="wedge.obj" scale="0.001 0.001 0.001"/>
     <mesh name="own" file="wedge.msh" scale="0.0012 0.001 0.001"/>
   </asset>
   <worldbody>
@@ -53,19 +53,23 @@ FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.uint16)
 
 def imported(folder: Path, *more: object) -> dict:
     """The one object of a folder."""
+    (only,) = all_imported(folder, *more).values()
+    return only
+
+
+def all_imported(folder: Path, *more: object) -> dict[str, dict]:
+    """The objects of a folder by name."""
     command = [program("generator"), "import-objects", folder, "--out", folder / "x.toml", "--json", "--drops", 0, *more]
     ended = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
-    objects = json.loads(ended.stdout)["objects"]
-    assert len(objects) == 1, objects
-    return objects[0]
+    return {body["name"]: body for body in json.loads(ended.stdout)["objects"]}
 
 
-def points_of(model: mujoco.MjModel) -> np.ndarray:
+def points_of(model: mujoco.MjModel, count: int = 200_000) -> np.ndarray:
     """Where the colliding geoms of bodies end, by MuJoCo: corners of meshes and boxes, dense points of what is round."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    spiral = np.random.default_rng(1).normal(size=(200_000, 3))
+    spiral = np.random.default_rng(1).normal(size=(count, 3))
     spiral /= np.linalg.norm(spiral, axis=1)[:, None]
     points = []
     for geom in range(model.ngeom):
@@ -84,7 +88,7 @@ def points_of(model: mujoco.MjModel) -> np.ndarray:
             ends = spiral[:, :2] / np.linalg.norm(spiral[:, :2], axis=1)[:, None]
             own = np.column_stack([size[0] * ends, np.sign(spiral[:, 2]) * size[1]])
         else:
-            own = size * spiral
+            own = (size[0] if kind == mujoco.mjtGeom.mjGEOM_SPHERE else size) * spiral
         points.append(own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
     return np.concatenate(points)
 
@@ -100,27 +104,144 @@ def test_a_model_of_mujoco_is_where_mujoco_has_it(tmp_path, round_shapes, near_m
     (tmp_path / "model.xml").write_text(model)
     (tmp_path / "package.xml").write_text("<package/>")  # of a robot's software, no model
     body = imported(tmp_path)
-    points = points_of(mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml")))
+    theirs = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    points = points_of(theirs)
     extents_m = np.ptp(points, axis=0)
     assert np.abs(body["extents_m"] - extents_m).max() < near_m, (body["extents_m"], extents_m)
-    assert body["mass_kg"] == pytest.approx(0.05 + 0.02 + 0.2)
+    assert body["mass_kg"] == pytest.approx(theirs.body_mass[1:].sum(), rel=1e-6)
+
+
+def random_pose(dice: np.random.Generator) -> str:
+    turns = [
+        lambda: "",
+        lambda: 'euler="{:.3f} {:.3f} {:.3f}"'.format(*dice.uniform(-180, 180, 3)),
+        lambda: 'quat="{:.3f} {:.3f} {:.3f} {:.3f}"'.format(*dice.normal(size=4)),
+        lambda: 'axisangle="{:.3f} {:.3f} {:.3f} {:.3f}"'.format(*dice.normal(size=3), dice.uniform(-180, 180)),
+        lambda: 'xyaxes="{:.3f} {:.3f} {:.3f} {:.3f} {:.3f} {:.3f}"'.format(*dice.normal(size=6)),
+        lambda: 'zaxis="{:.3f} {:.3f} {:.3f}"'.format(*dice.normal(size=3)),
+    ]
+    return 'pos="{:.4f} {:.4f} {:.4f}" '.format(*dice.uniform(-0.1, 0.1, 3)) + turns[dice.integers(len(turns))]()
+
+
+def random_geom(dice: np.random.Generator) -> str:
+    kind = dice.choice(["box", "box", "box", "mesh", "sphere", "cylinder", "capsule", "ellipsoid"])
+    shape = f'mesh="{dice.choice(["wedge", "exact", "hull", "corner"])}"' if kind == "mesh" else 'size="{:.4f} {:.4f} {:.4f}"'.format(*dice.uniform(0.005, 0.03, 3))
+    masses = ["", "", f'density="{dice.uniform(100, 2000):.1f}"', f'mass="{dice.uniform(0, 0.2):.4f}"']
+    more = [dice.choice(masses), dice.choice(["", "", 'class="light"', 'class="dense"', 'class="shown"']), dice.choice(["", "", 'group="3"'])]
+    return f'<geom type="{kind}" {shape} {random_pose(dice)} {" ".join(more)}/>'
+
+
+def random_body(dice: np.random.Generator, folder: Path, depth: int = 0, *, frame: bool = False) -> str:
+    """A body, a frame or copies, with what is in it; some of it in a file of its own."""
+    inner = [random_geom(dice) for _ in range(dice.integers(1, 4))]
+    for _ in range(dice.integers(0, 3) if depth < 3 else 0):
+        inner.append(random_body(dice, folder, depth + 1, frame=bool(dice.integers(2))))
+    if frame is False and dice.integers(4) == 0:
+        inertial = f'<inertial pos="0 0 0" mass="{dice.uniform(0.01, 0.5):.4f}" diaginertia="1e-3 1e-3 1e-3"/>'
+        inner.insert(0, inertial if dice.integers(2) else f"<frame>{inertial}</frame>")
+    text = "".join(inner)
+    if dice.integers(4) == 0:
+        part = folder / f"part_{len(list(folder.glob('*.inc')))}.inc"
+        part.write_text(f"<mujocoinclude>{text}</mujocoinclude>")
+        text = f'<include file="parts/{part.name}"/>'
+    childclass = dice.choice(["", 'childclass="light"', 'childclass="dense"'])
+    if frame and dice.integers(2):
+        offset, euler = dice.uniform(-0.05, 0.05, 3), dice.uniform(-90, 90, 3)
+        step = f'offset="{" ".join(f"{x:.3f}" for x in offset)}" euler="{" ".join(f"{x:.2f}" for x in euler)}"'
+        return f'<replicate count="{dice.integers(1, 4)}" {step}>{text}</replicate>'
+    name = "frame" if frame else "body"
+    return f"<{name} {random_pose(dice)} {childclass}>{text}</{name}>"
+
+
+def random_model(dice: np.random.Generator, folder: Path) -> str:
+    order = "".join(dice.choice(list("xyzXYZ"), 3))
+    ways = ["", 'inertiafromgeom="true"', 'inertiagrouprange="0 2"', 'settotalmass="0.7"']
+    return f"""<mujoco><compiler meshdir="parts" eulerseq="{order}"/><compiler {dice.choice(ways)}/>
+    <default><geom density="{dice.uniform(200, 900):.1f}"/><default class="light"><geom density="50" contype="1"/>
+    <default class="shown"><geom contype="0" conaffinity="0" mass="0.01"/></default></default></default>
+    <default><default class="dense"><geom density="5000"/></default></default>
+    <asset><mesh file="wedge.obj" scale="0.001 0.001 0.001"/>
+    <mesh name="exact" file="corner.obj" inertia="exact"/><mesh name="hull" file="corner.obj" inertia="convex"/><mesh file="corner.obj"/></asset>
+    <worldbody><geom type="plane" size="1 1 1"/><geom type="sphere" size="5"/>
+    <frame {random_pose(dice)}>{random_body(dice, folder)}</frame>{random_body(dice, folder)}</worldbody></mujoco>"""
+
+
+CORNER = [(0, 0), (0.06, 0), (0.06, 0.02), (0.02, 0.02), (0.02, 0.06), (0, 0.06)]
+
+
+def corner_obj() -> str:
+    """An L of 60 x 60 x 40 mm, 20 mm thick: closed, not convex."""
+    lines = [f"v {x} {y} {z}" for z in (0, 0.04) for x, y in CORNER]
+    for second in range(2, 6):
+        lines += [f"f 1 {second + 1} {second}", f"f 7 {second + 6} {second + 7}"]
+    lines += [f"f {a + 1} {(a + 1) % 6 + 1} {(a + 1) % 6 + 7} {a + 7}" for a in range(6)]
+    return "\n".join(lines)
+
+
+def test_random_models_of_mujoco_weigh_and_reach_what_mujoco_says(tmp_path):
+    """Frames, copies, includes, classes, densities, `inertial` and all ways to turn a body, nested in each other."""
+    dice = np.random.default_rng(45)
+    (tmp_path / "parts").mkdir()
+    lines = [*("v {} {} {}".format(*corner) for corner in WEDGE), *("f {} {} {}".format(*(face + 1)) for face in FACES)]
+    (tmp_path / "parts" / "wedge.obj").write_text("\n".join(lines))
+    (tmp_path / "parts" / "corner.obj").write_text(corner_obj())
+    for number in range(60):
+        (tmp_path / f"m{number}.xml").write_text(random_model(dice, tmp_path / "parts"))
+    bodies = all_imported(tmp_path, "--hulls-max", 1)
+    assert len(bodies) == 60
+    for name, body in bodies.items():
+        theirs = mujoco.MjModel.from_xml_path(str(tmp_path / f"{name}.xml"))
+        assert body["mass_kg"] == pytest.approx(theirs.body_mass[1:].sum(), rel=1e-5), name
+        # Flat sides reach less far than round ones: at most 3 % of 3 cm.
+        assert np.abs(body["extents_m"] - np.ptp(points_of(theirs, 5_000), axis=0)).max() < 2e-3, name
+
+
+def test_the_inertia_of_a_model_is_mujocos(tmp_path):
+    """Boxes of one density that do not overlap, in frames and copies: also volume, centre and inertia are the same."""
+    dice = np.random.default_rng(46)
+    for number in range(20):
+        geoms = "".join(
+            f'<frame pos="{0.06 * place:.2f} 0 0"><geom type="box" size="{x:.4f} {y:.4f} {z:.4f}" {turn}/></frame>'
+            for place, (x, y, z) in enumerate(dice.uniform(0.005, 0.017, (3, 3)))
+            for turn in [random_pose(dice).split('" ', 1)[1]]
+        )
+        text = f'<replicate count="2" offset="0 0.2 0.01" euler="0 0 30">{geoms}</replicate>'
+        (tmp_path / f"m{number}.xml").write_text(
+            f'<mujoco><default><geom density="700"/></default><worldbody><body {random_pose(dice)}>{text}</body></worldbody></mujoco>'
+        )
+    for name, body in all_imported(tmp_path).items():
+        theirs = mujoco.MjModel.from_xml_path(str(tmp_path / f"{name}.xml"))
+        data = mujoco.MjData(theirs)
+        mujoco.mj_forward(theirs, data)
+        assert body["mass_kg"] == pytest.approx(theirs.body_mass[1], rel=1e-5)
+        assert body["volume_m3"] == pytest.approx(theirs.body_mass[1] / 700, rel=1e-5)
+        assert body["inertia_kg_m2"] == pytest.approx(sorted(theirs.body_inertia[1]), rel=1e-4)
+        assert body["centre_of_mass_m"] == pytest.approx(list(data.xipos[1]), abs=1e-6)
 
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        (("quat=", "zaxis="), "zaxis of geom is not followed"),
+        (("quat=", "shellinertia="), "shellinertia of geom is not followed"),
+        (("<geom mass", "<composite/><geom mass"), "composite is not followed"),
+        (("<geom mass", '<frame><attach model="a" body="b" prefix="c"/></frame><geom mass'), "attach is not followed"),
+        (('meshdir="parts"', 'meshdir="parts" eulerseq="xyw"'), "eulerseq must be three of"),
+        (('type="ellipsoid"', 'type="ellipsoid" mesh="own"'), "if it is of type mesh, and only then"),
+        (('<body pos="0.1', '<replicate count="100000"><frame/></replicate><body pos="0.1'), "at most 20000"),
         (('mesh="mirrored"', 'mesh="nothing"'), "there is no mesh nothing"),
         (('size="0.01 0.02" pos="0 0.03 0"', 'size="0.01" pos="0 0.03 0"'), "a cylinder must have its sizes"),
         (('"mirrored" file="wedge.obj"', '"mirrored" file="gone.obj"'), "gone.obj"),
-        (("<worldbody>", '<include file="a.xml"/><worldbody>'), "include is not followed"),
+        (("<worldbody>", '<include file="a.xml"/><worldbody>'), "a.xml"),
+        (("<worldbody>", '<include file="model.xml"/><worldbody>'), "model.xml is included twice"),
+        (("<mujoco>", "<mujocoinclude>"), "give the file that includes it"),
         (("</mujoco>", ""), "it must have an element mujoco, with its end"),
     ],
 )
 def test_what_a_model_says_wrongly_is_named(tmp_path, wrong, message):
     file = tmp_path / "model.xml"
     assert wrong[0] in MODEL
-    file.write_text(MODEL.replace(*wrong))
+    text = MODEL.replace(*wrong)
+    file.write_text(text.replace("</mujoco>", "</mujocoinclude>") if "<mujocoinclude>" in text else text)
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "wedge.msh").write_bytes(msh())
     (tmp_path / "parts" / "wedge.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
@@ -191,6 +312,20 @@ def test_a_binary_gltf_is_where_its_nodes_place_it(tmp_path):
     assert not any("inside out" in warning for warning in body["warnings"])
 
 
+def compress(document: dict) -> None:
+    """As an exporter with Draco writes it: the accessors have no bytes of their own."""
+    document.update(extensionsRequired=["KHR_draco_mesh_compression"])
+    for accessor in document["accessors"]:
+        del accessor["bufferView"]
+
+
+def repeat(document: dict, times: int) -> None:
+    """Many nodes on one mesh with many corners, given by an accessor without a stride."""
+    document["nodes"] = [{"mesh": 0} for _ in range(times)]
+    document["scenes"] = [{"nodes": list(range(times))}]
+    document["meshes"] = [{"primitives": document["meshes"][0]["primitives"] * 1000}]
+
+
 @pytest.mark.parametrize(
     ("break_it", "message"),
     [
@@ -199,8 +334,17 @@ def test_a_binary_gltf_is_where_its_nodes_place_it(tmp_path):
         (lambda document: document["bufferViews"][1].update(byteLength=1000), "must lie within"),
         (lambda document: document["buffers"][0].update(uri="a.bin"), "its buffer 0 must be in the file"),
         (lambda document: document.update(extensionsRequired=["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
+        (lambda document: compress(document), "it requires KHR_draco_mesh_compression"),
+        (lambda document: document["accessors"][1].update(componentType=5126, count=6), "whole numbers"),
+        (lambda document: document["accessors"][0].update(componentType=5123), "three floats"),
+        (lambda document: document["accessors"][0].update(type="VEC2"), "three floats"),
+        (lambda document: document["meshes"][0]["primitives"][0].update(indices=7), ""),
+        (lambda document: document["meshes"][0]["primitives"][0].update(attributes={}), "POSITION"),
         (lambda document: document.update(scenes=[], scene=None), ""),
-        (lambda document: document["nodes"][1].update(children=[0]), ""),
+        (lambda document: document["nodes"][1].update(children=[0]), "a tree"),
+        (lambda document: document.update(nodes=[{"children": [i + 1, i + 1]} for i in range(60)] + [{"mesh": 0}]), "a tree"),
+        (lambda document: document.update(scenes=[{"nodes": [0, 0]}]), "a tree"),
+        (lambda document: repeat(document, 1000), "at most 1000000 triangles"),
     ],
 )
 def test_a_damaged_binary_gltf_is_refused(tmp_path, break_it, message):

@@ -13,7 +13,7 @@ use crate::mesh_file::{ENDINGS, ending, unusable};
 /// The endings of descriptions of bodies: robot descriptions, and models of MuJoCo.
 const URDF: &str = "urdf";
 const MJCF: &str = "xml";
-/// Folders within folders, at most; a link may lead back.
+/// Folders within folders, at most.
 const DEPTH_MAX: usize = 16;
 
 /// What becomes an object.
@@ -46,12 +46,13 @@ pub(super) fn described(file: &Path, scale_m: f64) -> Result<Described, Failure>
 pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Failure> {
     let mut found: Vec<(PathBuf, Vec<String>)> = Vec::new();
     for path in paths {
+        let mut seen = BTreeSet::new();
         if !path.is_dir() {
             found.push((path.clone(), Vec::new()));
             continue;
         }
         let before = found.len();
-        list(path, &mut Vec::new(), &mut found)?;
+        list(path, &mut Vec::new(), &mut seen, &mut found)?;
         if found.len() == before {
             let endings = ENDINGS.join(", .");
             return Err(unusable(format!(
@@ -92,9 +93,18 @@ fn one_format(found: Vec<(PathBuf, Vec<String>)>) -> Vec<(PathBuf, Vec<String>)>
     found.into_iter().filter(|(file, _)| is_chosen(file)).collect()
 }
 
-/// Adds the files below a folder, each with the names of the folders on the way to it.
-fn list(folder: &Path, way: &mut Vec<String>, found: &mut Vec<(PathBuf, Vec<String>)>) -> Result<(), Failure> {
+/// Adds the files below a folder, each with the names of the folders on the way to it. A folder that links lead to
+/// again is listed once.
+fn list(
+    folder: &Path,
+    way: &mut Vec<String>,
+    seen: &mut BTreeSet<PathBuf>,
+    found: &mut Vec<(PathBuf, Vec<String>)>,
+) -> Result<(), Failure> {
     let unlisted = |error| unusable(format!("failed to list the folder: {error}: {}", folder.display()));
+    if !seen.insert(folder.canonicalize().map_err(unlisted)?) {
+        return Ok(());
+    }
     let entries = std::fs::read_dir(folder).map_err(unlisted)?.collect::<Result<Vec<_>, _>>().map_err(unlisted)?;
     let mut entries: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
     entries.sort();
@@ -103,7 +113,7 @@ fn list(folder: &Path, way: &mut Vec<String>, found: &mut Vec<(PathBuf, Vec<Stri
         if entry.is_dir() {
             if way.len() < DEPTH_MAX {
                 way.push(name);
-                list(&entry, way, found)?;
+                list(&entry, way, seen, found)?;
                 way.pop();
             }
         } else if ending(&entry).is_some_and(|ending| match ending.as_str() {

@@ -92,6 +92,12 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
             "not watertight: {open_edges} edges do not belong to two triangles, {twisted_edges} have theirs turned against \
              each other; {of_parts}"
         ));
+    } else if let Some(share) = measured.confused_share {
+        warnings.push(format!(
+            "its shells overlap, or one is inside out: {:.1} % of what it encloses; its mass, unless given, and its inertia are \
+             those of its parts",
+            100.0 * share
+        ));
     } else if object.volume_m3.is_none() {
         warnings.push(format!("watertight, but without a volume; {of_parts}"));
     }
@@ -100,6 +106,9 @@ pub(super) fn warnings(object: &ImportedObject, config: &Config, measured: &Meas
     }
     if measured.mesh.degenerate_count > 0 {
         warnings.push(format!("{} triangles without an area were dropped", measured.mesh.degenerate_count));
+    }
+    if measured.mesh.repeated_count > 0 {
+        warnings.push(format!("{} triangles were there more than once", measured.mesh.repeated_count));
     }
     if longest_m > PLAUSIBLE_M[1] {
         let scale = object.scale_m * 0.001;

@@ -2,6 +2,7 @@
 //!
 //! A link without collision geometry has its visual one. The mass is the sum of the links' masses.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glamx::{DMat3, DVec3};
@@ -30,7 +31,7 @@ pub(super) fn meshes_of(file: &Path) -> Vec<PathBuf> {
         element.children.iter().for_each(|child| collect(child, file, found));
     }
     let mut found = Vec::new();
-    if let Ok(robot) = xml::read(file, "URDF", "robot") {
+    if let Ok(robot) = xml::read(file, "URDF", &["robot"]) {
         collect(&robot, file, &mut found);
     }
     found
@@ -39,24 +40,36 @@ pub(super) fn meshes_of(file: &Path) -> Vec<PathBuf> {
 /// Reads a description and the meshes that it names. One unit of a mesh is `scale_m` metres, besides the description's
 /// own scale.
 pub(super) fn described(file: &Path, scale_m: f64) -> Result<Described, Failure> {
-    let robot = xml::read(file, "URDF", "robot")?;
+    body_of(&xml::read(file, "URDF", &["robot"])?, file, scale_m)
+}
+
+/// The same of a description's outermost element.
+pub(super) fn body_of(robot: &Element, file: &Path, scale_m: f64) -> Result<Described, Failure> {
     let damaged = |message: String| damaged(&format!("not a whole URDF file: {message}"), file);
     let mut shapes = Shapes::default();
     let mut mass_kg = 0.0;
+    let mut poses = Poses::of(robot);
     for link in robot.children("link") {
-        let at = pose_of(&robot, link).map_err(damaged)?;
+        let at = poses.at(link.attribute("name"), 0).map_err(damaged)?;
         if let Some(mass) = link.child("inertial").and_then(|inertial| inertial.child("mass")) {
             mass_kg += mass.mass_kg("value").map_err(damaged)?;
         }
         let kind = if link.child("collision").is_some() { "collision" } else { "visual" };
         for shape in link.children(kind) {
-            shapes.add(at.then(origin_of(shape).map_err(damaged)?), shape_of(shape, file, scale_m, damaged)?);
+            let surface = shape_of(shape, file, scale_m, &mut shapes, damaged)?;
+            shapes.add(at.then(origin_of(shape).map_err(damaged)?), surface).map_err(damaged)?;
         }
     }
     shapes.body(mass_kg, file)
 }
 
-fn shape_of(shape: &Element, file: &Path, scale_m: f64, damaged: impl Fn(String) -> Failure) -> Result<Shape, Failure> {
+fn shape_of(
+    shape: &Element,
+    file: &Path,
+    scale_m: f64,
+    shapes: &mut Shapes,
+    damaged: impl Fn(String) -> Failure,
+) -> Result<Shape, Failure> {
     let geometry = shape.child("geometry").and_then(|geometry| geometry.children.first());
     let Some(geometry) = geometry else { return Err(damaged(format!("{} must have a geometry", shape.name))) };
     let number = |key| geometry.numbers::<1>(key, None).map_err(&damaged).map(|[number]| number);
@@ -64,7 +77,7 @@ fn shape_of(shape: &Element, file: &Path, scale_m: f64, damaged: impl Fn(String)
         "mesh" => {
             let name = geometry.attribute("filename").ok_or_else(|| damaged("mesh must have filename".to_owned()))?;
             let scale = DVec3::from_array(geometry.numbers("scale", Some([1.0; 3])).map_err(&damaged)?) * scale_m;
-            return xml::scaled_mesh(&resolved(name, file), scale, file);
+            return shapes.mesh(&resolved(name, file), scale, file);
         }
         "box" => xml::solid(ShapeKind::Cuboid, geometry.numbers("size", None).map_err(&damaged)?),
         "cylinder" => {
@@ -77,21 +90,39 @@ fn shape_of(shape: &Element, file: &Path, scale_m: f64, damaged: impl Fn(String)
     solid.map_err(damaged)
 }
 
-/// The pose of a link in the frame of the first one, with all joints at zero.
-fn pose_of(robot: &Element, link: &Element) -> Result<Placed, String> {
-    let mut name = link.attribute("name");
-    let mut pose = Placed::HERE;
-    let end = |joint: &Element, end: &str| joint.child(end).and_then(|of| of.attribute("link").map(str::to_owned));
-    let mut parent;
-    for _ in 0..CHAIN_MAX {
-        let Some(joint) = robot.children("joint").find(|joint| end(joint, "child").as_deref() == name) else {
-            return Ok(pose);
-        };
-        pose = origin_of(joint)?.then(pose);
-        parent = end(joint, "parent");
-        name = parent.as_deref();
+/// The poses of links in the frame of the first one, with all joints at zero.
+struct Poses<'a> {
+    /// Of a link, the joint that moves it and the link that this joint is at.
+    joints: BTreeMap<&'a str, (&'a Element, Option<&'a str>)>,
+    known: BTreeMap<&'a str, Placed>,
+}
+
+impl<'a> Poses<'a> {
+    fn of(robot: &'a Element) -> Self {
+        let mut joints = BTreeMap::new();
+        for joint in robot.children("joint") {
+            let end = |end| joint.child(end).and_then(|of| of.attribute("link"));
+            if let Some(child) = end("child") {
+                joints.entry(child).or_insert((joint, end("parent")));
+            }
+        }
+        Self { joints, known: BTreeMap::new() }
     }
-    Err(format!("its joints must be a tree of at most {CHAIN_MAX} links in a chain"))
+
+    fn at(&mut self, name: Option<&'a str>, depth: usize) -> Result<Placed, String> {
+        let Some((name, (joint, parent))) = name.and_then(|name| Some((name, *self.joints.get(name)?))) else {
+            return Ok(Placed::HERE);
+        };
+        if let Some(pose) = self.known.get(name) {
+            return Ok(*pose);
+        }
+        if depth >= CHAIN_MAX {
+            return Err(format!("its joints must be a tree of at most {CHAIN_MAX} links in a chain"));
+        }
+        let pose = self.at(parent, depth + 1)?.then(origin_of(joint)?);
+        self.known.insert(name, pose);
+        Ok(pose)
+    }
 }
 
 /// The file that a description names. A package is looked for in the folders above.

@@ -1,7 +1,8 @@
 //! What descriptions of bodies in XML have in common: elements with attributes, poses, and the shapes of a body as one
 //! mesh.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use glamx::{DMat3, DVec3};
 use program::{Context as _, Failure};
@@ -9,7 +10,7 @@ use quick_xml::events::{BytesStart, Event};
 use schema::{Polyhedron, ShapeKind, Solid, Vec3};
 
 use crate::catalogue::ellipsoid;
-use crate::mesh::Mesh;
+use crate::mesh::{CORNERS_MAX, Mesh, TRIANGLES_MAX};
 use crate::mesh_file::{BYTES_MAX, Parts, damaged, read_parts, unusable};
 
 /// Largest number: its square is a number, too.
@@ -103,42 +104,62 @@ fn surface_of(polyhedron: &Polyhedron) -> Shape {
     (polyhedron.corners_m().iter().map(|corner| corner.as_dvec3()).collect(), triangles)
 }
 
-/// A mesh that a description names, one of its units being `scale_m` metres along each axis; turned over if it is
-/// mirrored.
-pub(super) fn scaled_mesh(mesh: &Path, scale_m: DVec3, file: &Path) -> Result<Shape, Failure> {
-    let (corners, mut triangles) = read_parts(mesh).context(format_args!("a mesh of {}", file.display()))?;
-    if scale_m.x * scale_m.y * scale_m.z < 0.0 {
-        triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
-    }
-    Ok((corners.into_iter().map(|corner| DVec3::from_array(corner) * scale_m).collect(), triangles))
+/// Shapes in one frame, and the meshes that were read for them.
+#[derive(Default)]
+pub(super) struct Shapes {
+    parts: Parts,
+    read: BTreeMap<PathBuf, Parts>,
 }
 
-/// Shapes in one frame.
-#[derive(Default)]
-pub(super) struct Shapes(Parts);
-
 impl Shapes {
-    pub(super) fn add(&mut self, at: Placed, (corners, triangles): Shape) {
-        let Self((all, all_triangles)) = self;
-        let first = all.len() as u32; // files have less than a gigabyte
+    /// A mesh that a description names, one of its units being `scale_m` metres along each axis; turned over if it is
+    /// mirrored.
+    pub(super) fn mesh(&mut self, mesh: &Path, scale_m: DVec3, file: &Path) -> Result<Shape, Failure> {
+        if !self.read.contains_key(mesh) {
+            let parts = read_parts(mesh).context(format_args!("a mesh of {}", file.display()))?;
+            self.read.insert(mesh.to_owned(), parts);
+        }
+        let (corners, triangles) = &self.read[mesh];
+        let is_mirrored = scale_m.x * scale_m.y * scale_m.z < 0.0;
+        let turned = |[a, b, c]: &[u32; 3]| if is_mirrored { [*a, *c, *b] } else { [*a, *b, *c] };
+        let scaled = |corner: &[f64; 3]| DVec3::from_array(*corner) * scale_m;
+        Ok((corners.iter().map(scaled).collect(), triangles.iter().map(turned).collect()))
+    }
+
+    /// Adds a shape.
+    ///
+    /// # Errors
+    /// If there are too many corners or triangles: a mesh may be named again and again.
+    pub(super) fn add(&mut self, at: Placed, (corners, triangles): Shape) -> Result<(), String> {
+        let (all, all_triangles) = &mut self.parts;
+        if all.len() + corners.len() > CORNERS_MAX || all_triangles.len() + triangles.len() > TRIANGLES_MAX {
+            return Err(format!("it must have at most {TRIANGLES_MAX} triangles and {CORNERS_MAX} corners"));
+        }
+        let first = all.len() as u32;
         all.extend(corners.into_iter().map(|corner| (at.turn * corner + at.at_m).to_array()));
         all_triangles.extend(triangles.into_iter().map(|triangle| triangle.map(|corner| first.saturating_add(corner))));
+        Ok(())
     }
 
     /// The body; a mass of 0 is none.
     pub(super) fn body(self, mass_kg: f64, file: &Path) -> Result<Described, Failure> {
-        let Self((corners, triangles)) = self;
+        let (corners, triangles) = self.parts;
         let mesh = Mesh::new(&corners, &triangles, 1.0).map_err(|message| damaged(&message, file))?;
         Ok(Described { mesh, mass_kg: (mass_kg > 0.0).then_some(mass_kg) })
     }
 }
 
-/// The outermost element of a file of this kind, which must be `root`.
-pub(super) fn read(file: &Path, kind: &str, root: &str) -> Result<Element, Failure> {
+/// The outermost element of a file of this kind, which must be one of `roots`.
+pub(super) fn read(file: &Path, kind: &str, roots: &[&str]) -> Result<Element, Failure> {
     let bytes = program::read(file, BYTES_MAX)
         .map_err(|error| unusable(format!("failed to read it: {error}: {}", file.display())))?;
-    let damaged = |message: &str| damaged(&format!("not a whole {kind} file: {message}"), file);
-    let text = str::from_utf8(&bytes).map_err(|error| damaged(&error.to_string()))?;
+    parse(&bytes, roots).map_err(|message| damaged(&format!("not a whole {kind} file: {message}"), file))
+}
+
+/// The same of its bytes.
+pub(super) fn parse(bytes: &[u8], roots: &[&str]) -> Result<Element, String> {
+    let damaged = str::to_owned;
+    let text = str::from_utf8(bytes).map_err(|error| damaged(&error.to_string()))?;
     let mut reader = quick_xml::Reader::from_str(text);
     // Elements that are open; the outermost stands for the file.
     let mut open = vec![Element { name: String::new(), attributes: Vec::new(), children: Vec::new() }];
@@ -161,7 +182,9 @@ pub(super) fn read(file: &Path, kind: &str, root: &str) -> Result<Element, Failu
         }
     }
     let is_closed = open.len() == 1;
-    let outermost = open.into_iter().next().and_then(|file| file.children.into_iter().find(|child| child.name == root));
+    let is_root = |child: &Element| roots.contains(&child.name.as_str());
+    let outermost = open.into_iter().next().and_then(|file| file.children.into_iter().find(is_root));
+    let root = roots[0];
     outermost.filter(|_| is_closed).ok_or_else(|| damaged(&format!("it must have an element {root}, with its end")))
 }
 

@@ -220,6 +220,108 @@ fn files_that_are_no_meshes_are_told_together() {
     assert!(!dir.path().join("x.toml").exists());
 }
 
+/// What CAD programs and other exporters write: all of these are the box of 60 x 40 x 30 mm.
+#[test]
+fn oddities_of_exporters_are_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("meshes");
+    fs::create_dir(&folder).unwrap();
+    let outline = [[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]];
+    let whole = || prism(&outline, &SQUARE_CAP, 0.03);
+    let (corners, triangles) = whole();
+    let mut text = "solid box\n".to_owned();
+    let mut binary = [[0_u8; 80].as_slice(), &(triangles.len() as u32).to_le_bytes()].concat();
+    for (place, triangle) in triangles.iter().enumerate() {
+        text += "facet normal 0 0 1\nouter loop\n";
+        binary.extend([0; 12]);
+        for corner in triangle.map(|i| corners[i]) {
+            writeln!(text, "vertex {} {} {}", corner[0], corner[1], corner[2]).unwrap();
+            // One rounding step further in every other triangle.
+            let stepped = corner.map(|x| f32::from_bits((x as f32).to_bits() + (place % 2) as u32));
+            binary.extend(stepped.iter().flat_map(|x| x.to_le_bytes()));
+        }
+        text += "endloop\nendfacet\n";
+        binary.extend([0; 2]);
+    }
+    text += "endsolid box\n";
+    fs::write(folder.join("upper.stl"), text.to_uppercase()).unwrap();
+    let latin = [b"solid \xe4\n".as_slice(), text.split_once('\n').unwrap().1.as_bytes()].concat();
+    fs::write(folder.join("latin.stl"), latin).unwrap();
+    fs::write(folder.join("text.stl"), text).unwrap();
+    fs::write(folder.join("stepped.stl"), &binary).unwrap();
+    fs::write(folder.join("trailing.stl"), [binary.as_slice(), b"0123456789"].concat()).unwrap();
+    obj(&folder.join("plain.obj"), whole());
+    let text = fs::read_to_string(folder.join("plain.obj")).unwrap();
+    let broken: String =
+        text.lines().map(|line| line.replacen(' ', " \\\n", usize::from(line.starts_with('f'))) + "\n").collect();
+    fs::write(folder.join("continued.obj"), broken.replace("\\\n", "\\\r\n")).unwrap();
+    fs::write(folder.join("usemtl.obj"), format!("mtllib\nusemtl \no\ng\ns\n{text}")).unwrap();
+    let told = check_ok(&program(&dir, &["import-objects", "meshes", "--scale", "1", "--out", "x.toml", "--json"]));
+    let told: Value = serde_json::from_str(&told).unwrap();
+    let objects = told["objects"].as_array().unwrap();
+    assert_eq!(objects.len(), 8, "{told}");
+    for object in objects {
+        let volume_m3 = object["volume_m3"].as_f64().unwrap_or(0.0);
+        assert!((volume_m3 - 72e-6).abs() < 1e-10, "{object}");
+        assert_eq!(object["is_watertight"], true, "{object}");
+    }
+}
+
+#[test]
+fn shells_that_overlap_weigh_what_their_parts_do() {
+    let dir = tempfile::tempdir().unwrap();
+    let (corners, triangles) = prism(&SQUARE, &SQUARE_CAP, 40.0);
+    let (far, _) = prism(&SQUARE, &SQUARE_CAP, 40.0);
+    let far = far.into_iter().map(|[x, y, z]| [x + 20.0, y, z]);
+    let more = triangles.iter().map(|t| t.map(|i| i + corners.len()));
+    let both = (corners.iter().copied().chain(far).collect(), triangles.iter().copied().chain(more).collect());
+    obj(&dir.path().join("crossed.obj"), both);
+    let doubled = [triangles.clone(), triangles.clone()].concat();
+    obj(&dir.path().join("doubled.obj"), (corners, doubled));
+    let files = ["crossed.obj", "doubled.obj"];
+    let told =
+        program(&dir, &[&["import-objects"], &files[..], &["--scale", "0.001", "--out", "x.toml", "--json"]].concat());
+    let told: Value = serde_json::from_str(&check_ok(&told)).unwrap();
+    let mass_kg = |place: usize| told["objects"][place]["mass_kg"].as_f64().unwrap();
+    let union_kg = 400.0 * 0.06 * 0.04 * 0.04;
+    assert!((mass_kg(0) / union_kg - 1.0).abs() < 0.05, "{told}");
+    assert_eq!(told["objects"][0]["volume_m3"], Value::Null);
+    assert!((mass_kg(1) - 400.0 * 0.04_f64.powi(3)).abs() < 1e-6, "{told}");
+    assert!(told.to_string().contains("its shells overlap") && told.to_string().contains("more than once"), "{told}");
+}
+
+/// Each of these once kept the importer busy for minutes, or for ever.
+#[test]
+fn small_files_that_are_made_to_keep_it_busy_end() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("meshes");
+    fs::create_dir(&folder).unwrap();
+    let (corners, triangles) = prism(&SQUARE, &SQUARE_CAP, 0.04);
+    let corners: Vec<[f64; 3]> = corners.into_iter().map(|[x, y, z]| [0.001 * x, 0.001 * y, z]).collect();
+    obj(&folder.join("repeated.obj"), (corners.clone(), [triangles.as_slice(); 500].concat()));
+    let link = |place: usize| {
+        format!("<link name='l{place}'><collision><geometry><box size='.02 .02 .02'/></geometry></collision></link>")
+    };
+    let joint = |place: usize| format!("<joint><parent link='l{}'/><child link='l{place}'/></joint>", place - 1);
+    let chain: String = (0..999).map(link).chain((1..999).map(joint)).collect();
+    fs::write(folder.join("chain.urdf"), format!("<robot>{chain}</robot>")).unwrap();
+    let classes: String = (0..5_000).map(|place| format!("<default class='c{place}'/>")).collect();
+    let geoms = "<geom class='c4999' type='box' size='.01 .01 .01'/>".repeat(20_000);
+    fs::write(
+        folder.join("classes.xml"),
+        format!("<mujoco><default>{classes}</default><worldbody><body>{geoms}</body></worldbody></mujoco>"),
+    )
+    .unwrap();
+    for name in ["a", "b", "c"] {
+        std::os::unix::fs::symlink(&folder, folder.join(name)).unwrap();
+    }
+    let imported = ["import-objects", "meshes", "--scale", "1", "--out", "x.toml", "--json", "--mass", "0.1"];
+    let told: Value = serde_json::from_str(&check_ok(&program(&dir, &imported))).unwrap();
+    let objects = told["objects"].as_array().unwrap();
+    assert_eq!(objects.len(), 3, "each once, though three links lead back: {told}");
+    assert!(objects.iter().all(|object| object["triangles"] == 12), "what is there many times counts once: {told}");
+}
+
 #[test]
 fn a_mass_that_no_object_has_names_the_unit() {
     let dir = with_meshes();
