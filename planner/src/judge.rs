@@ -36,7 +36,8 @@ impl Method for JudgeMethod {
     }
 
     fn settle(&self, candidates: &mut Candidates, _: &SegmentedCloud, request: &Request<'_>) {
-        let none = request.none_unlike_failed(&candidates.dropped).unwrap_or_default();
+        let reached = candidates.stages.last().map_or(0, |stage| stage.count);
+        let none = request.none_found(&candidates.dropped, reached);
         candidates.end_stage("found", none);
     }
 }
@@ -69,15 +70,16 @@ fn selected(hands: &[ScoredGrasp], request: &Request<'_>) -> Candidates {
             }
         }
     }
-    let nothing = || "no collision-free grasp candidate was found on the observed surface".to_owned();
     let best = hands.first().map_or(0.0, ScoredGrasp::quality);
     let no_numbers = hands.iter().filter(|judged| judged.quality().is_nan()).count();
-    let mut reached = Stage::quality_reached(reached, best, epsilon);
-    if no_numbers > 0 {
-        reached.none =
-            format!("of {} answers of the network {no_numbers} are not numbers: are its weights damaged?", hands.len());
-    }
-    let stages =
-        vec![Stage::new("proposed", hands.len(), request.none_within_limits().unwrap_or_else(nothing)), reached];
+    let none_reached = if no_numbers > 0 {
+        format!("of {} answers of the network {no_numbers} are not numbers: are its weights damaged?", hands.len())
+    } else {
+        request.none_good_enough(best)
+    };
+    let stages = vec![
+        Stage::new("proposed", hands.len(), request.none_proposed()),
+        Stage::new("quality_reached", reached, none_reached),
+    ];
     Candidates { grasps, dropped, stages }
 }

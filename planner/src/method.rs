@@ -42,15 +42,40 @@ impl Request<'_> {
         self.options.avoid.iter().any(|failed| are_alike(failed, workspace_from_grasp))
     }
 
-    /// Why no candidate is left, if its limits refused some.
-    pub(crate) fn none_within_limits(&self) -> Option<String> {
-        self.limiter.rejections().map(|counts| format!("no hand keeps the limits that were asked for: {counts}"))
+    /// What the limits refused, to be said after another reason.
+    fn beyond_limits(&self, before: &str, after: &str) -> String {
+        self.limiter.rejections().map(|counts| format!("{before}{counts}{after}")).unwrap_or_default()
     }
 
-    /// Why no candidate is left, if some are like grasps that failed.
-    pub(crate) fn none_unlike_failed(&self, dropped: &[DroppedCandidate]) -> Option<String> {
-        let avoided = dropped.iter().filter(|candidate| candidate.reason == RejectReason::Avoided).count();
-        (avoided > 0).then(|| format!("all {avoided} grasps are like hands that failed"))
+    /// Why nothing was proposed.
+    pub(crate) fn none_proposed(&self) -> String {
+        let counts = self.beyond_limits("no hand keeps the limits that were asked for: ", "");
+        if counts.is_empty() {
+            "no collision-free grasp candidate was found on the observed surface".to_owned()
+        } else {
+            counts
+        }
+    }
+
+    /// Why none of the candidates reaches ε. The limits come second: candidates that keep them were judged.
+    pub(crate) fn none_good_enough(&self, quality_best: f32) -> String {
+        // Rounded down, so that 0.8997 does not become 0.9.
+        let (best, least) = ((quality_best * 1e3).floor() * 1e-3, self.config.detection.quality_min);
+        let limits = self.beyond_limits("; others are beyond the limits that were asked for: ", "");
+        format!("no grasp has a quality of {least} or more: the best has {best:.3}{limits}")
+    }
+
+    /// Why none of `count` candidates that reach ε is left.
+    pub(crate) fn none_found(&self, dropped: &[DroppedCandidate], count: usize) -> String {
+        let of = |is_meant: fn(&RejectReason) -> bool| dropped.iter().filter(|one| is_meant(&one.reason)).count();
+        let limited = format!("are beyond the limits that were asked for{}", self.beyond_limits(" (", ")"));
+        let parts = [
+            (of(|reason| *reason == RejectReason::NoClosing), "close on nothing that was seen"),
+            (of(|reason| *reason == RejectReason::Avoided), "are like hands that failed"),
+            (of(|reason| matches!(reason, RejectReason::Limited { .. })), &limited),
+        ];
+        let parts = parts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
+        format!("of {count} grasps that are good enough {}", parts.collect::<Vec<_>>().join(", "))
     }
 }
 
@@ -68,14 +93,6 @@ pub(crate) struct Stage {
 impl Stage {
     pub(crate) fn new(name: &'static str, count: usize, none: impl Into<String>) -> Self {
         Self { name, count, none: none.into() }
-    }
-
-    /// Candidates with a quality of ε or more.
-    pub(crate) fn quality_reached(count: usize, quality_best: f32, quality_min: f32) -> Self {
-        // Rounded down, so that 0.8997 does not become 0.9.
-        let best = (quality_best * 1e3).floor() * 1e-3;
-        let none = format!("no grasp has a quality of {quality_min} or more: the best has {best:.3}");
-        Self::new("quality_reached", count, none)
     }
 }
 

@@ -49,7 +49,7 @@ impl Method for VoxelMethod {
             Stage::new("voxels", grid.len(), ""),
             Stage::new("near_surface", detected.near_surface, "no voxel on the grasps' side of a surface was seen"),
             Stage::new("width_within_limits", detected.width_within_limits, widths),
-            Stage::quality_reached(detected.quality_reached, detected.quality_best, params.quality_min),
+            Stage::new("quality_reached", detected.quality_reached, request.none_good_enough(detected.quality_best)),
             Stage::new("detections", detected.found.len(), ""),
         ];
         Candidates {
@@ -69,9 +69,7 @@ impl Method for VoxelMethod {
         candidates.drop_where(|ranked| {
             request.limiter.broken(&ranked.workspace_from_grasp).map(|limit| RejectReason::Limited { limit })
         });
-        let nothing = || format!("no collision-free grasp at any of the {detections} detections");
-        let none = request.none_within_limits().or_else(|| request.none_unlike_failed(&candidates.dropped));
-        let none = none.unwrap_or_else(nothing);
+        let none = request.none_found(&candidates.dropped, detections);
         candidates.end_stage("found", none);
     }
 }

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use planner::plan::{Plan, RejectReason};
-use planner::{BuiltIn, Config, Observation, PlanOptions, Planner, Planners, Policy, demo, input};
+use planner::{
+    BuiltIn, Cone, Config, Limits, Observation, PlanOptions, Planner, Planners, Policy, Target, demo, input,
+};
 use program::ExitCode;
 use schema::{Grid, Gripper, Outcome, Pose, Vec3, VoxelGrid};
 
@@ -93,6 +95,54 @@ fn hands_that_failed_are_not_offered_again() {
     assert!(failed.len() > plan(&[]).grasps.len(), "avoided hands suppress none: {}", failed.len());
     assert!(last.reason.is_some() && last.funnel.count("found") == Some(0));
     assert!(last.dropped.iter().any(|dropped| dropped.reason == RejectReason::Avoided && dropped.why == "avoided"));
+}
+
+/// Few proposals or many, a limit that none, some or all hands keep, an object that is or is not there, hands that
+/// failed, ε that none or some reach: the reason is always the first stage that nothing passed.
+#[test]
+fn the_reason_is_that_of_the_first_stage_that_nothing_passed() {
+    let observation = input::assemble(&demo::request().unwrap(), None, Grid::PAPER).unwrap().observation;
+    let cone = |z: f32, angle_rad_max: f32| Some(Cone { direction: Vec3::Z * z, angle_rad_max });
+    let approaches = [None, cone(-1.0, 0.6), cone(1.0, 0.01)];
+    let mut seen = std::collections::BTreeSet::new();
+    for (proposals, epsilon) in [(8, None), (256, None), (256, Some(1.0))] {
+        let mut config = config();
+        config.judge.proposals = proposals;
+        config.detection.quality_min = epsilon.unwrap_or(config.detection.quality_min);
+        let least = config.detection.quality_min;
+        let planner = judge(config);
+        let plan = |avoid: &[Pose], limits: &Limits| {
+            let options =
+                PlanOptions { explain: true, avoid: avoid.to_vec(), limits: limits.clone(), ..Default::default() };
+            planner.plan(&observation, &options).unwrap()
+        };
+        let middle = plan(&[], &Limits::default()).grasps.first().map(|best| best.workspace_from_grasp.translation);
+        let targets =
+            [None, Some(Target::Point(middle.unwrap_or(Vec3::splat(0.15)))), Some(Target::Point(Vec3::splat(0.29)))];
+        for (approach, target) in
+            approaches.iter().flat_map(|approach| targets.iter().map(move |target| (approach, target)))
+        {
+            let limits = Limits { approach: *approach, target: target.clone(), ..Limits::default() };
+            let free = plan(&[], &limits);
+            let dropped = free.dropped.iter().filter(|one| one.quality >= least).map(|one| one.workspace_from_grasp);
+            let all: Vec<Pose> = free.grasps.iter().map(|one| one.workspace_from_grasp).chain(dropped).collect();
+            for answer in [plan(&all, &limits), free] {
+                let failed = answer.funnel.0.iter().find(|(_, count)| *count == 0).map(|(stage, _)| *stage);
+                let reason = answer.reason.unwrap_or_default();
+                let expected = match failed {
+                    None => "",
+                    Some("proposed") if approach.is_some() || target.is_some() => "no hand keeps the limits",
+                    Some("proposed") => "no collision-free grasp candidate",
+                    Some("quality_reached") => "no grasp has a quality of",
+                    Some("found") => "like hands that failed",
+                    Some(other) => panic!("{other}: {reason}"),
+                };
+                assert!(reason.contains(expected) && reason.is_empty() == failed.is_none(), "{failed:?}: {reason}");
+                seen.insert(failed);
+            }
+        }
+    }
+    assert_eq!(seen.into_iter().collect::<Vec<_>>(), [None, Some("found"), Some("proposed"), Some("quality_reached")]);
 }
 
 #[test]
