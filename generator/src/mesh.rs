@@ -39,6 +39,9 @@ impl Seams {
 pub(crate) const TRIANGLES_MAX: usize = 1_000_000;
 /// Maximum number of corners: as many as triangles that share none have.
 pub(crate) const CORNERS_MAX: usize = 3 * TRIANGLES_MAX;
+/// A mesh covers the surface of its bounding box at most this often: each triangle is cut along all voxels that it
+/// touches, so triangles across and across a body, which are no surface of one, would take minutes and hours.
+const COVERS_MAX: f64 = 50.0;
 /// Corners of an open mesh that are as near as this share of its longest side are one.
 const WELD_SHARE: f64 = 1e-6;
 
@@ -73,7 +76,22 @@ impl Mesh {
             joined.push(triangle.map(|i| first_of[i as usize]));
         }
         let exact = Self::joined(&all_m, joined)?;
+        let covers = exact.covers();
+        if covers > COVERS_MAX {
+            return Err(format!(
+                "its triangles must cover the surface of its bounding box at most {COVERS_MAX} times, got {covers:.0}"
+            ));
+        }
         if exact.seams().is_watertight() { Ok(exact) } else { exact.welded() }
+    }
+
+    /// How often its triangles cover the surface of its bounding box.
+    fn covers(&self) -> f64 {
+        let [low, high] = self.bounds_m();
+        let size_m = high - low;
+        let box_m2 = 2.0 * (size_m.x * size_m.y + size_m.y * size_m.z + size_m.z * size_m.x);
+        let area_m2 = |[a, b, c]: [DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
+        self.triangles_about(low).map(area_m2).sum::<f64>() / box_m2
     }
 
     /// The mesh of corners and triangles, whose equal corners have one number, that of the first.
@@ -234,6 +252,20 @@ pub(crate) mod tests {
         assert!(!apart(3e-6).seams().is_watertight());
         let (thin, _) = closed_box([1.0, 2.0, 1e-7]);
         assert_eq!(Mesh::new(&thin, &triangles, 1.0).unwrap().corners_m.len(), 8, "a closed mesh is left alone");
+    }
+
+    #[test]
+    fn triangles_across_a_body_are_no_surface() {
+        let mut state = 1_u64;
+        let mut draw = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 40) as f64 / f64::from(1 << 24)
+        };
+        let corners: Vec<[f64; 3]> = (0..9_000).map(|_| [draw(), draw(), draw()]).collect();
+        let triangles: Vec<[u32; 3]> = (0..3_000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let error = Mesh::new(&corners, &triangles, 1.0).unwrap_err();
+        assert!(error.contains("at most 50 times"), "{error}");
+        Mesh::new(&corners[..600], &triangles[..200], 1.0).unwrap();
     }
 
     #[test]

@@ -258,6 +258,10 @@ fn msh(bytes: &[u8]) -> Result<Parts, String> {
 
 /// The triangles of a binary glTF's scene, in its frame (y up).
 fn glb(bytes: &[u8]) -> Result<Parts, String> {
+    // The library takes 12 bytes from the length that the header says.
+    if bytes.starts_with(b"glTF") && bytes.get(8..12).is_none_or(|said| said[0] < 12 && said[1..] == [0; 3]) {
+        return Err("it must have a header that says its length".to_owned());
+    }
     // What it requires explains all else that is missing. The library's own checks fail where an accessor is not there.
     let whole = gltf::Gltf::from_slice_without_validation(bytes).map_err(|e| e.to_string())?;
     if let Some(required) = whole.extensions_required().next() {

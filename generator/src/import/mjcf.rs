@@ -371,11 +371,9 @@ impl<'a> Model<'a> {
         if name.is_some() || kind == "mesh" {
             return Err(damaged("a geom must name its mesh if it is of type mesh, and only then".to_owned()));
         }
-        // Half lengths; how many are read depends on the kind.
+        // Half lengths; those that a kind does not have may be zero.
         let sizes = value(&layers, "size").unwrap_or("").split_whitespace().map(|word| word.parse::<f64>().ok());
-        let sizes: Option<Vec<f64>> = sizes.collect();
-        let mut sizes =
-            sizes.filter(|sizes| sizes.iter().all(|size| size.is_finite() && *size > 0.0)).unwrap_or_default();
+        let mut sizes: Vec<f64> = sizes.map_while(|size| size.filter(|size| *size > 0.0 && size.is_finite())).collect();
         if let (Some([from, to]), Some(first)) = (ends, sizes.first().copied()) {
             let half = 0.5 * (from - to).length();
             sizes = if matches!(kind, "capsule" | "cylinder") { vec![first, half] } else { vec![first, first, half] };
@@ -426,7 +424,7 @@ impl<'a> Model<'a> {
             "convex" => {
                 hull_volume_m3(&corners.iter().map(|corner| corner.as_vec3()).collect::<Vec<_>>()).unwrap_or(0.0)
             }
-            "exact" => MassIntegrals::of(triangles.into_iter()).volume_m3.abs(),
+            "exact" => MassIntegrals::of(triangles).volume_m3.abs(),
             // Pyramids over all triangles, whichever way they face, from the middle of those from the surface's middle.
             "legacy" => {
                 let mean = |parts: &mut dyn Iterator<Item = (f64, DVec3)>| {
