@@ -1,14 +1,16 @@
-//! The files that VGN's and GIGA's Python code trains on.
+//! A dataset for the programs of others: the files that VGN's and GIGA's Python code trains on, and Parquet for old
+//! readers.
 //!
 //! The same dataset gives the same bytes. Each file gets its name when it is complete, so an interrupted export
 //! continues with the missing files; `export-begun.json` identifies it meanwhile. `export.json`, written last, and a
 //! page describe the content and what was excluded. `docs/exporting.md` shows how to read the files.
 
+mod plain;
 mod vgn;
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use program::{Context, ExitCode, Failure, FolderLock};
 use serde::de::DeserializeOwned;
@@ -28,6 +30,18 @@ words! {
     pub enum ExportFormat {
         /// VGN's constructed dataset (grasps.csv in voxels, scenes/*.npz), and beside it what GIGA reads in metres.
         Vgn = "vgn",
+        /// The three tables as they are, with floats in the plain encoding, for old readers of Parquet.
+        Parquet = "parquet",
+    }
+}
+
+impl ExportFormat {
+    /// The folders of an export, in which its files lie.
+    fn folders(self) -> &'static [&'static str] {
+        match self {
+            Self::Vgn => &vgn::FOLDERS,
+            Self::Parquet => &plain::FOLDERS,
+        }
     }
 }
 
@@ -74,7 +88,7 @@ pub struct Exported {
 
 /// Writes a dataset in another format to an empty or new folder, or continues an interrupted equal export. A complete
 /// export is not changed. `scenes_done` receives the number of newly written scenes. The attempts and objects of one
-/// shard and a few grids are in memory.
+/// shard, or a few dozen grids, are in memory.
 ///
 /// # Errors
 /// [`Failure`] if the dataset cannot be read, does not fit the format, or the folder holds something else.
@@ -93,7 +107,9 @@ pub fn export(
         return Err(refused(format!("the export must go to a folder, got a file: {out}")));
     }
     let info = dataset.info();
-    let hand = vgn::suited(info).map_err(refused)?;
+    if format == ExportFormat::Vgn {
+        vgn::suited(info).map_err(refused)?;
+    }
     let origin = ExportOrigin {
         format: format.name().to_owned(),
         exporter_version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -102,16 +118,20 @@ pub fn export(
         dataset_seed: info.seed,
     };
     if let Some(done) = begin(folder, &origin)? {
-        clear(folder); // a run was killed at the very end
+        clear(folder, format); // a run was killed at the very end
         scenes_done(info.scene_count);
         return Ok(done);
     }
-    let _locks =
-        vgn::FOLDERS.into_iter().map(|name| FolderLock::take(&folder.join(name))).collect::<Result<Vec<_>, _>>()?;
-    let counts = vgn::write(dataset, hand, folder, &origin, &mut scenes_done)?;
+    let folders = format.folders().iter();
+    let _locks = folders.map(|name| FolderLock::take(&folder.join(name))).collect::<Result<Vec<_>, _>>()?;
+    let write = match format {
+        ExportFormat::Vgn => vgn::write,
+        ExportFormat::Parquet => plain::write,
+    };
+    let counts = write(dataset, folder, &origin, &mut scenes_done)?;
     let done = Exported { origin, counts };
     program::write(&folder.join(DONE), program::json(&done)?)?;
-    clear(folder);
+    clear(folder, format);
     Ok(done)
 }
 
@@ -161,10 +181,24 @@ fn parsed<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
     serde_json::from_slice(bytes).ok()
 }
 
+/// A file's name while it is written. A continued export begins it anew.
+fn part(path: &Path) -> PathBuf {
+    path.with_extension("part")
+}
+
+/// Gives a file that is complete its name.
+fn finish(file: &File, path: &Path) -> Result<(), Failure> {
+    file.sync_all().and_then(|()| fs::rename(part(path), path)).context(failed(path))
+}
+
+fn failed(path: &Path) -> String {
+    format!("failed to write {}", path.display())
+}
+
 /// Removes what only an incomplete export needs. What stays does no harm.
-fn clear(folder: &Path) {
-    let locks = vgn::FOLDERS.map(|name| folder.join(name).join(FolderLock::NAME));
-    for path in locks.into_iter().chain([folder.join(BEGUN)]) {
+fn clear(folder: &Path, format: ExportFormat) {
+    let locks = format.folders().iter().map(|name| folder.join(name).join(FolderLock::NAME));
+    for path in locks.chain([folder.join(BEGUN)]) {
         let _ = fs::remove_file(path);
     }
 }

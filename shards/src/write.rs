@@ -6,7 +6,7 @@ mod draft;
 mod finalize;
 mod kept;
 mod plain_table;
-mod table_writer;
+pub(crate) mod table_writer;
 mod writer;
 
 pub use draft::Draft;

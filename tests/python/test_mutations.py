@@ -38,6 +38,7 @@ COMMANDS = [
     "shards view {data} --scene 2 --out {out}/scene.html",
     "shards tsdf {data} --scene 6 --out {out}/scene.npy",
     "shards export {data} --format vgn --out {out}/vgn",
+    "shards export {data} --format parquet --out {out}/plain",
     "generator repeat {data}",
     "generator replay {data} --attempt 7/3",
     "generator depth {data} --scene 2 --out {out}/depth",

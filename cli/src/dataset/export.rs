@@ -15,17 +15,18 @@ const EXAMPLES: &str = "\
 Examples:
   graspmill dataset export grasps --format vgn --out grasps-vgn
   graspmill dataset export s3://bucket/grasps --format vgn --out grasps-vgn
+  graspmill dataset export grasps --format parquet --out grasps-plain    for old polars and fastparquet
 
 An interrupted export continues when it is run again. docs/exporting.md describes the files and how to read them.";
 
-/// Write the dataset as the files that VGN's and GIGA's code trains on.
+/// Write the dataset as the files that VGN's and GIGA's code trains on, or as Parquet for old readers.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
     /// The dataset's folder or URL.
     #[arg(value_parser = LocationParser)]
     dataset: Location,
-    /// The format: what VGN and GIGA read.
+    /// The format: what VGN and GIGA read, or Parquet in the plain encoding.
     #[arg(long, value_parser = one_of!(ExportFormat))]
     format: ExportFormat,
     /// A new or an empty folder, or that of the same export, interrupted: it continues there.

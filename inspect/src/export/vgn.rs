@@ -13,7 +13,7 @@
 //! `clean_balance_data.py`) is left out: grasps nearer to the workspace's faces than 20 mm. Some of them would have no
 //! voxel, or none after a quarter turn.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ use schema::{AttemptRecord, CameraParams, Gripper, Intrinsics, Vec3, samples_of}
 use serde::Serialize;
 use shards::{Dataset, DatasetInfo};
 
-use super::{ExportCounts, ExportOrigin};
+use super::{ExportCounts, ExportOrigin, failed, finish, part};
 use crate::npy;
 
 /// Voxels along a side in VGN's and GIGA's code, where the number stands in the network and the augmentation.
@@ -34,12 +34,12 @@ const MARGIN_M: f32 = 0.02;
 /// The folders of an export, in which its files lie.
 pub(super) const FOLDERS: [&str; 3] = ["", "scenes", "raw"];
 
-/// The hand of a dataset that fits the format; else why it does not.
-pub(super) fn suited(info: &DatasetInfo) -> Result<&Gripper, String> {
+/// Whether a dataset fits the format; else why it does not.
+pub(super) fn suited(info: &DatasetInfo) -> Result<(), String> {
     let (taken, got) = (RESOLUTION, info.grid.resolution);
     match info.hands() {
         _ if got != taken => Err(format!("VGN's code takes grids of {taken}^3 voxels, the dataset has {got}^3")),
-        [hand] => Ok(hand),
+        [_] => Ok(()),
         hands => Err(format!("VGN's format has one hand, the dataset has {}", hands.len())),
     }
 }
@@ -95,7 +95,7 @@ struct Table {
 impl Table {
     /// `axes` are the names of the origin's columns.
     fn begin(path: PathBuf, axes: &str, unit_m: f32) -> Result<Self, Failure> {
-        let file = File::create(part(&path)).context(failed(&path))?;
+        let file = program::create(&part(&path)).context(failed(&path))?;
         let mut table = Self { file, path, unit_m };
         table.put(&format!("scene_id,qx,qy,qz,qw,{axes},width,label\n"))?;
         Ok(table)
@@ -104,25 +104,11 @@ impl Table {
     fn put(&mut self, lines: &str) -> Result<(), Failure> {
         self.file.write_all(lines.as_bytes()).context(failed(&self.path))
     }
-
-    fn finish(self) -> Result<(), Failure> {
-        self.file.sync_all().and_then(|()| fs::rename(part(&self.path), &self.path)).context(failed(&self.path))
-    }
-}
-
-/// A table's name while it is written. A continued export begins it anew.
-fn part(path: &Path) -> PathBuf {
-    path.with_extension("part")
-}
-
-fn failed(path: &Path) -> String {
-    format!("failed to write {}", path.display())
 }
 
 /// Writes everything but `export.json`.
 pub(super) fn write(
     dataset: &Dataset,
-    hand: &Gripper,
     folder: &Path,
     origin: &ExportOrigin,
     scenes_done: &mut dyn FnMut(u64),
@@ -135,7 +121,7 @@ pub(super) fn write(
     let mut counts = ExportCounts { attempts: info.attempt_count, ..ExportCounts::default() };
     for shard in 0..dataset.shard_count() {
         let samples = samples_of(&dataset.read_attempts(shard)?);
-        let rows = samples.iter().map(|sample| Row::new(sample, hand));
+        let rows = samples.iter().map(|sample| Row::new(sample, &info.gripper));
         let rows: Vec<Row> = rows.filter(|row| row.is_inside(info)).collect();
         for table in &mut tables {
             table.put(&rows.iter().map(|row| row.line(table.unit_m)).collect::<String>())?;
@@ -149,7 +135,7 @@ pub(super) fn write(
         write_grids(dataset, shard, scenes, folder, scenes_done)?;
     }
     counts.scenes_left_out = info.scene_count - counts.scenes;
-    tables.into_iter().try_for_each(Table::finish)?;
+    tables.iter().try_for_each(|table| finish(&table.file, &table.path))?;
     program::write(&folder.join("raw/setup.json"), setup(info)?)?;
     program::write(&folder.join("README.md"), page(origin, info, &counts))?;
     Ok(counts)

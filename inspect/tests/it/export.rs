@@ -184,6 +184,36 @@ fn the_same_dataset_gives_the_same_bytes_and_a_stopped_export_goes_on() {
 }
 
 #[test]
+fn plain_tables_are_the_same_bytes_each_time_and_a_stopped_export_goes_on() {
+    let (_dir, dataset) = written(&sample::info(6)); // any grid will do
+    let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let plain = |out: &Path| export(&dataset, ExportFormat::Parquet, &Location::Path(out.to_owned()), |_| ());
+    let told = plain(one.path()).unwrap();
+    plain(two.path()).unwrap();
+    let files = sample::files(one.path());
+    assert_eq!(files, sample::files(two.path()));
+    let names: Vec<&str> = files.iter().filter_map(|(path, _)| path.to_str()).collect();
+    let tables = ["attempts", "objects", "scenes"].map(|table| [0, 1].map(|shard| layout_name(table, shard)));
+    let tables: Vec<&str> = tables.iter().flatten().map(String::as_str).collect();
+    assert_eq!(names, [&["README.md"], &tables[..2], &["export.json", "meta/info.json"], &tables[2..]].concat());
+    let info = dataset.info();
+    assert_eq!((told.counts.grasps, told.counts.scenes), (info.attempt_count, info.scene_count));
+    assert_eq!(Dataset::open(one.path()).unwrap_err().exit_code(), ExitCode::Incomplete, "it is not the dataset");
+
+    let origin = serde_json::to_vec_pretty(&told.origin).unwrap();
+    fs::write(two.path().join("export-begun.json"), origin).unwrap();
+    fs::remove_file(two.path().join("export.json")).unwrap();
+    let half = two.path().join(tables[3]);
+    fs::rename(&half, half.with_extension("part")).unwrap();
+    assert_eq!(plain(two.path()).unwrap(), told);
+    assert_eq!(files, sample::files(two.path()));
+}
+
+fn layout_name(table: &str, shard: u32) -> String {
+    format!("{table}/shard-{shard:05}-of-00002.parquet")
+}
+
+#[test]
 fn nothing_of_others_is_touched() {
     let (dir, dataset) = written(&small(7));
     let (_other_dir, other) = written(&small(8));
