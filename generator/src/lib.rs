@@ -46,5 +46,5 @@ pub use objects::{draw_drops, draw_release};
 pub use packed::draw_packed;
 pub use policy::Policy;
 pub use repeat::{Difference, Repeated, repeat};
-pub use replay::{AttemptId, Replay, replay, replay_pages};
+pub use replay::{AttemptId, Replay, packed_replays, replay};
 pub use run::{Event, LOOK_SHARDS_MAX, REJECTED_SHARE_MAX, Rejected, Report, Stopped, attempts_of, generate};

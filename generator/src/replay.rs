@@ -5,7 +5,6 @@ use std::str::FromStr;
 
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
-use report::view::folder::{INDEX, Place, REPORT, replay_file, scene_file};
 use report::view::{Body, Class, EventKind, Line, View, flat, flat_points};
 use schema::{AttemptRecord, Gripper, HandBox, Outcome, Pose, SceneRows};
 use shards::Dataset;
@@ -92,39 +91,21 @@ pub fn replay(dataset: &Dataset, id: AttemptId) -> Result<Replay, Failure> {
     replay_of(dataset, &dataset.read_scene(id.scene_id)?, id)
 }
 
-/// The pages of all attempts of a scene, for a folder of `graspmill dataset browse`: their files' names, texts, and
-/// whether they end as stored. Each leads to the scene, to all scenes, to the report and to the scene's other attempts.
+/// The replays of all attempts of a scene for its page in a folder ([`View::packed`]; `scene` is the page's view), and
+/// how many of them end otherwise than stored.
 ///
 /// # Errors
-/// As of [`replay`].
-pub fn replay_pages(dataset: &Dataset, scene_id: u64) -> Result<Vec<(String, String, bool)>, Failure> {
-    let rows = dataset.read_scene(scene_id)?;
-    let file = |attempt: &AttemptRecord| replay_file(scene_id, attempt.attempt_id);
-    let page = |(at, attempt): (usize, &AttemptRecord)| {
-        let id = AttemptId { scene_id, attempt_id: attempt.attempt_id };
-        let mut replay = replay_of(dataset, &rows, id)?;
-        shorten(&mut replay.view);
-        let place = Place {
-            previous: at.checked_sub(1).map(|before| file(&rows.attempts[before])),
-            next: rows.attempts.get(at + 1).map(file),
-            links: vec![
-                (format!("scene {scene_id}"), scene_file(scene_id)),
-                ("all scenes".to_owned(), INDEX.to_owned()),
-                ("report".to_owned(), REPORT.to_owned()),
-            ],
-            ..Place::default()
-        };
-        Ok((file(attempt), replay.view.page_in(&place), replay.is_reproduced()))
+/// If the dataset was not made by this engine.
+pub fn packed_replays(dataset: &Dataset, rows: &SceneRows, scene: &View) -> Result<(Vec<String>, usize), Failure> {
+    let packed = |attempt: &AttemptRecord| {
+        let id = AttemptId { scene_id: attempt.scene_id, attempt_id: attempt.attempt_id };
+        let replay = replay_of(dataset, rows, id)?;
+        let is_reproduced = replay.is_reproduced();
+        Ok((replay.view.packed(scene), is_reproduced))
     };
-    rows.attempts.par_iter().enumerate().map(page).collect()
-}
-
-/// Rounds what moves to 0.01 mm and a quaternion's last seen digits: there are as many replays as attempts.
-fn shorten(view: &mut View) {
-    let round = |value: &mut f32| *value = (*value * 1e5).round() / 1e5;
-    let poses = view.bodies.iter_mut().filter(|body| body.poses.len() > 1).flat_map(|body| &mut body.poses);
-    poses.flatten().for_each(round);
-    view.points.iter_mut().flat_map(|points| &mut points.points_m).flatten().for_each(round);
+    let replays = rows.attempts.par_iter().map(packed).collect::<Result<Vec<_>, Failure>>()?;
+    let others = replays.iter().filter(|(_, is_reproduced)| !is_reproduced).count();
+    Ok((replays.into_iter().map(|(packed, _)| packed).collect(), others))
 }
 
 fn replay_of(dataset: &Dataset, rows: &SceneRows, id: AttemptId) -> Result<Replay, Failure> {
@@ -151,6 +132,7 @@ fn replay_of(dataset: &Dataset, rows: &SceneRows, id: AttemptId) -> Result<Repla
 
     let Recorder { mut view, shots, .. } = recorder;
     view.title = format!("{}/{}: {}", id.scene_id, id.attempt_id, describe_end(&now));
+    // Table and objects first, as in the scene's view: there they need not be told again.
     view.bodies.push(Body::table(info.grid.size_m, info.grid.table_z_m));
     view.bodies.extend(objects(rows, &stored, &now, &shots));
     view.bodies.extend(hand(gripper, &shots));

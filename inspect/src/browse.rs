@@ -1,33 +1,33 @@
-//! A dataset as a folder of pages that lead to each other: all scenes with filters, each scene in space, the report;
-//! and the replays that `generator` wrote there, for this crate knows no physics.
+//! A dataset as a folder of pages that lead to each other: all scenes with filters, each scene in space with the
+//! replays of its attempts, the report. This crate knows no physics, so the replays come from `generator`.
 
 use std::collections::BTreeSet;
+use std::io::Write as _;
 use std::path::Path;
 
 use program::text::grouped;
 use program::{Context, ExitCode, Failure};
-use report::document::{Block, Document};
-use report::view::Class;
+use report::document::{Block, Document, Picture};
+use report::view::View;
 use report::view::folder::{
-    Facet, INDEX, LISTING, ListedAttempt, ListedScene, Listing, Place, REPORT, is_scene_or_replay, replay_file,
-    scene_file, shared_files,
+    Facet, INDEX, LISTING, ListedAttempt, ListedScene, Listing, Place, REPORT, is_scene, scene_file, shared_files,
 };
 use schema::{AttemptRecord, Outcome, SceneRows, Vec3};
 use shards::Dataset;
 
 use crate::pictures::picture;
 use crate::statistics::report;
-use crate::view::{attempt_label, scene_view};
+use crate::view::scene_view;
 
+/// Scenes of up to this many attempts together have pictures on the first page, those after them words alone: a picture
+/// has a quarter of a kilobyte for each attempt.
+const PICTURED_ATTEMPTS_MAX: usize = 6_000;
 /// Degrees of a range of angles, and the ranges.
 const ANGLE_DEG: f32 = 30.0;
 const ANGLES: [&str; 6] = ["0 to 30°", "30 to 60°", "60 to 90°", "90 to 120°", "120 to 150°", "150 to 180°"];
 
 /// Makes the folder, or empties one that has such pages.
-///
-/// # Errors
-/// If it has files of others, or cannot be written.
-pub fn begin_browsing(folder: &Path) -> Result<(), Failure> {
+fn begin(folder: &Path) -> Result<(), Failure> {
     let failed = || format!("failed to write {}", folder.display());
     std::fs::create_dir_all(folder).context(failed())?;
     let entries = std::fs::read_dir(folder).context(failed())?;
@@ -39,75 +39,83 @@ pub fn begin_browsing(folder: &Path) -> Result<(), Failure> {
     }
     // The listing first: a folder that has it may be emptied again.
     write(folder, LISTING, "")?;
-    for name in names.iter().filter(|name| is_scene_or_replay(name)) {
+    for name in names.iter().filter(|name| is_scene(name)) {
         std::fs::remove_file(folder.join(name)).context(failed())?;
     }
     Ok(())
 }
 
-/// Writes the pages of these scenes, in order. Attempts lead to their replays as far as they lie in the folder.
+/// Writes the pages of these scenes, which ascend, to a new or empty folder, or over pages of an earlier call. A scene
+/// at a time is in memory. `replays` makes those of a scene's attempts for its view, as [`View::packed`] does, or none.
 ///
 /// # Errors
-/// If a scene cannot be read or a file not written.
-pub fn browse(dataset: &Dataset, scenes: &[u64], folder: &Path) -> Result<(), Failure> {
+/// If the folder has files of others, a scene cannot be read, or a file not written.
+pub fn browse(
+    dataset: &Dataset,
+    scenes: &[u64],
+    folder: &Path,
+    mut replays: impl FnMut(&SceneRows, &View) -> Vec<String>,
+) -> Result<(), Failure> {
+    begin(folder)?;
     let info = dataset.info();
-    let rows = scenes.iter().map(|scene| dataset.read_scene(*scene)).collect::<Result<Vec<SceneRows>, _>>()?;
-    let (listing, mut pictures) = (listing(&rows), Vec::new());
-    for (at, scene) in rows.iter().enumerate() {
-        let view = scene_view(info, dataset.id(), scene);
-        let link = |attempt: &AttemptRecord| {
-            let file = replay_file(attempt.scene_id, attempt.attempt_id);
-            folder.join(&file).is_file().then_some(file)
-        };
-        let opens = |attempt: &AttemptRecord| {
-            let (class, label) = (Class::Grasp(attempt.outcome), attempt_label(attempt));
-            let line = view.lines.iter().position(|line| line.class == class && line.label == label)?;
-            Some((line, link(attempt)?))
-        };
-        let place = Place {
-            previous: at.checked_sub(1).map(|before| scene_file(scenes[before])),
-            next: scenes.get(at + 1).map(|scene| scene_file(*scene)),
-            links: vec![("all scenes".to_owned(), INDEX.to_owned()), ("report".to_owned(), REPORT.to_owned())],
-            opens: scene.attempts.iter().filter_map(opens).collect(),
-            attempts: scene.attempts.iter().map(|attempt| listed(attempt, link(attempt))).collect(),
-        };
-        write(folder, &scene_file(scene.scene.scene_id), &view.page_in(&place))?;
-        pictures.push(picture(info, scene, true));
+    let (mut listing, mut pictures, mut attempts) = (Lists::default(), Vec::new(), 0);
+    let mut neighbours = scenes.iter().map(|scene| scene_file(*scene)).collect::<Vec<_>>().into_iter().peekable();
+    let mut previous = None;
+    for of_shard in scenes.chunk_by(|a, b| info.shard_of(*a) == info.shard_of(*b)) {
+        let shard = info.shard_of(of_shard[0]).unwrap_or_default();
+        for rows in dataset.some_scenes(shard, of_shard.to_vec())? {
+            let rows = rows?;
+            let view = scene_view(info, dataset.id(), &rows);
+            let own = neighbours.next();
+            let place = Place {
+                previous: std::mem::replace(&mut previous, own),
+                next: neighbours.peek().cloned(),
+                attempts: rows.attempts.iter().map(listed).collect(),
+                replays: replays(&rows, &view),
+            };
+            write(folder, &scene_file(rows.scene.scene_id), &view.page_in(&place))?;
+            pictures.push(picture(info, &rows, attempts < PICTURED_ATTEMPTS_MAX, true));
+            attempts += rows.attempts.len();
+            listing.add(&rows);
+        }
     }
-    let attempts: usize = rows.iter().map(|scene| scene.attempts.len()).sum();
-    let name = dataset.location().name();
-    let text = format!(
-        "{} of {} scenes, with {} of {} attempts. A picture leads to its scene, which can be turned; a grasp there leads to its replay.",
-        grouped(scenes.len() as u64),
-        grouped(info.scene_count),
-        grouped(attempts as u64),
-        grouped(info.attempt_count)
-    );
-    let blocks = vec![
-        Block::Text(text),
-        Block::Links(vec![("Report: what the whole dataset holds".to_owned(), REPORT.to_owned())]),
-        Block::Filter(listing.facets.clone()),
-        Block::Legend(Outcome::ALL.to_vec()),
-        Block::Gallery(pictures),
-    ];
-    let footer = format!("graspmill dataset browse, Graspmill {}; dataset {}", env!("CARGO_PKG_VERSION"), dataset.id());
-    let index = Document { title: format!("{name}: scenes"), blocks, footer };
     write(folder, REPORT, &report(dataset)?.page(dataset, Some(scenes))?.html()?)?;
     for (name, text) in shared_files() {
         write(folder, name, &text)?;
     }
+    let listing = listing.finished();
     write(folder, LISTING, &listing.script())?;
-    write(folder, INDEX, &index.html()?)
+    write(folder, INDEX, &index(dataset, listing.facets, pictures, attempts).html()?)
 }
 
-fn listed(attempt: &AttemptRecord, link: Option<String>) -> ListedAttempt {
+/// The page of all scenes.
+fn index(dataset: &Dataset, facets: Vec<Facet>, pictures: Vec<Picture>, attempts: usize) -> Document {
+    let (info, name) = (dataset.info(), dataset.location().name());
+    let [scenes, of_scenes] = [pictures.len() as u64, info.scene_count].map(grouped);
+    let [attempts, of_attempts] = [attempts as u64, info.attempt_count].map(grouped);
+    let more = if scenes == of_scenes { "" } else { " \"graspmill dataset browse --scenes N\" shows more." };
+    let text = format!(
+        "{scenes} of {of_scenes} scenes, with {attempts} of {of_attempts} attempts.{more} A picture leads to its scene, which can be turned; \
+         a grasp there leads to its replay."
+    );
+    let blocks = vec![
+        Block::Text(text),
+        Block::Links(vec![("Report: what the whole dataset holds".to_owned(), REPORT.to_owned())]),
+        Block::Filter(facets),
+        Block::Legend(Outcome::ALL.to_vec()),
+        Block::Gallery(pictures),
+    ];
+    let footer = format!("graspmill dataset browse, Graspmill {}; dataset {}", env!("CARGO_PKG_VERSION"), dataset.id());
+    Document { title: format!("{name}: scenes"), blocks, footer }
+}
+
+fn listed(attempt: &AttemptRecord) -> ListedAttempt {
     let width = attempt.width_m.map_or_else(String::new, |width_m| format!(", {:.1} mm", width_m * 1000.0));
     ListedAttempt {
         attempt: attempt.attempt_id,
         id: format!("{}/{}", attempt.scene_id, attempt.attempt_id),
         outcome: attempt.outcome,
         words: format!("{} at object {}{width}", attempt.rule.name(), attempt.object_id),
-        link,
     }
 }
 
@@ -127,40 +135,56 @@ fn values(scene: &SceneRows, attempt: &AttemptRecord) -> [String; FACETS.len()] 
     ]
 }
 
-/// The scenes' attempts by their properties; choices are those that there are.
-fn listing(scenes: &[SceneRows]) -> Listing {
-    let all = || scenes.iter().flat_map(|scene| scene.attempts.iter().map(move |attempt| values(scene, attempt)));
-    let choices = |facet: usize| {
-        let mut choices: Vec<String> =
-            all().map(|values| values[facet].clone()).collect::<BTreeSet<_>>().into_iter().collect();
-        match facet {
-            0 => choices.sort_by_key(|name| Outcome::from_name(name)),
-            3 => choices.sort_by_key(|name| ANGLES.iter().position(|angle| angle == name)),
-            4 => choices.sort_by_key(|count| count.parse::<usize>().ok()),
-            _ => {}
-        }
-        choices
-    };
-    let facet = |(at, name): (usize, &str)| Facet { name: name.to_owned(), choices: choices(at) };
-    let facets: Vec<Facet> = FACETS.into_iter().enumerate().map(facet).collect();
-    let place = |facet: &Facet, value: &String| {
-        facet.choices.iter().position(|choice| choice == value).unwrap_or_default() as u32
-    };
-    let listed = |scene: &SceneRows| {
-        let row = |attempt: &AttemptRecord| {
-            let values = values(scene, attempt);
-            let places = facets.iter().zip(&values).map(|(facet, value)| place(facet, value));
+/// The scenes' attempts by their properties while scenes are added; choices are those that were met, in that order.
+#[derive(Default)]
+struct Lists {
+    choices: [Vec<String>; FACETS.len()],
+    scenes: Vec<ListedScene>,
+}
+
+impl Lists {
+    fn add(&mut self, scene: &SceneRows) {
+        let mut place = |(facet, value): (usize, String)| {
+            let choices = &mut self.choices[facet];
+            let found = choices.iter().position(|choice| *choice == value);
+            found.unwrap_or_else(|| (choices.push(value), choices.len() - 1).1) as u32
+        };
+        let mut row = |attempt: &AttemptRecord| {
+            let places = values(scene, attempt).into_iter().enumerate().map(&mut place);
             [attempt.attempt_id].into_iter().chain(places).collect()
         };
-        ListedScene { id: scene.scene.scene_id, attempts: scene.attempts.iter().map(row).collect() }
-    };
-    Listing { scenes: scenes.iter().map(listed).collect(), facets }
+        let attempts = scene.attempts.iter().map(&mut row).collect();
+        self.scenes.push(ListedScene { id: scene.scene.scene_id, attempts });
+    }
+
+    /// The listing, its choices in the order in which people read them.
+    fn finished(mut self) -> Listing {
+        let mut facets = Vec::new();
+        for (at, (name, met)) in FACETS.into_iter().zip(&self.choices).enumerate() {
+            let mut choices = met.clone();
+            match at {
+                0 => choices.sort_by_key(|name| Outcome::from_name(name)),
+                3 => choices.sort_by_key(|name| ANGLES.iter().position(|angle| angle == name)),
+                4 => choices.sort_by_key(|count| count.parse::<usize>().ok()),
+                _ => choices.sort(),
+            }
+            let place = |choice| choices.iter().position(|other| other == choice).unwrap_or_default() as u32;
+            let places: Vec<u32> = met.iter().map(place).collect();
+            for row in self.scenes.iter_mut().flat_map(|scene| &mut scene.attempts) {
+                row[at + 1] = places[row[at + 1] as usize];
+            }
+            facets.push(Facet { name: name.to_owned(), choices });
+        }
+        Listing { facets, scenes: self.scenes }
+    }
 }
 
 /// Pages can be made again: they are not worth waiting for the disk.
 fn write(folder: &Path, name: &str, text: &str) -> Result<(), Failure> {
     let path = folder.join(name);
-    std::fs::write(&path, text).context(format_args!("failed to write {}", path.display()))
+    program::create(&path)
+        .and_then(|mut file| file.write_all(text.as_bytes()))
+        .context(format_args!("failed to write {}", path.display()))
 }
 
 #[cfg(test)]
@@ -173,7 +197,9 @@ mod tests {
         let mut info = synthetic::info(5, 1, 60, 20);
         info.grid.resolution = 16;
         let scenes: Vec<SceneRows> = (0..3).map(|scene| synthetic::scene_rows(scene, info.seed, &info)).collect();
-        let listing = listing(&scenes);
+        let mut listing = Lists::default();
+        scenes.iter().for_each(|scene| listing.add(scene));
+        let listing = listing.finished();
         let names: Vec<&str> = listing.facets.iter().map(|facet| facet.name.as_str()).collect();
         assert_eq!(names, FACETS);
         for (scene, listed) in scenes.iter().zip(&listing.scenes) {
@@ -194,15 +220,15 @@ mod tests {
     fn a_folder_of_others_is_left_alone_and_one_of_ours_is_emptied() {
         let place = tempfile::tempdir().unwrap();
         let folder = place.path().join("new/pages");
-        begin_browsing(&folder).unwrap();
-        for name in ["scene-7.html", "replay-7-1.html", "notes.txt"] {
+        begin(&folder).unwrap();
+        for name in ["scene-7.html", "notes.txt"] {
             std::fs::write(folder.join(name), "").unwrap();
         }
-        begin_browsing(&folder).unwrap();
-        let is_there = ["scene-7.html", "replay-7-1.html", "notes.txt", LISTING].map(|name| folder.join(name).exists());
-        assert_eq!(is_there, [false, false, true, true]);
+        begin(&folder).unwrap();
+        let is_there = ["scene-7.html", "notes.txt", LISTING].map(|name| folder.join(name).exists());
+        assert_eq!(is_there, [false, true, true]);
         std::fs::remove_file(folder.join(LISTING)).unwrap();
-        let error = begin_browsing(&folder).unwrap_err();
+        let error = begin(&folder).unwrap_err();
         assert_eq!(error.exit_code(), ExitCode::Config);
         assert!(folder.join("notes.txt").exists());
     }

@@ -21,7 +21,7 @@ mod synthetic;
 mod tsdf;
 mod view;
 
-pub use browse::{begin_browsing, browse};
+pub use browse::browse;
 pub use export::{ExportCounts, ExportFormat, ExportOrigin, Exported, export};
 pub use pictures::{scene_svg, spread};
 pub use statistics::{Bin, Coverage, Fit, Group, Law, OutcomeGroup, Report, TableSize, report};

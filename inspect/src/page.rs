@@ -56,7 +56,8 @@ impl Report {
         };
         let text =
             format!("Evenly spread over the dataset. A fork is a hand, which names its attempt under the mouse. {how}");
-        let shown = shown.into_iter().map(|scene| Ok(picture(info, &dataset.read_scene(scene)?, browsed.is_some())));
+        let shown =
+            shown.into_iter().map(|scene| Ok(picture(info, &dataset.read_scene(scene)?, true, browsed.is_some())));
         let mut scenes = heading("Scenes", &text).to_vec();
         scenes.push(Block::Legend(Outcome::ALL.to_vec()));
         scenes.push(Block::Gallery(shown.collect::<Result<_, Failure>>()?));

@@ -23,12 +23,13 @@ pub fn spread(scenes: &[u64], count: usize) -> Vec<u64> {
     (0..count).map(|part| scenes[place(part)]).collect()
 }
 
-/// A scene with all its attempts; `is_link`: it leads to the scene's page in the same folder.
-pub(crate) fn picture(info: &DatasetInfo, rows: &SceneRows, is_link: bool) -> Picture {
+/// A scene with all its attempts, drawn or in words alone; `is_link`: it leads to the scene's page in the same folder.
+pub(crate) fn picture(info: &DatasetInfo, rows: &SceneRows, is_drawn: bool, is_link: bool) -> Picture {
     let held = rows.attempts.iter().filter(|attempt| attempt.label() == 1).count();
     let objects = rows.objects.len();
+    let drawing = if is_drawn { scene_svg(info, rows, &rows.attempts, 0.4) } else { String::new() };
     let picture = Picture::new(
-        Drawing::Svg(scene_svg(info, rows, &rows.attempts, 0.4)),
+        Drawing::Svg(drawing),
         format!("Scene {}", grouped(rows.scene.scene_id)),
         format!(
             "{objects} {}; {held} of {} attempts held",

@@ -1,27 +1,31 @@
 "use strict";
-// Chooses among the scenes of scenes.js. The choice stands in the page's address, so that links and the way back keep it.
+// Chooses among the scenes of scenes.js, and shows replays. Choice and replay stand in the page's address, so that links
+// and the way back keep them.
 (() => {
   const { facets, scenes } = listing;
   const byId = (id) => document.getElementById(id);
   const wanted = new URLSearchParams(location.hash.slice(1));
   const chosen = () => facets.map(({ name, choices }) => choices.indexOf(wanted.get(name) ?? ""));
-  const isWanted = ([, ...values]) => chosen().every((choice, at) => choice < 0 || values[at] === choice);
-  const matching = (scene) => scene.attempts.filter(isWanted);
+  const matching = (scene) => {
+    const choice = chosen();
+    return scene.attempts.filter(([, ...values]) => choice.every((one, at) => one < 0 || values[at] === one));
+  };
   // The choice as the end of an address.
-  const hash = (more = "") => {
+  const hash = (...more) => {
     const names = facets.map((facet) => facet.name).filter((name) => wanted.get(name));
-    const text = [...names.map((name) => [name, wanted.get(name)].map(encodeURIComponent).join("=")), more].filter(Boolean).join("&");
+    const text = [...names.map((name) => [name, wanted.get(name)].map(encodeURIComponent).join("=")), ...more].join("&");
     return text && `#${text}`;
   };
   const sceneFile = (id) => `scene-${id}.html`;
-  const [, kind, here, attempt] = location.pathname.match(/(scene|replay)-(\d+)(?:-(\d+))?\.html$/) ?? [];
+  const byFile = new Map(scenes.map((scene) => [sceneFile(scene.id), scene]));
+  const here = byFile.get(location.pathname.split("/").at(-1));
 
   // All scenes: the cards of those with a wanted attempt, whose other hands are faint.
   function showCards() {
     let count = 0, shown = 0;
     for (const figure of document.querySelectorAll(".gallery figure")) {
       const link = figure.querySelector("a").getAttribute("href").replace(/#.*/, "");
-      const scene = scenes.find((one) => sceneFile(one.id) === link), found = new Set(matching(scene).map(([id]) => id));
+      const found = new Set(matching(byFile.get(link)).map(([id]) => id));
       figure.hidden = !found.size;
       shown += found.size ? 1 : 0;
       count += found.size;
@@ -48,36 +52,70 @@
     showCards();
   }
 
-  // One scene or replay: the next and the previous that are wanted, and the list of wanted attempts.
-  if (kind) {
-    const isReplay = kind === "replay";
-    const all = isReplay
-      ? scenes.flatMap((scene) => matching(scene).map(([id]) => [scene.id, id]))
-      : scenes.filter((scene) => matching(scene).length).map((scene) => [scene.id, 0]);
-    const own = [Number(here), Number(attempt ?? 0)];
-    const isAfter = (a, b) => a[0] > b[0] || (a[0] === b[0] && a[1] > b[1]);
-    const file = ([scene, id]) => (isReplay ? `replay-${scene}-${id}.html${hash("play=1")}` : sceneFile(scene) + hash());
-    const lead = (name, place) => {
-      const link = byId(name);
-      link.hidden = !place;
-      if (place) link.href = file(place);
-    };
-    lead("next", all.find((place) => isAfter(place, own)));
-    lead("previous", all.findLast((place) => isAfter(own, place)));
-    for (const link of document.querySelectorAll("header a:not(#next, #previous)")) link.href = link.getAttribute("href") + hash();
-    const wantedHere = new Set(matching(scenes.find((scene) => scene.id === own[0]) ?? { attempts: [] }).map(([id]) => id));
-    let count = 0;
-    for (const row of document.querySelectorAll("#attempts li")) {
-      row.hidden = !wantedHere.has(Number(row.dataset.attempt));
-      count += row.hidden ? 0 : 1;
-      const link = row.querySelector("a");
-      if (link) link.href = link.getAttribute("href") + hash("play=1");
-    }
-    const names = facets.map((facet) => wanted.get(facet.name)).filter(Boolean);
-    if (byId("chosen")) byId("chosen").textContent = names.length ? `${count} of ${names.join(", ")}` : "";
-    addEventListener("keydown", (event) => {
-      const link = { n: byId("next"), p: byId("previous") }[event.key];
-      if (link && !link.hidden && !event.ctrlKey && !event.metaKey && !event.altKey) location.href = link.href;
-    });
+  // A scene, or the replay of the attempt that the address names: the next and the previous that are wanted, and the
+  // list of wanted attempts.
+  if (!here) return;
+  const attempt = byId(`replay-${wanted.get("attempt")}`) && Number(wanted.get("attempt"));
+  const isReplay = attempt !== null;
+  const play = (id) => hash(`attempt=${id}`, "play=1");
+  globalThis.addressOf = play;
+  addEventListener("hashchange", () => location.reload());
+  const all = isReplay
+    ? scenes.flatMap((scene) => matching(scene).map(([id]) => [scene.id, id]))
+    : scenes.filter((scene) => matching(scene).length).map((scene) => [scene.id, 0]);
+  const own = [here.id, attempt ?? 0];
+  const isAfter = (a, b) => a[0] > b[0] || (a[0] === b[0] && a[1] > b[1]);
+  const lead = (name, place) => {
+    byId(name).hidden = !place;
+    if (place) byId(name).href = sceneFile(place[0]) + (isReplay ? play(place[1]) : hash());
+  };
+  lead("next", all.find((place) => isAfter(place, own)));
+  lead("previous", all.findLast((place) => isAfter(own, place)));
+  for (const link of document.querySelectorAll("header a:not(#next, #previous, #scene)")) link.href = link.getAttribute("href") + hash();
+  const wantedHere = new Set(matching(here).map(([id]) => id));
+  for (const row of document.querySelectorAll("#attempts li")) {
+    row.hidden = !wantedHere.has(Number(row.dataset.attempt));
+    const link = row.querySelector("a");
+    if (link) link.href = play(row.dataset.attempt);
   }
+  const names = facets.map((facet) => wanted.get(facet.name)).filter(Boolean);
+  if (byId("chosen")) byId("chosen").textContent = names.length ? `${wantedHere.size} of ${names.join(", ")}` : "";
+  addEventListener("keydown", (event) => {
+    const link = { n: byId("next"), p: byId("previous") }[event.key];
+    if (link && !link.hidden && !event.ctrlKey && !event.metaKey && !event.altKey) location.href = link.href;
+  });
+  if (!isReplay) return;
+
+  // The replay in the page of its scene, which has the shapes of what lies there.
+  const element = (name, properties, ...content) => {
+    const made = Object.assign(document.createElement(name), properties);
+    made.append(...content);
+    return made;
+  };
+  function tell({ title, frames, events, facts }) {
+    document.title = document.querySelector("h1").textContent = title;
+    Object.assign(byId("scene"), { hidden: false, href: sceneFile(here.id) + hash(), textContent: `scene ${here.id}` });
+    byId("list").hidden = true;
+    byId("happens").hidden = false;
+    byId("player").hidden = frames.length < 2;
+    byId("events").append(...events.map(({ frame, kind, text }) => {
+      const button = element("button", { type: "button" }, element("span", { className: "time" }, `${frames[frame].time_s.toFixed(2)} s`), ` ${text}`);
+      button.dataset.frame = frame;
+      return element("li", { className: kind }, button);
+    }));
+    byId("facts").replaceChildren(...facts.map(({ key, value }) => element("div", {}, element("dt", {}, key), element("dd", {}, value))));
+  }
+  globalThis.replayIn = async (scene) => {
+    const bytes = Uint8Array.from(atob(byId(`replay-${attempt}`).textContent), (letter) => letter.charCodeAt(0));
+    const inflated = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+    const replay = await new Response(inflated).json();
+    replay.bodies.forEach((body, at, bodies) => {
+      if (!body.corners_m.length) replay.bodies[at] = { ...scene.bodies[at], class: body.class, poses: body.poses };
+      const pose = [0, 0, 0, 0, 0, 0, 0];
+      if (!body.poses.length) bodies[at].poses = bodies[at - 1].poses;
+      else if (body.poses.length > 1) bodies[at].poses = body.poses.map((steps) => steps.map((step, i) => (pose[i] += step) / 1e5));
+    });
+    tell(replay);
+    return replay;
+  };
 })();

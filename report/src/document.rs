@@ -78,7 +78,7 @@ pub enum Drawing {
     Figure(Figure),
     /// Rates with their intervals.
     Intervals(Intervals),
-    /// Markup of our own making: an `<svg>`.
+    /// Markup of our own making: an `<svg>`, or nothing where the words are enough.
     Svg(String),
 }
 

@@ -1,14 +1,18 @@
 "use strict";
 // Draws the view that stands in the page. Convex bodies are drawn from the back to the front, which planes between them decide;
 // lines and points come after, faint where a body hides them.
-(() => {
-  const view = JSON.parse(document.getElementById("view").textContent);
+(async () => {
+  const scene = JSON.parse(document.getElementById("view").textContent);
+  // In a folder the address may ask for the replay of one of the scene's attempts.
+  const view = (await globalThis.replayIn?.(scene)) ?? scene;
   const byId = (id) => document.getElementById(id);
   const canvas = byId("canvas"), pen = canvas.getContext("2d"), tip = byId("tip");
   const isDark = matchMedia("(prefers-color-scheme: dark)");
-  // In a folder: the pages that clicks on lines open, by the lines' places.
-  const opens = JSON.parse(byId("opens")?.textContent ?? "{}");
-  view.lines.forEach((line, at) => { line.opens = opens[at]; });
+  // In a folder clicks on hands open the replays of their attempts.
+  for (const line of view.lines) {
+    const attempt = line.label.match(/^\d+\/(\d+) at /)?.[1];
+    if (byId(`replay-${attempt}`)) line.opens = attempt;
+  }
 
   // Colours that stay apart for the colour-blind (Okabe and Ito, 2008); x: drawn over all, a: opacity of a body that hides nothing.
   const [SKY, BLUE, ORANGE, PURPLE] = [[86, 180, 233], [0, 114, 178], [230, 159, 0], [204, 121, 167]];
@@ -295,10 +299,6 @@
     tip.style.top = `${y + 18 + tip.offsetHeight > height ? Math.max(4, y - tip.offsetHeight - 12) : y + 18}px`;
   }
 
-  function open(page) {
-    const choice = location.hash.slice(1).replace(/&?play=1/, "");
-    location.href = `${page}#${[choice, "play=1"].filter(Boolean).join("&")}`;
-  }
   // The id of what is marked, such as 7/19, to the clipboard.
   function copy() {
     const id = marked?.label.match(/^\d+\/\d+/)?.[0];
@@ -345,7 +345,7 @@
       const before = marked, isTouch = event.pointerType === "touch";
       point(event, isTouch ? 22 : 9);
       // A finger's first touch shows what is there, its second opens it.
-      if (marked?.opens && (!isTouch || before === marked)) open(marked.opens);
+      if (marked?.opens && (!isTouch || before === marked)) location.href = addressOf(marked.opens);
     });
   }
   canvas.addEventListener("pointerleave", (event) => {

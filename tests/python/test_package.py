@@ -214,7 +214,7 @@ def test_the_program_is_there_under_all_its_names(dataset, tmp_path):
         assert f"Usage: graspmill {command}" in text
     where = dataset._native.location
     subprocess.run([script, "dataset", "browse", where, "--scenes", "1", "--out", tmp_path / "pages"], check=True, capture_output=True)
-    assert list((tmp_path / "pages").glob("replay-*.html"))
+    assert list((tmp_path / "pages").glob("scene-*.html"))
     assert subprocess.run([script, "shards", "verify", tmp_path], capture_output=True).returncode == 78
     assert subprocess.run([script, "grinder"], capture_output=True).returncode == 2
 

@@ -55,7 +55,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     browsed, shown = folder / "browsed", held(data).split("/")
     run(program("shards"), "browse", data, "--out", browsed, "--scene", shown[0], "--scene", 1, "--scene", 2)
     made["index"], made["scene"] = browsed / "index.html", browsed / f"scene-{shown[0]}.html"
-    made["scene-replay"] = browsed / f"replay-{shown[0]}-{shown[1]}.html"
+    made["scene-replay"] = made["scene"]
     experiments = program("experiments")
     run(experiments, "run", "configs/experiment/pile.toml", "--rounds", 2, "--out", folder / "pile")
     run(experiments, "report", folder / "pile", "--html", made["experiment"])
@@ -73,13 +73,15 @@ def browser():
 
 
 def is_own(url: str, path: Path) -> bool:
-    """The page itself, or a script or a style beside it if it is one of a folder's pages."""
+    """What is written in the page, the page itself, or a script or a style beside it if it is one of a folder's pages."""
     folder = path.parent if (path.parent / "scenes.js").exists() else path
-    return url.split("#")[0].startswith(folder.as_uri())
+    return url.startswith("data:") or url.split("#")[0].startswith(folder.as_uri())
 
 
-def opened(browser, path: Path, screen: str, scheme: str):
+def opened(browser, pages: dict[str, Path], name: str, screen: str = "desktop", scheme: str = "light"):
     """The page, with the messages and requests while it was opened."""
+    path = pages[name]
+    replay = f"#attempt={held(Path(os.environ['GRASPMILL_DATASET'])).split('/')[1]}" if name == "scene-replay" else ""
     width, height = SCREENS[screen]
     context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=screen == "phone")
     page = context.new_page()
@@ -87,10 +89,10 @@ def opened(browser, path: Path, screen: str, scheme: str):
     page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
     page.on("pageerror", lambda error: said.append(f"error: {error}"))
     page.on("request", lambda request: said.append(f"request: {request.url}") if not is_own(request.url, path) else None)
-    page.goto(path.as_uri())
+    page.goto(path.as_uri() + replay)
     page.wait_for_load_state("load")
     page.wait_for_timeout(200)
-    return page, [line for line in said if not line.startswith("request: data:")]
+    return page, said
 
 
 CONTRAST = """() => {
@@ -122,7 +124,7 @@ CONTRAST = """() => {
 @pytest.mark.parametrize("screen", SCREENS)
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_opens_and_can_be_read(browser, pages, name: str, screen: str, scheme: str) -> None:
-    page, said = opened(browser, pages[name], screen, scheme)
+    page, said = opened(browser, pages, name, screen, scheme)
     assert said == []
     wide = page.evaluate("[document.documentElement.scrollWidth, window.innerWidth]")
     assert wide[0] <= wide[1], f"{name} is wider than the screen: {wide}"
@@ -147,13 +149,13 @@ def colours(png: bytes) -> int:
 
 
 def test_words_in_figures_can_be_read_on_a_phone(browser, pages) -> None:
-    page, _ = opened(browser, pages["report"], "phone", "light")
+    page, _ = opened(browser, pages, "report", "phone")
     heights = page.evaluate("[...document.querySelectorAll('figure svg text')].map(t => t.getBoundingClientRect().height)")
     assert len(heights) > 50 and min(heights) >= 7, sorted(heights)[:3]
 
 
 def test_the_report_shows_what_the_json_says(browser, pages) -> None:
-    page, _ = opened(browser, pages["report"], "desktop", "light")
+    page, _ = opened(browser, pages, "report")
     data = os.environ["GRASPMILL_DATASET"]
     told = subprocess.run([program("shards"), "report", data, "--json"], check=True, capture_output=True, text=True).stdout
     report = json.loads(told)
@@ -172,7 +174,7 @@ def test_the_report_shows_what_the_json_says(browser, pages) -> None:
 
 
 def test_a_scene_turns_and_a_replay_plays(browser, pages) -> None:
-    page, _ = opened(browser, pages["view"], "desktop", "light")
+    page, _ = opened(browser, pages, "view")
     canvas = page.locator("canvas").first
     before = canvas.screenshot()
     box = canvas.bounding_box()
@@ -183,7 +185,7 @@ def test_a_scene_turns_and_a_replay_plays(browser, pages) -> None:
     page.wait_for_timeout(100)
     assert canvas.screenshot() != before, "dragging turns the scene"
 
-    page, said = opened(browser, pages["replay"], "desktop", "light")
+    page, said = opened(browser, pages, "replay")
     slider = page.locator("input[type=range]").first
     first = slider.input_value()
     page.keyboard.press("ArrowRight")
@@ -193,7 +195,7 @@ def test_a_scene_turns_and_a_replay_plays(browser, pages) -> None:
 
 
 def test_filters_choose_scenes_and_the_choice_leads_to_replays(browser, pages) -> None:
-    page, said = opened(browser, pages["index"], "desktop", "light")
+    page, said = opened(browser, pages, "index")
     cards = page.locator(".gallery figure:visible")
     assert cards.count() == len(list(pages["index"].parent.glob("scene-*.html")))
     page.select_option("select[name=outcome]", "held")
@@ -223,7 +225,7 @@ def test_filters_choose_scenes_and_the_choice_leads_to_replays(browser, pages) -
 
 
 def test_a_click_on_a_grasp_opens_its_replay(browser, pages) -> None:
-    page, _ = opened(browser, pages["scene"], "desktop", "light")
+    page, _ = opened(browser, pages, "scene")
     box = page.locator("#canvas").bounding_box()
     for step in range(2500):  # a spiral from the middle, until the mouse rests on a grasp
         x, y = box["width"] / 2, box["height"] / 2
@@ -240,11 +242,51 @@ def test_a_click_on_a_grasp_opens_its_replay(browser, pages) -> None:
     assert page.title().startswith(told.split()[0] + ": ")
 
 
+def test_every_attempt_of_every_scene_is_replayed_from_the_file_of_its_scene(browser, pages, tmp_path) -> None:
+    data = Path(os.environ["GRASPMILL_DATASET"]).resolve()
+    run(program("shards"), "browse", data, "--out", tmp_path / "all")
+    rows = pq.read_table(data / "attempts", columns=["scene_id", "attempt_id", "outcome"]).to_pylist()
+    scenes = {row["scene_id"] for row in rows}
+    files = list((tmp_path / "all").iterdir())
+    assert {path.name for path in files if path.name.startswith("scene-")} == {f"scene-{scene}.html" for scene in scenes}
+    assert len(files) == len(scenes) + 6, "the others: index, report, listing, two scripts, a style"
+    assert sum(path.stat().st_size for path in files) * 100 <= 1e6 * len(rows), "a megabyte for 100 attempts"
+    first = rows[0]["scene_id"]
+    all_pages = {"index": tmp_path / "all/index.html", "scene": tmp_path / f"all/scene-{first}.html"}
+    page, _ = opened(browser, all_pages, "index")
+    links = page.evaluate("[...document.querySelectorAll('.gallery figcaption a')].map(link => link.getAttribute('href'))")
+    assert sorted(links) == sorted(f"scene-{scene}.html" for scene in scenes), "the first page lists all"
+    page, said = opened(browser, all_pages, "scene")
+    scene_title = page.title()
+    for row in [row for row in rows if row["scene_id"] == first]:
+        page.evaluate(f"location.hash = 'attempt={row['attempt_id']}'")
+        page.wait_for_function("start => document.title.startsWith(start)", arg=f"{first}/{row['attempt_id']}: {row['outcome']}")
+    assert page.locator("#events li").count() >= 2 and page.locator("#facts div").count() >= 10
+    page.get_by_text(f"scene {first}", exact=True).click()
+    page.wait_for_function("title => document.title === title", arg=scene_title)
+    page.go_back()
+    page.wait_for_function("start => document.title.startsWith(start)", arg=f"{first}/{row['attempt_id']}: ")
+    assert said == []
+
+
+def test_a_replay_in_a_folder_moves_as_the_replay_of_a_single_file(browser, pages) -> None:
+    pictures = []
+    for name in ("replay", "scene-replay"):
+        page, said = opened(browser, pages, name)
+        assert page.locator("#player").is_visible()
+        page.keyboard.press("End")
+        page.wait_for_timeout(300)
+        facts = page.evaluate("[...document.querySelectorAll('aside dl div, #events li')].map(line => line.textContent.replace(/\\s+/g, ' ').trim())")
+        pictures.append((page.title(), facts, page.locator("#clock").inner_text()))
+        assert said == []
+    assert pictures[0] == pictures[1]
+
+
 def test_depth_images_show_what_the_generator_renders(browser, pages, tmp_path) -> None:
     """The page casts its own rays: its depths must be those of `generator depth`, but for half a pixel at edges."""
     image = pytest.importorskip("PIL.Image")
     data = Path(os.environ["GRASPMILL_DATASET"]).resolve()
-    page, _ = opened(browser, pages["scene"], "desktop", "light")
+    page, _ = opened(browser, pages, "scene")
     page.wait_for_timeout(500)
     scene = int(re.search(r"scene-(\d+)", pages["scene"].name).group(1))
     run(program("generator"), "depth", data, "--scene", scene, "--out", tmp_path)

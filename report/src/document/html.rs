@@ -138,8 +138,10 @@ impl Picture {
         };
         Ok(html! {
             figure {
-                @if let Some(link) = &self.link { a href=(link) aria-label=(self.title) { (PreEscaped(svg)) } }
-                @else { (PreEscaped(svg)) }
+                @match &self.link {
+                    Some(link) if !svg.is_empty() => a href=(link) aria-label=(self.title) { (PreEscaped(svg)) },
+                    _ => (PreEscaped(svg)),
+                }
                 figcaption {
                     b { @if let Some(link) = &self.link { a href=(link) { (self.title) } } @else { (self.title) } }
                     (self.caption)

@@ -1,11 +1,16 @@
-//! A folder of pages that lead to each other: all scenes, a page for each scene, a page for each replay. They share
-//! their style and scripts, which are files of the folder; nothing else is asked for, so a browser opens it from a
-//! disk.
+//! A folder of pages that lead to each other: all scenes, and a page for each scene, which holds the replays of its
+//! attempts. They share their style and scripts, which are files of the folder; nothing else is asked for, so a browser
+//! opens it from a disk.
 
-use std::collections::BTreeMap;
+use std::io::Write;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
 use serde::Serialize;
 
+use super::View;
 use crate::assets;
 
 /// The page of all scenes.
@@ -25,17 +30,47 @@ pub fn scene_file(scene: u64) -> String {
     format!("scene-{scene}.html")
 }
 
-/// The page of an attempt that was executed again.
+/// Whether a file of the folder is the page of a scene.
 #[must_use]
-pub fn replay_file(scene: u64, attempt: u32) -> String {
-    format!("replay-{scene}-{attempt}.html")
+pub fn is_scene(name: &str) -> bool {
+    let id = name.strip_prefix("scene-").and_then(|rest| rest.strip_suffix(".html"));
+    id.is_some_and(|id| id.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
-/// Whether a file of the folder is the page of a scene or of a replay.
-#[must_use]
-pub fn is_scene_or_replay(name: &str) -> bool {
-    let of = |prefix: &str| name.strip_prefix(prefix).and_then(|rest| rest.strip_suffix(".html"));
-    of("scene-").or(of("replay-")).is_some_and(|id| id.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-'))
+/// A packed replay's poses are whole numbers of this many parts of a metre, or of a quaternion's unit.
+const PARTS: f32 = 1e5;
+
+impl View {
+    /// A replay for the page of its scene: its JSON, deflated, in base64, which `browse.js` unpacks. A body leaves out
+    /// its shape and label where the body of `scene` at the same place has them, and poses where they are those of
+    /// the body before. Where it moves, a pose is its difference from the last one, in [`PARTS`]. Points are rounded
+    /// to a tenth of a millimetre.
+    #[must_use]
+    pub fn packed(mut self, scene: &Self) -> String {
+        for (body, other) in self.bodies.iter_mut().zip(&scene.bodies) {
+            if (&body.label, &body.corners_m, &body.faces) == (&other.label, &other.corners_m, &other.faces) {
+                (body.label, body.corners_m, body.faces) = Default::default();
+            }
+        }
+        for at in (1..self.bodies.len()).rev() {
+            if self.bodies[at].poses == self.bodies[at - 1].poses {
+                self.bodies[at].poses.clear();
+            }
+        }
+        for body in self.bodies.iter_mut().filter(|body| body.poses.len() > 1) {
+            let mut last = [0.0; 7];
+            for pose in &mut body.poses {
+                let now = pose.map(|value| (value * PARTS).round());
+                *pose = std::array::from_fn(|at| now[at] - last[at]);
+                last = now;
+            }
+        }
+        let points = self.points.iter_mut().flat_map(|points| &mut points.points_m).flatten();
+        points.for_each(|value| *value = (*value * 1e4).round() / 1e4);
+        let mut deflated = ZlibEncoder::new(Vec::new(), Compression::best());
+        let bytes = deflated.write_all(self.to_json().as_bytes()).and_then(|()| deflated.finish());
+        STANDARD.encode(bytes.expect("writing to memory cannot fail"))
+    }
 }
 
 /// The files that the pages share: name and text.
@@ -84,19 +119,17 @@ impl Listing {
     }
 }
 
-/// Where a view's page stands in a folder.
+/// Where the page of a scene stands in a folder, and what it has besides the scene.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Place {
-    /// The pages before and after it.
+    /// The page before it.
     pub previous: Option<String>,
-    /// See `previous`.
+    /// The page after it.
     pub next: Option<String>,
-    /// Other pages: words and file.
-    pub links: Vec<(String, String)>,
-    /// The pages that clicks on lines of the view open: place among the lines, and file.
-    pub opens: BTreeMap<usize, String>,
-    /// The view's attempts, beside it.
+    /// The scene's attempts, beside it.
     pub attempts: Vec<ListedAttempt>,
+    /// Replays by the numbers of their attempts, as [`View::packed`] makes them; none if they could not be made.
+    pub replays: Vec<String>,
 }
 
 /// An attempt in the list beside a view.
@@ -110,20 +143,45 @@ pub struct ListedAttempt {
     pub outcome: schema::Outcome,
     /// What else there is to say.
     pub words: String,
-    /// Its replay.
-    pub link: Option<String>,
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::Read;
+
+    use flate2::read::ZlibDecoder;
+    use schema::{HandBox, Pose, Vec3};
+
     use super::*;
+    use crate::view::{Body, Class};
 
     #[test]
-    fn only_pages_of_scenes_and_replays_are_taken_for_such() {
-        assert!(is_scene_or_replay(&scene_file(7)) && is_scene_or_replay(&replay_file(7, 19)));
-        for name in ["scene-a.html", "index.html", "replay-7-19.htm", "my-scene-7.html", "scene-7.html.bak"] {
-            assert!(!is_scene_or_replay(name), "{name}");
+    fn only_pages_of_scenes_are_taken_for_such() {
+        assert!(is_scene(&scene_file(7)));
+        for name in ["scene-a.html", "index.html", "scene-7.htm", "my-scene-7.html", "scene-7.html.bak"] {
+            assert!(!is_scene(name), "{name}");
         }
+    }
+
+    #[test]
+    fn a_packed_replay_leaves_out_what_its_scene_and_the_pose_before_have() {
+        let hand = HandBox { centre_m: Vec3::ZERO, half_m: Vec3::ONE };
+        let block = |class| Body::of_box(class, "block", &hand, &[Pose::IDENTITY]);
+        let scene = View { bodies: vec![Body::table(0.3, 0.05), block(Class::Object)], ..View::new("Scene 7") };
+        let mut replay = View { bodies: vec![Body::table(0.3, 0.1), block(Class::Target)], ..View::new("7/19: held") };
+        let pose = |at: u16| [0.1, 0.2, 0.3 + f32::from(at) * 1e-3, 0.0, 0.0, 0.0, 1.0];
+        replay.bodies[1].poses = (0..100).map(pose).collect();
+        replay.bodies.push(Body { poses: replay.bodies[1].poses.clone(), ..block(Class::Hand) });
+        let packed = replay.clone().packed(&scene);
+        assert!(packed.len() * 4 < replay.to_json().len(), "{}", packed.len());
+        let mut json = String::new();
+        ZlibDecoder::new(STANDARD.decode(packed).unwrap().as_slice()).read_to_string(&mut json).unwrap();
+        let back: View = serde_json::from_str(&json).unwrap();
+        let told = |body: &Body| (body.label.is_empty(), body.corners_m.len(), body.faces.len(), body.poses.len());
+        let told: Vec<_> = back.bodies.iter().map(told).collect();
+        assert_eq!(told, [(false, 8, 6, 1), (true, 0, 0, 100), (false, 8, 6, 0)], "the table is another");
+        assert_eq!(back.bodies[1].poses[0], [10_000.0, 20_000.0, 30_000.0, 0.0, 0.0, 0.0, 100_000.0]);
+        assert_eq!(back.bodies[1].poses[99], [0.0, 0.0, 100.0, 0.0, 0.0, 0.0, 0.0]);
     }
 
     #[test]

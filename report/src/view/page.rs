@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::folder::{BROWSE, LISTING, Place, VIEWER, VIEWER_STYLE};
+use super::folder::{BROWSE, INDEX, LISTING, Place, REPORT, VIEWER, VIEWER_STYLE};
 use super::{EventKind, View};
 use crate::assets;
 use crate::document::html::{in_words, whole};
@@ -19,7 +19,8 @@ impl View {
         whole(&self.title, Some(assets::VIEWER_STYLE), &self.body(None))
     }
 
-    /// Its page in a folder, which has the style and the scripts.
+    /// The page of a scene in a folder, which has the style and the scripts. Where the address names an attempt, the
+    /// scripts show its replay there.
     #[must_use]
     pub fn page_in(&self, place: &Place) -> String {
         whole(&self.title, None, &self.body(Some(place)))
@@ -38,7 +39,7 @@ impl View {
                     div #tip role="status" hidden {}
                     noscript { p { "The picture is drawn by a script in this file, and scripts are off." } }
                 }
-                @if self.moves() { (player()) }
+                @if self.moves() || place.is_some() { (player(self.moves())) }
             }
             aside {
                 section { h2 { "Shown" } div #legend {} }
@@ -48,16 +49,17 @@ impl View {
                     p { "As its cameras see the scene, without a sensor's noise; near is light." }
                 }
                 @if let Some(place) = place.filter(|place| !place.attempts.is_empty()) { (attempts(place)) }
-                @if !self.events.is_empty() { (self.event_list()) }
+                @if !self.events.is_empty() || place.is_some() { (self.event_list()) }
                 @if !self.facts.is_empty() { (self.fact_list()) }
             }
             script #view type="application/json" { (PreEscaped(in_script(&self.to_json()))) }
             @if let Some(place) = place {
-                @let opens = serde_json::to_string(&place.opens).expect("numbers and strings are always JSON");
-                script #opens type="application/json" { (PreEscaped(in_script(&opens))) }
-                script src=(VIEWER) {}
+                @for (attempt, packed) in place.replays.iter().enumerate() {
+                    script id={ "replay-" (attempt) } type="text/plain" { (packed) }
+                }
                 script src=(LISTING) {}
                 script src=(BROWSE) {}
+                script src=(VIEWER) {}
             } @else {
                 script { (PreEscaped(assets::VIEWER)) }
             }
@@ -70,7 +72,7 @@ impl View {
 
     fn event_list(&self) -> Markup {
         html! {
-            section {
+            section #happens hidden[self.events.is_empty()] {
                 h2 { "What happens" }
                 ol #events {
                     @for event in &self.events {
@@ -91,7 +93,7 @@ impl View {
         html! {
             section {
                 h2 { "Known" }
-                dl { @for fact in &self.facts { div { dt { (fact.key) } dd { (fact.value) } } } }
+                dl #facts { @for fact in &self.facts { div { dt { (fact.key) } dd { (fact.value) } } } }
             }
         }
     }
@@ -106,20 +108,24 @@ fn navigation(place: &Place) -> Markup {
         nav {
             (way("previous", "← previous", &place.previous))
             (way("next", "next →", &place.next))
-            @for (words, file) in &place.links { a href=(file) { (words) } }
+            (way("scene", "scene", &None))
+            a href=(INDEX) { "all scenes" }
+            a href=(REPORT) { "report" }
         }
     }
 }
 
 fn attempts(place: &Place) -> Markup {
     html! {
-        section {
+        section #list {
             h2 { "Attempts " span #chosen {} }
             ol #attempts {
                 @for one in &place.attempts {
                     li data-attempt=(one.attempt) {
                         i class={ "swatch " (one.outcome.name()) } {}
-                        @if let Some(file) = &one.link { a href=(file) title="replay" { (one.id) " ▶" } } @else { (one.id) }
+                        @if place.replays.is_empty() { (one.id) } @else {
+                            a href={ "#attempt=" (one.attempt) } title="replay" { (one.id) " ▶" }
+                        }
                         span { (in_words(one.outcome)) } small { (one.words) }
                     }
                 }
@@ -128,9 +134,9 @@ fn attempts(place: &Place) -> Markup {
     }
 }
 
-fn player() -> Markup {
+fn player(is_shown: bool) -> Markup {
     html! {
-        div #player {
+        div #player hidden[!is_shown] {
             button #play type="button" aria-label="play or pause (space)" { "▶" }
             div #track { div #marks {} input #scrub type="range" min="0" step="1" value="0" aria-label="frame"; }
             output #clock {}
@@ -212,18 +218,17 @@ mod tests {
             id: "7/19".to_owned(),
             outcome: schema::Outcome::HitOther,
             words: "cuboid_x".to_owned(),
-            link: Some("replay-7-19.html".to_owned()),
         };
         let place = Place {
             next: Some("scene-9.html".to_owned()),
-            links: vec![("all scenes".to_owned(), "index.html".to_owned())],
-            opens: [(0, "replay-7-19.html".to_owned())].into(),
             attempts: vec![attempt],
+            replays: vec!["eJw=".to_owned(); 20],
             ..Place::default()
         };
         let page = view.page_in(&place);
         assert!(!page.contains("getContext") && page.contains("<script src=\"viewer.js\"></script>"), "{page}");
-        assert!(page.contains("{\"0\":\"replay-7-19.html\"}"), "{page}");
+        assert!(page.contains("<script id=\"replay-19\" type=\"text/plain\">eJw=</script>"), "{page}");
+        assert!(page.contains("<div id=\"player\" hidden>"), "the scene itself does not move: {page}");
         for link in [
             "<a id=\"previous\" hidden>",
             "<a id=\"next\" href=\"scene-9.html\">",
@@ -231,10 +236,9 @@ mod tests {
         ] {
             assert!(page.contains(link), "{link}: {page}");
         }
-        assert!(
-            page.contains("<a href=\"replay-7-19.html\" title=\"replay\">7/19 ▶</a><span>hit other</span>"),
-            "{page}"
-        );
+        assert!(page.contains("<a href=\"#attempt=19\" title=\"replay\">7/19 ▶</a><span>hit other</span>"), "{page}");
+        let without = view.page_in(&Place { replays: Vec::new(), ..place });
+        assert!(!without.contains("#attempt=") && without.contains("</i>7/19<span>"), "{without}");
         for word in ["http:", "https:", "@import", "url(", "fetch(", "XMLHttpRequest"] {
             assert!(!page.contains(word), "{word}");
         }
