@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use generator::{Overrides, REJECTED_SHARE_MAX};
 use network::checkpoint;
-use program::{Context, ExitCode, Failure, print, start_threads, stop_on_signals, write};
+use program::{Context, ExitCode, Failure, print, read, start_threads, stop_on_signals, unread, write};
 use shards::Location;
 use trainer::device::Device;
 use trainer::evaluate::TestSet;
@@ -100,7 +100,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     write_settings(&pipeline)?;
     start_threads(None)?;
     let stop = stop_on_signals(|| ()).context("failed to listen for signals")?;
-    let is_new = steps.iter().all(|step| !step.action.done().exists());
+    let is_new = !steps.iter().any(|step| step.action.done().parent().is_some_and(Path::exists));
     if arguments.dry_run || is_new {
         let Some(time) = estimated(&pipeline, &stop)? else {
             print("stopped by a signal, before the first step\n")?;
@@ -132,10 +132,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     finish(&pipeline, &steps)
 }
 
+/// Largest weights, in bytes.
+const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
+
 /// Writes the weights and their card.
 fn finish(pipeline: &Pipeline, steps: &[Step]) -> Result<ExitCode, Failure> {
     let weights = pipeline.out.join("judge.safetensors");
-    fs::copy(pipeline.weights(), &weights).context(format_args!("failed to write {}", weights.display()))?;
+    let best = pipeline.weights();
+    write(&weights, read(&best, WEIGHTS_BYTES_MAX).map_err(|error| unread(&best, &error))?)?;
     let path = pipeline.out.join("README.md");
     write(&path, card(pipeline, steps)?)?;
     let (weights, path) = (weights.display(), path.display());

@@ -14,11 +14,11 @@ use planner::{BuiltIn, Planner};
 use program::Failure;
 use schema::{Camera, Grid, View};
 use settings::{Document, Reader, settings, words};
-use sha2::{Digest as _, Sha256};
 use shards::DatasetInfo;
 use toml::Table;
 
 use crate::catalogue::{Catalogue, CatalogueObject};
+use crate::files::sha256;
 
 /// The experiment that explains the keys: one of the files that come along.
 pub const REFERENCE: &str = include_str!("../../configs/experiment/pile.toml");
@@ -40,9 +40,11 @@ pub struct Config {
     pub model: Option<PathBuf>,
     /// The experiment and the planner's settings, as resolved, for people.
     pub text: String,
-    /// Digest of all that decides a round but its seed and the network: those texts, the files that they name, and the
-    /// objects.
+    /// Digest of all that decides a round but its seed and the network: those texts, what the files that they name
+    /// hold, and the objects. It does not depend on where the files lie.
     pub digest: String,
+    /// The digest of runs from before that was so: of the files' paths, too.
+    pub digest_with_paths: String,
 }
 
 /// Which objects lie on the table.
@@ -260,7 +262,8 @@ impl Config {
         let objects = objects(&keys.objects, &scene, file(&keys.objects.catalogue, "everyday").as_deref());
         let objects = objects.map_err(|problem| document.invalid(vec![problem]))?;
         Ok(Self {
-            digest: digest(document.table(), &scene, &plan, &objects),
+            digest: digest(&without_paths(document.table()), &scene, &plan, &objects),
+            digest_with_paths: digest(document.table(), &scene, &plan, &objects),
             objects,
             noise: keys.noise.kind.noise(keys.noise.std_m, scene.camera.focal_px),
             model: file(&keys.model, "built-in"),
@@ -327,6 +330,20 @@ fn objects(keys: &ObjectKeys, scene: &generator::Config, catalogue: Option<&Path
     })
 }
 
+/// An experiment's keys without the paths of files.
+fn without_paths(keys: &Table) -> Table {
+    let named = ["judge", "paper", "vgn", "built-in", "everyday"]; // what comes with the program
+    let is_file = |key: &str, value: &toml::Value| {
+        ["plan", "scene", "model", "catalogue"].contains(&key) && value.as_str().is_some_and(|it| !named.contains(&it))
+    };
+    let mut keys = keys.clone();
+    keys.retain(|key, value| !is_file(key, value));
+    if let Some(objects) = keys.get_mut("objects").and_then(toml::Value::as_table_mut) {
+        objects.retain(|key, value| !is_file(key, value));
+    }
+    keys
+}
+
 /// Digest of what decides a round, as it is stored: no name in this code is part of it.
 fn digest(keys: &Table, scene: &generator::Config, plan: &planner::Config, objects: &Objects) -> String {
     let mut keys = keys.clone();
@@ -348,7 +365,7 @@ fn digest(keys: &Table, scene: &generator::Config, plan: &planner::Config, objec
     // Runs that were begun before there was a judge continue.
     let plan = plan.replacen(&format!(",\"judge\":{standard}"), "", 1).replacen(",\"network\":\"paper\"", "", 1);
     let all = format!("{keys}\n{}\n{plan}", info.to_json());
-    Sha256::digest(all).iter().map(|byte| format!("{byte:02x}")).collect()
+    sha256(&all)
 }
 
 #[cfg(test)]
@@ -359,6 +376,33 @@ mod tests {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/experiment/some.toml");
         let set: Vec<_> = set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
         Config::resolve(Document::parse(text, &path).unwrap(), &set).unwrap().digest
+    }
+
+    /// A folder that was moved or copied goes on.
+    #[test]
+    fn the_digest_is_that_of_what_files_hold_wherever_they_lie() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
+        let digests_of_a_copy = || {
+            let folder = tempfile::tempdir().unwrap();
+            let copied = |key: &str, file: &str| {
+                let path = folder.path().join(key);
+                std::fs::copy(root.join(file), &path).unwrap();
+                (key.to_owned(), path.display().to_string())
+            };
+            let set = [
+                copied("plan", "plan/judge.toml"),
+                copied("scene", "generate/vgn.toml"),
+                copied("objects.catalogue", "objects/everyday.toml"),
+                ("model".to_owned(), folder.path().join("model").display().to_string()),
+            ];
+            let config = Config::read(&root.join("experiment/table2.toml"), &set).unwrap();
+            (config.digest, config.digest_with_paths)
+        };
+        let [here, there] = [digests_of_a_copy(), digests_of_a_copy()];
+        assert_eq!(here.0, there.0);
+        assert_ne!(here.1, there.1);
+        let pile = Config::read(&root.join("experiment/pile.toml"), &[]).unwrap();
+        assert_eq!(pile.digest, pile.digest_with_paths, "what comes with the program has no path");
     }
 
     /// Journals are told apart by it: a name that changes in the code must not change it.

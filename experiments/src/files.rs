@@ -1,20 +1,31 @@
-//! Reading the files of an experiment's folder.
+//! Reading the files of an experiment's folder, and their digests.
 
 use std::io::{self, ErrorKind};
 use std::path::Path;
 
 use program::{Failure, unread};
 use serde::de::DeserializeOwned;
+use sha2::{Digest as _, Sha256};
 
 /// Largest file that is read, in bytes: far more than the rounds that fit into memory.
-pub(crate) const BYTES_MAX: u64 = 1 << 40;
+const BYTES_MAX: u64 = 1 << 40;
+
+/// The bytes of a file; `None` if there is none.
+pub(crate) fn bytes(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
+    match program::read(path, BYTES_MAX) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        read => read.map(Some).map_err(|error| unread(path, &error)),
+    }
+}
 
 /// What a JSON file holds; `None` if there is no such file.
 pub(crate) fn json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, Failure> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    let invalid = |error| io::Error::new(ErrorKind::InvalidData, error);
-    let read = program::read(path, BYTES_MAX).and_then(|text| serde_json::from_slice(&text).map_err(invalid));
-    read.map(Some).map_err(|source| unread(path, &source))
+    let Some(text) = bytes(path)? else { return Ok(None) };
+    let invalid = |error| unread(path, &io::Error::new(ErrorKind::InvalidData, error));
+    serde_json::from_slice(&text).map(Some).map_err(invalid)
+}
+
+/// SHA-256 of a text, in hex.
+pub(crate) fn sha256(text: &str) -> String {
+    Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect()
 }

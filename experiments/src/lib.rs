@@ -7,6 +7,7 @@
 
 pub mod config;
 mod files;
+mod journal;
 pub mod page;
 pub mod record;
 pub mod report;

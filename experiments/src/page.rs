@@ -15,9 +15,9 @@ use program::text::grouped;
 use report::document::{Block, Document, Drawing, Picture, below};
 use report::figure::{Intervals, Rate, Row};
 
+use crate::journal::journalled;
 use crate::record::Round;
 use crate::report::{Report, details, origin, parts, share, times};
-use crate::run::journalled;
 use crate::statistics::{DRAWS, Interval, Rates, Results};
 
 use pictures::Stage;

@@ -15,11 +15,12 @@ fn config(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/experiment").join(name)
 }
 
-/// The journal's lines after the first, sorted, without what a clock says.
+/// The journal's lines after the first, sorted, without what a clock says and without the seals, which depend on it.
 fn rounds(folder: &Path) -> Vec<String> {
     let text = fs::read_to_string(folder.join("journal.jsonl")).unwrap();
     let mut rounds: Vec<serde_json::Value> =
         text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap()).collect();
+    rounds.iter_mut().for_each(|round| drop(round.as_object_mut().unwrap().remove("seal")));
     for trial in rounds.iter_mut().flat_map(|round| round["trials"].as_array_mut().unwrap()) {
         let trial = trial.as_object_mut().unwrap();
         trial.remove("plan_ms");
@@ -94,6 +95,66 @@ fn a_folder_has_one_run_at_a_time_which_removes_what_killed_ones_left() {
     assert!(!left.exists());
 }
 
+/// A pipeline gives absolute paths to the experiments in its folder, which may be moved or copied.
+#[test]
+fn an_experiment_goes_on_where_its_files_were_moved_to() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let folder = tempfile::tempdir().unwrap();
+    let [here, there] = ["here", "there"].map(|name| folder.path().join(name));
+    fs::create_dir(&here).unwrap();
+    for (from, to) in [("configs/plan/paper.toml", "plan.toml"), ("configs/generate/paper.toml", "scene.toml")] {
+        fs::copy(root.join(from), here.join(to)).unwrap();
+    }
+    fs::copy(root.join("models/paper-200k.safetensors"), here.join("weights.safetensors")).unwrap();
+    let set = |at: &Path| {
+        [("plan", "plan.toml"), ("scene", "scene.toml"), ("model", "weights.safetensors")]
+            .map(|(key, file)| (key.to_owned(), at.join(file).display().to_string()))
+    };
+    let rounds_at = |at: &Path, rounds: &str| {
+        let sets = set(at).map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]).concat();
+        let (pile, out) = (config("pile.toml"), at.join("out"));
+        let start = ["run", pile.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rounds", rounds];
+        told(&run(&start.into_iter().chain(sets.iter().map(String::as_str)).collect::<Vec<_>>()))
+    };
+    assert_eq!(rounds_at(&here, "1").0, Some(0));
+    fs::rename(&here, &there).unwrap();
+    let (code, said) = rounds_at(&there, "2");
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(rounds(&there.join("out")).len(), 2);
+    // A run from before that was so goes on where it is.
+    let config = experiments::config::Config::read(&config("pile.toml"), &set(&there)).unwrap();
+    let path = there.join("out/journal.jsonl");
+    let unsealed = |line: &str| line.rsplit_once(",\"seal\":").map(|(body, _)| format!("{body}}}\n"));
+    let journal = fs::read_to_string(&path).unwrap();
+    let journal: Option<String> = journal.lines().map(unsealed).collect();
+    fs::write(&path, journal.unwrap().replace(&config.digest, &config.digest_with_paths)).unwrap();
+    let (code, said) = rounds_at(&there, "3");
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(rounds(&there.join("out")).len(), 3);
+}
+
+#[test]
+fn a_journal_that_was_edited_is_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let (pile, out) = (config("pile.toml"), folder.path().to_str().unwrap());
+    let start = ["run", pile.to_str().unwrap(), "--out", out, "--rounds", "1"];
+    assert_eq!(told(&run(&start)).0, Some(0));
+    let path = folder.path().join("journal.jsonl");
+    let journal = fs::read_to_string(&path).unwrap();
+    let line = journal.lines().nth(1).unwrap();
+    let html = folder.path().join("page.html");
+    for (edited, why) in [
+        (format!("{journal}{line}\n"), "line 3 has the round of an earlier line"),
+        (journal.replacen("\"removed_count\":", "\"removed_count\":1", 1), "line 2 does not fit its seal"),
+    ] {
+        fs::write(&path, edited).unwrap();
+        for words in [&start[..], &["report", out, "--html", html.to_str().unwrap()]] {
+            let (code, said) = told(&run(words));
+            assert!(code == Some(65) && said.contains(why) && said.contains("journal.jsonl"), "{words:?}: {said}");
+        }
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_pipe_in_place_of_a_file_is_refused_without_waiting_for_it() {
@@ -104,10 +165,13 @@ fn a_pipe_in_place_of_a_file_is_refused_without_waiting_for_it() {
         assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
         let (code, said) = told(&run(arguments));
         assert_eq!(code, Some(78), "{said}");
-        assert!(said.contains("it must be a regular file") && said.contains(name), "{said}");
+        assert!(said.contains("it must be a regular file") || said.contains("a pipe that nobody reads"), "{said}");
+        assert!(said.contains(if name == ".lock" { out } else { name }), "{said}");
         fs::remove_file(pipe).unwrap();
     };
-    refused("journal.jsonl", &["run", pile.to_str().unwrap(), "--out", out, "--rounds", "1"]);
+    for name in [".lock", "journal.jsonl", "run.json"] {
+        refused(name, &["run", pile.to_str().unwrap(), "--out", out, "--rounds", "1"]);
+    }
     refused("report.json", &["compare", out]);
     assert_eq!(told(&run(&["run", pile.to_str().unwrap(), "--out", out, "--rounds", "1"])).0, Some(0));
     let html = folder.path().join("page.html");

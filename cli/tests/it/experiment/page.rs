@@ -161,7 +161,7 @@ fn what_is_no_experiment_is_told() {
     }
     assert_eq!(told(&run(&["report", text(&out)])).0, Some(2));
     let nowhere = folder.path().join("none/page.html");
-    assert_eq!(told(&run(&["report", text(&out), "--html", text(&nowhere)])).0, Some(75));
+    assert_eq!(told(&run(&["report", text(&out), "--html", text(&nowhere)])).0, Some(78));
     // Without the rows there are no pictures, and everything else.
     fs::remove_file(out.join("journal.jsonl")).unwrap();
     let found = page(&[&out], &html);

@@ -1,0 +1,257 @@
+//! The journal of an experiment: the rounds that were played, one a line, from which an interrupted run continues.
+//!
+//! A line ends with a seal, the SHA-256 of the line without it, so that damage and edits are noticed. Journals that
+//! began before there were seals have lines without. A last line without a line break was cut off: its round is played
+//! again.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, ErrorKind, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use program::{Context as _, ExitCode, Failure, open_as, unread};
+use serde::{Deserialize, Serialize};
+
+use crate::files::{bytes, sha256};
+use crate::record::Round;
+
+/// The journal's name.
+const JOURNAL: &str = "journal.jsonl";
+
+/// The first line: the program and the experiment that wrote the journal.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Identity {
+    pub(crate) version: String,
+    pub(crate) model: String,
+    pub(crate) config: String,
+    pub(crate) seeds: Vec<u64>,
+    /// Rounds of a seed where there are several.
+    pub(crate) rounds: u64,
+}
+
+impl Identity {
+    /// That of a journal, if its first line is one.
+    fn of(text: &str) -> Option<Self> {
+        let line = text.lines().next()?;
+        let line = line.rsplit_once(SEAL).map_or_else(|| line.to_owned(), |(body, _)| format!("{body}}}"));
+        serde_json::from_str(&line).ok()
+    }
+
+    /// Whether a round has the seed and the scene of its number.
+    fn has(&self, round: &Round) -> bool {
+        let of_a_seed = if self.seeds.len() > 1 { self.rounds.max(1) } else { u64::MAX };
+        let seed = self.seeds.get((round.round / of_a_seed) as usize);
+        seed == Some(&round.seed) && round.scene_id == round.round % of_a_seed
+    }
+}
+
+/// A journal to which rounds are added.
+#[derive(Debug)]
+pub(crate) struct Journal {
+    file: Mutex<File>,
+    path: PathBuf,
+}
+
+impl Journal {
+    /// Opens the journal of a folder, without a truncated last line, or begins it as the first of `identities`, any of
+    /// which it may have. Also returns its rounds, by number.
+    pub(crate) fn open(folder: &Path, identities: &[Identity]) -> Result<(Self, Vec<Round>), Failure> {
+        let path = folder.join(JOURNAL);
+        let text = match whole_lines(&path)? {
+            Some(text) => text,
+            None => {
+                let line = identities.first().map(sealed).transpose().context("failed to begin a journal")?;
+                program::write(&path, line.as_deref().unwrap_or_default())?;
+                line.unwrap_or_default()
+            }
+        };
+        if !Identity::of(&text).is_some_and(|identity| identities.contains(&identity)) {
+            let text = "the folder holds another experiment: its experiment.toml, network or program differs";
+            return Err(Failure::new(ExitCode::Config, format!("{text}: {}", path.display())));
+        }
+        let rounds = rounds_of(&text).map_err(|error| unread(&path, &error))?;
+        let file = open_as(&path, File::options().append(true));
+        let file = file.and_then(|file| file.set_len(text.len() as u64).map(|()| file));
+        let file = file.context(format_args!("failed to write {}", path.display()))?;
+        Ok((Self { file: Mutex::new(file), path }, rounds))
+    }
+
+    /// Adds a round.
+    pub(crate) fn push(&self, round: &Round) -> Result<(), Failure> {
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        let written = sealed(round).and_then(|line| file.write_all(line.as_bytes()));
+        written.context(format_args!("failed to write {}", self.path.display()))
+    }
+}
+
+/// The rounds in the journal of `folder`, by number; `None` if there is no journal. A truncated last line is ignored.
+/// Nothing is changed.
+///
+/// # Errors
+/// If it cannot be read or is not a journal.
+pub(crate) fn journalled(folder: &Path) -> Result<Option<Vec<Round>>, Failure> {
+    let path = folder.join(JOURNAL);
+    let Some(text) = whole_lines(&path)? else { return Ok(None) };
+    rounds_of(&text).map(Some).map_err(|error| unread(&path, &error))
+}
+
+/// The lines of a journal, without a truncated last one; `None` if there is no journal.
+fn whole_lines(path: &Path) -> Result<Option<String>, Failure> {
+    let Some(mut bytes) = bytes(path)? else { return Ok(None) };
+    bytes.truncate(bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1));
+    let damaged = |error| unread(path, &io::Error::new(ErrorKind::InvalidData, error));
+    String::from_utf8(bytes).map(Some).map_err(damaged)
+}
+
+/// The rounds of a journal, by number.
+fn rounds_of(text: &str) -> io::Result<Vec<Round>> {
+    let (identity, mut is_sealed, mut rounds) = (Identity::of(text), false, BTreeMap::new());
+    for (number, line) in (1..).zip(text.lines()) {
+        let damaged = |what: &str| io::Error::new(ErrorKind::InvalidData, format!("line {number} {what}"));
+        is_sealed |= line.contains(SEAL); // a journal from before there were seals may have been continued
+        if !is_whole(line, is_sealed) {
+            return Err(damaged("does not fit its seal; it was edited or damaged"));
+        }
+        if number == 1 {
+            continue;
+        }
+        let round: Round = serde_json::from_str(line).map_err(|_| damaged("is not a round"))?;
+        if !round.is_sound() || identity.as_ref().is_some_and(|identity| !identity.has(&round)) {
+            return Err(damaged("has values that no round of this experiment has"));
+        }
+        if rounds.insert(round.round, round).is_some() {
+            return Err(damaged("has the round of an earlier line; delete one of the two"));
+        }
+    }
+    Ok(rounds.into_values().collect())
+}
+
+/// What comes before a seal. In the texts of JSON the quotes would be escaped.
+const SEAL: &str = ",\"seal\":\"";
+
+/// A line of the journal, with its seal and its line break.
+fn sealed(value: &impl Serialize) -> io::Result<String> {
+    let mut line = serde_json::to_string(value)?;
+    let seal = sha256(&line);
+    line.truncate(line.len() - 1); // the brace
+    Ok(line + SEAL + &seal + "\"}\n")
+}
+
+/// Whether a line is as it was sealed, or has no seal where it need not have one.
+fn is_whole(line: &str, is_sealed: bool) -> bool {
+    match line.rsplit_once(SEAL) {
+        Some((body, seal)) => seal.strip_suffix("\"}") == Some(&sha256(&format!("{body}}}"))),
+        None => !is_sealed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::record::Ending;
+
+    fn identity(config: &str) -> Identity {
+        let [version, model, config] = ["0.2.0", "c0ffee", config].map(str::to_owned);
+        Identity { version, model, config, seeds: vec![7, 8], rounds: 2 }
+    }
+
+    fn round(number: u64) -> Round {
+        Round {
+            round: number,
+            seed: 7 + number / 2,
+            scene_id: number % 2,
+            group: "pile".to_owned(),
+            unviable_count: 0,
+            object_count: 3,
+            removed_count: 0,
+            lost_count: 1,
+            ending: Ending::NoGrasp,
+            attempts: Vec::new(),
+        }
+    }
+
+    /// A folder with a journal of three rounds, and its text.
+    fn begun() -> (tempfile::TempDir, String) {
+        let folder = tempfile::tempdir().unwrap();
+        let (journal, rounds) = Journal::open(folder.path(), &[identity("a"), identity("b")]).unwrap();
+        assert_eq!(rounds, []);
+        [2, 0, 1].iter().for_each(|number| journal.push(&round(*number)).unwrap());
+        let text = fs::read_to_string(folder.path().join(JOURNAL)).unwrap();
+        (folder, text)
+    }
+
+    fn read(folder: &Path, text: &str) -> Result<Vec<Round>, Failure> {
+        fs::write(folder.join(JOURNAL), text).unwrap();
+        let read = journalled(folder).map(Option::unwrap_or_default);
+        let opened = Journal::open(folder, &[identity("a")]).map(|(_, rounds)| rounds);
+        assert_eq!(read.as_ref().ok(), opened.as_ref().ok());
+        read
+    }
+
+    fn refused(folder: &Path, text: &str, why: &str) {
+        let failure = read(folder, text).unwrap_err();
+        assert!(failure.exit_code() == ExitCode::Data && failure.to_string().contains(why), "{why}: {failure}");
+    }
+
+    #[test]
+    fn a_journal_that_was_cut_off_goes_on_after_its_last_whole_line() {
+        let (folder, text) = begun();
+        assert_eq!(read(folder.path(), &text).unwrap(), [0, 1, 2].map(round));
+        for end in 0..text.len() {
+            let whole = text[..end].matches('\n').count();
+            fs::write(folder.path().join(JOURNAL), &text[..end]).unwrap();
+            let rounds = journalled(folder.path()).unwrap().unwrap();
+            assert_eq!(rounds.len(), whole.saturating_sub(1), "cut to {end} bytes");
+        }
+        let (journal, rounds) = Journal::open(folder.path(), &[identity("a")]).unwrap();
+        assert_eq!(rounds, [round(0), round(2)]);
+        journal.push(&round(1)).unwrap();
+        assert_eq!(fs::read_to_string(folder.path().join(JOURNAL)).unwrap(), text);
+        assert_eq!(Journal::open(folder.path(), &[identity("b")]).unwrap_err().exit_code(), ExitCode::Config);
+    }
+
+    #[test]
+    fn a_line_that_was_edited_or_given_twice_is_noticed() {
+        let (folder, text) = begun();
+        let lines: Vec<&str> = text.lines().collect();
+        for line in &lines[1..] {
+            refused(folder.path(), &format!("{text}{line}\n"), "line 5 has the round of an earlier line");
+        }
+        refused(folder.path(), &text.replacen("\"object_count\":3", "\"object_count\":4", 1), "line 2 does not fit");
+        let bare = lines[2].rsplit_once(SEAL).unwrap().0;
+        refused(folder.path(), &text.replace(lines[2], &format!("{bare}}}")), "line 3 does not fit its seal");
+        for at in (0..text.len()).filter(|at| text.as_bytes()[*at] != b'\n').step_by(7) {
+            let mut bytes = text.clone().into_bytes();
+            bytes[at] ^= 1;
+            fs::write(folder.path().join(JOURNAL), bytes).unwrap();
+            assert!(Journal::open(folder.path(), &[identity("a")]).is_err(), "byte {at}");
+        }
+    }
+
+    #[test]
+    fn a_journal_from_before_there_were_seals_is_read_checked_and_continued() {
+        let (folder, text) = begun();
+        let bare = |line: &str| format!("{}}}\n", line.rsplit_once(SEAL).unwrap().0);
+        let old: String = text.lines().map(bare).collect();
+        assert_eq!(read(folder.path(), &old).unwrap(), [0, 1, 2].map(round));
+        refused(folder.path(), &(old.clone() + &bare(text.lines().nth(1).unwrap())), "an earlier line");
+        for (was, is) in
+            [("\"seed\":8", "\"seed\":7"), ("\"lost_count\":1", "\"lost_count\":4"), ("no_grasp", "cleared")]
+        {
+            refused(folder.path(), &old.replacen(was, is, 1), "line 2 has values that no round of this experiment has");
+        }
+        let (journal, rounds) = {
+            fs::write(folder.path().join(JOURNAL), &old).unwrap();
+            Journal::open(folder.path(), &[identity("of now"), identity("a")]).unwrap()
+        };
+        assert_eq!(rounds.len(), 3);
+        journal.push(&round(3)).unwrap();
+        let text = fs::read_to_string(folder.path().join(JOURNAL)).unwrap();
+        assert_eq!(read(folder.path(), &text).unwrap().len(), 4);
+        refused(folder.path(), &text.replace("\"round\":3", "\"round\":4"), "line 5 does not fit its seal");
+    }
+}
