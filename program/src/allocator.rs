@@ -3,26 +3,36 @@
 
 use std::alloc::{GlobalAlloc, Layout};
 use std::io::{self, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use mimalloc::MiMalloc;
 
 use crate::ExitCode;
 
-/// mimalloc, and an end where memory ends.
+/// mimalloc, and in a program an end where memory ends.
 ///
 /// Every attempt builds and drops a world, every training step and every plan frees volumes of megabytes. The system's
 /// allocator returns them to the kernel and takes them again: with mimalloc, two threads make 3 to 12 % more attempts,
 /// and a training step of eight scenes takes 75 ms instead of 150 ms.
 ///
 /// The standard library's handler of a failed allocation allocates for its backtrace, fails again, and then waits for
-/// its own lock for ever. So the process ends here instead, with [`ExitCode::TryAgain`] and one line. What was
-/// committed is safe, as after a kill.
+/// its own lock for ever. So a program ends here instead, with [`ExitCode::TryAgain`] and one line. What was committed
+/// is safe, as after a kill. A process that only calls the library, such as a Python interpreter, is not ours to end:
+/// it gets the null pointer, which `try_reserve` reports.
 struct Allocator;
+
+/// Whether this process is a program of ours.
+static IS_PROGRAM: AtomicBool = AtomicBool::new(false);
+
+/// From now on the process ends where memory ends.
+pub(crate) fn end_where_memory_ends() {
+    IS_PROGRAM.store(true, Ordering::Relaxed);
+}
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
 
-// SAFETY: all four functions are mimalloc's, with the same arguments; a null pointer is never returned.
+// SAFETY: all four functions are mimalloc's, with the same arguments.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: the caller keeps the trait's contract.
@@ -47,7 +57,7 @@ unsafe impl GlobalAlloc for Allocator {
 
 #[inline]
 fn or_exit(pointer: *mut u8, size: usize) -> *mut u8 {
-    if pointer.is_null() {
+    if pointer.is_null() && IS_PROGRAM.load(Ordering::Relaxed) {
         out_of_memory(size);
     }
     pointer

@@ -16,6 +16,8 @@ use crate::{ExitCode, Failure, print_error};
 /// Log lines go to standard error. `GRASPMILL_LOG` selects them, by level or as `target=level,…`
 /// (`tracing_subscriber::filter::Targets`); by default warnings and errors are shown.
 pub fn run(command: impl FnOnce() -> Result<ExitCode, Failure>) -> ExitCode {
+    #[cfg(not(fuzzing))]
+    crate::allocator::end_where_memory_ends();
     start_logging();
     if let Err(error) = writes_fail_at_the_file_size_limit() {
         tracing::warn!(%error, "a write beyond the file-size limit will end this program");

@@ -10,9 +10,11 @@ Outcomes(held=27)
 ``docs/python.md`` is the guide. ``graspmill.torch`` has datasets and the paper's network for PyTorch.
 """
 
-from importlib.metadata import version as _version
+import atexit as _atexit
 from typing import TYPE_CHECKING
 
+from . import _native
+from ._native import __version__
 from ._renamed import renamed as _renamed_value
 from .cameras import Camera
 from .crops import GraspCrops, grasp_crops
@@ -23,8 +25,8 @@ from .pages import Page
 from .planner import Grasp, Plan, Planner, PlanOptions
 from .scene import HITS, OUTCOMES, Object, Outcomes, Scene, execute, tsdf
 
-__version__ = _version("graspmill")
-
+# Threads that still work then must not come back to an interpreter that ends.
+_atexit.register(_native.end)
 
 if not TYPE_CHECKING:
 

@@ -26,6 +26,31 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def given(name: str, value: ArrayLike, what: str = "an array of numbers") -> NDArray[Any]:
+    """What was given, as an array."""
+    try:
+        array = None if _is_masked(value) else np.asarray(value)
+    except (TypeError, ValueError, RuntimeError, BufferError) as error:
+        told = "rows of several lengths" if "inhomogeneous" in str(error) else f"{shown(value)} ({error})"
+        raise InputError(f"{name} must be {what}, got {told}") from error
+    if array is None:
+        raise InputError(f"{name} must be {what} without a mask, which would be lost: fill what is masked, as with .filled(nan)")
+    return array
+
+
+def _is_masked(value: object) -> bool:
+    """Whether it is, or contains, one of NumPy's masked arrays."""
+    return isinstance(value, np.ma.MaskedArray) or (isinstance(value, (list, tuple)) and any(map(_is_masked, value)))
+
+
+def listed(name: str, value: Any) -> list[Any]:
+    """A list of what was given, such as images."""
+    try:
+        return list(value)
+    except (TypeError, ValueError, RuntimeError, BufferError) as error:
+        raise InputError(f"{name} must be a list, got {shown(value)}") from error
+
+
 def floats(name: str, value: ArrayLike, shape: Sequence[int | None], what: str = "") -> Floats:
     """An array of finite numbers of this shape (``None``: any length), as float32 in C order.
 
@@ -35,10 +60,7 @@ def floats(name: str, value: ArrayLike, shape: Sequence[int | None], what: str =
         shape: The wanted shape.
         what: What the shape means, for the message.
     """
-    try:
-        array = np.asarray(value)
-    except ValueError as error:
-        raise InputError(f"{name} must be an array of numbers, got rows of several lengths") from error
+    array = given(name, value)
     if array.shape == (0,) and len(shape) > 1 and shape[0] is None:
         array = np.empty([0 if want is None else want for want in shape])
     if array.dtype.kind not in "fiu":
@@ -61,16 +83,22 @@ def _fits(got: Sequence[int], shape: Sequence[int | None]) -> bool:
 def path(name: str, value: Any) -> str:
     """A path, or a name, as text."""
     try:
-        text = os.fspath(value)
+        given = os.fspath(value)
     except TypeError as error:
         raise InputError(f"{name} must be a path or a name, got {shown(value)}") from error
-    if not isinstance(text, str) or not text or "\0" in text:
+    if not isinstance(given, str) or not given or "\0" in given:
         raise InputError(f"{name} must be a path or a name in text, got {shown(value)}")
+    return text(name, given)
+
+
+def text(name: str, value: object) -> str:
+    """A text that can be written in UTF-8."""
+    given = str(value)
     try:
-        text.encode()
+        given.encode()
     except UnicodeEncodeError as error:
-        raise InputError(f"{name} must be a path in UTF-8, got {shown(value)}") from error
-    return text
+        raise InputError(f"{name} must be text in UTF-8, got {shown(value)}") from error
+    return given
 
 
 def vgn_values(name: str, values: Floats) -> None:
@@ -108,10 +136,7 @@ def poses(name: str, value: ArrayLike) -> Floats:
 
     Takes ``[N, 7]``, whose unit quaternions keep their bits, or matrices ``[N, 4, 4]``.
     """
-    try:
-        array = np.asarray(value)
-    except ValueError as error:
-        raise InputError(f"{name} must be poses, got rows of several lengths") from error
+    array = given(name, value)
     if array.shape == (0,):
         return np.empty((0, 7), np.float32)
     if array.dtype.kind not in "fiu":
@@ -135,10 +160,7 @@ def poses(name: str, value: ArrayLike) -> Floats:
 
 def pose(name: str, value: ArrayLike) -> list[float]:
     """One rigid transform as seven numbers: of a matrix ``[4, 4]``, seven numbers, or a translation ``[3]`` alone."""
-    try:
-        array = np.asarray(value)
-    except ValueError as error:
-        raise InputError(f"{name} must be a pose, got rows of several lengths") from error
+    array = given(name, value, "a pose")
     if array.shape == (3,) and array.dtype.kind in "fiu":
         array = np.concatenate([array, [0.0, 0.0, 0.0, 1.0]])
     if array.shape not in ((4, 4), (7,)):

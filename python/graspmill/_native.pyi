@@ -4,7 +4,25 @@ from typing import Any, Sequence, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Body", "Crops", "Dataset", "Simulation", "Plan", "Planner", "Scene", "execute", "fuse", "generate", "run_program"]
+__all__ = [
+    "Body",
+    "Crops",
+    "Dataset",
+    "Generation",
+    "Plan",
+    "Planner",
+    "Planning",
+    "Scene",
+    "Simulation",
+    "__version__",
+    "end",
+    "execute",
+    "fuse",
+    "publish",
+    "run_program",
+]
+
+__version__: str
 
 _Floats = NDArray[np.float32]
 _Path = str | PathLike[str]
@@ -95,9 +113,14 @@ class Planner:
         workspace_from_camera: Sequence[Sequence[float]],
         masks: Sequence[NDArray[np.bool_] | None] | None,
         request: dict[str, Any],
-    ) -> Plan: ...
-    def plan_cloud(self, points_m: _Floats, eyes_m: _Floats, request: dict[str, Any]) -> Plan: ...
-    def plan_tsdf(self, values: _Floats, request: dict[str, Any]) -> Plan: ...
+    ) -> Plan | Planning: ...
+    def plan_cloud(self, points_m: _Floats, eyes_m: _Floats, request: dict[str, Any]) -> Plan | Planning: ...
+    def plan_tsdf(self, values: _Floats, request: dict[str, Any]) -> Plan | Planning: ...
+
+@final
+class Planning:
+    def next(self, will_do: bool | None) -> list[float] | Plan: ...
+    def leave(self) -> None: ...
 
 @final
 class Plan:
@@ -117,16 +140,24 @@ def fuse(
     size_m: float,
     truncation_voxels: float,
 ) -> _Floats: ...
-def generate(
-    out: str,
-    config: _Path | None,
-    shards: int | None,
-    attempts: int | None,
-    seed: int | None,
-    policy: _Path | None,
-    set: Sequence[tuple[str, str]],
-    rejected_max: float,
-    threads: int,
-    progress: Any | None,
-) -> tuple[int, int]: ...
+@final
+class Generation:
+    counts: tuple[int, int, int]
+    def __new__(
+        cls,
+        out: str,
+        config: _Path | None,
+        shards: int | None,
+        attempts: int | None,
+        seed: int | None,
+        policy: _Path | None,
+        set: Sequence[tuple[str, str]],
+        rejected_max: float,
+        threads: int,
+    ) -> Generation: ...
+    def has_ended(self) -> bool: ...
+    def stop(self) -> None: ...
+
+def end() -> None: ...
+def publish(path: _Path, text: str) -> None: ...
 def run_program(words: Sequence[str]) -> int: ...

@@ -90,7 +90,15 @@ def generate(
     pairs = _pairs(gripper, settings)
 
     def run(tell: Progress | None) -> None:
-        _native.generate(where, paths[0], shards, attempts, seed, paths[1], pairs, share, count, tell)
+        work, has_ended = _native.Generation(where, paths[0], shards, attempts, seed, paths[1], pairs, share, count), False
+        try:
+            while not has_ended:
+                has_ended = work.has_ended()
+                if tell is not None:
+                    tell(*work.counts)
+        except BaseException:
+            work.stop()
+            raise
 
     if progress is True:
         with _bar() as bar:

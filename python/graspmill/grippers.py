@@ -94,7 +94,7 @@ def setting(gripper: GripperLike) -> str:
     for field in fields(gripper):
         value: Any = getattr(gripper, field.name)
         if field.name == "name":
-            parts["name"] = json.dumps(str(value), ensure_ascii=False)
+            parts["name"] = json.dumps(_arrays.text("name", value), ensure_ascii=False)
         elif field.name == "flange_from_grasp":
             if value is not None:
                 *position, x, y, z, w = _arrays.pose(field.name, value)

@@ -7,6 +7,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from . import _arrays, _native
+
 
 @dataclass(frozen=True)
 class Page:
@@ -19,9 +21,9 @@ class Page:
     html: str
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Writes the page to a file, for a browser."""
-        file = Path(path)
-        file.write_text(self.html, encoding="utf-8")
+        """Writes the page to a file, for a browser. An existing file stays until it is replaced by the whole page."""
+        file = Path(_arrays.path("path", path))
+        _native.publish(file, _arrays.text("html", self.html))
         return file
 
     def __repr__(self) -> str:

@@ -78,10 +78,10 @@ class PlanOptions(TypedDict, total=False):
         accept: A function of ``workspace_from_grasp``, ``[4, 4]``, that returns whether the grasp can be used, such as
             whether your arm reaches it. The plan raises what it raises.
 
-    ``accept`` is called for one grasp at a time, on a thread of the planner. With a judge it is called for every
+    ``accept`` is called for one grasp at a time, on the thread that plans. With a judge it is called for every
     candidate before the judge is asked: for 512 candidates, for four times as many if few are accepted, and for more in
-    a larger workspace. With the other networks it is called for the grasps that they found. Ctrl-C takes effect when
-    the plan ends.
+    a larger workspace. With the other networks it is called for the grasps that they found. Ctrl-C ends such a plan at
+    once, and another when it is made.
     """
 
     workspace_size_m: float | None
@@ -193,7 +193,7 @@ class Plan(Immutable, Sequence[Grasp]):
         """A picture of the scene and its grasps, as a PNG. A plan that was pickled cannot be drawn."""
         if self._drawn is None:
             raise InputError("the plan was pickled, and so has no picture: draw it in the process that made it")
-        return self._drawn.picture(str(title))
+        return self._drawn.picture(_arrays.text("title", title))
 
     def _repr_png_(self) -> bytes | None:
         return None if self._drawn is None else self.picture()
@@ -216,6 +216,21 @@ def _checked(options: PlanOptions) -> dict[str, Any]:
     given = {name: value for name, value in options.items() if value is not None}
     missing: dict[str, Any] = {"explain": False, "avoid": [], "keep_out": []}
     return {name: check(given[name]) if name in given else missing.get(name) for name, check in _CHECKS.items()}
+
+
+def _planned(begin: Callable[..., _native.Plan | _native.Planning], *observation: Any) -> Plan:
+    """A plan of an observation, with checked options at its end. ``accept`` is called here, on the caller's thread."""
+    planning = begin(*observation)
+    if isinstance(planning, _native.Plan):
+        return Plan._of(planning)
+    accept = observation[-1]["accept"]
+    try:
+        step = planning.next(None)
+        while not isinstance(step, _native.Plan):
+            step = planning.next(bool(accept(_arrays.matrices([step])[0])))
+    finally:
+        planning.leave()
+    return Plan._of(step)
 
 
 _Method = TypeVar("_Method", bound=Callable[..., Plan])
@@ -312,14 +327,14 @@ class Planner(Immutable):
             **options: See :class:`PlanOptions`.
         """
         if isinstance(cameras, Camera):
-            cameras, depths = [cameras], [np.asarray(depths)]
-            mask = None if mask is None else [np.asarray(mask)]
-        images, given = _images(list(depths), list(cameras))  # type: ignore[arg-type]
+            cameras, depths = [cameras], [depths]  # type: ignore[assignment]
+            mask = None if mask is None else [mask]  # type: ignore[assignment]
+        images, given = _images(depths, cameras)  # type: ignore[arg-type]
         intrinsics, poses = [camera._intrinsics() for camera in given], [camera._pose() for camera in given]
-        masks = None if mask is None else _masks(list(mask), images)  # type: ignore[arg-type]
+        masks = None if mask is None else _masks(_arrays.listed("mask", mask), images)
         if masks is not None and options.get("target_m") is not None:
             raise InputError("mask and target_m must not both be given")
-        return Plan._of(self._native.plan_views(images, intrinsics, poses, masks, _checked(options)))
+        return _planned(self._native.plan_views, images, intrinsics, poses, masks, _checked(options))
 
     @_with_options
     def plan_cloud(self, points_m: ArrayLike, *, eyes_m: ArrayLike | None = None, **options: Unpack[PlanOptions]) -> Plan:
@@ -334,7 +349,7 @@ class Planner(Immutable):
         eyes = np.empty((0, 3), np.float32) if eyes_m is None else _arrays.floats("eyes_m", eyes_m, (None, 3))
         if len(eyes) > 32:
             raise InputError(f"eyes_m must be at most 32, got {len(eyes)}")
-        return Plan._of(self._native.plan_cloud(points, eyes, _checked(options)))
+        return _planned(self._native.plan_cloud, points, eyes, _checked(options))
 
     @_with_options
     def plan_tsdf(self, tsdf: ArrayLike, **options: Unpack[PlanOptions]) -> Plan:
@@ -349,7 +364,7 @@ class Planner(Immutable):
         side = self._native.grid(checked["workspace_size_m"])[1]
         values = _arrays.floats("tsdf", tsdf, (side, side, side), " (x, y, z)")
         _arrays.vgn_values("tsdf", values)
-        return Plan._of(self._native.plan_tsdf(values.ravel(), checked))
+        return _planned(self._native.plan_tsdf, values.ravel(), checked)
 
 
 def _numbers(name: str, value: Any, *shape: int) -> list[float]:
@@ -371,10 +386,10 @@ def _avoided(value: Any) -> list[list[float]]:
     return [[float(part) for part in pose] for pose in poses]
 
 
-def _accepting(accept: Any) -> Callable[[list[float]], bool]:
+def _accepting(accept: Any) -> Any:
     if not callable(accept):
         raise InputError(f"accept must be a function of a pose, got {_arrays.shown(accept)}")
-    return lambda pose: bool(accept(_arrays.matrices([pose])[0]))
+    return accept
 
 
 def _cone(approach: Any) -> tuple[list[float], float]:
@@ -409,7 +424,7 @@ _CHECKS: dict[str, Callable[[Any], Any]] = {
     "workspace_size_m": lambda value: _arrays.number("workspace_size_m", value, *WORKSPACE_M),
     "base_from_workspace": lambda value: _arrays.pose("base_from_workspace", value),
     "workspace_from_wrist": _wrist,
-    "policy": str,
+    "policy": lambda value: _arrays.text("policy", value),
     "check_collisions": bool,
     "grasps_max": lambda value: _arrays.whole("grasps_max", value, 1, 10_000),
     "explain": bool,
@@ -431,7 +446,7 @@ def _masks(masks: list[Any], images: list[NDArray[np.float32]]) -> list[NDArray[
         if mask is None:
             fitting.append(None)
             continue
-        array = np.asarray(mask)
+        array = _arrays.given(f"mask {number}", mask)
         if array.dtype.kind not in "bu" or array.shape != image.shape:
             raise InputError(
                 f"mask {number} must be bool or uint8 of its image's shape, {list(image.shape)}, got {array.dtype} {list(array.shape)}"

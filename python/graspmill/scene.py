@@ -105,7 +105,7 @@ class Object(Immutable):
             friction: Coulomb coefficient.
         """
         extents = [float(part) for part in _arrays.floats("extents_m", extents_m, (3,))]
-        return cls._of(_native.Body.solid(str(shape), extents), pose, mass_kg, friction)
+        return cls._of(_native.Body.solid(_arrays.text("shape", shape), extents), pose, mass_kg, friction)
 
     @classmethod
     def cuboid(cls, extents_m: ArrayLike, pose: ArrayLike, *, mass_kg: float | None = None, friction: float = 1.0) -> Object:
@@ -140,10 +140,7 @@ class Object(Immutable):
         corners = _arrays.floats("mesh vertices", vertices, (None, 3))
         if len(corners) and (size_m := float(np.ptp(corners, axis=0).max())) > EXTENT_M_MAX:
             raise InputError(f"mesh vertices must be within {EXTENT_M_MAX:g} m of each other, got {size_m:g}: are they in metres?")
-        try:
-            triangles = np.asarray(faces)
-        except ValueError as error:
-            raise InputError("mesh faces must be whole numbers of shape [F, 3], got rows of several lengths") from error
+        triangles = _arrays.given("mesh faces", faces)
         if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
             raise InputError(f"mesh faces must be whole numbers of shape [F, 3], got {triangles.dtype} {list(triangles.shape)}")
         if triangles.size and not 0 <= triangles.min() <= triangles.max() < max(len(corners), 1):
@@ -152,7 +149,7 @@ class Object(Immutable):
             raise InputError("mesh faces must not be empty")
         closed = _is_closed(triangles)
         body = _native.Body.mesh(
-            str(name) or "mesh",
+            _arrays.text("name", name) or "mesh",
             corners,
             np.ascontiguousarray(triangles, dtype=np.uint32),
             _arrays.whole("parts_max", parts_max, 1, 64),
@@ -194,10 +191,7 @@ class Scene(Immutable):
     """
 
     def __init__(self, objects: Iterable[Object], *, table_z_m: float = 0.05) -> None:
-        try:
-            given = list(objects)
-        except TypeError as error:
-            raise InputError(f"objects must be a list, got {_arrays.shown(objects)}") from error
+        given = _arrays.listed("objects", objects)
         for number, one in enumerate(given):
             if not isinstance(one, Object):
                 raise InputError(f"objects must be graspmill.Object, got {_arrays.shown(one)} as number {number}")
@@ -326,10 +320,7 @@ def tsdf(
 
 def _images(depths: Sequence[ArrayLike], cameras: Sequence[Camera]) -> tuple[list[NDArray[np.float32]], list[Camera]]:
     """Depth images that fit their cameras; what is not finite and positive becomes 0."""
-    try:
-        depths, cameras = list(depths), list(cameras)
-    except TypeError as error:
-        raise InputError("depth images and cameras must be lists, as long as each other") from error
+    depths, cameras = _arrays.listed("depth images", depths), _arrays.listed("cameras", cameras)
     if len(depths) != len(cameras):
         raise InputError(f"there must be as many cameras as depth images, {len(depths)}, got {len(cameras)}")
     if not 1 <= len(cameras) <= 32:
@@ -338,7 +329,7 @@ def _images(depths: Sequence[ArrayLike], cameras: Sequence[Camera]) -> tuple[lis
     for number, (depth, camera) in enumerate(zip(depths, cameras)):
         if not isinstance(camera, Camera):
             raise InputError(f"camera {number} must be a graspmill.Camera, got {_arrays.shown(camera)}")
-        array = np.asarray(depth)
+        array = _arrays.given(f"depth image {number}", depth)
         if array.dtype.kind != "f":
             hint = "; divide a 16-bit image in millimetres by 1000" if array.dtype.kind in "iu" else ""
             raise InputError(f"depth image {number} must have a float dtype, in metres, got {array.dtype}{hint}")
@@ -425,7 +416,7 @@ def execute(
     simulation = scene._simulation_with(gripper, settings)
     chosen = None
     if targets is not None:
-        given = np.asarray(targets)
+        given = _arrays.given("targets", targets)
         given = given.astype(np.uint32) if given.shape == (0,) else given
         if given.shape != (len(rows),) or given.dtype.kind not in "iu":
             raise InputError(f"targets must be whole numbers of shape [{len(rows)}], got {given.dtype} {list(given.shape)}")
@@ -461,8 +452,9 @@ def setting_pairs(settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
             pairs.append((key, grippers.setting(value)))
             continue
         try:
-            pairs.append((key, json.dumps(value, allow_nan=False, ensure_ascii=False)))
+            toml = json.dumps(value, allow_nan=False, ensure_ascii=False)
         except (TypeError, ValueError) as error:
             wanted = "must be a number, a string, a bool or a list of them"
             raise InputError(f"settings[{key!r}] {wanted}, got {_arrays.shown(value)}") from error
+        pairs.append((_arrays.text("settings", key), _arrays.text(f"settings[{key!r}]", toml)))
     return pairs

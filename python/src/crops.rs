@@ -1,20 +1,25 @@
 //! What a judge sees of hands, for networks of others.
 
-use network::judge::{Crop, JudgeInputs, PaddedGrid};
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use network::judge::{BOX, CHANNELS, Crop, FACTS, JudgeInputs, PaddedGrid, WIDE_BOX, WIDE_CHANNELS};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use program::Failure;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use schema::Grid;
 
-use crate::fault::free;
+use crate::fault::{array, free, raised, reserved, room};
 use crate::pool::on_threads;
 use crate::scene::{Simulation, poses};
 
 /// Hands that one thread cuts out together.
-const TOGETHER: usize = 64;
+const TOGETHER: usize = 16;
 
-/// Hands that are cut out before they are added to the others.
-const AT_A_TIME: usize = 4096;
+/// Hands that are cut out before they are added to the others, and between two looks for a signal.
+const AT_A_TIME: usize = 1024;
+
+/// Values of a hand: its crop, its surroundings, its facts.
+const VALUES: [usize; 3] =
+    [BOX[0] * BOX[1] * BOX[2] * CHANNELS, WIDE_BOX[0] * WIDE_BOX[1] * WIDE_BOX[2] * WIDE_CHANNELS, FACTS];
 
 /// How some hands are seen in grids of one kind.
 #[pyclass(frozen, module = "graspmill._native")]
@@ -51,38 +56,42 @@ impl Crops {
         workspace_from_grasp: PyReadonlyArray2<'_, f32>,
         rows: PyReadonlyArray2<'_, u32>,
     ) -> PyResult<([Bound<'py, PyArray1<f32>>; 3], Bound<'py, PyArray1<bool>>)> {
+        // A grid is held again as it came, and padded, with two numbers for each of its own. Of the hands that are cut
+        // out there is a copy, and what is being made.
+        let hands = workspace_from_grasp.as_array().nrows();
+        let values = VALUES.iter().sum::<usize>() * (hands + 2 * hands.min(AT_A_TIME));
+        room(size_of::<f32>() * (4 * grids.as_array().len() + values))?;
         let (grids, poses) = (grids.as_array(), poses(&workspace_from_grasp));
         let rows: Vec<[usize; 4]> =
             rows.as_array().rows().into_iter().map(|row| std::array::from_fn(|at| row[at] as usize)).collect();
         let flat: Vec<f32> = grids.iter().copied().collect();
-        let seen = || {
-            on_threads(0, || {
-                let padded: Vec<PaddedGrid> = flat
-                    .par_chunks_exact(self.resolution.pow(3))
-                    .map(|values| PaddedGrid::new(self.resolution, values))
-                    .collect();
-                let part = |(poses, rows): (&[schema::Pose], &[[usize; 4]])| {
-                    let mut inputs = JudgeInputs::with_capacity(poses.len());
-                    for (pose, [grid, hand, views, mirrored]) in poses.iter().zip(rows) {
-                        let mirrored = [mirrored & 1 == 1, mirrored & 2 == 2];
-                        inputs.push(&self.crops[*hand], &padded[*grid], pose, *views, mirrored);
-                    }
-                    inputs.without_padding()
-                };
-                // Some at a time, so that no more than the result is held twice.
-                let mut all = [const { Vec::new() }; 3];
-                for (poses, rows) in poses.chunks(AT_A_TIME).zip(rows.chunks(AT_A_TIME)) {
-                    let parts: Vec<_> = poses.par_chunks(TOGETHER).zip(rows.par_chunks(TOGETHER)).map(part).collect();
-                    for part in parts {
-                        all.iter_mut().zip(part).for_each(|(all, part)| all.extend(part));
-                    }
-                }
-                all
-            })
+        let pad = |values| PaddedGrid::new(self.resolution, values);
+        let pad_all = || flat.par_chunks_exact(self.resolution.pow(3)).map(pad).collect();
+        let padded: Vec<PaddedGrid> = free(py, || on_threads(0, pad_all))?;
+        let part = |(poses, rows): (&[schema::Pose], &[[usize; 4]])| {
+            let mut inputs = JudgeInputs::with_capacity(poses.len());
+            for (pose, [grid, hand, views, mirrored]) in poses.iter().zip(rows) {
+                let mirrored = [mirrored & 1 == 1, mirrored & 2 == 2];
+                inputs.push(&self.crops[*hand], &padded[*grid], pose, *views, mirrored);
+            }
+            inputs.without_padding()
         };
-        let all = free(py, seen)?;
-        let hits = poses.iter().zip(&rows).map(|(pose, row)| self.crops[row[1]].hits_table(pose));
-        let hits = hits.collect::<Vec<bool>>().into_pyarray(py);
-        Ok((all.map(|values| values.into_pyarray(py)), hits))
+        let mut all = [const { Vec::new() }; 3];
+        for (all, values) in all.iter_mut().zip(VALUES) {
+            *all = reserved(values * poses.len()).map_err(|failure| raised(&failure))?;
+        }
+        for (poses, rows) in poses.chunks(AT_A_TIME).zip(rows.chunks(AT_A_TIME)) {
+            py.check_signals()?;
+            let see = || poses.par_chunks(TOGETHER).zip(rows.par_chunks(TOGETHER)).map(part).collect::<Vec<_>>();
+            free(py, || {
+                for part in on_threads(0, see)? {
+                    all.iter_mut().zip(part).for_each(|(all, part)| all.extend(part));
+                }
+                Ok::<_, Failure>(())
+            })?;
+        }
+        let hits = poses.iter().zip(&rows).map(|(pose, row)| self.crops[row[1]].hits_table(pose)).collect();
+        let [crops, wide, facts] = all;
+        Ok(([array(py, crops)?, array(py, wide)?, array(py, facts)?], array(py, hits)?))
     }
 }

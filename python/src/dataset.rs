@@ -8,7 +8,7 @@ use generator::{AttemptId, Config, Overrides, bodies_of, physics_of, replay};
 use inspect::scene_view;
 use network::upsampling::Upsampling;
 use network::{GraspOrigin, VoxelParams};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, ToPyArray};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict};
@@ -24,7 +24,7 @@ use trainer::split::split;
 use trainer::voxel::Voxel;
 
 use crate::crops::Crops;
-use crate::fault::{free, raised, wrong};
+use crate::fault::{array, free, raised, reserved, wrong};
 use crate::pool::on_threads;
 use crate::scene::{Scene, Simulation, names, place, rows};
 
@@ -160,24 +160,19 @@ impl Dataset {
             grid: info.grid,
         };
         let found = PyDict::new(py);
-        let SceneRows { scene: head, attempts, .. } = &rows_;
-        let side = info.grid.resolution;
-        found.set_item("tsdf", head.tsdf.to_pyarray(py).call_method1("reshape", (side, side, side))?)?;
+        let SceneRows { scene: head, attempts, .. } = rows_;
         let cameras = head.views.iter().map(|view| view.workspace_from_camera(&info.grid));
         found.set_item("workspace_from_camera", rows(py, cameras)?)?;
         found.set_item("workspace_from_grasp", rows(py, attempts.iter().map(|row| row.workspace_from_grasp))?)?;
-        let column =
-            |value: &dyn Fn(&schema::AttemptRecord) -> f32| -> Vec<f32> { attempts.iter().map(value).collect() };
-        found.set_item("width_m", column(&|row| row.width_m.unwrap_or(f32::NAN)).to_pyarray(py))?;
-        let outcomes: Vec<u8> = attempts.iter().map(|row| row.outcome as u8).collect();
-        found.set_item("outcome", outcomes.to_pyarray(py))?;
-        let targets: Vec<u32> = attempts.iter().map(|row| row.object_id).collect();
-        found.set_item("target", targets.to_pyarray(py))?;
-        let hits: Vec<i8> =
-            attempts.iter().map(|row| row.hit.map_or(-1, |hit| place(&HitKind::ALL, &hit) as i8)).collect();
-        found.set_item("hit", hits.to_pyarray(py))?;
-        let objects: Vec<i32> = attempts.iter().map(|row| row.hit_object_id.map_or(-1, |id| id as i32)).collect();
-        found.set_item("hit_object", objects.to_pyarray(py))?;
+        let side = info.grid.resolution;
+        found.set_item("tsdf", array(py, head.tsdf)?.reshape([side, side, side])?)?;
+        found.set_item("width_m", array(py, attempts.iter().map(width_m).collect())?)?;
+        found.set_item("outcome", array(py, attempts.iter().map(|row| row.outcome as u8).collect())?)?;
+        found.set_item("target", array(py, attempts.iter().map(|row| row.object_id).collect())?)?;
+        let hit = |row: &AttemptRecord| row.hit.map_or(-1, |hit| place(&HitKind::ALL, &hit) as i8);
+        found.set_item("hit", array(py, attempts.iter().map(hit).collect())?)?;
+        let object = |row: &AttemptRecord| row.hit_object_id.map_or(-1, |id| id as i32);
+        found.set_item("hit_object", array(py, attempts.iter().map(object).collect())?)?;
         let rules: Vec<&str> = attempts.iter().map(|row| row.rule.name()).collect();
         found.set_item("rule", rules)?;
         Ok((Scene { scene }, simulation, found))
@@ -206,10 +201,10 @@ impl Dataset {
         }
         let (dataset, hands) = (self.read()?, self.dataset.info().hands().len() as u64);
         let read = || {
-            let some = dataset.some_scenes(shard, scenes)?.collect::<Result<Vec<_>, Failure>>()?;
-            let mut grids = Vec::with_capacity(some.iter().map(|rows| rows.scene.tsdf.len()).sum());
+            let mut grids = reserved(scenes.len() * dataset.info().grid.len())?;
             let mut samples = Vec::new();
-            for (place, SceneRows { scene, attempts, .. }) in (0_u32..).zip(some) {
+            for (place, rows) in (0_u32..).zip(dataset.some_scenes(shard, scenes)?) {
+                let SceneRows { scene, attempts, .. } = rows?;
                 grids.extend(scene.tsdf);
                 let (hand, views) = ((scene.scene_id % hands) as u32, scene.views.len() as u32);
                 let own = if of_hands { attempts } else { samples_of(&attempts) };
@@ -226,10 +221,10 @@ impl Dataset {
         };
         let (numbers, samples): (Vec<[u32; 5]>, Vec<AttemptRecord>) = samples.into_iter().unzip();
         Ok((
-            grids.into_pyarray(py),
+            array(py, grids)?,
             rows(py, samples.iter().map(at_origin))?,
-            samples.iter().map(|row| row.width_m.unwrap_or(f32::NAN)).collect::<Vec<_>>().into_pyarray(py),
-            numbers.into_flattened().into_pyarray(py).reshape([samples.len(), 5])?,
+            array(py, samples.iter().map(width_m).collect())?,
+            array(py, numbers.into_flattened())?.reshape([samples.len(), 5])?,
         ))
     }
 
@@ -272,7 +267,7 @@ impl Dataset {
             };
             Ok::<_, Failure>(marks.iter().flat_map(of_shard).collect::<Vec<u8>>())
         };
-        Ok(free(py, marked)?.into_pyarray(py))
+        array(py, free(py, marked)?)
     }
 
     /// The lens of the scenes' cameras: width, height, fx, fy, cx, cy in pixels.
@@ -305,7 +300,7 @@ impl Dataset {
     /// A scene in 3-D, as a page.
     fn scene_page(&self, py: Python<'_>, scene_id: u64) -> PyResult<String> {
         let rows = self.scene_rows(py, scene_id)?;
-        Ok(scene_view(self.dataset.info(), self.dataset.id(), &rows).page())
+        free(py, || Ok::<_, Failure>(scene_view(self.dataset.info(), self.dataset.id(), &rows).page()))
     }
 
     /// An attempt, executed again before the reader's eyes, as a page.
@@ -319,6 +314,11 @@ impl Dataset {
     fn names() -> (Vec<&'static str>, Vec<&'static str>) {
         names()
     }
+}
+
+/// The opening at an attempt's end; NaN where the fingers never closed.
+fn width_m(row: &AttemptRecord) -> f32 {
+    row.width_m.unwrap_or(f32::NAN)
 }
 
 /// The set of every attempt of some datasets, as the trainer splits them for a method.

@@ -1,11 +1,12 @@
 //! The Python package's native half: the programs, and what they are made of, as functions on NumPy arrays.
 //!
 //! The package's Python half (`python/graspmill`) has the names that users see. It checks arguments, so that a message
-//! names them; here arrays have the right types. All work runs without the interpreter's lock, on threads of this
-//! module's own (`pool`), and a panic becomes an exception (`fault`).
+//! names them; here arrays have the right types. All work runs without the interpreter's lock (`detached`), on threads
+//! of this module's own (`pool`), and a panic becomes an exception (`fault`).
 
 mod crops;
 mod dataset;
+mod detached;
 mod fault;
 mod generate;
 mod plan;
@@ -25,11 +26,16 @@ mod _native {
     #[pymodule_export]
     use crate::dataset::Dataset;
     #[pymodule_export]
-    use crate::generate::generate;
+    use crate::detached::end;
     #[pymodule_export]
-    use crate::plan::{Plan, Planner};
+    use crate::generate::Generation;
     #[pymodule_export]
-    use crate::programs::run_program;
+    use crate::plan::{Plan, Planner, Planning};
+    #[pymodule_export]
+    use crate::programs::{publish, run_program};
     #[pymodule_export]
     use crate::scene::{Body, Scene, Simulation, execute, fuse};
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "its name in Python")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
 }

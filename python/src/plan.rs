@@ -1,24 +1,30 @@
 //! The planner, in this process.
 
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use planner::{Cone, Config, Limits, Observation, PlanOptions, Policy, Target, View, plane};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use schema::{Gripper, Pose, Quat, Vec3, VoxelGrid};
 
-use crate::fault::{free, raised, wrong};
-use crate::pool::on_threads;
-use crate::scene::{Seven, Simulation, camera, image, pose};
+use crate::fault::{array, free, raised, room, wrong};
+use crate::pool::{Apart, on_threads};
+use crate::scene::{Seven, Simulation, camera, image, pose, seven};
+
+/// Memory for the plan of anything, in bytes, and for each pixel or point besides; and for a picture.
+const PLAN_BYTES: usize = 256 << 20;
+const POINT_BYTES: usize = 40;
+const PICTURE_BYTES: usize = 128 << 20;
 
 /// A network and settings, ready to plan; planning changes nothing, so any number of threads may.
 #[pyclass(frozen, module = "graspmill._native")]
 #[derive(Debug)]
 pub(crate) struct Planner {
-    planner: planner::Planner,
+    planner: Arc<planner::Planner>,
     threads: usize,
 }
 
@@ -41,13 +47,13 @@ struct Request {
     /// The lower and the upper corner.
     reach: Option<[[f32; 3]; 2]>,
     target_m: Option<[f32; 3]>,
-    /// Called with a grasp, position and quaternion.
+    /// Its caller calls it.
     accept: Option<Py<PyAny>>,
 }
 
 impl Request {
-    fn options(self) -> PyResult<(PlanOptions, Option<Py<PyAny>>)> {
-        let options = PlanOptions {
+    fn options(self) -> PyResult<PlanOptions> {
+        Ok(PlanOptions {
             workspace_size_m: self.workspace_size_m,
             base_from_workspace: self.base_from_workspace.map(pose),
             workspace_from_wrist: self.workspace_from_wrist.map(|wrist| Quat::from_array(wrist).normalize()),
@@ -62,8 +68,7 @@ impl Request {
                 reach_m: self.reach.map(|corners| corners.map(Vec3::from_array)),
                 target: self.target_m.map(|point_m| Target::Point(Vec3::from_array(point_m))),
             },
-        };
-        Ok((options, self.accept))
+        })
     }
 }
 
@@ -87,7 +92,7 @@ impl Planner {
                 None => planner::Planner::built_in(config),
             }
         };
-        Ok(Self { planner: free(py, made)?, threads })
+        Ok(Self { planner: Arc::new(free(py, made)?), threads })
     }
 
     /// A workspace of a size, by default the network's: its side in metres, voxels along a side, the table's height in
@@ -118,8 +123,9 @@ impl Planner {
         workspace_from_camera: Vec<Seven>,
         masks: Option<Vec<Option<PyReadonlyArray2<'_, bool>>>>,
         request: Request,
-    ) -> PyResult<Plan> {
-        let (mut options, accept) = request.options()?;
+    ) -> PyResult<Planned> {
+        room(PLAN_BYTES + POINT_BYTES * depths.iter().map(|depth| depth.as_array().len()).sum::<usize>())?;
+        let (is_asked, mut options) = (request.accept.is_some(), request.options()?);
         if let Some(masks) = masks {
             let pixels = |mask: &PyReadonlyArray2<'_, bool>| mask.as_array().iter().copied().collect();
             let masks = masks.iter().map(|mask| mask.as_ref().map(pixels)).collect();
@@ -128,7 +134,7 @@ impl Planner {
         let cameras = intrinsics.into_iter().zip(workspace_from_camera);
         let seen = depths.iter().zip(cameras);
         let views = seen.map(|(depth, (lens, at))| View { image: image(depth), camera: camera(lens, at) });
-        self.plan(py, Observation::Views(views.collect()), options, accept)
+        self.plan(py, Observation::Views(views.collect()), options, is_asked)
     }
 
     /// A plan from a cloud, `[N, 3]` in the workspace, seen from `[M, 3]`, in metres.
@@ -138,20 +144,23 @@ impl Planner {
         points_m: PyReadonlyArray2<'_, f32>,
         eyes_m: PyReadonlyArray2<'_, f32>,
         request: Request,
-    ) -> PyResult<Plan> {
+    ) -> PyResult<Planned> {
+        room(PLAN_BYTES + POINT_BYTES * points_m.as_array().nrows())?;
         let points = |rows: &PyReadonlyArray2<'_, f32>| -> Vec<Vec3> {
             rows.as_array().rows().into_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect()
         };
-        let (options, accept) = request.options()?;
-        self.plan(py, Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) }, options, accept)
+        let (is_asked, options) = (request.accept.is_some(), request.options()?);
+        self.plan(py, Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) }, options, is_asked)
     }
 
     /// A plan from a TSDF in VGN's values, flat.
-    fn plan_tsdf(&self, py: Python<'_>, values: PyReadonlyArray1<'_, f32>, request: Request) -> PyResult<Plan> {
-        let (values, (options, accept)) = (values.as_array().iter().copied().collect(), request.options()?);
+    fn plan_tsdf(&self, py: Python<'_>, values: PyReadonlyArray1<'_, f32>, request: Request) -> PyResult<Planned> {
+        room(PLAN_BYTES + POINT_BYTES * values.as_array().len())?;
+        let (is_asked, options) = (request.accept.is_some(), request.options()?);
+        let values = values.as_array().iter().copied().collect();
         let grid = options.workspace(&self.planner.grid);
         let grid = VoxelGrid::new(grid, values).map_err(|error| wrong(format!("{error}: tsdf")))?;
-        self.plan(py, Observation::Tsdf(grid), options, accept)
+        self.plan(py, Observation::Tsdf(grid), options, is_asked)
     }
 }
 
@@ -161,28 +170,65 @@ impl Planner {
         py: Python<'_>,
         observation: Observation,
         options: PlanOptions,
-        accept: Option<Py<PyAny>>,
-    ) -> PyResult<Plan> {
-        let raised = Mutex::new(None);
-        let called = |accept: &Py<PyAny>, pose: &Pose| {
-            let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
-            let ([x, y, z], [qx, qy, qz, qw]) = (pose.translation.to_array(), pose.rotation.to_array());
-            // After an exception nothing more is asked.
-            raised.is_none()
-                && Python::attach(|py| accept.call1(py, ([x, y, z, qx, qy, qz, qw],))?.extract(py)).unwrap_or_else(
-                    |error| {
-                        *raised = Some(error);
-                        false
-                    },
-                )
-        };
-        let will_do = |pose: &Pose| accept.as_ref().is_none_or(|accept| called(accept, pose));
-        let plan = || self.planner.plan_with(&observation, &options, &will_do).map_err(Failure::from);
-        let plan = free(py, || on_threads(self.threads, plan)?)?;
-        if let Some(error) = raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            return Err(error);
+        is_asked: bool,
+    ) -> PyResult<Planned> {
+        let (planner, gripper) = (Arc::clone(&self.planner), self.planner.config.gripper.clone());
+        if !is_asked {
+            let plan = || planner.plan_with(&observation, &options, &|_| true).map_err(Failure::from);
+            let plan = free(py, || on_threads(self.threads, plan)?)?;
+            return Ok(Planned::Plan(Plan { plan, gripper }));
         }
-        Ok(Plan { plan, gripper: self.planner.config.gripper.clone() })
+        let (answer, answers) = channel();
+        let answers = Mutex::new(answers);
+        let work = move |tell: &Sender<Result<Step, Failure>>| {
+            let will_do = |pose: &Pose| {
+                let answers = answers.lock().unwrap_or_else(PoisonError::into_inner);
+                // Nobody answers after an exception.
+                tell.send(Ok(Step::Asked(seven(pose)))).is_ok() && answers.recv().unwrap_or(false)
+            };
+            let plan = planner.plan_with(&observation, &options, &will_do)?;
+            Ok(Step::Planned(Plan { plan, gripper }))
+        };
+        Ok(Planned::Planning(Planning { steps: Apart::start(self.threads, work)?, answer: Some(answer) }))
+    }
+}
+
+/// A plan, or one whose caller is asked about its grasps.
+#[derive(Debug, IntoPyObject)]
+#[expect(clippy::large_enum_variant, reason = "made once a call, and consumed at once")]
+enum Planned {
+    Plan(Plan),
+    Planning(Planning),
+}
+
+/// The next thing that planning tells: a grasp that it asks about, or the plan.
+#[derive(Debug, IntoPyObject)]
+#[expect(clippy::large_enum_variant, reason = "made once a call, and consumed at once")]
+enum Step {
+    Asked(Seven),
+    Planned(Plan),
+}
+
+/// A plan that is being made, on threads of its own: its caller decides about grasps, and may wait for another plan.
+#[pyclass(module = "graspmill._native")]
+#[derive(Debug)]
+pub(crate) struct Planning {
+    steps: Apart<Step>,
+    answer: Option<Sender<bool>>,
+}
+
+#[pymethods]
+impl Planning {
+    /// Whether the grasp that it asked about will do; then the next one, or the plan.
+    fn next(&mut self, py: Python<'_>, will_do: Option<bool>) -> PyResult<Step> {
+        // A plan that failed tells so below.
+        _ = will_do.and_then(|will_do| self.answer.as_ref()?.send(will_do).ok());
+        self.steps.next(py)
+    }
+
+    /// Asks no more: the plan ends soon, and nobody gets it.
+    fn leave(&mut self) {
+        self.answer = None;
     }
 }
 
@@ -209,13 +255,17 @@ impl Plan {
 
     /// A picture of the scene and its grasps, as a PNG.
     fn picture<'py>(&self, py: Python<'py>, title: &str) -> PyResult<Bound<'py, PyBytes>> {
+        room(PICTURE_BYTES)?;
         let drawn = || on_threads(0, || planner::picture::draw(&self.plan, &self.gripper, title))?;
-        Ok(PyBytes::new(py, &free(py, drawn)?))
+        let drawn = free(py, drawn)?;
+        PyBytes::new_with(py, drawn.len(), |bytes| {
+            bytes.copy_from_slice(&drawn);
+            Ok(())
+        })
     }
 
     /// The points of the segmented surface, flat, in metres.
-    fn cloud<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
-        let flat: Vec<f32> = self.plan.cloud.points_m.iter().flat_map(|point| point.to_array()).collect();
-        flat.to_pyarray(py)
+    fn cloud<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        array(py, self.plan.cloud.points_m.iter().flat_map(|point| point.to_array()).collect())
     }
 }

@@ -3,18 +3,32 @@
 
 use std::collections::BTreeMap;
 use std::process;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-use program::{Failure, thread_pool};
+use program::{ExitCode, Failure, thread_pool};
+use pyo3::prelude::*;
 use rayon::ThreadPool;
+
+use crate::detached::detached;
+use crate::fault::{caught, raised, room};
 
 /// Pools by process and number of threads.
 static POOLS: Mutex<BTreeMap<(u32, usize), Arc<ThreadPool>>> = Mutex::new(BTreeMap::new());
 
-/// Runs work on so many threads; 0 for one per core. More than cores would change nothing.
-pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+/// How often a wait looks for a signal.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// So many threads; 0 for one per core. More than cores would change nothing.
+fn count(threads: usize) -> usize {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let key = (process::id(), if threads == 0 { cores } else { threads.min(cores) });
+    if threads == 0 { cores } else { threads.min(cores) }
+}
+
+/// Runs work on so many threads; 0 for one per core.
+pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+    let key = (process::id(), count(threads));
     let pools = || POOLS.lock().unwrap_or_else(PoisonError::into_inner);
     let found = pools().get(&key).map(Arc::clone);
     let pool = match found {
@@ -26,4 +40,49 @@ pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Sen
         }
     };
     Ok(pool.install(work))
+}
+
+/// What work on threads of its own tells while it runs, and at last what it made.
+#[derive(Debug)]
+pub(crate) struct Apart<T>(Mutex<Receiver<Result<T, Failure>>>);
+
+impl<T: Send + 'static> Apart<T> {
+    /// Starts work on threads that no other work waits for: because it waits for Python, or is left alone after Ctrl-C.
+    pub(crate) fn start(
+        threads: usize,
+        work: impl FnOnce(&Sender<Result<T, Failure>>) -> Result<T, Failure> + Send + 'static,
+    ) -> PyResult<Self> {
+        room(0)?;
+        let (tell, told) = channel();
+        let pool = thread_pool(count(threads)).map_err(|failure| raised(&failure))?;
+        pool.spawn(move || _ = tell.send(caught(|| work(&tell)))); // nobody listens after Ctrl-C
+        Ok(Self(Mutex::new(told)))
+    }
+
+    /// What it tells next, if it does so soon.
+    pub(crate) fn soon(&self, py: Python<'_>) -> PyResult<Option<T>> {
+        match detached(py, || self.told().recv_timeout(LOOK)) {
+            Ok(told) => told.map(Some).map_err(|failure| raised(&failure)),
+            Err(RecvTimeoutError::Timeout) => py.check_signals().map(|()| None),
+            Err(RecvTimeoutError::Disconnected) => Err(raised(&Failure::new(ExitCode::Internal, "the work has ended"))),
+        }
+    }
+
+    /// What it tells next.
+    pub(crate) fn next(&self, py: Python<'_>) -> PyResult<T> {
+        loop {
+            if let Some(told) = self.soon(py)? {
+                return Ok(told);
+            }
+        }
+    }
+
+    /// Waits until it has ended, whatever signals come.
+    pub(crate) fn end(&self, py: Python<'_>) {
+        detached(py, || self.told().iter().for_each(drop));
+    }
+
+    fn told(&self) -> MutexGuard<'_, Receiver<Result<T, Failure>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }

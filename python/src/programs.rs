@@ -1,11 +1,20 @@
-//! The program, run by an interpreter.
+//! The program, run by an interpreter, and how it writes files.
 
 use std::ffi::OsString;
+use std::path::PathBuf;
 
 use pyo3::prelude::*;
+
+use crate::detached::detached;
 
 /// Runs `graspmill` as all of this process: `words` are its command line, its name first. The exit code.
 #[pyfunction]
 pub(crate) fn run_program(py: Python<'_>, words: Vec<OsString>) -> u8 {
-    py.detach(|| graspmill::run(words)).code()
+    detached(py, || graspmill::run(words)).code()
+}
+
+/// Writes a file, or replaces it, at once and whole.
+#[pyfunction]
+pub(crate) fn publish(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<()> {
+    Ok(detached(py, || program::publish(&path, text.as_bytes()))?)
 }

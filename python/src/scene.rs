@@ -1,14 +1,14 @@
 //! Scenes and the label oracle.
 
 use generator::{Config, Overrides};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use perception::fuse_images;
 use program::{ExitCode, Failure};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use schema::{
     Camera, DepthImage, Grid, Gripper, HitKind, Intrinsics, Model, ModelPart, Outcome, Physics, Polyhedron, Pose,
-    Procedure, Quat, SettleParams, ShapeKind, Solid, Vec3, VoxelGrid,
+    Procedure, Quat, SettleParams, ShapeKind, Solid, Vec3,
 };
 use serde_json::json;
 use simulator::{
@@ -17,11 +17,16 @@ use simulator::{
 };
 use std::path::PathBuf;
 
-use crate::fault::{free, raised, wrong};
-use crate::pool::on_threads;
+use crate::fault::{array, free, raised, reserved, room, wrong};
+use crate::pool::{Apart, on_threads};
 
 /// Attempts between two looks for a signal.
 const TOGETHER: usize = 2048;
+/// Memory for each of a pose's numbers in [`execute`], in bytes: the poses, and what comes of them.
+const ATTEMPT_BYTES: usize = 24;
+/// Memory for the decomposition of any mesh, in bytes, and for each voxel that one of its triangles crosses.
+const MESH_BYTES: usize = 128 << 20;
+const CROSSING_BYTES: f32 = 96.0;
 
 /// A pose as Python gives it: a position in metres and a quaternion x, y, z, w.
 pub(crate) type Seven = [f32; 7];
@@ -49,7 +54,7 @@ pub(crate) fn poses(rows: &PyReadonlyArray2<'_, f32>) -> Vec<Pose> {
 pub(crate) fn rows<'py>(py: Python<'py>, poses: impl Iterator<Item = Pose>) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let flat: Vec<f32> = poses.flat_map(|pose| seven(&pose)).collect();
     let count = flat.len() / 7;
-    flat.to_pyarray(py).reshape([count, 7])
+    array(py, flat)?.reshape([count, 7])
 }
 
 /// A camera of six numbers (width, height, fx, fy, cx, cy; in pixels) and a pose.
@@ -74,6 +79,7 @@ impl Simulation {
     /// Those of a generator's config (the paper's without a file), with some keys set.
     #[new]
     fn new(config: Option<PathBuf>, set: Vec<(String, String)>) -> PyResult<Self> {
+        room(0)?;
         let overrides = Overrides { set: &set, ..Overrides::default() };
         let config = Config::load(config.as_deref(), overrides).map_err(|error| raised(&error.into()))?;
         let Config { physics, procedure, settle, grid, gripper, .. } = config;
@@ -165,7 +171,8 @@ impl Body {
         Ok(Self { body: solid.into(), centre_m: Vec3::ZERO })
     }
 
-    /// A mesh, decomposed into convex parts.
+    /// A mesh, decomposed into convex parts. After a signal the decomposition, one call of another crate, goes on by
+    /// itself.
     #[staticmethod]
     fn mesh(
         py: Python<'_>,
@@ -176,6 +183,7 @@ impl Body {
         corners_max: usize,
         is_closed: bool,
     ) -> PyResult<Self> {
+        room(8 * (vertices_m.as_array().len() + triangles.as_array().len()))?;
         let corners: Vec<Vec3> =
             vertices_m.as_array().rows().into_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect();
         let triangles: Vec<[u32; 3]> =
@@ -184,17 +192,18 @@ impl Body {
             return Err(wrong(format!("faces must be below the number of vertices, {}, got {corner}", corners.len())));
         }
         let params = PartsParams { parts_max, corners_max, resolution: 100, concavity: 0.02, is_closed };
-        let made = || {
-            let parts = on_threads(0, || convex_parts(&corners, &triangles, &params))?;
+        room(MESH_BYTES + (CROSSING_BYTES * crossings(&corners, &triangles, params.resolution)) as usize)?;
+        let made = move || {
+            let parts = convex_parts(&corners, &triangles, &params);
             let refused = |error: String| Failure::new(ExitCode::Config, format!("mesh {name}: {error}"));
             let parts = parts.map_err(|error| refused(error.to_string()))?;
             let [low, high] = schema::bounds_m(parts.hulls.iter().flat_map(|hull| hull.corners_m()));
             let part = |hull| Part { shape: PartShape::Hull(hull), object_from_part: Pose::IDENTITY };
             let compound = Compound::new(name.clone(), parts.hulls.into_iter().map(part).collect());
             let compound = compound.map_err(|error| refused(error.to_string()))?;
-            Ok::<_, Failure>(Self { body: compound.into(), centre_m: 0.5 * (low + high) })
+            Ok(Self { body: compound.into(), centre_m: 0.5 * (low + high) })
         };
-        free(py, made)
+        Apart::start(0, move |_| made())?.next(py)
     }
 
     /// What it is called.
@@ -226,10 +235,21 @@ impl Body {
         let part = |polyhedron: &Polyhedron| {
             let flat: Vec<f32> = polyhedron.corners_m().iter().flat_map(|corner| corner.to_array()).collect();
             let count = flat.len() / 3;
-            flat.to_pyarray(py).reshape([count, 3])
+            array(py, flat)?.reshape([count, 3])
         };
         self.body.polyhedra().iter().map(part).collect()
     }
+}
+
+/// About how many voxels a mesh's triangles cross, each triangle for itself, at least.
+fn crossings(corners_m: &[Vec3], triangles: &[[u32; 3]], resolution: u32) -> f32 {
+    let [low, high] = schema::bounds_m(corners_m);
+    let per_m = resolution as f32 / (high - low).max_element();
+    let crossed = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|corner| per_m * corners_m[corner as usize]);
+        (b - a).cross(c - a).length() + (b - a).length() + (c - b).length() + (a - c).length() + 1.0
+    };
+    triangles.iter().map(crossed).sum()
 }
 
 /// Objects on a table.
@@ -320,8 +340,9 @@ impl Scene {
         workspace_from_camera: Seven,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let camera = camera(intrinsics, workspace_from_camera);
+        room(size_of::<f32>() * camera.intrinsics.width_px * camera.intrinsics.height_px)?;
         let image = free(py, || on_threads(0, || SceneRays::new(&self.scene).render(&camera)))?;
-        image.depth_m.to_pyarray(py).reshape([image.height_px, image.width_px])
+        array(py, image.depth_m)?.reshape([image.height_px, image.width_px])
     }
 }
 
@@ -337,11 +358,12 @@ pub(crate) fn fuse<'py>(
     truncation_voxels: f32,
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
     let grid = Grid { size_m, resolution, ..Grid::PAPER };
+    room(size_of::<f32>() * (grid.len() + depths.iter().map(|depth| depth.as_array().len()).sum::<usize>()))?;
     let images: Vec<DepthImage> = depths.iter().map(image).collect();
     let cameras = intrinsics.into_iter().zip(workspace_from_camera).map(|(lens, at)| camera(lens, at));
     let views: Vec<(Camera, &DepthImage)> = cameras.zip(&images).collect();
-    let fused = || Ok::<VoxelGrid, Failure>(fuse_images(&grid, truncation_voxels, &views));
-    Ok(free(py, fused)?.values.to_pyarray(py))
+    let fused = || on_threads(0, || fuse_images(&grid, truncation_voxels, &views));
+    array(py, free(py, fused)?.values)
 }
 
 /// A depth image of an array.
@@ -372,6 +394,7 @@ pub(crate) fn execute<'py>(
     simulation: &Simulation,
     threads: usize,
 ) -> PyResult<Executed<'py>> {
+    room(ATTEMPT_BYTES * workspace_from_grasp.as_array().len())?;
     let (scene, grasps) = (&scene.scene, poses(&workspace_from_grasp));
     let targets: Vec<usize> = match targets {
         Some(targets) => targets.as_array().iter().map(|target| *target as usize).collect(),
@@ -386,7 +409,7 @@ pub(crate) fn execute<'py>(
         return Err(wrong(text));
     }
     let asked: Vec<(Pose, usize)> = grasps.into_iter().zip(targets).collect();
-    let mut ended: Vec<Execution> = Vec::with_capacity(asked.len());
+    let mut ended: Vec<Execution> = reserved(asked.len()).map_err(|failure| raised(&failure))?;
     for some in asked.chunks(TOGETHER) {
         py.check_signals()?;
         let work = || {
@@ -403,11 +426,11 @@ pub(crate) fn execute<'py>(
     let kind = |execution: &Execution| execution.hit.map_or(-1, |hit| place(&HitKind::ALL, &hit.kind) as i8);
     let object = |execution: &Execution| execution.hit.and_then(|hit| hit.object_id).map_or(-1, |id| id as i32);
     Ok((
-        ended.iter().map(|execution| execution.outcome as u8).collect::<Vec<_>>().to_pyarray(py),
-        ended.iter().map(|execution| execution.width_m.unwrap_or(f32::NAN)).collect::<Vec<_>>().to_pyarray(py),
-        ended.iter().map(kind).collect::<Vec<_>>().to_pyarray(py),
-        ended.iter().map(object).collect::<Vec<_>>().to_pyarray(py),
-        asked.iter().map(|(_, target)| *target as u32).collect::<Vec<_>>().to_pyarray(py),
+        array(py, ended.iter().map(|execution| execution.outcome as u8).collect())?,
+        array(py, ended.iter().map(|execution| execution.width_m.unwrap_or(f32::NAN)).collect())?,
+        array(py, ended.iter().map(kind).collect())?,
+        array(py, ended.iter().map(object).collect())?,
+        array(py, asked.iter().map(|(_, target)| *target as u32).collect())?,
     ))
 }
 
