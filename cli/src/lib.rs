@@ -28,10 +28,11 @@ mod training;
 mod weights;
 
 use std::ffi::OsString;
+use std::io::{self, Write as _};
 use std::sync::OnceLock;
 
 use clap::{Parser, Subcommand};
-use program::{ExitCode, Failure};
+use program::{Context as _, ExitCode, Failure};
 
 /// Makes robot-grasp datasets in physics simulation, trains networks on them, and plans grasps.
 #[derive(Debug, Parser)]
@@ -96,8 +97,20 @@ pub fn main() -> std::process::ExitCode {
 #[must_use]
 pub fn run(words: Vec<OsString>) -> ExitCode {
     let words = WORDS.get_or_init(|| aliases::expanded(words));
-    let Graspmill { command } = Graspmill::parse_from(words);
-    program::run(|| command.run())
+    program::run(|| match Graspmill::try_parse_from(words) {
+        Ok(Graspmill { command }) => command.run(),
+        Err(answer) => answered(&answer),
+    })
+}
+
+/// Prints a help, the version, or what is wrong with a command line.
+fn answered(answer: &clap::Error) -> Result<ExitCode, Failure> {
+    match answer.print().and_then(|()| io::stdout().flush()) {
+        Err(error) if !answer.use_stderr() && error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(error).context("failed to print")
+        }
+        _ => Ok(ExitCode::from_code(answer.exit_code())),
+    }
 }
 
 /// The command line of this process. A process is one program.

@@ -24,7 +24,8 @@ pub enum ExitCode {
     Incomplete = 69,
     /// The outside world failed (disk full, out of memory, I/O error) or a signal stopped the program. Run it again.
     TryAgain = 75,
-    /// The configuration is wrong, or the folder holds something else. Running again will not help.
+    /// The configuration is wrong, the folder holds something else, or there is no right or no place to read or write.
+    /// Running again will not help.
     Config = 78,
 }
 
@@ -39,7 +40,7 @@ Exit codes:
   66  done in part: some inputs could not be used, and are listed
   69  dataset incomplete
   75  I/O trouble, out of memory, or stopped by a signal: run again
-  78  wrong configuration, or the folder holds something else";
+  78  wrong configuration, no such folder, no permission, or the folder holds something else";
 
     /// What one of our programs says by ending with this number; no other number is one of ours.
     #[must_use]
@@ -73,12 +74,17 @@ pub trait Exit: Error + 'static {
 const ELOOP: i32 = if cfg!(target_os = "linux") { 40 } else { 62 };
 
 impl Exit for io::Error {
-    /// [`ExitCode::TryAgain`]: the outside world failed. [`ExitCode::Config`] where the path itself is wrong: a loop of
-    /// links, a name that is too long, a folder or a special file in the place of a file, a file in that of a folder.
-    /// [`ExitCode::Data`] for a file that is too large.
+    /// [`ExitCode::TryAgain`]: the outside world failed. [`ExitCode::Config`] where the path itself is wrong: nothing
+    /// is there, or a folder is gone; a right is missing; a loop of links, a name that is too long, a folder or a
+    /// special file in the place of a file, a file in that of a folder. [`ExitCode::Data`] for a file that is too
+    /// large.
     fn exit_code(&self) -> ExitCode {
         match self.kind() {
-            ErrorKind::InvalidFilename | ErrorKind::IsADirectory | ErrorKind::NotADirectory => ExitCode::Config,
+            ErrorKind::NotFound
+            | ErrorKind::PermissionDenied
+            | ErrorKind::InvalidFilename
+            | ErrorKind::IsADirectory
+            | ErrorKind::NotADirectory => ExitCode::Config,
             // The system's own EINVAL is another matter.
             ErrorKind::InvalidInput if self.raw_os_error().is_none() => ExitCode::Config,
             ErrorKind::InvalidData => ExitCode::Data,
@@ -164,15 +170,17 @@ mod tests {
     #[test]
     fn a_path_that_cannot_be_is_no_reason_to_try_again() {
         let folder = tempfile::tempdir().unwrap();
-        let paths =
-            ["loop", &"n".repeat(256), &"n/".repeat(2500), "file/below", "."].map(|name| folder.path().join(name));
+        let paths = ["loop", &"n".repeat(256), &"n/".repeat(2500), "file/below", ".", "gone/x"]
+            .map(|name| folder.path().join(name));
         std::os::unix::fs::symlink("loop", &paths[0]).unwrap();
         std::fs::write(folder.path().join("file"), b"").unwrap();
         for path in paths {
             let error = crate::read(&path, 10).unwrap_err();
             assert_eq!(error.exit_code(), ExitCode::Config, "{error}: {}", path.display());
         }
-        assert_eq!(io::Error::from_raw_os_error(5).exit_code(), ExitCode::TryAgain);
+        let codes = [1, 2, 13, 5, 28, 30, 116].map(|number| io::Error::from_raw_os_error(number).exit_code());
+        let (config, again) = ([ExitCode::Config; 3], [ExitCode::TryAgain; 4]);
+        assert_eq!(codes.split_at(3), (&config[..], &again[..]), "EPERM, ENOENT, EACCES; EIO, ENOSPC, EROFS, ESTALE");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::fs::{self, File, TryLockError};
 use std::path::Path;
 
 use crate::publish::sweep;
-use crate::{Context as _, ExitCode, Failure};
+use crate::{Context as _, ExitCode, Failure, open_as};
 
 /// Keeps other writers out of a folder while it exists.
 #[derive(Debug)]
@@ -28,7 +28,8 @@ impl FolderLock {
     pub fn take(folder: &Path) -> Result<Self, Failure> {
         let failed = |what: &str| format!("failed to {what} the folder {}", folder.display());
         fs::create_dir_all(folder).context(failed("make"))?;
-        let lock = File::options().create(true).append(true).open(folder.join(Self::NAME)).context(failed("lock"))?;
+        let lock =
+            open_as(&folder.join(Self::NAME), File::options().create(true).append(true)).context(failed("lock"))?;
         match lock.try_lock() {
             Err(TryLockError::WouldBlock) => {
                 let text = format!("another process writes in this folder: {}", folder.display());

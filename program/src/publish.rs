@@ -8,10 +8,10 @@ use std::path::Path;
 /// or a pipe, such as `/dev/stdout`, is written to, not replaced.
 ///
 /// # Errors
-/// The system's error; the old file is then unchanged.
+/// The system's error; the old file is then unchanged. [`io::ErrorKind::InvalidInput`] for a pipe that nobody reads.
 pub fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
-        return File::options().write(true).open(path)?.write_all(bytes);
+        return device(path)?.write_all(bytes);
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     // An unused name: two writers of one path do not share it, and it does not collide with a file of the user.
@@ -21,6 +21,28 @@ pub fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
     staging.persist(path)?;
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }
+
+/// Opens a device or a pipe to write. A pipe that nobody reads would block for ever, also a program that is told to
+/// stop.
+fn device(path: &Path) -> io::Result<File> {
+    let mut options = File::options();
+    options.write(true);
+    #[cfg(unix)]
+    let _at_once = {
+        let unread = |error: io::Error| match error.raw_os_error() {
+            Some(ENXIO) => io::Error::new(io::ErrorKind::InvalidInput, "it is a socket, or a pipe that nobody reads"),
+            _ => error,
+        };
+        std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options.clone(), O_NONBLOCK).open(path).map_err(unread)?
+    };
+    options.open(path)
+}
+
+// The system's numbers.
+#[cfg(unix)]
+const ENXIO: i32 = 6;
+#[cfg(unix)]
+const O_NONBLOCK: i32 = if cfg!(target_os = "linux") { 0o4000 } else { 4 };
 
 /// Removes what killed writers of [`publish`] left in a folder in which no other process writes now.
 ///
@@ -82,6 +104,23 @@ mod tests {
         sweep(folder.path()).unwrap();
         assert!(!left.exists());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_is_written_to_where_somebody_reads_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        assert_eq!(publish(&pipe, b"one").unwrap_err().kind(), io::ErrorKind::InvalidInput);
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || fs::read(pipe).unwrap()
+        });
+        while publish(&pipe, b"two").is_err() {
+            std::thread::yield_now();
+        }
+        assert_eq!(reader.join().unwrap(), b"two");
     }
 
     #[cfg(target_os = "linux")]

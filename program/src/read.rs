@@ -1,6 +1,6 @@
-//! Opening files that others wrote: regular files only, for a pipe would block for ever and a device never ends.
+//! Opening the files of users' folders: regular files only, for a pipe would block for ever and a device never ends.
 
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
@@ -11,14 +11,32 @@ use crate::{Exit as _, ExitCode, Failure};
 /// # Errors
 /// The system's error; [`ErrorKind::IsADirectory`]; [`ErrorKind::InvalidInput`] for another special file.
 pub fn open(path: &Path) -> io::Result<File> {
-    let kind = fs::metadata(path)?.file_type();
-    if kind.is_dir() {
-        return Err(ErrorKind::IsADirectory.into());
+    open_as(path, File::options().read(true))
+}
+
+/// Opens a regular file in any way, or a link to one; makes it where the options say so.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_as(path: &Path, options: &OpenOptions) -> io::Result<File> {
+    if let Ok(there) = fs::metadata(path) {
+        if there.is_dir() {
+            return Err(ErrorKind::IsADirectory.into());
+        }
+        if !there.is_file() {
+            let text = "it must be a regular file, not a pipe, socket or device";
+            return Err(io::Error::new(ErrorKind::InvalidInput, text));
+        }
     }
-    if !kind.is_file() {
-        return Err(io::Error::new(ErrorKind::InvalidInput, "it must be a regular file, not a pipe, socket or device"));
-    }
-    File::open(path)
+    options.open(path)
+}
+
+/// Makes a regular file, or empties one that is there.
+///
+/// # Errors
+/// As [`open`].
+pub fn create(path: &Path) -> io::Result<File> {
+    open_as(path, File::options().write(true).create(true).truncate(true))
 }
 
 /// Reads a regular file of at most `bytes_max` bytes.

@@ -19,7 +19,7 @@ use crate::config::Config;
 use crate::curves::{self, Epoch};
 use crate::evaluate::report::{blocks, number};
 use crate::evaluate::{Evaluation, Examination};
-use crate::run_folder::{CONFIG, METRICS, SavedAs, keys};
+use crate::run_folder::{CONFIG, METRICS, SavedAs, begun_with, keys};
 
 /// Mistakes of either kind that are shown.
 pub const MISTAKES: usize = 6;
@@ -48,11 +48,7 @@ impl TrainedRun {
             return Err(Failure::new(ExitCode::Config, text));
         }
         let epochs = curves::read(run)?;
-        let damaged = |error: settings::Error| {
-            let code = if matches!(error, settings::Error::Read { .. }) { ExitCode::TryAgain } else { ExitCode::Data };
-            Failure::new(code, format!("damaged recipe of the run: {error}"))
-        };
-        let config = if recipe.exists() { Some(Config::load(Some(&recipe)).map_err(damaged)?) } else { None };
+        let config = if recipe.exists() { Some(begun_with(run)?) } else { None };
         let best = SavedAs::Best.path(run);
         let trained_on = if best.exists() { Some(checkpoint::read(&best)?.dataset_id) } else { None };
         Ok(Self { path: run.to_owned(), epochs, config, trained_on })

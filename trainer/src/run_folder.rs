@@ -48,7 +48,7 @@ impl RunFolder {
             first_entry(path).context(format_args!("failed to read the run's folder {}", path.display()))?
         {
             // Other programs also have files of that name.
-            let Ok(begun_with) = Config::load(Some(&path.join(CONFIG))) else {
+            let Ok(begun_with) = begun_with(path) else {
                 return Err(refused(
                     format!("the folder holds {entry:?} and no run, give an empty or a new one"),
                     path,
@@ -144,8 +144,8 @@ impl SavedAs {
     }
 }
 
-/// Largest `metrics.jsonl`, in bytes; an epoch takes half a kilobyte.
-const METRICS_BYTES_MAX: u64 = 64 << 20;
+/// Largest text in a run's folder, in bytes; in `metrics.jsonl` an epoch takes half a kilobyte.
+const TEXT_BYTES_MAX: u64 = 64 << 20;
 
 /// The text of a run's `metrics.jsonl`; empty if there is no such file.
 ///
@@ -153,11 +153,22 @@ const METRICS_BYTES_MAX: u64 = 64 << 20;
 /// If it cannot be read.
 pub(crate) fn read_metrics(run: &Path) -> Result<String, Failure> {
     let path = run.join(METRICS);
-    if !path.exists() {
-        return Ok(String::new());
-    }
+    if path.exists() { read_text(&path) } else { Ok(String::new()) }
+}
+
+/// The recipe in the folder of a run.
+///
+/// # Errors
+/// If it is not there, cannot be read or is damaged.
+pub(crate) fn begun_with(run: &Path) -> Result<Config, Failure> {
+    let path = run.join(CONFIG);
+    let damaged = |error| Failure::new(ExitCode::Data, format!("damaged recipe of the run: {error}"));
+    Config::parse(&read_text(&path)?, &path).map_err(damaged)
+}
+
+fn read_text(path: &Path) -> Result<String, Failure> {
     let text = |bytes| String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error));
-    program::read(&path, METRICS_BYTES_MAX).and_then(text).map_err(|error| unread(&path, &error))
+    program::read(path, TEXT_BYTES_MAX).and_then(text).map_err(|error| unread(path, &error))
 }
 
 fn refused(text: impl Display, path: &Path) -> Failure {

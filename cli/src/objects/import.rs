@@ -147,7 +147,7 @@ pub(super) fn check_target(path: &Path) -> Result<(), Failure> {
 
 /// Leaves an existing file as it is, unless `replaces`.
 pub(super) fn write_catalogue(path: &Path, text: &str, replaces: bool) -> Result<(), Failure> {
-    match std::fs::read(path) {
+    match program::read(path, u64::MAX - 1) {
         Ok(existing) if existing == text.as_bytes() => return Ok(()),
         Ok(_) if !replaces => {
             let path = path.display();

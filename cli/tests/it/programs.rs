@@ -21,9 +21,11 @@ fn check_is_75(name: &str, output: &Output, error: &str) {
 #[test]
 fn a_full_disk_behind_standard_output_is_75() {
     for (name, path) in PROGRAMS {
-        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let output = Command::new(path).args(["manual", "markdown"]).stdout(full).output().unwrap();
-        check_is_75(name, &output, "failed to print: ");
+        for words in [&["manual", "markdown"][..], &["--help"], &["--version"]] {
+            let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+            let output = Command::new(path).args(words).stdout(full).output().unwrap();
+            check_is_75(name, &output, "failed to print: ");
+        }
     }
 }
 

@@ -22,8 +22,8 @@ pub struct Verified {
     pub problems: Vec<String>,
     /// Number of further problems.
     pub more: u64,
-    /// Number of problems caused by failed reads, which do not show a fault of the dataset.
-    pub unread: u64,
+    /// Exit codes of the problems that are failed reads, which do not show a fault of the dataset.
+    pub unread: Vec<ExitCode>,
     /// Whether the store supports listing. Web servers do not, so other files were not searched there.
     pub listed: bool,
 }
@@ -35,13 +35,14 @@ impl Verified {
         self.problems.is_empty()
     }
 
-    /// [`ExitCode::Data`] if the dataset has a fault; [`ExitCode::TryAgain`] if all problems are failed reads.
+    /// [`ExitCode::Data`] if the dataset has a fault. If all problems are failed reads, [`ExitCode::Config`] where a
+    /// right is missing or something else than a file is in the way, otherwise [`ExitCode::TryAgain`].
     #[must_use]
     pub fn exit_code(&self) -> ExitCode {
         match self.problems.len() as u64 + self.more {
             0 => ExitCode::Ok,
-            problems if problems == self.unread => ExitCode::TryAgain,
-            _ => ExitCode::Data,
+            problems if problems > self.unread.len() as u64 => ExitCode::Data,
+            _ => self.unread.iter().max().copied().unwrap_or(ExitCode::TryAgain),
         }
     }
 }
@@ -57,7 +58,8 @@ pub const PROBLEMS_MAX: usize = 50;
 pub fn verify(at: impl Into<Location>, mut progress: impl FnMut(u32)) -> Result<Verified, Failure> {
     let dataset = Dataset::open_with_any_files(&at.into())?;
     let bytes = Table::ALL.into_iter().map(|table| dataset.manifest().bytes(table)).sum();
-    let mut found = Verified { counts: Counts::zero(), bytes, problems: Vec::new(), more: 0, unread: 0, listed: true };
+    let mut found =
+        Verified { counts: Counts::zero(), bytes, problems: Vec::new(), more: 0, unread: Vec::new(), listed: true };
     for table in Table::ALL {
         match found.keep(&dataset, strangers(&dataset, table))? {
             Some(None) => found.listed = false,
@@ -92,7 +94,8 @@ impl Verified {
         match result {
             Err(error) if is_of_store(dataset, &error) => Err(error),
             Err(error) => {
-                self.unread += u64::from(error.exit_code() == ExitCode::TryAgain);
+                let code = error.exit_code();
+                self.unread.extend([ExitCode::TryAgain, ExitCode::Config].contains(&code).then_some(code));
                 self.tell([error.to_string()]);
                 Ok(None)
             }

@@ -9,7 +9,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use program::Failure;
+use program::{Failure, open_as};
 
 use crate::store::error::failed;
 use crate::store::fault::Fault;
@@ -204,7 +204,7 @@ fn is_mine(file: &File, path: &Path) -> bool {
 /// The locked file of a dead writer of this host; locks may be invisible to other hosts.
 fn dead(path: &Path, name: &str) -> Option<File> {
     let (_, writer) = name.rsplit_once('#')?;
-    let file = OpenOptions::new().write(true).open(path).ok()?;
+    let file = open_as(path, OpenOptions::new().write(true)).ok()?;
     let is_ours = writer.strip_prefix(&host()).is_some_and(|rest| rest.starts_with('-'));
     (is_ours && file.try_lock().is_ok()).then_some(file)
 }
@@ -222,6 +222,7 @@ mod tests {
     use program::ExitCode;
 
     use super::*;
+    use crate::store::staged::Ready;
 
     fn names(folder: &Path) -> Vec<String> {
         let mut names: Vec<String> =
@@ -292,9 +293,26 @@ mod tests {
         drop(unfinished);
     }
 
+    #[cfg(unix)]
     #[test]
-    fn a_file_in_place_of_a_folder_is_no_matter_of_time() {
+    fn a_pipe_with_a_staging_name_does_not_block_a_sweep() {
         let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join(format!(".x#{}-1-abc.tmp", host()));
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let mut swept = Swept::default();
+        Store::new(folder.path()).sweep("", Sweep::Dead, true, &mut swept).unwrap();
+        assert_eq!((swept.files, swept.kept), (0, 1));
+    }
+
+    #[test]
+    fn a_file_in_place_of_a_folder_or_a_folder_that_is_gone_is_no_matter_of_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let staged = || Store::new(&folder.path().join("gone")).stage("x").unwrap().finish().unwrap();
+        for publish in [|staged: Ready| staged.publish(), |staged: Ready| staged.publish_new().map(drop)] {
+            let staged = staged();
+            fs::remove_dir_all(folder.path().join("gone")).unwrap();
+            assert_eq!(publish(staged).unwrap_err().exit_code(), ExitCode::Config);
+        }
         fs::write(folder.path().join("file"), b"").unwrap();
         for name in ["file/x", "file/a/x"] {
             assert_eq!(Store::new(folder.path()).stage(name).unwrap_err().exit_code(), ExitCode::Config, "{name}");

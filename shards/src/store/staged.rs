@@ -179,7 +179,7 @@ impl Ready {
 impl StagingFile {
     fn publish(self) -> Result<(), Failure> {
         let Self { staging, target, fault, .. } = self;
-        let renamed = fault.check().and_then(|()| staging.persist(&target).map_err(|e| e.error));
+        let renamed = fault.check().and_then(|()| staging.persist(&target).map_err(|e| unless_swept(e.error, &target)));
         renamed.map_err(failed("publish a file", &target))?;
         sync_folder(target.parent(), &fault)
     }
@@ -203,9 +203,16 @@ impl StagingFile {
             (PermissionDenied | TooManyLinks | Unsupported, Some(staging)) => {
                 Self { file, staging, target, fault }.publish().map(|()| true)
             }
-            _ => Err(failed("publish a file", &target)(error)),
+            _ => Err(failed("publish a file", &target)(unless_swept(error, &target))),
         }
     }
+}
+
+/// The error of a rename. If the folder is there, it was a sweeper who removed the file, and running again makes it
+/// anew.
+fn unless_swept(error: io::Error, target: &Path) -> io::Error {
+    let is_swept = error.kind() == io::ErrorKind::NotFound && target.parent().is_some_and(Path::is_dir);
+    if is_swept { io::Error::other("its staging file is gone: does another program delete files?") } else { error }
 }
 
 /// Flushes a folder. Ignores network mounts that do not support it, and folders without read permission, such as

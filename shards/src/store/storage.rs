@@ -171,8 +171,7 @@ impl Storage {
 
     /// The error for a file that existed when publishing and was gone when reading.
     pub(crate) fn vanished(&self, name: &str) -> Failure {
-        let source =
-            io::Error::new(io::ErrorKind::NotFound, "it existed and is gone: does another program delete files?");
+        let source = io::Error::other("it existed and is gone: does another program delete files?");
         failed("publish a file", self.location(name))(source)
     }
 

@@ -22,8 +22,7 @@ fn read_all(dir: &Path) -> Result<(), Failure> {
 /// The code with which `graspmill dataset verify` would end.
 fn verified(dir: &Path) -> ExitCode {
     match verify(dir, |_| ()) {
-        Ok(verified) if verified.is_ok() => ExitCode::Ok,
-        Ok(_) => ExitCode::Data,
+        Ok(verified) => verified.exit_code(),
         Err(e) => e.exit_code(),
     }
 }
@@ -177,6 +176,20 @@ fn every_damaged_shard_is_told_not_only_the_first() {
     assert_eq!(found.problems.len(), 2, "{:?}", found.problems);
     assert!(found.problems[0].starts_with("shard 0: the file is missing"), "{:?}", found.problems);
     assert!(found.problems[1].starts_with("shard 1: the file is missing"), "{:?}", found.problems);
+}
+
+/// Such as a missing right: running again does not help, and nothing says that the bytes are damaged.
+#[cfg(unix)]
+#[test]
+fn what_cannot_be_opened_is_neither_damaged_nor_a_matter_of_time() {
+    let dir = tempfile::tempdir().unwrap();
+    sample::write(dir.path(), &sample::info(3));
+    let marker = dir.path().join("meta/shards/00001.json");
+    fs::remove_file(&marker).unwrap();
+    std::os::unix::fs::symlink("00001.json", &marker).unwrap();
+    assert_eq!(verified(dir.path()), ExitCode::Config);
+    fs::remove_file(dir.path().join("scenes/shard-00000-of-00002.parquet")).unwrap();
+    assert_eq!(verified(dir.path()), ExitCode::Data);
 }
 
 #[test]

@@ -249,11 +249,18 @@ fn what_is_no_run_is_told() {
     fs::remove_file(run.join("best.safetensors")).unwrap();
     fs::write(run.join("config.toml"), "seed = ").unwrap();
     fails(&[], 65, &["damaged recipe", "config.toml"]);
+    #[cfg(unix)]
+    {
+        fs::remove_file(run.join("config.toml")).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(run.join("config.toml")).status().unwrap().success());
+        fails(&[], 78, &["it must be a regular file", "config.toml"]);
+        fs::remove_file(run.join("config.toml")).unwrap();
+    }
     fs::copy(&config, run.join("config.toml")).unwrap();
     check_fails(&["report", text(&run)], 2, &["--html"]);
     check_fails(
         &["report", text(&run), "--html", text(&path("none/page.html"))],
-        75,
+        78,
         &["failed to write", "none/page.html"],
     );
     check_fails(&["report", text(&run), "--html", text(&html), "--data", "/nowhere"], 78, &["no checkpoint here"]);
