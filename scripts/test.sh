@@ -53,6 +53,27 @@ step() {
     printf '%-10s %-7s %4ds\n' "$name" "$result" $((SECONDS - start)) | tee -a "$table"
 }
 
+# beside NAME COMMAND...: starts a step that mostly waits for networks and disks, or for one long compilation; `joined`
+# ends it. What it says is printed then.
+beside() {
+    local name=$1
+    shift
+    ( begun=$SECONDS; result=ok; "$@" || result=FAILED; echo "$result $((SECONDS - begun))" >"$scratch/$name.result" ) >"$scratch/$name.log" 2>&1 &
+}
+
+# joined NAME...: waits for steps that run beside the others.
+joined() {
+    local name result seconds
+    for name in "$@"; do
+        until [[ -s "$scratch/$name.result" ]]; do sleep 0.2; done
+        read -r result seconds <"$scratch/$name.result"
+        printf '\n==> %s\n' "$name"
+        tee -a "$log" <"$scratch/$name.log"
+        if [[ $result == ok ]]; then passed[$name]=yes; else failed=1; fi
+        printf '%-10s %-7s %4ds\n' "$name" "$result" "$seconds" | tee -a "$table"
+    done
+}
+
 # With the features of the tests, so that clippy's results for other crates are used.
 docs() {
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --features python/as-tests
@@ -92,6 +113,13 @@ advisories() {
     else
         cargo deny check --disable-fetch advisories
     fi
+}
+
+prepared() {
+    local result=0
+    engines || result=1
+    venv || result=1
+    return $result
 }
 
 # The venv is made again when the requirements change, and kept otherwise.
@@ -181,22 +209,21 @@ if [[ $quick == yes ]]; then
     step build '' cargo build --quiet --workspace --bins --tests # as below, so that nothing is built twice
     step reference build reference
 else
-    if [[ $rust_only == no ]]; then
-        step engines '' engines
-    fi
-    GRASPMILL_MISSING=$(lacking)
-    export GRASPMILL_MISSING
+    [[ $rust_only == yes ]] || beside venv prepared
     step fmt '' cargo fmt --all --check
     # One profile, one set of features: the programs and the tests are built by one command, and `cargo test` finds
     # them. (`cargo run -p generator` alone would select other features of shared dependencies and build them again.)
     step build '' cargo build --workspace --bins --tests
+    [[ $rust_only == yes ]] || joined venv
+    GRASPMILL_MISSING=$(lacking)
+    export GRASPMILL_MISSING
+    beside fuzz fuzz # a third of the tests' time goes to waiting
     step test build cargo test --workspace --no-fail-fast
+    joined fuzz
     step clippy '' cargo clippy --workspace --all-targets -- -D warnings
     step docs '' docs
-    step fuzz '' fuzz
     step advisories '' advisories
     if [[ $rust_only == no ]]; then
-        step venv '' venv
         step dataset build dataset
         step wheel 'build venv' wheel
         step readers 'venv dataset wheel' readers
