@@ -30,7 +30,7 @@ log="$scratch/log"
 table="$scratch/table"
 touch "$log" "$table"
 failed=0
-declare -A passed=()
+declare -A passed=() pids=()
 
 # step NAME NEEDED_STEPS COMMAND...
 step() {
@@ -59,14 +59,15 @@ beside() {
     local name=$1
     shift
     ( begun=$SECONDS; result=ok; "$@" || result=FAILED; echo "$result $((SECONDS - begun))" >"$scratch/$name.result" ) >"$scratch/$name.log" 2>&1 &
+    pids[$name]=$!
 }
 
 # joined NAME...: waits for steps that run beside the others.
 joined() {
     local name result seconds
     for name in "$@"; do
-        until [[ -s "$scratch/$name.result" ]]; do sleep 0.2; done
-        read -r result seconds <"$scratch/$name.result"
+        wait "${pids[$name]}" || true
+        read -r result seconds <"$scratch/$name.result" || { result=FAILED; seconds=0; }
         printf '\n==> %s\n' "$name"
         tee -a "$log" <"$scratch/$name.log"
         if [[ $result == ok ]]; then passed[$name]=yes; else failed=1; fi

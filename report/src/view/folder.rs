@@ -43,8 +43,8 @@ const PARTS: f32 = 1e5;
 impl View {
     /// A replay for the page of its scene: its JSON, deflated, in base64, which `browse.js` unpacks. A body leaves out
     /// its shape and label where the body of `scene` at the same place has them, and poses where they are those of
-    /// the body before. Where it moves, a pose is its difference from the last one, in [`PARTS`]. Points are rounded
-    /// to a tenth of a millimetre.
+    /// the body before. Where it moves, a pose is its difference from the last one, in hundred-thousandths of a metre
+    /// or of a quaternion's unit. Points are rounded to a tenth of a millimetre.
     #[must_use]
     pub fn packed(mut self, scene: &Self) -> String {
         for (body, other) in self.bodies.iter_mut().zip(&scene.bodies) {
