@@ -118,6 +118,14 @@ def number(name: str, value: Any, low: float, high: float) -> float:
     return given
 
 
+def flag(name: str, value: Any) -> bool:
+    """Whether something is so: True or False, as Python sees it."""
+    try:
+        return bool(value)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be True or False, got {shown(value)}") from error
+
+
 def whole(name: str, value: Any, low: int, high: int) -> int:
     """A whole number between two limits, included."""
     try:

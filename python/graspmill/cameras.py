@@ -53,7 +53,7 @@ class Camera:
             object.__setattr__(self, name, _arrays.number(name, getattr(self, name), 1e-3, _FOCAL_PX_MAX))
         for name in ("cx_px", "cy_px"):
             object.__setattr__(self, name, _arrays.number(name, getattr(self, name), -_FOCAL_PX_MAX, _FOCAL_PX_MAX))
-        if self.convention not in ("opencv", "opengl"):
+        if not isinstance(self.convention, str) or self.convention not in ("opencv", "opengl"):
             raise InputError(f"convention must be 'opencv' or 'opengl', got {_arrays.shown(self.convention)}")
         rows = _arrays.pose("workspace_from_camera", self.workspace_from_camera)
         given = np.asarray(self.workspace_from_camera)

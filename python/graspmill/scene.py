@@ -267,7 +267,7 @@ class Scene(Immutable):
         Raises:
             DataError: If they do not come to rest, or are thrown apart.
         """
-        return self._with(self._native.settle(self._simulation_with(None, settings), bool(drop)))
+        return self._with(self._native.settle(self._simulation_with(None, settings), _arrays.flag("drop", drop)))
 
     def _simulation_with(self, gripper: GripperLike | None, settings: Mapping[str, Any] | None) -> _native.Simulation:
         """The simulation of a stored scene, or the paper's, with another gripper and other settings."""
@@ -287,6 +287,7 @@ class Scene(Immutable):
         it was observed, else 0; the surface is at 0.5."""
         if isinstance(cameras, Camera):
             cameras = [cameras]
+        cameras = _arrays.listed("cameras", cameras)
         return tsdf([self.render(camera) for camera in cameras], cameras, resolution=resolution, size_m=size_m)
 
 

@@ -272,7 +272,7 @@ class _Stream(torch.utils.data.IterableDataset[_B], Generic[_B]):
         together = min(8, self.batch) if samples_per_scene is None else samples_per_scene
         self.samples_per_scene = _arrays.whole("samples_per_scene", together, 1, self.batch)
         self.buffer_scenes = _arrays.whole("buffer_scenes", buffer_scenes, 1, 1_000_000)
-        self.shuffle, self.seed, self.epoch = bool(shuffle), seed, 0
+        self.shuffle, self.seed, self.epoch = _arrays.flag("shuffle", shuffle), seed, 0
 
     def set_epoch(self, epoch: int) -> None:
         """Sets the epoch, from 0; each epoch has another order."""
