@@ -150,7 +150,7 @@ mod tests {
             }
         }
         let mesh = Mesh::new(&corners, &triangles, 1.0).unwrap();
-        assert!(mesh.seams().is_watertight());
+        assert!(mesh.seams.is_watertight());
         let integrals = of(&mesh);
         assert_near(integrals.volume_m3, 4.0 / 3.0 * core::f64::consts::PI * radius.powi(3), 3e-3);
         for value in DSymmetricEigen3::eigenvalues(integrals.inertia_kg_m2(0.3)).to_array() {

@@ -33,7 +33,7 @@ pub(crate) struct Measured {
 
 impl Measured {
     pub(crate) fn of(mesh: Mesh) -> Self {
-        let seams = mesh.seams();
+        let seams = mesh.seams;
         let [low, high] = mesh.bounds_m();
         let middle_m = 0.5 * (low + high);
         let integrals = MassIntegrals::of(mesh.triangles_about(middle_m));

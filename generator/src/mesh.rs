@@ -17,6 +17,8 @@ pub(crate) struct Mesh {
     pub(crate) degenerate_count: usize,
     /// Number of the file's triangles that are there once more, with the same side outside; they are dropped.
     pub(crate) repeated_count: usize,
+    /// How the triangles meet at their edges.
+    pub(crate) seams: Seams,
 }
 
 /// How a mesh's triangles meet.
@@ -29,6 +31,20 @@ pub(crate) struct Seams {
 }
 
 impl Seams {
+    fn of(triangles: &[[u32; 3]]) -> Self {
+        // For every edge, the number of triangles that traverse it in ascending and descending order of indices.
+        let mut edges: BTreeMap<[u32; 2], [u32; 2]> = BTreeMap::new();
+        for [a, b, c] in triangles {
+            for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
+                let ways = edges.entry([from.min(to), from.max(to)]).or_default();
+                ways[usize::from(from > to)] += 1;
+            }
+        }
+        let open_edges = edges.values().filter(|[up, down]| up + down != 2).count();
+        let twisted_edges = edges.values().filter(|[up, down]| up + down == 2 && up != down).count();
+        Self { open_edges, twisted_edges }
+    }
+
     /// Whether the mesh encloses a volume: every edge belongs to two triangles that traverse it in opposite directions.
     pub(crate) fn is_watertight(self) -> bool {
         self.open_edges == 0 && self.twisted_edges == 0
@@ -82,7 +98,7 @@ impl Mesh {
                 "its triangles must cover the surface of its bounding box at most {COVERS_MAX} times, got {covers:.0}"
             ));
         }
-        if exact.seams().is_watertight() { Ok(exact) } else { exact.welded() }
+        if exact.seams.is_watertight() { Ok(exact) } else { exact.welded() }
     }
 
     /// How often its triangles cover the surface of its bounding box.
@@ -110,11 +126,13 @@ impl Mesh {
         used.sort_unstable();
         used.dedup();
         let number = |place: u32| used.partition_point(|other| *other < place) as u32;
+        let triangles: Vec<[u32; 3]> = joined.into_iter().map(|triangle| triangle.map(number)).collect();
         Ok(Self {
             corners_m: used.iter().map(|place| all_m[*place as usize]).collect(),
             degenerate_count,
             repeated_count,
-            triangles: joined.into_iter().map(|triangle| triangle.map(number)).collect(),
+            seams: Seams::of(&triangles),
+            triangles,
         })
     }
 
@@ -172,21 +190,6 @@ impl Mesh {
         self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         self
     }
-
-    /// How the triangles meet at their edges.
-    pub(crate) fn seams(&self) -> Seams {
-        // For every edge, the number of triangles that traverse it in ascending and descending order of indices.
-        let mut edges: BTreeMap<[u32; 2], [u32; 2]> = BTreeMap::new();
-        for [a, b, c] in &self.triangles {
-            for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
-                let ways = edges.entry([from.min(to), from.max(to)]).or_default();
-                ways[usize::from(from > to)] += 1;
-            }
-        }
-        let open_edges = edges.values().filter(|[up, down]| up + down != 2).count();
-        let twisted_edges = edges.values().filter(|[up, down]| up + down == 2 && up != down).count();
-        Seams { open_edges, twisted_edges }
-    }
 }
 
 #[cfg(test)]
@@ -216,7 +219,7 @@ pub(crate) mod tests {
     #[test]
     fn a_box_is_watertight_and_with_a_hole_or_a_turned_triangle_it_is_not() {
         let (corners, triangles) = closed_box([1.0, 2.0, 3.0]);
-        let seams = |triangles: &[[u32; 3]]| Mesh::new(&corners, triangles, 1.0).unwrap().seams();
+        let seams = |triangles: &[[u32; 3]]| Mesh::new(&corners, triangles, 1.0).unwrap().seams;
         assert_eq!(seams(&triangles), Seams { open_edges: 0, twisted_edges: 0 });
         assert_eq!(seams(&triangles[1..]), Seams { open_edges: 3, twisted_edges: 0 });
         let mut turned = triangles.clone();
@@ -232,7 +235,7 @@ pub(crate) mod tests {
         let numbers: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         let mesh = Mesh::new(&soup, &numbers, 0.001).unwrap();
         assert_eq!(mesh.corners_m.len(), 8);
-        assert!(mesh.seams().is_watertight());
+        assert!(mesh.seams.is_watertight());
         assert_eq!(mesh.bounds_m(), [DVec3::ZERO, DVec3::splat(0.001)]);
     }
 
@@ -248,8 +251,8 @@ pub(crate) mod tests {
             Mesh::new(&soup, &numbers, 1.0).unwrap()
         };
         let welded = apart(6e-7); // the farthest are 1.2e-6 · √3 apart, of 3e-6
-        assert_eq!((welded.corners_m.len(), welded.seams().is_watertight()), (8, true));
-        assert!(!apart(3e-6).seams().is_watertight());
+        assert_eq!((welded.corners_m.len(), welded.seams.is_watertight()), (8, true));
+        assert!(!apart(3e-6).seams.is_watertight());
         let (thin, _) = closed_box([1.0, 2.0, 1e-7]);
         assert_eq!(Mesh::new(&thin, &triangles, 1.0).unwrap().corners_m.len(), 8, "a closed mesh is left alone");
     }
@@ -275,7 +278,7 @@ pub(crate) mod tests {
         let doubled = [triangles.clone(), triangles.iter().map(turned).collect(), triangles.clone()].concat();
         let mesh = Mesh::new(&corners, &doubled, 1.0).unwrap();
         assert_eq!((mesh.triangles.len(), mesh.repeated_count), (12, 24));
-        assert!(mesh.seams().is_watertight());
+        assert!(mesh.seams.is_watertight());
         let backs: Vec<[u32; 3]> = triangles.iter().map(|[a, b, c]| [*c, *b, *a]).collect();
         let mesh = Mesh::new(&corners, &[triangles, backs].concat(), 1.0).unwrap();
         assert_eq!((mesh.triangles.len(), mesh.repeated_count), (24, 0));

@@ -37,6 +37,24 @@ pub(crate) fn damaged(message: &str, file: &Path) -> Failure {
 /// Corners in the file's units, and triangles as corner indices.
 pub(crate) type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
+/// Adds corners and their triangles to others.
+///
+/// # Errors
+/// If there are too many corners or triangles then: a file may name one mesh again and again.
+pub(crate) fn append(
+    (all, all_triangles): &mut Parts,
+    corners: impl ExactSizeIterator<Item = [f64; 3]>,
+    triangles: impl ExactSizeIterator<Item = [u32; 3]>,
+) -> Result<(), String> {
+    if all.len() + corners.len() > CORNERS_MAX || all_triangles.len() + triangles.len() > TRIANGLES_MAX {
+        return Err(format!("it must have at most {TRIANGLES_MAX} triangles and {CORNERS_MAX} corners"));
+    }
+    let first = all.len() as u32;
+    all.extend(corners);
+    all_triangles.extend(triangles.map(|triangle| triangle.map(|corner| first.saturating_add(corner))));
+    Ok(())
+}
+
 /// The reader of a kind of file.
 pub(crate) type Read = fn(&[u8]) -> Result<Parts, String>;
 
@@ -294,8 +312,7 @@ fn glb(bytes: &[u8]) -> Result<Parts, String> {
     }
     let scene = document.default_scene().or_else(|| document.scenes().next()).ok_or("it must have a scene")?;
     let mut open: Vec<(gltf::Node<'_>, DMat4, usize)> = scene.nodes().map(|node| (node, DMat4::IDENTITY, 0)).collect();
-    let mut seen = BTreeSet::new();
-    let (mut corners, mut triangles) = (Vec::new(), Vec::new());
+    let (mut seen, mut parts) = (BTreeSet::new(), Parts::default());
     while let Some((node, scene_from_parent, depth)) = open.pop() {
         if depth > NODES_DEEP || !seen.insert(node.index()) {
             return Err(format!("its nodes must be a tree of at most {NODES_DEEP} levels"));
@@ -304,20 +321,14 @@ fn glb(bytes: &[u8]) -> Result<Parts, String> {
             * DMat4::from_cols_array_2d(&node.transform().matrix().map(|column| column.map(f64::from)));
         open.extend(node.children().map(|child| (child, scene_from_node, depth + 1)));
         for primitive in node.mesh().into_iter().flat_map(|mesh| mesh.primitives()) {
-            let first = u32::try_from(corners.len()).map_err(|e| e.to_string())?;
             let (positions, rings) = primitive_of(&primitive, buffer)?;
-            if corners.len() + positions.len() > CORNERS_MAX || triangles.len() + rings.len() > TRIANGLES_MAX {
-                return Err(format!("it must have at most {TRIANGLES_MAX} triangles and {CORNERS_MAX} corners"));
-            }
-            corners.extend(positions.into_iter().map(|p| scene_from_node.transform_point3(p).to_array()));
             let is_mirrored = scene_from_node.determinant() < 0.0;
-            triangles.extend(rings.into_iter().map(|ring| {
-                let [a, b, c] = ring.map(|corner| first.saturating_add(corner));
-                if is_mirrored { [a, c, b] } else { [a, b, c] }
-            }));
+            let turned = |[a, b, c]: [u32; 3]| if is_mirrored { [a, c, b] } else { [a, b, c] };
+            let placed = |position: DVec3| scene_from_node.transform_point3(position).to_array();
+            append(&mut parts, positions.into_iter().map(placed), rings.into_iter().map(turned))?;
         }
     }
-    Ok((corners, triangles))
+    Ok(parts)
 }
 
 /// The corners of a primitive in its node's frame, and its triangles.
@@ -375,7 +386,7 @@ mod tests {
     fn assert_is_the_box(mesh: &Mesh) {
         assert_eq!(mesh.corners_m.len(), 8);
         assert_eq!(mesh.triangles.len(), 12);
-        assert!(mesh.seams().is_watertight());
+        assert!(mesh.seams.is_watertight());
         let [low, high] = mesh.bounds_m();
         let extents = (high - low).to_array();
         assert!(extents.iter().zip(SIZE).all(|(got, size)| (got - 0.1 * size).abs() < 1e-12), "{extents:?}");

@@ -234,6 +234,7 @@ impl<'a> Model<'a> {
                 maker.name
             ));
         }
+        let [first, last] = self.compiler_numbers("inertiagrouprange", [f64::NEG_INFINITY, f64::INFINITY])?;
         for geom in body.children("geom").filter(|_| counts.is_some()) {
             let layers = self.layers(geom, class);
             if value(&layers, "type") == Some("plane") {
@@ -244,7 +245,6 @@ impl<'a> Model<'a> {
             }
             let number = |key, otherwise| numbers::<1>(&layers, key, Some([otherwise])).map(|[number]| number);
             let collides = number("contype", 1.0)? != 0.0 || number("conaffinity", 1.0)? != 0.0;
-            let [first, last] = self.compiler_numbers("inertiagrouprange", [f64::NEG_INFINITY, f64::INFINITY])?;
             let counts = counts == Some(true) && (first..=last).contains(&number("group", 0.0)?);
             found.geoms.push(Geom { element: geom, class, body: at, collides, counts });
         }

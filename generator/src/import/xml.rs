@@ -10,8 +10,8 @@ use quick_xml::events::{BytesStart, Event};
 use schema::{Polyhedron, ShapeKind, Solid, Vec3};
 
 use crate::catalogue::ellipsoid;
-use crate::mesh::{CORNERS_MAX, Mesh, TRIANGLES_MAX};
-use crate::mesh_file::{BYTES_MAX, Parts, damaged, read_parts, unusable};
+use crate::mesh::Mesh;
+use crate::mesh_file::{BYTES_MAX, Parts, append, damaged, read_parts, unusable};
 
 /// Largest number: its square is a number, too.
 const NUMBER_MAX: f64 = 1e30;
@@ -129,16 +129,10 @@ impl Shapes {
     /// Adds a shape.
     ///
     /// # Errors
-    /// If there are too many corners or triangles: a mesh may be named again and again.
+    /// As [`append`].
     pub(super) fn add(&mut self, at: Placed, (corners, triangles): Shape) -> Result<(), String> {
-        let (all, all_triangles) = &mut self.parts;
-        if all.len() + corners.len() > CORNERS_MAX || all_triangles.len() + triangles.len() > TRIANGLES_MAX {
-            return Err(format!("it must have at most {TRIANGLES_MAX} triangles and {CORNERS_MAX} corners"));
-        }
-        let first = all.len() as u32;
-        all.extend(corners.into_iter().map(|corner| (at.turn * corner + at.at_m).to_array()));
-        all_triangles.extend(triangles.into_iter().map(|triangle| triangle.map(|corner| first.saturating_add(corner))));
-        Ok(())
+        let placed = |corner: DVec3| (at.turn * corner + at.at_m).to_array();
+        append(&mut self.parts, corners.into_iter().map(placed), triangles.into_iter())
     }
 
     /// The body; a mass of 0 is none.
@@ -158,24 +152,23 @@ pub(super) fn read(file: &Path, kind: &str, roots: &[&str]) -> Result<Element, F
 
 /// The same of its bytes.
 pub(super) fn parse(bytes: &[u8], roots: &[&str]) -> Result<Element, String> {
-    let damaged = str::to_owned;
-    let text = str::from_utf8(bytes).map_err(|error| damaged(&error.to_string()))?;
+    let text = str::from_utf8(bytes).map_err(|error| error.to_string())?;
     let mut reader = quick_xml::Reader::from_str(text);
     // Elements that are open; the outermost stands for the file.
     let mut open = vec![Element { name: String::new(), attributes: Vec::new(), children: Vec::new() }];
     loop {
-        match reader.read_event().map_err(|error| damaged(&error.to_string()))? {
+        match reader.read_event().map_err(|error| error.to_string())? {
             Event::Start(_) if open.len() > ELEMENTS_DEEP => {
-                return Err(damaged(&format!("elements must be nested at most {ELEMENTS_DEEP} deep")));
+                return Err(format!("elements must be nested at most {ELEMENTS_DEEP} deep"));
             }
-            Event::Start(start) => open.push(element(&start).map_err(|error| damaged(&error))?),
+            Event::Start(start) => open.push(element(&start)?),
             Event::Empty(start) => {
-                let element = element(&start).map_err(|error| damaged(&error))?;
-                open.last_mut().ok_or_else(|| damaged("an end without a start"))?.children.push(element);
+                let element = element(&start)?;
+                open.last_mut().ok_or("an end without a start")?.children.push(element);
             }
             Event::End(_) => {
-                let last = open.pop().ok_or_else(|| damaged("an end without a start"))?;
-                open.last_mut().ok_or_else(|| damaged("an end without a start"))?.children.push(last);
+                let last = open.pop().ok_or("an end without a start")?;
+                open.last_mut().ok_or("an end without a start")?.children.push(last);
             }
             Event::Eof => break,
             _ => {}
@@ -185,7 +178,7 @@ pub(super) fn parse(bytes: &[u8], roots: &[&str]) -> Result<Element, String> {
     let is_root = |child: &Element| roots.contains(&child.name.as_str());
     let outermost = open.into_iter().next().and_then(|file| file.children.into_iter().find(is_root));
     let root = roots[0];
-    outermost.filter(|_| is_closed).ok_or_else(|| damaged(&format!("it must have an element {root}, with its end")))
+    outermost.filter(|_| is_closed).ok_or_else(|| format!("it must have an element {root}, with its end"))
 }
 
 fn element(start: &BytesStart<'_>) -> Result<Element, String> {
