@@ -385,10 +385,10 @@ impl<'a> Model<'a> {
                 let shape = xml::solid(ShapeKind::Cylinder, [2.0 * r, 2.0 * r, 2.0 * half]);
                 (shape, core::f64::consts::TAU * r * r * half)
             }
-            ("sphere", [r, ..]) => (xml::round([2.0 * r; 3], 0.0), ball * r * r * r),
-            ("ellipsoid", [x, y, z, ..]) => (xml::round([2.0 * x, 2.0 * y, 2.0 * z], 0.0), ball * x * y * z),
+            ("sphere", [r, ..]) => (shapes.round([2.0 * r; 3], 0.0), ball * r * r * r),
+            ("ellipsoid", [x, y, z, ..]) => (shapes.round([2.0 * x, 2.0 * y, 2.0 * z], 0.0), ball * x * y * z),
             ("capsule", [r, half, ..]) => {
-                (xml::round([2.0 * r; 3], 2.0 * half), ball * r * r * r + core::f64::consts::TAU * r * r * half)
+                (shapes.round([2.0 * r; 3], 2.0 * half), ball * r * r * r + core::f64::consts::TAU * r * r * half)
             }
             ("box" | "cylinder" | "sphere" | "ellipsoid" | "capsule", _) => {
                 let got = value(&layers, "size").unwrap_or("");

@@ -84,7 +84,7 @@ fn shape_of(
             let (radius, length) = (number("radius")?, number("length")?);
             xml::solid(ShapeKind::Cylinder, [2.0 * radius, 2.0 * radius, length])
         }
-        "sphere" => xml::round([2.0 * number("radius")?; 3], 0.0),
+        "sphere" => shapes.round([2.0 * number("radius")?; 3], 0.0),
         other => return Err(damaged(format!("geometry must be mesh, box, cylinder or sphere, got {other}"))),
     };
     solid.map_err(damaged)

@@ -91,14 +91,6 @@ pub(super) fn solid(kind: ShapeKind, size_m: [f64; 3]) -> Result<Shape, String> 
     Ok(surface_of(&Polyhedron::from(&solid)))
 }
 
-/// An ellipsoid of these full lengths in metres, its halves apart along z by `length_m`: a capsule.
-pub(super) fn round(size_m: [f64; 3], length_m: f64) -> Result<Shape, String> {
-    let points = ellipsoid(DVec3::from_array(size_m).as_vec3());
-    let apart = |point: Vec3| point + Vec3::Z * (0.5 * length_m as f32).copysign(point.z);
-    let points: Vec<Vec3> = if length_m > 0.0 { points.into_iter().map(apart).collect() } else { points };
-    Ok(surface_of(&Polyhedron::hull_of(&points).map_err(|error| error.to_string())?))
-}
-
 fn surface_of(polyhedron: &Polyhedron) -> Shape {
     let triangles = polyhedron.triangles().into_iter().map(|triangle| triangle.map(|corner| corner as u32)).collect();
     (polyhedron.corners_m().iter().map(|corner| corner.as_dvec3()).collect(), triangles)
@@ -109,9 +101,27 @@ fn surface_of(polyhedron: &Polyhedron) -> Shape {
 pub(super) struct Shapes {
     parts: Parts,
     read: BTreeMap<PathBuf, Parts>,
+    /// By the bits of lengths.
+    round: BTreeMap<[u64; 4], Shape>,
 }
 
 impl Shapes {
+    /// An ellipsoid of these full lengths in metres, its halves apart along z by `length_m`: a capsule.
+    pub(super) fn round(&mut self, size_m: [f64; 3], length_m: f64) -> Result<Shape, String> {
+        // Models repeat their shapes, thousands of times in made ones, and a hull takes its time.
+        let [x, y, z] = size_m;
+        let key = [x, y, z, length_m].map(f64::to_bits);
+        if let Some(shape) = self.round.get(&key) {
+            return Ok(shape.clone());
+        }
+        let points = ellipsoid(DVec3::from_array(size_m).as_vec3());
+        let apart = |point: Vec3| point + Vec3::Z * (0.5 * length_m as f32).copysign(point.z);
+        let points: Vec<Vec3> = if length_m > 0.0 { points.into_iter().map(apart).collect() } else { points };
+        let shape = surface_of(&Polyhedron::hull_of(&points).map_err(|error| error.to_string())?);
+        self.round.insert(key, shape.clone());
+        Ok(shape)
+    }
+
     /// A mesh that a description names, one of its units being `scale_m` metres along each axis; turned over if it is
     /// mirrored.
     pub(super) fn mesh(&mut self, mesh: &Path, scale_m: DVec3, file: &Path) -> Result<Shape, Failure> {
