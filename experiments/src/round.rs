@@ -139,7 +139,7 @@ fn try_once(
         object_count: scene.objects.len() as u32,
         planned_count: plan.grasps.len() as u32,
         workspace_from_grasp: pose,
-        width_m: best.width_m,
+        width_m: best.width_m.unwrap_or(best.opening_m),
         quality: best.quality,
         rho_m: best.rho_m,
         target_id: target as u32,
@@ -190,7 +190,7 @@ fn observe(config: &Config, scene: &Scene, noise: &mut Stream) -> Vec<View> {
     let seen = |camera: Camera| {
         let mut image = rays.render(&camera);
         add_depth_noise(&mut image, &config.noise, noise);
-        View { image, camera }
+        View::new(image, camera)
     };
     config.cameras().into_iter().map(seen).collect()
 }

@@ -92,7 +92,8 @@ impl Observed<'_> {
             }
             Source::Judged => {
                 let judge = config.policy.as_ref().and_then(|policy| policy.judge(gripper, &config.grid).ok());
-                let seen = ObservedScene { field: tsdf, fine: None, views: views.len() };
+                let seen =
+                    ObservedScene { field: tsdf, fine: None, views: views.len(), reach_m: tsdf.lattice.corners_m() };
                 let best = judge.map_or_else(Vec::new, |judge| best(&judge, seen, count, &mut own_stream(2)));
                 self.candidates(Approach::Judged, best.iter().map(|scored| scored.grasp.workspace_from_grasp))
             }
@@ -114,7 +115,7 @@ impl Observed<'_> {
 /// The best proposals of a scene that are apart from better ones.
 fn best(judge: &Judge, seen: ObservedScene<'_>, count: usize, stream: &mut Stream) -> Vec<ScoredGrasp> {
     let mut best: Vec<ScoredGrasp> = Vec::with_capacity(count);
-    for scored in judge.scored_grasps(seen, JUDGED_OF, stream, &|_| true) {
+    for scored in judge.scored_grasps(seen, JUDGED_OF, stream, &|_| true, &|_| None) {
         if best.len() < count && best.iter().all(|better| !better.is_near(&scored, APART_M)) {
             best.push(scored);
         }

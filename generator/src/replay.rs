@@ -6,7 +6,7 @@ use std::str::FromStr;
 use program::{ExitCode, Failure};
 use rayon::prelude::*;
 use report::view::{Body, Class, EventKind, Line, View, flat, flat_points};
-use schema::{AttemptRecord, Gripper, HandBox, Outcome, Pose, SceneRows};
+use schema::{AttemptRecord, Gripper, HandBox, Lattice, Outcome, Pose, SceneRows};
 use shards::Dataset;
 use simulator::{AttemptWorld, Execution, Obstruction, Physics, Scene};
 
@@ -145,7 +145,7 @@ fn replay_of(dataset: &Dataset, rows: &SceneRows, id: AttemptId) -> Result<Repla
             frames: None,
         });
     }
-    view.lines.push(Line::workspace(info.grid.size_m));
+    view.lines.push(Line::workspace(Lattice::from(info.grid).corners_m()));
     add_facts(&mut view, dataset.id(), &stored, &now, &physics);
     Ok(Replay { view, stored, now })
 }

@@ -16,6 +16,10 @@ const SURE: f32 = 0.95;
 const SURE_MIN: usize = 3;
 /// … up to this many times in all.
 const SEARCHES_MAX: usize = 4;
+/// Number of the best hands that are moved to where they fit better, if the judge is as sure of them there …
+const MOVED: usize = 64;
+/// … but for this.
+const AS_SURE: f32 = 0.01;
 /// Number of hands whose mirror images are judged, too.
 const ASKED_AGAIN: usize = 32;
 
@@ -74,6 +78,7 @@ impl Judge {
     /// Proposes hands in a scene, and judges them, best first: `proposals`, or several times as many where few are
     /// good. The best are asked about again in each mirror image: a hand and its mirror image end alike, so where the
     /// answers differ their mean is nearer to the truth. Of the proposed hands only those that are wanted are judged.
+    /// `better` moves one of the best hands, if it knows a better place for it.
     #[must_use]
     pub fn scored_grasps(
         &self,
@@ -81,8 +86,9 @@ impl Judge {
         proposals: usize,
         stream: &mut Stream,
         is_wanted: &dyn Fn(&Grasp) -> bool,
+        better: &(dyn Fn(&Grasp) -> Option<Grasp> + Sync),
     ) -> Vec<ScoredGrasp> {
-        let space = Space::new(seen.field, seen.fine);
+        let space = Space::new(seen.field, seen.fine, seen.reach_m);
         let scene = (&space.padded, seen.views);
         let first = |hands: &[Grasp]| self.judge(scene, hands, [false; 2]);
         let mut judged: Vec<ScoredGrasp> = Vec::new();
@@ -97,6 +103,20 @@ impl Judge {
             }
         }
         let (mut best, mut rest) = (sorted(judged), Vec::new());
+        let moved: Vec<Option<Grasp>> =
+            best[..best.len().min(MOVED)].par_iter().map(|judged| better(&judged.grasp)).collect();
+        let moved = moved.into_iter().enumerate().filter_map(|(place, hand)| Some((place, hand?)));
+        let moved: Vec<(usize, Grasp)> = moved
+            .filter(|(_, hand)| self.sampler.is_free(&space, &hand.workspace_from_grasp) && is_wanted(hand))
+            .collect();
+        let hands: Vec<Grasp> = moved.iter().map(|(_, hand)| *hand).collect();
+        let outcomes: Vec<_> = hands.chunks(TOGETHER).flat_map(|hands| pair(hands, &first(hands))).collect();
+        for ((place, _), moved) in moved.into_iter().zip(outcomes) {
+            if moved.quality() >= best[place].quality() - AS_SURE {
+                best[place] = moved;
+            }
+        }
+        best = sorted(best);
         if best.len() > ASKED_AGAIN {
             rest = best.split_off(ASKED_AGAIN);
         }

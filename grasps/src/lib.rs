@@ -10,7 +10,9 @@ mod judge;
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_6, PI};
 
 use network::judge::PaddedGrid;
-use perception::{TRUNCATION_VOXELS, normals, surface_cloud};
+use perception::{
+    Field as _, SurfaceBlocks, TRUNCATION_VOXELS, mean_distance, normals, surface_cloud, surface_of_blocks,
+};
 use rayon::prelude::*;
 use schema::{Grasp, Gripper, HandBox, Mat3, Pose, Quat, Stream, Vec3, VoxelGrid, axis_angle, pose_from_parts};
 
@@ -55,12 +57,14 @@ const ROUND: usize = 1024;
 /// What was seen of a scene.
 #[derive(Debug, Clone, Copy)]
 pub struct ObservedScene<'a> {
-    /// As a TSDF on the judge's grid.
+    /// As a TSDF of the judge's voxels.
     pub field: &'a VoxelGrid,
-    /// The same on a finer grid, if there is one: hands are fitted to it more closely.
-    pub fine: Option<&'a VoxelGrid>,
+    /// The same of finer voxels, if there are any: hands are fitted to it more closely.
+    pub fine: Option<&'a SurfaceBlocks>,
     /// From how many views.
     pub views: usize,
+    /// The lower and the upper corner of the box in which hands touch something, in metres.
+    pub reach_m: [Vec3; 2],
 }
 
 /// A hand, prepared for the search.
@@ -118,7 +122,7 @@ impl CandidateSampler {
     /// more are found. A pure function of its arguments, whatever the number of threads.
     #[must_use]
     pub fn sample(&self, field: &VoxelGrid, count: usize, stream: &mut Stream) -> Vec<Grasp> {
-        self.search(&Space::new(field, None), count, stream)
+        self.search(&Space::new(field, None, field.lattice.corners_m()), count, stream)
     }
 
     /// [`Self::sample`] in a scene that is prepared, for several searches.
@@ -172,23 +176,26 @@ impl CandidateSampler {
         let slack_m = 0.25 * (span_m - width_m) * draw.offset;
         let middle_m = centre_m + rotation * Vec3::new(0.0, slack_m, 0.0);
         let at_m = |depth_m: f32| pose_from_parts(rotation, middle_m + approach * depth_m);
-        let above_m = |pose: &Pose| {
-            let lowest = self.swept.iter().map(|b| b.lowest_z_m(pose));
-            lowest.fold(f32::INFINITY, f32::min) - space.field.grid.table_z_m
-        };
         // The tips go no deeper than the table lets them.
-        let deepest_m = if approach.z < 0.0 { above_m(&at_m(0.0)) / -approach.z } else { DEPTH_M[1] };
+        let deepest_m = if approach.z < 0.0 { self.above_m(space, &at_m(0.0)) / -approach.z } else { DEPTH_M[1] };
         if deepest_m < DEPTH_M[0] {
             return None;
         }
         let depth_m = DEPTH_M[0] + draw.depth * (deepest_m.min(DEPTH_M[1]) - DEPTH_M[0]);
         let workspace_from_grasp = at_m(depth_m);
-        let tips_m = workspace_from_grasp.translation;
-        if above_m(&workspace_from_grasp) < 0.0 {
-            return None;
-        }
-        let is_free = !space.is_in_the_way(rotation, tips_m, &self.looks_m);
-        is_free.then_some(Grasp { workspace_from_grasp, width_m })
+        self.is_free(space, &workspace_from_grasp).then_some(Grasp { workspace_from_grasp, width_m })
+    }
+
+    /// How high the swept hand is above the table.
+    fn above_m(&self, space: &Space<'_>, workspace_from_grasp: &Pose) -> f32 {
+        let lowest_m = self.swept.iter().map(|b| b.lowest_z_m(workspace_from_grasp));
+        lowest_m.fold(f32::INFINITY, f32::min) - space.field.lattice.table_z_m
+    }
+
+    /// Whether neither the table nor what was seen is in a hand's way.
+    fn is_free(&self, space: &Space<'_>, workspace_from_grasp: &Pose) -> bool {
+        let Pose { rotation, translation, .. } = *workspace_from_grasp;
+        self.above_m(space, workspace_from_grasp) >= 0.0 && !space.is_in_the_way(rotation, translation, &self.looks_m)
     }
 }
 
@@ -196,44 +203,47 @@ impl CandidateSampler {
 struct Space<'a> {
     field: &'a VoxelGrid,
     padded: PaddedGrid,
-    /// The finer field, and its voxels in a metre.
-    fine: Option<(PaddedGrid, f32)>,
+    /// The finer field.
+    fine: Option<&'a SurfaceBlocks>,
     /// Points of the surface of things with their normals: all, and those on which a finger can close.
     surfaces: [Vec<(Vec3, Vec3)>; 2],
-    /// Voxels in a metre.
+    /// Voxels in a metre, and along x, y and z.
     per_m: f32,
-    side: f32,
+    sides: Vec3,
 }
 
 impl<'a> Space<'a> {
-    fn new(field: &'a VoxelGrid, fine: Option<&VoxelGrid>) -> Self {
-        let above_m = field.grid.table_z_m + TABLE_M;
-        let finest = fine.unwrap_or(field);
-        let mut things_m = surface_cloud(finest, PITCH_M);
-        things_m.retain(|point_m| point_m.z > above_m);
-        let normals = normals(finest, &things_m);
+    fn new(field: &'a VoxelGrid, fine: Option<&'a SurfaceBlocks>, [low_m, high_m]: [Vec3; 2]) -> Self {
+        let above_m = field.lattice.table_z_m + TABLE_M;
+        let mut things_m = fine.map_or_else(|| surface_cloud(field, PITCH_M), |fine| surface_of_blocks(fine, PITCH_M));
+        things_m.retain(|at| at.z > above_m && at.cmpge(low_m).all() && at.cmple(high_m).all());
+        let normals = fine.map_or_else(|| normals(field, &things_m), |fine| normals(fine, &things_m));
         let has_normal = |(_, normal): &(Vec3, Vec3)| *normal != Vec3::ZERO;
         let all: Vec<(Vec3, Vec3)> = things_m.into_iter().zip(normals).filter(has_normal).collect();
         let sides = all.iter().copied().filter(|(_, normal)| normal.z.abs() <= CLOSING_RISE_MAX).collect();
-        let (per_m, side) = (1.0 / field.grid.voxel_size_m(), field.grid.resolution as f32);
-        let fine = fine.map(|fine| (PaddedGrid::from(fine), 1.0 / fine.grid.voxel_size_m()));
-        Self { field, padded: PaddedGrid::from(field), fine, surfaces: [all, sides], per_m, side }
+        Self {
+            field,
+            padded: PaddedGrid::from(field),
+            fine,
+            surfaces: [all, sides],
+            per_m: 1.0 / field.lattice.voxel_size_m,
+            sides: Vec3::from_array(field.lattice.counts.map(|count| count as f32)),
+        }
     }
 
     /// The value of the voxel around a point, which is given in voxels; 0 where nothing was observed.
     fn value(&self, at: Vec3) -> f32 {
-        let inside = 0.0..self.side;
-        if !(inside.contains(&at.x) && inside.contains(&at.y) && inside.contains(&at.z)) {
+        if !(at.cmpge(Vec3::ZERO).all() && at.cmplt(self.sides).all()) {
             return 0.0;
         }
         // The coordinates are not negative, so rounding to zero is rounding down.
         let index = at.to_array().map(|at| at as i32 as usize);
-        self.field.values[self.field.grid.flat(index)]
+        self.field.values[self.field.lattice.flat(index)]
     }
 
     /// Whether points of a hand at a pose are in the way of something.
     fn is_in_the_way(&self, rotation: Quat, tips_m: Vec3, points_m: &[Vec3]) -> bool {
-        let (tips, turn) = (tips_m * self.per_m, Mat3::from_quat(rotation) * self.per_m);
+        let (tips, turn) = ((tips_m - self.field.lattice.low_m) * self.per_m, Mat3::from_quat(rotation) * self.per_m);
         points_m.iter().any(|point_m| {
             let value = self.value(tips + turn * *point_m);
             let distance = 2.0 * value - 1.0;
@@ -244,9 +254,9 @@ impl<'a> Space<'a> {
 
     /// Whether a point is in something, as the finer field has it.
     fn is_inside(&self, point_m: Vec3) -> bool {
-        self.fine.as_ref().is_some_and(|(fine, per_m)| {
-            let (distance, share) = fine.at(point_m * *per_m + 0.5);
-            share > 0.0 && distance * TRUNCATION_VOXELS <= -INSIDE_FINE_M * per_m
+        self.fine.is_some_and(|fine| {
+            let (distance, share) = mean_distance(fine, point_m);
+            share > 0.0 && distance * TRUNCATION_VOXELS * fine.lattice().voxel_size_m <= -INSIDE_FINE_M
         })
     }
 
@@ -254,12 +264,15 @@ impl<'a> Space<'a> {
     /// or the step beyond.
     fn way_out_m(&self, point_m: Vec3, along: Vec3, most_m: f32) -> Option<f32> {
         let steps = (most_m / WALK_M).ceil() as usize;
-        let (field, per_m) = self.fine.as_ref().map_or((&self.padded, self.per_m), |(fine, per_m)| (fine, *per_m));
         // The padded grid begins half a voxel before the workspace.
-        let (start, step) = (point_m * per_m + 0.5, along * (WALK_M * per_m));
-        let mut last = field.at(start).0;
+        let (start, step) = ((point_m - self.field.lattice.low_m) * self.per_m + 0.5, along * (WALK_M * self.per_m));
+        let field = |number: usize| match self.fine {
+            Some(fine) => mean_distance(fine, point_m + along * (WALK_M * number as f32)),
+            None => self.padded.at(start + step * number as f32),
+        };
+        let mut last = field(0).0;
         for number in 1..=steps {
-            let (here, share) = field.at(start + step * number as f32);
+            let (here, share) = field(number);
             // What comes after the first point outside is another thing.
             if here >= 0.0 && share > 0.0 {
                 return (last < 0.0).then(|| ((number - 1) as f32 + last / (last - here)) * WALK_M);
@@ -375,7 +388,8 @@ mod tests {
         let (gripper, coarse) = proposed(500);
         let (field, fine) = (field(), field_of(120));
         let sampler = CandidateSampler::new(&gripper, Procedure::PAPER.pregrasp_distance_m);
-        let space = Space::new(&field, Some(&fine));
+        let fine = SurfaceBlocks::from(&fine);
+        let space = Space::new(&field, Some(&fine), field.lattice.corners_m());
         let hands = sampler.search(&space, 500, &mut Stream::new(1, 0, Purpose::Proposals, 0));
         assert_eq!(hands.len(), 500);
         let [before_m, after_m] = [&coarse, &hands].map(|hands| deepest_m(&gripper, hands));
@@ -414,7 +428,11 @@ mod tests {
         };
         let slabs = VoxelGrid::new(Grid::PAPER, (0..64_000).map(value).collect()).unwrap();
         let way_m = |x_m: f32, most_m: f32| {
-            let found = Space::new(&slabs, None).way_out_m(Vec3::new(x_m, 0.15, 0.15), Vec3::X, most_m);
+            let found = Space::new(&slabs, None, slabs.lattice.corners_m()).way_out_m(
+                Vec3::new(x_m, 0.15, 0.15),
+                Vec3::X,
+                most_m,
+            );
             found.map(|found_m| x_m + found_m)
         };
         let ends = |end_m: Option<f32>, at_m: f32| end_m.is_some_and(|end_m| (end_m - at_m).abs() < 0.002);

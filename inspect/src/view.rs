@@ -1,7 +1,7 @@
 //! One scene to look at: its objects, what the cameras saw of them, and every attempt with how it ended.
 
 use report::view::{Body, Class, Line, View, flat_points};
-use schema::{AttemptRecord, Axis, CameraParams, HitKind, Intrinsics, Outcome, SceneRows};
+use schema::{AttemptRecord, Axis, CameraParams, HitKind, Intrinsics, Lattice, Outcome, SceneRows};
 use shards::DatasetInfo;
 
 /// Values this near the surface's, 0.5, are points of it: with a truncation of four voxels, those nearer than 0.8
@@ -20,7 +20,7 @@ pub fn scene_view(info: &DatasetInfo, dataset_id: &str, rows: &SceneRows) -> Vie
     let mut view = View::new(format!("Scene {}: {objects}, {held} of {attempts} attempts held", scene.scene_id));
     view.bodies.push(Body::table(grid.size_m, grid.table_z_m));
     view.bodies.extend(rows.objects.iter().flat_map(|object| Body::of_object(Class::Object, object)));
-    view.lines.push(Line::workspace(grid.size_m));
+    view.lines.push(Line::workspace(Lattice::from(*grid).corners_m()));
     // The lens by which the TSDF was made, VGN's where the config does not say.
     let lens = info.section::<CameraParams>("camera").map_or(Intrinsics::VGN, |camera| camera.intrinsics());
     for (number, camera) in scene.views.iter().enumerate() {

@@ -34,7 +34,7 @@ fn fuse_three_images(bencher: divan::Bencher<'_, '_>, resolution: usize) {
     let (camera, image) = table_view();
     let views = [(camera, &image); 3];
     bencher
-        .bench_local(|| fuse_images(&Grid { resolution, ..Grid::PAPER }, TRUNCATION_VOXELS, divan::black_box(&views)));
+        .bench_local(|| fuse_images(Grid { resolution, ..Grid::PAPER }, TRUNCATION_VOXELS, divan::black_box(&views)));
 }
 
 #[divan::bench]

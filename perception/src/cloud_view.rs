@@ -1,9 +1,7 @@
 //! Renders a point cloud as the depth image of a camera at the cloud's viewpoint. A cloud thereby becomes a
 //! [`crate::Tsdf`] by the same code that fuses depth images.
 
-use schema::{Camera, DepthImage, Grid, Intrinsics, Vec3, View};
-
-use crate::camera_at;
+use schema::{Camera, DepthImage, Grid, Intrinsics, Lattice, Pose, Vec3, View};
 
 /// Pixels along each side of the image.
 const SIDE_PX: usize = 480;
@@ -12,33 +10,37 @@ const MARGIN: f32 = 1.02;
 /// A point is drawn as a disc of this radius, in spacings of the cloud: from 0.71 a square lattice has no holes.
 const DISC_SPACINGS: f32 = 0.8;
 
-/// The view from a point, towards the centre of the workspace's floor.
+/// The pose of a camera at a point that looks at the middle of a lattice's floor, image up towards workspace up.
 ///
-/// `None` if the eye is closer to that centre than the workspace is wide (then parts of the workspace would lie behind
-/// the camera), below the floor, or not finite.
+/// `None` if the eye is closer to that middle than the lattice is wide (then parts of it would lie behind the camera),
+/// below the floor, or not finite.
 #[must_use]
-pub fn view_from(eye_m: Vec3, grid: &Grid) -> Option<View> {
-    let off = eye_m - Vec3::new(0.5 * grid.size_m, 0.5 * grid.size_m, 0.0);
+pub fn view_from(eye_m: Vec3, lattice: &Lattice) -> Option<Pose> {
+    let [low_m, high_m] = lattice.corners_m();
+    let middle_m = (0.5 * (low_m + high_m)).with_z(low_m.z);
+    let (off, wide_m) = (eye_m - middle_m, (high_m - low_m).truncate().max_element());
     let radius_m = off.length();
     // False for NaN.
-    if !(radius_m >= grid.size_m && radius_m < 1e3 && off.z >= 0.0) {
+    if !(radius_m >= wide_m && radius_m < 1e3 && off.z >= 0.0) {
         return None;
     }
     let polar_rad = libm::acosf((off.z / radius_m).clamp(-1.0, 1.0));
-    Some(View { radius_m, polar_rad, azimuth_rad: libm::atan2f(off.y, off.x) })
+    let view = View { radius_m, polar_rad, azimuth_rad: libm::atan2f(off.y, off.x) };
+    let mut pose = view.workspace_from_camera(&Grid::PAPER);
+    pose.translation += middle_m - Vec3::new(0.5, 0.5, 0.0) * Grid::PAPER.size_m;
+    Some(pose)
 }
 
-/// The depth image of a cloud whose points are about `spacing_m` apart, and its camera.
+/// The depth image of a cloud whose points are about `spacing_m` apart, by a camera at a pose, and that camera.
 ///
 /// Each point is a disc that faces the camera. The depth of a pixel is the weighted mean over the discs on it that are
 /// close to the nearest one; weights fall with the distance to the pixel. The nearest disc alone would shift every
 /// oblique surface towards the eye.
 #[must_use]
-pub fn cloud_image(points_m: &[Vec3], view: &View, grid: &Grid, spacing_m: f32) -> (Camera, DepthImage) {
-    let mut camera = camera_at(view, grid, Intrinsics::VGN);
-    let camera_from_workspace = camera.workspace_from_camera.inverse();
+pub fn cloud_image(points_m: &[Vec3], workspace_from_camera: Pose, spacing_m: f32) -> (Camera, DepthImage) {
+    let camera_from_workspace = workspace_from_camera.inverse();
     let seen_m: Vec<Vec3> = points_m.iter().map(|point| camera_from_workspace * *point).filter(|p| p.z > 0.0).collect();
-    camera.intrinsics = lens(&seen_m);
+    let camera = Camera { intrinsics: lens(&seen_m), workspace_from_camera };
     let disc_m = DISC_SPACINGS * spacing_m;
     let mut nearest_m = vec![f32::INFINITY; SIDE_PX * SIDE_PX];
     for seen in &seen_m {
@@ -95,18 +97,22 @@ fn on_disc(lens: &Intrinsics, seen_m: Vec3, radius_m: f32, mut visit: impl FnMut
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{TRUNCATION_VOXELS, Tsdf, surface_cloud};
+    use crate::{TRUNCATION_VOXELS, Tsdf, camera_at, surface_cloud};
 
     #[test]
     fn an_eye_and_its_view_are_the_same_place() {
-        let grid = Grid::PAPER;
+        let wide = Lattice { low_m: Vec3::new(-0.3, -0.2, 0.0), counts: [80, 40, 30], ..Grid::PAPER.into() };
         for eye in [Vec3::new(0.15, 0.15, 0.6), Vec3::new(0.5, -0.2, 0.4), Vec3::new(-0.3, 0.1, 0.0)] {
-            let view = view_from(eye, &grid).unwrap();
-            let camera = camera_at(&view, &grid, Intrinsics::VGN);
-            assert!((camera.workspace_from_camera.translation - eye).length() < 1e-5, "{eye}");
+            let pose = view_from(eye, &Grid::PAPER.into()).unwrap();
+            assert!((pose.translation - eye).length() < 1e-5, "{eye}");
+            let middle = pose.inverse() * Vec3::new(0.15, 0.15, 0.0);
+            assert!(middle.truncate().length() < 1e-5 && middle.z > 0.0, "{middle}");
+            let eye = eye + Vec3::new(-0.15, -0.2, 0.6);
+            let middle = view_from(eye, &wide).unwrap().inverse() * Vec3::new(0.0, -0.05, 0.0);
+            assert!(middle.truncate().length() < 1e-5 && middle.z > 0.0, "{middle}");
         }
         for eye in [Vec3::new(0.15, 0.15, 0.1), Vec3::new(0.15, 0.5, -0.1), Vec3::NAN, Vec3::splat(1e9)] {
-            assert_eq!(view_from(eye, &grid), None, "{eye}");
+            assert_eq!(view_from(eye, &Grid::PAPER.into()), None, "{eye}");
         }
     }
 
@@ -119,7 +125,8 @@ mod tests {
             [(0.0, 0.6), (0.5, 0.6), (0.8, 0.6), (1.05, 0.6), (0.5, 0.36), (0.8, 0.31), (0.5, 3.0)]
         {
             let view = View { radius_m, polar_rad, azimuth_rad: 0.4 };
-            let (camera, image) = cloud_image(&table, &view, &grid, 0.0025);
+            let pose = camera_at(&view, &grid, Intrinsics::VGN).workspace_from_camera;
+            let (camera, image) = cloud_image(&table, pose, 0.0025);
             let (mut errors_m, mut inside) = (Vec::new(), 0);
             for pixel in (0..SIDE_PX * SIDE_PX).map(|p| [p % SIDE_PX, p / SIDE_PX]) {
                 let ray = camera.workspace_from_camera.rotation * camera.intrinsics.ray(pixel);
@@ -146,8 +153,8 @@ mod tests {
         let table = lattice(120).map(|[x, y]| Vec3::new(x, y, 0.05));
         let top = lattice(24).map(|[x, y]| Vec3::new(0.12 + x, 0.12 + y, 0.1));
         let cloud: Vec<Vec3> = table.chain(top).collect();
-        let view = view_from(Vec3::new(0.15, 0.15, 0.6), &grid).unwrap();
-        let (camera, image) = cloud_image(&cloud, &view, &grid, 0.0025);
+        let pose = view_from(Vec3::new(0.15, 0.15, 0.6), &grid.into()).unwrap();
+        let (camera, image) = cloud_image(&cloud, pose, 0.0025);
         let mut tsdf = Tsdf::new(grid, TRUNCATION_VOXELS);
         tsdf.integrate(&camera, |pixel| image.at(pixel));
         let surface = surface_cloud(&tsdf.to_voxels(), 0.0025);

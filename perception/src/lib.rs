@@ -18,7 +18,7 @@
 //! let camera = Camera { intrinsics, workspace_from_camera: down };
 //! let (width_px, height_px) = (intrinsics.width_px, intrinsics.height_px);
 //! let image = DepthImage { width_px, height_px, depth_m: vec![0.5; width_px * height_px] };
-//! let tsdf = fuse_images(&Grid::PAPER, TRUNCATION_VOXELS, &[(camera, &image)]);
+//! let tsdf = fuse_images(Grid::PAPER, TRUNCATION_VOXELS, &[(camera, &image)]);
 //! let cloud = surface_cloud(&tsdf, 0.005);
 //! assert!(!cloud.is_empty() && cloud.iter().all(|point| (point.z - 0.05).abs() < 1e-4));
 //! ```
@@ -26,6 +26,7 @@
 //! For planning, the surface of a field becomes a cloud ([`surface_cloud`], [`normals`]). Then the table is found in
 //! the cloud ([`find_plane`]), and the remaining points are clustered into objects ([`clusters`]).
 
+mod blocks;
 mod cells;
 mod cloud_view;
 mod clusters;
@@ -35,16 +36,19 @@ mod normals;
 mod plane;
 mod sensor;
 mod surface;
+mod table;
 mod tsdf;
 mod views;
 
+pub use blocks::{Field, SurfaceBlocks, mean_distance};
 pub use cloud_view::{cloud_image, view_from};
 pub use clusters::{ClusterParams, clusters};
-pub use level::scaled_to_table;
+pub use level::{TableArea, scaled_to_table, table_around};
 pub use noise::{DepthNoise, DexNoise, StereoNoise, add_depth_noise};
 pub use normals::normals;
 pub use plane::{FoundPlane, PlaneParams, find_plane};
 pub use sensor::{NoiseKind, Sensor, SensorParams};
-pub use surface::{surface_cloud, thinned};
-pub use tsdf::{TRUNCATION_VOXELS, Tsdf, fuse_images};
+pub use surface::{surface_cloud, surface_of_blocks, thinned};
+pub use table::{TableCandidate, find_tables};
+pub use tsdf::{TRUNCATION_VOXELS, Tsdf, fuse_blocks, fuse_images};
 pub use views::{ViewKind, camera_at, draw_kind, draw_views};

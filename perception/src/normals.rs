@@ -1,22 +1,25 @@
 //! Normals of the observed surface: the gradient of the TSDF where it changes sign.
 
 use rayon::prelude::*;
-use schema::{Vec3, VoxelGrid};
+use schema::Vec3;
+
+use crate::blocks::{Field, in_voxels, trilinear};
 
 /// The outward unit normal of the surface at each point, or 0 where too few voxels around it were observed.
 ///
 /// The gradient is the difference of trilinear values a voxel apart along each axis. If one of the two is unobserved,
 /// the one-sided difference over half the distance is used.
 #[must_use]
-pub fn normals(field: &VoxelGrid, points_m: &[Vec3]) -> Vec<Vec3> {
-    let at_voxel = |point: &Vec3| (*point / field.grid.voxel_size_m()) - Vec3::splat(0.5);
-    points_m.par_iter().with_min_len(1024).map(|point| normal(field, at_voxel(point))).collect()
+pub fn normals<F: Field>(field: &F, points_m: &[Vec3]) -> Vec<Vec3> {
+    let at = |point_m: &Vec3| in_voxels(field.lattice(), *point_m);
+    points_m.par_iter().with_min_len(1024).map(|point_m| normal(field, at(point_m))).collect()
 }
 
-fn normal(field: &VoxelGrid, at: Vec3) -> Vec3 {
-    let here = value(field, at);
+/// `at` is in voxels.
+fn normal<F: Field>(field: &F, at: Vec3) -> Vec3 {
+    let here = trilinear(field, at);
     let slope = |axis: Vec3| {
-        let (before, after) = (value(field, at - 0.5 * axis), value(field, at + 0.5 * axis));
+        let (before, after) = (trilinear(field, at - 0.5 * axis), trilinear(field, at + 0.5 * axis));
         match (before, here, after) {
             (Some(before), _, Some(after)) => Some(after - before),
             (Some(before), Some(here), None) => Some(2.0 * (here - before)),
@@ -29,26 +32,9 @@ fn normal(field: &VoxelGrid, at: Vec3) -> Vec3 {
     Vec3::new(x, y, z).normalize_or_zero()
 }
 
-/// The trilinear value between voxel centres (`at` in voxels); `None` if one of the eight was not observed.
-fn value(field: &VoxelGrid, at: Vec3) -> Option<f32> {
-    let n = field.grid.resolution;
-    let low = at.floor();
-    if low.min_element() < 0.0 || low.max_element() + 1.0 >= n as f32 {
-        return None;
-    }
-    let share = at - low;
-    let [i, j, k] = low.to_array().map(|c| c as usize);
-    let corner = |bits: usize| {
-        let stored = field.values[field.grid.flat([i + (bits >> 2), j + (bits >> 1 & 1), k + (bits & 1)])];
-        let along = |bit: usize, share: f32| if bits >> bit & 1 == 1 { share } else { 1.0 - share };
-        (stored > 0.0).then(|| stored * along(2, share.x) * along(1, share.y) * along(0, share.z))
-    };
-    (0..8).map(corner).sum()
-}
-
 #[cfg(test)]
 mod tests {
-    use schema::Grid;
+    use schema::{Grid, VoxelGrid};
 
     use super::*;
     use crate::surface_cloud;
@@ -61,7 +47,7 @@ mod tests {
             let tsdf = (distance_m(grid.centre_m(at)) / truncation_m).clamp(-1.0, 1.0);
             if tsdf.abs() < 0.98 { 0.5 * (tsdf + 1.0) } else { 0.0 }
         };
-        VoxelGrid { grid, values: (0..grid.len()).map(stored).collect() }
+        VoxelGrid::new(grid, (0..grid.len()).map(stored).collect()).unwrap()
     }
 
     #[test]

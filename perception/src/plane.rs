@@ -74,7 +74,8 @@ fn inliers(points_m: &[Vec3], plane: &Plane, params: &PlaneParams) -> Vec<usize>
 fn settled(points_m: &[Vec3], first: Plane, params: &PlaneParams) -> Option<FoundPlane> {
     let mut found = FoundPlane { inliers: inliers(points_m, &first, params), plane: first };
     for _ in 0..params.refits_max {
-        let plane = fitted(points_m, &found.inliers)?;
+        let (normal, offset_m) = fitted(points_m, &found.inliers)?;
+        let plane = upwards(normal, offset_m);
         let next = inliers(points_m, &plane, params);
         let is_settled = next == found.inliers;
         found = FoundPlane { plane, inliers: next };
@@ -95,9 +96,9 @@ fn upwards(normal: Vec3, offset_m: f32) -> Plane {
     if normal.z < 0.0 { Plane { normal: -normal, offset_m: -offset_m } } else { Plane { normal, offset_m } }
 }
 
-/// The plane with the least sum of squared distances: through the mean, with the normal along the direction of least
-/// variance.
-fn fitted(points_m: &[Vec3], members: &[usize]) -> Option<Plane> {
+/// The plane with the least sum of squared distances, by its normal and offset: through the mean, with the normal along
+/// the direction of least variance.
+pub(crate) fn fitted(points_m: &[Vec3], members: &[usize]) -> Option<(Vec3, f32)> {
     if members.len() < 3 {
         return None;
     }
@@ -109,7 +110,7 @@ fn fitted(points_m: &[Vec3], members: &[usize]) -> Option<Plane> {
     }
     // Ascending order: the first vector has the least variance.
     let normal = DSymmetricEigen3::new(spread).eigenvectors.x_axis.try_normalize()?;
-    Some(upwards(normal.as_vec3(), normal.dot(mean) as f32))
+    Some((normal.as_vec3(), normal.dot(mean) as f32))
 }
 
 #[cfg(test)]
@@ -170,7 +171,8 @@ mod tests {
         let heights = [0.0, 1e-5, -2e-5, 3e-5, 0.0, 1e-5, -1e-5, 2e-5, 0.0];
         let points: Vec<Vec3> =
             (0..9).map(|n| Vec3::new((n / 3) as f32 - 1.0, (n % 3) as f32 - 1.0, heights[n])).collect();
-        let plane = fitted(&points, &(0..9).collect::<Vec<_>>()).unwrap();
+        let (normal, offset_m) = fitted(&points, &(0..9).collect::<Vec<_>>()).unwrap();
+        let plane = upwards(normal, offset_m);
         let slope = |weight: &dyn Fn(usize) -> f32| (0..9).map(|n| weight(n) * heights[n]).sum::<f32>() / 6.0;
         let (a, b) = (slope(&|n| (n / 3) as f32 - 1.0), slope(&|n| (n % 3) as f32 - 1.0));
         assert!((plane.normal - Vec3::new(-a, -b, 1.0)).length() < 1e-9, "{:?} against {a}, {b}", plane.normal);

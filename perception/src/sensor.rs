@@ -4,7 +4,7 @@ use schema::{Camera, DepthImage, Grid, Stream, Vec3, axis_angle};
 use serde::Serialize;
 use settings::{Reader, settings, words};
 
-use crate::{DepthNoise, DexNoise, StereoNoise, add_depth_noise, scaled_to_table};
+use crate::{DepthNoise, DexNoise, StereoNoise, add_depth_noise, scaled_to_table, table_around};
 
 words! {
     /// A model of a sensor's noise.
@@ -95,7 +95,7 @@ impl<'a> Sensor<'a> {
     /// The image as it is fused.
     #[must_use]
     pub fn corrected(&self, image: DepthImage, camera: &Camera, grid: &Grid) -> DepthImage {
-        if self.params.scale_to_table { scaled_to_table(&image, camera, grid).0 } else { image }
+        if self.params.scale_to_table { scaled_to_table(&image, camera, &table_around(grid)).0 } else { image }
     }
 
     /// Where the camera stands that is believed to be `camera`.

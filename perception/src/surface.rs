@@ -11,7 +11,9 @@
 //! made at 2.5 mm. A slanted face gets up to √3 times as many points.
 
 use rayon::prelude::*;
-use schema::{Grid, Vec3, VoxelGrid};
+use schema::{Lattice, Vec3, VoxelGrid};
+
+use crate::blocks::{Field as _, SurfaceBlocks, VOXELS, corners};
 
 /// The surface in VGN's values: halfway between −1 and 1.
 const SURFACE: f32 = 0.5;
@@ -27,23 +29,45 @@ const SURFACE: f32 = 0.5;
 /// If `pitch_m` is not above 0.
 #[must_use]
 pub fn surface_cloud(field: &VoxelGrid, pitch_m: f32) -> Vec<Vec3> {
-    assert!(pitch_m > 0.0, "the pitch must be above 0 m, got {pitch_m}");
-    let grid = &field.grid;
-    let lines = (grid.voxel_size_m() / pitch_m - 1e-3).ceil().max(1.0) as usize;
-    let shares: Vec<f32> = (0..lines).map(|line| (line as f32 + 0.5) / lines as f32).collect();
-    let cells = grid.resolution.saturating_sub(1);
-    let slab = |i: usize| {
-        let (mut points, mut row) = (Vec::new(), Row::default());
-        for j in 0..cells {
-            row.set(field, [i, j]);
-            for k in (0..cells).filter(|k| row.is_crossed(*k)) {
-                add_crossings(grid, [i, j, k], &corners(field, [i, j, k]), &shares, &mut points);
-            }
-        }
-        points
-    };
+    let shares = shares(&field.lattice, pitch_m);
+    let slab = |i: usize| crossings(&field.lattice, &field.values, i, &shares);
     // Enough slabs for a task that the paper's grid is two.
-    (0..cells).into_par_iter().with_min_len(20).flat_map_iter(slab).collect()
+    (0..field.lattice.counts[0].saturating_sub(1)).into_par_iter().with_min_len(20).flat_map_iter(slab).collect()
+}
+
+/// The same of blocks, in their order.
+///
+/// # Panics
+/// If `pitch_m` is not above 0.
+#[must_use]
+pub fn surface_of_blocks(field: &SurfaceBlocks, pitch_m: f32) -> Vec<Vec3> {
+    let shares = shares(field.lattice(), pitch_m);
+    let parts: Vec<(Lattice, &[f32])> = field.parts().collect();
+    let part = |(lattice, values): &(Lattice, &[f32])| {
+        let own = (0..VOXELS - 1).map(|i| crossings(lattice, values, i, &shares));
+        own.collect::<Vec<_>>().concat()
+    };
+    parts.par_iter().with_min_len(16).flat_map_iter(part).collect()
+}
+
+/// Where lines run through a cell, along either edge.
+fn shares(lattice: &Lattice, pitch_m: f32) -> Vec<f32> {
+    assert!(pitch_m > 0.0, "the pitch must be above 0 m, got {pitch_m}");
+    let lines = (lattice.voxel_size_m / pitch_m - 1e-3).ceil().max(1.0) as usize;
+    (0..lines).map(|line| (line as f32 + 0.5) / lines as f32).collect()
+}
+
+/// The crossings in the cells with this x.
+fn crossings(lattice: &Lattice, values: &[f32], i: usize, shares: &[f32]) -> Vec<Vec3> {
+    let [_, cells_y, cells_z] = lattice.counts.map(|count| count.saturating_sub(1));
+    let (mut points, mut row) = (Vec::new(), Row::default());
+    for j in 0..cells_y {
+        row.set(lattice, values, [i, j]);
+        for k in (0..cells_z).filter(|k| row.is_crossed(*k)) {
+            add_crossings(lattice, [i, j, k], &corners(values, lattice.counts, [i, j, k]), shares, &mut points);
+        }
+    }
+    points
 }
 
 /// The lowest and the highest of the four values around each place along a row of cells: most cells of a scene are not
@@ -55,9 +79,9 @@ struct Row {
 }
 
 impl Row {
-    fn set(&mut self, field: &VoxelGrid, [i, j]: [usize; 2]) {
-        let n = field.grid.resolution;
-        let row = |i, j| &field.values[field.grid.flat([i, j, 0])..][..n];
+    fn set(&mut self, lattice: &Lattice, values: &[f32], [i, j]: [usize; 2]) {
+        let n = lattice.counts[2];
+        let row = |i, j| &values[lattice.flat([i, j, 0])..][..n];
         let [a, b, c, d] = [row(i, j), row(i, j + 1), row(i + 1, j), row(i + 1, j + 1)];
         self.low.clear();
         self.low.extend((0..n).map(|k| a[k].min(b[k]).min(c[k].min(d[k]))));
@@ -72,20 +96,8 @@ impl Row {
     }
 }
 
-/// The corner values of a cell, x slowest.
-fn corners(field: &VoxelGrid, [i, j, k]: [usize; 3]) -> [f32; 8] {
-    let n = field.grid.resolution;
-    let first = field.grid.flat([i, j, k]);
-    let mut corners = [0.0; 8];
-    let rows = [first, first + n, first + n * n, first + n * n + n];
-    for (pair, row) in corners.as_chunks_mut::<2>().0.iter_mut().zip(rows) {
-        *pair = [field.values[row], field.values[row + 1]];
-    }
-    corners
-}
-
-fn add_crossings(grid: &Grid, cell: [usize; 3], corners: &[f32; 8], shares: &[f32], points: &mut Vec<Vec3>) {
-    let origin_m = grid.centre_m(cell);
+fn add_crossings(lattice: &Lattice, cell: [usize; 3], corners: &[f32; 8], shares: &[f32], points: &mut Vec<Vec3>) {
+    let origin_m = lattice.centre_m(cell);
     let between = |a: f32, b: f32, share: f32| a + (b - a) * share;
     for axis in 0..3 {
         // Strides of the axis and of the two across it, in `corners`.
@@ -104,7 +116,7 @@ fn add_crossings(grid: &Grid, cell: [usize; 3], corners: &[f32; 8], shares: &[f3
                     share[axis] = t;
                     share[(axis + 1) % 3] = u;
                     share[(axis + 2) % 3] = v;
-                    points.push(origin_m + Vec3::from_array(share) * grid.voxel_size_m());
+                    points.push(origin_m + Vec3::from_array(share) * lattice.voxel_size_m);
                 }
             }
         }
@@ -117,11 +129,11 @@ fn add_crossings(grid: &Grid, cell: [usize; 3], corners: &[f32; 8], shares: &[f3
 /// # Panics
 /// If `pitch_m` is not above 0.
 #[must_use]
-pub fn thinned(points_m: &[Vec3], grid: &Grid, pitch_m: f32) -> Vec<Vec3> {
+pub fn thinned(points_m: &[Vec3], lattice: &Lattice, pitch_m: f32) -> Vec<Vec3> {
     assert!(pitch_m > 0.0, "the pitch must be above 0 m, got {pitch_m}");
-    let inside = points_m.iter().filter(|point| grid.voxel_at(**point).is_some());
+    let inside = points_m.iter().filter(|point| lattice.voxel_at(**point).is_some());
     let mut by_cube: Vec<([u32; 3], Vec3)> =
-        inside.map(|point| ((*point / pitch_m).to_array().map(|x| x as u32), *point)).collect();
+        inside.map(|point| (((*point - lattice.low_m) / pitch_m).to_array().map(|x| x as u32), *point)).collect();
     // A stable sort, so that sums run in the cloud's order.
     by_cube.sort_by_key(|(cube, _)| *cube);
     by_cube
@@ -132,6 +144,8 @@ pub fn thinned(points_m: &[Vec3], grid: &Grid, pitch_m: f32) -> Vec<Vec3> {
 
 #[cfg(test)]
 mod tests {
+    use schema::Grid;
+
     use super::*;
 
     /// A field whose value is ½ plus the distance to the surface in truncations of 4 voxels, halved, cut as VGN cuts
@@ -144,7 +158,7 @@ mod tests {
             let tsdf = distance_m(grid.centre_m(index)) / (4.0 * grid.voxel_size_m());
             if tsdf.abs() < 0.98 { (tsdf + 1.0) * 0.5 } else { 0.0 }
         });
-        VoxelGrid { grid, values: values.collect() }
+        VoxelGrid::new(grid, values.collect()).unwrap()
     }
 
     #[test]
@@ -190,7 +204,7 @@ mod tests {
 
     #[test]
     fn what_was_not_observed_has_no_surface() {
-        let empty = VoxelGrid { grid: Grid::PAPER, values: vec![0.0; Grid::PAPER.len()] };
+        let empty = VoxelGrid::new(Grid::PAPER, vec![0.0; Grid::PAPER.len()]).unwrap();
         assert!(surface_cloud(&empty, 0.0025).is_empty());
         let mut holed = field(|p| p.z - 0.05);
         for i in 0..20 {
@@ -207,7 +221,7 @@ mod tests {
 
     #[test]
     fn thinning_leaves_one_mean_a_cube() {
-        let grid = Grid::PAPER;
+        let grid = Lattice::from(Grid::PAPER);
         let pair = [Vec3::new(0.1001, 0.1, 0.1), Vec3::new(0.1011, 0.1, 0.1)];
         let outside = [Vec3::new(0.4, 0.1, 0.1), Vec3::new(-0.001, 0.1, 0.1), Vec3::splat(f32::NAN)];
         let cloud: Vec<Vec3> = pair.into_iter().chain(outside).chain([Vec3::new(0.2, 0.1, 0.1)]).collect();

@@ -9,7 +9,9 @@
 use core::ops::Range;
 
 use rayon::prelude::*;
-use schema::{Camera, DepthImage, Grid, Intrinsics, Mat3, Pose, Vec3, VoxelGrid};
+use schema::{Camera, DepthImage, Intrinsics, Lattice, Mat3, Pose, Vec3, VoxelGrid};
+
+use crate::blocks::{CELLS, SurfaceBlocks, VALUES, VOXELS, block_counts};
 
 /// VGN's truncation: 4 voxels (`TSDFVolume.sdf_trunc`), 30 mm on the paper's grid.
 pub const TRUNCATION_VOXELS: f32 = 4.0;
@@ -20,9 +22,10 @@ const STORED_MAX: f32 = 0.98;
 /// A TSDF under construction; its bits depend only on the views and their order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tsdf {
-    grid: Grid,
+    lattice: Lattice,
     truncation_m: f32,
-    /// Mean of the truncated distances over the views that saw the voxel, in truncations: [−1, 1]. Flat as in [`Grid`].
+    /// Mean of the truncated distances over the views that saw the voxel, in truncations: [−1, 1]. Flat as in
+    /// [`Lattice`].
     mean: Vec<f32>,
     /// Number of views that saw the voxel. Invariant: 0 where `mean` is undefined.
     weight: Vec<f32>,
@@ -35,12 +38,13 @@ impl Tsdf {
     /// # Panics
     /// If the truncation is not above 0.
     #[must_use]
-    pub fn new(grid: Grid, truncation_voxels: f32) -> Self {
+    pub fn new(lattice: impl Into<Lattice>, truncation_voxels: f32) -> Self {
+        let lattice = lattice.into();
         Self {
-            grid,
-            truncation_m: truncation_m(&grid, truncation_voxels),
-            mean: vec![0.0; grid.len()],
-            weight: vec![0.0; grid.len()],
+            truncation_m: truncation_m(&lattice, truncation_voxels),
+            mean: vec![0.0; lattice.len()],
+            weight: vec![0.0; lattice.len()],
+            lattice,
         }
     }
 
@@ -57,9 +61,9 @@ impl Tsdf {
     /// The same; `look_up(pixels, depths_m)` gives the depths in the pixels of a line in the image, infinite where the
     /// camera saw nothing.
     pub fn integrate_lines(&mut self, camera: &Camera, mut look_up: impl FnMut(&[[usize; 2]], &mut [f32])) {
-        let side = self.grid.resolution;
-        let mut column = Column::new(camera, &self.grid, 0..side);
-        let slabs = self.mean.chunks_mut(side * side).zip(self.weight.chunks_mut(side * side));
+        let [_, width, height] = self.lattice.counts;
+        let mut column = Column::new(camera, &self.lattice, 0..height);
+        let slabs = self.mean.chunks_mut(width * height).zip(self.weight.chunks_mut(width * height));
         for (i, (mean, weight)) in slabs.enumerate() {
             column.fuse_slab(i, self.truncation_m, &mut look_up, (mean, weight));
         }
@@ -68,7 +72,7 @@ impl Tsdf {
     /// The field at a voxel, in truncations: [−1, 1], positive in front of the surface; `None` if no view observed it.
     #[must_use]
     pub fn at(&self, index: [usize; 3]) -> Option<f32> {
-        let flat = self.grid.flat(index);
+        let flat = self.lattice.flat(index);
         (self.weight[flat] > 0.0).then_some(self.mean[flat])
     }
 
@@ -77,13 +81,13 @@ impl Tsdf {
     #[must_use]
     pub fn to_voxels(&self) -> VoxelGrid {
         let values = self.mean.iter().zip(&self.weight).map(|(mean, weight)| stored(*mean, *weight)).collect();
-        VoxelGrid { grid: self.grid, values }
+        VoxelGrid { lattice: self.lattice, values }
     }
 }
 
-fn truncation_m(grid: &Grid, truncation_voxels: f32) -> f32 {
+fn truncation_m(lattice: &Lattice, truncation_voxels: f32) -> f32 {
     assert!(truncation_voxels > 0.0, "the truncation must be above 0 voxels, got {truncation_voxels}");
-    truncation_voxels * grid.voxel_size_m()
+    truncation_voxels * lattice.voxel_size_m
 }
 
 /// The look-up of a line of pixels, one after the other.
@@ -110,37 +114,108 @@ fn stored(mean: f32, weight: f32) -> f32 {
 /// # Panics
 /// If the truncation is not above 0.
 #[must_use]
-pub fn fuse_images(grid: &Grid, truncation_voxels: f32, views: &[(Camera, &DepthImage)]) -> VoxelGrid {
-    let truncation_m = truncation_m(grid, truncation_voxels);
-    let (side, heights) = (grid.resolution, heights_seen(views, grid, truncation_m));
-    let mut values = vec![0.0; grid.len()];
+pub fn fuse_images(lattice: impl Into<Lattice>, truncation_voxels: f32, views: &[(Camera, &DepthImage)]) -> VoxelGrid {
+    let lattice = lattice.into();
+    let truncation_m = truncation_m(&lattice, truncation_voxels);
+    let ([_, width, height], heights) = (lattice.counts, heights_seen(views, &lattice, truncation_m));
+    let mut values = vec![0.0; lattice.len()];
     if heights.is_empty() {
-        return VoxelGrid { grid: *grid, values };
+        return VoxelGrid { lattice, values };
     }
     let columns =
-        || -> Vec<Column> { views.iter().map(|(camera, _)| Column::new(camera, grid, heights.clone())).collect() };
-    let slabs = values.par_chunks_mut(side * side).enumerate().with_min_len(4);
+        || -> Vec<Column> { views.iter().map(|(camera, _)| Column::new(camera, &lattice, heights.clone())).collect() };
+    let slabs = values.par_chunks_mut(width * height).enumerate().with_min_len(4);
     slabs.for_each_init(columns, |columns, (i, slab)| {
-        let (mut mean, mut weight) = (vec![0.0; side * heights.len()], vec![0.0; side * heights.len()]);
+        let (mut mean, mut weight) = (vec![0.0; width * heights.len()], vec![0.0; width * heights.len()]);
         for (column, (_, image)) in columns.iter_mut().zip(views) {
             let mut look_up = one_by_one(|pixel| image.at(pixel));
             column.fuse_slab(i, truncation_m, &mut look_up, (&mut mean, &mut weight));
         }
         let seen = mean.chunks(heights.len()).zip(weight.chunks(heights.len()));
-        for (column, (mean, weight)) in slab.chunks_mut(side).zip(seen) {
+        for (column, (mean, weight)) in slab.chunks_mut(height).zip(seen) {
             let into = column[heights.clone()].iter_mut();
             into.zip(mean.iter().zip(weight)).for_each(|(value, (mean, weight))| *value = stored(*mean, *weight));
         }
     });
-    VoxelGrid { grid: *grid, values }
+    VoxelGrid { lattice, values }
+}
+
+/// The same field, but only in blocks near something that was seen: elsewhere all voxels are stored as 0.
+///
+/// # Panics
+/// If the truncation is not above 0.
+#[must_use]
+pub fn fuse_blocks(lattice: &Lattice, truncation_voxels: f32, views: &[(Camera, &DepthImage)]) -> SurfaceBlocks {
+    let truncation_m = truncation_m(lattice, truncation_voxels);
+    let mut blocks = SurfaceBlocks::new(*lattice, &near_surfaces(lattice, truncation_m, views));
+    let (lattices, values) = blocks.parts_mut();
+    let columns =
+        || -> Vec<Column> { views.iter().map(|(camera, _)| Column::new(camera, lattice, 0..VOXELS)).collect() };
+    values.par_chunks_mut(VALUES).zip(lattices).with_min_len(16).for_each_init(
+        columns,
+        |columns, (values, lattice)| {
+            let (mut mean, mut weight) = ([0.0; VALUES], [0.0; VALUES]);
+            for (column, (_, image)) in columns.iter_mut().zip(views) {
+                column.lattice = lattice;
+                let mut look_up = one_by_one(|pixel| image.at(pixel));
+                let slabs = mean.chunks_mut(VOXELS * VOXELS).zip(weight.chunks_mut(VOXELS * VOXELS));
+                for (i, slab) in slabs.enumerate() {
+                    column.fuse_slab(i, truncation_m, &mut look_up, slab);
+                }
+            }
+            values
+                .iter_mut()
+                .zip(mean.iter().zip(weight))
+                .for_each(|(value, (mean, weight))| *value = stored(*mean, weight));
+        },
+    );
+    blocks
+}
+
+/// About so many pixels along an image's width are looked at for blocks.
+const COLUMNS_PX: usize = 320;
+
+/// Of each block of a lattice, whether something was seen within the truncation of it.
+fn near_surfaces(lattice: &Lattice, truncation_m: f32, views: &[(Camera, &DepthImage)]) -> Vec<bool> {
+    let counts = block_counts(lattice);
+    let block_m = CELLS as f32 * lattice.voxel_size_m;
+    let of_view = |(camera, image): &(Camera, &DepthImage)| {
+        let mut is_near = vec![false; counts.iter().product()];
+        let stride = image.width_px.div_ceil(COLUMNS_PX).max(1);
+        // A voxel's centre and the ray of its pixel are less than a pixel apart.
+        let pixel = (1 + stride) as f32 * (1.0 / camera.intrinsics.fx_px).max(1.0 / camera.intrinsics.fy_px);
+        let turn = Mat3::from_quat(camera.workspace_from_camera.rotation);
+        for v in (0..image.height_px).step_by(stride) {
+            for u in (0..image.width_px).step_by(stride) {
+                let Some(depth_m) = image.at([u, v]).filter(|depth_m| depth_m.is_finite()) else { continue };
+                let at_m = camera.workspace_from_camera.translation + turn * camera.intrinsics.ray([u, v]) * depth_m;
+                let margin_m = truncation_m + pixel * depth_m;
+                // Blocks begin at the centre of the lattice's first voxel; a negative number rounds to 0.
+                let block = |along_m: f32| ((along_m - 0.5 * lattice.voxel_size_m) / block_m).floor();
+                let [low, high] = [-margin_m, margin_m].map(|margin_m| (at_m - lattice.low_m + margin_m).map(block));
+                let last = Vec3::from_array(counts.map(|count| count as f32));
+                if high.cmplt(Vec3::ZERO).any() || low.cmpge(last).any() {
+                    continue;
+                }
+                let [x, y, z] = [0, 1, 2].map(|axis| low[axis] as usize..(high[axis] as usize + 1).min(counts[axis]));
+                for (x, y) in x.flat_map(|x| y.clone().map(move |y| (x, y))) {
+                    let line = (x * counts[1] + y) * counts[2];
+                    is_near[line + z.start..line + z.end].fill(true);
+                }
+            }
+        }
+        is_near
+    };
+    let either = |a: Vec<bool>, b: Vec<bool>| a.iter().zip(b).map(|(a, b)| *a || b).collect();
+    views.par_iter().map(of_view).reduce_with(either).unwrap_or_else(|| vec![false; counts.iter().product()])
 }
 
 /// The layers of voxels that are within the truncation of a point that a view saw in the workspace.
-fn heights_seen(views: &[(Camera, &DepthImage)], grid: &Grid, truncation_m: f32) -> Range<usize> {
+fn heights_seen(views: &[(Camera, &DepthImage)], lattice: &Lattice, truncation_m: f32) -> Range<usize> {
     let ranges_m: Vec<[f32; 2]> =
-        views.par_iter().map(|(camera, image)| heights_m(camera, image, grid, truncation_m)).collect();
+        views.par_iter().map(|(camera, image)| heights_m(camera, image, lattice, truncation_m)).collect();
     let [low_m, high_m] = ranges_m.into_iter().fold(NOTHING_M, wider);
-    let layer = |z_m: f32| (z_m / grid.voxel_size_m()).clamp(0.0, grid.resolution as f32);
+    let layer = |z_m: f32| ((z_m - lattice.low_m.z) / lattice.voxel_size_m).clamp(0.0, lattice.counts[2] as f32);
     if low_m < high_m { layer(low_m) as usize..layer(high_m).ceil() as usize } else { 0..0 }
 }
 
@@ -152,7 +227,8 @@ fn wider([low, high]: [f32; 2], [other_low, other_high]: [f32; 2]) -> [f32; 2] {
 }
 
 /// The heights within the truncation of what one view saw in the workspace.
-fn heights_m(camera: &Camera, image: &DepthImage, grid: &Grid, truncation_m: f32) -> [f32; 2] {
+fn heights_m(camera: &Camera, image: &DepthImage, lattice: &Lattice, truncation_m: f32) -> [f32; 2] {
+    let corners_m = lattice.corners_m();
     let (from_m, lens) = (camera.workspace_from_camera.translation, camera.intrinsics);
     let turn = Mat3::from_quat(camera.workspace_from_camera.rotation);
     // A voxel's centre and the ray of its pixel are less than a pixel apart.
@@ -165,11 +241,10 @@ fn heights_m(camera: &Camera, image: &DepthImage, grid: &Grid, truncation_m: f32
         let mut look = |lane: usize, ray_x: f32, depth_m: f32| {
             let at_m = from_m + (turn.x_axis * ray_x + along) * depth_m;
             let margin_m = truncation_m + pixel * depth_m;
-            let [from_low, to_high] = [-margin_m, grid.size_m + margin_m];
+            let [low, high] = [corners_m[0] - margin_m, corners_m[1] + margin_m];
             // False for pixels that saw nothing: 0, infinite or NaN.
-            let is_in = (depth_m > 0.0)
-                & ((at_m.x > from_low) & (at_m.x < to_high))
-                & ((at_m.y > from_low) & (at_m.y < to_high));
+            let is_in =
+                (depth_m > 0.0) & ((at_m.x > low.x) & (at_m.x < high.x)) & ((at_m.y > low.y) & (at_m.y < high.y));
             let [low, high] = if is_in { [at_m.z - margin_m, at_m.z + margin_m] } else { NOTHING_M };
             low_m[lane] = if low < low_m[lane] { low } else { low_m[lane] };
             high_m[lane] = if high > high_m[lane] { high } else { high_m[lane] };
@@ -190,7 +265,7 @@ fn heights_m(camera: &Camera, image: &DepthImage, grid: &Grid, truncation_m: f32
 /// once: 46,000 different ones for 62,000 voxels, so a cache gains nothing.)
 struct Column {
     lens: Intrinsics,
-    grid: Grid,
+    lattice: Lattice,
     /// Which of its voxels.
     heights: Range<usize>,
     camera_from_workspace: Pose,
@@ -212,16 +287,16 @@ struct Column {
 }
 
 impl Column {
-    fn new(camera: &Camera, grid: &Grid, heights: Range<usize>) -> Self {
+    fn new(camera: &Camera, lattice: &Lattice, heights: Range<usize>) -> Self {
         let lens = camera.intrinsics;
         let square = |x: f32| x * x;
         let camera_from_workspace = camera.workspace_from_camera.inverse();
         let blank = vec![0.0; heights.len()];
         Self {
             lens,
-            grid: *grid,
+            lattice: *lattice,
             camera_from_workspace,
-            step_m: camera_from_workspace.rotation * Vec3::new(0.0, 0.0, grid.voxel_size_m()),
+            step_m: camera_from_workspace.rotation * Vec3::new(0.0, 0.0, lattice.voxel_size_m),
             ray_x2: (0..lens.width_px).map(|u| square(lens.ray([u, 0]).x)).collect(),
             ray_y2: (0..lens.height_px).map(|v| square(lens.ray([0, v]).y)).collect(),
             u: blank.clone(),
@@ -253,7 +328,7 @@ impl Column {
     /// The pixels of the voxels of column (i, j); the arithmetic of [`Intrinsics::project`].
     fn project(&mut self, i: usize, j: usize) {
         let (lens, step_m) = (self.lens, self.step_m);
-        let first_m = self.camera_from_workspace * self.grid.centre_m([i, j, 0]);
+        let first_m = self.camera_from_workspace * self.lattice.centre_m([i, j, 0]);
         let slots = self.u.iter_mut().zip(&mut self.v).zip(&mut self.z_m);
         for (k, ((u, v), z_m)) in self.heights.clone().zip(slots) {
             let voxel_m = first_m + step_m * (k as u32 as f32);

@@ -1,8 +1,11 @@
 //! Compares the field with a slow, obvious implementation: f64, voxel by voxel, explicit matrices, no shared code.
 
-use perception::{DepthNoise, DexNoise, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at, draw_views, fuse_images};
+use perception::{
+    DepthNoise, DexNoise, Field as _, TRUNCATION_VOXELS, Tsdf, add_depth_noise, camera_at, draw_views, fuse_blocks,
+    fuse_images, surface_cloud, surface_of_blocks,
+};
 use proptest::prelude::*;
-use schema::{Camera, DepthImage, Grid, Intrinsics, Purpose, Stream, ViewParams};
+use schema::{Camera, DepthImage, Grid, Intrinsics, Lattice, Purpose, Stream, Vec3, ViewParams};
 
 /// An irregular scene with holes, as a whole image.
 fn lumpy_image(lens: &Intrinsics, seed: u64) -> DepthImage {
@@ -137,7 +140,7 @@ proptest! {
         let views: Vec<(Camera, &DepthImage)> = views.iter().map(|view| (camera_at(view, &grid, lens), &image)).collect();
         let mut of_rays = Tsdf::new(grid, TRUNCATION_VOXELS);
         views.iter().for_each(|(camera, _)| of_rays.integrate(camera, sensor));
-        prop_assert_eq!(fuse_images(&grid, TRUNCATION_VOXELS, &views), of_rays.to_voxels());
+        prop_assert_eq!(fuse_images(grid, TRUNCATION_VOXELS, &views), of_rays.to_voxels());
     }
 
     #[test]
@@ -164,6 +167,36 @@ proptest! {
                 prop_assert!(differing < 200, "{} of {}", differing, asked.len());
             }
         }
+    }
+}
+
+/// The blocks have every voxel that differs from 0, wherever the lattice begins, and the same surface.
+#[test]
+fn blocks_are_the_field_where_it_has_values() {
+    let (grid, lens) = (Grid::PAPER, Intrinsics::VGN);
+    let low_m = Vec3::new(-0.05, 0.02, -0.01);
+    let lattice = Lattice { low_m, counts: [105, 65, 81], voxel_size_m: 0.0025, table_z_m: 0.05 };
+    let images = [lumpy_image(&lens, 4), lumpy_image(&lens, 5)];
+    for seed in 0..4 {
+        let params = ViewParams { counts: [2, 2], polar_rad: [0.0, 1.4], ..ViewParams::VGN };
+        let views = draw_views(&params, &grid, &mut Stream::new(seed, 2, Purpose::Views, 0));
+        let views: Vec<(Camera, &DepthImage)> =
+            views.iter().zip(&images).map(|(view, image)| (camera_at(view, &grid, lens), image)).collect();
+        let (dense, blocks) =
+            (fuse_images(lattice, TRUNCATION_VOXELS, &views), fuse_blocks(&lattice, TRUNCATION_VOXELS, &views));
+        let mut off = 0;
+        for flat in 0..lattice.len() {
+            let voxel = lattice.voxel(flat);
+            if (0..3).all(|axis| voxel[axis] + 1 < lattice.counts[axis]) {
+                // A voxel's centre is summed up differently, so a pixel at its border may be the next one.
+                let (a, b) = (dense.cell(voxel), blocks.cell(voxel));
+                off += usize::from(a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1e-3));
+            }
+        }
+        let seen = dense.values.iter().filter(|value| **value > 0.0).count();
+        assert!(seen > 20_000 && off * 500 < seen, "{off} of {seen} cells differ");
+        let [all, own] = [surface_cloud(&dense, 0.0025).len(), surface_of_blocks(&blocks, 0.0025).len()];
+        assert!(all > 3_000 && all.abs_diff(own) * 200 < all, "{all} points, {own} of blocks");
     }
 }
 

@@ -3,7 +3,7 @@
 use perception::{clusters, find_plane, surface_cloud};
 use planner::config::{BuiltIn, Config};
 use planner::segment::segment;
-use planner::volume::fuse_views;
+use planner::volume::{Volume, Workspace, fuse};
 use planner::voxel::detect::{Side, detect};
 use planner::{Observation, PlanOptions, Planner, demo, input};
 use schema::{Grid, Purpose, Stream, Vec3, VoxelGrid};
@@ -22,8 +22,13 @@ fn views() -> Vec<planner::View> {
     }
 }
 
+fn volume(observation: &Observation) -> Volume {
+    let workspace = Workspace::Cube(Grid::PAPER);
+    fuse(observation, &workspace, config().cloud).expect("what comes with the program is sound")
+}
+
 fn field() -> VoxelGrid {
-    fuse_views(&views(), &Grid::PAPER).expect("what comes with the program is sound")
+    volume(&Observation::Views(views())).grid
 }
 
 fn config() -> Config {
@@ -32,8 +37,8 @@ fn config() -> Config {
 
 #[divan::bench]
 fn tsdf_of_three_views(bencher: divan::Bencher<'_, '_>) {
-    let views = views();
-    bencher.bench_local(|| fuse_views(divan::black_box(&views), &Grid::PAPER));
+    let views = Observation::Views(views());
+    bencher.bench_local(|| volume(divan::black_box(&views)));
 }
 
 #[divan::bench]

@@ -79,6 +79,9 @@ settings! {
     }
 }
 
+/// How far robots reach on their tables, in metres.
+const REACH_M: [f32; 3] = [1.2, 1.2, 0.5];
+
 settings! {
     /// How a judge is asked; for networks that answer for hands.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -87,12 +90,15 @@ settings! {
         pub proposals: usize where 1..=100_000,
         /// Of hands whose tips are nearer to each other than this, only the best is kept.
         pub apart_m: f32 where 0.0..=0.3,
+        /// Hands touch what was seen in a box of these sides on the table, in metres: x, y and the height. Its middle
+        /// is that of the network's workspace.
+        pub reach_m: [f32; 3] where 0.1..=3.0; or REACH_M,
     }
 }
 
 impl JudgeParams {
     /// What a config without `[judge]` has.
-    pub const STANDARD: Self = Self { proposals: 512, apart_m: 0.01 };
+    pub const STANDARD: Self = Self { proposals: 512, apart_m: 0.01, reach_m: REACH_M };
 }
 
 settings! {

@@ -1,12 +1,15 @@
 //! Grasps by a judge: collision-free candidates are proposed, and the judge says how likely each of them holds.
 
 use grasps::{Judge, ObservedScene, ScoredGrasp};
-use schema::{Grasp, Grid, Purpose, Stream};
+use schema::{Grasp, Grid, Purpose, Stream, Vec3};
 
+use crate::config::Config;
 use crate::hand::towards_wrist;
 use crate::method::{Candidates, Method, Request, Stage};
+use crate::observation::PlanOptions;
 use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
 use crate::timing::{Timings, timed};
+use crate::volume::Workspace;
 
 /// A judge, and the workspace in which it was trained.
 #[derive(Debug)]
@@ -16,6 +19,17 @@ pub(crate) struct JudgeMethod {
 }
 
 impl Method for JudgeMethod {
+    fn workspace(&self, config: &Config, options: &PlanOptions) -> Workspace {
+        let [wide_m, deep_m, high_m] = config.judge.reach_m;
+        let (half_m, middle_m) = (0.5 * Vec3::new(wide_m, deep_m, 0.0), 0.5 * self.grid.size_m);
+        let middle_m = Vec3::new(middle_m, middle_m, 0.0);
+        let [low_m, high] = match options.workspace_size_m {
+            Some(size_m) => [Vec3::ZERO, Vec3::splat(size_m)],
+            None => [middle_m - half_m, middle_m + half_m],
+        };
+        Workspace::Seen([low_m, high.with_z(self.grid.table_z_m + high_m)], self.grid)
+    }
+
     fn candidates(
         &self,
         seen: ObservedScene<'_>,
@@ -23,15 +37,15 @@ impl Method for JudgeMethod {
         request: &Request<'_>,
         timings_ms: &mut Timings,
     ) -> Candidates {
-        let Request { config, options, limiter } = *request;
+        let Request { config, options, limiter, widths } = *request;
         let mut stream = Stream::new(config.seed, scene, Purpose::Proposals, 0);
-        // As dense in a larger workspace as in the network's.
-        let areas = (seen.field.grid.size_m / self.grid.size_m).powi(2).max(1.0);
-        let proposals = (config.judge.proposals as f32 * areas).round() as usize;
         // As it is offered: of a hand and its half turn the one nearer to the wrist.
         let wrist = options.wrist();
         let is_wanted = |hand: &Grasp| limiter.broken(&towards_wrist(&hand.workspace_from_grasp, wrist)).is_none();
-        let judged = timed(timings_ms, "judge", || self.judge.scored_grasps(seen, proposals, &mut stream, &is_wanted));
+        let centred = |hand: &Grasp| widths.centred(hand);
+        let judged = timed(timings_ms, "judge", || {
+            self.judge.scored_grasps(seen, config.judge.proposals, &mut stream, &is_wanted, &centred)
+        });
         selected(&judged, request)
     }
 
@@ -48,7 +62,7 @@ fn selected(hands: &[ScoredGrasp], request: &Request<'_>) -> Candidates {
     let (mut grasps, mut kept, mut dropped, mut reached) = (Vec::new(), Vec::<&ScoredGrasp>::new(), Vec::new(), 0);
     for judged in hands {
         let pose = towards_wrist(&judged.grasp.workspace_from_grasp, request.options.wrist());
-        let grasp = RankedGrasp::new(pose, judged.grasp.width_m, judged.quality(), None);
+        let grasp = RankedGrasp::new(pose, None, judged.quality(), None);
         let reason = if grasp.quality.is_nan() {
             Some(RejectReason::NotANumber)
         } else if grasp.quality < epsilon {

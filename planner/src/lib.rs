@@ -16,6 +16,7 @@
 pub mod cloud_file;
 pub mod config;
 pub mod demo;
+mod frame;
 pub mod hand;
 pub mod input;
 mod judge;
@@ -26,12 +27,17 @@ pub mod picture;
 pub mod plan;
 mod planner;
 pub mod rank;
+mod region;
 pub mod segment;
 pub mod serve;
 mod timing;
 pub mod volume;
 pub mod voxel;
+mod width;
 
 pub use config::{BuiltIn, Config, Policy};
-pub use observation::{Cone, Limits, Mask, Observation, PlanOptions, Target, View, WORKSPACE_M, plane};
+pub use frame::FoundTable;
+pub use observation::{
+    Cone, FindTable, Limits, Mask, Observation, PlanOptions, PoseKey, Target, View, WORKSPACE_M, plane,
+};
 pub use planner::{Planner, Planners};

@@ -25,8 +25,8 @@ pub(crate) struct Limiter<'a> {
     between_fingers: HandVolume,
     /// Points of the surface off the table: the target's, and the others.
     points_m: Option<[Vec<Vec3>; 2]>,
-    /// The caller's own.
-    will_do: &'a (dyn Fn(&Pose) -> bool + Sync),
+    /// Whether a camera looks at the fingers, and the caller's own.
+    will_do: [&'a (dyn Fn(&Pose) -> bool + Sync); 2],
     refused: [AtomicUsize; Limit::ALL.len()],
 }
 
@@ -38,7 +38,7 @@ impl<'a> Limiter<'a> {
         gripper: &Gripper,
         pregrasp_m: f32,
         points_m: Option<[Vec<Vec3>; 2]>,
-        will_do: &'a (dyn Fn(&Pose) -> bool + Sync),
+        will_do: [&'a (dyn Fn(&Pose) -> bool + Sync); 2],
     ) -> Self {
         let swept = gripper.open_hand().map(|part| part.swept_back(pregrasp_m));
         let corners_m = swept.iter().flat_map(corners).collect();
@@ -94,7 +94,8 @@ impl<'a> Limiter<'a> {
                 return Some(Limit::Target);
             }
         }
-        (!(self.will_do)(workspace_from_grasp)).then_some(Limit::Accept)
+        let own = [Limit::Unseen, Limit::Accept].into_iter().zip(self.will_do);
+        own.into_iter().find(|(_, will_do)| !will_do(workspace_from_grasp)).map(|(limit, _)| limit)
     }
 
     /// What was refused, in words: `412 by approach, 7 by target`; none if nothing was.
@@ -161,7 +162,7 @@ mod tests {
 
     fn broken(limits: &Limits, grasp: &Pose) -> Option<Limit> {
         let gripper = BuiltIn::Judge.config().unwrap().gripper;
-        Limiter::new(limits, &gripper, 0.05, None, &|_| true).broken(grasp)
+        Limiter::new(limits, &gripper, 0.05, None, [&|_| true; 2]).broken(grasp)
     }
 
     #[test]
@@ -187,7 +188,7 @@ mod tests {
         assert_eq!(broken(&shelf(top_m - 0.001), &down), Some(Limit::KeepOut));
         assert_eq!(broken(&shelf(top_m + 0.001), &down), None);
         let (none, left) = (Limits::default(), |pose: &Pose| pose.translation.x < 0.1);
-        let limiter = Limiter::new(&none, &gripper, 0.05, None, &left);
+        let limiter = Limiter::new(&none, &gripper, 0.05, None, [&|_| true, &left]);
         let beside = Pose::from_parts(Vec3::new(0.09, 0.2, 0.08), WRIST_DOWN);
         assert_eq!((limiter.broken(&down), limiter.broken(&beside)), (Some(Limit::Accept), None));
         assert_eq!(limiter.rejections().as_deref(), Some("1 by accept"));
@@ -208,7 +209,7 @@ mod tests {
             ([vec![Vec3::new(0.2, 0.2, 0.09)], vec![]], Some(Limit::Target)),
         ];
         for (points, expected) in cases {
-            let limiter = Limiter::new(&limits, &gripper, 0.05, Some(points.clone()), &|_| true);
+            let limiter = Limiter::new(&limits, &gripper, 0.05, Some(points.clone()), [&|_| true; 2]);
             assert_eq!(limiter.broken(&down), expected, "{points:?}");
             assert_eq!(limiter.rejections(), expected.map(|_| "1 by target".to_owned()));
         }

@@ -11,9 +11,14 @@ use crate::limits::Limiter;
 use crate::observation::PlanOptions;
 use crate::plan::{DroppedCandidate, RankedGrasp, RejectReason, SegmentedCloud};
 use crate::timing::Timings;
+use crate::volume::Workspace;
+use crate::width::Widths;
 
 /// A network with its way of finding grasps: [`crate::voxel`] or [`crate::judge`].
 pub(crate) trait Method: Debug + Send + Sync {
+    /// Where it looks for grasps.
+    fn workspace(&self, config: &Config, options: &PlanOptions) -> Workspace;
+
     /// Candidates in what was seen. `scene` is a number that distinguishes scenes.
     fn candidates(
         &self,
@@ -34,6 +39,7 @@ pub(crate) struct Request<'a> {
     pub(crate) config: &'a Config,
     pub(crate) options: &'a PlanOptions,
     pub(crate) limiter: &'a Limiter<'a>,
+    pub(crate) widths: &'a Widths<'a>,
 }
 
 impl Request<'_> {

@@ -3,8 +3,37 @@
 use std::ops::RangeInclusive;
 
 use schema::{Camera, DepthImage, Grid, Plane, Pose, Quat, Vec3, VoxelGrid};
+use settings::words;
 
 use crate::hand::WRIST_DOWN;
+
+words! {
+    /// The key under which a camera's pose was given.
+    pub enum PoseKey {
+        /// The camera in the workspace.
+        WorkspaceFromCamera = "workspace_from_camera",
+        /// Its inverse.
+        CameraFromWorkspace = "camera_from_workspace",
+        /// The camera in the robot's base frame.
+        BaseFromCamera = "base_from_camera",
+        /// Its inverse.
+        CameraFromBase = "camera_from_base",
+        /// The camera in the first camera's frame.
+        FirstFromCamera = "first_from_camera",
+    }
+}
+
+impl PoseKey {
+    /// Whether it begins with `camera_from`.
+    pub(crate) const fn is_inverse(self) -> bool {
+        matches!(self, Self::CameraFromWorkspace | Self::CameraFromBase)
+    }
+
+    /// Whether it needs the base's frame.
+    pub(crate) const fn is_of_base(self) -> bool {
+        matches!(self, Self::BaseFromCamera | Self::CameraFromBase)
+    }
+}
 
 /// A depth image and the camera that took it.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,6 +42,16 @@ pub struct View {
     pub image: DepthImage,
     /// Lens and pose in the workspace.
     pub camera: Camera,
+    /// How the pose was given, for messages.
+    pub key: PoseKey,
+}
+
+impl View {
+    /// A view of a camera whose pose in the workspace was given.
+    #[must_use]
+    pub const fn new(image: DepthImage, camera: Camera) -> Self {
+        Self { image, camera, key: PoseKey::WorkspaceFromCamera }
+    }
 }
 
 /// An observation of the workspace.
@@ -46,13 +85,17 @@ impl Observation {
 }
 
 /// Sides that a workspace may have, in metres.
-pub const WORKSPACE_M: RangeInclusive<f32> = 0.2..=0.6;
+pub const WORKSPACE_M: RangeInclusive<f32> = 0.2..=1.2;
 
 /// Options of a request; all have defaults.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PlanOptions {
-    /// The side of the workspace, in [`WORKSPACE_M`], if it is not the network's.
+    /// The side of the workspace, in [`WORKSPACE_M`]; by default that of a network of voxels, and as far as the
+    /// settings reach for a judge.
     pub workspace_size_m: Option<f32>,
+    /// The workspace is on the table, which is to be found: poses are in the first camera's frame, or a cloud is in its
+    /// sensor's.
+    pub find_table: Option<FindTable>,
     /// The workspace in the robot's base frame: grasps are given there, too.
     pub base_from_workspace: Option<Pose>,
     /// The wrist's orientation now, in the workspace (hand axes as a grasp's); of a grasp and its half turn the nearer
@@ -83,6 +126,14 @@ impl PlanOptions {
     pub fn workspace(&self, grid: &Grid) -> Grid {
         self.workspace_size_m.map_or(*grid, |size_m| grid.over(size_m))
     }
+}
+
+/// How a table is found.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct FindTable {
+    /// The direction of gravity in the frame of the first camera or the cloud, of any length; without it the camera is
+    /// believed to stand upright and to look down.
+    pub down: Option<Vec3>,
 }
 
 /// What a request limits, in the workspace's frame; by default nothing.

@@ -3,14 +3,20 @@
 //! [`report::still`] draws it; this module defines the content. Only the best grasp has fingers and palm as boxes,
 //! because twelve complete hands would hide the objects; the others are forks of lines.
 
+mod hand;
+mod overlay;
+mod relief;
 pub(crate) mod tints;
 
 use program::Failure;
 use report::still::{Canvas, INK, Opacity, Outlook, Sheet, Symbol, Word};
-use report::view::{Class, Line};
-use schema::{Gripper, Vec3};
+use report::view::Line;
+use schema::{Gripper, Intrinsics, Vec3};
 
+use self::hand::{SHOWN, hand, points};
+pub use self::overlay::{Hand, overlay};
 use self::tints::{BEST, COLLISION, OTHER_DROP, THIN_LINE, of_label, of_place};
+use crate::input::{ColorImage, refuse};
 use crate::plan::{DroppedCandidate, ObjectCluster, Plan, PointLabel, RankedGrasp, RejectReason};
 
 /// Width of the picture, in pixels.
@@ -34,11 +40,7 @@ const VIEWS: [(&str, Outlook); 2] = [
     ("from above", Outlook { towards_eye: Vec3::Z, up: Vec3::Y, sides_away: 7.0 }),
 ];
 
-const SHOWN: Opacity = Opacity { before: 1.0, behind: 0.22 };
-const GLASS: Opacity = Opacity { before: 0.26, behind: 0.08 };
 const ALWAYS: Opacity = Opacity { before: 1.0, behind: 1.0 };
-/// Start and end of the arrow's head, in finger lengths behind the tips: in front of most objects, not inside.
-const ARROW_HEAD: [f32; 2] = [0.80, 0.38];
 /// Length of the axes at the workspace's origin, in its sides.
 const AXIS_SHARE: f32 = 0.13;
 
@@ -60,19 +62,38 @@ pub fn draw(plan: &Plan, gripper: &Gripper, title: &str) -> Result<Vec<u8>, Fail
     sheet.png()
 }
 
+/// Draws the best grasps into an image that the first camera took.
+///
+/// # Errors
+/// As [`overlay`], and if the plan knows no camera.
+pub fn draw_into(image: &ColorImage, lens: &Intrinsics, plan: &Plan, gripper: &Gripper) -> Result<Vec<u8>, Failure> {
+    let best = plan.grasps.iter().take(GRASPS_NUMBERED_MAX);
+    let hand = |grasp: &RankedGrasp| {
+        grasp.camera_from_grasp.map(|camera_from_grasp| Hand { camera_from_grasp, opening_m: grasp.opening_m })
+    };
+    let hands: Option<Vec<Hand>> = best.map(hand).collect();
+    match hands {
+        Some(hands) => overlay(image, lens, &hands, gripper),
+        None => Ok(refuse("the plan was made without a camera, so there is no image to draw into")?),
+    }
+}
+
 /// The scene from one side, with its labels.
 fn panel(plan: &Plan, gripper: &Gripper, outlook: Outlook) -> (Canvas, Vec<Word>) {
-    let mut canvas = Canvas::new(plan.grid.size_m, outlook, PANEL);
+    let mut canvas = Canvas::new(plan.region.corners_m(), outlook, PANEL);
     let colours = plan.cloud.labels.iter().map(|label| of_label(*label));
-    canvas.surface(plan.cloud.points_m.iter().copied().zip(colours), plan.grid.voxel_size_m());
-    let axes = workspace(&mut canvas, plan.grid.size_m);
+    canvas.surface(plan.cloud.points_m.iter().copied().zip(colours), plan.region.voxel_size_m);
+    let axes = workspace(&mut canvas, plan.region.corners_m());
     dropped(&mut canvas, &plan.dropped);
     centroids(&mut canvas, &plan.objects);
     let count = plan.grasps.len().min(GRASPS_DRAWN_MAX);
     // The best is drawn last, on top.
     let mut stems: Vec<(usize, [f32; 2])> = (0..count)
         .rev()
-        .filter_map(|place| Some((place, hand(&mut canvas, &plan.grasps[place], gripper, place, count)?)))
+        .filter_map(|place| {
+            let RankedGrasp { workspace_from_grasp, opening_m, .. } = &plan.grasps[place];
+            Some((place, hand(&mut canvas, workspace_from_grasp, *opening_m, gripper, [place, count])?))
+        })
         .filter(|(place, _)| *place < GRASPS_NUMBERED_MAX)
         .collect();
     stems.reverse();
@@ -81,10 +102,11 @@ fn panel(plan: &Plan, gripper: &Gripper, outlook: Outlook) -> (Canvas, Vec<Word>
     (canvas, words)
 }
 
-/// Thin lines along the workspace's edges, and its axes at the origin. Returns the axes' names.
-fn workspace(canvas: &mut Canvas, size_m: f32) -> Vec<Word> {
-    canvas.line(&points(&Line::workspace(size_m)), 1.0, THIN_LINE);
-    let length_m = AXIS_SHARE * size_m;
+/// Thin lines along the edges of the part of the workspace that was looked at, and the workspace's axes at its origin.
+/// Returns the axes' names.
+fn workspace(canvas: &mut Canvas, [low_m, high_m]: [Vec3; 2]) -> Vec<Word> {
+    canvas.line(&points(&Line::workspace([low_m, high_m])), 1.0, THIN_LINE);
+    let length_m = AXIS_SHARE * (high_m - low_m).max_element();
     for axis in Vec3::AXES {
         canvas.line(&[Vec3::ZERO, axis * length_m], 2.6, INK);
     }
@@ -121,33 +143,6 @@ fn centroids(canvas: &mut Canvas, objects: &[ObjectCluster]) {
     }
 }
 
-/// The hand of the grasp with this rank (0 is the best) of `count`. Returns the end of its stem.
-fn hand(canvas: &mut Canvas, ranked: &RankedGrasp, gripper: &Gripper, place: usize, count: usize) -> Option<[f32; 2]> {
-    let (pose, colour) = (&ranked.workspace_from_grasp, of_place(place, count));
-    let at = |z_m: f32| pose.transform_point(Vec3::new(0.0, 0.0, z_m));
-    let stem_end_m = at(-gripper.finger_length_m - 1.5 * gripper.palm_length_m);
-    if place == 0 {
-        canvas.block(&gripper.palm(), pose, colour);
-        canvas.lay(GLASS);
-        for finger in gripper.fingers(ranked.width_m) {
-            canvas.block(&finger, pose, colour);
-        }
-        // The approach: from the stem's end to between the fingers.
-        let [neck_m, tip_m] = ARROW_HEAD.map(|share| at(-share * gripper.finger_length_m));
-        canvas.haloed_line(&[stem_end_m, neck_m], 4.0, INK);
-        canvas.arrow_head(neck_m, tip_m, INK);
-    } else {
-        let fork = Line::fork(Class::Hand, "", gripper, pose, ranked.width_m);
-        canvas.haloed_line(&points(&fork), if place < 4 { 5.0 } else { 3.4 }, colour);
-    }
-    canvas.lay(SHOWN);
-    canvas.see(stem_end_m)
-}
-
-fn points(line: &Line) -> Vec<Vec3> {
-    line.points_m.iter().copied().map(Vec3::from_array).collect()
-}
-
 /// Ranks beside the ends of the stems, where no better rank is written already.
 fn numbers(stems: &[(usize, [f32; 2])]) -> Vec<Word> {
     let mut words: Vec<Word> = Vec::new();
@@ -176,8 +171,10 @@ fn summary(plan: &Plan) -> String {
         text.push_str(&format!("; the best {GRASPS_DRAWN_MAX} are drawn"));
     }
     if let Some(best) = plan.grasps.first() {
-        let width_mm = 1000.0 * best.width_m;
-        text.push_str(&format!("; the best: quality {:.3}, width {width_mm:.0} mm", best.quality));
+        text.push_str(&format!("; the best: quality {:.3}", best.quality));
+        if let Some(width_m) = best.width_m {
+            text.push_str(&format!(", width {:.0} mm", 1000.0 * width_m));
+        }
         if let Some(rho_m) = best.rho_m {
             text.push_str(&format!(", rho {:.1} mm", 1000.0 * rho_m));
         }
@@ -237,10 +234,13 @@ mod tests {
         RankedGrasp {
             rank: 0,
             workspace_from_grasp: pose,
+            camera_from_grasp: None,
             base_from_grasp: None,
             workspace_from_flange: None,
             base_from_flange: None,
-            width_m,
+            width_m: Some(width_m),
+            width_seen_share: None,
+            opening_m: width_m,
             quality,
             object: Some(object),
             rho_m: Some(0.031),
@@ -267,7 +267,9 @@ mod tests {
             policy: Policy::Paper,
             gripper: String::new(),
             flange_from_grasp: None,
-            grid: Grid::PAPER,
+            region: Grid::PAPER.into(),
+            workspace_from_camera: None,
+            table: None,
             grasps: vec![
                 grasp(0.075, 0.08, 0.10, 0.0, 0.04, 0.98, 0),
                 grasp(0.20, 0.07, 0.06, 0.0, 0.04, 0.95, 1),
@@ -406,7 +408,7 @@ mod tests {
         odd.cloud.points_m[0] = Vec3::splat(f32::NAN);
         odd.cloud.points_m[1] = Vec3::splat(1e30);
         odd.grasps[0].workspace_from_grasp.translation = Vec3::splat(f32::NAN);
-        odd.grasps[1].width_m = f32::INFINITY;
+        odd.grasps[1].opening_m = f32::INFINITY;
         let title = format!("{}\n\u{7}", "a title that is far too long ".repeat(50));
         decoded(&draw(&odd, &gripper(), &title).unwrap());
     }

@@ -1,16 +1,17 @@
 //! The plan: ranked grasps, their objects, and the rejected candidates. As JSON it is the output of `graspmill plan`
 //! and `graspmill serve`; its types have names that end in `Answer` in the service's description.
 
-use perception::FoundPlane;
-use schema::{Grid, Outcome, Pose, Vec3};
+use perception::{FoundPlane, TableCandidate};
+use schema::{Grid, Lattice, Outcome, Pose, Vec3};
 use serde::{Serialize, Serializer};
 use settings::words;
 use utoipa::ToSchema;
 
 use crate::config::Policy;
+use crate::frame::FoundTable;
 
 /// Version of the plan's layout as JSON.
-pub const FORMAT: &str = "graspmill-plan/2";
+pub const FORMAT: &str = "graspmill-plan/3";
 
 /// A grasp: +z approach, +y closing, origin midway between the finger tips' ends.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
@@ -22,6 +23,11 @@ pub struct RankedGrasp {
     #[serde(serialize_with = "pose")]
     #[schema(value_type = PoseAnswer)]
     pub workspace_from_grasp: Pose,
+    /// The grasp in the optical frame of the first camera, or of the sensor of a cloud whose table was found; null if
+    /// neither is known.
+    #[serde(serialize_with = "pose")]
+    #[schema(value_type = Option<PoseAnswer>)]
+    pub camera_from_grasp: Option<Pose>,
     /// The grasp in the robot's base frame; null if `base_from_workspace` was not given.
     #[serde(serialize_with = "pose")]
     #[schema(value_type = Option<PoseAnswer>)]
@@ -34,8 +40,14 @@ pub struct RankedGrasp {
     #[serde(serialize_with = "pose")]
     #[schema(value_type = Option<PoseAnswer>)]
     pub base_from_flange: Option<Pose>,
-    /// Distance between the fingers' inner faces when holding, in metres.
-    pub width_m: f32,
+    /// Distance between the fingers' inner faces when holding, in metres: measured on what was seen between them, or
+    /// a network of voxels' answer; null where an end of it was not seen.
+    pub width_m: Option<f32>,
+    /// Share of the ends of what is between the fingers, at all heights, that were seen; null if nothing was measured.
+    pub width_seen_share: Option<f32>,
+    /// How far to open the hand, in metres: for what is between the fingers and some room; all the way where that is
+    /// unknown.
+    pub opening_m: f32,
     /// Grasp quality, smoothed, between 0 and 1.
     pub quality: f32,
     /// Index into `objects`; null without an object.
@@ -49,14 +61,17 @@ pub struct RankedGrasp {
 impl RankedGrasp {
     /// A grasp of this width and quality that is not ranked yet.
     #[must_use]
-    pub fn new(workspace_from_grasp: Pose, width_m: f32, quality: f32, voxel: Option<[usize; 3]>) -> Self {
+    pub fn new(workspace_from_grasp: Pose, width_m: Option<f32>, quality: f32, voxel: Option<[usize; 3]>) -> Self {
         Self {
             rank: 0,
             workspace_from_grasp,
+            camera_from_grasp: None,
             base_from_grasp: None,
             workspace_from_flange: None,
             base_from_flange: None,
             width_m,
+            width_seen_share: None,
+            opening_m: 0.0,
             quality,
             object: None,
             rho_m: None,
@@ -151,6 +166,8 @@ words! {
         Reach = "reach",
         /// It would hold something else.
         Target = "target",
+        /// The fingers would close where no camera looks: beside what the border of an image cuts.
+        Unseen = "unseen",
         /// The caller's own, which only programs have that link the planner: Python's `accept`.
         Accept = "accept",
     }
@@ -244,8 +261,8 @@ pub struct DroppedCandidate {
     #[serde(serialize_with = "pose")]
     #[schema(value_type = PoseAnswer)]
     pub workspace_from_grasp: Pose,
-    /// Predicted width in metres.
-    pub width_m: f32,
+    /// A network of voxels' answer in metres; null for a judge's candidate.
+    pub width_m: Option<f32>,
     /// Smoothed quality before any mask.
     pub quality: f32,
     /// The voxel of the detection: x, y, z; null for a judge's candidate.
@@ -284,7 +301,67 @@ impl Serialize for Funnel {
     }
 }
 
-/// The workspace: a cube, its origin at a lower corner, z up.
+/// A plane that may be the table, in the optical frame of the first camera: normal · x = offset.
+#[derive(Serialize, ToSchema)]
+struct TableCandidateAnswer {
+    /// Unit normal, towards the camera's side.
+    normal: [f32; 3],
+    /// Metres.
+    offset_m: f32,
+    /// Root mean square of its points' distances, in metres.
+    residual_m: f32,
+    /// Share of the points that belong to it.
+    share: f32,
+    /// Share of the points that it carries.
+    carried_share: f32,
+    /// How well it answers, against the chosen plane.
+    score: f32,
+}
+
+/// The table that was found.
+#[derive(Serialize, ToSchema)]
+struct TableAnswer {
+    /// How sure the choice is: 1 where no other plane is nearly as good, 0 where another one is as good.
+    sureness: f32,
+    /// The planes that were considered, the chosen one first.
+    candidates: Vec<TableCandidateAnswer>,
+}
+
+/// Writes a table that was found.
+fn table<S: Serializer>(found: &Option<FoundTable>, serializer: S) -> Result<S::Ok, S::Error> {
+    let answer = |found: &FoundTable| {
+        let best = found.candidates.first().map_or(1.0, |best| best.score);
+        let candidate = |one: &TableCandidate| TableCandidateAnswer {
+            normal: one.plane.normal.to_array(),
+            offset_m: one.plane.offset_m,
+            residual_m: one.residual_m,
+            share: one.share,
+            carried_share: one.carried_share,
+            score: one.score / best,
+        };
+        TableAnswer { sureness: found.sureness(), candidates: found.candidates.iter().map(candidate).collect() }
+    };
+    found.as_ref().map(answer).serialize(serializer)
+}
+
+/// A part of the workspace, z up.
+#[derive(Serialize, ToSchema)]
+struct RegionAnswer {
+    /// The lower corner, in metres.
+    low_m: [f32; 3],
+    /// The upper corner.
+    high_m: [f32; 3],
+    /// Height of the table's top, in metres.
+    table_z_m: f32,
+}
+
+/// Writes where a lattice is.
+fn region<S: Serializer>(lattice: &Lattice, serializer: S) -> Result<S::Ok, S::Error> {
+    let [low_m, high_m] = lattice.corners_m().map(|corner| corner.to_array());
+    RegionAnswer { low_m, high_m, table_z_m: lattice.table_z_m }.serialize(serializer)
+}
+
+/// The workspace in which a network was trained: a cube, its origin at a lower corner, z up.
 #[derive(Serialize, ToSchema)]
 #[serde(remote = "Grid")]
 pub(crate) struct GridAnswer {
@@ -300,7 +377,7 @@ pub(crate) struct GridAnswer {
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 #[schema(as = Answer)]
 pub struct Plan {
-    /// Layout of this document: `graspmill-plan/2`.
+    /// Layout of this document: `graspmill-plan/3`.
     pub format: &'static str,
     /// SHA-256 of the network's weights file.
     pub model: String,
@@ -313,10 +390,18 @@ pub struct Plan {
     #[serde(serialize_with = "pose")]
     #[schema(value_type = Option<PoseAnswer>)]
     pub flange_from_grasp: Option<Pose>,
-    /// The workspace.
-    #[serde(with = "GridAnswer")]
-    #[schema(value_type = GridAnswer)]
-    pub grid: Grid,
+    /// The part of the workspace in which grasps were looked for.
+    #[serde(serialize_with = "region")]
+    #[schema(value_type = RegionAnswer)]
+    pub region: Lattice,
+    /// The first camera in the workspace, as it was given or found; null if there is none.
+    #[serde(serialize_with = "pose")]
+    #[schema(value_type = Option<PoseAnswer>)]
+    pub workspace_from_camera: Option<Pose>,
+    /// The table that was found; null if that was not asked for.
+    #[serde(serialize_with = "table")]
+    #[schema(value_type = Option<TableAnswer>)]
+    pub table: Option<FoundTable>,
     /// The grasps, best first.
     pub grasps: Vec<RankedGrasp>,
     /// Why there are no grasps; null if there are.

@@ -7,9 +7,10 @@ use std::sync::{Arc, OnceLock};
 use grasps::{Judge, ObservedScene};
 use network::{Architecture, checkpoint};
 use program::Failure;
-use schema::{Grid, Plane, Pose, Purpose, Stream, VoxelGrid};
+use schema::{Grid, Lattice, Plane, Pose, Purpose, Stream, Vec3, VoxelGrid};
 
 use crate::config::{BuiltIn, Config, Policy, WithoutObject};
+use crate::frame::{self, FoundTable};
 use crate::hand::HandVolume;
 use crate::input::{InputError, read_file, refuse};
 use crate::judge::JudgeMethod;
@@ -22,6 +23,7 @@ use crate::segment::{Segments, segment};
 use crate::timing::timed;
 use crate::volume::fuse;
 use crate::voxel::VoxelMethod;
+use crate::width::Widths;
 
 /// A network's file, and its path in the source tree.
 type Weights = (&'static [u8], &'static str);
@@ -129,7 +131,7 @@ impl Planner {
         }
         let method: Arc<dyn Method> = match &checkpoint.architecture {
             Architecture::Voxel(params) => {
-                Arc::new(VoxelMethod { network: checkpoint.dense()?, origin: params.origin })
+                Arc::new(VoxelMethod { network: checkpoint.dense()?, origin: params.origin, grid })
             }
             Architecture::Judge(_) => {
                 Arc::new(JudgeMethod { judge: Judge::new(&checkpoint, &config.gripper, &grid)?, grid })
@@ -159,8 +161,27 @@ impl Planner {
         will_do: &(dyn Fn(&Pose) -> bool + Sync),
     ) -> Result<Plan, InputError> {
         let mut timings_ms = Vec::new();
-        let grid = options.workspace(&self.grid);
-        let mut volume = timed(&mut timings_ms, "fuse", || fuse(observation, &grid, self.config.cloud))?;
+        let found = options.find_table.as_ref().map(|wanted| {
+            timed(&mut timings_ms, "table", || frame::find(observation, wanted, &self.grid, self.config.seed))
+        });
+        let found = found.transpose()?;
+        let moved = found.as_ref().map(|found| frame::moved(observation, &found.workspace_from_first));
+        let observation = moved.as_ref().unwrap_or(observation);
+        let workspace_from_first = match observation {
+            Observation::Views(views) => views.first().map(|view| view.camera.workspace_from_camera),
+            _ => found.as_ref().map(|found| found.workspace_from_first),
+        };
+        let mut warnings: Vec<String> = self.warning.iter().cloned().collect();
+        match (&found, observation) {
+            (Some(found), _) => warnings.extend(found.warning()),
+            (None, Observation::Views(views)) => {
+                let base = options.base_from_workspace;
+                warnings.extend(frame::disagreements(views, base, &self.grid, self.config.seed));
+            }
+            (None, _) => {}
+        }
+        let workspace = self.method.workspace(&self.config, options);
+        let mut volume = timed(&mut timings_ms, "fuse", || fuse(observation, &workspace, self.config.cloud))?;
         // The object at a point takes the segments; otherwise the network runs beside the segmentation.
         let mut segments = None;
         let target_points = match (&options.limits.target, observation) {
@@ -176,9 +197,21 @@ impl Planner {
             (Some(Target::Masks(_)), _) => return refuse("masks go with views: mask"),
         };
         let Config { gripper, collision, .. } = &self.config;
-        let limiter = Limiter::new(&options.limits, gripper, collision.pregrasp_distance_m, target_points, will_do);
-        let observed = ObservedScene { field: &volume.grid, fine: volume.fine.as_ref(), views: observation.views() };
-        let request = Request { config: &self.config, options, limiter: &limiter };
+        let views = match observation {
+            Observation::Views(views) => views,
+            _ => &volume.rendered,
+        };
+        let widths = Widths::new(views, volume.grid.lattice.table_z_m, gripper);
+        let pregrasp_m = collision.pregrasp_distance_m;
+        let in_sight = |pose: &Pose| !widths.is_out_of_sight(pose);
+        let limiter = Limiter::new(&options.limits, gripper, pregrasp_m, target_points, [&in_sight, will_do]);
+        let observed = ObservedScene {
+            field: &volume.grid,
+            fine: volume.fine.as_ref(),
+            views: observation.views(),
+            reach_m: volume.reach_m,
+        };
+        let request = Request { config: &self.config, options, limiter: &limiter, widths: &widths };
         let (scene, mut segment_ms) = (scene_number(&volume.grid), Vec::new());
         let (candidates, segments) = rayon::join(
             || self.method.candidates(observed, scene, &request, &mut timings_ms),
@@ -188,20 +221,18 @@ impl Planner {
             },
         );
         timings_ms.append(&mut segment_ms);
-        let ranked = || self.rank(candidates, segments, (volume.grid.grid, scene), &request);
-        let mut plan = timed(&mut timings_ms, "rank", ranked);
-        plan.warnings.splice(0..0, self.warning.iter().cloned().chain(volume.warnings));
+        let seen = Seen { region: volume.grid.lattice, scene, workspace_from_first, table: found };
+        let mut plan = timed(&mut timings_ms, "rank", || self.rank(candidates, segments, seen, &request));
+        if let Observation::Views(views) = observation {
+            warnings.extend(frame::cut(views, volume.reach_m, volume.grid.lattice.table_z_m));
+        }
+        warnings.extend(volume.warnings);
+        plan.warnings.splice(0..0, warnings);
         plan.timings_ms = timings_ms;
         Ok(plan)
     }
 
-    fn rank(
-        &self,
-        mut candidates: Candidates,
-        (cloud, objects): Segments,
-        (grid, scene): (Grid, u64),
-        request: &Request<'_>,
-    ) -> Plan {
+    fn rank(&self, mut candidates: Candidates, (cloud, objects): Segments, seen: Seen, request: &Request<'_>) -> Plan {
         let options = request.options;
         self.method.settle(&mut candidates, &cloud, request);
         let (collision, found) = (&self.config.collision, candidates.grasps.len());
@@ -219,13 +250,16 @@ impl Planner {
             rank::is_left_out(ranked, policy, &self.config.ranking).then_some(RejectReason::NoObject)
         });
         let Candidates { mut grasps, mut dropped, mut stages } = candidates;
-        rank::order(&mut grasps, policy, Stream::new(self.config.seed, scene, Purpose::Ranking, 0));
+        rank::order(&mut grasps, policy, Stream::new(self.config.seed, seen.scene, Purpose::Ranking, 0));
         let beyond = grasps.split_off(grasps.len().min(options.grasps_max.unwrap_or(usize::MAX)));
         dropped.extend(beyond.iter().map(|ranked| DroppedCandidate::new(ranked, RejectReason::BeyondLimit)));
+        request.widths.measure(&mut grasps);
         for (place, ranked) in grasps.iter_mut().enumerate() {
             let workspace_from_flange = self.config.gripper.target_from_flange(&ranked.workspace_from_grasp);
             let in_base = |workspace_from: Pose| options.base_from_workspace.map(|base| base * workspace_from);
             ranked.rank = place + 1;
+            ranked.camera_from_grasp =
+                seen.workspace_from_first.map(|first| first.inverse() * ranked.workspace_from_grasp);
             ranked.base_from_grasp = in_base(ranked.workspace_from_grasp);
             ranked.workspace_from_flange = workspace_from_flange;
             ranked.base_from_flange = workspace_from_flange.and_then(in_base);
@@ -243,7 +277,9 @@ impl Planner {
             policy,
             gripper: self.config.gripper.name.clone(),
             flange_from_grasp: self.config.gripper.flange_from_grasp.map(|parts| parts.pose()),
-            grid,
+            region: seen.region,
+            workspace_from_camera: seen.workspace_from_first,
+            table: seen.table,
             reason: grasps.is_empty().then(|| reason(&stages, &cloud, options)),
             grasps,
             warnings: Vec::new(),
@@ -258,17 +294,17 @@ impl Planner {
     }
 
     /// The network was trained with the table at one height, so an error in the workspace's pose shows here first.
-    fn misplaced_table(&self, grid: &Grid, plane: &Plane) -> Option<String> {
+    fn misplaced_table(&self, region: &Lattice, plane: &Plane) -> Option<String> {
         let normal = plane.normal;
-        let middle = 0.5 * grid.size_m;
-        let height_m = (plane.offset_m - middle * (normal.x + normal.y)) / normal.z;
+        let middle_m = 0.5 * region.corners_m().iter().sum::<Vec3>();
+        let height_m = (plane.offset_m - normal.truncate().dot(middle_m.truncate())) / normal.z;
         let is_level = normal.z > TABLE_COS_MIN; // otherwise the plane is a wall, not a table
-        (is_level && (height_m - grid.table_z_m).abs() > TABLE_OFF_M_MAX).then(|| {
+        (is_level && (height_m - region.table_z_m).abs() > TABLE_OFF_M_MAX).then(|| {
             format!(
                 "the largest plane lies at z = {:.0} mm, the network has learnt with tables at {:.0} mm: is the workspace's frame \
                  where the cameras' poses say?",
                 1000.0 * height_m,
-                1000.0 * grid.table_z_m
+                1000.0 * region.table_z_m
             )
         })
     }
@@ -278,7 +314,9 @@ impl Planner {
         if plan.cloud.points_m.is_empty() {
             return warnings;
         }
-        warnings.extend(plan.cloud.plane.as_ref().and_then(|found| self.misplaced_table(&plan.grid, &found.plane)));
+        // Of views their own images say more.
+        let plane = plan.cloud.plane.as_ref().filter(|_| plan.workspace_from_camera.is_none());
+        warnings.extend(plane.and_then(|found| self.misplaced_table(&plan.region, &found.plane)));
         if plan.policy != Policy::Paper {
             return warnings;
         }
@@ -291,6 +329,16 @@ impl Planner {
         }
         warnings
     }
+}
+
+/// What a plan says of its observation.
+struct Seen {
+    region: Lattice,
+    /// A number that distinguishes scenes.
+    scene: u64,
+    /// The first camera, or the sensor of a cloud.
+    workspace_from_first: Option<Pose>,
+    table: Option<FoundTable>,
 }
 
 /// A table further than this from its height in training causes a warning: more than a voxel.

@@ -2,12 +2,25 @@
 
 use std::borrow::Cow;
 
-use perception::{TRUNCATION_VOXELS, cloud_image, fuse_images, scaled_to_table, surface_cloud, thinned, view_from};
-use schema::{Camera, DepthImage, Grid, Vec3, VoxelGrid};
+use perception::{
+    SurfaceBlocks, TRUNCATION_VOXELS, cloud_image, fuse_blocks, fuse_images, scaled_to_table, surface_cloud,
+    surface_of_blocks, table_around, thinned, view_from,
+};
+use schema::{Camera, DepthImage, Grid, Lattice, Vec3, VoxelGrid};
 
 use crate::config::CloudParams;
 use crate::input::{InputError, refuse};
 use crate::observation::{Observation, View};
+use crate::region::Region;
+
+/// Where grasps are looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Workspace {
+    /// In all of a grid, which a network of voxels needs.
+    Cube(Grid),
+    /// In what was seen in a box, its lower and its upper corner in metres; in voxels as a grid has them.
+    Seen([Vec3; 2], Grid),
+}
 
 /// A fused observation.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,58 +29,85 @@ pub struct Volume {
     pub grid: VoxelGrid,
     /// Surface points in the workspace, at the config's pitch where the observation is dense enough.
     pub points_m: Vec<Vec3>,
-    /// The finer grid whose surface they are, if it is not `grid`.
-    pub fine: Option<VoxelGrid>,
+    /// The finer TSDF whose surface they are, if it is not `grid`.
+    pub fine: Option<SurfaceBlocks>,
+    /// The lower and the upper corner of the box in which grasps are looked for, in metres.
+    pub reach_m: [Vec3; 2],
+    /// The images as which a cloud was fused.
+    pub rendered: Vec<View>,
     /// Warnings for the caller.
     pub warnings: Vec<String>,
 }
 
-/// Fuses an observation on `grid`; its cloud has a pitch of `params.pitch_m`. For depth images the cloud comes from a
-/// separate, finer grid.
+/// Fuses an observation in a workspace; its cloud has a pitch of `params.pitch_m`. For depth images the cloud comes
+/// from a separate, finer TSDF.
 ///
 /// # Errors
 /// [`InputError`] for a TSDF on another grid, an image whose size differs from its intrinsics, a viewpoint that cannot
 /// see the workspace, or a cloud that is not a surface.
-pub fn fuse(observation: &Observation, grid: &Grid, params: CloudParams) -> Result<Volume, InputError> {
-    let pitch_m = params.pitch_m;
-    let mut warnings = Vec::new();
-    let (grid, fine) = match observation {
+pub fn fuse(observation: &Observation, workspace: &Workspace, params: CloudParams) -> Result<Volume, InputError> {
+    let (Workspace::Cube(grid) | Workspace::Seen(_, grid)) = workspace;
+    match observation {
         Observation::Views(views) => {
             views.iter().enumerate().try_for_each(must_fit)?;
-            let views = corrected(views, grid, params, &mut warnings);
-            let on = |resolution: usize| fuse_views(&views, &Grid { resolution, ..*grid });
-            // In a larger workspace as fine as in the network's.
-            let resolution = params.resolution * grid.resolution / Grid::PAPER.resolution;
-            let fine = (resolution != grid.resolution).then(|| on(resolution)).transpose()?;
-            (on(grid.resolution)?, fine)
+            let mut warnings = Vec::new();
+            let views = corrected(views, workspace, params, &mut warnings);
+            let region = match workspace {
+                Workspace::Cube(grid) => Region::cube(grid),
+                Workspace::Seen(within_m, grid) => Region::of_views(&views, *within_m, grid),
+            };
+            let seen: Vec<(Camera, &DepthImage)> = views.iter().map(|view| (view.camera, &view.image)).collect();
+            let voxels = fuse_images(region.lattice, TRUNCATION_VOXELS, &seen);
+            let fine = fine_lattice(&region.lattice, params).map(|fine| fuse_blocks(&fine, TRUNCATION_VOXELS, &seen));
+            let points_m = fine
+                .as_ref()
+                .map_or_else(|| surface_cloud(&voxels, params.pitch_m), |fine| surface_of_blocks(fine, params.pitch_m));
+            let (reach_m, rendered) = (region.reach_m, Vec::new());
+            Ok(Volume { grid: voxels, points_m, fine, reach_m, rendered, warnings })
         }
         Observation::Tsdf(given) => {
-            if given.grid.resolution != grid.resolution || (given.grid.size_m - grid.size_m).abs() > 1e-6 {
-                let describe = |grid: &Grid| format!("{}³ voxels in {} m", grid.resolution, grid.size_m);
-                return refuse(format!("the grid must have {}, got {}: tsdf", describe(grid), describe(&given.grid)));
+            let wanted = Lattice::from(*grid);
+            let is_other = (given.lattice.corners_m()[1] - wanted.corners_m()[1]).abs().max_element() > 1e-6;
+            if given.lattice.counts != wanted.counts || is_other {
+                let describe =
+                    |lattice: &Lattice| format!("{}³ voxels in {} m", lattice.counts[0], lattice.corners_m()[1].x);
+                let (wanted, got) = (describe(&wanted), describe(&given.lattice));
+                return refuse(format!("the grid must have {wanted}, got {got}: tsdf"));
             }
-            (given.clone(), None)
+            let points_m = surface_cloud(given, params.pitch_m);
+            let (grid, reach_m) = (given.clone(), given.lattice.corners_m());
+            Ok(Volume { grid, points_m, fine: None, reach_m, rendered: Vec::new(), warnings: Vec::new() })
         }
-        Observation::Cloud { points_m, eyes_m } => return fuse_cloud(points_m, eyes_m, grid, pitch_m),
-    };
-    let points_m = surface_cloud(fine.as_ref().unwrap_or(&grid), pitch_m);
-    Ok(Volume { grid, points_m, fine, warnings })
+        Observation::Cloud { points_m, eyes_m } => fuse_cloud(points_m, eyes_m, workspace, params.pitch_m),
+    }
+}
+
+/// The voxels of the finer TSDF of a region, if there is one.
+fn fine_lattice(lattice: &Lattice, params: CloudParams) -> Option<Lattice> {
+    let share = params.resolution as f32 / Grid::PAPER.resolution as f32;
+    let counts = lattice.counts.map(|count| (count as f32 * share).round() as usize);
+    let fine = Lattice { counts, voxel_size_m: lattice.voxel_size_m / share, ..*lattice };
+    (params.resolution != Grid::PAPER.resolution).then_some(fine)
 }
 
 /// Depth images as they are fused: scaled to the table if the settings say so.
 pub(crate) fn corrected<'a>(
     views: &'a [View],
-    grid: &Grid,
+    workspace: &Workspace,
     params: CloudParams,
     warnings: &mut Vec<String>,
 ) -> Cow<'a, [View]> {
     if !params.scale_to_table {
         return views.into();
     }
-    let scaled = |(number, View { image, camera }): (usize, &View)| {
-        let (image, factor) = scaled_to_table(image, camera, grid);
+    let table = match workspace {
+        Workspace::Cube(grid) => table_around(grid),
+        Workspace::Seen(within_m, grid) => (*within_m, grid.table_z_m),
+    };
+    let scaled = |(number, View { image, camera, key }): (usize, &View)| {
+        let (image, factor) = scaled_to_table(image, camera, &table);
         warnings.extend(far_off(number, factor));
-        View { image, camera: *camera }
+        View { image, camera: *camera, key: *key }
     };
     views.iter().enumerate().map(scaled).collect()
 }
@@ -87,18 +127,8 @@ fn far_off(number: usize, factor: f32) -> Option<String> {
     })
 }
 
-/// The TSDF of depth images.
-///
-/// # Errors
-/// [`InputError`] for an image whose size differs from its intrinsics.
-pub fn fuse_views(views: &[View], grid: &Grid) -> Result<VoxelGrid, InputError> {
-    views.iter().enumerate().try_for_each(must_fit)?;
-    let views: Vec<(Camera, &DepthImage)> = views.iter().map(|View { image, camera }| (*camera, image)).collect();
-    Ok(fuse_images(grid, TRUNCATION_VOXELS, &views))
-}
-
 /// Whether an image has its lens's pixels.
-fn must_fit((number, View { image, camera }): (usize, &View)) -> Result<(), InputError> {
+fn must_fit((number, View { image, camera, .. }): (usize, &View)) -> Result<(), InputError> {
     let lens = camera.intrinsics;
     let (got, expected) = ([image.width_px, image.height_px], [lens.width_px, lens.height_px]);
     if got == expected && image.depth_m.len() == got[0] * got[1] {
@@ -116,16 +146,26 @@ const SPARSE_PITCHES: f32 = 1.5;
 /// Clustering solid blocks of points would take minutes.
 const THINNED_MAX: usize = 300_000;
 
-fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> Result<Volume, InputError> {
-    let mut warnings: Vec<String> = outside(points_m, grid).into_iter().collect();
-    let points_m = thinned(points_m, grid, pitch_m);
+fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], workspace: &Workspace, pitch_m: f32) -> Result<Volume, InputError> {
+    let region = match workspace {
+        Workspace::Cube(grid) => Region::cube(grid),
+        Workspace::Seen(within_m, grid) => Region::of_points(points_m, *within_m, grid),
+    };
+    let (lattice, reach_m) = (region.lattice, region.reach_m);
+    let mut warnings: Vec<String> = match workspace {
+        Workspace::Cube(grid) => outside(points_m, Region::cube(grid).reach_m),
+        Workspace::Seen(within_m, _) => outside(points_m, [within_m[0].with_z(f32::NEG_INFINITY), within_m[1]]),
+    }
+    .into_iter()
+    .collect();
+    let points_m = thinned(points_m, &lattice, pitch_m);
     if points_m.len() > THINNED_MAX {
         let got = points_m.len();
         return refuse(format!(
             "a cloud must be a surface, of at most {THINNED_MAX} points at the settings' pitch, got {got}: cloud"
         ));
     }
-    let (spacing_m, is_at_least) = spacing_m(&points_m, grid);
+    let (spacing_m, is_at_least) = spacing_m(&points_m, &lattice);
     if spacing_m > SPARSE_PITCHES * pitch_m {
         let (got, wanted, about) = (spacing_m * 1e3, pitch_m * 1e3, if is_at_least { "at least" } else { "about" });
         warnings.push(format!(
@@ -135,25 +175,34 @@ fn fuse_cloud(points_m: &[Vec3], eyes_m: &[Vec3], grid: &Grid, pitch_m: f32) -> 
     if eyes_m.is_empty() {
         warnings.push("no viewpoint was given: the cloud is assumed to be seen from straight above".to_owned());
     }
-    // Straight above, at twice the workspace's size.
-    let from_above = [Vec3::new(0.5, 0.5, 2.0) * grid.size_m];
+    let [low_m, high_m] = lattice.corners_m();
+    let wide_m = (high_m - low_m).truncate().max_element();
+    // Straight above, at twice the workspace's width.
+    let from_above = [(0.5 * (low_m + high_m)).with_z(low_m.z + 2.0 * wide_m)];
     let eyes_m = if eyes_m.is_empty() { &from_above } else { eyes_m };
     let (mut views, mut hidden_m) = (Vec::with_capacity(eyes_m.len()), points_m.clone());
     for eye_m in eyes_m {
-        let Some(view) = view_from(*eye_m, grid) else {
+        let Some(pose) = view_from(*eye_m, &lattice) else {
+            if *eye_m == Vec3::ZERO {
+                return refuse(
+                    "the viewpoint is the origin, so the cloud seems to be in its camera's own frame: let the table be found \
+                     (workspace_from_cloud = \"table\") or give the cloud's pose under that key: eyes_m or the cloud's viewpoint",
+                );
+            }
             return refuse(format!(
-                "an eye must be above the floor and {} m to 1000 m from the middle of the workspace's floor, got \
-                 {eye_m}: eyes_m or the cloud's viewpoint",
-                grid.size_m
+                "an eye must be above the floor and {wide_m} m to 1000 m from the middle of the workspace's floor, got \
+                 {eye_m}: eyes_m or the cloud's viewpoint"
             ));
         };
         let spacing_m = spacing_m.max(pitch_m);
-        let (camera, image) = cloud_image(&points_m, &view, grid, spacing_m);
+        let (camera, image) = cloud_image(&points_m, pose, spacing_m);
         hidden_m.retain(|point_m| !is_seen(*point_m, &camera, &image, HIDDEN_SPACINGS * spacing_m));
-        views.push(View { image, camera });
+        views.push(View::new(image, camera));
     }
     warnings.extend(hidden(hidden_m.len(), points_m.len(), eyes_m.len()));
-    Ok(Volume { grid: fuse_views(&views, grid)?, points_m, fine: None, warnings })
+    let seen: Vec<(Camera, &DepthImage)> = views.iter().map(|view| (view.camera, &view.image)).collect();
+    let grid = fuse_images(lattice, TRUNCATION_VOXELS, &seen);
+    Ok(Volume { grid, points_m, fine: None, reach_m, rendered: views, warnings })
 }
 
 /// A point is hidden if something is nearer to the eye by more than this many spacings, as in [`cloud_image`].
@@ -182,8 +231,9 @@ fn hidden(hidden: usize, points: usize, eyes: usize) -> Option<String> {
 }
 
 /// The warning for a cloud that is mostly outside the workspace.
-fn outside(points_m: &[Vec3], grid: &Grid) -> Option<String> {
-    let outside = points_m.iter().filter(|point| grid.voxel_at(**point).is_none()).count();
+fn outside(points_m: &[Vec3], [low_m, high_m]: [Vec3; 2]) -> Option<String> {
+    let is_outside = |at: &&Vec3| at.cmplt(low_m).any() || at.cmpge(high_m).any();
+    let outside = points_m.iter().filter(is_outside).count();
     if 2 * outside <= points_m.len() {
         return None;
     }
@@ -191,24 +241,23 @@ fn outside(points_m: &[Vec3], grid: &Grid) -> Option<String> {
     let high = points_m.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
     let hint = if (high - low).max_element() > 10.0 { " (millimetres?)" } else { "" };
     Some(format!(
-        "{outside} of {} points lie outside the workspace of 0 to {} m: they reach from {low} to {high}{hint}",
-        points_m.len(),
-        grid.size_m
+        "{outside} of {} points lie outside the workspace of {low_m} to {high_m} m: they reach from {low} to {high}{hint}",
+        points_m.len()
     ))
 }
 
 /// Approximate spacing of a thinned cloud: the side of the square per point, if the cloud is a surface. The area is
 /// estimated by the covered voxels, since a level surface has one face per voxel. If each voxel has only one point, the
 /// spacing is a lower bound.
-fn spacing_m(points_m: &[Vec3], grid: &Grid) -> (f32, bool) {
-    let mut voxels: Vec<[usize; 3]> = points_m.iter().filter_map(|point| grid.voxel_at(*point)).collect();
+fn spacing_m(points_m: &[Vec3], lattice: &Lattice) -> (f32, bool) {
+    let mut voxels: Vec<[usize; 3]> = points_m.iter().filter_map(|point| lattice.voxel_at(*point)).collect();
     let count = voxels.len();
     voxels.sort_unstable();
     voxels.dedup();
     if count == 0 {
         return (0.0, false);
     }
-    (grid.voxel_size_m() * (voxels.len() as f32 / count as f32).sqrt(), 10 * voxels.len() > 9 * count)
+    (lattice.voxel_size_m * (voxels.len() as f32 / count as f32).sqrt(), 10 * voxels.len() > 9 * count)
 }
 
 #[cfg(test)]
@@ -218,6 +267,7 @@ mod tests {
 
     use super::*;
 
+    const PAPER: Workspace = Workspace::Cube(Grid::PAPER);
     const LAW: CloudParams = CloudParams { resolution: 40, pitch_m: 0.0025, scale_to_table: false };
 
     fn level(viewpoint: &Viewpoint) -> View {
@@ -228,19 +278,19 @@ mod tests {
             (0.05 - pose.translation.z) / fall
         };
         let image = DepthImage { width_px: 640, height_px: 480, depth_m: (0..640 * 480).map(depth_at).collect() };
-        View { image, camera }
+        View::new(image, camera)
     }
 
     #[test]
     fn a_table_seen_is_a_table_in_the_cloud() {
         let view = level(&Viewpoint { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
-        let volume = fuse(&Observation::Views(vec![view.clone()]), &Grid::PAPER, LAW).unwrap();
+        let volume = fuse(&Observation::Views(vec![view.clone()]), &PAPER, LAW).unwrap();
         assert!(volume.points_m.len() > 13_000, "{}", volume.points_m.len());
         assert!(volume.points_m.iter().all(|point| (point.z - 0.05).abs() < 5e-4));
-        let again = fuse(&Observation::Tsdf(volume.grid.clone()), &Grid::PAPER, LAW).unwrap();
+        let again = fuse(&Observation::Tsdf(volume.grid.clone()), &PAPER, LAW).unwrap();
         assert_eq!(again, volume);
         let cloud = Observation::Cloud { points_m: volume.points_m.clone(), eyes_m: vec![Vec3::new(0.3, 0.3, 0.6)] };
-        let from_cloud = fuse(&cloud, &Grid::PAPER, LAW).unwrap();
+        let from_cloud = fuse(&cloud, &PAPER, LAW).unwrap();
         assert_eq!(from_cloud.warnings, Vec::<String>::new());
         let (level, field) = ([20, 20, 7], |volume: &Volume| volume.grid.values[Grid::PAPER.flat([20, 20, 7])]);
         assert!((field(&from_cloud) - field(&volume)).abs() < 0.02, "at {level:?}");
@@ -253,7 +303,7 @@ mod tests {
         let view = level(&Viewpoint { radius_m: 0.6, polar_rad: 0.3, azimuth_rad: 1.0 });
         let mut low = view.clone();
         low.camera.workspace_from_camera.translation.z -= 0.02;
-        let volume = fuse(&Observation::Views(vec![view, low]), &Grid::PAPER, scaling).unwrap();
+        let volume = fuse(&Observation::Views(vec![view, low]), &PAPER, scaling).unwrap();
         assert!(volume.points_m.iter().all(|point| (point.z - 0.05).abs() < 1e-3));
         let [warning] = &volume.warnings[..] else { panic!("{:?}", volume.warnings) };
         assert!(warning.starts_with("the table was seen 4.0 % beyond") && warning.ends_with("views[1]"), "{warning}");
@@ -265,13 +315,13 @@ mod tests {
         view.image.width_px = 600;
         for scale_to_table in [false, true] {
             let law = CloudParams { scale_to_table, ..LAW };
-            let error = fuse(&Observation::Views(vec![view.clone()]), &Grid::PAPER, law).unwrap_err().to_string();
+            let error = fuse(&Observation::Views(vec![view.clone()]), &PAPER, law).unwrap_err().to_string();
             assert_eq!(error, "the depth image must have the lens's 640 x 480 pixels, got 600 x 480: views[0]");
         }
         let other = VoxelGrid::new(Grid { resolution: 4, ..Grid::PAPER }, vec![0.0; 64]).unwrap();
-        assert!(fuse(&Observation::Tsdf(other), &Grid::PAPER, LAW).is_err());
+        assert!(fuse(&Observation::Tsdf(other), &PAPER, LAW).is_err());
         let inside = Observation::Cloud { points_m: Vec::new(), eyes_m: vec![Vec3::splat(0.1)] };
-        let error = fuse(&inside, &Grid::PAPER, LAW).unwrap_err().to_string();
+        let error = fuse(&inside, &PAPER, LAW).unwrap_err().to_string();
         assert!(error.contains("0.3 m to 1000 m from the middle of the workspace's floor"), "{error}");
     }
 
@@ -281,7 +331,7 @@ mod tests {
         for (n, depth) in view.image.depth_m.iter_mut().enumerate() {
             *depth = [f32::NAN, f32::INFINITY, -1.0, 0.0][n % 4];
         }
-        let volume = fuse(&Observation::Views(vec![view]), &Grid::PAPER, LAW).unwrap();
+        let volume = fuse(&Observation::Views(vec![view]), &PAPER, LAW).unwrap();
         assert!(volume.points_m.is_empty() && volume.grid.values.iter().all(|value| *value == 0.0));
     }
 
@@ -298,7 +348,7 @@ mod tests {
         }
         let warnings = |eyes: &[[f32; 3]]| {
             let eyes_m = eyes.iter().copied().map(Vec3::from_array).collect();
-            fuse(&Observation::Cloud { points_m: points_m.clone(), eyes_m }, &Grid::PAPER, LAW).unwrap().warnings
+            fuse(&Observation::Cloud { points_m: points_m.clone(), eyes_m }, &PAPER, LAW).unwrap().warnings
         };
         let one = warnings(&[[0.6, 0.15, 0.4]]);
         assert!(
@@ -315,14 +365,14 @@ mod tests {
     fn a_sparse_cloud_is_a_warning() {
         let points_m = (0..900).map(|n| Vec3::new((n / 30) as f32 * 0.01, (n % 30) as f32 * 0.01, 0.0501)).collect();
         let cloud = Observation::Cloud { points_m, eyes_m: Vec::new() };
-        let volume = fuse(&cloud, &Grid::PAPER, LAW).unwrap();
+        let volume = fuse(&cloud, &PAPER, LAW).unwrap();
         assert_eq!(volume.warnings.len(), 2, "{:?}", volume.warnings);
         assert!(volume.warnings[0].starts_with("the cloud is sparse: its points are at least 7.5 mm apart"));
     }
 
     #[test]
     fn clouds_of_other_units_are_warnings_and_blocks_are_refused() {
-        let fused = |points_m: Vec<Vec3>| fuse(&Observation::Cloud { points_m, eyes_m: Vec::new() }, &Grid::PAPER, LAW);
+        let fused = |points_m: Vec<Vec3>| fuse(&Observation::Cloud { points_m, eyes_m: Vec::new() }, &PAPER, LAW);
         let millimetres =
             fused((0..900).map(|n| Vec3::new((n / 30) as f32 * 10.0, (n % 30) as f32 * 10.0, 50.1)).collect());
         let warning = &millimetres.unwrap().warnings[0];

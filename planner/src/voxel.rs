@@ -8,13 +8,15 @@ mod closing;
 use grasps::ObservedScene;
 use network::{DenseGrids, DenseNetwork, GraspOrigin};
 use rayon::prelude::*;
-use schema::{Grasp, Grid, Quat, VoxelGrid, pose_from_parts};
+use schema::{Grasp, Grid, Quat, pose_from_parts};
 
 use crate::config::{ClosingBy, Config};
 use crate::hand::towards_wrist;
 use crate::method::{Candidates, Method, Request, Stage};
+use crate::observation::PlanOptions;
 use crate::plan::{DroppedCandidate, PointLabel, RankedGrasp, RejectReason, SegmentedCloud};
 use crate::timing::{Timings, timed};
+use crate::volume::Workspace;
 use closing::Closer;
 use detect::{Detected, Detection, Side, detect};
 
@@ -23,9 +25,15 @@ use detect::{Detected, Detection, Side, detect};
 pub(crate) struct VoxelMethod {
     pub(crate) network: DenseNetwork,
     pub(crate) origin: GraspOrigin,
+    /// The workspace in which it was trained.
+    pub(crate) grid: Grid,
 }
 
 impl Method for VoxelMethod {
+    fn workspace(&self, _: &Config, options: &PlanOptions) -> Workspace {
+        Workspace::Cube(options.workspace(&self.grid))
+    }
+
     fn candidates(
         &self,
         seen: ObservedScene<'_>,
@@ -33,7 +41,8 @@ impl Method for VoxelMethod {
         request: &Request<'_>,
         timings_ms: &mut Timings,
     ) -> Candidates {
-        let (VoxelGrid { grid, values }, params) = (seen.field, &request.config.detection);
+        let (grid, params) = (&request.options.workspace(&self.grid), &request.config.detection);
+        let values = &seen.field.values;
         let grids = timed(timings_ms, "network", || self.network.infer_over(grid.resolution, values));
         let detected: Detected = timed(timings_ms, "detect", || {
             let sigmoid = |logit: &f32| 1.0 / (1.0 + libm::expf(-logit));
@@ -83,7 +92,8 @@ impl VoxelMethod {
         let rotation = Quat::from_xyzw(x, y, z, w).normalize();
         let workspace_from_grasp = pose_from_parts(rotation, self.origin.tips_m(voxel, rotation, grid));
         let width_m = grids.width_voxels[flat] * grid.voxel_size_m();
-        RankedGrasp::new(towards_wrist(&workspace_from_grasp, request.options.wrist()), width_m, quality, Some(voxel))
+        let pose = towards_wrist(&workspace_from_grasp, request.options.wrist());
+        RankedGrasp::new(pose, Some(width_m), quality, Some(voxel))
     }
 }
 
@@ -98,7 +108,7 @@ fn close(candidates: &mut Candidates, cloud: &SegmentedCloud, request: &Request<
     candidates.drop_where(|ranked| {
         let Some(hand) = hands.next().flatten() else { return Some(RejectReason::NoClosing) };
         ranked.workspace_from_grasp = towards_wrist(&hand.workspace_from_grasp, request.options.wrist());
-        ranked.width_m = hand.width_m;
+        ranked.width_m = Some(hand.width_m);
         None
     });
 }

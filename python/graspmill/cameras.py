@@ -32,7 +32,8 @@ class Camera:
         fy_px: Focal length along v.
         cx_px: Principal point, u; pixel centres are whole numbers.
         cy_px: Principal point, v.
-        workspace_from_camera: Its pose: ``[4, 4]``, position and quaternion ``[7]``, or a position ``[3]``.
+        workspace_from_camera: Its pose: ``[4, 4]``, position and quaternion ``[7]``, or a position ``[3]``; ``None`` if it is
+            not known: :meth:`Planner.plan` then finds the table.
         convention: The axes of that pose: ``"opencv"`` (x right, y down, z forward) or ``"opengl"`` (x right, y up, z
             back).
     """
@@ -43,7 +44,7 @@ class Camera:
     fy_px: float
     cx_px: float
     cy_px: float
-    workspace_from_camera: NDArray[np.float64]
+    workspace_from_camera: NDArray[np.float64] | None = None
     convention: Convention = "opencv"
 
     def __post_init__(self) -> None:
@@ -55,6 +56,8 @@ class Camera:
             object.__setattr__(self, name, _arrays.number(name, getattr(self, name), -_FOCAL_PX_MAX, _FOCAL_PX_MAX))
         if not isinstance(self.convention, str) or self.convention not in ("opencv", "opengl"):
             raise InputError(f"convention must be 'opencv' or 'opengl', got {_arrays.shown(self.convention)}")
+        if self.workspace_from_camera is None:
+            return
         rows = _arrays.pose("workspace_from_camera", self.workspace_from_camera)
         given = np.asarray(self.workspace_from_camera)
         matrix = given.astype(np.float64) if given.shape == (4, 4) else _arrays.matrices([rows])[0]
@@ -65,26 +68,32 @@ class Camera:
 
     @classmethod
     def from_K(
-        cls, K: ArrayLike, shape: tuple[int, int], workspace_from_camera: ArrayLike, *, convention: Convention = "opencv"
+        cls,
+        K: ArrayLike,
+        shape: tuple[int, int],
+        workspace_from_camera: ArrayLike | None = None,
+        *,
+        convention: Convention = "opencv",
     ) -> Camera:
         """A camera from an intrinsic matrix, as OpenCV and ROS have it.
 
         Args:
-            K: ``[3, 3]``, with fx, fy, cx, cy in pixels and no skew.
+            K: ``[3, 3]``, ``[9]`` row by row, or ``[3, 4]`` with a last column of 0; fx, fy, cx, cy in pixels, and no skew.
             shape: Height and width of the images: ``depth.shape``.
             workspace_from_camera: See :class:`Camera`.
             convention: See :class:`Camera`.
         """
-        matrix = _arrays.floats("K", K, (3, 3)).astype(np.float64)
-        rest = matrix - np.diag(np.diag(matrix))
-        rest[:2, 2] = 0.0
-        if np.abs(rest).max() > 1e-6 or abs(matrix[2, 2] - 1.0) > 1e-6:
+        given = _arrays.given("K", K)
+        given = given.reshape(3, 3) if given.shape == (9,) else given
+        columns = 4 if given.shape == (3, 4) else 3
+        matrix = _arrays.floats("K", given, (3, columns), ", [3, 4] or [9]").astype(np.float64)
+        (fx, fy), (cx, cy) = np.diag(matrix)[:2], matrix[:2, 2]
+        if np.abs(matrix - [[fx, 0, cx, 0][:columns], [0, fy, cy, 0][:columns], [0, 0, 1, 0][:columns]]).max() > 1e-6:
             raise InputError(f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got {matrix.tolist()}")
         try:
             height, width = shape
         except (TypeError, ValueError) as error:
             raise InputError(f"shape must be (height, width), got {_arrays.shown(shape)}") from error
-        (fx, fy), (cx, cy) = np.diag(matrix)[:2], matrix[:2, 2]
         return cls(width, height, fx, fy, cx, cy, workspace_from_camera, convention)  # type: ignore[arg-type]
 
     @classmethod
@@ -130,4 +139,6 @@ class Camera:
 
     def _pose(self) -> list[float]:
         """The pose as position and quaternion."""
+        if self.workspace_from_camera is None:
+            raise InputError("workspace_from_camera must be given, got None: only a plan finds the table without it")
         return _arrays.pose("workspace_from_camera", self.workspace_from_camera)

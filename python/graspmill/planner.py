@@ -26,7 +26,7 @@ AVOID_MAX = 256
 #: The largest number of planes that the gripper must not cross.
 KEEP_OUT_MAX = 64
 #: Smallest and largest side of a workspace, in metres.
-WORKSPACE_M = (0.2, 0.6)
+WORKSPACE_M = (0.2, 1.2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +36,25 @@ class Grasp:
     Attributes:
         workspace_from_grasp: ``[4, 4]``; +z is the approach, +y the closing direction, the origin midway between the
             finger tips.
-        width_m: Distance between the fingers' inner faces when holding.
+        width_m: Distance between the fingers' inner faces when holding, measured on what was seen between them, or the answer
+            of a network of voxels; ``None`` where an end of it was not seen.
+        opening_m: How far to open the gripper: for what is between the fingers and some room, or all the way.
         quality: A judge's probability that the grasp holds, or the network's smoothed quality; 0 to 1.
         object: Index into the plan's objects, or ``None``.
+        camera_from_grasp: ``[4, 4]`` in the optical frame of the first camera, or of a cloud's camera if the table was found.
+        width_seen_share: Share of the ends of what is between the fingers that were seen; ``None`` if nothing was measured.
         base_from_grasp: ``[4, 4]`` in the robot's base, if ``base_from_workspace`` was given.
         workspace_from_flange: ``[4, 4]``, if the gripper has a ``flange_from_grasp``.
         base_from_flange: ``[4, 4]``, if both are known.
     """
 
     workspace_from_grasp: NDArray[np.float64]
-    width_m: float
+    width_m: float | None
+    opening_m: float
     quality: float
     object: int | None
+    camera_from_grasp: NDArray[np.float64] | None = None
+    width_seen_share: float | None = None
     base_from_grasp: NDArray[np.float64] | None = None
     workspace_from_flange: NDArray[np.float64] | None = None
     base_from_flange: NDArray[np.float64] | None = None
@@ -62,7 +69,10 @@ class PlanOptions(TypedDict, total=False):
     """Options of a plan. Points, poses and directions are in the workspace.
 
     Attributes:
-        workspace_size_m: Side of the workspace, 0.2 to 0.6, rounded up to whole voxels; 0.3 by default.
+        workspace_size_m: Side of the workspace, 0.2 to 1.2. By default networks of voxels look at 0.3 m, and a judge at all that
+            is seen within the reach of its settings.
+        down: The direction of gravity ``[3]`` in the frame of the first camera or the cloud, to find the table; by default the
+            camera is believed to stand upright and to look down.
         base_from_workspace: ``[4, 4]``, ``[7]`` or ``[3]``: grasps are also given in the robot's base.
         workspace_from_wrist: Quaternion ``[4]``: of a grasp and its half turn, the plan has the one nearer to it.
         policy: How grasps are ranked.
@@ -85,6 +95,7 @@ class PlanOptions(TypedDict, total=False):
     """
 
     workspace_size_m: float | None
+    down: ArrayLike | None
     base_from_workspace: ArrayLike | None
     workspace_from_wrist: ArrayLike | None
     policy: Literal["paper", "vgn-random", "vgn-best"] | None
@@ -131,13 +142,15 @@ class Plan(Immutable, Sequence[Grasp]):
     @cached_property
     def grasps(self) -> list[Grasp]:
         """The grasps, best first."""
-        frames = ("base_from_grasp", "workspace_from_flange", "base_from_flange")
+        frames = ("camera_from_grasp", "base_from_grasp", "workspace_from_flange", "base_from_flange")
         return [
             Grasp(
                 _matrix(row["workspace_from_grasp"]),
                 row["width_m"],
+                row["opening_m"],
                 row["quality"],
                 row["object"],
+                width_seen_share=row["width_seen_share"],
                 **{name: None if row[name] is None else _matrix(row[name]) for name in frames},
             )
             for row in self.answer["grasps"]
@@ -185,6 +198,27 @@ class Plan(Immutable, Sequence[Grasp]):
         """Milliseconds of each stage."""
         return dict(self._timings_ms)
 
+    @property
+    def workspace_from_camera(self) -> NDArray[np.float64] | None:
+        """The first camera in the workspace, ``[4, 4]``, as it was given or found; ``None`` without one."""
+        pose = self.answer["workspace_from_camera"]
+        return None if pose is None else _matrix(pose)
+
+    def overlay(self, image: ArrayLike | None = None) -> bytes:
+        """The best grasps in the image of the first camera, as a PNG. A plan that was pickled cannot be drawn.
+
+        Args:
+            image: ``[height, width, 3]`` uint8, in the colours red, green, blue; by default the depth image, shaded.
+        """
+        if self._drawn is None:
+            raise InputError("the plan was pickled, and so has no picture: draw it in the process that made it")
+        if image is None:
+            return self._drawn.overlay(None)
+        pixels = _arrays.given("image", image)
+        if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] < 3 or 0 in pixels.shape:
+            raise InputError(f"image must be uint8 [height, width, 3], got {pixels.dtype} {list(pixels.shape)}")
+        return self._drawn.overlay(np.ascontiguousarray(pixels[:, :, :3]))
+
     def cloud(self) -> NDArray[np.float32]:
         """The observed surface, ``[N, 3]`` in the workspace, in metres."""
         return self._cloud.copy()
@@ -209,13 +243,22 @@ def _matrix(pose: dict[str, list[float]]) -> NDArray[np.float64]:
     return matrix
 
 
-def _checked(options: PlanOptions) -> dict[str, Any]:
+#: The first camera in its own frame.
+_HERE = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+
+
+def _checked(options: PlanOptions, finds_table: bool = False) -> dict[str, Any]:
     """The options of a plan, checked, for the native half."""
     if unknown := [name for name in options if name not in _CHECKS]:
         raise TypeError(f"unexpected keyword argument {unknown[0]!r}: a plan has {', '.join(_CHECKS)}")
     given = {name: value for name, value in options.items() if value is not None}
+    if "down" in given and not finds_table:
+        raise InputError("down goes with a table that is found: a first camera without a pose, or workspace_from_cloud='table'")
+    if "base_from_workspace" in given and finds_table:
+        raise InputError("base_from_workspace must not be given where the table is found: the workspace is put on it")
     missing: dict[str, Any] = {"explain": False, "avoid": [], "keep_out": []}
-    return {name: check(given[name]) if name in given else missing.get(name) for name, check in _CHECKS.items()}
+    checked = {name: check(given[name]) if name in given else missing.get(name) for name, check in _CHECKS.items()}
+    return checked | {"finds_table": finds_table}
 
 
 def _planned(begin: Callable[..., _native.Plan | _native.Planning], *observation: Any) -> Plan:
@@ -322,7 +365,8 @@ class Planner(Immutable):
         Args:
             depths: One image or several, ``[height, width]`` float, in metres along the camera's z; 0 or NaN where
                 nothing was seen.
-            cameras: The camera of each image.
+            cameras: The camera of each image. If the first has no pose, the table is found, the workspace put on it, and the
+                poses of the others are in the first one's frame.
             mask: For each image a mask of the target, ``[height, width]`` bool or uint8, or ``None``.
             **options: See :class:`PlanOptions`.
         """
@@ -330,26 +374,42 @@ class Planner(Immutable):
             cameras, depths = [cameras], [depths]  # type: ignore[assignment]
             mask = None if mask is None else [mask]  # type: ignore[assignment]
         images, given = _images(depths, cameras)  # type: ignore[arg-type]
-        intrinsics, poses = [camera._intrinsics() for camera in given], [camera._pose() for camera in given]
+        intrinsics, finds_table = [camera._intrinsics() for camera in given], given[0].workspace_from_camera is None
+        poses = [_HERE if finds_table and not number else camera._pose() for number, camera in enumerate(given)]
         masks = None if mask is None else _masks(_arrays.listed("mask", mask), images)
         if masks is not None and options.get("target_m") is not None:
             raise InputError("mask and target_m must not both be given")
-        return _planned(self._native.plan_views, images, intrinsics, poses, masks, _checked(options))
+        return _planned(self._native.plan_views, images, intrinsics, poses, masks, _checked(options, finds_table))
 
     @_with_options
-    def plan_cloud(self, points_m: ArrayLike, *, eyes_m: ArrayLike | None = None, **options: Unpack[PlanOptions]) -> Plan:
+    def plan_cloud(
+        self,
+        points_m: ArrayLike,
+        *,
+        eyes_m: ArrayLike | None = None,
+        workspace_from_cloud: ArrayLike | Literal["table"] | None = None,
+        **options: Unpack[PlanOptions],
+    ) -> Plan:
         """Plans from a point cloud.
 
         Args:
-            points_m: ``[N, 3]`` in the workspace, in metres; points outside are dropped.
-            eyes_m: ``[M, 3]``, positions of the sensors; by default straight above.
+            points_m: ``[N, 3]`` in metres; points outside the workspace are dropped.
+            eyes_m: ``[M, 3]``, positions of the sensors in the cloud's frame; by default straight above or, of a cloud in another
+                frame than the workspace, its origin.
+            workspace_from_cloud: The cloud's frame in the workspace, ``[4, 4]``, ``[7]`` or ``[3]``; by default the same. Or
+                ``"table"``: the cloud is in its camera's optical frame, the table is found, and the workspace put on it.
             **options: See :class:`PlanOptions`.
         """
         points = _arrays.floats("points_m", points_m, (None, 3), " (x, y, z)")
         eyes = np.empty((0, 3), np.float32) if eyes_m is None else _arrays.floats("eyes_m", eyes_m, (None, 3))
         if len(eyes) > 32:
             raise InputError(f"eyes_m must be at most 32, got {len(eyes)}")
-        return _planned(self._native.plan_cloud, points, eyes, _checked(options))
+        finds_table = isinstance(workspace_from_cloud, str) and workspace_from_cloud == "table"
+        if workspace_from_cloud is not None and not finds_table:
+            pose = _arrays.matrices([_arrays.pose("workspace_from_cloud", workspace_from_cloud)])[0]
+            eyes = eyes if len(eyes) else np.zeros((1, 3), np.float32)
+            points, eyes = ((part @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32) for part in (points, eyes))
+        return _planned(self._native.plan_cloud, points, eyes, _checked(options, finds_table))
 
     @_with_options
     def plan_tsdf(self, tsdf: ArrayLike, **options: Unpack[PlanOptions]) -> Plan:
@@ -422,6 +482,7 @@ def _box(reach: Any) -> list[list[float]]:
 #: What the native half gets of each option.
 _CHECKS: dict[str, Callable[[Any], Any]] = {
     "workspace_size_m": lambda value: _arrays.number("workspace_size_m", value, *WORKSPACE_M),
+    "down": lambda value: _numbers("down", value, 3),
     "base_from_workspace": lambda value: _arrays.pose("base_from_workspace", value),
     "workspace_from_wrist": _wrist,
     "policy": lambda value: _arrays.text("policy", value),

@@ -5,7 +5,7 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use program::Failure;
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use schema::Grid;
+use schema::{Grid, Vec3};
 
 use crate::fault::{array, free, raised, reserved, room};
 use crate::pool::on_threads;
@@ -65,7 +65,7 @@ impl Crops {
         let rows: Vec<[usize; 4]> =
             rows.as_array().rows().into_iter().map(|row| std::array::from_fn(|at| row[at] as usize)).collect();
         let flat: Vec<f32> = grids.iter().copied().collect();
-        let pad = |values| PaddedGrid::new(self.resolution, values);
+        let pad = |values| PaddedGrid::new(Vec3::ZERO, [self.resolution; 3], values);
         let pad_all = || flat.par_chunks_exact(self.resolution.pow(3)).map(pad).collect();
         let padded: Vec<PaddedGrid> = free(py, || on_threads(0, pad_all))?;
         let part = |(poses, rows): (&[schema::Pose], &[[usize; 4]])| {

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
-use planner::{Cone, Config, Limits, Observation, PlanOptions, Policy, Target, View, plane};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use planner::input::{ColorImage, check_image};
+use planner::{Cone, Config, FindTable, Limits, Observation, PlanOptions, Policy, Target, View, plane};
 use program::{Failure, json};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -32,6 +33,9 @@ pub(crate) struct Planner {
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct Request {
+    /// Whether poses are in the first camera's frame, or a cloud in its sensor's.
+    finds_table: bool,
+    down: Option<[f32; 3]>,
     workspace_size_m: Option<f32>,
     base_from_workspace: Option<Seven>,
     workspace_from_wrist: Option<[f32; 4]>,
@@ -54,6 +58,7 @@ struct Request {
 impl Request {
     fn options(self) -> PyResult<PlanOptions> {
         Ok(PlanOptions {
+            find_table: self.finds_table.then(|| FindTable { down: self.down.map(Vec3::from_array) }),
             workspace_size_m: self.workspace_size_m,
             base_from_workspace: self.base_from_workspace.map(pose),
             workspace_from_wrist: self.workspace_from_wrist.map(|wrist| Quat::from_array(wrist).normalize()),
@@ -133,8 +138,13 @@ impl Planner {
         }
         let cameras = intrinsics.into_iter().zip(workspace_from_camera);
         let seen = depths.iter().zip(cameras);
-        let views = seen.map(|(depth, (lens, at))| View { image: image(depth), camera: camera(lens, at) });
-        self.plan(py, Observation::Views(views.collect()), options, is_asked)
+        let views: Vec<View> = seen.map(|(depth, (lens, at))| View::new(image(depth), camera(lens, at))).collect();
+        let check = |(number, view): (usize, &View)| -> PyResult<Option<String>> {
+            let said = check_image(&view.image).map_err(|error| wrong(format!("{error}: depth image {number}")))?;
+            Ok(said.map(|said| format!("{said}: depth image {number}")))
+        };
+        let warnings = views.iter().enumerate().filter_map(|view| check(view).transpose()).collect::<PyResult<_>>()?;
+        self.plan(py, Observation::Views(views), options, (is_asked, warnings))
     }
 
     /// A plan from a cloud, `[N, 3]` in the workspace, seen from `[M, 3]`, in metres.
@@ -150,7 +160,12 @@ impl Planner {
             rows.as_array().rows().into_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect()
         };
         let (is_asked, options) = (request.accept.is_some(), request.options()?);
-        self.plan(py, Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) }, options, is_asked)
+        self.plan(
+            py,
+            Observation::Cloud { points_m: points(&points_m), eyes_m: points(&eyes_m) },
+            options,
+            (is_asked, Vec::new()),
+        )
     }
 
     /// A plan from a TSDF in VGN's values, flat.
@@ -160,7 +175,7 @@ impl Planner {
         let values = values.as_array().iter().copied().collect();
         let grid = options.workspace(&self.planner.grid);
         let grid = VoxelGrid::new(grid, values).map_err(|error| wrong(format!("{error}: tsdf")))?;
-        self.plan(py, Observation::Tsdf(grid), options, is_asked)
+        self.plan(py, Observation::Tsdf(grid), options, (is_asked, Vec::new()))
     }
 }
 
@@ -170,13 +185,22 @@ impl Planner {
         py: Python<'_>,
         observation: Observation,
         options: PlanOptions,
-        is_asked: bool,
+        (is_asked, warnings): (bool, Vec<String>),
     ) -> PyResult<Planned> {
-        let (planner, gripper) = (Arc::clone(&self.planner), self.planner.config.gripper.clone());
+        let first = match &observation {
+            Observation::Views(views) => views.first().cloned(),
+            _ => None,
+        };
+        let gripper = self.planner.config.gripper.clone();
+        let made = move |mut plan: planner::plan::Plan| {
+            plan.warnings.extend(warnings);
+            Plan { plan, gripper, first }
+        };
+        let planner = Arc::clone(&self.planner);
         if !is_asked {
             let plan = || planner.plan_with(&observation, &options, &|_| true).map_err(Failure::from);
             let plan = free(py, || on_threads(self.threads, plan)?)?;
-            return Ok(Planned::Plan(Plan { plan, gripper }));
+            return Ok(Planned::Plan(made(plan)));
         }
         let (answer, answers) = channel();
         let answers = Mutex::new(answers);
@@ -187,7 +211,7 @@ impl Planner {
                 tell.send(Ok(Step::Asked(seven(pose)))).is_ok() && answers.recv().unwrap_or(false)
             };
             let plan = planner.plan_with(&observation, &options, &will_do)?;
-            Ok(Step::Planned(Plan { plan, gripper }))
+            Ok(Step::Planned(made(plan)))
         };
         Ok(Planned::Planning(Planning { steps: Apart::start(self.threads, work)?, answer: Some(answer) }))
     }
@@ -238,6 +262,8 @@ impl Planning {
 pub(crate) struct Plan {
     plan: planner::plan::Plan,
     gripper: Gripper,
+    /// For pictures.
+    first: Option<View>,
 }
 
 #[pymethods]
@@ -257,6 +283,33 @@ impl Plan {
     fn picture<'py>(&self, py: Python<'py>, title: &str) -> PyResult<Bound<'py, PyBytes>> {
         room(PICTURE_BYTES)?;
         let drawn = || on_threads(0, || planner::picture::draw(&self.plan, &self.gripper, title))?;
+        let drawn = free(py, drawn)?;
+        PyBytes::new_with(py, drawn.len(), |bytes| {
+            bytes.copy_from_slice(&drawn);
+            Ok(())
+        })
+    }
+
+    /// The best grasps in an image of the first camera, `[height, width, 3]`, or in its shaded depth, as a PNG.
+    fn overlay<'py>(&self, py: Python<'py>, image: Option<PyReadonlyArray3<'_, u8>>) -> PyResult<Bound<'py, PyBytes>> {
+        room(PICTURE_BYTES)?;
+        let Some(View { image: depth, camera, .. }) = &self.first else {
+            return Err(wrong("the plan was made without a camera, so there is no image to draw into"));
+        };
+        let given = image.map(|image| {
+            let pixels = image.as_array();
+            ColorImage {
+                width_px: pixels.shape()[1],
+                height_px: pixels.shape()[0],
+                pixels: pixels.rows().into_iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect(),
+            }
+        });
+        let drawn = || {
+            on_threads(0, || {
+                let image = given.unwrap_or_else(|| ColorImage::shaded(depth, &camera.intrinsics));
+                planner::picture::draw_into(&image, &camera.intrinsics, &self.plan, &self.gripper)
+            })?
+        };
         let drawn = free(py, drawn)?;
         PyBytes::new_with(py, drawn.len(), |bytes| {
             bytes.copy_from_slice(&drawn);

@@ -362,7 +362,7 @@ pub(crate) fn fuse<'py>(
     let images: Vec<DepthImage> = depths.iter().map(image).collect();
     let cameras = intrinsics.into_iter().zip(workspace_from_camera).map(|(lens, at)| camera(lens, at));
     let views: Vec<(Camera, &DepthImage)> = cameras.zip(&images).collect();
-    let fused = || on_threads(0, || fuse_images(&grid, truncation_voxels, &views));
+    let fused = || on_threads(0, || fuse_images(grid, truncation_voxels, &views));
     array(py, free(py, fused)?.values)
 }
 

@@ -1,9 +1,15 @@
 //! The camera: the projection of all still pictures.
 
-use schema::Vec3;
+use schema::{Intrinsics, Vec3};
 
 /// Margin on each side of the workspace, as a share of the picture.
 const MARGIN: f32 = 0.04;
+/// What is nearer to the eye than this is not seen: of a workspace from outside, and through a lens.
+const NEAR_M: [f32; 2] = [1e-3, 0.02];
+/// White edges of dark lines are this far behind them, so that they cover no other line of the same hand.
+const HALO_BEHIND_M: f32 = 0.004;
+/// Where boxes are light that are seen through a lens: at the lens's side, and above.
+const LENS_SKY: Vec3 = Vec3::new(-0.3, -0.8, -0.52);
 
 /// A viewing direction.
 #[derive(Debug, Clone, Copy)]
@@ -24,7 +30,11 @@ pub(crate) struct Eye {
     up: Vec3,
     towards: Vec3,
     scale: Scale,
+    /// Pixels down for each pixel across: how lenses with unequal focal lengths see.
+    stretch: f32,
     centre_px: [f32; 2],
+    /// Whether it is a camera's, in its optical frame.
+    is_lens: bool,
 }
 
 /// The scale from lengths across the line of sight to pixels.
@@ -49,23 +59,48 @@ impl Eye {
     pub(crate) fn parallel(towards_eye: Vec3, middle_m: Vec3, px_per_m: f32, centre_px: [f32; 2]) -> Self {
         let towards = towards_eye.normalize_or_zero();
         let right = Vec3::Z.cross(towards).normalize_or_zero();
-        let scale = Scale::Parallel(px_per_m);
-        Self { position_m: middle_m + 10.0 * towards, right, up: towards.cross(right), towards, scale, centre_px }
+        Self {
+            position_m: middle_m + 10.0 * towards,
+            right,
+            up: towards.cross(right),
+            towards,
+            scale: Scale::Parallel(px_per_m),
+            stretch: 1.0,
+            centre_px,
+            is_lens: false,
+        }
+    }
+
+    /// Sees what a camera with this lens sees, in its optical frame.
+    pub(crate) fn through(lens: &Intrinsics) -> Self {
+        Self {
+            position_m: Vec3::ZERO,
+            right: Vec3::X,
+            up: -Vec3::Y,
+            towards: -Vec3::Z,
+            scale: Scale::Perspective(lens.fx_px),
+            stretch: lens.fy_px / lens.fx_px,
+            centre_px: [lens.cx_px, lens.cy_px],
+            is_lens: true,
+        }
     }
 
     /// Looks at a workspace of side `size_m`, which fills `width_px` × `height_px` pixels except for a margin.
-    pub(crate) fn on_workspace(size_m: f32, outlook: Outlook, [width_px, height_px]: [usize; 2]) -> Self {
+    pub(crate) fn on_box([low_m, high_m]: [Vec3; 2], outlook: Outlook, [width_px, height_px]: [usize; 2]) -> Self {
+        let size_m = (high_m - low_m).max_element();
         let towards = outlook.towards_eye.normalize_or_zero();
         let right = outlook.up.cross(towards).normalize_or_zero();
         let mut eye = Self {
-            position_m: Vec3::splat(0.5 * size_m) + towards * (outlook.sides_away * size_m),
+            position_m: 0.5 * (low_m + high_m) + towards * (outlook.sides_away * size_m),
             right,
             up: towards.cross(right),
             towards,
             scale: Scale::Perspective(1.0),
+            stretch: 1.0,
             centre_px: [0.0; 2],
+            is_lens: false,
         };
-        let seen: Vec<Seen> = cube_corners(size_m).into_iter().filter_map(|corner| eye.see(corner)).collect();
+        let seen: Vec<Seen> = corners([low_m, high_m]).into_iter().filter_map(|corner| eye.see(corner)).collect();
         let ends = |of: fn(&Seen) -> f32| {
             let values = seen.iter().map(of);
             [values.clone().fold(f32::INFINITY, f32::min), values.fold(f32::NEG_INFINITY, f32::max)]
@@ -83,22 +118,57 @@ impl Eye {
         self.towards
     }
 
+    /// Where boxes are light.
+    pub(crate) fn sky(&self) -> Vec3 {
+        if self.is_lens { LENS_SKY } else { Vec3::Z }
+    }
+
+    /// A point behind this one. Through a lens it is far behind: what one sees there is often the back of a hand.
+    pub(crate) fn behind(&self, point_m: Vec3) -> Vec3 {
+        if self.is_lens { 2.0 * point_m } else { point_m - self.towards * HALO_BEHIND_M }
+    }
+
     /// The projection of a point; `None` if it is behind the eye or not finite.
     pub(crate) fn see(&self, point_m: Vec3) -> Option<Seen> {
-        let from_eye = point_m - self.position_m;
-        let depth_m = -from_eye.dot(self.towards);
+        (self.depth_m(point_m) > self.near_m() && point_m.is_finite()).then(|| self.projected(point_m))
+    }
+
+    /// The projection of a flat polygon, or of a line there and back, cut where it comes too near.
+    pub(crate) fn see_ring(&self, ring_m: &[Vec3]) -> Vec<Seen> {
+        let mut seen = Vec::with_capacity(ring_m.len() + 1);
+        for (from, to) in ring_m.iter().zip(ring_m.iter().cycle().skip(1)) {
+            seen.extend(self.see(*from));
+            let [before, after] = [from, to].map(|point| self.depth_m(*point) - self.near_m());
+            if (before > 0.0) != (after > 0.0) && from.is_finite() && to.is_finite() {
+                seen.push(self.projected(*from + (*to - *from) * (before / (before - after))));
+            }
+        }
+        seen
+    }
+
+    fn near_m(&self) -> f32 {
+        NEAR_M[usize::from(self.is_lens)]
+    }
+
+    fn depth_m(&self, point_m: Vec3) -> f32 {
+        -(point_m - self.position_m).dot(self.towards)
+    }
+
+    fn projected(&self, point_m: Vec3) -> Seen {
+        let (from_eye, depth_m) = (point_m - self.position_m, self.depth_m(point_m));
         let scale = self.pixels(1.0, depth_m);
-        (depth_m > 1e-3 && from_eye.is_finite()).then(|| Seen {
+        Seen {
             x: self.centre_px[0] + from_eye.dot(self.right) * scale,
-            y: self.centre_px[1] - from_eye.dot(self.up) * scale,
+            y: self.centre_px[1] - from_eye.dot(self.up) * scale * self.stretch,
             depth_m,
-        })
+        }
     }
 
     /// The point with this projection.
     pub(crate) fn point_m(&self, seen: Seen) -> Vec3 {
         let scale = self.pixels(1.0, seen.depth_m);
-        let [across, along] = [(seen.x - self.centre_px[0]) / scale, (self.centre_px[1] - seen.y) / scale];
+        let across = (seen.x - self.centre_px[0]) / scale;
+        let along = (self.centre_px[1] - seen.y) / (scale * self.stretch);
         self.position_m + self.right * across + self.up * along - self.towards * seen.depth_m
     }
 
@@ -111,9 +181,9 @@ impl Eye {
     }
 }
 
-/// Corners of a cube at the origin: bit 0 of the index is x, bit 1 y, bit 2 z.
-fn cube_corners(size_m: f32) -> [Vec3; 8] {
-    std::array::from_fn(|at| Vec3::from_array([0, 1, 2].map(|bit| if at >> bit & 1 == 1 { size_m } else { 0.0 })))
+/// Corners of a box: bit 0 of the index is x, bit 1 y, bit 2 z.
+fn corners(ends_m: [Vec3; 2]) -> [Vec3; 8] {
+    std::array::from_fn(|at| Vec3::from_array([0, 1, 2].map(|bit| ends_m[at >> bit & 1][bit])))
 }
 
 #[cfg(test)]
@@ -122,12 +192,13 @@ mod tests {
 
     fn eye() -> Eye {
         let outlook = Outlook { towards_eye: Vec3::new(0.4, -1.0, 0.8), up: Vec3::Z, sides_away: 4.0 };
-        Eye::on_workspace(0.30, outlook, [600, 500])
+        Eye::on_box([Vec3::ZERO, Vec3::splat(0.30)], outlook, [600, 500])
     }
 
     #[test]
     fn the_box_fills_the_panel_but_for_the_margin() {
-        let seen: Vec<Seen> = cube_corners(0.30).into_iter().map(|corner| eye().see(corner).unwrap()).collect();
+        let seen: Vec<Seen> =
+            corners([Vec3::ZERO, Vec3::splat(0.30)]).into_iter().map(|corner| eye().see(corner).unwrap()).collect();
         let (low, high) = (|v: f32, s: f32| v >= s * MARGIN - 0.01, |v: f32, s: f32| v <= s * (1.0 - MARGIN) + 0.01);
         assert!(seen.iter().all(|at| low(at.x, 600.0) && high(at.x, 600.0) && low(at.y, 500.0) && high(at.y, 500.0)));
         let top = seen.iter().map(|at| at.y).fold(f32::INFINITY, f32::min);
@@ -153,5 +224,25 @@ mod tests {
         assert!(at(0.1, 0.0, 0.1).depth_m < at(0.1, 0.3, 0.1).depth_m);
         assert_eq!(eye().see(Vec3::new(4.0, -10.0, 8.0)), None);
         assert_eq!(eye().see(Vec3::splat(f32::NAN)), None);
+    }
+
+    #[test]
+    fn through_a_lens_points_are_where_its_equations_have_them() {
+        let lens = Intrinsics { width_px: 64, height_px: 48, fx_px: 60.0, fy_px: 45.0, cx_px: 30.0, cy_px: 20.0 };
+        let eye = Eye::through(&lens);
+        let point = Vec3::new(0.1, -0.2, 0.5);
+        let seen = eye.see(point).unwrap();
+        assert!((seen.x - 42.0).abs() < 1e-4 && (seen.y - 2.0).abs() < 1e-4 && seen.depth_m == 0.5, "{seen:?}");
+        assert!((eye.point_m(seen) - point).length() < 1e-6);
+        // Of a square that the near plane halves four corners are left; two of them are on that plane.
+        let square = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.14], [-0.1, 0.14]].map(|[x, z]| Vec3::new(x, 0.01, z));
+        let [first, second, third, last] = eye.see_ring(&square)[..] else { panic!() };
+        assert_eq!([second, third].map(|corner| corner.depth_m), [0.14; 2]);
+        assert!((first.depth_m - NEAR_M[1]).abs() < 1e-6 && (last.depth_m - NEAR_M[1]).abs() < 1e-6);
+        assert!(
+            (first.x - 330.0).abs() < 0.1 && (third.x + 60.0 * 0.1 / 0.14 - 30.0).abs() < 0.1,
+            "{first:?} {third:?}"
+        );
+        assert_eq!(eye.see_ring(&[Vec3::ZERO, -Vec3::Z, Vec3::X]), []);
     }
 }

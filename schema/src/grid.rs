@@ -22,9 +22,9 @@ settings! {
 
 /// Why a grid cannot be.
 #[derive(Debug, thiserror::Error, PartialEq)]
-#[error("a grid of {resolution}^3 voxels needs {expected} values, got {got}")]
+#[error("a grid of {} x {} x {} voxels needs {expected} values, got {got}", counts[0], counts[1], counts[2])]
 pub struct GridError {
-    resolution: usize,
+    counts: [usize; 3],
     expected: usize,
     got: usize,
 }
@@ -54,24 +54,22 @@ impl Grid {
         self.size_m / self.resolution as f32
     }
 
-    /// Centre of voxel `(i, j, k)` in the workspace, in metres.
+    /// As [`Lattice::centre_m`].
     #[must_use]
-    pub fn centre_m(&self, [i, j, k]: [usize; 3]) -> Vec3 {
-        (Vec3::new(i as f32, j as f32, k as f32) + 0.5) * self.voxel_size_m()
+    pub fn centre_m(&self, index: [usize; 3]) -> Vec3 {
+        Lattice::from(*self).centre_m(index)
     }
 
-    /// The voxel that holds a point of the workspace, or `None` outside.
+    /// As [`Lattice::voxel_at`].
     #[must_use]
     pub fn voxel_at(&self, point_m: Vec3) -> Option<[usize; 3]> {
-        let mut index = [0; 3];
-        for (slot, coordinate) in index.iter_mut().zip(point_m.to_array()) {
-            let voxel = (coordinate / self.voxel_size_m()).floor();
-            if !(voxel >= 0.0 && voxel < self.resolution as f32) {
-                return None;
-            }
-            *slot = voxel as usize;
-        }
-        Some(index)
+        Lattice::from(*self).voxel_at(point_m)
+    }
+
+    /// As [`Lattice::flat`].
+    #[must_use]
+    pub fn flat(&self, index: [usize; 3]) -> usize {
+        Lattice::from(*self).flat(index)
     }
 
     /// Number of voxels.
@@ -85,34 +83,108 @@ impl Grid {
     pub fn is_empty(&self) -> bool {
         self.resolution == 0
     }
+}
+
+/// Voxels in a box whose edges are parallel to the workspace's axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lattice {
+    /// Its lower corner in the workspace, in metres.
+    pub low_m: Vec3,
+    /// Voxels along x, y and z.
+    pub counts: [usize; 3],
+    /// Side of a voxel, in metres.
+    pub voxel_size_m: f32,
+    /// Height of the table's top in the workspace, in metres.
+    pub table_z_m: f32,
+}
+
+impl From<Grid> for Lattice {
+    fn from(grid: Grid) -> Self {
+        Self {
+            low_m: Vec3::ZERO,
+            counts: [grid.resolution; 3],
+            voxel_size_m: grid.voxel_size_m(),
+            table_z_m: grid.table_z_m,
+        }
+    }
+}
+
+impl Lattice {
+    /// Its lower and its upper corner in the workspace, in metres.
+    #[must_use]
+    pub fn corners_m(&self) -> [Vec3; 2] {
+        let [x, y, z] = self.counts.map(|count| count as f32);
+        [self.low_m, self.low_m + Vec3::new(x, y, z) * self.voxel_size_m]
+    }
+
+    /// Centre of voxel `(i, j, k)` in the workspace, in metres.
+    #[must_use]
+    pub fn centre_m(&self, [i, j, k]: [usize; 3]) -> Vec3 {
+        self.low_m + (Vec3::new(i as f32, j as f32, k as f32) + 0.5) * self.voxel_size_m
+    }
+
+    /// The voxel that holds a point of the workspace, or `None` outside.
+    #[must_use]
+    pub fn voxel_at(&self, point_m: Vec3) -> Option<[usize; 3]> {
+        let mut index = [0; 3];
+        for ((slot, coordinate), count) in index.iter_mut().zip((point_m - self.low_m).to_array()).zip(self.counts) {
+            let voxel = (coordinate / self.voxel_size_m).floor();
+            if !(voxel >= 0.0 && voxel < count as f32) {
+                return None;
+            }
+            *slot = voxel as usize;
+        }
+        Some(index)
+    }
+
+    /// Number of voxels.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.counts.iter().product()
+    }
+
+    /// Whether it has no voxels.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
 
     /// Index of voxel `(i, j, k)` in a flat array: x slowest, z fastest.
     #[must_use]
     pub fn flat(&self, [i, j, k]: [usize; 3]) -> usize {
-        (i * self.resolution + j) * self.resolution + k
+        (i * self.counts[1] + j) * self.counts[2] + k
+    }
+
+    /// The voxel at a place of a flat array.
+    #[must_use]
+    pub fn voxel(&self, flat: usize) -> [usize; 3] {
+        let [_, y, z] = self.counts;
+        [flat / (y * z), flat / z % y, flat % z]
     }
 }
 
-/// A TSDF over a grid, in VGN's value convention: `(tsdf + 1) / 2` where the voxel was observed and
+/// A TSDF over voxels, in VGN's value convention: `(tsdf + 1) / 2` where the voxel was observed and
 /// −0.98 < tsdf < 0.98, else 0. Flat, x slowest, z fastest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoxelGrid {
-    /// The grid the values lie on.
-    pub grid: Grid,
-    /// `grid.len()` values in [0, 1).
+    /// The voxels.
+    pub lattice: Lattice,
+    /// A value in [0, 1) for each.
     pub values: Vec<f32>,
 }
 
 impl VoxelGrid {
-    /// Values on a grid.
+    /// Values of a grid or another lattice.
     ///
     /// # Errors
     /// [`GridError`] unless there is one value a voxel.
-    pub fn new(grid: Grid, values: Vec<f32>) -> Result<Self, GridError> {
-        if values.len() == grid.len() {
-            Ok(Self { grid, values })
+    pub fn new(lattice: impl Into<Lattice>, values: Vec<f32>) -> Result<Self, GridError> {
+        let lattice = lattice.into();
+        let (expected, got) = (lattice.len(), values.len());
+        if got == expected {
+            Ok(Self { lattice, values })
         } else {
-            Err(GridError { resolution: grid.resolution, expected: grid.len(), got: values.len() })
+            Err(GridError { counts: lattice.counts, expected, got })
         }
     }
 }

@@ -37,12 +37,12 @@ fn add_grasp(text: &mut String, ranked: &RankedGrasp) {
     // Writing into a String cannot fail.
     let _ = writeln!(
         text,
-        "{:>4}{:>8}{:>9.3}{:>9}{:>11.1}{:>8.1}{:>8.1}{:>8.1}{:>12.0} deg",
+        "{:>4}{:>8}{:>9.3}{:>9}{:>11}{:>8.1}{:>8.1}{:>8.1}{:>12.0} deg",
         ranked.rank,
         or_dash(ranked.object.map(|object| object.to_string())),
         ranked.quality,
         or_dash(ranked.rho_m.map(|rho_m| format!("{:.1}", rho_m * 1e3))),
-        ranked.width_m * 1e3,
+        or_dash(ranked.width_m.map(|width_m| format!("{:.1}", width_m * 1e3))),
         at.x,
         at.y,
         at.z,

@@ -5,21 +5,47 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use planner::cloud_file::write_ply;
 use planner::input::{
-    BoxInput, ConeInput, InputError, OrientationInput, PoseInput, PosePartsInput, Request, RequestInput, SourceInput,
-    assemble, from_file,
+    BoxInput, ColorImage, ConeInput, InputError, OrientationInput, PlaceInput, PoseInput, PosePartsInput, ReadLens,
+    Request, RequestInput, SourceInput, ViewInput, assemble, from_file, read_file, read_intrinsics,
 };
-use planner::picture::draw;
-use planner::{Planners, Policy, demo};
+use planner::picture::{draw, draw_into};
+use planner::plan::Plan;
+use planner::{Observation, Planners, Policy, View, demo};
 use program::{ExitCode, Failure, json, print, print_error, write};
-use schema::Grid;
+use schema::{Grid, Gripper};
 
 use super::{NetworkArguments, console};
 
 /// Plan grasps from depth images, a TSDF or a cloud
 #[derive(Debug, Args)]
 #[command(after_help = format!("{VIEWS_FILE}\n\n{EXAMPLES}\n\n{}", ExitCode::HELP))]
-#[group(id = "source", required = true, multiple = false, args = ["views", "tsdf", "cloud", "demo"])]
+#[group(id = "source", required = true, multiple = false, args = ["depth", "views", "tsdf", "cloud", "demo"])]
 pub(crate) struct Arguments {
+    /// Depth image of one camera, a 16-bit PNG or NPY; the workspace is put on the table that it shows
+    #[arg(long, value_name = "FILE", requires = "intrinsics")]
+    depth: Option<PathBuf>,
+
+    /// Its camera's intrinsics: a ROS CameraInfo, a RealSense profile, a matrix, or fx_px, fy_px, cx_px, cy_px
+    #[arg(long, value_name = "FILE", requires = "depth")]
+    intrinsics: Option<PathBuf>,
+
+    /// Metres per unit of the depth image [default: 0.001 for integers, 1 for floats]
+    #[arg(long, value_name = "M", requires = "depth")]
+    depth_scale: Option<f64>,
+
+    /// The camera in the workspace, if that is known
+    #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", requires = "depth", value_parser = numbers::<7>, allow_hyphen_values = true)]
+    workspace_from_camera: Option<[f64; 7]>,
+
+    /// What to grasp in the depth image: an image of its size, not 0 where the target is
+    #[arg(long, value_name = "FILE", requires = "depth")]
+    mask: Option<PathBuf>,
+
+    /// Direction of gravity in the frame of the camera or the cloud, to find the table [default: the camera stands
+    /// upright and looks down]
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    down: Option<[f64; 3]>,
+
     /// File (TOML or JSON) that names depth images and cameras, and may hold options; see below
     #[arg(long, value_name = "FILE")]
     views: Option<PathBuf>,
@@ -31,6 +57,10 @@ pub(crate) struct Arguments {
     /// Point cloud in the workspace frame: PLY, PCD or NPY, in metres
     #[arg(long, value_name = "FILE")]
     cloud: Option<PathBuf>,
+
+    /// The cloud's frame in the workspace, or table: it is in its camera's frame, and the workspace is put on the table
+    #[arg(long, value_name = "table|POSE", requires = "cloud", value_parser = place, allow_hyphen_values = true)]
+    workspace_from_cloud: Option<PlaceInput>,
 
     /// The built-in scene
     #[arg(long)]
@@ -64,7 +94,8 @@ pub(crate) struct Arguments {
     #[arg(long)]
     explain: bool,
 
-    /// Side of the workspace, 0.2 to 0.6 m, in which objects stand and are grasped [default: 0.3]
+    /// Side of the workspace, 0.2 to 1.2 m, in which objects stand and are grasped [default: what is seen within
+    /// reach; for networks of voxels 0.3]
     #[arg(long, value_name = "M")]
     workspace_size: Option<f64>,
 
@@ -111,6 +142,14 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "PNG")]
     picture: Option<PathBuf>,
 
+    /// Draw the best grasps into the first camera's image: into --color, else into its depth, shaded
+    #[arg(long, value_name = "PNG")]
+    overlay: Option<PathBuf>,
+
+    /// The colour image that belongs to the first depth image, PNG or JPEG
+    #[arg(long, value_name = "FILE", requires = "overlay")]
+    color: Option<PathBuf>,
+
     /// Write the segmented cloud, for MeshLab, CloudCompare, or scripts/plan_rrd.py
     #[arg(long, value_name = "PLY")]
     ply: Option<PathBuf>,
@@ -132,6 +171,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     plan.warnings.extend(warnings);
     if let Some(path) = &arguments.picture {
         write(path, draw(&plan, &planner.config.gripper, &title(arguments))?)?;
+    }
+    if let Some(path) = &arguments.overlay {
+        write(path, overlaid(&plan, &observation, arguments.color.as_deref(), &planner.config.gripper)?)?;
     }
     if let Some(path) = &arguments.ply {
         write(path, write_ply(&plan))?;
@@ -157,8 +199,45 @@ fn request(arguments: &Arguments, grid: Grid) -> Result<Request, InputError> {
         return from_file(path, grid, |input| add_flags(arguments, input));
     }
     let mut input = if arguments.demo { demo::request()? } else { RequestInput::default() };
+    let mut warning = None;
+    if let (Some(depth), Some(intrinsics)) = (&arguments.depth, &arguments.intrinsics) {
+        let read = lens(intrinsics)?;
+        warning = read.warning;
+        let path = |path: &PathBuf| SourceInput::Path(path.to_string_lossy().into_owned());
+        let place = arguments.workspace_from_camera.map_or(PlaceInput::Table, |given| PlaceInput::Pose(pose(given)));
+        input.views = Some(vec![ViewInput {
+            mask: arguments.mask.as_ref().map(path),
+            depth_scale_m: arguments.depth_scale,
+            intrinsics: Some(read.intrinsics),
+            workspace_from_camera: Some(place),
+            ..ViewInput::of(path(depth))
+        }]);
+    }
     add_flags(arguments, &mut input);
-    assemble(&input, Some(Path::new("")), grid)
+    let mut request = assemble(&input, Some(Path::new("")), grid)?;
+    request.warnings.extend(warning);
+    Ok(request)
+}
+
+/// The best grasps in the first camera's image.
+fn overlaid(
+    plan: &Plan,
+    observation: &Observation,
+    color: Option<&Path>,
+    gripper: &Gripper,
+) -> Result<Vec<u8>, Failure> {
+    let view = match observation {
+        Observation::Views(views) => views.first(),
+        _ => None,
+    };
+    let Some(View { image, camera, .. }) = view else {
+        return Err(InputError::Value("goes with depth images: --overlay".to_owned()).into());
+    };
+    let image = match color {
+        Some(path) => ColorImage::read(&read_file(path)?).map_err(|error| error.at(&path.display().to_string()))?,
+        None => ColorImage::shaded(image, &camera.intrinsics),
+    };
+    draw_into(&image, &camera.intrinsics, plan, gripper)
 }
 
 fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
@@ -166,14 +245,13 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     input.tsdf = arguments.tsdf.as_ref().map(source).or(input.tsdf.take());
     input.cloud = arguments.cloud.as_ref().map(source).or(input.cloud.take());
     input.eyes_m = Some(arguments.eye.clone()).filter(|eyes| !eyes.is_empty()).or(input.eyes_m.take());
+    input.workspace_from_cloud = arguments.workspace_from_cloud.clone().or(input.workspace_from_cloud.take());
+    input.down = arguments.down.or(input.down);
     input.policy = arguments.policy.or(input.policy);
     input.grasps_max = arguments.grasps.map(|count| count as usize).or(input.grasps_max);
     input.check_collisions = arguments.check_collisions.then_some(true).or(input.check_collisions);
     input.explain = arguments.explain.then_some(true).or(input.explain);
     input.workspace_size_m = arguments.workspace_size.or(input.workspace_size_m);
-    let pose = |[x, y, z, quaternion_xyzw @ ..]: [f64; 7]| {
-        PoseInput::Parts(PosePartsInput { position_m: [x, y, z], quaternion_xyzw })
-    };
     input.base_from_workspace = arguments.base_from_workspace.map(pose).or(input.base_from_workspace.take());
     let avoid = Some(arguments.avoid.iter().copied().map(pose).collect::<Vec<_>>());
     input.avoid = avoid.filter(|hands| !hands.is_empty()).or(input.avoid.take());
@@ -188,8 +266,21 @@ fn add_flags(arguments: &Arguments, input: &mut RequestInput) {
     input.workspace_from_wrist = wrist.or(input.workspace_from_wrist.take());
 }
 
+fn pose([x, y, z, quaternion_xyzw @ ..]: [f64; 7]) -> PoseInput {
+    PoseInput::Parts(PosePartsInput { position_m: [x, y, z], quaternion_xyzw })
+}
+
+/// A pose, or the word for a table that is to be found.
+fn place(text: &str) -> Result<PlaceInput, String> {
+    if text == "table" { Ok(PlaceInput::Table) } else { numbers(text).map(|given| PlaceInput::Pose(pose(given))) }
+}
+
+fn lens(path: &Path) -> Result<ReadLens, InputError> {
+    read_intrinsics(&read_file(path)?).map_err(|error| error.at(&path.display().to_string()))
+}
+
 fn title(arguments: &Arguments) -> String {
-    let path = [&arguments.views, &arguments.tsdf, &arguments.cloud].into_iter().flatten().next();
+    let path = [&arguments.depth, &arguments.views, &arguments.tsdf, &arguments.cloud].into_iter().flatten().next();
     let name = path.and_then(|path| path.file_name());
     name.map_or_else(|| "demo".to_owned(), |name| name.to_string_lossy().into_owned())
 }
@@ -217,12 +308,14 @@ A views file, in TOML (JSON has the same keys); lengths in metres, quaternions x
   depth_scale_m = 0.001       # metres per unit
   workspace_from_camera = { position_m = [0.15, -0.2, 0.5], quaternion_xyzw = [-0.954, 0.0, 0.0, 0.301] }
 Instead of intrinsics for all, each view may have its own. A pose may be a matrix of 4 rows. Instead of workspace_from_camera,
-a view may have its inverse camera_from_workspace or, with base_from_workspace, base_from_camera or camera_from_base.
+a view may have its inverse camera_from_workspace or, with base_from_workspace, base_from_camera or camera_from_base. With
+workspace_from_camera = \"table\" in the first view the table is found, and other views have first_from_camera.
 tsdf or cloud (with eyes_m) may stand in place of views. The options config, policy, grasps_max, check_collisions, explain, avoid,
 workspace_from_wrist, workspace_size_m, target_m, approach, keep_out and reach may be there, too; the command line takes precedence (a flag cannot switch one off).";
 
 const EXAMPLES: &str = "\
 Examples:
+  graspmill plan --depth depth.png --intrinsics camera.json --gripper franka_hand --overlay grasps.png
   graspmill plan --demo --picture demo.png
   graspmill plan --views views.toml --check-collisions --out plan.json
   graspmill plan --cloud table.pcd --eye 0.15,-0.4,0.5 --explain

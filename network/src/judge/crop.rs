@@ -42,25 +42,28 @@ const UNIT_VIEWS: f32 = 6.0;
 /// A TSDF with a border of voxels that nobody observed.
 #[derive(Debug, Clone)]
 pub struct PaddedGrid {
-    /// Voxels along a side, with the border.
-    side: usize,
+    low_m: Vec3,
+    /// Voxels along y and z, with the border, and the last place along x, y and z to look up.
+    sides: [usize; 2],
+    last: Vec3,
     /// Of each voxel whether it was observed, 1 or 0, and VGN's value, which is 0 where nothing was observed.
     values: Vec<[f32; 2]>,
 }
 
 impl PaddedGrid {
-    /// From the values of a [`VoxelGrid`], x slowest.
+    /// From the values of a TSDF, x slowest, on a lattice with this lower corner and so many voxels along x, y and z.
     #[must_use]
-    pub fn new(resolution: usize, values: &[f32]) -> Self {
-        let extent = Extent::cube(resolution, 1);
+    pub fn new(low_m: Vec3, counts: [usize; 3], values: &[f32]) -> Self {
+        let extent = Extent { n: counts, padding: 1 };
         let mut padded = vec![[0.0; 2]; extent.len()];
-        for (line, values) in values.chunks_exact(resolution).enumerate() {
-            let line = &mut padded[extent.place([line / resolution, line % resolution, 0])..][..resolution];
+        for (line, values) in values.chunks_exact(counts[2]).enumerate() {
+            let line = &mut padded[extent.place([line / counts[1], line % counts[1], 0])..][..counts[2]];
             for (voxel, value) in line.iter_mut().zip(values) {
                 *voxel = [if *value > 0.0 { 1.0 } else { 0.0 }, *value];
             }
         }
-        Self { side: resolution + 2, values: padded }
+        let last = Vec3::from_array(counts.map(|count| (count + 1) as f32 - 1e-4));
+        Self { low_m, sides: [counts[1] + 2, counts[2] + 2], last, values: padded }
     }
 
     /// Mean of the observed distances at the eight voxels around a point, by their weights, in [−1, 1] of the
@@ -69,18 +72,18 @@ impl PaddedGrid {
     #[inline(always)]
     #[must_use]
     pub fn at(&self, at: Vec3) -> (f32, f32) {
-        let last = (self.side - 1) as f32 - 1e-4;
-        let [(x, high_x), (y, high_y), (z, high_z)] = at.to_array().map(|at| {
-            let at = at.max(0.0).min(last);
+        let [(x, high_x), (y, high_y), (z, high_z)] = [0, 1, 2].map(|axis| {
+            let at = at[axis].max(0.0).min(self.last[axis]);
             let low = at as i32;
             (low as usize, at - low as f32)
         });
-        let lines = &self.values.as_flattened()[2 * ((x * self.side + y) * self.side + z)..];
+        let [width, height] = self.sides;
+        let lines = &self.values.as_flattened()[2 * ((x * width + y) * height + z)..];
         // Two voxels along z lie side by side: four numbers.
         let mut pair = [0.0; 4];
-        for (wx, line) in [(1.0 - high_x, 0), (high_x, self.side)] {
+        for (wx, line) in [(1.0 - high_x, 0), (high_x, width)] {
             for (wy, line) in [(1.0 - high_y, line), (high_y, line + 1)] {
-                let Some(values) = lines.get(2 * line * self.side..).and_then(|line| line.first_chunk::<4>()) else {
+                let Some(values) = lines.get(2 * line * height..).and_then(|line| line.first_chunk::<4>()) else {
                     continue;
                 };
                 for (sum, value) in pair.iter_mut().zip(values) {
@@ -94,8 +97,8 @@ impl PaddedGrid {
 }
 
 impl From<&VoxelGrid> for PaddedGrid {
-    fn from(grid: &VoxelGrid) -> Self {
-        Self::new(grid.grid.resolution, &grid.values)
+    fn from(VoxelGrid { lattice, values }: &VoxelGrid) -> Self {
+        Self::new(lattice.low_m, lattice.counts, values)
     }
 }
 
@@ -211,7 +214,7 @@ impl Crop {
                 let line = &mut to[lattice.padded.place(at) * VALUES..][..nz * VALUES];
                 for (z, point) in line.as_chunks_mut::<VALUES>().0.iter_mut().enumerate() {
                     let at_m = first_m + step_m * z as f32;
-                    let (distance, share) = grid.at(at_m * per_m + offset);
+                    let (distance, share) = grid.at((at_m - grid.low_m) * per_m + offset);
                     [point[0], point[1], point[2]] = [distance, share, clipped(at_m.z - self.table_z_m)];
                 }
             }

@@ -7,27 +7,21 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use schema::{Camera, Grid, Pose, Vec3};
 
-use crate::input::camera::{PoseInput, intrinsics, orientation, point, pose};
+use crate::frame::moved;
+use crate::input::camera::{intrinsics, point, pose};
 use crate::input::cloud::read_cloud;
 use crate::input::depth::{SIDE_PX_MAX, read_depth};
 use crate::input::error::{InputError, refuse, shown};
-use crate::input::extrinsics_check::{Extrinsics, table_elsewhere};
 use crate::input::file::read_file;
 use crate::input::mask::read_mask;
+use crate::input::options::options;
 use crate::input::points::ReadCloud;
-use crate::input::request::{
-    BoxInput, ConeInput, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json,
-};
+use crate::input::request::{PlaceInput, RequestInput, SourceInput, VIEWS_MAX, ViewInput, parse_file, parse_json};
 use crate::input::tsdf::read_tsdf;
-use crate::{BuiltIn, Cone, Limits, Mask, Observation, PlanOptions, Target, View, WORKSPACE_M, plane};
+use crate::{BuiltIn, FindTable, Mask, Observation, PlanOptions, PoseKey, Target, View};
 
 /// Maximum number of pixels of all its depth images together: 32 images of full HD, or four of the largest.
 const PIXELS_MAX: usize = 4 * SIDE_PX_MAX * SIDE_PX_MAX;
-/// Lengths of vectors that are directions.
-const DIRECTION_MIN: f64 = 1e-6;
-const DIRECTION_MAX: f64 = 1e6;
-/// Maximum number of requested grasps.
-const GRASPS_MAX: usize = 10_000;
 
 /// A checked request.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +51,9 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
     });
     let config = config.transpose()?;
     let mut assembly =
-        Assembly { input, folder, grid, base_from_workspace: options.base_from_workspace, warnings: Vec::new() };
+        Assembly { input, folder, base_from_workspace: options.base_from_workspace, warnings: Vec::new() };
+    let finds_table = assembly.finds_table()?;
+    options.find_table = finds_table.then(|| FindTable { down: options.find_table.and_then(|wanted| wanted.down) });
     let observation = match (&input.views, &input.tsdf, &input.cloud) {
         (Some(views), None, None) => assembly.views(views).map(|(seen, masks)| {
             if masks.iter().any(Option::is_some) {
@@ -74,6 +70,9 @@ pub fn assemble(input: &RequestInput, folder: Option<&Path>, grid: Grid) -> Resu
     }?;
     if input.eyes_m.is_some() && input.cloud.is_none() {
         return refuse("eyes_m goes with cloud: eyes_m");
+    }
+    if input.workspace_from_cloud.is_some() && input.cloud.is_none() {
+        return refuse("workspace_from_cloud goes with cloud: workspace_from_cloud");
     }
     if input.intrinsics.is_some() && input.views.is_none() {
         return refuse("intrinsics goes with views: intrinsics");
@@ -100,83 +99,18 @@ pub fn from_file(path: &Path, grid: Grid, changes: impl FnOnce(&mut RequestInput
     assemble(&input, Some(folder), grid).map_err(|error| error.at(&path.display().to_string()))
 }
 
-/// The options of a request.
-///
-/// # Errors
-/// [`InputError`], naming the key.
-fn options(input: &RequestInput) -> Result<PlanOptions, InputError> {
-    let base_from_workspace = input.base_from_workspace.as_ref().map(|input| pose(input, "base_from_workspace"));
-    let workspace_from_wrist =
-        input.workspace_from_wrist.as_ref().map(|input| orientation(input, "workspace_from_wrist"));
-    if let Some(got) = input.grasps_max.filter(|count| !(1..=GRASPS_MAX).contains(count)) {
-        return refuse(format!("must be between 1 and {GRASPS_MAX}, got {got}: grasps_max"));
-    }
-    let avoid = input.avoid.as_deref().unwrap_or_default();
-    let workspace_size_m = input.workspace_size_m.map(|size_m| size_m as f32);
-    if let Some(got) = workspace_size_m.filter(|size_m| !WORKSPACE_M.contains(size_m)) {
-        let (low, high) = (WORKSPACE_M.start(), WORKSPACE_M.end());
-        return refuse(format!("must be between {low} and {high}, got {got}: workspace_size_m"));
-    }
-    let limits = limits(input)?;
-    let failed = |(number, input): (usize, &PoseInput)| pose(input, &format!("avoid[{number}]"));
-    Ok(PlanOptions {
-        workspace_size_m,
-        base_from_workspace: base_from_workspace.transpose()?,
-        workspace_from_wrist: workspace_from_wrist.transpose()?,
-        policy: input.policy,
-        check_collisions: input.check_collisions,
-        grasps_max: input.grasps_max,
-        explain: input.explain.unwrap_or(false),
-        avoid: avoid.iter().enumerate().map(failed).collect::<Result<_, _>>()?,
-        limits,
-    })
-}
-
-/// The limits of a request, but for masks.
-///
-/// # Errors
-/// [`InputError`], naming the key.
-fn limits(input: &RequestInput) -> Result<Limits, InputError> {
-    let direction = |xyz: [f64; 3], at: &str| {
-        let length = xyz.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if !(DIRECTION_MIN..=DIRECTION_MAX).contains(&length) {
-            return refuse(format!("must be a direction, of a length of 1e-6 to 1e6, got {xyz:?}: {at}"));
-        }
-        Ok(Vec3::from_array(xyz.map(|x| x as f32)))
-    };
-    let approach = input.approach.map(|ConeInput { direction: given, angle_rad_max }| {
-        if !(0.0..=std::f64::consts::PI).contains(&angle_rad_max) {
-            return refuse(format!("must be between 0 and 3.1416, got {angle_rad_max}: approach.angle_rad_max"));
-        }
-        Ok(Cone::about(direction(given, "approach.direction")?, angle_rad_max as f32))
-    });
-    let planes = input.keep_out.as_deref().unwrap_or_default();
-    let beyond = |(number, [x, y, z, offset_m]): (usize, &[f64; 4])| {
-        let at = format!("keep_out[{number}]");
-        let plane = plane(direction([*x, *y, *z], &at)?, *offset_m as f32);
-        point([f64::from(plane.offset_m); 3], &at).map(|_| plane)
-    };
-    let reach_m = input.reach.map(|BoxInput { low_m, high_m }| {
-        let [low, high] = [point(low_m, "reach.low_m")?, point(high_m, "reach.high_m")?];
-        if low.cmpgt(high).any() {
-            return refuse(format!("must be at least low_m, {low_m:?}, got {high_m:?}: reach.high_m"));
-        }
-        Ok([low, high])
-    });
-    let target = input.target_m.map(|target_m| point(target_m, "target_m").map(Target::Point));
-    Ok(Limits {
-        approach: approach.transpose()?,
-        keep_out: planes.iter().enumerate().map(beyond).collect::<Result<_, InputError>>()?,
-        reach_m: reach_m.transpose()?,
-        target: target.transpose()?,
-    })
+/// The bytes of base64, whose line ends and blanks are skipped: `base64` wraps its lines.
+fn decode_base64(text: &str) -> Result<Vec<u8>, base64::DecodeError> {
+    // Text without blanks, the usual one, is not looked at twice.
+    STANDARD
+        .decode(text)
+        .or_else(|_| STANDARD.decode(text.bytes().filter(|byte| !byte.is_ascii_whitespace()).collect::<Vec<u8>>()))
 }
 
 /// A request whose observation is being read.
 struct Assembly<'a> {
     input: &'a RequestInput,
     folder: Option<&'a Path>,
-    grid: Grid,
     base_from_workspace: Option<Pose>,
     warnings: Vec<String>,
 }
@@ -190,7 +124,7 @@ impl Assembly<'_> {
         parse: impl FnOnce(&[u8]) -> Result<T, InputError>,
     ) -> Result<T, InputError> {
         let bytes = match (source, self.folder) {
-            (SourceInput::Data(input), _) => STANDARD.decode(&input.data).map_err(|error| {
+            (SourceInput::Data(input), _) => decode_base64(&input.data).map_err(|error| {
                 InputError::Value(format!("must be base64 of the standard alphabet, padded: {error}: {at}.data"))
             })?,
             (SourceInput::Path(path), Some(folder)) => read_file(&folder.join(path))?,
@@ -213,28 +147,27 @@ impl Assembly<'_> {
         if let (Some(number), Some(_)) = (views.iter().position(|view| view.mask.is_some()), self.input.target_m) {
             return refuse(format!("a request has either masks or target_m: views[{number}].mask"));
         }
-        let (mut seen, mut extrinsics) = (Vec::with_capacity(views.len()), Vec::with_capacity(views.len()));
+        let mut seen: Vec<View> = Vec::with_capacity(views.len());
         let mut masks = Vec::with_capacity(views.len());
         for (number, view) in views.iter().enumerate() {
             let at = format!("views[{number}]");
-            let given = self.extrinsics(view, &at)?;
+            let first = seen.first().map(|first| first.camera.workspace_from_camera);
+            let placed = self.place_of(view, first, &at)?;
             let given_mask = view.mask.as_ref();
-            let view = self.view(view, given.workspace_from_camera(), &at, pixels_left)?;
+            let view = self.view(view, placed, &at, pixels_left)?;
             let size = [view.image.width_px, view.image.height_px];
             let read = |source| self.read(source, &format!("{at}.mask"), |bytes| read_mask(bytes, size));
             masks.push(given_mask.map(read).transpose()?);
             pixels_left -= view.image.depth_m.len();
             seen.push(view);
-            extrinsics.push(given);
         }
-        self.warnings.extend(table_elsewhere(&seen, &extrinsics, &self.grid));
         Ok((Observation::Views(seen), masks))
     }
 
     fn view(
         &mut self,
         view: &ViewInput,
-        workspace_from_camera: Pose,
+        (workspace_from_camera, key): (Pose, PoseKey),
         at: &str,
         pixels_max: usize,
     ) -> Result<View, InputError> {
@@ -248,30 +181,71 @@ impl Assembly<'_> {
         let (image, odd) = self.read(&view.depth, &depth_at, |bytes| read_depth(bytes, scale_m, pixels_max))?;
         self.warnings.extend(odd.into_iter().map(|warning| format!("{warning}: {depth_at}")));
         let intrinsics = intrinsics(lens, [image.width_px, image.height_px], &lens_at)?;
-        Ok(View { image, camera: Camera { intrinsics, workspace_from_camera } })
+        Ok(View { image, camera: Camera { intrinsics, workspace_from_camera }, key })
     }
 
-    /// The pose of a view's camera as it is given: under one of four keys.
-    fn extrinsics(&self, view: &ViewInput, at: &str) -> Result<Extrinsics, InputError> {
-        // Each with whether it is of the base, and whether it is an inverse.
-        let poses = [
-            ("workspace_from_camera", &view.workspace_from_camera, false, false),
-            ("camera_from_workspace", &view.camera_from_workspace, false, true),
-            ("base_from_camera", &view.base_from_camera, true, false),
-            ("camera_from_base", &view.camera_from_base, true, true),
+    /// Whether the table is to be found: `"table"` stands for the pose of the first view, or of the cloud.
+    fn finds_table(&self) -> Result<bool, InputError> {
+        let is_table = |place: &Option<PlaceInput>| *place == Some(PlaceInput::Table);
+        let views = self.input.views.as_deref().unwrap_or_default();
+        if let Some(number) = views.iter().skip(1).position(|view| is_table(&view.workspace_from_camera)) {
+            return refuse(format!(
+                "only the first view's pose may be \"table\", others have first_from_camera: views[{}].workspace_from_camera",
+                number + 1
+            ));
+        }
+        let finds = is_table(&self.input.workspace_from_cloud)
+            || views.first().is_some_and(|view| is_table(&view.workspace_from_camera));
+        if finds && self.base_from_workspace.is_some() {
+            return refuse(
+                "the workspace is found, so its place in the base's frame is not known: base_from_workspace",
+            );
+        }
+        if self.input.down.is_some() && !finds {
+            return refuse("down goes with a table that is to be found, \"table\" in place of a pose: down");
+        }
+        Ok(finds)
+    }
+
+    /// The camera in the workspace, from its pose under one of five keys. Where the table is to be found, the first
+    /// camera's frame stands for the workspace.
+    fn place_of(&self, view: &ViewInput, first: Option<Pose>, at: &str) -> Result<(Pose, PoseKey), InputError> {
+        let pose_of = |place: &'_ PlaceInput| match place {
+            PlaceInput::Table => None,
+            PlaceInput::Pose(pose) => Some(pose.clone()),
+        };
+        let given = [
+            view.workspace_from_camera.as_ref().map(pose_of),
+            view.camera_from_workspace.clone().map(Some),
+            view.base_from_camera.clone().map(Some),
+            view.camera_from_base.clone().map(Some),
+            view.first_from_camera.clone().map(Some),
         ];
-        let mut given = poses.into_iter().filter(|(_, input, ..)| input.is_some());
-        let (Some((key, Some(input), is_of_base, is_inverse)), None) = (given.next(), given.next()) else {
-            let [keys @ .., last] = poses.map(|(key, ..)| key);
-            return refuse(format!("a view must have exactly one of {} and {last}: {at}", keys.join(", ")));
+        let mut given = PoseKey::ALL.into_iter().zip(given).filter_map(|(key, input)| Some((key, input?)));
+        let (Some((key, input)), None) = (given.next(), given.next()) else {
+            let [keys @ .., last] = PoseKey::ALL.map(PoseKey::name);
+            return refuse(format!(
+                "a view must have exactly one of {} and {last} (or workspace_from_camera = \"table\", to find the table): {at}",
+                keys.join(", ")
+            ));
         };
-        let at = format!("{at}.{key}");
-        let workspace_from_target = match (is_of_base, self.base_from_workspace) {
-            (false, _) => Pose::IDENTITY,
-            (true, Some(base_from_workspace)) => base_from_workspace.inverse(),
-            (true, None) => return refuse(format!("needs the request's base_from_workspace: {at}")),
+        let at = format!("{at}.{}", key.name());
+        let Some(input) = input else { return Ok((Pose::IDENTITY, key)) };
+        let given = pose(&input, &at)?;
+        let target_from_camera = if key.is_inverse() { given.inverse() } else { given };
+        let workspace_from_target = match (key, self.base_from_workspace, first) {
+            (PoseKey::FirstFromCamera, _, Some(first)) => first,
+            (PoseKey::FirstFromCamera, _, None) => return refuse(format!("is for views after the first: {at}")),
+            (_, Some(base_from_workspace), _) if key.is_of_base() => base_from_workspace.inverse(),
+            (_, None, _) if key.is_of_base() => {
+                return refuse(format!("needs the request's base_from_workspace: {at}"));
+            }
+            _ if self.finds_table()? => {
+                return refuse(format!("must be first_from_camera, as the table is found: {at}"));
+            }
+            _ => Pose::IDENTITY,
         };
-        Ok(Extrinsics { key, given: pose(input, &at)?, is_inverse, workspace_from_target })
+        Ok((workspace_from_target * target_from_camera, key))
     }
 
     fn cloud(&mut self, cloud: &SourceInput) -> Result<Observation, InputError> {
@@ -284,7 +258,12 @@ impl Assembly<'_> {
             self.warnings
                 .push(format!("{dropped} points without finite coordinates were left out, {left} are left: cloud"));
         }
-        Ok(Observation::Cloud { points_m, eyes_m: given.unwrap_or_else(|| eye_m.into_iter().collect()) })
+        let eyes_m = given.unwrap_or_else(|| eye_m.into_iter().collect());
+        let seen = Observation::Cloud { points_m, eyes_m };
+        match &self.input.workspace_from_cloud {
+            Some(PlaceInput::Pose(place)) => Ok(moved(&seen, &pose(place, "workspace_from_cloud")?)),
+            Some(PlaceInput::Table) | None => Ok(seen),
+        }
     }
 }
 
@@ -343,6 +322,20 @@ mod tests {
         assert_eq!(view.camera.workspace_from_camera.translation, Vec3::X);
         assert_eq!(read.options, PlanOptions::default());
         assert!(read.warnings.is_empty());
+    }
+
+    #[test]
+    fn base64_may_have_line_ends_and_blanks() {
+        let mut request = request();
+        let text = request["views"][0]["depth"]["data"].as_str().unwrap().to_owned();
+        let lines: Vec<_> = text.as_bytes().chunks(76).map(|line| str::from_utf8(line).unwrap()).collect();
+        for wrapped in [lines.join("\n") + "\n", lines.join("\r\n"), format!(" {text}\t")] {
+            request["views"][0]["depth"]["data"] = json!(wrapped);
+            assert_eq!(read(&request).unwrap(), read(&super::tests::request()).unwrap());
+        }
+        request["views"][0]["depth"]["data"] = json!(lines.join("\n").replacen('A', "?", 1));
+        let said = message(&request);
+        assert!(said.starts_with("must be base64 of the standard alphabet, padded: Invalid symbol 63"), "{said}");
     }
 
     #[test]
@@ -430,7 +423,7 @@ mod tests {
             (
                 "/views/0/base_from_camera",
                 shifted(),
-                "exactly one of workspace_from_camera, camera_from_workspace, base_from_camera and camera_from_base: views[0]",
+                "exactly one of workspace_from_camera, camera_from_workspace, base_from_camera, camera_from_base and first_from_camera (or",
             ),
             ("/views/0/workspace_from_camera", Value::Null, "exactly one of"),
             ("/views/0/intrinsics", Value::Null, "has intrinsics: views[0]"),

@@ -23,8 +23,9 @@ const LAST_ROW_TOLERANCE: f64 = 1e-6;
 const TRANSLATION_M_MAX: f64 = 100.0;
 
 /// Intrinsics of a pinhole camera, in pixels; the centre of pixel (0, 0) is at u = 0, v = 0.
+// `remote` leaves serde's sequence form out: it took a list of six for width, height, fx, fy, cx, cy.
 #[derive(Debug, Clone, PartialEq, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(remote = "Self", deny_unknown_fields)]
 pub struct IntrinsicsInput {
     /// Pixels per row; if given, it must equal the image's.
     pub width_px: Option<usize>,
@@ -38,6 +39,75 @@ pub struct IntrinsicsInput {
     pub cx_px: f64,
     /// Principal point, v.
     pub cy_px: f64,
+}
+
+impl<'de> Deserialize<'de> for IntrinsicsInput {
+    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
+        source.deserialize_any(IntrinsicsVisitor)
+    }
+}
+
+/// A list selects the camera matrix, a table the four numbers.
+struct IntrinsicsVisitor;
+
+impl<'de> Visitor<'de> for IntrinsicsVisitor {
+    type Value = IntrinsicsInput;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("{ fx_px, fy_px, cx_px, cy_px } or a camera matrix")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<IntrinsicsInput, A::Error> {
+        let FirstEntries { kept, count } =
+            FirstEntries::<MatrixEntry, 9>::deserialize(SeqAccessDeserializer::new(list))?;
+        let is = |rows: usize, columns: usize| count == rows && kept.iter().all(|entry| entry.0.count == columns);
+        if !(is(9, 1) || is(3, 3) || is(3, 4)) {
+            let rows = if count == 3 { ", whose rows are not all of 3 or of 4 numbers" } else { "" };
+            let what = "intrinsics must be { fx_px, fy_px, cx_px, cy_px } or a camera matrix";
+            return Err(A::Error::custom(format!("{what}, got a list of {count}{rows}")));
+        }
+        let numbers: Vec<f64> = kept.into_iter().flat_map(|entry| entry.0.kept).collect();
+        from_camera_matrix(&numbers).map_err(A::Error::custom)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, keys: A) -> Result<IntrinsicsInput, A::Error> {
+        IntrinsicsInput::deserialize(MapAccessDeserializer::new(keys))
+    }
+}
+
+/// A row of a camera matrix, or a number, as a row of one.
+struct MatrixEntry(FirstEntries<f64, 4>);
+
+impl<'de> Deserialize<'de> for MatrixEntry {
+    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
+        source.deserialize_any(MatrixEntryVisitor).map(Self)
+    }
+}
+
+struct MatrixEntryVisitor;
+
+impl<'de> Visitor<'de> for MatrixEntryVisitor {
+    type Value = FirstEntries<f64, 4>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number or a row of a camera matrix")
+    }
+
+    fn visit_f64<E: Error>(self, number: f64) -> Result<Self::Value, E> {
+        Ok(FirstEntries { kept: vec![number], count: 1 })
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<Self::Value, E> {
+        self.visit_f64(number as f64)
+    }
+
+    fn visit_u64<E: Error>(self, number: u64) -> Result<Self::Value, E> {
+        self.visit_f64(number as f64)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, row: A) -> Result<Self::Value, A::Error> {
+        FirstEntries::deserialize(SeqAccessDeserializer::new(row))
+    }
 }
 
 /// A rigid transform: four rows of four numbers, or a position and a quaternion.
@@ -115,6 +185,14 @@ impl ToSchema for PoseInput {
     }
 }
 
+/// The schema of intrinsics, which may be a camera matrix, for the API description.
+pub(crate) fn intrinsics_schema() -> RefOr<Schema> {
+    let row = numbers_schema(4, "A row of 3, or of 4 whose last number is 0.").min_items(Some(3));
+    let rows = list_of(row.into(), 3, "Rows of a camera matrix: fx 0 cx, 0 fy cy, 0 0 1.");
+    let flat = numbers_schema(9, "A camera matrix, row by row: K of a ROS CameraInfo.");
+    OneOfBuilder::new().item(IntrinsicsInput::schema()).item(flat).item(rows).into()
+}
+
 /// A list of numbers, for the API description.
 pub(crate) fn numbers_schema(count: usize, what: &str) -> ArrayBuilder {
     list_of(<f64 as PartialSchema>::schema(), count, what)
@@ -153,6 +231,41 @@ pub(crate) fn intrinsics(
     }
     let [fx_px, fy_px, cx_px, cy_px] = [input.fx_px, input.fy_px, input.cx_px, input.cy_px].map(|px| px as f32);
     Ok(Intrinsics { width_px, height_px, fx_px, fy_px, cx_px, cy_px })
+}
+
+/// The intrinsics of a camera matrix of three rows of three or four numbers, row by row.
+///
+/// # Errors
+/// [`InputError::Value`] if it is not that of a pinhole camera without skew and pose.
+pub(crate) fn from_camera_matrix(numbers: &[f64]) -> Result<IntrinsicsInput, InputError> {
+    let columns = match numbers.len() {
+        9 => 3,
+        12 => 4,
+        got => return refuse(format!("a camera matrix must have 9 or 12 numbers, got {got}")),
+    };
+    if numbers.iter().any(|number| !number.is_finite()) {
+        return refuse("a camera matrix must have finite numbers");
+    }
+    let at = |row: usize, column: usize| numbers[row * columns + column];
+    let is = |got: f64, wanted: f64| (got - wanted).abs() <= LAST_ROW_TOLERANCE;
+    let [x, y, z] = [0, 1, 2].map(|column| at(2, column));
+    if !(is(x, 0.0) && is(y, 0.0) && is(z, 1.0)) {
+        let hint = if is(at(0, 2), 0.0) && is(at(1, 2), 0.0) { ": is it transposed? rows come first" } else { "" };
+        return refuse(format!("a camera matrix's last row must be 0 0 1, got {x} {y} {z}{hint}"));
+    }
+    if !(is(at(0, 1), 0.0) && is(at(1, 0), 0.0)) {
+        return refuse(format!(
+            "a camera matrix must be without skew, 0 beside fx and fy, got {} {}",
+            at(0, 1),
+            at(1, 0)
+        ));
+    }
+    if columns == 4 && (0..3).any(|row| !is(at(row, 3), 0.0)) {
+        let fourth = format!("{} {} {}", at(0, 3), at(1, 3), at(2, 3));
+        return refuse(format!("a camera matrix's fourth column must be 0 0 0, without a pose, got {fourth}"));
+    }
+    let [fx_px, fy_px, cx_px, cy_px] = [at(0, 0), at(1, 1), at(0, 2), at(1, 2)];
+    Ok(IntrinsicsInput { width_px: None, height_px: None, fx_px, fy_px, cx_px, cy_px })
 }
 
 /// The pose, with its rotation normalised.
@@ -267,6 +380,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::input::request::{parse_json, parse_toml};
 
     fn read(value: serde_json::Value) -> Result<Pose, InputError> {
         let input: PoseInput = serde_json::from_value(value).map_err(|e| InputError::Value(e.to_string()))?;
@@ -365,5 +479,66 @@ mod tests {
             said(&IntrinsicsInput { cy_px: -961.0, ..good.clone() }).contains("cy_px must be between -960 and 960")
         );
         assert!(said(&IntrinsicsInput { cx_px: f64::NAN, ..good }).contains("cx_px"));
+    }
+
+    fn lens(value: serde_json::Value) -> Result<IntrinsicsInput, String> {
+        serde_json::from_value(value).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_list_is_a_camera_matrix_or_refused() {
+        let keys = lens(json!({ "fx_px": 525, "fy_px": 526.5, "cx_px": 319.5, "cy_px": 239.5 })).unwrap();
+        for matrix in [
+            json!([525, 0, 319.5, 0, 526.5, 239.5, 0, 0, 1]),
+            json!([[525, 0, 319.5], [0, 526.5, 239.5], [0, 0, 1]]),
+            json!([[525, 0, 319.5, 0], [0, 526.5, 239.5, 0], [0, 0, 1, 0]]),
+        ] {
+            assert_eq!(lens(matrix).unwrap(), keys);
+        }
+        let form = "intrinsics must be { fx_px, fy_px, cx_px, cy_px } or a camera matrix, got a list of";
+        for (list, expected) in [
+            (json!([640, 480, 525, 525, 319.5, 239.5]), format!("{form} 6")),
+            (json!([]), format!("{form} 0")),
+            (json!([525, 0, 319.5, 0, 0, 525, 239.5, 0, 0, 0, 1, 0]), format!("{form} 12")),
+            (json!(vec![json!(vec![0; 1000]); 1000]), format!("{form} 1000")),
+            (
+                json!([[1, 2, 3], [1, 2, 3], [1, 2, 3, 4]]),
+                format!("{form} 3, whose rows are not all of 3 or of 4 numbers"),
+            ),
+            (json!(["a"]), "invalid type: string \"a\", expected a number or a row of a camera matrix".to_owned()),
+            (json!(525), "invalid type: integer `525`, expected { fx_px, fy_px, cx_px, cy_px } or".to_owned()),
+            (json!({ "fx": 525 }), "unknown field `fx`".to_owned()),
+        ] {
+            let said = lens(list).unwrap_err();
+            assert!(said.starts_with(&expected), "{said}");
+            assert!(!expected.starts_with(form) || said == expected, "{said}");
+        }
+        let json = br#"{ "views": [{ "depth": "a", "intrinsics": [640, 480, 525.0, 525.0, 319.5, 239.5] }] }"#;
+        assert_eq!(parse_json(json).unwrap_err().to_string(), format!("{form} 6: views[0].intrinsics"));
+        let toml = b"intrinsics = [525.0, 0, 319.5, 0, 526.5, 239.5, 0, 0, 1]";
+        assert_eq!(parse_toml(toml).unwrap().intrinsics, Some(keys));
+    }
+
+    #[test]
+    fn what_is_not_a_pinholes_matrix_is_refused_with_the_reason() {
+        let said = |matrix: &[f64]| from_camera_matrix(matrix).unwrap_err().to_string();
+        let last = said(&[525.0, 0.0, 320.0, 0.0, 525.0, 240.0, 0.0, 0.0, 2.0]);
+        assert_eq!(last, "a camera matrix's last row must be 0 0 1, got 0 0 2");
+        let transposed = said(&[525.0, 0.0, 0.0, 0.0, 525.0, 0.0, 320.0, 240.0, 1.0]);
+        assert!(transposed.ends_with("got 320 240 1: is it transposed? rows come first"), "{transposed}");
+        let skewed = said(&[525.0, 0.5, 320.0, 0.0, 525.0, 240.0, 0.0, 0.0, 1.0]);
+        assert_eq!(skewed, "a camera matrix must be without skew, 0 beside fx and fy, got 0.5 0");
+        let moved = said(&[525.0, 0.0, 320.0, -42.5, 0.0, 525.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        assert_eq!(moved, "a camera matrix's fourth column must be 0 0 0, without a pose, got -42.5 0 0");
+        assert!(said(&[f64::NAN; 9]).contains("finite") && said(&[0.0; 16]).ends_with("9 or 12 numbers, got 16"));
+    }
+
+    #[test]
+    fn the_api_describes_both_forms_of_intrinsics() {
+        let described = serde_json::to_value(intrinsics_schema()).unwrap();
+        assert!(described["oneOf"][0]["properties"]["fx_px"].is_object(), "{described}");
+        assert_eq!(described["oneOf"][1]["minItems"], 9);
+        let row = &described["oneOf"][2]["items"];
+        assert_eq!((&row["minItems"], &row["maxItems"]), (&json!(3), &json!(4)));
     }
 }

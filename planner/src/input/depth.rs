@@ -50,20 +50,23 @@ pub(crate) fn read_depth(
         negative += usize::from(scaled.is_finite() && scaled < 0.0);
         *depth = if scaled.is_finite() && scaled > 0.0 { scaled } else { 0.0 };
     }
-    let seen_share = check_depths(&depth_m, scale_m, [not_finite, negative])?;
-    let mut warnings = Vec::new();
-    if seen_share < SEEN_SHARE_MIN {
-        let odd = odd_pixels([not_finite, negative]);
-        warnings.push(format!("only {:.1} % of the pixels have a depth{odd}", 100.0 * seen_share));
-    }
+    let mut warnings: Vec<String> = check_depths(&depth_m, scale_m, [not_finite, negative])?.into_iter().collect();
     if negative > 0 {
         warnings.push(format!("{negative} pixels with a negative depth count as not seen"));
     }
     Ok((DepthImage { width_px, height_px, depth_m }, warnings))
 }
 
-/// The share of the pixels that have a depth, if there are any and their median is plausible.
-fn check_depths(depth_m: &[f32], scale_m: f32, odd: [usize; 2]) -> Result<f64, InputError> {
+/// Checks an image in metres, of which values that are not positive were not seen, and warns of few that are.
+///
+/// # Errors
+/// [`InputError`] as [`read_depth`] about no depths or implausible ones.
+pub fn check_image(image: &DepthImage) -> Result<Option<String>, InputError> {
+    check_depths(&image.depth_m, 1.0, [0; 2])
+}
+
+/// A warning about few pixels with a depth, if there are any and their median is plausible.
+fn check_depths(depth_m: &[f32], scale_m: f32, odd: [usize; 2]) -> Result<Option<String>, InputError> {
     let mut seen: Vec<f32> = depth_m.iter().copied().filter(|depth_m| *depth_m > 0.0).collect();
     if seen.is_empty() {
         return refuse(format!("no pixel has a depth{}", odd_pixels(odd)));
@@ -76,7 +79,9 @@ fn check_depths(depth_m: &[f32], scale_m: f32, odd: [usize; 2]) -> Result<f64, I
             "the median depth must be between {MEDIAN_M_MIN} and {MEDIAN_M_MAX} m, got {median_m} m: {hint}"
         ));
     }
-    Ok(seen.len() as f64 / depth_m.len() as f64)
+    let share = seen.len() as f64 / depth_m.len() as f64;
+    Ok((share < SEEN_SHARE_MIN)
+        .then(|| format!("only {:.1} % of the pixels have a depth{}", 100.0 * share, odd_pixels(odd))))
 }
 
 fn odd_pixels([not_finite, negative]: [usize; 2]) -> String {

@@ -12,7 +12,7 @@ const BYTES_MAX: u64 = 1 << 30;
 ///
 /// # Errors
 /// [`InputError`] if the file is missing, a folder, larger than a gibibyte, or cannot be read.
-pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, InputError> {
+pub fn read_file(path: &Path) -> Result<Vec<u8>, InputError> {
     let failed = |source: std::io::Error| match source.kind() {
         ErrorKind::NotFound => InputError::Value(format!("no such file: {}", path.display())),
         ErrorKind::IsADirectory => InputError::Value(format!("must be a file, got a folder: {}", path.display())),

@@ -2,19 +2,20 @@
 //! `assemble.rs` checks and interprets them. A request is parsed in one pass that tracks the key's path for messages
 //! and stores no more than these types can hold.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::path::Path;
 
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{IgnoredAny, MapAccess, Visitor};
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::error::Category;
-use utoipa::ToSchema;
 use utoipa::openapi::RefOr;
-use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, Schema};
+use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, ObjectBuilder, OneOfBuilder, Schema, Type};
+use utoipa::{PartialSchema, ToSchema};
 
 use crate::Policy;
-use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput, numbers_schema};
+use crate::input::camera::{IntrinsicsInput, OrientationInput, PoseInput, intrinsics_schema, numbers_schema};
 use crate::input::error::{InputError, refuse, shown};
 use crate::input::file::read_file;
 use crate::input::lists::{at_most, maybe_numbers, numbers, rows};
@@ -36,19 +37,29 @@ pub struct RequestInput {
     #[serde(default, deserialize_with = "at_most::<_, _, VIEWS_MAX>")]
     pub views: Option<Vec<ViewInput>>,
     /// The intrinsics of all views without their own.
+    #[schema(schema_with = intrinsics_schema)]
     pub intrinsics: Option<IntrinsicsInput>,
     /// A TSDF instead: an NPY file of shape [40, 40, 40] or [1, 40, 40, 40] in VGN's values, 0 to 1; of another
     /// workspace as many voxels as it has.
     #[schema(value_type = Option<DataInput>)]
     pub tsdf: Option<SourceInput>,
-    /// A point cloud in the workspace frame instead: a PLY, PCD or NPY file, in metres.
+    /// A point cloud instead: a PLY, PCD or NPY file, in metres.
     #[schema(value_type = Option<DataInput>)]
     pub cloud: Option<SourceInput>,
+    /// The cloud's frame in the workspace, by default the same. Or `"table"`: the cloud is in the optical frame of
+    /// its camera, the table is found in it, and the workspace put on it.
+    pub workspace_from_cloud: Option<PlaceInput>,
+    /// The direction of gravity, of any length, in the frame of the first camera or of the cloud, to find the table;
+    /// by default the camera is believed to stand upright and to look down.
+    #[schema(min_items = 3, max_items = 3)]
+    #[serde(default, deserialize_with = "maybe_numbers")]
+    pub down: Option<[f64; 3]>,
     /// Positions of the sensors that saw the cloud, at most 32; by default the viewpoint of a PCD file.
     #[schema(schema_with = eyes_schema)]
     #[serde(default, deserialize_with = "rows::<_, 3, EYES_MAX>")]
     pub eyes_m: Option<Vec<[f64; 3]>>,
-    /// Side of the workspace, in metres, 0.2 to 0.6; rounded up to whole voxels of 7.5 mm. By default it is 0.3.
+    /// Side of the workspace, in metres, 0.2 to 1.2. By default networks of voxels look at 0.3 m, and a judge at all
+    /// that was seen within the reach of its settings.
     pub workspace_size_m: Option<f64>,
     /// The workspace in the robot's base frame: grasps are given there, too.
     pub base_from_workspace: Option<PoseInput>,
@@ -142,15 +153,87 @@ pub struct ViewInput {
     /// Metres per stored unit; by default integers are millimetres and floats metres.
     pub depth_scale_m: Option<f64>,
     /// The camera's intrinsics; by default those of the request.
+    #[schema(schema_with = intrinsics_schema)]
     pub intrinsics: Option<IntrinsicsInput>,
-    /// The camera in the workspace: x right, y down, z forward.
-    pub workspace_from_camera: Option<PoseInput>,
+    /// The camera in the workspace: x right, y down, z forward. Or, of the first view, `"table"`: the table is found
+    /// in what the cameras see, and the workspace put on it.
+    pub workspace_from_camera: Option<PlaceInput>,
     /// Its inverse instead, the workspace in the camera's frame: extrinsics as OpenCV has them.
     pub camera_from_workspace: Option<PoseInput>,
     /// The camera in the robot's base frame instead; needs the request's `base_from_workspace`.
     pub base_from_camera: Option<PoseInput>,
     /// Its inverse instead, the robot's base in the camera's frame; needs `base_from_workspace`, too.
     pub camera_from_base: Option<PoseInput>,
+    /// The camera in the frame of the first view's camera instead.
+    pub first_from_camera: Option<PoseInput>,
+}
+
+impl ViewInput {
+    /// A view that has nothing but its depth image.
+    #[must_use]
+    pub const fn of(depth: SourceInput) -> Self {
+        Self {
+            depth,
+            mask: None,
+            depth_scale_m: None,
+            intrinsics: None,
+            workspace_from_camera: None,
+            camera_from_workspace: None,
+            base_from_camera: None,
+            camera_from_base: None,
+            first_from_camera: None,
+        }
+    }
+}
+
+/// Where a camera or a cloud is: a pose, or on the table that is to be found.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PlaceInput {
+    /// The workspace is put on the table.
+    Table,
+    /// The pose in the workspace.
+    Pose(PoseInput),
+}
+
+impl<'de> Deserialize<'de> for PlaceInput {
+    fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
+        source.deserialize_any(PlaceVisitor)
+    }
+}
+
+struct PlaceVisitor;
+
+impl<'de> Visitor<'de> for PlaceVisitor {
+    type Value = PlaceInput;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("four rows of four numbers, { position_m, quaternion_xyzw } or \"table\"")
+    }
+
+    fn visit_str<E: serde::de::Error>(self, word: &str) -> Result<PlaceInput, E> {
+        if word == "table" { Ok(PlaceInput::Table) } else { Err(E::invalid_value(Unexpected::Str(word), &self)) }
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, rows: A) -> Result<PlaceInput, A::Error> {
+        PoseInput::deserialize(SeqAccessDeserializer::new(rows)).map(PlaceInput::Pose)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, parts: A) -> Result<PlaceInput, A::Error> {
+        PoseInput::deserialize(MapAccessDeserializer::new(parts)).map(PlaceInput::Pose)
+    }
+}
+
+impl PartialSchema for PlaceInput {
+    fn schema() -> RefOr<Schema> {
+        let word = ObjectBuilder::new().schema_type(Type::String).enum_values(Some(["table"]));
+        OneOfBuilder::new().item(PoseInput::schema()).item(word).into()
+    }
+}
+
+impl ToSchema for PlaceInput {
+    fn name() -> Cow<'static, str> {
+        Cow::Borrowed("PlaceInput")
+    }
 }
 
 /// The bytes of a file.
@@ -290,8 +373,8 @@ mod tests {
         let (request, view) = (described(RequestInput::schema()), described(ViewInput::schema()));
         assert_eq!(keys(&request), keys_of::<RequestInput>());
         assert_eq!(keys(&view), keys_of::<ViewInput>());
-        assert_eq!(keys(&request).len(), 18);
-        assert_eq!(keys(&view).len(), 8);
+        assert_eq!(keys(&request).len(), 20);
+        assert_eq!(keys(&view).len(), 9);
         assert_eq!(view["required"], serde_json::json!(["depth"]));
         let pose = described(PoseInput::schema());
         assert_eq!(pose["oneOf"][0]["items"]["maxItems"], 4, "{pose}");

@@ -8,6 +8,7 @@ use schema::Grid;
 use crate::input::assemble::from_json;
 use crate::input::cloud::read_cloud;
 use crate::input::depth::read_depth;
+use crate::input::lens_file::read_intrinsics;
 use crate::input::tsdf::read_tsdf;
 use crate::input::{pcd, ply};
 
@@ -105,6 +106,21 @@ fn damaged_clouds_and_grids_are_answered() {
     for_each_damage(&npy_of(&[2; 3], &[0.5; 8]), 2000, |bytes| {
         let _ = read_tsdf(bytes, small);
     });
+}
+
+#[test]
+fn damaged_intrinsics_are_answered() {
+    let files = [
+        &b"header:\n  seq: 0\nheight: 3\nwidth: 4\nK: [5.0, 0.0, 2.0, 0.0, 5.0, 1.5, 0.0, 0.0, 1.0]\n---\n"[..],
+        &npy_of(&[3, 4], &[0.5; 12]),
+        br#"{ "K": [1, 0, 0] }"#,
+        b"fx_px = 1",
+    ];
+    for file in files {
+        for_each_damage(file, 2000, |bytes| {
+            let _ = read_intrinsics(bytes);
+        });
+    }
 }
 
 #[test]

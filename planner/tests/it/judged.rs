@@ -38,7 +38,7 @@ fn a_judge_gives_hands_that_it_expects_to_hold_and_says_what_it_expects_of_other
     assert_eq!(plan, demo(&planner, 2));
     assert!(plan.grasps.len() > 5, "{:?}", plan.reason);
     for (place, ranked) in plan.grasps.iter().enumerate() {
-        assert!(ranked.quality >= epsilon && ranked.width_m <= gripper.opening_m_max);
+        assert!(ranked.quality >= epsilon && ranked.width_m <= Some(gripper.opening_m_max));
         let approach = ranked.workspace_from_grasp.rotation * Vec3::Z;
         assert!(approach.z < 0.06, "never from below: {approach}");
         assert!(gripper.open_hand().iter().all(|part| part.lowest_z_m(&ranked.workspace_from_grasp) >= 0.05));

@@ -49,7 +49,7 @@ fn the_demo_has_ranked_grasps_that_obey_the_rules() {
             let pose = ranked.workspace_from_grasp;
             assert!(ranked.quality >= params.quality_min);
             assert_eq!(GraspOrigin::behind_tips(0.05).voxel_of(&pose, &GRID), ranked.voxel);
-            let voxels = ranked.width_m / GRID.voxel_size_m();
+            let voxels = ranked.width_m.unwrap() / GRID.voxel_size_m();
             assert!((params.width_voxels_min - 1e-4..=params.width_voxels_max + 1e-4).contains(&voxels));
             // Of the two orientations the one nearer to the default wrist.
             let down = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
@@ -236,8 +236,8 @@ fn grasps_without_an_object_are_last_or_dropped() {
 #[test]
 fn a_blocked_way_is_a_reason() {
     let planner = generous();
-    let Observation::Views(views) = seen() else { panic!("the demo has views") };
-    let grid = planner::volume::fuse_views(&views, &GRID).unwrap();
+    let workspace = planner::volume::Workspace::Cube(GRID);
+    let grid = planner::volume::fuse(&seen(), &workspace, planner.config.cloud).unwrap().grid;
     let mut config = planner.config.clone();
     config.gripper.clearance_m = 0.02;
     config.collision.points_max = 0;

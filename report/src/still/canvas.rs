@@ -1,8 +1,8 @@
-//! A workspace from one side: points as a lit surface, with lines, dots and boxes.
+//! A workspace from one side, its points as a lit surface, or a camera's image; with lines, dots and boxes.
 
-use schema::{HandBox, Pose, Vec3};
+use schema::{HandBox, Intrinsics, Pose, Vec3};
 
-use super::layer::{Layer, Opacity, Rgb, lit, mixed};
+use super::layer::{Layer, MEAN_OF, Opacity, Rgb, lit, means, mixed};
 use crate::eye::{Eye, Outlook, Seen};
 use crate::view::shapes::{BOX_FACES, box_corners_m};
 
@@ -21,25 +21,50 @@ const TOWARDS_LIGHT: Vec3 = Vec3::new(-0.30, -0.42, 0.86);
 const AMBIENT: f32 = 0.50;
 /// Darkness of outlines at depth jumps.
 const OUTLINE: f32 = 0.45;
-/// White edges of dark lines are this far behind them, so that they cover no other line of the same hand.
-const HALO_BEHIND_M: f32 = 0.004;
+/// Width of the white edges of dark lines.
 const HALO_PX: f32 = 3.0;
 
-/// A workspace from one side. All lengths in pixels refer to the large picture, before it is averaged down.
+/// A workspace from one side, or what a camera sees. All lengths in pixels refer to the large picture, before it is
+/// averaged down.
 #[derive(Debug)]
 pub struct Canvas {
     pub(super) sheet: Layer,
     /// Drawn since the last [`Self::lay`].
     scratch: Layer,
     eye: Eye,
+    /// Scale of the lines' widths.
+    pen: f32,
 }
 
 impl Canvas {
-    /// An empty picture of a workspace of side `size_m`.
+    /// An empty picture of a box, given by its lower and its upper corner.
     #[must_use]
-    pub fn new(size_m: f32, outlook: Outlook, size_px: [usize; 2]) -> Self {
-        let eye = Eye::on_workspace(size_m, outlook, size_px);
-        Self { sheet: Layer::new(size_px), scratch: Layer::new(size_px), eye }
+    pub fn new(corners_m: [Vec3; 2], outlook: Outlook, size_px: [usize; 2]) -> Self {
+        let eye = Eye::on_box(corners_m, outlook, size_px);
+        Self { sheet: Layer::new(size_px), scratch: Layer::new(size_px), eye, pen: 1.0 }
+    }
+
+    /// A camera's image of the lens's size, to draw over it in the camera's optical frame. Lines are `pen` times as
+    /// wide as in other pictures.
+    #[must_use]
+    pub fn over(image: &[Rgb], lens: &Intrinsics, pen: f32) -> Self {
+        let size_px = [lens.width_px, lens.height_px].map(|side| side * MEAN_OF);
+        let mut sheet = Layer::new(size_px);
+        for (at, colour) in sheet.colour.iter_mut().enumerate() {
+            let [x, y] = [at % size_px[0], at / size_px[0]].map(|large| large / MEAN_OF);
+            *colour = image[y * lens.width_px + x];
+        }
+        let large = MEAN_OF as f32;
+        let [fx_px, fy_px] = [lens.fx_px, lens.fy_px].map(|focal_px| focal_px * large);
+        let [cx_px, cy_px] = [lens.cx_px, lens.cy_px].map(|centre_px| (centre_px + 0.5) * large - 0.5);
+        let eye = Eye::through(&Intrinsics { fx_px, fy_px, cx_px, cy_px, ..*lens });
+        Self { sheet, scratch: Layer::new(size_px), eye, pen: pen * large }
+    }
+
+    /// The picture, averaged down.
+    #[must_use]
+    pub fn image(&self) -> Vec<u8> {
+        means(self.sheet.colour.as_flattened(), self.sheet.width)
     }
 
     /// The projection of a point; `None` if it is behind the eye or not finite.
@@ -63,16 +88,15 @@ impl Canvas {
     /// A line from point to point.
     pub fn line(&mut self, points_m: &[Vec3], radius_px: f32, colour: Rgb) {
         for ends in points_m.windows(2) {
-            if let (Some(from), Some(to)) = (self.eye.see(ends[0]), self.eye.see(ends[1])) {
-                self.scratch.line(from, to, radius_px, colour);
+            if let [from, to, ..] = self.eye.see_ring(ends)[..] {
+                self.scratch.line(from, to, radius_px * self.pen, colour);
             }
         }
     }
 
     /// A line with a white edge.
     pub fn haloed_line(&mut self, points_m: &[Vec3], radius_px: f32, colour: Rgb) {
-        let behind = |point: &Vec3| *point - self.eye.towards() * HALO_BEHIND_M;
-        let halo: Vec<Vec3> = points_m.iter().map(behind).collect();
+        let halo: Vec<Vec3> = points_m.iter().map(|point| self.eye.behind(*point)).collect();
         self.line(&halo, radius_px + HALO_PX, WHITE);
         self.line(points_m, radius_px, colour);
     }
@@ -93,10 +117,10 @@ impl Canvas {
     pub fn block(&mut self, part: &HandBox, workspace_from_part: &Pose, colour: Rgb) {
         let corners: Vec<Vec3> = box_corners_m(part).map(|c| workspace_from_part.transform_point(c)).collect();
         for [a, b, c, d] in BOX_FACES.map(|face| face.map(|corner| corners[corner])) {
-            let face = lit(colour, 0.92 + 0.22 * (b - a).cross(c - b).normalize_or_zero().z);
-            if let [Some(p), Some(q), Some(r), Some(s)] = [a, b, c, d].map(|corner| self.eye.see(corner)) {
-                self.scratch.triangle([p, q, r], face);
-                self.scratch.triangle([p, r, s], face);
+            let face = lit(colour, 0.92 + 0.22 * (b - a).cross(c - b).normalize_or_zero().dot(self.eye.sky()));
+            let seen = self.eye.see_ring(&[a, b, c, d]);
+            for at in 2..seen.len() {
+                self.scratch.triangle([seen[0], seen[at - 1], seen[at]], face);
             }
             let nearer = [a, b, c, d, a].map(|corner| corner + self.eye.towards() * 0.001);
             self.line(&nearer, 1.3, lit(colour, 0.45));
@@ -176,7 +200,11 @@ mod tests {
     const BLUE: Rgb = [86, 180, 233];
 
     fn canvas(size_px: usize) -> Canvas {
-        Canvas::new(0.30, Outlook { towards_eye: Vec3::Z, up: Vec3::Y, sides_away: 8.0 }, [size_px; 2])
+        Canvas::new(
+            [Vec3::ZERO, Vec3::splat(0.30)],
+            Outlook { towards_eye: Vec3::Z, up: Vec3::Y, sides_away: 8.0 },
+            [size_px; 2],
+        )
     }
 
     fn painted(height: impl Fn(f32, f32) -> f32, colour: Rgb) -> Canvas {

@@ -6,6 +6,9 @@ use std::ops::Range;
 
 use crate::eye::Seen;
 
+/// Every pixel is the mean of a square of this side.
+pub(super) const MEAN_OF: usize = 2;
+
 /// Red, green, blue.
 pub type Rgb = [u8; 3];
 
@@ -120,11 +123,31 @@ impl Layer {
 }
 
 /// Between `under` (0) and `over` (1).
-pub(super) fn mixed(under: Rgb, over: Rgb, share: f32) -> Rgb {
+#[must_use]
+pub fn mixed(under: Rgb, over: Rgb, share: f32) -> Rgb {
     std::array::from_fn(|channel| {
         let (from, to) = (f32::from(under[channel]), f32::from(over[channel]));
         (from + (to - from) * share + 0.5) as u8
     })
+}
+
+/// A picture, three bytes a pixel, [`MEAN_OF`] times smaller in both directions.
+pub(super) fn means(large: &[u8], width: usize) -> Vec<u8> {
+    let small_width = width / MEAN_OF;
+    let small_height = large.len() / (3 * width * MEAN_OF);
+    let mut small = Vec::with_capacity(3 * small_width * small_height);
+    for row in 0..small_height {
+        for column in 0..small_width {
+            for channel in 0..3 {
+                let square = (0..MEAN_OF * MEAN_OF).map(|at| {
+                    let (y, x) = (row * MEAN_OF + at / MEAN_OF, column * MEAN_OF + at % MEAN_OF);
+                    usize::from(large[3 * (y * width + x) + channel])
+                });
+                small.push((square.sum::<usize>() / (MEAN_OF * MEAN_OF)) as u8);
+            }
+        }
+    }
+    small
 }
 
 /// Lighter above 1, darker below; clamped to white.
@@ -200,5 +223,11 @@ mod tests {
         assert_eq!(mixed([10, 20, 30], [110, 120, 130], 1.0), [110, 120, 130]);
         assert_eq!(mixed([0; 3], [100; 3], 0.25), [25; 3]);
         assert_eq!(lit([100, 200, 0], 2.0), [200, 255, 0]);
+    }
+
+    #[test]
+    fn means_are_those_of_squares() {
+        let large = [[0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9], [0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9]];
+        assert_eq!(means(large.as_flattened(), 4), [2, 10, 20, 8, 8, 8]);
     }
 }

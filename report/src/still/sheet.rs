@@ -9,11 +9,9 @@ use plotters::style::{Color as _, FontStyle, IntoFont, RGBColor, TextStyle, regi
 use program::{ExitCode, Failure};
 
 use super::canvas::{Canvas, INK, WHITE};
-use super::layer::Rgb;
+use super::layer::{MEAN_OF, Rgb, means};
 use crate::figure::{FONT, FONT_BYTES};
 
-/// Every pixel is the mean of a square of this side.
-const MEAN_OF: usize = 2;
 /// Maximum length of a line of text.
 const CHARACTERS_MAX: usize = 160;
 
@@ -118,8 +116,7 @@ impl Sheet {
     /// # Errors
     /// If the encoder fails.
     pub fn png(&self) -> Drawn<Vec<u8>> {
-        let small = means(&self.pixels, self.size[0], MEAN_OF);
-        encode(&small, self.size.map(|side| (side / MEAN_OF) as u32)).map_err(|e| failed(&e))
+        png(&means(&self.pixels, self.size[0]), self.size.map(|side| side / MEAN_OF))
     }
 
     fn area(&mut self) -> Area<'_> {
@@ -168,43 +165,15 @@ fn failed(reason: &dyn std::fmt::Display) -> Failure {
 }
 
 /// A PNG of three bytes a pixel.
-fn encode(pixels: &[u8], [width, height]: [u32; 2]) -> Result<Vec<u8>, png::EncodingError> {
+///
+/// # Errors
+/// If the encoder fails.
+pub fn png(pixels: &[u8], [width, height]: [usize; 2]) -> Drawn<Vec<u8>> {
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(pixels)?;
-    writer.finish()?;
+    let mut writer = encoder.write_header().map_err(|e| failed(&e))?;
+    writer.write_image_data(pixels).and_then(|()| writer.finish()).map_err(|e| failed(&e))?;
     Ok(bytes)
-}
-
-/// A picture, three bytes a pixel, `side` times smaller in both directions.
-fn means(large: &[u8], width: usize, side: usize) -> Vec<u8> {
-    let small_width = width / side;
-    let small_height = large.len() / (3 * width * side);
-    let mut small = Vec::with_capacity(3 * small_width * small_height);
-    for row in 0..small_height {
-        for column in 0..small_width {
-            for channel in 0..3 {
-                let square = (0..side * side).map(|at| {
-                    let (y, x) = (row * side + at / side, column * side + at % side);
-                    usize::from(large[3 * (y * width + x) + channel])
-                });
-                small.push((square.sum::<usize>() / (side * side)) as u8);
-            }
-        }
-    }
-    small
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn means_are_those_of_squares() {
-        let large = [[0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9], [0, 10, 20], [4, 10, 20], [8, 8, 8], [9, 9, 9]];
-        assert_eq!(means(large.as_flattened(), 4, 2), [2, 10, 20, 8, 8, 8]);
-    }
 }

@@ -167,6 +167,8 @@ fn in_script(json: &str) -> String {
 mod tests {
     use super::super::folder::ListedAttempt;
     use super::super::{Class, Fact, Frame, Line};
+    use schema::Vec3;
+
     use super::*;
 
     fn view() -> View {
@@ -212,7 +214,7 @@ mod tests {
     #[test]
     fn a_page_of_a_folder_shares_its_scripts_and_leads_on() {
         let mut view = View::new("Scene 7");
-        view.lines.push(Line::workspace(0.3));
+        view.lines.push(Line::workspace([Vec3::ZERO, Vec3::splat(0.3)]));
         let attempt = ListedAttempt {
             attempt: 19,
             id: "7/19".to_owned(),

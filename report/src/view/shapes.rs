@@ -72,13 +72,19 @@ pub(crate) fn box_corners_m(hand_box: &HandBox) -> impl Iterator<Item = Vec3> {
 }
 
 impl Line {
-    /// The twelve edges of the workspace, as one line that covers some of them twice.
+    /// The twelve edges of the workspace from its lower to its upper corner, as one line that covers some of them
+    /// twice.
     #[must_use]
-    pub fn workspace(size_m: f32) -> Self {
-        let half_m = Vec3::splat(0.5 * size_m);
-        let corners: Vec<Vec3> = box_corners_m(&HandBox { centre_m: half_m, half_m }).collect();
+    pub fn workspace([low_m, high_m]: [Vec3; 2]) -> Self {
+        let (centre_m, half_m) = (0.5 * (low_m + high_m), 0.5 * (high_m - low_m));
+        let corners: Vec<Vec3> = box_corners_m(&HandBox { centre_m, half_m }).collect();
         let way = [0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4];
-        let label = format!("workspace, {:.0} mm a side", size_m * 1000.0);
+        let [x, y, z] = (2e3 * half_m).to_array();
+        let label = if x == y && y == z {
+            format!("workspace, {x:.0} mm a side")
+        } else {
+            format!("workspace, {x:.0} x {y:.0} x {z:.0} mm")
+        };
         Self { class: Class::Workspace, label, points_m: flat_points(way.map(|c| corners[c])), frames: None }
     }
 
@@ -193,7 +199,7 @@ mod tests {
 
     #[test]
     fn the_workspace_s_line_goes_along_all_twelve_edges() {
-        let line = Line::workspace(0.3);
+        let line = Line::workspace([Vec3::ZERO, Vec3::splat(0.3)]);
         let mut edges: Vec<[Vec<u32>; 2]> = line
             .points_m
             .windows(2)

@@ -8,6 +8,7 @@ use network::judge::{
 };
 use network::receptive_field::RESOLUTION;
 use rayon::prelude::*;
+use schema::Vec3;
 
 use super::sample::{JudgeSample, Sample};
 use crate::batch::Batch;
@@ -60,7 +61,7 @@ pub fn evaluate(vector: &[f32], batch: &Batch<JudgeSample>, crops: &[Crop]) -> V
 fn inputs(batch: &Batch<JudgeSample>, asked: &[Sample], crops: &[Crop]) -> JudgeInputs {
     let mut inputs = JudgeInputs::with_capacity(asked.len());
     for own in asked.chunk_by(|a, b| a.grid == b.grid) {
-        let grid = PaddedGrid::new(RESOLUTION, &batch.grids[own[0].grid]);
+        let grid = PaddedGrid::new(Vec3::ZERO, [RESOLUTION; 3], &batch.grids[own[0].grid]);
         for JudgeSample { workspace_from_grasp, views, mirrored, crop, .. } in own.iter().map(|sample| sample.data) {
             inputs.push(&crops[usize::from(crop)], &grid, &workspace_from_grasp, views.into(), mirrored);
         }

@@ -1,0 +1,89 @@
+//! The options of a request: what is wanted of the grasps.
+
+use schema::Vec3;
+
+use crate::input::camera::{PoseInput, orientation, point, pose};
+use crate::input::error::{InputError, refuse};
+use crate::input::request::{BoxInput, ConeInput, RequestInput};
+use crate::{Cone, FindTable, Limits, PlanOptions, Target, WORKSPACE_M, plane};
+
+/// Lengths of vectors that are directions.
+const DIRECTION_MIN: f64 = 1e-6;
+const DIRECTION_MAX: f64 = 1e6;
+/// Maximum number of requested grasps.
+const GRASPS_MAX: usize = 10_000;
+
+/// The options of a request.
+///
+/// # Errors
+/// [`InputError`], naming the key.
+pub(super) fn options(input: &RequestInput) -> Result<PlanOptions, InputError> {
+    let base_from_workspace = input.base_from_workspace.as_ref().map(|input| pose(input, "base_from_workspace"));
+    let workspace_from_wrist =
+        input.workspace_from_wrist.as_ref().map(|input| orientation(input, "workspace_from_wrist"));
+    if let Some(got) = input.grasps_max.filter(|count| !(1..=GRASPS_MAX).contains(count)) {
+        return refuse(format!("must be between 1 and {GRASPS_MAX}, got {got}: grasps_max"));
+    }
+    let avoid = input.avoid.as_deref().unwrap_or_default();
+    let workspace_size_m = input.workspace_size_m.map(|size_m| size_m as f32);
+    if let Some(got) = workspace_size_m.filter(|size_m| !WORKSPACE_M.contains(size_m)) {
+        let (low, high) = (WORKSPACE_M.start(), WORKSPACE_M.end());
+        return refuse(format!("must be between {low} and {high}, got {got}: workspace_size_m"));
+    }
+    let limits = limits(input)?;
+    let failed = |(number, input): (usize, &PoseInput)| pose(input, &format!("avoid[{number}]"));
+    Ok(PlanOptions {
+        workspace_size_m,
+        find_table: Some(FindTable { down: input.down.map(|down| direction(down, "down")).transpose()? }),
+        base_from_workspace: base_from_workspace.transpose()?,
+        workspace_from_wrist: workspace_from_wrist.transpose()?,
+        policy: input.policy,
+        check_collisions: input.check_collisions,
+        grasps_max: input.grasps_max,
+        explain: input.explain.unwrap_or(false),
+        avoid: avoid.iter().enumerate().map(failed).collect::<Result<_, _>>()?,
+        limits,
+    })
+}
+
+/// A vector that is a direction.
+fn direction(xyz: [f64; 3], at: &str) -> Result<Vec3, InputError> {
+    let length = xyz.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if !(DIRECTION_MIN..=DIRECTION_MAX).contains(&length) {
+        return refuse(format!("must be a direction, of a length of 1e-6 to 1e6, got {xyz:?}: {at}"));
+    }
+    Ok(Vec3::from_array(xyz.map(|x| x as f32)))
+}
+
+/// The limits of a request, but for masks.
+///
+/// # Errors
+/// [`InputError`], naming the key.
+fn limits(input: &RequestInput) -> Result<Limits, InputError> {
+    let approach = input.approach.map(|ConeInput { direction: given, angle_rad_max }| {
+        if !(0.0..=std::f64::consts::PI).contains(&angle_rad_max) {
+            return refuse(format!("must be between 0 and 3.1416, got {angle_rad_max}: approach.angle_rad_max"));
+        }
+        Ok(Cone::about(direction(given, "approach.direction")?, angle_rad_max as f32))
+    });
+    let planes = input.keep_out.as_deref().unwrap_or_default();
+    let beyond = |(number, [x, y, z, offset_m]): (usize, &[f64; 4])| {
+        let at = format!("keep_out[{number}]");
+        let plane = plane(direction([*x, *y, *z], &at)?, *offset_m as f32);
+        point([f64::from(plane.offset_m); 3], &at).map(|_| plane)
+    };
+    let reach_m = input.reach.map(|BoxInput { low_m, high_m }| {
+        let [low, high] = [point(low_m, "reach.low_m")?, point(high_m, "reach.high_m")?];
+        if low.cmpgt(high).any() {
+            return refuse(format!("must be at least low_m, {low_m:?}, got {high_m:?}: reach.high_m"));
+        }
+        Ok([low, high])
+    });
+    let target = input.target_m.map(|target_m| point(target_m, "target_m").map(Target::Point));
+    Ok(Limits {
+        approach: approach.transpose()?,
+        keep_out: planes.iter().enumerate().map(beyond).collect::<Result<_, InputError>>()?,
+        reach_m: reach_m.transpose()?,
+        target: target.transpose()?,
+    })
+}

@@ -1,0 +1,277 @@
+//! How wide is what a hand closes on: measured on what was seen between its fingers, or unknown.
+
+use rayon::prelude::*;
+use schema::{Grasp, Gripper, Pose, Vec3};
+
+use crate::observation::View;
+use crate::plan::RankedGrasp;
+
+/// Points no higher than this over the table belong to it.
+const TABLE_M: f32 = 0.006;
+/// Fewest points on which a width is measured.
+const POINTS_MIN: usize = 10;
+/// Fewest points of a row.
+const ROW_MIN: usize = 3;
+/// This share of the points at either end may be noise.
+const NOISE_SHARE: f32 = 0.01;
+/// Points of one height, along the fingers.
+const ROW_M: f32 = 0.005;
+/// The end of a row ends the whole if it is as far out but for this.
+const END_M: f32 = 0.004;
+/// Beyond an end that was seen, the first pixel with a depth shows free space. Beside edges sensors often see
+/// nothing, so pixels are looked at this far out, step by step; what is behind them is at least so far behind.
+const BEYOND_M: [f32; 7] = [0.006, 0.01, 0.014, 0.018, 0.022, 0.026, 0.03];
+const BEHIND_M: f32 = 0.004;
+/// So much of a finger, from its tip, closes on something.
+const TIP_M: f32 = 0.02;
+/// Least room to either side of what is between open fingers.
+const ROOM_M: f32 = 0.005;
+
+/// Images, for measuring widths.
+pub(crate) struct Widths<'a> {
+    views: &'a [View],
+    /// The workspace in their cameras' frames.
+    cameras: Vec<Pose>,
+    table_z_m: f32,
+    gripper: &'a Gripper,
+}
+
+/// What a hand has between its fingers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Between {
+    /// From the lower to the upper end along the closing direction, from the hand's middle.
+    ends_m: [f32; 2],
+    /// Whether the ends were seen as such.
+    are_seen: [bool; 2],
+    /// Share of the ends at all heights that were seen.
+    seen_share: f32,
+}
+
+impl<'a> Widths<'a> {
+    pub(crate) fn new(views: &'a [View], table_z_m: f32, gripper: &'a Gripper) -> Self {
+        let cameras = views.iter().map(|view| view.camera.workspace_from_camera.inverse()).collect();
+        Self { views, cameras, table_z_m, gripper }
+    }
+
+    /// The hand with what it closes on in its middle, if both ends of that were seen.
+    pub(crate) fn centred(&self, hand: &Grasp) -> Option<Grasp> {
+        let between = self.between(&hand.workspace_from_grasp).filter(|between| between.are_seen == [true; 2])?;
+        let off = Vec3::new(0.0, 0.5 * between.ends_m.iter().sum::<f32>(), 0.0);
+        let mut workspace_from_grasp = hand.workspace_from_grasp;
+        workspace_from_grasp.translation += workspace_from_grasp.rotation * off;
+        Some(Grasp { workspace_from_grasp, ..*hand })
+    }
+
+    /// Whether a hand's fingers would close where no camera looks.
+    pub(crate) fn is_out_of_sight(&self, workspace_from_grasp: &Pose) -> bool {
+        let fingers = self.gripper.fingers(self.gripper.opening_m_max);
+        let ends = fingers.iter().flat_map(|finger| {
+            let tip_z_m = finger.centre_m.z + finger.half_m.z;
+            [0.0, TIP_M].map(|up_m| *workspace_from_grasp * finger.centre_m.with_z(tip_z_m - up_m))
+        });
+        let is_seen = |at_m: Vec3| {
+            self.views
+                .iter()
+                .zip(&self.cameras)
+                .any(|(view, camera)| view.camera.intrinsics.project(*camera * at_m).is_some())
+        };
+        !self.views.is_empty() && !ends.into_iter().all(is_seen)
+    }
+
+    /// Sets how wide things are between hands and how far to open these, and measures what no network answered.
+    pub(crate) fn measure(&self, grasps: &mut [RankedGrasp]) {
+        let gripper = self.gripper;
+        grasps.par_iter_mut().for_each(|grasp| {
+            if let Some(width_m) = grasp.width_m {
+                grasp.opening_m = (width_m + 2.0 * room_m(gripper)).min(gripper.opening_m_max);
+                return;
+            }
+            let between = self.between(&grasp.workspace_from_grasp);
+            grasp.width_m = between.filter(|between| between.are_seen == [true; 2]).map(|between| between.width_m());
+            grasp.width_seen_share = between.map(|between| between.seen_share);
+            grasp.opening_m = between.map_or(gripper.opening_m_max, |between| between.opening_m(gripper));
+        });
+    }
+
+    fn between(&self, workspace_from_grasp: &Pose) -> Option<Between> {
+        let mut points_m = self.points_between(workspace_from_grasp);
+        let ends_m = ends(points_m.iter().map(|at| at.y).collect(), POINTS_MIN)?;
+        let row = |at: &Vec3| (-at.z / ROW_M) as usize;
+        points_m.sort_by_key(row);
+        let (mut are_seen, mut seen, mut count) = ([false; 2], 0, 0);
+        for points in points_m.chunk_by(|a, b| row(a) == row(b)) {
+            let Some(own_m) = ends(points.iter().map(|at| at.y).collect(), ROW_MIN) else { continue };
+            let z_m = points.iter().map(|at| at.z).sum::<f32>() / points.len() as f32;
+            for end in 0..2 {
+                let outwards = [-1.0, 1.0][end];
+                let beyond = BEYOND_M.map(|m| *workspace_from_grasp * Vec3::new(0.0, own_m[end] + outwards * m, z_m));
+                let is_free = self.views.iter().zip(&self.cameras).any(|(view, camera)| is_free(view, camera, &beyond));
+                are_seen[end] |= is_free && (ends_m[end] - own_m[end]).abs() <= END_M;
+                seen += usize::from(is_free);
+                count += 1;
+            }
+        }
+        (count > 0).then(|| Between { ends_m, are_seen, seen_share: seen as f32 / count as f32 })
+    }
+
+    /// The images' points of things between the fingers of an open hand, in its frame.
+    fn points_between(&self, workspace_from_grasp: &Pose) -> Vec<Vec3> {
+        let gripper = self.gripper;
+        let half_m = 0.5 * Vec3::new(gripper.finger_width_m, gripper.opening_m_max, gripper.finger_length_m);
+        let middle_m = *workspace_from_grasp * Vec3::new(0.0, 0.0, -half_m.z);
+        let mut points_m = Vec::new();
+        for (view, camera_from_workspace) in self.views.iter().zip(&self.cameras) {
+            let (lens, at_m) = (view.camera.intrinsics, *camera_from_workspace * middle_m);
+            let nearest_m = at_m.z - half_m.length();
+            if nearest_m <= 0.0 {
+                continue;
+            }
+            let pixels = |focal_px: f32, centre_px: f32, along_m: f32, size_px: usize| {
+                let (middle, reach) = (along_m * focal_px / at_m.z + centre_px, half_m.length() * focal_px / nearest_m);
+                let end = |px: f32| px.clamp(0.0, size_px as f32) as usize;
+                end(middle - reach)..end(middle + reach + 1.0)
+            };
+            let columns = pixels(lens.fx_px, lens.cx_px, at_m.x, view.image.width_px);
+            let grasp_from_camera = workspace_from_grasp.inverse() * view.camera.workspace_from_camera;
+            for v in pixels(lens.fy_px, lens.cy_px, at_m.y, view.image.height_px) {
+                for u in columns.clone() {
+                    let Some(depth_m) = view.image.at([u, v]).filter(|depth_m| depth_m.is_finite()) else { continue };
+                    let in_camera_m = lens.ray([u, v]) * depth_m;
+                    let point_m = grasp_from_camera * in_camera_m;
+                    let is_between = (point_m + Vec3::new(0.0, 0.0, half_m.z)).abs().cmple(half_m).all();
+                    let height_m = (view.camera.workspace_from_camera * in_camera_m).z - self.table_z_m;
+                    if is_between && height_m > TABLE_M {
+                        points_m.push(point_m);
+                    }
+                }
+            }
+        }
+        points_m
+    }
+}
+
+/// Whether the first of these points of the workspace about which a view knows anything is free.
+fn is_free(view: &View, camera_from_workspace: &Pose, points_m: &[Vec3]) -> bool {
+    let behind_m = points_m.iter().find_map(|point_m| {
+        let at_m = *camera_from_workspace * *point_m;
+        let depth_m = view.camera.intrinsics.project(at_m).and_then(|pixel| view.image.at(pixel))?;
+        depth_m.is_finite().then_some(depth_m - at_m.z)
+    });
+    behind_m.is_some_and(|behind_m| behind_m > BEHIND_M)
+}
+
+fn room_m(gripper: &Gripper) -> f32 {
+    ROOM_M.max(gripper.clearance_m)
+}
+
+/// The lower and the upper end of values, without the noise.
+fn ends(mut along_m: Vec<f32>, least: usize) -> Option<[f32; 2]> {
+    along_m.sort_by(f32::total_cmp);
+    let noise = (NOISE_SHARE * along_m.len() as f32) as usize;
+    (along_m.len() >= least).then(|| [along_m[noise], along_m[along_m.len() - 1 - noise]])
+}
+
+impl Between {
+    fn width_m(&self) -> f32 {
+        self.ends_m[1] - self.ends_m[0]
+    }
+
+    /// How far the hand must open about it; all the way where an end was not seen.
+    fn opening_m(&self, gripper: &Gripper) -> f32 {
+        let reach_m = self.ends_m.iter().fold(0.0_f32, |reach_m, end_m| reach_m.max(end_m.abs()));
+        let needed_m = if self.are_seen == [true; 2] { 2.0 * (reach_m + room_m(gripper)) } else { f32::INFINITY };
+        needed_m.min(gripper.opening_m_max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use schema::{Camera, DepthImage, Intrinsics, Mat3, Quat, pose_from_parts};
+
+    use super::*;
+    use crate::BuiltIn;
+    use crate::hand::WRIST_DOWN;
+
+    const LOW_M: Vec3 = Vec3::new(0.12, 0.1, 0.05);
+    const HIGH_M: Vec3 = Vec3::new(0.18, 0.2, 0.13);
+
+    /// A box of 60 x 100 x 80 mm on the table, as a camera sees it that looks at its top from `eye_m`.
+    fn view(eye_m: Vec3) -> View {
+        let forward = (Vec3::new(0.15, 0.15, 0.1) - eye_m).normalize();
+        let right = forward.cross(Vec3::Z).try_normalize().unwrap_or(Vec3::X);
+        let rotation = Quat::from_mat3(&Mat3::from_cols(right, forward.cross(right), forward)).normalize();
+        let camera = Camera { intrinsics: Intrinsics::VGN, workspace_from_camera: pose_from_parts(rotation, eye_m) };
+        let depth = |pixel: usize| {
+            let ray = rotation * camera.intrinsics.ray([pixel % 640, pixel / 640]);
+            let table = (0.05 - eye_m.z) / ray.z;
+            let [near, far] = [(LOW_M - eye_m) / ray, (HIGH_M - eye_m) / ray];
+            let (enter, leave) = (near.min(far).max_element(), near.max(far).min_element());
+            if enter < leave { enter } else { table }
+        };
+        let image = DepthImage { width_px: 640, height_px: 480, depth_m: (0..640 * 480).map(depth).collect() };
+        View::new(image, camera)
+    }
+
+    /// A hand from above over the box, its tips 30 mm deep, that closes along x or along y.
+    fn hand(along_y: bool, off_m: f32) -> Pose {
+        let turn = schema::axis_angle(Vec3::Z, if along_y { 0.0 } else { core::f32::consts::FRAC_PI_2 });
+        let rotation = WRIST_DOWN * turn;
+        pose_from_parts(rotation, Vec3::new(0.15, 0.15, 0.1) + rotation * Vec3::Y * off_m)
+    }
+
+    fn measured(views: &[View], pose: Pose) -> RankedGrasp {
+        let gripper = BuiltIn::Judge.config().unwrap().gripper;
+        let mut grasps = [RankedGrasp::new(pose, None, 0.9, None)];
+        Widths::new(views, 0.05, &gripper).measure(&mut grasps);
+        let [grasp] = grasps;
+        grasp
+    }
+
+    #[test]
+    fn a_width_is_told_where_both_of_its_ends_were_seen_and_is_unknown_elsewhere() {
+        let gripper = BuiltIn::Judge.config().unwrap().gripper;
+        for eye_m in [Vec3::new(0.15, 0.15, 0.7), Vec3::new(0.15, -0.3, 0.5)] {
+            let across = measured(&[view(eye_m)], hand(false, 0.004));
+            assert!((across.width_m.unwrap() - 0.06).abs() < 0.002, "{eye_m}: {across:?}");
+            // Open about what is 4 mm beside the hand's middle.
+            let room_m = across.opening_m - (0.06 + 2.0 * 0.004);
+            assert!((0.005..0.016).contains(&room_m) && across.width_seen_share > Some(0.2), "{across:?}");
+        }
+        // Longer than the hand opens: neither end is between the fingers, so nothing is known.
+        let along = measured(&[view(Vec3::new(0.15, 0.15, 0.7))], hand(true, 0.0));
+        assert_eq!((along.width_m, along.opening_m), (None, gripper.opening_m_max), "{along:?}");
+        // From the side, low: the far face is hidden by the near one.
+        let beside = measured(&[view(Vec3::new(-0.4, 0.15, 0.11))], hand(false, 0.0));
+        assert_eq!((beside.width_m, beside.opening_m), (None, gripper.opening_m_max), "{beside:?}");
+        let both = measured(&[view(Vec3::new(-0.4, 0.15, 0.11)), view(Vec3::new(0.7, 0.15, 0.11))], hand(false, 0.0));
+        assert!((both.width_m.unwrap() - 0.06).abs() < 0.002, "{both:?}");
+        let nowhere = measured(&[], hand(false, 0.0));
+        assert_eq!((nowhere.width_m, nowhere.width_seen_share, nowhere.opening_m), (None, None, gripper.opening_m_max));
+    }
+
+    #[test]
+    fn a_hand_is_centred_on_what_was_seen_of_both_sides() {
+        let gripper = BuiltIn::Judge.config().unwrap().gripper;
+        let views = [view(Vec3::new(0.15, -0.3, 0.5))];
+        let widths = Widths::new(&views, 0.05, &gripper);
+        let off = Grasp { workspace_from_grasp: hand(false, 0.007), width_m: 0.05 };
+        let centred = widths.centred(&off).unwrap().workspace_from_grasp;
+        assert!((centred.translation.x - 0.15).abs() < 0.001, "{centred:?}");
+        assert!((centred.translation - off.workspace_from_grasp.translation).length() < 0.0085, "{centred:?}");
+        assert_eq!(widths.centred(&Grasp { workspace_from_grasp: hand(true, 0.0), width_m: 0.05 }), None);
+    }
+
+    #[test]
+    fn fingers_beside_the_images_are_out_of_sight() {
+        let gripper = BuiltIn::Judge.config().unwrap().gripper;
+        let mut near = view(Vec3::new(0.15, 0.15, 0.7));
+        let all = [near.clone()];
+        let pose = hand(false, 0.0);
+        assert!(!Widths::new(&all, 0.05, &gripper).is_out_of_sight(&pose));
+        // Only the left half of the image.
+        near.camera.intrinsics.width_px = 330;
+        assert!(Widths::new(&[near.clone()], 0.05, &gripper).is_out_of_sight(&pose));
+        assert!(!Widths::new(&[near, all[0].clone()], 0.05, &gripper).is_out_of_sight(&pose), "another camera looks");
+        assert!(!Widths::new(&[], 0.05, &gripper).is_out_of_sight(&pose), "unknown");
+    }
+}
