@@ -130,6 +130,9 @@ settings! {
         pub rounds: u64 where 1..=1_000_000,
         /// `paper`, or the path of a generator's config.
         pub scene: String,
+        /// Side of the square on which objects are dropped, in metres, in place of the scene's workspace; rounded up to
+        /// whole voxels.
+        pub table_size_m: f32 where 0.2..=0.95; or Grid::PAPER.size_m,
         /// `judge`, `paper` or `vgn`, or the path of a planner's settings.
         pub plan: String,
         /// `built-in`, or the path of a network.
@@ -140,6 +143,8 @@ settings! {
         pub views: Views,
         /// What is wrong with their depths.
         pub noise: NoiseKeys,
+        /// Which poses of the cameras the planner gets.
+        pub frames: Frames; or Frames::Given,
         /// When a round ends.
         pub stop: StopParams,
         /// What becomes of a hand that touches something on its way or moves another object.
@@ -157,7 +162,7 @@ settings! {
         /// How they come to lie.
         pub kind: Kind,
         /// How many.
-        pub count: usize where 1..=20,
+        pub count: usize where 1..=60,
         /// `everyday`, or the path of a catalogue.
         pub catalogue: String,
         /// The catalogue's objects or sets, round after round the next.
@@ -174,6 +179,16 @@ words! {
         Fails = "fails",
         /// The hand halts at the first touch and closes there, and may move other objects: rounds of VGN and GIGA.
         Halts = "halts",
+    }
+}
+
+words! {
+    /// Which poses of the cameras the planner gets.
+    pub enum Frames {
+        /// Those in the workspace.
+        Given = "given",
+        /// Those in the frame of the first camera: the planner finds the table.
+        Found = "found",
     }
 }
 
@@ -248,6 +263,7 @@ impl Config {
         let keys: Keys = document.read()?;
         let file = |name: &str, built_in: &str| (name != built_in).then(|| document.folder().join(name));
         let mut scene = generator::Config::load(file(&keys.scene, "paper").as_deref(), Overrides::default())?;
+        scene.grid = scene.grid.over(keys.table_size_m);
         let plan_path = match BuiltIn::from_name(&keys.plan) {
             Some(named) => PathBuf::from(named.name()),
             None => document.folder().join(&keys.plan),
@@ -259,7 +275,7 @@ impl Config {
         let plan: planner::Config = plan.read()?;
         // Who plans executes.
         scene.gripper = plan.gripper.clone().into();
-        let objects = objects(&keys.objects, &scene, file(&keys.objects.catalogue, "everyday").as_deref());
+        let objects = objects(&keys, &scene, &plan, file(&keys.objects.catalogue, "everyday").as_deref());
         let objects = objects.map_err(|problem| document.invalid(vec![problem]))?;
         Ok(Self {
             digest: digest(&without_paths(document.table()), &scene, &plan, &objects),
@@ -307,13 +323,22 @@ impl Config {
     }
 }
 
-/// What lies on the tables, whose workspace must be the planner's.
-fn objects(keys: &ObjectKeys, scene: &generator::Config, catalogue: Option<&Path>) -> Result<Objects, String> {
+/// What lies on the tables, whose voxels must be the planner's.
+fn objects(
+    keys: &Keys,
+    scene: &generator::Config,
+    plan: &planner::Config,
+    catalogue: Option<&Path>,
+) -> Result<Objects, String> {
     let (grid, expected) = (scene.grid, Grid::PAPER);
-    if (grid.resolution, grid.size_m) != (expected.resolution, expected.size_m) {
+    if grid != (Grid { table_z_m: grid.table_z_m, ..expected.over(grid.size_m) }) {
         let (n, side_m) = (expected.resolution, expected.size_m);
-        return Err(format!("the scenes' grid must be the planner's, {n}\u{b3} voxels in {side_m} m: scene"));
+        return Err(format!("the scenes' grid must have the planner's voxels, {n} in {side_m} m: scene"));
     }
+    if keys.frames == Frames::Found && plan.network != BuiltIn::Judge {
+        return Err(format!("frames must be \"given\" for the network {}: frames", plan.network.name()));
+    }
+    let keys = &keys.objects;
     Ok(match keys.kind {
         Kind::Pile => Objects::Pile { count: keys.count },
         Kind::Packed => Objects::Packed { count: keys.count, params: scene.packed.unwrap_or(PackedParams::HOUSEHOLD) },

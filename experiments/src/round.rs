@@ -9,14 +9,14 @@ use std::time::Instant;
 
 use perception::add_depth_noise;
 use planner::input::InputError;
-use planner::{Observation, PlanOptions, Planner, View};
+use planner::{FindTable, Observation, PlanOptions, Planner, View};
 use program::{ExitCode, Failure, error_chain};
-use schema::{Camera, Outcome, Pose, Purpose, Stream};
+use schema::{Camera, Grid, Outcome, Pose, Purpose, Stream};
 use simulator::{
     AttemptWorld, Execution, Scene, SceneObject, SceneRays, SettleParams, Settled, Unsettled, settle_again,
 };
 
-use crate::config::{Choice, Config, Touching};
+use crate::config::{Choice, Config, Frames, Touching};
 use crate::record::{Attempt, AttemptObject, Ending, Round};
 use crate::start::{Start, UNVIABLE_MAX, start};
 
@@ -120,14 +120,31 @@ fn try_once(
     tried: usize,
 ) -> Result<Option<(Attempt, Vec<SceneObject>)>, InputError> {
     let began = Instant::now();
-    let views = observe(config, scene, noise);
+    let mut views = observe(config, scene, noise);
+    let grid = config.scene.grid;
+    let mut options = PlanOptions {
+        workspace_size_m: (grid.resolution != Grid::PAPER.resolution).then_some(grid.size_m),
+        ..options.clone()
+    };
+    // Where the table is to be found, the planner knows nothing but the first camera's frame.
+    let workspace_from_first = match config.keys.frames {
+        Frames::Given => None,
+        Frames::Found => views.first().map(|view| view.camera.workspace_from_camera),
+    };
+    if let Some(workspace_from_first) = workspace_from_first {
+        let in_first = |pose: &mut Pose| *pose = workspace_from_first.inverse() * *pose;
+        views.iter_mut().for_each(|view| in_first(&mut view.camera.workspace_from_camera));
+        options.avoid.iter_mut().for_each(in_first);
+        (options.find_table, options.workspace_size_m) = (Some(FindTable::default()), None);
+    }
     let observe_ms = milliseconds(began);
     let began = Instant::now();
-    let plan = planner.plan(&Observation::Views(views), options)?;
+    let plan = planner.plan(&Observation::Views(views), &options)?;
     let plan_ms = milliseconds(began);
     let world = AttemptWorld::new(&config.scene.physics, &config.plan.gripper, &config.scene.procedure, scene);
     let mut ends = plan.grasps.iter().skip(tried).map(|best| {
-        let pose = best.workspace_from_grasp;
+        let found = workspace_from_first.zip(best.camera_from_grasp).map(|(first, grasp)| first * grasp);
+        let pose = found.unwrap_or(best.workspace_from_grasp);
         (best, pose, execute(config.keys.touching, &world, scene, &pose))
     });
     let chosen = match config.keys.choice {
